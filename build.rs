@@ -4,7 +4,7 @@
 //! The table of kernels (src/abi/kernels.rs) says which modules there are. OUT_DIR gets
 //! - `modules.rs`, which src/abi/modules.rs includes: the modules, without debug names, and a `static` for each kernel;
 //! - `manifest.txt`: what the modules were made from;
-//! - `*.spv`: the modules as compiled, which `tests/spirv.rs` compares with spirv/.
+//! - `*.spv`: the modules as compiled, which `tests/project/spirv.rs` compares with spirv/.
 
 use formats::{FORMATS, FormatRow, POSE_FORMATS, PoseRow};
 use kernels::{KERNELS, KernelRow, Takes, batch_max};
@@ -264,7 +264,7 @@ fn main() {
         if manifest.lines().any(|line| !checked_in.lines().any(|l| l == line)) {
             println!(
                 "cargo::warning=glsl/ differs from what spirv/ was compiled from: the modules of spirv/ are linked. \
-                 Regenerate with `UPDATE_SPIRV=1 cargo test --test spirv`, or build with the feature 'compile-shaders'."
+                 Regenerate with `UPDATE_SPIRV=1 cargo test --test project spirv`, or build with the feature 'compile-shaders'."
             );
         }
         manifest = checked_in;

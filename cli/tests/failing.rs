@@ -263,7 +263,7 @@ fn table(cases: &[&str], done: &Done<'_>, possible: usize, wrong: &[String]) -> 
     }
     let mut text = format!(
         "# Vulkan calls that fail\n\n\
-         Written by `DELTAMORPH_FAILING=all ./with-vulkan cargo test -p deltamorph-cli --test failing`: {} of {possible}\n\
+         Written by `DELTAMORPH_FAILING=all ./with-vulkan cargo test --test failing`: {} of {possible}\n\
          failures, {} of them wrong. Each place that calls fails the first and the last time that it does, with each error\n\
          that the specification allows for it. The library's operations, which are tried again afterwards, are in\n\
          tests/failing_calls.rs.\n\n\

@@ -191,7 +191,7 @@ fn the_update_is_a_small_part_of_the_frame() {
 fn resizes_and_frames_take_no_memory() {
     let (folder, display) = (tempfile::tempdir().expect("a folder"), Display::new());
     let whole = std::env::var_os("DELTAMORPH_VIEW_SOAK").is_some_and(|v| v == "1");
-    let (resizes, frames) = if whole { (1_000, 10_000) } else { (60, 600) };
+    let (resizes, frames) = if whole { (1_000, 10_000) } else { (40, 300) };
     let file = |name: &str| folder.path().join(format!("{name}.json"));
     let resized = |count: usize| {
         let sizes = [[200, 150], [260, 170], [180, 200], [240, 240]];

@@ -3,7 +3,7 @@
 //!     cargo run --example draw [PART OF A DEVICE'S NAME]
 //!
 //! Such poses take half the bytes of float32 ones: a draw binds the base pose as a second vertex buffer, and decodes in its
-//! vertex shader. Here an expression is drawn into `head.ppm`; `tests/draw.rs` compares pictures with those of float32
+//! vertex shader. Here an expression is drawn into `head.ppm`; `tests/after/pictures.rs` compares pictures with those of float32
 //! poses. The device is the library's own (feature `headless`); `examples/minimal.rs` is a host that brings one.
 
 pub(crate) mod offscreen;

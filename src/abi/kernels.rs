@@ -3,7 +3,7 @@
 //! A row is a GLSL source with its defines. build.rs compiles a module of each row for each format that it takes (and
 //! for each number of targets, where they are vertex attributes), and writes a `static` for each row that
 //! [`modules`](super::modules) holds. What the library needs to make a pipeline of a module (descriptors, push
-//! constants, specialization constants) is in its row, and `tests/spirv.rs` compares rows with what modules declare.
+//! constants, specialization constants) is in its row, and `tests/project/spirv.rs` compares rows with what modules declare.
 //!
 //! Plain data without dependencies but [`formats`](super::formats), since build.rs includes this file.
 

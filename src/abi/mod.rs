@@ -5,7 +5,7 @@
 //! - [`modules`]: the SPIR-V.
 //! - [`push`] and [`worklist`]: what is pushed and what lies in buffers, word by word.
 //!
-//! `tests/spirv.rs` reflects every module and compares it with what is stated here.
+//! `tests/project/spirv.rs` reflects every module and compares it with what is stated here.
 
 pub mod formats;
 pub mod kernels;

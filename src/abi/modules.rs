@@ -35,7 +35,7 @@ impl Module {
     pub fn words(&self) -> Vec<u32> {
         let Range { start, end } = self.bytes;
         let mut modules = vec![0; end];
-        // What follows does not have to be decompressed. What build.rs compressed can be, which tests/spirv.rs shows of
+        // What follows does not have to be decompressed. What build.rs compressed can be, which tests/project/spirv.rs shows of
         // every module.
         let read =
             LzmaReader::new_mem_limit(self.modules, u32::MAX, None).and_then(|mut all| all.read_exact(&mut modules));

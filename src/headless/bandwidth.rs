@@ -59,7 +59,7 @@ impl Headless {
         for _ in 0..6 {
             let ((), [copy, read]) = submitter.run_timed(|cmd, next_part| {
                 // SAFETY: recording; the region lies within both buffers; pipeline, layout and set are ours and fit each
-                // other (tests/spirv.rs).
+                // other (tests/project/spirv.rs).
                 unsafe {
                     device.cmd_copy_buffer(cmd, from.raw, to.raw, &region);
                     next_part();

@@ -1,8 +1,8 @@
 //! Delta textures of half floats: those of a file that has them, kept as such on the device.
 
+use super::poses::{check, real};
 use crate::baselines::{can_read, history};
 use crate::gpu::{NORMAL, POSITION, on_every_device, packed, single};
-use crate::{check, real};
 use deltamorph::headless::HeadlessCrowd;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::textures::{TextureFloats, read_ktx2, write_ktx2};

@@ -1,14 +1,11 @@
 //! Pictures of poses: positions, normals and texture coordinates as vertex attributes, and pixels that keep all bits.
 
-#[path = "../../examples/draw/offscreen.rs"]
-mod offscreen;
-
+use crate::offscreen::Offscreen;
+pub use crate::offscreen::Shared;
 use deltamorph::ash::vk;
 use deltamorph::headless::Headless;
 use deltamorph::{PoseFormat, PoseView};
 use glam::Mat4;
-use offscreen::Offscreen;
-pub use offscreen::Shared;
 use std::ops::Deref;
 
 /// Pixels of an edge of the picture.

@@ -164,7 +164,7 @@ impl<'a> Scene<'a> {
         }
         .expect("a step");
         let update = self.heads.update(&self.clips);
-        // Levels are floating-point sums: the reference takes those of the GPU, which tests/lod.rs compares with the CPU's.
+        // Levels are floating-point sums: the reference takes those of the GPU, which tests/animated/lod.rs compares with the CPU's.
         for instance in self.instances() {
             let followed = if self.is_hidden(instance) { None } else { self.followed(instance) };
             if let Some((level, _, budget)) = followed {

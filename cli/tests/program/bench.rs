@@ -1,0 +1,118 @@
+//! `bench`: it verifies before it measures, replays clips, and does without a Vulkan device.
+
+use crate::cli::{HEAD, deltamorph, json, sample};
+use serde_json::Value;
+use std::process::Command;
+
+#[test]
+fn bench_verifies_measures_and_draws() {
+    let folder = tempfile::tempdir().unwrap();
+    for device in ["llvmpipe", "SwiftShader"] {
+        let dir = folder.path().join(device);
+        let report = dir.to_str().unwrap();
+        let args =
+            ["bench", "--device", device, "--frames", "3", "--changed", "4,all", "--json", "-", "--report", report];
+        let out = json(&[&args[..], &HEAD[..]].concat());
+        let runs = out["runs"].as_array().unwrap();
+        assert!(runs.iter().all(|r| r["verified"] == true), "{out}");
+        let of =
+            |path: &str, batch: Value| runs.iter().filter(|r| r["path"] == path && r["batch_size"] == batch).count();
+        let paths = ["feedback", "compute", "blocks", "cpu"];
+        assert!(runs.iter().all(|r| paths.contains(&r["path"].as_str().unwrap())), "baselines are named, or left out");
+        assert_eq!(of("feedback", 1.into()), if device == "llvmpipe" { 2 } else { 0 });
+        assert_eq!(of("compute", 16.into()), 2 * 2, "two formats, two counts of changed targets");
+        // Beside float32 deltas, those of integers with float32 and fixed32 poses.
+        assert_eq!(of("compute", "all".into()), 2 * 3);
+        assert_eq!((of("blocks", "all".into()), of("cpu", "all".into())), (10, 14));
+        for run in runs {
+            let (coefficients, passes) = (run["coefficients"].as_f64().unwrap(), run["passes"].as_f64().unwrap());
+            let batch = run["batch_size"].as_f64().unwrap_or(coefficients);
+            assert_eq!(passes, (coefficients / batch).ceil(), "{run}");
+            assert!(run["bytes_moved"].as_f64() >= run["bytes_floor"].as_f64(), "{run}");
+            assert!(run["max_error_rel"].as_f64().unwrap() <= 3e-6 && run["raw_error_rel"].as_f64().unwrap() <= 5e-5);
+            assert_eq!(run["cpu_ms"]["n"], 3);
+            // Dense incremental updates move as many bytes in each frame: the share goes with the median time.
+            let median = run["gpu_ms"]["median"].as_f64().filter(|_| run["path"] == "compute");
+            if let Some(median) = median {
+                let rates = ["device_read_gb_s", "device_copy_gb_s"].map(|name| out["bandwidth"][name].as_f64());
+                let best = rates.into_iter().flatten().fold(0.0, f64::max);
+                let share = run["bytes_floor"].as_f64().unwrap() / best * 1e-6 / median;
+                assert!((run["floor_fraction"].as_f64().unwrap() / share - 1.0).abs() < 1e-9, "{share}: {run}");
+            }
+        }
+        if device == "SwiftShader" {
+            let skipped = out["skipped"][0]["reason"].as_str().unwrap();
+            assert!(skipped.contains("no VK_EXT_transform_feedback") && skipped.contains("'compute'"), "{skipped}");
+        }
+        for file in ["report.json", "runs.csv", "index.html", "face.png"] {
+            assert!(dir.join(file).metadata().unwrap().len() > 500, "{file}");
+        }
+        let face = &out["face"];
+        assert_eq!((&face["changed"], &face["workload"]), (&4.into(), &"random".into()), "{face}");
+        let [some, all] = ["blocks", "all_blocks"].map(|field| face[field].as_u64().unwrap());
+        assert!(0 < some && some < all, "{face}");
+        let plots = |end: &str| {
+            std::fs::read_dir(&dir)
+                .unwrap()
+                .filter(|e| e.as_ref().unwrap().path().extension().unwrap_or_default() == end)
+                .count()
+        };
+        assert!(plots("svg") >= 3 && plots("svg") + 1 == plots("png"), "{} SVG, {} PNG", plots("svg"), plots("png"));
+    }
+}
+
+#[test]
+fn bench_replays_a_clip() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = sample(folder.path());
+    let out = json(&[
+        "bench",
+        &dir,
+        "--frames",
+        "5",
+        "--changed",
+        "1",
+        "--batch-sizes",
+        "4,all",
+        "--json",
+        "-",
+        "--no-report",
+    ]);
+    let clips: Vec<&Value> = out["runs"].as_array().unwrap().iter().filter(|r| r["workload"] != "random").collect();
+    assert!(!clips.is_empty() && clips.iter().all(|r| r["verified"] == true), "{out}");
+}
+
+#[test]
+fn without_a_vulkan_device_the_cpu_path_takes_over_and_says_so() {
+    let out = Command::new(env!("CARGO_BIN_EXE_deltamorph"))
+        .args(["bench", "--frames", "2", "--no-report", "--json", "-"])
+        .args(HEAD)
+        .env("VK_DRIVER_FILES", "/nonexistent.json")
+        .env("VK_ICD_FILENAMES", "/nonexistent.json")
+        .env_remove("VK_ADD_DRIVER_FILES")
+        .output()
+        .unwrap();
+    let notes = String::from_utf8(out.stderr).unwrap();
+    assert!(out.status.success(), "{notes}");
+    assert!(notes.contains("carrying on with the path 'cpu'"), "{notes}");
+    let report: Value = serde_json::from_slice(&out.stdout).unwrap();
+    assert!(report["runs"].as_array().unwrap().iter().all(|r| r["path"] == "cpu" && r["verified"] == true));
+    assert!(report["skipped"][0]["reason"].as_str().unwrap().contains("'cpu' needs none"), "{report}");
+}
+
+#[test]
+fn a_path_that_is_named_and_cannot_run_fails_the_command() {
+    for quiet in [&[][..], &["--quiet"]] {
+        // SwiftShader has no transform feedback.
+        let bench = ["bench", "--device", "SwiftShader", "--paths", "feedback,cpu", "--frames", "2", "--no-report"];
+        let out = deltamorph(&[&bench[..], &["--changed", "2"], quiet, &HEAD].concat());
+        let [said, errors] = [out.stdout, out.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
+        assert_eq!(out.status.code(), Some(1), "{said}{errors}");
+        assert!(
+            errors.contains("error: --paths: feedback: ") && errors.contains("no VK_EXT_transform_feedback"),
+            "{errors}"
+        );
+        let summary = ["configurations that could run match", "none of it could run: feedback."];
+        assert!(!quiet.is_empty() || summary.iter().all(|words| said.contains(words)), "{said}");
+    }
+}

@@ -1,0 +1,341 @@
+//! The command line: what it prints, writes and returns.
+
+use crate::cli::{HEAD, deltamorph, fails, json, ok, sample};
+use serde_json::Value;
+use std::path::Path;
+
+#[test]
+fn devices_lists_both_drivers_and_why_a_path_is_missing() {
+    let devices = json(&["devices", "--json", "-"]);
+    let find = |name: &str| {
+        let all = devices["devices"].as_array().expect("a list");
+        all.iter().find(|d| d["name"].as_str().unwrap().contains(name)).unwrap_or_else(|| panic!("no {name}")).clone()
+    };
+    let path = |device: &Value, name: &str| {
+        device["paths"].as_array().unwrap().iter().find(|p| p["path"] == name).unwrap().clone()
+    };
+    let lavapipe = find("llvmpipe");
+    assert_eq!(path(&lavapipe, "feedback")["available"], true);
+    let feedback = path(&find("SwiftShader"), "feedback");
+    assert_eq!(feedback["available"], false);
+    assert!(feedback["reason"].as_str().unwrap().contains("VK_EXT_transform_feedback"), "{feedback}");
+    assert_eq!(path(&find("SwiftShader"), "compute")["available"], true);
+}
+
+/// Each baseline in each command that updates poses, where it is named; `bench` leaves them out otherwise.
+#[test]
+fn baselines_are_paths_like_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = sample(folder.path());
+    let clip = std::fs::read_dir(Path::new(&dir).join("weights")).unwrap().next().unwrap().unwrap().path();
+    let clip = clip.to_str().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let positions = |file: &str| -> Vec<f64> {
+        let text = std::fs::read_to_string(file).unwrap();
+        let vertices = text.lines().filter_map(|line| line.strip_prefix("v "));
+        vertices.flat_map(str::split_whitespace).map(|word| word.parse().unwrap()).collect()
+    };
+    let set = ["--set", "eyeBlinkLeft=0.7,eyeSquintLeft=-0.4,eyeWideLeft=1.5"];
+    let reference = path("reference.obj");
+    json(
+        &[&["apply", &dir, "-o", &reference, "--path", "cpu", "--format", "float32", "--json", "-"], &set[..]].concat(),
+    );
+    for (name, format, tolerance) in [
+        ("vertex-store", "float32", 1e-5),
+        ("scatter", "small", 5e-3), // packed, and weights on a grid
+        ("direct", "float32", 1e-5),
+        ("direct-attributes", "float32", 1e-5),
+        ("texture", "float32", 1e-5),
+    ] {
+        for device in ["llvmpipe", "SwiftShader"] {
+            let (out, here) = (path("out.obj"), ["--path", name, "--device", device, "--json", "-"]);
+            let applied = json(&[&["apply", &dir, "-o", &out], &set[..], &here].concat());
+            assert_eq!((applied["path"].as_str(), applied["format"].as_str()), (Some(name), Some(format)));
+            assert!(applied["max_error_rel"].as_f64().unwrap() < 1e-6, "{applied}");
+            let far = positions(&out).iter().zip(positions(&reference)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(far <= tolerance, "{name} on {device}: {far}");
+        }
+        let here = ["--path", name, "--device", "llvmpipe", "--json", "-"];
+        let played = json(&[&["play", &dir, "--weights", clip], &here[..]].concat());
+        assert!(played["summary"]["max_error_rel"].as_f64().unwrap() < 3e-6, "{name}: {}", played["summary"]);
+        let soaked = json(&[&["soak", "--frames", "20"], &here[..], &HEAD].concat());
+        assert_eq!(soaked["bit_exact"].as_bool(), (name == "scatter").then_some(true), "{soaked}");
+        let bench = ["bench", "--paths", name, "--changed", "2", "--frames", "2", "--no-report"];
+        let out = json(&[&bench[..], &here[2..], &HEAD].concat());
+        let runs = out["runs"].as_array().unwrap();
+        assert!(!runs.is_empty() && runs.iter().all(|r| r["verified"] == true && r["path"] == name), "{out}");
+        assert!(runs.iter().all(|r| r["draw_ms"].as_f64().is_some()), "{out}");
+    }
+    // All targets of a random workload are active; a draw on SwiftShader has float32 attributes for 7.
+    let (out, small) = (path("out.obj"), ["--vertices", "99", "--targets", "15"]);
+    let pose = ["apply", &dir, "-o", &out, "--set", "eyeWideLeft=1", "--path"];
+    let attributes = ["--path", "direct-attributes", "--device", "SwiftShader"];
+    for (args, code, words) in [
+        ([&pose[..], &["direct", "--mode", "incremental"]].concat(), 2, "'rebuild'"),
+        ([&pose[..], &["scatter", "--format", "fast"]].concat(), 2, "takes small"),
+        ([&["soak", "--frames", "30"], &attributes[..], &small].concat(), 1, "attributes for 7"),
+    ] {
+        let (status, text) = fails(&args);
+        assert!(status == code && text.contains(words), "{args:?}: {status}, {text}");
+    }
+    let bench = ["bench", "--frames", "2", "--changed", "4", "--no-report", "--json", "-"];
+    let out = deltamorph(&[&bench[..], &attributes, &small].concat());
+    let report: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let reason = |i: usize| report["skipped"][i]["reason"].as_str().unwrap().to_owned();
+    assert!(reason(0).contains("attributes for 7") && reason(1).contains("attributes for 14"), "{report}");
+    let rows = json(&["devices", "--json", "-"])["devices"][0]["paths"].as_array().unwrap().len();
+    assert_eq!(rows, 9, "a line for each path");
+}
+
+/// The `v` and `vn` lines of an OBJ file.
+fn vertices(path: &Path) -> Vec<(String, Vec<f64>)> {
+    let text = std::fs::read_to_string(path).unwrap();
+    let lines = text.lines().filter(|l| l.starts_with("v ") || l.starts_with("vn "));
+    lines
+        .map(|l| {
+            let mut words = l.split_whitespace();
+            (words.next().unwrap().to_owned(), words.map(|w| w.parse().unwrap()).collect())
+        })
+        .collect()
+}
+
+#[test]
+fn apply_writes_the_same_pose_through_every_path() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = sample(folder.path());
+    let weights = std::fs::read_dir(Path::new(&dir).join("weights")).unwrap().next().unwrap().unwrap().path();
+    let clip = ["--weights", weights.to_str().unwrap(), "--frame", "20", "--set", "eyeBlinkLeft=-0.5"];
+    let mut poses = vec![];
+    for (i, how) in [
+        &["--path", "cpu", "--format", "float32"][..],
+        &["--path", "compute", "--device", "llvmpipe"],
+        &["--path", "compute", "--device", "SwiftShader", "--batch-size", "3", "--from-frame", "4"],
+        &["--path", "feedback", "--device", "llvmpipe", "--from-frame", "0", "--batch-size", "1"],
+        &["--path", "compute", "--device", "llvmpipe", "--batch-size", "all", "--from-frame", "23"],
+    ]
+    .iter()
+    .enumerate()
+    {
+        let file = folder.path().join(format!("{i}.obj"));
+        let out = json(&[&["apply", &dir, "-o", file.to_str().unwrap(), "--json", "-"], &clip[..], how].concat());
+        assert!(out["max_error_rel"].as_f64().unwrap() < 3e-6, "{out}");
+        poses.push(vertices(&file));
+    }
+    assert_eq!(poses[0].iter().filter(|(k, _)| k == "v").count(), 1200);
+    let neutral = vertices(&Path::new(&dir).join("neutral.obj"));
+    let distance = |a: &[(String, Vec<f64>)], b: &[(String, Vec<f64>)]| {
+        a.iter().zip(b).flat_map(|(a, b)| a.1.iter().zip(&b.1).map(|(a, b)| (a - b).abs())).fold(0.0, f64::max)
+    };
+    assert!(distance(&poses[0], &neutral) > 0.1, "the pose is the neutral one");
+    for pose in &poses[1..] {
+        assert_eq!(pose.len(), poses[0].len());
+        // Lengths are centimetres: a head of 24.
+        assert!(distance(pose, &poses[0]) < 1e-4, "{}", distance(pose, &poses[0]));
+    }
+}
+
+#[test]
+fn a_rig_beside_the_targets_gives_clips_and_settings_its_controls() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = sample(folder.path());
+    let apply = |name: &str, how: &[&str]| {
+        let file = folder.path().join(name);
+        ok(&[&["apply", &dir, "-o", file.to_str().unwrap(), "--path", "cpu"], how].concat());
+        std::fs::read(&file).unwrap()
+    };
+    let targets = "eyeBlinkLeft=0.5,eyeBlinkRight=0.5,eyeSquintLeft=0.25,eyeWideLeft=0.1875";
+    let plain = apply("plain.obj", &["--set", targets]);
+    let rig = Path::new(&dir).join("rig.json");
+    let text = r#"{
+        "controls": [{"name": "wink", "keys": [{"at": 0.5, "target": "eyeBlinkLeft"}, {"at": 1, "target": "eyeBlinkRight"}]}],
+        "correctives": [{"target": "eyeWideLeft", "controls": ["wink", "eyeSquintLeft"]}]}"#;
+    std::fs::write(&rig, text).unwrap();
+    let set = ["--set", "wink=0.75,eyeSquintLeft=0.25"];
+    assert!(apply("set.obj", &set) == plain, "0.75 lies between the two keys; the corrective is the product");
+    // A clip names controls, too, and settings go before the rig.
+    let clip = folder.path().join("wink.csv");
+    std::fs::write(&clip, "wink,eyeSquintLeft\n0,1\n0.75,1\n").unwrap();
+    let clip = ["--weights", clip.to_str().unwrap(), "--frame", "1"];
+    assert!(apply("clip.obj", &[&clip[..], &["--set", "eyeSquintLeft=0.25"]].concat()) == plain);
+    // The clip that lies beside the mesh names targets that are no controls now.
+    let (_, message) = fails(&["info", &dir]);
+    assert!(message.contains("column 'eyeBlinkLeft' names no control of the rig; use 'eye"), "{message}");
+    std::fs::remove_dir_all(Path::new(&dir).join("weights")).unwrap();
+    let info = json(&["info", &dir, "--json", "-"]);
+    let controls: Vec<&str> = info["controls"].as_array().unwrap().iter().map(|c| c.as_str().unwrap()).collect();
+    assert_eq!((controls[0], controls.len()), ("wink", 12 - 3 + 1), "{controls:?}");
+    let other = folder.path().join("other.json");
+    let with = |text: &str| {
+        std::fs::write(&other, text).unwrap();
+        fails(&["apply", &dir, "-o", "x.obj", "--set", "wink=1", "--rig", other.to_str().unwrap()])
+    };
+    for ((code, message), words) in [
+        (
+            fails(&["apply", &dir, "-o", "x.obj", "--set", "eyeWideLeft=1"]),
+            "the rig of 'head' has no such control; it has wink, ",
+        ),
+        (with(r#"{"controls": []}"#), "no such control; it has eyeBlinkLeft, "),
+        (with("{"), "other.json: line 1: EOF"),
+        (
+            with(r#"{"controls": [{"name": "eyeBlnkLeft"}]}"#),
+            "other.json: control 'eyeBlnkLeft' of the rig: 'eyeBlnkLeft' is no target",
+        ),
+    ] {
+        assert!(message.contains(words) && code <= 2, "{message}");
+    }
+}
+
+#[test]
+fn heads_that_do_not_fit_leave_the_rest_standing() {
+    let heads = ["bench", "--vertices", "2000", "--targets", "3", "--frames", "2", "--changed", "all"];
+    let more = ["--paths", "compute", "--batch-sizes", "2", "--heads", "1,1000000", "--no-report", "--json", "-"];
+    let out = json(&[&heads[..], &more, &["--poses", "float32"]].concat());
+    assert_eq!(out["runs"].as_array().unwrap().len(), 2, "{out}");
+    assert!(out["skipped"].as_array().unwrap().iter().any(|s| s["what"].as_str().unwrap().contains("1000000 heads")));
+}
+
+#[test]
+fn bad_arguments_exit_with_2_and_failures_with_1() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = sample(folder.path());
+    let out = folder.path().join("out.obj");
+    let out = out.to_str().unwrap();
+    for (args, code, words) in [
+        (&["bench", "--changed", "99", "--targets", "12", "--vertices", "50"][..], 2, "the mesh has 12 targets"),
+        (&["bench", "--sparsity", "0"], 2, "sparsity"),
+        (&["apply", &dir, "-o", out, "--set", "nose=1"], 2, "--set nose: 'head' has no such target"),
+        (&["apply", &dir, "-o", out], 2, "nothing to apply"),
+        (&["bench", "no/such/folder"], 1, "no/such/folder"),
+        (&["devices", "--device", "GeForce"], 1, "no such Vulkan device; choose one of: 0: "),
+        (&["apply", &dir, "-o", "-", "--set", "eyeBlinkLeft=1"], 2, "name a file"),
+        (&["apply", &dir, "-o", out, "--set", "eyeBlinkLeft=1,eyeBlinkLeft=0"], 2, "set twice"),
+        (
+            &["play", &dir, "--format", "block-float32", "--accumulate", "exact"],
+            2,
+            "pack as 'fast', 'small' or, dense, 'snorm16'",
+        ),
+        (&["soak", &dir, "--frames", "3", "--drift", "1e-9", "--accumulate", "float"], 2, "allow more drift"),
+        (
+            &["bench", &dir, "--no-report", "--paths", "direct", "--formats", "fast"],
+            1,
+            "direct: takes --formats float32,",
+        ),
+        (&["bench", &dir, "--no-report", "--suite", "chapter", "--paths", "blocks"], 1, "that have batches: compute,"),
+        (&["bench", &dir, "--no-report", "--paths", "feedback", "--poses", "fixed16"], 1, "and --poses float32"),
+        (&["bench", &dir, "--no-report", "--accumulate", "exact", "--poses", "fixed16,float32"], 2, "contradict"),
+        (&["bench", "--device", "GeForce", "--vertices", "50"], 1, "no Vulkan device called 'GeForce'"),
+        (
+            &["apply", &dir, "-o", out, "--set", "eyeBlinkLeft=1", "--path", "feedback", "--device", "SwiftShader"],
+            1,
+            "no VK_EXT_transform_feedback",
+        ),
+        (&["apply", &dir, "-o", "/nonexistent/out.obj", "--set", "eyeBlinkLeft=1"], 1, "/nonexistent/out.obj"),
+        (
+            &["apply", &dir, "-o", out, "--set", "eyeBlinkLeft=1", "--path", "compute", "--batch-size", "17"],
+            2,
+            "1 to 16 targets per pass",
+        ),
+    ] {
+        let (status, text) = fails(args);
+        assert_eq!(status, code, "{args:?}: {text}");
+        assert!(text.contains(words), "{args:?}: {text}");
+    }
+}
+
+#[test]
+fn a_packed_file_is_an_input_everywhere() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = sample(folder.path());
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let file = path("head.dmorph");
+    let packed = json(&["pack", &dir, "-o", &file, "--json", "-"]);
+    assert_eq!((packed["schema"].as_u64(), packed["format"].as_str()), (Some(1), Some("small")), "{packed}");
+    assert_eq!((packed["vertices"].as_u64(), packed["targets"].as_u64()), (Some(1200), Some(12)));
+    assert_eq!(packed["file_bytes"].as_u64(), Some(Path::new(&file).metadata().unwrap().len()));
+    assert_eq!(packed["dense_f32_bytes"].as_u64(), Some(1200 * 12 * 24));
+    assert!(packed["exact"]["weight_bits"].as_u64() >= Some(7) && packed["exact_reason"].is_null(), "{packed}");
+    let error = packed["position_error_rel"].as_f64().unwrap();
+    assert!(error > 0.0 && error <= 1e-5, "{packed}");
+    assert!(!Path::new(&path("head.dmorph.part")).exists());
+    // What pose formats cost and lose: poses of half the size, rounded.
+    let poses = packed["pose_formats"].as_array().unwrap();
+    assert_eq!(poses.iter().map(|p| &p["name"]).collect::<Vec<_>>(), ["float32", "fixed32", "fixed16"]);
+    assert_eq!(poses.iter().map(|p| &p["vertex_bytes"]).collect::<Vec<_>>(), [24, 24, 12]);
+    let (fixed32, fixed16) = (&poses[1]["grid"], &poses[2]["grid"]);
+    assert!(poses[0]["grid"].is_null() && poses[0]["refused"].is_null(), "{packed}");
+    assert_eq!((fixed32["weight_max"].as_f64(), fixed16["weight_max"].as_f64()), (Some(4.0), Some(1.0)));
+    assert_eq!((&fixed32["weight_bits"], &fixed32["rounding_error"]), (&packed["exact"]["weight_bits"], &0.0.into()));
+    let number = |field: &str| fixed16[field].as_f64().unwrap();
+    let most = number("targets_most") * 0.75f64.sqrt() * number("position_unit_rel");
+    assert!((number("rounding_error_rel") / most - 1.0).abs() < 1e-6 && most < 1e-4, "{packed}");
+    assert!(number("position_unit_rel") > fixed32["position_unit_rel"].as_f64().unwrap(), "{packed}");
+
+    // `info` shows the error that was measured against the files.
+    let info = json(&["info", &file, "--json", "-"]);
+    let small = info["formats"].as_array().unwrap().iter().find(|f| f["name"] == "small").unwrap();
+    assert_eq!(small["position_error_rel"], packed["position_error_rel"]);
+    assert_eq!(small["delta_bytes"], packed["delta_bytes"]);
+    assert_eq!(info["input"]["vertices"], 1200);
+    assert_eq!((&info["pose_formats"], &info["pose_deltas"]), (&packed["pose_formats"], &"small".into()));
+    // The largest weight is for poses to hold, whatever the file was packed for.
+    let soak =
+        |more: &[&str]| json(&[&["soak", &file, "--frames", "9", "--path", "cpu", "--json", "-"], more].concat());
+    assert_eq!(soak(&["--pose", "fixed16", "--weight-max", "2"])["bit_exact"], true);
+    assert_eq!(soak(&["--accumulate", "exact", "--weight-max", "9"])["bit_exact"], true);
+
+    // The same pose as from the folder in the same format, and the same faces.
+    let clip = std::fs::read_dir(Path::new(&dir).join("weights")).unwrap().next().unwrap().unwrap().path();
+    let weights = ["--weights", clip.to_str().unwrap(), "--frame", "20", "--json", "-"];
+    let (a, b) = (path("a.obj"), path("b.obj"));
+    let from_file = json(&[&["apply", &file, "-o", &a], &weights[..]].concat());
+    assert_eq!(from_file["format"], "small", "the format of the file is the default");
+    json(&[&["apply", &dir, "-o", &b, "--format", "small"], &weights[..]].concat());
+    assert_eq!(std::fs::read_to_string(&a).unwrap(), std::fs::read_to_string(&b).unwrap());
+    assert!(std::fs::read_to_string(&a).unwrap().contains("\nf "));
+    // Dense paths take what it decodes to.
+    let on_compute = ["apply", &file, "-o", &a, "--path", "compute", "--device", "llvmpipe"];
+    assert_eq!(json(&[&on_compute[..], &weights[..]].concat())["format"], "float32");
+    // Another format packs what it decodes to; on the path blocks, float32 is that of blocks.
+    for (format, held) in [("fast", "fast"), ("float32", "block-float32")] {
+        let on_blocks = ["apply", &file, "-o", &a, "--path", "blocks", "--device", "llvmpipe", "--format", format];
+        assert_eq!(json(&[&on_blocks[..], &weights[..]].concat())["format"], held);
+    }
+
+    let bench = ["bench", &file, "--paths", "cpu,blocks", "--changed", "4", "--frames", "2", "--no-report"];
+    let out = deltamorph(&[&bench[..], &["--json", "-"]].concat());
+    assert!(String::from_utf8_lossy(&out.stderr).contains("those against the raw files cannot be told"));
+    let report: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let runs = report["runs"].as_array().unwrap();
+    assert!(!runs.is_empty() && runs.iter().all(|r| r["verified"] == true && r["raw_error_rel"].is_null()), "{report}");
+
+    // A damaged file, and what would lose something.
+    let bytes = std::fs::read(&file).unwrap();
+    let (bad, empty) = (path("bad.dmorph"), path("empty.DMORPH"));
+    std::fs::write(&bad, &bytes[..bytes.len() / 2]).unwrap();
+    std::fs::write(&empty, "").unwrap();
+    let folder_out = path("folder");
+    std::fs::create_dir(&folder_out).unwrap();
+    for (args, code, words) in [
+        (&["info", &bad][..], 1, "bad.dmorph: section"),
+        (&["info", &empty], 1, "empty.DMORPH: does not begin as a packed mesh does; give a file written by"),
+        (&["info", "none.dmorph"], 1, "none.dmorph: cannot read: No such file"),
+        (&["pack", &file, "-o", &file], 2, "would be written over"),
+        (&["pack", &dir, "-o", &path("head.bin")], 2, "name it *.dmorph"),
+        (&["pack", &dir, "-o", &file, "--format", "snorm16"], 2, "name one of block-float32, fast, small, pair"),
+        (&["pack", &dir, "-o", "/nonexistent/a.dmorph"], 1, "/nonexistent/a.dmorph"),
+        (&["info", &file, "--tolerance", "0.1"], 2, "was packed with a tolerance of 0.000001"),
+        (&["apply", &file, "-o", &file, "--set", "eyeBlinkLeft=1"], 2, "would be written over"),
+        (&["apply", &file, "-o", &a, "--set", "eyeBlinkLeft=1", "--block-size", "64"], 2, "is packed already"),
+    ] {
+        let (status, text) = fails(args);
+        assert!(status == code && text.contains(words), "{args:?}: {status}, {text}");
+    }
+    assert_eq!(std::fs::read(&file).unwrap(), bytes);
+
+    // A packed file may be packed again, in another format.
+    let again = path("again.dmorph");
+    let text = ok(&["pack", &file, "-o", &again, "--format", "fast", "--block-size", "128"]);
+    assert!(text.contains("again.dmorph: 1,200 vertices") && text.contains("4 in steps of 2^-"), "{text}");
+    let text = ok(&["pack", &dir, "-o", &again, "--format", "block-float32"]);
+    assert!(text.contains("\nfixed32: ") && text.contains("\nfixed16: ") && text.contains("pack as 'fast'"), "{text}");
+}

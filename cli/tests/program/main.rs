@@ -1,0 +1,19 @@
+//! The program as users start it, each command in a process of its own.
+
+#[path = "../common/cli.rs"]
+mod cli;
+#[path = "../../../tests/common/data.rs"]
+mod data;
+
+mod bench;
+mod commands;
+mod compare;
+mod far;
+mod gltf;
+mod info;
+mod lod;
+mod outputs;
+mod play;
+mod render;
+mod suite;
+mod weights;

@@ -1,0 +1,319 @@
+//! What the program writes: nothing of the user's is lost, whatever goes wrong.
+
+use crate::cli::{deltamorph, fails, json, ok, sample};
+use crate::data;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// A bench of a moment.
+const BENCH: [&str; 9] = ["bench", "--vertices", "100", "--targets", "3", "--frames", "2", "--paths", "cpu"];
+
+/// A folder with the small head in it.
+struct Home {
+    folder: tempfile::TempDir,
+    /// The head's folder.
+    dir: String,
+}
+
+impl Home {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let dir = sample(folder.path());
+        Self { folder, dir }
+    }
+
+    /// A path in it.
+    fn at(&self, name: &str) -> String {
+        self.folder.path().join(name).to_str().unwrap().to_owned()
+    }
+
+    fn contents(&self) -> Vec<(PathBuf, Vec<u8>)> {
+        contents(self.folder.path())
+    }
+}
+
+/// Every file below `folder`, and what is in it.
+fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let mut all = vec![];
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        match path.is_dir() {
+            true => all.extend(contents(&path)),
+            false => all.push((path.clone(), std::fs::read(path).unwrap())),
+        }
+    }
+    all.sort();
+    all
+}
+
+#[test]
+fn nothing_that_is_read_is_written_over() {
+    let home = Home::new();
+    let (dir, at) = (home.dir.clone(), |name: &str| home.at(name));
+    let (packed, clip, own) = (at("a.dmorph"), at("own.csv"), at("head/weights/head_30fps.csv"));
+    ok(&["pack", &dir, "-o", &packed]);
+    std::fs::copy(&own, &clip).unwrap();
+    let link = at("link.json");
+    #[cfg(unix)]
+    std::os::unix::fs::symlink(&packed, &link).unwrap();
+    let before = home.contents();
+    let (neutral, target) = (at("head/neutral.obj"), at("head/targets/eyeBlinkLeft.obj"));
+    for args in [
+        &["info", &dir, "--json", &neutral][..],
+        &["info", &dir, "--json", &target],
+        &["info", &packed, "--json", &packed],
+        #[cfg(unix)]
+        &["info", &packed, "--json", &link],
+        &["play", &dir, "--weights", &clip, "--json", &clip],
+        &["soak", &dir, "--frames", "2", "--json", &own],
+        &["bench", &dir, "--no-report", "--weights", &clip, "--json", &clip],
+        &["apply", &dir, "--set", "eyeBlinkLeft=1", "-o", &own],
+        &["apply", &dir, "--set", "eyeBlinkLeft=1", "-o", &neutral],
+        &["apply", &dir, "--set", "eyeBlinkLeft=1", "-o", &at("new.obj"), "--json", &neutral],
+        &["pack", &packed, "-o", &packed],
+    ] {
+        let (code, text) = fails(args);
+        assert!(code == 2 && text.contains("is part of what is read"), "{args:?}: {text}");
+        assert!(home.contents() == before, "{args:?}");
+    }
+}
+
+#[test]
+fn no_two_outputs_are_one_file() {
+    let home = Home::new();
+    let (dir, at) = (home.dir.clone(), |name: &str| home.at(name));
+    let (file, other, report) = (at("a.dmorph"), at("head/../a.dmorph"), at("report"));
+    let before = home.contents();
+    for args in [
+        &["pack", &dir, "-o", &file, "--json", &file][..],
+        &["pack", &dir, "-o", &file, "--json", &other],
+        &["apply", &dir, "--set", "eyeBlinkLeft=1", "-o", &file, "--json", &other],
+        &[&BENCH[..], &["--report", &report, "--json", &at("report/index.html")]].concat(),
+        &["info", &dir, "--report", &report, "--json", &at("report/info.json")],
+        &["sample", &at("new"), "--json", &at("new/neutral.obj")],
+    ] {
+        let (code, text) = fails(args);
+        assert!(code == 2 && text.contains("would be written over; name another file"), "{args:?}: {text}");
+        assert!(home.contents() == before, "{args:?}");
+    }
+    // Devices and pipes are no files that could be lost.
+    ok(&["info", &dir, "--json", "/dev/null"]);
+}
+
+#[test]
+fn what_fails_leaves_files_as_they_were() {
+    let home = Home::new();
+    let (dir, at) = (home.dir.clone(), |name: &str| home.at(name));
+    let (bad, old, new) = (at("bad.csv"), at("old.json"), at("new.json"));
+    std::fs::write(&bad, "eyeBlinkLeft\nNaN\n").unwrap();
+    std::fs::write(&old, "mine").unwrap();
+    for json in [&old, &new] {
+        let (_, text) = fails(&["play", &dir, "--weights", &bad, "--json", json]);
+        assert!(text.contains("bad.csv") && text.contains("not a finite number"), "{text}");
+    }
+    assert_eq!(std::fs::read_to_string(&old).unwrap(), "mine");
+    assert!(!Path::new(&new).exists());
+
+    // A folder that is not a report's, and JSON that cannot be written, are noticed before anything is measured.
+    let foreign = home.folder.path().join("site");
+    std::fs::create_dir(&foreign).unwrap();
+    std::fs::write(foreign.join("index.html"), "mine").unwrap();
+    let (code, text) = fails(&[&BENCH[..], &["--report", foreign.to_str().unwrap()]].concat());
+    assert!(code == 2 && text.contains("site"), "{text}");
+    assert_eq!(contents(&foreign).len(), 1);
+    let (code, text) = fails(&[&BENCH[..], &["--report", &old]].concat());
+    assert!(code == 2 && text.contains("old.json: is no folder; name another one"), "{text}");
+    for folder in [&dir, &old] {
+        let (code, text) = fails(&["sample", folder]);
+        assert!(code == 2 && text.contains("name a"), "{text}");
+    }
+    let report = at("report");
+    let (_, text) = fails(&[&BENCH[..], &["--report", &report, "--json", "/nonexistent/x.json"]].concat());
+    assert!(text.contains("/nonexistent/x.json"), "{text}");
+}
+
+#[test]
+fn a_report_is_replaced_when_the_new_one_is_complete() {
+    let folder = tempfile::tempdir().unwrap();
+    let (report, out) = (folder.path().join("report"), folder.path().join("out.json"));
+    let (dir, file) = (report.to_str().unwrap(), out.to_str().unwrap());
+    let more = |args: &[&'static str]| [&BENCH[..], args].concat();
+    ok(&[&more(&["--formats", "float32", "--changed", "1,2"])[..], &["--report", dir, "--json", file]].concat());
+    let names = |files: Vec<(PathBuf, Vec<u8>)>| files.into_iter().map(|(path, _)| path).collect::<Vec<_>>();
+    let before = contents(folder.path());
+    assert!(before.iter().any(|(path, _)| path.ends_with("time-vs-changed.svg")), "{:?}", names(before));
+    // Nothing can run.
+    let none = ["bench", "--vertices", "100", "--targets", "3", "--paths", "direct", "--formats", "fast"];
+    let (code, text) = fails(&[&none[..], &["--report", dir, "--json", file]].concat());
+    assert!(code == 1 && text.contains("no configuration could run; direct: takes --formats"), "{text}");
+    assert!(contents(folder.path()) == before);
+    // One that was stopped while it drew leaves a folder, which does not stand in the way.
+    let left = report.join(".deltamorph-1");
+    std::fs::create_dir(&left).unwrap();
+    std::fs::write(left.join("time-vs-changed.svg"), "half").unwrap();
+    let hours_ago = std::time::SystemTime::now() - std::time::Duration::from_secs(7200);
+    std::fs::File::open(&left).unwrap().set_modified(hours_ago).unwrap();
+    // That of a run at work is left alone.
+    let at_work = report.join(".deltamorph-2");
+    std::fs::create_dir(&at_work).unwrap();
+    // A workload less: figures that are no longer drawn go.
+    ok(&[&more(&["--formats", "float32", "--changed", "2"])[..], &["--report", dir]].concat());
+    let after = names(contents(&report));
+    assert!(after.contains(&report.join("index.html")), "{after:?}");
+    assert!(at_work.exists() && !left.exists());
+    assert!(!after.iter().any(|path| path.ends_with("time-vs-changed.svg")), "{after:?}");
+}
+
+/// Suites look at all that they will read before they measure.
+#[test]
+fn a_clip_that_cannot_be_read_costs_no_measurement() {
+    let suites = ["bench", "--suite", "techniques,clips", "--vertices", "100", "--targets", "3", "--no-report"];
+    let run = Command::new(env!("CARGO_BIN_EXE_deltamorph"))
+        .args(suites)
+        .env("DELTAMORPH_DATA", "/nonexistent")
+        .output()
+        .unwrap();
+    let text = String::from_utf8(run.stderr).unwrap();
+    assert!(run.status.code() == Some(1) && text.contains("DELTAMORPH_DATA: /nonexistent: cannot read"), "{text}");
+    assert!(run.stdout.is_empty());
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_disk_behind_stdout_is_told_and_a_reader_that_leaves_is_not() {
+    for args in [&["info", "--vertices", "100", "--targets", "3"][..], &["devices", "--json", "-"]] {
+        let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
+        let run = Command::new(env!("CARGO_BIN_EXE_deltamorph")).args(args).stdout(Stdio::from(full)).output().unwrap();
+        let text = String::from_utf8(run.stderr).unwrap();
+        assert!(run.status.code() == Some(1) && text.contains("stdout: cannot write"), "{args:?}: {text}");
+        let mut run = Command::new(env!("CARGO_BIN_EXE_deltamorph")).args(args).stdout(Stdio::piped()).spawn().unwrap();
+        drop(run.stdout.take());
+        assert!(run.wait().unwrap().success(), "{args:?}");
+    }
+}
+
+/// Where float sums would drift beyond the default, commands that take one kind of sums take exact ones, and say so.
+#[test]
+fn a_mesh_with_a_thousand_targets_runs_as_it_is() {
+    let many = ["soak", "--vertices", "300", "--targets", "1000", "--frames", "4", "--path", "cpu"];
+    assert_eq!(json(&[&many[..], &["--json", "-"]].concat())["accumulate"], "exact");
+    let text = String::from_utf8(deltamorph(&many).stderr).unwrap();
+    assert!(text.contains("taking exact sums"), "{text}");
+    let (_, text) = fails(&[&many[..], &["--accumulate", "float"]].concat());
+    assert!(text.contains("allow more drift") && text.contains("--drift"), "{text}");
+}
+
+/// What a sweep says of time counts the draws where a path evaluates in them, and no configuration comes twice.
+#[test]
+fn sweeps_compare_like_with_like() {
+    let base =
+        ["bench", "--device", "llvmpipe", "--vertices", "3000", "--targets", "8", "--frames", "3", "--no-report"];
+    let more = ["--paths", "direct,blocks,blocks", "--formats", "float32,block-float32", "--heads", "1,1", "--changed"];
+    let out = json(&[&base[..], &more, &["1,4", "--accumulate", "float", "--json", "-"]].concat());
+    let runs = out["runs"].as_array().unwrap();
+    assert_eq!(runs.len(), 4, "{out}");
+    for run in runs {
+        assert!(run["update_and_draw_ms"]["median"].as_f64() > run["gpu_ms"]["median"].as_f64(), "{run}");
+        match run["path"].as_str().unwrap() {
+            "direct" => assert!(run["floor_fraction"].is_null(), "{run}"),
+            _ => assert!(run["floor_fraction"].as_f64().unwrap() > 0.0, "{run}"),
+        }
+    }
+    let text = ok(&[&base[..], &more, &["1,4"]].concat());
+    assert!(text.contains("draws included") && text.contains("Changing 1 of 8 targets takes"), "{text}");
+    assert!(text.contains(" ms, changing 4 "), "{text}");
+}
+
+/// What the command says and what a reader finds: `input` as a file, read again, within `bound` of a number's size.
+fn round_trip(input: &str, half: bool) -> serde_json::Value {
+    use deltamorph::textures::read_ktx2;
+    use deltamorph::{DeltaFormat, MorphMesh, PackDesc, PackedMesh, Tolerance, import::obj};
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (file, floats) = (at("face.ktx2"), if half { &["--half"][..] } else { &[] });
+    let said = json(&[&["textures", input, "-o", &file, "--json", "-"], floats].concat());
+    let bytes = std::fs::read(&file).unwrap();
+    let number = |name: &str| said[name].as_u64().unwrap();
+    let word = |at: usize| u64::from(u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()));
+    assert_eq!(number("file_bytes"), bytes.len() as u64);
+    assert_eq!(["width", "height", "layers"].map(number), [word(20), word(24), word(32)]);
+    let covered = number("texels_covered");
+    assert!(covered > 0 && covered <= word(20) * word(24) * word(32) / 2, "{said}");
+
+    let kept = obj::import_folder(Path::new(input)).unwrap().to_mesh(Tolerance::default()).unwrap();
+    let read = read_ktx2(Path::new(&file), &kept).unwrap();
+    let deltas =
+        |mesh: &MorphMesh| PackedMesh::pack(mesh, &PackDesc::new(DeltaFormat::Float32)).unwrap().deltas().to_vec();
+    let mut largest = 0.0f64;
+    for (found, expected) in deltas(&read).into_iter().zip(deltas(&kept)) {
+        let [found, expected] = [found, expected].map(|bits| f64::from(f32::from_bits(bits)));
+        let bound = if half { (expected.abs() / 2048.0).max(2f64.powi(-25)) } else { 0.0 };
+        assert!((found - expected).abs() <= bound, "{found} for {expected}");
+        largest = largest.max((found - expected).abs());
+    }
+    let rounding = said["rounding"].as_array().unwrap();
+    assert_eq!([0, 1].map(|i| rounding[i]["stream"].as_str().unwrap()), ["position", "normal"]);
+    let stated = rounding.iter().map(|stream| stream["largest"].as_f64().unwrap()).fold(0.0, f64::max);
+    assert_eq!((stated, stated > 0.0), (largest, half), "{said}");
+
+    // The file's targets take the place of the input's, with the same names.
+    let info = |more: &[&str]| json(&[&["info", input, "--json", "-"], more].concat())["targets"].clone();
+    let (names, of_file) = (info(&[]), info(&["--textures", &file]));
+    let name = |targets: &serde_json::Value| {
+        targets.as_array().unwrap().iter().map(|t| t["name"].as_str().unwrap().to_owned()).collect::<Vec<_>>()
+    };
+    assert_eq!(name(&names), name(&of_file));
+
+    let set = format!("{}=0.7", name(&names)[0]);
+    let apply = |more: &[&str]| -> Vec<f64> {
+        let out = at("pose.obj");
+        let fixed = ["apply", input, "--path", "cpu", "--format", "float32", "--set", &set, "-o", &out];
+        ok(&[&fixed, more].concat());
+        let text = std::fs::read_to_string(&out).unwrap();
+        let positions = text.lines().filter_map(|line| line.strip_prefix("v ")).flat_map(|line| line.split(' '));
+        positions.map(|number| number.parse().unwrap()).collect()
+    };
+    let (plain, of_file) = (apply(&[]), apply(&["--textures", &file]));
+    assert_eq!(plain.len(), of_file.len());
+    let off = plain.iter().zip(&of_file).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    // Poses are written with so many digits.
+    let bound = if half { 0.7 * rounding[0]["largest"].as_f64().unwrap() + 1e-5 } else { 0.0 };
+    assert!((off > 0.0) == half && off <= bound && bound < 0.01, "{off}, {bound} allowed");
+    said
+}
+
+#[test]
+fn textures_are_written_and_read_again() {
+    let home = Home::new();
+    let [single, half] = [false, true].map(|half| round_trip(&home.dir, half)["file_bytes"].as_u64().unwrap());
+    assert!(10 * single > 18 * half && single < 2 * half, "{single} and {half}: texels take half, the rest as much");
+    let mut sets = vec![];
+    if let Some(set) = data::set("facecap_head_glb") {
+        sets.extend([false, true].map(|half| round_trip(set.to_str().unwrap(), half)));
+    }
+    for said in sets {
+        assert_eq!(said["targets"], 52, "{said}");
+    }
+}
+
+#[test]
+fn textures_that_do_not_fit_the_mesh_are_refused() {
+    let home = Home::new();
+    let (file, other) = (home.at("face.ktx2"), home.at("other"));
+    ok(&["textures", &home.dir, "-o", &file]);
+    ok(&["sample", &other, "--vertices", "600", "--targets", "3"]);
+    let (code, text) = fails(&["info", &other, "--textures", &file]);
+    assert!(code == 1 && text.contains("face.ktx2: key 'deltamorph.textures'") && text.contains("vertices"), "{text}");
+    let none = home.at("none.ktx2");
+    let (code, text) = fails(&["info", &home.dir, "--textures", &none]);
+    assert!(code == 1 && text.contains("none.ktx2"), "{text}");
+    std::fs::write(&none, "a picture").unwrap();
+    let (code, text) = fails(&["info", &home.dir, "--textures", &none]);
+    assert!(code == 1 && text.contains("none.ktx2: header") && text.contains("no KTX 2.0 file"), "{text}");
+    let before = std::fs::read(&file).unwrap();
+    let (code, text) = fails(&["textures", &home.dir, "--textures", &file, "-o", &file]);
+    assert!(code == 2 && text.contains("face.ktx2"), "what is read is not written over: {code} {text}");
+    assert_eq!(std::fs::read(&file).unwrap(), before);
+    let (code, text) = fails(&["textures", &home.dir, "-o", &home.at("face.png")]);
+    assert!(code == 2 && text.contains("*.ktx2"), "{text}");
+}

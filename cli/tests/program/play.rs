@@ -1,0 +1,285 @@
+//! The commands that run many frames: `play` and `soak`.
+
+use crate::cli::{HEAD, fails, json, ok, sample};
+use serde_json::Value;
+use std::process::Command;
+
+fn has(object: &Value, fields: &str) {
+    fields.split_whitespace().for_each(|f| assert!(object.get(f).is_some(), "{f} in {object}"));
+}
+
+#[test]
+fn play_keeps_its_contract_on_every_path() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = sample(folder.path());
+    let mut moved = vec![];
+    for how in [
+        &["--path", "cpu"][..],
+        &["--path", "cpu", "--format", "float32"],
+        &["--device", "llvmpipe"],
+        &["--device", "llvmpipe", "--accumulate", "exact", "--slots", "3", "--format", "small"],
+        &["--device", "SwiftShader", "--accumulate", "exact", "--error-budget", "1e-4d"],
+        &["--device", "llvmpipe", "--path", "compute", "--batch-size", "4"],
+        &["--path", "cpu", "--format", "small", "--pose", "fixed16"],
+        &["--device", "llvmpipe", "--pose", "fixed16", "--error-budget", "1e-4d"],
+        &["--device", "SwiftShader", "--pose", "fixed32"],
+        &["--device", "llvmpipe", "--path", "compute", "--pose", "fixed16"],
+    ] {
+        let out = json(&[&["play", &dir, "--every", "5", "--json", "-"], how].concat());
+        has(&out, "schema device input frames summary");
+        let frames = out["frames"].as_array().unwrap();
+        assert_eq!((&out["schema"], frames.len()), (&1.into(), 24));
+        let checked: Vec<usize> = (0..24).filter(|f| frames[*f]["max_error"].is_number()).collect();
+        assert_eq!(checked, [0, 5, 10, 15, 20, 23], "every fifth, and the last");
+        for (i, frame) in frames.iter().enumerate() {
+            has(frame, "frame changed active dirty_blocks rebuilt_blocks passes bytes_moved gpu_ms cpu_us max_error");
+            assert_eq!(
+                (frame["frame"].as_u64(), frame["gpu_ms"].is_number()),
+                (Some(i as u64), how[0] != "--path" || how[1] == "compute")
+            );
+            // The first frame writes the neutral face, too.
+            let idle = i > 0 && frame["changed"] == 0 && out["summary"]["error_budget"] == 0.0;
+            assert!(!idle || frame["bytes_moved"] == 0, "{frame}");
+        }
+        let summary = &out["summary"];
+        has(summary, "frames changed_mean bytes_moved_mean gpu_ms_median max_error max_error_rel");
+        has(summary, "path format accumulate pose slots error_budget bound gpu_ms_mean cpu_us_median dense_bytes_mean");
+        has(summary, "bytes_share normal_error_deg raw_error_rel request_error_rel");
+        let sum: u64 = frames.iter().map(|f| f["bytes_moved"].as_u64().unwrap()).sum();
+        assert!((summary["bytes_moved_mean"].as_f64().unwrap() - sum as f64 / 24.0).abs() < 1.0);
+        let changed = |f: &Value| f["changed"].as_u64().unwrap();
+        let dense: u64 = frames.iter().filter(|f| changed(f) > 0).map(|f| (changed(f) + 2) * 24 * 1200).sum();
+        assert!((summary["dense_bytes_mean"].as_f64().unwrap() - dense as f64 / 24.0).abs() < 1.0);
+        moved.push(summary["bytes_share"].as_f64().unwrap());
+    }
+    assert!(moved[0] < 0.5 * moved[1], "blocks move less than whole poses: {moved:?}");
+    assert!(moved[6] < 0.85 * moved[0], "poses of half the size move less: {moved:?}");
+}
+
+/// Each pose format says what it loses: float32 by drift, fixed16 by rounding to its unit, fixed32 nothing, or next to
+/// nothing where targets have steps of their own.
+#[test]
+fn poses_are_within_the_bound_that_is_stated_beside_their_error() {
+    for (device, format, more) in [
+        ("llvmpipe", "small", &[][..]),
+        ("SwiftShader", "small", &[]),
+        ("llvmpipe", "small", &["--animated"]),
+        ("llvmpipe", "snorm16", &["--path", "compute"]),
+        ("SwiftShader", "snorm16", &["--path", "compute", "--batch-size", "3"]),
+    ] {
+        for (pose, accumulate) in [("float32", "float"), ("fixed32", "exact"), ("fixed16", "exact")] {
+            if pose == "float32" && !more.is_empty() {
+                continue;
+            }
+            let how = ["play", "--device", device, "--every", "5", "--pose", pose, "--format", format, "--json", "-"];
+            let summary = json(&[&how[..], &HEAD, more].concat())["summary"].clone();
+            let [error, bound] = ["max_error_rel", "bound_rel"].map(|field| summary[field].as_f64().unwrap());
+            assert_eq!((&summary["pose"], &summary["accumulate"]), (&pose.into(), &accumulate.into()));
+            match pose {
+                "fixed16" => assert!(1e-7 < error && error <= bound + 3e-6 && bound < 1e-4, "{summary}"),
+                "fixed32" => {
+                    assert!(error <= 3e-6 && if format == "small" { bound == 0.0 } else { bound < 1e-7 }, "{summary}")
+                }
+                _ => assert!(error <= bound, "{summary}"),
+            }
+        }
+    }
+    let text = ok(&[&["play", "--path", "cpu", "--pose", "fixed16"], &HEAD[..]].concat());
+    assert!(text.contains("cpu fast exact fixed16, 2 slots") && text.contains("by rounding poses"), "{text}");
+}
+
+/// Integers have a largest weight: random ones stay within it, and what is asked for beyond it is refused.
+#[test]
+fn weights_are_held_up_to_the_largest() {
+    let run = |command: &[&'static str], more: &[&'static str]| {
+        [command, &HEAD[..], &["--path", "cpu", "--pose", "fixed16", "--weight-max"], more].concat()
+    };
+    let error = |most: &'static str| {
+        let soaked = json(&run(&["soak", "--frames", "200"], &[most, "--json", "-"]));
+        assert_eq!(soaked["bit_exact"], true, "{soaked}");
+        [soaked["max_error_rel"].as_f64().unwrap(), soaked["bound_rel"].as_f64().unwrap()]
+    };
+    let [narrow, wide] = ["1", "8"].map(error);
+    assert!(narrow[1] < wide[1] && narrow[0] < wide[0], "the smaller the weights, the finer: {narrow:?} {wide:?}");
+    // The clip reaches beyond.
+    let (code, text) = fails(&run(&["play"], &["0.125"]));
+    assert!(code == 1 && text.contains("use a larger weight_max"), "{text}");
+    for most in ["300", "1e30"] {
+        let (code, text) = fails(&run(&["soak", "--frames", "2"], &[most]));
+        assert!(code == 2 && text.contains("for fixed16 poses") && text.contains("fixed32"), "{text}");
+    }
+}
+
+#[test]
+fn a_device_plays_and_plans_a_clip() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = sample(folder.path());
+    for device in ["llvmpipe", "SwiftShader"] {
+        let play =
+            |more: &[&str]| json(&[&["play", &dir, "--device", device, "--every", "5", "--json", "-"], more].concat());
+        let (out, told) = (play(&["--animated"]), play(&["--accumulate", "exact"]));
+        for (frame, told) in out["frames"].as_array().unwrap().iter().zip(told["frames"].as_array().unwrap()) {
+            assert_eq!((&frame["changed"], &frame["active"]), (&told["changed"], &told["active"]));
+            assert_eq!(frame["max_error"].is_number(), told["max_error"].is_number());
+            assert!(frame["gpu_ms"].is_number() && frame["cpu_us"].is_number(), "{frame}");
+            assert!(
+                frame["dirty_blocks"].is_null() && frame["bytes_moved"].is_null(),
+                "what the device planned: {frame}"
+            );
+        }
+        let (summary, told) = (&out["summary"], &told["summary"]);
+        assert_eq!((&summary["animated"], &told["animated"]), (&true.into(), &false.into()));
+        assert_eq!((&summary["path"], &summary["accumulate"]), (&"blocks".into(), &"exact".into()));
+        // It shows the frames that were asked for, but for what its clock rounds.
+        let request = |summary: &Value| summary["request_error_rel"].as_f64().unwrap();
+        assert!(request(summary) < request(told) + 2e-6, "{summary} {told}");
+    }
+    let (code, message) = fails(&["play", &dir, "--animated", "--path", "cpu"]);
+    assert!(code == 2 && message.contains("--animated"), "{code}: {message}");
+}
+
+#[test]
+fn noise_within_the_budget_waits() {
+    let play = |more: &[&str]| {
+        let args = ["play", "--path", "cpu", "--noise", "1e-4", "--every", "100", "--json", "-"];
+        json(&[&args, &HEAD[..], more].concat())["summary"].clone()
+    };
+    let (each, patient) = (play(&[]), play(&["--error-budget", "1e-4d"]));
+    let bytes = |s: &Value| s["bytes_moved_mean"].as_f64().unwrap();
+    assert!(bytes(&patient) < 0.8 * bytes(&each), "{patient} {each}");
+    assert!(patient["max_error_rel"].as_f64().unwrap() <= 1e-4, "{patient}");
+    assert_ne!(each, play(&["--seed", "2"]), "the noise is seeded");
+}
+
+#[test]
+fn soak_keeps_its_contract_and_its_promises() {
+    let soak = |how: &[&str]| {
+        let out = json(&[&["soak", "--frames", "300", "--every", "100", "--json", "-"], &HEAD[..], how].concat());
+        has(
+            &out,
+            "schema frames accumulate bit_exact max_error max_error_rel bound path format device slots checks seconds",
+        );
+        assert_eq!((&out["schema"], &out["frames"], &out["checks"]), (&1.into(), &300.into(), &3.into()));
+        out
+    };
+    let float = soak(&["--path", "cpu"]);
+    assert!(float["bit_exact"].is_null() && float["sums_hash"].is_null());
+    let (error, bound) = (float["max_error"].as_f64().unwrap(), float["bound"].as_f64().unwrap());
+    assert!(0.0 < error && error <= bound, "{float}");
+    let mut hashes = vec![];
+    for how in [
+        &["--path", "cpu", "--slots", "1"][..],
+        &["--device", "llvmpipe"],
+        &["--device", "SwiftShader", "--slots", "3", "--error-budget", "1e-3d"],
+    ] {
+        let exact = soak(&[&["--accumulate", "exact", "--format", "small"], how].concat());
+        assert_eq!((&exact["bit_exact"], &exact["bound"]), (&true.into(), &0.0.into()), "{exact}");
+        hashes.push(exact["sums_hash"].as_str().unwrap().to_owned());
+    }
+    assert!(hashes.iter().all(|h| *h == hashes[0] && h.len() == 16), "the same sums on every driver: {hashes:?}");
+    // Poses of 16 bits do not depend on the driver or the history either.
+    let mut narrow = vec![];
+    for how in [
+        &["--path", "cpu", "--slots", "1"][..],
+        &["--path", "cpu", "--format", "fast", "--error-budget", "1e-3d"],
+        &["--device", "llvmpipe"],
+        &["--device", "SwiftShader", "--slots", "3"],
+    ] {
+        let how = if how.contains(&"fast") { how.to_vec() } else { [how, &["--format", "small"]].concat() };
+        let soaked = soak(&[&["--pose", "fixed16"][..], &how].concat());
+        assert_eq!((&soaked["bit_exact"], &soaked["accumulate"]), (&true.into(), &"exact".into()), "{soaked}");
+        assert!(soaked["bound"].as_f64() > Some(0.0) && soaked["pose"] == "fixed16", "{soaked}");
+        narrow.push(soaked["sums_hash"].as_str().unwrap().to_owned());
+    }
+    assert!(narrow.iter().all(|h| *h == narrow[0]) && narrow[0] != hashes[0], "{narrow:?}");
+    // Nor do those of dense deltas.
+    for pose in ["fixed32", "fixed16"] {
+        let dense = [
+            &["--path", "cpu", "--slots", "1"][..],
+            &["--path", "compute", "--device", "llvmpipe", "--batch-size", "2"],
+            &["--path", "compute", "--device", "SwiftShader", "--slots", "3"],
+        ];
+        let dense = dense.map(|how| soak(&[&["--pose", pose, "--format", "snorm16"], how].concat()));
+        assert!(dense.iter().all(|soaked| soaked["bit_exact"] == true), "{dense:?}");
+        assert!(dense.iter().all(|soaked| soaked["sums_hash"] == dense[0]["sums_hash"]), "{dense:?}");
+    }
+}
+
+/// The integers of a long soak, as every version so far has summed them.
+#[test]
+fn exact_sums_are_those_of_earlier_versions() {
+    let long = ["soak", "--vertices", "4000", "--targets", "16", "--frames", "20000", "--path", "cpu", "--json", "-"];
+    let hash = |more: [&str; 2]| json(&[&long[..], &more].concat())["sums_hash"].clone();
+    assert_eq!(hash(["--accumulate", "exact"]), "ca5b38c173a48c4e");
+    assert_eq!(hash(["--pose", "fixed32"]), "ca5b38c173a48c4e");
+}
+
+#[test]
+fn people_get_a_summary() {
+    let text = ok(&[&["play", "--path", "cpu"], &HEAD[..]].concat());
+    assert!(text.contains("cpu fast float, 2 slots") && text.lines().count() < 20, "{text}");
+    let text = ok(&[&["soak", "--frames", "20", "--path", "cpu", "--accumulate", "exact"], &HEAD[..]].concat());
+    assert!(text.contains("bit for bit"), "{text}");
+}
+
+#[test]
+fn bad_arguments_exit_with_2_and_failures_with_1() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = sample(folder.path());
+    let weights = folder.path().join("head/weights");
+    let clip = std::fs::read_dir(&weights).unwrap().next().unwrap().unwrap().path();
+    let check = |args: &[&str], code: i32, words: &[&str]| {
+        let (status, text) = fails(args);
+        assert_eq!(status, code, "{args:?}: {text}");
+        assert!(words.iter().all(|w| text.contains(w)), "{args:?}: {text}");
+    };
+    check(&["play", &dir, "--path", "vulkan"], 2, &["vulkan", "blocks"]);
+    for (option, several) in [
+        ("--path", "cpu,blocks"),
+        ("--mode", "incremental,rebuild"),
+        ("--accumulate", "float,exact"),
+        ("--pose", "fixed16,fixed32"),
+        ("--format", "fast,small"),
+    ] {
+        check(&["play", &dir, option, several], 2, &[&format!("{option}: play takes one; name one of them")]);
+    }
+    check(&["play", &dir, "--weights", "none.csv", "--path", "cpu"], 1, &["none.csv"]);
+    check(&["play", &dir, "--path", "cpu", "--format", "float32", "--accumulate", "exact"], 2, &["fixed32", "'fast'"]);
+    check(&["play", &dir, "--path", "compute", "--format", "small"], 2, &["--format", "float32 or snorm16"]);
+    check(&["play", &dir, "--accumulate", "float", "--pose", "fixed16"], 2, &["contradict each other", "fixed16"]);
+    check(&["soak", &dir, "--frames", "2", "--accumulate", "exact", "--pose", "float32"], 2, &["contradict"]);
+    check(&["play", &dir, "--path", "feedback", "--pose", "fixed16"], 2, &["'feedback' takes float32", "'compute'"]);
+    let dense = ["play", &dir, "--path", "compute", "--format", "float32", "--pose", "fixed16"];
+    check(&dense, 2, &["of float32 deltas", "'snorm16'"]);
+    check(&["play", &dir, "--path", "scatter", "--pose", "fixed32"], 2, &["'scatter' takes float32"]);
+    check(&["play", &dir, "--path", "scatter", "--accumulate", "float"], 2, &["'scatter' adds integers"]);
+    check(&["play", &dir, "--animated", "--pose", "float32"], 1, &["float32 poses", "Fixed16"]);
+    check(&["play", &dir, "--path", "cpu", "--format", "block-float32", "--pose", "fixed16"], 2, &["'fast'"]);
+    check(&["play", &dir, "--path", "cpu", "--json", "/nonexistent/x.json"], 1, &["/nonexistent/x.json"]);
+    check(&["soak", &dir], 2, &["--frames"]);
+    let narrow = ["soak", &dir, "--frames", "9", "--path", "cpu", "--drift", "1e-9", "--accumulate", "float"];
+    check(&narrow, 2, &["allow more drift", "rounding", "--drift"]);
+    std::fs::copy(&clip, weights.join("second.csv")).unwrap();
+    check(&["play", &dir, "--path", "cpu"], 2, &["2 clips", "--weights", "second.csv"]);
+    std::fs::remove_dir_all(&weights).unwrap();
+    check(&["play", &dir, "--path", "cpu"], 2, &["no clip", "--weights"]);
+}
+
+#[test]
+fn a_path_that_is_named_fails_where_there_is_no_device() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = sample(folder.path());
+    for args in [&["--path", "blocks"][..], &["--path", "feedback", "--format", "float32"], &["--animated"]] {
+        let out = Command::new(env!("CARGO_BIN_EXE_deltamorph"))
+            .args(["play", &dir, "--quiet"])
+            .args(args)
+            .env("VK_DRIVER_FILES", "/nonexistent.json")
+            .env("VK_ICD_FILENAMES", "/nonexistent.json")
+            .env_remove("VK_ADD_DRIVER_FILES")
+            .output()
+            .unwrap();
+        let errors = String::from_utf8(out.stderr).unwrap();
+        assert_eq!(out.status.code(), Some(1), "{args:?}: {errors}");
+        assert!(errors.contains("needs a Vulkan device and there is none; install a driver"), "{args:?}: {errors}");
+    }
+}

@@ -1,0 +1,283 @@
+//! `render`: pictures against those that were looked at, on every driver; what it refuses; clips.
+//!
+//! `UPDATE_PICTURES=1 ./with-vulkan cargo test -p deltamorph-cli --test program render` draws the pictures anew, where the built-in
+//! head or the light has changed: look at each of them before it is committed.
+
+use crate::cli::{HEAD, fails, json, ok, sample};
+use nv_flip::{DEFAULT_PIXELS_PER_DEGREE, FlipImageRgb8, FlipPool, flip};
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+/// Mean difference that people may see, 0 to 1 (FLIP): drivers round edges and shadows differently.
+const SEEN: f32 = 0.015;
+/// What the built-in head is drawn with.
+const MESH: [&str; 6] = ["--vertices", "6000", "--targets", "52", "--size", "256x256"];
+
+/// The pictures: names, and what is drawn.
+const PICTURES: [(&str, &[&str]); 11] = [
+    ("neutral", &["--camera", "25,5"]),
+    ("expression", &["--set", "jawOpen=0.7,mouthSmileLeft=0.8,browInnerUp=1,eyeBlinkRight=1", "--pose", "fixed16"]),
+    ("behind", &["--camera", "180,10", "--checker", "--path", "cpu"]),
+    ("heat", &["--set", "jawOpen=1", "--heat", "distance"]),
+    ("crowd", &["--crowd", "5", "--format", "small", "--background", "e8e8ea"]),
+    ("wire", &["--set", "jawOpen=0.7", "--show", "wire"]),
+    ("normals", &["--set", "jawOpen=0.7", "--show", "normals", "--camera", "-30,10"]),
+    ("motion", &["--set", "mouthSmileLeft=1,browOuterUpRight=1", "--show", "motion", "--pose", "fixed32"]),
+    ("blocks", &["--set", "mouthSmileLeft=1,eyeBlinkRight=1", "--show", "blocks", "--camera", "0,0"]),
+    (
+        "wrinkles",
+        &[
+            "--set",
+            "browInnerUp=1,browOuterUpLeft=1,browOuterUpRight=1,mouthSmileLeft=1,mouthSmileRight=1",
+            "--show",
+            "wrinkles",
+            "--camera",
+            "8,2",
+        ],
+    ),
+    ("transparent", &["--background", "none", "--light", "50,20,1.2", "--set", "cheekPuff=1"]),
+];
+
+fn drivers() -> Vec<String> {
+    let list = std::env::var("DELTAMORPH_TEST_DRIVERS").unwrap_or_else(|_| "llvmpipe,SwiftShader".into());
+    list.split(',').map(str::to_owned).collect()
+}
+
+/// Vulkan leaves open which samples a line covers: of those each driver has a picture of its own.
+fn golden(name: &str, driver: &str) -> PathBuf {
+    let name = if name == "wire" { format!("wire_{driver}") } else { name.to_owned() };
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/pictures/{name}.png"))
+}
+
+/// Draw one of the pictures.
+fn draw(args: &[&str], driver: &str, out: &Path) {
+    let out = out.to_str().expect("UTF-8");
+    ok(&[&["render", "--quiet", "--device", driver, "-o", out], &MESH[..], args].concat());
+}
+
+/// Width, height, and four bytes a pixel.
+fn pixels(path: &Path) -> ([u32; 2], Vec<u8>) {
+    let file = File::open(path).unwrap_or_else(|e| panic!("{}: {e}; UPDATE_PICTURES=1 draws it", path.display()));
+    let mut reader = png::Decoder::new(file).read_info().expect("a PNG");
+    let mut bytes = vec![0; reader.output_buffer_size()];
+    let info = reader.next_frame(&mut bytes).expect("a picture");
+    assert_eq!((info.color_type, info.bit_depth), (png::ColorType::Rgba, png::BitDepth::Eight));
+    ([info.width, info.height], bytes)
+}
+
+/// In front of grey.
+fn image(path: &Path) -> FlipImageRgb8 {
+    let ([width, height], rgba) = pixels(path);
+    let mix = |c: u8, opacity: u8| ((u32::from(c) * u32::from(opacity) + 128 * (255 - u32::from(opacity))) / 255) as u8;
+    let rgb: Vec<u8> = rgba.chunks_exact(4).flat_map(|p| [mix(p[0], p[3]), mix(p[1], p[3]), mix(p[2], p[3])]).collect();
+    FlipImageRgb8::with_data(width, height, &rgb)
+}
+
+fn seen(a: &Path, b: &Path) -> f32 {
+    FlipPool::from_image(&flip(image(a), image(b), DEFAULT_PIXELS_PER_DEGREE)).mean()
+}
+
+#[test]
+fn pictures_are_those_that_were_looked_at() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let update = std::env::var_os("UPDATE_PICTURES").is_some_and(|v| v == "1");
+    for (i, driver) in drivers().iter().enumerate() {
+        for (name, args) in PICTURES {
+            let out = folder.path().join(format!("{i}_{name}.png"));
+            draw(args, driver, &out);
+            let golden = golden(name, driver);
+            if update && (i == 0 || golden != self::golden(name, &drivers()[0])) {
+                std::fs::copy(&out, &golden).expect("a copy");
+            }
+            let off = seen(&out, &golden);
+            println!("{driver} {name}: {off}");
+            let remedy = "look at both, and draw them anew with UPDATE_PICTURES=1 if the change is meant";
+            assert!(off < SEEN, "{driver}: {name} is {off} off what was looked at; {remedy}");
+        }
+    }
+    // A bound that tells one picture from the other, and an expression from its neighbour.
+    for (i, (name, _)) in PICTURES.iter().enumerate() {
+        for (other, _) in &PICTURES[..i] {
+            let [a, b] = [name, other].map(|name| golden(name, &drivers()[0]));
+            let off = seen(&a, &b);
+            assert!(off > 2.0 * SEEN, "{name} and {other}: {off}");
+        }
+    }
+    let nearby = folder.path().join("nearby.png");
+    draw(
+        &["--set", "jawOpen=0.7,mouthSmileLeft=0.8,browInnerUp=1,eyeBlinkRight=1,noseSneerLeft=1"],
+        &drivers()[0],
+        &nearby,
+    );
+    let off = seen(&nearby, &golden("expression", &drivers()[0]));
+    println!("nearby: {off}");
+    assert!(off > SEEN / 20.0, "{off}");
+}
+
+#[test]
+fn what_changed_is_shown_alike_on_every_path() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, args) in PICTURES.into_iter().filter(|(name, _)| ["motion", "blocks", "wrinkles"].contains(name)) {
+        let at = |path: &str| folder.path().join(format!("{name}_{path}.png"));
+        for path in ["blocks", "cpu"] {
+            draw(&[args, &["--path", path]].concat(), &drivers()[0], &at(path));
+        }
+        let off = seen(&at("blocks"), &at("cpu"));
+        assert!(off < SEEN / 10.0, "{args:?}: {off}");
+    }
+}
+
+#[test]
+fn sheets_show_every_target() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("sheet.png");
+    let file = out.to_str().expect("UTF-8");
+    let said =
+        json(&[&["render", "--sheet", "-o", file, "--size", "64x64", "--json", "-", "--quiet"], &HEAD[..]].concat());
+    let size = [said["width"].as_u64().expect("a number") as u32, said["height"].as_u64().expect("a number") as u32];
+    assert_eq!((said["frames"].as_u64(), pixels(&out).0), (Some(13), size));
+    assert_eq!((said["path"].as_str(), said["schema"].as_u64()), (Some("blocks"), Some(1)));
+    let heat = folder.path().join("heat.png");
+    let args =
+        ["render", "--sheet", "--heat", "error", "--size", "64x64", "--quiet", "-o", heat.to_str().expect("UTF-8")];
+    ok(&[&args[..], &HEAD[..]].concat());
+    assert_ne!(pixels(&heat).1, pixels(&out).1);
+}
+
+#[test]
+fn before_and_after_differ_by_the_error() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    for (name, factor) in [("once", "1"), ("often", "2000")] {
+        let (out, factor) = (at(name), format!("--error-x={factor}"));
+        let args = ["render", "--set", "jawOpen=1", "--size", "512x256", &factor, "-o", out.to_str().expect("UTF-8")];
+        ok(&[&args[..], &["--quiet", "--vertices", "3000"]].concat());
+    }
+    // Above the captions.
+    let halves = |name: &str| {
+        let ([width, height], rgba) = pixels(&at(name));
+        let rows = || rgba.chunks_exact(width as usize * 4).take(height as usize - 30);
+        let half = width as usize * 2;
+        (
+            rows().flat_map(|row| &row[..half]).copied().collect::<Vec<u8>>(),
+            rows().flat_map(|row| &row[half..]).copied().collect::<Vec<u8>>(),
+        )
+    };
+    let off = |(a, b): (Vec<u8>, Vec<u8>)| a.iter().zip(&b).filter(|(a, b)| a.abs_diff(**b) > 12).count();
+    let (once, often) = (off(halves("once")), off(halves("often")));
+    assert!(once < 50 && often > 1000, "{once} {often}");
+}
+
+#[test]
+fn clips_are_their_frames() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let head = sample(folder.path());
+    let at = |name: &str| folder.path().join(name).to_str().expect("UTF-8").to_owned();
+    let (animated, frames, one) = (at("clip.apng"), at("frames"), at("one.png"));
+    let args = ["render", &head, "--size", "96x96", "--quiet"];
+    ok(&[&args[..], &["--clip", &animated]].concat());
+    // Of an earlier, longer clip.
+    std::fs::create_dir(&frames).expect("a folder");
+    std::fs::write(Path::new(&frames).join("frame_00024.png"), "old").expect("a file");
+    ok(&[&args[..], &["--clip", &frames]].concat());
+    let clip =
+        std::fs::read_dir(Path::new(&head).join("weights")).expect("a folder").next().expect("a clip").expect("it");
+    let clip = clip.path().to_str().expect("UTF-8").to_owned();
+    ok(&[&args[..], &["--weights", &clip, "--frame", "17", "-o", &one]].concat());
+
+    let mut names: Vec<_> =
+        std::fs::read_dir(&frames).expect("frames").map(|f| f.expect("a file").file_name()).collect();
+    names.sort();
+    assert_eq!((names.len(), names[23].to_str()), (24, Some("frame_00023.png")));
+    let mut reader = png::Decoder::new(File::open(&animated).expect("a file")).read_info().expect("a PNG");
+    assert_eq!(reader.info().animation_control.map(|a| (a.num_frames, a.num_plays)), Some((24, 0)));
+    for (i, name) in names.iter().enumerate() {
+        let mut bytes = vec![0; reader.output_buffer_size()];
+        reader.next_frame(&mut bytes).expect("a frame");
+        assert!(bytes == pixels(&Path::new(&frames).join(name)).1, "frame {i}");
+        // Updates have brought the pose there: rounding may have moved an edge.
+        if i == 17 {
+            let alone = pixels(Path::new(&one)).1;
+            assert!(bytes.iter().zip(&alone).filter(|(a, b)| a.abs_diff(**b) > 4).count() < 20);
+        }
+    }
+}
+
+/// What a level of detail keeps is drawn as ever, what it drops as if it had no weight; the larger the picture, the more is kept.
+#[test]
+fn targets_are_dropped_by_their_importance() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let drawn = |name: &str, args: &[&str]| {
+        let out = folder.path().join(format!("{name}.png"));
+        draw(args, &drivers()[0], &out);
+        pixels(&out)
+    };
+    // The jaw moves most of the face, a blink little of it.
+    let set = ["--set", "jawOpen=0.8,eyeBlinkLeft=1"];
+    let whole = drawn("whole", &set);
+    assert!(drawn("all", &[&set[..], &["--detail", "100%"]].concat()) == whole);
+    assert!(drawn("near", &[&set[..], &["--detail", "0px"]].concat()) == whole);
+    assert!(drawn("none", &[&set[..], &["--detail", "0%"]].concat()) == drawn("neutral", &[]));
+    let jaw = drawn("jaw", &["--set", "jawOpen=0.8"]);
+    assert!(drawn("few", &[&set[..], &["--detail", "5%"]].concat()) == jaw && jaw != whole);
+    let kept = |size: &str| {
+        let out = folder.path().join("kept.png");
+        let out = out.to_str().expect("UTF-8");
+        let mesh = &MESH[..4];
+        let told = json(
+            &[&["render", "-o", out, "--crowd", "9", "--detail", "2px", "--size", size, "--json", "-"], mesh].concat(),
+        );
+        [0, 1].map(|i| told["kept"][i].as_u64().expect("a number"))
+    };
+    let [near, far] = [kept("160x90"), kept("80x45")];
+    // Rows of heads lie behind each other.
+    assert!(near[0] < near[1] && far[1] < near[0] && far[0] > 0, "{near:?}, {far:?}");
+}
+
+#[test]
+fn what_cannot_be_drawn_says_why() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let head = sample(folder.path());
+    let out = folder.path().join("out.png");
+    let out = out.to_str().expect("UTF-8");
+    let refused = |args: &[&str], code: i32, words: &str| {
+        let (status, text) = fails(&[&["render", &head], args].concat());
+        assert!(status == code && text.contains(words), "{args:?}: {status}, {text}");
+        assert!(!Path::new(out).exists(), "{args:?}");
+    };
+    let weights =
+        std::fs::read_dir(Path::new(&head).join("weights")).expect("a folder").next().expect("a clip").expect("it");
+    let weights = weights.path().to_str().expect("UTF-8").to_owned();
+    refused(&[], 2, "--output");
+    refused(&["-o", out, "--size", "12"], 2, "768x768");
+    refused(&["-o", out, "--camera", "1,200"], 2, "30,10");
+    refused(&["-o", out, "--background", "red"], 2, "hexadecimal");
+    refused(&["-o", out, "--light", "up"], 2, "-38,34,1");
+    refused(&["-o", out, "--set", "nose=1"], 2, "no such target");
+    refused(&["-o", out, "--weights", &weights], 2, "--frame N");
+    refused(&["-o", out, "--weights", &weights, "--frame", "24"], 2, "there is no frame 24");
+    refused(&["-o", out, "--frame", "1"], 2, "--weights");
+    refused(&["-o", out, "--clip", out], 2, "cannot be used with");
+    refused(&["-o", out, "--sheet", "--crowd", "3"], 2, "cannot be used with");
+    refused(&["-o", out, "--scale", "1"], 2, "--heat");
+    refused(&["-o", out, "--show", "skin"], 2, "wire");
+    refused(&["-o", out, "--show", "wire", "--checker"], 2, "cannot be used with");
+    refused(&["-o", out, "--show", "blocks", "--sheet"], 2, "leave --sheet out");
+    refused(&["-o", out, "--show", "motion", "--slots", "1", "--set", "eyeBlinkLeft=1"], 1, "two slots or more");
+    refused(&["-o", out, "--detail", "half"], 2, "give all, a share as 50%");
+    refused(&["-o", out, "--detail", "50%", "--sheet"], 2, "cannot be used with");
+    refused(&["-o", out, "--heat", "error", "--crowd", "2"], 2, "leave --crowd out");
+    refused(&["-o", out, "--path", "direct"], 2, "no pose to draw");
+    refused(&["-o", out, "--path", "blocks,cpu"], 2, "render");
+    refused(&["-o", &format!("{head}/neutral.obj")], 2, "would be written over");
+    refused(&["-o", "-"], 2, "name a file");
+    refused(&["-o", out, "--device", "no such"], 1, "no such");
+    refused(&["-o", &format!("{head}/nowhere/out.png")], 1, "nowhere");
+    // A packed mesh has one texture coordinate a vertex only where its source was split.
+    let packed = folder.path().join("head.dmorph");
+    let packed = packed.to_str().expect("UTF-8");
+    ok(&["pack", &head, "-o", packed, "--quiet"]);
+    let (status, text) = fails(&["render", packed, "-o", out, "--checker"]);
+    assert!(status == 1 && text.contains("several texture coordinates"), "{text}");
+    ok(&["render", packed, "-o", out, "--quiet", "--size", "64x64"]);
+}

@@ -1,0 +1,311 @@
+//! `bench`: every cell of a suite and every configuration of a sweep is there, verified, in the JSON and on its page.
+
+use crate::cli::{HEAD, fails, json, links_hold, ok, sample};
+use crate::data;
+use serde_json::Value;
+use std::collections::BTreeSet;
+use std::path::Path;
+
+/// Small enough for seconds.
+const SMALL: [&str; 13] = [
+    "--device",
+    "llvmpipe",
+    "--vertices",
+    "2000",
+    "--targets",
+    "12",
+    "--frames",
+    "5",
+    "--time-limit",
+    "0.2",
+    "--heads",
+    "1,3",
+    "--quiet",
+];
+
+/// The report of a suite, after what holds for all of them was checked.
+fn suite(name: &str, args: &[&str], folder: &Path) -> Value {
+    let out = json(&[&["bench", "--suite", name, "--json", "-", "--report", folder.to_str().unwrap()], args].concat());
+    assert_eq!(out["suites"][0]["name"], name);
+    let runs = out["runs"].as_array().unwrap();
+    assert!(!runs.is_empty());
+    let page = std::fs::read_to_string(folder.join(format!("suite-{name}.html"))).unwrap();
+    for run in runs {
+        assert!(run["verified"] == true && run["suite"] == name, "{run}");
+        let most = if run["pose"] == "fixed16" { 1e-4 } else { 3e-6 };
+        assert!(run["max_error_rel"].as_f64().unwrap() <= most, "{run}");
+        assert!(page.contains(&escaped(run["cell"].as_str().unwrap())), "{}", run["cell"]);
+        let rounds = run["rounds"].as_array().unwrap();
+        let n = run["cpu_ms"]["n"].as_u64().unwrap();
+        assert!((3..=5).contains(&n) && rounds.len() as u64 <= n && !rounds.is_empty(), "{run}");
+        let mesh = out["meshes"].as_array().unwrap().iter().find(|mesh| mesh["name"] == run["mesh"]);
+        assert!(mesh.is_some_and(|mesh| run["targets"].as_u64() <= mesh["targets"].as_u64()), "{run}");
+        // What the path cpu makes is brought to the device to be drawn; what others make is there.
+        let drawn = run["update_and_draw_ms"].is_object() || (run["path"] == "cpu" && run["draw_ms"].is_number());
+        assert_eq!(run["upload_ms"]["median"].is_number(), drawn && run["path"] == "cpu", "{run}");
+        // Where frames draw, what counts is both, and it is the sum of both.
+        if let Some(both) = run["update_and_draw_ms"]["median"].as_f64() {
+            let update = run["gpu_ms"]["min"].as_f64().unwrap();
+            assert!(both > update && run["draw_ms"].as_f64().unwrap() > 0.0, "{run}");
+        }
+    }
+    for tag in ["section", "figure", "table", "tr", "td", "div", "main"] {
+        let opened = page.matches(&format!("<{tag}>")).count() + page.matches(&format!("<{tag} ")).count();
+        assert_eq!(opened, page.matches(&format!("</{tag}>")).count(), "{tag}");
+    }
+    assert!(!page.contains("src=") && page.contains("software driver"));
+    links_hold(folder);
+    let index = std::fs::read_to_string(folder.join("index.html")).unwrap();
+    assert!(index.contains(&format!("href=\"suite-{name}.html\"")));
+    let figures = page.matches("<figure").count();
+    assert_eq!(page.matches("<svg").count(), 2 * figures, "wide and narrow");
+    let files = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
+    let kinds: Vec<_> = files.filter_map(|p| Some(p.extension()?.to_str()?.to_owned())).collect();
+    let count = |kind: &str| kinds.iter().filter(|k| *k == kind).count();
+    // The picture of the input is on the first page.
+    let pictures = usize::from(name == "chapter");
+    assert_eq!(index.matches("src=\"face.png\"").count(), pictures);
+    let png = figures + pictures;
+    assert!(figures > 0 && count("svg") == figures && count("png") == png, "{figures} figures");
+    let rows = std::fs::read_to_string(folder.join("runs.csv")).unwrap().lines().count();
+    assert!(rows > runs.len(), "{rows} lines for {} runs", runs.len());
+    out
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}
+
+fn names(out: &Value, field: &str) -> BTreeSet<String> {
+    out["runs"].as_array().unwrap().iter().map(|run| run[field].as_str().unwrap().to_owned()).collect()
+}
+
+#[test]
+fn chapter_runs_every_batch_size_of_the_dense_paths() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = suite("chapter", &SMALL, folder.path());
+    let runs = out["runs"].as_array().unwrap();
+    for path in ["feedback", "compute"] {
+        for format in ["float32", "snorm16"] {
+            for changed in [8, 12] {
+                let own = runs.iter().filter(|r| {
+                    r["path"] == path && r["format"] == format && r["changed"] == changed && r["heads"] == 1
+                });
+                let sizes: Vec<u64> = own.clone().map(|r| r["batch_size"].as_u64().unwrap()).collect();
+                let most = own.clone().next().unwrap()["batch_max"].as_u64().unwrap();
+                assert_eq!(sizes, (1..=most).collect::<Vec<_>>(), "{path} {format} {changed}");
+            }
+        }
+    }
+    // Faster with larger batches: by passes alone, whatever the machine does.
+    let comparisons = out["suites"][0]["comparisons"].as_array().unwrap();
+    assert!(comparisons.len() >= 8);
+    for c in comparisons {
+        assert!(c["first"] == "batch 1" && c["ratio"].as_f64().unwrap() > 0.0, "{c}");
+    }
+    let page = std::fs::read_to_string(folder.path().join("suite-chapter.html")).unwrap();
+    let named = page.matches("aria-label=\"Relative performance against batch size\"").count();
+    assert_eq!(named, 2 * 2, "wide and narrow");
+}
+
+#[test]
+fn crowd_counts_targets_for_one_head_and_many() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = suite("crowd", &SMALL, folder.path());
+    let runs = out["runs"].as_array().unwrap();
+    let paths = ["feedback", "compute", "blocks", "cpu"];
+    for path in paths {
+        for (heads, shared) in [(1, false), (3, false), (3, true)] {
+            let own = runs.iter().filter(|r| {
+                let point = r["cell"].as_str().unwrap().ends_with(" targets");
+                point && r["technique"] == path && r["heads"] == heads && r["shared"] == shared
+            });
+            let targets: Vec<u64> = own.clone().map(|r| r["targets"].as_u64().unwrap()).collect();
+            assert_eq!(targets, [2, 4, 6, 8, 10, 12], "{path}, {heads} heads, shared: {shared}");
+            for run in own {
+                assert_eq!(run["changed"], run["targets"], "all that are kept change: {run}");
+                assert_eq!(run["gpu_ms"].is_null(), path == "cpu", "{run}");
+            }
+        }
+    }
+    // One animation moves as many bytes for three copies as for one; three animations move three times as many.
+    let bytes = |heads: u64, shared: bool| {
+        let at = |r: &&Value| r["technique"] == "compute" && r["targets"] == 12 && r["heads"] == heads;
+        let run =
+            runs.iter().find(|r| at(r) && r["shared"] == shared && r["cell"].as_str().unwrap().ends_with("targets"));
+        run.unwrap()["bytes_moved"].as_f64().unwrap()
+    };
+    assert_eq!((bytes(3, true), bytes(3, false)), (bytes(1, false), 3.0 * bytes(1, false)));
+
+    let comparisons = out["suites"][0]["comparisons"].as_array().unwrap();
+    let of = |name: &str| comparisons.iter().filter(|c| c["name"].as_str().unwrap().contains(name)).count();
+    for how in ["at one frame rate", "frame after frame"] {
+        assert!(of(&format!("shared, {how}")) >= paths.len(), "{how}");
+    }
+    for c in comparisons.iter().filter(|c| c["name"].as_str().unwrap().ends_with("at one frame rate")) {
+        assert!(c["n"][0] == c["n"][1] && c["goal"] != "", "{c}");
+    }
+    assert_eq!((of("8% sparse: 8 of 12 changed, 3 heads"), of("dense: 12 of 12 changed, 3 heads")), (1, 1));
+    let split: Vec<&Value> = runs.iter().filter(|r| r["crowds"] == 3).collect();
+    assert_eq!(split.len(), 2);
+    for run in split {
+        let whole = runs.iter().find(|r| r["cell"] == run["cell"] && r["crowds"] == 1).unwrap();
+        for field in ["heads", "changed", "coefficients", "dirty_blocks"] {
+            assert_eq!(run[field], whole[field], "{field}: not the same work");
+        }
+    }
+}
+
+#[test]
+fn techniques_compete_in_every_cell() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = suite("techniques", &SMALL, folder.path());
+    let cells = out["suites"][0]["cells"].as_array().unwrap();
+    let found: Vec<&str> = cells.iter().map(|c| c["name"].as_str().unwrap()).collect();
+    let mut expected = vec![];
+    for mesh in ["dense", "8% sparse"] {
+        for change in ["all 12 changed", "8 of 12 changed", "4 non-zero of 12"] {
+            expected.extend(["1 head", "3 heads"].map(|heads| format!("{mesh}, {change}, {heads}")));
+        }
+    }
+    assert_eq!(found, expected);
+    let techniques = names(&out, "technique");
+    for name in ["feedback", "feedback rebuild at batch 1", "compute", "compute rebuild", "blocks", "cpu"] {
+        assert!(techniques.contains(name), "{name}: {techniques:?}");
+    }
+    let runs = out["runs"].as_array().unwrap();
+    for cell in cells {
+        let own: Vec<&Value> = runs.iter().filter(|r| r["cell"] == cell["name"]).collect();
+        assert!(own.len() >= 6, "{}: {} runs", cell["name"], own.len());
+        for run in &own {
+            let (changed, active) = (run["changed"].as_f64().unwrap(), run["active"].as_f64().unwrap());
+            let expected = match cell["change"].as_str().unwrap() {
+                "all 12 changed" => (12.0, 12.0),
+                "8 of 12 changed" => (8.0, 12.0),
+                _ => (4.0, 4.0),
+            };
+            assert_eq!((changed, active), expected, "{run}");
+            assert!(run["alone"] == false && run["heads"] == cell["heads"], "{run}");
+        }
+        // The ratio is the median of the rounds' own.
+        let of = |name: &Value| {
+            let label = |r: &Value| format!("{} {}", r["technique"].as_str().unwrap(), r["format"].as_str().unwrap());
+            let run = own.iter().find(|r| label(r) == name.as_str().unwrap()).unwrap();
+            let rounds = run["rounds"].as_array().unwrap();
+            rounds.iter().map(|r| r["ms"].as_f64().unwrap()).collect::<Vec<_>>()
+        };
+        let (ours, other) = (of(&cell["blocks"]), of(&cell["best_other"]));
+        let mut ratios: Vec<f64> = ours.iter().zip(&other).map(|(a, b)| a / b).collect();
+        ratios.sort_by(f64::total_cmp);
+        let n = ratios.len();
+        let median = (ratios[(n - 1) / 2] + ratios[n / 2]) / 2.0;
+        let told = cell["blocks_to_best_other"].as_f64().unwrap();
+        assert!((told - median).abs() < 1e-9 * median, "{told} {median}");
+        assert!(cell["fastest"] == cell["blocks"] || cell["fastest"] == cell["best_other"], "{cell}");
+    }
+    // A report draws itself again: the same pages from report.json alone.
+    let again = folder.path().join("again");
+    let (report, again) = (folder.path().join("report.json"), again.to_str().unwrap());
+    ok(&["bench", "--redraw", report.to_str().unwrap(), "--report", again, "--quiet"]);
+    let page = |dir: &Path| std::fs::read_to_string(dir.join("suite-techniques.html")).unwrap();
+    assert_eq!(page(folder.path()).len(), page(Path::new(again)).len());
+}
+
+#[test]
+fn clips_come_from_the_input_or_from_the_data_sets() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = sample(folder.path());
+    let brief =
+        ["--device", "llvmpipe", "--frames", "4", "--time-limit", "0.2", "--paths", "compute,blocks,cpu", "--quiet"];
+    let out = suite("clips", &[&[dir.as_str(), "--heads", "1,2"], &brief[..]].concat(), &folder.path().join("report"));
+    let cells = out["suites"][0]["cells"].as_array().unwrap();
+    assert_eq!(cells.len(), 2);
+    let techniques =
+        ["blocks", "blocks fixed16", "compute", "compute fixed16", "compute rebuild", "cpu", "cpu fixed16"];
+    assert_eq!(names(&out, "technique"), techniques.map(String::from).into());
+    for run in out["runs"].as_array().unwrap() {
+        let narrow = run["technique"].as_str().unwrap().ends_with(" fixed16");
+        assert_eq!(run["pose"], if narrow { "fixed16" } else { "float32" }, "{run}");
+        assert_eq!(run["accumulate"], if narrow { "exact" } else { "float" }, "{run}");
+    }
+    assert!(cells.iter().all(|cell| !cell["best_other"].as_str().unwrap().starts_with("blocks")), "{cells:?}");
+    // All run the same frames.
+    let changed = |heads: u64| {
+        let own = out["runs"].as_array().unwrap().iter().filter(move |r| r["heads"] == heads);
+        own.map(|r| r["changed"].as_f64().unwrap().to_bits()).collect::<BTreeSet<_>>().len()
+    };
+    assert_eq!((changed(1), changed(2)), (1, 1));
+
+    // Nothing to run is a failure that says what to do.
+    let empty = folder.path().join("none");
+    std::fs::create_dir(&empty).unwrap();
+    let nothing = std::process::Command::new(env!("CARGO_BIN_EXE_deltamorph"))
+        .args(["bench", "--suite", "clips", "--vertices", "100", "--targets", "3", "--no-report"])
+        .env("DELTAMORPH_DATA", &empty)
+        .output()
+        .unwrap();
+    let text = String::from_utf8(nothing.stderr).unwrap();
+    assert!(nothing.status.code() == Some(1) && text.contains("suite clips: no folder of DELTAMORPH_DATA"), "{text}");
+
+    let Some(set) = data::set("facecap_head_glb") else { return };
+    let out = suite("clips", &[&[set.to_str().unwrap()], &brief[..]].concat(), &folder.path().join("real"));
+    assert_eq!(out["suites"][0]["cells"][0]["name"], "facecap_head_glb, facecap_30fps, 1 head");
+}
+
+#[test]
+fn the_ordinary_run_shares_an_animation_too() {
+    let sizes = ["--vertices", "1200", "--targets", "6", "--frames", "3", "--changed", "all", "--batch-sizes", "all"];
+    let more = ["--device", "llvmpipe", "--paths", "compute,cpu", "--formats", "float32", "--no-report", "--json", "-"];
+    let bytes = |args: &[&str]| {
+        let out = json(&[&["bench"], &sizes[..], &more[..], args].concat());
+        let runs = out["runs"].as_array().unwrap();
+        assert!(runs.len() == 2 && runs.iter().all(|r| r["verified"] == true), "{out}");
+        let shared = args.contains(&"--shared");
+        assert!(runs.iter().all(|r| r["shared"] == shared && r["update_and_draw_ms"].is_null()), "{out}");
+        runs.iter().map(|r| r["bytes_moved"].as_u64().unwrap()).collect::<Vec<_>>()
+    };
+    let (one, own, shared) = (bytes(&[]), bytes(&["--heads", "4"]), bytes(&["--heads", "4", "--shared"]));
+    assert_eq!(shared, one);
+    assert_eq!(own, one.iter().map(|b| 4 * b).collect::<Vec<_>>());
+}
+
+/// Poses are a dimension of the sweep, as formats are.
+#[test]
+fn bench_compares_pose_formats() {
+    let base = ["bench", "--frames", "2", "--changed", "4", "--paths", "blocks,cpu", "--formats", "small,float32"];
+    let folder = tempfile::tempdir().unwrap();
+    let report = folder.path().join("report");
+    let out = |more: &[&str]| {
+        let out = json(&[&base[..], &HEAD, &["--json", "-", "--report", report.to_str().unwrap()], more].concat());
+        let runs = out["runs"].as_array().unwrap().clone();
+        assert!(runs.iter().all(|run| run["verified"] == true), "{out}");
+        let name = |run: &Value| ["path", "format", "pose", "accumulate"].map(|f| run[f].as_str().unwrap().to_owned());
+        runs.iter().map(|run| name(run).join(" ")).collect::<Vec<_>>()
+    };
+    let narrow = ["blocks small fixed16 exact", "blocks small float32 float", "blocks block-float32 float32 float"];
+    let cpu = ["cpu small fixed16 exact", "cpu small float32 float", "cpu float32 float32 float"];
+    assert_eq!(out(&["--poses", "fixed16,float32"]), [&narrow[..], &cpu].concat());
+    let csv = std::fs::read_to_string(report.join("runs.csv")).unwrap();
+    assert!(csv.lines().next().unwrap().ends_with(",pose") && csv.contains(",fixed16\n"), "{csv}");
+    let page = std::fs::read_to_string(report.join("index.html")).unwrap();
+    assert!(page.contains("small fixed16"), "tables and lines tell them apart");
+    // What is left out names what ran so far: float32, and fixed32 for exact sums.
+    let default = out(&[]);
+    assert_eq!(default.iter().filter(|name| name.ends_with("fixed32 exact")).count(), 2, "{default:?}");
+    assert_eq!(default, out(&["--accumulate", "float,exact"]));
+    assert_eq!(out(&["--accumulate", "exact"]), out(&["--poses", "fixed32"]));
+}
+
+#[test]
+fn options_that_contradict_a_suite_are_refused() {
+    for (args, words) in [
+        (&["--suite", "crowd", "--changed", "3"][..], "--changed"),
+        (&["--suite", "crowd", "--poses", "fixed16"], "--poses"),
+        (&["--suite", "everything"], "chapter"),
+        (&["--time-limit", "3"], "--suite"),
+        (&["--suite", "crowd", "--time-limit", "0"], "seconds above 0"),
+    ] {
+        let (code, text) = fails(&[&["bench"], args].concat());
+        assert!(code == 2 && text.contains(words), "{args:?}: {text}");
+    }
+}

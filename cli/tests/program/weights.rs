@@ -1,0 +1,85 @@
+//! What clips say and what targets get: names of other faces, weights of absolute poses, in-betweens of the built-in head.
+
+use crate::cli::{HEAD, deltamorph, fails, json, ok};
+use std::path::Path;
+
+/// `text` as a clip in `folder`.
+fn clip(folder: &Path, text: &str) -> String {
+    let path = folder.join("clip.csv");
+    std::fs::write(&path, text).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+#[test]
+fn a_clip_in_other_names_plays_and_what_is_left_over_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let play = |text: &str| {
+        let clip = clip(folder.path(), text);
+        let out = deltamorph(&[&["play", "--path", "cpu", "--weights", &clip, "--json", "-"], &HEAD[..]].concat());
+        let stderr = String::from_utf8(out.stderr).unwrap();
+        (out.status.success(), serde_json::from_slice(&out.stdout).unwrap_or(serde_json::Value::Null), stderr)
+    };
+    let (_, own, said) = play("eyeBlinkLeft,eyeBlinkRight\n0.5,0.25\n0,1\n");
+    assert!(!said.contains("other names"), "{said}");
+    let (played, other, said) = play("eyeBlink_L,eyeBlink_R,tongueOut\n0.5,0.25,1\n0,1,1\n");
+    assert!(played && said.contains("2 of 3 columns play under other names"), "{said}");
+    assert!(said.contains("'head' has nothing for tongueOut"), "{said}");
+    let changed = |played: &serde_json::Value| [0, 1].map(|i| played["frames"][i]["changed"].as_u64().unwrap());
+    assert_eq!((changed(&own), changed(&other)), ([2, 2], [2, 2]));
+    assert_eq!(own["frames"][1]["bytes_moved"], other["frames"][1]["bytes_moved"]);
+    let (played, _, said) = play("AU45,noSuchShape\n0.5,1\n");
+    assert!(!played && said.contains("column 'noSuchShape' names no target"), "{said}");
+    // Names that are known, for which the head has nothing.
+    let (played, _, said) = play("tongueOut,noseSneer_L\n0.5,1\n");
+    assert!(
+        !played && said.contains("'tongueOut' names no target of the mesh (nor does any of the other 1)"),
+        "{said}"
+    );
+}
+
+#[test]
+fn weights_of_absolute_poses_are_normalised_and_what_that_changes_is_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    // From the second frame on one weight changes; above a sum of one that changes every factor that is not 0.
+    let clip =
+        clip(folder.path(), "eyeBlinkLeft,eyeBlinkRight,eyeWideLeft\n0.75,0.5,0.75\n0.75,0.5,0.25\n0.25,0.5,0.25\n");
+    let play = |more: &[&str]| {
+        let out = json(&[&["play", "--path", "cpu", "--weights", &clip, "--json", "-"], &HEAD[..], more].concat());
+        let count = |name: &str| [0, 1, 2].map(|i| out["frames"][i][name].as_u64());
+        (count("changed"), count("weights_changed"), out["summary"]["normalise"].clone())
+    };
+    let [three, one] = [3, 1].map(Some);
+    assert_eq!(play(&[]), ([three, one, one], [None; 3], serde_json::Value::Null));
+    assert_eq!(play(&["--normalise"]), ([three; 3], [three, one, one], "text".into()));
+    assert_eq!(play(&["--normalise=shader"]), ([three, one, one], [three, one, one], "shader".into()));
+    // What is set is normalised, too: two poses, half of each.
+    let pose = |set: &str, more: &[&str]| {
+        let out = folder.path().join(format!("{}.obj", more.len()));
+        let args = ["apply", "--path", "cpu", "--set", set, "-o", out.to_str().unwrap()];
+        ok(&[&args[..], &HEAD[..], more].concat());
+        std::fs::read_to_string(out).unwrap()
+    };
+    let half = pose("eyeBlinkLeft=0.5,eyeBlinkRight=0.5", &[]);
+    assert_eq!(pose("eyeBlinkLeft=1,eyeBlinkRight=1", &["--normalise=text"]), half);
+    assert_ne!(pose("eyeBlinkLeft=1,eyeBlinkRight=1", &["--normalise=shader", "--quiet"]), half);
+    assert_eq!(fails(&["apply", "--normalise=both", "--set", "a=1", "-o", "x.obj"]).0, 2);
+}
+
+#[test]
+fn a_head_with_in_betweens_has_a_rig_that_goes_through_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = folder.path().join("head").to_str().unwrap().to_owned();
+    ok(&[&["sample", &dir, "--frames", "24", "--in-betweens"], &HEAD[..]].concat());
+    let out = folder.path().join("half.json").to_str().unwrap().to_owned();
+    let obj = folder.path().join("half.obj").to_str().unwrap().to_owned();
+    // Half of the way is the in-between alone; three quarters of it, both targets.
+    for (at, active) in [("0.5", 1), ("0.75", 2), ("1", 1)] {
+        let set = format!("eyeBlinkLeft={at}");
+        ok(&["apply", &dir, "--path", "cpu", "--set", &set, "-o", &obj, "--json", &out]);
+        let applied: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&out).unwrap()).unwrap();
+        assert_eq!(applied["active"], active, "{at}");
+    }
+    // Its clip plays through the rig.
+    let played = json(&["play", &dir, "--path", "cpu", "--json", "-"]);
+    assert_eq!(played["summary"]["frames"], 24);
+}

@@ -1,0 +1,361 @@
+//! Poses in interleaved vertices of the host's own: bit for bit those of our own buffers, in as many passes and barriers, and
+//! nothing else of a vertex is written.
+
+use crate::gpu;
+use crate::offscreen::{Offscreen, Shared};
+use deltamorph::ash::vk;
+use deltamorph::headless::{Headless, HeadlessCrowd};
+use deltamorph::import::sample::{HeadDesc, head, head_clip};
+use deltamorph::internals::plan::schedule::Entry;
+use deltamorph::{
+    AnimatedCrowd, AnimationDesc, AnyCrowd, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCaps, HostPoses,
+    PackedMesh, Playback, PoseFormat, Semantic, StreamView, Tolerance, UpdateDesc, VertexLayout, testing,
+};
+use std::slice::from_mut;
+use std::sync::Arc;
+
+/// What is in the host's buffer where nothing was written.
+const POISON: u8 = 0xff;
+/// Bytes of the host's behind the poses.
+const BEHIND: usize = 52;
+fn head_desc() -> HeadDesc {
+    HeadDesc::default().vertices(500).targets(37).sparsity(0.15).seed(3)
+}
+
+fn packed(headless: &Headless, format: DeltaFormat, with_streams: bool) -> Arc<PackedMesh> {
+    let mesh = head(&head_desc()).to_mesh(Tolerance::default()).expect("a mesh");
+    let mesh = if with_streams { testing::with_streams(mesh) } else { mesh };
+    Arc::new(gpu::packed(headless.engine(), &mesh, format))
+}
+
+fn weights(mesh: &PackedMesh, frame: u32, seed: u32) -> Vec<f32> {
+    gpu::weights(mesh, frame, seed).iter().map(|weight| weight / 2.0).collect()
+}
+
+/// Vertices of 4-byte numbers: that of the issue, normals first and an odd stride, positions alone, and five streams in a
+/// vertex of 80 bytes, of which one is left out.
+fn vertices(with_streams: bool) -> Vec<(VertexLayout, u64)> {
+    use Semantic::*;
+    let wide = VertexLayout::new(48).stream(Position, 0).stream(Normal, 12);
+    match with_streams {
+        false => vec![
+            (wide, 0),
+            (VertexLayout::new(28).stream(Normal, 0).stream(Position, 16), 268),
+            (VertexLayout::new(16).stream(Position, 4), 4),
+        ],
+        true => vec![
+            (wide.stream(Tangent, 24).stream(TexCoord(0), 40), 48),
+            (VertexLayout::new(80).stream(Color(0), 0).stream(Position, 20).stream(Tangent, 40).stream(Normal, 64), 0),
+        ],
+    }
+}
+
+/// Vertices of the numbers of `fixed16`, which stay together.
+fn vertices_of_halves(with_streams: bool) -> Vec<(VertexLayout, u64)> {
+    use Semantic::*;
+    let wide = VertexLayout::new(48).stream(Position, 4).stream(Normal, 10);
+    match with_streams {
+        false => vec![(wide, 0), (VertexLayout::new(12).stream(Position, 0), 8)],
+        true => vec![(wide.stream(Tangent, 32).stream(TexCoord(0), 40), 260)],
+    }
+}
+
+/// The host's buffer, poisoned, and the poses in it.
+struct Host<'a> {
+    headless: &'a Headless,
+    host: &'a Offscreen<'a>,
+    shared: Shared,
+    poses: HostPoses,
+}
+
+impl<'a> Host<'a> {
+    fn new(host: &'a Offscreen<'a>, headless: &'a Headless, place: (VertexLayout, u64), bytes: u64) -> Self {
+        use vk::{AccessFlags as Access, BufferUsageFlags as Usage, PipelineStageFlags as Stage};
+        let (vertex, offset) = place;
+        let usage = Usage::STORAGE_BUFFER | Usage::VERTEX_BUFFER | Usage::TRANSFER_DST;
+        let shared = host.shared((offset + bytes) as usize + BEHIND, usage).expect("a buffer");
+        let filled = headless.run(|cmd| {
+            let poison = u32::from_ne_bytes([POISON; 4]);
+            // SAFETY: `cmd` is recording; the buffer is alive.
+            unsafe { host.device.cmd_fill_buffer(cmd, shared.buffer, 0, vk::WHOLE_SIZE, poison) };
+            let all = (Stage::ALL_COMMANDS, Access::MEMORY_READ | Access::MEMORY_WRITE);
+            host.barrier(cmd, (Stage::TRANSFER, Access::TRANSFER_WRITE), all);
+            Ok(())
+        });
+        filled.expect("a fill");
+        // SAFETY: it is large enough, lives as long as all crowds here, and nobody else uses it while an update runs.
+        let poses = unsafe { HostPoses::new(shared.buffer, offset, vertex) };
+        Self { headless, host, shared, poses }
+    }
+
+    fn contents(&self) -> Vec<u8> {
+        use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
+        let read = self.headless.run(|cmd| {
+            let all = (Stage::ALL_COMMANDS, Access::MEMORY_READ | Access::MEMORY_WRITE);
+            self.host.barrier(cmd, all, (Stage::HOST, Access::HOST_READ));
+            Ok(())
+        });
+        read.expect("a barrier");
+        self.host.contents(&self.shared)
+    }
+
+    /// What is between streams and around poses is the host's; of `fixed16` groups are written whole.
+    fn assert_guarded(&self, mut bytes: Vec<u8>, mesh: &PackedMesh, pose: PoseFormat, what: &str) {
+        let (vertex, offset) = (self.poses.vertex(), self.poses.offset() as usize);
+        let end = bytes.len() - BEHIND;
+        for of_vertex in bytes[offset..end].chunks_mut(vertex.stride() as usize) {
+            for group in mesh.groups() {
+                for place in &group.layout().streams {
+                    let Some(at) = vertex.offset(place.semantic) else { continue };
+                    let (at, count) = (at as usize, place.semantic.components());
+                    match pose == PoseFormat::Fixed16 {
+                        true => of_vertex[at - 2 * place.first..][..12].fill(POISON),
+                        false => of_vertex[at..][..4 * count].fill(POISON),
+                    }
+                }
+            }
+        }
+        let written = bytes.iter().position(|byte| *byte != POISON);
+        assert_eq!(written, None, "{what}: a byte of the host's was written");
+    }
+}
+
+/// The numbers of a stream of a pose, decoded as a host would.
+fn numbers(bytes: &[u8], view: &StreamView, base: impl Iterator<Item = f32>) -> Vec<u32> {
+    let components = view.components as usize;
+    let size = if view.format == PoseFormat::Fixed16 { 2 } else { 4 };
+    let number = |(i, base): (usize, f32)| {
+        let (vertex, component) = (i / components, i % components);
+        let at = view.offset as usize + vertex * view.stride as usize + component * size;
+        let unit = view.units[component];
+        match view.format {
+            PoseFormat::Fixed16 => base + f32::from(i16::from_ne_bytes(bytes[at..at + 2].try_into().unwrap())) * unit,
+            PoseFormat::Fixed32 => base + i32::from_ne_bytes(bytes[at..at + 4].try_into().unwrap()) as f32 * unit,
+            _ => f32::from_ne_bytes(bytes[at..at + 4].try_into().unwrap()),
+        }
+    };
+    base.enumerate().map(|of| number(of).to_bits()).collect()
+}
+
+/// The streams of a crowd's pose in the host's buffer are those of a crowd with buffers of ours.
+fn assert_equal<C: AnyCrowd + 'static>(
+    mesh: &PackedMesh,
+    (host, bytes, pose_format): (&Host<'_>, &[u8], PoseFormat),
+    ours: &mut HeadlessCrowd<'_, C>,
+    instance: u32,
+    views: impl Fn(Semantic) -> (deltamorph::Result<StreamView>, Option<StreamView>),
+    what: &str,
+) {
+    for (number, group) in mesh.groups().iter().enumerate() {
+        let (pose, previous) = ours.read_group(instance, number).expect("a pose");
+        for place in &group.layout().streams {
+            let what = format!("{what}, {}", place.semantic);
+            let (view, before) = views(place.semantic);
+            let vertex = host.poses.vertex();
+            let is_named = |semantic| vertex.offset(semantic).is_some();
+            // The numbers of `fixed16` stay together.
+            let together =
+                pose_format == PoseFormat::Fixed16 && group.layout().streams.iter().any(|p| is_named(p.semantic));
+            if !is_named(place.semantic) && !together {
+                assert!(view.expect_err("no place").to_string().contains("VertexLayout"), "{what}");
+                continue;
+            }
+            let view = view.expect("a stream");
+            assert_eq!(view.stride, host.poses.vertex().stride(), "{what}");
+            let of = |numbers: &[f32]| -> Vec<f32> {
+                numbers.chunks_exact(6).flat_map(|vertex| vertex[place.components()].to_vec()).collect()
+            };
+            // In the host's buffer, poses are in the order of pose buffers.
+            let in_order = |pose: &[f32]| {
+                let mut packed = group.base().to_vec();
+                for vertex in 0..group.layout().padded_vertices() {
+                    if let Some(user) = group.layout().user_vertex(vertex) {
+                        packed[6 * vertex..][..6].copy_from_slice(&pose[6 * user..][..6]);
+                    }
+                }
+                of(&packed[..6 * group.layout().vertex_count]).iter().map(|x| x.to_bits()).collect::<Vec<_>>()
+            };
+            let base = of(&group.base()[..6 * group.layout().vertex_count]);
+            assert!(numbers(bytes, &view, base.iter().copied()) == in_order(&pose), "{what}");
+            assert_eq!(before.is_some(), previous.is_some(), "{what}: the previous pose");
+            if let (Some(before), Some(previous)) = (before, &previous) {
+                let before = numbers(bytes, &before, base.iter().copied());
+                assert!(before == in_order(previous), "{what}: the previous pose");
+            }
+        }
+    }
+}
+
+/// Devices without texels, whose sums are in another order: with masks for single heads; clamped, without them.
+fn on_devices(test: impl Fn(&Headless)) {
+    for driver in gpu::drivers() {
+        let plain = gpu::limited(gpu::caps(&driver), |caps| caps.int64 = false);
+        for limits in [plain, DeviceCaps::android_baseline()] {
+            gpu::on_device_within(&driver, Some(limits), |headless, _| test(headless));
+        }
+    }
+}
+
+#[test]
+fn poses_in_the_hosts_vertices_are_ours_bit_for_bit_in_the_same_passes() {
+    on_devices(|headless| {
+        let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+        let blocks = |format, pose, slots| (format, UpdateDesc::blocks().pose(pose).slots(slots).tolerance(1e-2));
+        let cases = [
+            (blocks(DeltaFormat::Fast, PoseFormat::Float32, 2), 3, false),
+            (blocks(DeltaFormat::Small, PoseFormat::Float32, 1), 1, false),
+            (blocks(DeltaFormat::BlockFloat32, PoseFormat::Float32, 2), 1, true),
+            (blocks(DeltaFormat::Small, PoseFormat::Float32, 3), 2, true),
+            (blocks(DeltaFormat::Fast, PoseFormat::Fixed32, 2), 3, true),
+            (blocks(DeltaFormat::Pair, PoseFormat::Fixed16, 2), 2, false),
+            (blocks(DeltaFormat::Fast, PoseFormat::Fixed16, 2), 3, true),
+        ];
+        for ((format, update), heads, with_streams) in cases {
+            let mesh = packed(headless, format, with_streams);
+            let layouts = match update.pose {
+                PoseFormat::Fixed16 => vertices_of_halves(with_streams),
+                _ => vertices(with_streams),
+            };
+            for place in layouts {
+                let what = format!("{} {format:?} {update:?} {place:?}", headless.caps().name);
+                let desc = CrowdDesc::new(update).instances(heads);
+                let bytes = place.0.pose_bytes(mesh.layout()) * u64::from(heads * update.slots);
+                let in_host = Host::new(&host, headless, place, bytes);
+                let desc_of_host = desc.poses(Some(in_host.poses));
+                assert_eq!(Crowd::pose_bytes(&mesh, &desc_of_host), bytes);
+                let mut ours = HeadlessCrowd::new(headless, &mesh, &desc).expect(&what);
+                let mut theirs = HeadlessCrowd::new(headless, &mesh, &desc_of_host).expect(&what);
+                for frame in 0..9 {
+                    let what = format!("{what}, frame {frame}");
+                    let asked: Vec<Vec<f32>> =
+                        (0..heads).map(|i| weights(&mesh, frame - u32::from(frame == 6), i)).collect();
+                    let asked: Vec<&[f32]> = asked.iter().map(Vec::as_slice).collect();
+                    let mut steps = vec![];
+                    for crowd in [&mut ours, &mut theirs] {
+                        crowd.set_hidden(heads - 1, heads > 1 && (2..4).contains(&frame)).expect("an instance");
+                        if frame == 5 {
+                            let other = vec![0.5; mesh.layout().targets.len()];
+                            let other = vec![&other[..]; heads as usize];
+                            let (_, lost) = crowd.record(&other).expect("a recording");
+                            crowd.discard(lost.ticket).expect("a ticket");
+                        }
+                        if frame == 7 {
+                            crowd.cut(0).expect("an instance");
+                        }
+                        let mut commands = vec![];
+                        let tamper = |entries: &mut Vec<Entry>| commands.clone_from(entries);
+                        // SAFETY: nothing is changed.
+                        let step = unsafe { HeadlessCrowd::step_tampered(from_mut(crowd), &asked, tamper) };
+                        let (step, _) = step.expect("a step");
+                        steps.push((commands, step.update.stats));
+                    }
+                    assert!(steps[0] == steps[1], "{what}: {steps:?}");
+                    let stored = in_host.contents();
+                    for i in 0..heads {
+                        let views = |semantic| {
+                            let (crowd, none) = (theirs.crowd(), None);
+                            (crowd.stream(i, semantic), crowd.previous_stream(i, semantic).unwrap_or(none))
+                        };
+                        assert_equal(
+                            &mesh,
+                            (&in_host, &stored, update.pose),
+                            &mut ours,
+                            i,
+                            views,
+                            &format!("{what}, instance {i}"),
+                        );
+                    }
+                    in_host.assert_guarded(stored, &mesh, update.pose, &what);
+                }
+            }
+        }
+    });
+}
+
+#[test]
+fn heads_that_play_clips_are_written_into_the_hosts_vertices() {
+    on_devices(|headless| {
+        let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+        for (pose, places) in [
+            (PoseFormat::Fixed32, vertices(true)),
+            (PoseFormat::Fixed16, vertices_of_halves(true)),
+            (PoseFormat::Fixed32, vertices(false)),
+        ] {
+            for place in places {
+                let mesh = packed(headless, DeltaFormat::Fast, place.0.offset(Semantic::Tangent).is_some());
+                let desc = CrowdDesc::new(UpdateDesc::blocks().pose(pose)).instances(3);
+                let bytes = place.0.pose_bytes(mesh.layout()) * 3 * 2;
+                let in_host = Host::new(&host, headless, place, bytes);
+                let clips = [head_clip(&head_desc(), 40, 30.0)];
+                let made = |desc: CrowdDesc| -> HeadlessCrowd<'_, AnimatedCrowd> {
+                    let animation = AnimationDesc::new(&clips);
+                    let mut crowd = HeadlessCrowd::animated(headless, &mesh, &desc, &animation).expect("a crowd");
+                    (0..3).for_each(|i| crowd.play(i, &Playback::new(0).start(f64::from(i) * -0.1)).expect("a clip"));
+                    crowd
+                };
+                let (mut ours, mut theirs) = (made(desc), made(desc.poses(Some(in_host.poses))));
+                for frame in 0..5 {
+                    let what = format!("{} {pose:?} {place:?}, frame {frame}", headless.caps().name);
+                    for crowd in [&mut ours, &mut theirs] {
+                        crowd.set_time(f64::from(frame) / 30.0).expect("a time");
+                        crowd.set_hidden(2, frame == 3).expect("an instance");
+                        crowd.step(&[]).expect("a step");
+                    }
+                    let stored = in_host.contents();
+                    for i in 0..3 {
+                        let views = |semantic| {
+                            let crowd = theirs.crowd();
+                            (crowd.stream(i, semantic), crowd.previous_stream(i, semantic).unwrap_or(None))
+                        };
+                        assert_equal(
+                            &mesh,
+                            (&in_host, &stored, pose),
+                            &mut ours,
+                            i,
+                            views,
+                            &format!("{what}, instance {i}"),
+                        );
+                    }
+                    in_host.assert_guarded(stored, &mesh, pose, &what);
+                }
+            }
+        }
+    });
+}
+
+#[test]
+fn poses_in_the_hosts_vertices_are_decoded() {
+    on_devices(|headless| {
+        let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+        for (pose, place) in [
+            (PoseFormat::Float32, vertices(false)[1]),
+            (PoseFormat::Fixed32, vertices(false)[1]),
+            (PoseFormat::Fixed16, vertices_of_halves(false)[0]),
+        ] {
+            let mesh = packed(headless, DeltaFormat::Fast, false);
+            let bytes = place.0.pose_bytes(mesh.layout()) * 2 * 2;
+            let in_host = Host::new(&host, headless, place, bytes);
+            let desc = CrowdDesc::new(UpdateDesc::blocks().pose(pose)).instances(2).poses(Some(in_host.poses));
+            let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
+            let count = mesh.layout().vertex_count;
+            let target = host.shared(24 * count, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer");
+            let decoded = DecodeTarget::new(target.buffer).stride(24).normals(Some(12));
+            // SAFETY: the buffer is large enough, and lives as long as the crowd; nothing is running.
+            unsafe { crowd.set_decode_target(1, Some(&decoded)) }.expect("a target");
+            for frame in 0..4 {
+                crowd.step(&[&weights(&mesh, frame, 0), &weights(&mesh, frame, 1)]).expect("a step");
+                let bytes = in_host.contents();
+                let found = host.contents::<u32>(&target);
+                for (semantic, first) in [(Semantic::Position, 0), (Semantic::Normal, 3)] {
+                    let view = crowd.crowd().stream(1, semantic).expect("a stream");
+                    let of = |words: &[u32]| -> Vec<u32> {
+                        words.chunks_exact(6).flat_map(|vertex| vertex[first..first + 3].to_vec()).collect()
+                    };
+                    let base: Vec<u32> = mesh.base()[..6 * count].iter().map(|x| x.to_bits()).collect();
+                    let expected = numbers(&bytes, &view, of(&base).into_iter().map(f32::from_bits));
+                    assert!(expected == of(&found), "{pose:?}, frame {frame}, {semantic}");
+                }
+            }
+        }
+    });
+}

@@ -1,0 +1,34 @@
+//! Steps after the pose, and what hosts draw from it.
+
+#[path = "../common/character.rs"]
+mod character;
+#[path = "../common/data.rs"]
+mod data;
+#[allow(dead_code, reason = "its `main` writes a file")]
+#[path = "../../examples/draw/main.rs"]
+mod draw;
+#[allow(dead_code, reason = "this program writes less than the tests of the reader do")]
+#[path = "../../src/import/gltf/tests/written.rs"]
+mod file;
+#[path = "../common/gpu.rs"]
+mod gpu;
+#[path = "../common/joints.rs"]
+mod joints;
+#[path = "../common/numbers.rs"]
+mod numbers;
+#[path = "../common/skinned.rs"]
+mod skinned;
+#[path = "../common/step.rs"]
+mod step;
+#[path = "../common/written.rs"]
+mod written;
+
+mod bounds;
+mod decode;
+mod gltf_skin;
+mod host_vertices;
+mod normals;
+mod pictures;
+mod skin;
+
+use draw::offscreen;

@@ -1,0 +1,185 @@
+//! Pictures that a host draws from integer poses, with nothing but vertex attributes and `glsl/host/pose.glsl`: those of
+//! float32 poses.
+
+use crate::offscreen::Offscreen;
+use crate::{draw, gpu};
+use deltamorph::ash::vk;
+use deltamorph::headless::HeadlessCrowd;
+use deltamorph::import::sample::{HeadDesc, head, head_clip};
+use deltamorph::{CrowdDesc, DeltaFormat, POSE_FLOATS, PoseFormat, Semantic, Tolerance, UpdateDesc, testing};
+
+/// Pixels of an edge, of what is compared.
+const EDGE: usize = 256;
+/// Samples of a pixel, across and down. An edge of the head that moves by less than a pixel moves the share of samples that
+/// show it: with one sample, a pixel would show either what is before it or what is behind.
+const SAMPLES: usize = 16;
+
+/// Red, green and blue from 0 to 255, averaged over the samples of each pixel.
+fn averaged(picture: &[draw::Pixel]) -> Vec<u8> {
+    let mut sums = vec![[0u32; 3]; EDGE * EDGE];
+    for (i, sample) in picture.iter().enumerate() {
+        let (x, y) = (i % (EDGE * SAMPLES) / SAMPLES, i / (EDGE * SAMPLES * SAMPLES));
+        (0..3).for_each(|c| sums[y * EDGE + x][c] += u32::from(sample[c]));
+    }
+    let samples = (SAMPLES * SAMPLES) as u32;
+    sums.into_iter().flatten().map(|sum| ((sum + samples / 2) / samples) as u8).collect()
+}
+
+/// How far two pictures differ anywhere.
+fn largest_difference(a: &[u8], b: &[u8]) -> u8 {
+    a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)).max().expect("pixels")
+}
+
+/// Where two pictures differ by more than rounding.
+fn differences(a: &[u8], b: &[u8]) -> usize {
+    a.iter().zip(b).filter(|(a, b)| a.abs_diff(**b) > 1).count()
+}
+
+#[test]
+fn pictures_from_integer_poses_are_those_from_float32_poses() {
+    let clip = head_clip(&HeadDesc::default(), 60, 30.0);
+    let frame = |at: usize| clip.values[at * clip.names.len()..][..clip.names.len()].to_vec();
+    // Expressions of the clip, all targets a little, and weights that differ by little from the first's.
+    let mut frames = vec![frame(18), frame(45), vec![0.1; clip.names.len()]];
+    frames.push(frames[0].iter().map(|weight| weight * 0.9).collect());
+    for driver in gpu::drivers() {
+        gpu::on_device(&driver, false, |headless, _| {
+            let draw = |format| {
+                let pictures = draw::pictures(headless, format, &frames, (EDGE * SAMPLES) as u32).expect("pictures");
+                pictures.iter().map(|picture| averaged(picture)).collect::<Vec<_>>()
+            };
+            let expected = draw(PoseFormat::Float32);
+            // Which pictures can tell.
+            let shown = expected[0].iter().collect::<std::collections::BTreeSet<_>>().len();
+            let changed = differences(&expected[0], &expected[3]);
+            assert!(shown > 100 && 1_000 * changed > expected[0].len(), "{driver}: {shown} shades, {changed} changed");
+            for format in PoseFormat::ALL.into_iter().filter(|format| format.has_integers()) {
+                for (i, (picture, expected)) in draw(format).iter().zip(&expected).enumerate() {
+                    let most = largest_difference(picture, expected);
+                    let off = differences(picture, expected);
+                    println!("{driver} {format:?} picture {i}: {most}, more than 1 at {off} of {}", expected.len());
+                    // Lids touch eyeballs, and lips each other: in a sample, either may be in front.
+                    let few = most <= 4 && off * 10_000 <= expected.len();
+                    assert!(few, "{driver} {format:?}: picture {i} differs by {most} in 255, more than 1 at {off}");
+                }
+            }
+        });
+    }
+}
+
+/// A head from poses at locations from 3 on: the pose, or the previous one.
+const VERTEX: &str = "
+    layout(push_constant) uniform Push { vec2 units; };
+    layout(location = 0) out vec3 normal;
+    void main() {
+    #ifdef POSE_PREVIOUS
+        gl_Position = vec4(previous_position(units) * vec3(0.06, -0.06, 0.03) + vec3(0, 0, 0.5), 1.0);
+        normal = previous_normal(units) + 0.0 * pose_normal(units);
+    #else
+        gl_Position = vec4(pose_position(units) * vec3(0.06, -0.06, 0.03) + vec3(0, 0, 0.5), 1.0);
+        normal = pose_normal(units);
+    #endif
+    }";
+const FRAGMENT: &str = "#version 450
+    layout(location = 0) in vec3 normal;
+    layout(location = 0) out vec4 pixel;
+    void main() { pixel = vec4(0.5 + 0.5 * normalize(normal), 1.0); }";
+
+#[test]
+fn the_previous_pose_is_drawn_from_attributes_of_its_own() {
+    let desc = HeadDesc::default().vertices(900).targets(37);
+    let mesh = head(&desc).to_mesh(Tolerance::default()).expect("a mesh");
+    let edge = 128;
+    for driver in gpu::drivers() {
+        gpu::on_device(&driver, false, |headless, engine| {
+            for format in PoseFormat::ALL {
+                let packed = gpu::packed(engine, &mesh, DeltaFormat::Fast);
+                let update = CrowdDesc::new(UpdateDesc::blocks().pose(format));
+                let mut crowd = HeadlessCrowd::new(headless, &packed, &update).expect("a crowd");
+                let host = Offscreen::new(headless, edge, vk::Format::R8G8B8A8_UNORM).expect("an image");
+                let mut triangles = head(&desc).faces.triangles().concat();
+                packed.layout().remap_indices(&mut triangles).expect("indices of the mesh");
+                let indices = host.filled(&triangles).expect("a buffer");
+                let bytes = (edge * edge) as usize * size_of::<draw::Pixel>();
+                let pixels = host.shared(bytes, vk::BufferUsageFlags::TRANSFER_DST).expect("a buffer");
+                let pipeline = |previous: bool| {
+                    let defines = format!("#version 450\n#define POSE_{}\n", format.name().to_uppercase());
+                    let defines =
+                        defines + "#define POSE_LOCATION 3\n" + if previous { "#define POSE_PREVIOUS\n" } else { "" };
+                    let vertex = defines + include_str!("../../glsl/host/pose.glsl") + VERTEX;
+                    let (bindings, mut attributes) = format.vertex_input(previous);
+                    attributes.iter_mut().for_each(|attribute| attribute.location += 3);
+                    host.pipeline([&vertex, FRAGMENT], &(bindings, attributes), 8).expect("a pipeline")
+                };
+                let draw = |crowd: &HeadlessCrowd<'_>, (pipeline, layout), previous| {
+                    let pose = crowd.crowd().pose(0).expect("a pose");
+                    let before = crowd.crowd().previous_pose(0).expect("a pose").expect("two slots");
+                    let base = format.has_integers().then(|| crowd.mesh().base_pose());
+                    let bound = [Some(pose), base, Some(before).filter(|_| previous)];
+                    let (buffers, offsets): (Vec<_>, Vec<_>) =
+                        bound.into_iter().flatten().map(|view| (view.buffer, view.offset)).unzip();
+                    let drawn = headless.run(|cmd| {
+                        // SAFETY: `cmd` is in a render pass; all that is bound is alive, and what the pipeline reads.
+                        host.record(cmd, [0.0; 4], &pixels, || unsafe {
+                            let push = pose.units.map(f32::to_ne_bytes).concat();
+                            host.device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, pipeline);
+                            host.device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::VERTEX, 0, &push);
+                            host.device.cmd_bind_vertex_buffers(cmd, 0, &buffers, &offsets);
+                            host.device.cmd_bind_index_buffer(cmd, indices, 0, vk::IndexType::UINT32);
+                            host.device.cmd_draw_indexed(cmd, triangles.len() as u32, 1, 0, 0, 0);
+                        });
+                        Ok(())
+                    });
+                    drawn.expect("a draw");
+                    host.contents::<draw::Pixel>(&pixels)
+                };
+                let (now, before) = (pipeline(false), pipeline(true));
+                crowd.step(&[&[0.3; 37]]).expect("a step");
+                let first = draw(&crowd, now, false);
+                crowd.step(&[&[0.6; 37]]).expect("a step");
+                let second = draw(&crowd, now, false);
+                let shown = second.iter().filter(|pixel| pixel[3] > 0).count();
+                assert!(shown > 1000 && first != second, "{driver} {format:?}: {shown} pixels");
+                assert!(draw(&crowd, before, true) == first, "{driver} {format:?}");
+            }
+        });
+    }
+}
+
+#[test]
+fn views_say_what_streams_of_integer_poses_are() {
+    gpu::on_every_device(|headless, engine| {
+        let mesh = testing::with_streams(testing::mesh(300, 20));
+        let packed = gpu::packed(engine, &mesh, DeltaFormat::Fast);
+        let update = CrowdDesc::new(UpdateDesc::blocks().pose(PoseFormat::Fixed16));
+        let mut crowd = HeadlessCrowd::new(headless, &packed, &update).expect("a crowd");
+        crowd.step(&[&[0.5; 20]]).expect("a step");
+        let (pose, base) = (crowd.crowd().pose(0).expect("a pose"), crowd.mesh().base_pose());
+        assert_eq!((pose.stride, base.stride, base.format, base.units), (12, 24, PoseFormat::Float32, [1.0; 2]));
+        assert!(base.offset % 4 == 0 && base.size == packed.layout().base_bytes());
+        for (group, stored) in packed.groups().iter().zip(0..) {
+            let stored = crowd.read_stored(0, stored).expect("a pose");
+            let first = crowd.crowd().stream(0, group.layout().streams[0].semantic).expect("a stream");
+            let units =
+                group.layout().blocks.as_ref().expect("blocks").grid(PoseFormat::Fixed16, None).expect("a grid").units;
+            let integers = PoseFormat::Fixed16.integers(&stored);
+            for place in &group.layout().streams {
+                let view = crowd.crowd().stream(0, place.semantic).expect("a stream");
+                assert_eq!((view.format, view.stride, view.buffer), (PoseFormat::Fixed16, 12, first.buffer));
+                let expected = place.components().map(|component| units[component / 3]);
+                assert!(view.units[..view.components as usize].iter().copied().eq(expected), "{view:?}");
+                // The components of vertex 7, as a host would read them.
+                let at = (view.offset - first.offset) as usize + 7 * view.stride as usize;
+                let read = stored[at..][..2 * view.components as usize].chunks(2);
+                let read = read.map(|bytes| i32::from(i16::from_ne_bytes([bytes[0], bytes[1]])));
+                assert!(read.eq(place.components().map(|component| integers[7 * POSE_FLOATS + component])));
+                let base = crowd.mesh().base_stream(place.semantic).expect("a stream");
+                assert_eq!((base.format, base.stride, base.components), (PoseFormat::Float32, 24, view.components));
+            }
+        }
+        let normal = crowd.mesh().base_stream(Semantic::Normal).expect("a stream");
+        assert_eq!((normal.buffer, normal.offset), (base.buffer, base.offset + 12));
+        let text = crowd.mesh().base_stream(Semantic::Color(7)).expect_err("no such stream").to_string();
+        assert!(text.contains("'color 7'") && text.contains("position, normal"), "{text}");
+    });
+}

@@ -1,0 +1,286 @@
+//! Animation on the GPU: weights, plans and poses against the CPU reference, bit for bit.
+
+use crate::data;
+use crate::gpu;
+use crate::scene::{FIXED, Scene, blocks, clips, crowd, fixed, packed, packed_streams};
+use deltamorph::headless::{Headless, HeadlessCrowd};
+use deltamorph::import::{csv, obj};
+use deltamorph::{
+    AnimationDesc, CrowdDesc, DeltaFormat, KeyFormat, PackDesc, PackedMesh, Playback, PoseFormat, Repeat, Tolerance,
+    UpdateMode, WeightClip, testing,
+};
+use std::sync::Arc;
+
+/// Numbers below `n`, the same everywhere.
+fn dice(state: &mut u32, n: u32) -> u32 {
+    *state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+    (*state >> 16) % n
+}
+
+fn some_playback(state: &mut u32, now: f64) -> Playback {
+    let speeds = [1.0, 0.5, -1.0, 3.0, 0.0, -0.25];
+    Playback::new(dice(state, 3))
+        .start(now + f64::from(dice(state, 20)) / 10.0 - 1.5)
+        .speed(speeds[dice(state, 6) as usize])
+        .repeat(if dice(state, 2) == 0 { Repeat::Loop } else { Repeat::Once })
+}
+
+/// Heads that play, are hidden, shown and cut at random. How many blocks were rebuilt, added to, and only caught up.
+fn play_around(
+    headless: &Headless,
+    mesh: &Arc<PackedMesh>,
+    desc: CrowdDesc,
+    keys: KeyFormat,
+    frames: u32,
+) -> [usize; 3] {
+    let (clips, mut seen) = (clips(), [0; 3]);
+    let mut scene = Scene::new(headless, mesh, desc, &AnimationDesc::new(&clips).key_format(keys));
+    let mut state = desc.instances * 31 + desc.update.slots;
+    for frame in 0..frames {
+        let now = f64::from(frame) / 24.0;
+        for instance in scene.instances() {
+            if dice(&mut state, if frame == 0 { 2 } else { 12 }) == 0 {
+                scene.play(instance, some_playback(&mut state, now));
+            }
+            if dice(&mut state, 8) == 0 {
+                scene.hide(instance, !scene.is_hidden(instance));
+            }
+        }
+        // Now and then an update is lost, or two run at once.
+        if dice(&mut state, 5) == 0 {
+            scene.drop_one(now + 0.3);
+        }
+        if dice(&mut state, 5) == 0 {
+            scene.step_together(&[now, now + 0.02]);
+            continue;
+        }
+        for (from_base, _, _, elements) in scene.step(now).0.values() {
+            seen[if *from_base { 0 } else { 1 + usize::from(elements.is_empty()) }] += 1;
+        }
+        if frame % 4 == 3 {
+            let shown: Vec<u32> = scene.instances().filter(|&i| !scene.is_hidden(i)).collect();
+            shown.iter().step_by(1 + shown.len() / 5).for_each(|&instance| scene.assert_fresh(instance));
+        }
+    }
+    seen
+}
+
+#[test]
+fn the_gpu_plans_as_the_cpu_does() {
+    gpu::on_every_device(|headless, _| {
+        let formats =
+            [(DeltaFormat::Fast, 64), (DeltaFormat::Small, 32), (DeltaFormat::Small, 128), (DeltaFormat::Pair, 64)];
+        for (i, instances) in [1, 7, 8, 9, 33].into_iter().enumerate() {
+            let (format, size) = formats[i % 4];
+            let mesh = packed(format, size);
+            for slots in 1..4 {
+                let pose = FIXED[(i + slots as usize) % 2];
+                let mode =
+                    if (i as u32 + slots).is_multiple_of(4) { UpdateMode::Rebuild } else { UpdateMode::Incremental };
+                let keys = if slots == 2 { KeyFormat::Bits16 } else { KeyFormat::Bits32 };
+                let desc = crowd(instances, fixed(pose, slots).mode(mode));
+                let [rebuilt, added, caught_up] = play_around(headless, &mesh, desc, keys, 16);
+                assert!(rebuilt > 0 && (mode == UpdateMode::Rebuild || instances < 7 || added > 0), "{desc:?}");
+                assert!(slots == 1 || caught_up > 0, "{desc:?}");
+            }
+        }
+    });
+}
+
+/// All groups of a mesh follow one animation: sampled and decided once, planned and updated group by group.
+#[test]
+fn every_stream_is_animated() {
+    gpu::on_every_device(|headless, _| {
+        for (format, size, slots, budget) in
+            [(DeltaFormat::Fast, 64, 2, 0.0), (DeltaFormat::Small, 32, 3, 0.0), (DeltaFormat::Small, 64, 1, 1e-3)]
+        {
+            let mesh = packed_streams(format, size);
+            for (instances, pose) in [(1, FIXED[0]), (9, FIXED[1]), (20, FIXED[0]), (20, FIXED[1])] {
+                let update = fixed(pose, slots).error_budget(budget * mesh.layout().diagonal);
+                let steps = mesh.groups().iter().map(|group| update.grid(group.layout()).expect("a grid"));
+                let steps: Vec<f32> = steps.map(|grid| grid.expect("integers").weight_step()).collect();
+                assert!(steps.iter().all(|step| *step == steps[0]), "weights have one grid: {steps:?}");
+                let [rebuilt, ..] = play_around(headless, &mesh, crowd(instances, update), KeyFormat::Bits32, 16);
+                assert!(rebuilt > 0, "{update:?}");
+            }
+        }
+    });
+}
+
+/// With an error budget, the GPU defers the changes that the CPU defers, and no vertex is further off than the budget.
+#[test]
+fn small_changes_are_deferred_as_on_the_cpu() {
+    gpu::on_every_device(|headless, _| {
+        for (format, size, slots, pose) in [
+            (DeltaFormat::Fast, 64, 2, FIXED[0]),
+            (DeltaFormat::Fast, 64, 3, FIXED[1]),
+            (DeltaFormat::Small, 32, 1, FIXED[1]),
+        ] {
+            let mesh = packed(format, size);
+            let diagonal = mesh.layout().diagonal;
+            let written = [0.0, 1e-3, 2e-2].map(|budget| {
+                let update = fixed(pose, slots).error_budget(budget * diagonal);
+                let [rebuilt, added, _] = play_around(headless, &mesh, crowd(9, update), KeyFormat::Bits32, 24);
+                rebuilt + added
+            });
+            assert!(written[0] > written[1] && written[1] > written[2], "{written:?}");
+        }
+    });
+}
+
+/// Nine heads play a captured clip, each at a place and a speed of its own.
+fn captured(set: &str, clip: &str, format: DeltaFormat, pose: PoseFormat, keys: KeyFormat) {
+    let Some(folder) = data::set(set) else { return };
+    let mesh = obj::import_folder(&folder).expect("a folder").to_mesh(Tolerance::default()).expect("a mesh");
+    let mesh = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format)).expect("a mesh that packs"));
+    let clips = [csv::read(&folder.join("weights").join(clip), None).expect("a clip")];
+    gpu::on_device("llvmpipe", false, |headless, _| {
+        let animation = AnimationDesc::new(&clips).key_format(keys);
+        let mut scene = Scene::new(headless, &mesh, crowd(9, fixed(pose, 2)), &animation);
+        for i in 0..9 {
+            let (start, speed) = (-f64::from(i) * 1.7, if i < 3 { 1.0 } else { 0.4 + f64::from(i) / 6.0 });
+            scene.play(i, Playback::new(0).start(start).speed(speed));
+        }
+        let mut written = 0;
+        for frame in 0..120 {
+            written += scene.step(f64::from(frame) / 30.0).0.len();
+            if frame % 40 == 39 {
+                [0, 4, 8].into_iter().for_each(|i| scene.assert_fresh(i));
+            }
+        }
+        let share = written as f64 / f64::from(9 * 120) / blocks(&mesh) as f64;
+        println!("{set}/{clip} {format:?}: {:.0}% of the blocks are written", share * 100.0);
+        assert!(share > 0.01 && share < 1.0);
+    });
+}
+
+#[test]
+fn captured_clips_are_planned_alike() {
+    captured("facecap_head_glb", "facecap_30fps.csv", DeltaFormat::Small, PoseFormat::Fixed32, KeyFormat::Bits32);
+    captured("ict_facekit", "facecap_30fps.csv", DeltaFormat::Fast, PoseFormat::Fixed16, KeyFormat::Bits16);
+    captured(
+        "ict_facekit",
+        "facegood_2_01_mapped_30fps.csv",
+        DeltaFormat::Small,
+        PoseFormat::Fixed16,
+        KeyFormat::Bits32,
+    );
+}
+
+/// Groups and dispatches are split where the device's limits require it.
+#[test]
+fn small_limits_split_the_crowd() {
+    let mesh = packed(DeltaFormat::Fast, 32);
+    // Sixteen instances in two slots, or a little more; four items in a dispatch.
+    let range = 2 * 17 * mesh.layout().base_bytes();
+    let limits = gpu::baseline(|caps| (caps.max_storage_range, caps.max_workgroups) = (range, 4));
+    for (driver, limits) in gpu::with_and_without_texels(&limits) {
+        let texels = limits.int64 && driver == "llvmpipe";
+        gpu::on_device_within(&driver, Some(limits), |headless, _| {
+            assert_eq!(headless.caps().takes_texels(DeltaFormat::Fast), texels, "{driver}");
+            for pose in FIXED {
+                play_around(headless, &mesh, crowd(45, fixed(pose, 2)), KeyFormat::Bits32, 10);
+            }
+        });
+    }
+    let small = gpu::limited(limits, |caps| caps.max_storage_range = 20_000);
+    gpu::on_device_within("llvmpipe", Some(small), |headless, _| {
+        let clips = clips();
+        let animation = AnimationDesc::new(&clips);
+        let refused = HeadlessCrowd::animated(headless, &mesh, &crowd(9, fixed(PoseFormat::Fixed16, 2)), &animation);
+        let text = refused.err().expect("refused").to_string();
+        assert!(text.contains("bytes") && text.contains("allows 20000"), "{text}");
+    });
+}
+
+/// Devices whose kernels take fewer instances at once.
+#[test]
+fn narrow_tiles_give_the_same_poses() {
+    let mesh = packed(DeltaFormat::Small, 32);
+    for (widest_tile, pose) in [1, 4].into_iter().zip(FIXED) {
+        let limits = gpu::baseline(|caps| caps.tuning.widest_tile = widest_tile);
+        gpu::on_device_within("llvmpipe", Some(limits), |headless, _| {
+            assert_eq!(headless.caps().tuning.widest_tile, widest_tile);
+            play_around(headless, &mesh, crowd(21, fixed(pose, 2)), KeyFormat::Bits32, 6);
+        });
+    }
+}
+
+/// More heads than one command sends the records of, and more invocations than workgroups in a row.
+#[test]
+fn thousands_of_heads_start_at_once() {
+    let mesh = packed(DeltaFormat::Small, 128);
+    let limits = gpu::baseline(|caps| caps.max_workgroups = 60);
+    gpu::on_device_within("llvmpipe", Some(limits), |headless, _| {
+        let clips = clips();
+        let animation = AnimationDesc::new(&clips).key_format(KeyFormat::Bits16);
+        let mut scene = Scene::new(headless, &mesh, crowd(2100, fixed(PoseFormat::Fixed16, 1)), &animation);
+        let mut state = 5;
+        for instance in scene.instances() {
+            scene.play(instance, some_playback(&mut state, 0.0));
+        }
+        scene.step(0.0);
+        scene.step(0.7);
+        [0, 2047, 2048, 2099].into_iter().for_each(|instance| scene.assert_fresh(instance));
+    });
+}
+
+/// The least there is: a mesh of one block, no head that is shown, no head at all.
+#[test]
+fn one_block_and_no_head_that_is_shown() {
+    let mesh = PackedMesh::pack(&testing::mesh(7, 4), &PackDesc::new(DeltaFormat::Fast)).expect("a mesh");
+    assert_eq!(blocks(&mesh), 1);
+    let (mesh, names) = (Arc::new(mesh), (0..4).map(|t| format!("target_{t}")).collect());
+    let values = (0..12).map(|i| i as f32 / 12.0).collect();
+    let clips = [WeightClip { name: "clip".into(), names, fps: 10.0, values }];
+    gpu::on_every_device(|headless, _| {
+        for instances in [1, 3] {
+            let desc = crowd(instances, fixed(PoseFormat::Fixed16, 2));
+            let mut scene = Scene::new(headless, &mesh, desc, &AnimationDesc::new(&clips));
+            let set_hidden = |scene: &mut Scene, hidden| scene.instances().for_each(|i| scene.hide(i, hidden));
+            set_hidden(&mut scene, true);
+            assert!(scene.step(0.0).0.is_empty() && scene.crowd.read_pose(0).is_err());
+            set_hidden(&mut scene, false);
+            scene.instances().for_each(|i| scene.play(i, Playback::new(0)));
+            assert_eq!(scene.step(0.05).0.len(), instances as usize);
+            scene.instances().for_each(|i| scene.assert_fresh(i));
+            let pose = scene.crowd.read_stored(0, 0).expect("a pose");
+            set_hidden(&mut scene, true);
+            assert!(scene.step(0.15).0.is_empty() && scene.step(0.16).0.is_empty());
+            assert!(pose == scene.crowd.read_stored(0, 0).expect("a pose"), "a hidden head keeps its pose");
+            scene.instances().for_each(|i| scene.remove(i));
+            assert!(scene.step(0.2).0.is_empty());
+            let added = scene.add();
+            assert_eq!(scene.step(0.25).0.len(), 1);
+            scene.assert_fresh(added);
+        }
+    });
+}
+
+/// What is recorded depends on the slots, and on whether anything is played anew: not on what changes.
+#[test]
+fn the_same_is_recorded_whatever_changes_and_an_idle_crowd_is_no_work() {
+    let mesh = packed(DeltaFormat::Fast, 64);
+    gpu::on_every_device(|headless, _| {
+        let clips = clips();
+        let animation = AnimationDesc::new(&clips);
+        let mut scene = Scene::new(headless, &mesh, crowd(9, fixed(PoseFormat::Fixed16, 2)), &animation);
+        let (first, still) = scene.step(0.0);
+        let (second, _) = scene.step(0.0);
+        assert_eq!((first.len(), second.len()), (9 * blocks(&mesh), 9 * blocks(&mesh)), "both slots are filled");
+        let (idle, idle_again) = (scene.step(0.0), scene.step(0.1));
+        assert!(idle.0.is_empty() && idle_again.0.is_empty(), "nothing plays");
+        assert_eq!(idle.1, still);
+        for instance in 0..9 {
+            scene.play(instance, Playback::new(1));
+        }
+        let (_, with_records) = scene.step(1.0);
+        assert_eq!(with_records.len(), still.len() + 3);
+        let (busy, commands) = scene.step(1.1);
+        let changed = busy.values().filter(|work| !work.3.is_empty()).count();
+        assert!(changed > 4 * blocks(&mesh), "{changed} blocks");
+        assert_eq!(scene.step(1.2).1.len(), commands.len());
+        assert_eq!(scene.step(1.3).1, commands);
+        assert_eq!(commands.len(), still.len());
+    });
+}

@@ -1,0 +1,223 @@
+//! Heads that are animated on the GPU: time, slots, coming and going, misuse, and planted faults.
+
+use crate::gpu;
+use crate::scene::{FIXED, Scene, clips, crowd, fixed, head_desc, packed};
+use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
+use deltamorph::internals::plan::schedule::Entry;
+use deltamorph::internals::plan::steps::{Access, Scope};
+use deltamorph::{
+    AnimationDesc, BatchSize, DeltaFormat, PackedMesh, Playback, PoseFormat, Repeat, UpdateDesc, UpdatePath,
+};
+use std::slice::from_mut;
+use std::sync::Arc;
+
+/// Days of playing: records are started anew, and nobody sees it.
+#[test]
+fn the_clock_may_run_for_days() {
+    let mesh = packed(DeltaFormat::Small, 64);
+    gpu::on_device("llvmpipe", false, |headless, _| {
+        let clips = clips();
+        let animation = AnimationDesc::new(&clips);
+        let mut scene = Scene::new(headless, &mesh, crowd(3, fixed(PoseFormat::Fixed16, 2)), &animation);
+        scene.play(0, Playback::new(0));
+        scene.play(1, Playback::new(1).speed(-1.7));
+        scene.play(2, Playback::new(0).repeat(Repeat::Once).start(16_000.0).speed(0.01));
+        for hours in [0.0, 4.4, 4.6, 9.0, 18.3, 40.0, 200.0] {
+            for later in [0.0, 0.5] {
+                scene.step(hours * 3600.0 + later);
+                (0..3).for_each(|instance| scene.assert_fresh(instance));
+            }
+        }
+    });
+}
+
+/// Two heads that play the clip in which all weights change.
+fn two_heads<'a>(headless: &'a Headless, mesh: &Arc<PackedMesh>, update: UpdateDesc) -> Scene<'a> {
+    let clips = clips();
+    let animation = AnimationDesc::new(&clips);
+    let mut scene = Scene::new(headless, mesh, crowd(2, update), &animation);
+    (0..2).for_each(|i| scene.play(i, Playback::new(1)));
+    scene
+}
+
+#[test]
+fn poses_and_previous_poses_follow_the_slots() {
+    let mesh = packed(DeltaFormat::Fast, 64);
+    gpu::on_every_device(|headless, _| {
+        for (slots, pose) in (1..4).flat_map(|slots| FIXED.map(|pose| (slots, pose))) {
+            let mut scene = two_heads(headless, &mesh, fixed(pose, slots));
+            let text = scene.crowd.crowd().pose(0).unwrap_err().to_string();
+            assert!(text.contains("record an update first"), "{text}");
+            let mut before: Option<Vec<f32>> = None;
+            let mut frozen = vec![];
+            for frame in 0..12 {
+                match frame {
+                    4 => scene.crowd.cut(0).expect("an instance"),
+                    5 => {
+                        frozen = scene.crowd.read_pose(1).expect("a pose");
+                        scene.hide(1, true);
+                    }
+                    9 => scene.hide(1, false),
+                    _ => {}
+                }
+                if frame == 6 {
+                    scene.drop_one(100.0);
+                    assert_eq!(Some(scene.crowd.read_pose(0).expect("a pose")), before, "the last that ran");
+                }
+                scene.step(f64::from(frame) / 7.0);
+                let pose = scene.crowd.read_pose(0).expect("a pose");
+                let previous = scene.crowd.read_previous_pose(0).expect("a pose");
+                let expected = match (frame, slots) {
+                    (0 | 4, _) => Some(&pose),
+                    (_, 1) => None,
+                    _ => before.as_ref(),
+                };
+                assert!(previous.as_ref() == expected, "{slots} slots, frame {frame}");
+                before = Some(pose);
+                if (5..=9).contains(&frame) {
+                    let pose = scene.crowd.crowd().pose(1).expect("a pose");
+                    let previous = scene.crowd.crowd().previous_pose(1).expect("a pose");
+                    assert_eq!(Some(pose), previous, "hidden, or just shown");
+                }
+                if (5..9).contains(&frame) {
+                    assert!(scene.crowd.read_pose(1).expect("a pose") == frozen, "a hidden head's pose stays");
+                }
+            }
+            (0..2).for_each(|instance| scene.assert_fresh(instance));
+        }
+    });
+}
+
+/// A head that is hidden, or shown, by an update that never runs has the pose that it had.
+#[test]
+fn a_discarded_update_takes_no_pose_away() {
+    let mesh = packed(DeltaFormat::Small, 64);
+    gpu::on_every_device(|headless, _| {
+        for (slots, pose) in (1..4).flat_map(|slots| FIXED.map(|pose| (slots, pose))) {
+            let mut scene = two_heads(headless, &mesh, fixed(pose, slots));
+            scene.step(0.0);
+            scene.step(0.1);
+            let pose = scene.crowd.read_pose(1).expect("a pose");
+            for (frame, hidden) in [true, false, true].into_iter().enumerate() {
+                scene.hide(1, hidden);
+                scene.drop_one(5.0);
+                assert!(scene.crowd.read_pose(1).expect("a pose") == pose, "{slots} slots, hidden: {hidden}, dropped");
+                if hidden {
+                    scene.step(0.2 + frame as f64);
+                    assert!(scene.crowd.read_pose(1).expect("a pose") == pose, "{slots} slots, hidden");
+                }
+            }
+            scene.hide(1, false);
+            scene.step(4.0);
+            scene.assert_fresh(1);
+        }
+    });
+}
+
+#[test]
+fn heads_come_and_go() {
+    let mesh = packed(DeltaFormat::Small, 32);
+    gpu::on_every_device(|headless, _| {
+        let clips = clips();
+        let animation = AnimationDesc::new(&clips);
+        let mut scene = Scene::new(headless, &mesh, crowd(10, fixed(PoseFormat::Fixed16, 3)), &animation);
+        scene.instances().for_each(|i| scene.play(i, Playback::new(0).speed(1.0 + f64::from(i) / 9.0)));
+        (0..3).for_each(|frame| drop(scene.step(f64::from(frame) / 10.0)));
+        scene.remove(4);
+        scene.remove(9);
+        let text = scene.crowd.crowd().pose(4).unwrap_err().to_string();
+        assert!(text.contains("instance 4 was removed"), "{text}");
+        assert!(scene.crowd.play(4, &Playback::new(0)).is_err());
+        let (plan, _) = scene.step(0.4);
+        assert!(plan.keys().all(|(instance, _)| ![4, 9].contains(instance)));
+        // One comes back before the next update, one after.
+        assert_eq!(scene.add(), 4);
+        let text = scene.crowd.crowd().pose(4).unwrap_err().to_string();
+        assert!(text.contains("no pose yet"), "{text}");
+        scene.step(0.5);
+        scene.assert_fresh(4);
+        let pose = scene.crowd.read_pose(4).expect("a pose");
+        assert_eq!(scene.crowd.read_previous_pose(4).expect("a pose").as_ref(), Some(&pose));
+        assert_eq!(scene.add(), 9);
+        scene.remove(2);
+        assert_eq!(scene.add(), 2);
+        scene.play(9, Playback::new(1));
+        for frame in 6..10 {
+            scene.step(f64::from(frame) / 10.0);
+            scene.instances().for_each(|instance| scene.assert_fresh(instance));
+        }
+        assert!(scene.crowd.add().unwrap_err().to_string().contains("all taken"));
+    });
+}
+
+#[test]
+fn misuse_is_an_error_that_says_what_to_do() {
+    let mesh = packed(DeltaFormat::Small, 64);
+    gpu::on_device("llvmpipe", false, |headless, _| {
+        let clips = clips();
+        let animation = AnimationDesc::new(&clips);
+        let refuse = |update: UpdateDesc, words: &str| {
+            let text = HeadlessCrowd::animated(headless, &mesh, &crowd(2, update), &animation).err().expect("refused");
+            assert!(text.to_string().contains(words), "{text}");
+        };
+        refuse(UpdateDesc::blocks(), "use PoseFormat::Fixed16 or Fixed32");
+        refuse(fixed(PoseFormat::Fixed16, 40), "at most 32");
+        refuse(UpdateDesc::new(UpdatePath::Compute, BatchSize::All), "pack the mesh as");
+        let mut animated =
+            HeadlessCrowd::animated(headless, &mesh, &crowd(2, fixed(PoseFormat::Fixed16, 2)), &animation)
+                .expect("a crowd");
+        let weights = vec![0.0; head_desc().targets];
+        for (result, words) in [
+            (animated.step(&[&weights]).map(drop), "play a clip"),
+            (animated.play(2, &Playback::new(0)), "instance 2 of a crowd of 2"),
+            (animated.play(0, &Playback::new(3)), "clip 3 of 3"),
+            (animated.set_time(f64::NAN), "second NaN"),
+        ] {
+            let text = result.unwrap_err().to_string();
+            assert!(text.contains(words), "{text}");
+        }
+        let clips = animated.crowd().clips();
+        assert_eq!((clips.count(), clips.frames(1)), (3, Some(5)));
+        assert_eq!((clips.frames(3), clips.fps(3), clips.rounding(3)), (None, None, None));
+    });
+}
+
+/// Synchronization validation sees a barrier that is left out in the real command buffer (those within an update: it does
+/// not look across submissions).
+#[test]
+fn validation_sees_a_dropped_barrier() {
+    let mesh = packed(DeltaFormat::Small, 64);
+    let clips = clips();
+    let animation = AnimationDesc::new(&clips);
+    // Behind the records, between two kernels, before the indirect dispatches.
+    let wanted: [fn(&Scope, &Scope) -> bool; 3] = [
+        |before, _| before.has_access(Access::TransferWrite),
+        |before, after| before.has_access(Access::ShaderWrite) && after.has_access(Access::ShaderRead),
+        |_, after| after.has_access(Access::IndirectRead),
+    ];
+    for (which, wanted) in wanted.iter().enumerate() {
+        let device = DeviceChoice::Name("llvmpipe".into());
+        let headless = Headless::new(&HeadlessDesc::default().device(device).validation(true))
+            .expect("lavapipe; run the tests as ./with-vulkan cargo test");
+        let update = fixed(PoseFormat::Fixed16, 2).error_budget(1e-3);
+        let mut crowd = HeadlessCrowd::animated(&headless, &mesh, &crowd(2, update), &animation).expect("a crowd");
+        for _ in 0..2 {
+            crowd.play(0, &Playback::new(0)).expect("a clip");
+            crowd.step(&[]).expect("a step");
+        }
+        assert_eq!(gpu::complaints(&headless), Vec::<String>::new());
+        crowd.play(0, &Playback::new(1)).expect("a clip");
+        let dropped = |entries: &mut Vec<Entry>| {
+            let is_wanted = |entry: &Entry| match entry {
+                Entry::Barrier(barrier) => wanted(&barrier.before, &barrier.after),
+                Entry::Work { .. } => false,
+            };
+            let at = entries.iter().position(is_wanted).expect("such a barrier");
+            entries.remove(at);
+        };
+        // SAFETY: a barrier less; the driver is software, and runs dispatches one after the other all the same.
+        unsafe { HeadlessCrowd::step_tampered(from_mut(&mut crowd), &[], dropped) }.expect("a step");
+        let messages = gpu::complaints(&headless);
+        assert!(messages.iter().any(|m| m.contains("SYNC-HAZARD")), "barrier {which}: {messages:?}");
+    }
+}

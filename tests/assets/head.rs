@@ -1,0 +1,219 @@
+//! The built-in head and its clip.
+
+mod blink;
+mod expressions;
+
+use deltamorph::import::obj::{ObjMesh, import_folder, write_obj};
+use deltamorph::import::sample::{HeadDesc, head, head_clip};
+use deltamorph::internals::diagonal;
+use deltamorph::{MorphSource, Tolerance};
+use glam::Vec3;
+use std::collections::HashMap;
+
+fn desc(vertices: usize, targets: usize, sparsity: f32) -> HeadDesc {
+    HeadDesc::default().vertices(vertices).targets(targets).sparsity(sparsity)
+}
+
+/// FNV-1a.
+fn hash(words: impl Iterator<Item = u32>) -> u64 {
+    words.fold(0xcbf2_9ce4_8422_2325, |h, x| (h ^ u64::from(x)).wrapping_mul(0x100_0000_01b3))
+}
+
+/// A hash over the bits of the surface and the targets.
+fn fingerprint(source: &MorphSource) -> u64 {
+    let base = source.positions.iter().flat_map(|p| p.to_array()).map(f32::to_bits);
+    let faces = source.faces.corners.iter().map(|c| c.position);
+    let deltas = source.targets.iter().flat_map(|t| &t.positions);
+    let deltas = deltas.flat_map(|(v, d)| [*v, d.x.to_bits(), d.y.to_bits(), d.z.to_bits()]);
+    hash(base.chain(faces).chain(deltas))
+}
+
+#[test]
+fn the_number_of_vertices_is_exact() {
+    for n in (1..120).chain([255, 419, 1000, 2694, 4097, 43_788]) {
+        let source = head(&desc(n, 3, 0.3));
+        assert_eq!(source.positions.len(), n);
+        let mesh = source.to_mesh(Tolerance::default()).unwrap();
+        assert_eq!(mesh.targets.len(), 3);
+        assert_eq!(mesh.faces.sizes.is_empty(), n < 3, "{n}");
+        let mut used = vec![false; n];
+        mesh.faces.corners.iter().for_each(|c| used[c.position as usize] = true);
+        assert!(n < 3 || used.iter().all(|u| *u), "{n}: a vertex without a face");
+    }
+}
+
+/// For each vertex the first one of the surface that it belongs to. The skin is the surface of vertex 0.
+fn pieces(source: &MorphSource) -> Vec<u32> {
+    fn root(of: &mut [u32], mut v: u32) -> u32 {
+        while of[v as usize] != v {
+            of[v as usize] = of[of[v as usize] as usize];
+            v = of[v as usize];
+        }
+        v
+    }
+    let mut of: Vec<u32> = (0..source.positions.len() as u32).collect();
+    for triangle in source.faces.triangles() {
+        let roots = triangle.map(|v| root(&mut of, v));
+        let first = *roots.iter().min().unwrap();
+        roots.iter().for_each(|r| of[*r as usize] = first);
+    }
+    (0..of.len() as u32).map(|v| root(&mut of, v)).collect()
+}
+
+#[test]
+fn the_surfaces_are_closed_and_face_outwards() {
+    let source = head(&desc(5000, 0, 0.1));
+    let mut edges = HashMap::new();
+    let piece = pieces(&source);
+    let mut volumes = HashMap::<u32, f64>::new();
+    for [a, b, c] in source.faces.triangles() {
+        for edge in [(a, b), (b, c), (c, a)] {
+            assert_eq!(edges.insert(edge, ()), None, "{edge:?} is there twice");
+        }
+        let [p, q, r] = [a, b, c].map(|i| source.positions[i as usize].as_dvec3());
+        *volumes.entry(piece[a as usize]).or_default() += p.dot(q.cross(r)) / 6.0;
+    }
+    assert!(edges.keys().all(|(a, b)| edges.contains_key(&(*b, *a))));
+    // Euler: skin, two eyeballs, two rows of teeth and the tongue are a sphere each.
+    assert_eq!(volumes.len(), 6);
+    assert_eq!(source.positions.len() + source.faces.sizes.len(), edges.len() / 2 + 2 * 6);
+    assert!((2500.0..6500.0).contains(&volumes[&piece[0]]), "{} cm³", volumes[&piece[0]]);
+    assert!(volumes.values().all(|v| *v > 1.0), "{volumes:?}");
+    assert!(source.texcoords.len() > source.positions.len(), "no seam");
+    assert!((35.0..45.0).contains(&diagonal(&source.positions)));
+}
+
+#[test]
+fn the_same_description_gives_the_same_bits() {
+    // These numbers hold on every machine. When the head is changed on purpose, they change with it.
+    let d = desc(3000, 60, 0.12);
+    assert_eq!(fingerprint(&head(&d)), fingerprint(&head(&d)));
+    assert_eq!(format!("{:016x}", fingerprint(&head(&d))), FINGERPRINT);
+    let source = head(&d);
+    let texcoords = source.texcoords.iter().flat_map(|t| t.to_array()).map(f32::to_bits);
+    let indices = source.faces.corners.iter().map(|c| c.texcoord.unwrap());
+    assert_eq!(format!("{:016x}", hash(texcoords.chain(indices))), TEXCOORDS);
+    let clip = head_clip(&d, 900, 30.0);
+    assert_eq!(format!("{:016x}", hash(clip.values.iter().map(|w| w.to_bits()))), CLIP);
+    let other = head(&d.clone().seed(2));
+    assert_eq!(other.positions, head(&d).positions);
+    assert_ne!(fingerprint(&other), fingerprint(&head(&d)));
+}
+
+const FINGERPRINT: &str = "01c18263f66fef61";
+const TEXCOORDS: &str = "f7c5b5f23949b4a7";
+const CLIP: &str = "28ec966d77f7a514";
+
+#[test]
+fn the_first_targets_have_the_arkit_names() {
+    let source = head(&desc(500, 60, 0.1));
+    let names: Vec<&str> = source.targets.iter().map(|t| t.name.as_str()).collect();
+    assert_eq!((names[0], names[17], names[51]), ("eyeBlinkLeft", "jawOpen", "tongueOut"));
+    assert_eq!((names[52], names[59]), ("detail_053", "detail_060"));
+    // The left half of the face is at +X.
+    let blink = &source.targets[0].positions;
+    let strongest = blink.iter().max_by(|a, b| a.1.length().total_cmp(&b.1.length())).unwrap();
+    assert!(source.positions[strongest.0 as usize].x > 0.0 && strongest.1.y < 0.0);
+}
+
+#[test]
+fn targets_move_the_fraction_that_was_asked_for() {
+    for (sparsity, targets) in [(0.02, 52), (0.12, 72), (0.25, 120), (0.5, 52), (0.9, 60)] {
+        let source = head(&desc(6000, targets, sparsity));
+        let mesh = source.to_mesh(Tolerance::default().normal(1e9)).unwrap();
+        let moved: usize = mesh.targets.iter().map(|t| t.vertices.len()).sum();
+        let mean = moved as f32 / (6000 * targets) as f32;
+        assert!((mean / sparsity - 1.0).abs() < 0.2, "{mean} for {sparsity}");
+        let largest = mesh.targets.iter().map(|t| t.vertices.len()).max().unwrap();
+        assert!(sparsity > 0.4 || largest as f32 > mean * 6000.0 * 1.5, "all supports are alike");
+    }
+}
+
+#[test]
+fn at_sparsity_one_every_target_moves_every_vertex() {
+    for n in [1, 2, 3, 4, 7, 3000] {
+        let mesh = head(&desc(n, 80, 1.0)).to_mesh(Tolerance::default().normal(1e9)).unwrap();
+        for target in &mesh.targets {
+            assert_eq!(target.vertices.len(), n, "{}", target.name);
+        }
+    }
+}
+
+#[test]
+fn a_head_that_is_written_and_imported_is_the_same_bit_for_bit() {
+    let same = |a: &(u32, Vec3), b: &(u32, Vec3)| {
+        a.0 == b.0 && a.1.to_array().map(f32::to_bits) == b.1.to_array().map(f32::to_bits)
+    };
+    for (d, seed) in [(desc(3000, 72, 0.12), 1), (desc(500, 80, 1.0), 2), (desc(20_000, 60, 0.3), 3)] {
+        let source = head(&d.seed(seed));
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::create_dir(dir.path().join("targets")).unwrap();
+        let write = |name: String, positions: &[Vec3]| {
+            let mesh = ObjMesh { positions, normals: &[], texcoords: &source.texcoords, faces: &source.faces };
+            write_obj(&dir.path().join(name), mesh).unwrap();
+        };
+        write("neutral.obj".into(), &source.positions);
+        for target in &source.targets {
+            let mut positions = source.positions.clone();
+            target.positions.iter().for_each(|(v, d)| positions[*v as usize] += *d);
+            write(format!("targets/{}.obj", target.name), &positions);
+        }
+        let read = import_folder(dir.path()).unwrap();
+        assert_eq!(read.positions, source.positions);
+        assert_eq!(read.targets.len(), source.targets.len());
+        for read in &read.targets {
+            let target = source.targets.iter().find(|t| t.name == read.name).unwrap();
+            assert_eq!(read.positions.len(), target.positions.len(), "{}", read.name);
+            for (a, b) in read.positions.iter().zip(&target.positions) {
+                assert!(same(a, b), "{}: {a:?} read, {b:?} written", read.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn deltas_fade_out_at_the_edge() {
+    let source = head(&desc(20_000, 52, 0.1));
+    for target in source.targets.iter().filter(|t| !t.positions.is_empty()) {
+        let mut lengths: Vec<f32> = target.positions.iter().map(|(_, d)| d.length()).collect();
+        lengths.sort_by(f32::total_cmp);
+        let largest = lengths[lengths.len() - 1];
+        assert!((0.05..6.0).contains(&largest), "{}: {largest} cm", target.name);
+        assert!(lengths[lengths.len() / 100] < 0.01 * largest, "{} ends in a step", target.name);
+    }
+}
+
+#[test]
+fn values_out_of_range_are_clamped() {
+    for sparsity in [-1.0, 0.0, f32::NAN, 7.0, f32::INFINITY] {
+        let source = head(&desc(0, 2, sparsity));
+        assert_eq!((source.positions.len(), source.targets.len()), (1, 2));
+        assert!(source.to_mesh(Tolerance::default()).is_ok());
+    }
+    for fps in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+        assert_eq!(head_clip(&desc(9, 2, 0.1), 3, fps).fps, 30.0);
+    }
+    assert_eq!(head_clip(&desc(9, 0, 0.1), 3, 30.0).frame_count(), 0);
+    assert_eq!(head_clip(&desc(9, 5, 0.1), 0, 30.0).frame_count(), 0);
+}
+
+#[test]
+fn the_clip_looks_like_a_captured_one() {
+    let d = HeadDesc::default();
+    let clip = head_clip(&d, 900, 30.0);
+    assert_eq!(clip, head_clip(&d, 900, 30.0));
+    assert_eq!((clip.frame_count(), clip.names.len()), (900, 72));
+    assert!(clip.values.iter().all(|w| (0.0..=1.0).contains(w)));
+    let column = |i: usize| clip.values.iter().skip(i).step_by(72);
+    let zero = (0..72).filter(|&i| column(i).all(|w| *w == 0.0)).count();
+    assert!((3..20).contains(&zero), "{zero} columns stay 0");
+    let changed = clip.values.windows(73).filter(|w| w[0] != w[72]).count() as f32 / (899 * 72) as f32;
+    assert!((0.25..0.42).contains(&changed), "{changed} of the weights change per frame");
+    // Blinks are short and complete; the jaw opens and closes again.
+    let blink: Vec<f32> = column(0).copied().collect();
+    assert!(blink.iter().any(|w| *w > 0.9) && blink.iter().filter(|w| **w > 0.0).count() < 200);
+    let jaw: Vec<f32> = column(17).copied().collect();
+    assert!(jaw.iter().any(|w| *w > 0.3) && jaw.iter().filter(|w| **w == 0.0).count() > 50);
+    let names: Vec<&str> = clip.names.iter().map(String::as_str).collect();
+    assert_eq!(clip.bind(&names).unwrap().frame_count(), 900);
+}

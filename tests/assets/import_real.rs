@@ -1,0 +1,98 @@
+//! Import of real heads: what meta.json and README.txt of the sets say.
+
+use crate::data;
+use deltamorph::import::csv;
+use deltamorph::import::obj::{ObjFile, ObjMesh, import_folder, write_obj_to};
+use deltamorph::{MorphMesh, MorphSource, Tolerance};
+use glam::DVec3;
+use std::path::Path;
+
+fn kept(mesh: &MorphMesh) -> f64 {
+    let moved: usize = mesh.targets.iter().map(|t| t.vertices.len()).sum();
+    moved as f64 / (mesh.targets.len() * mesh.vertex_count()) as f64
+}
+
+fn pose(mesh: &MorphMesh, weights: &[f32]) -> Vec<DVec3> {
+    let mut pose: Vec<DVec3> = mesh.positions.iter().map(|p| p.as_dvec3()).collect();
+    for (target, &w) in mesh.targets.iter().zip(weights).filter(|(_, w)| **w != 0.0) {
+        for (&v, delta) in target.vertices.iter().zip(&target.positions) {
+            pose[v as usize] += f64::from(w) * delta.as_dvec3();
+        }
+    }
+    pose
+}
+
+/// The largest error that the default tolerance makes over a clip, as a fraction of the diagonal.
+fn error_over_clip(source: &MorphSource, folder: &Path, clip: &str) -> f64 {
+    let clip = csv::read(&folder.join("weights").join(clip), None).unwrap();
+    assert_eq!(clip.fps, if clip.name.contains("24fps") { 24.0 } else { 30.0 });
+    let names: Vec<&str> = source.targets.iter().map(|t| t.name.as_str()).collect();
+    let (raw, mesh) = (source.to_mesh(Tolerance::ZERO).unwrap(), source.to_mesh(Tolerance::default()).unwrap());
+    let frames: Vec<_> = clip.bind(&names).unwrap().frames().collect();
+    let step = (frames.len() / 60).max(1);
+    let errors = frames.iter().step_by(step).map(|w| {
+        let (a, b) = (pose(&raw, w), pose(&mesh, w));
+        a.iter().zip(&b).map(|(a, b)| (*a - *b).length()).fold(0.0, f64::max)
+    });
+    errors.fold(0.0, f64::max) / f64::from(mesh.diagonal)
+}
+
+#[test]
+fn ict_facekit() {
+    let Some(folder) = data::set("ict_facekit") else { return };
+    let source = import_folder(&folder).unwrap();
+    let mesh = source.to_mesh(Tolerance::default()).unwrap();
+    assert_eq!((mesh.vertex_count(), mesh.targets.len()), (26_719, 57));
+    assert_eq!((mesh.texcoords.len(), mesh.faces.sizes.len()), (28_911, 26_384));
+    assert!((f64::from(mesh.diagonal) - 47.52023).abs() < 1e-3);
+    let stated: usize = source.targets.iter().map(|t| t.positions.len()).sum();
+    let stated = stated as f64 / (57.0 * 26_719.0);
+    assert!((stated - 0.4371).abs() < 1e-3, "{stated}");
+    // 0.302 by positions alone: the normals hardly add to it.
+    assert!((0.29..0.31).contains(&kept(&mesh)), "{}", kept(&mesh));
+    for clip in ["facecap_30fps.csv", "facegood_2_01_mapped_30fps.csv"] {
+        let error = error_over_clip(&source, &folder, clip);
+        assert!(error <= 5e-5, "{clip}: {error}");
+    }
+}
+
+#[test]
+fn facecap_head() {
+    let Some(folder) = data::set("facecap_head_glb") else { return };
+    let source = import_folder(&folder).unwrap();
+    let mesh = source.to_mesh(Tolerance::default()).unwrap();
+    assert_eq!((mesh.vertex_count(), mesh.targets.len(), source.notes.len()), (2694, 52, 0));
+    assert!(mesh.targets[mesh.target_index("tongueOut").unwrap()].vertices.is_empty());
+    // No delta of this set is noise: all are kept.
+    assert_eq!(mesh.targets, source.to_mesh(Tolerance::ZERO).unwrap().targets);
+    assert!((0.179..0.19).contains(&kept(&mesh)), "{}", kept(&mesh));
+    assert_eq!(error_over_clip(&source, &folder, "facecap_30fps.csv"), 0.0);
+}
+
+#[test]
+fn morph_stress_test() {
+    let Some(folder) = data::set("morph_stress_test") else { return };
+    let source = import_folder(&folder).unwrap();
+    let mesh = source.to_mesh(Tolerance::default()).unwrap();
+    assert_eq!((mesh.vertex_count(), mesh.targets.len()), (1504, 8));
+    // 6.25% moved; the normals around them turn, and rounding in the rest is dropped.
+    assert!((0.0625..0.08).contains(&kept(&mesh)), "{}", kept(&mesh));
+    assert!(error_over_clip(&source, &folder, "TheWave_24fps.csv") <= 5e-5);
+}
+
+#[test]
+fn a_written_head_reads_back() {
+    let Some(folder) = data::set("ict_facekit") else { return };
+    let neutral = ObjFile::read(&folder.join("neutral.obj")).unwrap();
+    let mut out = Vec::new();
+    let mesh = ObjMesh {
+        positions: &neutral.positions,
+        normals: &neutral.normals,
+        texcoords: &neutral.texcoords,
+        faces: &neutral.faces,
+    };
+    write_obj_to(&mut out, mesh).unwrap();
+    let again = ObjFile::from_bytes(Path::new("x.obj"), out).unwrap();
+    assert!(again.positions == neutral.positions && again.texcoords == neutral.texcoords);
+    assert!(again.faces == neutral.faces);
+}

@@ -1,0 +1,10 @@
+//! What files are read as, and the built-in head.
+
+#[path = "../common/data.rs"]
+mod data;
+
+mod gltf;
+mod head;
+mod import;
+mod import_real;
+mod names;

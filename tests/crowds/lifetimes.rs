@@ -1,0 +1,152 @@
+//! What the host and the engine have of each other is dropped in any order that compiles.
+
+use crate::gpu::{drivers, on_device, packed};
+use deltamorph::ash::{self, vk};
+use deltamorph::gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
+use deltamorph::gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
+use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
+use deltamorph::{
+    BatchSize, CrowdDesc, DeltaFormat, DeviceDesc, MorphEngine, SharedAllocator, UpdateDesc, UpdatePath, testing,
+};
+use std::any::Any;
+use std::sync::{Arc, Mutex};
+
+/// A device of the host's own, on an instance that outlives it.
+struct Host(ash::Device);
+
+impl Host {
+    fn new(headless: &Headless) -> Arc<Self> {
+        let (instance, physical, _) = headless.handles();
+        let queues = [vk::DeviceQueueCreateInfo::default().queue_priorities(&[1.0])];
+        let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues);
+        // SAFETY: the physical device is the instance's own; software drivers have one family of queues.
+        Arc::new(Self(unsafe { instance.create_device(physical, &info, None) }.expect("a device")))
+    }
+
+    fn allocator(self: &Arc<Self>, headless: &Headless) -> SharedAllocator {
+        let (instance, physical_device, _) = headless.handles();
+        let allocator = Allocator::new(&AllocatorCreateDesc {
+            instance: instance.clone(),
+            device: self.0.clone(),
+            physical_device,
+            debug_settings: AllocatorDebugSettings::default(),
+            buffer_device_address: false,
+            allocation_sizes: AllocationSizes::new(1 << 20, 1 << 20),
+        });
+        SharedAllocator::new(Arc::new(Mutex::new(allocator.expect("an allocator"))), Some(self.clone()))
+    }
+
+    /// Record a command buffer with `f`, run it, and wait.
+    fn run<R>(&self, f: impl FnOnce(vk::CommandBuffer) -> R) -> R {
+        let device = &self.0;
+        // SAFETY: all is made here, destroyed once, and not in use after the wait.
+        unsafe {
+            let pool = device.create_command_pool(&vk::CommandPoolCreateInfo::default(), None).expect("a pool");
+            let commands = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
+            let cmds = device.allocate_command_buffers(&commands).expect("a command buffer");
+            device.begin_command_buffer(cmds[0], &vk::CommandBufferBeginInfo::default()).expect("recording");
+            let result = f(cmds[0]);
+            device.end_command_buffer(cmds[0]).expect("recorded");
+            let submit = vk::SubmitInfo::default().command_buffers(&cmds);
+            device.queue_submit(device.get_device_queue(0, 0), &[submit], vk::Fence::null()).expect("submitted");
+            device.device_wait_idle().expect("finished");
+            device.destroy_command_pool(pool, None);
+            result
+        }
+    }
+}
+
+impl Drop for Host {
+    fn drop(&mut self) {
+        // SAFETY: all that was made on the device keeps this value alive.
+        unsafe { self.0.destroy_device(None) };
+    }
+}
+
+/// Every order of so many things.
+fn orders(things: usize) -> Vec<Vec<usize>> {
+    let longer = |order: &Vec<usize>| {
+        let order = order.clone();
+        (0..=order.len()).map(move |at| [&order[..at], &[order.len()], &order[at..]].concat()).collect::<Vec<_>>()
+    };
+    (0..things).fold(vec![vec![]], |orders, _| orders.iter().flat_map(longer).collect())
+}
+
+#[test]
+fn engine_mesh_crowds_allocator_and_device_are_dropped_in_any_order() {
+    let test = |headless: &Headless, engine: &MorphEngine| {
+        let (instance, physical, _) = headless.handles();
+        let mesh = packed(engine, &testing::mesh(64, 3), DeltaFormat::Snorm16);
+        // One pipeline: what takes the time here is the drivers' making them.
+        let desc = CrowdDesc::new(UpdateDesc::new(UpdatePath::Compute, BatchSize::All));
+        // The allocator of the host's, then one of the engine's own.
+        for (shares, things) in [(true, 5), (false, 4)] {
+            for order in orders(things) {
+                let host = Host::new(headless);
+                let gone = Arc::downgrade(&host);
+                let device = DeviceDesc::new(instance, physical, &host.0).owner(Some(host.clone()));
+                let allocator = shares.then(|| host.allocator(headless));
+                // SAFETY: the handles belong together, and live as long as `host`.
+                let engine = unsafe { MorphEngine::new(&device.allocator(allocator.clone())) }.expect("an engine");
+                // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
+                let mut uploaded = host.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+                let crowd = engine.create_crowd(&uploaded, &desc).expect("a crowd");
+                if order[0] == 0 {
+                    // SAFETY: the upload has run. In all other orders the staging memory goes with the mesh.
+                    unsafe { uploaded.release_staging() };
+                }
+                let mut all: [Option<Box<dyn Any>>; 5] = [
+                    Some(Box::new(host)),
+                    Some(Box::new(engine)),
+                    Some(Box::new(uploaded)),
+                    Some(Box::new(crowd)),
+                    allocator.map(|allocator| Box::new(allocator) as Box<dyn Any>),
+                ];
+                for (left, thing) in (0..things).rev().zip(order) {
+                    assert!(gone.upgrade().is_some(), "somebody needs the device");
+                    drop(all[thing].take());
+                    assert_eq!(gone.upgrade().is_none(), left == 0, "the last of them lets it go");
+                }
+            }
+        }
+    };
+    drivers().iter().for_each(|driver| on_device(driver, false, test));
+}
+
+/// What is left when the device goes, the layers list by its name: all of a crowd and its mesh, but for what the names of
+/// others have in them.
+#[test]
+fn what_the_engine_makes_has_names_where_the_host_wants_them() {
+    for driver in drivers() {
+        let choice = HeadlessDesc::default().device(DeviceChoice::Name(driver)).validation(true);
+        for named in [true, false] {
+            let headless = Headless::new(&choice).expect("a device; run the tests as ./with-vulkan cargo test");
+            let host = Host::new(&headless);
+            let (instance, physical, _) = headless.handles();
+            let device = DeviceDesc::new(instance, physical, &host.0).debug_names(named);
+            // SAFETY: the handles belong together; nothing is used or dropped after the device.
+            let engine = unsafe { MorphEngine::new(&device) }.expect("an engine");
+            let mesh = packed(&engine, &testing::mesh(64, 3), DeltaFormat::Small);
+            // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
+            let uploaded = host.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+            let crowd = engine.create_crowd(&uploaded, &CrowdDesc::new(UpdateDesc::blocks())).expect("a crowd");
+            std::mem::forget((engine, uploaded, crowd));
+            drop(host);
+            let messages = headless.messages().join("\n");
+            let mesh = mesh.layout().name.clone();
+            for kind in [
+                format!("VkBuffer|deltamorph deltas of mesh '{mesh}'"),
+                format!("VkBuffer|deltamorph upload of mesh '{mesh}'"),
+                "VkBuffer|deltamorph poses".into(),
+                "VkBuffer|deltamorph work lists".into(),
+                "VkPipeline|deltamorph blocks_small".into(),
+                "VkDescriptorSet|deltamorph blocks, set 0".into(),
+            ] {
+                let (kind, name) = kind.split_once('|').expect("a kind and a name");
+                let found = messages.lines().any(|line| line.contains(kind) && line.contains(name));
+                assert_eq!(found, named, "{kind} '{name}' in\n{messages}");
+            }
+            assert!(messages.contains("has not been destroyed"), "{messages}");
+        }
+    }
+}

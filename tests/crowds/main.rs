@@ -1,0 +1,24 @@
+//! Crowds: what instances, sets and poses of several meshes are to each other.
+
+#[path = "../common/data.rs"]
+mod data;
+#[path = "../common/gpu.rs"]
+mod gpu;
+#[path = "../common/joints.rs"]
+mod joints;
+#[allow(dead_code, reason = "buffers are all that is needed of it")]
+#[path = "../../examples/draw/offscreen.rs"]
+mod offscreen;
+#[path = "../common/picture.rs"]
+mod picture;
+#[allow(dead_code, reason = "no barrier is left out here")]
+#[path = "../common/written.rs"]
+mod written;
+
+mod grow;
+mod lifetimes;
+mod places;
+mod pose_buffers;
+mod seams;
+mod sets;
+mod together;

@@ -1,0 +1,191 @@
+//! Crowds while they run: heads are hidden and shown, removed and added; tiles of any width; several descriptor ranges.
+
+use crate::gpu::{self, on_every_device};
+use deltamorph::headless::{Headless, HeadlessCrowd};
+use deltamorph::reference::compare;
+use deltamorph::{BatchSize, CrowdDesc, DeltaFormat, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing};
+use std::cell::RefCell;
+use std::slice::from_mut;
+
+const TARGETS: usize = 12;
+
+/// A description for each kernel there is.
+fn kernels(engine: &MorphEngine) -> Vec<(DeltaFormat, UpdateDesc)> {
+    let blocks = UpdateDesc::blocks();
+    let [fixed32, fixed16] = gpu::fixed();
+    let mut list = vec![
+        (DeltaFormat::Float32, UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(8))),
+        (DeltaFormat::BlockFloat32, blocks),
+        (DeltaFormat::Fast, blocks),
+        (DeltaFormat::Fast, fixed32),
+        (DeltaFormat::Fast, fixed16),
+        (DeltaFormat::Small, blocks.slots(3)),
+        (DeltaFormat::Small, fixed32.slots(1)),
+        (DeltaFormat::Small, fixed16.slots(3)),
+        (DeltaFormat::Pair, blocks.slots(1)),
+        (DeltaFormat::Pair, fixed32.slots(3)),
+        (DeltaFormat::Pair, fixed16.slots(1)),
+    ];
+    if engine.caps().transform_feedback.is_some() {
+        list.push((DeltaFormat::Snorm16, UpdateDesc::new(UpdatePath::Feedback, BatchSize::Targets(4))));
+    }
+    list
+}
+
+fn packed(engine: &MorphEngine, format: DeltaFormat) -> PackedMesh {
+    PackedMesh::pack(&testing::mesh(700, TARGETS), &engine.pack_desc(format)).expect("a mesh that fits")
+}
+
+/// Weights of a head in a frame: about half of them change from frame to frame.
+fn weights(head: u32, frame: u32) -> Vec<f32> {
+    let weight = |t: u32| ((head * 7 + t * 13 + (frame + t % 2) / 2 * 5) % 17) as f32 / 8.0 - 0.5;
+    (0..TARGETS as u32).map(weight).collect()
+}
+
+/// Whether the pose of `instance` is that of `weights`.
+fn assert_pose(crowd: &mut HeadlessCrowd<'_>, mesh: &PackedMesh, desc: &UpdateDesc, instance: u32, weights: &[f32]) {
+    let reference = gpu::reference(mesh, desc, weights);
+    let error = compare(&crowd.read_pose(instance).expect("a pose"), &reference);
+    let bound = 1e-5 * f64::from(mesh.layout().diagonal);
+    assert!(error.within(bound, 0.02), "{desc:?}, instance {instance}: {error:?}");
+}
+
+fn crowd<'a>(headless: &'a Headless, mesh: &PackedMesh, update: UpdateDesc, instances: u32) -> HeadlessCrowd<'a> {
+    HeadlessCrowd::new(headless, mesh, &CrowdDesc::new(update).instances(instances).frames_in_flight(1))
+        .expect("a crowd")
+}
+
+/// 13 heads: tiles of 8, 4 and 1, and others where only some change.
+#[test]
+fn heads_come_and_go() {
+    on_every_device(|headless, engine| {
+        for (format, desc) in kernels(engine) {
+            let mesh = packed(engine, format);
+            let mut crowd = crowd(headless, &mesh, desc, 13);
+            let mut asked: Vec<Vec<f32>> = (0..13).map(|i| weights(i, 0)).collect();
+            for frame in 0..6u32 {
+                // Every head moves in even frames, every third in odd ones; 3 is hidden from frame 2 to 3.
+                for head in (0..13).filter(|h| frame % 2 == 0 || h % 3 == 0) {
+                    asked[head as usize] = weights(head, frame);
+                    crowd.set_weights(head, &asked[head as usize]).expect("weights that fit");
+                }
+                let was = (frame == 2).then(|| crowd.read_pose(3).expect("a pose"));
+                crowd.set_hidden(3, frame == 2 || frame == 3).expect("a head");
+                crowd.step(&[]).expect("a step");
+                for head in (0..13).filter(|&h| h != 3 || !(2..4).contains(&frame)) {
+                    assert_pose(&mut crowd, &mesh, &desc, head, &asked[head as usize]);
+                }
+                if let Some(was) = was {
+                    assert_eq!(crowd.read_pose(3).expect("a pose"), was, "{desc:?}: hidden, it keeps its pose");
+                }
+                if frame == 4 {
+                    let (pose, previous) = (crowd.crowd().pose(3), crowd.crowd().previous_pose(3));
+                    assert_eq!(previous.expect("a pose"), Some(pose.expect("a pose")), "{desc:?}: shown again");
+                }
+            }
+            crowd.remove(5).expect("a head");
+            crowd.remove(11).expect("a head");
+            let error = crowd.set_weights(5, &asked[5]).expect_err("it was removed").to_string();
+            assert!(error.contains("instance 5 was removed"), "{error}");
+            assert!(crowd.crowd().pose(5).is_err() && crowd.remove(5).is_err());
+            crowd.step(&[]).expect("a step");
+            assert_eq!(crowd.add().expect("a free place"), 5);
+            assert!(crowd.crowd().pose(5).is_err(), "no pose before the next update");
+            crowd.step(&[]).expect("a step");
+            assert_pose(&mut crowd, &mesh, &desc, 5, &[0.0; TARGETS]);
+            assert_eq!(crowd.add().expect("a free place"), 11);
+            let error = crowd.add().expect_err("no place").to_string();
+            assert!(error.contains("places for 13 heads"), "{error}");
+            crowd.set_weights(5, &asked[5]).expect("weights that fit");
+            crowd.set_weights(11, &asked[11]).expect("weights that fit");
+            crowd.step(&[]).expect("a step");
+            (0..13).for_each(|head| assert_pose(&mut crowd, &mesh, &desc, head, &asked[head as usize]));
+        }
+    });
+}
+
+/// An idle crowd records nothing.
+#[test]
+fn an_idle_crowd_is_no_work() {
+    on_every_device(|headless, engine| {
+        for (format, desc) in kernels(engine) {
+            let mesh = packed(engine, format);
+            let mut crowd = crowd(headless, &mesh, desc, 3);
+            for head in 0..3 {
+                crowd.set_weights(head, &weights(head, 1)).expect("weights that fit");
+            }
+            assert!(crowd.step(&[]).expect("a step").update.stats.bytes_moved > 0);
+            // SAFETY: nothing is changed, only looked at.
+            let idle = unsafe {
+                HeadlessCrowd::step_tampered(from_mut(&mut crowd), &[], |entries| assert!(entries.is_empty()))
+            };
+            let stats = idle.expect("a step").0.update.stats;
+            assert_eq!((stats.bytes_moved, stats.dirty_blocks, stats.passes), (0, 0, 0), "{desc:?}");
+        }
+    });
+}
+
+/// Two small blocks a workgroup, and one: the same bits, for odd and even numbers of blocks, in dispatches of three
+/// workgroups. In place, a block done twice would be off.
+#[test]
+fn small_blocks_share_workgroups() {
+    for driver in gpu::drivers() {
+        let [shared, alone] = [64, 1].map(|lanes| {
+            let limits = gpu::baseline(|caps| (caps.tuning.lanes, caps.max_workgroups) = (lanes, 3));
+            let (poses, odd) = (RefCell::new(vec![]), RefCell::new([false; 2]));
+            gpu::on_device_within(&driver, Some(limits), |headless, engine| {
+                assert_eq!(headless.caps().tuning.lanes, lanes);
+                let mesh = packed(engine, DeltaFormat::Small);
+                let descs = [UpdateDesc::blocks(), gpu::fixed()[0], gpu::fixed()[1]];
+                for (desc, instances) in descs.into_iter().flat_map(|desc| [1, 3].map(|n| (desc.slots(1), n))) {
+                    let mut crowd = crowd(headless, &mesh, desc, instances);
+                    let mut asked = vec![vec![0.0; TARGETS]; instances as usize];
+                    for frame in 0..6 {
+                        // A target of each head: other blocks, and other numbers of them, in each frame.
+                        for (head, asked) in (0..instances).zip(&mut asked) {
+                            let target = ((frame + head) % TARGETS as u32) as usize;
+                            asked[target] = weights(head, frame)[target];
+                            crowd.set_weights(head, asked).expect("weights that fit");
+                        }
+                        let stats = crowd.step(&[]).expect("a step").update.stats;
+                        odd.borrow_mut()[stats.dirty_blocks % 2] = true;
+                        for head in 0..instances {
+                            poses.borrow_mut().push(crowd.read_stored(head, 0).expect("a pose"));
+                        }
+                    }
+                    for (head, asked) in (0..instances).zip(&asked) {
+                        assert_pose(&mut crowd, &mesh, &desc, head, asked);
+                    }
+                }
+            });
+            assert_eq!(odd.into_inner(), [true; 2], "{driver}");
+            poses.into_inner()
+        });
+        assert!(shared == alone, "{driver}");
+    }
+}
+
+/// Descriptors that reach only a few heads: tiles stay within them.
+#[test]
+fn a_crowd_in_several_descriptor_ranges() {
+    // Poses of 704 vertices: seven heads of two slots each.
+    let limits = gpu::baseline(|caps| caps.max_storage_range = 704 * 24 * 15);
+    for (driver, limits) in gpu::with_and_without_texels(&limits) {
+        let texels = limits.int64 && driver == "llvmpipe";
+        gpu::on_device_within(&driver, Some(limits), |headless, engine| {
+            assert_eq!(headless.caps().takes_texels(DeltaFormat::Fast), texels, "{driver}");
+            let formats = [DeltaFormat::Fast, DeltaFormat::BlockFloat32];
+            for (format, desc) in kernels(engine).into_iter().filter(|(format, _)| formats.contains(format)) {
+                let mesh = packed(engine, format);
+                let mut crowd = crowd(headless, &mesh, desc, 19);
+                for frame in 0..3 {
+                    for head in 0..19 {
+                        crowd.set_weights(head, &weights(head, frame)).expect("weights that fit");
+                    }
+                    crowd.step(&[]).expect("a step");
+                    (0..19).for_each(|head| assert_pose(&mut crowd, &mesh, &desc, head, &weights(head, frame)));
+                }
+            }
+        });
+    }
+}

@@ -1,0 +1,210 @@
+//! Where poses are, known before the first update; usages that the host adds; what is refused.
+
+use crate::gpu::{self, on_device, on_every_device, weights};
+use crate::offscreen::Offscreen;
+use deltamorph::ash::{self, vk};
+use deltamorph::gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
+use deltamorph::gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
+use deltamorph::headless::{Headless, HeadlessCrowd};
+use deltamorph::{
+    BatchSize, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, HostPoses, MorphEngine, MorphMesh, PackedMesh,
+    PoseFormat, Semantic, SharedAllocator, UpdateDesc, UpdatePath, VertexLayout, testing,
+};
+use std::sync::{Arc, Mutex};
+
+fn packed(engine: &MorphEngine, format: DeltaFormat, with_streams: bool) -> PackedMesh {
+    let mesh = testing::mesh(300, 11);
+    let mesh: MorphMesh = if with_streams { testing::with_streams(mesh) } else { mesh };
+    gpu::packed(engine, &mesh, format)
+}
+
+#[test]
+fn where_poses_are_is_known_before_the_first_update() {
+    on_every_device(|headless, engine| {
+        for (format, update) in [
+            (DeltaFormat::Fast, UpdateDesc::blocks()),
+            (DeltaFormat::Fast, UpdateDesc::blocks().pose(PoseFormat::Fixed16)),
+            (DeltaFormat::Snorm16, UpdateDesc::new(UpdatePath::Compute, BatchSize::All).slots(3)),
+        ] {
+            let mesh = packed(engine, format, true);
+            let desc = CrowdDesc::new(update).instances(3).pose_usage(vk::BufferUsageFlags::INDIRECT_BUFFER);
+            let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
+            let semantics = [Semantic::Position, Semantic::Normal, Semantic::TexCoord(0), Semantic::Color(0)];
+            let known = semantics.map(|semantic| crowd.crowd().pose_buffer(semantic).expect("a stream"));
+            assert_eq!(known[0].first.buffer, known[1].first.buffer, "streams of a group share a buffer");
+            assert_eq!(known[0].poses.1, known[0].pose_stride * 3 * u64::from(update.slots));
+            let usage = vk::BufferUsageFlags::VERTEX_BUFFER | vk::BufferUsageFlags::INDIRECT_BUFFER;
+            assert!(known.iter().all(|buffer| buffer.usage.contains(usage)));
+            for frame in 0..3 {
+                let asked =
+                    [0, 1, 2].map(|seed| weights(&mesh, frame, seed).iter().map(|w| w / 2.0).collect::<Vec<_>>());
+                crowd.step(&asked.each_ref().map(Vec::as_slice)).expect("a step");
+                for (instance, (semantic, known)) in
+                    (0..3).flat_map(|i| semantics.into_iter().zip(known).map(move |s| (i, s)))
+                {
+                    let view = crowd.crowd().stream(instance, semantic).expect("a stream");
+                    let number = u64::from(instance * update.slots + view.slot);
+                    let expected = known.first.offset + number * known.pose_stride;
+                    assert_eq!((view.offset, view.buffer), (expected, known.first.buffer), "{semantic} {update:?}");
+                    assert_eq!((view.stride, view.units), (known.first.stride, known.first.units));
+                }
+            }
+            let pose = crowd.crowd().pose(0).expect("a pose");
+            assert_eq!(format!("{:?}", pose.vertex_input(true)), format!("{:?}", update.pose.vertex_input(true)));
+            assert!(crowd.crowd().pose_buffer(Semantic::Tangent).is_ok());
+            let text = crowd.crowd().pose_buffer(Semantic::TexCoord(3)).expect_err("not there").to_string();
+            assert!(text.contains("texcoord 3") && text.contains("it has position"), "{text}");
+        }
+    });
+}
+
+/// A storage buffer of the host's.
+fn with_buffer(headless: &Headless, test: impl FnOnce(vk::Buffer)) {
+    let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+    test(host.shared(1 << 20, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer").buffer);
+}
+
+#[test]
+fn vertices_that_do_not_suit_are_refused() {
+    use Semantic::*;
+    on_device("llvmpipe", false, |headless, engine| {
+        with_buffer(headless, |buffer| {
+            let plain = VertexLayout::new(48).stream(Position, 0).stream(Normal, 12);
+            let blocks = UpdateDesc::blocks();
+            let (half, dense) =
+                (blocks.pose(PoseFormat::Fixed16), UpdateDesc::new(UpdatePath::Compute, BatchSize::All));
+            let many = (0..20).fold(plain, |vertex, set| vertex.stream(TexCoord(set), 24));
+            for (update, vertex, offset, words) in [
+                (blocks, many, 0, "22 streams"),
+                (blocks, VertexLayout::new(0).stream(Position, 0), 0, "0 bytes: the stride"),
+                (blocks, VertexLayout::new(30).stream(Position, 0), 0, "multiple of 4"),
+                (blocks, plain.stream(Normal, 14), 0, "stream 'normal' at 14"),
+                (blocks, VertexLayout::new(48).stream(Normal, 0), 0, "Semantic::Position"),
+                (blocks, plain.stream(TexCoord(5), 32), 0, "'texcoord 5', which the mesh does not have"),
+                (blocks, plain.stream(Tangent, 20), 0, "bytes 12 to 24, beyond the beginning of 'tangent'"),
+                (blocks, plain.stream(Tangent, 36), 0, "beyond the beginning of the end of the vertex"),
+                (blocks, plain.stream(Tangent, u32::MAX - 3), 0, "end of the vertex"),
+                (half, plain, 0, "in fixed16 poses"),
+                (half, VertexLayout::new(48).stream(Position, 2).stream(Normal, 8), 0, "from a multiple of 4 on"),
+                (half, plain.stream(Normal, 6).stream(Tangent, 8), 0, "'tangent'"),
+                (half, plain.stream(Normal, 6).stream(Tangent, 12).stream(TexCoord(0), 22), 0, "'texcoord 0' at 22"),
+                (half, VertexLayout::new(8).stream(Position, 0), 0, "end of the vertex"),
+                (blocks, plain, 6, "from byte 6"),
+                (blocks, plain, u64::MAX - 3, "end at"),
+                (dense, plain, 0, "the path 'compute'"),
+            ] {
+                let format = if update.path == UpdatePath::Blocks { DeltaFormat::Fast } else { DeltaFormat::Snorm16 };
+                let mesh = packed(engine, format, true);
+                // SAFETY: no crowd is made with it.
+                let poses = unsafe { HostPoses::new(buffer, offset, vertex) };
+                let made = HeadlessCrowd::new(headless, &mesh, &CrowdDesc::new(update).poses(Some(poses)));
+                let text = made.err().expect(words).to_string();
+                assert!(text.contains(words), "{words}: {text}");
+            }
+        });
+    });
+}
+
+#[test]
+fn what_the_hosts_vertices_do_not_have_is_refused_later() {
+    on_device("llvmpipe", false, |headless, engine| {
+        with_buffer(headless, |buffer| {
+            let mesh = packed(engine, DeltaFormat::Fast, false);
+            let vertex = VertexLayout::new(16).stream(Semantic::Position, 0);
+            // SAFETY: the crowd is never updated, and dropped before the buffer.
+            let poses = unsafe { HostPoses::new(buffer, 0, vertex) };
+            let mut crowd =
+                HeadlessCrowd::new(headless, &mesh, &CrowdDesc::new(UpdateDesc::blocks()).poses(Some(poses)))
+                    .expect("a crowd");
+            let text = crowd.crowd().pose_buffer(Semantic::Normal).expect_err("no place").to_string();
+            assert!(text.contains("'normal'") && text.contains("VertexLayout"), "{text}");
+            let found = crowd.crowd().pose_buffer(Semantic::Position).expect("positions");
+            assert_eq!((found.first.stride, found.usage), (16, vk::BufferUsageFlags::empty()));
+            let target = DecodeTarget::new(buffer).stride(24).normals(Some(12));
+            // SAFETY: it is refused.
+            let refused = unsafe { crowd.set_decode_target(0, Some(&target)) };
+            let text = refused.expect_err("no normals").to_string();
+            assert!(text.contains("normals") && text.contains("VertexLayout"), "{text}");
+        });
+    });
+}
+
+#[test]
+fn usages_that_the_device_was_not_said_to_allow_are_refused() {
+    use vk::BufferUsageFlags as Usage;
+    on_device("llvmpipe", false, |headless, engine| {
+        let mesh = packed(engine, DeltaFormat::Fast, false);
+        let desc = CrowdDesc::new(UpdateDesc::blocks());
+        for (usage, words) in [
+            (Usage::SHADER_DEVICE_ADDRESS, "DeviceDesc::buffer_device_address"),
+            (Usage::ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR, "enable bufferDeviceAddress"),
+            (Usage::VIDEO_DECODE_SRC_KHR, "CrowdDesc::poses"),
+        ] {
+            let text = HeadlessCrowd::new(headless, &mesh, &desc.pose_usage(usage)).err().expect(words).to_string();
+            assert!(text.contains(words), "{text}");
+        }
+        // More than one buffer of the device: its own limit says so.
+        let most = engine.caps().max_allocation.min(engine.caps().max_buffer);
+        let instances = (most / mesh.layout().pose_bytes(PoseFormat::Float32) + 1).min(u32::MAX.into()) as u32;
+        let text = HeadlessCrowd::new(headless, &mesh, &desc.instances(instances)).err().expect("no room").to_string();
+        assert!(text.contains(&format!("allocates at most {most}")), "{text}");
+    });
+}
+
+/// Poses of ours with device addresses, from an allocator of ours and from the host's.
+#[test]
+fn pose_buffers_have_addresses_where_the_host_enabled_them() {
+    for driver in gpu::drivers() {
+        on_device(&driver, false, |headless, _| {
+            let (instance, physical, _) = headless.handles();
+            let name = ash::khr::buffer_device_address::NAME;
+            // SAFETY: instance and physical device are alive.
+            let extensions = unsafe { instance.enumerate_device_extension_properties(physical) }.expect("extensions");
+            if !extensions.iter().any(|found| found.extension_name_as_c_str() == Ok(name)) {
+                eprintln!("{driver} has no {name:?}");
+                assert_ne!(driver, "llvmpipe");
+                return;
+            }
+            let mut feature = vk::PhysicalDeviceBufferDeviceAddressFeatures::default().buffer_device_address(true);
+            let queues = [vk::DeviceQueueCreateInfo::default().queue_priorities(&[1.0])];
+            let names = [name.as_ptr()];
+            let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_extension_names(&names);
+            // SAFETY: the extension is there; all that is made is destroyed before the device.
+            unsafe {
+                let device = instance.create_device(physical, &info.push_next(&mut feature), None).expect("a device");
+                let pool = device.create_command_pool(&vk::CommandPoolCreateInfo::default(), None).expect("a pool");
+                let commands = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
+                let cmd = device.allocate_command_buffers(&commands).expect("a command buffer")[0];
+                device.begin_command_buffer(cmd, &vk::CommandBufferBeginInfo::default()).expect("recording");
+                let shared = Allocator::new(&AllocatorCreateDesc {
+                    instance: instance.clone(),
+                    device: device.clone(),
+                    physical_device: physical,
+                    debug_settings: AllocatorDebugSettings::default(),
+                    buffer_device_address: true,
+                    allocation_sizes: AllocationSizes::default(),
+                });
+                let shared = SharedAllocator::new(Arc::new(Mutex::new(shared.expect("an allocator"))), None);
+                for allocator in [None, Some(shared)] {
+                    let desc = DeviceDesc::new(instance, physical, &device).buffer_device_address(true);
+                    let engine = MorphEngine::new(&desc.allocator(allocator)).expect("an engine");
+                    let mesh = packed(&engine, DeltaFormat::Fast, true);
+                    let uploaded = engine.upload(cmd, &mesh).expect("an upload");
+                    let desc =
+                        CrowdDesc::new(UpdateDesc::blocks()).pose_usage(vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS);
+                    let crowd = engine.create_crowd(&uploaded, &desc).expect("a crowd");
+                    let functions = ash::khr::buffer_device_address::Device::new(instance, &device);
+                    for semantic in [Semantic::Position, Semantic::Tangent] {
+                        let buffer = crowd.pose_buffer(semantic).expect("a stream").first.buffer;
+                        let info = vk::BufferDeviceAddressInfo::default().buffer(buffer);
+                        assert_ne!(functions.get_buffer_device_address(&info), 0, "{driver} {semantic}");
+                    }
+                    device.reset_command_pool(pool, vk::CommandPoolResetFlags::empty()).expect("a reset");
+                    device.begin_command_buffer(cmd, &vk::CommandBufferBeginInfo::default()).expect("recording");
+                }
+                device.destroy_command_pool(pool, None);
+                device.destroy_device(None);
+            }
+        });
+    }
+}

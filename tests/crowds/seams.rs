@@ -1,0 +1,319 @@
+//! Split meshes: what is doubled at a seam in the texture coordinates stays together bit for bit in every pose, and is
+//! drawn from one index buffer.
+
+use crate::gpu;
+use crate::picture::{EDGE, Picture, Triangles};
+use deltamorph::ash::vk;
+use deltamorph::headless::{Headless, HeadlessCrowd};
+use deltamorph::import::sample::{HeadDesc, head};
+use deltamorph::reference::{evaluate, evaluate_group};
+use deltamorph::{
+    BLOCK_SIZES, BatchSize, BlockDesc, Corner, CpuCrowd, DeltaFormat, MorphMesh, MorphSource, POSE_FLOATS, PackDesc,
+    PackedMesh, PoseFormat, Semantic, StreamData, StreamDeltas, Tolerance, UpdateDesc, UpdatePath,
+};
+use glam::{Mat4, Quat, Vec2, Vec3};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// The built-in head with a texture in many charts: every eighth face is one of its own.
+fn charts() -> MorphSource {
+    let mut source = head(&HeadDesc::default().vertices(3000).targets(40));
+    let before = source.texcoords.clone();
+    for (face, corners) in source.faces.corners.chunks_mut(3).enumerate().filter(|(face, _)| face % 8 == 0) {
+        for corner in corners {
+            source.texcoords.push(before[corner.texcoord.unwrap() as usize] + Vec2::splat(1.0 + face as f32));
+            corner.texcoord = Some(source.texcoords.len() as u32 - 1);
+        }
+    }
+    source
+}
+
+fn split(source: &MorphSource) -> MorphMesh {
+    source.split().unwrap().to_mesh(Tolerance::default()).unwrap()
+}
+
+/// With tangents, which move where positions do.
+fn with_tangents(mut source: MorphSource) -> MorphSource {
+    let tangent = |p: &Vec3| Vec3::Y.cross(*p).try_normalize().unwrap_or(Vec3::X).extend(1.0).to_array();
+    let values = source.positions.iter().flat_map(tangent).collect();
+    source.streams = vec![StreamData { semantic: Semantic::Tangent, values }];
+    for target in &mut source.targets {
+        let vertices = target.positions.iter().map(|(v, _)| *v).collect();
+        let deltas = target.positions.iter().flat_map(|(_, d)| (*d * 0.3).to_array()).collect();
+        target.streams = vec![StreamDeltas { vertices, deltas }];
+    }
+    source
+}
+
+/// The corners of all triangles, as the faces state them.
+fn corners(source: &MorphSource) -> Vec<Corner> {
+    let fan = |face: &[Corner]| (1..face.len() - 1).flat_map(|i| [face[0], face[i], face[i + 1]]).collect::<Vec<_>>();
+    source.faces.iter().flat_map(fan).collect()
+}
+
+/// Doubled vertices, and the ones that they double.
+fn doubled(mesh: &MorphMesh) -> Vec<(usize, usize)> {
+    let pairs: Vec<(usize, usize)> =
+        (0..).zip(&mesh.welds).map(|(v, &of)| (v, of as usize)).filter(|(v, of)| v != of).collect();
+    assert!(pairs.len() > 50);
+    pairs
+}
+
+/// The first of `pairs` that is not equal bit for bit in `pose`.
+fn parted(pose: &[f32], pairs: &[(usize, usize)]) -> Option<(usize, usize)> {
+    let bits = |v: usize| pose[v * POSE_FLOATS..][..POSE_FLOATS].iter().map(|x| x.to_bits());
+    pairs.iter().copied().find(|(v, of)| !bits(*v).eq(bits(*of)))
+}
+
+/// In every format, and with blocks of every size.
+fn pack(mesh: &MorphMesh) -> impl Iterator<Item = Arc<PackedMesh>> {
+    let sizes = |format: DeltaFormat| if format.is_blocks() { &BLOCK_SIZES[..] } else { &[64] };
+    let all =
+        DeltaFormat::ALL.into_iter().flat_map(move |format| sizes(format).iter().map(move |&size| (format, size)));
+    all.map(|(format, size)| {
+        let blocks = BlockDesc::default().size(Some(size));
+        Arc::new(PackedMesh::pack(mesh, &PackDesc::new(format).blocks(blocks)).unwrap())
+    })
+}
+
+#[test]
+fn the_built_in_head_has_a_seam() {
+    let source = head(&HeadDesc::default().targets(0));
+    assert_eq!(source.split().unwrap().positions.len(), source.positions.len() + 653);
+}
+
+#[test]
+fn doubled_vertices_are_equal_bit_for_bit_in_every_pose() {
+    for source in [charts(), head(&HeadDesc::default().vertices(3000).targets(40))] {
+        let mesh = split(&source);
+        let pairs = doubled(&mesh);
+        for packed in pack(&mesh) {
+            let what = (packed.layout().format, packed.layout().blocks.as_ref().map(|b| b.size()));
+            for (pose, error_budget) in PoseFormat::ALL.into_iter().flat_map(|pose| [(pose, 0.0), (pose, 0.02)]) {
+                let tolerance = if error_budget > 0.0 { 1e-4 } else { 1e-5 };
+                let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).pose(pose).tolerance(tolerance);
+                let desc = desc.error_budget(error_budget);
+                let Ok(mut crowd) = CpuCrowd::new(packed.clone(), desc, 1, 1) else {
+                    // Dense formats have no budgets, float32 deltas no integers.
+                    let dense = what.1.is_none() && error_budget > 0.0;
+                    assert!(dense || pose.has_integers() && !what.0.has_integers(), "{what:?} {desc:?}");
+                    continue;
+                };
+                let mut weights = vec![0.0f32; mesh.targets.len()];
+                let mut random = 7u64;
+                for frame in 0..40 {
+                    for _ in 0..1 + frame % 5 {
+                        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                        let at = (random >> 33) as usize;
+                        weights[at % mesh.targets.len()] =
+                            if at.is_multiple_of(7) { 0.0 } else { (at % 1009) as f32 / 1009.0 };
+                    }
+                    crowd.set_weights(0, &weights).unwrap();
+                    crowd.update();
+                    let pose = packed.layout().to_user_order(&crowd.pose(0).unwrap());
+                    if let Some((v, of)) = parted(&pose, &pairs) {
+                        panic!("{what:?} {desc:?}: vertices {v} and {of} part in frame {frame}");
+                    }
+                }
+                let pose = evaluate(&packed, &weights);
+                assert!(pairs.iter().all(|(v, of)| pose[v * 6..][..6] == pose[of * 6..][..6]), "{what:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_mesh_is_drawn_with_texture_coordinates_from_one_index_buffer() {
+    let source = charts();
+    let expected: Vec<(Vec3, Vec2)> = (corners(&source).into_iter())
+        .map(|c| (source.positions[c.position as usize], source.texcoords[c.texcoord.unwrap() as usize]))
+        .collect();
+    for (mesh, is_split) in [(split(&source), true), (source.to_mesh(Tolerance::default()).unwrap(), false)] {
+        for packed in pack(&mesh) {
+            let render = packed.layout().render_vertices(&mesh.faces, &mesh.texcoords).unwrap();
+            let pulled = render.pose_vertices.iter().enumerate().filter(|(i, pose)| *i as u32 != **pose).count();
+            assert_eq!(pulled == 0, is_split);
+            let vertex = |&index: &u32| {
+                let pose = render.pose_vertices[index as usize] as usize;
+                (Vec3::from_slice(&packed.base()[pose * POSE_FLOATS..]), render.texcoords[index as usize])
+            };
+            assert_eq!(render.indices.iter().map(vertex).collect::<Vec<_>>(), expected);
+        }
+    }
+    let packed = pack(&split(&source)).next().unwrap();
+    assert!(packed.layout().render_vertices(&source.faces, &[]).is_err());
+}
+
+#[test]
+fn doubled_vertices_are_equal_bit_for_bit_in_every_pose_of_the_gpu() {
+    let mesh = split(&with_tangents(charts()));
+    let pairs = doubled(&mesh);
+    for driver in gpu::drivers() {
+        gpu::on_device(&driver, false, |headless, engine| {
+            for format in DeltaFormat::ALL {
+                let packed = gpu::packed(engine, &mesh, format);
+                assert_eq!(packed.groups().len(), 2);
+                for update in updates(headless, format) {
+                    let mut crowd = HeadlessCrowd::new(headless, &packed, &gpu::single(update)).unwrap();
+                    for frame in 0..30 {
+                        crowd.step(&[&gpu::weights(&packed, frame, 11)]).unwrap();
+                        for group in 0..packed.groups().len() {
+                            let (pose, _) = crowd.read_group(0, group).unwrap();
+                            let parted = parted(&pose, &pairs);
+                            assert_eq!(parted, None, "{driver} {format:?} {update:?}: group {group}, frame {frame}");
+                        }
+                    }
+                }
+            }
+        });
+    }
+}
+
+/// The paths of a device, block formats with poses of each kind, and with blocks that may lag behind.
+fn updates(headless: &Headless, format: DeltaFormat) -> Vec<UpdateDesc> {
+    if format.is_blocks() {
+        let updates = gpu::update_descs(headless.engine(), format);
+        return updates.iter().flat_map(|&u| [u, u.error_budget(0.02)]).collect();
+    }
+    let paths = [UpdatePath::Compute, UpdatePath::Feedback];
+    let there = paths.into_iter().filter(|path| headless.caps().check_path(*path).is_ok());
+    there.map(|path| UpdateDesc::new(path, BatchSize::Targets(3))).collect()
+}
+
+#[test]
+fn further_streams_are_equal_at_doubled_vertices() {
+    let mesh = split(&with_tangents(charts()));
+    let pairs = doubled(&mesh);
+    for packed in pack(&mesh) {
+        let [_, group] = packed.groups() else { panic!("two groups") };
+        let mut moved = 0;
+        for target in 0..mesh.targets.len() {
+            let mut deltas = HashMap::new();
+            group.for_each_delta(target, |v, delta| _ = deltas.insert(v, delta.map(f64::to_bits)));
+            // What is not there does not move.
+            let of = |v: usize| deltas.get(&v).copied().unwrap_or_default();
+            assert!(pairs.iter().all(|&(v, first)| of(v) == of(first)), "{:?} {target}", packed.layout().format);
+            moved += pairs.iter().filter(|(v, _)| of(*v) != [0; POSE_FLOATS]).count();
+        }
+        assert!(moved > 100);
+        let pose = evaluate_group(group, &gpu::weights(&packed, 1, 5));
+        assert!(pairs.iter().all(|(v, of)| pose[v * 6..][..6] == pose[of * 6..][..6]));
+    }
+}
+
+/// What a host draws of a mesh: texture coordinates in the order of pose buffers, and indices.
+fn drawn(packed: &PackedMesh, mesh: &MorphMesh) -> (Vec<Vec2>, Vec<u32>) {
+    let mut render = packed.layout().render_vertices(&mesh.faces, &mesh.texcoords).unwrap();
+    // Without a split: whatever is the first at a position.
+    render.indices.iter_mut().for_each(|index| *index = render.pose_vertices[*index as usize]);
+    render.texcoords.truncate(mesh.vertex_count());
+    (render.texcoords, render.indices)
+}
+
+/// Draw `mesh` from its pose buffer, one buffer of texture coordinates and one of indices, in poses of a few frames from
+/// all sides; and draw each corner of the faces of `source` from the same pose. Returns the largest number of pixels that
+/// differ.
+fn compare_pictures(
+    headless: &Headless,
+    source: &MorphSource,
+    mesh: &MorphMesh,
+    update: UpdateDesc,
+    format: DeltaFormat,
+) -> usize {
+    let engine = headless.engine();
+    let packed = gpu::packed(engine, mesh, format);
+    // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
+    let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &packed) }).unwrap();
+    let mut crowd = engine.create_crowd(&uploaded, &gpu::single(update)).unwrap();
+    let (picture, decoded) = (Picture::new(headless, update.pose), Picture::new(headless, PoseFormat::Float32));
+    let (texcoords, indices) = drawn(&packed, mesh);
+    let (count, indices) = (indices.len() as u32, Some(picture.filled(&indices).unwrap()));
+    let texcoords = picture.filled(&texcoords).unwrap();
+    let pose_bytes = packed.layout().pose_bytes(update.pose) as usize;
+    let readback = picture.shared(pose_bytes, vk::BufferUsageFlags::TRANSFER_DST).unwrap();
+    let corners = corners(source);
+    let stated: Vec<Vec2> = corners.iter().map(|c| source.texcoords[c.texcoord.unwrap() as usize]).collect();
+    let stated = picture.filled(&stated).unwrap();
+    let (low, high) = source.positions.iter().fold((Vec3::MAX, Vec3::MIN), |(a, b), p| (a.min(*p), b.max(*p)));
+    let mut most = 0;
+    for frame in 0..6 {
+        // Depth from 0 to 1, and some room for what moves.
+        let scale = Mat4::from_scale(Vec3::new(2.0, -2.0, 0.5) / (high - low).length());
+        let turn = Mat4::from_quat(Quat::from_rotation_x(0.4) * Quat::from_rotation_y(frame as f32));
+        let view = Mat4::from_translation(Vec3::Z * 0.5) * scale * turn * Mat4::from_translation(-(low + high) / 2.0);
+        crowd.set_weights(0, &gpu::weights(&packed, frame, 3)).unwrap();
+        let view_of_pose = headless
+            .run(|cmd| {
+                // SAFETY: as above.
+                unsafe { engine.record_update(cmd, &mut crowd) }?;
+                let (pose, base) = (crowd.pose(0)?, uploaded.base_pose());
+                assert_eq!((pose.format, pose.stride as usize), (update.pose, update.pose.stride()));
+                let poses = &[(pose.buffer, pose.offset), (base.buffer, base.offset)];
+                let poses = &poses[..if pose.format.has_integers() { 2 } else { 1 }];
+                let triangles = Triangles { poses, units: pose.units, texcoords, indices, count };
+                picture.draw(cmd, &triangles, &view);
+                picture.record_pose_copy(cmd, &pose, &readback);
+                Ok(pose)
+            })
+            .unwrap();
+        let from_indices = picture.pixels();
+        let pose = packed.layout().to_user_order(&picture.pose(&readback, &view_of_pose, packed.base()));
+        let of = |c: &Corner| pose[c.position as usize * POSE_FLOATS..][..POSE_FLOATS].to_vec();
+        let poses = &[(picture.filled(&corners.iter().flat_map(of).collect::<Vec<f32>>()).unwrap(), 0)];
+        let count = corners.len() as u32;
+        let triangles = Triangles { poses, units: [1.0; 2], texcoords: stated, indices: None, count };
+        headless
+            .run(|cmd| {
+                decoded.draw(cmd, &triangles, &view);
+                Ok(())
+            })
+            .unwrap();
+        let from_corners = decoded.pixels();
+        let shown = from_corners.iter().filter(|pixel| pixel[3] != 0).count();
+        assert!((0.1..0.9).contains(&(shown as f32 / (EDGE * EDGE) as f32)), "{shown} pixels show the head");
+        most = from_indices.iter().zip(&from_corners).filter(|(a, b)| a != b).count().max(most);
+    }
+    most
+}
+
+#[test]
+fn one_index_buffer_draws_what_the_corners_of_the_file_draw() {
+    let [fixed32, fixed16] = gpu::fixed();
+    let float = UpdateDesc::blocks().tolerance(1e-2);
+    let compute = UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(3));
+    let plain = head(&HeadDesc::default().vertices(3000).targets(40));
+    let charts = charts();
+    let mesh = split(&charts);
+    let kept = charts.positions.len() as u32;
+    // What is doubled stays where it is, as when only the base pose is split.
+    let mut torn = mesh.clone();
+    for target in &mut torn.targets {
+        let first = target.vertices.partition_point(|v| *v < kept);
+        target.vertices.truncate(first);
+        target.positions.truncate(first);
+        target.normals.truncate(first);
+    }
+    for driver in gpu::drivers() {
+        gpu::on_device(&driver, false, |headless, _| {
+            for (update, format) in [
+                (fixed32, DeltaFormat::Fast),
+                (fixed16, DeltaFormat::Small),
+                (float, DeltaFormat::Small),
+                (float, DeltaFormat::BlockFloat32),
+                (compute, DeltaFormat::Float32),
+                (compute, DeltaFormat::Snorm16),
+            ] {
+                for (source, mesh) in [(&plain, split(&plain)), (&charts, mesh.clone())] {
+                    let differ = compare_pictures(headless, source, &mesh, update, format);
+                    assert_eq!(differ, 0, "{driver} {format:?} {update:?}");
+                }
+            }
+            // The pictures tell faults: one texture coordinate per position, and doubles that stay behind.
+            let unsplit = |source: &MorphSource| source.to_mesh(Tolerance::default()).unwrap();
+            for (source, mesh) in [(&charts, unsplit(&charts)), (&plain, unsplit(&plain)), (&charts, torn.clone())] {
+                let differ = compare_pictures(headless, source, &mesh, fixed16, DeltaFormat::Fast);
+                assert!(differ > 100, "{driver}: {differ} pixels differ");
+            }
+        });
+    }
+}

@@ -1,0 +1,326 @@
+//! Weights one at a time and by name; crowds of several meshes that take one weight vector.
+
+use crate::data;
+use crate::gpu::{fixed, is_kept, on_every_device, packed, weights};
+use crate::joints::{JOINTS, Joints};
+use crate::offscreen::Offscreen;
+use crate::written::Written;
+use deltamorph::after::{BoundsTarget, SkinDesc, SkinMethod, SkinTarget};
+use deltamorph::ash::vk;
+use deltamorph::headless::Headless;
+use deltamorph::import::{csv, obj};
+use deltamorph::internals::plan::hazards::Event;
+use deltamorph::reference::{self, compare, evaluate};
+use deltamorph::{
+    BatchSize, Crowd, CrowdDesc, CrowdSet, DeltaFormat, Faces, MorphEngine, MorphMesh, MorphTarget, PackedMesh,
+    Tolerance, UpdateDesc, UpdatePath, testing,
+};
+use std::collections::HashMap;
+
+fn crowd(headless: &Headless, engine: &MorphEngine, mesh: &PackedMesh, desc: &CrowdDesc) -> Crowd {
+    // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
+    let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, mesh) }).expect("an upload");
+    engine.create_crowd(&uploaded, desc).expect("a crowd")
+}
+
+/// Update the crowds of a set by one call, and read their poses of an instance back.
+fn step(headless: &Headless, engine: &MorphEngine, set: &mut CrowdSet, instance: u32) -> (Vec<Vec<f32>>, usize) {
+    let mut readbacks: Vec<_> = set.crowds().iter().map(|_| engine.readback()).collect();
+    let barriers = headless.run(|cmd| {
+        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; nothing is changed.
+        let (_, events) = unsafe { engine.record_tampered(cmd, &mut set.crowds_mut(), |_| {}) }?;
+        for (crowd, readback) in set.crowds().iter().zip(&mut readbacks) {
+            // SAFETY: as above.
+            unsafe { readback.record(cmd, crowd, &[instance]) }?;
+        }
+        Ok(events.iter().filter(|event| matches!(event, Event::Barrier(_))).count())
+    });
+    // SAFETY: as above.
+    let pose = |readback: &mut deltamorph::PoseReadback| unsafe { readback.poses() }.expect("poses").remove(0).vertices;
+    (readbacks.iter_mut().map(pose).collect(), barriers.expect("an update"))
+}
+
+fn refused<T>(result: deltamorph::Result<T>, words: &[&str]) {
+    let text = result.err().expect("refused").to_string();
+    assert!(words.iter().all(|word| text.contains(word)), "{text}");
+}
+
+#[test]
+fn weights_are_set_one_at_a_time_and_read_back() {
+    on_every_device(|headless, engine| {
+        let mesh = packed(engine, &testing::mesh(200, 9), DeltaFormat::Small);
+        let name = |target: usize| mesh.layout().targets[target].name.clone();
+        assert_eq!(mesh.layout().target_index(&name(4)), Some(4));
+        assert_eq!(mesh.layout().target_index("no such target"), None);
+        let desc = CrowdDesc::new(fixed()[0]).instances(2);
+        let mut set = CrowdSet::new(vec![crowd(headless, engine, &mesh, &desc)]).expect("a set");
+        let mut one = crowd(headless, engine, &mesh, &desc);
+        let mut asked = weights(&mesh, 3, 1);
+        one.set_weights(1, &asked).expect("weights");
+        (asked[2], asked[4]) = (0.625, -0.5);
+        one.set_weight(1, 2, 0.625).expect("a weight");
+        one.set_weight_by_name(1, &name(4), -0.5).expect("a weight");
+        for (weight, words) in [(f32::NAN, "is NaN"), (f32::INFINITY, "is inf"), (5.0, "use a larger weight_max")] {
+            refused(one.set_weight(1, 2, weight), &["the weight of target 2", words]);
+            refused(one.set_weight_by_name(1, &name(2), weight), &[words]);
+        }
+        refused(one.set_weight(1, 9, 0.0), &["target 9 of mesh", "which has 9; count targets from 0"]);
+        refused(one.set_weight(2, 0, 0.0), &["instance 2 of a crowd of 2"]);
+        refused(one.set_weight_by_name(1, &name(3).to_uppercase(), 0.0), &["has no target", &name(3)]);
+        refused(one.weights(2), &["instance 2 of a crowd of 2"]);
+        assert_eq!((one.weights(0).unwrap(), one.weights(1).unwrap()), (&[0.0; 9][..], &asked[..]));
+        set.set_weights(1, &asked).expect("weights");
+        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
+        headless.run(|cmd| unsafe { engine.record_update(cmd, &mut one) }).expect("an update");
+        let mut readback = engine.readback();
+        // SAFETY: as above.
+        headless.run(|cmd| unsafe { readback.record(cmd, &one, &[1]) }).expect("a read-back");
+        // SAFETY: as above.
+        let pose = unsafe { readback.poses() }.expect("poses").remove(0).vertices;
+        assert_eq!(pose, step(headless, engine, &mut set, 1).0[0], "the pose of the same weights, set at once");
+        one.remove(1).expect("an instance");
+        refused(one.set_weight(1, 0, 0.0), &["instance 1 was removed"]);
+    });
+}
+
+#[test]
+#[cfg(feature = "baselines")]
+fn a_weight_that_makes_too_many_active_is_refused_alone() {
+    on_every_device(|headless, engine| {
+        let mesh = packed(engine, &testing::mesh(64, 4), DeltaFormat::Float32);
+        let desc = CrowdDesc::new(UpdateDesc::new(UpdatePath::DirectAttributes, BatchSize::Targets(2)));
+        let mut crowd = crowd(headless, engine, &mesh, &desc);
+        crowd.set_weights(0, &[0.5, 0.0, 0.5, 0.0]).expect("two active");
+        assert!(crowd.set_weight(0, 1, 0.5).is_err());
+        assert_eq!(crowd.weights(0).unwrap(), [0.5, 0.0, 0.5, 0.0]);
+        crowd.set_weight(0, 2, 0.0).expect("one active");
+        crowd.set_weight(0, 1, 0.5).expect("two active");
+    });
+}
+
+/// Two meshes that share two names; each has one of its own.
+#[test]
+fn a_set_gives_each_weight_to_the_targets_of_its_name() {
+    on_every_device(|headless, engine| {
+        let mut meshes = [testing::mesh(200, 3), testing::mesh(100, 3)];
+        for (mesh, names) in meshes.iter_mut().zip([["jaw", "brow", "smile"], ["smile", "tongue", "jaw"]]) {
+            mesh.targets.iter_mut().zip(names).for_each(|(target, name)| target.name = name.into());
+        }
+        let meshes = meshes.map(|mesh| packed(engine, &mesh, DeltaFormat::Fast));
+        let desc = CrowdDesc::new(UpdateDesc::blocks()).instances(2);
+        let crowds = || meshes.iter().map(|mesh| crowd(headless, engine, mesh, &desc)).collect::<Vec<_>>();
+        let mut set = CrowdSet::new(crowds()).expect("a set");
+        assert_eq!(set.names(), ["jaw", "brow", "smile", "tongue"]);
+        let check = |set: &mut CrowdSet, instance, of_each: [[f32; 3]; 2]| {
+            for ((pose, mesh), weights) in step(headless, engine, set, instance).0.iter().zip(&meshes).zip(of_each) {
+                let error = compare(pose, &evaluate(mesh, &weights));
+                assert!(error.within(1e-5, 0.01), "{error:?}");
+            }
+        };
+        set.set_weights(1, &[0.1, 0.2, 0.3, 0.4]).expect("weights");
+        check(&mut set, 1, [[0.1, 0.2, 0.3], [0.3, 0.4, 0.1]]);
+        // Of a name that is not in the vector, the weight stays.
+        set.bind(&["smile", "jaw"]).expect("names of targets");
+        set.set_weights(1, &[0.7, 0.6]).expect("weights");
+        check(&mut set, 1, [[0.6, 0.2, 0.7], [0.7, 0.4, 0.6]]);
+
+        refused(set.bind(&["Smile"]), &["no mesh of the set has a target 'Smile'", "use 'smile'"]);
+        refused(set.bind(&["jaw", "jaw"]), &["two weights are called 'jaw'"]);
+        assert_eq!(set.names(), ["smile", "jaw"], "nothing changes");
+        refused(set.set_weights(1, &[0.0]), &["1 weights given, but the set has 2 names"]);
+        refused(set.set_weights(1, &[0.0, f32::NAN]), &["is NaN"]);
+        refused(set.set_weights(2, &[0.0, 0.0]), &["instance 2 of a crowd of 2"]);
+        assert_eq!(set.crowds()[0].weights(1).unwrap(), [0.6, 0.2, 0.7], "in no crowd");
+
+        // Instances come and go in all of them, and updates that never run are of all of them.
+        set.remove(0).expect("an instance");
+        assert!(set.crowds().iter().all(|crowd| crowd.weights(0).is_err()));
+        assert_eq!(set.add().expect("a place"), 0);
+        set.set_hidden(1, true).expect("an instance");
+        assert!(set.crowds().iter().all(|crowd| crowd.shown().eq([0])));
+        set.set_hidden(1, false).expect("an instance");
+        set.cut(1).expect("an instance");
+        set.set_weights(1, &[0.2, 0.1]).expect("weights");
+        // SAFETY: `run` hands out a recording buffer of the engine's device, which runs nothing.
+        let lost = headless.run(|cmd| unsafe { engine.record_updates(cmd, &mut set.crowds_mut()) }).expect("updates");
+        refused(set.discard(&lost[1..]), &["1 updates of a set of 2 crowds"]);
+        refused(set.discard(&[lost[1], lost[0]]), &["the ticket is of another crowd"]);
+        assert!(set.crowds().iter().all(|crowd| crowd.pose(1).is_ok()), "nothing is discarded");
+        set.discard(&lost).expect("updates of the set");
+        assert!(set.crowds().iter().all(|crowd| crowd.pose(1).is_err()));
+        check(&mut set, 1, [[0.1, 0.2, 0.2], [0.2, 0.4, 0.1]]);
+
+        refused(CrowdSet::new(vec![]), &["a set of no crowd"]);
+        let mut unlike = crowds();
+        unlike[1].remove(0).expect("an instance");
+        refused(CrowdSet::new(unlike), &["2 and 2 instances, [0, 1] and [1]"]);
+    });
+}
+
+/// What `written` has of every vertex, six numbers each.
+fn floats(headless: &Headless, written: &Written<'_>) -> Vec<f32> {
+    let vertices = written.take(headless).into_iter();
+    vertices.flat_map(|words| words.expect("all is written")).map(f32::from_bits).collect()
+}
+
+/// Each mesh by joints of its own, which turn and are cut with the set; the second one is bounded, too.
+#[test]
+fn members_of_a_set_are_skinned_bounded_and_cut() {
+    on_every_device(|headless, engine| {
+        let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+        let meshes = [(200, 3), (90, 3)].map(|(n, m)| packed(engine, &testing::mesh(n, m), DeltaFormat::Fast));
+        let desc = CrowdDesc::new(UpdateDesc::blocks()).instances(2);
+        let crowds = meshes.iter().map(|mesh| crowd(headless, engine, mesh, &desc)).collect();
+        let mut set = CrowdSet::new(crowds).expect("a set");
+        let influences: Vec<(Vec<u16>, Vec<f32>)> = meshes
+            .iter()
+            .map(|mesh| (0..4 * mesh.layout().vertex_count).map(|i| ((i % 7) as u16, 1.0 + (i % 5) as f32)).unzip())
+            .collect();
+        let skins = influences.iter().map(|(which, weights)| SkinDesc::new(4, JOINTS, which, weights));
+        let skins: Vec<SkinDesc<'_>> = skins.collect();
+        let mut joints =
+            meshes.each_ref().map(|m| Joints::new(headless, &host, SkinMethod::Linear, m.layout().diagonal));
+        let places = [0, 1].map(|_| {
+            meshes.each_ref().map(|mesh| Written::new(headless, &host, mesh.layout().vertex_count, (0, 24, Some(12))))
+        });
+        let bounds = Written::new(headless, &host, 2, (0, 12, None));
+        for (i, mesh) in meshes.iter().enumerate() {
+            // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
+            let skin = headless.run(|cmd| unsafe { engine.upload_skin(cmd, mesh, &skins[i]) }).expect("a skin");
+            let target = SkinTarget::new(places[0][i].buffer, joints[i].shared.buffer, 3 * Joints::STRIDE);
+            let target = target.joints_offset(joints[i].offset()).stride(24).normals(Some(12));
+            let target = target.second(Some((places[1][i].buffer, 0)));
+            let crowd = set.crowd_mut(i).expect("a crowd");
+            // SAFETY: the buffers are large enough, and live as long as the set; nothing is running.
+            unsafe { engine.set_skin_target(crowd, 1, Some((&skin, &target))) }.expect("a target");
+        }
+        // SAFETY: as above.
+        unsafe {
+            let target = BoundsTarget::new(bounds.buffer);
+            engine.set_bounds_target(set.crowd_mut(1).expect("a crowd"), 1, Some(&target)).expect("a target");
+        }
+        for frame in 0..4u16 {
+            let asked: Vec<f32> = (0..3u16).map(|t| f32::from((5 * t + 3 * frame) % 8) / 8.0).collect();
+            set.set_weights(1, &asked).expect("weights");
+            for (i, joints) in joints.iter_mut().enumerate() {
+                joints.turn(headless, u64::from(frame) + 10 * i as u64);
+                set.set_joints(i, 1, joints.offset()).expect("joints");
+            }
+            if frame == 2 {
+                set.cut(1).expect("an instance");
+            }
+            let (poses, _) = step(headless, engine, &mut set, 1);
+            for (i, mesh) in meshes.iter().enumerate() {
+                let view = set.crowds()[i].skinned(1).expect("a skinned pose");
+                let now = usize::from(view.current.0 == places[1][i].buffer);
+                let before = if matches!(frame, 0 | 2) { now } else { 1 - now };
+                assert_eq!(view.previous, Some((places[before][i].buffer, 0)), "frame {frame}");
+                let pose = evaluate(mesh, &asked);
+                let expected =
+                    reference::skin(&pose, &skins[i], SkinMethod::Linear, &joints[i].numbers).expect("a pose");
+                let mut held = floats(headless, &places[now][i]);
+                held.resize(mesh.layout().padded_vertices() * 6, 0.0);
+                let error = compare(&mesh.layout().to_user_order(&held), &expected);
+                assert!(error.within(1e-5 * f64::from(mesh.layout().diagonal), 0.01), "frame {frame}: {error:?}");
+            }
+            let ends = [f32::min, f32::max].map(|end| {
+                poses[1]
+                    .as_chunks::<6>()
+                    .0
+                    .iter()
+                    .map(|v| [v[0], v[1], v[2]])
+                    .reduce(|a, b| std::array::from_fn(|c| end(a[c], b[c])))
+            });
+            let written = bounds.take(headless).into_iter().flatten().flatten().map(f32::from_bits);
+            assert_eq!(written.collect::<Vec<f32>>(), ends.map(Option::unwrap).concat(), "frame {frame}");
+        }
+        assert!(set.crowd_mut(2).is_none());
+        refused(set.set_joints(2, 1, 0), &["crowd 2 of a set of 2", "count crowds from 0"]);
+        refused(set.set_joints(0, 0, 0), &["not skinned"]);
+    });
+}
+
+/// The part of a mesh that these vertices make, with the targets that move any of them.
+fn part(mesh: &MorphMesh, name: &str, vertices: &[u32]) -> MorphMesh {
+    let new: HashMap<u32, u32> = vertices.iter().copied().zip(0..).collect();
+    let at = |v: &u32| *v as usize;
+    let mut part =
+        MorphMesh { name: name.into(), diagonal: mesh.diagonal, tolerance: mesh.tolerance, ..Default::default() };
+    part.positions = vertices.iter().map(|v| mesh.positions[at(v)]).collect();
+    part.normals = vertices.iter().map(|v| mesh.normals[at(v)]).collect();
+    part.faces = Faces::default();
+    for face in mesh.faces.iter().filter(|face| new.contains_key(&face[0].position)) {
+        part.faces.sizes.push(face.len() as u32);
+        let corner =
+            |corner: &deltamorph::Corner| deltamorph::Corner { position: new[&corner.position], texcoord: None };
+        part.faces.corners.extend(face.iter().map(corner));
+    }
+    for target in &mesh.targets {
+        let mut moved = MorphTarget { name: target.name.clone(), ..Default::default() };
+        for (i, v) in target.vertices.iter().enumerate().filter_map(|(i, v)| Some((i, *new.get(v)?))) {
+            moved.vertices.push(v);
+            moved.positions.push(target.positions[i]);
+            moved.normals.push(target.normals[i]);
+        }
+        part.targets.extend(Some(moved).filter(|moved| !moved.vertices.is_empty()));
+    }
+    part
+}
+
+/// The body of makehuman_face with eyes and tongue, its teeth, and its lashes as three meshes.
+#[test]
+fn a_face_in_three_meshes_moves_as_the_whole_one() {
+    let Some(folder) = data::set("makehuman_face") else { return };
+    let whole = obj::import_folder(&folder).expect("a folder").to_mesh(Tolerance::default()).expect("a mesh");
+    // The file says which faces are of which group.
+    let text = std::fs::read_to_string(folder.join("neutral.obj")).expect("a file");
+    let (mut group, mut groups) = (0, vec![0; whole.vertex_count()]);
+    for line in text.lines() {
+        let mut words = line.split(' ');
+        match words.next() {
+            Some("g") => group = if line.contains("teeth") { 1 } else { 2 * usize::from(line.contains("lashes")) },
+            Some("f") => words.filter_map(|corner| corner.split('/').next()?.parse::<usize>().ok()).for_each(|v| {
+                groups[v - 1] = group;
+            }),
+            Some(_) | None => {}
+        }
+    }
+    let of = |part: usize| (0..groups.len() as u32).filter(|v| groups[*v as usize] == part).collect::<Vec<_>>();
+    let parts: Vec<(Vec<u32>, MorphMesh)> =
+        ["head", "teeth", "lashes"].iter().enumerate().map(|(i, name)| (of(i), part(&whole, name, &of(i)))).collect();
+    let counts: Vec<_> = parts.iter().map(|(_, part)| (part.vertex_count(), part.targets.len())).collect();
+    assert!(counts.iter().all(|(vertices, targets)| *vertices > 0 && (1..169).contains(targets)), "{counts:?}");
+    let names: Vec<&str> = whole.targets.iter().map(|target| target.name.as_str()).collect();
+    let clip = csv::read(&folder.join("weights/facecap_30fps.csv"), None).expect("a clip");
+    let frames: Vec<Vec<f32>> = clip.bind(&names).expect("columns that name targets").frames().collect();
+    let blocks = UpdateDesc::blocks();
+    let dense = UpdateDesc::new(UpdatePath::Compute, BatchSize::All);
+    on_every_device(|headless, engine| {
+        for (format, update) in [(DeltaFormat::BlockFloat32, blocks), (DeltaFormat::Float32, dense)] {
+            let desc = CrowdDesc::new(update);
+            let single = packed(engine, &whole, format);
+            let crowds = parts.iter().map(|(_, mesh)| crowd(headless, engine, &packed(engine, mesh, format), &desc));
+            let mut set = CrowdSet::new(crowds.collect()).expect("a set");
+            // The captured clip has columns for targets that move nothing in any part.
+            let driven: Vec<usize> = set.names().iter().map(|n| names.iter().position(|m| m == n).unwrap()).collect();
+            let mut one = CrowdSet::new(vec![crowd(headless, engine, &single, &desc)]).expect("a set");
+            for (i, frame) in frames.iter().enumerate().step_by(24) {
+                set.set_weights(0, &driven.iter().map(|t| frame[*t]).collect::<Vec<_>>()).expect("weights");
+                one.set_weights(0, frame).expect("weights");
+                let (poses, barriers) = step(headless, engine, &mut set, 0);
+                assert_eq!(barriers, 2, "frame {i}: one before all, one after all");
+                let (of_one, reference) = (step(headless, engine, &mut one, 0).0.remove(0), evaluate(&single, frame));
+                for ((vertices, mesh), pose) in parts.iter().zip(&poses) {
+                    let of_part = |whole: &[f64]| -> Vec<f64> {
+                        vertices.iter().flat_map(|v| &whole[*v as usize * 6..][..6]).copied().collect()
+                    };
+                    let of_one: Vec<f64> = of_one.iter().copied().map(f64::from).collect();
+                    for expected in [of_part(&reference), of_part(&of_one)] {
+                        let error = compare(pose, &expected);
+                        assert!(is_kept(&error, whole.diagonal), "frame {i}, {}: {error:?}", mesh.name);
+                    }
+                }
+            }
+        }
+    });
+}

@@ -1,0 +1,353 @@
+//! The SPIR-V modules: checked in and compiled are the same, and declare what the table of kernels and the host's
+//! structures say.
+
+use deltamorph::internals::abi::kernels::{Buffer, Push, Stage};
+use deltamorph::internals::abi::modules::{CROWD_TEXELS, MANIFEST, MODULES, Module};
+use deltamorph::internals::abi::numbers::{RECORD_WORDS, WORKGROUP};
+use deltamorph::internals::abi::push::{DenseListEntry, attribute_push_bytes};
+use deltamorph::internals::abi::worklist::TILE;
+use deltamorph::internals::update::animated::HeadRecord;
+use deltamorph::{BLOCK_SIZES, DeltaFormat, DeviceClass, PoseFormat};
+use spirq::prelude::*;
+use spirq::ty::StructType;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+/// Bytes that the modules may take in a library without baselines.
+const EMBEDDED_MAX: usize = 200_000;
+
+fn words(bytes: &[u8]) -> Vec<u32> {
+    bytes.chunks_exact(4).map(|w| u32::from_le_bytes(w.try_into().unwrap())).collect()
+}
+
+/// A module as built, with its debug names.
+fn spirv(module: &Module) -> Vec<u32> {
+    let file = Path::new(env!("OUT_DIR")).join(format!("{}.spv", module.name));
+    words(&std::fs::read(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display())))
+}
+
+/// Instructions behind the header: opcode, operands.
+fn instructions(words: &[u32]) -> Vec<(u32, &[u32])> {
+    let (mut at, mut instructions) = (5, vec![]);
+    while at < words.len() {
+        let length = (words[at] >> 16) as usize;
+        instructions.push((words[at] & 0xffff, &words[at + 1..at + length]));
+        at += length;
+    }
+    instructions
+}
+
+/// A literal operand of an execution mode: reflection hands it out as bytes.
+fn operand(value: &ConstantValue) -> u32 {
+    match value {
+        ConstantValue::Typeless(bytes) => u32::from_le_bytes(bytes[..4].try_into().unwrap()),
+        ConstantValue::U32(value) => *value,
+        other => panic!("{other:?}"),
+    }
+}
+
+fn reflect(module: &Module) -> EntryPoint {
+    let mut entries = ReflectConfig::new().spv(spirv(module)).ref_all_rscs(true).reflect().unwrap();
+    assert_eq!((entries.len(), entries[0].name.as_str()), (1, "main"), "{}", module.name);
+    entries.remove(0)
+}
+
+/// What is bound in set 0, as far as a module tells: offsets are given when a set is bound, or not.
+#[derive(Debug, PartialEq)]
+enum Bound {
+    /// Elements of this many bytes.
+    Elements(usize),
+    Texels {
+        stored: bool,
+    },
+    Image,
+}
+
+fn bound(entry: &EntryPoint) -> BTreeMap<u32, Bound> {
+    let descriptors = entry.vars.iter().filter_map(|var| match var {
+        Variable::Descriptor { desc_bind, desc_ty, ty, .. } => {
+            assert_eq!(desc_bind.set(), 0);
+            let bound = match desc_ty {
+                DescriptorType::UniformTexelBuffer() => Bound::Texels { stored: false },
+                DescriptorType::StorageTexelBuffer(_) => Bound::Texels { stored: true },
+                DescriptorType::SampledImage() => Bound::Image,
+                DescriptorType::StorageBuffer(_) => {
+                    let member = &ty.as_struct().expect("a block").members[0].ty;
+                    // Of an array the elements, otherwise all there is.
+                    let bytes = member.as_array().map_or_else(|| member.nbyte(), |array| array.stride);
+                    Bound::Elements(bytes.unwrap())
+                }
+                _ => panic!("{var:?}"),
+            };
+            Some((desc_bind.bind(), bound))
+        }
+        _ => None,
+    });
+    descriptors.collect()
+}
+
+fn push_constants(entry: &EntryPoint) -> Option<StructType> {
+    entry.vars.iter().find_map(|var| match var {
+        Variable::PushConstant { ty, .. } => Some(ty.as_struct().expect("a block").clone()),
+        _ => None,
+    })
+}
+
+/// `(name, offset)` of each member, and bytes in all.
+fn members(ty: &StructType) -> (Vec<(&str, usize)>, usize) {
+    let members: Vec<_> = ty.members.iter().map(|m| (m.name.as_deref().unwrap(), m.offset.unwrap())).collect();
+    let last = ty.members.last().unwrap();
+    (members, last.offset.unwrap() + last.ty.nbyte().unwrap())
+}
+
+/// Specialization constants, ascending.
+fn constants(entry: &EntryPoint) -> Vec<u32> {
+    let ids = entry.vars.iter().filter_map(|v| match v {
+        Variable::SpecConstant { spec_id, .. } => Some(*spec_id),
+        _ => None,
+    });
+    let mut ids: Vec<u32> = ids.collect();
+    ids.sort_unstable();
+    ids
+}
+
+/// `(location, elements)` of a vertex module's inputs.
+fn inputs(entry: &EntryPoint) -> Vec<(u32, usize)> {
+    let inputs = entry.vars.iter().filter_map(|v| match v {
+        Variable::Input { location, ty, .. } => {
+            Some((location.loc(), ty.as_array().map_or(1, |a| a.nelement.unwrap() as usize)))
+        }
+        _ => None,
+    });
+    let mut inputs: Vec<(u32, usize)> = inputs.collect();
+    inputs.sort_unstable();
+    inputs
+}
+
+/// Values of a decoration of a module's variables: reflection does not know those of capture.
+fn decorations(words: &[u32], decoration: u32) -> Vec<u32> {
+    let decorate = 71;
+    let all = instructions(words).into_iter().filter(|(op, o)| *op == decorate && o[1] == decoration);
+    let mut values: Vec<u32> = all.map(|(_, operands)| operands.get(2).copied().unwrap_or(operands[0])).collect();
+    values.sort_unstable();
+    values
+}
+
+/// Bindings of variables that are decorated Aliased.
+fn aliased(words: &[u32]) -> Vec<u32> {
+    let (decorate, aliased, binding) = (71, 20, 33);
+    let all = instructions(words);
+    let decorated: BTreeSet<u32> =
+        all.iter().filter(|(op, o)| *op == decorate && o[1] == aliased).map(|(_, o)| o[0]).collect();
+    let bindings = all.iter().filter(|(op, o)| *op == decorate && o[1] == binding && decorated.contains(&o[0]));
+    let mut bindings: Vec<u32> = bindings.map(|(_, o)| o[2]).collect();
+    bindings.sort_unstable();
+    bindings
+}
+
+/// Bytes of memory that a workgroup shares.
+fn shared_bytes(words: &[u32]) -> u32 {
+    const INT: u32 = 21;
+    const FLOAT: u32 = 22;
+    const VECTOR: u32 = 23;
+    const ARRAY: u32 = 28;
+    const POINTER: u32 = 32;
+    fn bytes(all: &[(u32, &[u32])], id: u32) -> u32 {
+        let (op, o) = all.iter().find(|(op, o)| (INT..=POINTER).contains(op) && o[0] == id).expect("a type");
+        let constant = |id: u32| all.iter().find(|(op, o)| *op == 43 && o[1] == id).expect("a length").1[2];
+        match *op {
+            INT | FLOAT => o[1] / 8,
+            VECTOR => o[2] * bytes(all, o[1]),
+            ARRAY => constant(o[2]) * bytes(all, o[1]),
+            POINTER => bytes(all, o[2]),
+            other => panic!("a type of the instruction {other}"),
+        }
+    }
+    let (variable, workgroup) = (59, 4);
+    let all = instructions(words);
+    all.iter().filter(|(op, o)| *op == variable && o[2] == workgroup).map(|(_, o)| bytes(&all, o[0])).sum()
+}
+
+#[test]
+fn what_is_checked_in_is_what_the_sources_compile_to() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv");
+    let built = |module: &Module| PathBuf::from(env!("OUT_DIR")).join(format!("{}.spv", module.name));
+    let all = cfg!(feature = "baselines");
+    if std::env::var_os("UPDATE_SPIRV").is_some() {
+        assert!(all, "spirv/ has the modules of baselines, too: build with the feature 'baselines'");
+        for entry in std::fs::read_dir(&folder).unwrap() {
+            std::fs::remove_file(entry.unwrap().path()).unwrap();
+        }
+        for module in &MODULES {
+            std::fs::copy(built(module), folder.join(format!("{}.spv", module.name))).unwrap();
+        }
+        std::fs::write(folder.join("manifest.txt"), MANIFEST).unwrap();
+    }
+    let how = "regenerate spirv/ with: UPDATE_SPIRV=1 cargo test --test project spirv";
+    let manifest = std::fs::read_to_string(folder.join("manifest.txt")).unwrap_or_else(|e| panic!("{e}; {how}"));
+    let compiler = |text: &str| text.lines().next().unwrap_or_default().to_owned();
+    // Another version of glslang writes other bytes for the same source.
+    let same_compiler = compiler(&manifest) == compiler(MANIFEST);
+    for line in MANIFEST.lines().filter(|l| same_compiler || l.starts_with("source")) {
+        assert!(manifest.lines().any(|l| l == line), "spirv/manifest.txt lacks '{line}'; {how}");
+    }
+    let files: BTreeSet<String> = std::fs::read_dir(&folder)
+        .unwrap()
+        .map(|e| e.unwrap().file_name().into_string().unwrap())
+        .filter(|n| n.ends_with(".spv"))
+        .collect();
+    let modules: BTreeSet<String> = MODULES.iter().map(|module| format!("{}.spv", module.name)).collect();
+    assert_eq!(modules.len(), MODULES.len(), "names are distinct");
+    assert!(if all { files == modules } else { files.is_superset(&modules) }, "{how}");
+    for module in &MODULES {
+        let file = std::fs::read(folder.join(format!("{}.spv", module.name))).unwrap();
+        let same = words(&file) == spirv(module);
+        assert!(!same_compiler || same, "spirv/{}.spv differs from its source; {how}", module.name);
+    }
+}
+
+#[test]
+fn what_is_embedded_is_what_was_compiled_without_debug_names() {
+    let debug = [2, 3, 4, 5, 6, 7, 8, 317, 330];
+    for module in &MODULES {
+        let (compiled, embedded) = (spirv(module), module.words());
+        let mut expected = instructions(&compiled);
+        expected.retain(|(opcode, _)| !debug.contains(opcode));
+        assert_eq!(embedded[..5], compiled[..5], "{}", module.name);
+        assert_eq!(instructions(&embedded), expected, "{}", module.name);
+    }
+    let ours = MODULES.iter().filter(|module| !module.kernel.baseline);
+    let compressed: BTreeMap<_, _> = ours.map(|module| (module.modules.as_ptr(), module.modules.len())).collect();
+    let bytes: usize = compressed.into_values().sum();
+    println!("{bytes} bytes of SPIR-V without baselines");
+    assert!(bytes <= EMBEDDED_MAX, "{bytes} bytes of SPIR-V without baselines, {EMBEDDED_MAX} allowed");
+}
+
+#[test]
+fn modules_declare_what_the_table_says() {
+    for module in &MODULES {
+        let (name, kernel, entry, code) = (module.name, module.kernel, reflect(module), spirv(module));
+        let format = module.format.map(|row| DeltaFormat::ALL.into_iter().find(|f| f.name() == row.name).unwrap());
+        let expected = kernel.bindings.iter().map(|(binding, buffer)| {
+            let bound = match buffer {
+                Buffer::Storage(bytes) | Buffer::Dynamic(bytes) => Bound::Elements(*bytes as usize),
+                Buffer::Poses if name.contains("fixed") => Bound::Elements(4), // int, uint
+                Buffer::Poses => Bound::Elements(8),                           // vec2
+                Buffer::DynamicDeltas => match format {
+                    Some(DeltaFormat::Snorm16) => Bound::Elements(4), // uint
+                    _ => Bound::Elements(8),                          // vec2
+                },
+                Buffer::UniformTexels(_) => Bound::Texels { stored: false },
+                Buffer::StorageTexels(_) => Bound::Texels { stored: true },
+                Buffer::Image => Bound::Image,
+            };
+            (*binding, bound)
+        });
+        let bound = bound(&entry);
+        assert_eq!(bound, expected.collect(), "{name}");
+        let storage_buffers = bound.values().filter(|b| matches!(b, Bound::Elements(_))).count();
+        assert!(storage_buffers <= 4, "{name}: what a phone promises");
+        assert!(shared_bytes(&code) <= 16 << 10, "{name}: what a phone promises");
+        assert_eq!(aliased(&code), kernel.aliased, "{name}");
+
+        let push = push_constants(&entry);
+        let (declared, bytes) = push.as_ref().map_or((vec![], 0), members);
+        match (kernel.push, format) {
+            (Push::Attributes, Some(format)) => {
+                assert_eq!(bytes, attribute_push_bytes(format, module.batch) as usize, "{name}");
+            }
+            _ => assert_eq!((declared.as_slice(), bytes), kernel.push.members(), "{name}"),
+        }
+        // Modules for more than 16 attributes are for devices that have more push constants, too.
+        assert!(bytes <= 128 || module.batch > 25, "{name}: what Vulkan promises");
+        assert_eq!(constants(&entry), (0..kernel.constants).collect::<Vec<_>>(), "{name}");
+
+        let sizes = entry.exec_modes.iter().filter(|mode| mode.exec_mode == spirq::spirv::ExecutionMode::LocalSize);
+        let sizes: Vec<Vec<u32>> =
+            sizes.map(|mode| mode.operands.iter().map(|c| operand(&c.value)).collect()).collect();
+        match kernel.stage {
+            Stage::Vertex => {
+                assert!(sizes.is_empty(), "{name}");
+                let deltas = module.batch as usize * format.map_or(0, DeltaFormat::attributes);
+                // Behind the pose: the base pose of integers, or deltas.
+                let displaced = kernel.poses && name != kernel.name;
+                let base = displaced.then_some([(2, 1), (3, 1)]).into_iter().flatten();
+                // Rectangles are in a buffer.
+                let pose = [(0, 1), (1, 1)].into_iter().filter(|_| kernel.name != "rectangles");
+                let behind = (deltas > 0).then_some((2, deltas)).into_iter().chain(base);
+                assert_eq!(inputs(&entry), pose.chain(behind).collect::<Vec<_>>(), "{name}");
+            }
+            // A rectangle.
+            Stage::Fragment => assert_eq!((sizes.len(), inputs(&entry)), (0, vec![(0, 1)]), "{name}"),
+            Stage::Compute => assert_eq!(sizes, [[WORKGROUP, 1, 1]], "{name}"),
+            // Constant 0 is the size in x, whatever is written there.
+            Stage::ComputeSized => {
+                let (builtin, workgroup_size) = (11, 25);
+                assert!(decorations(&code, builtin).contains(&workgroup_size), "{name}");
+                assert!(sizes.iter().all(|size| size[1..] == [1, 1]), "{name}");
+            }
+        }
+    }
+    // Two arrays of 64 vectors: the shader that finds extents.
+    let most = MODULES.iter().map(|module| shared_bytes(&spirv(module))).max();
+    assert_eq!(most, Some(2 * 64 * 12));
+    const { assert!(WORKGROUP <= 128) };
+    // The largest block has as many lanes as a phone promises.
+    assert_eq!(BLOCK_SIZES.iter().max(), Some(&128));
+}
+
+#[test]
+fn vertex_modules_capture_what_a_pose_has_and_draws_do_nothing_else() {
+    let (offset, buffer, stride, non_writable) = (35, 36, 37, 24);
+    for module in MODULES.iter().filter(|module| module.kernel.stage == Stage::Vertex) {
+        let (name, kernel, code) = (module.name, module.kernel, spirv(module));
+        let captures = kernel.name == "feedback" || kernel.suffix == "feedback";
+        let stores = kernel.name == "vertex_store" || kernel.suffix == "store";
+        let captured = |what| decorations(&code, what);
+        if captures {
+            assert_eq!(captured(buffer).iter().filter(|b| **b == 0).count(), captured(buffer).len(), "{name}");
+            assert_eq!(captured(buffer).len(), 2, "{name}");
+            assert!(captured(stride).iter().all(|s| *s as usize == PoseFormat::Float32.stride()), "{name}");
+            let offsets = captured(offset);
+            assert!(offsets.ends_with(&[12]) && offsets.starts_with(&[0]), "{name}: {offsets:?}");
+        } else {
+            assert!(captured(buffer).is_empty(), "{name}");
+        }
+        let member_decorate = 72;
+        let read_only =
+            instructions(&code).iter().filter(|(op, o)| *op == member_decorate && o[2] == non_writable).count();
+        let buffers = kernel.bindings.iter().filter(|(_, buffer)| *buffer != Buffer::Image).count();
+        assert_eq!(read_only + usize::from(stores), buffers, "{name}");
+    }
+}
+
+#[test]
+fn structures_in_buffers_are_the_hosts() {
+    let lists = MODULES.iter().filter(|module| module.kernel.name == "dense_list");
+    let mut seen = 0;
+    for module in lists {
+        let entry = reflect(module);
+        let list = entry.vars.iter().find_map(|var| match var {
+            Variable::Descriptor { desc_bind, ty, .. } if desc_bind.bind() == 3 => ty.as_struct(),
+            _ => None,
+        });
+        let element = list.unwrap().members[0].ty.as_array().unwrap().element_ty.clone();
+        let expected = (DenseListEntry::MEMBERS.to_vec(), size_of::<DenseListEntry>());
+        assert_eq!(members(element.as_struct().unwrap()), expected, "{}", module.name);
+        seen += 1;
+    }
+    // Float32 poses of both dense formats, poses of integers of snorm16.
+    assert_eq!(seen, DeltaFormat::DENSE.len() + 2);
+    assert_eq!(size_of::<HeadRecord>(), 4 * RECORD_WORDS as usize);
+}
+
+#[test]
+fn every_device_class_has_tiles_that_kernels_take() {
+    for class in [DeviceClass::Software, DeviceClass::Phone, DeviceClass::Desktop] {
+        let tuning = class.tuning();
+        assert!(tuning.widest_tile.is_power_of_two() && tuning.widest_tile <= TILE as u32, "{tuning:?}");
+    }
+    let texels =
+        DeltaFormat::ALL.into_iter().filter(|format| !CROWD_TEXELS.modules(*format, PoseFormat::Float32).is_empty());
+    assert_eq!(texels.collect::<Vec<_>>(), [DeltaFormat::Fast]);
+}

@@ -1,0 +1,377 @@
+//! Documented errors of the public face that no other test provokes: the message says what is wrong, and what to do.
+
+use crate::gpu;
+use deltamorph::after::{
+    BoundsTarget, GpuNormals, GpuSkin, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget, WeightBounds,
+};
+use deltamorph::ash::vk;
+use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
+use deltamorph::import::{csv, obj};
+use deltamorph::reference::{self, evaluate};
+use deltamorph::{
+    Asset, BatchSize, CpuCrowd, Crowd, CrowdDesc, CrowdSet, DecodeTarget, DeltaFormat, DeviceDesc, DeviceTuning,
+    GpuMesh, HostPoses, MorphEngine, MorphMesh, MorphSource, PackDesc, PackedMesh, PoseFormat, Result, Semantic,
+    StreamData, StreamDeltas, Tolerance, UpdateDesc, UpdatePath, VertexLayout, WeightClip, testing,
+};
+use std::sync::Arc;
+
+fn says<T>(result: Result<T>, words: &str) {
+    let text = result.err().unwrap_or_else(|| panic!("not refused: {words}")).to_string();
+    assert!(text.contains(words) && text.contains("; "), "{words}: {text}");
+}
+
+fn packed(format: DeltaFormat) -> PackedMesh {
+    PackedMesh::pack(&testing::mesh(100, 4), &PackDesc::new(format)).expect("a mesh")
+}
+
+#[test]
+fn what_is_no_mesh_is_refused() {
+    let good =
+        deltamorph::import::sample::head(&deltamorph::import::sample::HeadDesc::default().vertices(200).targets(2));
+    let refused = |change: &dyn Fn(&mut MorphSource), words: &str| {
+        let mut source = good.clone();
+        change(&mut source);
+        says(source.to_mesh(Tolerance::default()), words);
+        source
+    };
+    let streams = |source: &mut MorphSource, semantics: &[Semantic], values: Vec<f32>| {
+        source.streams = semantics.iter().map(|&semantic| StreamData { semantic, values: values.clone() }).collect();
+        source.targets.iter_mut().for_each(|t| t.streams = vec![StreamDeltas::default(); semantics.len()]);
+    };
+    let count = good.positions.len();
+    let tangents = |v: [f32; 4]| v.repeat(count);
+    refused(&|s| streams(s, &[Semantic::Position], vec![0.0; 3 * count]), "use the fields `positions` and `normals`");
+    refused(&|s| streams(s, &[Semantic::TexCoord(1); 2], vec![0.0; 2 * count]), "number them, or remove one");
+    refused(&|s| streams(s, &[Semantic::TexCoord(1)], vec![0.0; 3]), "give 2 numbers per vertex");
+    refused(&|s| streams(s, &[Semantic::Tangent], tangents([2.0, 0.0, 0.0, 1.0])), "normalise");
+    refused(&|s| streams(s, &[Semantic::Tangent], tangents([1.0, 0.0, 0.0, 0.5])), "1 or -1 as w");
+    refused(
+        &|s| {
+            streams(s, &[Semantic::TexCoord(1)], vec![0.0; 2 * count]);
+            s.targets[1].streams.push(StreamDeltas::default());
+        },
+        "has deltas of 2 streams",
+    );
+    refused(
+        &|s| {
+            streams(s, &[Semantic::TexCoord(1)], vec![0.0; 2 * count]);
+            s.targets[1].streams[0] = StreamDeltas { vertices: vec![0], deltas: vec![0.0; 3] };
+        },
+        "give 2 numbers per vertex",
+    );
+    refused(&|s| s.welds = vec![0; count], "weld");
+    refused(&|s| (s.positions[3].x, s.positions[4].x) = (f32::MAX, f32::MIN), "scale the mesh down");
+    let mut torn = refused(&|s| s.faces.corners[0].position = u32::MAX, "vertex 4294967295");
+    says(torn.split(), "vertex 4294967295");
+    says(torn.weld(), "vertex 4294967295");
+    let short = refused(&|s| s.faces.sizes[0] = 2, "corners");
+    says(short.faces.render_vertices(count, &short.texcoords), "corners");
+}
+
+#[test]
+fn what_cannot_be_written_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let clip = |names: &[&str], value: f32| WeightClip {
+        names: names.iter().map(|name| (*name).into()).collect(),
+        values: vec![value; names.len()],
+        fps: 30.0,
+        ..WeightClip::default()
+    };
+    let path = folder.path().join("a.csv");
+    says(csv::write(&path, &clip(&[], 0.0)), "has no columns");
+    says(csv::write(&path, &clip(&["a", "a"], 0.0)), "'a'");
+    says(csv::write(&path, &clip(&["a", ""], 0.0)), "is empty, has spaces around it");
+    says(csv::write(&path, &clip(&["a", " b"], 0.0)), "is empty, has spaces around it");
+    says(csv::write(&path, &clip(&["a"], f32::NAN)), "NaN");
+    says(csv::write(folder.path(), &clip(&["a"], 0.0)), "cannot write");
+    assert!(!path.exists());
+    says(csv::read(&path, None), "cannot read");
+    std::fs::write(&path, "a\n0.5\n").expect("a file");
+    for fps in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+        says(csv::read(&path, Some(fps)), "the frame rate is");
+    }
+
+    let mut asset = Asset::pack(&testing::mesh(100, 4), &PackDesc::new(DeltaFormat::Small)).expect("an asset");
+    says(asset.write(folder.path()), "cannot write");
+    asset.mesh = packed(DeltaFormat::Float32);
+    says(asset.to_bytes(), "block format");
+    says(asset.write(&folder.path().join("a.dmorph")), "block format");
+    says(asset.to_mesh(), "has no blocks");
+    says(deltamorph::import::obj::ObjFile::read(&folder.path().join("none.obj")), "cannot read");
+    says(obj::import_folder(&folder.path().join("none")), "none");
+}
+
+#[test]
+fn what_does_not_suit_the_packed_mesh_is_refused() {
+    let dense = packed(DeltaFormat::Float32);
+    says(dense.layout().remap_indices(&mut [0, 100]), "index 100 for mesh");
+    let integers = UpdateDesc::blocks().pose(PoseFormat::Fixed16);
+    says(WeightBounds::new(&dense, &integers), "fixed16 poses of float32 deltas");
+    says(integers.grid(dense.layout()), "fixed16 poses of float32 deltas");
+    says(dense.layout().grid(PoseFormat::Fixed32, None), "fixed32 poses of float32 deltas");
+    says(packed(DeltaFormat::Fast).layout().grid(PoseFormat::Float32, None), "float32");
+    let pose = evaluate(&dense, &[0.0; 4]);
+    says(reference::normals(&pose, &NormalsDesc::new(&[0, 1, 100])), "names vertex 100");
+    let (joints, weights) = (vec![0; 400], vec![1.0; 400]);
+    let skin = |influences, of_joints: &[f32], method| {
+        reference::skin(&pose, &SkinDesc::new(influences, 1, &joints, &weights), method, of_joints)
+    };
+    says(skin(4, &[0.0; 11], SkinMethod::Linear), "11 numbers for 1 joints; hand in 12");
+    says(skin(4, &[0.0; 7], SkinMethod::DualQuaternion), "7 numbers for 1 joints; hand in 8");
+    says(skin(5, &[0.0; 12], SkinMethod::Linear), "use 4 or 8 influences");
+
+    for format in [DeltaFormat::Float32, DeltaFormat::Fast] {
+        let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
+        let mut crowd = CpuCrowd::new(Arc::new(packed(format)), desc, 2, 1).expect("a crowd");
+        says(crowd.add(), "all taken");
+        says(crowd.set_hidden(2, true), "instance 2 of a crowd of 2");
+        says(crowd.remove(2), "instance 2 of a crowd of 2");
+        crowd.remove(1).expect("an instance");
+        says(crowd.remove(1), "instance 1 was removed");
+        says(crowd.set_hidden(1, true), "instance 1 was removed");
+        says(crowd.cut(1), "instance 1 was removed");
+        crowd.update();
+        says(crowd.group_pose(0, 1), "count groups from 0");
+        says(crowd.previous_group_pose(0, 1), "count groups from 0");
+        says(crowd.stored_pose(0, 1), "count groups from 0");
+    }
+}
+
+/// A mesh, two crowds' worth of what comes after it, and a crowd, all of one engine.
+struct Made {
+    mesh: GpuMesh,
+    crowd: Crowd,
+    skin: GpuSkin,
+    surface: GpuNormals,
+}
+
+fn make(headless: &Headless, packed: &PackedMesh) -> Made {
+    let engine = headless.engine();
+    let (joints, weights) = (vec![0; 400], vec![1.0; 400]);
+    let (skin, normals) = (SkinDesc::new(4, 1, &joints, &weights), NormalsDesc::new(&[0, 1, 2]));
+    // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
+    let uploads = headless.run(|cmd| unsafe {
+        let skin = engine.upload_skin(cmd, packed, &skin)?;
+        Ok((engine.upload(cmd, packed)?, skin, engine.upload_normals(cmd, packed, &normals)?))
+    });
+    let (mesh, skin, surface) = uploads.expect("uploads");
+    let dense = UpdateDesc::new(UpdatePath::Compute, BatchSize::All);
+    let update = if packed.layout().format.is_blocks() { UpdateDesc::blocks() } else { dense };
+    let crowd = engine.create_crowd(&mesh, &CrowdDesc::new(update).instances(2)).expect("a crowd");
+    Made { mesh, crowd, skin, surface }
+}
+
+/// Everything that is told of an instance.
+fn refused_everywhere(headless: &Headless, made: &mut Made, instance: u32, words: &str) {
+    let engine = headless.engine();
+    let Made { crowd, skin, surface, .. } = made;
+    let null = vk::Buffer::null();
+    // SAFETY: all is refused, so that no buffer is used.
+    unsafe {
+        says(engine.set_decode_target(crowd, instance, Some(&DecodeTarget::new(null))), words);
+        let target = SkinTarget::new(null, null, 48);
+        says(engine.set_skin_target(crowd, instance, Some((skin, &target))), words);
+        says(engine.set_normals_target(crowd, instance, Some((surface, &NormalsTarget::new(null)))), words);
+        says(engine.set_bounds_target(crowd, instance, Some(&BoundsTarget::new(null))), words);
+        let mut readback = engine.readback();
+        says(headless.run(|cmd| readback.record(cmd, crowd, &[instance])), words);
+    }
+}
+
+#[test]
+fn instances_that_are_not_there_and_other_engines_are_refused() {
+    gpu::on_every_device(|headless, engine| {
+        let packed = packed(DeltaFormat::Fast);
+        let mut made = make(headless, &packed);
+        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
+        headless.run(|cmd| unsafe { engine.record_update(cmd, &mut made.crowd) }).expect("an update");
+        refused_everywhere(headless, &mut made, 2, "instance 2 of a crowd of 2");
+        says(made.crowd.add(), "all taken");
+        made.crowd.remove(1).expect("an instance");
+        refused_everywhere(headless, &mut made, 1, "instance 1 was removed");
+        for (instance, words) in [(1, "instance 1 was removed"), (2, "instance 2 of a crowd of 2")] {
+            let crowd = &mut made.crowd;
+            says(crowd.cut(instance), words);
+            says(crowd.set_hidden(instance, true), words);
+            says(crowd.remove(instance), words);
+            says(crowd.set_joints(instance, 0), words);
+            says(crowd.skinned(instance), words);
+            says(crowd.pose(instance), words);
+            says(crowd.previous_pose(instance), words);
+            says(crowd.stream(instance, Semantic::Normal), words);
+            says(crowd.previous_stream(instance, Semantic::Normal), words);
+            says(crowd.weights(instance), words);
+            says(crowd.set_weights(instance, &[0.0; 4]), words);
+        }
+        says(made.crowd.skinned(0), "set a skin target, and record an update");
+        says(made.crowd.stream(0, Semantic::Color(3)), "color 3");
+        says(made.crowd.previous_stream(0, Semantic::Color(3)), "color 3");
+        says(made.crowd.pose_buffer(Semantic::Color(3)), "color 3");
+        says(made.mesh.base_stream(Semantic::Color(3)), "color 3");
+
+        // A second engine, on a device of its own.
+        let other = HeadlessDesc::default().device(DeviceChoice::Name(headless.caps().name.clone()));
+        let other = Headless::new(&other).expect("a second device");
+        let mut of_other = make(&other, &packed);
+        let words = "another MorphEngine";
+        refused_everywhere(&other, &mut made, 0, words);
+        let null = vk::Buffer::null();
+        // SAFETY: all is refused, so that no buffer is used, and nothing is recorded.
+        unsafe {
+            let target = SkinTarget::new(null, null, 48);
+            let upload = "upload it with the crowd's engine";
+            says(engine.set_skin_target(&mut made.crowd, 0, Some((&of_other.skin, &target))), upload);
+            let target = NormalsTarget::new(null);
+            says(engine.set_normals_target(&mut made.crowd, 0, Some((&of_other.surface, &target))), upload);
+            says(headless.run(|cmd| engine.record_updates(cmd, &mut [&mut made.crowd, &mut of_other.crowd])), words);
+        }
+        let desc = CrowdDesc::new(UpdateDesc::blocks()).instances(4);
+        says(engine.grow_crowd(&mut of_other.crowd, &desc), words);
+        let mut set = CrowdSet::new(vec![of_other.crowd]).expect("a set");
+        says(engine.grow_set(&mut set, 4), words);
+        says(other.engine().grow_set(&mut set, 1), "a crowd of 2 instances that is to have 1");
+        let words = "instance 2 of a crowd of 2";
+        says(set.cut(2), words);
+        says(set.set_hidden(2, true), words);
+        says(set.remove(2), words);
+        says(set.add(), "all taken");
+        // What went before is as it was.
+        // SAFETY: as above.
+        headless.run(|cmd| unsafe { engine.record_update(cmd, &mut made.crowd) }).expect("an update");
+        assert!(made.crowd.pose(0).is_ok());
+    });
+}
+
+#[test]
+fn meshes_without_vertices_and_poses_of_the_hosts_that_are_to_grow_are_refused() {
+    gpu::on_every_device(|headless, engine| {
+        let empty = PackedMesh::pack(&MorphMesh::default(), &PackDesc::new(DeltaFormat::Fast)).expect("nothing");
+        // SAFETY: all is refused: nothing is recorded.
+        unsafe {
+            says(headless.run(|cmd| engine.upload(cmd, &empty)), "has no vertices; leave it out");
+            let skin = SkinDesc::new(4, 1, &[], &[]);
+            says(headless.run(|cmd| engine.upload_skin(cmd, &empty, &skin)), "has no vertices; leave it out");
+            let normals = NormalsDesc::new(&[]);
+            says(headless.run(|cmd| engine.upload_normals(cmd, &empty, &normals)), "has no vertices; leave it out");
+        }
+        let packed = packed(DeltaFormat::Fast);
+        let made = make(headless, &packed);
+        let (_, _, device) = headless.handles();
+        let info = vk::BufferCreateInfo::default().size(1 << 14).usage(vk::BufferUsageFlags::STORAGE_BUFFER);
+        // SAFETY: made here, and destroyed behind the crowd; the crowd is never updated.
+        unsafe {
+            let buffer = device.create_buffer(&info, None).expect("a buffer");
+            let needs = device.get_buffer_memory_requirements(buffer);
+            let memory = vk::MemoryAllocateInfo::default().allocation_size(needs.size);
+            let memory = device.allocate_memory(&memory, None).expect("memory");
+            device.bind_buffer_memory(buffer, memory, 0).expect("bound");
+            let vertex = VertexLayout::new(48).stream(Semantic::Position, 0).stream(Semantic::Normal, 12);
+            let desc = CrowdDesc::new(UpdateDesc::blocks()).poses(Some(HostPoses::new(buffer, 0, vertex)));
+            let mut crowd = engine.create_crowd(&made.mesh, &desc).expect("a crowd");
+            says(engine.grow_crowd(&mut crowd, &desc.instances(2)), "name other ones in CrowdDesc::poses");
+            drop(crowd);
+            device.destroy_buffer(buffer, None);
+            device.free_memory(memory, None);
+        }
+    });
+}
+
+#[test]
+fn what_exceeds_the_device_is_refused_with_the_numbers() {
+    let limits = gpu::baseline(|caps| (caps.max_texels, caps.max_storage_range) = (2, 4096));
+    gpu::on_device_within("llvmpipe", Some(limits), |headless, engine| {
+        let packed = packed(DeltaFormat::Fast);
+        let (joints, weights, corners) = (vec![0; 800], vec![1.0; 800], [0, 1, 2].repeat(400));
+        // SAFETY: all is refused: nothing is recorded.
+        unsafe {
+            let skin = SkinDesc::new(8, 1, &joints, &weights);
+            says(headless.run(|cmd| engine.upload_skin(cmd, &packed, &skin)), "allows 4096");
+            let normals = NormalsDesc::new(&corners);
+            says(headless.run(|cmd| engine.upload_normals(cmd, &packed, &normals)), "allows 4096");
+        }
+    });
+    let limits = gpu::baseline(|caps| caps.max_texels = 2);
+    gpu::on_device_within("llvmpipe", Some(limits), |headless, engine| {
+        let Made { mut crowd, skin, .. } = make(headless, &packed(DeltaFormat::Fast));
+        let target = SkinTarget::new(vk::Buffer::null(), vk::Buffer::null(), 48);
+        // SAFETY: it is refused, so that no buffer is used.
+        let refused = unsafe { engine.set_skin_target(&mut crowd, 0, Some((&skin, &target))) };
+        says(refused, "takes 4 texels");
+    });
+}
+
+#[test]
+#[cfg(feature = "baselines")]
+fn a_direct_path_has_no_poses_for_what_comes_after() {
+    gpu::on_every_device(|headless, engine| {
+        let update = UpdateDesc::new(UpdatePath::Direct, BatchSize::All);
+        if engine.caps().check_path(update.path).is_err() {
+            return;
+        }
+        let packed = gpu::packed(engine, &testing::mesh(100, 4), DeltaFormat::Float32);
+        let (mut made, update) = (make(headless, &packed), update.mode(deltamorph::UpdateMode::Rebuild));
+        made.crowd = engine.create_crowd(&made.mesh, &CrowdDesc::new(update).instances(2)).expect("a crowd");
+        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
+        headless.run(|cmd| unsafe { engine.record_update(cmd, &mut made.crowd) }).expect("an update");
+        refused_everywhere(headless, &mut made, 0, "direct");
+        says(made.crowd.pose(0), "direct");
+        says(made.crowd.pose_buffer(Semantic::Position), "direct");
+        says(made.crowd.stream(0, Semantic::Normal), "direct");
+    });
+}
+
+/// Vulkan tells how much memory a buffer needs, and so how large it is at most.
+#[test]
+fn buffers_that_are_too_small_are_refused_with_both_sizes() {
+    gpu::on_every_device(|headless, engine| {
+        let packed = packed(DeltaFormat::Fast);
+        let Made { mesh, mut crowd, skin, surface } = make(headless, &packed);
+        let (_, _, device) = headless.handles();
+        let buffer = |bytes| {
+            let info = vk::BufferCreateInfo::default().size(bytes).usage(vk::BufferUsageFlags::STORAGE_BUFFER);
+            // SAFETY: the device is alive; destroyed below.
+            unsafe { device.create_buffer(&info, None) }.expect("a buffer")
+        };
+        let (small, large) = (buffer(1000), buffer(1 << 14));
+        let end = |bytes: u32| format!("to byte {bytes} of a buffer of the host's that has 10");
+        // SAFETY: all is refused, so that no buffer is used.
+        unsafe {
+            says(engine.set_decode_target(&mut crowd, 0, Some(&DecodeTarget::new(small))), &end(1200));
+            says(engine.set_normals_target(&mut crowd, 0, Some((&surface, &NormalsTarget::new(small)))), &end(1200));
+            says(engine.set_bounds_target(&mut crowd, 0, Some(&BoundsTarget::new(small).offset(2000))), &end(2024));
+            for (target, bytes) in [
+                (SkinTarget::new(small, large, 48), 2400),
+                (SkinTarget::new(large, large, 48).second(Some((small, 4))), 2404),
+                (SkinTarget::new(large, small, 4096), 4096),
+            ] {
+                says(engine.set_skin_target(&mut crowd, 0, Some((&skin, &target))), &end(bytes));
+            }
+            let vertex = VertexLayout::new(24).stream(Semantic::Position, 0).stream(Semantic::Normal, 12);
+            let poses = HostPoses::new(small, 0, vertex);
+            let desc = CrowdDesc::new(UpdateDesc::blocks()).poses(Some(poses));
+            says(engine.create_crowd(&mesh, &desc), "of a buffer of the host's that has 10");
+            device.destroy_buffer(small, None);
+            device.destroy_buffer(large, None);
+        }
+    });
+}
+
+#[test]
+fn numbers_of_a_tuning_that_there_are_no_kernels_for_are_refused() {
+    gpu::on_device("llvmpipe", false, |headless, _| {
+        let (instance, physical, device) = headless.handles();
+        let made = |change: &dyn Fn(&mut DeviceTuning)| {
+            let caps = gpu::limited(headless.caps().clone(), |caps| change(&mut caps.tuning));
+            // SAFETY: the handles belong together, and outlive the engine.
+            unsafe { MorphEngine::new(&DeviceDesc::new(instance, physical, device).caps(Some(caps))) }
+        };
+        for width in [0, 3, 16] {
+            says(made(&|tuning| tuning.widest_tile = width), "use 1, 2, 4 or 8 for widest_tile");
+        }
+        for lanes in [0, 129] {
+            says(made(&|tuning| tuning.lanes = lanes), "1 to 128 for lanes");
+        }
+        says(made(&|tuning| tuning.load_cost = u32::MAX), "at most 1000 for load_cost");
+        made(&|tuning| (tuning.widest_tile, tuning.lanes, tuning.load_cost) = (2, 128, 0)).expect("an engine");
+    });
+}

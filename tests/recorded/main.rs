@@ -1,0 +1,14 @@
+//! What is recorded, and what is refused instead.
+
+#[path = "../common/gpu.rs"]
+mod gpu;
+#[allow(dead_code, reason = "buffers are all that is needed of it")]
+#[path = "../../examples/draw/offscreen.rs"]
+mod offscreen;
+
+mod errors;
+mod faults;
+mod queues;
+mod recording;
+mod slots;
+mod soundness;

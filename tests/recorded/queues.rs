@@ -1,0 +1,365 @@
+//! Updates on a queue without graphics, with semaphores between them and the draws. Drivers that run on the CPU have one
+//! family of queues: here it is taken for one without graphics, and draws are submissions of their own.
+
+use crate::gpu::{self, NORMAL, baseline, caps, drivers, is_kept, limited, on_device_within, weights};
+use crate::offscreen::{Offscreen, Shared};
+use deltamorph::ash::{self, vk};
+use deltamorph::headless::Headless;
+use deltamorph::internals::plan::hazards::{Event, HazardChecker};
+use deltamorph::internals::plan::schedule::asset_uploaded;
+use deltamorph::internals::plan::steps::Stage;
+use deltamorph::reference::compare;
+use deltamorph::{
+    AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, GpuMesh, MorphEngine,
+    PackedMesh, Playback, PoseFormat, PoseView, UpdateDesc, UpdatePath, WeightClip, testing,
+};
+
+const FRAMES: usize = 6;
+const INSTANCES: u32 = 2;
+/// How many frames before an update the draw is that it waits for, where draws run beside the update of the next frame.
+const BESIDE: usize = 2;
+
+/// Run `test` on every driver, as it is and clamped, whose queues can do no more than `flags`.
+fn on_queues_with(flags: vk::QueueFlags, test: impl Fn(&Headless, &MorphEngine)) {
+    for driver in drivers() {
+        for limits in [caps(&driver), baseline(|_| ())] {
+            on_device_within(&driver, Some(limited(limits, |caps| caps.queue_families = vec![flags])), &test);
+        }
+    }
+}
+
+/// Every barrier names stages that a queue with compute alone has.
+fn assert_no_graphics(events: &[Event], what: &str) {
+    let allowed = [Stage::Transfer, Stage::Compute, Stage::Indirect].iter().fold(0, |all, stage| all | *stage as u16);
+    for event in events {
+        if let Event::Barrier(barrier) = event {
+            assert_eq!((barrier.before.stages | barrier.after.stages) & !allowed, 0, "{what}: {barrier:?}");
+        }
+    }
+}
+
+/// Command buffers and semaphores of a host with two queues, of which there is one.
+struct Host<'a> {
+    device: &'a ash::Device,
+    pool: vk::CommandPool,
+    /// Signalled by the update of each frame, and by its draw.
+    updated: Vec<vk::Semaphore>,
+    drawn: Vec<vk::Semaphore>,
+}
+
+impl<'a> Host<'a> {
+    fn new(headless: &'a Headless) -> Self {
+        let (_, _, device) = headless.handles();
+        // SAFETY: the device is alive, and has a family of queues; so in all that follows.
+        let pool = unsafe { device.create_command_pool(&vk::CommandPoolCreateInfo::default(), None) }.expect("a pool");
+        // SAFETY: as above.
+        let semaphore = |_| unsafe { device.create_semaphore(&vk::SemaphoreCreateInfo::default(), None) };
+        let semaphores = || (0..FRAMES).map(semaphore).collect::<Result<_, _>>().expect("semaphores");
+        Self { device, pool, updated: semaphores(), drawn: semaphores() }
+    }
+
+    fn record<R>(&self, f: impl FnOnce(vk::CommandBuffer) -> R) -> (vk::CommandBuffer, R) {
+        let info = vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
+        // SAFETY: as above.
+        unsafe {
+            let cmd = self.device.allocate_command_buffers(&info).expect("a command buffer")[0];
+            self.device.begin_command_buffer(cmd, &vk::CommandBufferBeginInfo::default()).expect("recording");
+            let result = f(cmd);
+            self.device.end_command_buffer(cmd).expect("recorded");
+            (cmd, result)
+        }
+    }
+
+    fn submit(
+        &self,
+        cmd: vk::CommandBuffer,
+        wait: Option<(vk::Semaphore, vk::PipelineStageFlags)>,
+        signal: vk::Semaphore,
+    ) {
+        let (waits, stages): (Vec<_>, Vec<_>) = wait.into_iter().unzip();
+        let (cmds, signals) = ([cmd], [signal]);
+        let info = vk::SubmitInfo::default()
+            .command_buffers(&cmds)
+            .wait_semaphores(&waits)
+            .wait_dst_stage_mask(&stages)
+            .signal_semaphores(&signals);
+        // SAFETY: as above; what is waited for was submitted before.
+        unsafe { self.device.queue_submit(self.device.get_device_queue(0, 0), &[info], vk::Fence::null()) }
+            .expect("submitted");
+    }
+
+    /// Submit the draw of a frame, which waits for its update alone.
+    fn draw(&self, n: usize, cmd: vk::CommandBuffer) {
+        self.submit(cmd, Some((self.updated[n], vk::PipelineStageFlags::TRANSFER)), self.drawn[n]);
+    }
+}
+
+impl Drop for Host<'_> {
+    fn drop(&mut self) {
+        // SAFETY: all of it is ours, and not in use after the wait.
+        unsafe {
+            self.device.device_wait_idle().expect("finished");
+            self.updated
+                .iter()
+                .chain(&self.drawn)
+                .for_each(|semaphore| self.device.destroy_semaphore(*semaphore, None));
+            self.device.destroy_command_pool(self.pool, None);
+        }
+    }
+}
+
+/// What was recorded of a frame, and what its draw read.
+struct Frame {
+    events: Vec<Event>,
+    /// By instance: the pose and its copy.
+    poses: Vec<(PoseView, Shared)>,
+}
+
+/// Update and draw (copies, without any barrier) frames, each in a submission of its own, with no more order between
+/// them than semaphores make: an update waits for the draw of so many frames before.
+fn frames(
+    headless: &Headless,
+    host: &Offscreen<'_>,
+    crowd: &mut Crowd,
+    behind: usize,
+    asked: &[Vec<Vec<f32>>],
+) -> Vec<Frame> {
+    use vk::PipelineStageFlags as At;
+    let (engine, queues) = (headless.engine(), Host::new(headless));
+    let (mut frames, mut draws): (Vec<Frame>, Vec<vk::CommandBuffer>) = (vec![], vec![]);
+    for (n, asked) in asked.iter().enumerate() {
+        asked.iter().zip(0..).for_each(|(weights, i)| crowd.set_weights(i, weights).expect("weights"));
+        let (update, (_, events)) = queues.record(|cmd| {
+            // SAFETY: the buffer is recording, and runs once and in order; nothing is changed; crowd and engine live on.
+            unsafe { engine.record_tampered(cmd, &mut [crowd as &mut dyn AnyCrowd], |_| {}) }.expect("an update")
+        });
+        // Draws are submitted as late as they can be.
+        let wait = n.checked_sub(behind).map(|before| {
+            queues.draw(before, draws[before]);
+            (queues.drawn[before], At::COMPUTE_SHADER)
+        });
+        queues.submit(update, wait, queues.updated[n]);
+        let poses = (0..INSTANCES).map(|i| {
+            let view = crowd.pose(i).expect("a pose");
+            (view, host.shared(view.size as usize, vk::BufferUsageFlags::TRANSFER_DST).expect("a buffer"))
+        });
+        let poses: Vec<_> = poses.collect();
+        let (draw, ()) = queues.record(|cmd| {
+            for (view, copy) in &poses {
+                let region = vk::BufferCopy { src_offset: view.offset, dst_offset: 0, size: view.size };
+                // SAFETY: the buffer is recording; the region lies within both buffers, which live on.
+                unsafe { queues.device.cmd_copy_buffer(cmd, view.buffer, copy.buffer, &[region]) };
+            }
+            host.barrier(cmd, (At::TRANSFER, vk::AccessFlags::TRANSFER_WRITE), (At::HOST, vk::AccessFlags::HOST_READ));
+        });
+        draws.push(draw);
+        frames.push(Frame { events, poses });
+    }
+    draws.iter().enumerate().skip(FRAMES - behind).for_each(|(n, &draw)| queues.draw(n, draw));
+    drop(queues);
+    frames
+}
+
+fn uploaded(headless: &Headless, format: DeltaFormat) -> (PackedMesh, GpuMesh) {
+    let mesh = gpu::packed(headless.engine(), &testing::mesh(300, 11), format);
+    // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
+    let uploaded = headless.run(|cmd| unsafe { headless.engine().upload(cmd, &mesh) }).expect("an upload");
+    (mesh, uploaded)
+}
+
+/// What the hazard checker says of these frames, where a draw runs beside the next update: of the semaphores from update to
+/// draw and from draw to update, one is left out. Draws read the pose, and as many slots before it as `previous`.
+fn has_hazards(frames: &[Frame], slots: u32, previous: u32, left_out: Option<(usize, bool)>) -> bool {
+    let mut checker = HazardChecker::default();
+    checker.upload(asset_uploaded());
+    let draw = |checker: &mut HazardChecker, n: usize| {
+        for (i, (view, _)) in (0..).zip(&frames[n].poses) {
+            (0..=previous.min(n as u32)).for_each(|older| checker.draw(0, i, (view.slot + slots - older) % slots));
+        }
+    };
+    for (n, frame) in frames.iter().enumerate() {
+        checker.update(&frame.events);
+        // What this update signals comes too late for the draw of the frame before.
+        n.checked_sub(1).into_iter().for_each(|before| draw(&mut checker, before));
+        if left_out != Some((n, false)) {
+            checker.semaphore(&[Stage::VertexInput, Stage::VertexShader]);
+        }
+        if n > 0 && left_out != Some((n - 1, true)) {
+            checker.semaphore(&[Stage::Compute]);
+        }
+    }
+    draw(&mut checker, frames.len() - 1);
+    checker.finish().is_err()
+}
+
+#[test]
+fn updates_run_on_a_queue_without_graphics() {
+    on_queues_with(vk::QueueFlags::COMPUTE | vk::QueueFlags::TRANSFER, |headless, engine| {
+        let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+        let blocks = |format, pose| (format, UpdateDesc::blocks().pose(pose).weight_max(Some(4.0)).tolerance(1e-2));
+        let all = [
+            blocks(DeltaFormat::Fast, PoseFormat::Float32),
+            blocks(DeltaFormat::Fast, PoseFormat::Fixed16),
+            blocks(DeltaFormat::Small, PoseFormat::Fixed32),
+            (DeltaFormat::Snorm16, UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(3))),
+        ];
+        for (format, update) in all {
+            let (mesh, uploaded) = uploaded(headless, format);
+            for slots in 2..if format == DeltaFormat::Fast { 4 } else { 3 } {
+                let what = format!("{format:?} {update:?}, {slots} slots");
+                // The consumers are those of any crowd: they are on the other queue.
+                let desc = CrowdDesc::new(update.slots(slots)).instances(INSTANCES).queue_family(Some(0));
+                let desc = desc.frames_in_flight(FRAMES as u32);
+                let mut crowd = engine.create_crowd(&uploaded, &desc).expect("a crowd");
+                let asked: Vec<Vec<Vec<f32>>> = (0..FRAMES as u32)
+                    .map(|frame| (0..INSTANCES).map(|i| weights(&mesh, 2 * frame, i)).collect())
+                    .collect();
+                // Newer layers know a dispatch by its whole descriptors. In blocks these hold all slots, so that draws beside
+                // updates would be hazards to them; the checker below, which knows slots, tells those that are.
+                let behind = if format.is_blocks() { 1 } else { BESIDE };
+                let frames = frames(headless, &host, &mut crowd, behind, &asked);
+                for (frame, asked) in frames.iter().zip(&asked) {
+                    assert_no_graphics(&frame.events, &what);
+                    for ((view, copy), asked) in frame.poses.iter().zip(asked) {
+                        let stored: Vec<u8> = host.contents(copy);
+                        let pose = update.pose.decode(&stored[..view.size as usize], mesh.base(), view.units);
+                        let pose = mesh.layout().to_user_order(&pose);
+                        let error = compare(&pose, &gpu::reference(&mesh, &update, asked));
+                        let kept = is_kept(&error, mesh.layout().diagonal)
+                            || error.within(f64::from(update.tolerance * mesh.layout().diagonal), NORMAL);
+                        assert!(kept, "{what}: {error:?}");
+                    }
+                }
+                // What the documentation says of semaphores is enough, and needed: with previous poses, three slots.
+                for previous in [0, 1] {
+                    let found = has_hazards(&frames, slots, previous, None);
+                    assert_eq!(found, slots < 2 + previous, "{what}, {previous} previous poses");
+                }
+                let previous = slots - 2;
+                for n in 0..FRAMES {
+                    let found = has_hazards(&frames, slots, previous, Some((n, false)));
+                    assert!(found, "{what}: without the semaphore from update {n} to its draw");
+                }
+                for n in previous as usize..FRAMES - BESIDE {
+                    let found = has_hazards(&frames, slots, previous, Some((n, true)));
+                    assert!(found, "{what}: without the semaphore from draw {n} to the update of two frames later");
+                }
+            }
+        }
+    });
+}
+
+/// Whatever is recorded for such a queue names none of its stages: steps after the pose, and crowds that play clips.
+#[test]
+fn what_follows_and_what_is_animated_names_no_graphics() {
+    on_queues_with(vk::QueueFlags::COMPUTE | vk::QueueFlags::TRANSFER, |headless, engine| {
+        let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+        let (mesh, uploaded) = uploaded(headless, DeltaFormat::Fast);
+        let desc = CrowdDesc::new(gpu::fixed()[1]).queue_family(Some(0));
+        let names = mesh.layout().targets.iter().map(|target| target.name.clone()).collect();
+        let values = (0..44).map(|i| (i % 5) as f32 / 8.0).collect();
+        let clips = [WeightClip { name: "clip".into(), names, fps: 30.0, values }];
+        let animation = AnimationDesc::new(&clips);
+        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
+        let made = headless.run(|cmd| unsafe { engine.create_animated_crowd(cmd, &uploaded, &desc, &animation) });
+        let (mut animated, mut crowd) =
+            (made.expect("a crowd"), engine.create_crowd(&uploaded, &desc).expect("a crowd"));
+        animated.play(0, &Playback::new(0)).expect("a clip");
+        let words =
+            host.shared(mesh.layout().vertex_count * 12, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer");
+        // SAFETY: the buffer is large enough, and lives on; nothing is running.
+        unsafe { engine.set_decode_target(&mut crowd, 0, Some(&DecodeTarget::new(words.buffer))) }.expect("a target");
+        for frame in 0..4 {
+            animated.set_time(f64::from(frame) / 30.0).expect("a time");
+            crowd.set_weights(0, &weights(&mesh, frame, 1)).expect("weights");
+            let recorded = headless.run(|cmd| {
+                // SAFETY: as above; nothing is changed.
+                unsafe { engine.record_tampered(cmd, &mut [&mut crowd, &mut animated], |_| {}) }
+            });
+            let (_, events) = recorded.expect("updates");
+            assert!(events.len() > 4);
+            assert_no_graphics(&events, "both kinds of crowds");
+            // Nobody on this queue reads: nothing follows the last step.
+            assert!(matches!(events.last(), Some(Event::Step { .. })), "{events:?}");
+        }
+    });
+}
+
+#[test]
+fn queues_that_cannot_run_updates_are_refused() {
+    let refuse = |flags: vk::QueueFlags, named: &[u32], queue: u32, path: UpdatePath, words: &str| {
+        on_queues_with(flags, |headless, _| {
+            let (instance, physical, device) = headless.handles();
+            let caps = headless.caps().clone();
+            let desc = DeviceDesc::new(instance, physical, device).queue_families(named);
+            let feedback = caps.transform_feedback.is_some();
+            let desc = desc.caps(Some(caps)).transform_feedback_enabled(feedback);
+            // SAFETY: the handles belong together, and outlive the engine.
+            let made = unsafe { MorphEngine::new(&desc) };
+            let refused = made.and_then(|engine| {
+                if engine.caps().check_path(path).is_err() {
+                    return Ok(());
+                }
+                let format = if path == UpdatePath::Blocks { DeltaFormat::Fast } else { DeltaFormat::Float32 };
+                let mesh = gpu::packed(&engine, &testing::mesh(70, 3), format);
+                // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
+                let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+                let update =
+                    UpdateDesc::new(path, if format.is_blocks() { BatchSize::All } else { BatchSize::Targets(1) });
+                let refused = engine.create_crowd(&uploaded, &CrowdDesc::new(update).queue_family(Some(queue)));
+                Err(refused.err().expect("refused"))
+            });
+            if let Err(error) = refused {
+                assert!(error.to_string().contains(words), "{error}");
+            }
+        });
+    };
+    let compute = vk::QueueFlags::COMPUTE;
+    refuse(compute, &[0, 7], 0, UpdatePath::Blocks, "queue family 7 of ");
+    refuse(compute, &[], 3, UpdatePath::Blocks, "queue family 3 of ");
+    refuse(compute, &[0], 0, UpdatePath::Feedback, "has no graphics, which its passes take");
+    refuse(vk::QueueFlags::TRANSFER, &[0], 0, UpdatePath::Blocks, "has no compute");
+}
+
+/// Families of which the second is not there: nothing is recorded for it.
+#[test]
+fn updates_for_queues_of_several_families_are_not_recorded_together() {
+    let all = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE | vk::QueueFlags::TRANSFER;
+    for driver in drivers() {
+        let limits = limited(caps(&driver), |caps| caps.queue_families = vec![all]);
+        on_device_within(&driver, Some(limits), |headless, _| {
+            let (instance, physical, device) = headless.handles();
+            let caps =
+                limited(headless.caps().clone(), |caps| caps.queue_families = vec![all, vk::QueueFlags::COMPUTE]);
+            let desc = DeviceDesc::new(instance, physical, device).caps(Some(caps));
+            // SAFETY: the handles belong together, and outlive the engine.
+            let engine = unsafe { MorphEngine::new(&desc) }.expect("an engine");
+            let mesh = gpu::packed(&engine, &testing::mesh(70, 3), DeltaFormat::Fast);
+            // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
+            let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+            let crowd = |family| {
+                let desc = CrowdDesc::new(UpdateDesc::blocks()).queue_family(family);
+                engine.create_crowd(&uploaded, &desc).expect("a crowd")
+            };
+            for (families, words) in [
+                ([None, Some(0)], None),
+                ([Some(0), Some(0)], None),
+                ([Some(1), Some(1)], None),
+                ([Some(0), Some(1)], Some("a queue of family 0 and of family 1")),
+                ([None, Some(1)], Some("a queue of family 1 and of one with graphics and compute")),
+            ] {
+                let [mut one, mut other] = families.map(crowd);
+                // SAFETY: as above. The barriers that are recorded for a queue without graphics are allowed on one with.
+                let recorded = headless.run(|cmd| unsafe { engine.record_updates(cmd, &mut [&mut one, &mut other]) });
+                match words {
+                    None => drop(recorded.expect("updates")),
+                    Some(words) => {
+                        let text = recorded.expect_err("refused").to_string();
+                        assert!(text.contains(words) && text.contains("a command buffer of its own"), "{text}");
+                        assert!(one.pose(0).is_err() && other.pose(0).is_err(), "nothing is recorded");
+                    }
+                }
+            }
+        });
+    }
+}

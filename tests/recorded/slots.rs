@@ -1,0 +1,165 @@
+//! Where updates write that follow discarded ones: hosts that count frames rely on the rule that the documentation of
+//! `MorphEngine` has for several queues.
+
+use crate::gpu::{self, drivers, on_device};
+use crate::offscreen::Offscreen;
+use deltamorph::after::{GpuSkin, SkinDesc, SkinTarget};
+use deltamorph::ash::vk;
+use deltamorph::headless::{Headless, HeadlessCrowd};
+use deltamorph::internals::Rng;
+use deltamorph::{
+    AnimatedCrowd, AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DeltaFormat, PackedMesh, Playback, UpdateDesc,
+    UpdatePath, WeightClip, testing,
+};
+
+const INSTANCES: u32 = 3;
+/// Updates that wait to be submitted, at most: as many as may be discarded at once.
+const UNFINISHED: usize = 3;
+const TARGETS: usize = 5;
+
+/// Where the poses of all instances are: slots of pose and previous pose, and of the first where it is skinned.
+#[derive(Clone, Default)]
+struct Places {
+    poses: Vec<[Option<u32>; 2]>,
+    skinned: Option<(vk::Buffer, u64)>,
+}
+
+/// Those of a crowd of either kind.
+macro_rules! places {
+    ($crowd:ty) => {
+        |crowd: &$crowd| {
+            let pose = |i| crowd.pose(i).ok().map(|pose| pose.slot);
+            let previous = |i| crowd.previous_pose(i).ok().flatten().map(|pose| pose.slot);
+            let poses = (0..INSTANCES).map(|i| [pose(i), previous(i)]).collect();
+            Places { poses, skinned: crowd.skinned(0).ok().map(|view| view.current) }
+        }
+    };
+}
+
+/// What updates write must not be what draws read that the rule lets run beside them: `drawn`, the last frame first.
+fn assert_waits_for_enough(slots: usize, before: &Places, now: &Places, drawn: &[Places], what: &str) {
+    for (i, ([old, _], [slot, _])) in before.poses.iter().zip(&now.poses).enumerate() {
+        if slot.is_none() || old == slot {
+            continue;
+        }
+        for (back, places) in drawn.iter().take(slots - 1).enumerate() {
+            let [pose, previous] = places.poses[i];
+            let is_read = pose == *slot || previous == *slot && back + 2 < slots;
+            assert!(
+                !is_read,
+                "{what}: instance {i} is written to {slot:?}, which the draw of {} frames before reads",
+                back + 1
+            );
+        }
+    }
+    let is_read = drawn.first().is_some_and(|places| places.skinned == now.skinned && now.skinned.is_some());
+    assert!(
+        before.skinned == now.skinned || !is_read,
+        "{what}: the skinned pose that the draw before reads is written"
+    );
+}
+
+/// Any history of updates, several of which are discarded at once, and of heads that hide, show, cut, come and go.
+fn follow<C: AnyCrowd + 'static>(
+    mut crowd: HeadlessCrowd<'_, C>,
+    slots: usize,
+    places: impl Fn(&C) -> Places,
+    mut change: impl FnMut(&mut HeadlessCrowd<'_, C>, &mut Rng),
+    what: &str,
+) {
+    let (mut rng, mut drawn, mut waiting, mut hidden) = (Rng::new(slots as u64, 7), vec![], vec![], vec![]);
+    for _ in 0..200 {
+        change(&mut crowd, &mut rng);
+        let one = rng.below(INSTANCES as usize) as u32;
+        match rng.below(12) {
+            0 => crowd.cut(one).expect("an instance"),
+            1 | 2 if !hidden.contains(&one) => {
+                crowd.set_hidden(one, true).expect("an instance");
+                hidden.push(one);
+            }
+            3..6 => hidden.drain(..).for_each(|i| crowd.set_hidden(i, false).expect("an instance")),
+            // The first keeps its target.
+            6 if !hidden.contains(&2) => {
+                crowd.remove(2).expect("an instance");
+                assert_eq!(crowd.add().expect("a place"), 2);
+            }
+            _ => {}
+        }
+        if waiting.len() == UNFINISHED {
+            let (oldest, _) = waiting.remove(0);
+            crowd.submit(vec![oldest]).expect("an update");
+        }
+        let before = places(crowd.crowd());
+        let (recorded, update) = crowd.record(&[]).expect("an update");
+        let mut now = places(crowd.crowd());
+        assert_waits_for_enough(slots, &before, &now, &drawn, what);
+        // What is hidden is not drawn.
+        hidden.iter().for_each(|&i| now.poses[i as usize] = [None; 2]);
+        now.skinned = now.skinned.filter(|_| !hidden.contains(&0));
+        drawn.insert(0, now);
+        waiting.push((recorded, update.ticket));
+        while rng.below(3) == 0 && !waiting.is_empty() {
+            let first = rng.below(waiting.len());
+            crowd.discard(waiting[first].1).expect("a ticket of this crowd");
+            drawn.drain(..waiting.len() - first);
+            waiting.truncate(first);
+        }
+    }
+    crowd.submit(waiting.into_iter().map(|(recorded, _)| recorded).collect()).expect("updates");
+}
+
+fn skin(headless: &Headless, mesh: &PackedMesh) -> GpuSkin {
+    let vertices = mesh.layout().vertex_count;
+    let (joints, weights) = (vec![0; 4 * vertices], vec![1.0; 4 * vertices]);
+    let desc = SkinDesc::new(4, 1, &joints, &weights);
+    // SAFETY: the buffer is recording, runs once, and is waited for; the skin outlives the crowds.
+    headless.run(|cmd| unsafe { headless.engine().upload_skin(cmd, mesh, &desc) }).expect("a skin")
+}
+
+#[test]
+fn discarded_updates_give_their_slots_back() {
+    on_device(&drivers()[0], false, |headless, engine| {
+        let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+        let source = testing::mesh(100, TARGETS);
+        let place = || host.shared(100 * 24, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer").buffer;
+        let joints = host.shared(48, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer").buffer;
+        let target = SkinTarget::new(place(), joints, 48).second(Some((place(), 0)));
+        let dense = UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(2));
+        for (format, update) in [(DeltaFormat::Fast, UpdateDesc::blocks()), (DeltaFormat::Snorm16, dense)] {
+            let mesh = gpu::packed(engine, &source, format);
+            let skin = skin(headless, &mesh);
+            for slots in 1..4 {
+                let desc = CrowdDesc::new(update.slots(slots)).instances(INSTANCES).frames_in_flight(UNFINISHED as u32);
+                let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
+                // SAFETY: the buffers are large enough, and outlive the crowd; nothing is running.
+                unsafe { crowd.set_skin_target(0, Some((&skin, &target))) }.expect("a target");
+                let change = |crowd: &mut HeadlessCrowd<'_, Crowd>, rng: &mut Rng| {
+                    for i in (0..INSTANCES).filter(|_| rng.below(3) > 0).collect::<Vec<_>>() {
+                        let weights: Vec<f32> = (0..TARGETS).map(|_| rng.below(5) as f32 / 4.0).collect();
+                        crowd.set_weights(i, &weights).expect("weights");
+                    }
+                };
+                follow(crowd, slots as usize, places!(Crowd), change, &format!("{format:?}, {slots} slots"));
+            }
+        }
+        let mesh = gpu::packed(engine, &source, DeltaFormat::Fast);
+        let skin = skin(headless, &mesh);
+        let names = mesh.layout().targets.iter().map(|target| target.name.clone()).collect();
+        let values = (0..10 * TARGETS).map(|i| (i % 7) as f32 / 8.0).collect();
+        let clips = [WeightClip { name: "clip".into(), names, fps: 30.0, values }];
+        for slots in 1..4 {
+            let desc = CrowdDesc::new(gpu::fixed()[0].slots(slots)).instances(INSTANCES).frames_in_flight(3);
+            let mut crowd =
+                HeadlessCrowd::animated(headless, &mesh, &desc, &AnimationDesc::new(&clips)).expect("a crowd");
+            // SAFETY: as above.
+            unsafe { crowd.set_skin_target(0, Some((&skin, &target))) }.expect("a target");
+            (0..INSTANCES).for_each(|i| crowd.play(i, &Playback::new(0)).expect("a clip"));
+            let mut time = 0.0;
+            let change = |crowd: &mut HeadlessCrowd<'_, AnimatedCrowd>, rng: &mut Rng| {
+                time += rng.below(3) as f64 / 30.0;
+                crowd.set_time(time).expect("a time");
+            };
+            follow(crowd, slots as usize, places!(AnimatedCrowd), change, &format!("animated, {slots} slots"));
+        }
+    });
+}

@@ -1,0 +1,347 @@
+//! What safe code may do without harm: threads, tickets, recorded updates, steps that fail, and how much memory is taken.
+
+use crate::gpu::{self, drivers, on_every_device, single, update_descs, weights};
+use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
+use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
+use deltamorph::{
+    BatchSize, BlockDesc, CpuCrowd, Crowd, DeltaFormat, ErrorKind, GpuMesh, MorphEngine, MorphSource, PackDesc,
+    PackedMesh, PoseFormat, SourceTarget, Tolerance, UpdateDesc, UpdatePath, testing,
+};
+use std::slice::from_mut;
+use std::sync::Arc;
+
+#[test]
+fn what_may_be_shared_between_threads_and_what_may_not() {
+    fn shared<T: Send + Sync>() {}
+    fn sent<T: Send>() {}
+    shared::<MorphEngine>();
+    shared::<GpuMesh>();
+    sent::<Crowd>();
+    sent::<Headless>();
+
+    /// Ambiguous, and so an error, for a type that is `Sync`.
+    trait NotSync<Which> {
+        fn check() {}
+    }
+    impl<T: ?Sized> NotSync<()> for T {}
+    impl<T: ?Sized + Sync> NotSync<u8> for T {}
+    <Headless as NotSync<_>>::check();
+    <HeadlessCrowd<'static> as NotSync<_>>::check();
+}
+
+/// A crowd of one instance for every path of every device, with its mesh.
+fn with_crowds(test: impl Fn(&Headless, &mut HeadlessCrowd<'_>, &PackedMesh, UpdateDesc)) {
+    on_every_device(|headless, engine| {
+        for format in [DeltaFormat::Snorm16, DeltaFormat::Fast] {
+            let mesh = PackedMesh::pack(&testing::mesh(300, 23), &engine.pack_desc(format)).expect("a mesh that fits");
+            for desc in update_descs(engine, format) {
+                let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
+                crowd.step(&[&weights(&mesh, 0, 9)]).expect("a step");
+                test(headless, &mut crowd, &mesh, desc);
+            }
+        }
+    });
+}
+
+fn assert_right(crowd: &mut HeadlessCrowd<'_>, mesh: &PackedMesh, weights: &[f32], desc: UpdateDesc) {
+    let reference = gpu::reference(mesh, &desc, weights);
+    let error = compare(&crowd.read_pose(0).expect("a pose"), &reference);
+    assert!(error.within(3e-6 * f64::from(mesh.layout().diagonal), 0.01), "{desc:?}: {error:?}");
+}
+
+#[test]
+fn a_ticket_is_good_for_one_discard() {
+    with_crowds(|_, crowd, mesh, desc| {
+        let (_, first) = crowd.record(&[&weights(mesh, 1, 9)]).expect("a recording");
+        crowd.discard(first.ticket).expect("a ticket of this crowd");
+        let (second, _) = crowd.record(&[&weights(mesh, 2, 9)]).expect("a recording");
+        // Once more, while the second may be running: its poses and its part of the ring stay what they are.
+        crowd.discard(first.ticket).expect("a ticket of this crowd");
+        assert!(crowd.crowd().pose(0).is_ok(), "{desc:?}");
+        crowd.submit(vec![second]).expect("a submission");
+        assert_right(crowd, mesh, &weights(mesh, 2, 9), desc);
+    });
+}
+
+#[test]
+fn updates_are_discarded_in_any_order_and_tickets_stay_spent() {
+    with_crowds(|_, crowd, mesh, desc| {
+        let (_, first) = crowd.record(&[&weights(mesh, 1, 9)]).expect("a recording");
+        let (_, second) = crowd.record(&[&weights(mesh, 2, 9)]).expect("a recording");
+        crowd.discard(second.ticket).expect("a ticket of this crowd");
+        crowd.discard(first.ticket).expect("a ticket of this crowd");
+        assert!(crowd.crowd().pose(0).is_err(), "{desc:?}");
+        crowd.step(&[&weights(mesh, 3, 9)]).expect("a step");
+        for ticket in [first.ticket, second.ticket] {
+            crowd.discard(ticket).expect("a ticket of this crowd");
+        }
+        assert_right(crowd, mesh, &weights(mesh, 3, 9), desc);
+
+        // That of an update that recorded nothing turns nothing back either, once it is spent.
+        let (_, nothing) = crowd.record(&[&weights(mesh, 3, 9)]).expect("a recording");
+        assert_eq!(nothing.stats.bytes_moved, 0, "{desc:?}");
+        crowd.discard(nothing.ticket).expect("a ticket of this crowd");
+        let (last, _) = crowd.record(&[&weights(mesh, 4, 9)]).expect("a recording");
+        crowd.discard(nothing.ticket).expect("a ticket of this crowd");
+        crowd.submit(vec![last]).expect("a submission");
+        assert_right(crowd, mesh, &weights(mesh, 4, 9), desc);
+    });
+}
+
+#[test]
+fn recorded_updates_run_in_their_crowd_and_while_their_lists_are_theirs() {
+    with_crowds(|headless, crowd, mesh, desc| {
+        let refused = |result: deltamorph::Result<()>, words: &str| {
+            let error = result.expect_err("refused").to_string();
+            assert!(error.contains(words), "{error}");
+        };
+        let mut other = HeadlessCrowd::new(headless, mesh, &single(desc)).expect("a crowd");
+        let (foreign, of_other) = other.record(&[&weights(mesh, 1, 9)]).expect("a recording");
+        refused(crowd.submit(vec![foreign]), "the oldest ones that wait in this crowd");
+        refused(crowd.discard(of_other.ticket), "another crowd");
+        drop(other);
+
+        let (discarded, update) = crowd.record(&[&weights(mesh, 1, 9)]).expect("a recording");
+        crowd.discard(update.ticket).expect("a ticket of this crowd");
+        refused(crowd.submit(vec![discarded]), "the oldest ones that wait");
+
+        let (first, _) = crowd.record(&[&weights(mesh, 1, 9)]).expect("a recording");
+        let (second, _) = crowd.record(&[&weights(mesh, 2, 9)]).expect("a recording");
+        // Two frames in flight: a third would write the list of the first.
+        let error = crowd.record(&[&weights(mesh, 3, 9)]).err().expect("refused").to_string();
+        assert!(error.contains("2 updates wait"), "{error}");
+        refused(crowd.submit(vec![second, first]), "the oldest ones that wait");
+
+        let (left, update) = {
+            crowd.step(&[&weights(mesh, 4, 9)]).expect("a step");
+            crowd.record(&[&weights(mesh, 5, 9)]).expect("a recording")
+        };
+        let step = crowd.step(&[&weights(mesh, 6, 9)]).expect("a step");
+        refused(crowd.submit(vec![left]), "the oldest ones that wait");
+        refused(crowd.discard(update.ticket), "left behind by a step");
+        refused(crowd.discard(step.update.ticket), "it was submitted");
+    });
+}
+
+/// Two devices of the same driver, and a crowd on each.
+#[test]
+fn a_step_that_fails_half_way_leaves_every_crowd_as_it_was() {
+    for driver in drivers() {
+        let desc = HeadlessDesc::default().device(DeviceChoice::Name(driver.clone()));
+        let devices = [Headless::new(&desc).expect("a device"), Headless::new(&desc).expect("a device")];
+        let pack = devices[0].engine().pack_desc(DeltaFormat::Fast);
+        let mesh = PackedMesh::pack(&testing::mesh(300, 8), &pack).expect("a mesh that fits");
+        let crowd_desc = single(UpdateDesc::blocks());
+        let crowd = |headless| HeadlessCrowd::new(headless, &mesh, &crowd_desc).expect("a crowd");
+        let mut both = [crowd(&devices[0]), crowd(&devices[1])];
+        let asked = [0.7; 8];
+        both[0].step(&[&[0.0; 8]]).expect("a step");
+        let error = HeadlessCrowd::step_together(&mut both, &[&asked, &asked], 0).expect_err("two devices");
+        assert!(error.to_string().contains("several devices"), "{error}");
+        both[0].step(&[&asked]).expect("a step");
+        assert_right(&mut both[0], &mesh, &asked, crowd_desc.update);
+    }
+}
+
+#[test]
+fn a_panic_between_planning_and_recording_takes_the_update_back() {
+    on_every_device(|headless, engine| {
+        let mesh = PackedMesh::pack(&testing::mesh(300, 8), &engine.pack_desc(DeltaFormat::Fast)).expect("a mesh");
+        let desc = single(UpdateDesc::blocks());
+        let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
+        crowd.step(&[&[0.0; 8]]).expect("a step");
+        let asked = [0.7; 8];
+        // SAFETY: the commands are not changed; what unwinds is caught by the caller.
+        let failed = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| unsafe {
+            HeadlessCrowd::step_tampered(from_mut(&mut crowd), &[&asked], |_| panic!("between planning and recording"))
+        }));
+        assert!(failed.is_err());
+        assert!(crowd.crowd().pose(0).is_err(), "what was planned is not taken as done");
+        crowd.step(&[&asked]).expect("a step");
+        assert_right(&mut crowd, &mesh, &asked, desc.update);
+    });
+}
+
+#[test]
+fn what_an_engine_made_outlives_its_headless() {
+    for driver in drivers() {
+        let desc = HeadlessDesc::default().device(DeviceChoice::Name(driver)).validation(true);
+        let headless = Headless::new(&desc).expect("a device");
+        let pack = headless.engine().pack_desc(DeltaFormat::Fast);
+        let mesh = PackedMesh::pack(&testing::mesh(64, 4), &pack).expect("a mesh that fits");
+        let crowd = {
+            let owner = HeadlessCrowd::new(&headless, &mesh, &single(UpdateDesc::blocks())).expect("a crowd");
+            headless.engine().create_crowd(owner.mesh(), &single(UpdateDesc::blocks())).expect("a crowd")
+        };
+        drop(headless);
+        assert_eq!(crowd.desc().instances, 1);
+        drop(crowd);
+    }
+}
+
+/// A mesh of 64 vertices and a crowd of it, with the engine's own allocator.
+#[test]
+fn a_small_mesh_takes_little_memory() {
+    on_every_device(|headless, engine| {
+        let before = engine.allocated_bytes();
+        for format in [DeltaFormat::Snorm16, DeltaFormat::Fast] {
+            let mesh = PackedMesh::pack(&testing::mesh(64, 20), &engine.pack_desc(format)).expect("a mesh that fits");
+            for update in update_descs(engine, format) {
+                let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(update)).expect("a crowd");
+                crowd.step(&[&weights(&mesh, 0, 9)]).expect("a step");
+                let taken = engine.allocated_bytes() - before;
+                assert!(taken > 0 && taken <= 1 << 20, "{} {update:?}: {taken} bytes", headless.caps().name);
+                drop(crowd);
+                assert_eq!(engine.allocated_bytes(), before, "{update:?}: all of it is given back");
+            }
+        }
+    });
+}
+
+#[test]
+fn many_buffers_share_blocks() {
+    on_every_device(|headless, engine| {
+        let before = engine.allocated_bytes();
+        let mesh = PackedMesh::pack(&testing::mesh(64, 4), &engine.pack_desc(DeltaFormat::Fast)).expect("a mesh");
+        let first = HeadlessCrowd::new(headless, &mesh, &single(UpdateDesc::blocks())).expect("a crowd");
+        let more: Vec<_> = (0..60).map(|_| first.another(&single(UpdateDesc::blocks())).expect("a crowd")).collect();
+        let taken = engine.allocated_bytes() - before;
+        assert!(taken > 4 << 20 && taken < 16 << 20, "{}: {taken} bytes", headless.caps().name);
+        drop((first, more));
+        let kept = engine.allocated_bytes() - before;
+        assert!(kept <= 16 << 20, "one block of each type of memory: {kept} bytes");
+    });
+}
+
+/// Every target moves vertex 0 of a box of diagonal 1 along x: amounts of very different size wait in one block.
+#[test]
+fn an_error_budget_holds_after_a_large_change() {
+    let n = 57;
+    let mut state = 12_345u64;
+    let mut random = move || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as f64 / (1u64 << 53) as f64
+    };
+    let mut source = MorphSource { name: "box".into(), ..Default::default() };
+    let side = |i: usize| i as f32 / 3.0 * 0.577_35;
+    source.positions = (0..64).map(|i| [side(i % 4), side(i / 4 % 4), side(i / 16)].into()).collect();
+    source.normals = Some(vec![[0.0, 0.0, 1.0].into(); 64]);
+    source.targets = (0..n)
+        .map(|t| {
+            let d = if t % 2 == 0 { 0.03 + 0.04 * random() } else { 0.0006 + 0.0008 * random() };
+            let positions = vec![(0, [d as f32, 0.0, 0.0].into())];
+            SourceTarget { name: format!("t{t}"), positions, normals: Some(vec![]), ..Default::default() }
+        })
+        .collect();
+    let mesh = source.to_mesh(Tolerance::ZERO).expect("a mesh");
+    let (most, budget) = (4.0, 2e-5);
+    let blocks = BlockDesc::default().position_error(1e-6).weight_max(most);
+    let pack = PackDesc::new(DeltaFormat::Fast).blocks(blocks);
+    let mesh = Arc::new(PackedMesh::pack(&mesh, &pack).expect("a mesh that fits"));
+    let desc = UpdateDesc::blocks().path(UpdatePath::Cpu).pose(PoseFormat::Fixed32).error_budget(budget);
+    let grid = desc.grid(mesh.layout()).expect("a grid").expect("integers");
+    let mut worst = 0.0f64;
+    for _ in 0..6_000 {
+        let mut crowd = CpuCrowd::new(mesh.clone(), desc, 1, 1).expect("a crowd");
+        crowd.set_weights(0, &vec![0.0; n]).expect("weights");
+        crowd.update();
+        let asked: Vec<f32> =
+            (0..n)
+                .map(|t| {
+                    if t % 2 == 0 {
+                        random() as f32 * most
+                    } else {
+                        (random() * 6.0).floor() as f32 * grid.weight_step()
+                    }
+                })
+                .collect();
+        crowd.set_weights(0, &asked).expect("weights");
+        crowd.update();
+        let asked: Vec<f32> = asked.iter().map(|w| grid.round(*w)).collect();
+        let pose = mesh.layout().to_user_order(&crowd.pose(0).expect("an instance"));
+        worst = worst.max((f64::from(pose[0]) - evaluate(&mesh, &asked)[0]).abs());
+    }
+    // Decoding a pose to float32 is allowed for by its own bound.
+    assert!(worst <= f64::from(budget) * 1.007, "{worst:e} of {budget:e}");
+}
+
+#[test]
+fn running_out_of_memory_is_an_error_of_its_own() {
+    let mesh = PackedMesh::pack(&testing::mesh(1000, 4), &PackDesc::new(DeltaFormat::Fast)).expect("a mesh");
+    let desc = UpdateDesc::blocks().path(UpdatePath::Cpu);
+    let error = CpuCrowd::new(Arc::new(mesh), desc, usize::MAX / 1_000_000, 1).err().expect("no memory");
+    assert_eq!(error.kind(), ErrorKind::OutOfMemory, "{error}");
+}
+
+#[test]
+fn an_instance_that_is_not_there_is_an_error() {
+    for format in [DeltaFormat::Float32, DeltaFormat::Fast] {
+        let mesh = PackedMesh::pack(&testing::mesh(100, 4), &PackDesc::new(format)).expect("a mesh");
+        let mesh = Arc::new(mesh);
+        let blocks = UpdateDesc::blocks().path(UpdatePath::Cpu);
+        let dense = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
+        let desc = if format.is_blocks() { blocks } else { dense };
+        let mut crowd = CpuCrowd::new(mesh.clone(), desc, 2, 1).expect("a crowd");
+        crowd.update();
+        crowd.remove(1).expect("an instance");
+        for instance in [1, 2, 1 << 32, usize::MAX] {
+            assert!(crowd.pose(instance).is_err() && crowd.previous_pose(instance).is_err());
+            assert!(crowd.stored_pose(instance, 0).is_err() && crowd.cut(instance).is_err());
+            assert!(crowd.set_weights(instance, &[0.0; 4]).is_err());
+        }
+        assert!(crowd.pose(0).is_ok());
+        assert_eq!(evaluate(&mesh, &[]), evaluate(&mesh, &[0.0; 4]), "targets without a weight");
+    }
+}
+
+#[test]
+fn what_does_not_fit_is_refused_or_comes_out_as_nan() {
+    let mesh = testing::mesh(100, 4);
+    let refused = |change: &dyn Fn(&mut deltamorph::MorphMesh), words: &str| {
+        let mut bad = mesh.clone();
+        change(&mut bad);
+        let text = PackedMesh::pack(&bad, &PackDesc::new(DeltaFormat::Fast)).expect_err("refused").to_string();
+        assert!(text.contains(words), "{text}");
+        assert!(evaluate_unpacked(&bad, &[1.0; 4]).iter().all(|number| number.is_nan()), "{words}");
+    };
+    refused(&|mesh| mesh.normals.truncate(99), "99 normals for 100 vertices");
+    refused(&|mesh| mesh.targets[1].positions.truncate(1), "do not fit");
+    refused(&|mesh| mesh.targets[1].normals.truncate(1), "do not fit");
+    refused(&|mesh| mesh.targets[1].vertices[0] = 100, "do not fit");
+    for format in [DeltaFormat::Snorm16, DeltaFormat::Fast] {
+        let packed = PackedMesh::pack(&mesh, &PackDesc::new(format)).expect("a mesh");
+        let kept = packed.layout().to_user_order(&packed.base()[..6 * 10]);
+        assert_eq!(kept.iter().filter(|number| number.is_nan()).count(), 6 * 90, "{format:?}");
+        packed.for_each_delta(4, |_, _| panic!("there is no such target"));
+        assert!(packed.measure_error(&mesh).within(1.0, 180.0));
+        for other in [testing::mesh(99, 4), testing::mesh(100, 3)] {
+            assert!(!packed.measure_error(&other).within(f64::INFINITY, f64::INFINITY));
+        }
+    }
+    let headless = HeadlessDesc::default().device(DeviceChoice::Name(drivers()[0].clone()));
+    let headless = Headless::new(&headless).expect("a device");
+    let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Fast)).expect("a mesh");
+    let mut crowd = HeadlessCrowd::new(&headless, &packed, &single(UpdateDesc::blocks())).expect("a crowd");
+    crowd.step(&[&[0.5; 4]]).expect("a step");
+    let text = crowd.read_group(0, 1).expect_err("refused").to_string();
+    assert!(text.contains("which has 1; count groups from 0") && crowd.read_stored(0, 1).is_err(), "{text}");
+}
+
+/// A command buffer that is recorded within another's recording is another.
+#[test]
+fn runs_may_be_nested() {
+    on_every_device(|headless, _| {
+        let mut ran = vec![];
+        let nested = headless.run(|outer| {
+            headless.run(|inner| {
+                ran.push(inner != outer);
+                Ok(())
+            })
+        });
+        nested.expect("both run");
+        headless.run(|_| Ok(())).expect("and another");
+        assert_eq!(ran, [true]);
+    });
+}

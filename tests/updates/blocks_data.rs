@@ -1,0 +1,208 @@
+//! Real meshes and captured clips through the block formats: errors, bits, bytes and memory that the project promises.
+
+use crate::data;
+use crate::gpu;
+use deltamorph::headless::HeadlessCrowd;
+use deltamorph::import::{csv, obj};
+use deltamorph::reference::{compare, evaluate};
+use deltamorph::{
+    BatchSize, CpuCrowd, DeltaFormat, MorphMesh, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
+    UpdateStats,
+};
+use std::path::Path;
+use std::sync::Arc;
+
+fn load(set: &str, clip: &str) -> Option<(MorphMesh, Vec<Vec<f32>>)> {
+    let folder = data::set(set)?;
+    let mesh =
+        obj::import_folder(&folder).expect("a folder that imports").to_mesh(Tolerance::default()).expect("a mesh");
+    Some((mesh.clone(), frames(&folder, clip, &mesh)))
+}
+
+fn frames(folder: &Path, clip: &str, mesh: &MorphMesh) -> Vec<Vec<f32>> {
+    let clip = csv::read(&folder.join("weights").join(clip), None).expect("a clip");
+    let names: Vec<&str> = mesh.targets.iter().map(|t| t.name.as_str()).collect();
+    clip.bind(&names).expect("columns that name targets").frames().collect()
+}
+
+fn pack(mesh: &MorphMesh, format: DeltaFormat) -> Arc<PackedMesh> {
+    Arc::new(PackedMesh::pack(mesh, &PackDesc::new(format)).expect("a mesh that packs"))
+}
+
+/// Formats of deltas and of poses that go together, with a number of slots each: whole clips of all 30 take minutes
+/// (`.ci/deep` plays them); proptests in src/cpu, tests/updates/gpu_paths.rs and tests/updates/integers.rs go through the rest.
+const VARIANTS: [(DeltaFormat, PoseFormat, u32); 8] = [
+    (DeltaFormat::BlockFloat32, PoseFormat::Float32, 1),
+    (DeltaFormat::Fast, PoseFormat::Float32, 2),
+    (DeltaFormat::Fast, PoseFormat::Fixed32, 3),
+    (DeltaFormat::Fast, PoseFormat::Fixed16, 2),
+    (DeltaFormat::Small, PoseFormat::Float32, 2),
+    (DeltaFormat::Small, PoseFormat::Fixed32, 1),
+    (DeltaFormat::Small, PoseFormat::Fixed16, 2),
+    (DeltaFormat::Pair, PoseFormat::Fixed32, 2),
+];
+
+/// Play a whole clip on lavapipe and on the CPU: every 20th frame and the last within what the path promises.
+fn whole_clip(set: &str, clip: &str) {
+    let Some((mesh, frames)) = load(set, clip) else { return };
+    let diagonal = f64::from(mesh.diagonal);
+    gpu::on_device("llvmpipe", false, |headless, _| {
+        for (format, pose, slots) in VARIANTS {
+            let packed = pack(&mesh, format);
+            let desc = UpdateDesc::blocks().pose(pose).slots(slots);
+            let on_cpu = desc.path(UpdatePath::Cpu);
+            let mut crowd = HeadlessCrowd::new(headless, &packed, &gpu::single(desc)).expect("a crowd");
+            let mut cpu = CpuCrowd::new(packed.clone(), on_cpu, 1, 2).expect("a crowd");
+            for (i, weights) in frames.iter().enumerate() {
+                let stats = crowd.step(&[weights]).expect("a step").update.stats;
+                cpu.set_weights(0, weights).expect("weights that fit");
+                // Tiles count other bytes than items with masks. On a software driver `fast` goes in tiles whatever
+                // poses are, of whole blocks, and so other blocks are rebuilt; poses of integers are whole blocks
+                // anyway.
+                let masks = format != DeltaFormat::Fast && !desc.pose.has_integers();
+                let alike = masks || desc.pose.has_integers();
+                let written = |s: UpdateStats| (s.coefficients, s.dirty_blocks, s.passes);
+                let planned = |s: UpdateStats| (s.rebuilt_blocks, s.bound);
+                let on_cpu = cpu.update();
+                let what = format!("{format:?} {desc:?} frame {i}: the same plan on both");
+                assert_eq!(written(on_cpu), written(stats), "{what}");
+                assert!(!alike || planned(on_cpu) == planned(stats), "{what}");
+                assert!(!masks || on_cpu.bytes_moved == stats.bytes_moved, "{what}");
+                if i % 20 != 0 && i + 1 != frames.len() {
+                    continue;
+                }
+                let reference = gpu::reference(&packed, &desc, weights);
+                let bound = |stats: UpdateStats| {
+                    if desc.pose.has_integers() {
+                        return 1e-7 * diagonal;
+                    }
+                    assert!(stats.bound <= desc.tolerance * mesh.diagonal);
+                    f64::from(stats.bound)
+                };
+                let pose = crowd.read_pose(0).expect("a pose");
+                let by_cpu = packed.layout().to_user_order(&cpu.pose(0).expect("an instance"));
+                for (pose, stats) in [(&pose, stats), (&by_cpu, on_cpu)] {
+                    let error = compare(pose, &reference);
+                    let what = format!("{set}/{clip} {format:?} {desc:?} frame {i}: {error:?}");
+                    assert!(error.within(bound(stats), gpu::NORMAL), "{what}");
+                }
+                if desc.pose.has_integers() {
+                    let stored = crowd.read_stored(0, 0).expect("a pose");
+                    assert!(stored == cpu.stored_pose(0, 0).expect("an instance"), "{desc:?} frame {i}");
+                    assert!(pose == by_cpu, "{desc:?} frame {i}: decoded poses");
+                }
+            }
+        }
+    });
+}
+
+#[test]
+fn facecap_head_plays_the_captured_take() {
+    whole_clip("facecap_head_glb", "facecap_30fps.csv");
+}
+
+#[test]
+fn ict_facekit_plays_the_captured_take() {
+    whole_clip("ict_facekit", "facecap_30fps.csv");
+}
+
+#[test]
+fn makehuman_plays_the_captured_take() {
+    whole_clip("makehuman_face", "facecap_30fps.csv");
+}
+
+#[test]
+fn the_stress_test_plays_a_clip() {
+    whole_clip("morph_stress_test", "TheWave_24fps.csv");
+}
+
+/// Bytes that the fast and the small format move over a whole clip, and the small one for poses of 16 bits, as shares
+/// of a dense update in float32: the targets that changed, and a pose read and written, all vertices of each.
+fn bytes(set: &str, clip: &str, fast: f64, small: f64, fixed16: f64) {
+    let Some((mesh, frames)) = load(set, clip) else { return };
+    let rest = vec![0.0; mesh.targets.len()];
+    let changed = |i: usize| {
+        let before = if i == 0 { &rest } else { &frames[i - 1] };
+        before.iter().zip(&frames[i]).filter(|(a, b)| a != b).count()
+    };
+    let whole_poses = (0..frames.len()).map(|i| if changed(i) > 0 { changed(i) + 2 } else { 0 }).sum::<usize>();
+    let dense = (whole_poses * mesh.vertex_count() * 24) as f64;
+    for (format, pose, most) in [
+        (DeltaFormat::Fast, PoseFormat::Float32, fast),
+        (DeltaFormat::Small, PoseFormat::Float32, small),
+        (DeltaFormat::Small, PoseFormat::Fixed16, fixed16),
+    ] {
+        let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).pose(pose);
+        let mut crowd = CpuCrowd::new(pack(&mesh, format), desc, 1, 2).expect("a crowd");
+        let mut moved = 0;
+        for weights in &frames {
+            crowd.set_weights(0, weights).expect("weights that fit");
+            moved += crowd.update().bytes_moved;
+        }
+        let share = moved as f64 / dense;
+        println!(
+            "{set}/{clip} {format:?} {pose:?}: {:.3}% of {:.2} MB",
+            share * 100.0,
+            dense / frames.len() as f64 / 1e6
+        );
+        assert!(share <= most, "{set}/{clip} {format:?} {pose:?}: {share}");
+    }
+}
+
+#[test]
+fn few_bytes_are_moved() {
+    bytes("ict_facekit", "facecap_30fps.csv", 0.18, 0.106, 0.075);
+    bytes("ict_facekit", "facegood_2_01_mapped_30fps.csv", 0.3, 0.24, 0.114);
+    bytes("makehuman_face", "facecap_30fps.csv", 0.075, 0.041, 0.028);
+    bytes("makehuman_face", "facegood_2_02_mapped_30fps.csv", 0.104, 0.081, 0.039);
+}
+
+#[test]
+fn the_small_format_is_small() {
+    for (set, clip, most) in [
+        ("ict_facekit", "facecap_30fps.csv", 0.042),
+        ("makehuman_face", "facecap_30fps.csv", 0.0112),
+        ("facecap_head_glb", "facecap_30fps.csv", 0.051),
+    ] {
+        let Some((mesh, _)) = load(set, clip) else { continue };
+        let packed = pack(&mesh, DeltaFormat::Small);
+        let (layout, error) = (packed.layout(), packed.measure_error(&mesh));
+        let dense = (mesh.vertex_count() * mesh.targets.len() * 24) as f64;
+        let share = (layout.delta_bytes() + layout.index_bytes()) as f64 / dense;
+        let position = error.position / f64::from(mesh.diagonal);
+        println!("{set}: {:.2}% of dense float32, {position:.1e}, {:.2}°", share * 100.0, error.normal_degrees);
+        assert!(share <= most && position <= 1e-5 && error.normal_degrees <= 0.5, "{set}: {share} {error:?}");
+    }
+}
+
+/// Numbers in -1..1, the same everywhere.
+fn noise(state: &mut u64) -> f32 {
+    *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+    (*state >> 40) as f32 / (1u64 << 23) as f32 - 1.0
+}
+
+#[test]
+fn an_error_budget_saves_bytes_under_sensor_noise_and_holds() {
+    let Some((mesh, frames)) = load("ict_facekit", "facegood_2_01_mapped_30fps.csv") else { return };
+    let packed = pack(&mesh, DeltaFormat::Small);
+    let budget = 1e-4 * mesh.diagonal;
+    let mut moved = vec![];
+    for error_budget in [0.0, budget] {
+        let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).error_budget(error_budget);
+        let mut crowd = CpuCrowd::new(packed.clone(), desc, 1, 2).expect("a crowd");
+        let (mut state, mut sum) = (7, 0);
+        for (i, weights) in frames.iter().take(1500).enumerate() {
+            let weights: Vec<f32> = weights.iter().map(|w| w + 0.0005 * noise(&mut state)).collect();
+            crowd.set_weights(0, &weights).expect("weights that fit");
+            sum += crowd.update().bytes_moved;
+            if error_budget > 0.0 && i % 50 == 0 {
+                let pose = packed.layout().to_user_order(&crowd.pose(0).expect("an instance"));
+                let error = compare(&pose, &evaluate(&packed, &weights));
+                assert!(error.position <= f64::from(budget), "frame {i}: {error:?}");
+            }
+        }
+        moved.push(sum as f64);
+    }
+    println!("with the budget {:.2} times fewer bytes", moved[0] / moved[1]);
+    assert!(moved[0] >= 4.0 * moved[1], "{moved:?}");
+}

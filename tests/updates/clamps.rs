@@ -1,0 +1,368 @@
+//! The limits of weak devices, on real drivers: an engine that is told them keeps to them in every call, which functions
+//! in front of the driver's look at, and its poses and steps are those of the float64 reference.
+
+use crate::gpu::{self, NORMAL, baseline};
+use crate::offscreen::Offscreen;
+use crate::written::Written;
+use deltamorph::after::{BoundsTarget, NormalsDesc, NormalsTarget, SkinDesc, SkinTarget};
+use deltamorph::ash::{self, vk};
+use deltamorph::glam::DVec3;
+use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
+use deltamorph::import::sample::{HeadDesc, head};
+use deltamorph::reference::compare;
+use deltamorph::{
+    BatchSize, Consumers, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCaps, DeviceDesc, MorphEngine, MorphMesh,
+    PackedLayout, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
+};
+use std::ffi::{CStr, c_void};
+use std::sync::{Mutex, MutexGuard};
+
+/// What a phone may ask of offsets in storage buffers (`minStorageBufferOffsetAlignment`).
+const ALIGNMENT: u64 = 256;
+/// Allocations alive at a time; Vulkan promises 4,096 (`maxMemoryAllocationCount`), which the host needs, too.
+const ALLOCATIONS: usize = 48;
+
+/// Limits, by who states them.
+fn clamps() -> [(&'static str, DeviceCaps); 4] {
+    [
+        // Where they speak of what is looked at here, both say the same.
+        ("VP_ANDROID_baseline_2021 and _2022", baseline(|_| {})),
+        (
+            "VP_ANDROID_vulkan_profile_2025",
+            baseline(|caps| (caps.max_storage_buffers, caps.max_workgroup_invocations) = (35, 256)),
+        ),
+        ("allocations of 64 MiB", baseline(|caps| (caps.max_allocation, caps.max_buffer) = (64 << 20, 64 << 20))),
+        // As small for this head as the others are for a large one: deltas are cut into parts or chunks.
+        (
+            "small",
+            baseline(|caps| {
+                (caps.max_storage_range, caps.max_workgroups) = (80 << 10, 50);
+                (caps.max_allocation, caps.max_buffer) = (1 << 20, 1 << 20);
+            }),
+        ),
+    ]
+}
+
+/// The device whose calls are looked at, and what they are held to.
+struct Watched {
+    device: ash::Device,
+    limits: DeviceCaps,
+    alive: usize,
+    most_alive: usize,
+    calls: usize,
+    broken: Vec<String>,
+}
+
+static WATCHED: Mutex<Option<Watched>> = Mutex::new(None);
+
+/// Look at a call: `is_kept` of the limits; and the device to call.
+fn look(call: &str, is_kept: impl FnOnce(&mut Watched) -> bool) -> ash::Device {
+    let mut watched: MutexGuard<'_, Option<Watched>> = WATCHED.lock().expect("no panic meanwhile");
+    let watched = watched.as_mut().expect("a device");
+    watched.calls += 1;
+    if !is_kept(watched) {
+        watched.broken.push(call.to_owned());
+    }
+    watched.device.clone()
+}
+
+const BUFFERS: [vk::DescriptorType; 2] =
+    [vk::DescriptorType::STORAGE_BUFFER, vk::DescriptorType::STORAGE_BUFFER_DYNAMIC];
+
+type Callbacks = *const vk::AllocationCallbacks<'static>;
+
+unsafe extern "system" fn allocate(
+    device: vk::Device,
+    info: *const vk::MemoryAllocateInfo<'static>,
+    callbacks: Callbacks,
+    memory: *mut vk::DeviceMemory,
+) -> vk::Result {
+    // SAFETY: the caller's obligations are those of the driver's function.
+    let bytes = unsafe { (*info).allocation_size };
+    let next = look(&format!("vkAllocateMemory of {bytes} bytes"), |watched| {
+        watched.alive += 1;
+        watched.most_alive = watched.most_alive.max(watched.alive);
+        bytes <= watched.limits.max_allocation && watched.alive <= ALLOCATIONS
+    });
+    // SAFETY: the caller's obligations are those of the driver's function.
+    unsafe { (next.fp_v1_0().allocate_memory)(device, info, callbacks, memory) }
+}
+
+unsafe extern "system" fn free(device: vk::Device, memory: vk::DeviceMemory, callbacks: Callbacks) {
+    let next = look("vkFreeMemory", |watched| {
+        watched.alive -= 1;
+        true
+    });
+    // SAFETY: the caller's obligations are those of the driver's function.
+    unsafe { (next.fp_v1_0().free_memory)(device, memory, callbacks) }
+}
+
+unsafe extern "system" fn create_buffer(
+    device: vk::Device,
+    info: *const vk::BufferCreateInfo<'static>,
+    callbacks: Callbacks,
+    buffer: *mut vk::Buffer,
+) -> vk::Result {
+    // SAFETY: the caller's obligations are those of the driver's function.
+    let size = unsafe { (*info).size };
+    let next = look(&format!("vkCreateBuffer of {size} bytes"), |watched| size <= watched.limits.max_buffer);
+    // SAFETY: the caller's obligations are those of the driver's function.
+    unsafe { (next.fp_v1_0().create_buffer)(device, info, callbacks, buffer) }
+}
+
+unsafe extern "system" fn create_set_layout(
+    device: vk::Device,
+    info: *const vk::DescriptorSetLayoutCreateInfo<'static>,
+    callbacks: Callbacks,
+    layout: *mut vk::DescriptorSetLayout,
+) -> vk::Result {
+    // SAFETY: the caller's obligations are those of the driver's function.
+    let bindings = unsafe { std::slice::from_raw_parts((*info).p_bindings, (*info).binding_count as usize) };
+    let buffers = bindings.iter().filter(|binding| BUFFERS.contains(&binding.descriptor_type));
+    let count: u32 = buffers.map(|binding| binding.descriptor_count).sum();
+    let next = look(&format!("vkCreateDescriptorSetLayout of {count} storage buffers"), |watched| {
+        count <= watched.limits.max_storage_buffers
+    });
+    // SAFETY: the caller's obligations are those of the driver's function.
+    unsafe { (next.fp_v1_0().create_descriptor_set_layout)(device, info, callbacks, layout) }
+}
+
+unsafe extern "system" fn update_sets(
+    device: vk::Device,
+    writes: u32,
+    write: *const vk::WriteDescriptorSet<'static>,
+    copies: u32,
+    copy: *const vk::CopyDescriptorSet<'static>,
+) {
+    // SAFETY: the caller's obligations are those of the driver's function.
+    let all = unsafe { std::slice::from_raw_parts(write, writes as usize) };
+    for one in all.iter().filter(|one| BUFFERS.contains(&one.descriptor_type)) {
+        // SAFETY: the caller's obligations are those of the driver's function.
+        let buffers = unsafe { std::slice::from_raw_parts(one.p_buffer_info, one.descriptor_count as usize) };
+        for vk::DescriptorBufferInfo { offset, range, .. } in buffers {
+            look(&format!("vkUpdateDescriptorSets of {range} bytes at {offset}"), |watched| {
+                offset.is_multiple_of(ALIGNMENT) && *range <= watched.limits.max_storage_range
+            });
+        }
+    }
+    let next = look("vkUpdateDescriptorSets", |_| true);
+    // SAFETY: the caller's obligations are those of the driver's function.
+    unsafe { (next.fp_v1_0().update_descriptor_sets)(device, writes, write, copies, copy) }
+}
+
+unsafe extern "system" fn bind_sets(
+    cmd: vk::CommandBuffer,
+    point: vk::PipelineBindPoint,
+    layout: vk::PipelineLayout,
+    first: u32,
+    count: u32,
+    sets: *const vk::DescriptorSet,
+    offset_count: u32,
+    offsets: *const u32,
+) {
+    let next = look("vkCmdBindDescriptorSets with an offset that is not aligned", |_| {
+        // SAFETY: the caller's obligations are those of the driver's function.
+        (0..offset_count as usize).all(|i| u64::from(unsafe { *offsets.add(i) }).is_multiple_of(ALIGNMENT))
+    });
+    // SAFETY: the caller's obligations are those of the driver's function.
+    unsafe {
+        (next.fp_v1_0().cmd_bind_descriptor_sets)(cmd, point, layout, first, count, sets, offset_count, offsets);
+    }
+}
+
+unsafe extern "system" fn dispatch(cmd: vk::CommandBuffer, x: u32, y: u32, z: u32) {
+    let next = look(&format!("vkCmdDispatch of {x} × {y} × {z} workgroups"), |watched| {
+        [x, y, z].iter().all(|n| *n <= watched.limits.max_workgroups)
+    });
+    // SAFETY: the caller's obligations are those of the driver's function.
+    unsafe { (next.fp_v1_0().cmd_dispatch)(cmd, x, y, z) }
+}
+
+unsafe extern "system" fn push(
+    cmd: vk::CommandBuffer,
+    layout: vk::PipelineLayout,
+    stages: vk::ShaderStageFlags,
+    offset: u32,
+    size: u32,
+    values: *const c_void,
+) {
+    let next = look(&format!("vkCmdPushConstants of {size} bytes at {offset}"), |watched| {
+        offset + size <= watched.limits.max_push_constants
+    });
+    // SAFETY: the caller's obligations are those of the driver's function.
+    unsafe { (next.fp_v1_0().cmd_push_constants)(cmd, layout, stages, offset, size, values) }
+}
+
+/// An engine within limits whose calls are looked at.
+fn engine(headless: &Headless, limits: &DeviceCaps) -> MorphEngine {
+    let (instance, physical, device) = headless.handles();
+    let limits = gpu::limited(headless.caps().clone(), |caps| caps.clamp_to(limits));
+    let watched =
+        Watched { device: device.clone(), limits: limits.clone(), alive: 0, most_alive: 0, calls: 0, broken: vec![] };
+    *WATCHED.lock().expect("no panic meanwhile") = Some(watched);
+    let load = |name: &CStr| match name.to_bytes() {
+        b"vkAllocateMemory" => allocate as *const c_void,
+        b"vkFreeMemory" => free as *const c_void,
+        b"vkCreateBuffer" => create_buffer as *const c_void,
+        b"vkCreateDescriptorSetLayout" => create_set_layout as *const c_void,
+        b"vkUpdateDescriptorSets" => update_sets as *const c_void,
+        b"vkCmdBindDescriptorSets" => bind_sets as *const c_void,
+        b"vkCmdDispatch" => dispatch as *const c_void,
+        b"vkCmdPushConstants" => push as *const c_void,
+        // SAFETY: the device is alive.
+        _ => unsafe { instance.get_device_proc_addr(device.handle(), name.as_ptr()) }
+            .map_or(std::ptr::null(), |function| function as *const c_void),
+    };
+    // SAFETY: the functions are the device's, which is alive and belongs to the others; it outlives the engine.
+    unsafe {
+        let device = ash::Device::load_with(load, device.handle());
+        MorphEngine::new(&DeviceDesc::new(instance, physical, &device).caps(Some(limits))).expect("an engine")
+    }
+}
+
+/// Normals of the triangles of a pose of six numbers a vertex, as to_mesh computes them.
+fn normals(pose: &[f64], triangles: &[u32]) -> Vec<DVec3> {
+    let at = |v: u32| DVec3::from_slice(&pose[6 * v as usize..]);
+    let mut sums = vec![DVec3::ZERO; pose.len() / 6];
+    for corners in triangles.chunks(3) {
+        let area = (at(corners[1]) - at(corners[0])).cross(at(corners[2]) - at(corners[0]));
+        corners.iter().for_each(|v| sums[*v as usize] += area);
+    }
+    sums
+}
+
+/// Put what a step wrote into `held`, as numbers in the user's order of vertices: it writes what changed.
+fn take(headless: &Headless, layout: &PackedLayout, written: &Written<'_>, held: &mut Vec<f32>) {
+    for (v, words) in written.take(headless).into_iter().enumerate() {
+        let Some(words) = words else { continue };
+        let is_whole = written.vertices == layout.vertex_count;
+        let v = if is_whole { layout.user_vertex(v).expect("a vertex") } else { v };
+        held.resize(written.vertices * words.len(), f32::NAN);
+        let places = held[v * words.len()..].iter_mut();
+        places.zip(words).for_each(|(place, word)| *place = f32::from_bits(word));
+    }
+}
+
+/// Two heads, with steps after the pose: decoded and bounded; skinned, and normals of the surface.
+fn check(headless: &Headless, engine: &MorphEngine, mesh: &MorphMesh, (format, update): (DeltaFormat, UpdateDesc)) {
+    let what = format!("{} {format:?} {update:?}", headless.caps().name);
+    let packed = gpu::packed(engine, mesh, format);
+    let (vertices, diagonal) = (packed.layout().vertex_count, f64::from(packed.layout().diagonal));
+    let triangles = mesh.faces.triangles().into_flattened();
+    let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+    let joint = [1.0f32, 0.0, 0.0, 7.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+    let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_DST;
+    let joints = host.shared(48, usage).expect("a buffer");
+    let places = [(268, 40, Some(16)), (308, 12, None), (0, 24, Some(12)), (4, 12, None)];
+    let counts = [vertices, 2, vertices, vertices];
+    let outputs: Vec<Written<'_>> =
+        places.iter().zip(counts).map(|(place, count)| Written::new(headless, &host, count, *place)).collect();
+    let (names, shares) = (vec![0u16; 4 * vertices], [1.0f32, 0.0, 0.0, 0.0].repeat(vertices));
+    // SAFETY: buffers are recording, run once and are waited for; what they use lives until then.
+    unsafe {
+        let (mut uploaded, mut skin, mut surface) = headless
+            .run(|cmd| {
+                let bytes = joint.map(f32::to_ne_bytes).concat();
+                headless.handles().2.cmd_update_buffer(cmd, joints.buffer, 0, &bytes);
+                let all = (vk::PipelineStageFlags::ALL_COMMANDS, vk::AccessFlags::MEMORY_WRITE);
+                host.barrier(cmd, all, (all.0, vk::AccessFlags::MEMORY_READ));
+                let skin = engine.upload_skin(cmd, &packed, &SkinDesc::new(4, 1, &names, &shares))?;
+                let surface = engine.upload_normals(cmd, &packed, &NormalsDesc::new(&triangles))?;
+                Ok((engine.upload(cmd, &packed)?, skin, surface))
+            })
+            .expect(&what);
+        uploaded.release_staging();
+        skin.release_staging();
+        surface.release_staging();
+        let consumers = Consumers::VERTEX_ATTRIBUTES | Consumers::COPIES;
+        let desc = CrowdDesc::new(update).instances(2).consumers(consumers);
+        let mut crowd = engine.create_crowd(&uploaded, &desc).expect(&what);
+        let decode = DecodeTarget::new(outputs[0].buffer).offset(268).stride(40).normals(Some(16));
+        engine.set_decode_target(&mut crowd, 0, Some(&decode)).expect(&what);
+        let bounds = BoundsTarget::new(outputs[1].buffer).offset(308);
+        engine.set_bounds_target(&mut crowd, 0, Some(&bounds)).expect(&what);
+        let target = SkinTarget::new(outputs[2].buffer, joints.buffer, 48);
+        engine.set_skin_target(&mut crowd, 1, Some((&skin, &target))).expect(&what);
+        let recomputed = NormalsTarget::new(outputs[3].buffer).offset(4);
+        engine.set_normals_target(&mut crowd, 1, Some((&surface, &recomputed))).expect(&what);
+        let (mut readback, mut held) = (engine.readback(), [const { vec![] }; 4]);
+        for frame in 0..3 {
+            let weights: Vec<Vec<f32>> = (0..2)
+                .map(|seed| gpu::weights(&packed, frame, seed).iter().map(|weight| weight / 2.0).collect())
+                .collect();
+            (0..2).for_each(|i| crowd.set_weights(i, &weights[i as usize]).expect(&what));
+            headless.run(|cmd| engine.record_update(cmd, &mut crowd).map(drop)).expect(&what);
+            headless.run(|cmd| readback.record(cmd, &crowd, &[0, 1])).expect(&what);
+            let poses = readback.poses().expect(&what);
+            let references = [0, 1].map(|i| gpu::reference(&packed, &update, &weights[i]));
+            let right = |pose: &[f32], reference: &[f64], step: &str| {
+                let error = compare(pose, reference);
+                assert!(error.within(1e-5 * diagonal, NORMAL), "{what}, frame {frame}, {step}: {error:?}");
+            };
+            (0..2).for_each(|i| right(&poses[i].vertices, &references[i], "pose"));
+            outputs.iter().zip(&mut held).for_each(|(written, held)| take(headless, packed.layout(), written, held));
+            let [decoded, found, skinned, recomputed] = &held;
+            right(decoded, &references[0], "decoded");
+            for axis in 0..3 {
+                let along = || references[0].iter().skip(axis).step_by(6).copied();
+                let (low, high) = (along().fold(f64::MAX, f64::min), along().fold(f64::MIN, f64::max));
+                let off = (f64::from(found[axis]) - low).abs().max((f64::from(found[3 + axis]) - high).abs());
+                assert!(off <= 1e-5 * diagonal, "{what}, frame {frame}, bounds: {off}");
+            }
+            let mut moved = references[1].clone();
+            moved.iter_mut().step_by(6).for_each(|x| *x += 7.0);
+            right(skinned, &moved, "skinned");
+            // Where the surface hardly has a normal, rounding turns it.
+            let normals = normals(&references[1], &triangles);
+            let clear = |v: &usize| normals[*v].length() > 1e-8 * diagonal * diagonal;
+            for v in (0..vertices).filter(clear) {
+                let found = DVec3::from_array([0, 1, 2].map(|i| recomputed[3 * v + i].into()));
+                assert!(found.angle_between(normals[v]) < 2e-3, "{what}, frame {frame}, normal of {v}");
+            }
+        }
+    }
+}
+
+/// One test, since there is one device to look at at a time.
+#[test]
+fn every_call_keeps_to_the_limits_and_poses_and_steps_are_right() {
+    let mesh = head(&HeadDesc::default().vertices(900).targets(37).sparsity(0.15).seed(3));
+    let mesh = mesh.to_mesh(Tolerance::default()).expect("a mesh");
+    let dense = |batch| (DeltaFormat::Float32, UpdateDesc::new(UpdatePath::Compute, batch));
+    let updates = [
+        (DeltaFormat::Fast, UpdateDesc::blocks()),
+        (DeltaFormat::Small, UpdateDesc::blocks().pose(PoseFormat::Fixed16)),
+        dense(BatchSize::Targets(3)),
+        dense(BatchSize::All),
+    ];
+    for (index, driver) in gpu::drivers().iter().enumerate() {
+        let desc = HeadlessDesc::default().device(DeviceChoice::Name(driver.clone())).validation(true);
+        let headless = Headless::new(&desc).expect("a device");
+        for (clamp, limits) in clamps() {
+            // The limits decide what is recorded, which one driver shows.
+            if index > 0 && clamp != "small" {
+                continue;
+            }
+            let engine = engine(&headless, &limits);
+            for update in updates {
+                check(&headless, &engine, &mesh, update);
+            }
+            if clamp == "allocations of 64 MiB" {
+                let packed = gpu::packed(&engine, &mesh, DeltaFormat::Fast);
+                // SAFETY: the buffer is recording, runs once, and is waited for.
+                let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &packed) }).expect("a mesh");
+                let desc = CrowdDesc::new(UpdateDesc::blocks()).instances(4000);
+                let refused = engine.create_crowd(&uploaded, &desc).err().expect("refused").to_string();
+                assert!(refused.contains("67108864"), "{refused}");
+            }
+            drop(engine);
+            let watched = WATCHED.lock().expect("no panic meanwhile").take().expect("a device");
+            let name = &headless.caps().name;
+            assert_eq!(watched.broken, [""; 0], "{name}, {clamp}");
+            assert_eq!(watched.alive, 0, "{name}, {clamp}: memory that was not given back");
+            println!("{name}, {clamp}: {} calls, {} allocations at most", watched.calls, watched.most_alive);
+            assert!(watched.calls > 100, "the calls are looked at");
+        }
+        assert_eq!(gpu::complaints(&headless), [""; 0], "{driver}");
+    }
+}

@@ -1,0 +1,220 @@
+//! Poses of 16 bits: how far from float64 on captured clips, how much memory, which weights, and unusual meshes.
+
+use crate::data;
+use crate::gpu;
+use deltamorph::headless::HeadlessCrowd;
+use deltamorph::import::{csv, obj};
+use deltamorph::reference::{angle_degrees, evaluate};
+use deltamorph::{
+    BlockDesc, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, MorphMesh, MorphTarget, PackDesc, PackedMesh, PoseFormat,
+    Tolerance, UpdateDesc, UpdatePath, testing,
+};
+use glam::DVec3;
+use std::sync::Arc;
+
+fn on_cpu(pose: PoseFormat) -> UpdateDesc {
+    UpdateDesc::blocks().path(UpdatePath::Cpu).pose(pose)
+}
+
+/// Every so many-th frame of a clip: how far positions are from those of the requested weights at most, as a share of
+/// the diagonal, and normals in degrees, of 99 in 100 vertices. Never beyond the bound that is stated.
+fn errors(set: &str, clip: &str, every: usize) -> Option<(f64, f64)> {
+    let folder = data::set(set)?;
+    let mesh = obj::import_folder(&folder).expect("a folder").to_mesh(Tolerance::default()).expect("a mesh");
+    let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).expect("a mesh that packs"));
+    let clip = csv::read(&folder.join("weights").join(clip), None).expect("a clip");
+    let names: Vec<&str> = mesh.targets.iter().map(|t| t.name.as_str()).collect();
+    let desc = on_cpu(PoseFormat::Fixed16);
+    let grid = desc.grid(packed.layout()).expect("a grid").expect("integers");
+    let mut crowd = CpuCrowd::new(packed.clone(), desc, 1, 2).expect("a crowd");
+    let (mut worst, mut share, mut angles) = (0.0f64, 0.0f64, vec![]);
+    for weights in clip.bind(&names).expect("columns that name targets").frames().step_by(every) {
+        crowd.set_weights(0, &weights).expect("weights");
+        let bound = f64::from(crowd.update().bound);
+        let pose = packed.layout().to_user_order(&crowd.pose(0).expect("a pose"));
+        let rounded: Vec<f32> = weights.iter().map(|w| grid.round(*w)).collect();
+        assert!(bound <= f64::from(grid.position_error(weights.iter().filter(|w| **w != 0.0).count())));
+        let (requested, rounded) = (evaluate(&packed, &weights), evaluate(&packed, &rounded));
+        let vertices = pose.as_chunks::<6>().0.iter().zip(requested.as_chunks::<6>().0).zip(rounded.as_chunks::<6>().0);
+        for ((pose, requested), rounded) in vertices {
+            let vector = |v: &[f64; 6], from: usize| DVec3::from_slice(&v[from..]);
+            let pose = pose.map(f64::from);
+            worst = worst.max(vector(&pose, 0).distance(vector(requested, 0)));
+            // Decoding rounds once, at the magnitude of the pose.
+            let float = vector(rounded, 0).length() * f64::from(f32::EPSILON);
+            let error = vector(&pose, 0).distance(vector(rounded, 0));
+            assert!(error <= bound + float, "{set}: {error:e}, {bound:e} allowed");
+            share = share.max((error - float) / bound.max(f64::MIN_POSITIVE));
+            angles.push(angle_degrees(vector(&pose, 3), vector(requested, 3)));
+        }
+    }
+    let at = angles.len() * 99 / 100;
+    let (_, normal, _) = angles.select_nth_unstable_by(at, f64::total_cmp);
+    let (position, normal) = (worst / f64::from(mesh.diagonal), *normal);
+    let largest = angles.iter().copied().fold(0.0, f64::max);
+    println!(
+        "{set}: position {position:.2e} of the diagonal, {:.0}% of the bound; normal {normal:.3}° of 99%, at most \
+         {largest:.2}°",
+        share * 100.0
+    );
+    Some((position, normal))
+}
+
+#[test]
+fn captured_clips_stay_within_a_ten_thousandth_of_the_diagonal_and_a_third_of_a_degree() {
+    for (set, clip, every) in [
+        ("ict_facekit", "facecap_30fps.csv", 20),
+        ("ict_facekit", "facegood_2_01_mapped_30fps.csv", 60),
+        ("makehuman_face", "facecap_30fps.csv", 20),
+        ("facecap_head_glb", "facecap_30fps.csv", 20),
+    ] {
+        let Some((position, normal)) = errors(set, clip, every) else { continue };
+        assert!(position <= 1e-4 && normal <= 0.3, "{set}/{clip}: {position:e}, {normal}°");
+    }
+}
+
+/// Two slots of 12 bytes a vertex for each head, and nothing else that grows with vertices but lists.
+#[test]
+fn a_crowd_takes_24_bytes_a_vertex_for_two_slots() {
+    const HEADS: u32 = 100;
+    let mut mesh = testing::mesh(6400, 1);
+    mesh.targets[0] = one_vertex(&mesh, "target_0", 5);
+    gpu::on_every_device(|headless, engine| {
+        let mesh = gpu::packed(engine, &mesh, DeltaFormat::Fast);
+        let vertices = u64::from(HEADS) * 6400;
+        let made = |pose| {
+            let desc = CrowdDesc::new(UpdateDesc::blocks().pose(pose)).instances(HEADS).frames_in_flight(1);
+            let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
+            crowd.step(&[]).expect("a step");
+            let view = crowd.crowd().pose(HEADS - 1).expect("a pose");
+            assert_eq!((u64::from(view.stride), view.size), (pose.stride() as u64, 6400 * pose.stride() as u64));
+            // The crowd's own, and the mesh's, which has three numbers of 8 bytes a vertex, once.
+            (engine.allocated_bytes(), Crowd::pose_bytes(&mesh, &desc))
+        };
+        let (of_16, poses_of_16) = made(PoseFormat::Fixed16);
+        let (of_32, poses_of_32) = made(PoseFormat::Fixed32);
+        assert_eq!((poses_of_16, poses_of_32), (24 * vertices, 48 * vertices));
+        assert_eq!(of_32 - of_16, 24 * vertices, "poses are all that differs");
+        let rest = (of_16 - poses_of_16) as f64 / vertices as f64;
+        assert!(rest < 6.0, "{}: {rest} bytes a vertex beside the poses", headless.caps().name);
+    });
+}
+
+#[test]
+fn weights_beyond_the_largest_are_refused_with_the_remedy() {
+    let mesh = Arc::new(PackedMesh::pack(&testing::mesh(100, 4), &PackDesc::new(DeltaFormat::Fast)).expect("a mesh"));
+    let most = |pose| on_cpu(pose).grid(mesh.layout()).expect("a grid").expect("integers").weight_max;
+    assert_eq!((most(PoseFormat::Fixed16), most(PoseFormat::Fixed32)), (1.0, BlockDesc::default().weight_max));
+    for (pose, weight_max, most) in [
+        (PoseFormat::Fixed16, None, 1.0),
+        (PoseFormat::Fixed16, Some(2.5), 2.5),
+        (PoseFormat::Fixed32, None, 4.0),
+        (PoseFormat::Fixed32, Some(1.5), 1.5),
+    ] {
+        let desc = on_cpu(pose).weight_max(weight_max);
+        let mut crowd = CpuCrowd::new(mesh.clone(), desc, 1, 1).expect("a crowd");
+        for sign in [1.0, -1.0] {
+            crowd.set_weights(0, &[0.0, sign * most, 0.0, 0.0]).expect("the largest weight");
+            crowd.update();
+            gpu::assert_integers(mesh.surface(), &desc, crowd.stored_pose(0, 0).expect("a pose"), &[0.0, sign * most]);
+            let text = crowd.set_weights(0, &[0.0, sign * most * 1.01, 0.0, 0.0]).expect_err("refused").to_string();
+            assert!(
+                text.contains("the weight of target 1 ('target_1')") && text.contains("larger weight_max"),
+                "{text}"
+            );
+            assert!(text.contains(&format!("from -{most} to {most}")), "{text}");
+        }
+    }
+    for (pose, weight_max, remedy) in [
+        (PoseFormat::Fixed16, 256.0, "fixed32"),
+        (PoseFormat::Fixed16, 0.0, "above 0"),
+        (PoseFormat::Fixed16, -1.0, "above 0"),
+        (PoseFormat::Fixed32, f32::NAN, "above 0"),
+        (PoseFormat::Fixed32, 1e6, "smaller largest weight"),
+    ] {
+        let refused = CpuCrowd::new(mesh.clone(), on_cpu(pose).weight_max(Some(weight_max)), 1, 1);
+        let text = refused.err().expect("refused").to_string();
+        assert!(text.contains(&weight_max.to_string()) && text.contains(remedy), "{text}");
+    }
+    gpu::on_every_device(|headless, _| {
+        let desc = UpdateDesc::blocks().pose(PoseFormat::Fixed16);
+        let mut crowd = HeadlessCrowd::new(headless, &mesh, &gpu::single(desc)).expect("a crowd");
+        let text = crowd.step(&[&[0.0, -1.5, 0.0, 0.0]]).expect_err("refused").to_string();
+        assert!(text.contains("('target_1') is -1.5") && text.contains("use a larger weight_max"), "{text}");
+        crowd.step(&[&[0.0, -1.0, 0.0, 0.0]]).expect("a step");
+        let stored = crowd.read_stored(0, 0).expect("a pose");
+        gpu::assert_integers(mesh.surface(), &desc, &stored, &[0.0, -1.0]);
+    });
+}
+
+/// A target that moves one vertex, in all three components.
+fn one_vertex(mesh: &MorphMesh, name: &str, vertex: u32) -> MorphTarget {
+    let part = |v: glam::Vec3| vec![v * 0.25 + 0.01];
+    let (position, normal) = (mesh.positions[vertex as usize], mesh.normals[vertex as usize]);
+    MorphTarget {
+        name: name.into(),
+        vertices: vec![vertex],
+        positions: part(position),
+        normals: part(normal),
+        ..MorphTarget::default()
+    }
+}
+
+/// 300 targets, each of one vertex among the first forty, or of none; blocks that no target touches.
+#[test]
+fn hundreds_of_targets_of_one_vertex_and_blocks_that_nothing_moves() {
+    let mut mesh = testing::mesh(500, 300);
+    for t in 0..300 {
+        let name = mesh.targets[t].name.clone();
+        mesh.targets[t] = match t % 10 {
+            9 => MorphTarget { name, ..MorphTarget::default() },
+            _ => one_vertex(&mesh, &name, (t * 7 % 40) as u32),
+        };
+    }
+    gpu::on_every_device(|headless, engine| {
+        for format in [DeltaFormat::Fast, DeltaFormat::Small, DeltaFormat::Pair] {
+            let mesh = Arc::new(gpu::packed(engine, &mesh, format));
+            for desc in gpu::fixed().map(|desc| desc.weight_max(Some(2.0))) {
+                let mut cpu = CpuCrowd::new(mesh.clone(), desc.path(UpdatePath::Cpu), 2, 1).expect("a crowd");
+                let mut crowd = HeadlessCrowd::new(headless, &mesh, &gpu::single(desc).instances(2)).expect("a crowd");
+                for frame in 0..4 {
+                    let weights = [0, 1].map(|seed| gpu::weights(&mesh, frame, seed));
+                    crowd.step(&weights.each_ref().map(Vec::as_slice)).expect("a step");
+                    weights.iter().enumerate().for_each(|(i, w)| cpu.set_weights(i, w).expect("weights"));
+                    cpu.update();
+                    for (i, weights) in weights.iter().enumerate() {
+                        let stored = crowd.read_stored(i as u32, 0).expect("a pose");
+                        assert!(stored == cpu.stored_pose(i, 0).expect("a pose"), "{format:?} {desc:?} {frame}");
+                        gpu::assert_integers(mesh.surface(), &desc, &stored, weights);
+                    }
+                }
+            }
+        }
+    });
+}
+
+/// Targets that move nothing at all: poses are the base pose, and follow the slots.
+#[test]
+fn targets_that_move_nothing_leave_the_base_pose() {
+    let empty = testing::degenerate().pop().expect("a mesh of empty targets");
+    gpu::on_every_device(|headless, engine| {
+        for (format, desc) in
+            [DeltaFormat::Fast, DeltaFormat::Small].into_iter().flat_map(|f| gpu::fixed().map(|d| (f, d)))
+        {
+            let mesh = gpu::packed(engine, &empty, format);
+            for instances in [1, 5] {
+                let mut crowd =
+                    HeadlessCrowd::new(headless, &mesh, &gpu::single(desc).instances(instances)).expect("a crowd");
+                for weight in [0.0, 0.5, -0.5] {
+                    let weights = vec![[weight; 5]; instances as usize];
+                    crowd.step(&weights.iter().map(<[f32; 5]>::as_slice).collect::<Vec<_>>()).expect("a step");
+                    for i in 0..instances {
+                        let stored = crowd.read_stored(i, 0).expect("a pose");
+                        assert!(stored.iter().all(|byte| *byte == 0), "{format:?} {desc:?}");
+                        assert_eq!(crowd.read_pose(i).expect("a pose"), mesh.layout().to_user_order(mesh.base()));
+                    }
+                }
+            }
+        }
+    });
+}

@@ -1,0 +1,368 @@
+//! Poses of integers do not depend on their history: whatever came before, a pose has the bits of a fresh full
+//! evaluation of its weights, on every driver and on the CPU, and the previous pose those of the pose before.
+
+use crate::data;
+use crate::gpu;
+use deltamorph::headless::{Headless, HeadlessCrowd};
+use deltamorph::import::obj;
+use deltamorph::import::sample::{HeadDesc, head};
+use deltamorph::internals::Rng;
+use deltamorph::reference::{compare, evaluate};
+use deltamorph::{
+    BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdateMode,
+    UpdatePath, testing,
+};
+use proptest::prelude::*;
+use proptest::test_runner::{Config, TestRunner};
+use std::sync::Arc;
+
+const TARGETS: usize = 9;
+const HEADS: usize = 9;
+
+/// A head of which every target moves a part, with blocks that nothing moves; with and without further streams. Blocks
+/// have so many vertices, or chunks of a dense format.
+fn packed(format: DeltaFormat, size: u32, streams: bool) -> Arc<PackedMesh> {
+    let source = head(&HeadDesc::default().vertices(700).targets(TARGETS).sparsity(0.15).seed(5));
+    let plain = source.to_mesh(Tolerance::default()).expect("a mesh");
+    let mesh = if streams { testing::with_streams(plain) } else { plain };
+    let blocks = BlockDesc::default().size(Some(size));
+    let chunk = u64::from(size) * TARGETS as u64 * format.stride() as u64;
+    let desc = PackDesc::new(format).blocks(blocks).max_chunk_bytes(chunk);
+    Arc::new(PackedMesh::pack(&mesh, &desc).expect("a mesh that packs"))
+}
+
+/// What happens to a head between two updates.
+#[derive(Clone, Debug)]
+enum Event {
+    Weights(Vec<(usize, f32)>),
+    Cut,
+    HideOrShow,
+}
+
+/// How a frame is updated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Frame {
+    Once,
+    /// After an update that was recorded and never runs.
+    AfterALostOne,
+    /// By two updates that run together, the second with nothing changed of every other head.
+    Twice,
+}
+
+type Frames = Vec<(Frame, Vec<(usize, Event)>)>;
+
+fn frames() -> impl Strategy<Value = Frames> {
+    // On the grid and off it, none, and the largest, as shares of the largest weight.
+    let weight =
+        prop_oneof![Just(0.0f32), Just(1.0), Just(-1.0), -1.0f32..=1.0, (-8i8..=8).prop_map(|w| f32::from(w) / 8.0)];
+    let weights = prop::collection::vec((0..TARGETS, weight), 1..5).prop_map(Event::Weights);
+    let event = prop_oneof![6 => weights, 1 => Just(Event::Cut), 1 => Just(Event::HideOrShow)];
+    let frame = prop_oneof![4 => Just(Frame::Once), 1 => Just(Frame::AfterALostOne), 1 => Just(Frame::Twice)];
+    prop::collection::vec((frame, prop::collection::vec((0..HEADS, event), 0..12)), 1..8)
+}
+
+/// A pose of each group, as it is stored, and decoded.
+type Poses = Vec<(Vec<u8>, Vec<f32>)>;
+
+/// What a head is expected to hold.
+#[derive(Clone)]
+struct Head {
+    asked: Vec<f32>,
+    pose: Option<Poses>,
+    before: Option<Poses>,
+    hidden: bool,
+    /// The next pose has no predecessor.
+    cut: bool,
+}
+
+/// Full evaluations, and heads that follow them.
+struct Expected {
+    mesh: Arc<PackedMesh>,
+    fresh: CpuCrowd,
+    most: f32,
+    heads: Vec<Head>,
+}
+
+fn poses(mesh: &PackedMesh, crowd: &CpuCrowd, instance: usize) -> Poses {
+    let group = |group| {
+        let decoded = mesh.layout().to_user_order(&crowd.group_pose(instance, group).expect("a pose"));
+        (crowd.stored_pose(instance, group).expect("a pose").to_vec(), decoded)
+    };
+    (0..mesh.groups().len()).map(group).collect()
+}
+
+impl Expected {
+    fn new(mesh: &Arc<PackedMesh>, desc: UpdateDesc, heads: usize) -> Self {
+        let rebuilt = desc.path(UpdatePath::Cpu).mode(UpdateMode::Rebuild).slots(1).error_budget(0.0);
+        let most = desc.grid(mesh.layout()).expect("a grid").expect("integers").weight_max;
+        let head = Head { asked: vec![0.0; TARGETS], pose: None, before: None, hidden: false, cut: false };
+        let fresh = CpuCrowd::new(mesh.clone(), rebuilt, 1, 1).expect("a crowd");
+        Self { mesh: mesh.clone(), fresh, most, heads: vec![head; heads] }
+    }
+
+    fn evaluate(&mut self, weights: &[f32]) -> Poses {
+        self.fresh.set_weights(0, weights).expect("weights");
+        self.fresh.update();
+        poses(&self.mesh, &self.fresh, 0)
+    }
+
+    fn update(&mut self) {
+        for i in (0..self.heads.len()).filter(|&i| !self.heads[i].hidden).collect::<Vec<_>>() {
+            let pose = self.evaluate(&self.heads[i].asked.clone());
+            let head = &mut self.heads[i];
+            let cut = std::mem::take(&mut head.cut);
+            head.before = head.pose.replace(pose).filter(|_| !cut).or_else(|| head.pose.clone());
+        }
+    }
+
+    /// Those that an update wrote which never runs have no pose.
+    fn lose(&mut self) {
+        self.heads.iter_mut().filter(|head| !head.hidden).for_each(|head| head.pose = None);
+    }
+
+    fn assert_head(&self, i: usize, slots: u32, pose: &Poses, previous: &[Option<Vec<f32>>], what: &str) {
+        let Head { pose: Some(expected), before: Some(before), hidden, .. } = &self.heads[i] else { return };
+        for (group, ((stored, decoded), (expected, expected_decoded))) in pose.iter().zip(expected).enumerate() {
+            assert!(stored == expected, "{what}, head {i}, group {group}: the pose");
+            assert!(decoded == expected_decoded, "{what}, head {i}, group {group}: the pose, decoded");
+            match &previous[group] {
+                Some(previous) => {
+                    assert!(*hidden || *previous == before[group].1, "{what}, head {i}, group {group}: before")
+                }
+                None => assert_eq!(slots, 1, "{what}"),
+            }
+        }
+    }
+}
+
+/// A crowd on a device, and what is asked of both kinds of crowds.
+struct Device<'a> {
+    crowd: HeadlessCrowd<'a>,
+    groups: usize,
+}
+
+impl Device<'_> {
+    fn poses(&mut self, i: usize) -> (Poses, Vec<Option<Vec<f32>>>) {
+        let group = |group| {
+            let (pose, previous) = self.crowd.read_group(i as u32, group).expect("a pose");
+            ((self.crowd.read_stored(i as u32, group).expect("a pose"), pose), previous)
+        };
+        (0..self.groups).map(group).unzip()
+    }
+}
+
+fn previous(mesh: &PackedMesh, crowd: &CpuCrowd, i: usize) -> Vec<Option<Vec<f32>>> {
+    let group = |group| {
+        let previous = crowd.previous_group_pose(i, group).expect("an instance");
+        previous.map(|pose| mesh.layout().to_user_order(&pose))
+    };
+    (0..mesh.groups().len()).map(group).collect()
+}
+
+/// Play `frames` on a device and on the CPU.
+fn play(headless: &Headless, mesh: &Arc<PackedMesh>, desc: UpdateDesc, heads: usize, frames: &Frames) {
+    let crowd = HeadlessCrowd::new(headless, mesh, &CrowdDesc::new(desc).instances(heads as u32)).expect("a crowd");
+    let mut device = Device { crowd, groups: mesh.groups().len() };
+    let mut cpu = CpuCrowd::new(mesh.clone(), desc.path(UpdatePath::Cpu), heads, 2).expect("a crowd");
+    let mut expected = Expected::new(mesh, desc, heads);
+    for (number, (frame, events)) in frames.iter().enumerate() {
+        let what =
+            format!("{} {:?} {desc:?}, {heads} heads, frame {number}", headless.caps().name, mesh.layout().format);
+        for (i, event) in events.iter().map(|(i, event)| (i % heads, event)) {
+            let head = &mut expected.heads[i];
+            match event {
+                Event::Weights(weights) => weights.iter().for_each(|(t, w)| head.asked[*t] = w * expected.most),
+                Event::Cut => {
+                    head.cut = true;
+                    device.crowd.cut(i as u32).expect("a head");
+                    cpu.cut(i).expect("a head");
+                }
+                Event::HideOrShow => {
+                    head.hidden = !head.hidden;
+                    head.cut = true;
+                    device.crowd.set_hidden(i as u32, head.hidden).expect("a head");
+                    cpu.set_hidden(i, head.hidden).expect("a head");
+                }
+            }
+        }
+        if *frame == Frame::AfterALostOne {
+            for i in 0..heads {
+                let lost: Vec<f32> = (1..=TARGETS).map(|t| expected.most * t as f32 / (i + 10) as f32 - 0.1).collect();
+                device.crowd.set_weights(i as u32, &lost).expect("weights");
+            }
+            let (_, lost) = device.crowd.record(&[]).expect("a recording");
+            device.crowd.discard(lost.ticket).expect("a ticket of this crowd");
+            expected.lose();
+        }
+        let ask = |expected: &Expected, device: &mut Device<'_>, cpu: &mut CpuCrowd| {
+            for (i, head) in expected.heads.iter().enumerate() {
+                device.crowd.set_weights(i as u32, &head.asked).expect("weights");
+                cpu.set_weights(i, &head.asked).expect("weights");
+            }
+        };
+        ask(&expected, &mut device, &mut cpu);
+        if *frame == Frame::Twice {
+            let first = device.crowd.record(&[]).expect("a recording").0;
+            cpu.update();
+            expected.update();
+            expected.heads.iter_mut().step_by(2).for_each(|head| head.asked.rotate_left(1));
+            ask(&expected, &mut device, &mut cpu);
+            let second = device.crowd.record(&[]).expect("a recording").0;
+            device.crowd.submit(vec![first, second]).expect("a submission");
+        } else {
+            device.crowd.step(&[]).expect("a step");
+        }
+        cpu.update();
+        expected.update();
+        for i in (0..heads).filter(|&i| expected.heads[i].pose.is_some()) {
+            let (pose, before) = device.poses(i);
+            expected.assert_head(i, desc.slots, &pose, &before, &what);
+            // What was lost on the device ran here: there is another pose before.
+            if *frame != Frame::AfterALostOne {
+                let before = previous(mesh, &cpu, i);
+                expected.assert_head(i, desc.slots, &poses(mesh, &cpu, i), &before, &format!("cpu of {what}"));
+            }
+        }
+    }
+    // The full evaluations are those of the definition.
+    for head in expected.heads.iter().filter(|head| !head.hidden) {
+        for (group, (stored, _)) in mesh.groups().iter().zip(head.pose.iter().flatten()) {
+            gpu::assert_integers(group, &desc, stored, &head.asked);
+        }
+    }
+}
+
+const MESHES: [(DeltaFormat, u32, bool); 6] = [
+    (DeltaFormat::Fast, 64, true),
+    (DeltaFormat::Small, 32, false),
+    (DeltaFormat::Pair, 128, false),
+    (DeltaFormat::Small, 64, true),
+    (DeltaFormat::Snorm16, 1024, false),
+    (DeltaFormat::Snorm16, 128, true),
+];
+
+/// Run `test` on every device with every mesh of these and every pose format.
+fn for_all(
+    meshes: &[(DeltaFormat, u32, bool)],
+    cases: u32,
+    test: impl Fn(&Headless, &Arc<PackedMesh>, UpdateDesc, usize, Frames),
+) {
+    let meshes: Vec<_> = meshes.iter().map(|&(format, size, streams)| packed(format, size, streams)).collect();
+    gpu::on_every_device(|headless, _| {
+        for (mesh, desc) in meshes.iter().flat_map(|mesh| gpu::fixed().map(|desc| (mesh, desc))) {
+            let desc = desc.path(gpu::path_of(mesh.layout().format));
+            // Of blocks, all.
+            let batch = prop_oneof![Just(BatchSize::All), (1..=TARGETS as u32).prop_map(BatchSize::Targets)];
+            let strategy = (1u32..=4, batch, 1..=HEADS, any::<bool>(), frames());
+            let config = Config { cases, failure_persistence: None, ..Config::default() };
+            let run = TestRunner::new(config).run(&strategy, |(slots, batch, heads, default, frames)| {
+                // 1 in 16 bits, 4 in 32; or 4.
+                let weight_max = desc.weight_max.filter(|_| !default);
+                let desc = desc.slots(slots).batch(batch).weight_max(weight_max);
+                test(headless, mesh, desc, heads, frames);
+                Ok(())
+            });
+            run.unwrap_or_else(|e| panic!("{}: {e}", headless.caps().name));
+        }
+    });
+}
+
+#[test]
+fn any_history_leaves_the_bits_of_a_full_evaluation() {
+    for_all(&MESHES, 5, |headless, mesh, desc, heads, frames| play(headless, mesh, desc, heads, &frames));
+}
+
+/// With an error budget, which blocks have: the same bits on devices and the CPU, no vertex further off than allowed,
+/// and, once the same is asked again, the bits of a full evaluation.
+#[test]
+fn what_is_deferred_settles_to_the_bits_of_a_full_evaluation() {
+    for_all(&MESHES[..4], 3, |headless, mesh, desc, heads, frames| {
+        let budget = 0.02 * mesh.layout().diagonal;
+        let desc = desc.error_budget(budget);
+        let grid = desc.grid(mesh.layout()).expect("a grid").expect("integers");
+        let allowed = f64::from(budget + grid.position_error(TARGETS) + 1e-6 * mesh.layout().diagonal);
+        let crowd = CrowdDesc::new(desc).instances(heads as u32);
+        let crowd = HeadlessCrowd::new(headless, mesh, &crowd).expect("a crowd");
+        let mut device = Device { crowd, groups: mesh.groups().len() };
+        let mut cpu = CpuCrowd::new(mesh.clone(), desc.path(UpdatePath::Cpu), heads, 2).expect("a crowd");
+        let mut expected = Expected::new(mesh, desc, heads);
+        let step = |device: &mut Device<'_>, cpu: &mut CpuCrowd| {
+            device.crowd.step(&[]).expect("a step");
+            cpu.update();
+        };
+        for (_, events) in &frames {
+            for (i, event) in events {
+                if let Event::Weights(weights) = event {
+                    let asked = &mut expected.heads[i % heads].asked;
+                    // Small changes, too.
+                    weights.iter().for_each(|(t, w)| asked[*t] = asked[*t] * 0.95 + 0.05 * w * expected.most);
+                    device.crowd.set_weights((i % heads) as u32, asked).expect("weights");
+                    cpu.set_weights(i % heads, asked).expect("weights");
+                }
+            }
+            step(&mut device, &mut cpu);
+            for i in 0..heads {
+                let pose = device.poses(i).0;
+                assert!(pose == poses(mesh, &cpu, i), "{} {desc:?}: head {i}", headless.caps().name);
+                let asked: Vec<f32> = expected.heads[i].asked.iter().map(|w| grid.round(*w)).collect();
+                let error = compare(&pose[0].1, &evaluate(mesh, &asked));
+                assert!(error.position <= allowed, "{desc:?}: {error:?} of {allowed:e}");
+            }
+        }
+        // Settled, and then still.
+        step(&mut device, &mut cpu);
+        step(&mut device, &mut cpu);
+        for i in 0..heads {
+            let (pose, before) = device.poses(i);
+            assert!(pose == expected.evaluate(&expected.heads[i].asked.clone()), "{desc:?}: head {i} has not settled");
+            assert!(before.iter().zip(&pose).all(|(before, pose)| before.as_ref() == Some(&pose.1)), "{desc:?}: still");
+        }
+    });
+}
+
+/// So many frames on the CPU, in each of which a few random weights change, or are what they were; now and then it is
+/// cut, or hidden for a frame. Each of `checked` is compared with a full evaluation.
+fn long_run(mesh: &Arc<PackedMesh>, desc: UpdateDesc, frames: usize, checked: usize) {
+    let targets = mesh.layout().targets.len();
+    let mut crowd = CpuCrowd::new(mesh.clone(), desc.path(UpdatePath::Cpu), 1, 2).expect("a crowd");
+    let mut expected = Expected::new(mesh, desc, 0);
+    let (mut weights, mut rng) = (vec![0.0; targets], Rng::new(frames as u64, 12));
+    for frame in 1..=frames {
+        for _ in 0..rng.next_u64() % 9 {
+            let weight = rng.range(-expected.most, expected.most);
+            weights[rng.next_u64() as usize % targets] = if weight.abs() < 0.2 * expected.most { 0.0 } else { weight };
+        }
+        crowd.set_weights(0, &weights).expect("weights");
+        match rng.next_u64() % 50 {
+            0 => crowd.cut(0).expect("a head"),
+            1 => crowd.set_hidden(0, frame % checked != 0).expect("a head"),
+            _ => crowd.set_hidden(0, false).expect("a head"),
+        }
+        crowd.update();
+        if frame % checked == 0 || frame == frames {
+            crowd.set_hidden(0, false).expect("a head");
+            crowd.update();
+            assert!(poses(mesh, &crowd, 0) == expected.evaluate(&weights), "{desc:?}: frame {frame}");
+        }
+    }
+}
+
+/// The program's `soak` goes on for a million.
+#[test]
+fn twenty_thousand_frames_leave_the_bits_of_a_full_evaluation() {
+    for (format, size, streams) in
+        [(DeltaFormat::Fast, 64, false), (DeltaFormat::Small, 32, true), (DeltaFormat::Snorm16, 128, true)]
+    {
+        let mesh = packed(format, size, streams);
+        gpu::fixed().into_iter().for_each(|desc| long_run(&mesh, desc, 20_000, 500));
+    }
+}
+
+#[test]
+fn thousands_of_frames_of_a_real_face_leave_the_bits_of_a_full_evaluation() {
+    let Some(folder) = data::set("ict_facekit") else { return };
+    let mesh = obj::import_folder(&folder).expect("a folder").to_mesh(Tolerance::default()).expect("a mesh");
+    let mesh = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).expect("a mesh that packs");
+    let mesh = Arc::new(mesh);
+    gpu::fixed().into_iter().for_each(|desc| long_run(&mesh, desc, 2_000, 100));
+}

@@ -1,0 +1,24 @@
+//! Poses of every path, format and driver, against float64 and each other.
+
+#[path = "../common/data.rs"]
+mod data;
+#[path = "../common/gpu.rs"]
+mod gpu;
+#[allow(dead_code, reason = "buffers are all that is needed of it")]
+#[path = "../../examples/draw/offscreen.rs"]
+mod offscreen;
+#[path = "../common/scene.rs"]
+mod scene;
+#[allow(dead_code, reason = "no barrier is left out here")]
+#[path = "../common/written.rs"]
+mod written;
+
+mod blocks_data;
+mod clamps;
+mod fixed16;
+mod gpu_paths;
+mod integers;
+mod parts;
+mod readback;
+mod real_data;
+mod streams;

@@ -1,0 +1,174 @@
+//! Meshes in blocks whose deltas exceed what a descriptor covers, on real drivers: the asset is cut into parts, and
+//! poses are those of a device that takes it whole.
+
+use crate::gpu::{complaints, drivers};
+use crate::scene::{Scene, crowd, fixed};
+use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
+use deltamorph::reference::{compare, evaluate};
+use deltamorph::{
+    AnimationDesc, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, MorphMesh, PackDesc, PackedMesh, Playback,
+    PoseFormat, UpdateDesc, UpdateMode, WeightClip, testing,
+};
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+/// What the devices here offer, with at most so many bytes to a descriptor.
+fn headless(driver: &str, texels: bool, range: u64) -> Headless {
+    let mut limits = DeviceCaps::android_baseline();
+    if texels {
+        (limits.max_texels, limits.int64) = (u32::MAX, true);
+    }
+    limits.max_storage_range = limits.max_storage_range.min(range);
+    let desc = HeadlessDesc::default().device(DeviceChoice::Name(driver.to_owned())).validation(true);
+    Headless::new(&desc.limits(Some(limits))).expect("a device")
+}
+
+fn frame(targets: usize, frame: usize, instance: usize) -> Vec<f32> {
+    let weight =
+        |t: usize| if (t + frame + instance).is_multiple_of(3) { 0.0 } else { ((t * 7 + frame * 5) % 9) as f32 / 9.0 };
+    (0..targets).map(weight).collect()
+}
+
+/// 3,000 vertices × 96 targets: more than a megabyte in every format; then vertices that nothing
+/// moves, whose blocks have no entry.
+fn mesh() -> MorphMesh {
+    let mut mesh = testing::mesh(6000, 96);
+    for target in &mut mesh.targets {
+        let moved = target.vertices.partition_point(|&vertex| vertex < 3000);
+        target.vertices.truncate(moved);
+        target.positions.truncate(moved);
+        target.normals.truncate(moved);
+    }
+    mesh
+}
+
+/// Whether a driver's kernels for a format are not those of another driver or format.
+fn is_tried(driver: &str, texels: bool, format: DeltaFormat) -> bool {
+    match texels {
+        true => format == DeltaFormat::Fast,
+        false => driver == drivers()[0] || format == DeltaFormat::Small,
+    }
+}
+
+#[test]
+fn an_asset_beyond_the_storage_range_runs_in_parts() {
+    let mesh = mesh();
+    for (driver, texels) in drivers().into_iter().flat_map(|driver| [(driver.clone(), false), (driver, true)]) {
+        for format in DeltaFormat::BLOCKS.into_iter().filter(|format| is_tried(&driver, texels, *format)) {
+            let packed = PackedMesh::pack(&mesh, &PackDesc::new(format)).expect("a mesh");
+            let all = [
+                (PoseFormat::Float32, 1),
+                (PoseFormat::Float32, 5),
+                (PoseFormat::Fixed32, 1),
+                (PoseFormat::Fixed16, 5),
+            ];
+            for (pose, instances) in all.into_iter().filter(|(pose, _)| format.has_integers() || !pose.has_integers()) {
+                let poses = [1 << 20, u64::MAX].map(|range| {
+                    let headless = headless(&driver, texels, range);
+                    let whole = MorphEngine::mesh_bytes(&packed) <= headless.caps().max_storage_range;
+                    assert_eq!(whole, range == u64::MAX, "{format:?}");
+                    let desc = CrowdDesc::new(UpdateDesc::blocks().pose(pose).tolerance(1e-2)).instances(instances);
+                    let mut crowd = HeadlessCrowd::new(&headless, &packed, &desc).expect("a crowd");
+                    for f in 0..3 {
+                        let weights: Vec<Vec<f32>> = (0..instances as usize).map(|i| frame(96, f, i)).collect();
+                        crowd.step(&weights.iter().map(Vec::as_slice).collect::<Vec<_>>()).expect("a step");
+                    }
+                    let error = compare(&crowd.read_pose(0).expect("a pose"), &evaluate(&packed, &frame(96, 2, 0)));
+                    assert!(
+                        error.position <= 3e-3 * f64::from(mesh.diagonal),
+                        "{driver} {format:?} {pose:?}: {error:?}"
+                    );
+                    let stored = (0..instances).map(|i| crowd.read_stored(i, 0).expect("a pose"));
+                    let stored: Vec<Vec<u8>> = stored.collect();
+                    drop(crowd);
+                    let messages = complaints(&headless);
+                    assert!(messages.is_empty(), "{driver} says:\n{}", messages.join("\n"));
+                    stored
+                });
+                // Several heads may be in narrower tiles, whose float32 sums round otherwise.
+                let comparable = pose.has_integers() || instances == 1;
+                assert!(!comparable || poses[0] == poses[1], "{driver} {format:?} {pose:?} of {instances}");
+            }
+        }
+    }
+}
+
+/// Heads of a crowd that is animated on the GPU play, are hidden and shown; updates are lost, or run together. Plans and
+/// poses are compared with the CPU's on the way. The poses at the end, and of which entries each work list is.
+fn animated(headless: &Headless, packed: &Arc<PackedMesh>, desc: CrowdDesc) -> (Vec<Vec<u8>>, Vec<usize>) {
+    let names = packed.layout().targets.iter().map(|target| target.name.clone()).collect();
+    let values = (0..5).flat_map(|f| frame(packed.layout().targets.len(), f, 0)).collect();
+    let clips = [WeightClip { name: "clip".into(), names, fps: 24.0, values }];
+    let mut scene = Scene::new(headless, packed, desc, &AnimationDesc::new(&clips));
+    for i in scene.instances().filter(|i| i % 4 != 3) {
+        scene.play(i, Playback::new(0).start(-0.07 * f64::from(i)));
+    }
+    for f in 0..6 {
+        let now = f64::from(f) / 30.0;
+        if f % 3 == 2 {
+            scene.hide(desc.instances - 1, !scene.is_hidden(desc.instances - 1));
+            scene.drop_one(now + 0.3);
+        }
+        if f == 4 {
+            scene.step_together(&[now - 0.01, now]);
+        } else {
+            scene.step(now);
+        }
+    }
+    scene.instances().step_by(5).for_each(|i| scene.assert_fresh(i));
+    let lists = scene.crowd.read_plan().expect("a plan").iter().map(|list| list.entries.start).collect();
+    (scene.instances().map(|i| scene.crowd.read_stored(i, 0).expect("a pose")).collect(), lists)
+}
+
+#[test]
+fn crowds_animated_on_the_gpu_run_in_parts() {
+    let mesh = mesh();
+    for (driver, texels) in drivers().into_iter().flat_map(|driver| [(driver.clone(), false), (driver, true)]) {
+        let formats = DeltaFormat::BLOCKS.into_iter().filter(|format| format.has_integers());
+        for format in formats.filter(|format| is_tried(&driver, texels, *format)) {
+            let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format)).expect("a mesh"));
+            let all = [
+                (PoseFormat::Fixed16, 12, UpdateMode::Incremental),
+                (PoseFormat::Fixed32, 3, UpdateMode::Incremental),
+                (PoseFormat::Fixed16, 1, UpdateMode::Rebuild),
+            ];
+            let some = match (format, texels) {
+                (DeltaFormat::Small, _) => &all[..],
+                (_, false) => &all[..1],
+                (_, true) => &all[1..2],
+            };
+            for &(pose, instances, mode) in some {
+                let desc = crowd(instances, fixed(pose, 2).mode(mode));
+                let [cut, whole] = [1 << 20, u64::MAX].map(|range| {
+                    let headless = headless(&driver, texels, range);
+                    let (poses, lists) = animated(&headless, &packed, desc);
+                    let messages = complaints(&headless);
+                    assert!(messages.is_empty(), "{driver} says:\n{}", messages.join("\n"));
+                    let parts: BTreeSet<usize> = lists.iter().copied().collect();
+                    assert_eq!(parts.len() > 1, range != u64::MAX, "{format:?}");
+                    poses
+                });
+                assert!(cut == whole, "{driver} {format:?} {desc:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_cut_is_refused() {
+    let pose = 6016 * 24;
+    let device = headless(&drivers()[0], false, pose);
+    let large = PackedMesh::pack(&testing::mesh(64, 200), &PackDesc::new(DeltaFormat::BlockFloat32)).expect("a mesh");
+    let error = HeadlessCrowd::new(&device, &large, &CrowdDesc::new(UpdateDesc::blocks())).err().expect("refused");
+    assert!(error.to_string().contains("a block takes"), "{error}");
+    // The poses of one head have to be within reach of a descriptor.
+    let packed = PackedMesh::pack(&mesh(), &PackDesc::new(DeltaFormat::Small)).expect("a mesh");
+    let desc = |slots| crowd(2, fixed(PoseFormat::Fixed32, slots));
+    let (clips, words) = ([], ["the slots of one instance", "288768 bytes", "use fewer slots, or split the mesh"]);
+    let animated = HeadlessCrowd::animated(&device, &packed, &desc(2), &AnimationDesc::new(&clips));
+    for error in [animated.err(), HeadlessCrowd::new(&device, &packed, &desc(2)).err()] {
+        let text = error.expect("refused").to_string();
+        assert!(words.iter().all(|words| text.contains(words)), "{text}");
+    }
+    HeadlessCrowd::animated(&device, &packed, &desc(1), &AnimationDesc::new(&clips)).expect("a crowd in one slot");
+}

@@ -1,0 +1,159 @@
+//! Poses read back by the engine's own type: every technique, streams, integers, several instances, hosts' barriers.
+
+use crate::gpu::{self, NORMAL, is_kept, on_every_device, update_descs, weights};
+use deltamorph::reference::{compare, compare_group};
+use deltamorph::{CrowdDesc, DeltaFormat, PackedMesh, UpdateDesc, testing};
+
+/// The update, the read-back, the next update: in one submission each, so that nothing but barriers orders them.
+#[test]
+fn poses_are_read_back_between_updates_in_one_submission() {
+    on_every_device(|headless, engine| {
+        for format in [DeltaFormat::Float32, DeltaFormat::Snorm16, DeltaFormat::Small] {
+            let mesh = gpu::packed(engine, &testing::mesh(300, 11), format);
+            // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
+            let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+            for update in update_descs(engine, format) {
+                let desc = CrowdDesc::new(update).instances(3).frames_in_flight(4);
+                let mut crowd = engine.create_crowd(&uploaded, &desc).expect("a crowd");
+                let mut readbacks = [0, 1, 2].map(|_| engine.readback());
+                let asked = |frame: usize, i: u32| weights(&mesh, frame as u32, 5 * i);
+                headless
+                    .run(|cmd| {
+                        for (frame, readback) in readbacks.iter_mut().enumerate() {
+                            (0..3).try_for_each(|i| crowd.set_weights(i, &asked(frame, i)))?;
+                            // SAFETY: as above.
+                            unsafe {
+                                engine.record_update(cmd, &mut crowd)?;
+                                readback.record(cmd, &crowd, &[2, 0])?;
+                            }
+                        }
+                        Ok(())
+                    })
+                    .expect("updates");
+                for (frame, readback) in readbacks.iter_mut().enumerate() {
+                    // SAFETY: `run` has waited.
+                    let poses = unsafe { readback.poses() }.expect("poses");
+                    assert_eq!(poses.iter().map(|pose| pose.instance).collect::<Vec<_>>(), [2, 0]);
+                    for pose in &poses {
+                        let reference = gpu::reference(&mesh, &update, &asked(frame, pose.instance));
+                        let error = compare(&pose.vertices, &reference);
+                        let kept = is_kept(&error, mesh.layout().diagonal)
+                            || error.within(f64::from(update.tolerance), NORMAL);
+                        assert!(kept && pose.streams.is_empty(), "{update:?} frame {frame}: {error:?}");
+                    }
+                }
+            }
+        }
+    });
+}
+
+#[test]
+fn streams_come_with_the_pose_and_memory_is_used_again() {
+    on_every_device(|headless, engine| {
+        let format = DeltaFormat::Fast;
+        let mesh = PackedMesh::pack(&testing::with_streams(testing::mesh(300, 11)), &engine.pack_desc(format));
+        let mesh = mesh.expect("a mesh that fits");
+        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
+        let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+        for update in update_descs(engine, format) {
+            let mut crowd = engine.create_crowd(&uploaded, &CrowdDesc::new(update).instances(4)).expect("a crowd");
+            let mut readback = engine.readback();
+            // SAFETY: as above.
+            assert!(unsafe { readback.poses() }.expect("nothing yet").is_empty());
+            for (frame, instances) in [(0, &[1][..]), (1, &[0, 3, 2]), (2, &[3])] {
+                let asked = |i: u32| weights(&mesh, frame, i);
+                (0..4).for_each(|i| crowd.set_weights(i, &asked(i)).expect("weights"));
+                let recorded = headless.run(|cmd| {
+                    // SAFETY: as above.
+                    unsafe {
+                        engine.record_update(cmd, &mut crowd)?;
+                        readback.record(cmd, &crowd, instances)
+                    }
+                });
+                recorded.expect("an update");
+                // SAFETY: as above.
+                let poses = unsafe { readback.poses() }.expect("poses");
+                assert!(poses.iter().map(|pose| pose.instance).eq(instances.iter().copied()));
+                for pose in poses {
+                    let semantics: Vec<_> = pose.streams.iter().map(|(semantic, _)| *semantic).collect();
+                    let further = mesh.groups()[1..].iter().flat_map(|group| &group.layout().streams);
+                    assert!(further.clone().map(|place| place.semantic).eq(semantics));
+                    for group in mesh.groups() {
+                        let layout = group.layout();
+                        let reference = gpu::reference_group(group, &update, &asked(pose.instance));
+                        let mut read = vec![0.0f32; reference.len()];
+                        for place in &layout.streams {
+                            let found = pose.streams.iter().find(|(semantic, _)| *semantic == place.semantic);
+                            let Some((_, numbers)) = found else {
+                                read.copy_from_slice(&pose.vertices);
+                                break;
+                            };
+                            let vertices = numbers.chunks_exact(place.semantic.components());
+                            assert_eq!(vertices.len(), layout.vertex_count);
+                            for (vertex, numbers) in read.chunks_exact_mut(6).zip(vertices) {
+                                vertex[place.components()].copy_from_slice(numbers);
+                            }
+                        }
+                        let error = compare_group(&layout.streams, &read, &reference);
+                        assert!(error.within(1.2e-4, NORMAL) && error.absolute <= 1e-5, "{update:?}: {error:?}");
+                    }
+                }
+            }
+        }
+    });
+}
+
+/// Memory for more is refused by a limit here, before any is asked for; the same lines answer a driver that has none.
+#[test]
+fn what_was_read_back_stays_where_there_is_no_memory_for_more() {
+    let limits = gpu::baseline(|caps| caps.max_allocation = 1 << 20);
+    gpu::on_device_within("llvmpipe", Some(limits), |headless, engine| {
+        let mesh = gpu::packed(engine, &testing::mesh(300, 11), DeltaFormat::Fast);
+        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
+        let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+        let mut crowd = engine.create_crowd(&uploaded, &CrowdDesc::new(UpdateDesc::blocks())).expect("a crowd");
+        crowd.set_weights(0, &weights(&mesh, 1, 0)).expect("weights");
+        let mut readback = engine.readback();
+        let recorded = headless.run(|cmd| {
+            // SAFETY: as above.
+            unsafe {
+                engine.record_update(cmd, &mut crowd)?;
+                readback.record(cmd, &crowd, &[0])
+            }
+        });
+        recorded.expect("an update");
+        // SAFETY: `run` has waited.
+        let before = unsafe { readback.poses() }.expect("a pose");
+        // SAFETY: as above.
+        let refused = headless.run(|cmd| unsafe { readback.record(cmd, &crowd, &[0; 200]) });
+        let text = refused.expect_err("more than is allowed").to_string();
+        for remedy in ["fewer instances", "frames in flight", "fixed16"] {
+            assert!(text.contains(remedy) && !text.contains("snorm16"), "{text}");
+        }
+        // SAFETY: `run` has waited.
+        assert!(before.len() == 1 && unsafe { readback.poses() }.expect("a pose") == before);
+    });
+}
+
+#[test]
+fn what_has_no_pose_is_refused() {
+    on_every_device(|headless, engine| {
+        let mesh = gpu::packed(engine, &testing::mesh(64, 3), DeltaFormat::Fast);
+        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
+        let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+        let mut crowd = engine.create_crowd(&uploaded, &CrowdDesc::new(gpu::fixed()[0])).expect("a crowd");
+        let mut readback = engine.readback();
+        let mut refused = |crowd: &deltamorph::Crowd, instance, words: &str| {
+            // SAFETY: as above.
+            let result = headless.run(|cmd| unsafe { readback.record(cmd, crowd, &[instance]) });
+            let text = result.expect_err("refused").to_string();
+            assert!(text.contains(words), "{text}");
+        };
+        refused(&crowd, 0, "instance 0 has no pose yet; record an update first");
+        // SAFETY: as above.
+        let update = headless.run(|cmd| unsafe { engine.record_update(cmd, &mut crowd) }).expect("an update");
+        refused(&crowd, 1, "instance 1 of a crowd of 1");
+        crowd.discard(update.ticket).expect("a ticket of this crowd");
+        refused(&crowd, 0, "no pose yet");
+    });
+}
