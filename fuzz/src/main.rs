@@ -24,7 +24,7 @@ fuzz_target!(init: write_seeds(), |data: &[u8]| (TARGET.run)(data));
 
 fuzz_mutator!(|data: &mut [u8], size: usize, max_size: usize, seed: u32| {
     // A quarter of the mutations, and all of what has no structure, is of bytes.
-    let made = if seed % 4 == 0 { None } else { (TARGET.mutate)(&data[..size], &mut Random::new(seed)) };
+    let made = if seed.is_multiple_of(4) { None } else { (TARGET.mutate)(&data[..size], &mut Random::new(seed)) };
     match made.filter(|made| made.len() <= max_size) {
         Some(made) => {
             data[..made.len()].copy_from_slice(&made);

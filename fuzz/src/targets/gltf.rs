@@ -38,13 +38,13 @@ fn run(data: &[u8]) {
         Err(error) => return check_error(error),
     };
     let choice = crc32fast::hash(data);
-    if choice % 4 == 0 {
+    if choice.is_multiple_of(4) {
         match source.split() {
             Ok(split) => source = split,
             Err(error) => check_error(error),
         }
     }
-    let tolerance = if choice % 2 == 0 { Tolerance::default() } else { Tolerance::ZERO };
+    let tolerance = if choice.is_multiple_of(2) { Tolerance::default() } else { Tolerance::ZERO };
     // Beside the source, which is as large as reading may make it.
     let memory = Memory { per_byte: 2 * MEMORY.per_byte, ..MEMORY };
     match bounded("MorphSource::to_mesh", size, memory, || source.to_mesh(tolerance)) {

@@ -38,7 +38,7 @@ fn mesh_of(mut source: MorphSource, data: &[u8]) {
         _ => Ok(()),
     };
     changed.unwrap_or_else(check_error);
-    let tolerance = if choice % 2 == 0 { Tolerance::default() } else { Tolerance::ZERO };
+    let tolerance = if choice.is_multiple_of(2) { Tolerance::default() } else { Tolerance::ZERO };
     match bounded("MorphSource::to_mesh", data.len(), MEMORY, || source.to_mesh(tolerance)) {
         Ok(mesh) => pack_and_update(&mesh, choice / 8),
         Err(error) => check_error(error),

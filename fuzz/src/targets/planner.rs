@@ -32,7 +32,8 @@ fn vectors(u: &mut Unstructured<'_>, count: usize, every: usize) -> Result<Vec<[
     let first = u.int_in_range(0..=count)?;
     let values: Vec<[f32; 3]> =
         (0..u.int_in_range(1..=6usize)?).map(|_| Ok([number(u)?, number(u)?, number(u)?])).collect::<Result<_>>()?;
-    let of = |v: usize| if every > 1 && v < first || v % every != 0 { [0.0; 3] } else { values[v % values.len()] };
+    let of =
+        |v: usize| if every > 1 && v < first || !v.is_multiple_of(every) { [0.0; 3] } else { values[v % values.len()] };
     Ok((0..count).map(of).collect())
 }
 
@@ -79,7 +80,10 @@ struct Known {
 }
 
 fn history(u: &mut Unstructured<'_>) -> Result<()> {
-    let refused = |error| Ok(check_error(error));
+    let refused = |error| {
+        check_error(error);
+        Ok(())
+    };
     let mesh = match mesh(u)? {
         Ok(mesh) => mesh,
         Err(error) => return refused(error),
