@@ -46,7 +46,8 @@ static Host host_create(const char *wanted) {
     VK(vkCreateInstance(&info, NULL, &host.instance));
     VkPhysicalDevice devices[16];
     uint32_t count = 16, family = 0;
-    if (vkEnumeratePhysicalDevices(host.instance, &count, devices) < 0) fail("devices", "cannot be listed");
+    VkResult listed = vkEnumeratePhysicalDevices(host.instance, &count, devices);
+    if (listed != VK_SUCCESS && listed != VK_INCOMPLETE) fail("vkEnumeratePhysicalDevices", "failed");
     for (uint32_t i = 0; i < count && !host.physical; i++) {
         VkPhysicalDeviceProperties properties;
         vkGetPhysicalDeviceProperties(devices[i], &properties);

@@ -108,7 +108,7 @@ impl Instance {
         let info = info.enabled_extension_names(&extensions);
         // SAFETY: all that `info` points to is alive.
         let raw = unsafe { entry.create_instance(&info, None) }.map_err(|result| match result {
-            vk::Result::ERROR_LAYER_NOT_PRESENT => {
+            vk::Result::ERROR_LAYER_NOT_PRESENT if validation => {
                 let what = "--validation: the Vulkan validation layers are missing";
                 Failure::Failed(format!("{what}; install vulkan-validationlayers (./with-vulkan does)"))
             }
@@ -158,7 +158,12 @@ impl Device {
         let surfaces = khr::surface::Instance::new(&instance.entry, &instance.raw);
         // SAFETY: the handles are the window's, which outlives the surface (see `Owned`); the extensions are enabled.
         let surface = unsafe { create_surface(&instance.entry, &instance.raw, display, handle, None) };
-        let surface = surface.map_err(failed("vkCreate*SurfaceKHR of the window system"))?;
+        let surface = surface.map_err(failed(match display {
+            RawDisplayHandle::Xlib(_) => "vkCreateXlibSurfaceKHR",
+            RawDisplayHandle::Xcb(_) => "vkCreateXcbSurfaceKHR",
+            RawDisplayHandle::Wayland(_) => "vkCreateWaylandSurfaceKHR",
+            _ => "vkCreate*SurfaceKHR",
+        }))?;
         let chosen =
             choose(&instance, &surfaces, surface, (display, handle), choice).and_then(|(physical, family, caps)| {
                 let extensions = [khr::swapchain::NAME.as_ptr(), ext::transform_feedback::NAME.as_ptr()];
@@ -305,13 +310,16 @@ fn choose(
     let family = |physical| {
         // SAFETY: as above.
         let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
-        (0u32..).zip(families).find_map(|(i, family)| {
-            let able = family.queue_flags.contains(wanted) && presents(with_entry, physical, i, window);
-            // SAFETY: as above; the driver knows surfaces of this kind.
-            let shows =
-                able && unsafe { surfaces.get_physical_device_surface_support(physical, i, surface) } == Ok(true);
-            shows.then_some(i)
-        })
+        for (i, family) in (0u32..).zip(families) {
+            if family.queue_flags.contains(wanted) && presents(with_entry, physical, i, window) {
+                // SAFETY: as above; the driver knows surfaces of this kind.
+                let shows = unsafe { surfaces.get_physical_device_surface_support(physical, i, surface) };
+                if shows.map_err(failed("vkGetPhysicalDeviceSurfaceSupportKHR"))? {
+                    return Ok(Some(i));
+                }
+            }
+        }
+        Ok::<_, Failure>(None)
     };
     let has_swapchains = |physical| {
         // SAFETY: as above.
@@ -322,7 +330,7 @@ fn choose(
     let mut able = vec![];
     for (physical, caps) in matching {
         if has_swapchains(physical)?
-            && let Some(family) = family(physical)
+            && let Some(family) = family(physical)?
         {
             able.push((physical, family, caps));
         }

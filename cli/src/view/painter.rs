@@ -72,7 +72,8 @@ impl Painter {
         let info = vk::RenderPassCreateInfo::default().attachments(&attachments).subpasses(&subpasses);
         // SAFETY: the device is alive; destroyed by `drop`.
         let pass = unsafe { device.raw().create_render_pass(&info.dependencies(&dependencies), None) };
-        let mut this = Self { renderer: None, pass: pass.map_err(failed)?, device: device.clone() };
+        let pass = pass.map_err(super::device::failed("vkCreateRenderPass"))?;
+        let mut this = Self { renderer: None, pass, device: device.clone() };
         let options = Options { in_flight_frames: IN_FLIGHT, srgb_framebuffer: true, ..Options::default() };
         let (instance, raw) = (device.instance(), device.raw().clone());
         let mode = RenderMode::RenderPass(this.pass);
