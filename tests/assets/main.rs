@@ -7,4 +7,5 @@ mod gltf;
 mod head;
 mod import;
 mod import_real;
+mod memory;
 mod names;

@@ -103,7 +103,8 @@ pub fn write_ktx2(mesh: &PackedMesh, floats: TextureFloats) -> Result<TextureFil
     Ok(TextureFile { bytes, size, layers, covered })
 }
 
-/// `base` with the targets of a KTX2 file in the place of its own.
+/// `base` with the targets of a KTX2 file in the place of its own. Besides the copy of `base`, takes 100 bytes of memory at
+/// most for each byte of the file, and 1 MiB, whatever it counts.
 ///
 /// # Errors
 /// A file that cannot be read, is not as the [module](self) says, or is of another mesh: other vertices or streams.

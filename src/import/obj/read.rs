@@ -44,6 +44,8 @@ impl ObjFile {
     /// lines (`p`, `l`), vertex colours, free-form surfaces, groups and materials are ignored. Lines end in LF or
     /// CR LF, or all of them in CR.
     ///
+    /// Takes 300 bytes of memory at most for each byte of the file, and 1 MiB, whatever it counts.
+    ///
     /// # Errors
     /// [`Error::Io`] where the file cannot be read, [`Error::Input`] with the line where its text cannot be used, or where
     /// it is larger than 1 GiB.

@@ -235,6 +235,11 @@ struct Counts {
     skins: usize,
     joints: usize,
     channels: usize,
+    animations: usize,
+    /// Buffers and views that nothing names.
+    buffers: usize,
+    views: usize,
+    scenes: usize,
 }
 
 fn counts() -> impl Strategy<Value = Counts> {
@@ -244,7 +249,8 @@ fn counts() -> impl Strategy<Value = Counts> {
     let stride = prop_oneof![3 => Just(None), 2 => (0usize..40).prop_map(Some), 1 => any::<usize>().prop_map(Some)];
     let of_meshes = (size(), size(), sets(), sets(), 1usize..30, 1usize..30, few(), 4usize..=6);
     let others = (few(), size(), prop::collection::vec(stride, 16), few(), size(), few());
-    (of_meshes, others).prop_map(|(of_meshes, others)| {
+    let lists = (1usize..30, size(), size(), few());
+    (of_meshes, others, lists).prop_map(|(of_meshes, others, (animations, buffers, views, scenes))| {
         let (zeros, dense, sets, target_sets, primitives, meshes, targets, mode) = of_meshes;
         let (nodes, names, strides, skins, joints, channels) = others;
         // The text itself stays small.
@@ -252,6 +258,7 @@ fn counts() -> impl Strategy<Value = Counts> {
         let primitives = room(primitives, sets[0] + sets[1] + 1);
         let meshes = room(meshes, primitives * (sets[0] + sets[1] + 1));
         let targets = room(targets, primitives * meshes * (target_sets[0] + target_sets[1] + 1));
+        let animations = room(animations, channels + 1);
         Counts {
             zeros,
             dense,
@@ -267,6 +274,10 @@ fn counts() -> impl Strategy<Value = Counts> {
             skins,
             joints,
             channels,
+            animations,
+            buffers,
+            views,
+            scenes,
         }
     })
 }
@@ -307,7 +318,14 @@ fn counted(counts: &Counts) -> Written {
     file.json["skins"] = many(counts.skins, &json!({"joints": many(counts.joints.min(2000), &json!(0))}));
     let channel = |i: usize| json!({"sampler": 0, "target": {"node": i % (counts.nodes + 1), "path": "weights"}});
     let channels: Vec<_> = (0..counts.channels).map(channel).collect();
-    file.json["animations"] = json!([{"channels": channels, "samplers": [{"input": times, "output": weights}]}]);
+    let animation = json!({"channels": channels, "samplers": [{"input": times, "output": weights}]});
+    file.json["animations"] = many(counts.animations, &animation);
+    let mut add = |list: &str, count: usize, value: Value| {
+        file.json[list].as_array_mut().unwrap().extend(vec![value; count]);
+    };
+    add("buffers", counts.buffers, json!({"byteLength": 0}));
+    add("bufferViews", counts.views, json!({}));
+    file.json["scenes"] = many(counts.scenes, &json!({"nodes": (0..counts.nodes).collect::<Vec<_>>()}));
     for (view, stride) in counts.strides.iter().enumerate().take(4) {
         if let Some(stride) = stride {
             file.json["bufferViews"][view]["byteStride"] = json!(stride);

@@ -1,0 +1,128 @@
+//! Memory that readers take for files of text and textures, whatever these count: what the documentation of each
+//! states. glTF and packed files have such tests beside their readers (src/import/gltf/tests, src/pack/file/tests).
+
+use deltamorph::import::csv;
+use deltamorph::import::obj::ObjFile;
+use deltamorph::textures::{TextureFloats, read_ktx2, write_ktx2};
+use deltamorph::{DeltaFormat, PackDesc, PackedMesh, rig, testing};
+use proptest::prelude::*;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+/// Read a file of `size` bytes in `each` bytes of memory for each of them, and 1 MiB.
+fn within<T>(size: usize, each: usize, read: impl FnOnce() -> T) -> T {
+    let mut result = None;
+    let memory = allocation_counter::measure(|| result = Some(read()));
+    let most = (1 << 20) + (each * size) as u64;
+    assert!(memory.bytes_max <= most, "{} bytes for a file of {size}, {most} at most", memory.bytes_max);
+    result.expect("measured")
+}
+
+fn written(name: &str, bytes: &[u8]) -> (TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(name);
+    std::fs::write(&path, bytes).unwrap();
+    (folder, path)
+}
+
+/// Few or many.
+fn size() -> impl Strategy<Value = usize> {
+    prop_oneof![2 => 0usize..20, 1 => 0usize..50_000]
+}
+
+/// Of a name.
+fn length() -> impl Strategy<Value = usize> {
+    prop_oneof![3 => 0usize..9, 1 => 0usize..9000]
+}
+
+/// Of a word: in the header and the keys, or anywhere.
+fn place() -> impl Strategy<Value = usize> {
+    prop_oneof![3 => 0usize..400, 1 => any::<usize>()]
+}
+
+/// As many as make half a megabyte of text at most, where each takes `each` bytes.
+fn room(count: usize, each: usize) -> usize {
+    count.min((1 << 19) / each.max(1))
+}
+
+fn obj((counts, corners, forms, ends): ([usize; 4], usize, Vec<usize>, usize)) -> String {
+    let [v, vt, vn, faces] = counts;
+    let end = ["\n", "\r\n", " \\\n\n", " # -\n"][ends];
+    let forms = forms.into_iter().map(|form| [" 1", " -1", " 1/1", " 1//1", " 1/1/1"][form]);
+    let face = format!("f{}{end}", forms.cycle().take(3 + room(corners, 4)).collect::<String>());
+    let lists = [("v 0 0 0", 1 + v), ("vt 0 0", 1 + vt), ("vn 0 0 1", 1 + vn)];
+    let lists = lists.map(|(line, count)| format!("{line}{end}").repeat(count)).concat();
+    lists + &face.repeat(room(faces, face.len()))
+}
+
+fn table((columns, rows, long, cell): (usize, usize, usize, usize)) -> String {
+    let cell = ["0", "0.5", "\"1e-3\"", "  -1  "][cell];
+    let columns = 1 + room(columns, long + 6);
+    let names: Vec<String> = (0..columns).map(|i| format!("{i}{}", "x".repeat(long))).collect();
+    let row = vec![cell; columns].join(",") + "\n";
+    names.join(",") + "\n" + &row.repeat(room(rows, row.len()))
+}
+
+fn rig_of((counts, long, is_sequence): ([usize; 4], usize, bool)) -> String {
+    let [controls, keys, correctives, factors] = counts;
+    let name = "x".repeat(long);
+    let keys = match is_sequence {
+        true => format!("\"sequence\":[{}]", vec![format!("\"{name}\""); room(keys, long + 3)].join(",")),
+        false => format!(
+            "\"keys\":[{}]",
+            vec![format!("{{\"at\":1,\"target\":\"{name}\"}}"); room(keys, long + 20)].join(",")
+        ),
+    };
+    let control = format!("{{\"name\":\"{name}\",{keys}}}");
+    let factors = vec![format!("\"{name}\""); room(factors, long + 3)].join(",");
+    let corrective = format!("{{\"target\":\"\",\"controls\":[{factors}]}}");
+    let (controls, correctives) = (room(controls, control.len()), room(correctives, corrective.len()));
+    let lists = [vec![control; controls].join(","), vec![corrective; correctives].join(",")];
+    format!("{{\"controls\":[{}],\"correctives\":[{}]}}", lists[0], lists[1])
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(100))]
+
+    #[test]
+    fn of_obj_files(
+        counts in ([size(), size(), size(), size()], size(), prop::collection::vec(0usize..5, 1..4), 0usize..4),
+    ) {
+        let text = obj(counts);
+        // A corner that names the last of what is listed before is right in every form.
+        prop_assert!(within(text.len(), 300, || ObjFile::from_bytes(Path::new("a.obj"), text.clone().into())).is_ok());
+    }
+
+    #[test]
+    fn of_clips(counts in (size(), size(), length(), 0usize..4)) {
+        let text = table(counts);
+        let (_folder, path) = written("a.csv", text.as_bytes());
+        let clip = within(text.len(), 200, || csv::read(&path, None)).unwrap();
+        prop_assert_eq!(clip.values.len() + clip.names.len(), text.lines().count() * clip.names.len());
+    }
+
+    #[test]
+    fn of_rigs(counts in ([size(), size(), size(), size()], length(), any::<bool>())) {
+        let text = rig_of(counts);
+        let (_folder, path) = written("a.json", text.as_bytes());
+        prop_assert!(within(text.len(), 300, || rig::read(&path)).is_ok());
+    }
+
+    #[test]
+    fn of_textures(
+        counts in (1usize..300, 0usize..40), is_half in any::<bool>(),
+        words in prop::collection::vec((place(), prop_oneof![Just(0), Just(u32::MAX), 0..70_000u32]), 0..3),
+    ) {
+        let base = testing::with_streams(testing::mesh(counts.0, counts.1));
+        let packed = PackedMesh::pack(&base, &PackDesc::new(DeltaFormat::Float32)).unwrap();
+        let floats = if is_half { TextureFloats::Half } else { TextureFloats::Single };
+        let mut file = write_ktx2(&packed, floats).unwrap().bytes;
+        for (at, word) in &words {
+            let at = 4 * (at % (file.len() / 4));
+            file[at..at + 4].copy_from_slice(&word.to_le_bytes());
+        }
+        let (_folder, path) = written("a.ktx2", &file);
+        let read = within(file.len(), 100, || read_ktx2(&path, &base));
+        prop_assert!(read.is_ok() || !words.is_empty());
+    }
+}
