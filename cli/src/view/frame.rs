@@ -38,7 +38,7 @@ pub struct Wanted<'a> {
     pub panel: Picture,
     /// Measure a full evaluation behind the frame.
     pub full: Option<&'a mut Full>,
-    pub screenshot: Option<PathBuf>,
+    pub screenshot: &'a mut Option<PathBuf>,
 }
 
 /// What became of a frame.
@@ -216,7 +216,7 @@ impl Frames {
         unsafe { heads.renderer.record(cmd, &mut shown.target, &heads.model, &drawn, scene, background) }?;
         // SAFETY: as above; the framebuffer is the image's.
         unsafe { painter.record(cmd, shown.framebuffer, extent, &panel) }?;
-        if let Some(path) = screenshot {
+        if let Some(path) = screenshot.take() {
             if !readable {
                 let text = "pixels of windows cannot be copied here; `deltamorph render` writes pictures";
                 return Err(Failure::Failed(format!("{}: {text}", path.display())));

@@ -169,8 +169,13 @@ impl Stage {
         self.resize()
     }
 
-    /// Draw a frame; returns what a hand did to the panel, and whether the panel moves by itself.
-    pub fn draw(&mut self, state: &mut State, screenshot: Option<PathBuf>) -> Result<(Vec<Command>, bool), Failure> {
+    /// Draw a frame; returns what a hand did to the panel, and whether the panel moves by itself. Takes `screenshot` where it
+    /// is drawn.
+    pub fn draw(
+        &mut self,
+        state: &mut State,
+        screenshot: &mut Option<PathBuf>,
+    ) -> Result<(Vec<Command>, bool), Failure> {
         if self.swapchain.is_none() {
             self.resize()?;
         }

@@ -186,11 +186,18 @@ impl<'a> App<'a> {
             return Ok(false);
         }
         let Some(stage) = &mut self.stage else { return Ok(true) };
-        let screenshot = self.script.as_mut().and_then(|script| {
+        if let Some(script) = &mut self.script {
             script.frames = script.frames.saturating_sub(1);
-            if script.frames == 0 { script.screenshot.take() } else { None }
-        });
+        }
+        let screenshot = match &mut self.script {
+            Some(script) if script.frames == 0 => &mut script.screenshot,
+            _ => &mut None,
+        };
         let (done, moves) = stage.draw(&mut self.state, screenshot)?;
+        // Nothing was drawn where the window had just been resized: the next frame is written then.
+        if let Some(script) = self.script.as_mut().filter(|script| script.frames == 0 && script.screenshot.is_some()) {
+            script.frames = 1;
+        }
         self.state.advance(FRAME.as_secs_f64());
         let still = done.is_empty() && !self.state.playing && !moves;
         self.awake = if still { self.awake.saturating_sub(1) } else { AWAKE };
