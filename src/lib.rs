@@ -148,7 +148,8 @@ pub mod internals {
     }
 }
 
-/// The README's code has to compile.
+/// The code of the documents has to compile.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
+#[doc = include_str!("../docs/hosts.md")]
 struct Readme;

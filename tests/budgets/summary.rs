@@ -29,8 +29,8 @@ pub fn is_up_to_date() -> bool {
 fn text(tables: &[Table]) -> String {
     let mut text = String::from(
         "# What compilers of GPUs make of the kernels\n\n\
-         Of tests/budgets/*.csv, which `bash .ci/budgets` measures and compares; nothing ran. ARCHITECTURE.md,\n\
-         \"Budgets\", says how. A cell is instructions / registers / occupancy / cycles, as far as the driver tells;\n\
+         Of tests/budgets/*.csv, which `bash .ci/budgets` measures and compares; nothing ran. docs/notes/shaders.md\n\
+         says how. A cell is instructions / registers / occupancy / cycles, as far as the driver tells;\n\
          **bold** is what a kernel spills, and what it keeps in memory. Code counts as it lies there: a loop once.\n",
     );
     for (vendor, units) in UNITS {

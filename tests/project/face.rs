@@ -1,4 +1,4 @@
-//! The public items of the crate with the features that versions speak of (README.md, "Versions"), each with its signature,
+//! The public items of the crate with the features that versions speak of (docs/versions.md), each with its signature,
 //! held against tests/face.txt: what a version changes is seen in that file.
 //!
 //! Whether a change breaks a host is for a person to say. The list does not show what functions do, default values, sizes,

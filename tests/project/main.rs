@@ -1,6 +1,7 @@
-//! The repository itself: its face, dependencies, modules, examples and set-up.
+//! The repository itself: its face, dependencies, documents, modules, examples and set-up.
 
 mod dependencies;
+mod documents;
 mod examples;
 mod face;
 mod programs;

@@ -1,0 +1,139 @@
+//! The documents: links that lead somewhere, lengths, and the table of environment variables.
+
+use std::collections::{BTreeSet, HashMap};
+use std::path::{Component, Path, PathBuf};
+use std::process::Command;
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+
+/// Tracked files, relative to the root of the repository.
+fn tracked() -> Vec<PathBuf> {
+    let output = Command::new("git").args(["ls-files", "-z"]).current_dir(ROOT).output().expect("git");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let names = String::from_utf8(output.stdout).expect("UTF-8");
+    names.split_terminator('\0').map(PathBuf::from).filter(|path| Path::new(ROOT).join(path).exists()).collect()
+}
+
+fn read(path: &Path) -> String {
+    std::fs::read_to_string(Path::new(ROOT).join(path)).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+/// The text without fenced code and code spans, in which brackets are no links.
+fn prose(text: &str) -> String {
+    let mut fenced = false;
+    let mut lines = String::new();
+    for line in text.lines() {
+        let fence = line.trim_start().starts_with("```");
+        fenced ^= fence;
+        if !fenced && !fence {
+            lines += &line.split('`').step_by(2).collect::<Vec<_>>().join("`");
+        }
+        lines.push('\n');
+    }
+    lines
+}
+
+/// What the text links to, inline (`[text](target)`) or by a definition (`[text]: target`).
+fn links(text: &str) -> Vec<String> {
+    let prose = prose(text);
+    let inline = prose.split("](").skip(1).filter_map(|rest| rest.split([')', ' ', '\n']).next());
+    let defined = prose.lines().filter(|line| line.starts_with('[')).filter_map(|line| line.split_once("]: "));
+    inline.chain(defined.map(|(_, target)| target)).map(str::to_owned).collect()
+}
+
+/// The anchors that GitHub gives headings.
+fn anchors(text: &str) -> BTreeSet<String> {
+    let mut seen = HashMap::<String, u32>::new();
+    let mut fenced = false;
+    let mut anchors = BTreeSet::new();
+    for line in text.lines() {
+        fenced ^= line.trim_start().starts_with("```");
+        let title = line.trim_start_matches('#');
+        if fenced || title.len() == line.len() || !title.starts_with(' ') {
+            continue;
+        }
+        let kept = title.trim().to_lowercase().replace(' ', "-");
+        let kept: String = kept.chars().filter(|c| c.is_alphanumeric() || "-_".contains(*c)).collect();
+        let count = seen.entry(kept.clone()).and_modify(|n| *n += 1).or_default();
+        anchors.insert(if *count == 0 { kept } else { format!("{kept}-{count}") });
+    }
+    anchors
+}
+
+/// `base` with `relative` after it, without `.` and `..`.
+fn joined(base: &Path, relative: &str) -> PathBuf {
+    let mut path = base.to_path_buf();
+    for part in Path::new(relative).components() {
+        match part {
+            Component::ParentDir => assert!(path.pop(), "{relative} of {} leaves the repository", base.display()),
+            Component::Normal(name) => path.push(name),
+            _ => {}
+        }
+    }
+    path
+}
+
+#[test]
+fn every_relative_link_leads_to_a_file_and_a_heading() {
+    let files = tracked();
+    let mut count = 0;
+    let mut broken = vec![];
+    for document in files.iter().filter(|path| path.extension().is_some_and(|e| e == "md")) {
+        let text = read(document);
+        for link in links(&text).iter().filter(|link| !link.contains("://")) {
+            count += 1;
+            let (path, anchor) = link.split_once('#').unwrap_or((link, ""));
+            let target = match path {
+                "" => document.clone(),
+                _ => joined(document.parent().expect("a folder"), path),
+            };
+            let is_there = files.iter().any(|file| file.starts_with(&target));
+            let has_heading =
+                || target.extension().is_none_or(|e| e != "md") || anchors(&read(&target)).contains(anchor);
+            if !is_there || !anchor.is_empty() && !has_heading() {
+                broken.push(format!("{}: {link}", document.display()));
+            }
+        }
+    }
+    assert!(broken.is_empty(), "links that lead nowhere:\n{}", broken.join("\n"));
+    assert!(count > 50, "{count} links");
+}
+
+#[test]
+fn documents_stay_short() {
+    let notes = tracked().into_iter().filter(|path| path.starts_with("docs/notes")).map(|path| (path, 150));
+    let others = [("README.md", 150), ("ARCHITECTURE.md", 200), ("CONTRIBUTING.md", 120)];
+    for (path, most) in others.map(|(path, most)| (PathBuf::from(path), most)).into_iter().chain(notes) {
+        let lines = read(&path).lines().count();
+        assert!(lines <= most, "{} has {lines} lines; {most} are allowed", path.display());
+    }
+}
+
+/// Environment variables of the project that `text` names.
+fn variables(text: &str) -> BTreeSet<&str> {
+    let words = text.split(|c: char| !c.is_ascii_alphanumeric() && c != '_');
+    let ours = |word: &&str| ["UPDATE_", "DELTAMORPH_"].iter().any(|p| word.len() > p.len() && word.starts_with(p));
+    words.filter(ours).filter(|word| word.bytes().all(|b| b.is_ascii_uppercase() || b == b'_')).collect()
+}
+
+#[test]
+fn contributing_names_every_environment_variable_and_no_other() {
+    let contributing = read(Path::new("CONTRIBUTING.md"));
+    let rows: String = contributing.lines().filter(|line| line.starts_with("| `")).collect();
+    let is_source = |path: &PathBuf| path.extension().is_none_or(|e| e != "md") && !path.ends_with(file!());
+    let sources = tracked().into_iter().filter(is_source);
+    let sources: Vec<_> = sources.filter_map(|path| std::fs::read_to_string(Path::new(ROOT).join(path)).ok()).collect();
+    let mut used: BTreeSet<_> = sources.iter().flat_map(|text| variables(text)).collect();
+    assert!(used.remove("DELTAMORPH_H"), "the include guard of deltamorph.h");
+    assert_eq!(variables(&rows), used);
+}
+
+#[test]
+fn links_and_headings_are_found() {
+    let text =
+        "# A `b` (c)\n## A\n## A\n[x](y.md#z) `[no](code)` ![p](q.png)\n```\n[no](fence)\n# no\n```\n[d]: e.md\n";
+    assert_eq!(links(text), ["y.md#z", "q.png", "e.md"]);
+    assert_eq!(anchors(text).into_iter().collect::<Vec<_>>(), ["a", "a-1", "a-b-c"]);
+    assert_eq!(joined(Path::new("docs/notes"), "../../README.md"), Path::new("README.md"));
+    assert_eq!(variables("UPDATE_AB=1 XUPDATE_C UPDATE_ DELTAMORPH_D, Updates").len(), 2);
+}
