@@ -32,9 +32,9 @@ pub enum Error {
         path: PathBuf,
         /// Position in the file, ready to append to the path (": line 12", ": column 'jawOpen', line 3"), or empty.
         place: String,
-        /// What was found there, and what was expected.
+        /// The content that was found, and what was expected.
         what: String,
-        /// What to do.
+        /// The remedy.
         remedy: String,
     },
     /// A value handed to the API is not usable.
@@ -42,7 +42,7 @@ pub enum Error {
     Invalid {
         /// The value and why it is refused.
         what: String,
-        /// What to do.
+        /// The remedy.
         remedy: String,
     },
     /// The device lacks what an update path needs.
@@ -54,23 +54,23 @@ pub enum Error {
         device: String,
         /// The missing feature, extension or limit.
         reason: String,
-        /// What to use instead.
+        /// The alternative to use.
         remedy: String,
     },
     /// There is not enough memory, on the host or on the device. Only the size of the request is wrong.
     #[error("{what}; {remedy}", what = Printable(what))]
     OutOfMemory {
-        /// What the memory was for, and how much of it.
+        /// The purpose and the size of the memory.
         what: String,
-        /// What to do.
+        /// The remedy.
         remedy: String,
     },
     /// There is no Vulkan device: no loader, no driver, or none in its list. Only the feature `headless` looks for one.
     #[error("{what}; {remedy}", what = Printable(what))]
     NoDevice {
-        /// What is missing.
+        /// The part that is missing.
         what: String,
-        /// What to do.
+        /// The remedy.
         remedy: &'static str,
     },
     /// A Vulkan call failed.
@@ -78,9 +78,9 @@ pub enum Error {
     Vulkan {
         /// The call.
         call: &'static str,
-        /// What it returned.
+        /// The result that it returned.
         result: vk::Result,
-        /// What to do.
+        /// The remedy.
         remedy: &'static str,
     },
 }

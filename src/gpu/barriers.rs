@@ -117,7 +117,7 @@ mod tests {
     use crate::plan::Consumers;
     use crate::plan::steps::{Resource, Use};
 
-    /// What each consumer is in Vulkan's words.
+    /// The stages and accesses of each consumer in Vulkan.
     #[test]
     fn consumers_have_stages_and_accesses() {
         use vk::{AccessFlags as Access, PipelineStageFlags as Stage};

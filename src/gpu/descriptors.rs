@@ -121,7 +121,7 @@ impl Sets {
 
 impl Drop for Sets {
     fn drop(&mut self) {
-        // SAFETY: ours, destroyed once, with its sets, when whoever owns them is no longer in use by the device.
+        // SAFETY: ours, destroyed once, with its sets, when the device no longer uses their owner.
         unsafe {
             self.device.raw.destroy_descriptor_pool(self.pool, None);
             self.views.iter().for_each(|view| self.device.raw.destroy_buffer_view(*view, None));

@@ -290,7 +290,7 @@ mod tests {
     use super::*;
     use crate::error::ErrorKind;
 
-    /// What gpu-allocator makes of `result`, as its version 0.28 does (vulkan/mod.rs, `MemoryBlock::new`).
+    /// The error that gpu-allocator 0.28 makes of `result` (vulkan/mod.rs, `MemoryBlock::new`).
     fn refused(result: vk::Result) -> AllocationError {
         match result {
             vk::Result::ERROR_OUT_OF_DEVICE_MEMORY => AllocationError::OutOfMemory,
