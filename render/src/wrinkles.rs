@@ -120,7 +120,7 @@ mod tests {
 
     const SIDE: u32 = 9;
 
-    /// A square grid that faces forwards; a target makes each position of it what `to` says.
+    /// A square grid that faces forwards, with a target that moves each position as `to` says.
     fn grid(to: &[&dyn Fn(Vec3) -> Vec3]) -> MorphMesh {
         let positions: Vec<Vec3> =
             (0..SIDE * SIDE).map(|i| Vec3::new((i % SIDE) as f32, (i / SIDE) as f32, 0.0)).collect();
@@ -150,7 +150,7 @@ mod tests {
         mesh
     }
 
-    /// The sums in float64: of what was added, and of what is packed.
+    /// The sums in float64: of the added deltas, and of the packed ones.
     fn masks(to: &[&dyn Fn(Vec3) -> Vec3], weights: &[f32]) -> Vec<[f32; 2]> {
         let mesh = grid(to);
         let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::BlockFloat32)).expect("a mesh");

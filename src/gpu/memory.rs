@@ -136,7 +136,7 @@ mod tests {
     use super::super::device::distinct;
     use super::*;
 
-    /// Drivers that run on the CPU have one family: what is asked of those that have more is checked here.
+    /// Drivers that run on the CPU have one family, so the use of several families is checked here.
     #[test]
     fn buffers_are_concurrent_where_several_families_use_them() {
         for (named, shared) in

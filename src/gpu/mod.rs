@@ -73,7 +73,7 @@ mod tests {
     #[test]
     fn remedies_fit_call_and_result() {
         for memory in [Vk::ERROR_OUT_OF_HOST_MEMORY, Vk::ERROR_OUT_OF_DEVICE_MEMORY, Vk::ERROR_OUT_OF_POOL_MEMORY] {
-            // Nothing of these is fewer where there are fewer instances.
+            // Fewer instances do not make these objects smaller.
             for call in ["vkCreateInstance", "vkCreateDevice", "vkCreateFence", "vkCreateQueryPool", "vkWaitForFences"]
             {
                 let text = remedy(call, memory);

@@ -208,8 +208,9 @@ impl Objects {
     ///
     /// # Safety
     /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
-    /// - `set` was made for this layout and lives until the dispatch has run; from `push` on, its buffers hold what the
-    ///   kernel reads, there is a dynamic offset for each binding that takes one, and `push` fits the layout's range.
+    /// - `set` was made for this layout and lives until the dispatch has run; when it runs, the buffers hold the data
+    ///   that `push` describes; there is a dynamic offset for each binding that takes one, and `push` fits the layout's
+    ///   range.
     /// - There are no more workgroups than the device allows; indirect arguments lie within their buffer.
     pub(crate) unsafe fn dispatch(
         &self,

@@ -214,7 +214,7 @@ fn same_as_anew(mut fresh: CpuCrowd, crowd: &CpuCrowd, known: &[Known]) {
     }
 }
 
-/// Bytes without a meaning: what they stand for is learnt by what they reach.
+/// Bytes without a meaning: the fuzzer learns it from coverage.
 fn seeds() -> Vec<(String, Vec<u8>)> {
     let bytes = |i: usize| (0..400).map(|j| (i * 37 + j * (11 + i)) as u8).collect();
     (0..3).map(|i| (i.to_string(), bytes(i))).collect()
