@@ -27,7 +27,7 @@ pub enum Show {
     Motion(f32),
     /// Vertices that updates have changed glow, and fade ([`Target::set_glow`](crate::Target::set_glow)).
     Blocks,
-    /// Like [`Self::Shaded`], with wrinkles where the skin is compressed, from the masks of each head ([`Head::masks`]).
+    /// Like [`Self::Shaded`], with wrinkles where the skin is compressed, from each head's masks ([`Head::masks`]).
     Wrinkles,
 }
 

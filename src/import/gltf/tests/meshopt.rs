@@ -98,7 +98,8 @@ proptest! {
     /// Whatever the bytes are: an answer, and no panic.
     #[test]
     fn noise_is_decoded_or_refused(
-        data in prop::collection::vec(any::<u8>(), 0..400), count in 0usize..2000, which in 0usize..4, size in 0usize..40,
+        data in prop::collection::vec(any::<u8>(), 0..400), count in 0usize..2000, which in 0usize..4,
+        size in 0usize..40,
     ) {
         let modes = [("ATTRIBUTES", 0xa0), ("ATTRIBUTES", 0xa1), ("TRIANGLES", 0xe1), ("INDICES", 0xd1)];
         let (mode, header) = modes[which];
