@@ -1,7 +1,7 @@
-// The steps after the pose that write vertices: a lane takes a vertex, PIECE lanes take a piece. Whoever includes this has
-// the push constants `vertices`, `count` and `listed`, and defines PIECE_AT(i), a piece of the list.
+// Shared by the steps after the pose that write vertices: a lane processes a vertex, PIECE lanes a piece. The including
+// file declares the push constants `vertices`, `count` and `listed`, and defines PIECE_AT(i), a piece of the list.
 
-// `vertices` or more: none.
+// Returns `vertices` or more if the lane has no vertex.
 uint vertex_of_lane() {
     uint place = gl_GlobalInvocationID.x / PIECE;
     if (place >= count) {

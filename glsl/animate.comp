@@ -1,5 +1,6 @@
-// Samples what each head plays and compares with the weights that its poses hold. An invocation takes 32 targets of a
-// head: a word of the bits that say which weights changed. CPU twin: update::animated::reference::sample.
+// Samples the clips that each instance plays, and compares the result with the weights that its poses hold. An
+// invocation processes 32 targets of an instance: one word of the bits that mark changed weights. CPU twin:
+// update::animated::reference::sample.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "animation.glsl"
@@ -11,7 +12,7 @@ int key(uint clip, uint index) {
     return half_word << tables[4u * clip + 2u];
 }
 
-// From k0 to k1, f·2⁻¹⁶ of the way, to nearest: the product takes 64 bits.
+// Interpolates from k0 to k1 by f·2⁻¹⁶, rounded to nearest: the product needs 64 bits.
 int interpolate(int k0, int k1, uint f) {
     int high;
     int low;
@@ -23,7 +24,7 @@ int interpolate(int k0, int k1, uint f) {
 
 const uint WHOLE = 0x10000u;
 
-// How much of the target of a rank is kept.
+// Returns the share of the target of a rank that is kept.
 uint kept(uint level, uint rank) {
     uint whole = level >> 16;
     return rank < whole ? WHOLE : rank == whole ? level & 0xffffu : 0u;
@@ -71,13 +72,13 @@ void main() {
         }
     }
 
-    // With a level of detail: targets kept, in steps of 2⁻¹⁶, and where the ranks of targets are in Tables.
+    // With a level of detail: the number of targets kept, in steps of 2⁻¹⁶, and the position of the ranks in Tables.
     uint level = state[record + 6u];
     uint ranks_at = state[record + 7u];
 
     uint first = (i % words) * 32u;
     uint count = min(targets - first, 32u);
-    // Without an error budget: changed and active. With one: requested and pending.
+    // Without an error budget: bits of changed and active targets; with one: of requested and pending changes.
     uint one = 0u, other = 0u;
     for (uint t = 0u; t < count; ++t) {
         uint target = first + t;

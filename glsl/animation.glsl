@@ -1,27 +1,27 @@
-// What the kernels of animation on the GPU share: bindings, push constants, layouts. All words of 32 bits.
-// Numbers: src/abi/numbers.rs. Host: src/update/animated/layout.rs. Times and keys: src/update/animated/sample.rs.
+// Shared by the kernels of animation on the GPU: bindings, push constants, layouts. All words have 32 bits. Numbers:
+// src/abi/numbers.rs. Host: src/update/animated/layout.rs. Times and keys: src/update/animated/sample.rs.
 
 #include "abi.glsl"
 
 layout(local_size_x = WORKGROUP) in;
 
 // clips    [clip][first word, frames, shift, bits of a key], keys
-// levels   [target] rank;   where they follow the camera: [rank] reach, [targets kept] error
-// blocks   [block][word] targets that touch it, a bit each;   [block + 1] first entry;   [entry] target, bytes
+// levels   [target] rank;   if they follow the camera: [rank] reach, [targets kept] error
+// blocks   [block][word] bits of the targets that touch it;   [block + 1] first entry;   [entry] target, bytes
 // budget   two words of the budget, the lower first;   [entry] reach in steps
 layout(set = 0, binding = 0, std430) readonly buffer Tables { uint tables[]; };
 
-// records  [head] RECORD_WORDS words, written by copies; the levels in them by level.comp, where they follow the camera
-// levels   [head] LEVEL_WORDS words, where they do
-// phases   [head][word]; the first of a head's is its own
-// weights  [head][target] in steps of the grid;   deltas [head][target]: what the last update changed
-// requested [head][target]: the weights requested, with an error budget
-// bits     [CHANGED..][head][word] of 32 targets, a bit each
-// history  [head][block]: in which of the last updates it was touched, the last in bit 0
+// records  [instance] RECORD_WORDS words, written by copies; levels that follow the camera by level.comp
+// levels   [instance] LEVEL_WORDS words, if levels follow the camera
+// phases   [instance][word]; the first word of an instance is its phase
+// weights  [instance][target] in steps of the grid;   deltas [instance][target]: what the last update changed
+// requested [instance][target]: the weights requested, with an error budget
+// bits     [CHANGED..][instance][word] of 32 targets, a bit each
+// history  [instance][block]: a bit for each of the last updates that touched it, the last in bit 0
 layout(set = 0, binding = 1, std430) buffer State { uint state[]; };
 
 // items    [width][item] TILE_WORDS words;   rows [tile][entry, and one for each block]     (tiles.glsl)
-// A set of heads and a run of blocks have one of their own.
+// Each set of instances and run of blocks has its own.
 layout(set = 0, binding = 2, std430) buffer Work { uint work[]; };
 
 // counters [set][run][width], then arguments [set][run][width][chunk] x y z of a dispatch
@@ -31,7 +31,7 @@ layout(push_constant) uniform Push {
     uint now;              // tick
     uint heads;            // of the crowd
     uint targets;
-    uint words;            // of a bit for each target
+    uint words;            // with a bit for each target
     uint blocks;
     uint block_targets_at; // in Tables
     uint first_entry_at;
@@ -51,18 +51,18 @@ layout(push_constant) uniform Push {
     uint first_block;      // of the run that is planned for
     uint run_blocks;
     uint run_entries;
-    uint any_entry;        // one that lies where the run's do, for rows that add nothing
+    uint any_entry;        // an entry in the run's part of the asset, for rows that add nothing
     uint first_counter;
     uint counters;
     uint chunks;           // dispatches of a width
     uint chunk_workgroups; // of a dispatch, at most
     uint budget_at;        // in Tables; 0: no change is deferred
     uint requested_at;     // in State
-    uint pairs;            // rows have the weight that a pose holds beside the new one, 16 bits each
+    uint pairs;            // rows have the weight that a pose holds and the new one, 16 bits each
     uint workgroup_items;  // items that a workgroup takes
 };
 
-// Where the level of detail of a head that follows the camera is, in State.
+// Position in State of the level of detail of an instance that follows the camera.
 uint level_of(uint head) {
     return heads * RECORD_WORDS + head * LEVEL_WORDS;
 }
@@ -71,12 +71,12 @@ uint bits(uint kind) {
     return bits_at + kind * heads * words;
 }
 
-// Two dimensions: there may be more invocations than one holds.
+// Dispatches have two dimensions, since one may not hold all invocations.
 uint flat_invocation() {
     return gl_GlobalInvocationID.x + gl_GlobalInvocationID.y * gl_NumWorkGroups.x * gl_WorkGroupSize.x;
 }
 
-// Poses hold `weight` from this update on.
+// Notes that poses hold `weight` from this update on.
 void commit(uint at, int weight, uint bit, inout uint changed, inout uint active_bits) {
     int delta = weight - int(state[weights_at + at]);
     state[weights_at + at] = uint(weight);

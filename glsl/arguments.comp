@@ -1,12 +1,12 @@
-// How many items of a work list there are to how many workgroups are dispatched; the counters begin at 0 again. What is
-// missing in the last workgroup are items without rows. For lists that the CPU writes, src/update/blocks/dispatch.rs does
-// this.
+// Converts the number of items in each work list to the number of workgroups to dispatch, and resets the counters to 0.
+// The last workgroup is filled up with items without rows. For lists written by the CPU, src/update/blocks/dispatch.rs
+// does this.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "animation.glsl"
 #include "tiles.glsl"
 
-// Heads of a tile at most, as in plan.comp.
+// Most instances in a tile, as in plan.comp.
 layout(constant_id = 0) const uint WIDEST = TILE;
 
 void main() {

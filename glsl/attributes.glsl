@@ -7,7 +7,7 @@ layout(location = 0) in vec3 source_position;
 layout(location = 1) in vec3 source_normal;
 
 void evaluate(out vec3 pose_position, out vec3 pose_normal) {
-    // Summed separately and added once: one rounding at pose magnitude per pass.
+    // Summed separately and added once: one rounding at the magnitude of the pose per pass.
     vec3 position = vec3(0.0);
     vec3 normal = vec3(0.0);
 #if BATCH > 0

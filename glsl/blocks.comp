@@ -1,6 +1,6 @@
-// One workgroup updates one block of one instance: pose = source + Σ coefficient · delta, over the entries that the
-// work list names, for the components that its masks name. No atomics: nobody else writes the block.
-// For software drivers: GPUs take whole blocks, crowd.comp. CPU twin: cpu::blocks.
+// One workgroup updates one block of one instance: pose = source + Σ coefficient · delta, over the entries in the work
+// list, for the components in their masks. No atomics: no other workgroup writes the block. For software drivers; GPUs
+// update whole blocks in crowd.comp. CPU twin: cpu::blocks.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "abi.glsl"
@@ -11,7 +11,7 @@
 const uint MASK_WORDS = BLOCK_SIZE / 32u;
 const uint MASKED_WORDS = ITEM_WORDS + 6u * MASK_WORDS;
 
-// Where a lane's vertex begins, as indices of numbers.
+// Beginning of a lane's vertex, as indices of numbers.
 struct Place {
     uint source;
     uint destination;
@@ -19,13 +19,13 @@ struct Place {
     bool rebuilt;
 };
 
-// Number `c`, which is number `k` of the pose's vertex.
+// Stores number `c`, which is number `k` of the pose's vertex.
 void store(Place place, uint c, uint k, float added) {
     float before = place.rebuilt ? uintBitsToFloat(asset[place.base + c]) : poses[place.source + k];
     poses[place.destination + k] = before + added;
 }
 
-// Component `c` of the lane's vertex, where the mask says that it changes.
+// Component `c` of the lane's vertex, if the mask says that it changes.
 #define COMPONENT(c, k, sum) \
     if (STORES(c) && (work[masks + c * MASK_WORDS] >> bit & 1u) != 0u) store(place, c, k, sum);
 

@@ -1,9 +1,9 @@
-// What the kernels of the path `blocks` share: bindings, push constants, and coefficients.
-// Work lists: src/abi/worklist.rs. Entries: src/pack/blocks/mod.rs.
+// Shared by the kernels of the path `blocks`: bindings, push constants, and coefficients. Work lists:
+// src/abi/worklist.rs. Entries: src/pack/blocks/mod.rs.
 
 #extension GL_EXT_control_flow_attributes : require
 
-// Vertices of a lane.
+// Vertices per lane.
 #ifdef TEXELS
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #define VERTICES 8
@@ -23,7 +23,7 @@ layout(set = 0, binding = 1) uniform usamplerBuffer work;
 layout(set = 0, binding = 0, std430) readonly buffer Asset { uint asset[]; };
 layout(set = 0, binding = 1, std430) readonly buffer Work { uint work[]; };
 #endif
-// Poses: slots of the instances, source and destination alike. An invocation loads and stores its own vertices only, and
+// Poses: slots of the instances, both source and destination. An invocation loads and stores only its own vertices, and
 // loads before it stores.
 #define POSES_BINDING 2
 #include "pose.glsl"
@@ -31,7 +31,8 @@ layout(set = 0, binding = 1, std430) readonly buffer Work { uint work[]; };
 layout(push_constant) uniform Push {
     uint first_item;    // index of the first item's first word
     uint elements_at;   // index of the first element's first word (blocks.comp)
-    // Where headers, deltas and base pose would begin in the asset if the part that is bound had those of all blocks.
+    // Positions in the asset at which headers, deltas and base pose would begin if the part that is bound had those of
+    // all blocks.
     uint headers_at;
     uint deltas_at;
     uint base_at;
@@ -42,18 +43,19 @@ layout(push_constant) uniform Push {
     uint normal_dropped;
 };
 
-// The entries of the format: build.rs resolves `format.glsl` to the module's file under formats/. It defines DELTA, INTEGERS
-// where deltas are integers in steps, and
+// The entries of the format: build.rs resolves `format.glsl` to the module's file under formats/. It defines DELTA,
+// INTEGERS if deltas are integers in steps, and
 //     load_entry(entry, lane, position, normal, shifts)
-// what an entry adds to a lane's vertices at weight 1, in steps or input units, and by how many bits to shift both.
+// which returns what an entry adds to a lane's vertices at weight 1, in steps or input units, and the number of bits by
+// which to shift both.
 #include "format.glsl"
 
-// What an entry is multiplied by, from the coefficient in the work list; and the product with a delta.
+// The factors of an entry, from the coefficient in the work list, and their product with a delta.
 #ifdef ROUNDED_PRODUCTS
 #include "rounded.glsl"
 #define FACTOR ivec2
 #define FACTOR_OF(bits, unit, shift) (two_weights(bits) << (shift))
-// What starts from the base pose holds no weight: one product is enough.
+// Sums that start from the base pose replace no weight: one product is enough.
 #define TIMES(factor, delta, dropped) \
     (REBUILT_ITEMS ? rounded_term((factor).x, delta, dropped) : rounded_product(factor, delta, dropped))
 #else

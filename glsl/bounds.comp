@@ -1,4 +1,4 @@
-// The bounds of parts of a pose: a workgroup takes a part, of BOUNDS_PART vertices. bounds_total.comp goes on.
+// The bounds of parts of a pose: a workgroup processes a part of BOUNDS_PART vertices. bounds_total.comp combines them.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
@@ -14,7 +14,7 @@ layout(local_size_x = WORKGROUP) in;
 #include "pose.glsl"
 layout(set = 0, binding = 1, std430) readonly buffer Base { float base[]; };
 layout(set = 0, binding = 2, std430) readonly buffer Pieces { uint pieces[]; };
-// Of each part, six numbers: least and greatest coordinates.
+// Six numbers per part: least and greatest coordinates.
 layout(set = 0, binding = 3, std430) writeonly buffer Parts { float parts[]; };
 
 layout(push_constant) uniform Push {
@@ -37,10 +37,10 @@ vec3 position_of(uint vertex) {
 void main() {
     uint part = listed != 0u ? pieces[gl_WorkGroupID.x] : gl_WorkGroupID.x;
     uint first = part * BOUNDS_PART + gl_LocalInvocationID.x;
-    // Behind the last vertex, that one again.
+    // Lanes beyond the last vertex repeat it.
     vec3 low = position_of(min(first, vertices - 1u));
     vec3 high = low;
-    // Not unrolled: positions of all turns at once would take too many registers.
+    // Not unrolled: the positions of all iterations at once would take too many registers.
     [[dont_unroll]] for (uint i = WORKGROUP; i < BOUNDS_PART; i += WORKGROUP) {
         vec3 position = position_of(min(first + i, vertices - 1u));
         low = min(low, position);

@@ -1,4 +1,4 @@
-// The bounds of a pose from those of all its parts, into a buffer of the host's own: one workgroup.
+// The bounds of a pose from those of all its parts, written into a host buffer by one workgroup.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "abi.glsl"

@@ -1,10 +1,10 @@
-// With an error budget: where the deferred changes of a block could move a vertex further than the budget, all of them
-// are applied. An invocation takes one block of one head. CPU twin: update::animated::reference::Deferred::commit.
+// With an error budget: if the deferred changes of a block could move a vertex further than the budget, all of them are
+// applied. An invocation processes one block of one instance. CPU twin: update::animated::reference::Deferred::commit.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "animation.glsl"
 
-// Levels of detail may follow the camera, each with a budget of its own.
+// Levels of detail may follow the camera; each then has its own budget.
 layout(constant_id = 0) const bool LEVELS = false;
 
 void main() {

@@ -1,5 +1,5 @@
-// With an error budget: weights whose change is applied become those that poses hold. An invocation takes 32 targets of
-// a head. CPU twin: update::animated::reference::Deferred::commit.
+// With an error budget: weights whose change is applied become those that poses hold. An invocation processes 32
+// targets of an instance. CPU twin: update::animated::reference::Deferred::commit.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "animation.glsl"
@@ -12,7 +12,7 @@ void main() {
     uint head = i / words;
     uint requested = 0u;
     for (uint w = 0u; w < words; ++w) requested |= state[bits(REQUESTED) + head * words + w];
-    // Nothing is deferred where a head is new or shown again, or its face is still.
+    // Nothing is deferred if an instance is new or shown again, or no change is requested.
     uint applied = phase != CONTINUED || requested == 0u ? 0xffffffffu : state[bits(APPLIED) + i];
     state[bits(APPLIED) + i] = 0u;
 

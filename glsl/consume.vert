@@ -1,4 +1,4 @@
-// A draw that only reads a pose, as the host's would (rasterizer discard): what `draw_ms` measures.
+// A draw that only reads a pose, as a draw of the host would (with rasterizer discard): measured as `draw_ms`.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "host/pose.glsl"

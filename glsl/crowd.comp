@@ -1,15 +1,15 @@
-// An item of the work list is a block of up to HEADS instances, all of its vertices: pose = source + Σ coefficient · delta.
-// The deltas of an entry are loaded and decoded once for all of them; rows of the work list have a coefficient for each.
-// A workgroup takes an item, or two, where subgroups would have more lanes than a block has vertices.
-// Software drivers have a form of their own, crowd_texels.comp. CPU twin: cpu::blocks.
+// An item of the work list is a block of up to HEADS instances, with all of its vertices: pose = source + Σ coefficient
+// · delta. The deltas of an entry are loaded and decoded once for all instances; rows of the work list have a
+// coefficient for each. A workgroup processes an item, or two if subgroups would have more lanes than a block has
+// vertices. Software drivers run crowd_texels.comp instead. CPU twin: cpu::blocks.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "abi.glsl"
 
 layout(constant_id = 2) const uint HEADS = 1;
-// All instances of all items start from the base pose, which is loaded once, or nothing where poses are displacements.
+// All instances of all items start from the base pose, which is loaded once, or not at all if poses are displacements.
 layout(constant_id = 3) const bool REBUILT_ITEMS = false;
-// Decoding an entry is to take few registers, at the price of some instructions.
+// Entries are decoded in few registers, at the price of some instructions.
 layout(constant_id = 4) const bool FEW_REGISTERS = false;
 #define HAS_FEW_REGISTERS
 
@@ -18,14 +18,14 @@ layout(constant_id = 4) const bool FEW_REGISTERS = false;
 #include "blocks.glsl"
 #include "tiles.glsl"
 
-// What is added to the lane's vertex, of one instance; then, what is stored.
+// What is added to the lane's vertex of one instance; later, what is stored.
 struct Head {
     ADDEND position;
     ADDEND normal;
 };
 
-// For each head in turn. The first four are written out: compilers for VideoCore and Mali keep in memory what a loop
-// indexes, even where they unroll it.
+// Repeats a statement for each instance. The first four are written out: compilers for VideoCore and Mali keep arrays
+// that a loop indexes in memory, even if they unroll it.
 #define EACH_HEAD(DO) \
     DO(0u) \
     if (HEADS != 1u) { DO(1u) } \
@@ -38,7 +38,7 @@ Head plus_entry(Head head, uint coefficient, DELTA position, DELTA normal, uvec2
     return head;
 }
 
-// Added to the pose that the head starts from.
+// Adds the pose that the instance starts from.
 Head plus_source(Head head, uint slots, uint at, uint rebuilt) {
     ADDEND position, normal;
     LOAD_VERTEX(poses, (slots & 0xffffu) * pose_floats + at, position, normal)
@@ -65,7 +65,7 @@ void main() {
     }
     uint item = first_item + number * TILE_WORDS;
     uint rows = work[item + 2u];
-    // What fills up the last workgroup of a list has no rows, all other items have.
+    // The items that fill up the last workgroup of a list have no rows; all others have some.
     if (is_shared && rows == 0u) return;
     uint next = work[item + 1u], end = next + rows * ROW_WORDS(HEADS);
     uint vertex = work[item] * BLOCK_SIZE + lane;
@@ -75,7 +75,7 @@ void main() {
 #define START(h) heads[h] = Head(ADDEND(0), ADDEND(0));
     EACH_HEAD(START)
 
-    // There is a row at least: a loop that asks first would run its body once more on software drivers, for no lane.
+    // There is at least one row: a loop that tests first would run its body once more on software drivers, for no lane.
     do {
         DELTA position[1], normal[1];
         uvec2 shifts;
@@ -85,8 +85,8 @@ void main() {
         next += ROW_WORDS(HEADS);
     } while (next < end);
 
-    // Sources are loaded after the loop, where they are not in the way of what is added; and all of them before the first
-    // is stored, since a tile may have an instance several times (plan.comp fills tiles up).
+    // Sources are loaded after the loop, so that they do not take registers in it; and all of them before the first is
+    // stored, since a tile may have an instance several times (plan.comp fills tiles up).
     uint slots[TILE];
 #define SLOTS(h) slots[h] = work[item + 4u + h];
     EACH_HEAD(SLOTS)

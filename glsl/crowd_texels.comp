@@ -1,6 +1,6 @@
-// crowd.comp for software drivers, which pay for each access and lane, and for each subgroup of a workgroup: a lane has
-// eight vertices (a block is one subgroup then), loads four words at once from texel buffers and stores two at once as a
-// 64-bit integer. Loops over arrays are unrolled: what a variable indexes would live in memory.
+// crowd.comp for software drivers, where each access costs time per lane, and each subgroup of a workgroup as well: a
+// lane has eight vertices (so a block is one subgroup), loads four words at once from texel buffers and stores two at
+// once as a 64-bit integer. Loops over arrays are unrolled: an array indexed by a variable would live in memory.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #define TEXELS
@@ -9,10 +9,10 @@
 #include "tiles.glsl"
 
 layout(constant_id = 2) const uint HEADS = 1;
-// All instances of all items start from the base pose, which is loaded once, or nothing where poses are displacements.
+// All instances of all items start from the base pose, which is loaded once, or not at all if poses are displacements.
 layout(constant_id = 3) const bool REBUILT_ITEMS = false;
 
-// Rows at a time. Where there are several heads, what is added to them lives in memory: it is loaded and stored half as
+// Rows per iteration. With several instances their sums live in memory; two rows at a time load and store them half as
 // often.
 #define AT_ONCE min(HEADS, 2u)
 
@@ -46,13 +46,13 @@ void main() {
         [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) added[h][i] = NUMBER(0);
     }
 
-    // There is a row at least: a loop that asks first would run its body once more, for no lane.
+    // There is at least one row: a loop that tests first would run its body once more, for no lane.
     do {
         uint row[2][ROW_WORDS(TILE)];
         DELTA dp[2][VERTICES], dn[2][VERTICES];
         uvec2 shifts[2];
         [[unroll]] for (uint r = 0u; r < AT_ONCE; ++r) {
-            // The last row may be alone: then it is loaded twice, and counts once.
+            // The last row may be single: it is then loaded twice, and counts once.
             bool again = r == 1u && next == end;
             load_row(again ? next - ROW_WORDS(HEADS) : next, row[r]);
             if (r == 1u) {
@@ -82,8 +82,8 @@ void main() {
         }
     } while (next < end);
 
-    // Sources are loaded after the loop, where they are not in the way of what is added; and all of them before the first
-    // is stored, since a tile may have an instance several times (plan.comp fills tiles up).
+    // Sources are loaded after the loop, so that they do not take registers in it; and all of them before the first is
+    // stored, since a tile may have an instance several times (plan.comp fills tiles up).
     if (REBUILT_ITEMS) {
 #ifndef INTEGER_POSES
         uint base[NUMBERS];

@@ -1,5 +1,5 @@
-// Writes a pose as float32 into a buffer of the host's own: positions and, where it has a place for them, normals. A lane
-// takes a vertex, PIECE lanes a piece of the list. CPU twin: PoseFormat::decode.
+// Writes a pose as float32 into a host buffer: positions and, if it has room for them, normals. A lane processes a
+// vertex, PIECE lanes a piece of the list. CPU twin: PoseFormat::decode.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "abi.glsl"

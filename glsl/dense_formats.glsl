@@ -1,11 +1,11 @@
 // Deltas of a dense format: `format.glsl` is the file of the module's format under formats/, as build.rs resolves it.
 // With DELTAS_BINDING they are in a storage buffer, row by row:
 //     add_delta(row, coefficient, normal_coefficient, position, normal)
-// adds one target's times its coefficients; in formats of integers, for poses of integers,
+// adds the deltas of one target times its coefficients; in integer formats, for fixed-point poses,
 //     add_rounded(row, weights, dropped, position, normal)
-// adds the rounded products (rounded.glsl). Otherwise those of BATCH targets are vertex attributes:
+// adds the rounded products (rounded.glsl). Otherwise the deltas of BATCH targets are vertex attributes:
 //     ADD_ATTRIBUTES(i, position, normal)
-// adds target i's times its coefficient in the push constants.
+// adds the deltas of target i times its coefficient in the push constants.
 
 // Factor from the coefficient of the first triple to that of the second, 2^exponent; `exponents` holds one signed byte
 // per target, four to a word.

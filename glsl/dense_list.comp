@@ -5,8 +5,8 @@
 
 struct Entry {
     uint target;
-    uint coefficient;        // a float32; for poses of integers the weight to hold
-    uint normal_coefficient; // a float32; for poses of integers the weight that the source holds
+    uint coefficient;        // a float32; for fixed-point poses the weight to hold
+    uint normal_coefficient; // a float32; for fixed-point poses the weight that the source holds
     uint dropped;            // lowest bits of products: of positions, and in bits 8..16 of normals
 };
 layout(set = 0, binding = 3, std430) readonly buffer Entries { Entry entries[]; };
@@ -15,7 +15,7 @@ layout(push_constant) uniform Push {
     uint chunk_vertices;   // vertices of the chunk: the length of a target's row
     uint first_entry;
     uint entry_count;
-    uint from_base;        // poses of integers start from the base pose: from 0
+    uint from_base;        // fixed-point poses start from the base pose: from 0
 };
 
 void main() {

@@ -1,8 +1,8 @@
-// The least and the greatest of what the lanes of a workgroup have, component by component: exact in any order.
+// The component-wise minimum and maximum of the values of a workgroup's lanes: exact in any order.
 
 shared vec3 shared_low[WORKGROUP], shared_high[WORKGROUP];
 
-// Lane 0 has it then.
+// Lane 0 has the result.
 void reduce(inout vec3 low, inout vec3 high) {
     uint lane = gl_LocalInvocationID.x;
     shared_low[lane] = low;

@@ -1,4 +1,4 @@
-// A feedback pass: what attributes.glsl evaluates, captured.
+// A feedback pass: captures the evaluation of attributes.glsl.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "attributes.glsl"

@@ -1,13 +1,13 @@
-// How many targets each head keeps, from how large it is on the screen, and the error budget that belongs to that. An
-// invocation takes a head. CPU twin: lod::Level::step, without weights.
+// Chooses how many targets each instance keeps, from its size on the screen, and the error budget for that size. An
+// invocation processes one instance. CPU twin: lod::Level::step, without weights.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "abi.glsl"
 
 layout(local_size_x = WORKGROUP) in;
 
-// At `reaches_at`: [rank] the farthest that the target moves a vertex at weight 1, then [targets kept] how far a vertex may be
-// off, both float32 in input units.
+// At `reaches_at`: [rank] the farthest that the target moves a vertex at weight 1, then [targets kept] the error of a
+// vertex, both float32 in input units.
 layout(set = 0, binding = 0, std430) readonly buffer Tables { uint tables[]; };
 // As in animation.glsl.
 layout(set = 0, binding = 1, std430) buffer State { uint state[]; };
@@ -15,10 +15,10 @@ layout(set = 0, binding = 1, std430) buffer State { uint state[]; };
 layout(push_constant) uniform Push {
     vec3 eye;          // world units
     float unit_at_one; // pixels that a world unit takes up at distance 1
-    float exceeded;    // pixels: more are kept where a vertex may be off by more
+    float exceeded;    // pixels: more are kept if a vertex may be off by more
     float wanted;      // pixels: fewer are kept once a vertex is off by no more with them
     float fade;        // pixels that a vertex may move because the level changes
-    float budget;      // of an input unit that takes up one pixel: the error budget, in steps of a weight times steps of a delta
+    float budget;      // error budget at one pixel per input unit, in steps of a weight times steps of a delta
     uint heads;
     uint targets;
     uint words;        // of a bit for each target
@@ -35,7 +35,8 @@ float error_of(uint kept) {
     return uintBitsToFloat(tables[reaches_at + targets + kept]);
 }
 
-// The fewest targets with which no vertex is off by more than `pixels`. Errors do not grow with targets, and are 0 with all.
+// Returns the fewest targets with which no vertex is off by more than `pixels`. Errors do not grow with targets, and
+// are 0 with all.
 uint level_for(float unit, float pixels) {
     uint low = pinned, high = targets;
     while (low < high) {
@@ -46,12 +47,12 @@ uint level_for(float unit, float pixels) {
     return low;
 }
 
-// From `level` as far towards `goal`, both in steps of 2⁻¹⁶, as the fade allows, and a step at least.
+// Moves from `level` towards `goal`, both in steps of 2⁻¹⁶, as far as the fade allows, and by at least one step.
 uint towards(uint level, uint goal, float unit) {
     float room = fade;
     uint at = level;
     while (at != goal) {
-        // The target that fades, and where it is there as a whole or not at all.
+        // The target that fades, and the level at which it is fully in or out.
         bool rises = goal > at;
         uint rank = (rises ? at : at - 1u) >> 16;
         uint left = rises ? (rank + 1u) * WHOLE - at : at - rank * WHOLE;
@@ -77,7 +78,7 @@ void main() {
     vec3 centre = vec3(
         uintBitsToFloat(state[record + 8u]), uintBitsToFloat(state[record + 9u]), uintBitsToFloat(state[record + 10u]));
     float radius = uintBitsToFloat(state[record + 11u]);
-    // From the nearest point of the ball; within it, a thousandth of its radius.
+    // Distance from the nearest point of the ball; inside it, a thousandth of its radius.
     float away = max(distance(eye, centre) - radius, radius * 1e-3);
     float unit = unit_at_one * uintBitsToFloat(state[record + 12u]) / away;
     uint epoch_now = epoch + state[record + 13u];
@@ -85,7 +86,7 @@ void main() {
     uint at = heads * RECORD_WORDS + head * LEVEL_WORDS;
     uint level = state[at], goal = state[at + 1u];
     bool known = state[phases_at + head * words] != NEW && state[at + 2u] == epoch_now;
-    // All targets where that is no number, or too large for one.
+    // All targets if this is NaN, or too large.
     if (!(unit < 1e30)) {
         goal = targets;
         level = targets * WHOLE;
@@ -95,12 +96,12 @@ void main() {
         level = known ? towards(level, goal * WHOLE, unit) : goal * WHOLE;
     }
     state[at] = level;
-    // What sampling reads: no more than the host allows.
+    // The level that sampling reads: at most what the host allows.
     state[record + 6u] = min(level, state[record + 14u]);
     state[at + 1u] = goal;
     state[at + 2u] = epoch_now;
     if (budget_at == 0u) return;
-    // No more than the crowd's own.
+    // At most the crowd's own budget.
     float most = unit < 1e30 ? min(budget / unit, 1e18) : 0.0;
     uint high = uint(most / 4294967296.0);
     uint low = uint(most - float(high) * 4294967296.0);

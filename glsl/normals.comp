@@ -1,5 +1,5 @@
-// Normals of the morphed surface, into a buffer of the host's own: of each vertex the sum of the area vectors of its
-// triangles, as on import, with unit length. A lane takes a vertex, PIECE lanes a piece of the list. Float64:
+// Normals of the morphed surface, written into a host buffer: for each vertex the sum of the area vectors of its
+// triangles, as on import, with unit length. A lane processes a vertex, PIECE lanes a piece of the list. Float64:
 // src/after/normals/mod.rs.
 #version 450
 #extension GL_GOOGLE_include_directive : require
@@ -13,15 +13,15 @@ layout(local_size_x = WORKGROUP) in;
 #include "places.glsl"
 #define POSES_BINDING 0
 #include "pose.glsl"
-// Of each vertex: the base pose, six numbers; and from fans_at on where its fan is. A fan: triangles, their common vertex,
-// and of each triangle the other two, in order.
+// For each vertex: the base pose, six numbers; and from fans_at on the position of its fan. A fan: triangles, their
+// common vertex, and for each triangle the other two, in order.
 layout(set = 0, binding = 1, std430) readonly buffer Asset { uint asset[]; };
 layout(set = 0, binding = 2, std430) readonly buffer Pieces { uint pieces[]; };
 layout(set = 0, binding = 3, std430) writeonly buffer Normals { float normals[]; };
 
 layout(push_constant) uniform Push {
     uint pose_at;     // index of the pose's first number
-    uint fans_at;     // word that says where the first vertex's fan is
+    uint fans_at;     // word with the position of the first vertex's fan
     uint normals_at;  // index of the first normal
     uint stride;      // words from vertex to vertex
     uint vertices;
@@ -56,7 +56,7 @@ void main() {
     for (uint at = fan + 2u; at < end; at += 2u) {
         sum += cross(position_of(asset[at]) - from, position_of(asset[at + 1u]) - from);
     }
-    // Areas of small meshes have no squares in single precision.
+    // Scaled first, since the squares of small areas would vanish in single precision.
     float most = max(max(abs(sum.x), abs(sum.y)), abs(sum.z));
     if (most > 0.0) {
         sum = normalize(sum / most);

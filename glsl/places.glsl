@@ -1,6 +1,6 @@
-// Where the six numbers of a vertex are in a pose: one after the other, or wherever the host wants them in vertices of its
-// own. Specialization constants from PLACES_ID on, which pose formats (poses/) go by; host: src/pack/vertex.rs. What is
-// not stored has the place of something that is.
+// Places of the six numbers of a vertex in a pose: one after the other, or as the host arranges them in its own
+// vertices. Specialization constants from PLACES_ID on, which pose formats (poses/) read; host: src/pack/vertex.rs. A
+// number that is not stored has the place of one that is.
 layout(constant_id = PLACES_ID) const uint VERTEX_NUMBERS = 6;  // numbers from vertex to vertex
 layout(constant_id = PLACES_ID + 1) const uint PLACE_0 = 0;
 layout(constant_id = PLACES_ID + 2) const uint PLACE_1 = 1;

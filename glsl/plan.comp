@@ -1,25 +1,25 @@
-// Decides what an update writes: an invocation looks at one block of up to eight heads, and writes at most one item of
-// the work list for those that need it. CPU twin: update::blocks::BlockState, with poses of integers.
+// Decides what an update writes: an invocation looks at one block of up to eight instances, and writes at most one item
+// of the work list for those that need it. CPU twin: update::blocks::BlockState, with fixed-point poses.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "animation.glsl"
 #include "tiles.glsl"
 
-// Heads of a tile at most: fewer than TILE where kernels of wide tiles run out of registers.
+// Most instances in a tile: fewer than TILE if kernels of wide tiles run out of registers.
 layout(constant_id = 0) const uint WIDEST = TILE;
 
 bool bit_of(uint kind, uint head, uint target) {
     return (state[bits(kind) + head * words + (target >> 5)] >> (target & 31u) & 1u) != 0u;
 }
 
-// What brings a head's weight to a pose.
+// Returns the coefficient that brings an instance's weight to a pose.
 uint coefficient(uint at, bool from_base) {
     uint weight = state[weights_at + at];
     uint change = from_base ? weight : state[deltas_at + at];
     return pairs == 0u ? change : bitfieldInsert(weight, weight - change, 16, 16);
 }
 
-// The k of the head at `place` of an item.
+// Returns the k of the instance at `place` of an item.
 uint head_at(uint places, uint place) {
     return places >> (4u * place) & 15u;
 }
@@ -32,7 +32,7 @@ void main() {
     uint first = first_head + tile * WIDEST;
     uint count = min(group_heads - tile * WIDEST, WIDEST);
 
-    // Which heads are written; of these, the ones whose targets changed, and the ones that start from the base pose.
+    // The instances that are written; of these, those whose targets changed, and those that start from the base pose.
     uint written = 0u, touched = 0u, rebuilt = 0u;
     for (uint k = 0u; k < count; ++k) {
         uint head = first + k;
@@ -57,7 +57,7 @@ void main() {
 
     uint from = tables[first_entry_at + block];
     uint to = tables[first_entry_at + block + 1u];
-    // The cost model: from the base pose where the active entries take no more bytes than the changed ones.
+    // The cost model: start from the base pose if the active entries take no more bytes than the changed ones.
     uint open = touched & ~rebuilt;
     if (always_rebuild != 0u) {
         rebuilt |= open;
@@ -82,13 +82,13 @@ void main() {
             used += 1u;
         }
     }
-    // The narrowest width that holds them; the last head fills it up.
+    // The narrowest width that holds them; the last instance is repeated to fill it up.
     uint size = used > 4u ? 3u : (used > 2u ? 2u : used - 1u);
     uint width = 1u << size;
     uint last = head_at(places, used - 1u);
     for (uint place = used; place < TILE; ++place) places |= last << (4u * place);
 
-    // A place for each entry, and one for a row of none.
+    // Room for each entry, and for one row without coefficients.
     uint row_words = ROW_WORDS(width);
     uint place_of_rows = tile * (run_entries + run_blocks) + from - tables[first_entry_at + first_block] + run_block;
     uint capacity = ITEM_CAPACITY(gl_NumWorkGroups.y * run_blocks);
@@ -113,7 +113,7 @@ void main() {
         row += row_words;
     }
 
-    // There is a row at least: of any entry, and no coefficient.
+    // There is at least one row: of any entry, without coefficients.
     uint listed = (row - rows) / row_words;
     if (listed == 0u) {
         listed = 1u;

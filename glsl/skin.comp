@@ -1,5 +1,5 @@
-// Skins a pose into a buffer of the host's own: positions and, where it has a place for them, normals of unit length. A
-// lane takes a vertex, PIECE lanes a piece of the list. Float64: src/after/skin/reference.rs.
+// Skins a pose into a host buffer: positions and, if it has room for them, normals of unit length. A lane processes a
+// vertex, PIECE lanes a piece of the list. Float64: src/after/skin/reference.rs.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
@@ -14,7 +14,7 @@ layout(constant_id = 0) const uint INFLUENCES = 4u;
 #include "places.glsl"
 #define POSES_BINDING 0
 #include "pose.glsl"
-// Of each vertex: the base pose, six numbers; and from skin_at on its joints, two to a word, and their weights, the
+// For each vertex: the base pose, six numbers; and from skin_at on its joints, two to a word, and their weights, the
 // largest first.
 layout(set = 0, binding = 1, std430) readonly buffer Asset { uint asset[]; };
 // A matrix has three rows, a dual quaternion a real and a dual part: (x, y, z, w).
@@ -54,7 +54,7 @@ void store(uint at, vec3 value) {
     skinned[at + 2u] = value.z;
 }
 
-// Index of the first vector of an influence's joint.
+// Returns the index of the first vector of an influence's joint.
 uint joint_at(uint skin, uint i) {
     return joints_at + JOINT * bitfieldExtract(asset[skin + i / 2u], int(i % 2u) * 16, 16);
 }
@@ -63,7 +63,7 @@ float weight_of(uint skin, uint i) {
     return uintBitsToFloat(asset[skin + INFLUENCES / 2u + i]);
 }
 
-// Of unit length; nothing has no direction.
+// Returns the unit vector; zero stays zero.
 vec3 direction(vec3 normal) {
     float length2 = dot(normal, normal);
     return length2 > 0.0 ? normal * inversesqrt(length2) : normal;
@@ -76,8 +76,8 @@ void main() {
     }
     uint skin = skin_at + (INFLUENCES + INFLUENCES / 2u) * vertex;
 #ifdef DUAL
-    // Kavan et al., "Geometric Skinning with Approximate Dual Quaternion Blending" (2008), algorithm 1. A quaternion and
-    // its negative are one rotation: all are taken on the side of the first, which weighs most.
+    // Kavan et al., "Geometric Skinning with Approximate Dual Quaternion Blending" (2008), algorithm 1. A quaternion
+    // and its negative are the same rotation: all are taken on the side of the first, which has the largest weight.
     uint first = joint_at(skin, 0u);
     vec4 pivot = joints[first];
     vec4 real = weight_of(skin, 0u) * pivot;
@@ -110,7 +110,7 @@ void main() {
         z += weight * joints[joint + 2u];
     }
 #endif
-    // Not before: the loop needs the registers.
+    // Loaded after the loop, which needs the registers.
     uint at = 6u * vertex;
     ADDEND moved_position, moved_normal;
     LOAD_VERTEX(poses, pose_at + VERTEX_NUMBERS * vertex, moved_position, moved_normal)
@@ -123,7 +123,7 @@ void main() {
 #else
     vec4 from = vec4(position, 1.0);
     position = vec3(dot(x, from), dot(y, from), dot(z, from));
-    // The inverse transpose, times the determinant, whose sign a mirrored joint turns.
+    // The inverse transpose, times the determinant, whose sign is negative for a mirrored joint.
     vec3 yz = cross(y.xyz, z.xyz);
     float mirrored = dot(x.xyz, yz) < 0.0 ? -1.0 : 1.0;
     normal = mirrored * vec3(dot(yz, normal), dot(cross(z.xyz, x.xyz), normal), dot(cross(x.xyz, y.xyz), normal));

@@ -5,30 +5,36 @@ use std::fmt::{Display, Formatter, Write};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// What went wrong, where, and what to do about it.
+/// An error of this crate: what is wrong, where, and what to do about it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// A file or folder could not be read or written.
-    #[error("{path}: cannot {action}: {source}; {remedy}", path = Printable(path.display()), remedy = io_remedy(source.kind()))]
+    #[error(
+        "{path}: cannot {action}: {source}; {remedy}",
+        path = Printable(path.display()), remedy = io_remedy(source.kind())
+    )]
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What was tried, as a verb: "read", "create the folder", …
+        /// The operation that failed, as a verb: "read", "create the folder", …
         action: &'static str,
         /// The system's reason.
         source: io::Error,
     },
-    /// A file was read, but what it says cannot be used.
-    #[error("{path}{place}: {what}; {remedy}", path = Printable(path.display()), place = Printable(place), what = Printable(what))]
+    /// A file was read, but its content cannot be used.
+    #[error(
+        "{path}{place}: {what}; {remedy}",
+        path = Printable(path.display()), place = Printable(place), what = Printable(what)
+    )]
     Input {
         /// The file or folder.
         path: PathBuf,
-        /// Where in it, ready to append to the path (": line 12", ": column 'jawOpen', line 3"), or empty.
+        /// Position in the file, ready to append to the path (": line 12", ": column 'jawOpen', line 3"), or empty.
         place: String,
-        /// What was found there, and what was expected.
+        /// The content that was found, and what was expected.
         what: String,
-        /// What to do.
+        /// The remedy.
         remedy: String,
     },
     /// A value handed to the API is not usable.
@@ -36,7 +42,7 @@ pub enum Error {
     Invalid {
         /// The value and why it is refused.
         what: String,
-        /// What to do.
+        /// The remedy.
         remedy: String,
     },
     /// The device lacks what an update path needs.
@@ -48,23 +54,23 @@ pub enum Error {
         device: String,
         /// The missing feature, extension or limit.
         reason: String,
-        /// What to use in its place.
+        /// The alternative to use.
         remedy: String,
     },
-    /// There is not enough memory, on the host or on the device. Nothing is wrong with the request but its size.
+    /// There is not enough memory, on the host or on the device. Only the size of the request is wrong.
     #[error("{what}; {remedy}", what = Printable(what))]
     OutOfMemory {
-        /// What the memory was for, and how much of it.
+        /// The purpose and the size of the memory.
         what: String,
-        /// What to do.
+        /// The remedy.
         remedy: String,
     },
     /// There is no Vulkan device: no loader, no driver, or none in its list. Only the feature `headless` looks for one.
     #[error("{what}; {remedy}", what = Printable(what))]
     NoDevice {
-        /// What is missing.
+        /// The part that is missing.
         what: String,
-        /// What to do.
+        /// The remedy.
         remedy: &'static str,
     },
     /// A Vulkan call failed.
@@ -72,9 +78,9 @@ pub enum Error {
     Vulkan {
         /// The call.
         call: &'static str,
-        /// What it returned.
+        /// The result that it returned.
         result: vk::Result,
-        /// What to do.
+        /// The remedy.
         remedy: &'static str,
     },
 }
@@ -82,8 +88,8 @@ pub enum Error {
 /// `Result` with the crate's [`Error`].
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// What kind of thing went wrong, as a stable number: for hosts that decide what to do next, log codes, or cross an FFI
-/// boundary. Numbers are never reused, and new ones are added at the end.
+/// The kind of an [`Error`] as a stable number, for hosts that decide what to do next, log codes, or cross an FFI
+/// boundary. Numbers are never reused; new ones are added at the end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 #[repr(u32)]
@@ -96,23 +102,23 @@ pub enum ErrorKind {
     Invalid = 3,
     /// The device lacks what an update path needs, or there is none: [`Error::Unsupported`], [`Error::NoDevice`].
     Unsupported = 4,
-    /// The host or the device is out of memory: [`Error::OutOfMemory`], or an [`Error::Vulkan`] whose result says so. Less
-    /// may still fit.
+    /// The host or the device is out of memory: [`Error::OutOfMemory`], or an [`Error::Vulkan`] with such a result. A
+    /// smaller request may still fit.
     OutOfMemory = 5,
-    /// The device is lost: an [`Error::Vulkan`] whose result says so. It has to be created anew.
+    /// The device is lost: an [`Error::Vulkan`] with that result. The device has to be created anew.
     DeviceLost = 6,
     /// Another Vulkan call failed: [`Error::Vulkan`].
     Vulkan = 7,
 }
 
 impl ErrorKind {
-    /// The stable number.
+    /// Returns the stable number.
     pub fn number(self) -> u32 {
         self as u32
     }
 }
 
-/// Text that may repeat what a file says, or its name: control characters are escaped, so that no file can steer the
+/// Text that may repeat a file's name or content. Control characters are escaped, so that no file can control the
 /// terminal that shows the message.
 struct Printable<T>(T);
 
@@ -125,7 +131,7 @@ impl<T: Display> Display for Printable<T> {
     }
 }
 
-/// What to do about a system's error.
+/// The remedy for an error of the system.
 #[allow(clippy::wildcard_enum_match_arm, reason = "the system's enum, of which a few have a remedy")]
 fn io_remedy(kind: io::ErrorKind) -> &'static str {
     use io::ErrorKind as Kind;
@@ -140,7 +146,7 @@ fn io_remedy(kind: io::ErrorKind) -> &'static str {
 }
 
 impl Error {
-    /// What kind of error this is.
+    /// Returns the kind of this error.
     pub fn kind(&self) -> ErrorKind {
         use vk::Result as Vk;
         match self {
@@ -160,28 +166,28 @@ impl Error {
         }
     }
 
-    /// Makes an [`Error::Vulkan`], with the remedy that fits, of what the Vulkan function `call` returned, for `map_err`:
-    /// of the host's own calls, too.
+    /// Returns a function for `map_err` that makes an [`Error::Vulkan`], with a fitting remedy, from the result of the
+    /// Vulkan function `call`. Hosts may use it for their own calls.
     pub fn vulkan(call: &'static str) -> impl Fn(vk::Result) -> Self {
         move |result| Self::Vulkan { call, result, remedy: crate::gpu::remedy(call, result) }
     }
 
-    /// Makes an [`Error::Io`] of the system's error, for `map_err`.
+    /// Returns a function for `map_err` that makes an [`Error::Io`] from the system's error.
     pub(crate) fn io(path: &Path, action: &'static str) -> impl Fn(io::Error) -> Self {
         move |source| Self::Io { path: path.to_path_buf(), action, source }
     }
 
-    /// An [`Error::Input`].
+    /// Makes an [`Error::Input`].
     pub(crate) fn input(path: &Path, place: impl Into<String>, what: impl Into<String>, remedy: &str) -> Self {
         Self::Input { path: path.to_path_buf(), place: place.into(), what: what.into(), remedy: remedy.into() }
     }
 
-    /// An [`Error::OutOfMemory`].
+    /// Makes an [`Error::OutOfMemory`].
     pub(crate) fn out_of_memory(what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::OutOfMemory { what: what.into(), remedy: remedy.into() }
     }
 
-    /// An [`Error::Invalid`].
+    /// Makes an [`Error::Invalid`].
     pub(crate) fn invalid(what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Invalid { what: what.into(), remedy: remedy.into() }
     }

@@ -1,4 +1,4 @@
-//! Files: read up to a bounded size, and replaced only by a complete one; what is in a folder.
+//! Access to files: bounded reads, atomic replacement, folder listings.
 
 use crate::error::{Error, Result};
 use std::fs::{File, OpenOptions};
@@ -6,13 +6,13 @@ use std::io::{self, BufWriter, Read};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// The largest text that is read: it is held in memory, and the arrays made of it take a few times its size.
+/// The largest text file that is read: it is held in memory, and the arrays made from it take a few times its size.
 pub(crate) const TEXT_MAX: u64 = 1 << 30;
 
-/// The bytes of a regular file of at most `limit` bytes; `remedy` is for one that is larger.
+/// Reads a regular file of at most `limit` bytes; `remedy` is the advice for a larger one.
 pub(crate) fn read_bounded(path: &Path, limit: u64, remedy: &str) -> Result<Vec<u8>> {
     let io = Error::io(path, "read");
-    // Looked at before it is opened: opening a pipe that nobody writes to blocks for ever.
+    // Checked before the file is opened: opening a pipe without a writer blocks for ever.
     let kind = std::fs::metadata(path).map_err(&io)?;
     if !kind.is_file() {
         let kind = if kind.is_dir() { "a folder" } else { "a pipe, socket or device" };
@@ -34,17 +34,18 @@ pub(crate) fn read_bounded(path: &Path, limit: u64, remedy: &str) -> Result<Vec<
     Ok(bytes)
 }
 
-/// Room for `size` bytes of a file, or of copies of it. An allocation that fails is an error, and does not end the process.
+/// Allocates room for `size` bytes of a file, or of copies of it. A failed allocation is an error; it does not end the
+/// process.
 pub(crate) fn room(path: &Path, size: u64) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     if usize::try_from(size).is_ok_and(|size| bytes.try_reserve_exact(size).is_ok()) {
         return Ok(bytes);
     }
-    let what = format!("{}: {} MiB, for which there is no memory", path.display(), size.div_ceil(1 << 20));
+    let what = format!("{}: no memory for its {} MiB", path.display(), size.div_ceil(1 << 20));
     Err(Error::out_of_memory(what, "free memory, or use a smaller file"))
 }
 
-/// What is in a folder, by name.
+/// The paths in a folder, sorted by name.
 pub(crate) fn list(folder: &Path) -> Result<Vec<PathBuf>> {
     let entries = std::fs::read_dir(folder).and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect());
     let mut paths: Vec<PathBuf> = entries.map_err(Error::io(folder, "read the folder"))?;
@@ -57,7 +58,8 @@ pub(crate) fn has_extension(path: &Path, extension: &str) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))
 }
 
-/// Write a file beside `path`, and then in its place: what was there stays until the new one is complete.
+/// Writes a file under a temporary name beside `path`, then renames it to `path`: the old content stays until the new
+/// file is complete.
 pub fn write_replacing(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<()> {
     let io = Error::io(path, "write");
     let flushed = |file: File| {
@@ -69,13 +71,13 @@ pub fn write_replacing(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> 
     if path.metadata().is_ok_and(|m| !m.is_file()) {
         return File::create(path).and_then(flushed).map(drop).map_err(io);
     }
-    // A link stays one.
+    // A symbolic link stays one.
     let path = &path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
     let part = part_of(path);
     let write = || {
         let file = File::create_new(&part)?;
         if let Ok(old) = path.metadata() {
-            // Who may not write it may not replace it either.
+            // Without permission to write the old file, it must not be replaced either.
             OpenOptions::new().append(true).open(path)?;
             file.set_permissions(old.permissions())?;
         }
@@ -90,7 +92,7 @@ pub fn write_replacing(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> 
     })
 }
 
-/// A name beside `path` that nobody else has.
+/// A temporary path beside `path` that is unique to this process and call.
 fn part_of(path: &Path) -> PathBuf {
     static COUNT: AtomicU32 = AtomicU32::new(0);
     let (count, process) = (COUNT.fetch_add(1, Ordering::Relaxed), std::process::id());

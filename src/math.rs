@@ -1,19 +1,19 @@
-//! What several rooms use: lengths, angles, powers of two, random numbers, a map that takes several threads.
+//! Shared helpers: lengths, angles, powers of two, random numbers, a parallel map.
 
 use glam::{DVec3, Vec3};
 
-/// The angle between two vectors that need not have unit length, in degrees; 0 where one vanishes.
+/// The angle between two vectors that need not have unit length, in degrees; 0 if either is zero.
 pub fn angle_degrees(a: DVec3, b: DVec3) -> f64 {
-    // atan2 keeps its precision where acos of a dot product near 1 has lost it.
+    // atan2 is precise even for small angles, where acos of a dot product near 1 is not.
     a.cross(b).length().atan2(a.dot(b)).to_degrees()
 }
 
-/// The largest power of two that is not above `value`, within what single precision holds with room to multiply.
+/// The largest power of two ≤ `value`, from 2^-100 to 2^100, which leaves single precision room for products.
 pub(crate) fn power_of_two_below(value: f64) -> f32 {
     value.log2().floor().clamp(-100.0, 100.0).exp2() as f32
 }
 
-/// The smallest power of two that is not below `value`, from 2^-100 to 2^100.
+/// The smallest power of two ≥ `value`, from 2^-100 to 2^100.
 pub(crate) fn power_of_two_above(value: f64) -> f32 {
     value.log2().ceil().clamp(-100.0, 100.0).exp2() as f32
 }
@@ -31,12 +31,13 @@ pub fn diagonal(positions: &[Vec3]) -> f32 {
     (hi.as_dvec3() - lo.as_dvec3()).length() as f32
 }
 
-/// The middle of the box around `positions` along each axis where it gives back precision to subtract it; 0 along others.
+/// For each axis, the middle of the box around `positions` if subtracting it gains precision; 0 on other axes.
 ///
-/// That is where the largest coordinate is twice the diagonal or more. What is left of it is half the diagonal at most: two
-/// bits or more of a single-precision number, whose units in the last place shrink with it. Fewer would not be worth a
-/// second origin. Coordinates of such an axis lie within a factor of two of each other and of the middle, since they differ
-/// by the diagonal at most: differences are exact (Sterbenz), and so is adding the middle again.
+/// It does so if the largest coordinate is at least twice the diagonal. The remainder is then at most half the
+/// diagonal: positions gain two bits or more of a single-precision number, whose units in the last place shrink with
+/// it. A smaller gain would not be worth a second origin. Coordinates on such an axis lie within a factor of two of
+/// each other and of the middle, since they differ by at most the diagonal: differences are exact (Sterbenz), and so is
+/// adding the middle again.
 pub(crate) fn far_middle(positions: impl Iterator<Item = Vec3>) -> Vec3 {
     let Some((low, high)) = positions.map(|p| (p, p)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) else {
         return Vec3::ZERO;
@@ -49,8 +50,7 @@ pub(crate) fn far_middle(positions: impl Iterator<Item = Vec3>) -> Vec3 {
     Vec3::new(axis(0), axis(1), axis(2))
 }
 
-/// `map` of every item, in order; on several threads where the crate is built with them. Each thread has a copy of
-/// `scratch`.
+/// Maps every item, in order; on several threads if the crate is built with them. Each thread has a copy of `scratch`.
 pub(crate) fn map_all<T: Sync, S: Clone + Send + Sync, R: Send>(
     items: &[T],
     mut scratch: S,
@@ -64,19 +64,19 @@ pub(crate) fn map_all<T: Sync, S: Clone + Send + Sync, R: Send>(
     items.iter().map(|item| map(&mut scratch, item)).collect()
 }
 
-/// SplitMix64 (Steele, Lea and Flood 2014): the built-in head comes out the same on every machine and in every version.
+/// SplitMix64 (Steele, Lea and Flood 2014): the built-in head is the same on every machine and in every version.
 #[derive(Clone, Debug)]
 pub struct Rng(u64);
 
 impl Rng {
-    /// From a seed and a stream number, so that parts of one head don't share their numbers.
+    /// Seeds the generator; `stream` keeps parts of one head from sharing their numbers.
     pub fn new(seed: u64, stream: u64) -> Self {
         let mut rng = Self(seed ^ stream.wrapping_mul(0xd134_2543_de82_ef95));
         rng.next_u64();
         rng
     }
 
-    /// 64 bits.
+    /// Returns 64 random bits.
     pub fn next_u64(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -85,17 +85,17 @@ impl Rng {
         z ^ (z >> 31)
     }
 
-    /// In [0, 1): 24 bits, exact in `f32`.
+    /// Returns a number in [0, 1): 24 bits, exact in `f32`.
     pub fn unit(&mut self) -> f32 {
         (self.next_u64() >> 40) as f32 / (1 << 24) as f32
     }
 
-    /// In [low, high).
+    /// Returns a number in [low, high).
     pub fn range(&mut self, low: f32, high: f32) -> f32 {
         low + (high - low) * self.unit()
     }
 
-    /// In 0..n; `n` ≥ 1. The bias of 2⁻³² or so does not matter here.
+    /// Returns a number in 0..n; `n` ≥ 1. The bias of about 2⁻³² does not matter here.
     pub fn below(&mut self, n: usize) -> usize {
         ((u128::from(self.next_u64()) * n as u128) >> 64) as usize
     }

@@ -1,4 +1,4 @@
-//! The oracle: full evaluation from base in float64, and how far a pose is from it.
+//! Reference evaluation from the base pose in float64, and the error of a pose against it.
 
 pub use crate::after::normals::normals;
 pub use crate::after::skin::skin;
@@ -9,17 +9,17 @@ pub use crate::pack::PoseError;
 use crate::pack::{POSE_FLOATS, PackedGroup, PackedMesh, Source, stream_errors};
 use glam::DVec3;
 
-/// Below this length a morphed normal has no direction worth the name; consumers fall back to the base normal.
+/// A morphed normal shorter than this has no usable direction; consumers fall back to the base normal.
 pub const SHORTEST_NORMAL: f64 = 1e-3;
 
-/// [`evaluate_group`] of the first group: position, then the unnormalised normal.
+/// Evaluates the first group ([`evaluate_group`]): position, then the unnormalised normal.
 pub fn evaluate(mesh: &PackedMesh, weights: &[f32]) -> Vec<f64> {
     evaluate_group(mesh.surface(), weights)
 }
 
-/// `base + Σ weight · delta` over all targets of a [group](PackedMesh::groups), on the deltas that the kernels see (kept
-/// after import, packed). Six values per vertex, in the user's order and without padding; positions are relative to the
-/// mesh's origin, as in poses. Targets without a weight have the weight 0.
+/// Returns `base + Σ weight · delta` over all targets of a [group](PackedMesh::groups), from the packed deltas that the
+/// kernels read. Six values per vertex, in the user's order and without padding; positions are relative to the mesh's
+/// origin, as in poses. Targets beyond the end of `weights` have the weight 0.
 pub fn evaluate_group(group: &PackedGroup, weights: &[f32]) -> Vec<f64> {
     let layout = group.layout();
     let mut pose: Vec<f64> = layout.to_user_order(group.base()).into_iter().map(f64::from).collect();
@@ -29,13 +29,13 @@ pub fn evaluate_group(group: &PackedGroup, weights: &[f32]) -> Vec<f64> {
     pose
 }
 
-/// [`evaluate_unpacked_group`] of position and normal.
+/// Evaluates position and normal ([`evaluate_unpacked_group`]).
 pub fn evaluate_unpacked(mesh: &MorphMesh, weights: &[f32]) -> Vec<f64> {
     evaluate_unpacked_group(mesh, &group_streams([])[0], weights)
 }
 
-/// As [`evaluate_group`], on the deltas of `mesh` itself: with a mesh made at tolerance zero, what the files say. NaN where
-/// the streams or targets of `mesh` do not fit its vertices.
+/// Like [`evaluate_group`], but from the deltas of `mesh` before packing; a mesh made at tolerance zero has the deltas
+/// of its files. All values are NaN if the streams or targets of `mesh` do not fit its vertices.
 pub fn evaluate_unpacked_group(mesh: &MorphMesh, streams: &[StreamPlace], weights: &[f32]) -> Vec<f64> {
     if Source::groups(mesh).is_err() {
         return vec![f64::NAN; mesh.vertex_count() * POSE_FLOATS];
@@ -56,13 +56,13 @@ fn add(pose: &mut [f64], vertex: usize, weight: f32, delta: [f64; POSE_FLOATS]) 
     }
 }
 
-/// [`compare_group`] of position and normal.
+/// Compares position and normal ([`compare_group`]).
 pub fn compare(pose: &[f32], reference: &[f64]) -> PoseError {
     compare_group(&group_streams([])[0], pose, reference)
 }
 
-/// Compare a pose of the group of these streams (six floats a vertex, in the user's order, padding at the end ignored) with
-/// the reference. Where the pose has fewer vertices the errors are NaN, which is within no bound.
+/// Compares a pose of the group with these streams (six floats a vertex, in the user's order; padding at the end is
+/// ignored) with the reference. If the pose has too few vertices, the errors are NaN, which no bound accepts.
 pub fn compare_group(streams: &[StreamPlace], pose: &[f32], reference: &[f64]) -> PoseError {
     if pose.len() < reference.len() {
         return PoseError::NAN;

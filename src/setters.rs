@@ -1,7 +1,7 @@
-//! Chained setters of descriptions. Descriptions are `#[non_exhaustive]`, so that they can get further fields: outside
-//! the crate they are made by `new` or `default`, and then changed.
+//! Chained setters of descriptions. Descriptions are `#[non_exhaustive]`, so that fields can be added: outside the
+//! crate they are made by `new` or `default` and then changed.
 
-/// Write a setter for each field listed.
+/// Writes a setter for each field listed.
 macro_rules! setters {
     ($owner:ident $(<$life:lifetime>)? { $($field:ident: $type:ty),+ $(,)? }) => {
         impl $(<$life>)? $owner $(<$life>)? {

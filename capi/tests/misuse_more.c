@@ -126,7 +126,7 @@ static void levels(DmCrowd crowd, DmCrowd animated) {
     INVALID("plays no clips", dm_crowd_cut_camera(crowd));
     INVALID("plays no clips", dm_crowd_set_place(crowd, 0, &place));
     INVALID("a null pointer to DmPlace", dm_crowd_set_place(animated, 0, NULL));
-    INVALID("a head at", dm_crowd_set_place(animated, 0, &no_place));
+    INVALID("an instance at", dm_crowd_set_place(animated, 0, &no_place));
     INVALID("instance 1", dm_crowd_set_place(animated, 1, &place));
     WORKS(dm_crowd_set_camera(animated, &camera));
     WORKS(dm_crowd_cut_camera(animated));

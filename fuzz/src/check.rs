@@ -1,4 +1,4 @@
-//! What holds for any mesh that was read: it packs or is refused, and its poses are where the float64 reference has them.
+//! Checks for any mesh that was read: it packs or is refused, and its poses agree with the float64 reference.
 
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
@@ -6,13 +6,13 @@ use deltamorph::{
 };
 use std::sync::Arc;
 
-/// Errors say something, whatever the input has in it.
+/// Checks that an error has a message, whatever the input contains.
 pub fn check_error(error: Error) {
     let text = error.to_string();
     assert!(text.len() > 10 && !text.contains('\0'), "an error without words: {text:?}");
 }
 
-/// Pack a mesh in the format that `choice` picks, and hold poses of it against the reference.
+/// Packs a mesh in the format that `choice` selects, and compares poses of it with the reference.
 pub fn pack_and_update(mesh: &MorphMesh, choice: u32) {
     for target in &mesh.targets {
         assert!(target.vertices.is_sorted_by(|a, b| a < b), "vertices of a target ascend");
@@ -22,7 +22,7 @@ pub fn pack_and_update(mesh: &MorphMesh, choice: u32) {
         );
         assert!(target.positions.iter().chain(&target.normals).all(|d| d.is_finite()), "deltas are finite");
     }
-    // Larger ones take time, and nothing else happens in them.
+    // Larger meshes take time and exercise nothing new.
     if mesh.vertex_count() > 2000 || mesh.targets.len() > 64 {
         return;
     }
@@ -33,7 +33,8 @@ pub fn pack_and_update(mesh: &MorphMesh, choice: u32) {
     }
 }
 
-/// Update an instance of a packed mesh three times, in the format of poses that `choice` picks, or else in float32.
+/// Updates an instance of a packed mesh three times, with poses in the format that `choice` selects, and otherwise in
+/// float32.
 pub fn update(mesh: &Arc<PackedMesh>, choice: u32) {
     let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
     let picked = desc.pose(PoseFormat::ALL[choice as usize % PoseFormat::ALL.len()]);
@@ -55,7 +56,8 @@ pub fn update(mesh: &Arc<PackedMesh>, choice: u32) {
     }
 }
 
-/// Hold the pose of an instance against the reference: within `bound`, which its update states, and the rounding of sums.
+/// Compares the pose of an instance with the reference: the error is at most `bound`, which its update states, plus the
+/// rounding of sums.
 pub fn check_pose(
     mesh: &PackedMesh,
     crowd: &CpuCrowd,
@@ -70,14 +72,14 @@ pub fn check_pose(
     let pose = layout.to_user_order(&crowd.pose(instance).expect("an instance"));
     let (base, reference) = (evaluate(mesh, &[]), evaluate(mesh, &weights));
     let far = |pose: &[f64]| pose.chunks(6).flat_map(|v| &v[..3]).fold(0.0, |far: f64, x| far.max(x.abs()));
-    // What the terms of a sum may reach together, though the sum is small.
+    // Upper bound on the sum of the terms, which may be much larger than their sum.
     let mut reach = far(&base) + far(&reference);
     for (target, weight) in weights.iter().enumerate().filter(|(_, weight)| **weight != 0.0) {
         let mut largest = 0.0f64;
         mesh.for_each_delta(target, |_, d| largest = d[..3].iter().fold(largest, |most, x| most.max(x.abs())));
         reach += largest * f64::from(weight.abs());
     }
-    // Beyond what float32 holds.
+    // Not representable in float32.
     if reach > 1e37 {
         return;
     }

@@ -1,5 +1,5 @@
-//! What the fuzz targets are, and what they share: bounds on memory and time, files in a folder of the process, meshes to
-//! hold against the reference. Nothing here needs libFuzzer: `cargo test` replays inputs without it.
+//! The fuzz targets and their shared parts: bounds on memory and time, files in a folder of the process, comparison of
+//! meshes with the reference. Nothing here needs libFuzzer: `cargo test` replays inputs without it.
 
 mod check;
 mod random;
@@ -12,29 +12,29 @@ use rustix::time::{ClockId, clock_gettime};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// Something of the library that takes bytes from outside.
+/// A function of the library that takes bytes from outside.
 pub struct Target {
     pub name: &'static str,
-    /// Uses an input. A panic is a finding.
+    /// Processes an input. A panic is a finding.
     pub run: fn(&[u8]),
-    /// Makes another input of one, by what it means; `None`: bytes of it are to be mutated.
+    /// Makes a new input from another one, by its structure; `None`: its bytes are to be mutated.
     pub mutate: fn(&[u8], &mut Random) -> Option<Vec<u8>>,
-    /// Inputs to start from: name and content.
+    /// Initial inputs: name and content.
     pub seeds: fn() -> Vec<(String, Vec<u8>)>,
 }
 
-/// What memory a reader states for an input of so many bytes.
+/// The memory bound that a reader states for an input of a given size.
 #[derive(Clone, Copy)]
 pub struct Memory {
     pub base: usize,
     pub per_byte: usize,
 }
 
-/// Processor time that an input may take, in seconds: for any, and for each byte.
-/// Baking as many weights as a clip may have takes half a second.
+/// Bound on the processor time of an input, in seconds: a constant, and a term per byte. Baking the largest possible
+/// clip takes half a second.
 const TIME: [f64; 2] = [2.0, 10e-6];
 
-/// Run `body` on an input of `input` bytes, and hold its memory and processor time to what is stated.
+/// Runs `body` on an input of `input` bytes, and checks its memory and processor time against the bounds.
 pub fn bounded<T>(what: &str, input: usize, memory: Memory, body: impl FnOnce() -> T) -> T {
     let start = processor_time();
     let mut result = None;
@@ -51,7 +51,7 @@ pub fn bounded<T>(what: &str, input: usize, memory: Memory, body: impl FnOnce() 
     result.expect("the body has run")
 }
 
-/// Each new largest part of what is stated goes to stderr, where the script `run` finds the last.
+/// Prints each new largest share of the memory bound to stderr, where the script `run` finds the last one.
 fn tell_largest(what: &str, input: usize, taken: usize, most: usize) {
     static LARGEST: AtomicU64 = AtomicU64::new(0);
     let permille = (taken * 1000 / most) as u64;
@@ -60,13 +60,13 @@ fn tell_largest(what: &str, input: usize, taken: usize, most: usize) {
     }
 }
 
-/// Seconds that this thread has run.
+/// Returns the processor time of this thread, in seconds.
 fn processor_time() -> f64 {
     let time = clock_gettime(ClockId::ThreadCPUTime);
     time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
 }
 
-/// A folder of this thread for files; the script `run` has them in memory.
+/// Returns the folder of this thread for files; the script `run` puts it in memory.
 pub fn scratch() -> PathBuf {
     let thread = std::thread::current();
     let name = format!("deltamorph-fuzz-{}-{}", std::process::id(), thread.name().unwrap_or("").replace("::", "-"));
@@ -75,14 +75,14 @@ pub fn scratch() -> PathBuf {
     folder
 }
 
-/// Write a file into [`scratch`].
+/// Writes a file into [`scratch`].
 pub fn write(name: &str, bytes: &[u8]) -> PathBuf {
     let path = scratch().join(name);
     std::fs::write(&path, bytes).expect("a file");
     path
 }
 
-/// The parts of an input that zero bytes divide: at most `N`, the last with all that is left.
+/// Splits an input at zero bytes into at most `N` parts; the last has the rest.
 pub fn parts<const N: usize>(data: &[u8]) -> [&[u8]; N] {
     let mut parts = data.splitn(N, |byte| *byte == 0);
     std::array::from_fn(|_| parts.next().unwrap_or_default())

@@ -1,4 +1,4 @@
-//! The program that fuzzes the target that FUZZ_TARGET names: libFuzzer, whose options it takes. See `run`.
+//! The fuzzing program: libFuzzer, with its options, on the target named by FUZZ_TARGET. See `run`.
 #![no_main]
 
 use deltamorph_fuzz::targets::TARGETS;
@@ -12,7 +12,7 @@ static TARGET: LazyLock<&Target> = LazyLock::new(|| {
     TARGETS.iter().find(|target| target.name == name).expect("FUZZ_TARGET is one of the targets")
 });
 
-/// Into the folder that FUZZ_SEEDS names.
+/// Writes the initial inputs into the folder named by FUZZ_SEEDS.
 fn write_seeds() {
     let Some(folder) = std::env::var_os("FUZZ_SEEDS") else { return };
     for (name, seed) in (TARGET.seeds)() {
@@ -23,7 +23,7 @@ fn write_seeds() {
 fuzz_target!(init: write_seeds(), |data: &[u8]| (TARGET.run)(data));
 
 fuzz_mutator!(|data: &mut [u8], size: usize, max_size: usize, seed: u32| {
-    // A quarter of the mutations, and all of what has no structure, is of bytes.
+    // A quarter of the mutations, and all of those of targets without structure, are mutations of bytes.
     let made = if seed.is_multiple_of(4) { None } else { (TARGET.mutate)(&data[..size], &mut Random::new(seed)) };
     match made.filter(|made| made.len() <= max_size) {
         Some(made) => {

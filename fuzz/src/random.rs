@@ -1,4 +1,4 @@
-//! Random numbers for mutations, and what numbers in files are replaced by.
+//! Random numbers for mutations, and special values for numbers in files.
 
 use deltamorph::internals::Rng;
 
@@ -9,7 +9,7 @@ impl Random {
         Self(Rng::new(seed.into(), 0))
     }
 
-    /// A number below `end`, which is not 0.
+    /// Returns a number below `end`, which is not 0.
     pub fn below(&mut self, end: usize) -> usize {
         self.0.below(end)
     }
@@ -18,7 +18,7 @@ impl Random {
         &list[self.below(list.len())]
     }
 
-    /// Replace one of the words of `bytes` by one that programs go wrong with.
+    /// Replaces one of the words of `bytes` by a value that often causes errors.
     pub fn change_word(&mut self, bytes: &mut [u8]) {
         let words = bytes.as_chunks_mut::<4>().0;
         if words.is_empty() {

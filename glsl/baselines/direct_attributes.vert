@@ -1,5 +1,5 @@
-// A draw of direct-attributes: what attributes.glsl evaluates, from the base pose, for the host to see. Its pose is
-// captured by running feedback.vert or vertex_store.vert, which evaluate the same.
+// A draw of direct-attributes: the evaluation of attributes.glsl from the base pose, visible to the host. To capture
+// its pose, feedback.vert or vertex_store.vert is run, which evaluates the same.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "attributes.glsl"

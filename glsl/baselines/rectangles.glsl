@@ -1,4 +1,4 @@
-// What the passes of texture share: a rectangle of texels that a target moves.
+// Shared by the passes of texture: a rectangle of texels that a target moves.
 
 layout(push_constant) uniform Push {
     vec2 scale;          // from texels to clip space: 2 / size of the displacement textures

@@ -1,4 +1,4 @@
-// A vertex shader's own vertex, stored where the host's draws read it.
+// Stores the vertex of a vertex shader where the host's draws read it.
 
 #ifndef POSE_BINDING
 #define POSE_BINDING 0

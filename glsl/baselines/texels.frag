@@ -1,4 +1,4 @@
-// A texel of a rectangle that a target moves: weight · delta, which blending adds to what the textures hold.
+// A texel of a rectangle that a target moves: weight · delta, added to the textures by blending.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_samplerless_texture_functions : require

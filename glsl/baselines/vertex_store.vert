@@ -1,4 +1,4 @@
-// A pass of vertex-store: what attributes.glsl evaluates, stored by the shader.
+// A pass of vertex-store: the evaluation of attributes.glsl, stored by the shader.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "attributes.glsl"

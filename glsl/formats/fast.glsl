@@ -1,4 +1,5 @@
-// fast: 15 bits a component of the first triple, 9 of the second, in two words and a byte. CPU: src/pack/formats/fast.rs.
+// fast: 15 bits per component of the first triple, 9 of the second, in two words and a byte. CPU:
+// src/pack/formats/fast.rs.
 
 #define INTEGERS
 #define DELTA ivec3

@@ -1,5 +1,5 @@
-// pair: 13 bits a component of the first triple, 8 of the second, in two words side by side.
-// CPU: src/pack/formats/pair.rs.
+// pair: 13 bits per component of the first triple, 8 of the second, in two adjacent words. CPU:
+// src/pack/formats/pair.rs.
 
 #define INTEGERS
 #define DELTA ivec3
@@ -7,7 +7,8 @@
 void load_entry(uint entry, uint lane, out DELTA position[VERTICES], out DELTA normal[VERTICES], out uvec2 shifts) {
     uint header = asset[headers_at + entry];
     shifts = uvec2(header & 0xffu, (header >> 8) & 0xffu);
-    // Deltas begin at a multiple of four words. Compilers see an even index: one aligned load of both words.
+    // Deltas begin at a multiple of four words. The expression shows compilers an even index: one aligned load of both
+    // words.
     uint pair = deltas_at / 2u + entry * BLOCK_SIZE + lane;
     uint a = asset[2u * pair], b = asset[2u * pair + 1u];
     position[0] =

@@ -1,4 +1,4 @@
-// small: as few bits as an entry needs, for the vertices that it moves. CPU: src/pack/formats/small.rs.
+// small: as few bits as an entry needs, for the vertices that it moves only. CPU: src/pack/formats/small.rs.
 
 #define INTEGERS
 #define DELTA ivec3
@@ -25,7 +25,7 @@ void load_entry(uint entry, uint lane, out DELTA position[VERTICES], out DELTA n
     // The widths of all components, added up three at a time.
     uint sums = (words.x & 0x7c1fu) + (words.y & 0x7c1fu) + (words.x >> 5 & 31u) + (words.y >> 5 & 31u);
     uint size = (sums & 0x3ffu) + (sums >> 10);
-    // Without a mask each vertex has a record; one that has none reads another's.
+    // Without a mask each vertex has a record; a vertex without a record reads that of another.
     bool masked = int(words.x) < 0;
     uint mask_at = at + lane / 32u, bit = lane & 31u;
     uint mask = masked ? asset[mask_at] : ~0u;
@@ -35,18 +35,18 @@ void load_entry(uint entry, uint lane, out DELTA position[VERTICES], out DELTA n
     }
     if (masked) at += BLOCK_SIZE / 32u;
     int moves = bitfieldExtract(int(mask), int(bit), 1);
-    // What lies behind a record is loaded with it. Behind the last there is the base pose.
+    // The words after a record are loaded with it. After the last record there is the base pose.
     uint from = rank * size;
     at += from >> 5;
     uint shift = from & 31u;
     uvec4 four = uvec4(asset[at], asset[at + 1u], asset[at + 2u], asset[at + 3u]);
     uvec3 record = (four.xyz >> shift) | ((four.yzw << 1) << (shift ^ 31u));
-    // While the record is on its way compilers work out widths and offsets of all components, which takes two registers
-    // each. A zero that they do not know for one, a bit that headers do not use, makes those of the first triple wait for
-    // the record, those of the second for the first.
+    // While the record is being loaded, compilers compute widths and offsets of all components, which takes two
+    // registers each. A zero that they cannot recognise, a bit that headers do not use, makes those of the first triple
+    // wait for the record, and those of the second for the first.
     uint late = FEW_REGISTERS ? words.y >> 31 : 0u;
     words.x |= four.w & late;
-    // One after the other: compilers that see all six at once take more registers.
+    // One after the other: compilers take more registers if they see all six at once.
     for (uint c = 0u; c < 6u; ++c) {
         if (c == 3u) {
             position[0] = normal[0];

@@ -1,26 +1,26 @@
-// Poses of deltamorph in your vertex shader, from vertex attributes alone. Copy this file, or include it where it is: it
-// needs nothing else but GLSL 4.40 or later. Define before
+// Decodes poses of deltamorph in your vertex shader, from vertex attributes alone. Copy this file, or include it: it
+// only needs GLSL 4.40 or later. Before it, define
 //
 //     POSE_FLOAT32, POSE_FIXED32 or POSE_FIXED16   the crowd's PoseFormat
 //     POSE_LOCATION                                the first of its locations, if that is not 0
 //     POSE_PREVIOUS                                for motion vectors: the previous pose, too
 //
-// and it declares the inputs, in as many locations as PoseFormat::vertex_input lists, and
+// It declares the inputs, in as many locations as PoseFormat::vertex_input lists, and
 //
 //     vec3 pose_position(vec2 units), pose_normal(vec2 units)
 //     vec3 previous_position(vec2 units), previous_normal(vec2 units)
 //
-// in units of the mesh, relative to PackedLayout::origin; normals are not normalised. `units` is PoseView::units, one for
-// all heads of a crowd (a push constant, for example); POSE_FLOAT32 ignores it.
+// Results are in units of the mesh, relative to PackedLayout::origin; normals are not normalised. `units` is
+// PoseView::units, equal for all instances of a crowd (a push constant, for example); POSE_FLOAT32 ignores it.
 //
-// Bindings on the host: 0 is the pose (Crowd::pose). Fixed formats have the base pose next, which all heads of a mesh
-// share (GpuMesh::base_pose). The previous pose is the last one; its attributes are those of the pose again.
+// Bindings on the host: 0 is the pose (Crowd::pose). With fixed formats the base pose is next, which all instances of a
+// mesh share (GpuMesh::base_pose). The previous pose is the last one, with the same attributes as the pose.
 
 #ifndef POSE_LOCATION
 #define POSE_LOCATION 0
 #endif
 
-// What a format has in its two attributes: position, and normal.
+// The two attributes of a format: position, and normal.
 #if defined(POSE_FLOAT32)
 #define POSE_FIRST vec3
 #define POSE_SECOND vec3
@@ -44,14 +44,14 @@
 #else
 #define POSE_PREVIOUS_LOCATION POSE_LOCATION + 4
 // Integers are the displacement from the base pose. Units are powers of two: the product is exact below 24 bits, and
-// where it is fused with the sum the result is the same.
+// the result is the same if it is fused with the sum.
 vec3 pose_displaced(vec3 base, ivec3 displacement, float unit) {
     return base + vec3(displacement) * unit;
 }
 #define POSE_DECODED(triple, base, unit) pose_displaced(base, triple, unit)
 #endif
 
-// Not a vertex shader: pose_displaced alone.
+// In other shaders than vertex shaders: pose_displaced alone.
 #ifndef POSE_WITHOUT_INPUTS
 
 layout(location = POSE_LOCATION) in POSE_FIRST pose_first;

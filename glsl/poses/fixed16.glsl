@@ -2,20 +2,20 @@
 // half. CPU: src/pack/poses/fixed16.rs.
 
 #include "poses/integers.glsl"
-// Coefficients are pairs: what a target adds is rounded, as a function of its weight.
+// Coefficients are pairs: the amount that a target adds is rounded, as a function of its weight.
 #define ROUNDED_PRODUCTS
 #define POSE_ELEMENT uint
 #define LOW(word) bitfieldExtract(int(word), 0, 16)
 #define HIGH(word) (int(word) >> 16)
 #define WORD(low, high) (uint(low) & 0xffffu | uint(high) << 16)
 
-// Halves of words cannot be stored apart: the numbers are one after the other, wherever the first is.
+// Halves of words cannot be stored separately: the numbers are one after the other, wherever the first is.
 #ifndef HAS_PLACES
 #define PLACE_0 0u
 #define STORES(number) true
 #endif
 
-// A vertex of a storage buffer of words, which begins at number `at`.
+// A vertex in a storage buffer of words, beginning at number `at`.
 #define LOAD_VERTEX(buffer, at, position, normal) { \
     uint first = ((at) + PLACE_0) / 2u; \
     uint a = buffer[first], b = buffer[first + 1u], c = buffer[first + 2u]; \

@@ -5,9 +5,9 @@
     layout(location = 0, xfb_buffer = 0, xfb_stride = 24, xfb_offset = 0) out vec3 position; \
     layout(location = 1, xfb_buffer = 0, xfb_offset = 12) out vec3 normal;
 
-// Elements of a storage buffer that is loaded and stored vertex by vertex: three of a vertex.
+// Elements of a storage buffer that is loaded and stored by vertices: three for each vertex.
 #define POSE_ELEMENT vec2
-// Add a vertex of `source`. One rounding at pose magnitude.
+// Adds a vertex of `source`. One rounding at the magnitude of the pose.
 #define ADD_POSE(source, vertex, position, normal) \
     vec2 a = source[3u * vertex], b = source[3u * vertex + 1u], c = source[3u * vertex + 2u]; \
     position += vec3(a, b.x); \

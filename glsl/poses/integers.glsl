@@ -1,10 +1,10 @@
-// Poses of integers: the displacement from the base pose. The format that includes this defines LOAD_VERTEX and
-// STORE_VERTEX, and as POSE_ELEMENT the element of a storage buffer that is loaded and stored vertex by vertex.
+// Fixed-point poses: the displacement from the base pose, in integers. The including format defines LOAD_VERTEX and
+// STORE_VERTEX, and as POSE_ELEMENT the element of a storage buffer that is loaded and stored by vertices.
 #define INTEGER_POSES
 #define NUMBER int
 #define ADDEND ivec3
 
-// Add a vertex of `source`. Sums wrap.
+// Adds a vertex of `source`. Sums wrap.
 #define ADD_POSE(source, vertex, position, normal) { \
     ivec3 source_position, source_normal; \
     LOAD_VERTEX(source, 6u * vertex, source_position, source_normal) \

@@ -1,9 +1,9 @@
-// A vertex has six words, one for each number. The format that includes this defines
+// A vertex has six words, one for each number. The including format defines
 //     NUMBER, ADDEND             a number, and three
 //     NUMBER_OF(word)            the number that has these bits, and the reverse
 //     WORD_OF(number)
 
-// One after the other, but where places.glsl says where they are.
+// One after the other, unless places.glsl places them elsewhere.
 #ifndef HAS_PLACES
 #define PLACE_0 0u
 #define PLACE_1 1u
@@ -14,7 +14,7 @@
 #define STORES(number) true
 #endif
 
-// A vertex of a storage buffer of numbers, which begins at number `at`.
+// A vertex in a storage buffer of numbers, beginning at number `at`.
 #define LOAD_VERTEX(buffer, at, position, normal) { \
     uint first = at; \
     position = ADDEND(buffer[first + PLACE_0], buffer[first + PLACE_1], buffer[first + PLACE_2]); \

@@ -1,10 +1,10 @@
-// Poses as software drivers load and store them: four words at once as a texel, two as a 64-bit integer. The format that
-// includes this defines
+// Poses as software drivers load and store them: four words at once as a texel, two as a 64-bit integer. The including
+// format defines
 //     NUMBERS_OF_WORD              1u or 2u
 //     UNPACK(numbers, i, word)     the numbers of a word, from numbers[i] on, and the reverse
 //     PACK(numbers, i)
 
-// What is loaded as texels is stored as integers.
+// The memory that is loaded as texels is stored as integers.
 ALIASED layout(set = 0, binding = POSES_BINDING, std430) buffer Poses { uint64_t poses[]; };
 ALIASED layout(set = 0, binding = POSES_BINDING + 1, rgba32ui) uniform uimageBuffer pose_texels;
 

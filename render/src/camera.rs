@@ -1,8 +1,8 @@
-//! Where the camera is, so that all there is to see is in the picture.
+//! Cameras, placed so that the whole scene is in the picture.
 
 use glam::{Mat4, Vec3, Vec4};
 
-/// From where a mesh is looked at. It faces +z, and y points up.
+/// The direction from which a mesh is seen. The mesh faces +z, and y points up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     /// Degrees around the vertical: 0 from the front, 90 from the mesh's own left (+x), 180 from behind.
@@ -19,31 +19,32 @@ impl Default for Camera {
     }
 }
 
-/// A camera that has its place.
+/// A camera at its position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
     /// From the mesh's space to Vulkan's clip space: y down, depth from 0 to 1.
     pub clip: Mat4,
-    /// Where the camera is.
+    /// Position of the camera.
     pub eye: Vec3,
-    /// To the right, up, and towards the camera: of unit length.
+    /// Axes of unit length: to the right, up, and towards the camera.
     pub axes: [Vec3; 3],
-    /// The middle of what is seen, and how far anything is from it.
+    /// A ball around the scene: its middle and its radius.
     pub ball: (Vec3, f32),
 }
 
-/// A direction in the system of `axes`: degrees to the right and up, from towards the camera.
+/// Returns a direction in the system of `axes`: degrees to the right and up, from the direction towards the camera.
 pub(crate) fn direction(axes: [Vec3; 3], yaw: f32, pitch: f32) -> Vec3 {
     let ((sin, cos), (up, level)) = (yaw.to_radians().sin_cos(), pitch.to_radians().sin_cos());
     axes[0] * (sin * level) + axes[1] * up + axes[2] * (cos * level)
 }
 
 impl Camera {
-    /// The place from which `points` fill a picture of this ratio of width to height, but for a `margin` (a share of it,
-    /// 0.1 for example) at each edge. Not finite points are left out; without points all of a ball of 1 is seen.
+    /// Returns the view in which `points` fill a picture of this ratio of width to height, except for a `margin` (a
+    /// share of it, such as 0.1) at each edge. Points that are not finite are left out; without points, a ball of
+    /// radius 1 is in view.
     pub fn fit(&self, points: impl Iterator<Item = Vec3> + Clone, aspect: f32, margin: f32) -> View {
         let back = direction([Vec3::X, Vec3::Y, Vec3::Z], self.yaw, self.pitch);
-        // Right stays level, straight from above and below, too.
+        // The right axis stays level, even in views from straight above or below.
         let right = direction([Vec3::X, Vec3::Y, Vec3::Z], self.yaw + 90.0, 0.0);
         let axes = [right, back.cross(right), back];
         let seen = |p: Vec3| Vec3::from(axes.map(|axis| axis.dot(p)));
@@ -62,7 +63,7 @@ impl Camera {
         let distance = points.map(|p| needed(p - middle)).fold(radius * 0.2, f32::max) + radius * 1e-3;
         let centre = axes[0] * middle.x + axes[1] * middle.y + axes[2] * middle.z;
         let eye = centre + back * distance;
-        // Poses move further than the base pose, which is fitted.
+        // Wider than the fitted base pose, since poses reach further.
         let (near, far) = ((distance - 1.5 * radius).max(distance * 0.02), distance + 1.5 * radius);
         let row = |axis: Vec3| axis.extend(-axis.dot(eye));
         let to_camera = Mat4::from_cols(row(axes[0]), row(axes[1]), row(axes[2]), Vec4::W).transpose();

@@ -1,26 +1,26 @@
-//! Which parts of a head updates have changed, and how long ago.
+//! Tracks which parts of a head updates have changed, and how long ago.
 
 use deltamorph::PackedLayout;
 use std::ops::Range;
 
-/// Vertices that glow together: as many as the smallest blocks have. `PIECE` in glsl/scene.glsl.
+/// Vertices that share a brightness: as many as in the smallest blocks. `PIECE` in glsl/scene.glsl.
 const PIECE: u32 = 32;
 
-/// How bright each piece of 32 vertices of a head is, in the order of pose buffers: 1 where the last update changed it, less
-/// the longer ago that was.
+/// Brightness of each piece of 32 vertices of a head, in the order of pose buffers: 1 after an update that changed the
+/// piece, then fading.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Glow {
     pieces: Vec<f32>,
 }
 
 impl Glow {
-    /// Of a head of the mesh that was packed as `layout`: dark.
+    /// Makes the glow of a head of the mesh that was packed as `layout`, all dark.
     pub fn new(layout: &PackedLayout) -> Self {
         Self { pieces: vec![0.0; pieces_of(layout.padded_vertices())] }
     }
 
-    /// An update changed these vertices ([`Crowd::changed`](deltamorph::Crowd::changed)). What was changed before keeps the
-    /// share `kept` of its brightness, 0 to 1.
+    /// Brightens the vertices that an update changed ([`Crowd::changed`](deltamorph::Crowd::changed)). Pieces changed
+    /// before keep the share `kept` of their brightness, 0 to 1.
     pub fn update(&mut self, changed: &[Range<u32>], kept: f32) {
         self.pieces.iter_mut().for_each(|piece| *piece *= kept);
         for vertices in changed {
@@ -30,13 +30,13 @@ impl Glow {
         }
     }
 
-    /// The brightness of each piece, 0 to 1.
+    /// Returns the brightness of each piece, 0 to 1.
     pub fn pieces(&self) -> &[f32] {
         &self.pieces
     }
 }
 
-/// Pieces of so many vertices.
+/// Returns the number of pieces for this number of vertices.
 pub(crate) fn pieces_of(vertices: usize) -> usize {
     vertices.div_ceil(PIECE as usize)
 }

@@ -1,14 +1,15 @@
-//! Draws the poses of deltamorph as an engine would: the crowd's own buffer is the vertex buffer, decoded by the shader that
-//! deltamorph ships (`glsl/host/pose.glsl`). For pictures from the command line, and for its window.
+//! Draws the poses of deltamorph as an engine would: the crowd's own buffer is the vertex buffer, decoded by the shader
+//! that deltamorph provides (`glsl/host/pose.glsl`). Used for pictures from the command line, and for its window.
 //!
-//! - [`Renderer`] draws [`Head`]s of a [`Model`] into a [`Target`], which is an image view of the host's: an image of its own,
-//!   or one of a swapchain. It records into the host's command buffer, and never submits or waits.
-//! - [`Scene`] says how: a [`Camera`] that fits what there is to see, a [`Light`], what to [`Show`].
-//! - [`wrinkles`] come where a pose compresses the skin.
-//! - [`parts`] tells skin from eyes and teeth.
-//! - [`Studio`] brings the image as well, on a device of [`headless`](deltamorph::headless), with several frames in flight.
+//! - [`Renderer`] draws [`Head`]s of a [`Model`] into a [`Target`]: an image view of the host's, for its own image or
+//!   one of a swapchain. It records into the host's command buffer, and never submits or waits.
+//! - [`Scene`] describes the picture: a [`Camera`] that fits the scene, a [`Light`], and what to [`Show`].
+//! - [`wrinkles`] appear where a pose compresses the skin.
+//! - [`parts`] separates skin from eyes and teeth.
+//! - [`Studio`] provides the image as well, on a device of [`headless`](deltamorph::headless), with several frames in
+//!   flight.
 //!
-//! Vulkan 1.1, four samples a pixel, no extension or feature.
+//! Needs Vulkan 1.1 and four samples a pixel, but no extension or feature.
 
 mod camera;
 mod glow;

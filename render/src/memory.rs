@@ -1,10 +1,10 @@
-//! Buffers and images, each with memory of its own: there are a dozen, and they live as long as what draws with them.
+//! Buffers and images, each with dedicated memory: there are a dozen, and they live as long as their renderer objects.
 
 use deltamorph::ash::{self, vk};
 use deltamorph::{Error, ErrorKind, Result};
 use std::sync::Arc;
 
-/// Turns what a Vulkan call returned into an error that names it.
+/// Returns a function for `map_err` that names the Vulkan call in the error.
 pub(crate) fn failed(call: &'static str) -> impl Fn(vk::Result) -> Error {
     move |result| match Error::vulkan(call)(result) {
         error if error.kind() == ErrorKind::OutOfMemory => {
@@ -14,7 +14,7 @@ pub(crate) fn failed(call: &'static str) -> impl Fn(vk::Result) -> Error {
     }
 }
 
-/// The device that everything is made on.
+/// The device for all objects.
 pub(crate) struct Gpu {
     pub(crate) device: ash::Device,
     memory: vk::PhysicalDeviceMemoryProperties,
@@ -23,20 +23,20 @@ pub(crate) struct Gpu {
 
 impl Gpu {
     /// # Safety
-    /// The handles belong together, and outlive the value and all that is made with it.
+    /// The handles belong together, and outlive the value and everything made with it.
     pub(crate) unsafe fn new(
         instance: &ash::Instance,
         physical: vk::PhysicalDevice,
         device: &ash::Device,
     ) -> Arc<Self> {
-        // SAFETY: the caller says that the handles belong together.
+        // SAFETY: the caller guarantees that the handles belong together.
         let memory = unsafe { instance.get_physical_device_memory_properties(physical) };
         // SAFETY: as above.
         let limits = unsafe { instance.get_physical_device_properties(physical) }.limits;
         Arc::new(Self { device: device.clone(), memory, limits })
     }
 
-    /// Memory of the first type that fits, with `wished` where there is one.
+    /// Allocates memory of the first type that fits, with the properties `wished` if possible.
     fn allocate(
         &self,
         needs: vk::MemoryRequirements,
@@ -60,7 +60,7 @@ impl Gpu {
     }
 }
 
-/// A buffer in memory that host and device share: see [`Renderer::buffer`](crate::Renderer::buffer).
+/// A buffer in memory that host and device share; made by [`Renderer::buffer`](crate::Renderer::buffer).
 pub struct Buffer {
     gpu: Arc<Gpu>,
     pub(crate) raw: vk::Buffer,
@@ -70,7 +70,7 @@ pub struct Buffer {
 }
 
 impl Buffer {
-    /// Of so many bytes (≥ 1), all 0.
+    /// Makes a buffer of `bytes` (≥ 1), all 0.
     pub(crate) fn new(gpu: &Arc<Gpu>, bytes: usize, usage: vk::BufferUsageFlags, cached: bool) -> Result<Self> {
         let info = vk::BufferCreateInfo::default().size(bytes as u64).usage(usage);
         // SAFETY: the device is alive as long as `gpu`; what is made is destroyed by `drop`.
@@ -90,29 +90,29 @@ impl Buffer {
         Ok(this)
     }
 
-    /// With these contents.
+    /// Makes a buffer with these contents.
     pub(crate) fn filled(gpu: &Arc<Gpu>, contents: &[u8], usage: vk::BufferUsageFlags) -> Result<Self> {
         let mut buffer = Self::new(gpu, contents.len().max(4), usage, false)?;
         buffer.write(0, contents);
         Ok(buffer)
     }
 
-    /// The buffer, for commands.
+    /// Returns the handle, for commands.
     pub fn raw(&self) -> vk::Buffer {
         self.raw
     }
 
-    /// Put `contents` at `offset`. The device does not use these bytes now: whoever records draws answers for that.
+    /// Writes `contents` at `offset`. The caller guarantees that the device does not use these bytes now.
     ///
     /// # Panics
-    /// The buffer has fewer bytes.
+    /// If the buffer is too small.
     pub fn write(&mut self, offset: usize, contents: &[u8]) {
         assert!(offset + contents.len() <= self.bytes, "{} bytes at {offset} of {}", contents.len(), self.bytes);
-        // SAFETY: so many bytes are mapped, checked above; `&mut` keeps others of the host away.
+        // SAFETY: that many bytes are mapped, as checked above; `&mut` excludes other accesses of the host.
         unsafe { self.mapped.add(offset).copy_from_nonoverlapping(contents.as_ptr(), contents.len()) };
     }
 
-    /// What is in it. Whatever wrote it has finished: whoever submits answers for that.
+    /// Returns the contents. The caller guarantees that writes by the device have finished.
     pub fn contents(&self) -> &[u8] {
         // SAFETY: so many bytes are mapped and initialised, and only `&mut` writes them.
         unsafe { std::slice::from_raw_parts(self.mapped, self.bytes) }
@@ -129,7 +129,7 @@ impl Drop for Buffer {
     }
 }
 
-/// What an image is made for.
+/// The properties of an image to make.
 pub(crate) struct ImageDesc {
     pub(crate) extent: vk::Extent2D,
     pub(crate) format: vk::Format,
@@ -138,7 +138,7 @@ pub(crate) struct ImageDesc {
     pub(crate) aspect: vk::ImageAspectFlags,
 }
 
-/// An image on the device, with a view of all of it.
+/// An image on the device, with a view of the whole image.
 pub(crate) struct Image {
     gpu: Arc<Gpu>,
     pub(crate) raw: vk::Image,
@@ -151,8 +151,8 @@ impl Image {
         let info = vk::ImageCreateInfo::default().image_type(vk::ImageType::TYPE_2D).format(desc.format);
         let info = info.extent(desc.extent.into()).mip_levels(1).array_layers(1).usage(desc.usage);
         let range = vk::ImageSubresourceRange::default().aspect_mask(desc.aspect).level_count(1).layer_count(1);
-        // SAFETY: the device is alive as long as `gpu`; what is made is destroyed by `drop`; the memory is of a type and
-        // size that the image asks for.
+        // SAFETY: the device is alive as long as `gpu`; what is made is destroyed by `drop`; the memory is of a type
+        // and size that the image asks for.
         unsafe {
             let raw = gpu.device.create_image(&info.samples(desc.samples), None).map_err(failed("vkCreateImage"))?;
             let (view, memory) = (vk::ImageView::null(), vk::DeviceMemory::null());

@@ -1,4 +1,4 @@
-//! What is drawn of a mesh, and does not move: indices, texture coordinates, parts.
+//! The static data of a mesh that is drawn: indices, texture coordinates, parts.
 
 use crate::glow::pieces_of;
 use crate::memory::Buffer;
@@ -20,13 +20,13 @@ pub struct Model {
     pub(crate) values: Buffer,
     pub(crate) base: (vk::Buffer, u64),
     pub(crate) parts: Vec<Drawn>,
-    /// Of the box around what is drawn in the base pose, and half its diagonal.
+    /// Middle of the box around the drawn part of the base pose, and half its diagonal.
     pub(crate) middle: Vec4,
-    /// Pieces of a [`Glow`](crate::Glow).
+    /// Number of pieces in a [`Glow`](crate::Glow).
     pub(crate) pieces: usize,
-    /// Vertices of a block; where there are none, of the mesh.
+    /// Vertices per block; for dense formats, of the mesh.
     pub(crate) block: u32,
-    /// Where each vertex of the mesh is in pose buffers.
+    /// For each vertex of the mesh, its index in pose buffers.
     places: Vec<u32>,
 }
 
@@ -38,17 +38,17 @@ pub(crate) struct Drawn {
 }
 
 impl Model {
-    /// Of a `mesh` that was packed as `layout` and uploaded as `uploaded`. `parts` say which triangles are made of what
-    /// ([`parts`](crate::parts)); others are not drawn.
+    /// Makes the model of a `mesh` that was packed as `layout` and uploaded as `uploaded`. `parts` assign materials to
+    /// triangles ([`parts`](crate::parts)); triangles in no part are not drawn.
     ///
-    /// A vertex has the texture coordinates of its first corner: of a [split](deltamorph::MorphSource::split) source those of
-    /// all its corners.
+    /// A vertex has the texture coordinates of its first corner; in a [split](deltamorph::MorphSource::split) source
+    /// all its corners have the same.
     ///
     /// # Errors
-    /// A layout of another mesh; no memory.
+    /// [`Error::Invalid`] if the layout is that of another mesh; an error if there is no memory.
     ///
     /// # Safety
-    /// The model is dropped before `uploaded` is, and only when nothing that was recorded with it is still to run.
+    /// The model is dropped before `uploaded`, and only when no commands recorded with it are still to run.
     pub unsafe fn new(
         renderer: &Renderer,
         mesh: &MorphMesh,
@@ -90,16 +90,16 @@ impl Model {
         })
     }
 
-    /// Set the value of each vertex of the mesh, in its order, for [`Show::Values`](crate::Show::Values). No draw of the
-    /// model is still to run.
+    /// Sets the value of each vertex of the mesh, in the mesh's order, for [`Show::Values`](crate::Show::Values). No
+    /// commands that draw the model may still be pending.
     ///
     /// # Errors
-    /// Another number of values.
+    /// [`Error::Invalid`] if the number of values is not that of vertices.
     pub fn set_values(&mut self, values: &[f32]) -> Result<()> {
         if values.len() != self.places.len() {
             return Err(Error::Invalid {
                 what: format!("{} values for {} vertices", values.len(), self.places.len()),
-                remedy: "hand in one for each vertex of the mesh".into(),
+                remedy: "give one for each vertex of the mesh".into(),
             });
         }
         let most = self.places.iter().max().map_or(0, |&place| place as usize + 1);
@@ -110,13 +110,13 @@ impl Model {
     }
 }
 
-/// Where each vertex of a mesh is in the pose buffers of the packed one.
+/// Returns the index of each vertex of a mesh in the pose buffers of its packed mesh.
 pub(crate) fn places_of(mesh: &MorphMesh, layout: &PackedLayout) -> Result<Vec<u32>> {
     let count = mesh.vertex_count();
     if count != layout.vertex_count {
         return Err(Error::Invalid {
             what: format!("a mesh of {count} vertices, and the layout of one of {}", layout.vertex_count),
-            remedy: "hand in the layout of the packed mesh".into(),
+            remedy: "give the layout of the packed mesh".into(),
         });
     }
     let mut places: Vec<u32> = (0..count as u32).collect();
@@ -124,7 +124,8 @@ pub(crate) fn places_of(mesh: &MorphMesh, layout: &PackedLayout) -> Result<Vec<u
     Ok(places)
 }
 
-/// The edges of the faces that `parts` draw, each once, from the lower vertex to the higher: diagonals of a face are none.
+/// Returns the edges of the faces that `parts` draw, each once, from the lower vertex to the higher; diagonals of faces
+/// are left out.
 fn edges(mesh: &MorphMesh, parts: &[Part]) -> Vec<[u32; 2]> {
     let around = |corners: &[u32]| -> Vec<[u32; 2]> {
         let next = corners.iter().cycle().skip(1);

@@ -1,13 +1,14 @@
-//! The SPIR-V modules, checked in: `UPDATE_SPIRV=1 cargo test -p deltamorph-render --test spirv` makes them of glsl/.
+//! The SPIR-V modules, checked in: `UPDATE_SPIRV=1 cargo test -p deltamorph-render --test spirv` compiles them from
+//! glsl/.
 
 use deltamorph::{Error, PoseFormat, Result};
 
 /// The vertex modules for poses of one format.
 pub(crate) struct Modules {
     pub(crate) face: &'static [u8],
-    /// With the previous pose.
+    /// With the previous pose as further input.
     pub(crate) motion: &'static [u8],
-    /// With wrinkle masks.
+    /// With wrinkle masks as further input.
     pub(crate) masks: &'static [u8],
     pub(crate) shadow: &'static [u8],
 }
@@ -28,7 +29,7 @@ pub(crate) const FRAGMENT: &[u8] = include_bytes!("../spirv/face.frag.spv");
 const MODULES: [(&str, Modules); 3] =
     [("float32", modules!("float32")), ("fixed32", modules!("fixed32")), ("fixed16", modules!("fixed16"))];
 
-/// Those for poses of a format.
+/// Returns the modules for poses of a format.
 pub(crate) fn of(pose: PoseFormat) -> Result<&'static Modules> {
     MODULES.iter().find(|(name, _)| *name == pose.name()).map(|(_, modules)| modules).ok_or_else(|| Error::Invalid {
         what: format!("there are no shaders that draw {} poses", pose.name()),

@@ -1,15 +1,15 @@
-//! What a mesh is made of: skin, eyes, teeth. Files that name groups or materials say so; else eyeballs tell themselves by
-//! their shape.
+//! The materials of a mesh: skin, eyes, teeth. They follow from the names of groups or materials in the file; without
+//! names, eyeballs are recognised by their shape.
 
 use deltamorph::MorphMesh;
 use glam::{Mat3, Vec3, Vec4};
 use std::collections::HashMap;
 
-/// What a part is made of. The numbers are those of glsl/scene.glsl.
+/// The material of a part. The numbers are those of glsl/scene.glsl.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
 pub enum Material {
-    /// Skin, and all that nothing else is known of.
+    /// Skin, and everything that is not recognised.
     Skin = 0,
     /// An eyeball.
     Eye = 1,
@@ -20,8 +20,8 @@ pub enum Material {
 }
 
 impl Material {
-    /// What a group or material of this name is probably made of; `None`: it is transparent, and not drawn (tears, the shade
-    /// over an eye; lashes and brows, which are cards with a texture of hairs).
+    /// Returns the probable material of a group or material with this name; `None` if it is transparent, and not drawn
+    /// (tears, the shadow over an eye; lashes and brows, which are cards with a texture of hairs).
     pub fn from_name(name: &str) -> Option<Self> {
         let name = name.to_lowercase();
         let has = |words: &[&str]| words.iter().any(|word| name.contains(word));
@@ -41,16 +41,16 @@ impl Material {
 /// Triangles of one material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Part {
-    /// What it is made of.
+    /// The material.
     pub material: Material,
-    /// Three vertices of the mesh each.
+    /// Three vertices of the mesh for each triangle.
     pub triangles: Vec<[u32; 3]>,
-    /// Of an eyeball, the middle and the radius in the base pose.
+    /// Middle and radius of an eyeball in the base pose; `None` for other parts.
     pub ball: Option<Vec4>,
 }
 
-/// The parts of a mesh. `names` has a name for each face, or none at all: eyeballs are found by their shape then, and all
-/// else is skin.
+/// Returns the parts of a mesh. `names` has a name for each face, or is empty: eyeballs are then recognised by their
+/// shape, and everything else is skin.
 pub fn parts(mesh: &MorphMesh, names: &[impl AsRef<str>]) -> Vec<Part> {
     let mut kinds: HashMap<&str, Option<Material>> = HashMap::new();
     let mut faces: Vec<(Option<Material>, [u32; 3])> = vec![];
@@ -78,7 +78,7 @@ pub fn parts(mesh: &MorphMesh, names: &[impl AsRef<str>]) -> Vec<Part> {
             None => parts.push(Part { material, triangles: triangles.clone(), ball }),
         }
     }
-    // What lies in front of an eyeball, as an iris of its own, goes with the nearest one.
+    // A piece in front of an eyeball, such as a separate iris, belongs to the nearest eyeball.
     let balls: Vec<Vec4> = parts.iter().filter_map(|part| part.ball).collect();
     for part in parts.iter_mut().filter(|part| part.material == Material::Eye && part.ball.is_none()) {
         let middle = middle(mesh, &part.triangles);
@@ -86,14 +86,14 @@ pub fn parts(mesh: &MorphMesh, names: &[impl AsRef<str>]) -> Vec<Part> {
         part.ball =
             balls.iter().copied().filter(|ball| off(ball) < 1.5 * ball.w).min_by(|a, b| off(a).total_cmp(&off(b)));
     }
-    // A pair: one ball alone is a button.
+    // Eyes come in pairs: a single ball may be a button.
     if !named && balls.len() < 2 {
         parts.iter_mut().for_each(|part| (part.material, part.ball) = (Material::Skin, None));
     }
     parts
 }
 
-/// Triangles that hang together and are of one material.
+/// Groups triangles that are connected and have the same material.
 fn pieces(mesh: &MorphMesh, faces: &[(Option<Material>, [u32; 3])]) -> Vec<(Option<Material>, Vec<[u32; 3]>)> {
     let welded = |v: u32| mesh.welds.get(v as usize).copied().unwrap_or(v);
     let mut parents: Vec<u32> = (0..mesh.vertex_count() as u32).collect();
@@ -130,11 +130,11 @@ fn middle(mesh: &MorphMesh, triangles: &[[u32; 3]]) -> Vec3 {
     positions(mesh, triangles).sum::<Vec3>() / (3 * triangles.len()).max(1) as f32
 }
 
-/// The sphere that lies closest to the corners, in the sense of least squares of |p|² − 2 c·p + (c² − r²): middle and radius.
+/// Fits a sphere to the corners, by least squares of |p|² − 2 c·p + (c² − r²); returns its middle and radius.
 fn sphere(mesh: &MorphMesh, triangles: &[[u32; 3]]) -> Option<Vec4> {
     let origin = middle(mesh, triangles);
     let points = || positions(mesh, triangles).map(|p| p - origin);
-    // The points' mean is the origin, so that the middle is found by itself: 2 (Σ p pᵀ) c = Σ |p|² p.
+    // With the points' mean as origin, the middle has its own equation: 2 (Σ p pᵀ) c = Σ |p|² p.
     let (mut products, mut right, mut squares) = (Mat3::ZERO, Vec3::ZERO, 0.0);
     for p in points() {
         products += Mat3::from_cols(p * p.x, p * p.y, p * p.z);
@@ -147,10 +147,10 @@ fn sphere(mesh: &MorphMesh, triangles: &[[u32; 3]]) -> Option<Vec4> {
     (triangles.len() >= 12 && centre.is_finite() && radius.is_finite()).then(|| (origin + centre).extend(radius))
 }
 
-/// Whether the corners lie on the sphere, all around most of it, and it has an eye's size.
+/// Whether the corners lie on the sphere and cover most of it, and the sphere is as large as an eye.
 fn is_eyeball(mesh: &MorphMesh, triangles: &[[u32; 3]], ball: &Vec4) -> bool {
     let (centre, radius) = (ball.truncate(), ball.w);
-    // A cornea bulges by an eighth.
+    // The cornea bulges by an eighth.
     let mean = positions(mesh, triangles).map(|p| (p.distance(centre) / radius - 1.0).abs()).sum::<f32>();
     let (low, high) = positions(mesh, triangles).fold((Vec3::MAX, Vec3::MIN), |(l, h), p| (l.min(p), h.max(p)));
     let size = (high - low).min_element() / radius;

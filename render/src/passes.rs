@@ -1,4 +1,4 @@
-//! The render passes: which images they end in, and what waits for what.
+//! The render passes, with their attachments and dependencies.
 
 use crate::memory::{Gpu, failed};
 use deltamorph::ash::vk;
@@ -6,7 +6,7 @@ use deltamorph::{PoseFormat, Result};
 use std::slice::from_ref;
 use vk::{AccessFlags as Access, ImageLayout as Layout, PipelineStageFlags as Stage};
 
-/// Edge of the shadow map.
+/// Edge of the shadow map, in texels.
 pub(crate) const SHADOW_EDGE: u32 = 1024;
 pub(crate) const SHADOW_FORMAT: vk::Format = vk::Format::D16_UNORM;
 pub(crate) const SAMPLES: vk::SampleCountFlags = vk::SampleCountFlags::TYPE_4;
@@ -16,21 +16,21 @@ const ONE: vk::SampleCountFlags = vk::SampleCountFlags::TYPE_1;
 const KEEP: vk::AttachmentStoreOp = vk::AttachmentStoreOp::STORE;
 const DROP: vk::AttachmentStoreOp = vk::AttachmentStoreOp::DONT_CARE;
 
-/// What a renderer draws into and from.
+/// Formats and options of a renderer.
 #[derive(Clone, Copy, Debug)]
 pub struct RendererDesc {
-    /// Of the image views that are drawn into. A format of sRGB: shaders write linear colours.
+    /// Format of the image views that are drawn into. It must be an sRGB format: shaders write linear colours.
     pub format: vk::Format,
-    /// The layout that images are left in: to be copied (`TRANSFER_SRC_OPTIMAL`), shown (`PRESENT_SRC_KHR`), or drawn over
-    /// (`COLOR_ATTACHMENT_OPTIMAL`).
+    /// Layout in which images are left: for copies (`TRANSFER_SRC_OPTIMAL`), presentation (`PRESENT_SRC_KHR`), or
+    /// further draws (`COLOR_ATTACHMENT_OPTIMAL`).
     pub layout: vk::ImageLayout,
-    /// Of the poses that are drawn.
+    /// Format of the poses that are drawn.
     pub pose: PoseFormat,
-    /// Whether [`Show::Wrinkles`](crate::Show::Wrinkles) is drawn: it takes pipelines of its own.
+    /// Whether [`Show::Wrinkles`](crate::Show::Wrinkles) can be drawn, which needs further pipelines.
     pub masks: bool,
 }
 
-/// An image that a pass clears first.
+/// Describes an attachment that is cleared by the pass.
 fn attachment(
     format: vk::Format,
     samples: vk::SampleCountFlags,
@@ -45,13 +45,13 @@ fn reference(attachment: u32, layout: Layout) -> vk::AttachmentReference {
     vk::AttachmentReference { attachment, layout }
 }
 
-/// Depth as the key light sees it, for fragment shaders to read.
+/// Makes the shadow pass: depth as seen from the key light, to be read by fragment shaders.
 pub(crate) fn shadow(gpu: &Gpu) -> Result<vk::RenderPass> {
     let attachments = [attachment(SHADOW_FORMAT, ONE, KEEP, Layout::DEPTH_STENCIL_READ_ONLY_OPTIMAL)];
     let depth = reference(0, Layout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL);
     let subpass = vk::SubpassDescription::default().depth_stencil_attachment(&depth);
     let dependencies = [
-        // After the draws that have read the map before.
+        // Waits for the draws that have read the map before.
         vk::SubpassDependency::default()
             .src_subpass(OUTSIDE)
             .src_stage_mask(Stage::FRAGMENT_SHADER | Stage::LATE_FRAGMENT_TESTS)
@@ -71,7 +71,7 @@ pub(crate) fn shadow(gpu: &Gpu) -> Result<vk::RenderPass> {
     pass.map_err(failed("vkCreateRenderPass"))
 }
 
-/// A picture: samples of colours and depth, averaged into the image of the host's.
+/// Makes the picture pass: multisampled colours and depth, resolved into the host's image.
 pub(crate) fn picture(gpu: &Gpu, desc: &RendererDesc, depth_format: vk::Format) -> Result<vk::RenderPass> {
     let RendererDesc { format, layout, .. } = *desc;
     let attachments = [
@@ -88,14 +88,14 @@ pub(crate) fn picture(gpu: &Gpu, desc: &RendererDesc, depth_format: vk::Format) 
     let written = Access::COLOR_ATTACHMENT_WRITE | Access::DEPTH_STENCIL_ATTACHMENT_WRITE;
     let read = Access::COLOR_ATTACHMENT_READ | Access::DEPTH_STENCIL_ATTACHMENT_READ;
     let dependencies = [
-        // After what was drawn into the images before, and copied from them.
+        // Waits for earlier draws into the images, and copies from them.
         vk::SubpassDependency::default()
             .src_subpass(OUTSIDE)
             .src_stage_mask(drawing | Stage::TRANSFER)
             .src_access_mask(written)
             .dst_stage_mask(drawing)
             .dst_access_mask(written | read),
-        // Before the image is copied, or drawn over.
+        // Makes later copies of the image, and draws over it, wait.
         vk::SubpassDependency::default()
             .dst_subpass(OUTSIDE)
             .src_stage_mask(drawing)

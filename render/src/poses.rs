@@ -1,36 +1,38 @@
-//! Where the poses of a picture come from.
+//! The source of the poses of a picture.
 
 use crate::wrinkles::MaskPlace;
 use deltamorph::{CpuCrowd, PackedMesh, Result, UpdateDesc};
 use std::ops::Range;
 
-/// Where the poses of a picture come from.
+/// The source of the poses of a picture.
 #[derive(Clone, Copy, Debug)]
 pub enum Poses<'a> {
-    /// Of the crowd, which is asked for these weights: those of each head.
+    /// The crowd computes them, from these weights of each head.
     Weights(&'a [&'a [f32]]),
-    /// From the host: that of each head.
+    /// The host provides the pose of each head.
     Stored(&'a [StoredPose<'a>]),
 }
 
-/// A pose of the host's.
+/// A pose that the host provides.
 #[derive(Clone, Copy, Debug)]
 pub struct StoredPose<'a> {
-    /// As its format stores it.
+    /// The bytes of the pose in its format.
     pub pose: &'a [u8],
-    /// [`PoseView::units`](deltamorph::PoseView::units); 1 of float32 poses.
+    /// The units of integers: [`PoseView::units`](deltamorph::PoseView::units); 1 for float32 poses.
     pub units: [f32; 2],
     /// The vertices that changed.
     pub changed: &'a [Range<u32>],
-    /// For [`Show::Wrinkles`](crate::Show::Wrinkles), the pose of the group that has the masks ([`MaskPlace::group`](crate::wrinkles::MaskPlace)), and its units.
+    /// For [`Show::Wrinkles`](crate::Show::Wrinkles), the pose of the group that has the masks
+    /// ([`MaskPlace::group`](crate::wrinkles::MaskPlace)), and its units.
     pub masks: Option<(&'a [u8], [f32; 2])>,
 }
 
 impl<'a> StoredPose<'a> {
-    /// Of a head of a crowd on the path `cpu`, which updates `mesh` as `desc` says; `changed`: [`CpuCrowd::changed`].
+    /// Takes the pose of a head from a crowd on the path `cpu`, which updates `mesh` as `desc` says. `changed` is
+    /// [`CpuCrowd::changed`].
     ///
     /// # Errors
-    /// A head that the crowd does not have; poses that cannot hold the mesh.
+    /// The crowd does not have the head; or poses of the format cannot hold the mesh.
     pub fn new(
         crowd: &'a CpuCrowd,
         head: usize,

@@ -13,26 +13,29 @@ use glam::Vec4;
 use std::ops::Range;
 use std::slice::from_ref;
 
-/// What edges are made of: `WIRE` in glsl/scene.glsl, where [`Material`](crate::Material) has its numbers, too.
+/// The material number of edges: `WIRE` in glsl/scene.glsl, which also has the numbers of
+/// [`Material`](crate::Material).
 const WIRE: u32 = 4;
 
 impl Renderer {
-    /// Draw heads of `model` into `target`, in front of `background` (linear red, green, blue, and opacity).
+    /// Records draws of heads of `model` into `target`, in front of `background` (linear red, green, blue, and
+    /// opacity).
     ///
-    /// This records: a pass into the target's shadow map, and a pass into its image, which ends in the layout of
-    /// [`RendererDesc::layout`](crate::RendererDesc), ready for copies (`TRANSFER`) and for draws over it (`COLOR_ATTACHMENT_OUTPUT`). What was
-    /// bound before is bound no longer.
+    /// There are two passes: one into the target's shadow map, and one into its image, which ends in the layout of
+    /// [`RendererDesc::layout`](crate::RendererDesc), ready for copies (`TRANSFER`) and for draws over it
+    /// (`COLOR_ATTACHMENT_OUTPUT`). Earlier bindings of the command buffer are lost.
     ///
     /// # Errors
-    /// More heads than the target was made for; wrinkles to show, and a renderer or a head without masks.
+    /// [`Error::Invalid`] if there are more heads than the target was made for, or wrinkles are to be shown, and the
+    /// renderer or a head has no masks.
     ///
     /// # Safety
-    /// - `cmd` is a primary command buffer that is recording on the renderer's device, outside a render pass, on a queue
-    ///   with graphics.
-    /// - Model and target were made with this renderer; nothing recorded with the target before is still to run. Its image
-    ///   view is alive.
-    /// - The poses are of the renderer's format and of the model's mesh, tightly packed, ready for vertex-attribute reads,
-    ///   and alive until this has run.
+    /// - `cmd` is a primary command buffer that is recording on the renderer's device, outside a render pass, on a
+    ///   queue with graphics.
+    /// - Model and target were made with this renderer; no commands recorded with the target before are still to run.
+    ///   Its image view is alive.
+    /// - The poses are of the renderer's format and of the model's mesh, tightly packed, ready for vertex-attribute
+    ///   reads, and alive until the commands have run.
     pub unsafe fn record(
         &self,
         cmd: vk::CommandBuffer,
@@ -43,7 +46,7 @@ impl Renderer {
         background: [f32; 4],
     ) -> Result<()> {
         target.write(scene, model, heads)?;
-        target.check_told(model, scene.show)?;
+        target.check_glow(model, scene.show)?;
         self.check_masks(heads, scene.show)?;
         let device = &self.gpu.device;
         let far = vk::ClearValue { depth_stencil: vk::ClearDepthStencilValue { depth: 1.0, stencil: 0 } };
@@ -86,8 +89,8 @@ impl Renderer {
                 // SAFETY: as above.
                 unsafe { device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, pipeline) };
                 for (i, head) in heads.iter().enumerate() {
-                    // SAFETY: as above; the target has room for what is told of so many heads, and the poses are those of
-                    // the mesh.
+                    // SAFETY: as above; the target has room for the data of this number of heads, and the poses are
+                    // those of the mesh.
                     unsafe { self.record_head(cmd, target, model, head, i, what) };
                 }
             }
@@ -97,7 +100,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Refuse to show wrinkles without masks.
+    /// Checks that wrinkles are only shown with masks.
     fn check_masks(&self, heads: &[Head], show: Show) -> Result<()> {
         if show != Show::Wrinkles || self.desc.masks && heads.iter().all(|head| head.masks.is_some()) {
             return Ok(());
@@ -106,13 +109,14 @@ impl Renderer {
             true => "wrinkles of heads without masks",
             false => "wrinkles, which the renderer was not made for",
         };
-        let remedy = "add masks to the mesh with wrinkles::add before it is packed, and name them in RendererDesc::masks and Head::masks";
+        let remedy = "add masks to the mesh with wrinkles::add before it is packed, and name them in \
+                      RendererDesc::masks and Head::masks";
         Err(Error::Invalid { what: what.into(), remedy: remedy.into() })
     }
 
     /// # Safety
-    /// As [`record`](Self::record), with `cmd` inside a pass whose pipeline is bound; the target knows of `number` heads
-    /// and one more.
+    /// Those of [`record`](Self::record), with `cmd` inside a pass whose pipeline is bound; the target has data of more
+    /// than `number` heads.
     unsafe fn record_head(
         &self,
         cmd: vk::CommandBuffer,
@@ -141,11 +145,11 @@ impl Renderer {
             device.cmd_bind_index_buffer(cmd, indices.raw, 0, vk::IndexType::UINT32);
         }
         let draw = |indices: Range<u32>, material: u32, ball: Vec4| {
-            let first_told = (number * target.told()) as u32;
+            let first_told = (number * target.glow_numbers()) as u32;
             let (ball, units, block) = (ball.to_array(), head.units, model.block);
             let mask_units = head.masks.map_or([1.0; 2], |masks| masks.units);
             let push = PartPush { ball, units, mask_units, material, first_told, block };
-            // SAFETY: as above; so many indices are in the buffer.
+            // SAFETY: as above; the indices are in the buffer.
             unsafe {
                 device.cmd_push_constants(cmd, self.layout, both, 0, bytes_of(&push));
                 device.cmd_draw_indexed(cmd, indices.len() as u32, 1, indices.start, 0, 0);
@@ -166,7 +170,7 @@ impl Renderer {
     }
 }
 
-/// What is drawn of a head.
+/// The part of a head that is drawn.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum What {
     Shadows,

@@ -9,19 +9,19 @@ use deltamorph::ash::{self, vk};
 use std::slice::from_ref;
 use std::sync::Arc;
 
-/// Where the inputs of poses begin, behind those of our own: see glsl/face.vert.
+/// First location of pose inputs, after our own: see glsl/face.vert.
 const POSE_LOCATION: u32 = 4;
-/// Where the wrinkle masks are, behind all of them.
+/// Location of the wrinkle masks, after all others.
 const MASK_LOCATION: u32 = 10;
 /// The binding of the wrinkle masks.
 pub(crate) const MASK_BINDING: u32 = 5;
 
-/// What a pipeline draws.
+/// The kind of geometry that a pipeline draws.
 #[derive(Clone, Copy)]
 enum Drawn {
     /// Both sides of faces.
     All,
-    /// Those that are not culled.
+    /// Faces that are not culled.
     Faces {
         cull: vk::CullModeFlags,
         plain: bool,
@@ -32,7 +32,7 @@ enum Drawn {
 /// Bindings and attributes.
 type Input = (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>);
 
-/// Draws poses of one format. Everything is made on the host's device; see [`Renderer::new`] for what the host answers for.
+/// Draws poses of one format. Everything is made on the host's device; [`Renderer::new`] lists the host's obligations.
 pub struct Renderer {
     pub(crate) gpu: Arc<Gpu>,
     pub(crate) desc: RendererDesc,
@@ -43,30 +43,30 @@ pub struct Renderer {
     pub(crate) sampler: vk::Sampler,
     pub(crate) layout: vk::PipelineLayout,
     pub(crate) shadow: vk::Pipeline,
-    /// Of front faces, and of back faces. Both are seen, since faces have openings, but most of what faces backwards is
-    /// hidden: drawn last, it is not shaded.
+    /// For front faces, and for back faces. Both are visible, since meshes have openings, but most back faces are
+    /// hidden: drawn last, they are not shaded.
     pub(crate) shaded: [vk::Pipeline; 2],
-    /// As `shaded`, of what is not shown otherwise and no eyeball.
+    /// Like `shaded`, for everything but eyeballs that is not drawn in another way.
     pub(crate) plain: [vk::Pipeline; 2],
-    /// As `shaded`, with the previous pose.
+    /// Like `shaded`, with the previous pose.
     pub(crate) motion: [vk::Pipeline; 2],
-    /// As `shaded`, with wrinkle masks; null where the renderer was not made for them.
+    /// Like `shaded`, with wrinkle masks; null if the renderer was made without them.
     pub(crate) wrinkled: [vk::Pipeline; 2],
-    /// As `shaded`, of lines.
+    /// Like `shaded`, for lines.
     pub(crate) lines: vk::Pipeline,
 }
 
 impl Renderer {
-    /// Make passes and pipelines.
+    /// Makes passes and pipelines.
     ///
     /// # Errors
-    /// A device that fails, or lacks memory.
+    /// The device fails or lacks memory.
     ///
     /// # Safety
-    /// - The handles belong together, and outlive the renderer and all [models](crate::Model) and [targets](crate::Target)
-    ///   made with it.
-    /// - Vulkan 1.1; the format can be drawn into with four samples.
-    /// - A renderer, model or target is dropped only when nothing that was recorded with it is still to run.
+    /// - The handles belong together, and outlive the renderer and all [models](crate::Model) and
+    ///   [targets](crate::Target) made with it.
+    /// - The device has Vulkan 1.1; images of the format can be drawn into with four samples.
+    /// - A renderer, model or target is dropped only when no commands recorded with it are still to run.
     pub unsafe fn new(
         instance: &ash::Instance,
         physical: vk::PhysicalDevice,
@@ -75,7 +75,7 @@ impl Renderer {
     ) -> Result<Self> {
         // SAFETY: the caller's obligations.
         let gpu = unsafe { Gpu::new(instance, physical, device) };
-        // One of the two is promised; 32 bits are better.
+        // Vulkan guarantees one of the two; 32 bits are better.
         let usable = |format: &vk::Format| {
             // SAFETY: the physical device is the instance's.
             let properties = unsafe { instance.get_physical_device_format_properties(physical, *format) };
@@ -106,13 +106,13 @@ impl Renderer {
         Ok(this)
     }
 
-    /// A buffer of so many bytes (≥ 1), all 0: for poses of the host's, or for pixels that are copied.
+    /// Makes a buffer of `bytes` (≥ 1), all 0: for poses of the host, or for pixels that are copied.
     ///
     /// # Errors
-    /// No memory.
+    /// There is no memory.
     ///
     /// # Safety
-    /// It is written, and dropped, only when nothing that was recorded with it is still to run.
+    /// The buffer is written and dropped only when no commands recorded with it are still to run.
     pub unsafe fn buffer(&self, bytes: usize, usage: vk::BufferUsageFlags) -> Result<crate::Buffer> {
         crate::Buffer::new(&self.gpu, bytes, usage, true)
     }
@@ -130,7 +130,7 @@ impl Renderer {
             binding(2, vk::DescriptorType::STORAGE_BUFFER, vk::ShaderStageFlags::VERTEX),
         ];
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
-        // Beyond the map nothing casts shadows.
+        // Outside the map there are no shadows.
         let edge = vk::SamplerAddressMode::CLAMP_TO_BORDER;
         let sampler = vk::SamplerCreateInfo::default().address_mode_u(edge).address_mode_v(edge).address_mode_w(edge);
         let sampler = sampler.border_color(vk::BorderColor::FLOAT_OPAQUE_WHITE);
@@ -152,7 +152,7 @@ impl Renderer {
         let modules = modules::of(self.desc.pose)?;
         let (bindings, mut attributes) = self.desc.pose.vertex_input(false);
         attributes.iter_mut().for_each(|attribute| attribute.location += POSE_LOCATION);
-        // The map needs positions alone, but the shader declares all inputs of the poses.
+        // The map only needs positions, but the shader declares all inputs of the poses.
         self.shadow = self.pipeline(self.shadow_pass, &[modules.shadow], (bindings, attributes), Drawn::All)?;
         self.lines = self.pictured(modules.face, self.input(false), Drawn::Lines)?;
         for (side, cull) in [vk::CullModeFlags::BACK, vk::CullModeFlags::FRONT].into_iter().enumerate() {
@@ -167,13 +167,13 @@ impl Renderer {
         Ok(())
     }
 
-    /// A pipeline of the picture.
+    /// Makes a pipeline of the picture pass.
     fn pictured(&self, module: &'static [u8], input: Input, drawn: Drawn) -> Result<vk::Pipeline> {
         self.pipeline(self.pass, &[module, modules::FRAGMENT], input, drawn)
     }
 
-    /// What face.vert reads: binding 0 has the pose, 1 the base pose, whatever the format; 2 texture coordinates; 3 values;
-    /// 4 the previous pose, if any.
+    /// Returns the inputs of face.vert: binding 0 has the pose, 1 the base pose, whatever the format; 2 texture
+    /// coordinates; 3 values; 4 the previous pose, if any.
     fn input(&self, previous: bool) -> Input {
         let (mut bindings, mut attributes) = self.desc.pose.vertex_input(previous);
         let last = bindings.len() as u32 - 1;
@@ -203,7 +203,8 @@ impl Renderer {
         (bindings, attributes)
     }
 
-    /// The same, and the wrinkle masks: two numbers of a pose's format, which lie as far apart as poses' vertices.
+    /// Returns the inputs with the wrinkle masks added: two numbers in the format of poses, with the stride of pose
+    /// vertices.
     fn masked_input(&self) -> Input {
         let (mut bindings, mut attributes) = self.input(false);
         let format = match self.desc.pose.stride() {
@@ -217,7 +218,7 @@ impl Renderer {
         (bindings, attributes)
     }
 
-    /// A pipeline of a vertex module and, where there are colours, a fragment module.
+    /// Makes a pipeline of a vertex module and, if colours are drawn, a fragment module.
     fn pipeline(
         &self,
         pass: vk::RenderPass,
@@ -280,7 +281,7 @@ impl Renderer {
             .layout(self.layout)
             .render_pass(pass);
         let info = if colours { info.color_blend_state(&blend) } else { info };
-        // SAFETY: all that `info` points to is alive, and made for this device.
+        // SAFETY: everything that `info` points to is alive, and made for this device.
         let pipelines = unsafe { device.create_graphics_pipelines(vk::PipelineCache::null(), from_ref(&info), None) };
         self.destroy_modules(made);
         pipelines.map(|made| made[0]).map_err(|(_, error)| failed("vkCreateGraphicsPipelines")(error))
@@ -295,7 +296,7 @@ impl Renderer {
 impl Drop for Renderer {
     fn drop(&mut self) {
         let device = &self.gpu.device;
-        // SAFETY: ours, destroyed once, and not in use: the caller of `new` says so.
+        // SAFETY: ours, destroyed once, and not in use, as the caller of `new` guarantees.
         unsafe {
             let faces = [self.shaded, self.plain, self.motion, self.wrinkled].into_iter().flatten();
             let pipelines = [self.shadow, self.lines].into_iter().chain(faces);

@@ -1,4 +1,4 @@
-//! What the shaders are told: of the light and the camera, of each head, and of each part of a mesh.
+//! The data for shaders: the light and the camera, each head, and each part of a mesh.
 
 use crate::camera::{View, direction};
 use bytemuck::{Pod, Zeroable};
@@ -6,39 +6,39 @@ use deltamorph::ash::vk;
 use deltamorph::{PoseView, StreamView};
 use glam::{Mat4, Vec3, Vec4};
 
-/// What is shown of a surface.
+/// The appearance of a surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Show {
     /// Skin, eyes and teeth.
     #[default]
     Shaded,
-    /// A checker of so many squares from side to side of the texture, through the texture coordinates.
+    /// A checker pattern on the texture coordinates; the number is that of squares from side to side of the texture.
     Checker(f32),
-    /// How far each vertex is from the base pose, in input units; the number is the end of the scale.
+    /// Distance of each vertex from the base pose, in input units; the number is the end of the scale.
     Distance(f32),
-    /// [`Model::set_values`](crate::Model::set_values); the number is the end of the scale.
+    /// The values of [`Model::set_values`](crate::Model::set_values); the number is the end of the scale.
     Values(f32),
     /// Normals as colours.
     Normals,
-    /// The edges of faces, those in front: triangles that faces of more corners are drawn as do not show.
+    /// The visible edges of faces, without the diagonals of faces that have more than three corners.
     Wire,
-    /// How far each vertex has come from the previous pose ([`Head::previous`]), in input units; the number is the end of the
-    /// scale.
+    /// Distance of each vertex from the previous pose ([`Head::previous`]), in input units; the number is the end of
+    /// the scale.
     Motion(f32),
-    /// What updates have changed glows, and goes out ([`Target::set_glow`](crate::Target::set_glow)).
+    /// Vertices that updates have changed glow, and fade ([`Target::set_glow`](crate::Target::set_glow)).
     Blocks,
-    /// As shaded, with wrinkles where the skin is compressed, by the masks of each head ([`Head::masks`]).
+    /// Like [`Self::Shaded`], with wrinkles where the skin is compressed, from each head's masks ([`Head::masks`]).
     Wrinkles,
 }
 
 /// The lights: a key light that casts shadows, a fill light on the other side, a rim light from behind.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
-    /// Degrees from the camera to the key light, to the right.
+    /// Degrees to the right, from the camera to the key light.
     pub yaw: f32,
-    /// Degrees up.
+    /// Degrees upwards, from the camera to the key light.
     pub pitch: f32,
-    /// How bright the key light is; the others follow. 1 is usual, 0 leaves what is around.
+    /// Brightness of the key light; the other lights scale with it. 1 is usual; 0 leaves the ambient light.
     pub strength: f32,
 }
 
@@ -48,68 +48,69 @@ impl Default for Light {
     }
 }
 
-/// Heads are drawn as a camera sees them, in a light.
+/// The view, the light and the appearance of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scene {
     /// The camera.
     pub view: View,
     /// The lights.
     pub light: Light,
-    /// What is shown.
+    /// The appearance of surfaces.
     pub show: Show,
 }
 
 /// A head to draw.
 #[derive(Clone, Copy, Debug)]
 pub struct Head {
-    /// The buffer that its pose is in, as a vertex buffer.
+    /// The buffer with its pose, as a vertex buffer.
     pub buffer: vk::Buffer,
-    /// Where the pose begins there, in bytes.
+    /// Offset of the pose in the buffer, in bytes.
     pub offset: u64,
-    /// [`PoseView::units`]; 1 of float32 poses.
+    /// The units of integers: [`PoseView::units`]; 1 for float32 poses.
     pub units: [f32; 2],
-    /// Where it stands: turned, moved and scaled by one factor.
+    /// Its transform: rotation, translation and a uniform scale.
     pub place: Mat4,
-    /// The buffer that its previous pose is in, and where it begins there: for [`Show::Motion`].
+    /// The buffer with its previous pose, and the offset there: for [`Show::Motion`].
     pub previous: (vk::Buffer, u64),
     /// The wrinkle masks of the pose: for [`Show::Wrinkles`].
     pub masks: Option<Masks>,
 }
 
-/// The wrinkle masks of a head's pose, which the engine sums as any stream of the mesh ([`wrinkles::add`](crate::wrinkles::add)).
+/// The wrinkle masks of a head's pose. The engine sums them like any stream of the mesh
+/// ([`wrinkles::add`](crate::wrinkles::add)).
 #[derive(Clone, Copy, Debug)]
 pub struct Masks {
-    /// The buffer that they are in, as a vertex buffer: as far apart as vertices of the pose, and stored as these are.
+    /// The buffer with the masks, as a vertex buffer, with the stride and number format of the pose.
     pub buffer: vk::Buffer,
-    /// Where the first begins there, in bytes.
+    /// Offset of the first mask in the buffer, in bytes.
     pub offset: u64,
-    /// What an integer of each is; 1 of float32 poses.
+    /// The unit of each integer; 1 for float32 poses.
     pub units: [f32; 2],
 }
 
 impl Masks {
-    /// As [`Crowd::stream`](deltamorph::Crowd::stream) has them.
+    /// Takes the masks from [`Crowd::stream`](deltamorph::Crowd::stream).
     pub fn new(stream: &StreamView) -> Self {
         Self { buffer: stream.buffer, offset: stream.offset, units: [stream.units[0], stream.units[1]] }
     }
 }
 
 impl Head {
-    /// A head of a crowd's, which does not move.
+    /// Makes a head of a crowd's pose, without a previous pose.
     pub fn new(pose: &PoseView, place: Mat4) -> Self {
         let (buffer, offset, units) = (pose.buffer, pose.offset, pose.units);
         Self { buffer, offset, units, place, previous: (buffer, offset), masks: None }
     }
 
-    /// That comes from `pose`, as [`Crowd::previous_pose`](deltamorph::Crowd::previous_pose) has it; without one it does not
-    /// move.
+    /// Sets the previous pose, as returned by [`Crowd::previous_pose`](deltamorph::Crowd::previous_pose); without one
+    /// the head does not move.
     #[must_use]
     pub fn previous(mut self, pose: Option<&PoseView>) -> Self {
         self.previous = pose.map_or((self.buffer, self.offset), |pose| (pose.buffer, pose.offset));
         self
     }
 
-    /// With wrinkle masks.
+    /// Sets the wrinkle masks.
     #[must_use]
     pub fn masks(mut self, masks: Option<Masks>) -> Self {
         self.masks = masks;
@@ -117,7 +118,7 @@ impl Head {
     }
 }
 
-/// `Scene` in glsl/scene.glsl.
+/// The block `Scene` of glsl/scene.glsl.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(crate) struct HeadScene {
@@ -131,7 +132,7 @@ pub(crate) struct HeadScene {
     show: Vec4,
 }
 
-/// `Part` in glsl/scene.glsl.
+/// The block `Part` of glsl/scene.glsl.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(crate) struct PartPush {
@@ -139,19 +140,19 @@ pub(crate) struct PartPush {
     pub(crate) units: [f32; 2],
     pub(crate) mask_units: [f32; 2],
     pub(crate) material: u32,
-    /// Of the head, in `told`.
+    /// Index of the head's first number in `told`.
     pub(crate) first_told: u32,
     pub(crate) block: u32,
 }
 
 impl Scene {
-    /// Of a head that `place` puts into the scene; `middle` of what is drawn, and how far it reaches. `texel`: the size of one
-    /// of the shadow map, where there is a map.
+    /// Returns the shader data of a head with the transform `place`; `middle` has the middle and the radius of the
+    /// drawn geometry. `texel`: the size of a texel of the shadow map.
     pub(crate) fn head(&self, place: &Mat4, middle: Vec4, texel: f32) -> HeadScene {
         let View { clip, eye, axes, ball: (centre, radius) } = self.view;
         let Light { yaw, pitch, strength } = self.light;
         let back = place.inverse();
-        // Lights are far away: directions, of unit length in the head's space as well.
+        // Lights are far away: they have directions, of unit length in the head's space as well.
         let towards =
             |to: Vec3, bright: f32| back.transform_vector3(to).normalize_or(Vec3::Z).extend(bright * strength);
         let key = direction(axes, yaw, pitch);
@@ -180,7 +181,8 @@ impl Scene {
     }
 }
 
-/// To the shadow map of a light in the direction `key`: x and y from 0 to 1, and depth, of a ball and what poses add to it.
+/// Returns the transform to the shadow map of a light in the direction `key` (x, y and depth from 0 to 1), for a ball
+/// around the base pose with room for poses.
 fn shadow(key: Vec3, centre: Vec3, radius: f32) -> Mat4 {
     let right = key.any_orthonormal_vector();
     let (up, reach) = (key.cross(right), 1.0 / (2.4 * radius));
@@ -188,7 +190,7 @@ fn shadow(key: Vec3, centre: Vec3, radius: f32) -> Mat4 {
     Mat4::from_cols(row(right), row(up), row(-key), Vec4::W).transpose()
 }
 
-/// The colour of a value from 0 to the end of the scale (1), in sRGB: `heat` in glsl/heat.glsl.
+/// Returns the colour of a value from 0 to the end of the scale (1), in sRGB: `heat` in glsl/heat.glsl.
 pub fn heat(value: f32) -> [u8; 3] {
     const STOPS: [[f32; 3]; 6] = [
         [0.10, 0.10, 0.11],

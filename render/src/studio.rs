@@ -1,4 +1,4 @@
-//! Pictures without a window: an image of our own, several frames in flight.
+//! Pictures without a window: an image of its own, and several frames in flight.
 
 use crate::glow::Glow;
 use crate::memory::{Buffer, Image, ImageDesc, failed};
@@ -20,72 +20,73 @@ use glam::Mat4;
 use std::collections::VecDeque;
 use std::slice::from_ref;
 
-/// Linear colours go in, sRGB comes out.
+/// Shaders write linear colours, and the image stores sRGB.
 const FORMAT: vk::Format = vk::Format::R8G8B8A8_SRGB;
 
-/// What a studio is set up for.
+/// Options of a [`Studio`].
 #[derive(Clone, Copy, Debug)]
 pub struct StudioDesc {
-    /// Pixels of a picture, across and down (≥ 1).
+    /// Width and height of a picture, in pixels (≥ 1).
     pub size: [u32; 2],
     /// Heads in a picture (≥ 1).
     pub heads: u32,
-    /// Pictures that are worked on at once (≥ 1).
+    /// Most pictures that are drawn at the same time (≥ 1).
     pub in_flight: u32,
-    /// How poses are updated. The path `cpu`: poses come from the host ([`Poses::Stored`]).
+    /// How poses are updated. With the path `cpu`, the host provides poses ([`Poses::Stored`]).
     pub update: UpdateDesc,
-    /// For [`Show::Blocks`]: the share of its brightness that each further picture leaves of what an update changed, 0 to 1.
+    /// For [`Show::Blocks`]: the share of its brightness that a changed vertex keeps from one picture to the next, 0 to
+    /// 1.
     pub afterglow: f32,
 }
 
-/// A picture: red, green, blue and opacity of each pixel in sRGB, row by row from the top; colours are multiplied by the
-/// opacity before they are encoded.
+/// A picture: red, green, blue and opacity of each pixel in sRGB, row by row from the top. Colours are multiplied by
+/// the opacity before they are encoded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Picture {
-    /// Pixels across and down.
+    /// Width and height, in pixels.
     pub size: [u32; 2],
     /// Four bytes a pixel.
     pub rgba: Vec<u8>,
 }
 
-/// A mesh in front of a camera.
+/// Draws pictures of a mesh.
 pub struct Studio<'a> {
     headless: &'a Headless,
     desc: StudioDesc,
     frames: Vec<Frame>,
-    /// Those that are drawn now, the oldest first.
+    /// Frames that are being drawn, the oldest first.
     pending: VecDeque<usize>,
     pool: vk::CommandPool,
     crowd: Option<Crowd>,
-    /// Of each head.
+    /// The glow of each head.
     glow: Vec<Glow>,
-    /// Where stored poses have wrinkle masks, if the mesh has any.
+    /// Location of the wrinkle masks in stored poses, if the mesh has masks.
     masks: Option<MaskPlace>,
-    /// The poses of the picture before, where they are the host's.
+    /// The host's poses of the previous picture.
     last: Vec<u8>,
     model: Model,
     renderer: Renderer,
-    // What the model reads, after the model.
+    // Declared after the model, which reads it.
     _uploaded: GpuMesh,
 }
 
-/// What a picture is drawn with.
+/// The resources of a picture.
 struct Frame {
     target: Target,
     image: Image,
     pixels: Buffer,
-    /// Poses of the host's: those of all heads, behind them those of the picture before, and the groups that have the masks.
+    /// The host's poses: those of all heads, then those of the previous picture, then the groups with the masks.
     poses: Option<Buffer>,
     cmd: vk::CommandBuffer,
     fence: vk::Fence,
 }
 
 impl<'a> Studio<'a> {
-    /// For poses of `mesh`, which was packed as `packed` and is made of `parts`.
+    /// Makes a studio for poses of `mesh`, which was packed as `packed` and consists of `parts`.
     ///
     /// # Errors
-    /// A path that has no pose buffers; what [`create_crowd`](deltamorph::MorphEngine::create_crowd) refuses; pictures larger
-    /// than the device draws; no memory.
+    /// The path has no pose buffers; [`create_crowd`](deltamorph::MorphEngine::create_crowd) fails; pictures are larger
+    /// than the device draws; or there is no memory.
     pub fn new(
         headless: &'a Headless,
         mesh: &MorphMesh,
@@ -97,7 +98,7 @@ impl<'a> Studio<'a> {
         if update.path.evaluates_in_draws() {
             return Err(Error::Invalid {
                 what: format!(
-                    "the path '{}' evaluates in draws of its own, and has no pose to draw",
+                    "the path '{}' evaluates poses in its own draws, and has none to draw",
                     update.path.name()
                 ),
                 remedy: "use blocks, compute or cpu".into(),
@@ -124,7 +125,7 @@ impl<'a> Studio<'a> {
                 remedy: format!("{} draws 1 to {most} pixels across and down", headless.caps().name),
             });
         }
-        // SAFETY: the model goes before what was uploaded does.
+        // SAFETY: the model is dropped before the uploaded mesh.
         let model = unsafe { Model::new(&renderer, mesh, packed.layout(), &uploaded, parts) }?;
         let info = vk::CommandPoolCreateInfo::default().queue_family_index(headless.queue().1);
         let info = info.flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
@@ -149,7 +150,8 @@ impl<'a> Studio<'a> {
         let usage = vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::TRANSFER_SRC;
         let (samples, aspect) = (vk::SampleCountFlags::TYPE_1, vk::ImageAspectFlags::COLOR);
         let image = Image::new(gpu, &ImageDesc { extent, format: FORMAT, samples, usage, aspect })?;
-        // SAFETY: the view is of an image that lives as long as the target, and is what it is said to be.
+        // SAFETY: the view is of an image that lives as long as the target, and has the size and format that are
+        // stated.
         let target = unsafe { Target::new(&self.renderer, image.view, extent, self.desc.heads) }?;
         let bytes = width as usize * height as usize * 4;
         let pixels = Buffer::new(gpu, bytes, vk::BufferUsageFlags::TRANSFER_DST, true)?;
@@ -171,24 +173,24 @@ impl<'a> Studio<'a> {
         Ok(Frame { target, image, pixels, poses, cmd, fence })
     }
 
-    /// Values for [`Show::Values`](crate::Show::Values), one a vertex of the mesh. Waits for pictures that are drawn now, and
-    /// returns them.
+    /// Sets values for [`Show::Values`](crate::Show::Values), one for each vertex of the mesh. Waits for the pictures
+    /// that are being drawn, and returns them.
     ///
     /// # Errors
-    /// As [`Model::set_values`]; a device that fails.
+    /// Those of [`Model::set_values`]; the device fails.
     pub fn set_values(&mut self, values: &[f32]) -> Result<Vec<Picture>> {
         let finished = self.finish()?;
         self.model.set_values(values)?;
         Ok(finished)
     }
 
-    /// Begin a picture of all heads, at `places`, in front of `background` (linear red, green, blue, and opacity; colours
-    /// multiplied by it). Where as many are drawn already as may be, the oldest is waited for, and returned: pictures come
-    /// in the order in which they were begun.
+    /// Begins a picture of all heads, at `places`, in front of `background` (linear red, green, blue, and opacity;
+    /// colours are multiplied by it). If [`StudioDesc::in_flight`] pictures are being drawn already, it waits for the
+    /// oldest and returns it: pictures come in the order in which they were begun.
     ///
     /// # Errors
-    /// Numbers of poses, places and heads that differ; weights that are refused; a device that fails. The picture is not
-    /// drawn then; after a device has failed no other is.
+    /// The numbers of poses, places and heads differ; weights are not valid; or the device fails. The picture is not
+    /// drawn then; after a device has failed, no other is.
     pub fn draw(
         &mut self,
         poses: Poses<'_>,
@@ -203,7 +205,7 @@ impl<'a> Studio<'a> {
         if count != self.desc.heads as usize || places.len() != count {
             return Err(Error::Invalid {
                 what: format!("{count} poses and {} places for {} heads", places.len(), self.desc.heads),
-                remedy: "hand in one of each for every head".into(),
+                remedy: "give one of each for every head".into(),
             });
         }
         let full = self.pending.len() == self.frames.len();
@@ -213,7 +215,7 @@ impl<'a> Studio<'a> {
         let cmd = self.frames[slot].cmd;
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         let device = self.headless.handles().2;
-        // SAFETY: the buffer is ours, and not pending: its fence was waited for.
+        // SAFETY: the buffer is ours, and not pending: its fence has been waited for.
         unsafe { device.begin_command_buffer(cmd, &info) }.map_err(failed("vkBeginCommandBuffer"))?;
         let mut ticket = None;
         let recorded = self.record(slot, poses, places, scene, background, &mut ticket);
@@ -244,13 +246,13 @@ impl<'a> Studio<'a> {
                         if bytes.len() > room {
                             return Err(Error::Invalid {
                                 what: format!("a pose of {} bytes, {room} expected", bytes.len()),
-                                remedy: "hand in poses of the mesh, as CpuCrowd::stored_pose returns them".into(),
+                                remedy: "give poses of the mesh, as CpuCrowd::stored_pose returns them".into(),
                             });
                         }
                         buffer.write(at * room, bytes);
                     }
                 }
-                // The first poses come from nowhere.
+                // The first picture has no previous poses.
                 if self.last.is_empty() {
                     self.last = buffer.contents()[..room * stored.len()].to_vec();
                 }
@@ -259,8 +261,8 @@ impl<'a> Studio<'a> {
             }
             _ => {
                 return Err(Error::Invalid {
-                    what: "poses of the other kind than the studio was made for".into(),
-                    remedy: "hand in stored poses on the path cpu, else weights".into(),
+                    what: "poses of another kind than the studio was made for".into(),
+                    remedy: "give stored poses on the path cpu, otherwise weights".into(),
                 });
             }
         }
@@ -280,8 +282,9 @@ impl<'a> Studio<'a> {
         let Frame { target, image, pixels, poses: stored, cmd, .. } = &mut frames[slot];
         let (cmd, device) = (*cmd, &renderer.gpu.device);
         if let Some(crowd) = crowd {
-            // SAFETY: `cmd` is recording on the engine's device, outside a render pass; it is submitted once, in order, or the
-            // ticket is discarded; of the updates recorded at most `in_flight` are unfinished; all of it lives until `drop`.
+            // SAFETY: `cmd` is recording on the engine's device, outside a render pass; it is submitted once, in order,
+            // or the ticket is discarded; at most `in_flight` of the recorded updates are unfinished; all of it lives
+            // until `drop`.
             *ticket = Some(unsafe { headless.engine().record_update(cmd, crowd) }?.ticket);
         }
         for (i, glow) in glow.iter_mut().enumerate() {
@@ -291,7 +294,7 @@ impl<'a> Studio<'a> {
                 (None, Poses::Weights(_)) => {}
             }
             if scene.show == Show::Blocks {
-                // SAFETY: the target's last picture was waited for.
+                // SAFETY: the target's last picture has been waited for.
                 unsafe { target.set_glow(i, glow) }?;
             }
         }
@@ -300,8 +303,8 @@ impl<'a> Studio<'a> {
                 let previous = crowd.previous_pose(i as u32)?;
                 if let (None, Show::Motion(_)) = (&previous, scene.show) {
                     return Err(Error::Invalid {
-                        what: "the previous pose, which the update wrote over".into(),
-                        remedy: "use two slots or more; on the path feedback three".into(),
+                        what: "the previous pose, which the update has overwritten".into(),
+                        remedy: "use two slots or more; three on the path feedback".into(),
                     });
                 }
                 let masks = masks.map(|_| crowd.stream(i as u32, Semantic::Mask)).transpose()?;
@@ -318,12 +321,12 @@ impl<'a> Studio<'a> {
                 });
                 Ok(Head { buffer, offset, units, place: *place, previous: (buffer, offset + all), masks })
             }
-            (None, ..) => Err(Error::Invalid { what: "no poses".into(), remedy: "hand in stored poses".into() }),
+            (None, ..) => Err(Error::Invalid { what: "no poses".into(), remedy: "give stored poses".into() }),
         };
         let heads = places.iter().enumerate().map(place_of).collect::<Result<Vec<_>>>()?;
-        // SAFETY: `cmd` is recording; model and target are the renderer's, and the target's last picture was waited for; the
-        // poses are of the mesh, ready (the update says so, and what the host writes is visible to what it submits next),
-        // and alive until `drop`.
+        // SAFETY: `cmd` is recording; model and target are the renderer's, and the target's last picture has been
+        // waited for; the poses are of the mesh, ready (the update has a barrier, and host writes are visible to later
+        // submissions), and alive until `drop`.
         unsafe { renderer.record(cmd, target, model, &heads, scene, background) }?;
         let layer = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
         let extent = vk::Extent3D { width: desc.size[0], height: desc.size[1], depth: 1 };
@@ -332,7 +335,7 @@ impl<'a> Studio<'a> {
             .src_access_mask(vk::AccessFlags::TRANSFER_WRITE)
             .dst_access_mask(vk::AccessFlags::HOST_READ)];
         let (copy, host) = (vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::HOST);
-        // SAFETY: the image is in this layout behind the pass, and has as many pixels as the buffer.
+        // SAFETY: the image is in this layout after the pass, and has as many pixels as the buffer.
         unsafe {
             let layout = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
             device.cmd_copy_image_to_buffer(cmd, image.raw, layout, pixels.raw, &region);
@@ -344,14 +347,14 @@ impl<'a> Studio<'a> {
     fn submit(&self, slot: usize) -> Result<()> {
         let (device, Frame { cmd, fence, .. }) = (self.headless.handles().2, &self.frames[slot]);
         let info = vk::SubmitInfo::default().command_buffers(from_ref(cmd));
-        // SAFETY: recorded above; the fence is in no queue; `Headless` is used by one thread at a time.
+        // SAFETY: recorded above; the fence is not in use; `Headless` is used by one thread at a time.
         unsafe {
             device.reset_fences(from_ref(fence)).map_err(failed("vkResetFences"))?;
             device.queue_submit(self.headless.queue().0, from_ref(&info), *fence).map_err(failed("vkQueueSubmit"))
         }
     }
 
-    /// Wait for the oldest picture that is drawn now.
+    /// Waits for the oldest picture that is being drawn.
     fn next_finished(&mut self) -> Result<Option<Picture>> {
         let Some(&slot) = self.pending.front() else { return Ok(None) };
         let frame = &self.frames[slot];
@@ -362,10 +365,10 @@ impl<'a> Studio<'a> {
         Ok(Some(Picture { size: self.desc.size, rgba: frame.pixels.contents().to_vec() }))
     }
 
-    /// Wait for all pictures that are drawn now: they come in the order in which they were begun.
+    /// Waits for all pictures that are being drawn, and returns them in the order in which they were begun.
     ///
     /// # Errors
-    /// A device that fails.
+    /// The device fails.
     pub fn finish(&mut self) -> Result<Vec<Picture>> {
         let mut finished = vec![];
         while let Some(picture) = self.next_finished()? {
@@ -375,7 +378,7 @@ impl<'a> Studio<'a> {
     }
 }
 
-/// Bytes of a stored pose, padding included.
+/// Returns the bytes of a stored pose, padding included.
 fn stored_bytes(packed: &PackedMesh, pose: PoseFormat) -> usize {
     packed.layout().base_bytes() as usize / PoseFormat::Float32.stride() * pose.stride()
 }
@@ -383,7 +386,7 @@ fn stored_bytes(packed: &PackedMesh, pose: PoseFormat) -> usize {
 impl Drop for Studio<'_> {
     fn drop(&mut self) {
         let device = self.headless.handles().2;
-        // SAFETY: all is ours, destroyed once, and not in use behind the wait (a device that is lost uses nothing).
+        // SAFETY: everything is ours, destroyed once, and not in use after the wait (a lost device uses nothing).
         unsafe {
             let _ = wait_idle(device);
             self.frames.iter().for_each(|frame| device.destroy_fence(frame.fence, None));

@@ -1,4 +1,4 @@
-//! What a frame is drawn into.
+//! The images and buffers that a frame is drawn into.
 
 use crate::glow::Glow;
 use crate::memory::{Buffer, Gpu, Image, ImageDesc, failed};
@@ -12,8 +12,8 @@ use deltamorph::{Error, Result};
 use std::slice::from_ref;
 use std::sync::Arc;
 
-/// An image view of the host's, and what else a frame takes: samples, depth, a shadow map, and what shaders are told. One for
-/// each frame in flight, or for each image of a swapchain.
+/// An image view of the host's, with the other resources of a frame: samples, depth, a shadow map, and data for
+/// shaders. One is needed for each frame in flight, or for each image of a swapchain.
 pub struct Target {
     gpu: Arc<Gpu>,
     pub(crate) extent: vk::Extent2D,
@@ -22,22 +22,23 @@ pub struct Target {
     pub(crate) set: vk::DescriptorSet,
     pool: vk::DescriptorPool,
     heads: usize,
-    /// Bytes from what is told of a head to the next.
+    /// Bytes from the data of one head to that of the next.
     stride: usize,
     scenes: Buffer,
-    /// What shaders are told of each head beside the scene: how bright its pieces are, `[head][piece]`; a single number while
-    /// there is nothing.
-    told: Buffer,
-    /// Numbers of a head; 0 while there are none.
+    /// Shader data of each head beside the scene: the brightness of its pieces, `[head][piece]`; a single number before
+    /// any is set.
+    glow: Buffer,
+    /// Numbers per head; 0 before any are set.
     numbers: usize,
     _images: [Image; 3],
 }
 
 impl Target {
-    /// To draw up to `heads` heads into `view`, an image of `extent` in the renderer's format that may be drawn into.
+    /// Makes a target for up to `heads` heads, drawn into `view`: an image of `extent` in the renderer's format that
+    /// may be drawn into.
     ///
     /// # Errors
-    /// No memory.
+    /// There is no memory.
     ///
     /// # Safety
     /// The view is alive, on the renderer's device, and as described.
@@ -59,7 +60,7 @@ impl Target {
         let alignment = gpu.limits.min_uniform_buffer_offset_alignment as usize;
         let stride = size_of::<HeadScene>().next_multiple_of(alignment.max(1));
         let scenes = Buffer::new(&gpu, stride * heads, vk::BufferUsageFlags::UNIFORM_BUFFER, false)?;
-        let told = Buffer::new(&gpu, 4, vk::BufferUsageFlags::STORAGE_BUFFER, false)?;
+        let glow = Buffer::new(&gpu, 4, vk::BufferUsageFlags::STORAGE_BUFFER, false)?;
         let (framebuffer, set, pool) = (vk::Framebuffer::null(), vk::DescriptorSet::null(), vk::DescriptorPool::null());
         let shadow_framebuffer = framebuffer;
         let mut this = Self {
@@ -72,7 +73,7 @@ impl Target {
             heads,
             stride,
             scenes,
-            told,
+            glow,
             numbers: 0,
             _images: images,
         };
@@ -90,7 +91,7 @@ impl Target {
         extent: vk::Extent2D,
     ) -> Result<vk::Framebuffer> {
         let info = vk::FramebufferCreateInfo::default().render_pass(pass).attachments(views).layers(1);
-        // SAFETY: the device is alive as long as `gpu`; the views are what the pass was made for.
+        // SAFETY: the device is alive as long as `gpu`; the views match the pass.
         let made = unsafe { self.gpu.device.create_framebuffer(&info.width(extent.width).height(extent.height), None) };
         made.map_err(failed("vkCreateFramebuffer"))
     }
@@ -111,7 +112,7 @@ impl Target {
             let sets = device.allocate_descriptor_sets(&info.set_layouts(from_ref(&renderer.set_layout)));
             self.set = sets.map_err(failed("vkAllocateDescriptorSets"))?[0];
         }
-        let told = [vk::DescriptorBufferInfo::default().buffer(self.scenes.raw).range(size_of::<HeadScene>() as u64)];
+        let scenes = [vk::DescriptorBufferInfo::default().buffer(self.scenes.raw).range(size_of::<HeadScene>() as u64)];
         let map = [vk::DescriptorImageInfo::default()
             .image_view(self._images[2].view)
             .image_layout(vk::ImageLayout::DEPTH_STENCIL_READ_ONLY_OPTIMAL)
@@ -121,52 +122,52 @@ impl Target {
             vk::WriteDescriptorSet::default().dst_set(self.set).dst_binding(binding).descriptor_type(kind)
         };
         // SAFETY: the set is new; buffer, image and sampler are alive.
-        unsafe { device.update_descriptor_sets(&[write(0).buffer_info(&told), write(1).image_info(&map)], &[]) };
-        self.bind_told();
+        unsafe { device.update_descriptor_sets(&[write(0).buffer_info(&scenes), write(1).image_info(&map)], &[]) };
+        self.bind_glow();
         Ok(())
     }
 
-    fn bind_told(&self) {
-        let told = [vk::DescriptorBufferInfo::default().buffer(self.told.raw).range(vk::WHOLE_SIZE)];
-        let write = vk::WriteDescriptorSet::default().dst_set(self.set).dst_binding(2).buffer_info(&told);
+    fn bind_glow(&self) {
+        let glow = [vk::DescriptorBufferInfo::default().buffer(self.glow.raw).range(vk::WHOLE_SIZE)];
+        let write = vk::WriteDescriptorSet::default().dst_set(self.set).dst_binding(2).buffer_info(&glow);
         let write = write.descriptor_type(vk::DescriptorType::STORAGE_BUFFER);
-        // SAFETY: the set is in no use: it is new, or nothing that was recorded with the target is still to run.
+        // SAFETY: the set is not in use: it is new, or no commands recorded with the target are still to run.
         unsafe { self.gpu.device.update_descriptor_sets(&[write], &[]) };
     }
 
-    /// Say how bright the pieces of a head are, for [`Show::Blocks`](crate::Show::Blocks), from the next draw on. All heads
-    /// that are drawn need one.
+    /// Sets the brightness of the pieces of a head, for [`Show::Blocks`](crate::Show::Blocks), from the next draw on.
+    /// All heads that are drawn need one.
     ///
     /// # Errors
-    /// A head that the target has no place for; no memory.
+    /// [`Error::Invalid`] if `head` is out of range; an error if there is no memory.
     ///
     /// # Safety
-    /// Nothing recorded with the target before is still to run.
+    /// No commands recorded with the target before are still to run.
     pub unsafe fn set_glow(&mut self, head: usize, glow: &Glow) -> Result<()> {
         let numbers = glow.pieces();
         self.check_heads(head + 1)?;
         if self.numbers != numbers.len() {
             let bytes = (4 * numbers.len() * self.heads).max(4);
-            self.told = Buffer::new(&self.gpu, bytes, vk::BufferUsageFlags::STORAGE_BUFFER, false)?;
+            self.glow = Buffer::new(&self.gpu, bytes, vk::BufferUsageFlags::STORAGE_BUFFER, false)?;
             self.numbers = numbers.len();
-            self.bind_told();
+            self.bind_glow();
         }
-        self.told.write(4 * head * numbers.len(), cast_slice(numbers));
+        self.glow.write(4 * head * numbers.len(), cast_slice(numbers));
         Ok(())
     }
 
-    /// Numbers that are told of a head.
-    pub(crate) fn told(&self) -> usize {
+    /// Returns the number of brightness values per head.
+    pub(crate) fn glow_numbers(&self) -> usize {
         self.numbers
     }
 
-    /// Refuse to show what nothing was told of.
-    pub(crate) fn check_told(&self, model: &Model, show: Show) -> Result<()> {
+    /// Checks that a glow has been set if it is shown.
+    pub(crate) fn check_glow(&self, model: &Model, show: Show) -> Result<()> {
         if show != Show::Blocks || self.numbers == model.pieces {
             return Ok(());
         }
-        let what = format!("{} pieces that glow, where the mesh has {}", self.numbers, model.pieces);
-        Err(Error::Invalid { what, remedy: "hand a Glow of the mesh to Target::set_glow first".into() })
+        let what = format!("a glow of {} pieces for a mesh of {}", self.numbers, model.pieces);
+        Err(Error::Invalid { what, remedy: "pass a Glow of the mesh to Target::set_glow first".into() })
     }
 
     fn check_heads(&self, heads: usize) -> Result<()> {
@@ -179,17 +180,17 @@ impl Target {
         })
     }
 
-    /// Tell the shaders of the scene. Nothing recorded with the target before is still to run.
+    /// Writes the scene for the shaders. No commands recorded with the target before are still to run.
     pub(crate) fn write(&mut self, scene: &Scene, model: &Model, heads: &[Head]) -> Result<()> {
         self.check_heads(heads.len())?;
         for (i, head) in heads.iter().enumerate() {
-            let told = scene.head(&head.place, model.middle, 1.0 / SHADOW_EDGE as f32);
-            self.scenes.write(i * self.stride, bytes_of(&told));
+            let data = scene.head(&head.place, model.middle, 1.0 / SHADOW_EDGE as f32);
+            self.scenes.write(i * self.stride, bytes_of(&data));
         }
         Ok(())
     }
 
-    /// Where what is told of a head begins.
+    /// Returns the offset of a head's scene data.
     pub(crate) fn offset_of(&self, head: usize) -> u32 {
         (head * self.stride) as u32
     }

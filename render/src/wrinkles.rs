@@ -1,19 +1,21 @@
-//! Wrinkle masks: how far each target compresses or stretches the skin, from the edges of faces.
+//! Wrinkle masks: how far each target compresses or stretches the skin, computed from the edges of faces.
 //!
-//! Galanakis ("Texture-based Blendshapes in DX9") keeps a mask beside the deltas of each target, sums masks with the weights,
-//! as deltas are, and blends a normal map of wrinkles in where the sum is large. Here there are two masks and two maps: skin
-//! that is compressed upwards gets lines across it, as a brow that is raised does, and the other way round.
+//! Galanakis ("Texture-based Blendshapes in DX9") keeps a mask beside the deltas of each target, sums masks with the
+//! weights, as deltas are, and blends in a normal map of wrinkles where the sum is large. Here there are two masks and
+//! two maps: skin that is compressed upwards gets lines across it, as a raised brow does, and skin compressed across
+//! gets upright ones.
 //!
-//! Masks are a stream of the mesh ([`Semantic::Mask`]): [`add`] makes it, packing takes it along, and updates sum it on the
-//! device, where only what changed is written. A mesh without it pays nothing.
+//! Masks are a stream of the mesh ([`Semantic::Mask`]): [`add`] makes it, packing includes it, and updates sum it on
+//! the device, where only changes are written. A mesh without the stream has no cost.
 
 use deltamorph::{MorphMesh, PackedMesh, PoseFormat, Semantic, StreamData, StreamDeltas};
 use glam::Vec3;
 use std::collections::BTreeSet;
 
-/// Give `mesh` the stream [`Semantic::Mask`], if it has none. A mask is the share by which the edges at a vertex get shorter at
-/// weight 1, less than 0 where they get longer: of edges that go upwards (y of the mesh, along the surface), and of those
-/// across. An edge between the two directions counts for each by the fourth power of its cosine.
+/// Adds the stream [`Semantic::Mask`] to `mesh`, if it has none. A mask is the share by which the edges at a vertex get
+/// shorter at weight 1, less than 0 if they get longer: one for edges that go upwards (y of the mesh, along the
+/// surface), one for edges across. An edge between the two directions counts for each by the fourth power of its
+/// cosine.
 pub fn add(mesh: &mut MorphMesh) {
     if mesh.streams.iter().any(|stream| stream.semantic == Semantic::Mask) {
         return;
@@ -25,7 +27,7 @@ pub fn add(mesh: &mut MorphMesh) {
         .map(|target| {
             let mut moved = vec![Vec3::ZERO; count];
             target.vertices.iter().zip(&target.positions).for_each(|(&v, &delta)| moved[v as usize] = delta);
-            // A vertex that stays has edges to such as do not.
+            // Vertices that stay may have edges to vertices that move.
             let near: BTreeSet<u32> =
                 target.vertices.iter().flat_map(|&v| edges[v as usize].iter().copied().chain([v])).collect();
             let mask = |v: u32| (v, compressed(mesh, &moved, v as usize, &edges[v as usize]));
@@ -36,14 +38,14 @@ pub fn add(mesh: &mut MorphMesh) {
         .collect();
     let streams = mesh.streams.len();
     for (target, masks) in mesh.targets.iter_mut().zip(masks) {
-        // Streams beyond the last that a target has do not change.
+        // Streams beyond a target's last one do not change, so missing ones are added empty.
         target.streams.resize(streams, StreamDeltas::default());
         target.streams.push(masks);
     }
     mesh.streams.push(StreamData { semantic: Semantic::Mask, values: vec![0.0; 2 * count] });
 }
 
-/// Where the stored poses of a packed mesh have its masks, for poses that come from the host.
+/// Location of the masks in the stored poses of a packed mesh, for poses that the host provides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MaskPlace {
     /// The [group](PackedMesh::groups) that has the masks.
@@ -52,7 +54,7 @@ pub struct MaskPlace {
 }
 
 impl MaskPlace {
-    /// `None`: the mesh has no masks.
+    /// Finds the masks of a mesh; `None` if it has none.
     pub fn of(packed: &PackedMesh) -> Option<Self> {
         let places = packed
             .groups()
@@ -63,21 +65,21 @@ impl MaskPlace {
         masks.next().map(|(group, place)| Self { group, first: place.first })
     }
 
-    /// Bytes from a vertex of the group's pose to its masks.
+    /// Returns the bytes from a vertex of the group's pose to its masks.
     pub fn offset(&self, pose: PoseFormat) -> u64 {
         (self.first * pose.stride() / GROUP_COMPONENTS) as u64
     }
 
-    /// The units of the masks, of those of the group ([`PoseView::units`](deltamorph::PoseView::units)).
+    /// Returns the units of the masks, given those of the group ([`PoseView::units`](deltamorph::PoseView::units)).
     pub fn units(&self, group: [f32; 2]) -> [f32; 2] {
         [0, 1].map(|mask| group[(self.first + mask) * group.len() / GROUP_COMPONENTS])
     }
 }
 
-/// Numbers of a vertex in a group.
+/// Numbers per vertex in a group.
 const GROUP_COMPONENTS: usize = deltamorph::POSE_FLOATS;
 
-/// For each vertex those that an edge of a face leads to.
+/// Returns, for each vertex, the vertices at the other end of its edges.
 fn edges_at(mesh: &MorphMesh) -> Vec<Vec<u32>> {
     let mut at = vec![BTreeSet::new(); mesh.vertex_count()];
     for face in mesh.faces.iter() {
@@ -90,7 +92,7 @@ fn edges_at(mesh: &MorphMesh) -> Vec<Vec<u32>> {
     at.into_iter().map(|others| others.into_iter().collect()).collect()
 }
 
-/// By how much the edges at a vertex get shorter: upwards and across.
+/// Returns by how much the edges at a vertex get shorter: upwards and across.
 fn compressed(mesh: &MorphMesh, moved: &[Vec3], vertex: usize, others: &[u32]) -> [f32; 2] {
     let normal = mesh.normals[vertex];
     let up = normal.cross(Vec3::Y).cross(normal).normalize_or_zero();
@@ -118,7 +120,7 @@ mod tests {
 
     const SIDE: u32 = 9;
 
-    /// A square grid that faces forwards; a target makes each position of it what `to` says.
+    /// A square grid that faces forwards, with a target that moves each position as `to` says.
     fn grid(to: &[&dyn Fn(Vec3) -> Vec3]) -> MorphMesh {
         let positions: Vec<Vec3> =
             (0..SIDE * SIDE).map(|i| Vec3::new((i % SIDE) as f32, (i / SIDE) as f32, 0.0)).collect();
@@ -148,7 +150,7 @@ mod tests {
         mesh
     }
 
-    /// The sums in float64: of what was added, and of what is packed.
+    /// The sums in float64: of the added deltas, and of the packed ones.
     fn masks(to: &[&dyn Fn(Vec3) -> Vec3], weights: &[f32]) -> Vec<[f32; 2]> {
         let mesh = grid(to);
         let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::BlockFloat32)).expect("a mesh");

@@ -1,17 +1,17 @@
-//! From arrays with one element per vertex, as engines and exchange formats hold meshes.
+//! Sources made from arrays with one element per vertex, as engines and exchange formats hold meshes.
 
 use super::{Corner, Faces, MorphSource, Semantic, SourceTarget, StreamData, StreamDeltas};
 use crate::error::{Error, Result};
 use glam::Vec3;
 
-/// A base pose and its targets: arrays of one element per vertex, or empty where a mesh has no such thing.
+/// A base pose and its targets as arrays with one element per vertex; an array is empty if the mesh has no such stream.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MeshArrays<'a> {
     /// Name for messages and reports; empty: "unnamed".
     pub name: &'a str,
     /// Positions.
     pub positions: &'a [[f32; 3]],
-    /// Normals of unit length; empty: computed, as [`MorphSource::to_mesh`] says.
+    /// Normals of unit length; if empty, [`MorphSource::to_mesh`] computes them.
     pub normals: &'a [[f32; 3]],
     /// Tangents of unit length with the handedness (1 or -1) in w.
     pub tangents: &'a [[f32; 4]],
@@ -21,28 +21,28 @@ pub struct MeshArrays<'a> {
     pub indices: &'a [u32],
     /// The targets.
     pub targets: &'a [TargetArrays<'a>],
-    /// Targets state where a vertex is (false: by how much it differs from the base pose).
+    /// `true`: targets state positions, normals and tangents themselves; `false`: their differences from the base pose.
     pub absolute: bool,
 }
 
-/// A target of [`MeshArrays`]; an empty array changes nothing.
+/// A target of [`MeshArrays`]; an empty array changes nothing, except for normals.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TargetArrays<'a> {
-    /// Name; empty: "target" and its number, counted from 0.
+    /// Name; if empty, "target" and its number, counted from 0.
     pub name: &'a str,
     /// Positions, or their deltas.
     pub positions: &'a [[f32; 3]],
-    /// Normals, or their deltas; empty: computed from the deformed surface.
+    /// Normals, or their deltas; if empty, they are computed from the deformed surface.
     pub normals: &'a [[f32; 3]],
-    /// The tangents' x y z, or their deltas.
+    /// The x y z of tangents, or their deltas.
     pub tangents: &'a [[f32; 3]],
 }
 
 impl MorphSource {
-    /// From arrays with one element per vertex. What differs by nothing takes no memory.
+    /// Makes a source from arrays with one element per vertex. Deltas of zero take no memory.
     ///
-    /// Where vertices are doubled at seams, call [`weld`](Self::weld): normals that are computed are smooth across the
-    /// seam then, and no crack opens in any pose.
+    /// If vertices are doubled at seams, call [`weld`](Self::weld): computed normals are then smooth across the seam,
+    /// and no crack opens in any pose.
     ///
     /// ```
     /// use deltamorph::{MeshArrays, MorphSource, TargetArrays, Tolerance};
@@ -63,8 +63,8 @@ impl MorphSource {
     /// ```
     ///
     /// # Errors
-    /// An array whose length is not the number of vertices, or indices that are no whole triangles. What the values may
-    /// be is checked by [`to_mesh`](Self::to_mesh).
+    /// [`Error::Invalid`] if the length of an array is not the number of vertices, or that of `indices` not a multiple
+    /// of three. [`to_mesh`](Self::to_mesh) checks the values.
     pub fn from_arrays(arrays: &MeshArrays<'_>) -> Result<Self> {
         let count = arrays.positions.len();
         let mesh_name = if arrays.name.is_empty() { "unnamed" } else { arrays.name };
@@ -93,7 +93,7 @@ impl MorphSource {
                 ("tangents", target.tangents.len(), tangents.len()),
             ];
             if let Some((what, n, base)) = lengths.into_iter().find(|(_, n, base)| *n != 0 && n != base) {
-                let what = format!("target '{name}' has {n} {what}, the base pose {base}");
+                let what = format!("target '{name}' has {n} {what}, but the base pose has {base}");
                 return refuse(what, "give as many as the base pose has, or none");
             }
             let (vertices, deltas): (_, Vec<Vec3>) = differences(&directions, target.tangents).into_iter().unzip();

@@ -1,4 +1,4 @@
-//! From what a file says to what is kept of it: [`MorphSource::to_mesh`], and what it refuses.
+//! Conversion of a source to a mesh ([`MorphSource::to_mesh`]), with its checks.
 
 use super::normals::{Deformer, Surface};
 use super::render::{check_welds, copies, copy_deltas};
@@ -13,36 +13,38 @@ use std::fmt::Display;
 
 const NOT_FINITE: &str = "replace values that are not a number or infinite";
 const DIRECTION: &str = "normalise x y z, and give a tangent 1 or -1 as w";
-const WELD: &str = "weld vertices of one place, each to the first of them, or none (MorphSource::weld finds them)";
+const WELD: &str =
+    "weld each vertex to the first at its position, or leave the welds empty (MorphSource::weld finds them)";
 
 impl MorphSource {
-    /// Check the source, drop deltas within `tolerance`, and compute what normals are missing.
+    /// Checks the source, drops deltas within `tolerance`, and computes missing normals.
     ///
-    /// A vertex stays in a target when its position delta is longer than `tolerance.position × diagonal` or its normal
-    /// delta longer than `tolerance.normal`. A position delta within the tolerance becomes exactly zero even where the
+    /// A vertex stays in a target if its position delta is longer than `tolerance.position × diagonal` or its normal
+    /// delta longer than `tolerance.normal`. A position delta within the tolerance becomes exactly zero even if the
     /// vertex stays for its normal.
     ///
-    /// Normals that are missing are computed: each is the normalised sum of the area vectors of the faces around the
-    /// vertex. A polygon counts with its whole area vector (the sum over its triangle fan) at each of its corners, so the
-    /// result differs from that of the triangles that it is drawn as. Where there is no such sum (no face, or faces
-    /// without area), the normal is (0, 0, 1). The normal delta of a target is the difference of two such normals. They are
-    /// those of the welded surface and of kept position deltas: smooth across doubled vertices, and dropped noise does not
-    /// come back. A vertex whose deformed surface has no normal (faces folded to nothing) keeps the base normal.
+    /// A missing normal is computed as the normalised sum of the area vectors of the faces around the vertex. A polygon
+    /// counts with its whole area vector (the sum over its triangle fan) at each of its corners, so the result differs
+    /// from that of its triangles. If the sum is zero (no face, or faces without area), the normal is (0, 0, 1). The
+    /// normal delta of a target is the difference of two such normals. They are computed on the welded surface from the
+    /// position deltas that are kept: they are smooth across doubled vertices, and dropped noise does not come back. A
+    /// vertex whose deformed surface has no normal (faces folded to nothing) keeps the base normal.
     ///
     /// # Errors
-    /// No vertex or more than 2³², an index out of range, deltas that are not ascending by vertex, a value that
-    /// is not finite, a face of fewer than three corners, a base normal or tangent that is not of unit length (within
-    /// 1%), a tangent whose w is not 1 or -1, a stream that comes twice or with a wrong number of values, welded vertices
-    /// that are not at one place, two targets of one name, or a tolerance that is negative or not a number.
+    /// [`Error::Invalid`] for: no vertex or more than 2³² − 1; an index out of range; deltas that are not ascending by
+    /// vertex; a value that is not finite; a face of fewer than three corners; a base normal or tangent that is not of
+    /// unit length (within 1%); a tangent whose w is not 1 or -1; a stream that comes twice or with a wrong number of
+    /// values; welded vertices that are not at one position; two targets of one name; a tolerance that is negative or
+    /// not finite.
     pub fn to_mesh(&self, tolerance: Tolerance) -> Result<MorphMesh> {
         self.check(tolerance)?;
-        // Faces of the welded surface: copies have none, and take over the normals of the vertex that they double.
+        // Faces of the welded surface: copies have no faces, and take the normals of the vertex that they double.
         let copies: Vec<(u32, u32)> = copies(&self.welds).collect();
         let mut faces = Cow::Borrowed(&self.faces);
         if !copies.is_empty() {
             faces.to_mut().corners.iter_mut().for_each(|c| c.position = self.welds[c.position as usize]);
         }
-        // Computed even beside stated normals where a target has none: its delta is between two computed ones.
+        // Needed even if normals are stated, when a target has none: its delta is between two computed normals.
         let incomplete = self.normals.is_none() || self.targets.iter().any(|t| t.normals.is_none());
         let surface = incomplete.then(|| Surface::new(&faces, &self.positions));
         let diagonal = diagonal(&self.positions);
@@ -88,7 +90,7 @@ impl MorphSource {
         })
     }
 
-    /// Everything that [`to_mesh`](Self::to_mesh) refuses.
+    /// Checks everything that [`to_mesh`](Self::to_mesh) refuses.
     pub(super) fn check(&self, tolerance: Tolerance) -> Result<()> {
         for (kind, value) in [("position", tolerance.position), ("normal", tolerance.normal)] {
             if !(value >= 0.0 && value.is_finite()) {
@@ -139,7 +141,8 @@ impl MorphSource {
         check_welds(&self.welds, count).or_else(|what| self.refuse(what, WELD))?;
         let places = if self.welds.is_empty() { vec![] } else { self.places() };
         if let Some((v, of)) = copies(&self.welds).find(|(v, of)| places[*v as usize] != places[*of as usize]) {
-            return self.refuse(format!("vertex {v} is welded to vertex {of}, but is or moves elsewhere"), WELD);
+            let what = format!("vertex {v} is welded to vertex {of}, but their positions differ in some pose");
+            return self.refuse(what, WELD);
         }
         Ok(())
     }
@@ -176,8 +179,8 @@ impl MorphSource {
         Ok(())
     }
 
-    /// Whether values are finite, ascending by vertex, and of vertices that there are; and directions of the base pose (no
-    /// `target`) of unit length, within 1%.
+    /// Checks that values are finite and ascending by existing vertices; and that directions of the base pose (no
+    /// `target`) have unit length, within 1%.
     fn check_values(
         &self,
         target: Option<&str>,
@@ -214,8 +217,8 @@ impl MorphSource {
     }
 }
 
-/// Join position deltas (all of them kept) with those normal deltas that are kept: every one at a vertex that
-/// stays for its position, and elsewhere those longer than `shortest`.
+/// Joins position deltas (all of them are kept) with the normal deltas that are kept: those of vertices that stay for
+/// their position, and those longer than `shortest`.
 fn merge(name: String, positions: &[(u32, Vec3)], normals: &[(u32, Vec3)], shortest: f32) -> MorphTarget {
     let mut target = MorphTarget { name, ..Default::default() };
     let (mut p, mut n) = (positions.iter().peekable(), normals.iter().peekable());
@@ -231,7 +234,7 @@ fn merge(name: String, positions: &[(u32, Vec3)], normals: &[(u32, Vec3)], short
     target
 }
 
-/// The deltas of a further stream that are above the tolerance.
+/// Returns the deltas of another stream that are above the tolerance.
 fn keep_stream(semantic: Semantic, stated: &StreamDeltas, tolerance: Tolerance) -> StreamDeltas {
     let shortest = if semantic.measure() == Measure::Angle { tolerance.normal } else { tolerance.position };
     let mut kept = StreamDeltas::default();

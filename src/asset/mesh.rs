@@ -1,4 +1,4 @@
-//! A mesh as its files state it, and what is kept of it to be packed.
+//! A mesh as its files state it, and the checked mesh that is packed.
 
 use super::{StreamData, StreamDeltas};
 use crate::error::{Error, Result};
@@ -11,7 +11,7 @@ use glam::{Vec2, Vec3};
 pub struct Corner {
     /// Index into the positions.
     pub position: u32,
-    /// Index into the texture coordinates, where the face has them.
+    /// Index into the texture coordinates; `None` if the corner has none.
     pub texcoord: Option<u32>,
 }
 
@@ -25,18 +25,18 @@ pub struct Faces {
 }
 
 impl Faces {
-    /// The faces, each as its corners.
+    /// Iterates over the faces, each as its corners.
     pub fn iter(&self) -> impl Iterator<Item = &[Corner]> {
         let mut rest = self.corners.as_slice();
         self.sizes.iter().map(move |&n| rest.split_off(..n as usize).unwrap_or_default())
     }
 
-    /// Position indices of the faces cut into triangle fans.
+    /// Returns the position indices of the faces, cut into triangle fans.
     pub fn triangles(&self) -> Vec<[u32; 3]> {
         self.iter().flat_map(|f| f.windows(2).skip(1).map(|w| [f[0].position, w[0].position, w[1].position])).collect()
     }
 
-    /// Whether every face has three corners or more, and every index is within `positions` and `texcoords`.
+    /// Checks that every face has three corners or more, and every index is within `positions` and `texcoords`.
     pub(crate) fn check(&self, positions: usize, texcoords: usize) -> Result<()> {
         let refuse = |what: String| Err(Error::invalid(what, "repair the face list"));
         let total: u64 = self.sizes.iter().map(|&n| u64::from(n)).sum();
@@ -65,10 +65,10 @@ pub struct SourceTarget {
     pub name: String,
     /// `(vertex, target − base)` for every vertex whose position differs at all, ascending by vertex.
     pub positions: Vec<(u32, Vec3)>,
-    /// `target normal − base normal` per vertex where the file has normals (as stated there, not
-    /// re-normalised): `(vertex, difference)`, ascending. `None`: computed from the deformed surface.
+    /// `(vertex, target normal − base normal)`, ascending by vertex, as stated by the file (not re-normalised). `None`
+    /// if the file states none: they are computed from the deformed surface.
     pub normals: Option<Vec<(u32, Vec3)>>,
-    /// Deltas of the source's [`streams`](MorphSource::streams), in their order; streams beyond the last do not change.
+    /// Deltas of the source's [`streams`](MorphSource::streams), in their order; streams beyond the end do not change.
     pub streams: Vec<StreamDeltas>,
 }
 
@@ -79,8 +79,7 @@ pub struct MorphSource {
     pub name: String,
     /// Base positions, in the user's vertex order.
     pub positions: Vec<Vec3>,
-    /// Base normals per position, unit length; `None` when the input has none: [`to_mesh`](Self::to_mesh) says how they are
-    /// computed.
+    /// Base normals per position, unit length. `None` if the input has none: [`to_mesh`](Self::to_mesh) computes them.
     pub normals: Option<Vec<Vec3>>,
     /// Texture coordinates, indexed by [`Corner::texcoord`](super::Corner::texcoord).
     pub texcoords: Vec<Vec2>,
@@ -88,8 +87,8 @@ pub struct MorphSource {
     pub faces: Faces,
     /// Other vertex attributes: tangents, colours, texture coordinates that morph.
     pub streams: Vec<StreamData>,
-    /// For each vertex the first one at its position, which may be itself; empty where no vertices are doubled. Welded
-    /// vertices share the computed normal, and what they share stays equal bit for bit in every pose. See
+    /// For each vertex the first one at its position, which may be itself; empty if no vertices are doubled. Welded
+    /// vertices share the computed normal, and the streams that they share stay equal bit for bit in every pose. See
     /// [`split`](Self::split) and [`weld`](Self::weld).
     pub welds: Vec<u32>,
     /// The targets; an empty target keeps its index.
@@ -98,9 +97,9 @@ pub struct MorphSource {
     pub notes: Vec<String>,
 }
 
-/// Below which size a delta is rounding noise and is dropped.
+/// Size up to which a delta counts as rounding noise and is dropped.
 ///
-/// Other streams are compared with `normal` where they are directions (tangents), else with `position`.
+/// Deltas of other streams are compared with `normal` if they are directions (tangents), otherwise with `position`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Tolerance {
@@ -118,9 +117,9 @@ impl Tolerance {
 }
 
 impl Default for Tolerance {
-    /// 1e-6 of the diagonal for positions, 1e-3 (0.06°) for normals: both below what can be seen. With 43 targets active
-    /// at once, as in captured clips, dropped position deltas add up to 4.3e-5 of the diagonal at the very most, and 99.9%
-    /// of the normals are within 0.08° of those with nothing dropped.
+    /// 1e-6 of the diagonal for positions, 1e-3 (0.06°) for normals: neither is visible. With 43 targets active at
+    /// once, as in captured clips, dropped position deltas add up to at most 4.3e-5 of the diagonal, and 99.9% of the
+    /// normals are within 0.08° of those with nothing dropped.
     ///
     /// Normals computed for a mesh written with six digits (ICT FaceKit) have rounding noise: 1e-3 keeps 30.6% of the
     /// vertices in the mean over the targets, 1e-4 31.7%, 1e-2 30.3%, and positions alone 30.2%.
@@ -151,7 +150,8 @@ pub struct MorphMesh {
     pub name: String,
     /// Base positions, in the user's vertex order, relative to `origin`.
     pub positions: Vec<Vec3>,
-    /// What was subtracted from positions, in input units: 0, unless the mesh was [recentred](Self::recentre).
+    /// The offset that was subtracted from positions, in input units: 0 unless the mesh was
+    /// [recentred](Self::recentre).
     pub origin: Vec3,
     /// Base normals, unit length.
     pub normals: Vec<Vec3>,
@@ -179,17 +179,17 @@ impl MorphMesh {
         self.positions.len()
     }
 
-    /// Index of the target called `name`.
+    /// Returns the index of the target called `name`.
     pub fn target_index(&self, name: &str) -> Option<usize> {
         self.targets.iter().position(|t| t.name == name)
     }
 
-    /// Where the mesh is far from 0, make its positions relative to its middle: poses have so much more precision, since
-    /// float32 rounds by a share of a coordinate. Along each axis on which the largest coordinate is twice the diagonal or
-    /// more, `origin` becomes the middle of the bounding box, and is subtracted from positions, without rounding. Meshes
-    /// nearer to 0 stay as they are.
+    /// Makes positions relative to the middle of the mesh if it is far from 0. Poses gain precision, since the rounding
+    /// of float32 grows with a coordinate. On each axis whose largest coordinate is at least twice the diagonal,
+    /// `origin` becomes the middle of the bounding box and is subtracted from positions, without rounding. Other axes
+    /// stay as they are.
     ///
-    /// Whoever draws adds [`PackedLayout::origin`](crate::PackedLayout::origin) in the model matrix.
+    /// The renderer adds [`PackedLayout::origin`](crate::PackedLayout::origin) back in the model matrix.
     pub fn recentre(&mut self) {
         let middle = far_middle(self.positions.iter().copied());
         self.positions.iter_mut().for_each(|p| *p -= middle);

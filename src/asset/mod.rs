@@ -1,4 +1,4 @@
-//! What a mesh is: as its files state it ([`MorphSource`]), and what is kept of it to be packed ([`MorphMesh`]).
+//! Meshes: as their files state them ([`MorphSource`]), and reduced to what is packed ([`MorphMesh`]).
 
 mod arrays;
 mod build;

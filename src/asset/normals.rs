@@ -1,4 +1,4 @@
-//! Area-weighted vertex normals, of a whole surface and of the part that a target moves.
+//! Area-weighted vertex normals of a whole surface, and of the part that a target moves.
 //!
 //! A normal belongs to a position: a seam in the texture coordinates splits nothing. The normal of a vertex is
 //! the sum of the area vectors of its faces, in the order of the face list, normalised. Every normal is gathered on its
@@ -7,22 +7,23 @@
 use super::{Corner, Faces};
 use glam::{DVec3, Vec3};
 
-/// Faces over positions: their normals, and which faces meet at a vertex.
+/// Faces over positions, their normals, and the faces that meet at each vertex.
 #[derive(Clone, Debug)]
 pub struct Surface<'a> {
     positions: &'a [Vec3],
     faces: Vec<&'a [Corner]>,
-    /// Faces of all vertices, ascending for each vertex; a face that names a vertex twice is there twice.
+    /// Faces of all vertices, ascending for each vertex; a face that names a vertex twice is listed twice.
     vertex_faces: Vec<u32>,
-    /// Where each vertex starts in `vertex_faces`; one more at the end.
+    /// Start of each vertex in `vertex_faces`, and the end of the last.
     vertex_starts: Vec<u32>,
     areas: Vec<DVec3>,
-    /// One per position, unit length; [`Vec3::Z`] where a vertex has none (no face, or faces without area).
+    /// One per position, unit length; [`Vec3::Z`] for a vertex without one (no face, or faces without area).
     pub normals: Vec<Vec3>,
 }
 
 impl<'a> Surface<'a> {
-    /// Of `faces` over `positions`. Faces must have three corners or more, each within `positions`.
+    /// Computes the normals of `faces` over `positions`. Faces must have three corners or more, each within
+    /// `positions`.
     pub fn new(faces: &'a Faces, positions: &'a [Vec3]) -> Self {
         let mut vertex_starts = vec![0u32; positions.len() + 1];
         for corner in &faces.corners {
@@ -54,8 +55,8 @@ impl<'a> Surface<'a> {
         &self.vertex_faces[self.vertex_starts[v] as usize..self.vertex_starts[v + 1] as usize]
     }
 
-    /// The normal of one vertex, from the area vectors of all faces; `None` where it has no face, or its faces have
-    /// no area or cancel out.
+    /// The normal of one vertex, from the area vectors of all faces; `None` if it has no face, or its faces have no
+    /// area or cancel out.
     fn normal(&self, vertex: u32, areas: &[DVec3]) -> Option<Vec3> {
         let sum: DVec3 = self.faces_of(vertex).iter().map(|&f| areas[f as usize]).sum();
         let length = sum.length();
@@ -63,9 +64,9 @@ impl<'a> Surface<'a> {
     }
 }
 
-/// Normals as a file states them, brought to unit length; by what each was multiplied, its deltas as well; and how many are
-/// too short to give a direction (unreferenced, zero in the file, opposite sides averaged out): those are computed, and
-/// multiplied by 0.
+/// Brings the stated normals to unit length. Returns them, the factor that each was multiplied by (its deltas need it,
+/// too), and the number of normals too short to give a direction (unreferenced, zero in the file, opposite sides
+/// averaged out). Those are computed, and their factor is 0.
 pub fn unit_normals(stated: &[Vec3], faces: &Faces, positions: &[Vec3]) -> (Vec<Vec3>, Vec<f32>, usize) {
     let lengths: Vec<f64> = stated.iter().map(|normal| normal.as_dvec3().length()).collect();
     let lost = lengths.iter().filter(|length| **length < 1e-6).count();
@@ -78,18 +79,18 @@ pub fn unit_normals(stated: &[Vec3], faces: &Faces, positions: &[Vec3]) -> (Vec<
     (units, scales, lost)
 }
 
-/// Twice the area of a face along its normal (of a polygon: the sum over its triangle fan).
+/// Twice the area of a face along its normal (for a polygon, the sum over its triangle fan).
 pub fn area_vector(face: &[Corner], positions: &[Vec3]) -> DVec3 {
     let at = |corner: &Corner| positions[corner.position as usize].as_dvec3();
     let origin = at(&face[0]);
     face[1..].windows(2).map(|w| (at(&w[0]) - origin).cross(at(&w[1]) - origin)).sum()
 }
 
-/// Deforms a surface for one target after the other: only what a target can change is computed.
+/// Deforms a surface for one target after another; computes only the normals that a target can change.
 #[derive(Clone, Debug)]
 pub struct Deformer<'a> {
     surface: &'a Surface<'a>,
-    /// Those of the surface; deformed and restored by every call.
+    /// Positions of the surface; deformed and restored by every call.
     positions: Vec<Vec3>,
     areas: Vec<DVec3>,
 }
@@ -100,13 +101,13 @@ impl<'a> Deformer<'a> {
         Self { surface, positions: surface.positions.to_vec(), areas: surface.areas.clone() }
     }
 
-    /// By how much the normals change when vertices are `moved`, at every vertex that shares a face with one of them,
-    /// ascending. Elsewhere the normals stay, bit for bit. Zero where the deformed surface has no normal (a face folded to
-    /// nothing).
+    /// Returns the changes of the normals when vertices are `moved`, for every vertex that shares a face with one of
+    /// them, ascending. All other normals stay, bit for bit. The change is zero if the deformed surface has no normal
+    /// (a face folded to nothing).
     pub fn normal_deltas(&mut self, moved: &[(u32, Vec3)]) -> Vec<(u32, Vec3)> {
         let surface = self.surface;
         moved.iter().for_each(|&(v, delta)| self.positions[v as usize] += delta);
-        // Every face once: a polygon that moves at all its corners would otherwise be walked once for each.
+        // Each face once: a polygon that moves at all its corners would otherwise be walked once for each.
         let (mut seen_faces, mut seen_vertices) = (vec![false; self.areas.len()], vec![false; self.positions.len()]);
         let unseen = |seen: &mut [bool], i: u32| !std::mem::replace(&mut seen[i as usize], true);
         let (mut faces, mut touched) = (vec![], vec![]);
@@ -144,7 +145,7 @@ mod tests {
         assert_eq!((normals[2], normals[3], normals[4]), (Vec3::Z, Vec3::NEG_Y, Vec3::Z));
     }
 
-    /// As [`MorphSource::to_mesh`](crate::MorphSource::to_mesh) says, for those who compare with normals of their own.
+    /// The rule of [`MorphSource::to_mesh`](crate::MorphSource::to_mesh), for hosts that compare their own normals.
     #[test]
     fn a_polygon_counts_with_its_whole_area_at_each_corner() {
         let positions = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 1.0), Vec3::Y];

@@ -1,8 +1,8 @@
-//! Vertices as they are drawn: an index buffer has one index per corner, so a position is doubled where the texture
+//! Vertices as they are drawn: an index buffer has one index per corner, so a position is doubled if the texture
 //! coordinates of its corners differ (a seam).
 //!
-//! A host that draws poses straight from an index buffer takes a source that is [`split`](MorphSource::split). One that
-//! pulls vertices in its shader keeps the source, updates fewer vertices, and looks up the pose vertex of each of the
+//! A host that draws poses straight from an index buffer takes a source that is [`split`](MorphSource::split). A host
+//! whose shader pulls vertices keeps the source, updates fewer vertices, and looks up the pose vertex of each of the
 //! [`RenderVertices`]. Either way normals, tangents and deltas belong to a position: no crack opens at a seam.
 
 use super::{Faces, MorphSource, StreamData, StreamDeltas};
@@ -13,42 +13,43 @@ use std::collections::HashMap;
 /// Vertices with one texture coordinate each, and one index buffer over them.
 ///
 /// Both `pose_vertices` and, for a mesh that is split, `indices` name vertices of the mesh:
-/// [`remap_indices`](crate::pack::PackedLayout::remap_indices) turns either into those of pose buffers.
+/// [`remap_indices`](crate::pack::PackedLayout::remap_indices) turns either into vertices of pose buffers.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct RenderVertices {
-    /// The vertex of the mesh that a render vertex takes its position and normal from. Begins with every vertex of the
-    /// mesh, in order; the rest are doubled ones.
+    /// The vertex of the mesh that each render vertex takes its position and normal from. It begins with every vertex
+    /// of the mesh, in order; doubled ones follow.
     pub pose_vertices: Vec<u32>,
-    /// The texture coordinates of each; zero where no face states any.
+    /// The texture coordinates of each render vertex; zero if no face states any.
     pub texcoords: Vec<Vec2>,
     /// Triangles: three render vertices each. Polygons are cut into fans.
     pub indices: Vec<u32>,
 }
 
 impl Faces {
-    /// The vertices that draw these faces of `vertices` vertices, and their index buffer.
+    /// Returns the vertices that draw these faces over `vertices` positions, and their index buffer.
     ///
     /// # Errors
-    /// A face of fewer than three corners, or an index that is out of range.
+    /// [`Error::Invalid`](crate::Error::Invalid) for a face of fewer than three corners, or an index that is out of
+    /// range.
     pub fn render_vertices(&self, vertices: usize, texcoords: &[Vec2]) -> Result<RenderVertices> {
         self.check(vertices, texcoords.len())?;
         let (render, faces) = self.split(vertices, texcoords);
         Ok(RenderVertices { indices: faces.triangles().into_flattened(), ..render })
     }
 
-    /// Render vertices, still without indices, and these faces over them.
+    /// Returns render vertices, still without indices, and these faces over them.
     fn split(&self, vertices: usize, texcoords: &[Vec2]) -> (RenderVertices, Self) {
         let mut pose_vertices: Vec<u32> = (0..vertices as u32).collect();
         let mut stated: Vec<Option<Vec2>> = vec![None; vertices];
         let mut doubled = HashMap::new();
         let mut faces = self.clone();
         for corner in &mut faces.corners {
-            // A corner without texture coordinates is drawn with those of any other.
+            // A corner without texture coordinates may take those of any other corner.
             let Some(texcoord) = corner.texcoord.map(|t| texcoords[t as usize]) else { continue };
             let v = corner.position;
             if *stated[v as usize].get_or_insert(texcoord) != texcoord {
-                // By value, since a file may state a value twice; 0 and -0 are one.
+                // Compared by value, since a file may state a value twice; 0 and -0 are equal.
                 let key = (v, (texcoord + 0.0).to_array().map(f32::to_bits));
                 corner.position = *doubled.entry(key).or_insert_with(|| {
                     pose_vertices.push(v);
@@ -63,19 +64,20 @@ impl Faces {
 }
 
 impl MorphSource {
-    /// The source with render vertices for vertices: a vertex is doubled where its corners have different texture
+    /// Returns the source with render vertices as vertices: a vertex is doubled if its corners have different texture
     /// coordinates, and every corner of a face names the vertex to draw.
     ///
-    /// The vertices of this source come first, in their order: the first vertices of a pose are those of the file. Doubled
+    /// The vertices of this source come first, in their order: a pose begins with the vertices of the file. Doubled
     /// ones follow, welded to them ([`Self::welds`]), with the same normals, streams and deltas. A hard edge doubles
     /// nothing: a position has one normal, one tangent and one delta per target.
     ///
-    /// Block formats keep welded vertices in one block, which keeps them equal bit for bit in every pose. Only where no
-    /// choice of whole positions fills a block (nothing but positions of three vertices, or of six, in blocks of 32), the
-    /// vertices of one position lie in two blocks, and may differ by what blocks may lose.
+    /// Block formats keep welded vertices in one block, so they stay equal bit for bit in every pose. Only if no choice
+    /// of whole positions fills a block (all positions have three vertices, or six, and blocks 32) do the vertices of
+    /// one position lie in two blocks; they may then differ by the error of the block format.
     ///
     /// # Errors
-    /// As [`to_mesh`](Self::to_mesh).
+    /// [`Error::Invalid`](crate::Error::Invalid) if the source is not valid; [`to_mesh`](Self::to_mesh) lists the
+    /// cases.
     pub fn split(&self) -> Result<Self> {
         self.check(super::Tolerance::ZERO)?;
         let count = self.positions.len();
@@ -109,11 +111,12 @@ impl MorphSource {
         Ok(split)
     }
 
-    /// Weld vertices that are at one place in the base pose and in all targets: for meshes that come with doubled
+    /// Welds vertices with the same position in the base pose and in all targets, for meshes that come with doubled
     /// vertices, as engines and glTF hold them. Only [`Self::welds`] changes.
     ///
     /// # Errors
-    /// As [`to_mesh`](Self::to_mesh).
+    /// [`Error::Invalid`](crate::Error::Invalid) if the source is not valid; [`to_mesh`](Self::to_mesh) lists the
+    /// cases.
     pub fn weld(&mut self) -> Result<()> {
         self.check(super::Tolerance::ZERO)?;
         let mut first = HashMap::new();
@@ -122,9 +125,10 @@ impl MorphSource {
         Ok(())
     }
 
-    /// A number for each vertex: the same for those that are at one place in the base pose and in all targets.
+    /// Numbers the vertices so that those with the same position in the base pose and in all targets get the same
+    /// number.
     pub(super) fn places(&self) -> Vec<usize> {
-        // 0 and -0 are one place.
+        // 0 and -0 are the same position.
         let bits = |p: Vec3| (p + 0.0).to_array().map(f32::to_bits);
         let mut count = 0;
         let mut number = || {
@@ -134,7 +138,7 @@ impl MorphSource {
         let mut at = HashMap::new();
         let mut places: Vec<usize> =
             self.positions.iter().map(|p| *at.entry(bits(*p)).or_insert_with(&mut number)).collect();
-        // Those that a target moves part from those that it leaves, and from those that it moves elsewhere.
+        // Vertices that a target moves get another number than those that it leaves, or moves differently.
         for target in &self.targets {
             let mut moved = HashMap::new();
             for (v, delta) in target.positions.iter().filter(|(_, delta)| *delta != Vec3::ZERO) {
@@ -146,23 +150,23 @@ impl MorphSource {
     }
 }
 
-/// Vertices that double another one, and which.
+/// Iterates over the vertices that double another one, with that one.
 pub(super) fn copies(welds: &[u32]) -> impl Iterator<Item = (u32, u32)> {
     welds.iter().enumerate().map(|(v, &of)| (v as u32, of)).filter(|(v, of)| v != of)
 }
 
-/// Whether each of `vertices` vertices is welded to the first of its place, or none at all.
+/// Checks that each of `vertices` vertices is welded to the first at its position, or that `welds` is empty.
 pub(crate) fn check_welds(welds: &[u32], vertices: usize) -> Result<(), String> {
     if !welds.is_empty() && welds.len() != vertices {
         return Err(format!("{} welds for {vertices} vertices", welds.len()));
     }
     match copies(welds).find(|&(v, of)| of > v || welds[of as usize] != of) {
-        Some((v, of)) => Err(format!("vertex {v} is welded to vertex {of}, which is not the first of its place")),
+        Some((v, of)) => Err(format!("vertex {v} is welded to vertex {of}, which is not the first at its position")),
         None => Ok(()),
     }
 }
 
-/// Give each of `copies` the delta of the vertex that it doubles. `deltas` are ascending, and have none for copies.
+/// Gives each of `copies` the delta of the vertex that it doubles. `deltas` are ascending, and have none for copies.
 pub(super) fn copy_deltas<T: Copy>(deltas: &mut Vec<(u32, T)>, copies: &[(u32, u32)]) {
     let stated = deltas.len();
     for &(copy, of) in copies {

@@ -80,7 +80,7 @@ fn doubled_vertices_of_arrays_are_found_by_where_they_are_and_move() {
     let cracked = source.to_mesh(Tolerance::default()).unwrap();
     assert_ne!(cracked.normals[1], cracked.normals[4]);
     source.weld().unwrap();
-    // Vertices 3 and 6 are at one place, but only one of them moves.
+    // Vertices 3 and 6 are at one position, but only one of them moves.
     assert_eq!(source.welds, [0, 1, 2, 3, 1, 5, 6, 7]);
     let mesh = source.to_mesh(Tolerance::default()).unwrap();
     assert_eq!(mesh.normals[1], mesh.normals[4]);
@@ -111,7 +111,7 @@ fn arrays_may_hold_differences_or_the_target_itself() {
     let jaw = [TargetArrays { name: "jaw", positions: &two, ..Default::default() }];
     for (arrays, expected) in [
         (MeshArrays { normals: &two, ..base }, "2 normals for 1 vertices"),
-        (MeshArrays { targets: &jaw, ..base }, "target 'jaw' has 2 positions, the base pose 1"),
+        (MeshArrays { targets: &jaw, ..base }, "target 'jaw' has 2 positions, but the base pose has 1"),
         (MeshArrays { indices: &[0], ..base }, "1 indices"),
     ] {
         let text = MorphSource::from_arrays(&arrays).unwrap_err().to_string();
@@ -134,8 +134,8 @@ fn streams_and_welds_that_do_not_fit_are_named() {
         (&|s| s.targets[0].streams[0].vertices = vec![2, 1], "among the tangent deltas, vertex 1 comes after vertex 2"),
         (&|s| s.targets[0].streams[0].vertices[1] = 6, "a tangent delta of vertex 6, there are 6 vertices"),
         (&|s| s.targets[0].streams[0].deltas[0] = f32::INFINITY, "the tangent delta of vertex 1 is [inf, 0.0, 0.0]"),
-        (&|s| s.welds = vec![0, 1, 1, 3, 4, 5], "vertex 2 is welded to vertex 1, but is or moves elsewhere"),
-        (&|s| s.welds = vec![1, 1, 2, 3, 4, 5], "vertex 0 is welded to vertex 1, which is not the first of its place"),
+        (&|s| s.welds = vec![0, 1, 1, 3, 4, 5], "vertex 2 is welded to vertex 1, but their positions differ"),
+        (&|s| s.welds = vec![1, 1, 2, 3, 4, 5], "vertex 0 is welded to vertex 1, which is not the first at"),
         (&|s| s.welds = vec![0; 5], "5 welds for 6 vertices"),
     ];
     for (change, expected) in cases {

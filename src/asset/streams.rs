@@ -1,7 +1,7 @@
-//! The streams of a mesh: what a vertex has besides a position, and how streams share a *group*.
+//! The streams of a mesh: the vertex attributes, position included, and how they share *groups*.
 //!
-//! A group is a vertex of six numbers, in two *triples*. Every kernel, pose buffer and packed delta works on groups,
-//! whatever their numbers mean. Streams are laid out in the order of [`Semantic`], each in the first group that has room
+//! A group holds six numbers per vertex, in two *triples*. Every kernel, pose buffer and packed delta works on groups,
+//! whatever the numbers mean. Streams are laid out in the order of [`Semantic`], each in the first group that has room
 //! for all of its components:
 //!
 //! ```text
@@ -14,22 +14,22 @@
 use std::collections::BTreeSet;
 use std::fmt;
 
-/// Numbers of a vertex in a group.
+/// Numbers per vertex in a group.
 pub const GROUP_COMPONENTS: usize = 6;
 
-/// Numbers of a triple: the components of a group that share a quantisation step.
+/// Numbers in a triple: the components of a group that share a quantisation step.
 pub const TRIPLE: usize = 3;
 
-/// Triples of a group.
+/// Triples in a group.
 pub const TRIPLES: usize = GROUP_COMPONENTS / TRIPLE;
 
-/// What the numbers of a stream mean. The order is the one in which streams are laid out.
+/// The meaning of a stream's numbers. Streams are laid out in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum Semantic {
-    /// Where the vertex is.
+    /// Position of the vertex.
     Position,
-    /// Which way the surface faces. Poses hold the sum; whoever reads them normalises.
+    /// Normal of the surface. Poses hold the unnormalised sum; consumers normalise it.
     Normal,
     /// Direction of the texture's u axis, and the handedness of the bitangent in w, which does not morph.
     Tangent,
@@ -37,8 +37,8 @@ pub enum Semantic {
     TexCoord(u8),
     /// A set of colours with opacity.
     Color(u8),
-    /// Wrinkle masks: by which share the skin is compressed upwards and across, less than 0 where it is stretched. 0 in the
-    /// base pose; a shader blends normal maps of wrinkles in where they are large.
+    /// Wrinkle masks: the share by which the skin is compressed upwards and across; negative where it is stretched, 0
+    /// in the base pose. A shader blends in normal maps of wrinkles where they are large.
     Mask,
 }
 
@@ -46,7 +46,7 @@ pub enum Semantic {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Measure {
-    /// Distance in input units. Error budgets and drift bounds are lengths as well.
+    /// Distance in input units. Error budgets and drift bounds are lengths, too.
     Length,
     /// Angle between directions, in degrees.
     Angle,
@@ -55,7 +55,7 @@ pub enum Measure {
 }
 
 impl Semantic {
-    /// Components, how many of them morph (the first ones), and how errors are measured.
+    /// Number of components, how many of them morph (the first ones), and how errors are measured.
     const fn properties(self) -> (usize, usize, Measure) {
         match self {
             Self::Position => (3, 3, Measure::Length),
@@ -67,8 +67,8 @@ impl Semantic {
         }
     }
 
-    /// A number of its own. The derived comparison may look at the set of what has none, which tools that look for memory
-    /// that nobody wrote report.
+    /// Unique id. Used instead of the derived `PartialEq`, which may read the uninitialised payload of unit variants;
+    /// memory checkers report that.
     pub(crate) const fn number(self) -> u16 {
         match self {
             Self::Position => 0,
@@ -80,23 +80,23 @@ impl Semantic {
         }
     }
 
-    /// Numbers of a vertex.
+    /// Numbers per vertex.
     pub const fn components(self) -> usize {
         self.properties().0
     }
 
-    /// Numbers of a delta: the first of the components.
+    /// Numbers per delta: the first of the components.
     pub const fn morphing_components(self) -> usize {
         self.properties().1
     }
 
-    /// How errors are measured.
+    /// Returns how errors are measured.
     pub const fn measure(self) -> Measure {
         self.properties().2
     }
 }
 
-/// The name in reports and messages.
+/// Writes the name used in reports and messages.
 impl fmt::Display for Semantic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -110,16 +110,16 @@ impl fmt::Display for Semantic {
     }
 }
 
-/// A stream of a mesh beside positions and normals.
+/// A stream of a mesh other than positions and normals.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StreamData {
-    /// What it is.
+    /// The meaning of the numbers.
     pub semantic: Semantic,
     /// [`components`](Semantic::components) numbers for each vertex.
     pub values: Vec<f32>,
 }
 
-/// What a target changes of a stream.
+/// The changes that a target makes to a stream.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StreamDeltas {
     /// Vertices with a delta, ascending, without repeats.
@@ -128,30 +128,30 @@ pub struct StreamDeltas {
     pub deltas: Vec<f32>,
 }
 
-/// A stream's place in a group.
+/// The components of a group that hold a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StreamPlace {
     /// The stream.
     pub semantic: Semantic,
-    /// Its first component in the group.
+    /// First component in the group.
     pub first: usize,
 }
 
 impl StreamPlace {
-    /// The components of the group that hold the stream.
+    /// Returns the components of the group that hold the stream.
     pub const fn components(&self) -> std::ops::Range<usize> {
         self.first..self.first + self.semantic.components()
     }
 
-    /// The components of the group that targets move.
+    /// Returns the components of the group that targets change.
     pub const fn morphing_components(&self) -> std::ops::Range<usize> {
         self.first..self.first + self.semantic.morphing_components()
     }
 }
 
-/// Lay out position, normal and the streams `further` in groups; each group lists its streams by component.
+/// Lays out position, normal and the streams `further` in groups; each group lists its streams by component.
 ///
-/// The first group is always position and normal. A semantic that comes twice takes one place.
+/// The first group is always position and normal. Repeated semantics are laid out once.
 pub fn group_streams(further: impl IntoIterator<Item = Semantic>) -> Vec<Vec<StreamPlace>> {
     let semantics = BTreeSet::from_iter([Semantic::Position, Semantic::Normal].into_iter().chain(further));
     let mut groups: Vec<Vec<StreamPlace>> = vec![];

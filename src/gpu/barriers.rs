@@ -1,10 +1,10 @@
-//! Barriers as data to Vulkan's. Nothing else calls vkCmdPipelineBarrier in the engine.
+//! Records barriers, which are data elsewhere. No other file of the engine calls vkCmdPipelineBarrier.
 
 use crate::plan::schedule::Barrier;
 use crate::plan::steps::{Access, Scope, Stage};
 use ash::vk;
 
-/// Record a global memory barrier.
+/// Records a global memory barrier.
 ///
 /// # Safety
 /// `cmd` is in the recording state, on `device`, outside a render pass; the device was created with the
@@ -17,14 +17,14 @@ pub(crate) unsafe fn record(device: &ash::Device, cmd: vk::CommandBuffer, barrie
     unsafe { device.cmd_pipeline_barrier(cmd, stages(before), stages(after), flags, &[memory], &[], &[]) };
 }
 
-/// Record the change of the layout of an image that is filled by copies: before them, or after them for shaders.
+/// Records the layout transition of an image that is filled by copies: before them, or after them for shaders.
 ///
 /// # Safety
-/// As [`record`]; all of the image is in the first layout, and nobody uses it meanwhile.
+/// Those of [`record`]; the whole image is in the first layout, and is not in use.
 #[cfg(feature = "baselines")]
 pub(crate) unsafe fn record_layout(device: &ash::Device, cmd: vk::CommandBuffer, image: vk::Image, filled: bool) {
     use vk::{AccessFlags as Access, ImageLayout as Layout, PipelineStageFlags as Stage};
-    // No stage of shaders is named, so that any queue takes it.
+    // No shader stage is named, so that any queue accepts the barrier.
     let (stages, accesses, layouts) = match filled {
         false => (
             (Stage::TOP_OF_PIPE, Stage::TRANSFER),
@@ -57,11 +57,11 @@ pub(crate) unsafe fn record_layout(device: &ash::Device, cmd: vk::CommandBuffer,
     unsafe { device.cmd_pipeline_barrier(cmd, stages.0, stages.1, none, &[], &[], &[barrier]) };
 }
 
-/// Record the barrier after copies to host memory: the host sees them, and stages of `writers` wait before they write what
-/// was copied.
+/// Records the barrier after copies to host memory: the host sees the copies, and the stages of `writers` wait for them
+/// before they overwrite the source.
 ///
 /// # Safety
-/// As [`record`].
+/// Those of [`record`].
 pub(crate) unsafe fn record_read_back(device: &ash::Device, cmd: vk::CommandBuffer, writers: Scope) {
     use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
     let memory =
@@ -117,7 +117,7 @@ mod tests {
     use crate::plan::Consumers;
     use crate::plan::steps::{Resource, Use};
 
-    /// What each consumer is in Vulkan's words.
+    /// The stages and accesses of each consumer in Vulkan.
     #[test]
     fn consumers_have_stages_and_accesses() {
         use vk::{AccessFlags as Access, PipelineStageFlags as Stage};

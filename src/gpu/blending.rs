@@ -1,4 +1,4 @@
-//! The pipeline that blends, of a baseline that sums colours.
+//! The blending pipeline of a baseline that sums colours.
 
 use super::pipelines::{Objects, with_stage};
 use crate::abi::modules::Module;
@@ -6,8 +6,8 @@ use crate::error::Result;
 use ash::vk;
 
 impl Objects {
-    /// A pipeline that adds what a vertex and a fragment module draw to two colours, in strips of triangles without vertex
-    /// attributes. Viewport and scissor are dynamic. The render pass is there.
+    /// Adds a pipeline that draws a vertex and a fragment module with additive blending into two colours, in triangle
+    /// strips without vertex attributes. Viewport and scissor are dynamic. The render pass must have been made.
     pub(crate) fn add_blending(&mut self, [vertex, fragment]: [&Module; 2]) -> Result<()> {
         let input = vk::PipelineVertexInputStateCreateInfo::default();
         let assembly =

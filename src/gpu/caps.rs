@@ -1,4 +1,4 @@
-//! What a device can do, as far as the update paths care, and what each path asks for.
+//! Limits and features of a device that matter to update paths, and the requirements of each path.
 
 use super::failed;
 use super::tuning::{DeviceClass, DeviceTuning};
@@ -11,23 +11,23 @@ use crate::plan::paths::{Batch, Needs, UpdatePath};
 use ash::vk;
 use std::ffi::CStr;
 
-/// Bytes of a vertex that transform feedback captures: it writes no other format.
+/// Bytes of a vertex captured by transform feedback, which writes no other format.
 pub(crate) const CAPTURE_STRIDE: usize = PoseFormat::Float32.stride();
 
 /// Limits of transform feedback.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TransformFeedbackCaps {
-    /// Most bytes of a capture buffer.
+    /// Largest size of a capture buffer, in bytes.
     pub max_buffer_bytes: u64,
-    /// Most bytes between captured vertices.
+    /// Largest distance between captured vertices, in bytes.
     pub max_stride: u32,
 }
 
-/// What kind of device it is.
+/// The kind of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum DeviceKind {
-    /// A graphics card with memory of its own.
+    /// A graphics card with its own memory.
     Discrete,
     /// A GPU that shares the memory of the CPU.
     Integrated,
@@ -40,7 +40,7 @@ pub enum DeviceKind {
 }
 
 impl DeviceKind {
-    /// Its name in reports.
+    /// Returns the name used in reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::Discrete => "discrete",
@@ -62,45 +62,45 @@ pub struct DeviceCaps {
     pub driver: String,
     /// Driver version, in the driver's own words.
     pub driver_info: String,
-    /// What kind of device it is.
+    /// The kind of device.
     pub kind: DeviceKind,
-    /// What suits the device: kernels and tiles are chosen by it.
+    /// Tuning for the device: kernels and tiles are chosen by it.
     pub tuning: DeviceTuning,
     /// Vulkan version: major, minor, patch.
     pub api_version: (u32, u32, u32),
-    /// Bytes that a storage-buffer descriptor may cover.
+    /// Most bytes that a storage-buffer descriptor can cover.
     pub max_storage_range: u64,
-    /// Texels of a texel buffer.
+    /// Most texels in a texel buffer.
     pub max_texels: u32,
-    /// Bytes of one memory allocation.
+    /// Most bytes in one memory allocation.
     pub max_allocation: u64,
-    /// Bytes of one buffer, where the driver says (VK_KHR_maintenance4); else as many as there can be.
+    /// Most bytes in one buffer, if the driver states it (VK_KHR_maintenance4); otherwise unlimited.
     pub max_buffer: u64,
-    /// Storage buffers of one shader stage.
+    /// Most storage buffers in one shader stage.
     pub max_storage_buffers: u32,
-    /// Bytes of push constants.
+    /// Most bytes of push constants.
     pub max_push_constants: u32,
-    /// Vertex attributes.
+    /// Most vertex attributes.
     pub max_vertex_attributes: u32,
-    /// Vertex-buffer bindings.
+    /// Most vertex-buffer bindings.
     pub max_vertex_bindings: u32,
-    /// Invocations of a workgroup.
+    /// Most invocations in a workgroup.
     pub max_workgroup_invocations: u32,
-    /// Workgroups in x and in y.
+    /// Most workgroups in x and in y.
     pub max_workgroups: u32,
-    /// Nanoseconds per timestamp tick; 0 when there are no timestamps.
+    /// Nanoseconds per timestamp tick; 0 without timestamps.
     pub timestamp_period: f32,
-    /// VK_EXT_transform_feedback, where the device has extension and feature.
+    /// Limits of VK_EXT_transform_feedback; `None` without the extension or its feature.
     pub transform_feedback: Option<TransformFeedbackCaps>,
     /// Whether vertex shaders may write storage buffers (the feature `vertexPipelineStoresAndAtomics`).
     pub vertex_stores: bool,
-    /// Whether colours of four float32 can be blended, and loaded by shaders, as textures.
+    /// Whether textures of four float32 can be blended to, and loaded by shaders.
     pub float_blending: bool,
-    /// Texels of a 2D image in either direction.
+    /// Most texels of a 2D image in either direction.
     pub max_image_side: u32,
     /// Whether shaders may use 64-bit integers (the feature `shaderInt64`).
     pub int64: bool,
-    /// What each family of queues can do, by its index.
+    /// Flags of each queue family, by its index.
     pub queue_families: Vec<vk::QueueFlags>,
 }
 
@@ -112,12 +112,12 @@ pub struct Requirement {
     pub extension: Option<&'static CStr>,
     /// Name of the feature to enable, if any.
     pub feature: Option<&'static str>,
-    /// What for.
+    /// The reason that the path needs it.
     pub reason: &'static str,
 }
 
-/// What to enable when creating a device for `path`. Beyond this, core Vulkan 1.1 and one queue with graphics and
-/// compute suffice, or one with compute for updates and another for draws
+/// Returns the extensions and features to enable when creating a device for `path`. Beyond these, core Vulkan 1.1
+/// suffices, with one queue for graphics and compute, or one with compute for updates and another for draws
 /// ([`DeviceDesc::queue_families`](field@crate::DeviceDesc::queue_families)).
 pub fn requirements(path: UpdatePath) -> &'static [Requirement] {
     match path.row().needs {
@@ -136,15 +136,15 @@ pub fn requirements(path: UpdatePath) -> &'static [Requirement] {
 }
 
 impl DeviceCaps {
-    /// Whether the device is software running on the CPU: there the path `cpu` is the faster one.
+    /// Whether the device is a software driver on the CPU. The path `cpu` is faster than such a device.
     pub fn is_software(&self) -> bool {
         self.kind == DeviceKind::Cpu
     }
 
-    /// Ask the driver.
+    /// Asks the driver for its limits and features.
     ///
     /// # Errors
-    /// The driver cannot list its extensions, for want of memory: what the device has is unknown then.
+    /// [`Error::Vulkan`] if the driver cannot list its extensions, for lack of memory.
     ///
     /// # Safety
     /// - `physical` was enumerated from `instance`, and `instance` is alive.
@@ -164,7 +164,8 @@ impl DeviceCaps {
         let version = |v| (vk::api_version_major(v), vk::api_version_minor(v), vk::api_version_patch(v));
         let text = |raw: Result<&CStr, _>| raw.unwrap_or_default().to_string_lossy().into_owned();
         let with_feedback = has(ash::ext::transform_feedback::NAME);
-        // By extension only: what is core of 1.2 and 1.3 may not be chained where the instance is of 1.1.
+        // Detected by extension only: structures of core 1.2 and 1.3 may not be chained if the instance is of version
+        // 1.1.
         let with_driver = has(ash::khr::driver_properties::NAME);
         let with_buffer_size = has(ash::khr::maintenance4::NAME);
         let with_subgroup_sizes = has(ash::ext::subgroup_size_control::NAME);
@@ -243,7 +244,7 @@ impl DeviceCaps {
         })
     }
 
-    /// What Khronos' VP_ANDROID_baseline_2022 promises, for [`clamp_to`](Self::clamp_to).
+    /// Returns the limits that Khronos' VP_ANDROID_baseline_2022 guarantees, for [`clamp_to`](Self::clamp_to).
     pub fn android_baseline() -> Self {
         Self {
             name: String::new(),
@@ -273,9 +274,9 @@ impl DeviceCaps {
         }
     }
 
-    /// Keep to the smaller of these limits and `limits`; nothing is raised. Names, versions and timestamps stay, families of
-    /// queues that `limits` does not have, and of the tuning all but the width of tiles, masks, and how small blocks are
-    /// taken.
+    /// Reduces each limit to that of `limits` if it is smaller; nothing is raised. Names, versions, timestamps and the
+    /// flags of queue families stay. Of the tuning, only the width of tiles, the masks, and the fields for small blocks
+    /// are changed.
     pub fn clamp_to(&mut self, limits: &Self) {
         self.tuning.widest_tile = self.tuning.widest_tile.min(limits.tuning.widest_tile);
         self.tuning.masks &= limits.tuning.masks;
@@ -303,15 +304,16 @@ impl DeviceCaps {
         self.queue_families.iter_mut().zip(&limits.queue_families).for_each(|(flags, limits)| *flags &= *limits);
     }
 
-    /// Whether tiles of `format` are read as texels and stored in 64-bit integers ([`DeviceTuning::texels`]).
+    /// Whether tiles of `format` are read as texels and decoded in 64-bit integers ([`DeviceTuning::texels`]).
     pub fn takes_texels(&self, format: DeltaFormat) -> bool {
-        // Whatever a storage descriptor covers, a view of four words each covers then.
+        // A view of four-word texels then covers everything that a storage descriptor covers.
         let views = u64::from(self.max_texels) >= self.max_storage_range / 16;
         self.tuning.texels && self.int64 && views && format.row().texels
     }
 
-    /// The largest batch of `path` with coefficients in push constants; `None`: any. For vertex passes: vertex attributes
-    /// − 2 for the pose, 2 a target (float32) or 1 (snorm16), as far as vertex bindings and push constants reach.
+    /// Returns the largest batch of `path` with coefficients in push constants; `None`: no limit. For vertex passes:
+    /// vertex attributes − 2 for the pose, divided by 2 per target (float32) or 1 (snorm16), and limited by vertex
+    /// bindings and push constants.
     pub fn batch_max(&self, path: UpdatePath, format: DeltaFormat) -> Option<u32> {
         match path.row().batch {
             Batch::Attributes => {
@@ -326,17 +328,17 @@ impl DeviceCaps {
         }
     }
 
-    /// Whether `path` can run here.
+    /// Checks that `path` can run on this device.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] with the missing extension, feature or limit, and what to use in its place.
+    /// [`Error::Unsupported`] with the missing extension, feature or limit, and the path to use instead.
     pub fn check_path(&self, path: UpdatePath) -> Result<()> {
         let refuse = |reason: String, remedy: &str| {
             Err(Error::Unsupported { path: path.name(), device: self.name.clone(), reason, remedy: remedy.into() })
         };
         match path.row().needs {
             Needs::VertexStores if !self.vertex_stores => refuse(
-                "needs the feature vertexPipelineStoresAndAtomics, which the device lacks, or which was not enabled"
+                "needs the feature vertexPipelineStoresAndAtomics, which the device lacks or the host did not enable"
                     .into(),
                 "use the path 'compute', which needs no feature",
             ),
@@ -363,29 +365,30 @@ impl DeviceCaps {
         }
     }
 
-    /// Check a family of queues for updates by `path`: compute, and for vertex passes graphics besides.
+    /// Checks a queue family for updates by `path`: it needs compute, and graphics as well for vertex passes.
     ///
     /// # Errors
-    /// A family that there is not; one that lacks what the path needs, with what to use in its place.
+    /// [`Error::Invalid`] for a family that does not exist; [`Error::Unsupported`] for one that lacks what the path
+    /// needs.
     pub(crate) fn check_queue_family(&self, path: UpdatePath, family: u32) -> Result<()> {
         let flags = self.queue_flags(family)?;
         let refuse = |lacks: &str, remedy: &str| {
-            let reason = format!("queue family {family}, which updates are to run on, has no {lacks}");
+            let reason = format!("queue family {family}, named for updates, has no {lacks}");
             Err(Error::Unsupported { path: path.name(), device: self.name.clone(), reason, remedy: remedy.into() })
         };
         if !flags.contains(vk::QueueFlags::COMPUTE) {
-            return refuse("compute", "name one that has");
+            return refuse("compute", "name a queue family with compute");
         }
         if path.draws_updates() && !flags.contains(vk::QueueFlags::GRAPHICS) {
-            return refuse("graphics, which its passes take", "use the path 'blocks' or 'compute' there");
+            return refuse("graphics, which the passes of this path need", "use the path 'blocks' or 'compute' on it");
         }
         Ok(())
     }
 
-    /// What a family of queues can do.
+    /// Returns the flags of a queue family.
     ///
     /// # Errors
-    /// A family that there is not.
+    /// [`Error::Invalid`] for a family that does not exist.
     pub(crate) fn queue_flags(&self, family: u32) -> Result<vk::QueueFlags> {
         let found = self.queue_families.get(family as usize).copied();
         found.ok_or_else(|| {
@@ -394,7 +397,7 @@ impl DeviceCaps {
         })
     }
 
-    /// Refuse more of something than the device has: `(amount, unit, most)`.
+    /// Checks an `(amount, unit, most)`: an amount above the device's limit is an error.
     pub(crate) fn check_limit(&self, what: &str, (amount, unit, most): (u64, &str, u64), remedy: &str) -> Result<()> {
         if amount <= most {
             return Ok(());

@@ -1,4 +1,4 @@
-//! Descriptor sets: what is bound where, and the pool that goes with them.
+//! Descriptor sets and their pool.
 
 use super::device::Device;
 use super::failed;
@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use ash::vk;
 use std::sync::Arc;
 
-/// A buffer and the bytes of it that a descriptor covers.
+/// A buffer and the range of it that a descriptor covers.
 #[derive(Clone, Copy)]
 pub(crate) struct BufferRange {
     pub(crate) buffer: vk::Buffer,
@@ -21,7 +21,7 @@ impl BufferRange {
     }
 }
 
-/// The descriptor of a buffer that a kernel declares.
+/// Returns the descriptor type of a buffer that a kernel declares.
 pub(crate) fn descriptor_type(buffer: Buffer) -> vk::DescriptorType {
     match buffer {
         Buffer::Storage(_) | Buffer::Poses => vk::DescriptorType::STORAGE_BUFFER,
@@ -41,8 +41,8 @@ pub(crate) struct Sets {
 }
 
 impl Sets {
-    /// A set of `layout`, which is a kernel's, for each list of buffers, which are in the order of the layout's `bindings`.
-    /// Images come after them, and are written by [`write_image`](Self::write_image).
+    /// Makes a set of `layout`, which is a kernel's, for each list of buffers, which are in the order of the layout's
+    /// `bindings`. Images follow; [`write_image`](Self::write_image) writes them.
     pub(super) fn new(
         device: &Arc<Device>,
         layout: vk::DescriptorSetLayout,
@@ -91,21 +91,21 @@ impl Sets {
                 write.texel_buffer_view(&view)
             }
             Buffer::Storage(_) | Buffer::Dynamic(_) | Buffer::Poses | Buffer::DynamicDeltas => write.buffer_info(&info),
-            Buffer::Image => return Err(Error::invalid("a buffer where a kernel loads an image", "report this")),
+            Buffer::Image => return Err(Error::invalid("a buffer is bound to a kernel's image", "report this")),
         };
-        // SAFETY: the set is not in use yet; buffers and ranges are those of whoever owns the sets.
+        // SAFETY: the set is not in use yet; its owner keeps buffers and ranges valid.
         unsafe { self.device.raw.update_descriptor_sets(&[write], &[]) };
         Ok(())
     }
 
-    /// Bind an image that shaders load, in the layout SHADER_READ_ONLY_OPTIMAL.
+    /// Binds an image that shaders load, in the layout SHADER_READ_ONLY_OPTIMAL.
     #[cfg(feature = "baselines")]
     pub(crate) fn write_image(&mut self, set: usize, binding: u32, view: vk::ImageView) {
         let layout = vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL;
         let info = [vk::DescriptorImageInfo::default().image_view(view).image_layout(layout)];
         let write = vk::WriteDescriptorSet::default().dst_set(self.sets[set]).dst_binding(binding);
         let write = write.descriptor_type(descriptor_type(Buffer::Image)).image_info(&info);
-        // SAFETY: the set is not in use yet; the view is that of whoever owns the sets.
+        // SAFETY: the set is not in use yet; its owner keeps the view valid.
         unsafe { self.device.raw.update_descriptor_sets(&[write], &[]) };
     }
 
@@ -113,7 +113,7 @@ impl Sets {
         self.sets[set]
     }
 
-    /// Sets that lie side by side.
+    /// Returns adjacent sets.
     pub(crate) fn range(&self, sets: std::ops::Range<usize>) -> &[vk::DescriptorSet] {
         &self.sets[sets]
     }
@@ -121,7 +121,7 @@ impl Sets {
 
 impl Drop for Sets {
     fn drop(&mut self) {
-        // SAFETY: ours, destroyed once, with its sets, when whoever owns them is no longer in use by the device.
+        // SAFETY: ours, destroyed once, with its sets, when the device no longer uses their owner.
         unsafe {
             self.device.raw.destroy_descriptor_pool(self.pool, None);
             self.views.iter().for_each(|view| self.device.raw.destroy_buffer_view(*view, None));

@@ -14,11 +14,11 @@ use std::ffi::CString;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// What keeps handles of the host's alive: dropped when the last of ours that needs them is.
+/// An object that keeps the host's handles alive. It is dropped after the last of our objects that needs them.
 pub(crate) type Owner = Arc<dyn Any + Send + Sync>;
 
-/// A gpu-allocator that host and engine share. Clones are of the same allocator, and each keeps what owns its device
-/// alive: the last of them frees the memory before that goes, in whatever order clones are dropped.
+/// A gpu-allocator that host and engine share. Clones share the allocator, and each keeps the owner of the device
+/// alive: the last clone to be dropped frees the memory before the device goes, in whatever order clones are dropped.
 #[derive(Clone)]
 pub struct SharedAllocator {
     allocator: Arc<Mutex<Allocator>>,
@@ -27,20 +27,20 @@ pub struct SharedAllocator {
 }
 
 impl SharedAllocator {
-    /// An allocator and what owns its device: a value that destroys the device when it is dropped. With `None`, and with
-    /// clones of the `Arc` that the host keeps beside this, the host sees to it that the allocator goes before its device.
+    /// Shares an allocator. `owner` is a value that destroys the device when it is dropped. With `None`, or if the host
+    /// keeps clones of the allocator's `Arc` elsewhere, the host must drop the allocator before its device.
     pub fn new(allocator: Arc<Mutex<Allocator>>, owner: Option<Arc<dyn Any + Send + Sync>>) -> Self {
         Self { allocator, _owner: owner }
     }
 
-    /// The allocator, locked: not to be held while the engine makes or drops anything. A panic elsewhere while it was
-    /// locked does not spoil it.
+    /// Locks the allocator. Do not hold the lock while the engine makes or drops anything. The lock is not poisoned by
+    /// a panic of another thread.
     pub fn lock(&self) -> MutexGuard<'_, Allocator> {
         self.allocator.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// What the host hands in: made by [`new`](Self::new), then changed field by field.
+/// The host's handles and settings: made by [`new`](Self::new), then changed field by field.
 #[non_exhaustive]
 pub struct DeviceDesc<'a> {
     /// The instance, created for Vulkan 1.1 or later.
@@ -50,39 +50,41 @@ pub struct DeviceDesc<'a> {
     /// The device, with the extensions and features of [`requirements`](super::caps::requirements) enabled for
     /// the paths that will be used.
     pub device: &'a ash::Device,
-    /// Limits to keep to; `None`: what the driver says. Transform feedback is used only where
-    /// `transform_feedback_enabled` says so, too.
+    /// Limits to keep to; `None`: those of the driver. Transform feedback is used only if `transform_feedback_enabled`
+    /// is set, too.
     pub caps: Option<DeviceCaps>,
     /// Whether `device` was created with VK_EXT_transform_feedback and its feature `transformFeedback`.
     pub transform_feedback_enabled: bool,
-    /// The features that `device` was created with. Of use are `vertexPipelineStoresAndAtomics`, for the baseline
-    /// `vertex-store`, and `shaderInt64` on software drivers, where `fast` in blocks takes half as long with it.
+    /// The features that `device` was created with. Two of them are used: `vertexPipelineStoresAndAtomics`, for the
+    /// baseline `vertex-store`, and `shaderInt64` on software drivers, where it halves the time of the format `fast` in
+    /// blocks.
     pub enabled_features: vk::PhysicalDeviceFeatures,
-    /// The host's cache of pipelines, which it loads and stores; `null()`: none. Of this device, and made without
-    /// `VK_PIPELINE_CACHE_CREATE_EXTERNALLY_SYNCHRONIZED_BIT`: whatever thread makes crowds or sets targets of steps after the
-    /// pose makes pipelines with it, without a lock. It lives as long as the engine and all that it makes. The host may read
-    /// it at any time (`vkGetPipelineCacheData`), make pipelines with it, and merge it into another; it merges others into
-    /// it (`vkMergePipelineCaches`) only while no thread is in a call of the engine that makes pipelines.
+    /// The host's pipeline cache, which the host loads and stores; `null()`: none. It belongs to this device and was
+    /// made without `VK_PIPELINE_CACHE_CREATE_EXTERNALLY_SYNCHRONIZED_BIT`: any thread that makes crowds, or sets the
+    /// output of steps after the pose, uses it without a lock. It must outlive the engine and everything made by it.
+    /// The host may read it at any time (`vkGetPipelineCacheData`), make pipelines with it, and merge it into another;
+    /// it may merge others into it (`vkMergePipelineCaches`) only while no thread is in a call of the engine that makes
+    /// pipelines.
     pub pipeline_cache: vk::PipelineCache,
-    /// The host's allocator; `None`: the engine makes one of its own. That one gives each of the first 128 buffers
-    /// memory of exactly its size, returned as soon as the buffer goes; further small ones share blocks of 4 MiB to 64
-    /// MiB, of which one is kept for each type of memory. A host with many meshes, or near the device's limit of
-    /// allocations (`maxMemoryAllocationCount`), hands in its own.
+    /// The host's allocator; `None`: the engine makes its own. The engine's gives each of the first 128 buffers memory
+    /// of exactly its size, returned when the buffer is dropped; further small buffers share blocks of 4 MiB to 64 MiB,
+    /// of which one is kept for each type of memory. A host with many meshes, or near the device's limit of allocations
+    /// (`maxMemoryAllocationCount`), should pass its own.
     pub allocator: Option<SharedAllocator>,
-    /// Whether `device` was created with the feature `bufferDeviceAddress`, and an allocator that is handed in was made for
-    /// it: pose buffers can have addresses then ([`CrowdDesc::pose_usage`](field@crate::CrowdDesc::pose_usage)).
+    /// Whether `device` was created with the feature `bufferDeviceAddress`, and `allocator`, if given, was made for it:
+    /// pose buffers can then have addresses ([`CrowdDesc::pose_usage`](field@crate::CrowdDesc::pose_usage)).
     pub buffer_device_address: bool,
-    /// Whether the instance was created with VK_EXT_debug_utils: buffers, pipelines and descriptor sets get names then, which
-    /// layers and debuggers show.
+    /// Whether the instance was created with VK_EXT_debug_utils: buffers, pipelines and descriptor sets then get names,
+    /// which layers and debuggers show.
     pub debug_names: bool,
-    /// The families whose queues use what the engine makes: those that upload, update and draw. Where there are two or more,
-    /// the engine's buffers are shared by them all (`VK_SHARING_MODE_CONCURRENT`), and no ownership is ever transferred;
-    /// otherwise (none named: all run on one) they are `VK_SHARING_MODE_EXCLUSIVE`.
-    /// [`MorphEngine`](crate::MorphEngine#several-queues) says what orders the queues.
+    /// Families of the queues that use the engine's objects: those that upload, update and draw. With two or more, all
+    /// of the engine's buffers are shared by them (`VK_SHARING_MODE_CONCURRENT`), and ownership is never transferred.
+    /// Otherwise (none named: all run on one) they are `VK_SHARING_MODE_EXCLUSIVE`.
+    /// [`MorphEngine`](crate::MorphEngine#several-queues) explains how to order the queues.
     pub queue_families: &'a [u32],
-    /// What owns the handles, such as an `Arc` of the host's that destroys the device when it is dropped. The engine and
-    /// all that it makes keep it alive, so that they and the host's own clones may be dropped in any order. `None`: the
-    /// host destroys the device after the last of them.
+    /// The owner of the handles, such as an `Arc` that destroys the device when it is dropped. The engine and
+    /// everything made by it keep it alive, so that they and the host's own clones may be dropped in any order. `None`:
+    /// the host destroys the device after the last of them.
     pub owner: Option<Arc<dyn Any + Send + Sync>>,
 }
 
@@ -99,7 +101,8 @@ setters!(DeviceDesc<'a> {
 });
 
 impl<'a> DeviceDesc<'a> {
-    /// A device without extensions and features, its own limits, no pipeline cache, and an allocator of the engine's.
+    /// Describes a device without extensions and features, with its own limits, no pipeline cache, and the engine's
+    /// allocator.
     pub fn new(instance: &'a ash::Instance, physical_device: vk::PhysicalDevice, device: &'a ash::Device) -> Self {
         Self {
             instance,
@@ -118,7 +121,7 @@ impl<'a> DeviceDesc<'a> {
     }
 }
 
-/// Queue families, each once.
+/// Returns the queue families, each once.
 pub(super) fn distinct(families: &[u32]) -> Vec<u32> {
     let mut families = families.to_vec();
     families.sort_unstable();
@@ -126,8 +129,8 @@ pub(super) fn distinct(families: &[u32]) -> Vec<u32> {
     families
 }
 
-/// Buffers that the engine's own allocator gives memory of their own: a small part of the 4,096 allocations that every
-/// device allows, and enough that a host with a few faces takes what they need, and no block beside it.
+/// Number of buffers to which the engine's own allocator gives dedicated memory: a small part of the 4,096 allocations
+/// that every device allows, but enough that a host with a few faces allocates no more than it needs.
 const DEDICATED_MOST: u32 = 128;
 
 /// Device functions and limits, shared by everything that the engine creates.
@@ -136,22 +139,22 @@ pub(crate) struct Device {
     pub(crate) feedback: Option<ash::ext::transform_feedback::Device>,
     pub(crate) caps: DeviceCaps,
     pub(crate) pipeline_cache: vk::PipelineCache,
-    /// Buffers can have addresses.
+    /// Whether buffers can have addresses.
     pub(crate) device_address: bool,
     /// The queue families that the host named, each once.
     pub(crate) families: Vec<u32>,
     names: Option<ash::ext::debug_utils::Device>,
     allocator: SharedAllocator,
-    /// Buffers with memory of their own, and how many may have: none from a host's allocator.
+    /// Number of buffers with dedicated memory, at most `DEDICATED_MOST`; none with a host's allocator.
     dedicated: AtomicU32,
     dedicated_most: u32,
-    /// What owns the handles. Drops last.
+    /// The owner of the handles. Dropped last.
     _owner: Option<Owner>,
 }
 
 impl Device {
     /// # Safety
-    /// As [`MorphEngine::new`](crate::MorphEngine::new).
+    /// Those of [`MorphEngine::new`](crate::MorphEngine::new).
     pub(crate) unsafe fn borrow(desc: &DeviceDesc<'_>) -> Result<Self> {
         let mut caps = match &desc.caps {
             Some(caps) => caps.clone(),
@@ -200,31 +203,31 @@ impl Device {
         })
     }
 
-    /// Give an object of this device, that was made just now, a name where the host wants names.
+    /// Names an object that this device made just now, if the host wants names.
     pub(crate) fn name(&self, object: impl vk::Handle, name: impl FnOnce() -> String) {
         let Some(functions) = &self.names else { return };
-        // Names of meshes may have anything in them.
+        // Names of meshes may contain any character.
         let Ok(name) = CString::new(name().replace('\0', " ")) else { return };
         let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(object).object_name(&name);
-        // SAFETY: the host says that the extension is enabled; the object is of this device, and no other thread has it yet.
-        // Who cannot be told the name does without.
+        // SAFETY: the host states that the extension is enabled; the object is of this device, and no other thread has
+        // it yet. A failure to set the name does no harm.
         let _ = unsafe { functions.set_debug_utils_object_name(&info) };
     }
 
-    /// Refuse a range that ends behind a buffer of the host's, as far as Vulkan tells: the memory that a buffer needs is no
-    /// smaller than the buffer.
+    /// Refuses a range that ends beyond the host's buffer, as far as Vulkan tells its size: the memory that a buffer
+    /// needs is no smaller than the buffer.
     pub(crate) fn check_room(&self, what: &str, range: BufferRange) -> Result<()> {
-        // SAFETY: who hands a buffer in promises that it is of this device, and alive.
+        // SAFETY: the caller who passes a buffer promises that it is of this device, and alive.
         let room = unsafe { self.raw.get_buffer_memory_requirements(range.buffer) }.size;
         let end = range.offset.saturating_add(range.size);
         if end <= room {
             return Ok(());
         }
-        let text = format!("{what}, to byte {end} of a buffer of the host's that has {room} at most");
+        let text = format!("{what}, to byte {end} of a host buffer of at most {room} bytes");
         Err(Error::invalid(text, "make the buffer larger, or use a smaller offset or stride"))
     }
 
-    /// Memory for a buffer.
+    /// Allocates memory for a buffer.
     pub(crate) fn allocate(
         &self,
         name: &str,
@@ -232,7 +235,7 @@ impl Device {
         own: AllocationScheme,
         location: MemoryLocation,
     ) -> Result<Allocation, AllocationError> {
-        // Images are tiled as the device likes.
+        // Images have optimal tiling.
         let linear = !matches!(own, AllocationScheme::DedicatedImage(_));
         let allocate = |allocation_scheme| {
             let desc = AllocationCreateDesc { name, requirements, location, linear, allocation_scheme };
@@ -240,7 +243,7 @@ impl Device {
         };
         let allocation = match self.dedicated.load(Ordering::Relaxed) < self.dedicated_most {
             true => allocate(own)?,
-            // Where there is no room for another block there may be for the buffer.
+            // If there is no room for another block, there may be for this buffer alone.
             false => allocate(AllocationScheme::GpuAllocatorManaged).or_else(|_| allocate(own))?,
         };
         if allocation.is_dedicated() {
@@ -253,7 +256,7 @@ impl Device {
         if allocation.is_dedicated() {
             self.dedicated.fetch_sub(1, Ordering::Relaxed);
         }
-        // An error here means that the allocator lost track of it; there is nobody to tell.
+        // An error here means that the allocator lost track of the memory; there is no caller to report it to.
         let _ = self.allocator().free(allocation);
     }
 
@@ -263,7 +266,7 @@ impl Device {
 }
 
 pub(crate) fn allocation_failed(name: &str, bytes: u64, error: &AllocationError) -> Error {
-    // What vkAllocateMemory returns comes as text, but for ERROR_OUT_OF_DEVICE_MEMORY.
+    // Except for ERROR_OUT_OF_DEVICE_MEMORY, gpu-allocator reports the result of vkAllocateMemory as text.
     let says =
         |text: &str, result: vk::Result| text.contains("vkAllocateMemory") && text.ends_with(&format!("{result:?}"));
     let returned = |result: vk::Result| matches!(error, AllocationError::Internal(text) if says(text, result));
@@ -273,12 +276,12 @@ pub(crate) fn allocation_failed(name: &str, bytes: u64, error: &AllocationError)
         Error::out_of_memory(what(&format_args!("vkAllocateMemory failed: {host:?}")), LESS)
     } else if returned(count) {
         let remedy =
-            "destroy what is no longer needed, or hand in an allocator of your own that makes fewer allocations";
+            "destroy objects that are no longer needed, or pass your own allocator that makes fewer allocations";
         Error::out_of_memory(what(&format_args!("vkAllocateMemory failed: {count:?}")), remedy)
     } else if matches!(error, AllocationError::OutOfMemory | AllocationError::FailedToMap(_)) {
         Error::out_of_memory(what(error), LESS)
     } else {
-        Error::invalid(what(error), "report this with the device's name, or hand in an allocator of your own")
+        Error::invalid(what(error), "report this with the device's name, or pass your own allocator")
     }
 }
 
@@ -287,7 +290,7 @@ mod tests {
     use super::*;
     use crate::error::ErrorKind;
 
-    /// What gpu-allocator makes of `result`, as its version 0.28 does (vulkan/mod.rs, `MemoryBlock::new`).
+    /// The error that gpu-allocator 0.28 makes of `result` (vulkan/mod.rs, `MemoryBlock::new`).
     fn refused(result: vk::Result) -> AllocationError {
         match result {
             vk::Result::ERROR_OUT_OF_DEVICE_MEMORY => AllocationError::OutOfMemory,

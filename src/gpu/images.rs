@@ -1,4 +1,4 @@
-//! Images that are textures and colour attachments, each with its memory and its views.
+//! Images for textures and colour attachments, each with its memory and its views.
 
 use super::device::{Device, allocation_failed};
 use super::failed;
@@ -17,12 +17,12 @@ pub(crate) struct Image {
     pub(crate) size: [u32; 2],
     format: vk::Format,
     allocation: Option<Allocation>,
-    /// Those that were made, in order.
+    /// The views made so far, in order.
     pub(crate) views: Vec<vk::ImageView>,
 }
 
 impl Image {
-    /// An image of `size` texels and so many layers, whose contents and layout are undefined.
+    /// Makes an image of `size` texels with this number of layers; its contents and layout are undefined.
     pub(crate) fn new(
         device: &Arc<Device>,
         name: &str,
@@ -42,11 +42,11 @@ impl Image {
             .usage(usage)
             .sharing_mode(sharing)
             .queue_family_indices(families);
-        // SAFETY: the device is alive (Device::borrow); the size is within its limits, and every device has the formats for
-        // these usages, or caps say so (checked by whoever names them).
+        // SAFETY: the device is alive (Device::borrow); the size is within its limits, and the formats support these
+        // usages: on every device, or as the caller has checked in the caps.
         let raw = unsafe { device.raw.create_image(&info, None) }.map_err(failed("vkCreateImage"))?;
         device.name(raw, || name.to_owned());
-        // From here on dropping `image` destroys what there is of it.
+        // From here on, dropping `image` destroys everything that was made.
         let mut image = Self { device: device.clone(), raw, size, format, allocation: None, views: vec![] };
         // SAFETY: created just now.
         let requirements = unsafe { device.raw.get_image_memory_requirements(raw) };
@@ -60,7 +60,7 @@ impl Image {
         Ok(image)
     }
 
-    /// A view of these layers, as an array where `is_array`. It lives as long as the image.
+    /// Makes a view of these layers, as an array if `is_array`. It lives as long as the image.
     pub(crate) fn view(&mut self, layers: Range<u32>, is_array: bool) -> Result<vk::ImageView> {
         let range = vk::ImageSubresourceRange {
             aspect_mask: vk::ImageAspectFlags::COLOR,
@@ -89,7 +89,7 @@ impl Drop for Image {
             self.views.iter().for_each(|&view| self.device.raw.destroy_image_view(view, None));
             self.device.raw.destroy_image(self.raw, None);
         }
-        // Not before: the allocator may be the host's, and hand the memory out again at once.
+        // Freed last: the allocator may be the host's, and reuse the memory at once.
         if let Some(allocation) = self.allocation.take() {
             self.device.free(allocation);
         }

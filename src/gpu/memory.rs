@@ -1,4 +1,4 @@
-//! Buffers, each with a name, a size that was checked and its memory; and rings of lists that the host writes.
+//! Buffers, each with a name, a checked size and its memory; and rings of lists that the host writes.
 
 use super::descriptors::BufferRange;
 use super::device::{Device, allocation_failed};
@@ -9,12 +9,11 @@ use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationScheme};
 use std::sync::Arc;
 
-/// Where staging memory lies: in the host's memory. `CpuToGpu` prefers the small window of a graphics card's memory that the
-/// host can write to, which lists that change every frame need more.
+/// Location of staging memory: the host's memory. `CpuToGpu` prefers the small part of a graphics card's memory that
+/// the host can write to, which is better left to lists that change every frame.
 pub(crate) const STAGING: MemoryLocation = MemoryLocation::GpuToCpu;
 
-/// A buffer and its memory. Dropped only when the device no longer uses it: the obligation of whoever drops
-/// the mesh or crowd that owns it.
+/// A buffer and its memory. The owner of its mesh or crowd must drop it only when the device no longer uses it.
 pub(crate) struct Buffer {
     device: Arc<Device>,
     pub(crate) raw: vk::Buffer,
@@ -22,7 +21,7 @@ pub(crate) struct Buffer {
 }
 
 impl Buffer {
-    /// A buffer of `bytes`; 0 is rounded up, since Vulkan has no empty buffers.
+    /// Makes a buffer of `bytes`; 0 is rounded up, since Vulkan has no empty buffers.
     pub(crate) fn new(
         device: &Arc<Device>,
         name: &str,
@@ -42,7 +41,7 @@ impl Buffer {
         // SAFETY: the device is alive (Device::borrow); size and usage are valid, and the families are the device's.
         let raw = unsafe { device.raw.create_buffer(&info, None) }.map_err(failed("vkCreateBuffer"))?;
         device.name(raw, || name.to_owned());
-        // From here on dropping `buffer` destroys what there is of it.
+        // From here on, dropping `buffer` destroys everything that was made.
         let mut buffer = Self { device: device.clone(), raw, allocation: None };
         // SAFETY: created just now.
         let requirements = unsafe { device.raw.get_buffer_memory_requirements(raw) };
@@ -59,7 +58,7 @@ impl Buffer {
         Arc::ptr_eq(&self.device, device)
     }
 
-    /// The buffer's bytes, for host-visible locations.
+    /// Returns the buffer's bytes, for host-visible locations.
     pub(crate) fn mapped(&mut self) -> Result<&mut [u8]> {
         self.allocation
             .as_mut()
@@ -68,8 +67,8 @@ impl Buffer {
     }
 }
 
-/// How memory is shared that queues of these families use, each named once: concurrently, where there are several. All buffers
-/// are, those too that one queue has for itself: so the host may move updates from queue to queue.
+/// Returns the sharing mode for memory used by queues of these families, each named once: concurrent if there are
+/// several. That includes buffers used by one queue only, so that the host may move updates to another queue.
 pub(super) fn sharing(families: &[u32]) -> (vk::SharingMode, &[u32]) {
     match families {
         [] | [_] => (vk::SharingMode::EXCLUSIVE, &[]),
@@ -86,14 +85,14 @@ impl Drop for Buffer {
     fn drop(&mut self) {
         // SAFETY: created in `new`, destroyed once, and no longer used by the device (see the type).
         unsafe { self.device.raw.destroy_buffer(self.raw, None) };
-        // Not before: the allocator may be the host's, and hand the memory out again at once.
+        // Freed last: the allocator may be the host's, and reuse the memory at once.
         if let Some(allocation) = self.allocation.take() {
             self.device.free(allocation);
         }
     }
 }
 
-/// Lists that the host writes anew for each update: host-visible memory, a part for each frame in flight.
+/// Lists that the host rewrites for each update: host-visible memory, with a part for each frame in flight.
 pub(crate) struct Ring {
     buffer: Buffer,
     /// Bytes of a part, a multiple of 256.
@@ -101,12 +100,12 @@ pub(crate) struct Ring {
 }
 
 impl Ring {
-    /// Bytes of a part that holds `bytes`: not empty, and a multiple of the largest offset alignment of descriptors.
+    /// Returns the size of a part for `bytes`: not 0, and a multiple of the largest offset alignment of descriptors.
     pub(crate) fn part_bytes(bytes: u64) -> u64 {
         bytes.max(16).next_multiple_of(256)
     }
 
-    /// `frames` parts of [`part_bytes`](Self::part_bytes).
+    /// Makes `frames` parts of [`part_bytes`](Self::part_bytes).
     pub(crate) fn new(
         device: &Arc<Device>,
         name: &str,
@@ -120,13 +119,13 @@ impl Ring {
         Ok(Self { buffer, part })
     }
 
-    /// A frame's part. The update that used it last has finished: the contract of whoever records.
+    /// Returns a frame's part. The caller guarantees that the last update that used it has finished.
     pub(crate) fn words(&mut self, frame: u64) -> Result<&mut [u32]> {
         let (at, size) = ((frame * self.part) as usize, self.part as usize);
         Ok(bytemuck::cast_slice_mut(&mut self.buffer.mapped()?[at..at + size]))
     }
 
-    /// What a descriptor of a frame's part covers.
+    /// Returns the range of a frame's part for a descriptor.
     pub(crate) fn range(&self, frame: u64) -> BufferRange {
         BufferRange { buffer: self.buffer.raw, offset: frame * self.part, size: self.part }
     }
@@ -137,7 +136,7 @@ mod tests {
     use super::super::device::distinct;
     use super::*;
 
-    /// Drivers that run on the CPU have one family: what is asked of those that have more is checked here.
+    /// Drivers that run on the CPU have one family, so the use of several families is checked here.
     #[test]
     fn buffers_are_concurrent_where_several_families_use_them() {
         for (named, shared) in

@@ -15,7 +15,7 @@ use ash::vk;
 use gpu_allocator::MemoryLocation;
 use std::sync::Arc;
 
-/// What base poses and deltas are read as: by kernels, by vertex passes and draws, and by copies.
+/// Uses of base poses and deltas: by kernels, by vertex passes and draws, and by copies.
 const ASSET_USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
     vk::BufferUsageFlags::STORAGE_BUFFER.as_raw()
         | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER.as_raw()
@@ -33,26 +33,27 @@ pub(crate) struct MeshBuffers {
     pub(crate) deltas: Arc<Buffer>,
     /// Block formats: the parts of the asset that descriptors cover.
     pub(crate) parts: Vec<AssetPart>,
-    /// Uploaded for one technique, in words of its own: what that has to know of them on the host. Else empty.
+    /// Words of a mesh that was uploaded in a technique's private layout, which the technique reads on the host.
+    /// Otherwise empty.
     pub(crate) private: Vec<u32>,
-    /// Of a technique that loads deltas from images: those of both triples, each with a view.
+    /// For a technique that loads deltas from images: those of both triples, each with a view.
     #[cfg(feature = "baselines")]
     pub(crate) images: Vec<Image>,
-    /// Where targets come and go: which are there. All groups are in one buffer then.
+    /// With residency: which targets are loaded. All groups are in one buffer then.
     pub(crate) residents: Option<Arc<Residents>>,
 }
 
-/// Staging memory, and what is copied from it.
+/// Staging memory, and the copies from it.
 pub(crate) struct Upload {
     staging: Buffer,
     copies: Vec<(vk::Buffer, vk::BufferCopy)>,
-    /// All texels of an image of this size, in the place of copies.
+    /// An image of this size whose texels are all copied; instead of `copies`.
     #[cfg(feature = "baselines")]
     image: Option<(vk::Image, [u32; 2])>,
 }
 
 impl MeshBuffers {
-    /// Buffers of a base pose and of deltas, and what fills them.
+    /// Makes the buffers of base pose and deltas, and the upload that fills them.
     pub(crate) fn new(
         device: &Arc<Device>,
         layout: PackedLayout,
@@ -65,8 +66,8 @@ impl MeshBuffers {
             true => AssetPart::cut(&layout, deltas, device.caps.max_storage_range)?,
             false => vec![],
         };
-        // In blocks the base pose follows the deltas. Draws and decoding want it in one piece: where the asset is cut, it
-        // has a buffer of its own besides.
+        // In block formats the base pose follows the deltas. Draws and decoding need it in one piece: if the asset is
+        // cut, the base pose has a separate buffer as well.
         let base_size = if parts.len() == 1 { 0 } else { layout.base_bytes() };
         let deltas_size = match parts.last() {
             Some(last) => last.end(),
@@ -106,7 +107,7 @@ impl MeshBuffers {
         Ok((mesh, Upload::new(staging, copies)))
     }
 
-    /// Add an image of texels that shaders load, and what fills it.
+    /// Adds an image of texels that shaders load. Returns the upload that fills it.
     #[cfg(feature = "baselines")]
     pub(crate) fn add_image(
         &mut self,
@@ -127,8 +128,8 @@ impl MeshBuffers {
         Ok(upload)
     }
 
-    /// All groups of a mesh whose targets come and go: one buffer, and what fills it. Headers and deltas are to be
-    /// cleared before targets come: lists may name entries that are not there, times 0.
+    /// Makes one buffer for all groups of a mesh with residency, and the upload that fills it. Headers and deltas are
+    /// cleared before targets are loaded: lists may name entries that are not loaded, with a factor of 0.
     pub(crate) fn resident(
         device: &Arc<Device>,
         mesh: &PackedMesh,
@@ -160,7 +161,7 @@ impl MeshBuffers {
         mesh.groups().iter().enumerate().map(group).collect()
     }
 
-    /// Where the base pose is.
+    /// Returns the range of the base pose.
     pub(crate) fn base_pose(&self) -> BufferRange {
         match &self.parts[..] {
             [whole] => whole.base_pose(self.deltas.raw, &self.layout),
@@ -179,7 +180,7 @@ impl Upload {
         }
     }
 
-    /// A storage buffer of these lists, one behind the other, and what fills it.
+    /// Makes a storage buffer of these lists, one after the other, and the upload that fills it.
     pub(crate) fn of(device: &Arc<Device>, name: &str, lists: &[&[u8]]) -> Result<(Buffer, Self)> {
         let bytes = lists.iter().map(|list| list.len() as u64).sum();
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_DST;
@@ -196,7 +197,7 @@ impl Upload {
         Ok((buffer, Self::new(staging, copies)))
     }
 
-    /// What copies `words` to runs of a buffer: of each its first word there, and how many.
+    /// Makes an upload that copies `words` to runs of a buffer, each given as its first word there and its length.
     pub(crate) fn to(device: &Arc<Device>, buffer: &Buffer, words: &[u32], runs: &[[u32; 2]]) -> Result<Self> {
         let bytes: &[u8] = bytemuck::cast_slice(words);
         let usage = vk::BufferUsageFlags::TRANSFER_SRC;
@@ -211,10 +212,10 @@ impl Upload {
         Ok(Self::new(staging, runs.iter().map(copy).collect()))
     }
 
-    /// Record the copies.
+    /// Records the copies.
     ///
     /// # Safety
-    /// As [`record_uploads`], which puts a barrier behind.
+    /// Those of [`record_uploads`]; the caller records a barrier after the copies.
     pub(crate) unsafe fn record(&self, device: &Device, cmd: vk::CommandBuffer) {
         for copies in self.copies.chunk_by(|a, b| a.0 == b.0) {
             let regions: Vec<vk::BufferCopy> = copies.iter().map(|(_, region)| *region).collect();
@@ -244,7 +245,7 @@ impl Upload {
     }
 }
 
-/// Record the upload of all groups of a mesh, or of what goes with it, and one barrier after it.
+/// Records the upload of all groups of a mesh, or of other data for it, and one barrier after it.
 ///
 /// # Safety
 /// - `cmd` is in the recording state on `device`, outside a render pass, on any queue.
@@ -260,13 +261,13 @@ pub(crate) unsafe fn record_uploads(device: &Device, cmd: vk::CommandBuffer, upl
     }
 }
 
-/// Bytes of the largest chunk of deltas.
+/// Returns the bytes of the largest chunk of deltas.
 pub(crate) fn chunk_bytes(layout: &PackedLayout) -> u64 {
     (layout.chunk_vertices * layout.targets.len() * layout.format.stride()) as u64
 }
 
-/// Bytes of the buffer of deltas: whole chunks, so that one descriptor range fits at every chunk's offset; in blocks
-/// the buffer that holds headers, deltas and base pose.
+/// Returns the bytes of the buffer of deltas. For dense formats it holds whole chunks, so that one descriptor range
+/// fits at every chunk's offset; for block formats, headers, deltas and base pose.
 pub(crate) fn deltas_bytes(layout: &PackedLayout) -> u64 {
     match layout.format.is_blocks() {
         true => layout.index_bytes() + layout.delta_bytes() + layout.base_bytes(),
@@ -274,7 +275,7 @@ pub(crate) fn deltas_bytes(layout: &PackedLayout) -> u64 {
     }
 }
 
-/// Bytes that a descriptor of dense deltas covers.
+/// Returns the bytes that a descriptor of dense deltas covers.
 pub(crate) fn delta_range(layout: &PackedLayout) -> u64 {
     chunk_bytes(layout).max(16)
 }

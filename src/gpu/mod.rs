@@ -1,8 +1,9 @@
-//! Below the gpu line: everything that calls Vulkan.
+//! The GPU layer: all code that calls Vulkan.
 //!
-//! Files by Vulkan concern: [`caps`] (what a device can do), `tuning` (what suits it), [`device`] (the host's device,
-//! borrowed), `memory` (buffers, rings of lists), `mesh` (an uploaded mesh), `parts` (of an asset that is too large for a
-//! descriptor), `descriptors`, `pipelines`, `barriers`; of baselines `images` and `blending`. No file here knows a technique.
+//! Files by Vulkan concern: [`caps`] (limits and features of a device), `tuning` (kernel choices that suit it),
+//! [`device`] (the host's device, borrowed), `memory` (buffers, rings of lists), `mesh` (an uploaded mesh), `parts`
+//! (parts of an asset that is too large for one descriptor), `descriptors`, `pipelines`, `barriers`; for baselines
+//! `images` and `blending`. No file here knows a technique.
 
 pub(crate) mod barriers;
 #[cfg(feature = "baselines")]
@@ -21,16 +22,16 @@ pub(crate) mod tuning;
 use crate::error::Error;
 use ash::vk;
 
-/// An [`Error::Vulkan`] for `call`.
+/// Returns a function for `map_err` that makes an [`Error::Vulkan`] for `call`.
 pub(crate) fn failed(call: &'static str) -> impl Fn(vk::Result) -> Error {
     Error::vulkan(call)
 }
 
-/// What to do where there is no memory for a buffer.
-pub(crate) const LESS: &str = "free memory, or use fewer instances, slots or frames in flight, 16-bit poses (fixed16) or \
-                               the format 'small'";
+/// The remedy if there is no memory for a buffer.
+pub(crate) const LESS: &str = "free memory, or use fewer instances, slots or frames in flight, 16-bit poses (fixed16) \
+                               or the format 'small'";
 
-/// What to do about a call that returned `result`.
+/// The remedy for a call that returned `result`.
 pub(crate) fn remedy(call: &str, result: vk::Result) -> &'static str {
     use vk::Result as Vk;
     match result {
@@ -50,14 +51,15 @@ pub(crate) fn remedy(call: &str, result: vk::Result) -> &'static str {
             "vkCreateImage" | "vkBindImageMemory" | "vkCreateImageView" | "vkCreateSwapchainKHR" => {
                 "free memory, or use smaller images"
             }
-            // What is asked for is small, whatever the host does.
-            _ => "free memory: end other programs, or destroy what is no longer needed",
+            // Other objects are small, whatever the host does.
+            _ => "free memory: end other programs, or destroy objects that are no longer needed",
         },
-        Vk::ERROR_TOO_MANY_OBJECTS => "destroy what is no longer needed",
+        Vk::ERROR_TOO_MANY_OBJECTS => "destroy objects that are no longer needed",
         Vk::ERROR_DEVICE_LOST => "create the device anew; its buffers are gone",
         Vk::ERROR_SURFACE_LOST_KHR | Vk::ERROR_NATIVE_WINDOW_IN_USE_KHR => "open the window anew",
         Vk::ERROR_INCOMPATIBLE_DRIVER | Vk::ERROR_INITIALIZATION_FAILED => {
-            "check that a Vulkan 1.1 driver is installed and works (./with-vulkan installs lavapipe), or use the path 'cpu'"
+            "check that a Vulkan 1.1 driver is installed and works (./with-vulkan installs lavapipe), or use the path \
+             'cpu'"
         }
         _ => "this is a bug in deltamorph or in the driver: run with the validation layers on",
     }
@@ -71,7 +73,7 @@ mod tests {
     #[test]
     fn remedies_fit_call_and_result() {
         for memory in [Vk::ERROR_OUT_OF_HOST_MEMORY, Vk::ERROR_OUT_OF_DEVICE_MEMORY, Vk::ERROR_OUT_OF_POOL_MEMORY] {
-            // Nothing of these is fewer where there are fewer instances.
+            // Fewer instances do not make these objects smaller.
             for call in ["vkCreateInstance", "vkCreateDevice", "vkCreateFence", "vkCreateQueryPool", "vkWaitForFences"]
             {
                 let text = remedy(call, memory);

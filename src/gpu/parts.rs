@@ -1,4 +1,4 @@
-//! The parts of an asset in blocks that descriptors cover: all of it, or as many blocks as fit the storage range.
+//! The parts into which an asset in blocks is cut for descriptors: one, or as many as the storage range requires.
 
 use super::descriptors::BufferRange;
 use crate::error::{Error, Result};
@@ -10,17 +10,18 @@ use std::ops::Range;
 /// A part of an asset: headers and deltas of the entries of some blocks, and their base pose.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct AssetPart {
-    /// Parts have one block after the other.
+    /// Blocks of the part; parts follow each other.
     pub(crate) blocks: Range<usize>,
-    /// Theirs; one of another block where they have none.
+    /// Entries of these blocks; if there are none, one of another block.
     pub(crate) entries: Range<usize>,
     /// Bytes from the beginning of the buffer, a multiple of 256.
     offset: u64,
     size: u64,
-    /// Where headers, deltas and base pose would begin, in words, if the part had those of all blocks: kernels know
-    /// entries and blocks by their numbers in the mesh. Below 0 where the first are in other parts: words wrap.
+    /// Positions, in words, at which headers, deltas and base pose would begin if the part had those of all blocks:
+    /// kernels index entries and blocks by their numbers in the mesh. Negative (wrapped) if the first are in other
+    /// parts.
     pub(crate) origins: [u32; 3],
-    /// What it has of the headers, the deltas and the base pose of the mesh, in words.
+    /// The ranges of the mesh's headers, deltas and base pose in this part, in words.
     sources: [Range<usize>; 3],
 }
 
@@ -29,7 +30,7 @@ impl AssetPart {
         let index = layout.index()?;
         let mut entries = index.entries(blocks.start).start..index.entries(blocks.end - 1).end;
         if entries.is_empty() && index.entry_count() > 0 {
-            // Tiles have a row at least, of some entry.
+            // Tiles have at least one row, which names some entry.
             let last = entries.start.min(index.entry_count() - 1);
             entries = last..last + 1;
         }
@@ -50,20 +51,21 @@ impl AssetPart {
         Ok(Self { blocks, entries, offset, size: 4 * (places[2] + bases) as u64, origins, sources })
     }
 
-    /// All blocks of a mesh, entries of which come to a buffer of so many bytes and go: what is where, others say.
+    /// A part with all blocks of a mesh whose entries are loaded into a buffer of `size` bytes and unloaded; residency
+    /// decides where each entry is.
     ///
     /// # Errors
-    /// No blocks.
+    /// The mesh has no blocks.
     pub(crate) fn resident(layout: &PackedLayout, size: u64, origins: [u32; 3]) -> Result<Self> {
         let index = layout.index()?;
         let (blocks, entries) = (0..index.count(), 0..index.entry_count());
         Ok(Self { blocks, entries, offset: 0, size, origins, sources: [0..0, 0..0, 0..0] })
     }
 
-    /// Cut an asset of these words into parts of at most `most` bytes: one, where it fits.
+    /// Cuts an asset with these words into parts of at most `most` bytes; into one if it fits.
     ///
     /// # Errors
-    /// A block that takes more.
+    /// [`Error::Invalid`] if one block takes more.
     pub(crate) fn cut(layout: &PackedLayout, words: &[u32], most: u64) -> Result<Vec<Self>> {
         let mut parts: Vec<Self> = vec![];
         for block in 0..layout.index()?.count() {
@@ -86,12 +88,12 @@ impl AssetPart {
         Ok(parts)
     }
 
-    /// Bytes from the beginning of the buffer to the end of the part.
+    /// Returns the end of the part, in bytes from the beginning of the buffer.
     pub(crate) fn end(&self) -> u64 {
         self.offset + self.size
     }
 
-    /// Where the base pose is, of a part that is the whole asset.
+    /// Returns the range of the base pose in a part that is the whole asset.
     pub(crate) fn base_pose(&self, asset: vk::Buffer, layout: &PackedLayout) -> BufferRange {
         BufferRange::new(asset, self.offset + 4 * u64::from(self.origins[2]), layout.base_bytes())
     }
@@ -100,7 +102,7 @@ impl AssetPart {
         BufferRange::new(asset, self.offset, self.size)
     }
 
-    /// What fills the part, from memory that holds the base pose and behind it the words of the mesh.
+    /// Returns the copies that fill the part from memory that holds the base pose, followed by the words of the mesh.
     pub(crate) fn copies(&self, layout: &PackedLayout) -> [vk::BufferCopy; 3] {
         let base_bytes = layout.base_bytes();
         let place = |i: usize| self.origins[i].wrapping_add(self.sources[i].start as u32);

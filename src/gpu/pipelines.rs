@@ -1,4 +1,4 @@
-//! Pipelines and what they are made from, each destroyed with its owner. Crowds that take the same ones share them.
+//! Pipelines and the objects they are made from, each destroyed with its owner. Crowds share equal pipelines.
 
 use super::caps::CAPTURE_STRIDE;
 use super::descriptors::{BufferRange, Sets, descriptor_type};
@@ -26,7 +26,7 @@ pub(crate) struct Objects {
 }
 
 impl Objects {
-    /// No objects yet: fill in one by one; an error on the way drops what is there.
+    /// Starts with no objects; they are added one by one, and an error on the way drops those that were made.
     pub(crate) fn none(device: &Arc<Device>) -> Self {
         Self {
             device: device.clone(),
@@ -40,8 +40,8 @@ impl Objects {
         }
     }
 
-    /// Set layout and pipeline layout of what kernels declare, which are all compute shaders, or none. `attribute_push_bytes`: push constants
-    /// of those whose number of coefficients is the batch size.
+    /// Makes the set layout and pipeline layout that kernels declare; either all of them are compute shaders, or none.
+    /// `attribute_push_bytes`: size of the push constants of kernels whose number of coefficients is the batch size.
     pub(crate) fn add_layout(&mut self, kernels: &[&KernelRow], attribute_push_bytes: u32) -> Result<()> {
         let stage = kernels.iter().fold(vk::ShaderStageFlags::empty(), |stages, kernel| {
             stages
@@ -75,13 +75,13 @@ impl Objects {
         Ok(())
     }
 
-    /// A descriptor set for each list of buffers, which are in the order of the kernels' bindings.
+    /// Makes a descriptor set for each list of buffers, which are in the order of the kernels' bindings.
     pub(crate) fn sets(&self, bound: &[impl AsRef<[BufferRange]>]) -> Result<Sets> {
         Sets::new(&self.device, self.set_layout, &self.bindings, self.kernel, bound)
     }
 
-    /// A render pass without attachments and its framebuffer: rasterizer discard needs no more, and core
-    /// Vulkan 1.0 has it.
+    /// Makes a render pass without attachments and its framebuffer, which suffice for rasterizer discard in core Vulkan
+    /// 1.0.
     pub(crate) fn add_empty_render_pass(&mut self) -> Result<()> {
         let subpasses = [vk::SubpassDescription::default().pipeline_bind_point(vk::PipelineBindPoint::GRAPHICS)];
         let info = vk::RenderPassCreateInfo::default().subpasses(&subpasses);
@@ -95,7 +95,7 @@ impl Objects {
         Ok(())
     }
 
-    /// A compute pipeline of a module for each list of specialization constants 0, 1, …
+    /// Makes a compute pipeline of a module for each list of specialization constants 0, 1, …
     pub(crate) fn add_compute(&mut self, module: &Module, constants: &[&[u32]]) -> Result<()> {
         let most = constants.iter().map(|constants| constants.len()).max().unwrap_or(0) as u32;
         let entries: Vec<_> =
@@ -117,7 +117,7 @@ impl Objects {
             // against the layout.
             unsafe { device.raw.create_compute_pipelines(device.pipeline_cache, &infos, None) }
         })?;
-        // Where one fails, others may have been made.
+        // If one fails, others may have been made.
         let (made, error) = made.map_or_else(|(made, error)| (made, Some(error)), |made| (made, None));
         for (pipeline, constants) in made.iter().zip(constants).filter(|(pipeline, _)| !pipeline.is_null()) {
             self.device.name(*pipeline, || format!("deltamorph {} {constants:?}", module.name));
@@ -126,8 +126,8 @@ impl Objects {
         error.map_or(Ok(()), |error| Err(failed("vkCreateComputePipelines")(error)))
     }
 
-    /// A pipeline of a vertex module with rasterizer discard. It draws lines, since points without gl_PointSize are not
-    /// valid and with it are slow on software devices.
+    /// Makes a pipeline of a vertex module with rasterizer discard. It draws lines, since points without gl_PointSize
+    /// are not valid, and with it are slow on software devices.
     pub(crate) fn add_discarding_vertex(
         &mut self,
         module: &Module,
@@ -157,7 +157,7 @@ impl Objects {
         self.add_graphics(module, made)
     }
 
-    /// Take the pipelines that were made of `module`, or refuse.
+    /// Takes the pipelines that were made of `module`, or returns the error.
     pub(super) fn add_graphics(
         &mut self,
         module: &Module,
@@ -169,7 +169,7 @@ impl Objects {
         Ok(())
     }
 
-    /// Begin the empty render pass.
+    /// Begins the empty render pass.
     ///
     /// # Safety
     /// `cmd` is in the recording state on this device, outside a render pass.
@@ -182,11 +182,11 @@ impl Objects {
         unsafe { self.device.raw.cmd_begin_render_pass(cmd, &info, vk::SubpassContents::INLINE) };
     }
 
-    /// Draw the vertices bound, into the buffer at the offset of `capture` where transform feedback is to capture them.
+    /// Draws the bound vertices; with `capture`, transform feedback captures them into the buffer at this offset.
     ///
     /// # Safety
     /// - `cmd` is in the empty render pass, with everything bound that its pipeline reads.
-    /// - What is captured lies within the buffer; the offset is a multiple of 4.
+    /// - The captured vertices fit in the buffer; the offset is a multiple of 4.
     pub(crate) unsafe fn draw(&self, cmd: vk::CommandBuffer, vertices: usize, capture: Option<(vk::Buffer, u64)>) {
         let device = &self.device.raw;
         let (Some((buffer, offset)), Some(feedback)) = (capture, &self.device.feedback) else {
@@ -194,8 +194,8 @@ impl Objects {
             return unsafe { device.cmd_draw(cmd, vertices as u32, 1, 0, 0) };
         };
         let (feedback, size) = (feedback.fp(), (vertices * CAPTURE_STRIDE) as u64);
-        // SAFETY: the caller's obligations; transform feedback is enabled since `device.feedback` is there. ash 0.38 has
-        // no wrappers for these commands.
+        // SAFETY: the caller's obligations; transform feedback is enabled since `device.feedback` is there. ash 0.38
+        // has no wrappers for these commands.
         unsafe {
             (feedback.cmd_bind_transform_feedback_buffers_ext)(cmd, 0, 1, &buffer, &offset, &size);
             (feedback.cmd_begin_transform_feedback_ext)(cmd, 0, 0, std::ptr::null(), std::ptr::null());
@@ -204,13 +204,14 @@ impl Objects {
         }
     }
 
-    /// Dispatch a compute pipeline.
+    /// Dispatches a compute pipeline.
     ///
     /// # Safety
     /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
-    /// - `set` was made for this layout and lives until the dispatch has run; its buffers hold what `push` says from then
-    ///   on, there is a dynamic offset for each binding that takes one, and `push` fits the layout's range.
-    /// - There are no more workgroups than the device allows; arguments lie within their buffer.
+    /// - `set` was made for this layout and lives until the dispatch has run; when it runs, the buffers hold the data
+    ///   that `push` describes; there is a dynamic offset for each binding that takes one, and `push` fits the layout's
+    ///   range.
+    /// - There are no more workgroups than the device allows; indirect arguments lie within their buffer.
     pub(crate) unsafe fn dispatch(
         &self,
         cmd: vk::CommandBuffer,
@@ -236,9 +237,9 @@ impl Objects {
 /// Workgroups of a dispatch.
 #[derive(Clone, Copy)]
 pub(crate) enum Workgroups {
-    /// So many, in two dimensions.
+    /// This number, in two dimensions.
     Of([u32; 2]),
-    /// As many as the arguments at this offset say when it runs.
+    /// The number in the indirect arguments at this offset when the dispatch runs.
     At(vk::Buffer, u64),
 }
 
@@ -258,12 +259,13 @@ impl Drop for Objects {
 }
 
 impl PoseFormat {
-    /// How a draw reads a pose, and for motion vectors the previous pose, too: what `glsl/host/pose.glsl` declares.
+    /// Describes how a draw reads a pose as vertex attributes, and for motion vectors the previous pose, too: the
+    /// inputs that `glsl/host/pose.glsl` declares.
     ///
-    /// Binding 0 is the pose ([`PoseView`](crate::PoseView)); poses of integers have binding 1, the base pose
-    /// ([`GpuMesh::base_pose`](crate::GpuMesh::base_pose)); the next is the previous pose. Locations are from 0 on, two for
-    /// each. Vulkan guarantees these formats for vertex buffers. A host that has attributes of its own moves bindings and
-    /// locations behind or before them.
+    /// Binding 0 is the pose ([`PoseView`](crate::PoseView)); for fixed-point poses binding 1 is the base pose
+    /// ([`GpuMesh::base_pose`](crate::GpuMesh::base_pose)); the last is the previous pose. Locations start at 0, two
+    /// for each binding. Vulkan guarantees these formats for vertex buffers. A host with its own attributes may
+    /// renumber bindings and locations.
     pub fn vertex_input(
         self,
         previous: bool,
@@ -272,7 +274,7 @@ impl PoseFormat {
         self.vertex_input_at(self.stride() as u32, places, previous)
     }
 
-    /// The same of vertices of `stride` bytes with their numbers at `places`.
+    /// Like [`vertex_input`], for vertices of `stride` bytes whose numbers are at `places`.
     pub(crate) fn vertex_input_at(
         self,
         stride: u32,
@@ -288,7 +290,7 @@ impl PoseFormat {
             bindings.push(vk::VertexInputBindingDescription::default().binding(binding).stride(stride));
             for (location, &(format, at)) in (2 * binding..).zip(pose.row().attributes) {
                 let format = vk::Format::from_raw(format as i32);
-                // Of what is not stored there is no attribute.
+                // A number that is not stored has no attribute.
                 let Some(offset) = places[at as usize / pose.number_bytes()] else { continue };
                 attributes.push(vk::VertexInputAttributeDescription { location, binding, format, offset });
             }
@@ -297,7 +299,7 @@ impl PoseFormat {
     }
 }
 
-/// What `make` makes of a stage that runs `module`, which may go once its pipelines are made.
+/// Calls `make` with a stage that runs `module`; the module is destroyed once its pipelines are made.
 pub(super) fn with_stage<R>(
     device: &Device,
     module: &Module,
@@ -314,16 +316,16 @@ pub(super) fn with_stage<R>(
     Ok(made)
 }
 
-/// What pipelines are made for.
+/// A key of pipelines: what they are made for.
 pub(crate) trait PipelineKey: Any + Copy + PartialEq + Send + Sync {
-    /// Make the pipelines, and what belongs to them.
+    /// Makes the pipelines and the objects that they need.
     fn make(self, objects: &mut Objects) -> Result<()>;
 }
 
-/// Pipelines and what belongs to them.
+/// Pipelines and the objects that they need.
 pub(crate) struct Pipelines<K> {
     pub(crate) objects: Objects,
-    /// What they were made for.
+    /// The key they were made for.
     pub(crate) key: K,
 }
 
@@ -338,7 +340,7 @@ impl Kernels {
         Self { device: device.clone(), made: Mutex::default() }
     }
 
-    /// The pipelines of `key`: those there are, or new ones.
+    /// Returns the pipelines of `key`: existing ones, or new ones.
     pub(crate) fn get<K: PipelineKey>(&self, key: K) -> Result<Arc<Pipelines<K>>> {
         let locked = || self.made.lock().unwrap_or_else(PoisonError::into_inner);
         let find = |made: &[Arc<dyn Any + Send + Sync>]| {
@@ -349,12 +351,12 @@ impl Kernels {
         if let Some(pipelines) = found {
             return Ok(pipelines);
         }
-        // Not locked while the driver compiles: others may make crowds of pipelines that are there.
+        // Not locked while the driver compiles, so that other threads can make crowds from existing pipelines.
         let mut objects = Objects::none(&self.device);
         key.make(&mut objects)?;
         let pipelines = Arc::new(Pipelines { objects, key });
         let mut made = locked();
-        // Another thread may have made them meanwhile.
+        // Another thread may have made them in the meantime.
         Ok(find(&made).unwrap_or_else(|| {
             made.push(pipelines.clone());
             pipelines

@@ -1,9 +1,9 @@
-//! What suits a kind of devices: how work is cut, and which variants of kernels are taken.
+//! Tuning by kind of device: how work is divided, and which variants of kernels run.
 
 use crate::abi::numbers::TILE;
 use crate::error::{Error, Result};
 
-/// Kinds of devices, as far as kernels differ.
+/// Kinds of devices between which kernels differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum DeviceClass {
@@ -15,42 +15,42 @@ pub enum DeviceClass {
     Desktop,
 }
 
-/// What suits a class of devices. [`DeviceCaps::query`](crate::DeviceCaps::query) chooses it; a host that measured its own
-/// device may change fields of [`DeviceCaps::tuning`](field@crate::DeviceCaps::tuning) before it makes the engine.
-/// They decide how fast updates are; poses of integers have the same bits whatever they say.
+/// Tuning for a class of devices. [`DeviceCaps::query`](crate::DeviceCaps::query) chooses it; a host that has measured
+/// its own device may change fields of [`DeviceCaps::tuning`](field@crate::DeviceCaps::tuning) before it makes the
+/// engine. The values affect speed only; fixed-point poses have the same bits whatever they are.
 ///
-/// A workgroup of the path `blocks` takes a tile: one block of vertices, for up to eight instances of a crowd, for which it
-/// loads each delta once.
+/// A workgroup of the path `blocks` processes a tile: one block of vertices, for up to eight instances of a crowd, so
+/// that it loads each delta once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct DeviceTuning {
     /// The class.
     pub class: DeviceClass,
-    /// Instances of a tile at most: 1, 2, 4 or 8. More load fewer deltas, and take more registers.
+    /// Most instances in a tile: 1, 2, 4 or 8. Wider tiles load fewer deltas and need more registers.
     pub widest_tile: u32,
-    /// What loading and decoding an entry (the deltas of one target in one block) costs, in additions of it to one
-    /// instance, 1000 at most: above 1 tiles are made of instances that have few entries in common, too. Measured on
-    /// lavapipe: 3 where deltas are in the cache, 8 where they are not.
+    /// Cost of loading and decoding an entry (the deltas of one target in one block), in units of adding it to one
+    /// instance; at most 1000. Above 1, instances with few common entries share tiles, too. Measured on lavapipe: 3 for
+    /// deltas in the cache, 8 for others.
     pub load_cost: u32,
-    /// Deltas are read through texel buffers (four words at a time) where their format can be, instead of storage buffers,
-    /// and single instances are taken as tiles: software drivers pay for storage buffers lane by lane, and several times
-    /// as much under the control flow that `masks` takes.
+    /// Whether deltas are read through texel buffers (four words at a time) instead of storage buffers, if their format
+    /// allows it, and single instances are processed as tiles. On software drivers storage buffers are accessed lane by
+    /// lane, which costs several times as much again under the control flow of `masks`.
     pub texels: bool,
-    /// Otherwise, of single instances in float32 poses only the components that change are loaded and stored: each block of
-    /// a target has a mask with a bit for each of the six numbers of a vertex. Compilers for GPUs make two to three times
-    /// as many instructions of that as of whole blocks.
+    /// Whether, without `texels`, single instances in float32 poses load and store only the components that change:
+    /// each block of a target has a mask with a bit for each of the six numbers of a vertex. Compilers for GPUs emit
+    /// two to three times as many instructions for that as for whole blocks.
     pub masks: bool,
-    /// Invocations of a workgroup of tiles, at least, from 1 to 128: blocks of fewer vertices share one, two at most.
+    /// Fewest invocations in a workgroup of tiles, from 1 to 128: smaller blocks share a workgroup, at most two in one.
     pub lanes: u32,
-    /// Deltas are decoded in few registers, at the price of some instructions.
+    /// Whether deltas are decoded in few registers, at the price of some instructions.
     pub few_registers: bool,
 }
 
 impl DeviceTuning {
-    /// For a GPU of this vendor whose subgroups have `narrowest` invocations or more. Where all of them are wider than the
-    /// smallest block, a workgroup with one such block would leave the rest idle. It takes two then, and what was the same
-    /// for a subgroup lies in registers of each lane: fewer have to do for decoding. VideoCore has few in any case, and
-    /// runs half as many threads where a kernel takes more than 32.
+    /// Adjusts the tuning to a GPU of this vendor whose subgroups have at least `narrowest` invocations. If all
+    /// subgroups are wider than the smallest block, a workgroup with one such block would leave lanes idle. It takes
+    /// two blocks then, and values that were uniform in a subgroup take registers in each lane, so fewer are left for
+    /// decoding. VideoCore has few registers in any case, and runs half as many threads if a kernel needs more than 32.
     #[must_use]
     pub const fn for_gpu(self, vendor: u32, narrowest: u32) -> Self {
         const SHARED: u32 = 64;
@@ -58,7 +58,7 @@ impl DeviceTuning {
         Self { lanes: if wide { SHARED } else { self.lanes }, few_registers: wide || vendor == BROADCOM, ..self }
     }
 
-    /// Refuse numbers that there are no kernels for.
+    /// Checks that there are kernels for these values.
     pub(crate) fn check(&self) -> Result<()> {
         let Self { widest_tile, load_cost, lanes, .. } = *self;
         let is_width = widest_tile.is_power_of_two() && widest_tile <= TILE as u32;
@@ -67,8 +67,8 @@ impl DeviceTuning {
         }
         let what = format!("a DeviceTuning with widest_tile {widest_tile}, load_cost {load_cost} and lanes {lanes}");
         let remedy = format!(
-            "use 1, 2, 4 or 8 for widest_tile, at most {LOAD_COST_MAX} for load_cost, and 1 to {LANES_MAX} for lanes, or \
-             what DeviceClass::tuning says"
+            "use 1, 2, 4 or 8 for widest_tile, at most {LOAD_COST_MAX} for load_cost, and 1 to {LANES_MAX} for lanes, \
+             or start from DeviceClass::tuning"
         );
         Err(Error::invalid(what, remedy))
     }
@@ -76,11 +76,11 @@ impl DeviceTuning {
 
 const BROADCOM: u32 = 0x14e4;
 const LOAD_COST_MAX: u32 = 1000;
-/// A workgroup that any device has.
+/// A workgroup size that every device supports.
 const LANES_MAX: u32 = 128;
 
 impl DeviceClass {
-    /// What suits it.
+    /// Returns the tuning for this class.
     pub const fn tuning(self) -> DeviceTuning {
         let software = matches!(self, Self::Software);
         DeviceTuning {
@@ -94,7 +94,7 @@ impl DeviceClass {
         }
     }
 
-    /// The class of a device that is no software driver, by the vendor's PCI (or Khronos) number.
+    /// Returns the class of a hardware device by its vendor's PCI (or Khronos) number.
     pub const fn of_vendor(vendor: u32) -> Self {
         match vendor {
             // Arm, Imagination, Samsung, Qualcomm, Huawei.

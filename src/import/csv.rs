@@ -1,6 +1,6 @@
 //! Weight clips from CSV: a header of target names, then one row of weights per frame.
 //!
-//! No time column: the frame rate is given by the caller, or part of the file's name (`walk_30fps.csv`).
+//! There is no time column: the frame rate is given by the caller, or part of the file's name (`walk_30fps.csv`).
 
 pub use super::DEFAULT_FPS;
 use crate::error::{Error, Result};
@@ -10,17 +10,17 @@ use csv::{Position, ReaderBuilder, StringRecord, Trim};
 use std::collections::HashSet;
 use std::path::Path;
 
-/// Read a weights CSV: header of target names, one row per frame.
+/// Reads a weights CSV: a header of target names, then one row per frame.
 ///
-/// Spaces around names and numbers, empty lines and a byte order mark are ignored. Weights may be any finite
-/// numbers, also below 0 and above 1. A header without rows is a clip of 0 frames. The frame rate is `fps`; `None` takes
-/// that of the file's name ([`fps_of_name`]), or else [`DEFAULT_FPS`].
+/// Spaces around names and numbers, empty lines and a byte order mark are ignored. Weights may be any finite numbers,
+/// also below 0 and above 1. A header without rows is a clip of 0 frames. The frame rate is `fps`; `None` takes the one
+/// in the file's name ([`fps_of_name`]), or else [`DEFAULT_FPS`].
 ///
 /// Takes 200 bytes of memory at most for each byte of the file, and 1 MiB, whatever it counts.
 ///
 /// # Errors
-/// [`Error::Io`] where the file cannot be read, [`Error::Input`] with line and column where it is no such CSV,
-/// [`Error::Invalid`] where `fps` is not a positive number.
+/// [`Error::Io`] if the file cannot be read, [`Error::Input`] with line and column if it is not such a CSV,
+/// [`Error::Invalid`] if `fps` is not a positive number, [`Error::OutOfMemory`].
 pub fn read(path: &Path, fps: Option<f32>) -> Result<WeightClip> {
     let bytes = read_bounded(path, TEXT_MAX, "split the clip")?;
     let name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
@@ -34,7 +34,7 @@ pub fn read(path: &Path, fps: Option<f32>) -> Result<WeightClip> {
 
 /// Names and values, row after row.
 fn parse(path: &Path, text: &[u8]) -> Result<(Vec<String>, Vec<f32>)> {
-    // Flexible, since a ragged row is refused here, with its line.
+    // Flexible, since a ragged row is refused below, with its line.
     let mut reader = ReaderBuilder::new().has_headers(false).flexible(true).trim(Trim::All).from_reader(text);
     let mut record = StringRecord::new();
     let (mut names, mut values) = (Vec::<String>::new(), vec![]);
@@ -42,15 +42,15 @@ fn parse(path: &Path, text: &[u8]) -> Result<(Vec<String>, Vec<f32>)> {
         let column = if column.is_empty() { String::new() } else { format!("column '{column}', ") };
         Error::input(path, format!(": {column}line {}", line_at(text, at)), what, remedy)
     };
-    // Of text in memory, with rows of any length, nothing else can go wrong.
+    // Reading from memory, with rows of any length, can fail in no other way.
     let undecoded =
         |e: csv::Error| refuse_at(e.position(), "", "bytes that are not UTF-8 text", "save the file as CSV in UTF-8");
     while reader.read_record(&mut record).map_err(undecoded)? {
         let refuse = |column: &str, what: &str, remedy| Err(refuse_at(record.position(), column, what, remedy));
         if names.is_empty() {
-            // A single column: perhaps another character was meant to divide the line.
+            // A single column: another character was probably meant as separator.
             if let Some(by) = [';', '\t'].into_iter().find(|by| record.len() == 1 && record[0].contains(*by)) {
-                return refuse("", &format!("one column, whose name has {by:?} in it"), "divide columns by commas");
+                return refuse("", &format!("one column, whose name has {by:?} in it"), "separate columns by commas");
             }
             let mut seen = HashSet::new();
             for (i, name) in record.iter().enumerate() {
@@ -100,8 +100,8 @@ fn line_at(text: &[u8], position: Option<&Position>) -> usize {
     1 + text[..at + breaks].iter().filter(|&&b| b == b'\n').count()
 }
 
-/// Frames per second as a file's name states them: the number before the last "fps" in it, as in `walk_30fps.csv` or
-/// `Walk_29.97FPS_take2.csv`.
+/// Returns the frames per second that a file's name states: the number before the last "fps" in it, as in
+/// `walk_30fps.csv` or `Walk_29.97FPS_take2.csv`.
 pub fn fps_of_name(path: &Path) -> Option<f32> {
     let stem = path.file_stem()?.to_str()?.to_ascii_lowercase();
     let (before, _) = stem.rsplit_once("fps")?;
@@ -110,12 +110,13 @@ pub fn fps_of_name(path: &Path) -> Option<f32> {
     number.parse().ok().filter(|fps: &f32| *fps > 0.0 && fps.is_finite())
 }
 
-/// Write a weights CSV that [`read`] reads back as it is, except for the frame rate, which only a name like
+/// Writes a weights CSV that [`read`] reads back unchanged, except for the frame rate, which only a name like
 /// `walk_30fps.csv` can carry.
 ///
 /// # Errors
-/// [`Error::Invalid`] where the clip has no columns, two of one name, a name that does not read back (empty, with
-/// spaces around it, or with a byte order mark first), or a weight that is not finite; [`Error::Io`] where the file cannot be written.
+/// [`Error::Invalid`] if the clip has no columns, two of one name, a name that does not read back (empty, with spaces
+/// around it, or with a byte order mark first), or a weight that is not finite; [`Error::Io`] if the file cannot be
+/// written.
 pub fn write(path: &Path, clip: &WeightClip) -> Result<()> {
     clip.check()?;
     if clip.names.is_empty() {

@@ -1,4 +1,4 @@
-//! Where meshes and weight clips come from, and where they are written.
+//! Import of meshes and weight clips from files, and their export.
 //!
 //! To add an importer: a module here, and a branch in [`open`].
 
@@ -17,46 +17,47 @@ use crate::setters::setters;
 use crate::weights::WeightClip;
 use std::path::{Path, PathBuf};
 
-/// Frames per second of a clip where nothing states them.
+/// Frames per second of a clip whose source states no frame rate.
 pub const DEFAULT_FPS: f32 = 30.0;
 
-/// How to import.
+/// Options of [`open`].
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct ImportDesc {
-    /// Give vertices one texture coordinate each ([`MorphSource::split`]). A packed file stays as it is.
+    /// Give each vertex one texture coordinate ([`MorphSource::split`]). Packed files are not changed. `false` by
+    /// default.
     pub split: bool,
 }
 
 setters!(ImportDesc { split: bool });
 
-/// What [`open`] found: the mesh, and the paths of clips and of a rig, which are not read yet.
+/// The result of [`open`]: the mesh, and the paths of clips and of a rig, which are not read yet.
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Imported {
     /// The mesh.
     pub mesh: ImportedMesh,
-    /// Weight clips that belong to it: read them with [`open_clip`]. Of a glTF file, `FILE#NAME` for each animation of
-    /// weights, in the order of the file; of a folder, files by name.
+    /// Weight clips that belong to the mesh: read them with [`open_clip`]. For a glTF file, `FILE#NAME` for each
+    /// animation of weights, in the order of the file; for a folder, files sorted by name.
     pub clips: Vec<PathBuf>,
-    /// The rig that belongs to it: `rig.json` in a folder, `NAME.rig.json` beside `NAME.glb` or `NAME.dmorph`. Read it with
-    /// `rig::read` (feature `rig`).
+    /// The rig that belongs to the mesh: `rig.json` in a folder, `NAME.rig.json` beside `NAME.glb` or `NAME.dmorph`.
+    /// Read it with `rig::read` (feature `rig`).
     pub rig: Option<PathBuf>,
 }
 
-/// A mesh to pack, or one that was packed before: [`open`] shows what to do with either.
+/// A mesh to pack, or one that is packed already: [`open`] shows how to handle both.
 #[derive(Debug)]
 pub enum ImportedMesh {
-    /// As its files state it.
+    /// A mesh as its files state it, not packed.
     Source(MorphSource),
-    /// Packed before.
+    /// The content of a packed file.
     Packed(Asset),
 }
 
-/// Open a mesh and what belongs to it: a folder with `neutral.obj`, `targets/*.obj` and `weights/*.csv`, a glTF file
-/// (`*.glb`, `*.gltf`, `*.vrm`; feature `gltf`), or a packed file (`*.dmorph`).
+/// Opens a mesh and the files that belong to it: a folder with `neutral.obj`, `targets/*.obj` and `weights/*.csv`, a
+/// glTF file (`*.glb`, `*.gltf`, `*.vrm`; feature `gltf`), or a packed file (`*.dmorph`).
 ///
-/// Of a glTF file with several meshes one is made, as `gltf::Gltf::into_source` says.
+/// Several meshes of a glTF file become one, as described at `gltf::Gltf::into_source`.
 ///
 /// ```no_run
 /// use deltamorph::import::{ImportDesc, ImportedMesh, open};
@@ -72,7 +73,9 @@ pub enum ImportedMesh {
 /// ```
 ///
 /// # Errors
-/// There is nothing at `path`, or nothing that can be used; the message names the file, the place and the remedy.
+/// [`Error::Io`] if `path` does not exist or cannot be read; [`Error::Input`] if the format is not known or not built
+/// in, or the content cannot be used; [`Error::Invalid`] if a mesh to split is not valid. The message names the file,
+/// the position in it and the remedy.
 pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
     let refuse = |what: &str| {
         let remedy = "give a folder with neutral.obj and targets/*.obj, a glTF file (*.glb, *.gltf, *.vrm), or a file \
@@ -96,13 +99,13 @@ pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
     Ok(imported)
 }
 
-/// Read a weight clip: a CSV file (feature `csv`), or of a glTF file (feature `gltf`) its one animation of weights, or the
-/// animation NAME as `FILE#NAME`. `fps` is its frame rate; `None` takes the one that the file states, or its name, or else
-/// [`DEFAULT_FPS`].
+/// Reads a weight clip: a CSV file (feature `csv`), the only animation of weights of a glTF file (feature `gltf`), or
+/// its animation NAME as `FILE#NAME`. `fps` is the frame rate; `None` takes the one stated by the file or by its name,
+/// or else [`DEFAULT_FPS`].
 ///
 /// # Errors
-/// The file cannot be used, has no such animation, or several where none is named; or the library was built without the
-/// feature that reads it.
+/// The file cannot be used, has no such animation, or has several and none is named; `fps` is not a positive number; or
+/// the library was built without the feature that reads the file.
 pub fn open_clip(path: &Path, fps: Option<f32>) -> Result<WeightClip> {
     if let Some((file, name)) = animation_of(path) {
         return gltf_clip(&file, Some(&name), fps);
@@ -116,14 +119,14 @@ pub fn open_clip(path: &Path, fps: Option<f32>) -> Result<WeightClip> {
     Err(Error::input(path, "", format!("no weight clips are read (fps {fps:?})"), "build with the feature 'csv'"))
 }
 
-/// Whether a file is glTF, by its name: also a VRM avatar, which is a GLB file. Its texture coordinates begin at the top
-/// left, those of OBJ at the bottom left.
+/// Whether the name is that of a glTF file, or of a VRM avatar, which is a GLB file. Texture coordinates of glTF begin
+/// at the top left, those of OBJ at the bottom left.
 pub fn is_gltf(path: &Path) -> bool {
     ["glb", "gltf", "vrm"].iter().any(|end| has_extension(path, end))
 }
 
-/// The file and the name in `FILE#NAME`, where FILE is glTF. A `#` may be part of either: the file's name ends at the first
-/// one before which there is a glTF file.
+/// Splits `FILE#NAME` into the path of the glTF file and the name of the animation. A `#` may be part of either: the
+/// path ends at the first one that follows the name of a glTF file. `None` if there is no such `#`.
 pub fn animation_of(path: &Path) -> Option<(PathBuf, String)> {
     let text = path.to_str()?;
     let mut parts = text.match_indices('#').map(|(at, _)| (Path::new(&text[..at]), &text[at + 1..]));

@@ -1,24 +1,24 @@
-//! How many targets a head keeps: after the camera, but so slowly that nothing pops.
+//! The number of targets that an instance keeps: it follows the camera, but so slowly that nothing pops.
 
 use super::Importance;
 use crate::setters::setters;
 
-/// The share of the pixels that targets left out may take; changes that an error budget defers take the rest.
+/// The share of the pixel error for targets left out; changes deferred by an error budget have the rest.
 const SHARE: f32 = 0.5;
-/// Fewer targets are kept once so much of the pixels is enough, more once all of them are exceeded: a camera that trembles
-/// changes nothing.
+/// Hysteresis: more targets are kept once the whole share is exceeded, fewer once this part of it is enough. A camera
+/// that trembles changes nothing.
 const MARGIN: f32 = 0.8;
 
-/// How levels of detail are chosen.
+/// Options of [`Level`]: the pixel error, and the speed of changes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct LevelDesc {
-    /// How far a vertex may be from where all weights would put it, in pixels (≥ 0), once the level has settled: half of it by
-    /// targets that are left out ([`Level::step`]), half by changes that are deferred ([`error_budget`](Self::error_budget)).
-    /// 1 by default.
+    /// Distance of a vertex from its position with all weights applied, in pixels (≥ 0), once the level has settled.
+    /// Half of it is for targets that are left out ([`Level::step`]), half for changes that are deferred
+    /// ([`error_budget`](Self::error_budget)). 1 by default.
     pub pixels: f32,
-    /// How far any vertex may move from one frame to the next because the level changes, in pixels (above 0). 0.008 by
-    /// default: what that changes in pictures is in docs/results/fly.md.
+    /// Largest distance that a vertex may move from one frame to the next because the level changes, in pixels (above
+    /// 0). 0.008 by default; docs/results/fly.md shows its effect in pictures.
     pub fade: f32,
 }
 
@@ -31,58 +31,60 @@ impl Default for LevelDesc {
 }
 
 impl LevelDesc {
-    /// Pixels that a vertex may be off because targets are left out: more are kept once a vertex is off by more than the
-    /// first, fewer once it is off by no more than the second with fewer.
+    /// Returns the bounds in pixels on the error of targets that are left out: more are kept once a vertex is off by
+    /// more than the first, fewer once that brings no vertex off by more than the second.
     pub(crate) fn bounds(&self) -> [f32; 2] {
         [self.pixels * SHARE, self.pixels * SHARE * MARGIN]
     }
 
-    /// The error budget of updates that belongs to these pixels, in input units, for
-    /// [`UpdateDesc::error_budget`](field@crate::UpdateDesc::error_budget), where an input unit takes up `pixels_per_unit`. 0, which
-    /// defers nothing, where that is no number above 0.
+    /// Returns the error budget for this pixel error, in input units, where an input unit takes up `pixels_per_unit`:
+    /// the value for [`UpdateDesc::error_budget`](field@crate::UpdateDesc::error_budget). 0, which defers nothing, if
+    /// the result is not a finite number above 0.
     pub fn error_budget(&self, pixels_per_unit: f32) -> f32 {
         let budget = (1.0 - SHARE) * self.pixels / pixels_per_unit;
         if budget.is_finite() { budget.max(0.0) } else { 0.0 }
     }
 }
 
-/// How many targets a head keeps now, and how many it is about to.
+/// The number of targets that an instance keeps now, and the number it is moving to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Level {
     desc: LevelDesc,
-    /// `None`: nothing has been shown yet, and nothing can pop.
+    /// `None`: nothing has been shown yet, so a jump is not visible.
     level: Option<f64>,
     goal: usize,
 }
 
 impl Level {
-    /// Of a head that has not been shown yet.
+    /// Makes the level of an instance that has not been shown yet.
     pub fn new(desc: LevelDesc) -> Self {
         Self { desc, level: None, goal: 0 }
     }
 
-    /// How many targets are kept in the frame of the last [`step`](Self::step): `None` before the first.
+    /// Returns the number of targets kept in the frame of the last [`step`](Self::step); `None` before the first.
     pub fn level(&self) -> Option<f32> {
         self.level.map(|level| level as f32)
     }
 
-    /// How many targets it is about to keep.
+    /// Returns the number of targets that the level is moving to.
     pub fn goal(&self) -> usize {
         self.goal
     }
 
-    /// The next frame has no predecessor (the head was hidden, or the camera has cut): the level is at its goal at once.
+    /// Tells that the next frame has no predecessor (the instance was hidden, or the camera has cut): the level takes
+    /// its goal at once.
     pub fn cut(&mut self) {
         self.level = None;
     }
 
-    /// The next frame, in which an input unit takes up `pixels_per_unit` ([`pixels_per_unit`](super::pixels_per_unit)): how
-    /// many targets are kept, for [`Importance::apply`]. It goes as far towards its goal as may be without any vertex moving
-    /// further than [`LevelDesc::fade`]: with `weights`, the whole ones of this frame, by what they make of the targets that
-    /// come or go (those without a weight cost nothing); without, as if all weights were 1.
+    /// Steps to the next frame, in which an input unit takes up `pixels_per_unit`
+    /// ([`pixels_per_unit`](super::pixels_per_unit)). Returns the number of targets to keep, for [`Importance::apply`].
+    /// The level moves towards its goal as far as it can without any vertex moving further than [`LevelDesc::fade`].
+    /// `weights` are this frame's weights before they are scaled: the movement is that of the targets that fade at
+    /// these weights (those without a weight cost nothing). Without them, all weights count as 1.
     ///
-    /// While `pixels_per_unit` stays within a fifth of what it was, the level stays where it is, bit for bit, once it
-    /// has settled. Where it is no number, or infinite, all targets are kept at once.
+    /// A settled level stays as it is, bit for bit, while `pixels_per_unit` stays within a fifth of its value. If it is
+    /// NaN or infinite, all targets are kept at once.
     pub fn step(&mut self, importance: &Importance, pixels_per_unit: f32, weights: Option<&[f32]>) -> f32 {
         let [most, enough] = self.desc.bounds();
         let all = importance.target_count();
@@ -99,13 +101,13 @@ impl Level {
         level as f32
     }
 
-    /// From `level` as far towards the goal as the fade allows: in double precision, in which even a thousandth of a pixel of a
-    /// target that moves thousands is a step.
+    /// Moves from `level` towards the goal as far as the fade allows. In double precision, in which even a thousandth
+    /// of a pixel is a step for a target that moves thousands.
     fn towards(&self, importance: &Importance, pixels_per_unit: f32, weights: Option<&[f32]>, level: f64) -> f64 {
         let (goal, mut at) = (self.goal as f64, level.min(importance.target_count() as f64));
         let mut room = f64::from(self.desc.fade);
         while at != goal {
-            // The target that fades, and where it is there as a whole or not at all.
+            // The target that fades, and the level at which it is fully in or out.
             let (rank, end) =
                 if goal > at { (at.floor(), at.floor() + 1.0) } else { (at.ceil() - 1.0, at.ceil() - 1.0) };
             let target = importance.order()[rank as usize] as usize;

@@ -1,12 +1,13 @@
-//! Level of detail: the most important targets of a head are kept, as many as its size on the screen needs, and the others
+//! Level of detail: an instance keeps its most important targets, as many as its size on the screen needs; the others
 //! fade out.
 //!
-//! [`Importance`] is the order of a mesh's targets, and how far vertices may be off where only the first of them are kept: made
-//! once for a mesh. [`Level`] is how many a head keeps now, a real number that follows the camera so slowly that nothing pops.
-//! [`Importance::apply`] puts it into weights, which any path takes: on incremental ones, a target that is dropped is one more
-//! delta weight, and one that stays dropped costs nothing. Crowds that are animated on the GPU apply it there
-//! ([`AnimatedCrowd::set_level`](crate::AnimatedCrowd::set_level)), and choose it there too, from a [`Camera`] and the
-//! [`Place`] of each head ([`AnimationDesc::level`](field@crate::AnimationDesc::level)).
+//! [`Importance`] ranks the targets of a mesh, and states how far vertices may be off if only the first of them are
+//! kept; it is made once for a mesh. [`Level`] is the number of targets that an instance keeps now: a real number that
+//! follows the camera so slowly that nothing pops. [`Importance::apply`] applies it to weights, which any path takes:
+//! with incremental updates, a target that is dropped is one more delta weight, and one that stays dropped costs
+//! nothing. Crowds that are animated on the GPU apply it there
+//! ([`AnimatedCrowd::set_level`](crate::AnimatedCrowd::set_level)), and can choose it there, from a [`Camera`] and the
+//! [`Place`] of each instance ([`AnimationDesc::level`](field@crate::AnimationDesc::level)).
 //!
 //! ```
 //! use deltamorph::lod::{Importance, Level, LevelDesc, pixels_per_unit};
@@ -16,12 +17,12 @@
 //! let mesh = PackedMesh::pack(&head, &PackDesc::new(DeltaFormat::Fast))?;
 //! let importance = Importance::of_packed(&mesh, &["eyeBlink"])?;
 //! let mut level = Level::new(LevelDesc::default().pixels(1.0));
-//! // Each frame, for each head:
+//! // Each frame, for each instance:
 //! let mut weights = vec![0.3; mesh.layout().targets.len()];
 //! let distance = 100.0 * mesh.layout().diagonal;
 //! let kept = level.step(&importance, pixels_per_unit(1080.0, 0.6, distance), Some(&weights));
 //! importance.apply(kept, &mut weights)?;
-//! // crowd.set_weights(head, &weights)?;
+//! // crowd.set_weights(instance, &weights)?;
 //! assert!(kept < weights.len() as f32 && weights.contains(&0.0));
 //! # Ok::<(), deltamorph::Error>(())
 //! ```
@@ -41,15 +42,15 @@ use crate::weights::names::unknown;
 use glam::DVec3;
 use std::collections::HashSet;
 
-/// Mean over all vertices of the squared distance that `target` moves them at weight 1, in squared input units: what
-/// [`Importance`] ranks by, and `deltamorph lod` calls `mse`.
+/// Returns the mean over all vertices of the squared distance that `target` moves them at weight 1, in squared input
+/// units. [`Importance`] ranks by it; `deltamorph lod` calls it `mse`.
 pub fn mean_square(mesh: &MorphMesh, target: &MorphTarget) -> f64 {
     let sum: f64 = target.positions.iter().map(|d| d.as_dvec3().length_squared()).sum();
     sum / mesh.vertex_count().max(1) as f64
 }
 
-/// Targets by their scores, the largest first, those that are pinned before all others; equals in their own order. A target
-/// without an entry in `pinned` is not.
+/// Returns targets by descending score, pinned ones before all others; equal ones in their own order. A target beyond
+/// the end of `pinned` is not pinned.
 pub fn ranked(scores: &[f64], pinned: &[bool]) -> Vec<usize> {
     let is_pinned = |target: usize| pinned.get(target).is_some_and(|pinned| *pinned);
     let mut order: Vec<usize> = (0..scores.len()).collect();
@@ -57,37 +58,37 @@ pub fn ranked(scores: &[f64], pinned: &[bool]) -> Vec<usize> {
     order
 }
 
-/// Whether a name is meant by one of `pins`: by itself, or by a beginning of it.
+/// Whether `name` begins with one of `pins`.
 pub fn is_pinned<P: AsRef<str>>(name: &str, pins: &[P]) -> bool {
     pins.iter().any(|pin| name.starts_with(pin.as_ref()))
 }
 
-/// Pixels that an input unit takes up at `distance` (in input units, above 0), in a perspective picture of `height` pixels with
-/// an angle of view of `angle` radians from bottom to top: height / (2 · tan(angle / 2) · distance). Multiply by the scale of
-/// the head's place.
+/// Returns the pixels that an input unit takes up at `distance` (in input units, above 0), in a perspective picture
+/// `height` pixels high with a vertical angle of view of `angle` radians: height / (2 · tan(angle / 2) · distance).
+/// Multiply by [`Place::scale`] of the instance.
 pub fn pixels_per_unit(height: f32, angle: f32, distance: f32) -> f32 {
     height / (2.0 * (angle / 2.0).tan() * distance)
 }
 
-/// The targets of a mesh, the most important first, and what is lost where only the first of them are kept.
+/// The targets of a mesh in order of importance, and the error of keeping only the first of them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Importance {
-    /// By rank.
+    /// Targets by rank.
     order: Vec<u32>,
-    /// By target.
+    /// Ranks by target.
     ranks: Vec<u32>,
-    /// By target: the farthest that it moves a vertex at weight 1, in input units, rounded up.
+    /// The farthest that each target moves a vertex at weight 1, in input units, rounded up.
     reaches: Vec<f32>,
-    /// By number of targets kept, 0 to all.
+    /// Errors by number of targets kept, from none to all.
     errors: Vec<f32>,
-    /// Targets that are always kept.
+    /// Number of targets that are always kept.
     pinned: usize,
 }
 
-/// Calls back with each vertex that a target moves, and how far.
+/// Calls back with each vertex that a target moves, and its delta.
 type EachDelta<'a> = dyn Fn(usize, &mut dyn FnMut(usize, DVec3)) + 'a;
 
-/// What moves: names of targets, vertices, and the position deltas of a target.
+/// The mesh to rank: names of targets, number of vertices, and the position deltas of a target.
 struct Deltas<'a> {
     mesh: &'a str,
     names: Vec<&'a str>,
@@ -96,38 +97,40 @@ struct Deltas<'a> {
 }
 
 impl Importance {
-    /// Of the targets of `mesh` by their [`mean_square`], those whose names begin with one of `pins` before all others: these
-    /// are always kept.
+    /// Ranks the targets of `mesh` by their [`mean_square`]. Targets whose names begin with one of `pins` come first,
+    /// and are always kept.
     ///
     /// # Errors
-    /// A pin that no target's name begins with, with the name that was probably meant.
+    /// [`Error::Invalid`] for a pin that no target's name begins with; the message suggests the nearest name.
     pub fn of(mesh: &MorphMesh, pins: &[&str]) -> Result<Self> {
         with_deltas(mesh, |deltas| deltas.by_mean_square(pins))
     }
 
-    /// As [`of`](Self::of), of the deltas that the kernels see: where there are only packed ones.
+    /// Ranks the targets of a packed mesh by the mean square of the packed deltas. Targets whose names begin with one
+    /// of `pins` come first, and are always kept.
     ///
     /// # Errors
-    /// As [`of`](Self::of).
+    /// [`Error::Invalid`] for a pin that no target's name begins with; the message suggests the nearest name.
     pub fn of_packed(mesh: &PackedMesh, pins: &[&str]) -> Result<Self> {
         with_packed(mesh, |deltas| deltas.by_mean_square(pins))
     }
 
-    /// In an order of your own, such as one that `deltamorph lod --out` wrote: names of all targets, the most important first,
-    /// of which the first `pinned` are always kept.
+    /// Takes the order from the caller, such as one written by `deltamorph lod --out`: names of all targets, the most
+    /// important first; the first `pinned` are always kept.
     ///
     /// # Errors
-    /// A name that is none of the targets, with the one that was probably meant; a name twice; not all targets; more pinned
-    /// than there are.
+    /// [`Error::Invalid`] for a name that is not a target, with the nearest name suggested; a name given twice; targets
+    /// left out; or more pinned targets than there are.
     pub fn in_order(mesh: &PackedMesh, order: &[&str], pinned: usize) -> Result<Self> {
         with_packed(mesh, |deltas| deltas.by_names(order, pinned))
     }
 
-    /// With [errors](Self::error_of_keeping) for these weights, one for each target and frame, in place of any from -1 to 1:
-    /// for heads that play what is known, of which fewer targets have to be kept. The order stays.
+    /// Replaces the [errors](Self::error_of_keeping), which assume any weights from -1 to 1, by those for the given
+    /// weights: one for each target, frame by frame. Instances that play a known clip can keep fewer targets. The order
+    /// stays.
     ///
     /// # Errors
-    /// Another mesh than was ranked, or weights of another: their numbers of targets tell.
+    /// [`Error::Invalid`] if the mesh or a frame has another number of targets than were ranked.
     pub fn over(mut self, mesh: &PackedMesh, frames: impl IntoIterator<Item = Vec<f32>>) -> Result<Self> {
         let (targets, layout) = (self.order.len(), mesh.layout());
         let check = |given: usize, what: &str| match given == targets {
@@ -163,62 +166,62 @@ impl Importance {
         Ok(self)
     }
 
-    /// The targets, the most important first.
+    /// Returns the targets, the most important first.
     pub fn order(&self) -> &[u32] {
         &self.order
     }
 
-    /// For each target its place in the [`order`](Self::order), from 0.
+    /// Returns the rank of each target: its position in the [`order`](Self::order), from 0.
     pub fn ranks(&self) -> &[u32] {
         &self.ranks
     }
 
-    /// How many targets there are.
+    /// Returns the number of targets.
     pub fn target_count(&self) -> usize {
         self.order.len()
     }
 
-    /// How far a vertex may be off where only the first `kept` targets are applied, in input units: the largest
-    /// Σ |w_t · δ_t(v)| of any vertex v over the targets t that are dropped, for weights w from -1 to 1, or those of
-    /// [`over`](Self::over). 0 where all are kept.
+    /// Returns how far a vertex may be off if only the first `kept` targets are applied, in input units: the largest Σ
+    /// |w_t · δ_t(v)| of any vertex v over the targets t that are dropped, for weights w from -1 to 1, or for those of
+    /// [`over`](Self::over). 0 if all are kept.
     pub fn error_of_keeping(&self, kept: usize) -> f32 {
         self.errors.get(kept).copied().unwrap_or(0.0)
     }
 
-    /// The farthest that a target moves a vertex at weight 1, in input units; 0 of one that there is not.
+    /// Returns the farthest that a target moves a vertex at weight 1, in input units; 0 for a target out of range.
     pub fn reach(&self, target: usize) -> f32 {
         self.reaches.get(target).copied().unwrap_or(0.0)
     }
 
-    /// How many of the first targets are always kept.
+    /// Returns how many of the first targets are always kept.
     pub(crate) fn pinned(&self) -> usize {
         self.pinned
     }
 
-    /// The fewest targets to keep so that no vertex is off by more than `pixels` where an input unit takes up
-    /// `pixels_per_unit`: those pinned at least, all of them where a number is no number.
+    /// Returns the fewest targets to keep so that no vertex is off by more than `pixels`, if an input unit takes up
+    /// `pixels_per_unit`: at least the pinned ones; all of them if an argument is NaN.
     pub fn level_for(&self, pixels_per_unit: f32, pixels: f32) -> usize {
         let fits = |kept: &usize| self.errors[*kept] * pixels_per_unit <= pixels;
         (self.pinned..self.order.len()).find(fits).unwrap_or(self.order.len())
     }
 
-    /// What the weight of a target is multiplied by at `level`, how many are kept: clamp(level − rank, 0, 1). So the one at
-    /// the end of the list is there in part.
+    /// Returns the factor on the weight of a target if `level` targets are kept: clamp(level − rank, 0, 1). With a
+    /// fractional level, the last one is kept in part.
     pub fn factor(&self, target: usize, level: f32) -> f32 {
         self.ranks.get(target).map_or(0.0, |rank| (level - *rank as f32).clamp(0.0, 1.0))
     }
 
-    /// Multiply weights, one for each target, by their [`factor`](Self::factor)s. Where all targets are kept, they stay as they
-    /// are bit for bit.
+    /// Multiplies weights, one for each target, by their [`factor`](Self::factor)s. If all targets are kept, the
+    /// weights stay bit for bit.
     ///
     /// # Errors
-    /// Another number of weights than there are targets.
+    /// [`Error::Invalid`] if the number of weights is not that of targets.
     pub fn apply(&self, level: f32, weights: &mut [f32]) -> Result<()> {
         if weights.len() != self.ranks.len() {
             let what = format!("{} weights given, but {} targets are ranked", weights.len(), self.ranks.len());
             return Err(Error::invalid(what, "rank the mesh that the weights are for"));
         }
-        // Not 0 · weight: that may be -0, or no number.
+        // Not 0 · weight, which may be -0 or NaN.
         let scaled = |weight: f32, factor: f32| if factor > 0.0 { weight * factor } else { 0.0 };
         let ranked = weights.iter_mut().zip(&self.ranks);
         ranked.for_each(|(weight, rank)| *weight = scaled(*weight, (level - *rank as f32).clamp(0.0, 1.0)));
@@ -253,7 +256,7 @@ impl Deltas<'_> {
         let score = |target: usize| {
             let mut sum = 0.0;
             (self.each)(target, &mut |_, delta| sum += delta.length_squared());
-            // As `mean_square`: what all have in common changes no order.
+            // Not divided by the number of vertices, as in `mean_square`: a common factor does not change the order.
             sum
         };
         let scores: Vec<f64> = (0..self.names.len()).map(score).collect();
@@ -302,7 +305,7 @@ impl Deltas<'_> {
     }
 }
 
-/// Not below `value`; 0 stays 0.
+/// Rounds up to single precision; 0 stays 0.
 fn above(value: f64) -> f32 {
     let near = value as f32;
     if f64::from(near) < value { near.next_up() } else { near }

@@ -24,8 +24,8 @@ fn at_level(importance: &Importance, level: f32, weights: &[f32]) -> Vec<f32> {
 }
 
 proptest! {
-    /// For any weights, what is dropped moves no vertex further than is said; and the levels that follow a camera move none
-    /// further from one frame to the next than the fade, whatever it does, and end where the pixels are kept.
+    /// For any weights, what is dropped moves no vertex further than is said; and the levels that follow a camera move
+    /// none further from one frame to the next than the fade, whatever it does, and end where the pixels are kept.
     #[test]
     fn errors_and_fades_are_bounds(
         kept in 0usize..=9, seed in any::<u32>(), pixels in 0.1f32..50.0, fade in 0.05f32..3.0,
@@ -99,7 +99,7 @@ fn orders_are_those_of_the_mean_square_with_pins_in_front() {
     assert_eq!(importance.order().last(), Some(&2), "it moves nothing");
     let errors: Vec<f32> = (0..=9).map(|kept| importance.error_of_keeping(kept)).collect();
     assert!(errors.windows(2).all(|two| two[0] >= two[1]) && errors[8..] == [0.0; 2] && errors[7] > 0.0);
-    // As few as fit.
+    // The fewest that fit.
     for pixels in errors.iter().map(|error| error * 3.0) {
         let kept = importance.level_for(3.0, pixels);
         assert!(errors[kept] * 3.0 <= pixels && (kept == 0 || errors[kept - 1] * 3.0 > pixels));

@@ -1,4 +1,4 @@
-//! A rig for the targets of a mesh: weights of controls in, weights of targets out.
+//! A rig bound to the targets of a mesh: turns weights of controls into weights of targets.
 
 use super::Control;
 use crate::error::{Error, Result};
@@ -6,7 +6,8 @@ use crate::weights::names::unknown;
 use crate::weights::{BoundClip, ClipLayer, Repeat, WeightClip};
 use std::collections::HashSet;
 
-/// Nearer than this, [`BoundRig::smooth`] is there: an exponential approach has no end, and each change of a weight is work.
+/// [`BoundRig::smooth`] takes the wanted value once it is nearer than this: an exponential approach has no end, and
+/// each change of a weight costs an update.
 const THERE: f32 = 1e-4;
 
 /// A [`Rig`](super::Rig) bound to the targets of a mesh.
@@ -23,14 +24,14 @@ struct Drive {
     name: String,
     limits: [f32; 2],
     smoothing: f32,
-    /// Distances from 0 and targets of the keys below 0 and above it, the nearest first.
+    /// Keys below 0 and above it: their distances from 0 and their targets, the nearest first.
     sides: [Vec<(f32, usize)>; 2],
 }
 
 #[derive(Clone, Debug, PartialEq)]
 struct Product {
     target: usize,
-    /// Numbers of controls.
+    /// Indices of controls.
     factors: Vec<usize>,
 }
 
@@ -55,27 +56,29 @@ impl BoundRig {
         self.correctives.extend(correctives.map(|(target, factors)| Product { target, factors }));
     }
 
-    /// Targets that keys drive; some twice, perhaps.
+    /// Iterates over the targets that keys drive; a target may come several times.
     pub(super) fn driven(&self) -> impl Iterator<Item = usize> {
         self.controls.iter().flat_map(Drive::driven)
     }
 
-    /// Names of the controls, in the order of the weights that [`evaluate`](Self::evaluate) takes: what clips are
-    /// [bound](WeightClip::bind) to.
+    /// Returns the names of the controls, in the order of the weights that [`evaluate`](Self::evaluate) takes.
+    /// [Bind](WeightClip::bind) clips to them.
     pub fn controls(&self) -> impl ExactSizeIterator<Item = &str> {
         self.controls.iter().map(|control| control.name.as_str())
     }
 
-    /// Weights of the targets, of weights of the controls, which are held within their limits first. Where several controls
-    /// or correctives drive one target, its weight is their sum. What is in `weights` is replaced. Nothing is allocated.
+    /// Computes weights of the targets from weights of the controls, which are clamped to their limits. If several
+    /// controls or correctives drive a target, its weight is their sum. The content of `weights` is replaced. Allocates
+    /// nothing.
     ///
     /// # Errors
-    /// Another number of weights than there are controls or targets; a weight that is not finite. Nothing changes then.
+    /// [`Error::Invalid`] if the number of weights is not that of controls or targets, or a weight is not finite.
+    /// Nothing changes then.
     pub fn evaluate(&self, controls: &[f32], weights: &mut [f32]) -> Result<()> {
         self.check(controls)?;
         if weights.len() != self.targets.len() {
             let what = format!("{} weights for the rig's {} targets", weights.len(), self.targets.len());
-            return Err(Error::invalid(what, "hand over one per target of the mesh that the rig is bound to"));
+            return Err(Error::invalid(what, "give one per target of the mesh that the rig is bound to"));
         }
         weights.fill(0.0);
         for (control, value) in self.controls.iter().zip(controls) {
@@ -88,14 +91,14 @@ impl BoundRig {
         Ok(())
     }
 
-    /// Move `current`, weights of the controls, towards `wanted`, as far as each control's
-    /// [smoothing](super::Control::smoothing) lets it go in `seconds`: by the factor 1 − exp(−seconds / smoothing), so that
-    /// the way does not depend on how many frames it is cut into. Within 1e-4 of it, it is there, and changes no more.
-    /// What is wanted is held within the limits first. Nothing is allocated.
+    /// Moves `current`, weights of the controls, towards `wanted`, which is clamped to the limits first. Each control
+    /// covers the share 1 − exp(−seconds / [smoothing](super::Control::smoothing)) of the way, so the result does not
+    /// depend on the number of frames in a time. A control within 1e-4 of its wanted weight takes it, and changes no
+    /// more. Allocates nothing.
     ///
     /// # Errors
-    /// Another number of weights than there are controls; a number that is not finite, or seconds below 0. Nothing changes
-    /// then.
+    /// [`Error::Invalid`] if the number of weights is not that of controls, a number is not finite, or `seconds` is
+    /// below 0. Nothing changes then.
     pub fn smooth(&self, current: &mut [f32], wanted: &[f32], seconds: f32) -> Result<()> {
         self.check(current)?;
         self.check(wanted)?;
@@ -105,7 +108,7 @@ impl BoundRig {
         }
         for ((control, current), wanted) in self.controls.iter().zip(current).zip(wanted) {
             let wanted = control.limited(*wanted);
-            // No way at all in no time, even at once.
+            // In no time no change, not even without smoothing.
             let part = if seconds == 0.0 { 0.0 } else { 1.0 - (-seconds / control.smoothing).exp() };
             let next = *current + (wanted - *current) * part;
             *current = if (wanted - next).abs() <= THERE && part > 0.0 { wanted } else { next };
@@ -113,15 +116,15 @@ impl BoundRig {
         Ok(())
     }
 
-    /// The clip of target weights that a clip of control weights makes, smoothed from its first frame on, with `fps` frames a
-    /// second: those of `clip` or more. Between frames the weights of targets are interpolated linearly, and so cut the
-    /// corner where a control passes a key: the more frames, the less of it.
+    /// Returns the clip of target weights that a clip of control weights drives, smoothed from its first frame on. It
+    /// has `fps` frames a second; give at least those of `clip`. Between frames target weights are interpolated
+    /// linearly, which is inexact where a control passes a key: more frames reduce the error.
     ///
-    /// It has a column for each target that the clip's columns have a part in.
+    /// The clip has a column for each target that the columns of `clip` drive, alone or with others.
     ///
     /// # Errors
-    /// A column that names no control, whatever else [`WeightClip::bind`] refuses; frames a second that are not above 0, or so
-    /// many that the clip had more than 2²⁴ weights.
+    /// [`Error::Invalid`] for a column that names no control, anything else that [`WeightClip::bind`] refuses, `fps`
+    /// that is not a finite number above 0, or a result of more than 2²⁴ weights.
     pub fn bake(&self, clip: &WeightClip, fps: f32) -> Result<WeightClip> {
         for rate in [clip.fps, fps] {
             if !(rate.is_finite() && rate > 0.0) {
@@ -138,7 +141,7 @@ impl BoundRig {
         let bound = clip.bind(&controls)?;
         let columns = self.columns(&clip.names);
         let frames = frames(&bound, fps);
-        // With a column at the least: a clip without columns takes time, too.
+        // At least one column, since a clip without columns takes time, too.
         if frames * columns.len().max(1) as f64 > f64::from(1 << 24) {
             let what = format!("clip '{}': more than 2^24 weights at {fps} frames a second", clip.name);
             return Err(Error::invalid(what, "bake it with fewer frames a second, or split it"));
@@ -160,7 +163,7 @@ impl BoundRig {
         Ok(baked)
     }
 
-    /// Targets that controls of these names have a part in, in the mesh's order.
+    /// Returns the targets that controls of these names drive, alone or with others, in the mesh's order.
     fn columns(&self, names: &[String]) -> Vec<usize> {
         let names: HashSet<&String> = names.iter().collect();
         let named = |control: &Drive| names.contains(&control.name);
@@ -174,7 +177,7 @@ impl BoundRig {
     fn check(&self, controls: &[f32]) -> Result<()> {
         if controls.len() != self.controls.len() {
             let what = format!("{} weights for the rig's {} controls", controls.len(), self.controls.len());
-            return Err(Error::invalid(what, "hand over one per control, in the order of BoundRig::controls"));
+            return Err(Error::invalid(what, "give one per control, in the order of BoundRig::controls"));
         }
         match controls.iter().position(|value| !value.is_finite()) {
             Some(i) => {
@@ -199,7 +202,7 @@ impl Drive {
         let [below, above] = &self.sides;
         let (side, other) = if value < 0.0 { (below, above) } else { (above, below) };
         let distance = value.abs();
-        // The first key that is not passed.
+        // The nearest key at or beyond the value.
         match side.iter().position(|(at, _)| distance <= *at) {
             Some(0) => weights[side[0].1] += distance / side[0].0,
             Some(next) => {
@@ -217,10 +220,10 @@ impl Drive {
     }
 }
 
-/// How many frames a clip has at another rate, a whole number: as many as begin before it ends, and one that is not before
-/// its last.
+/// Returns the number of frames of a clip at another rate: one for each frame that begins before the last one of the
+/// clip, and one at or after it.
 fn frames(clip: &BoundClip, fps: f32) -> f64 {
     let Some(intervals) = clip.frame_count().checked_sub(1) else { return 0.0 };
-    // Rounding must not add a frame where rates are the same.
+    // Rounding must not add a frame if the rates are equal.
     (intervals as f64 * f64::from(fps) / f64::from(clip.fps) - 1e-6).ceil().max(0.0) + 1.0
 }

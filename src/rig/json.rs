@@ -40,7 +40,7 @@ struct Product {
     controls: Vec<String>,
 }
 
-/// Read a rig from a JSON file.
+/// Reads a rig from a JSON file.
 ///
 /// ```json
 /// {
@@ -54,13 +54,13 @@ struct Product {
 /// }
 /// ```
 ///
-/// All but names and targets may be left out. [`Rig`] says what they mean. `"sequence"` is [`Control::sequence`].
+/// All properties but names and targets are optional. [`Rig`] explains them. `"sequence"` is [`Control::sequence`].
 ///
 /// Takes 300 bytes of memory at most for each byte of the file, and 1 MiB, whatever it counts.
 ///
 /// # Errors
-/// A file that cannot be read, or that is no such JSON: an unknown property is refused, since it is probably a misspelt one.
-/// Whether names are those of targets is found out by [`Rig::bind`].
+/// [`Error::Io`] for a file that cannot be read; [`Error::Input`] for other JSON than this, or an unknown property,
+/// which is probably a misspelt one. [`Rig::bind`] checks that names are those of targets.
 pub fn read(path: &Path) -> Result<Rig> {
     let text = read_bounded(path, TEXT_MAX, "a rig is a few kilobytes of JSON: give that file")?;
     parse(path, &text)
@@ -74,7 +74,7 @@ fn parse(path: &Path, text: &[u8]) -> Result<Rig> {
             path,
             format!(": line {}", e.line()),
             what,
-            "see the documentation of rig::read for what may be there",
+            "see the documentation of rig::read for the properties of a rig",
         )
     })?;
     let controls = file.controls.into_iter().map(|control| control.read(path)).collect::<Result<_>>()?;
@@ -114,7 +114,8 @@ mod tests {
     fn all_that_a_file_may_state_is_read() {
         let rig = parsed(
             r#"{"controls": [
-                {"name": "blink", "limits": [0, 1], "smoothing": 0.05, "keys": [{"at": 0.5, "target": "half"}, {"at": 1, "target": "full"}]},
+                {"name": "blink", "limits": [0, 1], "smoothing": 0.05,
+                 "keys": [{"at": 0.5, "target": "half"}, {"at": 1, "target": "full"}]},
                 {"name": "turn", "sequence": ["a", "b"]}, {"name": "jaw"}],
                "correctives": [{"target": "c", "controls": ["blink", "jaw"]}]}"#,
         );

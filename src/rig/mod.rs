@@ -1,4 +1,4 @@
-//! Rigs: controls that an animator or a capture moves, and the targets that each of them drives.
+//! Rigs: controls that an animator or a performance capture moves, and the targets that each of them drives.
 
 mod bound;
 #[cfg(feature = "rig")]
@@ -16,25 +16,25 @@ use crate::setters::setters;
 use crate::weights::names::unknown;
 use std::collections::{HashMap, HashSet};
 
-/// What drives the targets of a mesh: controls, and combinations of them that have targets of their own.
+/// Controls that drive the targets of a mesh, and targets that are driven by combinations of controls.
 ///
-/// Without a rig, the weight of a target is what a clip or slider says, and a vertex moves along a straight line: a lid goes
-/// through the eyeball rather than round it. A rig gives one control several targets along its way, [keys](Key), between
-/// which the pose is interpolated; and adds [correctives](Corrective) where two controls at once look wrong.
+/// Without a rig, a clip or slider sets the weight of a target directly, and a vertex moves along a straight line: an
+/// eyelid passes through the eyeball rather than round it. A rig gives a control several targets, its [keys](Key),
+/// between which the pose is interpolated, and adds [correctives](Corrective) where two controls at once look wrong.
 ///
-/// [`bind`](Self::bind) it to the targets of a mesh, and bind clips to the [controls](BoundRig::controls) that result; then
-/// [`BoundRig::evaluate`] makes target weights of control weights, frame by frame, or [`BoundRig::bake`] those of a whole
-/// clip, for [animated crowds](crate::AnimatedCrowd), which the GPU animates. `read` (feature `rig`) reads rigs from JSON
-/// files.
+/// [`bind`](Self::bind) the rig to the targets of a mesh, and clips to the resulting [controls](BoundRig::controls).
+/// [`BoundRig::evaluate`] then turns control weights into target weights, frame by frame; [`BoundRig::bake`] turns a
+/// whole clip into target weights, for [animated crowds](crate::AnimatedCrowd), which the GPU animates. `read` (feature
+/// `rig`) reads rigs from JSON files.
 ///
 /// ```
 /// use deltamorph::rig::{Control, Corrective, Key, Rig};
 ///
-/// // Half closed, the lid lies on the eyeball: a target of its own.
+/// // Half closed, the lid lies on the eyeball: a separate target.
 /// let blink = Control::new("blink").keys(vec![Key::new(0.5, "blinkHalf"), Key::new(1.0, "blinkFull")]);
 /// let rig = Rig { controls: vec![blink], correctives: vec![Corrective::new("squint", &["blink", "smile"])] };
 /// let rig = rig.bind(&["smile", "blinkHalf", "blinkFull", "squint"])?;
-/// // Targets that the rig does not name are controls of their own.
+/// // Targets that the rig does not name become controls.
 /// assert_eq!(rig.controls().collect::<Vec<_>>(), ["blink", "smile"]);
 ///
 /// let mut weights = [0.0; 4];
@@ -44,15 +44,15 @@ use std::collections::{HashMap, HashSet};
 /// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Rig {
-    /// The controls. Their order is that of the weights that [`BoundRig::evaluate`] takes.
+    /// The controls, in the order of the weights that [`BoundRig::evaluate`] takes.
     pub controls: Vec<Control>,
     /// Targets that several controls drive together.
     pub correctives: Vec<Corrective>,
 }
 
-/// A control, and the targets along its way.
+/// A control and the targets that it drives.
 ///
-/// At the value c, between the neutral at 0 and the keys on the same side of it, in the order of their distance from 0:
+/// A value c lies between the neutral, at 0, and the keys on the same side of it, ordered by their distance from 0:
 ///
 /// ```text
 /// up to the first key      its weight is c / at
@@ -60,32 +60,33 @@ pub struct Rig {
 /// beyond the last key      its weight is c / at: the last shape, exaggerated
 /// ```
 ///
-/// On a side without keys, the first key of the other side is continued through 0: its weight is c / at, below 0. So a
-/// control with one key at 1 is its target's weight. Each rule continues the one before it without a jump.
+/// On a side without keys, the first key of the other side is continued through 0: its weight is c / at, below 0. So
+/// the value of a control with one key at 1 is its target's weight. The weight is continuous from one rule to the next.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Control {
-    /// Its name: what clips call it.
+    /// Name of the control, as clips state it.
     pub name: String,
-    /// The least and the greatest value; values beyond are taken for these. From `-inf` to `inf` by default.
+    /// Least and greatest value; values beyond them are clamped. From `-inf` to `inf` by default.
     pub limits: [f32; 2],
-    /// Seconds in which [`BoundRig::smooth`] goes 63% of the way (1 − 1/e) to a new value; 0, the default, all of it at once.
+    /// Seconds in which [`BoundRig::smooth`] covers 63% (1 − 1/e) of the way to a new value. At 0, the default, the new
+    /// value is taken at once.
     pub smoothing: f32,
-    /// Targets along its way, in any order. Without any, the control drives the target of its own name: with limits and
-    /// smoothing.
+    /// Targets driven by the control, in any order. Without keys, the control drives the target of the same name, with
+    /// limits and smoothing.
     pub keys: Vec<Key>,
 }
 
 setters!(Control { limits: [f32; 2], smoothing: f32, keys: Vec<Key> });
 
 impl Control {
-    /// A control of this name: without keys, limits and smoothing.
+    /// Makes a control without keys, limits and smoothing.
     pub fn new(name: impl Into<String>) -> Self {
         Self { name: name.into(), limits: [f32::NEG_INFINITY, f32::INFINITY], smoothing: 0.0, keys: vec![] }
     }
 
-    /// Key-frame meshes as targets: the control goes from the neutral, at 0, through all of them, to the last one, at 1. What
-    /// moves on an arc follows it the better, the more there are.
+    /// Sets key-frame meshes as targets at equal steps: the control goes from the neutral, at 0, through all of them,
+    /// to the last one, at 1. More key frames follow a movement on an arc more closely.
     #[must_use]
     pub fn sequence(self, targets: &[&str]) -> Self {
         let at = |i: usize| (i + 1) as f32 / targets.len() as f32;
@@ -93,52 +94,54 @@ impl Control {
     }
 }
 
-/// A target at a value of a control: an in-between shape, or the last one.
+/// A target at a value of a control: an in-between shape, or the final one.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Key {
-    /// The control's value at which the target's weight is 1, and that of the control's other targets 0. Not 0, where the
-    /// neutral is.
+    /// The control's value at which the target's weight is 1, and that of the control's other targets 0. It is not 0:
+    /// that is the neutral.
     pub at: f32,
     /// The target's name.
     pub target: String,
 }
 
 impl Key {
-    /// A target at a value of a control.
+    /// Makes a key: a target at a value of a control.
     pub fn new(at: f32, target: impl Into<String>) -> Self {
         Self { at, target: target.into() }
     }
 }
 
-/// A target whose weight is the product of controls, each at least 0 (and within its limits): what mends a combination, and
-/// is not there where one of them is at rest.
+/// A target whose weight is the product of controls, each clamped to its limits and to at least 0. It corrects a
+/// combination of shapes, and has no effect if one of the controls is at rest.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Corrective {
     /// The target's name.
     pub target: String,
-    /// Names of the controls. A target that the rig drives in no other way is a control as well.
+    /// Names of the controls. A target that the rig drives in no other way counts as a control.
     pub controls: Vec<String>,
 }
 
 impl Corrective {
-    /// A target that these controls drive together.
+    /// Makes a corrective: a target that these controls drive together.
     pub fn new(target: impl Into<String>, controls: &[&str]) -> Self {
         Self { target: target.into(), controls: controls.iter().map(|&name| name.to_owned()).collect() }
     }
 }
 
 impl Rig {
-    /// The rig for a mesh with the targets `targets`. Its controls are [`controls`](field@Self::controls), and after them
-    /// each target that no key and no corrective names, in the mesh's order.
+    /// Binds the rig to a mesh with the targets `targets`. The bound rig has the rig's
+    /// [`controls`](field@Self::controls), followed by each target that no key and no corrective names, in the mesh's
+    /// order.
     ///
     /// # Errors
-    /// A key or corrective that names no target or control, a control without keys that has no target of its name, two
-    /// controls of one name, two keys at one value, values that are not finite, limits of which the first is greater, a
-    /// smoothing below 0, a corrective of no control, or of one twice.
+    /// [`Error::Invalid`] for: a key or corrective that names no target or control; a control without keys whose name
+    /// is no target; two controls of one name; two keys of a control at one value, or one at 0; values that are not
+    /// finite; a least limit above the greatest; a smoothing below 0; a corrective without controls, or with one
+    /// control twice.
     pub fn bind(&self, targets: &[&str]) -> Result<BoundRig> {
-        // Reversed: of several targets of one name, the first is meant, as in clips.
+        // Reversed, so that the first of several targets of one name is found, as in clips.
         let indices: HashMap<&str, usize> = targets.iter().enumerate().rev().map(|(i, target)| (*target, i)).collect();
         let target = |of: &str, name: &str| {
             let what = || format!("{of}: '{name}' is no target");
@@ -159,7 +162,7 @@ impl Rig {
         let corrected = self.correctives.iter().map(corrected).collect::<Result<Vec<_>>>()?;
         let mut driven: HashSet<usize> = bound.driven().chain(corrected.iter().copied()).collect();
         for (index, name) in targets.iter().enumerate() {
-            // A second target of one name has no name to be driven by.
+            // A second target of the same name cannot be driven: a name finds the first one.
             if indices[name] == index && driven.insert(index) {
                 bound.add_control(&Control::new(*name), vec![(1.0, index)]);
             }
@@ -167,7 +170,7 @@ impl Rig {
         let names: Vec<&str> = bound.controls().collect();
         let places: HashMap<&str, usize> = names.iter().enumerate().map(|(i, name)| (*name, i)).collect();
         if let Some((i, name)) = names.iter().enumerate().find(|(i, name)| places[*name] != *i) {
-            let remedy = "rename or remove one of them; a control that is called as a target has to drive it";
+            let remedy = "rename or remove one of them; a control with the name of a target has to drive that target";
             return Err(Error::invalid(
                 format!("controls {i} and {} of the rig are both called '{name}'", places[name]),
                 remedy,
@@ -195,12 +198,12 @@ impl Control {
         for key in &self.keys {
             let (at, target) = (key.at, &key.target);
             if !at.is_normal() {
-                let remedy = "use a finite number that is not 0, where the neutral is";
+                let remedy = "use a finite number other than 0: 0 is the neutral";
                 return refuse(format!("target '{target}' at {at}"), remedy);
             }
             // Neither 0 nor NaN: equal numbers have equal bits.
             if let Some(other) = taken.insert(at.to_bits(), target) {
-                let remedy = "give each key a value of its own";
+                let remedy = "give each key another value";
                 return refuse(format!("targets '{other}' and '{target}' are both at {at}"), remedy);
             }
         }
@@ -209,7 +212,7 @@ impl Control {
 }
 
 impl Corrective {
-    /// The numbers of the controls that are multiplied.
+    /// Returns the indices of the controls that are multiplied.
     fn factors(&self, places: &HashMap<&str, usize>, names: &[&str]) -> Result<Vec<usize>> {
         let of = format!("corrective '{}' of the rig", self.target);
         if self.controls.is_empty() {

@@ -83,7 +83,7 @@ fn correctives_are_products_that_no_negative_factor_turns_round() {
     let mend = |blink, smile| evaluated(&rig(), &[blink, smile, 0.0])[4];
     assert_eq!((mend(0.5, 0.5), mend(1.0, 0.0), mend(0.0, 1.0), mend(2.0, 0.5)), (0.25, 0.0, 0.0, 1.0));
     assert_eq!((mend(-1.0, 1.0), mend(-1.0, -1.0)), (0.0, 0.0));
-    // What several drive adds up.
+    // Weights from several controls add up.
     let twice = [Control::new("a").keys(keys(&[(1.0, "smile")])), Control::new("b").keys(keys(&[(2.0, "smile")]))];
     let rig = Rig { controls: twice.into(), correctives: vec![Corrective::new("smile", &["a", "b"])] };
     assert_eq!(evaluated(&rig, &[0.5, 0.5, 0.0, 0.0, 0.0, 0.0])[0], 0.5 + 0.25 + 0.25);
@@ -196,7 +196,7 @@ fn wrong_weights_are_refused_and_change_nothing() {
     let bound = rig().bind(&TARGETS).unwrap();
     let (mut weights, mut current) = ([9.0; 5], [0.25; 3]);
     for (controls, words) in [
-        (&[0.0; 2][..], "2 weights for the rig's 3 controls; hand over one per control"),
+        (&[0.0; 2][..], "2 weights for the rig's 3 controls; give one per control"),
         (&[0.0, f32::NAN, 0.0], "control 'smile' of the rig: the weight is NaN"),
     ] {
         let text = bound.evaluate(controls, &mut weights).unwrap_err().to_string();

@@ -154,7 +154,7 @@ fn cameras_and_places_that_cannot_be_are_refused() {
             Place { scale: 0.0, ..place },
             Place { scale: f32::NAN, ..place },
         ];
-        refusals(&mut crowd, &[], &places, "a head at");
+        refusals(&mut crowd, &[], &places, "an instance at");
         assert!(crowd.set_place(1, &place).is_err(), "there is one instance");
         crowd.set_place(0, &place).expect("a place");
         crowd.set_camera(&camera).expect("a camera");

@@ -333,7 +333,7 @@ fn buffers_that_are_too_small_are_refused_with_both_sizes() {
             unsafe { device.create_buffer(&info, None) }.expect("a buffer")
         };
         let (small, large) = (buffer(1000), buffer(1 << 14));
-        let end = |bytes: u32| format!("to byte {bytes} of a buffer of the host's that has 10");
+        let end = |bytes: u32| format!("to byte {bytes} of a host buffer of at most 10");
         // SAFETY: all is refused, so that no buffer is used.
         unsafe {
             says(engine.set_decode_target(&mut crowd, 0, Some(&DecodeTarget::new(small))), &end(1200));
@@ -349,7 +349,7 @@ fn buffers_that_are_too_small_are_refused_with_both_sizes() {
             let vertex = VertexLayout::new(24).stream(Semantic::Position, 0).stream(Semantic::Normal, 12);
             let poses = HostPoses::new(small, 0, vertex);
             let desc = CrowdDesc::new(UpdateDesc::blocks()).poses(Some(poses));
-            says(engine.create_crowd(&mesh, &desc), "of a buffer of the host's that has 10");
+            says(engine.create_crowd(&mesh, &desc), "of a host buffer of at most 10");
             device.destroy_buffer(small, None);
             device.destroy_buffer(large, None);
         }

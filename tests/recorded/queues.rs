@@ -317,7 +317,7 @@ fn queues_that_cannot_run_updates_are_refused() {
     let compute = vk::QueueFlags::COMPUTE;
     refuse(compute, &[0, 7], 0, UpdatePath::Blocks, "queue family 7 of ");
     refuse(compute, &[], 3, UpdatePath::Blocks, "queue family 3 of ");
-    refuse(compute, &[0], 0, UpdatePath::Feedback, "has no graphics, which its passes take");
+    refuse(compute, &[0], 0, UpdatePath::Feedback, "has no graphics, which the passes of this path need");
     refuse(vk::QueueFlags::TRANSFER, &[0], 0, UpdatePath::Blocks, "has no compute");
 }
 

@@ -1,5 +1,6 @@
-//! The C API without a device: any sequence of calls, of which many hand in what the header says is refused. A panic is a
-//! finding; so is an error without a message, a result that is written all the same, or a handle that comes twice.
+//! The C API without a device: any sequence of calls, many with arguments that the header says are refused. A panic is
+//! a finding; so is an error without a message, a result written by a call that failed, or a handle that is returned
+//! twice.
 
 use crate::{Memory, Target, bounded, write};
 use arbitrary::{Result, Unstructured};
@@ -23,7 +24,7 @@ const BOUND_CLIP: u8 = 6;
 const CPU_CROWD: u8 = 7;
 const WEIGHT_BOUNDS: u8 = 14;
 
-/// What results are before a call.
+/// Content of results before a call.
 const UNTOUCHED: u64 = 0x5555_5555_5555_5555;
 
 fn run(data: &[u8]) {
@@ -49,7 +50,7 @@ fn destroy(kind: u8, bits: u64) -> DmResult {
     }
 }
 
-/// What every function keeps to.
+/// Checks the rules that all functions obey.
 fn check(code: DmResult) -> bool {
     if code == DM_OK {
         return true;
@@ -71,17 +72,17 @@ impl<T: Versioned> Stated<T> {
 
 struct Calls<'a> {
     input: Unstructured<'a>,
-    /// Kind and bits of all handles so far, also of what has been destroyed.
+    /// Kind and bits of all handles so far, including destroyed ones.
     made: Vec<(u8, u64)>,
 }
 
 impl Calls<'_> {
-    /// Once in so many times.
+    /// True once in `times` calls.
     fn rarely(&mut self, times: u8) -> Result<bool> {
         Ok(self.input.int_in_range(1..=times)? == times)
     }
 
-    /// A handle: mostly one of the kind.
+    /// Chooses a handle: mostly one of the kind.
     fn handle(&mut self, kind: u8) -> Result<u64> {
         if self.rarely(16)? {
             return if self.made.is_empty() || self.rarely(2)? {
@@ -103,7 +104,7 @@ impl Calls<'_> {
         }
     }
 
-    /// Mostly small, sometimes any.
+    /// Chooses a number: mostly small, sometimes any.
     fn count(&mut self, most: u32) -> Result<u32> {
         if self.rarely(16)? { self.input.arbitrary() } else { self.input.int_in_range(0..=most) }
     }
@@ -123,7 +124,7 @@ impl Calls<'_> {
         Ok((0..count).map(|i| some[i % some.len()] + (i % 7) as f32 * 0.125).collect())
     }
 
-    /// Mostly the pointer, sometimes null.
+    /// Returns the pointer, or sometimes null.
     fn or_null<T>(&mut self, pointer: *mut T) -> Result<*mut T> {
         Ok(if self.rarely(12)? { null_mut() } else { pointer })
     }
@@ -169,7 +170,7 @@ impl Calls<'_> {
 
     fn crowd_desc(&mut self) -> Result<Stated<DmCrowdDesc>> {
         let mut desc = DmCrowdDesc::zeroed();
-        // Not more than there is memory for: that is tried by reserving it, which the counter takes for memory.
+        // At most what memory allows: the engine tries by reserving it, which the memory counter counts as used.
         desc.instances = *self.input.choose(&[0, 1, 2, 5])?;
         desc.path = *self.input.choose(&[0, 0, 4, 4, 1, 9])?;
         desc.pose_format = self.input.int_in_range(0..=4)?;
@@ -247,7 +248,7 @@ impl Calls<'_> {
 
     fn sample_head(&mut self) -> Result<()> {
         let mut sample = DmSampleDesc::zeroed();
-        // Small, since it takes its time, or more than there may be.
+        // Small, since it takes time, or more than is allowed.
         (sample.vertices, sample.targets) = (self.input.int_in_range(1..=99)?, self.input.int_in_range(1..=4)?);
         match self.input.int_in_range(0..=7u8)? {
             0 => sample.vertices = u32::MAX - u32::from(self.input.arbitrary::<u16>()?),
@@ -272,7 +273,7 @@ impl Calls<'_> {
         Ok(())
     }
 
-    /// A mesh is written, and read back, as it was or damaged.
+    /// Writes a mesh, and reads it back, unchanged or damaged.
     fn mesh_from_bytes(&mut self) -> Result<()> {
         let path = write("c.dmorph", &[]);
         let name = CString::new(path.to_str().expect("UTF-8")).expect("no zero");
@@ -460,7 +461,7 @@ impl Calls<'_> {
         Ok(())
     }
 
-    /// Files of any kind by their names.
+    /// Opens files of any kind by their names.
     fn open(&mut self) -> Result<()> {
         let name = *self.input.choose(&["c.glb", "c.gltf", "c.dmorph", "c.csv", "c.obj", "c"])?;
         let content = self.input.arbitrary::<[u8; 24]>()?;
@@ -482,7 +483,7 @@ impl Calls<'_> {
         Ok(())
     }
 
-    /// Without an engine, what needs one is refused, whatever is handed in.
+    /// Calls functions that need an engine without one: they are refused, whatever the arguments.
     fn without_engine(&mut self) -> Result<()> {
         let (bits, other, instance) = (self.handle(MESH)?, self.handle(CPU_CROWD)?, self.count(3)?);
         let (mesh, crowd, on_device) = (DmMesh { bits: other }, DmCrowd { bits }, DmGpuMesh { bits });
@@ -520,7 +521,7 @@ impl Calls<'_> {
     }
 }
 
-/// Bytes without a meaning: what they stand for is learnt by what they reach.
+/// Bytes without a meaning: the fuzzer learns it from coverage.
 fn seeds() -> Vec<(String, Vec<u8>)> {
     let bytes = |i: usize| (0..600).map(|j| (i * 53 + j * (7 + 2 * i)) as u8).collect();
     (0..3).map(|i| (i.to_string(), bytes(i))).collect()

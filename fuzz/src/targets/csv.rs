@@ -21,7 +21,7 @@ fn run(data: &[u8]) {
         Err(error) => check_error(error),
     }
     let _ = retarget(&clip, &["jawOpen", "eyeBlinkLeft", "mouthSmile_L", "AU12", "a"]).map_err(check_error);
-    // What is written comes back.
+    // A clip that is written is read back unchanged.
     let out = scratch().join("out.csv");
     match csv::write(&out, &clip) {
         Ok(()) => {
@@ -32,7 +32,7 @@ fn run(data: &[u8]) {
     }
 }
 
-/// Lines and cells come again, and go.
+/// Repeats and removes lines and cells.
 fn mutate(data: &[u8], random: &mut Random) -> Option<Vec<u8>> {
     let divider = *random.choose(b"\n\n,");
     let mut pieces: Vec<&[u8]> = data.split(|byte| *byte == divider).collect();

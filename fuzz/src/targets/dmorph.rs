@@ -1,4 +1,4 @@
-//! Packed files, under right checksums: sections are mutated one at a time, and what is accepted is used.
+//! Packed files with valid checksums: sections are mutated one at a time, and accepted files are used.
 
 use crate::{Memory, Random, Target, bounded, check_error, update};
 use deltamorph::after::WeightBounds;
@@ -20,7 +20,7 @@ fn run(data: &[u8]) {
         Ok(asset) => asset,
         Err(error) => return check_error(error),
     };
-    // What it says comes back.
+    // An accepted file is written back unchanged.
     let again = asset.to_bytes().expect("it was accepted");
     assert!(Asset::from_bytes(path, &again).expect("it was written") == asset);
     let decoded = asset.to_mesh().expect("blocks");
@@ -43,7 +43,8 @@ fn run(data: &[u8]) {
     }
 }
 
-// A header of 16 bytes, with version and number of sections; a row of 24 for each; checksum and zero; then the sections.
+// A header of 16 bytes, with version and number of sections; a row of 24 for each; checksum and zero; then the
+// sections.
 const HEADER: usize = 16;
 const ROW: usize = 24;
 
@@ -51,19 +52,19 @@ fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
     bytes.get(at..)?.first_chunk().map(|bytes| u32::from_le_bytes(*bytes))
 }
 
-/// The rows of the table, and where it ends; `None`: it does not fit the file.
+/// Returns the rows of the table, and its end; `None` if it does not fit the file.
 fn rows(bytes: &[u8]) -> Option<(impl Iterator<Item = usize> + use<>, usize)> {
     let end = HEADER + ROW * u32_at(bytes, 12).filter(|count| *count < 200)? as usize;
     (bytes.len() >= end + 8).then_some(((HEADER..end).step_by(ROW), end))
 }
 
-/// The content of the section that a row names.
+/// Returns the content of the section that a row names.
 fn section(bytes: &[u8], row: usize) -> Option<&[u8]> {
     let (offset, length) = (u32_at(bytes, row + 8)? as usize, u32_at(bytes, row + 16)? as usize);
     bytes.get(offset..offset.checked_add(length)?)
 }
 
-/// Right checksums, where the table leads somewhere.
+/// Corrects the checksums, if the table is usable.
 pub fn repair(bytes: &mut [u8]) {
     let Some((rows, end)) = rows(bytes) else { return };
     for row in rows {
@@ -75,7 +76,7 @@ pub fn repair(bytes: &mut [u8]) {
     bytes[end..end + 4].copy_from_slice(&checksum.to_le_bytes());
 }
 
-/// The same file with other sections: places and lengths are right again.
+/// Replaces the sections of a file, with correct positions and lengths.
 fn joined(bytes: &[u8], end: usize, sections: &[Vec<u8>]) -> Vec<u8> {
     let (mut out, mut rest) = (bytes[..end + 8].to_vec(), vec![]);
     for (i, content) in sections.iter().enumerate() {
@@ -89,7 +90,7 @@ fn joined(bytes: &[u8], end: usize, sections: &[Vec<u8>]) -> Vec<u8> {
     out
 }
 
-/// Words of sections change, and sections become longer or shorter. Small ones as often as large ones.
+/// Changes words of sections, and makes sections longer or shorter. Small sections are chosen as often as large ones.
 fn mutate(data: &[u8], random: &mut Random) -> Option<Vec<u8>> {
     let (rows, end) = rows(data)?;
     let mut sections: Vec<Vec<u8>> = rows.map(|row| section(data, row).map(<[u8]>::to_vec)).collect::<Option<_>>()?;

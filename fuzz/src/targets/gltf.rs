@@ -1,8 +1,10 @@
-//! glTF files: JSON in a shorthand, so that short inputs are files with many of anything; after a zero byte, the binary chunk.
+//! glTF files: JSON in a shorthand, so that short inputs can be files with many of anything; after a zero byte, the
+//! binary chunk.
 //!
-//! The shorthand: the item `["*", 3, x]` of a list is x three times; the key `"COLOR_*3"` is COLOR_0, COLOR_1 and COLOR_2;
-//! the text `"ab*3"` is "ababab"; and in them `"#"` is the number of the repetition, from 0 on. Beside the file, `a.glb`,
-//! lies the binary chunk by itself, `a.bin`. An input that begins with `glTF` is a file as it is.
+//! The shorthand: the item `["*", 3, x]` of a list is x three times; the key `"COLOR_*3"` is COLOR_0, COLOR_1 and
+//! COLOR_2; the text `"ab*3"` is "ababab"; and in them `"#"` is the number of the repetition, from 0 on. The binary
+//! chunk is also written by itself, as `a.bin` beside the file `a.glb`. An input that begins with `glTF` is a whole
+//! file.
 
 #[path = "../../../src/import/gltf/tests/written.rs"]
 #[allow(dead_code)]
@@ -17,16 +19,16 @@ use written::{I8, U8, U16, Written, bytes};
 
 pub const TARGET: Target = Target { name: "gltf", run, mutate, seeds };
 
-/// As src/import/gltf/tests/hostile.rs has it.
+/// The bound in src/import/gltf/tests/hostile.rs.
 const MEMORY: Memory = Memory { base: 3 << 20, per_byte: 960 };
-/// Inputs that stand for longer files are left out.
+/// Inputs whose files are longer are skipped.
 const LONGEST: usize = 128 << 10;
 
 fn run(data: &[u8]) {
     let Some((glb, binary)) = file(data) else { return };
     let path = write("a.glb", &glb);
     write("a.bin", binary);
-    // Buffers beside the file are bytes of it, too.
+    // Buffers beside the file count as bytes of the file.
     let size = glb.len() + if glb.windows(5).any(|name| name == b"a.bin") { binary.len() } else { 0 };
     let read = match bounded("gltf::read", size, MEMORY, || gltf::read(&path)) {
         Ok(read) => read,
@@ -45,7 +47,7 @@ fn run(data: &[u8]) {
         }
     }
     let tolerance = if choice.is_multiple_of(2) { Tolerance::default() } else { Tolerance::ZERO };
-    // Beside the source, which is as large as reading may make it.
+    // In addition to the source, which may be as large as reading allows.
     let memory = Memory { per_byte: 2 * MEMORY.per_byte, ..MEMORY };
     match bounded("MorphSource::to_mesh", size, memory, || source.to_mesh(tolerance)) {
         Ok(mesh) => pack_and_update(&mesh, choice / 8),
@@ -68,7 +70,7 @@ fn animations(read: &Gltf) {
     }
 }
 
-/// The file that an input stands for, and what lies beside it. `None`: too long.
+/// Returns the file that an input stands for, and the content of the file beside it. `None`: too long.
 fn file(data: &[u8]) -> Option<(Vec<u8>, &[u8])> {
     if data.starts_with(b"glTF") {
         return Some((data.to_vec(), &[]));
@@ -91,7 +93,7 @@ fn glb(json: &[u8], binary: &[u8]) -> Vec<u8> {
     [&head, json, &b"   "[..spaces], &tail, binary, &[0; 3][..zeros]].concat()
 }
 
-/// Write what the shorthand stands for; whether it is short enough. `number` is that of the repetition.
+/// Expands the shorthand; returns whether the result is short enough. `number` is that of the repetition.
 fn expand(value: &Value, number: usize, out: &mut String) -> bool {
     match value {
         Value::Array(items) => {
@@ -137,7 +139,7 @@ fn expand(value: &Value, number: usize, out: &mut String) -> bool {
     out.len() <= LONGEST
 }
 
-/// The end of a list, in place of its last comma.
+/// Writes the end of a list, replacing its last comma.
 fn close(out: &mut String, end: char) {
     if out.ends_with(',') {
         out.pop();
@@ -152,25 +154,36 @@ fn repeated(item: &Value) -> Option<(usize, &Value)> {
     }
 }
 
-/// What properties of glTF may hold; a mutation puts one into any object, or its value in place of any other.
+/// Properties of glTF and their values; a mutation puts one into any object, or its value in place of another one.
 static PROPERTIES: LazyLock<Vec<(String, Value)>> = LazyLock::new(|| {
-    let text = r##"[["byteStride",0],["byteStride",4],["byteStride",16],["byteStride","18446744073709551615"],["byteOffset",2],
-        ["byteLength",16],["count",3],["count",100000],["count",10000000],["normalized",true],["componentType",5121],["componentType",5125],["type","VEC4"],
-        ["sparse",{"count":2,"indices":{"bufferView":0,"componentType":5121},"values":{"bufferView":0}}],["bufferView",0],
-        ["uri","a.glb"],["uri","a.bin"],["uri","data:application/octet-stream;base64,AAAA*99"],["uri","data:,"],["fallback",true],
-        ["name","a"],["name","a*1000"],["name","\u00e4"],["extras",{"targetNames":["a",["*",100,"a"]]}],["weights",[1]],["weights",[]],["weights",[["*",1000,0]]],
-        ["NORMAL",0],["TANGENT",0],["TEXCOORD_0",0],["COLOR_0",0],["TEXCOORD_*64",3],["COLOR_*64",4],["JOINTS_*2",0],["WEIGHTS_*2",0],["_*100",0],
-        ["indices",0],["mode",5],["mode",6],["mode",0],["material","#"],["targets",[["*",1000,{}]]],["targets",[{"POSITION":0,"NORMAL":0}]],
-        ["mesh","#"],["mesh",0],["skin",0],["children",["#"]],["children",[["*",1000,"#"]]],["joints",[["*",100,"#"]]],["inverseBindMatrices",0],["skeleton",0],
+    let text = r##"[["byteStride",0],["byteStride",4],["byteStride",16],["byteStride","18446744073709551615"],
+        ["byteOffset",2],
+        ["byteLength",16],["count",3],["count",100000],["count",10000000],["normalized",true],["componentType",5121],
+        ["componentType",5125],["type","VEC4"],
+        ["sparse",{"count":2,"indices":{"bufferView":0,"componentType":5121},"values":{"bufferView":0}}],
+        ["bufferView",0],
+        ["uri","a.glb"],["uri","a.bin"],["uri","data:application/octet-stream;base64,AAAA*99"],["uri","data:,"],
+        ["fallback",true],
+        ["name","a"],["name","a*1000"],["name","\u00e4"],["extras",{"targetNames":["a",["*",100,"a"]]}],
+        ["weights",[1]],["weights",[]],["weights",[["*",1000,0]]],
+        ["NORMAL",0],["TANGENT",0],["TEXCOORD_0",0],["COLOR_0",0],["TEXCOORD_*64",3],["COLOR_*64",4],["JOINTS_*2",0],
+        ["WEIGHTS_*2",0],["_*100",0],
+        ["indices",0],["mode",5],["mode",6],["mode",0],["material","#"],["targets",[["*",1000,{}]]],
+        ["targets",[{"POSITION":0,"NORMAL":0}]],
+        ["mesh","#"],["mesh",0],["skin",0],["children",["#"]],["children",[["*",1000,"#"]]],
+        ["joints",[["*",100,"#"]]],["inverseBindMatrices",0],["skeleton",0],
         ["matrix",[1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1]],["translation",[1,2,3]],["rotation",[0,0,0,1]],["scale",[0,0,0]],
-        ["interpolation","STEP"],["interpolation","CUBICSPLINE"],["path","weights"],["path","rotation"],["node",0],["input",0],["output",0],["sampler",0],
-        ["extensions",{"EXT_meshopt_compression":{"buffer":0,"byteLength":40,"byteStride":4,"count":16,"mode":"ATTRIBUTES","filter":"OCTAHEDRAL"}}],
+        ["interpolation","STEP"],["interpolation","CUBICSPLINE"],["path","weights"],["path","rotation"],["node",0],
+        ["input",0],["output",0],["sampler",0],
+        ["extensions",{"EXT_meshopt_compression":{"buffer":0,"byteLength":40,"byteStride":4,"count":16,
+        "mode":"ATTRIBUTES","filter":"OCTAHEDRAL"}}],
         ["mode","TRIANGLES"],["mode","INDICES"],["filter","EXPONENTIAL"],["filter","QUATERNION"],
-        ["",0],["",1],["",-1],["",0.5],["",255],["",65536],["",4294967295],["",18446744073709551615],["",1e39],["",1e-46],["",null],["",{}],["",[]],["",[["*",1000,[]]]]]"##;
+        ["",0],["",1],["",-1],["",0.5],["",255],["",65536],["",4294967295],["",18446744073709551615],["",1e39],
+        ["",1e-46],["",null],["",{}],["",[]],["",[["*",1000,[]]]]]"##;
     serde_json::from_str(text).expect("a list of pairs")
 });
 
-/// Values and their places change; items are repeated. Words of the binary chunk change.
+/// Exchanges and moves values, repeats items, and changes words of the binary chunk.
 fn mutate(data: &[u8], random: &mut Random) -> Option<Vec<u8>> {
     let [text, binary] = parts(data);
     let mut json: Value = serde_json::from_slice(text).ok()?;
@@ -195,7 +208,7 @@ fn mutate(data: &[u8], random: &mut Random) -> Option<Vec<u8>> {
     Some([json.to_string().as_bytes(), b"\0", &binary].concat())
 }
 
-/// Where the bytes of a view lie, or that an accessor has none, and so may have any number of elements.
+/// Places the bytes of a view, or gives an accessor none, so that it may have any number of elements.
 fn lay_out(json: &mut Value, random: &mut Random) {
     let list = *random.choose(&["bufferViews", "bufferViews", "accessors"]);
     let Some(items) = json[list].as_array_mut().filter(|items| !items.is_empty()) else { return };
@@ -213,7 +226,7 @@ fn lay_out(json: &mut Value, random: &mut Random) {
     }
 }
 
-/// JSON pointers to all that is in it.
+/// Collects JSON pointers to all values.
 fn places_of(value: &Value, at: &mut String, places: &mut Vec<String>) {
     places.push(at.clone());
     let length = at.len();
@@ -232,7 +245,7 @@ fn places_of(value: &Value, at: &mut String, places: &mut Vec<String>) {
 
 fn change(value: &mut Value, other: Value, random: &mut Random) {
     let (key, property) = random.choose(&PROPERTIES).clone();
-    // Small ones more often: large ones take time.
+    // Small counts more often, since large ones take time.
     let most = 1 + random.below(12);
     let count = json!((1usize << random.below(most)) + random.below(3));
     match value {
@@ -306,7 +319,7 @@ fn strip() -> Written {
     file
 }
 
-/// A file that has a bit of everything.
+/// A file with some of every feature.
 fn everything() -> Written {
     let mut file = Written::default();
     let position = file.floats(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.25], [0.0, 1.0, 0.5], [1.0, 1.0, 0.75]]);
@@ -331,7 +344,8 @@ fn everything() -> Written {
     let (cubic, turns) = (file.floats(&[[0.5f32]; 18]), file.floats(&[[0.0, 0.0, 0.0, 1.0]; 3]));
     let strip = file.floats(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
     let bind = file.floats(&[identity(), identity()]);
-    let attributes = json!({"POSITION": position, "NORMAL": normal, "TANGENT": tangent, "TEXCOORD_0": uv, "COLOR_0": color,
+    let attributes = json!({"POSITION": position, "NORMAL": normal, "TANGENT": tangent, "TEXCOORD_0": uv,
+        "COLOR_0": color,
         "JOINTS_0": joints, "WEIGHTS_0": weights});
     let targets =
         json!([{"POSITION": sparse, "NORMAL": sparse, "TANGENT": sparse}, {"POSITION": moved, "TEXCOORD_0": uv}]);
@@ -345,9 +359,11 @@ fn everything() -> Written {
     file.json["scene"] = json!(0);
     file.json["skins"] = json!([{"joints": [0, 1], "inverseBindMatrices": bind}]);
     file.json["animations"] = json!([{"name": "talk",
-        "samplers": [{"input": times, "output": keys}, {"input": times, "output": cubic, "interpolation": "CUBICSPLINE"},
+        "samplers": [{"input": times, "output": keys},
+            {"input": times, "output": cubic, "interpolation": "CUBICSPLINE"},
             {"input": times, "output": turns, "interpolation": "STEP"}],
-        "channels": [{"sampler": 0, "target": {"node": 2, "path": "weights"}}, {"sampler": 2, "target": {"node": 0, "path": "rotation"}}]},
+        "channels": [{"sampler": 0, "target": {"node": 2, "path": "weights"}},
+            {"sampler": 2, "target": {"node": 0, "path": "rotation"}}]},
         {"samplers": [{"input": times, "output": cubic, "interpolation": "CUBICSPLINE"}],
         "channels": [{"sampler": 0, "target": {"node": 2, "path": "weights"}}]}]);
     file.json["buffers"].as_array_mut().expect("a list").push(json!({"uri": "a.bin", "byteLength": 12}));
@@ -358,7 +374,7 @@ fn identity() -> [f32; 16] {
     std::array::from_fn(|i| if i % 5 == 0 { 1.0 } else { 0.0 })
 }
 
-/// Positions and triangles as meshopt compression has them.
+/// Positions and triangles in meshopt compression.
 fn compressed() -> Written {
     let mut file = Written::default();
     let vertices: Vec<[f32; 3]> = (0..16u8).map(|v| [f32::from(v % 4), f32::from(v / 4), 0.0]).collect();
@@ -367,7 +383,8 @@ fn compressed() -> Written {
     let triangles = meshopt::encode_index_buffer(&indices, vertices.len()).expect("it can be encoded");
     for (data, stride, count, mode) in [(&data, 12, 16, "ATTRIBUTES"), (&triangles, 2, 36, "TRIANGLES")] {
         let view = file.view(data);
-        let packed = json!({"buffer": 0, "byteOffset": file.json["bufferViews"][view]["byteOffset"], "byteLength": data.len(),
+        let packed = json!({"buffer": 0, "byteOffset": file.json["bufferViews"][view]["byteOffset"],
+            "byteLength": data.len(),
             "byteStride": stride, "count": count, "mode": mode});
         file.json["bufferViews"][view] =
             json!({"buffer": 1, "byteLength": stride * count, "extensions": {"EXT_meshopt_compression": packed}});

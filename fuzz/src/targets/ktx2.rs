@@ -1,4 +1,4 @@
-//! Delta textures as KTX2 files, of a mesh that is always the same.
+//! Delta textures as KTX2 files, always of the same mesh.
 
 use crate::{Memory, Random, Target, bounded, check_error, pack_and_update, write};
 use deltamorph::textures::{TextureFloats, read_ktx2, write_ktx2};
@@ -17,7 +17,7 @@ fn run(data: &[u8]) {
         Err(error) => return check_error(error),
     };
     pack_and_update(&mesh, crc32fast::hash(data));
-    // What is written comes back.
+    // A texture that is written is read back unchanged.
     let pack = |mesh: &MorphMesh| PackedMesh::pack(mesh, &PackDesc::new(DeltaFormat::Float32));
     let Ok(packed) = pack(&mesh) else { return };
     match write_ktx2(&packed, TextureFloats::Single) {
@@ -31,7 +31,7 @@ fn run(data: &[u8]) {
     }
 }
 
-/// Words change: in the header and the keys, which come first, as often as behind them.
+/// Changes words: as often in the header and the keys, which come first, as in the rest.
 fn mutate(data: &[u8], random: &mut Random) -> Option<Vec<u8>> {
     let mut data = data.to_vec();
     let end = if random.below(2) == 0 { data.len().min(1200) } else { data.len() };

@@ -1,8 +1,8 @@
-//! The decoders of meshopt compression by themselves: where they and meshoptimizer take the data, they say the same.
+//! The decoders of meshopt compression by themselves: data that both they and meshoptimizer accept is decoded equally.
 //!
 //! An input is mode, filter, size of an element less 1, number of elements in two bytes; then the data.
 
-// The library does not show it: files of glTF lead to it, but slowly.
+// The decoder is private to the library: glTF files reach it, but slowly.
 #[allow(dead_code)]
 #[path = "../../../src/import/gltf/meshopt.rs"]
 mod decoder;
@@ -19,7 +19,7 @@ fn run(data: &[u8]) {
     let Some((&[mode, filter, size, low, high], data)) = data.split_first_chunk() else { return };
     let (mode, filter) = (MODES[usize::from(mode) % 3], FILTERS[usize::from(filter) % 6]);
     let (size, count) = (usize::from(size) + 1, usize::from(u16::from_le_bytes([low, high])));
-    // Elements are at most 1024 bytes for each of the data; indices take four bytes before they are narrowed to two.
+    // Elements take at most 1024 bytes per byte of data; indices take four bytes before they are narrowed to two.
     let memory = Memory { base: 4096, per_byte: 4 * 1024 };
     let ours = bounded("meshopt::decode", data.len(), memory, || decoder::decode(data, count, size, mode, filter));
     let Ok(ours) = ours else { return };
@@ -31,7 +31,7 @@ fn run(data: &[u8]) {
     assert!(ours == theirs, "{count} elements of {size} bytes, {mode}: {ours:?}, but meshoptimizer says {theirs:?}");
 }
 
-/// What meshoptimizer makes of it; `None`: refused. Sizes are those that our decoder has accepted.
+/// Decodes by meshoptimizer; `None`: refused. Sizes are those that our decoder has accepted.
 fn theirs(data: &[u8], count: usize, size: usize, mode: &str) -> Option<Vec<u8>> {
     let mut out = vec![0u8; count * size];
     let (to, from) = (out.as_mut_ptr().cast(), data.as_ptr());

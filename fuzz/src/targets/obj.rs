@@ -1,4 +1,4 @@
-//! A folder of OBJ files: the neutral, then targets, divided by zero bytes.
+//! A folder of OBJ files: the neutral, then targets, separated by zero bytes.
 
 use crate::{Memory, Random, Target, bounded, check_error, pack_and_update, parts, scratch, write};
 use deltamorph::import::obj::{ObjFile, import_folder};
@@ -45,7 +45,7 @@ fn mesh_of(mut source: MorphSource, data: &[u8]) {
     }
 }
 
-/// Lines and words come again, and go.
+/// Repeats and removes lines and words.
 fn mutate(data: &[u8], random: &mut Random) -> Option<Vec<u8>> {
     let divider = *random.choose(b"\n\n\n  /\0");
     let mut pieces: Vec<&[u8]> = data.split(|byte| *byte == divider).collect();

@@ -1,5 +1,5 @@
-//! Any small mesh and any history of a crowd on the CPU: poses are where the float64 reference has them, previous poses are
-//! those before, and poses of integers are bit for bit those of a crowd that was made anew.
+//! Any small mesh and any history of a crowd on the CPU: poses agree with the float64 reference, previous poses are the
+//! poses before, and fixed-point poses are bit for bit those of a new crowd.
 
 use crate::{Memory, Target, bounded, check_error, check_pose};
 use arbitrary::{Result, Unstructured};
@@ -12,11 +12,11 @@ use std::sync::Arc;
 pub const TARGET: Target = Target { name: "planner", run, mutate: |_, _| None, seeds };
 
 fn run(data: &[u8]) {
-    // All that is there has at most 200 vertices, 8 targets and 4 instances, however long the input.
+    // The mesh has at most 200 vertices and 8 targets, the crowd 4 instances, however long the input.
     bounded("a crowd", data.len(), Memory { base: 8 << 20, per_byte: 0 }, || _ = history(&mut Unstructured::new(data)));
 }
 
-/// A number as meshes have it: most of them small and round.
+/// Chooses a number as meshes have it: most are small and round.
 fn number(u: &mut Unstructured<'_>) -> Result<f32> {
     Ok(match u.int_in_range(0..=7u8)? {
         0 => 0.0,
@@ -27,7 +27,7 @@ fn number(u: &mut Unstructured<'_>) -> Result<f32> {
     })
 }
 
-/// Vectors that come again and again, so that short inputs have many; zero where `every` does not divide their number.
+/// Chooses vectors, with repetitions, so that short inputs have many; zero where `every` does not divide their number.
 fn vectors(u: &mut Unstructured<'_>, count: usize, every: usize) -> Result<Vec<[f32; 3]>> {
     let first = u.int_in_range(0..=count)?;
     let values: Vec<[f32; 3]> =
@@ -67,14 +67,14 @@ fn mesh(u: &mut Unstructured<'_>) -> Result<deltamorph::Result<MorphMesh>> {
     Ok(MorphSource::from_arrays(&arrays).and_then(|source| source.to_mesh(Tolerance::ZERO)))
 }
 
-/// What is known of an instance.
+/// The expected state of an instance.
 #[derive(Clone, Default)]
 struct Known {
     present: bool,
     hidden: bool,
     weights: Vec<f32>,
     pose: Option<Vec<f32>>,
-    /// The next pose has no predecessor.
+    /// Whether the next pose has no predecessor.
     cut: bool,
     budget: f32,
 }
@@ -159,7 +159,7 @@ fn history(u: &mut Unstructured<'_>) -> Result<()> {
                 let free = known.iter().position(|one| !one.present);
                 assert_eq!(crowd.add().ok(), free);
                 if let Some(free) = free {
-                    // Whether it has the budget of the one before is not looked at here.
+                    // Whether the instance keeps the budget of its predecessor is not checked here.
                     let budget = budget.max(known[free].budget);
                     known[free] = Known { budget, ..fresh.clone() };
                 }
@@ -206,7 +206,7 @@ fn update(mesh: &PackedMesh, desc: &UpdateDesc, crowd: &mut CpuCrowd, known: &mu
     }
 }
 
-/// After any history, integers are those of a full evaluation.
+/// After any history, fixed-point poses are those of a full evaluation.
 fn same_as_anew(mut fresh: CpuCrowd, crowd: &CpuCrowd, known: &[Known]) {
     for (i, one) in known.iter().enumerate() {
         fresh.set_weights(i, &one.weights).expect("they were accepted");
@@ -218,7 +218,7 @@ fn same_as_anew(mut fresh: CpuCrowd, crowd: &CpuCrowd, known: &[Known]) {
     }
 }
 
-/// Bytes without a meaning: what they stand for is learnt by what they reach.
+/// Bytes without a meaning: the fuzzer learns it from coverage.
 fn seeds() -> Vec<(String, Vec<u8>)> {
     let bytes = |i: usize| (0..400).map(|j| (i * 37 + j * (11 + i)) as u8).collect();
     (0..3).map(|i| (i.to_string(), bytes(i))).collect()

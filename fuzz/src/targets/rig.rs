@@ -1,4 +1,4 @@
-//! Rigs: a JSON file; after a zero byte, frames a second of a clip and of what it is baked at (four bytes each).
+//! Rigs: a JSON file; after a zero byte, the frame rates of a clip and of its baked form (four bytes each).
 
 use crate::{Memory, Random, Target, bounded, check_error, parts, write};
 use deltamorph::WeightClip;
@@ -17,7 +17,7 @@ fn run(data: &[u8]) {
         Err(error) => return check_error(error),
     };
     let keys = rig.controls.iter().flat_map(|c| c.keys.iter().map(|key| key.target.as_str()));
-    // A control without keys moves the target of its name.
+    // A control without keys moves the target with its name.
     let driven = keys.chain(rig.controls.iter().filter(|c| c.keys.is_empty()).map(|c| c.name.as_str()));
     let driven = driven.chain(rig.correctives.iter().map(|c| c.target.as_str())).chain(["a", "b", "jawOpen"]);
     let mut seen = HashSet::new();
@@ -54,13 +54,14 @@ fn evaluate(rig: &BoundRig, targets: usize, choice: u32) {
     assert!(rig.evaluate(&vec![0.0; controls + 1], &mut weights).is_err());
 }
 
-/// Two frames of three controls, at the rates that the input has.
+/// Bakes two frames of three controls, at the rates in the input.
 fn bake(rig: &BoundRig, rates: &[u8]) {
     let rate = |at: usize| rates.get(4 * at..4 * at + 4).map_or(30.0, |b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
     let names: Vec<String> = rig.controls().take(3).map(str::to_owned).collect();
     let values = [0.0, 0.5, 1.0, 1.0, 0.0, -1.0][..names.len() * 2].to_vec();
     let clip = WeightClip { name: "clip".into(), names, fps: rate(0), values };
-    // As clips that are read: 2^24 weights at most, of four bytes each, and room to grow to twice that.
+    // The same limit as for clips that are read: at most 2^24 weights of four bytes each, with room to grow to twice
+    // that.
     let memory = Memory { base: 2 << 26, per_byte: 0 };
     let columns = clip.names.len();
     match bounded("BoundRig::bake", rates.len(), memory, || rig.bake(&clip, rate(1))) {
@@ -69,7 +70,7 @@ fn bake(rig: &BoundRig, rates: &[u8]) {
     }
 }
 
-/// Items of lists come again, and go; numbers change.
+/// Repeats and removes items of lists, and changes numbers.
 fn mutate(data: &[u8], random: &mut Random) -> Option<Vec<u8>> {
     let [json, rates] = parts(data);
     if random.below(4) == 0 {
@@ -94,7 +95,9 @@ fn mutate(data: &[u8], random: &mut Random) -> Option<Vec<u8>> {
 }
 
 fn seeds() -> Vec<(String, Vec<u8>)> {
-    let all = r#"{"controls":[{"name":"blink","limits":[0,1],"smoothing":0.05,"keys":[{"at":0.5,"target":"half"},{"at":1,"target":"full"},{"at":-1,"target":"wide"}]},{"name":"turn","sequence":["turn_1","turn_2"]},{"name":"jawOpen","limits":[-1,2]}],"correctives":[{"target":"both","controls":["blink","jawOpen"]}]}"#;
+    let all = r#"{"controls":[{"name":"blink","limits":[0,1],"smoothing":0.05,"keys":[{"at":0.5,"target":"half"},
+        {"at":1,"target":"full"},{"at":-1,"target":"wide"}]},{"name":"turn","sequence":["turn_1","turn_2"]},
+        {"name":"jawOpen","limits":[-1,2]}],"correctives":[{"target":"both","controls":["blink","jawOpen"]}]}"#;
     let rates = [all.as_bytes(), b"\0", &30f32.to_le_bytes(), &24f32.to_le_bytes()].concat();
     vec![("all".into(), rates), ("empty".into(), b"{}".into())]
 }

@@ -1,4 +1,4 @@
-//! What the render world is told of the main world in each frame: who shows which mesh, with which weights.
+//! The data that the render world extracts in each frame: which entities show which mesh, with which weights.
 
 use crate::{DeltamorphSettings, Wanted};
 use bevy::camera::visibility::ViewVisibility;
@@ -11,25 +11,25 @@ use bevy::render::Extract;
 use bevy::render::sync_world::MainEntity;
 use std::ops::Range;
 
-/// The main world in this frame.
+/// The state of the main world in this frame.
 #[derive(Resource, Default)]
 pub(crate) struct Frame {
-    /// The meshes to be morphed here, and for how many entities each is to have room.
+    /// The meshes to be morphed here, each with the number of entities to make room for.
     pub rooms: HashMap<AssetId<Mesh>, u32>,
     pub settings: DeltamorphSettings,
-    /// The entities that show one of them.
+    /// The entities that show these meshes.
     pub shown: HashMap<MainEntity, Shown>,
-    /// The weights of all of them.
+    /// The weights of all entities.
     pub weights: Vec<f32>,
-    /// The meshes whose vertices may hold a pose: one entity shows it, and no camera asks for motion vectors, which take the
-    /// previous pose, too.
+    /// The meshes whose vertices may hold a pose: one entity shows the mesh, and no camera asks for motion vectors,
+    /// which need the previous pose, too.
     pub alone: HashSet<AssetId<Mesh>>,
 }
 
 /// An entity that shows a mesh.
 pub(crate) struct Shown {
     pub mesh: AssetId<Mesh>,
-    /// Where its weights are in [`Frame::weights`]; `None` where it is not seen.
+    /// The range of its weights in [`Frame::weights`]; `None` if it is not visible.
     pub weights: Option<Range<usize>>,
 }
 
@@ -52,7 +52,7 @@ pub(crate) fn extract(
         if !rooms.contains_key(&mesh.id()) {
             continue;
         }
-        // As Bevy's own extraction does: what is not seen has no weights, and is drawn by nobody.
+        // As in Bevy's own extraction: an invisible entity has no weights, and is not drawn.
         let values = match own {
             _ if !visibility.get() => None,
             MeshMorphWeights::Value { weights } => Some(weights.as_slice()),

@@ -1,4 +1,4 @@
-//! Morph targets of [`deltamorph`] in Bevy: a plugin, and nothing else to change.
+//! Morph targets of [`deltamorph`] in Bevy: one plugin, without other changes to the application.
 //!
 //! ```no_run
 //! # use bevy::prelude::*;
@@ -6,26 +6,25 @@
 //! App::new().add_plugins(DefaultPlugins).add_plugins(DeltamorphPlugin).run();
 //! ```
 //!
-//! Entities with a [`Mesh3d`] and Bevy's own [`MeshMorphWeights`], as the glTF loader makes them, are morphed by
-//! deltamorph from then on, from the weights that Bevy's components name
-//! ([`MorphWeights`](bevy::mesh::morph::MorphWeights)). Materials, shadows, prepasses, motion vectors and skins are
-//! Bevy's, and stay as they are. [`DeltamorphSettings`] switches all of them to Bevy's own morphing and back,
-//! [`BevyMorphing`] those of a mesh.
+//! deltamorph then morphs entities with a [`Mesh3d`] and Bevy's own [`MeshMorphWeights`], as the glTF loader makes
+//! them, by the weights that Bevy's components name ([`MorphWeights`](bevy::mesh::morph::MorphWeights)). Materials,
+//! shadows, prepasses, motion vectors and skins remain Bevy's. [`DeltamorphSettings`] switches all meshes to Bevy's own
+//! morphing and back, [`BevyMorphing`] a single mesh.
 //!
 //! # How
-//! Bevy's vertex shaders add up all targets of a mesh, from a storage buffer that has 48 bytes for each vertex of each
-//! target, in each pass again. Here the mesh has two targets for each entity in their place, which no file has made:
-//! deltamorph computes the displacement of all vertices once a frame, where weights have changed, and writes it into
-//! one of the two. The shaders are Bevy's, unchanged, and are told that it has weight 1; the other is the previous one,
-//! with weight 1 where motion vectors are computed. Where one entity alone shows a mesh, and no camera has motion vectors,
-//! deltamorph writes the pose over the vertices of the mesh, and the shaders are told of no target at all.
+//! Bevy's vertex shaders add up all targets of a mesh, from a storage buffer with 48 bytes for each vertex of each
+//! target, again in each pass. This plugin replaces the targets of the mesh by two for each entity: once a frame, for
+//! weights that have changed, deltamorph computes the displacement of all vertices and writes it into one of the two.
+//! Bevy's shaders are unchanged, and get weight 1 for that target; the other one holds the previous displacement, and
+//! gets weight 1 where motion vectors are computed. If one entity alone shows a mesh, and no camera has motion vectors,
+//! deltamorph writes the pose over the vertices of the mesh, and the shaders get no target at all.
 //!
-//! All of it is in the render world: components and assets of the
-//! application are only read. An [`AssetEvent::Modified`](bevy::asset::AssetEvent) has a mesh extracted anew. So the
-//! targets themselves take no memory of the GPU, as long as a mesh is morphed here.
+//! All of this happens in the render world: components and assets of the application are only read. An
+//! [`AssetEvent::Modified`](bevy::asset::AssetEvent) makes the render world extract a mesh again. So, while a mesh is
+//! morphed here, its original targets take no memory of the GPU.
 //!
 //! # What stays with Bevy
-//! Devices other than Vulkan's, and meshes that deltamorph cannot take. The log says which, and why.
+//! Devices that are not on Vulkan, and meshes that deltamorph does not support. The log says which, and why.
 
 mod frame;
 mod mesh;
@@ -47,20 +46,20 @@ use bevy::render::mesh::allocator::{MeshAllocatorSettings, allocate_and_free_mes
 use bevy::render::render_resource::BufferUsages;
 use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderSystems};
 
-/// Morphs meshes with deltamorph: see the [crate's description](crate).
+/// Morphs meshes with deltamorph, as the [crate's documentation](crate) describes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct DeltamorphPlugin;
 
-/// Who morphs, and how. May be changed at any time: meshes are prepared anew then, which takes as long as when they
-/// were loaded.
+/// Whether and how deltamorph morphs. May be changed at any time: meshes are then prepared again, which takes as long
+/// as at loading.
 #[derive(Resource, Clone, Copy, Debug, PartialEq)]
 pub struct DeltamorphSettings {
-    /// false: Bevy morphs all meshes itself.
+    /// `false`: Bevy morphs all meshes itself.
     pub enabled: bool,
-    /// How targets are stored: one of [`DeltaFormat::BLOCKS`].
+    /// The delta format in which targets are stored: one of [`DeltaFormat::BLOCKS`].
     pub format: DeltaFormat,
-    /// The largest weight, either sign (above 0, up to 255): entities with a larger one keep the shape that they have.
-    /// The smaller, the finer the grid that displacements lie on.
+    /// Largest absolute weight (above 0, up to 255): entities with a larger one keep their current shape. A smaller
+    /// limit makes the grid of displacements finer.
     pub weight_max: f32,
 }
 
@@ -71,16 +70,16 @@ impl Default for DeltamorphSettings {
     }
 }
 
-/// On an entity: Bevy morphs its mesh itself, of all entities that show the same [`Mesh`].
+/// On an entity: Bevy itself morphs its mesh, for all entities that show the same [`Mesh`].
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct BevyMorphing;
 
 /// The meshes to be morphed here.
 #[derive(Resource, Default)]
 struct Wanted {
-    /// For how many entities each is to have room.
+    /// The number of entities that each mesh has room for.
     rooms: HashMap<AssetId<Mesh>, u32>,
-    /// Those that stay with Bevy, which the log has been told.
+    /// Meshes that stay with Bevy and were reported to the log.
     refused: HashSet<AssetId<Mesh>>,
     settings: DeltamorphSettings,
 }
@@ -88,10 +87,10 @@ struct Wanted {
 impl Plugin for DeltamorphPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<DeltamorphSettings>().init_resource::<Wanted>();
-        // Before the events of this frame are sent, so that the render world hears of it at once.
+        // Runs before the events of this frame are sent, so that the render world sees the change in the same frame.
         app.add_systems(PostUpdate, choose.before(AssetEventSystems));
         let Some(render) = app.get_sub_app_mut(RenderApp) else { return };
-        // Poses may be written over vertices.
+        // Allows poses to be written over vertices.
         let mut allocator = render.world_mut().get_resource_or_init::<MeshAllocatorSettings>();
         allocator.extra_buffer_usages |= BufferUsages::STORAGE;
         render.init_resource::<frame::Frame>();
@@ -108,7 +107,7 @@ impl Plugin for DeltamorphPlugin {
     }
 }
 
-/// Choose which meshes are to be morphed here, and have them extracted anew where that changes.
+/// Chooses the meshes to be morphed here, and has them extracted again if that changes.
 fn choose(
     settings: Res<DeltamorphSettings>,
     shown: Query<(&Mesh3d, Has<BevyMorphing>), With<MeshMorphWeights>>,
@@ -129,10 +128,10 @@ fn choose(
         *before = *settings;
     }
     for (id, count) in counts {
-        // What is still being loaded is asked for again in the next frame.
+        // A mesh that is still loading is checked again in the next frame.
         let Some(mesh) = meshes.get(id) else { continue };
         let mut needed = count.filter(|_| settings.enabled).unwrap_or(0);
-        // None: they have gone to the render world, as all of a mesh that is for it alone.
+        // `None`: the targets have moved to the render world, as with all data of a mesh that is only for it.
         let has_targets = mesh.try_has_morph_targets().ok();
         if needed > 0 && has_targets != Some(false) && !mesh.asset_usage.contains(RenderAssetUsages::MAIN_WORLD) {
             if refused.insert(id) {
@@ -150,7 +149,7 @@ fn choose(
         let fitting = match needed {
             0 => 0,
             _ if needed <= room => room,
-            // With room for more where it grows, since each time the mesh is prepared anew.
+            // Doubles the room when it grows, since each growth prepares the mesh again.
             _ => needed.max(2 * room),
         };
         if fitting != room {

@@ -1,4 +1,4 @@
-//! A mesh of Bevy's that is morphed here: its targets, packed, and where the entities that show it have their poses.
+//! A mesh of Bevy's that is morphed here: its packed targets, and the poses of the entities that show it.
 
 use crate::DeltamorphSettings;
 use crate::frame::{Frame, Shown};
@@ -15,7 +15,7 @@ use deltamorph::{
 };
 use deltamorph_wgpu::{Crowd, Morph};
 
-/// Targets of an entity in Bevy's buffer: the new pose and the previous one, in turns.
+/// Targets of an entity in Bevy's buffer, used in turn for the new pose and the previous one.
 const SLOTS: u32 = 2;
 
 /// A mesh that is morphed here.
@@ -23,44 +23,44 @@ pub(crate) struct Morphed {
     pub crowd: Crowd,
     pub vertices: u32,
     pub has_tangents: bool,
-    /// Where each vertex is in a pose.
+    /// For each vertex, its index in a pose.
     pub order: wgpu::Buffer,
-    /// What `wgsl/targets.wgsl` calls so.
+    /// The uniform `constants` of `wgsl/targets.wgsl`.
     pub constants: wgpu::Buffer,
-    /// `None`: poses cannot be written over them.
+    /// `None` if poses cannot be written over the vertices.
     pub vertices_of_bevy: Option<Vertices>,
-    /// Poses are written over the vertices of the mesh; otherwise as targets.
+    /// Whether poses are written over the vertices of the mesh, or otherwise as targets.
     pub in_place: bool,
-    /// The vertices are not those of the base pose.
+    /// Whether the vertices hold a pose other than the base pose.
     pub is_posed: bool,
-    places: HashMap<MainEntity, Place>,
+    poses: HashMap<MainEntity, EntityPose>,
     free: Vec<u32>,
     targets: usize,
     instances: u32,
-    /// The log has been told of weights that were not taken.
+    /// Whether the log has reported refused weights.
     complained: bool,
 }
 
-/// What an entity has.
-pub(crate) struct Place {
+/// The state of an entity's pose.
+pub(crate) struct EntityPose {
     pub instance: u32,
     /// The target that has its pose.
     pub slot: u32,
-    /// The one that had it in the last frame.
+    /// The target that had it in the last frame.
     pub previous: u32,
-    /// Of the pose in `slot`, or of the vertices of the mesh; `None`: it has none yet, or an old one.
+    /// Weights of the pose in `slot`, or in the vertices of the mesh; `None` if there is none yet, or an old one.
     weights: Option<Vec<f32>>,
-    /// No target has its pose of the frame before.
+    /// Whether no target has its pose of the frame before.
     is_new: bool,
-    /// Its pose is not where it is read: it has been written over vertices, or as a target.
+    /// Whether its pose was last written to the other destination (vertices or a target) than the one that is read now.
     is_elsewhere: bool,
 }
 
 impl Morphed {
-    /// Take over the targets of `mesh`, for `instances` entities, and leave room for their poses in place of them.
+    /// Takes over the targets of `mesh`, for `instances` entities, and replaces them by room for their poses.
     ///
     /// # Errors
-    /// A mesh that deltamorph does not take, or that has no room on the device.
+    /// deltamorph does not accept the mesh, or the device has no room for it.
     pub fn take(
         morph: &Morph,
         device: &wgpu::Device,
@@ -72,7 +72,7 @@ impl Morphed {
         check_vertices(vertices, device.limits().max_compute_workgroups_per_dimension)?;
         let elements = vertices as u64 * u64::from(instances * SLOTS);
         let most = device.limits().max_storage_buffer_binding_size;
-        // Bevy binds whole buffers of its own, which it makes larger by half at a time.
+        // Bevy binds its whole buffers, which it enlarges by half at a time.
         let bytes = elements * ATTRIBUTES * 3 / 2;
         if bytes > most {
             let text = format!("{instances} poses take {bytes} bytes, the device binds {most}");
@@ -85,7 +85,7 @@ impl Morphed {
         let mut order: Vec<u32> = (0..vertices as u32).collect();
         layout.remap_indices(&mut order)?;
         let update = UpdateDesc::blocks().pose(PoseFormat::Fixed32).slots(1);
-        // One more than the frames that a surface keeps in flight.
+        // One more than the number of frames that a surface keeps in flight.
         let crowd = CrowdDesc::new(update).instances(instances).frames_in_flight(3);
         let crowd = morph.create_crowd(&morph.upload(&packed)?, &crowd)?;
         let grid =
@@ -94,7 +94,7 @@ impl Morphed {
         let [position, normal] = grid(layout)?;
         let mut tangent = 1.0;
         for group in packed.groups() {
-            if group.layout().streams.first().is_some_and(|place| place.semantic == Semantic::Tangent) {
+            if group.layout().streams.first().is_some_and(|stream| stream.semantic == Semantic::Tangent) {
                 [tangent, _] = grid(group.layout())?;
             }
         }
@@ -113,7 +113,7 @@ impl Morphed {
             vertices_of_bevy,
             in_place: false,
             is_posed: false,
-            places: HashMap::default(),
+            poses: HashMap::default(),
             free: (0..instances).rev().collect(),
             targets: layout.targets.len(),
             instances,
@@ -121,110 +121,117 @@ impl Morphed {
         })
     }
 
-    /// Elements of the room for its targets.
+    /// Returns the number of elements in the room for its targets.
     pub fn elements(&self) -> u64 {
         self.target(self.instances, 0)
     }
 
-    /// Elements from the beginning of the room to a target.
+    /// Returns the offset of a target, in elements from the beginning of the room.
     pub fn target(&self, instance: u32, slot: u32) -> u64 {
         u64::from(self.vertices) * u64::from(instance * SLOTS + slot)
     }
 
-    /// From now on write poses over the vertices, or as targets: all of them are made anew where that changes.
+    /// Switches between writing poses over the vertices and writing them as targets; a change makes all of them again.
     pub fn write_in_place(&mut self, in_place: bool) {
         if self.in_place != in_place {
             self.in_place = in_place;
-            self.places.values_mut().for_each(|place| (place.is_elsewhere, place.is_new) = (true, true));
+            self.poses.values_mut().for_each(|pose| (pose.is_elsewhere, pose.is_new) = (true, true));
         }
     }
 
-    /// The entities that are seen, and where their poses are.
-    pub fn seen<'a>(&'a self, frame: &'a Frame) -> impl Iterator<Item = (MainEntity, &'a Place)> {
+    /// Iterates over the visible entities and the state of their poses.
+    pub fn seen<'a>(&'a self, frame: &'a Frame) -> impl Iterator<Item = (MainEntity, &'a EntityPose)> {
         let seen = |entity| frame.shown.get(entity).is_some_and(|shown| shown.weights.is_some());
-        self.places.iter().filter(move |(entity, _)| seen(*entity)).map(|(entity, place)| (*entity, place))
+        self.poses.iter().filter(move |(entity, _)| seen(*entity)).map(|(entity, pose)| (*entity, pose))
     }
 
-    /// Request what entities of this frame have for weights. Returns those whose poses change.
+    /// Requests the weights of this frame's entities. Returns the entities whose poses change.
     pub fn request(&mut self, id: AssetId<Mesh>, frame: &Frame) -> Vec<MainEntity> {
         let of_us = |shown: &Shown| shown.mesh == id;
         let free = &mut self.free;
-        self.places.retain(|entity, place| {
-            place.previous = place.slot;
+        self.poses.retain(|entity, pose| {
+            pose.previous = pose.slot;
             let keep = frame.shown.get(entity).is_some_and(of_us);
             if !keep {
-                free.push(place.instance);
+                free.push(pose.instance);
             }
             keep
         });
         let mut changed = vec![];
         for (entity, shown) in frame.shown.iter().filter(|(_, shown)| of_us(shown)) {
             let Some(range) = &shown.weights else { continue };
-            let Some(place) = place_of(&mut self.places, free, *entity) else { continue };
-            // As Bevy's shaders do: targets without a weight have 0, weights without a target do nothing.
+            let Some(pose) = entity_pose(&mut self.poses, free, *entity) else { continue };
+            // As in Bevy's shaders: targets without a weight have 0, and surplus weights do nothing.
             let mut weights = frame.weights[range.clone()].to_vec();
             weights.resize(self.targets, 0.0);
-            if place.weights.as_ref() != Some(&weights) {
-                match self.crowd.set_weights(place.instance, &weights) {
+            if pose.weights.as_ref() != Some(&weights) {
+                match self.crowd.set_weights(pose.instance, &weights) {
                     Ok(()) => {
-                        place.weights = Some(weights);
-                        place.is_elsewhere = true;
+                        pose.weights = Some(weights);
+                        pose.is_elsewhere = true;
                     }
                     Err(why) if !self.complained => {
-                        error!("deltamorph: mesh {id}: an entity keeps the shape that it has: {why}");
+                        error!("deltamorph: mesh {id}: an entity keeps its current shape: {why}");
                         self.complained = true;
                     }
                     Err(_) => {}
                 }
             }
-            if place.is_elsewhere && place.weights.is_some() {
+            if pose.is_elsewhere && pose.weights.is_some() {
                 changed.push(*entity);
             }
         }
         changed
     }
 
-    /// The instances of these entities, and the target of each that is not in use.
+    /// Returns the instances of these entities, and for each the target that is not in use.
     pub fn next(&self, changed: &[MainEntity]) -> Vec<(u32, u32)> {
-        changed.iter().map(|entity| &self.places[entity]).map(|place| (place.instance, 1 - place.slot)).collect()
+        changed.iter().map(|entity| &self.poses[entity]).map(|pose| (pose.instance, 1 - pose.slot)).collect()
     }
 
-    /// The new poses of these entities are written, or will not be.
+    /// Switches targets after the new poses of these entities have been written, or could not be.
     pub fn turn(&mut self, changed: &[MainEntity], is_written: bool) {
         for entity in changed {
-            let Some(place) = self.places.get_mut(entity) else { continue };
+            let Some(pose) = self.poses.get_mut(entity) else { continue };
             if is_written {
-                place.slot = 1 - place.slot;
-                place.is_elsewhere = false;
-                if std::mem::take(&mut place.is_new) {
-                    place.previous = place.slot;
+                pose.slot = 1 - pose.slot;
+                pose.is_elsewhere = false;
+                if std::mem::take(&mut pose.is_new) {
+                    pose.previous = pose.slot;
                 }
             } else {
-                place.weights = None;
+                pose.weights = None;
             }
         }
     }
 }
 
-/// The place of an entity; a free one for one that is new.
-fn place_of<'a>(
-    places: &'a mut HashMap<MainEntity, Place>,
+/// Returns the state of an entity; a new entity gets a free instance.
+fn entity_pose<'a>(
+    poses: &'a mut HashMap<MainEntity, EntityPose>,
     free: &mut Vec<u32>,
     entity: MainEntity,
-) -> Option<&'a mut Place> {
-    if !places.contains_key(&entity) {
-        places.insert(
+) -> Option<&'a mut EntityPose> {
+    if !poses.contains_key(&entity) {
+        poses.insert(
             entity,
-            Place { instance: free.pop()?, slot: 0, previous: 0, weights: None, is_new: true, is_elsewhere: false },
+            EntityPose {
+                instance: free.pop()?,
+                slot: 0,
+                previous: 0,
+                weights: None,
+                is_new: true,
+                is_elsewhere: false,
+            },
         );
     }
-    places.get_mut(&entity)
+    poses.get_mut(&entity)
 }
 
-/// Base pose and targets of a mesh.
+/// Makes a source of the base pose and the targets of a mesh.
 ///
 /// # Errors
-/// Attributes that are compressed, or targets of another number of vertices.
+/// The attributes are compressed, or targets have another number of vertices.
 fn source(mesh: &Mesh) -> Result<MorphSource> {
     let count = mesh.count_vertices();
     let floats = |attribute: MeshVertexAttribute| {
@@ -237,7 +244,7 @@ fn source(mesh: &Mesh) -> Result<MorphSource> {
     };
     let normals = match mesh.attribute(Mesh::ATTRIBUTE_NORMAL) {
         Some(VertexAttributeValues::Float32x3(values)) => values.clone(),
-        // Nobody reads them: any that targets leave alone.
+        // Any normals do: they are not read, and targets do not change them.
         None => vec![[0.0, 0.0, 1.0]; count],
         Some(_) => return Err(floats(Mesh::ATTRIBUTE_NORMAL)),
     };

@@ -1,4 +1,4 @@
-//! The pass that writes poses as morph targets, where Bevy's shaders read them.
+//! The pass that writes poses as morph targets into the buffer that Bevy's shaders read.
 
 use crate::mesh::{Morphed, invalid};
 use deltamorph::{Result, Semantic};
@@ -7,17 +7,17 @@ use wgpu::util::DeviceExt;
 
 /// Vertices of a workgroup.
 pub(crate) const WORKGROUP: u32 = 64;
-/// What storage buffers may begin at a multiple of, on any device.
+/// Offsets of storage-buffer bindings must be multiples of this on some devices.
 pub(crate) const ALIGNMENT: u64 = 256;
 /// Bytes of `MorphAttributes`.
 pub(crate) const ATTRIBUTES: u64 = 48;
 
-/// Its pipeline.
+/// The pipeline of the pass.
 pub(crate) struct TargetWriter {
     pipeline: wgpu::ComputePipeline,
 }
 
-/// The room of a mesh for targets: elements of `MorphAttributes` in a buffer of Bevy's.
+/// The room of a mesh for targets: elements of `MorphAttributes` in one of Bevy's buffers.
 pub(crate) struct Room<'a> {
     pub buffer: &'a wgpu::Buffer,
     pub begin: u64,
@@ -38,10 +38,10 @@ impl TargetWriter {
         Self { pipeline }
     }
 
-    /// Write the poses of these instances, each into one of its two targets in the room.
+    /// Records the pass that writes the poses of these instances, each into one of its two targets in the room.
     ///
     /// # Errors
-    /// A mesh without poses.
+    /// The mesh has no poses.
     pub fn record(
         &self,
         pass: &mut wgpu::ComputePass<'_>,
@@ -54,7 +54,7 @@ impl TargetWriter {
         instances.chunks(most).try_for_each(|instances| self.dispatch(pass, device, mesh, room, instances))
     }
 
-    /// As many instances as a dispatch takes.
+    /// Dispatches as many instances as one dispatch can take.
     fn dispatch(
         &self,
         pass: &mut wgpu::ComputePass<'_>,
@@ -64,7 +64,7 @@ impl TargetWriter {
         instances: &[(u32, u32)],
     ) -> Result<()> {
         let Some((first, _)) = instances.first() else { return Ok(()) };
-        // A binding begins where it may; the shader counts from there.
+        // A binding begins at an aligned offset; the shader skips the rest.
         let lead = (room.begin * ATTRIBUTES) % ALIGNMENT;
         let tangents = |instance| mesh.has_tangents.then(|| mesh.crowd.stream(instance, Semantic::Tangent)).transpose();
         let mut moves: Vec<u8> = Vec::with_capacity(16 * instances.len());
@@ -106,7 +106,7 @@ impl TargetWriter {
     }
 }
 
-/// Refuse more vertices than a dispatch takes, of `most` workgroups.
+/// Checks that a dispatch of `most` workgroups can process the vertices.
 pub(crate) fn check_vertices(vertices: usize, most: u32) -> Result<()> {
     let room = most as usize * WORKGROUP as usize;
     if vertices <= room {
@@ -116,7 +116,7 @@ pub(crate) fn check_vertices(vertices: usize, most: u32) -> Result<()> {
     Err(invalid(text, "split the mesh"))
 }
 
-/// A buffer with these bytes.
+/// Makes a buffer with these bytes.
 pub(crate) fn filled(device: &wgpu::Device, label: &str, contents: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
     device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: Some(label), contents, usage })
 }

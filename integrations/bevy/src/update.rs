@@ -1,7 +1,7 @@
-//! What happens in the render world in each frame: meshes are taken over, poses made, and Bevy's shaders told of them.
+//! The work of the render world in each frame: taking over meshes, making poses, and pointing Bevy's shaders to them.
 
 use crate::frame::Frame;
-use crate::mesh::{Morphed, Place};
+use crate::mesh::{EntityPose, Morphed};
 use crate::targets::{Room, TargetWriter};
 use crate::vertices::{VertexRoom, VertexWriter, Vertices};
 use bevy::ecs::world::{FromWorld, World};
@@ -17,7 +17,7 @@ use bevy::render::sync_world::MainEntity;
 use deltamorph::Result;
 use deltamorph_wgpu::Morph;
 
-/// Morphing on Bevy's device; nothing where it is not one of Vulkan.
+/// Morphing on Bevy's device; `None` if the device is not on Vulkan.
 #[derive(Resource)]
 pub(crate) struct Engine(Option<Inner>);
 
@@ -25,9 +25,9 @@ struct Inner {
     meshes: HashMap<AssetId<Mesh>, Morphed>,
     writer: TargetWriter,
     vertex_writer: VertexWriter,
-    /// Where the weights 1 0 1 are in Bevy's buffer of the last frame.
+    /// Position of the weights 1 0 1 in Bevy's buffer of the last frame.
     weights_before: Option<u32>,
-    // The last: the rest is destroyed on it.
+    // Declared last, so that it is dropped last: the other fields are destroyed on its device.
     morph: Morph,
 }
 
@@ -52,7 +52,7 @@ impl FromWorld for Engine {
     }
 }
 
-/// Take over the targets of meshes that are new or have changed, before Bevy makes buffers for them.
+/// Takes over the targets of new and changed meshes, before Bevy makes buffers for them.
 pub(crate) fn take_meshes(
     mut engine: ResMut<Engine>,
     mut extracted: ResMut<ExtractedAssets<RenderMesh>>,
@@ -71,7 +71,7 @@ pub(crate) fn take_meshes(
     }
 }
 
-/// Make the poses of this frame, and have Bevy's shaders read them.
+/// Makes the poses of this frame, and points Bevy's shaders to them.
 pub(crate) fn update(
     mut engine: ResMut<Engine>,
     frame: Res<Frame>,
@@ -83,7 +83,7 @@ pub(crate) fn update(
 ) {
     let Some(engine) = &mut engine.0 else { return };
     let Inner { meshes, .. } = engine;
-    // A mesh that Bevy has not made room for is asked again in the next frame.
+    // A mesh for which Bevy has not made room yet is tried again in the next frame.
     let ready = meshes.iter_mut().filter(|(id, mesh)| room_of(&allocator, id, mesh).is_some());
     let changed = ready.map(|(id, mesh)| {
         let may = frame.alone.contains(id) && vertices_of(&allocator, id, mesh).is_some();
@@ -95,13 +95,13 @@ pub(crate) fn update(
     let is_written = made.is_ok();
     match made {
         Ok(commands) => pending.push(commands),
-        Err(why) => error_once!("deltamorph: meshes keep the shapes that they have: {why}"),
+        Err(why) => error_once!("deltamorph: meshes keep their current shapes: {why}"),
     }
     for (id, changed) in &changed {
         engine.meshes.get_mut(id).into_iter().for_each(|mesh| mesh.turn(changed, is_written));
     }
 
-    // Of targets 0 and 1, those from the first of these on show target 0, those from the second on target 1.
+    // Of the weights 1 0 1, two values from the first on select target 0, from the second on target 1.
     let MorphUniforms { current_buffer: weights, descriptors_buffer, .. } = &mut *uniforms;
     let begin = weights.len() as u32;
     [1.0, 0.0, 1.0].into_iter().for_each(|weight| _ = weights.push(weight));
@@ -109,13 +109,13 @@ pub(crate) fn update(
     let Some(descriptors) = descriptors_buffer else { return };
     for (id, mesh) in &engine.meshes {
         let Some(room) = room_of(&allocator, id, mesh) else { continue };
-        for (entity, Place { instance, slot, previous, .. }) in mesh.seen(&frame) {
+        for (entity, EntityPose { instance, slot, previous, .. }) in mesh.seen(&frame) {
             let Some(index) = indices.morph_descriptor_index(entity) else { continue };
             let Some(mut descriptor) = descriptors.get(*index).copied() else { continue };
             descriptor.targets_offset = (room.begin + mesh.target(*instance, 0)) as u32;
             descriptor.weight_count = if mesh.in_place { 0 } else { 2 };
             descriptor.current_weights_offset = begin + slot;
-            // Whether there is one is for Bevy to say; nobody reads it otherwise.
+            // Bevy decides whether there is a previous pass; otherwise this offset is not read.
             descriptor.prev_weights_offset = before.map_or(!0, |before| before + previous);
             descriptors.set(*index, descriptor);
         }
@@ -123,7 +123,7 @@ pub(crate) fn update(
 }
 
 impl Inner {
-    /// Commands that make the poses of these entities, and write them as targets.
+    /// Makes the commands that compute the poses of these entities and write them as targets.
     ///
     /// # Errors
     /// Those of deltamorph.
@@ -167,14 +167,14 @@ impl Inner {
     }
 }
 
-/// Where Bevy has made room for the targets of a mesh.
+/// Returns the room that Bevy has made for the targets of a mesh.
 fn room_of<'a>(allocator: &'a MeshAllocator, id: &AssetId<Mesh>, mesh: &Morphed) -> Option<Room<'a>> {
     let slice = allocator.mesh_morph_target_slice(id)?;
     let (begin, end) = (u64::from(slice.range.start), u64::from(slice.range.end));
     (end - begin >= mesh.elements()).then_some(Room { buffer: slice.buffer, begin, end })
 }
 
-/// The vertices of a mesh, and where Bevy has them; `None` where poses cannot be written over them.
+/// Returns the vertices of a mesh and their room in Bevy's buffer; `None` if poses cannot be written over them.
 fn vertices_of<'a>(
     allocator: &'a MeshAllocator,
     id: &AssetId<Mesh>,

@@ -1,5 +1,5 @@
-//! The pass that writes a pose over the vertices of a mesh that one entity alone shows: Bevy's shaders have nothing to add
-//! to them then.
+//! The pass that writes a pose over the vertices of a mesh that one entity alone shows: Bevy's shaders then have no
+//! target to add.
 
 use crate::mesh::Morphed;
 use crate::targets::{ALIGNMENT, WORKGROUP, filled};
@@ -10,34 +10,35 @@ use std::num::NonZero;
 
 /// Bytes of a word.
 const WORD: u64 = 4;
-/// An attribute that the mesh does not have.
+/// Marks an attribute that the mesh does not have.
 const NONE: u32 = u32::MAX;
 
-/// Its pipeline.
+/// The pipeline of the pass.
 pub(crate) struct VertexWriter {
     pipeline: wgpu::ComputePipeline,
 }
 
-/// The vertices of a mesh, as Bevy has them in a buffer.
+/// The vertices of a mesh, in the layout of Bevy's buffer.
 pub(crate) struct Vertices {
-    /// What `wgsl/vertices.wgsl` calls so.
+    /// The uniform `constants` of `wgsl/vertices.wgsl`.
     constants: wgpu::Buffer,
     base: wgpu::Buffer,
     /// Bytes of a vertex.
     stride: u64,
 }
 
-/// Where Bevy has the vertices of a mesh.
+/// The room of a mesh's vertices in one of Bevy's buffers.
 pub(crate) struct VertexRoom<'a> {
     pub buffer: &'a wgpu::Buffer,
-    /// In vertices.
+    /// The first vertex, counted in vertices.
     pub begin: u64,
 }
 
 impl Vertices {
-    /// Those of `mesh`, whose integers have these units; `None` where they are not of words of 4 bytes.
+    /// Makes the vertices of `mesh`, for poses with these units of integers; `None` if their size is not a multiple of
+    /// 4 bytes.
     pub fn new(device: &wgpu::Device, mesh: &Mesh, units: [f32; 3]) -> Option<Self> {
-        // As Bevy interleaves them.
+        // In the order in which Bevy interleaves them.
         let (mut stride, mut offsets) = (0, [NONE; 3]);
         let attributes = [Mesh::ATTRIBUTE_POSITION, Mesh::ATTRIBUTE_NORMAL, Mesh::ATTRIBUTE_TANGENT];
         for (attribute, _) in mesh.attributes() {
@@ -90,10 +91,10 @@ impl VertexWriter {
         Self { pipeline }
     }
 
-    /// Write the pose of an instance over the vertices of the mesh; the base pose where there is none.
+    /// Records the pass that writes the pose of an instance over the vertices of the mesh; the base pose without one.
     ///
     /// # Errors
-    /// A mesh without poses.
+    /// The mesh has no poses.
     pub fn record(
         &self,
         pass: &mut wgpu::ComputePass<'_>,
@@ -106,7 +107,7 @@ impl VertexWriter {
         let pose = mesh.crowd.pose(instance.unwrap_or(0))?;
         let tangents =
             mesh.has_tangents.then(|| mesh.crowd.stream(instance.unwrap_or(0), Semantic::Tangent)).transpose()?;
-        // A binding begins where it may; the shader counts from there.
+        // A binding begins at an aligned offset; the shader skips the rest.
         let begin = room.begin * vertices.stride;
         let lead = begin % ALIGNMENT;
         let tangents_at = tangents.as_ref().map_or(0, |stream| stream.view.offset);

@@ -1,4 +1,4 @@
-//! Crowds: weights in, poses out.
+//! Crowds: instances of a mesh with weights and poses.
 
 use super::submission::{Fate, Submission, first_astray};
 use super::{import, invalid, lock};
@@ -9,9 +9,9 @@ use std::sync::{Arc, Mutex};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-/// Instances of one mesh, each with weights and poses of its own: see [`deltamorph::Crowd`].
+/// Instances of one mesh, each with its own weights and poses: see [`deltamorph::Crowd`].
 pub struct Crowd {
-    /// Those of the poses.
+    /// The buffers of the poses.
     buffers: Vec<(vk::Buffer, wgpu::Buffer)>,
     /// Updates that have not finished yet, the oldest first.
     pending: VecDeque<(Ticket, Arc<Submission>)>,
@@ -20,7 +20,7 @@ pub struct Crowd {
     device: wgpu::Device,
 }
 
-/// Where a pose is: `view` says how it is stored in `buffer`, which is a vertex, storage and copy-source buffer.
+/// A pose in a buffer: `view` says how it is stored in `buffer`, which is a vertex, storage and copy-source buffer.
 #[derive(Clone, Copy, Debug)]
 pub struct Pose<'a> {
     /// The buffer of all poses of the crowd.
@@ -29,23 +29,23 @@ pub struct Pose<'a> {
     pub view: PoseView,
 }
 
-/// Where a stream of a pose is.
+/// A stream of a pose in a buffer.
 #[derive(Clone, Copy, Debug)]
 pub struct Stream<'a> {
-    /// The buffer: as of a [`Pose`].
+    /// The buffer with the stream: a vertex, storage and copy-source buffer.
     pub buffer: &'a wgpu::Buffer,
     /// Offset of its first component, stride, format, and units of integers.
     pub view: StreamView,
 }
 
 impl<'a> Pose<'a> {
-    /// All vertices, for `set_vertex_buffer`.
+    /// Returns the range of all vertices, for `set_vertex_buffer`.
     pub fn slice(&self) -> wgpu::BufferSlice<'a> {
         self.buffer.slice(self.view.offset..self.view.offset + self.view.size)
     }
 
-    /// All vertices, for a bind group: read-only storage. Offsets of poses are multiples of 256; that of a
-    /// [base pose](crate::Mesh::base_pose) need not be one.
+    /// Returns a binding of all vertices, as read-only storage. Offsets of poses are multiples of 256; that of a [base
+    /// pose](crate::Mesh::base_pose) may not be.
     pub fn binding(&self) -> wgpu::BindingResource<'a> {
         let size = std::num::NonZero::new(self.view.size);
         wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer: self.buffer, offset: self.view.offset, size })
@@ -65,90 +65,91 @@ impl Crowd {
         let usage = wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
         let imported = |place: PoseBuffer| {
             let (raw, (begin, size)) = (place.first.buffer, place.poses);
-            // SAFETY: the buffer is the crowd's, and lives as long; its usages are those that `StreamView::buffer` names,
-            // and it has room for all poses. It is filled before anything else is submitted.
+            // SAFETY: the buffer is the crowd's, and lives as long; its usages are those that `StreamView::buffer`
+            // names, and it has room for all poses. It is filled before anything else is submitted.
             (raw, unsafe { import(device, raw, begin + size, usage, shared.clone()) })
         };
         let buffers = places.into_iter().map(imported).collect();
         Ok(Self { buffers, pending: VecDeque::new(), shared, desc, device: device.clone() })
     }
 
-    /// How the crowd was made.
+    /// Returns the description that the crowd was made from.
     pub fn desc(&self) -> &CrowdDesc {
         &self.desc
     }
 
-    /// Request these weights: see [`deltamorph::Crowd::set_weights`].
+    /// Requests these weights; the next update applies them. See [`deltamorph::Crowd::set_weights`].
     ///
     /// # Errors
-    /// As there.
+    /// The instance does not exist, or the weights are not valid: those of [`deltamorph::Crowd::set_weights`].
     pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
         lock(&self.shared).set_weights(instance, weights)
     }
 
-    /// The next pose has no predecessor: see [`deltamorph::Crowd::cut`].
+    /// Marks the next pose as one without predecessor: see [`deltamorph::Crowd::cut`].
     ///
     /// # Errors
-    /// As there.
+    /// The instance does not exist: those of [`deltamorph::Crowd::cut`].
     pub fn cut(&mut self, instance: u32) -> Result<()> {
         lock(&self.shared).cut(instance)
     }
 
-    /// Hide an instance, or show it again: see [`deltamorph::Crowd::set_hidden`].
+    /// Hides an instance, or shows it again: see [`deltamorph::Crowd::set_hidden`].
     ///
     /// # Errors
-    /// As there.
+    /// The instance does not exist: those of [`deltamorph::Crowd::set_hidden`].
     pub fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<()> {
         lock(&self.shared).set_hidden(instance, hidden)
     }
 
-    /// Add an instance in a free place: see [`deltamorph::Crowd::add`].
+    /// Adds an instance and returns its number: see [`deltamorph::Crowd::add`].
     ///
     /// # Errors
-    /// As there.
+    /// All instances are in use: those of [`deltamorph::Crowd::add`].
     pub fn add(&mut self) -> Result<u32> {
         lock(&self.shared).add()
     }
 
-    /// Take an instance out of the crowd: see [`deltamorph::Crowd::remove`].
+    /// Removes an instance from the crowd: see [`deltamorph::Crowd::remove`].
     ///
     /// # Errors
-    /// As there.
+    /// The instance does not exist: those of [`deltamorph::Crowd::remove`].
     pub fn remove(&mut self, instance: u32) -> Result<()> {
         lock(&self.shared).remove(instance)
     }
 
-    /// The pose of `instance` once the updates made so far have run.
+    /// Returns the pose of `instance` as it is once the updates made so far have run.
     ///
     /// # Errors
-    /// As of [`deltamorph::Crowd::pose`].
+    /// The instance does not exist or has no pose: those of [`deltamorph::Crowd::pose`].
     pub fn pose(&self, instance: u32) -> Result<Pose<'_>> {
         let view = lock(&self.shared).pose(instance)?;
         Ok(Pose { buffer: self.buffer(view.buffer)?, view })
     }
 
-    /// The pose of `instance` before its last update, for motion vectors: see [`deltamorph::Crowd::previous_pose`].
+    /// Returns the pose of `instance` before its last update, for motion vectors: see
+    /// [`deltamorph::Crowd::previous_pose`].
     ///
     /// # Errors
-    /// As there.
+    /// The instance does not exist: those of [`deltamorph::Crowd::previous_pose`].
     pub fn previous_pose(&self, instance: u32) -> Result<Option<Pose<'_>>> {
         let view = lock(&self.shared).previous_pose(instance)?;
         view.map(|view| Ok(Pose { buffer: self.buffer(view.buffer)?, view })).transpose()
     }
 
-    /// A stream of the pose of `instance`, such as its tangents: see [`deltamorph::Crowd::stream`].
+    /// Returns a stream of the pose of `instance`, such as its tangents: see [`deltamorph::Crowd::stream`].
     ///
     /// # Errors
-    /// As there.
+    /// The instance or the stream does not exist: those of [`deltamorph::Crowd::stream`].
     pub fn stream(&self, instance: u32, semantic: Semantic) -> Result<Stream<'_>> {
         let view = lock(&self.shared).stream(instance, semantic)?;
         Ok(Stream { buffer: self.buffer(view.buffer)?, view })
     }
 
-    /// A stream of the previous pose: see [`deltamorph::Crowd::previous_stream`].
+    /// Returns a stream of the previous pose: see [`deltamorph::Crowd::previous_stream`].
     ///
     /// # Errors
-    /// As there.
+    /// The instance or the stream does not exist: those of [`deltamorph::Crowd::previous_stream`].
     pub fn previous_stream(&self, instance: u32, semantic: Semantic) -> Result<Option<Stream<'_>>> {
         let view = lock(&self.shared).previous_stream(instance, semantic)?;
         view.map(|view| Ok(Stream { buffer: self.buffer(view.buffer)?, view })).transpose()
@@ -158,10 +159,10 @@ impl Crowd {
         let found = self.buffers.iter().find(|(handle, _)| *handle == raw);
         found
             .map(|(_, buffer)| buffer)
-            .ok_or_else(|| invalid("a pose in a buffer that is not of the crowd", "this is a bug"))
+            .ok_or_else(|| invalid("a pose is in a buffer that the crowd does not have", "this is a bug"))
     }
 
-    /// The buffers of its poses.
+    /// Iterates over the buffers of its poses.
     pub(crate) fn raw_buffers(&self) -> impl Iterator<Item = vk::Buffer> {
         self.buffers.iter().map(|(raw, _)| *raw)
     }
@@ -170,17 +171,17 @@ impl Crowd {
         &self.shared
     }
 
-    /// An update was recorded into the command buffer of a submission.
+    /// Notes that an update was recorded into the command buffer of a submission.
     pub(crate) fn updated(&mut self, ticket: Ticket, submission: Arc<Submission>) {
         self.pending.push_back((ticket, submission));
     }
 
-    /// Wait until another update may be recorded, and discard what has to be.
+    /// Waits until another update may be recorded, and discards updates that were lost.
     pub(crate) fn make_room(&mut self) -> Result<()> {
-        /// How long a queue has nothing to do before what is not on it counts as not submitted: another thread may have
+        /// How long a queue must be idle before an unfinished update counts as not submitted: another thread may have
         /// fetched the callbacks, and not called them yet.
         const IDLE: Duration = Duration::from_millis(100);
-        /// How long the GPU may take for as many updates as may be unfinished.
+        /// How long the GPU may take for the updates that are unfinished.
         const STUCK: Duration = Duration::from_secs(60);
         let begin = Instant::now();
         let mut busy = begin;
@@ -196,20 +197,21 @@ impl Crowd {
                 return Err(invalid(text, "submit or drop its command buffer first"));
             }
             if now - begin > STUCK {
-                return Err(invalid(text("have been for a minute"), "submit all command buffers, or drop them"));
+                return Err(invalid(text("have been so for a minute"), "submit all command buffers, or drop them"));
             }
             sleep(Duration::from_micros(50));
         }
         Ok(())
     }
 
-    /// Take note of what has become of earlier updates. Whether another may be recorded.
+    /// Processes the results of earlier updates. Returns whether another may be recorded.
     fn settle(&mut self) -> Result<bool> {
-        // The newest first: what was submitted in order is over in order, and so not before those that are asked later.
+        // The newest first: command buffers submitted in order end in order, so none ends before one that is asked
+        // later.
         let mut fates: Vec<Fate> = self.pending.iter().rev().map(|(_, submission)| submission.fate()).collect();
         fates.reverse();
         if let Some(astray) = first_astray(&fates) {
-            // Lists of updates that are discarded are written anew: none may be in use.
+            // The lists of discarded updates are written again, so none of these updates may still be running.
             if fates[astray..].contains(&Fate::Waiting) {
                 return Ok(false);
             }

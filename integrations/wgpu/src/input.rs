@@ -1,29 +1,29 @@
-//! How pipelines read poses.
+//! Vertex inputs of pipelines that draw poses.
 
 use super::invalid;
 use deltamorph::ash::vk;
 use deltamorph::{PoseFormat, Result};
 
-/// WGSL that decodes poses: functions to put before a shader of your own. The text says what is in it.
+/// WGSL functions that decode poses, to put before a shader of your own; comments in the text describe them.
 pub const POSE_WGSL: &str = include_str!("../wgsl/pose.wgsl");
 
-/// How a pipeline that draws poses reads them: vertex buffers, and WGSL that goes with them.
+/// Input of a pipeline that draws poses: vertex buffers, and the WGSL that goes with them.
 ///
-/// Vertex buffers are the pose ([`Crowd::pose`](crate::Crowd::pose)); for formats of integers the base pose
+/// Vertex buffers are the pose ([`Crowd::pose`](crate::Crowd::pose)); for fixed-point formats the base pose
 /// ([`Mesh::base_pose`](crate::Mesh::base_pose)); for motion vectors the previous pose. Each has two attributes.
 #[derive(Clone, Debug)]
 pub struct VertexInput {
     format: PoseFormat,
     previous: bool,
-    /// Stride and attributes of each.
+    /// Stride and attributes of each vertex buffer.
     buffers: Vec<(u64, Vec<wgpu::VertexAttribute>)>,
 }
 
 impl VertexInput {
-    /// Poses of a format, in locations from `location` on; with `previous`, the previous pose, too.
+    /// Describes poses of a format, in locations from `location` on; with `previous`, the previous pose, too.
     ///
     /// # Errors
-    /// A format that wgpu has no attributes for: there is none today.
+    /// wgpu has no vertex attributes for the format: no format of today.
     pub fn new(format: PoseFormat, location: u32, previous: bool) -> Result<Self> {
         let (bindings, attributes) = format.vertex_input(previous);
         let attribute = |a: &vk::VertexInputAttributeDescription| {
@@ -38,7 +38,7 @@ impl VertexInput {
         Ok(Self { format, previous, buffers: bindings.iter().map(buffer).collect::<Result<_>>()? })
     }
 
-    /// For [`VertexState::buffers`](wgpu::VertexState::buffers), behind or before those of your own.
+    /// Returns the layouts for [`VertexState::buffers`](wgpu::VertexState::buffers), before or after those of your own.
     pub fn layouts(&self) -> Vec<Option<wgpu::VertexBufferLayout<'_>>> {
         let step_mode = wgpu::VertexStepMode::Vertex;
         let buffers = self.buffers.iter();
@@ -47,7 +47,7 @@ impl VertexInput {
             .collect()
     }
 
-    /// WGSL to put before the shader: [`POSE_WGSL`], and
+    /// Returns the WGSL to put before the shader: [`POSE_WGSL`], and
     ///
     /// ```wgsl
     /// struct PoseInput { … } // an argument of the vertex shader, beside others of your own
@@ -55,8 +55,8 @@ impl VertexInput {
     /// fn previous_input(in: PoseInput, units: vec2f) -> PoseVertex // with `previous`
     /// ```
     ///
-    /// in units of the mesh; normals are not normalised. `units` is [`PoseView::units`](deltamorph::PoseView::units), one
-    /// for all instances of a crowd; poses of float32 ignore it.
+    /// Results are in units of the mesh; normals are not normalised. `units` is
+    /// [`PoseView::units`](deltamorph::PoseView::units), equal for all instances of a crowd; float32 poses ignore it.
     pub fn wgsl(&self) -> String {
         let base = if self.format.has_integers() { "in.base_0, in.base_1, units" } else { "" };
         let names = [Some("pose"), self.format.has_integers().then_some("base"), self.previous.then_some("previous")];
@@ -76,7 +76,7 @@ impl VertexInput {
     }
 }
 
-/// The type of an attribute in WGSL.
+/// Returns the type of an attribute in WGSL.
 fn type_of(format: wgpu::VertexFormat) -> &'static str {
     match format {
         wgpu::VertexFormat::Sint32x3 => "vec3i",

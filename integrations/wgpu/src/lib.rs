@@ -1,4 +1,4 @@
-//! Morph targets of [`deltamorph`] in wgpu, on its Vulkan backend: a device goes in, vertex buffers come out.
+//! Morph targets of [`deltamorph`] in wgpu, on its Vulkan backend: it takes a device, and returns vertex buffers.
 //!
 //! ```no_run
 //! # use deltamorph::{CrowdDesc, PackedMesh, UpdateDesc};
@@ -10,30 +10,33 @@
 //! let mut crowd = morph.create_crowd(&mesh, &CrowdDesc::new(UpdateDesc::blocks()))?;
 //! // Each frame:
 //! crowd.set_weights(0, &weights)?;
-//! let update = morph.update([&mut crowd])?; // None where nothing changed
+//! let update = morph.update([&mut crowd])?; // None if nothing changed
 //! let draws = draw_a_frame(&crowd); // pass.set_vertex_buffer(0, crowd.pose(0)?.slice());
 //! queue.submit(update.into_iter().chain([draws]));
 //! # Ok(()) }
 //! ```
 //!
-//! A pipeline takes poses as [`VertexInput`] says, with WGSL that decodes those of integers. `examples/head` is a complete
-//! host. No feature or extension of the device is needed. Where it has [`SHADER_INT64`](wgpu::Features::SHADER_INT64),
-//! software drivers take half as long.
+//! [`VertexInput`] describes how a pipeline reads poses, with WGSL that decodes fixed-point poses. `examples/head` is a
+//! complete host. No feature or extension of the device is needed; with [`SHADER_INT64`](wgpu::Features::SHADER_INT64),
+//! software drivers take half the time.
 //!
 //! # What the caller does
-//! - Submit what [`Morph::update`] returned before the draws that read the new poses, in the same submit or an earlier one,
-//!   and updates of a crowd in the order they were made. Or drop it: the next update writes all poses anew then. It does so,
-//!   too, where an earlier one was submitted out of order, or in a submit that failed, once that is known: when the GPU has
-//!   finished what was submitted before. Poses that are drawn until then are wrong.
-//! - Nothing else. What an update needs lives until the GPU has finished with it, whatever is dropped before. Where
-//!   [`frames_in_flight`](deltamorph::CrowdDesc::frames_in_flight) updates of a crowd are unfinished, the next one waits for
-//!   the oldest of them; with one more than the frames that the surface keeps in flight there is nothing to wait for.
+//! - Submit the command buffer of [`Morph::update`] before the draws that read the new poses, in the same submit or an
+//!   earlier one, and submit updates of a crowd in the order they were made. It may be dropped instead: the next update
+//!   then writes all poses anew. The next update does so as well if an earlier one was submitted out of order, or in a
+//!   submit that failed. That is known only when the GPU has finished the work submitted before it; poses drawn until
+//!   then are wrong.
+//! - Nothing else. Resources of an update live until the GPU has finished with it, whatever is dropped before. If
+//!   [`frames_in_flight`](deltamorph::CrowdDesc::frames_in_flight) updates of a crowd are unfinished, the next one
+//!   waits for the oldest; with one more than the number of frames that the surface keeps in flight, there is nothing
+//!   to wait for.
 //!
 //! # Synchronization
-//! wgpu knows nothing of the commands of an update, and takes pose buffers for ones that nobody ever writes. Barriers are
-//! the update's own, on both sides, for draws (vertex attributes, and storage buffers in vertex and fragment shaders), compute passes and
-//! copies. Nobody but updates writes poses, and nobody writes the buffer of a mesh ([`Mesh::base_pose`]), in which the deltas
-//! are, too, and what kernels index by: both are for read-only bindings, though wgpu would allow others.
+//! wgpu does not track the commands of an update, and treats pose buffers as never written. The update has its own
+//! barriers, on both sides, for draws (vertex attributes, and storage buffers in vertex and fragment shaders), compute
+//! passes and copies. Only updates may write poses. The buffer of a mesh ([`Mesh::base_pose`]), which also holds the
+//! deltas and the indices of kernels, must never be written: use both for read-only bindings, though wgpu would allow
+//! others.
 
 mod crowd;
 mod input;
@@ -52,15 +55,15 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use submission::{Flight, Submission};
 use wgpu::hal::api::Vulkan;
 
-/// Morphing on a device of wgpu.
+/// Morphing on a wgpu device.
 pub struct Morph {
     engine: MorphEngine,
     queue: wgpu::Queue,
-    // The last, as everywhere here: the rest is destroyed on it.
+    // Declared last, as in all types here, so that it is dropped last: the other fields are destroyed on it.
     device: wgpu::Device,
 }
 
-/// A mesh on the device. Crowds keep what they need of it alive.
+/// A mesh on the device. Crowds keep the data that they need alive.
 pub struct Mesh {
     base: wgpu::Buffer,
     gpu: Arc<Mutex<deltamorph::GpuMesh>>,
@@ -69,18 +72,19 @@ pub struct Mesh {
 }
 
 impl Morph {
-    /// Morphing on `device`; updates are submitted to `queue`, which is the device's.
+    /// Sets up morphing on `device`; updates are submitted to `queue`, which belongs to the device.
     ///
     /// # Errors
-    /// A device of another backend than Vulkan, or of less than Vulkan 1.1; one whose queue cannot compute.
+    /// The device has another backend than Vulkan, or less than Vulkan 1.1; its queue lacks graphics or compute; or
+    /// [`MorphEngine::new`] fails.
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Self> {
-        // SAFETY: what is taken of it is destroyed by wgpu.
+        // SAFETY: nothing that is taken from it is destroyed here; wgpu does that.
         let Some(hal) = (unsafe { device.as_hal::<Vulkan>() }) else {
             return Err(invalid("the device is not on Vulkan", "ask for wgpu::Backends::VULKAN"));
         };
         let (shared, physical) = (hal.shared_instance(), hal.raw_physical_device());
         let instance = shared.raw_instance();
-        // SAFETY: the instance is alive, and the physical device is one of its.
+        // SAFETY: the instance is alive, and the physical device belongs to it.
         let (properties, families) = unsafe {
             (
                 instance.get_physical_device_properties(physical),
@@ -97,24 +101,24 @@ impl Morph {
         let int64 = vk::Bool32::from(device.features().contains(wgpu::Features::SHADER_INT64));
         let features = vk::PhysicalDeviceFeatures::default().shader_int64(int64 == vk::TRUE);
         let desc = DeviceDesc::new(instance, physical, hal.raw_device()).enabled_features(features);
-        // SAFETY: the handles are those of one device of wgpu, which a clone keeps alive for as long as the engine, and
-        // for each that it makes. No more features are named than are enabled.
+        // SAFETY: the handles are those of one wgpu device; a clone keeps it alive as long as the engine and everything
+        // made by it. Only features that are enabled are named.
         let engine = unsafe { MorphEngine::new(&desc) }?;
         Ok(Self { engine, queue: queue.clone(), device: device.clone() })
     }
 
-    /// How to pack a mesh for this device.
+    /// Returns how to pack a mesh for this device.
     pub fn pack_desc(&self, format: DeltaFormat) -> PackDesc {
         self.engine.pack_desc(format)
     }
 
-    /// Upload a mesh: submits the copies to the queue, so that whatever is submitted next finds it there.
+    /// Uploads a mesh: the copies are submitted to the queue, before anything that is submitted later.
     ///
     /// # Errors
-    /// As [`MorphEngine::upload`].
+    /// Those of [`MorphEngine::upload`].
     pub fn upload(&self, mesh: &PackedMesh) -> Result<Mesh> {
         let (encoder, cmd) = self.encoder("deltamorph upload")?;
-        // SAFETY: the command buffer is recording, and is submitted once, here and now; the mesh is dropped when that has
+        // SAFETY: the command buffer is recording, and is submitted once, here; the mesh is dropped when it has
         // finished.
         let uploaded = unsafe { self.engine.upload(cmd, mesh) }?;
         let base = uploaded.base_pose();
@@ -130,25 +134,26 @@ impl Morph {
         });
         self.queue.submit([commands]);
         let usage = wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::STORAGE;
-        // SAFETY: the buffer is the mesh's, which goes with it, and at least as long; its usages are among those that
-        // `PoseView::buffer` names, and the copies fill it.
+        // SAFETY: the buffer is the mesh's, which `gpu` keeps alive; its usages are among those that `PoseView::buffer`
+        // names, and the copies fill it.
         let base = unsafe { import(&self.device, base.buffer, base.offset + base.size, usage, gpu.clone()) };
         Ok(Mesh { base, gpu, layout: mesh.layout().clone(), _device: self.device.clone() })
     }
 
-    /// Make pose buffers and pipelines for the instances of a mesh, all weights 0: see [`MorphEngine::create_crowd`].
-    /// Draws, compute passes and copies are consumers, whatever the description says.
+    /// Makes pose buffers and pipelines for the instances of a mesh, with all weights 0: see
+    /// [`MorphEngine::create_crowd`]. Consumers are always draws, compute passes and copies, whatever the description
+    /// says.
     ///
     /// # Errors
-    /// As [`MorphEngine::create_crowd`]; poses in vertices of the host's own, which wgpu does not know.
+    /// Those of [`MorphEngine::create_crowd`]; poses in the host's own vertices, which wgpu does not support.
     pub fn create_crowd(&self, mesh: &Mesh, desc: &CrowdDesc) -> Result<Crowd> {
         if desc.poses.is_some() {
-            let text = "poses in vertices of the host's own, through wgpu";
-            return Err(invalid(text, "leave CrowdDesc::poses out, and read Crowd::pose"));
+            let text = "poses in the host's own vertices, through wgpu";
+            return Err(invalid(text, "do not set CrowdDesc::poses, and read Crowd::pose"));
         }
         let made = desc.consumers(desc.consumers | consumers());
         let made = made.pose_usage(made.pose_usage | vk::BufferUsageFlags::TRANSFER_DST);
-        // Not locked any more when something is submitted: callbacks of finished uploads run then, and lock it.
+        // Unlocked before anything is submitted: callbacks of finished uploads run then, and lock it.
         let crowd = {
             let gpu = lock(&mesh.gpu);
             Crowd::new(self.engine.create_crowd(&gpu, &made)?, gpu.layouts(), &self.device)?
@@ -157,8 +162,8 @@ impl Morph {
         Ok(crowd)
     }
 
-    /// Fill pose buffers with zeros: wgpu takes what is imported for initialised, and lets slots be read that no update has
-    /// written yet.
+    /// Fills pose buffers with zeros: wgpu treats imported buffers as initialised, and allows reads of slots that no
+    /// update has written yet.
     fn fill(&self, crowd: &Crowd) -> Result<()> {
         let (encoder, cmd) = self.encoder("deltamorph poses")?;
         let barrier = vk::MemoryBarrier::default()
@@ -166,8 +171,8 @@ impl Morph {
             .dst_access_mask(vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE);
         let (fill, all) = (vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::ALL_COMMANDS);
         let device = raw_device(&self.device)?;
-        // SAFETY: the command buffer is recording on the device, outside a render pass; the buffers were made for this, and
-        // are kept until it has run.
+        // SAFETY: the command buffer is recording on the device, outside a render pass; the buffers were made for this,
+        // and are kept until it has run.
         unsafe {
             crowd.raw_buffers().for_each(|buffer| device.cmd_fill_buffer(cmd, buffer, 0, vk::WHOLE_SIZE, 0));
             device.cmd_pipeline_barrier(cmd, fill, all, vk::DependencyFlags::empty(), &[barrier], &[], &[]);
@@ -179,35 +184,36 @@ impl Morph {
         Ok(())
     }
 
-    /// Record an update of these crowds to the weights requested, with common barriers: all that are updated in a frame
-    /// belong in one call. `None`: nothing changed, and there is nothing to submit.
+    /// Records an update of these crowds to the requested weights, with common barriers: put all crowds that are
+    /// updated in a frame in one call. Returns `None` if nothing changed; then there is nothing to submit.
     ///
-    /// [What the caller does](crate#what-the-caller-does) says when to submit it. Poses are those of after the update from
-    /// now on ([`Crowd::pose`]).
+    /// [What the caller does](crate#what-the-caller-does) explains when to submit it. From now on, [`Crowd::pose`]
+    /// returns the poses after the update.
     ///
-    /// The device is polled, which runs callbacks that are due. It is waited for, if as many updates of a crowd are
-    /// unfinished as [`frames_in_flight`](deltamorph::CrowdDesc::frames_in_flight) allows.
+    /// The device is polled, which runs pending callbacks. The call waits if
+    /// [`frames_in_flight`](deltamorph::CrowdDesc::frames_in_flight) updates of a crowd are unfinished.
     ///
     /// # Errors
-    /// A crowd of another `Morph`; an earlier update that was neither submitted nor dropped, and has to go first; no memory.
+    /// A crowd belongs to another `Morph`; an earlier update was neither submitted nor dropped, which must happen
+    /// first; there is no memory.
     pub fn update<'a>(&self, crowds: impl IntoIterator<Item = &'a mut Crowd>) -> Result<Option<wgpu::CommandBuffer>> {
         let record = |cmd, crowds: &mut [&mut dyn AnyCrowd]| {
-            // SAFETY: the command buffer is recording, on a queue with graphics and compute, with nothing else in it. Where
-            // it never runs, or not in order, `Crowd::make_room` discards the update before another is recorded, and it
-            // waits for as many as it has to. What it uses is kept alive by its `Flight`.
+            // SAFETY: the command buffer is recording, on a queue with graphics and compute, with nothing else in it.
+            // If it never runs, or not in order, `Crowd::make_room` discards the update before another is recorded. The
+            // `Flight` keeps everything that it uses alive.
             unsafe { self.engine.record_updates(cmd, crowds) }
         };
-        // SAFETY: `record` does what it has to.
+        // SAFETY: `record` records an update.
         unsafe { self.update_by(crowds, record) }
     }
 
-    /// As [`update`](Self::update), with what is recorded changed by `tamper`: lets tests plant faults.
+    /// Like [`update`](Self::update), but lets `tamper` change the recorded schedule, so that tests can inject faults.
     ///
     /// # Errors
-    /// As [`update`](Self::update).
+    /// Those of [`update`](Self::update).
     ///
     /// # Safety
-    /// What `tamper` breaks is broken.
+    /// The caller answers for the effects of `tamper`.
     #[cfg(feature = "internals")]
     #[doc(hidden)]
     pub unsafe fn update_tampered<'a>(
@@ -223,17 +229,17 @@ impl Morph {
         unsafe { self.update_by(crowds, record) }
     }
 
-    /// An update that `record` records.
+    /// Makes an update that `record` records.
     ///
     /// # Safety
-    /// `record` is [`MorphEngine::record_updates`], or one whose caller knows better.
+    /// `record` is [`MorphEngine::record_updates`], or a function that records the same obligations.
     unsafe fn update_by<'a>(
         &self,
         crowds: impl IntoIterator<Item = &'a mut Crowd>,
         record: impl FnOnce(vk::CommandBuffer, &mut [&mut dyn AnyCrowd]) -> Result<Vec<Update>>,
     ) -> Result<Option<wgpu::CommandBuffer>> {
         let mut crowds: Vec<&mut Crowd> = crowds.into_iter().collect();
-        // What has finished is learned from callbacks, which this runs. There is nothing to learn from what it returns.
+        // This runs the callbacks that report finished work. Its result says no more.
         let _ = self.device.poll(wgpu::PollType::Poll);
         crowds.iter_mut().try_for_each(|crowd| crowd.make_room())?;
         let (encoder, cmd) = self.encoder("deltamorph update")?;
@@ -258,10 +264,10 @@ impl Morph {
         Ok(Some(commands))
     }
 
-    /// A command encoder for commands of ours alone, and its command buffer, which is recording.
+    /// Makes a command encoder for our own commands, and returns its command buffer, which is recording.
     fn encoder(&self, label: &str) -> Result<(wgpu::CommandEncoder, vk::CommandBuffer)> {
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) });
-        // SAFETY: it is not ended, and nothing is done with the encoder but to finish it once we have recorded.
+        // SAFETY: the command buffer is not ended, and the encoder is only used to finish it once we have recorded.
         let cmd = unsafe { encoder.as_hal_mut::<Vulkan, _, _>(|hal| hal.map(|hal| hal.raw_handle())) };
         let cmd = cmd.ok_or_else(|| invalid("wgpu gave no command buffer", "see whether the device was lost"))?;
         Ok((encoder, cmd))
@@ -269,29 +275,29 @@ impl Morph {
 }
 
 impl Mesh {
-    /// The base pose, for draws from [poses of integers](VertexInput). Vertex and storage buffer.
+    /// Returns the base pose, for draws from [fixed-point poses](VertexInput). It is a vertex and storage buffer.
     pub fn base_pose(&self) -> Pose<'_> {
         Pose { buffer: &self.base, view: lock(&self.gpu).base_pose() }
     }
 
-    /// Names, steps and sizes of what was uploaded. [`PackedLayout::remap_indices`] turns an index buffer into the order of
-    /// poses.
+    /// Returns names, steps and sizes of the uploaded mesh. [`PackedLayout::remap_indices`] converts an index buffer to
+    /// the order of poses.
     pub fn layout(&self) -> &PackedLayout {
         &self.layout
     }
 }
 
-/// All that wgpu can do with a pose.
+/// All uses that wgpu can make of a pose.
 fn consumers() -> Consumers {
     let draws = Consumers::VERTEX_ATTRIBUTES | Consumers::VERTEX_SHADERS | Consumers::FRAGMENT_SHADERS;
     draws | Consumers::COMPUTE_SHADERS | Consumers::COPIES
 }
 
-/// A buffer of ours as one of wgpu's. `keep` is dropped when wgpu and the GPU have finished with it.
+/// Imports one of our buffers into wgpu. `keep` is dropped when wgpu and the GPU have finished with it.
 ///
 /// # Safety
-/// The buffer was made on this device, with these usages and at least `size` bytes, more than 0; it lives as long as `keep`.
-/// Nothing in `keep` is wgpu's: it is dropped under its locks.
+/// The buffer was made on this device, with these usages and at least `size` bytes, more than 0; it lives as long as
+/// `keep`. `keep` holds nothing of wgpu's, since it is dropped under wgpu's locks.
 unsafe fn import(
     device: &wgpu::Device,
     buffer: vk::Buffer,
@@ -307,7 +313,7 @@ unsafe fn import(
     }
 }
 
-/// The device behind one of wgpu's, which has to be kept.
+/// Returns the Vulkan device behind a wgpu device, which the caller must keep alive.
 fn raw_device(device: &wgpu::Device) -> Result<ash::Device> {
     // SAFETY: the caller keeps it alive.
     let raw = unsafe { device.as_hal::<Vulkan>() }.map(|hal| hal.raw_device().clone());
@@ -315,7 +321,7 @@ fn raw_device(device: &wgpu::Device) -> Result<ash::Device> {
 }
 
 fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
-    // An update that panics takes back what it planned.
+    // A poisoned lock is taken all the same: an update that panics rolls back its plan.
     shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 

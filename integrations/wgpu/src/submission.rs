@@ -1,4 +1,4 @@
-//! What becomes of the command buffers of updates once they are the caller's.
+//! Tracks the command buffers of updates after they were returned to the caller.
 
 use super::raw_device;
 use deltamorph::ash::{self, vk};
@@ -6,29 +6,29 @@ use deltamorph::{Error, Result};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
-/// A command buffer of updates.
+/// A command buffer with updates.
 ///
-/// wgpu tells nobody whether one was submitted: it calls back when the work has finished, but also where the submit failed.
-/// So the last command sets an event, which only the GPU can have done.
+/// wgpu does not tell whether a command buffer was submitted: it calls back when the work has finished, but also if the
+/// submit failed. So the last command sets an event, which proves that the GPU has run it.
 pub(crate) struct Submission {
     raw: ash::Device,
     event: vk::Event,
-    /// When wgpu was done with it, counted by [`OVER`]; 0: it is not yet.
+    /// The position at which wgpu finished with it, counted by [`OVER`]; 0: not yet.
     over: AtomicU64,
     _device: wgpu::Device,
 }
 
-/// Command buffers that are over.
+/// The number of command buffers that have ended.
 static OVER: AtomicU64 = AtomicU64::new(0);
 
-/// What has become of a command buffer.
+/// The state of a command buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Fate {
-    /// It is with the caller, or on the GPU.
+    /// It is held by the caller, or running on the GPU.
     Waiting,
-    /// It ran, as the n-th of all.
+    /// It ran, and was the n-th command buffer to end.
     Ran(u64),
-    /// It did not, and never will.
+    /// It did not run, and never will.
     Lost,
 }
 
@@ -43,7 +43,7 @@ impl Submission {
         Ok(Arc::new(Self { event: event.map_err(failed)?, raw, over: AtomicU64::new(0), _device: device.clone() }))
     }
 
-    /// Have the event set, at the end.
+    /// Records the command that sets the event.
     ///
     /// # Safety
     /// `cmd` is recording on the device, outside a render pass. It is in a [`Flight`] of this submission.
@@ -55,7 +55,7 @@ impl Submission {
     pub(crate) fn fate(&self) -> Fate {
         match self.over.load(Ordering::Acquire) {
             0 => Fate::Waiting,
-            // SAFETY: the event is alive. Where the device is lost there is nothing to be had of it.
+            // SAFETY: the event is alive. On a lost device the call returns an error.
             nth => match unsafe { self.raw.get_event_status(self.event) } {
                 Ok(true) => Fate::Ran(nth),
                 Ok(false) | Err(_) => Fate::Lost,
@@ -71,8 +71,8 @@ impl Drop for Submission {
     }
 }
 
-/// What a command buffer uses. In the callback that wgpu calls when the work has finished, or drops with a command buffer
-/// that is dropped.
+/// The resources that a command buffer uses. It is part of the callback that wgpu calls when the work has finished, or
+/// drops along with a command buffer that is dropped.
 pub(crate) struct Flight {
     _crowds: Vec<Arc<Mutex<deltamorph::Crowd>>>,
     submission: Arc<Submission>,
@@ -90,7 +90,7 @@ impl Drop for Flight {
     }
 }
 
-/// The first of these command buffers, of the oldest first, that did not run before all later ones.
+/// Returns the first of these command buffers (the oldest first) that did not run before all later ones.
 pub(crate) fn first_astray(fates: &[Fate]) -> Option<usize> {
     (0..fates.len()).find(|&i| match fates[i] {
         Fate::Lost => true,

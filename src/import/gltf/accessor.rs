@@ -1,4 +1,4 @@
-//! Accessors: arrays of numbers of any component type, normalised or not, at any stride; dense, sparse or all zero.
+//! Accessors: arrays of numbers of any component type, normalised or not, with any stride; dense, sparse or all zero.
 
 use super::container::Container;
 use super::json::At;
@@ -12,13 +12,13 @@ pub struct Accessor<'a> {
     pub count: usize,
     pub components: usize,
     number: Number,
-    /// Bytes from the first element on, and from one element to the next. `None`: zeros.
+    /// Bytes from the first element on, and the stride of elements. `None`: zeros.
     dense: Option<(&'a [u8], usize)>,
-    /// Elements that have other values: which, ascending; their bytes, from the first on, and from one to the next.
+    /// Elements with other values: their indices, ascending; their bytes from the first one on; and the stride.
     sparse: Option<(Vec<u32>, &'a [u8], usize)>,
 }
 
-/// How a number is stored.
+/// The storage of a number.
 #[derive(Clone, Copy, Debug)]
 struct Number {
     kind: Kind,
@@ -68,7 +68,7 @@ impl Kind {
 }
 
 impl Number {
-    /// The number at the start of `b`. Normalised integers are fractions of the largest, not below -1.
+    /// Reads the number at the start of `b`. Normalised integers are fractions of the largest one, at least -1.
     fn read(self, b: &[u8]) -> f32 {
         let largest = match self.kind {
             Kind::F32 => return f32::from_le_bytes([b[0], b[1], b[2], b[3]]),
@@ -84,7 +84,7 @@ impl Number {
 }
 
 impl Container {
-    /// The accessor that `index` names.
+    /// Returns the accessor that `index` names.
     pub fn accessor(&self, index: &At<'_>) -> Result<Accessor<'_>> {
         let at = self.root().item("accessors", index)?;
         let kind = Kind::of(&at.need("componentType")?)?;
@@ -101,7 +101,7 @@ impl Container {
             "VEC3" => 3,
             "VEC4" => 4,
             "MAT4" => 16,
-            other => return Err(shape.refuse(format!("type '{other}', which no mesh or animation has"), UNFIT)),
+            other => return Err(shape.refuse(format!("type '{other}', which meshes and animations do not use"), UNFIT)),
         };
         let element = kind.size() * components;
         let elements = |at: &At<'_>, count: usize, element: usize| {
@@ -126,7 +126,7 @@ impl Container {
             let indices = stated.need("indices")?;
             let kind = Kind::of(&indices.need("componentType")?)?;
             if !matches!(kind, Kind::U8 | Kind::U16 | Kind::U32) {
-                return Err(indices.refuse("indices that are no unsigned integers", "export the file again"));
+                return Err(indices.refuse("indices that are not unsigned integers", "export the file again"));
             }
             let (bytes, stride) = elements(&indices, others, kind.size())?;
             self.charge(&counted, others, 4)?;
@@ -148,7 +148,7 @@ impl Container {
 const UNFIT: &str = "name an accessor of the type that is expected here";
 
 impl<'a> Accessor<'a> {
-    /// Refuse another number of elements than `count`.
+    /// Checks that there are `count` elements.
     pub fn of_count(self, count: usize, what: &str) -> Result<Self> {
         if self.count == count {
             return Ok(self);
@@ -157,13 +157,13 @@ impl<'a> Accessor<'a> {
         Err(self.at.refuse(text, "export the file again: counts have to agree"))
     }
 
-    /// An error about this accessor.
+    /// Makes an error about this accessor.
     pub fn refuse(&self, what: impl std::fmt::Display, remedy: &str) -> crate::Error {
         self.at.refuse(what, remedy)
     }
 
-    /// The bytes of an element as its dense and sparse parts say; `None`: zeros. `sparse` is how many of the sparse ones
-    /// came before; elements are asked for in ascending order.
+    /// Returns the bytes of an element from its dense or sparse part; `None`: zeros. `sparse` counts the sparse
+    /// elements before it; elements must be requested in ascending order.
     fn element(&self, i: usize, sparse: &mut usize) -> Option<&'a [u8]> {
         if let Some((which, bytes, stride)) = &self.sparse
             && which.get(*sparse) == Some(&(i as u32))
@@ -190,7 +190,7 @@ impl<'a> Accessor<'a> {
         Err(self.at.refuse(format!("elements of {} numbers, {components} expected", self.components), UNFIT))
     }
 
-    /// All elements, of `N` numbers.
+    /// Returns all elements, of `N` numbers each.
     pub fn floats<const N: usize>(&self) -> Result<Vec<[f32; N]>> {
         self.check_components(N)?;
         self.file.charge(&self.at, self.count, 4 * N)?;
@@ -198,7 +198,7 @@ impl<'a> Accessor<'a> {
         (0..self.count).map(|i| self.numbers(i, self.element(i, &mut sparse))).collect()
     }
 
-    /// The elements of `N` numbers that are not zero, ascending.
+    /// Returns the elements of `N` numbers that are not zero, ascending.
     pub fn deltas<const N: usize>(&self) -> Result<Vec<(u32, [f32; N])>> {
         self.check_components(N)?;
         let mut found = vec![];
@@ -217,8 +217,8 @@ impl<'a> Accessor<'a> {
                 which.iter().try_for_each(|&i| keep(i as usize, self.element(i as usize, &mut sparse)))?;
             }
             (Some(_), _) => {
-                // What is kept, since targets are mostly zeros; and each element that is looked at, as a byte: many targets may
-                // name the same zeros.
+                // Only non-zero elements are kept, since targets are mostly zeros. Each element that is looked at is
+                // charged as a byte, since many targets may name the same zeros.
                 self.file.charge(&self.at, self.count, 1)?;
                 let size = self.number.kind.size() * N;
                 let mut sparse = 0;
@@ -231,11 +231,11 @@ impl<'a> Accessor<'a> {
         Ok(found)
     }
 
-    /// All elements as they are stored, of `N` unsigned integers: indices and joints.
+    /// Returns all elements of `N` unsigned integers as they are stored: indices and joints.
     pub fn integers<const N: usize>(&self) -> Result<Vec<[u32; N]>> {
         self.check_components(N)?;
         if !matches!(self.number.kind, Kind::U8 | Kind::U16 | Kind::U32) {
-            return Err(self.at.refuse("numbers that are no unsigned integers", UNFIT));
+            return Err(self.at.refuse("numbers that are not unsigned integers", UNFIT));
         }
         self.file.charge(&self.at, self.count, 4 * N)?;
         let (size, mut sparse) = (self.number.kind.size(), 0);

@@ -1,4 +1,4 @@
-//! Animations: keys of weights and of nodes, and what they say at a time. Evaluated in double precision.
+//! Animations: keys of weights and of nodes, and their values at a time, in double precision.
 
 use super::container::Container;
 use super::json::At;
@@ -9,13 +9,13 @@ use glam::DQuat;
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct Animation {
-    /// Its name, unique in the file: a number stands for one that has none, or follows one that comes twice.
+    /// Its name, unique in the file: an animation without a name gets a number, and a repeated name is followed by one.
     pub name: String,
-    /// What it animates. Channels without a node, or of another property than the four of glTF 2.0, are left out.
+    /// Its channels. Channels without a node, or of a property other than the four of glTF 2.0, are left out.
     pub channels: Vec<Channel>,
 }
 
-/// What a channel animates.
+/// The property that a channel animates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Property {
     /// The node's translation: 3 numbers.
@@ -28,12 +28,12 @@ pub enum Property {
     Weights,
 }
 
-/// What is between two keys.
+/// The interpolation between two keys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Interpolation {
     /// The value of the earlier key.
     Step,
-    /// A straight line; of rotations, the shorter arc at constant speed.
+    /// Linear; for rotations, along the shorter arc at constant speed.
     Linear,
     /// A cubic Hermite spline (glTF 2.0, appendix C.5). A key has three values: tangent in, value, tangent out.
     CubicSpline,
@@ -45,9 +45,9 @@ pub enum Interpolation {
 pub struct Channel {
     /// Index of the node.
     pub node: usize,
-    /// What it animates.
+    /// The property that it animates.
     pub property: Property,
-    /// What is between keys.
+    /// The interpolation between keys.
     pub interpolation: Interpolation,
     /// The times of the keys in seconds, ascending; at least one.
     pub times: Vec<f32>,
@@ -58,16 +58,16 @@ pub struct Channel {
 /// A time between two keys.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Between {
-    /// The earlier one.
+    /// Index of the earlier key.
     key: usize,
-    /// Seconds from one to the other.
+    /// Seconds between the keys.
     length: f64,
-    /// How much of them has passed; `None`: the value is that of the key.
+    /// Share of them that has passed, 0 to 1; `None`: the value is that of the key.
     part: Option<f64>,
 }
 
 impl Channel {
-    /// Numbers of a value.
+    /// Returns the numbers per value.
     pub fn width(&self) -> usize {
         self.values.len() / self.times.len() / self.values_per_key()
     }
@@ -76,12 +76,13 @@ impl Channel {
         if self.interpolation == Interpolation::CubicSpline { 3 } else { 1 }
     }
 
-    /// Time of the first and the last key, in seconds. Before and after, the value is theirs.
+    /// Returns the times of the first and the last key, in seconds. Before and after, the value is that of the nearest
+    /// key.
     pub fn span(&self) -> [f64; 2] {
         [self.times.first(), self.times.last()].map(|time| time.copied().unwrap_or(0.0).into())
     }
 
-    /// The values at `time`, in seconds. A rotation need not have unit length.
+    /// Returns the values at `time`, in seconds. A rotation is not normalised.
     pub fn sample(&self, time: f64) -> Vec<f64> {
         let between = self.between(time);
         if let (Property::Rotation, Interpolation::Linear, Some(t)) = (self.property, self.interpolation, between.part)
@@ -93,7 +94,7 @@ impl Channel {
         (0..self.width()).map(|i| self.number(i, between)).collect()
     }
 
-    /// Where `time`, in seconds, is among the keys.
+    /// Returns the position of `time`, in seconds, among the keys.
     pub(super) fn between(&self, time: f64) -> Between {
         let after = self.times.partition_point(|t| f64::from(*t) <= time);
         if after == 0 || after == self.times.len() || self.interpolation == Interpolation::Step {
@@ -103,7 +104,7 @@ impl Channel {
         Between { key: after - 1, length: end - start, part: Some((time - start) / (end - start)) }
     }
 
-    /// Number `i` of the value there; not of a rotation on its way.
+    /// Returns number `i` of the value at that position; not for a rotation between two keys.
     pub(super) fn number(&self, i: usize, Between { key, length, part }: Between) -> f64 {
         let own = self.values_per_key() / 2;
         let p0 = self.value(key, own, i);
@@ -120,19 +121,20 @@ impl Channel {
             + length * (t3 - t2) * into
     }
 
-    /// Number `i` of a key's value: its only one (0), or of splines the tangent in (0), the value (1) and the tangent out (2).
+    /// Returns number `i` of a key's value: its only one (0); for splines the tangent in (0), the value (1) or the
+    /// tangent out (2).
     fn value(&self, key: usize, which: usize, i: usize) -> f64 {
         self.values[(key * self.values_per_key() + which) * self.width() + i].into()
     }
 
-    /// `time`, or the time of a key that is no further from it than `distance`: steps are taken at the frame they belong to.
+    /// Returns `time`, or the time of a key within `distance` of it, so that steps happen in the frame they belong to.
     pub fn near_key(&self, time: f64, distance: f64) -> f64 {
         let after = self.times.partition_point(|t| f64::from(*t) < time - distance);
         self.times.get(after).map(|t| f64::from(*t)).filter(|key| (key - time).abs() <= distance).unwrap_or(time)
     }
 }
 
-/// Read an animation. `targets` are the morph targets of the mesh of each node. Remarks go to `notes`.
+/// Reads an animation. `targets` are the morph targets of the mesh of each node. Remarks are added to `notes`.
 pub fn animation(
     file: &Container,
     at: &At<'_>,
@@ -197,7 +199,7 @@ fn channel(
     }
     let output = file.accessor(&sampler.need("output")?)?;
     let values_per_key = if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
-    // Weights are scalars, one after the other; the rest are vectors.
+    // Weights are stored as scalars, one after the other; the other properties as vectors.
     let scalars = if property == Property::Weights { width } else { 1 };
     let output = output.of_count(times.len() * values_per_key * scalars, "values for all keys")?;
     let values = match property {

@@ -1,10 +1,11 @@
-//! Several meshes as one, and meshes put where a node has them. Vertices have one texture coordinate each, or none.
+//! Merges several meshes into one, and transforms meshes as nodes place them. Vertices have one texture coordinate or
+//! none.
 
 use crate::asset::{Corner, MorphSource, Semantic, SourceTarget, StreamData, StreamDeltas};
 use glam::{BVec3, DMat3, DMat4, DVec3, Vec2, Vec3};
 use std::collections::{BTreeSet, HashMap, HashSet};
 
-/// What a vertex has where its part does not say.
+/// The value of a stream for vertices of parts without it.
 fn default_of(semantic: Semantic) -> &'static [f32] {
     match semantic {
         Semantic::Position | Semantic::Normal => &[0.0; 3],
@@ -14,8 +15,8 @@ fn default_of(semantic: Semantic) -> &'static [f32] {
     }
 }
 
-/// Bytes that [`merge`] makes of `parts`: a vertex that lacks a stream of another part is given one, and each target has deltas
-/// of all streams, be it none.
+/// Returns the bytes that [`merge`] takes for `parts`: a vertex whose part lacks a stream of another part gets it, and
+/// each target has deltas of all streams, if only empty ones.
 pub fn merged_size(parts: &[MorphSource]) -> u64 {
     let semantics: BTreeSet<Semantic> = parts.iter().flat_map(|part| &part.streams).map(|s| s.semantic).collect();
     let numbers: usize = semantics.iter().map(|semantic| semantic.components()).sum();
@@ -27,8 +28,8 @@ pub fn merged_size(parts: &[MorphSource]) -> u64 {
     of_parts.chain(names.iter().map(|name| (target + 2 * name.len()) as u64)).sum()
 }
 
-/// One mesh of `parts`: their vertices one after the other, targets of one name moved together. Where a part has no
-/// normals, those of all are computed.
+/// Merges `parts` into one mesh: their vertices one after the other; targets of one name move together. If a part has
+/// no normals, those of all parts are computed.
 pub fn merge(name: String, parts: Vec<MorphSource>) -> MorphSource {
     let with_normals = parts.iter().all(|part| part.normals.is_some());
     let with_texcoords = parts.iter().any(|part| !part.texcoords.is_empty());
@@ -87,7 +88,7 @@ pub fn merge(name: String, parts: Vec<MorphSource>) -> MorphSource {
     all
 }
 
-/// The matrix that all of these are, as far as can be told where positions are: within 1e-4 of their extent.
+/// Returns the common value of these matrices, if they agree within 1e-4 of the extent of the positions.
 pub fn common(matrices: &[DMat4], positions: &[Vec3]) -> Option<DMat4> {
     let low = positions.iter().copied().reduce(Vec3::min)?.as_dvec3();
     let high = positions.iter().copied().reduce(Vec3::max)?.as_dvec3();
@@ -99,8 +100,8 @@ pub fn common(matrices: &[DMat4], positions: &[Vec3]) -> Option<DMat4> {
     others.iter().all(|matrix| (0..8).all(|i| is_near(matrix, corner(i)))).then_some(*first)
 }
 
-/// Put a mesh of triangles where `matrix` has it: normals by the inverse transpose, and of unit length again; a mirrored one
-/// with its triangles turned. `false`, and nothing is changed, where `matrix` flattens the mesh.
+/// Transforms a mesh of triangles by `matrix`: normals by the inverse transpose, brought to unit length again; if it
+/// mirrors the mesh, triangles are turned. Returns `false`, and changes nothing, if `matrix` flattens the mesh.
 pub fn transform(source: &mut MorphSource, matrix: &DMat4) -> bool {
     let linear = DMat3::from_mat4(*matrix);
     let determinant = linear.determinant();

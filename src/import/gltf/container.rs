@@ -1,4 +1,4 @@
-//! The bytes of a file: GLB or JSON, buffers in it, in data URIs or beside it, and buffer views.
+//! The bytes of a file: GLB or JSON, its buffers (embedded, in data URIs or in other files), and buffer views.
 
 use super::json::{At, parse};
 use super::meshopt;
@@ -13,16 +13,17 @@ use std::rc::Rc;
 /// The largest file: lengths in GLB have 32 bits.
 const FILE_MAX: u64 = 1 << 32;
 
-/// Bytes of values for each byte of the file: a byte may be decompressed to 64, and each of those become four of single
-/// precision. Files that name the same bytes again and again, or count values that no buffer holds, take more. So could
-/// one in which hardly anything changes, of version 1 of KHR_meshopt_compression, where a byte may become 1024.
+/// Bytes of values allowed per byte of the file: a byte may be decompressed to 64 bytes, each of which becomes four in
+/// single precision. Files exceed this if they name the same bytes again and again, or count values that no buffer
+/// holds. A valid file could exceed it only if hardly anything changes in it, and it uses version 1 of
+/// KHR_meshopt_compression, where a byte may become 1024.
 const VALUES_PER_BYTE: u64 = 320;
-/// As many in any case.
+/// Bytes of values allowed in any case.
 const VALUES_MIN: u64 = 1 << 20;
 
-/// What an extension may do that has to be understood. Materials, textures and lights are not looked at.
+/// Required extensions that can be read. Materials, textures and lights are not looked at.
 const UNDERSTOOD: [&str; 3] = ["KHR_mesh_quantization", COMPRESSED[0], COMPRESSED[1]];
-/// What a compressed buffer view says under. Of one that has both, the first.
+/// Extensions of a compressed buffer view. If it has both, the first is used.
 const COMPRESSED: [&str; 2] = ["KHR_meshopt_compression", "EXT_meshopt_compression"];
 const NOT_LOOKED_AT: [&str; 7] = [
     "KHR_materials_",
@@ -34,35 +35,35 @@ const NOT_LOOKED_AT: [&str; 7] = [
     "KHR_animation_pointer",
 ];
 
-/// A file: its JSON, and the bytes that it names.
+/// A file: its JSON, and the bytes of its buffers.
 #[derive(Debug)]
 pub struct Container {
     pub path: PathBuf,
     json: Value,
-    /// What has the bytes of each buffer, and how many of them are the buffer's. `None`: a buffer without bytes, which only
+    /// The memory with each buffer, and the buffer's length in it. `None`: a buffer without bytes, which only
     /// compressed views may name.
     buffers: Vec<Option<(Rc<Vec<u8>>, usize)>>,
-    /// Buffer views that were compressed.
+    /// Decompressed buffer views.
     unpacked: Vec<OnceCell<Vec<u8>>>,
     /// Bytes of values that may still be read.
     budget: Cell<u64>,
 }
 
-/// The bytes of a buffer view.
+/// The bytes of a buffer view, and their stride.
 #[derive(Debug)]
 pub struct View<'a> {
     pub bytes: &'a [u8],
-    /// From one element to the next, where the view states it.
+    /// Bytes from one element to the next, if the view states it.
     pub stride: Option<usize>,
 }
 
 impl Container {
-    /// Read the file at `path` and the buffers beside it.
+    /// Reads the file at `path` and the buffers beside it.
     pub fn read(path: &Path) -> Result<Self> {
         Self::from_bytes(path, read_bounded(path, FILE_MAX, "split the file")?)
     }
 
-    /// From the bytes of the file at `path`, beside which buffers may lie.
+    /// Reads the bytes of the file at `path`, which may name buffers beside it.
     pub fn from_bytes(path: &Path, mut bytes: Vec<u8>) -> Result<Self> {
         let own_size = bytes.len() as u64;
         let (json, chunk) = if bytes.starts_with(b"glTF") { glb_chunks(path, &bytes)? } else { (0..bytes.len(), None) };
@@ -95,17 +96,18 @@ impl Container {
         Ok(Self { path: path.to_path_buf(), json, buffers, unpacked, budget })
     }
 
-    /// The whole of the JSON.
+    /// Returns the root of the JSON.
     pub fn root(&self) -> At<'_> {
         At { path: &self.path, value: &self.json, place: String::new() }
     }
 
-    /// Bytes of values that may still be read.
+    /// Returns the bytes of values that may still be read.
     pub fn budget(&self) -> u64 {
         self.budget.get()
     }
 
-    /// Before `count` values of `size` bytes are made for `at`: whether the file is large enough to have them.
+    /// Charges the budget before `count` values of `size` bytes are allocated for `at`; an error if the file is too
+    /// small to contain them.
     pub fn charge(&self, at: &At<'_>, count: usize, size: usize) -> Result<()> {
         let bytes = (count as u64).saturating_mul(size as u64);
         let left = self.budget.get().checked_sub(bytes).ok_or_else(|| {
@@ -116,7 +118,7 @@ impl Container {
         Ok(())
     }
 
-    /// The buffer view that `index` names.
+    /// Returns the buffer view that `index` names.
     pub fn view(&self, index: &At<'_>) -> Result<View<'_>> {
         let view = self.root().item("bufferViews", index)?;
         let stride = view.index("byteStride")?;
@@ -138,7 +140,7 @@ impl Container {
         Ok(View { bytes: slot.get_or_init(|| decoded), stride })
     }
 
-    /// The bytes from byteOffset on, byteLength of them, of the buffer that `at` names.
+    /// Returns the byteLength bytes from byteOffset on of the buffer that `at` names.
     fn bytes(&self, at: &At<'_>) -> Result<&[u8]> {
         let index = at.need("buffer")?;
         self.root().item("buffers", &index)?;
@@ -156,7 +158,7 @@ impl Container {
     }
 }
 
-/// Where the JSON of a GLB file is, and its binary chunk.
+/// Returns the ranges of the JSON and of the binary chunk of a GLB file.
 fn glb_chunks(path: &Path, bytes: &[u8]) -> Result<(std::ops::Range<usize>, Option<std::ops::Range<usize>>)> {
     let refuse =
         |place: &str, what: String| Err(Error::input(path, place, what, "export the file again: it is damaged"));
@@ -202,7 +204,8 @@ fn check_version(root: &At<'_>) -> Result<()> {
     Ok(())
 }
 
-/// What a URI names: bytes in it, or a file beside or below. Those are `beside`, by their real paths, once they are read.
+/// Returns the bytes of a URI: a data URI, or a file beside or below this one. `beside` caches files by their real
+/// paths.
 fn uri_bytes(path: &Path, uri: &At<'_>, beside: &mut HashMap<PathBuf, Rc<Vec<u8>>>) -> Result<Rc<Vec<u8>>> {
     let text = uri.text()?;
     if let Some(data) = text.strip_prefix("data:") {
@@ -220,7 +223,7 @@ fn uri_bytes(path: &Path, uri: &At<'_>, beside: &mut HashMap<PathBuf, Rc<Vec<u8>
     let file = path.parent().unwrap_or(Path::new("")).join(name);
     let real = file.canonicalize().unwrap_or_else(|_| file.clone());
     if path.canonicalize().is_ok_and(|own| own == real) {
-        return Err(uri.refuse("the file itself, which is no buffer", "name the file that has the buffer's bytes"));
+        return Err(uri.refuse("the glTF file itself, not a buffer", "name the file that has the buffer's bytes"));
     }
     if let Some(bytes) = beside.get(&real) {
         return Ok(bytes.clone());
@@ -241,7 +244,7 @@ fn percent_decoded(text: &str) -> Option<String> {
     String::from_utf8(bytes).ok()
 }
 
-/// Base64 with or without padding (RFC 4648); `None` where it is something else.
+/// Decodes base64 with or without padding (RFC 4648); `None` if `text` is something else.
 pub fn base64(text: &str) -> Option<Vec<u8>> {
     let text = text.trim_end_matches('=').as_bytes();
     let mut bytes = Vec::with_capacity(text.len() / 4 * 3 + 2);

@@ -1,16 +1,16 @@
-//! Values of the JSON, each with its place, so that what is refused is named: `a.glb: accessors[3].count: …`.
+//! Values of the JSON, each with its place, so that errors name it: `a.glb: accessors[3].count: …`.
 
 use crate::error::{Error, Result};
 use serde_json::Value;
 use std::fmt::Display;
 use std::path::Path;
 
-/// Memory that parsing may take, as estimated before: hostile text is mostly brackets and commas.
+/// Memory that parsing may take, estimated in advance: hostile text is mostly brackets and commas.
 const MEMORY_MAX: usize = 1 << 30;
 const OBJECT_BYTES: usize = 700;
 const ELEMENT_BYTES: usize = 80;
 
-/// Parse the JSON of a file.
+/// Parses the JSON of a file.
 pub fn parse(path: &Path, text: &[u8]) -> Result<Value> {
     let count = |byte: u8| text.iter().filter(|b| **b == byte).count();
     let memory = (count(b'{') * OBJECT_BYTES).saturating_add((count(b',') + count(b'[')) * ELEMENT_BYTES);
@@ -24,17 +24,17 @@ pub fn parse(path: &Path, text: &[u8]) -> Result<Value> {
     })
 }
 
-/// A value, and where it is.
+/// A value and its place.
 #[derive(Clone, Debug)]
 pub struct At<'a> {
     pub path: &'a Path,
     pub value: &'a Value,
-    /// As `meshes[0].primitives[1]`; empty for the whole.
+    /// The place, such as `meshes[0].primitives[1]`; empty for the root.
     pub place: String,
 }
 
 impl<'a> At<'a> {
-    /// An error about this value.
+    /// Makes an error about this value.
     pub fn refuse(&self, what: impl Display, remedy: &str) -> Error {
         let place = if self.place.is_empty() { String::new() } else { format!(": {}", self.place) };
         Error::input(self.path, place, what.to_string(), remedy)
@@ -45,17 +45,17 @@ impl<'a> At<'a> {
         At { path: self.path, value, place: format!("{}{dot}{step}", self.place) }
     }
 
-    /// The property `key`, where there is one.
+    /// The property `key`, if there is one.
     pub fn get(&self, key: &str) -> Option<Self> {
         self.value.get(key).map(|value| self.child(value, key))
     }
 
-    /// The property `key`.
+    /// The property `key`; an error if there is none.
     pub fn need(&self, key: &str) -> Result<Self> {
         self.get(key).ok_or_else(|| self.refuse(format!("no property '{key}'"), "export the file again"))
     }
 
-    /// The elements of the array `key`; none where there is no such property.
+    /// The elements of the array `key`; none if there is no such property.
     pub fn items(&self, key: &str) -> Result<Vec<Self>> {
         let Some(list) = self.get(key) else { return Ok(vec![]) };
         list.elements()
@@ -68,7 +68,7 @@ impl<'a> At<'a> {
         Ok(values.iter().enumerate().map(element).collect())
     }
 
-    /// The element of the array `key` that `index`, a value of the same file, names.
+    /// The element of the array `key` of the root that `index` names.
     pub fn item(&self, key: &str, index: &At<'_>) -> Result<Self> {
         let i = index.whole()?;
         let list = self.value.get(key).and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
@@ -87,17 +87,17 @@ impl<'a> At<'a> {
         number.ok_or_else(|| self.refuse(format!("{} is no whole number, 0 or more", self.short()), REPAIR))
     }
 
-    /// The property `key` as a whole number, or `default` where there is none.
+    /// The property `key` as a whole number; `default` if there is none.
     pub fn whole_or(&self, key: &str, default: usize) -> Result<usize> {
         self.get(key).map_or(Ok(default), |value| value.whole())
     }
 
-    /// The property `key` as an index, where there is one.
+    /// The property `key` as an index, if there is one.
     pub fn index(&self, key: &str) -> Result<Option<usize>> {
         self.get(key).map(|value| value.whole()).transpose()
     }
 
-    /// `N` finite numbers; `default` where there is no property `key`.
+    /// The `N` finite numbers of the property `key`; `default` if there is none.
     pub fn numbers<const N: usize>(&self, key: &str, default: [f32; N]) -> Result<[f32; N]> {
         let Some(list) = self.get(key) else { return Ok(default) };
         let numbers = list.floats()?;
@@ -119,12 +119,12 @@ impl<'a> At<'a> {
         self.value.as_str().ok_or_else(|| self.refuse(format!("{} is no text", self.short()), REPAIR))
     }
 
-    /// The property `key` as text, or nothing where there is none.
+    /// The property `key` as text; empty if there is none.
     pub fn text_or_empty(&self, key: &str) -> &'a str {
         self.value.get(key).and_then(Value::as_str).unwrap_or_default()
     }
 
-    /// The value for a message.
+    /// The value, shortened for a message.
     fn short(&self) -> String {
         let text = match self.value {
             Value::Array(_) => "an array".to_owned(),

@@ -11,34 +11,34 @@ use serde_json::Value;
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// A mesh of the file, in its own space: nodes place it.
+/// A mesh of the file, in its own space; nodes place it.
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct Mesh {
-    /// Vertices of all primitives, one after the other, as the file has them: one texture coordinate each, and indices that
-    /// draw them ([`Faces::triangles`]). Doubled vertices are welded. Streams are those that some target changes. Without
-    /// vertices where the file has no triangles.
+    /// The vertices of all primitives, one after the other, as in the file: one texture coordinate each, and faces that
+    /// name them ([`Faces::triangles`]). Doubled vertices are welded. It has the streams that some target changes.
+    /// Without triangles in the file, it has no vertices.
     pub source: MorphSource,
-    /// A weight for each target, for nodes that state none.
+    /// A weight for each target, used by nodes that state none.
     pub weights: Vec<f32>,
-    /// Which vertices and triangles are of which primitive.
+    /// The vertices and triangles of each primitive.
     pub primitives: Vec<Primitive>,
-    /// Streams that no target changes (but for the first texture coordinates, which are `source.texcoords`), and so need no
-    /// pose. A primitive that lacks one has tangents along x, texture coordinates 0, white.
+    /// Streams that no target changes, and that therefore need no pose, except the first texture coordinates, which are
+    /// `source.texcoords`. For a primitive that lacks one, tangents are along x, texture coordinates 0, colours white.
     pub constants: Vec<StreamData>,
-    /// What binds vertices to joints.
+    /// The joints that vertices follow; `None` without any.
     pub influences: Option<Influences>,
 }
 
-/// A primitive of a [`Mesh`]: what is drawn with one material.
+/// A primitive of a [`Mesh`]: the part that is drawn with one material.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Primitive {
     /// Its index in the file's mesh. Primitives without triangles are left out.
     pub index: usize,
-    /// Its vertices.
+    /// Its range of vertices.
     pub vertices: Range<usize>,
-    /// Its faces, all of them triangles.
+    /// Its range of faces, all of them triangles.
     pub triangles: Range<usize>,
     /// Index of the file's material.
     pub material: Option<usize>,
@@ -50,15 +50,15 @@ pub struct Primitive {
 pub struct Influences {
     /// 4 or 8.
     pub per_vertex: usize,
-    /// `per_vertex` numbers for each vertex: which of [`Skin::joints`](super::Skin::joints).
+    /// `per_vertex` indices into [`Skin::joints`](super::Skin::joints) for each vertex.
     pub joints: Vec<u16>,
-    /// `per_vertex` weights for each vertex, 0 or more. Their sum is 1; 0 where the vertex has none (another primitive's).
+    /// `per_vertex` weights for each vertex, 0 or more. Their sum is 1, or 0 for a vertex of a primitive without any.
     pub weights: Vec<f32>,
 }
 
 const AGAIN: &str = "export the file again";
 
-/// Read a mesh; `name` is for reports.
+/// Reads a mesh; `name` is for reports.
 pub fn mesh(file: &Container, at: &At<'_>, name: String) -> Result<Mesh> {
     let primitives = at.items("primitives")?;
     let names = target_names(at, &primitives)?;
@@ -105,15 +105,15 @@ pub fn mesh(file: &Container, at: &At<'_>, name: String) -> Result<Mesh> {
     Ok(mesh)
 }
 
-/// As many weights as there are targets.
+/// Fits the number of weights to that of targets.
 pub fn fitted(file: &Container, at: &At<'_>, mut weights: Vec<f32>, targets: usize) -> Result<Vec<f32>> {
     file.charge(at, targets, size_of::<f32>())?;
     weights.resize(targets, 0.0);
     Ok(weights)
 }
 
-/// The targets' names: extras.targetNames of the mesh, or of its first primitive (UniVRM), or else numbers. A name that
-/// comes twice gets a number.
+/// The names of the targets: extras.targetNames of the mesh, or of its first primitive (UniVRM), otherwise numbers. A
+/// repeated name gets a number.
 fn target_names(at: &At<'_>, primitives: &[At<'_>]) -> Result<Vec<String>> {
     let mut count = None;
     for primitive in primitives {
@@ -136,8 +136,8 @@ fn extras_names(value: &Value) -> Option<&[Value]> {
     value.get("extras")?.get("targetNames")?.as_array().map(Vec::as_slice)
 }
 
-/// A name that is not `taken` yet: with the first number from 2 on that makes it so, where it has to have one. What is taken
-/// has the last number that was tried for it, so that names that come again and again take no search from the start.
+/// Makes `name` unique among `taken`, by appending the first free number from 2 on if necessary. `taken` maps each name
+/// to the last number that was tried for it, so that many repetitions of a name need no search from the start.
 pub fn unique(name: String, taken: &mut HashMap<String, usize>) -> String {
     let Some(mut number) = taken.get(&name).copied() else {
         taken.insert(name.clone(), 1);
@@ -155,9 +155,9 @@ pub fn unique(name: String, taken: &mut HashMap<String, usize>) -> String {
     numbered
 }
 
-/// What the attribute `key` is, where it is a stream.
+/// Returns the stream of the attribute `key`, if it is one.
 fn semantic(key: &str) -> Option<Semantic> {
-    // Written in one way only, or a primitive had any number of streams.
+    // Only one spelling of a number counts; otherwise a primitive could have any number of streams.
     let number = |set: &str| set.parse().ok().filter(|number: &u8| number.to_string() == set);
     Some(match key.split_once('_') {
         None if key == "POSITION" => Semantic::Position,
@@ -169,7 +169,7 @@ fn semantic(key: &str) -> Option<Semantic> {
     })
 }
 
-/// The streams that an object of attributes names, in their order.
+/// Returns the streams that an object of attributes names, in their order.
 fn streams<'a>(at: &At<'a>) -> Vec<(Semantic, At<'a>)> {
     let keys = at.value.as_object().into_iter().flat_map(|object| object.keys());
     let mut found: Vec<_> = keys.filter_map(|key| Some((semantic(key)?, at.get(key)?))).collect();
@@ -177,7 +177,7 @@ fn streams<'a>(at: &At<'a>) -> Vec<(Semantic, At<'a>)> {
     found
 }
 
-/// A primitive as a mesh of its own, and what binds it to joints.
+/// Reads a primitive as a separate mesh, with the joints that its vertices follow.
 fn part(file: &Container, at: &At<'_>, mode: usize, names: &[String]) -> Result<(MorphSource, Option<Influences>)> {
     if at.get("extensions").is_some_and(|e| e.get("KHR_draco_mesh_compression").is_some()) {
         let remedy = "decompress the file (gltf-transform copy does), or compress it by KHR_meshopt_compression";
@@ -189,11 +189,11 @@ fn part(file: &Container, at: &At<'_>, mode: usize, names: &[String]) -> Result<
     let read = |index: &At<'_>| file.accessor(index)?.of_count(count, "vertices (POSITION)");
     let mut source = MorphSource { faces: faces(file, at, mode, count)?, ..MorphSource::default() };
     source.positions = positions.into_iter().map(Vec3::from).collect();
-    // What normals and tangents are multiplied by to have unit length; their deltas as well.
+    // Factors that bring normals and tangents to unit length; deltas are multiplied by them, too.
     let (mut normal_scales, mut tangent_scales) = (vec![], vec![]);
     for (semantic, index) in streams(&attributes) {
         let values = match semantic {
-            // No attribute of glTF is one of masks.
+            // glTF has no attribute for masks.
             Semantic::Position | Semantic::Mask => continue,
             Semantic::Normal => {
                 let stated: Vec<Vec3> = read(&index)?.floats::<3>()?.into_iter().map(Vec3::from).collect();
@@ -242,7 +242,7 @@ fn part(file: &Container, at: &At<'_>, mode: usize, names: &[String]) -> Result<
             let stated = source.streams.iter().position(|s| s.semantic == semantic);
             match (semantic, stated.map(|i| &mut made.streams[i])) {
                 (Semantic::Position, _) => made.positions = vectors(accessor.deltas::<3>()?, None),
-                // Without base normals all are computed.
+                // If base normals are missing, all normals are computed.
                 (Semantic::Normal, _) if source.normals.is_none() => {}
                 (Semantic::Normal, _) => made.normals = Some(vectors(accessor.deltas::<3>()?, Some(&normal_scales))),
                 (Semantic::Tangent, Some(own)) => {
@@ -289,7 +289,7 @@ fn stream<const N: usize>(deltas: impl IntoIterator<Item = (u32, [f32; N])>) -> 
     StreamDeltas { vertices, deltas: deltas.into_flattened() }
 }
 
-/// Triangles of `count` vertices: a list (mode 4), strip (5) or fan (6).
+/// Returns the triangles of `count` vertices: a list (mode 4), strip (5) or fan (6).
 fn faces(file: &Container, at: &At<'_>, mode: usize, count: usize) -> Result<Faces> {
     let indices: Vec<u32> = match at.get("indices") {
         None => {
@@ -319,7 +319,7 @@ fn faces(file: &Container, at: &At<'_>, mode: usize, count: usize) -> Result<Fac
             return Err(at.refuse(format!("{} indices for triangles", indices.len()), "give three per triangle"));
         }
         4 => corners.extend(indices.into_iter().map(corner)),
-        // Strips turn back by triangles that have no area.
+        // Strips turn back with triangles that have no area.
         _ => {
             let with_area = (0..triangles).map(of).filter(|[a, b, c]| a != b && b != c && c != a);
             corners.extend(with_area.flatten().map(corner));
@@ -328,7 +328,7 @@ fn faces(file: &Container, at: &At<'_>, mode: usize, count: usize) -> Result<Fac
     Ok(Faces { sizes: vec![3; corners.len() / 3], corners })
 }
 
-/// Joints and weights, of the sets 0 and 1.
+/// Reads joints and weights, of the sets 0 and 1.
 fn influences(file: &Container, attributes: &At<'_>, count: usize) -> Result<Option<Influences>> {
     let of = |key: String| file.accessor(&attributes.need(&key)?)?.of_count(count, "vertices (POSITION)");
     let mut sets = vec![];
@@ -347,24 +347,24 @@ fn influences(file: &Container, attributes: &At<'_>, count: usize) -> Result<Opt
     for v in 0..count {
         let weights = sets.iter().flat_map(|(_, weights)| weights[v]);
         let sum: f64 = weights.clone().map(f64::from).sum();
-        // Quantised weights miss 1 by a little; where all are 0, the vertex follows its first joint.
+        // The sum of quantised weights is not quite 1; if all weights are 0, the vertex follows its first joint.
         let scaled =
             weights.enumerate().map(|(i, w)| if sum > 0.0 { (f64::from(w) / sum) as f32 } else { f32::from(i == 0) });
         found.weights.extend(scaled);
-        // Joints are 16-bit numbers at most, as are the types that glTF has for them.
+        // Joints are at most 16-bit numbers, as in glTF's types for them.
         found.joints.extend(sets.iter().flat_map(|(joints, _)| joints[v]).map(|j| j.min(u16::MAX.into()) as u16));
     }
     Ok(Some(found))
 }
 
 impl Influences {
-    /// The joints that vertices follow, some of them many times.
+    /// Iterates over the joints that vertices follow; a joint may come many times.
     pub(super) fn followed(&self) -> impl Iterator<Item = usize> {
         self.joints.iter().zip(&self.weights).filter(|(_, weight)| **weight > 0.0).map(|(joint, _)| usize::from(*joint))
     }
 }
 
-/// The influences of all parts, with as many for each vertex.
+/// Joins the influences of all parts, with the same number for each vertex.
 fn joined(
     file: &Container,
     at: &At<'_>,

@@ -1,10 +1,11 @@
-//! Decoders of KHR_meshopt_compression and EXT_meshopt_compression, from the text of the extensions: appendix A (bitstream)
-//! for the three modes, appendix B for the filters. EXT is KHR without version 1 of attributes and the filter COLOR; files
-//! that name it have them read as well, as meshoptimizer does. `None` is data that is cut off or not of the mode.
+//! Decoders of KHR_meshopt_compression and EXT_meshopt_compression, written from the text of the extensions: appendix A
+//! (bitstream) for the three modes, appendix B for the filters. EXT is KHR without version 1 of attributes and without
+//! the filter COLOR; files that name EXT may use them here all the same, as in meshoptimizer. `None` means that data is
+//! cut off or not of the mode.
 
-/// Decode `count` elements of `size` bytes. What is refused is said in words that follow a place.
+/// Decodes `count` elements of `size` bytes. The text of an error is meant to follow a place in the file.
 pub fn decode(data: &[u8], count: usize, size: usize, mode: &str, filter: &str) -> Result<Vec<u8>, String> {
-    // No mode makes more of a byte: 2 bits stand for 16 bytes without change, in version 1 for 256.
+    // No mode expands a byte further: 2 bits stand for 16 unchanged bytes, in version 1 for 256.
     let most = if data.first() == Some(&VERSION_1) { 1024 } else { 64 };
     if count.checked_mul(size).is_none_or(|total| total / most > data.len()) {
         return Err(format!("{count} elements of {size} bytes, more than {} compressed bytes can hold", data.len()));
@@ -27,7 +28,7 @@ pub fn decode(data: &[u8], count: usize, size: usize, mode: &str, filter: &str) 
         "INDICES" => indices(data, count).map(|indices| narrow(&indices, size)),
         _ => attributes(data, count, size),
     };
-    let mut bytes = decoded.ok_or_else(|| format!("data that is cut off, or not of mode {mode}"))?;
+    let mut bytes = decoded.ok_or_else(|| format!("data that is cut off or not of mode {mode}"))?;
     match (filter, size) {
         ("OCTAHEDRAL", 4) => bytes.chunks_exact_mut(4).for_each(|v| {
             let [x, y, one] = [v[0], v[1], v[2]].map(|b| f32::from(b as i8));
@@ -60,16 +61,16 @@ pub fn decode(data: &[u8], count: usize, size: usize, mode: &str, filter: &str) 
 
 /// Elements in a group.
 const GROUP: usize = 16;
-/// The headers of attributes.
+/// First bytes of the attribute stream, by version.
 const VERSION_0: u8 = 0xa0;
 const VERSION_1: u8 = 0xa1;
-/// How many bits the deltas of a group may have, by the control mode of the byte: 0 is no delta, 8 is bytes.
+/// Bits of the deltas of a group, by the control mode of the byte: 0 is no delta, 8 is whole bytes.
 const BITS_VERSION_0: [u8; 4] = [0, 2, 4, 8];
 const BITS_CONTROL: [[u8; 4]; 2] = [[0, 1, 2, 4], [1, 2, 4, 8]];
 
 fn attributes(data: &[u8], count: usize, size: usize) -> Option<Vec<u8>> {
     let (&version, rest) = data.split_first()?;
-    // At the end the element before the first one and, in version 1, a mode for each four of its bytes.
+    // The stream ends with the element before the first one and, in version 1, a mode for each four of its bytes.
     let (modes, padded) = match version {
         VERSION_0 => (0, 32),
         VERSION_1 => (size / 4, 24),
@@ -98,7 +99,7 @@ fn attributes(data: &[u8], count: usize, size: usize) -> Option<Vec<u8>> {
     rest.is_empty().then_some(out)
 }
 
-/// The deltas of one byte of all elements of a block. `control` is how they are stored; `None`: as in version 0.
+/// Reads the deltas of one byte of all elements of a block. `control` is their storage mode; `None`: as in version 0.
 fn read_deltas(rest: &mut &[u8], control: Option<u8>, elements: &mut [u8], byte: usize, size: usize) -> Option<()> {
     let count = elements.len() / size;
     let mut places = elements[byte..].iter_mut().step_by(size);
@@ -121,7 +122,7 @@ fn read_deltas(rest: &mut &[u8], control: Option<u8>, elements: &mut [u8], byte:
     Some(())
 }
 
-/// The deltas of a group: none, of 1, 2 or 4 bits with a byte for those that do not fit, or bytes.
+/// Reads the deltas of a group: none, 1, 2 or 4 bits each, with a whole byte for those that do not fit, or whole bytes.
 fn deltas(rest: &mut &[u8], bits: u8) -> Option<[u8; GROUP]> {
     let mut out = [0; GROUP];
     if bits == 0 {
@@ -136,7 +137,7 @@ fn deltas(rest: &mut &[u8], bits: u8) -> Option<[u8; GROUP]> {
     let all = (1u8 << bits) - 1;
     for (i, out) in out.iter_mut().enumerate() {
         let bit = i * bits;
-        // The first is in the highest bits, but for single ones.
+        // The first delta is in the highest bits, except for deltas of one bit.
         let shift = if bits == 1 { bit % 8 } else { 8 - bits - bit % 8 };
         *out = packed[bit / 8] >> shift & all;
         if *out == all {
@@ -146,7 +147,7 @@ fn deltas(rest: &mut &[u8], bits: u8) -> Option<[u8; GROUP]> {
     Some(out)
 }
 
-/// Four bytes of an element, of their delta and those of the element before; `None` where there is no such mode.
+/// Returns four bytes of an element from their delta and the element before; `None` for an unknown mode.
 fn undo_delta(mode: u8, delta: [u8; 4], before: [u8; 4]) -> Option<[u8; 4]> {
     Some(match (mode & 15, mode >> 4) {
         (0, 0) => std::array::from_fn(|i| {
@@ -166,7 +167,7 @@ fn undo_delta(mode: u8, delta: [u8; 4], before: [u8; 4]) -> Option<[u8; 4]> {
     })
 }
 
-/// A queue of 16: 0 is what was pushed last.
+/// A queue of 16; index 0 is the last value pushed.
 struct Recent<T>([T; 16], usize);
 
 impl<T: Copy> Recent<T> {
@@ -180,7 +181,7 @@ impl<T: Copy> Recent<T> {
     }
 }
 
-/// What triangles are decoded with.
+/// The state of the triangle decoder.
 struct Triangles<'a> {
     extra: &'a [u8],
     next: u32,
@@ -202,7 +203,7 @@ impl Triangles<'_> {
         Some(self.last)
     }
 
-    /// A vertex that four bits name, and whether it goes into the queue.
+    /// Returns the vertex that four bits name, and whether it goes into the queue.
     fn named(&mut self, bits: u8, may_be_explicit: bool) -> Option<(u32, bool)> {
         Some(match bits {
             0 => (self.take_next(), true),
@@ -256,7 +257,7 @@ fn triangles(data: &[u8], count: usize) -> Option<Vec<u32>> {
     if *header != 0xe1 {
         return None;
     }
-    // What was never put there is no vertex, as in meshoptimizer: the extension leaves it undefined.
+    // Queue entries that were never set are no vertex, as in meshoptimizer: the extension leaves them undefined.
     let (edges, vertices) = (Recent([[u32::MAX; 2]; 16], 0), Recent([u32::MAX; 16], 0));
     let mut state = Triangles { extra, next: 0, last: 0, edges, vertices };
     let mut out = Vec::with_capacity(count);
@@ -283,7 +284,7 @@ fn indices(data: &[u8], count: usize) -> Option<Vec<u32>> {
     rest.is_empty().then_some(out)
 }
 
-/// An unsigned number in groups of seven bits, the lowest first.
+/// Reads an unsigned number in groups of seven bits, the lowest first.
 fn leb128(rest: &mut &[u8]) -> Option<u32> {
     let mut value = 0u32;
     for shift in (0..35).step_by(7) {
@@ -328,11 +329,11 @@ fn quaternion(v: [i16; 4]) -> [i16; 4] {
     out
 }
 
-/// Red, green, blue and alpha of luma, chrominance and alpha, all of as many bits as `alpha` has.
+/// Converts luma, chrominance and alpha to red, green, blue and alpha; all have as many bits as `alpha`.
 fn color(y: i32, co: i32, cg: i32, alpha: i32, max: f32) -> [f32; 4] {
     let bits = 32 - alpha.leading_zeros();
     let all = (1 << bits) - 1;
-    // The highest bit says how many there are; the lowest comes twice in its place.
+    // The highest bit states the number of bits; the lowest bit is doubled to replace it.
     let opacity = alpha & all >> 1;
     let opacity = opacity << 1 | opacity & 1;
     let scale = max / all as f32;

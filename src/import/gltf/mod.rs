@@ -1,22 +1,24 @@
 //! glTF 2.0: meshes with morph targets, their weight animations, skins and nodes (`*.glb`, `*.gltf`, `*.vrm`).
 //!
-//! [`read`] yields everything as plain arrays, in the order of the file: for an engine that has a scene of its own.
-//! [`import::open`](super::open) makes one mesh of the file: [`Gltf::into_source`] says how.
+//! [`read`] returns everything as plain arrays, in the order of the file, for an engine with its own scene.
+//! [`import::open`](super::open) makes one mesh of the file, as described at [`Gltf::into_source`].
 //!
-//! - Streams: positions, normals, tangents, texture coordinates and colours, each of which targets may change. Accessors
+//! - Streams: positions, normals, tangents, texture coordinates and colours; targets may change each of them. Accessors
 //!   are dense, sparse or all zero, of any component type (KHR_mesh_quantization), compressed or not
-//!   (KHR_meshopt_compression, EXT_meshopt_compression). Buffers are in the file, in data URIs, or in files beside or below it.
-//! - Values are in the file's space and units: texture coordinates begin at the top left, and a quantised mesh has positions
-//!   of integers, which the transform of its node scales, or where it has a skin the inverse bind matrices.
-//! - Vertices are the file's. Those at one place are welded ([`MorphSource::weld`]), so normals that are not stated are
-//!   smooth across seams (glTF itself wants flat ones), and no crack opens. Where a target moves positions and states no
-//!   normals, theirs are computed from the deformed surface; glTF itself keeps those of the base pose, as does a target
-//!   whose [`normals`](crate::SourceTarget::normals) are `Some(vec![])`.
-//! - Tangents are the file's; none are computed.
+//!   (KHR_meshopt_compression, EXT_meshopt_compression). Buffers are in the file, in data URIs, or in files beside or
+//!   below it.
+//! - Values keep the file's space and units: texture coordinates begin at the top left. A quantised mesh has integer
+//!   positions, which the transform of its node scales or, with a skin, the inverse bind matrices.
+//! - Vertices are those of the file. Those at one position are welded ([`MorphSource::weld`]), so computed normals are
+//!   smooth across seams (glTF itself specifies flat ones), and no crack opens. If a target moves positions and states
+//!   no normals, they are computed from the deformed surface; glTF itself keeps those of the base pose, as does a
+//!   target whose [`normals`](crate::SourceTarget::normals) are `Some(vec![])`.
+//! - Tangents are those of the file; none are computed.
 //! - Draco, points and lines, materials, textures and cameras are not read.
 //!
-//! Files may be hostile: nothing is read outside their folder. Reading one, and making one mesh of it, takes 960 bytes of memory
-//! at most for each byte of it and of the files beside it that it names, and 3 MiB. Time is bounded in the same way.
+//! Files may be hostile: nothing outside their folder is read. Reading a file and making one mesh of it takes at most
+//! 960 bytes of memory per byte of the file and of the files that it names, plus 3 MiB. Time is bounded in the same
+//! way.
 
 mod accessor;
 mod animation;
@@ -41,7 +43,7 @@ use glam::DMat4;
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-/// What a file has, in its order: indices are the file's.
+/// The content of a file, in its order; indices are the file's.
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct Gltf {
@@ -49,31 +51,31 @@ pub struct Gltf {
     pub name: String,
     /// The meshes.
     pub meshes: Vec<Mesh>,
-    /// The nodes, of all scenes: [`Node::is_shown`] are those of the one to draw.
+    /// The nodes of all scenes; [`Node::is_shown`] marks those of the scene to draw.
     pub nodes: Vec<Node>,
     /// The skins.
     pub skins: Vec<Skin>,
     /// The animations.
     pub animations: Vec<Animation>,
-    /// Remarks that a person should see; those on a mesh are in its source.
+    /// Remarks for the user; those on a mesh are in its source.
     pub notes: Vec<String>,
     path: PathBuf,
     /// Nodes, parents before their children.
     order: Vec<usize>,
-    /// Bytes that may still be made of the file.
+    /// Bytes that may still be allocated for the file.
     budget: u64,
 }
 
-/// Read a file and the buffers beside it.
+/// Reads a file and the buffers beside it.
 ///
 /// # Errors
-/// [`Error::Io`] where a file cannot be read, [`Error::Input`] with the place in the JSON where it is no glTF 2.0, needs an
-/// extension that is not read, or names what it does not have.
+/// [`Error::Io`] if a file cannot be read; [`Error::Input`], with the place in the JSON, if it is not valid glTF 2.0,
+/// requires an extension that is not supported, or refers to something that it does not have; [`Error::OutOfMemory`].
 pub fn read(path: &Path) -> Result<Gltf> {
     gltf(&Container::read(path)?)
 }
 
-/// From the bytes of the file at `path`.
+/// Reads the bytes of the file at `path`.
 #[cfg(test)]
 fn from_bytes(path: &Path, bytes: Vec<u8>) -> Result<Gltf> {
     gltf(&Container::from_bytes(path, bytes)?)
@@ -87,7 +89,7 @@ fn gltf(file: &Container) -> Result<Gltf> {
     let mut gltf = Gltf { name, nodes, order, skins, path: file.path.clone(), ..Gltf::default() };
     let listed = root.items("meshes")?;
     let namesakes = namesakes(&gltf.nodes, &gltf.order, listed.len());
-    // Of the joints that a vertex of each follows, the one with the largest number.
+    // For each mesh, the largest joint that one of its vertices follows.
     let mut largest = vec![];
     for (i, at) in listed.iter().enumerate() {
         let stated = at.text_or_empty("name");
@@ -126,7 +128,8 @@ fn gltf(file: &Container) -> Result<Gltf> {
     Ok(gltf)
 }
 
-/// For each of `meshes` meshes the node to name it after: the first that draws it, or the nearest above that has a name.
+/// For each of `meshes` meshes, the node to name it after: the first one that draws it, or its nearest ancestor with a
+/// name.
 fn namesakes(nodes: &[Node], order: &[usize], meshes: usize) -> Vec<Option<usize>> {
     let mut named: Vec<Option<usize>> = vec![None; nodes.len()];
     for &i in order {
@@ -134,7 +137,7 @@ fn namesakes(nodes: &[Node], order: &[usize], meshes: usize) -> Vec<Option<usize
         named[i] = if nodes[i].name.is_empty() { above } else { Some(i) };
     }
     let mut of_meshes = vec![None; meshes];
-    // The last first: what the first one says stays.
+    // The last first, so that the first node overrides the others.
     for (node, named) in nodes.iter().zip(named).rev() {
         if let Some(mesh) = node.mesh {
             of_meshes[mesh] = named;
@@ -144,14 +147,15 @@ fn namesakes(nodes: &[Node], order: &[usize], meshes: usize) -> Vec<Option<usize
 }
 
 impl Gltf {
-    /// The matrix of each node, from its own space to the scene's: at rest, or at a time of an animation, in seconds.
+    /// Returns the matrix of each node, from its own space to the scene's: at rest, or at a time of an animation, in
+    /// seconds.
     #[must_use]
     pub fn world_matrices(&self, playing: Option<(&Animation, f64)>) -> Vec<DMat4> {
         scene::world_matrices(&self.nodes, &self.order, playing)
     }
 
-    /// The matrices that skinning takes, one for each joint of `skin`: from the space of the mesh, as it was bound, to the
-    /// scene's. `worlds` is what [`world_matrices`](Self::world_matrices) returned.
+    /// Returns the skinning matrices, one for each joint of `skin`: from the bind space of the mesh to the space of the
+    /// scene. `worlds` is the result of [`world_matrices`](Self::world_matrices).
     ///
     /// ```
     /// # use deltamorph::import::gltf::Gltf;
@@ -166,26 +170,28 @@ impl Gltf {
     /// }
     /// ```
     ///
-    /// Of a quantised mesh these scale, since its node's transform does not apply: dual quaternions cannot say that.
+    /// The matrices of a quantised mesh include a scale, since its node's transform does not apply; dual quaternions
+    /// cannot represent it.
     ///
     /// # Panics
-    /// Where `worlds` has fewer matrices than the file nodes.
+    /// If `worlds` has fewer matrices than the file has nodes.
     #[must_use]
     pub fn joint_matrices(&self, skin: &Skin, worlds: &[DMat4]) -> Vec<DMat4> {
         skin.joints.iter().zip(&skin.inverse_bind).map(|(&joint, bind)| worlds[joint] * bind.as_dmat4()).collect()
     }
 
-    /// The animations that have weights, for [`clip`](Self::clip).
+    /// Iterates over the animations that have weights, for [`clip`](Self::clip).
     pub fn weight_animations(&self) -> impl Iterator<Item = &Animation> {
         self.animations.iter().filter(|animation| weight_channels(animation).next().is_some())
     }
 
-    /// The weights of an animation, sampled from its first to its last key, with a column for each target that it moves; of
-    /// meshes with targets of one name, the first that is animated says. `fps` is the frame rate; `None` takes that of keys
-    /// that are evenly spaced, whose frames are then the keys, or else 30.
+    /// Samples the weights of an animation from its first to its last key. The clip has a column for each target that
+    /// the animation moves; if several meshes have targets of one name, the first animated one counts. `fps` is the
+    /// frame rate. `None`: evenly spaced keys become the frames, at their own rate; otherwise 30.
     ///
     /// # Errors
-    /// There are no weights in it, or too many frames: more than 2²⁴ weights.
+    /// [`Error::Input`] if the animation has no weights, or the clip would have more than 2²⁴; [`Error::Invalid`] if
+    /// `fps` is not a positive number.
     pub fn clip(&self, animation: &Animation, fps: Option<f32>) -> Result<WeightClip> {
         let refuse = |what: &str, remedy| {
             let place = format!(": animation '{}'", animation.name);
@@ -210,7 +216,7 @@ impl Gltf {
             names.extend(own.iter().map(|(_, name)| (*name).to_owned()));
             columns.push((*channel, own.iter().map(|(i, _)| *i).collect::<Vec<usize>>()));
         }
-        // Channels of which all is said already.
+        // Columns whose channels are all covered by earlier ones.
         columns.retain(|(_, own)| !own.is_empty());
         let spans = channels.iter().map(|channel| channel.span());
         let [start, end] = spans.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or_default();
@@ -229,17 +235,18 @@ impl Gltf {
         Ok(WeightClip { name: animation.name.clone(), names, fps, values })
     }
 
-    /// One mesh of the file: all that have targets and are in the scene that it shows, as they stand there at rest, each
-    /// where the first node that draws it has it. Of a file without targets all that are in the scene; where none of these
-    /// is in the scene, all. Targets of one name move together. A mesh with a skin stands as the joints do
-    /// that its vertices follow, or as it was bound where they have since moved. What is left out, and what was merged, is in
-    /// the notes; so are weights at rest, which have no place in a mesh.
+    /// Makes one mesh of the file. It takes all meshes that have targets and are in the default scene, at rest, each at
+    /// the transform of the first node that draws it. If the file has no targets, it takes all meshes in the scene; if
+    /// none is in the scene, all of the file. Targets of one name move together. A mesh with a skin is placed as the
+    /// joints stand that its vertices follow, or as it was bound if these have moved apart since. The notes state what
+    /// was left out or merged, and the weights at rest, which a mesh cannot hold.
     ///
     /// # Errors
-    /// No mesh has triangles, a node flattens its mesh, or one mesh is more than a file of this size can hold.
+    /// [`Error::Input`] if no mesh has triangles, a node flattens its mesh, or the mesh would be larger than a file of
+    /// this size can hold.
     pub fn into_source(mut self) -> Result<MorphSource> {
         let worlds = self.world_matrices(None);
-        // Of each mesh, the nodes in the scene that draw it.
+        // For each mesh, the nodes in the scene that draw it.
         let mut drawn = vec![vec![]; self.meshes.len()];
         for (i, node) in self.nodes.iter().enumerate().filter(|(_, node)| node.is_shown) {
             if let Some(mesh) = node.mesh {
@@ -327,14 +334,14 @@ impl Gltf {
     }
 }
 
-/// Two times that are nearer than this part of a frame are one.
+/// Times that differ by less than this part of a frame count as equal.
 const NEAR: f64 = 1e-3;
 
 fn weight_channels(animation: &Animation) -> impl Iterator<Item = &Channel> {
     animation.channels.iter().filter(|channel| channel.property == Property::Weights)
 }
 
-/// Frames per second of keys that are evenly spaced, within 2% of a frame; else 30.
+/// Frames per second of evenly spaced keys (within 2% of a frame); otherwise 30.
 fn frame_rate(times: &[f32]) -> f32 {
     let (Some(&first), Some(&last)) = (times.first(), times.last()) else { return super::DEFAULT_FPS };
     let (first, frames) = (f64::from(first), times.len() as f64 - 1.0);
@@ -343,6 +350,6 @@ fn frame_rate(times: &[f32]) -> f32 {
     if !(fps.is_finite() && fps > 0.0 && times.iter().enumerate().all(even)) {
         return super::DEFAULT_FPS;
     }
-    // 29.999998 is 30 that single precision has rounded.
+    // Undo rounding to single precision: 29.999998 means 30.
     if (fps - fps.round()).abs() < 1e-3 * fps { fps.round() as f32 } else { fps as f32 }
 }

@@ -1,4 +1,4 @@
-//! Nodes and skins: where joints are, at rest or at a time of an animation. Evaluated in double precision.
+//! Nodes and skins: the transforms of joints at rest or at a time of an animation, in double precision.
 
 use super::animation::{Animation, Property};
 use super::container::Container;
@@ -6,7 +6,7 @@ use super::json::At;
 use crate::error::Result;
 use glam::{DMat4, DQuat, DVec3, Mat4, Quat, Vec3};
 
-/// A node: where it is relative to its parent, and what it draws.
+/// A node: its transform relative to its parent, and the mesh that it draws.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Node {
@@ -14,48 +14,49 @@ pub struct Node {
     pub name: String,
     /// Index of the parent; `None` for a root.
     pub parent: Option<usize>,
-    /// Its transform relative to the parent, while nothing animates it.
+    /// Its transform relative to the parent while no animation changes it.
     pub local: Transform,
-    /// Whether it is in the scene that the file shows: its default scene, or else the first. Of files without scenes all
-    /// nodes are.
+    /// Whether it is in the scene to draw: the default scene, or else the first. If the file has no scenes, all nodes
+    /// are.
     pub is_shown: bool,
     /// Index of the mesh that it draws.
     pub mesh: Option<usize>,
-    /// Index of the skin that deforms the mesh. The node's own transform does not apply then: joints say where it is.
+    /// Index of the skin that deforms the mesh. The node's own transform does not apply then; the joints place the
+    /// mesh.
     pub skin: Option<usize>,
-    /// Weights in place of the mesh's; empty where the node states none.
+    /// Weights that replace those of the mesh; empty if the node states none.
     pub weights: Vec<f32>,
 }
 
-/// A transform as a file states it. Only parts are animated.
+/// A transform as a file states it. Only `Parts` can be animated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Transform {
     /// Translation · rotation · scale.
     Parts {
-        /// By how much it is moved.
+        /// Translation.
         translation: Vec3,
-        /// How it is turned.
+        /// Rotation.
         rotation: Quat,
-        /// By how much it is scaled, along its own axes.
+        /// Scale along its own axes.
         scale: Vec3,
     },
     /// A matrix, column by column.
     Matrix(Mat4),
 }
 
-/// Joints that deform a mesh.
+/// The joints that deform a mesh.
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct Skin {
     /// Its name, which may be empty.
     pub name: String,
-    /// The nodes that are its joints; [`Influences::joints`](super::Influences::joints) counts them.
+    /// The nodes that are its joints; [`Influences::joints`](super::Influences::joints) are indices into them.
     pub joints: Vec<usize>,
-    /// For each joint the matrix from the space of the mesh to that of the joint, as it was bound.
+    /// For each joint, the matrix from the space of the mesh to that of the joint in the bind pose.
     pub inverse_bind: Vec<Mat4>,
 }
 
-/// Read all nodes, in the order of the file, and an order in which parents come before their children.
+/// Reads all nodes, in the order of the file, and an order in which parents come before their children.
 pub fn nodes(file: &Container) -> Result<(Vec<Node>, Vec<usize>)> {
     let root = file.root();
     let list = root.items("nodes")?;
@@ -79,7 +80,7 @@ pub fn nodes(file: &Container) -> Result<(Vec<Node>, Vec<usize>)> {
         done += 1;
     }
     if order.len() < nodes.len() {
-        // Every node has one parent at most, so what no root reaches goes round in circles.
+        // Every node has at most one parent, so a node that no root reaches is in a cycle.
         let mut reached = vec![false; nodes.len()];
         order.iter().for_each(|node| reached[*node] = true);
         let at = &list[reached.iter().position(|reached| !reached).unwrap_or_default()];
@@ -123,7 +124,7 @@ fn node(root: &At<'_>, at: &At<'_>) -> Result<Node> {
     Ok(Node { name, parent: None, local, is_shown: true, mesh, skin, weights })
 }
 
-/// Read a skin.
+/// Reads a skin.
 pub fn skin(file: &Container, at: &At<'_>) -> Result<Skin> {
     let mut joints = vec![];
     for joint in at.need("joints")?.elements()? {
@@ -145,7 +146,7 @@ pub fn skin(file: &Container, at: &At<'_>) -> Result<Skin> {
 }
 
 impl Transform {
-    /// As a matrix, with what an animation says in place of its own parts.
+    /// Returns the matrix, with animated values replacing its own parts.
     fn matrix(&self, playing: &[(Property, Vec<f64>)]) -> DMat4 {
         let Self::Parts { translation, rotation, scale } = *self else {
             let Self::Matrix(matrix) = *self else { return DMat4::IDENTITY };
@@ -167,7 +168,7 @@ impl Transform {
     }
 }
 
-/// The matrix of each node, from its own space to the scene's.
+/// Returns the matrix of each node, from its own space to the scene's.
 pub fn world_matrices(nodes: &[Node], order: &[usize], playing: Option<(&Animation, f64)>) -> Vec<DMat4> {
     let mut parts: Vec<Vec<(Property, Vec<f64>)>> = vec![vec![]; nodes.len()];
     for (channel, time) in

@@ -58,7 +58,8 @@ proptest! {
         let shorts = dense.iter().flatten().flat_map(|x| i16::from(*x).to_le_bytes()).collect::<Vec<u8>>();
         let floats = dense.iter().flatten().flat_map(|x| f32::from(*x).to_le_bytes()).collect::<Vec<u8>>();
         // Four bytes an element, and three bytes of something else before the first one.
-        let strided: Vec<u8> = [9, 9, 9].into_iter().chain(dense.iter().flat_map(|v| [v[0] as u8, v[1] as u8, v[2] as u8, 7])).collect();
+        let strided: Vec<u8> =
+            [9, 9, 9].into_iter().chain(dense.iter().flat_map(|v| [v[0] as u8, v[1] as u8, v[2] as u8, 7])).collect();
         let indices: Vec<u8> = moved.iter().flat_map(|(v, _)| (*v as u16).to_le_bytes()).collect();
         let sparse_values: Vec<u8> = moved.iter().flat_map(|(_, d)| d.map(|x| x as u8)).collect();
 
@@ -91,14 +92,16 @@ proptest! {
             let mut file = row(count);
             let mut base = dense.clone();
             base.iter_mut().step_by(2).for_each(|v| *v = if *v == [0; 3] { [0; 3] } else { [5, 6, 7] });
-            let accessor = file.accessor(I8, "VEC3", count, &base.iter().flatten().map(|x| *x as u8).collect::<Vec<_>>());
+            let accessor = file.accessor(I8, "VEC3", count,
+                &base.iter().flatten().map(|x| *x as u8).collect::<Vec<_>>());
             if !over_dense {
                 file.json["accessors"][accessor].as_object_mut().unwrap().remove("bufferView");
             }
             let (of, at) = (file.view(&indices), file.view(&sparse_values));
             if !moved.is_empty() {
                 file.json["accessors"][accessor]["sparse"] = json!({
-                    "count": moved.len(), "indices": {"bufferView": of, "componentType": U16}, "values": {"bufferView": at}});
+                    "count": moved.len(), "indices": {"bufferView": of, "componentType": U16},
+                    "values": {"bufferView": at}});
             }
             set_target(&mut file, accessor);
             prop_assert_eq!(deltas(&file), expected(1.0));
@@ -137,8 +140,10 @@ fn every_stream_morphs_and_what_no_target_moves_is_constant() {
         "COLOR_0": file.floats(&[[1.0, 0.5, 0.25]; 3]), "_OWN": file.floats(&[[1.0]; 3]),
     });
     let targets = json!([
-        {"POSITION": file.floats(&[[0.0, 0.0, 1.0], [0.0; 3], [0.0; 3]]), "NORMAL": file.floats(&[[2.0, 0.0, 0.0], [0.0; 3], [0.0; 3]])},
-        {"TANGENT": file.floats(&[[0.0, 4.0, 0.0], [0.0; 3], [0.0, 1.0, 0.0]]), "TEXCOORD_0": file.floats(&[[0.0; 2], [0.25, 0.5], [0.0; 2]])},
+        {"POSITION": file.floats(&[[0.0, 0.0, 1.0], [0.0; 3], [0.0; 3]]),
+         "NORMAL": file.floats(&[[2.0, 0.0, 0.0], [0.0; 3], [0.0; 3]])},
+        {"TANGENT": file.floats(&[[0.0, 4.0, 0.0], [0.0; 3], [0.0, 1.0, 0.0]]),
+         "TEXCOORD_0": file.floats(&[[0.0; 2], [0.25, 0.5], [0.0; 2]])},
         {"COLOR_0": file.floats(&[[0.0; 3], [0.0; 3], [0.5, 0.0, 0.0]])},
     ]);
     file.json["meshes"] = json!([{"extras": {"targetNames": ["up", "up"]}, "weights": [0.5],

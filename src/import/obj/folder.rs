@@ -9,22 +9,22 @@ use crate::math::map_all;
 use glam::{DVec3, Vec3};
 use std::path::{Path, PathBuf};
 
-/// Import a folder: `neutral.obj` and one file per target in `targets/*.obj`, in the order of their names.
+/// Imports a folder: `neutral.obj`, and one file per target in `targets/*.obj`, in the order of their names.
 ///
-/// File names ending in `.obj` in any case count; hidden files (a dot first), folders and other files are ignored.
-/// Every target has the vertices of `neutral.obj` in the same order, and faces with the same vertices; the texture
-/// coordinates of a target are not looked at. Deltas are taken as the files state them: call
-/// [`to_mesh`](MorphSource::to_mesh) to drop noise. A `targets` folder without OBJ files gives a source without
-/// targets, with a note.
+/// File names ending in `.obj` in any case count; hidden files (a leading dot), folders and other files are ignored.
+/// Every target has the vertices of `neutral.obj` in the same order, and faces with the same vertices; texture
+/// coordinates of targets are ignored. Deltas are kept as the files state them; [`to_mesh`](MorphSource::to_mesh) drops
+/// noise. A `targets` folder without OBJ files gives a source without targets, with a note.
 ///
-/// Normals are per position. Where the corners of a position state several (a hard edge), they are averaged by
-/// face area. Base normals are brought to unit length, and normal deltas scaled with them. A neutral without
-/// normals, or with normals in some faces only, has none; a target without has them computed from its surface.
-/// [`to_mesh`](MorphSource::to_mesh) says how.
+/// Normals are per position. If the corners of a position state several (a hard edge), they are averaged by face area.
+/// Base normals are brought to unit length, and normal deltas scaled with them. If the neutral has no normals, or has
+/// them in some faces only, the source has none; the normals of a target without them are computed from its surface, by
+/// [`to_mesh`](MorphSource::to_mesh).
 ///
 /// # Errors
-/// A file or folder that is missing, unreadable or not OBJ (a pipe or device is not opened at all); a target that
-/// does not fit `neutral.obj`. With several bad targets, the first by name is reported.
+/// [`Error::Io`] for a file or folder that cannot be read; [`Error::Input`] for one that is missing or not OBJ (a pipe
+/// or device is not opened at all), or a target that does not fit `neutral.obj`. With several bad targets, the first by
+/// name is reported.
 pub fn import_folder(folder: &Path) -> Result<MorphSource> {
     let name = folder.file_name().map_or_else(|| folder.display().to_string(), |n| n.to_string_lossy().into_owned());
     let neutral_path = neutral_path(folder)?;
@@ -35,11 +35,11 @@ pub fn import_folder(folder: &Path) -> Result<MorphSource> {
         notes.push("the folder 'targets' has no .obj file: a base pose without targets".to_owned());
     }
 
-    // Targets are averaged with these areas, too: with the same weights the delta is the mean of the deltas.
+    // Targets are averaged with the same weights, so the delta is the mean of the deltas.
     let areas: Vec<f64> = neutral.faces.iter().map(|face| area_vector(face, &neutral.positions).length()).collect();
     let base = base_normals(&neutral, &areas, &mut notes);
     let neutral = Neutral { path: neutral_path, file: neutral, areas, base };
-    // All results first: whichever thread is faster, the first bad target by name is the one reported.
+    // All results first, so that the bad target reported is the first by name, whichever thread is faster.
     let results = map_all(&paths, (), |(), (name, path)| neutral.target(name, path));
     let targets: Vec<(SourceTarget, Option<&str>)> = results.into_iter().collect::<Result<_>>()?;
     for remark in [COMPUTED, AVERAGED, IGNORED] {
@@ -70,21 +70,21 @@ const COMPUTED: &str = "without normals at all corners: computed";
 const AVERAGED: &str = "with hard edges where neutral.obj has none: averaged by area";
 const IGNORED: &str = "with normals, neutral.obj has none: computed for all";
 
-/// `neutral.obj`, or else its name in another case.
+/// Returns the path of `neutral.obj`, or of the same name in another case.
 fn neutral_path(folder: &Path) -> Result<PathBuf> {
     let exact = folder.join("neutral.obj");
     if exact.is_file() {
         return Ok(exact);
     }
     let is_neutral = |p: &PathBuf| p.file_name().is_some_and(|n| n.eq_ignore_ascii_case("neutral.obj"));
-    // A folder or pipe of that name is refused when it is read.
+    // A folder or pipe of that name is refused by the read.
     list(folder)?.into_iter().filter(is_neutral).min_by_key(|p| (!p.is_file(), *p != exact)).ok_or_else(|| {
         let remedy = "give a folder with neutral.obj and one file per target in targets/";
         Error::input(folder, "", "no file neutral.obj in this folder", remedy)
     })
 }
 
-/// Names and paths of the targets, in target order.
+/// Returns the names and paths of the targets, in target order.
 fn target_paths(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
     let targets = folder.join("targets");
     if !targets.is_dir() {
@@ -105,15 +105,16 @@ fn target_paths(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
     Ok(paths)
 }
 
-/// The normals per position that `file` states, and how many positions are at hard edges; `None` where its faces have no
-/// normals, or not everywhere.
+/// Returns the normals per position that `file` states, and the number of positions at hard edges; `None` if its faces
+/// have no normals, or not at all corners.
 ///
-/// Where all corners of a position agree, it is their normal as stated; at a hard edge, their area-weighted mean. A position
-/// that no face names has the `vn` line of its own number where there are as many `vn` as `v` lines, otherwise zero.
+/// If all corners of a position agree, it has their normal as stated; at a hard edge, their area-weighted mean. A
+/// position that no face names has the `vn` line of its own number if there are as many `vn` as `v` lines, otherwise
+/// zero.
 fn stated_normals(file: &ObjFile, areas: &[f64]) -> Option<(Vec<Vec3>, usize)> {
     let count = file.positions.len();
     let one_each = file.normals.len() == count;
-    // A point cloud has normals when it has one for each of its points.
+    // A point cloud has normals if it has one for each point.
     let corners = match &file.corner_normals {
         Some(corners) => corners.as_slice(),
         None if file.faces.sizes.is_empty() && one_each => &[],
@@ -137,7 +138,7 @@ fn stated_normals(file: &ObjFile, areas: &[f64]) -> Option<(Vec<Vec3>, usize)> {
             *sum += file.normals[n as usize].as_dvec3() * area;
             *weight += area;
         }
-        // Faces without area have no say; where all are such, the first normal stands.
+        // Faces without area do not count; if all are such, the first normal is kept.
         for (v, (sum, weight)) in sums.into_iter().enumerate().filter(|(v, (_, weight))| hard[*v] && *weight > 0.0) {
             values[v] = (sum / weight).as_vec3();
         }
@@ -145,12 +146,12 @@ fn stated_normals(file: &ObjFile, areas: &[f64]) -> Option<(Vec<Vec3>, usize)> {
     Some((values, hard.into_iter().filter(|hard| *hard).count()))
 }
 
-/// The neutral's normals: as stated, and of unit length.
+/// The neutral's normals: as stated, and at unit length.
 struct Base {
     stated: Vec<Vec3>,
     /// Number of positions at hard edges.
     hard: usize,
-    /// By what a stated normal is multiplied; its delta as well.
+    /// Factor by which each stated normal is multiplied, and its deltas.
     scales: Vec<f32>,
     units: Vec<Vec3>,
 }
@@ -172,7 +173,7 @@ fn base_normals(neutral: &ObjFile, areas: &[f64], notes: &mut Vec<String>) -> Op
     Some(Base { stated, hard, scales, units })
 }
 
-/// The neutral mesh, as the targets need it.
+/// The data of the neutral mesh that targets need.
 struct Neutral {
     path: PathBuf,
     file: ObjFile,
@@ -181,7 +182,7 @@ struct Neutral {
 }
 
 impl Neutral {
-    /// A target, and what there is to remark on it.
+    /// Reads a target. Returns it, and a remark on it if there is one.
     fn target(&self, name: &str, path: &Path) -> Result<(SourceTarget, Option<&'static str>)> {
         let file = ObjFile::read(path)?;
         const REMEDY: &str =
@@ -196,7 +197,7 @@ impl Neutral {
         }
         let positions: Vec<(u32, Vec3)> = differences(&self.file.positions, &file.positions).collect();
         if let Some((v, _)) = positions.iter().find(|(_, d)| !d.is_finite()) {
-            return refuse(format!("vertex {} is too far from its place in the neutral mesh", u64::from(*v) + 1));
+            return refuse(format!("vertex {} is too far from its position in the neutral mesh", u64::from(*v) + 1));
         }
         let stated = stated_normals(&file, &self.areas);
         let remark = match (&self.base, &stated) {
@@ -215,12 +216,12 @@ impl Neutral {
     }
 }
 
-/// `(index, target − base)` wherever the two differ.
+/// Iterates over `(index, target − base)` wherever the two differ.
 fn differences<'a>(base: &'a [Vec3], target: &'a [Vec3]) -> impl Iterator<Item = (u32, Vec3)> + 'a {
     base.iter().zip(target).enumerate().filter(|(_, (b, t))| b != t).map(|(i, (b, t))| (i as u32, *t - *b))
 }
 
-/// Where two face lists differ in sizes or positions, in words that end where "in FILE" can follow.
+/// Describes the first difference of two face lists in sizes or positions, as text to be followed by "in FILE".
 fn first_difference(found: &Faces, expected: &Faces) -> Option<String> {
     fn vertices(face: &[Corner]) -> impl Iterator<Item = u64> {
         face.iter().map(|c| u64::from(c.position) + 1)

@@ -1,9 +1,9 @@
-//! From OBJ text to arrays, in the file's order.
+//! Reads OBJ text into arrays, in the file's order.
 //!
-//! tobj has no line numbers, takes NaN for a number and reads an index of 0 as missing. So every statement is checked
-//! first. tobj then gets only `v`, `vt`, `vn` and `f` statements, each known to be good, on a line each. Statements at
-//! which it would start a new model (`o`, `g`, `usemtl`) are left out, and so are comments in odd encodings and vertex
-//! colours on some lines only.
+//! tobj has no line numbers, accepts NaN as a number and reads an index of 0 as missing, so every statement is checked
+//! first. tobj then gets only valid `v`, `vt`, `vn` and `f` statements, one on each line. Statements at which it would
+//! start a new model (`o`, `g`, `usemtl`) are left out, as are comments in other encodings, and vertex colours that
+//! only some lines have.
 
 use crate::asset::{Corner, Faces};
 use crate::error::{Error, Result};
@@ -29,40 +29,40 @@ pub struct ObjFile {
     pub texcoords: Vec<Vec2>,
     /// The `vn` lines, as stated.
     pub normals: Vec<Vec3>,
-    /// The `f` lines, in file order whatever object, group or material they belong to.
+    /// The `f` lines, in file order, whatever object, group or material they belong to.
     pub faces: Faces,
-    /// Index into `normals` of every corner of `faces`; `None` unless every corner names one.
+    /// Index into `normals` of each corner of `faces`; `None` unless every corner has one.
     pub corner_normals: Option<Vec<u32>>,
-    /// Whether some corners of the faces name a normal (so that `corner_normals: None` means a mixture).
+    /// Whether some corners of the faces have a normal; with `corner_normals: None`, only some of them.
     pub any_normals: bool,
 }
 
 impl ObjFile {
-    /// Read one OBJ file.
+    /// Reads one OBJ file.
     ///
-    /// Polygons stay polygons, vertices stay in file order, and vertices without a face are kept. Points and
-    /// lines (`p`, `l`), vertex colours, free-form surfaces, groups and materials are ignored. Lines end in LF or
-    /// CR LF, or all of them in CR.
+    /// Polygons stay polygons, vertices stay in file order, and vertices without a face are kept. Points and lines
+    /// (`p`, `l`), vertex colours, free-form surfaces, groups and materials are ignored. Lines end in LF or CR LF, or
+    /// all of them in CR.
     ///
     /// Takes 300 bytes of memory at most for each byte of the file, and 1 MiB, whatever it counts.
     ///
     /// # Errors
-    /// [`Error::Io`] where the file cannot be read, [`Error::Input`] with the line where its text cannot be used, or where
-    /// it is larger than 1 GiB.
+    /// [`Error::Io`] if the file cannot be read; [`Error::Input`] with the line if its text cannot be used, or if it is
+    /// larger than 1 GiB; [`Error::OutOfMemory`].
     pub fn read(path: &Path) -> Result<Self> {
         Self::from_bytes(path, read_bounded(path, TEXT_MAX, "split the mesh")?)
     }
 
-    /// The same, from text in memory; `path` is only for messages.
+    /// Reads one OBJ file from text in memory, like [`read`](Self::read); `path` is only for messages.
     ///
     /// # Errors
-    /// [`Error::Input`], as [`read`](Self::read).
+    /// [`Error::Input`] with the line if the text cannot be used; [`Error::OutOfMemory`].
     pub fn from_bytes(path: &Path, bytes: Vec<u8>) -> Result<Self> {
         let Scan { text, counts, corners, without_texcoord, without_normal, .. } = Scan::new(path, bytes)?;
         let options = tobj::LoadOptions::default();
         let loaded = tobj::load_obj_buf(&mut text.as_slice(), &options, |_| Ok(Default::default()));
         drop(text);
-        // The scan has refused what tobj refuses; a difference between the two would end up here.
+        // The scan has refused everything that tobj refuses; a difference between the two would be reported here.
         let refuse = |what: String| Error::input(path, "", what, "export the file again, with one statement on a line");
         let (mut models, _) = loaded.map_err(|e| refuse(e.to_string()))?;
         let mesh = models.pop().map(|model| model.mesh).unwrap_or_default();
@@ -75,7 +75,7 @@ impl ObjFile {
             return Err(refuse("the parser lost vertices or corners".into()));
         }
 
-        // tobj leaves the sizes out when all faces, the first one included, are triangles.
+        // tobj leaves out the sizes if all faces, the first one included, are triangles.
         let sizes = mesh.face_arities.get(1..).map_or_else(|| vec![3; corners / 3], <[u32]>::to_vec);
         let texcoord = |i: usize| mesh.texcoord_indices.get(first + i).copied();
         let indices = mesh.indices[first..].iter().enumerate();
@@ -83,7 +83,7 @@ impl ObjFile {
             sizes,
             corners: indices.map(|(i, &position)| Corner { position, texcoord: texcoord(i) }).collect(),
         };
-        // For a corner without one, tobj repeats the corner before.
+        // For a corner without texture coordinate, tobj repeats that of the corner before.
         without_texcoord.iter().for_each(|&i| faces.corners[i as usize].texcoord = None);
         let any_normals = without_normal < corners;
         Ok(Self {
@@ -97,7 +97,7 @@ impl ObjFile {
     }
 }
 
-/// Checks statements, and writes the good ones down for tobj.
+/// Checks statements, and copies the valid ones for tobj.
 struct Scan<'a> {
     path: &'a Path,
     /// The line that the statement starts on.
@@ -106,18 +106,18 @@ struct Scan<'a> {
     text: Vec<u8>,
     /// Number of `v`, `vt` and `vn` statements.
     counts: [usize; 3],
-    /// Those so far: what a negative index counts back from.
+    /// The numbers so far; a negative index counts back from them.
     seen: [usize; 3],
     /// Number of corners of all faces.
     corners: usize,
-    /// Corners (counted over all faces) that name no texture coordinate.
+    /// Corners (counted over all faces) without a texture coordinate.
     without_texcoord: Vec<u32>,
-    /// Number of corners that name no normal.
+    /// Number of corners without a normal.
     without_normal: usize,
 }
 
 impl<'a> Scan<'a> {
-    /// Check `bytes` and keep what tobj needs. `path` is for messages.
+    /// Checks `bytes` and keeps the statements that tobj needs. `path` is for messages.
     fn new(path: &'a Path, mut bytes: Vec<u8>) -> Result<Self> {
         if let Some(at) = bytes.iter().position(|&b| b == 0) {
             let what = format!("binary data (a zero byte at offset {at}), OBJ text expected");
@@ -126,14 +126,14 @@ impl<'a> Scan<'a> {
         if bytes.starts_with(b"\xef\xbb\xbf") {
             bytes[..3].fill(b' ');
         }
-        // Lines that end in CR alone, as old systems wrote them. Beside LF, a CR is white space.
+        // Lines that end in CR alone, as on old systems. Beside LF, a CR counts as white space.
         if !bytes.contains(&b'\n') {
             bytes.iter_mut().filter(|b| **b == b'\r').for_each(|b| *b = b'\n');
         }
         if bytes.contains(&b'\\') {
             bytes = join_lines(&bytes);
         }
-        // Counted first: a face may name a vertex that is listed after it.
+        // Counted in advance: a face may name a vertex that is listed after it.
         let mut counts = [0; 3];
         for (keyword, _) in statements(&bytes) {
             kind_of(keyword).into_iter().for_each(|kind| counts[kind] += 1);
@@ -184,7 +184,7 @@ impl<'a> Scan<'a> {
         finite.ok_or_else(|| self.error(what(), "repair the mesh and export it again"))
     }
 
-    /// The `N` numbers that a statement begins with.
+    /// Reads the `N` numbers at the beginning of a statement.
     fn numbers<'t, const N: usize>(&self, kind: usize, words: &mut impl Iterator<Item = &'t str>) -> Result<[f32; N]> {
         let mut numbers = [0.0; N];
         for (i, x) in numbers.iter_mut().enumerate() {
@@ -194,7 +194,7 @@ impl<'a> Scan<'a> {
         Ok(numbers)
     }
 
-    /// `x y z [w]` or `x y z r g b [a]`, of which the colour is not kept.
+    /// Checks `x y z [w]` or `x y z r g b [a]`; the colour is not kept.
     fn vertex<'t>(&self, text: &'t str) -> Result<&'t str> {
         let mut words = text.split_whitespace();
         let xyz = self.numbers::<3>(0, &mut words)?;
@@ -237,7 +237,7 @@ impl<'a> Scan<'a> {
                 continue;
             }
             let Ok(index) = part.parse::<i64>() else { return refuse("is not a corner of a face") };
-            // A positive index may look ahead; a negative one counts back from this line.
+            // A positive index may refer to later lines; a negative one counts back from this line.
             let limit = if index < 0 { self.seen[k] } else { self.counts[k] } as u64;
             if index == 0 || index.unsigned_abs() > limit {
                 let (name, keyword) = (NAMES[k], KEYWORDS[k]);
@@ -264,10 +264,10 @@ impl<'a> Scan<'a> {
     }
 }
 
-/// A face whose corners name every vertex, texture coordinate and normal in file order.
+/// Makes a face whose corners name every vertex, texture coordinate and normal in file order.
 ///
-/// tobj numbers all three by first use and drops what no face uses. As the first face of the file, this one
-/// makes the order of first use the order of the file. It is cut off again after parsing.
+/// tobj numbers all three by first use and drops those that no face uses. With this first face in the file, the order
+/// of first use is the order of the file. The face is removed after parsing.
 fn ordering_face(counts: [usize; 3]) -> Vec<u8> {
     let corners = counts.into_iter().max().unwrap_or(0);
     let mut line = Vec::with_capacity(corners * 24 + 2);
@@ -285,13 +285,13 @@ fn ordering_face(counts: [usize; 3]) -> Vec<u8> {
     line
 }
 
-/// A backslash at the end of a line joins it to the next one. The line breaks come after what is joined, so that the lines
-/// that follow keep their numbers.
+/// Joins lines that end with a backslash to the next one. The line breaks move behind the joined line, so that later
+/// lines keep their numbers.
 fn join_lines(bytes: &[u8]) -> Vec<u8> {
     let mut joined = Vec::with_capacity(bytes.len());
     let mut breaks = 0;
     for line in bytes.split_inclusive(|&b| b == b'\n') {
-        // A comment ends with its line: a Windows path in one may well end in a backslash.
+        // A comment ends with its line: a Windows path in a comment may end with a backslash.
         let comment = breaks == 0 && line.trim_ascii_start().starts_with(b"#");
         let end = line.strip_suffix(b"\\\n").or_else(|| line.strip_suffix(b"\\\r\n"));
         match end.filter(|_| !comment) {
@@ -309,7 +309,7 @@ fn join_lines(bytes: &[u8]) -> Vec<u8> {
     joined
 }
 
-/// The statements, one of each line: its keyword and what follows it, without comments.
+/// Iterates over the statements, one per line: the keyword, and the text after it without comments.
 fn statements(bytes: &[u8]) -> impl Iterator<Item = (&[u8], &[u8])> {
     bytes.split(|&b| b == b'\n').map(|line| {
         let statement = line.split(|&b| b == b'#').next().unwrap_or_default().trim_ascii_start();
@@ -317,12 +317,12 @@ fn statements(bytes: &[u8]) -> impl Iterator<Item = (&[u8], &[u8])> {
     })
 }
 
-/// What a statement lists, as a place in [`KEYWORDS`] and [`NAMES`].
+/// Returns the kind of values that a statement lists, as an index into [`KEYWORDS`] and [`NAMES`].
 fn kind_of(keyword: &[u8]) -> Option<usize> {
     KEYWORDS.iter().position(|k| k.as_bytes() == keyword)
 }
 
-/// A word of the file, cut to a length that fits a message.
+/// Cuts a word of the file to a length that fits a message.
 fn short(word: &str) -> String {
     match word.char_indices().nth(40) {
         Some((at, _)) => format!("{}…", &word[..at]),

@@ -7,31 +7,31 @@ use glam::{Vec2, Vec3};
 use std::io::{self, Write};
 use std::path::Path;
 
-/// The pieces of a mesh that an OBJ file holds. Vertices are written in the order given.
+/// The parts of a mesh that an OBJ file holds. Vertices are written in the order given.
 #[derive(Clone, Copy, Debug)]
 pub struct ObjMesh<'a> {
     /// Positions.
     pub positions: &'a [Vec3],
-    /// One normal per position, or none at all.
+    /// One normal per position, or none.
     pub normals: &'a [Vec3],
-    /// Texture coordinates, as the faces index them.
+    /// Texture coordinates, indexed by the faces.
     pub texcoords: &'a [Vec2],
     /// The face list; polygons are written as polygons.
     pub faces: &'a Faces,
 }
 
 impl<'a> From<&'a MorphMesh> for ObjMesh<'a> {
-    /// The base pose.
+    /// Takes the base pose.
     fn from(mesh: &'a MorphMesh) -> Self {
         Self { positions: &mesh.positions, normals: &mesh.normals, texcoords: &mesh.texcoords, faces: &mesh.faces }
     }
 }
 
-/// Write `mesh` to the file `path`. What is there is replaced when the new file is complete.
+/// Writes `mesh` to the file `path`. The old content is replaced when the new file is complete.
 ///
 /// # Errors
-/// [`Error::Io`] where the file cannot be written, [`Error::Invalid`] where a value is not finite, an index is
-/// out of range, or there are normals for some positions only.
+/// [`Error::Io`] if the file cannot be written; [`Error::Invalid`] if a value is not finite, an index is out of range,
+/// or the number of normals is neither 0 nor that of positions.
 pub fn write_obj(path: &Path, mesh: ObjMesh<'_>) -> Result<()> {
     check(&mesh)?;
     write_replacing(path, |out| write_obj_to(out, mesh))
@@ -54,11 +54,11 @@ fn check(mesh: &ObjMesh<'_>) -> Result<()> {
     mesh.faces.check(v, vt)
 }
 
-/// Write `mesh` as OBJ text: `v`, `vt`, `vn` with nine significant digits (so that every `f32` reads back as it
-/// was), then `f v/vt/vn`.
+/// Writes `mesh` as OBJ text: `v`, `vt`, `vn` with nine significant digits (so that every `f32` reads back unchanged),
+/// then `f v/vt/vn`.
 ///
 /// # Errors
-/// What `out` returns. Values are written as they are: check them first, or use [`write_obj`].
+/// Those of `out`. Values are not checked; [`write_obj`] checks them.
 pub fn write_obj_to(out: &mut impl Write, mesh: ObjMesh<'_>) -> io::Result<()> {
     rows(out, "v", mesh.positions.iter().map(Vec3::to_array))?;
     rows(out, "vt", mesh.texcoords.iter().map(Vec2::to_array))?;
@@ -95,7 +95,7 @@ fn rows<const N: usize>(out: &mut impl Write, keyword: &str, rows: impl Iterator
     Ok(())
 }
 
-/// Append `x` as a plain decimal of nine significant digits, without trailing zeros.
+/// Appends `x` as a plain decimal of nine significant digits, without trailing zeros.
 fn push_nine_digits(text: &mut String, x: f32) {
     use std::fmt::Write;
     // One decimal too many does no harm, so the logarithm need not be exact.

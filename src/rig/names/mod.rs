@@ -1,5 +1,5 @@
-//! Names of shapes: ARKit's, with the spellings of Face Cap, ICT-FaceKit and Live Link Face; action units of FACS; expression
-//! units of MakeHuman. A clip that says one of them plays on a mesh that says another.
+//! Names of shapes: those of ARKit, with the spellings of Face Cap, ICT-FaceKit and Live Link Face; action units of
+//! FACS; expression units of MakeHuman. [`retarget`] lets a clip with one kind of names play on a mesh with another.
 
 mod spelling;
 mod table;
@@ -12,48 +12,50 @@ use spelling::{Name, Scheme, Side, read};
 use std::collections::{HashMap, HashSet};
 use table::TABLE;
 
-/// A clip in a mesh's own names: what [`retarget`] returns.
+/// The result of [`retarget`]: a clip in the mesh's own names.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Retargeted {
-    /// The clip: columns that name targets, and those that the others come out as.
+    /// The clip. Its columns are those that name a target, and the targets that the others drive.
     pub clip: WeightClip,
-    /// Columns that name no target, in their order: targets that they became, with factors. One that became none has a
-    /// meaning that the mesh has no target for.
+    /// The columns that name no target, in their order, each with the targets that it drives and their factors. The
+    /// list is empty if the mesh has no target for the meaning of the column.
     pub columns: Vec<(String, Vec<(String, f32)>)>,
 }
 
 impl Retargeted {
-    /// How many columns were put on targets of other names.
+    /// Returns the number of columns that drive targets of other names.
     pub fn mapped(&self) -> usize {
         self.columns.iter().filter(|(_, targets)| !targets.is_empty()).count()
     }
 
-    /// Columns that the mesh has no target for.
+    /// Iterates over the columns for which the mesh has no target.
     pub fn lost(&self) -> impl Iterator<Item = &str> {
         self.columns.iter().filter(|(_, targets)| targets.is_empty()).map(|(name, _)| name.as_str())
     }
 }
 
-/// The clip for a mesh whose targets (or a rig whose controls) are called `targets`: what a captured clip of ARKit's 52
-/// shapes needs on a mesh with other names.
+/// Converts a clip for a mesh whose targets (or a rig whose controls) are called `targets`, such as a captured clip of
+/// ARKit's 52 shapes for a mesh with other names.
 ///
-/// A column that names a target stays as it is. The others are looked up in one table:
+/// A column that names a target is kept. The others are looked up in one table:
 ///
-/// - ARKit: `eyeBlinkLeft`, `eyeBlink_L` (Face Cap, ICT-FaceKit), `EyeBlinkLeft` (Live Link Face); case does not matter;
-/// - FACS: `AU12`, `AU1`, `AU01`, with `_L`, `_R`, `L`, `R`, `Left` or `Right` for one side. Intensities go from 0 to 1;
+/// - ARKit: `eyeBlinkLeft`, `eyeBlink_L` (Face Cap, ICT-FaceKit), `EyeBlinkLeft` (Live Link Face); case does not
+///   matter;
+/// - FACS: `AU12`, `AU1`, `AU01`, with `_L`, `_R`, `L`, `R`, `Left` or `Right` for one side. Intensities go from 0 to
+///   1;
 /// - MakeHuman: `eye-left-closure`, also with its prefixes `caucasian_`, `asian_` and `african_`.
 ///
-/// A shape of both sides drives the targets of both; where a mesh has one target for both, each side gives it half, as far as
-/// its weight goes. A shape goes to targets of ARKit's meaning, else to an action unit, else to a unit of MakeHuman, of
-/// which the first ancestry is taken. What several columns give one target adds up. A target that has a column of its own
-/// name gets nothing else.
+/// A shape of both sides drives the targets of both. If a mesh has one target for both sides, each side gives it half
+/// of its weight. A shape drives the targets of the same ARKit meaning; without one, an action unit; without one, a
+/// unit of MakeHuman, of the first ancestry that the mesh has. If several columns drive one target, their weights add
+/// up. A target that has a column of its name is driven by no other.
 ///
-/// A column that neither names a target nor is in the table stays in the clip, for [`WeightClip::bind`] to refuse by name.
+/// A column that neither names a target nor is in the table stays in the clip; [`WeightClip::bind`] refuses it by name.
 ///
 /// # Errors
-/// What [`WeightClip::bind`] refuses of any clip: two columns of one name, a weight that is not finite, a row that is not
-/// whole.
+/// [`Error::Invalid`](crate::Error::Invalid) for two columns of one name, a weight that is not finite, or an incomplete
+/// row, as in [`WeightClip::bind`].
 ///
 /// ```
 /// use deltamorph::{WeightClip, rig::names};
@@ -74,12 +76,12 @@ pub fn retarget(clip: &WeightClip, targets: &[&str]) -> Result<Retargeted> {
     clip.check()?;
     let stated: HashSet<&str> = clip.names.iter().map(String::as_str).collect();
     let own: HashSet<&str> = targets.iter().copied().filter(|target| stated.contains(target)).collect();
-    let places = Places::new(targets);
-    // Of each column of the result: its name, and columns of the clip with factors.
+    let known = Targets::new(targets);
+    // The columns of the result: each has its name, and columns of the clip with factors.
     let mut made: Vec<(&str, Vec<(usize, f32)>)> = vec![];
     let mut columns = vec![];
     for (index, name) in clip.names.iter().enumerate() {
-        let found = if own.contains(name.as_str()) { None } else { places.of(name) };
+        let found = if own.contains(name.as_str()) { None } else { known.of(name) };
         let Some(found) = found else {
             made.push((name, vec![(index, 1.0)]));
             continue;
@@ -100,29 +102,29 @@ pub fn retarget(clip: &WeightClip, targets: &[&str]) -> Result<Retargeted> {
     Ok(Retargeted { clip: WeightClip { names, values, ..clip.clone() }, columns })
 }
 
-/// Where a mesh has what.
-struct Places<'a>(HashMap<Name, &'a str>);
+/// The targets of a mesh by the meaning of their names.
+struct Targets<'a>(HashMap<Name, &'a str>);
 
-/// A shape of the table, and the side that is meant of it.
+/// A row of the table, and the side of it.
 type Shape = (usize, Side);
 
-impl<'a> Places<'a> {
+impl<'a> Targets<'a> {
     fn new(targets: &[&'a str]) -> Self {
-        let mut places = HashMap::new();
+        let mut known = HashMap::new();
         for target in targets {
             if let Some(name) = read(target) {
-                places.entry(name).or_insert(*target);
+                known.entry(name).or_insert(*target);
             }
         }
-        Self(places)
+        Self(known)
     }
 
-    /// The targets that stand for a column, with factors; `None` where the table does not have it.
+    /// Returns the targets that a column drives, with factors; `None` if it is not in the table.
     fn of(&self, column: &str) -> Option<Vec<(&'a str, f32)>> {
         let mut all: Vec<(&'a str, f32)> = vec![];
         for (shape, factor) in shapes(read(column)?) {
             for (target, share) in self.targets(shape) {
-                // Lips that roll in, both of them, are one unit: of several shapes that go to one target, one counts.
+                // FACS has one unit for both lips that roll in: of several shapes that lead to one target, one counts.
                 match all.iter_mut().find(|(name, _)| *name == target) {
                     Some((_, sum)) => *sum = sum.max(share * factor),
                     None => all.push((target, share * factor)),
@@ -147,18 +149,18 @@ impl<'a> Places<'a> {
         found.into_iter().map(|(target, share)| (target, share * factor)).collect()
     }
 
-    /// Action units for a shape, which may be another one on the other side.
+    /// Returns the action units for a shape; the two sides may have different ones.
     fn units(&self, [left, right]: [u8; 2], side: Side, sided: bool) -> Vec<(&'a str, f32)> {
         match (left == right, side) {
             (true, _) => {
-                // Two shapes that one unit stands for (lips that roll in) give half of it each.
+                // Two shapes with one unit in common (lips that roll in) give half of it each.
                 let shared = TABLE.iter().filter(|row| row.facs.contains(&[left, right])).count() as f32;
                 let found = self.sides(Scheme::Facs(left), side).into_iter();
                 found.map(|(target, share)| (target, share / shared)).collect()
             }
             (false, Side::Left) => self.sides(Scheme::Facs(left), side),
             (false, Side::Right) => self.sides(Scheme::Facs(right), side),
-            // The jaw goes one way: half of both ways is no way at all.
+            // The jaw moves to one side at a time: half of each side would be no movement.
             (false, Side::Both) if !sided => {
                 let (number, side) = if left == 0 { (right, Side::Right) } else { (left, Side::Left) };
                 self.0
@@ -174,7 +176,7 @@ impl<'a> Places<'a> {
         }
     }
 
-    /// Targets for one or both sides of what `scheme` says.
+    /// Returns the targets of `scheme` for one or both sides.
     fn sides(&self, scheme: Scheme, side: Side) -> Vec<(&'a str, f32)> {
         let at = |side| self.0.get(&Name { scheme, side }).copied();
         match (at(side), side) {
@@ -185,7 +187,7 @@ impl<'a> Places<'a> {
     }
 }
 
-/// The shapes of ARKit that a name stands for, with factors.
+/// Returns the shapes of ARKit that a name stands for, with factors.
 fn shapes(name: Name) -> Vec<(Shape, f32)> {
     match name.scheme {
         Scheme::Arkit(row) => vec![((row, name.side), 1.0)],
@@ -196,7 +198,7 @@ fn shapes(name: Name) -> Vec<(Shape, f32)> {
     }
 }
 
-/// What the action unit `number` says of a shape.
+/// Returns the shape that the action unit `number` stands for in a row, with its factor.
 fn meant(number: u8, side: Side, index: usize, row: &table::Row) -> Option<(Shape, f32)> {
     let [left, right] = row.facs.iter().fold([false; 2], |[l, r], n| [l || n[0] == number, r || n[1] == number]);
     let side = match (left, right, side) {

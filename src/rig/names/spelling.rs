@@ -1,8 +1,8 @@
-//! How names are spelt.
+//! Spellings of names.
 
 use super::table::TABLE;
 
-/// Which side of the face, the face's own.
+/// A side of the face, from the face's own view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Side {
     Both,
@@ -10,23 +10,23 @@ pub(super) enum Side {
     Right,
 }
 
-/// Whose name it is: the row of the table, or the number of an action unit.
+/// The scheme of a name: the row of the table, or the number of an action unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Scheme {
     Arkit(usize),
     Facs(u8),
-    /// Of an ancestry.
+    /// Row, and index of the ancestry.
     MakeHuman(usize, usize),
 }
 
-/// What a name says.
+/// A name that was understood.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Name {
     pub scheme: Scheme,
     pub side: Side,
 }
 
-/// What MakeHuman's units begin with: they are made for each ancestry.
+/// Prefixes of MakeHuman's units, which are made for each ancestry.
 pub(super) const ANCESTRIES: [&str; 4] = ["", "caucasian_", "asian_", "african_"];
 
 const ENDS: [(&str, Side); 8] = [
@@ -40,7 +40,7 @@ const ENDS: [(&str, Side); 8] = [
     (".r", Side::Right),
 ];
 
-/// The meaning of a name, where the table has it.
+/// Returns the meaning of a name; `None` if it is not in the table.
 pub(super) fn read(name: &str) -> Option<Name> {
     arkit(name).or_else(|| facs(name)).or_else(|| makehuman(name))
 }
@@ -58,7 +58,8 @@ fn arkit(name: &str) -> Option<Name> {
     })
 }
 
-/// `AU12`, `AU01`, `AU12_L`, `AU12Left`. Capitals: the `AU12_r` of OpenFace is an intensity from 0 to 5 of both sides.
+/// `AU12`, `AU01`, `AU12_L`, `AU12Left`. Case matters: the `AU12_r` of OpenFace is an intensity from 0 to 5 of both
+/// sides.
 fn facs(name: &str) -> Option<Name> {
     let rest = name.strip_prefix("AU")?;
     let digits = rest.len() - rest.trim_start_matches(|c: char| c.is_ascii_digit()).len();
@@ -77,7 +78,7 @@ fn facs(name: &str) -> Option<Name> {
 }
 
 fn makehuman(name: &str) -> Option<Name> {
-    // The empty prefix fits always: the others first.
+    // The empty prefix always fits, so the others come first.
     let (from, unit) =
         ANCESTRIES.iter().enumerate().rev().find_map(|(i, start)| Some((i, name.strip_prefix(start)?)))?;
     let is = |pattern: &str, side: &str| pattern.replace('*', side) == unit;

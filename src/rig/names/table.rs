@@ -1,14 +1,16 @@
-//! The table: what the shapes of faces are called.
+//! The table of the names of face shapes.
 
-/// A shape of ARKit, and what has the same meaning elsewhere.
+/// A shape of ARKit, and its equivalents in the other schemes.
 pub(super) struct Row {
-    /// ARKit's name, less the side.
+    /// ARKit's name without the side.
     pub arkit: &'static str,
-    /// Whether ARKit has one for each side.
+    /// Whether ARKit has a shape for each side.
     pub sided: bool,
-    /// Numbers of FACS action units, for the left side and for the right one; 0: none. The first that a mesh has is used.
+    /// Numbers of FACS action units, for the left side and for the right one; 0: none. The first that the mesh has is
+    /// used.
     pub facs: &'static [[u8; 2]],
-    /// MakeHuman's expression unit, `*` for the side; its weight for 1 of ARKit's; ARKit's for 1 of its own.
+    /// MakeHuman's expression unit, with `*` for the side; its weight for ARKit's weight 1; ARKit's weight for its
+    /// weight 1.
     pub makehuman: Option<(&'static str, f32, f32)>,
 }
 
@@ -26,9 +28,9 @@ impl Row {
     }
 }
 
-/// ARKit's 52 shapes. FACS: numbers of Ekman, Friesen and Hager, "Facial Action Coding System" (2002). MakeHuman's factors are
-/// projections of its units on the ARKit shapes that TalkingHead made for the same mesh, and the other way round, to a
-/// tenth and at most 1.
+/// ARKit's 52 shapes. FACS: numbers of Ekman, Friesen and Hager, "Facial Action Coding System" (2002). MakeHuman's
+/// factors are projections of its units on the ARKit shapes that TalkingHead made for the same mesh, and the reverse,
+/// rounded to a tenth and at most 1.
 pub(super) const TABLE: [Row; 34] = [
     each("browDown", &[[4, 4]]).unit("eyebrows-*-down", 0.8, 0.2),
     one("browInnerUp", &[[1, 1]]).unit("eyebrows-*-inner-up", 0.9, 0.3),

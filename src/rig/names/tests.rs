@@ -42,7 +42,7 @@ fn a_clip_in_the_meshs_own_names_stays_as_it_is() {
     let clip = clip(&["jawOpen", "smile"], &[0.25, 0.5, 1.0, 0.0]);
     let same = retarget(&clip, &["smile", "jawOpen", "x"]).unwrap();
     assert_eq!((&same.clip, same.columns.len()), (&clip, 0));
-    // What nobody knows is left for `bind` to name.
+    // Unknown names are left for `bind` to report.
     let same = retarget(&clip, &["jawOpen"]).unwrap();
     assert_eq!(same.clip, clip);
     assert!(same.clip.bind(&["jawOpen"]).is_err());

@@ -94,7 +94,8 @@ fn what_is_named_again_and_again_is_charged() {
     refused(&file);
     let mut file = Written::default();
     let (few, lots) = (zeros(&mut file, 3), zeros(&mut file, 15_000));
-    let bound = json!({"POSITION": few[0], "JOINTS_0": few[2] + 4, "WEIGHTS_0": few[2], "JOINTS_1": few[2] + 4, "WEIGHTS_1": few[2]});
+    let bound = json!({"POSITION": few[0], "JOINTS_0": few[2] + 4, "WEIGHTS_0": few[2], "JOINTS_1": few[2] + 4,
+        "WEIGHTS_1": few[2]});
     file.json["accessors"].as_array_mut().unwrap().push(json!({"componentType": U16, "type": "VEC4", "count": 3}));
     file.json["meshes"] = json!([{"primitives": [{"attributes": bound}, {"attributes": {"POSITION": lots[0]}}]}]);
     refused(&file);
@@ -114,7 +115,7 @@ fn a_file_beside_is_read_once_and_never_the_file_itself() {
     for uri in ["a.gltf", "./a.gltf", "%61.gltf"] {
         write(&many(2, &json!({"uri": uri, "byteLength": 1})), 3);
         let text = super::super::read(&path).unwrap_err().to_string();
-        assert!(text.contains("buffers[0].uri: the file itself, which is no buffer; name the file"), "{text}");
+        assert!(text.contains("buffers[0].uri: the glTF file itself, not a buffer; name the file"), "{text}");
     }
     std::fs::write(dir.path().join("b.bin"), vec![0; 100_000]).unwrap();
     let uris = ["b.bin", "./b.bin", "%62.bin"].map(|uri| json!({"uri": uri, "byteLength": 1}));
@@ -164,7 +165,8 @@ fn time_grows_as_files_do() {
     let mut file = Written::default();
     let lots = zeros(&mut file, 40_000);
     let apart = file.floats(&(0..40_000).map(|i| [i as f32, 0.0, 0.0]).collect::<Vec<_>>());
-    file.json["meshes"] = json!([{"primitives": [{"attributes": {"POSITION": lots[0]}, "indices": apart + 1, "targets": [{"POSITION": apart}]}]}]);
+    file.json["meshes"] = json!([{"primitives": [{"attributes": {"POSITION": lots[0]}, "indices": apart + 1,
+        "targets": [{"POSITION": apart}]}]}]);
     file.accessor(U16, "SCALAR", 3, &bytes(&[0u16, 1, 2]));
     accepted(&file);
     // Targets that name the same zeros.
@@ -182,7 +184,8 @@ fn time_grows_as_files_do() {
     file.json["nodes"] = many(2000, &json!({"mesh": 0}));
     let (times, weights) = (file.floats(&[[0.0f32], [1.0]]), file.floats(&[[0.0f32], [1.0]]));
     let channel = |node: usize| json!({"sampler": 0, "target": {"node": node, "path": "weights"}});
-    file.json["animations"] = json!([{"channels": (0..2000).map(channel).collect::<Vec<_>>(), "samplers": [{"input": times, "output": weights}]}]);
+    file.json["animations"] = json!([{"channels": (0..2000).map(channel).collect::<Vec<_>>(),
+        "samplers": [{"input": times, "output": weights}]}]);
     let (gltf, started) = (read(&file.glb()).unwrap(), Instant::now());
     let clip = gltf.clip(&gltf.animations[0], Some(1e6)).unwrap();
     assert_eq!((clip.frame_count(), clip.values[500_000]), (1_000_001, 0.5));

@@ -1,5 +1,5 @@
-//! Files that are damaged or made to do harm: each is refused by name, place and remedy, in memory bounded by its size, or
-//! used without a panic.
+//! Files that are damaged or made to do harm: each is refused by name, place and remedy, in memory bounded by its size,
+//! or used without a panic.
 
 use super::super::{Gltf, Result, from_bytes};
 use super::written::{U8, U16, Written, base64, bytes};
@@ -31,7 +31,8 @@ pub(super) fn small() -> Written {
         (file.floats(&[[0.0], [0.5], [1.0]]), file.floats(&[[0.0], [1.0], [1.0], [0.0], [0.5], [0.5]]));
     let moves = file.floats(&[[0.0f32, 1.0, 2.0]; 3]);
     file.json["animations"] = json!([{"name": "wave",
-        "channels": [{"sampler": 0, "target": {"node": 0, "path": "weights"}}, {"sampler": 1, "target": {"node": 1, "path": "translation"}}],
+        "channels": [{"sampler": 0, "target": {"node": 0, "path": "weights"}},
+            {"sampler": 1, "target": {"node": 1, "path": "translation"}}],
         "samplers": [{"input": times, "output": values}, {"input": times, "output": moves, "interpolation": "STEP"}]}]);
     file
 }
@@ -179,7 +180,7 @@ fn what_is_wrong_is_named_with_its_place() {
         }
     }
     assert!(missed.is_empty(), "{missed:#?}");
-    // What lies in the header of a GLB file, and in those of its chunks.
+    // Errors in the header of a GLB file, and in those of its chunks.
     for (at, byte, expected) in [
         (4, 1, "a.glb: GLB version 1, only 2 is read"),
         (16, b'X', "a.glb: byte 12: no chunk 'JSON' that fits the file"),
@@ -190,7 +191,7 @@ fn what_is_wrong_is_named_with_its_place() {
         let text = message(&glb);
         assert!(text.contains(expected), "{text}");
     }
-    // What lies in the buffer.
+    // Errors in the buffer.
     for (accessor, bytes, expected) in [
         (0, f32::NAN.to_le_bytes().to_vec(), "accessors[0]: element 0 is [NaN, 0.0, 0.0]; replace values"),
         (3, vec![9, 0], "accessors[3]: index 0 names vertex 9, but there are 4"),
@@ -314,7 +315,8 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
     #[test]
     fn damage_anywhere_is_refused_or_harmless(
-        values in prop::collection::vec((1usize..260, 0usize..14), 0..3), damage in prop::collection::vec((0usize..800, any::<u8>()), 0..6),
+        values in prop::collection::vec((1usize..260, 0usize..14), 0..3),
+        damage in prop::collection::vec((0usize..800, any::<u8>()), 0..6),
         strides in prop::collection::vec((0usize..13, prop_oneof![0u64..40, any::<u64>()]), 0..4),
     ) {
         let mut file = small();
@@ -322,7 +324,8 @@ proptest! {
             file.json["bufferViews"][view]["byteStride"] = json!(stride);
         }
         for (mut at, what) in values {
-            let nasty = [json!(0), json!(1), json!(2), json!(5), json!(-1), json!(4_000_000_000u64), json!(u64::MAX), json!(1e300), json!(0.5),
+            let nasty = [json!(0), json!(1), json!(2), json!(5), json!(-1), json!(4_000_000_000u64), json!(u64::MAX),
+                json!(1e300), json!(0.5),
                 json!(null), json!(""), json!([]), json!({}), json!(5126)];
             if let Some(value) = nth(&mut file.json, &mut at) {
                 *value = nasty[what].clone();

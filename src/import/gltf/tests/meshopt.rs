@@ -46,7 +46,9 @@ fn sorted(triangles: &[u32]) -> Vec<[u32; 3]> {
 
 proptest! {
     #[test]
-    fn attributes_are_what_was_encoded(four in elements(4), eight in elements(8), twelve in elements(12), large in elements(64)) {
+    fn attributes_are_what_was_encoded(
+        four in elements(4), eight in elements(8), twelve in elements(12), large in elements(64),
+    ) {
         let as_version = |version, level| [
             (4, &four, encoded_as::<4>(&four, version, level)),
             (8, &eight, encoded_as::<8>(&eight, version, level)),
@@ -59,25 +61,29 @@ proptest! {
             prop_assert_eq!(&decode(&data, count, size, "ATTRIBUTES", "").unwrap(), bytes);
             // Cut off anywhere, or with another header.
             let step = data.len() / 16 + 1;
-            prop_assert!((0..data.len()).step_by(step).all(|n| decode(&data[..n], count, size, "ATTRIBUTES", "").is_err()));
+            prop_assert!((0..data.len()).step_by(step)
+                .all(|n| decode(&data[..n], count, size, "ATTRIBUTES", "").is_err()));
             prop_assert!(decode(&[&[0xa2], &data[1..]].concat(), count, size, "ATTRIBUTES", "").is_err());
         }
     }
 
     #[test]
     fn indices_are_what_was_encoded(
-        edge in 1u32..20, skip in 2usize..9, any in prop::collection::vec(0u32..60_000, 3..300), near in prop::collection::vec(0u32..40, 3..600),
+        edge in 1u32..20, skip in 2usize..9, any in prop::collection::vec(0u32..60_000, 3..300),
+        near in prop::collection::vec(0u32..40, 3..600),
     ) {
         for list in [grid(edge, skip), any, near] {
             let list = &list[..list.len() / 3 * 3];
             let vertices = list.iter().max().map_or(0, |v| *v as usize + 1);
             let (triangles, sequence) =
-                (::meshopt::encode_index_buffer(list, vertices).unwrap(), ::meshopt::encode_index_sequence(list, vertices).unwrap());
+                (::meshopt::encode_index_buffer(list, vertices).unwrap(),
+                    ::meshopt::encode_index_sequence(list, vertices).unwrap());
             for (data, mode) in [(&triangles, "TRIANGLES"), (&sequence, "INDICES")] {
                 let narrow = decode(data, list.len(), 2, mode, "NONE").unwrap();
                 let wide = decode(data, list.len(), 4, mode, "").unwrap();
                 let wide: Vec<u32> = wide.chunks_exact(4).map(|b| u32::from_le_bytes(b.try_into().unwrap())).collect();
-                let narrow: Vec<u32> = narrow.chunks_exact(2).map(|b| u16::from_le_bytes(b.try_into().unwrap()).into()).collect();
+                let narrow: Vec<u32> =
+                    narrow.chunks_exact(2).map(|b| u16::from_le_bytes(b.try_into().unwrap()).into()).collect();
                 prop_assert_eq!(&wide, &narrow);
                 match mode {
                     "INDICES" => prop_assert_eq!(&wide, list),
@@ -91,8 +97,12 @@ proptest! {
 
     /// Whatever the bytes are: an answer, and no panic.
     #[test]
-    fn noise_is_decoded_or_refused(data in prop::collection::vec(any::<u8>(), 0..400), count in 0usize..2000, which in 0usize..4, size in 0usize..40) {
-        let (mode, header) = [("ATTRIBUTES", 0xa0), ("ATTRIBUTES", 0xa1), ("TRIANGLES", 0xe1), ("INDICES", 0xd1)][which];
+    fn noise_is_decoded_or_refused(
+        data in prop::collection::vec(any::<u8>(), 0..400), count in 0usize..2000, which in 0usize..4,
+        size in 0usize..40,
+    ) {
+        let modes = [("ATTRIBUTES", 0xa0), ("ATTRIBUTES", 0xa1), ("TRIANGLES", 0xe1), ("INDICES", 0xd1)];
+        let (mode, header) = modes[which];
         let data: Vec<u8> = std::iter::once(header).chain(data).collect();
         for filter in ["", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL", "COLOR", "OTHER"] {
             for size in [size, 2, 4, 8, 12] {
@@ -117,9 +127,11 @@ proptest! {
         let decoded = decode(&encoded::<8>(&packed), vectors.len(), 8, "ATTRIBUTES", "QUATERNION").unwrap();
         for (found, expected) in decoded.chunks_exact(8).zip(&quaternions) {
             let dot: f32 = found.chunks_exact(2).zip(expected).map(|(a, b)| short(a) * b).sum();
-            prop_assert!((dot.abs() - expected.iter().map(|x| x * x).sum::<f32>()).abs() < 1e-3, "{:?} {:?}", found, expected);
+            prop_assert!((dot.abs() - expected.iter().map(|x| x * x).sum::<f32>()).abs() < 1e-3,
+                "{:?} {:?}", found, expected);
         }
-        let directions: Vec<[f32; 4]> = vectors.iter().map(|&[x, y, z, _]| unit(&[x, y, z.abs().max(0.01).copysign(z), 0.0])).collect();
+        let directions: Vec<[f32; 4]> =
+            vectors.iter().map(|&[x, y, z, _]| unit(&[x, y, z.abs().max(0.01).copysign(z), 0.0])).collect();
         let packed = bytes(::meshopt::encode_filter_oct::<i16>(&directions, 16).as_flattened());
         let wide = decode(&encoded::<8>(&packed), vectors.len(), 8, "ATTRIBUTES", "OCTAHEDRAL").unwrap();
         let packed = bytes(::meshopt::encode_filter_oct::<i8>(&directions, 8).as_flattened());
@@ -131,7 +143,8 @@ proptest! {
             }
         }
         let floats: Vec<[f32; 1]> = vectors.iter().flatten().map(|x| [x * 100.0]).collect();
-        let packed = bytes(::meshopt::encode_filter_exp(&floats, 24, ::meshopt::EncodeExpMode::Separate).as_flattened());
+        let packed = bytes(::meshopt::encode_filter_exp(&floats, 24, ::meshopt::EncodeExpMode::Separate)
+            .as_flattened());
         let decoded = decode(&encoded::<4>(&packed), floats.len(), 4, "ATTRIBUTES", "EXPONENTIAL").unwrap();
         for (found, [expected]) in decoded.chunks_exact(4).zip(&floats) {
             prop_assert!((f32::from_le_bytes(found.try_into().unwrap()) - expected).abs() <= 2e-7 * expected.abs());
@@ -174,7 +187,9 @@ proptest! {
     }
 
     #[test]
-    fn the_filter_of_colours_gives_them_back(colours in prop::collection::vec(prop::array::uniform4(0.0f32..=1.0), 1..50), bits in 2i32..=16) {
+    fn the_filter_of_colours_gives_them_back(
+        colours in prop::collection::vec(prop::array::uniform4(0.0f32..=1.0), 1..50), bits in 2i32..=16,
+    ) {
         let wide = bytes(::meshopt::encode_filter_color::<u16>(&colours, bits).as_flattened());
         let wide = decode(&encoded_as::<8>(&wide, 1, 2), colours.len(), 8, "ATTRIBUTES", "COLOR").unwrap();
         let narrow = bytes(::meshopt::encode_filter_color::<u8>(&colours, bits.min(8)).as_flattened());

@@ -50,7 +50,8 @@ proptest! {
     fn splines_are_the_cubic_of_their_tangents(
         c in prop::array::uniform4(-2.0f64..2.0), steps in prop::collection::vec(0.1f32..2.0, 1..6), at in 0.0f64..1.0,
     ) {
-        let times: Vec<f32> = std::iter::once(0.0).chain(steps.iter().scan(0.0, |t, step| { *t += step; Some(*t) })).collect();
+        let times: Vec<f32> =
+            std::iter::once(0.0).chain(steps.iter().scan(0.0, |t, step| { *t += step; Some(*t) })).collect();
         let value = |t: f64| c[0] + t * (c[1] + t * (c[2] + t * c[3]));
         let slope = |t: f64| c[1] + t * (2.0 * c[2] + t * 3.0 * c[3]);
         let key = |t: &f32| [slope(f64::from(*t)), value(f64::from(*t)), slope(f64::from(*t))].map(|x| x as f32);
@@ -59,22 +60,25 @@ proptest! {
         prop_assert_eq!(spline.width(), 1);
         let time = at * spline.span()[1];
         let scale = 1.0 + value(time).abs() + time * slope(time).abs();
-        prop_assert!((spline.sample(time)[0] - value(time)).abs() < 1e-4 * scale.max(50.0), "{} {}", spline.sample(time)[0], value(time));
+        prop_assert!((spline.sample(time)[0] - value(time)).abs() < 1e-4 * scale.max(50.0), "{} {}",
+            spline.sample(time)[0], value(time));
     }
 
-    /// What a node does to a mesh: the normals are those of the surface where it then is, however the node mirrors and
+    /// The effect of a node on a mesh: normals are those of the transformed surface, however the node mirrors and
     /// stretches.
     #[test]
     fn a_transformed_mesh_is_the_mesh_of_transformed_poses(
-        scale in prop::array::uniform3(prop_oneof![-3.0f64..-0.3, 0.3f64..3.0]), turn in prop::array::uniform3(-3.0f64..3.0), weight in 0.0f32..1.0,
+        scale in prop::array::uniform3(prop_oneof![-3.0f64..-0.3, 0.3f64..3.0]),
+        turn in prop::array::uniform3(-3.0f64..3.0), weight in 0.0f32..1.0,
     ) {
         let source = head(&HeadDesc::default().vertices(300).targets(2));
         let triangles = source.faces.triangles();
-        // As a file states it: triangles, and normals with their deltas.
+        // In the form of a file: triangles, and normals with their deltas.
         let built = source.to_mesh(Tolerance::ZERO).unwrap();
         let mut moved = MorphSource { normals: Some(built.normals.clone()), texcoords: vec![], ..source };
         let corner = |position| crate::Corner { position, texcoord: None };
-        moved.faces = crate::Faces { sizes: vec![3; triangles.len()], corners: triangles.into_iter().flatten().map(corner).collect() };
+        moved.faces = crate::Faces { sizes: vec![3; triangles.len()],
+            corners: triangles.into_iter().flatten().map(corner).collect() };
         for (target, built) in moved.targets.iter_mut().zip(&built.targets) {
             target.normals = Some(built.vertices.iter().copied().zip(built.normals.iter().copied()).collect());
         }
@@ -82,7 +86,9 @@ proptest! {
         let rotation = DQuat::from_euler(glam::EulerRot::XYZ, turn[0], turn[1], turn[2]);
         let matrix = DMat4::from_scale_rotation_translation(DVec3::from(scale), rotation, DVec3::new(1.0, -2.0, 3.0));
         prop_assert!(transform(&mut moved, &matrix));
-        let pose = |source: &MorphSource| crate::reference::evaluate_unpacked(&source.to_mesh(Tolerance::ZERO).unwrap(), &[weight, 0.5]);
+        let pose = |source: &MorphSource| {
+            crate::reference::evaluate_unpacked(&source.to_mesh(Tolerance::ZERO).unwrap(), &[weight, 0.5])
+        };
         let vector = |v: &[f64]| DVec3::from_slice(v);
         let inverse = glam::DMat3::from_mat4(matrix).inverse().transpose();
         for (a, b) in pose(&original).chunks_exact(6).zip(pose(&moved).chunks_exact(6)) {
@@ -91,7 +97,8 @@ proptest! {
         }
         // Triangles still face the way normals do.
         let computed = MorphSource { normals: None, ..moved.clone() }.to_mesh(Tolerance::ZERO).unwrap();
-        let agree = computed.normals.iter().zip(moved.normals.as_ref().unwrap()).filter(|(a, b)| a.dot(**b) > 0.0).count();
+        let pairs = computed.normals.iter().zip(moved.normals.as_ref().unwrap());
+        let agree = pairs.filter(|(a, b)| a.dot(**b) > 0.0).count();
         prop_assert!(agree * 10 > computed.normals.len() * 9, "{} of {}", agree, computed.normals.len());
     }
 }
@@ -112,7 +119,8 @@ fn arm() -> Written {
         file.floats(&[[1.0, 0.0, 0.0, 0.0], [0.5, 0.5, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]]),
     );
     let delta = file.floats(&[[0.0, 0.0, 1.0]; 3]);
-    file.json["meshes"] = json!([{"primitives": [{"attributes": {"POSITION": position, "JOINTS_0": joints, "WEIGHTS_0": weights},
+    file.json["meshes"] = json!([{"primitives": [{
+        "attributes": {"POSITION": position, "JOINTS_0": joints, "WEIGHTS_0": weights},
         "targets": [{"POSITION": delta}, {"POSITION": delta}]}], "extras": {"targetNames": ["a", "b"]}}]);
     let bind = [Mat4::from_translation(-Vec3::Y), Mat4::from_translation(Vec3::new(-1.0, -1.0, 0.0))];
     let bind = file.floats(&bind.map(|m| m.to_cols_array()));
@@ -128,9 +136,11 @@ fn arm() -> Written {
     file.json["accessors"][turns]["normalized"] = json!(true);
     file.json["animations"] = json!([
         {"channels": [
-            {"sampler": 0, "target": {"node": 0, "path": "weights"}}, {"sampler": 1, "target": {"node": 1, "path": "rotation"}},
+            {"sampler": 0, "target": {"node": 0, "path": "weights"}},
+            {"sampler": 1, "target": {"node": 1, "path": "rotation"}},
             {"sampler": 0, "target": {"path": "weights"}}, {"sampler": 0, "target": {"node": 0, "path": "pointer"}}],
-         "samplers": [{"input": times, "output": values}, {"input": times, "output": turns, "interpolation": "LINEAR"}]},
+         "samplers": [{"input": times, "output": values},
+             {"input": times, "output": turns, "interpolation": "LINEAR"}]},
     ]);
     file
 }
@@ -203,7 +213,8 @@ fn meshes_with_targets_are_merged_where_they_stand() {
     let delta = file.floats(&[[0.0, 0.0, 1.0]; 3]);
     let mesh = |name: &str, targets: &[&str]| {
         let morphs = vec![json!({"POSITION": delta}); targets.len()];
-        json!({"name": name, "extras": {"targetNames": targets}, "primitives": [{"attributes": {"POSITION": corners}, "targets": morphs}]})
+        json!({"name": name, "extras": {"targetNames": targets},
+            "primitives": [{"attributes": {"POSITION": corners}, "targets": morphs}]})
     };
     file.json["meshes"] = json!([mesh("head", &["jaw", "blink"]), mesh("eye", &[]), mesh("teeth", &["jaw"])]);
     file.json["nodes"] =

@@ -15,7 +15,8 @@ fn triangle(file: &mut Written, name: &str, targets: &[(&str, f32)]) -> Value {
     };
     let morphs: Vec<Value> = targets.iter().enumerate().map(&mut morph).collect();
     let names: Vec<&str> = targets.iter().map(|(name, _)| *name).collect();
-    json!({"name": name, "extras": {"targetNames": names}, "primitives": [{"attributes": {"POSITION": corners}, "targets": morphs}]})
+    json!({"name": name, "extras": {"targetNames": names},
+        "primitives": [{"attributes": {"POSITION": corners}, "targets": morphs}]})
 }
 
 /// A clip of the weights of a node: two keys, a second apart.
@@ -62,8 +63,8 @@ fn each_clip_is_found_by_its_name() {
         assert_eq!(bound.frames().next().unwrap()[1], first, "{}", clip.name);
     }
     let refused = crate::import::open_clip(&path, None).unwrap_err().to_string();
-    let expected = "head.glb: a glTF file with 4 animations of weights where one clip is wanted; name one as FILE#NAME: \
-                    'walk', 'talk', 'talk 2', 'a#b'";
+    let expected = "head.glb: a glTF file with 4 animations of weights where one clip is wanted; name one as \
+                    FILE#NAME: 'walk', 'talk', 'talk 2', 'a#b'";
     assert!(refused.ends_with(expected), "{refused}");
     // The only one needs no name; and a VRM avatar is a GLB file.
     file.json["animations"].as_array_mut().unwrap().truncate(1);

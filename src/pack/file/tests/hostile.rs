@@ -280,7 +280,7 @@ fn contents_are_checked_under_valid_checksums() {
     let (doubled, of) = (mesh.welds.len() - 1, mesh.welds[mesh.welds.len() - 1]);
     for (vertex, value, to) in [(0, of, of), (of as usize, 0, of), (5, giant, giant), (doubled, 300, 300)] {
         let text = message(&with_word(&split, (WELDS, 0), vertex, value));
-        let part = format!("is welded to vertex {to}, which is not the first of its place");
+        let part = format!("is welded to vertex {to}, which is not the first at its position");
         assert!(text.contains(&part), "{vertex} {value}: {text}");
     }
     let text = message(&with_word(&split, (META, 0), 2, 300));
