@@ -50,16 +50,6 @@ impl AssetPart {
         Ok(Self { blocks, entries, offset, size: 4 * (places[2] + bases) as u64, origins, sources })
     }
 
-    /// All blocks of a mesh, entries of which come to a buffer of so many bytes and go: what is where, others say.
-    ///
-    /// # Errors
-    /// No blocks.
-    pub(crate) fn resident(layout: &PackedLayout, size: u64, origins: [u32; 3]) -> Result<Self> {
-        let index = layout.index()?;
-        let (blocks, entries) = (0..index.count(), 0..index.entry_count());
-        Ok(Self { blocks, entries, offset: 0, size, origins, sources: [0..0, 0..0, 0..0] })
-    }
-
     /// Cut an asset of these words into parts of at most `most` bytes: one, where it fits.
     ///
     /// # Errors
