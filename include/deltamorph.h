@@ -505,43 +505,6 @@ typedef struct DmStreamView {
     uint32_t reserved;
 } DmStreamView;
 
-/// Device memory of a mesh whose targets come and go.
-typedef struct DmResidency {
-    /// sizeof(DmResidency).
-    uint32_t struct_size;
-    /// Not 0: targets come and go. 0: the mesh was uploaded as a whole, and what follows is 0.
-    uint32_t limited;
-    /// Bytes for deltas, in all: what was asked for, rounded down to whole entries, or less where all targets take
-    /// less.
-    uint64_t capacity;
-    /// Taken by the targets that are there. The rest is free.
-    uint64_t used;
-    /// Bytes of the buffer: `capacity`, what says how deltas are stored, and the base pose.
-    uint64_t buffer_bytes;
-} DmResidency;
-
-/// Which targets come to the device and which go, counted in the mesh's order.
-typedef struct DmTargetSwap {
-    /// sizeof(DmTargetSwap).
-    uint32_t struct_size;
-    /// Targets to load.
-    uint32_t load_count;
-    /// Targets to have on the device from now on. Those that are there stay.
-    const uint32_t *load;
-    /// Targets whose memory others may take. Those that are not there stay away.
-    const uint32_t *unload;
-    /// Targets to let go.
-    uint32_t unload_count;
-    /// Zero.
-    uint32_t reserved;
-} DmTargetSwap;
-
-/// The copies of a swap of targets. All zero: none.
-typedef struct DmSwap {
-    /// Kind, generation and index.
-    uint64_t bits;
-} DmSwap;
-
 /// Where a stream is in a vertex.
 typedef struct DmStreamPlace {
     /// `DM_STREAM_...`.
@@ -1170,7 +1133,7 @@ DmResult dm_engine_create(const struct DmEngineDesc *desc, struct DmEngine *engi
 DmResult dm_engine_info(struct DmEngine engine, struct DmEngineInfo *info);
 
 /// Destroy an engine. What was made with it has to be destroyed first: DmGpuMesh, DmCrowd, DmReadback, DmSkin, DmSurface,
-/// DmOutgrown, DmSwap. While something is alive, this is refused. The device may be destroyed afterwards.
+/// DmOutgrown. While something is alive, this is refused. The device may be destroyed afterwards.
 ///
 /// Errors: DM_ERROR_INVALID while something is alive, with the kinds and how many of each; nothing changes then.
 DmResult dm_engine_destroy(struct DmEngine engine);
@@ -1216,92 +1179,6 @@ DmResult dm_gpu_mesh_base_stream(struct DmGpuMesh mesh, uint32_t stream, struct 
 /// Safety:
 /// The device no longer uses the mesh but for its crowds: its upload has run, or never will.
 DmResult dm_gpu_mesh_destroy(struct DmGpuMesh mesh);
-
-/// Bytes that the deltas of a target take on the device.
-///
-/// Errors: DM_ERROR_INVALID for a target that there is not.
-///
-/// Safety:
-/// `bytes` can be written.
-DmResult dm_mesh_target_bytes(struct DmMesh mesh, uint32_t target, uint64_t *bytes);
-
-/// Make the buffer of a mesh in blocks whose targets come and go, and record the upload of its base pose: no target is
-/// on the device yet, `dm_record_swap` loads them. `resident_bytes` bounds the deltas that are there at a time: at
-/// least those of the largest target (`dm_mesh_target_bytes`). The buffer never grows. Crowds of the mesh are made by
-/// `dm_crowd_create`; their poses have the same bits as those of a mesh that is there as a whole. A weight other than
-/// 0 of a target that is not there is refused.
-///
-/// This records: a fill, copies, and a barrier that makes them visible to updates and draws.
-///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `residency`; DM_ERROR_INVALID for a
-/// dense format, fewer bytes than a target takes, a buffer that exceeds the device's storage range;
-/// DM_ERROR_OUT_OF_MEMORY. Nothing is recorded then.
-///
-/// Safety:
-/// As `dm_mesh_upload`.
-DmResult dm_mesh_upload_resident(struct DmEngine engine,
-                                 VkCommandBuffer cmd,
-                                 struct DmMesh mesh,
-                                 uint64_t resident_bytes,
-                                 struct DmGpuMesh *gpu_mesh);
-
-/// Memory of a mesh whose targets come and go, as of the last recorded swap, whether it has run or not.
-///
-/// Safety:
-/// `residency` is a structure that can be written.
-DmResult dm_gpu_mesh_residency(struct DmGpuMesh mesh, struct DmResidency *residency);
-
-/// Whether weights of a target may be requested: 1, or 0. All targets are there of a mesh that was uploaded as a
-/// whole, of others those that were loaded. As of the last recorded swap.
-///
-/// Safety:
-/// `resident` can be written.
-DmResult dm_gpu_mesh_is_resident(struct DmGpuMesh mesh, uint32_t target, uint32_t *resident);
-
-/// Let targets go, and load others. Whatever takes no more than is free in all finds a place. `source` is the mesh
-/// that was uploaded, or the same read again from its file: deltas are copied from it, and it may be destroyed between
-/// swaps.
-///
-/// A target cannot go while poses hold it: after the last recorded update of each crowd of the mesh. Record an update
-/// with its weight at 0 first; with an error budget a second one.
-///
-/// This records: a barrier that waits for updates, copies, and a barrier that makes them visible to updates. Nothing
-/// where there is nothing to copy.
-///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `residency`; DM_ERROR_INVALID for a
-/// mesh that was uploaded as a whole, another `source`, a target that there is not, or that is to come and to go; one
-/// that is to go while poses hold it, by name; more bytes than are free; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded
-/// then, and nothing changes.
-///
-/// Safety:
-/// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and without
-///   active conditional rendering, on a queue with compute. No other thread uses it meanwhile.
-/// - It runs exactly once, after the upload of the mesh and all updates of its crowds and swaps recorded before, and
-///   before those recorded later; or it never runs, nor does any update recorded later, and `dm_swap_discard` is
-///   called before anything else of the mesh is recorded. No update of a crowd of the mesh is recorded on another
-///   thread meanwhile.
-/// - `swap` is a structure whose arrays have the elements that it says; `copies` can be written; `copied` is null, or
-///   can be written: it becomes the bytes that are copied, of what came and of what had to move for it.
-DmResult dm_record_swap(VkCommandBuffer cmd,
-                        struct DmGpuMesh mesh,
-                        struct DmMesh source,
-                        const struct DmTargetSwap *swap,
-                        struct DmSwap *copies,
-                        uint64_t *copied);
-
-/// A swap will never run, nor will the updates recorded after it, which are discarded, too. What it copied is not
-/// there then; the next swap, be it of nothing, copies that again, and until then updates that need it are refused.
-/// Targets that it let go are gone. The handle names nothing any longer.
-///
-/// Safety:
-/// Neither the swap nor any later update of the mesh runs.
-DmResult dm_swap_discard(struct DmSwap swap);
-
-/// Give the staging memory of a swap back.
-///
-/// Safety:
-/// It has run.
-DmResult dm_swap_destroy(struct DmSwap swap);
 
 /// Make pose buffers and pipelines for instances of a mesh, all weights 0. The first update writes their base poses.
 ///
@@ -2052,19 +1929,6 @@ typedef char DmClipLayer_time[offsetof(DmClipLayer, time) == 16 ? 1 : -1];
 typedef char DmClipLayer_weight[offsetof(DmClipLayer, weight) == 24 ? 1 : -1];
 typedef char DmClipLayer_once[offsetof(DmClipLayer, once) == 28 ? 1 : -1];
 typedef char DmClipLayer_mask[offsetof(DmClipLayer, mask) == 32 ? 1 : -1];
-typedef char DmTargetSwap_sizeof[sizeof(DmTargetSwap) == 32 ? 1 : -1];
-typedef char DmTargetSwap_struct_size[offsetof(DmTargetSwap, struct_size) == 0 ? 1 : -1];
-typedef char DmTargetSwap_load_count[offsetof(DmTargetSwap, load_count) == 4 ? 1 : -1];
-typedef char DmTargetSwap_load[offsetof(DmTargetSwap, load) == 8 ? 1 : -1];
-typedef char DmTargetSwap_unload[offsetof(DmTargetSwap, unload) == 16 ? 1 : -1];
-typedef char DmTargetSwap_unload_count[offsetof(DmTargetSwap, unload_count) == 24 ? 1 : -1];
-typedef char DmTargetSwap_reserved[offsetof(DmTargetSwap, reserved) == 28 ? 1 : -1];
-typedef char DmResidency_sizeof[sizeof(DmResidency) == 32 ? 1 : -1];
-typedef char DmResidency_struct_size[offsetof(DmResidency, struct_size) == 0 ? 1 : -1];
-typedef char DmResidency_limited[offsetof(DmResidency, limited) == 4 ? 1 : -1];
-typedef char DmResidency_capacity[offsetof(DmResidency, capacity) == 8 ? 1 : -1];
-typedef char DmResidency_used[offsetof(DmResidency, used) == 16 ? 1 : -1];
-typedef char DmResidency_buffer_bytes[offsetof(DmResidency, buffer_bytes) == 24 ? 1 : -1];
 #endif
 
 #endif /* DELTAMORPH_H */

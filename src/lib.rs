@@ -6,8 +6,7 @@
 //! 1. Mesh: [`import::open`], [`MorphSource::from_arrays`] or the built-in [`import::sample::head`], then
 //!    [`MorphSource::to_mesh`] and [`PackedMesh::pack`]; or [`Asset::read`] of what was packed before.
 //! 2. Device: [`requirements`] before you create it, [`MorphEngine::new`] after.
-//! 3. [`MorphEngine::upload`] the mesh, [`MorphEngine::create_crowd`]. Of a mesh with many targets, of which few are used
-//!    at a time, [`MorphEngine::upload_resident`] keeps only those on the device that [`MorphEngine::record_swap`] loads.
+//! 3. [`MorphEngine::upload`] the mesh, [`MorphEngine::create_crowd`].
 //! 4. Each frame: [`Crowd::set_weights`], [`MorphEngine::record_update`], and draw from [`Crowd::pose`]; motion vectors
 //!    take [`Crowd::previous_pose`]. What may follow (skinning, normals of the surface, bounds, float32 of any pose) is in
 //!    [`after`]. [`ClipLayer::mix`] makes weights of clips, a [rig](mod@rig)
@@ -92,7 +91,6 @@ mod math;
 mod pack;
 mod plan;
 pub mod reference;
-mod residency;
 pub mod rig;
 mod setters;
 #[cfg(feature = "internals")]
@@ -111,7 +109,7 @@ pub use baselines::textures;
 pub use cpu::CpuCrowd;
 pub use engine::{
     AnimatedCrowd, AnyCrowd, Crowd, CrowdSet, GpuMesh, MorphEngine, Outgrown, PoseBuffer, PoseReadback, PoseView,
-    ReadPose, StreamView, SwapCopies, Ticket, Update,
+    ReadPose, StreamView, Ticket, Update,
 };
 pub use error::{Error, ErrorKind, Result};
 pub use gpu::caps::{DeviceCaps, DeviceKind, Requirement, TransformFeedbackCaps, requirements};
@@ -124,7 +122,6 @@ pub use pack::{
     VertexLayout,
 };
 pub use plan::{BatchSize, Consumers, UpdateDesc, UpdateMode, UpdatePath, UpdateStats};
-pub use residency::{Residency, TargetSwap};
 pub use update::animated::{AnimationDesc, Clips, KeyFormat, Playback};
 pub use update::crowd::{CrowdDesc, HostPoses};
 pub use weights::{BoundClip, ClipLayer, LayerBlend, Repeat, WeightClip, normalise_weights, target_mask};

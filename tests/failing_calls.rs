@@ -14,8 +14,8 @@ use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, Error,
-    ErrorKind, GpuMesh, MorphEngine, PackedMesh, Playback, PoseFormat, ReadPose, Result, TargetSwap, UpdateDesc,
-    UpdatePath, WeightClip, testing,
+    ErrorKind, GpuMesh, MorphEngine, PackedMesh, Playback, PoseFormat, ReadPose, Result, UpdateDesc, UpdatePath,
+    WeightClip, testing,
 };
 use deltamorph_failing::{Control, NAME, calls::ERRORS, enable};
 use offscreen::Offscreen;
@@ -412,45 +412,6 @@ fn animated(lab: &Lab<'_>) {
             play(engine, &mut crowd, 4);
         },
     );
-}
-
-#[test]
-fn targets_come_and_go_or_not() {
-    with_layer("targets_come_and_go_or_not", || {
-        in_lab(|lab| {
-            let engine = &lab.engine();
-            let mesh = &packed(engine, DeltaFormat::Small);
-            let all: u64 = (0..TARGETS).map(|t| mesh.target_bytes(t)).sum();
-            lab.each(
-                "upload_resident",
-                || (),
-                // SAFETY: the buffer is recording, runs once, and is waited for; so below.
-                |(), cmd| unsafe { engine.upload_resident(cmd, mesh, all) },
-                |(), _| (),
-            );
-            lab.each(
-                "record_swap",
-                || {
-                    // SAFETY: as above.
-                    let gpu = lab.headless.run(|cmd| unsafe { engine.upload_resident(cmd, mesh, all) });
-                    let gpu = gpu.expect("an upload");
-                    (engine.create_crowd(&gpu, &CrowdDesc::new(UpdateDesc::blocks())).expect("a crowd"), gpu)
-                },
-                |(_, gpu), cmd| {
-                    // SAFETY: as above.
-                    let swap = unsafe { engine.record_swap(cmd, gpu, mesh, &TargetSwap::default().load(&[0, 1, 3])) };
-                    assert!((0..TARGETS).all(|t| gpu.is_resident(t) == (swap.is_ok() && [0, 1, 3].contains(&t))));
-                    swap
-                },
-                |(mut crowd, _), _| {
-                    let mut asked = vec![0.0; TARGETS];
-                    (asked[0], asked[3]) = (0.5, 1.0);
-                    crowd.set_weights(0, &asked).expect("weights");
-                    lab.verify(engine, &mut crowd, mesh, &[asked]);
-                },
-            );
-        });
-    });
 }
 
 /// A crowd is made, stepped and read, with one call failing; what failed is tried again, until the device is lost.

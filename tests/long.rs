@@ -1,4 +1,4 @@
-//! A day of frames: crowds that come and go, hide, cut, lose updates, grow, swap targets and change levels of detail.
+//! A day of frames: crowds that come and go, hide, cut, lose updates, grow and change levels of detail.
 //! Poses stay exact and memory flat, and counters cross their wraps.
 //!
 //! `DELTAMORPH_FRAMES` says how many; 5,184,000 are 24 hours at 60 a second. Without it a short run goes under the
@@ -64,9 +64,9 @@ fn live(headless: &Headless, frames: u32, begin: u64) -> u64 {
     let mut rng = Rng::new(11, 0);
     let fixed = |pose, slots| UpdateDesc::blocks().pose(pose).slots(slots).weight_max(Some(4.0));
     let mut weighted = [
-        Weighted::new(headless, DeltaFormat::Fast, fixed(PoseFormat::Fixed32, 2), false, begin),
-        Weighted::new(headless, DeltaFormat::Small, fixed(PoseFormat::Fixed16, 3), true, begin),
-        Weighted::new(headless, DeltaFormat::Fast, UpdateDesc::blocks().tolerance(1e-2), false, begin),
+        Weighted::new(headless, DeltaFormat::Fast, fixed(PoseFormat::Fixed32, 2), begin),
+        Weighted::new(headless, DeltaFormat::Small, fixed(PoseFormat::Fixed16, 3), begin),
+        Weighted::new(headless, DeltaFormat::Fast, UpdateDesc::blocks().tolerance(1e-2), begin),
     ];
     let mut animated = Animated::new(headless, fixed(PoseFormat::Fixed16, 2), begin);
     let (mut counts, mut digest) = (Counts::new(), DefaultHasher::new());
@@ -84,7 +84,6 @@ fn live(headless: &Headless, frames: u32, begin: u64) -> u64 {
             for frame in 0..BATCH {
                 for crowd in &mut weighted {
                     crowd.come_and_go(&mut rng, &mut counts, &mut loose)?;
-                    crowd.swap(cmd, &mut rng, &mut counts, &mut loose)?;
                     crowd.change(&mut rng, &mut counts)?;
                 }
                 animated.come_and_go(cmd, &mut rng, &mut counts, &mut loose)?;
@@ -136,7 +135,7 @@ fn record(
     unsafe { headless.engine().record_updates(cmd, &mut all) }
 }
 
-/// A submission that is never made: all its updates and swaps are discarded.
+/// A submission that is never made: all its updates are discarded.
 fn lose(
     headless: &Headless,
     rng: &mut Rng,
@@ -145,12 +144,11 @@ fn lose(
     counts: &mut Counts,
     second: f64,
 ) {
-    let (mut first, mut loose) = (None, Loose::default());
+    let mut first = None;
     let frames = 1 + rng.below(4);
     let lost = headless.run(|cmd| {
         for _ in 0..frames {
             for crowd in &mut *weighted {
-                crowd.swap(cmd, rng, counts, &mut loose)?;
                 crowd.change(rng, counts)?;
             }
             animated.change(rng, counts, second)?;
@@ -166,6 +164,5 @@ fn lose(
         crowd.crowd.discard(*ticket).expect("a ticket of this crowd");
     }
     animated.crowd.discard(tickets[weighted.len()]).expect("a ticket of this crowd");
-    weighted.iter_mut().for_each(|crowd| crowd.lose(&mut loose));
     *counts.entry("updates of all crowds discarded").or_default() += frames as u64;
 }

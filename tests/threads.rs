@@ -10,8 +10,8 @@ use deltamorph::gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
 use deltamorph::reference::compare;
 use deltamorph::{
-    CpuCrowd, CrowdDesc, DeltaFormat, DeviceDesc, GpuMesh, MorphEngine, PackedMesh, SharedAllocator, TargetSwap,
-    UpdateDesc, UpdatePath, testing,
+    CpuCrowd, CrowdDesc, DeltaFormat, DeviceDesc, GpuMesh, MorphEngine, PackedMesh, SharedAllocator, UpdateDesc,
+    UpdatePath, testing,
 };
 use gpu::{NORMAL, is_kept, packed, reference, weights};
 use std::sync::{Arc, Mutex};
@@ -135,27 +135,18 @@ fn threads_share_an_allocator_engines_and_meshes() {
         });
         let source = testing::mesh(150, 9);
         let mesh = packed(&engines[0], &source, DeltaFormat::Small);
-        let all: Vec<usize> = (0..9).collect();
         std::thread::scope(|scope| {
             for (e, engine) in (0..).zip(&engines) {
                 let (host, mesh, source) = (&host, &mesh, &source);
-                let shared = host.upload(engine, mesh);
-                let bytes = all.iter().map(|&target| mesh.target_bytes(target)).sum();
-                // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
-                let mut swapped =
-                    host.run(|cmd| unsafe { engine.upload_resident(cmd, mesh, bytes) }).expect("an upload");
-                let load = TargetSwap::default().load(&all);
-                // SAFETY: as above.
-                drop(host.run(|cmd| unsafe { engine.record_swap(cmd, &mut swapped, mesh, &load) }).expect("a swap"));
-                let both = Arc::new([shared, swapped]);
+                let shared = Arc::new(host.upload(engine, mesh));
                 for recorder in 0..RECORDERS {
-                    let both = both.clone();
+                    let shared = shared.clone();
                     scope.spawn(move || {
                         for round in 0..ROUNDS {
                             let seed = round + ROUNDS * (recorder + RECORDERS * e);
                             // Which pipelines there are is found out by whoever comes first.
                             let update = [gpu::fixed()[0], gpu::fixed()[1], UpdateDesc::blocks().tolerance(1e-2)];
-                            animate(host, engine, (&both[round as usize % 2], mesh), update[round as usize % 3], seed);
+                            animate(host, engine, (&shared, mesh), update[round as usize % 3], seed);
                             let own = packed(engine, source, DeltaFormat::Fast);
                             animate(host, engine, (&host.upload(engine, &own), &own), update[seed as usize % 3], seed);
                             assert!(engine.allocated_bytes() > 0);

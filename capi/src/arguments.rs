@@ -46,10 +46,10 @@ pub fn not_built(feature: &str, what: &str) -> Failure {
 
 #[cfg(test)]
 mod tests {
-    use crate::handles::{DmClip, DmCrowd, DmSkin, DmSurface, DmSwap, DmWeightBounds};
+    use crate::handles::{DmClip, DmCrowd, DmSkin, DmSurface, DmWeightBounds};
     use crate::result::{DM_ERROR_HANDLE, DM_ERROR_INVALID, DM_ERROR_UNSUPPORTED, dm_last_error};
     use crate::structs::DmSampleDesc;
-    use crate::{after, bounds, clip, level, memory::Versioned, residency, skin};
+    use crate::{after, bounds, clip, level, memory::Versioned, skin};
     use std::ffi::CStr;
     use std::ptr::null;
 
@@ -87,7 +87,6 @@ mod tests {
                 ),
                 ("level", DM_ERROR_HANDLE, level::dm_crowd_set_level(crowd, 0, 1.0), said()),
                 ("level", DM_ERROR_HANDLE, level::dm_crowd_cut_camera(crowd), said()),
-                ("residency", DM_ERROR_HANDLE, residency::dm_swap_discard(DmSwap { bits: 0 }), said()),
                 (
                     "sample",
                     DM_ERROR_INVALID,
@@ -99,7 +98,6 @@ mod tests {
         let built = [
             ("after", cfg!(feature = "after")),
             ("level", cfg!(feature = "level")),
-            ("residency", cfg!(feature = "residency")),
             ("sample", cfg!(feature = "sample")),
         ];
         for (feature, otherwise, code, said) in results {

@@ -14,7 +14,7 @@ pub struct WeightBounds {
     targets: usize,
 }
 
-handle!(DmWeightBounds, 14, WeightBounds);
+handle!(DmWeightBounds, 13, WeightBounds);
 
 /// Make what tells bounds of poses from their weights, for crowds of a mesh that are made by `desc`: for culling,
 /// without waiting for a GPU. They hold, and are somewhat larger than the least, which `dm_crowd_set_bounds_target`

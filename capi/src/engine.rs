@@ -1,7 +1,7 @@
 //! The engine on a device of the host's.
 
 use crate::arguments::check_reserved;
-use crate::handles::{DmCrowd, DmEngine, DmGpuMesh, DmOutgrown, DmReadback, DmSkin, DmSurface, DmSwap, Handle, handle};
+use crate::handles::{DmCrowd, DmEngine, DmGpuMesh, DmOutgrown, DmReadback, DmSkin, DmSurface, Handle, handle};
 use crate::memory::{Place, Versioned, check_place, read, slice};
 use crate::result::{DmResult, Failure, Result, enter};
 use crate::structs::{DmEngineDesc, DmEngineInfo};
@@ -115,7 +115,7 @@ pub unsafe extern "C" fn dm_engine_info(engine: DmEngine, info: *mut DmEngineInf
 }
 
 /// Destroy an engine. What was made with it has to be destroyed first: DmGpuMesh, DmCrowd, DmReadback, DmSkin, DmSurface,
-/// DmOutgrown, DmSwap. While something is alive, this is refused. The device may be destroyed afterwards.
+/// DmOutgrown. While something is alive, this is refused. The device may be destroyed afterwards.
 ///
 /// Errors: DM_ERROR_INVALID while something is alive, with the kinds and how many of each; nothing changes then.
 #[unsafe(no_mangle)]
@@ -140,7 +140,6 @@ fn users(engine: &Arc<Engine>) -> String {
         ("DmSkin", count::<DmSkin>(engine, |skin| &skin.engine)),
         ("DmSurface", count::<DmSurface>(engine, |surface| &surface.engine)),
         ("DmOutgrown", count::<DmOutgrown>(engine, |outgrown| &outgrown.engine)),
-        ("DmSwap", count::<DmSwap>(engine, |swap| &swap.mesh.engine)),
     ];
     let alive: Vec<String> = counts.iter().filter(|(_, n)| *n > 0).map(|(kind, n)| format!("{n} {kind}")).collect();
     match alive.is_empty() {

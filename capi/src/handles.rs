@@ -99,14 +99,6 @@ pub struct DmOutgrown {
     pub bits: u64,
 }
 
-/// The copies of a swap of targets. All zero: none.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct DmSwap {
-    /// Kind, generation and index.
-    pub bits: u64,
-}
-
 /// What tells bounds of poses from their weights. All zero: none.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -116,7 +108,7 @@ pub struct DmWeightBounds {
 }
 
 /// What each kind of handle names, by number.
-const KINDS: [&str; 15] = [
+const KINDS: [&str; 14] = [
     "",
     "a mesh",
     "an engine",
@@ -130,7 +122,6 @@ const KINDS: [&str; 15] = [
     "a skin",
     "a surface",
     "what a crowd outgrew",
-    "a swap of targets",
     "bounds from weights",
 ];
 

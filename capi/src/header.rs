@@ -94,8 +94,6 @@ fn layouts() -> Vec<Layout> {
         DmClipInfo { struct_size frame_count column_count fps }
         DmClipArrays { struct_size frame_count column_count fps name names values }
         DmClipLayer { struct_size blend clip time weight once mask }
-        DmTargetSwap { struct_size load_count load unload unload_count reserved }
-        DmResidency { struct_size limited capacity used buffer_bytes }
     }
 }
 
@@ -152,7 +150,6 @@ fn generate() -> String {
         "structs/mesh",
         "structs/crowd",
         "structs/after",
-        "structs/residency",
         "queries",
         "mesh",
         "clip",
@@ -160,7 +157,6 @@ fn generate() -> String {
         "level",
         "engine",
         "upload",
-        "residency",
         "crowd",
         "grow",
         "weights",
@@ -222,7 +218,7 @@ fn structures_have_no_padding_and_every_field_is_asserted() {
         assert_eq!(declared, fields.len(), "{name}: fields that are not asserted");
     }
     let structures = text.matches("typedef struct ").count();
-    assert_eq!(structures, layouts().len() + 14, "structures that are not asserted, but for handles");
+    assert_eq!(structures, layouts().len() + 13, "structures that are not asserted, but for handles");
 }
 
 #[test]
@@ -252,7 +248,7 @@ fn every_function_is_used_wrongly_by_a_test() {
     let (text, misuse) = (generate(), read("misuse.c") + &read("misuse_steps.c") + &read("misuse_more.c"));
     let declared = text.lines().filter_map(|line| line.strip_prefix("DmResult ")?.split('(').next());
     let functions: Vec<&str> = declared.collect();
-    assert!(functions.len() > 90, "{functions:?}");
+    assert!(functions.len() > 80, "{functions:?}");
     let is_refused = |name: &str| {
         let uses = misuse.split(&format!("{name}(")).count() - 1;
         uses > misuse.split(&format!("WORKS({name}(")).count() - 1

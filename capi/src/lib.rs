@@ -26,7 +26,6 @@ pub mod numbers;
 pub mod queries;
 pub mod readback;
 pub mod record;
-pub mod residency;
 pub mod result;
 pub mod skin;
 pub mod structs;

@@ -64,7 +64,7 @@ impl From<deltamorph::Error> for Failure {
 }
 
 /// What the library's messages name, and how C calls it. Replaced in this order.
-const NAMES: [(&str, &str); 20] = [
+const NAMES: [(&str, &str); 18] = [
     ("AnimationDesc::importance", "AnimationDesc::level"),
     ("AnimationDesc::level", "DmAnimationDesc::level"),
     ("CpuCrowd", "dm_cpu_crowd_create"),
@@ -73,8 +73,6 @@ const NAMES: [(&str, &str); 20] = [
     ("DeviceDesc::buffer_device_address", "DmEngineDesc::buffer_device_address"),
     ("DeviceDesc::queue_families", "DmEngineDesc::queue_families"),
     ("MorphEngine::pack_desc", "DmMeshDesc::engine"),
-    ("MorphEngine::record_swap", "dm_record_swap"),
-    ("MorphEngine::upload_resident", "dm_mesh_upload_resident"),
     ("MorphEngine::upload", "dm_mesh_upload"),
     ("MorphEngine", "DmEngine"),
     ("MorphSource::to_mesh", "dm_mesh_from_arrays"),

@@ -5,11 +5,10 @@ use crate::engine::Engine;
 use crate::handles::{DmEngine, DmGpuMesh, DmMesh, Handle, handle};
 use crate::memory::{Place, check_place};
 use crate::numbers::semantic;
-use crate::result::{DmResult, Result, enter, lock};
+use crate::result::{DmResult, enter, lock};
 use crate::structs::{DmPoseView, DmStreamView};
 use crate::views::{pose_view, stream_view};
 use deltamorph::ash::vk;
-use deltamorph::{MorphEngine, PackedMesh};
 use std::sync::{Arc, Mutex};
 
 /// What a `DmGpuMesh` names.
@@ -41,29 +40,16 @@ pub unsafe extern "C" fn dm_mesh_upload(
     gpu_mesh: *mut DmGpuMesh,
 ) -> DmResult {
     enter("dm_mesh_upload", || {
-        // SAFETY: the caller's obligations.
-        unsafe { upload(engine, cmd, mesh, gpu_mesh, |engine, mesh| engine.upload(cmd, mesh)) }
+        check_place(gpu_mesh, "gpu_mesh")?;
+        let (engine, mesh) = (engine.get()?, mesh.get()?);
+        check_command_buffer(cmd)?;
+        // SAFETY: the caller's obligations; `gpu_mesh` was checked.
+        unsafe {
+            let mesh = Mutex::new(engine.morph.upload(cmd, &mesh.asset.mesh)?);
+            gpu_mesh.write(DmGpuMesh::insert(GpuMesh { mesh, engine })?);
+        }
+        Ok(())
     })
-}
-
-/// Record an upload with `make`.
-///
-/// # Safety
-/// As `make`; `gpu_mesh` can be written.
-pub(crate) unsafe fn upload(
-    engine: DmEngine,
-    cmd: vk::CommandBuffer,
-    mesh: DmMesh,
-    gpu_mesh: *mut DmGpuMesh,
-    make: impl FnOnce(&MorphEngine, &PackedMesh) -> deltamorph::Result<deltamorph::GpuMesh>,
-) -> Result<()> {
-    check_place(gpu_mesh, "gpu_mesh")?;
-    let (engine, mesh) = (engine.get()?, mesh.get()?);
-    check_command_buffer(cmd)?;
-    let mesh = Mutex::new(make(&engine.morph, &mesh.asset.mesh)?);
-    // SAFETY: the caller's obligation; it was checked.
-    unsafe { gpu_mesh.write(DmGpuMesh::insert(GpuMesh { mesh, engine })?) };
-    Ok(())
 }
 
 /// Give the staging memory of an upload back.

@@ -1,5 +1,5 @@
 /*
- * Invalid use of queue families, crowds that grow, layers of clips, targets that come and go, and bounds from weights.
+ * Invalid use of queue families, crowds that grow, layers of clips, and bounds from weights.
  * Included by misuse.c, which says what it expects.
  */
 
@@ -134,85 +134,8 @@ static void levels(DmCrowd crowd, DmCrowd animated) {
     WORKS(dm_crowd_set_level(animated, 0, 2));
 }
 
-static void residency(const Host *host, DmEngine engine, DmMesh mesh, DmMesh dense, DmGpuMesh whole) {
-    const uint32_t first = 0, beyond = 3;
-    const float weights[3] = {0.5f, 0, 0}, zeros[3] = {0};
-    uint64_t bytes = 7, copied = 7;
-    uint32_t is_there = 7;
-    DmGpuMesh uploaded = {0};
-    DmSwap copies = {0}, again = {0};
-    DmCrowd crowd = {0};
-    DmUpdate update = {.struct_size = sizeof update};
-    DmResidency room = {.struct_size = sizeof room};
-    DmTargetSwap swap = {.struct_size = sizeof swap, .load = &first, .load_count = 1}, bad = swap;
-    INVALID("target 3 of a mesh with 3", dm_mesh_target_bytes(mesh, 3, &bytes));
-    INVALID("'bytes' is a null pointer", dm_mesh_target_bytes(mesh, 0, NULL));
-    HANDLE("null handle in place of a mesh", dm_mesh_target_bytes(no_mesh, 0, &bytes));
-    HOLDS(bytes == 7);
-    WORKS(dm_mesh_target_bytes(mesh, 0, &bytes));
-    INVALID("'cmd' is null", dm_mesh_upload_resident(engine, NULL, mesh, 1 << 20, &uploaded));
-    host_begin(host);
-    INVALID("'gpu_mesh' is a null pointer", dm_mesh_upload_resident(engine, host->cmd, mesh, 1 << 20, NULL));
-    INVALID("block", dm_mesh_upload_resident(engine, host->cmd, dense, 1 << 20, &uploaded));
-    INVALID("bytes", dm_mesh_upload_resident(engine, host->cmd, mesh, 1, &uploaded));
-    HOLDS(uploaded.bits == 0);
-    WORKS(dm_mesh_upload_resident(engine, host->cmd, mesh, 1 << 20, &uploaded));
-    INVALID("upload it with", dm_record_swap(host->cmd, whole, mesh, &swap, &copies, NULL));
-    INVALID("'cmd' is null", dm_record_swap(NULL, uploaded, mesh, &swap, &copies, NULL));
-    INVALID("'copies' is a null pointer", dm_record_swap(host->cmd, uploaded, mesh, &swap, NULL, NULL));
-    INVALID("a null pointer to DmTargetSwap", dm_record_swap(host->cmd, uploaded, mesh, NULL, &copies, NULL));
-    INVALID("which differs", dm_record_swap(host->cmd, uploaded, dense, &swap, &copies, NULL));
-    bad.load = &beyond;
-    INVALID("target 3", dm_record_swap(host->cmd, uploaded, mesh, &bad, &copies, NULL));
-    bad = swap, bad.unload_count = 1;
-    INVALID("'unload' is a null pointer", dm_record_swap(host->cmd, uploaded, mesh, &bad, &copies, NULL));
-    bad.unload = &first;
-    INVALID("target", dm_record_swap(host->cmd, uploaded, mesh, &bad, &copies, NULL));
-    bad = swap, bad.reserved = 1;
-    INVALID("DmTargetSwap: 'reserved' is 1", dm_record_swap(host->cmd, uploaded, mesh, &bad, &copies, &copied));
-    HOLDS(copies.bits == 0 && copied == 7);
-    WORKS(dm_crowd_create(uploaded, NULL, &crowd));
-    INVALID("target", dm_crowd_set_weights(crowd, 0, weights, 3)); /* it is not there */
-    WORKS(dm_record_swap(host->cmd, uploaded, mesh, &swap, &copies, &copied));
-    HOLDS(copied >= bytes);
-    WORKS(dm_crowd_set_weights(crowd, 0, weights, 3));
-    WORKS(dm_record_update(host->cmd, crowd, &update));
-    host_submit_and_wait(host);
-    INVALID("a null pointer to DmResidency", dm_gpu_mesh_residency(uploaded, NULL));
-    HANDLE("null handle in place of a mesh on the device", dm_gpu_mesh_residency((DmGpuMesh){0}, &room));
-    WORKS(dm_gpu_mesh_residency(whole, &room));
-    HOLDS(!room.limited && room.capacity == 0);
-    WORKS(dm_gpu_mesh_residency(uploaded, &room));
-    HOLDS(room.limited && room.used == bytes);
-    INVALID("'resident' is a null pointer", dm_gpu_mesh_is_resident(uploaded, 0, NULL));
-    HANDLE("null handle in place of a mesh on the device", dm_gpu_mesh_is_resident((DmGpuMesh){0}, 0, &is_there));
-    WORKS(dm_gpu_mesh_is_resident(uploaded, 3, &is_there));
-    HOLDS(is_there == 0);
-
-    /* It cannot go while a pose holds it; a swap that never ran is discarded once. */
-    bad = (DmTargetSwap){.struct_size = sizeof bad, .unload = &first, .unload_count = 1};
-    host_begin(host);
-    INVALID("target", dm_record_swap(host->cmd, uploaded, mesh, &bad, &again, NULL));
-    WORKS(dm_crowd_set_weights(crowd, 0, zeros, 3));
-    WORKS(dm_record_update(host->cmd, crowd, &update));
-    host_submit_and_wait(host);
-    host_begin(host);
-    WORKS(dm_record_swap(host->cmd, uploaded, mesh, &bad, &again, NULL));
-    VK(vkEndCommandBuffer(host->cmd));
-    HANDLE("null handle in place of a swap of targets", dm_swap_discard((DmSwap){0}));
-    WORKS(dm_swap_discard(again));
-    HANDLE("was destroyed", dm_swap_discard(again));
-    HANDLE("null handle in place of a swap of targets", dm_swap_destroy((DmSwap){0}));
-    INVALID("1 DmSwap; destroy these first", dm_engine_destroy(engine));
-    WORKS(dm_crowd_destroy(crowd));
-    WORKS(dm_gpu_mesh_destroy(uploaded));
-    WORKS(dm_swap_destroy(copies)); /* after its mesh */
-    HANDLE("was destroyed", dm_swap_destroy(copies));
-}
-
 /* As `steps`. */
-static void more(const Host *host, DmEngine engine, DmMesh mesh, DmMesh dense, DmGpuMesh uploaded, DmCrowd crowd,
-                 DmCrowd animated) {
+static void more(const Host *host, DmEngine engine, DmMesh mesh, DmGpuMesh uploaded, DmCrowd crowd, DmCrowd animated) {
     const DmEngineDesc device = {.struct_size = sizeof device, .instance = host->instance,
                                  .physical_device = host->physical, .device = host->device,
                                  .get_instance_proc_addr = vkGetInstanceProcAddr};
@@ -223,6 +146,5 @@ static void more(const Host *host, DmEngine engine, DmMesh mesh, DmMesh dense, D
     weight_bounds(mesh);
     growth(host, engine, crowd, animated, buffer);
     levels(crowd, animated);
-    residency(host, engine, mesh, dense, uploaded);
     vkDestroyBuffer(host->device, buffer, NULL), vkFreeMemory(host->device, memory, NULL);
 }

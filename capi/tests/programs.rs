@@ -36,7 +36,7 @@ fn libraries() -> &'static Path {
             "--package",
             env!("CARGO_PKG_NAME"),
             "--features",
-            "after,cpu,csv,gltf,level,residency",
+            "after,cpu,csv,gltf,level",
             "--profile",
             profile,
             "--target-dir",
@@ -192,10 +192,10 @@ fn a_scene_is_what_c_computes_in_double_precision() {
     }
 }
 
-/// Targets that come and go, layers of clips, crowds that grow, bounds from weights.
+/// Layers of clips, crowds that grow, bounds from weights.
 #[test]
-fn a_head_under_a_limit_is_what_the_reference_says() {
-    let program = build("capi/tests/swaps.c", unchanged);
+fn a_head_that_plays_layers_is_what_the_reference_says() {
+    let program = build("capi/tests/layers.c", unchanged);
     for driver in DRIVERS {
         let output = program.validated(&[driver.as_ref()]);
         let said = text(&output.stdout);
@@ -204,8 +204,7 @@ fn a_head_under_a_limit_is_what_the_reference_says() {
         assert!(said.starts_with("14 steps of 2 instances") && said.lines().count() == 1, "{said}");
     }
     for (from, to, says) in [
-        // Targets that stay away; weights that an instance never gets; bounds of others; no growth; another mixture.
-        ("load[swap.load_count++] = t;", "{}", "is not on the device"),
+        // Weights that an instance never gets; bounds of others; no growth; another mixture.
         (
             "DM(dm_crowd_set_weights(crowd, i, weights, TARGETS));",
             "DM(dm_crowd_set_weights(crowd, 0, weights, TARGETS));",
@@ -216,7 +215,7 @@ fn a_head_under_a_limit_is_what_the_reference_says() {
         (".weight = 0.5f", ".weight = 0.25f", "are mixed otherwise"),
     ] {
         let output =
-            build("capi/tests/swaps.c", replaced(from, to)).command().arg(DRIVERS[0]).output().expect("it starts");
+            build("capi/tests/layers.c", replaced(from, to)).command().arg(DRIVERS[0]).output().expect("it starts");
         assert!(!output.status.success() && text(&output.stderr).contains(says), "{to}: {}", text(&output.stderr));
     }
 }
@@ -264,7 +263,7 @@ fn valgrind_finds_nothing_without_a_device() {
 #[ignore = "minutes, since the driver compiles shaders under valgrind: .ci/deep"]
 fn valgrind_finds_nothing_on_a_device() {
     for (source, args) in
-        [("misuse.c", vec!["device", DRIVERS[0]]), ("scene.c", vec![DRIVERS[0]]), ("swaps.c", vec![DRIVERS[0]])]
+        [("misuse.c", vec!["device", DRIVERS[0]]), ("scene.c", vec![DRIVERS[0]]), ("layers.c", vec![DRIVERS[0]])]
     {
         let output = build(&format!("capi/tests/{source}"), unchanged).under_valgrind(&args);
         assert!(output.status.success(), "{source}: {}{}", text(&output.stdout), text(&output.stderr));

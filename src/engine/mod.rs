@@ -7,7 +7,6 @@ mod grow;
 mod poses;
 mod readback;
 mod record;
-mod residency;
 mod set;
 mod upload;
 mod views;
@@ -16,7 +15,6 @@ pub use base::{AnyCrowd, Ticket, Update};
 pub use crowd::{AnimatedCrowd, Crowd};
 pub use grow::Outgrown;
 pub use readback::{PoseReadback, ReadPose};
-pub use residency::SwapCopies;
 pub use set::CrowdSet;
 pub use upload::GpuMesh;
 pub use views::{PoseBuffer, PoseView, StreamView};
@@ -209,11 +207,6 @@ impl MorphEngine {
         animation: &AnimationDesc<'_>,
     ) -> Result<AnimatedCrowd> {
         self.check_crowd(mesh, desc, Runner::Animated(Some(&self.device.caps)))?;
-        if mesh.residency().is_some() {
-            let what =
-                format!("mesh '{}', whose targets come and go, in a crowd animated on the GPU", mesh.layout().name);
-            return Err(Error::invalid(what, "upload it as a whole, with MorphEngine::upload"));
-        }
         // Weights are the GPU's: none are set.
         let base = CrowdBase::new(&self.device, &self.kernels, mesh, desc, 0, |context| {
             Ok(Box::new(Animated::new(context, Clips::new(animation, context.layout(), context.grid())?)?))

@@ -8,9 +8,8 @@ use super::images::Image;
 use super::memory::{Buffer, STAGING};
 use super::parts::AssetPart;
 use crate::error::Result;
-use crate::pack::{PackedGroup, PackedLayout, PackedMesh};
+use crate::pack::PackedLayout;
 use crate::plan::schedule::asset_uploaded;
-use crate::residency::Residents;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use std::sync::Arc;
@@ -30,7 +29,7 @@ pub(crate) struct MeshBuffers {
     /// The base pose (dense formats).
     pub(crate) base: Buffer,
     /// Dense formats: the deltas. Block formats: headers, deltas and base pose, the whole asset.
-    pub(crate) deltas: Arc<Buffer>,
+    pub(crate) deltas: Buffer,
     /// Block formats: the parts of the asset that descriptors cover.
     pub(crate) parts: Vec<AssetPart>,
     /// Words of a mesh that was uploaded in a technique's private layout, which the technique reads on the host.
@@ -39,8 +38,6 @@ pub(crate) struct MeshBuffers {
     /// For a technique that loads deltas from images: those of both triples, each with a view.
     #[cfg(feature = "baselines")]
     pub(crate) images: Vec<Image>,
-    /// With residency: which targets are loaded. All groups are in one buffer then.
-    pub(crate) residents: Option<Arc<Residents>>,
 }
 
 /// Staging memory, and the copies from it.
@@ -97,12 +94,11 @@ impl MeshBuffers {
         let mesh = Self {
             layout,
             base,
-            deltas: Arc::new(deltas),
+            deltas,
             parts,
             private,
             #[cfg(feature = "baselines")]
             images: vec![],
-            residents: None,
         };
         Ok((mesh, Upload::new(staging, copies)))
     }
@@ -126,39 +122,6 @@ impl MeshBuffers {
         let upload = Upload { image: Some((image.raw, size)), ..Upload::new(staging, vec![]) };
         self.images.push(image);
         Ok(upload)
-    }
-
-    /// Makes one buffer for all groups of a mesh with residency, and the upload that fills it. Headers and deltas are
-    /// cleared before targets are loaded: lists may name entries that are not loaded, with a factor of 0.
-    pub(crate) fn resident(
-        device: &Arc<Device>,
-        mesh: &PackedMesh,
-        residents: &Arc<Residents>,
-    ) -> Result<Vec<(Self, Upload)>> {
-        let name = |what: &str| format!("deltamorph {what} of mesh '{}'", mesh.layout().name);
-        let bytes = residents.bytes().buffer;
-        let deltas = Buffer::new(device, &name("resident deltas"), bytes, ASSET_USAGE, MemoryLocation::GpuOnly)?;
-        let deltas = Arc::new(deltas);
-        let group = |(number, group): (usize, &PackedGroup)| {
-            let (layout, origins) = (group.layout().clone(), residents.origins(number));
-            let base = Buffer::new(device, &name("base pose"), 0, ASSET_USAGE, MemoryLocation::GpuOnly)?;
-            let words: &[u32] = bytemuck::cast_slice(group.base());
-            let upload = Upload::to(device, &deltas, words, &[[origins[2], words.len() as u32]])?;
-            let parts = vec![AssetPart::resident(&layout, bytes, origins)?];
-            let residents = Some(residents.clone());
-            let mesh = Self {
-                layout,
-                base,
-                deltas: deltas.clone(),
-                parts,
-                private: vec![],
-                #[cfg(feature = "baselines")]
-                images: vec![],
-                residents,
-            };
-            Ok((mesh, upload))
-        };
-        mesh.groups().iter().enumerate().map(group).collect()
     }
 
     /// Returns the range of the base pose.
@@ -197,26 +160,11 @@ impl Upload {
         Ok((buffer, Self::new(staging, copies)))
     }
 
-    /// Makes an upload that copies `words` to runs of a buffer, each given as its first word there and its length.
-    pub(crate) fn to(device: &Arc<Device>, buffer: &Buffer, words: &[u32], runs: &[[u32; 2]]) -> Result<Self> {
-        let bytes: &[u8] = bytemuck::cast_slice(words);
-        let usage = vk::BufferUsageFlags::TRANSFER_SRC;
-        let mut staging = Buffer::new(device, "deltamorph upload", bytes.len() as u64, usage, STAGING)?;
-        staging.mapped()?[..bytes.len()].copy_from_slice(bytes);
-        let mut from = 0;
-        let copy = |[at, words]: &[u32; 2]| {
-            let (src_offset, size) = (from, 4 * u64::from(*words));
-            from += size;
-            (buffer.raw, vk::BufferCopy { src_offset, dst_offset: 4 * u64::from(*at), size })
-        };
-        Ok(Self::new(staging, runs.iter().map(copy).collect()))
-    }
-
     /// Records the copies.
     ///
     /// # Safety
     /// Those of [`record_uploads`]; the caller records a barrier after the copies.
-    pub(crate) unsafe fn record(&self, device: &Device, cmd: vk::CommandBuffer) {
+    unsafe fn record(&self, device: &Device, cmd: vk::CommandBuffer) {
         for copies in self.copies.chunk_by(|a, b| a.0 == b.0) {
             let regions: Vec<vk::BufferCopy> = copies.iter().map(|(_, region)| *region).collect();
             // SAFETY: the caller's obligations; regions lie within both buffers, and overlap nowhere.

@@ -51,17 +51,6 @@ impl AssetPart {
         Ok(Self { blocks, entries, offset, size: 4 * (places[2] + bases) as u64, origins, sources })
     }
 
-    /// A part with all blocks of a mesh whose entries are loaded into a buffer of `size` bytes and unloaded; residency
-    /// decides where each entry is.
-    ///
-    /// # Errors
-    /// The mesh has no blocks.
-    pub(crate) fn resident(layout: &PackedLayout, size: u64, origins: [u32; 3]) -> Result<Self> {
-        let index = layout.index()?;
-        let (blocks, entries) = (0..index.count(), 0..index.entry_count());
-        Ok(Self { blocks, entries, offset: 0, size, origins, sources: [0..0, 0..0, 0..0] })
-    }
-
     /// Cuts an asset with these words into parts of at most `most` bytes; into one if it fits.
     ///
     /// # Errors

@@ -159,23 +159,6 @@ impl PackedMesh {
         &self.groups
     }
 
-    /// Bytes of the deltas of target `target` in all groups, without what says how they are stored; 0 for a target that
-    /// there is not. What it takes of [`Residency::capacity`](field@crate::Residency::capacity).
-    pub fn target_bytes(&self, target: usize) -> u64 {
-        if target >= self.layout().targets.len() {
-            return 0;
-        }
-        let of = |PackedGroup { layout, .. }: &PackedGroup| {
-            let (Some(index), Some(format)) = (&layout.blocks, layout.format.block_format()) else {
-                return (layout.padded_vertices() * layout.format.stride()) as u64;
-            };
-            let entry =
-                |i: &blocks::Incidence| index.costs[i.entry as usize].bytes as usize - 4 * format.header_words();
-            index.incidence(target).iter().map(|i| entry(i) as u64).sum()
-        };
-        self.groups.iter().map(of).sum()
-    }
-
     /// Position and normal.
     pub fn surface(&self) -> &PackedGroup {
         &self.groups[0]

@@ -32,13 +32,6 @@ pub fn asset_uploaded() -> Option<Barrier> {
     Some(Barrier { before: Use::copy(Resource::Asset).scope(), after: Scope::ANYTHING })
 }
 
-/// The barriers around the copies of targets that come to the device: updates recorded before have read what was there,
-/// and others may have copied; those recorded after read.
-pub fn targets_swapped() -> [Option<Barrier>; 2] {
-    let (copied, read) = (Use::copy(Resource::Asset), Use::read(Resource::Asset));
-    [Barrier::between(&[copied, read], &[copied]), Barrier::between(&[copied], &[read])]
-}
-
 /// What is recorded, one after the other.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Entry {

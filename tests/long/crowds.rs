@@ -10,8 +10,8 @@ use deltamorph::lod::{Camera, Importance, LevelDesc, Place};
 use deltamorph::reference::compare;
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, BlockDesc, Clips, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, GpuMesh, Outgrown,
-    PackDesc, PackedMesh, Playback, PoseGrid, PoseView, Repeat, Result, SwapCopies, TargetSwap, UpdateDesc, UpdateMode,
-    UpdatePath, WeightClip, testing,
+    PackDesc, PackedMesh, Playback, PoseGrid, PoseView, Repeat, Result, UpdateDesc, UpdateMode, UpdatePath, WeightClip,
+    testing,
 };
 use std::hash::{DefaultHasher, Hasher};
 use std::sync::Arc;
@@ -21,7 +21,6 @@ const TARGETS: usize = 12;
 const PLACES: [u32; 2] = [2, 6];
 /// One frame of so many makes a crowd grow, or makes it anew.
 const GROWS: usize = 512;
-const SWAPS: usize = 32;
 
 /// What the commands of a batch use, and the host has no other use for.
 #[derive(Default)]
@@ -29,7 +28,6 @@ pub struct Loose {
     _outgrown: Vec<Outgrown>,
     _crowds: Vec<Crowd>,
     _animated: Vec<AnimatedCrowd>,
-    swaps: Vec<SwapCopies>,
 }
 
 fn count(counts: &mut Counts, what: &'static str) {
@@ -50,14 +48,9 @@ fn packed(format: DeltaFormat) -> Arc<PackedMesh> {
     Arc::new(mesh.expect("a mesh that packs"))
 }
 
-fn upload(headless: &Headless, mesh: &PackedMesh, bytes: Option<u64>) -> GpuMesh {
+fn upload(headless: &Headless, mesh: &PackedMesh) -> GpuMesh {
     // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
-    let uploaded = headless.run(|cmd| unsafe {
-        match bytes {
-            Some(bytes) => headless.engine().upload_resident(cmd, mesh, bytes),
-            None => headless.engine().upload(cmd, mesh),
-        }
-    });
+    let uploaded = headless.run(|cmd| unsafe { headless.engine().upload(cmd, mesh) });
     let mut uploaded = uploaded.expect("an upload");
     // SAFETY: it has run.
     unsafe { uploaded.release_staging() };
@@ -96,10 +89,9 @@ pub struct Weighted<'a> {
 }
 
 impl<'a> Weighted<'a> {
-    pub fn new(headless: &'a Headless, format: DeltaFormat, update: UpdateDesc, swapped: bool, begin: u64) -> Self {
+    pub fn new(headless: &'a Headless, format: DeltaFormat, update: UpdateDesc, begin: u64) -> Self {
         let source = packed(format);
-        let bytes: u64 = (0..TARGETS).map(|target| source.target_bytes(target)).sum();
-        let mesh = upload(headless, &source, swapped.then_some(bytes * 2 / 5));
+        let mesh = upload(headless, &source);
         let crowd = Self::crowd(headless, &mesh, update, begin);
         let (posed, fresh) = (vec![vec![]; PLACES[1] as usize], evaluations(&source, update));
         let importance = Importance::of_packed(&source, &[]).expect("an order");
@@ -128,34 +120,6 @@ impl<'a> Weighted<'a> {
             let crowd = Self::crowd(self.headless, &self.mesh, desc.update, self.begin);
             loose._crowds.push(std::mem::replace(&mut self.crowd, crowd));
             self.updates = 0;
-        }
-        Ok(())
-    }
-
-    /// Load a target in the place of another, where poses and memory allow it.
-    pub fn swap(
-        &mut self,
-        cmd: vk::CommandBuffer,
-        rng: &mut Rng,
-        counts: &mut Counts,
-        loose: &mut Loose,
-    ) -> Result<()> {
-        if self.mesh.residency().is_none() || rng.below(SWAPS) > 0 {
-            return Ok(());
-        }
-        let (load, unload) = ([rng.below(TARGETS)], [rng.below(TARGETS)]);
-        for instance in 0..self.crowd.desc().instances {
-            // Of a free place there is no weight.
-            let _ = self.crowd.set_weight(instance, unload[0], 0.0);
-        }
-        let swap = TargetSwap::default().load(&load).unload(&unload);
-        // SAFETY: the buffer records on the engine's device and is waited for, and the copies are kept until then.
-        match unsafe { self.headless.engine().record_swap(cmd, &mut self.mesh, &self.source, &swap) } {
-            Ok(copies) => {
-                count(counts, "targets swapped");
-                loose.swaps.push(copies);
-            }
-            Err(_) => count(counts, "swaps refused: poses hold the target, or no bytes are free"),
         }
         Ok(())
     }
@@ -194,8 +158,6 @@ impl<'a> Weighted<'a> {
                 weights[rng.below(TARGETS)] = if still { 0.0 } else { rng.range(-0.9, 1.8) };
             }),
         }
-        let there = |target: usize| self.mesh.is_resident(target);
-        weights.iter_mut().enumerate().filter(|(target, _)| !there(*target)).for_each(|(_, weight)| *weight = 0.0);
         crowd.set_weights(instance, &weights)
     }
 
@@ -207,18 +169,6 @@ impl<'a> Weighted<'a> {
             self.posed[instance as usize].clear();
             self.posed[instance as usize].extend_from_slice(weights);
         }
-    }
-
-    /// What was recorded last was lost.
-    pub fn lose(&mut self, loose: &mut Loose) {
-        if self.mesh.residency().is_none() || loose.swaps.is_empty() {
-            return;
-        }
-        loose.swaps.drain(..).for_each(|swap| self.mesh.discard_swap(swap).expect("a swap of this mesh"));
-        let (engine, nothing) = (self.headless.engine(), TargetSwap::default());
-        // SAFETY: the buffer records on the engine's device and is waited for, and the copies are kept until then.
-        let again = self.headless.run(|cmd| unsafe { engine.record_swap(cmd, &mut self.mesh, &self.source, &nothing) });
-        drop(again.expect("the swap again"));
     }
 
     /// Poses, of hidden instances too, are those of full evaluations: of integers bit for bit.
@@ -267,7 +217,7 @@ const CLIPS: usize = 3;
 impl<'a> Animated<'a> {
     pub fn new(headless: &'a Headless, update: UpdateDesc, begin: u64) -> Self {
         let source = packed(DeltaFormat::Fast);
-        let mesh = upload(headless, &source, None);
+        let mesh = upload(headless, &source);
         let names: Vec<String> = source.layout().targets.iter().map(|target| target.name.clone()).collect();
         let clips: [_; CLIPS] = std::array::from_fn(|clip| {
             let values = (0..8).flat_map(|frame| gpu::weights(&source, frame, clip as u32)).collect();

@@ -4,13 +4,11 @@ mod after;
 mod crowd;
 mod device;
 mod mesh;
-mod residency;
 
 pub use after::*;
 pub use crowd::*;
 pub use device::*;
 pub use mesh::*;
-pub use residency::*;
 
 use crate::memory::Versioned;
 
@@ -54,6 +52,4 @@ versioned! {
     DmClipInfo;
     DmClipArrays;
     DmClipLayer;
-    DmTargetSwap;
-    DmResidency;
 }

@@ -10,7 +10,7 @@ use deltamorph_c::memory::Versioned;
 use deltamorph_c::result::{DM_ERROR_OUT_OF_MEMORY, DM_ERROR_PANIC, DM_OK, DmResult, dm_last_error};
 use deltamorph_c::structs::*;
 use deltamorph_c::{
-    after, bounds, clip, cpu, crowd, engine, layers, level, mesh, queries, readback, record, residency, skin, upload,
+    after, bounds, clip, cpu, crowd, engine, layers, level, mesh, queries, readback, record, skin, upload,
 };
 use std::ffi::{CStr, CString, c_char};
 use std::ptr::{null, null_mut};
@@ -22,7 +22,7 @@ const MESH: u8 = 1;
 const CLIP: u8 = 5;
 const BOUND_CLIP: u8 = 6;
 const CPU_CROWD: u8 = 7;
-const WEIGHT_BOUNDS: u8 = 14;
+const WEIGHT_BOUNDS: u8 = 13;
 
 /// Content of results before a call.
 const UNTOUCHED: u64 = 0x5555_5555_5555_5555;
@@ -306,12 +306,11 @@ impl Calls<'_> {
         let mesh = DmMesh { bits: self.handle(MESH)? };
         let (number, name) = (self.count(5)?, self.text()?);
         let mut info = self.stated(DmMeshInfo::zeroed())?;
-        let (mut target, mut bytes, mut found): (u32, u64, *const c_char) = (77, 0, null());
+        let (mut target, mut found): (u32, *const c_char) = (77, null());
         // SAFETY: structures have the room that they state, places can be written.
         unsafe {
             check(queries::dm_mesh_info(mesh, info.at()));
             check(queries::dm_mesh_find_target(mesh, name.as_ptr(), &raw mut target));
-            check(residency::dm_mesh_target_bytes(mesh, number, &raw mut bytes));
             if check(queries::dm_mesh_target_name(mesh, number, &raw mut found)) {
                 CStr::from_ptr(found).to_str().expect("UTF-8");
             }
@@ -498,9 +497,6 @@ impl Calls<'_> {
                 engine::dm_engine_destroy(engine),
                 upload::dm_mesh_upload(engine, cmd, mesh, place.cast()),
                 upload::dm_gpu_mesh_destroy(on_device),
-                residency::dm_mesh_upload_resident(engine, cmd, mesh, 1000, place.cast()),
-                residency::dm_gpu_mesh_is_resident(on_device, instance, &raw mut word),
-                residency::dm_swap_destroy(DmSwap { bits }),
                 crowd::dm_crowd_create(on_device, null(), place.cast()),
                 crowd::dm_crowd_destroy(crowd),
                 crowd::dm_crowd_cut(crowd, instance),

@@ -179,12 +179,6 @@ pub(crate) trait BlockFormat {
         false
     }
 
-    /// Whether the first word of a header says where the entry's deltas begin. Otherwise all entries of a mesh have as
-    /// many words, one entry after the other.
-    fn locates_deltas(&self) -> bool {
-        false
-    }
-
     /// Words of an entry's header.
     fn header_words(&self) -> usize;
 

@@ -114,10 +114,6 @@ impl BlockFormat for Small {
         true
     }
 
-    fn locates_deltas(&self) -> bool {
-        true
-    }
-
     fn header_words(&self) -> usize {
         1 + TRIPLES
     }

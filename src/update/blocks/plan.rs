@@ -79,19 +79,6 @@ impl Planner {
         }
     }
 
-    /// Mark the targets that poses hold, of instances that have one: the pose of others is written from base, with what
-    /// is requested then.
-    pub fn mark_applied(&self, instances: &Instances, targets: &mut [bool]) {
-        let is_known = |i: &usize| instances.check(*i as u32).is_ok_and(|place| instances.slots_of(place).is_some());
-        for (group, states) in self.groups.iter().zip(&self.states) {
-            for state in (0..states.len()).filter(is_known).map(|i| &states[i]) {
-                for (i, _) in state.committed.iter().enumerate().filter(|(_, weight)| **weight != 0) {
-                    targets[if state.per_entry { group.index.parts.entry_target[i] as usize } else { i }] = true;
-                }
-            }
-        }
-    }
-
     /// Count the last update. The groups add the same coefficients in the same pass.
     pub fn stats(&self) -> UpdateStats {
         let mut sum = UpdateStats::default();

@@ -4,7 +4,7 @@ use super::dispatch::{BlockPart, Dispatches, KERNELS, Tiles};
 use super::gpu::{BlocksKernels, Bound, GroupBlocks, LIST_USAGE, set_size};
 use super::group::{GroupPlan, Item, WorkList};
 use super::plan::Planner;
-use crate::abi::worklist::{self, ELEMENT_BYTES, ITEM_WORDS, TILE_WORDS, row_words};
+use crate::abi::worklist::{self, ELEMENT_BYTES, ITEM_WORDS, TILE_WORDS};
 use crate::error::Result;
 use crate::gpu::memory::Ring;
 use crate::gpu::pipelines::Workgroups;
@@ -12,7 +12,6 @@ use crate::pack::POSE_FLOATS;
 use crate::plan::UpdateStats;
 use crate::plan::instances::Instances;
 use crate::plan::steps::{Steps, Work};
-use crate::residency::{Holder, Names};
 use crate::update::technique::{Context, Technique, UpdateId};
 use ash::vk;
 use std::ops::Range;
@@ -21,8 +20,6 @@ use std::ops::Range;
 pub(crate) struct BlocksTechnique {
     planner: Planner,
     groups: Vec<Group>,
-    /// Where targets of the mesh come and go.
-    holder: Option<Holder>,
 }
 
 /// What the blocks of a group take.
@@ -44,8 +41,7 @@ impl BlocksTechnique {
         let mut planner = Planner::new(desc.update, layouts, desc.instances as usize)?;
         let groups = (0..).zip(context.groups()).zip(&mut planner.groups);
         let groups = groups.map(|((number, group), planner)| Group::new(group, number, planner));
-        let holder = context.mesh.residents.as_ref().map(Holder::new);
-        Ok(Self { groups: groups.collect::<Result<_>>()?, planner, holder })
+        Ok(Self { groups: groups.collect::<Result<_>>()?, planner })
     }
 }
 
@@ -85,8 +81,8 @@ impl Group {
         })
     }
 
-    /// Write the lists of what was planned; `names` are those of entries, where they are not their numbers.
-    fn write(&mut self, list: &WorkList, frame: u64, names: Option<Names<'_>>) -> Result<()> {
+    /// Write the lists of what was planned.
+    fn write(&mut self, list: &WorkList, frame: u64) -> Result<()> {
         let (items, rest) = self.ring.words(frame)?.split_at_mut(self.elements_at);
         let items = items.chunks_exact_mut(self.item_words);
         // Source and destination of an item, as numbers of poses in a set of instances.
@@ -101,10 +97,6 @@ impl Group {
                 let head = [tile.block, self.elements_at as u32 + tile.first, tile.count, tile.rebuilt];
                 let items = tile.members(width).iter().map(|&i| &list.items[i as usize]);
                 worklist::write_tile(out, head, items.map(poses));
-                let rows = (tile.first as usize..).step_by(row_words(width)).take(tile.count as usize);
-                if let Some(names) = names {
-                    rows.for_each(|row| rest[row] = names.of(tiles.rows[row]));
-                }
             }
             return Ok(());
         }
@@ -115,11 +107,7 @@ impl Group {
             out[..ITEM_WORDS].copy_from_slice(&words);
             out[ITEM_WORDS..].copy_from_slice(masks);
             let (first, count) = (2 * item.first as usize, 2 * item.count as usize);
-            let elements = list.elements_of(item);
-            rest[first..first + count].copy_from_slice(bytemuck::cast_slice(elements));
-            if let Some(names) = names {
-                rest[first..].iter_mut().step_by(2).zip(elements).for_each(|(word, e)| *word = names.of(e.entry));
-            }
+            rest[first..first + count].copy_from_slice(bytemuck::cast_slice(list.elements_of(item)));
         }
         Ok(())
     }
@@ -135,19 +123,11 @@ impl Technique for BlocksTechnique {
     }
 
     fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
-        if let Some(holder) = &self.holder {
-            holder.check_update(instances)?;
-        }
         self.planner.plan(instances, id.update);
-        let names = self.holder.as_ref().map(Holder::names);
-        for (number, (group, planner)) in self.groups.iter_mut().zip(&mut self.planner.groups).enumerate() {
+        for (group, planner) in self.groups.iter_mut().zip(&mut self.planner.groups) {
             if group.dispatches.fill(planner) {
-                group.write(&planner.list, id.frame, names.as_ref().map(|names| names.of(number)))?;
+                group.write(&planner.list, id.frame)?;
             }
-        }
-        drop(names);
-        if let Some(holder) = &mut self.holder {
-            holder.hold(|targets| self.planner.mark_applied(instances, targets));
         }
         Dispatches::append(self.groups.iter().map(|group| &group.dispatches), steps);
         Ok(self.planner.stats())
@@ -167,10 +147,6 @@ impl Technique for BlocksTechnique {
 
     fn changed(&self, _instances: &Instances, _id: UpdateId, instance: u32, out: &mut Vec<Range<u32>>) {
         self.planner.groups[0].changed(instance, out);
-    }
-
-    fn check_weights(&self, weights: &[f32]) -> Result<()> {
-        self.holder.as_ref().map_or(Ok(()), |holder| holder.check_weights(weights))
     }
 
     #[cfg(any(test, feature = "internals"))]
