@@ -1,9 +1,10 @@
 //! The steps after the pose of a crowd: which targets there are, and what each has still to be told of the poses.
 
-use super::follower::{Follower, Job, Kind, Place};
+use super::follower::{Follower, Job, Place};
 use super::pieces::Pieces;
 use crate::error::Result;
 use crate::gpu::memory::Ring;
+use crate::plan::after::Kind;
 use crate::plan::earlier::Earlier;
 #[cfg(any(test, feature = "internals"))]
 use crate::plan::hazards::{Accesses, Memory};
@@ -237,9 +238,23 @@ impl After {
     #[cfg(any(test, feature = "internals"))]
     pub(crate) fn accesses(&self, works: &[Work]) -> Vec<Accesses> {
         let of = |work: &Work| {
-            let Some((target, job)) = self.job(0, work) else { return Accesses::default() };
-            let pose = Memory::Pose { instance: work.instance, slot: job.slot };
-            target.follower.accesses(&job, pose, work.instance)
+            let Some((target, Job { dispatch, slot, output, .. })) = self.job(0, work) else {
+                return Accesses::default();
+            };
+            let (instance, output) = (work.instance, output as u32);
+            // Of the asset, steps read the base pose alone.
+            let memory = |resource| {
+                if resource == Resource::Asset {
+                    Memory::Base
+                } else if resource == Resource::Poses {
+                    Memory::Pose { instance, slot }
+                } else {
+                    Memory::After { resource, instance, output }
+                }
+            };
+            let uses = target.kind.dispatches()[dispatch].iter();
+            let uses = uses.map(|used| Use::new(memory(used.memory), used.stage, used.access)).collect();
+            Accesses { group: 0, uses, in_place: true }
         };
         works.iter().map(of).collect()
     }

@@ -7,6 +7,7 @@
 //! Uses speak of a crowd's memory as a whole (all poses, all sums), so that deriving barriers takes the same time
 //! whatever the number of instances. The hazard checker follows every instance and slot.
 
+use crate::abi::steps::after_steps;
 use std::ops::{BitOr, Range};
 
 /// A pipeline stage, as a bit of [`Scope::stages`].
@@ -111,9 +112,28 @@ impl BitOr for Scope {
     }
 }
 
-/// Memory of a crowd, each kind as a whole.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Resource {
+macro_rules! resources {
+    ({ $($(#[doc = $doc:literal])* $resource:ident,)* } $(
+        $(#[doc = $step_doc:literal])*
+        $kind:ident $module:ident::$step:ident $face:tt $set:tt {
+            $($reads:tt => $written:ident, $push:ident $members:tt $rows:tt;)*
+        }
+    )*) => {
+        /// Memory of a crowd, each kind as a whole.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        pub enum Resource {
+            $($(#[doc = $doc])* $resource,)*
+            $($(#[doc = concat!("What the step `", stringify!($kind), "` writes, of all instances.")] $written,)*)*
+        }
+
+        impl Resource {
+            /// How many there are.
+            pub(super) const COUNT: usize = [$(Self::$resource,)* $($(Self::$written,)*)*].len();
+        }
+    };
+}
+
+after_steps!(resources {
     /// Base pose and deltas of the mesh.
     Asset,
     /// Poses of all instances and slots.
@@ -129,17 +149,7 @@ pub enum Resource {
     WorkList,
     /// How many items they have, and the arguments of the dispatches that carry them out: one buffer as well.
     Control,
-    /// Positions that are decoded for the host, of all instances.
-    Decoded,
-    /// Poses that are skinned for the host, of all instances.
-    Skinned,
-    /// Normals that are recomputed for the host, of all instances.
-    Normals,
-    /// The bounds of parts of poses, of all instances.
-    BoundsOfParts,
-    /// The bounds of poses, for the host, of all instances.
-    Bounds,
-}
+});
 
 /// One way in which memory is used: a [`Resource`] by a step, or what the hazard checker knows of it by a work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
