@@ -1,6 +1,6 @@
 //! The steps after the pose, as they are planned: in which order, and what their dispatches use.
 
-use super::steps::{Resource, Use, Work};
+use super::steps::{Resource, Use};
 use crate::abi::steps::after_steps;
 
 macro_rules! kinds {
@@ -39,25 +39,3 @@ macro_rules! kinds {
     };
 }
 after_steps!(kinds());
-
-/// Numbers of kernels from here on are of the steps after the pose: no technique has as many.
-const FIRST_KERNEL: u32 = 1 << 31;
-/// Dispatches of a step, at most.
-const DISPATCHES: u32 = 2;
-
-impl Kind {
-    pub(crate) const fn kernel(self, dispatch: usize) -> u32 {
-        FIRST_KERNEL + self as u32 * DISPATCHES + dispatch as u32
-    }
-
-    /// The number of the step, and which of its dispatches a work is.
-    pub(crate) const fn of(work: &Work) -> (u32, usize) {
-        let number = work.kernel - FIRST_KERNEL;
-        (number / DISPATCHES, (number % DISPATCHES) as usize)
-    }
-
-    /// Whether a work is of any step after the pose.
-    pub(crate) const fn has(work: &Work) -> bool {
-        work.kernel >= FIRST_KERNEL
-    }
-}

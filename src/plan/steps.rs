@@ -7,6 +7,7 @@
 //! Uses speak of a crowd's memory as a whole (all poses, all sums), so that deriving barriers takes the same time
 //! whatever the number of instances. The hazard checker follows every instance and slot.
 
+use super::after::Kind;
 use crate::abi::steps::after_steps;
 use std::ops::{BitOr, Range};
 
@@ -271,10 +272,22 @@ pub enum Source {
     Slot(u32),
 }
 
-/// A piece of a step, in the numbers of the technique that planned it.
+/// Whose a work is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Owner {
+    /// The technique's that planned the update.
+    #[default]
+    Technique,
+    /// A step's after the pose.
+    Step(Kind),
+}
+
+/// A piece of a step, in the numbers of its owner.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Work {
-    /// Which of the technique's kernels.
+    /// Who records it.
+    pub owner: Owner,
+    /// Which of the owner's kernels; of a step after the pose, which of its dispatches.
     pub kernel: u32,
     /// The group of the mesh.
     pub group: u32,

@@ -101,7 +101,7 @@ impl AnimatedUpdate {
             let (source, destination) = (Source::Slot(self.source), self.destination);
             for group in 0..if common { 1 } else { groups } {
                 let items = items.clone();
-                steps.push(Work { kernel: kernel as u32, group, instance: 0, source, destination, items });
+                steps.push(Work { kernel: kernel as u32, group, source, destination, items, ..Work::default() });
             }
         };
         let weights = [(K::Records, records), (K::Level, level), (K::Sample, true), (K::Budget, budget)];
