@@ -61,7 +61,7 @@ impl Takes {
 
 /// How many targets of a format fit into vertex attributes, next to a pose.
 pub const fn batch_max(format: &FormatRow) -> u32 {
-    match format.attributes {
+    match format.attributes.len() as u32 {
         0 => 0,
         attributes => (ATTRIBUTES_MAX - 2) / attributes,
     }
@@ -113,8 +113,10 @@ pub struct KernelRow {
     /// The structure of its push constants, in [`push`](super::push); "": it has none, or with [`Takes::DenseBatches`] as many
     /// coefficients as there are targets.
     pub push: &'static str,
-    /// Specialization constants: 0 to one less than this.
+    /// Specialization constants of its own: 0 to one less than this.
     pub constants: u32,
+    /// Behind them are [`PLACES`] that say where numbers are in a pose.
+    pub places: bool,
     /// Of a technique of others: left out without the feature `baselines`.
     pub baseline: bool,
 }
@@ -124,6 +126,11 @@ impl KernelRow {
     pub fn takes(&self, format: Option<&FormatRow>, pose: &PoseRow) -> bool {
         let poses = pose.bits == 0 || self.poses && format.is_none_or(|format| format.integers);
         poses && format.map_or(self.takes == Takes::NoDeltas, |format| self.takes.takes(format))
+    }
+
+    /// All specialization constants.
+    pub const fn all_constants(&self) -> u32 {
+        self.constants + if self.places { PLACES as u32 } else { 0 }
     }
 
     /// Its file under glsl/.
@@ -149,6 +156,7 @@ const VERTEX: KernelRow = KernelRow {
     aliased: &[],
     push: "",
     constants: 0,
+    places: false,
     baseline: false,
 };
 const COMPUTE: KernelRow = KernelRow { stage: Stage::Compute, ..VERTEX };
@@ -165,19 +173,20 @@ const DENSE: KernelRow = KernelRow {
     constants: 1,
     ..COMPUTE
 };
-/// Asset, work list, poses. Specialization constants: lanes, vertices of a block, and places.
+/// Asset, work list, poses. Specialization constants: lanes, vertices of a block.
 const BLOCKS: KernelRow = KernelRow {
     name: "blocks",
     stage: Stage::ComputeSized,
     takes: Takes::Blocks,
     bindings: &[(0, WORDS), (1, WORDS), (2, WORDS)],
     push: "BlocksPush",
-    constants: 2 + PLACES as u32,
+    constants: 2,
+    places: true,
     ..COMPUTE
 };
-/// Three more specialization constants before the places: instances of a tile, whether all start from the base pose, and
+/// Three more specialization constants: instances of a tile, whether all start from the base pose, and
 /// whether decoding is to take few registers.
-const CROWD: KernelRow = KernelRow { name: "crowd", poses: true, constants: 5 + PLACES as u32, ..BLOCKS };
+const CROWD: KernelRow = KernelRow { name: "crowd", poses: true, constants: 5, ..BLOCKS };
 /// A draw that others' technique `direct` evaluates: deltas, weights.
 const DIRECT: KernelRow = KernelRow {
     name: "direct",
@@ -257,6 +266,7 @@ const OURS: &[KernelRow] = &[
         bindings: &[(0, WORD_TEXELS), (1, WORD_TEXELS), (2, PAIRS), (3, POSE_TEXELS)],
         aliased: &[2, 3],
         constants: 4,
+        places: false,
         ..CROWD
     },
 ];

@@ -29,7 +29,7 @@ macro_rules! after_steps {
                     name: "decode",
                     poses: true,
                     bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)],
-                    constants: PLACES as u32
+                    places: true
                 }];
             }
 
@@ -54,20 +54,22 @@ macro_rules! after_steps {
                     units: [f32; TRIPLES],
                 }
                 // By matrices, and by dual quaternions. Poses of an instance, base pose and influences, joints, destination,
-                // pieces: there is no storage buffer left for these, which are texels. Specialization constants: influences
-                // of a vertex, and places.
+                // pieces: there is no storage buffer left for these, which are texels. A specialization
+                // constant: influences of a vertex.
                 [{
                     name: "skin",
                     poses: true,
                     bindings: &[(0, WORDS), (1, WORDS), (2, Buffer::Storage(16)), (3, WORDS), (4, WORD_LIST)],
-                    constants: 1 + PLACES as u32
+                    constants: 1,
+                    places: true
                 }, {
                     name: "skin",
                     suffix: "dual",
                     defines: &["DUAL"],
                     poses: true,
                     bindings: &[(0, WORDS), (1, WORDS), (2, Buffer::Storage(16)), (3, WORDS), (4, WORD_LIST)],
-                    constants: 1 + PLACES as u32
+                    constants: 1,
+                    places: true
                 }];
             }
 
@@ -93,7 +95,7 @@ macro_rules! after_steps {
                     name: "normals",
                     poses: true,
                     bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)],
-                    constants: PLACES as u32
+                    places: true
                 }];
             }
 
@@ -111,7 +113,7 @@ macro_rules! after_steps {
                     name: "bounds",
                     poses: true,
                     bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)],
-                    constants: PLACES as u32
+                    places: true
                 }];
 
                 [BoundsOfParts] => Bounds,

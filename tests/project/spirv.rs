@@ -260,7 +260,7 @@ fn modules_declare_what_the_table_says() {
         }
         // Modules for more than 16 attributes are for devices that have more push constants, too.
         assert!(bytes <= 128 || module.batch > 25, "{name}: what Vulkan promises");
-        assert_eq!(constants(&entry), (0..kernel.constants).collect::<Vec<_>>(), "{name}");
+        assert_eq!(constants(&entry), (0..kernel.all_constants()).collect::<Vec<_>>(), "{name}");
 
         let sizes = entry.exec_modes.iter().filter(|mode| mode.exec_mode == spirq::spirv::ExecutionMode::LocalSize);
         let sizes: Vec<Vec<u32>> =

@@ -114,8 +114,9 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
     let [diagonal, weight_max, position, normal] = [diagonal, weight_max, position, normal].map(f32::from_bits);
     let format = DeltaFormat::from_id(format)
         .ok_or_else(|| refuse(at_meta, format!("names a format {format} that is not known")))?;
-    if format == DeltaFormat::Small && sections.version < VERSION {
-        let what = format!("has 'small' deltas as version {} has them; later ones have others", sections.version);
+    if sections.version < format.row().since {
+        let (name, version) = (format.name(), sections.version);
+        let what = format!("has '{name}' deltas as version {version} has them; later ones have others");
         return Err(malformed(path, Some(at_meta), what, OUTDATED));
     }
     if target_count > TARGETS_MAX {
