@@ -1,7 +1,7 @@
 //! Meshes whose targets come to the device and go, under a limit of memory.
 
 use crate::arguments::{built, check_command_buffer, check_reserved};
-use crate::handles::{DmEngine, DmGpuMesh, DmMesh, DmSwap, Handle, handle};
+use crate::handles::{DmEngine, DmGpuMesh, DmMesh, DmSwap, Handle};
 use crate::memory::{Place, Versioned, check_place, read, slice};
 use crate::result::{DmResult, Failure, enter, lock};
 use crate::structs::{DmResidency, DmTargetSwap};
@@ -16,8 +16,6 @@ pub struct Swap {
     copies: Mutex<Option<SwapCopies>>,
     pub(crate) mesh: Arc<GpuMesh>,
 }
-
-handle!(DmSwap, 13, Swap);
 
 /// Bytes that the deltas of a target take on the device.
 ///

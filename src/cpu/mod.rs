@@ -318,13 +318,7 @@ impl Memory {
         }
     }
 
-    fn run_integers<P: PoseStorage>(
-        &mut self,
-        mesh: &PackedGroup,
-        workers: &Workers,
-        plans: &[Plan],
-        grid: PoseGrid,
-    ) {
+    fn run_integers<P: PoseStorage>(&mut self, mesh: &PackedGroup, workers: &Workers, plans: &[Plan], grid: PoseGrid) {
         // Nothing is displaced from the base pose.
         self.run_numbers::<P::Number>(mesh, workers, plans, None, |coefficients, first, source, out| {
             kernel::rounded::<P>(mesh, coefficients, grid, first, source, out);

@@ -62,7 +62,7 @@ pub(super) fn write(asset: &Asset) -> Result<Vec<u8>> {
         head.extend(index.steps().map(f32::to_bits));
         for semantic in streams.iter().map(|place| place.semantic) {
             let error = index.error().of(semantic).to_bits();
-            head.extend([semantic_id(semantic), 0, error as u32, (error >> 32) as u32]);
+            head.extend([semantic.id(), 0, error as u32, (error >> 32) as u32]);
         }
         // Relative to 0. Adding what was subtracted is exact; adding 0 would make 0 of -0.
         let origin = if i == 0 { layout.origin.to_array() } else { [0.0; 3] };
@@ -204,7 +204,7 @@ impl Head {
         }
         let (mut semantics, mut error) = (vec![], PoseError::default());
         for &[id, zero, low, high] in rest.as_chunks().0 {
-            let known = semantic(id).filter(|_| zero == 0);
+            let known = Semantic::from_id(id).filter(|_| zero == 0);
             let semantic = known.ok_or_else(|| format!("names a stream {id:#x} that is not known"))?;
             let stated = f64::from_bits(u64::from(low) | u64::from(high) << 32);
             if !(stated.is_finite() && stated >= 0.0) {
@@ -225,7 +225,7 @@ fn split_old(bytes: &[u8]) -> Result<[Vec<u8>; 2], String> {
     }
     let words = words_of(bytes);
     let mesh = [&words[..4], &words[7..10], &words[12..16]].concat();
-    let [position, normal] = [Semantic::Position, Semantic::Normal].map(|semantic| [semantic_id(semantic), 0]);
+    let [position, normal] = [Semantic::Position, Semantic::Normal].map(|semantic| [semantic.id(), 0]);
     let group = [&[2], &words[4..7], &words[10..12], &position, &words[16..18], &normal, &words[18..]].concat();
     Ok([mesh, group].map(bytes_of))
 }
@@ -250,25 +250,6 @@ fn names(mut bytes: &[u8], targets: usize) -> Result<Vec<&str>, String> {
         0 => Ok(names),
         n => Err(format!("has {n} bytes after the last name")),
     }
-}
-
-/// The number of a stream in a file: what it is, and which set of it.
-fn semantic_id(semantic: Semantic) -> u32 {
-    match semantic {
-        Semantic::Position => 1,
-        Semantic::Normal => 2,
-        Semantic::Tangent => 3,
-        Semantic::TexCoord(set) => 4 | u32::from(set) << 8,
-        Semantic::Color(set) => 5 | u32::from(set) << 8,
-        Semantic::Mask => 6,
-    }
-}
-
-fn semantic(id: u32) -> Option<Semantic> {
-    let set = u8::try_from(id >> 8).ok()?;
-    let single = [Semantic::Position, Semantic::Normal, Semantic::Tangent, Semantic::Mask];
-    let mut all = single.into_iter().chain([Semantic::TexCoord(set), Semantic::Color(set)]);
-    all.find(|semantic| semantic_id(*semantic) == id)
 }
 
 fn words_of(bytes: &[u8]) -> Vec<u32> {
