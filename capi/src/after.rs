@@ -2,16 +2,14 @@
 //! surface. Skinning is in [`skin`](crate::skin).
 
 use crate::arguments::{built, check_reserved, or};
-use crate::attached::{self, Attached, check_buffer};
+use crate::attached::{self, check_buffer};
 use crate::crowd::either;
-use crate::handles::{DmCrowd, DmEngine, DmMesh, DmSurface, Handle, handle};
+use crate::handles::{DmCrowd, DmEngine, DmMesh, DmSurface, Handle};
 use crate::result::{DmResult, Result, enter};
 use crate::structs::{DmBoundsTarget, DmDecodeTarget, DmNormalsTarget};
 use deltamorph::DecodeTarget;
-use deltamorph::after::{BoundsTarget, GpuNormals, NormalsDesc, NormalsTarget};
+use deltamorph::after::{BoundsTarget, NormalsDesc, NormalsTarget};
 use deltamorph::ash::vk;
-
-handle!(DmSurface, 11, Attached<GpuNormals>);
 
 /// Have positions of an instance written as float32 into a buffer of the host's, from the next recorded update on;
 /// null: no longer. What is written is ready for the crowd's consumers.

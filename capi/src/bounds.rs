@@ -2,7 +2,7 @@
 
 use crate::arguments::built;
 use crate::crowd::crowd_desc;
-use crate::handles::{DmMesh, DmWeightBounds, Handle, handle};
+use crate::handles::{DmMesh, DmWeightBounds, Handle};
 use crate::memory::{check_place, fill, slice};
 use crate::result::{DmResult, Failure, enter};
 use crate::structs::DmCrowdDesc;
@@ -13,8 +13,6 @@ pub struct WeightBounds {
     bounds: deltamorph::after::WeightBounds,
     targets: usize,
 }
-
-handle!(DmWeightBounds, 13, WeightBounds);
 
 /// Make what tells bounds of poses from their weights, for crowds of a mesh that are made by `desc`: for culling,
 /// without waiting for a GPU. They hold, and are somewhat larger than the least, which `dm_crowd_set_bounds_target`

@@ -1,7 +1,7 @@
 //! Clips of weights, and clips bound to the targets of a mesh.
 
 use crate::arguments::built;
-use crate::handles::{DmBoundClip, DmClip, DmMesh, Handle, handle};
+use crate::handles::{DmBoundClip, DmClip, DmMesh, Handle};
 use crate::memory::{Place, Versioned, check_place, fill, read, read_or_default, slice, text, text_or_empty};
 use crate::mesh::head_desc;
 use crate::result::{DmResult, Failure, Result, enter};
@@ -24,9 +24,6 @@ pub struct BoundClip {
 
 /// The most weights of a clip of the built-in head.
 const CLIP_WEIGHTS: u64 = 1 << 24;
-
-handle!(DmClip, 5, Clip);
-handle!(DmBoundClip, 6, BoundClip);
 
 /// Read a clip of weights: a CSV file (.csv; feature `csv`), or of a glTF file (feature `gltf`) its one animation of
 /// weights, or the animation NAME as `FILE#NAME`. `fps` is its frame rate; 0: the one that the file states, or its name,

@@ -1,6 +1,6 @@
 //! Crowds that are updated on the CPU, without Vulkan.
 
-use crate::handles::{DmCpuCrowd, DmMesh, Handle, handle};
+use crate::handles::{DmCpuCrowd, DmMesh, Handle};
 use crate::memory::{check_place, fill, read_or_default, slice};
 use crate::result::{DmResult, Failure, Result, enter, lock};
 use crate::structs::DmCrowdDesc;
@@ -43,8 +43,6 @@ impl Inner {
 pub struct CpuCrowd {
     crowd: Mutex<Inner>,
 }
-
-handle!(DmCpuCrowd, 7, CpuCrowd);
 
 /// Make instances of a mesh that are updated on the CPU, all weights 0. They keep a copy of the mesh. `threads` 0: one
 /// for each core, where the library was built with the feature `threads`.

@@ -2,7 +2,7 @@
 
 use crate::arguments::{check_command_buffer, check_reserved, or};
 use crate::engine::Engine;
-use crate::handles::{DmCrowd, DmGpuMesh, Handle, handle};
+use crate::handles::{DmCrowd, DmGpuMesh, Handle};
 use crate::level::level;
 use crate::memory::{check_place, read, read_or_default, slice};
 use crate::numbers::{consumers, mode, path, pose_format, semantic};
@@ -21,8 +21,6 @@ pub struct Crowd {
     pub(crate) state: Mutex<State>,
     pub(crate) engine: Arc<Engine>,
 }
-
-handle!(DmCrowd, 4, Crowd);
 
 /// What its calls change.
 pub(crate) struct State {

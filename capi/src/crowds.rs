@@ -2,7 +2,7 @@
 //! recorded, drawn and skinned by their own handles.
 
 use crate::crowd::{Crowd, lock_all};
-use crate::handles::{DmCrowd, DmCrowds, Handle, handle};
+use crate::handles::{DmCrowd, DmCrowds, Handle};
 use crate::memory::{check_place, list, slice, text};
 use crate::result::{DmResult, Failure, Result, enter, lock};
 use std::ffi::{CString, c_char};
@@ -13,8 +13,6 @@ pub struct Crowds {
     members: Vec<DmCrowd>,
     bound: Mutex<Bound>,
 }
-
-handle!(DmCrowds, 8, Crowds);
 
 /// What the weights of a set are called.
 struct Bound {

@@ -1,7 +1,7 @@
 //! The engine on a device of the host's.
 
 use crate::arguments::check_reserved;
-use crate::handles::{DmCrowd, DmEngine, DmGpuMesh, DmOutgrown, DmReadback, DmSkin, DmSurface, Handle, handle};
+use crate::handles::{DmCrowd, DmEngine, DmGpuMesh, DmOutgrown, DmReadback, DmSkin, DmSurface, Handle};
 use crate::memory::{Place, Versioned, check_place, read, slice};
 use crate::result::{DmResult, Failure, Result, enter};
 use crate::structs::{DmEngineDesc, DmEngineInfo};
@@ -14,8 +14,6 @@ use std::sync::Arc;
 pub struct Engine {
     pub(crate) morph: MorphEngine,
 }
-
-handle!(DmEngine, 2, Engine);
 
 /// Make an engine on a device of the host's. It never submits, waits, or makes a queue or a thread.
 ///

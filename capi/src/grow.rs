@@ -3,7 +3,7 @@
 use crate::arguments::check_command_buffer;
 use crate::crowd::{Kind, crowd_desc};
 use crate::engine::Engine;
-use crate::handles::{DmCrowd, DmOutgrown, Handle, handle};
+use crate::handles::{DmCrowd, DmOutgrown, Handle};
 use crate::memory::check_place;
 use crate::result::{DmResult, enter, lock};
 use crate::structs::DmCrowdDesc;
@@ -16,8 +16,6 @@ pub struct Outgrown {
     _before: Before,
     pub(crate) engine: Arc<Engine>,
 }
-
-handle!(DmOutgrown, 12, Outgrown);
 
 /// Make a crowd anew with more places: `desc` says how, as a rule as it was made, with more instances. The handle
 /// stays, and so do sets that name it. Instances keep their numbers, what is requested of them or what they play, and

@@ -1,5 +1,6 @@
 //! Handles: 64 bits that name an object by kind, generation and index. Null, foreign and destroyed ones are refused.
 
+use crate::kinds::KINDS;
 use crate::result::{Failure, Result};
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
@@ -107,24 +108,6 @@ pub struct DmWeightBounds {
     pub bits: u64,
 }
 
-/// What each kind of handle names, by number.
-const KINDS: [&str; 14] = [
-    "",
-    "a mesh",
-    "an engine",
-    "a mesh on the device",
-    "a crowd",
-    "a clip",
-    "a bound clip",
-    "a CPU crowd",
-    "a set of crowds",
-    "a read-back",
-    "a skin",
-    "a surface",
-    "what a crowd outgrew",
-    "bounds from weights",
-];
-
 /// A handle as functions take it.
 pub trait Handle: Copy {
     /// What it names.
@@ -156,30 +139,6 @@ pub trait Handle: Copy {
         Self::registry().remove(self.bits(), check).map(drop)
     }
 }
-
-/// `handle!(DmX, number, X)`: a `DmX` names an `X`, and is of the kind `number` in `KINDS`.
-macro_rules! handle {
-    ($handle:ident, $number:literal, $object:ty) => {
-        impl crate::handles::Handle for $handle {
-            type Object = $object;
-
-            fn registry() -> &'static crate::handles::Registry<$object> {
-                static REGISTRY: crate::handles::Registry<$object> = crate::handles::Registry::new($number);
-                &REGISTRY
-            }
-
-            fn of(bits: u64) -> Self {
-                Self { bits }
-            }
-
-            fn bits(self) -> u64 {
-                self.bits
-            }
-        }
-    };
-}
-
-pub(crate) use handle;
 
 /// Where the kind is in a handle, and the generation; the index is below.
 const KIND_SHIFT: u32 = 56;

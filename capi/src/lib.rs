@@ -2,7 +2,7 @@
 //! caller has to know is in the documentation of the functions, which the header repeats.
 //!
 //! All of it goes through the public API of the Rust library. What C cannot state is checked here: handles
-//! ([`handles`]), pointers and sizes of structures ([`memory`]), reserved fields ([`arguments`]), numbers of
+//! ([`handles`], [`kinds`]), pointers and sizes of structures ([`memory`]), reserved fields ([`arguments`]), numbers of
 //! enumerations ([`numbers`]); every entry turns errors and panics into a code and a message ([`result`]).
 
 pub mod after;
@@ -18,6 +18,7 @@ pub mod grow;
 pub mod handles;
 #[cfg(test)]
 mod header;
+pub mod kinds;
 pub mod layers;
 pub mod level;
 pub mod memory;

@@ -114,17 +114,6 @@ const PATHS: &[(u32, UpdatePath)] = &[
 const MODES: &[(u32, UpdateMode)] =
     &[(DM_MODE_INCREMENTAL, UpdateMode::Incremental), (DM_MODE_REBUILD, UpdateMode::Rebuild)];
 
-const CONSUMERS: &[(u32, Consumers)] = &[
-    (DM_READ_BY_VERTEX_ATTRIBUTES, Consumers::VERTEX_ATTRIBUTES),
-    (DM_READ_BY_VERTEX_SHADERS, Consumers::VERTEX_SHADERS),
-    (DM_READ_BY_COMPUTE_SHADERS, Consumers::COMPUTE_SHADERS),
-    (DM_READ_BY_COPIES, Consumers::COPIES),
-    (DM_READ_BY_ACCELERATION_STRUCTURES, Consumers::ACCELERATION_STRUCTURES),
-    (DM_READ_BY_MESH_SHADERS, Consumers::MESH_SHADERS),
-    (DM_READ_BY_FRAGMENT_SHADERS, Consumers::FRAGMENT_SHADERS),
-    (DM_READ_BY_RAY_TRACING_SHADERS, Consumers::RAY_TRACING_SHADERS),
-];
-
 const SKINS: &[(u32, SkinMethod)] =
     &[(DM_SKIN_LINEAR, SkinMethod::Linear), (DM_SKIN_DUAL_QUATERNION, SkinMethod::DualQuaternion)];
 
@@ -187,46 +176,54 @@ pub fn layer_blend(number: u32) -> Result<LayerBlend> {
 
 /// `DM_READ_BY_…`, combined.
 pub fn consumers(bits: u32) -> Result<Consumers> {
-    let known = CONSUMERS.iter().fold(0, |all, (bit, _)| all | bit);
-    if bits & !known != 0 {
-        let text = format!("{:#x} of the consumers is unknown; combine DM_READ_BY_ constants", bits & !known);
-        return Err(Failure::invalid(text));
-    }
-    let named = CONSUMERS.iter().filter(|(bit, _)| bits & bit != 0).map(|(_, consumer)| *consumer);
-    Ok(named.reduce(|all, consumer| all | consumer).unwrap_or_default())
+    let named = Consumers::from_bits(bits).ok_or_else(|| {
+        Failure::invalid(format!("{bits:#x} names consumers that are unknown; combine DM_READ_BY_ constants"))
+    })?;
+    Ok(if bits == 0 { Consumers::default() } else { named })
 }
 
 /// `DM_STREAM_…`, with the set.
 pub fn semantic(number: u32) -> Result<Semantic> {
-    let (kind, set) = (number & 0xff, u8::try_from(number >> 8).ok());
-    match (kind, set) {
-        (DM_STREAM_POSITION, Some(0)) => Ok(Semantic::Position),
-        (DM_STREAM_NORMAL, Some(0)) => Ok(Semantic::Normal),
-        (DM_STREAM_TANGENT, Some(0)) => Ok(Semantic::Tangent),
-        (DM_STREAM_TEXCOORD, Some(set)) => Ok(Semantic::TexCoord(set)),
-        (DM_STREAM_COLOR, Some(set)) => Ok(Semantic::Color(set)),
-        (DM_STREAM_MASK, Some(0)) => Ok(Semantic::Mask),
-        (_, _) => {
-            Err(Failure::invalid(format!("{number} is no stream; use a DM_STREAM_ constant, or one plus 256 × set")))
-        }
-    }
+    Semantic::from_id(number).ok_or_else(|| {
+        Failure::invalid(format!("{number} is no stream; use a DM_STREAM_ constant, or one plus 256 × set"))
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// The numbers of the constants of the header whose names begin like this.
+    fn constants(prefix: &str) -> Vec<u32> {
+        let lines = include_str!("numbers.rs").lines().filter_map(|line| line.strip_prefix("pub const "));
+        let named = lines.filter(|line| line.starts_with(prefix)).filter_map(|line| line.split_once(": u32 = "));
+        named.map(|(_, number)| number.trim_end_matches(';').parse().expect("a number")).collect()
+    }
+
+    /// Each of `all` has a number, each constant of the header is one of these, and each number is read as what it is of.
+    fn check<T: Copy + PartialEq + std::fmt::Debug>(
+        prefix: &str,
+        all: impl IntoIterator<Item = T>,
+        table: &[(u32, T)],
+        read: impl Fn(u32) -> Result<T>,
+    ) {
+        let numbers: Vec<u32> = all.into_iter().map(|value| number(table, value)).collect();
+        let mut sorted = numbers.clone();
+        sorted.sort_unstable();
+        assert_eq!(sorted, constants(prefix), "{prefix}");
+        numbers.iter().for_each(|&n| assert_eq!(number(table, read(n).expect("a constant")), n, "{prefix}"));
+    }
+
     #[test]
-    fn every_format_and_path_has_a_number_and_zero_is_the_default() {
-        for format in DeltaFormat::ALL {
-            assert_eq!(delta_format(delta_number(format)).unwrap(), format);
-        }
-        for format in PoseFormat::ALL {
-            assert_eq!(pose_format(pose_number(format), PoseFormat::Fixed32).unwrap(), format);
-        }
-        for ours in UpdatePath::ALL.into_iter().filter(|path| !path.is_baseline()) {
-            assert_eq!(path(number(PATHS, ours), UpdatePath::Feedback).unwrap(), ours);
-        }
+    fn every_item_of_the_library_has_a_number_and_zero_is_the_default() {
+        check("DM_DELTAS_", DeltaFormat::ALL, DELTAS, delta_format);
+        check("DM_POSE_", PoseFormat::ALL, POSES, |n| pose_format(n, PoseFormat::Fixed32));
+        let ours = UpdatePath::ALL.into_iter().filter(|path| !path.is_baseline());
+        check("DM_PATH_", ours, PATHS, |n| path(n, UpdatePath::Feedback));
+        let bits = (0..32).map(|bit| 1 << bit).filter(|bit| Consumers::from_bits(*bit).is_some());
+        assert_eq!(bits.collect::<Vec<u32>>(), constants("DM_READ_BY_"));
+        let kinds = (0..256).filter(|kind| Semantic::from_id(*kind).is_some());
+        assert_eq!(kinds.collect::<Vec<u32>>(), constants("DM_STREAM_"));
         assert_eq!(delta_format(0).unwrap(), DeltaFormat::Fast);
         assert_eq!(mode(0, UpdateMode::Rebuild).unwrap(), UpdateMode::Rebuild);
         assert_eq!(skin_method(0).unwrap(), SkinMethod::Linear);

@@ -3,7 +3,7 @@
 use crate::arguments::check_command_buffer;
 use crate::crowd::either;
 use crate::engine::Engine;
-use crate::handles::{DmCrowd, DmEngine, DmReadback, Handle, handle};
+use crate::handles::{DmCrowd, DmEngine, DmReadback, Handle};
 use crate::memory::{check_place, fill, slice};
 use crate::numbers::semantic;
 use crate::result::{DmResult, Failure, enter, lock};
@@ -16,8 +16,6 @@ pub struct Readback {
     state: Mutex<State>,
     pub(crate) engine: Arc<Engine>,
 }
-
-handle!(DmReadback, 9, Readback);
 
 struct State {
     readback: PoseReadback,

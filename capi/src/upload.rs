@@ -2,7 +2,7 @@
 
 use crate::arguments::check_command_buffer;
 use crate::engine::Engine;
-use crate::handles::{DmEngine, DmGpuMesh, DmMesh, Handle, handle};
+use crate::handles::{DmEngine, DmGpuMesh, DmMesh, Handle};
 use crate::memory::{Place, check_place};
 use crate::numbers::semantic;
 use crate::result::{DmResult, enter, lock};
@@ -16,8 +16,6 @@ pub struct GpuMesh {
     pub(crate) mesh: Mutex<deltamorph::GpuMesh>,
     pub(crate) engine: Arc<Engine>,
 }
-
-handle!(DmGpuMesh, 3, GpuMesh);
 
 /// Make the buffers of a mesh on the device, and record their upload. `mesh` may be destroyed afterwards.
 ///

@@ -16,13 +16,15 @@ macro_rules! delta_formats {
                 /// Dense, six float32: 24 bytes per vertex and target.
                 ///
                 /// Exact. Two vertex attributes a target.
-                Float32 float32 { words: 6, attributes: 2 }
+                Float32 float32 { words: 6, attributes: &[(R32G32B32_SFLOAT, 0), (R32G32B32_SFLOAT, 12)] }
 
                 /// Dense, six signed 16-bit integers: 12 bytes per vertex and target.
                 ///
                 /// In three words, one vertex attribute a target. Value = integer × step, a step for each triple per target:
                 /// the smallest power of two that lets its largest component fit.
-                Snorm16 snorm16 { words: 3, attributes: 1, exponents: true, integers: true }
+                Snorm16 snorm16 {
+                    words: 3, attributes: &[(R32G32B32_UINT, 0)], exponents: true, integers: true
+                }
             }
             blocks {
                 /// In blocks, six float32: 24 bytes per vertex and entry.
@@ -39,7 +41,7 @@ macro_rules! delta_formats {
                 /// In blocks, as few bits as the error allows, for the vertices that move only: the fewest bytes.
                 ///
                 /// Bit widths per entry and component.
-                Small small { id: 3, integers: true }
+                Small small { id: 3, since: 4, integers: true }
 
                 /// In blocks, 8 bytes per vertex and entry.
                 ///
@@ -89,6 +91,7 @@ pub(crate) use pose_formats;
 // Numbers of `VkFormat`.
 const R16G16_SINT: u32 = 82;
 const R16G16B16A16_SINT: u32 = 96;
+const R32G32B32_UINT: u32 = 104;
 const R32G32B32_SINT: u32 = 105;
 const R32G32B32_SFLOAT: u32 = 106;
 
@@ -136,6 +139,8 @@ pub struct FormatRow {
     pub file: &'static str,
     /// Number in packed files; 0: it has no file.
     pub id: u32,
+    /// The first version of packed files whose deltas in this format are as they are now.
+    pub since: u32,
     /// Deltas lie in blocks; otherwise they are dense.
     pub blocks: bool,
     /// Deltas are integers in steps that are powers of two, of the mesh (in blocks) or of a target, so that sums can be
@@ -143,8 +148,8 @@ pub struct FormatRow {
     pub integers: bool,
     /// 32-bit words of a delta (dense formats).
     pub words: u32,
-    /// Vertex attributes of one target in a vertex pass (dense formats).
-    pub attributes: u32,
+    /// Vertex attributes of one target in a vertex pass (dense formats): `VkFormat` and offset.
+    pub attributes: &'static [(u32, u32)],
     /// A vertex pass is given a signed byte for each target: the power of two between its two steps.
     pub exponents: bool,
     /// The GLSL file has entries loaded as texels, too (formats in blocks; `TEXELS` in blocks.glsl).
@@ -158,10 +163,11 @@ impl FormatRow {
             summary: summary.trim_ascii(),
             file,
             id: 0,
+            since: 0,
             blocks: false,
             integers: false,
             words: 0,
-            attributes: 0,
+            attributes: &[],
             exponents: false,
             texels: false,
         }

@@ -5,9 +5,11 @@
 //! [`modules`](super::modules) holds. What the library needs to make a pipeline of a module (descriptors, push
 //! constants, specialization constants) is in its row, and `tests/project/spirv.rs` compares rows with what modules declare.
 //!
-//! Plain data without dependencies but [`formats`](super::formats), since build.rs includes this file.
+//! Plain data without dependencies but [`formats`](super::formats) and [`steps`](super::steps), since build.rs includes this
+//! file.
 
 use super::formats::{FormatRow, PoseRow};
+use super::steps::after_steps;
 
 /// Vertex attributes that modules are made for at most; two are the pose.
 pub const ATTRIBUTES_MAX: u32 = 32;
@@ -59,53 +61,10 @@ impl Takes {
 
 /// How many targets of a format fit into vertex attributes, next to a pose.
 pub const fn batch_max(format: &FormatRow) -> u32 {
-    match format.attributes {
+    match format.attributes.len() as u32 {
         0 => 0,
         attributes => (ATTRIBUTES_MAX - 2) / attributes,
     }
-}
-
-/// The push constants of a kernel; [`push`](super::push) has the structures.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Push {
-    /// None.
-    None,
-    /// `ConsumePush`
-    Consume,
-    /// `DecodePush`
-    Decode,
-    /// `SkinPush`
-    Skin,
-    /// `NormalsPush`
-    Normals,
-    /// `BoundsPush`
-    Bounds,
-    /// `BoundsTotalPush`
-    BoundsTotal,
-    /// `ReadPush`
-    Read,
-    /// `AnimationPush`
-    Animation,
-    /// `LevelPush`
-    Level,
-    /// `DensePush`
-    Dense,
-    /// `DenseListPush`
-    DenseList,
-    /// `BlocksPush`
-    Blocks,
-    /// `ScatterPush`
-    Scatter,
-    /// `ResolvePush`
-    Resolve,
-    /// `DirectPush`
-    Direct,
-    /// `RectanglesPush`
-    Rectangles,
-    /// `TexturedPush`
-    Textured,
-    /// As many coefficients as there are targets: `attribute_push_bytes`.
-    Attributes,
 }
 
 /// What is bound.
@@ -151,10 +110,13 @@ pub struct KernelRow {
     pub bindings: &'static [Binding],
     /// Bindings that may be the same memory as another one: decorated Aliased.
     pub aliased: &'static [u32],
-    /// Push constants.
-    pub push: Push,
-    /// Specialization constants: 0 to one less than this.
+    /// The structure of its push constants, in [`push`](super::push); "": it has none, or with [`Takes::DenseBatches`] as many
+    /// coefficients as there are targets.
+    pub push: &'static str,
+    /// Specialization constants of its own: 0 to one less than this.
     pub constants: u32,
+    /// Behind them are [`PLACES`] that say where numbers are in a pose.
+    pub places: bool,
     /// Of a technique of others: left out without the feature `baselines`.
     pub baseline: bool,
 }
@@ -164,6 +126,11 @@ impl KernelRow {
     pub fn takes(&self, format: Option<&FormatRow>, pose: &PoseRow) -> bool {
         let poses = pose.bits == 0 || self.poses && format.is_none_or(|format| format.integers);
         poses && format.map_or(self.takes == Takes::NoDeltas, |format| self.takes.takes(format))
+    }
+
+    /// All specialization constants.
+    pub const fn all_constants(&self) -> u32 {
+        self.constants + if self.places { PLACES as u32 } else { 0 }
     }
 
     /// Its file under glsl/.
@@ -187,43 +154,45 @@ const VERTEX: KernelRow = KernelRow {
     poses: false,
     bindings: &[],
     aliased: &[],
-    push: Push::None,
+    push: "",
     constants: 0,
+    places: false,
     baseline: false,
 };
 const COMPUTE: KernelRow = KernelRow { stage: Stage::Compute, ..VERTEX };
 /// Tables, state, work list, control: see animation.glsl.
 const ANIMATION: KernelRow =
-    KernelRow { bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)], push: Push::Animation, ..COMPUTE };
+    KernelRow { bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)], push: "AnimationPush", ..COMPUTE };
 /// Source, destination, deltas. The set has a fourth buffer, which is `dense_list`'s.
 const DENSE: KernelRow = KernelRow {
     name: "dense",
     takes: Takes::Dense,
     bindings: &[(0, Buffer::Poses), (1, Buffer::Poses), (2, Buffer::DynamicDeltas)],
     aliased: &[0, 1],
-    push: Push::Dense,
+    push: "DensePush",
     constants: 1,
     ..COMPUTE
 };
-/// Asset, work list, poses. Specialization constants: lanes, vertices of a block, and places.
+/// Asset, work list, poses. Specialization constants: lanes, vertices of a block.
 const BLOCKS: KernelRow = KernelRow {
     name: "blocks",
     stage: Stage::ComputeSized,
     takes: Takes::Blocks,
     bindings: &[(0, WORDS), (1, WORDS), (2, WORDS)],
-    push: Push::Blocks,
-    constants: 2 + PLACES as u32,
+    push: "BlocksPush",
+    constants: 2,
+    places: true,
     ..COMPUTE
 };
-/// Three more specialization constants before the places: instances of a tile, whether all start from the base pose, and
+/// Three more specialization constants: instances of a tile, whether all start from the base pose, and
 /// whether decoding is to take few registers.
-const CROWD: KernelRow = KernelRow { name: "crowd", poses: true, constants: 5 + PLACES as u32, ..BLOCKS };
+const CROWD: KernelRow = KernelRow { name: "crowd", poses: true, constants: 5, ..BLOCKS };
 /// A draw that others' technique `direct` evaluates: deltas, weights.
 const DIRECT: KernelRow = KernelRow {
     name: "direct",
     takes: Takes::Dense,
     bindings: &[(0, Buffer::DynamicDeltas), (1, Buffer::Dynamic(8))],
-    push: Push::Direct,
+    push: "DirectPush",
     baseline: true,
     ..VERTEX
 };
@@ -231,22 +200,11 @@ const DIRECT: KernelRow = KernelRow {
 const TEXTURED: KernelRow = KernelRow {
     name: "textured",
     bindings: &[(0, WORDS), (2, Buffer::Image)],
-    push: Push::Textured,
+    push: "TexturedPush",
     baseline: true,
     ..VERTEX
 };
-const ATTRIBUTES: KernelRow = KernelRow { takes: Takes::DenseBatches, push: Push::Attributes, ..VERTEX };
-
-/// Poses of an instance, base pose and influences, joints, destination, pieces. Specialization constants: influences of a
-/// vertex, and places.
-const SKIN: KernelRow = KernelRow {
-    name: "skin",
-    poses: true,
-    bindings: &[(0, WORDS), (1, WORDS), (2, Buffer::Storage(16)), (3, WORDS), (4, WORD_LIST)],
-    push: Push::Skin,
-    constants: 1 + PLACES as u32,
-    ..COMPUTE
-};
+const ATTRIBUTES: KernelRow = KernelRow { takes: Takes::DenseBatches, ..VERTEX };
 
 const WORDS: Buffer = Buffer::Storage(4);
 const PAIRS: Buffer = Buffer::Storage(8);
@@ -257,10 +215,26 @@ const WORD_LIST: Buffer = Buffer::UniformTexels(98);
 const POSE_TEXELS: Buffer = Buffer::StorageTexels(107);
 
 /// Every kernel.
-pub const KERNELS: &[KernelRow] = &[
+pub const KERNELS: &[KernelRow] = &joined::<{ OURS.len() + STEPS.len() + OTHERS.len() }>([OURS, STEPS, OTHERS]);
+
+const fn joined<const N: usize>(parts: [&[KernelRow]; 3]) -> [KernelRow; N] {
+    let (mut all, mut at, mut part) = ([COMPUTE; N], 0, 0);
+    while part < parts.len() {
+        let mut row = 0;
+        while row < parts[part].len() {
+            all[at] = parts[part][row];
+            (at, row) = (at + 1, row + 1);
+        }
+        part += 1;
+    }
+    all
+}
+
+/// Those of measurements and of our techniques.
+const OURS: &[KernelRow] = &[
     // What measurements need.
-    KernelRow { name: "consume", poses: true, push: Push::Consume, ..VERTEX },
-    KernelRow { name: "read", bindings: &[(0, Buffer::Storage(16)), (1, WORDS)], push: Push::Read, ..COMPUTE },
+    KernelRow { name: "consume", poses: true, push: "ConsumePush", ..VERTEX },
+    KernelRow { name: "read", bindings: &[(0, Buffer::Storage(16)), (1, WORDS)], push: "ReadPush", ..COMPUTE },
     // Sampling clips and planning updates; a specialization constant of `budget` says whether levels of detail follow the
     // camera, one of `plan` and `arguments` is the widest tile.
     KernelRow { name: "animate", ..ANIMATION },
@@ -269,13 +243,13 @@ pub const KERNELS: &[KernelRow] = &[
     KernelRow { name: "plan", constants: 1, ..ANIMATION },
     KernelRow { name: "arguments", constants: 1, ..ANIMATION },
     // Levels of detail, before sampling: tables, state.
-    KernelRow { name: "level", bindings: &[(0, WORDS), (1, WORDS)], push: Push::Level, ..COMPUTE },
+    KernelRow { name: "level", bindings: &[(0, WORDS), (1, WORDS)], push: "LevelPush", ..COMPUTE },
     // Passes over dense deltas.
     DENSE,
     KernelRow {
         name: "dense_list",
         bindings: &[(0, Buffer::Poses), (1, Buffer::Poses), (2, Buffer::DynamicDeltas), (3, Buffer::Dynamic(16))],
-        push: Push::DenseList,
+        push: "DenseListPush",
         poses: true,
         constants: 0,
         ..DENSE
@@ -292,52 +266,39 @@ pub const KERNELS: &[KernelRow] = &[
         bindings: &[(0, WORD_TEXELS), (1, WORD_TEXELS), (2, PAIRS), (3, POSE_TEXELS)],
         aliased: &[2, 3],
         constants: 4,
+        places: false,
         ..CROWD
     },
-    // Poses as float32, into buffers of hosts. Poses of an instance, base pose, pieces, destination.
-    KernelRow {
-        name: "decode",
-        poses: true,
-        bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)],
-        push: Push::Decode,
-        constants: PLACES as u32,
-        ..COMPUTE
-    },
-    // Skinning, by matrices and by dual quaternions. There is no storage buffer left for the pieces, which are texels.
-    SKIN,
-    KernelRow { suffix: "dual", defines: &["DUAL"], ..SKIN },
-    // Normals of the morphed surface. Poses of an instance, base pose and fans, pieces, destination.
-    KernelRow {
-        name: "normals",
-        poses: true,
-        bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)],
-        push: Push::Normals,
-        constants: PLACES as u32,
-        ..COMPUTE
-    },
-    // Bounds of poses: those of parts of 256 vertices, and what these have in common. Poses of an instance, base pose,
-    // pieces, parts; parts, destination.
-    KernelRow {
-        name: "bounds",
-        poses: true,
-        bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)],
-        push: Push::Bounds,
-        constants: PLACES as u32,
-        ..COMPUTE
-    },
-    KernelRow { name: "bounds_total", bindings: &[(0, WORDS), (1, WORDS)], push: Push::BoundsTotal, ..COMPUTE },
-    // Techniques of others. The set of `scatter` and `resolve` is records, sums, base pose, destination.
+];
+
+macro_rules! step_kernels {
+    (() $(
+        $(#[doc = $doc:literal])*
+        $kind:ident $module:ident::$step:ident $public:tt $set:tt {
+            $($reads:tt => $written:ident, $push:ident $members:tt [$({ $($fields:tt)* }),*];)*
+        }
+    )*) => {
+        /// Those of the steps after the pose.
+        const STEPS: &[KernelRow] =
+            &[$($($(KernelRow { push: stringify!($push), $($fields)*, ..COMPUTE },)*)*)*];
+    };
+}
+after_steps!(step_kernels());
+
+/// Those of the techniques of others.
+const OTHERS: &[KernelRow] = &[
+    // The set of `scatter` and `resolve` is records, sums, base pose, destination.
     KernelRow {
         name: "scatter",
         bindings: &[(0, Buffer::Storage(16)), (1, WORDS)],
-        push: Push::Scatter,
+        push: "ScatterPush",
         baseline: true,
         ..COMPUTE
     },
     KernelRow {
         name: "resolve",
         bindings: &[(1, WORDS), (2, PAIRS), (3, PAIRS)],
-        push: Push::Resolve,
+        push: "ResolvePush",
         baseline: true,
         ..COMPUTE
     },
@@ -353,13 +314,13 @@ pub const KERNELS: &[KernelRow] = &[
         ..DIRECT
     },
     // Rectangles of texels that a target moves; and its deltas, which are blended there.
-    KernelRow { name: "rectangles", bindings: &[(0, WORDS)], push: Push::Rectangles, baseline: true, ..VERTEX },
+    KernelRow { name: "rectangles", bindings: &[(0, WORDS)], push: "RectanglesPush", baseline: true, ..VERTEX },
     KernelRow {
         name: "texels",
         stage: Stage::Fragment,
         takes: Takes::Dense,
         bindings: &[(1, Buffer::Image), (2, Buffer::Image)],
-        push: Push::Rectangles,
+        push: "RectanglesPush",
         baseline: true,
         ..VERTEX
     },

@@ -1,6 +1,6 @@
 //! What host and shaders share, written once.
 //!
-//! - [`formats`], [`kernels`] and [`numbers`] are plain data that build.rs includes as well: it compiles the modules
+//! - [`formats`], [`kernels`], [`steps`] and [`numbers`] are plain data that build.rs includes as well: it compiles the modules
 //!   that the table of kernels asks for, and writes the numbers into the shaders' `abi.glsl`.
 //! - [`modules`]: the SPIR-V.
 //! - [`push`] and [`worklist`]: what is pushed and what lies in buffers, word by word.
@@ -12,4 +12,5 @@ pub mod kernels;
 pub mod modules;
 pub mod numbers;
 pub mod push;
+pub mod steps;
 pub mod worklist;

@@ -1,30 +1,53 @@
 //! Push constants and coefficient lists, as shaders declare them.
 
-use super::kernels::Push;
+use super::kernels::{KERNELS, KernelRow};
 use super::numbers::DENSE_BATCH_MAX;
+use super::steps::after_steps;
 use crate::asset::streams::TRIPLES;
 use crate::pack::DeltaFormat;
 use bytemuck::{Pod, Zeroable};
 use std::mem::offset_of;
 
-/// Structures of words, and for each the names and offsets of its members, which tests compare with the shaders'.
-macro_rules! shared {
-    ($($(#[$doc:meta])* pub struct $name:ident { $($(#[$field_doc:meta])* $field:ident: $type:ty,)* })*) => {
-        $(
-            $(#[$doc])*
-            #[repr(C)]
-            #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-            pub struct $name { $($(#[$field_doc])* pub(crate) $field: $type,)* }
+macro_rules! structure {
+    ($(#[$doc:meta])* $name:ident { $($(#[$field_doc:meta])* $field:ident: $type:ty,)* }) => {
+        $(#[$doc])*
+        #[repr(C)]
+        #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+        pub struct $name { $($(#[$field_doc])* pub(crate) $field: $type,)* }
 
-            impl $name {
-                /// Names and offsets of the members.
-                pub const MEMBERS: &[(&str, usize)] = &[$((stringify!($field), offset_of!($name, $field))),*];
-            }
-        )*
+        impl $name {
+            /// Names and offsets of the members.
+            pub const MEMBERS: &[(&str, usize)] = &[$((stringify!($field), offset_of!($name, $field))),*];
+        }
     };
 }
 
-shared! {
+/// Structures of words, and for each the names and offsets of its members, which tests compare with the shaders'.
+macro_rules! structures {
+    (
+        { $($(#[$doc:meta])* pub struct $name:ident $members:tt)* }
+        $(
+            $(#[doc = $step_doc:literal])*
+            $kind:ident $module:ident::$step:ident $public:tt $set:tt {
+                $($reads:tt => $written:ident, $push:ident $push_members:tt $rows:tt;)*
+            }
+        )*
+    ) => {
+        $(structure! { $(#[$doc])* $name $members })*
+        $($(structure! {
+            #[doc = concat!("Push constants of the step `", stringify!($kind), "`; its shader says what each is.")]
+            $push $push_members
+        })*)*
+
+        /// Names of structures, members, and bytes.
+        const STRUCTURES: &[(&str, &[(&str, usize)], usize)] = &[
+            $((stringify!($name), $name::MEMBERS, size_of::<$name>()),)*
+            $($((stringify!($push), $push::MEMBERS, size_of::<$push>()),)*)*
+        ];
+    };
+}
+
+after_steps!(structures {
     /// Push constants of `dense.comp`.
     pub struct DensePush {
         /// Vertices of the chunk: the length of a target's row.
@@ -88,64 +111,6 @@ shared! {
     pub struct ConsumePush {
         /// Input units of integers, of each triple of a vertex.
         units: [f32; TRIPLES],
-    }
-
-    /// Push constants of `decode.comp`, which says what each is.
-    pub struct DecodePush {
-        pose_at: u32,
-        base_at: u32,
-        decoded_at: u32,
-        stride: u32,
-        normal_at: u32,
-        vertices: u32,
-        count: u32,
-        listed: u32,
-        units: [f32; TRIPLES],
-    }
-
-    /// Push constants of `skin.comp`, which says what each is.
-    pub struct SkinPush {
-        pose_at: u32,
-        skin_at: u32,
-        joints_at: u32,
-        skinned_at: u32,
-        stride: u32,
-        normal_at: u32,
-        vertices: u32,
-        count: u32,
-        listed: u32,
-        /// Vectors of two begin at a multiple of 8 bytes.
-        padding: u32,
-        units: [f32; TRIPLES],
-    }
-
-    /// Push constants of `normals.comp`, which says what each is.
-    pub struct NormalsPush {
-        pose_at: u32,
-        fans_at: u32,
-        normals_at: u32,
-        stride: u32,
-        vertices: u32,
-        count: u32,
-        listed: u32,
-        /// Vectors of two begin at a multiple of 8 bytes.
-        padding: u32,
-        units: [f32; TRIPLES],
-    }
-
-    /// Push constants of `bounds.comp`, which says what each is.
-    pub struct BoundsPush {
-        pose_at: u32,
-        base_at: u32,
-        vertices: u32,
-        listed: u32,
-        units: [f32; TRIPLES],
-    }
-
-    /// Push constants of `bounds_total.comp`, which says what each is.
-    pub struct BoundsTotalPush {
-        count: u32,
-        bounds_at: u32,
     }
 
     /// Push constants of `read.comp`.
@@ -260,34 +225,42 @@ shared! {
         /// Texels of a row of the displacement textures.
         row: u32,
     }
-}
+});
 
-impl Push {
-    /// Names and offsets of the members, and bytes in all; nothing for [`Push::Attributes`], which
-    /// [`attribute_push_bytes`] tells.
-    pub const fn members(self) -> (&'static [(&'static str, usize)], usize) {
-        match self {
-            Self::None | Self::Attributes => (&[], 0),
-            Self::Consume => (ConsumePush::MEMBERS, size_of::<ConsumePush>()),
-            Self::Decode => (DecodePush::MEMBERS, size_of::<DecodePush>()),
-            Self::Skin => (SkinPush::MEMBERS, size_of::<SkinPush>()),
-            Self::Normals => (NormalsPush::MEMBERS, size_of::<NormalsPush>()),
-            Self::Bounds => (BoundsPush::MEMBERS, size_of::<BoundsPush>()),
-            Self::BoundsTotal => (BoundsTotalPush::MEMBERS, size_of::<BoundsTotalPush>()),
-            Self::Read => (ReadPush::MEMBERS, size_of::<ReadPush>()),
-            Self::Animation => (AnimationPush::MEMBERS, size_of::<AnimationPush>()),
-            Self::Level => (LevelPush::MEMBERS, size_of::<LevelPush>()),
-            Self::Dense => (DensePush::MEMBERS, size_of::<DensePush>()),
-            Self::DenseList => (DenseListPush::MEMBERS, size_of::<DenseListPush>()),
-            Self::Blocks => (BlocksPush::MEMBERS, size_of::<BlocksPush>()),
-            Self::Scatter => (ScatterPush::MEMBERS, size_of::<ScatterPush>()),
-            Self::Resolve => (ResolvePush::MEMBERS, size_of::<ResolvePush>()),
-            Self::Direct => (DirectPush::MEMBERS, size_of::<DirectPush>()),
-            Self::Rectangles => (RectanglesPush::MEMBERS, size_of::<RectanglesPush>()),
-            Self::Textured => (TexturedPush::MEMBERS, size_of::<TexturedPush>()),
+impl KernelRow {
+    /// Names and offsets of the members of its push constants, and bytes in all; nothing of those of vertex passes, whose
+    /// bytes [`attribute_push_bytes`] tells.
+    pub const fn push_members(&self) -> (&'static [(&'static str, usize)], usize) {
+        let mut at = 0;
+        while !self.push.is_empty() {
+            let (name, members, bytes) = STRUCTURES[at];
+            if matches(name.as_bytes(), self.push.as_bytes()) {
+                return (members, bytes);
+            }
+            at += 1;
         }
+        (&[], 0)
     }
 }
+
+const fn matches(mut a: &[u8], mut b: &[u8]) -> bool {
+    while let ([x, rest_of_a @ ..], [y, rest_of_b @ ..]) = (a, b) {
+        if *x != *y {
+            return false;
+        }
+        (a, b) = (rest_of_a, rest_of_b);
+    }
+    a.is_empty() && b.is_empty()
+}
+
+// A row that names a structure that there is not does not compile.
+const _: () = {
+    let mut row = 0;
+    while row < KERNELS.len() {
+        KERNELS[row].push_members();
+        row += 1;
+    }
+};
 
 /// Bytes of push constants of a vertex pass over `batch` targets: a float each and, where the format has exponents, a
 /// signed byte each, padded to words.

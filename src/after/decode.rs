@@ -1,7 +1,9 @@
 //! The decode step: float32 positions of a pose, in a buffer of the host's own, for whoever cannot decode poses: ray
 //! tracing, picking, a shader that cannot be changed. It follows the steps of the update, and writes what those changed.
 
-use super::follower::{Follower, Job, Kind, Place, PoseKernel};
+#![allow(unsafe_code)]
+
+use super::follower::{Follower, Job, Place, PoseKernel};
 use super::output::Output;
 use super::steps::After;
 use crate::abi::modules::DECODE;
@@ -10,8 +12,7 @@ use crate::abi::push::DecodePush;
 use crate::error::Result;
 use crate::gpu::descriptors::Sets;
 use crate::gpu::pipelines::{Pipelines, Workgroups};
-#[cfg(any(test, feature = "internals"))]
-use crate::plan::hazards::{Accesses, Memory};
+use crate::plan::after::Kind;
 use crate::setters::setters;
 use ash::vk;
 use bytemuck::bytes_of;
@@ -104,10 +105,5 @@ impl Follower for Decode {
         let set = (self.sets.get(job.frame as usize), &[][..]);
         // SAFETY: the caller's obligations; the set was made for this layout, and the list for this frame.
         unsafe { self.kernel.objects.dispatch(cmd, 0, set, bytes_of(&push), workgroups) };
-    }
-
-    #[cfg(any(test, feature = "internals"))]
-    fn accesses(&self, _job: &Job, pose: Memory, instance: u32) -> Accesses {
-        Accesses::compute([Memory::Base, pose], [Memory::Decoded { instance }])
     }
 }

@@ -11,80 +11,10 @@ use crate::gpu::device::Device;
 use crate::gpu::pipelines::{Kernels, Objects, PipelineKey};
 use crate::pack::vertex::PlaceConstants;
 use crate::pack::{DeltaFormat, PoseFormat};
-#[cfg(any(test, feature = "internals"))]
-use crate::plan::hazards::{Accesses, Memory};
-use crate::plan::steps::{Resource, Use, Work};
 use crate::update::technique::PoseGroup;
 use ash::vk;
 use std::any::Any;
 use std::sync::Arc;
-
-/// Numbers of kernels from here on are of the steps after the pose: no technique has as many.
-const FIRST_KERNEL: u32 = 1 << 31;
-/// Dispatches of a step, at most.
-const DISPATCHES: u32 = 2;
-
-/// The steps there are, in the order in which they are recorded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u32)]
-pub(crate) enum Kind {
-    /// A pose as float32.
-    Decode,
-    /// A pose that joints move.
-    Skin,
-    /// Normals of the morphed surface.
-    Normals,
-    /// The least bounds of a pose.
-    Bounds,
-}
-
-impl Kind {
-    pub(super) const ALL: [Self; 4] = [Self::Decode, Self::Skin, Self::Normals, Self::Bounds];
-
-    /// What its dispatches use, one after the other.
-    pub(super) const fn dispatches(self) -> &'static [&'static [Use]] {
-        const ASSET: Use = Use::read(Resource::Asset);
-        const POSES: Use = Use::read(Resource::Poses);
-        match self {
-            Self::Decode => const { &[&[ASSET, POSES, Use::write(Resource::Decoded)]] },
-            Self::Skin => const { &[&[POSES, Use::write(Resource::Skinned)]] },
-            Self::Normals => const { &[&[POSES, Use::write(Resource::Normals)]] },
-            Self::Bounds => {
-                const {
-                    &[
-                        &[ASSET, POSES, Use::write(Resource::BoundsOfParts)],
-                        &[Use::read(Resource::BoundsOfParts), Use::write(Resource::Bounds)],
-                    ]
-                }
-            }
-        }
-    }
-
-    /// What it writes for the host.
-    pub(super) const fn output(self) -> Resource {
-        match self {
-            Self::Decode => Resource::Decoded,
-            Self::Skin => Resource::Skinned,
-            Self::Normals => Resource::Normals,
-            Self::Bounds => Resource::Bounds,
-        }
-    }
-
-    pub(super) const fn kernel(self, dispatch: usize) -> u32 {
-        FIRST_KERNEL + self as u32 * DISPATCHES + dispatch as u32
-    }
-
-    /// The number of the step, and which of its dispatches a work is.
-    pub(super) const fn of(work: &Work) -> (u32, usize) {
-        let number = work.kernel - FIRST_KERNEL;
-        (number / DISPATCHES, (number % DISPATCHES) as usize)
-    }
-
-    /// Whether a work is of any step after the pose.
-    pub(super) const fn has(work: &Work) -> bool {
-        work.kernel >= FIRST_KERNEL
-    }
-}
 
 /// A dispatch for one instance.
 pub(crate) struct Job {
@@ -120,10 +50,6 @@ pub(crate) trait Follower: Any + Send + Sync {
     /// As [`Technique::record`](crate::update::technique::Technique::record); the buffers of the target live until it has
     /// run.
     unsafe fn record(&self, cmd: vk::CommandBuffer, job: &Job);
-
-    /// What a dispatch reads and writes.
-    #[cfg(any(test, feature = "internals"))]
-    fn accesses(&self, job: &Job, pose: Memory, instance: u32) -> Accesses;
 }
 
 /// How poses are read: what pipelines are made for.

@@ -11,22 +11,27 @@
 
 #[allow(unsafe_code)]
 mod attached;
-pub(crate) mod bounds;
-#[allow(unsafe_code)]
-mod decode;
 #[allow(unsafe_code)]
 mod follower;
-pub(crate) mod normals;
 mod output;
 mod pieces;
-pub(crate) mod skin;
 #[allow(unsafe_code)]
 mod steps;
 
-pub use bounds::{Bounds, BoundsTarget, WeightBounds};
-pub(crate) use decode::Decode;
-pub use decode::DecodeTarget;
+use crate::abi::steps::after_steps;
 pub(crate) use follower::Place;
-pub use normals::{GpuNormals, NormalsDesc, NormalsTarget};
-pub use skin::{GpuSkin, SkinDesc, SkinMethod, SkinTarget, SkinnedView};
 pub(crate) use steps::After;
+
+/// The modules of the steps.
+macro_rules! declared {
+    (() $(
+        $(#[doc = $doc:literal])*
+        $kind:ident $module:ident::$step:ident [$($public:ident),*] $set:tt $dispatches:tt
+    )*) => {
+        $(
+            pub(crate) mod $module;
+            pub use $module::{$($public),*};
+        )*
+    };
+}
+after_steps!(declared());

@@ -1,14 +1,15 @@
 //! The steps after the pose of a crowd: which targets there are, and what each has still to be told of the poses.
 
-use super::follower::{Follower, Job, Kind, Place};
+use super::follower::{Follower, Job, Place};
 use super::pieces::Pieces;
 use crate::error::Result;
 use crate::gpu::memory::Ring;
+use crate::plan::after::Kind;
 use crate::plan::earlier::Earlier;
 #[cfg(any(test, feature = "internals"))]
 use crate::plan::hazards::{Accesses, Memory};
 use crate::plan::instances::Instances;
-use crate::plan::steps::{Resource, Source, Steps, Use, Work};
+use crate::plan::steps::{Owner, Resource, Source, Steps, Use, Work};
 use crate::update::technique::{Technique, UpdateId};
 use ash::vk;
 use std::any::Any;
@@ -199,47 +200,56 @@ impl After {
             for (dispatch, uses) in kind.dispatches().iter().enumerate() {
                 steps.step(uses);
                 for (&Target { instance, output, .. }, (slot, count)) in planned() {
-                    let (kernel, source, destination) = (kind.kernel(dispatch), Source::Slot(slot), output as u32);
-                    let items = 0..count;
-                    steps.push(Work { kernel, instance, source, destination, items, ..Work::default() });
+                    let (owner, kernel) = (Owner::Step(kind), dispatch as u32);
+                    let (source, destination, items) = (Source::Slot(slot), output as u32, 0..count);
+                    steps.push(Work { owner, kernel, group: 0, instance, source, destination, items });
                 }
             }
         }
         Ok(())
     }
 
-    /// Whether a work is of a step after the pose.
-    pub(crate) fn has(work: &Work) -> bool {
-        Kind::has(work)
-    }
-
     /// Whose a work is, and what it does.
-    fn job(&self, frame: u64, work: &Work) -> Option<(&Target, Job)> {
-        let (kind, dispatch) = Kind::of(work);
-        let target = self.targets.iter().find(|t| t.kind as u32 == kind && t.instance == work.instance)?;
+    fn job(&self, frame: u64, kind: Kind, work: &Work) -> Option<(&Target, Job)> {
+        let target = self.targets.iter().find(|t| (t.kind, t.instance) == (kind, work.instance))?;
         let Source::Slot(slot) = work.source else { return None };
-        let (output, count, is_listed) = (work.destination as usize, work.items.end, target.is_listed);
+        let (dispatch, output) = (work.kernel as usize, work.destination as usize);
+        let (count, is_listed) = (work.items.end, target.is_listed);
         Some((target, Job { dispatch, frame, slot, output, count, is_listed }))
     }
 
-    /// Record a work.
+    /// Record a work of a step.
     ///
     /// # Safety
     /// As [`Follower::record`].
-    pub(crate) unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work) {
-        if let Some((target, job)) = self.job(frame, work) {
+    pub(crate) unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, kind: Kind, work: &Work) {
+        if let Some((target, job)) = self.job(frame, kind, work) {
             // SAFETY: the caller's obligations.
             unsafe { target.follower.record(cmd, &job) };
         }
     }
 
-    /// What works read and write.
+    /// What works of a step read and write.
     #[cfg(any(test, feature = "internals"))]
-    pub(crate) fn accesses(&self, works: &[Work]) -> Vec<Accesses> {
+    pub(crate) fn accesses(&self, kind: Kind, works: &[Work]) -> Vec<Accesses> {
         let of = |work: &Work| {
-            let Some((target, job)) = self.job(0, work) else { return Accesses::default() };
-            let pose = Memory::Pose { instance: work.instance, slot: job.slot };
-            target.follower.accesses(&job, pose, work.instance)
+            let Some((_, Job { dispatch, slot, output, .. })) = self.job(0, kind, work) else {
+                return Accesses::default();
+            };
+            let (instance, output) = (work.instance, output as u32);
+            // Of the asset, steps read the base pose alone.
+            let memory = |resource| {
+                if resource == Resource::Asset {
+                    Memory::Base
+                } else if resource == Resource::Poses {
+                    Memory::Pose { instance, slot }
+                } else {
+                    Memory::After { resource, instance, output }
+                }
+            };
+            let uses = kind.dispatches()[dispatch].iter();
+            let uses = uses.map(|used| Use::new(memory(used.memory), used.stage, used.access)).collect();
+            Accesses { group: 0, uses, in_place: true }
         };
         works.iter().map(of).collect()
     }

@@ -1,6 +1,6 @@
 //! A mesh as its files state it, and the checked mesh that is packed.
 
-use super::{StreamData, StreamDeltas};
+use super::{Semantic, StreamData, StreamDeltas};
 use crate::error::{Error, Result};
 use crate::math::far_middle;
 use crate::setters::setters;
@@ -143,6 +143,22 @@ pub struct MorphTarget {
     pub streams: Vec<StreamDeltas>,
 }
 
+#[allow(clippy::wildcard_enum_match_arm, reason = "any other stream is kept like any other")]
+impl MorphTarget {
+    /// Add what is changed of a stream. Positions and normals are of the same vertices.
+    pub(crate) fn push(&mut self, semantic: Semantic, vertices: Vec<u32>, deltas: Vec<f32>) {
+        match semantic {
+            Semantic::Position => (self.vertices, self.positions) = (vertices, vectors(&deltas)),
+            Semantic::Normal => self.normals = vectors(&deltas),
+            _ => self.streams.push(StreamDeltas { vertices, deltas }),
+        }
+    }
+}
+
+fn vectors(numbers: &[f32]) -> Vec<Vec3> {
+    bytemuck::cast_slice(numbers).to_vec()
+}
+
 /// Base pose and morph targets, ready to pack: normals present, noise dropped, everything finite.
 #[derive(Clone, Debug, Default)]
 pub struct MorphMesh {
@@ -173,10 +189,46 @@ pub struct MorphMesh {
     pub notes: Vec<String>,
 }
 
+#[allow(clippy::wildcard_enum_match_arm, reason = "any other stream is kept like any other")]
 impl MorphMesh {
     /// Number of vertices.
     pub fn vertex_count(&self) -> usize {
         self.positions.len()
+    }
+
+    /// The numbers of a stream, vertex after vertex; none where the mesh does not have it.
+    pub(crate) fn values(&self, semantic: Semantic) -> &[f32] {
+        match semantic {
+            Semantic::Position => bytemuck::cast_slice(&self.positions),
+            Semantic::Normal => bytemuck::cast_slice(&self.normals),
+            _ => self.further(semantic).map_or(&[], |at| &self.streams[at].values),
+        }
+    }
+
+    /// What a target changes of a stream: vertices, and the numbers of one after the other.
+    pub(crate) fn deltas<'a>(&self, target: &'a MorphTarget, semantic: Semantic) -> (&'a [u32], &'a [f32]) {
+        match semantic {
+            Semantic::Position => (&target.vertices, bytemuck::cast_slice(&target.positions)),
+            Semantic::Normal => (&target.vertices, bytemuck::cast_slice(&target.normals)),
+            _ => {
+                let stream = self.further(semantic).and_then(|at| target.streams.get(at));
+                stream.map_or((&[], &[]), |stream| (&stream.vertices, &stream.deltas))
+            }
+        }
+    }
+
+    /// Add a stream.
+    pub(crate) fn push(&mut self, semantic: Semantic, values: Vec<f32>) {
+        match semantic {
+            Semantic::Position => self.positions = vectors(&values),
+            Semantic::Normal => self.normals = vectors(&values),
+            _ => self.streams.push(StreamData { semantic, values }),
+        }
+    }
+
+    /// The place of a stream among those beside positions and normals.
+    fn further(&self, semantic: Semantic) -> Option<usize> {
+        self.streams.iter().position(|stream| stream.semantic == semantic)
     }
 
     /// Returns the index of the target called `name`.

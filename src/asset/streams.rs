@@ -23,23 +23,74 @@ pub const TRIPLE: usize = 3;
 /// Triples in a group.
 pub const TRIPLES: usize = GROUP_COMPONENTS / TRIPLE;
 
-/// The meaning of a stream's numbers. Streams are laid out in this order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[non_exhaustive]
-pub enum Semantic {
+/// The list of streams: documentation and name, with the type of the set where there are several; the number in packed files
+/// and in C; the name in messages; components, how many of them morph (the first ones), and how errors are measured.
+macro_rules! semantics {
+    ($($(#[doc = $doc:literal])* $name:ident $(($set:ident: $type:ty))? {
+        $id:literal, $text:literal, $components:literal, $morphing:literal, $measure:ident
+    })*) => {
+        /// The meaning of a stream's numbers. Streams are laid out in this order.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        #[non_exhaustive]
+        pub enum Semantic {
+            $($(#[doc = $doc])* $name $(($type))?,)*
+        }
+
+        impl Semantic {
+            /// Unique id, also in packed files: the kind of stream, and the set × 256.
+            // Used instead of the derived `PartialEq`, which may read the uninitialised payload of unit variants;
+            // memory checkers report that.
+            pub(crate) const fn id(self) -> u32 {
+                match self {
+                    $(Self::$name $(($set))? => $id $(| ($set as u32) << 8)?,)*
+                }
+            }
+
+            /// The stream with this number in packed files: the kind of stream, and the set × 256.
+            pub fn from_id(id: u32) -> Option<Self> {
+                let semantic = match id & 0xff {
+                    $($id => Self::$name $(((id >> 8) as $type))?,)*
+                    _ => return None,
+                };
+                Some(semantic).filter(|semantic| semantic.id() == id)
+            }
+
+            const fn properties(self) -> (usize, usize, Measure) {
+                match self {
+                    $(Self::$name { .. } => ($components, $morphing, Measure::$measure),)*
+                }
+            }
+        }
+
+        /// The name in reports and messages.
+        impl fmt::Display for Semantic {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                match self {
+                    $(Self::$name $(($set))? => {
+                        f.write_str($text)?;
+                        $(write!(f, " {}", $set)?;)?
+                    })*
+                }
+                Ok(())
+            }
+        }
+    };
+}
+
+semantics! {
     /// Position of the vertex.
-    Position,
+    Position { 1, "position", 3, 3, Length }
     /// Normal of the surface. Poses hold the unnormalised sum; consumers normalise it.
-    Normal,
+    Normal { 2, "normal", 3, 3, Angle }
     /// Direction of the texture's u axis, and the handedness of the bitangent in w, which does not morph.
-    Tangent,
+    Tangent { 3, "tangent", 4, 3, Angle }
     /// A set of texture coordinates.
-    TexCoord(u8),
+    TexCoord(set: u8) { 4, "texcoord", 2, 2, Absolute }
     /// A set of colours with opacity.
-    Color(u8),
+    Color(set: u8) { 5, "color", 4, 4, Absolute }
     /// Wrinkle masks: the share by which the skin is compressed upwards and across; negative where it is stretched, 0
     /// in the base pose. A shader blends in normal maps of wrinkles where they are large.
-    Mask,
+    Mask { 6, "wrinkle mask", 2, 2, Absolute }
 }
 
 /// How the error of a stream is measured.
@@ -55,31 +106,6 @@ pub enum Measure {
 }
 
 impl Semantic {
-    /// Number of components, how many of them morph (the first ones), and how errors are measured.
-    const fn properties(self) -> (usize, usize, Measure) {
-        match self {
-            Self::Position => (3, 3, Measure::Length),
-            Self::Normal => (3, 3, Measure::Angle),
-            Self::Tangent => (4, 3, Measure::Angle),
-            Self::TexCoord(_) => (2, 2, Measure::Absolute),
-            Self::Color(_) => (4, 4, Measure::Absolute),
-            Self::Mask => (2, 2, Measure::Absolute),
-        }
-    }
-
-    /// Unique id. Used instead of the derived `PartialEq`, which may read the uninitialised payload of unit variants;
-    /// memory checkers report that.
-    pub(crate) const fn number(self) -> u16 {
-        match self {
-            Self::Position => 0,
-            Self::Normal => 1,
-            Self::Tangent => 2,
-            Self::TexCoord(set) => 0x100 | set as u16,
-            Self::Color(set) => 0x200 | set as u16,
-            Self::Mask => 0x300,
-        }
-    }
-
     /// Numbers per vertex.
     pub const fn components(self) -> usize {
         self.properties().0
@@ -93,20 +119,6 @@ impl Semantic {
     /// Returns how errors are measured.
     pub const fn measure(self) -> Measure {
         self.properties().2
-    }
-}
-
-/// Writes the name used in reports and messages.
-impl fmt::Display for Semantic {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Position => f.write_str("position"),
-            Self::Normal => f.write_str("normal"),
-            Self::Tangent => f.write_str("tangent"),
-            Self::TexCoord(set) => write!(f, "texcoord {set}"),
-            Self::Color(set) => write!(f, "color {set}"),
-            Self::Mask => f.write_str("wrinkle mask"),
-        }
     }
 }
 

@@ -5,14 +5,16 @@
 //! against them.
 
 use super::simd::widest;
-use super::sums::{self, Added, BATCH, Planes, Rounded, Sum};
+use super::sums::{self, Added, BATCH, Planes};
 use super::workers::Workers;
 use crate::abi::worklist::{ELEMENT_BYTES, Element, ITEM_WORDS};
 use crate::asset::streams::TRIPLES;
 use crate::pack::formats::{BlockFormat, with_format};
-use crate::pack::{POSE_FLOATS, PackedGroup, PoseFormat};
+use crate::pack::poses::sums::Sum;
+use crate::pack::poses::{PoseStorage, with_pose};
+use crate::pack::{POSE_FLOATS, PackedGroup};
 use crate::update::blocks::{GroupPlan, Item};
-use bytemuck::{AnyBitPattern, NoUninit, cast_slice, cast_slice_mut};
+use bytemuck::{AnyBitPattern, NoUninit, Zeroable, cast_slice, cast_slice_mut};
 use std::ops::Range;
 
 /// Pieces per thread.
@@ -75,14 +77,10 @@ pub(crate) fn run_piece(
     runs: Vec<Run<'_>>,
     meter: &mut impl FnMut(usize),
 ) {
-    match plan.pose() {
-        PoseFormat::Float32 => run_sums::<f32>(packed, plan, blocks, runs, meter),
-        PoseFormat::Fixed32 => run_sums::<i32>(packed, plan, blocks, runs, meter),
-        PoseFormat::Fixed16 => run_sums::<Rounded>(packed, plan, blocks, runs, meter),
-    }
+    with_pose!(plan.pose(), P => run_sums::<P>(packed, plan, blocks, runs, meter));
 }
 
-fn run_sums<T: Write>(
+fn run_sums<P: PoseStorage>(
     packed: &PackedGroup,
     plan: &GroupPlan,
     blocks: Range<usize>,
@@ -90,9 +88,9 @@ fn run_sums<T: Write>(
     meter: &mut impl FnMut(usize),
 ) {
     match plan.index.size() {
-        32 => run_blocks::<T, 32>(packed, plan, blocks, runs, meter),
-        64 => run_blocks::<T, 64>(packed, plan, blocks, runs, meter),
-        _ => run_blocks::<T, 128>(packed, plan, blocks, runs, meter),
+        32 => run_blocks::<P, 32>(packed, plan, blocks, runs, meter),
+        64 => run_blocks::<P, 64>(packed, plan, blocks, runs, meter),
+        _ => run_blocks::<P, 128>(packed, plan, blocks, runs, meter),
     }
 }
 
@@ -107,7 +105,7 @@ struct Head<'a, T: Sum> {
     count: usize,
 }
 
-fn run_blocks<T: Write, const S: usize>(
+fn run_blocks<P: PoseStorage, const S: usize>(
     packed: &PackedGroup,
     plan: &GroupPlan,
     blocks: Range<usize>,
@@ -115,9 +113,9 @@ fn run_blocks<T: Write, const S: usize>(
     meter: &mut impl FnMut(usize),
 ) {
     let (items, words) = (&plan.list.items, block_words(plan));
-    let mut decoded = [[[T::Delta::default(); S]; POSE_FLOATS]; BATCH];
-    let mut tile: Vec<Head<'_, T>> = Vec::with_capacity(runs.len().min(TILE));
-    let zero = [[T::default(); S]; POSE_FLOATS];
+    let mut decoded = [[[<P::Sum as Sum>::Delta::default(); S]; POSE_FLOATS]; BATCH];
+    let mut tile: Vec<Head<'_, P::Sum>> = Vec::with_capacity(runs.len().min(TILE));
+    let zero = [[P::Sum::default(); S]; POSE_FLOATS];
     let mut sums = vec![zero; runs.len().min(TILE)];
     for block in blocks {
         let mut runs = runs.iter_mut();
@@ -131,7 +129,7 @@ fn run_blocks<T: Write, const S: usize>(
                     let block = Block::new(packed, plan, i, run.source.map(|source| &source[block * words..][..words]));
                     let elements = plan.list.elements_of(block.item);
                     meter(4 * (ITEM_WORDS + block.masks.len()) + ELEMENT_BYTES * elements.len() + block.moved());
-                    let batch = [Added::<T>::default(); BATCH];
+                    let batch = [Added::<P::Sum>::default(); BATCH];
                     tile.push(Head { block, destination, elements, batch, count: 0 });
                 }
                 if tile.len() == TILE {
@@ -148,7 +146,7 @@ fn run_blocks<T: Write, const S: usize>(
                 _ => while add_batch(packed, plan, &mut tile, &mut sums, &mut decoded, meter) {},
             }
             for (Head { block, destination, .. }, sums) in tile.iter_mut().zip(&sums) {
-                T::write(sums, block, destination);
+                write::<P, S>(sums, block, destination);
             }
         }
     }
@@ -217,41 +215,24 @@ fn add_batch<T: Sum, const S: usize>(
     tile.iter().any(|head| !head.elements.is_empty())
 }
 
-/// A pose that sums are added to.
-trait Write: Sum {
-    /// Add `sums` to a block.
-    fn write<const S: usize>(sums: &Planes<Self, S>, block: &Block<'_>, destination: &mut [u32]);
-}
-
-impl Write for f32 {
-    fn write<const S: usize>(sums: &Planes<f32, S>, block: &Block<'_>, destination: &mut [u32]) {
-        let from = if block.item.source.is_none() { Some(cast_slice(block.base)) } else { block.source };
-        if block.masks.iter().all(|mask| *mask == u32::MAX) {
-            return store(destination, from, |old: f32, lane, c| old + sums[c][lane]);
-        }
-        let destination = cast_slice_mut(destination);
-        match from.map(cast_slice::<u32, f32>) {
-            Some(from) => block.apply::<S>(destination, |lane, c, _| from[lane * POSE_FLOATS + c] + sums[c][lane]),
-            None => block.apply::<S>(destination, |lane, c, old| old + sums[c][lane]),
-        }
+/// Add `sums` to a block.
+fn write<P: PoseStorage, const S: usize>(sums: &Planes<P::Sum, S>, block: &Block<'_>, destination: &mut [u32]) {
+    let plus = |old: P::Number, lane: usize, c: usize| P::plus(old, sums[c][lane]);
+    if block.plan.pose().has_integers() {
+        return match block.item.source {
+            Some(_) => store(destination, block.source, plus),
+            // Nothing is displaced from the base pose.
+            None => store(destination, None, |_, lane, c| plus(P::Number::zeroed(), lane, c)),
+        };
     }
-}
-
-impl Write for i32 {
-    fn write<const S: usize>(sums: &Planes<i32, S>, block: &Block<'_>, destination: &mut [u32]) {
-        match block.item.source {
-            Some(_) => store(destination, block.source, |old: i32, lane, c| old.wrapping_add(sums[c][lane])),
-            None => store(destination, None, |_: i32, lane, c| sums[c][lane]),
-        }
+    let from = if block.item.source.is_none() { Some(cast_slice(block.base)) } else { block.source };
+    if block.masks.iter().all(|mask| *mask == u32::MAX) {
+        return store(destination, from, plus);
     }
-}
-
-impl Write for Rounded {
-    fn write<const S: usize>(sums: &Planes<Rounded, S>, block: &Block<'_>, destination: &mut [u32]) {
-        match block.item.source {
-            Some(_) => store(destination, block.source, |old: i16, lane, c| old.wrapping_add(sums[c][lane].0 as i16)),
-            None => store(destination, None, |_: i16, lane, c| sums[c][lane].0 as i16),
-        }
+    let destination = cast_slice_mut(destination);
+    match from.map(cast_slice::<u32, P::Number>) {
+        Some(from) => block.apply::<_, S>(destination, |lane, c, _| plus(from[lane * POSE_FLOATS + c], lane, c)),
+        None => block.apply::<_, S>(destination, |lane, c, old| plus(old, lane, c)),
     }
 }
 
@@ -297,17 +278,15 @@ impl<'a> Block<'a> {
 
     /// Bytes of the pose that are loaded and stored.
     fn moved(&self) -> usize {
-        match self.plan.pose() {
-            PoseFormat::Float32 => 8 * self.masks.iter().map(|mask| mask.count_ones() as usize).sum::<usize>(),
-            PoseFormat::Fixed32 | PoseFormat::Fixed16 => {
-                4 * block_words(self.plan) * if self.item.source.is_some() { 2 } else { 1 }
-            }
+        match self.plan.pose().has_integers() {
+            true => 4 * block_words(self.plan) * if self.item.source.is_some() { 2 } else { 1 },
+            false => 8 * self.masks.iter().map(|mask| mask.count_ones() as usize).sum::<usize>(),
         }
     }
 
-    /// Store `value(lane, component, float there)` wherever the masks say so.
+    /// Store `value(lane, component, number there)` wherever the masks say so.
     #[inline(always)]
-    fn apply<const S: usize>(&self, destination: &mut [f32], mut value: impl FnMut(usize, usize, f32) -> f32) {
+    fn apply<T: Copy, const S: usize>(&self, destination: &mut [T], mut value: impl FnMut(usize, usize, T) -> T) {
         let (vertices, words) = (&mut destination.as_chunks_mut::<POSE_FLOATS>().0[..S], S / 32);
         for word in 0..words {
             let masks: [u32; POSE_FLOATS] = std::array::from_fn(|c| self.masks[c * words + word]);

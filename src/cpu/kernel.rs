@@ -7,6 +7,7 @@
 use super::simd::widest;
 use crate::pack::blocks::PoseGrid;
 use crate::pack::formats::{DenseFormat, with_format};
+use crate::pack::poses::PoseStorage;
 use crate::pack::{POSE_FLOATS, PackedGroup};
 use crate::weights::delta::Coefficient;
 
@@ -63,33 +64,15 @@ fn run(
     }
 }
 
-/// A number of a pose of integers.
-pub(super) trait Integer: Copy {
-    /// Add a sum; the result wraps.
-    fn plus(self, sum: i32) -> Self;
-}
-
-impl Integer for i32 {
-    fn plus(self, sum: i32) -> Self {
-        self.wrapping_add(sum)
-    }
-}
-
-impl Integer for i16 {
-    fn plus(self, sum: i32) -> Self {
-        self.wrapping_add(sum as i16)
-    }
-}
-
 /// A dense pass over poses of integers on `grid`: the rounded terms of `coefficients` are added to `source`, or to what
 /// `destination` holds.
-pub(super) fn rounded<T: Integer>(
+pub(super) fn rounded<P: PoseStorage>(
     packed: &PackedGroup,
     coefficients: &[Coefficient],
     grid: PoseGrid,
     first: usize,
-    source: Option<&[T]>,
-    destination: &mut [T],
+    source: Option<&[P::Number]>,
+    destination: &mut [P::Number],
 ) {
     let layout = packed.layout();
     let terms = |c: &Coefficient| {
@@ -111,7 +94,7 @@ pub(super) fn rounded<T: Integer>(
                 if let Some(source) = source {
                     out.copy_from_slice(&source[piece * PIECE * POSE_FLOATS..][..out.len()]);
                 }
-                out.iter_mut().zip(&*sums).for_each(|(o, s)| *o = o.plus(*s));
+                out.iter_mut().zip(&*sums).for_each(|(o, s)| *o = P::plus_integer(*o, *s));
             }
         },
     );

@@ -9,6 +9,7 @@ mod workers;
 
 use crate::error::{Error, Result};
 use crate::pack::blocks::PoseGrid;
+use crate::pack::poses::{PoseStorage, with_pose};
 use crate::pack::{POSE_FLOATS, PackedGroup, PackedMesh, PoseFormat};
 use crate::plan::instances::{Instances, check_weight, check_weights, target_named};
 use crate::plan::steps::{Source, Work};
@@ -18,7 +19,6 @@ use crate::update::blocks::{GroupPlan, Item, Planner};
 use crate::update::dense::{DensePlanner, Plan};
 use crate::weights::delta::Coefficient;
 use bytemuck::Pod;
-use kernel::Integer;
 use std::borrow::Cow;
 use std::sync::Arc;
 pub(crate) use workers::Workers;
@@ -310,27 +310,18 @@ impl Memory {
 
     /// Carry the dense passes of all instances out.
     fn run_passes(&mut self, mesh: &PackedGroup, workers: &Workers, plans: &[Plan]) {
-        match (self.format, self.grid) {
-            (PoseFormat::Fixed32, Some(grid)) => self.run_integers::<i32>(mesh, workers, plans, grid),
-            (PoseFormat::Fixed16, Some(grid)) => self.run_integers::<i16>(mesh, workers, plans, grid),
-            (PoseFormat::Float32 | PoseFormat::Fixed32 | PoseFormat::Fixed16, _) => {
-                self.run_numbers(mesh, workers, plans, Some(mesh.base()), |coefficients, first, source, out| {
-                    kernel::dense(mesh, coefficients, first, source, out);
-                });
-            }
+        match self.grid {
+            Some(grid) => with_pose!(self.format, P => self.run_integers::<P>(mesh, workers, plans, grid)),
+            None => self.run_numbers(mesh, workers, plans, Some(mesh.base()), |coefficients, first, source, out| {
+                kernel::dense(mesh, coefficients, first, source, out);
+            }),
         }
     }
 
-    fn run_integers<T: Integer + Pod + Send + Sync>(
-        &mut self,
-        mesh: &PackedGroup,
-        workers: &Workers,
-        plans: &[Plan],
-        grid: PoseGrid,
-    ) {
+    fn run_integers<P: PoseStorage>(&mut self, mesh: &PackedGroup, workers: &Workers, plans: &[Plan], grid: PoseGrid) {
         // Nothing is displaced from the base pose.
-        self.run_numbers(mesh, workers, plans, None, |coefficients, first, source, out: &mut [T]| {
-            kernel::rounded(mesh, coefficients, grid, first, source, out);
+        self.run_numbers::<P::Number>(mesh, workers, plans, None, |coefficients, first, source, out| {
+            kernel::rounded::<P>(mesh, coefficients, grid, first, source, out);
         });
     }
 

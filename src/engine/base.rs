@@ -14,7 +14,7 @@ use crate::pack::blocks::PoseGrid;
 use crate::plan::UpdateStats;
 use crate::plan::instances::Instances;
 use crate::plan::schedule::Schedule;
-use crate::plan::steps::{Resource, Steps, Use, Work};
+use crate::plan::steps::{Owner, Resource, Steps, Use, Work};
 use crate::update::crowd::CrowdDesc;
 use crate::update::technique::{Context, PoseGroup, Technique, UpdateId};
 use ash::vk;
@@ -332,18 +332,21 @@ impl CrowdBase {
     /// As [`Technique::record`].
     pub(super) unsafe fn record(&self, cmd: vk::CommandBuffer, work: &Work) {
         let frame = self.last.map_or(0, |id| id.frame);
-        match After::has(work) {
+        match work.owner {
             // SAFETY: the caller's obligations.
-            true => unsafe { self.after.record(cmd, frame, work) },
+            Owner::Technique => unsafe { self.technique.record(cmd, frame, work) },
             // SAFETY: as above.
-            false => unsafe { self.technique.record(cmd, frame, work) },
+            Owner::Step(kind) => unsafe { self.after.record(cmd, frame, kind, work) },
         }
     }
 
     /// What works of a step read and write, for the hazard checker.
     #[cfg(feature = "internals")]
     pub(super) fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-        if After::has(&works[0]) { self.after.accesses(works) } else { self.technique.accesses(works) }
+        match works[0].owner {
+            Owner::Technique => self.technique.accesses(works),
+            Owner::Step(kind) => self.after.accesses(kind, works),
+        }
     }
 
     /// Plan an update, and take it as done. Where this fails, [`discard_last`](Self::discard_last) has to follow.

@@ -65,7 +65,7 @@ impl Objects {
         self.set_layout = unsafe { self.device.raw.create_descriptor_set_layout(&info, None) }
             .map_err(failed("vkCreateDescriptorSetLayout"))?;
         let push_bytes =
-            kernels.iter().map(|kernel| kernel.push.members().1 as u32).fold(attribute_push_bytes, u32::max);
+            kernels.iter().map(|kernel| kernel.push_members().1 as u32).fold(attribute_push_bytes, u32::max);
         let push = [vk::PushConstantRange::default().stage_flags(stage).size(push_bytes)];
         let (sets, push) = ([self.set_layout], &push[..usize::from(push_bytes > 0)]);
         let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(push);

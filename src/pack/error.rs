@@ -53,11 +53,11 @@ impl PoseError {
     }
 
     fn of_mut(&mut self, semantic: Semantic) -> &mut f64 {
-        match semantic {
-            Semantic::Position => &mut self.position,
-            Semantic::Normal => &mut self.normal_degrees,
-            Semantic::Tangent => &mut self.tangent_degrees,
-            Semantic::TexCoord(_) | Semantic::Color(_) | Semantic::Mask => &mut self.absolute,
+        match semantic.measure() {
+            Measure::Length => &mut self.position,
+            Measure::Angle if matches!(semantic, Semantic::Normal) => &mut self.normal_degrees,
+            Measure::Angle => &mut self.tangent_degrees,
+            Measure::Absolute => &mut self.absolute,
         }
     }
 }

@@ -46,11 +46,10 @@ mod contents;
 mod table;
 
 use super::{POSE_FLOATS, PackDesc, PackedGroup, PackedMesh, PackedTarget};
-use crate::asset::streams::{Semantic, StreamData, StreamDeltas};
-use crate::asset::{Faces, MorphMesh, MorphTarget, Tolerance, check_welds};
+use crate::asset::{Faces, MorphMesh, MorphTarget, Semantic, Tolerance, check_welds};
 use crate::error::{Error, Result};
 use crate::io::{read_bounded, write_replacing};
-use glam::{Vec2, Vec3};
+use glam::Vec2;
 use std::io::Write;
 use std::path::Path;
 
@@ -187,17 +186,10 @@ impl Asset {
 /// Add a group, as it decodes, to `mesh`, whose targets are there.
 fn unpack(group: &PackedGroup, mesh: &mut MorphMesh) {
     let layout = group.layout();
-    let vectors = |numbers: Vec<f32>| bytemuck::cast_slice::<f32, Vec3>(&numbers).to_vec();
     let base = layout.to_user_order(group.base());
     for place in &layout.streams {
         let values = base.chunks_exact(POSE_FLOATS).flat_map(|v| &v[place.components()]).copied().collect();
-        match place.semantic {
-            Semantic::Position => mesh.positions = vectors(values),
-            Semantic::Normal => mesh.normals = vectors(values),
-            semantic @ (Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_) | Semantic::Mask) => {
-                mesh.streams.push(StreamData { semantic, values });
-            }
-        }
+        mesh.push(place.semantic, values);
     }
     for (at, target) in mesh.targets.iter_mut().enumerate() {
         let mut lanes = vec![];
@@ -211,13 +203,7 @@ fn unpack(group: &PackedGroup, mesh: &mut MorphMesh) {
             let moved = lanes.iter().filter(|(_, delta)| delta[listed.clone()].iter().any(|d| *d != 0.0));
             let vertices = moved.clone().map(|(vertex, _)| *vertex).collect();
             let deltas = moved.flat_map(|(_, delta)| &delta[numbers.clone()]).copied().collect();
-            match place.semantic {
-                Semantic::Position => (target.vertices, target.positions) = (vertices, vectors(deltas)),
-                Semantic::Normal => target.normals = vectors(deltas),
-                Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_) | Semantic::Mask => {
-                    target.streams.push(StreamDeltas { vertices, deltas });
-                }
-            }
+            target.push(place.semantic, vertices, deltas);
         }
     }
 }

@@ -34,13 +34,7 @@ impl<'a> Source<'a> {
     pub fn base(&self, vertex: usize) -> [f32; POSE_FLOATS] {
         let mut out = [0.0; POSE_FLOATS];
         for place in &self.streams {
-            let values: &[f32] = match place.semantic {
-                Semantic::Position => bytemuck::cast_slice(&self.mesh.positions),
-                Semantic::Normal => bytemuck::cast_slice(&self.mesh.normals),
-                semantic @ (Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_) | Semantic::Mask) => {
-                    self.further(semantic).map_or(&[], |at| &self.mesh.streams[at].values)
-                }
-            };
+            let values = self.mesh.values(place.semantic);
             let to = &mut out[place.components()];
             if !values.is_empty() {
                 to.copy_from_slice(&values[vertex * to.len()..][..to.len()]);
@@ -63,14 +57,7 @@ impl<'a> Source<'a> {
         let mut lane_of = vec![None; self.mesh.vertex_count()];
         for place in &self.streams {
             let numbers = place.morphing_components();
-            let (vertices, deltas): (&[u32], &[f32]) = match place.semantic {
-                Semantic::Position => (&target.vertices, bytemuck::cast_slice(&target.positions)),
-                Semantic::Normal => (&target.vertices, bytemuck::cast_slice(&target.normals)),
-                semantic @ (Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_) | Semantic::Mask) => {
-                    let stream = self.further(semantic).and_then(|at| target.streams.get(at));
-                    stream.map_or((&[], &[]), |stream| (&stream.vertices, &stream.deltas))
-                }
-            };
+            let (vertices, deltas) = self.mesh.deltas(target, place.semantic);
             for (&vertex, delta) in vertices.iter().zip(deltas.chunks_exact(numbers.len())) {
                 let at = *lane_of[vertex as usize].get_or_insert_with(|| {
                     out.push((vertex, [0.0; POSE_FLOATS]));
@@ -81,11 +68,6 @@ impl<'a> Source<'a> {
         }
         out.sort_by_key(|(vertex, _)| *vertex);
         out
-    }
-
-    /// The place of a stream among those beside positions and normals.
-    fn further(&self, semantic: Semantic) -> Option<usize> {
-        self.mesh.streams.iter().position(|stream| stream.semantic == semantic)
     }
 }
 

@@ -46,7 +46,7 @@ impl VertexLayout {
     /// most 16 streams; named again, a stream moves.
     #[must_use]
     pub fn stream(mut self, semantic: Semantic, offset: u32) -> Self {
-        let named = self.streams().position(|(named, _)| named.number() == semantic.number());
+        let named = self.streams().position(|(named, _)| named.id() == semantic.id());
         if let Some(place) = self.streams.get_mut(named.unwrap_or(self.count)) {
             *place = (semantic, offset);
         }
@@ -61,7 +61,7 @@ impl VertexLayout {
 
     /// Bytes from the beginning of a vertex to a stream, where it is named.
     pub fn offset(&self, semantic: Semantic) -> Option<u32> {
-        self.streams().find(|(named, _)| named.number() == semantic.number()).map(|(_, offset)| offset)
+        self.streams().find(|(named, _)| named.id() == semantic.id()).map(|(_, offset)| offset)
     }
 
     /// The streams, and where each begins.

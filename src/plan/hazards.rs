@@ -8,7 +8,7 @@
 //! another uses.
 
 use super::schedule::{Barrier, Entry};
-use super::steps::{Access, Scope, Stage, Use, Work};
+use super::steps::{Access, Resource, Scope, Stage, Use, Work};
 use std::collections::HashMap;
 
 /// A piece of memory that works read or write. What belongs to a group of the mesh, each group has for itself.
@@ -44,32 +44,14 @@ pub enum Memory {
     Counters,
     /// The same as arguments of dispatches.
     Arguments,
-    /// What is decoded of the poses of an instance.
-    Decoded {
-        /// The instance.
-        instance: u32,
-    },
-    /// The skinned pose of an instance.
-    Skinned {
+    /// What a step after the pose writes for an instance.
+    After {
+        /// All that it writes of the kind.
+        resource: Resource,
         /// The instance.
         instance: u32,
         /// Which of the places that are written in turn.
         output: u32,
-    },
-    /// Recomputed normals of an instance.
-    Normals {
-        /// The instance.
-        instance: u32,
-    },
-    /// The bounds of parts of the pose of an instance.
-    BoundsOfParts {
-        /// The instance.
-        instance: u32,
-    },
-    /// The bounds of the pose of an instance.
-    Bounds {
-        /// The instance.
-        instance: u32,
     },
 }
 
@@ -170,11 +152,7 @@ const fn place(crowd: u32, group: u32, memory: Memory) -> Place {
         | Memory::WorkList
         | Memory::Counters
         | Memory::Arguments
-        | Memory::Decoded { .. }
-        | Memory::Skinned { .. }
-        | Memory::Normals { .. }
-        | Memory::BoundsOfParts { .. }
-        | Memory::Bounds { .. } => (crowd, group, memory),
+        | Memory::After { .. } => (crowd, group, memory),
     }
 }
 

@@ -3,6 +3,7 @@
 //! Pure: no Vulkan here. A [technique](crate::update) turns requested weights into [`steps`], [`schedule`] derives the
 //! barriers, and what is recorded is data, so that tests hold it to [`hazards`]: every access has to be ordered.
 
+pub mod after;
 mod desc;
 pub(crate) mod earlier;
 #[cfg(any(test, feature = "internals"))]

@@ -3,10 +3,10 @@
 //! The steps of one crowd or of several are recorded in rounds: the first steps of all, the second steps of all, and so
 //! on, with a barrier between two rounds where a use has to wait for an earlier one, as weak as the uses allow.
 
-use super::steps::{Resource, Scope, Stage, Steps, Use, Work};
+use super::steps::{Resource, Scope, Steps, Use, Work};
 
-const STAGES: usize = Stage::ColourOutput.index() + 1;
-const RESOURCES: usize = Resource::Bounds as usize + 1;
+/// As many as a set of stages has bits.
+const STAGES: usize = u16::BITS as usize;
 
 /// A global memory barrier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -109,7 +109,7 @@ struct Memory {
 /// Follows the uses of a crowd's memory.
 #[derive(Clone, Debug, Default)]
 struct Tracker {
-    memory: [Memory; RESOURCES],
+    memory: [Memory; Resource::COUNT],
 }
 
 fn bits(set: u16) -> impl Iterator<Item = usize> {

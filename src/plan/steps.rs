@@ -7,6 +7,8 @@
 //! Uses speak of a crowd's memory as a whole (all poses, all sums), so that deriving barriers takes the same time
 //! whatever the number of instances. The hazard checker follows every instance and slot.
 
+use super::after::Kind;
+use crate::abi::steps::after_steps;
 use std::ops::{BitOr, Range};
 
 /// A pipeline stage, as a bit of [`Scope::stages`].
@@ -111,9 +113,28 @@ impl BitOr for Scope {
     }
 }
 
-/// Memory of a crowd, each kind as a whole.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Resource {
+macro_rules! resources {
+    ({ $($(#[doc = $doc:literal])* $resource:ident,)* } $(
+        $(#[doc = $step_doc:literal])*
+        $kind:ident $module:ident::$step:ident $face:tt $set:tt {
+            $($reads:tt => $written:ident, $push:ident $members:tt $rows:tt;)*
+        }
+    )*) => {
+        /// Memory of a crowd, each kind as a whole.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        pub enum Resource {
+            $($(#[doc = $doc])* $resource,)*
+            $($(#[doc = concat!("What the step `", stringify!($kind), "` writes, of all instances.")] $written,)*)*
+        }
+
+        impl Resource {
+            /// How many there are.
+            pub(super) const COUNT: usize = [$(Self::$resource,)* $($(Self::$written,)*)*].len();
+        }
+    };
+}
+
+after_steps!(resources {
     /// Base pose and deltas of the mesh.
     Asset,
     /// Poses of all instances and slots.
@@ -129,17 +150,7 @@ pub enum Resource {
     WorkList,
     /// How many items they have, and the arguments of the dispatches that carry them out: one buffer as well.
     Control,
-    /// Positions that are decoded for the host, of all instances.
-    Decoded,
-    /// Poses that are skinned for the host, of all instances.
-    Skinned,
-    /// Normals that are recomputed for the host, of all instances.
-    Normals,
-    /// The bounds of parts of poses, of all instances.
-    BoundsOfParts,
-    /// The bounds of poses, for the host, of all instances.
-    Bounds,
-}
+});
 
 /// One way in which memory is used: a [`Resource`] by a step, or what the hazard checker knows of it by a work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -187,52 +198,60 @@ impl<M> Use<M> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Consumers(u8);
 
+/// The list of consumers: documentation, name and bit; whether only a queue with graphics has them; where and how they read.
+macro_rules! consumers {
+    ($($(#[doc = $doc:literal])* $name:ident $bit:literal, graphics: $graphics:literal, $([$stage:ident $access:ident])*;)*) => {
+        impl Consumers {
+            $($(#[doc = $doc])* pub const $name: Self = Self($bit);)*
+
+            const READS: &[(u8, bool, &[(Stage, Access)])] =
+                &[$(($bit, $graphics, &[$((Stage::$stage, Access::$access)),*])),*];
+        }
+    };
+}
+
+consumers! {
+    /// Draws that fetch poses as vertex attributes.
+    VERTEX_ATTRIBUTES 1, graphics: true, [VertexInput AttributeRead];
+    /// Vertex shaders that read poses from storage buffers.
+    VERTEX_SHADERS 2, graphics: true, [VertexShader ShaderRead];
+    /// Compute shaders, such as those of a skinning pass.
+    COMPUTE_SHADERS 4, graphics: false, [Compute ShaderRead];
+    /// Copies.
+    COPIES 8, graphics: false, [Transfer TransferRead];
+    /// Builds of acceleration structures, from poses of float32 or from decoded positions. The device has to have them
+    /// enabled (VK_KHR_acceleration_structure).
+    ACCELERATION_STRUCTURES 16, graphics: false, [AccelerationStructureBuild ShaderRead];
+    /// Task and mesh shaders that read poses from storage buffers. The device has to have both enabled (VK_EXT_mesh_shader,
+    /// features `taskShader` and `meshShader`).
+    MESH_SHADERS 32, graphics: true, [TaskShader ShaderRead] [MeshShader ShaderRead];
+    /// Fragment shaders that read poses from storage buffers, such as those that find a vertex of a triangle by its number.
+    FRAGMENT_SHADERS 64, graphics: true, [FragmentShader ShaderRead];
+    /// Shaders of ray-tracing pipelines that read poses from storage buffers, such as those of a hit. The device has to have
+    /// these pipelines enabled (VK_KHR_ray_tracing_pipeline). Ray queries read in the stage of the shader that makes them.
+    RAY_TRACING_SHADERS 128, graphics: false, [RayTracingShader ShaderRead];
+}
+
 impl Consumers {
     /// Nobody on the queue of the updates.
     pub const NONE: Self = Self(0);
-    /// Draws that fetch poses as vertex attributes.
-    pub const VERTEX_ATTRIBUTES: Self = Self(1);
-    /// Vertex shaders that read poses from storage buffers.
-    pub const VERTEX_SHADERS: Self = Self(2);
-    /// Compute shaders, such as those of a skinning pass.
-    pub const COMPUTE_SHADERS: Self = Self(4);
-    /// Copies.
-    pub const COPIES: Self = Self(8);
-    /// Builds of acceleration structures, from poses of float32 or from decoded positions. The device has to have them enabled
-    /// (VK_KHR_acceleration_structure).
-    pub const ACCELERATION_STRUCTURES: Self = Self(16);
-    /// Task and mesh shaders that read poses from storage buffers. The device has to have both enabled (VK_EXT_mesh_shader,
-    /// features `taskShader` and `meshShader`).
-    pub const MESH_SHADERS: Self = Self(32);
-    /// Fragment shaders that read poses from storage buffers, such as those that find a vertex of a triangle by its number.
-    pub const FRAGMENT_SHADERS: Self = Self(64);
-    /// Shaders of ray-tracing pipelines that read poses from storage buffers, such as those of a hit. The device has to have
-    /// these pipelines enabled (VK_KHR_ray_tracing_pipeline). Ray queries read in the stage of the shader that makes them.
-    pub const RAY_TRACING_SHADERS: Self = Self(128);
+
+    /// Those whose bits these are; `None`: there is a bit of none.
+    pub fn from_bits(bits: u32) -> Option<Self> {
+        let known = Self::READS.iter().fold(0, |all, (bit, ..)| all | bit);
+        u8::try_from(bits).ok().filter(|bits| bits & !known == 0).map(Self)
+    }
 
     /// Those that a queue with or without graphics can have: the stages of the others are on another queue.
     pub fn of_queue(self, graphics: bool) -> Self {
-        let only_graphics =
-            Self::VERTEX_ATTRIBUTES | Self::VERTEX_SHADERS | Self::MESH_SHADERS | Self::FRAGMENT_SHADERS;
-        if graphics { self } else { Self(self.0 & !only_graphics.0) }
+        let there = Self::READS.iter().filter(|(_, only_graphics, _)| graphics || !only_graphics);
+        Self(there.fold(0, |all, (bit, ..)| all | bit) & self.0)
     }
 
     /// What they do with memory of this kind.
     pub fn uses(self, memory: Resource) -> impl Iterator<Item = Use> {
-        [
-            (Self::VERTEX_ATTRIBUTES, Stage::VertexInput, Access::AttributeRead),
-            (Self::VERTEX_SHADERS, Stage::VertexShader, Access::ShaderRead),
-            (Self::COMPUTE_SHADERS, Stage::Compute, Access::ShaderRead),
-            (Self::COPIES, Stage::Transfer, Access::TransferRead),
-            (Self::ACCELERATION_STRUCTURES, Stage::AccelerationStructureBuild, Access::ShaderRead),
-            (Self::MESH_SHADERS, Stage::TaskShader, Access::ShaderRead),
-            (Self::MESH_SHADERS, Stage::MeshShader, Access::ShaderRead),
-            (Self::FRAGMENT_SHADERS, Stage::FragmentShader, Access::ShaderRead),
-            (Self::RAY_TRACING_SHADERS, Stage::RayTracingShader, Access::ShaderRead),
-        ]
-        .into_iter()
-        .filter(move |(consumer, ..)| self.0 & consumer.0 != 0)
-        .map(move |(_, stage, access)| Use::new(memory, stage, access))
+        let named = Self::READS.iter().filter(move |(bit, ..)| self.0 & bit != 0);
+        named.flat_map(|(.., reads)| *reads).map(move |&(stage, access)| Use::new(memory, stage, access))
     }
 }
 
@@ -261,10 +280,22 @@ pub enum Source {
     Slot(u32),
 }
 
-/// A piece of a step, in the numbers of the technique that planned it.
+/// Whose a work is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Owner {
+    /// The technique's that planned the update.
+    #[default]
+    Technique,
+    /// A step's after the pose.
+    Step(Kind),
+}
+
+/// A piece of a step, in the numbers of its owner.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Work {
-    /// Which of the technique's kernels.
+    /// Who records it.
+    pub owner: Owner,
+    /// Which of the owner's kernels; of a step after the pose, which of its dispatches.
     pub kernel: u32,
     /// The group of the mesh.
     pub group: u32,

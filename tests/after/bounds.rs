@@ -12,6 +12,7 @@ use deltamorph::headless::HeadlessCrowd;
 use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::import::{csv, obj};
 use deltamorph::internals::plan::hazards::Memory;
+use deltamorph::internals::plan::steps::Resource;
 use deltamorph::reference::evaluate;
 use deltamorph::{
     BatchSize, Consumers, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
@@ -105,7 +106,12 @@ fn a_missing_barrier_around_bounds_is_found() {
             // SAFETY: the buffer is large enough, and lives as long as the crowd; nothing is running.
             unsafe { crowd.set_bounds_target(0, Some(&BoundsTarget::new(written.buffer))) }.expect("a target");
         };
-        let found = barriers_around_step(&mut crowd, &packed, set, Memory::Bounds { instance: 0 });
+        let found = barriers_around_step(
+            &mut crowd,
+            &packed,
+            set,
+            Memory::After { resource: Resource::Bounds, instance: 0, output: 0 },
+        );
         assert!(found >= 14, "{found} barriers");
     });
 }

@@ -9,6 +9,7 @@ use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::import::sample::{HeadDesc, head, head_clip};
 use deltamorph::internals::plan::hazards::{Event, HazardChecker, Memory, Violation};
 use deltamorph::internals::plan::schedule::asset_uploaded;
+use deltamorph::internals::plan::steps::Resource;
 use deltamorph::{
     AnimationDesc, Consumers, CpuCrowd, CrowdDesc, DecodeTarget, DeltaFormat, PackedMesh, Playback, PoseFormat,
     Tolerance, UpdateDesc, UpdatePath,
@@ -188,7 +189,7 @@ fn hazards(frames: &[(Vec<Event>, u32)]) -> Result<(), Vec<Violation>> {
     for (events, slot) in frames {
         checker.update(events);
         checker.draw(0, 0, *slot);
-        checker.read_after(0, Memory::Decoded { instance: 0 });
+        checker.read_after(0, Memory::After { resource: Resource::Decoded, instance: 0, output: 0 });
     }
     checker.finish()
 }

@@ -12,6 +12,7 @@ use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::import::{csv, obj};
 use deltamorph::internals::plan::hazards::Memory;
+use deltamorph::internals::plan::steps::Resource;
 use deltamorph::reference::{angle_degrees, evaluate_unpacked, normals};
 use deltamorph::{
     BatchSize, Consumers, CrowdDesc, DeltaFormat, MorphMesh, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
@@ -126,7 +127,12 @@ fn a_missing_barrier_around_normals_is_found() {
             // SAFETY: the buffer is large enough, and lives as long as the crowd; nothing is running.
             unsafe { crowd.set_normals_target(0, Some((&surface, &target))) }.expect("a target");
         };
-        let found = barriers_around_step(&mut crowd, &packed, set, Memory::Normals { instance: 0 });
+        let found = barriers_around_step(
+            &mut crowd,
+            &packed,
+            set,
+            Memory::After { resource: Resource::Normals, instance: 0, output: 0 },
+        );
         assert!(found >= 10, "{found} barriers");
     });
 }

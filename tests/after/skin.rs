@@ -12,6 +12,7 @@ use deltamorph::import::sample::{HeadDesc, head, head_clip};
 use deltamorph::internals::Rng;
 use deltamorph::internals::plan::hazards::{Event, HazardChecker, Memory};
 use deltamorph::internals::plan::schedule::asset_uploaded;
+use deltamorph::internals::plan::steps::Resource;
 use deltamorph::reference::{self, compare};
 use deltamorph::{
     AnimationDesc, BatchSize, Consumers, CrowdDesc, DeltaFormat, PackedMesh, Playback, PoseFormat, Tolerance,
@@ -255,7 +256,7 @@ fn a_missing_barrier_around_skinning_is_found() {
                 checker.update(events);
                 checker.draw(0, 0, *slot);
                 for output in outputs.iter().copied().flatten() {
-                    checker.read_after(0, Memory::Skinned { instance: 0, output });
+                    checker.read_after(0, Memory::After { resource: Resource::Skinned, instance: 0, output });
                 }
             }
             checker.finish().is_ok()

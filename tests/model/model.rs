@@ -41,6 +41,11 @@ mod turn {
 }
 
 /// What the handles need of the C API.
+mod kinds {
+    pub const KINDS: &[&str] = &["", "an object", "another"];
+}
+
+/// The same.
 mod result {
     #[derive(Debug)]
     pub struct Failure;

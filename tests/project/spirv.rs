@@ -1,7 +1,7 @@
 //! The SPIR-V modules: checked in and compiled are the same, and declare what the table of kernels and the host's
 //! structures say.
 
-use deltamorph::internals::abi::kernels::{Buffer, Push, Stage};
+use deltamorph::internals::abi::kernels::{Buffer, Stage, Takes};
 use deltamorph::internals::abi::modules::{CROWD_TEXELS, MANIFEST, MODULES, Module};
 use deltamorph::internals::abi::numbers::{RECORD_WORDS, WORKGROUP};
 use deltamorph::internals::abi::push::{DenseListEntry, attribute_push_bytes};
@@ -252,15 +252,15 @@ fn modules_declare_what_the_table_says() {
 
         let push = push_constants(&entry);
         let (declared, bytes) = push.as_ref().map_or((vec![], 0), members);
-        match (kernel.push, format) {
-            (Push::Attributes, Some(format)) => {
+        match (kernel.takes, format) {
+            (Takes::DenseBatches, Some(format)) => {
                 assert_eq!(bytes, attribute_push_bytes(format, module.batch) as usize, "{name}");
             }
-            _ => assert_eq!((declared.as_slice(), bytes), kernel.push.members(), "{name}"),
+            _ => assert_eq!((declared.as_slice(), bytes), kernel.push_members(), "{name}"),
         }
         // Modules for more than 16 attributes are for devices that have more push constants, too.
         assert!(bytes <= 128 || module.batch > 25, "{name}: what Vulkan promises");
-        assert_eq!(constants(&entry), (0..kernel.constants).collect::<Vec<_>>(), "{name}");
+        assert_eq!(constants(&entry), (0..kernel.all_constants()).collect::<Vec<_>>(), "{name}");
 
         let sizes = entry.exec_modes.iter().filter(|mode| mode.exec_mode == spirq::spirv::ExecutionMode::LocalSize);
         let sizes: Vec<Vec<u32>> =

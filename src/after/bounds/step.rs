@@ -3,15 +3,14 @@
 use crate::abi::modules::{BOUNDS, BOUNDS_TOTAL};
 use crate::abi::numbers::BOUNDS_PART;
 use crate::abi::push::{BoundsPush, BoundsTotalPush};
-use crate::after::follower::{Follower, Job, Kind, Place, PoseKernel};
+use crate::after::follower::{Follower, Job, Place, PoseKernel};
 use crate::after::output::aligned;
 use crate::after::steps::After;
 use crate::error::{Error, Result};
 use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::memory::Buffer;
 use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
-#[cfg(any(test, feature = "internals"))]
-use crate::plan::hazards::{Accesses, Memory};
+use crate::plan::after::Kind;
 use crate::setters::setters;
 use ash::vk;
 use bytemuck::bytes_of;
@@ -115,13 +114,5 @@ impl Follower for TightBounds {
         let (set, workgroups) = ((sets.get(job.frame as usize), &[][..]), Workgroups::Of([job.count, 1]));
         // SAFETY: as above; the list is this frame's.
         unsafe { kernel.objects.dispatch(cmd, 0, set, bytes_of(&push), workgroups) };
-    }
-
-    #[cfg(any(test, feature = "internals"))]
-    fn accesses(&self, job: &Job, pose: Memory, instance: u32) -> Accesses {
-        match job.dispatch {
-            0 => Accesses::compute([Memory::Base, pose], [Memory::BoundsOfParts { instance }]),
-            _ => Accesses::compute([Memory::BoundsOfParts { instance }], [Memory::Bounds { instance }]),
-        }
     }
 }

@@ -6,7 +6,7 @@ use crate::abi::modules::NORMALS;
 use crate::abi::numbers::{PIECE, WORKGROUP};
 use crate::abi::push::NormalsPush;
 use crate::after::attached::Attached;
-use crate::after::follower::{Follower, Job, Kind, Place, PoseKernel};
+use crate::after::follower::{Follower, Job, Place, PoseKernel};
 use crate::after::output::Output;
 use crate::after::pieces::Pieces;
 use crate::after::steps::After;
@@ -16,8 +16,7 @@ use crate::gpu::device::Device;
 use crate::gpu::mesh::Upload;
 use crate::gpu::pipelines::{Pipelines, Workgroups};
 use crate::pack::PackedMesh;
-#[cfg(any(test, feature = "internals"))]
-use crate::plan::hazards::{Accesses, Memory};
+use crate::plan::after::Kind;
 use crate::setters::setters;
 use ash::vk;
 use bytemuck::bytes_of;
@@ -150,10 +149,5 @@ impl Follower for Recomputed {
         let set = (self.sets.get(job.frame as usize), &[][..]);
         // SAFETY: the caller's obligations; the set was made for this layout, and the list for this frame.
         unsafe { self.kernel.objects.dispatch(cmd, 0, set, bytes_of(&push), workgroups) };
-    }
-
-    #[cfg(any(test, feature = "internals"))]
-    fn accesses(&self, _job: &Job, pose: Memory, instance: u32) -> Accesses {
-        Accesses::compute([pose], [Memory::Normals { instance }])
     }
 }

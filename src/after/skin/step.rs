@@ -5,7 +5,7 @@ use crate::abi::modules::{SKIN, SKIN_DUAL};
 use crate::abi::numbers::{PIECE, WORKGROUP};
 use crate::abi::push::SkinPush;
 use crate::after::attached::Attached;
-use crate::after::follower::{Follower, Job, Kind, Place, Pose};
+use crate::after::follower::{Follower, Job, Place, Pose};
 use crate::after::output::Output;
 use crate::after::steps::After;
 use crate::error::{Error, Result};
@@ -14,8 +14,7 @@ use crate::gpu::device::Device;
 use crate::gpu::mesh::Upload;
 use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
 use crate::pack::{DeltaFormat, PackedMesh};
-#[cfg(any(test, feature = "internals"))]
-use crate::plan::hazards::{Accesses, Memory};
+use crate::plan::after::Kind;
 use crate::setters::setters;
 use ash::vk;
 use bytemuck::bytes_of;
@@ -277,10 +276,5 @@ impl Follower for Skin {
         let set = (self.sets.get(job.frame as usize * self.places.len() + job.output), &[][..]);
         // SAFETY: the caller's obligations; the set was made for this layout, and the list for this frame.
         unsafe { self.kernel.objects.dispatch(cmd, 0, set, bytes_of(&push), workgroups) };
-    }
-
-    #[cfg(any(test, feature = "internals"))]
-    fn accesses(&self, job: &Job, pose: Memory, instance: u32) -> Accesses {
-        Accesses::compute([pose], [Memory::Skinned { instance, output: job.output as u32 }])
     }
 }

@@ -115,7 +115,7 @@ pub fn read_ktx2(path: &Path, base: &MorphMesh) -> Result<MorphMesh> {
 }
 
 fn stream_words(streams: &[StreamPlace]) -> Vec<u32> {
-    let places = streams.iter().flat_map(|s| [u32::from(s.semantic.number()), s.first as u32]);
+    let places = streams.iter().flat_map(|s| [s.semantic.id(), s.first as u32]);
     [streams.len() as u32].into_iter().chain(places).collect()
 }
 

@@ -107,7 +107,7 @@ fn wrinkle_masks_are_a_stream_like_others() {
     assert!(found.iter().any(|target| !target.streams[0].vertices.is_empty()), "some move them");
     let file = written(&mesh, TextureFloats::Single);
     let words = Container::read(&file).expect("a file").value(TEXELS).expect("the key").to_vec();
-    let number = u32::from(Semantic::Mask.number()).to_le_bytes();
+    let number = Semantic::Mask.id().to_le_bytes();
     assert!(words.as_chunks().0.contains(&number), "768, as the module says");
 
     let without = targets(&file, &testing::mesh(60, 4)).expect_err("no such stream");

@@ -141,7 +141,7 @@ impl DeltaTexels {
 
     /// How numbers are kept on the device.
     pub(super) fn texel(&self) -> Texel {
-        match self.format == DeltaFormat::Snorm16 {
+        match self.format.has_integers() {
             true => Texel::Integers,
             false if self.deltas.as_flattened().iter().all(|x| half::is_half(*x)) => Texel::Half,
             false => Texel::Single,

@@ -62,7 +62,7 @@ pub(super) fn write(asset: &Asset) -> Result<Vec<u8>> {
         head.extend(index.steps().map(f32::to_bits));
         for semantic in streams.iter().map(|place| place.semantic) {
             let error = index.error().of(semantic).to_bits();
-            head.extend([semantic_id(semantic), 0, error as u32, (error >> 32) as u32]);
+            head.extend([semantic.id(), 0, error as u32, (error >> 32) as u32]);
         }
         // Relative to 0. Adding what was subtracted is exact; adding 0 would make 0 of -0.
         let origin = if i == 0 { layout.origin.to_array() } else { [0.0; 3] };
@@ -114,8 +114,9 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
     let [diagonal, weight_max, position, normal] = [diagonal, weight_max, position, normal].map(f32::from_bits);
     let format = DeltaFormat::from_id(format)
         .ok_or_else(|| refuse(at_meta, format!("names a format {format} that is not known")))?;
-    if format == DeltaFormat::Small && sections.version < VERSION {
-        let what = format!("has 'small' deltas as version {} has them; later ones have others", sections.version);
+    if sections.version < format.row().since {
+        let (name, version) = (format.name(), sections.version);
+        let what = format!("has '{name}' deltas as version {version} has them; later ones have others");
         return Err(malformed(path, Some(at_meta), what, OUTDATED));
     }
     if target_count > TARGETS_MAX {
@@ -203,7 +204,7 @@ impl Head {
         }
         let (mut semantics, mut error) = (vec![], PoseError::default());
         for &[id, zero, low, high] in rest.as_chunks().0 {
-            let known = semantic(id).filter(|_| zero == 0);
+            let known = Semantic::from_id(id).filter(|_| zero == 0);
             let semantic = known.ok_or_else(|| format!("names a stream {id:#x} that is not known"))?;
             let stated = f64::from_bits(u64::from(low) | u64::from(high) << 32);
             if !(stated.is_finite() && stated >= 0.0) {
@@ -224,7 +225,7 @@ fn split_old(bytes: &[u8]) -> Result<[Vec<u8>; 2], String> {
     }
     let words = words_of(bytes);
     let mesh = [&words[..4], &words[7..10], &words[12..16]].concat();
-    let [position, normal] = [Semantic::Position, Semantic::Normal].map(|semantic| [semantic_id(semantic), 0]);
+    let [position, normal] = [Semantic::Position, Semantic::Normal].map(|semantic| [semantic.id(), 0]);
     let group = [&[2], &words[4..7], &words[10..12], &position, &words[16..18], &normal, &words[18..]].concat();
     Ok([mesh, group].map(bytes_of))
 }
@@ -249,25 +250,6 @@ fn names(mut bytes: &[u8], targets: usize) -> Result<Vec<&str>, String> {
         0 => Ok(names),
         n => Err(format!("has {n} bytes after the last name")),
     }
-}
-
-/// The number of a stream in a file: what it is, and which set of it.
-fn semantic_id(semantic: Semantic) -> u32 {
-    match semantic {
-        Semantic::Position => 1,
-        Semantic::Normal => 2,
-        Semantic::Tangent => 3,
-        Semantic::TexCoord(set) => 4 | u32::from(set) << 8,
-        Semantic::Color(set) => 5 | u32::from(set) << 8,
-        Semantic::Mask => 6,
-    }
-}
-
-fn semantic(id: u32) -> Option<Semantic> {
-    let set = u8::try_from(id >> 8).ok()?;
-    let single = [Semantic::Position, Semantic::Normal, Semantic::Tangent, Semantic::Mask];
-    let mut all = single.into_iter().chain([Semantic::TexCoord(set), Semantic::Color(set)]);
-    all.find(|semantic| semantic_id(*semantic) == id)
 }
 
 fn words_of(bytes: &[u8]) -> Vec<u32> {

@@ -12,6 +12,7 @@ use crate::pack::blocks::{BLOCK_SIZES, BlockDesc};
 use crate::pack::{DeltaFormat, PoseFormat};
 use crate::plan::{BatchSize, UpdateDesc, UpdatePath};
 use crate::testing;
+use glam::Vec3;
 use std::sync::Arc;
 
 fn mesh(vertices: usize, targets: usize) -> MorphMesh {

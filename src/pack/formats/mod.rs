@@ -92,7 +92,7 @@ impl DeltaFormat {
 
     /// Vertex attributes that one target takes in a feedback pass (dense formats).
     pub const fn attributes(self) -> usize {
-        self.row().attributes as usize
+        self.row().attributes.len()
     }
 
     /// The name used on the command line and in reports. The paths `feedback` and `compute` mean the dense `float32`,

@@ -1,17 +1,26 @@
 //! fixed16: six integers of 16 bits, the displacement from the base pose in steps. GLSL: `glsl/poses/fixed16.glsl`.
 
 use super::PoseStorage;
-use crate::pack::POSE_FLOATS;
+use super::sums::Rounded;
 
 /// See [`PoseFormat::Fixed16`](super::PoseFormat::Fixed16).
-pub(super) struct Fixed16;
+pub(crate) struct Fixed16;
 
 impl PoseStorage for Fixed16 {
-    fn integers(&self, vertex: &[u8]) -> Option<[i32; POSE_FLOATS]> {
-        Some(bytemuck::pod_read_unaligned::<[i16; POSE_FLOATS]>(vertex).map(i32::from))
+    type Number = i16;
+    type Sum = Rounded;
+
+    fn integer(number: i16) -> Option<i32> {
+        Some(number.into())
     }
 
-    fn offset(&self, component: usize) -> usize {
-        size_of::<i16>() * component
+    #[inline(always)]
+    fn plus(number: i16, Rounded(sum): Rounded) -> i16 {
+        Self::plus_integer(number, sum)
+    }
+
+    #[inline(always)]
+    fn plus_integer(number: i16, sum: i32) -> i16 {
+        number.wrapping_add(sum as i16)
     }
 }

@@ -1,17 +1,25 @@
 //! fixed32: six integers of 32 bits, the displacement from the base pose in steps. GLSL: `glsl/poses/fixed32.glsl`.
 
 use super::PoseStorage;
-use crate::pack::POSE_FLOATS;
 
 /// See [`PoseFormat::Fixed32`](super::PoseFormat::Fixed32).
-pub(super) struct Fixed32;
+pub(crate) struct Fixed32;
 
 impl PoseStorage for Fixed32 {
-    fn integers(&self, vertex: &[u8]) -> Option<[i32; POSE_FLOATS]> {
-        Some(bytemuck::pod_read_unaligned(vertex))
+    type Number = i32;
+    type Sum = i32;
+
+    fn integer(number: i32) -> Option<i32> {
+        Some(number)
     }
 
-    fn offset(&self, component: usize) -> usize {
-        size_of::<i32>() * component
+    #[inline(always)]
+    fn plus(number: i32, sum: i32) -> i32 {
+        Self::plus_integer(number, sum)
+    }
+
+    #[inline(always)]
+    fn plus_integer(number: i32, sum: i32) -> i32 {
+        number.wrapping_add(sum)
     }
 }

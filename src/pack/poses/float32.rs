@@ -1,17 +1,25 @@
 //! float32: the six numbers of a vertex, one after the other. GLSL: `glsl/poses/float32.glsl`.
 
 use super::PoseStorage;
-use crate::pack::POSE_FLOATS;
 
 /// See [`PoseFormat::Float32`](super::PoseFormat::Float32).
-pub(super) struct Float32;
+pub(crate) struct Float32;
 
 impl PoseStorage for Float32 {
-    fn integers(&self, _: &[u8]) -> Option<[i32; POSE_FLOATS]> {
+    type Number = f32;
+    type Sum = f32;
+
+    fn integer(_: f32) -> Option<i32> {
         None
     }
 
-    fn offset(&self, component: usize) -> usize {
-        size_of::<f32>() * component
+    #[inline(always)]
+    fn plus(number: f32, sum: f32) -> f32 {
+        number + sum
+    }
+
+    #[inline(always)]
+    fn plus_integer(number: f32, sum: i32) -> f32 {
+        number + sum as f32
     }
 }

@@ -1,14 +1,18 @@
 //! How poses are stored: a file for each format, here and under `glsl/poses/`, and one list of them,
 //! `src/abi/formats.rs`. The base pose of a mesh is float32 in all of them.
 
+pub(crate) mod sums;
+
 use super::POSE_FLOATS;
 use crate::abi::formats::{POSE_FORMATS, PoseRow, pose_formats};
 use crate::asset::streams::{TRIPLE, TRIPLES};
+use bytemuck::Pod;
+use sums::Sum;
 
 /// The files of the formats, and their names.
 macro_rules! declared {
     (() $($(#[$meta:meta])* $name:ident $file:ident $row:tt)*) => {
-        $(mod $file;)*
+        $(pub(crate) mod $file;)*
 
         /// How the six numbers of a vertex (of positions and normals: position, then normal) are stored in pose buffers.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -20,24 +24,42 @@ macro_rules! declared {
         impl PoseFormat {
             /// Every format.
             pub const ALL: [Self; POSE_FORMATS.len()] = [$(Self::$name),*];
-
-            fn storage(self) -> &'static dyn PoseStorage {
-                match self {
-                    $(Self::$name => &$file::$name,)*
-                }
-            }
         }
     };
 }
 pose_formats!(declared());
 
-/// What the file of a format has.
-trait PoseStorage {
-    /// The integers of a vertex, from its bytes; `None`: they are float32.
-    fn integers(&self, vertex: &[u8]) -> Option<[i32; POSE_FLOATS]>;
+/// Evaluate code with `$p` as the format's own type.
+macro_rules! with_pose {
+    ((@match $format:expr, $p:ident => $code:expr) $($(#[$meta:meta])* $name:ident $file:ident $row:tt)*) => {
+        match $format {
+            $($crate::pack::PoseFormat::$name => {
+                type $p = $crate::pack::poses::$file::$name;
+                $code
+            })*
+        }
+    };
+    ($format:expr, $p:ident => $code:expr) => {
+        $crate::abi::formats::pose_formats!(with_pose (@match $format, $p => $code))
+    };
+}
+pub(crate) use with_pose;
 
-    /// Bytes before a component of a vertex.
-    fn offset(&self, component: usize) -> usize;
+/// What the file of a format has.
+pub(crate) trait PoseStorage {
+    /// A number as pose buffers hold it. A vertex has six, one after the other.
+    type Number: Pod + Send + Sync;
+    /// What the CPU adds up of block formats.
+    type Sum: Sum;
+
+    /// A number, where it is an integer.
+    fn integer(number: Self::Number) -> Option<i32>;
+
+    /// A number with what was added up of a block format. Integers wrap.
+    fn plus(number: Self::Number, sum: Self::Sum) -> Self::Number;
+
+    /// The same with what was added up of a dense format in integers; never called where numbers are float32.
+    fn plus_integer(number: Self::Number, sum: i32) -> Self::Number;
 }
 
 impl PoseFormat {
@@ -82,13 +104,13 @@ impl PoseFormat {
     }
 
     /// Bytes from the beginning of a vertex to a component.
-    pub(crate) fn offset(self, component: usize) -> usize {
-        self.storage().offset(component)
+    pub(crate) const fn offset(self, component: usize) -> usize {
+        self.number_bytes() * component
     }
 
     /// The integers of a pose: [`POSE_FLOATS`] for each vertex; none where numbers are float32.
     pub fn integers(self, pose: &[u8]) -> Vec<i32> {
-        pose.chunks_exact(self.stride()).filter_map(|vertex| self.storage().integers(vertex)).flatten().collect()
+        with_pose!(self, P => integers::<P>(pose))
     }
 
     /// The numbers of a pose: [`POSE_FLOATS`] for each vertex. Integers are multiples of `units` (input units, of each
@@ -104,6 +126,10 @@ impl PoseFormat {
     }
 }
 
+fn integers<P: PoseStorage>(pose: &[u8]) -> Vec<i32> {
+    pose.chunks_exact(size_of::<P::Number>()).filter_map(|n| P::integer(bytemuck::pod_read_unaligned(n))).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -113,6 +139,7 @@ mod tests {
     fn poses_begin_where_descriptors_may_and_attributes_lie_in_their_vertex() {
         for format in PoseFormat::ALL {
             assert_eq!(POSE_FORMATS.iter().filter(|row| row.file == format.row().file).count(), 1);
+            assert_eq!(with_pose!(format, P => size_of::<<P as PoseStorage>::Number>()), format.number_bytes());
             assert_eq!(format.stride() * VERTEX_PADDING % 256, 0, "{format:?}");
             assert!(format.row().attributes.iter().all(|(_, offset)| (*offset as usize) < format.stride()));
             assert!((0..POSE_FLOATS).all(|component| format.offset(component) < format.stride()), "{format:?}");

@@ -6,44 +6,45 @@ use crate::plan::steps::{Access, Resource as R, Source, Stage, Steps, Use, Work}
 use AnimatedKernel as K;
 use std::ops::Range;
 
-/// What a work does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum AnimatedKernel {
-    /// What instances play is sampled.
-    Sample,
-    /// With an error budget: which changes are applied is decided.
-    Budget,
-    /// They become the weights that poses hold.
-    Commit,
-    /// The work list is written.
-    Plan,
-    /// Its length becomes the arguments of dispatches.
-    Arguments,
-    /// How many targets heads keep follows the camera.
-    Level,
-    /// Records of instances that play something else are copied.
-    Records,
-    /// The blocks of the work list are updated.
-    Blocks,
+/// The list of what works do: documentation and name; whether it is done for all groups of the mesh at once; what it uses.
+macro_rules! kernels {
+    ($($(#[doc = $doc:literal])* $kernel:ident $common:literal $uses:expr;)*) => {
+        /// What a work does.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub(super) enum AnimatedKernel {
+            $($(#[doc = $doc])* $kernel,)*
+        }
+
+        impl AnimatedKernel {
+            /// All of them, in the order of [`Work::kernel`].
+            pub(super) const ALL: [Self; [$(Self::$kernel),*].len()] = [$(Self::$kernel),*];
+
+            const fn uses(self) -> (bool, &'static [Use]) {
+                match self {
+                    $(Self::$kernel => ($common, const { $uses }),)*
+                }
+            }
+        }
+    };
 }
 
-impl AnimatedKernel {
-    /// All of them, in the order of [`Work::kernel`].
-    pub(super) const ALL: [Self; 8] =
-        [K::Sample, K::Budget, K::Commit, K::Plan, K::Arguments, K::Level, K::Records, K::Blocks];
-
-    /// Whether it works for all groups of the mesh at once, and what it uses.
-    const fn uses(self) -> (bool, &'static [Use]) {
-        match self {
-            K::Level | K::Sample | K::Budget | K::Commit => (true, SAMPLE),
-            K::Plan => (false, PLAN),
-            K::Arguments => {
-                (false, const { &[Use::read(R::Control), Use::write(R::Control), Use::write(R::WorkList)] })
-            }
-            K::Records => (true, const { &[Use::copy(R::State)] }),
-            K::Blocks => (false, BLOCKS),
-        }
-    }
+kernels! {
+    /// What instances play is sampled.
+    Sample true SAMPLE;
+    /// With an error budget: which changes are applied is decided.
+    Budget true SAMPLE;
+    /// They become the weights that poses hold.
+    Commit true SAMPLE;
+    /// The work list is written.
+    Plan false PLAN;
+    /// Its length becomes the arguments of dispatches.
+    Arguments false &[Use::read(R::Control), Use::write(R::Control), Use::write(R::WorkList)];
+    /// How many targets heads keep follows the camera.
+    Level true SAMPLE;
+    /// Records of instances that play something else are copied.
+    Records true &[Use::copy(R::State)];
+    /// The blocks of the work list are updated.
+    Blocks false BLOCKS;
 }
 
 const SAMPLE: &[Use] = &[Use::read(R::Tables), Use::read(R::State), Use::write(R::State)];
@@ -100,7 +101,7 @@ impl AnimatedUpdate {
             let (source, destination) = (Source::Slot(self.source), self.destination);
             for group in 0..if common { 1 } else { groups } {
                 let items = items.clone();
-                steps.push(Work { kernel: kernel as u32, group, instance: 0, source, destination, items });
+                steps.push(Work { kernel: kernel as u32, group, source, destination, items, ..Work::default() });
             }
         };
         let weights = [(K::Records, records), (K::Level, level), (K::Sample, true), (K::Budget, budget)];

@@ -93,12 +93,9 @@ impl PipelineKey for BlocksKey {
         let Self { module, size, lanes, width, few_registers, places } = self;
         objects.add_layout(&[module.kernel], 0)?;
         let own = [0, 1].map(|rebuilt| [lanes, size, 1 << width, rebuilt, few_registers.into()]);
-        // Items with masks say which they are, and have no width.
-        let (own, count) = match module.kernel.name {
-            name if name == BLOCKS.row.name => (&own[..1], 2),
-            name if name == CROWD.row.name => (&own[..], 5),
-            _ => (&own[..], 4),
-        };
+        let count = module.kernel.constants as usize;
+        // Items with masks say which they are, and have no width: their kernel has none of these constants.
+        let own = if count > 2 { &own[..] } else { &own[..1] };
         let places = places.as_ref().map_or(&[][..], |places| places);
         let constants: Vec<Vec<u32>> = own.iter().map(|own| [&own[..count], places].concat()).collect();
         objects.add_compute(module, &constants.iter().map(Vec::as_slice).collect::<Vec<_>>())

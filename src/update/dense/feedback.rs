@@ -126,11 +126,11 @@ impl Passes for FeedbackPasses {
     }
 }
 
-/// Coefficients, and for snorm16 the exponents of normals, as `attributes.glsl` declares them.
+/// Coefficients, and the exponents of normals where the format has them, as `attributes.glsl` declares them.
 fn push_constants(layout: &PackedLayout, coefficients: &[Coefficient]) -> Vec<u32> {
     let mut words: Vec<u32> =
         coefficients.iter().map(|c| (c.value * layout.targets[c.target as usize].position_step).to_bits()).collect();
-    if layout.format == DeltaFormat::Snorm16 {
+    if layout.format.row().exponents {
         words.extend(coefficients.chunks(4).map(|four| {
             let byte = |c: &Coefficient| layout.targets[c.target as usize].normal_exponent as u8;
             four.iter().enumerate().fold(0, |word, (i, c)| word | u32::from(byte(c)) << (8 * i))
@@ -149,18 +149,15 @@ fn vertex_buffers(pass: &DensePass<'_>, first: usize, vertices: usize) -> (Vec<v
 
 type VertexInput = (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>);
 
-/// Binding 0: the pose. Bindings 1..=batch: a target's deltas, as one attribute or two.
+/// Binding 0: the pose. Bindings 1..=batch: a target's deltas.
 pub(crate) fn vertex_input(format: DeltaFormat, batch: u32) -> VertexInput {
     let binding = |binding, stride| vk::VertexInputBindingDescription::default().binding(binding).stride(stride);
-    let attribute =
-        |location, binding, format, offset| vk::VertexInputAttributeDescription { location, binding, format, offset };
-    let float3 = vk::Format::R32G32B32_SFLOAT;
     let (mut bindings, mut attributes) = PoseFormat::Float32.vertex_input(false);
     for b in 1..=batch {
         bindings.push(binding(b, format.stride() as u32));
-        match format.attributes() {
-            1 => attributes.push(attribute(1 + b, b, vk::Format::R32G32B32_UINT, 0)),
-            _ => attributes.extend([attribute(2 * b, b, float3, 0), attribute(2 * b + 1, b, float3, 12)]),
+        for &(format, offset) in format.row().attributes {
+            let (location, format) = (attributes.len() as u32, vk::Format::from_raw(format as i32));
+            attributes.push(vk::VertexInputAttributeDescription { location, binding: b, format, offset });
         }
     }
     (bindings, attributes)

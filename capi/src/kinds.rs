@@ -1,0 +1,51 @@
+//! What handles name: the one list of them.
+
+use crate::handles::*;
+use deltamorph::after::{GpuNormals, GpuSkin};
+
+/// The list of handles: what each names, and in words. The number of a kind is its place in the list.
+macro_rules! kinds {
+    ($($handle:ident $object:ty, $what:literal;)*) => {
+        /// What each kind of handle names, by number.
+        pub const KINDS: &[&str] = &["", $($what),*];
+
+        enum Kind {
+            _None,
+            $($handle,)*
+        }
+
+        $(impl Handle for $handle {
+            type Object = $object;
+
+            fn registry() -> &'static Registry<$object> {
+                static REGISTRY: Registry<$object> = Registry::new(Kind::$handle as u8);
+                &REGISTRY
+            }
+
+            fn of(bits: u64) -> Self {
+                Self { bits }
+            }
+
+            fn bits(self) -> u64 {
+                self.bits
+            }
+        })*
+    };
+}
+
+kinds! {
+    DmMesh crate::mesh::Mesh, "a mesh";
+    DmEngine crate::engine::Engine, "an engine";
+    DmGpuMesh crate::upload::GpuMesh, "a mesh on the device";
+    DmCrowd crate::crowd::Crowd, "a crowd";
+    DmClip crate::clip::Clip, "a clip";
+    DmBoundClip crate::clip::BoundClip, "a bound clip";
+    DmCpuCrowd crate::cpu::CpuCrowd, "a CPU crowd";
+    DmCrowds crate::crowds::Crowds, "a set of crowds";
+    DmReadback crate::readback::Readback, "a read-back";
+    DmSkin crate::attached::Attached<GpuSkin>, "a skin";
+    DmSurface crate::attached::Attached<GpuNormals>, "a surface";
+    DmOutgrown crate::grow::Outgrown, "what a crowd outgrew";
+    DmSwap crate::residency::Swap, "a swap of targets";
+    DmWeightBounds crate::bounds::WeightBounds, "bounds from weights";
+}

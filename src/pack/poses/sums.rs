@@ -1,0 +1,143 @@
+//! What the CPU adds up for poses: float32, or integers that wrap.
+
+use crate::asset::streams::TRIPLES;
+
+/// A number of a delta, as its format has it.
+pub(crate) trait Number: Copy {
+    /// It, in steps where it is an integer.
+    fn float(self) -> f32;
+    /// It; never called for float32 deltas, which have no grid.
+    fn integer(self) -> i32;
+}
+
+impl Number for f32 {
+    #[inline(always)]
+    fn float(self) -> f32 {
+        self
+    }
+
+    #[inline(always)]
+    fn integer(self) -> i32 {
+        self as i32
+    }
+}
+
+impl Number for i32 {
+    #[inline(always)]
+    fn float(self) -> f32 {
+        self as f32
+    }
+
+    #[inline(always)]
+    fn integer(self) -> i32 {
+        self
+    }
+}
+
+/// What a kernel adds up of the deltas of a component.
+pub(crate) trait Sum: Copy + Default + Send {
+    /// What is multiplied: a number of a delta.
+    type Delta: Copy + Default;
+    /// What it is multiplied by.
+    type Factor: Copy + Default;
+
+    fn delta(number: impl Number) -> Self::Delta;
+
+    /// From the coefficient as the work list has it, of an entry's triple that has this `step`; deltas are to be shifted by
+    /// `shift`.
+    fn factor(bits: u32, step: f32, shift: u32) -> Self::Factor;
+
+    /// Whether the pose holds nothing of an entry with these factors, where that saves work.
+    fn is_new(factors: &[Self::Factor; TRIPLES]) -> bool;
+
+    /// Add a product; where products are rounded, without its lowest bits, so many. `NEW`: the factor is new.
+    fn add<const NEW: bool>(self, factor: Self::Factor, delta: Self::Delta, dropped: u32) -> Self;
+}
+
+impl Sum for f32 {
+    type Delta = f32;
+    type Factor = f32;
+
+    #[inline(always)]
+    fn delta(number: impl Number) -> f32 {
+        number.float()
+    }
+
+    #[inline(always)]
+    fn factor(bits: u32, step: f32, shift: u32) -> f32 {
+        // Both factors are powers of two.
+        f32::from_bits(bits) * (step * (1u32 << shift) as f32)
+    }
+
+    #[inline(always)]
+    fn is_new(_: &[f32; TRIPLES]) -> bool {
+        false
+    }
+
+    #[inline(always)]
+    fn add<const NEW: bool>(self, factor: f32, delta: f32, _: u32) -> Self {
+        self + factor * delta
+    }
+}
+
+impl Sum for i32 {
+    type Delta = i32;
+    type Factor = i32;
+
+    #[inline(always)]
+    fn delta(number: impl Number) -> i32 {
+        number.integer()
+    }
+
+    #[inline(always)]
+    fn factor(bits: u32, _: f32, shift: u32) -> i32 {
+        (bits as i32).wrapping_shl(shift)
+    }
+
+    #[inline(always)]
+    fn is_new(_: &[i32; TRIPLES]) -> bool {
+        false
+    }
+
+    #[inline(always)]
+    fn add<const NEW: bool>(self, factor: i32, delta: i32, _: u32) -> Self {
+        self.wrapping_add(factor.wrapping_mul(delta))
+    }
+}
+
+/// A sum of products that are rounded, each as a function of a weight.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Rounded(pub i32);
+
+impl Sum for Rounded {
+    type Delta = i32;
+    /// The new weight, and the one that the pose holds.
+    type Factor = [i32; 2];
+
+    #[inline(always)]
+    fn delta(number: impl Number) -> i32 {
+        number.integer()
+    }
+
+    #[inline(always)]
+    fn factor(bits: u32, _: f32, shift: u32) -> Self::Factor {
+        [i32::from(bits as i16) << shift, (bits as i32 >> 16) << shift]
+    }
+
+    #[inline(always)]
+    fn is_new(factors: &[Self::Factor; TRIPLES]) -> bool {
+        factors.iter().all(|[_, old]| *old == 0)
+    }
+
+    #[inline(always)]
+    fn add<const NEW: bool>(self, [new, old]: Self::Factor, delta: i32, dropped: u32) -> Self {
+        let sum = self.0.wrapping_add(rounded(new, delta, dropped));
+        Self(if NEW { sum } else { sum.wrapping_sub(rounded(old, delta, dropped)) })
+    }
+}
+
+/// What a target contributes that has this weight.
+#[inline(always)]
+fn rounded(weight: i32, delta: i32, dropped: u32) -> i32 {
+    weight.wrapping_mul(delta).wrapping_add((1u32 << dropped >> 1) as i32) >> dropped
+}
