@@ -4,12 +4,12 @@
 //! `./with-vulkan cargo bench --bench crowds [-- DEVICE]`
 
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, Step};
-use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::lod::{Camera, Importance, LevelDesc, Place};
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, CrowdDesc, DeltaFormat, PackedMesh, Playback, PoseFormat, Tolerance, UpdateDesc,
     WeightClip,
 };
+use deltamorph_head::{HeadDesc, head};
 use glam::Vec3;
 use std::time::Instant;
 

@@ -8,9 +8,9 @@
 //! reference. What a host brings itself (device, queue, fences) is `headless` here; `examples/minimal.rs` has all of it.
 
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
-use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{CrowdDesc, DeltaFormat, GpuMesh, PackedMesh, PoseError, TargetSwap, Tolerance, UpdateDesc};
+use deltamorph_head::{HeadDesc, head};
 
 const FRAMES: usize = 160;
 const TARGETS: usize = 104;

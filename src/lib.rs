@@ -3,8 +3,7 @@
 //! The engine borrows your device and records into your command buffers; it never submits, waits, or creates a queue or
 //! thread. What to call, in order:
 //!
-//! 1. Mesh: [`import::open`], [`MorphSource::from_arrays`] or the built-in [`import::sample::head`], then
-//!    [`MorphSource::to_mesh`] and [`PackedMesh::pack`]; or [`Asset::read`] of what was packed before.
+//! 1. Mesh: [`import::open`] or [`MorphSource::from_arrays`], then [`MorphSource::to_mesh`] and [`PackedMesh::pack`]; or [`Asset::read`] of what was packed before.
 //! 2. Device: [`requirements`] before you create it, [`MorphEngine::new`] after.
 //! 3. [`MorphEngine::upload`] the mesh, [`MorphEngine::create_crowd`]. Of a mesh with many targets, of which few are used
 //!    at a time, [`MorphEngine::upload_resident`] keeps only those on the device that [`MorphEngine::record_swap`] loads.
@@ -16,7 +15,7 @@
 //!
 //! ```no_run
 //! use deltamorph::ash::{self, vk};
-//! use deltamorph::import::sample::{HeadDesc, head};
+//! use deltamorph::import::obj::import_folder;
 //! use deltamorph::{CrowdDesc, DeltaFormat, DeviceDesc, MorphEngine, PackedMesh, Result, Tolerance, UpdateDesc};
 //!
 //! /// `run` hands out a command buffer of yours that is recording, submits it, and waits.
@@ -26,7 +25,7 @@
 //! ) -> Result<()> {
 //!     // SAFETY: the handles are alive and belong together, and outlive the engine and all it makes.
 //!     let engine = unsafe { MorphEngine::new(&DeviceDesc::new(instance, physical_device, device)) }?;
-//!     let source = head(&HeadDesc::default()).to_mesh(Tolerance::default())?; // or import::open
+//!     let source = import_folder("face".as_ref())?.to_mesh(Tolerance::default())?; // or import::open
 //!     let mesh = PackedMesh::pack(&source, &engine.pack_desc(DeltaFormat::Fast))?;
 //!     let mut uploaded = None;
 //!     // SAFETY: `cmd` is recording and runs once; the mesh outlives what the device does with it.
@@ -135,7 +134,7 @@ pub use {ash, glam, gpu_allocator};
 #[doc(hidden)]
 pub mod internals {
     pub use crate::io::write_replacing;
-    pub use crate::math::{Rng, angle_degrees, diagonal};
+    pub use crate::math::{angle_degrees, diagonal};
 
     pub mod abi {
         pub use crate::abi::*;

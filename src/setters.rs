@@ -1,7 +1,9 @@
 //! Chained setters of descriptions. Descriptions are `#[non_exhaustive]`, so that they can get further fields: outside
 //! the crate they are made by `new` or `default`, and then changed.
 
-/// Write a setter for each field listed.
+/// Write a setter for each field listed. Of packages of this repository; no part of the API.
+#[doc(hidden)]
+#[macro_export]
 macro_rules! setters {
     ($owner:ident $(<$life:lifetime>)? { $($field:ident: $type:ty),+ $(,)? }) => {
         impl $(<$life>)? $owner $(<$life>)? {

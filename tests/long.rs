@@ -11,8 +11,8 @@ mod gpu;
 
 use crowds::{Animated, Loose, Weighted};
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
-use deltamorph::internals::Rng;
 use deltamorph::{AnyCrowd, DeltaFormat, Error, PoseFormat, UpdateDesc};
+use deltamorph_head::Rng;
 use std::collections::BTreeMap;
 use std::hash::{DefaultHasher, Hasher};
 use std::time::Instant;

@@ -8,7 +8,7 @@ use crate::table::{sig3, thousands};
 use crate::verify::{Checks, REMEDY};
 use deltamorph::BoundClip;
 use deltamorph::headless::DeviceChoice;
-use deltamorph::internals::Rng;
+use deltamorph_head::Rng;
 use serde_json::json;
 use std::time::Instant;
 

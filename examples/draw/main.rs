@@ -10,8 +10,8 @@ pub(crate) mod offscreen;
 
 use deltamorph::ash::vk;
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
-use deltamorph::import::sample as head;
 use deltamorph::{CrowdDesc, DeltaFormat, PackedMesh, PoseFormat, Tolerance, UpdateDesc};
+use deltamorph_head as head;
 use glam::{Mat4, Vec3};
 use offscreen::{Offscreen, Result};
 

@@ -1,6 +1,6 @@
 //! Random numbers for mutations, and what numbers in files are replaced by.
 
-use deltamorph::internals::Rng;
+use deltamorph_head::Rng;
 
 pub struct Random(Rng);
 

@@ -9,13 +9,13 @@ use crate::written::Written;
 use deltamorph::after::{BoundsTarget, WeightBounds};
 use deltamorph::ash::vk;
 use deltamorph::headless::HeadlessCrowd;
-use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::import::{csv, obj};
 use deltamorph::internals::plan::hazards::Memory;
 use deltamorph::reference::evaluate;
 use deltamorph::{
     BatchSize, Consumers, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
 };
+use deltamorph_head::{HeadDesc, head};
 use std::time::Instant;
 
 /// Least and greatest coordinates of a pose of six numbers a vertex.

@@ -8,8 +8,6 @@ use crate::written::{Written, barriers_needed};
 use deltamorph::after::{GpuSkin, SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::vk;
 use deltamorph::headless::{Headless, HeadlessCrowd};
-use deltamorph::import::sample::{HeadDesc, head, head_clip};
-use deltamorph::internals::Rng;
 use deltamorph::internals::plan::hazards::{Event, HazardChecker, Memory};
 use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::reference::{self, compare};
@@ -17,6 +15,7 @@ use deltamorph::{
     AnimationDesc, BatchSize, Consumers, CrowdDesc, DeltaFormat, PackedMesh, Playback, PoseFormat, Tolerance,
     UpdateDesc, UpdatePath,
 };
+use deltamorph_head::{HeadDesc, Rng, head, head_clip};
 use std::slice::from_mut;
 use std::sync::Arc;
 

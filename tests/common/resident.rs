@@ -3,11 +3,11 @@
 
 use crate::gpu::{self, NORMAL, fixed, is_kept};
 use deltamorph::headless::Headless;
-use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::reference::compare;
 use deltamorph::{
     Crowd, DeltaFormat, GpuMesh, MorphEngine, PackedMesh, PoseReadback, TargetSwap, Tolerance, UpdateDesc, testing,
 };
+use deltamorph_head::{HeadDesc, head};
 
 pub const TARGETS: usize = 37;
 

@@ -2,7 +2,6 @@
 #![allow(dead_code)] // each test file uses some of this
 
 use deltamorph::headless::{Headless, HeadlessCrowd, PlannedGroup};
-use deltamorph::import::sample::{HeadDesc, head, head_clip};
 use deltamorph::internals::abi::worklist::{TILE, TILE_WORDS, row_words};
 use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::internals::update::animated::{AnimatedReference, HeadRecord, Playbacks};
@@ -13,6 +12,7 @@ use deltamorph::{
     AnimatedCrowd, AnimationDesc, BlockDesc, Clips, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, Playback,
     PoseFormat, PoseGrid, Tolerance, UpdateDesc, UpdateMode, UpdatePath, WeightClip, testing,
 };
+use deltamorph_head::{HeadDesc, head, head_clip};
 use std::collections::{BTreeMap, BTreeSet};
 use std::slice::from_mut;
 use std::sync::Arc;

@@ -26,8 +26,7 @@ fn packed(format: DeltaFormat) -> PackedMesh {
 
 #[test]
 fn what_is_no_mesh_is_refused() {
-    let good =
-        deltamorph::import::sample::head(&deltamorph::import::sample::HeadDesc::default().vertices(200).targets(2));
+    let good = deltamorph_head::head(&deltamorph_head::HeadDesc::default().vertices(200).targets(2));
     let refused = |change: &dyn Fn(&mut MorphSource), words: &str| {
         let mut source = good.clone();
         change(&mut source);

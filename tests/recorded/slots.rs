@@ -6,11 +6,11 @@ use crate::offscreen::Offscreen;
 use deltamorph::after::{GpuSkin, SkinDesc, SkinTarget};
 use deltamorph::ash::vk;
 use deltamorph::headless::{Headless, HeadlessCrowd};
-use deltamorph::internals::Rng;
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DeltaFormat, PackedMesh, Playback, UpdateDesc,
     UpdatePath, WeightClip, testing,
 };
+use deltamorph_head::Rng;
 
 const INSTANCES: u32 = 3;
 /// Updates that wait to be submitted, at most: as many as may be discarded at once.

@@ -8,12 +8,12 @@ use deltamorph::after::{BoundsTarget, NormalsDesc, NormalsTarget, SkinDesc, Skin
 use deltamorph::ash::{self, vk};
 use deltamorph::glam::DVec3;
 use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
-use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::reference::compare;
 use deltamorph::{
     BatchSize, Consumers, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCaps, DeviceDesc, MorphEngine, MorphMesh,
     PackedLayout, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
 };
+use deltamorph_head::{HeadDesc, head};
 use std::ffi::{CStr, c_void};
 use std::sync::{Mutex, MutexGuard};
 
