@@ -7,10 +7,10 @@
 //! is recorded into the command buffer of the update that follows. Every pose is read back and compared with the float64
 //! reference. What a host brings itself (device, queue, fences) is `headless` here; `examples/minimal.rs` has all of it.
 
-use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{CrowdDesc, DeltaFormat, GpuMesh, PackedMesh, PoseError, TargetSwap, Tolerance, UpdateDesc};
 use deltamorph_head::{HeadDesc, head};
+use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
 
 const FRAMES: usize = 160;
 const TARGETS: usize = 104;

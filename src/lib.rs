@@ -50,7 +50,6 @@
 //!
 //! # Features
 //! None is on by default.
-//! - `headless`: instance, device and queue of our own (`deltamorph::headless`), for the command line and tests.
 //! - `csv`: weight clips from CSV files.
 //! - `gltf`: meshes, weight animations and skins from glTF files.
 //! - `rig`: rigs from JSON files ([`mod@rig`]).
@@ -81,9 +80,6 @@ mod engine;
 mod error;
 #[allow(unsafe_code)]
 mod gpu;
-#[cfg(feature = "headless")]
-#[allow(unsafe_code)]
-pub mod headless;
 pub mod import;
 mod io;
 pub mod lod;
@@ -129,7 +125,7 @@ pub use update::crowd::{CrowdDesc, HostPoses};
 pub use weights::{BoundClip, ClipLayer, LayerBlend, Repeat, WeightClip, normalise_weights, target_mask};
 pub use {ash, glam, gpu_allocator};
 
-/// What tests and the command line look into; no part of the API.
+/// What packages of this repository and its tests look into; no part of the API.
 #[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod internals {
@@ -138,6 +134,9 @@ pub mod internals {
 
     pub mod abi {
         pub use crate::abi::*;
+    }
+    pub mod gpu {
+        pub use crate::gpu::*;
     }
     pub mod plan {
         pub use crate::plan::*;

@@ -6,7 +6,7 @@
 //! - [`Scene`] says how: a [`Camera`] that fits what there is to see, a [`Light`], what to [`Show`].
 //! - [`wrinkles`] come where a pose compresses the skin.
 //! - [`parts`] tells skin from eyes and teeth.
-//! - [`Studio`] brings the image as well, on a device of [`headless`](deltamorph::headless), with several frames in flight.
+//! - [`Studio`] brings the image as well, on a device of [`headless`](deltamorph_headless), with several frames in flight.
 //!
 //! Vulkan 1.1, four samples a pixel, no extension or feature.
 

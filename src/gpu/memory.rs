@@ -11,19 +11,20 @@ use std::sync::Arc;
 
 /// Where staging memory lies: in the host's memory. `CpuToGpu` prefers the small window of a graphics card's memory that the
 /// host can write to, which lists that change every frame need more.
-pub(crate) const STAGING: MemoryLocation = MemoryLocation::GpuToCpu;
+pub const STAGING: MemoryLocation = MemoryLocation::GpuToCpu;
 
 /// A buffer and its memory. Dropped only when the device no longer uses it: the obligation of whoever drops
 /// the mesh or crowd that owns it.
-pub(crate) struct Buffer {
+pub struct Buffer {
     device: Arc<Device>,
-    pub(crate) raw: vk::Buffer,
+    /// The handle.
+    pub raw: vk::Buffer,
     allocation: Option<Allocation>,
 }
 
 impl Buffer {
     /// A buffer of `bytes`; 0 is rounded up, since Vulkan has no empty buffers.
-    pub(crate) fn new(
+    pub fn new(
         device: &Arc<Device>,
         name: &str,
         bytes: u64,
@@ -60,7 +61,7 @@ impl Buffer {
     }
 
     /// The buffer's bytes, for host-visible locations.
-    pub(crate) fn mapped(&mut self) -> Result<&mut [u8]> {
+    pub fn mapped(&mut self) -> Result<&mut [u8]> {
         self.allocation
             .as_mut()
             .and_then(Allocation::mapped_slice_mut)

@@ -8,7 +8,6 @@ use crate::step::barriers_around_step;
 use crate::written::Written;
 use deltamorph::after::{BoundsTarget, WeightBounds};
 use deltamorph::ash::vk;
-use deltamorph::headless::HeadlessCrowd;
 use deltamorph::import::{csv, obj};
 use deltamorph::internals::plan::hazards::Memory;
 use deltamorph::reference::evaluate;
@@ -16,6 +15,7 @@ use deltamorph::{
     BatchSize, Consumers, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
 };
 use deltamorph_head::{HeadDesc, head};
+use deltamorph_headless::HeadlessCrowd;
 use std::time::Instant;
 
 /// Least and greatest coordinates of a pose of six numbers a vertex.

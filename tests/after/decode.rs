@@ -5,7 +5,6 @@ use crate::gpu;
 use crate::offscreen::Offscreen;
 use crate::written::{Written, barriers_needed};
 use deltamorph::ash::vk;
-use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::internals::plan::hazards::{Event, HazardChecker, Memory, Violation};
 use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::{
@@ -13,6 +12,7 @@ use deltamorph::{
     Tolerance, UpdateDesc, UpdatePath,
 };
 use deltamorph_head::{HeadDesc, head, head_clip};
+use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::slice::from_mut;
 use std::sync::Arc;
 

@@ -2,12 +2,12 @@
 #![allow(dead_code)] // each test file uses some of this
 
 use crate::gpu::{self, NORMAL, fixed, is_kept};
-use deltamorph::headless::Headless;
 use deltamorph::reference::compare;
 use deltamorph::{
     Crowd, DeltaFormat, GpuMesh, MorphEngine, PackedMesh, PoseReadback, TargetSwap, Tolerance, UpdateDesc, testing,
 };
 use deltamorph_head::{HeadDesc, head};
+use deltamorph_headless::Headless;
 
 pub const TARGETS: usize = 37;
 

@@ -3,7 +3,6 @@
 use crate::{Counts, gpu};
 use deltamorph::ash::vk;
 use deltamorph::glam::Vec3;
-use deltamorph::headless::Headless;
 use deltamorph::internals::update::animated::{AnimatedReference, HeadRecord, Playbacks};
 use deltamorph::lod::{Camera, Importance, LevelDesc, Place};
 use deltamorph::reference::compare;
@@ -13,6 +12,7 @@ use deltamorph::{
     UpdatePath, WeightClip, testing,
 };
 use deltamorph_head::Rng;
+use deltamorph_headless::Headless;
 use std::hash::{DefaultHasher, Hasher};
 use std::sync::Arc;
 

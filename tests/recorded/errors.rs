@@ -5,7 +5,6 @@ use deltamorph::after::{
     BoundsTarget, GpuNormals, GpuSkin, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget, WeightBounds,
 };
 use deltamorph::ash::vk;
-use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
 use deltamorph::import::{csv, obj};
 use deltamorph::reference::{self, evaluate};
 use deltamorph::{
@@ -13,6 +12,7 @@ use deltamorph::{
     GpuMesh, HostPoses, MorphEngine, MorphMesh, MorphSource, PackDesc, PackedMesh, PoseFormat, Result, Semantic,
     StreamData, StreamDeltas, Tolerance, UpdateDesc, UpdatePath, VertexLayout, WeightClip, testing,
 };
+use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
 use std::sync::Arc;
 
 fn says<T>(result: Result<T>, words: &str) {

@@ -2,12 +2,12 @@
 
 use crate::gpu::{self, fixed, is_kept, on_every_device};
 use crate::resident::{TARGETS, all_bytes, assert_same, packed, refused, swap, update, upload};
-use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
 use deltamorph::reference::compare;
 use deltamorph::{
     AnimationDesc, Crowd, CrowdDesc, CrowdSet, DeltaFormat, GpuMesh, PackedMesh, PoseFormat, PoseReadback, TargetSwap,
     UpdateDesc, WeightClip,
 };
+use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
 
 #[test]
 fn what_is_not_there_is_refused_by_name_and_the_crowd_goes_on() {

@@ -4,12 +4,12 @@
 use crate::gpu::{self, fixed, on_every_device};
 use crate::resident::{TARGETS, all_bytes, assert_same, packed, swap, updates, upload};
 use deltamorph::ash::vk;
-use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
 use deltamorph::{
     Crowd, CrowdDesc, DeltaFormat, GpuMesh, MorphEngine, PackedMesh, PoseFormat, PoseReadback, SwapCopies, TargetSwap,
     UpdateDesc, testing,
 };
 use deltamorph_head::Rng;
+use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
 
 /// Two crowds of two instances on the swapped mesh and on the whole one, side by side.
 struct Both {

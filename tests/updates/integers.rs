@@ -3,7 +3,6 @@
 
 use crate::data;
 use crate::gpu;
-use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::import::obj;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
@@ -11,6 +10,7 @@ use deltamorph::{
     UpdatePath, testing,
 };
 use deltamorph_head::{HeadDesc, Rng, head};
+use deltamorph_headless::{Headless, HeadlessCrowd};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
 use std::sync::Arc;
