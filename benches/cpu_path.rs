@@ -4,8 +4,8 @@
 //! `cargo bench --bench cpu_path`
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::{BatchSize, CpuCrowd, DeltaFormat, PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdatePath};
+use deltamorph_head::{HeadDesc, head};
 use std::sync::Arc;
 
 fn cpu_path(c: &mut Criterion) {

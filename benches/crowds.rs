@@ -3,13 +3,13 @@
 //!
 //! `./with-vulkan cargo bench --bench crowds [-- DEVICE]`
 
-use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, Step};
-use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::lod::{Camera, Importance, LevelDesc, Place};
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, CrowdDesc, DeltaFormat, PackedMesh, Playback, PoseFormat, Tolerance, UpdateDesc,
     WeightClip,
 };
+use deltamorph_head::{HeadDesc, head};
+use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, Step};
 use glam::Vec3;
 use std::time::Instant;
 

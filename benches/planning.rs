@@ -3,7 +3,6 @@
 //! `cargo bench --bench planning`; with `DELTAMORPH_DATA`, ict_facekit with its captured clips, too.
 
 use criterion::{BatchSize as Setup, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::import::{csv, obj};
 use deltamorph::internals::plan::instances::{History, Instances};
 use deltamorph::internals::update::blocks::Planner;
@@ -11,6 +10,7 @@ use deltamorph::internals::update::dense::Plan;
 use deltamorph::{
     BatchSize, DeltaFormat, MorphMesh, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
 };
+use deltamorph_head::{HeadDesc, head};
 use std::hint::black_box;
 
 const FRAMES: usize = 64;

@@ -7,12 +7,12 @@
 //! two frames in flight, and every pose is read back and compared with the float64 reference.
 
 use deltamorph::ash::{self, vk};
-use deltamorph::import::sample as head;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
     Consumers, CrowdDesc, DeltaFormat, DeviceCaps, DeviceDesc, Error, MorphEngine, PackedMesh, PoseError, PoseView,
     Tolerance, UpdateDesc,
 };
+use deltamorph_head as head;
 use std::time::Duration;
 
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;

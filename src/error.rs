@@ -65,7 +65,7 @@ pub enum Error {
         /// The remedy.
         remedy: String,
     },
-    /// There is no Vulkan device: no loader, no driver, or none in its list. Only the feature `headless` looks for one.
+    /// There is no Vulkan device: no loader, no driver, or none in its list. The engine itself looks for none.
     #[error("{what}; {remedy}", what = Printable(what))]
     NoDevice {
         /// The part that is missing.
@@ -188,7 +188,8 @@ impl Error {
     }
 
     /// Makes an [`Error::Invalid`].
-    pub(crate) fn invalid(what: impl Into<String>, remedy: impl Into<String>) -> Self {
+    #[doc(hidden)]
+    pub fn invalid(what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::Invalid { what: what.into(), remedy: remedy.into() }
     }
 }

@@ -3,8 +3,7 @@
 //! The engine borrows your device and records into your command buffers; it never submits, waits, or creates a queue or
 //! thread. What to call, in order:
 //!
-//! 1. Mesh: [`import::open`], [`MorphSource::from_arrays`] or the built-in [`import::sample::head`], then
-//!    [`MorphSource::to_mesh`] and [`PackedMesh::pack`]; or [`Asset::read`] of what was packed before.
+//! 1. Mesh: [`import::open`] or [`MorphSource::from_arrays`], then [`MorphSource::to_mesh`] and [`PackedMesh::pack`]; or [`Asset::read`] of what was packed before.
 //! 2. Device: [`requirements`] before you create it, [`MorphEngine::new`] after.
 //! 3. [`MorphEngine::upload`] the mesh, [`MorphEngine::create_crowd`].
 //! 4. Each frame: [`Crowd::set_weights`], [`MorphEngine::record_update`], and draw from [`Crowd::pose`]; motion vectors
@@ -15,7 +14,7 @@
 //!
 //! ```no_run
 //! use deltamorph::ash::{self, vk};
-//! use deltamorph::import::sample::{HeadDesc, head};
+//! use deltamorph::import::obj::import_folder;
 //! use deltamorph::{CrowdDesc, DeltaFormat, DeviceDesc, MorphEngine, PackedMesh, Result, Tolerance, UpdateDesc};
 //!
 //! /// `run` hands out a command buffer of yours that is recording, submits it, and waits.
@@ -25,7 +24,7 @@
 //! ) -> Result<()> {
 //!     // SAFETY: the handles are alive and belong together, and outlive the engine and all it makes.
 //!     let engine = unsafe { MorphEngine::new(&DeviceDesc::new(instance, physical_device, device)) }?;
-//!     let source = head(&HeadDesc::default()).to_mesh(Tolerance::default())?; // or import::open
+//!     let source = import_folder("face".as_ref())?.to_mesh(Tolerance::default())?; // or import::open
 //!     let mesh = PackedMesh::pack(&source, &engine.pack_desc(DeltaFormat::Fast))?;
 //!     let mut uploaded = None;
 //!     // SAFETY: `cmd` is recording and runs once; the mesh outlives what the device does with it.
@@ -50,7 +49,6 @@
 //!
 //! # Features
 //! None is on by default.
-//! - `headless`: instance, device and queue of our own (`deltamorph::headless`), for the command line and tests.
 //! - `csv`: weight clips from CSV files.
 //! - `gltf`: meshes, weight animations and skins from glTF files.
 //! - `rig`: rigs from JSON files ([`mod@rig`]).
@@ -81,9 +79,6 @@ mod engine;
 mod error;
 #[allow(unsafe_code)]
 mod gpu;
-#[cfg(feature = "headless")]
-#[allow(unsafe_code)]
-pub mod headless;
 pub mod import;
 mod io;
 pub mod lod;
@@ -127,15 +122,18 @@ pub use update::crowd::{CrowdDesc, HostPoses};
 pub use weights::{BoundClip, ClipLayer, LayerBlend, Repeat, WeightClip, normalise_weights, target_mask};
 pub use {ash, glam, gpu_allocator};
 
-/// What tests and the command line look into; no part of the API.
+/// What packages of this repository and its tests look into; no part of the API.
 #[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod internals {
     pub use crate::io::write_replacing;
-    pub use crate::math::{Rng, angle_degrees, diagonal};
+    pub use crate::math::{angle_degrees, diagonal};
 
     pub mod abi {
         pub use crate::abi::*;
+    }
+    pub mod gpu {
+        pub use crate::gpu::*;
     }
     pub mod plan {
         pub use crate::plan::*;

@@ -1,6 +1,8 @@
 //! Meshes made up for tests: small, irregular, deterministic.
 
 use crate::asset::streams::{Semantic, StreamData, StreamDeltas};
+#[cfg(test)]
+use crate::asset::{Corner, Faces, MorphSource, SourceTarget};
 use crate::asset::{MorphMesh, MorphTarget, Tolerance};
 use crate::math::diagonal;
 use glam::Vec3;
@@ -79,4 +81,20 @@ pub fn degenerate() -> Vec<MorphMesh> {
     }
     let sizes = [(1, 1), (1, 0), (63, 3), (64, 1), (65, 0), (2, 300)];
     sizes.into_iter().map(|(vertices, targets)| mesh(vertices, targets)).chain([empty]).collect()
+}
+
+/// The built-in head. Its package is built with this crate as others link it, whose types are not those of the unit tests.
+#[cfg(test)]
+pub(crate) fn head(desc: &deltamorph_head::HeadDesc) -> MorphSource {
+    let built = deltamorph_head::head(desc);
+    let corners = built.faces.corners.iter().map(|c| Corner { position: c.position, texcoord: c.texcoord });
+    let targets = built.targets.into_iter();
+    MorphSource {
+        name: built.name,
+        positions: built.positions,
+        texcoords: built.texcoords,
+        faces: Faces { corners: corners.collect(), sizes: built.faces.sizes },
+        targets: targets.map(|t| SourceTarget { name: t.name, positions: t.positions, ..Default::default() }).collect(),
+        ..Default::default()
+    }
 }

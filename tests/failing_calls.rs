@@ -10,7 +10,6 @@ mod offscreen;
 
 use deltamorph::after::{BoundsTarget, NormalsDesc, NormalsTarget, SkinDesc, SkinTarget};
 use deltamorph::ash::vk;
-use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, Error,
@@ -18,6 +17,7 @@ use deltamorph::{
     WeightClip, testing,
 };
 use deltamorph_failing::{Control, NAME, calls::ERRORS, enable};
+use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use offscreen::Offscreen;
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeSet;

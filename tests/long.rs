@@ -10,9 +10,9 @@ mod crowds;
 mod gpu;
 
 use crowds::{Animated, Loose, Weighted};
-use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
-use deltamorph::internals::Rng;
 use deltamorph::{AnyCrowd, DeltaFormat, Error, PoseFormat, UpdateDesc};
+use deltamorph_head::Rng;
+use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
 use std::collections::BTreeMap;
 use std::hash::{DefaultHasher, Hasher};
 use std::time::Instant;

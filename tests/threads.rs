@@ -7,12 +7,12 @@ mod gpu;
 use deltamorph::ash::{self, vk};
 use deltamorph::gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use deltamorph::gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
-use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
 use deltamorph::reference::compare;
 use deltamorph::{
     CpuCrowd, CrowdDesc, DeltaFormat, DeviceDesc, GpuMesh, MorphEngine, PackedMesh, SharedAllocator, UpdateDesc,
     UpdatePath, testing,
 };
+use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
 use gpu::{NORMAL, is_kept, packed, reference, weights};
 use std::sync::{Arc, Mutex};
 

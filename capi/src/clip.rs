@@ -8,7 +8,7 @@ use crate::result::{DmResult, Failure, Result, enter};
 use crate::structs::{DmClipArrays, DmClipInfo, DmSampleDesc};
 use deltamorph::WeightClip;
 use deltamorph::import::open_clip;
-use deltamorph::import::sample::head_clip;
+use deltamorph_head::head_clip;
 use std::ffi::c_char;
 use std::path::Path;
 

@@ -46,6 +46,5 @@ kinds! {
     DmSkin crate::attached::Attached<GpuSkin>, "a skin";
     DmSurface crate::attached::Attached<GpuNormals>, "a surface";
     DmOutgrown crate::grow::Outgrown, "what a crowd outgrew";
-    DmSwap crate::residency::Swap, "a swap of targets";
     DmWeightBounds crate::bounds::WeightBounds, "bounds from weights";
 }

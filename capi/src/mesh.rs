@@ -6,11 +6,11 @@ use crate::memory::{array, check_place, read, read_or_default, slice, text, text
 use crate::numbers::{DM_MESH_KEEP_ALL, DM_MESH_SPLIT, DM_MESH_WELD, delta_format};
 use crate::result::{DmResult, Failure, Result, enter};
 use crate::structs::{DmMeshArrays, DmMeshDesc, DmSampleDesc};
-use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::import::{ImportDesc, Imported, ImportedMesh, open};
 use deltamorph::{
     Asset, BlockDesc, MeshArrays, MorphMesh, MorphSource, PackDesc, PackedLayout, PackedMesh, TargetArrays, Tolerance,
 };
+use deltamorph_head::{HeadDesc, head};
 use std::ffi::{CString, c_char, c_void};
 use std::path::Path;
 

@@ -1,8 +1,8 @@
 //! The programs in C and C++, built against the library as a host builds them, and run as processes: under the
 //! validation layer from outside, and under valgrind.
 
-use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::{Asset, DeltaFormat, PackDesc, Tolerance};
+use deltamorph_head::{HeadDesc, head};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -11,9 +11,9 @@ pub mod view;
 
 use bench::BenchArgs;
 use clap::{Args, Parser, Subcommand};
-use deltamorph::headless::DeviceChoice;
-use deltamorph::import::sample::HeadDesc;
 use deltamorph::{BlockDesc, DeltaFormat, PoseFormat, Tolerance, UpdateMode, UpdatePath};
+use deltamorph_head::HeadDesc;
+use deltamorph_headless::DeviceChoice;
 use lod::LodArgs;
 use poses::Sums;
 use reading::Reading;

@@ -2,8 +2,8 @@
 
 use crate::output::{Failure, Output};
 use crate::table::{Table, bytes};
-use deltamorph::headless::{DeviceChoice, Headless};
 use deltamorph::{DeltaFormat, DeviceCaps, UpdatePath, requirements};
+use deltamorph_headless::{DeviceChoice, Headless};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 

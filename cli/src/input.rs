@@ -3,12 +3,13 @@
 use crate::args::InputArgs;
 use crate::args::reading::Reading;
 use crate::output::{Failure, Output};
-use deltamorph::import::{ImportDesc, Imported, ImportedMesh, csv, sample as head};
+use deltamorph::import::{ImportDesc, Imported, ImportedMesh, csv};
 use deltamorph::rig::names::retarget;
 use deltamorph::rig::{self, BoundRig};
 use deltamorph::{
     BlockDesc, BoundClip, MorphMesh, PackDesc, PackedMesh, Semantic, Tolerance, WeightClip, import, normalise_weights,
 };
+use deltamorph_head as head;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -8,9 +8,9 @@ use crate::output::{Failure, Output};
 use crate::runner::Stage;
 use crate::table::{Table, bytes, percent, sig3, thousands};
 use crate::verify::{Checked, Checks};
-use deltamorph::headless::DeviceChoice;
-use deltamorph::internals::Rng;
 use deltamorph::{BoundClip, PoseFormat, UpdatePath, WeightClip};
+use deltamorph_head::Rng;
+use deltamorph_headless::DeviceChoice;
 use serde::Serialize;
 
 /// The JSON of `play`. Fields may be added, never renamed.

@@ -6,12 +6,12 @@ use crate::args::values::{BatchSpec, expand_batches, format_on};
 use crate::args::{PackArgs, RunArgs};
 use crate::input::Input;
 use crate::output::{Failure, Output};
-pub use deltamorph::headless::Headless as Gpu;
-use deltamorph::headless::{DeviceChoice, HeadlessCrowd, HeadlessDesc, PoseUpload, Step};
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, Error, MorphEngine, PackDesc,
     PackedMesh, Playback, PoseFormat, Repeat, UpdateDesc, UpdatePath, UpdateStats, WeightClip,
 };
+pub use deltamorph_headless::Headless as Gpu;
+use deltamorph_headless::{DeviceChoice, HeadlessCrowd, HeadlessDesc, PoseUpload, Step};
 use serde::Serialize;
 use std::rc::Rc;
 use std::slice::from_ref;

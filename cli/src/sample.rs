@@ -4,9 +4,10 @@ use crate::args::SampleArgs;
 use crate::output::{Failure, Output, claim, create_folder, write_file};
 use crate::table::thousands;
 use deltamorph::MorphSource;
+use deltamorph::import::csv;
 use deltamorph::import::obj::{ObjMesh, write_obj};
-use deltamorph::import::{csv, sample as head};
 use deltamorph::rig::{Control, Key, Rig};
+use deltamorph_head as head;
 use glam::Vec3;
 use std::path::Path;
 
@@ -90,7 +91,7 @@ mod tests {
     use super::*;
     use deltamorph::Tolerance;
     use deltamorph::import::obj;
-    use deltamorph::import::sample::HeadDesc;
+    use deltamorph_head::HeadDesc;
 
     #[test]
     fn the_rig_reads_back_as_the_heads() {

@@ -7,8 +7,8 @@ use crate::runner::{Runner, Stage};
 use crate::table::{sig3, thousands};
 use crate::verify::{Checks, REMEDY};
 use deltamorph::BoundClip;
-use deltamorph::headless::DeviceChoice;
-use deltamorph::internals::Rng;
+use deltamorph_head::Rng;
+use deltamorph_headless::DeviceChoice;
 use serde_json::json;
 use std::time::Instant;
 

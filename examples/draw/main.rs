@@ -4,14 +4,14 @@
 //!
 //! Such poses take half the bytes of float32 ones: a draw binds the base pose as a second vertex buffer, and decodes in its
 //! vertex shader. Here an expression is drawn into `head.ppm`; `tests/after/pictures.rs` compares pictures with those of float32
-//! poses. The device is the library's own (feature `headless`); `examples/minimal.rs` is a host that brings one.
+//! poses. The device is that of the package `headless`; `examples/minimal.rs` is a host that brings one.
 
 pub(crate) mod offscreen;
 
 use deltamorph::ash::vk;
-use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
-use deltamorph::import::sample as head;
 use deltamorph::{CrowdDesc, DeltaFormat, PackedMesh, PoseFormat, Tolerance, UpdateDesc};
+use deltamorph_head as head;
+use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
 use glam::{Mat4, Vec3};
 use offscreen::{Offscreen, Result};
 

@@ -1,7 +1,7 @@
 //! What a host that draws has anyway: an image to draw into, pipelines, and buffers that it shares with the device.
 
 use deltamorph::ash::{self, vk};
-use deltamorph::headless::Headless;
+use deltamorph_headless::Headless;
 use glslang::{Compiler, CompilerOptions, ShaderInput, ShaderSource, ShaderStage};
 use std::cell::RefCell;
 

@@ -1,6 +1,6 @@
 //! Random numbers for mutations, and special values for numbers in files.
 
-use deltamorph::internals::Rng;
+use deltamorph_head::Rng;
 
 pub struct Random(Rng);
 

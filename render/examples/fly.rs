@@ -6,7 +6,7 @@
 #[path = "../tests/common/fly.rs"]
 mod fly;
 
-use deltamorph::headless::{Headless, HeadlessDesc};
+use deltamorph_headless::{Headless, HeadlessDesc};
 use fly::{Fly, Frame};
 use std::fmt::Write;
 use std::path::PathBuf;

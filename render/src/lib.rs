@@ -6,7 +6,7 @@
 //! - [`Scene`] describes the picture: a [`Camera`] that fits the scene, a [`Light`], and what to [`Show`].
 //! - [`wrinkles`] appear where a pose compresses the skin.
 //! - [`parts`] separates skin from eyes and teeth.
-//! - [`Studio`] provides the image as well, on a device of [`headless`](deltamorph::headless), with several frames in
+//! - [`Studio`] provides the image as well, on a device of [`headless`](deltamorph_headless), with several frames in
 //!   flight.
 //!
 //! Needs Vulkan 1.1 and four samples a pixel, but no extension or feature.

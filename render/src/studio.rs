@@ -11,11 +11,11 @@ use crate::scene::{Head, Masks, Scene, Show};
 use crate::target::Target;
 use crate::wrinkles::MaskPlace;
 use deltamorph::ash::vk;
-use deltamorph::headless::{Headless, wait_idle};
 use deltamorph::{
     Crowd, CrowdDesc, Error, GpuMesh, MorphMesh, PackedMesh, PoseFormat, Result, Semantic, Ticket, UpdateDesc,
     UpdatePath,
 };
+use deltamorph_headless::{Headless, wait_idle};
 use glam::Mat4;
 use std::collections::VecDeque;
 use std::slice::from_ref;

@@ -1,12 +1,12 @@
 //! Pictures from every format of poses, on every driver, under the validation layers.
 
-use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
-use deltamorph::import::sample::{HeadDesc, head, head_clip};
 use deltamorph::reference::{compare_group, evaluate_group, evaluate_unpacked_group};
 use deltamorph::{
     BatchSize, CpuCrowd, CrowdDesc, DeltaFormat, MorphMesh, MorphSource, PackedMesh, PoseFormat, Tolerance, UpdateDesc,
     UpdatePath,
 };
+use deltamorph_head::{HeadDesc, head, head_clip};
+use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use deltamorph_render::wrinkles::{self, MaskPlace};
 use deltamorph_render::{Camera, Light, Picture, Poses, Scene, Show, StoredPose, Studio, StudioDesc, parts};
 use glam::{Mat4, Vec3};

@@ -3,7 +3,7 @@
 #[path = "common/fly.rs"]
 mod fly;
 
-use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
+use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
 use fly::{Fly, Frame};
 
 /// A small wall: `examples/fly.rs` flies past a hundred heads.

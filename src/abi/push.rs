@@ -13,7 +13,8 @@ macro_rules! structure {
         $(#[$doc])*
         #[repr(C)]
         #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-        pub struct $name { $($(#[$field_doc])* pub(crate) $field: $type,)* }
+        #[allow(missing_docs, reason = "many fields are what they are called")]
+        pub struct $name { $($(#[$field_doc])* pub $field: $type,)* }
 
         impl $name {
             /// Names and offsets of the members.

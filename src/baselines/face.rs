@@ -74,7 +74,8 @@ impl MorphEngine {
     ///
     /// # Safety
     /// As there.
-    pub(crate) unsafe fn record_capture_of(
+    #[doc(hidden)]
+    pub unsafe fn record_capture_of(
         &self,
         cmd: vk::CommandBuffer,
         crowd: &Crowd,

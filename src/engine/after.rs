@@ -1,7 +1,7 @@
 //! What hosts ask for after the pose: each step by its name.
 
 use super::MorphEngine;
-use super::base::AnyCrowd;
+use super::base::{AnyCrowd, CrowdBase};
 use super::crowd::{AnimatedCrowd, Crowd};
 use crate::abi::steps::after_steps;
 use crate::after::skin::Skin;
@@ -118,6 +118,14 @@ macro_rules! target_setters {
 }
 after_steps!(target_setters());
 
+impl CrowdBase {
+    /// See [`Crowd::set_joints`].
+    pub fn set_joints(&mut self, instance: u32, offset: u64) -> Result<()> {
+        self.instances.check(instance)?;
+        Skin::set_joints(&mut self.after, instance, offset)
+    }
+}
+
 /// What every crowd does after the pose.
 macro_rules! crowd {
     ($crowd:ty) => {
@@ -131,8 +139,7 @@ macro_rules! crowd {
             /// An instance out of range or removed, or one that is not skinned; joints that reach beyond their buffer.
             /// Nothing changes then.
             pub fn set_joints(&mut self, instance: u32, offset: u64) -> Result<()> {
-                self.base.instances.check(instance)?;
-                Skin::set_joints(&mut self.base.after, instance, offset)
+                self.base.set_joints(instance, offset)
             }
 
             /// Where the skinned pose of an instance is once the updates recorded so far have run.

@@ -148,14 +148,14 @@ impl CrowdBase {
         any.downcast_mut()
     }
 
-    pub(crate) fn cut(&mut self, instance: u32) -> Result<()> {
+    pub fn cut(&mut self, instance: u32) -> Result<()> {
         self.instances.cut(instance)?;
         self.technique.cut(instance);
         self.after.cut(instance);
         Ok(())
     }
 
-    pub(crate) fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<()> {
+    pub fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<()> {
         if self.instances.set_hidden(instance, hidden)? {
             self.technique.set_hidden(instance, hidden);
             self.after.renew(instance);
@@ -163,20 +163,20 @@ impl CrowdBase {
         Ok(())
     }
 
-    pub(crate) fn add(&mut self) -> Result<u32> {
+    pub fn add(&mut self) -> Result<u32> {
         let instance = self.instances.add()?;
         self.technique.add(instance);
         Ok(instance)
     }
 
-    pub(crate) fn remove(&mut self, instance: u32) -> Result<()> {
+    pub fn remove(&mut self, instance: u32) -> Result<()> {
         self.instances.remove(instance)?;
         self.technique.set_hidden(instance, true);
         self.after.remove(instance);
         Ok(())
     }
 
-    pub(crate) fn discard(&mut self, ticket: Ticket) -> Result<()> {
+    pub fn discard(&mut self, ticket: Ticket) -> Result<()> {
         if self.is_discarded(ticket)? {
             return Ok(());
         }
@@ -201,16 +201,15 @@ impl CrowdBase {
     }
 
     /// Whether the update of a ticket was discarded. A ticket of another crowd is refused.
-    pub(crate) fn is_discarded(&self, ticket: Ticket) -> Result<bool> {
+    pub fn is_discarded(&self, ticket: Ticket) -> Result<bool> {
         if ticket.crowd != self.crowd {
             return Err(Error::invalid("the ticket is of another crowd", "discard it in the crowd that was updated"));
         }
         Ok(self.discarded.iter().any(|updates| updates.contains(&ticket.id.update)))
     }
 
-    /// Updates that recorded something from that of `ticket` on, for `headless`.
-    #[cfg(feature = "headless")]
-    pub(crate) fn recorded_since(&self, ticket: Ticket) -> u64 {
+    /// Updates that recorded something from that of `ticket` on.
+    pub fn recorded_since(&self, ticket: Ticket) -> u64 {
         self.recorded.saturating_sub(ticket.id.recorded)
     }
 
@@ -222,7 +221,7 @@ impl CrowdBase {
         }
     }
 
-    pub(crate) fn shown(&self) -> impl Iterator<Item = u32> {
+    pub fn shown(&self) -> impl Iterator<Item = u32> {
         self.instances.requested().zip(0..).filter_map(|(requested, i)| requested.map(|_| i))
     }
 
@@ -263,7 +262,7 @@ impl CrowdBase {
         self.groups[0].poses.grid
     }
 
-    pub(crate) fn group_pose(&self, instance: u32, group: usize) -> Result<PoseView> {
+    pub fn group_pose(&self, instance: u32, group: usize) -> Result<PoseView> {
         let (slot, _) = self.slots_of(instance)?;
         self.check_has_poses()?;
         if group >= self.groups.len() {
@@ -283,7 +282,7 @@ impl CrowdBase {
         ))
     }
 
-    pub(crate) fn previous_group_pose(&self, instance: u32, group: usize) -> Result<Option<PoseView>> {
+    pub fn previous_group_pose(&self, instance: u32, group: usize) -> Result<Option<PoseView>> {
         let (_, previous) = self.slots_of(instance)?;
         Ok(previous.filter(|_| self.technique.has_poses()).map(|slot| self.view(instance, slot, group)))
     }
@@ -300,7 +299,7 @@ impl CrowdBase {
         self.technique.slots_of(&self.instances, place).ok_or_else(none)
     }
 
-    pub(crate) fn view(&self, instance: u32, slot: u32, group: usize) -> PoseView {
+    pub fn view(&self, instance: u32, slot: u32, group: usize) -> PoseView {
         PoseView::new(&self.groups[group].poses, instance, slot)
     }
 

@@ -338,13 +338,6 @@ impl AnimatedCrowd {
         &self.animated().clips
     }
 
-    /// Where the words of [`read_level`](crate::headless::HeadlessCrowd::read_level) are: buffer, offset, size.
-    #[cfg(all(feature = "headless", feature = "internals"))]
-    #[doc(hidden)]
-    pub fn level_of(&self, instance: u32) -> Option<(ash::vk::Buffer, u64, u64)> {
-        self.animated().level_of(instance)
-    }
-
     pub(crate) fn animated(&self) -> &Animated {
         let Some(animated) = self.base.technique() else { unreachable!("made so in `create_animated_crowd`") };
         animated

@@ -4,6 +4,8 @@ mod after;
 mod base;
 mod crowd;
 mod grow;
+#[cfg(feature = "internals")]
+mod internals;
 mod poses;
 mod readback;
 mod record;

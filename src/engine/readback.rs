@@ -90,7 +90,8 @@ impl PoseReadback {
     ///
     /// # Safety
     /// As [`record`](Self::record).
-    pub(crate) unsafe fn record_views(
+    #[doc(hidden)]
+    pub unsafe fn record_views(
         &mut self,
         cmd: vk::CommandBuffer,
         crowd: &CrowdBase,
@@ -169,7 +170,8 @@ impl PoseReadback {
     ///
     /// # Safety
     /// As there.
-    pub(crate) unsafe fn decoded(&mut self) -> Result<Vec<Vec<f32>>> {
+    #[doc(hidden)]
+    pub unsafe fn decoded(&mut self) -> Result<Vec<Vec<f32>>> {
         let Some(buffer) = &mut self.buffer else { return Ok(vec![]) };
         let bytes: &[u8] = buffer.mapped()?;
         let decode = |CopiedPose { mesh, view, at, base_at, .. }: &CopiedPose| {

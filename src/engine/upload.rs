@@ -34,12 +34,6 @@ impl GpuMesh {
         Self { groups, staging: vec![] }
     }
 
-    /// The same mesh, for `headless`.
-    #[cfg(feature = "headless")]
-    pub(crate) fn shared(&self) -> Self {
-        Self::of(self.groups.clone())
-    }
-
     /// Where the base pose is, once the upload has run: what poses of integers are displacements from, as the second
     /// vertex buffer of a draw ([`PoseFormat::vertex_input`]). Float32, in the order of poses.
     pub fn base_pose(&self) -> PoseView {

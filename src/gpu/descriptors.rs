@@ -9,14 +9,15 @@ use std::sync::Arc;
 
 /// A buffer and the range of it that a descriptor covers.
 #[derive(Clone, Copy)]
-pub(crate) struct BufferRange {
+pub struct BufferRange {
     pub(crate) buffer: vk::Buffer,
     pub(crate) offset: u64,
     pub(crate) size: u64,
 }
 
 impl BufferRange {
-    pub(crate) fn new(buffer: vk::Buffer, offset: u64, size: u64) -> Self {
+    /// `size` bytes from `offset` on.
+    pub fn new(buffer: vk::Buffer, offset: u64, size: u64) -> Self {
         Self { buffer, offset, size }
     }
 }
@@ -33,7 +34,7 @@ pub(crate) fn descriptor_type(buffer: Buffer) -> vk::DescriptorType {
 }
 
 /// Descriptor sets of one layout, destroyed together.
-pub(crate) struct Sets {
+pub struct Sets {
     device: Arc<Device>,
     pool: vk::DescriptorPool,
     views: Vec<vk::BufferView>,
@@ -109,7 +110,8 @@ impl Sets {
         unsafe { self.device.raw.update_descriptor_sets(&[write], &[]) };
     }
 
-    pub(crate) fn get(&self, set: usize) -> vk::DescriptorSet {
+    /// The set of a list of buffers.
+    pub fn get(&self, set: usize) -> vk::DescriptorSet {
         self.sets[set]
     }
 

@@ -134,8 +134,9 @@ pub(super) fn distinct(families: &[u32]) -> Vec<u32> {
 const DEDICATED_MOST: u32 = 128;
 
 /// Device functions and limits, shared by everything that the engine creates.
-pub(crate) struct Device {
-    pub(crate) raw: ash::Device,
+pub struct Device {
+    /// The handle and its functions.
+    pub raw: ash::Device,
     pub(crate) feedback: Option<ash::ext::transform_feedback::Device>,
     pub(crate) caps: DeviceCaps,
     pub(crate) pipeline_cache: vk::PipelineCache,

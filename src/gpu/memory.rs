@@ -11,18 +11,19 @@ use std::sync::Arc;
 
 /// Location of staging memory: the host's memory. `CpuToGpu` prefers the small part of a graphics card's memory that
 /// the host can write to, which is better left to lists that change every frame.
-pub(crate) const STAGING: MemoryLocation = MemoryLocation::GpuToCpu;
+pub const STAGING: MemoryLocation = MemoryLocation::GpuToCpu;
 
 /// A buffer and its memory. The owner of its mesh or crowd must drop it only when the device no longer uses it.
-pub(crate) struct Buffer {
+pub struct Buffer {
     device: Arc<Device>,
-    pub(crate) raw: vk::Buffer,
+    /// The handle.
+    pub raw: vk::Buffer,
     allocation: Option<Allocation>,
 }
 
 impl Buffer {
     /// Makes a buffer of `bytes`; 0 is rounded up, since Vulkan has no empty buffers.
-    pub(crate) fn new(
+    pub fn new(
         device: &Arc<Device>,
         name: &str,
         bytes: u64,
@@ -59,7 +60,7 @@ impl Buffer {
     }
 
     /// Returns the buffer's bytes, for host-visible locations.
-    pub(crate) fn mapped(&mut self) -> Result<&mut [u8]> {
+    pub fn mapped(&mut self) -> Result<&mut [u8]> {
         self.allocation
             .as_mut()
             .and_then(Allocation::mapped_slice_mut)

@@ -9,14 +9,14 @@ pub(crate) mod barriers;
 #[cfg(feature = "baselines")]
 mod blending;
 pub mod caps;
-pub(crate) mod descriptors;
+pub mod descriptors;
 pub mod device;
 #[cfg(feature = "baselines")]
 pub(crate) mod images;
-pub(crate) mod memory;
+pub mod memory;
 pub(crate) mod mesh;
 pub(crate) mod parts;
-pub(crate) mod pipelines;
+pub mod pipelines;
 pub(crate) mod tuning;
 
 use crate::error::Error;

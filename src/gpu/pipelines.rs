@@ -13,21 +13,24 @@ use std::any::Any;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Objects of one update path; destroyed together. Dropped only when the device no longer uses them.
-pub(crate) struct Objects {
-    pub(crate) device: Arc<Device>,
+pub struct Objects {
+    /// What they are made on.
+    pub device: Arc<Device>,
     bindings: Vec<Binding>,
     /// The kernel, or the first of several.
     kernel: &'static str,
     set_layout: vk::DescriptorSetLayout,
-    pub(crate) layout: vk::PipelineLayout,
+    /// Of all pipelines.
+    pub layout: vk::PipelineLayout,
     pub(crate) render_pass: vk::RenderPass,
     pub(crate) framebuffer: vk::Framebuffer,
-    pub(crate) pipelines: Vec<vk::Pipeline>,
+    /// In the order in which they were added.
+    pub pipelines: Vec<vk::Pipeline>,
 }
 
 impl Objects {
     /// Starts with no objects; they are added one by one, and an error on the way drops those that were made.
-    pub(crate) fn none(device: &Arc<Device>) -> Self {
+    pub fn none(device: &Arc<Device>) -> Self {
         Self {
             device: device.clone(),
             bindings: vec![],
@@ -42,7 +45,7 @@ impl Objects {
 
     /// Makes the set layout and pipeline layout that kernels declare; either all of them are compute shaders, or none.
     /// `attribute_push_bytes`: size of the push constants of kernels whose number of coefficients is the batch size.
-    pub(crate) fn add_layout(&mut self, kernels: &[&KernelRow], attribute_push_bytes: u32) -> Result<()> {
+    pub fn add_layout(&mut self, kernels: &[&KernelRow], attribute_push_bytes: u32) -> Result<()> {
         let stage = kernels.iter().fold(vk::ShaderStageFlags::empty(), |stages, kernel| {
             stages
                 | match kernel.stage {
@@ -76,13 +79,13 @@ impl Objects {
     }
 
     /// Makes a descriptor set for each list of buffers, which are in the order of the kernels' bindings.
-    pub(crate) fn sets(&self, bound: &[impl AsRef<[BufferRange]>]) -> Result<Sets> {
+    pub fn sets(&self, bound: &[impl AsRef<[BufferRange]>]) -> Result<Sets> {
         Sets::new(&self.device, self.set_layout, &self.bindings, self.kernel, bound)
     }
 
     /// Makes a render pass without attachments and its framebuffer, which suffice for rasterizer discard in core Vulkan
     /// 1.0.
-    pub(crate) fn add_empty_render_pass(&mut self) -> Result<()> {
+    pub fn add_empty_render_pass(&mut self) -> Result<()> {
         let subpasses = [vk::SubpassDescription::default().pipeline_bind_point(vk::PipelineBindPoint::GRAPHICS)];
         let info = vk::RenderPassCreateInfo::default().subpasses(&subpasses);
         // SAFETY: the device is alive; one subpass without attachments.
@@ -96,7 +99,7 @@ impl Objects {
     }
 
     /// Makes a compute pipeline of a module for each list of specialization constants 0, 1, …
-    pub(crate) fn add_compute(&mut self, module: &Module, constants: &[&[u32]]) -> Result<()> {
+    pub fn add_compute(&mut self, module: &Module, constants: &[&[u32]]) -> Result<()> {
         let most = constants.iter().map(|constants| constants.len()).max().unwrap_or(0) as u32;
         let entries: Vec<_> =
             (0..most).map(|id| vk::SpecializationMapEntry { constant_id: id, offset: 4 * id, size: 4 }).collect();
@@ -128,7 +131,7 @@ impl Objects {
 
     /// Makes a pipeline of a vertex module with rasterizer discard. It draws lines, since points without gl_PointSize
     /// are not valid, and with it are slow on software devices.
-    pub(crate) fn add_discarding_vertex(
+    pub fn add_discarding_vertex(
         &mut self,
         module: &Module,
         bindings: &[vk::VertexInputBindingDescription],
@@ -173,7 +176,7 @@ impl Objects {
     ///
     /// # Safety
     /// `cmd` is in the recording state on this device, outside a render pass.
-    pub(crate) unsafe fn begin_render_pass(&self, cmd: vk::CommandBuffer) {
+    pub unsafe fn begin_render_pass(&self, cmd: vk::CommandBuffer) {
         let info = vk::RenderPassBeginInfo::default()
             .render_pass(self.render_pass)
             .framebuffer(self.framebuffer)
@@ -212,7 +215,7 @@ impl Objects {
     ///   that `push` describes; there is a dynamic offset for each binding that takes one, and `push` fits the layout's
     ///   range.
     /// - There are no more workgroups than the device allows; indirect arguments lie within their buffer.
-    pub(crate) unsafe fn dispatch(
+    pub unsafe fn dispatch(
         &self,
         cmd: vk::CommandBuffer,
         pipeline: usize,
@@ -236,7 +239,7 @@ impl Objects {
 
 /// Workgroups of a dispatch.
 #[derive(Clone, Copy)]
-pub(crate) enum Workgroups {
+pub enum Workgroups {
     /// This number, in two dimensions.
     Of([u32; 2]),
     /// The number in the indirect arguments at this offset when the dispatch runs.

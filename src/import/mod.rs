@@ -7,7 +7,6 @@ pub mod csv;
 #[cfg(feature = "gltf")]
 pub mod gltf;
 pub mod obj;
-pub mod sample;
 
 use crate::asset::MorphSource;
 use crate::error::{Error, Result};

@@ -11,9 +11,9 @@
 //!
 //! ```
 //! use deltamorph::lod::{Importance, Level, LevelDesc, pixels_per_unit};
-//! use deltamorph::{DeltaFormat, PackDesc, PackedMesh, Tolerance, import::sample};
+//! use deltamorph::{DeltaFormat, PackDesc, PackedMesh, Tolerance};
 //!
-//! let head = sample::head(&sample::HeadDesc::default().vertices(500)).to_mesh(Tolerance::default())?;
+//! let head = deltamorph_head::head(&deltamorph_head::HeadDesc::default().vertices(500)).to_mesh(Tolerance::default())?;
 //! let mesh = PackedMesh::pack(&head, &PackDesc::new(DeltaFormat::Fast))?;
 //! let importance = Importance::of_packed(&mesh, &["eyeBlink"])?;
 //! let mut level = Level::new(LevelDesc::default().pixels(1.0));

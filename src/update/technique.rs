@@ -93,7 +93,7 @@ pub trait Technique: Any + Send + Sync {
     }
 
     /// Sums of integers beside the poses of an instance: buffer and offset.
-    #[cfg_attr(not(feature = "headless"), allow(dead_code, reason = "read back by headless alone"))]
+    #[cfg_attr(not(feature = "internals"), allow(dead_code, reason = "read back by tests alone"))]
     fn sums(&self, _instance: u32) -> Option<(vk::Buffer, u64)> {
         None
     }

@@ -31,7 +31,7 @@ pub fn normalise_weights(weights: &mut [f32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::Rng;
+    use deltamorph_head::Rng;
 
     /// Base and targets, as whole meshes of a few numbers.
     fn meshes(rng: &mut Rng, targets: usize) -> Vec<Vec<f64>> {

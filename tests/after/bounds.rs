@@ -8,8 +8,6 @@ use crate::step::barriers_around_step;
 use crate::written::Written;
 use deltamorph::after::{BoundsTarget, WeightBounds};
 use deltamorph::ash::vk;
-use deltamorph::headless::HeadlessCrowd;
-use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::import::{csv, obj};
 use deltamorph::internals::plan::hazards::Memory;
 use deltamorph::internals::plan::steps::Resource;
@@ -17,6 +15,8 @@ use deltamorph::reference::evaluate;
 use deltamorph::{
     BatchSize, Consumers, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
 };
+use deltamorph_head::{HeadDesc, head};
+use deltamorph_headless::HeadlessCrowd;
 use std::time::Instant;
 
 /// Least and greatest coordinates of a pose of six numbers a vertex.

@@ -5,8 +5,6 @@ use crate::gpu;
 use crate::offscreen::Offscreen;
 use crate::written::{Written, barriers_needed};
 use deltamorph::ash::vk;
-use deltamorph::headless::{Headless, HeadlessCrowd};
-use deltamorph::import::sample::{HeadDesc, head, head_clip};
 use deltamorph::internals::plan::hazards::{Event, HazardChecker, Memory, Violation};
 use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::internals::plan::steps::Resource;
@@ -14,6 +12,8 @@ use deltamorph::{
     AnimationDesc, Consumers, CpuCrowd, CrowdDesc, DecodeTarget, DeltaFormat, PackedMesh, Playback, PoseFormat,
     Tolerance, UpdateDesc, UpdatePath,
 };
+use deltamorph_head::{HeadDesc, head, head_clip};
+use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::slice::from_mut;
 use std::sync::Arc;
 

@@ -9,12 +9,12 @@ use crate::skinned::Playing;
 use crate::written::Written;
 use deltamorph::after::{SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::vk;
-use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::import::gltf::{self, Animation, Channel, Gltf, Property};
 use deltamorph::reference::{self, compare, evaluate_unpacked};
 use deltamorph::{
     BatchSize, Consumers, CrowdDesc, DeltaFormat, MorphMesh, PoseFormat, Semantic, Tolerance, UpdateDesc, UpdatePath,
 };
+use deltamorph_headless::{Headless, HeadlessCrowd};
 use glam::{DMat4, DQuat, DVec3};
 use std::io::Write;
 use std::path::{Path, PathBuf};

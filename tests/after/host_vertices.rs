@@ -4,13 +4,13 @@
 use crate::gpu;
 use crate::offscreen::{Offscreen, Shared};
 use deltamorph::ash::vk;
-use deltamorph::headless::{Headless, HeadlessCrowd};
-use deltamorph::import::sample::{HeadDesc, head, head_clip};
 use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, AnyCrowd, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCaps, HostPoses,
     PackedMesh, Playback, PoseFormat, Semantic, StreamView, Tolerance, UpdateDesc, VertexLayout, testing,
 };
+use deltamorph_head::{HeadDesc, head, head_clip};
+use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::slice::from_mut;
 use std::sync::Arc;
 

@@ -8,8 +8,6 @@ use crate::step::barriers_around_step;
 use crate::written::Written;
 use deltamorph::after::{GpuNormals, NormalsDesc, NormalsTarget};
 use deltamorph::ash::vk;
-use deltamorph::headless::{Headless, HeadlessCrowd};
-use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::import::{csv, obj};
 use deltamorph::internals::plan::hazards::Memory;
 use deltamorph::internals::plan::steps::Resource;
@@ -17,6 +15,8 @@ use deltamorph::reference::{angle_degrees, evaluate_unpacked, normals};
 use deltamorph::{
     BatchSize, Consumers, CrowdDesc, DeltaFormat, MorphMesh, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
 };
+use deltamorph_head::{HeadDesc, head};
+use deltamorph_headless::{Headless, HeadlessCrowd};
 use glam::DVec3;
 
 /// What recomputed normals may be off by, in degrees.

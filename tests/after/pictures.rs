@@ -4,9 +4,9 @@
 use crate::offscreen::Offscreen;
 use crate::{draw, gpu};
 use deltamorph::ash::vk;
-use deltamorph::headless::HeadlessCrowd;
-use deltamorph::import::sample::{HeadDesc, head, head_clip};
 use deltamorph::{CrowdDesc, DeltaFormat, POSE_FLOATS, PoseFormat, Semantic, Tolerance, UpdateDesc, testing};
+use deltamorph_head::{HeadDesc, head, head_clip};
+use deltamorph_headless::HeadlessCrowd;
 
 /// Pixels of an edge, of what is compared.
 const EDGE: usize = 256;

@@ -7,9 +7,6 @@ use crate::offscreen::Offscreen;
 use crate::written::{Written, barriers_needed};
 use deltamorph::after::{GpuSkin, SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::vk;
-use deltamorph::headless::{Headless, HeadlessCrowd};
-use deltamorph::import::sample::{HeadDesc, head, head_clip};
-use deltamorph::internals::Rng;
 use deltamorph::internals::plan::hazards::{Event, HazardChecker, Memory};
 use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::internals::plan::steps::Resource;
@@ -18,6 +15,8 @@ use deltamorph::{
     AnimationDesc, BatchSize, Consumers, CrowdDesc, DeltaFormat, PackedMesh, Playback, PoseFormat, Tolerance,
     UpdateDesc, UpdatePath,
 };
+use deltamorph_head::{HeadDesc, Rng, head, head_clip};
+use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::slice::from_mut;
 use std::sync::Arc;
 

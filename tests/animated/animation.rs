@@ -3,12 +3,12 @@
 use crate::data;
 use crate::gpu;
 use crate::scene::{FIXED, Scene, blocks, clips, crowd, fixed, packed, packed_streams};
-use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::import::{csv, obj};
 use deltamorph::{
     AnimationDesc, CrowdDesc, DeltaFormat, KeyFormat, PackDesc, PackedMesh, Playback, PoseFormat, Repeat, Tolerance,
     UpdateMode, WeightClip, testing,
 };
+use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::sync::Arc;
 
 /// Numbers below `n`, the same everywhere.

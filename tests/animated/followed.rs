@@ -2,9 +2,9 @@
 
 use crate::gpu::on_every_device;
 use crate::scene::{self, Scene};
-use deltamorph::headless::HeadlessCrowd;
 use deltamorph::lod::{Camera, Importance, Level, LevelDesc, Place};
 use deltamorph::{AnimationDesc, DeltaFormat, Playback};
+use deltamorph_headless::HeadlessCrowd;
 use glam::{Mat4, Vec3};
 
 /// The GPU chooses levels itself, from the camera and the places of heads: those of the CPU, goals equal, levels within what

@@ -2,12 +2,12 @@
 
 use crate::gpu;
 use crate::scene::{FIXED, Scene, clips, crowd, fixed, head_desc, packed};
-use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::internals::plan::steps::{Access, Scope};
 use deltamorph::{
     AnimationDesc, BatchSize, DeltaFormat, PackedMesh, Playback, PoseFormat, Repeat, UpdateDesc, UpdatePath,
 };
+use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use std::slice::from_mut;
 use std::sync::Arc;
 

@@ -2,13 +2,13 @@
 
 use crate::gpu::{self, NORMAL, POSITION, on_every_device};
 use crate::scene::{self, Scene};
-use deltamorph::headless::HeadlessCrowd;
 use deltamorph::lod::{Importance, Level, LevelDesc};
 use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
 use deltamorph::{
     AnimationDesc, BatchSize, CpuCrowd, CrowdDesc, DeltaFormat, MorphEngine, PackDesc, PackedMesh, Playback,
     UpdateDesc, UpdateMode, UpdatePath, testing,
 };
+use deltamorph_headless::HeadlessCrowd;
 use std::sync::Arc;
 
 const TARGETS: usize = 12;

@@ -4,9 +4,9 @@ mod blink;
 mod expressions;
 
 use deltamorph::import::obj::{ObjMesh, import_folder, write_obj};
-use deltamorph::import::sample::{HeadDesc, head, head_clip};
 use deltamorph::internals::diagonal;
 use deltamorph::{MorphSource, Tolerance};
+use deltamorph_head::{HeadDesc, head, head_clip};
 use glam::Vec3;
 use std::collections::HashMap;
 

@@ -1,10 +1,10 @@
 //! One table of names: a captured ARKit clip plays on each of the faces, and what does not map is said.
 
 use crate::data;
-use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::import::{ImportDesc, ImportedMesh, csv, open};
 use deltamorph::rig::names::retarget;
 use deltamorph::{MorphSource, WeightClip};
+use deltamorph_head::{HeadDesc, head};
 
 fn mesh(name: &str) -> Option<MorphSource> {
     match open(&data::set(name)?, &ImportDesc::default()).unwrap().mesh {

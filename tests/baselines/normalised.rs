@@ -1,9 +1,9 @@
 //! Normalised blending on the device: poses of weights of absolute poses are those of A. Gerdelan's formula, in float64.
 
 use crate::gpu::{on_every_device, packed, update_descs};
-use deltamorph::headless::HeadlessCrowd;
-use deltamorph::internals::Rng;
 use deltamorph::{CrowdDesc, DeltaFormat, MorphMesh, POSE_FLOATS, normalise_weights, testing};
+use deltamorph_head::Rng;
+use deltamorph_headless::HeadlessCrowd;
 
 /// Base and targets as whole meshes, as OBJ files of a folder state them: position and normal of each vertex.
 fn whole_meshes(mesh: &MorphMesh) -> Vec<Vec<f64>> {

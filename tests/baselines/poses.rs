@@ -3,13 +3,13 @@
 use crate::baselines::{can_read, descs, for_every_desc, history, keep_supported};
 use crate::data;
 use crate::gpu::{self, NORMAL, POSITION, in_eight_chunks, on_every_device, packed, single};
-use deltamorph::headless::{Headless, HeadlessCrowd, PoseUpload};
 use deltamorph::import::{csv, obj};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
     BatchSize, CpuCrowd, DeltaFormat, MorphEngine, MorphMesh, PackedMesh, PoseFormat, Tolerance, UpdateDesc,
     UpdateMode, UpdatePath, testing,
 };
+use deltamorph_headless::{Headless, HeadlessCrowd, PoseUpload};
 use std::sync::Arc;
 
 /// Play a history and compare every pose and previous pose with the reference.

@@ -2,12 +2,12 @@
 
 use crate::baselines::{can_read, for_every_desc, history};
 use crate::gpu::{self, NORMAL, POSITION, hazards, on_every_device, packed, single};
-use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use deltamorph::internals::plan::Source;
 use deltamorph::internals::plan::hazards::Event;
 use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{BatchSize, DeltaFormat, PackedMesh, PoseFormat, UpdateDesc, UpdateMode, UpdatePath, testing};
+use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use std::slice::from_mut;
 
 /// Synchronization validation sees the same fault in the real command buffer; but not, in 1.3.239, between atomics and

@@ -7,7 +7,6 @@
 
 use deltamorph::after::{BoundsTarget, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::{self, vk};
-use deltamorph::import::sample::{HeadDesc, head, head_clip};
 use deltamorph::internals::abi::modules::MODULES;
 use deltamorph::internals::abi::worklist::TILE;
 use deltamorph::lod::{Importance, LevelDesc};
@@ -15,6 +14,7 @@ use deltamorph::{
     AnimationDesc, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCaps, DeviceDesc, DeviceTuning,
     MorphEngine, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
 };
+use deltamorph_head::{HeadDesc, head, head_clip};
 use std::sync::Mutex;
 
 /// A pipeline: its module's name under spirv/, and specialization constants 0, 1, …

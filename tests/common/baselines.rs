@@ -2,8 +2,8 @@
 #![allow(dead_code)] // each test file uses some of this
 
 use crate::gpu;
-use deltamorph::headless::Headless;
 use deltamorph::{BatchSize, DeltaFormat, MorphEngine, MorphMesh, PackedMesh, UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph_headless::Headless;
 
 /// Pack `mesh` in each format that baselines take, and run `test` with every description that the device can run.
 pub fn for_every_desc(engine: &MorphEngine, mesh: &MorphMesh, mut test: impl FnMut(&PackedMesh, UpdateDesc)) {

@@ -1,7 +1,6 @@
 //! The real drivers that every GPU test runs on, with the validation layers on.
 #![allow(dead_code)] // each test file uses some of this
 
-use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
 use deltamorph::internals::plan::hazards::{Event, HazardChecker, Violation};
 use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::reference::evaluate_group;
@@ -9,6 +8,7 @@ use deltamorph::{
     BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, MorphMesh, POSE_FLOATS, PackDesc, PackedGroup,
     PackedMesh, PoseError, PoseFormat, PoseGrid, UpdateDesc, UpdatePath,
 };
+use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
 
 /// What the project promises after whole clips: positions within this share of the diagonal…
 pub const POSITION: f64 = 3e-6;

@@ -3,8 +3,8 @@
 use crate::offscreen::{Offscreen, Shared};
 use deltamorph::after::SkinMethod;
 use deltamorph::ash::vk;
-use deltamorph::headless::Headless;
-use deltamorph::internals::Rng;
+use deltamorph_head::Rng;
+use deltamorph_headless::Headless;
 
 pub const JOINTS: u32 = 23;
 /// The joint that is mirrored.

@@ -3,8 +3,8 @@
 use crate::offscreen::Offscreen;
 pub use crate::offscreen::Shared;
 use deltamorph::ash::vk;
-use deltamorph::headless::Headless;
 use deltamorph::{PoseFormat, PoseView};
+use deltamorph_headless::Headless;
 use glam::Mat4;
 use std::ops::Deref;
 

@@ -1,8 +1,6 @@
 //! A crowd that is animated on the GPU and its CPU reference: both get the same calls, and what they plan is compared.
 #![allow(dead_code)] // each test file uses some of this
 
-use deltamorph::headless::{Headless, HeadlessCrowd, PlannedGroup};
-use deltamorph::import::sample::{HeadDesc, head, head_clip};
 use deltamorph::internals::abi::worklist::{TILE, TILE_WORDS, row_words};
 use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::internals::update::animated::{AnimatedReference, HeadRecord, Playbacks};
@@ -13,6 +11,8 @@ use deltamorph::{
     AnimatedCrowd, AnimationDesc, BlockDesc, Clips, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, Playback,
     PoseFormat, PoseGrid, Tolerance, UpdateDesc, UpdateMode, UpdatePath, WeightClip, testing,
 };
+use deltamorph_head::{HeadDesc, head, head_clip};
+use deltamorph_headless::{Headless, HeadlessCrowd, PlannedGroup};
 use std::collections::{BTreeMap, BTreeSet};
 use std::slice::from_mut;
 use std::sync::Arc;

@@ -3,9 +3,9 @@
 use crate::gpu;
 use crate::written::barriers_needed;
 use deltamorph::PackedMesh;
-use deltamorph::headless::HeadlessCrowd;
 use deltamorph::internals::plan::hazards::{Event, HazardChecker, Memory};
 use deltamorph::internals::plan::schedule::asset_uploaded;
+use deltamorph_headless::HeadlessCrowd;
 use std::slice::from_mut;
 
 /// Updates a crowd of one five times, and has `set` give it a target before the second one. How many barriers of the updates

@@ -2,8 +2,8 @@
 
 use crate::offscreen::{Offscreen, Shared};
 use deltamorph::ash::vk;
-use deltamorph::headless::Headless;
 use deltamorph::internals::plan::hazards::Event;
+use deltamorph_headless::Headless;
 
 /// What is in a buffer where nothing was written: no number of a pose.
 const POISON: u32 = 0xffff_ffff;

@@ -4,10 +4,10 @@ use crate::gpu::{drivers, on_device, packed};
 use deltamorph::ash::{self, vk};
 use deltamorph::gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use deltamorph::gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
-use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
 use deltamorph::{
     BatchSize, CrowdDesc, DeltaFormat, DeviceDesc, MorphEngine, SharedAllocator, UpdateDesc, UpdatePath, testing,
 };
+use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
 use std::any::Any;
 use std::sync::{Arc, Mutex};
 

@@ -1,9 +1,9 @@
 //! Crowds while they run: heads are hidden and shown, removed and added; tiles of any width; several descriptor ranges.
 
 use crate::gpu::{self, on_every_device};
-use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::reference::compare;
 use deltamorph::{BatchSize, CrowdDesc, DeltaFormat, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing};
+use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::cell::RefCell;
 use std::slice::from_mut;
 

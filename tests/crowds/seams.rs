@@ -4,13 +4,13 @@
 use crate::gpu;
 use crate::picture::{EDGE, Picture, Triangles};
 use deltamorph::ash::vk;
-use deltamorph::headless::{Headless, HeadlessCrowd};
-use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::reference::{evaluate, evaluate_group};
 use deltamorph::{
     BLOCK_SIZES, BatchSize, BlockDesc, Corner, CpuCrowd, DeltaFormat, MorphMesh, MorphSource, POSE_FLOATS, PackDesc,
     PackedMesh, PoseFormat, Semantic, StreamData, StreamDeltas, Tolerance, UpdateDesc, UpdatePath,
 };
+use deltamorph_head::{HeadDesc, head};
+use deltamorph_headless::{Headless, HeadlessCrowd};
 use glam::{Mat4, Quat, Vec2, Vec3};
 use std::collections::HashMap;
 use std::sync::Arc;

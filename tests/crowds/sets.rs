@@ -7,7 +7,6 @@ use crate::offscreen::Offscreen;
 use crate::written::Written;
 use deltamorph::after::{BoundsTarget, SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::vk;
-use deltamorph::headless::Headless;
 use deltamorph::import::{csv, obj};
 use deltamorph::internals::plan::hazards::Event;
 use deltamorph::reference::{self, compare, evaluate};
@@ -15,6 +14,7 @@ use deltamorph::{
     BatchSize, Crowd, CrowdDesc, CrowdSet, DeltaFormat, Faces, MorphEngine, MorphMesh, MorphTarget, PackedMesh,
     Tolerance, UpdateDesc, UpdatePath, testing,
 };
+use deltamorph_headless::Headless;
 use std::collections::HashMap;
 
 fn crowd(headless: &Headless, engine: &MorphEngine, mesh: &PackedMesh, desc: &CrowdDesc) -> Crowd {

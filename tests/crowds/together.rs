@@ -3,7 +3,6 @@
 use crate::gpu::{self, on_every_device, update_descs, weights};
 use crate::picture::Picture;
 use deltamorph::ash::vk::BufferUsageFlags;
-use deltamorph::headless::{HeadlessCrowd, Step};
 use deltamorph::internals::plan::hazards::{Event, HazardChecker};
 use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::reference::compare;
@@ -11,6 +10,7 @@ use deltamorph::{
     AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DeltaFormat, PackedMesh, Playback, UpdateDesc, UpdatePath,
     WeightClip, testing,
 };
+use deltamorph_headless::{HeadlessCrowd, Step};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 #[test]

@@ -1,12 +1,12 @@
 //! A host that takes deltamorph with its default features: `cargo test --package deltamorph-lean`.
 #![cfg(test)]
 
-use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
     BatchSize, CpuCrowd, Crowd, DeltaFormat, GpuMesh, MorphEngine, MorphMesh, PackDesc, PackedMesh, Tolerance,
     UpdateDesc, UpdatePath,
 };
+use deltamorph_head::{HeadDesc, head};
 use std::sync::Arc;
 
 /// Hosts load on one thread and record on another.

@@ -3,8 +3,6 @@
 use crate::{Counts, gpu};
 use deltamorph::ash::vk;
 use deltamorph::glam::Vec3;
-use deltamorph::headless::Headless;
-use deltamorph::internals::Rng;
 use deltamorph::internals::update::animated::{AnimatedReference, HeadRecord, Playbacks};
 use deltamorph::lod::{Camera, Importance, LevelDesc, Place};
 use deltamorph::reference::compare;
@@ -13,6 +11,8 @@ use deltamorph::{
     PackDesc, PackedMesh, Playback, PoseGrid, PoseView, Repeat, Result, UpdateDesc, UpdateMode, UpdatePath, WeightClip,
     testing,
 };
+use deltamorph_head::Rng;
+use deltamorph_headless::Headless;
 use std::hash::{DefaultHasher, Hasher};
 use std::sync::Arc;
 

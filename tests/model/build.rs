@@ -3,7 +3,7 @@
 use std::path::Path;
 
 const SOURCES: [(&str, &str); 2] =
-    [("turn.rs", "../../src/headless/turn.rs"), ("handles.rs", "../../capi/src/handles.rs")];
+    [("turn.rs", "../../headless/src/turn.rs"), ("handles.rs", "../../capi/src/handles.rs")];
 
 fn main() {
     let out = std::env::var_os("OUT_DIR").expect("cargo sets it");

@@ -5,7 +5,6 @@ use deltamorph::after::{
     BoundsTarget, GpuNormals, GpuSkin, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget, WeightBounds,
 };
 use deltamorph::ash::vk;
-use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
 use deltamorph::import::{csv, obj};
 use deltamorph::reference::{self, evaluate};
 use deltamorph::{
@@ -13,6 +12,7 @@ use deltamorph::{
     GpuMesh, HostPoses, MorphEngine, MorphMesh, MorphSource, PackDesc, PackedMesh, PoseFormat, Result, Semantic,
     StreamData, StreamDeltas, Tolerance, UpdateDesc, UpdatePath, VertexLayout, WeightClip, testing,
 };
+use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
 use std::sync::Arc;
 
 fn says<T>(result: Result<T>, words: &str) {
@@ -26,8 +26,7 @@ fn packed(format: DeltaFormat) -> PackedMesh {
 
 #[test]
 fn what_is_no_mesh_is_refused() {
-    let good =
-        deltamorph::import::sample::head(&deltamorph::import::sample::HeadDesc::default().vertices(200).targets(2));
+    let good = deltamorph_head::head(&deltamorph_head::HeadDesc::default().vertices(200).targets(2));
     let refused = |change: &dyn Fn(&mut MorphSource), words: &str| {
         let mut source = good.clone();
         change(&mut source);

@@ -1,12 +1,12 @@
 //! Planted faults: the harness has to catch each, or it proves nothing.
 
 use crate::gpu::{self, hazards, on_every_device, single, update_descs, weights};
-use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use deltamorph::internals::plan::Source;
 use deltamorph::internals::plan::hazards::Event;
 use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{BatchSize, DeltaFormat, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing};
+use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use std::slice::from_mut;
 
 fn packed(engine: &MorphEngine, format: DeltaFormat) -> PackedMesh {

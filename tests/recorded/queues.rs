@@ -4,7 +4,6 @@
 use crate::gpu::{self, NORMAL, baseline, caps, drivers, is_kept, limited, on_device_within, weights};
 use crate::offscreen::{Offscreen, Shared};
 use deltamorph::ash::{self, vk};
-use deltamorph::headless::Headless;
 use deltamorph::internals::plan::hazards::{Event, HazardChecker};
 use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::internals::plan::steps::Stage;
@@ -13,6 +12,7 @@ use deltamorph::{
     AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, GpuMesh, MorphEngine,
     PackedMesh, Playback, PoseFormat, PoseView, UpdateDesc, UpdatePath, WeightClip, testing,
 };
+use deltamorph_headless::Headless;
 
 const FRAMES: usize = 6;
 const INSTANCES: u32 = 2;

@@ -2,9 +2,9 @@
 
 use crate::gpu::{self, on_every_device, single, update_descs, weights};
 use deltamorph::ash::{self, vk};
-use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use deltamorph::reference::compare;
 use deltamorph::{CrowdDesc, DeltaFormat, DeviceDesc, MorphEngine, PackedMesh, PoseError, UpdateDesc, testing};
+use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use std::sync::Mutex;
 
 /// Run `test` for every path and batch size of every device, on a fresh crowd that has shown two frames.

@@ -5,12 +5,12 @@ use crate::gpu::{self, drivers, on_device};
 use crate::offscreen::Offscreen;
 use deltamorph::after::{GpuSkin, SkinDesc, SkinTarget};
 use deltamorph::ash::vk;
-use deltamorph::headless::{Headless, HeadlessCrowd};
-use deltamorph::internals::Rng;
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DeltaFormat, PackedMesh, Playback, UpdateDesc,
     UpdatePath, WeightClip, testing,
 };
+use deltamorph_head::Rng;
+use deltamorph_headless::{Headless, HeadlessCrowd};
 
 const INSTANCES: u32 = 3;
 /// Updates that wait to be submitted, at most: as many as may be discarded at once.

@@ -1,12 +1,12 @@
 //! What safe code may do without harm: threads, tickets, recorded updates, steps that fail, and how much memory is taken.
 
 use crate::gpu::{self, drivers, on_every_device, single, update_descs, weights};
-use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
 use deltamorph::{
     BatchSize, BlockDesc, CpuCrowd, Crowd, DeltaFormat, ErrorKind, GpuMesh, MorphEngine, MorphSource, PackDesc,
     PackedMesh, PoseFormat, SourceTarget, Tolerance, UpdateDesc, UpdatePath, testing,
 };
+use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use std::slice::from_mut;
 use std::sync::Arc;
 

@@ -2,13 +2,13 @@
 
 use crate::data;
 use crate::gpu;
-use deltamorph::headless::HeadlessCrowd;
 use deltamorph::import::{csv, obj};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
     BatchSize, CpuCrowd, DeltaFormat, MorphMesh, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
     UpdateStats,
 };
+use deltamorph_headless::HeadlessCrowd;
 use std::path::Path;
 use std::sync::Arc;
 

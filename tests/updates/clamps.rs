@@ -7,13 +7,13 @@ use crate::written::Written;
 use deltamorph::after::{BoundsTarget, NormalsDesc, NormalsTarget, SkinDesc, SkinTarget};
 use deltamorph::ash::{self, vk};
 use deltamorph::glam::DVec3;
-use deltamorph::headless::{DeviceChoice, Headless, HeadlessDesc};
-use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::reference::compare;
 use deltamorph::{
     BatchSize, Consumers, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCaps, DeviceDesc, MorphEngine, MorphMesh,
     PackedLayout, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
 };
+use deltamorph_head::{HeadDesc, head};
+use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
 use std::ffi::{CStr, c_void};
 use std::sync::{Mutex, MutexGuard};
 

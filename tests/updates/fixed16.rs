@@ -2,13 +2,13 @@
 
 use crate::data;
 use crate::gpu;
-use deltamorph::headless::HeadlessCrowd;
 use deltamorph::import::{csv, obj};
 use deltamorph::reference::{angle_degrees, evaluate};
 use deltamorph::{
     BlockDesc, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, MorphMesh, MorphTarget, PackDesc, PackedMesh, PoseFormat,
     Tolerance, UpdateDesc, UpdatePath, testing,
 };
+use deltamorph_headless::HeadlessCrowd;
 use glam::DVec3;
 use std::sync::Arc;
 

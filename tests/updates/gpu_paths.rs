@@ -1,12 +1,12 @@
 //! Every GPU path, batch size and format against the float64 reference, on real drivers.
 
 use crate::gpu::{self, NORMAL, POSITION, in_eight_chunks, is_kept, on_every_device, single, update_descs, weights};
-use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::reference::compare;
 use deltamorph::{
     CpuCrowd, DeltaFormat, DeviceCaps, MorphEngine, PackDesc, PackedMesh, TransformFeedbackCaps, UpdateDesc,
     UpdateMode, UpdatePath, testing,
 };
+use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::slice::from_mut;
 
 fn packed(engine: &MorphEngine, vertices: usize, targets: usize, format: DeltaFormat) -> PackedMesh {

@@ -3,15 +3,14 @@
 
 use crate::data;
 use crate::gpu;
-use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::import::obj;
-use deltamorph::import::sample::{HeadDesc, head};
-use deltamorph::internals::Rng;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
     BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdateMode,
     UpdatePath, testing,
 };
+use deltamorph_head::{HeadDesc, Rng, head};
+use deltamorph_headless::{Headless, HeadlessCrowd};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
 use std::sync::Arc;

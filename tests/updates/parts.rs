@@ -3,12 +3,12 @@
 
 use crate::gpu::{complaints, drivers};
 use crate::scene::{Scene, crowd, fixed};
-use deltamorph::headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
     AnimationDesc, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, MorphMesh, PackDesc, PackedMesh, Playback,
     PoseFormat, UpdateDesc, UpdateMode, WeightClip, testing,
 };
+use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 

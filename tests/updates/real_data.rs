@@ -2,13 +2,13 @@
 
 use crate::data;
 use crate::gpu;
-use deltamorph::headless::HeadlessCrowd;
 use deltamorph::import::{csv, obj};
 use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
 use deltamorph::{
     Asset, BatchSize, CpuCrowd, DeltaFormat, MorphMesh, MorphSource, PackDesc, PackedMesh, PoseError, Tolerance,
     UpdateDesc, UpdatePath,
 };
+use deltamorph_headless::HeadlessCrowd;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};

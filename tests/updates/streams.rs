@@ -2,13 +2,13 @@
 //! drivers and on the CPU, against the float64 reference.
 
 use crate::gpu::{self, NORMAL, POSITION, on_every_device, update_descs, weights};
-use deltamorph::headless::{Headless, HeadlessCrowd};
 use deltamorph::internals::plan::hazards::{Event, HazardChecker};
 use deltamorph::reference::compare_group;
 use deltamorph::{
     BatchSize, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, MorphEngine, MorphSource, PackDesc, PackedGroup, PackedMesh,
     Semantic, SourceTarget, Tolerance, UpdateDesc, UpdatePath, testing,
 };
+use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::slice::from_mut;
 use std::sync::Arc;
 

@@ -1,8 +1,8 @@
 //! Values of the command line: what they may be, and how they are spelled.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use deltamorph::headless::DeviceChoice;
 use deltamorph::{BatchSize, DeltaFormat, UpdateMode, UpdatePath};
+use deltamorph_headless::DeviceChoice;
 use std::collections::BTreeSet;
 
 /// Largest number of targets of the built-in head.

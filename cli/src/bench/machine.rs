@@ -6,7 +6,7 @@ use crate::input::Input;
 use crate::output::{Failure, Output};
 use crate::runner::{self, Gpu};
 use deltamorph::DeltaFormat;
-use deltamorph::headless::{DeviceChoice, Headless};
+use deltamorph_headless::{DeviceChoice, Headless};
 use rayon::prelude::*;
 use std::hint::black_box;
 use std::time::Instant;

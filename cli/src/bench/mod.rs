@@ -22,7 +22,7 @@ use crate::args::bench::BenchArgs;
 use crate::input;
 use crate::output::{Failure, Output};
 use crate::table::count;
-use deltamorph::headless::DeviceChoice;
+use deltamorph_headless::DeviceChoice;
 use record::Report;
 use report::{sentences, tables};
 

@@ -8,7 +8,7 @@ use super::trial::Candidate;
 use crate::args::bench::BenchArgs;
 use crate::input::Input;
 use crate::output::{Failure, Output};
-use deltamorph::headless::DeviceChoice;
+use deltamorph_headless::DeviceChoice;
 use indicatif::ProgressBar;
 
 /// The machine, and what was found on it so far.

@@ -13,8 +13,8 @@ use crate::args::distinct_or;
 use crate::args::values::{BatchSpec, expand_changed};
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
-use deltamorph::headless::DeviceChoice;
 use deltamorph::{BoundClip, DeltaFormat, PoseFormat, UpdatePath};
+use deltamorph_headless::DeviceChoice;
 
 /// Batch sizes where none are given.
 const FULL_SWEEP: [BatchSpec; 2] = [BatchSpec::Range(1, None), BatchSpec::All];

@@ -8,8 +8,8 @@ use crate::args::lod::Metric;
 use crate::input::Input;
 use crate::output::Failure;
 use deltamorph::BoundClip;
-use deltamorph::internals::Rng;
 use deltamorph::lod::{is_pinned, mean_square};
+use deltamorph_head::Rng;
 use rayon::prelude::*;
 
 /// Measures on a mesh and its clips.

@@ -1,10 +1,10 @@
 use super::geometry::{Loss, Tree, hausdorff};
 use super::order::{Order, kendall, spearman};
 use super::picture::{Pixels, mean_square as picture_mse, perceptual, ssim};
-use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::lod::mean_square;
 use deltamorph::reference::evaluate_unpacked;
 use deltamorph::{MorphMesh, Tolerance, WeightClip};
+use deltamorph_head::{HeadDesc, head};
 use glam::Vec3;
 
 /// A small head whose first target moves every vertex by `shift`, and whose second does so twice as far.
@@ -89,7 +89,7 @@ fn losses_are_those_of_poses_evaluated_in_float64() {
 fn equal_pictures_are_equal_to_every_metric_and_known_differences_are_found() {
     let size = [32, 24];
     let noise = |seed: u64| {
-        let mut rng = deltamorph::internals::Rng::new(seed, 0);
+        let mut rng = deltamorph_head::Rng::new(seed, 0);
         Pixels { size, rgb: (0..32 * 24 * 3).map(|_| rng.below(256) as u8).collect() }
     };
     let (a, b) = (noise(1), noise(2));

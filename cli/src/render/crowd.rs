@@ -5,7 +5,7 @@ use super::heat;
 use super::scenery::{Done, Scenery, bounds};
 use crate::args::render::{Heat, Shown};
 use crate::output::Failure;
-use deltamorph::internals::Rng;
+use deltamorph_head::Rng;
 use glam::{Mat4, Vec3};
 use std::path::Path;
 

@@ -15,7 +15,7 @@ use crate::args::render::{Heat, RenderArgs, Shown};
 use crate::input::{self, Input};
 use crate::output::{Failure, Output, With};
 use crate::runner::{Stage, open};
-use deltamorph::headless::DeviceChoice;
+use deltamorph_headless::DeviceChoice;
 use easel::Easel;
 use glam::Mat4;
 use scenery::{Done, SIZE, Scenery, Subject};

@@ -3,8 +3,8 @@
 use crate::output::Failure;
 use ash_window::{create_surface, enumerate_required_extensions};
 use deltamorph::ash::{self, ext, khr, vk};
-use deltamorph::headless::{self, DeviceChoice};
 use deltamorph::{DeviceCaps, DeviceDesc, Error, ErrorKind, MorphEngine};
+use deltamorph_headless::{self as headless, DeviceChoice};
 use std::ffi::{CStr, c_char, c_void};
 use std::ptr::null_mut;
 use std::slice::from_ref;

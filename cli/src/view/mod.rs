@@ -23,7 +23,7 @@ use crate::args::view::ViewArgs;
 use crate::input;
 use crate::output::{Failure, Output};
 use command::Step;
-use deltamorph::headless::DeviceChoice;
+use deltamorph_headless::DeviceChoice;
 use std::path::Path;
 
 pub fn run(args: &ViewArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {

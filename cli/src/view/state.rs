@@ -8,7 +8,7 @@ use crate::detail::Detail;
 use crate::input::{self, Input, Meshes};
 use crate::output::{Failure, Output};
 use deltamorph::BoundClip;
-use deltamorph::internals::Rng;
+use deltamorph_head::Rng;
 use std::path::{Path, PathBuf};
 
 /// Weights that `random` sets.

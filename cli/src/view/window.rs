@@ -5,7 +5,7 @@ use super::stage::Stage;
 use super::state::{Effect, State};
 use crate::args::view::ViewArgs;
 use crate::output::{Failure, Output, write_file};
-use deltamorph::headless::DeviceChoice;
+use deltamorph_headless::DeviceChoice;
 use std::collections::VecDeque;
 use std::fmt::Display;
 use std::path::PathBuf;

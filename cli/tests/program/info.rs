@@ -86,8 +86,8 @@ fn a_rate_that_is_given_beats_that_of_the_file_name() {
 
 #[test]
 fn streams_of_a_packed_file_are_listed() {
-    use deltamorph::import::sample::{HeadDesc, head};
     use deltamorph::{Asset, DeltaFormat, PackDesc, Tolerance};
+    use deltamorph_head::{HeadDesc, head};
     let folder = tempfile::tempdir().unwrap();
     let mut mesh = head(&HeadDesc::default().vertices(1200).targets(12)).to_mesh(Tolerance::default()).unwrap();
     for (name, streams) in [("plain", &[][..]), ("masks", &["wrinkle mask"])] {

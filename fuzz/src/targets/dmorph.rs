@@ -2,8 +2,8 @@
 
 use crate::{Memory, Random, Target, bounded, check_error, update};
 use deltamorph::after::WeightBounds;
-use deltamorph::import::sample::{HeadDesc, head};
 use deltamorph::{Asset, BatchSize, DeltaFormat, PackDesc, Tolerance, UpdateDesc, UpdatePath, testing};
+use deltamorph_head::{HeadDesc, head};
 use std::path::Path;
 use std::sync::Arc;
 

@@ -1,12 +1,12 @@
 //! A camera that moves away from a wall of heads and back, with and without a level of detail: what changes in the pictures
 //! because of it, and what updates move.
 
-use deltamorph::headless::Headless;
-use deltamorph::import::sample::{HeadDesc, head, head_clip};
 use deltamorph::lod::{Importance, Level, LevelDesc, pixels_per_unit};
 use deltamorph::{
     BatchSize, CpuCrowd, DeltaFormat, PackDesc, PackedMesh, Result, Tolerance, UpdateDesc, UpdateMode, UpdatePath,
 };
+use deltamorph_head::{HeadDesc, head, head_clip};
+use deltamorph_headless::Headless;
 use deltamorph_render::{Camera, Light, Picture, Poses, Scene, Show, Studio, StudioDesc, View, parts};
 use glam::{Mat4, Vec3};
 use std::sync::Arc;

@@ -167,10 +167,10 @@ fn up(x: f64) -> f32 {
 mod tests {
     use super::*;
     use crate::asset::Tolerance;
-    use crate::import::sample::{HeadDesc, head};
-    use crate::math::Rng;
     use crate::pack::{DeltaFormat, PackDesc, PoseFormat};
     use crate::reference::evaluate;
+    use crate::testing::head;
+    use deltamorph_head::{HeadDesc, Rng};
 
     /// 10^5 random poses of small heads, from a few weights to all, small ones and large ones: none exceeds its bounds, not
     /// by the last bit. Poses of weights that are rounded to a grid keep within those of the weights requested.

@@ -9,9 +9,10 @@ mod written;
 
 use super::*;
 use crate::asset::{Semantic, Tolerance};
-use crate::import::sample::{HeadDesc, head};
 use crate::reference::evaluate_unpacked;
+use crate::testing::head;
 use crate::{BatchSize, CpuCrowd, DeltaFormat, MorphMesh, PackDesc, PackedMesh, UpdateDesc, UpdatePath};
+use deltamorph_head::HeadDesc;
 use glam::Vec3;
 use proptest::prelude::*;
 use serde_json::{Value, json};
@@ -250,7 +251,7 @@ fn a_textured_head_has_no_seam_and_no_crack() {
         let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format)).unwrap());
         let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
         let mut crowd = CpuCrowd::new(packed.clone(), desc, 1, 1).unwrap();
-        let mut random = crate::math::Rng::new(3, 1);
+        let mut random = deltamorph_head::Rng::new(3, 1);
         for _ in 0..20 {
             let weights: Vec<f32> = mesh.targets.iter().map(|_| random.unit()).collect();
             crowd.set_weights(0, &weights).unwrap();

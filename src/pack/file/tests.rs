@@ -7,11 +7,11 @@ use super::*;
 use crate::asset::Corner;
 use crate::cpu::CpuCrowd;
 use crate::import::obj::import_folder;
-use crate::import::sample::{HeadDesc, head as head_of};
 use crate::pack::blocks::{BLOCK_SIZES, BlockDesc};
 use crate::pack::{DeltaFormat, PoseFormat};
 use crate::plan::{BatchSize, UpdateDesc, UpdatePath};
 use crate::testing;
+use deltamorph_head::HeadDesc;
 use glam::Vec3;
 use std::sync::Arc;
 
@@ -164,8 +164,11 @@ fn files_of_older_versions_are_read_as_they_were_packed() {
 
 /// The built-in head, split at its seam.
 fn split_head(format: DeltaFormat) -> (MorphMesh, Asset) {
-    let head = HeadDesc { vertices: 300, targets: 6, sparsity: 0.12, seed: 1, in_betweens: false };
-    let mesh = head_of(&head).split().unwrap().to_mesh(Tolerance::default()).unwrap();
+    let mesh = testing::head(&HeadDesc::default().vertices(300).targets(6))
+        .split()
+        .unwrap()
+        .to_mesh(Tolerance::default())
+        .unwrap();
     let asset = Asset::pack(&mesh, &PackDesc::new(format)).unwrap();
     (mesh, asset)
 }

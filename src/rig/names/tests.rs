@@ -32,8 +32,8 @@ fn the_table_has_the_52_shapes_and_no_name_twice() {
     assert_eq!(units.iter().map(|unit| unit.0).collect::<HashSet<_>>().len(), units.len());
     assert!(units.iter().all(|(_, to, from)| (0.0..=1.0).contains(to) && (0.0..=1.0).contains(from)));
     // The built-in head has the same.
-    let desc = crate::import::sample::HeadDesc::default().vertices(4).targets(52);
-    let head: HashSet<String> = crate::import::sample::head(&desc).targets.into_iter().map(|t| t.name).collect();
+    let desc = deltamorph_head::HeadDesc::default().vertices(4).targets(52);
+    let head: HashSet<String> = deltamorph_head::head(&desc).targets.into_iter().map(|t| t.name).collect();
     assert_eq!(names.into_iter().collect::<HashSet<_>>(), head);
 }
 

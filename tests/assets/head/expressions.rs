@@ -3,7 +3,7 @@
 
 use super::{desc, pieces};
 use deltamorph::MorphSource;
-use deltamorph::import::sample::head;
+use deltamorph_head::head;
 use glam::Vec3;
 use std::collections::{HashMap, HashSet};
 

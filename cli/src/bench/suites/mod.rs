@@ -14,7 +14,7 @@ use crate::args::bench::{BenchArgs, SuiteChoice};
 use crate::input;
 use crate::output::{Failure, Output};
 use deltamorph::PoseFormat;
-use deltamorph::headless::DeviceChoice;
+use deltamorph_headless::DeviceChoice;
 
 /// Run the suites that `args` ask for.
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<Report, Failure> {

@@ -17,9 +17,9 @@ use bevy::render::renderer::RenderDevice;
 use bevy::render::settings::{Backends, InstanceFlags, WgpuSettings};
 use bevy::window::ExitCondition;
 use bevy::winit::WinitPlugin;
-use deltamorph_bevy::deltamorph::import::sample;
 use deltamorph_bevy::deltamorph::{MorphMesh, Tolerance, WeightClip};
 use deltamorph_bevy::{DeltamorphPlugin, DeltamorphSettings};
+use deltamorph_head as sample;
 
 /// Frames until what was set is drawn, and read back: the render world is a frame behind, and so is the GPU.
 const SETTLE: usize = 5;

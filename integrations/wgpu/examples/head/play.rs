@@ -1,9 +1,9 @@
 //! The built-in head, played and drawn, and what came out of it.
 
 use crate::scene::{EDGE, Host, Result, Scene, framed};
-use deltamorph::import::sample as head;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{CrowdDesc, DeltaFormat, PackedMesh, PoseError, PoseFormat, PoseView, Tolerance, UpdateDesc};
+use deltamorph_head as head;
 use deltamorph_wgpu::Morph;
 
 /// What came out, for poses of one format.

@@ -3,8 +3,8 @@
 use crate::common::{Random, assert_right, copy, on_every_adapter, packed, wait};
 use crate::play::decoded;
 use crate::scene::Host;
-use deltamorph::import::sample;
 use deltamorph::{CrowdDesc, DeltaFormat, PackedMesh, Tolerance, UpdateDesc};
+use deltamorph_head as sample;
 use deltamorph_wgpu::{Crowd, Mesh, Morph, Pose};
 use std::any::Any;
 

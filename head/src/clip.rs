@@ -1,8 +1,7 @@
 //! A weight clip like those captured from a performer.
 
-use super::{HeadDesc, smoothstep, targets};
-use crate::math::Rng;
-use crate::weights::WeightClip;
+use super::{HeadDesc, Rng, smoothstep, targets};
+use deltamorph::WeightClip;
 
 /// A capture-like weight clip for the built-in head, with a column for each of its targets.
 ///

@@ -3,7 +3,7 @@
 
 use super::mesh::{Slit, Spot};
 use super::{EYE, EYE_RADIUS, HALF_MOUTH, MOUTH_HEIGHT, cos, mix, sin, smoothstep};
-use glam::{Vec2, Vec3};
+use deltamorph::glam::{Vec2, Vec3};
 
 /// Cross-sections from the crown to the end of the neck: height, half width, front, back, and how much flatter than an
 /// ellipse the front is. The rows of eyes, ears and mouth are among them: see [`Slit::row`].

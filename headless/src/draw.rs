@@ -1,29 +1,24 @@
 //! Draws that read poses: those of a crowd, and those of the path `cpu`, which come from main memory.
 
 use super::Headless;
-use super::submit::Readback;
-use crate::abi::modules::CONSUME;
-use crate::abi::push::ConsumePush;
-use crate::asset::streams::TRIPLES;
-use crate::error::{Error, Result};
-use crate::gpu::barriers;
-use crate::gpu::descriptors::BufferRange;
-use crate::gpu::device::Device;
-use crate::gpu::memory::{Buffer, STAGING};
-use crate::gpu::pipelines::Objects;
-use crate::pack::{DeltaFormat, PackedLayout, PoseFormat};
-use crate::plan::schedule::asset_uploaded;
-use ash::vk;
+use super::submit::{Readback, full_barrier};
 use bytemuck::bytes_of;
-use gpu_allocator::MemoryLocation;
+use deltamorph::ash::vk;
+use deltamorph::gpu_allocator::MemoryLocation;
+use deltamorph::internals::abi::modules::CONSUME;
+use deltamorph::internals::abi::push::ConsumePush;
+use deltamorph::internals::gpu::device::Device;
+use deltamorph::internals::gpu::memory::{Buffer, STAGING};
+use deltamorph::internals::gpu::pipelines::Objects;
+use deltamorph::{DeltaFormat, Error, PackedLayout, PoseFormat, Result};
 use std::sync::Arc;
 use std::time::Instant;
 
 /// A draw that reads poses as vertex attributes and discards every primitive: what reading them costs.
 pub(super) struct PoseDraw {
     objects: Objects,
-    /// The base pose, which integers are displacements from.
-    base: Option<BufferRange>,
+    /// The buffer and offset of the base pose, which integers are displacements from.
+    base: Option<(vk::Buffer, u64)>,
     push: ConsumePush,
 }
 
@@ -32,8 +27,8 @@ impl PoseDraw {
     pub(super) fn new(
         device: &Arc<Device>,
         pose: PoseFormat,
-        units: [f32; TRIPLES],
-        base: Option<BufferRange>,
+        units: [f32; 2],
+        base: Option<(vk::Buffer, u64)>,
     ) -> Result<Self> {
         let mut objects = Objects::none(device);
         objects.add_layout(&[CONSUME.row], 0)?;
@@ -55,8 +50,8 @@ impl PoseDraw {
             self.objects.begin_render_pass(cmd);
             device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.objects.pipelines[0]);
             device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::VERTEX, 0, bytes_of(&self.push));
-            if let Some(base) = self.base {
-                device.cmd_bind_vertex_buffers(cmd, 1, &[base.buffer], &[base.offset]);
+            if let Some((buffer, offset)) = self.base {
+                device.cmd_bind_vertex_buffers(cmd, 1, &[buffer], &[offset]);
             }
             for (buffer, offset) in poses {
                 device.cmd_bind_vertex_buffers(cmd, 0, &[buffer], &[offset]);
@@ -78,7 +73,7 @@ pub struct Uploaded {
     pub bytes_moved: u64,
 }
 
-/// Poses of [`CpuCrowd`](crate::cpu::CpuCrowd) on their way to a device-local vertex buffer, through staging memory.
+/// Poses of [`CpuCrowd`](deltamorph::CpuCrowd) on their way to a device-local vertex buffer, through staging memory.
 pub struct PoseUpload<'a> {
     headless: &'a Headless,
     staging: Buffer,
@@ -100,7 +95,7 @@ impl<'a> PoseUpload<'a> {
         if instances == 0 || bytes == 0 {
             return Err(Error::invalid("an upload of no pose", "leave it out"));
         }
-        let device = &headless.engine.device;
+        let device = headless.engine.device();
         let buffer = |name, usage, location| Buffer::new(device, name, bytes, usage, location);
         let mut staging = buffer("poses to upload", vk::BufferUsageFlags::TRANSFER_SRC, STAGING)?;
         staging.mapped()?;
@@ -108,11 +103,11 @@ impl<'a> PoseUpload<'a> {
             | vk::BufferUsageFlags::TRANSFER_DST
             | vk::BufferUsageFlags::TRANSFER_SRC;
         let poses = buffer("uploaded poses", usage, MemoryLocation::GpuOnly)?;
-        let draw = PoseDraw::new(device, PoseFormat::Float32, [1.0; TRIPLES], None)?;
+        let draw = PoseDraw::new(device, PoseFormat::Float32, [1.0; 2], None)?;
         Ok(Self { headless, staging, poses, draw, pose_bytes, vertices, instances })
     }
 
-    /// Bring the pose of each instance, as [`CpuCrowd::pose`](crate::cpu::CpuCrowd::pose) has it, to the device, ready
+    /// Bring the pose of each instance, as [`CpuCrowd::pose`](deltamorph::CpuCrowd::pose) has it, to the device, ready
     /// for vertex-attribute reads, and wait.
     ///
     /// # Errors
@@ -131,14 +126,10 @@ impl<'a> PoseUpload<'a> {
         let size = (pose_bytes * poses.len()) as u64;
         let (submitter, region) = (&self.headless.submitter, [vk::BufferCopy { src_offset: 0, dst_offset: 0, size }]);
         let ((), [gpu_ms, _]) = submitter.run_timed(|cmd, _| {
-            // SAFETY: the buffer is recording on this device outside a render pass; the region lies within both
-            // buffers, which are alive; nothing is running: each submission is waited for.
-            unsafe {
-                submitter.device.cmd_copy_buffer(cmd, self.staging.raw, self.poses.raw, &region);
-                if let Some(barrier) = asset_uploaded() {
-                    barriers::record(&submitter.device, cmd, &barrier);
-                }
-            }
+            // SAFETY: the buffer is recording on this device; the region lies within both buffers, which are alive;
+            // nothing is running: each submission is waited for.
+            unsafe { submitter.device.cmd_copy_buffer(cmd, self.staging.raw, self.poses.raw, &region) };
+            full_barrier(&submitter.device, cmd, vk::PipelineStageFlags::ALL_COMMANDS);
             Ok(())
         })?;
         let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
@@ -164,6 +155,6 @@ impl<'a> PoseUpload<'a> {
     /// A device that fails.
     pub fn read(&mut self) -> Result<Vec<f32>> {
         let (size, Headless { engine, submitter, .. }) = (self.pose_bytes * u64::from(self.instances), self.headless);
-        Readback::new(&engine.device, size)?.read(submitter, (self.poses.raw, 0, size))
+        Readback::new(engine.device(), size)?.read(submitter, (self.poses.raw, 0, size))
     }
 }

@@ -1,12 +1,11 @@
 //! Record, submit, wait: one command buffer, one fence, three timestamps; and buffers read back.
 
 use super::wait::wait_idle;
-use crate::error::Result;
-use crate::gpu::device::Device;
-use crate::gpu::failed;
-use crate::gpu::memory::Buffer;
-use ash::vk;
-use gpu_allocator::MemoryLocation;
+use deltamorph::ash::{self, vk};
+use deltamorph::gpu_allocator::MemoryLocation;
+use deltamorph::internals::gpu::device::Device;
+use deltamorph::internals::gpu::memory::Buffer;
+use deltamorph::{Error, Result};
 use std::cell::Cell;
 use std::sync::Arc;
 
@@ -35,19 +34,20 @@ impl Submitter {
             .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
         // SAFETY: the device has a queue of this family, and is alive here and below.
         let (queue, pool) = unsafe { (device.get_device_queue(family, 0), device.create_command_pool(&info, None)) };
-        let pool = pool.map_err(failed("vkCreateCommandPool"))?;
+        let pool = pool.map_err(Error::vulkan("vkCreateCommandPool"))?;
         let (cmd, fence) = (Cell::new(None), vk::Fence::null());
         let mask = u64::MAX.checked_shr(64 - timestamp_bits).unwrap_or(0);
         let (tick, queries) = (f64::from(nanoseconds) * 1e-6, None);
         let queue = (queue, family);
         let mut this = Self { device: device.clone(), queue, pool, cmd, fence, queries, mask, tick };
         // SAFETY: as above.
-        this.fence =
-            unsafe { device.create_fence(&vk::FenceCreateInfo::default(), None) }.map_err(failed("vkCreateFence"))?;
+        this.fence = unsafe { device.create_fence(&vk::FenceCreateInfo::default(), None) }
+            .map_err(Error::vulkan("vkCreateFence"))?;
         if timestamp_bits > 0 && nanoseconds > 0.0 {
             let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(3);
             // SAFETY: as above; the queue family has timestamps.
-            let queries = unsafe { device.create_query_pool(&info, None) }.map_err(failed("vkCreateQueryPool"))?;
+            let queries =
+                unsafe { device.create_query_pool(&info, None) }.map_err(Error::vulkan("vkCreateQueryPool"))?;
             this.queries = Some(queries);
         }
         Ok(this)
@@ -58,7 +58,7 @@ impl Submitter {
         let info = vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
         // SAFETY: the pool is ours.
         let made = unsafe { self.device.allocate_command_buffers(&info) };
-        Ok(made.map_err(failed("vkAllocateCommandBuffers"))?[0])
+        Ok(made.map_err(Error::vulkan("vkAllocateCommandBuffers"))?[0])
     }
 
     /// Record a command buffer. Beginning resets it, but not while it is recording: one that a panic left so is not used again.
@@ -69,10 +69,10 @@ impl Submitter {
     ) -> Result<R> {
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the buffer is from our pool, which allows resets, and is not pending: `submit` waits.
-        unsafe { self.device.begin_command_buffer(cmd, &info) }.map_err(failed("vkBeginCommandBuffer"))?;
+        unsafe { self.device.begin_command_buffer(cmd, &info) }.map_err(Error::vulkan("vkBeginCommandBuffer"))?;
         let result = f(cmd);
         // SAFETY: begun above.
-        unsafe { self.device.end_command_buffer(cmd) }.map_err(failed("vkEndCommandBuffer"))?;
+        unsafe { self.device.end_command_buffer(cmd) }.map_err(Error::vulkan("vkEndCommandBuffer"))?;
         result
     }
 
@@ -81,13 +81,13 @@ impl Submitter {
         let info = [vk::SubmitInfo::default().command_buffers(cmds)];
         // SAFETY: the buffers were recorded by us and are not pending; the fence is ours and in no queue.
         unsafe {
-            self.device.reset_fences(&[self.fence]).map_err(failed("vkResetFences"))?;
-            self.device.queue_submit(self.queue.0, &info, self.fence).map_err(failed("vkQueueSubmit"))?;
+            self.device.reset_fences(&[self.fence]).map_err(Error::vulkan("vkResetFences"))?;
+            self.device.queue_submit(self.queue.0, &info, self.fence).map_err(Error::vulkan("vkQueueSubmit"))?;
             match self.device.wait_for_fences(&[self.fence], true, u64::MAX) {
                 Ok(()) => Ok(()),
-                Err(lost @ vk::Result::ERROR_DEVICE_LOST) => Err(failed("vkWaitForFences")(lost)),
+                Err(lost @ vk::Result::ERROR_DEVICE_LOST) => Err(Error::vulkan("vkWaitForFences")(lost)),
                 // A wait may lack memory; whoever called relies on an end, though.
-                Err(_) => wait_idle(&self.device).map_err(failed("vkDeviceWaitIdle")),
+                Err(_) => wait_idle(&self.device).map_err(Error::vulkan("vkDeviceWaitIdle")),
             }
         }
     }

@@ -1,12 +1,13 @@
 //! The targets: the 52 ARKit expressions, then bumps at random places.
 
-use super::HeadDesc;
 use super::mesh::{Part, Slit, Spot};
 use super::motion::Motion::{self, Jaw, Look, Puff, Purse, Shift, Tongue};
 use super::motion::{Lip, Lobe, clear_of_eyes};
-use crate::asset::SourceTarget;
-use crate::math::{Rng, map_all};
-use glam::Vec3;
+use super::{HeadDesc, Rng};
+use deltamorph::SourceTarget;
+use deltamorph::glam::Vec3;
+#[cfg(feature = "threads")]
+use rayon::prelude::*;
 
 /// Which sides of the face a row of the table is about.
 #[derive(Clone, Copy, PartialEq)]
@@ -194,11 +195,16 @@ pub(super) fn targets(desc: &HeadDesc, spots: &[Spot], positions: &[Vec3]) -> Ve
             end.map(|(end, fraction)| (Expression { name: half, lobes: HALF_BLINK.to_vec(), ..end }, fraction)),
         );
     }
-    map_all(&parts, (), |(), (part, fraction)| SourceTarget {
-        name: part.name.clone(),
-        positions: part.moved(*fraction, spots, positions),
+    let target = |(part, fraction): (Expression, f32)| SourceTarget {
+        positions: part.moved(fraction, spots, positions),
+        name: part.name,
         ..SourceTarget::default()
-    })
+    };
+    #[cfg(feature = "threads")]
+    let parts = parts.into_par_iter();
+    #[cfg(not(feature = "threads"))]
+    let parts = parts.into_iter();
+    parts.map(target).collect()
 }
 
 /// Fractions in the ratio of `factors`, none above 1, with the mean `wanted` (or as near as that allows).

@@ -1,6 +1,6 @@
 //! Waiting for a device whose waits may fail.
 
-use ash::vk;
+use deltamorph::ash::{self, vk};
 use std::time::Duration;
 
 /// How often a wait is tried, and what passes between: ten seconds.

@@ -11,20 +11,23 @@
 //! everywhere; `sin` and friends of the platform's library are not used, so that the same description gives the same
 //! bits on every machine.
 
+#![forbid(unsafe_code)]
+
 mod clip;
 mod mesh;
 mod motion;
 mod parts;
+mod random;
 mod rows;
 mod shape;
 mod targets;
 
-use crate::asset::{Corner, Faces, MorphSource};
-use crate::rig::{Control, Key, Rig};
-use crate::setters::setters;
 pub use clip::head_clip;
-use glam::{Vec2, Vec3};
+use deltamorph::glam::{Vec2, Vec3};
+use deltamorph::rig::{Control, Key, Rig};
+use deltamorph::{Corner, Faces, MorphSource, setters};
 use mesh::{Part, Spot};
+pub use random::Rng;
 
 /// What the built-in head is made from. Same description, same head, on every machine.
 #[derive(Clone, Debug, PartialEq)]

@@ -4,8 +4,8 @@
 use super::rows::rows;
 use super::shape::{self, SECTIONS, section};
 use super::{EYE, HALF_MOUTH, parts};
-use crate::asset::{Corner, Faces};
-use glam::{Vec2, Vec3};
+use deltamorph::glam::{Vec2, Vec3};
+use deltamorph::{Corner, Faces};
 use std::f32::consts::PI;
 
 /// What a vertex belongs to.

@@ -4,7 +4,7 @@
 use super::mesh::{Part, Slit, Spot};
 use super::shape::{LID_RADIUS, Lids};
 use super::{EYE, EYE_RADIUS, HALF_MOUTH, MOUTH_HEIGHT, TONGUE_HEIGHT, cos, mix, place, sin, smoothstep};
-use glam::Vec3;
+use deltamorph::glam::Vec3;
 
 /// How a lobe of a target moves the surface; lengths in cm and angles in radians at weight 1.
 #[derive(Clone, Copy)]

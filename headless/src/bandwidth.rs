@@ -2,15 +2,15 @@
 
 use super::Headless;
 use super::submit::full_barrier;
-use crate::abi::modules::READ;
-use crate::abi::numbers::WORKGROUP;
-use crate::abi::push::ReadPush;
-use crate::error::Result;
-use crate::gpu::descriptors::BufferRange;
-use crate::gpu::memory::Buffer;
-use crate::gpu::pipelines::{Objects, Workgroups};
-use ash::vk;
-use gpu_allocator::MemoryLocation;
+use deltamorph::Result;
+use deltamorph::ash::vk;
+use deltamorph::gpu_allocator::MemoryLocation;
+use deltamorph::internals::abi::modules::READ;
+use deltamorph::internals::abi::numbers::WORKGROUP;
+use deltamorph::internals::abi::push::ReadPush;
+use deltamorph::internals::gpu::descriptors::BufferRange;
+use deltamorph::internals::gpu::memory::Buffer;
+use deltamorph::internals::gpu::pipelines::{Objects, Workgroups};
 
 /// Bandwidth in GB/s (10⁹ bytes).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,7 +31,7 @@ impl Headless {
     /// # Errors
     /// No memory; a device that fails.
     pub fn bandwidth(&self, bytes: u64) -> Result<Option<Bandwidth>> {
-        let device = &self.engine.device;
+        let device = self.engine.device();
         let most = self.caps().max_storage_range.min(self.caps().max_allocation);
         let bytes = bytes.clamp(16, most) & !15;
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER

@@ -1,5 +1,5 @@
-//! Instance, device and queue of our own, for the command line, tests and benches. An engine that links
-//! deltamorph brings its own and leaves the feature `headless` out; nothing in `engine` uses this.
+//! A Vulkan instance, device and queue without a window, and crowds that are updated, timed, drawn and read back on them:
+//! for the command line, examples, tests and benches. A host of deltamorph brings a device of its own.
 
 mod bandwidth;
 mod crowd;
@@ -8,21 +8,16 @@ mod submit;
 mod turn;
 mod wait;
 
-#[doc(hidden)]
-pub use crate::update::animated::PlannedGroup;
 pub use bandwidth::Bandwidth;
 pub use crowd::{HeadlessCrowd, Recorded, Step};
+#[doc(hidden)]
+pub use deltamorph::internals::update::animated::PlannedGroup;
 pub use draw::{PoseUpload, Uploaded};
 #[doc(hidden)]
 pub use wait::wait_idle;
 
-use crate::engine::{GpuMesh, MorphEngine};
-use crate::error::{Error, Result};
-use crate::gpu::caps::DeviceCaps;
-use crate::gpu::device::DeviceDesc;
-use crate::gpu::failed;
-use crate::setters::setters;
-use ash::vk;
+use deltamorph::ash::{self, vk};
+use deltamorph::{DeviceCaps, DeviceDesc, Error, GpuMesh, MorphEngine, Result, setters};
 use std::borrow::Cow;
 use std::ffi::{CStr, c_void};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -61,7 +56,7 @@ setters!(HeadlessDesc { device: DeviceChoice, validation: bool, limits: Option<D
 ///
 /// ```compile_fail,E0277
 /// fn shared_between_threads<T: Sync>() {}
-/// shared_between_threads::<deltamorph::headless::Headless>();
+/// shared_between_threads::<deltamorph_headless::Headless>();
 /// ```
 pub struct Headless {
     submitter: Submitter,
@@ -184,7 +179,7 @@ impl Instance {
                 )
             }
             vk::Result::ERROR_INCOMPATIBLE_DRIVER => no_device("no Vulkan driver"),
-            e => failed("vkCreateInstance")(e),
+            e => Error::vulkan("vkCreateInstance")(e),
         })?;
         let mut instance = Self { messenger: None, messages, raw, _entry: entry, _turn: turn };
         if validation {
@@ -192,7 +187,7 @@ impl Instance {
             messenger_info.p_next = std::ptr::null();
             // SAFETY: the extension is enabled; the user data is shared and lives until after the messenger.
             let messenger = unsafe { functions.create_debug_utils_messenger(&messenger_info, None) }
-                .map_err(failed("vkCreateDebugUtilsMessengerEXT"))?;
+                .map_err(Error::vulkan("vkCreateDebugUtilsMessengerEXT"))?;
             instance.messenger = Some((functions, messenger));
         }
         Ok(instance)
@@ -200,7 +195,8 @@ impl Instance {
 
     fn devices(&self) -> Result<Vec<(vk::PhysicalDevice, DeviceCaps)>> {
         // SAFETY: the instance is alive, and was created for Vulkan 1.1.
-        let all = unsafe { self.raw.enumerate_physical_devices() }.map_err(failed("vkEnumeratePhysicalDevices"))?;
+        let all =
+            unsafe { self.raw.enumerate_physical_devices() }.map_err(Error::vulkan("vkEnumeratePhysicalDevices"))?;
         // SAFETY: as above; the devices are the instance's own.
         let caps = |d: vk::PhysicalDevice| Ok((d, unsafe { DeviceCaps::query(&self.raw, d) }?));
         // SAFETY: as above.
@@ -267,7 +263,8 @@ impl Headless {
             info = info.enabled_extension_names(&extensions).push_next(&mut feedback);
         }
         // SAFETY: the physical device is the instance's own; extension and features are there as queried.
-        let device = unsafe { instance.raw.create_device(physical, &info, None) }.map_err(failed("vkCreateDevice"))?;
+        let device =
+            unsafe { instance.raw.create_device(physical, &info, None) }.map_err(Error::vulkan("vkCreateDevice"))?;
         let owned = Arc::new(Owned { device, physical, instance });
         let engine_desc = DeviceDesc::new(&owned.instance.raw, physical, &owned.device)
             .caps(Some(caps))
@@ -322,11 +319,10 @@ impl Headless {
     ///
     /// # Errors
     /// No memory; a device that fails.
-    #[cfg(feature = "internals")]
     #[doc(hidden)]
     pub fn read(&self, ranges: &[(vk::Buffer, u64, u64)]) -> Result<Vec<Vec<u8>>> {
         let most = ranges.iter().map(|range| range.2).max().unwrap_or(0).max(4);
-        let mut readback = submit::Readback::new(&self.engine.device, most)?;
+        let mut readback = submit::Readback::new(self.engine.device(), most)?;
         ranges.iter().map(|&range| readback.read(&self.submitter, range)).collect()
     }
 

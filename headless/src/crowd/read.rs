@@ -1,13 +1,12 @@
 //! Poses, sums and what the GPU planned, read back from the device.
 
 use super::HeadlessCrowd;
+use crate::submit::full_barrier;
 #[cfg(feature = "baselines")]
-use crate::engine::Crowd;
-use crate::engine::{AnimatedCrowd, AnyCrowd, PoseView};
-use crate::error::Result;
-use crate::headless::submit::full_barrier;
-use crate::update::animated::PlannedGroup;
-use ash::vk;
+use deltamorph::Crowd;
+use deltamorph::ash::vk;
+use deltamorph::internals::update::animated::PlannedGroup;
+use deltamorph::{AnimatedCrowd, AnyCrowd, PoseView, Result};
 
 impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     /// Read the pose of an instance back: six floats a vertex, in the user's order of vertices, without padding. On a
@@ -35,7 +34,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
         view.map(|view| self.read_view(view, 0)).transpose()
     }
 
-    /// Read the pose and the previous pose of an instance in a [group](crate::PackedMesh::groups) of the mesh back, as
+    /// Read the pose and the previous pose of an instance in a [group](deltamorph::PackedMesh::groups) of the mesh back, as
     /// [`read_pose`](Self::read_pose) does for the first.
     ///
     /// # Errors
@@ -70,7 +69,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     /// # Errors
     /// A device that fails.
     pub fn read_sums(&mut self, instance: u32) -> Result<Option<Vec<i32>>> {
-        let Some((buffer, offset)) = self.crowd.base().technique.sums(instance) else { return Ok(None) };
+        let Some((buffer, offset)) = self.crowd.base().sums(instance) else { return Ok(None) };
         self.read((buffer, offset, self.mesh.layout().base_bytes())).map(Some)
     }
 
@@ -108,7 +107,7 @@ impl HeadlessCrowd<'_, AnimatedCrowd> {
     #[doc(hidden)]
     pub fn read_plan(&mut self) -> Result<Vec<PlannedGroup>> {
         let Self { crowd, readback, headless, .. } = self;
-        crowd.animated().read_plan(|range| readback.read(&headless.submitter, range))
+        crowd.read_plan(|range| readback.read(&headless.submitter, range))
     }
 
     /// The level of detail of an instance that follows the camera, as words: targets kept in steps of 2⁻¹⁶, how many it is about
@@ -118,7 +117,7 @@ impl HeadlessCrowd<'_, AnimatedCrowd> {
     /// As [`read_plan`](Self::read_plan).
     #[doc(hidden)]
     pub fn read_level(&mut self, instance: u32) -> Result<Vec<u32>> {
-        let range = self.crowd.animated().level_of(instance);
+        let range = self.crowd.level_of(instance);
         range.map_or(Ok(vec![]), |range| self.read(range))
     }
 
@@ -128,7 +127,7 @@ impl HeadlessCrowd<'_, AnimatedCrowd> {
     /// As [`read_plan`](Self::read_plan).
     #[doc(hidden)]
     pub fn read_weights(&mut self, instance: u32) -> Result<Vec<i32>> {
-        let range = self.crowd.animated().weights_of(instance);
+        let range = self.crowd.weights_of(instance);
         self.read(range)
     }
 }

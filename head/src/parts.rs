@@ -2,7 +2,7 @@
 
 use super::mesh::Part;
 use super::{EYE, EYE_RADIUS, MOUTH_HEIGHT, TONGUE_HEIGHT, cos, mix, sin, smoothstep};
-use glam::Vec3;
+use deltamorph::glam::Vec3;
 
 /// The parts of a head of `vertices` vertices, which side each is for, and how many vertices it has.
 pub(super) fn counts(vertices: usize) -> Vec<(Part, bool, usize)> {

@@ -1,13 +1,11 @@
 //! What comes after the pose.
 
 use super::HeadlessCrowd;
-use crate::after::skin::Skin;
-use crate::after::{BoundsTarget, DecodeTarget, GpuNormals, GpuSkin, NormalsTarget, SkinTarget};
-use crate::engine::AnyCrowd;
-use crate::error::Result;
+use deltamorph::after::{BoundsTarget, DecodeTarget, GpuNormals, GpuSkin, NormalsTarget, SkinTarget};
+use deltamorph::{AnyCrowd, Result};
 
 impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
-    /// See [`MorphEngine::set_decode_target`](crate::MorphEngine::set_decode_target).
+    /// See [`MorphEngine::set_decode_target`](deltamorph::MorphEngine::set_decode_target).
     ///
     /// # Safety
     /// As there. Updates that were stepped or submitted have finished.
@@ -16,7 +14,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
         unsafe { self.headless.engine.set_decode_target(&mut self.crowd, instance, target) }
     }
 
-    /// See [`MorphEngine::set_skin_target`](crate::MorphEngine::set_skin_target).
+    /// See [`MorphEngine::set_skin_target`](deltamorph::MorphEngine::set_skin_target).
     ///
     /// # Safety
     /// As there. Updates that were stepped or submitted have finished.
@@ -25,7 +23,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
         unsafe { self.headless.engine.set_skin_target(&mut self.crowd, instance, target) }
     }
 
-    /// See [`MorphEngine::set_bounds_target`](crate::MorphEngine::set_bounds_target).
+    /// See [`MorphEngine::set_bounds_target`](deltamorph::MorphEngine::set_bounds_target).
     ///
     /// # Safety
     /// As there. Updates that were stepped or submitted have finished.
@@ -34,7 +32,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
         unsafe { self.headless.engine.set_bounds_target(&mut self.crowd, instance, target) }
     }
 
-    /// See [`MorphEngine::set_normals_target`](crate::MorphEngine::set_normals_target).
+    /// See [`MorphEngine::set_normals_target`](deltamorph::MorphEngine::set_normals_target).
     ///
     /// # Safety
     /// As there. Updates that were stepped or submitted have finished.
@@ -47,8 +45,8 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
         unsafe { self.headless.engine.set_normals_target(&mut self.crowd, instance, target) }
     }
 
-    /// See [`Crowd::set_joints`](crate::Crowd::set_joints).
+    /// See [`Crowd::set_joints`](deltamorph::Crowd::set_joints).
     pub fn set_joints(&mut self, instance: u32, offset: u64) -> Result<()> {
-        Skin::set_joints(&mut self.crowd.base_mut().after, instance, offset)
+        self.crowd.base_mut().set_joints(instance, offset)
     }
 }

@@ -6,19 +6,16 @@ mod read;
 use super::Headless;
 use super::draw::PoseDraw;
 use super::submit::Readback;
-use crate::engine::{AnimatedCrowd, AnyCrowd, Crowd, GpuMesh, PoseReadback, Ticket, Update};
-use crate::error::{Error, Result};
-use crate::lod::{Camera, Place};
-use crate::pack::PackedMesh;
 #[cfg(feature = "baselines")]
-use crate::plan::UpdatePath;
-#[cfg(feature = "internals")]
-use crate::plan::hazards::Event;
-#[cfg(feature = "internals")]
-use crate::plan::schedule::Entry;
-use crate::update::animated::{AnimationDesc, Playback};
-use crate::update::crowd::CrowdDesc;
-use ash::vk;
+use deltamorph::UpdatePath;
+use deltamorph::ash::vk;
+use deltamorph::internals::plan::hazards::Event;
+use deltamorph::internals::plan::schedule::Entry;
+use deltamorph::lod::{Camera, Place};
+use deltamorph::{
+    AnimatedCrowd, AnimationDesc, AnyCrowd, Crowd, CrowdDesc, Error, GpuMesh, PackedMesh, Playback, PoseReadback,
+    Result, Ticket, Update,
+};
 use std::any::Any;
 use std::collections::VecDeque;
 use std::time::Instant;
@@ -58,7 +55,7 @@ impl<'a> HeadlessCrowd<'a> {
     /// Upload `mesh` and make a crowd.
     ///
     /// # Errors
-    /// As [`upload`](crate::MorphEngine::upload) and [`create_crowd`](crate::MorphEngine::create_crowd).
+    /// As [`upload`](deltamorph::MorphEngine::upload) and [`create_crowd`](deltamorph::MorphEngine::create_crowd).
     pub fn new(headless: &'a Headless, mesh: &PackedMesh, desc: &CrowdDesc) -> Result<Self> {
         let engine = &headless.engine;
         let mesh = headless.upload(|cmd| {
@@ -80,7 +77,7 @@ impl<'a> HeadlessCrowd<'a> {
     /// Another crowd of the same mesh, which is not uploaded again.
     ///
     /// # Errors
-    /// As [`create_crowd`](crate::MorphEngine::create_crowd).
+    /// As [`create_crowd`](deltamorph::MorphEngine::create_crowd).
     pub fn another(&self, desc: &CrowdDesc) -> Result<Self> {
         let crowd = self.headless.engine.create_crowd(&self.mesh, desc)?;
         Self::with(self.headless, self.mesh.shared(), crowd)
@@ -92,8 +89,8 @@ impl<'a> HeadlessCrowd<'a, AnimatedCrowd> {
     /// time last set.
     ///
     /// # Errors
-    /// As [`upload`](crate::MorphEngine::upload) and
-    /// [`create_animated_crowd`](crate::MorphEngine::create_animated_crowd).
+    /// As [`upload`](deltamorph::MorphEngine::upload) and
+    /// [`create_animated_crowd`](deltamorph::MorphEngine::create_animated_crowd).
     pub fn animated(
         headless: &'a Headless,
         mesh: &PackedMesh,
@@ -143,9 +140,10 @@ impl<'a> HeadlessCrowd<'a, AnimatedCrowd> {
 
 impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
     fn with(headless: &'a Headless, mesh: GpuMesh, crowd: C) -> Result<Self> {
-        let device = &headless.engine.device;
+        let device = headless.engine.device();
         let pose = crowd.base().view(0, 0, 0);
-        let draw = PoseDraw::new(device, pose.format, pose.units, Some(mesh.groups[0].base_pose()))?;
+        let base_pose = mesh.base_pose();
+        let draw = PoseDraw::new(device, pose.format, pose.units, Some((base_pose.buffer, base_pose.offset)))?;
         let readback = Readback::new(device, mesh.layout().base_bytes())?;
         let poses = headless.engine.readback();
         Ok(Self { headless, mesh, crowd, draw, readback, poses, waiting: VecDeque::new() })
@@ -244,7 +242,6 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
     ///
     /// # Safety
     /// The works stay within slots, instances and coefficients that there are.
-    #[cfg(feature = "internals")]
     #[doc(hidden)]
     pub unsafe fn step_tampered(
         crowds: &mut [Self],
@@ -279,7 +276,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         let start = Instant::now();
         let mut rest = weights.iter();
         for this in &mut *crowds {
-            for (instance, weights) in (0..this.crowd.base().desc.instances).zip(&mut rest) {
+            for (instance, weights) in (0..this.crowd.base().desc().instances).zip(&mut rest) {
                 this.set_weights(instance, weights)?;
             }
         }
@@ -317,7 +314,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
     /// As [`step`](Self::step); more updates that wait than [`CrowdDesc::frames_in_flight`].
     pub fn record(&mut self, weights: &[&[f32]]) -> Result<(Recorded, Update)> {
         let base = self.crowd.base();
-        let most = u64::from(base.desc.frames_in_flight);
+        let most = u64::from(base.desc().frames_in_flight);
         // Crowds that are animated on the GPU have no lists to overwrite.
         let has_lists = self.weighted().is_some();
         if has_lists && self.waiting.front().is_some_and(|first| base.recorded_since(*first) >= most) {
@@ -392,7 +389,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
             return (0..copies).try_for_each(|_| unsafe { engine.record_draws(cmd, crowd) });
         }
         let (base, mut poses) = (self.crowd.base(), vec![]);
-        if base.desc.poses.is_some() {
+        if base.desc().poses.is_some() {
             let text = "draws of poses in vertices of the host's own, of a layout that is the host's";
             return Err(Error::invalid(text, "draw them as the host does"));
         }

@@ -1,0 +1,67 @@
+//! What the GPU planned, read back.
+
+use super::sample::HeadRecord;
+use super::technique::{Animated, Group};
+use crate::abi::numbers::LEVEL_WORDS;
+use crate::abi::worklist::{TILE_WORDS, WIDTHS};
+use crate::error::Result;
+use ash::vk;
+use std::ops::Range;
+
+/// What the GPU planned for a set of instances and a run of blocks, as it lies in memory: see `glsl/plan.comp`.
+#[derive(Clone, Debug)]
+pub struct PlannedGroup {
+    /// First instance of the set, and how many it has.
+    pub instances: (u32, u32),
+    /// The blocks.
+    pub blocks: Range<usize>,
+    /// The entries that rows may name: those of the part of the asset that is bound.
+    pub entries: Range<usize>,
+    /// Items of each width: 1, 2, 4, 8 instances.
+    pub counts: [u32; WIDTHS],
+    /// Items of a width that there is room for: where the next width's begin.
+    pub capacity: usize,
+    /// The work list: items of all widths, then rows.
+    pub words: Vec<u32>,
+}
+
+impl Animated {
+    /// What the last update planned for the first group of the mesh, by `read`, which takes buffer, offset and size.
+    pub(crate) fn read_plan(
+        &self,
+        mut read: impl FnMut((vk::Buffer, u64, u64)) -> Result<Vec<u32>>,
+    ) -> Result<Vec<PlannedGroup>> {
+        let Group { layout, work, control, .. } = &self.groups[0];
+        let plan = |list: u32| {
+            let ((set, run), (offset, bytes)) = (layout.get(list), layout.place(list));
+            let (words, capacity) = (read((work.raw, offset, bytes))?, layout.capacity(list) as usize);
+            let mut counts = [0; WIDTHS];
+            for (width, count) in (0..).zip(&mut counts) {
+                let bytes = 12 * u64::from(layout.push.chunks);
+                let arguments = read((control.raw, layout.arguments(list, width, 0), bytes))?;
+                let workgroups: u32 = arguments.chunks_exact(3).map(|xyz| xyz[0]).sum();
+                // What fills up the last workgroup has no rows.
+                let rows = |item: u32| words[(width as usize * capacity + item as usize) * TILE_WORDS + 2];
+                let items = 0..workgroups * layout.push.workgroup_items;
+                *count = items.end - items.rev().take_while(|item| rows(*item) == 0).count() as u32;
+            }
+            let (instances, blocks, entries) = (layout.instances(set), run.blocks.clone(), run.bound.clone());
+            Ok(PlannedGroup { instances, blocks, entries, counts, capacity, words })
+        };
+        (0..layout.lists()).map(plan).collect()
+    }
+
+    /// What the level of detail of an instance is, where it follows the camera: buffer, offset, size of words as
+    /// `glsl/level.comp` writes them.
+    pub(crate) fn level_of(&self, instance: u32) -> Option<(vk::Buffer, u64, u64)> {
+        let (heads, bytes) = (u64::from(self.level.as_ref()?.heads), 4 * u64::from(LEVEL_WORDS));
+        Some((self.state.raw, heads * size_of::<HeadRecord>() as u64 + u64::from(instance) * bytes, bytes))
+    }
+
+    /// The weights of an instance: buffer, offset, size.
+    pub(crate) fn weights_of(&self, instance: u32) -> (vk::Buffer, u64, u64) {
+        let push = &self.groups[0].layout.push;
+        let (first, bytes) = (4 * u64::from(push.weights_at), 4 * u64::from(push.targets));
+        (self.state.raw, first + u64::from(instance) * bytes, bytes)
+    }
+}
