@@ -114,7 +114,7 @@ pub use engine::{
     ReadPose, StreamView, SwapCopies, Ticket, Update,
 };
 pub use error::{Error, ErrorKind, Result};
-pub use gpu::caps::{DeviceCaps, DeviceKind, Requirement, TransformFeedbackCaps, requirements};
+pub use gpu::caps::{DeviceCaps, DeviceKind, Requirement, TransformFeedbackCaps};
 pub use gpu::device::{DeviceDesc, SharedAllocator};
 pub use gpu::tuning::{DeviceClass, DeviceTuning};
 pub use pack::blocks::{BLOCK_SIZES, BlockDesc, BlockIndex, PoseGrid};
@@ -127,6 +127,7 @@ pub use plan::{BatchSize, Consumers, UpdateDesc, UpdateMode, UpdatePath, UpdateS
 pub use residency::{Residency, TargetSwap};
 pub use update::animated::{AnimationDesc, Clips, KeyFormat, Playback};
 pub use update::crowd::{CrowdDesc, HostPoses};
+pub use update::requirements;
 pub use weights::{BoundClip, ClipLayer, LayerBlend, Repeat, WeightClip, normalise_weights, target_mask};
 pub use {ash, glam, gpu_allocator};
 

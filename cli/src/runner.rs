@@ -375,13 +375,11 @@ fn batch_size(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::args::Cli;
-    use clap::Parser;
     use deltamorph::ash::vk;
 
     #[test]
     fn only_that_there_is_no_device_leads_to_the_path_cpu() {
-        let out = Output::new(&Cli::parse_from(["deltamorph", "--quiet", "devices"]).global);
+        let out = Output::new(true, None);
         let opened = |error, choice| if_any::<()>(Err(error), choice, &out);
         assert!(matches!(opened(no_device(UpdatePath::Blocks), None), Ok(None)));
         let chosen = DeviceChoice::Index(0);

@@ -51,7 +51,11 @@ impl PipelineKey for Direct {
         objects.add_empty_render_pass()?;
         let (bindings, attributes) = vertex_input(format, 0);
         for kernel in kernels {
-            objects.add_discarding_vertex(kernel.module(format, PoseFormat::Float32, 0)?, &bindings, &attributes)?;
+            objects.add_discarding_vertex(
+                kernel.module(format.row(), PoseFormat::Float32.row(), 0)?,
+                &bindings,
+                &attributes,
+            )?;
         }
         Ok(())
     }

@@ -60,7 +60,7 @@ impl PipelineKey for Scatter {
     fn make(self, objects: &mut Objects) -> Result<()> {
         objects.add_layout(&[SCATTER.row, RESOLVE.row], 0)?;
         for kernel in [&SCATTER, &RESOLVE] {
-            objects.add_compute(kernel.module(DeltaFormat::Small, PoseFormat::Float32, 0)?, &[&[]])?;
+            objects.add_compute(kernel.module(DeltaFormat::Small.row(), PoseFormat::Float32.row(), 0)?, &[&[]])?;
         }
         Ok(())
     }

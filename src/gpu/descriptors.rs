@@ -19,6 +19,19 @@ impl BufferRange {
     pub(crate) fn new(buffer: vk::Buffer, offset: u64, size: u64) -> Self {
         Self { buffer, offset, size }
     }
+
+    /// Refuse a range that ends behind a buffer of the host's, as far as Vulkan tells: the memory that a buffer needs is no
+    /// smaller than the buffer.
+    pub(crate) fn check_room(self, device: &Device, what: &str) -> Result<()> {
+        // SAFETY: who hands a buffer in promises that it is of this device, and alive.
+        let room = unsafe { device.raw.get_buffer_memory_requirements(self.buffer) }.size;
+        let end = self.offset.saturating_add(self.size);
+        if end <= room {
+            return Ok(());
+        }
+        let text = format!("{what}, to byte {end} of a buffer of the host's that has {room} at most");
+        Err(Error::invalid(text, "make the buffer larger, or use a smaller offset or stride"))
+    }
 }
 
 /// The descriptor of a buffer that a kernel declares.

@@ -1,9 +1,7 @@
 //! The host's device, borrowed: handles, limits, allocator.
 
-use super::LESS;
 use super::caps::DeviceCaps;
-use super::descriptors::BufferRange;
-use crate::error::{Error, Result};
+use crate::error::{Error, LESS, Result};
 use crate::setters::setters;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
@@ -209,19 +207,6 @@ impl Device {
         // SAFETY: the host says that the extension is enabled; the object is of this device, and no other thread has it yet.
         // Who cannot be told the name does without.
         let _ = unsafe { functions.set_debug_utils_object_name(&info) };
-    }
-
-    /// Refuse a range that ends behind a buffer of the host's, as far as Vulkan tells: the memory that a buffer needs is no
-    /// smaller than the buffer.
-    pub(crate) fn check_room(&self, what: &str, range: BufferRange) -> Result<()> {
-        // SAFETY: who hands a buffer in promises that it is of this device, and alive.
-        let room = unsafe { self.raw.get_buffer_memory_requirements(range.buffer) }.size;
-        let end = range.offset.saturating_add(range.size);
-        if end <= room {
-            return Ok(());
-        }
-        let text = format!("{what}, to byte {end} of a buffer of the host's that has {room} at most");
-        Err(Error::invalid(text, "make the buffer larger, or use a smaller offset or stride"))
     }
 
     /// Memory for a buffer.

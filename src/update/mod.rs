@@ -17,6 +17,7 @@ use crate::baselines;
 use crate::error::{Error, Result};
 use crate::plan::UpdatePath;
 pub(crate) use check::Runner;
+pub use check::requirements;
 use technique::{Context, Technique};
 
 /// Make the technique of `context.desc`, which was checked.

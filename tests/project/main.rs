@@ -4,5 +4,6 @@ mod dependencies;
 mod examples;
 mod face;
 mod programs;
+mod rooms;
 mod spirv;
 mod with_vulkan;

@@ -36,7 +36,7 @@ impl PipelineKey for Textured {
         objects.add_empty_render_pass()?;
         let (bindings, attributes) = PoseFormat::Float32.vertex_input(false);
         // They read no deltas.
-        let module = |kernel: &'static Kernel| kernel.module(DeltaFormat::Float32, PoseFormat::Float32, 0);
+        let module = |kernel: &'static Kernel| kernel.module(DeltaFormat::Float32.row(), PoseFormat::Float32.row(), 0);
         kernels.iter().try_for_each(|kernel| objects.add_discarding_vertex(module(kernel)?, &bindings, &attributes))
     }
 }

@@ -29,7 +29,7 @@ impl PipelineKey for Blend {
     fn make(self, objects: &mut Objects) -> Result<()> {
         objects.add_layout(&[RECTANGLES.row, TEXELS.row], 0)?;
         objects.render_pass = render_pass(&objects.device, true)?;
-        let module = |kernel: &'static Kernel| kernel.module(self.0, PoseFormat::Float32, 0);
+        let module = |kernel: &'static Kernel| kernel.module(self.0.row(), PoseFormat::Float32.row(), 0);
         objects.add_blending([module(&RECTANGLES)?, module(&TEXELS)?])
     }
 }

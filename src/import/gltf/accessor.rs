@@ -2,7 +2,7 @@
 
 use super::container::Container;
 use super::json::At;
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 /// An array of elements of `components` numbers each.
 #[derive(Debug)]
@@ -158,7 +158,7 @@ impl<'a> Accessor<'a> {
     }
 
     /// An error about this accessor.
-    pub fn refuse(&self, what: impl std::fmt::Display, remedy: &str) -> crate::Error {
+    pub fn refuse(&self, what: impl std::fmt::Display, remedy: &str) -> Error {
         self.at.refuse(what, remedy)
     }
 

@@ -42,12 +42,12 @@ impl VertexPasses {
 impl PipelineKey for VertexPasses {
     fn make(self, objects: &mut Objects) -> Result<()> {
         let Self { kernel, format, most } = self;
-        objects.add_layout(&[kernel.row], attribute_push_bytes(format, most))?;
+        objects.add_layout(&[kernel.row], attribute_push_bytes(format.row(), most))?;
         objects.add_empty_render_pass()?;
         for batch in 0..=most {
             let (bindings, attributes) = vertex_input(format, batch);
             objects.add_discarding_vertex(
-                kernel.module(format, PoseFormat::Float32, batch)?,
+                kernel.module(format.row(), PoseFormat::Float32.row(), batch)?,
                 &bindings,
                 &attributes,
             )?;
