@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 pub(crate) const TEXT_MAX: u64 = 1 << 30;
 
 /// The bytes of a regular file of at most `limit` bytes; `remedy` is for one that is larger.
-pub(crate) fn read_bounded(path: &Path, limit: u64, remedy: &str) -> Result<Vec<u8>> {
+pub fn read_bounded(path: &Path, limit: u64, remedy: &str) -> Result<Vec<u8>> {
     let io = Error::io(path, "read");
     // Looked at before it is opened: opening a pipe that nobody writes to blocks for ever.
     let kind = std::fs::metadata(path).map_err(&io)?;

@@ -22,6 +22,9 @@ use std::time::Instant;
 pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>, Failure> {
     let desc = HeadlessDesc::default().device(choice.cloned().unwrap_or_default());
     let gpu = if_any(Gpu::new(&desc), choice, out)?;
+    if let Some(gpu) = &gpu {
+        gpu.engine().set_techniques(&deltamorph_baselines::TECHNIQUES);
+    }
     if let Some(caps) = gpu.as_ref().map(Gpu::caps).filter(|caps| caps.is_software()) {
         let name = &caps.name;
         out.note(format_args!("{name} is a software driver: without a GPU the path 'cpu' is the one to use"));

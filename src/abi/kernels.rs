@@ -155,7 +155,9 @@ pub struct KernelRow {
     pub push: Push,
     /// Specialization constants: 0 to one less than this.
     pub constants: u32,
-    /// Of a technique of others: left out without the feature `baselines`.
+    /// Of a technique of others, in the package deltamorph-baselines: left out without the feature `baselines`. They stand in
+    /// this table since they share its types, the formats' GLSL, and the build script; a second table and build script would
+    /// be more code than they are.
     pub baseline: bool,
 }
 

@@ -14,7 +14,8 @@ macro_rules! shared {
             $(#[$doc])*
             #[repr(C)]
             #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-            pub struct $name { $($(#[$field_doc])* pub(crate) $field: $type,)* }
+            #[allow(missing_docs, reason = "the shaders say what members are")]
+            pub struct $name { $($(#[$field_doc])* pub $field: $type,)* }
 
             impl $name {
                 /// Names and offsets of the members.

@@ -69,7 +69,8 @@ impl Semantic {
 
     /// A number of its own. The derived comparison may look at the set of what has none, which tools that look for memory
     /// that nobody wrote report.
-    pub(crate) const fn number(self) -> u16 {
+    #[doc(hidden)]
+    pub const fn number(self) -> u16 {
         match self {
             Self::Position => 0,
             Self::Normal => 1,

@@ -274,18 +274,18 @@ impl CrowdBase {
     }
 
     fn check_has_poses(&self) -> Result<()> {
-        if self.technique.has_poses() {
+        if self.technique.draws(0).is_none() {
             return Ok(());
         }
         Err(Error::invalid(
             format!("the path '{}' has no pose buffers", self.desc.update.path.name()),
-            "draw with MorphEngine::record_draws, or write the pose with MorphEngine::record_capture",
+            "its draws evaluate poses: use a path with pose buffers, such as 'compute'",
         ))
     }
 
     pub(crate) fn previous_group_pose(&self, instance: u32, group: usize) -> Result<Option<PoseView>> {
         let (_, previous) = self.slots_of(instance)?;
-        Ok(previous.filter(|_| self.technique.has_poses()).map(|slot| self.view(instance, slot, group)))
+        Ok(previous.filter(|_| self.technique.draws(0).is_none()).map(|slot| self.view(instance, slot, group)))
     }
 
     /// The group that has a stream, and where.

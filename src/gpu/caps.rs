@@ -300,7 +300,8 @@ impl DeviceCaps {
     }
 
     /// Refuse more of something than the device has: `(amount, unit, most)`.
-    pub(crate) fn check_limit(&self, what: &str, (amount, unit, most): (u64, &str, u64), remedy: &str) -> Result<()> {
+    #[doc(hidden)]
+    pub fn check_limit(&self, what: &str, (amount, unit, most): (u64, &str, u64), remedy: &str) -> Result<()> {
         if amount <= most {
             return Ok(());
         }

@@ -9,20 +9,24 @@ use std::sync::Arc;
 
 /// A buffer and the bytes of it that a descriptor covers.
 #[derive(Clone, Copy)]
-pub(crate) struct BufferRange {
-    pub(crate) buffer: vk::Buffer,
-    pub(crate) offset: u64,
-    pub(crate) size: u64,
+pub struct BufferRange {
+    /// The buffer.
+    pub buffer: vk::Buffer,
+    /// Where the range begins, in bytes.
+    pub offset: u64,
+    /// How long it is.
+    pub size: u64,
 }
 
 impl BufferRange {
-    pub(crate) fn new(buffer: vk::Buffer, offset: u64, size: u64) -> Self {
+    /// `size` bytes of `buffer` from `offset` on.
+    pub fn new(buffer: vk::Buffer, offset: u64, size: u64) -> Self {
         Self { buffer, offset, size }
     }
 
     /// Refuse a range that ends behind a buffer of the host's, as far as Vulkan tells: the memory that a buffer needs is no
     /// smaller than the buffer.
-    pub(crate) fn check_room(self, device: &Device, what: &str) -> Result<()> {
+    pub fn check_room(self, device: &Device, what: &str) -> Result<()> {
         // SAFETY: who hands a buffer in promises that it is of this device, and alive.
         let room = unsafe { device.raw.get_buffer_memory_requirements(self.buffer) }.size;
         let end = self.offset.saturating_add(self.size);
@@ -35,7 +39,7 @@ impl BufferRange {
 }
 
 /// The descriptor of a buffer that a kernel declares.
-pub(crate) fn descriptor_type(buffer: Buffer) -> vk::DescriptorType {
+pub fn descriptor_type(buffer: Buffer) -> vk::DescriptorType {
     match buffer {
         Buffer::Storage(_) | Buffer::Poses => vk::DescriptorType::STORAGE_BUFFER,
         Buffer::Dynamic(_) | Buffer::DynamicDeltas => vk::DescriptorType::STORAGE_BUFFER_DYNAMIC,
@@ -46,7 +50,7 @@ pub(crate) fn descriptor_type(buffer: Buffer) -> vk::DescriptorType {
 }
 
 /// Descriptor sets of one layout, destroyed together.
-pub(crate) struct Sets {
+pub struct Sets {
     device: Arc<Device>,
     pool: vk::DescriptorPool,
     views: Vec<vk::BufferView>,
@@ -55,8 +59,8 @@ pub(crate) struct Sets {
 
 impl Sets {
     /// A set of `layout`, which is a kernel's, for each list of buffers, which are in the order of the layout's `bindings`.
-    /// Images come after them, and are written by [`write_image`](Self::write_image).
-    pub(super) fn new(
+    /// Images come after them, and are written by whoever has them.
+    pub fn new(
         device: &Arc<Device>,
         layout: vk::DescriptorSetLayout,
         bindings: &[Binding],
@@ -111,23 +115,13 @@ impl Sets {
         Ok(())
     }
 
-    /// Bind an image that shaders load, in the layout SHADER_READ_ONLY_OPTIMAL.
-    #[cfg(feature = "baselines")]
-    pub(crate) fn write_image(&mut self, set: usize, binding: u32, view: vk::ImageView) {
-        let layout = vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL;
-        let info = [vk::DescriptorImageInfo::default().image_view(view).image_layout(layout)];
-        let write = vk::WriteDescriptorSet::default().dst_set(self.sets[set]).dst_binding(binding);
-        let write = write.descriptor_type(descriptor_type(Buffer::Image)).image_info(&info);
-        // SAFETY: the set is not in use yet; the view is that of whoever owns the sets.
-        unsafe { self.device.raw.update_descriptor_sets(&[write], &[]) };
-    }
-
-    pub(crate) fn get(&self, set: usize) -> vk::DescriptorSet {
+    /// A set, by its number.
+    pub fn get(&self, set: usize) -> vk::DescriptorSet {
         self.sets[set]
     }
 
     /// Sets that lie side by side.
-    pub(crate) fn range(&self, sets: std::ops::Range<usize>) -> &[vk::DescriptorSet] {
+    pub fn range(&self, sets: std::ops::Range<usize>) -> &[vk::DescriptorSet] {
         &self.sets[sets]
     }
 }

@@ -45,7 +45,7 @@ pub struct DeviceDesc<'a> {
     pub instance: &'a ash::Instance,
     /// The physical device.
     pub physical_device: vk::PhysicalDevice,
-    /// The device, with the extensions and features of [`requirements`](super::caps::requirements) enabled for
+    /// The device, with the extensions and features of [`requirements`](crate::requirements) enabled for
     /// the paths that will be used.
     pub device: &'a ash::Device,
     /// Limits to keep to; `None`: what the driver says. Transform feedback is used only where
@@ -129,15 +129,19 @@ pub(super) fn distinct(families: &[u32]) -> Vec<u32> {
 const DEDICATED_MOST: u32 = 128;
 
 /// Device functions and limits, shared by everything that the engine creates.
-pub(crate) struct Device {
-    pub(crate) raw: ash::Device,
-    pub(crate) feedback: Option<ash::ext::transform_feedback::Device>,
-    pub(crate) caps: DeviceCaps,
-    pub(crate) pipeline_cache: vk::PipelineCache,
+pub struct Device {
+    /// Its functions.
+    pub raw: ash::Device,
+    /// Those of transform feedback, where it is enabled.
+    pub feedback: Option<ash::ext::transform_feedback::Device>,
+    /// Limits and features to keep to.
+    pub caps: DeviceCaps,
+    /// The host's cache, or none.
+    pub pipeline_cache: vk::PipelineCache,
     /// Buffers can have addresses.
     pub(crate) device_address: bool,
     /// The queue families that the host named, each once.
-    pub(crate) families: Vec<u32>,
+    pub families: Vec<u32>,
     names: Option<ash::ext::debug_utils::Device>,
     allocator: SharedAllocator,
     /// Buffers with memory of their own, and how many may have: none from a host's allocator.
@@ -199,7 +203,7 @@ impl Device {
     }
 
     /// Give an object of this device, that was made just now, a name where the host wants names.
-    pub(crate) fn name(&self, object: impl vk::Handle, name: impl FnOnce() -> String) {
+    pub fn name(&self, object: impl vk::Handle, name: impl FnOnce() -> String) {
         let Some(functions) = &self.names else { return };
         // Names of meshes may have anything in them.
         let Ok(name) = CString::new(name().replace('\0', " ")) else { return };
@@ -210,7 +214,7 @@ impl Device {
     }
 
     /// Memory for a buffer.
-    pub(crate) fn allocate(
+    pub fn allocate(
         &self,
         name: &str,
         requirements: vk::MemoryRequirements,
@@ -234,7 +238,8 @@ impl Device {
         Ok(allocation)
     }
 
-    pub(crate) fn free(&self, allocation: Allocation) {
+    /// Give memory back.
+    pub fn free(&self, allocation: Allocation) {
         if allocation.is_dedicated() {
             self.dedicated.fetch_sub(1, Ordering::Relaxed);
         }
@@ -247,7 +252,8 @@ impl Device {
     }
 }
 
-pub(crate) fn allocation_failed(name: &str, bytes: u64, error: &AllocationError) -> Error {
+/// What the failure to allocate `bytes` for `name` is to hosts.
+pub fn allocation_failed(name: &str, bytes: u64, error: &AllocationError) -> Error {
     // What vkAllocateMemory returns comes as text, but for ERROR_OUT_OF_DEVICE_MEMORY.
     let says =
         |text: &str, result: vk::Result| text.contains("vkAllocateMemory") && text.ends_with(&format!("{result:?}"));

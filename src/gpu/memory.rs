@@ -11,19 +11,20 @@ use std::sync::Arc;
 
 /// Where staging memory lies: in the host's memory. `CpuToGpu` prefers the small window of a graphics card's memory that the
 /// host can write to, which lists that change every frame need more.
-pub(crate) const STAGING: MemoryLocation = MemoryLocation::GpuToCpu;
+pub const STAGING: MemoryLocation = MemoryLocation::GpuToCpu;
 
 /// A buffer and its memory. Dropped only when the device no longer uses it: the obligation of whoever drops
 /// the mesh or crowd that owns it.
-pub(crate) struct Buffer {
+pub struct Buffer {
     device: Arc<Device>,
-    pub(crate) raw: vk::Buffer,
+    /// The buffer.
+    pub raw: vk::Buffer,
     allocation: Option<Allocation>,
 }
 
 impl Buffer {
     /// A buffer of `bytes`; 0 is rounded up, since Vulkan has no empty buffers.
-    pub(crate) fn new(
+    pub fn new(
         device: &Arc<Device>,
         name: &str,
         bytes: u64,
@@ -55,12 +56,12 @@ impl Buffer {
     }
 
     /// Whether it was made on `device`.
-    pub(crate) fn is_on(&self, device: &Arc<Device>) -> bool {
+    pub fn is_on(&self, device: &Arc<Device>) -> bool {
         Arc::ptr_eq(&self.device, device)
     }
 
     /// The buffer's bytes, for host-visible locations.
-    pub(crate) fn mapped(&mut self) -> Result<&mut [u8]> {
+    pub fn mapped(&mut self) -> Result<&mut [u8]> {
         self.allocation
             .as_mut()
             .and_then(Allocation::mapped_slice_mut)
@@ -70,7 +71,7 @@ impl Buffer {
 
 /// How memory is shared that queues of these families use, each named once: concurrently, where there are several. All buffers
 /// are, those too that one queue has for itself: so the host may move updates from queue to queue.
-pub(super) fn sharing(families: &[u32]) -> (vk::SharingMode, &[u32]) {
+pub fn sharing(families: &[u32]) -> (vk::SharingMode, &[u32]) {
     match families {
         [] | [_] => (vk::SharingMode::EXCLUSIVE, &[]),
         _ => (vk::SharingMode::CONCURRENT, families),
@@ -94,7 +95,7 @@ impl Drop for Buffer {
 }
 
 /// Lists that the host writes anew for each update: host-visible memory, a part for each frame in flight.
-pub(crate) struct Ring {
+pub struct Ring {
     buffer: Buffer,
     /// Bytes of a part, a multiple of 256.
     part: u64,
@@ -102,18 +103,12 @@ pub(crate) struct Ring {
 
 impl Ring {
     /// Bytes of a part that holds `bytes`: not empty, and a multiple of the largest offset alignment of descriptors.
-    pub(crate) fn part_bytes(bytes: u64) -> u64 {
+    pub fn part_bytes(bytes: u64) -> u64 {
         bytes.max(16).next_multiple_of(256)
     }
 
     /// `frames` parts of [`part_bytes`](Self::part_bytes).
-    pub(crate) fn new(
-        device: &Arc<Device>,
-        name: &str,
-        part: u64,
-        frames: u32,
-        usage: vk::BufferUsageFlags,
-    ) -> Result<Self> {
+    pub fn new(device: &Arc<Device>, name: &str, part: u64, frames: u32, usage: vk::BufferUsageFlags) -> Result<Self> {
         let bytes = part.saturating_mul(frames.into());
         let mut buffer = Buffer::new(device, name, bytes, usage, MemoryLocation::CpuToGpu)?;
         buffer.mapped()?;
@@ -121,13 +116,13 @@ impl Ring {
     }
 
     /// A frame's part. The update that used it last has finished: the contract of whoever records.
-    pub(crate) fn words(&mut self, frame: u64) -> Result<&mut [u32]> {
+    pub fn words(&mut self, frame: u64) -> Result<&mut [u32]> {
         let (at, size) = ((frame * self.part) as usize, self.part as usize);
         Ok(bytemuck::cast_slice_mut(&mut self.buffer.mapped()?[at..at + size]))
     }
 
     /// What a descriptor of a frame's part covers.
-    pub(crate) fn range(&self, frame: u64) -> BufferRange {
+    pub fn range(&self, frame: u64) -> BufferRange {
         BufferRange { buffer: self.buffer.raw, offset: frame * self.part, size: self.part }
     }
 }

@@ -3,8 +3,6 @@
 use super::barriers;
 use super::descriptors::BufferRange;
 use super::device::Device;
-#[cfg(feature = "baselines")]
-use super::images::Image;
 use super::memory::{Buffer, STAGING};
 use super::parts::AssetPart;
 use crate::error::Result;
@@ -13,6 +11,7 @@ use crate::plan::schedule::asset_uploaded;
 use crate::residency::Residents;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
+use std::any::Any;
 use std::sync::Arc;
 
 /// What base poses and deltas are read as: by kernels, by vertex passes and draws, and by copies.
@@ -24,44 +23,42 @@ const ASSET_USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
         | vk::BufferUsageFlags::TRANSFER_DST.as_raw(),
 );
 
+/// What a technique keeps with a mesh that was uploaded for it alone.
+pub type Private = Box<dyn Any + Send + Sync>;
+
 /// The device-local part of a group of a mesh.
-pub(crate) struct MeshBuffers {
-    pub(crate) layout: PackedLayout,
+pub struct MeshBuffers {
+    /// Where everything is in it.
+    pub layout: PackedLayout,
     /// The base pose (dense formats).
-    pub(crate) base: Buffer,
+    pub base: Buffer,
     /// Dense formats: the deltas. Block formats: headers, deltas and base pose, the whole asset.
-    pub(crate) deltas: Arc<Buffer>,
+    pub deltas: Arc<Buffer>,
     /// Block formats: the parts of the asset that descriptors cover.
     pub(crate) parts: Vec<AssetPart>,
-    /// Uploaded for one technique, in words of its own: what that has to know of them on the host. Else empty.
-    pub(crate) private: Vec<u32>,
-    /// Of a technique that loads deltas from images: those of both triples, each with a view.
-    #[cfg(feature = "baselines")]
-    pub(crate) images: Vec<Image>,
+    /// Uploaded for one technique, in words of its own: what that keeps with them.
+    pub private: Option<Private>,
     /// Where targets come and go: which are there. All groups are in one buffer then.
     pub(crate) residents: Option<Arc<Residents>>,
 }
 
 /// Staging memory, and what is copied from it.
-pub(crate) struct Upload {
+pub struct Upload {
     staging: Buffer,
     copies: Vec<(vk::Buffer, vk::BufferCopy)>,
-    /// All texels of an image of this size, in the place of copies.
-    #[cfg(feature = "baselines")]
-    image: Option<(vk::Image, [u32; 2])>,
 }
 
 impl MeshBuffers {
     /// Buffers of a base pose and of deltas, and what fills them.
-    pub(crate) fn new(
+    pub fn new(
         device: &Arc<Device>,
         layout: PackedLayout,
         base: &[f32],
         deltas: &[u32],
-        private: Vec<u32>,
+        private: Option<Private>,
     ) -> Result<(Self, Upload)> {
         let (base_bytes, delta_bytes): (&[u8], &[u8]) = (bytemuck::cast_slice(base), bytemuck::cast_slice(deltas));
-        let parts = match layout.format.is_blocks() && private.is_empty() {
+        let parts = match layout.format.is_blocks() && private.is_none() {
             true => AssetPart::cut(&layout, deltas, device.caps.max_storage_range)?,
             false => vec![],
         };
@@ -70,7 +67,7 @@ impl MeshBuffers {
         let base_size = if parts.len() == 1 { 0 } else { layout.base_bytes() };
         let deltas_size = match parts.last() {
             Some(last) => last.end(),
-            None if private.is_empty() => deltas_bytes(&layout),
+            None if private.is_none() => deltas_bytes(&layout),
             None => delta_bytes.len() as u64,
         };
         let name = |what: &str| format!("deltamorph {what} of mesh '{}'", layout.name);
@@ -93,38 +90,8 @@ impl MeshBuffers {
             copies.push((deltas.raw, region(base_bytes.len(), delta_bytes)));
         }
         copies.retain(|(_, region)| region.size > 0);
-        let mesh = Self {
-            layout,
-            base,
-            deltas: Arc::new(deltas),
-            parts,
-            private,
-            #[cfg(feature = "baselines")]
-            images: vec![],
-            residents: None,
-        };
+        let mesh = Self { layout, base, deltas: Arc::new(deltas), parts, private, residents: None };
         Ok((mesh, Upload::new(staging, copies)))
-    }
-
-    /// Add an image of texels that shaders load, and what fills it.
-    #[cfg(feature = "baselines")]
-    pub(crate) fn add_image(
-        &mut self,
-        device: &Arc<Device>,
-        name: &str,
-        format: vk::Format,
-        size: [u32; 2],
-        texels: &[u8],
-    ) -> Result<Upload> {
-        let usage = vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST;
-        let mut image = Image::new(device, name, format, (size, 1), usage)?;
-        image.view(0..1, false)?;
-        let (bytes, usage) = (texels.len() as u64, vk::BufferUsageFlags::TRANSFER_SRC);
-        let mut staging = Buffer::new(device, "deltamorph upload", bytes, usage, STAGING)?;
-        staging.mapped()?[..texels.len()].copy_from_slice(texels);
-        let upload = Upload { image: Some((image.raw, size)), ..Upload::new(staging, vec![]) };
-        self.images.push(image);
-        Ok(upload)
     }
 
     /// All groups of a mesh whose targets come and go: one buffer, and what fills it. Headers and deltas are to be
@@ -145,23 +112,14 @@ impl MeshBuffers {
             let upload = Upload::to(device, &deltas, words, &[[origins[2], words.len() as u32]])?;
             let parts = vec![AssetPart::resident(&layout, bytes, origins)?];
             let residents = Some(residents.clone());
-            let mesh = Self {
-                layout,
-                base,
-                deltas: deltas.clone(),
-                parts,
-                private: vec![],
-                #[cfg(feature = "baselines")]
-                images: vec![],
-                residents,
-            };
+            let mesh = Self { layout, base, deltas: deltas.clone(), parts, private: None, residents };
             Ok((mesh, upload))
         };
         mesh.groups().iter().enumerate().map(group).collect()
     }
 
     /// Where the base pose is.
-    pub(crate) fn base_pose(&self) -> BufferRange {
+    pub fn base_pose(&self) -> BufferRange {
         match &self.parts[..] {
             [whole] => whole.base_pose(self.deltas.raw, &self.layout),
             _ => BufferRange::new(self.base.raw, 0, self.layout.base_bytes()),
@@ -170,13 +128,9 @@ impl MeshBuffers {
 }
 
 impl Upload {
-    fn new(staging: Buffer, copies: Vec<(vk::Buffer, vk::BufferCopy)>) -> Self {
-        Self {
-            staging,
-            copies,
-            #[cfg(feature = "baselines")]
-            image: None,
-        }
+    /// Copies from `staging`, which is kept as long as they may run.
+    pub fn new(staging: Buffer, copies: Vec<(vk::Buffer, vk::BufferCopy)>) -> Self {
+        Self { staging, copies }
     }
 
     /// A storage buffer of these lists, one behind the other, and what fills it.
@@ -221,26 +175,6 @@ impl Upload {
             // SAFETY: the caller's obligations; regions lie within both buffers, and overlap nowhere.
             unsafe { device.raw.cmd_copy_buffer(cmd, self.staging.raw, copies[0].0, &regions) };
         }
-        #[cfg(feature = "baselines")]
-        if let Some((image, [width, height])) = self.image {
-            let layers = vk::ImageSubresourceLayers {
-                aspect_mask: vk::ImageAspectFlags::COLOR,
-                layer_count: 1,
-                ..Default::default()
-            };
-            let whole = vk::BufferImageCopy::default().image_subresource(layers).image_extent(vk::Extent3D {
-                width,
-                height,
-                depth: 1,
-            });
-            let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
-            // SAFETY: the caller's obligations; the image is new, and the staging memory has all its texels.
-            unsafe {
-                barriers::record_layout(&device.raw, cmd, image, false);
-                device.raw.cmd_copy_buffer_to_image(cmd, self.staging.raw, image, layout, &[whole]);
-                barriers::record_layout(&device.raw, cmd, image, true);
-            }
-        }
     }
 }
 
@@ -275,6 +209,6 @@ pub(crate) fn deltas_bytes(layout: &PackedLayout) -> u64 {
 }
 
 /// Bytes that a descriptor of dense deltas covers.
-pub(crate) fn delta_range(layout: &PackedLayout) -> u64 {
+pub fn delta_range(layout: &PackedLayout) -> u64 {
     chunk_bytes(layout).max(16)
 }

@@ -2,20 +2,16 @@
 //!
 //! Files by Vulkan concern: [`caps`] (what a device can do), `tuning` (what suits it), [`device`] (the host's device,
 //! borrowed), `memory` (buffers, rings of lists), `mesh` (an uploaded mesh), `parts` (of an asset that is too large for a
-//! descriptor), `descriptors`, `pipelines`, `barriers`; of baselines `images` and `blending`. No file here knows a technique.
+//! descriptor), `descriptors`, `pipelines`, `barriers`. No file here knows a technique.
 
-pub(crate) mod barriers;
-#[cfg(feature = "baselines")]
-mod blending;
+pub mod barriers;
 pub mod caps;
-pub(crate) mod descriptors;
+pub mod descriptors;
 pub mod device;
-#[cfg(feature = "baselines")]
-pub(crate) mod images;
-pub(crate) mod memory;
-pub(crate) mod mesh;
+pub mod memory;
+pub mod mesh;
 pub(crate) mod parts;
-pub(crate) mod pipelines;
+pub mod pipelines;
 pub(crate) mod tuning;
 
 use crate::error::Error;

@@ -13,21 +13,26 @@ use std::any::Any;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Objects of one update path; destroyed together. Dropped only when the device no longer uses them.
-pub(crate) struct Objects {
-    pub(crate) device: Arc<Device>,
+pub struct Objects {
+    /// The device.
+    pub device: Arc<Device>,
     bindings: Vec<Binding>,
     /// The kernel, or the first of several.
     kernel: &'static str,
     set_layout: vk::DescriptorSetLayout,
-    pub(crate) layout: vk::PipelineLayout,
-    pub(crate) render_pass: vk::RenderPass,
-    pub(crate) framebuffer: vk::Framebuffer,
-    pub(crate) pipelines: Vec<vk::Pipeline>,
+    /// That of all pipelines.
+    pub layout: vk::PipelineLayout,
+    /// What vertex passes and draws run in.
+    pub render_pass: vk::RenderPass,
+    /// That of the empty render pass.
+    pub framebuffer: vk::Framebuffer,
+    /// In the order in which they were added.
+    pub pipelines: Vec<vk::Pipeline>,
 }
 
 impl Objects {
     /// No objects yet: fill in one by one; an error on the way drops what is there.
-    pub(crate) fn none(device: &Arc<Device>) -> Self {
+    pub fn none(device: &Arc<Device>) -> Self {
         Self {
             device: device.clone(),
             bindings: vec![],
@@ -42,7 +47,7 @@ impl Objects {
 
     /// Set layout and pipeline layout of what kernels declare, which are all compute shaders, or none. `attribute_push_bytes`: push constants
     /// of those whose number of coefficients is the batch size.
-    pub(crate) fn add_layout(&mut self, kernels: &[&KernelRow], attribute_push_bytes: u32) -> Result<()> {
+    pub fn add_layout(&mut self, kernels: &[&KernelRow], attribute_push_bytes: u32) -> Result<()> {
         let stage = kernels.iter().fold(vk::ShaderStageFlags::empty(), |stages, kernel| {
             stages
                 | match kernel.stage {
@@ -76,13 +81,13 @@ impl Objects {
     }
 
     /// A descriptor set for each list of buffers, which are in the order of the kernels' bindings.
-    pub(crate) fn sets(&self, bound: &[impl AsRef<[BufferRange]>]) -> Result<Sets> {
+    pub fn sets(&self, bound: &[impl AsRef<[BufferRange]>]) -> Result<Sets> {
         Sets::new(&self.device, self.set_layout, &self.bindings, self.kernel, bound)
     }
 
     /// A render pass without attachments and its framebuffer: rasterizer discard needs no more, and core
     /// Vulkan 1.0 has it.
-    pub(crate) fn add_empty_render_pass(&mut self) -> Result<()> {
+    pub fn add_empty_render_pass(&mut self) -> Result<()> {
         let subpasses = [vk::SubpassDescription::default().pipeline_bind_point(vk::PipelineBindPoint::GRAPHICS)];
         let info = vk::RenderPassCreateInfo::default().subpasses(&subpasses);
         // SAFETY: the device is alive; one subpass without attachments.
@@ -96,7 +101,7 @@ impl Objects {
     }
 
     /// A compute pipeline of a module for each list of specialization constants 0, 1, …
-    pub(crate) fn add_compute(&mut self, module: &Module, constants: &[&[u32]]) -> Result<()> {
+    pub fn add_compute(&mut self, module: &Module, constants: &[&[u32]]) -> Result<()> {
         let most = constants.iter().map(|constants| constants.len()).max().unwrap_or(0) as u32;
         let entries: Vec<_> =
             (0..most).map(|id| vk::SpecializationMapEntry { constant_id: id, offset: 4 * id, size: 4 }).collect();
@@ -128,7 +133,7 @@ impl Objects {
 
     /// A pipeline of a vertex module with rasterizer discard. It draws lines, since points without gl_PointSize are not
     /// valid and with it are slow on software devices.
-    pub(crate) fn add_discarding_vertex(
+    pub fn add_discarding_vertex(
         &mut self,
         module: &Module,
         bindings: &[vk::VertexInputBindingDescription],
@@ -158,7 +163,7 @@ impl Objects {
     }
 
     /// Take the pipelines that were made of `module`, or refuse.
-    pub(super) fn add_graphics(
+    pub fn add_graphics(
         &mut self,
         module: &Module,
         made: std::result::Result<Vec<vk::Pipeline>, (Vec<vk::Pipeline>, vk::Result)>,
@@ -173,7 +178,7 @@ impl Objects {
     ///
     /// # Safety
     /// `cmd` is in the recording state on this device, outside a render pass.
-    pub(crate) unsafe fn begin_render_pass(&self, cmd: vk::CommandBuffer) {
+    pub unsafe fn begin_render_pass(&self, cmd: vk::CommandBuffer) {
         let info = vk::RenderPassBeginInfo::default()
             .render_pass(self.render_pass)
             .framebuffer(self.framebuffer)
@@ -187,7 +192,7 @@ impl Objects {
     /// # Safety
     /// - `cmd` is in the empty render pass, with everything bound that its pipeline reads.
     /// - What is captured lies within the buffer; the offset is a multiple of 4.
-    pub(crate) unsafe fn draw(&self, cmd: vk::CommandBuffer, vertices: usize, capture: Option<(vk::Buffer, u64)>) {
+    pub unsafe fn draw(&self, cmd: vk::CommandBuffer, vertices: usize, capture: Option<(vk::Buffer, u64)>) {
         let device = &self.device.raw;
         let (Some((buffer, offset)), Some(feedback)) = (capture, &self.device.feedback) else {
             // SAFETY: the caller's obligations.
@@ -211,7 +216,7 @@ impl Objects {
     /// - `set` was made for this layout and lives until the dispatch has run; its buffers hold what `push` says from then
     ///   on, there is a dynamic offset for each binding that takes one, and `push` fits the layout's range.
     /// - There are no more workgroups than the device allows; arguments lie within their buffer.
-    pub(crate) unsafe fn dispatch(
+    pub unsafe fn dispatch(
         &self,
         cmd: vk::CommandBuffer,
         pipeline: usize,
@@ -235,7 +240,7 @@ impl Objects {
 
 /// Workgroups of a dispatch.
 #[derive(Clone, Copy)]
-pub(crate) enum Workgroups {
+pub enum Workgroups {
     /// So many, in two dimensions.
     Of([u32; 2]),
     /// As many as the arguments at this offset say when it runs.
@@ -298,7 +303,7 @@ impl PoseFormat {
 }
 
 /// What `make` makes of a stage that runs `module`, which may go once its pipelines are made.
-pub(super) fn with_stage<R>(
+pub fn with_stage<R>(
     device: &Device,
     module: &Module,
     stage: vk::ShaderStageFlags,
@@ -315,31 +320,33 @@ pub(super) fn with_stage<R>(
 }
 
 /// What pipelines are made for.
-pub(crate) trait PipelineKey: Any + Copy + PartialEq + Send + Sync {
+pub trait PipelineKey: Any + Copy + PartialEq + Send + Sync {
     /// Make the pipelines, and what belongs to them.
     fn make(self, objects: &mut Objects) -> Result<()>;
 }
 
 /// Pipelines and what belongs to them.
-pub(crate) struct Pipelines<K> {
-    pub(crate) objects: Objects,
+pub struct Pipelines<K> {
+    /// The pipelines.
+    pub objects: Objects,
     /// What they were made for.
-    pub(crate) key: K,
+    pub key: K,
 }
 
 /// The pipelines made so far.
-pub(crate) struct Kernels {
+pub struct Kernels {
     device: Arc<Device>,
     made: Mutex<Vec<Arc<dyn Any + Send + Sync>>>,
 }
 
 impl Kernels {
-    pub(crate) fn new(device: &Arc<Device>) -> Self {
+    /// None yet.
+    pub fn new(device: &Arc<Device>) -> Self {
         Self { device: device.clone(), made: Mutex::default() }
     }
 
     /// The pipelines of `key`: those there are, or new ones.
-    pub(crate) fn get<K: PipelineKey>(&self, key: K) -> Result<Arc<Pipelines<K>>> {
+    pub fn get<K: PipelineKey>(&self, key: K) -> Result<Arc<Pipelines<K>>> {
         let locked = || self.made.lock().unwrap_or_else(PoisonError::into_inner);
         let find = |made: &[Arc<dyn Any + Send + Sync>]| {
             let mut of_kind = made.iter().filter_map(|pipelines| pipelines.clone().downcast::<Pipelines<K>>().ok());

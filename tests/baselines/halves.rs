@@ -5,10 +5,10 @@ use crate::baselines::{can_read, history};
 use crate::gpu::{NORMAL, POSITION, on_every_device, packed, single};
 use deltamorph::headless::HeadlessCrowd;
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::textures::{TextureFloats, read_ktx2, write_ktx2};
 use deltamorph::{
     BatchSize, DeltaFormat, MorphMesh, MorphTarget, PackDesc, PackedMesh, StreamDeltas, UpdateDesc, UpdatePath, testing,
 };
+use deltamorph_baselines::textures::{TextureFloats, read_ktx2, write_ktx2};
 use glam::Vec3;
 
 /// `mesh` as a file of half floats has it.

@@ -20,13 +20,12 @@ const ROOMS: &[(&str, &str)] = &[
     ("plan", "error setters weights pack"),
     ("residency", "error setters pack plan"),
     ("gpu", "error setters abi pack plan residency"),
-    ("update", "error setters asset weights abi pack lod plan residency gpu baselines"),
+    ("update", "error setters asset weights abi pack lod plan residency gpu"),
     ("cpu", "error asset weights abi pack plan update"),
     ("after", "error setters asset abi pack plan gpu update"),
     ("reference", "math asset pack after"),
     ("import", "error setters math io asset weights rig pack"),
     ("engine", "error asset weights abi pack lod plan residency gpu update after"),
-    ("baselines", "error io asset weights abi pack plan gpu update engine"),
     ("headless", "error setters asset abi pack lod plan gpu update after engine"),
 ];
 
@@ -74,9 +73,7 @@ fn rooms_use_those_below_them() {
     }
     for (i, (room, allowed)) in ROOMS.iter().enumerate() {
         for name in allowed.split_whitespace() {
-            // `update` makes the techniques of others until they are a package.
-            let known = (*room, name) == ("update", "baselines");
-            if !known && !ROOMS[..i].iter().any(|(below, _)| *below == name) {
+            if !ROOMS[..i].iter().any(|(below, _)| *below == name) {
                 wrong.push(format!("{room} -> {name}: runs upward"));
             }
             if !used.contains(&(room.to_string(), name.to_owned())) {
