@@ -145,6 +145,43 @@ fn io_remedy(kind: io::ErrorKind) -> &'static str {
     }
 }
 
+/// What to do where there is no memory for a buffer.
+pub(crate) const LESS: &str = "free memory, or use fewer instances, slots or frames in flight, 16-bit poses (fixed16) or \
+                               the format 'small'";
+
+/// What to do about a call that returned `result`.
+fn remedy(call: &str, result: vk::Result) -> &'static str {
+    use vk::Result as Vk;
+    match result {
+        Vk::ERROR_OUT_OF_HOST_MEMORY
+        | Vk::ERROR_OUT_OF_DEVICE_MEMORY
+        | Vk::ERROR_OUT_OF_POOL_MEMORY
+        | Vk::ERROR_FRAGMENTED_POOL
+        | Vk::ERROR_FRAGMENTATION
+        | Vk::ERROR_MEMORY_MAP_FAILED => match call {
+            "vkAllocateMemory"
+            | "vkCreateBuffer"
+            | "vkBindBufferMemory"
+            | "vkMapMemory"
+            | "vkCreateBufferView"
+            | "vkCreateDescriptorPool"
+            | "vkAllocateDescriptorSets" => LESS,
+            "vkCreateImage" | "vkBindImageMemory" | "vkCreateImageView" | "vkCreateSwapchainKHR" => {
+                "free memory, or use smaller images"
+            }
+            // What is asked for is small, whatever the host does.
+            _ => "free memory: end other programs, or destroy what is no longer needed",
+        },
+        Vk::ERROR_TOO_MANY_OBJECTS => "destroy what is no longer needed",
+        Vk::ERROR_DEVICE_LOST => "create the device anew; its buffers are gone",
+        Vk::ERROR_SURFACE_LOST_KHR | Vk::ERROR_NATIVE_WINDOW_IN_USE_KHR => "open the window anew",
+        Vk::ERROR_INCOMPATIBLE_DRIVER | Vk::ERROR_INITIALIZATION_FAILED => {
+            "check that a Vulkan 1.1 driver is installed and works (./with-vulkan installs lavapipe), or use the path 'cpu'"
+        }
+        _ => "this is a bug in deltamorph or in the driver: run with the validation layers on",
+    }
+}
+
 impl Error {
     /// Returns the kind of this error.
     pub fn kind(&self) -> ErrorKind {
@@ -169,7 +206,7 @@ impl Error {
     /// Returns a function for `map_err` that makes an [`Error::Vulkan`], with a fitting remedy, from the result of the
     /// Vulkan function `call`. Hosts may use it for their own calls.
     pub fn vulkan(call: &'static str) -> impl Fn(vk::Result) -> Self {
-        move |result| Self::Vulkan { call, result, remedy: crate::gpu::remedy(call, result) }
+        move |result| Self::Vulkan { call, result, remedy: remedy(call, result) }
     }
 
     /// Returns a function for `map_err` that makes an [`Error::Io`] from the system's error.
@@ -245,5 +282,36 @@ mod tests {
         let text = Error::input(Path::new("a\u{7}b.csv"), ": column '\u{9b}2J'", what, "mend it");
         assert_eq!(text.to_string(), r"a\u{7}b.csv: column '\u{9b}2J': '\u{1b}[2J' is not a number, ä is; mend it");
         assert_eq!(Error::invalid("target 'a\nb'", "rename it").to_string(), r"target 'a\nb'; rename it");
+    }
+
+    #[test]
+    fn remedies_fit_call_and_result() {
+        for memory in [
+            vk::Result::ERROR_OUT_OF_HOST_MEMORY,
+            vk::Result::ERROR_OUT_OF_DEVICE_MEMORY,
+            vk::Result::ERROR_OUT_OF_POOL_MEMORY,
+        ] {
+            // Nothing of these is fewer where there are fewer instances.
+            for call in ["vkCreateInstance", "vkCreateDevice", "vkCreateFence", "vkCreateQueryPool", "vkWaitForFences"]
+            {
+                let text = remedy(call, memory);
+                assert!(text.starts_with("free memory") && !text.contains("instances"), "{call}: {text}");
+            }
+            for call in ["vkAllocateMemory", "vkCreateBuffer", "vkCreateDescriptorPool"] {
+                let text = remedy(call, memory);
+                assert!(
+                    ["instances", "slots", "frames in flight", "fixed16"].iter().all(|s| text.contains(s)),
+                    "{text}"
+                );
+                assert!(!text.contains("snorm16"), "poses, not deltas, take the memory: {text}");
+            }
+            assert!(remedy("vkCreateImage", memory).contains("smaller images"));
+        }
+        for call in ["vkCreateBuffer", "vkQueueSubmit", "vkAcquireNextImageKHR"] {
+            assert!(remedy(call, vk::Result::ERROR_DEVICE_LOST).starts_with("create the device anew"), "{call}");
+        }
+        assert!(remedy("vkCreateInstance", vk::Result::ERROR_INCOMPATIBLE_DRIVER).contains("driver is installed"));
+        assert!(remedy("vkQueuePresentKHR", vk::Result::ERROR_SURFACE_LOST_KHR).contains("window"));
+        assert!(remedy("vkCreateBuffer", vk::Result::ERROR_UNKNOWN).contains("validation layers"));
     }
 }

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 pub(crate) const TEXT_MAX: u64 = 1 << 30;
 
 /// Reads a regular file of at most `limit` bytes; `remedy` is the advice for a larger one.
-pub(crate) fn read_bounded(path: &Path, limit: u64, remedy: &str) -> Result<Vec<u8>> {
+pub fn read_bounded(path: &Path, limit: u64, remedy: &str) -> Result<Vec<u8>> {
     let io = Error::io(path, "read");
     // Checked before the file is opened: opening a pipe without a writer blocks for ever.
     let kind = std::fs::metadata(path).map_err(&io)?;

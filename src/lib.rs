@@ -53,8 +53,7 @@
 //! - `gltf`: meshes, weight animations and skins from glTF files.
 //! - `rig`: rigs from JSON files ([`mod@rig`]).
 //! - `threads`: the path `cpu` and the importer on several threads.
-//! - `baselines`: the techniques of others, to compare with.
-//! - `ktx2`: delta textures as KTX2 files (the module `textures`).
+//! - `baselines`: the kernels of others' techniques, which are the package deltamorph-baselines.
 //! - `compile-shaders`: compile `glsl/` at build time, which needs a C++ compiler; without it the modules checked in
 //!   under `spirv/` are linked.
 
@@ -70,9 +69,6 @@
 mod abi;
 pub mod after;
 mod asset;
-#[cfg(feature = "baselines")]
-#[allow(unsafe_code)]
-mod baselines;
 mod cpu;
 #[allow(unsafe_code)]
 mod engine;
@@ -99,15 +95,13 @@ pub use asset::{
     Corner, Faces, Measure, MeshArrays, MorphMesh, MorphSource, MorphTarget, RenderVertices, Semantic, SourceTarget,
     StreamData, StreamDeltas, StreamPlace, TargetArrays, Tolerance,
 };
-#[cfg(feature = "ktx2")]
-pub use baselines::textures;
 pub use cpu::CpuCrowd;
 pub use engine::{
     AnimatedCrowd, AnyCrowd, Crowd, CrowdSet, GpuMesh, MorphEngine, Outgrown, PoseBuffer, PoseReadback, PoseView,
     ReadPose, StreamView, Ticket, Update,
 };
 pub use error::{Error, ErrorKind, Result};
-pub use gpu::caps::{DeviceCaps, DeviceKind, Requirement, TransformFeedbackCaps, requirements};
+pub use gpu::caps::{DeviceCaps, DeviceKind, Requirement, TransformFeedbackCaps};
 pub use gpu::device::{DeviceDesc, SharedAllocator};
 pub use gpu::tuning::{DeviceClass, DeviceTuning};
 pub use pack::blocks::{BLOCK_SIZES, BlockDesc, BlockIndex, PoseGrid};
@@ -119,27 +113,37 @@ pub use pack::{
 pub use plan::{BatchSize, Consumers, UpdateDesc, UpdateMode, UpdatePath, UpdateStats};
 pub use update::animated::{AnimationDesc, Clips, KeyFormat, Playback};
 pub use update::crowd::{CrowdDesc, HostPoses};
+pub use update::requirements;
 pub use weights::{BoundClip, ClipLayer, LayerBlend, Repeat, WeightClip, normalise_weights, target_mask};
 pub use {ash, glam, gpu_allocator};
 
-/// What packages of this repository and its tests look into; no part of the API.
+/// Items that packages of this repository, their tests and techniques from outside use; no part of the API.
 #[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod internals {
-    pub use crate::io::write_replacing;
+    pub use crate::io::{read_bounded, write_replacing};
     pub use crate::math::{angle_degrees, diagonal};
 
     pub mod abi {
         pub use crate::abi::*;
     }
+    pub mod asset {
+        pub use crate::asset::*;
+    }
     pub mod gpu {
         pub use crate::gpu::*;
+    }
+    pub mod pack {
+        pub use crate::pack::*;
     }
     pub mod plan {
         pub use crate::plan::*;
     }
     pub mod update {
         pub use crate::update::*;
+    }
+    pub mod weights {
+        pub use crate::weights::*;
     }
 }
 

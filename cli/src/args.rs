@@ -69,7 +69,7 @@ pub enum Command {
     Render(Box<RenderArgs>),
     /// Open a window: a slider for each target, clips, paths and formats to switch, and what each update takes
     #[cfg(feature = "viewer")]
-    #[command(after_help = crate::view::HELP)]
+    #[command(after_help = view::HELP)]
     View(Box<view::ViewArgs>),
     /// Rank targets by importance, and say what is lost where fewer are kept
     Lod(Box<LodArgs>),

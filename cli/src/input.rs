@@ -156,7 +156,7 @@ fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Re
     };
     let (raw, kept, packed) = match &args.textures {
         Some(path) => {
-            let read = Arc::new(deltamorph::textures::read_ktx2(path, &kept)?);
+            let read = Arc::new(deltamorph_baselines::textures::read_ktx2(path, &kept)?);
             (read.clone(), read, None)
         }
         None => (raw, kept, packed),

@@ -30,7 +30,7 @@ use std::process::ExitCode;
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    let out = Output::new(&cli.global);
+    let out = Output::new(cli.global.quiet, cli.global.json.clone());
     match run(&cli, &out).and_then(|()| out.finish()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {

@@ -1,6 +1,5 @@
 //! What the program prints and where: results on stdout, remarks and progress on stderr.
 
-use crate::args::GlobalArgs;
 use deltamorph::internals::write_replacing;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
@@ -56,8 +55,8 @@ pub struct Output {
 }
 
 impl Output {
-    pub fn new(global: &GlobalArgs) -> Self {
-        Self { quiet: global.quiet, json: global.json.clone(), lost: OnceLock::new() }
+    pub fn new(quiet: bool, json: Option<PathBuf>) -> Self {
+        Self { quiet, json, lost: OnceLock::new() }
     }
 
     /// Whether stdout is for JSON alone.

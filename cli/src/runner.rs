@@ -22,6 +22,9 @@ use std::time::Instant;
 pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>, Failure> {
     let desc = HeadlessDesc::default().device(choice.cloned().unwrap_or_default());
     let gpu = if_any(Gpu::new(&desc), choice, out)?;
+    if let Some(gpu) = &gpu {
+        gpu.engine().set_techniques(&deltamorph_baselines::TECHNIQUES);
+    }
     if let Some(caps) = gpu.as_ref().map(Gpu::caps).filter(|caps| caps.is_software()) {
         let name = &caps.name;
         out.note(format_args!("{name} is a software driver: without a GPU the path 'cpu' is the one to use"));
@@ -375,13 +378,11 @@ fn batch_size(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::args::Cli;
-    use clap::Parser;
     use deltamorph::ash::vk;
 
     #[test]
     fn only_that_there_is_no_device_leads_to_the_path_cpu() {
-        let out = Output::new(&Cli::parse_from(["deltamorph", "--quiet", "devices"]).global);
+        let out = Output::new(true, None);
         let opened = |error, choice| if_any::<()>(Err(error), choice, &out);
         assert!(matches!(opened(no_device(UpdatePath::Blocks), None), Ok(None)));
         let chosen = DeviceChoice::Index(0);

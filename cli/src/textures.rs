@@ -4,8 +4,8 @@ use crate::args::TexturesArgs;
 use crate::input;
 use crate::output::{Failure, Output};
 use crate::table::{bytes, sig3, thousands};
-use deltamorph::textures::{TextureFloats, read_ktx2, write_ktx2};
 use deltamorph::{DeltaFormat, MorphMesh, POSE_FLOATS, PackDesc, PackedMesh};
+use deltamorph_baselines::textures::{TextureFloats, read_ktx2, write_ktx2};
 use serde::Serialize;
 use std::io::Write;
 

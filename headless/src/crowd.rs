@@ -6,8 +6,6 @@ mod read;
 use super::Headless;
 use super::draw::PoseDraw;
 use super::submit::Readback;
-#[cfg(feature = "baselines")]
-use deltamorph::UpdatePath;
 use deltamorph::ash::vk;
 use deltamorph::internals::plan::hazards::Event;
 use deltamorph::internals::plan::schedule::Entry;
@@ -58,18 +56,8 @@ impl<'a> HeadlessCrowd<'a> {
     /// As [`upload`](deltamorph::MorphEngine::upload) and [`create_crowd`](deltamorph::MorphEngine::create_crowd).
     pub fn new(headless: &'a Headless, mesh: &PackedMesh, desc: &CrowdDesc) -> Result<Self> {
         let engine = &headless.engine;
-        let mesh = headless.upload(|cmd| {
-            #[cfg(feature = "baselines")]
-            if desc.update.path == UpdatePath::Scatter {
-                // SAFETY: the submitter hands out a recording buffer of the engine's device; it waits for the device.
-                return unsafe { engine.upload_scatter(cmd, mesh) };
-            } else if desc.update.path == UpdatePath::Texture {
-                // SAFETY: as above.
-                return unsafe { engine.upload_texture(cmd, mesh) };
-            }
-            // SAFETY: as above.
-            unsafe { engine.upload(cmd, mesh) }
-        })?;
+        // SAFETY: the submitter hands out a recording buffer of the engine's device; it waits for the device.
+        let mesh = headless.upload(|cmd| unsafe { engine.upload_for(cmd, mesh, desc.update.path) })?;
         let crowd = engine.create_crowd(&mesh, desc)?;
         Self::with(headless, mesh, crowd)
     }
@@ -382,13 +370,13 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         if copies == 0 {
             return Ok(());
         }
-        #[cfg(feature = "baselines")]
-        if let Some(crowd) = self.direct() {
-            let engine = &self.headless.engine;
-            // SAFETY: as in `step_together`.
-            return (0..copies).try_for_each(|_| unsafe { engine.record_draws(cmd, crowd) });
-        }
         let (base, mut poses) = (self.crowd.base(), vec![]);
+        if let Some(draws) = base.draws(0) {
+            base.shown().try_for_each(|instance| base.slots_of(instance).map(drop))?;
+            // SAFETY: as in `step_together`.
+            (0..copies).for_each(|_| unsafe { draws.record(cmd, &mut base.shown()) });
+            return Ok(());
+        }
         if base.desc().poses.is_some() {
             let text = "draws of poses in vertices of the host's own, of a layout that is the host's";
             return Err(Error::invalid(text, "draw them as the host does"));

@@ -35,7 +35,7 @@ impl PoseDraw {
         objects.add_empty_render_pass()?;
         let (bindings, attributes) = pose.vertex_input(false);
         // It reads no deltas: the module is the same for each of their formats.
-        let module = CONSUME.module(DeltaFormat::Float32, pose, 0)?;
+        let module = CONSUME.module(DeltaFormat::Float32.row(), pose.row(), 0)?;
         objects.add_discarding_vertex(module, &bindings, &attributes)?;
         Ok(Self { objects, base: base.filter(|_| pose.has_integers()), push: ConsumePush { units } })
     }

@@ -117,7 +117,9 @@ pub struct KernelRow {
     pub constants: u32,
     /// Behind them are [`PLACES`] that say where numbers are in a pose.
     pub places: bool,
-    /// Of a technique of others: left out without the feature `baselines`.
+    /// Of a technique of others, in the package deltamorph-baselines: left out without the feature `baselines`. They stand in
+    /// this table since they share its types, the formats' GLSL, and the build script; a second table and build script would
+    /// be more code than they are.
     pub baseline: bool,
 }
 

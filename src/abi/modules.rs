@@ -1,9 +1,8 @@
 //! The SPIR-V modules that build.rs embeds: a `static` for each row of [`KERNELS`].
 
-use super::formats::{FORMATS, FormatRow, POSE_FORMATS};
+use super::formats::{FORMATS, FormatRow, POSE_FORMATS, PoseRow};
 use super::kernels::{KERNELS, KernelRow};
 use crate::error::{Error, Result};
-use crate::pack::{DeltaFormat, PoseFormat};
 use lzma_rust2::LzmaReader;
 use std::io::Read as _;
 use std::ops::Range;
@@ -54,19 +53,24 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// All modules for a pair of formats; none if it does not take them, or the library was built without the technique.
-    pub fn modules(&self, format: DeltaFormat, pose: PoseFormat) -> &'static [Module] {
-        let (first, count) = self.modules[pose as usize][format as usize];
-        MODULES.get(first..first + count).unwrap_or_default()
+    /// All modules for a pair of formats, of which a kernel that reads no deltas takes any; none if it does not take them,
+    /// or the library was built without the technique.
+    pub fn modules(&self, format: &FormatRow, pose: &PoseRow) -> &'static [Module] {
+        let formats = FORMATS.iter().position(|row| row == format).zip(POSE_FORMATS.iter().position(|row| row == pose));
+        let modules = formats.and_then(|(format, pose)| {
+            let (first, count) = self.modules[pose][format];
+            MODULES.get(first..first + count)
+        });
+        modules.unwrap_or_default()
     }
 
     /// The module for a pair of formats and, where they are vertex attributes, `batch` targets.
     ///
     /// # Errors
     /// There is none.
-    pub fn module(&self, format: DeltaFormat, pose: PoseFormat, batch: u32) -> Result<&'static Module> {
+    pub fn module(&self, format: &FormatRow, pose: &PoseRow, batch: u32) -> Result<&'static Module> {
         self.modules(format, pose).get(batch as usize).ok_or_else(|| {
-            let (source, deltas, poses) = (self.row.source(), format.name(), pose.row().file);
+            let (source, deltas, poses) = (self.row.source(), format.name, pose.file);
             Error::invalid(
                 format!("no kernel {source} for {deltas} deltas, {poses} poses and a batch of {batch}"),
                 match self.row.baseline {

@@ -1,10 +1,10 @@
 //! Push constants and coefficient lists, as shaders declare them.
 
+use super::formats::FormatRow;
 use super::kernels::{KERNELS, KernelRow};
 use super::numbers::DENSE_BATCH_MAX;
 use super::steps::after_steps;
 use crate::asset::streams::TRIPLES;
-use crate::pack::DeltaFormat;
 use bytemuck::{Pod, Zeroable};
 use std::mem::offset_of;
 
@@ -265,6 +265,6 @@ const _: () = {
 
 /// Bytes of push constants of a vertex pass over `batch` targets: a float each and, where the format has exponents, a
 /// signed byte each, padded to words.
-pub const fn attribute_push_bytes(format: DeltaFormat, batch: u32) -> u32 {
-    4 * batch + if format.row().exponents { 4 * batch.div_ceil(4) } else { 0 }
+pub const fn attribute_push_bytes(format: &FormatRow, batch: u32) -> u32 {
+    4 * batch + if format.exponents { 4 * batch.div_ceil(4) } else { 0 }
 }

@@ -76,7 +76,7 @@ impl PipelineKey for PoseKernel {
         let Self(kernel, pose) = self;
         objects.add_layout(&[kernel.row], 0)?;
         // Steps read no deltas: the module is the same for each of their formats.
-        objects.add_compute(kernel.module(DeltaFormat::Float32, pose.format, 0)?, &[pose.constants()])
+        objects.add_compute(kernel.module(DeltaFormat::Float32.row(), pose.format.row(), 0)?, &[pose.constants()])
     }
 }
 

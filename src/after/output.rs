@@ -52,6 +52,6 @@ impl Output {
         let (what, range) = (format!("{what} for mesh '{}'", layout.name), self.range(layout).0);
         let limit = (range.size, "bytes", device.caps.max_storage_range);
         device.caps.check_limit(&format!("{what} takes"), limit, "use a smaller stride")?;
-        device.check_room(&what, range)
+        range.check_room(device, &what)
     }
 }

@@ -40,7 +40,8 @@ macro_rules! semantics {
             /// Unique id, also in packed files: the kind of stream, and the set × 256.
             // Used instead of the derived `PartialEq`, which may read the uninitialised payload of unit variants;
             // memory checkers report that.
-            pub(crate) const fn id(self) -> u32 {
+            #[doc(hidden)]
+            pub const fn id(self) -> u32 {
                 match self {
                     $(Self::$name $(($set))? => $id $(| ($set as u32) << 8)?,)*
                 }

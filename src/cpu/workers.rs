@@ -29,7 +29,7 @@ impl Workers {
             return Ok(Self { helpers: None });
         }
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads - 1).build().map_err(|e| {
-            crate::Error::invalid(format!("{threads} threads cannot be started: {e}"), "ask for fewer threads")
+            crate::error::Error::invalid(format!("{threads} threads cannot be started: {e}"), "ask for fewer threads")
         })?;
         Ok(Self { helpers: Some(pool) })
     }

@@ -16,7 +16,7 @@ use crate::plan::instances::Instances;
 use crate::plan::schedule::Schedule;
 use crate::plan::steps::{Owner, Resource, Steps, Use, Work};
 use crate::update::crowd::CrowdDesc;
-use crate::update::technique::{Context, PoseGroup, Technique, UpdateId};
+use crate::update::technique::{Context, PoseDraws, PoseGroup, Technique, UpdateId};
 use ash::vk;
 use std::any::Any;
 use std::ops::RangeInclusive;
@@ -272,19 +272,24 @@ impl CrowdBase {
         Ok(self.view(instance, slot, group))
     }
 
+    /// The draws that evaluate poses, on paths that have no pose buffers.
+    pub fn draws(&self, group: usize) -> Option<&dyn PoseDraws> {
+        self.technique.draws(group)
+    }
+
     fn check_has_poses(&self) -> Result<()> {
-        if self.technique.has_poses() {
+        if self.technique.draws(0).is_none() {
             return Ok(());
         }
         Err(Error::invalid(
             format!("the path '{}' has no pose buffers", self.desc.update.path.name()),
-            "draw with MorphEngine::record_draws, or write the pose with MorphEngine::record_capture",
+            "its draws evaluate poses: use a path with pose buffers, such as 'compute'",
         ))
     }
 
     pub fn previous_group_pose(&self, instance: u32, group: usize) -> Result<Option<PoseView>> {
         let (_, previous) = self.slots_of(instance)?;
-        Ok(previous.filter(|_| self.technique.has_poses()).map(|slot| self.view(instance, slot, group)))
+        Ok(previous.filter(|_| self.technique.draws(0).is_none()).map(|slot| self.view(instance, slot, group)))
     }
 
     /// The group that has a stream, and where.
@@ -293,7 +298,7 @@ impl CrowdBase {
     }
 
     /// Slots of the pose and of the previous pose.
-    pub(crate) fn slots_of(&self, instance: u32) -> Result<(u32, Option<u32>)> {
+    pub fn slots_of(&self, instance: u32) -> Result<(u32, Option<u32>)> {
         let place = self.instances.check(instance)?;
         let none = || Error::invalid(format!("instance {instance} has no pose yet"), "record an update first");
         self.technique.slots_of(&self.instances, place).ok_or_else(none)

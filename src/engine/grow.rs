@@ -7,10 +7,10 @@ use super::set::CrowdSet;
 use super::upload::GpuMesh;
 use crate::error::{Error, Result};
 use crate::plan::instances::check_weights;
+use crate::update::Runner;
 use crate::update::animated::Animated;
 use crate::update::crowd::CrowdDesc;
 use crate::update::technique::{Context, Technique};
-use crate::update::{Runner, technique};
 use ash::vk;
 
 /// What crowds had before they grew: pose buffers, lists, descriptor sets. To be dropped when the device has finished with the
@@ -90,7 +90,8 @@ impl MorphEngine {
 
     fn grown_crowd(&self, crowd: &Crowd, desc: &CrowdDesc) -> Result<CrowdBase> {
         let targets = crowd.layout().targets.len();
-        let grown = self.grown(&crowd.base, desc, Runner::Device(&self.device.caps), targets, technique)?;
+        let grown = self
+            .grown(&crowd.base, desc, Runner::Device(&self.device.caps), targets, |context| self.technique(context))?;
         for weights in grown.instances.present() {
             check_weights(weights, grown.layout(), grown.grid())?;
             grown.technique.check_weights(weights)?;

@@ -30,10 +30,11 @@ use crate::pack::blocks::BlockDesc;
 use crate::pack::{DeltaFormat, PackDesc};
 use crate::update::animated::{Animated, AnimationDesc, Clips};
 use crate::update::crowd::CrowdDesc;
+use crate::update::technique::{Context, Technique, Techniques};
 use crate::update::{Runner, technique};
 use ash::vk;
 use base::CrowdBase;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// The engine: the host's device and the pipelines made so far.
 ///
@@ -85,6 +86,8 @@ use std::sync::Arc;
 pub struct MorphEngine {
     pub(crate) device: Arc<Device>,
     kernels: Kernels,
+    /// Techniques that are made outside the library.
+    others: OnceLock<&'static Techniques>,
 }
 
 impl MorphEngine {
@@ -106,7 +109,17 @@ impl MorphEngine {
     pub unsafe fn new(desc: &DeviceDesc<'_>) -> Result<Self> {
         // SAFETY: the caller's obligations are those of `borrow`.
         let device = Arc::new(unsafe { Device::borrow(desc) }?);
-        Ok(Self { kernels: Kernels::new(&device), device })
+        Ok(Self { kernels: Kernels::new(&device), others: OnceLock::new(), device })
+    }
+
+    /// Techniques that are made outside the library, for crowds that are made from now on; once.
+    #[doc(hidden)]
+    pub fn set_techniques(&self, others: &'static Techniques) {
+        self.others.get_or_init(|| others);
+    }
+
+    pub(super) fn technique(&self, context: Context<'_>) -> Result<Box<dyn Technique>> {
+        technique(context, self.others.get().copied())
     }
 
     /// Limits and features that the engine keeps to.
@@ -143,7 +156,7 @@ impl MorphEngine {
     pub fn create_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc) -> Result<Crowd> {
         self.check_crowd(mesh, desc, Runner::Device(&self.device.caps))?;
         let targets = mesh.layout().targets.len();
-        let base = CrowdBase::new(&self.device, &self.kernels, mesh, desc, targets, technique)?;
+        let base = CrowdBase::new(&self.device, &self.kernels, mesh, desc, targets, |context| self.technique(context))?;
         Ok(Crowd { base })
     }
 
@@ -162,11 +175,10 @@ impl MorphEngine {
         desc.update.path.check_groups(mesh.groups.len(), mesh.layout())?;
         desc.check_poses(mesh.layouts(), &self.device)?;
         desc.check_queue(&self.device)?;
-        if mesh.groups[0].private.is_empty() == desc.update.path.row().has_own_upload {
+        if mesh.groups[0].private.is_none() == desc.update.path.row().has_own_upload {
             return Err(Error::invalid(
                 format!("mesh '{}' for the path '{}'", mesh.layout().name, desc.update.path.name()),
-                "upload it with MorphEngine::upload_scatter for 'scatter', with upload_texture for 'texture', with \
-                 MorphEngine::upload for other paths",
+                "upload it for the path: the techniques 'scatter' and 'texture' of others have uploads of their own",
             ));
         }
         Ok(())

@@ -75,7 +75,7 @@ fn poses_of_host(device: &Device, host: &HostPoses, layout: &PackedLayout, desc:
         return Err(Error::invalid(text, "use an offset that is a multiple of 4"));
     }
     let poses = BufferRange::new(host.buffer(), offset, end - offset);
-    device.check_room(&format!("the poses of {} instances of mesh '{}'", desc.instances, layout.name), poses)?;
+    poses.check_room(device, &format!("the poses of {} instances of mesh '{}'", desc.instances, layout.name))?;
     // A descriptor begins where it may; kernels count from there.
     let lead = offset % ALIGNMENT;
     Ok(Poses {

@@ -21,7 +21,7 @@ impl MorphEngine {
     /// [what follows the pose](crate::after)); the graphics pipeline, vertex bindings from 0 on, push constants and
     /// transform-feedback binding 0 (`feedback`), or set 0 (`vertex-store`).
     ///
-    /// The direct paths record nothing: their update is a list of weights for `record_draws` (feature `baselines`).
+    /// The direct paths record nothing: their update is a list of weights for their draws.
     ///
     /// The caller is responsible for: submitting `cmd` exactly once, after all earlier updates of the crowd,
     /// or calling [`Crowd::discard`](super::Crowd::discard) with the ticket; having at most

@@ -10,6 +10,8 @@ use crate::gpu::descriptors::BufferRange;
 use crate::gpu::mesh::{MeshBuffers, Upload, chunk_bytes, deltas_bytes, record_uploads};
 use crate::pack::vertex::Places;
 use crate::pack::{PackedGroup, PackedLayout, PackedMesh, PoseFormat};
+use crate::plan::UpdatePath;
+use crate::update::technique::Techniques;
 use ash::vk;
 use std::sync::Arc;
 
@@ -97,18 +99,44 @@ impl MorphEngine {
     pub unsafe fn upload(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
         let group = |group: &PackedGroup| {
             self.check_mesh(group.layout())?;
-            MeshBuffers::new(&self.device, group.layout().clone(), group.base(), group.deltas(), vec![])
+            MeshBuffers::new(&self.device, group.layout().clone(), group.base(), group.deltas(), None)
         };
         let groups = mesh.groups().iter().map(group).collect::<Result<_>>()?;
         // SAFETY: the caller's obligations.
         Ok(unsafe { self.upload_groups(cmd, groups) })
     }
 
+    /// As [`upload`](Self::upload), for crowds on `path`, which may read words of its own.
+    ///
+    /// # Errors
+    /// As [`upload`](Self::upload); a mesh that the path does not take; a technique of others that there is not.
+    ///
+    /// # Safety
+    /// As [`upload`](Self::upload).
+    #[doc(hidden)]
+    pub unsafe fn upload_for(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh, path: UpdatePath) -> Result<GpuMesh> {
+        let (device, layout) = (&self.device, mesh.layout());
+        if !path.row().has_own_upload {
+            // SAFETY: the caller's obligations.
+            return unsafe { self.upload(cmd, mesh) };
+        }
+        device.caps.check_path(path)?;
+        path.check_format(layout.format)?;
+        path.check_groups(mesh.groups().len(), layout)?;
+        self.check_not_empty(layout)?;
+        let others = Techniques::of(self.others.get().copied(), path, &device.caps)?;
+        // SAFETY: the caller's obligations.
+        unsafe {
+            let (groups, uploads) = (others.upload)(device, cmd, mesh, path)?;
+            Ok(self.upload_buffers(cmd, groups, uploads))
+        }
+    }
+
     /// Record the upload of a mesh that was checked.
     ///
     /// # Safety
     /// As [`upload`](Self::upload).
-    pub(crate) unsafe fn upload_groups(&self, cmd: vk::CommandBuffer, groups: Vec<(MeshBuffers, Upload)>) -> GpuMesh {
+    pub(super) unsafe fn upload_groups(&self, cmd: vk::CommandBuffer, groups: Vec<(MeshBuffers, Upload)>) -> GpuMesh {
         let (groups, staging): (Vec<_>, Vec<_>) = groups.into_iter().unzip();
         // SAFETY: the caller's obligations.
         unsafe { self.upload_buffers(cmd, groups, staging) }
@@ -118,18 +146,13 @@ impl MorphEngine {
     ///
     /// # Safety
     /// As [`upload`](Self::upload).
-    pub(crate) unsafe fn upload_buffers(
-        &self,
-        cmd: vk::CommandBuffer,
-        groups: Vec<MeshBuffers>,
-        staging: Vec<Upload>,
-    ) -> GpuMesh {
+    unsafe fn upload_buffers(&self, cmd: vk::CommandBuffer, groups: Vec<MeshBuffers>, staging: Vec<Upload>) -> GpuMesh {
         // SAFETY: the caller's obligations.
         unsafe { record_uploads(&self.device, cmd, &staging) };
         GpuMesh { groups: groups.into_iter().map(Arc::new).collect(), staging }
     }
 
-    pub(crate) fn check_not_empty(&self, layout: &PackedLayout) -> Result<()> {
+    fn check_not_empty(&self, layout: &PackedLayout) -> Result<()> {
         if layout.vertex_count > 0 {
             return Ok(());
         }

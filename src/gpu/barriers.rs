@@ -9,7 +9,7 @@ use ash::vk;
 /// # Safety
 /// `cmd` is in the recording state, on `device`, outside a render pass; the device was created with the
 /// extensions whose stages `barrier` names.
-pub(crate) unsafe fn record(device: &ash::Device, cmd: vk::CommandBuffer, barrier: &Barrier) {
+pub unsafe fn record(device: &ash::Device, cmd: vk::CommandBuffer, barrier: &Barrier) {
     let Barrier { before, after } = *barrier;
     let memory = vk::MemoryBarrier::default().src_access_mask(accesses(before)).dst_access_mask(accesses(after));
     let flags = vk::DependencyFlags::empty();
@@ -17,52 +17,12 @@ pub(crate) unsafe fn record(device: &ash::Device, cmd: vk::CommandBuffer, barrie
     unsafe { device.cmd_pipeline_barrier(cmd, stages(before), stages(after), flags, &[memory], &[], &[]) };
 }
 
-/// Records the layout transition of an image that is filled by copies: before them, or after them for shaders.
+/// Record the barrier after copies to host memory: the host sees them, and stages of `writers` wait before they write what
+/// was copied.
 ///
 /// # Safety
-/// Those of [`record`]; the whole image is in the first layout, and is not in use.
-#[cfg(feature = "baselines")]
-pub(crate) unsafe fn record_layout(device: &ash::Device, cmd: vk::CommandBuffer, image: vk::Image, filled: bool) {
-    use vk::{AccessFlags as Access, ImageLayout as Layout, PipelineStageFlags as Stage};
-    // No shader stage is named, so that any queue accepts the barrier.
-    let (stages, accesses, layouts) = match filled {
-        false => (
-            (Stage::TOP_OF_PIPE, Stage::TRANSFER),
-            (Access::empty(), Access::TRANSFER_WRITE),
-            (Layout::UNDEFINED, Layout::TRANSFER_DST_OPTIMAL),
-        ),
-        true => (
-            (Stage::TRANSFER, Stage::ALL_COMMANDS),
-            (Access::TRANSFER_WRITE, Access::MEMORY_READ),
-            (Layout::TRANSFER_DST_OPTIMAL, Layout::SHADER_READ_ONLY_OPTIMAL),
-        ),
-    };
-    let range = vk::ImageSubresourceRange {
-        aspect_mask: vk::ImageAspectFlags::COLOR,
-        level_count: vk::REMAINING_MIP_LEVELS,
-        layer_count: vk::REMAINING_ARRAY_LAYERS,
-        ..Default::default()
-    };
-    let barrier = vk::ImageMemoryBarrier::default()
-        .src_access_mask(accesses.0)
-        .dst_access_mask(accesses.1)
-        .old_layout(layouts.0)
-        .new_layout(layouts.1)
-        .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-        .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-        .image(image)
-        .subresource_range(range);
-    let none = vk::DependencyFlags::empty();
-    // SAFETY: the caller's obligations.
-    unsafe { device.cmd_pipeline_barrier(cmd, stages.0, stages.1, none, &[], &[], &[barrier]) };
-}
-
-/// Records the barrier after copies to host memory: the host sees the copies, and the stages of `writers` wait for them
-/// before they overwrite the source.
-///
-/// # Safety
-/// Those of [`record`].
-pub(crate) unsafe fn record_read_back(device: &ash::Device, cmd: vk::CommandBuffer, writers: Scope) {
+/// As [`record`].
+pub unsafe fn record_read_back(device: &ash::Device, cmd: vk::CommandBuffer, writers: Scope) {
     use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
     let memory =
         vk::MemoryBarrier::default().src_access_mask(Access::TRANSFER_WRITE).dst_access_mask(Access::HOST_READ);

@@ -2,12 +2,8 @@
 
 use super::failed;
 use super::tuning::{DeviceClass, DeviceTuning};
-use crate::abi::kernels::batch_max;
-use crate::abi::numbers::{DENSE_BATCH_MAX, WORKGROUP};
-use crate::abi::push::attribute_push_bytes;
 use crate::error::{Error, Result};
 use crate::pack::{DeltaFormat, PoseFormat};
-use crate::plan::paths::{Batch, Needs, UpdatePath};
 use ash::vk;
 use std::ffi::CStr;
 
@@ -114,25 +110,6 @@ pub struct Requirement {
     pub feature: Option<&'static str>,
     /// The reason that the path needs it.
     pub reason: &'static str,
-}
-
-/// Returns the extensions and features to enable when creating a device for `path`. Beyond these, core Vulkan 1.1
-/// suffices, with one queue for graphics and compute, or one with compute for updates and another for draws
-/// ([`DeviceDesc::queue_families`](field@crate::DeviceDesc::queue_families)).
-pub fn requirements(path: UpdatePath) -> &'static [Requirement] {
-    match path.row().needs {
-        Needs::TransformFeedback => &[Requirement {
-            extension: Some(ash::ext::transform_feedback::NAME),
-            feature: Some("VkPhysicalDeviceTransformFeedbackFeaturesEXT::transformFeedback"),
-            reason: "vertex passes capture the pose into a buffer",
-        }],
-        Needs::VertexStores => &[Requirement {
-            extension: None,
-            feature: Some("vertexPipelineStoresAndAtomics"),
-            reason: "vertex passes store the pose in a storage buffer",
-        }],
-        Needs::Nothing | Needs::Workgroups | Needs::FloatBlending => &[],
-    }
 }
 
 impl DeviceCaps {
@@ -311,81 +288,7 @@ impl DeviceCaps {
         self.tuning.texels && self.int64 && views && format.row().texels
     }
 
-    /// Returns the largest batch of `path` with coefficients in push constants; `None`: no limit. For vertex passes:
-    /// vertex attributes − 2 for the pose, divided by 2 per target (float32) or 1 (snorm16), and limited by vertex
-    /// bindings and push constants.
-    pub fn batch_max(&self, path: UpdatePath, format: DeltaFormat) -> Option<u32> {
-        match path.row().batch {
-            Batch::Attributes => {
-                let attributes = self.max_vertex_attributes.saturating_sub(2) / format.attributes() as u32;
-                let bindings = self.max_vertex_bindings.saturating_sub(1);
-                let most = attributes.min(bindings).min(batch_max(format.row()));
-                let fits = |batch: &u32| attribute_push_bytes(format, *batch) <= self.max_push_constants;
-                Some((0..=most).rev().find(fits).unwrap_or(0))
-            }
-            Batch::PushConstants => Some(DENSE_BATCH_MAX),
-            Batch::Any => None,
-        }
-    }
-
-    /// Checks that `path` can run on this device.
-    ///
-    /// # Errors
-    /// [`Error::Unsupported`] with the missing extension, feature or limit, and the path to use instead.
-    pub fn check_path(&self, path: UpdatePath) -> Result<()> {
-        let refuse = |reason: String, remedy: &str| {
-            Err(Error::Unsupported { path: path.name(), device: self.name.clone(), reason, remedy: remedy.into() })
-        };
-        match path.row().needs {
-            Needs::VertexStores if !self.vertex_stores => refuse(
-                "needs the feature vertexPipelineStoresAndAtomics, which the device lacks or the host did not enable"
-                    .into(),
-                "use the path 'compute', which needs no feature",
-            ),
-            Needs::TransformFeedback => match self.transform_feedback.map(|caps| caps.max_stride) {
-                None => refuse(
-                    "the device has no VK_EXT_transform_feedback, or it was not enabled".into(),
-                    "use the path 'compute', which needs no extension",
-                ),
-                Some(most) if most < CAPTURE_STRIDE as u32 => refuse(
-                    format!("captured vertices may be {most} bytes apart at most, a pose needs {CAPTURE_STRIDE}"),
-                    "use the path 'compute'",
-                ),
-                Some(_) => Ok(()),
-            },
-            Needs::Workgroups if self.max_workgroup_invocations < WORKGROUP => refuse(
-                format!("{} invocations per workgroup, {WORKGROUP} needed", self.max_workgroup_invocations),
-                "use the path 'cpu'",
-            ),
-            Needs::FloatBlending if !self.float_blending => refuse(
-                "needs blending of R32G32B32A32_SFLOAT (COLOR_ATTACHMENT_BLEND), which the device lacks".into(),
-                "use the path 'compute', which needs no format",
-            ),
-            Needs::Nothing | Needs::VertexStores | Needs::Workgroups | Needs::FloatBlending => Ok(()),
-        }
-    }
-
-    /// Checks a queue family for updates by `path`: it needs compute, and graphics as well for vertex passes.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`] for a family that does not exist; [`Error::Unsupported`] for one that lacks what the path
-    /// needs.
-    pub(crate) fn check_queue_family(&self, path: UpdatePath, family: u32) -> Result<()> {
-        let flags = self.queue_flags(family)?;
-        let refuse = |lacks: &str, remedy: &str| {
-            let reason = format!("queue family {family}, named for updates, has no {lacks}");
-            Err(Error::Unsupported { path: path.name(), device: self.name.clone(), reason, remedy: remedy.into() })
-        };
-        if !flags.contains(vk::QueueFlags::COMPUTE) {
-            return refuse("compute", "name a queue family with compute");
-        }
-        if path.draws_updates() && !flags.contains(vk::QueueFlags::GRAPHICS) {
-            return refuse("graphics, which the passes of this path need", "use the path 'blocks' or 'compute' on it");
-        }
-        Ok(())
-    }
-
-    /// Returns the flags of a queue family.
+    /// What a family of queues can do.
     ///
     /// # Errors
     /// [`Error::Invalid`] for a family that does not exist.
@@ -397,8 +300,9 @@ impl DeviceCaps {
         })
     }
 
-    /// Checks an `(amount, unit, most)`: an amount above the device's limit is an error.
-    pub(crate) fn check_limit(&self, what: &str, (amount, unit, most): (u64, &str, u64), remedy: &str) -> Result<()> {
+    /// Refuse more of something than the device has: `(amount, unit, most)`.
+    #[doc(hidden)]
+    pub fn check_limit(&self, what: &str, (amount, unit, most): (u64, &str, u64), remedy: &str) -> Result<()> {
         if amount <= most {
             return Ok(());
         }

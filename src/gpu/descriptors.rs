@@ -10,9 +10,12 @@ use std::sync::Arc;
 /// A buffer and the range of it that a descriptor covers.
 #[derive(Clone, Copy)]
 pub struct BufferRange {
-    pub(crate) buffer: vk::Buffer,
-    pub(crate) offset: u64,
-    pub(crate) size: u64,
+    /// The buffer.
+    pub buffer: vk::Buffer,
+    /// First byte of the range.
+    pub offset: u64,
+    /// Bytes.
+    pub size: u64,
 }
 
 impl BufferRange {
@@ -20,10 +23,23 @@ impl BufferRange {
     pub fn new(buffer: vk::Buffer, offset: u64, size: u64) -> Self {
         Self { buffer, offset, size }
     }
+
+    /// Refuse a range that ends behind a buffer of the host's, as far as Vulkan tells: the memory that a buffer needs is no
+    /// smaller than the buffer.
+    pub fn check_room(self, device: &Device, what: &str) -> Result<()> {
+        // SAFETY: who hands a buffer in promises that it is of this device, and alive.
+        let room = unsafe { device.raw.get_buffer_memory_requirements(self.buffer) }.size;
+        let end = self.offset.saturating_add(self.size);
+        if end <= room {
+            return Ok(());
+        }
+        let text = format!("{what}, to byte {end} of a buffer of the host's that has {room} at most");
+        Err(Error::invalid(text, "make the buffer larger, or use a smaller offset or stride"))
+    }
 }
 
 /// Returns the descriptor type of a buffer that a kernel declares.
-pub(crate) fn descriptor_type(buffer: Buffer) -> vk::DescriptorType {
+pub fn descriptor_type(buffer: Buffer) -> vk::DescriptorType {
     match buffer {
         Buffer::Storage(_) | Buffer::Poses => vk::DescriptorType::STORAGE_BUFFER,
         Buffer::Dynamic(_) | Buffer::DynamicDeltas => vk::DescriptorType::STORAGE_BUFFER_DYNAMIC,
@@ -44,7 +60,7 @@ pub struct Sets {
 impl Sets {
     /// Makes a set of `layout`, which is a kernel's, for each list of buffers, which are in the order of the layout's
     /// `bindings`. Images follow; [`write_image`](Self::write_image) writes them.
-    pub(super) fn new(
+    pub fn new(
         device: &Arc<Device>,
         layout: vk::DescriptorSetLayout,
         bindings: &[Binding],
@@ -99,24 +115,13 @@ impl Sets {
         Ok(())
     }
 
-    /// Binds an image that shaders load, in the layout SHADER_READ_ONLY_OPTIMAL.
-    #[cfg(feature = "baselines")]
-    pub(crate) fn write_image(&mut self, set: usize, binding: u32, view: vk::ImageView) {
-        let layout = vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL;
-        let info = [vk::DescriptorImageInfo::default().image_view(view).image_layout(layout)];
-        let write = vk::WriteDescriptorSet::default().dst_set(self.sets[set]).dst_binding(binding);
-        let write = write.descriptor_type(descriptor_type(Buffer::Image)).image_info(&info);
-        // SAFETY: the set is not in use yet; its owner keeps the view valid.
-        unsafe { self.device.raw.update_descriptor_sets(&[write], &[]) };
-    }
-
-    /// The set of a list of buffers.
+    /// A set, by its number.
     pub fn get(&self, set: usize) -> vk::DescriptorSet {
         self.sets[set]
     }
 
     /// Returns adjacent sets.
-    pub(crate) fn range(&self, sets: std::ops::Range<usize>) -> &[vk::DescriptorSet] {
+    pub fn range(&self, sets: std::ops::Range<usize>) -> &[vk::DescriptorSet] {
         &self.sets[sets]
     }
 }

@@ -1,9 +1,7 @@
 //! The host's device, borrowed: handles, limits, allocator.
 
-use super::LESS;
 use super::caps::DeviceCaps;
-use super::descriptors::BufferRange;
-use crate::error::{Error, Result};
+use crate::error::{Error, LESS, Result};
 use crate::setters::setters;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
@@ -47,7 +45,7 @@ pub struct DeviceDesc<'a> {
     pub instance: &'a ash::Instance,
     /// The physical device.
     pub physical_device: vk::PhysicalDevice,
-    /// The device, with the extensions and features of [`requirements`](super::caps::requirements) enabled for
+    /// The device, with the extensions and features of [`requirements`](crate::requirements) enabled for
     /// the paths that will be used.
     pub device: &'a ash::Device,
     /// Limits to keep to; `None`: those of the driver. Transform feedback is used only if `transform_feedback_enabled`
@@ -137,13 +135,16 @@ const DEDICATED_MOST: u32 = 128;
 pub struct Device {
     /// The handle and its functions.
     pub raw: ash::Device,
-    pub(crate) feedback: Option<ash::ext::transform_feedback::Device>,
-    pub(crate) caps: DeviceCaps,
-    pub(crate) pipeline_cache: vk::PipelineCache,
+    /// Functions of VK_EXT_transform_feedback, where the host enabled it.
+    pub feedback: Option<ash::ext::transform_feedback::Device>,
+    /// Limits and features.
+    pub caps: DeviceCaps,
+    /// The host's pipeline cache, or null.
+    pub pipeline_cache: vk::PipelineCache,
     /// Whether buffers can have addresses.
     pub(crate) device_address: bool,
     /// The queue families that the host named, each once.
-    pub(crate) families: Vec<u32>,
+    pub families: Vec<u32>,
     names: Option<ash::ext::debug_utils::Device>,
     allocator: SharedAllocator,
     /// Number of buffers with dedicated memory, at most `DEDICATED_MOST`; none with a host's allocator.
@@ -205,7 +206,7 @@ impl Device {
     }
 
     /// Names an object that this device made just now, if the host wants names.
-    pub(crate) fn name(&self, object: impl vk::Handle, name: impl FnOnce() -> String) {
+    pub fn name(&self, object: impl vk::Handle, name: impl FnOnce() -> String) {
         let Some(functions) = &self.names else { return };
         // Names of meshes may contain any character.
         let Ok(name) = CString::new(name().replace('\0', " ")) else { return };
@@ -215,21 +216,8 @@ impl Device {
         let _ = unsafe { functions.set_debug_utils_object_name(&info) };
     }
 
-    /// Refuses a range that ends beyond the host's buffer, as far as Vulkan tells its size: the memory that a buffer
-    /// needs is no smaller than the buffer.
-    pub(crate) fn check_room(&self, what: &str, range: BufferRange) -> Result<()> {
-        // SAFETY: the caller who passes a buffer promises that it is of this device, and alive.
-        let room = unsafe { self.raw.get_buffer_memory_requirements(range.buffer) }.size;
-        let end = range.offset.saturating_add(range.size);
-        if end <= room {
-            return Ok(());
-        }
-        let text = format!("{what}, to byte {end} of a host buffer of at most {room} bytes");
-        Err(Error::invalid(text, "make the buffer larger, or use a smaller offset or stride"))
-    }
-
-    /// Allocates memory for a buffer.
-    pub(crate) fn allocate(
+    /// Memory for a buffer.
+    pub fn allocate(
         &self,
         name: &str,
         requirements: vk::MemoryRequirements,
@@ -253,7 +241,8 @@ impl Device {
         Ok(allocation)
     }
 
-    pub(crate) fn free(&self, allocation: Allocation) {
+    /// Give memory back.
+    pub fn free(&self, allocation: Allocation) {
         if allocation.is_dedicated() {
             self.dedicated.fetch_sub(1, Ordering::Relaxed);
         }
@@ -266,7 +255,8 @@ impl Device {
     }
 }
 
-pub(crate) fn allocation_failed(name: &str, bytes: u64, error: &AllocationError) -> Error {
+/// The error for an allocation of `bytes` for `name` that failed.
+pub fn allocation_failed(name: &str, bytes: u64, error: &AllocationError) -> Error {
     // Except for ERROR_OUT_OF_DEVICE_MEMORY, gpu-allocator reports the result of vkAllocateMemory as text.
     let says =
         |text: &str, result: vk::Result| text.contains("vkAllocateMemory") && text.ends_with(&format!("{result:?}"));

@@ -55,7 +55,7 @@ impl Buffer {
     }
 
     /// Whether it was made on `device`.
-    pub(crate) fn is_on(&self, device: &Arc<Device>) -> bool {
+    pub fn is_on(&self, device: &Arc<Device>) -> bool {
         Arc::ptr_eq(&self.device, device)
     }
 
@@ -70,7 +70,7 @@ impl Buffer {
 
 /// Returns the sharing mode for memory used by queues of these families, each named once: concurrent if there are
 /// several. That includes buffers used by one queue only, so that the host may move updates to another queue.
-pub(super) fn sharing(families: &[u32]) -> (vk::SharingMode, &[u32]) {
+pub fn sharing(families: &[u32]) -> (vk::SharingMode, &[u32]) {
     match families {
         [] | [_] => (vk::SharingMode::EXCLUSIVE, &[]),
         _ => (vk::SharingMode::CONCURRENT, families),
@@ -94,26 +94,20 @@ impl Drop for Buffer {
 }
 
 /// Lists that the host rewrites for each update: host-visible memory, with a part for each frame in flight.
-pub(crate) struct Ring {
+pub struct Ring {
     buffer: Buffer,
     /// Bytes of a part, a multiple of 256.
     part: u64,
 }
 
 impl Ring {
-    /// Returns the size of a part for `bytes`: not 0, and a multiple of the largest offset alignment of descriptors.
-    pub(crate) fn part_bytes(bytes: u64) -> u64 {
+    /// Bytes of a part that holds `bytes`: not empty, and a multiple of the largest offset alignment of descriptors.
+    pub fn part_bytes(bytes: u64) -> u64 {
         bytes.max(16).next_multiple_of(256)
     }
 
-    /// Makes `frames` parts of [`part_bytes`](Self::part_bytes).
-    pub(crate) fn new(
-        device: &Arc<Device>,
-        name: &str,
-        part: u64,
-        frames: u32,
-        usage: vk::BufferUsageFlags,
-    ) -> Result<Self> {
+    /// `frames` parts of [`part_bytes`](Self::part_bytes).
+    pub fn new(device: &Arc<Device>, name: &str, part: u64, frames: u32, usage: vk::BufferUsageFlags) -> Result<Self> {
         let bytes = part.saturating_mul(frames.into());
         let mut buffer = Buffer::new(device, name, bytes, usage, MemoryLocation::CpuToGpu)?;
         buffer.mapped()?;
@@ -121,13 +115,13 @@ impl Ring {
     }
 
     /// Returns a frame's part. The caller guarantees that the last update that used it has finished.
-    pub(crate) fn words(&mut self, frame: u64) -> Result<&mut [u32]> {
+    pub fn words(&mut self, frame: u64) -> Result<&mut [u32]> {
         let (at, size) = ((frame * self.part) as usize, self.part as usize);
         Ok(bytemuck::cast_slice_mut(&mut self.buffer.mapped()?[at..at + size]))
     }
 
     /// Returns the range of a frame's part for a descriptor.
-    pub(crate) fn range(&self, frame: u64) -> BufferRange {
+    pub fn range(&self, frame: u64) -> BufferRange {
         BufferRange { buffer: self.buffer.raw, offset: frame * self.part, size: self.part }
     }
 }

@@ -3,8 +3,6 @@
 use super::barriers;
 use super::descriptors::BufferRange;
 use super::device::Device;
-#[cfg(feature = "baselines")]
-use super::images::Image;
 use super::memory::{Buffer, STAGING};
 use super::parts::AssetPart;
 use crate::error::Result;
@@ -12,6 +10,7 @@ use crate::pack::PackedLayout;
 use crate::plan::schedule::asset_uploaded;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
+use std::any::Any;
 use std::sync::Arc;
 
 /// Uses of base poses and deltas: by kernels, by vertex passes and draws, and by copies.
@@ -23,43 +22,40 @@ const ASSET_USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
         | vk::BufferUsageFlags::TRANSFER_DST.as_raw(),
 );
 
+/// What a technique keeps with a mesh that was uploaded for it alone.
+pub type Private = Box<dyn Any + Send + Sync>;
+
 /// The device-local part of a group of a mesh.
-pub(crate) struct MeshBuffers {
-    pub(crate) layout: PackedLayout,
+pub struct MeshBuffers {
+    /// Where everything is in it.
+    pub layout: PackedLayout,
     /// The base pose (dense formats).
-    pub(crate) base: Buffer,
+    pub base: Buffer,
     /// Dense formats: the deltas. Block formats: headers, deltas and base pose, the whole asset.
-    pub(crate) deltas: Buffer,
+    pub deltas: Buffer,
     /// Block formats: the parts of the asset that descriptors cover.
     pub(crate) parts: Vec<AssetPart>,
-    /// Words of a mesh that was uploaded in a technique's private layout, which the technique reads on the host.
-    /// Otherwise empty.
-    pub(crate) private: Vec<u32>,
-    /// For a technique that loads deltas from images: those of both triples, each with a view.
-    #[cfg(feature = "baselines")]
-    pub(crate) images: Vec<Image>,
+    /// Uploaded for one technique, in words of its own: what that keeps with them.
+    pub private: Option<Private>,
 }
 
 /// Staging memory, and the copies from it.
-pub(crate) struct Upload {
+pub struct Upload {
     staging: Buffer,
     copies: Vec<(vk::Buffer, vk::BufferCopy)>,
-    /// An image of this size whose texels are all copied; instead of `copies`.
-    #[cfg(feature = "baselines")]
-    image: Option<(vk::Image, [u32; 2])>,
 }
 
 impl MeshBuffers {
-    /// Makes the buffers of base pose and deltas, and the upload that fills them.
-    pub(crate) fn new(
+    /// Buffers of a base pose and of deltas, and what fills them.
+    pub fn new(
         device: &Arc<Device>,
         layout: PackedLayout,
         base: &[f32],
         deltas: &[u32],
-        private: Vec<u32>,
+        private: Option<Private>,
     ) -> Result<(Self, Upload)> {
         let (base_bytes, delta_bytes): (&[u8], &[u8]) = (bytemuck::cast_slice(base), bytemuck::cast_slice(deltas));
-        let parts = match layout.format.is_blocks() && private.is_empty() {
+        let parts = match layout.format.is_blocks() && private.is_none() {
             true => AssetPart::cut(&layout, deltas, device.caps.max_storage_range)?,
             false => vec![],
         };
@@ -68,7 +64,7 @@ impl MeshBuffers {
         let base_size = if parts.len() == 1 { 0 } else { layout.base_bytes() };
         let deltas_size = match parts.last() {
             Some(last) => last.end(),
-            None if private.is_empty() => deltas_bytes(&layout),
+            None if private.is_none() => deltas_bytes(&layout),
             None => delta_bytes.len() as u64,
         };
         let name = |what: &str| format!("deltamorph {what} of mesh '{}'", layout.name);
@@ -91,41 +87,12 @@ impl MeshBuffers {
             copies.push((deltas.raw, region(base_bytes.len(), delta_bytes)));
         }
         copies.retain(|(_, region)| region.size > 0);
-        let mesh = Self {
-            layout,
-            base,
-            deltas,
-            parts,
-            private,
-            #[cfg(feature = "baselines")]
-            images: vec![],
-        };
+        let mesh = Self { layout, base, deltas, parts, private };
         Ok((mesh, Upload::new(staging, copies)))
     }
 
-    /// Adds an image of texels that shaders load. Returns the upload that fills it.
-    #[cfg(feature = "baselines")]
-    pub(crate) fn add_image(
-        &mut self,
-        device: &Arc<Device>,
-        name: &str,
-        format: vk::Format,
-        size: [u32; 2],
-        texels: &[u8],
-    ) -> Result<Upload> {
-        let usage = vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST;
-        let mut image = Image::new(device, name, format, (size, 1), usage)?;
-        image.view(0..1, false)?;
-        let (bytes, usage) = (texels.len() as u64, vk::BufferUsageFlags::TRANSFER_SRC);
-        let mut staging = Buffer::new(device, "deltamorph upload", bytes, usage, STAGING)?;
-        staging.mapped()?[..texels.len()].copy_from_slice(texels);
-        let upload = Upload { image: Some((image.raw, size)), ..Upload::new(staging, vec![]) };
-        self.images.push(image);
-        Ok(upload)
-    }
-
     /// Returns the range of the base pose.
-    pub(crate) fn base_pose(&self) -> BufferRange {
+    pub fn base_pose(&self) -> BufferRange {
         match &self.parts[..] {
             [whole] => whole.base_pose(self.deltas.raw, &self.layout),
             _ => BufferRange::new(self.base.raw, 0, self.layout.base_bytes()),
@@ -134,13 +101,9 @@ impl MeshBuffers {
 }
 
 impl Upload {
-    fn new(staging: Buffer, copies: Vec<(vk::Buffer, vk::BufferCopy)>) -> Self {
-        Self {
-            staging,
-            copies,
-            #[cfg(feature = "baselines")]
-            image: None,
-        }
+    /// Copies from `staging`, which is kept as long as they may run.
+    pub fn new(staging: Buffer, copies: Vec<(vk::Buffer, vk::BufferCopy)>) -> Self {
+        Self { staging, copies }
     }
 
     /// Makes a storage buffer of these lists, one after the other, and the upload that fills it.
@@ -169,26 +132,6 @@ impl Upload {
             let regions: Vec<vk::BufferCopy> = copies.iter().map(|(_, region)| *region).collect();
             // SAFETY: the caller's obligations; regions lie within both buffers, and overlap nowhere.
             unsafe { device.raw.cmd_copy_buffer(cmd, self.staging.raw, copies[0].0, &regions) };
-        }
-        #[cfg(feature = "baselines")]
-        if let Some((image, [width, height])) = self.image {
-            let layers = vk::ImageSubresourceLayers {
-                aspect_mask: vk::ImageAspectFlags::COLOR,
-                layer_count: 1,
-                ..Default::default()
-            };
-            let whole = vk::BufferImageCopy::default().image_subresource(layers).image_extent(vk::Extent3D {
-                width,
-                height,
-                depth: 1,
-            });
-            let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
-            // SAFETY: the caller's obligations; the image is new, and the staging memory has all its texels.
-            unsafe {
-                barriers::record_layout(&device.raw, cmd, image, false);
-                device.raw.cmd_copy_buffer_to_image(cmd, self.staging.raw, image, layout, &[whole]);
-                barriers::record_layout(&device.raw, cmd, image, true);
-            }
         }
     }
 }
@@ -224,6 +167,6 @@ pub(crate) fn deltas_bytes(layout: &PackedLayout) -> u64 {
 }
 
 /// Returns the bytes that a descriptor of dense deltas covers.
-pub(crate) fn delta_range(layout: &PackedLayout) -> u64 {
+pub fn delta_range(layout: &PackedLayout) -> u64 {
     chunk_bytes(layout).max(16)
 }

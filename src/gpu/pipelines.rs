@@ -22,8 +22,10 @@ pub struct Objects {
     set_layout: vk::DescriptorSetLayout,
     /// Of all pipelines.
     pub layout: vk::PipelineLayout,
-    pub(crate) render_pass: vk::RenderPass,
-    pub(crate) framebuffer: vk::Framebuffer,
+    /// The render pass of vertex passes and draws.
+    pub render_pass: vk::RenderPass,
+    /// The framebuffer of the empty render pass.
+    pub framebuffer: vk::Framebuffer,
     /// In the order in which they were added.
     pub pipelines: Vec<vk::Pipeline>,
 }
@@ -161,7 +163,7 @@ impl Objects {
     }
 
     /// Takes the pipelines that were made of `module`, or returns the error.
-    pub(super) fn add_graphics(
+    pub fn add_graphics(
         &mut self,
         module: &Module,
         made: std::result::Result<Vec<vk::Pipeline>, (Vec<vk::Pipeline>, vk::Result)>,
@@ -190,7 +192,7 @@ impl Objects {
     /// # Safety
     /// - `cmd` is in the empty render pass, with everything bound that its pipeline reads.
     /// - The captured vertices fit in the buffer; the offset is a multiple of 4.
-    pub(crate) unsafe fn draw(&self, cmd: vk::CommandBuffer, vertices: usize, capture: Option<(vk::Buffer, u64)>) {
+    pub unsafe fn draw(&self, cmd: vk::CommandBuffer, vertices: usize, capture: Option<(vk::Buffer, u64)>) {
         let device = &self.device.raw;
         let (Some((buffer, offset)), Some(feedback)) = (capture, &self.device.feedback) else {
             // SAFETY: the caller's obligations.
@@ -303,7 +305,7 @@ impl PoseFormat {
 }
 
 /// Calls `make` with a stage that runs `module`; the module is destroyed once its pipelines are made.
-pub(super) fn with_stage<R>(
+pub fn with_stage<R>(
     device: &Device,
     module: &Module,
     stage: vk::ShaderStageFlags,
@@ -320,31 +322,33 @@ pub(super) fn with_stage<R>(
 }
 
 /// A key of pipelines: what they are made for.
-pub(crate) trait PipelineKey: Any + Copy + PartialEq + Send + Sync {
+pub trait PipelineKey: Any + Copy + PartialEq + Send + Sync {
     /// Makes the pipelines and the objects that they need.
     fn make(self, objects: &mut Objects) -> Result<()>;
 }
 
 /// Pipelines and the objects that they need.
-pub(crate) struct Pipelines<K> {
-    pub(crate) objects: Objects,
+pub struct Pipelines<K> {
+    /// The pipelines.
+    pub objects: Objects,
     /// The key they were made for.
-    pub(crate) key: K,
+    pub key: K,
 }
 
 /// The pipelines made so far.
-pub(crate) struct Kernels {
+pub struct Kernels {
     device: Arc<Device>,
     made: Mutex<Vec<Arc<dyn Any + Send + Sync>>>,
 }
 
 impl Kernels {
-    pub(crate) fn new(device: &Arc<Device>) -> Self {
+    /// None yet.
+    pub fn new(device: &Arc<Device>) -> Self {
         Self { device: device.clone(), made: Mutex::default() }
     }
 
     /// Returns the pipelines of `key`: existing ones, or new ones.
-    pub(crate) fn get<K: PipelineKey>(&self, key: K) -> Result<Arc<Pipelines<K>>> {
+    pub fn get<K: PipelineKey>(&self, key: K) -> Result<Arc<Pipelines<K>>> {
         let locked = || self.made.lock().unwrap_or_else(PoisonError::into_inner);
         let find = |made: &[Arc<dyn Any + Send + Sync>]| {
             let mut of_kind = made.iter().filter_map(|pipelines| pipelines.clone().downcast::<Pipelines<K>>().ok());

@@ -72,7 +72,8 @@ impl PoseGrid {
     }
 
     /// `weight` in steps. Both factors of the product fit 24 bits, and a power of two changes none: one rounding.
-    pub(crate) fn steps(&self, weight: f32) -> i32 {
+    #[doc(hidden)]
+    pub fn steps(&self, weight: f32) -> i32 {
         (weight * (1u32 << self.weight_bits) as f32).round() as i32
     }
 

@@ -37,7 +37,7 @@ pub const VERTEX_PADDING: usize = 64;
 pub const POSE_FLOATS: usize = GROUP_COMPONENTS;
 
 /// Bytes of one vertex of the base pose: float32, whatever the format of poses.
-pub(crate) const BASE_STRIDE: usize = POSE_FLOATS * size_of::<f32>();
+pub const BASE_STRIDE: usize = POSE_FLOATS * size_of::<f32>();
 
 /// How to pack.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -100,7 +100,7 @@ pub struct PackedMesh {
 }
 
 /// Targets are named by 16 bits in the kernels.
-pub(crate) const TARGETS_MAX: usize = 1 << 16;
+pub const TARGETS_MAX: usize = 1 << 16;
 
 impl PackedMesh {
     /// Lay out `mesh`.

@@ -1,10 +1,16 @@
-//! The one check of a description: what it says by itself, for a mesh, and for who carries it out.
+//! What update paths ask of devices, and the one check of a description: what it says by itself, for a mesh, and for
+//! who carries it out.
 
 use super::blocks::check_tolerance;
+use crate::abi::kernels::batch_max;
+use crate::abi::numbers::{DENSE_BATCH_MAX, WORKGROUP};
+use crate::abi::push::attribute_push_bytes;
 use crate::error::{Error, Result};
-use crate::gpu::caps::DeviceCaps;
+use crate::gpu::caps::{CAPTURE_STRIDE, DeviceCaps, Requirement};
 use crate::pack::{DeltaFormat, PackedLayout};
+use crate::plan::paths::{Batch, Needs};
 use crate::plan::{BatchSize, UpdateDesc, UpdateMode, UpdatePath};
+use ash::vk;
 
 /// Most slots of a crowd that is animated on the GPU, which keeps a bit for each update since a slot was written.
 const ANIMATED_SLOTS_MAX: u32 = 32;
@@ -151,6 +157,99 @@ impl UpdateDesc {
         }
         if self.slots > ANIMATED_SLOTS_MAX {
             return refuse(format!("{} slots", self.slots), "use at most 32");
+        }
+        Ok(())
+    }
+}
+
+/// What to enable when creating a device for `path`. Beyond this, core Vulkan 1.1 and one queue with graphics and
+/// compute suffice, or one with compute for updates and another for draws
+/// ([`DeviceDesc::queue_families`](field@crate::DeviceDesc::queue_families)).
+pub fn requirements(path: UpdatePath) -> &'static [Requirement] {
+    match path.row().needs {
+        Needs::TransformFeedback => &[Requirement {
+            extension: Some(ash::ext::transform_feedback::NAME),
+            feature: Some("VkPhysicalDeviceTransformFeedbackFeaturesEXT::transformFeedback"),
+            reason: "vertex passes capture the pose into a buffer",
+        }],
+        Needs::VertexStores => &[Requirement {
+            extension: None,
+            feature: Some("vertexPipelineStoresAndAtomics"),
+            reason: "vertex passes store the pose in a storage buffer",
+        }],
+        Needs::Nothing | Needs::Workgroups | Needs::FloatBlending => &[],
+    }
+}
+
+impl DeviceCaps {
+    /// The largest batch of `path` with coefficients in push constants; `None`: any. For vertex passes: vertex attributes
+    /// − 2 for the pose, 2 a target (float32) or 1 (snorm16), as far as vertex bindings and push constants reach.
+    pub fn batch_max(&self, path: UpdatePath, format: DeltaFormat) -> Option<u32> {
+        match path.row().batch {
+            Batch::Attributes => {
+                let attributes = self.max_vertex_attributes.saturating_sub(2) / format.attributes() as u32;
+                let bindings = self.max_vertex_bindings.saturating_sub(1);
+                let most = attributes.min(bindings).min(batch_max(format.row()));
+                let fits = |batch: &u32| attribute_push_bytes(format.row(), *batch) <= self.max_push_constants;
+                Some((0..=most).rev().find(fits).unwrap_or(0))
+            }
+            Batch::PushConstants => Some(DENSE_BATCH_MAX),
+            Batch::Any => None,
+        }
+    }
+
+    /// Whether `path` can run here.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] with the missing extension, feature or limit, and what to use in its place.
+    pub fn check_path(&self, path: UpdatePath) -> Result<()> {
+        let refuse = |reason: String, remedy: &str| {
+            Err(Error::Unsupported { path: path.name(), device: self.name.clone(), reason, remedy: remedy.into() })
+        };
+        match path.row().needs {
+            Needs::VertexStores if !self.vertex_stores => refuse(
+                "needs the feature vertexPipelineStoresAndAtomics, which the device lacks, or which was not enabled"
+                    .into(),
+                "use the path 'compute', which needs no feature",
+            ),
+            Needs::TransformFeedback => match self.transform_feedback.map(|caps| caps.max_stride) {
+                None => refuse(
+                    "the device has no VK_EXT_transform_feedback, or it was not enabled".into(),
+                    "use the path 'compute', which needs no extension",
+                ),
+                Some(most) if most < CAPTURE_STRIDE as u32 => refuse(
+                    format!("captured vertices may be {most} bytes apart at most, a pose needs {CAPTURE_STRIDE}"),
+                    "use the path 'compute'",
+                ),
+                Some(_) => Ok(()),
+            },
+            Needs::Workgroups if self.max_workgroup_invocations < WORKGROUP => refuse(
+                format!("{} invocations per workgroup, {WORKGROUP} needed", self.max_workgroup_invocations),
+                "use the path 'cpu'",
+            ),
+            Needs::FloatBlending if !self.float_blending => refuse(
+                "needs blending of R32G32B32A32_SFLOAT (COLOR_ATTACHMENT_BLEND), which the device lacks".into(),
+                "use the path 'compute', which needs no format",
+            ),
+            Needs::Nothing | Needs::VertexStores | Needs::Workgroups | Needs::FloatBlending => Ok(()),
+        }
+    }
+
+    /// Check a family of queues for updates by `path`: compute, and for vertex passes graphics besides.
+    ///
+    /// # Errors
+    /// A family that there is not; one that lacks what the path needs, with what to use in its place.
+    pub(crate) fn check_queue_family(&self, path: UpdatePath, family: u32) -> Result<()> {
+        let flags = self.queue_flags(family)?;
+        let refuse = |lacks: &str, remedy: &str| {
+            let reason = format!("queue family {family}, which updates are to run on, has no {lacks}");
+            Err(Error::Unsupported { path: path.name(), device: self.name.clone(), reason, remedy: remedy.into() })
+        };
+        if !flags.contains(vk::QueueFlags::COMPUTE) {
+            return refuse("compute", "name one that has");
+        }
+        if path.draws_updates() && !flags.contains(vk::QueueFlags::GRAPHICS) {
+            return refuse("graphics, which its passes take", "use the path 'blocks' or 'compute' there");
         }
         Ok(())
     }

@@ -5,16 +5,16 @@ use crate::error::{Error, Result};
 use crate::gpu::caps::DeviceCaps;
 use crate::gpu::descriptors::BufferRange;
 use crate::gpu::device::Device;
-use crate::gpu::mesh::MeshBuffers;
+use crate::gpu::mesh::{MeshBuffers, Upload};
 use crate::gpu::pipelines::Kernels;
 use crate::pack::blocks::PoseGrid;
 use crate::pack::vertex::{PlaceConstants, Places};
-use crate::pack::{PackedLayout, PoseFormat};
-use crate::plan::UpdateStats;
+use crate::pack::{PackedLayout, PackedMesh, PoseFormat};
 #[cfg(any(test, feature = "internals"))]
 use crate::plan::hazards::Accesses;
 use crate::plan::instances::Instances;
 use crate::plan::steps::{Steps, Work};
+use crate::plan::{UpdatePath, UpdateStats};
 use crate::update::crowd::CrowdDesc;
 use ash::vk;
 use std::any::Any;
@@ -87,9 +87,9 @@ pub trait Technique: Any + Send + Sync {
         Ok(())
     }
 
-    /// Whether there are pose buffers; otherwise draws evaluate poses.
-    fn has_poses(&self) -> bool {
-        true
+    /// What draws poses of a group, where there are no pose buffers: draws evaluate them.
+    fn draws(&self, _group: usize) -> Option<&dyn PoseDraws> {
+        None
     }
 
     /// Sums of integers beside the poses of an instance: buffer and offset.
@@ -101,6 +101,56 @@ pub trait Technique: Any + Send + Sync {
     /// What the works of a step read and write, for the hazard checker; see [`trace`](crate::plan::hazards::trace).
     #[cfg(any(test, feature = "internals"))]
     fn accesses(&self, works: &[Work]) -> Vec<Accesses>;
+}
+
+/// Draws that evaluate poses.
+#[cfg_attr(not(feature = "internals"), allow(dead_code, reason = "drawn by the headless device alone"))]
+pub trait PoseDraws {
+    /// Record a draw of each of these instances, in a render pass without attachments, with every primitive discarded.
+    ///
+    /// # Safety
+    /// - `cmd` is in the recording state on the technique's device, outside a render pass, on a queue with graphics.
+    /// - An update has written what the draws read, and they run as that update's do.
+    unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>);
+
+    /// Record the draw of an instance, and capture the pose that it evaluates in the first pose of the crowd's buffer, with
+    /// the barriers around it.
+    ///
+    /// # Errors
+    /// A device that cannot capture.
+    ///
+    /// # Safety
+    /// As [`record`](Self::record).
+    unsafe fn capture(&self, cmd: vk::CommandBuffer, instance: u32) -> Result<()>;
+}
+
+/// Makes the buffers of a mesh for a path that has an upload of its own, and what fills them. The mesh was checked for the
+/// path. What buffers are filled by is recorded afterwards; all else is recorded here, unless there is an error.
+///
+/// To be called with the command buffer in the recording state on the device, outside a render pass; what is returned is kept
+/// until the device no longer uses it.
+pub type UploadFor =
+    unsafe fn(&Arc<Device>, vk::CommandBuffer, &PackedMesh, UpdatePath) -> Result<(Vec<MeshBuffers>, Vec<Upload>)>;
+
+/// Techniques that are made outside the library, of paths that it names and does not implement.
+pub struct Techniques {
+    /// Makes the technique of a description, which was checked.
+    pub make: fn(Context<'_>) -> Result<Box<dyn Technique>>,
+    /// For paths that have an upload of their own.
+    pub upload: UploadFor,
+}
+
+impl Techniques {
+    /// Those there are, or why `path` cannot be had.
+    pub(crate) fn of<'a>(others: Option<&'a Self>, path: UpdatePath, caps: &DeviceCaps) -> Result<&'a Self> {
+        others.ok_or_else(|| Error::Unsupported {
+            path: path.name(),
+            device: caps.name.clone(),
+            reason: "this build has no baselines".into(),
+            remedy: "use the path 'blocks' or 'compute': techniques of others are in the package deltamorph-baselines"
+                .into(),
+        })
+    }
 }
 
 /// The place of an update among those of a crowd.
@@ -174,51 +224,60 @@ impl Poses {
 }
 
 /// A group of a mesh, and the poses of a crowd in it.
-pub(crate) struct PoseGroup {
-    pub(crate) mesh: Arc<MeshBuffers>,
-    pub(crate) poses: Poses,
+pub struct PoseGroup {
+    /// The group.
+    pub mesh: Arc<MeshBuffers>,
+    /// The poses.
+    pub poses: Poses,
 }
 
 /// What a technique is made from.
 #[derive(Clone, Copy)]
 pub struct Context<'a> {
-    pub(crate) device: &'a Arc<Device>,
-    pub(crate) kernels: &'a Kernels,
-    pub(crate) mesh: &'a Arc<MeshBuffers>,
-    pub(crate) desc: &'a CrowdDesc,
-    pub(crate) poses: Poses,
+    /// The device.
+    pub device: &'a Arc<Device>,
+    /// Pipelines made so far.
+    pub kernels: &'a Kernels,
+    /// A group of the mesh.
+    pub mesh: &'a Arc<MeshBuffers>,
+    /// The crowd's description, which was checked.
+    pub desc: &'a CrowdDesc,
+    /// The poses in the group.
+    pub poses: Poses,
     /// All groups; `mesh` and `poses` are those of one, which is the first to begin with.
-    pub(crate) all: &'a [PoseGroup],
+    pub all: &'a [PoseGroup],
 }
 
 impl<'a> Context<'a> {
     /// What is made from each group of the mesh.
-    pub(crate) fn groups(self) -> impl Iterator<Item = Self> {
+    pub fn groups(self) -> impl Iterator<Item = Self> {
         self.all.iter().map(move |group| Self { mesh: &group.mesh, poses: group.poses, ..self })
     }
 
-    pub(crate) fn caps(&self) -> &DeviceCaps {
+    /// Limits and features of the device.
+    pub fn caps(&self) -> &DeviceCaps {
         &self.device.caps
     }
 
-    pub(crate) fn layout(&self) -> &'a PackedLayout {
+    /// Where everything is in the group.
+    pub fn layout(&self) -> &'a PackedLayout {
         &self.mesh.layout
     }
 
     /// The grid of weights and poses, for techniques that know no other sums than those of integers.
-    pub(crate) fn grid(&self) -> PoseGrid {
+    pub fn grid(&self) -> PoseGrid {
         let Some(grid) = self.poses.grid else { unreachable!("`UpdateDesc::check_all` refuses sums without a grid") };
         grid
     }
 
     /// Refuse `what`, which takes more bytes than a descriptor covers.
-    pub(crate) fn check_range(&self, what: &str, bytes: u64, remedy: &str) -> Result<()> {
+    pub fn check_range(&self, what: &str, bytes: u64, remedy: &str) -> Result<()> {
         let what = format!("{what} of mesh '{}' take", self.layout().name);
         self.caps().check_limit(&what, (bytes, "bytes", self.caps().max_storage_range), remedy)
     }
 
     /// Refuse lists that offsets of 32 bits do not reach.
-    pub(crate) fn check_offsets(&self, what: &str, bytes: u64, remedy: &str) -> Result<()> {
+    pub fn check_offsets(&self, what: &str, bytes: u64, remedy: &str) -> Result<()> {
         if bytes <= u64::from(u32::MAX) {
             return Ok(());
         }

@@ -3,7 +3,7 @@
 
 use deltamorph::import::csv;
 use deltamorph::import::obj::ObjFile;
-use deltamorph::textures::{TextureFloats, read_ktx2, write_ktx2};
+use deltamorph_baselines::textures::{TextureFloats, read_ktx2, write_ktx2};
 use deltamorph::{DeltaFormat, PackDesc, PackedMesh, rig, testing};
 use proptest::prelude::*;
 use std::path::{Path, PathBuf};

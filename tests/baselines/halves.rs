@@ -4,10 +4,10 @@ use super::poses::{check, real};
 use crate::baselines::{can_read, history};
 use crate::gpu::{NORMAL, POSITION, on_every_device, packed, single};
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::textures::{TextureFloats, read_ktx2, write_ktx2};
 use deltamorph::{
     BatchSize, DeltaFormat, MorphMesh, MorphTarget, PackDesc, PackedMesh, StreamDeltas, UpdateDesc, UpdatePath, testing,
 };
+use deltamorph_baselines::textures::{TextureFloats, read_ktx2, write_ktx2};
 use deltamorph_headless::HeadlessCrowd;
 use glam::Vec3;
 

@@ -129,7 +129,9 @@ fn make(tuning: DeviceTuning) {
         let buffer = vk::BufferCreateInfo::default().size(1 << 16).usage(vk::BufferUsageFlags::STORAGE_BUFFER);
         let output = device.create_buffer(&buffer, None).expect("a buffer");
         let engine = MorphEngine::new(&DeviceDesc::new(&instance, physical, &watched).caps(Some(caps)));
-        make_crowds(&engine.expect("an engine"), cmd, output);
+        let engine = engine.expect("an engine");
+        engine.set_techniques(&deltamorph_baselines::TECHNIQUES);
+        make_crowds(&engine, cmd, output);
         device.destroy_buffer(output, None);
         device.destroy_command_pool(pool, None);
         device.destroy_device(None);
@@ -151,12 +153,8 @@ unsafe fn make_crowds(engine: &MorphEngine, cmd: vk::CommandBuffer, output: vk::
     for format in DeltaFormat::ALL {
         let packed = PackedMesh::pack(&mesh, &engine.pack_desc(format)).expect("a mesh that fits");
         for update in updates(engine, format) {
-            let upload = match update.path == UpdatePath::Scatter {
-                true => MorphEngine::upload_scatter,
-                false => MorphEngine::upload,
-            };
             // SAFETY: the caller's obligations.
-            let uploaded = unsafe { upload(engine, cmd, &packed) }.expect("an upload");
+            let uploaded = unsafe { engine.upload_for(cmd, &packed, update.path) }.expect("an upload");
             for (instances, animation) in [(1, plain), (TILE as u32, followed)] {
                 let desc = CrowdDesc::new(update).instances(instances);
                 // What does not go together is refused; main.rs sees that every module has a pipeline in the end.

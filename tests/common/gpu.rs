@@ -94,6 +94,7 @@ pub fn on_device_within(driver: &str, limits: Option<DeviceCaps>, test: impl Fn(
     let device = DeviceChoice::Name(driver.to_owned());
     let headless = Headless::new(&HeadlessDesc::default().device(device).validation(true).limits(limits))
         .unwrap_or_else(|e| panic!("{driver}: {e}\nrun the tests as ./with-vulkan cargo test"));
+    headless.engine().set_techniques(&deltamorph_baselines::TECHNIQUES);
     test(&headless, headless.engine());
     let caps = headless.caps();
     let messages = complaints(&headless);

@@ -84,7 +84,6 @@ fn weights_are_set_one_at_a_time_and_read_back() {
 }
 
 #[test]
-#[cfg(feature = "baselines")]
 fn a_weight_that_makes_too_many_active_is_refused_alone() {
     on_every_device(|headless, engine| {
         let mesh = packed(engine, &testing::mesh(64, 4), DeltaFormat::Float32);

@@ -5,5 +5,6 @@ mod documents;
 mod examples;
 mod face;
 mod programs;
+mod rooms;
 mod spirv;
 mod with_vulkan;

@@ -1,6 +1,7 @@
 //! The SPIR-V modules: checked in and compiled are the same, and declare what the table of kernels and the host's
 //! structures say.
 
+use deltamorph::internals::abi::formats::{FORMATS, POSE_FORMATS};
 use deltamorph::internals::abi::kernels::{Buffer, Stage, Takes};
 use deltamorph::internals::abi::modules::{CROWD_TEXELS, MANIFEST, MODULES, Module};
 use deltamorph::internals::abi::numbers::{RECORD_WORDS, WORKGROUP};
@@ -227,15 +228,15 @@ fn what_is_embedded_is_what_was_compiled_without_debug_names() {
 fn modules_declare_what_the_table_says() {
     for module in &MODULES {
         let (name, kernel, entry, code) = (module.name, module.kernel, reflect(module), spirv(module));
-        let format = module.format.map(|row| DeltaFormat::ALL.into_iter().find(|f| f.name() == row.name).unwrap());
+        let format = module.format;
         let expected = kernel.bindings.iter().map(|(binding, buffer)| {
             let bound = match buffer {
                 Buffer::Storage(bytes) | Buffer::Dynamic(bytes) => Bound::Elements(*bytes as usize),
                 Buffer::Poses if name.contains("fixed") => Bound::Elements(4), // int, uint
                 Buffer::Poses => Bound::Elements(8),                           // vec2
                 Buffer::DynamicDeltas => match format {
-                    Some(DeltaFormat::Snorm16) => Bound::Elements(4), // uint
-                    _ => Bound::Elements(8),                          // vec2
+                    Some(format) if format.integers => Bound::Elements(4), // uint
+                    _ => Bound::Elements(8),                               // vec2
                 },
                 Buffer::UniformTexels(_) => Bound::Texels { stored: false },
                 Buffer::StorageTexels(_) => Bound::Texels { stored: true },
@@ -268,7 +269,7 @@ fn modules_declare_what_the_table_says() {
         match kernel.stage {
             Stage::Vertex => {
                 assert!(sizes.is_empty(), "{name}");
-                let deltas = module.batch as usize * format.map_or(0, DeltaFormat::attributes);
+                let deltas = module.batch as usize * format.map_or(0, |format| format.attributes.len());
                 // Behind the pose: the base pose of integers, or deltas.
                 let displaced = kernel.poses && name != kernel.name;
                 let base = displaced.then_some([(2, 1), (3, 1)]).into_iter().flatten();
@@ -347,7 +348,6 @@ fn every_device_class_has_tiles_that_kernels_take() {
         let tuning = class.tuning();
         assert!(tuning.widest_tile.is_power_of_two() && tuning.widest_tile <= TILE as u32, "{tuning:?}");
     }
-    let texels =
-        DeltaFormat::ALL.into_iter().filter(|format| !CROWD_TEXELS.modules(*format, PoseFormat::Float32).is_empty());
-    assert_eq!(texels.collect::<Vec<_>>(), [DeltaFormat::Fast]);
+    let texels = FORMATS.iter().filter(|format| !CROWD_TEXELS.modules(format, &POSE_FORMATS[0]).is_empty());
+    assert_eq!(texels.map(|format| format.name).collect::<Vec<_>>(), ["fast"]);
 }

@@ -300,7 +300,6 @@ fn what_exceeds_the_device_is_refused_with_the_numbers() {
 }
 
 #[test]
-#[cfg(feature = "baselines")]
 fn a_direct_path_has_no_poses_for_what_comes_after() {
     gpu::on_every_device(|headless, engine| {
         let update = UpdateDesc::new(UpdatePath::Direct, BatchSize::All);

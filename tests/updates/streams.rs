@@ -278,7 +278,6 @@ fn the_cpu_updates_every_stream() {
 
 /// Textures of tangents, of texture coordinates (which targets move where they stretch the skin) and of colours.
 #[test]
-#[cfg(feature = "baselines")]
 fn textures_hold_streams_too() {
     on_every_device(|headless, engine| {
         if engine.caps().check_path(UpdatePath::Texture).is_err() {
@@ -294,7 +293,6 @@ fn textures_hold_streams_too() {
 /// A target stretches a sheet to twice its width, and its texture coordinates with it: the picture on it keeps its size, at
 /// each weight.
 #[test]
-#[cfg(feature = "baselines")]
 fn texture_coordinates_follow_a_target_that_stretches() {
     use deltamorph::{StreamData, StreamDeltas};
     use glam::Vec3;
@@ -354,7 +352,6 @@ fn texture_coordinates_follow_a_target_that_stretches() {
 
 /// Techniques that know positions and normals only say so.
 #[test]
-#[cfg(feature = "baselines")]
 fn what_does_not_update_streams_refuses_them() {
     on_every_device(|headless, engine| {
         for (path, format) in [

@@ -38,3 +38,28 @@ pub struct ViewArgs {
 
 /// Heads that a window shows at most.
 pub const MAX_HEADS: u32 = 100;
+
+/// The commands of scripts, for people.
+pub const HELP: &str = "\
+Commands of scripts, one a line; what follows # is a remark:
+  set NAME WEIGHT           a weight, of a target or of a control of the rig
+  reset | random SEED       all weights 0; a few of them at random
+  copy                      print the weights as --set takes them
+  clip FILE                 take a clip: a CSV file, or a glTF file's animation as FILE or FILE#NAME
+  play | pause              play the clip; every frame is a 60th of a second
+  scrub FRAME | speed X     go to a frame of the clip; play X times as fast
+  path PATH | format FORMAT | pose FORMAT | budget LENGTH
+                            update in another way, spelled as the options are
+  heads N                   so many heads
+  detail all | N% | Npx     keep all targets; a share, the most important ones; or what N pixels take
+  show LOOK                 shaded, wire, normals, heat, motion, blocks or wrinkles
+  camera YAW,PITCH | zoom X where the camera is, and how near
+  search TEXT | twins on|off | panel on|off
+                            the panel: what is listed, left and right together, whether it is there
+  drop FILE                 a mesh or a clip, as if it were dropped on the window; what is wrong with it is shown
+  dismiss                   put away what is shown of that
+  frames N                  draw N frames
+  resize W H                another size of the window
+  screenshot OUT.png        write what the next frame shows
+  stats OUT.json            write what updates and frames have taken since the last change of what is measured
+  quit                      close the window, as the end of the script does";

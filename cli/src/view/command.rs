@@ -100,31 +100,6 @@ impl Look {
     }
 }
 
-/// The commands of scripts, for people.
-pub const HELP: &str = "\
-Commands of scripts, one a line; what follows # is a remark:
-  set NAME WEIGHT           a weight, of a target or of a control of the rig
-  reset | random SEED       all weights 0; a few of them at random
-  copy                      print the weights as --set takes them
-  clip FILE                 take a clip: a CSV file, or a glTF file's animation as FILE or FILE#NAME
-  play | pause              play the clip; every frame is a 60th of a second
-  scrub FRAME | speed X     go to a frame of the clip; play X times as fast
-  path PATH | format FORMAT | pose FORMAT | budget LENGTH
-                            update in another way, spelled as the options are
-  heads N                   so many heads
-  detail all | N% | Npx     keep all targets; a share, the most important ones; or what N pixels take
-  show LOOK                 shaded, wire, normals, heat, motion, blocks or wrinkles
-  camera YAW,PITCH | zoom X where the camera is, and how near
-  search TEXT | twins on|off | panel on|off
-                            the panel: what is listed, left and right together, whether it is there
-  drop FILE                 a mesh or a clip, as if it were dropped on the window; what is wrong with it is shown
-  dismiss                   put away what is shown of that
-  frames N                  draw N frames
-  resize W H                another size of the window
-  screenshot OUT.png        write what the next frame shows
-  stats OUT.json            write what updates and frames have taken since the last change of what is measured
-  quit                      close the window, as the end of the script does";
-
 /// A line of a script; nothing where it is empty or a remark. What is wrong comes with its remedy.
 pub fn parse(line: &str) -> Result<Option<Step>, String> {
     // A name may have a # in it: only one behind a space begins a remark.
@@ -219,6 +194,7 @@ pub fn script(text: &str) -> Result<Vec<(usize, Step)>, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::args::view::HELP;
 
     #[test]
     fn every_command_of_the_help_is_read() {

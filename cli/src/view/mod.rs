@@ -17,8 +17,6 @@ mod style;
 mod swapchain;
 mod window;
 
-pub use command::HELP;
-
 use crate::args::view::ViewArgs;
 use crate::input;
 use crate::output::{Failure, Output};

@@ -226,8 +226,8 @@ fn sweeps_compare_like_with_like() {
 
 /// What the command says and what a reader finds: `input` as a file, read again, within `bound` of a number's size.
 fn round_trip(input: &str, half: bool) -> serde_json::Value {
-    use deltamorph::textures::read_ktx2;
     use deltamorph::{DeltaFormat, MorphMesh, PackDesc, PackedMesh, Tolerance, import::obj};
+    use deltamorph_baselines::textures::read_ktx2;
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let (file, floats) = (at("face.ktx2"), if half { &["--half"][..] } else { &[] });

@@ -1,8 +1,8 @@
 //! Delta textures as KTX2 files, always of the same mesh.
 
 use crate::{Memory, Random, Target, bounded, check_error, pack_and_update, write};
-use deltamorph::textures::{TextureFloats, read_ktx2, write_ktx2};
 use deltamorph::{DeltaFormat, MorphMesh, PackDesc, PackedMesh, testing};
+use deltamorph_baselines::textures::{TextureFloats, read_ktx2, write_ktx2};
 use std::sync::LazyLock;
 
 pub const TARGET: Target = Target { name: "ktx2", run, mutate, seeds };

@@ -2,8 +2,6 @@
 
 use super::HeadlessCrowd;
 use crate::submit::full_barrier;
-#[cfg(feature = "baselines")]
-use deltamorph::Crowd;
 use deltamorph::ash::vk;
 use deltamorph::internals::update::animated::PlannedGroup;
 use deltamorph::{AnimatedCrowd, AnyCrowd, PoseView, Result};
@@ -15,14 +13,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     /// # Errors
     /// As [`draw`](Self::draw); a direct path on a device that cannot capture.
     pub fn read_pose(&mut self, instance: u32) -> Result<Vec<f32>> {
-        #[cfg(feature = "baselines")]
-        if let Some(crowd) = self.direct() {
-            let engine = &self.headless.engine;
-            // SAFETY: as in `step_together`.
-            let view = self.headless.submitter.run(|cmd| unsafe { engine.record_capture(cmd, crowd, instance) })?;
-            return self.read_view(view, 0);
-        }
-        self.read_view(self.crowd.base().group_pose(instance, 0)?, 0)
+        self.read_group(instance, 0).map(|(pose, _)| pose)
     }
 
     /// Read the previous pose of an instance back; `None` where the update had to overwrite it.
@@ -40,16 +31,13 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     /// # Errors
     /// As [`read_pose`](Self::read_pose); a group out of range.
     pub fn read_group(&mut self, instance: u32, group: usize) -> Result<(Vec<f32>, Option<Vec<f32>>)> {
-        #[cfg(feature = "baselines")]
-        if let Some(crowd) = self.direct() {
-            let engine = &self.headless.engine;
-            let capture =
-                // SAFETY: as in `step_together`.
-                |cmd| unsafe { engine.record_capture_of(cmd, crowd, instance, group) };
-            let view = self.headless.submitter.run(capture)?;
-            return Ok((self.read_view(view, group)?, None));
-        }
         let base = self.crowd.base();
+        if let Some(draws) = base.draws(group) {
+            base.slots_of(instance)?;
+            // SAFETY: as in `step_together`.
+            self.headless.submitter.run(|cmd| unsafe { draws.capture(cmd, instance) })?;
+            return Ok((self.read_view(base.view(0, 0, group), group)?, None));
+        }
         let (pose, previous) = (base.group_pose(instance, group)?, base.previous_group_pose(instance, group)?);
         Ok((self.read_view(pose, group)?, previous.map(|view| self.read_view(view, group)).transpose()?))
     }
@@ -71,12 +59,6 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     pub fn read_sums(&mut self, instance: u32) -> Result<Option<Vec<i32>>> {
         let Some((buffer, offset)) = self.crowd.base().sums(instance) else { return Ok(None) };
         self.read((buffer, offset, self.mesh.layout().base_bytes())).map(Some)
-    }
-
-    /// The crowd, if its draws evaluate poses.
-    #[cfg(feature = "baselines")]
-    pub(super) fn direct(&self) -> Option<&Crowd> {
-        self.weighted().filter(|crowd| crowd.desc().update.path.evaluates_in_draws())
     }
 
     /// The pose of a view in a group, decoded, in the user's order of vertices.

@@ -79,7 +79,7 @@ impl TightBounds {
         place.check("bounds of", BOUNDS_PART)?;
         let (range, before) = aligned(buffer, offset, BYTES);
         let what = format!("a bounds target for mesh '{}'", place.group.mesh.layout.name);
-        place.device.check_room(&what, range)?;
+        range.check_room(place.device, &what)?;
         after.set(place, Kind::Bounds, (BOUNDS_PART, 1), vk::BufferUsageFlags::STORAGE_BUFFER, |lists| {
             let vertices = place.group.mesh.layout.vertex_count as u32;
             let count = vertices.div_ceil(BOUNDS_PART);

@@ -146,7 +146,7 @@ impl PipelineKey for Key {
         };
         objects.add_layout(&[kernel.row], 0)?;
         objects.add_compute(
-            kernel.module(DeltaFormat::Float32, pose.format, 0)?,
+            kernel.module(DeltaFormat::Float32.row(), pose.format.row(), 0)?,
             &[&[&[influences][..], pose.constants()].concat()],
         )
     }
@@ -196,7 +196,7 @@ impl Skin {
         check_joints(target.joints_offset, target.method, skin.joint_count, target.joints_bytes)?;
         target.outputs().try_for_each(|output| output.check("a skin target", layout, place.device))?;
         let joints = BufferRange::new(target.joints, 0, target.joints_bytes);
-        place.device.check_room("the range of joints of a skin target", joints)?;
+        joints.check_room(place.device, "the range of joints of a skin target")?;
         let outputs = target.outputs().count();
         after.set(place, Kind::Skin, (PIECE, outputs), vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER, |lists| {
             let kernel = place.kernels.get(Key(place.pose(), target.method, skin.influences))?;

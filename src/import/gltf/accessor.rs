@@ -2,7 +2,7 @@
 
 use super::container::Container;
 use super::json::At;
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 /// An array of elements of `components` numbers each.
 #[derive(Debug)]
@@ -157,8 +157,8 @@ impl<'a> Accessor<'a> {
         Err(self.at.refuse(text, "export the file again: counts have to agree"))
     }
 
-    /// Makes an error about this accessor.
-    pub fn refuse(&self, what: impl std::fmt::Display, remedy: &str) -> crate::Error {
+    /// An error about this accessor.
+    pub fn refuse(&self, what: impl std::fmt::Display, remedy: &str) -> Error {
         self.at.refuse(what, remedy)
     }
 

@@ -66,7 +66,8 @@ pub(crate) use with_format;
 
 impl DeltaFormat {
     /// What build.rs and the tests know of it, too.
-    pub(crate) const fn row(self) -> &'static FormatRow {
+    #[doc(hidden)]
+    pub const fn row(self) -> &'static FormatRow {
         &FORMATS[self as usize]
     }
 

@@ -64,7 +64,8 @@ pub(crate) trait PoseStorage {
 
 impl PoseFormat {
     /// What build.rs and the tests know of it, too.
-    pub(crate) const fn row(self) -> &'static PoseRow {
+    #[doc(hidden)]
+    pub const fn row(self) -> &'static PoseRow {
         &POSE_FORMATS[self as usize]
     }
 

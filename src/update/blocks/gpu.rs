@@ -122,7 +122,7 @@ impl BlocksKernels {
             (true, true) => &CROWD_TEXELS,
         };
         let widths = if tiles { instances.clamp(1, tuning.widest_tile).ilog2() + 1 } else { 0 };
-        let (module, size) = (kernel.module(format, pose, 0)?, context.layout().index()?.size() as u32);
+        let (module, size) = (kernel.module(format.row(), pose.row(), 0)?, context.layout().index()?.size() as u32);
         let (few_registers, places) = (tuning.few_registers, context.poses.place_constants());
         let kernel = |width| context.kernels.get(BlocksKey { module, size, lanes, width, few_registers, places });
         let how = Dispatching { group, widths, tuning, most: context.caps().max_workgroups, items, texels };

@@ -35,11 +35,11 @@ impl PipelineKey for Compute {
         let Self { format, pose, .. } = self;
         objects.add_layout(&[DENSE.row, DENSE_LIST.row], 0)?;
         match self.pushed() {
-            None => objects.add_compute(DENSE_LIST.module(format, pose, 0)?, &[&[]]),
+            None => objects.add_compute(DENSE_LIST.module(format.row(), pose.row(), 0)?, &[&[]]),
             Some(most) => {
                 let batches: Vec<[u32; 1]> = (0..=most).map(|batch| [batch]).collect();
                 let constants: Vec<&[u32]> = batches.iter().map(<[u32; 1]>::as_slice).collect();
-                objects.add_compute(DENSE.module(format, pose, 0)?, &constants)
+                objects.add_compute(DENSE.module(format.row(), pose.row(), 0)?, &constants)
             }
         }
     }

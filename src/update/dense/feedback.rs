@@ -20,16 +20,16 @@ use std::sync::Arc;
 
 /// Pipelines of a vertex shader that takes targets as attributes, for none (a copy) to the most.
 #[derive(Clone, Copy, PartialEq)]
-pub(crate) struct VertexPasses {
+pub struct VertexPasses {
     kernel: &'static Kernel,
     format: DeltaFormat,
     /// Targets of a pass, at most.
-    pub(crate) most: u32,
+    pub most: u32,
 }
 
 impl VertexPasses {
     /// Those that a crowd takes of `kernel`.
-    pub(crate) fn of(context: &Context<'_>, kernel: &'static Kernel) -> Result<Arc<Pipelines<Self>>> {
+    pub fn of(context: &Context<'_>, kernel: &'static Kernel) -> Result<Arc<Pipelines<Self>>> {
         let most = match context.desc.update.batch {
             BatchSize::Targets(batch) => batch,
             // Refused by the check of the description.
@@ -42,12 +42,12 @@ impl VertexPasses {
 impl PipelineKey for VertexPasses {
     fn make(self, objects: &mut Objects) -> Result<()> {
         let Self { kernel, format, most } = self;
-        objects.add_layout(&[kernel.row], attribute_push_bytes(format, most))?;
+        objects.add_layout(&[kernel.row], attribute_push_bytes(format.row(), most))?;
         objects.add_empty_render_pass()?;
         for batch in 0..=most {
             let (bindings, attributes) = vertex_input(format, batch);
             objects.add_discarding_vertex(
-                kernel.module(format, PoseFormat::Float32, batch)?,
+                kernel.module(format.row(), PoseFormat::Float32.row(), batch)?,
                 &bindings,
                 &attributes,
             )?;
@@ -65,7 +65,7 @@ impl Pipelines<VertexPasses> {
     /// - The buffers hold what the layout of a pass says at the offsets given, and live until it has run; its source and
     ///   destination do not overlap, and neither is written by another pass.
     /// - No pass has more coefficients than the pipelines were made for.
-    pub(crate) unsafe fn record<'a>(
+    pub unsafe fn record<'a>(
         &self,
         cmd: vk::CommandBuffer,
         passes: impl IntoIterator<Item = DensePass<'a>>,
@@ -147,10 +147,11 @@ fn vertex_buffers(pass: &DensePass<'_>, first: usize, vertices: usize) -> (Vec<v
     std::iter::once(source).chain(pass.coefficients.iter().map(row)).unzip()
 }
 
-type VertexInput = (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>);
+/// Bindings and attributes of a vertex shader.
+pub type VertexInput = (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>);
 
 /// Binding 0: the pose. Bindings 1..=batch: a target's deltas.
-pub(crate) fn vertex_input(format: DeltaFormat, batch: u32) -> VertexInput {
+pub fn vertex_input(format: DeltaFormat, batch: u32) -> VertexInput {
     let binding = |binding, stride| vk::VertexInputBindingDescription::default().binding(binding).stride(stride);
     let (mut bindings, mut attributes) = PoseFormat::Float32.vertex_input(false);
     for b in 1..=batch {

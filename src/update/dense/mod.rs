@@ -3,10 +3,10 @@
 #[allow(unsafe_code)]
 pub(crate) mod compute;
 #[allow(unsafe_code)]
-pub(crate) mod feedback;
+pub mod feedback;
 mod plan;
 #[allow(unsafe_code)]
-pub(crate) mod technique;
+pub mod technique;
 
 pub(crate) type ComputeTechnique = technique::DenseTechnique<compute::ComputePasses>;
 pub(crate) type FeedbackTechnique = technique::DenseTechnique<feedback::FeedbackPasses>;

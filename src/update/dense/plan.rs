@@ -151,12 +151,6 @@ impl DensePlanner {
         &self.plans
     }
 
-    /// Whether the last update changes some pose.
-    #[cfg(feature = "baselines")]
-    pub(crate) fn has_changed(&self) -> bool {
-        self.plans.iter().any(|plan| !plan.passes.is_empty())
-    }
-
     /// Count the last update: each pass reads its source and its targets' deltas, and writes its destination. The least
     /// that any order of the same dense work could move is each instance's pose read and written once, each
     /// coefficient's deltas read once. Of integers nothing is read where a pass starts from the base pose. Bytes are those

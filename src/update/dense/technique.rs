@@ -14,14 +14,17 @@ use ash::vk;
 
 /// A pass, with the buffers that it takes.
 #[derive(Clone, Copy)]
-pub(crate) struct DensePass<'a> {
-    pub(crate) layout: &'a PackedLayout,
-    pub(crate) deltas: vk::Buffer,
+pub struct DensePass<'a> {
+    /// Where everything is in the mesh.
+    pub layout: &'a PackedLayout,
+    /// The deltas.
+    pub deltas: vk::Buffer,
     /// Buffer and offset of the source pose.
-    pub(crate) source: (vk::Buffer, u64),
+    pub source: (vk::Buffer, u64),
     /// Buffer and offset of the destination pose.
-    pub(crate) destination: (vk::Buffer, u64),
-    pub(crate) coefficients: &'a [Coefficient],
+    pub destination: (vk::Buffer, u64),
+    /// What is applied.
+    pub coefficients: &'a [Coefficient],
 }
 
 impl<'a> DensePass<'a> {
@@ -40,14 +43,14 @@ impl<'a> DensePass<'a> {
 /// Descriptor sets of passes, by number, one for each chunk of the mesh. Poses are bound where they are, and not by
 /// dynamic offset: synchronization validation does not see dynamic offsets and would take the poses of two instances for
 /// one piece of memory.
-pub(crate) struct ChunkSets {
+pub struct ChunkSets {
     sets: Sets,
     chunks: usize,
 }
 
 impl ChunkSets {
     /// `bound`: for each number, what is bound of a chunk, from its first vertex and its vertices.
-    pub(crate) fn new<F: Fn(usize, usize) -> Vec<BufferRange>>(
+    pub fn new<F: Fn(usize, usize) -> Vec<BufferRange>>(
         objects: &Objects,
         layout: &PackedLayout,
         bound: impl Iterator<Item = F>,
@@ -60,14 +63,14 @@ impl ChunkSets {
     }
 
     /// The sets of a number, chunk by chunk.
-    pub(crate) fn get(&self, number: u32) -> &[vk::DescriptorSet] {
+    pub fn get(&self, number: u32) -> &[vk::DescriptorSet] {
         let first = number as usize * self.chunks;
         self.sets.range(first..first + self.chunks)
     }
 }
 
 /// Who carries the passes of a group out, with what it keeps for a crowd.
-pub(crate) trait Passes: Send + Sync + Sized + 'static {
+pub trait Passes: Send + Sync + Sized + 'static {
     /// What the passes of a step use.
     const USES: &'static [Use];
 
@@ -87,13 +90,17 @@ pub(crate) trait Passes: Send + Sync + Sized + 'static {
 }
 
 /// A crowd that is updated by `P`.
-pub(crate) struct DenseTechnique<P> {
+pub struct DenseTechnique<P> {
     planner: DensePlanner,
     groups: Vec<(PoseGroup, P)>,
 }
 
 impl<P: Passes> DenseTechnique<P> {
-    pub(crate) fn new(context: Context<'_>) -> Result<Self> {
+    /// For a crowd whose description was checked.
+    ///
+    /// # Errors
+    /// No memory.
+    pub fn new(context: Context<'_>) -> Result<Self> {
         let planner = DensePlanner::new(context.desc.update, context.poses.grid, context.desc.instances as usize)?;
         let group = |of: Context<'_>| Ok((PoseGroup { mesh: of.mesh.clone(), poses: of.poses }, P::new(of)?));
         Ok(Self { planner, groups: context.groups().map(group).collect::<Result<_>>()? })

@@ -17,19 +17,12 @@ use proptest::prelude::*;
 fn uses(path: UpdatePath) -> &'static [Use] {
     match path {
         UpdatePath::Feedback => FeedbackPasses::USES,
-        #[cfg(feature = "baselines")]
-        UpdatePath::VertexStore => crate::baselines::StorePasses::USES,
         _ => ComputePasses::USES,
     }
 }
 
 /// The paths there are.
-const PATHS: &[UpdatePath] = &[
-    UpdatePath::Feedback,
-    UpdatePath::Compute,
-    #[cfg(feature = "baselines")]
-    UpdatePath::VertexStore,
-];
+const PATHS: &[UpdatePath] = &[UpdatePath::Feedback, UpdatePath::Compute];
 
 /// What an update records.
 fn recorded(planner: &DensePlanner, path: UpdatePath) -> Vec<Recorded> {

@@ -1,6 +1,7 @@
 //! Hostile files: reading any bytes either works or ends in an error that names the fault, without a panic.
 
 use super::*;
+use crate::asset::StreamDeltas;
 use crate::pack::file::table::*;
 use proptest::prelude::*;
 use proptest::sample::Index;

@@ -2,21 +2,21 @@
 //! storage buffer (Costigan et al., Algorithm 1; Bevy, three.js and Filament do it so, with textures in the place of
 //! buffers).
 
-use super::draws::{Capture, Draw, Draws};
-use crate::abi::modules::{DIRECT, DIRECT_FEEDBACK, DIRECT_STORE};
-use crate::abi::push::DirectPush;
-use crate::error::Result;
-use crate::gpu::descriptors::{BufferRange, Sets};
-use crate::gpu::memory::Ring;
-use crate::gpu::mesh::{MeshBuffers, delta_range};
-use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines};
-use crate::pack::{BASE_STRIDE, DeltaFormat, PoseFormat};
-use crate::plan::UpdatePath;
-use crate::update::dense::DensePlanner;
-use crate::update::dense::feedback::vertex_input;
-use crate::update::technique::Context;
-use ash::vk;
+use crate::draws::{Capture, Draws};
 use bytemuck::bytes_of;
+use deltamorph::Result;
+use deltamorph::ash::vk;
+use deltamorph::internals::abi::modules::{DIRECT, DIRECT_FEEDBACK, DIRECT_STORE};
+use deltamorph::internals::abi::push::DirectPush;
+use deltamorph::internals::gpu::descriptors::{BufferRange, Sets};
+use deltamorph::internals::gpu::memory::Ring;
+use deltamorph::internals::gpu::mesh::{MeshBuffers, delta_range};
+use deltamorph::internals::gpu::pipelines::{Objects, PipelineKey, Pipelines};
+use deltamorph::internals::pack::{BASE_STRIDE, DeltaFormat, PoseFormat};
+use deltamorph::internals::plan::UpdatePath;
+use deltamorph::internals::update::dense::DensePlanner;
+use deltamorph::internals::update::dense::feedback::vertex_input;
+use deltamorph::internals::update::technique::Context;
 use std::sync::Arc;
 
 /// Bytes of a target's weight: coefficients of positions and of normals.
@@ -51,7 +51,11 @@ impl PipelineKey for Direct {
         objects.add_empty_render_pass()?;
         let (bindings, attributes) = vertex_input(format, 0);
         for kernel in kernels {
-            objects.add_discarding_vertex(kernel.module(format, PoseFormat::Float32, 0)?, &bindings, &attributes)?;
+            objects.add_discarding_vertex(
+                kernel.module(format.row(), PoseFormat::Float32.row(), 0)?,
+                &bindings,
+                &attributes,
+            )?;
         }
         Ok(())
     }
@@ -121,9 +125,7 @@ impl Draws for DirectDraws {
     fn weight_bytes(&self, weights: &[f32]) -> u64 {
         weights.iter().rposition(|w| *w != 0.0).map_or(0, |last| (WEIGHT_BYTES * (last + 1)) as u64)
     }
-}
 
-impl Draw for DirectDraws {
     unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>, captured: bool) {
         let (objects, capture) = (&self.kernel.objects, self.kernel.key.capture.filter(|_| captured));
         let (device, mesh) = (&objects.device.raw, &self.mesh.layout);

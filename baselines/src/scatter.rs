@@ -5,26 +5,28 @@
 //! nothing overflows, and the sums are such poses of `blocks`, bit for bit. So is the error: that of
 //! packing, and at most ½ · weight step · Σ |delta| for weights that are not on the grid.
 
-use super::draws::one_pass;
-use crate::abi::modules::{RESOLVE, SCATTER};
-use crate::abi::numbers::WORKGROUP;
-use crate::abi::push::{ResolvePush, ScatterPush};
-use crate::asset::streams::TRIPLE;
-use crate::error::Result;
-use crate::gpu::descriptors::{BufferRange, Sets};
-use crate::gpu::memory::Buffer;
-use crate::gpu::mesh::MeshBuffers;
-use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines};
-use crate::pack::blocks::{BlockIndex, PoseGrid};
-use crate::pack::{DeltaFormat, POSE_FLOATS, PackedMesh, PoseFormat};
-use crate::plan::UpdateStats;
-use crate::plan::instances::Instances;
-use crate::plan::steps::{Resource, Steps, Use, Work};
-use crate::update::dense::DensePlanner;
-use crate::update::technique::{Context, Poses, Technique, UpdateId};
-use ash::vk;
+use crate::draws::{has_changed, one_pass};
+use crate::{check_storage, private};
 use bytemuck::bytes_of;
-use gpu_allocator::MemoryLocation;
+use deltamorph::Result;
+use deltamorph::ash::vk;
+use deltamorph::gpu_allocator::MemoryLocation;
+use deltamorph::internals::abi::modules::{RESOLVE, SCATTER};
+use deltamorph::internals::abi::numbers::WORKGROUP;
+use deltamorph::internals::abi::push::{ResolvePush, ScatterPush};
+use deltamorph::internals::asset::streams::TRIPLE;
+use deltamorph::internals::gpu::descriptors::{BufferRange, Sets};
+use deltamorph::internals::gpu::device::Device;
+use deltamorph::internals::gpu::memory::Buffer;
+use deltamorph::internals::gpu::mesh::{MeshBuffers, Upload};
+use deltamorph::internals::gpu::pipelines::{Objects, PipelineKey, Pipelines};
+use deltamorph::internals::pack::blocks::{BlockIndex, PoseGrid};
+use deltamorph::internals::pack::{DeltaFormat, POSE_FLOATS, PackedGroup, PackedMesh, PoseFormat};
+use deltamorph::internals::plan::UpdateStats;
+use deltamorph::internals::plan::instances::Instances;
+use deltamorph::internals::plan::steps::{Resource, Steps, Use, Work};
+use deltamorph::internals::update::dense::DensePlanner;
+use deltamorph::internals::update::technique::{Context, Poses, Technique, UpdateId};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -33,23 +35,44 @@ const RECORD_WORDS: usize = 4;
 
 /// Deltas as `scatter.comp` reads them, target after target; and the first record of each target, with the number of all.
 /// The mesh is packed as `small`: its components fit the bits of a record.
-pub(super) fn records(mesh: &PackedMesh, index: &BlockIndex) -> (Vec<u32>, Vec<u32>) {
+fn records(group: &PackedGroup, index: &BlockIndex) -> (Vec<u32>, Vec<u32>) {
     let (mut words, mut first) = (vec![], vec![0]);
-    for target in 0..mesh.layout().targets.len() {
-        for incidence in index.incidence(target) {
-            let block = incidence.block * index.size() as u32;
-            index.for_each_lane(mesh.deltas(), incidence.entry as usize, |lane, delta| {
-                let steps = index.steps().map(f64::from);
-                let q: [i32; POSE_FLOATS] = std::array::from_fn(|c| (delta[c] / steps[c / TRIPLE]) as i32);
-                if q != [0; POSE_FLOATS] {
-                    words.push(block + lane as u32);
-                    words.extend((0..3).map(|c| (q[c] as u32 & 0x3ffff) | (q[c + 3] as u32) << 18));
-                }
-            });
-        }
+    let (steps, packed) = (index.steps().map(f64::from), index.packed_vertices());
+    for target in 0..group.layout().targets.len() {
+        group.for_each_delta(target, |vertex, delta| {
+            let q: [i32; POSE_FLOATS] = std::array::from_fn(|c| (delta[c] / steps[c / TRIPLE]) as i32);
+            if q != [0; POSE_FLOATS] {
+                words.push(packed[vertex]);
+                words.extend((0..3).map(|c| (q[c] as u32 & 0x3ffff) | (q[c + 3] as u32) << 18));
+            }
+        });
         first.push((words.len() / RECORD_WORDS) as u32);
     }
     (words, first)
+}
+
+/// The buffers of a mesh, which was checked for the path, and what fills them: records of a vertex and its delta, 16 bytes
+/// each, and no blocks.
+///
+/// # Errors
+/// Sums that could overflow; records that no descriptor covers; no memory.
+pub(crate) fn upload(device: &Arc<Device>, mesh: &PackedMesh) -> Result<(Vec<MeshBuffers>, Vec<Upload>)> {
+    let (group, layout) = (&mesh.groups()[0], mesh.layout());
+    let Some(index) = &layout.blocks else { unreachable!("the path takes `small`, which is in blocks") };
+    let (words, first) = records(group, index);
+    check_storage(device, layout, "the records of 'scatter' take", &words)?;
+    let (buffers, upload) =
+        MeshBuffers::new(device, layout.clone(), group.base(), &words, Some(Box::new(FirstRecords(first))))?;
+    Ok((vec![buffers], vec![upload]))
+}
+
+/// The first record of each target, and the number of all.
+struct FirstRecords(Vec<u32>);
+
+impl FirstRecords {
+    fn of(mesh: &MeshBuffers) -> &[u32] {
+        &private::<Self>(mesh).0
+    }
 }
 
 /// The pipelines: scatter, then resolve.
@@ -60,43 +83,41 @@ impl PipelineKey for Scatter {
     fn make(self, objects: &mut Objects) -> Result<()> {
         objects.add_layout(&[SCATTER.row, RESOLVE.row], 0)?;
         for kernel in [&SCATTER, &RESOLVE] {
-            objects.add_compute(kernel.module(DeltaFormat::Small, PoseFormat::Float32, 0)?, &[&[]])?;
+            objects.add_compute(kernel.module(DeltaFormat::Small.row(), PoseFormat::Float32.row(), 0)?, &[&[]])?;
         }
         Ok(())
     }
 }
 
-impl Pipelines<Scatter> {
-    /// Bind the pipeline that adds, or the one that resolves; then, for each of `runs`, an invocation for each of so many,
-    /// in as many dispatches as the device's workgroup count requires. A run makes the push constants of a dispatch from
-    /// its first invocation and their number.
-    ///
-    /// # Safety
-    /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
-    /// - `set` was made for buffers that live until the commands have run, and the invocations stay within them.
-    unsafe fn dispatch<P: bytemuck::Pod>(
-        &self,
-        cmd: vk::CommandBuffer,
-        pipeline: usize,
-        set: vk::DescriptorSet,
-        runs: impl IntoIterator<Item = (u32, impl Fn(u32, u32) -> P)>,
-    ) {
-        let (Objects { layout, pipelines, device, .. }, point) = (&self.objects, vk::PipelineBindPoint::COMPUTE);
-        // SAFETY: the caller's obligations; pipelines and layout are ours.
-        unsafe {
-            device.raw.cmd_bind_pipeline(cmd, point, pipelines[pipeline]);
-            device.raw.cmd_bind_descriptor_sets(cmd, point, *layout, 0, &[set], &[]);
-        }
-        let most = device.caps.max_workgroups.min(u32::MAX / WORKGROUP) * WORKGROUP;
-        for (count, push) in runs {
-            for first in (0..count).step_by(most as usize) {
-                let here = most.min(count - first);
-                // SAFETY: the caller's obligations; the push constants are within the layout's range.
-                unsafe {
-                    let (stage, push) = (vk::ShaderStageFlags::COMPUTE, push(first, here));
-                    device.raw.cmd_push_constants(cmd, *layout, stage, 0, bytes_of(&push));
-                    device.raw.cmd_dispatch(cmd, here.div_ceil(WORKGROUP), 1, 1);
-                }
+/// Bind the pipeline that adds, or the one that resolves; then, for each of `runs`, an invocation for each of so many,
+/// in as many dispatches as the device's workgroup count requires. A run makes the push constants of a dispatch from
+/// its first invocation and their number.
+///
+/// # Safety
+/// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
+/// - `set` was made for buffers that live until the commands have run, and the invocations stay within them.
+unsafe fn dispatch<P: bytemuck::Pod>(
+    objects: &Objects,
+    cmd: vk::CommandBuffer,
+    pipeline: usize,
+    set: vk::DescriptorSet,
+    runs: impl IntoIterator<Item = (u32, impl Fn(u32, u32) -> P)>,
+) {
+    let (Objects { layout, pipelines, device, .. }, point) = (objects, vk::PipelineBindPoint::COMPUTE);
+    // SAFETY: the caller's obligations; pipelines and layout are ours.
+    unsafe {
+        device.raw.cmd_bind_pipeline(cmd, point, pipelines[pipeline]);
+        device.raw.cmd_bind_descriptor_sets(cmd, point, *layout, 0, &[set], &[]);
+    }
+    let most = device.caps.max_workgroups.min(u32::MAX / WORKGROUP) * WORKGROUP;
+    for (count, push) in runs {
+        for first in (0..count).step_by(most as usize) {
+            let here = most.min(count - first);
+            // SAFETY: the caller's obligations; the push constants are within the layout's range.
+            unsafe {
+                let (stage, push) = (vk::ShaderStageFlags::COMPUTE, push(first, here));
+                device.raw.cmd_push_constants(cmd, *layout, stage, 0, bytes_of(&push));
+                device.raw.cmd_dispatch(cmd, here.div_ceil(WORKGROUP), 1, 1);
             }
         }
     }
@@ -122,7 +143,6 @@ const PARTS: [(Part, &[Use]); 3] = [
 /// A crowd with integer sums for each instance, cleared, added to and resolved in each update.
 pub(crate) struct ScatterTechnique {
     kernel: Arc<Pipelines<Scatter>>,
-    /// With the first record of each target, and the number of all, in its private words.
     mesh: Arc<MeshBuffers>,
     poses: Poses,
     grid: PoseGrid,
@@ -141,7 +161,7 @@ impl ScatterTechnique {
             | vk::BufferUsageFlags::TRANSFER_SRC;
         let bytes = poses.bytes.saturating_mul(desc.instances.into());
         let sums = Buffer::new(device, "deltamorph scattered sums", bytes, usage, MemoryLocation::GpuOnly)?;
-        let records = u64::from(mesh.private.last().copied().unwrap_or(0)) * (RECORD_WORDS * 4) as u64;
+        let records = u64::from(FirstRecords::of(mesh).last().copied().unwrap_or(0)) * (RECORD_WORDS * 4) as u64;
         let all = (0..desc.instances).flat_map(|instance| (0..poses.slots).map(move |slot| (instance, slot)));
         let bound = |(instance, slot): (u32, u32)| {
             [
@@ -163,7 +183,8 @@ impl ScatterTechnique {
     }
 
     fn records_of(&self, target: u32) -> Range<u32> {
-        self.mesh.private[target as usize]..self.mesh.private[target as usize + 1]
+        let first = FirstRecords::of(&self.mesh);
+        first[target as usize]..first[target as usize + 1]
     }
 
     /// Bytes moved: sums cleared; each record loaded, and its six sums loaded and stored by atomics; sums and base pose
@@ -175,21 +196,19 @@ impl ScatterTechnique {
         let instances = changed.clone().count();
         let poses = instances as u64 * self.poses.bytes;
         let (record, atomics) = ((RECORD_WORDS * 4) as u64, (POSE_FLOATS * 8) as u64);
-        UpdateStats {
-            coefficients: coefficients.count(),
-            passes: instances,
-            rebuilt: instances,
-            bytes_moved: poses * 4 + records * (record + atomics),
-            bytes_floor: poses * 2 + records * record,
-            ..UpdateStats::default()
-        }
+        let mut stats = UpdateStats::default();
+        stats.coefficients = coefficients.count();
+        (stats.passes, stats.rebuilt) = (instances, instances);
+        stats.bytes_moved = poses * 4 + records * (record + atomics);
+        stats.bytes_floor = poses * 2 + records * record;
+        stats
     }
 }
 
 impl Technique for ScatterTechnique {
     fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         self.planner.plan(instances, id.update);
-        let parts = if self.planner.has_changed() { &PARTS[..] } else { &[] };
+        let parts = if has_changed(&self.planner) { &PARTS[..] } else { &[] };
         for &(part, uses) in parts {
             steps.step(uses);
             for (instance, plan) in (0..).zip(self.planner.plans()) {
@@ -216,14 +235,14 @@ impl Technique for ScatterTechnique {
                     (weight != 0).then_some((end - start, push))
                 });
                 // SAFETY: the caller's obligations; the records are the mesh's.
-                unsafe { self.kernel.dispatch(cmd, 0, set, runs) };
+                unsafe { dispatch(&self.kernel.objects, cmd, 0, set, runs) };
             }
             Part::Resolve => {
                 let ([position_unit, normal_unit], count) =
                     (self.grid.units, self.mesh.layout.padded_vertices() as u32);
                 let push = |first_vertex, _| ResolvePush { first_vertex, position_unit, normal_unit };
                 // SAFETY: the caller's obligations; `count` is a multiple of the workgroup size.
-                unsafe { self.kernel.dispatch(cmd, 1, set, [(count, push)]) };
+                unsafe { dispatch(&self.kernel.objects, cmd, 1, set, [(count, push)]) };
             }
         }
     }
@@ -233,9 +252,8 @@ impl Technique for ScatterTechnique {
     }
 
     /// Atomics commute: those of a work do not have to be ordered among themselves.
-    #[cfg(any(test, feature = "internals"))]
-    fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-        use crate::plan::hazards::{Accesses, Memory};
+    fn accesses(&self, works: &[Work]) -> Vec<deltamorph::internals::plan::hazards::Accesses> {
+        use deltamorph::internals::plan::hazards::{Accesses, Memory};
         let of = |work: &Work| {
             let (instance, slot) = (work.instance, work.destination);
             let sums = Memory::Sums { instance };

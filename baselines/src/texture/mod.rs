@@ -13,31 +13,33 @@
 //! bits. Sums are float32: they drift as those of the other paths with float32 poses do, and are wiped where rebuilding
 //! takes no more targets.
 
-#[cfg(feature = "ktx2")]
+mod blending;
 mod container;
 mod draws;
-#[cfg(feature = "ktx2")]
 pub mod file;
 mod half;
+mod images;
 mod passes;
 mod texels;
 
 #[cfg(test)]
 mod tests;
 
-use super::draws::one_pass;
-use crate::engine::{GpuMesh, MorphEngine};
-use crate::error::Result;
-use crate::gpu::descriptors::BufferRange;
-use crate::gpu::mesh::{MeshBuffers, Upload};
-use crate::pack::{PackedGroup, PackedMesh};
-use crate::plan::instances::Instances;
-use crate::plan::steps::{Access, Resource, Source, Stage, Steps, Use, Work};
-use crate::plan::{UpdatePath, UpdateStats};
-use crate::update::dense::DensePlanner;
-use crate::update::technique::{Context, Technique, UpdateId};
-use ash::vk;
+use crate::draws::one_pass;
+use crate::{check_storage, private};
+use deltamorph::Result;
+use deltamorph::ash::vk;
+use deltamorph::internals::gpu::descriptors::BufferRange;
+use deltamorph::internals::gpu::device::Device;
+use deltamorph::internals::gpu::mesh::{MeshBuffers, Upload};
+use deltamorph::internals::pack::PackedMesh;
+use deltamorph::internals::plan::UpdateStats;
+use deltamorph::internals::plan::instances::Instances;
+use deltamorph::internals::plan::steps::{Access, Resource, Source, Stage, Steps, Use, Work};
+use deltamorph::internals::update::dense::DensePlanner;
+use deltamorph::internals::update::technique::{Context, PoseDraws, Technique, UpdateId};
 use draws::TextureDraws;
+use images::Image;
 use passes::BlendPasses;
 use std::ops::Range;
 use std::sync::Arc;
@@ -55,59 +57,49 @@ const BLEND: &[Use] = &[
 /// What draws fetch, whoever else reads.
 const FETCH: &[Use] = &[Use::new(Resource::Poses, Stage::VertexShader, Access::ShaderRead)];
 
-/// What the host knows of the textures of a group: what [`MeshBuffers::private`] holds.
-#[derive(Clone, Copy)]
-struct Textures<'a>(&'a [u32]);
+/// The delta textures of a group, and what the host knows of them.
+struct Textures {
+    /// First rectangle and first texel of the deltas of each target, and the numbers of all.
+    first: Vec<[u32; 2]>,
+    /// Texels of a row, and rows, of the displacement textures.
+    size: [u32; 2],
+    /// Bytes of a texel of both delta textures.
+    delta: u64,
+    /// Those of both triples, each with a view.
+    images: Vec<Image>,
+}
 
-impl<'a> Textures<'a> {
-    /// First rectangle and first texel of the deltas of each target, and the numbers of all; then the size of the
-    /// displacement textures, and the bytes of a delta.
-    fn words(baked: &DeltaTexels, texel: Texel) -> Vec<u32> {
+impl Textures {
+    fn new(baked: &DeltaTexels, texel: Texel, images: Vec<Image>) -> Self {
         let first_texel = |&first: &u32| match baked.rectangles.get(first as usize) {
             Some(rectangle) => rectangle.first,
             None => baked.covered() as u32,
         };
-        baked
-            .first
-            .iter()
-            .flat_map(|first| [*first, first_texel(first)])
-            .chain(baked.size)
-            .chain([2 * texel.bytes()])
-            .collect()
+        let first = baked.first.iter().map(|first| [*first, first_texel(first)]).collect();
+        Self { first, size: baked.size, delta: (2 * texel.bytes()).into(), images }
     }
 
-    fn of(mesh: &'a MeshBuffers) -> Self {
-        Self(&mesh.private)
+    fn of(mesh: &MeshBuffers) -> &Self {
+        private(mesh)
     }
 
-    fn ends(self, target: u32, which: usize) -> Range<u32> {
-        let at = 2 * target as usize + which;
-        self.0[at]..self.0[at + 2]
+    fn range(&self, target: u32, which: usize) -> Range<u32> {
+        self.first[target as usize][which]..self.first[target as usize + 1][which]
     }
 
     /// The rectangles of a target.
-    fn rectangles(self, target: u32) -> Range<u32> {
-        self.ends(target, 0)
+    fn rectangles(&self, target: u32) -> Range<u32> {
+        self.range(target, 0)
     }
 
     /// Texels that a target moves, with those between them.
-    fn texels(self, target: u32) -> u32 {
-        self.ends(target, 1).len() as u32
-    }
-
-    /// Texels of a row, and rows, of the displacement textures.
-    fn size(self) -> [u32; 2] {
-        [self.0[self.0.len() - 3], self.0[self.0.len() - 2]]
-    }
-
-    /// Bytes of a texel of both delta textures.
-    fn delta(self) -> u64 {
-        self.0[self.0.len() - 1].into()
+    fn texels(&self, target: u32) -> u32 {
+        self.range(target, 1).len() as u32
     }
 
     /// Where the texels of vertices begin, behind all rectangles, in words.
-    fn texels_at(self) -> u32 {
-        self.0[self.0.len() - 5] * RECTANGLE_WORDS as u32
+    fn texels_at(&self) -> u32 {
+        self.first.last().map_or(0, |[rectangles, _]| *rectangles) * RECTANGLE_WORDS as u32
     }
 }
 
@@ -117,53 +109,52 @@ fn words_of(mesh: &MeshBuffers) -> BufferRange {
     BufferRange::new(mesh.deltas.raw, 0, 4 * words)
 }
 
-impl MorphEngine {
-    /// As [`upload`](Self::upload), for crowds on the path `texture`, which reads deltas from two textures: 32 bytes for
-    /// each vertex that a target moves (float32), or 16 (snorm16, and float32 where every delta of a group of streams is
-    /// exactly a half float), whatever [`mesh_bytes`](Self::mesh_bytes) says. The layouts of the textures are changed as part
-    /// of the copies.
-    ///
-    /// # Errors
-    /// As [`upload`](Self::upload); a format other than `float32` and `snorm16`; textures larger than the device's images;
-    /// a device that cannot blend float32.
-    ///
-    /// # Safety
-    /// As [`upload`](Self::upload).
-    pub unsafe fn upload_texture(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
-        let (path, layout, caps) = (UpdatePath::Texture, mesh.layout(), &self.device.caps);
-        caps.check_path(path)?;
-        path.check_format(layout.format)?;
-        self.check_not_empty(layout)?;
-        let (mut groups, mut uploads) = (vec![], vec![]);
-        for group in mesh.groups() {
-            let (buffers, of_group) = self.texture_buffers(group)?;
-            groups.push(buffers);
-            uploads.extend(of_group);
-        }
-        // SAFETY: the caller's obligations.
-        Ok(unsafe { self.upload_buffers(cmd, groups, uploads) })
-    }
-
-    /// The buffers and delta textures of a group, and what fills them.
-    fn texture_buffers(&self, group: &PackedGroup) -> Result<(MeshBuffers, Vec<Upload>)> {
+/// The buffers of a mesh, which was checked for the path, and what fills them, with two textures of deltas for each group:
+/// 32 bytes for each vertex that a target moves (float32), or 16 (snorm16, and float32 where every delta of a group of
+/// streams is exactly a half float). Records the copies to the textures, and the changes of their layouts.
+///
+/// # Errors
+/// Textures larger than the device's images; rectangles that no descriptor covers; no memory. Nothing is recorded then.
+///
+/// # Safety
+/// As [`UploadFor`](deltamorph::internals::update::technique::UploadFor).
+pub(crate) unsafe fn upload(
+    device: &Arc<Device>,
+    cmd: vk::CommandBuffer,
+    mesh: &PackedMesh,
+) -> Result<(Vec<MeshBuffers>, Vec<Upload>)> {
+    let (mut groups, mut uploads, mut copies) = (vec![], vec![], vec![]);
+    for group in mesh.groups() {
         let layout = group.layout();
-        let baked = DeltaTexels::bake(group, self.device.caps.max_image_side)?;
+        let baked = DeltaTexels::bake(group, device.caps.max_image_side)?;
         let (words, texel) = (baked.words(layout.padded_vertices()), baked.texel());
-        self.check_storage(layout, "its rectangles and texels take", &words)?;
-        let private = Textures::words(&baked, texel);
-        let (mut buffers, upload) = MeshBuffers::new(&self.device, layout.clone(), group.base(), &words, private)?;
+        check_storage(device, layout, "its rectangles and texels take", &words)?;
         let format = match texel {
             Texel::Integers => vk::Format::R16G16B16A16_SINT,
             Texel::Half => vk::Format::R16G16B16A16_SFLOAT,
             Texel::Single => vk::Format::R32G32B32A32_SFLOAT,
         };
-        let mut uploads = vec![upload];
+        let mut images = vec![];
         for (what, second) in [("first", false), ("second", true)] {
             let name = format!("deltamorph deltas of the {what} triple of mesh '{}'", layout.name);
-            uploads.push(buffers.add_image(&self.device, &name, format, baked.image, &baked.bytes(second, texel))?);
+            let usage = vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST;
+            let mut image = Image::new(device, &name, format, (baked.image, 1), usage)?;
+            image.view(0..1, false)?;
+            let staging = images::staging(device, &baked.bytes(second, texel))?;
+            copies.push(((image.raw, image.size), staging.raw));
+            uploads.push(Upload::new(staging, vec![]));
+            images.push(image);
         }
-        Ok((buffers, uploads))
+        let private = Box::new(Textures::new(&baked, texel, images));
+        let (buffers, upload) = MeshBuffers::new(device, layout.clone(), group.base(), &words, Some(private))?;
+        groups.push(buffers);
+        uploads.push(upload);
     }
+    for (image, staging) in copies {
+        // SAFETY: the caller's obligations; the image is new, and the staging memory has all its texels.
+        unsafe { images::record_filling(device, cmd, image, staging) };
+    }
+    Ok((groups, uploads))
 }
 
 /// What a group of the mesh takes.
@@ -188,11 +179,6 @@ impl TextureTechnique {
         };
         Ok(Self { planner: one_pass(context.desc)?, groups: context.groups().map(group).collect::<Result<_>>()? })
     }
-
-    /// The draws of a group.
-    pub(super) fn draws(&self, group: usize) -> Option<&TextureDraws> {
-        self.groups.get(group).map(|group| &group.draws)
-    }
 }
 
 impl Technique for TextureTechnique {
@@ -212,8 +198,8 @@ impl Technique for TextureTechnique {
             stats.rebuilt += usize::from(plan.rebuilt);
             for mesh in self.groups.iter().map(|group| &group.mesh) {
                 let textures = Textures::of(mesh);
-                let all = textures.size().map(u64::from).iter().product::<u64>();
-                let delta = textures.delta();
+                let all = textures.size.map(u64::from).iter().product::<u64>();
+                let delta = textures.delta;
                 let texels: u64 = plan.coefficients.iter().map(|c| u64::from(textures.texels(c.target))).sum();
                 let cleared = if plan.rebuilt { all * DISPLACEMENT } else { 0 };
                 stats.bytes_moved += cleared + texels * (delta + 2 * DISPLACEMENT);
@@ -230,14 +216,13 @@ impl Technique for TextureTechnique {
         unsafe { passes.record(cmd, work.instance, cleared, coefficients) };
     }
 
-    fn has_poses(&self) -> bool {
-        false
+    fn draws(&self, group: usize) -> Option<&dyn PoseDraws> {
+        self.groups.get(group).map(|group| &group.draws as &dyn PoseDraws)
     }
 
     /// The displacement textures are the pose of an instance, whatever its slots.
-    #[cfg(any(test, feature = "internals"))]
-    fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-        use crate::plan::hazards::{Accesses, Memory};
+    fn accesses(&self, works: &[Work]) -> Vec<deltamorph::internals::plan::hazards::Accesses> {
+        use deltamorph::internals::plan::hazards::{Accesses, Memory};
         let of = |work: &Work| {
             let pose = Memory::Pose { instance: work.instance, slot: 0 };
             let uses = vec![

@@ -1,7 +1,7 @@
 //! Delta textures as files: KTX 2.0, which other tools open, with what is needed to make targets of them again.
 //!
 //! The images are an array of layers, R32G32B32A32_SFLOAT or R16G16B16A16_SFLOAT: two for each group of streams
-//! ([`PackedGroup`](crate::PackedGroup)), of its first three numbers (positions in group 0) and of its last (normals).
+//! ([`PackedGroup`](deltamorph::PackedGroup)), of its first three numbers (positions in group 0) and of its last (normals).
 //! Alpha is 0. A texel of a layer is a delta in input units; texels are counted row by row. Two keys say whose it is:
 //!
 //! - `deltamorph.names`: the names of the targets in UTF-8, a zero byte behind each.
@@ -16,12 +16,13 @@
 use super::container::{Container, Refused};
 use super::half;
 use super::texels::{DeltaTexels, RECTANGLE_WORDS};
-use crate::asset::streams::group_streams;
-use crate::asset::{MorphMesh, MorphTarget, StreamDeltas, StreamPlace};
-use crate::error::{Error, Result};
-use crate::io::read_bounded;
-use crate::pack::{DeltaFormat, POSE_FLOATS, PackedMesh, TARGETS_MAX};
-use glam::Vec3;
+use crate::invalid;
+use deltamorph::glam::Vec3;
+use deltamorph::internals::asset::streams::group_streams;
+use deltamorph::internals::asset::{MorphMesh, MorphTarget, StreamDeltas, StreamPlace};
+use deltamorph::internals::pack::{DeltaFormat, POSE_FLOATS, PackedMesh, TARGETS_MAX};
+use deltamorph::internals::read_bounded;
+use deltamorph::{Error, Result};
 use std::path::Path;
 
 const NAMES: &str = "deltamorph.names";
@@ -64,7 +65,7 @@ pub struct TextureFile {
 /// A format other than float32; a name with a zero byte; more texels than 16384 × 16384; half floats: a delta beyond 65504.
 pub fn write_ktx2(mesh: &PackedMesh, floats: TextureFloats) -> Result<TextureFile> {
     let (layout, single) = (mesh.layout(), floats == TextureFloats::Single);
-    let refuse = |what: String, remedy: &str| Err(Error::invalid(format!("mesh '{}': {what}", layout.name), remedy));
+    let refuse = |what: String, remedy: &str| Err(invalid(format!("mesh '{}': {what}", layout.name), remedy));
     if layout.format != DeltaFormat::Float32 {
         return refuse("its deltas are not packed as float32".into(), "pack it with DeltaFormat::Float32");
     }
@@ -110,7 +111,12 @@ pub fn write_ktx2(mesh: &PackedMesh, floats: TextureFloats) -> Result<TextureFil
 /// A file that cannot be read, is not as the [module](self) says, or is of another mesh: other vertices or streams.
 pub fn read_ktx2(path: &Path, base: &MorphMesh) -> Result<MorphMesh> {
     let bytes = read_bounded(path, LARGEST_FILE, "split the mesh")?;
-    let targets = targets(&bytes, base).map_err(|(place, what, remedy)| Error::input(path, place, what, remedy))?;
+    let targets = targets(&bytes, base).map_err(|(place, what, remedy)| Error::Input {
+        path: path.to_path_buf(),
+        place: place.into(),
+        what,
+        remedy: remedy.into(),
+    })?;
     Ok(MorphMesh { targets, ..base.clone() })
 }
 

@@ -1,7 +1,7 @@
 use super::*;
-use crate::asset::Semantic;
-use crate::pack::PackDesc;
-use crate::testing;
+use deltamorph::internals::asset::Semantic;
+use deltamorph::internals::pack::PackDesc;
+use deltamorph::testing;
 
 fn written(mesh: &MorphMesh, floats: TextureFloats) -> Vec<u8> {
     let packed = PackedMesh::pack(mesh, &PackDesc::new(DeltaFormat::Float32)).expect("a mesh");

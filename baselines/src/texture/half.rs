@@ -1,7 +1,6 @@
 //! Half floats: binary16 of IEEE 754.
 
 /// The largest number that a half float holds.
-#[cfg(feature = "ktx2")]
 pub(super) const LARGEST: f32 = 65504.0;
 
 /// The nearest half float, ties to even; infinite from 65520 on. What is not a number stays so.

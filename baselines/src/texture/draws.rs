@@ -1,18 +1,19 @@
 //! The draws of `texture`, which fetch displacements.
 
+use super::images::write_image;
 use super::{Textures, words_of};
-use crate::abi::modules::{Kernel, TEXTURED, TEXTURED_FEEDBACK, TEXTURED_STORE};
-use crate::abi::push::TexturedPush;
-use crate::baselines::draws::{Capture, Draw};
-use crate::error::Result;
-use crate::gpu::descriptors::{BufferRange, Sets};
-use crate::gpu::mesh::MeshBuffers;
-use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines};
-use crate::pack::{DeltaFormat, PoseFormat};
-use crate::plan::UpdatePath;
-use crate::update::technique::Context;
-use ash::vk;
+use crate::draws::Capture;
 use bytemuck::bytes_of;
+use deltamorph::Result;
+use deltamorph::ash::vk;
+use deltamorph::internals::abi::modules::{Kernel, TEXTURED, TEXTURED_FEEDBACK, TEXTURED_STORE};
+use deltamorph::internals::abi::push::TexturedPush;
+use deltamorph::internals::gpu::descriptors::{BufferRange, Sets};
+use deltamorph::internals::gpu::mesh::MeshBuffers;
+use deltamorph::internals::gpu::pipelines::{Objects, PipelineKey, Pipelines};
+use deltamorph::internals::pack::{DeltaFormat, PoseFormat};
+use deltamorph::internals::plan::UpdatePath;
+use deltamorph::internals::update::technique::{Context, PoseDraws};
 use std::sync::Arc;
 
 /// Binding of the displacement textures.
@@ -36,7 +37,7 @@ impl PipelineKey for Textured {
         objects.add_empty_render_pass()?;
         let (bindings, attributes) = PoseFormat::Float32.vertex_input(false);
         // They read no deltas.
-        let module = |kernel: &'static Kernel| kernel.module(DeltaFormat::Float32, PoseFormat::Float32, 0);
+        let module = |kernel: &'static Kernel| kernel.module(DeltaFormat::Float32.row(), PoseFormat::Float32.row(), 0);
         kernels.iter().try_for_each(|kernel| objects.add_discarding_vertex(module(kernel)?, &bindings, &attributes))
     }
 }
@@ -61,19 +62,40 @@ impl TextureDraws {
         if capture == Some(Capture::Store) {
             bound.push(BufferRange::new(pose.buffer, 0, pose.bytes));
         }
-        let mut sets = kernel.objects.sets(&vec![bound; displacements.len()])?;
-        displacements.iter().enumerate().for_each(|(set, view)| sets.write_image(set, DISPLACEMENTS, *view));
+        let sets = kernel.objects.sets(&vec![bound; displacements.len()])?;
+        for (set, view) in displacements.iter().enumerate() {
+            write_image(context.device, sets.get(set), DISPLACEMENTS, *view);
+        }
         Ok(Self { kernel, mesh: mesh.clone(), sets, pose: pose.buffer })
     }
 }
 
-impl Draw for TextureDraws {
+impl PoseDraws for TextureDraws {
+    unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>) {
+        // SAFETY: the caller's obligations.
+        unsafe { self.record(cmd, instances, false) };
+    }
+
+    unsafe fn capture(&self, cmd: vk::CommandBuffer, instance: u32) -> Result<()> {
+        let device = &self.kernel.objects.device;
+        let capture = Capture::of(device, UpdatePath::Texture)?;
+        // SAFETY: the caller's obligations.
+        unsafe { capture.record(device, cmd, || self.record(cmd, &mut [instance].into_iter(), true)) };
+        Ok(())
+    }
+}
+
+impl TextureDraws {
+    /// Record the draws of these instances, captured in the way that the device has, if requested.
+    ///
+    /// # Safety
+    /// As [`PoseDraws::record`]; captures have barriers around them.
     unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>, captured: bool) {
         let (objects, capture) = (&self.kernel.objects, self.kernel.key.capture.filter(|_| captured));
         let (device, textures) = (&objects.device.raw, Textures::of(&self.mesh));
         let (point, layout) = (vk::PipelineBindPoint::GRAPHICS, objects.layout);
         let pipeline = usize::from(capture.is_some());
-        let push = TexturedPush { texels_at: textures.texels_at(), row: textures.size()[0] };
+        let push = TexturedPush { texels_at: textures.texels_at(), row: textures.size[0] };
         // SAFETY: the caller's obligations; pipeline, render pass and base pose are ours; the push constants fill the
         // layout's range.
         unsafe {

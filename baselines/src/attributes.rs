@@ -1,19 +1,20 @@
 //! The `direct-attributes` path (Gerdelan): the draw itself has the active targets as vertex attributes, next to the
 //! base pose, and their weights as push constants. As many targets can be active as the device has attributes for.
 
-use super::draws::{Capture, Draw, Draws};
-use super::vertex_store::store_sets;
-use crate::abi::modules::{DIRECT_ATTRIBUTES, FEEDBACK, VERTEX_STORE};
-use crate::error::{Error, Result};
-use crate::gpu::mesh::MeshBuffers;
-use crate::gpu::pipelines::Pipelines;
-use crate::plan::UpdatePath;
-use crate::update::dense::DensePlanner;
-use crate::update::dense::feedback::VertexPasses;
-use crate::update::dense::technique::{ChunkSets, DensePass};
-use crate::update::technique::Context;
-use crate::weights::delta::{Coefficient, active_targets};
-use ash::vk;
+use crate::draws::{Capture, Draws};
+use crate::invalid;
+use crate::vertex_store::store_sets;
+use deltamorph::Result;
+use deltamorph::ash::vk;
+use deltamorph::internals::abi::modules::{DIRECT_ATTRIBUTES, FEEDBACK, VERTEX_STORE};
+use deltamorph::internals::gpu::mesh::MeshBuffers;
+use deltamorph::internals::gpu::pipelines::Pipelines;
+use deltamorph::internals::plan::UpdatePath;
+use deltamorph::internals::update::dense::DensePlanner;
+use deltamorph::internals::update::dense::feedback::VertexPasses;
+use deltamorph::internals::update::dense::technique::{ChunkSets, DensePass};
+use deltamorph::internals::update::technique::Context;
+use deltamorph::internals::weights::delta::{Coefficient, active_targets};
 use std::sync::Arc;
 
 /// Instances of a crowd that keeps no poses: each takes memory of the host and draws of its own.
@@ -48,7 +49,7 @@ impl Draws for AttributeDraws {
     fn new(context: Context<'_>) -> Result<Self> {
         let (layout, pose, instances) = (context.layout(), context.poses.buffer, context.desc.instances);
         if instances > INSTANCES_MAX {
-            return Err(Error::invalid(
+            return Err(invalid(
                 format!("{instances} instances through 'direct-attributes'"),
                 format!("make several crowds of at most {INSTANCES_MAX}"),
             ));
@@ -81,14 +82,12 @@ impl Draws for AttributeDraws {
         if active <= most as usize {
             return Ok(());
         }
-        Err(Error::invalid(
+        Err(invalid(
             format!("{active} active targets through 'direct-attributes', whose draw has vertex attributes for {most}"),
             "set other weights to zero, use a larger batch size where the device has one, or the path 'direct'",
         ))
     }
-}
 
-impl Draw for AttributeDraws {
     unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>, captured: bool) {
         let passes = instances.map(|instance| self.pass(instance));
         let (pipelines, stores) = match &self.capturer {

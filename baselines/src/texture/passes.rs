@@ -1,20 +1,20 @@
 //! The passes of `texture`: rectangles drawn into displacement textures.
 
+use super::blending::add_blending;
+use super::images::{Image, write_image};
 use super::{Textures, words_of};
-use crate::abi::modules::{Kernel, RECTANGLES, TEXELS};
-use crate::abi::push::RectanglesPush;
-use crate::error::Result;
-use crate::gpu::descriptors::Sets;
-use crate::gpu::device::Device;
-use crate::gpu::failed;
-use crate::gpu::images::Image;
-use crate::gpu::mesh::MeshBuffers;
-use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines};
-use crate::pack::{DeltaFormat, PoseFormat};
-use crate::update::technique::Context;
-use crate::weights::delta::Coefficient;
-use ash::vk;
 use bytemuck::bytes_of;
+use deltamorph::ash::vk;
+use deltamorph::internals::abi::modules::{Kernel, RECTANGLES, TEXELS};
+use deltamorph::internals::abi::push::RectanglesPush;
+use deltamorph::internals::gpu::descriptors::Sets;
+use deltamorph::internals::gpu::device::Device;
+use deltamorph::internals::gpu::mesh::MeshBuffers;
+use deltamorph::internals::gpu::pipelines::{Objects, PipelineKey, Pipelines};
+use deltamorph::internals::pack::{DeltaFormat, PoseFormat};
+use deltamorph::internals::update::technique::Context;
+use deltamorph::internals::weights::delta::Coefficient;
+use deltamorph::{Error, Result};
 use std::sync::Arc;
 
 const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
@@ -29,8 +29,8 @@ impl PipelineKey for Blend {
     fn make(self, objects: &mut Objects) -> Result<()> {
         objects.add_layout(&[RECTANGLES.row, TEXELS.row], 0)?;
         objects.render_pass = render_pass(&objects.device, true)?;
-        let module = |kernel: &'static Kernel| kernel.module(self.0, PoseFormat::Float32, 0);
-        objects.add_blending([module(&RECTANGLES)?, module(&TEXELS)?])
+        let module = |kernel: &'static Kernel| kernel.module(self.0.row(), PoseFormat::Float32.row(), 0);
+        add_blending(objects, [module(&RECTANGLES)?, module(&TEXELS)?])
     }
 }
 
@@ -76,7 +76,7 @@ fn render_pass(device: &Device, clears: bool) -> Result<vk::RenderPass> {
     let info =
         vk::RenderPassCreateInfo::default().attachments(&attachments).subpasses(&subpasses).dependencies(&dependencies);
     // SAFETY: the device is alive; what is referred to is in `info`.
-    unsafe { device.raw.create_render_pass(&info, None) }.map_err(failed("vkCreateRenderPass"))
+    unsafe { device.raw.create_render_pass(&info, None) }.map_err(Error::vulkan("vkCreateRenderPass"))
 }
 
 /// The displacement textures of an instance: layer 0 is positions, layer 1 normals.
@@ -101,13 +101,14 @@ impl BlendPasses {
     pub(super) fn new(context: Context<'_>) -> Result<Self> {
         let (device, mesh) = (context.device, context.mesh);
         let kernel = context.kernels.get(Blend(mesh.layout.format))?;
-        let mut sets = kernel.objects.sets(&[[words_of(mesh)]])?;
-        (1..).zip(&mesh.images).for_each(|(binding, image)| sets.write_image(0, binding, image.views[0]));
+        let sets = kernel.objects.sets(&[[words_of(mesh)]])?;
+        let images = &Textures::of(mesh).images;
+        (1..).zip(images).for_each(|(binding, image)| write_image(device, sets.get(0), binding, image.views[0]));
         // From here on dropping `passes` destroys what there is of it.
         let mut passes =
             Self { loading: render_pass(device, false)?, kernel, mesh: mesh.clone(), displacements: vec![], sets };
         let (name, size) =
-            (format!("deltamorph displacements of mesh '{}'", mesh.layout.name), Textures::of(mesh).size());
+            (format!("deltamorph displacements of mesh '{}'", mesh.layout.name), Textures::of(mesh).size);
         let usage = vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::SAMPLED;
         for _ in 0..context.desc.instances {
             let mut image = Image::new(device, &name, FORMAT, (size, 2), usage)?;
@@ -120,7 +121,7 @@ impl BlendPasses {
                 .layers(1);
             // SAFETY: the render pass and the views are ours and alive, of the same format and size.
             let framebuffer =
-                unsafe { device.raw.create_framebuffer(&info, None) }.map_err(failed("vkCreateFramebuffer"))?;
+                unsafe { device.raw.create_framebuffer(&info, None) }.map_err(Error::vulkan("vkCreateFramebuffer"))?;
             passes.displacements.push(Displacements { _image: image, view, framebuffer });
         }
         Ok(passes)
@@ -146,10 +147,10 @@ impl BlendPasses {
     ) {
         let (objects, textures) = (&self.kernel.objects, Textures::of(&self.mesh));
         let (device, point) = (&objects.device.raw, vk::PipelineBindPoint::GRAPHICS);
-        let [width, height] = textures.size();
+        let [width, height] = textures.size;
         let extent = vk::Extent2D { width, height };
         let area = vk::Rect2D { offset: vk::Offset2D::default(), extent };
-        let (scale, row) = ([2.0 / width as f32, 2.0 / height as f32], self.mesh.images[0].size[0]);
+        let (scale, row) = ([2.0 / width as f32, 2.0 / height as f32], textures.images[0].size[0]);
         let viewport =
             vk::Viewport { width: width as f32, height: height as f32, max_depth: 1.0, ..vk::Viewport::default() };
         let clear = [vk::ClearValue::default(); 2];

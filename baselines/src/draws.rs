@@ -1,31 +1,22 @@
 //! What the direct paths have in common: draws that evaluate the pose, and the capture of what they evaluate.
 
-use crate::error::{Error, Result};
-use crate::gpu::device::Device;
-use crate::gpu::mesh::MeshBuffers;
-use crate::pack::BASE_STRIDE;
-use crate::plan::instances::Instances;
-use crate::plan::schedule::Schedule;
-use crate::plan::steps::{Access, Resource, Stage, Steps, Use, Work};
-use crate::plan::{BatchSize, Consumers, UpdateDesc, UpdatePath, UpdateStats};
-use crate::update::crowd::CrowdDesc;
-use crate::update::dense::DensePlanner;
-use crate::update::technique::{Context, Technique, UpdateId};
-use ash::vk;
+use deltamorph::ash::vk;
+use deltamorph::internals::gpu::barriers;
+use deltamorph::internals::gpu::device::Device;
+use deltamorph::internals::gpu::mesh::MeshBuffers;
+use deltamorph::internals::pack::BASE_STRIDE;
+use deltamorph::internals::plan::instances::Instances;
+use deltamorph::internals::plan::schedule::{Entry, Schedule};
+use deltamorph::internals::plan::steps::{Access, Resource, Stage, Steps, Use, Work};
+use deltamorph::internals::plan::{BatchSize, Consumers, UpdatePath, UpdateStats};
+use deltamorph::internals::update::crowd::CrowdDesc;
+use deltamorph::internals::update::dense::DensePlanner;
+use deltamorph::internals::update::technique::{Context, PoseDraws, Technique, UpdateId};
+use deltamorph::{Error, Result};
 use std::sync::Arc;
 
-/// What records draws that evaluate the pose.
-pub(crate) trait Draw {
-    /// Record the draws of these instances, captured in the way that the device has, if requested.
-    ///
-    /// # Safety
-    /// As [`record_draws`](crate::engine::MorphEngine::record_draws); an update has written what they read; captures have
-    /// barriers around them.
-    unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>, captured: bool);
-}
-
 /// Draws that evaluate the pose from weights.
-pub(crate) trait Draws: Draw + Send + Sync + 'static {
+pub(crate) trait Draws: Send + Sync + 'static {
     /// What a crowd's draws take.
     fn new(context: Context<'_>) -> Result<Self>
     where
@@ -44,11 +35,19 @@ pub(crate) trait Draws: Draw + Send + Sync + 'static {
     fn weight_bytes(&self, _weights: &[f32]) -> u64 {
         0
     }
+
+    /// Record the draws of these instances, captured in the way that the device has, if requested.
+    ///
+    /// # Safety
+    /// As [`PoseDraws::record`]; captures have barriers around them.
+    unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>, captured: bool);
 }
 
 /// A crowd on a direct path: an update writes weights, and there are no works.
 pub(crate) struct DrawTechnique<D> {
-    pub(super) draws: D,
+    draws: D,
+    device: Arc<Device>,
+    path: UpdatePath,
     mesh: Arc<MeshBuffers>,
     planner: DensePlanner,
     /// The last update that wrote weights.
@@ -59,8 +58,9 @@ pub(crate) struct DrawTechnique<D> {
 
 impl<D: Draws> DrawTechnique<D> {
     pub(crate) fn new(context: Context<'_>) -> Result<Self> {
+        let (device, path) = (context.device.clone(), context.desc.update.path);
         let (mesh, planner) = (context.mesh.clone(), one_pass(context.desc)?);
-        Ok(Self { draws: D::new(context)?, mesh, planner, written: 0, stale: false })
+        Ok(Self { draws: D::new(context)?, device, path, mesh, planner, written: 0, stale: false })
     }
 }
 
@@ -69,7 +69,7 @@ impl<D: Draws> Technique for DrawTechnique<D> {
     /// instance that is shown loads: draws evaluate whether weights have changed or not.
     fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         self.planner.plan(instances, id.update);
-        if self.planner.has_changed() || self.stale {
+        if has_changed(&self.planner) || self.stale {
             (self.written, self.stale) = (id.update, false);
             self.draws.write(&self.planner, id.frame)?;
             steps.step(&[]);
@@ -78,13 +78,12 @@ impl<D: Draws> Technique for DrawTechnique<D> {
         let active = shown().flatten().filter(|w| **w != 0.0).count();
         let loaded = BASE_STRIDE * shown().count() + active * layout.format.stride();
         let floor = (layout.padded_vertices() * loaded) as u64;
-        Ok(UpdateStats {
-            coefficients: active,
-            rebuilt: self.planner.plans().iter().filter(|plan| !plan.passes.is_empty()).count(),
-            bytes_moved: floor + shown().map(|weights| self.draws.weight_bytes(weights)).sum::<u64>(),
-            bytes_floor: floor,
-            ..UpdateStats::default()
-        })
+        let mut stats = UpdateStats::default();
+        stats.coefficients = active;
+        stats.rebuilt = self.planner.plans().iter().filter(|plan| !plan.passes.is_empty()).count();
+        stats.bytes_moved = floor + shown().map(|weights| self.draws.weight_bytes(weights)).sum::<u64>();
+        stats.bytes_floor = floor;
+        Ok(stats)
     }
 
     unsafe fn record(&self, _cmd: vk::CommandBuffer, _frame: u64, _work: &Work) {}
@@ -97,26 +96,39 @@ impl<D: Draws> Technique for DrawTechnique<D> {
         self.draws.check_weights(weights)
     }
 
-    fn has_poses(&self) -> bool {
-        false
+    fn draws(&self, group: usize) -> Option<&dyn PoseDraws> {
+        (group == 0).then_some(self as &dyn PoseDraws)
     }
 
-    #[cfg(any(test, feature = "internals"))]
-    fn accesses(&self, _works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
+    fn accesses(&self, _works: &[Work]) -> Vec<deltamorph::internals::plan::hazards::Accesses> {
         vec![]
+    }
+}
+
+impl<D: Draws> PoseDraws for DrawTechnique<D> {
+    unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>) {
+        // SAFETY: the caller's obligations.
+        unsafe { self.draws.record(cmd, instances, false) };
+    }
+
+    unsafe fn capture(&self, cmd: vk::CommandBuffer, instance: u32) -> Result<()> {
+        let capture = Capture::of(&self.device, self.path)?;
+        // SAFETY: the caller's obligations.
+        unsafe { capture.record(&self.device, cmd, || self.draws.record(cmd, &mut [instance].into_iter(), true)) };
+        Ok(())
     }
 }
 
 /// How a device captures what a draw evaluates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Capture {
+pub(crate) enum Capture {
     Feedback,
     Store,
 }
 
 impl Capture {
     /// The way that a device has, if any, to capture a pose that only the draws of `path` evaluate.
-    pub(super) fn of(device: &Device, path: UpdatePath) -> Result<Self> {
+    pub(crate) fn of(device: &Device, path: UpdatePath) -> Result<Self> {
         match device.caps.check_path(UpdatePath::Feedback) {
             Ok(()) => Ok(Self::Feedback),
             Err(_) if device.caps.vertex_stores => Ok(Self::Store),
@@ -131,8 +143,22 @@ impl Capture {
         }
     }
 
+    /// Record a capture by `draw`, with the barriers around it.
+    ///
+    /// # Safety
+    /// `cmd` is in the recording state on the device, outside a render pass; the device has what it captures with.
+    pub(crate) unsafe fn record(self, device: &Device, cmd: vk::CommandBuffer, draw: impl Fn()) {
+        for entry in self.schedule().entries {
+            match entry {
+                // SAFETY: the caller's obligations.
+                Entry::Barrier(barrier) => unsafe { barriers::record(&device.raw, cmd, &barrier) },
+                Entry::Work { .. } => draw(),
+            }
+        }
+    }
+
     /// What a capture records: a work, with the barriers around it.
-    pub(super) fn schedule(self) -> Schedule {
+    fn schedule(self) -> Schedule {
         const FEEDBACK: &[Use] = &[Use::new(Resource::Poses, Stage::TransformFeedback, Access::FeedbackWrite)];
         const STORE: &[Use] = &[Use::new(Resource::Poses, Stage::VertexShader, Access::ShaderWrite)];
         let (mut steps, mut schedule) = (Steps::new(Consumers::default()), Schedule::default());
@@ -146,21 +172,26 @@ impl Capture {
     }
 }
 
+/// Whether the last update changes some pose.
+pub(crate) fn has_changed(planner: &DensePlanner) -> bool {
+    planner.plans().iter().any(|plan| !plan.passes.is_empty())
+}
+
 /// A planner of which each plan is one pass from base, or none, whatever number of targets a draw takes.
-pub(super) fn one_pass(desc: &CrowdDesc) -> Result<DensePlanner> {
+pub(crate) fn one_pass(desc: &CrowdDesc) -> Result<DensePlanner> {
     let batch = match desc.update.path.takes_all_targets() {
         true => BatchSize::All,
         false => BatchSize::Targets(u32::MAX),
     };
-    DensePlanner::new(UpdateDesc { batch, ..desc.update }, None, desc.instances as usize)
+    DensePlanner::new(desc.update.batch(batch), None, desc.instances as usize)
 }
 
 #[cfg(test)]
 mod tests {
     use super::Capture;
-    use crate::plan::hazards::{Accesses, Memory, trace};
-    use crate::plan::steps::{Access, Stage, Use};
-    use crate::plan::tests::assert_barriers_needed;
+    use deltamorph::internals::plan::hazards::{Accesses, Event, HazardChecker, Memory, trace};
+    use deltamorph::internals::plan::schedule::asset_uploaded;
+    use deltamorph::internals::plan::steps::{Access, Stage, Use};
 
     /// Captures with draws between them: each barrier is needed.
     #[test]
@@ -172,7 +203,22 @@ mod tests {
             let write = Use::new(Memory::Pose { instance: 0, slot: 0 }, stage, access);
             let accesses = Accesses { uses: vec![write], ..Accesses::default() };
             let events = trace(&capture.schedule().entries, |_, _| vec![accesses.clone()]);
-            assert_barriers_needed(&vec![(events, [Some(0), None]); 5], 2, &format!("{capture:?}"));
+            let barriers: Vec<_> = (0..events.len()).filter(|i| matches!(events[*i], Event::Barrier(_))).collect();
+            assert_eq!(barriers.len(), 2, "{capture:?}");
+            for dropped in barriers.into_iter().map(Some).chain([None]) {
+                let mut checker = HazardChecker::default();
+                checker.upload(asset_uploaded());
+                for number in 0..5 {
+                    let mut events = events.clone();
+                    if let (3, Some(at)) = (number, dropped) {
+                        events.remove(at);
+                    }
+                    checker.update(&events);
+                    checker.draw(0, 0, 0);
+                }
+                let found = checker.finish();
+                assert_eq!(found.is_err(), dropped.is_some(), "{capture:?}, dropped {dropped:?}: {found:?}");
+            }
         }
     }
 }

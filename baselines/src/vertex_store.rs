@@ -2,16 +2,16 @@
 //! write storage buffers. Binds targets as vertex attributes, discards all primitives, alternates between slots as
 //! `feedback` does: a pass must not store where other vertices are still fetched from.
 
-use crate::abi::modules::VERTEX_STORE;
-use crate::error::Result;
-use crate::gpu::descriptors::BufferRange;
-use crate::gpu::pipelines::{Objects, Pipelines};
-use crate::pack::{PackedLayout, PoseFormat};
-use crate::plan::steps::{Access, Resource, Stage, Use, Work};
-use crate::update::dense::feedback::VertexPasses;
-use crate::update::dense::technique::{ChunkSets, DensePass, Passes};
-use crate::update::technique::Context;
-use ash::vk;
+use deltamorph::Result;
+use deltamorph::ash::vk;
+use deltamorph::internals::abi::modules::VERTEX_STORE;
+use deltamorph::internals::gpu::descriptors::BufferRange;
+use deltamorph::internals::gpu::pipelines::{Objects, Pipelines};
+use deltamorph::internals::pack::{PackedLayout, PoseFormat};
+use deltamorph::internals::plan::steps::{Access, Resource, Stage, Use, Work};
+use deltamorph::internals::update::dense::feedback::VertexPasses;
+use deltamorph::internals::update::dense::technique::{ChunkSets, DensePass, Passes};
+use deltamorph::internals::update::technique::Context;
 use std::sync::Arc;
 
 /// What a crowd's storing vertex passes take.
@@ -44,7 +44,7 @@ impl Passes for StorePasses {
 }
 
 /// Where passes store: the sets of `count` poses in `poses`.
-pub(super) fn store_sets(objects: &Objects, layout: &PackedLayout, poses: vk::Buffer, count: u32) -> Result<ChunkSets> {
+pub(crate) fn store_sets(objects: &Objects, layout: &PackedLayout, poses: vk::Buffer, count: u32) -> Result<ChunkSets> {
     let (stride, bytes) = (PoseFormat::Float32.stride(), layout.pose_bytes(PoseFormat::Float32));
     let bound = (0..u64::from(count)).map(|pose| {
         move |first: usize, vertices: usize| {

@@ -1,0 +1,77 @@
+//! The techniques that others published, to be compared with those of [`deltamorph`]: a file per technique, each of which
+//! implements `Technique` as the library's own do.
+//!
+//! `vertex-store` is a dense path with another kernel, `scatter` adds into integer sums, the direct paths evaluate the
+//! pose in every draw (`draws`), and `texture` blends displacements into textures that draws fetch. An engine takes them
+//! from [`TECHNIQUES`]; [`textures`] writes and reads delta textures as KTX2 files.
+//!
+//! They use what the library marks as unstable (its feature `internals`): a technique has to touch everything that ours do.
+//! Their kernels are rows of the library's table, linked by its feature `baselines`: they share headers, formats and build
+//! script with the library's.
+
+mod attributes;
+mod direct;
+mod draws;
+mod scatter;
+mod texture;
+mod vertex_store;
+
+pub use texture::file as textures;
+
+use deltamorph::ash::vk;
+use deltamorph::internals::gpu::device::Device;
+use deltamorph::internals::gpu::mesh::{MeshBuffers, Upload};
+use deltamorph::internals::update::dense::technique::DenseTechnique;
+use deltamorph::internals::update::technique::{Context, Technique, Techniques};
+use deltamorph::{Error, PackedMesh, Result, UpdatePath};
+use std::any::Any;
+use std::sync::Arc;
+
+/// What [`MorphEngine::set_techniques`](deltamorph::MorphEngine::set_techniques) takes.
+pub static TECHNIQUES: Techniques = Techniques { make, upload };
+
+fn make(context: Context<'_>) -> Result<Box<dyn Technique>> {
+    Ok(match context.desc.update.path {
+        UpdatePath::VertexStore => Box::new(DenseTechnique::<vertex_store::StorePasses>::new(context)?),
+        UpdatePath::Scatter => Box::new(scatter::ScatterTechnique::new(context)?),
+        UpdatePath::Direct => Box::new(draws::DrawTechnique::<direct::DirectDraws>::new(context)?),
+        UpdatePath::DirectAttributes => Box::new(draws::DrawTechnique::<attributes::AttributeDraws>::new(context)?),
+        UpdatePath::Texture => Box::new(texture::TextureTechnique::new(context)?),
+        path => return Err(invalid(format!("update path '{}'", path.name()), "it is one of the library's own")),
+    })
+}
+
+/// # Safety
+/// As [`UploadFor`](deltamorph::internals::update::technique::UploadFor).
+unsafe fn upload(
+    device: &Arc<Device>,
+    cmd: vk::CommandBuffer,
+    mesh: &PackedMesh,
+    path: UpdatePath,
+) -> Result<(Vec<MeshBuffers>, Vec<Upload>)> {
+    match path {
+        UpdatePath::Scatter => scatter::upload(device, mesh),
+        // SAFETY: the caller's obligations.
+        _ => unsafe { texture::upload(device, cmd, mesh) },
+    }
+}
+
+/// Refuse a mesh of which a pose, or `words` of a technique's own, is more than a descriptor covers.
+fn check_storage(device: &Device, mesh: &deltamorph::PackedLayout, what: &str, words: &[u32]) -> Result<()> {
+    let bytes = size_of_val(words) as u64;
+    [("a pose takes", mesh.base_bytes()), (what, bytes)].into_iter().try_for_each(|(what, bytes)| {
+        let (what, range) = (format!("mesh '{}': {what}", mesh.name), device.caps.max_storage_range);
+        device.caps.check_limit(&what, (bytes, "bytes", range), "use fewer targets, or split the mesh")
+    })
+}
+
+/// What a technique keeps with a mesh that was uploaded for it.
+fn private<T: Any>(mesh: &MeshBuffers) -> &T {
+    let kept = mesh.private.as_ref().and_then(|kept| kept.downcast_ref());
+    let Some(kept) = kept else { unreachable!("a mesh that was uploaded for another path is refused") };
+    kept
+}
+
+fn invalid(what: impl Into<String>, remedy: impl Into<String>) -> Error {
+    Error::Invalid { what: what.into(), remedy: remedy.into() }
+}
