@@ -77,6 +77,7 @@ mod asset;
 #[allow(unsafe_code)]
 mod baselines;
 mod cpu;
+mod crowd;
 #[allow(unsafe_code)]
 mod engine;
 mod error;
@@ -109,9 +110,10 @@ pub use asset::{
 #[cfg(feature = "ktx2")]
 pub use baselines::textures;
 pub use cpu::CpuCrowd;
+pub use crowd::CrowdBase;
 pub use engine::{
-    AnimatedCrowd, AnyCrowd, Crowd, CrowdSet, GpuMesh, MorphEngine, Outgrown, PoseBuffer, PoseReadback, PoseView,
-    ReadPose, StreamView, SwapCopies, Ticket, Update,
+    AnimatedCrowd, AnyCrowd, Crowd, CrowdSet, DeviceCrowd, GpuMesh, MorphEngine, Outgrown, PoseBuffer, PoseReadback,
+    PoseView, ReadPose, StreamView, SwapCopies, Ticket, Update,
 };
 pub use error::{Error, ErrorKind, Result};
 pub use gpu::caps::{DeviceCaps, DeviceKind, Requirement, TransformFeedbackCaps, requirements};

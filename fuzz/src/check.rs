@@ -56,14 +56,7 @@ pub fn update(mesh: &Arc<PackedMesh>, choice: u32) {
 }
 
 /// Hold the pose of an instance against the reference: within `bound`, which its update states, and the rounding of sums.
-pub fn check_pose(
-    mesh: &PackedMesh,
-    crowd: &CpuCrowd,
-    instance: usize,
-    desc: &UpdateDesc,
-    weights: &[f32],
-    bound: f64,
-) {
+pub fn check_pose(mesh: &PackedMesh, crowd: &CpuCrowd, instance: u32, desc: &UpdateDesc, weights: &[f32], bound: f64) {
     let layout = mesh.layout();
     let grid = desc.grid(layout).expect("there is a crowd");
     let weights: Vec<f32> = weights.iter().map(|w| grid.map_or(*w, |grid| grid.round(*w))).collect();

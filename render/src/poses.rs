@@ -33,7 +33,7 @@ impl<'a> StoredPose<'a> {
     /// A head that the crowd does not have; poses that cannot hold the mesh.
     pub fn new(
         crowd: &'a CpuCrowd,
-        head: usize,
+        head: u32,
         (mesh, desc): (&PackedMesh, &UpdateDesc),
         changed: &'a [Range<u32>],
     ) -> Result<Self> {

@@ -50,7 +50,7 @@ impl MorphEngine {
     /// As [`record_update`](Self::record_update).
     pub unsafe fn record_draws(&self, cmd: vk::CommandBuffer, crowd: &Crowd) -> Result<()> {
         let draws = self.draws(crowd, 0)?;
-        crowd.shown().try_for_each(|instance| crowd.base.slots_of(instance).map(|_| ()))?;
+        crowd.shown().try_for_each(|instance| crowd.slots_of(instance).map(|_| ()))?;
         // SAFETY: the caller's obligations.
         unsafe { draws.record(cmd, &mut crowd.shown(), false) };
         Ok(())
@@ -82,7 +82,7 @@ impl MorphEngine {
         group: usize,
     ) -> Result<PoseView> {
         let draws = self.draws(crowd, group)?;
-        crowd.base.slots_of(instance)?;
+        crowd.slots_of(instance)?;
         for entry in Capture::of(&self.device, crowd.desc().update.path)?.schedule().entries {
             // SAFETY: the caller's obligations; the device has what it captures with.
             unsafe {
@@ -92,7 +92,7 @@ impl MorphEngine {
                 }
             }
         }
-        Ok(crowd.base.view(0, 0, group))
+        Ok(crowd.view(0, 0, group))
     }
 
     /// Refuse a pose, or `words` of a technique's own, that a descriptor does not cover.
@@ -105,11 +105,11 @@ impl MorphEngine {
     }
 
     fn draws<'a>(&self, crowd: &'a Crowd, group: usize) -> Result<&'a dyn Draw> {
-        crowd.base.check_device(&self.device)?;
-        let direct = crowd.base.technique::<DirectTechnique>().map(|direct| &direct.draws as &dyn Draw);
-        let attributes = || crowd.base.technique::<AttributesTechnique>().map(|attributes| &attributes.draws as _);
+        crowd.check_device(&self.device)?;
+        let direct = crowd.technique_as::<DirectTechnique>().map(|direct| &direct.draws as &dyn Draw);
+        let attributes = || crowd.technique_as::<AttributesTechnique>().map(|attributes| &attributes.draws as _);
         let texture = || {
-            let texture = crowd.base.technique::<TextureTechnique>();
+            let texture = crowd.technique_as::<TextureTechnique>();
             texture.and_then(|texture| texture.draws(group)).map(|draws| draws as _)
         };
         direct.or_else(attributes).or_else(texture).ok_or_else(|| {

@@ -12,7 +12,7 @@ mod set;
 mod upload;
 mod views;
 
-pub use base::{AnyCrowd, Ticket, Update};
+pub use base::{AnyCrowd, DeviceCrowd, Ticket, Update};
 pub use crowd::{AnimatedCrowd, Crowd};
 pub use grow::Outgrown;
 pub use readback::{PoseReadback, ReadPose};
@@ -28,11 +28,11 @@ use crate::gpu::device::{Device, DeviceDesc};
 use crate::gpu::pipelines::Kernels;
 use crate::pack::blocks::BlockDesc;
 use crate::pack::{DeltaFormat, PackDesc};
+use crate::update::Runner;
 use crate::update::animated::{Animated, AnimationDesc, Clips};
 use crate::update::crowd::CrowdDesc;
-use crate::update::{Runner, technique};
 use ash::vk;
-use base::CrowdBase;
+use crowd::{Playing, Weighted};
 use std::sync::Arc;
 
 /// The engine: the host's device and the pipelines made so far.
@@ -143,8 +143,7 @@ impl MorphEngine {
     pub fn create_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc) -> Result<Crowd> {
         self.check_crowd(mesh, desc, Runner::Device(&self.device.caps))?;
         let targets = mesh.layout().targets.len();
-        let base = CrowdBase::new(&self.device, &self.kernels, mesh, desc, targets, technique)?;
-        Ok(Crowd { base })
+        Crowd::on_device(&self.device, &self.kernels, mesh, desc, targets, Weighted::new)
     }
 
     /// Refuse a mesh that was uploaded elsewhere.
@@ -215,10 +214,10 @@ impl MorphEngine {
             return Err(Error::invalid(what, "upload it as a whole, with MorphEngine::upload"));
         }
         // Weights are the GPU's: none are set.
-        let base = CrowdBase::new(&self.device, &self.kernels, mesh, desc, 0, |context| {
-            Ok(Box::new(Animated::new(context, Clips::new(animation, context.layout(), context.grid())?)?))
+        let crowd = AnimatedCrowd::on_device(&self.device, &self.kernels, mesh, desc, 0, |context, poses| {
+            let clips = Clips::new(animation, context.layout(), context.grid())?;
+            Ok(Playing::new(Animated::new(context, clips)?, poses))
         })?;
-        let crowd = AnimatedCrowd { base };
         // SAFETY: the caller's obligations.
         unsafe { crowd.animated().upload(cmd) };
         Ok(crowd)

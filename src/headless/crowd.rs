@@ -279,7 +279,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         let start = Instant::now();
         let mut rest = weights.iter();
         for this in &mut *crowds {
-            for (instance, weights) in (0..this.crowd.base().desc.instances).zip(&mut rest) {
+            for (instance, weights) in (0..this.crowd.base().desc().instances).zip(&mut rest) {
                 this.set_weights(instance, weights)?;
             }
         }
@@ -317,7 +317,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
     /// As [`step`](Self::step); more updates that wait than [`CrowdDesc::frames_in_flight`].
     pub fn record(&mut self, weights: &[&[f32]]) -> Result<(Recorded, Update)> {
         let base = self.crowd.base();
-        let most = u64::from(base.desc.frames_in_flight);
+        let most = u64::from(base.desc().frames_in_flight);
         // Crowds that are animated on the GPU have no lists to overwrite.
         let has_lists = self.weighted().is_some();
         if has_lists && self.waiting.front().is_some_and(|first| base.recorded_since(*first) >= most) {
@@ -392,7 +392,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
             return (0..copies).try_for_each(|_| unsafe { engine.record_draws(cmd, crowd) });
         }
         let (base, mut poses) = (self.crowd.base(), vec![]);
-        if base.desc.poses.is_some() {
+        if base.desc().poses.is_some() {
             let text = "draws of poses in vertices of the host's own, of a layout that is the host's";
             return Err(Error::invalid(text, "draw them as the host does"));
         }

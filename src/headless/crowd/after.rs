@@ -1,7 +1,6 @@
 //! What comes after the pose.
 
 use super::HeadlessCrowd;
-use crate::after::skin::Skin;
 use crate::after::{BoundsTarget, DecodeTarget, GpuNormals, GpuSkin, NormalsTarget, SkinTarget};
 use crate::engine::AnyCrowd;
 use crate::error::Result;
@@ -49,6 +48,6 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
 
     /// See [`Crowd::set_joints`](crate::Crowd::set_joints).
     pub fn set_joints(&mut self, instance: u32, offset: u64) -> Result<()> {
-        Skin::set_joints(&mut self.crowd.base_mut().after, instance, offset)
+        self.crowd.base_mut().set_joints(instance, offset)
     }
 }

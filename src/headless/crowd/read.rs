@@ -70,7 +70,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     /// # Errors
     /// A device that fails.
     pub fn read_sums(&mut self, instance: u32) -> Result<Option<Vec<i32>>> {
-        let Some((buffer, offset)) = self.crowd.base().technique.sums(instance) else { return Ok(None) };
+        let Some((buffer, offset)) = self.crowd.base().technique().sums(instance) else { return Ok(None) };
         self.read((buffer, offset, self.mesh.layout().base_bytes())).map(Some)
     }
 
