@@ -70,6 +70,7 @@ mod abi;
 pub mod after;
 mod asset;
 mod cpu;
+mod crowd;
 #[allow(unsafe_code)]
 mod engine;
 mod error;
@@ -96,9 +97,10 @@ pub use asset::{
     StreamData, StreamDeltas, StreamPlace, TargetArrays, Tolerance,
 };
 pub use cpu::CpuCrowd;
+pub use crowd::CrowdBase;
 pub use engine::{
-    AnimatedCrowd, AnyCrowd, Crowd, CrowdSet, GpuMesh, MorphEngine, Outgrown, PoseBuffer, PoseReadback, PoseView,
-    ReadPose, StreamView, Ticket, Update,
+    AnimatedCrowd, AnyCrowd, Crowd, CrowdSet, DeviceCrowd, GpuMesh, MorphEngine, Outgrown, PoseBuffer, PoseReadback,
+    PoseView, ReadPose, StreamView, Ticket, Update,
 };
 pub use error::{Error, ErrorKind, Result};
 pub use gpu::caps::{DeviceCaps, DeviceKind, Requirement, TransformFeedbackCaps};

@@ -169,7 +169,7 @@ fn crowds_on_the_cpu_share_a_mesh_and_have_threads_of_their_own() {
         let mut crowd = CpuCrowd::new(mesh.clone(), update, 6, threads).expect("a crowd");
         let mut poses = vec![];
         for frame in 0..4 {
-            (0..6).for_each(|i| crowd.set_weights(i, &weights(&mesh, frame, i as u32)).expect("weights"));
+            (0..6).for_each(|i| crowd.set_weights(i, &weights(&mesh, frame, i)).expect("weights"));
             crowd.update();
             poses.extend((0..6).map(|i| crowd.stored_pose(i, 0).expect("an instance").to_vec()));
         }

@@ -3,7 +3,6 @@
 
 use crate::arguments::{built, check_reserved, or};
 use crate::attached::{self, check_buffer};
-use crate::crowd::either;
 use crate::handles::{DmCrowd, DmEngine, DmMesh, DmSurface, Handle};
 use crate::result::{DmResult, Result, enter};
 use crate::structs::{DmBoundsTarget, DmDecodeTarget, DmNormalsTarget};
@@ -32,7 +31,7 @@ pub unsafe extern "C" fn dm_crowd_set_decode_target(
         // SAFETY: the caller's obligations.
         unsafe {
             attached::set_target(crowd, target, decode_target, |state, engine, target| {
-                Ok(either!(state, crowd => engine.set_decode_target(crowd, instance, target))?)
+                Ok(engine.set_decode_target(state.any(), instance, target)?)
             })
         }
     })
@@ -71,7 +70,7 @@ pub unsafe extern "C" fn dm_crowd_set_bounds_target(
         // SAFETY: the caller's obligations.
         unsafe {
             attached::set_target(crowd, target, make, |state, engine, target| {
-                Ok(either!(state, crowd => engine.set_bounds_target(crowd, instance, target))?)
+                Ok(engine.set_bounds_target(state.any(), instance, target)?)
             })
         }
     })
@@ -161,7 +160,7 @@ pub unsafe extern "C" fn dm_crowd_set_normals_target(
         unsafe {
             attached::set_target(crowd, target, make, |state, engine, target| {
                 attached::with_target(surface, target, |target| {
-                    Ok(either!(state, crowd => engine.set_normals_target(crowd, instance, target))?)
+                    Ok(engine.set_normals_target(state.any(), instance, target)?)
                 })
             })
         }

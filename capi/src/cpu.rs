@@ -18,11 +18,11 @@ pub enum Inner {}
 
 #[cfg(not(feature = "cpu"))]
 impl Inner {
-    fn new(_: Arc<PackedMesh>, _: UpdateDesc, _: usize, _: usize) -> Result<Self> {
+    fn new(_: Arc<PackedMesh>, _: UpdateDesc, _: u32, _: usize) -> Result<Self> {
         Err(crate::arguments::not_built("cpu", "CPU crowds"))
     }
 
-    fn set_weights(&mut self, _: usize, _: &[f32]) -> deltamorph::Result<()> {
+    fn set_weights(&mut self, _: u32, _: &[f32]) -> deltamorph::Result<()> {
         match *self {}
     }
 
@@ -34,7 +34,7 @@ impl Inner {
         match *self {}
     }
 
-    fn pose(&self, _: usize) -> deltamorph::Result<&[f32]> {
+    fn pose(&self, _: u32) -> deltamorph::Result<&[f32]> {
         match *self {}
     }
 }
@@ -69,7 +69,7 @@ pub unsafe extern "C" fn dm_cpu_crowd_create(
         }
         let desc = desc.crowd(UpdatePath::Cpu, PoseFormat::Float32)?;
         let mesh = Arc::new(mesh.get()?.asset.mesh.clone());
-        let made = Inner::new(mesh, desc.update, desc.instances as usize, threads as usize)?;
+        let made = Inner::new(mesh, desc.update, desc.instances, threads as usize)?;
         // SAFETY: the caller's obligation; it was checked.
         unsafe { crowd.write(DmCpuCrowd::insert(CpuCrowd { crowd: Mutex::new(made) })?) };
         Ok(())
@@ -100,7 +100,7 @@ pub unsafe extern "C" fn dm_cpu_crowd_set_weights(
     enter("dm_cpu_crowd_set_weights", || {
         // SAFETY: the caller's obligation.
         let weights = unsafe { slice(weights, count as usize, "weights") }?;
-        with(crowd, |crowd| Ok(crowd.set_weights(instance as usize, weights)?))
+        with(crowd, |crowd| Ok(crowd.set_weights(instance, weights)?))
     })
 }
 
@@ -126,7 +126,7 @@ pub unsafe extern "C" fn dm_cpu_crowd_pose(crowd: DmCpuCrowd, instance: u32, pos
     enter("dm_cpu_crowd_pose", || {
         with(crowd, |crowd| {
             let numbers = crowd.layout().vertex_count * POSE_FLOATS;
-            let found = crowd.pose(instance as usize)?;
+            let found = crowd.pose(instance)?;
             // SAFETY: the caller's obligation.
             unsafe { fill(pose, count, &found[..numbers], "pose") }
         })

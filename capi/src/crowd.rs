@@ -11,8 +11,8 @@ use crate::structs::{DmAnimationDesc, DmCrowdDesc, DmPlayback};
 use crate::tickets::Tickets;
 use deltamorph::ash::vk::{self, Handle as _};
 use deltamorph::{
-    AnimatedCrowd, AnimationDesc, AnyCrowd, BatchSize, CrowdDesc, HostPoses, KeyFormat, MorphEngine, Playback,
-    PoseFormat, Repeat, Update, UpdateDesc, UpdatePath, VertexLayout, WeightClip,
+    AnimatedCrowd, AnimationDesc, AnyCrowd, BatchSize, CrowdDesc, DeviceCrowd, HostPoses, KeyFormat, Playback,
+    PoseFormat, Repeat, UpdateDesc, UpdatePath, VertexLayout, WeightClip,
 };
 use std::sync::{Arc, Mutex, MutexGuard};
 
@@ -34,32 +34,21 @@ pub(crate) enum Kind {
     Animated(AnimatedCrowd),
 }
 
-/// The same expression for a crowd of either kind.
-macro_rules! either {
-    ($state:expr, $crowd:ident => $body:expr) => {
-        match $state.kind {
-            crate::crowd::Kind::Weighted(ref mut $crowd) => $body,
-            crate::crowd::Kind::Animated(ref mut $crowd) => $body,
-        }
-    };
-}
-
-pub(crate) use either;
-
 impl State {
+    /// The crowd, for what crowds of both kinds do.
+    pub(crate) fn crowd(&mut self) -> &mut DeviceCrowd {
+        match &mut self.kind {
+            Kind::Weighted(crowd) => crowd,
+            Kind::Animated(crowd) => crowd,
+        }
+    }
+
+    /// The crowd, for what an engine does with it.
     pub(crate) fn any(&mut self) -> &mut dyn AnyCrowd {
-        either!(self, crowd => crowd)
-    }
-
-    /// # Safety
-    /// As [`MorphEngine::record_update`].
-    pub(crate) unsafe fn record(&mut self, engine: &MorphEngine, cmd: vk::CommandBuffer) -> Result<Update> {
-        // SAFETY: the caller's obligations.
-        Ok(either!(self, crowd => unsafe { engine.record_update(cmd, crowd) })?)
-    }
-
-    pub(crate) fn discard(&mut self, ticket: deltamorph::Ticket) -> Result<()> {
-        Ok(either!(self, crowd => crowd.discard(ticket))?)
+        match &mut self.kind {
+            Kind::Weighted(crowd) => crowd,
+            Kind::Animated(crowd) => crowd,
+        }
     }
 
     pub(crate) fn weighted(&mut self) -> Result<&mut deltamorph::Crowd> {
@@ -262,7 +251,7 @@ pub unsafe extern "C" fn dm_crowd_destroy(crowd: DmCrowd) -> DmResult {
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_crowd_cut(crowd: DmCrowd, instance: u32) -> DmResult {
-    enter("dm_crowd_cut", || with(crowd, |state| Ok(either!(state, crowd => crowd.cut(instance))?)))
+    enter("dm_crowd_cut", || with(crowd, |state| Ok(state.crowd().cut(instance)?)))
 }
 
 /// Hide an instance (not 0), or show it again (0). A hidden one is left out of updates and keeps its pose; shown again, it
@@ -271,7 +260,7 @@ pub extern "C" fn dm_crowd_cut(crowd: DmCrowd, instance: u32) -> DmResult {
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_crowd_set_hidden(crowd: DmCrowd, instance: u32, hidden: u32) -> DmResult {
-    let body = |state: &mut State| Ok(either!(state, crowd => crowd.set_hidden(instance, hidden != 0))?);
+    let body = |state: &mut State| Ok(state.crowd().set_hidden(instance, hidden != 0)?);
     enter("dm_crowd_set_hidden", || with(crowd, body))
 }
 
@@ -285,7 +274,7 @@ pub extern "C" fn dm_crowd_set_hidden(crowd: DmCrowd, instance: u32, hidden: u32
 pub unsafe extern "C" fn dm_crowd_add(crowd: DmCrowd, instance: *mut u32) -> DmResult {
     enter("dm_crowd_add", || {
         check_place(instance, "instance")?;
-        let added = with(crowd, |state| Ok(either!(state, crowd => crowd.add())?))?;
+        let added = with(crowd, |state| Ok(state.crowd().add()?))?;
         // SAFETY: the caller's obligation; it was checked.
         unsafe { instance.write(added) };
         Ok(())
@@ -297,7 +286,7 @@ pub unsafe extern "C" fn dm_crowd_add(crowd: DmCrowd, instance: *mut u32) -> DmR
 /// Errors: DM_ERROR_INVALID for an instance out of range, or removed before.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_crowd_remove(crowd: DmCrowd, instance: u32) -> DmResult {
-    enter("dm_crowd_remove", || with(crowd, |state| Ok(either!(state, crowd => crowd.remove(instance))?)))
+    enter("dm_crowd_remove", || with(crowd, |state| Ok(state.crowd().remove(instance)?)))
 }
 
 /// Play a clip of an animated crowd from the next recorded update on.

@@ -1,7 +1,6 @@
 //! Poses read back to host memory, decoded.
 
 use crate::arguments::check_command_buffer;
-use crate::crowd::either;
 use crate::engine::Engine;
 use crate::handles::{DmCrowd, DmEngine, DmReadback, Handle};
 use crate::memory::{check_place, fill, slice};
@@ -70,7 +69,7 @@ pub unsafe extern "C" fn dm_readback_record(
         let (mut locked, mut state) = (lock(&readback.state)?, lock(&crowd.state)?);
         locked.poses = None;
         // SAFETY: the caller's obligations.
-        Ok(either!(state, crowd => unsafe { locked.readback.record(cmd, crowd, instances) })?)
+        Ok(unsafe { locked.readback.record(cmd, state.any(), instances) }?)
     })
 }
 

@@ -55,7 +55,7 @@ pub unsafe extern "C" fn dm_record_update(cmd: vk::CommandBuffer, crowd: DmCrowd
         let place = unsafe { Place::new_or_null(update) }?;
         let mut state = lock(&object.state)?;
         // SAFETY: the caller's obligations.
-        let recorded = unsafe { state.record(&object.engine.morph, cmd) }?;
+        let recorded = unsafe { object.engine.morph.record_update(cmd, state.any()) }?;
         let number = state.tickets.push(recorded.ticket);
         if let Some(place) = place {
             place.write(told(crowd, number, &recorded));
@@ -139,7 +139,7 @@ pub unsafe extern "C" fn dm_crowd_discard(crowd: DmCrowd, ticket: DmTicket) -> D
         let object = crowd.get()?;
         let mut state = lock(&object.state)?;
         let ticket = state.tickets.find(ticket.number)?;
-        state.discard(ticket)
+        Ok(state.crowd().discard(ticket)?)
     })
 }
 

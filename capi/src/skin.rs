@@ -2,7 +2,7 @@
 
 use crate::arguments::{built, check_reserved, or};
 use crate::attached::{self, check_buffer};
-use crate::crowd::{either, with};
+use crate::crowd::with;
 use crate::handles::{DmCrowd, DmEngine, DmMesh, DmSkin, Handle};
 use crate::memory::{Place, Versioned, read, slice};
 use crate::numbers::skin_method;
@@ -98,7 +98,7 @@ pub unsafe extern "C" fn dm_crowd_set_skin_target(
         unsafe {
             attached::set_target(crowd, target, skin_target, |state, engine, target| {
                 attached::with_target(skin, target, |target| {
-                    Ok(either!(state, crowd => engine.set_skin_target(crowd, instance, target))?)
+                    Ok(engine.set_skin_target(state.any(), instance, target)?)
                 })
             })
         }
@@ -129,7 +129,7 @@ fn skin_target(asked: &DmSkinTarget) -> Result<SkinTarget> {
 pub extern "C" fn dm_crowd_set_joints(crowd: DmCrowd, instance: u32, offset: u64) -> DmResult {
     enter("dm_crowd_set_joints", || {
         built!("after", "steps after the pose");
-        with(crowd, |state| Ok(either!(state, crowd => crowd.set_joints(instance, offset))?))
+        with(crowd, |state| Ok(state.crowd().set_joints(instance, offset)?))
     })
 }
 
@@ -146,7 +146,7 @@ pub unsafe extern "C" fn dm_crowd_skinned(crowd: DmCrowd, instance: u32, view: *
         built!("after", "steps after the pose");
         // SAFETY: the caller's obligation.
         let place = unsafe { Place::new(view) }?;
-        let found = with(crowd, |state| Ok(either!(state, crowd => crowd.skinned(instance))?))?;
+        let found = with(crowd, |state| Ok(state.crowd().skinned(instance)?))?;
         let (previous_buffer, previous_offset) = found.previous.unwrap_or_default();
         let (buffer, offset) = found.current;
         let none = DmSkinnedView::zeroed();

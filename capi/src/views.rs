@@ -1,6 +1,6 @@
 //! Where poses and their streams are.
 
-use crate::crowd::{either, with};
+use crate::crowd::with;
 use crate::handles::DmCrowd;
 use crate::memory::{Place, Versioned};
 use crate::numbers::{pose_number, semantic};
@@ -50,7 +50,7 @@ pub unsafe extern "C" fn dm_crowd_pose(crowd: DmCrowd, instance: u32, view: *mut
     enter("dm_crowd_pose", || {
         // SAFETY: the caller's obligation.
         let place = unsafe { Place::new(view) }?;
-        let found = with(crowd, |state| Ok(either!(state, crowd => crowd.pose(instance))?))?;
+        let found = with(crowd, |state| Ok(state.crowd().pose(instance)?))?;
         place.write(pose_view(Some(found)));
         Ok(())
     })
@@ -68,7 +68,7 @@ pub unsafe extern "C" fn dm_crowd_previous_pose(crowd: DmCrowd, instance: u32, v
     enter("dm_crowd_previous_pose", || {
         // SAFETY: the caller's obligation.
         let place = unsafe { Place::new(view) }?;
-        let found = with(crowd, |state| Ok(either!(state, crowd => crowd.previous_pose(instance))?))?;
+        let found = with(crowd, |state| Ok(state.crowd().previous_pose(instance)?))?;
         place.write(pose_view(found));
         Ok(())
     })
@@ -90,7 +90,7 @@ pub unsafe extern "C" fn dm_crowd_stream(
     enter("dm_crowd_stream", || {
         // SAFETY: the caller's obligation.
         let (place, stream) = (unsafe { Place::new(view) }?, semantic(stream)?);
-        let found = with(crowd, |state| Ok(either!(state, crowd => crowd.stream(instance, stream))?))?;
+        let found = with(crowd, |state| Ok(state.crowd().stream(instance, stream)?))?;
         place.write(stream_view(Some(found)));
         Ok(())
     })
@@ -112,7 +112,7 @@ pub unsafe extern "C" fn dm_crowd_previous_stream(
     enter("dm_crowd_previous_stream", || {
         // SAFETY: the caller's obligation.
         let (place, stream) = (unsafe { Place::new(view) }?, semantic(stream)?);
-        let found = with(crowd, |state| Ok(either!(state, crowd => crowd.previous_stream(instance, stream))?))?;
+        let found = with(crowd, |state| Ok(state.crowd().previous_stream(instance, stream)?))?;
         place.write(stream_view(found));
         Ok(())
     })

@@ -115,7 +115,7 @@ impl<'a> Runner<'a> {
     ) -> deltamorph::Result<Self> {
         match (desc.path, gpu) {
             (UpdatePath::Cpu, gpu) => {
-                let crowd = CpuCrowd::new(mesh.clone(), desc, heads as usize, threads)?;
+                let crowd = CpuCrowd::new(mesh.clone(), desc, heads, threads)?;
                 let upload = gpu.map(|gpu| PoseUpload::new(gpu, crowd.layout(), heads)).transpose()?;
                 Ok(Self::Cpu(Box::new(crowd), upload.map(Box::new)))
             }
@@ -155,14 +155,15 @@ impl<'a> Runner<'a> {
             }
             Self::Cpu(crowd, upload) => {
                 let start = Instant::now();
-                for (head, weights) in weights.iter().enumerate() {
+                for (head, weights) in (0..).zip(weights) {
                     crowd.set_weights(head, weights.as_ref())?;
                 }
                 let stats = crowd.update();
                 let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
                 let mut frame = Frame { stats, gpu_ms: None, draw_ms: None, upload_ms: None, cpu_ms };
                 if let Some(upload) = upload.as_mut().filter(|_| copies > 0) {
-                    let poses: Vec<_> = (0..weights.len()).map(|head| crowd.pose(head)).collect::<Result<_, _>>()?;
+                    let poses: Vec<_> =
+                        (0..weights.len() as u32).map(|head| crowd.pose(head)).collect::<Result<_, _>>()?;
                     frame.upload_ms = Some(upload.upload(&poses.iter().map(AsRef::as_ref).collect::<Vec<_>>())?.cpu_ms);
                     frame.draw_ms = (0..copies).map(|_| upload.draw()).sum::<Result<_, _>>()?;
                 }
@@ -180,7 +181,7 @@ impl<'a> Runner<'a> {
                 crowds[(head / instances) as usize].read_pose(head % instances)
             }
             Self::Animated { crowd, .. } => crowd.read_pose(head),
-            Self::Cpu(crowd, _) => Ok(crowd.layout().to_user_order(&crowd.pose(head as usize)?)),
+            Self::Cpu(crowd, _) => Ok(crowd.layout().to_user_order(&crowd.pose(head)?)),
         }
     }
 

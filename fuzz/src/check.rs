@@ -58,14 +58,7 @@ pub fn update(mesh: &Arc<PackedMesh>, choice: u32) {
 
 /// Compares the pose of an instance with the reference: the error is at most `bound`, which its update states, plus the
 /// rounding of sums.
-pub fn check_pose(
-    mesh: &PackedMesh,
-    crowd: &CpuCrowd,
-    instance: usize,
-    desc: &UpdateDesc,
-    weights: &[f32],
-    bound: f64,
-) {
+pub fn check_pose(mesh: &PackedMesh, crowd: &CpuCrowd, instance: u32, desc: &UpdateDesc, weights: &[f32], bound: f64) {
     let layout = mesh.layout();
     let grid = desc.grid(layout).expect("there is a crowd");
     let weights: Vec<f32> = weights.iter().map(|w| grid.map_or(*w, |grid| grid.round(*w))).collect();

@@ -35,7 +35,7 @@ impl<'a> StoredPose<'a> {
     /// The crowd does not have the head; or poses of the format cannot hold the mesh.
     pub fn new(
         crowd: &'a CpuCrowd,
-        head: usize,
+        head: u32,
         (mesh, desc): (&PackedMesh, &UpdateDesc),
         changed: &'a [Range<u32>],
     ) -> Result<Self> {

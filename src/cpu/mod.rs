@@ -7,11 +7,12 @@ mod simd;
 mod sums;
 mod workers;
 
+use crate::crowd::{CrowdBase, Kind, TakesWeights};
 use crate::error::{Error, Result};
 use crate::pack::blocks::PoseGrid;
 use crate::pack::poses::{PoseStorage, with_pose};
-use crate::pack::{POSE_FLOATS, PackedGroup, PackedMesh, PoseFormat};
-use crate::plan::instances::{Instances, check_weight, check_weights, target_named};
+use crate::pack::{POSE_FLOATS, PackedGroup, PackedLayout, PackedMesh, PoseFormat};
+use crate::plan::instances::Instances;
 use crate::plan::steps::{Source, Work};
 use crate::plan::{UpdateDesc, UpdateStats};
 use crate::update::Runner;
@@ -19,25 +20,124 @@ use crate::update::blocks::{GroupPlan, Item, Planner};
 use crate::update::dense::{DensePlanner, Plan};
 use crate::weights::delta::Coefficient;
 use bytemuck::Pod;
+use std::any::Any;
 use std::borrow::Cow;
+#[cfg(feature = "internals")]
+use std::ops::Range;
 use std::sync::Arc;
 pub(crate) use workers::Workers;
 
-/// Instances of one mesh whose poses live in main memory.
-pub struct CpuCrowd {
+/// Instances of one mesh whose poses live in main memory. An update has run when [`CpuCrowd::update`] returns, so that
+/// there is none to discard.
+pub type CpuCrowd = CrowdBase<OnCpu>;
+
+/// The kind of crowds whose poses are in main memory.
+pub struct OnCpu {
     mesh: Arc<PackedMesh>,
-    instances: Instances,
-    updates: u64,
     /// Of each group.
     memory: Vec<Memory>,
     workers: Workers,
-    kind: Kind,
+    planner: Box<dyn CpuPlanner>,
 }
 
-/// What depends on the format.
-enum Kind {
-    Dense(DensePlanner),
-    Blocks(Planner),
+/// Plans updates of meshes in some formats, and carries them out.
+trait CpuPlanner: Any + Send + Sync {
+    /// Plan the update of this number, to the weights requested.
+    fn plan(&mut self, instances: &mut Instances, update: u64);
+
+    /// Carry the plan out in the group of this number.
+    fn run(&self, number: usize, group: &PackedGroup, memory: &mut Memory, workers: &Workers);
+
+    /// Count the update.
+    fn stats(&self, groups: &[PackedGroup]) -> UpdateStats;
+
+    /// As [`Kind::add`].
+    fn add(&mut self, _instance: u32) {}
+
+    /// As [`TakesWeights::set_error_budget`].
+    ///
+    /// # Errors
+    /// As there.
+    fn set_error_budget(&mut self, _instance: u32, budget: f32) -> Result<()> {
+        let what = format!("an error budget of {budget} for a mesh in a dense format");
+        Err(Error::invalid(what, "pack it in a block format"))
+    }
+
+    /// As [`Kind::changed`].
+    #[cfg(feature = "internals")]
+    fn changed(&self, instances: &Instances, update: u64, instance: u32, out: &mut Vec<Range<u32>>);
+}
+
+impl CpuPlanner for DensePlanner {
+    fn plan(&mut self, instances: &mut Instances, update: u64) {
+        DensePlanner::plan(self, instances, update);
+    }
+
+    fn run(&self, _number: usize, group: &PackedGroup, memory: &mut Memory, workers: &Workers) {
+        memory.run_passes(group, workers, self.plans());
+    }
+
+    fn stats(&self, groups: &[PackedGroup]) -> UpdateStats {
+        DensePlanner::stats(self, groups.iter().map(PackedGroup::layout))
+    }
+
+    #[cfg(feature = "internals")]
+    fn changed(&self, instances: &Instances, update: u64, instance: u32, out: &mut Vec<Range<u32>>) {
+        let written = instances.written_by(instance as usize);
+        out.extend((written > 0 && written == update).then_some(0..u32::MAX));
+    }
+}
+
+impl CpuPlanner for Planner {
+    fn plan(&mut self, instances: &mut Instances, update: u64) {
+        Planner::plan(self, instances, update);
+    }
+
+    fn run(&self, number: usize, group: &PackedGroup, memory: &mut Memory, workers: &Workers) {
+        memory.run_list(group, workers, &self.groups[number]);
+    }
+
+    fn stats(&self, _groups: &[PackedGroup]) -> UpdateStats {
+        Planner::stats(self)
+    }
+
+    fn add(&mut self, instance: u32) {
+        Planner::add(self, instance as usize);
+    }
+
+    fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()> {
+        Planner::set_error_budget(self, instance as usize, budget)
+    }
+
+    #[cfg(feature = "internals")]
+    fn changed(&self, _instances: &Instances, _update: u64, instance: u32, out: &mut Vec<Range<u32>>) {
+        self.groups[0].changed(instance, out);
+    }
+}
+
+impl Kind for OnCpu {
+    fn layout(&self) -> &PackedLayout {
+        self.mesh.layout()
+    }
+
+    fn grid(&self) -> Option<PoseGrid> {
+        self.memory[0].grid
+    }
+
+    fn add(&mut self, instance: u32) {
+        self.planner.add(instance);
+    }
+
+    #[cfg(feature = "internals")]
+    fn changed(&self, instances: &Instances, update: u64, instance: u32, out: &mut Vec<Range<u32>>) {
+        self.planner.changed(instances, update, instance, out);
+    }
+}
+
+impl TakesWeights for OnCpu {
+    fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()> {
+        self.planner.set_error_budget(instance, budget)
+    }
 }
 
 /// The memory of a group.
@@ -55,192 +155,63 @@ pub(crate) struct Memory {
 
 /// Refuse poses that there is no memory for: what cannot be reserved in one piece is not there in many, and running out
 /// of it would end the process.
-fn check_memory(mesh: &PackedMesh, pose: PoseFormat, instances: usize, slots: usize) -> Result<()> {
-    let layout = mesh.layout();
+fn check_memory(mesh: &PackedMesh, pose: PoseFormat, instances: u32, slots: u32) -> Result<()> {
     let each = mesh.groups().iter().map(|group| group.layout().pose_bytes(pose)).sum::<u64>();
-    let bytes = each.saturating_mul(slots as u64).saturating_mul(instances as u64);
+    let bytes = each.saturating_mul(slots.into()).saturating_mul(instances.into());
     let reserved = usize::try_from(bytes).ok().map(|bytes| Vec::<u8>::new().try_reserve_exact(bytes));
     reserved.and_then(Result::ok).ok_or_else(|| {
-        let text = format!("the poses of {instances} instances of mesh '{}' take {bytes} bytes", layout.name);
+        let text = format!("the poses of {instances} instances of mesh '{}' take {bytes} bytes", mesh.layout().name);
         Error::out_of_memory(format!("{text}, more than there is memory"), "use fewer instances or slots")
     })
 }
 
-/// The number of an instance; one that does not fit is out of range, too.
-fn number(instance: usize) -> u32 {
-    u32::try_from(instance).unwrap_or(u32::MAX)
-}
-
+/// What only crowds do whose poses are in main memory: [`CpuCrowd`].
 impl CpuCrowd {
-    /// `instances` heads, all weights 0. `threads` 0 takes one per core; without the `threads` feature the
+    /// A crowd of so many instances, all weights 0. `threads` 0 takes one per core; without the `threads` feature the
     /// caller's thread does the work.
     ///
     /// # Errors
     /// As [`UpdateDesc::check`]; a path that isn't [`UpdatePath::Cpu`](crate::plan::UpdatePath::Cpu); threads that
     /// cannot be started; more poses than there is memory. Poses of integers or an error budget for a dense format; for
     /// block formats, poses of integers that could overflow, or a tolerance that rounding alone exceeds.
-    pub fn new(mesh: Arc<PackedMesh>, desc: UpdateDesc, instances: usize, threads: usize) -> Result<Self> {
+    pub fn new(mesh: Arc<PackedMesh>, desc: UpdateDesc, instances: u32, threads: usize) -> Result<Self> {
         desc.check_all(mesh.layout(), Runner::Cpu)?;
-        let (layout, slots) = (mesh.layout(), desc.slots as usize);
-        check_memory(&mesh, desc.pose, instances, slots)?;
+        let (layout, count) = (mesh.layout(), instances as usize);
+        check_memory(&mesh, desc.pose, instances, desc.slots)?;
         let workers = Workers::new(threads)?;
-        let targets = layout.targets.len();
-        let kind = match &layout.blocks {
-            None => Kind::Dense(DensePlanner::new(desc, desc.grid(layout)?, instances)?),
-            Some(_) => Kind::Blocks(Planner::new(desc, mesh.groups().iter().map(PackedGroup::layout), instances)?),
+        let instances = Instances::new(count, layout.targets.len(), desc.slots, 1);
+        let planner: Box<dyn CpuPlanner> = match &layout.blocks {
+            None => Box::new(DensePlanner::new(desc, desc.grid(layout)?, count)?),
+            Some(_) => Box::new(Planner::new(desc, mesh.groups().iter().map(PackedGroup::layout), count)?),
         };
-        let memory = mesh.groups().iter().map(|group| Memory::new(group, desc, instances));
+        let memory = mesh.groups().iter().map(|group| Memory::new(group, desc, count));
         let memory = memory.collect::<Result<_>>()?;
-        let instances = Instances::new(instances, targets, desc.slots, 1);
-        Ok(Self { instances, updates: 0, memory, kind, mesh, workers })
-    }
-
-    /// Names, steps and sizes of the mesh.
-    pub fn layout(&self) -> &crate::pack::PackedLayout {
-        self.mesh.layout()
-    }
-
-    /// Request these weights, one per target in the mesh's order, from the next update on.
-    ///
-    /// # Errors
-    /// An instance out of range; a wrong number of weights; one that is not finite or out of range.
-    pub fn set_weights(&mut self, instance: usize, weights: &[f32]) -> Result<()> {
-        check_weights(weights, self.mesh.layout(), self.grid())?;
-        self.instances.set_weights(number(instance), weights)
-    }
-
-    /// Request the weight of one target, from the next update on; the others stay as requested. `target` counts in the
-    /// mesh's order, as [`PackedLayout::target_index`](crate::PackedLayout::target_index) does.
-    ///
-    /// # Errors
-    /// An instance out of range or removed; a target out of range; a weight that is not finite or out of range. Nothing
-    /// changes then.
-    pub fn set_weight(&mut self, instance: usize, target: usize, weight: f32) -> Result<()> {
-        check_weight(target, weight, self.mesh.layout(), self.grid())?;
-        self.instances.set_weight(number(instance), target, weight).map(drop)
-    }
-
-    /// How far a vertex of `instance` may be from where the requested weights would put it, as
-    /// [`Crowd::set_error_budget`](crate::Crowd::set_error_budget) says.
-    ///
-    /// # Errors
-    /// An instance out of range or removed; a number that is not from 0 to the crowd's budget; a dense format.
-    pub fn set_error_budget(&mut self, instance: usize, budget: f32) -> Result<()> {
-        self.instances.check(number(instance))?;
-        match &mut self.kind {
-            Kind::Blocks(planner) => planner.set_error_budget(instance, budget),
-            Kind::Dense(_) => {
-                let what = format!("an error budget of {budget} for a mesh in a dense format");
-                Err(Error::invalid(what, "pack it in a block format"))
-            }
-        }
-    }
-
-    /// Request the weight of the target called `name`, of several the first: as [`set_weight`](Self::set_weight), after a
-    /// search through the names.
-    ///
-    /// # Errors
-    /// No such target, with the one that was probably meant; else as [`set_weight`](Self::set_weight).
-    pub fn set_weight_by_name(&mut self, instance: usize, name: &str, weight: f32) -> Result<()> {
-        let target = target_named(name, self.mesh.layout())?;
-        self.set_weight(instance, target, weight)
-    }
-
-    fn grid(&self) -> Option<PoseGrid> {
-        match &self.kind {
-            Kind::Dense(planner) => planner.grid(),
-            Kind::Blocks(planner) => planner.grid(),
-        }
-    }
-
-    /// The next pose of `instance` has no predecessor (it was hidden, or teleported): its previous pose will be the
-    /// pose itself.
-    ///
-    /// # Errors
-    /// An instance out of range or removed.
-    pub fn cut(&mut self, instance: usize) -> Result<()> {
-        self.instances.cut(number(instance))
-    }
-
-    /// Hide `instance`, or show it again: a hidden one is left out of updates and keeps its pose; the first pose after
-    /// it has itself as previous pose.
-    ///
-    /// # Errors
-    /// An instance out of range or removed.
-    pub fn set_hidden(&mut self, instance: usize, hidden: bool) -> Result<()> {
-        self.instances.set_hidden(number(instance), hidden).map(drop)
-    }
-
-    /// Add a head in a place that [`remove`](Self::remove) freed: shown, all weights 0, with the crowd's error budget.
-    ///
-    /// # Errors
-    /// No free place.
-    pub fn add(&mut self) -> Result<usize> {
-        let instance = self.instances.add()? as usize;
-        if let Kind::Blocks(planner) = &mut self.kind {
-            planner.add(instance);
-        }
-        Ok(instance)
-    }
-
-    /// Take a head out of the crowd.
-    ///
-    /// # Errors
-    /// An instance out of range, or removed before.
-    pub fn remove(&mut self, instance: usize) -> Result<()> {
-        self.instances.remove(number(instance))
+        Ok(Self { instances, updates: 0, kind: OnCpu { mesh, memory, workers, planner } })
     }
 
     /// Bring all poses to the weights requested.
     pub fn update(&mut self) -> UpdateStats {
         self.updates += 1;
-        let Self { mesh, workers, memory, instances, .. } = self;
-        let groups = mesh.groups();
-        match &mut self.kind {
-            Kind::Dense(planner) => {
-                planner.plan(instances, self.updates);
-                for (group, memory) in groups.iter().zip(memory) {
-                    memory.run_passes(group, workers, planner.plans());
-                }
-                planner.stats(groups.iter().map(PackedGroup::layout))
-            }
-            Kind::Blocks(planner) => {
-                planner.plan(instances, self.updates);
-                for ((group, planner), memory) in groups.iter().zip(&planner.groups).zip(memory) {
-                    memory.run_list(group, workers, planner);
-                }
-                planner.stats()
-            }
+        let OnCpu { mesh, memory, workers, planner } = &mut self.kind;
+        planner.plan(&mut self.instances, self.updates);
+        for (number, (group, memory)) in mesh.groups().iter().zip(memory).enumerate() {
+            planner.run(number, group, memory, workers);
         }
+        planner.stats(mesh.groups())
     }
 
-    /// As [`Crowd::changed`](crate::Crowd::changed).
-    #[cfg(feature = "internals")]
-    #[doc(hidden)]
-    pub fn changed(&self, instance: usize) -> Vec<std::ops::Range<u32>> {
-        let mut changed = vec![];
-        match &self.kind {
-            Kind::Blocks(planner) => planner.groups[0].changed(number(instance), &mut changed),
-            Kind::Dense(_) => {
-                let place = self.instances.check(number(instance)).ok();
-                let written = place.map_or(0, |place| self.instances.written_by(place));
-                changed.extend((written > 0 && written == self.updates).then_some(0..u32::MAX));
-            }
-        }
-        changed
-    }
-
-    /// The memory and mesh of a group, and which poses in it are that of an instance (that in the first slot while there
-    /// is none) and its previous pose.
-    fn poses(&self, instance: usize, group: usize) -> Result<(&Memory, &PackedGroup, usize, Option<usize>)> {
-        let place = self.instances.check(number(instance))?;
-        let (Some(memory), Some(mesh)) = (self.memory.get(group), self.mesh.groups().get(group)) else {
-            let text = format!("group {group} of mesh '{}', which has {}", self.mesh.layout().name, self.memory.len());
+    /// The memory and mesh of a group, and which poses in it are that of an instance (that in the first slot while
+    /// there is none) and its previous pose.
+    fn poses(&self, instance: u32, group: usize) -> Result<(&Memory, &PackedGroup, usize, Option<usize>)> {
+        let place = self.instances.check(instance)?;
+        let OnCpu { mesh, memory, .. } = &self.kind;
+        let (Some(memory), Some(packed)) = (memory.get(group), mesh.groups().get(group)) else {
+            let text = format!("group {group} of mesh '{}', which has {}", mesh.layout().name, memory.len());
             return Err(Error::invalid(text, "count groups from 0"));
         };
         let (slot, previous) = self.instances.slots_of(place).unwrap_or_default();
         let pose = |slot: u32| place * memory.slots + slot as usize;
-        Ok((memory, mesh, pose(slot), previous.map(pose)))
+        Ok((memory, packed, pose(slot), previous.map(pose)))
     }
 
     /// The pose of an instance after the last update: six floats a vertex, with padding, in the order of pose buffers
@@ -248,7 +219,7 @@ impl CpuCrowd {
     ///
     /// # Errors
     /// An instance out of range or removed.
-    pub fn pose(&self, instance: usize) -> Result<Cow<'_, [f32]>> {
+    pub fn pose(&self, instance: u32) -> Result<Cow<'_, [f32]>> {
         self.group_pose(instance, 0)
     }
 
@@ -256,7 +227,7 @@ impl CpuCrowd {
     ///
     /// # Errors
     /// An instance out of range or removed; a group out of range.
-    pub fn group_pose(&self, instance: usize, group: usize) -> Result<Cow<'_, [f32]>> {
+    pub fn group_pose(&self, instance: u32, group: usize) -> Result<Cow<'_, [f32]>> {
         let (memory, mesh, pose, _) = self.poses(instance, group)?;
         Ok(memory.decode(mesh, pose))
     }
@@ -265,7 +236,7 @@ impl CpuCrowd {
     ///
     /// # Errors
     /// An instance out of range or removed.
-    pub fn previous_pose(&self, instance: usize) -> Result<Option<Cow<'_, [f32]>>> {
+    pub fn previous_pose(&self, instance: u32) -> Result<Option<Cow<'_, [f32]>>> {
         self.previous_group_pose(instance, 0)
     }
 
@@ -273,7 +244,7 @@ impl CpuCrowd {
     ///
     /// # Errors
     /// As [`group_pose`](Self::group_pose).
-    pub fn previous_group_pose(&self, instance: usize, group: usize) -> Result<Option<Cow<'_, [f32]>>> {
+    pub fn previous_group_pose(&self, instance: u32, group: usize) -> Result<Option<Cow<'_, [f32]>>> {
         let (memory, mesh, _, previous) = self.poses(instance, group)?;
         Ok(previous.map(|pose| memory.decode(mesh, pose)))
     }
@@ -282,7 +253,7 @@ impl CpuCrowd {
     ///
     /// # Errors
     /// As [`group_pose`](Self::group_pose).
-    pub fn stored_pose(&self, instance: usize, group: usize) -> Result<&[u8]> {
+    pub fn stored_pose(&self, instance: u32, group: usize) -> Result<&[u8]> {
         let (memory, _, pose, _) = self.poses(instance, group)?;
         Ok(bytemuck::cast_slice(&memory.poses[pose]))
     }

@@ -56,7 +56,7 @@ proptest! {
         let grid = desc.grid(packed.layout()).unwrap();
         let mut before: [Option<Vec<f32>>; 2] = [None, None];
         for frame in 0..12u32 {
-            for instance in 0..2u32 {
+            for instance in 0..2 {
                 let weight = |t: usize| {
                     // The last two of four frames are still.
                     let step = frame - (frame % 4).saturating_sub(1);
@@ -64,19 +64,20 @@ proptest! {
                     let x = x.wrapping_mul(2_654_435_761) >> 16;
                     if x.is_multiple_of(3) { 0.0 } else { (x % 1000) as f32 / 400.0 - 1.0 }
                 };
-                crowd.set_weights(instance as usize, &(0..targets).map(weight).collect::<Vec<_>>()).unwrap();
+                crowd.set_weights(instance, &(0..targets).map(weight).collect::<Vec<_>>()).unwrap();
             }
             let stats = crowd.update();
             if frame % 4 == 3 {
                 let did = (stats.coefficients, stats.passes, stats.dirty_blocks, stats.bytes_moved, stats.bytes_floor);
                 prop_assert_eq!(did, (0, 0, 0, 0, 0), "{:?} {:?} frame {}", desc, format, frame);
             }
-            if let Kind::Blocks(planner) = &crowd.kind {
-                let moved = metered(&crowd.mesh, &planner.groups[0]);
+            let planner: &dyn Any = &*crowd.kind.planner;
+            if let Some(planner) = planner.downcast_ref::<Planner>() {
+                let moved = metered(&crowd.kind.mesh, &planner.groups[0]);
                 prop_assert_eq!(stats.bytes_moved, moved, "{:?} {:?} frame {}", desc, format, frame);
             }
-            for (i, before) in before.iter_mut().enumerate() {
-                let weights = crowd.instances.requested().nth(i).flatten().unwrap();
+            for (i, before) in (0..).zip(&mut before) {
+                let weights = crowd.weights(i).unwrap();
                 let weights: Vec<f32> = weights.iter().map(|&w| grid.map_or(w, |grid| grid.round(w))).collect();
                 let pose = packed.layout().to_user_order(&crowd.pose(i).expect("an instance"));
                 let reference = reference::evaluate(&packed, &weights);
@@ -125,7 +126,7 @@ proptest! {
             // After any history, the integers are those of a full evaluation.
             let mut fresh = CpuCrowd::new(packed.clone(), UpdateDesc { error_budget: 0.0, ..desc }, 2, 1).unwrap();
             for i in 0..2 {
-                fresh.set_weights(i, crowd.instances.requested().nth(i).flatten().unwrap()).unwrap();
+                fresh.set_weights(i, crowd.weights(i).unwrap()).unwrap();
             }
             fresh.update();
             for i in 0..2 {
@@ -143,7 +144,7 @@ proptest! {
     #[test]
     fn a_crowd_has_the_poses_that_each_instance_has_alone(
         (format, size, pose) in (0..DeltaFormat::ALL.len(), 0usize..3, prop::sample::select(&PoseFormat::ALL)),
-        heads in 1usize..70, slots in 1u32..4, threads in 1usize..4, together in any::<bool>(), seed in any::<u32>(),
+        heads in 1u32..70, slots in 1u32..4, threads in 1usize..4, together in any::<bool>(), seed in any::<u32>(),
     ) {
         let (format, targets) = (DeltaFormat::ALL[format], 21);
         let blocks = BlockDesc { size: Some(BLOCK_SIZES[size]), ..BlockDesc::default() };
@@ -154,14 +155,14 @@ proptest! {
         let mut crowd = CpuCrowd::new(packed.clone(), desc, heads, threads).unwrap();
         let mut alone: Vec<_> = (0..heads).map(|_| CpuCrowd::new(packed.clone(), desc, 1, 1).unwrap()).collect();
         for frame in 0..5u32 {
-            for (head, alone) in alone.iter_mut().enumerate() {
+            for (head, alone) in (0..).zip(&mut alone) {
                 let weight = |t: u32| {
-                    let x = (seed ^ (t * 77 + frame / (1 + t % 4) * 13 + if together { 0 } else { head as u32 * 101 }))
+                    let x = (seed ^ (t * 77 + frame / (1 + t % 4) * 13 + if together { 0 } else { head * 101 }))
                         .wrapping_mul(2_654_435_761) >> 16;
                     if x.is_multiple_of(3) { 0.0 } else { (x % 1000) as f32 / 1000.0 }
                 };
                 let weights: Vec<_> = (0..targets as u32).map(weight).collect();
-                let hidden = (head as u32 + frame).is_multiple_of(5);
+                let hidden = (head + frame).is_multiple_of(5);
                 for (crowd, head) in [(&mut crowd, head), (&mut *alone, 0)] {
                     crowd.set_weights(head, &weights).unwrap();
                     crowd.set_hidden(head, hidden).unwrap();
@@ -169,7 +170,7 @@ proptest! {
                 alone.update();
             }
             crowd.update();
-            for (head, alone) in alone.iter().enumerate() {
+            for (head, alone) in (0..).zip(&alone) {
                 prop_assert_eq!(crowd.stored_pose(head, 0).unwrap(), alone.stored_pose(0, 0).unwrap(), "head {}", head);
             }
         }
@@ -192,7 +193,10 @@ fn misuse_is_an_error_that_says_what_to_do() {
         (make(DeltaFormat::Fast, tight), &["rounding alone"]),
         (make(DeltaFormat::Float32, UpdateDesc { path: UpdatePath::Compute, ..cpu }), &["'compute' for a CpuCrowd"]),
         (make(DeltaFormat::Fast, UpdateDesc { weight_max: Some(-1.0), ..exact }), &["weights up to -1", "above 0"]),
-        (crowd(DeltaFormat::Float32, cpu, 1 << 44).map(drop), &["more than there is memory; use fewer instances"]),
+        (
+            crowd(DeltaFormat::Float32, cpu.slots(64), u32::MAX).map(drop),
+            &["more than there is memory; use fewer instances"],
+        ),
         (set(exact, 0, &[0.0, 4.5, 0.0]), &["'target_1') is 4.5", "-4 to 4"]),
         (set(cpu, 0, &[f32::INFINITY, 0.0, 0.0]), &["'target_0') is inf"]),
         (set(cpu, 3, &[0.0; 3]), &["instance 3 of a crowd of 1"]),

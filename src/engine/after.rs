@@ -1,10 +1,8 @@
 //! What hosts ask for after the pose: each step by its name.
 
 use super::MorphEngine;
-use super::base::{AnyCrowd, CrowdBase};
-use super::crowd::{AnimatedCrowd, Crowd};
+use super::base::AnyCrowd;
 use crate::abi::steps::after_steps;
-use crate::after::skin::Skin;
 use crate::after::*;
 use crate::error::Result;
 use crate::pack::PackedMesh;
@@ -117,43 +115,3 @@ macro_rules! target_setters {
     };
 }
 after_steps!(target_setters());
-
-impl CrowdBase {
-    /// See [`Crowd::set_joints`].
-    pub fn set_joints(&mut self, instance: u32, offset: u64) -> Result<()> {
-        self.instances.check(instance)?;
-        Skin::set_joints(&mut self.after, instance, offset)
-    }
-}
-
-/// What every crowd does after the pose.
-macro_rules! crowd {
-    ($crowd:ty) => {
-        impl $crowd {
-            /// The joints of a skinned instance moved: from the next recorded update on they are those at `offset` of the
-            /// buffer of joints that its [target](crate::after::SkinTarget) names, in bytes, a multiple of 16. It may be
-            /// the same place, where the host's barriers see to that; with several frames in flight and joints that the host
-            /// writes it has to be one of several in turn.
-            ///
-            /// # Errors
-            /// An instance out of range or removed, or one that is not skinned; joints that reach beyond their buffer.
-            /// Nothing changes then.
-            pub fn set_joints(&mut self, instance: u32, offset: u64) -> Result<()> {
-                self.base.set_joints(instance, offset)
-            }
-
-            /// Where the skinned pose of an instance is once the updates recorded so far have run.
-            ///
-            /// # Errors
-            /// An instance out of range or removed, or one that is not skinned; no update recorded yet, or its update was
-            /// discarded.
-            pub fn skinned(&self, instance: u32) -> Result<SkinnedView> {
-                self.base.instances.check(instance)?;
-                Skin::view(&self.base.after, instance)
-            }
-        }
-    };
-}
-
-crowd!(Crowd);
-crowd!(AnimatedCrowd);

@@ -1,10 +1,11 @@
-//! What every crowd has: poses, instances, slots, tickets, and a technique that updates them.
+//! What crowds on a device have: poses, slots, tickets, and a technique that updates them.
 
 use super::poses;
 use super::upload::GpuMesh;
-use super::views::{self, PoseBuffer, PoseView};
+use super::views::{self, PoseView};
 use crate::after::{After, Place};
 use crate::asset::streams::{Semantic, StreamPlace};
+use crate::crowd::{CrowdBase, Kind};
 use crate::error::{Error, Result};
 use crate::gpu::device::Device;
 use crate::gpu::memory::Buffer;
@@ -18,7 +19,6 @@ use crate::plan::steps::{Owner, Resource, Steps, Use, Work};
 use crate::update::crowd::CrowdDesc;
 use crate::update::technique::{Context, PoseDraws, PoseGroup, Technique, UpdateId};
 use ash::vk;
-use std::any::Any;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -46,15 +46,12 @@ pub struct Update {
     pub stats: UpdateStats,
 }
 
-/// The part that all kinds of crowds share.
-pub struct CrowdBase {
-    // Before the buffers that its descriptor sets name.
-    pub(crate) technique: Box<dyn Technique>,
+/// The kind of crowds whose poses a device has: their memory, and what is recorded. `U` updates them.
+pub struct OnDevice<U: ?Sized> {
     /// What follows the steps of the technique.
     pub(crate) after: After,
     /// At least one.
     groups: Vec<PoseGroup>,
-    pub(super) instances: Instances,
     pub(super) steps: Steps,
     /// What the steps used of the update that wrote poses last.
     wrote: Vec<&'static [Use]>,
@@ -64,40 +61,101 @@ pub struct CrowdBase {
     last: Option<UpdateId>,
     pub(crate) desc: CrowdDesc,
     device: Arc<Device>,
-    _pose_buffers: Vec<Buffer>,
-    /// Its number, which no other crowd has.
-    pub(super) crowd: u64,
-    /// Updates planned.
-    pub(super) updates: u64,
+    /// The number of the crowd, which no other has.
+    pub(super) number: u64,
     /// Updates that recorded something, less discarded ones: the rings of lists turn with them.
     pub(super) recorded: u64,
     /// Updates that were discarded, ascending: a ticket is good for one discard.
     pub(super) discarded: Vec<RangeInclusive<u64>>,
+    pub(super) updater: U,
 }
 
+/// Updates the poses of a crowd on a device: a technique, and the memory of the poses.
+pub trait Updater: Send + Sync {
+    /// The technique.
+    fn technique(&self) -> &dyn Technique;
+    /// The technique, to be told or to plan.
+    fn technique_mut(&mut self) -> &mut dyn Technique;
+}
+
+/// A crowd on a device, be it a [`Crowd`](super::Crowd) or an [`AnimatedCrowd`](super::AnimatedCrowd), of which a
+/// reference coerces to one of this.
+pub type DeviceCrowd = CrowdBase<OnDevice<dyn Updater>>;
+
 /// A crowd on the device, whose weights the host sets ([`Crowd`](super::Crowd)) or which plays clips
-/// ([`AnimatedCrowd`](super::AnimatedCrowd)). What takes crowds of both kinds takes this: as `&mut dyn AnyCrowd` in a list for
-/// [`MorphEngine::record_updates`](super::MorphEngine::record_updates), and steps after the pose, such as
+/// ([`AnimatedCrowd`](super::AnimatedCrowd)). What takes crowds of both kinds takes this: as `&mut dyn AnyCrowd` in a
+/// list for [`MorphEngine::record_updates`](super::MorphEngine::record_updates), and steps after the pose, such as
 /// [`MorphEngine::set_skin_target`](super::MorphEngine::set_skin_target). No other type can implement it.
 pub trait AnyCrowd: sealed::Sealed {}
 
 pub(crate) mod sealed {
+    use super::DeviceCrowd;
+
     /// Keeps other types out.
     pub trait Sealed {
-        fn base(&self) -> &super::CrowdBase;
-        fn base_mut(&mut self) -> &mut super::CrowdBase;
+        fn base(&self) -> &DeviceCrowd;
+        fn base_mut(&mut self) -> &mut DeviceCrowd;
     }
 }
 
-impl CrowdBase {
-    /// A crowd of which the weights of `targets` targets are set, updated by what `make` makes.
-    pub(super) fn new(
+impl<U: Updater + 'static> sealed::Sealed for CrowdBase<OnDevice<U>> {
+    fn base(&self) -> &DeviceCrowd {
+        self
+    }
+
+    fn base_mut(&mut self) -> &mut DeviceCrowd {
+        self
+    }
+}
+
+impl<U: Updater + 'static> AnyCrowd for CrowdBase<OnDevice<U>> {}
+
+impl<U: Updater + ?Sized> Kind for OnDevice<U> {
+    fn layout(&self) -> &PackedLayout {
+        &self.groups[0].mesh.layout
+    }
+
+    fn grid(&self) -> Option<PoseGrid> {
+        self.groups[0].poses.grid
+    }
+
+    fn cut(&mut self, instance: u32) {
+        self.updater.technique_mut().cut(instance);
+        self.after.cut(instance);
+    }
+
+    fn set_hidden(&mut self, instance: u32, hidden: bool) {
+        self.updater.technique_mut().set_hidden(instance, hidden);
+        self.after.renew(instance);
+    }
+
+    fn add(&mut self, instance: u32) {
+        self.updater.technique_mut().add(instance);
+    }
+
+    fn remove(&mut self, instance: u32) {
+        self.updater.technique_mut().set_hidden(instance, true);
+        self.after.remove(instance);
+    }
+
+    #[cfg(feature = "internals")]
+    fn changed(&self, instances: &Instances, _update: u64, instance: u32, out: &mut Vec<std::ops::Range<u32>>) {
+        if let Some(id) = self.last {
+            self.updater.technique().changed(instances, id, instance, out);
+        }
+    }
+}
+
+impl<U: Updater> CrowdBase<OnDevice<U>> {
+    /// A crowd of which the weights of `targets` targets are set, updated by what `make` makes with the memory of the
+    /// poses.
+    pub(super) fn on_device(
         device: &Arc<Device>,
         kernels: &Kernels,
         mesh: &GpuMesh,
         desc: &CrowdDesc,
         targets: usize,
-        make: impl FnOnce(Context<'_>) -> Result<Box<dyn Technique>>,
+        make: impl FnOnce(Context<'_>, Vec<Buffer>) -> Result<U>,
     ) -> Result<Self> {
         static CROWDS: AtomicU64 = AtomicU64::new(0);
         let (instances, slots, frames) = (desc.instances, desc.update.slots, desc.frames_in_flight);
@@ -107,28 +165,33 @@ impl CrowdBase {
         }
         let (groups, buffers) = poses::make(device, mesh, desc)?;
         let (mesh, poses) = (&groups[0].mesh, groups[0].poses);
-        Ok(Self {
-            technique: make(Context { device, kernels, mesh, desc, poses, all: &groups })?,
+        let kind = OnDevice {
+            updater: make(Context { device, kernels, mesh, desc, poses, all: &groups }, buffers)?,
             after: After::default(),
             groups,
-            instances: Instances::new(instances as usize, targets, slots, frames),
             steps: Steps::new(desc.consumers_on_queue(device)),
             wrote: vec![],
             schedule: Schedule::default(),
             last: None,
             desc: *desc,
             device: device.clone(),
-            _pose_buffers: buffers,
-            crowd: CROWDS.fetch_add(1, Ordering::Relaxed),
-            updates: 0,
+            number: CROWDS.fetch_add(1, Ordering::Relaxed),
             recorded: 0,
             discarded: vec![],
-        })
+        };
+        Ok(Self { instances: Instances::new(instances as usize, targets, slots, frames), updates: 0, kind })
+    }
+}
+
+impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
+    /// What updates the poses.
+    pub(crate) fn technique(&self) -> &dyn Technique {
+        self.kind.updater.technique()
     }
 
     /// Refuse to record a crowd that was made on another device.
     pub(crate) fn check_device(&self, device: &Arc<Device>) -> Result<()> {
-        match Arc::ptr_eq(&self.device, device) {
+        match Arc::ptr_eq(&self.kind.device, device) {
             true => Ok(()),
             false => Err(Error::invalid(
                 "the crowd belongs to another MorphEngine",
@@ -137,182 +200,125 @@ impl CrowdBase {
         }
     }
 
-    /// The technique, if it is a `T`.
-    pub(crate) fn technique<T: Technique>(&self) -> Option<&T> {
-        let any: &dyn Any = &*self.technique;
-        any.downcast_ref()
-    }
-
-    pub(super) fn technique_mut<T: Technique>(&mut self) -> Option<&mut T> {
-        let any: &mut dyn Any = &mut *self.technique;
-        any.downcast_mut()
-    }
-
-    pub fn cut(&mut self, instance: u32) -> Result<()> {
-        self.instances.cut(instance)?;
-        self.technique.cut(instance);
-        self.after.cut(instance);
-        Ok(())
-    }
-
-    pub fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<()> {
-        if self.instances.set_hidden(instance, hidden)? {
-            self.technique.set_hidden(instance, hidden);
-            self.after.renew(instance);
-        }
-        Ok(())
-    }
-
-    pub fn add(&mut self) -> Result<u32> {
-        let instance = self.instances.add()?;
-        self.technique.add(instance);
-        Ok(instance)
-    }
-
-    pub fn remove(&mut self, instance: u32) -> Result<()> {
-        self.instances.remove(instance)?;
-        self.technique.set_hidden(instance, true);
-        self.after.remove(instance);
-        Ok(())
-    }
-
+    /// The update of `ticket` and all later ones will never run (their command buffers were reset or dropped): what
+    /// they would have written is unknown now, and the next update does it again. An update that was discarded before
+    /// stays so: nothing changes then.
+    ///
+    /// That none of them will run is an obligation of the caller, named in the `# Safety` section of
+    /// [`record_update`](super::MorphEngine::record_update): the next update takes over the memory of their lists.
+    ///
+    /// # Errors
+    /// A ticket of another crowd.
     pub fn discard(&mut self, ticket: Ticket) -> Result<()> {
         if self.is_discarded(ticket)? {
             return Ok(());
         }
         // Later ranges are part of this one, the last earlier one may end where it begins, and only so many are
         // kept: a ticket between the two oldest is taken for one that was discarded before.
-        let update = ticket.id.update;
-        self.discarded.retain(|updates| *updates.start() < update);
+        let (update, kind) = (ticket.id.update, &mut self.kind);
+        kind.discarded.retain(|updates| *updates.start() < update);
         let mut first = update;
-        if let Some(before) = self.discarded.pop_if(|updates| *updates.end() + 1 == update) {
+        if let Some(before) = kind.discarded.pop_if(|updates| *updates.end() + 1 == update) {
             first = *before.start();
         }
-        if self.discarded.len() == DISCARDED_RANGES {
-            let oldest = self.discarded.remove(0);
-            self.discarded[0] = *oldest.start()..=*self.discarded[0].end();
+        if kind.discarded.len() == DISCARDED_RANGES {
+            let oldest = kind.discarded.remove(0);
+            kind.discarded[0] = *oldest.start()..=*kind.discarded[0].end();
         }
-        self.discarded.push(first..=self.updates);
+        kind.discarded.push(first..=self.updates);
         self.instances.discard_from(update);
-        self.technique.discard_from(ticket.id);
-        self.after.discard_from(update);
-        self.recorded = self.recorded.min(ticket.id.recorded);
+        kind.updater.technique_mut().discard_from(ticket.id);
+        kind.after.discard_from(update);
+        kind.recorded = kind.recorded.min(ticket.id.recorded);
         Ok(())
     }
 
     /// Whether the update of a ticket was discarded. A ticket of another crowd is refused.
+    #[doc(hidden)]
     pub fn is_discarded(&self, ticket: Ticket) -> Result<bool> {
-        if ticket.crowd != self.crowd {
+        if ticket.crowd != self.kind.number {
             return Err(Error::invalid("the ticket is of another crowd", "discard it in the crowd that was updated"));
         }
-        Ok(self.discarded.iter().any(|updates| updates.contains(&ticket.id.update)))
+        Ok(self.kind.discarded.iter().any(|updates| updates.contains(&ticket.id.update)))
     }
 
     /// Updates that recorded something from that of `ticket` on.
+    #[doc(hidden)]
     pub fn recorded_since(&self, ticket: Ticket) -> u64 {
-        self.recorded.saturating_sub(ticket.id.recorded)
+        self.kind.recorded.saturating_sub(ticket.id.recorded)
     }
 
     /// The update planned last, all of it or in part, will never run.
     pub(super) fn discard_last(&mut self) {
-        if let Some(id) = self.last {
+        if let Some(id) = self.kind.last {
             // The ticket is of this crowd: there is no error.
-            let _ = self.discard(Ticket { crowd: self.crowd, id });
+            let _ = self.discard(Ticket { crowd: self.kind.number, id });
         }
-    }
-
-    pub fn shown(&self) -> impl Iterator<Item = u32> {
-        self.instances.requested().zip(0..).filter_map(|(requested, i)| requested.map(|_| i))
-    }
-
-    /// See [`Crowd::changed`](super::Crowd::changed).
-    #[cfg(feature = "internals")]
-    pub(super) fn changed(&self, instance: u32) -> Vec<std::ops::Range<u32>> {
-        let mut changed = vec![];
-        if let (Some(id), Ok(_)) = (self.last, self.instances.check(instance)) {
-            self.technique.changed(&self.instances, id, instance, &mut changed);
-        }
-        changed
-    }
-
-    /// See [`Crowd::begin_at`](super::Crowd::begin_at).
-    #[cfg(feature = "internals")]
-    pub(super) fn begin_at(&mut self, updates: u64) {
-        (self.updates, self.recorded) = (updates, updates);
-        self.technique.begin_at(updates);
     }
 
     /// The groups of the mesh, and the poses in them.
     pub(crate) fn groups(&self) -> &[PoseGroup] {
-        &self.groups
+        &self.kind.groups
     }
 
     /// What the steps of the update that wrote poses last did to them.
     pub(super) fn writes_of_poses(&self) -> impl Iterator<Item = &'static Use> {
-        let uses = self.wrote.iter().flat_map(|uses| uses.iter());
+        let uses = self.kind.wrote.iter().flat_map(|uses| uses.iter());
         uses.filter(|used| used.memory == Resource::Poses && used.access.writes())
     }
 
-    pub(super) fn layout(&self) -> &PackedLayout {
-        &self.groups[0].mesh.layout
-    }
-
-    /// The grid of the first group; that of others may have other units, and the same weights.
-    pub(super) fn grid(&self) -> Option<PoseGrid> {
-        self.groups[0].poses.grid
-    }
-
+    /// The pose of an instance in a group of the mesh.
+    #[doc(hidden)]
     pub fn group_pose(&self, instance: u32, group: usize) -> Result<PoseView> {
         let (slot, _) = self.slots_of(instance)?;
         self.check_has_poses()?;
-        if group >= self.groups.len() {
-            let text = format!("group {group} of mesh '{}', which has {}", self.layout().name, self.groups.len());
+        if group >= self.kind.groups.len() {
+            let text = format!("group {group} of mesh '{}', which has {}", self.layout().name, self.kind.groups.len());
             return Err(Error::invalid(text, "count groups from 0"));
         }
         Ok(self.view(instance, slot, group))
     }
 
     /// The draws that evaluate poses, on paths that have no pose buffers.
+    #[doc(hidden)]
     pub fn draws(&self, group: usize) -> Option<&dyn PoseDraws> {
-        self.technique.draws(group)
+        self.technique().draws(group)
     }
 
-    fn check_has_poses(&self) -> Result<()> {
-        if self.technique.draws(0).is_none() {
+    pub(super) fn check_has_poses(&self) -> Result<()> {
+        if self.technique().draws(0).is_none() {
             return Ok(());
         }
         Err(Error::invalid(
-            format!("the path '{}' has no pose buffers", self.desc.update.path.name()),
+            format!("the path '{}' has no pose buffers", self.kind.desc.update.path.name()),
             "its draws evaluate poses: use a path with pose buffers, such as 'compute'",
         ))
     }
 
+    /// The previous pose of an instance in a group of the mesh.
+    #[doc(hidden)]
     pub fn previous_group_pose(&self, instance: u32, group: usize) -> Result<Option<PoseView>> {
         let (_, previous) = self.slots_of(instance)?;
-        Ok(previous.filter(|_| self.technique.draws(0).is_none()).map(|slot| self.view(instance, slot, group)))
+        Ok(previous.filter(|_| self.technique().draws(0).is_none()).map(|slot| self.view(instance, slot, group)))
     }
 
     /// The group that has a stream, and where.
     pub(super) fn place(&self, semantic: Semantic) -> Result<(usize, StreamPlace)> {
-        views::place(self.groups.iter().map(|group| &group.mesh.layout), semantic)
+        views::place(self.kind.groups.iter().map(|group| &group.mesh.layout), semantic)
     }
 
     /// Slots of the pose and of the previous pose.
+    #[doc(hidden)]
     pub fn slots_of(&self, instance: u32) -> Result<(u32, Option<u32>)> {
         let place = self.instances.check(instance)?;
         let none = || Error::invalid(format!("instance {instance} has no pose yet"), "record an update first");
-        self.technique.slots_of(&self.instances, place).ok_or_else(none)
+        self.technique().slots_of(&self.instances, place).ok_or_else(none)
     }
 
+    /// The pose in a slot of an instance, in a group of the mesh.
+    #[doc(hidden)]
     pub fn view(&self, instance: u32, slot: u32, group: usize) -> PoseView {
-        PoseView::new(&self.groups[group].poses, instance, slot)
-    }
-
-    /// See [`Crowd::pose_buffer`](super::Crowd::pose_buffer).
-    pub(super) fn pose_buffer(&self, semantic: Semantic) -> Result<PoseBuffer> {
-        self.check_has_poses()?;
-        let (group, place) = self.place(semantic)?;
-        PoseBuffer::new(&self.groups[group].poses, place)
+        PoseView::new(&self.kind.groups[group].poses, instance, slot)
     }
 
     /// Change what follows the pose of an instance, by what `set` does.
@@ -324,9 +330,9 @@ impl CrowdBase {
     ) -> Result<()> {
         self.instances.check(instance)?;
         self.check_has_poses()?;
-        let (group, frames) = (&self.groups[0], self.desc.frames_in_flight);
-        set(&mut self.after, &Place { device: &self.device, kernels, group, frames, instance })?;
-        self.steps.read_besides(self.after.outputs());
+        let OnDevice { after, groups, steps, desc, device, .. } = &mut self.kind;
+        set(after, &Place { device, kernels, group: &groups[0], frames: desc.frames_in_flight, instance })?;
+        steps.read_besides(after.outputs());
         Ok(())
     }
 
@@ -335,12 +341,12 @@ impl CrowdBase {
     /// # Safety
     /// As [`Technique::record`].
     pub(super) unsafe fn record(&self, cmd: vk::CommandBuffer, work: &Work) {
-        let frame = self.last.map_or(0, |id| id.frame);
+        let frame = self.kind.last.map_or(0, |id| id.frame);
         match work.owner {
             // SAFETY: the caller's obligations.
-            Owner::Technique => unsafe { self.technique.record(cmd, frame, work) },
+            Owner::Technique => unsafe { self.technique().record(cmd, frame, work) },
             // SAFETY: as above.
-            Owner::Step(kind) => unsafe { self.after.record(cmd, frame, kind, work) },
+            Owner::Step(kind) => unsafe { self.kind.after.record(cmd, frame, kind, work) },
         }
     }
 
@@ -348,26 +354,27 @@ impl CrowdBase {
     #[cfg(feature = "internals")]
     pub(super) fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
         match works[0].owner {
-            Owner::Technique => self.technique.accesses(works),
-            Owner::Step(kind) => self.after.accesses(kind, works),
+            Owner::Technique => self.technique().accesses(works),
+            Owner::Step(kind) => self.kind.after.accesses(kind, works),
         }
     }
 
     /// Plan an update, and take it as done. Where this fails, [`discard_last`](Self::discard_last) has to follow.
     pub(super) fn plan(&mut self) -> Result<Update> {
         self.updates += 1;
-        self.steps.clear();
+        let OnDevice { updater, after, steps, wrote, last, desc, recorded, .. } = &mut self.kind;
+        steps.clear();
         // Lists lie where the update lies that is `frames_in_flight` older.
-        let frame = (self.recorded + 1) % u64::from(self.desc.frames_in_flight);
-        let id = UpdateId { update: self.updates, recorded: self.recorded, frame };
-        self.last = Some(id);
-        let stats = self.technique.plan(&mut self.instances, id, &mut self.steps)?;
-        if !self.steps.is_empty() {
-            self.wrote.clear();
-            self.wrote.extend(self.steps.uses());
+        let frame = (*recorded + 1) % u64::from(desc.frames_in_flight);
+        let id = UpdateId { update: self.updates, recorded: *recorded, frame };
+        *last = Some(id);
+        let stats = updater.technique_mut().plan(&mut self.instances, id, steps)?;
+        if !steps.is_empty() {
+            wrote.clear();
+            wrote.extend(steps.uses());
         }
-        self.after.plan(&*self.technique, &self.instances, id, &self.wrote, &mut self.steps)?;
-        self.recorded += u64::from(!self.steps.is_empty());
-        Ok(Update { ticket: Ticket { crowd: self.crowd, id }, stats })
+        after.plan(updater.technique(), &self.instances, id, wrote, steps)?;
+        *recorded += u64::from(!steps.is_empty());
+        Ok(Update { ticket: Ticket { crowd: self.kind.number, id }, stats })
     }
 }

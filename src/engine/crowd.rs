@@ -1,266 +1,189 @@
-//! Crowds: instances of one mesh whose weights are set, or that play clips on the GPU.
+//! Crowds on a device: instances of one mesh whose weights are set, or that play clips on the GPU.
 
-use super::base::sealed::Sealed;
-use super::base::{AnyCrowd, CrowdBase, Ticket};
+use super::base::{OnDevice, Updater};
 use super::poses;
 use super::views::{PoseBuffer, PoseView, StreamView};
+use crate::after::SkinnedView;
+use crate::after::skin::Skin;
 use crate::asset::streams::Semantic;
+use crate::crowd::{CrowdBase, TakesWeights};
 use crate::error::Result;
+use crate::gpu::memory::Buffer;
 use crate::lod::{Camera, Place};
-use crate::pack::{PackedLayout, PackedMesh};
-use crate::plan::instances::{check_weight, check_weights, target_named};
+use crate::pack::PackedMesh;
 use crate::update::animated::{Animated, Clips, Playback};
 use crate::update::crowd::CrowdDesc;
+use crate::update::technique::Technique;
 
 /// Instances of one mesh on the device, whose weights are set. [`MorphEngine`](crate::MorphEngine)
 /// says what the caller is responsible for.
-pub struct Crowd {
-    pub(crate) base: CrowdBase,
-}
+pub type Crowd = CrowdBase<OnDevice<Weighted>>;
 
 /// Instances of one mesh on the device that play clips: weights are sampled, planned and applied on the GPU.
 /// [`MorphEngine`](crate::MorphEngine) says what the caller is responsible for.
-pub struct AnimatedCrowd {
-    pub(crate) base: CrowdBase,
+pub type AnimatedCrowd = CrowdBase<OnDevice<Playing>>;
+
+/// What updates a [`Crowd`]: the technique of its path.
+pub struct Weighted {
+    // Before the buffers that its descriptor sets name.
+    technique: Box<dyn Technique>,
+    _poses: Vec<Buffer>,
 }
 
-/// What every crowd does.
-macro_rules! crowd {
-    ($crowd:ty) => {
-        impl Sealed for $crowd {
-            fn base(&self) -> &CrowdBase {
-                &self.base
-            }
-
-            fn base_mut(&mut self) -> &mut CrowdBase {
-                &mut self.base
-            }
-        }
-
-        impl AnyCrowd for $crowd {}
-
-        impl $crowd {
-            /// Bytes of device memory that the poses of a crowd take, in all groups of the mesh: of buffers of ours, or of
-            /// the host's ([`CrowdDesc::poses`]). On a direct path that is one, to capture into.
-            pub fn pose_bytes(mesh: &PackedMesh, desc: &CrowdDesc) -> u64 {
-                poses::bytes(mesh.groups().iter().map(|group| group.layout()), desc)
-            }
-
-            /// The buffer that a stream of all poses is in, where each pose is, and how it is stored: known before the first
-            /// update, and the same for the life of the crowd. Which slot an instance's pose is in,
-            /// [`pose`](Self::pose) says.
-            ///
-            /// # Errors
-            /// A direct path, which has no pose buffers; a stream that the mesh does not have, or that is not stored in the
-            /// host's own vertices.
-            pub fn pose_buffer(&self, semantic: Semantic) -> Result<PoseBuffer> {
-                self.base.pose_buffer(semantic)
-            }
-
-            /// How the crowd was made.
-            pub fn desc(&self) -> &CrowdDesc {
-                &self.base.desc
-            }
-
-            /// The next pose of `instance` has no predecessor (it was teleported, say): its previous pose will be the pose
-            /// itself, so that motion vectors come out as zero. [`set_hidden`](Self::set_hidden) does this by itself.
-            ///
-            /// # Errors
-            /// An instance out of range or removed.
-            pub fn cut(&mut self, instance: u32) -> Result<()> {
-                self.base.cut(instance)
-            }
-
-            /// Hide `instance`, or show it again. A hidden one is left out of updates, whatever is requested of it, and
-            /// keeps its pose; shown again, it catches up in the next update, and its previous pose is the pose itself
-            /// then.
-            ///
-            /// # Errors
-            /// An instance out of range or removed.
-            pub fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<()> {
-                self.base.set_hidden(instance, hidden)
-            }
-
-            /// Add an instance, in a place that [`remove`](Self::remove) freed: shown, with all weights 0 and the crowd's
-            /// error budget. The next update writes its pose from base. A crowd begins with all its [`CrowdDesc::instances`] in place, and has
-            /// no room for more.
-            ///
-            /// # Errors
-            /// No free place.
-            pub fn add(&mut self) -> Result<u32> {
-                self.base.add()
-            }
-
-            /// Take an instance out of the crowd. Its memory stays the crowd's, for the next to be added.
-            ///
-            /// # Errors
-            /// An instance out of range, or removed before.
-            pub fn remove(&mut self, instance: u32) -> Result<()> {
-                self.base.remove(instance)
-            }
-
-            /// The update of `ticket` and all later ones will never run (their command buffers were reset or dropped):
-            /// what they would have written is unknown now, and the next update does it again. An update that was
-            /// discarded before stays so: nothing changes then.
-            ///
-            /// That none of them will run is an obligation of the caller, named in the `# Safety` section of
-            /// [`record_update`](super::MorphEngine::record_update): the next update takes over the memory of their
-            /// lists.
-            ///
-            /// # Errors
-            /// A ticket of another crowd.
-            pub fn discard(&mut self, ticket: Ticket) -> Result<()> {
-                self.base.discard(ticket)
-            }
-
-            /// The instances that are shown, ascending.
-            pub fn shown(&self) -> impl Iterator<Item = u32> {
-                self.base.shown()
-            }
-
-            /// The pose of `instance` once the updates recorded so far have run.
-            ///
-            /// # Errors
-            /// An instance out of range or removed; no update recorded yet, or its update was discarded; a direct path,
-            /// which has no pose buffers.
-            pub fn pose(&self, instance: u32) -> Result<PoseView> {
-                self.base.group_pose(instance, 0)
-            }
-
-            /// The pose of `instance` before its last update: the pose itself when nothing changed, on its first
-            /// update, and after [`cut`](Self::cut); `None` where the update had to overwrite it (one slot; several
-            /// feedback passes in two slots), and on direct paths.
-            ///
-            /// # Errors
-            /// As [`pose`](Self::pose).
-            pub fn previous_pose(&self, instance: u32) -> Result<Option<PoseView>> {
-                self.base.previous_group_pose(instance, 0)
-            }
-
-            /// Vertices that the update recorded last changed in the pose of `instance`, as ranges in the order of pose
-            /// buffers: ascending, whole blocks on the path `blocks`; all where only the GPU knows. The last range may
-            /// go on behind the last vertex.
-            #[cfg(feature = "internals")]
-            #[doc(hidden)]
-            pub fn changed(&self, instance: u32) -> Vec<std::ops::Range<u32>> {
-                self.base.changed(instance)
-            }
-
-            /// Count as if so many updates had been recorded and run; epochs begin at the low 32 bits. Lets tests cross the
-            /// wraps of numbers, before the first update.
-            #[cfg(feature = "internals")]
-            #[doc(hidden)]
-            pub fn begin_at(&mut self, updates: u64) {
-                self.base.begin_at(updates);
-            }
-
-            /// A stream of the [pose](Self::pose) of `instance`: any that the mesh has.
-            ///
-            /// # Errors
-            /// As [`pose`](Self::pose); a stream that the mesh does not have, or that is not stored in the host's own
-            /// vertices.
-            pub fn stream(&self, instance: u32, semantic: Semantic) -> Result<StreamView> {
-                let (group, place) = self.base.place(semantic)?;
-                self.base.group_pose(instance, group)?.stream(place)
-            }
-
-            /// A stream of the [previous pose](Self::previous_pose) of `instance`.
-            ///
-            /// # Errors
-            /// As [`stream`](Self::stream).
-            pub fn previous_stream(&self, instance: u32, semantic: Semantic) -> Result<Option<StreamView>> {
-                let (group, place) = self.base.place(semantic)?;
-                self.base.previous_group_pose(instance, group)?.map(|pose| pose.stream(place)).transpose()
-            }
-        }
-    };
+/// What updates an [`AnimatedCrowd`].
+pub struct Playing {
+    // As above.
+    animated: Animated,
+    _poses: Vec<Buffer>,
 }
 
-crowd!(Crowd);
-crowd!(AnimatedCrowd);
-
-impl Crowd {
-    /// Request these weights, one per target in the mesh's order, from the next recorded update on.
-    ///
-    /// # Errors
-    /// An instance out of range or removed; a wrong number of weights; one that is not finite or out of range; more
-    /// active targets than a draw of `direct-attributes` takes. Nothing changes then.
-    pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
-        self.check_weights(instance, weights)?;
-        self.base.instances.set_weights(instance, weights)
-    }
-
-    pub(super) fn check_weights(&self, instance: u32, weights: &[f32]) -> Result<()> {
-        self.base.instances.check(instance)?;
-        check_weights(weights, self.base.layout(), self.base.grid())?;
-        self.base.technique.check_weights(weights)
-    }
-
-    /// Request the weight of one target, from the next recorded update on; the others stay as requested. `target` counts
-    /// in the mesh's order, as [`PackedLayout::target_index`](crate::PackedLayout::target_index) does.
-    ///
-    /// # Errors
-    /// A target out of range; else as [`set_weights`](Self::set_weights). Nothing changes then.
-    pub fn set_weight(&mut self, instance: u32, target: usize, weight: f32) -> Result<()> {
-        let base = &mut self.base;
-        base.instances.check(instance)?;
-        check_weight(target, weight, base.layout(), base.grid())?;
-        let before = base.instances.set_weight(instance, target, weight)?;
-        // A weight of 0 asks for nothing, whatever the others do.
-        let checked = match weight == 0.0 {
-            true => Ok(()),
-            false => base.technique.check_weights(base.instances.weights(instance)?),
-        };
-        if checked.is_err() {
-            base.instances.set_weight(instance, target, before)?;
-        }
-        checked
-    }
-
-    /// Request the weight of the target called `name`, of several the first: as [`set_weight`](Self::set_weight), after a
-    /// search through the names.
-    ///
-    /// # Errors
-    /// No such target, with the one that was probably meant; else as [`set_weights`](Self::set_weights).
-    pub fn set_weight_by_name(&mut self, instance: u32, name: &str, weight: f32) -> Result<()> {
-        let target = target_named(name, self.base.layout())?;
-        self.set_weight(instance, target, weight)
-    }
-
-    /// How far a vertex of `instance` may be from where the requested weights would put it, from the next recorded update on, in
-    /// place of [`UpdateDesc::error_budget`](field@crate::UpdateDesc::error_budget), which is the most it can be: in input units.
-    /// [`lod::LevelDesc::error_budget`](crate::lod::LevelDesc::error_budget) makes it of pixels. What is deferred beyond a smaller one
-    /// is applied in the next update. A crowd that grows starts with the budget that it is made with.
-    ///
-    /// # Errors
-    /// An instance out of range or removed; a number that is not from 0 to the crowd's budget; a path without error budgets.
-    pub fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()> {
-        self.base.instances.check(instance)?;
-        self.base.technique.set_error_budget(instance, budget)
-    }
-
-    /// The weights requested of `instance`, one per target in the mesh's order, as they were set: poses of integers round
-    /// them to their grid, and an error budget may hold some back.
-    ///
-    /// # Errors
-    /// An instance out of range or removed.
-    pub fn weights(&self, instance: u32) -> Result<&[f32]> {
-        self.base.instances.weights(instance)
-    }
-
-    /// Names, steps and sizes of the mesh: of positions and normals.
-    pub fn layout(&self) -> &PackedLayout {
-        self.base.layout()
+impl Weighted {
+    pub(super) fn new(technique: Box<dyn Technique>, poses: Vec<Buffer>) -> Self {
+        Self { technique, _poses: poses }
     }
 }
 
+impl Playing {
+    pub(super) fn new(animated: Animated, poses: Vec<Buffer>) -> Self {
+        Self { animated, _poses: poses }
+    }
+}
+
+impl Updater for Weighted {
+    fn technique(&self) -> &dyn Technique {
+        &*self.technique
+    }
+
+    fn technique_mut(&mut self) -> &mut dyn Technique {
+        &mut *self.technique
+    }
+}
+
+impl Updater for Playing {
+    fn technique(&self) -> &dyn Technique {
+        &self.animated
+    }
+
+    fn technique_mut(&mut self) -> &mut dyn Technique {
+        &mut self.animated
+    }
+}
+
+impl TakesWeights for OnDevice<Weighted> {
+    fn check_weights(&self, weights: &[f32]) -> Result<()> {
+        self.updater.technique.check_weights(weights)
+    }
+
+    fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()> {
+        self.updater.technique.set_error_budget(instance, budget)
+    }
+}
+
+/// What crowds on a device do: [`Crowd`] and [`AnimatedCrowd`].
+impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
+    /// Bytes of device memory that the poses of a crowd take, in all groups of the mesh: of buffers of ours, or of
+    /// the host's ([`CrowdDesc::poses`]). On a direct path that is one, to capture into.
+    pub fn pose_bytes(mesh: &PackedMesh, desc: &CrowdDesc) -> u64 {
+        poses::bytes(mesh.groups().iter().map(|group| group.layout()), desc)
+    }
+
+    /// The buffer that a stream of all poses is in, where each pose is, and how it is stored: known before the first
+    /// update, and the same for the life of the crowd. Which slot an instance's pose is in,
+    /// [`pose`](Self::pose) says.
+    ///
+    /// # Errors
+    /// A direct path, which has no pose buffers; a stream that the mesh does not have, or that is not stored in the
+    /// host's own vertices.
+    pub fn pose_buffer(&self, semantic: Semantic) -> Result<PoseBuffer> {
+        self.check_has_poses()?;
+        let (group, place) = self.place(semantic)?;
+        PoseBuffer::new(&self.groups()[group].poses, place)
+    }
+
+    /// How the crowd was made.
+    pub fn desc(&self) -> &CrowdDesc {
+        &self.kind.desc
+    }
+
+    /// The pose of `instance` once the updates recorded so far have run.
+    ///
+    /// # Errors
+    /// An instance out of range or removed; no update recorded yet, or its update was discarded; a direct path,
+    /// which has no pose buffers.
+    pub fn pose(&self, instance: u32) -> Result<PoseView> {
+        self.group_pose(instance, 0)
+    }
+
+    /// The pose of `instance` before its last update: the pose itself when nothing changed, on its first
+    /// update, and after [`cut`](Self::cut); `None` where the update had to overwrite it (one slot; several
+    /// feedback passes in two slots), and on direct paths.
+    ///
+    /// # Errors
+    /// As [`pose`](Self::pose).
+    pub fn previous_pose(&self, instance: u32) -> Result<Option<PoseView>> {
+        self.previous_group_pose(instance, 0)
+    }
+
+    /// A stream of the [pose](Self::pose) of `instance`: any that the mesh has.
+    ///
+    /// # Errors
+    /// As [`pose`](Self::pose); a stream that the mesh does not have, or that is not stored in the host's own
+    /// vertices.
+    pub fn stream(&self, instance: u32, semantic: Semantic) -> Result<StreamView> {
+        let (group, place) = self.place(semantic)?;
+        self.group_pose(instance, group)?.stream(place)
+    }
+
+    /// A stream of the [previous pose](Self::previous_pose) of `instance`.
+    ///
+    /// # Errors
+    /// As [`stream`](Self::stream).
+    pub fn previous_stream(&self, instance: u32, semantic: Semantic) -> Result<Option<StreamView>> {
+        let (group, place) = self.place(semantic)?;
+        self.previous_group_pose(instance, group)?.map(|pose| pose.stream(place)).transpose()
+    }
+
+    /// The joints of a skinned instance moved: from the next recorded update on they are those at `offset` of the
+    /// buffer of joints that its [target](crate::after::SkinTarget) names, in bytes, a multiple of 16. It may be
+    /// the same place, where the host's barriers see to that; with several frames in flight and joints that the host
+    /// writes it has to be one of several in turn.
+    ///
+    /// # Errors
+    /// An instance out of range or removed, or one that is not skinned; joints that reach beyond their buffer.
+    /// Nothing changes then.
+    pub fn set_joints(&mut self, instance: u32, offset: u64) -> Result<()> {
+        self.instances.check(instance)?;
+        Skin::set_joints(&mut self.kind.after, instance, offset)
+    }
+
+    /// Where the skinned pose of an instance is once the updates recorded so far have run.
+    ///
+    /// # Errors
+    /// An instance out of range or removed, or one that is not skinned; no update recorded yet, or its update was
+    /// discarded.
+    pub fn skinned(&self, instance: u32) -> Result<SkinnedView> {
+        self.instances.check(instance)?;
+        Skin::view(&self.kind.after, instance)
+    }
+
+    /// Count as if so many updates had been recorded and run; epochs begin at the low 32 bits. Lets tests cross the
+    /// wraps of numbers, before the first update.
+    #[cfg(feature = "internals")]
+    #[doc(hidden)]
+    pub fn begin_at(&mut self, updates: u64) {
+        (self.updates, self.kind.recorded) = (updates, updates);
+        self.kind.updater.technique_mut().begin_at(updates);
+    }
+}
+
+/// What only crowds do that play clips: [`AnimatedCrowd`].
 impl AnimatedCrowd {
     /// Play a clip from the next recorded update on.
     ///
     /// # Errors
     /// An instance or clip out of range; a speed or start that is no number or too large.
     pub fn play(&mut self, instance: u32, playback: &Playback) -> Result<()> {
-        self.base.instances.check(instance)?;
+        self.instances.check(instance)?;
         let Animated { playbacks, clips, .. } = self.animated_mut();
         playbacks.play(instance, playback, clips)
     }
@@ -276,7 +199,7 @@ impl AnimatedCrowd {
     /// # Errors
     /// An instance out of range; a number below 0, or none; a crowd that was made without an order of importance.
     pub fn set_level(&mut self, instance: u32, level: f32) -> Result<()> {
-        self.base.instances.check(instance)?;
+        self.instances.check(instance)?;
         let Animated { playbacks, clips, .. } = self.animated_mut();
         playbacks.set_level(instance, level, clips)
     }
@@ -311,7 +234,7 @@ impl AnimatedCrowd {
     /// An instance out of range; a place that there cannot be; a crowd that was made without
     /// [`AnimationDesc::level`](field@crate::AnimationDesc::level).
     pub fn set_place(&mut self, instance: u32, place: &Place) -> Result<()> {
-        self.base.instances.check(instance)?;
+        self.instances.check(instance)?;
         let Animated { playbacks, clips, .. } = self.animated_mut();
         playbacks.set_place(instance, place, clips)
     }
@@ -339,12 +262,10 @@ impl AnimatedCrowd {
     }
 
     pub(crate) fn animated(&self) -> &Animated {
-        let Some(animated) = self.base.technique() else { unreachable!("made so in `create_animated_crowd`") };
-        animated
+        &self.kind.updater.animated
     }
 
     fn animated_mut(&mut self) -> &mut Animated {
-        let Some(animated) = self.base.technique_mut() else { unreachable!("made so in `create_animated_crowd`") };
-        animated
+        &mut self.kind.updater.animated
     }
 }

@@ -1,23 +1,25 @@
 //! Crowds that get more places.
 
 use super::MorphEngine;
-use super::base::CrowdBase;
-use super::crowd::{AnimatedCrowd, Crowd};
+use super::base::{AnyCrowd, OnDevice, Updater};
+use super::crowd::{AnimatedCrowd, Crowd, Playing, Weighted};
 use super::set::CrowdSet;
 use super::upload::GpuMesh;
+use crate::crowd::{CrowdBase, Kind};
 use crate::error::{Error, Result};
+use crate::gpu::memory::Buffer;
 use crate::plan::instances::check_weights;
 use crate::update::Runner;
 use crate::update::animated::Animated;
 use crate::update::crowd::CrowdDesc;
-use crate::update::technique::{Context, Technique};
+use crate::update::technique::Context;
 use ash::vk;
 
 /// What crowds had before they grew: pose buffers, lists, descriptor sets. To be dropped when the device has finished with the
 /// updates and draws that were recorded before.
 #[must_use = "it is in use until the updates and draws recorded before have finished"]
 pub struct Outgrown {
-    _before: Vec<CrowdBase>,
+    _before: Vec<Box<dyn AnyCrowd + Send + Sync>>,
 }
 
 impl MorphEngine {
@@ -38,7 +40,7 @@ impl MorphEngine {
     /// [`create_crowd`](Self::create_crowd), and weights that what `desc` says cannot hold. Nothing changes then.
     pub fn grow_crowd(&self, crowd: &mut Crowd, desc: &CrowdDesc) -> Result<Outgrown> {
         let grown = self.grown_crowd(crowd, desc)?;
-        Ok(Outgrown { _before: vec![std::mem::replace(&mut crowd.base, grown)] })
+        Ok(Outgrown { _before: vec![Box::new(std::mem::replace(crowd, grown))] })
     }
 
     /// [`grow_crowd`](Self::grow_crowd) for a crowd that is animated on the GPU: its instances play on, at the same time of
@@ -60,21 +62,21 @@ impl MorphEngine {
         crowd: &mut AnimatedCrowd,
         desc: &CrowdDesc,
     ) -> Result<Outgrown> {
-        let (base, before) = (&crowd.base, crowd.animated());
+        let before = crowd.animated();
         // Weights are the GPU's: none are set.
-        let grown = self.grown(base, desc, Runner::Animated(Some(&self.device.caps)), 0, |context| {
-            if Some(context.grid()) != base.grid() {
+        let grown = self.grown(crowd, desc, Runner::Animated(Some(&self.device.caps)), 0, |context, poses| {
+            if Some(context.grid()) != crowd.kind.grid() {
                 let text = "a crowd animated on the GPU that is to grow with poses or weights on another grid";
                 return Err(Error::invalid(text, "keep its pose format and weight_max: its keys are on their grid"));
             }
             let mut animated = Animated::new(context, before.clips.clone())?;
             animated.playbacks = before.playbacks.grown(desc.instances);
-            Ok(Box::new(animated))
+            Ok(Playing::new(animated, poses))
         })?;
-        let before = std::mem::replace(&mut crowd.base, grown);
+        let before = std::mem::replace(crowd, grown);
         // SAFETY: the caller's obligations.
         unsafe { crowd.animated().upload(cmd) };
-        Ok(Outgrown { _before: vec![before] })
+        Ok(Outgrown { _before: vec![Box::new(before)] })
     }
 
     /// [`grow_crowd`](Self::grow_crowd) for all crowds of a set, each with its own description and so many places.
@@ -83,53 +85,54 @@ impl MorphEngine {
     /// As there. Nothing changes then, in no crowd.
     pub fn grow_set(&self, set: &mut CrowdSet, instances: u32) -> Result<Outgrown> {
         let grown = set.crowds.iter().map(|crowd| self.grown_crowd(crowd, &crowd.desc().instances(instances)));
-        let grown: Vec<CrowdBase> = grown.collect::<Result<_>>()?;
-        let crowds = set.crowds.iter_mut().zip(grown);
-        Ok(Outgrown { _before: crowds.map(|(crowd, grown)| std::mem::replace(&mut crowd.base, grown)).collect() })
+        let grown = grown.collect::<Result<_>>()?;
+        let before = std::mem::replace(&mut set.crowds, grown);
+        Ok(Outgrown { _before: before.into_iter().map(|crowd| Box::new(crowd) as _).collect() })
     }
 
-    fn grown_crowd(&self, crowd: &Crowd, desc: &CrowdDesc) -> Result<CrowdBase> {
+    fn grown_crowd(&self, crowd: &Crowd, desc: &CrowdDesc) -> Result<Crowd> {
         let targets = crowd.layout().targets.len();
-        let grown = self
-            .grown(&crowd.base, desc, Runner::Device(&self.device.caps), targets, |context| self.technique(context))?;
+        let make = |context: Context<'_>, poses| Ok(Weighted::new(self.technique(context)?, poses));
+        let grown = self.grown(crowd, desc, Runner::Device(&self.device.caps), targets, make)?;
         for weights in grown.instances.present() {
-            check_weights(weights, grown.layout(), grown.grid())?;
-            grown.technique.check_weights(weights)?;
+            check_weights(weights, grown.layout(), grown.kind.grid())?;
+            grown.technique().check_weights(weights)?;
         }
         Ok(grown)
     }
 
     /// A crowd in the place of `before`, updated by what `make` makes; `runner` and `targets` are those of its kind.
-    fn grown(
+    fn grown<U: Updater>(
         &self,
-        before: &CrowdBase,
+        before: &CrowdBase<OnDevice<U>>,
         desc: &CrowdDesc,
         runner: Runner<'_>,
         targets: usize,
-        make: impl FnOnce(Context<'_>) -> Result<Box<dyn Technique>>,
-    ) -> Result<CrowdBase> {
+        make: impl FnOnce(Context<'_>, Vec<Buffer>) -> Result<U>,
+    ) -> Result<CrowdBase<OnDevice<U>>> {
         before.check_device(&self.device)?;
-        if desc.instances < before.desc.instances {
-            let text = format!("a crowd of {} instances that is to have {}", before.desc.instances, desc.instances);
+        if desc.instances < before.desc().instances {
+            let text = format!("a crowd of {} instances that is to have {}", before.desc().instances, desc.instances);
             return Err(Error::invalid(text, "grow it, or make another crowd"));
         }
-        if !before.after.is_empty() {
+        if !before.kind.after.is_empty() {
             let text = "a crowd with targets of steps after the pose that is to grow";
             return Err(Error::invalid(
                 text,
                 "take them away with set_decode_target or what else set them, grow, and set them again",
             ));
         }
-        if desc.poses.is_some() && desc.poses == before.desc.poses {
+        if desc.poses.is_some() && desc.poses == before.desc().poses {
             let text = "a crowd that is to grow in the vertices of the host's that it has";
             return Err(Error::invalid(text, "name other ones in CrowdDesc::poses: draws may still read these"));
         }
         let mesh = GpuMesh::of(before.groups().iter().map(|group| group.mesh.clone()).collect());
         self.check_crowd(&mesh, desc, runner)?;
-        let mut grown = CrowdBase::new(&self.device, &self.kernels, &mesh, desc, targets, make)?;
+        let mut grown = CrowdBase::on_device(&self.device, &self.kernels, &mesh, desc, targets, make)?;
         grown.instances = before.instances.grown(desc.instances as usize, desc.update.slots, desc.frames_in_flight);
-        (grown.crowd, grown.updates, grown.recorded) = (before.crowd, before.updates, before.recorded);
-        grown.discarded.clone_from(&before.discarded);
+        (grown.updates, grown.kind.number, grown.kind.recorded) =
+            (before.updates, before.kind.number, before.kind.recorded);
+        grown.kind.discarded.clone_from(&before.kind.discarded);
         Ok(grown)
     }
 }

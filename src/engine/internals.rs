@@ -1,11 +1,11 @@
 //! What packages of this repository ask of engines, meshes and crowds, beside what hosts do.
 
-use super::base::CrowdBase;
+use super::base::{OnDevice, Updater};
 use super::{AnimatedCrowd, GpuMesh, MorphEngine};
+use crate::crowd::CrowdBase;
 use crate::error::Result;
 use crate::gpu::device::Device;
 use crate::update::animated::PlannedGroup;
-use crate::update::crowd::CrowdDesc;
 use ash::vk;
 use std::sync::Arc;
 
@@ -25,15 +25,11 @@ impl GpuMesh {
     }
 }
 
-impl CrowdBase {
-    /// How the crowd was made.
-    pub fn desc(&self) -> &CrowdDesc {
-        &self.desc
-    }
-
+impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
     /// See [`Technique::sums`](crate::update::technique::Technique::sums).
+    #[doc(hidden)]
     pub fn sums(&self, instance: u32) -> Option<(vk::Buffer, u64)> {
-        self.technique.sums(instance)
+        self.technique().sums(instance)
     }
 }
 

@@ -13,7 +13,7 @@ mod set;
 mod upload;
 mod views;
 
-pub use base::{AnyCrowd, Ticket, Update};
+pub use base::{AnyCrowd, DeviceCrowd, Ticket, Update};
 pub use crowd::{AnimatedCrowd, Crowd};
 pub use grow::Outgrown;
 pub use readback::{PoseReadback, ReadPose};
@@ -28,12 +28,13 @@ use crate::gpu::device::{Device, DeviceDesc};
 use crate::gpu::pipelines::Kernels;
 use crate::pack::blocks::BlockDesc;
 use crate::pack::{DeltaFormat, PackDesc};
+use crate::update::Runner;
 use crate::update::animated::{Animated, AnimationDesc, Clips};
 use crate::update::crowd::CrowdDesc;
+use crate::update::technique;
 use crate::update::technique::{Context, Technique, Techniques};
-use crate::update::{Runner, technique};
 use ash::vk;
-use base::CrowdBase;
+use crowd::{Playing, Weighted};
 use std::sync::{Arc, OnceLock};
 
 /// The engine: the host's device and the pipelines made so far.
@@ -156,8 +157,8 @@ impl MorphEngine {
     pub fn create_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc) -> Result<Crowd> {
         self.check_crowd(mesh, desc, Runner::Device(&self.device.caps))?;
         let targets = mesh.layout().targets.len();
-        let base = CrowdBase::new(&self.device, &self.kernels, mesh, desc, targets, |context| self.technique(context))?;
-        Ok(Crowd { base })
+        let make = |context: Context<'_>, poses| Ok(Weighted::new(self.technique(context)?, poses));
+        Crowd::on_device(&self.device, &self.kernels, mesh, desc, targets, make)
     }
 
     /// Refuse a mesh that was uploaded elsewhere.
@@ -222,10 +223,10 @@ impl MorphEngine {
     ) -> Result<AnimatedCrowd> {
         self.check_crowd(mesh, desc, Runner::Animated(Some(&self.device.caps)))?;
         // Weights are the GPU's: none are set.
-        let base = CrowdBase::new(&self.device, &self.kernels, mesh, desc, 0, |context| {
-            Ok(Box::new(Animated::new(context, Clips::new(animation, context.layout(), context.grid())?)?))
+        let crowd = AnimatedCrowd::on_device(&self.device, &self.kernels, mesh, desc, 0, |context, poses| {
+            let clips = Clips::new(animation, context.layout(), context.grid())?;
+            Ok(Playing::new(Animated::new(context, clips)?, poses))
         })?;
-        let crowd = AnimatedCrowd { base };
         // SAFETY: the caller's obligations.
         unsafe { crowd.animated().upload(cmd) };
         Ok(crowd)

@@ -1,7 +1,7 @@
 //! Poses copied to host memory, and decoded there.
 
 use super::MorphEngine;
-use super::base::{AnyCrowd, CrowdBase};
+use super::base::{AnyCrowd, DeviceCrowd};
 use super::views::PoseView;
 use crate::asset::streams::{Semantic, StreamPlace};
 use crate::error::Result;
@@ -75,7 +75,12 @@ impl PoseReadback {
     /// - What was recorded with this value before has finished, or never runs.
     /// - This value and the crowd live until the device has finished.
     /// - Vertices of the host's own that poses are in were made as source of copies, too.
-    pub unsafe fn record(&mut self, cmd: vk::CommandBuffer, crowd: &impl AnyCrowd, instances: &[u32]) -> Result<()> {
+    pub unsafe fn record(
+        &mut self,
+        cmd: vk::CommandBuffer,
+        crowd: &(impl AnyCrowd + ?Sized),
+        instances: &[u32],
+    ) -> Result<()> {
         let base = crowd.base();
         base.check_device(&self.device)?;
         let groups = 0..base.groups().len();
@@ -94,7 +99,7 @@ impl PoseReadback {
     pub unsafe fn record_views(
         &mut self,
         cmd: vk::CommandBuffer,
-        crowd: &CrowdBase,
+        crowd: &DeviceCrowd,
         views: &[(u32, usize, PoseView)],
     ) -> Result<()> {
         let (mut bytes, mut regions) = (0, vec![]);

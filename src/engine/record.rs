@@ -1,7 +1,7 @@
 //! Updates: planned first, then recorded as they were planned.
 
 use super::MorphEngine;
-use super::base::{AnyCrowd, CrowdBase, Update};
+use super::base::{AnyCrowd, DeviceCrowd, Update};
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
 use crate::gpu::caps::DeviceCaps;
@@ -46,7 +46,7 @@ impl MorphEngine {
     ///   panic, and is not run then.
     /// - Engine, mesh and crowd live until the device has finished, and so does what [`grow_crowd`](Self::grow_crowd) or
     ///   [`grow_set`](Self::grow_set) returned: earlier updates use it.
-    pub unsafe fn record_update(&self, cmd: vk::CommandBuffer, crowd: &mut impl AnyCrowd) -> Result<Update> {
+    pub unsafe fn record_update(&self, cmd: vk::CommandBuffer, crowd: &mut (impl AnyCrowd + ?Sized)) -> Result<Update> {
         let (mut crowds, mut update) = ([crowd.base_mut()], None);
         let planned = self.plan(&mut crowds, |planned| update = Some(planned))?;
         // SAFETY: the caller's obligations.
@@ -70,7 +70,7 @@ impl MorphEngine {
         cmd: vk::CommandBuffer,
         crowds: &mut [&mut dyn AnyCrowd],
     ) -> Result<Vec<Update>> {
-        let mut crowds: Vec<&mut CrowdBase> = crowds.iter_mut().map(|crowd| crowd.base_mut()).collect();
+        let mut crowds: Vec<&mut DeviceCrowd> = crowds.iter_mut().map(|crowd| crowd.base_mut()).collect();
         let mut updates = Vec::with_capacity(crowds.len());
         let planned = self.plan(&mut crowds, |update| updates.push(update))?;
         // SAFETY: the caller's obligations.
@@ -94,7 +94,7 @@ impl MorphEngine {
         crowds: &mut [&mut dyn AnyCrowd],
         tamper: impl FnOnce(&mut Vec<Entry>),
     ) -> Result<(Vec<Update>, Vec<crate::plan::hazards::Event>)> {
-        let mut crowds: Vec<&mut CrowdBase> = crowds.iter_mut().map(|crowd| crowd.base_mut()).collect();
+        let mut crowds: Vec<&mut DeviceCrowd> = crowds.iter_mut().map(|crowd| crowd.base_mut()).collect();
         let mut updates = vec![];
         let mut planned = self.plan(&mut crowds, |update| updates.push(update))?;
         tamper(&mut planned.schedule.entries);
@@ -108,19 +108,19 @@ impl MorphEngine {
     /// Plan an update of every crowd, and in which order all are recorded.
     fn plan<'a, 'b>(
         &self,
-        crowds: &'a mut [&'b mut CrowdBase],
+        crowds: &'a mut [&'b mut DeviceCrowd],
         mut update: impl FnMut(Update),
     ) -> Result<Planned<'a, 'b>> {
         crowds.iter().try_for_each(|crowd| crowd.check_device(&self.device))?;
-        check_families(&self.device.caps, crowds.iter().map(|crowd| crowd.desc.queue_family))?;
+        check_families(&self.device.caps, crowds.iter().map(|crowd| crowd.desc().queue_family))?;
         // Scratch space is kept from update to update.
-        let schedule = crowds.first_mut().map(|crowd| std::mem::take(&mut crowd.schedule)).unwrap_or_default();
+        let schedule = crowds.first_mut().map(|crowd| std::mem::take(&mut crowd.kind.schedule)).unwrap_or_default();
         let mut planned = Planned { crowds, begun: 0, schedule };
         for i in 0..planned.crowds.len() {
             planned.begun = i + 1;
             update(planned.crowds[i].plan()?);
         }
-        planned.schedule.fill(planned.crowds.iter().map(|crowd| &crowd.steps));
+        planned.schedule.fill(planned.crowds.iter().map(|crowd| &crowd.kind.steps));
         Ok(planned)
     }
 }
@@ -143,7 +143,7 @@ fn check_families(caps: &DeviceCaps, families: impl Iterator<Item = Option<u32>>
 
 /// Updates that are planned and not yet recorded: all are taken back when planning or recording fails or panics.
 struct Planned<'a, 'b> {
-    crowds: &'a mut [&'b mut CrowdBase],
+    crowds: &'a mut [&'b mut DeviceCrowd],
     /// Crowds of which an update is planned, or was begun to be.
     begun: usize,
     schedule: Schedule,
@@ -173,7 +173,7 @@ impl Drop for Planned<'_, '_> {
     fn drop(&mut self) {
         self.crowds[..self.begun].iter_mut().for_each(|crowd| crowd.discard_last());
         if let Some(first) = self.crowds.first_mut() {
-            first.schedule = std::mem::take(&mut self.schedule);
+            first.kind.schedule = std::mem::take(&mut self.schedule);
         }
     }
 }

@@ -28,7 +28,7 @@ impl CrowdSet {
     /// No crowd; crowds whose instances are not the same.
     pub fn new(crowds: Vec<Crowd>) -> Result<Self> {
         let instances = |crowd: &Crowd| {
-            let present = |instance: &u32| crowd.base.instances.check(*instance).is_ok();
+            let present = |instance: &u32| crowd.instances.check(*instance).is_ok();
             (crowd.desc().instances, (0..crowd.desc().instances).filter(present).collect::<Vec<_>>())
         };
         let Some(first) = crowds.first().map(instances) else {
@@ -181,7 +181,7 @@ impl CrowdSet {
             return Err(Error::invalid(text, "hand in what record_updates returned for the set"));
         }
         let mut of = self.crowds.iter().zip(&tickets);
-        of.try_for_each(|(crowd, ticket)| crowd.base.is_discarded(*ticket).map(drop))?;
+        of.try_for_each(|(crowd, ticket)| crowd.is_discarded(*ticket).map(drop))?;
         self.crowds.iter_mut().zip(tickets).try_for_each(|(crowd, ticket)| crowd.discard(ticket))
     }
 }

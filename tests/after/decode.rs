@@ -115,7 +115,7 @@ fn what_is_decoded_is_the_pose_and_only_what_changed_is_written() {
                     unsafe { HeadlessCrowd::step_tampered(from_mut(&mut crowd), &all, |_| {}) }.expect(&what);
                 if let Some(twin) = &mut twin {
                     (0..3).for_each(|i| twin.set_hidden(i, hidden).expect("an instance"));
-                    all.iter().enumerate().for_each(|(i, weights)| twin.set_weights(i, weights).expect("weights"));
+                    (0..).zip(&all).for_each(|(i, weights)| twin.set_weights(i, weights).expect("weights"));
                     twin.update();
                 }
                 if still && !whole || hidden {
@@ -123,7 +123,7 @@ fn what_is_decoded_is_the_pose_and_only_what_changed_is_written() {
                 }
                 for ((instance, decoded), held) in decoded.into_iter().zip(&mut held) {
                     let pose = match &twin {
-                        Some(twin) => twin.pose(instance as usize).expect("a pose").into_owned(),
+                        Some(twin) => twin.pose(instance).expect("a pose").into_owned(),
                         None => bytemuck::cast_slice(&crowd.read_stored(instance, 0).expect("a pose")).to_vec(),
                     };
                     let (expected, written) = (decoded.expected(&pose), decoded.take(headless));

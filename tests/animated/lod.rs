@@ -149,14 +149,14 @@ fn one_number_of_pixels_steers_the_error_budget_too() {
         let pixels_per_unit = [2.0, 0.5, 0.1, 0.5, 2.0, 20.0][frame / 10];
         let budgets = [desc.error_budget(pixels_per_unit), 0.0];
         let whole: Vec<f32> = (0..TARGETS).map(|t| 0.02 * ((frame * (t + 1)) % 9) as f32 + 0.3).collect();
-        for (head, budget) in budgets.into_iter().enumerate() {
+        for (head, budget) in (0..).zip(budgets) {
             crowd.set_error_budget(head, budget).expect("less than the crowd's");
             crowd.set_weights(head, &whole).expect("weights");
         }
         crowd.update();
         for (head, budget) in budgets.into_iter().enumerate() {
-            written[head] += crowd.changed(head).len();
-            let pose = packed.layout().to_user_order(&crowd.pose(head).expect("a pose"));
+            written[head] += crowd.changed(head as u32).len();
+            let pose = packed.layout().to_user_order(&crowd.pose(head as u32).expect("a pose"));
             let off = compare(&pose, &evaluate(&packed, &whole)).position;
             let most = f64::from(budget) + 1e-5 * f64::from(mesh.diagonal);
             assert!(off <= most, "frame {frame}, head {head}: {off}, {budget} allowed");

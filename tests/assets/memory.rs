@@ -3,8 +3,8 @@
 
 use deltamorph::import::csv;
 use deltamorph::import::obj::ObjFile;
-use deltamorph_baselines::textures::{TextureFloats, read_ktx2, write_ktx2};
 use deltamorph::{DeltaFormat, PackDesc, PackedMesh, rig, testing};
+use deltamorph_baselines::textures::{TextureFloats, read_ktx2, write_ktx2};
 use proptest::prelude::*;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;

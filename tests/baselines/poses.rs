@@ -274,7 +274,7 @@ fn poses_of_the_cpu_path_are_uploaded_as_they_are() {
         let mut upload = PoseUpload::new(headless, mesh.layout(), 2).expect("buffers");
         for frame in 0..3 {
             for head in 0..2 {
-                crowd.set_weights(head, &gpu::weights(&mesh, frame, head as u32)).expect("weights");
+                crowd.set_weights(head, &gpu::weights(&mesh, frame, head)).expect("weights");
             }
             crowd.update();
             let poses = [0, 1].map(|i| crowd.pose(i).expect("an instance"));

@@ -180,10 +180,10 @@ fn hundreds_of_targets_of_one_vertex_and_blocks_that_nothing_moves() {
                 for frame in 0..4 {
                     let weights = [0, 1].map(|seed| gpu::weights(&mesh, frame, seed));
                     crowd.step(&weights.each_ref().map(Vec::as_slice)).expect("a step");
-                    weights.iter().enumerate().for_each(|(i, w)| cpu.set_weights(i, w).expect("weights"));
+                    (0..).zip(&weights).for_each(|(i, w)| cpu.set_weights(i, w).expect("weights"));
                     cpu.update();
-                    for (i, weights) in weights.iter().enumerate() {
-                        let stored = crowd.read_stored(i as u32, 0).expect("a pose");
+                    for (i, weights) in (0..).zip(&weights) {
+                        let stored = crowd.read_stored(i, 0).expect("a pose");
                         assert!(stored == cpu.stored_pose(i, 0).expect("a pose"), "{format:?} {desc:?} {frame}");
                         gpu::assert_integers(mesh.surface(), &desc, &stored, weights);
                     }

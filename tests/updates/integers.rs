@@ -82,7 +82,7 @@ struct Expected {
     heads: Vec<Head>,
 }
 
-fn poses(mesh: &PackedMesh, crowd: &CpuCrowd, instance: usize) -> Poses {
+fn poses(mesh: &PackedMesh, crowd: &CpuCrowd, instance: u32) -> Poses {
     let group = |group| {
         let decoded = mesh.layout().to_user_order(&crowd.group_pose(instance, group).expect("a pose"));
         (crowd.stored_pose(instance, group).expect("a pose").to_vec(), decoded)
@@ -150,7 +150,7 @@ impl Device<'_> {
     }
 }
 
-fn previous(mesh: &PackedMesh, crowd: &CpuCrowd, i: usize) -> Vec<Option<Vec<f32>>> {
+fn previous(mesh: &PackedMesh, crowd: &CpuCrowd, i: u32) -> Vec<Option<Vec<f32>>> {
     let group = |group| {
         let previous = crowd.previous_group_pose(i, group).expect("an instance");
         previous.map(|pose| mesh.layout().to_user_order(&pose))
@@ -162,7 +162,7 @@ fn previous(mesh: &PackedMesh, crowd: &CpuCrowd, i: usize) -> Vec<Option<Vec<f32
 fn play(headless: &Headless, mesh: &Arc<PackedMesh>, desc: UpdateDesc, heads: usize, frames: &Frames) {
     let crowd = HeadlessCrowd::new(headless, mesh, &CrowdDesc::new(desc).instances(heads as u32)).expect("a crowd");
     let mut device = Device { crowd, groups: mesh.groups().len() };
-    let mut cpu = CpuCrowd::new(mesh.clone(), desc.path(UpdatePath::Cpu), heads, 2).expect("a crowd");
+    let mut cpu = CpuCrowd::new(mesh.clone(), desc.path(UpdatePath::Cpu), heads as u32, 2).expect("a crowd");
     let mut expected = Expected::new(mesh, desc, heads);
     for (number, (frame, events)) in frames.iter().enumerate() {
         let what =
@@ -174,13 +174,13 @@ fn play(headless: &Headless, mesh: &Arc<PackedMesh>, desc: UpdateDesc, heads: us
                 Event::Cut => {
                     head.cut = true;
                     device.crowd.cut(i as u32).expect("a head");
-                    cpu.cut(i).expect("a head");
+                    cpu.cut(i as u32).expect("a head");
                 }
                 Event::HideOrShow => {
                     head.hidden = !head.hidden;
                     head.cut = true;
                     device.crowd.set_hidden(i as u32, head.hidden).expect("a head");
-                    cpu.set_hidden(i, head.hidden).expect("a head");
+                    cpu.set_hidden(i as u32, head.hidden).expect("a head");
                 }
             }
         }
@@ -194,8 +194,8 @@ fn play(headless: &Headless, mesh: &Arc<PackedMesh>, desc: UpdateDesc, heads: us
             expected.lose();
         }
         let ask = |expected: &Expected, device: &mut Device<'_>, cpu: &mut CpuCrowd| {
-            for (i, head) in expected.heads.iter().enumerate() {
-                device.crowd.set_weights(i as u32, &head.asked).expect("weights");
+            for (i, head) in (0..).zip(&expected.heads) {
+                device.crowd.set_weights(i, &head.asked).expect("weights");
                 cpu.set_weights(i, &head.asked).expect("weights");
             }
         };
@@ -218,8 +218,8 @@ fn play(headless: &Headless, mesh: &Arc<PackedMesh>, desc: UpdateDesc, heads: us
             expected.assert_head(i, desc.slots, &pose, &before, &what);
             // What was lost on the device ran here: there is another pose before.
             if *frame != Frame::AfterALostOne {
-                let before = previous(mesh, &cpu, i);
-                expected.assert_head(i, desc.slots, &poses(mesh, &cpu, i), &before, &format!("cpu of {what}"));
+                let before = previous(mesh, &cpu, i as u32);
+                expected.assert_head(i, desc.slots, &poses(mesh, &cpu, i as u32), &before, &format!("cpu of {what}"));
             }
         }
     }
@@ -283,7 +283,7 @@ fn what_is_deferred_settles_to_the_bits_of_a_full_evaluation() {
         let crowd = CrowdDesc::new(desc).instances(heads as u32);
         let crowd = HeadlessCrowd::new(headless, mesh, &crowd).expect("a crowd");
         let mut device = Device { crowd, groups: mesh.groups().len() };
-        let mut cpu = CpuCrowd::new(mesh.clone(), desc.path(UpdatePath::Cpu), heads, 2).expect("a crowd");
+        let mut cpu = CpuCrowd::new(mesh.clone(), desc.path(UpdatePath::Cpu), heads as u32, 2).expect("a crowd");
         let mut expected = Expected::new(mesh, desc, heads);
         let step = |device: &mut Device<'_>, cpu: &mut CpuCrowd| {
             device.crowd.step(&[]).expect("a step");
@@ -292,17 +292,18 @@ fn what_is_deferred_settles_to_the_bits_of_a_full_evaluation() {
         for (_, events) in &frames {
             for (i, event) in events {
                 if let Event::Weights(weights) = event {
-                    let asked = &mut expected.heads[i % heads].asked;
+                    let i = i % heads;
+                    let asked = &mut expected.heads[i].asked;
                     // Small changes, too.
                     weights.iter().for_each(|(t, w)| asked[*t] = asked[*t] * 0.95 + 0.05 * w * expected.most);
-                    device.crowd.set_weights((i % heads) as u32, asked).expect("weights");
-                    cpu.set_weights(i % heads, asked).expect("weights");
+                    device.crowd.set_weights(i as u32, asked).expect("weights");
+                    cpu.set_weights(i as u32, asked).expect("weights");
                 }
             }
             step(&mut device, &mut cpu);
             for i in 0..heads {
                 let pose = device.poses(i).0;
-                assert!(pose == poses(mesh, &cpu, i), "{} {desc:?}: head {i}", headless.caps().name);
+                assert!(pose == poses(mesh, &cpu, i as u32), "{} {desc:?}: head {i}", headless.caps().name);
                 let asked: Vec<f32> = expected.heads[i].asked.iter().map(|w| grid.round(*w)).collect();
                 let error = compare(&pose[0].1, &evaluate(mesh, &asked));
                 assert!(error.position <= allowed, "{desc:?}: {error:?} of {allowed:e}");

@@ -231,14 +231,14 @@ fn the_cpu_updates_every_stream() {
         let float = UpdateDesc::blocks().tolerance(1e-2);
         let descs = [float].into_iter().chain(gpu::fixed()).filter(|d| format.has_integers() || !d.pose.has_integers());
         for desc in descs.flat_map(|desc| (1..4).map(move |slots| desc.path(UpdatePath::Cpu).slots(slots))) {
-            let mut crowd = CpuCrowd::new(mesh.clone(), desc, HEADS, 2).expect("a crowd");
+            let mut crowd = CpuCrowd::new(mesh.clone(), desc, HEADS as u32, 2).expect("a crowd");
             let mut before: Vec<Option<Vec<Vec<f32>>>> = vec![None; HEADS];
             let mut shown = vec![vec![]; HEADS];
             for frame in 0..12 {
                 crowd.set_hidden(1, (2..4).contains(&frame)).expect("an instance");
                 for (head, shown) in shown.iter_mut().enumerate() {
                     let asked = requested(&mesh, frame, head);
-                    crowd.set_weights(head, &asked).expect("weights");
+                    crowd.set_weights(head as u32, &asked).expect("weights");
                     if head != 1 || !(2..4).contains(&frame) {
                         *shown = asked;
                     }
@@ -248,9 +248,9 @@ fn the_cpu_updates_every_stream() {
                     let mut poses = vec![];
                     for (number, group) in mesh.groups().iter().enumerate() {
                         let what = format!("{desc:?} {format:?} frame {frame} head {head} group {number}");
-                        let pose = crowd.group_pose(head, number).expect("a pose");
+                        let pose = crowd.group_pose(head as u32, number).expect("a pose");
                         assert_pose(group, &desc, &mesh.layout().to_user_order(&pose), &shown[head], &what);
-                        let previous = crowd.previous_group_pose(head, number).expect("an instance");
+                        let previous = crowd.previous_group_pose(head as u32, number).expect("an instance");
                         if let (Some(previous), Some(before), false) =
                             (previous, &before[head], head == 1 && (2..5).contains(&frame))
                         {
@@ -262,11 +262,11 @@ fn the_cpu_updates_every_stream() {
                 }
             }
             if desc.pose.has_integers() {
-                let mut fresh = CpuCrowd::new(mesh.clone(), desc, HEADS, 1).expect("a crowd");
-                shown.iter().enumerate().for_each(|(head, w)| fresh.set_weights(head, w).expect("weights"));
+                let mut fresh = CpuCrowd::new(mesh.clone(), desc, HEADS as u32, 1).expect("a crowd");
+                (0..).zip(&shown).for_each(|(head, w)| fresh.set_weights(head, w).expect("weights"));
                 fresh.update();
                 for (head, number) in (0..HEADS).flat_map(|head| (0..3).map(move |number| (head, number))) {
-                    let pose = |crowd: &CpuCrowd| bits(&crowd.group_pose(head, number).expect("a pose"));
+                    let pose = |crowd: &CpuCrowd| bits(&crowd.group_pose(head as u32, number).expect("a pose"));
                     assert_eq!(pose(&fresh), pose(&crowd), "{desc:?} head {head} group {number}");
                 }
             }

@@ -47,7 +47,7 @@ impl<'a> Easel<'a> {
     pub fn new(scenery: &'a Scenery<'_>, size: [u32; 2], places: Vec<Mat4>) -> Result<Self, Failure> {
         let stage = scenery.stage;
         let heads = if stage.desc.path == UpdatePath::Cpu {
-            let crowd = CpuCrowd::new(stage.mesh.clone(), stage.desc, places.len(), stage.threads())?;
+            let crowd = CpuCrowd::new(stage.mesh.clone(), stage.desc, places.len() as u32, stage.threads())?;
             Heads::Processor(Box::new(crowd), stage.mesh.clone(), stage.desc)
         } else {
             Heads::Device
@@ -110,12 +110,12 @@ impl<'a> Easel<'a> {
         let finished = match heads {
             Heads::Device => studio.draw(Poses::Weights(weights), places, scene, *background)?,
             Heads::Processor(crowd, mesh, desc) => {
-                for (head, weights) in weights.iter().enumerate() {
+                for (head, weights) in (0..).zip(weights) {
                     crowd.set_weights(head, weights)?;
                 }
                 crowd.update();
-                let changed: Vec<_> = (0..weights.len()).map(|head| crowd.changed(head)).collect();
-                let stored = changed.iter().enumerate();
+                let changed: Vec<_> = (0..weights.len() as u32).map(|head| crowd.changed(head)).collect();
+                let stored = (0..).zip(&changed);
                 let stored = stored.map(|(head, changed)| StoredPose::new(crowd, head, (mesh, desc), changed));
                 let stored: Vec<_> = stored.collect::<deltamorph::Result<_>>()?;
                 studio.draw(Poses::Stored(&stored), places, scene, *background)?

@@ -83,7 +83,7 @@ impl Heads {
         // SAFETY: fields drop in order, the model before what was uploaded.
         let model = unsafe { Model::new(&renderer, mesh, packed.layout(), &uploaded, parts) }?;
         let who = if desc.path == UpdatePath::Cpu {
-            let crowd = Box::new(CpuCrowd::new(packed.clone(), desc, places.len(), threads)?);
+            let crowd = Box::new(CpuCrowd::new(packed.clone(), desc, places.len() as u32, threads)?);
             let poses = 2 + usize::from(masks.is_some());
             let bytes = places.len() * crowd.stored_pose(0, 0)?.len();
             // SAFETY: a buffer is written when its frame was waited for, and dropped when all were.
@@ -119,25 +119,25 @@ impl Heads {
                 unsafe { device.engine.record_update(cmd, &mut **crowd) }?.stats
             }
             Who::Processor { crowd, .. } => {
-                for (head, weights) in weights.iter().enumerate() {
+                for (head, weights) in (0..).zip(weights) {
                     crowd.set_weights(head, weights)?;
                 }
                 crowd.update()
             }
         };
         let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
-        for (head, glow) in self.glow.iter_mut().enumerate() {
+        for (head, glow) in (0..).zip(&mut self.glow) {
             let changed = match &self.who {
                 // An update that recorded nothing changed nothing.
                 _ if stats.bytes_moved == 0 => vec![],
-                Who::Device(crowd) => crowd.changed(head as u32),
+                Who::Device(crowd) => crowd.changed(head),
                 Who::Processor { crowd, .. } => crowd.changed(head),
             };
             glow.update(&changed, AFTERGLOW);
         }
         if let Who::Processor { crowd, buffers, last, .. } = &mut self.who {
             let (mut poses, mut masks) = (vec![], vec![]);
-            for head in 0..weights.len() {
+            for head in 0..weights.len() as u32 {
                 poses.extend_from_slice(crowd.stored_pose(head, 0)?);
                 if let Some(place) = self.masks {
                     masks.extend_from_slice(crowd.stored_pose(head, place.group)?);

@@ -109,7 +109,7 @@ fn history(u: &mut Unstructured<'_>) -> Result<()> {
         .tolerance(*u.choose(&[1e-5, 1e-4, 1e-6, 0.5])?)
         .weight_max(*u.choose(&[None, Some(1.0), Some(2.5), Some(0.1), Some(100.0)])?)
         .error_budget(budget);
-    let count = u.int_in_range(1..=4usize)?;
+    let count = u.int_in_range(1..=4u32)?;
     let new = || CpuCrowd::new(packed.clone(), desc, count, 1);
     let mut crowd = match new() {
         Ok(crowd) => crowd,
@@ -117,13 +117,13 @@ fn history(u: &mut Unstructured<'_>) -> Result<()> {
     };
     let most = desc.grid(packed.layout()).expect("there is a crowd").map_or(4.0, |grid| grid.weight_max);
     let fresh = Known { present: true, weights: vec![0.0; mesh.targets.len()], budget, ..Known::default() };
-    let mut known = vec![fresh.clone(); count];
+    let mut known = vec![fresh.clone(); count as usize];
     for _ in 0..60 {
         if u.is_empty() {
             break;
         }
         let i = u.int_in_range(0..=count - 1)?;
-        let one = &mut known[i];
+        let one = &mut known[i as usize];
         match u.int_in_range(0..=15u8)? {
             0..=3 => {
                 let mut weights = one.weights.clone();
@@ -157,7 +157,7 @@ fn history(u: &mut Unstructured<'_>) -> Result<()> {
             }
             7 => {
                 let free = known.iter().position(|one| !one.present);
-                assert_eq!(crowd.add().ok(), free);
+                assert_eq!(crowd.add().ok().map(|added| added as usize), free);
                 if let Some(free) = free {
                     // Whether the instance keeps the budget of its predecessor is not checked here.
                     let budget = budget.max(known[free].budget);
@@ -191,7 +191,7 @@ fn history(u: &mut Unstructured<'_>) -> Result<()> {
 fn update(mesh: &PackedMesh, desc: &UpdateDesc, crowd: &mut CpuCrowd, known: &mut [Known]) {
     let stats = crowd.update();
     assert!(stats.bound.is_finite() && stats.bound >= 0.0, "{stats:?}");
-    for (i, one) in known.iter_mut().enumerate().filter(|(_, one)| one.present && !one.hidden) {
+    for (i, one) in (0..).zip(known).filter(|(_, one)| one.present && !one.hidden) {
         let pose = crowd.pose(i).expect("present").into_owned();
         check_pose(mesh, crowd, i, desc, &one.weights, f64::from(stats.bound + one.budget));
         match crowd.previous_pose(i).expect("present") {
@@ -208,11 +208,11 @@ fn update(mesh: &PackedMesh, desc: &UpdateDesc, crowd: &mut CpuCrowd, known: &mu
 
 /// After any history, fixed-point poses are those of a full evaluation.
 fn same_as_anew(mut fresh: CpuCrowd, crowd: &CpuCrowd, known: &[Known]) {
-    for (i, one) in known.iter().enumerate() {
+    for (i, one) in (0..).zip(known) {
         fresh.set_weights(i, &one.weights).expect("they were accepted");
     }
     fresh.update();
-    for (i, _) in known.iter().enumerate().filter(|(_, one)| one.present && !one.hidden) {
+    for (i, _) in (0..).zip(known).filter(|(_, one)| one.present && !one.hidden) {
         let [a, b] = [&fresh, crowd].map(|crowd| crowd.stored_pose(i, 0).expect("an instance"));
         assert!(a == b, "instance {i} is not what it is in a crowd that was made anew");
     }

@@ -93,7 +93,8 @@ impl Fly {
         let size = self.size.map(|pixels| pixels * self.supersampling);
 
         let cpu = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
-        let mut crowds = [CpuCrowd::new(packed.clone(), cpu, heads, 2)?, CpuCrowd::new(packed.clone(), cpu, heads, 2)?];
+        let crowd = || CpuCrowd::new(packed.clone(), cpu, wide * high, 2);
+        let mut crowds = [crowd()?, crowd()?];
         // Poses that depend on their weights alone: what changes in a picture is not rounding.
         let update = UpdateDesc::new(UpdatePath::Blocks, BatchSize::All).mode(UpdateMode::Rebuild);
         let studio = StudioDesc { size, heads: heads as u32, in_flight: 1, update, afterglow: 0.0 };
@@ -126,7 +127,7 @@ impl Fly {
             let faded: Vec<f32> = now.iter().map(|(level, _)| *level).collect();
             let mut bytes = [0; 2];
             for ((crowd, weights), bytes) in crowds.iter_mut().zip([kept(&faded)?, whole.clone()]).zip(&mut bytes) {
-                weights.iter().enumerate().try_for_each(|(i, weights)| crowd.set_weights(i, weights))?;
+                (0..).zip(&weights).try_for_each(|(i, weights)| crowd.set_weights(i, weights))?;
                 *bytes = crowd.update().bytes_moved;
             }
             let mut did = Frame {

@@ -4,7 +4,7 @@
 use super::group::{GroupPlan, Unit};
 use crate::abi::worklist::Element;
 use crate::error::{Error, Result};
-use crate::pack::blocks::{BlockIndex, PoseGrid};
+use crate::pack::blocks::BlockIndex;
 use crate::pack::{POSE_FLOATS, PackedLayout};
 use crate::plan::instances::Instances;
 use crate::plan::{UpdateDesc, UpdateStats};
@@ -87,11 +87,6 @@ impl Planner {
             sum.passes = sum.passes.max(usize::from(!group.list.items.is_empty()));
         }
         UpdateStats { coefficients: self.groups.first().map_or(0, |group| group.stats.coefficients), ..sum }
-    }
-
-    /// The grid of the first group; that of others may have other units, and the same weights.
-    pub fn grid(&self) -> Option<PoseGrid> {
-        self.groups.first().and_then(GroupPlan::grid)
     }
 }
 

@@ -106,11 +106,6 @@ impl DensePlanner {
         Ok(Self { desc, grid, plans: vec![Plan::default(); instances], rounded: vec![] })
     }
 
-    /// The grid of poses of integers.
-    pub fn grid(&self) -> Option<PoseGrid> {
-        self.grid
-    }
-
     /// Plan the update numbered `update` of every instance that is shown.
     pub fn plan(&mut self, instances: &mut Instances, update: u64) {
         self.plans.iter_mut().for_each(Plan::clear);
