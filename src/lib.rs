@@ -124,7 +124,7 @@ pub use pack::{
 pub use plan::{BatchSize, Consumers, UpdateDesc, UpdateMode, UpdatePath, UpdateStats};
 pub use update::animated::{AnimationDesc, Clips, KeyFormat, Playback};
 pub use update::crowd::{CrowdDesc, HostPoses};
-pub use weights::{BoundClip, ClipLayer, LayerBlend, Repeat, WeightClip, normalise_weights, target_mask};
+pub use weights::{BoundClip, ClipLayer, LayerBlend, Repeat, WeightClip, normalise_weights};
 pub use {ash, glam, gpu_allocator};
 
 /// What tests and the command line look into; no part of the API.
