@@ -116,7 +116,7 @@ pub use plan::{BatchSize, Consumers, UpdateDesc, UpdateMode, UpdatePath, UpdateS
 pub use update::animated::{AnimationDesc, Clips, KeyFormat, Playback};
 pub use update::crowd::{CrowdDesc, HostPoses};
 pub use update::requirements;
-pub use weights::{BoundClip, ClipLayer, LayerBlend, Repeat, WeightClip, normalise_weights, target_mask};
+pub use weights::{BoundClip, ClipLayer, LayerBlend, Repeat, WeightClip, normalise_weights};
 pub use {ash, glam, gpu_allocator};
 
 /// Items that packages of this repository, their tests and techniques from outside use; no part of the API.

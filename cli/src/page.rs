@@ -90,9 +90,3 @@ pub fn table<'a>(label: &str, table: &Table, mark: impl Fn(usize) -> (Option<&'a
         }
     }
 }
-
-/// `place` in a link: what file names may have and addresses may not is escaped.
-pub fn href(place: &str) -> String {
-    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_.~/".contains(&byte);
-    place.bytes().map(|b| if plain(b) { char::from(b).to_string() } else { format!("%{b:02X}") }).collect()
-}

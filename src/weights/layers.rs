@@ -1,7 +1,6 @@
 //! Layers of clips: several at their own times and weights, mixed to one weight vector.
 
 use super::BoundClip;
-use super::names::unknown;
 use crate::error::{Error, Result};
 use crate::setters::setters;
 
@@ -69,7 +68,7 @@ pub struct ClipLayer<'a> {
     pub weight: f32,
     /// How it joins what is below it.
     pub blend: LayerBlend,
-    /// How much of it each target takes, as [`target_mask`] makes it; `None`: 1 for all.
+    /// How much of it each target takes, a factor for each in the mesh's order; `None`: 1 for all.
     pub mask: Option<&'a [f32]>,
 }
 
@@ -119,7 +118,7 @@ impl<'a> ClipLayer<'a> {
         }
         if let Some(mask) = mask.filter(|mask| mask.len() != targets) {
             let what = format!("a mask of {} factors for {targets} targets", mask.len());
-            return refuse(what, "make it with target_mask, for the same targets");
+            return refuse(what, "state a factor for each target");
         }
         if !(clip.fps.is_finite() && clip.fps > 0.0) {
             return refuse(format!("{} frames a second", clip.fps), "give the clip a frame rate above 0");
@@ -147,29 +146,6 @@ impl BoundClip {
         let frame = at as usize;
         Some(([frame, if frame == last { after } else { frame + 1 }], at.fract() as f32))
     }
-}
-
-/// A mask for [`field@ClipLayer::mask`]: a factor for each of `targets`, that of the names listed as stated, `rest` for all
-/// others. 0 takes nothing of a layer, 1 all of it.
-///
-/// # Errors
-/// A name that is none of the targets, with the one that was probably meant.
-pub fn target_mask(targets: &[&str], masked: &[(&str, f32)], rest: f32) -> Result<Vec<f32>> {
-    let mut mask = vec![rest; targets.len()];
-    for (name, factor) in masked {
-        if !targets.contains(name) {
-            return Err(unknown(
-                format!("a mask names '{name}', which is no target"),
-                name,
-                "target of the mesh",
-                targets,
-            ));
-        }
-        // Several targets of one name are masked alike.
-        let named = mask.iter_mut().zip(targets).filter(|(_, target)| *target == name);
-        named.for_each(|(of, _)| *of = *factor);
-    }
-    Ok(mask)
 }
 
 #[cfg(test)]
@@ -224,8 +200,7 @@ mod tests {
         assert_eq!(mixed(&[above, below], [0.0; 3]), [0.1, 0.7, 0.9], "the order counts");
         let added = mixed(&[below, above.blend(LayerBlend::Additive).weight(0.5)], [0.0, 0.0, 0.5]);
         assert_eq!(added, [0.1, 0.7 + 0.5 * 0.3, 0.5 + 0.5 * 0.9]);
-        let mask = target_mask(&TARGETS, &[("smile", 0.0), ("jaw", 0.5)], 1.0).unwrap();
-        assert_eq!(mask, [0.5, 1.0, 0.0]);
+        let mask = [0.5, 1.0, 0.0];
         assert_eq!(mixed(&[below.mask(Some(&mask)), above.mask(Some(&mask))], [0.0, 0.0, 0.5]), [0.05, 0.3, 0.5]);
     }
 
@@ -248,7 +223,5 @@ mod tests {
         }
         let text = ClipLayer::mix(&[layer], &mut [0.0; 2]).unwrap_err().to_string();
         assert!(text.contains("bound to 3 targets, and 2 weights are mixed; bind all clips"), "{text}");
-        let text = target_mask(&TARGETS, &[("Smile", 1.0)], 0.0).unwrap_err().to_string();
-        assert!(text.contains("names 'Smile', which is no target; use 'smile' if that is meant"), "{text}");
     }
 }

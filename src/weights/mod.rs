@@ -7,7 +7,7 @@ pub(crate) mod names;
 mod normalised;
 
 use crate::error::{Error, Result};
-pub use layers::{ClipLayer, LayerBlend, Repeat, target_mask};
+pub use layers::{ClipLayer, LayerBlend, Repeat};
 use names::closest;
 pub use normalised::normalise_weights;
 use std::collections::{HashMap, HashSet};

@@ -64,8 +64,7 @@ pub struct BenchArgs {
     #[arg(long, value_name = "SECONDS", requires = "suites")]
     #[arg(value_parser = values::number("a number of seconds above 0, at most a day", |v| v > 0.0 && v <= 86_400.0))]
     pub time_limit: Option<f32>,
-    /// Folder for report.json, runs.csv, the plots and index.html; with --compare for comparison.json, plots and
-    /// index.html [default: bench-report; with --compare bench-comparison]
+    /// Folder for report.json, runs.csv, the plots and index.html [default: bench-report]
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
     /// Write no report folder
@@ -74,14 +73,15 @@ pub struct BenchArgs {
     /// Measure nothing: draw the report of an earlier report.json again
     #[arg(long, value_name = "FILE", conflicts_with_all = ["input", "weights", "no_report", "suites"])]
     pub redraw: Option<PathBuf>,
-    /// Measure nothing: compare the report.json of earlier runs with the first of them, configuration by configuration
+    /// Measure nothing: compare the report.json of earlier runs with the first of them, configuration by configuration:
+    /// ratios of medians, with the spread of both
     #[arg(
         long,
         value_name = "FILE",
         num_args = 2..,
         conflicts_with_all = [
             "input", "vertices", "targets", "sparsity", "weights", "suites", "redraw", "batch_sizes", "changed", "heads",
-            "shared", "frames", "warmup", "paths", "formats", "modes", "poses", "accumulate", "slots", "device"
+            "shared", "frames", "warmup", "paths", "formats", "modes", "poses", "accumulate", "slots", "device", "report"
         ]
     )]
     pub compare: Vec<PathBuf>,
@@ -95,8 +95,7 @@ impl BenchArgs {
 
     /// The folder to write, unless none is wanted.
     pub fn folder(&self) -> Option<&Path> {
-        let default = if self.compare.is_empty() { "bench-report" } else { "bench-comparison" };
-        (!self.no_report).then(|| self.report.as_deref().unwrap_or(Path::new(default)))
+        (!self.no_report).then(|| self.report.as_deref().unwrap_or(Path::new("bench-report")))
     }
 
     /// How long suites time a configuration.

@@ -1,6 +1,6 @@
 //! The options of `render`.
 
-use super::{RunArgs, values};
+use super::{LayerArgs, RunArgs, values};
 use crate::detail::Detail;
 use clap::Args;
 use std::path::PathBuf;
@@ -12,6 +12,8 @@ pub struct RenderArgs {
     /// Weight clip to take the weights from: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's by its name
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,
+    #[command(flatten)]
+    pub layers: LayerArgs,
     /// Frame of the weight clip, counted from 0
     #[arg(long, value_name = "N", requires = "weights", conflicts_with_all = ["sheet", "clip", "crowd"])]
     pub frame: Option<usize>,
@@ -35,7 +37,7 @@ pub struct RenderArgs {
     #[arg(long, value_name = "RRGGBB|none", default_value = "23262d", value_parser = background)]
     pub background: Background,
     /// Contact sheet: every target by itself at weight 1, with its name
-    #[arg(long, conflicts_with_all = ["weights", "set", "clip", "crowd"])]
+    #[arg(long, conflicts_with_all = ["weights", "layers", "set", "clip", "crowd"])]
     pub sheet: bool,
     /// The whole clip: an animated PNG (OUT.png, OUT.apng), or else a folder of PNG frames
     #[arg(long, value_name = "OUT", conflicts_with = "crowd")]

@@ -27,13 +27,12 @@ use record::Report;
 use report::{sentences, tables};
 
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
+    if !args.compare.is_empty() {
+        out.check(&args.compare, &[], None)?;
+        return versus::run(args, out);
+    }
     // Before minutes are spent on what then cannot be written.
     let folder = args.folder();
-    if !args.compare.is_empty() {
-        out.check(&args.compare, &[], folder)?;
-        folder.map_or(Ok(()), versus::claim)?;
-        return versus::run(args, folder, out);
-    }
     out.check(&input::files_of(&args.input, &args.weights), &[], folder)?;
     folder.map_or(Ok(()), report::claim)?;
     match &args.redraw {

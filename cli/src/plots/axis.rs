@@ -42,14 +42,6 @@ impl Axis {
         Self::new(true, lo, hi, 1.0, &log_ticks(lo, hi))
     }
 
-    /// An axis for ratios, which has 1 on it: half as much stands as far from it as twice as much.
-    pub fn ratios(values: impl IntoIterator<Item = f64>) -> Self {
-        let (lo, hi) = span(values.into_iter().filter(|v| *v > 0.0).chain([1.0]));
-        let (lo, hi) = (lo / 1.02, hi * 1.02);
-        let ticks = if hi / lo < LOG_RATIO { marks(lo, hi, MOST_TICKS) } else { log_ticks(lo, hi) };
-        Self::new(true, lo, hi, 1.0, &ticks)
-    }
-
     /// A linear axis from 0.
     pub fn from_zero(hi: f64) -> Self {
         let hi = if hi > 0.0 { 1.05 * hi } else { 1.0 };
@@ -183,8 +175,6 @@ mod tests {
             (Axis::values([8.0, 52.0]), true, "7 10 15 20 30 40 50"),
             (Axis::values([0.0, 1e-6, 1e-4]), true, "1e-6 2e-6 3e-6 5e-6 1e-5 2e-5 3e-5 5e-5 1e-4"),
             (Axis::values([]), false, "0 0.2 0.4 0.6 0.8 1"),
-            (Axis::ratios([0.9, 1.3]), true, "0.9 0.95 1 1.05 1.1 1.15 1.2 1.25 1.3"),
-            (Axis::ratios([0.1, 3.0]), true, "0.1 0.2 0.3 0.5 1 2 3"),
             (Axis::counts((1..=12).map(f64::from)), false, "1 2 3 4 5 6 7 8 9 10 11 12"),
             (Axis::counts([4.0, 16.0, 36.0, 72.0]), false, "4 16 36 72"),
             (Axis::counts([1.0, 8.0, ALL]), false, "1 8 all"),
@@ -204,7 +194,7 @@ mod tests {
     proptest! {
         #[test]
         fn ticks_are_few_and_on_the_axis(values in prop::collection::vec(1e-4..1e5f64, 1..40)) {
-            for axis in [Axis::values(values.clone()), Axis::counts(values.clone()), Axis::ratios(values.clone())] {
+            for axis in [Axis::values(values.clone()), Axis::counts(values.clone())] {
                 prop_assert!(axis.ticks.len() <= 22, "{:?}", axis);
                 for value in values.iter().chain(axis.ticks.iter().map(|(tick, _)| tick)) {
                     prop_assert!((-1e-9..=1.0 + 1e-9).contains(&axis.at(*value)), "{:?} {}", axis, value);

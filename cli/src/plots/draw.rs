@@ -180,7 +180,6 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
         let (x, y) = match axes {
             Axes::Counts => (Axis::counts(numbers), Axis::values(values)),
             Axes::CountsFromZero => (Axis::counts(numbers), Axis::from_zero(values.fold(0.0, f64::max))),
-            Axes::Ratios => (Axis::from_zero(numbers.fold(0.0, f64::max)), Axis::ratios(values)),
             Axes::Values => (Axis::values(numbers), Axis::values(values)),
         };
         let chart = self.axes([x, y], name, MARGIN / 2.0, MARGIN + 4.0, DATA)?;

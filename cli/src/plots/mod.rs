@@ -39,8 +39,6 @@ pub enum Axes {
     Counts,
     /// Counts along x; y starts at 0, whatever the values span: where proportions matter.
     CountsFromZero,
-    /// Places in a list along x; ratios along y, around 1.
-    Ratios,
     /// No counts: both are logarithmic when the values span much.
     Values,
 }

@@ -37,7 +37,8 @@ pub fn draw(scenery: &Scenery<'_>, heads: u32, output: &Path) -> Result<Done, Fa
 /// and the base pose.
 fn expressions(scenery: &Scenery<'_>, heads: usize) -> Result<[Vec<Vec<f32>>; 2], Failure> {
     let args = scenery.args;
-    if args.weights.is_some() || scenery.input.clips.len() == 1 || args.run.input.input.is_none() {
+    let named = args.weights.is_some() || !args.layers.layers.is_empty();
+    if named || scenery.input.clips.len() == 1 || args.run.input.input.is_none() {
         let (frames, _) = scenery.frames()?;
         let at = |head: usize| head * frames.len() / heads;
         let now = (0..heads).map(|head| frames[at(head)].clone());

@@ -29,6 +29,9 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
     if one_pose && args.weights.is_some() && args.frame.is_none() {
         return Err(Failure::Usage("--weights: which frame? give --frame N, or --clip OUT for all of them".into()));
     }
+    if one_pose && args.weights.is_none() && !args.layers.layers.is_empty() {
+        return Err(Failure::Usage("--layer: over which clip? give --weights CSV and --frame N, or --clip OUT".into()));
+    }
     if let Some(path) = args.run.update.paths.iter().find(|path| path.evaluates_in_draws()) {
         let text =
             format!("--path {}: evaluates in draws of its own, and has no pose to draw; use blocks", path.name());
@@ -36,7 +39,7 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
     }
     // One of the two is there: clap sees to it.
     let output = args.output.as_deref().or(args.clip.as_deref()).unwrap_or(Path::new(""));
-    let read = input::files_of(&args.run.input, args.weights.as_slice());
+    let read = input::files_of(&args.run.input, &args.layers.files(args.weights.as_ref()));
     if args.clip.is_some() && !clip::is_one_file(output) {
         out.check(&read, &[], Some(output))?;
     } else {

@@ -59,6 +59,7 @@ impl State {
     pub fn new(args: &ViewArgs, out: &Output) -> Result<Self, Failure> {
         let input = input::load_split(&args.run.input, out)?;
         let clip = first_clip(args.weights.as_deref(), &args.run, &input)?;
+        let clip = clip.map(|clip| input::layered(clip, &args.layers.layers, &args.run.input, &input)).transpose()?;
         let mut this = Self { heads: args.heads, camera: args.camera, ..Self::of(args.run.clone(), input, clip) };
         this.input.pose(&args.set)?; // refuses names that there are not
         for (name, weight) in &args.set {

@@ -2,6 +2,7 @@
 
 use crate::cli::{HEAD, fails, json, ok, sample};
 use serde_json::Value;
+use std::fs;
 use std::process::Command;
 
 fn has(object: &Value, fields: &str) {
@@ -281,5 +282,57 @@ fn a_path_that_is_named_fails_where_there_is_no_device() {
         let errors = String::from_utf8(out.stderr).unwrap();
         assert_eq!(out.status.code(), Some(1), "{args:?}: {errors}");
         assert!(errors.contains("needs a Vulkan device and there is none; install a driver"), "{args:?}: {errors}");
+    }
+}
+
+/// Clips in layers give the weights that a float64 sum gives: the same updates, and the same picture.
+#[test]
+fn layers_of_clips_are_the_sum_of_their_weights() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let dir = sample(folder.path());
+    let info = json(&["info", &dir, "--json", "-"]);
+    let [first, second] = [0, 1].map(|i| info["targets"][i]["name"].as_str().unwrap().to_owned());
+    // Parts of two, so that a CSV file says each sum exactly. The last is what the first comes to, with half of the second
+    // added and then a quarter of the way towards the third; the second is over after two frames, and begins again.
+    let (a, b, c): ([f64; 4], [[f64; 2]; 2], f64) = ([0.0, 0.25, 0.5, 1.0], [[0.5, 0.25], [1.0, 0.0]], 0.5);
+    let added = |frame: usize, target: usize| [a[frame], 0.0][target] + 0.5 * b[frame % 2][target];
+    let sum = |frame: usize| [0.75 * added(frame, 0) + 0.25 * c, added(frame, 1)];
+    let csv = |rows: Vec<String>, names: &str| format!("{names}\n{}\n", rows.join("\n"));
+    let both = format!("{first},{second}");
+    let pair = |[x, y]: [f64; 2]| format!("{x},{y}");
+    for (name, text) in [
+        ("a.csv", csv(a.map(|x| x.to_string()).into(), &first)),
+        ("b.csv", csv(b.map(pair).into(), &both)),
+        ("c.csv", csv(vec![c.to_string()], &first)),
+        ("sum.csv", csv((0..4).map(|frame| pair(sum(frame))).collect(), &both)),
+    ] {
+        fs::write(at(name), text).unwrap();
+    }
+    let [a, b, c, sum] = ["a.csv", "b.csv", "c.csv", "sum.csv"].map(at);
+    let (b, c) = (format!("{b}+0.5"), format!("{c}@0.25"));
+    let mixed: [&str; 6] = ["--weights", &a, "--layer", &b, "--layer", &c];
+    let play = |clips: &[&str]| {
+        let out = json(&[&["play", &dir, "--path", "cpu", "--every", "1", "--json", "-"], clips].concat());
+        let of = |f: &Value| ["changed", "active", "bytes_moved", "max_error"].map(|field| f[field].clone());
+        out["frames"].as_array().unwrap().iter().map(of).collect::<Vec<_>>()
+    };
+    assert_eq!((play(&mixed).len(), play(&mixed)), (4, play(&["--weights", &sum])));
+    let picture = |clips: &[&str], frame: &str| {
+        let png = at("picture.png");
+        ok(&[&["render", &dir, "--frame", frame, "--size", "160x160", "--quiet", "-o", &png], clips].concat());
+        fs::read(png).unwrap()
+    };
+    for frame in ["0", "3"] {
+        let of_sum = picture(&["--weights", &sum], frame);
+        assert!(picture(&mixed, frame) == of_sum && picture(&mixed[..2], frame) != of_sum, "frame {frame}");
+    }
+    for (args, words) in [
+        (&["render", &dir, "-o", &at("x.png"), "--layer", &b][..], "--layer: over which clip?"),
+        (&["play", &dir, "--layer", "@0.5"], "the clip is missing"),
+        (&["play", &dir, "--layer", &b, "--normalise"], "--normalise"),
+    ] {
+        let (code, text) = fails(args);
+        assert!(code == 2 && text.contains(words), "{args:?}: {text}");
     }
 }
