@@ -294,7 +294,7 @@ mod tests {
         for (result, remedy) in [
             (vk::Result::ERROR_OUT_OF_HOST_MEMORY, "fewer instances"),
             (vk::Result::ERROR_OUT_OF_DEVICE_MEMORY, "fewer instances"),
-            (vk::Result::ERROR_TOO_MANY_OBJECTS, "an allocator of your own"),
+            (vk::Result::ERROR_TOO_MANY_OBJECTS, "your own allocator"),
         ] {
             let error = allocation_failed("poses", 96, &refused(result));
             let text = error.to_string();

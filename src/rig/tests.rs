@@ -164,7 +164,7 @@ fn what_cannot_be_bound_is_refused_with_a_remedy() {
             "control 'a' of the rig: 'full_' is no target; use 'full' if that is meant",
         ),
         (one(control("Smile", &[])), "control 'Smile' of the rig: 'Smile' is no target; use 'smile'"),
-        (one(control("a", &[(0.0, "full")])), "target 'full' at 0; use a finite number that is not 0"),
+        (one(control("a", &[(0.0, "full")])), "target 'full' at 0; use a finite number other than 0"),
         (one(control("a", &[(f32::NAN, "full")])), "target 'full' at NaN"),
         (
             one(control("a", &[(0.5, "half"), (0.5, "full")])),
