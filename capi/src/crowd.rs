@@ -29,6 +29,7 @@ pub(crate) struct State {
 }
 
 /// Who sets the weights.
+#[allow(clippy::large_enum_variant, reason = "the registry keeps it on the heap, and does not move it")]
 pub(crate) enum Kind {
     Weighted(deltamorph::Crowd),
     Animated(AnimatedCrowd),
