@@ -330,7 +330,7 @@ fn what_cannot_be_drawn_is_refused() {
         assert!(refuse(Poses::Weights(&[weights]), &[]).contains("0 places"));
         assert!(refuse(Poses::Weights(&[&weights[..3]]), &places).contains('3'));
         let stored = StoredPose { pose: &[0; 24], units: [1.0; 2], changed: &[], masks: None };
-        assert!(refuse(Poses::Stored(&[stored]), &places).contains("the other kind"));
+        assert!(refuse(Poses::Stored(&[stored]), &places).contains("of another kind"));
         // Nothing of that is in the way of a picture.
         studio.draw(Poses::Weights(&[weights]), &places, &scene, BLACK).expect("a frame");
         assert_eq!(studio.finish().expect("a picture").len(), 1);

@@ -24,8 +24,8 @@ impl BufferRange {
         Self { buffer, offset, size }
     }
 
-    /// Refuse a range that ends behind a buffer of the host's, as far as Vulkan tells: the memory that a buffer needs is no
-    /// smaller than the buffer.
+    /// Refuses a range that ends beyond a host buffer, as far as Vulkan reveals its size: the memory that a buffer needs is
+    /// no smaller than the buffer.
     pub fn check_room(self, device: &Device, what: &str) -> Result<()> {
         // SAFETY: who hands a buffer in promises that it is of this device, and alive.
         let room = unsafe { device.raw.get_buffer_memory_requirements(self.buffer) }.size;
@@ -33,7 +33,7 @@ impl BufferRange {
         if end <= room {
             return Ok(());
         }
-        let text = format!("{what}, to byte {end} of a buffer of the host's that has {room} at most");
+        let text = format!("{what}, to byte {end} of a host buffer of at most {room} bytes");
         Err(Error::invalid(text, "make the buffer larger, or use a smaller offset or stride"))
     }
 }

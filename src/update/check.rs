@@ -208,7 +208,7 @@ impl DeviceCaps {
         };
         match path.row().needs {
             Needs::VertexStores if !self.vertex_stores => refuse(
-                "needs the feature vertexPipelineStoresAndAtomics, which the device lacks, or which was not enabled"
+                "needs the feature vertexPipelineStoresAndAtomics, which the device lacks or the host did not enable"
                     .into(),
                 "use the path 'compute', which needs no feature",
             ),
@@ -242,14 +242,14 @@ impl DeviceCaps {
     pub(crate) fn check_queue_family(&self, path: UpdatePath, family: u32) -> Result<()> {
         let flags = self.queue_flags(family)?;
         let refuse = |lacks: &str, remedy: &str| {
-            let reason = format!("queue family {family}, which updates are to run on, has no {lacks}");
+            let reason = format!("queue family {family}, named for updates, has no {lacks}");
             Err(Error::Unsupported { path: path.name(), device: self.name.clone(), reason, remedy: remedy.into() })
         };
         if !flags.contains(vk::QueueFlags::COMPUTE) {
-            return refuse("compute", "name one that has");
+            return refuse("compute", "name a queue family with compute");
         }
         if path.draws_updates() && !flags.contains(vk::QueueFlags::GRAPHICS) {
-            return refuse("graphics, which its passes take", "use the path 'blocks' or 'compute' there");
+            return refuse("graphics, which the passes of this path need", "use the path 'blocks' or 'compute' on it");
         }
         Ok(())
     }

@@ -132,6 +132,7 @@ fn make(tuning: DeviceTuning) {
         let engine = engine.expect("an engine");
         engine.set_techniques(&deltamorph_baselines::TECHNIQUES);
         make_crowds(&engine, cmd, output);
+        drop(engine);
         device.destroy_buffer(output, None);
         device.destroy_command_pool(pool, None);
         device.destroy_device(None);
