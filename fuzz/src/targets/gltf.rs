@@ -211,7 +211,8 @@ fn mutate(data: &[u8], random: &mut Random) -> Option<Vec<u8>> {
 /// Places the bytes of a view, or gives an accessor none, so that it may have any number of elements.
 fn lay_out(json: &mut Value, random: &mut Random) {
     let list = *random.choose(&["bufferViews", "bufferViews", "accessors"]);
-    let Some(items) = json[list].as_array_mut().filter(|items| !items.is_empty()) else { return };
+    let items = json.get_mut(list).and_then(Value::as_array_mut).filter(|items| !items.is_empty());
+    let Some(items) = items else { return };
     let chosen = random.below(items.len());
     let Some(item) = items[chosen].as_object_mut() else { return };
     if list == "accessors" {
