@@ -1,8 +1,9 @@
 //! Crowds that get more places.
 
 use super::MorphEngine;
-use super::base::{AnyCrowd, OnDevice, Updater};
-use super::crowd::{AnimatedCrowd, Crowd, Playing, Weighted};
+use super::base::sealed::Sealed;
+use super::base::{AnyCrowd, DeviceCrowd, OnDevice, Updater};
+use super::crowd::{AnimatedCrowd, Crowd, Playing};
 use super::set::CrowdSet;
 use super::upload::GpuMesh;
 use crate::crowd::{CrowdBase, Kind};
@@ -92,8 +93,7 @@ impl MorphEngine {
 
     fn grown_crowd(&self, crowd: &Crowd, desc: &CrowdDesc) -> Result<Crowd> {
         let targets = crowd.layout().targets.len();
-        let make = |context: Context<'_>, poses| Ok(Weighted::new(self.technique(context)?, poses));
-        let grown = self.grown(crowd, desc, Runner::Device(&self.device.caps), targets, make)?;
+        let grown = self.grown(crowd, desc, Runner::Device(&self.device.caps), targets, self.weighted())?;
         for weights in grown.instances.present() {
             check_weights(weights, grown.layout(), grown.kind.grid())?;
             grown.technique().check_weights(weights)?;
@@ -102,7 +102,7 @@ impl MorphEngine {
     }
 
     /// A crowd in the place of `before`, updated by what `make` makes; `runner` and `targets` are those of its kind.
-    fn grown<U: Updater>(
+    fn grown<U: Updater + 'static>(
         &self,
         before: &CrowdBase<OnDevice<U>>,
         desc: &CrowdDesc,
@@ -110,6 +110,17 @@ impl MorphEngine {
         targets: usize,
         make: impl FnOnce(Context<'_>, Vec<Buffer>) -> Result<U>,
     ) -> Result<CrowdBase<OnDevice<U>>> {
+        let mesh = self.mesh_to_grow_with(before.base(), desc, runner)?;
+        let mut grown = CrowdBase::on_device(&self.device, &self.kernels, &mesh, desc, targets, make)?;
+        grown.instances = before.instances.grown(desc.instances as usize, desc.update.slots, desc.frames_in_flight);
+        (grown.updates, grown.kind.number, grown.kind.recorded) =
+            (before.updates, before.kind.number, before.kind.recorded);
+        grown.kind.discarded.clone_from(&before.kind.discarded);
+        Ok(grown)
+    }
+
+    /// The mesh of a crowd, if it can grow as described.
+    fn mesh_to_grow_with(&self, before: &DeviceCrowd, desc: &CrowdDesc, runner: Runner<'_>) -> Result<GpuMesh> {
         before.check_device(&self.device)?;
         if desc.instances < before.desc().instances {
             let text = format!("a crowd of {} instances that is to have {}", before.desc().instances, desc.instances);
@@ -128,11 +139,6 @@ impl MorphEngine {
         }
         let mesh = GpuMesh::of(before.groups().iter().map(|group| group.mesh.clone()).collect());
         self.check_crowd(&mesh, desc, runner)?;
-        let mut grown = CrowdBase::on_device(&self.device, &self.kernels, &mesh, desc, targets, make)?;
-        grown.instances = before.instances.grown(desc.instances as usize, desc.update.slots, desc.frames_in_flight);
-        (grown.updates, grown.kind.number, grown.kind.recorded) =
-            (before.updates, before.kind.number, before.kind.recorded);
-        grown.kind.discarded.clone_from(&before.kind.discarded);
-        Ok(grown)
+        Ok(mesh)
     }
 }

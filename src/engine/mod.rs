@@ -25,6 +25,7 @@ use crate::abi::numbers::WORKGROUP;
 use crate::error::{Error, Result};
 use crate::gpu::caps::{CAPTURE_STRIDE, DeviceCaps};
 use crate::gpu::device::{Device, DeviceDesc};
+use crate::gpu::memory::Buffer;
 use crate::gpu::pipelines::Kernels;
 use crate::pack::blocks::BlockDesc;
 use crate::pack::{DeltaFormat, PackDesc};
@@ -157,8 +158,12 @@ impl MorphEngine {
     pub fn create_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc) -> Result<Crowd> {
         self.check_crowd(mesh, desc, Runner::Device(&self.device.caps))?;
         let targets = mesh.layout().targets.len();
-        let make = |context: Context<'_>, poses| Ok(Weighted::new(self.technique(context)?, poses));
-        Crowd::on_device(&self.device, &self.kernels, mesh, desc, targets, make)
+        Crowd::on_device(&self.device, &self.kernels, mesh, desc, targets, self.weighted())
+    }
+
+    /// Makes the technique of a crowd whose weights are set.
+    fn weighted(&self) -> impl FnOnce(Context<'_>, Vec<Buffer>) -> Result<Weighted> {
+        |context, poses| Ok(Weighted::new(self.technique(context)?, poses))
     }
 
     /// Refuse a mesh that was uploaded elsewhere.

@@ -45,6 +45,7 @@
 mod contents;
 mod table;
 
+use super::source::sort;
 use super::{POSE_FLOATS, PackDesc, PackedGroup, PackedMesh, PackedTarget};
 use crate::asset::{Faces, MorphMesh, MorphTarget, Semantic, Tolerance, check_welds};
 use crate::error::{Error, Result};
@@ -194,7 +195,7 @@ fn unpack(group: &PackedGroup, mesh: &mut MorphMesh) {
     for (at, target) in mesh.targets.iter_mut().enumerate() {
         let mut lanes = vec![];
         group.for_each_delta(at, |vertex, delta| lanes.push((vertex as u32, delta.map(|d| d as f32))));
-        lanes.sort_unstable_by_key(|(vertex, _)| *vertex);
+        sort(&mut lanes);
         for place in &layout.streams {
             let numbers = place.morphing_components();
             // Blocks hold zeros where nothing moves. Positions and normals are listed for the same vertices.

@@ -66,9 +66,15 @@ impl<'a> Source<'a> {
                 out[at].1[numbers.clone()].copy_from_slice(delta);
             }
         }
-        out.sort_by_key(|(vertex, _)| *vertex);
+        sort(&mut out);
         out
     }
+}
+
+/// Sort lanes by vertex, of which each has one lane.
+// In one place: each call of the library's sort is compiled by itself, 4 kB of it.
+pub(crate) fn sort(lanes: &mut [Lane]) {
+    lanes.sort_unstable_by_key(|(vertex, _)| *vertex);
 }
 
 /// The largest number of each triple.

@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::math::angle_degrees;
 use crate::pack::formats::{BlockFormat, INTEGER_BITS, Lane};
 use crate::pack::order::{inverse, keep_welded, order_groups};
-use crate::pack::source::largest;
+use crate::pack::source::{largest, sort};
 use crate::pack::{POSE_FLOATS, PackDesc, PackedGroup, PackedLayout, PackedTarget, PoseError, Source, VERTEX_PADDING};
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
@@ -170,7 +170,7 @@ impl Packing<'_> {
         let mut entries: Vec<(u32, u32, Vec<Lane>)> = vec![];
         for (t, deltas) in self.kept.targets.iter().enumerate() {
             let mut deltas: Vec<Lane> = deltas.iter().map(|(v, d)| (self.packed[*v as usize], *d)).collect();
-            deltas.sort_unstable_by_key(|(at, _)| *at);
+            sort(&mut deltas);
             for run in deltas.chunk_by(|a, b| a.0 / size == b.0 / size) {
                 entries.push((run[0].0 / size, t as u32, run.iter().map(|(at, d)| (at % size, *d)).collect()));
             }
