@@ -184,8 +184,8 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         self.crowd.base_mut().remove(instance)
     }
 
-    /// The update of `ticket` and all recorded after it never run: see [`Crowd::discard`]. [`submit`](Self::submit)
-    /// refuses them from now on.
+    /// Discards the update of `ticket` and all recorded after it, which never run: see [`Crowd::discard`].
+    /// [`submit`](Self::submit) refuses them from now on.
     ///
     /// # Errors
     /// The ticket is of another crowd, or of an update that is not waiting to be submitted.
