@@ -40,11 +40,11 @@
 /// Vertices are doubled at seams, so that one index buffer draws poses as they are.
 #define DM_MESH_SPLIT 1
 
-/// Vertices at one place in the base pose and all targets are held together: for meshes that come doubled at seams. With
-/// `DM_MESH_SPLIT` as well, seams are doubled first, and then all that is at one place is held together.
+/// Vertices at the same position in the base pose and all targets are joined: for meshes that come doubled at seams.
+/// With `DM_MESH_SPLIT` as well, seams are doubled first, and then all vertices at the same position are joined.
 #define DM_MESH_WELD 2
 
-/// No delta is dropped, but those that are zero.
+/// Keep all deltas except zeros.
 #define DM_MESH_KEEP_ALL 4
 
 /// Dense, six float32.
@@ -74,7 +74,7 @@
 /// Six integers of 16 bits: displacements from the base pose, without drift.
 #define DM_POSE_FIXED16 3
 
-/// Compute, for the blocks of vertices that changed targets move, and no others (block formats).
+/// Compute, only for the blocks of vertices that changed targets move (block formats).
 #define DM_PATH_BLOCKS 1
 
 /// Compute passes over whole poses (dense formats).
@@ -83,10 +83,10 @@
 /// Vertex passes with transform feedback (dense formats).
 #define DM_PATH_FEEDBACK 3
 
-/// The CPU, for CPU crowds alone.
+/// The CPU, for CPU crowds only.
 #define DM_PATH_CPU 4
 
-/// Changed targets are added to the pose that is there.
+/// Changed targets are added to the existing pose.
 #define DM_MODE_INCREMENTAL 1
 
 /// All active targets are added to the base pose.
@@ -107,13 +107,13 @@
 /// Builds of acceleration structures, from decoded positions.
 #define DM_READ_BY_ACCELERATION_STRUCTURES 16
 
-/// Task and mesh shaders that read poses from storage buffers. The device has to have both enabled (VK_EXT_mesh_shader).
+/// Task and mesh shaders that read poses from storage buffers. The device enables both (VK_EXT_mesh_shader).
 #define DM_READ_BY_MESH_SHADERS 32
 
 /// Fragment shaders that read poses from storage buffers.
 #define DM_READ_BY_FRAGMENT_SHADERS 64
 
-/// Shaders of ray-tracing pipelines that read poses from storage buffers. The device has to have these pipelines enabled
+/// Shaders of ray-tracing pipelines that read poses from storage buffers. The device enables these pipelines
 /// (VK_KHR_ray_tracing_pipeline).
 #define DM_READ_BY_RAY_TRACING_SHADERS 128
 
@@ -124,16 +124,16 @@
 /// rotation.
 #define DM_SKIN_DUAL_QUATERNION 2
 
-/// A layer of a clip goes towards what the clip says: at the weight 1 it replaces what is below.
+/// Blend a layer over the layers below: at the weight 1 it replaces them.
 #define DM_LAYER_OVERRIDE 1
 
-/// A layer of a clip is added to what is below.
+/// Add a layer to the layers below.
 #define DM_LAYER_ADDITIVE 2
 
-/// Where the vertex is: three components.
+/// Position: three components.
 #define DM_STREAM_POSITION 1
 
-/// Which way the surface faces: three components.
+/// Normal: three components.
 #define DM_STREAM_NORMAL 2
 
 /// Direction of the texture's u axis, and handedness: four components.
@@ -148,17 +148,17 @@
 /// Wrinkle masks: two components, how far the skin is compressed upwards and across.
 #define DM_STREAM_MASK 6
 
-/// Major version of the API that this header is of.
+/// Major version of the API in this header.
 #define DM_VERSION_MAJOR 0
 
-/// Minor version of the API that this header is of.
+/// Minor version of the API in this header.
 #define DM_VERSION_MINOR 1
 
-/// Patch version of the API that this header is of.
+/// Patch version of the API in this header.
 #define DM_VERSION_PATCH 0
 
-/// What a function returns: `DM_OK`, or a code that says what kind of thing went wrong. Codes are never reused; later
-/// versions may return further ones. `dm_last_error` has the message.
+/// Result of a function: `DM_OK`, or a code for the kind of failure. Codes are never reused; later versions may return
+/// further ones. `dm_last_error` has the message.
 typedef uint32_t DmResult;
 
 /// An extension or feature that a path needs. Strings live as long as the library is loaded.
@@ -167,7 +167,7 @@ typedef struct DmRequirement {
     const char *extension;
     /// The feature to enable; null: none.
     const char *feature;
-    /// What for.
+    /// Why the path needs it.
     const char *reason;
 } DmRequirement;
 
@@ -177,7 +177,7 @@ typedef struct DmMesh {
     uint64_t bits;
 } DmMesh;
 
-/// What a mesh is.
+/// Sizes of a mesh.
 typedef struct DmMeshInfo {
     /// sizeof(DmMeshInfo).
     uint32_t struct_size;
@@ -197,18 +197,18 @@ typedef struct DmMeshInfo {
     uint32_t reserved;
     /// Bytes of a float32 pose, padding included.
     uint64_t pose_bytes;
-    /// Bytes of device memory that the mesh takes, and as many of staging memory until they are given back.
+    /// Bytes of device memory that the mesh takes; staging memory takes as many until it is released.
     uint64_t device_bytes;
 } DmMeshInfo;
 
-/// Vertices as they are drawn, for `dm_mesh_render_vertices`: those of the mesh, doubled where they have several texture
+/// Render vertices for `dm_mesh_render_vertices`: the vertices of the mesh, doubled where they have several texture
 /// coordinates. Arrays that are null are not written.
 typedef struct DmRenderVertices {
     /// sizeof(DmRenderVertices).
     uint32_t struct_size;
-    /// Render vertices: in, what there is room for; out, how many there are.
+    /// Render vertices: in, the room; out, their number.
     uint32_t vertex_count;
-    /// Indices: in, what there is room for; out, how many there are.
+    /// Indices: in, the room; out, their number.
     uint32_t index_count;
     /// Zero.
     uint32_t reserved;
@@ -232,7 +232,7 @@ typedef struct DmMeshDesc {
     uint32_t struct_size;
     /// `DM_MESH_...`, combined.
     uint32_t flags;
-    /// The engine whose limits dense formats are cut for; zero: those of any phone.
+    /// The engine for whose limits dense formats are split; zero: the limits of any phone.
     struct DmEngine engine;
     /// Shorter position deltas are dropped, as a fraction of the bounding-box diagonal; 0: 1e-6.
     float position_tolerance;
@@ -240,15 +240,15 @@ typedef struct DmMeshDesc {
     float normal_tolerance;
     /// `DM_DELTAS_...`, storage of the deltas; 0: `DM_DELTAS_FAST`.
     uint32_t delta_format;
-    /// Vertices of a block: 32, 64 or 128; 0: what suits the format (block formats).
+    /// Vertices of a block: 32, 64 or 128; 0: the format's default (block formats).
     uint32_t block_size;
     /// Largest error of a position delta, as a fraction of the bounding-box diagonal; 0: 1e-5 (block formats).
     float position_error;
     /// Largest error of a normal or tangent at weight 1, in degrees; 0: 0.5 (block formats).
     float normal_error_degrees;
-    /// Largest error of other streams' numbers at weight 1; 0: 1e-4 (block formats).
+    /// Largest error of other streams' components at weight 1; 0: 1e-4 (block formats).
     float absolute_error;
-    /// The largest weight, either sign, that poses of 32-bit integers accept; 0: 4 (block formats).
+    /// Largest absolute weight that 32-bit fixed-point poses accept; 0: 4 (block formats).
     float weight_max;
 } DmMeshDesc;
 
@@ -268,7 +268,7 @@ typedef struct DmTargetArrays {
     const float *tangents;
 } DmTargetArrays;
 
-/// A base pose and its targets: arrays with one element per vertex, or null where there is no such thing.
+/// A base pose and its targets: arrays with one element per vertex, or null for missing data.
 typedef struct DmMeshArrays {
     /// sizeof(DmMeshArrays).
     uint32_t struct_size;
@@ -278,7 +278,7 @@ typedef struct DmMeshArrays {
     const char *name;
     /// Positions, three floats each.
     const float *positions;
-    /// Normals of unit length, three floats each; null: computed, as `dm_mesh_open` says.
+    /// Normals of unit length, three floats each; null: computed as `dm_mesh_open` describes.
     const float *normals;
     /// Tangents of unit length with the handedness (1 or -1) in w, four floats each; null: none.
     const float *tangents;
@@ -292,7 +292,7 @@ typedef struct DmMeshArrays {
     uint32_t index_count;
     /// Targets.
     uint32_t target_count;
-    /// Not 0: targets state where a vertex is; 0: by how much it differs from the base pose.
+    /// Not 0: targets state positions; 0: displacements from the base pose.
     uint32_t absolute;
     /// Zero.
     uint32_t reserved;
@@ -304,7 +304,7 @@ typedef struct DmSampleDesc {
     uint32_t struct_size;
     /// Vertices; 0: 43,788.
     uint32_t vertices;
-    /// Targets, of which the first are named as ARKit's; 0: 72.
+    /// Targets; the first ones have ARKit's names; 0: 72.
     uint32_t targets;
     /// Mean fraction of the vertices that a target moves, in (0, 1]; 0: 0.12.
     float sparsity;
@@ -312,7 +312,7 @@ typedef struct DmSampleDesc {
     uint64_t seed;
 } DmSampleDesc;
 
-/// A clip of weights, by the names of targets. All zero: none.
+/// A clip of weights with names of targets. All zero: none.
 typedef struct DmClip {
     /// Kind, generation and index.
     uint64_t bits;
@@ -324,7 +324,7 @@ typedef struct DmClipArrays {
     uint32_t struct_size;
     /// Frames.
     uint32_t frame_count;
-    /// Targets whose weights it states.
+    /// Targets with weights in the clip.
     uint32_t column_count;
     /// Frames per second, above 0.
     float fps;
@@ -336,19 +336,19 @@ typedef struct DmClipArrays {
     const float *values;
 } DmClipArrays;
 
-/// What a clip is.
+/// Size and rate of a clip.
 typedef struct DmClipInfo {
     /// sizeof(DmClipInfo).
     uint32_t struct_size;
     /// Frames.
     uint32_t frame_count;
-    /// Targets whose weights it states.
+    /// Targets with weights in the clip.
     uint32_t column_count;
     /// Frames per second.
     float fps;
 } DmClipInfo;
 
-/// A clip whose columns are targets of a mesh. All zero: none.
+/// A clip whose columns are bound to targets of a mesh. All zero: none.
 typedef struct DmBoundClip {
     /// Kind, generation and index.
     uint64_t bits;
@@ -358,17 +358,17 @@ typedef struct DmBoundClip {
 typedef struct DmClipLayer {
     /// sizeof(DmClipLayer).
     uint32_t struct_size;
-    /// `DM_LAYER_...`, how it joins what is below it; 0: override.
+    /// `DM_LAYER_...`, how it is mixed with the layers below; 0: override.
     uint32_t blend;
     /// The clip.
     struct DmBoundClip clip;
     /// Seconds since the clip's first frame. Between two frames weights are interpolated in a straight line.
     double time;
-    /// How much of the layer there is: from 0 to 1 to fade it in.
+    /// Weight of the layer, from 0 to 1 for fading it in.
     float weight;
-    /// Not 0: the first and the last frame stay; 0: the clip goes on over and over.
+    /// Not 0: the first and the last frame are held; 0: the clip repeats.
     uint32_t once;
-    /// How much of it each target takes, a factor for each; null: 1 for all.
+    /// A factor for each target; null: 1 for all.
     const float *mask;
 } DmClipLayer;
 
@@ -378,7 +378,7 @@ typedef struct DmCrowd {
     uint64_t bits;
 } DmCrowd;
 
-/// A camera in perspective.
+/// A perspective camera.
 typedef struct DmCamera {
     /// sizeof(DmCamera).
     uint32_t struct_size;
@@ -386,25 +386,25 @@ typedef struct DmCamera {
     float height;
     /// Angle of view from bottom to top, in radians.
     float angle;
-    /// Where it is, in world units.
+    /// Position, in world units.
     float eye[3];
 } DmCamera;
 
-/// Where a head is: a ball around all of its poses.
+/// Position of an instance: a ball around all of its poses.
 typedef struct DmPlace {
     /// sizeof(DmPlace).
     uint32_t struct_size;
     /// Radius of the ball, in world units.
     float radius;
-    /// World units that an input unit of the mesh takes up; 0: 1.
+    /// World units per input unit of the mesh; 0: 1.
     float scale;
     /// Middle of the ball, in world units.
     float centre[3];
 } DmPlace;
 
-/// The device that an engine is made on. All handles are alive, belong together, and live until the engine is
-/// destroyed, with what was made with it. The device has the extensions and features of `dm_requirements` enabled for
-/// the paths to be used.
+/// The device that an engine is made on. All handles are alive, belong together, and live until the engine and all
+/// objects made with it are destroyed. The device has the extensions and features of `dm_requirements` enabled for the
+/// paths to be used.
 typedef struct DmEngineDesc {
     /// sizeof(DmEngineDesc).
     uint32_t struct_size;
@@ -416,42 +416,42 @@ typedef struct DmEngineDesc {
     VkPhysicalDevice physical_device;
     /// The device.
     VkDevice device;
-    /// The loader's function: all others are asked of it.
+    /// The loader's function, which the library gets all others from.
     PFN_vkGetInstanceProcAddr get_instance_proc_addr;
-    /// The device's function; null: the instance's.
+    /// The device's function; null: taken from the instance.
     PFN_vkGetDeviceProcAddr get_device_proc_addr;
     /// The features that `device` was created with; null: none. Read during the call only.
     const VkPhysicalDeviceFeatures *enabled_features;
-    /// The host's cache of pipelines; null: none. Made without VK_PIPELINE_CACHE_CREATE_EXTERNALLY_SYNCHRONIZED_BIT:
-    /// any thread that makes crowds or sets targets makes pipelines with it. It lives as long as the engine and all that it
-    /// makes; the host merges others into it only while no call that makes pipelines is running.
+    /// The host's pipeline cache; null: none. Created without VK_PIPELINE_CACHE_CREATE_EXTERNALLY_SYNCHRONIZED_BIT: any
+    /// thread that makes crowds or sets targets makes pipelines with it. It lives as long as the engine and all objects
+    /// made with it; the host merges others into it only while no call that makes pipelines is running.
     VkPipelineCache pipeline_cache;
-    /// Not 0: keep to the limits of Khronos' VP_ANDROID_baseline_2022, where the device's are larger.
+    /// Not 0: keep to the limits of Khronos' VP_ANDROID_baseline_2022 where the device's are larger.
     uint32_t clamp_to_android_baseline;
     /// Zero.
     uint32_t reserved;
-    /// Not 0: `instance` was created with VK_EXT_debug_utils; buffers, pipelines and descriptor sets get names then.
+    /// Not 0: `instance` was created with VK_EXT_debug_utils; then buffers, pipelines and descriptor sets get names.
     uint32_t debug_names;
     /// Not 0: `device` was created with the feature `bufferDeviceAddress`; DmCrowdDesc::pose_usage may ask for
     /// addresses.
     uint32_t buffer_device_address;
-    /// The families whose queues use what the engine makes: those that upload, update and draw. Two or more share the
-    /// engine's buffers (VK_SHARING_MODE_CONCURRENT), and no ownership is transferred; the host's semaphores order what
-    /// barriers order on one queue. None: all run on one family. Read during the call only.
+    /// The families whose queues use the engine's buffers: those that upload, update and draw. Two or more share them
+    /// (VK_SHARING_MODE_CONCURRENT), without ownership transfers; across queues the host's semaphores replace the
+    /// barriers of a single queue. None: all run on one family. Read during the call only.
     const uint32_t *queue_families;
     /// Families.
     uint64_t queue_family_count;
 } DmEngineDesc;
 
-/// What an engine runs on.
+/// Properties of an engine's device.
 typedef struct DmEngineInfo {
     /// sizeof(DmEngineInfo).
     uint32_t struct_size;
-    /// Not 0: a software driver, where the CPU crowd is the faster way.
+    /// Not 0: a software driver; a CPU crowd is faster there.
     uint32_t is_software;
     /// Bytes that a storage-buffer descriptor may cover.
     uint64_t max_storage_range;
-    /// Bytes of device and staging memory that the engine has from the driver.
+    /// Bytes of device and staging memory that the engine has allocated from the driver.
     uint64_t allocated_bytes;
     /// The device's name, ended by a zero.
     char device_name[256];
@@ -463,7 +463,7 @@ typedef struct DmGpuMesh {
     uint64_t bits;
 } DmGpuMesh;
 
-/// Where a pose is. Normals are not normalised.
+/// Buffer and layout of a pose. Normals are not normalised.
 typedef struct DmPoseView {
     /// sizeof(DmPoseView).
     uint32_t struct_size;
@@ -477,56 +477,57 @@ typedef struct DmPoseView {
     uint64_t size;
     /// `DM_POSE_...`, how vertices are stored.
     uint32_t format;
-    /// Which slot of the instance it is.
+    /// Slot of the instance.
     uint32_t slot;
-    /// Input units of integers, of positions and of normals: a number is that of the base pose plus integer x unit.
+    /// Input units of fixed-point numbers, of positions and of normals: a value is that of the base pose plus integer x
+    /// unit.
     float units[2];
 } DmPoseView;
 
-/// Where a stream of a pose is.
+/// Buffer and layout of a stream of a pose.
 typedef struct DmStreamView {
     /// sizeof(DmStreamView).
     uint32_t struct_size;
     /// Bytes from vertex to vertex.
     uint32_t stride;
-    /// The buffer, as that of a pose. Null: there is no such pose.
+    /// The buffer, with the usages of a pose's. Null: there is no such pose.
     VkBuffer buffer;
     /// Offset of the first vertex's first component.
     uint64_t offset;
     /// Components, one after the other.
     uint32_t components;
-    /// `DM_POSE_...`, what a component is.
+    /// `DM_POSE_...`, how a component is stored.
     uint32_t format;
-    /// Input units of integers, component by component.
+    /// Input units of fixed-point numbers, component by component.
     float units[4];
-    /// Which slot of the instance it is.
+    /// Slot of the instance.
     uint32_t slot;
     /// Zero.
     uint32_t reserved;
 } DmStreamView;
 
-/// Where a stream is in a vertex.
+/// Position of a stream in a vertex.
 typedef struct DmStreamPlace {
     /// `DM_STREAM_...`.
     uint32_t stream;
-    /// Bytes from the beginning of a vertex to its first component: a multiple of 4, of 2 in poses of 16-bit integers,
+    /// Bytes from the beginning of a vertex to its first component: a multiple of 4; of 2 in 16-bit fixed-point poses,
     /// where a stream brings the six numbers of its pair (position and normal, for example), which stay together.
     uint32_t offset;
 } DmStreamPlace;
 
-/// Vertices of a host's own that a crowd keeps its poses in, interleaved with what else the host has there, which is
-/// left alone. From `offset` on there is a pose for each slot of each instance, `[instance][slot]`, of `stride` x
+/// Vertices of the host's that a crowd keeps its poses in, interleaved with other data of the host's, which is not
+/// changed. From `offset` on there is a pose for each slot of each instance, `[instance][slot]`, of `stride` x
 /// DmMeshInfo::padded_vertex_count bytes each, in the order of pose buffers.
 ///
-/// The buffer is of the engine's device, usable as storage buffer, and large enough for all of that. It lives until the
-/// crowd is destroyed. While an update runs, nobody else reads or writes what the crowd writes there, but for the
-/// crowd's consumers.
+/// The buffer belongs to the engine's device, is usable as storage buffer, and large enough for all poses. It lives
+/// until the crowd is destroyed. While an update runs, only the crowd's consumers access the bytes that the crowd
+/// writes.
 typedef struct DmHostPoses {
     /// sizeof(DmHostPoses).
     uint32_t struct_size;
     /// Bytes from vertex to vertex, a multiple of 4.
     uint32_t stride;
-    /// The buffer.
+    /// The buffer with the vertices.
     VkBuffer buffer;
     /// Bytes from its beginning to the first vertex, a multiple of 4.
     uint64_t offset;
@@ -542,56 +543,59 @@ typedef struct DmHostPoses {
 typedef struct DmCrowdDesc {
     /// sizeof(DmCrowdDesc).
     uint32_t struct_size;
-    /// Instances, each with weights and poses of its own; 0: 1.
+    /// Instances, each with its own weights and poses; 0: 1.
     uint32_t instances;
     /// `DM_PATH_...`; 0: blocks, for CPU crowds the CPU.
     uint32_t path;
     /// Targets per pass (dense formats); 0: all at once.
     uint32_t batch;
-    /// `DM_MODE_...`; 0: incremental, where the path can.
+    /// `DM_MODE_...`; 0: incremental if the path supports it.
     uint32_t mode;
-    /// Pose buffers of an instance: 1 has no previous pose; 0: 2.
+    /// Pose buffers of an instance; 1: no previous pose is kept; 0: 2.
     uint32_t slots;
-    /// `DM_POSE_...`, how poses are stored; 0: float32, for animated crowds integers of 32 bits.
+    /// `DM_POSE_...`, how poses are stored; 0: float32, for animated crowds 32-bit fixed point.
     uint32_t pose_format;
     /// Updates that may be recorded and not yet finished; 0: 2.
     uint32_t frames_in_flight;
-    /// `DM_READ_BY_...`, combined: who reads poses between updates; 0: vertex attributes and vertex shaders.
+    /// `DM_READ_BY_...`, combined: the readers of poses between updates; 0: vertex attributes and vertex shaders.
     uint32_t consumers;
     /// Largest position error that accumulation in float32 may cause, as a fraction of the diagonal; 0: 1e-5.
     float tolerance;
-    /// Largest weight, either sign, that poses of integers have to hold; 0: 1 in 16 bits, in 32 what the mesh was
-    /// packed with.
+    /// Largest absolute weight that fixed-point poses have to hold; 0: 1 in 16 bits, in 32 bits the one that the mesh
+    /// was packed with.
     float weight_max;
-    /// How far a vertex may be from where the weights would put it, as a length in input units; 0: nothing is deferred.
+    /// Largest distance of a vertex from its exact position, as a length in input units; 0: no change is deferred.
     float error_budget;
-    /// VkBufferUsageFlags that pose buffers have beside vertex, storage and storage texel buffer, and source of copies.
+    /// VkBufferUsageFlags of pose buffers, in addition to vertex, storage and storage texel buffer, and source of
+    /// copies.
     uint32_t pose_usage;
     /// Zero.
     uint32_t reserved;
     /// Vertices of the host's that poses are written into (path blocks); null: buffers of the library's.
     const struct DmHostPoses *poses;
     /// The family of the queue that updates of the crowd run on; null: one with graphics and compute. Read during the
-    /// call only. On one without graphics barriers name no stage of graphics: consumers that have one are on another
-    /// queue.
+    /// call only. For a family without graphics, barriers name no graphics stage: consumers that have one are on
+    /// another queue.
     const uint32_t *queue_family;
 } DmCrowdDesc;
 
-/// Levels of detail: a head keeps as many targets, in the order of their importance, as its size on the screen needs.
+/// Levels of detail: an instance keeps as many targets, in the order of their importance, as its size on the screen
+/// needs.
 typedef struct DmLevelDesc {
     /// sizeof(DmLevelDesc).
     uint32_t struct_size;
     /// Pins.
     uint32_t pin_count;
-    /// The mesh that was uploaded: its targets are ranked, by the mean square of the distances that they move
-    /// vertices. It may be destroyed after the call.
+    /// The mesh that was uploaded: its targets are ranked by the mean square of the distances that they move vertices.
+    /// It may be destroyed after the call.
     struct DmMesh mesh;
     /// Names, or beginnings of names, of targets that are always kept.
     const char *const *pins;
-    /// How far a vertex may be from where all weights would put it, in pixels: half of it by targets that are left
-    /// out, half by changes that an error budget defers; 0: 1.
+    /// Largest distance of a vertex from its position with all weights, in pixels: half of it for targets that are left
+    /// out, half for changes that an error budget defers; 0: 1.
     float pixels;
-    /// How far any vertex may move from one frame to the next because the level changes, in pixels; 0: 0.008.
+    /// Largest distance that a vertex may move from one frame to the next because the level changes, in pixels; 0:
+    /// 0.008.
     float fade;
 } DmLevelDesc;
 
@@ -607,7 +611,7 @@ typedef struct DmAnimationDesc {
     uint32_t key_bits;
     /// Zero.
     uint32_t reserved;
-    /// Levels of detail, which take the feature `level`; null: all targets are kept.
+    /// Levels of detail, which need the feature `level`; null: all targets are kept.
     const struct DmLevelDesc *level;
 } DmAnimationDesc;
 
@@ -615,19 +619,19 @@ typedef struct DmAnimationDesc {
 typedef struct DmPlayback {
     /// sizeof(DmPlayback).
     uint32_t struct_size;
-    /// Which clip, counted from 0.
+    /// Number of the clip, counted from 0.
     uint32_t clip;
     /// When it starts, in seconds of the clock that `dm_crowd_set_time` sets.
     double start;
-    /// 1 is the clip's own speed, backwards below 0; 0: 1.
+    /// Speed relative to the clip's own, backwards below 0; 0: 1.
     double speed;
-    /// Not 0: the last frame stays; 0: it starts again.
+    /// Not 0: the clip stops at its last frame; 0: it repeats.
     uint32_t once;
     /// Zero.
     uint32_t reserved;
 } DmPlayback;
 
-/// What a crowd had before it grew. All zero: none.
+/// Resources that a crowd had before it grew. All zero: none.
 typedef struct DmOutgrown {
     /// Kind, generation and index.
     uint64_t bits;
@@ -647,13 +651,13 @@ typedef struct DmTicket {
     uint64_t number;
 } DmTicket;
 
-/// What an update recorded. All counts are zero when no weight changed.
+/// Statistics of a recorded update. All counts are zero if no weight changed.
 typedef struct DmUpdate {
     /// sizeof(DmUpdate).
     uint32_t struct_size;
     /// Bound on the position error that accumulation or rounding may have caused so far, in input units.
     float bound;
-    /// For `dm_crowd_discard`, should the command buffer never run.
+    /// Ticket for `dm_crowd_discard`, should the command buffer never run.
     struct DmTicket ticket;
     /// Targets applied (dense formats), or whose weight changed (block formats).
     uint64_t coefficients;
@@ -663,21 +667,21 @@ typedef struct DmUpdate {
     uint64_t rebuilt;
     /// Blocks written (block formats).
     uint64_t dirty_blocks;
-    /// Of these, the ones that started from the base pose.
+    /// Of these, blocks that started from the base pose.
     uint64_t rebuilt_blocks;
     /// Bytes loaded and stored.
     uint64_t bytes_moved;
-    /// The least that could be moved.
+    /// Lower bound of the bytes that any update could move.
     uint64_t bytes_floor;
 } DmUpdate;
 
-/// Host memory that poses are copied to, and decoded from. All zero: none.
+/// Host memory that poses are copied to and decoded from. All zero: none.
 typedef struct DmReadback {
     /// Kind, generation and index.
     uint64_t bits;
 } DmReadback;
 
-/// Where float32 positions of an instance are written, in the order of poses and without padding.
+/// Output buffer for an instance's float32 positions, in the order of poses and without padding.
 typedef struct DmDecodeTarget {
     /// sizeof(DmDecodeTarget).
     uint32_t struct_size;
@@ -693,7 +697,7 @@ typedef struct DmDecodeTarget {
     uint32_t reserved;
 } DmDecodeTarget;
 
-/// Where the bounds of an instance's pose are written: six float32, the least x, y and z of any vertex, and the
+/// Output buffer for the bounds of an instance's pose: six float32, the least x, y and z of any vertex, then the
 /// greatest.
 typedef struct DmBoundsTarget {
     /// sizeof(DmBoundsTarget).
@@ -712,7 +716,7 @@ typedef struct DmSurface {
     uint64_t bits;
 } DmSurface;
 
-/// Where normals of an instance's morphed surface are written, in the order of poses and without padding.
+/// Output buffer for normals of an instance's morphed surface, in the order of poses and without padding.
 typedef struct DmNormalsTarget {
     /// sizeof(DmNormalsTarget).
     uint32_t struct_size;
@@ -724,18 +728,18 @@ typedef struct DmNormalsTarget {
     uint64_t offset;
 } DmNormalsTarget;
 
-/// Which joints move the vertices of a mesh.
+/// Joints and weights of the vertices of a mesh.
 typedef struct DmSkinDesc {
     /// sizeof(DmSkinDesc).
     uint32_t struct_size;
-    /// Joints that a vertex names: 4 or 8; 0: 4.
+    /// Joints of each vertex: 4 or 8; 0: 4.
     uint32_t influences;
-    /// For each of the DmMeshInfo::vertex_count vertices, in the order of the mesh as it was imported, `influences` joints.
-    /// Those whose weight is 0 are not used.
+    /// For each of the DmMeshInfo::vertex_count vertices, in the order of the mesh as it was imported, `influences`
+    /// joints. Those with the weight 0 are not used.
     const uint16_t *joints;
-    /// The weights of these joints: not negative, of any sum above 0, by which they are divided.
+    /// The weights of these joints: not negative; they are divided by their sum, which is above 0.
     const float *weights;
-    /// Joints there are: 1 to 65,536.
+    /// Number of joints: 1 to 65,536.
     uint32_t joint_count;
     /// Zero.
     uint32_t reserved;
@@ -747,7 +751,7 @@ typedef struct DmSkin {
     uint64_t bits;
 } DmSkin;
 
-/// Where an instance is skinned to, in the order of poses and without padding, and by which joints.
+/// Output buffer of an instance's skinned pose, in the order of poses and without padding, and the joints to use.
 typedef struct DmSkinTarget {
     /// sizeof(DmSkinTarget).
     uint32_t struct_size;
@@ -757,23 +761,24 @@ typedef struct DmSkinTarget {
     VkBuffer buffer;
     /// Offset of the first vertex's position, a multiple of 4.
     uint64_t offset;
-    /// Second place of the same stride, so that the previous skinned pose stays when the next is written; null: none.
+    /// Second output buffer of the same stride, which keeps the previous skinned pose when the next is written; null:
+    /// none.
     VkBuffer second_buffer;
-    /// Offset there.
+    /// Offset in the second buffer.
     uint64_t second_offset;
     /// The buffer of the joints, usable as storage buffer.
     VkBuffer joints;
-    /// Bytes from the beginning of that buffer that joints may lie in.
+    /// Bytes from the beginning of that buffer that joints may occupy.
     uint64_t joints_bytes;
-    /// Offset of the instance's first joint, a multiple of 16, until `dm_crowd_set_joints` names another.
+    /// Offset of the instance's first joint, a multiple of 16, until `dm_crowd_set_joints` sets another.
     uint64_t joints_offset;
     /// Bytes from a position to its normal, of unit length, a multiple of 4 from 12 on; 0: no normals.
     uint32_t normals;
-    /// `DM_SKIN_...`, how joints are blended, and so what they are; 0: linear.
+    /// `DM_SKIN_...`, how joints are blended, and so their layout; 0: linear.
     uint32_t method;
 } DmSkinTarget;
 
-/// Where a skinned pose is.
+/// Buffer and offset of a skinned pose.
 typedef struct DmSkinnedView {
     /// sizeof(DmSkinnedView).
     uint32_t struct_size;
@@ -783,14 +788,14 @@ typedef struct DmSkinnedView {
     VkBuffer buffer;
     /// Offset of the first position.
     uint64_t offset;
-    /// Where it is as it was before the last update: the same place where nothing changed, on the first update and
-    /// after a cut. Null: the update overwrote it.
+    /// The buffer with the skinned pose before the last update: the same pose if nothing changed, on the first update
+    /// and after a cut. Null: the update overwrote it.
     VkBuffer previous_buffer;
-    /// Offset there.
+    /// Offset in that buffer.
     uint64_t previous_offset;
 } DmSkinnedView;
 
-/// What tells bounds of poses from their weights. All zero: none.
+/// Computes bounds of poses from their weights. All zero: none.
 typedef struct DmWeightBounds {
     /// Kind, generation and index.
     uint64_t bits;
@@ -802,7 +807,7 @@ typedef struct DmCpuCrowd {
     uint64_t bits;
 } DmCpuCrowd;
 
-/// It is done.
+/// Success.
 #define DM_OK 0
 
 /// A file or folder could not be read or written.
@@ -814,13 +819,13 @@ typedef struct DmCpuCrowd {
 /// An argument cannot be used: a value out of range, a null pointer, a structure of an unknown size.
 #define DM_ERROR_INVALID 3
 
-/// The device lacks what an update path needs.
+/// The device lacks a feature that an update path needs.
 #define DM_ERROR_UNSUPPORTED 4
 
 /// The host or the device is out of memory. Less may still fit.
 #define DM_ERROR_OUT_OF_MEMORY 5
 
-/// The device is lost, and has to be created anew.
+/// The device is lost, and has to be created again.
 #define DM_ERROR_DEVICE_LOST 6
 
 /// Another Vulkan call failed.
@@ -837,27 +842,29 @@ typedef struct DmCpuCrowd {
 extern "C" {
 #endif // __cplusplus
 
-/// The message of the last function that failed on this thread: UTF-8, ended by a zero; empty where none has failed.
-/// It says what was refused, and what to do. Valid until the next function fails on this thread, or the thread ends.
+/// The message of the last function that failed on this thread: UTF-8, ended by a zero; empty if none has failed. It
+/// says what was refused, and the remedy. Valid until the next function fails on this thread, or the thread ends.
 const char *dm_last_error(void);
 
-/// The version of the library that is linked: major x 2^22 + minor x 2^12 + patch, as VK_MAKE_API_VERSION has them.
+/// The version of the linked library: major x 2^22 + minor x 2^12 + patch, as in VK_MAKE_API_VERSION.
 uint32_t dm_version(void);
 
-/// What to enable when creating a device for a path (`DM_PATH_...`; 0: blocks). Beyond this, Vulkan 1.1 and one queue
-/// with graphics and compute suffice.
+/// List the extensions and features to enable when creating a device for a path (`DM_PATH_...`; 0: blocks). Beyond these,
+/// Vulkan 1.1 and one queue with graphics and compute suffice.
 ///
-/// With `items` null, `count` becomes their number. Otherwise `count` says how many there is room for.
+/// With `items` null, `count` becomes their number. Otherwise `count` is the room in `items`.
 ///
 /// Errors: DM_ERROR_INVALID for an unknown path, or too little room.
 ///
 /// Safety:
 /// `count` can be read and written; `items` is null or has room for that many.
-DmResult dm_requirements(uint32_t path, uint32_t *count, struct DmRequirement *items);
+DmResult dm_requirements(uint32_t path,
+                         uint32_t *count,
+                         struct DmRequirement *items);
 
-/// How a draw reads poses of a format (`DM_POSE_...`; 0: float32): binding 0 is the pose, with position and normal at
-/// locations 0 and 1; integers have the base pose as a second binding at locations 2 and 3; with `previous` not 0, the
-/// previous pose follows. There are at most 3 bindings and 6 attributes.
+/// Describe how a draw reads poses of a format (`DM_POSE_...`; 0: float32): binding 0 is the pose, with position and
+/// normal at locations 0 and 1; fixed-point poses have the base pose as a second binding at locations 2 and 3; with
+/// `previous` not 0, the previous pose follows. There are at most 3 bindings and 6 attributes.
 ///
 /// Errors: DM_ERROR_INVALID for an unknown format.
 ///
@@ -870,9 +877,9 @@ DmResult dm_pose_vertex_input(uint32_t format,
                               uint32_t *attribute_count,
                               VkVertexInputAttributeDescription *attributes);
 
-/// What a mesh is.
+/// Write the sizes of a mesh.
 ///
-/// Errors: DM_ERROR_INVALID for more triangles than 32 bits count the indices of: 1,431,655,765.
+/// Errors: DM_ERROR_INVALID for more triangles than 32-bit index counts allow: 1,431,655,765.
 ///
 /// Safety:
 /// `info` is a structure that can be written.
@@ -886,15 +893,15 @@ DmResult dm_mesh_info(struct DmMesh mesh, struct DmMeshInfo *info);
 /// `name` can be written.
 DmResult dm_mesh_target_name(struct DmMesh mesh, uint32_t target, const char **name);
 
-/// The target that is called `name`.
+/// Find the target called `name`.
 ///
-/// Errors: DM_ERROR_INVALID where there is none.
+/// Errors: DM_ERROR_INVALID if there is none.
 ///
 /// Safety:
 /// `name` is a UTF-8 string; `target` can be written.
 DmResult dm_mesh_find_target(struct DmMesh mesh, const char *name, uint32_t *target);
 
-/// Turn vertex numbers of the mesh as it was imported (an index buffer) into those of pose buffers, in place.
+/// Convert vertex numbers of the mesh as it was imported (an index buffer) to those of pose buffers, in place.
 ///
 /// Errors: DM_ERROR_INVALID for an index out of range; nothing is changed then.
 ///
@@ -902,9 +909,9 @@ DmResult dm_mesh_find_target(struct DmMesh mesh, const char *name, uint32_t *tar
 /// There are `count` numbers at `indices` that can be written.
 DmResult dm_mesh_remap_indices(struct DmMesh mesh, uint32_t *indices, size_t count);
 
-/// The triangles of the mesh, as an index buffer for pose buffers: DmMeshInfo::index_count numbers.
+/// Copy the triangles of the mesh, as an index buffer for pose buffers: DmMeshInfo::index_count numbers.
 ///
-/// With `indices` null, `count` becomes their number. Otherwise `count` says how many there is room for.
+/// With `indices` null, `count` becomes their number. Otherwise `count` is the room in `indices`.
 ///
 /// Errors: DM_ERROR_INVALID for too little room.
 ///
@@ -912,19 +919,19 @@ DmResult dm_mesh_remap_indices(struct DmMesh mesh, uint32_t *indices, size_t cou
 /// `count` can be read and written; `indices` is null or has room for that many.
 DmResult dm_mesh_indices(struct DmMesh mesh, uint32_t *count, uint32_t *indices);
 
-/// Vertices as they are drawn, for hosts that look up the pose in the vertex shader: texture coordinates are doubled at
-/// seams, poses are not. Call it with null arrays for the counts first. A mesh imported with `DM_MESH_SPLIT` needs this
-/// for its texture coordinates alone: its pose buffers are drawn as they are.
+/// Copy the render vertices, for hosts that look up the pose in the vertex shader: they are doubled where texture
+/// coordinates have seams, unlike poses. Call it with null arrays for the counts first. A mesh imported with
+/// `DM_MESH_SPLIT` needs this only for its texture coordinates: its pose buffers are drawn as they are.
 ///
 /// Errors: DM_ERROR_INVALID for too little room.
 ///
 /// Safety:
-/// `vertices` is a structure that can be written; its arrays are null or have the room that it says.
+/// `vertices` is a structure that can be written; its arrays are null or have the room that it states.
 DmResult dm_mesh_render_vertices(struct DmMesh mesh, struct DmRenderVertices *vertices);
 
-/// The reference: the pose of these weights, evaluated in full and in double precision from the deltas as they are
-/// packed. Six numbers for each vertex, position and normal (a sum, not normalised), in the order of vertices as the
-/// mesh was imported, without padding. `dm_mesh_remap_indices` tells where a vertex is in pose buffers.
+/// Compute the reference: the pose of these weights, evaluated in full and in double precision from the packed deltas.
+/// Six numbers for each vertex, position and normal (a sum, not normalised), in the order of vertices as the mesh was
+/// imported, without padding. `dm_mesh_remap_indices` tells the index of a vertex in pose buffers.
 ///
 /// Errors: DM_ERROR_INVALID for more weights than targets (fewer: the rest is 0), or too little room.
 ///
@@ -933,28 +940,26 @@ DmResult dm_mesh_render_vertices(struct DmMesh mesh, struct DmRenderVertices *ve
 DmResult dm_mesh_evaluate(struct DmMesh mesh, const float *weights, uint32_t weight_count, double *pose, size_t count);
 
 /// Read a mesh: a folder with neutral.obj and a folder `targets` of OBJ files, a glTF file (.glb, .gltf, .vrm; feature
-/// `gltf`), or a packed file (.dmorph), which stays as it is packed unless `desc` says how to pack.
+/// `gltf`), or a packed file (.dmorph), which is packed again only if `desc` says how.
 ///
-/// Targets of a folder come in the order of their files' names, those of a glTF file in the order of the file. Vertices
+/// Targets of a folder are in the order of their files' names, those of a glTF file in the order of the file. Vertices
 /// of OBJ files are their `v` lines, in order.
 ///
 /// Normals that a file does not state are computed: each is the normalised sum of the area vectors of the faces around
 /// the vertex. A polygon counts with its whole area vector at each of its corners, so the result differs from that of
-/// the triangles that it is drawn as. Where there is no such sum (no face, or faces without area), the normal is
-/// (0, 0, 1). The normal delta of a target is the difference of two such normals; 0 where the deformed surface has none.
+/// the triangles that it is drawn as. If the sum is zero (no face, or faces without area), the normal is (0, 0, 1). The
+/// normal delta of a target is the difference of two such normals; 0 if the deformed surface has none.
 ///
-/// Errors: DM_ERROR_IO where nothing is at `path`, or it cannot be read; DM_ERROR_INPUT with file, place and remedy;
-/// DM_ERROR_INVALID for what `desc` may not say.
+/// Errors: DM_ERROR_IO if nothing is at `path`, or it cannot be read; DM_ERROR_INPUT with the file, the position in it
+/// and a remedy; DM_ERROR_INVALID for invalid fields of `desc`.
 ///
 /// Safety:
 /// `path` is a UTF-8 string; `desc` is null (the defaults) or a structure; `mesh` can be written.
-DmResult dm_mesh_open(const char *path,
-                      const struct DmMeshDesc *desc,
-                      struct DmMesh *mesh);
+DmResult dm_mesh_open(const char *path, const struct DmMeshDesc *desc, struct DmMesh *mesh);
 
 /// Read a mesh from the bytes of a packed file (.dmorph) in memory. `name` is for messages, and may be null.
 ///
-/// Errors: DM_ERROR_INPUT with the place in the file; as `dm_mesh_open`.
+/// Errors: DM_ERROR_INPUT with the position in the file; those of `dm_mesh_open`.
 ///
 /// Safety:
 /// There are `size` bytes at `bytes`; `name` is null or a UTF-8 string; `desc` is null (the defaults) or a structure;
@@ -965,26 +970,26 @@ DmResult dm_mesh_from_bytes(const void *bytes,
                             const struct DmMeshDesc *desc,
                             struct DmMesh *mesh);
 
-/// Make a mesh from arrays with one element per vertex. Where vertices are doubled at seams, name `DM_MESH_WELD` in
-/// `desc`: no crack opens in any pose then, and normals that are computed are smooth across the seam.
+/// Make a mesh from arrays with one element per vertex. If vertices are doubled at seams, set `DM_MESH_WELD` in `desc`:
+/// then no crack opens in any pose, and computed normals are smooth across the seam.
 ///
-/// Errors: DM_ERROR_INVALID for numbers that are not finite, indices out of range, targets of one name.
+/// Errors: DM_ERROR_INVALID for numbers that are not finite, indices out of range, two targets of the same name.
 ///
 /// Safety:
 /// `arrays` is a structure whose arrays have the elements that it says; `desc` is null (the defaults) or a structure;
 /// `mesh` can be written.
 DmResult dm_mesh_from_arrays(const struct DmMeshArrays *arrays, const struct DmMeshDesc *desc, struct DmMesh *mesh);
 
-/// Make the built-in head, as `sample` describes it (null: the defaults).
+/// Make the built-in head that `sample` describes (null: the defaults).
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `sample`; DM_ERROR_INVALID for what
-/// `sample` or `desc` may not say: more than 10,000,000 vertices, or 2^28 for vertices times targets.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `sample`; DM_ERROR_INVALID for invalid
+/// fields of `sample` or `desc`: more than 10,000,000 vertices, or 2^28 for vertices times targets.
 ///
 /// Safety:
 /// `sample` and `desc` are null (the defaults) or structures; `mesh` can be written.
 DmResult dm_mesh_sample_head(const struct DmSampleDesc *sample, const struct DmMeshDesc *desc, struct DmMesh *mesh);
 
-/// Write a mesh as a packed file (.dmorph), in place of what is there once all is written.
+/// Write a mesh as a packed file (.dmorph). It replaces a file at `path` once all is written.
 ///
 /// Errors: DM_ERROR_IO; DM_ERROR_INVALID for a dense format.
 ///
@@ -992,23 +997,21 @@ DmResult dm_mesh_sample_head(const struct DmSampleDesc *sample, const struct DmM
 /// `path` is a UTF-8 string.
 DmResult dm_mesh_write(struct DmMesh mesh, const char *path);
 
-/// Destroy a mesh. What was made from it stays; names of its targets are gone.
+/// Destroy a mesh, with the names of its targets. Objects made from it stay.
 DmResult dm_mesh_destroy(struct DmMesh mesh);
 
-/// Read a clip of weights: a CSV file (.csv; feature `csv`), or of a glTF file (feature `gltf`) its one animation of
-/// weights, or the animation NAME as `FILE#NAME`. `fps` is its frame rate; 0: the one that the file states, or its name,
-/// or else 30.
+/// Read a clip of weights: a CSV file (.csv; feature `csv`), or a glTF file (feature `gltf`), from which its only
+/// animation of weights is read, or the animation NAME with `FILE#NAME`. `fps` is its frame rate; 0: the rate stated in
+/// the file or in its name, or else 30.
 ///
-/// Errors: DM_ERROR_IO, DM_ERROR_INPUT with file, place and remedy, also where the library was built without the
-/// feature that reads it.
+/// Errors: DM_ERROR_IO, DM_ERROR_INPUT with the file, the position in it and a remedy, also if the library was built
+/// without the feature that reads it.
 ///
 /// Safety:
 /// `path` is a UTF-8 string; `clip` can be written.
-DmResult dm_clip_open(const char *path,
-                      float fps,
-                      struct DmClip *clip);
+DmResult dm_clip_open(const char *path, float fps, struct DmClip *clip);
 
-/// Make a clip from arrays. Weights are checked by what takes the clip.
+/// Make a clip from arrays. The weights are checked by the functions that take the clip.
 ///
 /// Errors: DM_ERROR_INVALID for null names or values, a frame rate that is not above 0.
 ///
@@ -1016,50 +1019,47 @@ DmResult dm_clip_open(const char *path,
 /// `arrays` is a structure whose arrays have the elements that it says; `clip` can be written.
 DmResult dm_clip_from_arrays(const struct DmClipArrays *arrays, struct DmClip *clip);
 
-/// Make the clip of the built-in head that `sample` describes (null: the defaults). `fps` is its frame rate, from 0.1 to
-/// 1000; 0: 30.
+/// Make the clip of the built-in head that `sample` describes (null: the defaults). `fps` is its frame rate, from 0.1
+/// to 1000; 0: 30.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `sample`; DM_ERROR_INVALID for another
-/// frame rate, more than 2^24 weights (frames times targets), or what `dm_mesh_sample_head` refuses of `sample`.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `sample`; DM_ERROR_INVALID for another
+/// frame rate, more than 2^24 weights (frames times targets), or values of `sample` that `dm_mesh_sample_head` refuses.
 ///
 /// Safety:
 /// `sample` is null (the defaults) or a structure; `clip` can be written.
-DmResult dm_clip_sample_head(const struct DmSampleDesc *sample,
-                             uint32_t frame_count,
-                             float fps,
-                             struct DmClip *clip);
+DmResult dm_clip_sample_head(const struct DmSampleDesc *sample, uint32_t frame_count, float fps, struct DmClip *clip);
 
-/// What a clip is.
+/// Write the size and rate of a clip.
 ///
 /// Safety:
 /// `info` is a structure that can be written.
 DmResult dm_clip_info(struct DmClip clip, struct DmClipInfo *info);
 
-/// Destroy a clip. What was made from it stays.
+/// Destroy a clip. Objects made from it stay.
 DmResult dm_clip_destroy(struct DmClip clip);
 
 /// Bind the columns of a clip to the targets of a mesh, by name. Targets without a column have the weight 0.
 ///
-/// Errors: DM_ERROR_INVALID for a column that names no target, with the one that is near; two columns of one name; a
+/// Errors: DM_ERROR_INVALID for a column that names no target, with the most similar name; two columns of one name; a
 /// weight that is not finite.
 ///
 /// Safety:
 /// `bound` can be written.
 DmResult dm_clip_bind(struct DmClip clip, struct DmMesh mesh, struct DmBoundClip *bound);
 
-/// Bind the columns of a clip to names: those of a set, for `dm_clips_mix` and `dm_crowds_set_weights`. Names without a
-/// column have the weight 0.
+/// Bind the columns of a clip to a list of names: those of a set, for `dm_clips_mix` and `dm_crowds_set_weights`. Names
+/// without a column have the weight 0.
 ///
-/// Errors: as `dm_clip_bind`.
+/// Errors: those of `dm_clip_bind`.
 ///
 /// Safety:
 /// There are `count` names, UTF-8 strings; `bound` can be written.
 DmResult dm_clip_bind_names(struct DmClip clip, const char *const *names, uint32_t count, struct DmBoundClip *bound);
 
-/// The weights of a bound clip at `frame`, one for each target of the mesh, for `dm_crowd_set_weights`: between two
-/// frames in a straight line, before the first and after the last as these.
+/// Write the weights of a bound clip at `frame`, one for each target of the mesh, for `dm_crowd_set_weights`: linearly
+/// interpolated between two frames; the first frame's before it, and the last frame's after it.
 ///
-/// Errors: DM_ERROR_INVALID for a clip without frames, a frame that is no number, too little room.
+/// Errors: DM_ERROR_INVALID for a clip without frames, a frame that is not a number, too little room.
 ///
 /// Safety:
 /// There is room for `count` weights.
@@ -1069,49 +1069,50 @@ DmResult dm_bound_clip_sample(struct DmBoundClip clip, double frame, float *weig
 DmResult dm_bound_clip_destroy(struct DmBoundClip clip);
 
 /// Mix layers, the first one lowest, on top of the weights that are in `weights` already: zeros, or a pose of the
-/// host's. What comes out is what `dm_crowd_set_weights` takes or, of clips that are bound to the names of a set,
-/// `dm_crowds_set_weights`. With the weight w of a layer, its mask m of a target and s what its clip says of it, the
-/// weight v of the target becomes v x (1 - w x m) + w x m x s (`DM_LAYER_OVERRIDE`), or v + w x m x s
-/// (`DM_LAYER_ADDITIVE`). A layer leaves alone what its clip has no column for.
+/// host's. The result is for `dm_crowd_set_weights` or, with clips that are bound to the names of a set, for
+/// `dm_crowds_set_weights`. With the weight w of a layer, its mask m of a target and the weight s of the target in its
+/// clip, the weight v of the target becomes v x (1 - w x m) + w x m x s (`DM_LAYER_OVERRIDE`), or v + w x m x s
+/// (`DM_LAYER_ADDITIVE`). A layer does not change targets that its clip has no column for.
 ///
 /// Errors: DM_ERROR_INVALID for a clip of another number of targets than `weight_count`, a time, weight or factor of a
-/// mask that is not finite, a blend that there is not, a mask that overlaps `weights`. Nothing changes then.
+/// mask that is not finite, an unknown blend, a mask that overlaps `weights`. Nothing changes then.
 ///
 /// Safety:
-/// There are `count` structures one behind the other, whose masks are null or have `weight_count` factors, and
-/// `weight_count` weights, which can be written.
+/// There are `count` consecutive structures, whose masks are null or have `weight_count` factors, and `weight_count`
+/// weights, which can be written.
 DmResult dm_clips_mix(const struct DmClipLayer *layers, uint32_t count, float *weights, uint32_t weight_count);
 
-/// Keep only so many targets of an instance of an animated crowd that was made with DmAnimationDesc::level, in the
-/// order of their importance, from the next recorded update on. Where the instance has a place this is the most that
-/// is kept. As many as there are, or more, are all of them.
+/// Keep only `level` targets of an instance, in the order of their importance, from the next recorded update on; for an
+/// animated crowd made with DmAnimationDesc::level. If the instance has a position (`dm_crowd_set_place`), this is the
+/// most that is kept. A number at or above the number of targets keeps all.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `level`; DM_ERROR_INVALID for an
-/// instance out of range, a number below 0 or none, a crowd without levels of detail or one that plays no clips.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `level`; DM_ERROR_INVALID for an instance
+/// out of range, a level below 0 or not a number, a crowd without levels of detail or one that plays no clips.
 DmResult dm_crowd_set_level(struct DmCrowd crowd, uint32_t instance, float level);
 
-/// Levels of detail follow this camera from the next recorded update on: of instances that have a place. Before there
-/// is one, they keep all targets.
+/// Set the camera that levels of detail follow from the next recorded update on, for instances that have a position
+/// (`dm_crowd_set_place`). Without a camera they keep all targets.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `level`; DM_ERROR_INVALID for a camera
-/// that there cannot be; as `dm_crowd_set_level`.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `level`; DM_ERROR_INVALID for an invalid
+/// camera; those of `dm_crowd_set_level`.
 ///
 /// Safety:
 /// `camera` is a structure.
 DmResult dm_crowd_set_camera(struct DmCrowd crowd, const struct DmCamera *camera);
 
-/// The camera of the next recorded update looks at something else than before: levels of detail need not fade.
+/// Tell that the camera cuts with the next recorded update: levels of detail need not fade.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `level`; DM_ERROR_INVALID for a crowd
-/// that plays no clips.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `level`; DM_ERROR_INVALID for a crowd that
+/// plays no clips.
 DmResult dm_crowd_cut_camera(struct DmCrowd crowd);
 
-/// Where an instance is from the next recorded update on. With its first place its level of detail begins to follow
-/// the camera: the GPU works out how many targets it keeps, and fades them; `dm_crowd_cut` lets it be there at once.
-/// With DmCrowdDesc::error_budget it has a budget of its own besides, of its pixels, or the crowd's where that is less.
+/// Set the position of an instance from the next recorded update on. From its first position on, its level of detail
+/// follows the camera: the GPU computes how many targets it keeps, and fades them; with `dm_crowd_cut` they change at
+/// once. With DmCrowdDesc::error_budget the instance also has an error budget from its size in pixels, or the crowd's
+/// if that is less.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `level`; DM_ERROR_INVALID for a place
-/// that there cannot be; as `dm_crowd_set_level`.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `level`; DM_ERROR_INVALID for an invalid
+/// position; those of `dm_crowd_set_level`.
 ///
 /// Safety:
 /// `place` is a structure.
@@ -1123,19 +1124,19 @@ DmResult dm_crowd_set_place(struct DmCrowd crowd, uint32_t instance, const struc
 /// does not have; DM_ERROR_OUT_OF_MEMORY.
 ///
 /// Safety:
-/// `desc` is a structure that keeps what its documentation says; `engine` can be written.
+/// `desc` is a structure that meets the conditions in its documentation; `engine` can be written.
 DmResult dm_engine_create(const struct DmEngineDesc *desc, struct DmEngine *engine);
 
-/// What an engine runs on.
+/// Write the properties of an engine's device.
 ///
 /// Safety:
 /// `info` is a structure that can be written.
 DmResult dm_engine_info(struct DmEngine engine, struct DmEngineInfo *info);
 
-/// Destroy an engine. What was made with it has to be destroyed first: DmGpuMesh, DmCrowd, DmReadback, DmSkin, DmSurface,
-/// DmOutgrown. While something is alive, this is refused. The device may be destroyed afterwards.
+/// Destroy an engine. All objects made with it have to be destroyed first: DmGpuMesh, DmCrowd, DmReadback, DmSkin,
+/// DmSurface, DmOutgrown. The device may be destroyed afterwards.
 ///
-/// Errors: DM_ERROR_INVALID while something is alive, with the kinds and how many of each; nothing changes then.
+/// Errors: DM_ERROR_INVALID while such objects are alive, with their kinds and numbers; nothing changes then.
 DmResult dm_engine_destroy(struct DmEngine engine);
 
 /// Make the buffers of a mesh on the device, and record their upload. `mesh` may be destroyed afterwards.
@@ -1149,24 +1150,24 @@ DmResult dm_engine_destroy(struct DmEngine engine);
 /// Safety:
 /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and without
 ///   active conditional rendering, on any queue. No other thread uses it meanwhile.
-/// - It runs exactly once, before any update of the mesh; where it never does, no crowd of the mesh is updated.
+/// - It runs exactly once, before any update of the mesh; if it never runs, no crowd of the mesh is updated.
 /// - `gpu_mesh` can be written. The mesh on the device is destroyed only when the device no longer uses it.
 DmResult dm_mesh_upload(struct DmEngine engine, VkCommandBuffer cmd, struct DmMesh mesh, struct DmGpuMesh *gpu_mesh);
 
-/// Give the staging memory of an upload back.
+/// Free the staging memory of an upload.
 ///
 /// Safety:
 /// The upload has run, or never will.
 DmResult dm_gpu_mesh_release_staging(struct DmGpuMesh mesh);
 
-/// Where the base pose is, once the upload has run: float32, in the order of poses. Poses of integers are displacements
-/// from it.
+/// Get the buffer and layout of the base pose, which is there once the upload has run: float32, in the order of poses.
+/// Fixed-point poses are displacements from it.
 ///
 /// Safety:
 /// `view` is a structure that can be written.
 DmResult dm_gpu_mesh_base_pose(struct DmGpuMesh mesh, struct DmPoseView *view);
 
-/// Where a stream (`DM_STREAM_...`) of the base pose is.
+/// Get the buffer and layout of a stream (`DM_STREAM_...`) of the base pose.
 ///
 /// Errors: DM_ERROR_INVALID for a stream that the mesh does not have.
 ///
@@ -1174,29 +1175,29 @@ DmResult dm_gpu_mesh_base_pose(struct DmGpuMesh mesh, struct DmPoseView *view);
 /// `view` is a structure that can be written.
 DmResult dm_gpu_mesh_base_stream(struct DmGpuMesh mesh, uint32_t stream, struct DmStreamView *view);
 
-/// Destroy a mesh on the device. Crowds keep what they need of it.
+/// Destroy a mesh on the device. Crowds keep the data that they need.
 ///
 /// Safety:
-/// The device no longer uses the mesh but for its crowds: its upload has run, or never will.
+/// The device uses the mesh only for its crowds: its upload has run, or never will.
 DmResult dm_gpu_mesh_destroy(struct DmGpuMesh mesh);
 
 /// Make pose buffers and pipelines for instances of a mesh, all weights 0. The first update writes their base poses.
 ///
-/// Errors: DM_ERROR_INVALID, DM_ERROR_UNSUPPORTED for what mesh or device cannot do, with what to use instead;
-/// DM_ERROR_OUT_OF_MEMORY.
+/// Errors: DM_ERROR_INVALID, DM_ERROR_UNSUPPORTED for options that the mesh or device does not support, with an
+/// alternative; DM_ERROR_OUT_OF_MEMORY.
 ///
 /// Safety:
-/// `desc` is null (the defaults) or a structure, and so is DmCrowdDesc::poses, which keeps what its documentation says;
-/// DmCrowdDesc::queue_family is null or can be read; `crowd` can be written.
+/// `desc` is null (the defaults) or a structure, and so is DmCrowdDesc::poses, which meets the conditions in its
+/// documentation; DmCrowdDesc::queue_family is null or can be read; `crowd` can be written.
 DmResult dm_crowd_create(struct DmGpuMesh mesh, const struct DmCrowdDesc *desc, struct DmCrowd *crowd);
 
 /// Make a crowd whose instances play clips on the GPU, and record the upload of the clips. Instances that have played
-/// nothing yet show the base pose. Any number of updates may be in flight.
+/// no clip yet show the base pose. Any number of updates may be in flight.
 ///
 /// This records: a copy and two fills, and a barrier that makes them visible to updates (first stage TRANSFER with
 /// TRANSFER_WRITE; last COMPUTE_SHADER). Call `dm_crowd_release_staging` once it has run.
 ///
-/// Errors: as `dm_crowd_create`; clips that do not fit the mesh; float32 poses. Nothing is recorded then.
+/// Errors: those of `dm_crowd_create`; clips that do not fit the mesh; float32 poses. Nothing is recorded then.
 ///
 /// Safety:
 /// - `cmd` as in `dm_mesh_upload`, on a queue with compute. It runs exactly once, before any update of the crowd.
@@ -1208,7 +1209,7 @@ DmResult dm_crowd_create_animated(struct DmGpuMesh mesh,
                                   const struct DmAnimationDesc *animation,
                                   struct DmCrowd *crowd);
 
-/// Give the staging memory of an animated crowd's clips back.
+/// Free the staging memory of an animated crowd's clips.
 ///
 /// Errors: DM_ERROR_INVALID for a crowd that plays no clips.
 ///
@@ -1222,69 +1223,67 @@ DmResult dm_crowd_release_staging(struct DmCrowd crowd);
 /// The device no longer uses them.
 DmResult dm_crowd_destroy(struct DmCrowd crowd);
 
-/// The next pose of an instance has no predecessor (it was teleported, say): its previous pose will be the pose itself,
-/// so that motion vectors come out as zero. `dm_crowd_set_hidden` does this by itself.
+/// Tell that the next pose of an instance has no predecessor (it was teleported, for example): its previous pose will
+/// be the pose itself, so that motion vectors come out as zero. `dm_crowd_set_hidden` implies this.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed.
 DmResult dm_crowd_cut(struct DmCrowd crowd, uint32_t instance);
 
-/// Hide an instance (not 0), or show it again (0). A hidden one is left out of updates and keeps its pose; shown again, it
-/// catches up in the next update, and its previous pose is the pose itself then.
+/// Hide an instance (not 0), or show it again (0). Updates leave a hidden instance out, and it keeps its pose. When it
+/// is shown again, the next update brings it up to date, and its previous pose is the pose itself then.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed.
-DmResult dm_crowd_set_hidden(struct DmCrowd crowd,
-                             uint32_t instance,
-                             uint32_t hidden);
+DmResult dm_crowd_set_hidden(struct DmCrowd crowd, uint32_t instance, uint32_t hidden);
 
-/// Add an instance, in a place that `dm_crowd_remove` freed: shown, with all weights 0.
+/// Add an instance, with a number that `dm_crowd_remove` freed: shown, with all weights 0.
 ///
-/// Errors: DM_ERROR_INVALID where no place is free.
+/// Errors: DM_ERROR_INVALID if no number is free.
 ///
 /// Safety:
 /// `instance` can be written.
 DmResult dm_crowd_add(struct DmCrowd crowd, uint32_t *instance);
 
-/// Take an instance out of a crowd.
+/// Remove an instance from a crowd.
 ///
-/// Errors: DM_ERROR_INVALID for an instance out of range, or removed before.
+/// Errors: DM_ERROR_INVALID for an instance out of range or already removed.
 DmResult dm_crowd_remove(struct DmCrowd crowd, uint32_t instance);
 
 /// Play a clip of an animated crowd from the next recorded update on.
 ///
-/// Errors: DM_ERROR_INVALID for an instance or clip out of range, a speed or start that is no number or too large, a
+/// Errors: DM_ERROR_INVALID for an instance or clip out of range, a speed or start that is not a number or too large, a
 /// crowd that plays no clips.
 ///
 /// Safety:
 /// `playback` is a structure.
 DmResult dm_crowd_play(struct DmCrowd crowd, uint32_t instance, const struct DmPlayback *playback);
 
-/// The clock of an animated crowd is at `seconds` when the next recorded update runs.
+/// Set the clock of an animated crowd: it is at `seconds` when the next recorded update runs.
 ///
-/// Errors: DM_ERROR_INVALID for no number, or one too large; for a crowd that plays no clips.
+/// Errors: DM_ERROR_INVALID for a time that is not a number or too large; for a crowd that plays no clips.
 DmResult dm_crowd_set_time(struct DmCrowd crowd, double seconds);
 
-/// Make a crowd anew with more places: `desc` says how, as a rule as it was made, with more instances. The handle
-/// stays, and so do sets that name it. Instances keep their numbers, what is requested of them or what they play, and
-/// whether they are hidden; the new places are free, for `dm_crowd_add`. Tickets stay good. Called between two
-/// updates, whether the earlier ones have finished or not; the next update writes all poses anew, and until it is
-/// recorded there are none.
+/// Make a crowd again with room for more instances: `desc` describes the new crowd, as a rule the old description with
+/// more instances. The handle stays valid, and so do sets that name it. Instances keep their numbers, the weights
+/// requested of them or the clips that they play, and whether they are hidden; the new numbers are free, for
+/// `dm_crowd_add`. Tickets stay valid. Call it between two updates; earlier ones need not have finished. The next
+/// update writes all poses again, and until it is recorded there are none.
 ///
-/// This records: nothing, and `cmd` is not looked at; for a crowd that plays clips what `dm_crowd_create_animated`
-/// does: call `dm_crowd_release_staging` once that has run.
+/// This records nothing, and `cmd` is ignored, unless the crowd plays clips: then it records the same as
+/// `dm_crowd_create_animated`; call `dm_crowd_release_staging` once that has run.
 ///
-/// Errors: DM_ERROR_INVALID for fewer places than there are, for instances with targets of steps after the pose, which
-/// have to be taken away first, for poses in the host's vertices that the crowd has now; as `dm_crowd_create`, and
-/// `dm_crowd_create_animated`. Nothing changes then.
+/// Errors: DM_ERROR_INVALID for fewer instances than there are, for instances with targets of steps after the pose,
+/// which have to be removed first, for poses in the same vertices of the host's as the crowd has now; those of
+/// `dm_crowd_create`, and `dm_crowd_create_animated`. Nothing changes then.
 ///
 /// Safety:
-/// - `cmd`, of a crowd that plays clips, as in `dm_crowd_create_animated`.
+/// - For a crowd that plays clips, `cmd` as in `dm_crowd_create_animated`.
 /// - `desc` as in `dm_crowd_create`; `outgrown` can be written.
 DmResult dm_crowd_grow(struct DmCrowd crowd,
                        VkCommandBuffer cmd,
                        const struct DmCrowdDesc *desc,
                        struct DmOutgrown *outgrown);
 
-/// Destroy what a crowd had before it grew: pose buffers, lists, descriptor sets.
+/// Destroy the resources that a crowd had before it grew: pose buffers, lists, descriptor sets.
 ///
 /// Safety:
 /// The updates and draws recorded before have finished.
@@ -1300,22 +1299,22 @@ DmResult dm_outgrown_destroy(struct DmOutgrown outgrown);
 DmResult dm_crowd_set_weights(struct DmCrowd crowd, uint32_t instance, const float *weights, uint32_t count);
 
 /// Request the weight of one target, counted from 0 in the mesh's order, from the next recorded update on; the others
-/// stay as requested.
+/// keep the requested weights.
 ///
-/// Errors: DM_ERROR_INVALID for a target out of range; as `dm_crowd_set_weights`. Nothing changes then.
+/// Errors: DM_ERROR_INVALID for a target out of range; those of `dm_crowd_set_weights`. Nothing changes then.
 DmResult dm_crowd_set_weight(struct DmCrowd crowd, uint32_t instance, uint32_t target, float weight);
 
-/// Request the weight of the target called `name`, of several the first, after a search through the names: as
-/// `dm_crowd_set_weight`.
+/// Request the weight of the target called `name`, as `dm_crowd_set_weight` does. The names are searched; of several
+/// equal ones the first is used.
 ///
-/// Errors: DM_ERROR_INVALID for a name that the mesh does not have, with the one that was probably meant; as
+/// Errors: DM_ERROR_INVALID for a name that the mesh does not have, with the most similar name; those of
 /// `dm_crowd_set_weights`. Nothing changes then.
 ///
 /// Safety:
 /// `name` is a UTF-8 string.
 DmResult dm_crowd_set_weight_by_name(struct DmCrowd crowd, uint32_t instance, const char *name, float weight);
 
-/// The weights requested of an instance, one per target in the mesh's order, as they were set.
+/// Get the weights requested of an instance, one per target in the mesh's order.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed, too little room, a crowd that plays clips.
 ///
@@ -1323,32 +1322,32 @@ DmResult dm_crowd_set_weight_by_name(struct DmCrowd crowd, uint32_t instance, co
 /// There is room for `count` weights.
 DmResult dm_crowd_weights(struct DmCrowd crowd, uint32_t instance, float *weights, uint32_t count);
 
-/// Make a set of `count` crowds whose weights are set by one vector: by their names, a weight goes to the targets of
-/// every mesh. Instance i of the set is instance i of each crowd. The weights are, to begin with, those of all their
-/// targets: each name once, in the order in which crowds and their targets name them.
+/// Make a set of `count` crowds whose weights are set by one vector: each weight goes, by its name, to the targets of
+/// that name in every mesh. Instance i of the set is instance i of each crowd. At first the weights are those of all
+/// targets: each name once, in the order of the crowds and of their targets.
 ///
 /// The crowds stay the caller's: `dm_record_updates` records their updates with shared barriers, and each is cut,
-/// hidden, skinned and destroyed by its own handle. Where one was destroyed, the set can only be destroyed.
+/// hidden, skinned and destroyed by its own handle. After one is destroyed, the set can only be destroyed.
 ///
-/// Errors: DM_ERROR_INVALID for no crowd, one that is named twice, or that plays clips.
+/// Errors: DM_ERROR_INVALID for an empty list, a crowd that is named twice, or one that plays clips.
 ///
 /// Safety:
 /// There are `count` crowds; `set` can be written.
 DmResult dm_crowds_create(const struct DmCrowd *crowds, uint32_t count, struct DmCrowds *set);
 
-/// From now on weights are of these names, in this order: those of a clip or of a tracker. Targets that are not among
-/// them keep the weights that were requested last.
+/// Set the names, and so the order, of the weights from now on: those of a clip or of a tracker. Targets that are not
+/// among them keep the weights that were requested last.
 ///
-/// Errors: DM_ERROR_INVALID for a name that no mesh has, or that comes twice; DM_ERROR_HANDLE where a crowd was
-/// destroyed. Nothing changes then.
+/// Errors: DM_ERROR_INVALID for a name that no mesh has, or that comes twice; DM_ERROR_HANDLE if a crowd was destroyed.
+/// Nothing changes then.
 ///
 /// Safety:
 /// There are `count` names, UTF-8 strings.
 DmResult dm_crowds_bind(struct DmCrowds set, const char *const *names, uint32_t count);
 
-/// What the weights of a set are called, in their order: UTF-8, valid until the set is bound anew, or destroyed.
+/// List the names of a set's weights, in their order: UTF-8, valid until the set is bound again, or destroyed.
 ///
-/// With `names` null, `count` becomes their number. Otherwise `count` says how many there is room for.
+/// With `names` null, `count` becomes their number. Otherwise `count` is the room in `names`.
 ///
 /// Errors: DM_ERROR_INVALID for too little room.
 ///
@@ -1358,8 +1357,8 @@ DmResult dm_crowds_names(struct DmCrowds set, uint32_t *count, const char **name
 
 /// Request these weights of an instance in all crowds, one for each name of the set, from the next recorded updates on.
 ///
-/// Errors: DM_ERROR_INVALID for a wrong number of weights; as `dm_crowd_set_weights`; DM_ERROR_HANDLE where a crowd was
-/// destroyed. Nothing changes then, in no crowd.
+/// Errors: DM_ERROR_INVALID for a wrong number of weights; those of `dm_crowd_set_weights`; DM_ERROR_HANDLE if a crowd
+/// was destroyed. Nothing changes then, in any crowd.
 ///
 /// Safety:
 /// There are `count` weights.
@@ -1368,13 +1367,13 @@ DmResult dm_crowds_set_weights(struct DmCrowds set, uint32_t instance, const flo
 /// Destroy a set. Its crowds stay.
 DmResult dm_crowds_destroy(struct DmCrowds set);
 
-/// Record the update of all instances of a crowd to the weights requested, or to the time set.
+/// Record the update of all instances of a crowd to the requested weights, or to the time set.
 ///
-/// This records: nothing when no weight changed; otherwise the passes of the plan with the barriers they need. First
+/// This records nothing if no weight changed; otherwise the passes of the plan with the barriers that they need. First
 /// stages: those of the crowd's consumers (reads of earlier poses) and the path's own; last: the consumers', by default
-/// VERTEX_INPUT with VERTEX_ATTRIBUTE_READ and VERTEX_SHADER with SHADER_READ. It binds over the compute pipeline, its
-/// set 0 and push constants; on `DM_PATH_FEEDBACK` the graphics pipeline, vertex bindings from 0 on, push constants and
-/// transform-feedback binding 0.
+/// VERTEX_INPUT with VERTEX_ATTRIBUTE_READ and VERTEX_SHADER with SHADER_READ. It replaces the bound compute
+/// pipeline, its set 0 and push constants; on `DM_PATH_FEEDBACK` the bound graphics pipeline, vertex bindings from 0
+/// on, push constants and transform-feedback binding 0.
 ///
 /// Errors: after an error nothing is recorded.
 ///
@@ -1391,17 +1390,18 @@ DmResult dm_record_update(VkCommandBuffer cmd, struct DmCrowd crowd, struct DmUp
 
 /// Record the updates of several crowds of one engine, as `dm_record_update` does for one. They share their barriers.
 ///
-/// Errors: DM_ERROR_INVALID for no crowd, a crowd that is named twice, crowds of several engines, or for queues of
+/// Errors: DM_ERROR_INVALID for an empty list, a crowd that is named twice, crowds of several engines, or for queues of
 /// several families. Nothing is recorded then.
 ///
 /// Safety:
-/// - As `dm_record_update`, for each crowd.
+/// - The conditions of `dm_record_update`, for each crowd.
 /// - There are `count` crowds; `updates` is null or an array of as many structures that can be written, each with its
 ///   size.
 DmResult dm_record_updates(VkCommandBuffer cmd, uint32_t count, const struct DmCrowd *crowds, struct DmUpdate *updates);
 
-/// The update of a ticket and all later ones of the crowd will never run: what they would have written is unknown, and
-/// the next update does it again. An update that was discarded before stays so.
+/// Tell that the update of a ticket and all later ones of the crowd will never run: the contents of the poses that they
+/// would have written are unknown, and the next update writes them again. An update that was discarded before stays
+/// discarded.
 ///
 /// Errors: DM_ERROR_INVALID for a ticket of another crowd, or of an update before the last 1024.
 ///
@@ -1409,144 +1409,148 @@ DmResult dm_record_updates(VkCommandBuffer cmd, uint32_t count, const struct DmC
 /// Neither the update nor any later one of the crowd runs.
 DmResult dm_crowd_discard(struct DmCrowd crowd, struct DmTicket ticket);
 
-/// Where the pose of an instance is, once the updates recorded so far have run.
+/// Get the buffer and layout of an instance's pose, which is there once the updates recorded so far have run.
 ///
-/// Errors: DM_ERROR_INVALID for an instance out of range or removed; where no update was recorded yet, or its update
-/// was discarded.
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed; if no update was recorded yet, or the instance's
+/// update was discarded.
 ///
 /// Safety:
 /// `view` is a structure that can be written.
 DmResult dm_crowd_pose(struct DmCrowd crowd, uint32_t instance, struct DmPoseView *view);
 
-/// Where the pose of an instance was before its last update: the pose itself when nothing changed, on its first update,
-/// and after `dm_crowd_cut`. The buffer is null where the update had to overwrite it.
+/// Get the buffer and layout of an instance's pose before its last update: the pose itself if nothing changed, on its
+/// first update, and after `dm_crowd_cut`. The buffer is null if the update had to overwrite it.
 ///
-/// Errors: as `dm_crowd_pose`.
+/// Errors: those of `dm_crowd_pose`.
 ///
 /// Safety:
 /// `view` is a structure that can be written.
 DmResult dm_crowd_previous_pose(struct DmCrowd crowd, uint32_t instance, struct DmPoseView *view);
 
-/// Where a stream (`DM_STREAM_...`) of the pose of an instance is: any that the mesh has.
+/// Get the buffer and layout of any stream (`DM_STREAM_...`) of the mesh in an instance's pose.
 ///
-/// Errors: as `dm_crowd_pose`; DM_ERROR_INVALID for a stream that the mesh does not have.
+/// Errors: those of `dm_crowd_pose`; DM_ERROR_INVALID for a stream that the mesh does not have.
 ///
 /// Safety:
 /// `view` is a structure that can be written.
 DmResult dm_crowd_stream(struct DmCrowd crowd, uint32_t instance, uint32_t stream, struct DmStreamView *view);
 
-/// Where a stream (`DM_STREAM_...`) of the previous pose of an instance is; see `dm_crowd_previous_pose`.
+/// Get the buffer and layout of a stream (`DM_STREAM_...`) of an instance's previous pose; see `dm_crowd_previous_pose`.
 ///
-/// Errors: as `dm_crowd_stream`.
+/// Errors: those of `dm_crowd_stream`.
 ///
 /// Safety:
 /// `view` is a structure that can be written.
-DmResult dm_crowd_previous_stream(struct DmCrowd crowd, uint32_t instance, uint32_t stream, struct DmStreamView *view);
+DmResult dm_crowd_previous_stream(struct DmCrowd crowd,
+                                  uint32_t instance,
+                                  uint32_t stream,
+                                  struct DmStreamView *view);
 
-/// Make memory for reading poses back: none yet, as much as they take when they are recorded.
+/// Make an object for reading poses back. Its memory is allocated when copies are recorded, as much as the poses take.
 ///
 /// Safety:
 /// `readback` can be written.
 DmResult dm_readback_create(struct DmEngine engine, struct DmReadback *readback);
 
-/// Record copies of the poses of `count` instances of a crowd, in the place of what was recorded before. It comes after
-/// the update that writes them, in the same command buffer or a later one.
+/// Record copies of the poses of `count` instances of a crowd, replacing those recorded before. They come after the
+/// update that writes the poses, in the same command buffer or a later one.
 ///
 /// This records: a barrier from the stages that write poses to copies, whatever the consumers of the crowd are; the
 /// copies; and a barrier that makes them visible to the host, and that later updates wait for.
 ///
-/// Errors: DM_ERROR_INVALID for a crowd of another engine; as `dm_crowd_pose`, for each instance;
+/// Errors: DM_ERROR_INVALID for a crowd of another engine; those of `dm_crowd_pose`, for each instance;
 /// DM_ERROR_OUT_OF_MEMORY. Nothing is recorded then.
 ///
 /// Safety:
 /// - `cmd` as in `dm_record_update`, on the queue that updates of the crowd run on. It runs after the updates of the
 ///   crowd that were recorded so far, and before later ones.
-/// - What was recorded with this read-back before has finished, or never runs. It and the crowd live until the device
+/// - Commands recorded with this read-back before have finished, or never run. It and the crowd live until the device
 ///   has finished.
-/// - There are `count` instances. Vertices of the host's own that poses are in were made as source of copies, too.
+/// - There are `count` instances. If the poses are in the host's vertices, their buffer is usable as source of copies,
+///   too.
 DmResult dm_readback_record(struct DmReadback readback,
                             VkCommandBuffer cmd,
                             struct DmCrowd crowd,
                             const uint32_t *instances,
                             uint32_t count);
 
-/// A pose that was recorded last, decoded, of the `at`-th instance named there: in the order of the mesh as it was
-/// imported, without padding. `stream` 0: six floats a vertex, the position in input units and the normal, not
-/// normalised; another stream of the mesh (`DM_STREAM_...`): its components, vertex after vertex.
+/// Get one of the poses recorded last, decoded: that of the `at`-th instance of the recorded list, in the order of the
+/// mesh as it was imported, without padding. `stream` 0: six floats a vertex, the position in input units and the
+/// normal, not normalised; another stream of the mesh (`DM_STREAM_...`): its components, vertex after vertex.
 ///
-/// Errors: DM_ERROR_INVALID for more than were recorded, a stream that the mesh does not have, too little room.
+/// Errors: DM_ERROR_INVALID for `at` out of range, a stream that the mesh does not have, too little room.
 ///
 /// Safety:
-/// The command buffer that it was recorded into has finished: the host has waited for its fence. There is room for
-/// `count` floats.
+/// The command buffer with the copies has finished: the host has waited for its fence. There is room for `count`
+/// floats.
 DmResult dm_readback_pose(struct DmReadback readback, uint32_t at, uint32_t stream, float *values, size_t count);
 
 /// Destroy a read-back.
 ///
 /// Safety:
-/// What was recorded with it has finished, or never runs.
+/// Commands recorded with it have finished, or never run.
 DmResult dm_readback_destroy(struct DmReadback readback);
 
-/// Have positions of an instance written as float32 into a buffer of the host's, from the next recorded update on;
-/// null: no longer. What is written is ready for the crowd's consumers.
+/// Have the positions of an instance written as float32 into a buffer of the host's, from the next recorded update on;
+/// `target` null: stop. What is written is ready for the crowd's consumers.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed, an offset or stride that does not fit. Nothing
 /// changes then.
 ///
 /// Safety:
-/// - `target` is null or a structure. Its buffer is one of the engine's device, made for use as storage buffer; it is
-///   large enough for all that is written, and lives until the instance has another target, or none, and the updates
-///   recorded before have finished.
+/// - `target` is null or a structure. Its buffer belongs to the engine's device, is usable as storage buffer and large
+///   enough for all that is written. It lives until the instance has another target, or none, and the updates recorded
+///   before have finished.
 /// - No update of the crowd that was recorded with an earlier target of the instance is unfinished.
 DmResult dm_crowd_set_decode_target(struct DmCrowd crowd, uint32_t instance, const struct DmDecodeTarget *target);
 
-/// Have the bounds of an instance's pose written into a buffer of the host's, from the next recorded update on; null:
-/// no longer. They are exactly those of the pose as it is decoded, and ready for the crowd's consumers. A skinned pose
-/// has others.
+/// Have the bounds of an instance's pose written into a buffer of the host's, from the next recorded update on;
+/// `target` null: stop. They are exactly the bounds of the decoded pose, not of the skinned pose, and ready for the
+/// crowd's consumers.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for an
-/// instance out of range or removed, an offset that is no multiple of 4. Nothing changes then.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for an instance
+/// out of range or removed, an offset that is no multiple of 4. Nothing changes then.
 ///
 /// Safety:
-/// As `dm_crowd_set_decode_target`.
+/// The same conditions as for `dm_crowd_set_decode_target`.
 DmResult dm_crowd_set_bounds_target(struct DmCrowd crowd, uint32_t instance, const struct DmBoundsTarget *target);
 
 /// Make a buffer of the triangles around each vertex of a mesh, and record its upload: once for each mesh, whatever the
-/// number of crowds and instances. Vertices that the mesh holds together at seams (`DM_MESH_SPLIT`, `DM_MESH_WELD`) get
-/// the same normal.
+/// number of crowds and instances. Vertices that the mesh joins at seams (`DM_MESH_SPLIT`, `DM_MESH_WELD`) get the same
+/// normal.
 ///
 /// This records: a copy from staging memory, and a barrier that makes it visible to updates.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for a mesh
-/// that exceeds the device's limits; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded then.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for a mesh that
+/// exceeds the device's limits; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded then.
 ///
 /// Safety:
-/// `cmd` as in `dm_mesh_upload`. It runs exactly once, before any update that computes normals by the value; `surface`
-/// can be written.
+/// `cmd` as in `dm_mesh_upload`. It runs exactly once, before any update that computes normals with this surface;
+/// `surface` can be written.
 DmResult dm_surface_upload(struct DmEngine engine, VkCommandBuffer cmd, struct DmMesh mesh, struct DmSurface *surface);
 
-/// Give the staging memory of a surface back.
+/// Free the staging memory of a surface.
 ///
 /// Safety:
 /// The upload has run, or never will.
 DmResult dm_surface_release_staging(struct DmSurface surface);
 
-/// Destroy a surface. Instances whose normals are computed keep what they need.
+/// Destroy a surface. Instances whose normals it computes keep the data that they need.
 ///
 /// Safety:
-/// The device no longer uses it but for its crowds: its upload has run, or never will.
+/// The device uses it only for its crowds: its upload has run, or never will.
 DmResult dm_surface_destroy(struct DmSurface surface);
 
 /// Have the normals of an instance's pose computed from its morphed surface, into a buffer of the host's, from the next
-/// recorded update on: area-weighted, of unit length, ready for the crowd's consumers. `target` null: no longer, and
-/// `surface` is not looked at.
+/// recorded update on: area-weighted, of unit length, ready for the crowd's consumers. `target` null: stop; `surface`
+/// is ignored then.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for an
-/// instance out of range or removed, a surface of another engine or mesh, an offset or stride that does not fit.
-/// Nothing changes then.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for an instance
+/// out of range or removed, a surface of another engine or mesh, an offset or stride that does not fit. Nothing changes
+/// then.
 ///
 /// Safety:
-/// As `dm_crowd_set_decode_target`.
+/// The same conditions as for `dm_crowd_set_decode_target`.
 DmResult dm_crowd_set_normals_target(struct DmCrowd crowd,
                                      uint32_t instance,
                                      struct DmSurface surface,
@@ -1557,12 +1561,12 @@ DmResult dm_crowd_set_normals_target(struct DmCrowd crowd,
 ///
 /// This records: a copy from staging memory, and a barrier that makes it visible to updates.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for other
-/// than 4 or 8 influences, or 1 to 65,536 joints; a weight that is negative or no number; weights of a vertex that sum
-/// to 0; a joint that there is not; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded then.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for a number of
+/// influences other than 4 or 8, or of joints outside of 1 to 65,536; a weight that is negative or not a number;
+/// weights of a vertex that sum to 0; a joint out of range; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded then.
 ///
 /// Safety:
-/// - `cmd` as in `dm_mesh_upload`. It runs exactly once, before any update that skins by the value.
+/// - `cmd` as in `dm_mesh_upload`. It runs exactly once, before any update that uses this skin.
 /// - `desc` is a structure whose arrays have the elements that it says, for each vertex of the mesh; `skin` can be
 ///   written.
 DmResult dm_skin_upload(struct DmEngine engine,
@@ -1571,69 +1575,69 @@ DmResult dm_skin_upload(struct DmEngine engine,
                         const struct DmSkinDesc *desc,
                         struct DmSkin *skin);
 
-/// Give the staging memory of a skin back.
+/// Free the staging memory of a skin.
 ///
 /// Safety:
 /// The upload has run, or never will.
 DmResult dm_skin_release_staging(struct DmSkin skin);
 
-/// Destroy a skin. Instances that are skinned by it keep what they need.
+/// Destroy a skin. Instances that are skinned by it keep the data that they need.
 ///
 /// Safety:
-/// The device no longer uses it but for its crowds: its upload has run, or never will.
+/// The device uses it only for its crowds: its upload has run, or never will.
 DmResult dm_skin_destroy(struct DmSkin skin);
 
-/// Have an instance skinned into a buffer of the host's, from the next recorded update on; `target` null: no longer,
-/// and `skin` is not looked at. Where joints moved (`dm_crowd_set_joints`), all vertices are written; where only
-/// weights changed, what the update changed. What is written is ready for the crowd's consumers.
+/// Have an instance skinned into a buffer of the host's, from the next recorded update on; `target` null: stop; `skin`
+/// is ignored then. If joints moved (`dm_crowd_set_joints`), all vertices are written; if only weights changed, the
+/// vertices that the update changed. What is written is ready for the crowd's consumers.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for an
-/// instance out of range or removed, a skin of another engine or mesh, an offset or stride that does not fit, joints
-/// that reach beyond their buffer. Nothing changes then.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for an instance
+/// out of range or removed, a skin of another engine or mesh, an offset or stride that does not fit, joints that reach
+/// beyond their buffer. Nothing changes then.
 ///
 /// Safety:
-/// - As `dm_crowd_set_decode_target`, of all buffers.
-/// - Joints are written, and visible to compute shaders, when an update runs that skins. They stay as they are from the
+/// - The conditions of `dm_crowd_set_decode_target`, for all buffers.
+/// - Joints are written, and visible to compute shaders, when an update that skins runs. They stay unchanged from the
 ///   update that they were set for until others are set, and the updates recorded before have finished.
 DmResult dm_crowd_set_skin_target(struct DmCrowd crowd,
                                   uint32_t instance,
                                   struct DmSkin skin,
                                   const struct DmSkinTarget *target);
 
-/// The joints of a skinned instance moved: from the next recorded update on they are those at `offset` of their buffer,
-/// in bytes, a multiple of 16. It may be the same place, where the host's barriers see to that; with several frames in
-/// flight and joints that the host writes it has to be one of several in turn.
+/// Tell that the joints of a skinned instance moved: from the next recorded update on they are those at `offset` of
+/// their buffer, in bytes, a multiple of 16. The offset may stay the same if the host's barriers order its writes; with
+/// several frames in flight and joints that the host writes, use several offsets in turn.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for an
-/// instance out of range or removed, or not skinned; joints that reach beyond their buffer. Nothing changes then.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for an instance
+/// out of range or removed, or not skinned; joints that reach beyond their buffer. Nothing changes then.
 DmResult dm_crowd_set_joints(struct DmCrowd crowd, uint32_t instance, uint64_t offset);
 
-/// Where the skinned pose of an instance is, once the updates recorded so far have run.
+/// Get the buffer and offset of the skinned pose of an instance, valid once the updates recorded so far have run.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for an
-/// instance out of range or removed, or not skinned; as `dm_crowd_pose`.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for an instance
+/// out of range or removed, or not skinned; those of `dm_crowd_pose`.
 ///
 /// Safety:
 /// `view` is a structure that can be written.
 DmResult dm_crowd_skinned(struct DmCrowd crowd, uint32_t instance, struct DmSkinnedView *view);
 
-/// Make what tells bounds of poses from their weights, for crowds of a mesh that are made by `desc`: for culling,
-/// without waiting for a GPU. They hold, and are somewhat larger than the least, which `dm_crowd_set_bounds_target`
-/// has written. The mesh may be destroyed afterwards.
+/// Make an object that computes bounds of poses from their weights, for crowds of a mesh that are made by `desc`: for
+/// culling without waiting for a GPU. The bounds hold, but are somewhat larger than the exact ones, which
+/// `dm_crowd_set_bounds_target` provides. The mesh may be destroyed afterwards.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for poses of
-/// integers that the mesh has no grid for; as `dm_crowd_create` for what `desc` may not say.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for fixed-point
+/// poses that the mesh has no grid for; those of `dm_crowd_create` for invalid fields of `desc`.
 ///
 /// Safety:
 /// `desc` as in `dm_crowd_create`; `bounds` can be written.
 DmResult dm_weight_bounds_create(struct DmMesh mesh, const struct DmCrowdDesc *desc, struct DmWeightBounds *bounds);
 
-/// Bounds of the pose of these weights, one for each target: six numbers, the least x, y and z of any vertex and the
-/// greatest. `bound` is how far updates may have taken poses from it: DmUpdate::bound of the update that wrote it. Of
-/// a mesh without vertices the least are infinite.
+/// Write bounds of the pose with these weights, one weight for each target: six numbers, the least x, y and z of any
+/// vertex, then the greatest. `bound` is how far updates may have taken poses from it: DmUpdate::bound of the update
+/// that wrote the pose. For a mesh without vertices the least are infinite.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for a wrong
-/// number of weights, one that is not finite.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for a wrong
+/// number of weights, a weight that is not finite.
 ///
 /// Safety:
 /// There are `count` weights, and room for six numbers at `least_and_greatest`.
@@ -1643,14 +1647,14 @@ DmResult dm_weight_bounds_of(struct DmWeightBounds bounds,
                              float bound,
                              float *least_and_greatest);
 
-/// Destroy what tells bounds.
+/// Destroy an object that computes bounds.
 DmResult dm_weight_bounds_destroy(struct DmWeightBounds bounds);
 
 /// Make instances of a mesh that are updated on the CPU, all weights 0. They keep a copy of the mesh. `threads` 0: one
-/// for each core, where the library was built with the feature `threads`.
+/// for each core, if the library was built with the feature `threads`.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `cpu`; DM_ERROR_INVALID for another
-/// path than the CPU's, or what it cannot do; DM_ERROR_OUT_OF_MEMORY.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `cpu`; DM_ERROR_INVALID for another path
+/// than the CPU's, or options that it does not support; DM_ERROR_OUT_OF_MEMORY.
 ///
 /// Safety:
 /// `desc` is null (the defaults) or a structure; `crowd` can be written.
@@ -1668,11 +1672,11 @@ DmResult dm_cpu_crowd_create(struct DmMesh mesh,
 /// There are `count` weights.
 DmResult dm_cpu_crowd_set_weights(struct DmCpuCrowd crowd, uint32_t instance, const float *weights, uint32_t count);
 
-/// Bring all poses to the weights requested.
+/// Update all poses to the requested weights.
 DmResult dm_cpu_crowd_update(struct DmCpuCrowd crowd);
 
-/// The pose of an instance after the last update: six floats for each vertex, in the order of pose buffers, without
-/// padding. Integers are decoded.
+/// Write the pose of an instance after the last update: six floats for each vertex, in the order of pose buffers,
+/// without padding. Fixed-point poses are decoded.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range, too little room.
 ///

@@ -17,18 +17,18 @@ use deltamorph::internals::update::technique::Context;
 use deltamorph::internals::weights::delta::{Coefficient, active_targets};
 use std::sync::Arc;
 
-/// Instances of a crowd that keeps no poses: each takes memory of the host and draws of its own.
+/// Instances of a crowd that keeps no poses: each takes host memory and its own draws.
 const INSTANCES_MAX: u32 = 1 << 20;
 
 /// The draws of a crowd on the path `direct-attributes`: the active targets of each instance.
 pub(crate) struct AttributeDraws {
     kernel: Arc<Pipelines<VertexPasses>>,
-    /// How a pose is captured: by a pass from the base pose of a path that evaluates the same (`attributes.glsl`), and
-    /// the sets of one that stores.
+    /// Captures poses: a pass from the base pose of a path with the same evaluation (`attributes.glsl`), and descriptor
+    /// sets if the pass stores.
     capturer: Option<(Arc<Pipelines<VertexPasses>>, Option<ChunkSets>)>,
     mesh: Arc<MeshBuffers>,
     active: Vec<Vec<Coefficient>>,
-    /// One pose to capture into.
+    /// A buffer for one captured pose.
     pose: vk::Buffer,
 }
 
@@ -76,7 +76,7 @@ impl Draws for AttributeDraws {
         Ok(())
     }
 
-    /// Refuse more active targets than a draw has attributes for.
+    /// Refuses more active targets than a draw has attributes for.
     fn check_weights(&self, weights: &[f32]) -> Result<()> {
         let (active, most) = (weights.iter().filter(|w| **w != 0.0).count(), self.kernel.key.most);
         if active <= most as usize {
@@ -95,8 +95,8 @@ impl Draws for AttributeDraws {
             Some(_) | None => (&self.kernel, None),
         };
         let stores = stores.map_or(&[][..], |stores| stores.get(0));
-        // SAFETY: the caller's obligations; the base pose is another buffer than the one written, and `check_weights` has
-        // seen to the length of each list.
+        // SAFETY: the caller's obligations; the base pose is another buffer than the one written, and `check_weights`
+        // has seen to the length of each list.
         unsafe { pipelines.record(cmd, passes, stores) };
     }
 }

@@ -1,6 +1,5 @@
 //! The `direct` path: the vertex shader of the draw evaluates all active targets in every draw, from deltas in a
-//! storage buffer (Costigan et al., Algorithm 1; Bevy, three.js and Filament do it so, with textures in the place of
-//! buffers).
+//! storage buffer (Costigan et al., Algorithm 1; Bevy, three.js and Filament do so with textures instead of buffers).
 
 use crate::draws::{Capture, Draws};
 use bytemuck::bytes_of;
@@ -22,14 +21,14 @@ use std::sync::Arc;
 /// Bytes of a target's weight: coefficients of positions and of normals.
 const WEIGHT_BYTES: usize = 8;
 
-/// The draw's pipeline, then, where the device can, the one that captures.
+/// The draw's pipeline, then the capturing one if the device can capture.
 #[derive(Clone, Copy, PartialEq)]
 struct Direct {
     format: DeltaFormat,
     capture: Option<Capture>,
 }
 
-/// What one instance's draw reads.
+/// Data that one instance's draw reads.
 #[derive(Clone, Copy, Default)]
 struct DirectDraw {
     /// Dynamic offset of its weights.
@@ -69,9 +68,9 @@ pub(crate) struct DirectDraws {
     /// Bytes of one instance's weights.
     stride: u64,
     sets: Sets,
-    /// Where each instance's weights are, as written last.
+    /// The position of each instance's weights, as written last.
     draws: Vec<DirectDraw>,
-    /// One pose to capture into.
+    /// A buffer for one captured pose.
     pose: vk::Buffer,
 }
 
@@ -121,7 +120,7 @@ impl Draws for DirectDraws {
         Ok(())
     }
 
-    /// Those of the weights up to the last active target.
+    /// The weights up to the last active target.
     fn weight_bytes(&self, weights: &[f32]) -> u64 {
         weights.iter().rposition(|w| *w != 0.0).map_or(0, |last| (WEIGHT_BYTES * (last + 1)) as u64)
     }
@@ -147,8 +146,8 @@ impl Draws for DirectDraws {
                 first_vertex: first as u32,
             };
             // SAFETY: as above; vertices and rows are within their buffers, dynamic offsets are multiples of 64 × 12
-            // bytes and of a list's 256; the push constants fill the layout's range; as much is captured as the pose has
-            // room for.
+            // bytes and of a list's 256; the push constants fill the layout's range; as much is captured as the pose
+            // has room for.
             unsafe {
                 device.cmd_bind_vertex_buffers(cmd, 0, &[self.mesh.base.raw], &[at]);
                 device.cmd_bind_descriptor_sets(cmd, point, layout, 0, &[self.sets.get(0)], &[row, draw.weights]);

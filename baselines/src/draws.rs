@@ -1,4 +1,4 @@
-//! What the direct paths have in common: draws that evaluate the pose, and the capture of what they evaluate.
+//! The common part of the direct paths: draws that evaluate the pose, and its capture.
 
 use deltamorph::ash::vk;
 use deltamorph::internals::gpu::barriers;
@@ -17,29 +17,29 @@ use std::sync::Arc;
 
 /// Draws that evaluate the pose from weights.
 pub(crate) trait Draws: Send + Sync + 'static {
-    /// What a crowd's draws take.
+    /// The arguments for a crowd's draws.
     fn new(context: Context<'_>) -> Result<Self>
     where
         Self: Sized;
 
-    /// Write the weights of all instances for the draws to read, none for one that has no pose. A hidden instance's draws
-    /// stay as they were, whatever is requested of it meanwhile.
+    /// Writes the weights of all instances for the draws to read; none for an instance without a pose. A hidden
+    /// instance's draws keep their weights, whatever is requested of it meanwhile.
     fn write(&mut self, planner: &DensePlanner, frame: u64) -> Result<()>;
 
-    /// As [`Technique::check_weights`].
+    /// See [`Technique::check_weights`].
     fn check_weights(&self, _weights: &[f32]) -> Result<()> {
         Ok(())
     }
 
-    /// Bytes that a draw of these weights loads beside the base pose and the deltas of the active targets.
+    /// Bytes that a draw with these weights loads in addition to the base pose and the deltas of the active targets.
     fn weight_bytes(&self, _weights: &[f32]) -> u64 {
         0
     }
 
-    /// Record the draws of these instances, captured in the way that the device has, if requested.
+    /// Records the draws of these instances, captured in the device's way if requested.
     ///
     /// # Safety
-    /// As [`PoseDraws::record`]; captures have barriers around them.
+    /// The conditions of [`PoseDraws::record`]; captures have barriers around them.
     unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>, captured: bool);
 }
 
@@ -52,7 +52,7 @@ pub(crate) struct DrawTechnique<D> {
     planner: DensePlanner,
     /// The last update that wrote weights.
     written: u64,
-    /// It never ran, and its part of the ring is the next one's.
+    /// Whether that update never ran, so that the next one takes its part of the ring.
     stale: bool,
 }
 
@@ -65,8 +65,8 @@ impl<D: Draws> DrawTechnique<D> {
 }
 
 impl<D: Draws> Technique for DrawTechnique<D> {
-    /// A step without works: the draws find the weights where they were written. Bytes are what one draw of every
-    /// instance that is shown loads: draws evaluate whether weights have changed or not.
+    /// A step without works: the draws read the weights where they were written. Bytes are those of one draw of every
+    /// shown instance: draws evaluate whether weights have changed or not.
     fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         self.planner.plan(instances, id.update);
         if has_changed(&self.planner) || self.stale {
@@ -119,7 +119,7 @@ impl<D: Draws> PoseDraws for DrawTechnique<D> {
     }
 }
 
-/// How a device captures what a draw evaluates.
+/// How a device captures a pose that a draw evaluates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Capture {
     Feedback,
@@ -127,7 +127,7 @@ pub(crate) enum Capture {
 }
 
 impl Capture {
-    /// The way that a device has, if any, to capture a pose that only the draws of `path` evaluate.
+    /// The device's way, if any, to capture a pose that only the draws of `path` evaluate.
     pub(crate) fn of(device: &Device, path: UpdatePath) -> Result<Self> {
         match device.caps.check_path(UpdatePath::Feedback) {
             Ok(()) => Ok(Self::Feedback),
@@ -143,10 +143,10 @@ impl Capture {
         }
     }
 
-    /// Record a capture by `draw`, with the barriers around it.
+    /// Records a capture by `draw`, with the barriers around it.
     ///
     /// # Safety
-    /// `cmd` is in the recording state on the device, outside a render pass; the device has what it captures with.
+    /// `cmd` is in the recording state on the device, outside a render pass; the device supports this way of capturing.
     pub(crate) unsafe fn record(self, device: &Device, cmd: vk::CommandBuffer, draw: impl Fn()) {
         for entry in self.schedule().entries {
             match entry {
@@ -157,7 +157,7 @@ impl Capture {
         }
     }
 
-    /// What a capture records: a work, with the barriers around it.
+    /// The commands of a capture: a work, with the barriers around it.
     fn schedule(self) -> Schedule {
         const FEEDBACK: &[Use] = &[Use::new(Resource::Poses, Stage::TransformFeedback, Access::FeedbackWrite)];
         const STORE: &[Use] = &[Use::new(Resource::Poses, Stage::VertexShader, Access::ShaderWrite)];
@@ -172,12 +172,12 @@ impl Capture {
     }
 }
 
-/// Whether the last update changes some pose.
+/// Whether the last update changes a pose.
 pub(crate) fn has_changed(planner: &DensePlanner) -> bool {
     planner.plans().iter().any(|plan| !plan.passes.is_empty())
 }
 
-/// A planner of which each plan is one pass from base, or none, whatever number of targets a draw takes.
+/// A planner whose plans are one pass from base, or none, whatever number of targets a draw takes.
 pub(crate) fn one_pass(desc: &CrowdDesc) -> Result<DensePlanner> {
     let batch = match desc.update.path.takes_all_targets() {
         true => BatchSize::All,

@@ -1,13 +1,13 @@
-//! The techniques that others published, to be compared with those of [`deltamorph`]: a file per technique, each of which
+//! Published techniques of others, for comparison with those of [`deltamorph`]: a file per technique, each of which
 //! implements `Technique` as the library's own do.
 //!
 //! `vertex-store` is a dense path with another kernel, `scatter` adds into integer sums, the direct paths evaluate the
-//! pose in every draw (`draws`), and `texture` blends displacements into textures that draws fetch. An engine takes them
-//! from [`TECHNIQUES`]; [`textures`] writes and reads delta textures as KTX2 files.
+//! pose in every draw (`draws`), and `texture` blends displacements into textures that draws fetch. An engine takes
+//! them from [`TECHNIQUES`]; [`textures`] writes and reads delta textures as KTX2 files.
 //!
-//! They use what the library marks as unstable (its feature `internals`): a technique has to touch everything that ours do.
-//! Their kernels are rows of the library's table, linked by its feature `baselines`: they share headers, formats and build
-//! script with the library's.
+//! They use what the library marks as unstable (its feature `internals`): a technique has to access all that the
+//! library's techniques do. Their kernels are rows of the library's table, linked by its feature `baselines`: they
+//! share headers, formats and build script with the library's.
 
 mod attributes;
 mod direct;
@@ -27,7 +27,7 @@ use deltamorph::{Error, PackedMesh, Result, UpdatePath};
 use std::any::Any;
 use std::sync::Arc;
 
-/// What [`MorphEngine::set_techniques`](deltamorph::MorphEngine::set_techniques) takes.
+/// The techniques to pass to [`MorphEngine::set_techniques`](deltamorph::MorphEngine::set_techniques).
 pub static TECHNIQUES: Techniques = Techniques { make, upload };
 
 fn make(context: Context<'_>) -> Result<Box<dyn Technique>> {
@@ -42,7 +42,7 @@ fn make(context: Context<'_>) -> Result<Box<dyn Technique>> {
 }
 
 /// # Safety
-/// As [`UploadFor`](deltamorph::internals::update::technique::UploadFor).
+/// The conditions of [`UploadFor`](deltamorph::internals::update::technique::UploadFor).
 unsafe fn upload(
     device: &Arc<Device>,
     cmd: vk::CommandBuffer,
@@ -56,7 +56,7 @@ unsafe fn upload(
     }
 }
 
-/// Refuse a mesh of which a pose, or `words` of a technique's own, is more than a descriptor covers.
+/// Refuses a mesh with a pose, or `words` of the technique's own, larger than a descriptor covers.
 fn check_storage(device: &Device, mesh: &deltamorph::PackedLayout, what: &str, words: &[u32]) -> Result<()> {
     let bytes = size_of_val(words) as u64;
     [("a pose takes", mesh.base_bytes()), (what, bytes)].into_iter().try_for_each(|(what, bytes)| {
@@ -65,7 +65,7 @@ fn check_storage(device: &Device, mesh: &deltamorph::PackedLayout, what: &str, w
     })
 }
 
-/// What a technique keeps with a mesh that was uploaded for it.
+/// Data that a technique keeps with a mesh that was uploaded for it.
 fn private<T: Any>(mesh: &MeshBuffers) -> &T {
     let kept = mesh.private.as_ref().and_then(|kept| kept.downcast_ref());
     let Some(kept) = kept else { unreachable!("a mesh that was uploaded for another path is refused") };

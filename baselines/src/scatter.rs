@@ -1,9 +1,9 @@
 //! The `scatter` path (O3DE Atom, Unity): a thread for each delta adds to the sums of its vertex by integer atomics,
-//! then a pass makes the pose of the sums.
+//! then a pass makes the pose from the sums.
 //!
-//! Weights and deltas are integers on the grid of poses of 32-bit integers ([`PoseGrid`]):
-//! nothing overflows, and the sums are such poses of `blocks`, bit for bit. So is the error: that of
-//! packing, and at most ½ · weight step · Σ |delta| for weights that are not on the grid.
+//! Weights and deltas are integers on the grid of 32-bit fixed-point poses ([`PoseGrid`]): nothing overflows, and the
+//! sums equal such poses of `blocks`, bit for bit. The error is the same, too: that of packing, and at most ½ · weight
+//! step · Σ |delta| for weights that are not on the grid.
 
 use crate::draws::{has_changed, one_pass};
 use crate::{check_storage, private};
@@ -33,8 +33,8 @@ use std::sync::Arc;
 /// Words of a record: the vertex, then three words of a position component (18 bits) and a normal component (14 bits).
 const RECORD_WORDS: usize = 4;
 
-/// Deltas as `scatter.comp` reads them, target after target; and the first record of each target, with the number of all.
-/// The mesh is packed as `small`: its components fit the bits of a record.
+/// Deltas as `scatter.comp` reads them, target after target; and the index of the first record of each target, then the
+/// number of all. The mesh is packed as `small`: its components fit the bits of a record.
 fn records(group: &PackedGroup, index: &BlockIndex) -> (Vec<u32>, Vec<u32>) {
     let (mut words, mut first) = (vec![], vec![0]);
     let (steps, packed) = (index.steps().map(f64::from), index.packed_vertices());
@@ -51,11 +51,11 @@ fn records(group: &PackedGroup, index: &BlockIndex) -> (Vec<u32>, Vec<u32>) {
     (words, first)
 }
 
-/// The buffers of a mesh, which was checked for the path, and what fills them: records of a vertex and its delta, 16 bytes
+/// Creates and fills the buffers of a mesh, which was checked for the path: records of a vertex and its delta, 16 bytes
 /// each, and no blocks.
 ///
 /// # Errors
-/// Sums that could overflow; records that no descriptor covers; no memory.
+/// Sums that could overflow; more records than a descriptor covers; out of memory.
 pub(crate) fn upload(device: &Arc<Device>, mesh: &PackedMesh) -> Result<(Vec<MeshBuffers>, Vec<Upload>)> {
     let (group, layout) = (&mesh.groups()[0], mesh.layout());
     let Some(index) = &layout.blocks else { unreachable!("the path takes `small`, which is in blocks") };
@@ -66,7 +66,7 @@ pub(crate) fn upload(device: &Arc<Device>, mesh: &PackedMesh) -> Result<(Vec<Mes
     Ok((vec![buffers], vec![upload]))
 }
 
-/// The first record of each target, and the number of all.
+/// The index of the first record of each target, then the number of all.
 struct FirstRecords(Vec<u32>);
 
 impl FirstRecords {
@@ -89,9 +89,9 @@ impl PipelineKey for Scatter {
     }
 }
 
-/// Bind the pipeline that adds, or the one that resolves; then, for each of `runs`, an invocation for each of so many,
-/// in as many dispatches as the device's workgroup count requires. A run makes the push constants of a dispatch from
-/// its first invocation and their number.
+/// Binds the pipeline that adds, or the one that resolves; then dispatches, for each of `runs`, so many invocations, in
+/// as many dispatches as the device's workgroup count requires. A run makes the push constants of a dispatch from its
+/// first invocation and their number.
 ///
 /// # Safety
 /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
@@ -123,14 +123,14 @@ unsafe fn dispatch<P: bytemuck::Pod>(
     }
 }
 
-/// What a work does, in the order of [`Work::kernel`].
+/// Kernels of works, by [`Work::kernel`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Part {
-    /// Set the sums to zero.
+    /// Clears the sums.
     Clear,
-    /// Add the deltas of the active targets, by atomics.
+    /// Adds the deltas of the active targets, by atomics.
     Add,
-    /// Write the pose: base + sums.
+    /// Writes the pose: base + sums.
     Resolve,
 }
 
@@ -251,7 +251,7 @@ impl Technique for ScatterTechnique {
         Some((self.sums.raw, u64::from(instance) * self.poses.bytes))
     }
 
-    /// Atomics commute: those of a work do not have to be ordered among themselves.
+    /// Atomics commute: those of a work need no order among themselves.
     fn accesses(&self, works: &[Work]) -> Vec<deltamorph::internals::plan::hazards::Accesses> {
         use deltamorph::internals::plan::hazards::{Accesses, Memory};
         let of = |work: &Work| {

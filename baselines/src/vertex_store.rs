@@ -1,6 +1,6 @@
 //! The `vertex-store` path: the passes of `feedback`, for devices without transform feedback whose vertex shaders may
-//! write storage buffers. Binds targets as vertex attributes, discards all primitives, alternates between slots as
-//! `feedback` does: a pass must not store where other vertices are still fetched from.
+//! write storage buffers. It binds targets as vertex attributes, discards all primitives, and alternates between slots
+//! as `feedback` does: a pass must not store into a slot whose other vertices are still to be fetched.
 
 use deltamorph::Result;
 use deltamorph::ash::vk;
@@ -14,7 +14,7 @@ use deltamorph::internals::update::dense::technique::{ChunkSets, DensePass, Pass
 use deltamorph::internals::update::technique::Context;
 use std::sync::Arc;
 
-/// What a crowd's storing vertex passes take.
+/// The arguments for a crowd's storing vertex passes.
 pub(crate) struct StorePasses {
     kernel: Arc<Pipelines<VertexPasses>>,
     slots: u32,
@@ -43,7 +43,7 @@ impl Passes for StorePasses {
     }
 }
 
-/// Where passes store: the sets of `count` poses in `poses`.
+/// Descriptor sets of the destinations of passes: the `count` poses in `poses`.
 pub(crate) fn store_sets(objects: &Objects, layout: &PackedLayout, poses: vk::Buffer, count: u32) -> Result<ChunkSets> {
     let (stride, bytes) = (PoseFormat::Float32.stride(), layout.pose_bytes(PoseFormat::Float32));
     let bound = (0..u64::from(count)).map(|pose| {

@@ -1,4 +1,4 @@
-//! What follows the pose, written into buffers of the host's: decoded positions, bounds, normals of the morphed
+//! Steps after the pose, which write into buffers of the host's: decoded positions, bounds, normals of the morphed
 //! surface. Skinning is in [`skin`](crate::skin).
 
 use crate::arguments::{built, check_reserved, or};
@@ -10,16 +10,16 @@ use deltamorph::DecodeTarget;
 use deltamorph::after::{BoundsTarget, NormalsDesc, NormalsTarget};
 use deltamorph::ash::vk;
 
-/// Have positions of an instance written as float32 into a buffer of the host's, from the next recorded update on;
-/// null: no longer. What is written is ready for the crowd's consumers.
+/// Have the positions of an instance written as float32 into a buffer of the host's, from the next recorded update on;
+/// `target` null: stop. What is written is ready for the crowd's consumers.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed, an offset or stride that does not fit. Nothing
 /// changes then.
 ///
 /// # Safety
-/// - `target` is null or a structure. Its buffer is one of the engine's device, made for use as storage buffer; it is
-///   large enough for all that is written, and lives until the instance has another target, or none, and the updates
-///   recorded before have finished.
+/// - `target` is null or a structure. Its buffer belongs to the engine's device, is usable as storage buffer and large
+///   enough for all that is written. It lives until the instance has another target, or none, and the updates recorded
+///   before have finished.
 /// - No update of the crowd that was recorded with an earlier target of the instance is unfinished.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_crowd_set_decode_target(
@@ -45,15 +45,15 @@ fn decode_target(asked: &DmDecodeTarget) -> Result<DecodeTarget> {
     Ok(target.stride(or(asked.stride, target.stride)).normals(normals))
 }
 
-/// Have the bounds of an instance's pose written into a buffer of the host's, from the next recorded update on; null:
-/// no longer. They are exactly those of the pose as it is decoded, and ready for the crowd's consumers. A skinned pose
-/// has others.
+/// Have the bounds of an instance's pose written into a buffer of the host's, from the next recorded update on;
+/// `target` null: stop. They are exactly the bounds of the decoded pose, not of the skinned pose, and ready for the
+/// crowd's consumers.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for an
-/// instance out of range or removed, an offset that is no multiple of 4. Nothing changes then.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for an instance
+/// out of range or removed, an offset that is no multiple of 4. Nothing changes then.
 ///
 /// # Safety
-/// As `dm_crowd_set_decode_target`.
+/// The same conditions as for `dm_crowd_set_decode_target`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_crowd_set_bounds_target(
     crowd: DmCrowd,
@@ -77,17 +77,17 @@ pub unsafe extern "C" fn dm_crowd_set_bounds_target(
 }
 
 /// Make a buffer of the triangles around each vertex of a mesh, and record its upload: once for each mesh, whatever the
-/// number of crowds and instances. Vertices that the mesh holds together at seams (`DM_MESH_SPLIT`, `DM_MESH_WELD`) get
-/// the same normal.
+/// number of crowds and instances. Vertices that the mesh joins at seams (`DM_MESH_SPLIT`, `DM_MESH_WELD`) get the same
+/// normal.
 ///
 /// This records: a copy from staging memory, and a barrier that makes it visible to updates.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for a mesh
-/// that exceeds the device's limits; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded then.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for a mesh that
+/// exceeds the device's limits; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded then.
 ///
 /// # Safety
-/// `cmd` as in `dm_mesh_upload`. It runs exactly once, before any update that computes normals by the value; `surface`
-/// can be written.
+/// `cmd` as in `dm_mesh_upload`. It runs exactly once, before any update that computes normals with this surface;
+/// `surface` can be written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_surface_upload(
     engine: DmEngine,
@@ -109,7 +109,7 @@ pub unsafe extern "C" fn dm_surface_upload(
     })
 }
 
-/// Give the staging memory of a surface back.
+/// Free the staging memory of a surface.
 ///
 /// # Safety
 /// The upload has run, or never will.
@@ -124,25 +124,25 @@ pub unsafe extern "C" fn dm_surface_release_staging(surface: DmSurface) -> DmRes
     })
 }
 
-/// Destroy a surface. Instances whose normals are computed keep what they need.
+/// Destroy a surface. Instances whose normals it computes keep the data that they need.
 ///
 /// # Safety
-/// The device no longer uses it but for its crowds: its upload has run, or never will.
+/// The device uses it only for its crowds: its upload has run, or never will.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_surface_destroy(surface: DmSurface) -> DmResult {
     enter("dm_surface_destroy", || surface.destroy(|_| Ok(())))
 }
 
 /// Have the normals of an instance's pose computed from its morphed surface, into a buffer of the host's, from the next
-/// recorded update on: area-weighted, of unit length, ready for the crowd's consumers. `target` null: no longer, and
-/// `surface` is not looked at.
+/// recorded update on: area-weighted, of unit length, ready for the crowd's consumers. `target` null: stop; `surface`
+/// is ignored then.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for an
-/// instance out of range or removed, a surface of another engine or mesh, an offset or stride that does not fit.
-/// Nothing changes then.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for an instance
+/// out of range or removed, a surface of another engine or mesh, an offset or stride that does not fit. Nothing changes
+/// then.
 ///
 /// # Safety
-/// As `dm_crowd_set_decode_target`.
+/// The same conditions as for `dm_crowd_set_decode_target`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_crowd_set_normals_target(
     crowd: DmCrowd,

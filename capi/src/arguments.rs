@@ -1,5 +1,5 @@
-//! What arguments and fields of structures may be: defaults for zeros, reserved fields, command buffers; and what
-//! needs a feature of the library.
+//! Checks of arguments and fields of structures: defaults for zeros, reserved fields, command buffers; and entries that
+//! need a feature of the library.
 
 use crate::result::{DM_ERROR_UNSUPPORTED, Failure, Result};
 use deltamorph::ash::vk::{self, Handle as _};
@@ -9,7 +9,7 @@ pub fn or<T: Default + PartialEq>(value: T, default: T) -> T {
     if value == T::default() { default } else { value }
 }
 
-/// Fields that have no meaning yet have to be zero, so that they can get one.
+/// Reserved fields have to be zero, so that they can get a meaning later.
 pub fn check_reserved(structure: &str, reserved: u32) -> Result<()> {
     match reserved {
         0 => Ok(()),
@@ -25,8 +25,8 @@ pub fn check_command_buffer(cmd: vk::CommandBuffer) -> Result<()> {
     }
 }
 
-/// Leave an entry that needs a feature that the library was built without. A function that returned the failure would
-/// not do: compilers keep what follows where they cannot see that it always fails.
+/// Returns from an entry whose feature the library was built without. A function that returned the failure would not
+/// do: compilers keep the code that follows if they cannot see that it always fails.
 macro_rules! built {
     ($feature:literal, $what:literal) => {
         if !cfg!(feature = $feature) {

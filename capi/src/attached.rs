@@ -1,4 +1,4 @@
-//! What entries of steps after the pose have in common: what is uploaded for a mesh, and targets of crowds.
+//! The common part of entries of steps after the pose: uploads for a mesh, and targets of crowds.
 
 use crate::arguments::check_command_buffer;
 use crate::crowd::State;
@@ -11,16 +11,16 @@ use deltamorph::MorphEngine;
 use deltamorph::ash::vk::{self, Handle as _};
 use std::sync::{Arc, Mutex};
 
-/// What a step reads of a mesh beside its poses, on the device: joints and weights, or triangles.
+/// Data that a step reads of a mesh beside its poses, on the device: joints and weights, or triangles.
 pub struct Attached<T> {
     on_device: Mutex<T>,
     pub(crate) engine: Arc<Engine>,
 }
 
-/// Record with `make` the upload of what a handle will name, and write that to `place`, called `what`.
+/// Records an upload with `make`, and writes a handle for its result to `place`, which messages call `what`.
 ///
 /// # Safety
-/// As `make`; `place` can be written.
+/// The conditions of `make`; `place` can be written.
 pub unsafe fn upload<H: Handle<Object = Attached<T>>, T>(
     (engine, cmd, mesh): (DmEngine, vk::CommandBuffer, DmMesh),
     (place, what): (*mut H, &str),
@@ -35,13 +35,13 @@ pub unsafe fn upload<H: Handle<Object = Attached<T>>, T>(
     Ok(())
 }
 
-/// Run `body` with what a handle names, which is locked meanwhile.
+/// Runs `body` with the object of a handle, which is locked meanwhile.
 pub fn with<H: Handle<Object = Attached<T>>, T, R>(handle: H, body: impl FnOnce(&mut T) -> Result<R>) -> Result<R> {
     let object = handle.get()?;
     body(&mut *lock(&object.on_device)?)
 }
 
-/// Run `body` with what a handle names and a target that needs it; without a target the handle is not looked at.
+/// Runs `body` with the object of a handle and a target that needs it; without a target the handle is not looked at.
 pub fn with_target<H: Handle<Object = Attached<T>>, T, D, R>(
     handle: H,
     target: Option<&D>,
@@ -52,10 +52,10 @@ pub fn with_target<H: Handle<Object = Attached<T>>, T, D, R>(
     body(object.as_deref().zip(target))
 }
 
-/// Run `set` with a crowd that is locked meanwhile, and what `make` makes of a target; none of a null pointer.
+/// Runs `set` with a crowd that is locked meanwhile, and with `make` of the target; `None` for a null pointer.
 ///
 /// # Safety
-/// As [`read`], where `target` is not null; as `set`.
+/// The conditions of [`read`] unless `target` is null; those of `set`.
 pub(crate) unsafe fn set_target<D: Versioned, T>(
     crowd: DmCrowd,
     target: *const D,

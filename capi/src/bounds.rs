@@ -8,18 +8,18 @@ use crate::result::{DmResult, Failure, enter};
 use crate::structs::DmCrowdDesc;
 use deltamorph::PoseFormat;
 
-/// What a `DmWeightBounds` names.
+/// The object of a `DmWeightBounds`.
 pub struct WeightBounds {
     bounds: deltamorph::after::WeightBounds,
     targets: usize,
 }
 
-/// Make what tells bounds of poses from their weights, for crowds of a mesh that are made by `desc`: for culling,
-/// without waiting for a GPU. They hold, and are somewhat larger than the least, which `dm_crowd_set_bounds_target`
-/// has written. The mesh may be destroyed afterwards.
+/// Make an object that computes bounds of poses from their weights, for crowds of a mesh that are made by `desc`: for
+/// culling without waiting for a GPU. The bounds hold, but are somewhat larger than the exact ones, which
+/// `dm_crowd_set_bounds_target` provides. The mesh may be destroyed afterwards.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for poses of
-/// integers that the mesh has no grid for; as `dm_crowd_create` for what `desc` may not say.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for fixed-point
+/// poses that the mesh has no grid for; those of `dm_crowd_create` for invalid fields of `desc`.
 ///
 /// # Safety
 /// `desc` as in `dm_crowd_create`; `bounds` can be written.
@@ -43,12 +43,12 @@ pub unsafe extern "C" fn dm_weight_bounds_create(
     })
 }
 
-/// Bounds of the pose of these weights, one for each target: six numbers, the least x, y and z of any vertex and the
-/// greatest. `bound` is how far updates may have taken poses from it: DmUpdate::bound of the update that wrote it. Of
-/// a mesh without vertices the least are infinite.
+/// Write bounds of the pose with these weights, one weight for each target: six numbers, the least x, y and z of any
+/// vertex, then the greatest. `bound` is how far updates may have taken poses from it: DmUpdate::bound of the update
+/// that wrote the pose. For a mesh without vertices the least are infinite.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for a wrong
-/// number of weights, one that is not finite.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for a wrong
+/// number of weights, a weight that is not finite.
 ///
 /// # Safety
 /// There are `count` weights, and room for six numbers at `least_and_greatest`.
@@ -78,7 +78,7 @@ pub unsafe extern "C" fn dm_weight_bounds_of(
     })
 }
 
-/// Destroy what tells bounds.
+/// Destroy an object that computes bounds.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_weight_bounds_destroy(bounds: DmWeightBounds) -> DmResult {
     enter("dm_weight_bounds_destroy", || bounds.destroy(|_| Ok(())))

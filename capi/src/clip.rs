@@ -12,12 +12,12 @@ use deltamorph_head::head_clip;
 use std::ffi::c_char;
 use std::path::Path;
 
-/// What a `DmClip` names.
+/// The object of a `DmClip`.
 pub struct Clip {
     pub(crate) clip: WeightClip,
 }
 
-/// What a `DmBoundClip` names.
+/// The object of a `DmBoundClip`.
 pub struct BoundClip {
     pub(crate) clip: deltamorph::BoundClip,
 }
@@ -25,12 +25,12 @@ pub struct BoundClip {
 /// The most weights of a clip of the built-in head.
 const CLIP_WEIGHTS: u64 = 1 << 24;
 
-/// Read a clip of weights: a CSV file (.csv; feature `csv`), or of a glTF file (feature `gltf`) its one animation of
-/// weights, or the animation NAME as `FILE#NAME`. `fps` is its frame rate; 0: the one that the file states, or its name,
-/// or else 30.
+/// Read a clip of weights: a CSV file (.csv; feature `csv`), or a glTF file (feature `gltf`), from which its only
+/// animation of weights is read, or the animation NAME with `FILE#NAME`. `fps` is its frame rate; 0: the rate stated in
+/// the file or in its name, or else 30.
 ///
-/// Errors: DM_ERROR_IO, DM_ERROR_INPUT with file, place and remedy, also where the library was built without the
-/// feature that reads it.
+/// Errors: DM_ERROR_IO, DM_ERROR_INPUT with the file, the position in it and a remedy, also if the library was built
+/// without the feature that reads it.
 ///
 /// # Safety
 /// `path` is a UTF-8 string; `clip` can be written.
@@ -47,7 +47,7 @@ pub unsafe extern "C" fn dm_clip_open(path: *const c_char, fps: f32, clip: *mut 
     })
 }
 
-/// Make a clip from arrays. Weights are checked by what takes the clip.
+/// Make a clip from arrays. The weights are checked by the functions that take the clip.
 ///
 /// Errors: DM_ERROR_INVALID for null names or values, a frame rate that is not above 0.
 ///
@@ -80,11 +80,11 @@ pub unsafe extern "C" fn dm_clip_from_arrays(arrays: *const DmClipArrays, clip: 
     })
 }
 
-/// Make the clip of the built-in head that `sample` describes (null: the defaults). `fps` is its frame rate, from 0.1 to
-/// 1000; 0: 30.
+/// Make the clip of the built-in head that `sample` describes (null: the defaults). `fps` is its frame rate, from 0.1
+/// to 1000; 0: 30.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `sample`; DM_ERROR_INVALID for another
-/// frame rate, more than 2^24 weights (frames times targets), or what `dm_mesh_sample_head` refuses of `sample`.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `sample`; DM_ERROR_INVALID for another
+/// frame rate, more than 2^24 weights (frames times targets), or values of `sample` that `dm_mesh_sample_head` refuses.
 ///
 /// # Safety
 /// `sample` is null (the defaults) or a structure; `clip` can be written.
@@ -114,7 +114,7 @@ pub unsafe extern "C" fn dm_clip_sample_head(
     })
 }
 
-/// What a clip is.
+/// Write the size and rate of a clip.
 ///
 /// # Safety
 /// `info` is a structure that can be written.
@@ -130,7 +130,7 @@ pub unsafe extern "C" fn dm_clip_info(clip: DmClip, info: *mut DmClipInfo) -> Dm
     })
 }
 
-/// Destroy a clip. What was made from it stays.
+/// Destroy a clip. Objects made from it stay.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_clip_destroy(clip: DmClip) -> DmResult {
     enter("dm_clip_destroy", || clip.destroy(|_| Ok(())))
@@ -138,7 +138,7 @@ pub extern "C" fn dm_clip_destroy(clip: DmClip) -> DmResult {
 
 /// Bind the columns of a clip to the targets of a mesh, by name. Targets without a column have the weight 0.
 ///
-/// Errors: DM_ERROR_INVALID for a column that names no target, with the one that is near; two columns of one name; a
+/// Errors: DM_ERROR_INVALID for a column that names no target, with the most similar name; two columns of one name; a
 /// weight that is not finite.
 ///
 /// # Safety
@@ -156,10 +156,10 @@ pub unsafe extern "C" fn dm_clip_bind(clip: DmClip, mesh: DmMesh, bound: *mut Dm
     })
 }
 
-/// Bind the columns of a clip to names: those of a set, for `dm_clips_mix` and `dm_crowds_set_weights`. Names without a
-/// column have the weight 0.
+/// Bind the columns of a clip to a list of names: those of a set, for `dm_clips_mix` and `dm_crowds_set_weights`. Names
+/// without a column have the weight 0.
 ///
-/// Errors: as `dm_clip_bind`.
+/// Errors: those of `dm_clip_bind`.
 ///
 /// # Safety
 /// There are `count` names, UTF-8 strings; `bound` can be written.
@@ -183,10 +183,10 @@ pub unsafe extern "C" fn dm_clip_bind_names(
     })
 }
 
-/// The weights of a bound clip at `frame`, one for each target of the mesh, for `dm_crowd_set_weights`: between two
-/// frames in a straight line, before the first and after the last as these.
+/// Write the weights of a bound clip at `frame`, one for each target of the mesh, for `dm_crowd_set_weights`: linearly
+/// interpolated between two frames; the first frame's before it, and the last frame's after it.
 ///
-/// Errors: DM_ERROR_INVALID for a clip without frames, a frame that is no number, too little room.
+/// Errors: DM_ERROR_INVALID for a clip without frames, a frame that is not a number, too little room.
 ///
 /// # Safety
 /// There is room for `count` weights.

@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex};
 #[cfg(feature = "cpu")]
 use deltamorph::CpuCrowd as Inner;
 
-/// A sixth of the library would be for CPU crowds: without the feature there are none.
+/// CPU crowds would be a sixth of the library: without the feature there are none.
 #[cfg(not(feature = "cpu"))]
 pub enum Inner {}
 
@@ -39,16 +39,16 @@ impl Inner {
     }
 }
 
-/// What a `DmCpuCrowd` names.
+/// The object of a `DmCpuCrowd`.
 pub struct CpuCrowd {
     crowd: Mutex<Inner>,
 }
 
 /// Make instances of a mesh that are updated on the CPU, all weights 0. They keep a copy of the mesh. `threads` 0: one
-/// for each core, where the library was built with the feature `threads`.
+/// for each core, if the library was built with the feature `threads`.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `cpu`; DM_ERROR_INVALID for another
-/// path than the CPU's, or what it cannot do; DM_ERROR_OUT_OF_MEMORY.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `cpu`; DM_ERROR_INVALID for another path
+/// than the CPU's, or options that it does not support; DM_ERROR_OUT_OF_MEMORY.
 ///
 /// # Safety
 /// `desc` is null (the defaults) or a structure; `crowd` can be written.
@@ -76,7 +76,7 @@ pub unsafe extern "C" fn dm_cpu_crowd_create(
     })
 }
 
-/// Run `body` with a crowd that is locked meanwhile.
+/// Runs `body` with a crowd that is locked meanwhile.
 fn with(crowd: DmCpuCrowd, body: impl FnOnce(&mut Inner) -> Result<()>) -> Result<()> {
     let crowd = crowd.get()?;
     let mut locked = lock(&crowd.crowd)?;
@@ -104,7 +104,7 @@ pub unsafe extern "C" fn dm_cpu_crowd_set_weights(
     })
 }
 
-/// Bring all poses to the weights requested.
+/// Update all poses to the requested weights.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_cpu_crowd_update(crowd: DmCpuCrowd) -> DmResult {
     let body = |crowd: &mut Inner| {
@@ -114,8 +114,8 @@ pub extern "C" fn dm_cpu_crowd_update(crowd: DmCpuCrowd) -> DmResult {
     enter("dm_cpu_crowd_update", || with(crowd, body))
 }
 
-/// The pose of an instance after the last update: six floats for each vertex, in the order of pose buffers, without
-/// padding. Integers are decoded.
+/// Write the pose of an instance after the last update: six floats for each vertex, in the order of pose buffers,
+/// without padding. Fixed-point poses are decoded.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range, too little room.
 ///

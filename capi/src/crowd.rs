@@ -1,4 +1,4 @@
-//! Crowds on the device: made, changed, and where their poses are.
+//! Crowds on the device: made, changed, destroyed.
 
 use crate::arguments::{check_command_buffer, check_reserved, or};
 use crate::engine::Engine;
@@ -16,19 +16,19 @@ use deltamorph::{
 };
 use std::sync::{Arc, Mutex, MutexGuard};
 
-/// What a `DmCrowd` names.
+/// The object of a `DmCrowd`.
 pub struct Crowd {
     pub(crate) state: Mutex<State>,
     pub(crate) engine: Arc<Engine>,
 }
 
-/// What its calls change.
+/// The part that calls change.
 pub(crate) struct State {
     pub(crate) kind: Kind,
     pub(crate) tickets: Tickets,
 }
 
-/// Who sets the weights.
+/// The kinds of crowds, by what sets the weights.
 #[allow(clippy::large_enum_variant, reason = "the registry keeps it on the heap, and does not move it")]
 pub(crate) enum Kind {
     Weighted(deltamorph::Crowd),
@@ -36,7 +36,7 @@ pub(crate) enum Kind {
 }
 
 impl State {
-    /// The crowd, for what crowds of both kinds do.
+    /// The crowd, for calls that both kinds have.
     pub(crate) fn crowd(&mut self) -> &mut DeviceCrowd {
         match &mut self.kind {
             Kind::Weighted(crowd) => crowd,
@@ -44,7 +44,7 @@ impl State {
         }
     }
 
-    /// The crowd, for what an engine does with it.
+    /// The crowd, for calls of the engine.
     pub(crate) fn any(&mut self) -> &mut dyn AnyCrowd {
         match &mut self.kind {
             Kind::Weighted(crowd) => crowd,
@@ -72,8 +72,7 @@ impl State {
 }
 
 impl DmCrowdDesc {
-    /// The description but for the vertices of the host's, where the path `default_path` and the poses `default_pose`
-    /// are what zeros mean.
+    /// The description without the host's vertices, with `default_path` and `default_pose` for zeros.
     pub(crate) fn crowd(&self, default_path: UpdatePath, default_pose: PoseFormat) -> Result<CrowdDesc> {
         check_reserved("DmCrowdDesc", self.reserved)?;
         let path = path(self.path, default_path)?;
@@ -95,11 +94,11 @@ impl DmCrowdDesc {
     }
 }
 
-/// How to make a crowd on the device.
+/// Reads the description of a crowd on the device.
 ///
 /// # Safety
-/// `desc` is null (the defaults) or a structure, and so is DmCrowdDesc::poses, which keeps what its documentation says;
-/// DmCrowdDesc::queue_family is null or can be read.
+/// `desc` is null (the defaults) or a structure, and so is DmCrowdDesc::poses, which meets the conditions in its
+/// documentation; DmCrowdDesc::queue_family is null or can be read.
 pub(crate) unsafe fn crowd_desc(desc: *const DmCrowdDesc, default_pose: PoseFormat) -> Result<CrowdDesc> {
     // SAFETY: the caller's obligation.
     let asked = unsafe { read_or_default(desc) }?;
@@ -129,16 +128,16 @@ fn insert(kind: Kind, engine: Arc<Engine>) -> Result<DmCrowd> {
     DmCrowd::insert(Crowd { state: Mutex::new(State { kind, tickets: Tickets::default() }), engine })
 }
 
-/// Run `body` with a crowd that is locked meanwhile.
+/// Runs `body` with a crowd that is locked meanwhile.
 pub(crate) fn with<R>(crowd: DmCrowd, body: impl FnOnce(&mut State) -> Result<R>) -> Result<R> {
     let crowd = crowd.get()?;
     let mut state = lock(&crowd.state)?;
     body(&mut state)
 }
 
-/// Lock crowds, each named once, and return them in the order of `handles`, whose `objects` they are.
+/// Locks crowds, each named once, and returns them in the order of `handles`, whose `objects` they are.
 pub(crate) fn lock_all<'a>(handles: &[DmCrowd], objects: &'a [Arc<Crowd>]) -> Result<Vec<MutexGuard<'a, State>>> {
-    // In one order by all threads, so that none waits for another that waits for it.
+    // All threads lock in the same order, so that no two wait for each other.
     let mut order: Vec<usize> = (0..handles.len()).collect();
     order.sort_unstable_by_key(|&at| handles[at].bits());
     if order.windows(2).any(|pair| handles[pair[0]] == handles[pair[1]]) {
@@ -151,12 +150,12 @@ pub(crate) fn lock_all<'a>(handles: &[DmCrowd], objects: &'a [Arc<Crowd>]) -> Re
 
 /// Make pose buffers and pipelines for instances of a mesh, all weights 0. The first update writes their base poses.
 ///
-/// Errors: DM_ERROR_INVALID, DM_ERROR_UNSUPPORTED for what mesh or device cannot do, with what to use instead;
-/// DM_ERROR_OUT_OF_MEMORY.
+/// Errors: DM_ERROR_INVALID, DM_ERROR_UNSUPPORTED for options that the mesh or device does not support, with an
+/// alternative; DM_ERROR_OUT_OF_MEMORY.
 ///
 /// # Safety
-/// `desc` is null (the defaults) or a structure, and so is DmCrowdDesc::poses, which keeps what its documentation says;
-/// DmCrowdDesc::queue_family is null or can be read; `crowd` can be written.
+/// `desc` is null (the defaults) or a structure, and so is DmCrowdDesc::poses, which meets the conditions in its
+/// documentation; DmCrowdDesc::queue_family is null or can be read; `crowd` can be written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_crowd_create(mesh: DmGpuMesh, desc: *const DmCrowdDesc, crowd: *mut DmCrowd) -> DmResult {
     enter("dm_crowd_create", || {
@@ -172,12 +171,12 @@ pub unsafe extern "C" fn dm_crowd_create(mesh: DmGpuMesh, desc: *const DmCrowdDe
 }
 
 /// Make a crowd whose instances play clips on the GPU, and record the upload of the clips. Instances that have played
-/// nothing yet show the base pose. Any number of updates may be in flight.
+/// no clip yet show the base pose. Any number of updates may be in flight.
 ///
 /// This records: a copy and two fills, and a barrier that makes them visible to updates (first stage TRANSFER with
 /// TRANSFER_WRITE; last COMPUTE_SHADER). Call `dm_crowd_release_staging` once it has run.
 ///
-/// Errors: as `dm_crowd_create`; clips that do not fit the mesh; float32 poses. Nothing is recorded then.
+/// Errors: those of `dm_crowd_create`; clips that do not fit the mesh; float32 poses. Nothing is recorded then.
 ///
 /// # Safety
 /// - `cmd` as in `dm_mesh_upload`, on a queue with compute. It runs exactly once, before any update of the crowd.
@@ -220,7 +219,7 @@ pub unsafe extern "C" fn dm_crowd_create_animated(
     })
 }
 
-/// Give the staging memory of an animated crowd's clips back.
+/// Free the staging memory of an animated crowd's clips.
 ///
 /// Errors: DM_ERROR_INVALID for a crowd that plays no clips.
 ///
@@ -246,8 +245,8 @@ pub unsafe extern "C" fn dm_crowd_destroy(crowd: DmCrowd) -> DmResult {
     enter("dm_crowd_destroy", || crowd.destroy(|_| Ok(())))
 }
 
-/// The next pose of an instance has no predecessor (it was teleported, say): its previous pose will be the pose itself,
-/// so that motion vectors come out as zero. `dm_crowd_set_hidden` does this by itself.
+/// Tell that the next pose of an instance has no predecessor (it was teleported, for example): its previous pose will
+/// be the pose itself, so that motion vectors come out as zero. `dm_crowd_set_hidden` implies this.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed.
 #[unsafe(no_mangle)]
@@ -255,8 +254,8 @@ pub extern "C" fn dm_crowd_cut(crowd: DmCrowd, instance: u32) -> DmResult {
     enter("dm_crowd_cut", || with(crowd, |state| Ok(state.crowd().cut(instance)?)))
 }
 
-/// Hide an instance (not 0), or show it again (0). A hidden one is left out of updates and keeps its pose; shown again, it
-/// catches up in the next update, and its previous pose is the pose itself then.
+/// Hide an instance (not 0), or show it again (0). Updates leave a hidden instance out, and it keeps its pose. When it
+/// is shown again, the next update brings it up to date, and its previous pose is the pose itself then.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed.
 #[unsafe(no_mangle)]
@@ -265,9 +264,9 @@ pub extern "C" fn dm_crowd_set_hidden(crowd: DmCrowd, instance: u32, hidden: u32
     enter("dm_crowd_set_hidden", || with(crowd, body))
 }
 
-/// Add an instance, in a place that `dm_crowd_remove` freed: shown, with all weights 0.
+/// Add an instance, with a number that `dm_crowd_remove` freed: shown, with all weights 0.
 ///
-/// Errors: DM_ERROR_INVALID where no place is free.
+/// Errors: DM_ERROR_INVALID if no number is free.
 ///
 /// # Safety
 /// `instance` can be written.
@@ -282,9 +281,9 @@ pub unsafe extern "C" fn dm_crowd_add(crowd: DmCrowd, instance: *mut u32) -> DmR
     })
 }
 
-/// Take an instance out of a crowd.
+/// Remove an instance from a crowd.
 ///
-/// Errors: DM_ERROR_INVALID for an instance out of range, or removed before.
+/// Errors: DM_ERROR_INVALID for an instance out of range or already removed.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_crowd_remove(crowd: DmCrowd, instance: u32) -> DmResult {
     enter("dm_crowd_remove", || with(crowd, |state| Ok(state.crowd().remove(instance)?)))
@@ -292,7 +291,7 @@ pub extern "C" fn dm_crowd_remove(crowd: DmCrowd, instance: u32) -> DmResult {
 
 /// Play a clip of an animated crowd from the next recorded update on.
 ///
-/// Errors: DM_ERROR_INVALID for an instance or clip out of range, a speed or start that is no number or too large, a
+/// Errors: DM_ERROR_INVALID for an instance or clip out of range, a speed or start that is not a number or too large, a
 /// crowd that plays no clips.
 ///
 /// # Safety
@@ -309,9 +308,9 @@ pub unsafe extern "C" fn dm_crowd_play(crowd: DmCrowd, instance: u32, playback: 
     })
 }
 
-/// The clock of an animated crowd is at `seconds` when the next recorded update runs.
+/// Set the clock of an animated crowd: it is at `seconds` when the next recorded update runs.
 ///
-/// Errors: DM_ERROR_INVALID for no number, or one too large; for a crowd that plays no clips.
+/// Errors: DM_ERROR_INVALID for a time that is not a number or too large; for a crowd that plays no clips.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_crowd_set_time(crowd: DmCrowd, seconds: f64) -> DmResult {
     enter("dm_crowd_set_time", || with(crowd, |state| Ok(state.animated()?.set_time(seconds)?)))

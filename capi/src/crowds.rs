@@ -1,5 +1,5 @@
-//! Crowds of several meshes that take one weight vector. A set names crowds, which stay the caller's: they are
-//! recorded, drawn and skinned by their own handles.
+//! Sets: crowds of several meshes that take one weight vector. A set refers to crowds, which stay the caller's: they
+//! are recorded, drawn and skinned by their own handles.
 
 use crate::crowd::{Crowd, lock_all};
 use crate::handles::{DmCrowd, DmCrowds, Handle};
@@ -8,16 +8,16 @@ use crate::result::{DmResult, Failure, Result, enter, lock};
 use std::ffi::{CString, c_char};
 use std::sync::{Arc, Mutex};
 
-/// What a `DmCrowds` names.
+/// The object of a `DmCrowds`.
 pub struct Crowds {
     members: Vec<DmCrowd>,
     bound: Mutex<Bound>,
 }
 
-/// What the weights of a set are called.
+/// The names of a set's weights, and their targets.
 struct Bound {
     names: Vec<CString>,
-    /// Of each crowd: which weight goes to which target.
+    /// For each crowd, pairs of a weight and the target that it drives.
     driven: Vec<Vec<(usize, usize)>>,
 }
 
@@ -34,7 +34,7 @@ fn target_names(members: &[DmCrowd]) -> Result<Vec<Vec<String>>> {
 }
 
 impl Bound {
-    /// Weights called `names`, in their order, for crowds whose targets are called `targets`.
+    /// Binds weights called `names`, in their order, to crowds with the target names `targets`.
     fn new(names: Vec<String>, targets: &[Vec<String>]) -> Result<Self> {
         if let Some(name) = names.iter().enumerate().find_map(|(i, name)| names[..i].contains(name).then_some(name)) {
             return Err(Failure::invalid(format!("two weights are called '{name}'; name each once")));
@@ -53,14 +53,14 @@ impl Bound {
     }
 }
 
-/// Make a set of `count` crowds whose weights are set by one vector: by their names, a weight goes to the targets of
-/// every mesh. Instance i of the set is instance i of each crowd. The weights are, to begin with, those of all their
-/// targets: each name once, in the order in which crowds and their targets name them.
+/// Make a set of `count` crowds whose weights are set by one vector: each weight goes, by its name, to the targets of
+/// that name in every mesh. Instance i of the set is instance i of each crowd. At first the weights are those of all
+/// targets: each name once, in the order of the crowds and of their targets.
 ///
 /// The crowds stay the caller's: `dm_record_updates` records their updates with shared barriers, and each is cut,
-/// hidden, skinned and destroyed by its own handle. Where one was destroyed, the set can only be destroyed.
+/// hidden, skinned and destroyed by its own handle. After one is destroyed, the set can only be destroyed.
 ///
-/// Errors: DM_ERROR_INVALID for no crowd, one that is named twice, or that plays clips.
+/// Errors: DM_ERROR_INVALID for an empty list, a crowd that is named twice, or one that plays clips.
 ///
 /// # Safety
 /// There are `count` crowds; `set` can be written.
@@ -87,11 +87,11 @@ pub unsafe extern "C" fn dm_crowds_create(crowds: *const DmCrowd, count: u32, se
     })
 }
 
-/// From now on weights are of these names, in this order: those of a clip or of a tracker. Targets that are not among
-/// them keep the weights that were requested last.
+/// Set the names, and so the order, of the weights from now on: those of a clip or of a tracker. Targets that are not
+/// among them keep the weights that were requested last.
 ///
-/// Errors: DM_ERROR_INVALID for a name that no mesh has, or that comes twice; DM_ERROR_HANDLE where a crowd was
-/// destroyed. Nothing changes then.
+/// Errors: DM_ERROR_INVALID for a name that no mesh has, or that comes twice; DM_ERROR_HANDLE if a crowd was destroyed.
+/// Nothing changes then.
 ///
 /// # Safety
 /// There are `count` names, UTF-8 strings.
@@ -109,9 +109,9 @@ pub unsafe extern "C" fn dm_crowds_bind(set: DmCrowds, names: *const *const c_ch
     })
 }
 
-/// What the weights of a set are called, in their order: UTF-8, valid until the set is bound anew, or destroyed.
+/// List the names of a set's weights, in their order: UTF-8, valid until the set is bound again, or destroyed.
 ///
-/// With `names` null, `count` becomes their number. Otherwise `count` says how many there is room for.
+/// With `names` null, `count` becomes their number. Otherwise `count` is the room in `names`.
 ///
 /// Errors: DM_ERROR_INVALID for too little room.
 ///
@@ -129,8 +129,8 @@ pub unsafe extern "C" fn dm_crowds_names(set: DmCrowds, count: *mut u32, names: 
 
 /// Request these weights of an instance in all crowds, one for each name of the set, from the next recorded updates on.
 ///
-/// Errors: DM_ERROR_INVALID for a wrong number of weights; as `dm_crowd_set_weights`; DM_ERROR_HANDLE where a crowd was
-/// destroyed. Nothing changes then, in no crowd.
+/// Errors: DM_ERROR_INVALID for a wrong number of weights; those of `dm_crowd_set_weights`; DM_ERROR_HANDLE if a crowd
+/// was destroyed. Nothing changes then, in any crowd.
 ///
 /// # Safety
 /// There are `count` weights.
@@ -158,7 +158,7 @@ pub unsafe extern "C" fn dm_crowds_set_weights(
             let mut wanted = before_this.clone();
             driven.iter().for_each(|&(weight, target)| wanted[target] = weights[weight]);
             if let Err(error) = crowds[at].set_weights(instance, &wanted) {
-                // They had them, so they take them.
+                // They returned these weights, so they accept them.
                 crowds
                     .iter_mut()
                     .zip(&before)

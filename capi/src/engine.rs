@@ -10,7 +10,7 @@ use deltamorph::{DeviceCaps, DeviceDesc, MorphEngine, ash};
 use std::ffi::{CStr, c_void};
 use std::sync::Arc;
 
-/// What a `DmEngine` names. What is made with it refers to it.
+/// The object of a `DmEngine`. Objects made with it refer to it.
 pub struct Engine {
     pub(crate) morph: MorphEngine,
 }
@@ -21,7 +21,7 @@ pub struct Engine {
 /// does not have; DM_ERROR_OUT_OF_MEMORY.
 ///
 /// # Safety
-/// `desc` is a structure that keeps what its documentation says; `engine` can be written.
+/// `desc` is a structure that meets the conditions in its documentation; `engine` can be written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_engine_create(desc: *const DmEngineDesc, engine: *mut DmEngine) -> DmResult {
     enter("dm_engine_create", || {
@@ -36,7 +36,7 @@ pub unsafe extern "C" fn dm_engine_create(desc: *const DmEngineDesc, engine: *mu
 }
 
 /// # Safety
-/// As [`dm_engine_create`].
+/// The conditions of [`dm_engine_create`].
 unsafe fn morph_engine(desc: &DmEngineDesc) -> Result<MorphEngine> {
     check_reserved("DmEngineDesc", desc.reserved)?;
     let null = |what: &str| Failure::invalid(format!("'{what}' is null; hand in the host's own"));
@@ -52,7 +52,7 @@ unsafe fn morph_engine(desc: &DmEngineDesc) -> Result<MorphEngine> {
     // SAFETY: the handles are alive and belong together, and the functions are theirs: the caller's obligations.
     unsafe {
         let load = |name: &CStr| get(desc.instance, name.as_ptr());
-        // Before anything is called that Vulkan 1.0 does not have.
+        // Checked before any call that Vulkan 1.0 does not have.
         let needed = c"vkGetPhysicalDeviceProperties2";
         let pointer = |function: vk::PFN_vkVoidFunction| function.map_or(std::ptr::null(), |f| f as *const c_void);
         let instance = ash::Instance::load_with(|name| pointer(load(name)), desc.instance);
@@ -86,7 +86,7 @@ unsafe fn morph_engine(desc: &DmEngineDesc) -> Result<MorphEngine> {
     }
 }
 
-/// What an engine runs on.
+/// Write the properties of an engine's device.
 ///
 /// # Safety
 /// `info` is a structure that can be written.
@@ -112,10 +112,10 @@ pub unsafe extern "C" fn dm_engine_info(engine: DmEngine, info: *mut DmEngineInf
     })
 }
 
-/// Destroy an engine. What was made with it has to be destroyed first: DmGpuMesh, DmCrowd, DmReadback, DmSkin, DmSurface,
-/// DmOutgrown. While something is alive, this is refused. The device may be destroyed afterwards.
+/// Destroy an engine. All objects made with it have to be destroyed first: DmGpuMesh, DmCrowd, DmReadback, DmSkin,
+/// DmSurface, DmOutgrown. The device may be destroyed afterwards.
 ///
-/// Errors: DM_ERROR_INVALID while something is alive, with the kinds and how many of each; nothing changes then.
+/// Errors: DM_ERROR_INVALID while such objects are alive, with their kinds and numbers; nothing changes then.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_engine_destroy(engine: DmEngine) -> DmResult {
     enter("dm_engine_destroy", || {
@@ -126,7 +126,7 @@ pub extern "C" fn dm_engine_destroy(engine: DmEngine) -> DmResult {
     })
 }
 
-/// Who uses an engine, and what to do about it.
+/// The kinds and numbers of live objects that use an engine, and the remedy.
 fn users(engine: &Arc<Engine>) -> String {
     fn count<H: Handle>(engine: &Arc<Engine>, of: impl Fn(&H::Object) -> &Arc<Engine>) -> usize {
         H::registry().count(|object| Arc::ptr_eq(of(object), engine))

@@ -1,4 +1,4 @@
-//! Crowds that get more places.
+//! Growth of crowds.
 
 use crate::arguments::check_command_buffer;
 use crate::crowd::{Kind, crowd_desc};
@@ -11,27 +11,27 @@ use deltamorph::ash::vk;
 use deltamorph::{Outgrown as Before, PoseFormat};
 use std::sync::Arc;
 
-/// What a `DmOutgrown` names.
+/// The object of a `DmOutgrown`.
 pub struct Outgrown {
     _before: Before,
     pub(crate) engine: Arc<Engine>,
 }
 
-/// Make a crowd anew with more places: `desc` says how, as a rule as it was made, with more instances. The handle
-/// stays, and so do sets that name it. Instances keep their numbers, what is requested of them or what they play, and
-/// whether they are hidden; the new places are free, for `dm_crowd_add`. Tickets stay good. Called between two
-/// updates, whether the earlier ones have finished or not; the next update writes all poses anew, and until it is
-/// recorded there are none.
+/// Make a crowd again with room for more instances: `desc` describes the new crowd, as a rule the old description with
+/// more instances. The handle stays valid, and so do sets that name it. Instances keep their numbers, the weights
+/// requested of them or the clips that they play, and whether they are hidden; the new numbers are free, for
+/// `dm_crowd_add`. Tickets stay valid. Call it between two updates; earlier ones need not have finished. The next
+/// update writes all poses again, and until it is recorded there are none.
 ///
-/// This records: nothing, and `cmd` is not looked at; for a crowd that plays clips what `dm_crowd_create_animated`
-/// does: call `dm_crowd_release_staging` once that has run.
+/// This records nothing, and `cmd` is ignored, unless the crowd plays clips: then it records the same as
+/// `dm_crowd_create_animated`; call `dm_crowd_release_staging` once that has run.
 ///
-/// Errors: DM_ERROR_INVALID for fewer places than there are, for instances with targets of steps after the pose, which
-/// have to be taken away first, for poses in the host's vertices that the crowd has now; as `dm_crowd_create`, and
-/// `dm_crowd_create_animated`. Nothing changes then.
+/// Errors: DM_ERROR_INVALID for fewer instances than there are, for instances with targets of steps after the pose,
+/// which have to be removed first, for poses in the same vertices of the host's as the crowd has now; those of
+/// `dm_crowd_create`, and `dm_crowd_create_animated`. Nothing changes then.
 ///
 /// # Safety
-/// - `cmd`, of a crowd that plays clips, as in `dm_crowd_create_animated`.
+/// - For a crowd that plays clips, `cmd` as in `dm_crowd_create_animated`.
 /// - `desc` as in `dm_crowd_create`; `outgrown` can be written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_crowd_grow(
@@ -59,7 +59,7 @@ pub unsafe extern "C" fn dm_crowd_grow(
     })
 }
 
-/// Destroy what a crowd had before it grew: pose buffers, lists, descriptor sets.
+/// Destroy the resources that a crowd had before it grew: pose buffers, lists, descriptor sets.
 ///
 /// # Safety
 /// The updates and draws recorded before have finished.

@@ -36,7 +36,7 @@ pub struct DmCrowd {
     pub bits: u64,
 }
 
-/// A clip of weights, by the names of targets. All zero: none.
+/// A clip of weights with names of targets. All zero: none.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DmClip {
@@ -44,7 +44,7 @@ pub struct DmClip {
     pub bits: u64,
 }
 
-/// A clip whose columns are targets of a mesh. All zero: none.
+/// A clip whose columns are bound to targets of a mesh. All zero: none.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DmBoundClip {
@@ -68,7 +68,7 @@ pub struct DmCrowds {
     pub bits: u64,
 }
 
-/// Host memory that poses are copied to, and decoded from. All zero: none.
+/// Host memory that poses are copied to and decoded from. All zero: none.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DmReadback {
@@ -92,7 +92,7 @@ pub struct DmSurface {
     pub bits: u64,
 }
 
-/// What a crowd had before it grew. All zero: none.
+/// Resources that a crowd had before it grew. All zero: none.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DmOutgrown {
@@ -100,7 +100,7 @@ pub struct DmOutgrown {
     pub bits: u64,
 }
 
-/// What tells bounds of poses from their weights. All zero: none.
+/// Computes bounds of poses from their weights. All zero: none.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DmWeightBounds {
@@ -108,9 +108,9 @@ pub struct DmWeightBounds {
     pub bits: u64,
 }
 
-/// A handle as functions take it.
+/// A handle as functions receive it.
 pub trait Handle: Copy {
-    /// What it names.
+    /// The type of the object.
     type Object: 'static;
 
     /// All objects of the kind.
@@ -127,25 +127,25 @@ pub trait Handle: Copy {
         Self::registry().insert(object).map(Self::of)
     }
 
-    /// The object, which lives at least until the reference goes, whoever destroys it meanwhile.
+    /// The object, which lives at least until the reference is dropped, even if another thread destroys it meanwhile.
     fn get(self) -> Result<Arc<Self::Object>> {
         Self::registry().get(self.bits())
     }
 
-    /// The handle names nothing any longer. Refused where `check` refuses, which sees the only reference to the object
-    /// but for those of calls on other threads, and of what was made from it.
+    /// Makes the handle name nothing, unless `check` refuses. `check` sees the only reference to the object apart from
+    /// those of calls on other threads, and of objects made from it.
     fn destroy(self, check: impl FnOnce(&Arc<Self::Object>) -> Result<()>) -> Result<()> {
-        // Dropped here, when others may use the registry again.
+        // Dropped here, after the registry is unlocked.
         Self::registry().remove(self.bits(), check).map(drop)
     }
 }
 
-/// Where the kind is in a handle, and the generation; the index is below.
+/// Bit positions of kind and generation in a handle; the index is below.
 const KIND_SHIFT: u32 = 56;
 const GENERATION_SHIFT: u32 = 32;
 const GENERATION_MAX: u32 = (1 << (KIND_SHIFT - GENERATION_SHIFT)) - 1;
 
-/// The index that `bits` name, where they are of this kind.
+/// The index in `bits`, if they are of this kind.
 #[inline(never)]
 fn index(wanted_kind: u8, bits: u64) -> Result<usize> {
     let (kind, wanted) = ((bits >> KIND_SHIFT) as usize, KINDS[usize::from(wanted_kind)]);
@@ -166,8 +166,8 @@ fn refused(kind: u8, bits: u64) -> Failure {
     Failure::handle(format!("{wanted} {bits:#x} that was destroyed, or never created; use one that is alive"))
 }
 
-/// The objects of one kind. A place is used again with another generation, so that a handle of what was there before
-/// is known as such; a place whose generations are used up stays empty.
+/// The objects of one kind. A slot is used again with another generation, so that a handle of its former object is
+/// recognised; a slot whose generations are used up stays empty.
 pub struct Registry<T> {
     kind: u8,
     places: RwLock<Places<T>>,
@@ -184,12 +184,12 @@ struct Place<T> {
 }
 
 impl<T> Registry<T> {
-    /// No objects, of the kind with this number.
+    /// An empty registry for the kind with this number.
     pub const fn new(kind: u8) -> Self {
         Self { kind, places: RwLock::new(Places { all: vec![], free: vec![] }) }
     }
 
-    // Nothing panics halfway through a change of the places, so a poisoned lock is as good as any.
+    // No code panics halfway through a change of the slots, so a poisoned lock is still good.
     fn read(&self) -> RwLockReadGuard<'_, Places<T>> {
         self.places.read().unwrap_or_else(PoisonError::into_inner)
     }
@@ -223,7 +223,7 @@ impl<T> Registry<T> {
         place.and_then(|place| place.object.clone()).ok_or_else(|| refused(self.kind, bits))
     }
 
-    /// How many objects are alive that `belongs` holds of.
+    /// The number of live objects for which `belongs` holds.
     pub fn count(&self, belongs: impl Fn(&T) -> bool) -> usize {
         self.read().all.iter().filter_map(|place| place.object.as_deref()).filter(|object| belongs(object)).count()
     }

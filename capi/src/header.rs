@@ -1,5 +1,5 @@
-//! `include/deltamorph.h`: generated from this crate, checked in, and taken by C and C++ compilers.
-//! `UPDATE_HEADER=1 cargo test -p deltamorph-c header` writes it anew.
+//! `include/deltamorph.h`: generated from this crate, checked in, and compiled by C and C++ compilers. `UPDATE_HEADER=1
+//! cargo test -p deltamorph-c header` rewrites it.
 
 use crate::kinds::KINDS;
 use crate::structs as dm;
@@ -98,7 +98,7 @@ fn layouts() -> Vec<Layout> {
     }
 }
 
-/// What holds the C compiler to Rust's layout. Pointers of 32 bits give other numbers.
+/// Assertions that hold the C compiler to Rust's layout. Pointers of 32 bits give other numbers.
 fn assertions() -> String {
     let mut text = String::from("/* The layout of structures in the library. */\n#if UINTPTR_MAX == UINT64_MAX\n");
     for Layout { name, size, fields } in layouts() {
@@ -175,7 +175,7 @@ fn generate() -> String {
     }
     let mut text = Vec::new();
     builder.generate().expect("a header").write(&mut text);
-    // Some compilers take files for what their locale says.
+    // Some compilers decode files by their locale.
     let text = String::from_utf8(text)
         .expect("UTF-8")
         .replace('…', "...")
@@ -196,7 +196,7 @@ fn the_header_is_what_the_crate_says() {
     assert!(there == fresh, "{} is out of date from line {stale} on: {UPDATE}", path.display());
 }
 
-/// A comment that lost its beginning says nothing.
+/// A comment without its beginning is useless.
 #[test]
 fn comments_begin_as_sentences() {
     let (text, mut before) = (generate(), "");
@@ -208,7 +208,7 @@ fn comments_begin_as_sentences() {
     }
 }
 
-/// Fields that a C compiler would not see to, or that Rust would copy as uninitialised bytes.
+/// Fields that a C compiler would not check, or padding that Rust would copy as uninitialised bytes.
 #[test]
 fn structures_have_no_padding_and_every_field_is_asserted() {
     let text = generate();
@@ -242,7 +242,7 @@ fn compilers_take_the_header_by_itself() {
     }
 }
 
-/// Not that it is right, but that nobody forgot it.
+/// Shows only that none was forgotten, not that it is right.
 #[test]
 fn every_function_is_used_wrongly_by_a_test() {
     let read = |file: &str| std::fs::read_to_string(Path::new(CRATE).join("tests").join(file)).expect(file);
@@ -258,7 +258,7 @@ fn every_function_is_used_wrongly_by_a_test() {
     assert!(missing.is_empty(), "{missing:?}");
 }
 
-/// A compiler that takes everything would prove nothing.
+/// A compiler that accepts everything would prove nothing.
 #[test]
 fn a_layout_that_differs_is_refused() {
     let dir = tempfile::tempdir().expect("a folder");

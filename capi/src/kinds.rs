@@ -1,12 +1,13 @@
-//! What handles name: the one list of them.
+//! The one list of the kinds of objects that handles name.
 
 use crate::handles::*;
 use deltamorph::after::{GpuNormals, GpuSkin};
 
-/// The list of handles: what each names, and in words. The number of a kind is its place in the list.
+/// The list of handles: the type of each object, and its name in messages. The number of a kind is its position in the
+/// list.
 macro_rules! kinds {
     ($($handle:ident $object:ty, $what:literal;)*) => {
-        /// What each kind of handle names, by number.
+        /// The name of each kind, by number.
         pub const KINDS: &[&str] = &["", $($what),*];
 
         enum Kind {

@@ -10,17 +10,17 @@ use deltamorph::{ClipLayer, Repeat};
 use std::sync::Arc;
 
 /// Mix layers, the first one lowest, on top of the weights that are in `weights` already: zeros, or a pose of the
-/// host's. What comes out is what `dm_crowd_set_weights` takes or, of clips that are bound to the names of a set,
-/// `dm_crowds_set_weights`. With the weight w of a layer, its mask m of a target and s what its clip says of it, the
-/// weight v of the target becomes v x (1 - w x m) + w x m x s (`DM_LAYER_OVERRIDE`), or v + w x m x s
-/// (`DM_LAYER_ADDITIVE`). A layer leaves alone what its clip has no column for.
+/// host's. The result is for `dm_crowd_set_weights` or, with clips that are bound to the names of a set, for
+/// `dm_crowds_set_weights`. With the weight w of a layer, its mask m of a target and the weight s of the target in its
+/// clip, the weight v of the target becomes v x (1 - w x m) + w x m x s (`DM_LAYER_OVERRIDE`), or v + w x m x s
+/// (`DM_LAYER_ADDITIVE`). A layer does not change targets that its clip has no column for.
 ///
 /// Errors: DM_ERROR_INVALID for a clip of another number of targets than `weight_count`, a time, weight or factor of a
-/// mask that is not finite, a blend that there is not, a mask that overlaps `weights`. Nothing changes then.
+/// mask that is not finite, an unknown blend, a mask that overlaps `weights`. Nothing changes then.
 ///
 /// # Safety
-/// There are `count` structures one behind the other, whose masks are null or have `weight_count` factors, and
-/// `weight_count` weights, which can be written.
+/// There are `count` consecutive structures, whose masks are null or have `weight_count` factors, and `weight_count`
+/// weights, which can be written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_clips_mix(
     layers: *const DmClipLayer,

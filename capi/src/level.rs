@@ -8,7 +8,7 @@ use crate::result::{DmResult, Result, enter};
 use crate::structs::{DmCamera, DmLevelDesc, DmPlace};
 use deltamorph::lod::{Camera, Importance, LevelDesc, Place};
 
-/// The order of the targets, and how levels are chosen; `None`: they are all kept.
+/// The order of the targets, and how levels are chosen; `None`: all targets are kept.
 ///
 /// # Safety
 /// `desc` is null, or a structure with as many pins as it says.
@@ -30,12 +30,12 @@ pub(crate) unsafe fn level(desc: *const DmLevelDesc) -> Result<Option<(Importanc
     Ok(Some((importance, level)))
 }
 
-/// Keep only so many targets of an instance of an animated crowd that was made with DmAnimationDesc::level, in the
-/// order of their importance, from the next recorded update on. Where the instance has a place this is the most that
-/// is kept. As many as there are, or more, are all of them.
+/// Keep only `level` targets of an instance, in the order of their importance, from the next recorded update on; for an
+/// animated crowd made with DmAnimationDesc::level. If the instance has a position (`dm_crowd_set_place`), this is the
+/// most that is kept. A number at or above the number of targets keeps all.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `level`; DM_ERROR_INVALID for an
-/// instance out of range, a number below 0 or none, a crowd without levels of detail or one that plays no clips.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `level`; DM_ERROR_INVALID for an instance
+/// out of range, a level below 0 or not a number, a crowd without levels of detail or one that plays no clips.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_crowd_set_level(crowd: DmCrowd, instance: u32, level: f32) -> DmResult {
     enter("dm_crowd_set_level", || {
@@ -44,11 +44,11 @@ pub extern "C" fn dm_crowd_set_level(crowd: DmCrowd, instance: u32, level: f32) 
     })
 }
 
-/// Levels of detail follow this camera from the next recorded update on: of instances that have a place. Before there
-/// is one, they keep all targets.
+/// Set the camera that levels of detail follow from the next recorded update on, for instances that have a position
+/// (`dm_crowd_set_place`). Without a camera they keep all targets.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `level`; DM_ERROR_INVALID for a camera
-/// that there cannot be; as `dm_crowd_set_level`.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `level`; DM_ERROR_INVALID for an invalid
+/// camera; those of `dm_crowd_set_level`.
 ///
 /// # Safety
 /// `camera` is a structure.
@@ -62,10 +62,10 @@ pub unsafe extern "C" fn dm_crowd_set_camera(crowd: DmCrowd, camera: *const DmCa
     })
 }
 
-/// The camera of the next recorded update looks at something else than before: levels of detail need not fade.
+/// Tell that the camera cuts with the next recorded update: levels of detail need not fade.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `level`; DM_ERROR_INVALID for a crowd
-/// that plays no clips.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `level`; DM_ERROR_INVALID for a crowd that
+/// plays no clips.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_crowd_cut_camera(crowd: DmCrowd) -> DmResult {
     enter("dm_crowd_cut_camera", || {
@@ -77,12 +77,13 @@ pub extern "C" fn dm_crowd_cut_camera(crowd: DmCrowd) -> DmResult {
     })
 }
 
-/// Where an instance is from the next recorded update on. With its first place its level of detail begins to follow
-/// the camera: the GPU works out how many targets it keeps, and fades them; `dm_crowd_cut` lets it be there at once.
-/// With DmCrowdDesc::error_budget it has a budget of its own besides, of its pixels, or the crowd's where that is less.
+/// Set the position of an instance from the next recorded update on. From its first position on, its level of detail
+/// follows the camera: the GPU computes how many targets it keeps, and fades them; with `dm_crowd_cut` they change at
+/// once. With DmCrowdDesc::error_budget the instance also has an error budget from its size in pixels, or the crowd's
+/// if that is less.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `level`; DM_ERROR_INVALID for a place
-/// that there cannot be; as `dm_crowd_set_level`.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `level`; DM_ERROR_INVALID for an invalid
+/// position; those of `dm_crowd_set_level`.
 ///
 /// # Safety
 /// `place` is a structure.

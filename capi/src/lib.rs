@@ -1,7 +1,7 @@
-//! The C API of deltamorph. `include/deltamorph.h` is generated from this crate by the tests in `header.rs`; what a C
-//! caller has to know is in the documentation of the functions, which the header repeats.
+//! The C API of deltamorph. `include/deltamorph.h` is generated from this crate by the tests in `header.rs`; all that a
+//! C caller has to know is in the documentation of the functions, which the header repeats.
 //!
-//! All of it goes through the public API of the Rust library. What C cannot state is checked here: handles
+//! All of it uses the public API of the Rust library. Properties that C cannot express are checked here: handles
 //! ([`handles`], [`kinds`]), pointers and sizes of structures ([`memory`]), reserved fields ([`arguments`]), numbers of
 //! enumerations ([`numbers`]); every entry turns errors and panics into a code and a message ([`result`]).
 

@@ -1,4 +1,4 @@
-//! What C hands in by pointer: structures that state their size, arrays, strings, and places for results.
+//! Arguments that C passes by pointer: structures that state their size, arrays, strings, and output pointers.
 
 use crate::result::{Failure, Result};
 use std::ffi::{CStr, c_char};
@@ -6,12 +6,12 @@ use std::ffi::{CStr, c_char};
 /// A structure that begins with its size in bytes, so that it can get further fields at its end.
 ///
 /// # Safety
-/// `repr(C)`, without padding; the first field is a `u32`; any bytes are a value of it, and all zeros are the defaults.
+/// `repr(C)`, without padding; the first field is a `u32`; any bytes are a valid value, and all zeros are the defaults.
 pub unsafe trait Versioned: Copy {
     /// Its name in C.
     const NAME: &'static str;
 
-    /// Bytes that it had in the first version of the API.
+    /// Its size in bytes in the first version of the API.
     const FIRST_SIZE: usize = size_of::<Self>();
 
     /// All zeros but the size.
@@ -25,10 +25,10 @@ pub unsafe trait Versioned: Copy {
     }
 }
 
-/// The size that the structure at `pointer` states.
+/// Reads the size that the structure at `pointer` states.
 ///
 /// # Safety
-/// `pointer` is null, or what it points at begins with a `u32`.
+/// `pointer` is null, or points to memory that begins with a `u32`.
 unsafe fn stated_size<T: Versioned>(pointer: *const T) -> Result<usize> {
     if pointer.is_null() {
         return Err(Failure::invalid(format!("a null pointer to {0}; hand in a {0}", T::NAME)));
@@ -45,8 +45,8 @@ unsafe fn stated_size<T: Versioned>(pointer: *const T) -> Result<usize> {
     }
 }
 
-/// A structure of the caller's: fields that an earlier version did not have are zero; bytes of a later version that
-/// ask for something are refused.
+/// Reads a structure of the caller's: fields that an earlier version did not have are zero; non-zero bytes of a later
+/// version are refused.
 ///
 /// # Safety
 /// `pointer` is null, or points at as many readable bytes as the structure states in its first four.
@@ -70,19 +70,19 @@ pub unsafe fn read<T: Versioned>(pointer: *const T) -> Result<T> {
     Ok(value)
 }
 
-/// As [`read`], where a null pointer stands for the defaults.
+/// [`read`] with the defaults for a null pointer.
 ///
 /// # Safety
-/// As [`read`].
+/// The conditions of [`read`].
 pub unsafe fn read_or_default<T: Versioned>(pointer: *const T) -> Result<T> {
     // SAFETY: the caller's obligation.
     if pointer.is_null() { Ok(T::zeroed()) } else { unsafe { read(pointer) } }
 }
 
-/// `count` structures of the caller's, one behind the other, each as long as it states.
+/// Reads `count` consecutive structures of the caller's, each as long as it states.
 ///
 /// # Safety
-/// As [`read`], for each.
+/// The conditions of [`read`], for each.
 pub unsafe fn array<T: Versioned>(first: *const T, count: u32) -> Result<Vec<T>> {
     let (mut all, mut next) = (vec![], first);
     for _ in 0..count {
@@ -95,14 +95,14 @@ pub unsafe fn array<T: Versioned>(first: *const T, count: u32) -> Result<Vec<T>>
     Ok(all)
 }
 
-/// A place of the caller's for a result that states its size.
+/// A pointer of the caller's to a structure for a result, which states its size.
 pub struct Place<T> {
     pointer: *mut T,
     size: usize,
 }
 
 impl<T: Versioned> Place<T> {
-    /// Check it, before anything is done.
+    /// Checks the pointer, before anything is done.
     ///
     /// # Safety
     /// `pointer` is null, or points at as many bytes as the structure states in its first four, which can be written
@@ -112,16 +112,16 @@ impl<T: Versioned> Place<T> {
         Ok(Self { pointer, size: unsafe { stated_size(pointer) }? })
     }
 
-    /// As [`new`](Self::new), where a null pointer stands for no interest.
+    /// [`new`](Self::new), or `None` for a null pointer: the caller wants no result.
     ///
     /// # Safety
-    /// As [`new`](Self::new).
+    /// The conditions of [`new`](Self::new).
     pub unsafe fn new_or_null(pointer: *mut T) -> Result<Option<Self>> {
         // SAFETY: the caller's obligation.
         if pointer.is_null() { Ok(None) } else { unsafe { Self::new(pointer) }.map(Some) }
     }
 
-    /// The place behind, in an array of such.
+    /// The pointer to the next structure of an array.
     ///
     /// # Safety
     /// There is one.
@@ -130,7 +130,8 @@ impl<T: Versioned> Place<T> {
         unsafe { self.pointer.byte_add(self.size) }
     }
 
-    /// Write the fields that caller and library both know, and zero what only the caller knows. The size stays.
+    /// Writes the fields that caller and library both know, and zeroes those that only the caller knows. The size
+    /// stays.
     pub fn write(self, value: T) {
         let (size, known) = (size_of::<u32>(), self.size.min(size_of::<T>()));
         // SAFETY: as many bytes can be written there, says `new`; the value has `known`, and a `u32` comes first.
@@ -142,7 +143,7 @@ impl<T: Versioned> Place<T> {
     }
 }
 
-/// Check the place for a result, before anything is done.
+/// Checks an output pointer, before anything is done.
 pub fn check_place<T>(pointer: *const T, what: &str) -> Result<()> {
     check_pointer(pointer, what, "hand in where to write the result")
 }
@@ -161,7 +162,7 @@ fn check_pointer<T>(pointer: *const T, what: &str, remedy: &str) -> Result<()> {
 /// An array of the caller's; `what` names it in messages.
 ///
 /// # Safety
-/// `pointer` is null, or points at `count` elements, which nobody writes while the slice is used.
+/// `pointer` is null, or points at `count` elements, which are not written while the slice is used.
 pub unsafe fn slice<'a, T>(pointer: *const T, count: usize, what: &str) -> Result<&'a [T]> {
     if count == 0 {
         return Ok(&[]);
@@ -171,10 +172,10 @@ pub unsafe fn slice<'a, T>(pointer: *const T, count: usize, what: &str) -> Resul
     Ok(unsafe { std::slice::from_raw_parts(pointer, count) })
 }
 
-/// An array of the caller's that is changed.
+/// A mutable array of the caller's.
 ///
 /// # Safety
-/// As [`slice()`], and nobody reads it meanwhile.
+/// The conditions of [`slice()`], and the elements are not read meanwhile.
 pub unsafe fn slice_mut<'a, T>(pointer: *mut T, count: usize, what: &str) -> Result<&'a mut [T]> {
     if count == 0 {
         return Ok(&mut []);
@@ -184,7 +185,7 @@ pub unsafe fn slice_mut<'a, T>(pointer: *mut T, count: usize, what: &str) -> Res
     Ok(unsafe { std::slice::from_raw_parts_mut(pointer, count) })
 }
 
-/// Whether two arrays of the caller's have bytes in common: pointers, and how many elements.
+/// Whether two arrays of the caller's, pointers with numbers of elements, have bytes in common.
 pub fn overlap<T, U>((one, ones): (*const T, usize), (other, others): (*const U, usize)) -> bool {
     let end = |at: usize, count: usize, size: usize| at.saturating_add(count.saturating_mul(size));
     let (a, b) = (one.addr(), other.addr());
@@ -199,7 +200,7 @@ fn check_array<T>(pointer: *const T, count: usize, what: &str) -> Result<()> {
     }
 }
 
-/// Write `values` to an array of the caller's with room for `count`.
+/// Writes `values` to an array of the caller's with room for `count`.
 ///
 /// # Safety
 /// `pointer` is null, or points at room for `count` elements.
@@ -217,7 +218,7 @@ pub unsafe fn fill<T: Copy>(pointer: *mut T, count: usize, values: &[T], what: &
     Ok(())
 }
 
-/// A list that is asked for twice: where `items` is null, for its length; then for the items, with the room in `count`.
+/// Answers a list query: if `items` is null, with its length; otherwise with the items, for which `count` is the room.
 ///
 /// # Safety
 /// `count` is null, or points at a number; `items` is null, or points at room for that many.
@@ -236,7 +237,7 @@ pub unsafe fn list<T: Copy>(count: *mut u32, items: *mut T, values: &[T], what: 
 /// A string of the caller's; `what` names it in messages.
 ///
 /// # Safety
-/// `pointer` is null, or points at a string ended by a zero, which nobody writes while it is used.
+/// `pointer` is null, or points at a string ended by a zero, which is not written while it is used.
 pub unsafe fn text<'a>(pointer: *const c_char, what: &str) -> Result<&'a str> {
     check_pointer(pointer, what, "hand in a string")?;
     // SAFETY: the caller's obligation.
@@ -244,10 +245,10 @@ pub unsafe fn text<'a>(pointer: *const c_char, what: &str) -> Result<&'a str> {
     text.to_str().map_err(|error| Failure::invalid(format!("'{what}' is no UTF-8 ({error}); convert it")))
 }
 
-/// As [`text`], where a null pointer stands for an empty string.
+/// [`text`], or an empty string for a null pointer.
 ///
 /// # Safety
-/// As [`text`].
+/// The conditions of [`text`].
 pub unsafe fn text_or_empty<'a>(pointer: *const c_char, what: &str) -> Result<&'a str> {
     // SAFETY: the caller's obligation.
     if pointer.is_null() { Ok("") } else { unsafe { text(pointer, what) } }

@@ -1,4 +1,4 @@
-//! Meshes in memory: imported, and packed as the device takes them.
+//! Meshes in memory: imported, and packed for the device.
 
 use crate::arguments::{built, check_reserved, or};
 use crate::handles::{DmMesh, Handle};
@@ -14,7 +14,7 @@ use deltamorph_head::{HeadDesc, head};
 use std::ffi::{CString, c_char, c_void};
 use std::path::Path;
 
-/// What a `DmMesh` names.
+/// The object of a `DmMesh`.
 pub struct Mesh {
     pub(crate) asset: Asset,
     /// Names of its targets, for as long as it lives.
@@ -37,7 +37,7 @@ impl DmMeshDesc {
         Ok(default.position(position).normal(or(self.normal_tolerance, default.normal)))
     }
 
-    /// Nothing says how to pack: what is packed already may stay as it is.
+    /// Whether the description says nothing about packing, so that a packed mesh may stay as it is.
     fn packs_by_default(&self) -> bool {
         let errors = [self.position_error, self.normal_error_degrees, self.absolute_error, self.weight_max];
         self.delta_format == 0 && self.block_size == 0 && errors == [0.0; 4]
@@ -77,7 +77,7 @@ impl Mesh {
         Ok(Self::of_asset(Asset { mesh: packed, faces, texcoords, welds, tolerance }))
     }
 
-    /// A packed file, packed anew where `desc` says how.
+    /// The mesh of a packed file, packed again if `desc` says how.
     fn of_packed(asset: Asset, desc: &DmMeshDesc) -> Result<Self> {
         match desc.packs_by_default() {
             true => Ok(Self::of_asset(asset)),
@@ -96,11 +96,11 @@ impl Mesh {
     }
 }
 
-/// The most vertices of the built-in head, and the most of them times targets: some gigabytes.
+/// Limits on the vertices of the built-in head, and on vertices times targets: some gigabytes.
 const HEAD_VERTICES: usize = 10_000_000;
 const HEAD_DELTAS: u64 = 1 << 28;
 
-/// The built-in head.
+/// The description of the built-in head.
 pub(crate) fn head_desc(sample: &DmSampleDesc) -> Result<HeadDesc> {
     let default = HeadDesc::default();
     let (vertices, targets) =
@@ -116,10 +116,10 @@ pub(crate) fn head_desc(sample: &DmSampleDesc) -> Result<HeadDesc> {
     Ok(default.vertices(vertices).targets(targets).sparsity(sparsity).seed(seed))
 }
 
-/// What an entry that makes a mesh has in common with the others.
+/// The common part of entries that make a mesh.
 ///
 /// # Safety
-/// As [`read_or_default`]; `out` is null or can be written.
+/// The conditions of [`read_or_default`]; `out` is null or can be written.
 unsafe fn create(
     function: &str,
     desc: *const DmMeshDesc,
@@ -138,18 +138,18 @@ unsafe fn create(
 }
 
 /// Read a mesh: a folder with neutral.obj and a folder `targets` of OBJ files, a glTF file (.glb, .gltf, .vrm; feature
-/// `gltf`), or a packed file (.dmorph), which stays as it is packed unless `desc` says how to pack.
+/// `gltf`), or a packed file (.dmorph), which is packed again only if `desc` says how.
 ///
-/// Targets of a folder come in the order of their files' names, those of a glTF file in the order of the file. Vertices
+/// Targets of a folder are in the order of their files' names, those of a glTF file in the order of the file. Vertices
 /// of OBJ files are their `v` lines, in order.
 ///
 /// Normals that a file does not state are computed: each is the normalised sum of the area vectors of the faces around
 /// the vertex. A polygon counts with its whole area vector at each of its corners, so the result differs from that of
-/// the triangles that it is drawn as. Where there is no such sum (no face, or faces without area), the normal is
-/// (0, 0, 1). The normal delta of a target is the difference of two such normals; 0 where the deformed surface has none.
+/// the triangles that it is drawn as. If the sum is zero (no face, or faces without area), the normal is (0, 0, 1). The
+/// normal delta of a target is the difference of two such normals; 0 if the deformed surface has none.
 ///
-/// Errors: DM_ERROR_IO where nothing is at `path`, or it cannot be read; DM_ERROR_INPUT with file, place and remedy;
-/// DM_ERROR_INVALID for what `desc` may not say.
+/// Errors: DM_ERROR_IO if nothing is at `path`, or it cannot be read; DM_ERROR_INPUT with the file, the position in it
+/// and a remedy; DM_ERROR_INVALID for invalid fields of `desc`.
 ///
 /// # Safety
 /// `path` is a UTF-8 string; `desc` is null (the defaults) or a structure; `mesh` can be written.
@@ -170,7 +170,7 @@ pub unsafe extern "C" fn dm_mesh_open(path: *const c_char, desc: *const DmMeshDe
 
 /// Read a mesh from the bytes of a packed file (.dmorph) in memory. `name` is for messages, and may be null.
 ///
-/// Errors: DM_ERROR_INPUT with the place in the file; as `dm_mesh_open`.
+/// Errors: DM_ERROR_INPUT with the position in the file; those of `dm_mesh_open`.
 ///
 /// # Safety
 /// There are `size` bytes at `bytes`; `name` is null or a UTF-8 string; `desc` is null (the defaults) or a structure;
@@ -193,10 +193,10 @@ pub unsafe extern "C" fn dm_mesh_from_bytes(
     unsafe { create("dm_mesh_from_bytes", desc, mesh, make) }
 }
 
-/// Make a mesh from arrays with one element per vertex. Where vertices are doubled at seams, name `DM_MESH_WELD` in
-/// `desc`: no crack opens in any pose then, and normals that are computed are smooth across the seam.
+/// Make a mesh from arrays with one element per vertex. If vertices are doubled at seams, set `DM_MESH_WELD` in `desc`:
+/// then no crack opens in any pose, and computed normals are smooth across the seam.
 ///
-/// Errors: DM_ERROR_INVALID for numbers that are not finite, indices out of range, targets of one name.
+/// Errors: DM_ERROR_INVALID for numbers that are not finite, indices out of range, two targets of the same name.
 ///
 /// # Safety
 /// `arrays` is a structure whose arrays have the elements that it says; `desc` is null (the defaults) or a structure;
@@ -214,7 +214,7 @@ pub unsafe extern "C" fn dm_mesh_from_arrays(
 }
 
 /// # Safety
-/// As [`dm_mesh_from_arrays`].
+/// The conditions of [`dm_mesh_from_arrays`].
 unsafe fn source_of_arrays(arrays: *const DmMeshArrays) -> Result<MorphSource> {
     // SAFETY: the caller's obligations, of this array and of each of its targets below.
     let arrays = unsafe { read(arrays) }?;
@@ -251,16 +251,16 @@ unsafe fn source_of_arrays(arrays: *const DmMeshArrays) -> Result<MorphSource> {
 }
 
 /// # Safety
-/// As [`slice()`].
+/// The conditions of [`slice()`].
 unsafe fn optional<'a, T>(pointer: *const T, count: usize, what: &str) -> Result<&'a [T]> {
     // SAFETY: the caller's obligation.
     if pointer.is_null() { Ok(&[]) } else { unsafe { slice(pointer, count, what) } }
 }
 
-/// Make the built-in head, as `sample` describes it (null: the defaults).
+/// Make the built-in head that `sample` describes (null: the defaults).
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `sample`; DM_ERROR_INVALID for what
-/// `sample` or `desc` may not say: more than 10,000,000 vertices, or 2^28 for vertices times targets.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `sample`; DM_ERROR_INVALID for invalid
+/// fields of `sample` or `desc`: more than 10,000,000 vertices, or 2^28 for vertices times targets.
 ///
 /// # Safety
 /// `sample` and `desc` are null (the defaults) or structures; `mesh` can be written.
@@ -280,7 +280,7 @@ pub unsafe extern "C" fn dm_mesh_sample_head(
     unsafe { create("dm_mesh_sample_head", desc, mesh, make) }
 }
 
-/// Write a mesh as a packed file (.dmorph), in place of what is there once all is written.
+/// Write a mesh as a packed file (.dmorph). It replaces a file at `path` once all is written.
 ///
 /// Errors: DM_ERROR_IO; DM_ERROR_INVALID for a dense format.
 ///
@@ -295,7 +295,7 @@ pub unsafe extern "C" fn dm_mesh_write(mesh: DmMesh, path: *const c_char) -> DmR
     })
 }
 
-/// Destroy a mesh. What was made from it stays; names of its targets are gone.
+/// Destroy a mesh, with the names of its targets. Objects made from it stay.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_mesh_destroy(mesh: DmMesh) -> DmResult {
     enter("dm_mesh_destroy", || mesh.destroy(|_| Ok(())))

@@ -6,10 +6,10 @@ use deltamorph::{Consumers, DeltaFormat, LayerBlend, PoseFormat, Semantic, Updat
 
 /// Vertices are doubled at seams, so that one index buffer draws poses as they are.
 pub const DM_MESH_SPLIT: u32 = 1;
-/// Vertices at one place in the base pose and all targets are held together: for meshes that come doubled at seams. With
-/// `DM_MESH_SPLIT` as well, seams are doubled first, and then all that is at one place is held together.
+/// Vertices at the same position in the base pose and all targets are joined: for meshes that come doubled at seams.
+/// With `DM_MESH_SPLIT` as well, seams are doubled first, and then all vertices at the same position are joined.
 pub const DM_MESH_WELD: u32 = 2;
-/// No delta is dropped, but those that are zero.
+/// Keep all deltas except zeros.
 pub const DM_MESH_KEEP_ALL: u32 = 4;
 
 /// Dense, six float32.
@@ -32,16 +32,16 @@ pub const DM_POSE_FIXED32: u32 = 2;
 /// Six integers of 16 bits: displacements from the base pose, without drift.
 pub const DM_POSE_FIXED16: u32 = 3;
 
-/// Compute, for the blocks of vertices that changed targets move, and no others (block formats).
+/// Compute, only for the blocks of vertices that changed targets move (block formats).
 pub const DM_PATH_BLOCKS: u32 = 1;
 /// Compute passes over whole poses (dense formats).
 pub const DM_PATH_COMPUTE: u32 = 2;
 /// Vertex passes with transform feedback (dense formats).
 pub const DM_PATH_FEEDBACK: u32 = 3;
-/// The CPU, for CPU crowds alone.
+/// The CPU, for CPU crowds only.
 pub const DM_PATH_CPU: u32 = 4;
 
-/// Changed targets are added to the pose that is there.
+/// Changed targets are added to the existing pose.
 pub const DM_MODE_INCREMENTAL: u32 = 1;
 /// All active targets are added to the base pose.
 pub const DM_MODE_REBUILD: u32 = 2;
@@ -57,11 +57,11 @@ pub const DM_READ_BY_COPIES: u32 = 8;
 /// Builds of acceleration structures, from decoded positions.
 pub const DM_READ_BY_ACCELERATION_STRUCTURES: u32 = 16;
 
-/// Task and mesh shaders that read poses from storage buffers. The device has to have both enabled (VK_EXT_mesh_shader).
+/// Task and mesh shaders that read poses from storage buffers. The device enables both (VK_EXT_mesh_shader).
 pub const DM_READ_BY_MESH_SHADERS: u32 = 32;
 /// Fragment shaders that read poses from storage buffers.
 pub const DM_READ_BY_FRAGMENT_SHADERS: u32 = 64;
-/// Shaders of ray-tracing pipelines that read poses from storage buffers. The device has to have these pipelines enabled
+/// Shaders of ray-tracing pipelines that read poses from storage buffers. The device enables these pipelines
 /// (VK_KHR_ray_tracing_pipeline).
 pub const DM_READ_BY_RAY_TRACING_SHADERS: u32 = 128;
 
@@ -71,14 +71,14 @@ pub const DM_SKIN_LINEAR: u32 = 1;
 /// rotation.
 pub const DM_SKIN_DUAL_QUATERNION: u32 = 2;
 
-/// A layer of a clip goes towards what the clip says: at the weight 1 it replaces what is below.
+/// Blend a layer over the layers below: at the weight 1 it replaces them.
 pub const DM_LAYER_OVERRIDE: u32 = 1;
-/// A layer of a clip is added to what is below.
+/// Add a layer to the layers below.
 pub const DM_LAYER_ADDITIVE: u32 = 2;
 
-/// Where the vertex is: three components.
+/// Position: three components.
 pub const DM_STREAM_POSITION: u32 = 1;
-/// Which way the surface faces: three components.
+/// Normal: three components.
 pub const DM_STREAM_NORMAL: u32 = 2;
 /// Direction of the texture's u axis, and handedness: four components.
 pub const DM_STREAM_TANGENT: u32 = 3;
@@ -120,7 +120,7 @@ const SKINS: &[(u32, SkinMethod)] =
 const LAYERS: &[(u32, LayerBlend)] =
     &[(DM_LAYER_OVERRIDE, LayerBlend::Override), (DM_LAYER_ADDITIVE, LayerBlend::Additive)];
 
-/// What `number` means; `default` for 0.
+/// The value of `number`; `default` for 0.
 fn find<T: Copy>(table: &[(u32, T)], number: u32, what: &str, default: T) -> Result<T> {
     match table.iter().find(|(n, _)| *n == number) {
         _ if number == 0 => Ok(default),
@@ -193,14 +193,15 @@ pub fn semantic(number: u32) -> Result<Semantic> {
 mod tests {
     use super::*;
 
-    /// The numbers of the constants of the header whose names begin like this.
+    /// The values of the header's constants whose names begin with `prefix`.
     fn constants(prefix: &str) -> Vec<u32> {
         let lines = include_str!("numbers.rs").lines().filter_map(|line| line.strip_prefix("pub const "));
         let named = lines.filter(|line| line.starts_with(prefix)).filter_map(|line| line.split_once(": u32 = "));
         named.map(|(_, number)| number.trim_end_matches(';').parse().expect("a number")).collect()
     }
 
-    /// Each of `all` has a number, each constant of the header is one of these, and each number is read as what it is of.
+    /// Each of `all` has a number, each constant of the header is one of these, and each number is read back as its
+    /// value.
     fn check<T: Copy + PartialEq + std::fmt::Debug>(
         prefix: &str,
         all: impl IntoIterator<Item = T>,

@@ -1,4 +1,4 @@
-//! What a mesh in memory tells: sizes, names, indices, the reference.
+//! Queries of a mesh in memory: sizes, names, indices, the reference.
 
 use crate::handles::{DmMesh, Handle};
 use crate::memory::{Place, Versioned, check_place, fill, list, read, slice, text};
@@ -11,14 +11,14 @@ use deltamorph::{MorphEngine, PoseFormat, UpdatePath, requirements};
 use std::ffi::{CString, c_char};
 use std::sync::LazyLock;
 
-/// Major version of the API that this header is of.
+/// Major version of the API in this header.
 pub const DM_VERSION_MAJOR: u32 = 0;
-/// Minor version of the API that this header is of.
+/// Minor version of the API in this header.
 pub const DM_VERSION_MINOR: u32 = 1;
-/// Patch version of the API that this header is of.
+/// Patch version of the API in this header.
 pub const DM_VERSION_PATCH: u32 = 0;
 
-/// The version of the library that is linked: major × 2^22 + minor × 2^12 + patch, as VK_MAKE_API_VERSION has them.
+/// The version of the linked library: major × 2^22 + minor × 2^12 + patch, as in VK_MAKE_API_VERSION.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_version() -> u32 {
     vk::make_api_version(0, DM_VERSION_MAJOR, DM_VERSION_MINOR, DM_VERSION_PATCH)
@@ -45,10 +45,10 @@ impl Requirements {
     }
 }
 
-/// What to enable when creating a device for a path (`DM_PATH_…`; 0: blocks). Beyond this, Vulkan 1.1 and one queue
-/// with graphics and compute suffice.
+/// List the extensions and features to enable when creating a device for a path (`DM_PATH_…`; 0: blocks). Beyond these,
+/// Vulkan 1.1 and one queue with graphics and compute suffice.
 ///
-/// With `items` null, `count` becomes their number. Otherwise `count` says how many there is room for.
+/// With `items` null, `count` becomes their number. Otherwise `count` is the room in `items`.
 ///
 /// Errors: DM_ERROR_INVALID for an unknown path, or too little room.
 ///
@@ -66,9 +66,9 @@ pub unsafe extern "C" fn dm_requirements(path: u32, count: *mut u32, items: *mut
     })
 }
 
-/// How a draw reads poses of a format (`DM_POSE_…`; 0: float32): binding 0 is the pose, with position and normal at
-/// locations 0 and 1; integers have the base pose as a second binding at locations 2 and 3; with `previous` not 0, the
-/// previous pose follows. There are at most 3 bindings and 6 attributes.
+/// Describe how a draw reads poses of a format (`DM_POSE_…`; 0: float32): binding 0 is the pose, with position and
+/// normal at locations 0 and 1; fixed-point poses have the base pose as a second binding at locations 2 and 3; with
+/// `previous` not 0, the previous pose follows. There are at most 3 bindings and 6 attributes.
 ///
 /// Errors: DM_ERROR_INVALID for an unknown format.
 ///
@@ -98,9 +98,9 @@ pub unsafe extern "C" fn dm_pose_vertex_input(
     })
 }
 
-/// What a mesh is.
+/// Write the sizes of a mesh.
 ///
-/// Errors: DM_ERROR_INVALID for more triangles than 32 bits count the indices of: 1,431,655,765.
+/// Errors: DM_ERROR_INVALID for more triangles than 32-bit index counts allow: 1,431,655,765.
 ///
 /// # Safety
 /// `info` is a structure that can be written.
@@ -153,9 +153,9 @@ pub unsafe extern "C" fn dm_mesh_target_name(mesh: DmMesh, target: u32, name: *m
     })
 }
 
-/// The target that is called `name`.
+/// Find the target called `name`.
 ///
-/// Errors: DM_ERROR_INVALID where there is none.
+/// Errors: DM_ERROR_INVALID if there is none.
 ///
 /// # Safety
 /// `name` is a UTF-8 string; `target` can be written.
@@ -176,7 +176,7 @@ pub unsafe extern "C" fn dm_mesh_find_target(mesh: DmMesh, name: *const c_char, 
     })
 }
 
-/// Turn vertex numbers of the mesh as it was imported (an index buffer) into those of pose buffers, in place.
+/// Convert vertex numbers of the mesh as it was imported (an index buffer) to those of pose buffers, in place.
 ///
 /// Errors: DM_ERROR_INVALID for an index out of range; nothing is changed then.
 ///
@@ -194,9 +194,9 @@ pub unsafe extern "C" fn dm_mesh_remap_indices(mesh: DmMesh, indices: *mut u32, 
     })
 }
 
-/// The triangles of the mesh, as an index buffer for pose buffers: DmMeshInfo::index_count numbers.
+/// Copy the triangles of the mesh, as an index buffer for pose buffers: DmMeshInfo::index_count numbers.
 ///
-/// With `indices` null, `count` becomes their number. Otherwise `count` says how many there is room for.
+/// With `indices` null, `count` becomes their number. Otherwise `count` is the room in `indices`.
 ///
 /// Errors: DM_ERROR_INVALID for too little room.
 ///
@@ -213,14 +213,14 @@ pub unsafe extern "C" fn dm_mesh_indices(mesh: DmMesh, count: *mut u32, indices:
     })
 }
 
-/// Vertices as they are drawn, for hosts that look up the pose in the vertex shader: texture coordinates are doubled at
-/// seams, poses are not. Call it with null arrays for the counts first. A mesh imported with `DM_MESH_SPLIT` needs this
-/// for its texture coordinates alone: its pose buffers are drawn as they are.
+/// Copy the render vertices, for hosts that look up the pose in the vertex shader: they are doubled where texture
+/// coordinates have seams, unlike poses. Call it with null arrays for the counts first. A mesh imported with
+/// `DM_MESH_SPLIT` needs this only for its texture coordinates: its pose buffers are drawn as they are.
 ///
 /// Errors: DM_ERROR_INVALID for too little room.
 ///
 /// # Safety
-/// `vertices` is a structure that can be written; its arrays are null or have the room that it says.
+/// `vertices` is a structure that can be written; its arrays are null or have the room that it states.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_mesh_render_vertices(mesh: DmMesh, vertices: *mut DmRenderVertices) -> DmResult {
     enter("dm_mesh_render_vertices", || {
@@ -243,15 +243,15 @@ pub unsafe extern "C" fn dm_mesh_render_vertices(mesh: DmMesh, vertices: *mut Dm
 }
 
 /// # Safety
-/// As [`fill`].
+/// The conditions of [`fill`].
 unsafe fn fill_unless_null<T: Copy>(pointer: *mut T, room: usize, values: &[T], what: &str) -> Result<()> {
     // SAFETY: the caller's obligation.
     if pointer.is_null() { Ok(()) } else { unsafe { fill(pointer, room, values, what) } }
 }
 
-/// The reference: the pose of these weights, evaluated in full and in double precision from the deltas as they are
-/// packed. Six numbers for each vertex, position and normal (a sum, not normalised), in the order of vertices as the
-/// mesh was imported, without padding. `dm_mesh_remap_indices` tells where a vertex is in pose buffers.
+/// Compute the reference: the pose of these weights, evaluated in full and in double precision from the packed deltas.
+/// Six numbers for each vertex, position and normal (a sum, not normalised), in the order of vertices as the mesh was
+/// imported, without padding. `dm_mesh_remap_indices` tells the index of a vertex in pose buffers.
 ///
 /// Errors: DM_ERROR_INVALID for more weights than targets (fewer: the rest is 0), or too little room.
 ///

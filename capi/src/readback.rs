@@ -10,7 +10,7 @@ use deltamorph::ash::vk;
 use deltamorph::{PoseReadback, ReadPose};
 use std::sync::{Arc, Mutex};
 
-/// What a `DmReadback` names.
+/// The object of a `DmReadback`.
 pub struct Readback {
     state: Mutex<State>,
     pub(crate) engine: Arc<Engine>,
@@ -18,11 +18,11 @@ pub struct Readback {
 
 struct State {
     readback: PoseReadback,
-    /// What was recorded last, once somebody asked for it.
+    /// The poses recorded last, decoded at the first query.
     poses: Option<Vec<ReadPose>>,
 }
 
-/// Make memory for reading poses back: none yet, as much as they take when they are recorded.
+/// Make an object for reading poses back. Its memory is allocated when copies are recorded, as much as the poses take.
 ///
 /// # Safety
 /// `readback` can be written.
@@ -38,21 +38,22 @@ pub unsafe extern "C" fn dm_readback_create(engine: DmEngine, readback: *mut DmR
     })
 }
 
-/// Record copies of the poses of `count` instances of a crowd, in the place of what was recorded before. It comes after
-/// the update that writes them, in the same command buffer or a later one.
+/// Record copies of the poses of `count` instances of a crowd, replacing those recorded before. They come after the
+/// update that writes the poses, in the same command buffer or a later one.
 ///
 /// This records: a barrier from the stages that write poses to copies, whatever the consumers of the crowd are; the
 /// copies; and a barrier that makes them visible to the host, and that later updates wait for.
 ///
-/// Errors: DM_ERROR_INVALID for a crowd of another engine; as `dm_crowd_pose`, for each instance;
+/// Errors: DM_ERROR_INVALID for a crowd of another engine; those of `dm_crowd_pose`, for each instance;
 /// DM_ERROR_OUT_OF_MEMORY. Nothing is recorded then.
 ///
 /// # Safety
 /// - `cmd` as in `dm_record_update`, on the queue that updates of the crowd run on. It runs after the updates of the
 ///   crowd that were recorded so far, and before later ones.
-/// - What was recorded with this read-back before has finished, or never runs. It and the crowd live until the device
+/// - Commands recorded with this read-back before have finished, or never run. It and the crowd live until the device
 ///   has finished.
-/// - There are `count` instances. Vertices of the host's own that poses are in were made as source of copies, too.
+/// - There are `count` instances. If the poses are in the host's vertices, their buffer is usable as source of copies,
+///   too.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_readback_record(
     readback: DmReadback,
@@ -73,15 +74,15 @@ pub unsafe extern "C" fn dm_readback_record(
     })
 }
 
-/// A pose that was recorded last, decoded, of the `at`-th instance named there: in the order of the mesh as it was
-/// imported, without padding. `stream` 0: six floats a vertex, the position in input units and the normal, not
-/// normalised; another stream of the mesh (`DM_STREAM_…`): its components, vertex after vertex.
+/// Get one of the poses recorded last, decoded: that of the `at`-th instance of the recorded list, in the order of the
+/// mesh as it was imported, without padding. `stream` 0: six floats a vertex, the position in input units and the
+/// normal, not normalised; another stream of the mesh (`DM_STREAM_…`): its components, vertex after vertex.
 ///
-/// Errors: DM_ERROR_INVALID for more than were recorded, a stream that the mesh does not have, too little room.
+/// Errors: DM_ERROR_INVALID for `at` out of range, a stream that the mesh does not have, too little room.
 ///
 /// # Safety
-/// The command buffer that it was recorded into has finished: the host has waited for its fence. There is room for
-/// `count` floats.
+/// The command buffer with the copies has finished: the host has waited for its fence. There is room for `count`
+/// floats.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_readback_pose(
     readback: DmReadback,
@@ -120,7 +121,7 @@ pub unsafe extern "C" fn dm_readback_pose(
 /// Destroy a read-back.
 ///
 /// # Safety
-/// What was recorded with it has finished, or never runs.
+/// Commands recorded with it have finished, or never run.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_readback_destroy(readback: DmReadback) -> DmResult {
     enter("dm_readback_destroy", || readback.destroy(|_| Ok(())))

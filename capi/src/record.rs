@@ -10,7 +10,7 @@ use deltamorph::ash::vk;
 use deltamorph::{AnyCrowd, Update};
 use std::sync::Arc;
 
-/// What C is told of an update.
+/// The result of an update in C's terms.
 fn told(crowd: DmCrowd, number: u64, update: &Update) -> DmUpdate {
     let stats = &update.stats;
     DmUpdate {
@@ -27,13 +27,13 @@ fn told(crowd: DmCrowd, number: u64, update: &Update) -> DmUpdate {
     }
 }
 
-/// Record the update of all instances of a crowd to the weights requested, or to the time set.
+/// Record the update of all instances of a crowd to the requested weights, or to the time set.
 ///
-/// This records: nothing when no weight changed; otherwise the passes of the plan with the barriers they need. First
+/// This records nothing if no weight changed; otherwise the passes of the plan with the barriers that they need. First
 /// stages: those of the crowd's consumers (reads of earlier poses) and the path's own; last: the consumers', by default
-/// VERTEX_INPUT with VERTEX_ATTRIBUTE_READ and VERTEX_SHADER with SHADER_READ. It binds over the compute pipeline, its
-/// set 0 and push constants; on `DM_PATH_FEEDBACK` the graphics pipeline, vertex bindings from 0 on, push constants and
-/// transform-feedback binding 0.
+/// VERTEX_INPUT with VERTEX_ATTRIBUTE_READ and VERTEX_SHADER with SHADER_READ. It replaces the bound compute
+/// pipeline, its set 0 and push constants; on `DM_PATH_FEEDBACK` the bound graphics pipeline, vertex bindings from 0
+/// on, push constants and transform-feedback binding 0.
 ///
 /// Errors: after an error nothing is recorded.
 ///
@@ -66,11 +66,11 @@ pub unsafe extern "C" fn dm_record_update(cmd: vk::CommandBuffer, crowd: DmCrowd
 
 /// Record the updates of several crowds of one engine, as `dm_record_update` does for one. They share their barriers.
 ///
-/// Errors: DM_ERROR_INVALID for no crowd, a crowd that is named twice, crowds of several engines, or for queues of
+/// Errors: DM_ERROR_INVALID for an empty list, a crowd that is named twice, crowds of several engines, or for queues of
 /// several families. Nothing is recorded then.
 ///
 /// # Safety
-/// - As `dm_record_update`, for each crowd.
+/// - The conditions of `dm_record_update`, for each crowd.
 /// - There are `count` crowds; `updates` is null or an array of as many structures that can be written, each with its
 ///   size.
 #[unsafe(no_mangle)]
@@ -106,10 +106,10 @@ pub unsafe extern "C" fn dm_record_updates(
     })
 }
 
-/// The places of `count` updates; none where `updates` is null.
+/// Output pointers for `count` updates; empty if `updates` is null.
 ///
 /// # Safety
-/// As [`dm_record_updates`].
+/// The conditions of [`dm_record_updates`].
 unsafe fn places(updates: *mut DmUpdate, count: u32) -> Result<Vec<Option<Place<DmUpdate>>>> {
     let (mut all, mut next) = (vec![], updates);
     while !updates.is_null() && all.len() < count as usize {
@@ -123,8 +123,9 @@ unsafe fn places(updates: *mut DmUpdate, count: u32) -> Result<Vec<Option<Place<
     Ok(all)
 }
 
-/// The update of a ticket and all later ones of the crowd will never run: what they would have written is unknown, and
-/// the next update does it again. An update that was discarded before stays so.
+/// Tell that the update of a ticket and all later ones of the crowd will never run: the contents of the poses that they
+/// would have written are unknown, and the next update writes them again. An update that was discarded before stays
+/// discarded.
 ///
 /// Errors: DM_ERROR_INVALID for a ticket of another crowd, or of an update before the last 1024.
 ///

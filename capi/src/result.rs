@@ -1,4 +1,4 @@
-//! Codes and messages: what an entry returns, and what it leaves for `dm_last_error`.
+//! Codes and messages: the return value of an entry, and the message for `dm_last_error`.
 
 use std::any::Any;
 use std::cell::RefCell;
@@ -6,11 +6,11 @@ use std::ffi::{CString, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Mutex, MutexGuard};
 
-/// What a function returns: `DM_OK`, or a code that says what kind of thing went wrong. Codes are never reused; later
-/// versions may return further ones. `dm_last_error` has the message.
+/// Result of a function: `DM_OK`, or a code for the kind of failure. Codes are never reused; later versions may return
+/// further ones. `dm_last_error` has the message.
 pub type DmResult = u32;
 
-/// It is done.
+/// Success.
 pub const DM_OK: DmResult = 0;
 /// A file or folder could not be read or written.
 pub const DM_ERROR_IO: DmResult = 1;
@@ -18,11 +18,11 @@ pub const DM_ERROR_IO: DmResult = 1;
 pub const DM_ERROR_INPUT: DmResult = 2;
 /// An argument cannot be used: a value out of range, a null pointer, a structure of an unknown size.
 pub const DM_ERROR_INVALID: DmResult = 3;
-/// The device lacks what an update path needs.
+/// The device lacks a feature that an update path needs.
 pub const DM_ERROR_UNSUPPORTED: DmResult = 4;
 /// The host or the device is out of memory. Less may still fit.
 pub const DM_ERROR_OUT_OF_MEMORY: DmResult = 5;
-/// The device is lost, and has to be created anew.
+/// The device is lost, and has to be created again.
 pub const DM_ERROR_DEVICE_LOST: DmResult = 6;
 /// Another Vulkan call failed.
 pub const DM_ERROR_VULKAN: DmResult = 7;
@@ -37,7 +37,7 @@ pub const DM_ERROR_PANIC: DmResult = 1001;
 pub struct Failure {
     /// The code.
     pub code: DmResult,
-    /// What, and what to do about it.
+    /// The failure, and the remedy.
     pub message: String,
 }
 
@@ -63,7 +63,7 @@ impl From<deltamorph::Error> for Failure {
     }
 }
 
-/// What the library's messages name, and how C calls it. Replaced in this order.
+/// Names in the library's messages, and their names in C. Replaced in this order.
 const NAMES: [(&str, &str); 18] = [
     ("AnimationDesc::importance", "AnimationDesc::level"),
     ("AnimationDesc::level", "DmAnimationDesc::level"),
@@ -96,9 +96,9 @@ thread_local! {
     static LAST: RefCell<CString> = RefCell::new(CString::default());
 }
 
-/// Run the body of the entry `function`: failures and panics become a code, and leave a message.
+/// Runs the body of the entry `function`: failures and panics become a code, and leave a message.
 pub fn enter(function: &str, body: impl FnOnce() -> Result<()>) -> DmResult {
-    // What a panic leaves behind is seen by nobody: objects are behind locks, which are poisoned then (`lock`).
+    // No code sees the state after a panic: objects are behind locks, which are poisoned then (`lock`).
     match catch_unwind(AssertUnwindSafe(body)) {
         Ok(Ok(())) => DM_OK,
         Ok(Err(failure)) => failed(function, failure),
@@ -109,28 +109,28 @@ pub fn enter(function: &str, body: impl FnOnce() -> Result<()>) -> DmResult {
 fn panicked(payload: Box<dyn Any + Send>) -> Failure {
     let text = payload.downcast_ref::<&str>().map(|text| (*text).to_owned());
     let text = text.or_else(|| payload.downcast_ref::<String>().cloned()).unwrap_or_default();
-    // Dropping what was thrown could throw again.
+    // Dropping the payload of the panic could panic again.
     std::mem::forget(payload);
     Failure::panic(format!("a defect of the library: {text}; destroy what was handed in, and report this"))
 }
 
-/// Leave the message. Not a part of each entry: it would be a fifth of all of them.
+/// Stores the message. Not inlined into each entry: it would be a fifth of all of them.
 #[cold]
 #[inline(never)]
 fn failed(function: &str, failure: Failure) -> DmResult {
     let message = format!("{function}: {}", failure.message).replace('\0', "\u{fffd}");
-    // Without the storage of a thread that is ending there is no message.
+    // A thread that is ending may have no storage for a message.
     let _ = LAST.try_with(|last| *last.borrow_mut() = CString::new(message).unwrap_or_default());
     failure.code
 }
 
-/// Lock what an object keeps, which a call that panicked may have left half changed.
+/// Locks an object's state, which a call that panicked may have left half changed.
 pub fn lock<T>(mutex: &Mutex<T>) -> Result<MutexGuard<'_, T>> {
     mutex.lock().map_err(|_| Failure::panic("an earlier call with this object ran into a defect; destroy the object"))
 }
 
-/// The message of the last function that failed on this thread: UTF-8, ended by a zero; empty where none has failed.
-/// It says what was refused, and what to do. Valid until the next function fails on this thread, or the thread ends.
+/// The message of the last function that failed on this thread: UTF-8, ended by a zero; empty if none has failed. It
+/// says what was refused, and the remedy. Valid until the next function fails on this thread, or the thread ends.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_last_error() -> *const c_char {
     LAST.try_with(|last| last.borrow().as_ptr()).unwrap_or(c"".as_ptr())
@@ -158,7 +158,7 @@ mod tests {
             assert!(last().starts_with("dm_c: a defect of the library: ") && last().contains(text), "{}", last());
         }
         assert_eq!(enter("dm_d", || std::panic::panic_any(7)), DM_ERROR_PANIC);
-        // A call that works leaves the message alone.
+        // A successful call keeps the message.
         assert_eq!((enter("dm_e", || Ok(())), last().starts_with("dm_d: ")), (DM_OK, true));
     }
 
@@ -170,14 +170,14 @@ mod tests {
         assert!(last().contains("destroy the object"), "{}", last());
     }
 
-    /// Names of Rust in `text`: paths, and types that messages name.
+    /// Rust names in `text`: paths, and types that messages name.
     fn rust_names(text: &str) -> Vec<&str> {
         let words = text.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == ':'));
         let is_name = |word: &&str| word.contains("::") || ["CpuCrowd", "MorphEngine"].contains(word);
         words.filter(is_name).filter(|word| !["Dm", "Vk", "Self"].iter().any(|known| word.starts_with(known))).collect()
     }
 
-    /// All texts in the library's sources but for those of parts that C does not have.
+    /// All texts in the library's sources except those of parts that C does not have.
     #[test]
     fn remedies_name_what_c_has() {
         const ELSEWHERE: [&str; 3] = ["/import/", "/rig/", "tests.rs"];

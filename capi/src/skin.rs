@@ -16,12 +16,12 @@ use deltamorph::ash::vk::{self, Handle as _};
 ///
 /// This records: a copy from staging memory, and a barrier that makes it visible to updates.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for other
-/// than 4 or 8 influences, or 1 to 65,536 joints; a weight that is negative or no number; weights of a vertex that sum
-/// to 0; a joint that there is not; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded then.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for a number of
+/// influences other than 4 or 8, or of joints outside of 1 to 65,536; a weight that is negative or not a number;
+/// weights of a vertex that sum to 0; a joint out of range; DM_ERROR_OUT_OF_MEMORY. Nothing is recorded then.
 ///
 /// # Safety
-/// - `cmd` as in `dm_mesh_upload`. It runs exactly once, before any update that skins by the value.
+/// - `cmd` as in `dm_mesh_upload`. It runs exactly once, before any update that uses this skin.
 /// - `desc` is a structure whose arrays have the elements that it says, for each vertex of the mesh; `skin` can be
 ///   written.
 #[unsafe(no_mangle)]
@@ -49,7 +49,7 @@ pub unsafe extern "C" fn dm_skin_upload(
     })
 }
 
-/// Give the staging memory of a skin back.
+/// Free the staging memory of a skin.
 ///
 /// # Safety
 /// The upload has run, or never will.
@@ -64,26 +64,26 @@ pub unsafe extern "C" fn dm_skin_release_staging(skin: DmSkin) -> DmResult {
     })
 }
 
-/// Destroy a skin. Instances that are skinned by it keep what they need.
+/// Destroy a skin. Instances that are skinned by it keep the data that they need.
 ///
 /// # Safety
-/// The device no longer uses it but for its crowds: its upload has run, or never will.
+/// The device uses it only for its crowds: its upload has run, or never will.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_skin_destroy(skin: DmSkin) -> DmResult {
     enter("dm_skin_destroy", || skin.destroy(|_| Ok(())))
 }
 
-/// Have an instance skinned into a buffer of the host's, from the next recorded update on; `target` null: no longer,
-/// and `skin` is not looked at. Where joints moved (`dm_crowd_set_joints`), all vertices are written; where only
-/// weights changed, what the update changed. What is written is ready for the crowd's consumers.
+/// Have an instance skinned into a buffer of the host's, from the next recorded update on; `target` null: stop; `skin`
+/// is ignored then. If joints moved (`dm_crowd_set_joints`), all vertices are written; if only weights changed, the
+/// vertices that the update changed. What is written is ready for the crowd's consumers.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for an
-/// instance out of range or removed, a skin of another engine or mesh, an offset or stride that does not fit, joints
-/// that reach beyond their buffer. Nothing changes then.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for an instance
+/// out of range or removed, a skin of another engine or mesh, an offset or stride that does not fit, joints that reach
+/// beyond their buffer. Nothing changes then.
 ///
 /// # Safety
-/// - As `dm_crowd_set_decode_target`, of all buffers.
-/// - Joints are written, and visible to compute shaders, when an update runs that skins. They stay as they are from the
+/// - The conditions of `dm_crowd_set_decode_target`, for all buffers.
+/// - Joints are written, and visible to compute shaders, when an update that skins runs. They stay unchanged from the
 ///   update that they were set for until others are set, and the updates recorded before have finished.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_crowd_set_skin_target(
@@ -119,12 +119,12 @@ fn skin_target(asked: &DmSkinTarget) -> Result<SkinTarget> {
         .method(skin_method(asked.method)?))
 }
 
-/// The joints of a skinned instance moved: from the next recorded update on they are those at `offset` of their buffer,
-/// in bytes, a multiple of 16. It may be the same place, where the host's barriers see to that; with several frames in
-/// flight and joints that the host writes it has to be one of several in turn.
+/// Tell that the joints of a skinned instance moved: from the next recorded update on they are those at `offset` of
+/// their buffer, in bytes, a multiple of 16. The offset may stay the same if the host's barriers order its writes; with
+/// several frames in flight and joints that the host writes, use several offsets in turn.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for an
-/// instance out of range or removed, or not skinned; joints that reach beyond their buffer. Nothing changes then.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for an instance
+/// out of range or removed, or not skinned; joints that reach beyond their buffer. Nothing changes then.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_crowd_set_joints(crowd: DmCrowd, instance: u32, offset: u64) -> DmResult {
     enter("dm_crowd_set_joints", || {
@@ -133,10 +133,10 @@ pub extern "C" fn dm_crowd_set_joints(crowd: DmCrowd, instance: u32, offset: u64
     })
 }
 
-/// Where the skinned pose of an instance is, once the updates recorded so far have run.
+/// Get the buffer and offset of the skinned pose of an instance, valid once the updates recorded so far have run.
 ///
-/// Errors: DM_ERROR_UNSUPPORTED where the library was built without the feature `after`; DM_ERROR_INVALID for an
-/// instance out of range or removed, or not skinned; as `dm_crowd_pose`.
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for an instance
+/// out of range or removed, or not skinned; those of `dm_crowd_pose`.
 ///
 /// # Safety
 /// `view` is a structure that can be written.

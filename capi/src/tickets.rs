@@ -4,10 +4,10 @@ use crate::result::{Failure, Result};
 use deltamorph::Ticket;
 use std::collections::VecDeque;
 
-/// Updates of a crowd that can still be discarded: more than a host has in flight.
+/// The number of latest updates of a crowd that can still be discarded: more than a host has in flight.
 const KEPT: usize = 1024;
 
-/// Tickets of the updates that were recorded last, by number.
+/// Tickets of the latest updates, by number.
 #[derive(Default)]
 pub struct Tickets {
     recorded: u64,
@@ -15,7 +15,7 @@ pub struct Tickets {
 }
 
 impl Tickets {
-    /// Keep the ticket of the next update, and number it.
+    /// Keeps the ticket of the next update, and returns its number.
     pub fn push(&mut self, ticket: Ticket) -> u64 {
         self.recorded += 1;
         self.kept.push_back(ticket);
@@ -25,7 +25,7 @@ impl Tickets {
         self.recorded
     }
 
-    /// The ticket that was kept as `number`.
+    /// Finds the ticket with this number.
     pub fn find(&self, number: u64) -> Result<Ticket> {
         let age = self.recorded.checked_sub(number).filter(|_| number > 0).ok_or_else(|| {
             Failure::invalid(format!("update {number} of {}; hand in the ticket of an update", self.recorded))

@@ -11,7 +11,7 @@ use crate::views::{pose_view, stream_view};
 use deltamorph::ash::vk;
 use std::sync::{Arc, Mutex};
 
-/// What a `DmGpuMesh` names.
+/// The object of a `DmGpuMesh`.
 pub struct GpuMesh {
     pub(crate) mesh: Mutex<deltamorph::GpuMesh>,
     pub(crate) engine: Arc<Engine>,
@@ -28,7 +28,7 @@ pub struct GpuMesh {
 /// # Safety
 /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and without
 ///   active conditional rendering, on any queue. No other thread uses it meanwhile.
-/// - It runs exactly once, before any update of the mesh; where it never does, no crowd of the mesh is updated.
+/// - It runs exactly once, before any update of the mesh; if it never runs, no crowd of the mesh is updated.
 /// - `gpu_mesh` can be written. The mesh on the device is destroyed only when the device no longer uses it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_mesh_upload(
@@ -50,7 +50,7 @@ pub unsafe extern "C" fn dm_mesh_upload(
     })
 }
 
-/// Give the staging memory of an upload back.
+/// Free the staging memory of an upload.
 ///
 /// # Safety
 /// The upload has run, or never will.
@@ -64,8 +64,8 @@ pub unsafe extern "C" fn dm_gpu_mesh_release_staging(mesh: DmGpuMesh) -> DmResul
     })
 }
 
-/// Where the base pose is, once the upload has run: float32, in the order of poses. Poses of integers are displacements
-/// from it.
+/// Get the buffer and layout of the base pose, which is there once the upload has run: float32, in the order of poses.
+/// Fixed-point poses are displacements from it.
 ///
 /// # Safety
 /// `view` is a structure that can be written.
@@ -81,7 +81,7 @@ pub unsafe extern "C" fn dm_gpu_mesh_base_pose(mesh: DmGpuMesh, view: *mut DmPos
     })
 }
 
-/// Where a stream (`DM_STREAM_…`) of the base pose is.
+/// Get the buffer and layout of a stream (`DM_STREAM_…`) of the base pose.
 ///
 /// Errors: DM_ERROR_INVALID for a stream that the mesh does not have.
 ///
@@ -99,10 +99,10 @@ pub unsafe extern "C" fn dm_gpu_mesh_base_stream(mesh: DmGpuMesh, stream: u32, v
     })
 }
 
-/// Destroy a mesh on the device. Crowds keep what they need of it.
+/// Destroy a mesh on the device. Crowds keep the data that they need.
 ///
 /// # Safety
-/// The device no longer uses the mesh but for its crowds: its upload has run, or never will.
+/// The device uses the mesh only for its crowds: its upload has run, or never will.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_gpu_mesh_destroy(mesh: DmGpuMesh) -> DmResult {
     enter("dm_gpu_mesh_destroy", || mesh.destroy(|_| Ok(())))

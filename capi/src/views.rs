@@ -1,4 +1,4 @@
-//! Where poses and their streams are.
+//! Buffers and layouts of poses and their streams.
 
 use crate::crowd::with;
 use crate::handles::DmCrowd;
@@ -38,10 +38,10 @@ pub(crate) fn stream_view(view: Option<StreamView>) -> DmStreamView {
     })
 }
 
-/// Where the pose of an instance is, once the updates recorded so far have run.
+/// Get the buffer and layout of an instance's pose, which is there once the updates recorded so far have run.
 ///
-/// Errors: DM_ERROR_INVALID for an instance out of range or removed; where no update was recorded yet, or its update
-/// was discarded.
+/// Errors: DM_ERROR_INVALID for an instance out of range or removed; if no update was recorded yet, or the instance's
+/// update was discarded.
 ///
 /// # Safety
 /// `view` is a structure that can be written.
@@ -56,10 +56,10 @@ pub unsafe extern "C" fn dm_crowd_pose(crowd: DmCrowd, instance: u32, view: *mut
     })
 }
 
-/// Where the pose of an instance was before its last update: the pose itself when nothing changed, on its first update,
-/// and after `dm_crowd_cut`. The buffer is null where the update had to overwrite it.
+/// Get the buffer and layout of an instance's pose before its last update: the pose itself if nothing changed, on its
+/// first update, and after `dm_crowd_cut`. The buffer is null if the update had to overwrite it.
 ///
-/// Errors: as `dm_crowd_pose`.
+/// Errors: those of `dm_crowd_pose`.
 ///
 /// # Safety
 /// `view` is a structure that can be written.
@@ -74,9 +74,9 @@ pub unsafe extern "C" fn dm_crowd_previous_pose(crowd: DmCrowd, instance: u32, v
     })
 }
 
-/// Where a stream (`DM_STREAM_…`) of the pose of an instance is: any that the mesh has.
+/// Get the buffer and layout of any stream (`DM_STREAM_…`) of the mesh in an instance's pose.
 ///
-/// Errors: as `dm_crowd_pose`; DM_ERROR_INVALID for a stream that the mesh does not have.
+/// Errors: those of `dm_crowd_pose`; DM_ERROR_INVALID for a stream that the mesh does not have.
 ///
 /// # Safety
 /// `view` is a structure that can be written.
@@ -96,9 +96,9 @@ pub unsafe extern "C" fn dm_crowd_stream(
     })
 }
 
-/// Where a stream (`DM_STREAM_…`) of the previous pose of an instance is; see `dm_crowd_previous_pose`.
+/// Get the buffer and layout of a stream (`DM_STREAM_…`) of an instance's previous pose; see `dm_crowd_previous_pose`.
 ///
-/// Errors: as `dm_crowd_stream`.
+/// Errors: those of `dm_crowd_stream`.
 ///
 /// # Safety
 /// `view` is a structure that can be written.

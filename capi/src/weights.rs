@@ -28,19 +28,19 @@ pub unsafe extern "C" fn dm_crowd_set_weights(
 }
 
 /// Request the weight of one target, counted from 0 in the mesh's order, from the next recorded update on; the others
-/// stay as requested.
+/// keep the requested weights.
 ///
-/// Errors: DM_ERROR_INVALID for a target out of range; as `dm_crowd_set_weights`. Nothing changes then.
+/// Errors: DM_ERROR_INVALID for a target out of range; those of `dm_crowd_set_weights`. Nothing changes then.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_crowd_set_weight(crowd: DmCrowd, instance: u32, target: u32, weight: f32) -> DmResult {
     let set = || with(crowd, |state| Ok(state.weighted()?.set_weight(instance, target as usize, weight)?));
     enter("dm_crowd_set_weight", set)
 }
 
-/// Request the weight of the target called `name`, of several the first, after a search through the names: as
-/// `dm_crowd_set_weight`.
+/// Request the weight of the target called `name`, as `dm_crowd_set_weight` does. The names are searched; of several
+/// equal ones the first is used.
 ///
-/// Errors: DM_ERROR_INVALID for a name that the mesh does not have, with the one that was probably meant; as
+/// Errors: DM_ERROR_INVALID for a name that the mesh does not have, with the most similar name; those of
 /// `dm_crowd_set_weights`. Nothing changes then.
 ///
 /// # Safety
@@ -59,7 +59,7 @@ pub unsafe extern "C" fn dm_crowd_set_weight_by_name(
     })
 }
 
-/// The weights requested of an instance, one per target in the mesh's order, as they were set.
+/// Get the weights requested of an instance, one per target in the mesh's order.
 ///
 /// Errors: DM_ERROR_INVALID for an instance out of range or removed, too little room, a crowd that plays clips.
 ///

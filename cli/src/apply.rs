@@ -1,4 +1,4 @@
-//! `apply`: one pose, through the path named, written as OBJ in the input's vertex order.
+//! `apply`: one pose, updated by the chosen path, written as OBJ in the input's vertex order.
 
 use crate::args::ApplyArgs;
 use crate::input::{self, Input};
@@ -33,14 +33,14 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
         passes += runner.step(&[weights], 0)?.stats.passes;
     }
     let pose = runner.pose(0)?;
-    // There is at least one frame: `frames` sees to it.
+    // There is at least one frame: `frames` ensures it.
     let weights = frames.last().map_or(&[][..], Vec::as_slice);
     let promise = Promise::new(&stage.desc, stage.mesh.layout());
     let applied = promise.applied(weights);
     let Found { error, turned, .. } = promise.find(&pose, &evaluate(&stage.mesh, &applied), &applied);
     let diagonal = f64::from(input.kept.diagonal);
     let relative = error.position / promise.scale;
-    // Rounding grows with what is added up, on the way as well as at the end.
+    // Rounding grows with the weights added on the way, as well as with the final ones.
     let reach = |weights: &Vec<f32>| weights.iter().map(|w| f64::from(w.abs())).sum::<f64>();
     let added = frames.iter().map(reach).fold(1.0, f64::max);
     let right = error.position <= 1e-5 * diagonal * added + promise.rounding(&applied)[0] && turned <= 0.1 * added;
@@ -64,7 +64,7 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     out.json(&With { fields: stage.setup(), more })
 }
 
-/// The weights to step through, one or more frames, `--set` on top of each.
+/// The weights of one or more frames to step through, with `--set` on top of each.
 fn frames(args: &ApplyArgs, input: &Input) -> Result<Vec<Vec<f32>>, Failure> {
     match (&args.weights, args.frame) {
         (Some(path), Some(last)) => {
@@ -89,11 +89,11 @@ fn frames(args: &ApplyArgs, input: &Input) -> Result<Vec<Vec<f32>>, Failure> {
     }
 }
 
-/// Write the pose: nine digits, the input's coordinates and vertex order, normals normalised; texture coordinates from the
-/// bottom up, as OBJ has them (`down`: those of the mesh go down).
+/// Writes the pose: nine digits, the input's coordinates and vertex order, normals normalised; texture coordinates from
+/// the bottom up, as in OBJ (`down`: those of the mesh go down).
 fn write(path: &Path, mesh: &MorphMesh, down: bool, pose: &[f32]) -> Result<(), Failure> {
     let vertices = pose.chunks_exact(POSE_FLOATS).take(mesh.vertex_count());
-    // In double precision: what is written is rounded once.
+    // In double precision, so that numbers are rounded once, when written.
     let absolute = |v: &[f32]| (Vec3::from_slice(&v[..3]).as_dvec3() + mesh.origin.as_dvec3()).as_vec3();
     let positions: Vec<Vec3> = vertices.clone().map(absolute).collect();
     let normals: Vec<Vec3> = vertices

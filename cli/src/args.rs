@@ -368,19 +368,20 @@ impl PackArgs {
     }
 }
 
-/// What was given, or else `default`: each once, in the order of their first places.
+/// The values given, or else `default`: each once, at its first position.
 pub fn distinct_or<T: Copy + PartialEq>(given: &[T], default: &[T]) -> Vec<T> {
     let list = if given.is_empty() { default } else { given };
     list.iter().enumerate().filter(|(i, one)| !list[..*i].contains(one)).map(|(_, one)| *one).collect()
 }
 
 impl UpdateArgs {
-    /// The paths named, each once, or else `default`.
+    /// The paths given, each once, or else `default`.
     pub fn paths_or(&self, default: &[UpdatePath]) -> Vec<UpdatePath> {
         distinct_or(&self.paths, default)
     }
 
-    /// For the command called `command`, which takes one path, mode, format, and kind of poses: refuses several.
+    /// The options for the command called `command`, which takes one path, mode, format, and kind of poses: refuses
+    /// several.
     pub fn check_single(&self, command: &str) -> Result<(), String> {
         let given = [
             ("--path", self.paths.len()),

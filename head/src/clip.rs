@@ -5,16 +5,15 @@ use deltamorph::WeightClip;
 
 /// A capture-like weight clip for the built-in head, with a column for each of its targets.
 ///
-/// Weights are in [0, 1] in steps of 1/255. There are blinks, bursts of speech on jaw and mouth, slow noise with
-/// pauses on the rest, and columns that stay 0; about a third of the weights change from a frame to the next (at
-/// 30 frames per second). An `fps` that is not a positive number counts as 30; one outside of 0.1 to 1000 is clamped
-/// into it.
+/// Weights are in [0, 1] in steps of 1/255. There are blinks, bursts of speech on jaw and mouth, slow noise with pauses
+/// on the rest, and columns that stay 0; about a third of the weights change from a frame to the next (at 30 frames per
+/// second). An `fps` that is not a positive number counts as 30; one outside of 0.1 to 1000 is clamped.
 pub fn head_clip(desc: &HeadDesc, frames: usize, fps: f32) -> WeightClip {
     let fps = if fps > 0.0 && fps.is_finite() { fps.clamp(0.1, 1000.0) } else { 30.0 };
     let names = targets::names(desc.targets);
     let count = names.len();
     let mut values = vec![0.0f32; count * frames];
-    // Shared by all columns that they drive, as in a face: both eyes blink, jaw and lips speak together.
+    // Shared by all columns that they drive: both eyes blink together, and jaw and lips speak together.
     let blink = blinks(&mut Rng::new(desc.seed, u64::MAX), frames, fps);
     let speech = syllables(&mut Rng::new(desc.seed, u64::MAX - 1), frames, fps);
     let speak = |rng: &mut Rng, height: f32| -> Vec<f32> {
@@ -38,7 +37,7 @@ pub fn head_clip(desc: &HeadDesc, frames: usize, fps: f32) -> WeightClip {
             }
         };
         for (frame, w) in column.into_iter().enumerate() {
-            // In steps of 1/255, as capture files have them.
+            // Steps of 1/255, as in capture files.
             values[frame * count + i] = (w.clamp(0.0, 1.0) * 255.0 + 0.5).floor() / 255.0;
         }
     }
@@ -65,7 +64,7 @@ fn drift(rng: &mut Rng, frames: usize, fps: f32, period: f32, pause: f32) -> Vec
     column
 }
 
-/// `length` after `time`, and later in any case: of times so large that single precision rounds the length away as well.
+/// `length` after `time`, but always later: also for times so large that single precision rounds the length away.
 fn later(time: f32, length: f32) -> f32 {
     (time + length).max(time.next_up())
 }

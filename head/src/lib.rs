@@ -4,12 +4,12 @@
 //! +Z, the head's own left at +X. The skin is one closed surface that folds inwards at eyes and mouth; eyeballs, upper
 //! teeth, lower teeth and tongue are closed surfaces of their own behind it.
 //!
-//! A vertex is first a place in a net (`mesh`, `rows`), then a point in space (`shape`, `parts`). Targets that are about
-//! lids ask for that point with the lids elsewhere; others move points (`motion`).
+//! A vertex is first a position in a net (`mesh`, `rows`), then a point in space (`shape`, `parts`). Targets of the
+//! lids compute that point with the lids elsewhere; others move points (`motion`).
 //!
-//! Everything is made with additions, multiplications, divisions and square roots, which IEEE 754 rounds the same
-//! everywhere; `sin` and friends of the platform's library are not used, so that the same description gives the same
-//! bits on every machine.
+//! Everything is computed by additions, multiplications, divisions and square roots, which IEEE 754 rounds the same
+//! everywhere; `sin` and similar functions of the platform's library are not used, so that the same description gives
+//! the same bits on every machine.
 
 #![forbid(unsafe_code)]
 
@@ -29,7 +29,7 @@ use deltamorph::{Corner, Faces, MorphSource, setters};
 use mesh::{Part, Spot};
 pub use random::Rng;
 
-/// What the built-in head is made from. Same description, same head, on every machine.
+/// Description of the built-in head. The same description gives the same head on every machine.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct HeadDesc {
@@ -42,8 +42,8 @@ pub struct HeadDesc {
     /// Seed.
     pub seed: u64,
     /// Whether lids lie close to the eyeballs, 0.2 mm in place of 0.5, and have in-betweens to go round them:
-    /// `eyeBlinkLeft_half` and `eyeBlinkRight_half` after the `targets`, for [`head_rig`]. Where there is no target for a
-    /// blink, there is none for half of it.
+    /// `eyeBlinkLeft_half` and `eyeBlinkRight_half` after the `targets`, for [`head_rig`]. Without a target for a blink
+    /// there is no in-between of it.
     pub in_betweens: bool,
 }
 
@@ -59,16 +59,15 @@ impl Default for HeadDesc {
 /// The built-in head as a source: exactly `desc.vertices` vertices and `desc.targets` targets, and the in-betweens.
 ///
 /// Triangles, with texture coordinates split along a seam at the back, and without normals:
-/// [`to_mesh`](MorphSource::to_mesh) computes them. Fewer than three vertices have no face, fewer than 250 make the
-/// outline of a head only, and below 1,000 or so some of teeth and tongue are missing. The shape of the base pose does
+/// [`to_mesh`](MorphSource::to_mesh) computes them. Fewer than three vertices have no face, fewer than 250 make only
+/// the outline of a head, and below 1,000 or so some of teeth and tongue are missing. The shape of the base pose does
 /// not depend on the seed; it is symmetric, and so are targets for the left and the right side, up to the ends of their
-/// supports. The targets do what ARKit's documentation says of their names; at weight 1, one of them alone pushes no
-/// part through another, with vertices enough to resolve it (10,000 or so). Below 1 neither, without in-betweens.
+/// supports. The targets follow ARKit's documentation of their names. At weight 1, no target alone pushes a part
+/// through another, given enough vertices to resolve it (10,000 or so); without in-betweens this holds below 1 as well.
 ///
-/// Parts tell themselves apart by the tile of their texture coordinates, the whole part of `u`: 0 is skin, 1 eyeballs
-/// (`v` goes from the middle of the pupil, 0, over its edge at 0.08 and that of the iris at 0.21, to the back, 1),
-/// 2 teeth, 3 tongue and the inside of the mouth. Vertices are in the order skin, left eye, right eye, upper teeth,
-/// lower teeth, tongue.
+/// The tile of a part's texture coordinates, the whole part of `u`, identifies it: 0 is skin, 1 eyeballs (`v` goes from
+/// the middle of the pupil, 0, over its edge at 0.08 and that of the iris at 0.21, to the back, 1), 2 teeth, 3 tongue
+/// and the inside of the mouth. Vertices are in the order skin, left eye, right eye, upper teeth, lower teeth, tongue.
 ///
 /// Targets are local, with smooth edges; how large their supports are varies between targets around a mean of
 /// `sparsity`. Values of `desc` outside their range are clamped into it (a `sparsity` that is not a number counts as
@@ -83,11 +82,12 @@ pub fn head(desc: &HeadDesc) -> MorphSource {
     MorphSource { name: "head".to_owned(), targets, ..base }
 }
 
-/// The rig of the built-in head with [in-betweens](HeadDesc::in_betweens): `eyeBlinkLeft` and `eyeBlinkRight` go through the
-/// half closed lid at 0.5, so that the lid goes round the eyeball. Everything else stays a control of its own.
+/// The rig of the built-in head with [in-betweens](HeadDesc::in_betweens): `eyeBlinkLeft` and `eyeBlinkRight` pass the
+/// half closed lid at 0.5, so that the lid goes round the eyeball. Every other control drives its own target.
 ///
-/// A target alone moves each point of a lid along a straight line, from open to closed, and half way that lies in the eyeball
-/// (0.19 mm deep in the head of 43,788 vertices); two lines, which meet outside of it, do not come nearer than 0.1 mm.
+/// A single target moves each point of a lid along a straight line, from open to closed, whose middle lies in the
+/// eyeball (0.19 mm deep in the head of 43,788 vertices); the two lines with an in-between, which meet outside of the
+/// eyeball, stay at least 0.1 mm away.
 pub fn head_rig(desc: &HeadDesc) -> Rig {
     let pairs = targets::in_betweens(desc).into_iter();
     let control = |(half, name): (String, String)| {
@@ -125,7 +125,7 @@ fn place(spot: &Spot, lids: shape::Lids) -> Vec3 {
     if spot.mirrored { Vec3::new(-p.x, p.y, p.z) } else { p }
 }
 
-/// One to four vertices: points of the face's outline, with one face where there are three or more.
+/// One to four vertices: points of the face's outline, with one face if there are three or more.
 fn few(vertices: usize) -> (Vec<Spot>, MorphSource) {
     let outline =
         [Vec3::new(-5.0, 4.0, 8.0), Vec3::new(0.0, -9.0, 9.0), Vec3::new(5.0, 4.0, 8.0), Vec3::new(0.0, 11.0, 4.0)];
@@ -139,7 +139,7 @@ fn few(vertices: usize) -> (Vec<Spot>, MorphSource) {
     )
 }
 
-/// Sine of an angle in [−π, π], as a polynomial: see above.
+/// Sine of an angle in [−π, π], as a polynomial: see the crate's documentation.
 fn sin(x: f64) -> f64 {
     use std::f64::consts::{FRAC_PI_2, PI};
     let x = if x.abs() > FRAC_PI_2 { PI.copysign(x) - x } else { x };

@@ -8,7 +8,7 @@ use deltamorph::glam::{Vec2, Vec3};
 use deltamorph::{Corner, Faces};
 use std::f32::consts::PI;
 
-/// What a vertex belongs to.
+/// The part that a vertex belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Part {
     Skin,
@@ -18,7 +18,7 @@ pub(super) enum Part {
     Tongue,
 }
 
-/// An opening of the skin: a place where the lower side of a row is another than its upper side.
+/// An opening of the skin, along which the lower side of a row differs from its upper side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Slit {
     Eye,
@@ -48,7 +48,7 @@ impl Slit {
         }
     }
 
-    /// How many rings are behind an opening with `around` vertices at its edge.
+    /// Number of rings behind an opening with `around` vertices at its edge.
     pub(super) fn rings(self, around: usize) -> usize {
         match self {
             Self::Eye => (around / 3).clamp(2, 10),
@@ -68,28 +68,28 @@ fn angle_of(passed: impl Fn(Vec3) -> f32, row: f32, end: f32) -> f32 {
     high
 }
 
-/// Where a vertex lies in the net.
+/// Position of a vertex in the net.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Spot {
     pub part: Part,
-    /// On the head's right side: all else is about its mirror image.
+    /// Whether it is on the head's right side; all other fields describe its mirror image.
     pub mirrored: bool,
-    /// Skin: the angle from the front. Other parts: how far around.
+    /// Skin: the angle from the front. Other parts: the position around the axis.
     pub a: f32,
-    /// Skin: the place among the sections. Other parts: how far along.
+    /// Skin: the position among the sections. Other parts: the position along the axis.
     pub t: f32,
-    /// The height of its section, before eyes and ears make way.
+    /// The height of its section, before eyes and ears displace rows.
     pub height: f32,
-    /// On the lower edge of an opening, or behind it.
+    /// Whether it is on the lower edge of an opening, or behind that.
     pub lower: bool,
     /// The opening behind which it lies, and how deep, in (0, 1].
     pub behind: Option<(Slit, f32)>,
-    /// On a head whose lids lie close to the eyeballs.
+    /// Whether the head's lids lie close to the eyeballs.
     pub close: bool,
 }
 
 impl Spot {
-    /// On the outside of the skin.
+    /// Whether it is on the outside of the skin.
     pub(super) fn skin(a: f32, t: f32) -> Self {
         Self {
             part: Part::Skin,
@@ -112,14 +112,14 @@ pub(super) struct Net {
     pub corners: Vec<Corner>,
 }
 
-/// A row as it is sewn: vertex, texture coordinate and place of each of its points, the seam's twice.
+/// A row for sewing: vertex, texture coordinate and net position of each of its points, the seam's twice.
 struct Thread(Vec<(u32, u32, f32)>);
 
 impl Net {
     /// A net of exactly `vertices` vertices (≥ 5).
     pub(super) fn new(vertices: usize) -> Self {
         let mut net = Self::default();
-        // Smaller heads have the outline of a face, and nothing else.
+        // Smaller heads have only the outline of a face.
         let features = vertices >= 250;
         let parts = if features { parts::counts(vertices) } else { Vec::new() };
         net.skin(vertices - parts.iter().map(|p| p.2).sum::<usize>(), features);
@@ -151,7 +151,7 @@ impl Net {
     fn skin(&mut self, vertices: usize, features: bool) {
         let spot = |a: f32, t: f32| Spot::skin(a, t);
         let (top, bottom) = (SECTIONS[0][0], SECTIONS[SECTIONS.len() - 1][0]);
-        // The lowest part of the texture is for what is behind the openings.
+        // The lowest part of the texture is for the surfaces behind the openings.
         let v = |t: f32| 0.25 + 0.75 * ((section(t)[0] - bottom) / (top - bottom)).max(0.0);
         let mut above = self.pole(spot(0.0, 0.0), 0.5, v(0.0));
         let mut strip = 0;
@@ -189,11 +189,11 @@ impl Net {
         self.sew(&above, &end, false);
     }
 
-    /// What is behind the opening with the vertices `edge`: rings that end in a point.
+    /// Adds the surfaces behind the opening with the vertices `edge`: rings that end in a point.
     fn rings(&mut self, slit: Slit, edge: &[u32], strip: usize) {
         let n = edge.len();
         let count = slit.rings(n);
-        // The inside of the mouth is with the tongue.
+        // The inside of the mouth shares the tongue's tile.
         let u0 = if slit == Slit::Mouth { parts::tile(Part::Tongue) } else { 0.0 };
         let v = |depth: f32| 0.005 + 0.05 * strip as f32 + 0.04 * depth;
         let line = |net: &mut Self, ring: &[u32], depth: f32| {
@@ -215,7 +215,7 @@ impl Net {
             }
             outer = inner;
         }
-        // The end of the way does not depend on where at the edge it began.
+        // The last point is the same from each vertex of the edge.
         let end = self.vertex(Spot { behind: Some((slit, 1.0)), ..self.spots[edge[n / 4] as usize] });
         let texcoord = self.texcoord(u0 + 0.5, v(1.0));
         for k in 0..n {
@@ -223,7 +223,7 @@ impl Net {
         }
     }
 
-    /// A closed surface of rows around an axis, exactly `vertices` (≥ 5) of them, in a tile of the texture of its own.
+    /// A closed surface of rows around an axis, with exactly `vertices` (≥ 5) vertices, in its own tile of the texture.
     fn closed(&mut self, part: Part, mirrored: bool, vertices: usize) {
         let spot =
             |a: f32, t: f32| Spot { part, mirrored, a, t, height: 0.0, lower: false, behind: None, close: false };
@@ -255,7 +255,7 @@ impl Net {
         self.sew(&above, &end, flipped);
     }
 
-    /// Sew two rows together, always stepping on the row whose next point comes first.
+    /// Sews two rows together, always advancing on the row whose next point comes first.
     fn sew(&mut self, above: &Thread, below: &Thread, flipped: bool) {
         let (a, b) = (&above.0, &below.0);
         let (mut i, mut j) = (0, 0);

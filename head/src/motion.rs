@@ -1,5 +1,5 @@
-//! How the parts of a target move the head. Everything here is about the head's left side (+X), or its middle; what is
-//! on the right is mirrored before and after.
+//! How the parts of a target move the head. All of this describes the head's left side (+X), or its middle; points on
+//! the right are mirrored before and after.
 
 use super::mesh::{Part, Slit, Spot};
 use super::shape::{LID_RADIUS, Lids};
@@ -9,7 +9,7 @@ use deltamorph::glam::Vec3;
 /// How a lobe of a target moves the surface; lengths in cm and angles in radians at weight 1.
 #[derive(Clone, Copy)]
 pub(super) enum Motion {
-    /// The same way everywhere.
+    /// The same displacement everywhere.
     Shift([f32; 3]),
     /// The lower jaw: opened by a turn about the axis through both ears, then shifted.
     Jaw(f32, [f32; 3]),
@@ -27,7 +27,7 @@ pub(super) enum Motion {
 
 use Motion::{Jaw, Look, Puff, Purse, Shift, Tongue};
 
-/// Which side of the line between the lips a lobe is about.
+/// The side of the line between the lips that a lobe is for.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Lip {
     Both,
@@ -35,7 +35,7 @@ pub(super) enum Lip {
     Lower,
 }
 
-/// A part of a target: where, how far it reaches, what it does.
+/// A part of a target: its centre, its reach, its motion.
 #[derive(Clone, Copy)]
 pub(super) struct Lobe {
     pub centre: Vec3,
@@ -50,16 +50,16 @@ fn turned(q: [f32; 2], angle: f32) -> [f32; 2] {
     [q[0] * c - q[1] * s, q[1] * c + q[0] * s]
 }
 
-/// How much of the jaw's motion the skin takes part in.
+/// The fraction of the jaw's motion that the skin takes.
 fn jaw_share(spot: &Spot, p: Vec3) -> f32 {
     let deep = matches!(spot.behind, Some((Slit::Mouth, _)));
     let depth = spot.behind.map_or(0.0, |b| b.1);
     let x = p.x.abs();
-    // The line between what moves and what stays goes from the corner of the mouth up to the ear.
+    // The line between moved and fixed skin goes from the corner of the mouth up to the ear.
     let line = MOUTH_HEIGHT + 3.5 * smoothstep(8.0, 1.0, p.z);
     let d = if deep { 0.0 } else { spot.height - line };
     let below = d < 0.0 || (spot.t == Slit::Mouth.row() && spot.lower);
-    // Deep inside, all but the sides goes with the teeth.
+    // Deep inside, all but the sides moves with the teeth.
     let mouth = x / HALF_MOUTH * if deep { mix(1.0, 0.8, smoothstep(0.2, 0.45, depth)) } else { 1.0 };
     let fourth = mouth * mouth * mouth * mouth;
     let inner = (1.0 - if deep { mix(fourth, fourth * fourth, smoothstep(0.2, 0.45, depth)) } else { fourth }).max(0.0);
@@ -115,12 +115,12 @@ impl Lobe {
         }
     }
 
-    /// 1 at the centre; a long, faint tail: a real target's influence fades, it does not stop at the feature.
+    /// 1 at the centre, with a long, faint tail: a real target's influence fades and does not stop at the feature.
     fn core(&self, spot: &Spot, p: Vec3) -> f32 {
         let q = ((p - self.centre) / self.radii).length_squared();
         let mut core = 1.0 / ((1.0 + q) * (1.0 + q));
         if self.lip != Lip::Both {
-            // Lips part towards the middle only, and what is on the other side stays.
+            // Lips part only towards the middle; points on the other side stay.
             let mouth = p.x.abs() / HALF_MOUTH;
             let part = (1.0 - mouth * mouth).max(0.0);
             let deep = matches!(spot.behind, Some((Slit::Mouth, _)));
@@ -130,7 +130,7 @@ impl Lobe {
             core *= if mine { mix(part, 1.0, smoothstep(0.0, 1.5, d.abs())) } else { 0.0 };
         }
         match spot.behind {
-            // The inside of the lips follows; what is deeper stays where the teeth are.
+            // The inside of the lips follows; deeper points stay at the teeth.
             Some((Slit::Mouth, depth)) => core * smoothstep(0.4, 0.12, depth),
             Some((Slit::Eye, depth)) => core * (1.0 - depth) * 0.1,
             _ => core * (1.0 - 0.9 * lid_zone(p)),
@@ -144,7 +144,7 @@ fn lid_zone(p: Vec3) -> f32 {
     if p.z < EYE.z - 1.0 { 0.0 } else { smoothstep(1.0, 0.35, x * x + y * y) }
 }
 
-/// The displacement `delta` of the skin at `p`, or what keeps it out of the eyeballs.
+/// The displacement `delta` of the skin at `p`, changed if needed to stay out of the eyeballs.
 pub(super) fn clear_of_eyes(spot: &Spot, p: Vec3, delta: Vec3) -> Vec3 {
     let eye = if p.x < 0.0 { Vec3::new(-EYE.x, EYE.y, EYE.z) } else { EYE };
     let least = (p - eye).length().min(LID_RADIUS);

@@ -1,10 +1,10 @@
-//! Eyeballs, teeth and tongue: closed surfaces of their own.
+//! Eyeballs, teeth and tongue: separate closed surfaces.
 
 use super::mesh::Part;
 use super::{EYE, EYE_RADIUS, MOUTH_HEIGHT, TONGUE_HEIGHT, cos, mix, sin, smoothstep};
 use deltamorph::glam::Vec3;
 
-/// The parts of a head of `vertices` vertices, which side each is for, and how many vertices it has.
+/// The parts of a head of `vertices` vertices, the side and number of vertices of each.
 pub(super) fn counts(vertices: usize) -> Vec<(Part, bool, usize)> {
     let all = [
         (Part::Eye, false, 0.03),
@@ -14,11 +14,11 @@ pub(super) fn counts(vertices: usize) -> Vec<(Part, bool, usize)> {
         (Part::Tongue, false, 0.01),
     ];
     let counted = all.into_iter().map(|(part, side, share)| (part, side, (vertices as f32 * share) as usize));
-    // With fewer, it is no shape.
+    // Too few vertices to form the shape.
     counted.filter(|part| part.2 >= 8).collect()
 }
 
-/// The tile of the texture that a part has, as an offset of u.
+/// The texture tile of a part, as an offset of u.
 pub(super) const fn tile(part: Part) -> f32 {
     match part {
         Part::Skin => 0.0,
@@ -63,12 +63,12 @@ fn eyeball(s: f32, c: f32, along: f32) -> Vec3 {
     EYE + Vec3::new(radius * s, radius * c, ahead * EYE_RADIUS - dish)
 }
 
-/// How far the front of the teeth is ahead, half their width, and their depth.
+/// Distance to the front of the teeth, half their width, and their depth.
 const ARCH: [f32; 3] = [8.0, 2.6, 3.9];
 
 /// A cup around palate or tongue whose rim is the teeth. `up` is 1 above.
 fn teeth(s: f32, c: f32, along: f32, up: f32) -> Vec3 {
-    // Down the outer side, over the edge, up the inner one.
+    // Down the outer side, over the edge, up the inner side.
     let (reach, height): (f32, f32) = if along < 0.25 {
         (along * 4.0, 1.0)
     } else if along < 0.5 {

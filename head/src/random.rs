@@ -1,4 +1,4 @@
-//! Random numbers: the same on every machine and in every version, and so the head that is made of them.
+//! Random numbers that are the same on every machine and in every version, and with them the head.
 
 /// SplitMix64 (Steele, Lea and Flood 2014).
 #[derive(Clone, Debug)]

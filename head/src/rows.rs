@@ -1,4 +1,4 @@
-//! The rows of the skin: how many there are, where they lie, how many vertices each has, and where it parts.
+//! The rows of the skin: their number and positions, the vertices of each, and the openings.
 
 use super::mesh::Slit;
 use super::shape::{self, SECTIONS, section};
@@ -7,7 +7,7 @@ use std::f32::consts::PI;
 
 const SLITS: [Slit; 3] = [Slit::Eye, Slit::Ear, Slit::Mouth];
 
-/// A running length along a parameter from 0 to 1, to place things by density.
+/// A running length along a parameter from 0 to 1, to position rows and vertices by density.
 pub(super) struct Gauge(Vec<f32>);
 
 impl Gauge {
@@ -33,14 +33,14 @@ impl Gauge {
         self.0[i] + (at - i as f32) * (self.0[i + 1] - self.0[i])
     }
 
-    /// Where the length is `wanted`.
+    /// The position at which the length is `wanted`.
     fn at(&self, wanted: f32) -> f32 {
         let i = self.0.partition_point(|&length| length < wanted).clamp(1, Self::SAMPLES) - 1;
         let part = (wanted - self.0[i]) / (self.0[i + 1] - self.0[i]);
         (i as f32 + part.clamp(0.0, 1.0)) / Self::SAMPLES as f32
     }
 
-    /// Indices for the places `pins` (ascending) where `count` steps, which may end with half of one, make the whole.
+    /// Indices for the positions `pins` (ascending) if `count` steps, which may end with half of one, make the whole.
     fn pin(&self, pins: &[f32], count: f32, apart: usize) -> Vec<usize> {
         let (mut last, mut indices) = (0, Vec::new());
         for (k, &x) in pins.iter().enumerate() {
@@ -53,7 +53,7 @@ impl Gauge {
         indices
     }
 
-    /// The place of step `i` of `count`, where the steps `indices` are at `pins`.
+    /// The position of step `i` of `count`, with the steps `indices` at `pins`.
     fn place(&self, i: usize, count: f32, pins: &[f32], indices: &[usize]) -> f32 {
         let (mut from, mut to) = ((0.0, 0.0), (count, self.total()));
         for (&x, &index) in pins.iter().zip(indices) {
@@ -100,7 +100,7 @@ pub(super) type Span = (Slit, usize, usize);
 
 /// A row of vertices around the head, from the back over its right side and the face.
 pub(super) struct Row {
-    /// Its place among the sections.
+    /// Its position among the sections.
     pub t: f32,
     /// Its vertices, without those on the lower edges of openings.
     pub count: usize,
@@ -134,7 +134,7 @@ impl Row {
         self.openings.iter().map(vertices).sum()
     }
 
-    /// Open the row, where its slit is.
+    /// Opens the row at its slit.
     fn open(&mut self) {
         let Some(slit) = self.slit else { return };
         let n = self.count;
@@ -160,7 +160,7 @@ pub(super) fn rows(vertices: usize, features: bool) -> Vec<Row> {
     const SAMPLES: usize = 64;
     let around = (0..SAMPLES).map(|i| girth(profile.at(profile.total() * (i as f32 + 0.5) / SAMPLES as f32) * last));
     let around = around.sum::<f32>() / SAMPLES as f32;
-    // What the openings take, about.
+    // Approximate number of vertices that the openings take.
     let plain = if features { vertices as f32 * 0.84 } else { vertices as f32 };
     let ideal = (plain * profile.total() / around).sqrt() as usize;
     let count = ideal.clamp(if features { 4 } else { 1 }, (vertices - 2) / 3);
@@ -182,9 +182,9 @@ pub(super) fn rows(vertices: usize, features: bool) -> Vec<Row> {
         row.open();
         rows.push(row);
     }
-    // A few vertices each, the rest by girth. A row has as many as the one above while that is about right: columns that
-    // run through make a smooth surface. The last row has what is left.
-    // Even numbers have a vertex both at the back and in front.
+    // A few vertices each, the rest by girth. A row has as many vertices as the one above while that is about right:
+    // continuous columns make a smooth surface. The last row takes the remainder.
+    // With an even number there is a vertex both at the back and in front.
     let pair = if features { 2 } else { 1 };
     let rest = vertices - 2 - rows.iter().map(|r| r.count + r.extra()).sum::<usize>();
     let sum = weights.iter().sum::<f64>();

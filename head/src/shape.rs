@@ -1,4 +1,4 @@
-//! The skin of the head: sections stacked along a profile, the features of a face pushed out of them, and what lies
+//! The skin of the head: sections stacked along a profile, the features of a face pushed out of them, and the surfaces
 //! behind its openings: the linings of eye sockets and mouth, the shells of the ears. Lengths in cm.
 
 use super::mesh::{Slit, Spot};
@@ -57,7 +57,7 @@ pub(super) fn section(t: f32) -> [f32; 5] {
 /// The plain head at the angle `a` from the front (0..=π) and the row `t`, and how much it faces the front (−1..=1).
 pub(super) fn plain(a: f32, t: f32) -> (Vec3, f32) {
     let [y, half, front, back, flat] = section(t);
-    // At the back exactly in the middle, where π is not a float.
+    // Exactly in the middle at the back, since π is not a float.
     let s = if a < std::f32::consts::PI { sin(f64::from(a)) as f32 } else { 0.0 };
     let c = cos(f64::from(a)) as f32;
     // A section is widest behind its middle: at the ears, and at the corners of the jaw.
@@ -73,7 +73,7 @@ pub(super) struct Lids {
     pub open: f32,
     /// How far the edge of the lower lid is below the line between the corners; negative above it.
     pub lower: f32,
-    /// They lie close to the eyeball, which they have to go round then.
+    /// Whether they lie close to the eyeball, and so have to go round it.
     pub close: bool,
 }
 
@@ -96,14 +96,14 @@ const LID: f32 = 0.16;
 const EYE_GAP: f32 = 0.05;
 /// How far the outside of lids that are not close is from the middle of the eyeball.
 pub(super) const LID_RADIUS: f32 = EYE_RADIUS + EYE_GAP + LID;
-/// What is left between lids and between lips that meet.
+/// The gap between closed lids, and between lips that meet.
 const CONTACT: f32 = 0.006;
 /// Half the distance between the corners of an eye.
 pub(super) const HALF_EYE: f32 = 1.4;
-/// Where the ear grows out of the head: height, depth, half height, half width.
+/// The root of the ear on the head: height, depth, half height, half width.
 pub(super) const EAR: [f32; 4] = [-0.6, -1.25, 2.1, 1.15];
 
-/// Where the edges of the lids are above the line of the eye, at `c` from the inner corner (−1) to the outer (1).
+/// Height of the lids' edges above the line of the eye, at `c` from the inner corner (−1) to the outer (1).
 fn edges(c: f32, lids: Lids) -> (f32, f32) {
     let w = dome(c);
     let (upper, lower) = (0.5 * (w * w.sqrt()).sqrt() * (1.0 - 0.12 * c), 0.46 * w * (1.0 + 0.2 * c));
@@ -123,7 +123,7 @@ fn dome(x: f32) -> f32 {
     (1.0 - x * x).max(0.0)
 }
 
-/// Which way an edge of a slit goes: 1 is up.
+/// Direction of a slit's edge: 1 is up.
 fn side(lower: bool) -> f32 {
     if lower { -1.0 } else { 1.0 }
 }
@@ -155,7 +155,7 @@ pub(super) fn skin(a: f32, t: f32, lower: bool, lids: Lids) -> Vec3 {
     let yield_ear = along(p.y - EAR[0], 5.0);
     let c_ear = (p.z - EAR[1]) / EAR[3];
     let ear = if c_ear.abs() < 1.0 {
-        // Evenly around the ellipse, about: the sine of an angle.
+        // Distributed about evenly around the ellipse: the sine of an angle.
         let sine = c_ear * (1.5 - 0.5 * c_ear * c_ear);
         p.z = mix(p.z, EAR[1] + EAR[3] * sine, yield_ear);
         EAR[2] * dome(sine).sqrt() * yield_ear * side(below(Slit::Ear))
@@ -168,8 +168,8 @@ pub(super) fn skin(a: f32, t: f32, lower: bool, lids: Lids) -> Vec3 {
     features(p, lip, below(Slit::Mouth), front, lids.radius())
 }
 
-/// Push the features of a face out of the plain head. `lip` is the distance above the line between the lips, `lid` that of
-/// the lids from the middle of the eyeball.
+/// Pushes the features of a face out of the plain head. `lip` is the distance above the line between the lips, `lid`
+/// that of the lids from the middle of the eyeball.
 fn features(mut p: Vec3, lip: f32, lower_lip: bool, front: f32, lid: f32) -> Vec3 {
     let (x, y) = (p.x, p.y);
     let at = |centre: [f32; 2], radii: [f32; 2]| bump(x, y, centre, radii);
@@ -214,7 +214,7 @@ fn features(mut p: Vec3, lip: f32, lower_lip: bool, front: f32, lid: f32) -> Vec
     // Nostrils, from below.
     p.y += 0.42 * at([0.58, -3.0], [0.4, 0.3]) * front;
 
-    // Lids lie on the eyeball, wherever the socket is deeper.
+    // Lids lie on the eyeball, at points where the socket is deeper.
     let from = Vec2::new(x - EYE.x, y - EYE.y);
     let ball = EYE.z + (lid * lid - from.length_squared()).max(0.0).sqrt();
     if front > 0.0 && from.length() < lid {
@@ -254,8 +254,8 @@ fn curve<const N: usize>(knots: &[(f32, [f32; N])], depth: f32) -> [f32; N] {
     std::array::from_fn(|k| mix(a[k], b[k], x))
 }
 
-/// The edge of a lid, then the socket around the eyeball, from the opening to the point behind it. `edge` is where the
-/// lid is, `rest` where it is at rest.
+/// The edge of a lid, then the socket around the eyeball, from the opening to the point behind it. `edge` is the
+/// current position of the lid, `rest` that at rest.
 fn socket(edge: Vec3, rest: Vec3, depth: f32, lids: Lids) -> Vec3 {
     const MARGIN: f32 = 0.15;
     if depth >= 1.0 {
@@ -264,17 +264,17 @@ fn socket(edge: Vec3, rest: Vec3, depth: f32, lids: Lids) -> Vec3 {
     let toward = (edge - EYE).normalize_or(Vec3::Z);
     let at_rest = (rest - EYE).normalize_or(Vec3::Z);
     let lateral = Vec2::new(at_rest.x, at_rest.y);
-    // The tangent of half the angle from the front: 0 in front, without end behind.
+    // The tangent of half the angle from the front: 0 in front, infinite behind.
     let back = ((depth - MARGIN) / (1.0 - MARGIN)).max(0.0);
     let turn = f64::from(back) * std::f64::consts::FRAC_PI_2;
     let q = lateral.length() / (1.0 + at_rest.z) + (sin(turn) / cos(turn).max(1e-6)) as f32;
     let (sine, cosine) = (2.0 * q / (1.0 + q * q), (1.0 - q * q) / (1.0 + q * q));
     let sideways = lateral.normalize_or(Vec2::Y) * sine;
     let lining = Vec3::new(sideways.x, sideways.y, cosine);
-    // What is behind a lid slides with it, less and less.
+    // The surface behind a lid slides with it, less and less.
     let direction = mix3(toward, lining, smoothstep(MARGIN, 0.6, depth)).normalize_or(Vec3::Z);
-    // Behind the widest part of the eyeball there is room, so that few rings hold it too.
-    // And where lids slide: their way is a straight line, unless they lie close and have in-betweens.
+    // Behind the widest part of the eyeball there is room, so that a few rings enclose it too.
+    // Sliding lids need room as well: they move in a straight line unless they lie close and have in-betweens.
     let slack = if lids.close { 0.0 } else { 0.12 * (toward - at_rest).length() };
     let room = EYE_RADIUS + lids.gap() + 0.6 * smoothstep(1.0, -0.6, direction.z) + slack;
     EYE + direction * mix((edge - EYE).length(), room, (depth / MARGIN).min(1.0))
@@ -286,7 +286,8 @@ fn mix3(a: Vec3, b: Vec3, x: f32) -> Vec3 {
 
 /// The inner side of the lips, then the hollow of the mouth.
 fn cavity(edge: Vec3, above: f32, depth: f32) -> Vec3 {
-    // Of the width, half height, and how far behind the lips' edge, which at the end is the same for all.
+    // Fractions of the width and half height, and the distance behind the lips' edge, which at the end is the same for
+    // all.
     const WAY: [(f32, [f32; 4]); 7] = [
         (0.0, [1.0, 0.0, 0.0, 0.0]),
         (0.12, [1.0, 0.03, 0.25, 0.0]),

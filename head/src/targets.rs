@@ -9,7 +9,7 @@ use deltamorph::glam::Vec3;
 #[cfg(feature = "threads")]
 use rayon::prelude::*;
 
-/// Which sides of the face a row of the table is about.
+/// The sides of the face that a row of the table describes.
 #[derive(Clone, Copy, PartialEq)]
 enum Side {
     Middle,
@@ -21,7 +21,7 @@ enum Side {
 
 use Side::{Both, Each, Middle};
 
-/// Name, sides, the size of its support relative to others, and what moves on the left side or in the middle.
+/// Name, sides, the size of its support relative to others, and the lobes on the left side or in the middle.
 type Row = (&'static str, Side, f32, &'static [Lobe]);
 
 const fn at(centre: [f32; 3], radii: [f32; 3], motion: Motion) -> Lobe {
@@ -36,7 +36,7 @@ const fn lower(centre: [f32; 3], radii: [f32; 3], motion: Motion) -> Lobe {
     Lobe { lip: Lip::Lower, ..at(centre, radii, motion) }
 }
 
-/// A motion that knows by itself where it is.
+/// A lobe whose motion defines its own position.
 const fn lids(open: f32, lower: f32) -> Lobe {
     at([3.15, 1.0, 8.3], [1.5, 0.8, 1.5], Motion::Lids(open, lower))
 }
@@ -57,7 +57,7 @@ const LOWER_LIP: [f32; 3] = [0.0, -5.9, 9.8];
 /// Rows about the eyes.
 const EYES: usize = 7;
 
-/// Apple's blend shape locations; first those of the eyes.
+/// Apple's blend shape locations, beginning with those of the eyes.
 const ARKIT: [Row; 32] = [
     ("eyeBlink", Each, 0.7, &[lids(0.0, 0.75)]),
     ("eyeLookDown", Each, 0.7, &[look(0.0, -0.42), lids(0.55, 1.05)]),
@@ -118,10 +118,10 @@ const HALF_BLINK: &[Lobe] = &[lids(0.5, 0.875)];
 struct Expression {
     name: String,
     lobes: Vec<Lobe>,
-    /// Whether the lobes hold for the left side, for the right side.
+    /// Whether the lobes apply to the left side, and to the right side.
     sides: [bool; 2],
     support: f32,
-    /// What its random numbers come from; twins have the same.
+    /// Seed of its random numbers; the targets of a left and right pair share it.
     stream: u64,
 }
 
@@ -145,7 +145,7 @@ pub(super) fn names(count: usize) -> Vec<String> {
     arkit.iter().map(|e| e.name.clone()).chain(details).take(count).collect()
 }
 
-/// The in-betweens, and the targets that they are on the way to.
+/// The in-betweens, and the targets that they belong to.
 pub(super) fn in_betweens(desc: &HeadDesc) -> Vec<(String, String)> {
     let ends = names(desc.targets).into_iter().filter(|name| desc.in_betweens && name.starts_with("eyeBlink"));
     ends.map(|end| (format!("{end}_half"), end)).collect()
@@ -178,7 +178,7 @@ fn detail(seed: u64, i: usize, spots: &[Spot], positions: &[Vec3]) -> Expression
 pub(super) fn targets(desc: &HeadDesc, spots: &[Spot], positions: &[Vec3]) -> Vec<SourceTarget> {
     let mut arkit = arkit().into_iter();
     let part = |(i, name): (usize, String)| {
-        // A stream each: a target does not depend on how many others there are.
+        // A random stream for each target, so that it does not depend on the number of others.
         let found = arkit.next().unwrap_or_else(|| detail(desc.seed, i, spots, positions));
         // Heads of different seeds differ a little in the size of every support.
         let support = found.support * Rng::new(desc.seed, found.stream).range(0.9, 1.1);
@@ -189,7 +189,7 @@ pub(super) fn targets(desc: &HeadDesc, spots: &[Spot], positions: &[Vec3]) -> Ve
     let fractions = fractions(&factors, desc.sparsity);
     let mut parts: Vec<(Expression, f32)> = parts.into_iter().zip(fractions).collect();
     for (half, name) in in_betweens(desc) {
-        // It moves as many vertices as what it is half of.
+        // An in-between moves as many vertices as its target.
         let end = parts.iter().find(|(part, _)| part.name == name).cloned();
         parts.extend(
             end.map(|(end, fraction)| (Expression { name: half, lobes: HALF_BLINK.to_vec(), ..end }, fraction)),
@@ -214,7 +214,7 @@ fn fractions(factors: &[f32], wanted: f32) -> Vec<f32> {
     }
     let goal = wanted * factors.len() as f32;
     let mut scale = goal / factors.iter().sum::<f32>().max(f32::MIN_POSITIVE);
-    // The others share what exceeds a full target.
+    // The other targets share the excess over a full target.
     for _ in 0..64 {
         let (full, rest): (Vec<f32>, Vec<f32>) = factors.iter().copied().partition(|f| f * scale >= 1.0);
         let rest: f32 = rest.iter().sum();
@@ -225,11 +225,12 @@ fn fractions(factors: &[f32], wanted: f32) -> Vec<f32> {
     factors.iter().map(|f| (f * scale).min(1.0)).collect()
 }
 
-/// What a vertex inside a support moves at least: 20 µm, some 500 times less than the target, but more than noise.
+/// Smallest displacement of a vertex inside a support: 20 µm, some 500 times less than the target's, but more than
+/// noise.
 const LEAST: f32 = 2e-3;
 
 impl Expression {
-    /// The displacement of a vertex without regard to the support, and how close it is to what moves, in (0, 1].
+    /// The displacement of a vertex without regard to the support, and its closeness to the moving lobes, in (0, 1].
     fn displacement(&self, spot: &Spot, p: Vec3) -> (Vec3, f32) {
         let (mut sum, mut near) = (Vec3::ZERO, f32::INFINITY);
         for (mirrored, _) in [false, true].into_iter().zip(self.sides).filter(|(_, is)| *is) {
@@ -249,11 +250,11 @@ impl Expression {
         let count = positions.len();
         let wanted = ((f64::from(fraction) * count as f64).ceil() as usize).clamp(1, count);
         let full: Vec<(Vec3, f32)> = spots.iter().zip(positions).map(|(s, p)| self.displacement(s, *p)).collect();
-        // Beyond what moves by itself, the nearest.
+        // After the vertices that the lobes move, the nearest.
         let mut most: Vec<(f32, u32)> = full.iter().map(|(d, near)| d.length() + LEAST * near).zip(0..).collect();
         // The index breaks ties, so that the choice is the same everywhere.
         let by_motion = |a: &(f32, u32), b: &(f32, u32)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
-        // The support ends where the first vertex outside lies.
+        // The support ends at the first vertex outside.
         let edge = if wanted < count { most.select_nth_unstable_by(wanted, by_motion).1.0 } else { 0.0 };
         most.truncate(wanted);
         most.sort_unstable_by_key(|m| m.1);
@@ -272,9 +273,9 @@ impl Expression {
     }
 }
 
-/// `delta` as it comes back from a file that states `base + delta`: a head that was written out and imported is
-/// the built-in one, bit for bit.
+/// `delta` as read back from a file that states `base + delta`: a head that was written out and imported is the
+/// built-in one, bit for bit.
 fn snapped(base: Vec3, delta: Vec3) -> Vec3 {
-    // The difference is rounded too; where that moves the sum, it is taken once more.
+    // The difference is rounded too; if that changes the sum, it is computed once more.
     (0..5).fold(delta, |delta, _| (base + delta) - base)
 }

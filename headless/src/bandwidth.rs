@@ -1,4 +1,4 @@
-//! What the device's memory can do: the ceilings that measured rows are held against.
+//! The bandwidth of the device's memory, the ceiling that measured rows are compared with.
 
 use super::Headless;
 use super::submit::full_barrier;
@@ -21,15 +21,15 @@ pub struct Bandwidth {
     pub read: f64,
 }
 
-/// Invocations of the reading pass: enough to fill a GPU, few enough that each reads a run of some length.
+/// Invocations of the reading pass: enough to fill a GPU, few enough that each reads a long run.
 const INVOCATIONS: u32 = 64 * 1024;
 
 impl Headless {
-    /// Measure copy and read bandwidth over `bytes` (a multiple of 16, within the device's limits): the best of a few runs.
-    /// `None` on a device without timestamps.
+    /// Measures copy and read bandwidth over `bytes` (a multiple of 16, within the device's limits): the best of a few
+    /// runs; `None` on a device without timestamps.
     ///
     /// # Errors
-    /// No memory; a device that fails.
+    /// Out of memory; the device fails.
     pub fn bandwidth(&self, bytes: u64) -> Result<Option<Bandwidth>> {
         let device = self.engine.device();
         let most = self.caps().max_storage_range.min(self.caps().max_allocation);
@@ -58,8 +58,8 @@ impl Headless {
         let mut best = [f64::INFINITY; 2];
         for _ in 0..6 {
             let ((), [copy, read]) = submitter.run_timed(|cmd, next_part| {
-                // SAFETY: recording; the region lies within both buffers; pipeline, layout and set are ours and fit each
-                // other (tests/project/spirv.rs).
+                // SAFETY: recording; the region lies within both buffers; pipeline, layout and set are ours and fit
+                // each other (tests/project/spirv.rs).
                 unsafe {
                     device.cmd_copy_buffer(cmd, from.raw, to.raw, &region);
                     next_part();

@@ -18,14 +18,14 @@ use std::any::Any;
 use std::collections::VecDeque;
 use std::time::Instant;
 
-/// What a step took.
+/// The times of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
-    /// What was recorded.
+    /// The recorded update.
     pub update: Update,
-    /// Device time of the update in milliseconds, where the device has timestamps.
+    /// Device time of the update in milliseconds, if the device has timestamps.
     pub gpu_ms: Option<f64>,
-    /// Device time of the draws behind it, likewise; `None` where there were none.
+    /// Device time of the draws after the update, likewise; `None` without draws.
     pub draw_ms: Option<f64>,
     /// Round trip from weights to fence, in milliseconds.
     pub cpu_ms: f64,
@@ -37,7 +37,7 @@ pub struct Recorded {
     ticket: Ticket,
 }
 
-/// A mesh and a crowd, of either kind, on a [`Headless`] device.
+/// A mesh and a crowd of either kind on a [`Headless`] device.
 pub struct HeadlessCrowd<'a, C = Crowd> {
     headless: &'a Headless,
     mesh: GpuMesh,
@@ -45,15 +45,16 @@ pub struct HeadlessCrowd<'a, C = Crowd> {
     draw: PoseDraw,
     readback: Readback,
     poses: PoseReadback,
-    /// Recorded and not yet submitted, in order. The lists of others may have been overwritten.
+    /// Updates recorded and not yet submitted, in order. Lists of earlier updates may have been overwritten.
     waiting: VecDeque<Ticket>,
 }
 
 impl<'a> HeadlessCrowd<'a> {
-    /// Upload `mesh` and make a crowd.
+    /// Uploads `mesh` and makes a crowd.
     ///
     /// # Errors
-    /// As [`upload`](deltamorph::MorphEngine::upload) and [`create_crowd`](deltamorph::MorphEngine::create_crowd).
+    /// Those of [`upload`](deltamorph::MorphEngine::upload) and
+    /// [`create_crowd`](deltamorph::MorphEngine::create_crowd).
     pub fn new(headless: &'a Headless, mesh: &PackedMesh, desc: &CrowdDesc) -> Result<Self> {
         let engine = &headless.engine;
         // SAFETY: the submitter hands out a recording buffer of the engine's device; it waits for the device.
@@ -62,10 +63,10 @@ impl<'a> HeadlessCrowd<'a> {
         Self::with(headless, mesh, crowd)
     }
 
-    /// Another crowd of the same mesh, which is not uploaded again.
+    /// Makes another crowd of the same mesh, which is not uploaded again.
     ///
     /// # Errors
-    /// As [`create_crowd`](deltamorph::MorphEngine::create_crowd).
+    /// Those of [`create_crowd`](deltamorph::MorphEngine::create_crowd).
     pub fn another(&self, desc: &CrowdDesc) -> Result<Self> {
         let crowd = self.headless.engine.create_crowd(&self.mesh, desc)?;
         Self::with(self.headless, self.mesh.shared(), crowd)
@@ -73,11 +74,11 @@ impl<'a> HeadlessCrowd<'a> {
 }
 
 impl<'a> HeadlessCrowd<'a, AnimatedCrowd> {
-    /// Upload `mesh` and make a crowd that is animated on the GPU. Each [`step`](Self::step), of no weights, goes to the
-    /// time last set.
+    /// Uploads `mesh` and makes a crowd that is animated on the GPU. Each [`step`](Self::step), called without weights,
+    /// goes to the time last set.
     ///
     /// # Errors
-    /// As [`upload`](deltamorph::MorphEngine::upload) and
+    /// Those of [`upload`](deltamorph::MorphEngine::upload) and
     /// [`create_animated_crowd`](deltamorph::MorphEngine::create_animated_crowd).
     pub fn animated(
         headless: &'a Headless,
@@ -137,7 +138,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         Ok(Self { headless, mesh, crowd, draw, readback, poses, waiting: VecDeque::new() })
     }
 
-    /// The crowd. There is no way to change it but the methods here: a crowd of another device must not take its place.
+    /// The crowd, read-only: only the methods here change it, so that no crowd of another device can replace it.
     pub fn crowd(&self) -> &C {
         &self.crowd
     }
@@ -183,11 +184,11 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         self.crowd.base_mut().remove(instance)
     }
 
-    /// The update of `ticket` and all recorded after it never run: see [`Crowd::discard`]. [`submit`](Self::submit)
-    /// refuses them from now on.
+    /// Discards the update of `ticket` and all recorded after it, which never run: see [`Crowd::discard`].
+    /// [`submit`](Self::submit) refuses them from now on.
     ///
     /// # Errors
-    /// A ticket of another crowd, or of an update that is not waiting to be submitted.
+    /// The ticket is of another crowd, or of an update that is not waiting to be submitted.
     pub fn discard(&mut self, ticket: Ticket) -> Result<()> {
         if let Some(first) = self.waiting.iter().position(|waiting| *waiting == ticket) {
             self.waiting.truncate(first);
@@ -200,20 +201,21 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         self.crowd.base_mut().discard(ticket)
     }
 
-    /// Ask instance `i` for `weights[i]`, update, wait. What was recorded and not submitted is left behind: it can no
+    /// Requests `weights[i]` for instance `i`, updates, and waits. Updates recorded before and not submitted can no
     /// longer be submitted.
     ///
     /// # Errors
-    /// Weights that are refused; a device that fails. The update does not run then, and the next makes up for it.
+    /// Weights that are refused; the device fails. The update does not run then, and the next one makes up for it.
     pub fn step(&mut self, weights: &[&[f32]]) -> Result<Step> {
         Self::step_together(std::slice::from_mut(self), weights, 0)
     }
 
-    /// As [`step`](Self::step), and then draw the pose of every instance `copies` times, all in one submission. Several
-    /// crowds are updated together; `weights` and the counts speak of all their instances.
+    /// A [`step`](Self::step) of several crowds together, followed by `copies` draws of the pose of every instance, in
+    /// one submission. `weights` and the counts refer to the instances of all crowds.
     ///
     /// # Errors
-    /// As [`step`](Self::step); no crowd, crowds on several devices, or more weights than instances.
+    /// Those of [`step`](Self::step); an empty list of crowds, crowds on several devices, or more weights than
+    /// instances.
     pub fn step_together(crowds: &mut [Self], weights: &[&[f32]], copies: u32) -> Result<Step> {
         Self::step_all(crowds, weights, copies, |headless, crowds, cmd| {
             // SAFETY: the buffer is recording on the engine's device, on a queue with graphics and compute; it is
@@ -222,14 +224,14 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         })
     }
 
-    /// As [`step_together`](Self::step_together), with what is recorded changed before: lets tests plant faults. Returns
-    /// what was recorded, too, as the hazard checker sees it.
+    /// [`step_together`](Self::step_together) with the recording changed before: lets tests plant faults. Also returns
+    /// the recording as the hazard checker sees it.
     ///
     /// # Errors
-    /// As [`step_together`](Self::step_together).
+    /// Those of [`step_together`](Self::step_together).
     ///
     /// # Safety
-    /// The works stay within slots, instances and coefficients that there are.
+    /// The works stay within the existing slots, instances and coefficients.
     #[doc(hidden)]
     pub unsafe fn step_tampered(
         crowds: &mut [Self],
@@ -287,7 +289,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
             Ok(sum)
         });
         if ran.is_err() {
-            // Nothing ran, whatever crowds had recorded by then.
+            // Nothing ran, whatever was recorded by then.
             crowds.iter_mut().zip(tickets).try_for_each(|(this, ticket)| this.crowd.base_mut().discard(ticket))?;
         }
         let (update, [gpu_ms, draw_ms]) = ran?;
@@ -295,15 +297,15 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         Ok(Step { update, gpu_ms, draw_ms: draw_ms.filter(|_| copies > 0), cpu_ms })
     }
 
-    /// Record an update now and leave it to the caller when to run it: see [`submit`](Self::submit). Makes
-    /// delayed, dropped and out-of-step submissions possible in tests.
+    /// Records an update, which the caller runs later by [`submit`](Self::submit). Makes delayed, dropped and
+    /// out-of-step submissions possible in tests.
     ///
     /// # Errors
-    /// As [`step`](Self::step); more updates that wait than [`CrowdDesc::frames_in_flight`].
+    /// Those of [`step`](Self::step); more waiting updates than [`CrowdDesc::frames_in_flight`].
     pub fn record(&mut self, weights: &[&[f32]]) -> Result<(Recorded, Update)> {
         let base = self.crowd.base();
         let most = u64::from(base.desc().frames_in_flight);
-        // Crowds that are animated on the GPU have no lists to overwrite.
+        // Crowds that are animated on the GPU have no lists that could be overwritten.
         let has_lists = self.weighted().is_some();
         if has_lists && self.waiting.front().is_some_and(|first| base.recorded_since(*first) >= most) {
             return Err(Error::invalid(
@@ -318,8 +320,8 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         let cmd = submitter.allocate()?;
         let mut ticket = None;
         let recorded = submitter.record(cmd, |cmd| {
-            // SAFETY: the buffer is recording on the engine's device, on a queue with graphics and compute; `submit` takes
-            // it once, in order, and only while its lists are what they were.
+            // SAFETY: the buffer is recording on the engine's device, on a queue with graphics and compute; `submit`
+            // takes it once, in order, and only while its lists are what they were.
             let update = unsafe { engine.record_update(cmd, crowd) }?;
             ticket = Some(update.ticket);
             Ok(update)
@@ -332,11 +334,11 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         Ok((Recorded { cmd, ticket: update.ticket }, update))
     }
 
-    /// Run recorded updates of this crowd, the oldest that wait, in the order in which they were recorded, and wait.
+    /// Runs recorded updates of this crowd, the oldest that wait, in the order of their recording, and waits.
     ///
     /// # Errors
-    /// Updates of another crowd, out of order, discarded, or left behind by a [`step`](Self::step): nothing runs then. A
-    /// device that fails.
+    /// Updates of another crowd, out of order, discarded, or dropped by a [`step`](Self::step): nothing runs then. The
+    /// device fails.
     pub fn submit(&mut self, recorded: Vec<Recorded>) -> Result<()> {
         let count = recorded.len();
         let fits =
@@ -356,11 +358,11 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         ran
     }
 
-    /// Draw the pose of every instance `copies` times, discarding all primitives; device time in milliseconds. On a
-    /// direct path these are the draws that evaluate the pose.
+    /// Draws the pose of every instance `copies` times, discarding all primitives; returns device time in milliseconds.
+    /// On a direct path these are the draws that evaluate the pose.
     ///
     /// # Errors
-    /// No update recorded yet; a device that fails.
+    /// No update recorded yet; the device fails.
     pub fn draw(&self, copies: u32) -> Result<Option<f64>> {
         let ((), [ms, _]) = self.headless.submitter.run_timed(|cmd, _| self.record_draws(cmd, copies))?;
         Ok(ms)

@@ -14,16 +14,16 @@ use deltamorph::{DeltaFormat, Error, PackedLayout, PoseFormat, Result};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// A draw that reads poses as vertex attributes and discards every primitive: what reading them costs.
+/// A draw that reads poses as vertex attributes and discards every primitive, to measure the cost of reading them.
 pub(super) struct PoseDraw {
     objects: Objects,
-    /// The buffer and offset of the base pose, which integers are displacements from.
+    /// The buffer and offset of the base pose, which fixed-point poses are displacements from.
     base: Option<(vk::Buffer, u64)>,
     push: ConsumePush,
 }
 
 impl PoseDraw {
-    /// Of poses with these units; the base pose may be left out where they are float32.
+    /// A draw for poses with these units; the base pose may be left out for float32.
     pub(super) fn new(
         device: &Arc<Device>,
         pose: PoseFormat,
@@ -40,8 +40,8 @@ impl PoseDraw {
         Ok(Self { objects, base: base.filter(|_| pose.has_integers()), push: ConsumePush { units } })
     }
 
-    /// Draw `vertices` of each pose, by its buffer and offset. `cmd` is recording outside a render pass, and the poses
-    /// are ready for vertex-attribute reads.
+    /// Draws `vertices` of each pose, given by its buffer and offset. `cmd` is recording outside a render pass, and the
+    /// poses are ready for vertex-attribute reads.
     pub(super) fn record(&self, cmd: vk::CommandBuffer, poses: impl Iterator<Item = (vk::Buffer, u64)>, vertices: u32) {
         let (device, layout) = (&self.objects.device.raw, self.objects.layout);
         // SAFETY: `cmd` is recording (see above); pipeline and render pass are ours; each pose and the base pose have
@@ -62,12 +62,12 @@ impl PoseDraw {
     }
 }
 
-/// What an upload took.
+/// The times and bytes of an upload.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Uploaded {
-    /// Device time of the copy in milliseconds, where the device has timestamps.
+    /// Device time of the copy in milliseconds, if the device has timestamps.
     pub gpu_ms: Option<f64>,
-    /// From poses in main memory to fence, in milliseconds: the write to staging memory, the copy, the wait.
+    /// Milliseconds from poses in main memory to the fence: the write to staging memory, the copy, the wait.
     pub cpu_ms: f64,
     /// Bytes loaded and stored: read and written to staging memory, and copied from there.
     pub bytes_moved: u64,
@@ -85,10 +85,10 @@ pub struct PoseUpload<'a> {
 }
 
 impl<'a> PoseUpload<'a> {
-    /// Buffers for the poses of `instances` heads of a mesh packed as `layout`.
+    /// Makes buffers for the poses of `instances` instances of a mesh packed as `layout`.
     ///
     /// # Errors
-    /// No instance, or no memory.
+    /// No instance; out of memory.
     pub fn new(headless: &'a Headless, layout: &PackedLayout, instances: u32) -> Result<Self> {
         let (pose_bytes, vertices) = (layout.pose_bytes(PoseFormat::Float32), layout.padded_vertices() as u32);
         let bytes = pose_bytes.saturating_mul(instances.into());
@@ -107,11 +107,11 @@ impl<'a> PoseUpload<'a> {
         Ok(Self { headless, staging, poses, draw, pose_bytes, vertices, instances })
     }
 
-    /// Bring the pose of each instance, as [`CpuCrowd::pose`](deltamorph::CpuCrowd::pose) has it, to the device, ready
-    /// for vertex-attribute reads, and wait.
+    /// Uploads the pose of each instance, as [`CpuCrowd::pose`](deltamorph::CpuCrowd::pose) returns it, makes it ready
+    /// for vertex-attribute reads, and waits.
     ///
     /// # Errors
-    /// Too few or too many poses, or one of another size; a device that fails.
+    /// Too few or too many poses, or one of another size; the device fails.
     pub fn upload(&mut self, poses: &[&[f32]]) -> Result<Uploaded> {
         let (pose_bytes, start) = (self.pose_bytes as usize, Instant::now());
         if poses.len() != self.instances as usize || poses.iter().any(|pose| size_of_val(*pose) != pose_bytes) {
@@ -136,10 +136,10 @@ impl<'a> PoseUpload<'a> {
         Ok(Uploaded { gpu_ms, cpu_ms, bytes_moved: 4 * size })
     }
 
-    /// Draw every pose uploaded once, discarding all primitives; device time in milliseconds.
+    /// Draws every uploaded pose once, discarding all primitives; returns device time in milliseconds.
     ///
     /// # Errors
-    /// A device that fails.
+    /// The device fails.
     pub fn draw(&self) -> Result<Option<f64>> {
         let poses = (0..self.instances).map(|i| (self.poses.raw, u64::from(i) * self.pose_bytes));
         let ((), [ms, _]) = self.headless.submitter.run_timed(|cmd, _| {
@@ -149,10 +149,10 @@ impl<'a> PoseUpload<'a> {
         Ok(ms)
     }
 
-    /// Read what was uploaded last back: the poses of all instances, one after the other, as they were handed in.
+    /// Reads the last upload back: the poses of all instances, one after the other, as they were passed in.
     ///
     /// # Errors
-    /// A device that fails.
+    /// The device fails.
     pub fn read(&mut self) -> Result<Vec<f32>> {
         let (size, Headless { engine, submitter, .. }) = (self.pose_bytes * u64::from(self.instances), self.headless);
         Readback::new(engine.device(), size)?.read(submitter, (self.poses.raw, 0, size))

@@ -1,5 +1,5 @@
-//! A Vulkan instance, device and queue without a window, and crowds that are updated, timed, drawn and read back on them:
-//! for the command line, examples, tests and benches. A host of deltamorph brings a device of its own.
+//! A Vulkan instance, device and queue without a window, and crowds that are updated, timed, drawn and read back on
+//! them: for the command line, examples, tests and benches. A host of deltamorph uses its own device instead.
 
 mod bandwidth;
 mod crowd;
@@ -28,25 +28,25 @@ use turn::Turn;
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum DeviceChoice {
-    /// A GPU where there is one, else the software device that can do most.
+    /// A GPU if there is one, else the most capable software device.
     #[default]
     Best,
-    /// By its place in [`Headless::devices`].
+    /// By its index in [`Headless::devices`].
     Index(usize),
-    /// The first whose name or driver contains this, regardless of case.
+    /// The first device whose name or driver contains this, ignoring case.
     Name(String),
 }
 
-/// How to set up.
+/// Options of [`Headless::new`].
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct HeadlessDesc {
     /// Which device.
     pub device: DeviceChoice,
-    /// Load the validation layers, synchronization validation included, and collect their messages. One thread at a time
-    /// may: others wait in [`Headless::new`] until its `Headless` are dropped.
+    /// Load the validation layers, synchronization validation included, and collect their messages. Only one thread at
+    /// a time may: others wait in [`Headless::new`] until its `Headless` are dropped.
     pub validation: bool,
-    /// Limits to keep to where the device has more, as of [`DeviceCaps::android_baseline`].
+    /// Limits to keep to if the device's are larger, as in [`DeviceCaps::android_baseline`].
     pub limits: Option<DeviceCaps>,
 }
 
@@ -61,7 +61,7 @@ setters!(HeadlessDesc { device: DeviceChoice, validation: bool, limits: Option<D
 pub struct Headless {
     submitter: Submitter,
     engine: MorphEngine,
-    /// Shared with the engine and all that it makes, which keep it alive.
+    /// Shared with the engine and all objects made with it, which keep it alive.
     owned: Arc<Owned>,
 }
 
@@ -96,7 +96,7 @@ type Messages = Mutex<Vec<String>>;
 
 const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
 
-/// Collects what the layers say.
+/// Collects messages of the layers.
 ///
 /// # Safety
 /// Called by the loader with `data` valid for the call and `user` the address of an [`Instance::messages`].
@@ -118,8 +118,8 @@ unsafe extern "system" fn collect(
     vk::FALSE
 }
 
-/// Whether the validation layers have the setting that their synchronization validation needs, from 1.3.290 on: older
-/// ones look at shaders' accesses anyway.
+/// Whether the validation layers have the setting that synchronization validation needs from 1.3.290 on; older layers
+/// check shaders' accesses without it.
 fn has_layer_settings(entry: &ash::Entry) -> bool {
     // SAFETY: the loader is there to be asked.
     let layers = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
@@ -148,7 +148,7 @@ impl Instance {
             .user_data(Arc::as_ptr(&messages).cast_mut().cast());
         let enables = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
         let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enables);
-        // Without the second setting, which the older extension does not reach, new layers overlook hazards between
+        // The older extension does not reach the second setting; without that, new layers overlook hazards between
         // shaders' accesses to storage buffers.
         let values = vk::TRUE.to_ne_bytes();
         let on = |name| {
@@ -218,10 +218,10 @@ impl Drop for Instance {
 }
 
 impl Headless {
-    /// Every Vulkan 1.1 device of the system; none where there is no loader or no driver.
+    /// Every Vulkan 1.1 device of the system; none if there is no loader or no driver.
     ///
     /// # Errors
-    /// A call that fails otherwise.
+    /// Another call fails.
     pub fn devices() -> Result<Vec<DeviceCaps>> {
         match Instance::new(false) {
             Ok(instance) => Ok(instance.devices()?.into_iter().map(|(_, caps)| caps).collect()),
@@ -230,11 +230,11 @@ impl Headless {
         }
     }
 
-    /// Set up instance, device and queue.
+    /// Sets up instance, device and queue.
     ///
     /// # Errors
-    /// [`Error::NoDevice`]: no loader, no driver, or no Vulkan 1.1 device in its list. Otherwise no device as chosen (the
-    /// message lists those there are), no validation layers, or a call that fails.
+    /// [`Error::NoDevice`]: no loader, no driver, or no Vulkan 1.1 device in its list. Otherwise no device as chosen
+    /// (the message lists the existing ones), no validation layers, or a call that fails.
     pub fn new(desc: &HeadlessDesc) -> Result<Self> {
         let instance = Instance::new(desc.validation)?;
         let (physical, mut caps) = choose(instance.devices()?, &desc.device)?;
@@ -289,36 +289,36 @@ impl Headless {
         self.engine().caps()
     }
 
-    /// What the validation layers have said so far.
+    /// The messages of the validation layers so far.
     pub fn messages(&self) -> Vec<String> {
         self.owned.instance.messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Instance, physical device and device, for those who draw poses as hosts do.
+    /// Instance, physical device and device, for callers that draw poses as hosts do.
     #[doc(hidden)]
     pub fn handles(&self) -> (&ash::Instance, vk::PhysicalDevice, &ash::Device) {
         (&self.owned.instance.raw, self.owned.physical, &self.owned.device)
     }
 
-    /// The queue, which has graphics and compute, and the family that it is of, for those who submit without waiting.
+    /// The queue, which has graphics and compute, and its family, for callers that submit without waiting.
     #[doc(hidden)]
     pub fn queue(&self) -> (vk::Queue, u32) {
         self.submitter.queue
     }
 
-    /// Record a command buffer with `f`, submit it and wait, for those who draw poses as hosts do.
+    /// Records a command buffer with `f`, submits it and waits, for callers that draw poses as hosts do.
     ///
     /// # Errors
-    /// Those of `f`; a device that fails.
+    /// Those of `f`; the device fails.
     #[doc(hidden)]
     pub fn run<R>(&self, f: impl FnOnce(vk::CommandBuffer) -> Result<R>) -> Result<R> {
         self.submitter.run(f)
     }
 
-    /// What lies in buffers of the engine's that are not in use: of each its offset and size, multiples of 4.
+    /// Reads ranges of the engine's buffers that are not in use, each given by its offset and size, multiples of 4.
     ///
     /// # Errors
-    /// No memory; a device that fails.
+    /// Out of memory; the device fails.
     #[doc(hidden)]
     pub fn read(&self, ranges: &[(vk::Buffer, u64, u64)]) -> Result<Vec<Vec<u8>>> {
         let most = ranges.iter().map(|range| range.2).max().unwrap_or(0).max(4);
@@ -326,7 +326,7 @@ impl Headless {
         ranges.iter().map(|&range| readback.read(&self.submitter, range)).collect()
     }
 
-    /// Run what records the upload of a mesh, and wait.
+    /// Runs a recording of a mesh's upload, and waits.
     fn upload(&self, record: impl FnOnce(vk::CommandBuffer) -> Result<GpuMesh>) -> Result<GpuMesh> {
         let mut mesh = self.submitter.run(record)?;
         // SAFETY: `run` has waited for the upload.
@@ -336,7 +336,7 @@ impl Headless {
 }
 
 impl DeviceChoice {
-    /// Whether the device that has this place in the list of [`Headless::devices`] could be meant.
+    /// Whether the device at this index in the list of [`Headless::devices`] matches the choice.
     pub fn matches(&self, index: usize, caps: &DeviceCaps) -> bool {
         match self {
             Self::Best => true,
@@ -349,7 +349,7 @@ impl DeviceChoice {
     }
 }
 
-/// That there is none to be had.
+/// The error for a system without a device.
 fn no_device(what: &str) -> Error {
     Error::NoDevice {
         what: what.into(),

@@ -9,25 +9,25 @@ use deltamorph::{Error, Result};
 use std::cell::Cell;
 use std::sync::Arc;
 
-/// Runs command buffers on a queue and waits for them. Queue, pool and fence are used through `&self`, without a lock: not
-/// to be shared between threads, which the cell sees to.
+/// Runs command buffers on a queue and waits for them. Queue, pool and fence are used through `&self`, without a lock:
+/// not to be shared between threads, which the cell prevents.
 pub(super) struct Submitter {
     pub(super) device: ash::Device,
-    /// The queue, and the family that it is of.
+    /// The queue and its family.
     pub(super) queue: (vk::Queue, u32),
     pool: vk::CommandPool,
-    /// What `run` records into; none while it does, so that a `run` within it takes another.
+    /// The command buffer that `run` records into; none while it does, so that a nested `run` takes another.
     cmd: Cell<Option<vk::CommandBuffer>>,
     fence: vk::Fence,
     queries: Option<vk::QueryPool>,
-    /// Bits of a timestamp that count.
+    /// Valid bits of a timestamp.
     mask: u64,
-    /// Milliseconds of a tick.
+    /// Milliseconds per tick.
     tick: f64,
 }
 
 impl Submitter {
-    /// Timestamps are of `nanoseconds` and have so many bits; none if either is 0.
+    /// Timestamps in units of `nanoseconds` with so many bits; none if either is 0.
     pub(super) fn new(device: &ash::Device, family: u32, timestamp_bits: u32, nanoseconds: f32) -> Result<Self> {
         let info = vk::CommandPoolCreateInfo::default()
             .queue_family_index(family)
@@ -53,7 +53,7 @@ impl Submitter {
         Ok(this)
     }
 
-    /// A further command buffer, freed with the submitter.
+    /// Allocates a further command buffer, freed with the submitter.
     pub(super) fn allocate(&self) -> Result<vk::CommandBuffer> {
         let info = vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
         // SAFETY: the pool is ours.
@@ -61,7 +61,8 @@ impl Submitter {
         Ok(made.map_err(Error::vulkan("vkAllocateCommandBuffers"))?[0])
     }
 
-    /// Record a command buffer. Beginning resets it, but not while it is recording: one that a panic left so is not used again.
+    /// Records a command buffer. Beginning resets it, but not while it is recording: a buffer left so by a panic is not
+    /// used again.
     pub(super) fn record<R>(
         &self,
         cmd: vk::CommandBuffer,
@@ -76,7 +77,8 @@ impl Submitter {
         result
     }
 
-    /// Submit and wait. After an error nothing has run, or the device is lost (or cannot be waited for: [`wait_idle`]).
+    /// Submits and waits. After an error nothing has run, or the device is lost (or cannot be waited for:
+    /// [`wait_idle`]).
     pub(super) fn submit(&self, cmds: &[vk::CommandBuffer]) -> Result<()> {
         let info = [vk::SubmitInfo::default().command_buffers(cmds)];
         // SAFETY: the buffers were recorded by us and are not pending; the fence is ours and in no queue.
@@ -86,13 +88,13 @@ impl Submitter {
             match self.device.wait_for_fences(&[self.fence], true, u64::MAX) {
                 Ok(()) => Ok(()),
                 Err(lost @ vk::Result::ERROR_DEVICE_LOST) => Err(Error::vulkan("vkWaitForFences")(lost)),
-                // A wait may lack memory; whoever called relies on an end, though.
+                // A wait may run out of memory, but the caller relies on all commands having finished.
                 Err(_) => wait_idle(&self.device).map_err(Error::vulkan("vkDeviceWaitIdle")),
             }
         }
     }
 
-    /// Record, submit and wait.
+    /// Records, submits and waits.
     pub(super) fn run<R>(&self, f: impl FnOnce(vk::CommandBuffer) -> Result<R>) -> Result<R> {
         let cmd = self.cmd.take().map_or_else(|| self.allocate(), Ok)?;
         let recorded = self.record(cmd, f);
@@ -104,8 +106,8 @@ impl Submitter {
         recorded
     }
 
-    /// As [`run`](Self::run), with the milliseconds that the device took, where it has timestamps: for what `f` records
-    /// before it calls what it is handed, once at most, and for what it records after.
+    /// [`run`](Self::run) that also returns the milliseconds that the device took, if it has timestamps: for the
+    /// commands that `f` records before it calls its second argument, once at most, and for those after.
     pub(super) fn run_timed<R>(
         &self,
         f: impl FnOnce(vk::CommandBuffer, &dyn Fn()) -> Result<R>,
@@ -129,12 +131,12 @@ impl Submitter {
             let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
             self.device.get_query_pool_results(queries, 0, &mut at, flags)
         };
-        // To return an error would say that nothing ran.
+        // An error would say that nothing ran.
         let ms = |from: u64, to: u64| read.is_ok().then(|| (to.wrapping_sub(from) & self.mask) as f64 * self.tick);
         Ok((result, [ms(at[0], at[1]), ms(at[1], at[2])]))
     }
 
-    /// A timestamp when everything before it is done, and nothing after it has begun.
+    /// A timestamp after everything before it is done, and before anything after it begins.
     fn stamp(&self, cmd: vk::CommandBuffer, query: u32) {
         let Some(queries) = self.queries else { return };
         // SAFETY: the buffer is recording; the query pool is ours and was reset in it.
@@ -166,13 +168,13 @@ pub(super) struct Readback {
 }
 
 impl Readback {
-    /// Room for so many bytes at once, a multiple of 4 (≥ 4).
+    /// Makes room for so many bytes at once, a multiple of 4 (≥ 4).
     pub(super) fn new(device: &Arc<Device>, bytes: u64) -> Result<Self> {
         let (usage, location) = (vk::BufferUsageFlags::TRANSFER_DST, MemoryLocation::GpuToCpu);
         Ok(Self { buffer: Buffer::new(device, "readback", bytes, usage, location)?, bytes })
     }
 
-    /// `size` bytes of `buffer` from `offset` on, which are there and not in use, as words.
+    /// Reads `size` bytes of `buffer`, which is not in use, from `offset` on, as words.
     pub(super) fn read<T: bytemuck::Pod>(
         &mut self,
         submitter: &Submitter,
@@ -197,7 +199,7 @@ impl Readback {
     }
 }
 
-/// Everything before, then the stages `next`, all memory.
+/// A barrier from everything before to the stages `next`, for all memory.
 pub(super) fn full_barrier(device: &ash::Device, cmd: vk::CommandBuffer, next: vk::PipelineStageFlags) {
     let memory = [vk::MemoryBarrier::default()
         .src_access_mask(vk::AccessFlags::MEMORY_WRITE)

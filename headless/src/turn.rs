@@ -1,4 +1,4 @@
-//! One thread at a time may have the validation layers loaded.
+//! A turn, so that only one thread at a time has the validation layers loaded.
 //!
 //! Each call into the layers looks its device up in a map, without a lock, while other threads may put theirs in
 //! (KhronosGroup/Vulkan-ValidationLayers, issue 4391): a crash, once in hundreds of runs of tests on two threads.
@@ -6,11 +6,11 @@
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{ThreadId, current};
 
-/// Who has the layers loaded, and how many times.
+/// The thread that has the layers loaded, and how many times.
 static OWNER: Mutex<Option<(ThreadId, usize)>> = Mutex::new(None);
 static FREE: Condvar = Condvar::new();
 
-/// The right to have them loaded; others wait until it is dropped, but for the thread that has it already.
+/// The right to have the layers loaded; other threads wait until it is dropped, the thread that holds it does not.
 pub(super) struct Turn(());
 
 fn owner() -> MutexGuard<'static, Option<(ThreadId, usize)>> {

@@ -3,15 +3,15 @@
 use deltamorph::ash::{self, vk};
 use std::time::Duration;
 
-/// How often a wait is tried, and what passes between: ten seconds.
+/// Number of attempts, and the pause between them: ten seconds in all.
 const TRIES: usize = 1000;
 const PAUSE: Duration = Duration::from_millis(10);
 
-/// Wait until the device has finished. A wait may fail for want of memory while the device works on; what it uses must not
-/// be destroyed then, and so it is waited for again.
+/// Waits until the device has finished. A wait may fail for want of memory while the device works on; resources in use
+/// must not be destroyed then, so the wait is repeated.
 ///
 /// # Errors
-/// The device is lost, and uses nothing any more; or memory is wanting for ten seconds on end, and there is no way to wait.
+/// The device is lost, and uses nothing any more; or waits ran out of memory for ten seconds on end.
 ///
 /// # Safety
 /// No other thread uses the device's queues meanwhile.
@@ -20,7 +20,7 @@ pub unsafe fn wait_idle(device: &ash::Device) -> Result<(), vk::Result> {
     again(|| unsafe { device.device_wait_idle() }, PAUSE)
 }
 
-/// Wait again and again, until that succeeds or the device is lost.
+/// Repeats the wait until it succeeds or the device is lost.
 fn again(mut wait: impl FnMut() -> Result<(), vk::Result>, pause: Duration) -> Result<(), vk::Result> {
     let mut waited = wait();
     for _ in 1..TRIES {

@@ -1,12 +1,12 @@
-//! The pipeline that blends, of a baseline that sums colours.
+//! The blending pipeline of a baseline that sums colours.
 
 use deltamorph::Result;
 use deltamorph::ash::vk;
 use deltamorph::internals::abi::modules::Module;
 use deltamorph::internals::gpu::pipelines::{Objects, with_stage};
 
-/// A pipeline that adds what a vertex and a fragment module draw to two colours, in strips of triangles without vertex
-/// attributes. Viewport and scissor are dynamic. The render pass is there.
+/// A pipeline that adds the output of a vertex and a fragment module to two colours, in strips of triangles without
+/// vertex attributes. Viewport and scissor are dynamic. The render pass exists already.
 pub(super) fn add_blending(objects: &mut Objects, [vertex, fragment]: [&Module; 2]) -> Result<()> {
     let input = vk::PipelineVertexInputStateCreateInfo::default();
     let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(vk::PrimitiveTopology::TRIANGLE_STRIP);

@@ -2,15 +2,16 @@
 //! four-component floats, without supercompression.
 //!
 //! Checked by reading, section by section, against Khronos' KTX File Format Specification 2.0 (ktxspec.adoc of
-//! KhronosGroup/KTX-Specification, with the Data Format Specification that it cites): identifier; `typeSize` is a component's
-//! bytes; `layerCount` above 0 and `pixelDepth` 0 are a 2D array; the descriptor follows the level index, and keys follow it
-//! without room between; keys ascend, each once, none begins with "KTX" but KTXwriter, whose value ends in a zero byte; a
-//! value that begins with a number of 32 bits has a key of a multiple of 4 bytes, the zero byte included; entries are padded
-//! to 4 bytes, the padding counts in `kvdByteLength` alone; no global data: 0 and 0; the level begins at a multiple of
-//! lcm(texel, 4), a texel's 8 or 16 bytes, and ends with the file. The descriptor is of version 2, RGBSDA, BT.709, linear,
-//! straight alpha, one texel a block; samples are R, G, B, A (0, 1, 2, 15), signed floats from -1 to 1.
-//! Two other implementations read files of both formats: ktx-parse for JavaScript, which writes them again byte for byte, and
-//! the crate ktx2, in tests. The crate is not what reads them here, since it panics at some that are damaged.
+//! KhronosGroup/KTX-Specification, with the Data Format Specification that it cites): identifier; `typeSize` is a
+//! component's bytes; `layerCount` above 0 and `pixelDepth` 0 are a 2D array; the descriptor follows the level index,
+//! and keys follow it without a gap; keys ascend, each once, none begins with "KTX" but KTXwriter, whose value ends in
+//! a zero byte; a value that begins with a number of 32 bits has a key of a multiple of 4 bytes, the zero byte
+//! included; entries are padded to 4 bytes, the padding counts in `kvdByteLength` alone; no global data: 0 and 0; the
+//! level begins at a multiple of lcm(texel, 4), a texel's 8 or 16 bytes, and ends with the file. The descriptor is of
+//! version 2, RGBSDA, BT.709, linear, straight alpha, one texel a block; samples are R, G, B, A (0, 1, 2, 15), signed
+//! floats from -1 to 1.
+//! Two other implementations read files of both formats: ktx-parse for JavaScript, which writes them again byte for
+//! byte, and the crate ktx2, in tests. The crate does not read files here, since it panics at some damaged ones.
 
 use std::ops::Range;
 
@@ -19,12 +20,12 @@ const IDENTIFIER: [u8; 12] = *b"\xABKTX 20\xBB\r\n\x1A\n";
 const DESCRIPTOR_AT: usize = 12 + 9 * 4 + 4 * 4 + 2 * 8 + 3 * 8;
 const REMEDY: &str = "write the file anew";
 
-/// What is wrong: where, what, and the remedy.
+/// The defect, its position, and the remedy.
 pub(super) type Refused = (&'static str, String, &'static str);
 
-/// An array of images, and what is written beside it.
+/// An array of images, and the keys written with it.
 pub(super) struct Container<'a> {
-    /// Half floats, else float32.
+    /// Whether the numbers are half floats, otherwise float32.
     pub(super) half: bool,
     pub(super) size: [u32; 2],
     pub(super) layers: u32,
@@ -64,7 +65,7 @@ impl<'a> Container<'a> {
         bytes
     }
 
-    /// Read what is such a file; nothing is copied.
+    /// Reads such a file; nothing is copied.
     pub(super) fn read(bytes: &'a [u8]) -> Result<Self, Refused> {
         let header = |what: String| (": header", what, REMEDY);
         if !bytes.starts_with(&IDENTIFIER) || bytes.len() < DESCRIPTOR_AT {
@@ -96,7 +97,7 @@ impl<'a> Container<'a> {
             let end = bytes.len();
             found.ok_or_else(|| header(format!("{what}: {length} bytes at {at} of a file of {end}")))
         };
-        // It repeats what the format says.
+        // The descriptor repeats the format.
         part(word(48).into(), word(52).into(), "the data format descriptor")?;
         let texels = part(long(80), long(88), "the level")?;
         let bytes_of = |n: u32, of: u128| of * u128::from(n);

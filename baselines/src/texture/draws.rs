@@ -19,7 +19,7 @@ use std::sync::Arc;
 /// Binding of the displacement textures.
 const DISPLACEMENTS: u32 = 2;
 
-/// The draw's pipeline, then, where the device can, the one that captures.
+/// The draw's pipeline, then the capturing one if the device can capture.
 #[derive(Clone, Copy, PartialEq)]
 struct Textured {
     capture: Option<Capture>,
@@ -36,24 +36,24 @@ impl PipelineKey for Textured {
         objects.add_layout(&rows, 0)?;
         objects.add_empty_render_pass()?;
         let (bindings, attributes) = PoseFormat::Float32.vertex_input(false);
-        // They read no deltas.
+        // The draws read no deltas.
         let module = |kernel: &'static Kernel| kernel.module(DeltaFormat::Float32.row(), PoseFormat::Float32.row(), 0);
         kernels.iter().try_for_each(|kernel| objects.add_discarding_vertex(module(kernel)?, &bindings, &attributes))
     }
 }
 
-/// What a crowd's draws take.
+/// The arguments for a crowd's draws.
 pub(crate) struct TextureDraws {
     kernel: Arc<Pipelines<Textured>>,
     mesh: Arc<MeshBuffers>,
     /// By instance.
     sets: Sets,
-    /// One pose to capture into.
+    /// A buffer for one captured pose.
     pose: vk::Buffer,
 }
 
 impl TextureDraws {
-    /// Draws that fetch these displacement textures, by instance.
+    /// Makes draws that fetch these displacement textures, by instance.
     pub(super) fn new(context: Context<'_>, displacements: Vec<vk::ImageView>) -> Result<Self> {
         let (mesh, pose) = (context.mesh, context.poses);
         let capture = Capture::of(context.device, UpdatePath::Texture).ok();
@@ -86,10 +86,10 @@ impl PoseDraws for TextureDraws {
 }
 
 impl TextureDraws {
-    /// Record the draws of these instances, captured in the way that the device has, if requested.
+    /// Records the draws of these instances, captured in the device's way if requested.
     ///
     /// # Safety
-    /// As [`PoseDraws::record`]; captures have barriers around them.
+    /// The conditions of [`PoseDraws::record`]; captures have barriers around them.
     unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>, captured: bool) {
         let (objects, capture) = (&self.kernel.objects, self.kernel.key.capture.filter(|_| captured));
         let (device, textures) = (&objects.device.raw, Textures::of(&self.mesh));

@@ -1,17 +1,19 @@
-//! Delta textures as files: KTX 2.0, which other tools open, with what is needed to make targets of them again.
+//! Delta textures as files: KTX 2.0, which other tools open, with the data for making targets of them again.
 //!
 //! The images are an array of layers, R32G32B32A32_SFLOAT or R16G16B16A16_SFLOAT: two for each group of streams
-//! ([`PackedGroup`](deltamorph::PackedGroup)), of its first three numbers (positions in group 0) and of its last (normals).
-//! Alpha is 0. A texel of a layer is a delta in input units; texels are counted row by row. Two keys say whose it is:
+//! ([`PackedGroup`](deltamorph::PackedGroup)), of its first three numbers (positions in group 0) and of its last
+//! (normals). Alpha is 0. A texel of a layer is a delta in input units; texels are counted row by row. Two keys map
+//! texels to vertices and targets:
 //!
-//! - `deltamorph.names`: the names of the targets in UTF-8, a zero byte behind each.
-//! - `deltamorph.textures`: unsigned numbers of 32 bits, little endian. The version, 1; vertices; targets; groups. Then for
-//!   each group: its number of streams, and of each the kind (0 position, 1 normal, 2 tangent, 256 + n texture
+//! - `deltamorph.names`: the names of the targets in UTF-8, each followed by a zero byte.
+//! - `deltamorph.textures`: unsigned numbers of 32 bits, little endian. The version, 1; vertices; targets; groups. Then
+//!   for each group: its number of streams, and of each the kind (0 position, 1 normal, 2 tangent, 256 + n texture
 //!   coordinates n, 512 + n colours n, 768 wrinkle masks) and its first component of six; columns and rows of the
-//!   *displacement texture*; targets + 1 numbers, the first rectangle of each target and the number of all; each rectangle as column, row, width
-//!   and height in the displacement texture, and the texel of the layers that holds its first delta, where the others
-//!   follow row by row (rectangles follow each other without texels between them); and for each vertex its texel of the
-//!   displacement texture, 0 where no target moves it, and otherwise not that of another.
+//!   *displacement texture*; targets + 1 numbers, the first rectangle of each target and the number of all; each
+//!   rectangle as column, row, width and height in the displacement texture, and the texel of the layers that holds its
+//!   first delta, followed by the others row by row (rectangles follow each other without texels between them); and for
+//!   each vertex its texel of the displacement texture: 0 if no target moves it, otherwise one that no other vertex
+//!   has.
 
 use super::container::{Container, Refused};
 use super::half;
@@ -34,13 +36,13 @@ const SIDE: u32 = 16384;
 /// No file is larger than 4 GiB.
 const LARGEST_FILE: u64 = 1 << 32;
 
-/// How a file holds deltas.
+/// The storage of deltas in a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TextureFloats {
-    /// As they are, in 32 bits.
+    /// Unchanged, in 32 bits.
     #[default]
     Single,
-    /// The nearest half floats, ties to even: each number is off by at most 2^-11 of its size, or by 2^-25 where it is
+    /// The nearest half floats, ties to even: each number is off by at most 2^-11 of its size, or by 2^-25 if it is
     /// below 2^-14.
     Half,
 }
@@ -49,7 +51,7 @@ pub enum TextureFloats {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct TextureFile {
-    /// What the file holds.
+    /// Number format of the file.
     pub bytes: Vec<u8>,
     /// Texels of a row, and rows, of each layer.
     pub size: [u32; 2],
@@ -59,10 +61,11 @@ pub struct TextureFile {
     pub covered: usize,
 }
 
-/// The delta textures of a mesh as a KTX2 file.
+/// Makes a KTX2 file of the delta textures of a mesh.
 ///
 /// # Errors
-/// A format other than float32; a name with a zero byte; more texels than 16384 × 16384; half floats: a delta beyond 65504.
+/// A format other than float32; a name with a zero byte; more texels than 16384 × 16384; half floats: a delta beyond
+/// 65504.
 pub fn write_ktx2(mesh: &PackedMesh, floats: TextureFloats) -> Result<TextureFile> {
     let (layout, single) = (mesh.layout(), floats == TextureFloats::Single);
     let refuse = |what: String, remedy: &str| Err(invalid(format!("mesh '{}': {what}", layout.name), remedy));
@@ -104,11 +107,12 @@ pub fn write_ktx2(mesh: &PackedMesh, floats: TextureFloats) -> Result<TextureFil
     Ok(TextureFile { bytes, size, layers, covered })
 }
 
-/// `base` with the targets of a KTX2 file in the place of its own. Besides the copy of `base`, takes 100 bytes of memory at
-/// most for each byte of the file, and 1 MiB, whatever it counts.
+/// Copies `base` with the targets of a KTX2 file instead of its own. Besides the copy of `base`, it takes 100 bytes of
+/// memory at most for each byte of the file, and 1 MiB, whatever counts the file states.
 ///
 /// # Errors
-/// A file that cannot be read, is not as the [module](self) says, or is of another mesh: other vertices or streams.
+/// The file cannot be read, does not match the [module](self)'s description, or is of a mesh with other vertices or
+/// streams.
 pub fn read_ktx2(path: &Path, base: &MorphMesh) -> Result<MorphMesh> {
     let bytes = read_bounded(path, LARGEST_FILE, "split the mesh")?;
     let targets = targets(&bytes, base).map_err(|(place, what, remedy)| Error::Input {
@@ -165,7 +169,7 @@ pub(super) fn targets(bytes: &[u8], base: &MorphMesh) -> Result<Vec<MorphTarget>
             2 * streams.len()
         )));
     }
-    // Before anything is made for each of them: a name takes one byte, a target in memory hundreds.
+    // Checked before any target is made: a name takes one byte, a target in memory hundreds.
     let count = head[2] as usize;
     if count > TARGETS_MAX {
         return Err(refused(format!("{count} targets; a mesh has at most {TARGETS_MAX}")));
@@ -221,7 +225,7 @@ pub(super) fn targets(bytes: &[u8], base: &MorphMesh) -> Result<Vec<MorphTarget>
     Ok(targets)
 }
 
-/// Read a group, and hand each delta to `keep`: ascending by vertex in each target.
+/// Reads a group, and passes each delta to `keep`: ascending by vertex in each target.
 fn read_group(
     file: &Container<'_>,
     words: &mut Words<'_>,
@@ -256,7 +260,7 @@ fn read_group(
             let [x, y, width, height, at] = r.map(u64::from);
             let number: u32 = number.next().unwrap_or_default();
             let inside = x + width <= size[0].into() && y + height <= size[1].into() && width * height > 0;
-            // As they follow each other, all of them together are no more work than the image is large.
+            // Rectangles follow each other, so all of them together are no more work than the image is large.
             if !inside || at != next || u128::from(at) + u128::from(width) * u128::from(height) > u128::from(held) {
                 return Err(refused(format!("group {group}: rectangle {number} {r:?} is outside, or out of order")));
             }

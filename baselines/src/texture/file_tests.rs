@@ -66,7 +66,7 @@ fn the_container_is_as_the_specification_says() {
     }
 }
 
-/// Headers, descriptors, keys and texels as a reader has them that is not ours.
+/// Headers, descriptors, keys and texels as read by another implementation.
 #[test]
 fn others_read_what_is_written() {
     let mesh = testing::with_streams(testing::mesh(300, 7));
@@ -140,7 +140,7 @@ fn numbers_that_lie_are_refused_before_memory_is_taken_for_them() {
     assert!(text.contains("30000000 targets") && text.contains("65536"), "{text}");
     let text = refused(&forged(&file, |names, _| *names = vec![0; many]));
     assert!(text.contains("one name for each target"), "{text}");
-    // A count that nothing in the file stands for.
+    // A count without data in the file.
     for count in [u32::MAX, 1 << 16, 4] {
         assert!(targets(&forged(&file, |_, words| put(words, 2, count)), &mesh).is_err(), "{count}");
     }

@@ -3,7 +3,7 @@
 /// The largest number that a half float holds.
 pub(super) const LARGEST: f32 = 65504.0;
 
-/// The nearest half float, ties to even; infinite from 65520 on. What is not a number stays so.
+/// The nearest half float, ties to even; infinite from 65520 on. NaN stays NaN.
 pub(super) fn from_f32(value: f32) -> u16 {
     let (sign, size) = ((value.to_bits() >> 16 & 0x8000) as u16, value.to_bits() & 0x7fff_ffff);
     sign | match size {
@@ -11,7 +11,8 @@ pub(super) fn from_f32(value: f32) -> u16 {
         0x477f_f000.. => 0x7c00,
         // Normal: the exponent's bias goes from 127 to 15, 13 bits are rounded away; a carry is right in the exponent.
         0x3880_0000.. => ((size - 0x3800_0000 + 0xfff + (size >> 13 & 1)) >> 13) as u16,
-        // Below 2^-14 steps are 2^-24. Multiplying by a power of two is exact, and double precision has room for halves.
+        // Below 2^-14 steps are 2^-24. Multiplying by a power of two is exact, and double precision has room for
+        // halves.
         _ => (f64::from(f32::from_bits(size)) * f64::from(1 << 24)).round_ties_even() as u16,
     }
 }
@@ -26,7 +27,7 @@ pub(super) fn to_f32(half: u16) -> f32 {
     })
 }
 
-/// Whether a half float is this very number, the sign of zero included.
+/// Whether a half float represents this number exactly, the sign of zero included.
 pub(super) fn is_half(value: f32) -> bool {
     to_f32(from_f32(value)).to_bits() == value.to_bits()
 }

@@ -16,7 +16,7 @@ pub(super) struct Image {
     pub(super) size: [u32; 2],
     format: vk::Format,
     allocation: Option<Allocation>,
-    /// Those that were made, in order.
+    /// The views that were made, in order.
     pub(super) views: Vec<vk::ImageView>,
 }
 
@@ -41,11 +41,11 @@ impl Image {
             .usage(usage)
             .sharing_mode(sharing)
             .queue_family_indices(families);
-        // SAFETY: the device is alive (Device::borrow); the size is within its limits, and every device has the formats for
-        // these usages, or caps say so (checked by whoever names them).
+        // SAFETY: the device is alive (Device::borrow); the size is within its limits, and every device has the formats
+        // for these usages, or caps say so (checked by whoever names them).
         let raw = unsafe { device.raw.create_image(&info, None) }.map_err(Error::vulkan("vkCreateImage"))?;
         device.name(raw, || name.to_owned());
-        // From here on dropping `image` destroys what there is of it.
+        // From here on dropping `image` destroys what was made so far.
         let mut image = Self { device: device.clone(), raw, size, format, allocation: None, views: vec![] };
         // SAFETY: created just now.
         let requirements = unsafe { device.raw.get_image_memory_requirements(raw) };
@@ -82,12 +82,12 @@ impl Image {
     }
 }
 
-/// Record the copy of all texels of a new image of this size from a buffer, and the changes of layout around it: shaders load
-/// the image after it.
+/// Records the copy of all texels of a new image of this size from a buffer, and the layout changes around it:
+/// afterwards shaders load the image.
 ///
 /// # Safety
 /// - `cmd` is in the recording state on the image's device, outside a render pass.
-/// - `texels` holds those of the image, and both live until the copy has run; nobody uses the image meanwhile.
+/// - `texels` holds all texels of the image, and both live until the copy has run; the image is not used meanwhile.
 pub(super) unsafe fn record_filling(
     device: &Device,
     cmd: vk::CommandBuffer,
@@ -118,7 +118,7 @@ pub(super) unsafe fn record_filling(
         .old_layout(filling)
         .new_layout(Layout::SHADER_READ_ONLY_OPTIMAL);
     let none = vk::DependencyFlags::empty();
-    // No stage of shaders is named, so that any queue takes it.
+    // No shader stage is named, so that every queue accepts the barrier.
     // SAFETY: the caller's obligations.
     unsafe {
         device.raw.cmd_pipeline_barrier(cmd, Stage::TOP_OF_PIPE, Stage::TRANSFER, none, &[], &[], &[before]);
@@ -135,7 +135,7 @@ pub(super) fn staging(device: &Arc<Device>, bytes: &[u8]) -> Result<Buffer> {
     Ok(staging)
 }
 
-/// Bind an image that shaders load, in the layout SHADER_READ_ONLY_OPTIMAL, in a set that is not in use yet.
+/// Binds an image that shaders load, in the layout SHADER_READ_ONLY_OPTIMAL, in a set that is not in use yet.
 pub(super) fn write_image(device: &Device, set: vk::DescriptorSet, binding: u32, view: vk::ImageView) {
     let layout = vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL;
     let info = [vk::DescriptorImageInfo::default().image_view(view).image_layout(layout)];
@@ -152,7 +152,7 @@ impl Drop for Image {
             self.views.iter().for_each(|&view| self.device.raw.destroy_image_view(view, None));
             self.device.raw.destroy_image(self.raw, None);
         }
-        // Not before: the allocator may be the host's, and hand the memory out again at once.
+        // Freed last: the allocator may be the host's, and hand the memory out again at once.
         if let Some(allocation) = self.allocation.take() {
             self.device.free(allocation);
         }

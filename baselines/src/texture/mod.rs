@@ -1,17 +1,17 @@
 //! The `texture` path (Galanakis, "Texture-based Blendshapes in DX9"): deltas in textures, blended into textures of
 //! displacements, which draws fetch.
 //!
-//! Each target is a few rectangles of texels (`texels`). A pass draws those of the targets that it applies, and blending
-//! adds coefficient · delta to the displacement textures of an instance, positions and normals at once (`passes`): weights
-//! after clearing, or delta weights on top of what is there. Draws add to the base pose what the texel of the vertex holds
-//! (`draws`). Further streams of a mesh have textures of their own, two for each group: texture coordinates, for example, which
-//! targets move where they stretch the skin.
+//! Each target is a few rectangles of texels (`texels`). A pass draws those of the targets that it applies, and
+//! blending adds coefficient · delta to the displacement textures of an instance, positions and normals at once
+//! (`passes`): weights after clearing, or delta weights on top of the existing displacements. Draws add the texel of
+//! the vertex to the base pose (`draws`). Further streams of a mesh have their own textures, two for each group:
+//! texture coordinates, for example, which targets move when they stretch the skin.
 //!
-//! Deltas are loaded as packed: float32, or 16-bit integers times the coefficient of their step. Where every float32 delta
-//! is exactly a half float, as the article has them and files of half floats are read (`file`), textures hold half floats:
-//! half of the bytes, and the same numbers. Nothing is rounded to them here, since the integers are as small and keep more
-//! bits. Sums are float32: they drift as those of the other paths with float32 poses do, and are wiped where rebuilding
-//! takes no more targets.
+//! Deltas are loaded as packed: float32, or 16-bit integers times the coefficient of their step. If every float32 delta
+//! is exactly a half float, as in the article and in files of half floats (`file`), textures hold half floats: half of
+//! the bytes, and the same numbers. Numbers are never rounded to half floats here, since the integers are as small and
+//! keep more bits. Sums are float32: they drift like those of the other paths with float32 poses, and are cleared when
+//! rebuilding takes no more targets.
 
 mod blending;
 mod container;
@@ -54,18 +54,18 @@ const BLEND: &[Use] = &[
     Use::new(Resource::Asset, Stage::FragmentShader, Access::ShaderRead),
     Use::new(Resource::Poses, Stage::ColourOutput, Access::Blend),
 ];
-/// What draws fetch, whoever else reads.
+/// Reads by draws, whatever the other consumers are.
 const FETCH: &[Use] = &[Use::new(Resource::Poses, Stage::VertexShader, Access::ShaderRead)];
 
-/// The delta textures of a group, and what the host knows of them.
+/// The delta textures of a group, and their layout on the host.
 struct Textures {
-    /// First rectangle and first texel of the deltas of each target, and the numbers of all.
+    /// First rectangle and first texel of the deltas of each target, then the numbers of all.
     first: Vec<[u32; 2]>,
     /// Texels of a row, and rows, of the displacement textures.
     size: [u32; 2],
     /// Bytes of a texel of both delta textures.
     delta: u64,
-    /// Those of both triples, each with a view.
+    /// The textures of both triples, each with a view.
     images: Vec<Image>,
 }
 
@@ -92,32 +92,33 @@ impl Textures {
         self.range(target, 0)
     }
 
-    /// Texels that a target moves, with those between them.
+    /// Texels that a target moves, including those between them.
     fn texels(&self, target: u32) -> u32 {
         self.range(target, 1).len() as u32
     }
 
-    /// Where the texels of vertices begin, behind all rectangles, in words.
+    /// The offset in words of the texels of vertices, which follow all rectangles.
     fn texels_at(&self) -> u32 {
         self.first.last().map_or(0, |[rectangles, _]| *rectangles) * RECTANGLE_WORDS as u32
     }
 }
 
-/// The rectangles, and the texels of vertices behind them.
+/// The rectangles, followed by the texels of vertices.
 fn words_of(mesh: &MeshBuffers) -> BufferRange {
     let words = u64::from(Textures::of(mesh).texels_at()) + mesh.layout.padded_vertices() as u64;
     BufferRange::new(mesh.deltas.raw, 0, 4 * words)
 }
 
-/// The buffers of a mesh, which was checked for the path, and what fills them, with two textures of deltas for each group:
-/// 32 bytes for each vertex that a target moves (float32), or 16 (snorm16, and float32 where every delta of a group of
+/// Creates and fills the buffers of a mesh, which was checked for the path, with two textures of deltas for each group:
+/// 32 bytes for each vertex that a target moves (float32), or 16 (snorm16, and float32 if every delta of a group of
 /// streams is exactly a half float). Records the copies to the textures, and the changes of their layouts.
 ///
 /// # Errors
-/// Textures larger than the device's images; rectangles that no descriptor covers; no memory. Nothing is recorded then.
+/// Textures larger than the device's images; more rectangles than a descriptor covers; out of memory. Nothing is
+/// recorded then.
 ///
 /// # Safety
-/// As [`UploadFor`](deltamorph::internals::update::technique::UploadFor).
+/// The conditions of [`UploadFor`](deltamorph::internals::update::technique::UploadFor).
 pub(crate) unsafe fn upload(
     device: &Arc<Device>,
     cmd: vk::CommandBuffer,
@@ -157,7 +158,7 @@ pub(crate) unsafe fn upload(
     Ok((groups, uploads))
 }
 
-/// What a group of the mesh takes.
+/// The resources of a group of the mesh.
 struct Group {
     mesh: Arc<MeshBuffers>,
     passes: BlendPasses,
@@ -182,9 +183,9 @@ impl TextureTechnique {
 }
 
 impl Technique for TextureTechnique {
-    /// Bytes of an update: of each coefficient the texels of its deltas, and as many texels of displacements loaded and
-    /// stored; of each rebuilt instance all texels cleared. The floor has each texel of displacements loaded and stored
-    /// once at most. Draws are not counted, as they are not where there are pose buffers.
+    /// Bytes of an update: for each coefficient the texels of its deltas, and as many texels of displacements loaded
+    /// and stored; for each rebuilt instance all texels cleared. In the floor, each texel of displacements is loaded
+    /// and stored once at most. Draws are not counted, just as they are not with pose buffers.
     fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         self.planner.plan(instances, id.update);
         self.planner.fill(self.groups.len(), BLEND, steps);
@@ -220,7 +221,7 @@ impl Technique for TextureTechnique {
         self.groups.get(group).map(|group| &group.draws as &dyn PoseDraws)
     }
 
-    /// The displacement textures are the pose of an instance, whatever its slots.
+    /// The displacement textures are the pose of an instance, whatever its number of slots.
     fn accesses(&self, works: &[Work]) -> Vec<deltamorph::internals::plan::hazards::Accesses> {
         use deltamorph::internals::plan::hazards::{Accesses, Memory};
         let of = |work: &Work| {

@@ -34,8 +34,8 @@ impl PipelineKey for Blend {
     }
 }
 
-/// A render pass over both displacement textures, which draws find in SHADER_READ_ONLY_OPTIMAL: it clears them, whatever
-/// they are, or loads what such a pass left.
+/// A render pass over both displacement textures, which draws find in SHADER_READ_ONLY_OPTIMAL: it clears them,
+/// whatever their contents, or loads the result of an earlier such pass.
 fn render_pass(device: &Device, clears: bool) -> Result<vk::RenderPass> {
     use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
     let (load, layout) = match clears {
@@ -57,8 +57,8 @@ fn render_pass(device: &Device, clears: bool) -> Result<vk::RenderPass> {
         .pipeline_bind_point(vk::PipelineBindPoint::GRAPHICS)
         .color_attachments(&colours)];
     let blend = Access::COLOR_ATTACHMENT_READ | Access::COLOR_ATTACHMENT_WRITE;
-    // Changes of layout come between the barriers before the pass, which end in this stage, and after it, which begin with
-    // it or with what draws read.
+    // Layouts change between the barriers before the pass, which end in this stage, and those after it, which begin
+    // with this stage or with the stages that draws read in.
     let dependencies = [
         vk::SubpassDependency::default()
             .src_subpass(vk::SUBPASS_EXTERNAL)
@@ -82,16 +82,16 @@ fn render_pass(device: &Device, clears: bool) -> Result<vk::RenderPass> {
 /// The displacement textures of an instance: layer 0 is positions, layer 1 normals.
 struct Displacements {
     _image: Image,
-    /// Both layers, as draws fetch them.
+    /// Both layers, for draws to fetch.
     view: vk::ImageView,
     framebuffer: vk::Framebuffer,
 }
 
-/// What a crowd's passes take.
+/// The arguments for a crowd's passes.
 pub(super) struct BlendPasses {
     kernel: Arc<Pipelines<Blend>>,
     mesh: Arc<MeshBuffers>,
-    /// Loads what an earlier pass left.
+    /// Loads the result of an earlier pass.
     loading: vk::RenderPass,
     displacements: Vec<Displacements>,
     sets: Sets,
@@ -104,7 +104,7 @@ impl BlendPasses {
         let sets = kernel.objects.sets(&[[words_of(mesh)]])?;
         let images = &Textures::of(mesh).images;
         (1..).zip(images).for_each(|(binding, image)| write_image(device, sets.get(0), binding, image.views[0]));
-        // From here on dropping `passes` destroys what there is of it.
+        // From here on dropping `passes` destroys what was made so far.
         let mut passes =
             Self { loading: render_pass(device, false)?, kernel, mesh: mesh.clone(), displacements: vec![], sets };
         let (name, size) =
@@ -127,17 +127,17 @@ impl BlendPasses {
         Ok(passes)
     }
 
-    /// The displacement textures by instance, as draws fetch them.
+    /// The displacement textures by instance, for draws to fetch.
     pub(super) fn displacements(&self) -> Vec<vk::ImageView> {
         self.displacements.iter().map(|displacements| displacements.view).collect()
     }
 
-    /// Record a pass over the displacement textures of an instance.
+    /// Records a pass over the displacement textures of an instance.
     ///
     /// # Safety
     /// - `cmd` is in the recording state on the device, outside a render pass, on a queue with graphics.
     /// - The targets are the mesh's; unless the pass clears, an earlier one has.
-    /// - What read or wrote the displacement textures before has finished, by a barrier.
+    /// - Earlier reads and writes of the displacement textures have finished, by a barrier.
     pub(super) unsafe fn record(
         &self,
         cmd: vk::CommandBuffer,

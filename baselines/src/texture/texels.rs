@@ -1,9 +1,9 @@
-//! The images of delta textures: which texel holds which vertex, and the deltas of each target, as numbers that are loaded
-//! and multiplied as they are.
+//! The images of delta textures: the texel of each vertex, and the deltas of each target, as numbers that are loaded
+//! and multiplied without decoding.
 //!
-//! Each vertex that any target moves has a texel of its own in the displacement textures of an instance; all others share
-//! the first one, which nothing is drawn to. Vertices that the same targets move lie beside each other, so that a target is
-//! a few rectangles. A delta texture holds the rectangles of all targets one after the other, row by row, without texels in
+//! Each vertex that any target moves has its own texel in the displacement textures of an instance; all others share
+//! the first one, which no pass draws to. Vertices that the same targets move are neighbours, so that a target is a few
+//! rectangles. A delta texture holds the rectangles of all targets one after the other, row by row, without texels in
 //! between.
 
 use super::half;
@@ -18,12 +18,12 @@ const GAP: u32 = 8;
 /// Words of a rectangle.
 pub(super) const RECTANGLE_WORDS: usize = 5;
 
-/// What the four components of a texel of delta textures are.
+/// The format of the four components of a delta texture's texel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Texel {
     /// 16-bit integers: steps of the target.
     Integers,
-    /// Half floats, which hold every delta exactly: half of the bytes, and nothing is lost.
+    /// Half floats, which represent every delta exactly: half of the bytes, without loss.
     Half,
     /// Float32.
     Single,
@@ -51,18 +51,18 @@ pub(super) struct Rectangle {
     pub(super) first: u32,
 }
 
-/// The delta textures of a group of a mesh, and where its vertices and targets lie in them.
+/// The delta textures of a group of a mesh, and the positions of its vertices and targets in them.
 #[derive(Clone, Debug)]
 pub(super) struct DeltaTexels {
     /// Texels of a row, a power of two, and rows of the displacement textures.
     pub(super) size: [u32; 2],
     /// Texels of a row, a power of two, and rows of the delta textures.
     pub(super) image: [u32; 2],
-    /// Texel of the displacement textures for each vertex, counted row by row; 0 where no target moves it.
+    /// Texel of the displacement textures for each vertex, counted row by row; 0 if no target moves it.
     pub(super) texels: Vec<u32>,
     /// Rectangles of all targets, target after target; those of a target do not overlap.
     pub(super) rectangles: Vec<Rectangle>,
-    /// First rectangle of each target, and the number of all.
+    /// First rectangle of each target, then the number of all.
     pub(super) first: Vec<u32>,
     format: DeltaFormat,
     /// Deltas of both triples at each texel of the delta textures, in steps of the target.
@@ -70,11 +70,11 @@ pub(super) struct DeltaTexels {
 }
 
 impl DeltaTexels {
-    /// Bake both triples of a group, which is of a dense format, for textures of at most `side` texels in either
+    /// Bakes both triples of a group, which is of a dense format, for textures of at most `side` texels in either
     /// direction.
     ///
     /// # Errors
-    /// Textures that would be larger than `side`.
+    /// The textures would be larger than `side`.
     pub(super) fn bake(group: &PackedGroup, side: u32) -> Result<Self> {
         let (layout, name) = (group.layout(), &group.layout().name);
         let mut movers = vec![vec![]; layout.vertex_count];
@@ -132,7 +132,7 @@ impl DeltaTexels {
     }
 
     /// The numbers of a delta texture, row by row: of positions, or of normals. The fourth component is 0, as are the
-    /// texels behind the last delta.
+    /// texels after the last delta.
     pub(super) fn numbers(&self, normals: bool) -> impl Iterator<Item = f32> {
         let texels = self.image[0] as usize * self.image[1] as usize;
         let first = if normals { 3 } else { 0 };
@@ -140,7 +140,7 @@ impl DeltaTexels {
         (0..texels).flat_map(move |texel| self.deltas.get(texel).map_or([0.0; 4], of))
     }
 
-    /// How numbers are kept on the device.
+    /// Chooses the format of the numbers on the device.
     pub(super) fn texel(&self) -> Texel {
         match self.format.has_integers() {
             true => Texel::Integers,
@@ -149,7 +149,7 @@ impl DeltaTexels {
         }
     }
 
-    /// The bytes of a delta texture of such texels.
+    /// The bytes of a delta texture with such texels.
     pub(super) fn bytes(&self, normals: bool, texel: Texel) -> Vec<u8> {
         let numbers = self.numbers(normals);
         match texel {
@@ -189,7 +189,7 @@ fn size(texels: usize, side: u32, name: &str) -> Result<[u32; 2]> {
     }
 }
 
-/// Runs of ascending texels, with gaps of at most [`GAP`] within.
+/// Runs of ascending texels, with inner gaps of at most [`GAP`].
 fn runs(texels: impl Iterator<Item = u32>) -> Vec<Range<u32>> {
     let mut runs: Vec<Range<u32>> = vec![];
     for texel in texels {

@@ -1,8 +1,8 @@
-//! Of what follows the pose.
+//! Structures for steps after the pose.
 
 use deltamorph::ash::vk;
 
-/// Where float32 positions of an instance are written, in the order of poses and without padding.
+/// Output buffer for an instance's float32 positions, in the order of poses and without padding.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct DmDecodeTarget {
@@ -20,7 +20,7 @@ pub struct DmDecodeTarget {
     pub reserved: u32,
 }
 
-/// Where the bounds of an instance's pose are written: six float32, the least x, y and z of any vertex, and the
+/// Output buffer for the bounds of an instance's pose: six float32, the least x, y and z of any vertex, then the
 /// greatest.
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -35,7 +35,7 @@ pub struct DmBoundsTarget {
     pub offset: u64,
 }
 
-/// Where normals of an instance's morphed surface are written, in the order of poses and without padding.
+/// Output buffer for normals of an instance's morphed surface, in the order of poses and without padding.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct DmNormalsTarget {
@@ -49,26 +49,26 @@ pub struct DmNormalsTarget {
     pub offset: u64,
 }
 
-/// Which joints move the vertices of a mesh.
+/// Joints and weights of the vertices of a mesh.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct DmSkinDesc {
     /// sizeof(DmSkinDesc).
     pub struct_size: u32,
-    /// Joints that a vertex names: 4 or 8; 0: 4.
+    /// Joints of each vertex: 4 or 8; 0: 4.
     pub influences: u32,
-    /// For each of the DmMeshInfo::vertex_count vertices, in the order of the mesh as it was imported, `influences` joints.
-    /// Those whose weight is 0 are not used.
+    /// For each of the DmMeshInfo::vertex_count vertices, in the order of the mesh as it was imported, `influences`
+    /// joints. Those with the weight 0 are not used.
     pub joints: *const u16,
-    /// The weights of these joints: not negative, of any sum above 0, by which they are divided.
+    /// The weights of these joints: not negative; they are divided by their sum, which is above 0.
     pub weights: *const f32,
-    /// Joints there are: 1 to 65,536.
+    /// Number of joints: 1 to 65,536.
     pub joint_count: u32,
     /// Zero.
     pub reserved: u32,
 }
 
-/// Where an instance is skinned to, in the order of poses and without padding, and by which joints.
+/// Output buffer of an instance's skinned pose, in the order of poses and without padding, and the joints to use.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct DmSkinTarget {
@@ -80,23 +80,24 @@ pub struct DmSkinTarget {
     pub buffer: vk::Buffer,
     /// Offset of the first vertex's position, a multiple of 4.
     pub offset: u64,
-    /// Second place of the same stride, so that the previous skinned pose stays when the next is written; null: none.
+    /// Second output buffer of the same stride, which keeps the previous skinned pose when the next is written; null:
+    /// none.
     pub second_buffer: vk::Buffer,
-    /// Offset there.
+    /// Offset in the second buffer.
     pub second_offset: u64,
     /// The buffer of the joints, usable as storage buffer.
     pub joints: vk::Buffer,
-    /// Bytes from the beginning of that buffer that joints may lie in.
+    /// Bytes from the beginning of that buffer that joints may occupy.
     pub joints_bytes: u64,
-    /// Offset of the instance's first joint, a multiple of 16, until `dm_crowd_set_joints` names another.
+    /// Offset of the instance's first joint, a multiple of 16, until `dm_crowd_set_joints` sets another.
     pub joints_offset: u64,
     /// Bytes from a position to its normal, of unit length, a multiple of 4 from 12 on; 0: no normals.
     pub normals: u32,
-    /// `DM_SKIN_…`, how joints are blended, and so what they are; 0: linear.
+    /// `DM_SKIN_…`, how joints are blended, and so their layout; 0: linear.
     pub method: u32,
 }
 
-/// Where a skinned pose is.
+/// Buffer and offset of a skinned pose.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct DmSkinnedView {
@@ -108,9 +109,9 @@ pub struct DmSkinnedView {
     pub buffer: vk::Buffer,
     /// Offset of the first position.
     pub offset: u64,
-    /// Where it is as it was before the last update: the same place where nothing changed, on the first update and
-    /// after a cut. Null: the update overwrote it.
+    /// The buffer with the skinned pose before the last update: the same pose if nothing changed, on the first update
+    /// and after a cut. Null: the update overwrote it.
     pub previous_buffer: vk::Buffer,
-    /// Offset there.
+    /// Offset in that buffer.
     pub previous_offset: u64,
 }

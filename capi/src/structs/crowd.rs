@@ -1,4 +1,4 @@
-//! Of crowds.
+//! Structures for crowds.
 
 use crate::handles::{DmClip, DmMesh};
 use deltamorph::ash::vk;
@@ -10,48 +10,49 @@ use std::ffi::c_char;
 pub struct DmCrowdDesc {
     /// sizeof(DmCrowdDesc).
     pub struct_size: u32,
-    /// Instances, each with weights and poses of its own; 0: 1.
+    /// Instances, each with its own weights and poses; 0: 1.
     pub instances: u32,
     /// `DM_PATH_…`; 0: blocks, for CPU crowds the CPU.
     pub path: u32,
     /// Targets per pass (dense formats); 0: all at once.
     pub batch: u32,
-    /// `DM_MODE_…`; 0: incremental, where the path can.
+    /// `DM_MODE_…`; 0: incremental if the path supports it.
     pub mode: u32,
-    /// Pose buffers of an instance: 1 has no previous pose; 0: 2.
+    /// Pose buffers of an instance; 1: no previous pose is kept; 0: 2.
     pub slots: u32,
-    /// `DM_POSE_…`, how poses are stored; 0: float32, for animated crowds integers of 32 bits.
+    /// `DM_POSE_…`, how poses are stored; 0: float32, for animated crowds 32-bit fixed point.
     pub pose_format: u32,
     /// Updates that may be recorded and not yet finished; 0: 2.
     pub frames_in_flight: u32,
-    /// `DM_READ_BY_…`, combined: who reads poses between updates; 0: vertex attributes and vertex shaders.
+    /// `DM_READ_BY_…`, combined: the readers of poses between updates; 0: vertex attributes and vertex shaders.
     pub consumers: u32,
     /// Largest position error that accumulation in float32 may cause, as a fraction of the diagonal; 0: 1e-5.
     pub tolerance: f32,
-    /// Largest weight, either sign, that poses of integers have to hold; 0: 1 in 16 bits, in 32 what the mesh was
-    /// packed with.
+    /// Largest absolute weight that fixed-point poses have to hold; 0: 1 in 16 bits, in 32 bits the one that the mesh
+    /// was packed with.
     pub weight_max: f32,
-    /// How far a vertex may be from where the weights would put it, as a length in input units; 0: nothing is deferred.
+    /// Largest distance of a vertex from its exact position, as a length in input units; 0: no change is deferred.
     pub error_budget: f32,
-    /// VkBufferUsageFlags that pose buffers have beside vertex, storage and storage texel buffer, and source of copies.
+    /// VkBufferUsageFlags of pose buffers, in addition to vertex, storage and storage texel buffer, and source of
+    /// copies.
     pub pose_usage: u32,
     /// Zero.
     pub reserved: u32,
     /// Vertices of the host's that poses are written into (path blocks); null: buffers of the library's.
     pub poses: *const DmHostPoses,
     /// The family of the queue that updates of the crowd run on; null: one with graphics and compute. Read during the
-    /// call only. On one without graphics barriers name no stage of graphics: consumers that have one are on another
-    /// queue.
+    /// call only. For a family without graphics, barriers name no graphics stage: consumers that have one are on
+    /// another queue.
     pub queue_family: *const u32,
 }
 
-/// Vertices of a host's own that a crowd keeps its poses in, interleaved with what else the host has there, which is
-/// left alone. From `offset` on there is a pose for each slot of each instance, `[instance][slot]`, of `stride` x
+/// Vertices of the host's that a crowd keeps its poses in, interleaved with other data of the host's, which is not
+/// changed. From `offset` on there is a pose for each slot of each instance, `[instance][slot]`, of `stride` x
 /// DmMeshInfo::padded_vertex_count bytes each, in the order of pose buffers.
 ///
-/// The buffer is of the engine's device, usable as storage buffer, and large enough for all of that. It lives until the
-/// crowd is destroyed. While an update runs, nobody else reads or writes what the crowd writes there, but for the
-/// crowd's consumers.
+/// The buffer belongs to the engine's device, is usable as storage buffer, and large enough for all poses. It lives
+/// until the crowd is destroyed. While an update runs, only the crowd's consumers access the bytes that the crowd
+/// writes.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct DmHostPoses {
@@ -59,7 +60,7 @@ pub struct DmHostPoses {
     pub struct_size: u32,
     /// Bytes from vertex to vertex, a multiple of 4.
     pub stride: u32,
-    /// The buffer.
+    /// The buffer with the vertices.
     pub buffer: vk::Buffer,
     /// Bytes from its beginning to the first vertex, a multiple of 4.
     pub offset: u64,
@@ -71,13 +72,13 @@ pub struct DmHostPoses {
     pub reserved: u32,
 }
 
-/// Where a stream is in a vertex.
+/// Position of a stream in a vertex.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct DmStreamPlace {
     /// `DM_STREAM_…`.
     pub stream: u32,
-    /// Bytes from the beginning of a vertex to its first component: a multiple of 4, of 2 in poses of 16-bit integers,
+    /// Bytes from the beginning of a vertex to its first component: a multiple of 4; of 2 in 16-bit fixed-point poses,
     /// where a stream brings the six numbers of its pair (position and normal, for example), which stay together.
     pub offset: u32,
 }
@@ -96,11 +97,12 @@ pub struct DmAnimationDesc {
     pub key_bits: u32,
     /// Zero.
     pub reserved: u32,
-    /// Levels of detail, which take the feature `level`; null: all targets are kept.
+    /// Levels of detail, which need the feature `level`; null: all targets are kept.
     pub level: *const DmLevelDesc,
 }
 
-/// Levels of detail: a head keeps as many targets, in the order of their importance, as its size on the screen needs.
+/// Levels of detail: an instance keeps as many targets, in the order of their importance, as its size on the screen
+/// needs.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct DmLevelDesc {
@@ -108,19 +110,20 @@ pub struct DmLevelDesc {
     pub struct_size: u32,
     /// Pins.
     pub pin_count: u32,
-    /// The mesh that was uploaded: its targets are ranked, by the mean square of the distances that they move
-    /// vertices. It may be destroyed after the call.
+    /// The mesh that was uploaded: its targets are ranked by the mean square of the distances that they move vertices.
+    /// It may be destroyed after the call.
     pub mesh: DmMesh,
     /// Names, or beginnings of names, of targets that are always kept.
     pub pins: *const *const c_char,
-    /// How far a vertex may be from where all weights would put it, in pixels: half of it by targets that are left
-    /// out, half by changes that an error budget defers; 0: 1.
+    /// Largest distance of a vertex from its position with all weights, in pixels: half of it for targets that are left
+    /// out, half for changes that an error budget defers; 0: 1.
     pub pixels: f32,
-    /// How far any vertex may move from one frame to the next because the level changes, in pixels; 0: 0.008.
+    /// Largest distance that a vertex may move from one frame to the next because the level changes, in pixels; 0:
+    /// 0.008.
     pub fade: f32,
 }
 
-/// A camera in perspective.
+/// A perspective camera.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct DmCamera {
@@ -130,11 +133,11 @@ pub struct DmCamera {
     pub height: f32,
     /// Angle of view from bottom to top, in radians.
     pub angle: f32,
-    /// Where it is, in world units.
+    /// Position, in world units.
     pub eye: [f32; 3],
 }
 
-/// Where a head is: a ball around all of its poses.
+/// Position of an instance: a ball around all of its poses.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct DmPlace {
@@ -142,7 +145,7 @@ pub struct DmPlace {
     pub struct_size: u32,
     /// Radius of the ball, in world units.
     pub radius: f32,
-    /// World units that an input unit of the mesh takes up; 0: 1.
+    /// World units per input unit of the mesh; 0: 1.
     pub scale: f32,
     /// Middle of the ball, in world units.
     pub centre: [f32; 3],
@@ -154,13 +157,13 @@ pub struct DmPlace {
 pub struct DmPlayback {
     /// sizeof(DmPlayback).
     pub struct_size: u32,
-    /// Which clip, counted from 0.
+    /// Number of the clip, counted from 0.
     pub clip: u32,
     /// When it starts, in seconds of the clock that `dm_crowd_set_time` sets.
     pub start: f64,
-    /// 1 is the clip's own speed, backwards below 0; 0: 1.
+    /// Speed relative to the clip's own, backwards below 0; 0: 1.
     pub speed: f64,
-    /// Not 0: the last frame stays; 0: it starts again.
+    /// Not 0: the clip stops at its last frame; 0: it repeats.
     pub once: u32,
     /// Zero.
     pub reserved: u32,
@@ -176,7 +179,7 @@ pub struct DmTicket {
     pub number: u64,
 }
 
-/// What an update recorded. All counts are zero when no weight changed.
+/// Statistics of a recorded update. All counts are zero if no weight changed.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct DmUpdate {
@@ -184,7 +187,7 @@ pub struct DmUpdate {
     pub struct_size: u32,
     /// Bound on the position error that accumulation or rounding may have caused so far, in input units.
     pub bound: f32,
-    /// For `dm_crowd_discard`, should the command buffer never run.
+    /// Ticket for `dm_crowd_discard`, should the command buffer never run.
     pub ticket: DmTicket,
     /// Targets applied (dense formats), or whose weight changed (block formats).
     pub coefficients: u64,
@@ -194,15 +197,15 @@ pub struct DmUpdate {
     pub rebuilt: u64,
     /// Blocks written (block formats).
     pub dirty_blocks: u64,
-    /// Of these, the ones that started from the base pose.
+    /// Of these, blocks that started from the base pose.
     pub rebuilt_blocks: u64,
     /// Bytes loaded and stored.
     pub bytes_moved: u64,
-    /// The least that could be moved.
+    /// Lower bound of the bytes that any update could move.
     pub bytes_floor: u64,
 }
 
-/// Where a pose is. Normals are not normalised.
+/// Buffer and layout of a pose. Normals are not normalised.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct DmPoseView {
@@ -218,13 +221,14 @@ pub struct DmPoseView {
     pub size: u64,
     /// `DM_POSE_…`, how vertices are stored.
     pub format: u32,
-    /// Which slot of the instance it is.
+    /// Slot of the instance.
     pub slot: u32,
-    /// Input units of integers, of positions and of normals: a number is that of the base pose plus integer × unit.
+    /// Input units of fixed-point numbers, of positions and of normals: a value is that of the base pose plus integer ×
+    /// unit.
     pub units: [f32; 2],
 }
 
-/// Where a stream of a pose is.
+/// Buffer and layout of a stream of a pose.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct DmStreamView {
@@ -232,17 +236,17 @@ pub struct DmStreamView {
     pub struct_size: u32,
     /// Bytes from vertex to vertex.
     pub stride: u32,
-    /// The buffer, as that of a pose. Null: there is no such pose.
+    /// The buffer, with the usages of a pose's. Null: there is no such pose.
     pub buffer: vk::Buffer,
     /// Offset of the first vertex's first component.
     pub offset: u64,
     /// Components, one after the other.
     pub components: u32,
-    /// `DM_POSE_…`, what a component is.
+    /// `DM_POSE_…`, how a component is stored.
     pub format: u32,
-    /// Input units of integers, component by component.
+    /// Input units of fixed-point numbers, component by component.
     pub units: [f32; 4],
-    /// Which slot of the instance it is.
+    /// Slot of the instance.
     pub slot: u32,
     /// Zero.
     pub reserved: u32,

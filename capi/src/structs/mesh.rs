@@ -1,4 +1,4 @@
-//! Of meshes in memory, and of clips.
+//! Structures for meshes in memory, and for clips.
 
 use crate::handles::{DmBoundClip, DmEngine};
 use std::ffi::c_char;
@@ -11,7 +11,7 @@ pub struct DmMeshDesc {
     pub struct_size: u32,
     /// `DM_MESH_…`, combined.
     pub flags: u32,
-    /// The engine whose limits dense formats are cut for; zero: those of any phone.
+    /// The engine for whose limits dense formats are split; zero: the limits of any phone.
     pub engine: DmEngine,
     /// Shorter position deltas are dropped, as a fraction of the bounding-box diagonal; 0: 1e-6.
     pub position_tolerance: f32,
@@ -19,19 +19,19 @@ pub struct DmMeshDesc {
     pub normal_tolerance: f32,
     /// `DM_DELTAS_…`, storage of the deltas; 0: `DM_DELTAS_FAST`.
     pub delta_format: u32,
-    /// Vertices of a block: 32, 64 or 128; 0: what suits the format (block formats).
+    /// Vertices of a block: 32, 64 or 128; 0: the format's default (block formats).
     pub block_size: u32,
     /// Largest error of a position delta, as a fraction of the bounding-box diagonal; 0: 1e-5 (block formats).
     pub position_error: f32,
     /// Largest error of a normal or tangent at weight 1, in degrees; 0: 0.5 (block formats).
     pub normal_error_degrees: f32,
-    /// Largest error of other streams' numbers at weight 1; 0: 1e-4 (block formats).
+    /// Largest error of other streams' components at weight 1; 0: 1e-4 (block formats).
     pub absolute_error: f32,
-    /// The largest weight, either sign, that poses of 32-bit integers accept; 0: 4 (block formats).
+    /// Largest absolute weight that 32-bit fixed-point poses accept; 0: 4 (block formats).
     pub weight_max: f32,
 }
 
-/// A base pose and its targets: arrays with one element per vertex, or null where there is no such thing.
+/// A base pose and its targets: arrays with one element per vertex, or null for missing data.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct DmMeshArrays {
@@ -43,7 +43,7 @@ pub struct DmMeshArrays {
     pub name: *const c_char,
     /// Positions, three floats each.
     pub positions: *const f32,
-    /// Normals of unit length, three floats each; null: computed, as `dm_mesh_open` says.
+    /// Normals of unit length, three floats each; null: computed as `dm_mesh_open` describes.
     pub normals: *const f32,
     /// Tangents of unit length with the handedness (1 or -1) in w, four floats each; null: none.
     pub tangents: *const f32,
@@ -57,7 +57,7 @@ pub struct DmMeshArrays {
     pub index_count: u32,
     /// Targets.
     pub target_count: u32,
-    /// Not 0: targets state where a vertex is; 0: by how much it differs from the base pose.
+    /// Not 0: targets state positions; 0: displacements from the base pose.
     pub absolute: u32,
     /// Zero.
     pub reserved: u32,
@@ -89,7 +89,7 @@ pub struct DmSampleDesc {
     pub struct_size: u32,
     /// Vertices; 0: 43,788.
     pub vertices: u32,
-    /// Targets, of which the first are named as ARKit's; 0: 72.
+    /// Targets; the first ones have ARKit's names; 0: 72.
     pub targets: u32,
     /// Mean fraction of the vertices that a target moves, in (0, 1]; 0: 0.12.
     pub sparsity: f32,
@@ -97,7 +97,7 @@ pub struct DmSampleDesc {
     pub seed: u64,
 }
 
-/// What a mesh is.
+/// Sizes of a mesh.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct DmMeshInfo {
@@ -119,20 +119,20 @@ pub struct DmMeshInfo {
     pub reserved: u32,
     /// Bytes of a float32 pose, padding included.
     pub pose_bytes: u64,
-    /// Bytes of device memory that the mesh takes, and as many of staging memory until they are given back.
+    /// Bytes of device memory that the mesh takes; staging memory takes as many until it is released.
     pub device_bytes: u64,
 }
 
-/// Vertices as they are drawn, for `dm_mesh_render_vertices`: those of the mesh, doubled where they have several texture
+/// Render vertices for `dm_mesh_render_vertices`: the vertices of the mesh, doubled where they have several texture
 /// coordinates. Arrays that are null are not written.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct DmRenderVertices {
     /// sizeof(DmRenderVertices).
     pub struct_size: u32,
-    /// Render vertices: in, what there is room for; out, how many there are.
+    /// Render vertices: in, the room; out, their number.
     pub vertex_count: u32,
-    /// Indices: in, what there is room for; out, how many there are.
+    /// Indices: in, the room; out, their number.
     pub index_count: u32,
     /// Zero.
     pub reserved: u32,
@@ -144,7 +144,7 @@ pub struct DmRenderVertices {
     pub indices: *mut u32,
 }
 
-/// What a clip is.
+/// Size and rate of a clip.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct DmClipInfo {
@@ -152,7 +152,7 @@ pub struct DmClipInfo {
     pub struct_size: u32,
     /// Frames.
     pub frame_count: u32,
-    /// Targets whose weights it states.
+    /// Targets with weights in the clip.
     pub column_count: u32,
     /// Frames per second.
     pub fps: f32,
@@ -166,7 +166,7 @@ pub struct DmClipArrays {
     pub struct_size: u32,
     /// Frames.
     pub frame_count: u32,
-    /// Targets whose weights it states.
+    /// Targets with weights in the clip.
     pub column_count: u32,
     /// Frames per second, above 0.
     pub fps: f32,
@@ -184,16 +184,16 @@ pub struct DmClipArrays {
 pub struct DmClipLayer {
     /// sizeof(DmClipLayer).
     pub struct_size: u32,
-    /// `DM_LAYER_…`, how it joins what is below it; 0: override.
+    /// `DM_LAYER_…`, how it is mixed with the layers below; 0: override.
     pub blend: u32,
     /// The clip.
     pub clip: DmBoundClip,
     /// Seconds since the clip's first frame. Between two frames weights are interpolated in a straight line.
     pub time: f64,
-    /// How much of the layer there is: from 0 to 1 to fade it in.
+    /// Weight of the layer, from 0 to 1 for fading it in.
     pub weight: f32,
-    /// Not 0: the first and the last frame stay; 0: the clip goes on over and over.
+    /// Not 0: the first and the last frame are held; 0: the clip repeats.
     pub once: u32,
-    /// How much of it each target takes, a factor for each; null: 1 for all.
+    /// A factor for each target; null: 1 for all.
     pub mask: *const f32,
 }

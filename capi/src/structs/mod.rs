@@ -23,7 +23,7 @@ macro_rules! versioned {
     )*};
 }
 
-// With the bytes of the first version, where fields came since.
+// With the size in the first version, if fields were added since.
 versioned! {
     DmEngineDesc 72;
     DmEngineInfo;

@@ -88,12 +88,12 @@ pub struct BenchArgs {
 }
 
 impl BenchArgs {
-    /// The numbers of heads given, each once, or else `default`.
+    /// The crowd sizes given, each once, or else `default`.
     pub fn heads_or(&self, default: &[u32]) -> Vec<u32> {
         distinct_or(&self.heads, default)
     }
 
-    /// The folder to write, unless none is wanted.
+    /// The folder to write, if any.
     pub fn folder(&self) -> Option<&Path> {
         (!self.no_report).then(|| self.report.as_deref().unwrap_or(Path::new("bench-report")))
     }

@@ -72,7 +72,7 @@ impl Metric {
         }
     }
 
-    /// Whether it compares pictures, and not vertices.
+    /// Whether it compares pictures instead of vertices.
     pub fn is_of_pictures(self) -> bool {
         match self {
             Self::Mse | Self::Hausdorff => false,

@@ -1,9 +1,9 @@
-//! Which pose formats are asked for: `--pose` names them, `--accumulate` the kind of sums that they are.
+//! The pose formats that options request: `--pose` names them, `--accumulate` the kind of their sums.
 
 use super::{UpdateArgs, distinct_or};
 use deltamorph::{PoseFormat, UpdateDesc, UpdatePath};
 
-/// How poses add up, as `--accumulate` and reports call it.
+/// How poses add up, as named by `--accumulate` and reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sums {
     Float,
@@ -29,7 +29,7 @@ impl Sums {
         }
     }
 
-    /// What updates as `desc` says add.
+    /// The kind of sums of updates described by `desc`.
     pub fn of(desc: &UpdateDesc) -> Self {
         if desc.path == UpdatePath::Scatter { Self::Exact } else { Self::of_pose(desc.pose) }
     }
@@ -48,7 +48,7 @@ impl Sums {
 }
 
 impl UpdateArgs {
-    /// The pose formats asked for, each once; none where `--pose` and `--accumulate` are left out.
+    /// The pose formats requested, each once; empty without `--pose` and `--accumulate`.
     pub fn named_poses(&self) -> Result<Vec<PoseFormat>, String> {
         if self.poses.is_empty() {
             let meant: Vec<PoseFormat> = self.accumulate.iter().map(|sums| sums.pose()).collect();
@@ -67,8 +67,8 @@ impl UpdateArgs {
         Ok(distinct_or(&self.poses, &[]))
     }
 
-    /// The pose format to update `path` with where `pose` is asked for, or why there is none. The sums of `scatter` are
-    /// the integers of fixed32, and its poses float32.
+    /// The pose format for updating `path` if `pose` is requested, or why there is none. The sums of `scatter` are the
+    /// integers of fixed32, and its poses float32.
     pub fn pose_on(&self, path: UpdatePath, pose: PoseFormat) -> Result<PoseFormat, String> {
         let name = path.name();
         if path == UpdatePath::Scatter && self.poses.is_empty() && pose == PoseFormat::Fixed32 {

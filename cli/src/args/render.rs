@@ -131,13 +131,13 @@ impl Shown {
         }
     }
 
-    /// Whether it depends on the pose before.
+    /// Whether it depends on the previous pose.
     pub fn is_of_changes(self) -> bool {
         matches!(self, Self::Motion | Self::Blocks)
     }
 }
 
-/// What is behind a head: red, green and blue in sRGB, or nothing.
+/// The background: red, green and blue in sRGB, or none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Background(pub Option<[u8; 3]>);
 

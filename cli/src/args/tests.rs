@@ -135,7 +135,7 @@ fn sums_name_poses_too() {
             assert!(taken.is_ok_and(|taken| taken == if own_sums { Float32 } else { pose }) || pose != Float32);
         }
     }
-    // The sums of scatter are integers and its poses float32: it is what --accumulate says, not what --pose says.
+    // The sums of scatter are integers and its poses float32: the kind is that of --accumulate, not of --pose.
     let scatter = |options: &str, pose| on(options, UpdatePath::Scatter, pose).ok();
     assert_eq!(scatter("--accumulate exact", Fixed32), Some(Float32));
     assert_eq!((scatter("--pose float32", Float32), scatter("--pose fixed32", Fixed32)), (Some(Float32), None));
@@ -144,8 +144,8 @@ fn sums_name_poses_too() {
 }
 
 proptest! {
-    /// Whatever is named: each pose format once, in its first place, and a contradiction where a kind of sums is named
-    /// that no pose format has, or left out although one has it.
+    /// For all names: each pose format once, at its first position, and a contradiction if a kind of sums is named that
+    /// no pose format has, or left out although one has it.
     #[test]
     fn poses_and_sums_agree_or_are_refused(
         poses in prop::collection::vec(prop::sample::select(&PoseFormat::ALL[..]), 0..4),

@@ -1,4 +1,4 @@
-//! Values of the command line: what they may be, and how they are spelled.
+//! Values of the command line: their ranges and their spelling.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use deltamorph::{BatchSize, DeltaFormat, LayerBlend, UpdateMode, UpdatePath};
@@ -9,7 +9,7 @@ use std::path::PathBuf;
 /// Largest number of targets of the built-in head.
 pub const MAX_TARGETS: usize = 65_536;
 
-/// A choice of what the library has, spelled as the library spells it, each with a line of help.
+/// A choice among the library's values, spelled as in the library, each with a line of help.
 pub fn named<T: Copy + Send + Sync + 'static>(
     all: &'static [T],
     name: fn(T) -> &'static str,
@@ -26,7 +26,7 @@ pub fn mode() -> impl TypedValueParser<Value = UpdateMode> {
     })
 }
 
-/// `format` on `path`, where float32 may mean that of blocks; `None` where the path does not take it.
+/// `format` on `path`, for which float32 may mean that of blocks; `None` if the path does not support it.
 pub fn format_on(path: UpdatePath, format: DeltaFormat) -> Option<DeltaFormat> {
     let of_blocks = (path, format) == (UpdatePath::Blocks, DeltaFormat::Float32);
     let format = if of_blocks { DeltaFormat::BlockFloat32 } else { format };
@@ -40,7 +40,7 @@ pub enum BudgetSpec {
     Length(f32),
     /// A fraction of the bounding-box diagonal.
     Diagonal(f32),
-    /// Pixels, through the projection given beside it.
+    /// Pixels, through the projection given with it.
     Pixels(f32),
 }
 
@@ -51,13 +51,13 @@ pub enum BatchSpec {
     Size(u32),
     /// Every size from the first to the last, both included; `None` is the largest that the path allows.
     Range(u32, Option<u32>),
-    /// The largest that the path allows.
+    /// The largest size that the path allows.
     Max,
     /// Every target in one pass.
     All,
 }
 
-/// A whole number within bounds, or a sentence that says which.
+/// A whole number within bounds, or a sentence that states the bounds.
 pub fn whole<T>(lo: T, hi: T) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync + 'static
 where
     T: std::str::FromStr + PartialOrd + std::fmt::Display + Copy + Send + Sync + 'static,
@@ -68,7 +68,7 @@ where
     }
 }
 
-/// A finite number that `fits`, or a sentence that says `what` would.
+/// A finite number that `fits`, or a sentence that names the requirement `what`.
 pub fn number(
     what: &'static str,
     fits: fn(f32) -> bool,
@@ -175,7 +175,7 @@ pub struct Layer {
     pub weight: f32,
 }
 
-/// "CSV", "CSV@WEIGHT" or "CSV+WEIGHT"; names of files may have these signs as well.
+/// "CSV", "CSV@WEIGHT" or "CSV+WEIGHT"; file names may contain these signs as well.
 pub fn layer(s: &str) -> Result<Layer, String> {
     let weighted = |sign: char, blend: LayerBlend| {
         let (clip, weight) = s.rsplit_once(sign)?;
@@ -191,8 +191,8 @@ pub fn layer(s: &str) -> Result<Layer, String> {
     }
 }
 
-/// The batch sizes that `specs` ask for and `path` allows with at most `max` targets per pass, ascending, without
-/// repeats; and those that it does not allow. A path without batches, where `max` is 0, runs once, as "all".
+/// The batch sizes that `specs` request and `path` allows with at most `max` targets per pass, ascending, without
+/// repeats; and those that it does not allow. A path without batches, with a `max` of 0, runs once, as "all".
 pub fn expand_batches(specs: &[BatchSpec], path: UpdatePath, max: u32) -> (Vec<BatchSize>, Vec<BatchSize>) {
     if max == 0 {
         return (vec![BatchSize::All], Vec::new());
@@ -211,8 +211,8 @@ pub fn expand_batches(specs: &[BatchSpec], path: UpdatePath, max: u32) -> (Vec<B
     })
 }
 
-/// The numbers of changed targets that entries of `--changed` ask for on a mesh with `targets`, ascending, without
-/// repeats. No entries: a few sizes that the mesh has, and all.
+/// The numbers of changed targets that entries of `--changed` request on a mesh with `targets`, ascending, without
+/// repeats. Without entries: a few sizes that the mesh has, and all.
 pub fn expand_changed(entries: &[Option<usize>], targets: usize) -> Result<Vec<usize>, String> {
     if entries.is_empty() {
         return Ok([1, 4, 8, 16, 32].into_iter().filter(|n| *n < targets).chain([targets]).collect());

@@ -1,4 +1,4 @@
-//! What suites find out: who is the fastest in a cell, and how two configurations compare.
+//! Results of suites: the fastest configuration of a cell, and the ratio of two configurations.
 
 use super::record::{CellRecord, Comparison, Round, RunRecord, fastest};
 use super::stats::Stats;
@@ -8,7 +8,8 @@ pub const OURS: &str = "blocks";
 /// The technique that evaluates all targets in every draw.
 const DIRECT: &str = "direct";
 
-/// `a` over `b`: the median of the ratios of the rounds of both; where not measured interleaved, the ratio of medians.
+/// `a` over `b`: the median of the ratios of the rounds of both; the ratio of medians if they were not measured
+/// interleaved.
 fn ratio(a: &RunRecord, b: &RunRecord, of: fn(&Round) -> f64) -> Option<f64> {
     let ratios: Vec<f64> = match a.alone || b.alone || a.rounds.is_empty() || b.rounds.is_empty() {
         true => vec![a.median() / b.median()],
@@ -18,10 +19,10 @@ fn ratio(a: &RunRecord, b: &RunRecord, of: fn(&Round) -> f64) -> Option<f64> {
 }
 
 impl CellRecord {
-    /// Sum up the runs of a cell. Only those with a device compete.
+    /// Sums up the runs of a cell. Only those on a device compete.
     pub fn of(name: &str, [mesh, change]: [&str; 2], heads: u32, runs: &[RunRecord]) -> Self {
         let on_device = || runs.iter().filter(|r| r.counts() && r.gpu_ms.is_some());
-        // Not those of ours in other pose formats.
+        // Without those of `blocks` in other pose formats.
         let others = || on_device().filter(|r| r.path != OURS);
         let named = |technique: &str| on_device().find(|r| r.technique == technique);
         let (ours, other) = (named(OURS), fastest(others()));
@@ -42,7 +43,7 @@ impl CellRecord {
 }
 
 impl Comparison {
-    /// Of the updates of two runs that were measured interleaved; `None` unless both were right.
+    /// Compares the updates of two runs that were measured interleaved; `None` unless both were right.
     pub fn new(name: &str, runs: [&RunRecord; 2], [first, second]: [String; 2], goal: &str) -> Option<Self> {
         if !runs.iter().all(|r| r.counts()) {
             return None;

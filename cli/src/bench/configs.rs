@@ -1,4 +1,4 @@
-//! Which configurations there are: paths, formats, modes, poses and batch sizes that go together.
+//! Configurations: combinations of paths, formats, modes, poses and batch sizes that are supported.
 
 use super::record::Skipped;
 use crate::args::bench::BenchArgs;
@@ -18,7 +18,7 @@ pub struct Config {
     pub separate: bool,
 }
 
-/// What to combine; each path takes the formats, and both take the pose formats, that they can.
+/// The values to combine; each path takes the delta formats and pose formats that it supports.
 #[derive(Clone, Copy, Default)]
 pub struct Wanted<'a> {
     pub paths: &'a [UpdatePath],
@@ -33,7 +33,8 @@ pub struct Wanted<'a> {
     pub error_budget: f32,
 }
 
-/// What can run, and what was wanted and cannot, with the reason. What was not given by name is skipped without a word.
+/// The configurations that can run, and those requested that cannot, with the reason. Defaults that cannot run are
+/// skipped without a note.
 pub fn configurations(wanted: &Wanted<'_>, args: &BenchArgs, gpu: Option<&Gpu>) -> (Vec<Config>, Vec<Skipped>) {
     let (mut configs, mut skipped): (Vec<Config>, Vec<Skipped>) = (vec![], vec![]);
     let (update, sizes_named) = (&args.update, !args.batch_sizes.is_empty());
@@ -54,15 +55,16 @@ pub fn configurations(wanted: &Wanted<'_>, args: &BenchArgs, gpu: Option<&Gpu>) 
         for format in formats.iter().filter_map(|f| format_on(path, *f)) {
             let batch_max = gpu.and_then(|gpu| gpu.caps().batch_max(path, format));
             let max = batch_max.unwrap_or(0);
-            // A draw takes the active targets, whatever their number: there is nothing to sweep.
+            // A draw takes the active targets, whatever their number, so there are no batch sizes.
             let direct = path == UpdatePath::DirectAttributes && !sizes_named;
             let (batches, refused) = expand_batches(if direct { &[BatchSpec::Max] } else { wanted.sizes }, path, max);
-            // What only blocks have is no news where everything was asked for.
+            // Formats that only blocks support are not reported if all were requested.
             let held = |pose: &&PoseFormat| !pose.has_integers() || format.has_integers();
             let on_path = |pose: &PoseFormat| update.pose_on(path, *pose).ok();
             let poses: Vec<PoseFormat> = wanted.poses.iter().filter(held).filter_map(on_path).collect();
             for batch in batches {
-                // Coefficients of poses of integers lie in lists: smaller batches only add passes, and one size is enough.
+                // Coefficients of fixed-point poses lie in lists: smaller batches only add passes, and one size is
+                // enough.
                 let all = path != UpdatePath::Compute || batch == BatchSize::All || sizes_named;
                 let poses = || poses.iter().filter(move |pose| all || !pose.has_integers());
                 for (&mode, &pose) in modes.iter().flat_map(|mode| poses().map(move |pose| (mode, pose))) {
@@ -84,7 +86,7 @@ pub fn configurations(wanted: &Wanted<'_>, args: &BenchArgs, gpu: Option<&Gpu>) 
                     }
                 }
             }
-            // `all` is in the default list; that feedback has no such thing is no news.
+            // `all` is in the default list; feedback does not support it, which is not reported.
             let named = |b: &&BatchSize| **b != BatchSize::All && sizes_named;
             let mut refused = refused.iter().filter(named);
             if let Some(first) = refused.next() {

@@ -1,4 +1,4 @@
-//! Several configurations side by side: a machine that is faster now than a minute ago is so for all of them.
+//! Several configurations measured in turn, so that changes of the machine's speed affect all of them.
 
 use super::machine::Machine;
 use super::record::{RunRecord, Skipped};
@@ -9,32 +9,32 @@ use crate::runner::Runner;
 use deltamorph::{Error, ErrorKind, UpdatePath};
 use std::time::Duration;
 
-/// How long configurations are timed, and in how many rounds.
+/// The time and the number of rounds of a configuration.
 #[derive(Clone, Copy, Debug)]
 pub struct Schedule {
     /// Frames of each configuration.
     pub frames: usize,
     /// Rounds that they are divided into.
     pub rounds: usize,
-    /// Time for each configuration; three frames are timed however long they take.
+    /// Time for each configuration; at least three frames are timed however long they take.
     pub limit: Option<Duration>,
-    /// What configurations have in common besides.
+    /// How frames of the configurations are matched.
     pub common: Common,
 }
 
-/// What interleaved configurations have in common.
+/// How frames of interleaved configurations are matched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Common {
-    /// Each runs frame after frame, as many as it can.
+    /// Each runs one frame after the other, as many as it can.
     Nothing,
-    /// The same frames, spread over the workload: where frames differ.
+    /// The same frames, spread over the workload, for workloads whose frames differ.
     Frames,
-    /// The same time for a frame: those that are done before the slowest wait. A machine that waits cools down, its
-    /// caches fill with other things and its cores go to sleep, and a frame after a pause takes longer.
+    /// The same time for a frame: faster configurations wait for the slowest. A machine that waits cools down, its
+    /// caches fill with other data and its cores go to sleep, and a frame after a pause takes longer.
     FrameRate,
 }
 
-/// Frames that are timed at least.
+/// Fewest frames that are timed.
 const LEAST_FRAMES: usize = 3;
 
 impl Schedule {
@@ -42,7 +42,7 @@ impl Schedule {
         self.limit.map(|limit| limit / self.rounds as u32)
     }
 
-    /// Frames of a round where each has to take the same, and the slowest takes `slowest` for one.
+    /// Frames of a round if each has to take the same time, and the slowest takes `slowest` for one.
     fn frames_together(&self, slowest: Duration) -> usize {
         let most = self.frames.div_ceil(self.rounds);
         let fit = |share: Duration| (share.as_secs_f64() / slowest.as_secs_f64()) as usize;
@@ -53,7 +53,7 @@ impl Schedule {
 /// A trial, or why it was refused.
 type Running<'a> = Result<Trial<'a>, String>;
 
-/// Time `running`, interleaved. What is wrong or refused drops out.
+/// Times `running`, interleaved. Wrong or refused trials drop out.
 fn run(running: &mut [Running<'_>], schedule: &Schedule) -> deltamorph::Result<()> {
     let mut slowest = Duration::ZERO;
     each(running, |trial| {
@@ -79,7 +79,7 @@ fn run(running: &mut [Running<'_>], schedule: &Schedule) -> deltamorph::Result<(
     Ok(())
 }
 
-/// Let each trial that is still in do something.
+/// Runs `act` on each trial that has not dropped out.
 fn each(
     running: &mut [Running<'_>],
     mut act: impl FnMut(&mut Trial<'_>) -> deltamorph::Result<()>,
@@ -95,7 +95,7 @@ fn each(
     Ok(())
 }
 
-/// Tells what a path refuses (weights that it cannot take, say) from a device that fails.
+/// Distinguishes refusals of a path (unsupported weights, for example) from failures of the device.
 fn refusal<T>(result: deltamorph::Result<T>) -> deltamorph::Result<Result<T, String>> {
     match result {
         Ok(value) => Ok(Ok(value)),
@@ -106,7 +106,7 @@ fn refusal<T>(result: deltamorph::Result<T>) -> deltamorph::Result<Result<T, Str
 
 pub type Outcome = Result<RunRecord, Skipped>;
 
-/// Measure `candidates` side by side, and those that there is no room for then after the others; in their order.
+/// Measures `candidates` interleaved, and those without room in memory after the others; returns them in their order.
 pub fn interleave(
     machine: &Machine<'_>,
     subject: &mut Subject,
@@ -126,7 +126,7 @@ pub fn interleave(
             Err(reason) => Err(Skipped { what: candidate.what.clone(), reason }),
         });
     }
-    // When the others have given their memory back, there may be room for what had none beside them.
+    // After the others have freed their memory, there may be room for the rest.
     if begun.contains(&true) {
         for (place, candidate) in candidates.iter().enumerate().filter(|(place, _)| !begun[*place]) {
             let outcome = interleave(machine, subject, std::slice::from_ref(candidate), schedule)?.remove(0);
@@ -144,7 +144,7 @@ fn begin<'a>(
 ) -> Result<Running<'a>, Failure> {
     let Candidate { config, setting, .. } = candidate;
     let mesh = subject.mesh(machine, config.format)?;
-    // The path `cpu` has a device for its draws alone.
+    // The path `cpu` has a device only for its draws.
     let gpu = machine.gpu.as_ref().filter(|_| setting.drawn || config.desc.path != UpdatePath::Cpu);
     let runner = match (config.separate, gpu) {
         (true, Some(gpu)) => Runner::crowds(gpu, &mesh, config.desc, 1, setting.updated() as usize),
@@ -156,7 +156,7 @@ fn begin<'a>(
     }
 }
 
-/// As [`refusal`], while memory is taken: where there is too little of it, others may fit.
+/// As [`refusal`], for failures at allocation: if memory is short, smaller candidates may fit.
 fn too_large<T>(result: deltamorph::Result<T>) -> deltamorph::Result<Result<T, String>> {
     match result {
         Err(e) if e.kind() == ErrorKind::OutOfMemory => Ok(Err(e.to_string())),

@@ -1,4 +1,4 @@
-//! What a report says about the machine: its device, its memory, when and by which command it measured.
+//! The machine in a report: its device, its memory, and the date and command line of the measurement.
 
 use super::record::{Bandwidth, DeviceInfo, Report};
 use crate::args::bench::BenchArgs;
@@ -11,17 +11,17 @@ use rayon::prelude::*;
 use std::hint::black_box;
 use std::time::Instant;
 
-/// What measures, and with which options.
+/// The measuring devices, and the options.
 pub struct Machine<'a> {
     pub args: &'a BenchArgs,
-    /// The device, where there is one.
+    /// The device, if there is one.
     pub gpu: Option<Gpu>,
     pub bandwidth: Bandwidth,
 }
 
 impl<'a> Machine<'a> {
-    /// Set up the device, and measure bandwidth over as many bytes as the deltas of `input` have: caches help a
-    /// configuration no more than this.
+    /// Sets up the device, and measures bandwidth over as many bytes as the deltas of `input` have, so that caches help
+    /// it as much as a configuration.
     pub fn open(
         args: &'a BenchArgs,
         device: Option<&DeviceChoice>,
@@ -42,7 +42,7 @@ impl<'a> Machine<'a> {
         Ok(Self { args, gpu, bandwidth })
     }
 
-    /// A report with nothing measured yet.
+    /// A report without results.
     pub fn report(&self, input: &Input) -> Report {
         // The program without its folder, which means nothing elsewhere.
         let add = |line: String, argument: std::ffi::OsString| line + " " + &quoted(&argument.to_string_lossy());
@@ -85,14 +85,14 @@ impl<'a> Machine<'a> {
     }
 }
 
-/// The processor's name, where the system tells it.
+/// The processor's name, if the system provides it.
 fn processor() -> String {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = info.lines().find_map(|l| l.strip_prefix("model name")?.split_once(':'));
     model.map_or_else(|| std::env::consts::ARCH.to_owned(), |(_, name)| name.trim().to_owned())
 }
 
-/// An argument as a shell needs it.
+/// An argument quoted for a shell.
 fn quoted(argument: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./,=:+@%".contains(c);
     if !argument.is_empty() && argument.chars().all(plain) {
@@ -103,11 +103,11 @@ fn quoted(argument: &str) -> String {
 
 /// Bandwidths are the best of this many runs.
 const RUNS: usize = 12;
-/// Words handed out at a time: enough pieces for threads to share evenly.
+/// Words per work item: enough pieces for threads to share evenly.
 const PIECE: usize = 1 << 15;
 
 /// Bandwidth of the processor's memory in 10⁹ bytes per second over `bytes`, reading and copying (bytes read and
-/// written), on `threads` threads (0: one per core) as the cpu path has them; `None` when they cannot be started.
+/// written), on `threads` threads (0: one per core) like the cpu path; `None` if they cannot be started.
 fn bandwidth(bytes: u64, threads: usize) -> Option<(f64, f64)> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().ok()?;
     let words = (bytes / 8).max(1 << 16) as usize;
@@ -127,7 +127,7 @@ fn bandwidth(bytes: u64, threads: usize) -> Option<(f64, f64)> {
     Some((bytes / read * 1e-9, 2.0 * bytes / copy * 1e-9))
 }
 
-/// Streams read side by side, as the cpu path reads targets: one alone does not keep the prefetchers busy.
+/// Streams read at once, as the cpu path reads targets: a single one does not keep the prefetchers busy.
 const STREAMS: usize = 8;
 
 fn sum(words: &[u64]) -> u64 {

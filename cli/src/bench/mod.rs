@@ -31,7 +31,7 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
         out.check(&args.compare, &[], None)?;
         return versus::run(args, out);
     }
-    // Before minutes are spent on what then cannot be written.
+    // Checked before minutes are spent on results that could not be written.
     let folder = args.folder();
     out.check(&input::files_of(&args.input, &args.weights), &[], folder)?;
     folder.map_or(Ok(()), report::claim)?;
@@ -42,7 +42,7 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     }
 }
 
-/// Print the result, write the JSON and the report folder.
+/// Prints the result, and writes the JSON and the report folder.
 fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Failure> {
     if report.suites.is_empty() {
         out.say(tables::runs(&report.runs, true));
@@ -57,7 +57,7 @@ fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Failure
         out.note(format_args!("{}: {}", skipped.what, skipped.reason));
     }
     if report.runs.is_empty() {
-        // Nothing is no reason to replace an earlier file.
+        // An empty result does not replace an earlier file.
         if out.json_to_stdout() {
             out.json(report)?;
         }
@@ -76,7 +76,7 @@ fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Failure
     verdict(report)
 }
 
-/// A failure where runs were wrong, where there were none, or where a clip or a path that was asked for by name could not run.
+/// A failure if runs were wrong, if there were none, or if a clip or a path that was requested by name could not run.
 fn verdict(report: &Report) -> Result<(), Failure> {
     let (runs, skipped) = (&report.runs, &report.skipped);
     let wrong = || runs.iter().filter(|r| !r.verified);

@@ -8,7 +8,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 /// Rounds that the frames of a configuration are divided into.
 pub const ROUNDS: usize = 10;
 
-/// What one call of `bench` measured.
+/// The results of one call of `bench`.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Report {
     pub schema: u32,
@@ -19,30 +19,30 @@ pub struct Report {
     pub command: String,
     pub device: DeviceInfo,
     pub input: MeshInfo,
-    /// What memory can do: the floor under every time.
+    /// Bandwidths of memory, which give a lower bound for every time.
     pub bandwidth: Bandwidth,
     pub runs: Vec<RunRecord>,
-    /// Update paths and batch sizes that were asked for and could not run.
+    /// Update paths and batch sizes that were requested and could not run.
     #[serde(default)]
     pub skipped: Vec<Skipped>,
-    /// Clips that were asked for by name and that no configuration could play.
+    /// Clips that were requested by name and that no configuration could play.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub unplayed: Vec<String>,
     /// Update paths that `--paths` names and of which nothing could run; `skipped` says why.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub unmeasured: Vec<String>,
-    /// What `--suite` asked for, in the order it ran; empty for an ordinary run.
+    /// The suites requested by `--suite`, in the order that they ran; empty for an ordinary run.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub suites: Vec<SuiteRecord>,
     /// The meshes of the suites, by the name that runs give; empty for an ordinary run, which has one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub meshes: Vec<MeshInfo>,
-    /// What the picture beside the report shows, where there is one.
+    /// Describes the picture in the report, if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub face: Option<Face>,
 }
 
-/// A picture of the mesh, and of what the path `blocks` changes of it in a frame of a workload.
+/// A picture of the mesh, and of the part that the path `blocks` changes in a frame of a workload.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Face {
     pub workload: String,
@@ -50,20 +50,20 @@ pub struct Face {
     pub frame: usize,
     /// Targets that change in that frame.
     pub changed: usize,
-    /// Whether those that do not change are drawn as they are in that frame, or at rest.
+    /// Whether unchanged targets are drawn with their weights of that frame, or at rest.
     pub whole: bool,
-    /// Blocks that change, of so many, of so many vertices each.
+    /// Blocks that change, the number of all blocks, and vertices of a block.
     pub blocks: usize,
     pub all_blocks: usize,
     pub block_size: usize,
     pub size: [u32; 2],
-    /// The file, which is beside the report.
+    /// The file, in the report's folder.
     #[serde(skip)]
     pub png: Vec<u8>,
 }
 
 impl Report {
-    /// The runs of `suite`; without one, all.
+    /// The runs of `suite`, or all without one.
     pub fn runs_of<'a>(&'a self, suite: Option<&'a SuiteRecord>) -> impl Iterator<Item = &'a RunRecord> {
         self.runs.iter().filter(move |run| suite.is_none_or(|suite| run.suite == suite.name))
     }
@@ -76,11 +76,11 @@ pub struct DeviceInfo {
     /// "discrete", "integrated", "virtual", "cpu" (a software driver) or "none".
     pub kind: String,
     pub driver: String,
-    /// What the driver says about its version.
+    /// The driver's version as the driver states it.
     pub driver_info: String,
     /// Vulkan version of the device.
     pub api_version: String,
-    /// Its place in the list of `devices`.
+    /// Its index in the list of `devices`.
     pub index: Option<usize>,
     pub cpu: String,
     /// Threads that the cpu path used.
@@ -97,10 +97,10 @@ pub struct Bandwidth {
     pub device_read_gb_s: Option<f64>,
 }
 
-/// What was asked for and could not run.
+/// A requested configuration that could not run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Skipped {
-    /// The update path, with what else was special about it.
+    /// The update path, with its options.
     pub what: String,
     pub reason: String,
 }
@@ -112,24 +112,24 @@ impl Skipped {
     }
 }
 
-/// What a suite found out, next to its runs.
+/// The findings of a suite, in addition to its runs.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct SuiteRecord {
     /// "chapter", "crowd", "techniques" or "clips".
     pub name: String,
-    /// What techniques compete in, in the order measured.
+    /// The categories that techniques compete in, in the order measured.
     pub cells: Vec<CellRecord>,
-    /// Two configurations each, measured interleaved.
+    /// Pairs of configurations that were measured interleaved.
     pub comparisons: Vec<Comparison>,
 }
 
-/// Who won where.
+/// The fastest techniques of a cell.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct CellRecord {
-    /// Its name; runs give it.
+    /// Its name, which runs refer to.
     pub name: String,
     pub mesh: String,
-    /// What changes: in words, or the clip.
+    /// The changes: in words, or the clip.
     pub change: String,
     pub heads: u32,
     /// The fastest technique with a device.
@@ -140,7 +140,7 @@ pub struct CellRecord {
     pub best_other: Option<String>,
     /// Time of `blocks` over that of the best other: below 1, `blocks` is the faster one.
     pub blocks_to_best_other: Option<f64>,
-    /// The same with means: where many frames of a clip change nothing, their median is that of a draw.
+    /// The same with means: if many frames of a clip change nothing, their median is that of a draw.
     #[serde(default)]
     pub blocks_to_best_other_mean: Option<f64>,
     /// Time of `direct` over that of `blocks`: above 1, `blocks` is the faster one.
@@ -161,20 +161,20 @@ pub struct Comparison {
     pub ratio: f64,
     /// Frames of the first and of the second.
     pub n: [usize; 2],
-    /// What the ratio should be; empty where it is a finding.
+    /// The expected ratio; empty if it is a finding.
     pub goal: String,
 }
 
-/// One configuration and what it took.
+/// One configuration and its measurements.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct RunRecord {
-    /// The suite that it belongs to; empty in an ordinary run.
+    /// Its suite; empty in an ordinary run.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub suite: String,
-    /// What it competes in there.
+    /// Its category in the suite.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub cell: String,
-    /// Its name there.
+    /// Its name in the suite.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub technique: String,
     #[serde(default)]
@@ -206,7 +206,7 @@ pub struct RunRecord {
     /// Crowds that the heads are divided into; all are updated in one submission.
     #[serde(default = "one")]
     pub crowds: u32,
-    /// It was measured after the others, for lack of room beside them: its ratios are of medians, not of rounds.
+    /// Whether it was measured after the others, for lack of memory: its ratios are of medians, not of rounds.
     #[serde(default)]
     pub alone: bool,
     /// "float" or "exact".
@@ -214,7 +214,7 @@ pub struct RunRecord {
     /// How poses are stored; empty in reports of versions that stored float32 alone.
     #[serde(default)]
     pub pose: String,
-    /// Changes too small to move a vertex this far waited; in input units, 0 where none did.
+    /// Changes too small to move a vertex this far were deferred; in input units, 0 if none were.
     #[serde(default)]
     pub error_budget: f32,
     /// Blocks written per frame and head (block formats).
@@ -232,7 +232,7 @@ pub struct RunRecord {
     /// Bytes that the kernels load and store per frame, of all heads.
     #[serde(serialize_with = "whole")]
     pub bytes_moved: f64,
-    /// Bytes that any method has to move, for all heads: each delta of a changed target, the pose in and out, once.
+    /// Bytes that any method has to move, for all instances: each delta of a changed target, the pose in and out, once.
     #[serde(serialize_with = "whole")]
     pub bytes_floor: f64,
     /// Time of the update on the device; `None` for paths without one, or when it was not timed.
@@ -241,20 +241,21 @@ pub struct RunRecord {
     pub cpu_ms: Option<Stats>,
     /// One draw that reads the pose and rasterizes nothing.
     pub draw_ms: Option<f64>,
-    /// Time of the update and of one draw for each head, on the device; `None` where frames had no draws.
+    /// Time of the update and of one draw for each head, on the device; `None` if frames had no draws.
     #[serde(default)]
     pub update_and_draw_ms: Option<Stats>,
-    /// From poses in main memory to the device, waited for: the path `cpu`, where it is drawn. In no other time.
+    /// Time from poses in main memory to the device, waited for: the path `cpu`, if it is drawn. Not part of any other
+    /// time.
     #[serde(default)]
     pub upload_ms: Option<Stats>,
-    /// The timed frames in up to ten parts, in the order they ran: rounds that took turns with those of others in
-    /// suites, else stretches of one go. Empty where there were too few frames, and in reports of versions that had
-    /// none.
+    /// The timed frames in up to ten parts, in the order they ran: in suites, rounds that alternated with those of
+    /// other configurations, otherwise consecutive parts of one run. Empty if there were too few frames, and in reports
+    /// of versions without parts.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rounds: Vec<Round>,
-    /// The time that moving the least bytes takes at the best bandwidth measured, as a share of the time that the update
-    /// takes, both as medians of the frames: 1 is the best possible, but for what stays in a cache. `None` for paths that
-    /// evaluate in draws, and where most frames change nothing.
+    /// The time that moving the least bytes takes at the best bandwidth measured, as a share of the time that the
+    /// update takes, both as medians of the frames: 1 is the best possible, except for data in caches. `None` for paths
+    /// that evaluate in draws, and if most frames change nothing.
     pub floor_fraction: Option<f64>,
     /// Largest position error against the float64 reference, in input units.
     pub max_error: Option<f64>,
@@ -265,13 +266,13 @@ pub struct RunRecord {
     pub raw_error_rel: Option<f64>,
     /// The result stayed within the path's bound, before and after timing.
     pub verified: bool,
-    /// What was wrong, when it did not.
+    /// The errors found, if it did not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub problem: Option<String>,
 }
 
 impl RunRecord {
-    /// What the plots show: time on the device, with draws where it had any; without a device the round trip.
+    /// The time in plots: on the device, with draws if it had any; without a device the round trip.
     pub fn time(&self) -> Option<Stats> {
         self.update_and_draw_ms.or(self.gpu_ms).or(self.cpu_ms)
     }
@@ -281,12 +282,12 @@ impl RunRecord {
         self.time().map_or(f64::INFINITY, |t| t.median)
     }
 
-    /// It was right, and timed.
+    /// Whether it was right, and timed.
     pub fn counts(&self) -> bool {
         self.verified && self.time().is_some_and(|t| t.median > 0.0)
     }
 
-    /// What is special about its sums: the pose format where that is not float32, else "exact" where they are.
+    /// The kind of its sums: the pose format if that is not float32, else "exact" if they are.
     pub fn sums(&self) -> &str {
         match (self.pose.as_str(), self.accumulate.as_str()) {
             ("" | "float32", "float") => "",
@@ -295,7 +296,7 @@ impl RunRecord {
         }
     }
 
-    /// Its rounds took turns with those of others.
+    /// Whether its rounds alternated with those of others.
     pub fn interleaved(&self) -> bool {
         !self.suite.is_empty() && !self.alone
     }
@@ -333,7 +334,7 @@ pub fn heads_words(heads: u32, shared: bool) -> String {
     }
 }
 
-/// `name`, with a number after it where that is `taken`.
+/// `name`, with a number appended if it is `taken`.
 pub fn unused(name: &str, gap: &str, taken: impl Fn(&str) -> bool) -> String {
     let numbered = (2u32..).map(|n| format!("{name}{gap}{n}"));
     std::iter::once(name.into()).chain(numbered).find(|name| !taken(name)).unwrap_or_default()
@@ -346,7 +347,7 @@ fn one() -> u32 {
 /// Medians of a few frames that were timed one after the other, in ms.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Round {
-    /// What [`RunRecord::time`] is about.
+    /// The time that [`RunRecord::time`] returns.
     pub ms: f64,
     /// The update alone.
     pub update_ms: f64,

@@ -1,4 +1,4 @@
-//! What the ordinary run and the suites share: the machine, and the record of what was found.
+//! The common part of the ordinary run and the suites: the machine, and the record of results.
 
 use super::interleave::{Common, Schedule, interleave};
 use super::machine::Machine;
@@ -11,21 +11,21 @@ use crate::output::{Failure, Output};
 use deltamorph_headless::DeviceChoice;
 use indicatif::ProgressBar;
 
-/// The machine, and what was found on it so far.
+/// The machine, and the results on it so far.
 pub struct Session<'a> {
     pub args: &'a BenchArgs,
     pub machine: Machine<'a>,
     pub out: &'a Output,
     /// Progress: a step for each cell.
     pub bar: ProgressBar,
-    /// What the suite that is running has found.
+    /// The results of the running suite.
     pub suite: SuiteRecord,
-    /// What was found before it, and every run.
+    /// The results before it, and every run.
     report: Report,
 }
 
 impl<'a> Session<'a> {
-    /// Set up the machine for `input`, with nothing measured yet.
+    /// Sets up the machine for `input`, without results.
     pub fn open(
         args: &'a BenchArgs,
         device: Option<&DeviceChoice>,
@@ -54,7 +54,7 @@ impl<'a> Session<'a> {
         Subject::new(input)
     }
 
-    /// The report, with all that was found.
+    /// The report, with all results.
     pub fn report(self) -> Report {
         self.bar.finish_and_clear();
         let Report { runs, skipped, meshes, input, .. } = &self.report;
@@ -115,7 +115,7 @@ impl<'a> Session<'a> {
         run
     }
 
-    /// Put what could not run into the report, once.
+    /// Adds a configuration that could not run to the report, once.
     pub fn skip(&mut self, skipped: Skipped) {
         if !self.report.skipped.contains(&skipped) {
             self.report.skipped.push(skipped);

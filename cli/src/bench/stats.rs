@@ -1,4 +1,4 @@
-//! What a hundred timings say in six numbers.
+//! Statistics of a sample of timings.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,7 +8,7 @@ pub struct Stats {
     /// Half of the values are below it. One late interrupt does not move it, so it is what the plots show.
     pub median: f64,
     pub mean: f64,
-    /// Standard error of the mean; 0 for a single value, which says nothing about its spread.
+    /// Standard error of the mean; 0 for a single value, whose spread is unknown.
     pub stderr: f64,
     pub min: f64,
     pub max: f64,

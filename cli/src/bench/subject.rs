@@ -1,4 +1,4 @@
-//! A mesh, and what is made of it once for all configurations: packed meshes, and float64 references.
+//! A mesh, and data computed once for all configurations: packed meshes, and float64 references.
 
 use super::machine::Machine;
 use crate::input::Input;
@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 pub struct Subject {
     pub input: Input,
-    /// It comes from a packed file, which does not say what it was packed from.
+    /// Whether it comes from a packed file, which does not hold the original deltas.
     pub was_packed: bool,
     meshes: HashMap<DeltaFormat, Arc<PackedMesh>>,
     /// By format and the bits of the weights.
@@ -60,7 +60,7 @@ impl Subject {
         })
     }
 
-    /// The pose of `mesh`, which was made here, at `weights`.
+    /// The references of the pose of `mesh`, which was made here, at `weights`.
     pub fn reference(&mut self, mesh: &PackedMesh, weights: &[f32]) -> &Reference {
         let key = (mesh.layout().format, weights.iter().map(|w| w.to_bits()).collect());
         if self.references.len() >= REFERENCES_MAX && !self.references.contains_key(&key) {

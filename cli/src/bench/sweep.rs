@@ -1,4 +1,4 @@
-//! The ordinary run: every configuration that was asked for, one after the other.
+//! The ordinary run: every requested configuration, one after the other.
 
 use super::configs::{Config, Wanted, configurations};
 use super::face;
@@ -16,17 +16,17 @@ use crate::output::{Failure, Output};
 use deltamorph::{BoundClip, DeltaFormat, PoseFormat, UpdatePath};
 use deltamorph_headless::DeviceChoice;
 
-/// Batch sizes where none are given.
+/// Default batch sizes.
 const FULL_SWEEP: [BatchSpec; 2] = [BatchSpec::Range(1, None), BatchSpec::All];
 const BRIEF_SWEEP: [BatchSpec; 3] = [BatchSpec::Size(8), BatchSpec::Max, BatchSpec::All];
-/// Paths where none are given. The techniques of others have a suite of their own.
+/// Default paths. The techniques of others have a suite of their own.
 const PATHS: [UpdatePath; 4] = [UpdatePath::Feedback, UpdatePath::Compute, UpdatePath::Blocks, UpdatePath::Cpu];
-/// Formats where none are given. The float32 of `cpu` is the dense one; in blocks it is there for the asking.
+/// Default formats. The float32 of `cpu` is the dense one; that in blocks runs on request.
 const FORMATS: [DeltaFormat; 4] = [DeltaFormat::Float32, DeltaFormat::Snorm16, DeltaFormat::Fast, DeltaFormat::Small];
-/// Pose formats where none are given.
+/// Default pose formats.
 const POSES: [PoseFormat; 2] = [PoseFormat::Float32, PoseFormat::Fixed32];
 
-/// Run everything that `args` ask for.
+/// Runs everything that `args` request.
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<Report, Failure> {
     let input = input::load(&args.input, true, out)?;
     let counts = expand_changed(&args.changed, input.kept.targets.len()).map_err(Failure::Usage)?;
@@ -40,13 +40,13 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
 
     let random = |&n: &usize| Workload::random(input.kept.targets.len(), n, args.input.seed);
     let workloads: Vec<Workload> = counts.iter().map(random).chain(clips.iter().map(Workload::clip)).collect();
-    // Where a path evaluates in draws, draws are what has to be compared.
+    // If a path evaluates in draws, draws are compared.
     let drawn = full.iter().any(|config| config.desc.path.evaluates_in_draws());
     let setting = |heads, workload| Setting { workload, heads, shared: args.shared, drawn, brief: false };
     let heads = args.heads_or(&[1]).into_iter();
     let settings: Vec<_> = heads.flat_map(|n| workloads.iter().map(move |workload| setting(n, workload))).collect();
 
-    // Every batch size where most changes; elsewhere a few, for the plot against changed targets.
+    // Every batch size for the most changes; elsewhere a few, for the plot against changed targets.
     let configs = |setting: &Setting<'_>| match setting.workload.changed {
         Some(n) if Some(&n) != counts.last() => &brief,
         _ => &full,
@@ -69,7 +69,7 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
             for outcome in interleave(&session.machine, &mut subject, &one, &whole)? {
                 match outcome {
                     Ok(run) => drop(session.keep("", "", run)),
-                    // The others are measured all the same.
+                    // The others are measured regardless.
                     Err(refused) => session.skip(refused),
                 }
             }
@@ -96,7 +96,7 @@ fn clips(args: &BenchArgs, input: &Input) -> Result<Vec<BoundClip>, Failure> {
     Ok(clips)
 }
 
-/// What can run, and what was asked for and cannot, with the reason.
+/// The configurations that can run, and those requested that cannot, with the reason.
 fn wanted(
     session: &Session<'_>,
     poses: &[PoseFormat],

@@ -1,4 +1,4 @@
-//! Poses, sums and what the GPU planned, read back from the device.
+//! Poses, sums and plans of the GPU, read back from the device.
 
 use super::HeadlessCrowd;
 use crate::submit::full_barrier;
@@ -7,29 +7,29 @@ use deltamorph::internals::update::animated::PlannedGroup;
 use deltamorph::{AnimatedCrowd, AnyCrowd, PoseView, Result};
 
 impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
-    /// Read the pose of an instance back: six floats a vertex, in the user's order of vertices, without padding. On a
+    /// Reads the pose of an instance back: six floats a vertex, in the user's order of vertices, without padding. On a
     /// direct path it is captured from a draw.
     ///
     /// # Errors
-    /// As [`draw`](Self::draw); a direct path on a device that cannot capture.
+    /// Those of [`draw`](Self::draw); a direct path on a device that cannot capture.
     pub fn read_pose(&mut self, instance: u32) -> Result<Vec<f32>> {
         self.read_group(instance, 0).map(|(pose, _)| pose)
     }
 
-    /// Read the previous pose of an instance back; `None` where the update had to overwrite it.
+    /// Reads the previous pose of an instance back; `None` if the update had to overwrite it.
     ///
     /// # Errors
-    /// As [`draw`](Self::draw).
+    /// Those of [`draw`](Self::draw).
     pub fn read_previous_pose(&mut self, instance: u32) -> Result<Option<Vec<f32>>> {
         let view = self.crowd.base().previous_group_pose(instance, 0)?;
         view.map(|view| self.read_view(view, 0)).transpose()
     }
 
-    /// Read the pose and the previous pose of an instance in a [group](deltamorph::PackedMesh::groups) of the mesh back, as
-    /// [`read_pose`](Self::read_pose) does for the first.
+    /// Reads the pose and the previous pose of an instance in a [group](deltamorph::PackedMesh::groups) of the mesh
+    /// back, in the layout of [`read_pose`](Self::read_pose).
     ///
     /// # Errors
-    /// As [`read_pose`](Self::read_pose); a group out of range.
+    /// Those of [`read_pose`](Self::read_pose); a group out of range.
     pub fn read_group(&mut self, instance: u32, group: usize) -> Result<(Vec<f32>, Option<Vec<f32>>)> {
         let base = self.crowd.base();
         if let Some(draws) = base.draws(group) {
@@ -42,20 +42,21 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
         Ok((self.read_view(pose, group)?, previous.map(|view| self.read_view(view, group)).transpose()?))
     }
 
-    /// Read the pose of an instance in a group back as it is stored, in the order and with the padding of pose buffers.
+    /// Reads the pose of an instance in a group back as it is stored, in the order and with the padding of pose
+    /// buffers.
     ///
     /// # Errors
-    /// As [`draw`](Self::draw); a path without pose buffers; a group out of range.
+    /// Those of [`draw`](Self::draw); a path without pose buffers; a group out of range.
     pub fn read_stored(&mut self, instance: u32, group: usize) -> Result<Vec<u8>> {
         let view = self.crowd.base().group_pose(instance, group)?;
         self.read((view.buffer, view.offset, view.size))
     }
 
-    /// Read the sums of integers that the path `scatter` keeps beside the poses of an instance back, in the order of pose
-    /// buffers; `None` of other paths.
+    /// Reads the integer sums of the path `scatter` for an instance back, in the order of pose buffers; `None` for
+    /// other paths.
     ///
     /// # Errors
-    /// A device that fails.
+    /// The device fails.
     pub fn read_sums(&mut self, instance: u32) -> Result<Option<Vec<i32>>> {
         let Some((buffer, offset)) = self.crowd.base().sums(instance) else { return Ok(None) };
         self.read((buffer, offset, self.mesh.layout().base_bytes())).map(Some)
@@ -65,7 +66,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     fn read_view(&mut self, view: PoseView, group: usize) -> Result<Vec<f32>> {
         let Self { headless, crowd, poses, .. } = self;
         headless.submitter.run(|cmd| {
-            // Also after what an update did with a barrier taken out, and after captures.
+            // For use after an update from which a test removed a barrier, too, and after captures.
             full_barrier(&headless.submitter.device, cmd, vk::PipelineStageFlags::ALL_COMMANDS);
             // SAFETY: the buffer is recording on the engine's device; `run` waits.
             unsafe { poses.record_views(cmd, crowd.base(), &[(0, group, view)]) }
@@ -75,28 +76,29 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
         Ok(read.pop().unwrap_or_default())
     }
 
-    /// A buffer, an offset and a size, read back.
+    /// Reads `size` bytes of a buffer back from an offset.
     fn read<T: bytemuck::Pod>(&mut self, range: (vk::Buffer, u64, u64)) -> Result<Vec<T>> {
         self.readback.read(&self.headless.submitter, range)
     }
 }
 
 impl HeadlessCrowd<'_, AnimatedCrowd> {
-    /// What the GPU planned for the last update.
+    /// Reads back the plan that the GPU made for the last update.
     ///
     /// # Errors
-    /// A device that fails; a crowd that is planned on the CPU.
+    /// The device fails; a crowd that is planned on the CPU.
     #[doc(hidden)]
     pub fn read_plan(&mut self) -> Result<Vec<PlannedGroup>> {
         let Self { crowd, readback, headless, .. } = self;
         crowd.read_plan(|range| readback.read(&headless.submitter, range))
     }
 
-    /// The level of detail of an instance that follows the camera, as words: targets kept in steps of 2⁻¹⁶, how many it is about
-    /// to keep, epoch, and the error budget, the lower word first. Empty in a crowd in which none does.
+    /// The level of detail of an instance that follows the camera, as words: targets kept in steps of 2⁻¹⁶, the number
+    /// that it is about to keep, epoch, and the error budget, the lower word first. Empty if no instance of the crowd
+    /// follows the camera.
     ///
     /// # Errors
-    /// As [`read_plan`](Self::read_plan).
+    /// Those of [`read_plan`](Self::read_plan).
     #[doc(hidden)]
     pub fn read_level(&mut self, instance: u32) -> Result<Vec<u32>> {
         let range = self.crowd.level_of(instance);
@@ -106,7 +108,7 @@ impl HeadlessCrowd<'_, AnimatedCrowd> {
     /// The weights of an instance on the GPU, in steps of the grid.
     ///
     /// # Errors
-    /// As [`read_plan`](Self::read_plan).
+    /// Those of [`read_plan`](Self::read_plan).
     #[doc(hidden)]
     pub fn read_weights(&mut self, instance: u32) -> Result<Vec<i32>> {
         let range = self.crowd.weights_of(instance);

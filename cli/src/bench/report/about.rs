@@ -1,4 +1,4 @@
-//! What was measured, for a reader who has never seen the project.
+//! Describes the measurement to a reader who has never seen the project.
 
 use super::figures::partition;
 use crate::bench::record::{DeviceInfo, Report, RunRecord, SuiteRecord};
@@ -6,16 +6,16 @@ use crate::input::MeshInfo;
 use crate::table::{count, listed, thousands};
 use deltamorph::BatchSize;
 
-/// Names that are told one by one; of more, their number.
+/// Most names that are listed; of more, only their number.
 const MOST_NAMES: usize = 8;
 
-/// What was measured: in a sentence, and what there is to say besides, with headings.
+/// The measurement in a sentence, and details with headings.
 pub struct About {
     pub sentence: String,
     pub facts: Vec<(&'static str, Vec<String>)>,
 }
 
-/// Of the runs of `suite`, or of all.
+/// The description for the runs of `suite`, or for all.
 pub fn about(report: &Report, suite: Option<&SuiteRecord>) -> About {
     let runs: Vec<&RunRecord> = report.runs_of(suite).collect();
     let sentence = format!(
@@ -35,7 +35,7 @@ pub fn about(report: &Report, suite: Option<&SuiteRecord>) -> About {
     About { sentence, facts }
 }
 
-/// The machine in words: device and driver where there is one, and the processor.
+/// The machine in words: device and driver if there is one, and the processor.
 pub fn device(device: &DeviceInfo) -> String {
     let cpu = match (device.cpu.as_str(), device.threads) {
         ("", _) => String::new(),
@@ -105,7 +105,7 @@ fn frames(runs: &[&RunRecord]) -> String {
     }
 }
 
-/// What differs among runs, with all its values.
+/// The parameters that differ among runs, with all their values.
 fn varied(runs: &[&RunRecord]) -> Vec<String> {
     type Name = fn(&RunRecord) -> String;
     let names: [(&str, Name); 6] = [

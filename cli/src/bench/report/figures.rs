@@ -1,4 +1,4 @@
-//! From runs to figures: what is compared with what.
+//! Figures from runs: the comparisons that they draw.
 
 use crate::bench::record::{Report, RunRecord, SuiteRecord, batch_words, fastest, heads_words, unused};
 use crate::bench::stats::Stats;
@@ -9,7 +9,7 @@ use deltamorph::{BatchSize, UpdatePath};
 /// A value and its standard error.
 type Value = (f64, f64);
 
-/// What a line chart shows, whatever the runs are: a line for each family.
+/// The content of a line chart: a line for each family of runs.
 struct Kind {
     slug: &'static str,
     title: &'static str,
@@ -17,7 +17,7 @@ struct Kind {
     axes: Axes,
     caption: &'static str,
     x: fn(&RunRecord) -> f64,
-    /// Of a run among those of its family.
+    /// The value of a run, given its family.
     y: fn(&RunRecord, &[&RunRecord]) -> Option<Value>,
 }
 
@@ -80,7 +80,7 @@ const ROUND_TRIP: Kind = Kind {
 };
 
 impl Kind {
-    /// The figure, where there is more than a point to draw; `subtitle` says what is constant.
+    /// The figure, if there is more than a point to draw; `subtitle` states the constants.
     fn figure(&self, suffix: &str, subtitle: &[String; 2], runs: &[&RunRecord]) -> Option<Figure> {
         let Self { labels, axes, .. } = *self;
         let (all, mut series) = (families(runs), vec![]);
@@ -103,19 +103,19 @@ impl Kind {
     }
 }
 
-/// All figures that the runs of `suite`, or of an ordinary run, are enough for.
+/// All figures that the runs of `suite`, or of an ordinary run, suffice for.
 pub fn figures(report: &Report, suite: Option<&SuiteRecord>) -> Vec<Figure> {
     let runs: Vec<&RunRecord> = report.runs_of(suite).filter(|run| run.counts()).collect();
     let mut figures = match suite {
         None if report.suites.is_empty() => sweep(report, &runs),
-        // Each suite has its own.
+        // Each suite has its own figures.
         None => vec![],
         Some(suite) if suite.name == "chapter" => chapter(report, &runs),
         Some(suite) if suite.name == "crowd" => crowd(report, &runs),
         Some(suite) => suite.cells.iter().filter_map(|cell| ranking(report, suite, &cell.name)).collect(),
     };
     let of_suite = suite.map_or(String::new(), |suite| format!("{}-", suite.name));
-    // Clips may differ in what file names here do not have.
+    // Names of clips may differ only in characters that file names here replace.
     let mut taken: Vec<String> = vec![];
     for figure in &mut figures {
         figure.slug = unused(&(of_suite.clone() + &figure.slug), "-", |name| taken.iter().any(|other| other == name));
@@ -145,7 +145,8 @@ fn sweep(report: &Report, runs: &[&RunRecord]) -> Vec<Figure> {
             figures.extend(floor(&suffix, most, &hardest));
             every.extend(hardest);
         }
-        // The hardest of each group: heads play a clip from different frames on, so the mean depends on their number.
+        // The hardest of each group: instances play a clip from different frames on, so the mean depends on their
+        // number.
         let work = clip.strip_suffix(": ").map_or_else(|| change(every[0]), Into::into);
         figures.extend(TIME_VS_HEADS.figure(&of_workload, &[work, mesh(report, runs)], &every));
     }
@@ -224,7 +225,7 @@ fn floor(suffix: &str, subtitle: [String; 2], runs: &[&RunRecord]) -> Option<Fig
     })
 }
 
-/// The remark at the end of a bar: its time, and its batch where its path has batches.
+/// The text at the end of a bar: its time, and its batch if its path has batches.
 fn remark(run: &RunRecord) -> String {
     let batch = match (run.batch_size, run.batch_max) {
         (BatchSize::All, None) => String::new(),
@@ -237,7 +238,7 @@ fn change(run: &RunRecord) -> String {
     format!("{} of {} targets changed per frame", count(run.changed), run.targets)
 }
 
-/// What is constant: the mesh and the device.
+/// The constants: the mesh and the device.
 fn mesh(report: &Report, runs: &[&RunRecord]) -> String {
     let mesh = report.meshes.iter().find(|mesh| mesh.name == runs[0].mesh).unwrap_or(&report.input);
     format!("{}, {} vertices · {}", mesh.name, thousands(mesh.vertices), report.device.name)
@@ -248,13 +249,13 @@ fn slug(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect()
 }
 
-/// Those where most targets change.
+/// The runs with the most changed targets.
 pub fn hardest<'a>(runs: &[&'a RunRecord]) -> Vec<&'a RunRecord> {
     let most = runs.iter().map(|run| run.changed).fold(0.0, f64::max);
     runs.iter().copied().filter(|run| run.changed == most).collect()
 }
 
-/// How much faster than batch 1 of the same family.
+/// The speedup over batch 1 of the same family.
 pub fn relative(run: &RunRecord, own: &[&RunRecord]) -> Option<Value> {
     let single = BatchSize::Targets(1);
     if run.batch_size == single {
@@ -269,21 +270,21 @@ fn mean(time: Stats) -> Value {
     (time.mean, time.stderr)
 }
 
-/// A family of configurations, which differ in what an axis shows alone: path, format, mode, poses, slots, and whether
-/// heads share an animation, each as names say it.
+/// A family of configurations, which differ only in the parameter along an axis: path, format, mode, poses, slots, and
+/// whether instances share an animation, each as in names.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Family([String; 6]);
 
 impl Family {
     fn of(run: &RunRecord) -> Self {
-        // Float32 poses go without saying.
+        // Float32 poses are not named.
         let sums = if run.sums().is_empty() { String::new() } else { format!(" {}", run.sums()) };
         let (format, mode, slots) = (&run.format, &run.mode, run.slots);
         let [format, mode, slots] = [format!(" {format}"), format!(" {mode}"), format!(" {slots} slots")];
         Self([run.path.clone(), format, mode, sums, slots, if run.shared { " shared".into() } else { String::new() }])
     }
 
-    /// Its name; with mode, poses and slots where they differ among `all`.
+    /// Its name; with mode, poses and slots if they differ among `all`.
     fn label(&self, all: &[Family]) -> String {
         let told = |i: &usize| !(2..5).contains(i) || all.iter().any(|other| other.0[*i] != self.0[*i]);
         (0..6).filter(told).map(|i| self.0[i].as_str()).collect()
@@ -296,7 +297,7 @@ impl Family {
     }
 }
 
-/// Runs that have the same `key` together, in the order of their first.
+/// Groups runs by `key`, in the order of the first of each.
 pub fn partition<'a, K: PartialEq>(
     runs: &[&'a RunRecord],
     key: impl Fn(&RunRecord) -> K,
@@ -312,7 +313,7 @@ pub fn partition<'a, K: PartialEq>(
     groups
 }
 
-/// The families of runs: those of one path together, otherwise in the order they ran.
+/// The families of runs: those of one path together, otherwise in the order that they ran.
 pub fn by_family<'a>(runs: &[&'a RunRecord]) -> Vec<(Family, Vec<&'a RunRecord>)> {
     partition(runs, |run| run.path.clone()).iter().flat_map(|(_, own)| partition(own, Family::of)).collect()
 }

@@ -11,7 +11,7 @@ use crate::output::{self, Failure, publish, write_file};
 use serde_json::Value;
 use std::path::Path;
 
-/// Write everything into `dir`, replacing what an earlier run left there when all is drawn.
+/// Writes everything into `dir`, replacing the files of an earlier run when all is drawn.
 pub fn write(report: &Report, dir: &Path) -> Result<(), Failure> {
     publish(dir, is_drawn, |dir| {
         write_file(&dir.join("report.json"), output::to_json(report)?)?;
@@ -28,10 +28,10 @@ pub fn write(report: &Report, dir: &Path) -> Result<(), Failure> {
     })
 }
 
-/// The picture, beside the page.
+/// The picture, in the page's folder.
 pub const FACE: &str = "face.png";
 
-/// What the names of our files begin with, besides report.json, runs.csv and index.html.
+/// Prefixes of the names of a report's files, besides report.json, runs.csv and index.html.
 const STEMS: [&str; 9] =
     ["face", "time-vs-", "relative-performance", "floor", "suite-", "chapter-", "crowd-", "techniques-", "clips-"];
 
@@ -40,7 +40,7 @@ fn is_drawn(name: &str) -> bool {
     STEMS.iter().any(|stem| name.starts_with(stem)) && [".svg", ".png", ".html"].iter().any(|end| name.ends_with(end))
 }
 
-/// Make sure that `dir` is ours to write to: new, empty, or with an earlier report.
+/// Ensures that `dir` may be written: new, empty, or with an earlier report.
 pub fn claim(dir: &Path) -> Result<(), Failure> {
     let complaint = "holds something else than a report; name another one with --report";
     output::claim(dir, complaint, || read(&dir.join("report.json")).is_ok())
@@ -69,7 +69,7 @@ pub fn read(path: &Path) -> Result<Report, Failure> {
     }
 }
 
-/// The command that wrote JSON which is no report.
+/// The command that wrote a JSON file that is no report.
 fn writer(value: &Value) -> Option<&'static str> {
     let commands: [(&str, &[&str]); 5] = [
         ("bench --compare", &["comparisons", "reports"]),

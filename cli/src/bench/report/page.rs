@@ -1,4 +1,4 @@
-//! Pages that need nothing but themselves: index.html, and one for each suite.
+//! Self-contained pages: index.html, and one for each suite.
 
 use super::FACE;
 use super::about::{self, About};
@@ -28,7 +28,7 @@ pub fn page(report: &Report, suite: Option<&SuiteRecord>, drawn: &[Drawn]) -> St
                 @else { "deltamorph bench · " (day) }
             }
             h1 { @if suite.is_some() { (name) } @else { "Time to update “" (name) "”" } }
-            // A picture of the input has its place here, before the words about it.
+            // A picture of the input comes first, before the text about it.
             (page::about(&sentence, &facts))
             ul.found { @for sentence in &found { li { (sentence.trim_end_matches('.')) "." } } }
         }
@@ -70,7 +70,7 @@ pub fn page(report: &Report, suite: Option<&SuiteRecord>, drawn: &[Drawn]) -> St
     document(&format!("{name} · deltamorph bench"), &body)
 }
 
-/// The mesh, and what a frame changes of it.
+/// The mesh, and the part that a frame changes.
 fn pictured(face: &Face, report: &Report) -> Markup {
     let Face { workload, frame, changed, whole, blocks, all_blocks, block_size, size: [width, height], .. } = face;
     let (name, targets) = (&report.input.name, report.input.targets);
@@ -90,7 +90,7 @@ fn pictured(face: &Face, report: &Report) -> Markup {
     }
 }
 
-/// The facts that the numbers depend on, as cards.
+/// The conditions of the measurement, as cards.
 fn cards(report: &Report) -> Markup {
     let (d, i, b) = (&report.device, &report.input, &report.bandwidth);
     let rate = |v: Option<f64>| v.map_or("not measured".to_owned(), |v| format!("{} GB/s", sig3(v)));
@@ -139,7 +139,7 @@ fn mesh(m: &MeshInfo) -> String {
 }
 
 fn all_runs(runs: &[&RunRecord]) -> Markup {
-    // The fastest of each kind of work is worth finding at a glance.
+    // The fastest of each kind of work is highlighted.
     let work = |r: &RunRecord| (r.suite.clone(), r.cell.clone(), r.workload.clone(), r.heads, r.changed.to_bits());
     let best = |run: &RunRecord| {
         let rivals = runs.iter().copied().filter(|r| r.counts() && work(r) == work(run));

@@ -1,4 +1,4 @@
-//! The sentences that sum a report up, with numbers from its runs.
+//! The sentences that summarise a report, with numbers from its runs.
 
 use super::figures::{by_family, hardest, relative};
 use crate::bench::record::{Report, RunRecord, SuiteRecord, batch_words, fastest};
@@ -61,7 +61,7 @@ pub fn of_suite(suite: &SuiteRecord) -> String {
     }
 }
 
-/// Of the first workload: gains of different ones do not compare.
+/// The runs of the first workload: gains of different ones do not compare.
 fn of_runs(runs: &[&RunRecord]) -> Vec<String> {
     let Some(first) = runs.first() else { return vec![] };
     let same = |r: &&RunRecord| (&r.workload, r.heads) == (&first.workload, first.heads);
@@ -71,11 +71,11 @@ fn of_runs(runs: &[&RunRecord]) -> Vec<String> {
     [batching(&hardest), Some(of_best(best)), changed(&runs, best)].into_iter().flatten().collect()
 }
 
-/// What batching gains where it gains most.
+/// The gain of batching in the case with the largest one.
 fn batching(hardest: &[&RunRecord]) -> Option<String> {
     let gains = by_family(hardest).into_iter().flat_map(|(_, own)| {
         let single = own.iter().find(|r| r.batch_size == BatchSize::Targets(1)).map_or(0.0, |r| r.passes);
-        // As many passes as one at a time: what differs then is noise.
+        // The same number of passes as with batch 1: a difference is noise.
         let several = |r: &&RunRecord| r.batch_size != BatchSize::All && r.passes < single;
         let gain = |run| relative(run, &own).map(|(gain, error)| (gain, error, run));
         own.iter().copied().filter(several).filter_map(gain).collect::<Vec<_>>()
@@ -88,7 +88,7 @@ fn batching(hardest: &[&RunRecord]) -> Option<String> {
 /// The fastest configuration of the hardest work.
 fn of_best(run: &RunRecord) -> String {
     let floor = match run.floor_fraction {
-        // The floor is measured with a copy in memory; what stays in a cache can beat it.
+        // The floor is measured with a copy in memory; data in a cache can beat it.
         Some(share) if share > 1.0 => ", faster than a plain copy of as many bytes".into(),
         Some(share) => format!(", {} of what memory bandwidth allows", percent(share)),
         None => String::new(),
@@ -99,7 +99,7 @@ fn of_best(run: &RunRecord) -> String {
     format!("With {changed} targets changed per frame the fastest is {fastest}.")
 }
 
-/// What changing fewer targets saves, where `all` is the fastest with most of them.
+/// The gain of changing fewer targets, if `all` is the fastest with most of them.
 fn changed(runs: &[&RunRecord], all: &RunRecord) -> Option<String> {
     let least = runs.iter().map(|r| r.changed).reduce(f64::min).filter(|least| *least < all.changed)?;
     let few = fastest(runs.iter().copied().filter(|r| r.changed == least))?;

@@ -5,13 +5,13 @@ use crate::bench::record::{CellRecord, Comparison, Report, RunRecord, SuiteRecor
 use crate::table::{Table, bytes, count, optional, percent, sig3};
 use std::iter::once;
 
-/// What tables say where there is nothing to say.
+/// The text of an empty table cell.
 const NONE: &str = "–";
 
 /// Heading and cell of a column about runs.
 type Column = (&'static str, fn(&RunRecord) -> String);
 
-/// The columns that hold words, then those that hold numbers.
+/// The columns of words, then those of numbers.
 const WORDS: [Column; 6] = [
     ("cell", |run| run.cell.clone()),
     ("technique", |run| run.technique.clone()),
@@ -42,10 +42,10 @@ const NUMBERS: [Column; 16] = [
     ("of floor", |run| run.floor_fraction.map_or(NONE.into(), percent)),
     ("error / diagonal", |run| optional(run.max_error_rel)),
 ];
-/// What is on pages only, which are wider than terminals.
+/// The columns of pages only, which are wider than terminals.
 const PAGES_ONLY: [&str; 6] = ["mean", "n", "update ms", "draw ms", "round trip ms", "upload ms"];
 
-/// A row for each run; without the columns that say nothing of any, and on a terminal without some more.
+/// A row for each run; without columns that are empty in every run, and on a terminal without some more.
 pub fn runs<'a>(runs: impl IntoIterator<Item = &'a RunRecord>, terminal: bool) -> Table {
     let runs: Vec<&RunRecord> = runs.into_iter().collect();
     let told = |(heading, cell): &&Column| {
@@ -60,7 +60,7 @@ pub fn runs<'a>(runs: impl IntoIterator<Item = &'a RunRecord>, terminal: bool) -
     table
 }
 
-/// What a suite found, with headings; without what it does not have.
+/// The tables of a suite, with headings; empty ones are left out.
 pub fn of_suite(suite: &SuiteRecord, report: &Report) -> Vec<(&'static str, Table)> {
     let mut tables = vec![];
     if !suite.comparisons.is_empty() {

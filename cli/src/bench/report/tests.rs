@@ -1,4 +1,4 @@
-//! What reports say of made-up runs.
+//! Reports of made-up runs.
 
 use super::figures::figures;
 use super::page::file_name;
@@ -24,7 +24,7 @@ fn lines(report: &Report, slug: &str) -> Vec<Series> {
     }
 }
 
-/// The made-up report, with the runs that `keep` wants, and these once more as `change` makes them.
+/// The made-up report, with the runs that `keep` selects, followed by these runs after `change`.
 fn report(keep: fn(&RunRecord) -> bool, change: fn(RunRecord) -> RunRecord) -> Report {
     let mut report = synthetic::report();
     report.runs.retain(keep);
@@ -52,7 +52,7 @@ fn heads_get_a_figure_of_their_own() {
     let work = |r: &RunRecord| r.workload == "random" && r.changed == 4.0;
     let slugs = slugs(&report(work, |run| RunRecord { heads: 16, ..run }));
     assert!(slugs.contains(&"time-vs-heads".into()) && slugs.contains(&"floor-16heads".into()), "{slugs:?}");
-    // A clip has a point for each number of heads, though the mean of what changes depends on their number.
+    // A clip has a point for each number of instances, though the mean of changed targets depends on their number.
     let clip = |r: &RunRecord| r.workload == "speech_30fps" && r.verified;
     for line in lines(&report(clip, |run| RunRecord { heads: 16, changed: 2.5, ..run }), "time-vs-heads") {
         assert_eq!(line.points.iter().map(|p| p.x).collect::<Vec<_>>(), [1.0, 16.0]);
@@ -99,7 +99,7 @@ fn sentences_have_numbers_from_the_runs() {
     ] {
         assert!(all[sentence].starts_with(words), "{all:?}");
     }
-    // Poses of integers, which take half the time, are named.
+    // Fixed-point poses, which take half the time, are named.
     let half = |run: RunRecord| {
         let gpu_ms = run.gpu_ms.map(|time| Stats { median: time.median / 2.0, ..time });
         RunRecord { gpu_ms, pose: "fixed32".into(), ..run }
@@ -241,7 +241,7 @@ fn tables_can_be_sorted() {
     assert_eq!(page.matches("<table class=\"sortable\">").count(), 1);
     let headings = page.matches("<th scope=\"col\"").count();
     assert!(headings > 10 && page.contains("aria-sort"), "{headings}");
-    // A number says what it amounts to, whatever its unit; what is wrong has none.
+    // A number has a value to sort by, whatever its unit; a wrong run has none.
     for part in ["<td data-n=\"Infinity\">all</td>", "<td data-n=\"72\">72</td>", "<td>WRONG</td>"] {
         assert!(page.contains(part), "{part}");
     }
@@ -264,7 +264,7 @@ fn other_files_are_refused() {
         (r#"{"schema":1,"frames":[],"summary":{}}"#, "was written by `deltamorph play`"),
         (r#"{"schema":1,"comparisons":[],"reports":[]}"#, "was written by `deltamorph bench --compare`"),
         (r#"{"schema":1,"runs":[]}"#, "missing field `version`"),
-        // Of another schema, whatever else it has.
+        // Another schema is refused, whatever else it has.
         (r#"{"schema":3,"runs":{}}"#, "schema 3"),
         (&other, "schema 2"),
     ] {

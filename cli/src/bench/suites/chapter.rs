@@ -1,4 +1,4 @@
-//! The chapter's figure: what batching gains.
+//! The chapter's figure: the gain of batching.
 
 use crate::args::values::BatchSpec;
 use crate::bench::configs::{Config, Wanted, configurations};
@@ -27,7 +27,7 @@ pub fn run(session: &mut Session<'_>, input: Input) -> Result<(), Failure> {
     };
     let (configs, skipped) = configurations(&wanted, session.args, session.machine.gpu.as_ref());
     skipped.into_iter().for_each(|s| session.skip(s));
-    // Only those that have batches.
+    // Only paths with batches.
     let configs: Vec<Config> = configs.into_iter().filter(|c| c.batch_max.is_some()).collect();
     if configs.is_empty() {
         let reason = "takes --paths and --formats that have batches: compute, feedback, vertex-store; float32, snorm16";
@@ -54,7 +54,7 @@ pub fn run(session: &mut Session<'_>, input: Input) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Batch 1 against the fastest.
+/// Compares batch 1 with the fastest.
 fn gain(cell: &str, runs: &[Option<RunRecord>]) -> Option<Comparison> {
     let right = || runs.iter().flatten().filter(|r| r.counts());
     let one = right().find(|r| r.batch_size == BatchSize::Targets(1))?;

@@ -1,4 +1,4 @@
-//! One head and many, after Costigan et al. (MIG 2016), figures 5 and 6.
+//! One instance and many, after Costigan et al. (MIG 2016), figures 5 and 6.
 
 use super::techniques::{self, candidates, dense_and_sparse};
 use crate::bench::compare::OURS;
@@ -16,17 +16,17 @@ use deltamorph::PoseFormat;
 const POINTS: usize = 6;
 /// Heads of the crowd, unless told otherwise.
 const HEADS: [u32; 2] = [1, 100];
-/// Targets changed per frame where few change.
+/// Targets changed per frame in the case of few changes.
 const FEW: usize = 8;
-/// How a shared animation is timed, and what an update for many copies may cost, compared with one for one. Frame after
-/// frame, the one copy has no pause between its updates, while the draws of the many are one: so both are timed at the
-/// frame rate of the many too, where nothing but the copies differs.
+/// The expected ratio of an update for many copies to one for one, and the conditions of its timing: in continuous
+/// frames, the single copy has no pause between its updates, while the draws of the many are one. So both are also
+/// timed at the frame rate of the many, where nothing but the copies differs.
 const SHARED: [(Common, &str, &str); 2] =
     [(Common::FrameRate, "at one frame rate", "0.9 to 1.1"), (Common::Nothing, "frame after frame", "")];
-/// What one crowd has to gain.
+/// The expected gain of one crowd.
 const CROWD_GOAL: &str = "3 or more";
 
-/// Time against the number of targets kept, for one head, many, and many copies of one; and what a crowd saves.
+/// Time against the number of targets kept, for one instance, many, and many copies of one; and the gain of a crowd.
 pub fn run(session: &mut Session<'_>) -> Result<(), Failure> {
     let heads = session.args.heads_or(&HEADS);
     let (one, many) = (heads[0], heads[heads.len() - 1]);
@@ -52,7 +52,7 @@ pub fn run(session: &mut Session<'_>) -> Result<(), Failure> {
         }
     }
 
-    // Interleaved, so that the machine's own ups and downs hit both.
+    // Interleaved, so that variations of the machine's speed affect both.
     let single = Setting::of_suite(&random, 1);
     let copies = Setting { shared: true, ..Setting::of_suite(&random, many) };
     for (common, how, goal) in SHARED {

@@ -1,6 +1,6 @@
-//! `bench --suite`: ready-made comparisons, each with a page of its own. Configurations are measured interleaved, and
-//! where techniques are compared each frame draws every head once after the update: what they save in one they may pay
-//! for in the other.
+//! `bench --suite`: ready-made comparisons, each with its own page. Configurations are measured interleaved, and where
+//! techniques are compared each frame draws every instance once after the update: time that a technique saves in one it
+//! may lose in the other.
 
 mod chapter;
 mod crowd;
@@ -16,12 +16,12 @@ use crate::output::{Failure, Output};
 use deltamorph::PoseFormat;
 use deltamorph_headless::DeviceChoice;
 
-/// Run the suites that `args` ask for.
+/// Runs the suites that `args` request.
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<Report, Failure> {
     let input = input::load(&args.input, true, out)?;
     let mut session = Session::open(args, device, &input, out)?;
     let asked = |suite| args.suites.contains(&suite) || args.suites.contains(&SuiteChoice::All);
-    // Before anything is measured: a set that cannot be used is not to cost what was measured before it.
+    // Checked before anything is measured: an unusable data set must not cost the earlier measurements.
     let clips = if asked(SuiteChoice::Clips) { techniques::captured(&mut session)? } else { vec![] };
     let mut face = None;
     if asked(SuiteChoice::Chapter) {

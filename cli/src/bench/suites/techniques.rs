@@ -15,8 +15,8 @@ use crate::output::Failure;
 use deltamorph::{PoseFormat, UpdateMode, UpdatePath};
 use std::path::PathBuf;
 
-/// The name of a technique, which is the path, and a mode that is not the path's own or a pose format that is not
-/// float32; and what the best is chosen from.
+/// The name of a technique, which is the path, with the mode if that is not the path's default and the pose format if
+/// that is not float32; and the configurations to choose the best from.
 pub type Technique = (String, Vec<Config>);
 /// The name of a technique, and its fastest configuration.
 pub type Chosen = (String, Config);
@@ -29,8 +29,8 @@ pub fn candidates<'a>(chosen: &[Chosen], setting: &'a Setting<'a>) -> Vec<Candid
 /// Batch sizes to choose from: few are enough, since beyond 8 the gain is small.
 const SIZES: [BatchSpec; 3] = [BatchSpec::Size(8), BatchSpec::Size(16), BatchSpec::All];
 
-/// Every technique that can run, on each of `poses` that its path takes; those that cannot run become entries of what was
-/// skipped.
+/// Every technique that can run, on each of `poses` that its path supports; those that cannot run are added to the
+/// skipped ones.
 pub fn all(session: &mut Session<'_>, poses: &[PoseFormat]) -> Vec<Technique> {
     let (mut techniques, float) = (vec![], PoseFormat::Float32);
     for path in session.args.update.paths_or(&UpdatePath::ALL) {
@@ -40,7 +40,7 @@ pub fn all(session: &mut Session<'_>, poses: &[PoseFormat]) -> Vec<Technique> {
             false => (path.default_mode(), sizes, pose, String::new()),
         });
         let mut ways: Vec<_> = own.collect();
-        // Rebuilding every frame is a technique of its own on two paths: in compute passes (Godot, PlayCanvas), and in
+        // Rebuilding every frame is a separate technique on two paths: in compute passes (Godot, PlayCanvas), and in
         // vertex passes one target after the other (Godot's compatibility renderer).
         match path {
             UpdatePath::Compute => ways.push((UpdateMode::Rebuild, sizes, float, " rebuild".into())),
@@ -69,7 +69,7 @@ pub fn all(session: &mut Session<'_>, poses: &[PoseFormat]) -> Vec<Technique> {
     techniques
 }
 
-/// The fastest configuration of each technique in a short run; none where all are refused.
+/// The fastest configuration of each technique in a short run; none if all are refused.
 pub fn choose(
     session: &mut Session<'_>,
     subject: &mut Subject,
@@ -93,7 +93,7 @@ pub fn choose(
             match outcome {
                 Ok(run) if run.counts() && run.median() < best => (best, fastest) = (run.median(), Some(rival)),
                 Ok(run) if run.verified => {}
-                // Wrong: that has to be seen, whatever the others do.
+                // A wrong result has to be reported, whatever the others do.
                 Ok(run) => drop(session.keep("choice", name, run)),
                 Err(refused) => session.skip(refused),
             }
@@ -103,7 +103,7 @@ pub fn choose(
     Ok(chosen)
 }
 
-/// Mean fraction of the vertices that a target of the sparse head moves, where none is given.
+/// Mean fraction of the vertices that a target of the sparse head moves, by default.
 const SPARSE: f32 = 0.08;
 
 /// The built-in head, dense and sparse; or INPUT alone.
@@ -124,11 +124,11 @@ pub fn dense_and_sparse(session: &Session<'_>) -> Result<Vec<Input>, Failure> {
 
 /// Configurations are chosen with at most this many heads: with more the choice is the same, and takes longer.
 const CHOICE_HEADS: u32 = 10;
-/// Targets that change where the others are still, and where the others are 0.
+/// Changed targets of the workload in which the others keep their weights, and of that in which the others are 0.
 const FEW: usize = 8;
 const ACTIVE: usize = 4;
 
-/// A mesh, and what changes on it: the workloads, and each in words.
+/// A mesh, and its workloads, each with a description.
 pub type Workloads = (Input, Vec<(Workload, String)>);
 
 /// All, few, and few active targets × dense and sparse.
@@ -161,7 +161,7 @@ pub fn captured(session: &mut Session<'_>) -> Result<Vec<Workloads>, Failure> {
     Ok(list)
 }
 
-/// Every technique, with `poses`, on each of `list`, for one head and many: a cell each.
+/// Measures every technique, with `poses`, on each of `list`, for one instance and many: a cell each.
 pub fn run(
     session: &mut Session<'_>,
     list: Vec<Workloads>,
@@ -194,7 +194,7 @@ pub fn run(
     Ok(())
 }
 
-/// The folders with clips; where there are none, what was skipped says why.
+/// The folders with clips; if there are none, the skipped entries say why.
 fn sets(session: &mut Session<'_>) -> Result<Vec<PathBuf>, Failure> {
     let has_clips = |folder: &PathBuf| folder.join("neutral.obj").is_file() && folder.join("weights").is_dir();
     let (sets, reason) = match (&session.args.input.input, std::env::var_os("DELTAMORPH_DATA")) {
