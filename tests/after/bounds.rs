@@ -1,16 +1,13 @@
-//! Bounds: those of the device are the least there are, and those from weights hold; only what changed is done again, and
-//! barriers are where they have to be.
+//! Bounds: those of the device are the least there are, and those from weights hold; only what changed is done
+//! again.
 
 use crate::data;
 use crate::gpu;
 use crate::offscreen::Offscreen;
-use crate::step::barriers_around_step;
 use crate::written::Written;
 use deltamorph::after::{BoundsTarget, WeightBounds};
 use deltamorph::ash::vk;
 use deltamorph::import::{csv, obj};
-use deltamorph::internals::plan::hazards::Memory;
-use deltamorph::internals::plan::steps::Resource;
 use deltamorph::reference::evaluate;
 use deltamorph::{
     BatchSize, Consumers, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
@@ -91,28 +88,6 @@ fn bounds_on_the_device_are_those_of_the_pose() {
                     .contains("multiple of 4")
             );
         }
-    });
-}
-
-#[test]
-fn a_missing_barrier_around_bounds_is_found() {
-    gpu::on_every_device(|headless, engine| {
-        let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
-        let mesh = head(&HeadDesc::default().vertices(900).targets(37)).to_mesh(Tolerance::default()).expect("a mesh");
-        let packed = gpu::packed(engine, &mesh, DeltaFormat::Fast);
-        let written = Written::new(headless, &host, 2, (0, 12, None));
-        let mut crowd = HeadlessCrowd::new(headless, &packed, &CrowdDesc::new(UpdateDesc::blocks())).expect("a crowd");
-        let set = |crowd: &mut HeadlessCrowd<'_>| {
-            // SAFETY: the buffer is large enough, and lives as long as the crowd; nothing is running.
-            unsafe { crowd.set_bounds_target(0, Some(&BoundsTarget::new(written.buffer))) }.expect("a target");
-        };
-        let found = barriers_around_step(
-            &mut crowd,
-            &packed,
-            set,
-            Memory::After { resource: Resource::Bounds, instance: 0, output: 0 },
-        );
-        assert!(found >= 14, "{found} barriers");
     });
 }
 

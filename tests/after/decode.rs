@@ -1,13 +1,10 @@
 //! The decode step: float32 positions in buffers of the host's own are those of the poses, bit for bit; only what changed
-//! is written, and barriers are where they have to be.
+//! is written.
 
 use crate::gpu;
 use crate::offscreen::Offscreen;
-use crate::written::{Written, barriers_needed};
+use crate::written::Written;
 use deltamorph::ash::vk;
-use deltamorph::internals::plan::hazards::{Event, HazardChecker, Memory, Violation};
-use deltamorph::internals::plan::schedule::asset_uploaded;
-use deltamorph::internals::plan::steps::Resource;
 use deltamorph::{
     AnimationDesc, Consumers, CpuCrowd, CrowdDesc, DecodeTarget, DeltaFormat, PackedMesh, Playback, PoseFormat,
     Tolerance, UpdateDesc, UpdatePath,
@@ -53,7 +50,7 @@ impl<'a> Decoded<'a> {
 }
 
 /// Weights up to 1, of which a few change from frame to frame.
-fn weights(mesh: &PackedMesh, frame: u32, seed: u32) -> Vec<f32> {
+pub fn weights(mesh: &PackedMesh, frame: u32, seed: u32) -> Vec<f32> {
     gpu::weights(mesh, frame, seed).iter().map(|weight| weight / 2.0).collect()
 }
 
@@ -178,51 +175,6 @@ fn heads_that_play_clips_are_decoded() {
                 let written: Vec<_> = decoded.take(headless).into_iter().flatten().collect();
                 assert!(written == if frame == 3 { vec![] } else { expected }, "{pose:?}, frame {frame}");
             }
-        }
-    });
-}
-
-/// What the checker says of updates of one instance that is decoded: each as it was recorded, and the slot that is drawn.
-fn hazards(frames: &[(Vec<Event>, u32)]) -> Result<(), Vec<Violation>> {
-    let mut checker = HazardChecker::default();
-    checker.upload(asset_uploaded());
-    for (events, slot) in frames {
-        checker.update(events);
-        checker.draw(0, 0, *slot);
-        checker.read_after(0, Memory::After { resource: Resource::Decoded, instance: 0, output: 0 });
-    }
-    checker.finish()
-}
-
-#[test]
-fn a_missing_barrier_around_the_decode_step_is_found() {
-    gpu::on_every_device(|headless, _| {
-        let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
-        for (format, update) in gpu::updates(headless) {
-            let mesh = packed(headless, format);
-            let mut crowd = HeadlessCrowd::new(headless, &mesh, &CrowdDesc::new(update)).expect("a crowd");
-            let decoded = Decoded::new(headless, &host, mesh.layout().vertex_count, (0, 12, None));
-            let step = |crowd: &mut HeadlessCrowd<'_>, frame| {
-                // SAFETY: nothing is changed.
-                let step =
-                    unsafe { HeadlessCrowd::step_tampered(from_mut(crowd), &[&weights(&mesh, frame, 1)], |_| {}) };
-                (step.expect("a step").1, crowd.crowd().pose(0).expect("a pose").slot)
-            };
-            // The target comes when there is a pose: the next update decodes, and does nothing else.
-            let mut lists = vec![step(&mut crowd, 0)];
-            // SAFETY: the buffer is large enough, and lives as long as the crowd; nothing is running.
-            unsafe { crowd.set_decode_target(0, Some(&decoded.target)) }.expect("a target");
-            lists.extend([0, 1, 2, 3].map(|frame| step(&mut crowd, frame)));
-            let steps = |events: &[Event]| events.iter().filter(|event| matches!(event, Event::Step { .. })).count();
-            assert_eq!(steps(&lists[1].0), 1);
-            assert_eq!(hazards(&lists), Ok(()), "{update:?}");
-            let events: Vec<Vec<Event>> = lists.iter().map(|(events, _)| events.clone()).collect();
-            let is_right = |events: &[Vec<Event>]| {
-                let frames = events.iter().cloned().zip(lists.iter().map(|(_, slot)| *slot));
-                hazards(&frames.collect::<Vec<_>>()).is_ok()
-            };
-            let found = barriers_needed(&events, 1..events.len(), is_right);
-            assert!(found >= 10, "{update:?}: {found} barriers");
         }
     });
 }

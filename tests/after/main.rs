@@ -18,8 +18,6 @@ mod joints;
 mod numbers;
 #[path = "../common/skinned.rs"]
 mod skinned;
-#[path = "../common/step.rs"]
-mod step;
 #[path = "../common/written.rs"]
 mod written;
 
@@ -30,5 +28,6 @@ mod host_vertices;
 mod normals;
 mod pictures;
 mod skin;
+mod steps;
 
 use draw::offscreen;

@@ -4,13 +4,10 @@
 use crate::data;
 use crate::gpu;
 use crate::offscreen::Offscreen;
-use crate::step::barriers_around_step;
 use crate::written::Written;
 use deltamorph::after::{GpuNormals, NormalsDesc, NormalsTarget};
 use deltamorph::ash::vk;
 use deltamorph::import::{csv, obj};
-use deltamorph::internals::plan::hazards::Memory;
-use deltamorph::internals::plan::steps::Resource;
 use deltamorph::reference::{angle_degrees, evaluate_unpacked, normals};
 use deltamorph::{
     BatchSize, Consumers, CrowdDesc, DeltaFormat, MorphMesh, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
@@ -23,7 +20,7 @@ use glam::DVec3;
 const NORMAL: f64 = 0.5;
 
 /// A head with a seam in its texture coordinates, whose vertices are doubled there.
-fn mesh() -> MorphMesh {
+pub fn mesh() -> MorphMesh {
     let source = head(&HeadDesc::default().vertices(900).targets(37).sparsity(0.05).seed(3));
     let split = source.split().expect("a split head");
     assert!(split.positions.len() > source.positions.len(), "there is a seam");
@@ -34,7 +31,7 @@ fn corners(mesh: &MorphMesh) -> Vec<u32> {
     mesh.faces.corners.iter().map(|corner| corner.position).collect()
 }
 
-fn upload(headless: &Headless, mesh: &PackedMesh, desc: &NormalsDesc<'_>) -> GpuNormals {
+pub fn upload(headless: &Headless, mesh: &PackedMesh, desc: &NormalsDesc<'_>) -> GpuNormals {
     // SAFETY: the buffer is recording, runs once, and is waited for.
     let uploaded = headless.run(|cmd| unsafe { headless.engine().upload_normals(cmd, mesh, desc) });
     let mut uploaded = uploaded.expect("a surface");
@@ -109,31 +106,6 @@ fn recomputed_normals_are_those_of_the_surface_and_only_what_changed_is_written(
             assert_eq!(fewer > 0, format.is_blocks(), "{format:?} {update:?}: parts of a surface");
         }
         println!("{}: off by {worst:.1e} degrees", headless.caps().name);
-    });
-}
-
-#[test]
-fn a_missing_barrier_around_normals_is_found() {
-    let mesh = mesh();
-    let triangles = mesh.faces.triangles().into_flattened();
-    gpu::on_every_device(|headless, engine| {
-        let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
-        let packed = gpu::packed(engine, &mesh, DeltaFormat::Fast);
-        let surface = upload(headless, &packed, &NormalsDesc::new(&triangles));
-        let written = Written::new(headless, &host, packed.layout().vertex_count, (0, 12, None));
-        let target = NormalsTarget::new(written.buffer);
-        let mut crowd = HeadlessCrowd::new(headless, &packed, &CrowdDesc::new(UpdateDesc::blocks())).expect("a crowd");
-        let set = |crowd: &mut HeadlessCrowd<'_>| {
-            // SAFETY: the buffer is large enough, and lives as long as the crowd; nothing is running.
-            unsafe { crowd.set_normals_target(0, Some((&surface, &target))) }.expect("a target");
-        };
-        let found = barriers_around_step(
-            &mut crowd,
-            &packed,
-            set,
-            Memory::After { resource: Resource::Normals, instance: 0, output: 0 },
-        );
-        assert!(found >= 10, "{found} barriers");
     });
 }
 

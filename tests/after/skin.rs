@@ -34,7 +34,7 @@ fn packed(headless: &Headless, format: DeltaFormat) -> Arc<PackedMesh> {
 }
 
 /// Joints and weights of every vertex: from one joint to all influences, in no order.
-fn influences(vertices: usize, influences: u32) -> (Vec<u16>, Vec<f32>) {
+pub fn influences(vertices: usize, influences: u32) -> (Vec<u16>, Vec<f32>) {
     let mut rng = Rng::new(influences.into(), 0);
     let (mut joints, mut weights) = (vec![], vec![]);
     for vertex in 0..vertices {
@@ -55,7 +55,7 @@ fn influences(vertices: usize, influences: u32) -> (Vec<u16>, Vec<f32>) {
     (joints, weights)
 }
 
-fn upload(headless: &Headless, mesh: &PackedMesh, desc: &SkinDesc<'_>) -> GpuSkin {
+pub fn upload(headless: &Headless, mesh: &PackedMesh, desc: &SkinDesc<'_>) -> GpuSkin {
     // SAFETY: the buffer is recording, runs once, and is waited for.
     let mut skin = headless.run(|cmd| unsafe { headless.engine().upload_skin(cmd, mesh, desc) }).expect("a skin");
     // SAFETY: it has run.
@@ -218,7 +218,7 @@ fn heads_that_play_clips_are_skinned() {
 }
 
 #[test]
-fn a_missing_barrier_around_skinning_is_found() {
+fn a_missing_barrier_is_found_with_two_outputs_in_turn_and_joints_that_move() {
     gpu::on_every_device(|headless, _| {
         let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
         let mesh = packed(headless, DeltaFormat::Fast);
