@@ -1,5 +1,5 @@
-//! Crowds on a device: one update against many, what the GPU's planning costs, and thousands of heads. Medians, and ratios
-//! of measurements taken in turns.
+//! Crowds on a device: one update against many, what the GPU's planning costs, and thousands of heads. Medians, and
+//! ratios of measurements taken in turns.
 //!
 //! `./with-vulkan cargo bench --bench crowds [-- DEVICE]`
 
@@ -70,8 +70,8 @@ fn together(headless: &Headless, heads: usize, sparsity: f32, changed: usize) {
     );
 }
 
-/// Clips of the face: one in which nothing moves, one in which a third of the weights change from frame to frame, and one
-/// in which all do.
+/// Clips of the face: one in which nothing moves, one in which a third of the weights change from frame to frame, and
+/// one in which all do.
 fn clips(mesh: &PackedMesh) -> Vec<WeightClip> {
     let names: Vec<String> = mesh.layout().targets.iter().map(|t| t.name.clone()).collect();
     let targets = names.len();
@@ -144,8 +144,8 @@ fn planned_on_the_gpu(headless: &Headless, mesh: &PackedMesh) {
     }
 }
 
-/// A crowd that keeps all targets against one whose levels of detail the GPU chooses, which costs a pass: near, where it keeps
-/// all of them too, and farther away. All weights change.
+/// A crowd that keeps all targets against one whose levels of detail the GPU chooses, which costs a pass: near, where
+/// it keeps all of them too, and farther away. All weights change.
 fn followed(headless: &Headless, mesh: &PackedMesh) {
     let clips = clips(mesh);
     let order = Importance::of_packed(mesh, &[]).expect("an order");

@@ -1,5 +1,5 @@
-//! The name that programs look the shared library up by: before version 1 each minor version has an API of its own, and a
-//! program does not start with another one.
+//! The name that programs look the shared library up by: before version 1 each minor version has an API of its own, and
+//! a program does not start with another one.
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");

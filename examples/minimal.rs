@@ -35,8 +35,8 @@ struct Instance {
 impl Host {
     fn new(wanted: &str) -> Result<Self> {
         let app = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_1);
-        // SAFETY: the system's loader is there to be loaded, and queries are about the instance's own devices; the queue
-        // is one that the device was created with.
+        // SAFETY: the system's loader is there to be loaded, and queries are about the instance's own devices; the
+        // queue is one that the device was created with.
         unsafe {
             let entry = ash::Entry::load()?;
             let raw = entry.create_instance(&vk::InstanceCreateInfo::default().application_info(&app), None);
@@ -65,8 +65,8 @@ impl Host {
         }
     }
 
-    /// Wait until the device does nothing, or is lost. A wait may lack memory while the device works on, and what it uses
-    /// must not be dropped then: try again, though not for ever.
+    /// Wait until the device does nothing, or is lost. A wait may lack memory while the device works on, and what it
+    /// uses must not be dropped then: try again, though not for ever.
     fn wait_idle(&self) {
         for _ in 0..1000 {
             // SAFETY: waiting is always allowed.
@@ -160,7 +160,8 @@ impl<'a> Frame<'a> {
         }
     }
 
-    /// Copy a pose to the readback memory: `Consumers::COPIES` has made it ready. A host that draws it needs none of this.
+    /// Copy a pose to the readback memory: `Consumers::COPIES` has made it ready. A host that draws it needs none of
+    /// this.
     fn record_readback(&self, pose: &PoseView) {
         use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
         let device = &self.host.device;

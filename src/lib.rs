@@ -3,14 +3,14 @@
 //! The engine borrows your device and records into your command buffers; it never submits, waits, or creates a queue or
 //! thread. What to call, in order:
 //!
-//! 1. Mesh: [`import::open`] or [`MorphSource::from_arrays`], then [`MorphSource::to_mesh`] and [`PackedMesh::pack`]; or [`Asset::read`] of what was packed before.
+//! 1. Mesh: [`import::open`] or [`MorphSource::from_arrays`], then [`MorphSource::to_mesh`] and [`PackedMesh::pack`];
+//!    or [`Asset::read`] of what was packed before.
 //! 2. Device: [`requirements`] before you create it, [`MorphEngine::new`] after.
 //! 3. [`MorphEngine::upload`] the mesh, [`MorphEngine::create_crowd`].
 //! 4. Each frame: [`Crowd::set_weights`], [`MorphEngine::record_update`], and draw from [`Crowd::pose`]; motion vectors
-//!    take [`Crowd::previous_pose`]. What may follow (skinning, normals of the surface, bounds, float32 of any pose) is in
-//!    [`after`]. [`ClipLayer::mix`] makes weights of clips, a [rig](mod@rig)
-//!    those of targets from those of controls; [`CrowdSet`] gives them to several meshes;
-//!    [`MorphEngine::readback`] reads poses back.
+//!    take [`Crowd::previous_pose`]. What may follow (skinning, normals of the surface, bounds, float32 of any pose) is
+//!    in [`after`]. [`ClipLayer::mix`] makes weights of clips, a [rig](mod@rig) those of targets from those of
+//!    controls; [`CrowdSet`] gives them to several meshes; [`MorphEngine::readback`] reads poses back.
 //!
 //! ```no_run
 //! use deltamorph::ash::{self, vk};

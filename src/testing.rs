@@ -44,7 +44,8 @@ pub fn mesh(vertices: usize, targets: usize) -> MorphMesh {
     }
 }
 
-/// `mesh` with tangents, texture coordinates, colours and wrinkle masks, which its targets move as well, and a few vertices besides.
+/// `mesh` with tangents, texture coordinates, colours and wrinkle masks, which its targets move as well, and a few
+/// vertices besides.
 pub fn with_streams(mut mesh: MorphMesh) -> MorphMesh {
     let vertices = mesh.vertex_count();
     let handed = |v: u64| if v.is_multiple_of(2) { 1.0 } else { -1.0 };
@@ -83,7 +84,8 @@ pub fn degenerate() -> Vec<MorphMesh> {
     sizes.into_iter().map(|(vertices, targets)| mesh(vertices, targets)).chain([empty]).collect()
 }
 
-/// The built-in head. Its package is built with this crate as others link it, whose types are not those of the unit tests.
+/// The built-in head. Its package is built with this crate as others link it, whose types are not those of the unit
+/// tests.
 #[cfg(test)]
 pub(crate) fn head(desc: &deltamorph_head::HeadDesc) -> MorphSource {
     let built = deltamorph_head::head(desc);

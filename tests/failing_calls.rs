@@ -1,6 +1,6 @@
-//! Every Vulkan call of every operation of the library fails, one at a time, with each error that it may return: there is an
-//! error that names the call and what to do, nothing is left behind, the same operation succeeds afterwards, and poses are
-//! right.
+//! Every Vulkan call of every operation of the library fails, one at a time, with each error that it may return: there
+//! is an error that names the call and what to do, nothing is left behind, the same operation succeeds afterwards, and
+//! poses are right.
 
 #[path = "common/gpu.rs"]
 mod gpu;
@@ -77,8 +77,8 @@ struct Lab<'a> {
 }
 
 impl Lab<'_> {
-    /// Have each call of `operation`, on what `prepare` makes, fail with each error. The same operation follows in the same
-    /// command buffer, and `check` looks at what it made when it has run.
+    /// Have each call of `operation`, on what `prepare` makes, fail with each error. The same operation follows in the
+    /// same command buffer, and `check` looks at what it made when it has run.
     fn each<S, T>(
         &self,
         name: &str,

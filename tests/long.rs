@@ -111,8 +111,8 @@ fn live(headless: &Headless, frames: u32, begin: u64) -> u64 {
     }
     counts.iter().for_each(|(what, times)| println!("{what}: {times}"));
     println!("digest of poses and levels: {:016x}", digest.finish());
-    // Crowds of short runs still grow. In long ones what comes and goes changes what is in use, and lavapipe and the C library
-    // keep some of what was freed.
+    // Crowds of short runs still grow. In long ones what comes and goes changes what is in use, and lavapipe and the C
+    // library keep some of what was freed.
     let [resident, of_device] = [0, 1].map(|i| last[i].saturating_sub(early[i]));
     assert!(
         frames < SETTLED || resident <= 8 * 1024 && of_device <= 4 * 1024,

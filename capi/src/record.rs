@@ -86,7 +86,7 @@ pub unsafe extern "C" fn dm_record_updates(
         let objects = handles.iter().map(|crowd| crowd.get()).collect::<Result<Vec<Arc<Crowd>>>>()?;
         check_command_buffer(cmd)?;
         let Some(first) = objects.first() else {
-            return Err(Failure::invalid("an update of no crowd; name one or more"));
+            return Err(Failure::invalid("an update of an empty list of crowds; pass at least one"));
         };
         if objects.iter().any(|object| !Arc::ptr_eq(&object.engine, &first.engine)) {
             return Err(Failure::invalid("crowds of several engines; record the updates of each engine by themselves"));

@@ -316,7 +316,7 @@ static void crowds(const Host *host, DmEngine engine, DmEngine other) {
 
     host_begin(host);
     HANDLE("null handle in place of a crowd", dm_record_update(host->cmd, no_crowd, &update));
-    INVALID("an update of no crowd", dm_record_updates(host->cmd, 0, NULL, NULL));
+    INVALID("an update of an empty list of crowds", dm_record_updates(host->cmd, 0, NULL, NULL));
     INVALID("named twice", dm_record_updates(host->cmd, 2, (DmCrowd[]){crowd, crowd}, NULL));
     INVALID("several engines", dm_record_updates(host->cmd, 2, (DmCrowd[]){crowd, far}, NULL));
     INVALID("'crowds' is a null pointer", dm_record_updates(host->cmd, 2, NULL, NULL));

@@ -292,8 +292,8 @@ fn cpp_owners_are_right_and_lose_nothing() {
     assert!(output.status.success(), "{}", text(&output.stderr));
 }
 
-/// The commands of README.md as printed, from a home of their own, end in a program that runs. Only the first is left out,
-/// which takes minutes: its folder is there, named as hosts name it that build elsewhere.
+/// The commands of README.md as printed, from a home of their own, end in a program that runs. Only the first is left
+/// out, which takes minutes: its folder is there, named as hosts name it that build elsewhere.
 #[test]
 fn the_commands_of_the_readme_end_in_a_program_that_runs() {
     let readme = std::fs::read_to_string(root().join("capi/README.md")).expect("the README");

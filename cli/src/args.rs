@@ -147,8 +147,8 @@ pub struct RunArgs {
 /// Clips over the one that `play`, `render` and `view` take.
 #[derive(Args, Clone, Debug)]
 pub struct LayerArgs {
-    /// Another clip over that of --weights and --set, over and over from its first frame (repeatable): CSV@WEIGHT to go so far
-    /// towards it (1 where no weight is stated), CSV+WEIGHT to add so much of it
+    /// Another clip over that of --weights and --set, over and over from its first frame (repeatable): CSV@WEIGHT to go
+    /// so far towards it (1 where no weight is stated), CSV+WEIGHT to add so much of it
     #[arg(long = "layer", value_name = "CSV[@WEIGHT]", value_parser = values::layer, conflicts_with = "normalise")]
     pub layers: Vec<values::Layer>,
 }
@@ -164,8 +164,8 @@ impl LayerArgs {
 pub struct PlayArgs {
     #[command(flatten)]
     pub run: RunArgs,
-    /// Weight clip to play: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's by its name [default: the one
-    /// in INPUT/weights or INPUT, where there is just one]
+    /// Weight clip to play: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's by its name [default:
+    /// the one in INPUT/weights or INPUT, where there is just one]
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,
     #[command(flatten)]
@@ -189,8 +189,8 @@ pub struct SoakArgs {
     /// Number of frames
     #[arg(long, value_name = "N", value_parser = values::whole(1usize, 1_000_000_000))]
     pub frames: usize,
-    /// Weight clip to take captured frames from: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's by its
-    /// name [default: all in INPUT/weights or INPUT]
+    /// Weight clip to take captured frames from: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's
+    /// by its name [default: all in INPUT/weights or INPUT]
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,
     /// Compare every Nth pose with the float64 reference, and the last one [default: a 64th of the frames]
@@ -209,7 +209,8 @@ impl SoakArgs {
 pub struct ApplyArgs {
     #[command(flatten)]
     pub run: RunArgs,
-    /// Weight clip to take the weights from: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's by its name
+    /// Weight clip to take the weights from: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's by
+    /// its name
     #[arg(long, value_name = "CSV", requires = "frame")]
     pub weights: Option<PathBuf>,
     /// Frame of the weight clip, counted from 0
@@ -229,8 +230,8 @@ pub struct ApplyArgs {
 /// Which mesh, and how much of it is kept.
 #[derive(Args, Clone, Debug)]
 pub struct InputArgs {
-    /// Folder with neutral.obj, targets/*.obj and, if any, weights/*.csv, a glTF file (*.glb, *.gltf, *.vrm), or a packed
-    /// file (*.dmorph); without it, the built-in head
+    /// Folder with neutral.obj, targets/*.obj and, if any, weights/*.csv, a glTF file (*.glb, *.gltf, *.vrm), or a
+    /// packed file (*.dmorph); without it, the built-in head
     #[arg(value_name = "INPUT", conflicts_with_all = ["vertices", "targets", "sparsity"])]
     pub input: Option<PathBuf>,
     #[command(flatten)]
@@ -242,15 +243,16 @@ pub struct InputArgs {
     /// Take the targets of a file that `deltamorph textures` wrote, in place of those of INPUT
     #[arg(long, value_name = "FILE.ktx2")]
     pub textures: Option<PathBuf>,
-    /// Frames per second of weight clips [default: what the file name ("…_24fps.csv") or the keys of the animation say, else
-    /// 30]
+    /// Frames per second of weight clips [default: what the file name ("…_24fps.csv") or the keys of the animation say,
+    /// else 30]
     #[arg(long, value_name = "F", value_parser = values::fps)]
     pub fps: Option<f32>,
-    /// A rig, JSON: controls that drive the targets; --set and clips then name them [default: rig.json in the folder, or
-    /// NAME.rig.json beside NAME.glb or NAME.dmorph]
+    /// A rig, JSON: controls that drive the targets; --set and clips then name them [default: rig.json in the folder,
+    /// or NAME.rig.json beside NAME.glb or NAME.dmorph]
     #[arg(long, value_name = "JSON")]
     pub rig: Option<PathBuf>,
-    /// Take weights of clips and --set for weights of absolute poses: an average, of which the base pose takes what is left
+    /// Take weights of clips and --set for weights of absolute poses: an average, of which the base pose takes what is
+    /// left
     #[arg(long, value_name = "READING", value_enum, num_args = 0..=1, require_equals = true)]
     #[arg(default_missing_value = "text")]
     pub normalise: Option<Reading>,

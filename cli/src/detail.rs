@@ -64,7 +64,8 @@ impl Kept {
         camera.pixels_per_unit(&self.ball.moved(place))
     }
 
-    /// Take away what heads do not keep of `weights`, one list for each; `units`: pixels that an input unit takes up there.
+    /// Take away what heads do not keep of `weights`, one list for each; `units`: pixels that an input unit takes up
+    /// there.
     pub fn apply(&mut self, detail: Detail, units: &[f32], weights: &mut [Vec<f32>]) -> Result<(), Failure> {
         let Self { importance, levels, .. } = self;
         let all = importance.target_count() as f32;
@@ -73,7 +74,8 @@ impl Kept {
             Detail::Share(share) => vec![((share * all).ceil(), (share * all).ceil()); weights.len()],
             Detail::Pixels(pixels) => {
                 if levels.0 != detail || levels.1.len() != weights.len() {
-                    // Half of what a level is given is for changes that an error budget defers, which has a choice of its own.
+                    // Half of what a level is given is for changes that an error budget defers, which has a choice of
+                    // its own.
                     let level = Level::new(LevelDesc::default().pixels(2.0 * pixels));
                     *levels = (detail, vec![level; weights.len()]);
                 }

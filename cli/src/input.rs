@@ -193,8 +193,8 @@ fn names(mesh: &MorphMesh) -> Vec<&str> {
 /// Weights of controls by name, as `--set` states them.
 pub type Settings = [(String, f32)];
 
-/// The weight clip at `path`, for the targets of `input`, with `settings` on top; at least one frame. Where INPUT is a glTF
-/// file and there is no file at `path`, it may be the name of an animation.
+/// The weight clip at `path`, for the targets of `input`, with `settings` on top; at least one frame. Where INPUT is a
+/// glTF file and there is no file at `path`, it may be the name of an animation.
 pub fn clip(path: &Path, args: &InputArgs, input: &Input, settings: &Settings) -> Result<BoundClip, Failure> {
     let of_input = args.input.as_ref().map(|input| PathBuf::from(format!("{}#{}", input.display(), path.display())));
     let of_input = of_input.filter(|_| !path.exists() && import::animation_of(path).is_none());
@@ -283,12 +283,12 @@ impl Input {
         Ok(frames.unwrap_or_else(|| vec![0.0; self.kept.targets.len()]))
     }
 
-    /// A clip in the names of targets or controls, where its columns have other names for the same: ARKit's, action units of
-    /// FACS, units of MakeHuman. A note says what became of them.
+    /// A clip in the names of targets or controls, where its columns have other names for the same: ARKit's, action
+    /// units of FACS, units of MakeHuman. A note says what became of them.
     fn retargeted(&self, clip: &WeightClip) -> deltamorph::Result<WeightClip> {
         let there = retarget(clip, &self.controls())?;
-        // A target that the rig drives is no name of another face: it is refused, by name. So are all columns where nothing
-        // is left of them.
+        // A target that the rig drives is no name of another face: it is refused, by name. So are all columns where
+        // nothing is left of them.
         let driven = |(name, _): &(String, _)| names(&self.kept).contains(&name.as_str());
         if there.clip.names.is_empty() || there.columns.iter().any(driven) {
             return Ok(clip.clone());

@@ -101,8 +101,8 @@ impl Output {
         Ok(())
     }
 
-    /// Before work begins: whether the JSON file of `--json` can be written, and whether nothing is written over that is
-    /// `read`, or is another of the outputs: `files`, and what is in `folder`.
+    /// Before work begins: whether the JSON file of `--json` can be written, and whether nothing is written over that
+    /// is `read`, or is another of the outputs: `files`, and what is in `folder`.
     pub fn check(&self, read: &[PathBuf], files: &[&Path], folder: Option<&Path>) -> Result<(), Failure> {
         let json = self.json.as_deref().filter(|_| !self.json_to_stdout());
         let outputs: Vec<(&Path, PathBuf)> = json.iter().chain(files).map(|path| (*path, place_of(path))).collect();
@@ -227,7 +227,8 @@ fn names_in(folder: &Path) -> Result<Vec<String>, Failure> {
     Ok(entries.iter().map(|entry| entry.file_name().to_string_lossy().into_owned()).collect())
 }
 
-/// Make sure that `folder` is there, and empty or `ours` to write to; `complaint` says what it is instead, and the remedy.
+/// Make sure that `folder` is there, and empty or `ours` to write to; `complaint` says what it is instead, and the
+/// remedy.
 pub fn claim(folder: &Path, complaint: &str, ours: impl FnOnce() -> bool) -> Result<(), Failure> {
     create_folder(folder)?;
     // What `publish` may have left behind does not count.

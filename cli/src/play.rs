@@ -32,8 +32,8 @@ struct FrameRow {
     frame: usize,
     /// Targets whose weight differs from the frame before; in the first one, from 0.
     changed: usize,
-    /// Weights of the clip that differ from the frame before, where they are normalised: one of them may change the factors of
-    /// all that are active, which `changed` counts.
+    /// Weights of the clip that differ from the frame before, where they are normalised: one of them may change the
+    /// factors of all that are active, which `changed` counts.
     #[serde(skip_serializing_if = "Option::is_none")]
     weights_changed: Option<usize>,
     /// Targets with a weight other than 0.

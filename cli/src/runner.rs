@@ -314,8 +314,9 @@ impl Stage {
     }
 }
 
-/// The packed mesh and how one head of it is updated, as asked for: on the path named, or else `blocks` where there is an
-/// `engine`, or `cpu`. The format is the one named, or that of the packed file that is read, or the default of the path.
+/// The packed mesh and how one head of it is updated, as asked for: on the path named, or else `blocks` where there is
+/// an `engine`, or `cpu`. The format is the one named, or that of the packed file that is read, or the default of the
+/// path.
 pub fn prepare(
     args: &RunArgs,
     input: &Input,

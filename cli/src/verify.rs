@@ -121,8 +121,8 @@ impl Promise {
     /// What rounding may do where coordinates are larger than the diagonal, in input units.
     ///
     /// An addition rounds a coordinate x to nearest, by half a unit in its last place at most: by up to ε/2 · |x|, with
-    /// ε = 2⁻²³. Taken as uniform, that is a standard deviation of ε/2 · |x| / √3 in each of three coordinates,
-    /// ε/2 · |x| of the vertex. Of n additions it is √n times as much; five of these are 2.5 · √n · ε · |x|, and more than
+    /// ε = 2⁻²³. Taken as uniform, that is a standard deviation of ε/2 · |x| / √3 in each of three coordinates, ε/2
+    /// · |x| of the vertex. Of n additions it is √n times as much; five of these are 2.5 · √n · ε · |x|, and more than
     /// the most that one addition can do, √3 · ε/2 · |x|. Coordinates up to the diagonal are [`POSITION_BOUND`]'s.
     fn beyond(&self, found: &Found) -> f64 {
         let larger = (found.reach - self.scale).max(0.0);

@@ -1,10 +1,10 @@
-//! The program and the examples when Vulkan calls fail: each place that calls, with each error that the specification allows
-//! there. A run ends with a message that names the call and exit code 1, or nothing was lost and its result is that of a run
-//! in which nothing fails; it never crashes, hangs, leaks or destroys twice.
+//! The program and the examples when Vulkan calls fail: each place that calls, with each error that the specification
+//! allows there. A run ends with a message that names the call and exit code 1, or nothing was lost and its result is
+//! that of a run in which nothing fails; it never crashes, hangs, leaks or destroys twice.
 //!
-//! `DELTAMORPH_FAILING=N` takes N failures of each command, spread evenly over its calls, `DELTAMORPH_FAILING=all` all of
-//! them, an hour on two cores; both write docs/results/failing.md. Without it there are a few, and no C. Those that were
-//! found wrong once are always among them.
+//! `DELTAMORPH_FAILING=N` takes N failures of each command, spread evenly over its calls, `DELTAMORPH_FAILING=all` all
+//! of them, an hour on two cores; both write docs/results/failing.md. Without it there are a few, and no C. Those that
+//! were found wrong once are always among them.
 #![cfg(feature = "viewer")]
 
 #[path = "common/cli.rs"]
@@ -173,8 +173,8 @@ fn may_be_absorbed(Fault { call, error, .. }: &Fault) -> bool {
     }
 }
 
-/// How it ended, if that is right: `e` with an error, `p` with one of the panel's, `=` with the same result, `-` the call did
-/// not come.
+/// How it ended, if that is right: `e` with an error, `p` with one of the panel's, `=` with the same result, `-` the
+/// call did not come.
 fn judge(case: &Case, clean: &Run, run: &Run, fault: &Fault) -> Result<char, String> {
     let said = run.said.trim_end();
     let last = said.lines().rfind(|line| !line.starts_with("note")).unwrap_or("nothing");

@@ -1,5 +1,5 @@
-//! `view` in an X server without a screen, under the validation layers: what a script does to the window, what the window
-//! shows, what it says, and that neither resizes nor frames take memory.
+//! `view` in an X server without a screen, under the validation layers: what a script does to the window, what the
+//! window shows, what it says, and that neither resizes nor frames take memory.
 //!
 //! `DELTAMORPH_VIEW_SOAK=1` makes it 1,000 resizes and 10,000 frames.
 #![cfg(feature = "viewer")]

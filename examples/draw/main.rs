@@ -2,9 +2,10 @@
 //!
 //!     cargo run --example draw [PART OF A DEVICE'S NAME]
 //!
-//! Such poses take half the bytes of float32 ones: a draw binds the base pose as a second vertex buffer, and decodes in its
-//! vertex shader. Here an expression is drawn into `head.ppm`; `tests/after/pictures.rs` compares pictures with those of float32
-//! poses. The device is that of the package `headless`; `examples/minimal.rs` is a host that brings one.
+//! Such poses take half the bytes of float32 ones: a draw binds the base pose as a second vertex buffer, and decodes in
+//! its vertex shader. Here an expression is drawn into `head.ppm`; `tests/after/pictures.rs` compares pictures with
+//! those of float32 poses. The device is that of the package `headless`; `examples/minimal.rs` is a host that brings
+//! one.
 
 pub(crate) mod offscreen;
 
@@ -66,8 +67,8 @@ pub fn pictures(headless: &Headless, format: PoseFormat, frames: &[Vec<f32>], ed
             let bound = &[crowd.pose(0)?, uploaded.base_pose()][..input.0.len()];
             let (buffers, offsets): (Vec<_>, Vec<_>) = bound.iter().map(|view| (view.buffer, view.offset)).unzip();
             let push: Vec<u8> = view.into_iter().chain(bound[0].units).flat_map(f32::to_ne_bytes).collect();
-            // SAFETY: `cmd` is in a render pass; all that is bound is alive, and what the pipeline was made for. The update
-            // has made the pose ready for vertex attributes.
+            // SAFETY: `cmd` is in a render pass; all that is bound is alive, and what the pipeline was made for. The
+            // update has made the pose ready for vertex attributes.
             host.record(cmd, BACKGROUND, &pixels, || unsafe {
                 host.device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, pipeline);
                 host.device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::VERTEX, 0, &push);

@@ -49,7 +49,7 @@ pub fn update(mesh: &Arc<PackedMesh>, choice: u32) {
         match crowd.set_weights(0, &weights) {
             Ok(()) => {
                 let bound = f64::from(crowd.update().bound);
-                check_pose(mesh, &crowd, 0, &desc, &weights, bound);
+                check_pose(mesh, &crowd, 0, &desc, &weights, bound, &mut 0.0);
             }
             Err(error) => check_error(error),
         }
@@ -57,8 +57,16 @@ pub fn update(mesh: &Arc<PackedMesh>, choice: u32) {
 }
 
 /// Compares the pose of an instance with the reference: the error is at most `bound`, which its update states, plus the
-/// rounding of sums.
-pub fn check_pose(mesh: &PackedMesh, crowd: &CpuCrowd, instance: u32, desc: &UpdateDesc, weights: &[f32], bound: f64) {
+/// rounding of sums. `reached` is the largest sum so far: dense float32 poses keep what was rounded at it.
+pub fn check_pose(
+    mesh: &PackedMesh,
+    crowd: &CpuCrowd,
+    instance: u32,
+    desc: &UpdateDesc,
+    weights: &[f32],
+    bound: f64,
+    reached: &mut f64,
+) {
     let layout = mesh.layout();
     let grid = desc.grid(layout).expect("there is a crowd");
     let weights: Vec<f32> = weights.iter().map(|w| grid.map_or(*w, |grid| grid.round(*w))).collect();
@@ -72,13 +80,14 @@ pub fn check_pose(mesh: &PackedMesh, crowd: &CpuCrowd, instance: u32, desc: &Upd
         mesh.for_each_delta(target, |_, d| largest = d[..3].iter().fold(largest, |most, x| most.max(x.abs())));
         reach += largest * f64::from(weight.abs());
     }
+    *reached = reached.max(reach);
     // Not representable in float32.
-    if reach > 1e37 {
+    if *reached > 1e37 {
         return;
     }
     let rounding = match (layout.format.is_blocks(), grid) {
         (true, None) => 0.0,
-        (false, None) => 6e-6 * reach.max(f64::from(layout.diagonal)),
+        (false, None) => 6e-6 * reached.max(f64::from(layout.diagonal)),
         (_, Some(_)) => 3f64.sqrt() * f64::from(f32::EPSILON) * (far(&reference) + far(&base)),
     };
     let (error, most) = (compare(&pose, &reference).position, bound + rounding + 1e-37);

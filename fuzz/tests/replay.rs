@@ -1,5 +1,5 @@
-//! Each seed, and each input of corpus/ and regressions/, once, as `cargo test` of the library runs: without libFuzzer, and without coverage
-//! instrumentation. Memory and time are held to what is stated here, too.
+//! Each seed, and each input of corpus/ and regressions/, once, as `cargo test` of the library runs: without libFuzzer,
+//! and without coverage instrumentation. Memory and time are held to what is stated here, too.
 
 use deltamorph_fuzz::targets::TARGETS;
 use std::path::Path;

@@ -93,7 +93,10 @@ impl<'a> PoseUpload<'a> {
         let (pose_bytes, vertices) = (layout.pose_bytes(PoseFormat::Float32), layout.padded_vertices() as u32);
         let bytes = pose_bytes.saturating_mul(instances.into());
         if instances == 0 || bytes == 0 {
-            return Err(Error::invalid("an upload of no pose", "leave it out"));
+            return Err(Error::invalid(
+                "an upload of an empty list of poses",
+                "pass at least one, or leave the upload out",
+            ));
         }
         let device = headless.engine.device();
         let buffer = |name, usage, location| Buffer::new(device, name, bytes, usage, location);

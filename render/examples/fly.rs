@@ -1,7 +1,7 @@
-//! A camera that moves away from 100 heads and back: what a level of detail changes in the pictures from frame to frame, and the
-//! bytes that updates move, as a table and a plot. Run as
-//! `./with-vulkan cargo run -p deltamorph-render --example fly [--bytes] [--frames=N] [--vertices=N] [--supersampling=N]
-//! [--fade=PIXELS] [--pixels=PIXELS] [FOLDER]`; `--bytes`: without pictures.
+//! A camera that moves away from 100 heads and back: what a level of detail changes in the pictures from frame to
+//! frame, and the bytes that updates move, as a table and a plot. Run as `./with-vulkan cargo run -p deltamorph-render
+//! --example fly [--bytes] [--frames=N] [--vertices=N] [--supersampling=N] [--fade=PIXELS] [--pixels=PIXELS] [FOLDER]`;
+//! `--bytes`: without pictures.
 
 #[path = "../tests/common/fly.rs"]
 mod fly;
@@ -44,7 +44,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Bytes over the distance, which is logarithmic: all targets grey, with the level of detail blue; away solid, back dashed.
+/// Bytes over the distance, which is logarithmic: all targets grey, with the level of detail blue; away solid, back
+/// dashed.
 fn plot(frames: &[Frame]) -> String {
     let (width, height, edge) = (720.0f64, 400.0f64, 60.0f64);
     // The first two write all poses.

@@ -230,7 +230,8 @@ fn the_engine_sums_masks() {
             for weights in &frames {
                 crowd.step(&[weights]).expect("a step");
                 let (sums, _) = crowd.read_group(0, group).expect("a pose");
-                // Poses of integers have weights on a grid; those of 16 bits round what each target adds to half a unit.
+                // Poses of integers have weights on a grid; those of 16 bits round what each target adds to half a
+                // unit.
                 let rounded: Vec<f32> = weights.iter().map(|&w| grid.map_or(w, |grid| grid.round(w))).collect();
                 let active = weights.iter().filter(|weight| **weight != 0.0).count() as f64;
                 let unit = grid.filter(|_| pose == PoseFormat::Fixed16).map_or(0.0, |grid| f64::from(grid.units[0]));

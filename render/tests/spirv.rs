@@ -1,5 +1,5 @@
-//! The modules checked in are what glsl/ compiles to. `UPDATE_SPIRV=1 cargo test -p deltamorph-render --test spirv` writes
-//! them.
+//! The modules checked in are what glsl/ compiles to. `UPDATE_SPIRV=1 cargo test -p deltamorph-render --test spirv`
+//! writes them.
 
 use glslang::include::{IncludeHandler, IncludeResult, IncludeType};
 use glslang::{

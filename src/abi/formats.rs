@@ -1,8 +1,9 @@
-//! The delta formats and the pose formats: the two lists that build.rs, the library, the command line and the tests share.
+//! The delta formats and the pose formats: the two lists that build.rs, the library, the command line and the tests
+//! share.
 //!
 //! A new delta format is an item of `delta_formats!` and its two files, src/pack/formats/FILE.rs and
-//! glsl/formats/FILE.glsl; a new pose format an item of `pose_formats!`, src/pack/poses/FILE.rs and glsl/poses/FILE.glsl.
-//! Plain data without dependencies, since build.rs includes this file.
+//! glsl/formats/FILE.glsl; a new pose format an item of `pose_formats!`, src/pack/poses/FILE.rs and
+//! glsl/poses/FILE.glsl. Plain data without dependencies, since build.rs includes this file.
 
 /// Expand a macro with arguments and the list: dense formats, then those in blocks.
 ///
@@ -20,8 +21,8 @@ macro_rules! delta_formats {
 
                 /// Dense, six signed 16-bit integers: 12 bytes per vertex and target.
                 ///
-                /// In three words, one vertex attribute a target. Value = integer × step, a step for each triple per target:
-                /// the smallest power of two that lets its largest component fit.
+                /// In three words, one vertex attribute a target. Value = integer × step, a step for each triple per
+                /// target: the smallest power of two that lets its largest component fit.
                 Snorm16 snorm16 {
                     words: 3, attributes: &[(R32G32B32_UINT, 0)], exponents: true, integers: true
                 }

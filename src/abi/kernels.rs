@@ -3,10 +3,11 @@
 //! A row is a GLSL source with its defines. build.rs compiles a module of each row for each format that it takes (and
 //! for each number of targets, where they are vertex attributes), and writes a `static` for each row that
 //! [`modules`](super::modules) holds. What the library needs to make a pipeline of a module (descriptors, push
-//! constants, specialization constants) is in its row, and `tests/project/spirv.rs` compares rows with what modules declare.
+//! constants, specialization constants) is in its row, and `tests/project/spirv.rs` compares rows with what modules
+//! declare.
 //!
-//! Plain data without dependencies but [`formats`](super::formats) and [`steps`](super::steps), since build.rs includes this
-//! file.
+//! Plain data without dependencies but [`formats`](super::formats) and [`steps`](super::steps), since build.rs includes
+//! this file.
 
 use super::formats::{FormatRow, PoseRow};
 use super::steps::after_steps;
@@ -110,16 +111,16 @@ pub struct KernelRow {
     pub bindings: &'static [Binding],
     /// Bindings that may be the same memory as another one: decorated Aliased.
     pub aliased: &'static [u32],
-    /// The structure of its push constants, in [`push`](super::push); "": it has none, or with [`Takes::DenseBatches`] as many
-    /// coefficients as there are targets.
+    /// The structure of its push constants, in [`push`](super::push); "": it has none, or with [`Takes::DenseBatches`]
+    /// as many coefficients as there are targets.
     pub push: &'static str,
     /// Specialization constants of its own: 0 to one less than this.
     pub constants: u32,
     /// Behind them are [`PLACES`] that say where numbers are in a pose.
     pub places: bool,
-    /// Of a technique of others, in the package deltamorph-baselines: left out without the feature `baselines`. They stand in
-    /// this table since they share its types, the formats' GLSL, and the build script; a second table and build script would
-    /// be more code than they are.
+    /// Of a technique of others, in the package deltamorph-baselines: left out without the feature `baselines`. They
+    /// stand in this table since they share its types, the formats' GLSL, and the build script; a second table and
+    /// build script would be more code than they are.
     pub baseline: bool,
 }
 
@@ -237,8 +238,8 @@ const OURS: &[KernelRow] = &[
     // What measurements need.
     KernelRow { name: "consume", poses: true, push: "ConsumePush", ..VERTEX },
     KernelRow { name: "read", bindings: &[(0, Buffer::Storage(16)), (1, WORDS)], push: "ReadPush", ..COMPUTE },
-    // Sampling clips and planning updates; a specialization constant of `budget` says whether levels of detail follow the
-    // camera, one of `plan` and `arguments` is the widest tile.
+    // Sampling clips and planning updates; a specialization constant of `budget` says whether levels of detail follow
+    // the camera, one of `plan` and `arguments` is the widest tile.
     KernelRow { name: "animate", ..ANIMATION },
     KernelRow { name: "budget", constants: 1, ..ANIMATION },
     KernelRow { name: "commit", ..ANIMATION },

@@ -1,7 +1,7 @@
 //! What host and shaders share, written once.
 //!
-//! - [`formats`], [`kernels`], [`steps`] and [`numbers`] are plain data that build.rs includes as well: it compiles the modules
-//!   that the table of kernels asks for, and writes the numbers into the shaders' `abi.glsl`.
+//! - [`formats`], [`kernels`], [`steps`] and [`numbers`] are plain data that build.rs includes as well: it compiles the
+//!   modules that the table of kernels asks for, and writes the numbers into the shaders' `abi.glsl`.
 //! - [`modules`]: the SPIR-V.
 //! - [`push`] and [`worklist`]: what is pushed and what lies in buffers, word by word.
 //!

@@ -34,8 +34,8 @@ impl Module {
     pub fn words(&self) -> Vec<u32> {
         let Range { start, end } = self.bytes;
         let mut modules = vec![0; end];
-        // What follows does not have to be decompressed. What build.rs compressed can be, which tests/project/spirv.rs shows of
-        // every module.
+        // What follows does not have to be decompressed. What build.rs compressed can be, which tests/project/spirv.rs
+        // shows of every module.
         let read =
             LzmaReader::new_mem_limit(self.modules, u32::MAX, None).and_then(|mut all| all.read_exact(&mut modules));
         let code = if read.is_ok() { &modules[start..] } else { &[] };
@@ -53,8 +53,8 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// All modules for a pair of formats, of which a kernel that reads no deltas takes any; none if it does not take them,
-    /// or the library was built without the technique.
+    /// All modules for a pair of formats, of which a kernel that reads no deltas takes any; none if it does not take
+    /// them, or the library was built without the technique.
     pub fn modules(&self, format: &FormatRow, pose: &PoseRow) -> &'static [Module] {
         let formats = FORMATS.iter().position(|row| row == format).zip(POSE_FORMATS.iter().position(|row| row == pose));
         let modules = formats.and_then(|(format, pose)| {

@@ -55,7 +55,8 @@ shared! {
 
     /// Phase of a head: not written, since it is hidden, or not yet.
     NEW: u32 = 0;
-    /// Phase of a head: written for the first time, or again after it was hidden. No slot that updates read holds its pose.
+    /// Phase of a head: written for the first time, or again after it was hidden. No slot that updates read holds its
+    /// pose.
     FIRST: u32 = 1;
     /// Phase of a head: written as in the update before.
     CONTINUED: u32 = 2;

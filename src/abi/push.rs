@@ -229,8 +229,8 @@ after_steps!(structures {
 });
 
 impl KernelRow {
-    /// Names and offsets of the members of its push constants, and bytes in all; nothing of those of vertex passes, whose
-    /// bytes [`attribute_push_bytes`] tells.
+    /// Names and offsets of the members of its push constants, and bytes in all; nothing of those of vertex passes,
+    /// whose bytes [`attribute_push_bytes`] tells.
     pub const fn push_members(&self) -> (&'static [(&'static str, usize)], usize) {
         let mut at = 0;
         while !self.push.is_empty() {

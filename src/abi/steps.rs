@@ -5,11 +5,11 @@
 
 /// Expand a macro with arguments and the list, in the order in which steps are recorded.
 ///
-/// An item is the documentation of the engine's function that sets a target; the name of the step, its module in `after`
-/// with the type that is made for an instance, and what of the module is public; that function, and a target as it takes
-/// it; and the step's dispatches, one after the other. A dispatch is what it reads, and the `Resource` that it writes, the
-/// last one for the host; its push constants, a structure that its shader explains; and the fields of its kernels' rows
-/// that are not those of any compute shader. Targets are made for one of the kernels.
+/// An item is the documentation of the engine's function that sets a target; the name of the step, its module in
+/// `after` with the type that is made for an instance, and what of the module is public; that function, and a target as
+/// it takes it; and the step's dispatches, one after the other. A dispatch is what it reads, and the `Resource` that it
+/// writes, the last one for the host; its push constants, a structure that its shader explains; and the fields of its
+/// kernels' rows that are not those of any compute shader. Targets are made for one of the kernels.
 macro_rules! after_steps {
     ($expanded:ident $arguments:tt) => {
         $expanded! { $arguments
@@ -33,15 +33,16 @@ macro_rules! after_steps {
                 }];
             }
 
-            /// Have an instance skinned into a buffer of the host's own, from the next recorded update on, from poses of any
-            /// format and of either kind of crowd.
+            /// Have an instance skinned into a buffer of the host's own, from the next recorded update on, from poses
+            /// of any format and of either kind of crowd.
             ///
-            /// Where joints moved ([`Crowd::set_joints`](crate::Crowd::set_joints)), all vertices are written. The caller is
-            /// responsible for joints that are written, and visible to reads of compute shaders, when an update runs that
-            /// skins.
+            /// Where joints moved ([`Crowd::set_joints`](crate::Crowd::set_joints)), all vertices are written. The
+            /// caller is responsible for joints that are written, and visible to reads of compute shaders, when an
+            /// update runs that skins.
             ///
-            /// Refused besides: a skin of another engine or mesh, or of a mesh packed otherwise; joints that reach beyond
-            /// their buffer; more pieces of 32 vertices than the device's texel buffers have room for (on any device 65,536).
+            /// Refused besides: a skin of another engine or mesh, or of a mesh packed otherwise; joints that reach
+            /// beyond their buffer; more pieces of 32 vertices than the device's texel buffers have room for (on any
+            /// device 65,536).
             Skin skin::Skin [GpuSkin, SkinDesc, SkinMethod, SkinTarget, SkinnedView]
                 (set_skin_target: (&GpuSkin, &SkinTarget))
             {
@@ -53,8 +54,8 @@ macro_rules! after_steps {
                     padding: u32,
                     units: [f32; TRIPLES],
                 }
-                // By matrices, and by dual quaternions. Poses of an instance, base pose and influences, joints, destination,
-                // pieces: there is no storage buffer left for these, which are texels. A specialization
+                // By matrices, and by dual quaternions. Poses of an instance, base pose and influences, joints,
+                // destination, pieces: there is no storage buffer left for these, which are texels. A specialization
                 // constant: influences of a vertex.
                 [{
                     name: "skin",
@@ -73,11 +74,12 @@ macro_rules! after_steps {
                 }];
             }
 
-            /// Have the normals of an instance's pose computed from its morphed surface, into a buffer of the host's own,
-            /// from the next recorded update on: area-weighted, as on import, welded vertices alike, with unit length.
+            /// Have the normals of an instance's pose computed from its morphed surface, into a buffer of the host's
+            /// own, from the next recorded update on: area-weighted, as on import, welded vertices alike, with unit
+            /// length.
             ///
-            /// A vertex whose triangles have no area has its normal of the base pose. Pieces of 32 vertices that share a
-            /// triangle with those that the update changed are written as well.
+            /// A vertex whose triangles have no area has its normal of the base pose. Pieces of 32 vertices that share
+            /// a triangle with those that the update changed are written as well.
             ///
             /// Refused besides: a surface of another engine or mesh, or of a mesh packed otherwise.
             Normals normals::Recomputed [GpuNormals, NormalsDesc, NormalsTarget]
@@ -99,12 +101,13 @@ macro_rules! after_steps {
                 }];
             }
 
-            /// Have the bounds of an instance's pose written into a buffer of the host's own, from the next recorded update
-            /// on: the least and greatest coordinates of all its vertices, exactly those of the pose as it is decoded.
+            /// Have the bounds of an instance's pose written into a buffer of the host's own, from the next recorded
+            /// update on: the least and greatest coordinates of all its vertices, exactly those of the pose as it is
+            /// decoded.
             ///
-            /// They are of the morphed pose: a skinned one has others. The parts of 256 vertices that the update changed have
-            /// their bounds found, then one workgroup those of all parts together. It takes 24 bytes of device memory for
-            /// each part. Without a GPU: [`WeightBounds`](crate::after::WeightBounds).
+            /// They are of the morphed pose: a skinned one has others. The parts of 256 vertices that the update
+            /// changed have their bounds found, then one workgroup those of all parts together. It takes 24 bytes of
+            /// device memory for each part. Without a GPU: [`WeightBounds`](crate::after::WeightBounds).
             Bounds bounds::TightBounds [Bounds, BoundsTarget, WeightBounds] (set_bounds_target: &BoundsTarget) {
                 [Asset, Poses] => BoundsOfParts,
                 BoundsPush { pose_at: u32, base_at: u32, vertices: u32, listed: u32, units: [f32; TRIPLES], }

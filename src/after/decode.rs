@@ -1,5 +1,6 @@
 //! The decode step: float32 positions of a pose, in a buffer of the host's own, for whoever cannot decode poses: ray
-//! tracing, picking, a shader that cannot be changed. It follows the steps of the update, and writes what those changed.
+//! tracing, picking, a shader that cannot be changed. It follows the steps of the update, and writes what those
+//! changed.
 
 #![allow(unsafe_code)]
 

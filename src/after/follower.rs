@@ -47,8 +47,8 @@ pub(crate) trait Follower: Any + Send + Sync {
     /// Record a dispatch.
     ///
     /// # Safety
-    /// As [`Technique::record`](crate::update::technique::Technique::record); the buffers of the target live until it has
-    /// run.
+    /// As [`Technique::record`](crate::update::technique::Technique::record); the buffers of the target live until it
+    /// has run.
     unsafe fn record(&self, cmd: vk::CommandBuffer, job: &Job);
 }
 

@@ -1,5 +1,5 @@
-//! What comes after the pose: steps that follow those of an update, read the poses that it wrote, and write what the host
-//! asked for into buffers of its own, for each instance that has a target.
+//! What comes after the pose: steps that follow those of an update, read the poses that it wrote, and write what the
+//! host asked for into buffers of its own, for each instance that has a target.
 //!
 //! - [`DecodeTarget`]: a pose as float32, for whoever cannot decode it.
 //! - [`SkinTarget`]: a pose that joints move, by linear blend or dual quaternions.

@@ -27,9 +27,9 @@ struct Target {
     /// Pieces of the pose that changed, and those that are written for it.
     moved: Pieces,
     changed: Pieces,
-    /// Where two places are written in turn: pieces in which the one whose turn is next is behind the other.
+    /// With double-buffered output: pieces that are stale in the buffer to be written next.
     behind: Option<Pieces>,
-    /// The place written last by an update that was not discarded.
+    /// The output buffer written last by an update that was not discarded.
     output: usize,
     earlier: Earlier<usize>,
     /// The place that has what was there before the update planned last.
@@ -59,8 +59,8 @@ pub(crate) struct After {
 }
 
 impl After {
-    /// From now on do for an instance what `make` makes, in pieces of `piece` vertices, whose lists are in a ring of this
-    /// usage; into so many places in turn, one or two.
+    /// From now on do for an instance what `make` makes, in pieces of `piece` vertices, whose lists are in a ring of
+    /// this usage; into so many places in turn, one or two.
     ///
     /// # Errors
     /// Those of `make`; no memory. Nothing changes then.
@@ -163,8 +163,8 @@ impl After {
         }
     }
 
-    /// Append what brings the targets to the update that `technique` planned: nothing where nothing changed. `wrote`: what
-    /// the steps used of the update that wrote poses last, this one or an earlier one.
+    /// Append what brings the targets to the update that `technique` planned: nothing where nothing changed. `wrote`:
+    /// what the steps used of the update that wrote poses last, this one or an earlier one.
     ///
     /// # Errors
     /// Lists that are not mapped.

@@ -23,8 +23,9 @@ pub const TRIPLE: usize = 3;
 /// Triples in a group.
 pub const TRIPLES: usize = GROUP_COMPONENTS / TRIPLE;
 
-/// The list of streams: documentation and name, with the type of the set where there are several; the number in packed files
-/// and in C; the name in messages; components, how many of them morph (the first ones), and how errors are measured.
+/// The list of streams: documentation and name, with the type of the set where there are several; the number in packed
+/// files and in C; the name in messages; components, how many of them morph (the first ones), and how errors are
+/// measured.
 macro_rules! semantics {
     ($($(#[doc = $doc:literal])* $name:ident $(($set:ident: $type:ty))? {
         $id:literal, $text:literal, $components:literal, $morphing:literal, $measure:ident

@@ -1,5 +1,5 @@
-//! The CPU twin of `glsl/blocks.comp`, and of `glsl/crowd.comp` where poses are integers: one block after the other, with
-//! the loads and stores of a workgroup for each instance that writes it. Instances share decoded deltas.
+//! The CPU twin of `glsl/blocks.comp`, and of `glsl/crowd.comp` where poses are integers: one block after the other,
+//! with the loads and stores of a workgroup for each instance that writes it. Instances share decoded deltas.
 //!
 //! A meter gets the bytes of each load and store of a workgroup for a single instance; a test holds the planner's count
 //! against them.
@@ -21,7 +21,8 @@ use std::ops::Range;
 const PIECES: usize = 4;
 /// Fewer items than this are not worth waking another thread for.
 const PIECE_ITEMS: usize = 12;
-/// Instances that share decoded deltas, at most: their sums take 48 KiB in blocks of 64, and stay in the second-level cache.
+/// Instances that share decoded deltas, at most: their sums take 48 KiB in blocks of 64, and stay in the second-level
+/// cache.
 const TILE: usize = 32;
 
 /// The items of one instance, and its pose.

@@ -23,8 +23,8 @@ fn metered(mesh: &PackedMesh, planner: &GroupPlan) -> u64 {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(112))]
     /// Any mesh size, format, block size, batch, sums, slots, budget and sequence of weights: the pose is the
-    /// reference's within its bounds, the previous pose is kept, the bytes of plans in blocks are the kernel's, and a face
-    /// that stops costs nothing once deferred changes are applied, its previous pose being the pose.
+    /// reference's within its bounds, the previous pose is kept, the bytes of plans in blocks are the kernel's, and a
+    /// face that stops costs nothing once deferred changes are applied, its previous pose being the pose.
     #[test]
     fn poses_equal_the_reference(
         (vertices, targets, format, size) in (1usize..700, 0usize..20, 0..DeltaFormat::ALL.len(), 0usize..3),
@@ -87,10 +87,12 @@ proptest! {
                 let most = match (format.is_blocks(), grid) {
                     (false, None) => 3e-6 * scale.max(1.0),
                     (true, None) => waiting + f64::from(stats.bound),
-                    // Terms are rounded, then two roundings to float32, of the displacement and of the pose, in three components.
+                    // Terms are rounded, then two roundings to float32, of the displacement and of the pose, in three
+                    // components.
                     (_, Some(_)) => waiting + f64::from(stats.bound) + 3f64.sqrt() * f64::from(f32::EPSILON) / 2.0 * (2.0 * far(&reference) + base),
                 };
-                // The budget is one of positions. Integers round normals by half a unit for each target that has a weight.
+                // The budget is one of positions. Integers round normals by half a unit for each target that has a
+                // weight.
                 let active = weights.iter().filter(|weight| **weight != 0.0).count() as f64;
                 let rounded = grid.filter(|_| desc.pose == PoseFormat::Fixed16);
                 let normals = match rounded {
@@ -237,7 +239,8 @@ fn weights_are_set_one_at_a_time() {
     }
 }
 
-/// Most targets move a vertex by three steps, one another as far as poses of 16 bits reach: what rounding adds would not fit.
+/// Most targets move a vertex by three steps, one another as far as poses of 16 bits reach: what rounding adds would
+/// not fit.
 #[test]
 fn poses_of_16_bits_are_refused_where_too_many_targets_are_rounded() {
     let packed = |targets: usize, far: f32, near: f32| {

@@ -188,10 +188,10 @@ impl AnimatedCrowd {
         playbacks.play(instance, playback, clips)
     }
 
-    /// Keep only the first so many targets of the [order](field@crate::AnimationDesc::importance) that the crowd was made with,
-    /// from the next recorded update on: what [`lod::Level::step`](crate::lod::Level::step) returns for the head. The GPU
-    /// multiplies the weights of clips by the targets' [factors](crate::lod::Importance::factor), in steps of 2⁻¹⁶. As many as
-    /// there are, or more, are all of them, as at the beginning.
+    /// Keep only the first so many targets of the [order](field@crate::AnimationDesc::importance) that the crowd was
+    /// made with, from the next recorded update on: what [`lod::Level::step`](crate::lod::Level::step) returns for the
+    /// head. The GPU multiplies the weights of clips by the targets' [factors](crate::lod::Importance::factor), in
+    /// steps of 2⁻¹⁶. As many as there are, or more, are all of them, as at the beginning.
     ///
     /// A level that changes brings 64 bytes to the device; one that stays is no work. Of a head that [has a
     /// place](Self::set_place) this is the most that is kept.
@@ -208,30 +208,32 @@ impl AnimatedCrowd {
     /// [have a place](Self::set_place). Before there is one, they keep all targets.
     ///
     /// # Errors
-    /// A camera that there cannot be; a crowd that was made without [`AnimationDesc::level`](field@crate::AnimationDesc::level).
+    /// An invalid camera (non-finite, height or angle out of range); a crowd that was made without
+    /// [`AnimationDesc::level`](field@crate::AnimationDesc::level).
     pub fn set_camera(&mut self, camera: &Camera) -> Result<()> {
         let Animated { playbacks, clips, .. } = self.animated_mut();
         playbacks.set_camera(camera, clips)
     }
 
-    /// The camera of the next recorded update looks at something else than before: levels of detail are at their goals at
-    /// once, since nothing can pop.
+    /// The camera of the next recorded update looks at something else than before: levels of detail are at their goals
+    /// at once, since nothing can pop.
     pub fn cut_camera(&mut self) {
         self.animated_mut().playbacks.cut_camera();
     }
 
-    /// Where `instance` is from the next recorded update on. With its first place it begins to follow the camera: in each
-    /// update the GPU works out how many targets it keeps from the pixels that an input unit takes up
+    /// Where `instance` is from the next recorded update on. With its first place it begins to follow the camera: in
+    /// each update the GPU works out how many targets it keeps from the pixels that an input unit takes up
     /// ([`lod::Camera::pixels_per_unit`](crate::lod::Camera::pixels_per_unit)), as
-    /// [`lod::Level::step`](crate::lod::Level::step) does without weights, in steps of 2⁻¹⁶ targets. With an
-    /// [error budget](field@crate::UpdateDesc::error_budget) in the crowd's description, the instance's own is that of its
-    /// pixels ([`lod::LevelDesc::error_budget`](crate::lod::LevelDesc::error_budget)), or the crowd's where that is less.
+    /// [`lod::Level::step`](crate::lod::Level::step) does without weights, in steps of 2⁻¹⁶ targets. With an [error
+    /// budget](field@crate::UpdateDesc::error_budget) in the crowd's description, the instance's own is that of its
+    /// pixels ([`lod::LevelDesc::error_budget`](crate::lod::LevelDesc::error_budget)), or the crowd's where that is
+    /// less.
     ///
-    /// A place that changes brings 64 bytes to the device; a camera that moves, nothing but push constants. The commands
-    /// stay the same. [`cut`](Self::cut) takes the level to its goal at once.
+    /// A place that changes brings 64 bytes to the device; a camera that moves, nothing but push constants. The
+    /// commands stay the same. [`cut`](Self::cut) takes the level to its goal at once.
     ///
     /// # Errors
-    /// An instance out of range; a place that there cannot be; a crowd that was made without
+    /// An instance out of range; an invalid place (non-finite); a crowd that was made without
     /// [`AnimationDesc::level`](field@crate::AnimationDesc::level).
     pub fn set_place(&mut self, instance: u32, place: &Place) -> Result<()> {
         self.instances.check(instance)?;

@@ -16,8 +16,8 @@ use crate::update::crowd::CrowdDesc;
 use crate::update::technique::Context;
 use ash::vk;
 
-/// What crowds had before they grew: pose buffers, lists, descriptor sets. To be dropped when the device has finished with the
-/// updates and draws that were recorded before.
+/// What crowds had before they grew: pose buffers, lists, descriptor sets. To be dropped when the device has finished
+/// with the updates and draws that were recorded before.
 #[must_use = "it is in use until the updates and draws recorded before have finished"]
 pub struct Outgrown {
     _before: Vec<Box<dyn AnyCrowd + Send + Sync>>,
@@ -25,8 +25,8 @@ pub struct Outgrown {
 
 impl MorphEngine {
     /// Make a crowd anew with more places: `desc` is how, its [`desc`](Crowd::desc) with more
-    /// [`instances`](field@CrowdDesc::instances) as a rule. Instances keep their numbers, what is requested of them, and
-    /// whether they are hidden; the new places are free, for [`add`](Crowd::add). Tickets stay good.
+    /// [`instances`](field@CrowdDesc::instances) as a rule. Instances keep their numbers, what is requested of them,
+    /// and whether they are hidden; the new places are free, for [`add`](Crowd::add). Tickets stay good.
     ///
     /// Poses are not copied: the next update writes all of them from base, as full evaluations, and each has itself as
     /// previous pose then, as after a cut. Until that update is recorded there is no pose. (A copy would save that one
@@ -36,24 +36,24 @@ impl MorphEngine {
     /// Nothing is recorded. The host calls it between two updates, whether the earlier ones have finished or not.
     ///
     /// # Errors
-    /// A crowd that another engine made; fewer places than there are; targets of steps [after](crate::after) the pose, which
-    /// are of the poses there are; poses in the vertices of the host's that the crowd has now; else as
+    /// A crowd that another engine made; fewer places than there are; targets of steps [after](crate::after) the pose,
+    /// which are of the poses there are; poses in the vertices of the host's that the crowd has now; else as
     /// [`create_crowd`](Self::create_crowd), and weights that what `desc` says cannot hold. Nothing changes then.
     pub fn grow_crowd(&self, crowd: &mut Crowd, desc: &CrowdDesc) -> Result<Outgrown> {
         let grown = self.grown_crowd(crowd, desc)?;
         Ok(Outgrown { _before: vec![Box::new(std::mem::replace(crowd, grown))] })
     }
 
-    /// [`grow_crowd`](Self::grow_crowd) for a crowd that is animated on the GPU: its instances play on, at the same time of
-    /// the same clips. The clips are uploaded anew, since places of a crowd's state depend on how many it has.
+    /// [`grow_crowd`](Self::grow_crowd) for a crowd that is animated on the GPU: its instances play on, at the same
+    /// time of the same clips. The clips are uploaded anew, since places of a crowd's state depend on how many it has.
     ///
-    /// This records what [`create_animated_crowd`](Self::create_animated_crowd) does, and the caller is responsible for the
-    /// same: submitting `cmd` before any later update of the crowd, and calling
-    /// [`AnimatedCrowd::release_staging`] once it has run.
+    /// This records what [`create_animated_crowd`](Self::create_animated_crowd) does, and the caller is responsible for
+    /// the same: submitting `cmd` before any later update of the crowd, and calling [`AnimatedCrowd::release_staging`]
+    /// once it has run.
     ///
     /// # Errors
-    /// As [`grow_crowd`](Self::grow_crowd) and [`create_animated_crowd`](Self::create_animated_crowd); another pose format or
-    /// largest weight, since keys are on the grid of both. Nothing is recorded then, and nothing changes.
+    /// As [`grow_crowd`](Self::grow_crowd) and [`create_animated_crowd`](Self::create_animated_crowd); another pose
+    /// format or largest weight, since keys are on the grid of both. Nothing is recorded then, and nothing changes.
     ///
     /// # Safety
     /// As [`create_animated_crowd`](Self::create_animated_crowd), for `cmd`.

@@ -52,36 +52,37 @@ use std::sync::{Arc, OnceLock};
 /// which, and each frame takes [`AnimatedCrowd::set_time`] in place of weights.
 ///
 /// # What the caller is responsible for
-/// - Uploads, updates and draws run on one queue with graphics and compute, since barriers name the stages of both, or as
-///   [several queues](#several-queues) may. Recorded updates run exactly once each, in the order recorded. An update
+/// - Uploads, updates and draws run on one queue with graphics and compute, since barriers name the stages of both, or
+///   as [several queues](#several-queues) may. Recorded updates run exactly once each, in the order recorded. An update
 ///   that will never run is handed to [`Crowd::discard`], and only such a one, before anything newer of the crowd is
 ///   submitted.
 /// - At most [`CrowdDesc::frames_in_flight`] updates of a crowd are recorded and not yet finished. Updates that
 ///   recorded nothing and discarded ones do not count.
 /// - Engine, meshes and crowds are dropped only when the device has finished with them, in any order, and before the
-///   device is destroyed: an [`owner`](field@DeviceDesc::owner) that they keep alive sees to that. An allocator that the host
-///   shares is not locked by the host meanwhile.
+///   device is destroyed: an [`owner`](field@DeviceDesc::owner) that they keep alive sees to that. An allocator that
+///   the host shares is not locked by the host meanwhile.
 ///
 /// # Several queues
 /// Updates can run on a queue of their own, such as one with compute alone, beside the draws of the frame before:
-/// [`DeviceDesc::queue_families`](field@DeviceDesc::queue_families) names the families of all queues, so that buffers are
-/// shared by them, and [`CrowdDesc::queue_family`] the one that updates of a crowd run on. Then semaphores, binary ones or
-/// timelines, order what barriers order on one queue:
+/// [`DeviceDesc::queue_families`](field@DeviceDesc::queue_families) names the families of all queues, so that buffers
+/// are shared by them, and [`CrowdDesc::queue_family`] the one that updates of a crowd run on. Then semaphores, binary
+/// ones or timelines, order what barriers order on one queue:
 ///
-/// - From upload to update, and where draws read the base pose (poses of integers), from upload to draw. Uploads may run on
-///   any queue.
-/// - From update to draw: the draws' queue waits at the stages that read poses (such as VERTEX_INPUT or VERTEX_SHADER). The
-///   update signals after its last command.
+/// - From upload to update, and where draws read the base pose (poses of integers), from upload to draw. Uploads may
+///   run on any queue.
+/// - From update to draw: the draws' queue waits at the stages that read poses (such as VERTEX_INPUT or VERTEX_SHADER).
+///   The update signals after its last command.
 /// - From draw to a later update: the updates' queue waits at COMPUTE_SHADER (of `feedback` and `vertex-store` at
-///   ALL_COMMANDS), before an update that writes a slot, for the last draw that read it. An update writes the slot that is
-///   `slots - 1` updates older than the current one. With one update and one draw a frame, that of frame n waits for the
-///   draw of frame n - slots, or of n - slots + 1 where draws read the [previous pose](Crowd::previous_pose), too: two
-///   slots, or three, let an update run beside the draw of the frame before it. A [discarded](Crowd::discard) update gives
-///   its slot back: the next writes the one that it would have written. `feedback` and `vertex-store` write two slots in
-///   turn where an update takes several passes: that of frame n waits for the draw of frame n - (slots + 1) / 2 (rounded
-///   down), or of n - (slots - 1) / 2 and at least of n - 1 where draws read the previous pose.
-/// - What [follows the pose](crate::after) is written into the host's buffers, which the host shares among the families as it
-///   does others. A target has one place, which the draw of the frame before reads; a skinned one may have two.
+///   ALL_COMMANDS), before an update that writes a slot, for the last draw that read it. An update writes the slot that
+///   is `slots - 1` updates older than the current one. With one update and one draw a frame, that of frame n waits for
+///   the draw of frame n - slots, or of n - slots + 1 where draws read the [previous pose](Crowd::previous_pose), too:
+///   two slots, or three, let an update run beside the draw of the frame before it. A [discarded](Crowd::discard)
+///   update gives its slot back: the next writes the one that it would have written. `feedback` and `vertex-store`
+///   write two slots in turn where an update takes several passes: that of frame n waits for the draw of frame n -
+///   (slots + 1) / 2 (rounded down), or of n - (slots - 1) / 2 and at least of n - 1 where draws read the previous
+///   pose.
+/// - What [follows the pose](crate::after) is written into the host's buffers, which the host shares among the families
+///   as it does others. A target has one place, which the draw of the frame before reads; a skinned one may have two.
 ///
 /// Updates of one crowd run on one queue, or on several that semaphores order. Those that one
 /// [`record_updates`](Self::record_updates) records are of one family, or refused.
@@ -96,14 +97,14 @@ impl MorphEngine {
     /// An engine on the host's device.
     ///
     /// # Errors
-    /// Queue families that the device does not have; numbers of [`DeviceCaps::tuning`](field@DeviceCaps::tuning) that there are no
-    /// kernels for.
+    /// Queue families that the device does not have; numbers of [`DeviceCaps::tuning`](field@DeviceCaps::tuning) that
+    /// there are no kernels for.
     ///
     /// # Safety
     /// - The handles of `desc` are alive, belong together (the pipeline cache may be null), are of Vulkan 1.1 or later,
     ///   and outlive the engine and all it creates, or live as long as the clones of `desc.owner`. An allocator that is
-    ///   handed in was made on the same device, without `buffer_device_address` unless the device has that feature enabled;
-    ///   `desc.buffer_device_address` is true only if the device has it, and so has that allocator.
+    ///   handed in was made on the same device, without `buffer_device_address` unless the device has that feature
+    ///   enabled; `desc.buffer_device_address` is true only if the device has it, and so has that allocator.
     /// - `desc.caps` does not exceed what the device has.
     /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled on the device, and
     ///   `desc.enabled_features` has no other features than those that were; `desc.debug_names` is true only if
@@ -150,11 +151,11 @@ impl MorphEngine {
     /// Pipelines are made here, not while animating; crowds that take the same kernels share them.
     ///
     /// # Errors
-    /// A mesh that another engine uploaded; a path or batch size that the device cannot run, with what to use
-    /// instead; vertices of the host's ([`CrowdDesc::poses`]) that do not suit the mesh or the path, or a buffer that is too
-    /// small for them, as far as `vkGetBufferMemoryRequirements` tells; usages
-    /// ([`CrowdDesc::pose_usage`]) that the device was not said to allow; a [queue family](field@CrowdDesc::queue_family) that
-    /// there is not, that lacks what the path needs, or that the engine was not made for; no memory.
+    /// A mesh that another engine uploaded; a path or batch size that the device cannot run, with what to use instead;
+    /// vertices of the host's ([`CrowdDesc::poses`]) that do not suit the mesh or the path, or a buffer that is too
+    /// small for them, as far as `vkGetBufferMemoryRequirements` tells; usages ([`CrowdDesc::pose_usage`]) that the
+    /// device was not said to allow; a [queue family](field@CrowdDesc::queue_family) that there is not, that lacks what
+    /// the path needs, or that the engine was not made for; no memory.
     pub fn create_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc) -> Result<Crowd> {
         self.check_crowd(mesh, desc, Runner::Device(&self.device.caps))?;
         let targets = mesh.layout().targets.len();

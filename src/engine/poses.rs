@@ -20,7 +20,8 @@ const ALIGNMENT: u64 = 256;
 /// The poses of a crowd in each group of a mesh, and the buffers that are ours.
 ///
 /// # Errors
-/// A place in a buffer of the host's that is no multiple of words, or that ends behind it; no grid for poses of integers; no memory.
+/// A place in a buffer of the host's that is no multiple of words, or that ends behind it; no grid for poses of
+/// integers; no memory.
 pub(super) fn make(device: &Arc<Device>, mesh: &GpuMesh, desc: &CrowdDesc) -> Result<(Vec<PoseGroup>, Vec<Buffer>)> {
     let mut buffers = vec![];
     let group = |group: &Arc<MeshBuffers>| {

@@ -16,8 +16,8 @@ use ash::vk;
 use gpu_allocator::MemoryLocation;
 use std::sync::Arc;
 
-/// Host memory that poses are copied to: for tools, picking, collision, export, tests. It may be used again once the copies
-/// recorded with it have finished.
+/// Host memory that poses are copied to: for tools, picking, collision, export, tests. It may be used again once the
+/// copies recorded with it have finished.
 pub struct PoseReadback {
     device: Arc<Device>,
     buffer: Option<Buffer>,
@@ -57,21 +57,22 @@ impl MorphEngine {
 }
 
 impl PoseReadback {
-    /// Record copies of the poses of `instances`, in the place of what was recorded before. It comes after the update that
-    /// writes them, in the same command buffer or a later one.
+    /// Record copies of the poses of `instances`, in the place of what was recorded before. It comes after the update
+    /// that writes them, in the same command buffer or a later one.
     ///
     /// This records: a barrier from the stages that write poses to copies (TRANSFER with TRANSFER_READ), whatever the
     /// [consumers](crate::CrowdDesc::consumers) of the crowd are; the copies, of the base pose besides where poses are
-    /// integers; and a barrier that makes them visible to the host (HOST with HOST_READ), and that later updates wait for.
+    /// integers; and a barrier that makes them visible to the host (HOST with HOST_READ), and that later updates wait
+    /// for.
     ///
     /// # Errors
-    /// A crowd that another engine made; as [`Crowd::pose`](super::Crowd::pose), for each instance; no memory. Nothing is
-    /// recorded then, and what was recorded before can be read as before.
+    /// A crowd that another engine made; as [`Crowd::pose`](super::Crowd::pose), for each instance; no memory. Nothing
+    /// is recorded then, and what was recorded before can be read as before.
     ///
     /// # Safety
-    /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and without
-    ///   active conditional rendering, on the queue that updates of the crowd run on. It runs after the updates of the crowd
-    ///   that were recorded so far, and before later ones.
+    /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and
+    ///   without active conditional rendering, on the queue that updates of the crowd run on. It runs after the updates
+    ///   of the crowd that were recorded so far, and before later ones.
     /// - What was recorded with this value before has finished, or never runs.
     /// - This value and the crowd live until the device has finished.
     /// - Vertices of the host's own that poses are in were made as source of copies, too.

@@ -11,10 +11,10 @@ use ash::vk;
 impl MorphEngine {
     /// Record the update of all instances of `crowd` to the weights requested.
     ///
-    /// This records: nothing when no weight changed; otherwise the passes of the plan with the barriers they
-    /// need. First stages: those of the [consumers](crate::CrowdDesc::consumers) (reads of earlier poses) and the
-    /// path's own; last: the consumers' (none, where all are on another queue), by default VERTEX_INPUT with
-    /// VERTEX_ATTRIBUTE_READ and VERTEX_SHADER with SHADER_READ, so that draws recorded next may read [`Crowd::pose`](super::Crowd::pose) and
+    /// This records: nothing when no weight changed; otherwise the passes of the plan with the barriers they need.
+    /// First stages: those of the [consumers](crate::CrowdDesc::consumers) (reads of earlier poses) and the path's own;
+    /// last: the consumers' (none, where all are on another queue), by default VERTEX_INPUT with VERTEX_ATTRIBUTE_READ
+    /// and VERTEX_SHADER with SHADER_READ, so that draws recorded next may read [`Crowd::pose`](super::Crowd::pose) and
     /// [`Crowd::previous_pose`](super::Crowd::previous_pose) as vertex attributes or storage buffers.
     ///
     /// It binds over: the compute pipeline, its set 0 and push constants (`compute`, `blocks`, `scatter`, and
@@ -33,8 +33,9 @@ impl MorphEngine {
     ///
     /// # Safety
     /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and
-    ///   without active conditional rendering (the state of the crowd takes the update as done), on a queue of the family
-    ///   that [`CrowdDesc::queue_family`](field@crate::CrowdDesc::queue_family) names, or else with graphics and compute.
+    ///   without active conditional rendering (the state of the crowd takes the update as done), on a queue of the
+    ///   family that [`CrowdDesc::queue_family`](field@crate::CrowdDesc::queue_family) names, or else with graphics and
+    ///   compute.
     /// - It runs exactly once, after the upload of the mesh and all earlier updates of the crowd, and before later
     ///   ones; or it never runs, and [`Crowd::discard`](super::Crowd::discard) is called with the ticket before any
     ///   later update is recorded.
@@ -44,14 +45,14 @@ impl MorphEngine {
     ///   crowd are recorded and not yet finished.
     /// - After an error or a panic nothing of the update counts as done; `cmd` may hold some of its commands after a
     ///   panic, and is not run then.
-    /// - Engine, mesh and crowd live until the device has finished, and so does what [`grow_crowd`](Self::grow_crowd) or
-    ///   [`grow_set`](Self::grow_set) returned: earlier updates use it.
+    /// - Engine, mesh and crowd live until the device has finished, and so does what [`grow_crowd`](Self::grow_crowd)
+    ///   or [`grow_set`](Self::grow_set) returned: earlier updates use it.
     pub unsafe fn record_update(&self, cmd: vk::CommandBuffer, crowd: &mut (impl AnyCrowd + ?Sized)) -> Result<Update> {
         let (mut crowds, mut update) = ([crowd.base_mut()], None);
         let planned = self.plan(&mut crowds, |planned| update = Some(planned))?;
         // SAFETY: the caller's obligations.
         unsafe { planned.record(&self.device.raw, cmd) };
-        update.ok_or_else(|| Error::invalid("an update of no crowd", "name one or more"))
+        update.ok_or_else(|| Error::invalid("an update of an empty list of crowds", "pass at least one"))
     }
 
     /// Record the updates of several crowds, of either kind, as [`record_update`](Self::record_update) does for one.
@@ -60,8 +61,8 @@ impl MorphEngine {
     ///
     /// # Errors
     /// As [`record_update`](Self::record_update); crowds that are made for queues of different
-    /// [families](field@crate::CrowdDesc::queue_family). Nothing is recorded then, and no update is taken as done: poses of
-    /// crowds that were planned before the one that failed are written anew by their next update.
+    /// [families](field@crate::CrowdDesc::queue_family). Nothing is recorded then, and no update is taken as done:
+    /// poses of crowds that were planned before the one that failed are written anew by their next update.
     ///
     /// # Safety
     /// As [`record_update`](Self::record_update), for each crowd.
@@ -125,8 +126,8 @@ impl MorphEngine {
     }
 }
 
-/// Refuse crowds whose updates cannot run on the queue of one command buffer. Those that name no family are for one with
-/// graphics and compute.
+/// Refuse crowds whose updates cannot run on the queue of one command buffer. Those that name no family are for one
+/// with graphics and compute.
 fn check_families(caps: &DeviceCaps, families: impl Iterator<Item = Option<u32>> + Clone) -> Result<()> {
     let Some(one) = families.clone().flatten().next() else { return Ok(()) };
     let default = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;

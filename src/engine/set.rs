@@ -5,8 +5,8 @@ use super::crowd::Crowd;
 use crate::error::{Error, Result};
 use crate::weights::names::unknown;
 
-/// Crowds of several meshes (head, teeth, lashes, tongue) whose instances take one weight vector: by their names, a weight
-/// goes to the targets of every mesh. Instance i of the set is instance i of each crowd.
+/// Crowds of several meshes (head, teeth, lashes, tongue) whose instances take one weight vector: by their names, a
+/// weight goes to the targets of every mesh. Instance i of the set is instance i of each crowd.
 ///
 /// One call records the updates of all, with shared barriers:
 /// [`record_updates`](super::MorphEngine::record_updates) of [`crowds_mut`](Self::crowds_mut). Poses are those of the
@@ -21,8 +21,8 @@ pub struct CrowdSet {
 }
 
 impl CrowdSet {
-    /// A set of these crowds. Its weights are, to begin with, those of all their targets: each name once, in the order in
-    /// which crowds and their targets name them.
+    /// A set of these crowds. Its weights are, to begin with, those of all their targets: each name once, in the order
+    /// in which crowds and their targets name them.
     ///
     /// # Errors
     /// No crowd; crowds whose instances are not the same.
@@ -51,8 +51,8 @@ impl CrowdSet {
         Ok(set)
     }
 
-    /// From now on weights are of these names, in this order: those of a clip or of a tracker. Targets that are not among
-    /// them keep the weights that were requested last.
+    /// From now on weights are of these names, in this order: those of a clip or of a tracker. Targets that are not
+    /// among them keep the weights that were requested last.
     ///
     /// # Errors
     /// A name that no mesh has, with the one that was probably meant; a name that comes twice. Nothing changes then.
@@ -91,15 +91,15 @@ impl CrowdSet {
         &self.crowds
     }
 
-    /// The crowds, to record their updates by one call of [`record_updates`](super::MorphEngine::record_updates), alone or
-    /// among others.
+    /// The crowds, to record their updates by one call of [`record_updates`](super::MorphEngine::record_updates), alone
+    /// or among others.
     pub fn crowds_mut(&mut self) -> Vec<&mut dyn AnyCrowd> {
         self.crowds.iter_mut().map(|crowd| crowd as &mut dyn AnyCrowd).collect()
     }
 
     /// A crowd, counted in the order in which they were handed in, to set what follows its poses: skinned
-    /// ([`set_skin_target`](super::MorphEngine::set_skin_target)), bounded, decoded, with normals of their surface. `None`:
-    /// there is no such crowd.
+    /// ([`set_skin_target`](super::MorphEngine::set_skin_target)), bounded, decoded, with normals of their surface.
+    /// `None`: there is no such crowd.
     pub fn crowd_mut(&mut self, index: usize) -> Option<&mut dyn AnyCrowd> {
         // Not as a `Crowd`, which could be replaced by one of another mesh or with other instances.
         self.crowds.get_mut(index).map(|crowd| crowd as &mut dyn AnyCrowd)
@@ -169,8 +169,8 @@ impl CrowdSet {
         self.crowds.iter_mut().try_for_each(|crowd| crowd.remove(instance))
     }
 
-    /// These updates, which one call recorded of [`crowds_mut`](Self::crowds_mut), in that order, and all later ones will
-    /// never run: see [`Crowd::discard`].
+    /// These updates, which one call recorded of [`crowds_mut`](Self::crowds_mut), in that order, and all later ones
+    /// will never run: see [`Crowd::discard`].
     ///
     /// # Errors
     /// Updates of other crowds. Nothing is discarded then.

@@ -82,8 +82,8 @@ impl MorphEngine {
 
     /// Create a mesh's buffers and record their upload.
     ///
-    /// This records: for each group copies from staging memory, and a barrier that makes them visible to every update path
-    /// and draw (first stage TRANSFER with TRANSFER_WRITE; last ALL_COMMANDS with MEMORY_READ and MEMORY_WRITE).
+    /// This records: for each group copies from staging memory, and a barrier that makes them visible to every update
+    /// path and draw (first stage TRANSFER with TRANSFER_WRITE; last ALL_COMMANDS with MEMORY_READ and MEMORY_WRITE).
     ///
     /// The caller is responsible for: submitting `cmd` before any update of the mesh, and calling
     /// [`GpuMesh::release_staging`] once it has run.

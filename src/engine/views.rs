@@ -15,8 +15,8 @@ use std::borrow::Cow;
 pub struct PoseView {
     /// The buffer; usable as vertex, storage and transfer-source buffer, if it is not the host's own.
     pub buffer: vk::Buffer,
-    /// Offset of the first vertex: a multiple of 256 of a pose in a buffer of ours, of 4 of a base pose and in a buffer of
-    /// the host's.
+    /// Offset of the first vertex: a multiple of 256 of a pose in a buffer of ours, of 4 of a base pose and in a buffer
+    /// of the host's.
     pub offset: u64,
     /// Bytes, padding included.
     pub size: u64,
@@ -28,8 +28,8 @@ pub struct PoseView {
     /// vertices of the host's that have no place for it.
     pub components: [Option<u32>; POSE_FLOATS],
     /// Input units of integers, of each triple of a vertex (of positions and of normals): a number is that of the base
-    /// pose ([`GpuMesh::base_pose`](crate::GpuMesh::base_pose)) plus integer × unit. 1 where numbers are float32. The same
-    /// for all poses of a crowd.
+    /// pose ([`GpuMesh::base_pose`](crate::GpuMesh::base_pose)) plus integer × unit. 1 where numbers are float32. The
+    /// same for all poses of a crowd.
     pub units: [f32; TRIPLES],
     /// Which slot of the instance it is; 0 of a base pose.
     pub slot: u32,
@@ -70,8 +70,8 @@ impl PoseView {
         }
     }
 
-    /// [`PoseFormat::vertex_input`] of this layout: binding 0 (and that of the previous pose) has its stride, attributes
-    /// their places in its vertices. What is not stored has no attribute.
+    /// [`PoseFormat::vertex_input`] of this layout: binding 0 (and that of the previous pose) has its stride,
+    /// attributes their places in its vertices. What is not stored has no attribute.
     pub fn vertex_input(
         &self,
         previous: bool,
@@ -123,8 +123,8 @@ pub struct PoseBuffer {
     pub pose_stride: u64,
     /// What the buffer was made for; empty where it is the host's own, which knows.
     pub usage: vk::BufferUsageFlags,
-    /// Where the poses of all instances begin in the buffer, and how many bytes they take; those of several groups share
-    /// the host's own vertices.
+    /// Where the poses of all instances begin in the buffer, and how many bytes they take; those of several groups
+    /// share the host's own vertices.
     pub poses: (u64, u64),
 }
 

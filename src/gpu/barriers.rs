@@ -17,8 +17,8 @@ pub unsafe fn record(device: &ash::Device, cmd: vk::CommandBuffer, barrier: &Bar
     unsafe { device.cmd_pipeline_barrier(cmd, stages(before), stages(after), flags, &[memory], &[], &[]) };
 }
 
-/// Record the barrier after copies to host memory: the host sees them, and stages of `writers` wait before they write what
-/// was copied.
+/// Record the barrier after copies to host memory: the host sees them, and stages of `writers` wait before they write
+/// what was copied.
 ///
 /// # Safety
 /// As [`record`].

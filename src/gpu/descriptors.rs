@@ -24,8 +24,8 @@ impl BufferRange {
         Self { buffer, offset, size }
     }
 
-    /// Refuses a range that ends beyond a host buffer, as far as Vulkan reveals its size: the memory that a buffer needs is
-    /// no smaller than the buffer.
+    /// Refuses a range that ends beyond a host buffer, as far as Vulkan reveals its size: the memory that a buffer
+    /// needs is no smaller than the buffer.
     pub fn check_room(self, device: &Device, what: &str) -> Result<()> {
         // SAFETY: who hands a buffer in promises that it is of this device, and alive.
         let room = unsafe { device.raw.get_buffer_memory_requirements(self.buffer) }.size;

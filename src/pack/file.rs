@@ -38,9 +38,9 @@
 //! end.
 //!
 //! Checksums are CRC-32 (the one of zlib). Whatever a file says, reading takes 24 times its size in memory at most for
-//! each group of streams (16 at most), and 16 KiB: counts are held against the lengths of sections, and those against the
-//! file, before anything is made of them. What planning needs besides ([`BlockIndex`](super::blocks::BlockIndex)) is
-//! derived, and its rules are checked on the way.
+//! each group of streams (16 at most), and 16 KiB: counts are held against the lengths of sections, and those against
+//! the file, before anything is made of them. What planning needs besides ([`BlockIndex`](super::blocks::BlockIndex))
+//! is derived, and its rules are checked on the way.
 
 mod contents;
 mod table;

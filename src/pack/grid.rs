@@ -13,9 +13,9 @@ const HALF_BITS: u32 = 16;
 /// The grid on which weights and poses of integers lie: no sum overflows, whatever the weights up to the largest.
 ///
 /// A pose is Σ round(weight · delta / unit), a term for each target, in integers that do not depend on the order or the
-/// history. Rounding weights moves a component by at most ½·[`weight_step`](Self::weight_step)·Σ|delta|, on top of the error
-/// of packing ([`BlockIndex::error`](super::blocks::BlockIndex::error), for each target at weight 1); rounding terms by what
-/// [`position_error`](Self::position_error) says.
+/// history. Rounding weights moves a component by at most ½·[`weight_step`](Self::weight_step)·Σ|delta|, on top of the
+/// error of packing ([`BlockIndex::error`](super::blocks::BlockIndex::error), for each target at weight 1); rounding
+/// terms by what [`position_error`](Self::position_error) says.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct PoseGrid {
@@ -25,8 +25,8 @@ pub struct PoseGrid {
     pub weight_max: f32,
     /// Input units of a pose's integers, of each triple of the group: of positions and of normals. Powers of two.
     pub units: [f32; TRIPLES],
-    /// Lowest bits that rounding drops of the product of a weight and a delta, both as integers. In dense formats, of the
-    /// target with the finest step: see [`terms`](Self::terms).
+    /// Lowest bits that rounding drops of the product of a weight and a delta, both as integers. In dense formats, of
+    /// the target with the finest step: see [`terms`](Self::terms).
     pub(crate) dropped: [u32; TRIPLES],
 }
 
@@ -47,8 +47,8 @@ pub(crate) struct Sums {
     pub format: DeltaFormat,
     /// What deltas are whole multiples of, by triple: powers of two.
     pub steps: [f32; TRIPLES],
-    /// Dense formats, whose targets have steps of their own: the power of two from `steps`, which are the finest of them,
-    /// to the coarsest. In blocks a step is the mesh's, and integers are shifted.
+    /// Dense formats, whose targets have steps of their own: the power of two from `steps`, which are the finest of
+    /// them, to the coarsest. In blocks a step is the mesh's, and integers are shifted.
     pub coarsest: Option<[u32; TRIPLES]>,
     /// The largest Σ|delta| of any vertex component in steps, by triple.
     pub largest: [f64; TRIPLES],
@@ -88,14 +88,14 @@ impl PoseGrid {
         self.rounding(1, targets)
     }
 
-    /// What a target whose deltas have 16 bits, in these steps, adds to a pose that holds one weight of it and is to hold
-    /// another.
+    /// What a target whose deltas have 16 bits, in these steps, adds to a pose that holds one weight of it and is to
+    /// hold another.
     pub(crate) fn terms(&self, held: f32, weight: f32, steps: [f32; TRIPLES]) -> [Term; TRIPLES] {
         let [old, new] = [held, weight].map(|weight| self.steps(weight));
         std::array::from_fn(|triple| {
             let product = f64::from(steps[triple]) * f64::from(self.weight_step());
-            // Powers of two: the quotient is exact. Steps coarser than the unit are those of a target that does not move
-            // the triple. From 31 bits on no product reaches half a unit, and both terms are -1.
+            // Powers of two: the quotient is exact. Steps coarser than the unit are those of a target that does not
+            // move the triple. From 31 bits on no product reaches half a unit, and both terms are -1.
             let dropped = (f64::from(self.units[triple]) / product).log2().clamp(0.0, 31.0) as u32;
             Term { new, old, dropped }
         })
@@ -123,8 +123,8 @@ impl Sums {
         let weight_max = weight_max.unwrap_or(if narrow { 1.0 } else { self.weight_max });
         let dense = self.coarsest.is_some();
         let rounds = narrow || dense;
-        // Weights and what products have room for, where there has to be room for what rounding adds, too. Dense deltas have
-        // 16 bits: a product with 2^15 leaves a bit for it. Weights have the same grid in all groups of the mesh.
+        // Weights and what products have room for, where there has to be room for what rounding adds, too. Dense deltas
+        // have 16 bits: a product with 2^15 leaves a bit for it. Weights have the same grid in all groups of the mesh.
         let (most_steps, most) = match (dense, narrow) {
             (true, _) => (32768.0, f64::INFINITY),
             (false, true) => (f64::from(i16::MAX), f64::from(i32::MAX) - f64::from(1u32 << HALF_BITS)),

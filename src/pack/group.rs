@@ -11,11 +11,13 @@ use crate::math::angle_degrees;
 use glam::{Vec2, Vec3};
 use std::sync::Arc;
 
-/// Six numbers of each vertex, with their deltas, laid out for upload. [`PackedMesh`](super::PackedMesh) has the layouts.
+/// Six numbers of each vertex, with their deltas, laid out for upload. [`PackedMesh`](super::PackedMesh) has the
+/// layouts.
 ///
-/// A pose buffer holds six numbers a vertex: position and normal, the first group of every mesh and the only one of most. A
-/// mesh with further streams (tangents, colours, texture coordinates that morph) has a group for each six numbers of
-/// those, with pose buffers of its own; [`PackedLayout::streams`](field@super::PackedLayout::streams) says which streams are in a group.
+/// A pose buffer holds six numbers a vertex: position and normal, the first group of every mesh and the only one of
+/// most. A mesh with further streams (tangents, colours, texture coordinates that morph) has a group for each six
+/// numbers of those, with pose buffers of its own; [`PackedLayout::streams`](field@super::PackedLayout::streams) says
+/// which streams are in a group.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedGroup {
     pub(super) layout: PackedLayout,
@@ -143,8 +145,8 @@ pub struct PackedLayout {
     pub diagonal: f32,
     /// What positions are relative to, in input units: 0, unless the mesh was [recentred](crate::MorphMesh::recentre).
     ///
-    /// A host multiplies its model matrix, or each matrix of a skin, by a translation by it from the right. Base pose, pose
-    /// buffers, readbacks, bounds, what skinning reads and the reference are all relative to it.
+    /// A host multiplies its model matrix, or each matrix of a skin, by a translation by it from the right. Base pose,
+    /// pose buffers, readbacks, bounds, what skinning reads and the reference are all relative to it.
     pub origin: Vec3,
     /// The targets.
     pub targets: Vec<PackedTarget>,
@@ -172,8 +174,8 @@ impl PackedLayout {
         })
     }
 
-    /// The grid for poses of integers and weights up to `weight_max`, either sign; `None`: up to 1 in 16 bits, up to what
-    /// the mesh was packed with ([`BlockDesc::weight_max`](super::blocks::BlockDesc::weight_max)) in 32.
+    /// The grid for poses of integers and weights up to `weight_max`, either sign; `None`: up to 1 in 16 bits, up to
+    /// what the mesh was packed with ([`BlockDesc::weight_max`](super::blocks::BlockDesc::weight_max)) in 32.
     ///
     /// # Errors
     /// Deltas that are no integers, float32 poses; a largest weight that is not above 0, or too large; in blocks as
@@ -276,14 +278,14 @@ impl PackedLayout {
         Ok(render)
     }
 
-    /// The index of the target called `name`, of several the first. This looks through the names: where weights are set every
-    /// frame, look it up once.
+    /// The index of the target called `name`, of several the first. This looks through the names: where weights are set
+    /// every frame, look it up once.
     pub fn target_index(&self, name: &str) -> Option<usize> {
         self.targets.iter().position(|target| target.name == name)
     }
 
-    /// A pose as pose buffers hold it (padding and all), in the user's vertex order and without padding. Vertices that it
-    /// lacks come out as NaN.
+    /// A pose as pose buffers hold it (padding and all), in the user's vertex order and without padding. Vertices that
+    /// it lacks come out as NaN.
     pub fn to_user_order(&self, pose: &[f32]) -> Vec<f32> {
         let numbers = self.vertex_count * POSE_FLOATS;
         match &self.blocks {

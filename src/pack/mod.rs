@@ -140,7 +140,8 @@ impl PackedMesh {
         Self { groups }
     }
 
-    /// [`MorphMesh::recentre`] of a mesh that is packed, such as one of a file, which states positions as the input has them.
+    /// [`MorphMesh::recentre`] of a mesh that is packed, such as one of a file, which states positions as the input has
+    /// them.
     pub fn recentre(&mut self) {
         let PackedGroup { layout, base, .. } = &mut self.groups[0];
         let vertices = &mut base.as_chunks_mut::<POSE_FLOATS>().0[..layout.vertex_count];
@@ -184,8 +185,8 @@ impl PackedMesh {
         self.surface().for_each_delta(target, f);
     }
 
-    /// What packing lost of `mesh`, which this was packed from; NaN, which is within no bound, where that has other targets
-    /// or vertices, or is not right in itself.
+    /// What packing lost of `mesh`, which this was packed from; NaN, which is within no bound, where that has other
+    /// targets or vertices, or is not right in itself.
     pub fn measure_error(&self, mesh: &MorphMesh) -> PoseError {
         let (vertices, targets) = (self.layout().vertex_count, self.layout().targets.len());
         if mesh.vertex_count() != vertices || mesh.targets.len() != targets || Source::groups(mesh).is_err() {

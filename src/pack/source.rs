@@ -88,7 +88,8 @@ pub(crate) fn largest(deltas: &[Lane]) -> [f32; TRIPLES] {
     largest
 }
 
-/// Whether normals, targets and streams have as many numbers as they should, and welds are of this mesh, so that nothing is out of range.
+/// Whether normals, targets and streams have as many numbers as they should, and welds are of this mesh, so that
+/// nothing is out of range.
 fn check(mesh: &MorphMesh) -> Result<(), String> {
     let vertices = mesh.vertex_count();
     check_welds(&mesh.welds, vertices)?;

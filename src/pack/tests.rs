@@ -105,8 +105,8 @@ fn streams_that_do_not_fit_are_refused() {
     }
 }
 
-/// Weights at their largest, with the signs of the deltas of one component: the largest sums that there may be, and terms
-/// that fit 32 bits, also where targets differ by many powers of two.
+/// Weights at their largest, with the signs of the deltas of one component: the largest sums that there may be, and
+/// terms that fit 32 bits, also where targets differ by many powers of two.
 #[test]
 fn dense_sums_fit_the_integers_of_a_pose() {
     let mut mesh = testing::mesh(100, 9);
@@ -165,8 +165,8 @@ fn dense_sums_fit_the_integers_of_a_pose() {
     }
 }
 
-/// However many targets there are: products fit 32 bits together with what rounding adds, and sums of terms that are each
-/// rounded by half a unit fit 16.
+/// However many targets there are: products fit 32 bits together with what rounding adds, and sums of terms that are
+/// each rounded by half a unit fit 16.
 #[test]
 fn narrow_poses_have_room_for_what_rounding_adds() {
     for (targets, is_taken) in [(1, true), (32_767, true), (32_768, false), (33_000, false), (65_536, false)] {

@@ -25,8 +25,8 @@ const STREAMS_MAX: usize = 16;
 /// A stream is as many numbers as it has [components](Semantic::components), one after the other, each as the crowd's
 /// [`PoseFormat`] says. What lies between streams is the host's: nothing there is written. Streams of the mesh that are
 /// not named are not written, either; positions have to be named. Of `fixed16` a stream brings the six numbers of its
-/// group (position and normal, for example: [`PackedGroup`](crate::PackedGroup)), which stay together: 12 bytes, from the
-/// first stream on.
+/// group (position and normal, for example: [`PackedGroup`](crate::PackedGroup)), which stay together: 12 bytes, from
+/// the first stream on.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct VertexLayout {
     stride: u32,
@@ -42,8 +42,8 @@ impl VertexLayout {
         Self { stride, streams: [(Semantic::Position, 0); STREAMS_MAX], count: 0 }
     }
 
-    /// The first number of a stream is `offset` bytes from the beginning of a vertex, a multiple of 4 (`fixed16`: of 2). At
-    /// most 16 streams; named again, a stream moves.
+    /// The first number of a stream is `offset` bytes from the beginning of a vertex, a multiple of 4 (`fixed16`: of
+    /// 2). At most 16 streams; named again, a stream moves.
     #[must_use]
     pub fn stream(mut self, semantic: Semantic, offset: u32) -> Self {
         let named = self.streams().position(|(named, _)| named.id() == semantic.id());
@@ -78,8 +78,9 @@ impl VertexLayout {
     /// Check it for the groups of a mesh and poses in a format.
     ///
     /// # Errors
-    /// More than 16 streams; a stride or offset that is no multiple of words or numbers; streams that overlap, or do not
-    /// fit the stride; one that the mesh does not have; no positions; of `fixed16`, a group whose streams are not together.
+    /// More than 16 streams; a stride or offset that is no multiple of words or numbers; streams that overlap, or do
+    /// not fit the stride; one that the mesh does not have; no positions; of `fixed16`, a group whose streams are not
+    /// together.
     pub(crate) fn check<'a>(
         &self,
         groups: impl Iterator<Item = &'a PackedLayout> + Clone,

@@ -77,12 +77,13 @@ pub struct UpdateDesc {
     /// paths have no pose buffers, and this says nothing there.
     pub slots: u32,
     /// How poses are stored, and so how they add up: float32 accumulates rounding; integers are exact sums on a grid of
-    /// weights and deltas ([`PoseGrid`](crate::pack::blocks::PoseGrid)), bit for bit what a full evaluation gives, after
-    /// any number of updates, in any order and on any driver (`blocks`, `compute` and `cpu`; deltas that are integers).
+    /// weights and deltas ([`PoseGrid`](crate::pack::blocks::PoseGrid)), bit for bit what a full evaluation gives,
+    /// after any number of updates, in any order and on any driver (`blocks`, `compute` and `cpu`; deltas that are
+    /// integers).
     pub pose: PoseFormat,
     /// Largest position error that accumulation in float32 may cause, as a fraction of the bounding-box diagonal (block
-    /// formats). A bound on it is kept, and a block whose bound would exceed this starts from the base pose again. Streams
-    /// beside positions and normals have no such bound: in long runs, use poses of integers.
+    /// formats). A bound on it is kept, and a block whose bound would exceed this starts from the base pose again.
+    /// Streams beside positions and normals have no such bound: in long runs, use poses of integers.
     pub tolerance: f32,
     /// Largest weight, either sign, that poses of integers have to hold; `None`: 1 in 16 bits, in 32 what the mesh was
     /// packed with. The smaller, the finer their unit ([`PackedLayout::grid`]).
@@ -106,8 +107,8 @@ setters!(UpdateDesc {
 });
 
 impl UpdateDesc {
-    /// Incremental updates of float32 poses in two slots, with a tolerance of 1e-5; rebuilds for paths that know nothing
-    /// else.
+    /// Incremental updates of float32 poses in two slots, with a tolerance of 1e-5; rebuilds for paths that know
+    /// nothing else.
     pub const fn new(path: UpdatePath, batch: BatchSize) -> Self {
         let (mode, pose) = (path.default_mode(), PoseFormat::Float32);
         Self { path, batch, mode, slots: 2, pose, tolerance: 1e-5, weight_max: None, error_budget: 0.0 }

@@ -1,6 +1,7 @@
 //! What discarded updates give back.
 
-/// The values that something had before each of the updates that changed it last, as far back as updates may be discarded.
+/// The values that something had before each of the updates that changed it last, as far back as updates may be
+/// discarded.
 #[derive(Clone, Debug)]
 pub struct Earlier<T> {
     /// Updates that may be unfinished at once: older ones have run, and are never discarded.

@@ -192,8 +192,8 @@ impl HazardChecker {
         self.read(place(crowd, 0, memory), Use::new(memory, Stage::VertexInput, Access::AttributeRead));
     }
 
-    /// A queue signals a semaphore after all that was submitted to it so far; another waits for it, in these stages and for
-    /// any access. What follows, of whichever queue, comes after the wait.
+    /// A queue signals a semaphore after all that was submitted to it so far; another waits for it, in these stages and
+    /// for any access. What follows, of whichever queue, comes after the wait.
     pub fn semaphore(&mut self, waiting: &[Stage]) {
         let stages = waiting.iter().fold(0, |stages, stage| stages | *stage as u16);
         self.barrier(&Barrier { before: Scope::ANYTHING, after: Scope { stages, ..Scope::ANYTHING } });

@@ -1,4 +1,5 @@
-//! The instances of a crowd: which there are, which are shown, the weights requested of them, and where their poses are.
+//! The instances of a crowd: which there are, which are shown, the weights requested of them, and where their poses
+//! are.
 
 use crate::error::{Error, Result};
 use crate::pack::PackedLayout;
@@ -23,22 +24,24 @@ struct Place {
     history: History,
 }
 
-/// Places for instances. An instance that is out of range, or that was removed, is refused by whatever takes its number.
+/// Places for instances. An instance that is out of range, or that was removed, is refused by whatever takes its
+/// number.
 #[derive(Clone, Debug)]
 pub struct Instances {
     places: Vec<Place>,
 }
 
 impl Instances {
-    /// `places` instances with so many slots, all shown, all weights 0. So many updates may be unfinished at once, and be
-    /// discarded.
+    /// `places` instances with so many slots, all shown, all weights 0. So many updates may be unfinished at once, and
+    /// be discarded.
     pub fn new(places: usize, targets: usize, slots: u32, unfinished: u32) -> Self {
         let history = History::new(slots, unfinished);
         let place = Place { presence: Presence::Shown, weights: vec![0.0; targets], history };
         Self { places: vec![place; places] }
     }
 
-    /// The same instances without poses, in more places, with so many slots and unfinished updates: the new places are free.
+    /// The same instances without poses, in more places, with so many slots and unfinished updates: the new places are
+    /// free.
     pub fn grown(&self, places: usize, slots: u32, unfinished: u32) -> Self {
         let history = History::new(slots, unfinished);
         let before = self.places.iter().map(|place| Place { history: history.clone(), ..place.clone() });
@@ -155,8 +158,8 @@ impl Instances {
     }
 }
 
-/// Which slots hold the poses of an instance, for all techniques whose updates rotate slots: an update reads the current
-/// one and writes the next.
+/// Which slots hold the poses of an instance, for all techniques whose updates rotate slots: an update reads the
+/// current one and writes the next.
 #[derive(Clone, Debug)]
 pub struct History {
     slots: u32,
@@ -228,9 +231,9 @@ impl History {
         self.written_by = 0;
     }
 
-    /// The update numbered `first` and all later ones will never run: what they would have written is not known, the next
-    /// update writes the slot that the first of them would have written, and the next pose is the one after a cut that they
-    /// came after. (A pose that is not known is no predecessor in any case.)
+    /// The update numbered `first` and all later ones will never run: what they would have written is not known, the
+    /// next update writes the slot that the first of them would have written, and the next pose is the one after a cut
+    /// that they came after. (A pose that is not known is no predecessor in any case.)
     pub fn discard_from(&mut self, first: u64) {
         if let Some(before) = self.earlier.discard_from(first) {
             self.current = before;

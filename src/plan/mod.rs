@@ -37,11 +37,11 @@ pub struct UpdateStats {
     pub dirty_blocks: usize,
     /// Of these, the ones that started from the base pose.
     pub rebuilt_blocks: usize,
-    /// Bound on the position error that accumulation in float32 may have caused so far, or rounding to 16 bits, in input
-    /// units; 0 for poses of 32-bit integers.
+    /// Bound on the position error that accumulation in float32 may have caused so far, or rounding to 16 bits, in
+    /// input units; 0 for poses of 32-bit integers.
     pub bound: f32,
-    /// Bytes loaded and stored, in all groups of the mesh. On a direct path, by one draw of every instance, in each frame
-    /// again, whether weights have changed or not. On the path `texture` by the update alone.
+    /// Bytes loaded and stored, in all groups of the mesh. On a direct path, by one draw of every instance, in each
+    /// frame again, whether weights have changed or not. On the path `texture` by the update alone.
     pub bytes_moved: u64,
     /// The least that dense work could move; in block formats, what deltas and poses alone take.
     pub bytes_floor: u64,

@@ -148,8 +148,9 @@ update_paths! {
         };
         /// Baseline: deltas in textures, blended into textures that draws fetch (Galanakis)
         ///
-        /// A target is a few rectangles of texels, of float32 or of 16-bit integers. Blending adds weight times delta, or of
-        /// what changed the delta weight, to float32 textures of displacements; each draw fetches those of its vertices.
+        /// A target is a few rectangles of texels, of float32 or of 16-bit integers. Blending adds weight times delta,
+        /// or of what changed the delta weight, to float32 textures of displacements; each draw fetches those of its
+        /// vertices.
         Texture "texture" {
             needs: Needs::FloatBlending, has_own_upload: true, evaluates_in_draws: true
         };

@@ -190,15 +190,16 @@ impl<M> Use<M> {
     }
 }
 
-/// Who reads poses, and what is [decoded](crate::DecodeTarget) of them, between updates, on the queue of the updates: the
-/// barriers of an update wait for these readers, and make the new poses visible to them. Combined with `|`.
+/// Who reads poses, and what is [decoded](crate::DecodeTarget) of them, between updates, on the queue of the updates:
+/// the barriers of an update wait for these readers, and make the new poses visible to them. Combined with `|`.
 ///
 /// Readers on another queue are ordered by semaphores, which no barrier can stand in for
 /// ([`MorphEngine`](crate::MorphEngine#several-queues)); leave them out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Consumers(u8);
 
-/// The list of consumers: documentation, name and bit; whether only a queue with graphics has them; where and how they read.
+/// The list of consumers: documentation, name and bit; whether only a queue with graphics has them; where and how they
+/// read.
 macro_rules! consumers {
     ($($(#[doc = $doc:literal])* $name:ident $bit:literal, graphics: $graphics:literal, $([$stage:ident $access:ident])*;)*) => {
         impl Consumers {
@@ -222,13 +223,15 @@ consumers! {
     /// Builds of acceleration structures, from poses of float32 or from decoded positions. The device has to have them
     /// enabled (VK_KHR_acceleration_structure).
     ACCELERATION_STRUCTURES 16, graphics: false, [AccelerationStructureBuild ShaderRead];
-    /// Task and mesh shaders that read poses from storage buffers. The device has to have both enabled (VK_EXT_mesh_shader,
-    /// features `taskShader` and `meshShader`).
+    /// Task and mesh shaders that read poses from storage buffers. The device has to have both enabled
+    /// (VK_EXT_mesh_shader, features `taskShader` and `meshShader`).
     MESH_SHADERS 32, graphics: true, [TaskShader ShaderRead] [MeshShader ShaderRead];
-    /// Fragment shaders that read poses from storage buffers, such as those that find a vertex of a triangle by its number.
+    /// Fragment shaders that read poses from storage buffers, such as those that find a vertex of a triangle by its
+    /// number.
     FRAGMENT_SHADERS 64, graphics: true, [FragmentShader ShaderRead];
-    /// Shaders of ray-tracing pipelines that read poses from storage buffers, such as those of a hit. The device has to have
-    /// these pipelines enabled (VK_KHR_ray_tracing_pipeline). Ray queries read in the stage of the shader that makes them.
+    /// Shaders of ray-tracing pipelines that read poses from storage buffers, such as those of a hit. The device has to
+    /// have these pipelines enabled (VK_KHR_ray_tracing_pipeline). Ray queries read in the stage of the shader that
+    /// makes them.
     RAY_TRACING_SHADERS 128, graphics: false, [RayTracingShader ShaderRead];
 }
 

@@ -43,8 +43,8 @@ pub(crate) fn checker() -> HazardChecker {
 /// An update, and the slots that are drawn after it.
 pub(crate) type DrawnUpdate = (Vec<Recorded>, [Option<u32>; 2]);
 
-/// The fourth of `frames` has `count` barriers: the checker finds a hazard without any one of them, and none with all. Its
-/// slots are drawn in each of up to four crowds.
+/// The fourth of `frames` has `count` barriers: the checker finds a hazard without any one of them, and none with all.
+/// Its slots are drawn in each of up to four crowds.
 pub(crate) fn assert_barriers_needed(frames: &[DrawnUpdate], count: usize, what: &str) {
     let barriers = frames[3].0.iter().enumerate().filter(|(_, event)| matches!(event, Recorded::Barrier(_)));
     let barriers: Vec<usize> = barriers.map(|(i, _)| i).collect();
@@ -156,8 +156,8 @@ fn bad_descriptions_are_refused() {
     }
 }
 
-/// The update after a cut has no previous pose. When it changes nothing and never runs, the next one is the update after
-/// the cut.
+/// The update after a cut has no previous pose. When it changes nothing and never runs, the next one is the update
+/// after the cut.
 #[test]
 fn a_discarded_update_gives_its_cut_back() {
     for (stays, discarded, is_cut) in [(0, 0, true), (1, 1, true), (2, 1, false), (2, 2, true)] {

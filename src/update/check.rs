@@ -32,8 +32,9 @@ impl UpdateDesc {
     /// Check the description.
     ///
     /// # Errors
-    /// A batch size of 0; no slot, or too few slots for the path; a tolerance or budget that is no length; a pose format
-    /// that the path does not take; a budget on a path that has none; incremental updates of a path that only rebuilds.
+    /// A batch size of 0; no slot, or too few slots for the path; a tolerance or budget that is no length; a pose
+    /// format that the path does not take; a budget on a path that has none; incremental updates of a path that only
+    /// rebuilds.
     pub fn check(&self) -> Result<()> {
         let (path, name) = (self.path, self.path.name());
         let least = if path.works_in_place() { 1 } else { 2 };
@@ -182,8 +183,9 @@ pub fn requirements(path: UpdatePath) -> &'static [Requirement] {
 }
 
 impl DeviceCaps {
-    /// The largest batch of `path` with coefficients in push constants; `None`: any. For vertex passes: vertex attributes
-    /// − 2 for the pose, 2 a target (float32) or 1 (snorm16), as far as vertex bindings and push constants reach.
+    /// The largest batch of `path` with coefficients in push constants; `None`: any. For vertex passes: vertex
+    /// attributes − 2 for the pose, 2 a target (float32) or 1 (snorm16), as far as vertex bindings and push constants
+    /// reach.
     pub fn batch_max(&self, path: UpdatePath, format: DeltaFormat) -> Option<u32> {
         match path.row().batch {
             Batch::Attributes => {

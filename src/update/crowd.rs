@@ -21,14 +21,14 @@ pub struct CrowdDesc {
     /// Who reads poses between updates: updates wait for these readers, and make new poses visible to them.
     pub consumers: Consumers,
     /// The family of the queue that updates of the crowd run on; `None`: one with graphics and compute. On one without
-    /// graphics, barriers name no stage of graphics: [consumers](field@Self::consumers) that have such a stage are on another
-    /// queue ([`MorphEngine`](crate::MorphEngine#several-queues)).
+    /// graphics, barriers name no stage of graphics: [consumers](field@Self::consumers) that have such a stage are on
+    /// another queue ([`MorphEngine`](crate::MorphEngine#several-queues)).
     pub queue_family: Option<u32>,
-    /// What pose buffers of ours are made for beside what every one is (vertex, storage and storage texel buffer, source of
-    /// copies; on a device with transform feedback, its buffer). Usages of Vulkan 1.0, and
+    /// Extra usages of engine-owned pose buffers, in addition to the defaults (vertex, storage and storage texel
+    /// buffer, source of copies; on a device with transform feedback, its buffer). Usages of Vulkan 1.0, and
     /// `SHADER_DEVICE_ADDRESS` and `ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR` where
-    /// [`DeviceDesc::buffer_device_address`](field@crate::DeviceDesc::buffer_device_address) says so (the latter needs its
-    /// extension enabled, too).
+    /// [`DeviceDesc::buffer_device_address`](field@crate::DeviceDesc::buffer_device_address) says so (the latter needs
+    /// its extension enabled, too).
     pub pose_usage: vk::BufferUsageFlags,
     /// Vertices of the host's own that poses are written into (path `blocks`); `None`: into pose buffers of ours.
     pub poses: Option<HostPoses>,
@@ -61,7 +61,8 @@ impl CrowdDesc {
     /// Check the queue that updates run on.
     ///
     /// # Errors
-    /// A family that the device does not have, that lacks what the path needs, or that the engine's buffers are not for.
+    /// A family that the device does not have, that lacks what the path needs, or that the engine's buffers are not
+    /// for.
     pub(crate) fn check_queue(&self, device: &Device) -> Result<()> {
         let Some(family) = self.queue_family else { return Ok(()) };
         device.caps.check_queue_family(self.update.path, family)?;
@@ -81,8 +82,8 @@ impl CrowdDesc {
     /// Check where poses are kept, for the groups of a mesh.
     ///
     /// # Errors
-    /// Usages that the device was not said to allow; a path that writes no vertices of hosts; a vertex that does not suit the
-    /// mesh.
+    /// Usages that the device was not said to allow; a path that writes no vertices of hosts; a vertex that does not
+    /// suit the mesh.
     pub(crate) fn check_poses<'a>(
         &self,
         groups: impl Iterator<Item = &'a PackedLayout> + Clone,
@@ -116,22 +117,23 @@ impl CrowdDesc {
     }
 }
 
-/// Vertices of a host's own that a crowd keeps its poses in: the buffer, where they begin, and how a vertex is laid out.
+/// Vertices of a host's own that a crowd keeps its poses in: the buffer, where they begin, and how a vertex is laid
+/// out.
 ///
-/// From `offset` on there is a pose for each slot of each instance, `[instance][slot]`, of
-/// [`VertexLayout::pose_bytes`] each; vertices are in the order of pose buffers
-/// ([`PackedLayout::remap_indices`](crate::PackedLayout::remap_indices)), padded. `instances × slots × pose_bytes` bytes in
-/// all. The pose of an instance moves from slot to slot, as in buffers of ours: [`Crowd::pose`](crate::Crowd::pose) says
-/// where it is. With one slot it stays in place.
+/// From `offset` on there is a pose for each slot of each instance, `[instance][slot]`, of [`VertexLayout::pose_bytes`]
+/// each; vertices are in the order of pose buffers
+/// ([`PackedLayout::remap_indices`](crate::PackedLayout::remap_indices)), padded. `instances × slots × pose_bytes`
+/// bytes in all. The pose of an instance moves from slot to slot, as in buffers of ours:
+/// [`Crowd::pose`](crate::Crowd::pose) says where it is. With one slot it stays in place.
 ///
-/// Updates, passes and barriers are the same as with buffers of ours; only drivers that run on the CPU take longer in the
-/// format `fast`, for which they have kernels that know our layout alone. Barriers are global memory barriers: they order what
-/// the [consumers](field@CrowdDesc::consumers) read of the buffer, whatever they read.
-/// How the buffer is shared is the host's. Where updates and draws run on queues of two families, make it
-/// `VK_SHARING_MODE_CONCURRENT`, as the engine's own are ([`MorphEngine`](crate::MorphEngine#several-queues)). With
-/// `VK_SHARING_MODE_EXCLUSIVE` the host transfers ownership itself, of all that the crowd takes: released by the draws'
-/// queue and acquired by the updates' before each update, and the other way round after it. An incremental update reads the
-/// poses that the draws before it read, so that updates and draws then take turns.
+/// Updates, passes and barriers are the same as with buffers of ours; only drivers that run on the CPU take longer in
+/// the format `fast`, for which they have kernels that know our layout alone. Barriers are global memory barriers: they
+/// order what the [consumers](field@CrowdDesc::consumers) read of the buffer, whatever they read. How the buffer is
+/// shared is the host's. Where updates and draws run on queues of two families, make it `VK_SHARING_MODE_CONCURRENT`,
+/// as the engine's own are ([`MorphEngine`](crate::MorphEngine#several-queues)). With `VK_SHARING_MODE_EXCLUSIVE` the
+/// host transfers ownership itself, of all that the crowd takes: released by the draws' queue and acquired by the
+/// updates' before each update, and the other way round after it. An incremental update reads the poses that the draws
+/// before it read, so that updates and draws then take turns.
 ///
 /// ```no_run
 /// # use deltamorph::{ash::vk, CrowdDesc, GpuMesh, HostPoses, MorphEngine, PackedMesh, Semantic, UpdateDesc, VertexLayout};

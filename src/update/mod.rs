@@ -1,7 +1,8 @@
 //! The ways to update poses, a folder each: plan, device side and what the CPU needs of them.
 //!
-//! A way to update is a `Technique`; [`technique()`] is the one place that knows which there are. What others published,
-//! to compare with, are techniques like any other, which are made outside the library (the package deltamorph-baselines).
+//! A way to update is a `Technique`; [`technique()`] is the one place that knows which there are. What others
+//! published, to compare with, are techniques like any other, which are made outside the library (the package
+//! deltamorph-baselines).
 
 pub mod animated;
 pub mod blocks;

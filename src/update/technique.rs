@@ -113,8 +113,8 @@ pub trait PoseDraws {
     /// - An update has written what the draws read, and they run as that update's do.
     unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>);
 
-    /// Record the draw of an instance, and capture the pose that it evaluates in the first pose of the crowd's buffer, with
-    /// the barriers around it.
+    /// Record the draw of an instance, and capture the pose that it evaluates in the first pose of the crowd's buffer,
+    /// with the barriers around it.
     ///
     /// # Errors
     /// A device that cannot capture.
@@ -124,11 +124,11 @@ pub trait PoseDraws {
     unsafe fn capture(&self, cmd: vk::CommandBuffer, instance: u32) -> Result<()>;
 }
 
-/// Makes the buffers of a mesh for a path that has an upload of its own, and what fills them. The mesh was checked for the
-/// path. What buffers are filled by is recorded afterwards; all else is recorded here, unless there is an error.
+/// Makes the buffers of a mesh for a path that has an upload of its own, and what fills them. The mesh was checked for
+/// the path. What buffers are filled by is recorded afterwards; all else is recorded here, unless there is an error.
 ///
-/// To be called with the command buffer in the recording state on the device, outside a render pass; what is returned is kept
-/// until the device no longer uses it.
+/// To be called with the command buffer in the recording state on the device, outside a render pass; what is returned
+/// is kept until the device no longer uses it.
 pub type UploadFor =
     unsafe fn(&Arc<Device>, vk::CommandBuffer, &PackedMesh, UpdatePath) -> Result<(Vec<MeshBuffers>, Vec<Upload>)>;
 

@@ -62,8 +62,8 @@ fn written(recorded: &[Recorded]) -> Vec<u32> {
     uses.filter_map(|used| if let Memory::Pose { slot, .. } = used.memory { Some(slot) } else { None }).collect()
 }
 
-/// What the documentation of `MorphEngine` says of several queues: so many frames back draws may still run, and where they
-/// read the previous pose, too, so many. The update writes none of their slots.
+/// What the documentation of `MorphEngine` says of several queues: so many frames back draws may still run, and where
+/// they read the previous pose, too, so many. The update writes none of their slots.
 fn assert_waits_for_enough(desc: UpdateDesc, drawn: impl Iterator<Item = [Option<u32>; 2]>, written: &[u32]) {
     let slots = desc.slots as usize;
     let [beside, with_previous] = match desc.path.works_in_place() {
@@ -77,8 +77,8 @@ fn assert_waits_for_enough(desc: UpdateDesc, drawn: impl Iterator<Item = [Option
     }
 }
 
-/// Any sequence of updates, cuts and discarded updates: the previous slot holds the pose before, no access is unordered,
-/// and slots are those that hosts expect who count frames.
+/// Any sequence of updates, cuts and discarded updates: the previous slot holds the pose before, no access is
+/// unordered, and slots are those that hosts expect who count frames.
 pub(crate) fn follow<P: Planned>(mut one: One<P>, events: Vec<Event>) {
     // The updates that ran, each with what memory was before it, and whether it was the one after a cut.
     let mut ran: Vec<(u64, DrawnUpdate, P::Memory, bool)> = vec![];

@@ -28,8 +28,8 @@ pub enum LayerBlend {
 
 /// A clip at a time, in a stack of layers that [`mix`](Self::mix) mixes.
 ///
-/// With the weight w of a layer, its mask m of a target and s what its clip says of it at the layer's time, the weight v of
-/// the target becomes, layer after layer, the first one lowest,
+/// With the weight w of a layer, its mask m of a target and s what its clip says of it at the layer's time, the weight
+/// v of the target becomes, layer after layer, the first one lowest,
 ///
 /// ```text
 /// override   v · (1 − w · m) + w · m · s      towards the clip: 1 replaces what is below, 0 leaves it
@@ -61,8 +61,8 @@ pub struct ClipLayer<'a> {
     pub clip: &'a BoundClip,
     /// Seconds since the clip's first frame. Between two frames weights are interpolated linearly.
     pub time: f64,
-    /// What happens before the first frame and after the last: the clip goes on over and over, from its last frame to its
-    /// first as from any frame to the next; or its first and last frame stay.
+    /// What happens before the first frame and after the last: the clip goes on over and over, from its last frame to
+    /// its first as from any frame to the next; or its first and last frame stay.
     pub repeat: Repeat,
     /// How much of the layer there is: from 0 to 1 to fade it in.
     pub weight: f32,
@@ -81,8 +81,8 @@ impl<'a> ClipLayer<'a> {
     }
 
     /// Mix layers, the first one lowest, on top of the weights that are in `weights` already: zeros, or a pose of the
-    /// host's. What comes out is what [`Crowd::set_weights`](crate::Crowd::set_weights) takes or, for clips that are bound
-    /// to the [names](crate::CrowdSet::names) of a set, [`CrowdSet::set_weights`](crate::CrowdSet::set_weights).
+    /// host's. What comes out is what [`Crowd::set_weights`](crate::Crowd::set_weights) takes or, for clips that are
+    /// bound to the [names](crate::CrowdSet::names) of a set, [`CrowdSet::set_weights`](crate::CrowdSet::set_weights).
     ///
     /// Nothing is allocated.
     ///
@@ -134,7 +134,8 @@ impl<'a> ClipLayer<'a> {
 }
 
 impl BoundClip {
-    /// The two frames that `seconds` lie between, and how far from the one to the other; `None` of a clip without frames.
+    /// The two frames that `seconds` lie between, and how far from the one to the other; `None` of a clip without
+    /// frames.
     fn frames_at(&self, seconds: f64, repeat: Repeat) -> Option<([usize; 2], f32)> {
         let last = self.frame_count().checked_sub(1)?;
         let at = seconds * f64::from(self.fps);

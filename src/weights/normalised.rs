@@ -1,22 +1,23 @@
 //! Normalised blending: weights of absolute poses.
 
-/// Turns weights of absolute poses into weights of deltas: the poses are averaged, and the base pose takes what is left.
+/// Turns weights of absolute poses into weights of deltas: the poses are averaged, and the base pose takes what is
+/// left.
 ///
-/// After A. Gerdelan, "Animating Blend Shapes": the factor of the base pose is 1 - Σ w, clamped to 0 to 1, and all factors are
-/// divided by their sum, so that they sum to one:
+/// After A. Gerdelan, "Animating Blend Shapes": the factor of the base pose is 1 - Σ w, clamped to 0 to 1, and all
+/// factors are divided by their sum, so that they sum to one:
 ///
 /// ```text
 /// pose = (w₀ base + Σ wᵢ poseᵢ) / (w₀ + Σ wᵢ),  w₀ = clamp(1 - Σ wᵢ, 0, 1)
 ///      = base + Σ wᵢ / max(1, Σ wᵢ) · (poseᵢ - base)
 /// ```
 ///
-/// So weights that sum to one or less stay as they are, and above that each is divided by the sum: changing one of them then
-/// changes every factor that is not 0, and an update applies as many. His printed shader does not clamp. Its base pose may
-/// count negatively, and the sum is one without a division: that is what weights of deltas do as they are, with nothing to
-/// convert.
+/// So weights that sum to one or less stay as they are, and above that each is divided by the sum: changing one of them
+/// then changes every factor that is not 0, and an update applies as many. His printed shader does not clamp. Its base
+/// pose may count negatively, and the sum is one without a division: that is what weights of deltas do as they are,
+/// with nothing to convert.
 ///
-/// A negative weight counts as 0, since an average has no negative parts; weights that sum to 0 give the base pose. One that
-/// is not finite leaves one that is not a number: the crowd refuses those, and says so.
+/// A negative weight counts as 0, since an average has no negative parts; weights that sum to 0 give the base pose. One
+/// that is not finite leaves one that is not a number: the crowd refuses those, and says so.
 ///
 /// It does not matter whether targets were stated as whole meshes or as deltas: poseᵢ is the base pose plus delta i.
 pub fn normalise_weights(weights: &mut [f32]) {

@@ -1,5 +1,5 @@
-//! The decode step: float32 positions in buffers of the host's own are those of the poses, bit for bit; only what changed
-//! is written.
+//! The decode step: float32 positions in buffers of the host's own are those of the poses, bit for bit; only what
+//! changed is written.
 
 use crate::gpu;
 use crate::offscreen::Offscreen;

@@ -1,5 +1,5 @@
-//! glTF with a skin and morph targets: read, packed, updated and skinned on the device, read back, and compared with what
-//! the numbers of the file say in float64.
+//! glTF with a skin and morph targets: read, packed, updated and skinned on the device, read back, and compared with
+//! what the numbers of the file say in float64.
 
 use crate::character::{Character, Stored};
 use crate::gpu;
@@ -167,8 +167,9 @@ fn a_skinned_morphing_character_is_what_its_file_says() {
     });
 }
 
-/// What gltf-transform makes of the character: joints, targets and clips are the same, vertices are quantised, compressed, and
-/// in another order. `DELTAMORPH_GLTF_TOOLS` names the folder in which `npm install @gltf-transform/cli` was run.
+/// What gltf-transform makes of the character: joints, targets and clips are the same, vertices are quantised,
+/// compressed, and in another order. `DELTAMORPH_GLTF_TOOLS` names the folder in which `npm install
+/// @gltf-transform/cli` was run.
 #[test]
 fn what_tools_make_of_a_character_is_the_same_character() {
     let Some(tools) = std::env::var_os("DELTAMORPH_GLTF_TOOLS").map(PathBuf::from) else {

@@ -1,5 +1,5 @@
-//! Poses in interleaved vertices of the host's own: bit for bit those of our own buffers, in as many passes and barriers, and
-//! nothing else of a vertex is written.
+//! Poses in interleaved vertices of the host's own: bit for bit those of our own buffers, in as many passes and
+//! barriers, and nothing else of a vertex is written.
 
 use crate::gpu;
 use crate::offscreen::{Offscreen, Shared};
@@ -32,8 +32,8 @@ fn weights(mesh: &PackedMesh, frame: u32, seed: u32) -> Vec<f32> {
     gpu::weights(mesh, frame, seed).iter().map(|weight| weight / 2.0).collect()
 }
 
-/// Vertices of 4-byte numbers: that of the issue, normals first and an odd stride, positions alone, and five streams in a
-/// vertex of 80 bytes, of which one is left out.
+/// Vertices of 4-byte numbers: that of the issue, normals first and an odd stride, positions alone, and five streams in
+/// a vertex of 80 bytes, of which one is left out.
 fn vertices(with_streams: bool) -> Vec<(VertexLayout, u64)> {
     use Semantic::*;
     let wide = VertexLayout::new(48).stream(Position, 0).stream(Normal, 12);

@@ -145,9 +145,9 @@ fn surfaces_and_targets_that_do_not_fit_are_refused() {
     });
 }
 
-/// Prints how far the normals that targets add up to are from those of the surface that they make, on captured clips: with
-/// the normals of the files, and with normals that are computed on import, which are those of the surface at rest and in
-/// each target.
+/// Prints how far the normals that targets add up to are from those of the surface that they make, on captured clips:
+/// with the normals of the files, and with normals that are computed on import, which are those of the surface at rest
+/// and in each target.
 #[test]
 fn morphed_normals_against_those_of_the_surface_on_real_sets() {
     for set in ["ict_facekit", "makehuman_face", "facecap_head_glb"] {

@@ -1,5 +1,5 @@
-//! Pictures that a host draws from integer poses, with nothing but vertex attributes and `glsl/host/pose.glsl`: those of
-//! float32 poses.
+//! Pictures that a host draws from integer poses, with nothing but vertex attributes and `glsl/host/pose.glsl`: those
+//! of float32 poses.
 
 use crate::offscreen::Offscreen;
 use crate::{draw, gpu};
@@ -10,8 +10,8 @@ use deltamorph_headless::HeadlessCrowd;
 
 /// Pixels of an edge, of what is compared.
 const EDGE: usize = 256;
-/// Samples of a pixel, across and down. An edge of the head that moves by less than a pixel moves the share of samples that
-/// show it: with one sample, a pixel would show either what is before it or what is behind.
+/// Samples of a pixel, across and down. An edge of the head that moves by less than a pixel moves the share of samples
+/// that show it: with one sample, a pixel would show either what is before it or what is behind.
 const SAMPLES: usize = 16;
 
 /// Red, green and blue from 0 to 255, averaged over the samples of each pixel.

@@ -1,5 +1,5 @@
-//! The skinning step: poses that joints move, against float64; only what changed is written; previous skinned poses; and
-//! barriers are where they have to be.
+//! The skinning step: poses that joints move, against float64; only what changed is written; previous skinned poses;
+//! and barriers are where they have to be.
 
 use crate::gpu;
 use crate::joints::{JOINTS, Joints, MIRRORED};
@@ -231,8 +231,8 @@ fn a_missing_barrier_is_found_with_two_outputs_in_turn_and_joints_that_move() {
         let target = SkinTarget::new(outputs[0].buffer, joints.shared.buffer, 3 * Joints::STRIDE);
         let target = target.joints_offset(16).second(Some((outputs[1].buffer, 0)));
         let (mut updates, mut read) = (vec![], vec![]);
-        // The target comes when there is a pose: the next update skins, and does nothing else; so does one in which joints
-        // alone move.
+        // The target comes when there is a pose: the next update skins, and does nothing else; so does one in which
+        // joints alone move.
         for frame in [0, 0, 1, 2, 2, 3] {
             match updates.len() {
                 // SAFETY: the buffers are large enough, and live as long as the crowd; nothing is running.

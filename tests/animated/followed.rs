@@ -7,8 +7,9 @@ use deltamorph::{AnimationDesc, DeltaFormat, Playback};
 use deltamorph_headless::HeadlessCrowd;
 use glam::{Mat4, Vec3};
 
-/// The GPU chooses levels itself, from the camera and the places of heads: those of the CPU, goals equal, levels within what
-/// float32 and steps of 2⁻¹⁶ leave; what they make of weights, plans and poses is that of the reference, bit for bit.
+/// The GPU chooses levels itself, from the camera and the places of heads: those of the CPU, goals equal, levels within
+/// what float32 and steps of 2⁻¹⁶ leave; what they make of weights, plans and poses is that of the reference, bit for
+/// bit.
 #[test]
 fn levels_follow_the_camera_on_the_gpu() {
     on_every_device(|headless, _| {

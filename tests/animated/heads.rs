@@ -182,8 +182,8 @@ fn misuse_is_an_error_that_says_what_to_do() {
     });
 }
 
-/// Synchronization validation sees a barrier that is left out in the real command buffer (those within an update: it does
-/// not look across submissions).
+/// Synchronization validation sees a barrier that is left out in the real command buffer (those within an update: it
+/// does not look across submissions).
 #[test]
 fn validation_sees_a_dropped_barrier() {
     let mesh = packed(DeltaFormat::Small, 64);

@@ -1,4 +1,5 @@
-//! Levels of detail on every path: what is dropped and faded is what the float64 reference makes of the weights that remain.
+//! Levels of detail on every path: what is dropped and faded is what the float64 reference makes of the weights that
+//! remain.
 
 use crate::gpu::{self, NORMAL, POSITION, on_every_device};
 use crate::scene::{self, Scene};
@@ -99,8 +100,8 @@ fn poses_on_the_cpu_are_off_by_no_more_than_the_pixels() {
     }
 }
 
-/// Dropping a target is one more delta weight, and once it is dropped, it costs nothing; nor does a camera that stands still, or
-/// trembles.
+/// Dropping a target is one more delta weight, and once it is dropped, it costs nothing; nor does a camera that stands
+/// still, or trembles.
 #[test]
 fn a_target_that_is_dropped_is_a_delta_weight() {
     let mesh = testing::mesh(700, TARGETS);
@@ -134,8 +135,8 @@ fn a_target_that_is_dropped_is_a_delta_weight() {
     assert!(still[2..].iter().all(|did| *did == (0, 0)), "{still:?}");
 }
 
-/// The same pixels give each head an error budget of its own, which follows it: what is deferred stays within the budget of now,
-/// and is applied where that has become smaller.
+/// The same pixels give each head an error budget of its own, which follows it: what is deferred stays within the
+/// budget of now, and is applied where that has become smaller.
 #[test]
 fn one_number_of_pixels_steers_the_error_budget_too() {
     let mesh = testing::mesh(700, TARGETS);
@@ -180,8 +181,8 @@ fn one_number_of_pixels_steers_the_error_budget_too() {
     });
 }
 
-/// Crowds that the GPU animates: weights and plans are those of the CPU reference, bit for bit, and weights those of clips times
-/// the factors of each head's own level. The commands are the same but for the records that bring levels.
+/// Crowds that the GPU animates: weights and plans are those of the CPU reference, bit for bit, and weights those of
+/// clips times the factors of each head's own level. The commands are the same but for the records that bring levels.
 #[test]
 fn levels_are_applied_on_the_gpu() {
     on_every_device(|headless, _| {

@@ -67,8 +67,8 @@ fn half_floats_are_kept_as_such_and_give_the_same_poses() {
             wide.step(&[&[&weights[..], &[0.0]].concat()]).expect("a step");
             assert!(bits(&mut kept) == bits(&mut wide), "{}: {weights:?}", headless.caps().name);
         }
-        // The first target alone, in each group, whose texels are loaded once: 8 bytes for each in place of 16 from each of
-        // two textures, and 32 blended twice.
+        // The first target alone, in each group, whose texels are loaded once: 8 bytes for each in place of 16 from
+        // each of two textures, and 32 blended twice.
         let mut weights = vec![0.0; 10];
         kept.step(&[&weights[..9]]).expect("a step");
         wide.step(&[&weights]).expect("a step");

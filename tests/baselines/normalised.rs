@@ -1,4 +1,5 @@
-//! Normalised blending on the device: poses of weights of absolute poses are those of A. Gerdelan's formula, in float64.
+//! Normalised blending on the device: poses of weights of absolute poses are those of A. Gerdelan's formula, in
+//! float64.
 
 use crate::gpu::{on_every_device, packed, update_descs};
 use deltamorph::{CrowdDesc, DeltaFormat, MorphMesh, POSE_FLOATS, normalise_weights, testing};

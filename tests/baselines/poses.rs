@@ -210,8 +210,8 @@ fn bytes_are_those_that_kernels_load_and_store() {
                 UpdatePath::VertexStore => (vertices * (48 * passes + 3 * stride), vertices * (48 + 3 * stride)),
                 // Clear, six atomics a record, resolve.
                 UpdatePath::Scatter => (vertices * (24 + 72) + deltas * (16 + 48), vertices * 48 + deltas * 16),
-                // Deltas, and displacements blended; rectangles have texels besides that the target does not move, and all
-                // texels are cleared, of which there are as many as vertices at least. Draws are not counted.
+                // Deltas, and displacements blended; rectangles have texels besides that the target does not move, and
+                // all texels are cleared, of which there are as many as vertices at least. Draws are not counted.
                 UpdatePath::Texture => {
                     let (delta, texels) = (if stride == 12 { 16 } else { 32 }, deltas..=deltas + vertices);
                     let of = |texels: u64| texels * (delta + 64);

@@ -94,8 +94,8 @@ unsafe fn compile_one(
     if listings {
         flags |= vk::PipelineCreateFlags::CAPTURE_INTERNAL_REPRESENTATIONS_KHR;
     }
-    // SAFETY: the caller's obligation; the layout is what the table of kernels says of the module, and tests/project/spirv.rs
-    // compares them. All is destroyed once.
+    // SAFETY: the caller's obligation; the layout is what the table of kernels says of the module, and
+    // tests/project/spirv.rs compares them. All is destroyed once.
     unsafe {
         let (set_layout, layout) = layouts(device, module.kernel);
         let info = vk::ShaderModuleCreateInfo::default().code(&words);

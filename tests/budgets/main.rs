@@ -29,7 +29,8 @@ const AMD: [&[&str]; 4] = [&["polaris10"], &["raven"], &["navi21"], &["gfx1100",
 /// Held while files are read or written: tests run at the same time.
 static FILES: Mutex<()> = Mutex::new(());
 
-/// What suits a GPU, by its name in the table. Vendor, and the fewest invocations of a subgroup; the driver is asked, too.
+/// What suits a GPU, by its name in the table. Vendor, and the fewest invocations of a subgroup; the driver is asked,
+/// too.
 fn tuning(gpu: &str) -> DeviceTuning {
     let (vendor, narrowest) = match gpu.split_once('-').unwrap_or_default() {
         ("adreno", _) => (0x5143, 64),

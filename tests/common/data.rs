@@ -3,8 +3,8 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-/// The folder of the set `name`. Where it is missing the test is left out, and says so; with `DELTAMORPH_REQUIRE_DATA=1`
-/// it fails.
+/// The folder of the set `name`. Where it is missing the test is left out, and says so; with
+/// `DELTAMORPH_REQUIRE_DATA=1` it fails.
 pub fn set(name: &str) -> Option<PathBuf> {
     let folder = std::env::var_os("DELTAMORPH_DATA").map(|root| PathBuf::from(root).join(name));
     let found = folder.filter(|folder| folder.join("README.txt").is_file());

@@ -46,11 +46,11 @@ pub fn updates(headless: &Headless) -> Vec<(DeltaFormat, UpdateDesc)> {
     all
 }
 
-/// Run `test` on every driver as it is, and on the first clamped to the Android baseline, too. A missing driver fails, and
-/// so does every message of the validation layers.
+/// Run `test` on every driver as it is, and on the first clamped to the Android baseline, too. A missing driver fails,
+/// and so does every message of the validation layers.
 ///
-/// The baseline changes what is planned and recorded, which one driver shows. The second, SwiftShader, takes most of the
-/// tests' time to compile pipelines: tests of limits name what they need there.
+/// The baseline changes what is planned and recorded, which one driver shows. The second, SwiftShader, takes most of
+/// the tests' time to compile pipelines: tests of limits name what they need there.
 pub fn on_every_device(test: impl Fn(&Headless, &MorphEngine)) {
     for (index, driver) in drivers().iter().enumerate() {
         on_device(driver, false, &test);
@@ -103,8 +103,8 @@ pub fn on_device_within(driver: &str, limits: Option<DeviceCaps>, test: impl Fn(
 
 /// What the validation layers have said, without what is known to be wrong.
 ///
-/// Layers of 1.4.363 report two dispatches that write one buffer without a barrier between them. They know a dispatch by
-/// its whole descriptor; ours write different instances, chunks or blocks of it. `HazardChecker` knows these, and
+/// Layers of 1.4.363 report two dispatches that write one buffer without a barrier between them. They know a dispatch
+/// by its whole descriptor; ours write different instances, chunks or blocks of it. `HazardChecker` knows these, and
 /// refuses two that write the same place. A barrier that is missing has a read after a write as well, which stays.
 pub fn complaints(headless: &Headless) -> Vec<String> {
     let disjoint = |m: &String| {
@@ -221,8 +221,8 @@ pub fn weights(mesh: &PackedMesh, frame: u32, seed: u32) -> Vec<f32> {
         .collect()
 }
 
-/// What the hazard checker says of updates of one instance after an upload: each as it was recorded, and the slot that is
-/// drawn after it, where it changed something.
+/// What the hazard checker says of updates of one instance after an upload: each as it was recorded, and the slot that
+/// is drawn after it, where it changed something.
 pub fn hazards(frames: &[(Vec<Event>, u32)]) -> Result<(), Vec<Violation>> {
     let mut checker = HazardChecker::default();
     checker.upload(asset_uploaded());

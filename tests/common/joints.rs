@@ -14,8 +14,9 @@ fn random(rng: &mut Rng) -> f32 {
     rng.range(-1.0, 1.0)
 }
 
-/// A pose of the skeleton, as a method has it: turned by up to 0.6 radians, moved by up to a fifth of the diagonal; matrices
-/// are scaled unevenly, too, and one is mirrored. Half of the quaternions are the negatives of their neighbours.
+/// A pose of the skeleton, as a method has it: turned by up to 0.6 radians, moved by up to a fifth of the diagonal;
+/// matrices are scaled unevenly, too, and one is mirrored. Half of the quaternions are the negatives of their
+/// neighbours.
 fn skeleton(method: SkinMethod, diagonal: f32, seed: u64) -> Vec<f32> {
     let mut rng = Rng::new(seed, 1);
     let mut numbers = vec![];

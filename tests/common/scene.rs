@@ -126,8 +126,8 @@ impl<'a> Scene<'a> {
         self.heads.cut(instance);
     }
 
-    /// The level of detail that the GPU chose: targets kept, in steps of 2⁻¹⁶, how many it is about to keep, and the error
-    /// budget. `None` of a head that does not follow the camera.
+    /// The level of detail that the GPU chose: targets kept, in steps of 2⁻¹⁶, how many it is about to keep, and the
+    /// error budget. `None` of a head that does not follow the camera.
     pub fn followed(&mut self, instance: u32) -> Option<(u32, u32, u64)> {
         let follows = self.heads.records()[instance as usize].has(HeadRecord::FOLLOWS);
         let words = follows.then(|| self.crowd.read_level(instance).expect("a level"))?;
@@ -164,7 +164,8 @@ impl<'a> Scene<'a> {
         }
         .expect("a step");
         let update = self.heads.update(&self.clips);
-        // Levels are floating-point sums: the reference takes those of the GPU, which tests/animated/lod.rs compares with the CPU's.
+        // Levels are floating-point sums: the reference takes those of the GPU, which tests/animated/lod.rs compares
+        // with the CPU's.
         for instance in self.instances() {
             let followed = if self.is_hidden(instance) { None } else { self.followed(instance) };
             if let Some((level, _, budget)) = followed {
@@ -190,7 +191,8 @@ impl<'a> Scene<'a> {
         self.crowd.discard(update.ticket).expect("a ticket of this crowd");
     }
 
-    /// Record updates at these times, then run them all at once; the last plan is compared with the one of the reference.
+    /// Record updates at these times, then run them all at once; the last plan is compared with the one of the
+    /// reference.
     pub fn step_together(&mut self, seconds: &[f64]) {
         let (mut recorded, mut expected) = (vec![], Plan::new());
         for &seconds in seconds {

@@ -1,5 +1,5 @@
-//! What a character's file says of its pose at a time, in float64, by the formulas of glTF 2.0 and of Kavan et al. 2008.
-//! Nothing here is of the reader, or of the library.
+//! What a character's file says of its pose at a time, in float64, by the formulas of glTF 2.0 and of Kavan et
+//! al. 2008. Nothing here is of the reader, or of the library.
 
 use crate::character::{Character, Keys, MESH_NODE, Morphed, Place};
 
@@ -31,7 +31,8 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// The inverse transpose of the upper three rows and columns: rows are cross products of the others, by the determinant.
+/// The inverse transpose of the upper three rows and columns: rows are cross products of the others, by the
+/// determinant.
 fn normal_matrix(m: &Matrix) -> [[f64; 3]; 3] {
     let [a, b, c] = [0, 1, 2].map(|i| [m[i][0], m[i][1], m[i][2]]);
     let determinant = dot(&a, &cross(b, c));

@@ -74,7 +74,8 @@ impl<'a> Written<'a> {
 }
 
 /// How many barriers these updates have, each of which is missed when it is dropped: `is_right` says of updates whether
-/// they have no hazard. Barriers with nothing between count as one: those of an update that has no works of a technique.
+/// they have no hazard. Barriers with nothing between count as one: those of an update that has no works of a
+/// technique.
 pub fn barriers_needed(
     updates: &[Vec<Event>],
     of: impl IntoIterator<Item = usize>,

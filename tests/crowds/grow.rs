@@ -199,8 +199,8 @@ fn an_animated_crowd_grows_while_its_updates_are_in_flight() {
                 let _ = step(&mut grown, time, &mut readbacks[0], &[0, 1, 2, 3]);
                 assert_same(&mut readbacks[0], time, &[0, 1, 2, 3], "on");
             }
-            // Tickets of before stay good. The updates have run here, and are taken for lost: what the GPU keeps is a crowd's
-            // that was just grown, or it would be off.
+            // Tickets of before stay good. The updates have run here, and are taken for lost: what the GPU keeps is a
+            // crowd's that was just grown, or it would be off.
             let mut lost = engine.readback();
             drop(headless.run(|cmd| {
                 // SAFETY: as above.
@@ -236,7 +236,8 @@ fn tickets_stay_good_and_sets_grow_together() {
         let desc = CrowdDesc::new(fixed()[0]);
         let crowd = || engine.create_crowd(&uploaded, &desc).expect("a crowd");
         let mut set = CrowdSet::new(vec![crowd(), crowd()]).expect("a set");
-        // SAFETY: as above; the buffer runs, and its updates are taken for lost all the same: the poses are unknown then.
+        // SAFETY: as above; the buffer runs, and its updates are taken for lost all the same: the poses are unknown
+        // then.
         let lost = headless.run(|cmd| unsafe { engine.record_updates(cmd, &mut set.crowds_mut()) }).expect("updates");
         drop(engine.grow_set(&mut set, 3).expect("a larger set"));
         assert_eq!(set.add().expect("a place"), 1);

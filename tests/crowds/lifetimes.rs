@@ -113,8 +113,8 @@ fn engine_mesh_crowds_allocator_and_device_are_dropped_in_any_order() {
     drivers().iter().for_each(|driver| on_device(driver, false, test));
 }
 
-/// What is left when the device goes, the layers list by its name: all of a crowd and its mesh, but for what the names of
-/// others have in them.
+/// What is left when the device goes, the layers list by its name: all of a crowd and its mesh, but for what the names
+/// of others have in them.
 #[test]
 fn what_the_engine_makes_has_names_where_the_host_wants_them() {
     for driver in drivers() {

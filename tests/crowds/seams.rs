@@ -210,9 +210,9 @@ fn drawn(packed: &PackedMesh, mesh: &MorphMesh) -> (Vec<Vec2>, Vec<u32>) {
     (render.texcoords, render.indices)
 }
 
-/// Draw `mesh` from its pose buffer, one buffer of texture coordinates and one of indices, in poses of a few frames from
-/// all sides; and draw each corner of the faces of `source` from the same pose. Returns the largest number of pixels that
-/// differ.
+/// Draw `mesh` from its pose buffer, one buffer of texture coordinates and one of indices, in poses of a few frames
+/// from all sides; and draw each corner of the faces of `source` from the same pose. Returns the largest number of
+/// pixels that differ.
 fn compare_pictures(
     headless: &Headless,
     source: &MorphSource,

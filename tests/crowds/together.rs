@@ -95,8 +95,8 @@ fn crowds_of_one_call_share_their_barriers() {
     });
 }
 
-/// One call updates crowds of both kinds. Where it ends before all is recorded, nothing of it counts as done: poses whose
-/// weights are the CPU's are written anew by the next call, and those that the GPU animates are the ones before.
+/// One call updates crowds of both kinds. Where it ends before all is recorded, nothing of it counts as done: poses
+/// whose weights are the CPU's are written anew by the next call, and those that the GPU animates are the ones before.
 #[test]
 fn crowds_of_both_kinds_are_updated_by_one_call() {
     on_every_device(|headless, engine| {
@@ -168,7 +168,7 @@ fn a_step_of_nothing_or_of_too_many_is_refused() {
         let error = HeadlessCrowd::step_together(&mut crowds, &heads, 0).expect_err("three for two").to_string();
         assert!(error.contains("3 instances, 1 too many; give one list"), "{error}");
         let error = HeadlessCrowd::<Crowd>::step_together(&mut [], &[], 1).expect_err("no crowd").to_string();
-        assert!(error.contains("no crowd; name one or more"), "{error}");
+        assert!(error.contains("an empty list of crowds; pass at least one"), "{error}");
         HeadlessCrowd::step_together(&mut crowds, &heads[..2], 1).expect("two for two");
     });
 }

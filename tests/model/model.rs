@@ -1,7 +1,7 @@
-//! The project's own locks, in orders of their threads that shuttle chooses: at random, and by probabilistic concurrency
-//! testing (Burckhardt et al., "A Randomized Scheduler with Probabilistic Guarantees of Finding Bugs", ASPLOS 2010). What
-//! is tried are the sources themselves, with shuttle's locks for those of the standard library (build.rs); a deadlock, and
-//! a lost wake-up, is an error there.
+//! The project's own locks, in orders of their threads that shuttle chooses: at random, and by probabilistic
+//! concurrency testing (Burckhardt et al., "A Randomized Scheduler with Probabilistic Guarantees of Finding Bugs",
+//! ASPLOS 2010). What is tried are the sources themselves, with shuttle's locks for those of the standard library
+//! (build.rs); a deadlock, and a lost wake-up, is an error there.
 #![cfg(test)]
 
 const ORDERS: usize = 5000;

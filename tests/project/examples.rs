@@ -19,8 +19,8 @@ fn example() -> PathBuf {
 
 /// Run the example on the device called `name` with the layer switched on from outside.
 fn run(name: &str) -> Output {
-    // Without a messenger the layer prints to stdout, and errors only unless told otherwise. 1.3.239 knows synchronization
-    // validation by its old name only, of which 1.4.363 warns.
+    // Without a messenger the layer prints to stdout, and errors only unless told otherwise. 1.3.239 knows
+    // synchronization validation by its old name only, of which 1.4.363 warns.
     let settings = tempfile::tempdir().expect("a folder");
     let text = "khronos_validation.debug_action = VK_DBG_LAYER_ACTION_LOG_MSG\n\
                 khronos_validation.report_flags = error,warn,perf\n\

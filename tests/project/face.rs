@@ -1,8 +1,8 @@
 //! The public items of the crate with the features that versions speak of (docs/versions.md), each with its signature,
 //! held against tests/face.txt: what a version changes is seen in that file.
 //!
-//! Whether a change breaks a host is for a person to say. The list does not show what functions do, default values, sizes,
-//! `Send`, `Sync` and other traits that the compiler derives, nor what rustdoc hides.
+//! Whether a change breaks a host is for a person to say. The list does not show what functions do, default values,
+//! sizes, `Send`, `Sync` and other traits that the compiler derives, nor what rustdoc hides.
 
 use std::collections::BTreeSet;
 use std::os::unix::fs::PermissionsExt;

@@ -1,4 +1,5 @@
-//! Test programs of several files: cargo finds `main.rs` alone, and a file that this does not declare would test nothing.
+//! Test programs of several files: cargo finds `main.rs` alone, and a file that this does not declare would test
+//! nothing.
 
 use std::path::{Path, PathBuf};
 

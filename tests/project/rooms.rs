@@ -1,5 +1,5 @@
-//! Which room of src/ may use which: the table below is the rule, from the ground up. A room uses rooms above its own line
-//! only, so that no arrow runs upward or in a circle; tests may use what they like.
+//! Which room of src/ may use which: the table below is the rule, from the ground up. A room uses rooms above its own
+//! line only, so that no arrow runs upward or in a circle; tests may use what they like.
 
 use std::collections::BTreeSet;
 use std::fs::{read_dir, read_to_string};

@@ -1,5 +1,5 @@
-//! Updates on a queue without graphics, with semaphores between them and the draws. Drivers that run on the CPU have one
-//! family of queues: here it is taken for one without graphics, and draws are submissions of their own.
+//! Updates on a queue without graphics, with semaphores between them and the draws. Drivers that run on the CPU have
+//! one family of queues: here it is taken for one without graphics, and draws are submissions of their own.
 
 use crate::gpu::{self, NORMAL, baseline, caps, drivers, is_kept, limited, on_device_within, weights};
 use crate::offscreen::{Offscreen, Shared};
@@ -130,7 +130,8 @@ fn frames(
     for (n, asked) in asked.iter().enumerate() {
         asked.iter().zip(0..).for_each(|(weights, i)| crowd.set_weights(i, weights).expect("weights"));
         let (update, (_, events)) = queues.record(|cmd| {
-            // SAFETY: the buffer is recording, and runs once and in order; nothing is changed; crowd and engine live on.
+            // SAFETY: the buffer is recording, and runs once and in order; nothing is changed; crowd and engine live
+            // on.
             unsafe { engine.record_tampered(cmd, &mut [crowd as &mut dyn AnyCrowd], |_| {}) }.expect("an update")
         });
         // Draws are submitted as late as they can be.
@@ -167,8 +168,9 @@ fn uploaded(headless: &Headless, format: DeltaFormat) -> (PackedMesh, GpuMesh) {
     (mesh, uploaded)
 }
 
-/// What the hazard checker says of these frames, where a draw runs beside the next update: of the semaphores from update to
-/// draw and from draw to update, one is left out. Draws read the pose, and as many slots before it as `previous`.
+/// What the hazard checker says of these frames, where a draw runs beside the next update: of the semaphores from
+/// update to draw and from draw to update, one is left out. Draws read the pose, and as many slots before it as
+/// `previous`.
 fn has_hazards(frames: &[Frame], slots: u32, previous: u32, left_out: Option<(usize, bool)>) -> bool {
     let mut checker = HazardChecker::default();
     checker.upload(asset_uploaded());
@@ -214,8 +216,8 @@ fn updates_run_on_a_queue_without_graphics() {
                 let asked: Vec<Vec<Vec<f32>>> = (0..FRAMES as u32)
                     .map(|frame| (0..INSTANCES).map(|i| weights(&mesh, 2 * frame, i)).collect())
                     .collect();
-                // Newer layers know a dispatch by its whole descriptors. In blocks these hold all slots, so that draws beside
-                // updates would be hazards to them; the checker below, which knows slots, tells those that are.
+                // Newer layers know a dispatch by its whole descriptors. In blocks these hold all slots, so that draws
+                // beside updates would be hazards to them; the checker below, which knows slots, tells those that are.
                 let behind = if format.is_blocks() { 1 } else { BESIDE };
                 let frames = frames(headless, &host, &mut crowd, behind, &asked);
                 for (frame, asked) in frames.iter().zip(&asked) {
@@ -349,7 +351,8 @@ fn updates_for_queues_of_several_families_are_not_recorded_together() {
                 ([None, Some(1)], Some("a queue of family 1 and of one with graphics and compute")),
             ] {
                 let [mut one, mut other] = families.map(crowd);
-                // SAFETY: as above. The barriers that are recorded for a queue without graphics are allowed on one with.
+                // SAFETY: as above. The barriers that are recorded for a queue without graphics are allowed on one
+                // with.
                 let recorded = headless.run(|cmd| unsafe { engine.record_updates(cmd, &mut [&mut one, &mut other]) });
                 match words {
                     None => drop(recorded.expect("updates")),

@@ -230,8 +230,8 @@ unsafe extern "system" fn seen_graphics(
     unsafe { create(device, cache, count, infos, allocator, pipelines) }
 }
 
-/// Software drivers keep nothing in a cache that would show in its data, so that the calls are looked at on their way to
-/// the driver.
+/// Software drivers keep nothing in a cache that would show in its data, so that the calls are looked at on their way
+/// to the driver.
 #[test]
 fn every_pipeline_is_made_with_the_cache_of_the_host() {
     on_every_device(|headless, _| {

@@ -1,4 +1,5 @@
-//! What safe code may do without harm: threads, tickets, recorded updates, steps that fail, and how much memory is taken.
+//! What safe code may do without harm: threads, tickets, recorded updates, steps that fail, and how much memory is
+//! taken.
 
 use crate::gpu::{self, drivers, on_every_device, single, update_descs, weights};
 use deltamorph::reference::{compare, evaluate, evaluate_unpacked};

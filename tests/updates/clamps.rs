@@ -1,5 +1,5 @@
-//! The limits of weak devices, on real drivers: an engine that is told them keeps to them in every call, which functions
-//! in front of the driver's look at, and its poses and steps are those of the float64 reference.
+//! The limits of weak devices, on real drivers: an engine that is told them keeps to them in every call, which
+//! functions in front of the driver's look at, and its poses and steps are those of the float64 reference.
 
 use crate::gpu::{self, NORMAL, baseline};
 use crate::offscreen::Offscreen;

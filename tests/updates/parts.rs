@@ -93,8 +93,8 @@ fn an_asset_beyond_the_storage_range_runs_in_parts() {
     }
 }
 
-/// Heads of a crowd that is animated on the GPU play, are hidden and shown; updates are lost, or run together. Plans and
-/// poses are compared with the CPU's on the way. The poses at the end, and of which entries each work list is.
+/// Heads of a crowd that is animated on the GPU play, are hidden and shown; updates are lost, or run together. Plans
+/// and poses are compared with the CPU's on the way. The poses at the end, and of which entries each work list is.
 fn animated(headless: &Headless, packed: &Arc<PackedMesh>, desc: CrowdDesc) -> (Vec<Vec<u8>>, Vec<usize>) {
     let names = packed.layout().targets.iter().map(|target| target.name.clone()).collect();
     let values = (0..5).flat_map(|f| frame(packed.layout().targets.len(), f, 0)).collect();

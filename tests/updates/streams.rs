@@ -290,8 +290,8 @@ fn textures_hold_streams_too() {
     });
 }
 
-/// A target stretches a sheet to twice its width, and its texture coordinates with it: the picture on it keeps its size, at
-/// each weight.
+/// A target stretches a sheet to twice its width, and its texture coordinates with it: the picture on it keeps its
+/// size, at each weight.
 #[test]
 fn texture_coordinates_follow_a_target_that_stretches() {
     use deltamorph::{StreamData, StreamDeltas};

@@ -8,8 +8,8 @@ use std::path::PathBuf;
 pub struct LodArgs {
     #[command(flatten)]
     pub input: InputArgs,
-    /// What a target counts for: what it changes by itself, at weight 1, in the base pose. "all" also says how far metrics
-    /// agree
+    /// What a target counts for: what it changes by itself, at weight 1, in the base pose. "all" also says how far
+    /// metrics agree
     #[arg(long, value_name = "METRIC", default_value = "mse")]
     #[arg(value_parser = values::named(&Choice::ALL, Choice::name, Choice::summary))]
     pub metric: Choice,
@@ -22,12 +22,13 @@ pub struct LodArgs {
     /// Write the order, with its pins, to be kept beside the asset
     #[arg(long, value_name = "JSON")]
     pub out: Option<PathBuf>,
-    /// Weight clip to measure errors on: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's by its name
+    /// Weight clip to measure errors on: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's by its
+    /// name
     /// [default: all in INPUT/weights or INPUT]
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,
-    /// Draw frames with all targets, and with the first 75%, 50% and 25% of them: those that lose most by half of the targets;
-    /// with --metric all one frame, by each metric
+    /// Draw frames with all targets, and with the first 75%, 50% and 25% of them: those that lose most by half of the
+    /// targets; with --metric all one frame, by each metric
     #[arg(long, value_name = "OUT.png")]
     pub sheet: Option<PathBuf>,
     /// Frame to draw in their place, counted from 0, through all clips

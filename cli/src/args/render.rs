@@ -9,7 +9,8 @@ use std::path::PathBuf;
 pub struct RenderArgs {
     #[command(flatten)]
     pub run: RunArgs,
-    /// Weight clip to take the weights from: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's by its name
+    /// Weight clip to take the weights from: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's by
+    /// its name
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,
     #[command(flatten)]
@@ -45,8 +46,8 @@ pub struct RenderArgs {
     /// A crowd of N heads, each with an expression of its own: of the clip, or drawn from --seed
     #[arg(long, value_name = "N", value_parser = values::whole(1u32, 1000))]
     pub crowd: Option<u32>,
-    /// Colours for the distance of each vertex from the base pose, or for its error: against a float64 evaluation of the mesh
-    /// as it was imported
+    /// Colours for the distance of each vertex from the base pose, or for its error: against a float64 evaluation of
+    /// the mesh as it was imported
     #[arg(long, value_name = "WHAT", conflicts_with_all = ["checker", "magnify"])]
     #[arg(value_parser = values::named(&Heat::ALL, Heat::name, Heat::summary))]
     pub heat: Option<Heat>,
@@ -58,8 +59,8 @@ pub struct RenderArgs {
     /// Where the colours of --heat and of --show motion end, in input units [default: at the largest value]
     #[arg(long, value_name = "LENGTH", value_parser = values::positive)]
     pub scale: Option<f32>,
-    /// How many targets heads keep, in the order of their importance: all, a share as 50%, or as many as it takes for no vertex
-    /// to be further off than so many pixels, as 0.5px
+    /// How many targets heads keep, in the order of their importance: all, a share as 50%, or as many as it takes for
+    /// no vertex to be further off than so many pixels, as 0.5px
     #[arg(long, value_name = "all|N%|Npx", default_value = "all", value_parser = Detail::parse)]
     #[arg(conflicts_with_all = ["sheet", "heat", "magnify"])]
     pub detail: Detail,

@@ -1,8 +1,8 @@
 //! `bench --compare`: reports of earlier runs, configuration by configuration.
 //!
-//! A time is the median of the rounds of a run, or of its frames in reports without rounds; its spread is the least and the
-//! greatest of these. Configurations whose spreads overlap count as no different: a run repeated with the same program
-//! differs as well.
+//! A time is the median of the rounds of a run, or of its frames in reports without rounds; its spread is the least and
+//! the greatest of these. Configurations whose spreads overlap count as no different: a run repeated with the same
+//! program differs as well.
 
 use super::record::{DeviceInfo, Report, RunRecord};
 use super::report;

@@ -31,8 +31,8 @@ pub struct Grid {
     pub normal_unit: f32,
     /// Most targets that touch a block, or, of dense deltas, move a vertex.
     pub targets_most: usize,
-    /// How far rounding may move a vertex when all of them are active, in input units and as a fraction of the diagonal;
-    /// 0 where poses are not rounded. Packing and the rounding of weights come on top.
+    /// How far rounding may move a vertex when all of them are active, in input units and as a fraction of the
+    /// diagonal; 0 where poses are not rounded. Packing and the rounding of weights come on top.
     pub rounding_error: f32,
     pub rounding_error_rel: f64,
 }

@@ -6,7 +6,8 @@ use super::order::Order;
 use crate::args::lod::Metric;
 use crate::plots::{Axes, Chart, Figure, Look, Point as Mark, Series};
 
-/// Of vertices, at every twentieth of the targets; where the one order is by a metric of pictures, of these, at every quarter.
+/// Of vertices, at every twentieth of the targets; where the one order is by a metric of pictures, of these, at every
+/// quarter.
 pub fn figure(
     gauge: &Gauge<'_>,
     metrics: &[Metric],

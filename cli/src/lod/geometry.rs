@@ -3,8 +3,8 @@
 use deltamorph::{BoundClip, MorphMesh, MorphTarget};
 use glam::Vec3;
 
-/// Hausdorff distance between the vertices of the base pose and those of `target` at weight 1, in input units: the largest
-/// distance from a vertex of either to the nearest of the other.
+/// Hausdorff distance between the vertices of the base pose and those of `target` at weight 1, in input units: the
+/// largest distance from a vertex of either to the nearest of the other.
 pub fn hausdorff(mesh: &MorphMesh, base: &Tree, target: &MorphTarget) -> f64 {
     let mut pose = mesh.positions.clone();
     target.vertices.iter().zip(&target.positions).for_each(|(&v, d)| pose[v as usize] += *d);
@@ -67,8 +67,8 @@ fn search(points: &[(Vec3, u32)], axis: usize, to: Vec3, nearest: &mut (f32, u32
     }
 }
 
-/// What dropping targets costs a clip, for any choice of them. A frame with weights w that goes without the targets D has a
-/// mean squared error of Σ w_t w_u (d_t · d_u) over t, u in D; of a clip, only the mean of w_t w_u matters.
+/// What dropping targets costs a clip, for any choice of them. A frame with weights w that goes without the targets D
+/// has a mean squared error of Σ w_t w_u (d_t · d_u) over t, u in D; of a clip, only the mean of w_t w_u matters.
 pub struct Loss {
     targets: usize,
     /// Mean of w_t w_u over the frames.
@@ -78,7 +78,8 @@ pub struct Loss {
 }
 
 impl Loss {
-    /// For the frames of `clips`, on the vertices that are `inside`; where there is no frame, for each target by itself.
+    /// For the frames of `clips`, on the vertices that are `inside`; where there is no frame, for each target by
+    /// itself.
     pub fn new(mesh: &MorphMesh, clips: &[BoundClip], inside: &[bool]) -> Self {
         let targets = mesh.targets.len();
         let (mut weights, mut frames) = (vec![0.0; targets * targets], 0);
@@ -129,8 +130,8 @@ impl Loss {
     }
 }
 
-/// The vertices of the lips: those that puckering or a funnel moves by more than half of what it moves the farthest one;
-/// `None` where no target is called so.
+/// The vertices of the lips: those that puckering or a funnel moves by more than half of what it moves the farthest
+/// one; `None` where no target is called so.
 pub fn lips(mesh: &MorphMesh) -> Option<Vec<bool>> {
     let named = |t: &&MorphTarget| ["mouthPucker", "mouthFunnel"].contains(&t.name.as_str());
     let mut inside = vec![false; mesh.vertex_count()];

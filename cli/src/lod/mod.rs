@@ -50,8 +50,8 @@ struct All<'a> {
 #[derive(Clone, Debug, Serialize)]
 struct Point {
     kept: usize,
-    /// By metrics of vertices, the root of the mean squared error over vertices and frames, as a fraction of the diagonal; by
-    /// metrics of pictures, the mean of their differences.
+    /// By metrics of vertices, the root of the mean squared error over vertices and frames, as a fraction of the
+    /// diagonal; by metrics of pictures, the mean of their differences.
     error_rel: f64,
     /// The mean of the same over random orders, which have the pins in front too.
     error_random_rel: f64,

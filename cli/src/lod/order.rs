@@ -24,7 +24,8 @@ pub struct Order {
 }
 
 impl Order {
-    /// Targets by their scores, the largest first, those that `pins` name before all others; equals as the mesh has them.
+    /// Targets by their scores, the largest first, those that `pins` name before all others; equals as the mesh has
+    /// them.
     pub fn new(metric: &str, names: &[&str], scores: &[f64], pins: &[String]) -> Self {
         let pinned: Vec<bool> = names.iter().map(|name| is_pinned(name, pins)).collect();
         let place = |t: usize| Ranked { name: names[t].into(), score: scores[t], pinned: pinned[t] };

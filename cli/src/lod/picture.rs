@@ -21,8 +21,8 @@ pub fn perceptual(a: &Pixels, b: &Pixels) -> f64 {
     FlipPool::from_image(&flip(image(a), image(b), DEFAULT_PIXELS_PER_DEGREE)).mean().into()
 }
 
-/// Mean structural similarity of luma, at most 1 (Wang et al. 2004: Gaussian window of 11 × 11 pixels, σ = 1.5, K = 0.01 and
-/// 0.03). Windows are cut at the edges of the picture.
+/// Mean structural similarity of luma, at most 1 (Wang et al. 2004: Gaussian window of 11 × 11 pixels, σ = 1.5, K =
+/// 0.01 and 0.03). Windows are cut at the edges of the picture.
 pub fn ssim(a: &Pixels, b: &Pixels) -> f64 {
     let luma = |p: &Pixels| -> Vec<f64> {
         let of = |c: &[u8]| 0.299 * f64::from(c[0]) + 0.587 * f64::from(c[1]) + 0.114 * f64::from(c[2]);

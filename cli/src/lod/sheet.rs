@@ -22,8 +22,8 @@ const BACKGROUND: Background = Background(Some([0x23, 0x26, 0x2d]));
 /// Quarters of the targets, a column each.
 const QUARTERS: [usize; 4] = [4, 3, 2, 1];
 
-/// Draw, into the PNG `file`, a row for each of the frames that `orders` lose most in by half of their targets (or for `frame`,
-/// where it is given); of several orders one such frame, with a row for each. The mesh was read at `path`.
+/// Draw, into the PNG `file`, a row for each of the frames that `orders` lose most in by half of their targets (or for
+/// `frame`, where it is given); of several orders one such frame, with a row for each. The mesh was read at `path`.
 pub fn draw(
     gpu: &Gpu,
     gauge: &Gauge<'_>,
@@ -76,8 +76,8 @@ pub fn draw(
     sheet.save(file)
 }
 
-/// The `count` frames that lose most where `orders` keep half of the targets, the worst first: of those that are near each other
-/// (within a twentieth of all) the worst one.
+/// The `count` frames that lose most where `orders` keep half of the targets, the worst first: of those that are near
+/// each other (within a twentieth of all) the worst one.
 fn worst(gauge: &Gauge<'_>, frames: &[Vec<f32>], orders: &[Order], names: &[&str], count: usize) -> Vec<usize> {
     let halves: Vec<Vec<bool>> = orders.iter().map(|order| order.keeps(names, names.len().div_ceil(2))).collect();
     let loss = |frame: &Vec<f32>| halves.iter().map(|keeps| gauge.vertices.of_frame(frame, keeps)).sum::<f64>();
@@ -93,7 +93,8 @@ fn worst(gauge: &Gauge<'_>, frames: &[Vec<f32>], orders: &[Order], names: &[&str
     chosen
 }
 
-/// Where the face moves: vertices, in the base pose and where a target takes them, by a tenth or more of what it does at most.
+/// Where the face moves: vertices, in the base pose and where a target takes them, by a tenth or more of what it does
+/// at most.
 fn moving(mesh: &MorphMesh) -> Vec<Vec3> {
     let deltas = || mesh.targets.iter().flat_map(|target| target.vertices.iter().zip(&target.positions));
     let most = deltas().map(|(_, d)| d.length_squared()).fold(0.0, f32::max);

@@ -1,6 +1,6 @@
-//! Pictures to compare poses by: from the front, of the mesh and of its mirror image, in the same light. So the face is seen with
-//! the light from either side, and of two targets that mirror each other the same two pictures are drawn, sample by sample: the
-//! four samples of a pixel and those of shadows lie in no symmetric pattern.
+//! Pictures to compare poses by: from the front, of the mesh and of its mirror image, in the same light. So the face is
+//! seen with the light from either side, and of two targets that mirror each other the same two pictures are drawn,
+//! sample by sample: the four samples of a pixel and those of shadows lie in no symmetric pattern.
 
 use super::picture::{Pixels, mean_square, perceptual, ssim};
 use super::twins::{align_faces, middle, mirrored};
@@ -78,7 +78,8 @@ impl<'a> Shots<'a> {
         Ok(straight.into_iter().zip(mirrored).map(|(a, b)| [a, b]).collect())
     }
 
-    /// What each target changes by itself, at weight 1, in the base pose: a list for each of `metrics`, of pictures all.
+    /// What each target changes by itself, at weight 1, in the base pose: a list for each of `metrics`, of pictures
+    /// all.
     pub fn scores(&mut self, metrics: &[Metric], targets: usize) -> Result<Vec<Vec<f64>>, Failure> {
         let mut poses = vec![vec![0.0; targets]; targets + 1];
         (0..targets).for_each(|t| poses[t][t] = 1.0);

@@ -69,8 +69,8 @@ pub fn pairs(mesh: &MorphMesh) -> Vec<Pair> {
     found.into_iter().map(pair).collect()
 }
 
-/// How far the deltas of two targets are from mirroring each other: the root of the mean squared difference over that of the
-/// deltas, 0 where they do exactly. `partner` of a vertex: the nearest one to its mirror image.
+/// How far the deltas of two targets are from mirroring each other: the root of the mean squared difference over that
+/// of the deltas, 0 where they do exactly. `partner` of a vertex: the nearest one to its mirror image.
 fn asymmetry(mesh: &MorphMesh, [left, right]: [usize; 2], partner: &[u32]) -> f64 {
     let dense = |target: usize| {
         let mut deltas = vec![Vec3::ZERO; mesh.vertex_count()];
@@ -101,7 +101,8 @@ pub fn twins(mesh: &MorphMesh, pairs: &[Pair], order: &Order) -> Twins {
     Twins { pairs: pairs.len(), side_by_side: pairs.len() - apart.len(), apart }
 }
 
-/// The mirror image of `mesh` at the plane x = `middle`. Faces keep their corners in order: who draws it turns them around.
+/// The mirror image of `mesh` at the plane x = `middle`. Faces keep their corners in order: who draws it turns them
+/// around.
 pub fn mirrored(mesh: &MorphMesh, middle: f32) -> MorphMesh {
     let mut mesh = mesh.clone();
     let turned = |vectors: &mut Vec<Vec3>| vectors.iter_mut().for_each(|v| v.x = -v.x);
@@ -114,8 +115,8 @@ pub fn mirrored(mesh: &MorphMesh, middle: f32) -> MorphMesh {
     mesh
 }
 
-/// Begin each face at the corner that is nearest to the plane x = `middle`, of equals at the lowest and hindmost: the mirror image
-/// of a fan of triangles is then the fan of the mirror image.
+/// Begin each face at the corner that is nearest to the plane x = `middle`, of equals at the lowest and hindmost: the
+/// mirror image of a fan of triangles is then the fan of the mirror image.
 pub fn align_faces(mesh: &mut MorphMesh, middle: f32) {
     let positions = &mesh.positions;
     let key = |v: u32| {

@@ -1,9 +1,10 @@
-//! Which pixels of two pictures visibly differ: Hector Yee, "A Perceptual Metric for Production Testing", Journal of Graphics
-//! Tools 9(4), 2004, written from its formulas and those that it names. (No crate has them: `perceptualdiff` is a program.)
+//! Which pixels of two pictures visibly differ: Hector Yee, "A Perceptual Metric for Production Testing", Journal of
+//! Graphics Tools 9(4), 2004, written from its formulas and those that it names. (No crate has them: `perceptualdiff`
+//! is a program.)
 //!
-//! A pixel differs visibly where its luminances differ by more than what can be told apart at the luminance around it (TVI),
-//! times what contrast in its neighbourhood hides; or where its colours do. Contrast is looked at in bands of an octave each,
-//! which eyes are more or less sensitive to (CSF), and which mask differences within themselves.
+//! A pixel differs visibly where its luminances differ by more than what can be told apart at the luminance around it
+//! (TVI), times what contrast in its neighbourhood hides; or where its colours do. Contrast is looked at in bands of an
+//! octave each, which eyes are more or less sensitive to (CSF), and which mask differences within themselves.
 
 use super::picture::Pixels;
 use nv_flip::DEFAULT_PIXELS_PER_DEGREE;
@@ -30,8 +31,8 @@ pub struct Seen {
 }
 
 impl Seen {
-    /// Share of the pixels that visibly differ. As a count has many equals, what is below the threshold adds to it, less than
-    /// half a pixel in all.
+    /// Share of the pixels that visibly differ. As a count has many equals, what is below the threshold adds to it,
+    /// less than half a pixel in all.
     pub fn graded(&self) -> f64 {
         (self.visible as f64 + self.below / 2.0) / self.pixels.max(1) as f64
     }
@@ -76,7 +77,8 @@ pub fn yee(a: &Pixels, b: &Pixels) -> Seen {
     Seen { pixels, visible, below: below / (pixels - visible).max(1) as f64 }
 }
 
-/// Contrast sensitivity at so many cycles per degree, adapted to a luminance in cd/m²: Barten 1989, equation 4 of Yee's.
+/// Contrast sensitivity at so many cycles per degree, adapted to a luminance in cd/m²: Barten 1989, equation 4 of
+/// Yee's.
 fn sensitivity(frequency: f64, luminance: f64) -> f64 {
     let a = 440.0 * (1.0 + 0.7 / luminance).powf(-0.2);
     let b = 0.3 * (1.0 + 100.0 / luminance).powf(0.15);
@@ -88,8 +90,8 @@ fn masking(contrast: f64) -> f64 {
     (1.0 + (0.0153 * (392.498 * contrast).powf(0.7)).powf(4.0)).powf(0.25)
 }
 
-/// Threshold versus intensity: the difference of luminance that can just be seen, in cd/m², on a field of a luminance in cd/m²
-/// (Ward Larson, Rushmeier and Piatko 1997, after Ferwerda).
+/// Threshold versus intensity: the difference of luminance that can just be seen, in cd/m², on a field of a luminance
+/// in cd/m² (Ward Larson, Rushmeier and Piatko 1997, after Ferwerda).
 fn threshold(luminance: f64) -> f64 {
     let l = luminance.log10();
     let log = match l {
@@ -137,7 +139,8 @@ impl Layers {
     }
 }
 
-/// The next level of a pyramid (Burt and Adelson 1983, a = 0.4) that keeps all pixels: taps are `step` pixels apart. Edges go on.
+/// The next level of a pyramid (Burt and Adelson 1983, a = 0.4) that keeps all pixels: taps are `step` pixels apart.
+/// Edges go on.
 fn blurred(level: &[f64], width: usize, step: usize) -> Vec<f64> {
     const TAPS: [f64; 5] = [0.05, 0.25, 0.4, 0.25, 0.05];
     let height = level.len() / width.max(1);

@@ -96,8 +96,8 @@ impl Canvas {
         }
     }
 
-    /// Write a line of text, `size` pixels high, from, around or up to `x`, with its base line at `y`. What is wider than
-    /// `most` is set smaller, down to a half, and then cut.
+    /// Write a line of text, `size` pixels high, from, around or up to `x`, with its base line at `y`. What is wider
+    /// than `most` is set smaller, down to a half, and then cut.
     pub fn text(&mut self, text: &str, (x, y): (f32, f32), size: f32, ink: [u8; 3], align: Align, most: f32) {
         let Ok(font) = FontRef::try_from_slice(epaint_default_fonts::UBUNTU_LIGHT) else { return };
         let width = |text: &str, size: f32| {

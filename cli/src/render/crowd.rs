@@ -33,8 +33,8 @@ pub fn draw(scenery: &Scenery<'_>, heads: u32, output: &Path) -> Result<Done, Fa
     Ok(Done { what: format!("a crowd of {heads} heads"), size, frames: 1, scale, kept: easel.kept() })
 }
 
-/// Frames of the clip that lie far from each other, and the frame before each; without a clip a few targets each, by the seed,
-/// and the base pose.
+/// Frames of the clip that lie far from each other, and the frame before each; without a clip a few targets each, by
+/// the seed, and the base pose.
 fn expressions(scenery: &Scenery<'_>, heads: usize) -> Result<[Vec<Vec<f32>>; 2], Failure> {
     let args = scenery.args;
     let named = args.weights.is_some() || !args.layers.layers.is_empty();

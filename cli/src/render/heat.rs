@@ -8,8 +8,8 @@ use crate::args::render::{Heat, Shown};
 use crate::output::Failure;
 use deltamorph_render::{Show, heat};
 
-/// Prepare a heat map for poses of these weights, each of which comes from one of `before`; returns the end of its scale, in
-/// input units.
+/// Prepare a heat map for poses of these weights, each of which comes from one of `before`; returns the end of its
+/// scale, in input units.
 pub fn prepare<'p>(
     scenery: &Scenery<'_>,
     easel: &mut Easel<'_>,

@@ -3,8 +3,8 @@
 use deltamorph::{Corner, MorphMesh};
 use std::path::Path;
 
-/// A name for each face: of a folder, that of the material in its `neutral.obj`, or of the group where no face has a material;
-/// of the built-in head, what its part is. None at all where the input is of another kind, or names nothing.
+/// A name for each face: of a folder, that of the material in its `neutral.obj`, or of the group where no face has a
+/// material; of the built-in head, what its part is. None at all where the input is of another kind, or names nothing.
 pub fn of_faces(input: Option<&Path>, mesh: &MorphMesh) -> Vec<String> {
     match input {
         Some(folder) => {

@@ -55,8 +55,8 @@ impl Subject {
     }
 }
 
-/// Positions of what is drawn, and where single targets take it furthest; of a whole body that only has a face to move, of that
-/// and what is around it.
+/// Positions of what is drawn, and where single targets take it furthest; of a whole body that only has a face to move,
+/// of that and what is around it.
 fn focus(mesh: &MorphMesh, parts: &[Part]) -> Vec<Vec3> {
     let mut drawn = vec![false; mesh.vertex_count()];
     parts.iter().flat_map(|part| part.triangles.iter().flatten()).for_each(|&v| drawn[v as usize] = true);
@@ -81,8 +81,8 @@ pub fn bounds(points: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
 }
 
 impl Scenery<'_> {
-    /// The weights of the frame and settings asked for, and those of the frame before (of the first, and of settings alone,
-    /// the base pose).
+    /// The weights of the frame and settings asked for, and those of the frame before (of the first, and of settings
+    /// alone, the base pose).
     pub fn weights(&self) -> Result<[Vec<f32>; 2], Failure> {
         let args = self.args;
         let rest = || vec![0.0; self.input.kept.targets.len()];

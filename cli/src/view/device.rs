@@ -255,8 +255,8 @@ impl Device {
     }
 }
 
-/// Whether a driver knows the window system at all. One that does not must not be asked about a surface: loaders (1.3.239)
-/// hand it a handle that it crashes on, as SwiftShader does, which has XCB alone.
+/// Whether a driver knows the window system at all. One that does not must not be asked about a surface: loaders
+/// (1.3.239) hand it a handle that it crashes on, as SwiftShader does, which has XCB alone.
 fn presents(
     instance: &Instance,
     physical: vk::PhysicalDevice,

@@ -268,8 +268,8 @@ fn copy(device: &Device, cmd: vk::CommandBuffer, image: vk::Image, extent: vk::E
         [vk::MemoryBarrier::default().src_access_mask(Access::TRANSFER_WRITE).dst_access_mask(Access::HOST_READ)];
     let (raw, none) = (device.raw(), vk::DependencyFlags::empty());
     let (shown, copied) = (Layout::PRESENT_SRC_KHR, Layout::TRANSFER_SRC_OPTIMAL);
-    // SAFETY: the buffer is recording, outside a render pass; the panel's pass makes the image ready for transfers, in the
-    // layout to be shown in; the buffer has room for its pixels.
+    // SAFETY: the buffer is recording, outside a render pass; the panel's pass makes the image ready for transfers, in
+    // the layout to be shown in; the buffer has room for its pixels.
     unsafe {
         let begin = [change(shown, copied, Access::TRANSFER_READ)];
         raw.cmd_pipeline_barrier(cmd, Stage::TRANSFER, Stage::TRANSFER, none, &[], &[], &begin);

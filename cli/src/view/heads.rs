@@ -40,8 +40,8 @@ pub struct Heads {
 /// Who makes the poses.
 enum Who {
     Device(Box<Crowd>),
-    /// The path `cpu`: its poses go to a buffer for each frame in flight, behind them those of the frame before, and the group
-    /// that has the masks, if any.
+    /// The path `cpu`: its poses go to a buffer for each frame in flight, behind them those of the frame before, and
+    /// the group that has the masks, if any.
     Processor {
         crowd: Box<CpuCrowd>,
         buffers: Vec<Buffer>,
@@ -114,8 +114,8 @@ impl Heads {
                 for (head, weights) in (0..).zip(weights) {
                     crowd.set_weights(head, weights)?;
                 }
-                // SAFETY: `cmd` is recording on the engine's device, outside a render pass; frames are submitted once, in
-                // order, after a wait for the one `IN_FLIGHT` ago. Where one is not, the window closes.
+                // SAFETY: `cmd` is recording on the engine's device, outside a render pass; frames are submitted once,
+                // in order, after a wait for the one `IN_FLIGHT` ago. Where one is not, the window closes.
                 unsafe { device.engine.record_update(cmd, &mut **crowd) }?.stats
             }
             Who::Processor { crowd, .. } => {

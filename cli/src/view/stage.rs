@@ -169,8 +169,8 @@ impl Stage {
         self.resize()
     }
 
-    /// Draw a frame; returns what a hand did to the panel, and whether the panel moves by itself. Takes `screenshot` where it
-    /// is drawn.
+    /// Draw a frame; returns what a hand did to the panel, and whether the panel moves by itself. Takes `screenshot`
+    /// where it is drawn.
     pub fn draw(
         &mut self,
         state: &mut State,

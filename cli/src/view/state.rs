@@ -170,7 +170,8 @@ impl State {
         Ok(Effect::None)
     }
 
-    /// Look at the heads in another way. Masks of wrinkles are a stream of the mesh while they are shown, and only then.
+    /// Look at the heads in another way. Masks of wrinkles are a stream of the mesh while they are shown, and only
+    /// then.
     pub fn show(&mut self, look: Look) -> Result<Effect, Failure> {
         if (self.look == Look::Wrinkles) != (look == Look::Wrinkles) {
             let shown = self.input.meshes();

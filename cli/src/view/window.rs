@@ -24,7 +24,8 @@ const AWAKE: u32 = 60;
 /// How long a window system may take to give a window another size.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// That the window system opens none. Of winit's errors the last part says why; what is before is a place in its source.
+/// That the window system opens none. Of winit's errors the last part says why; what is before is a place in its
+/// source.
 fn no_window(error: impl Display) -> Failure {
     let text = error.to_string();
     let why = text.rsplit(": ").next().unwrap_or_default().trim_end_matches('.');

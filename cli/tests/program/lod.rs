@@ -54,8 +54,8 @@ fn an_order_loses_less_than_random_ones_and_is_kept_with_its_pins() {
     assert!(text.contains("head.lod.json: does not rank the target"), "{text}");
 }
 
-/// The built-in head as a folder, each half the mirror image of the other: rings of its faces are cut into triangles the same way
-/// round on both sides, so those of the left half are put in place of those of the right one.
+/// The built-in head as a folder, each half the mirror image of the other: rings of its faces are cut into triangles
+/// the same way round on both sides, so those of the left half are put in place of those of the right one.
 fn symmetric_head(folder: &Path) -> String {
     let dir = folder.join("symmetric").to_str().expect("UTF-8").to_owned();
     ok(&["sample", &dir, "--vertices", "3000", "--targets", "52", "--frames", "24"]);

@@ -293,8 +293,9 @@ fn layers_of_clips_are_the_sum_of_their_weights() {
     let dir = sample(folder.path());
     let info = json(&["info", &dir, "--json", "-"]);
     let [first, second] = [0, 1].map(|i| info["targets"][i]["name"].as_str().unwrap().to_owned());
-    // Parts of two, so that a CSV file says each sum exactly. The last is what the first comes to, with half of the second
-    // added and then a quarter of the way towards the third; the second is over after two frames, and begins again.
+    // Parts of two, so that a CSV file says each sum exactly. The last is what the first comes to, with half of the
+    // second added and then a quarter of the way towards the third; the second is over after two frames, and begins
+    // again.
     let (a, b, c): ([f64; 4], [[f64; 2]; 2], f64) = ([0.0, 0.25, 0.5, 1.0], [[0.5, 0.25], [1.0, 0.0]], 0.5);
     let added = |frame: usize, target: usize| [a[frame], 0.0][target] + 0.5 * b[frame % 2][target];
     let sum = |frame: usize| [0.75 * added(frame, 0) + 0.25 * c, added(frame, 1)];

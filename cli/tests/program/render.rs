@@ -1,7 +1,7 @@
 //! `render`: pictures against those that were looked at, on every driver; what it refuses; clips.
 //!
-//! `UPDATE_PICTURES=1 ./with-vulkan cargo test -p deltamorph-cli --test program render` draws the pictures anew, where the built-in
-//! head or the light has changed: look at each of them before it is committed.
+//! `UPDATE_PICTURES=1 ./with-vulkan cargo test -p deltamorph-cli --test program render` draws the pictures anew, where
+//! the built-in head or the light has changed: look at each of them before it is committed.
 
 use crate::cli::{HEAD, fails, json, ok, sample};
 use nv_flip::{DEFAULT_PIXELS_PER_DEGREE, FlipImageRgb8, FlipPool, flip};
@@ -203,7 +203,8 @@ fn clips_are_their_frames() {
     }
 }
 
-/// What a level of detail keeps is drawn as ever, what it drops as if it had no weight; the larger the picture, the more is kept.
+/// What a level of detail keeps is drawn as ever, what it drops as if it had no weight; the larger the picture, the
+/// more is kept.
 #[test]
 fn targets_are_dropped_by_their_importance() {
     let folder = tempfile::tempdir().expect("a folder");

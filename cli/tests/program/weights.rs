@@ -1,4 +1,5 @@
-//! What clips say and what targets get: names of other faces, weights of absolute poses, in-betweens of the built-in head.
+//! What clips say and what targets get: names of other faces, weights of absolute poses, in-betweens of the built-in
+//! head.
 
 use crate::cli::{HEAD, deltamorph, fails, json, ok};
 use std::path::Path;

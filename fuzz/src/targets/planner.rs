@@ -77,6 +77,8 @@ struct Known {
     /// Whether the next pose has no predecessor.
     cut: bool,
     budget: f32,
+    /// The largest sum so far, for the rounding of dense float32 poses.
+    reached: f64,
 }
 
 fn history(u: &mut Unstructured<'_>) -> Result<()> {
@@ -193,7 +195,7 @@ fn update(mesh: &PackedMesh, desc: &UpdateDesc, crowd: &mut CpuCrowd, known: &mu
     assert!(stats.bound.is_finite() && stats.bound >= 0.0, "{stats:?}");
     for (i, one) in (0..).zip(known).filter(|(_, one)| one.present && !one.hidden) {
         let pose = crowd.pose(i).expect("present").into_owned();
-        check_pose(mesh, crowd, i, desc, &one.weights, f64::from(stats.bound + one.budget));
+        check_pose(mesh, crowd, i, desc, &one.weights, f64::from(stats.bound + one.budget), &mut one.reached);
         match crowd.previous_pose(i).expect("present") {
             Some(previous) => {
                 let expected = one.pose.as_ref().filter(|_| !one.cut).unwrap_or(&pose);

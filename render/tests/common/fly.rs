@@ -1,5 +1,5 @@
-//! A camera that moves away from a wall of heads and back, with and without a level of detail: what changes in the pictures
-//! because of it, and what updates move.
+//! A camera that moves away from a wall of heads and back, with and without a level of detail: what changes in the
+//! pictures because of it, and what updates move.
 
 use deltamorph::lod::{Importance, Level, LevelDesc, pixels_per_unit};
 use deltamorph::{
@@ -21,7 +21,8 @@ pub struct Fly {
     pub frames: usize,
     /// How many times as far away the camera is in the middle.
     pub farthest: f32,
-    /// Pixels of a picture, and how many each is the mean of, across and down; the renderer has four samples in each of them.
+    /// Pixels of a picture, and how many each is the mean of, across and down; the renderer has four samples in each of
+    /// them.
     pub size: [u32; 2],
     pub supersampling: u32,
     pub lod: LevelDesc,
@@ -38,15 +39,16 @@ pub struct Frame {
     pub head_pixels: f32,
     /// Mean over the heads: targets kept.
     pub kept: f32,
-    /// How far a vertex of any head may be off for what is not kept, in pixels: more than half of [`LevelDesc::pixels`] where the
-    /// fade is behind.
+    /// How far a vertex of any head may be off for what is not kept, in pixels: more than half of [`LevelDesc::pixels`]
+    /// where the fade is behind.
     pub behind: f32,
     /// Bytes that the update moves, with the level of detail and with all targets.
     pub bytes: [u64; 2],
-    /// The largest change of any channel of a pixel, in units of 1/255, because the levels are this frame's and not those of the frame
-    /// before; and if they were at their goals at once.
+    /// The largest change of any channel of a pixel, in units of 1/255, because the levels are this frame's and not
+    /// those of the frame before; and if they were at their goals at once.
     pub pop: [f32; 2],
-    /// The largest change, in units of 1/255, from the frame before of the difference between pictures with and without a level of detail.
+    /// The largest change, in units of 1/255, from the frame before of the difference between pictures with and without
+    /// a level of detail.
     pub drift: f32,
 }
 
@@ -180,7 +182,8 @@ fn farthest(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
 }
 
-/// Means of `by` × `by` pixels as a display shows them: of light, then encoded, in units of 1/255 and not rounded to them.
+/// Means of `by` × `by` pixels as a display shows them: of light, then encoded, in units of 1/255 and not rounded to
+/// them.
 fn shrunk(picture: &Picture, by: u32) -> Vec<f32> {
     let decoded: Vec<f32> = (0..256)
         .map(|byte| match byte as f32 / 255.0 {

@@ -28,10 +28,10 @@ struct Reach {
 
 /// Bounds of the poses of a mesh, for culling and shadows before the GPU has updated them.
 ///
-/// The vertices are taken in groups of 256 neighbours. Of each group the bounds of the base pose are known, and the least and
-/// greatest delta of each target that moves it, along each axis; with weights they add up as intervals do. All is exact in
-/// double precision, but for sums, whose rounding is added; bounds are rounded outward to float32. So no pose exceeds them,
-/// and they are somewhat too large where the vertices of a group move apart.
+/// The vertices are taken in groups of 256 neighbours. Of each group the bounds of the base pose are known, and the
+/// least and greatest delta of each target that moves it, along each axis; with weights they add up as intervals do.
+/// All is exact in double precision, but for sums, whose rounding is added; bounds are rounded outward to float32. So
+/// no pose exceeds them, and they are somewhat too large where the vertices of a group move apart.
 ///
 /// It takes 28 bytes for each group and target that moves it, and as many steps.
 #[derive(Clone, Debug)]
@@ -92,9 +92,9 @@ impl WeightBounds {
     }
 
     /// Bounds of the pose of these weights, one for each target; further targets have the weight 0. `bound`: how far
-    /// updates may have taken poses from it, which is [`UpdateStats::bound`](crate::UpdateStats::bound) of the update that
-    /// wrote it; of dense float32 poses nothing is known, and 1e-5 of the diagonal is plenty for a few hundred updates. What
-    /// an error budget defers, and what a grid rounds of weights, is part of the bounds in any case.
+    /// updates may have taken poses from it, which is [`UpdateStats::bound`](crate::UpdateStats::bound) of the update
+    /// that wrote it; of dense float32 poses nothing is known, and 1e-5 of the diagonal is plenty for a few hundred
+    /// updates. What an error budget defers, and what a grid rounds of weights, is part of the bounds in any case.
     ///
     /// A mesh without vertices has none: its least coordinates are infinite. Weights that are no numbers give none that
     /// hold.
@@ -172,8 +172,8 @@ mod tests {
     use crate::testing::head;
     use deltamorph_head::{HeadDesc, Rng};
 
-    /// 10^5 random poses of small heads, from a few weights to all, small ones and large ones: none exceeds its bounds, not
-    /// by the last bit. Poses of weights that are rounded to a grid keep within those of the weights requested.
+    /// 10^5 random poses of small heads, from a few weights to all, small ones and large ones: none exceeds its bounds,
+    /// not by the last bit. Poses of weights that are rounded to a grid keep within those of the weights requested.
     #[test]
     fn no_pose_exceeds_its_bounds() {
         let mut rng = Rng::new(13, 0);

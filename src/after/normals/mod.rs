@@ -17,11 +17,11 @@ pub use step::{GpuNormals, NormalsTarget};
 pub struct NormalsDesc<'a> {
     /// The vertices of all faces, one face after the other, in the user's order of vertices: an index buffer.
     pub corners: &'a [u32],
-    /// Corners of each face, 3 or more; nothing at all: three each. The area of a polygon counts at all its corners, as on
-    /// import: cut into triangles ([`Faces::triangles`](crate::Faces::triangles)) it would count by how it was cut.
+    /// Corners of each face, 3 or more; nothing at all: three each. The area of a polygon counts at all its corners, as
+    /// on import: cut into triangles ([`Faces::triangles`](crate::Faces::triangles)) it would count by how it was cut.
     pub sizes: &'a [u32],
-    /// For each vertex the first one at its place, or nothing at all: [`MorphMesh::welds`](crate::MorphMesh::welds). Welded
-    /// vertices have the triangles of all, and the same normal, bit for bit: no seam shows.
+    /// For each vertex the first one at its place, or nothing at all: [`MorphMesh::welds`](crate::MorphMesh::welds).
+    /// Welded vertices have the triangles of all, and the same normal, bit for bit: no seam shows.
     pub welds: &'a [u32],
 }
 
@@ -42,8 +42,8 @@ impl<'a> NormalsDesc<'a> {
     }
 }
 
-/// Normals of a pose in double precision: area-weighted, as on import, with unit length, three numbers for each vertex in
-/// the user's order; 0 where the triangles of a vertex have no area, or cancel out. `pose` as
+/// Normals of a pose in double precision: area-weighted, as on import, with unit length, three numbers for each vertex
+/// in the user's order; 0 where the triangles of a vertex have no area, or cancel out. `pose` as
 /// [`evaluate`](crate::reference::evaluate) gives it.
 ///
 /// # Errors

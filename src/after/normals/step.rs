@@ -22,8 +22,8 @@ use ash::vk;
 use bytemuck::bytes_of;
 use std::sync::Arc;
 
-/// The surface of a mesh on the device: see [`MorphEngine::upload_normals`](crate::MorphEngine::upload_normals). Targets
-/// keep what they need of it alive.
+/// The surface of a mesh on the device: see [`MorphEngine::upload_normals`](crate::MorphEngine::upload_normals).
+/// Targets keep what they need of it alive.
 pub struct GpuNormals {
     surface: Arc<Surface>,
     staging: Option<Upload>,
@@ -65,8 +65,8 @@ impl GpuNormals {
 /// Where recomputed normals of an instance are written: see
 /// [`MorphEngine::set_normals_target`](crate::MorphEngine::set_normals_target).
 ///
-/// Vertices are those of poses, in their order, without padding. The place may lie between positions that are decoded into
-/// the same buffer ([`DecodeTarget`](crate::after::DecodeTarget) without normals).
+/// Vertices are those of poses, in their order, without padding. The place may lie between positions that are decoded
+/// into the same buffer ([`DecodeTarget`](crate::after::DecodeTarget) without normals).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct NormalsTarget {

@@ -20,8 +20,8 @@ use ash::vk;
 use bytemuck::bytes_of;
 use std::sync::Arc;
 
-/// Joints and weights of a mesh on the device: see [`MorphEngine::upload_skin`](crate::MorphEngine::upload_skin). Targets
-/// keep what they need of it alive.
+/// Joints and weights of a mesh on the device: see [`MorphEngine::upload_skin`](crate::MorphEngine::upload_skin).
+/// Targets keep what they need of it alive.
 pub struct GpuSkin {
     attached: Arc<Attached>,
     influences: u32,
@@ -73,8 +73,8 @@ pub struct SkinTarget {
     /// Bytes from a position to its normal, a multiple of 4 from 12 on; `None`: no normals. They have unit length.
     pub normals: Option<u32>,
     /// A second place of the same stride: updates write one and then the other, and the one they leave alone is the
-    /// [previous](SkinnedView::previous) skinned pose, for motion vectors. That takes as much memory as a copy would, and no
-    /// copy.
+    /// [previous](SkinnedView::previous) skinned pose, for motion vectors. That takes as much memory as a copy would,
+    /// and no copy.
     pub second: Option<(vk::Buffer, u64)>,
     /// The buffer of the joints, usable as storage buffer.
     pub joints: vk::Buffer,
@@ -128,8 +128,8 @@ impl SkinTarget {
 pub struct SkinnedView {
     /// Buffer, and offset of the first position.
     pub current: (vk::Buffer, u64),
-    /// Where it is as it was before the last update: the same place where nothing changed, on the first update and after a
-    /// cut; `None` where the update overwrote it.
+    /// Where it is as it was before the last update: the same place where nothing changed, on the first update and
+    /// after a cut; `None` where the update overwrote it.
     pub previous: Option<(vk::Buffer, u64)>,
 }
 

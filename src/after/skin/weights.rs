@@ -8,21 +8,21 @@ use crate::pack::PackedLayout;
 #[non_exhaustive]
 pub enum SkinMethod {
     /// Linear blend: Σ weight · matrix. A joint is twelve float32, the first three rows of its matrix, row after row:
-    /// what it does to a point of the bind pose in the mesh's space (joint to model × inverse bind matrix). Scale, shear
-    /// and mirrored joints are allowed.
+    /// what it does to a point of the bind pose in the mesh's space (joint to model × inverse bind matrix). Scale,
+    /// shear and mirrored joints are allowed.
     ///
-    /// Normals are multiplied by the inverse transpose of the blended 3×3 matrix, which is right under non-uniform scale:
-    /// with the matrix itself they would be off by up to 19° where one axis is scaled by 1.4, and 37° where it is doubled.
-    /// That weights vary over the surface is left out, as usual.
+    /// Normals are multiplied by the inverse transpose of the blended 3×3 matrix, which is right under non-uniform
+    /// scale: with the matrix itself they would be off by up to 19° where one axis is scaled by 1.4, and 37° where it
+    /// is doubled. That weights vary over the surface is left out, as usual.
     #[default]
     Linear,
-    /// Dual quaternions (Kavan et al. 2008, "Geometric Skinning with Approximate Dual Quaternion Blending"): joints do not
-    /// collapse where they twist. A joint is eight float32: a unit quaternion (x, y, z, w), the rotation r; and the dual
-    /// part ½ t r, where t is the translation as a quaternion (x, y, z, 0). A quaternion and its negative are the same
-    /// rotation; each is taken on the side of the one that weighs most.
+    /// Dual quaternions (Kavan et al. 2008, "Geometric Skinning with Approximate Dual Quaternion Blending"): joints do
+    /// not collapse where they twist. A joint is eight float32: a unit quaternion (x, y, z, w), the rotation r; and the
+    /// dual part ½ t r, where t is the translation as a quaternion (x, y, z, 0). A quaternion and its negative are the
+    /// same rotation; each is taken on the side of the one that weighs most.
     ///
-    /// It has no scale: normals are rotated, which is exact for the rigid motions there are. A skeleton that scales takes
-    /// [`Linear`](Self::Linear).
+    /// It has no scale: normals are rotated, which is exact for the rigid motions there are. A skeleton that scales
+    /// takes [`Linear`](Self::Linear).
     DualQuaternion,
 }
 
@@ -89,8 +89,8 @@ impl<'a> SkinDesc<'a> {
         Ok(each)
     }
 
-    /// The words that `skin.comp` reads, vertex after vertex in the order of poses: joints, two to a word, then weights as
-    /// float32, the largest first. Padding has none: no lane takes it.
+    /// The words that `skin.comp` reads, vertex after vertex in the order of poses: joints, two to a word, then weights
+    /// as float32, the largest first. Padding has none: no lane takes it.
     pub(super) fn pack(&self, layout: &PackedLayout) -> Result<Vec<u32>> {
         let n = self.influences as usize;
         let vertices: Vec<_> = self.vertices(layout.vertex_count)?.collect();

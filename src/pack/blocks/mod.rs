@@ -144,8 +144,8 @@ impl BlockIndex {
         (0..self.count()).map(|block| self.entries(block).len()).max().unwrap_or(0)
     }
 
-    /// The grid for poses of integers and weights up to `weight_max`, either sign; `None`: up to 1 in 16 bits, up to what
-    /// the mesh was packed with ([`BlockDesc::weight_max`]) in 32.
+    /// The grid for poses of integers and weights up to `weight_max`, either sign; `None`: up to 1 in 16 bits, up to
+    /// what the mesh was packed with ([`BlockDesc::weight_max`]) in 32.
     ///
     /// # Errors
     /// `block-float32` has no integers, float32 poses neither; a largest weight that is not above 0, or so large, or

@@ -26,7 +26,12 @@ pub(super) fn write(asset: &Asset) -> Result<Vec<u8>> {
         return Err(Error::invalid(what, "leave streams out"));
     }
     let counts = |counts: &[usize]| -> Result<Vec<u32>> {
-        let refuse = |n| Error::invalid(format!("mesh '{}' has {n} of something", layout.name), "split the mesh");
+        let refuse = |n| {
+            Error::invalid(
+                format!("mesh '{}' has a list of {n} numbers; a file has fewer than 2^32", layout.name),
+                "split the mesh",
+            )
+        };
         counts.iter().map(|&n| u32::try_from(n).map_err(|_| refuse(n))).collect()
     };
     let (corners, texcoords) = (faces.corners.len(), asset.texcoords.len());

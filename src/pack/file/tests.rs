@@ -89,7 +89,8 @@ fn exercise(asset: &Asset) {
     let mesh = Arc::new(asset.mesh.clone());
     for pose in PoseFormat::ALL {
         let desc = UpdateDesc { pose, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
-        // Rounding alone may be more than the tolerance where deltas are large, and sums could overflow: that is said, too.
+        // Rounding alone may be more than the tolerance where deltas are large, and sums could overflow: that is said,
+        // too.
         let Ok(mut crowd) = CpuCrowd::new(mesh.clone(), desc, 1, 1) else { continue };
         for weight in [1.0, -0.5] {
             // A weight beyond the largest of integers is refused.

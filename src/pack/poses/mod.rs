@@ -14,7 +14,8 @@ macro_rules! declared {
     (() $($(#[$meta:meta])* $name:ident $file:ident $row:tt)*) => {
         $(pub(crate) mod $file;)*
 
-        /// How the six numbers of a vertex (of positions and normals: position, then normal) are stored in pose buffers.
+        /// How the six numbers of a vertex (of positions and normals: position, then normal) are stored in pose
+        /// buffers.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
         #[non_exhaustive]
         pub enum PoseFormat {
@@ -115,8 +116,8 @@ impl PoseFormat {
     }
 
     /// The numbers of a pose: [`POSE_FLOATS`] for each vertex. Integers are multiples of `units` (input units, of each
-    /// triple of a vertex; [`PoseGrid::units`](super::blocks::PoseGrid::units)), added to `base`, which is as long; float32
-    /// needs neither.
+    /// triple of a vertex; [`PoseGrid::units`](super::blocks::PoseGrid::units)), added to `base`, which is as long;
+    /// float32 needs neither.
     pub fn decode(self, pose: &[u8], base: &[f32], units: [f32; TRIPLES]) -> Vec<f32> {
         if !self.has_integers() {
             return pose.as_chunks().0.iter().map(|bytes| f32::from_ne_bytes(*bytes)).collect();

@@ -43,8 +43,8 @@ pub(crate) trait Sum: Copy + Default + Send {
 
     fn delta(number: impl Number) -> Self::Delta;
 
-    /// From the coefficient as the work list has it, of an entry's triple that has this `step`; deltas are to be shifted by
-    /// `shift`.
+    /// From the coefficient as the work list has it, of an entry's triple that has this `step`; deltas are to be
+    /// shifted by `shift`.
     fn factor(bits: u32, step: f32, shift: u32) -> Self::Factor;
 
     /// Whether the pose holds nothing of an entry with these factors, where that saves work.

@@ -27,8 +27,8 @@ pub struct AnimationDesc<'a> {
     pub clips: &'a [WeightClip],
     /// How keys are kept.
     pub key_format: KeyFormat,
-    /// The order of targets for levels of detail ([`AnimatedCrowd::set_level`](crate::AnimatedCrowd::set_level)); `None`: all
-    /// are kept for the life of the crowd.
+    /// The order of targets for levels of detail ([`AnimatedCrowd::set_level`](crate::AnimatedCrowd::set_level));
+    /// `None`: all are kept for the life of the crowd.
     pub importance: Option<&'a Importance>,
     /// How the GPU chooses levels of detail of the heads whose places are known
     /// ([`AnimatedCrowd::set_place`](crate::AnimatedCrowd::set_place)), from how large they are on the screen; takes
@@ -56,8 +56,8 @@ struct Clip {
 }
 
 /// The clips of an animated crowd, as they are on the device: keys rounded to the grid of poses of integers.
-/// [`AnimatedCrowd::clips`](crate::AnimatedCrowd::clips) has them. A host asks them for lengths, and by how much rounding
-/// moved a weight; it does not make them, which
+/// [`AnimatedCrowd::clips`](crate::AnimatedCrowd::clips) has them. A host asks them for lengths, and by how much
+/// rounding moved a weight; it does not make them, which
 /// [`MorphEngine::create_animated_crowd`](crate::MorphEngine::create_animated_crowd) does.
 ///
 /// The words that kernels read:
@@ -280,8 +280,8 @@ fn shortened(key: i32, shift: u32, most: i32) -> i32 {
 
 /// The error budget of a crowd: changes too small to matter are deferred, target by target.
 ///
-/// An instance has requested weights, and those that its poses hold. A change between the two is deferred while in every
-/// block
+/// An instance has requested weights, and those that its poses hold. A change between the two is deferred while in
+/// every block
 ///
 /// ```text
 /// Σ |requested − held| · reach ≤ budget        over the targets that touch the block

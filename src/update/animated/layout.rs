@@ -12,8 +12,8 @@ use crate::update::blocks::gpu::{set_size, workgroup};
 use crate::update::technique::Context;
 use std::ops::Range;
 
-/// Blocks that are planned and dispatched together: of one part of the asset, and as many as a descriptor covers the work
-/// list of.
+/// Blocks that are planned and dispatched together: of one part of the asset, and as many as a descriptor covers the
+/// work list of.
 pub(super) struct Run {
     /// The part.
     pub(super) part: usize,
@@ -60,8 +60,8 @@ impl Run {
     }
 }
 
-/// A group of the mesh. Its instances are split into sets that one descriptor reaches, its blocks into runs; each run of
-/// each set is planned into a work list of its own, and has dispatches of its own.
+/// A group of the mesh. Its instances are split into sets that one descriptor reaches, its blocks into runs; each run
+/// of each set is planned into a work list of its own, and has dispatches of its own.
 pub(super) struct GroupLayout {
     instances: u32,
     /// Instances of a set; the last may have fewer.
@@ -71,13 +71,14 @@ pub(super) struct GroupLayout {
     runs: Vec<Run>,
     /// Bytes of the work lists of a set.
     stride: u64,
-    /// Push constants, but for what one of the dispatches that plan is for; clock and slots are those of the last update.
+    /// Push constants, but for what one of the dispatches that plan is for; clock and slots are those of the last
+    /// update.
     pub(super) push: AnimationPush,
 }
 
 impl GroupLayout {
-    /// Of the mesh and crowd of `context`. `push` is the same for all groups of the mesh; tables and history of this one
-    /// are appended to `tables` and `state`.
+    /// Of the mesh and crowd of `context`. `push` is the same for all groups of the mesh; tables and history of this
+    /// one are appended to `tables` and `state`.
     fn new(context: &Context<'_>, push: AnimationPush, tables: &mut Words, state: &mut Words) -> Result<Self> {
         let (caps, instances, index) = (context.caps(), context.desc.instances, context.layout().index()?);
         let (blocks, entries) = (index.count() as u64, index.entry_count() as u64);

@@ -66,8 +66,8 @@ impl Playbacks {
         }
     }
 
-    /// The same instances in more places, on a device that knows nothing of them: each plays on, and has no pose yet. The new
-    /// places are as those of instances that were removed.
+    /// The same instances in more places, on a device that knows nothing of them: each plays on, and has no pose yet.
+    /// The new places are as those of instances that were removed.
     pub fn grown(&self, places: u32) -> Self {
         let free = HeadRecord { flags: HeadRecord::HIDDEN, ..HeadRecord::default() };
         let (mut records, mut starts) = (self.records.clone(), self.starts.clone());
@@ -109,7 +109,7 @@ impl Playbacks {
     /// Levels of detail follow `camera` from the next update on.
     ///
     /// # Errors
-    /// A camera that there cannot be; clips whose levels do not follow one.
+    /// An invalid camera; clips whose levels do not follow one.
     pub fn set_camera(&mut self, camera: &Camera, clips: &Clips) -> Result<()> {
         follows(clips, "a camera")?;
         camera.check()?;
@@ -161,8 +161,8 @@ impl Playbacks {
         Ok(())
     }
 
-    /// Instance `head` keeps so many targets from the next update on; as many as there are, or more: all of them, at no cost.
-    /// Where it keeps as many already, nothing has to be brought to the device.
+    /// Instance `head` keeps so many targets from the next update on; as many as there are, or more: all of them, at no
+    /// cost. Where it keeps as many already, nothing has to be brought to the device.
     ///
     /// # Errors
     /// No number, or one below 0; clips that have no order of importance.

@@ -46,8 +46,8 @@ impl AnimatedReference {
         Ok(Self { group, budget, slots: desc.slots, instances })
     }
 
-    /// What the GPU chose for an instance whose level of detail follows the camera in the next update: targets kept, in steps
-    /// of 2⁻¹⁶, and error budget.
+    /// What the GPU chose for an instance whose level of detail follows the camera in the next update: targets kept, in
+    /// steps of 2⁻¹⁶, and error budget.
     pub fn follow(&mut self, head: usize, level: u32, budget: u64) {
         self.instances[head].followed = Some((level, budget));
     }
@@ -140,8 +140,8 @@ impl Deferred {
         Self { requested: vec![0; targets], committed: vec![0; targets] }
     }
 
-    /// Request `weights`, one for each target: with reaches of a budget, and how much of it there is. Without one all of them
-    /// are applied.
+    /// Request `weights`, one for each target: with reaches of a budget, and how much of it there is. Without one all
+    /// of them are applied.
     pub(super) fn commit(&mut self, weights: &[i32], budget: Option<(&Budget, u64)>, index: &BlockIndex) {
         let still = std::mem::replace(&mut self.requested, weights.to_vec()) == weights;
         let Some((budget, most)) = budget.filter(|_| !still) else {

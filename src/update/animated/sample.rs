@@ -1,24 +1,25 @@
 //! What an instance shows of a clip at a time: in integers, so that GPU and CPU agree bit for bit.
 //!
-//! The clock is kept in ticks of 2⁻¹⁶ s. An instance's [`HeadRecord`] has the low 32 bits of the tick at which it started,
-//! its rate in 2⁻¹⁶ frames a second, and the position in the clip where it started:
+//! The clock is kept in ticks of 2⁻¹⁶ s. An instance's [`HeadRecord`] has the low 32 bits of the tick at which it
+//! started, its rate in 2⁻¹⁶ frames a second, and the position in the clip where it started:
 //!
 //! ```text
 //! elapsed  = max(now − start, 0)                      as a signed 32-bit number
 //! position = frame · 2³² + fraction + elapsed · rate  64 bits: whole frames, and the fraction of a frame
 //! ```
 //!
-//! Looping clips take whole frames modulo their number, and the frame after the last is the first; others hold their last
-//! frame. A clip played backwards counts its frames from the end. [`Playbacks`](super::Playbacks) starts records anew,
-//! exactly where they are, long before `elapsed` runs out of bits. With k₀ and k₁ the keys of this frame and the next, in
-//! steps of the mesh's [`PoseGrid`](crate::pack::blocks::PoseGrid), and f the upper 16 bits of the fraction,
+//! Looping clips take whole frames modulo their number, and the frame after the last is the first; others hold their
+//! last frame. A clip played backwards counts its frames from the end. [`Playbacks`](super::Playbacks) starts records
+//! anew, exactly where they are, long before `elapsed` runs out of bits. With k₀ and k₁ the keys of this frame and the
+//! next, in steps of the mesh's [`PoseGrid`](crate::pack::blocks::PoseGrid), and f the upper 16 bits of the fraction,
 //!
 //! ```text
 //! weight = k₀ + ⌊((k₁ − k₀) · f + 2¹⁵) / 2¹⁶⌋          in steps
 //! ```
 //!
-//! With a level of detail N, in steps of 2⁻¹⁶ targets, the weight of the target of rank r is interpolated once more, from 0 to
-//! what it is, with f = clamp(N − r · 2¹⁶, 0, 2¹⁶). N is what the host says, or less where the level follows the camera.
+//! With a level of detail N, in steps of 2⁻¹⁶ targets, the weight of the target of rank r is interpolated once more,
+//! from 0 to what it is, with f = clamp(N − r · 2¹⁶, 0, 2¹⁶). N is what the host says, or less where the level follows
+//! the camera.
 
 use crate::abi::numbers;
 use crate::setters::setters;
@@ -68,13 +69,13 @@ pub struct HeadRecord {
     pub frame: u32,
     /// Fraction of a frame at `start`, in steps of 2⁻³².
     pub fraction: u32,
-    /// Targets kept, in steps of 2⁻¹⁶, where `ranks_at` is not 0. With a level of detail that follows the camera the device
-    /// overwrites it in each update.
+    /// Targets kept, in steps of 2⁻¹⁶, where `ranks_at` is not 0. With a level of detail that follows the camera the
+    /// device overwrites it in each update.
     pub level: u32,
     /// Where the ranks of targets are in the tables; 0: all targets are kept.
     pub ranks_at: u32,
-    /// Where it is, for a level of detail that follows the camera: bits of the middle of a ball, its radius, and world units of
-    /// an input unit.
+    /// Where it is, for a level of detail that follows the camera: bits of the middle of a ball, its radius, and world
+    /// units of an input unit.
     pub place: [u32; 5],
     /// Grows where the next pose has no predecessor.
     pub epoch: u32,

@@ -6,7 +6,8 @@ use crate::plan::steps::{Access, Resource as R, Source, Stage, Steps, Use, Work}
 use AnimatedKernel as K;
 use std::ops::Range;
 
-/// The list of what works do: documentation and name; whether it is done for all groups of the mesh at once; what it uses.
+/// The list of what works do: documentation and name; whether it is done for all groups of the mesh at once; what it
+/// uses.
 macro_rules! kernels {
     ($($(#[doc = $doc:literal])* $kernel:ident $common:literal $uses:expr;)*) => {
         /// What a work does.

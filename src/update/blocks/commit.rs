@@ -11,9 +11,9 @@ const COMMITTED: f32 = -1.0;
 const SUMMING: f32 = 0.9999;
 
 impl BlockState {
-    /// Take `weights` as requested, and decide what of them is applied now; all of them where it is not `known` what the
-    /// poses hold. Tells whether [`emit`](Self::emit) has to follow: where several groups have slots in common, for all
-    /// of them as soon as one says so.
+    /// Take `weights` as requested, and decide what of them is applied now; all of them where it is not `known` what
+    /// the poses hold. Tells whether [`emit`](Self::emit) has to follow: where several groups have slots in common, for
+    /// all of them as soon as one says so.
     pub(crate) fn commit(&mut self, group: &mut GroupPlan, instance: usize, weights: &[f32], known: bool) -> bool {
         self.largest_weight = weights.iter().fold(self.largest_weight, |m, w| m.max(w.abs()));
         let GroupPlan { index, scratch, unit, .. } = &mut *group;

@@ -1,8 +1,8 @@
 //! How a device carries the work list of a group out: in which dispatches, and in which tiles where its kernels take
 //! several instances at once.
 //!
-//! A tile is a block of 1, 2, 4 or 8 instances, whose deltas are loaded once: kernels have a pipeline for each width. Its
-//! rows are the entries that any of them needs, each with a coefficient for every instance. Rows of a tile begin at
+//! A tile is a block of 1, 2, 4 or 8 instances, whose deltas are loaded once: kernels have a pipeline for each width.
+//! Its rows are the entries that any of them needs, each with a coefficient for every instance. Rows of a tile begin at
 //! multiples of [`ALIGN`], so that kernels can load several words at once.
 
 use super::group::{GroupPlan, Item, WorkList};
@@ -195,8 +195,8 @@ impl TileItem {
 /// What [`WorkList`] says, tile by tile.
 #[derive(Clone, Debug)]
 pub struct Tiles {
-    /// `[kernel]`: tiles of 2^width instances for kernel number `width`. Those of rebuilt instances are in tiles of their
-    /// own, for number [`WIDTHS`] + width.
+    /// `[kernel]`: tiles of 2^width instances for kernel number `width`. Those of rebuilt instances are in tiles of
+    /// their own, for number [`WIDTHS`] + width.
     pub items: [Vec<TileItem>; 2 * WIDTHS],
     /// `[row]`: entry, then a coefficient for each instance of the tile, 0 for one that does not need the entry; see
     /// [`row_words`].
@@ -247,8 +247,8 @@ impl Tiles {
         kernels.flat_map(|(kernel, tiles)| tiles.iter().map(move |tile| (kernel % WIDTHS, tile)))
     }
 
-    /// Take these items of `list`, which are ascending by instance, then block, as those that [`fill`](Self::fill) makes
-    /// tiles of.
+    /// Take these items of `list`, which are ascending by instance, then block, as those that [`fill`](Self::fill)
+    /// makes tiles of.
     pub fn sort(&mut self, index: &BlockIndex, list: &WorkList, items: Range<usize>) {
         let half = |item: &Item| 2 * item.block as usize + usize::from(item.source.is_none());
         // A counting sort by block and half: for each, first its size, then where it begins, in the end where it ends.
@@ -282,16 +282,16 @@ impl Tiles {
         }
     }
 
-    /// Append tiles without rows to those made since there were `before` for each kernel, so that they fill workgroups of
-    /// `items`.
+    /// Append tiles without rows to those made since there were `before` for each kernel, so that they fill workgroups
+    /// of `items`.
     pub fn fill_workgroups(&mut self, before: [usize; KERNELS], items: usize) {
         for (tiles, before) in self.items.iter_mut().zip(before) {
             tiles.resize(before + (tiles.len() - before).next_multiple_of(items), TileItem::default());
         }
     }
 
-    /// Append items `sorted` of a half of a block's: as one tile, or where that takes less, as two. Rows that fill a tile
-    /// up are of one of `all_entries`.
+    /// Append items `sorted` of a half of a block's: as one tile, or where that takes less, as two. Rows that fill a
+    /// tile up are of one of `all_entries`.
     fn push(
         &mut self,
         index: &BlockIndex,

@@ -1,9 +1,9 @@
 //! The second phase of an update: which blocks are written, from what, and with which entries.
 //!
-//! A block is written when a changed target touches it, or when it is stale in the next slot: it is copied then, together
-//! with what changes now. Within a block only the components that changed are loaded and stored. Each block of each head
-//! makes its own choice between the pose there is and the base pose: whichever moves fewer bytes, and the base pose where
-//! it is the same, or where the bound on accumulated [`rounding`] would exceed the tolerance.
+//! A block is written when a changed target touches it, or when it is stale in the next slot: it is copied then,
+//! together with what changes now. Within a block only the components that changed are loaded and stored. Each block of
+//! each head makes its own choice between the pose there is and the base pose: whichever moves fewer bytes, and the
+//! base pose where it is the same, or where the bound on accumulated [`rounding`] would exceed the tolerance.
 
 use super::group::{GroupPlan, Item, rounding};
 use super::plan::BlockState;
@@ -27,7 +27,7 @@ impl BlockState {
         let poses = match group.grid() {
             // The pose in and out.
             None => masks.iter().map(|mask| u64::from(mask.count_ones())).sum::<u64>() * 8,
-            // The same of whole blocks; nothing in, where the base pose is what is displaced.
+            // Fixed-point poses: whole blocks are written; nothing is read when rebuilding from the base pose.
             Some(_) => {
                 let times: u64 = items.iter().map(|item| 1 + u64::from(item.source.is_some())).sum();
                 times * (group.index.size() * group.pose().stride()) as u64

@@ -202,8 +202,8 @@ impl GroupBlocks {
         Ok(Self { how, kernels, poses, _no_entry: no_entry, sets, pushes })
     }
 
-    /// Record a dispatch of kernel number `kernel` (a width, or from [`WIDTHS`] on, a width for tiles that start from the
-    /// base pose) with set number `set`, for its work list from the word `first_item` on.
+    /// Record a dispatch of kernel number `kernel` (a width, or from [`WIDTHS`] on, a width for tiles that start from
+    /// the base pose) with set number `set`, for its work list from the word `first_item` on.
     ///
     /// # Safety
     /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.

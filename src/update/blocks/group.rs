@@ -198,9 +198,9 @@ const SQRT_3: f32 = 1.732_050_8;
 
 /// What one update may add to the bound on what accumulation in float32 has done to the positions of a block, a length:
 /// √3 · (M·ε + (n + 4)·S·ε), with M the largest coordinate that the block can reach, S = Σ|coefficient| · longest delta
-/// over the n entries of the update, and ε = 2⁻²³ (a whole unit in the last place, since Vulkan fixes no rounding mode):
-/// one rounding at pose magnitude, one for each coefficient, product, partial sum and scale. A rebuild sets the bound to
-/// that of its own entries.
+/// over the n entries of the update, and ε = 2⁻²³ (a whole unit in the last place, since Vulkan fixes no rounding
+/// mode): one rounding at pose magnitude, one for each coefficient, product, partial sum and scale. A rebuild sets the
+/// bound to that of its own entries.
 pub(super) fn rounding(magnitude: f32, entries: u32, sum: f32) -> f32 {
     SQRT_3 * ULP * (magnitude + (entries + 4) as f32 * sum)
 }

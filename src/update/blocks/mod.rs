@@ -1,8 +1,8 @@
 //! The block formats: only blocks of vertices that a changed target touches are loaded and stored.
 //!
 //! `plan` is a crowd, and what the poses of each instance hold; `commit` decides which weights an update applies, and
-//! `emit` which blocks it writes, into the list of a `group`. `dispatch` cuts lists into tiles and dispatches; `technique`
-//! and `gpu` carry them out on a device, `gpu` also those of crowds that are planned there.
+//! `emit` which blocks it writes, into the list of a `group`. `dispatch` cuts lists into tiles and dispatches;
+//! `technique` and `gpu` carry them out on a device, `gpu` also those of crowds that are planned there.
 
 mod commit;
 mod dispatch;

@@ -9,8 +9,8 @@ use crate::pack::{POSE_FLOATS, PackedLayout};
 use crate::plan::instances::Instances;
 use crate::plan::{UpdateDesc, UpdateStats};
 
-/// Plans the instances of a crowd. What blocks hold and which are written is each group's own; slots rotate with those of
-/// all groups.
+/// Plans the instances of a crowd. What blocks hold and which are written is each group's own; slots rotate with those
+/// of all groups.
 pub struct Planner {
     /// One for each group of the mesh.
     pub groups: Vec<GroupPlan>,

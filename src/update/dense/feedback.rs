@@ -62,8 +62,8 @@ impl Pipelines<VertexPasses> {
     ///
     /// # Safety
     /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with graphics.
-    /// - The buffers hold what the layout of a pass says at the offsets given, and live until it has run; its source and
-    ///   destination do not overlap, and neither is written by another pass.
+    /// - The buffers hold what the layout of a pass says at the offsets given, and live until it has run; its source
+    ///   and destination do not overlap, and neither is written by another pass.
     /// - No pass has more coefficients than the pipelines were made for.
     pub unsafe fn record<'a>(
         &self,

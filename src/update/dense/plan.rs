@@ -19,7 +19,8 @@ use crate::weights::delta::{Coefficient, active_targets, changed_targets};
 pub struct Plan {
     /// What is applied, ascending by target.
     pub coefficients: Vec<Coefficient>,
-    /// `destination = source + Σ coefficient · delta` over items of `coefficients`, in order; empty when nothing changed.
+    /// `destination = source + Σ coefficient · delta` over items of `coefficients`, in order; empty when nothing
+    /// changed.
     pub passes: Vec<Work>,
     /// Whether the passes start from the base pose.
     pub rebuilt: bool,
@@ -122,8 +123,8 @@ impl DensePlanner {
         }
     }
 
-    /// Append the planned passes of `groups` groups to `steps`: the k-th passes of all instances and groups are one step,
-    /// which uses `uses`. Passes come from weights alone, and are the same in all groups.
+    /// Append the planned passes of `groups` groups to `steps`: the k-th passes of all instances and groups are one
+    /// step, which uses `uses`. Passes come from weights alone, and are the same in all groups.
     pub fn fill(&self, groups: usize, uses: &'static [Use], steps: &mut Steps) {
         let rounds = self.plans.iter().map(|plan| plan.passes.len()).max().unwrap_or(0);
         for round in 0..rounds {
@@ -148,8 +149,8 @@ impl DensePlanner {
 
     /// Count the last update: each pass reads its source and its targets' deltas, and writes its destination. The least
     /// that any order of the same dense work could move is each instance's pose read and written once, each
-    /// coefficient's deltas read once. Of integers nothing is read where a pass starts from the base pose. Bytes are those
-    /// of all groups.
+    /// coefficient's deltas read once. Of integers nothing is read where a pass starts from the base pose. Bytes are
+    /// those of all groups.
     pub fn stats<'a>(&self, groups: impl Iterator<Item = &'a PackedLayout> + Clone) -> UpdateStats {
         let coefficients = self.plans.iter().map(|plan| plan.coefficients.len()).sum();
         let passes = self.plans.iter().map(|plan| plan.passes.len()).sum();

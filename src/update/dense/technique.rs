@@ -41,8 +41,8 @@ impl<'a> DensePass<'a> {
 }
 
 /// Descriptor sets of passes, by number, one for each chunk of the mesh. Poses are bound where they are, and not by
-/// dynamic offset: synchronization validation does not see dynamic offsets and would take the poses of two instances for
-/// one piece of memory.
+/// dynamic offset: synchronization validation does not see dynamic offsets and would take the poses of two instances
+/// for one piece of memory.
 pub struct ChunkSets {
     sets: Sets,
     chunks: usize,

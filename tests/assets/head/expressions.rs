@@ -62,8 +62,8 @@ fn lids_close_and_lips_meet_and_open() {
     }
 }
 
-/// Of `points` those inside the closed surface `triangles`: how often it is crossed on the way towards +Z, outwards less
-/// inwards.
+/// Of `points` those inside the closed surface `triangles`: how often it is crossed on the way towards +Z, outwards
+/// less inwards.
 fn inside(points: &[usize], triangles: &[[u32; 3]], positions: &[Vec3]) -> Vec<usize> {
     const CELL: f64 = 0.4;
     let cell = |x: f64| (x / CELL).floor() as i32;

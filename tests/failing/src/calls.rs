@@ -41,7 +41,8 @@ pub const ERRORS: [vk::Result; 17] = [
     DATE,
 ];
 
-/// What `call` may return, of the calls that the layer sees. Without what only extensions that deltamorph does not use bring.
+/// What `call` may return, of the calls that the layer sees. Without what only extensions that deltamorph does not use
+/// bring.
 pub fn errors(call: &str) -> &'static [vk::Result] {
     match call {
         "vkCreateInstance" => &[HOST, DEVICE, INITIALIZATION, LAYER, EXTENSION, INCOMPATIBLE],

@@ -114,8 +114,8 @@ pub(crate) fn function(name: &CStr) -> vk::PFN_vkVoidFunction {
     Some(unsafe { transmute::<*const (), Function>(function) })
 }
 
-/// Have a command run with the layer loaded, whose manifest is written to `folder`, for a test program: cargo puts the layer
-/// beside it.
+/// Have a command run with the layer loaded, whose manifest is written to `folder`, for a test program: cargo puts the
+/// layer beside it.
 pub fn enable<'a>(command: &'a mut Command, folder: &Path) -> &'a mut Command {
     let test = std::env::current_exe().expect("a path to this test");
     let library = test.with_file_name("libdeltamorph_failing.so");

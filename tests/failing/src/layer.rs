@@ -39,7 +39,8 @@ macro_rules! calls {
     ($($pfn:ident($handle:ident: $of:ty $(, $more:ident: $type:ty)*);)*) => {
         $(
             unsafe extern "system" fn $pfn($handle: $of $(, $more: $type)*) -> vk::Result {
-                // SAFETY: who calls keeps to the specification, and so the handle is alive; the function below has this type.
+                // SAFETY: who calls keeps to the specification, and so the handle is alive; the function below has this
+                // type.
                 unsafe {
                     match enter(name!($pfn), $handle.as_raw()) {
                         Ok(below) => transmute::<Function, vk::$pfn>(below)($handle $(, $more)*),
@@ -206,7 +207,8 @@ pipelines! {
     PFN_vkCreateComputePipelines as ComputePipelineCreateInfo;
 }
 
-/// What the loader hands each layer with the information that instances and devices are made of: the next layer's functions.
+/// What the loader hands each layer with the information that instances and devices are made of: the next layer's
+/// functions.
 #[repr(C)]
 struct LoaderInfo<L> {
     kind: vk::StructureType,

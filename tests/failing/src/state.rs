@@ -20,7 +20,8 @@ pub(crate) enum Next {
 
 impl Next {
     pub(crate) fn function(self, name: &CStr) -> vk::PFN_vkVoidFunction {
-        // SAFETY: the loader gave the functions for these handles, which are alive: they leave the state before they go.
+        // SAFETY: the loader gave the functions for these handles, which are alive: they leave the state before they
+        // go.
         unsafe {
             match self {
                 Self::Instance(instance, get) => get(instance, name.as_ptr()),
@@ -121,8 +122,8 @@ pub(crate) unsafe fn below(call: &'static CStr, handle: u64) -> Function {
 /// # Safety
 /// As of [`below`].
 pub(crate) unsafe fn enter(call: &'static CStr, handle: u64) -> Result<Function, vk::Result> {
-    // SAFETY: as the caller says; a function of this name has this type; of the device no more is used than by the program,
-    // whose call this is.
+    // SAFETY: as the caller says; a function of this name has this type; of the device no more is used than by the
+    // program, whose call this is.
     unsafe {
         let Some(error) = fails(call, handle) else { return Ok(below(call, handle)) };
         if let (vk::Result::ERROR_DEVICE_LOST, Some(Next::Device(device, _))) = (error, next(handle)) {
@@ -244,8 +245,8 @@ unsafe extern "C" {
     fn dladdr(address: *const c_void, module: *mut Module) -> c_int;
 }
 
-/// A number for the place in the program that calls, the same in each run: of the return addresses, each relative to the
-/// module that it is in.
+/// A number for the place in the program that calls, the same in each run: of the return addresses, each relative to
+/// the module that it is in.
 fn place() -> u64 {
     let mut frames = [std::ptr::null_mut(); 48];
     // SAFETY: there is room for so many.

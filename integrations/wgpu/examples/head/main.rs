@@ -3,8 +3,8 @@
 //!     cargo run --example head [PART OF AN ADAPTER'S NAME]
 //!
 //! Part of a clip is played, with poses of each format. The last one is compared with the float64 reference, and its
-//! picture with one drawn from vertices that the reference computed; `head.png` is the picture of `fixed16`, the format of
-//! half the bytes. What it takes is in `play.rs`; `scene.rs` is what a host has anyway.
+//! picture with one drawn from vertices that the reference computed; `head.png` is the picture of `fixed16`, the format
+//! of half the bytes. What it takes is in `play.rs`; `scene.rs` is what a host has anyway.
 
 mod play;
 mod scene;

@@ -33,7 +33,8 @@ pub fn on_every_adapter(test: impl Fn(Host)) {
     static LISTEN: Once = Once::new();
     let _turn = locked(&TURN);
     LISTEN.call_once(|| {
-        // Updates and draws are in command buffers of their own. New layers compare these at a submit without being asked.
+        // Updates and draws are in command buffers of their own. New layers compare these at a submit without being
+        // asked.
         if !layers_are_new() {
             let enable = "VALIDATION_CHECK_ENABLE_SYNCHRONIZATION_VALIDATION_QUEUE_SUBMIT";
             // SAFETY: no other thread looks at the environment: other tests wait for their turn.
