@@ -255,7 +255,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         record: impl FnOnce(&Headless, &mut [&mut dyn AnyCrowd], vk::CommandBuffer) -> Result<Vec<Update>>,
     ) -> Result<Step> {
         let Some(headless) = crowds.first().map(|crowd| crowd.headless) else {
-            return Err(Error::invalid("a step of no crowd", "name one or more"));
+            return Err(Error::invalid("a step of an empty list of crowds", "pass at least one"));
         };
         if !crowds.iter().all(|crowd| std::ptr::eq(crowd.headless, headless)) {
             return Err(Error::invalid(
