@@ -21,7 +21,7 @@ use super::texels::{DeltaTexels, RECTANGLE_WORDS};
 use crate::invalid;
 use deltamorph::glam::Vec3;
 use deltamorph::internals::asset::streams::group_streams;
-use deltamorph::internals::asset::{MorphMesh, MorphTarget, StreamDeltas, StreamPlace};
+use deltamorph::internals::asset::{MorphMesh, MorphTarget, Semantic, StreamDeltas, StreamPlace};
 use deltamorph::internals::pack::{DeltaFormat, POSE_FLOATS, PackedMesh, TARGETS_MAX};
 use deltamorph::internals::read_bounded;
 use deltamorph::{Error, Result};
@@ -51,7 +51,7 @@ pub enum TextureFloats {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct TextureFile {
-    /// Number format of the file.
+    /// The file's contents.
     pub bytes: Vec<u8>,
     /// Texels of a row, and rows, of each layer.
     pub size: [u32; 2],
@@ -125,8 +125,17 @@ pub fn read_ktx2(path: &Path, base: &MorphMesh) -> Result<MorphMesh> {
 }
 
 fn stream_words(streams: &[StreamPlace]) -> Vec<u32> {
-    let places = streams.iter().flat_map(|s| [s.semantic.id(), s.first as u32]);
+    let places = streams.iter().flat_map(|s| [kind(s.semantic), s.first as u32]);
     [streams.len() as u32].into_iter().chain(places).collect()
+}
+
+/// The kind of a stream in files, from its number in packed files: 1 to 3 for positions, normals and tangents; 4 for
+/// texture coordinates, 5 for colours, with the set × 256; 6 for wrinkle masks.
+fn kind(semantic: Semantic) -> u32 {
+    match (semantic.id() & 0xff, semantic.id() >> 8) {
+        (id @ 1..=3, _) => id - 1,
+        (id, set) => (id - 3) << 8 | set,
+    }
 }
 
 /// The numbers under the key, from the front.
