@@ -215,7 +215,8 @@ impl Error {
     }
 
     /// Makes an [`Error::Input`].
-    pub(crate) fn input(path: &Path, place: impl Into<String>, what: impl Into<String>, remedy: &str) -> Self {
+    #[doc(hidden)]
+    pub fn input(path: &Path, place: impl Into<String>, what: impl Into<String>, remedy: &str) -> Self {
         Self::Input { path: path.to_path_buf(), place: place.into(), what: what.into(), remedy: remedy.into() }
     }
 

@@ -2,9 +2,7 @@
 //! base pose, and their weights as push constants. As many targets can be active as the device has attributes for.
 
 use crate::draws::{Capture, Draws};
-use crate::invalid;
 use crate::vertex_store::store_sets;
-use deltamorph::Result;
 use deltamorph::ash::vk;
 use deltamorph::internals::abi::modules::{DIRECT_ATTRIBUTES, FEEDBACK, VERTEX_STORE};
 use deltamorph::internals::gpu::mesh::MeshBuffers;
@@ -15,6 +13,7 @@ use deltamorph::internals::update::dense::feedback::VertexPasses;
 use deltamorph::internals::update::dense::technique::{ChunkSets, DensePass};
 use deltamorph::internals::update::technique::Context;
 use deltamorph::internals::weights::delta::{Coefficient, active_targets};
+use deltamorph::{Error, Result};
 use std::sync::Arc;
 
 /// Instances of a crowd that keeps no poses: each takes host memory and its own draws.
@@ -49,7 +48,7 @@ impl Draws for AttributeDraws {
     fn new(context: Context<'_>) -> Result<Self> {
         let (layout, pose, instances) = (context.layout(), context.poses.buffer, context.desc.instances);
         if instances > INSTANCES_MAX {
-            return Err(invalid(
+            return Err(Error::invalid(
                 format!("{instances} instances through 'direct-attributes'"),
                 format!("make several crowds of at most {INSTANCES_MAX}"),
             ));
@@ -82,7 +81,7 @@ impl Draws for AttributeDraws {
         if active <= most as usize {
             return Ok(());
         }
-        Err(invalid(
+        Err(Error::invalid(
             format!("{active} active targets through 'direct-attributes', whose draw has vertex attributes for {most}"),
             "set other weights to zero, use a larger batch size where the device has one, or the path 'direct'",
         ))

@@ -37,7 +37,7 @@ fn make(context: Context<'_>) -> Result<Box<dyn Technique>> {
         UpdatePath::Direct => Box::new(draws::DrawTechnique::<direct::DirectDraws>::new(context)?),
         UpdatePath::DirectAttributes => Box::new(draws::DrawTechnique::<attributes::AttributeDraws>::new(context)?),
         UpdatePath::Texture => Box::new(texture::TextureTechnique::new(context)?),
-        path => return Err(invalid(format!("update path '{}'", path.name()), "it is one of the library's own")),
+        path => return Err(Error::invalid(format!("update path '{}'", path.name()), "it is one of the library's own")),
     })
 }
 
@@ -70,8 +70,4 @@ fn private<T: Any>(mesh: &MeshBuffers) -> &T {
     let kept = mesh.private.as_ref().and_then(|kept| kept.downcast_ref());
     let Some(kept) = kept else { unreachable!("a mesh that was uploaded for another path is refused") };
     kept
-}
-
-fn invalid(what: impl Into<String>, remedy: impl Into<String>) -> Error {
-    Error::Invalid { what: what.into(), remedy: remedy.into() }
 }

@@ -18,7 +18,6 @@
 use super::container::{Container, Refused};
 use super::half;
 use super::texels::{DeltaTexels, RECTANGLE_WORDS};
-use crate::invalid;
 use deltamorph::glam::Vec3;
 use deltamorph::internals::asset::streams::group_streams;
 use deltamorph::internals::asset::{MorphMesh, MorphTarget, Semantic, StreamDeltas, StreamPlace};
@@ -68,7 +67,7 @@ pub struct TextureFile {
 /// 65504.
 pub fn write_ktx2(mesh: &PackedMesh, floats: TextureFloats) -> Result<TextureFile> {
     let (layout, single) = (mesh.layout(), floats == TextureFloats::Single);
-    let refuse = |what: String, remedy: &str| Err(invalid(format!("mesh '{}': {what}", layout.name), remedy));
+    let refuse = |what: String, remedy: &str| Err(Error::invalid(format!("mesh '{}': {what}", layout.name), remedy));
     if layout.format != DeltaFormat::Float32 {
         return refuse("its deltas are not packed as float32".into(), "pack it with DeltaFormat::Float32");
     }
@@ -115,12 +114,7 @@ pub fn write_ktx2(mesh: &PackedMesh, floats: TextureFloats) -> Result<TextureFil
 /// streams.
 pub fn read_ktx2(path: &Path, base: &MorphMesh) -> Result<MorphMesh> {
     let bytes = read_bounded(path, LARGEST_FILE, "split the mesh")?;
-    let targets = targets(&bytes, base).map_err(|(place, what, remedy)| Error::Input {
-        path: path.to_path_buf(),
-        place: place.into(),
-        what,
-        remedy: remedy.into(),
-    })?;
+    let targets = targets(&bytes, base).map_err(|(place, what, remedy)| Error::input(path, place, what, remedy))?;
     Ok(MorphMesh { targets, ..base.clone() })
 }
 

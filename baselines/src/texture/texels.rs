@@ -7,9 +7,8 @@
 //! between.
 
 use super::half;
-use crate::invalid;
-use deltamorph::Result;
 use deltamorph::internals::pack::{DeltaFormat, POSE_FLOATS, PackedGroup};
+use deltamorph::{Error, Result};
 use std::ops::Range;
 
 /// Runs of texels with at most so many others between them are drawn as one: a texel costs less than a rectangle.
@@ -182,7 +181,7 @@ fn size(texels: usize, side: u32, name: &str) -> Result<[u32; 2]> {
     let width = ((texels as f64).sqrt().ceil() as u32).next_power_of_two().clamp(1, side.max(1));
     match u32::try_from(texels.div_ceil(width as usize).max(1)) {
         Ok(height) if height <= side => Ok([width, height]),
-        _ => Err(invalid(
+        _ => Err(Error::invalid(
             format!("mesh '{name}': {texels} texels in an image of at most {side} × {side}"),
             "use fewer targets, or split the mesh",
         )),
