@@ -13,7 +13,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     /// # Errors
     /// Those of [`draw`](Self::draw); a direct path on a device that cannot capture.
     pub fn read_pose(&mut self, instance: u32) -> Result<Vec<f32>> {
-        self.read_group(instance, 0).map(|(pose, _)| pose)
+        self.read_current(instance, 0)
     }
 
     /// Reads the previous pose of an instance back; `None` if the update had to overwrite it.
@@ -31,15 +31,9 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     /// # Errors
     /// Those of [`read_pose`](Self::read_pose); a group out of range.
     pub fn read_group(&mut self, instance: u32, group: usize) -> Result<(Vec<f32>, Option<Vec<f32>>)> {
-        let base = self.crowd.base();
-        if let Some(draws) = base.draws(group) {
-            base.slots_of(instance)?;
-            // SAFETY: as in `step_together`.
-            self.headless.submitter.run(|cmd| unsafe { draws.capture(cmd, instance) })?;
-            return Ok((self.read_view(base.view(0, 0, group), group)?, None));
-        }
-        let (pose, previous) = (base.group_pose(instance, group)?, base.previous_group_pose(instance, group)?);
-        Ok((self.read_view(pose, group)?, previous.map(|view| self.read_view(view, group)).transpose()?))
+        let pose = self.read_current(instance, group)?;
+        let previous = self.crowd.base().previous_group_pose(instance, group)?;
+        Ok((pose, previous.map(|view| self.read_view(view, group)).transpose()?))
     }
 
     /// Reads the pose of an instance in a group back as it is stored, in the order and with the padding of pose
@@ -60,6 +54,21 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     pub fn read_sums(&mut self, instance: u32) -> Result<Option<Vec<i32>>> {
         let Some((buffer, offset)) = self.crowd.base().sums(instance) else { return Ok(None) };
         self.read((buffer, offset, self.mesh.layout().base_bytes())).map(Some)
+    }
+
+    /// The pose of an instance in a group, decoded, in the user's order of vertices.
+    fn read_current(&mut self, instance: u32, group: usize) -> Result<Vec<f32>> {
+        let base = self.crowd.base();
+        let view = match base.draws(group) {
+            Some(draws) => {
+                base.slots_of(instance)?;
+                // SAFETY: as in `step_together`.
+                self.headless.submitter.run(|cmd| unsafe { draws.capture(cmd, instance) })?;
+                base.view(0, 0, group)
+            }
+            None => base.group_pose(instance, group)?,
+        };
+        self.read_view(view, group)
     }
 
     /// The pose of a view in a group, decoded, in the user's order of vertices.
