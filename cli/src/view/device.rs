@@ -112,7 +112,8 @@ impl Instance {
                 let what = "--validation: the Vulkan validation layers are missing";
                 Failure::Failed(format!("{what}; install vulkan-validationlayers (./with-vulkan does)"))
             }
-            vk::Result::ERROR_EXTENSION_NOT_PRESENT | vk::Result::ERROR_INCOMPATIBLE_DRIVER => no_window(&[]),
+            vk::Result::ERROR_EXTENSION_NOT_PRESENT => cannot_show(&format!("vkCreateInstance failed: {result:?}")),
+            vk::Result::ERROR_INCOMPATIBLE_DRIVER => no_window(&[]),
             other => failed("vkCreateInstance")(other),
         })?;
         let mut this = Self { messenger: None, messages, raw, entry };
@@ -140,9 +141,15 @@ impl Drop for Instance {
 
 /// That no device shows in a window here.
 fn no_window(names: &[String]) -> Failure {
-    let there = if names.is_empty() { "no Vulkan driver does".into() } else { format!("not {}", names.join(", not ")) };
+    match names {
+        [] => cannot_show("no Vulkan driver does"),
+        _ => cannot_show(&format!("not {}", names.join(", not "))),
+    }
+}
+
+fn cannot_show(why: &str) -> Failure {
     Failure::Failed(format!(
-        "no Vulkan device can show in a window here: {there}; `deltamorph render` draws pictures without one"
+        "no Vulkan device can show in a window here: {why}; `deltamorph render` draws pictures without one"
     ))
 }
 
