@@ -1,67 +1,13 @@
 //! What the host and the engine have of each other is dropped in any order that compiles.
 
 use crate::gpu::{drivers, on_device, packed};
-use deltamorph::ash::{self, vk};
-use deltamorph::gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
-use deltamorph::gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
+use crate::host::Host;
 use deltamorph::{
-    BatchSize, CrowdDesc, DeltaFormat, DeviceDesc, MorphEngine, SharedAllocator, UpdateDesc, UpdatePath, testing,
+    BatchSize, CrowdDesc, DeltaFormat, DeviceDesc, MorphEngine, UpdateDesc, UpdatePath, testing,
 };
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
 use std::any::Any;
-use std::sync::{Arc, Mutex};
-
-/// A device of the host's own, on an instance that outlives it.
-struct Host(ash::Device);
-
-impl Host {
-    fn new(headless: &Headless) -> Arc<Self> {
-        let (instance, physical, _) = headless.handles();
-        let queues = [vk::DeviceQueueCreateInfo::default().queue_priorities(&[1.0])];
-        let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues);
-        // SAFETY: the physical device is the instance's own; software drivers have one family of queues.
-        Arc::new(Self(unsafe { instance.create_device(physical, &info, None) }.expect("a device")))
-    }
-
-    fn allocator(self: &Arc<Self>, headless: &Headless) -> SharedAllocator {
-        let (instance, physical_device, _) = headless.handles();
-        let allocator = Allocator::new(&AllocatorCreateDesc {
-            instance: instance.clone(),
-            device: self.0.clone(),
-            physical_device,
-            debug_settings: AllocatorDebugSettings::default(),
-            buffer_device_address: false,
-            allocation_sizes: AllocationSizes::new(1 << 20, 1 << 20),
-        });
-        SharedAllocator::new(Arc::new(Mutex::new(allocator.expect("an allocator"))), Some(self.clone()))
-    }
-
-    /// Record a command buffer with `f`, run it, and wait.
-    fn run<R>(&self, f: impl FnOnce(vk::CommandBuffer) -> R) -> R {
-        let device = &self.0;
-        // SAFETY: all is made here, destroyed once, and not in use after the wait.
-        unsafe {
-            let pool = device.create_command_pool(&vk::CommandPoolCreateInfo::default(), None).expect("a pool");
-            let commands = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
-            let cmds = device.allocate_command_buffers(&commands).expect("a command buffer");
-            device.begin_command_buffer(cmds[0], &vk::CommandBufferBeginInfo::default()).expect("recording");
-            let result = f(cmds[0]);
-            device.end_command_buffer(cmds[0]).expect("recorded");
-            let submit = vk::SubmitInfo::default().command_buffers(&cmds);
-            device.queue_submit(device.get_device_queue(0, 0), &[submit], vk::Fence::null()).expect("submitted");
-            device.device_wait_idle().expect("finished");
-            device.destroy_command_pool(pool, None);
-            result
-        }
-    }
-}
-
-impl Drop for Host {
-    fn drop(&mut self) {
-        // SAFETY: all that was made on the device keeps this value alive.
-        unsafe { self.0.destroy_device(None) };
-    }
-}
+use std::sync::Arc;
 
 /// Every order of so many things.
 fn orders(things: usize) -> Vec<Vec<usize>> {
@@ -84,7 +30,7 @@ fn engine_mesh_crowds_allocator_and_device_are_dropped_in_any_order() {
             for order in orders(things) {
                 let host = Host::new(headless);
                 let gone = Arc::downgrade(&host);
-                let device = DeviceDesc::new(instance, physical, &host.0).owner(Some(host.clone()));
+                let device = DeviceDesc::new(instance, physical, &host.device).owner(Some(host.clone()));
                 let allocator = shares.then(|| host.allocator(headless));
                 // SAFETY: the handles belong together, and live as long as `host`.
                 let engine = unsafe { MorphEngine::new(&device.allocator(allocator.clone())) }.expect("an engine");
@@ -123,7 +69,7 @@ fn what_the_engine_makes_has_names_where_the_host_wants_them() {
             let headless = Headless::new(&choice).expect("a device; run the tests as ./with-vulkan cargo test");
             let host = Host::new(&headless);
             let (instance, physical, _) = headless.handles();
-            let device = DeviceDesc::new(instance, physical, &host.0).debug_names(named);
+            let device = DeviceDesc::new(instance, physical, &host.device).debug_names(named);
             // SAFETY: the handles belong together; nothing is used or dropped after the device.
             let engine = unsafe { MorphEngine::new(&device) }.expect("an engine");
             let mesh = packed(&engine, &testing::mesh(64, 3), DeltaFormat::Small);

@@ -4,6 +4,9 @@
 mod data;
 #[path = "../common/gpu.rs"]
 mod gpu;
+#[allow(dead_code, reason = "uploads here keep their staging memory")]
+#[path = "../common/host.rs"]
+mod host;
 #[path = "../common/joints.rs"]
 mod joints;
 #[allow(dead_code, reason = "buffers are all that is needed of it")]
