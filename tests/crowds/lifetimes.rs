@@ -2,9 +2,7 @@
 
 use crate::gpu::{drivers, on_device, packed};
 use crate::host::Host;
-use deltamorph::{
-    BatchSize, CrowdDesc, DeltaFormat, DeviceDesc, MorphEngine, UpdateDesc, UpdatePath, testing,
-};
+use deltamorph::{BatchSize, CrowdDesc, DeltaFormat, DeviceDesc, MorphEngine, UpdateDesc, UpdatePath, testing};
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
 use std::any::Any;
 use std::sync::Arc;

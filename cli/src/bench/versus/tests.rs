@@ -119,7 +119,9 @@ fn other_machines_and_meshes_are_told() {
     after.input.vertices = 12;
     let warnings = compared(&[&before, &after]).warnings;
     assert_eq!(warnings.len(), 3, "{warnings:?}");
-    for (warning, words) in warnings.iter().zip(["Example GPU <1> in A, Another in B", "64 threads in B", "12 vertices"]) {
+    for (warning, words) in
+        warnings.iter().zip(["Example GPU <1> in A, Another in B", "64 threads in B", "12 vertices"])
+    {
         assert!(warning.contains(words), "{warning}");
     }
 }
