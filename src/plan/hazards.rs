@@ -282,3 +282,33 @@ impl HazardChecker {
 fn sees(visible: &[Scope], access: Use<Memory>) -> bool {
     visible.iter().any(|scope| scope.has_stage(access.stage) && scope.has_access(access.access))
 }
+
+/// Counts the barriers of the updates numbered `of`, and asserts that each is needed: without it `is_right`, which says
+/// whether updates have no hazard, is false. Barriers with nothing between them count as one: an update without works
+/// of a technique has such.
+///
+/// # Panics
+/// The updates have a hazard as they are; a barrier is not needed.
+pub fn barriers_needed(
+    updates: &[Vec<Event>],
+    of: impl IntoIterator<Item = usize>,
+    is_right: impl Fn(&[Vec<Event>]) -> bool,
+) -> usize {
+    assert!(is_right(updates));
+    let same = |a: &Event, b: &Event| matches!((a, b), (Event::Barrier(_), Event::Barrier(_)));
+    let mut found = 0;
+    for update in of {
+        let mut runs: Vec<&[Event]> = updates[update].chunk_by(same).collect();
+        for at in 0..runs.len() {
+            let dropped = std::mem::take(&mut runs[at]);
+            if matches!(dropped[0], Event::Barrier(_)) {
+                let mut faulty = updates.to_vec();
+                faulty[update] = runs.concat();
+                assert!(!is_right(&faulty), "update {update}: dropped {dropped:?}");
+                found += 1;
+            }
+            runs[at] = dropped;
+        }
+    }
+    found
+}

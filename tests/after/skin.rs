@@ -4,10 +4,10 @@
 use crate::gpu;
 use crate::joints::{JOINTS, Joints, MIRRORED};
 use crate::offscreen::Offscreen;
-use crate::written::{Written, barriers_needed};
+use crate::written::Written;
 use deltamorph::after::{GpuSkin, SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::vk;
-use deltamorph::internals::plan::hazards::{Event, HazardChecker, Memory};
+use deltamorph::internals::plan::hazards::{Event, HazardChecker, Memory, barriers_needed};
 use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::internals::plan::steps::Resource;
 use deltamorph::reference::{self, compare};

@@ -3,12 +3,12 @@
 use crate::gpu;
 use crate::joints::{JOINTS, Joints};
 use crate::offscreen::Offscreen;
-use crate::written::{Written, barriers_needed};
+use crate::written::Written;
 use crate::{decode, normals, skin};
 use deltamorph::after::{BoundsTarget, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::vk;
 use deltamorph::internals::plan::after::Kind;
-use deltamorph::internals::plan::hazards::{Event, HazardChecker, Memory};
+use deltamorph::internals::plan::hazards::{Event, HazardChecker, Memory, barriers_needed};
 use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::{CrowdDesc, DecodeTarget, DeltaFormat, UpdateDesc};
 use deltamorph_headless::HeadlessCrowd;

@@ -2,7 +2,6 @@
 
 use crate::offscreen::{Offscreen, Shared};
 use deltamorph::ash::vk;
-use deltamorph::internals::plan::hazards::Event;
 use deltamorph_headless::Headless;
 
 /// What is in a buffer where nothing was written: no number of a pose.
@@ -71,31 +70,4 @@ impl<'a> Written<'a> {
         assert!(words.iter().all(|word| *word == POISON), "what lies between vertices is the host's");
         taken
     }
-}
-
-/// How many barriers these updates have, each of which is missed when it is dropped: `is_right` says of updates whether
-/// they have no hazard. Barriers with nothing between count as one: those of an update that has no works of a
-/// technique.
-pub fn barriers_needed(
-    updates: &[Vec<Event>],
-    of: impl IntoIterator<Item = usize>,
-    is_right: impl Fn(&[Vec<Event>]) -> bool,
-) -> usize {
-    assert!(is_right(updates));
-    let same = |a: &Event, b: &Event| matches!((a, b), (Event::Barrier(_), Event::Barrier(_)));
-    let mut found = 0;
-    for update in of {
-        let mut runs: Vec<&[Event]> = updates[update].chunk_by(same).collect();
-        for at in 0..runs.len() {
-            let dropped = std::mem::take(&mut runs[at]);
-            if matches!(dropped[0], Event::Barrier(_)) {
-                let mut faulty = updates.to_vec();
-                faulty[update] = runs.concat();
-                assert!(!is_right(&faulty), "update {update}: dropped {dropped:?}");
-                found += 1;
-            }
-            runs[at] = dropped;
-        }
-    }
-    found
 }

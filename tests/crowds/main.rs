@@ -14,7 +14,6 @@ mod joints;
 mod offscreen;
 #[path = "../common/picture.rs"]
 mod picture;
-#[allow(dead_code, reason = "no barrier is left out here")]
 #[path = "../common/written.rs"]
 mod written;
 

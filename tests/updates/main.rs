@@ -9,7 +9,6 @@ mod gpu;
 mod offscreen;
 #[path = "../common/scene.rs"]
 mod scene;
-#[allow(dead_code, reason = "no barrier is left out here")]
 #[path = "../common/written.rs"]
 mod written;
 
