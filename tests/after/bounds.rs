@@ -9,9 +9,7 @@ use deltamorph::after::{BoundsTarget, WeightBounds};
 use deltamorph::ash::vk;
 use deltamorph::import::{csv, obj};
 use deltamorph::reference::evaluate;
-use deltamorph::{
-    BatchSize, Consumers, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
-};
+use deltamorph::{Consumers, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, Tolerance, UpdateDesc};
 use deltamorph_head::{HeadDesc, head};
 use deltamorph_headless::HeadlessCrowd;
 use std::time::Instant;
@@ -35,13 +33,7 @@ fn bounds_on_the_device_are_those_of_the_pose() {
         // As many vertices as fill no part.
         let mesh = head(&HeadDesc::default().vertices(900).targets(37).sparsity(0.05).seed(3));
         let mesh = mesh.to_mesh(Tolerance::default()).expect("a mesh");
-        let blocks = |format, pose| (format, UpdateDesc::blocks().pose(pose));
-        for (format, update) in [
-            blocks(DeltaFormat::Fast, PoseFormat::Float32),
-            blocks(DeltaFormat::Fast, PoseFormat::Fixed32),
-            blocks(DeltaFormat::Small, PoseFormat::Fixed16),
-            (DeltaFormat::Float32, UpdateDesc::new(UpdatePath::Compute, BatchSize::All)),
-        ] {
+        for (format, update) in gpu::updates(headless) {
             let packed = gpu::packed(engine, &mesh, format);
             let consumers = Consumers::VERTEX_ATTRIBUTES | Consumers::COPIES;
             let desc = CrowdDesc::new(update).instances(2).consumers(consumers);

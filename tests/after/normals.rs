@@ -9,9 +9,7 @@ use deltamorph::after::{GpuNormals, NormalsDesc, NormalsTarget};
 use deltamorph::ash::vk;
 use deltamorph::import::{csv, obj};
 use deltamorph::reference::{angle_degrees, evaluate_unpacked, normals};
-use deltamorph::{
-    BatchSize, Consumers, CrowdDesc, DeltaFormat, MorphMesh, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
-};
+use deltamorph::{Consumers, CrowdDesc, DeltaFormat, MorphMesh, PackedMesh, Tolerance, UpdateDesc};
 use deltamorph_head::{HeadDesc, head};
 use deltamorph_headless::{Headless, HeadlessCrowd};
 use glam::DVec3;
@@ -54,14 +52,8 @@ fn recomputed_normals_are_those_of_the_surface_and_only_what_changed_is_written(
     let surface_desc = NormalsDesc::new(&corners).sizes(&mesh.faces.sizes).welds(&mesh.welds);
     gpu::on_every_device(|headless, engine| {
         let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
-        let blocks = |format, pose| (format, UpdateDesc::blocks().pose(pose));
         let mut worst: f64 = 0.0;
-        for (format, update) in [
-            blocks(DeltaFormat::Fast, PoseFormat::Float32),
-            blocks(DeltaFormat::Fast, PoseFormat::Fixed32),
-            blocks(DeltaFormat::Small, PoseFormat::Fixed16),
-            (DeltaFormat::Float32, UpdateDesc::new(UpdatePath::Compute, BatchSize::All)),
-        ] {
+        for (format, update) in gpu::updates(headless) {
             let packed = gpu::packed(engine, &mesh, format);
             let vertices = packed.layout().vertex_count;
             let consumers = Consumers::VERTEX_ATTRIBUTES | Consumers::COPIES;

@@ -7,7 +7,7 @@ use deltamorph::internals::plan::hazards::Event;
 use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{BatchSize, DeltaFormat, PackedMesh, PoseFormat, UpdateDesc, UpdateMode, UpdatePath, testing};
-use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
+use deltamorph_headless::HeadlessCrowd;
 use std::slice::from_mut;
 
 /// Synchronization validation sees the same fault in the real command buffer; but not, in 1.3.239, between atomics and
@@ -18,24 +18,7 @@ fn validation_sees_a_dropped_barrier() {
         (UpdatePath::Scatter, BatchSize::All, DeltaFormat::Small, 1),
         (UpdatePath::VertexStore, BatchSize::Targets(4), DeltaFormat::Float32, 1),
     ] {
-        let device = DeviceChoice::Name("llvmpipe".into());
-        let headless = Headless::new(&HeadlessDesc::default().device(device).validation(true))
-            .expect("lavapipe; run the tests as ./with-vulkan cargo test");
-        headless.engine().set_techniques(&deltamorph_baselines::TECHNIQUES);
-        let mesh = packed(headless.engine(), &testing::mesh(500, 20), format);
-        let desc = single(UpdateDesc::new(path, batch));
-        let mut crowd = HeadlessCrowd::new(&headless, &mesh, &desc).expect("a crowd");
-        crowd.step(&[&gpu::weights(&mesh, 0, 1)]).expect("a step");
-        assert_eq!(gpu::complaints(&headless), Vec::<String>::new());
-        let drop_one = |entries: &mut Vec<Entry>| {
-            let barriers = entries.iter().enumerate().filter(|(_, entry)| matches!(entry, Entry::Barrier(_)));
-            let at = barriers.map(|(i, _)| i).nth(dropped).expect("a barrier between steps");
-            entries.remove(at);
-        };
-        // SAFETY: a barrier less; the driver is software, and runs commands one after the other all the same.
-        unsafe { HeadlessCrowd::step_tampered(from_mut(&mut crowd), &[&[0.7; 20]], drop_one) }.expect("a step");
-        let messages = gpu::complaints(&headless);
-        assert!(messages.iter().any(|m| m.contains("SYNC-HAZARD")), "{path:?}, {dropped}: {messages:?}");
+        gpu::assert_validation_sees_dropped(dropped, UpdateDesc::new(path, batch), format);
     }
 }
 

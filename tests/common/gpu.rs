@@ -2,13 +2,14 @@
 #![allow(dead_code)] // each test file uses some of this
 
 use deltamorph::internals::plan::hazards::{Event, HazardChecker, Violation};
-use deltamorph::internals::plan::schedule::asset_uploaded;
+use deltamorph::internals::plan::schedule::{Entry, asset_uploaded};
 use deltamorph::reference::evaluate_group;
 use deltamorph::{
     BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, MorphMesh, POSE_FLOATS, PackDesc, PackedGroup,
-    PackedMesh, PoseError, PoseFormat, PoseGrid, UpdateDesc, UpdatePath,
+    PackedMesh, PoseError, PoseFormat, PoseGrid, UpdateDesc, UpdatePath, testing,
 };
-use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
+use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
+use std::slice::from_mut;
 
 /// What the project promises after whole clips: positions within this share of the diagonal…
 pub const POSITION: f64 = 3e-6;
@@ -111,6 +112,27 @@ pub fn complaints(headless: &Headless) -> Vec<String> {
         m.contains("SYNC-HAZARD-WRITE-AFTER-WRITE") && m.contains("previously written by another vkCmdDispatch")
     };
     headless.messages().into_iter().filter(|message| !disjoint(message)).collect()
+}
+
+/// Synchronization validation of lavapipe reports an update whose barrier number `dropped` is not recorded.
+pub fn assert_validation_sees_dropped(dropped: usize, desc: UpdateDesc, format: DeltaFormat) {
+    let device = DeviceChoice::Name("llvmpipe".into());
+    let headless = Headless::new(&HeadlessDesc::default().device(device).validation(true))
+        .expect("lavapipe; run the tests as ./with-vulkan cargo test");
+    headless.engine().set_techniques(&deltamorph_baselines::TECHNIQUES);
+    let mesh = packed(headless.engine(), &testing::mesh(500, 20), format);
+    let mut crowd = HeadlessCrowd::new(&headless, &mesh, &single(desc)).expect("a crowd");
+    crowd.step(&[&weights(&mesh, 0, 1)]).expect("a step");
+    assert_eq!(complaints(&headless), Vec::<String>::new());
+    let drop_one = |entries: &mut Vec<Entry>| {
+        let barriers = entries.iter().enumerate().filter(|(_, entry)| matches!(entry, Entry::Barrier(_)));
+        let at = barriers.map(|(i, _)| i).nth(dropped).expect("a barrier between steps");
+        entries.remove(at);
+    };
+    // SAFETY: a barrier less; the driver is software, and runs commands one after the other all the same.
+    unsafe { HeadlessCrowd::step_tampered(from_mut(&mut crowd), &[&[0.7; 20]], drop_one) }.expect("a step");
+    let messages = complaints(&headless);
+    assert!(messages.iter().any(|m| m.contains("SYNC-HAZARD")), "{desc:?}, {dropped}: {messages:?}");
 }
 
 /// Every path and a spread of batch sizes that the device offers for `format`.

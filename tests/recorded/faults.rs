@@ -6,7 +6,7 @@ use deltamorph::internals::plan::hazards::Event;
 use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{BatchSize, DeltaFormat, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing};
-use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
+use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::slice::from_mut;
 
 fn packed(engine: &MorphEngine, format: DeltaFormat) -> PackedMesh {
@@ -57,24 +57,8 @@ fn what_the_engine_records_has_no_hazard_and_a_dropped_barrier_has_one() {
 /// hazards of transform feedback).
 #[test]
 fn validation_sees_a_dropped_barrier_between_compute_passes() {
-    let device = DeviceChoice::Name("llvmpipe".into());
-    let headless = Headless::new(&HeadlessDesc::default().device(device).validation(true))
-        .expect("lavapipe; run the tests as ./with-vulkan cargo test");
-    let engine = headless.engine();
-    let mesh = packed(engine, DeltaFormat::Float32);
     let desc = UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(4));
-    let mut crowd = HeadlessCrowd::new(&headless, &mesh, &single(desc)).expect("a crowd");
-    crowd.step(&[&weights(&mesh, 0, 1)]).expect("a step");
-    assert_eq!(gpu::complaints(&headless), Vec::<String>::new());
-    let drop_second = |entries: &mut Vec<Entry>| {
-        let barriers = entries.iter().enumerate().filter(|(_, entry)| matches!(entry, Entry::Barrier(_)));
-        let at = barriers.map(|(i, _)| i).nth(1).expect("a barrier between passes");
-        entries.remove(at);
-    };
-    // SAFETY: a barrier less; the driver is software, and runs dispatches one after the other all the same.
-    unsafe { HeadlessCrowd::step_tampered(from_mut(&mut crowd), &[&[0.7; 20]], drop_second) }.expect("a step");
-    let messages = gpu::complaints(&headless);
-    assert!(messages.iter().any(|m| m.contains("SYNC-HAZARD")), "{messages:?}");
+    gpu::assert_validation_sees_dropped(1, desc, DeltaFormat::Float32);
 }
 
 /// Every path that names its slots in commands. Blocks name theirs in the work list, which is not tampered with.
