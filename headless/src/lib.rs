@@ -195,13 +195,24 @@ impl Instance {
 
     fn devices(&self) -> Result<Vec<(vk::PhysicalDevice, DeviceCaps)>> {
         // SAFETY: the instance is alive, and was created for Vulkan 1.1.
-        let all =
-            unsafe { self.raw.enumerate_physical_devices() }.map_err(Error::vulkan("vkEnumeratePhysicalDevices"))?;
-        // SAFETY: as above; the devices are the instance's own.
-        let caps = |d: vk::PhysicalDevice| Ok((d, unsafe { DeviceCaps::query(&self.raw, d) }?));
-        // SAFETY: as above.
-        let modern = |d: &vk::PhysicalDevice| unsafe { self.raw.get_physical_device_properties(*d) }.api_version >= vk::API_VERSION_1_1;
-        all.into_iter().filter(modern).map(caps).collect()
+        unsafe { devices(&self.raw) }
+    }
+}
+
+/// The devices of an instance that have Vulkan 1.1, and their limits.
+///
+/// # Errors
+/// A Vulkan call fails.
+///
+/// # Safety
+/// The instance is alive, and was created for Vulkan 1.1.
+pub unsafe fn devices(instance: &ash::Instance) -> Result<Vec<(vk::PhysicalDevice, DeviceCaps)>> {
+    // SAFETY: the caller's obligation; the devices are the instance's own. Those of Vulkan 1.0 are asked for no more
+    // than it has.
+    unsafe {
+        let mut all = instance.enumerate_physical_devices().map_err(Error::vulkan("vkEnumeratePhysicalDevices"))?;
+        all.retain(|device| instance.get_physical_device_properties(*device).api_version >= vk::API_VERSION_1_1);
+        all.into_iter().map(|device| Ok((device, DeviceCaps::query(instance, device)?))).collect()
     }
 }
 

@@ -300,22 +300,14 @@ fn choose(
     choice: Option<&DeviceChoice>,
 ) -> Result<(vk::PhysicalDevice, u32, DeviceCaps), Failure> {
     let instance = &with_entry.raw;
-    // SAFETY: the instance is alive, and was created for Vulkan 1.1; the devices are its own.
-    let all = unsafe { instance.enumerate_physical_devices() }.map_err(failed("vkEnumeratePhysicalDevices"))?;
-    // SAFETY: as above. They are not asked for more than Vulkan 1.0 can say before the version is known.
-    let version = |d: &vk::PhysicalDevice| unsafe { instance.get_physical_device_properties(*d) }.api_version;
-    // SAFETY: as above.
-    let caps = all
-        .into_iter()
-        .filter(|d| version(d) >= vk::API_VERSION_1_1)
-        .map(|d| Ok((d, unsafe { DeviceCaps::query(instance, d) }?)));
-    let caps: Vec<_> = caps.collect::<deltamorph::Result<_>>()?;
+    // SAFETY: the instance is alive, and was created for Vulkan 1.1.
+    let caps = unsafe { headless::devices(instance) }?;
     let matching = caps.into_iter().enumerate().filter(|(i, (_, c))| choice.is_none_or(|choice| choice.matches(*i, c)));
     let matching: Vec<_> = matching.map(|(_, able)| able).collect();
     let names: Vec<String> = matching.iter().map(|(_, caps)| caps.name.clone()).collect();
     let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
     let family = |physical| {
-        // SAFETY: as above.
+        // SAFETY: the device is the instance's own.
         let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
         for (i, family) in (0u32..).zip(families) {
             if family.queue_flags.contains(wanted) && presents(with_entry, physical, i, window) {
