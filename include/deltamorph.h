@@ -1108,8 +1108,8 @@ DmResult dm_crowd_cut_camera(struct DmCrowd crowd);
 
 /// Set the position of an instance from the next recorded update on. From its first position on, its level of detail
 /// follows the camera: the GPU computes how many targets it keeps, and fades them; with `dm_crowd_cut` they change at
-/// once. With DmCrowdDesc::error_budget the instance also has an error budget from its size in pixels, or the crowd's
-/// if that is less.
+/// once. With DmCrowdDesc::error_budget the instance also has an error budget of its own: half of DmLevelDesc::pixels,
+/// as a length at its distance, or the crowd's if that is less.
 ///
 /// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `level`; DM_ERROR_INVALID for an invalid
 /// position; those of `dm_crowd_set_level`.
