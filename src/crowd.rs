@@ -4,7 +4,6 @@ use crate::error::Result;
 use crate::pack::PackedLayout;
 use crate::pack::blocks::PoseGrid;
 use crate::plan::instances::{Instances, check_weight, check_weights, target_named};
-#[cfg(feature = "internals")]
 use std::ops::Range;
 
 /// Instances of one mesh, updated together: the type behind [`Crowd`](crate::Crowd),
@@ -42,7 +41,6 @@ pub trait Kind {
     fn remove(&mut self, _instance: u32) {}
 
     /// See [`CrowdBase::changed`], of the update with this number, which is the last.
-    #[cfg(feature = "internals")]
     fn changed(&self, instances: &Instances, update: u64, instance: u32, out: &mut Vec<Range<u32>>);
 }
 
@@ -117,19 +115,6 @@ impl<K: Kind + ?Sized> CrowdBase<K> {
     /// The instances that are shown, ascending.
     pub fn shown(&self) -> impl Iterator<Item = u32> {
         self.instances.requested().zip(0..).filter_map(|(requested, i)| requested.map(|_| i))
-    }
-
-    /// Vertices that the last update changed in the pose of `instance`, as ranges in the order of pose buffers:
-    /// ascending, whole blocks in block formats; all where only the GPU knows. The last range may go on behind the last
-    /// vertex.
-    #[cfg(feature = "internals")]
-    #[doc(hidden)]
-    pub fn changed(&self, instance: u32) -> Vec<Range<u32>> {
-        let mut changed = vec![];
-        if self.instances.check(instance).is_ok() {
-            self.kind.changed(&self.instances, self.updates, instance, &mut changed);
-        }
-        changed
     }
 }
 

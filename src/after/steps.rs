@@ -6,7 +6,6 @@ use crate::error::Result;
 use crate::gpu::memory::Ring;
 use crate::plan::after::Kind;
 use crate::plan::earlier::Earlier;
-#[cfg(any(test, feature = "internals"))]
 use crate::plan::hazards::{Accesses, Memory};
 use crate::plan::instances::Instances;
 use crate::plan::steps::{Owner, Resource, Source, Steps, Use, Work};
@@ -230,7 +229,6 @@ impl After {
     }
 
     /// What works of a step read and write.
-    #[cfg(any(test, feature = "internals"))]
     pub(crate) fn accesses(&self, kind: Kind, works: &[Work]) -> Vec<Accesses> {
         let of = |work: &Work| {
             let Some((_, Job { dispatch, slot, output, .. })) = self.job(0, kind, work) else {

@@ -22,7 +22,6 @@ use crate::weights::delta::Coefficient;
 use bytemuck::Pod;
 use std::any::Any;
 use std::borrow::Cow;
-#[cfg(feature = "internals")]
 use std::ops::Range;
 use std::sync::Arc;
 pub(crate) use workers::Workers;
@@ -64,7 +63,6 @@ trait CpuPlanner: Any + Send + Sync {
     }
 
     /// As [`Kind::changed`].
-    #[cfg(feature = "internals")]
     fn changed(&self, instances: &Instances, update: u64, instance: u32, out: &mut Vec<Range<u32>>);
 }
 
@@ -81,7 +79,6 @@ impl CpuPlanner for DensePlanner {
         DensePlanner::stats(self, groups.iter().map(PackedGroup::layout))
     }
 
-    #[cfg(feature = "internals")]
     fn changed(&self, instances: &Instances, update: u64, instance: u32, out: &mut Vec<Range<u32>>) {
         let written = instances.written_by(instance as usize);
         out.extend((written > 0 && written == update).then_some(0..u32::MAX));
@@ -109,7 +106,6 @@ impl CpuPlanner for Planner {
         Planner::set_error_budget(self, instance as usize, budget)
     }
 
-    #[cfg(feature = "internals")]
     fn changed(&self, _instances: &Instances, _update: u64, instance: u32, out: &mut Vec<Range<u32>>) {
         self.groups[0].changed(instance, out);
     }
@@ -128,7 +124,6 @@ impl Kind for OnCpu {
         self.planner.add(instance);
     }
 
-    #[cfg(feature = "internals")]
     fn changed(&self, instances: &Instances, update: u64, instance: u32, out: &mut Vec<Range<u32>>) {
         self.planner.changed(instances, update, instance, out);
     }

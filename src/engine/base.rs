@@ -138,7 +138,6 @@ impl<U: Updater + ?Sized> Kind for OnDevice<U> {
         self.after.remove(instance);
     }
 
-    #[cfg(feature = "internals")]
     fn changed(&self, instances: &Instances, _update: u64, instance: u32, out: &mut Vec<std::ops::Range<u32>>) {
         if let Some(id) = self.last {
             self.updater.technique().changed(instances, id, instance, out);
@@ -351,7 +350,6 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
     }
 
     /// What works of a step read and write, for the hazard checker.
-    #[cfg(feature = "internals")]
     pub(super) fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
         match works[0].owner {
             Owner::Technique => self.technique().accesses(works),

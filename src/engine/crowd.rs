@@ -165,15 +165,6 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
         self.instances.check(instance)?;
         Skin::view(&self.kind.after, instance)
     }
-
-    /// Count as if so many updates had been recorded and run; epochs begin at the low 32 bits. Lets tests cross the
-    /// wraps of numbers, before the first update.
-    #[cfg(feature = "internals")]
-    #[doc(hidden)]
-    pub fn begin_at(&mut self, updates: u64) {
-        (self.updates, self.kind.recorded) = (updates, updates);
-        self.kind.updater.technique_mut().begin_at(updates);
-    }
 }
 
 /// What only crowds do that play clips: [`AnimatedCrowd`].

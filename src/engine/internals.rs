@@ -1,12 +1,15 @@
 //! What packages of this repository ask of engines, meshes and crowds, beside what hosts do.
 
 use super::base::{OnDevice, Updater};
-use super::{AnimatedCrowd, GpuMesh, MorphEngine};
-use crate::crowd::CrowdBase;
+use super::{AnimatedCrowd, AnyCrowd, DeviceCrowd, GpuMesh, MorphEngine, Update};
+use crate::crowd::{CrowdBase, Kind};
 use crate::error::Result;
 use crate::gpu::device::Device;
+use crate::plan::hazards::{Event, trace};
+use crate::plan::schedule::Entry;
 use crate::update::animated::PlannedGroup;
 use ash::vk;
+use std::ops::Range;
 use std::sync::Arc;
 
 impl MorphEngine {
@@ -14,6 +17,32 @@ impl MorphEngine {
     #[doc(hidden)]
     pub fn device(&self) -> &Arc<Device> {
         &self.device
+    }
+
+    /// As [`record_updates`](Self::record_updates), with what is recorded changed by `tamper`: lets tests plant faults.
+    /// Returns what was recorded, too, as the hazard checker sees it.
+    ///
+    /// # Errors
+    /// As [`record_updates`](Self::record_updates).
+    ///
+    /// # Safety
+    /// As [`record_updates`](Self::record_updates); what `tamper` breaks is broken.
+    #[doc(hidden)]
+    pub unsafe fn record_tampered(
+        &self,
+        cmd: vk::CommandBuffer,
+        crowds: &mut [&mut dyn AnyCrowd],
+        tamper: impl FnOnce(&mut Vec<Entry>),
+    ) -> Result<(Vec<Update>, Vec<Event>)> {
+        let mut crowds: Vec<&mut DeviceCrowd> = crowds.iter_mut().map(|crowd| crowd.base_mut()).collect();
+        let mut updates = vec![];
+        let mut planned = self.plan(&mut crowds, |update| updates.push(update))?;
+        tamper(&mut planned.schedule.entries);
+        let accesses = |crowd: u32, works: &[_]| planned.crowds[crowd as usize].accesses(works);
+        let events = trace(&planned.schedule.entries, accesses);
+        // SAFETY: the caller's obligations.
+        unsafe { planned.record(&self.device.raw, cmd) };
+        Ok((updates, events))
     }
 }
 
@@ -25,7 +54,29 @@ impl GpuMesh {
     }
 }
 
+impl<K: Kind + ?Sized> CrowdBase<K> {
+    /// Vertices that the last update changed in the pose of `instance`, as ranges in the order of pose buffers:
+    /// ascending, whole blocks in block formats; all where only the GPU knows. The last range may go on behind the last
+    /// vertex.
+    #[doc(hidden)]
+    pub fn changed(&self, instance: u32) -> Vec<Range<u32>> {
+        let mut changed = vec![];
+        if self.instances.check(instance).is_ok() {
+            self.kind.changed(&self.instances, self.updates, instance, &mut changed);
+        }
+        changed
+    }
+}
+
 impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
+    /// Count as if so many updates had been recorded and run; epochs begin at the low 32 bits. Lets tests cross the
+    /// wraps of numbers, before the first update.
+    #[doc(hidden)]
+    pub fn begin_at(&mut self, updates: u64) {
+        (self.updates, self.kind.recorded) = (updates, updates);
+        self.kind.updater.technique_mut().begin_at(updates);
+    }
+
     /// See [`Technique::sums`](crate::update::technique::Technique::sums).
     #[doc(hidden)]
     pub fn sums(&self, instance: u32) -> Option<(vk::Buffer, u64)> {

@@ -79,35 +79,8 @@ impl MorphEngine {
         Ok(updates)
     }
 
-    /// As [`record_updates`](Self::record_updates), with what is recorded changed by `tamper`: lets tests plant faults.
-    /// Returns what was recorded, too, as the hazard checker sees it.
-    ///
-    /// # Errors
-    /// As [`record_updates`](Self::record_updates).
-    ///
-    /// # Safety
-    /// As [`record_updates`](Self::record_updates); what `tamper` breaks is broken.
-    #[cfg(feature = "internals")]
-    #[doc(hidden)]
-    pub unsafe fn record_tampered(
-        &self,
-        cmd: vk::CommandBuffer,
-        crowds: &mut [&mut dyn AnyCrowd],
-        tamper: impl FnOnce(&mut Vec<Entry>),
-    ) -> Result<(Vec<Update>, Vec<crate::plan::hazards::Event>)> {
-        let mut crowds: Vec<&mut DeviceCrowd> = crowds.iter_mut().map(|crowd| crowd.base_mut()).collect();
-        let mut updates = vec![];
-        let mut planned = self.plan(&mut crowds, |update| updates.push(update))?;
-        tamper(&mut planned.schedule.entries);
-        let accesses = |crowd: u32, works: &[_]| planned.crowds[crowd as usize].accesses(works);
-        let events = crate::plan::hazards::trace(&planned.schedule.entries, accesses);
-        // SAFETY: the caller's obligations.
-        unsafe { planned.record(&self.device.raw, cmd) };
-        Ok((updates, events))
-    }
-
     /// Plan an update of every crowd, and in which order all are recorded.
-    fn plan<'a, 'b>(
+    pub(super) fn plan<'a, 'b>(
         &self,
         crowds: &'a mut [&'b mut DeviceCrowd],
         mut update: impl FnMut(Update),
@@ -143,11 +116,11 @@ fn check_families(caps: &DeviceCaps, families: impl Iterator<Item = Option<u32>>
 }
 
 /// Updates that are planned and not yet recorded: all are taken back when planning or recording fails or panics.
-struct Planned<'a, 'b> {
-    crowds: &'a mut [&'b mut DeviceCrowd],
+pub(super) struct Planned<'a, 'b> {
+    pub(super) crowds: &'a mut [&'b mut DeviceCrowd],
     /// Crowds of which an update is planned, or was begun to be.
     begun: usize,
-    schedule: Schedule,
+    pub(super) schedule: Schedule,
 }
 
 impl Planned<'_, '_> {
@@ -155,7 +128,7 @@ impl Planned<'_, '_> {
     ///
     /// # Safety
     /// As [`MorphEngine::record_updates`].
-    unsafe fn record(mut self, device: &ash::Device, cmd: vk::CommandBuffer) {
+    pub(super) unsafe fn record(mut self, device: &ash::Device, cmd: vk::CommandBuffer) {
         for entry in &self.schedule.entries {
             match entry {
                 // SAFETY: the caller's obligations; techniques use only stages that their device has.

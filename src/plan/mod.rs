@@ -6,7 +6,6 @@
 pub mod after;
 mod desc;
 pub(crate) mod earlier;
-#[cfg(any(test, feature = "internals"))]
 pub mod hazards;
 pub mod instances;
 pub(crate) mod paths;
@@ -16,7 +15,6 @@ pub mod steps;
 pub use desc::{BatchSize, UpdateDesc, UpdateMode};
 pub use paths::UpdatePath;
 pub use steps::Consumers;
-#[cfg(any(test, feature = "internals"))]
 pub use steps::Source;
 
 #[cfg(test)]

@@ -10,7 +10,6 @@ use crate::gpu::pipelines::Kernels;
 use crate::pack::blocks::PoseGrid;
 use crate::pack::vertex::{PlaceConstants, Places};
 use crate::pack::{PackedLayout, PackedMesh, PoseFormat};
-#[cfg(any(test, feature = "internals"))]
 use crate::plan::hazards::Accesses;
 use crate::plan::instances::Instances;
 use crate::plan::steps::{Steps, Work};
@@ -67,7 +66,6 @@ pub trait Technique: Any + Send + Sync {
     fn discard_from(&mut self, _id: UpdateId) {}
 
     /// So many updates are taken for recorded before the first.
-    #[cfg(feature = "internals")]
     fn begin_at(&mut self, _updates: u64) {}
 
     /// The error budget of an instance that there is, from the next update on.
@@ -93,18 +91,15 @@ pub trait Technique: Any + Send + Sync {
     }
 
     /// Sums of integers beside the poses of an instance: buffer and offset.
-    #[cfg_attr(not(feature = "internals"), allow(dead_code, reason = "read back by tests alone"))]
     fn sums(&self, _instance: u32) -> Option<(vk::Buffer, u64)> {
         None
     }
 
     /// What the works of a step read and write, for the hazard checker; see [`trace`](crate::plan::hazards::trace).
-    #[cfg(any(test, feature = "internals"))]
     fn accesses(&self, works: &[Work]) -> Vec<Accesses>;
 }
 
 /// Draws that evaluate poses.
-#[cfg_attr(not(feature = "internals"), allow(dead_code, reason = "drawn by the headless device alone"))]
 pub trait PoseDraws {
     /// Record a draw of each of these instances, in a render pass without attachments, with every primitive discarded.
     ///

@@ -214,7 +214,6 @@ impl Clips {
     }
 
     /// The rank of a target, where there are ranks.
-    #[cfg(any(test, feature = "internals"))]
     pub(crate) fn rank(&self, target: usize) -> u32 {
         self.words[self.ranks_at as usize + target]
     }
@@ -256,7 +255,6 @@ impl Clips {
     }
 
     /// A key in steps of the grid, of a clip and frame that there are.
-    #[cfg(any(test, feature = "internals"))]
     pub(crate) fn key(&self, clip: usize, frame: u32, target: usize) -> i32 {
         let ([first, _, shift, _], at) = (self.entry(clip), frame as usize * self.targets + target);
         match self.format {

@@ -9,9 +9,7 @@ mod clips;
 mod layout;
 mod level;
 mod playback;
-#[cfg(feature = "internals")]
 mod read;
-#[cfg(any(test, feature = "internals"))]
 mod reference;
 mod sample;
 mod steps;
@@ -19,13 +17,11 @@ mod steps;
 mod technique;
 
 pub use clips::{AnimationDesc, Clips, KeyFormat};
-#[cfg(feature = "internals")]
 pub use read::PlannedGroup;
 pub use sample::Playback;
 #[cfg(test)]
 pub(crate) use steps::UPLOADED;
 pub(crate) use technique::Animated;
-#[cfg(any(test, feature = "internals"))]
 pub use {clips::Budget, playback::Playbacks, reference::AnimatedReference, sample::HeadRecord, steps::AnimatedUpdate};
 
 #[cfg(test)]

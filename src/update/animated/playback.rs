@@ -79,7 +79,6 @@ impl Playbacks {
     }
 
     /// So many updates are taken for recorded before the first, with as many cuts of each instance and of the camera.
-    #[cfg(feature = "internals")]
     pub fn begin_at(&mut self, updates: u64) {
         self.updates = updates;
         self.camera.1 = updates as u32;

@@ -1,6 +1,5 @@
 //! The steps of an update that the GPU plans: the same ones, whatever changes.
 
-#[cfg(any(test, feature = "internals"))]
 use crate::plan::hazards::{Accesses, Memory};
 use crate::plan::steps::{Access, Resource as R, Source, Stage, Steps, Use, Work};
 use AnimatedKernel as K;
@@ -116,7 +115,6 @@ impl AnimatedUpdate {
 }
 
 /// What the works of a step of a crowd of `instances` read and write.
-#[cfg(any(test, feature = "internals"))]
 pub(crate) fn accesses(works: &[Work], instances: u32) -> Vec<Accesses> {
     use Memory as M;
     let of = |work: &Work| match AnimatedKernel::ALL[work.kernel as usize] {

@@ -75,7 +75,6 @@ pub(crate) struct Animated {
 pub(super) struct Group {
     pub(super) layout: GroupLayout,
     blocks: GroupBlocks,
-    #[cfg_attr(not(feature = "internals"), allow(dead_code, reason = "read back by tests alone"))]
     pub(super) work: Buffer,
     pub(super) control: Buffer,
     /// Of what [`Planning`] reads and writes, for each work list.
@@ -307,12 +306,10 @@ impl Technique for Animated {
         self.playbacks.discard_from(id.recorded);
     }
 
-    #[cfg(feature = "internals")]
     fn begin_at(&mut self, updates: u64) {
         self.playbacks.begin_at(updates);
     }
 
-    #[cfg(any(test, feature = "internals"))]
     fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
         super::steps::accesses(works, self.groups[0].layout.push.heads)
     }

@@ -10,7 +10,6 @@ use crate::abi::worklist::{ALIGN, TILE, WIDTHS, row_words};
 use crate::gpu::tuning::DeviceTuning;
 use crate::pack::PoseFormat;
 use crate::pack::blocks::BlockIndex;
-#[cfg(any(test, feature = "internals"))]
 use crate::plan::hazards::{Accesses, Memory};
 use crate::plan::steps::{Resource, Steps, Use, Work};
 use std::ops::Range;
@@ -148,7 +147,6 @@ impl Dispatches {
 
     /// What the works of a step read and write: a block of an instance is in one item, so that all are carried out as
     /// one.
-    #[cfg(any(test, feature = "internals"))]
     pub fn accesses(&self, list: &WorkList, works: &[Work]) -> Accesses {
         let mut uses = std::collections::HashSet::new();
         for work in works {

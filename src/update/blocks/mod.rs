@@ -14,11 +14,9 @@ mod plan;
 #[allow(unsafe_code)]
 mod technique;
 
-#[cfg(any(test, feature = "internals"))]
 pub use group::WorkList;
 pub(crate) use group::check_tolerance;
 pub use group::{GroupPlan, Item};
-#[cfg(any(test, feature = "internals"))]
 pub(crate) use plan::BlockState;
 pub use plan::Planner;
 pub(crate) use technique::BlocksTechnique;

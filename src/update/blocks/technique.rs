@@ -149,7 +149,6 @@ impl Technique for BlocksTechnique {
         self.planner.groups[0].changed(instance, out);
     }
 
-    #[cfg(any(test, feature = "internals"))]
     fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
         let of = |works: &[Work]| {
             let group = works[0].group as usize;

@@ -179,7 +179,6 @@ impl DensePlanner {
     }
 
     /// What works read and write, for the hazard checker.
-    #[cfg(any(test, feature = "internals"))]
     pub(crate) fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
         use crate::plan::UpdatePath;
         use crate::plan::hazards::{Accesses, Memory};

@@ -126,7 +126,6 @@ impl<P: Passes> Technique for DenseTechnique<P> {
         unsafe { passes.record(cmd, frame, work, &pass) };
     }
 
-    #[cfg(any(test, feature = "internals"))]
     fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
         self.planner.accesses(works)
     }
