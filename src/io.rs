@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
 /// The largest text file that is read: it is held in memory, and the arrays made from it take a few times its size.
-pub(crate) const TEXT_MAX: u64 = 1 << 30;
+pub const TEXT_MAX: u64 = 1 << 30;
 
 /// Reads a regular file of at most `limit` bytes; `remedy` is the advice for a larger one.
 pub fn read_bounded(path: &Path, limit: u64, remedy: &str) -> Result<Vec<u8>> {

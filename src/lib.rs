@@ -9,8 +9,8 @@
 //! 3. [`MorphEngine::upload`] the mesh, [`MorphEngine::create_crowd`].
 //! 4. Each frame: [`Crowd::set_weights`], [`MorphEngine::record_update`], and draw from [`Crowd::pose`]; motion vectors
 //!    take [`Crowd::previous_pose`]. What may follow (skinning, normals of the surface, bounds, float32 of any pose) is
-//!    in [`after`]. [`ClipLayer::mix`] makes weights of clips, a [rig](mod@rig) those of targets from those of
-//!    controls; [`CrowdSet`] gives them to several meshes; [`MorphEngine::readback`] reads poses back.
+//!    in [`after`]. [`ClipLayer::mix`] makes weights of clips, the package deltamorph-rig those of targets
+//!    from those of controls; [`CrowdSet`] gives them to several meshes; [`MorphEngine::readback`] reads poses back.
 //!
 //! ```no_run
 //! use deltamorph::ash::{self, vk};
@@ -51,7 +51,6 @@
 //! None is on by default.
 //! - `csv`: weight clips from CSV files.
 //! - `gltf`: meshes, weight animations and skins from glTF files.
-//! - `rig`: rigs from JSON files ([`mod@rig`]).
 //! - `threads`: the path `cpu` and the importer on several threads.
 //! - `baselines`: the kernels of others' techniques, which are the package deltamorph-baselines.
 //! - `compile-shaders`: compile `glsl/` at build time, which needs a C++ compiler; without it the modules checked in
@@ -81,7 +80,6 @@ mod math;
 mod pack;
 mod plan;
 pub mod reference;
-pub mod rig;
 mod setters;
 #[cfg(feature = "internals")]
 #[doc(hidden)]
@@ -121,7 +119,7 @@ pub use {ash, glam, gpu_allocator};
 #[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod internals {
-    pub use crate::io::{read_bounded, write_replacing};
+    pub use crate::io::{TEXT_MAX, read_bounded, write_replacing};
     pub use crate::math::{angle_degrees, diagonal};
 
     pub mod abi {

@@ -5,13 +5,13 @@ use crate::args::reading::Reading;
 use crate::args::values::Layer;
 use crate::output::{Failure, Output};
 use deltamorph::import::{ImportDesc, Imported, ImportedMesh, csv};
-use deltamorph::rig::names::retarget;
-use deltamorph::rig::{self, BoundRig};
 use deltamorph::{
     BlockDesc, BoundClip, ClipLayer, MorphMesh, PackDesc, PackedMesh, Semantic, Tolerance, WeightClip, import,
     normalise_weights,
 };
 use deltamorph_head as head;
+use deltamorph_rig::BoundRig;
+use deltamorph_rig::names::retarget;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -170,7 +170,7 @@ fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Re
         out.note(format_args!("{origin} is packed: {what}"));
     }
     let rig = args.rig.as_ref().or(rig.as_ref()).map(|path| {
-        let bound = rig::read(path)?.bind(&names(&kept));
+        let bound = deltamorph_rig::read(path)?.bind(&names(&kept));
         bound.map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))
     });
     Ok(Input {

@@ -6,8 +6,8 @@ use crate::table::thousands;
 use deltamorph::MorphSource;
 use deltamorph::import::csv;
 use deltamorph::import::obj::{ObjMesh, write_obj};
-use deltamorph::rig::{Control, Key, Rig};
 use deltamorph_head as head;
+use deltamorph_rig::{Control, Key, Rig};
 use glam::Vec3;
 use std::path::Path;
 
@@ -44,7 +44,7 @@ pub fn run(args: &SampleArgs, out: &Output) -> Result<(), Failure> {
     }))
 }
 
-/// A rig as `rig::read` takes it: what the built-in head's has of it.
+/// A rig as `deltamorph_rig::read` takes it: what the built-in head's has of it.
 fn rig_text(rig: &Rig) -> serde_json::Value {
     let key = |key: &Key| serde_json::json!({"at": key.at, "target": key.target});
     let control = |control: &Control| {
@@ -100,7 +100,7 @@ mod tests {
         let dir = tempfile::tempdir().expect("a folder");
         let file = dir.path().join("rig.json");
         std::fs::write(&file, rig_text(&rig).to_string()).expect("written");
-        assert_eq!(deltamorph::rig::read(&file).expect("read"), rig);
+        assert_eq!(deltamorph_rig::read(&file).expect("read"), rig);
     }
 
     #[test]

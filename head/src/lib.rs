@@ -24,8 +24,8 @@ mod targets;
 
 pub use clip::head_clip;
 use deltamorph::glam::{Vec2, Vec3};
-use deltamorph::rig::{Control, Key, Rig};
 use deltamorph::{Corner, Faces, MorphSource, setters};
+use deltamorph_rig::{Control, Key, Rig};
 use mesh::{Part, Spot};
 pub use random::Rng;
 

@@ -40,7 +40,7 @@ pub struct Imported {
     /// animation of weights, in the order of the file; for a folder, files sorted by name.
     pub clips: Vec<PathBuf>,
     /// The rig that belongs to the mesh: `rig.json` in a folder, `NAME.rig.json` beside `NAME.glb` or `NAME.dmorph`.
-    /// Read it with `rig::read` (feature `rig`).
+    /// The package deltamorph-rig reads it.
     pub rig: Option<PathBuf>,
 }
 

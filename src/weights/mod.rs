@@ -3,7 +3,7 @@
 
 pub mod delta;
 mod layers;
-pub(crate) mod names;
+pub mod names;
 mod normalised;
 
 use crate::error::{Error, Result};
@@ -74,7 +74,8 @@ impl WeightClip {
     }
 
     /// Distinct names, whole rows, finite values.
-    pub(crate) fn check(&self) -> Result<()> {
+    #[doc(hidden)]
+    pub fn check(&self) -> Result<()> {
         let refuse = |what: String, remedy: &str| Err(Error::invalid(format!("clip '{}': {what}", self.name), remedy));
         let columns = self.names.len();
         let mut seen = HashSet::with_capacity(columns);

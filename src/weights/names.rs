@@ -3,7 +3,7 @@
 use crate::error::Error;
 
 /// That `name` is none of `known`, names of `of`: targets of a mesh, or controls.
-pub(crate) fn unknown(what: String, name: &str, of: &str, known: &[&str]) -> Error {
+pub fn unknown(what: String, name: &str, of: &str, known: &[&str]) -> Error {
     Error::invalid(
         what,
         match closest(name, known) {

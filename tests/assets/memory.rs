@@ -3,7 +3,7 @@
 
 use deltamorph::import::csv;
 use deltamorph::import::obj::ObjFile;
-use deltamorph::{DeltaFormat, PackDesc, PackedMesh, rig, testing};
+use deltamorph::{DeltaFormat, PackDesc, PackedMesh, testing};
 use deltamorph_baselines::textures::{TextureFloats, read_ktx2, write_ktx2};
 use proptest::prelude::*;
 use std::path::{Path, PathBuf};
@@ -105,7 +105,7 @@ proptest! {
     fn of_rigs(counts in ([size(), size(), size(), size()], length(), any::<bool>())) {
         let text = rig_of(counts);
         let (_folder, path) = written("a.json", text.as_bytes());
-        prop_assert!(within(text.len(), 300, || rig::read(&path)).is_ok());
+        prop_assert!(within(text.len(), 300, || deltamorph_rig::read(&path)).is_ok());
     }
 
     #[test]

@@ -2,9 +2,9 @@
 
 use crate::data;
 use deltamorph::import::{ImportDesc, ImportedMesh, csv, open};
-use deltamorph::rig::names::retarget;
 use deltamorph::{MorphSource, WeightClip};
 use deltamorph_head::{HeadDesc, head};
+use deltamorph_rig::names::retarget;
 
 fn mesh(name: &str) -> Option<MorphSource> {
     match open(&data::set(name)?, &ImportDesc::default()).unwrap().mesh {

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// What engines may switch on; tools of the project are not among them.
-const FEATURES: &str = "csv,gltf,rig,threads,baselines";
+const FEATURES: &str = "csv,gltf,threads,baselines";
 const PAGE: &str = include_str!("../../docs/dependencies.md");
 
 fn cargo(args: &[&str]) -> String {

@@ -10,7 +10,7 @@ use std::path::Path;
 use std::process::Command;
 use std::sync::OnceLock;
 
-const FEATURES: &str = "csv,gltf,rig,threads,baselines";
+const FEATURES: &str = "csv,gltf,threads,baselines";
 /// Types, constants, functions and modules at the root, at most.
 const MOST: usize = 89;
 

@@ -13,7 +13,6 @@ const ROOMS: &[(&str, &str)] = &[
     ("io", "error"),
     ("asset", "error setters math"),
     ("weights", "error setters"),
-    ("rig", "error setters io weights"),
     ("abi", "error asset"),
     ("pack", "error setters math io asset abi"),
     ("lod", "error setters asset weights pack"),

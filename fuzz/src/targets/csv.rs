@@ -2,7 +2,7 @@
 
 use crate::{Memory, Random, Target, bounded, check_error, scratch, write};
 use deltamorph::import::csv;
-use deltamorph::rig::names::retarget;
+use deltamorph_rig::names::retarget;
 
 pub const TARGET: Target = Target { name: "csv", run, mutate, seeds };
 

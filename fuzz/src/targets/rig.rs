@@ -2,7 +2,7 @@
 
 use crate::{Memory, Random, Target, bounded, check_error, parts, write};
 use deltamorph::WeightClip;
-use deltamorph::rig::{self, BoundRig};
+use deltamorph_rig::BoundRig;
 use std::collections::HashSet;
 
 pub const TARGET: Target = Target { name: "rig", run, mutate, seeds };
@@ -12,7 +12,7 @@ const MEMORY: Memory = Memory { base: 1 << 20, per_byte: 300 };
 fn run(data: &[u8]) {
     let [json, rates] = parts(data);
     let path = write("rig.json", json);
-    let rig = match bounded("rig::read", json.len(), MEMORY, || rig::read(&path)) {
+    let rig = match bounded("rig::read", json.len(), MEMORY, || deltamorph_rig::read(&path)) {
         Ok(rig) => rig,
         Err(error) => return check_error(error),
     };

@@ -3,8 +3,8 @@
 use super::{desc, pieces};
 use deltamorph::MorphSource;
 use deltamorph::glam::DVec3;
-use deltamorph::rig::{BoundRig, Rig};
 use deltamorph_head::{HeadDesc, head, head_rig};
+use deltamorph_rig::{BoundRig, Rig};
 
 /// Steps from open to closed.
 const STEPS: u16 = 64;

@@ -6,8 +6,7 @@ mod table;
 #[cfg(test)]
 mod tests;
 
-use crate::error::Result;
-use crate::weights::WeightClip;
+use deltamorph::{Result, WeightClip};
 use spelling::{Name, Scheme, Side, read};
 use std::collections::{HashMap, HashSet};
 use table::TABLE;
@@ -54,11 +53,12 @@ impl Retargeted {
 /// A column that neither names a target nor is in the table stays in the clip; [`WeightClip::bind`] refuses it by name.
 ///
 /// # Errors
-/// [`Error::Invalid`](crate::Error::Invalid) for two columns of one name, a weight that is not finite, or an incomplete
+/// [`Error::Invalid`](deltamorph::Error::Invalid) for two columns of one name, a weight that is not finite, or an incomplete
 /// row, as in [`WeightClip::bind`].
 ///
 /// ```
-/// use deltamorph::{WeightClip, rig::names};
+/// use deltamorph::WeightClip;
+/// use deltamorph_rig::names;
 ///
 /// let clip = WeightClip {
 ///     names: vec!["browInnerUp".into(), "tongueOut".into()],

@@ -1,19 +1,18 @@
 //! Rigs: controls that an animator or a performance capture moves, and the targets that each of them drives.
 
+#![forbid(unsafe_code)]
+
 mod bound;
-#[cfg(feature = "rig")]
 mod json;
 pub mod names;
 #[cfg(test)]
 mod tests;
 
 pub use bound::BoundRig;
-#[cfg(feature = "rig")]
 pub use json::read;
 
-use crate::error::{Error, Result};
-use crate::setters::setters;
-use crate::weights::names::unknown;
+use deltamorph::internals::weights::names::unknown;
+use deltamorph::{Error, Result, setters};
 use std::collections::{HashMap, HashSet};
 
 /// Controls that drive the targets of a mesh, and targets that are driven by combinations of controls.
@@ -24,11 +23,11 @@ use std::collections::{HashMap, HashSet};
 ///
 /// [`bind`](Self::bind) the rig to the targets of a mesh, and clips to the resulting [controls](BoundRig::controls).
 /// [`BoundRig::evaluate`] then turns control weights into target weights, frame by frame; [`BoundRig::bake`] turns a
-/// whole clip into target weights, for [animated crowds](crate::AnimatedCrowd), which the GPU animates. `read` (feature
-/// `rig`) reads rigs from JSON files.
+/// whole clip into target weights, for [animated crowds](deltamorph::AnimatedCrowd), which the GPU animates. [`read`] reads rigs
+/// from JSON files.
 ///
 /// ```
-/// use deltamorph::rig::{Control, Corrective, Key, Rig};
+/// use deltamorph_rig::{Control, Corrective, Key, Rig};
 ///
 /// // Half closed, the lid lies on the eyeball: a separate target.
 /// let blink = Control::new("blink").keys(vec![Key::new(0.5, "blinkHalf"), Key::new(1.0, "blinkFull")]);

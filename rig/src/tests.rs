@@ -1,5 +1,5 @@
 use super::*;
-use crate::weights::WeightClip;
+use deltamorph::WeightClip;
 
 const TARGETS: [&str; 5] = ["smile", "half", "full", "frown", "mend"];
 

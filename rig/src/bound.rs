@@ -1,9 +1,8 @@
 //! A rig bound to the targets of a mesh: turns weights of controls into weights of targets.
 
 use super::Control;
-use crate::error::{Error, Result};
-use crate::weights::names::unknown;
-use crate::weights::{BoundClip, ClipLayer, Repeat, WeightClip};
+use deltamorph::internals::weights::names::unknown;
+use deltamorph::{BoundClip, ClipLayer, Error, Repeat, Result, WeightClip};
 use std::collections::HashSet;
 
 /// [`BoundRig::smooth`] takes the wanted value once it is nearer than this: an exponential approach has no end, and

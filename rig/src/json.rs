@@ -1,8 +1,8 @@
 //! Rigs from JSON files.
 
 use super::{Control, Corrective, Key, Rig};
-use crate::error::{Error, Result};
-use crate::io::{TEXT_MAX, read_bounded};
+use deltamorph::internals::{TEXT_MAX, read_bounded};
+use deltamorph::{Error, Result};
 use serde::Deserialize;
 use std::path::Path;
 
