@@ -1,4 +1,4 @@
-//! The steps after the pose, as they are planned: in which order, and what their dispatches use.
+//! Steps after the pose, as the planner sees them: their order and the memory of their dispatches.
 
 use super::steps::{Resource, Use};
 use crate::abi::steps::after_steps;
@@ -10,7 +10,7 @@ macro_rules! kinds {
             $([$($read:ident),*] => $written:ident, $push:ident $members:tt $rows:tt;)*
         }
     )*) => {
-        /// A step after the pose, in the order in which they are recorded.
+        /// Steps after the pose, in recording order.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum Kind {
             $(#[doc = concat!("The step that `", stringify!($set), "` asks for.")] $kind,)*
@@ -20,7 +20,7 @@ macro_rules! kinds {
             /// Every step.
             pub const ALL: [Self; [$(Self::$kind),*].len()] = [$(Self::$kind),*];
 
-            /// What its dispatches use, one after the other.
+            /// The memory uses of each of its dispatches, in order.
             pub const fn dispatches(self) -> &'static [&'static [Use]] {
                 match self {
                     $(Self::$kind => const {
@@ -29,7 +29,7 @@ macro_rules! kinds {
                 }
             }
 
-            /// What it writes for the host.
+            /// The output that the host reads.
             pub fn output(self) -> Resource {
                 match self {
                     $(Self::$kind => *[$(Resource::$written),*].last().expect("a step has a dispatch"),)*

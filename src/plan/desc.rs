@@ -1,4 +1,4 @@
-//! How poses are to be updated: path, mode, batch size, format, slots.
+//! [`UpdateDesc`]: path, mode, batch size, formats and slots of a crowd's updates.
 
 use super::paths::UpdatePath;
 use crate::error::Result;
@@ -7,19 +7,19 @@ use crate::pack::{PackedLayout, PoseFormat};
 use crate::setters::setters;
 
 impl UpdatePath {
-    /// The mode where none is named.
+    /// The mode of [`UpdateDesc::new`]: incremental, if the path supports it.
     pub const fn default_mode(self) -> UpdateMode {
         if self.rebuilds_only() { UpdateMode::Rebuild } else { UpdateMode::Incremental }
     }
 }
 
-/// What an update starts from.
+/// The pose that an update starts from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub enum UpdateMode {
-    /// The pose already there, adding the changed targets; from base where that takes no more targets.
+    /// The current pose, adding the changed targets; the base pose, if that takes fewer targets.
     #[default]
     Incremental,
-    /// The base pose, adding all active targets: full evaluation, every time the weights change.
+    /// The base pose, adding all active targets: a full evaluation whenever weights change.
     Rebuild,
 }
 
@@ -33,7 +33,7 @@ impl UpdateMode {
     }
 }
 
-/// Targets per pass. `All` orders after every number.
+/// Batch size: targets per pass. `All` compares greater than every number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub enum BatchSize {
     /// At most this many (≥ 1).
@@ -44,7 +44,7 @@ pub enum BatchSize {
 }
 
 impl BatchSize {
-    /// Passes that `coefficients` targets take. Even none takes one: the source has to reach the destination.
+    /// Passes for `coefficients` targets; at least 1, since the source has to be copied to the destination.
     pub fn passes(self, coefficients: usize) -> usize {
         match self {
             Self::Targets(b) => coefficients.div_ceil(b.max(1) as usize).max(1),
@@ -62,36 +62,36 @@ impl std::fmt::Display for BatchSize {
     }
 }
 
-/// How poses are to be updated. The same for all instances of a crowd, for its life.
+/// Describes how the poses of a crowd are updated. Fixed for the crowd's life.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct UpdateDesc {
-    /// Who carries the passes out.
+    /// The update path.
     pub path: UpdatePath,
-    /// Targets per pass (dense formats); of `direct-attributes`, the most that may be active.
+    /// Targets per pass (dense formats). `direct-attributes`: the most targets that may be active.
     pub batch: BatchSize,
-    /// What an update starts from.
+    /// The pose that updates start from.
     pub mode: UpdateMode,
-    /// Pose buffers per instance. 1: in place, no previous pose (not for `feedback`). 2: ping-pong. 3 keep the
-    /// previous pose under `feedback` and `vertex-store`, too, whose passes alternate between the other two. The direct
-    /// paths have no pose buffers, and this says nothing there.
+    /// Pose buffers per instance. 1: in place, without a previous pose (not for `feedback`). 2: ping-pong. 3: keeps the
+    /// previous pose under `feedback` and `vertex-store` too, whose passes alternate between the other two. Ignored by
+    /// the direct paths, which have no pose buffers.
     pub slots: u32,
-    /// How poses are stored, and so how they add up: float32 accumulates rounding; integers are exact sums on a grid of
-    /// weights and deltas ([`PoseGrid`](crate::pack::blocks::PoseGrid)), bit for bit what a full evaluation gives,
-    /// after any number of updates, in any order and on any driver (`blocks`, `compute` and `cpu`; deltas that are
-    /// integers).
+    /// The pose format. Float32 accumulates rounding errors. Fixed-point poses are exact sums on a grid of weights and
+    /// deltas ([`PoseGrid`](crate::pack::blocks::PoseGrid)), bit for bit equal to a full evaluation after any number of
+    /// updates, in any order, on any driver; they need a delta format with integer deltas, and `blocks`, `compute` or
+    /// `cpu`.
     pub pose: PoseFormat,
-    /// Largest position error that accumulation in float32 may cause, as a fraction of the bounding-box diagonal (block
-    /// formats). A bound on it is kept, and a block whose bound would exceed this starts from the base pose again.
-    /// Streams beside positions and normals have no such bound: in long runs, use poses of integers.
+    /// Largest position error from float32 accumulation, as a fraction of the bounding-box diagonal (block formats). A
+    /// block whose tracked bound would exceed it restarts from the base pose. Bounds positions and normals only: for
+    /// other streams in long runs, use fixed-point poses.
     pub tolerance: f32,
-    /// Largest weight, either sign, that poses of integers have to hold; `None`: 1 in 16 bits, in 32 what the mesh was
-    /// packed with. The smaller, the finer their unit ([`PackedLayout::grid`]).
+    /// Largest absolute weight that fixed-point poses have to hold. `None`: 1 for 16-bit poses, the mesh's packed value
+    /// for 32-bit poses. Smaller values give a finer unit ([`PackedLayout::grid`]).
     pub weight_max: Option<f32>,
-    /// How far a vertex may be from where the requested weights would put it, as a length in input units (block
-    /// formats). Smaller changes are deferred until they add up to more, or until the same weights are requested again;
-    /// 0 defers none. Errors of packing, and of rounding to a grid, are not part of it. It bounds positions;
-    /// normals are deferred with them, other streams only in crowds that are animated on the GPU.
+    /// Error budget: the largest distance of a vertex from its position under the requested weights, in input units
+    /// (block formats). Changes below it are deferred until they add up to more, or until the same weights are
+    /// requested again; 0 defers none. Excludes the errors of packing and of rounding to a grid. Bounds positions;
+    /// normals are deferred with them, other streams only in crowds animated on the GPU.
     pub error_budget: f32,
 }
 
@@ -107,22 +107,22 @@ setters!(UpdateDesc {
 });
 
 impl UpdateDesc {
-    /// Incremental updates of float32 poses in two slots, with a tolerance of 1e-5; rebuilds for paths that know
-    /// nothing else.
+    /// Incremental updates (rebuilds, if the path has no others) of float32 poses in two slots, with a tolerance of
+    /// 1e-5.
     pub const fn new(path: UpdatePath, batch: BatchSize) -> Self {
         let (mode, pose) = (path.default_mode(), PoseFormat::Float32);
         Self { path, batch, mode, slots: 2, pose, tolerance: 1e-5, weight_max: None, error_budget: 0.0 }
     }
 
-    /// The grid of weights and poses for a mesh packed like this; `None`: weights and poses are float32.
+    /// The grid of weights and poses for a mesh of this `layout`; `None` if weights and poses are float32.
     ///
     /// # Errors
-    /// As [`PackedLayout::grid`].
+    /// See [`PackedLayout::grid`].
     pub fn grid(&self, layout: &PackedLayout) -> Result<Option<PoseGrid>> {
         self.integers().map(|pose| layout.grid(pose, self.weight_max)).transpose()
     }
 
-    /// What sums are of, where they are exact: poses of integers, or the integers that a path has instead of them.
+    /// The integer format of exact sums: the pose format if it is fixed-point, or the format a path sums in internally.
     pub(crate) const fn integers(&self) -> Option<PoseFormat> {
         match self.path.row().sums_integers {
             true => Some(PoseFormat::Fixed32),
@@ -131,7 +131,7 @@ impl UpdateDesc {
         }
     }
 
-    /// The path `blocks`: incremental updates in two slots.
+    /// Incremental updates on path `blocks`, in two slots.
     pub const fn blocks() -> Self {
         Self::new(UpdatePath::Blocks, BatchSize::All)
     }

@@ -1,22 +1,22 @@
-//! What discarded updates give back.
+//! Earlier values, restored when updates are discarded.
 
-/// The values that something had before each of the updates that changed it last, as far back as updates may be
+/// A value's history: the value before each of the last updates that changed it, as far back as updates can be
 /// discarded.
 #[derive(Clone, Debug)]
 pub struct Earlier<T> {
-    /// Updates that may be unfinished at once: older ones have run, and are never discarded.
+    /// Updates that may be in flight. Older ones have finished and cannot be discarded.
     most: usize,
-    /// Ascending by update.
+    /// (update, value before it), ascending.
     values: Vec<(u64, T)>,
 }
 
 impl<T: Copy> Earlier<T> {
-    /// Of so many updates, one at least.
+    /// Keeps at least one and at most `most` values.
     pub fn new(most: u32) -> Self {
         Self { most: most.max(1) as usize, values: vec![] }
     }
 
-    /// The update numbered `update` (ascending) changes it from `value`.
+    /// Records that update `update` (ascending) changes the value from `value`.
     pub fn push(&mut self, update: u64, value: T) {
         if self.values.len() == self.most {
             self.values.remove(0);
@@ -24,7 +24,7 @@ impl<T: Copy> Earlier<T> {
         self.values.push((update, value));
     }
 
-    /// The update numbered `first` and all later ones will never run: what there was before those that changed it.
+    /// Drops update `first` and all later ones; returns the value before them, if one of them changed it.
     pub fn discard_from(&mut self, first: u64) -> Option<T> {
         let at = self.values.partition_point(|(update, _)| *update < first);
         let before = self.values.get(at).map(|(_, value)| *value);

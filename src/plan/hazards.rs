@@ -1,17 +1,16 @@
-//! The hazard checker: proves each read and write of what is recorded against the barriers between them.
+//! The hazard checker: proves that recorded barriers order every read and write.
 //!
-//! No validation layer sees a missing barrier around transform-feedback writes, so this does, for every technique. It
-//! reads works and barriers as data, follows every instance and slot, and does not know how barriers are derived. The
-//! model is Vulkan's for global memory barriers: a write must be made available and visible to a later read or write
-//! (RAW, WAW), and a read must be finished before a later write (WAR); dependencies chain where a barrier's first
-//! stages cover the second stages of an earlier one. Works of one step may run at the same time: none may write what
-//! another uses.
+//! Validation layers miss barriers around transform feedback, so this checks every technique. It reads works and
+//! barriers as data, tracks every instance and slot, and shares no code with the derivation of barriers. The model is
+//! Vulkan's for global memory barriers: a write must be available and visible to later accesses (RAW, WAW), a read must
+//! finish before a later write (WAR), and dependencies chain when a barrier's first stages include the second stages of
+//! an earlier one. Works of one step may run concurrently: none may write what another uses.
 
 use super::schedule::{Barrier, Entry};
 use super::steps::{Access, Resource, Scope, Stage, Use, Work};
 use std::collections::HashMap;
 
-/// A piece of memory that works read or write. What belongs to a group of the mesh, each group has for itself.
+/// Memory that works access. Each group of the mesh has its own, unless `place` says otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Memory {
     /// Base pose of the mesh.
@@ -30,70 +29,71 @@ pub enum Memory {
         /// The instance.
         instance: u32,
     },
-    /// Clips, and which targets touch which blocks.
+    /// Clips, and the table of targets by block.
     Clips,
-    /// What instances play.
+    /// Clips and times that instances play.
     Records,
-    /// Weights of instances that are animated on the GPU, and which of them changed.
+    /// Weights of instances animated on the GPU, and their changes.
     Weights,
-    /// Which updates touched their blocks.
+    /// The last update that touched each block.
     History,
-    /// Work lists that the GPU writes.
+    /// Work lists written by the GPU.
     WorkList,
-    /// How many items they have.
+    /// Item counts of work lists.
     Counters,
-    /// The same as arguments of dispatches.
+    /// Indirect dispatch arguments, from those counts.
     Arguments,
-    /// What a step after the pose writes for an instance.
+    /// An output of a step after the pose.
     After {
-        /// All that it writes of the kind.
+        /// The output.
         resource: Resource,
         /// The instance.
         instance: u32,
-        /// Which of the places that are written in turn.
+        /// Index of the buffer, of those written in turn.
         output: u32,
     },
 }
 
-/// What works that are carried out as one read and write.
+/// Accesses of works that are dispatched together.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Accesses {
     /// The group of the mesh.
     pub group: u32,
     /// Reads and writes.
     pub uses: Vec<Use<Memory>>,
-    /// Memory that is read and written is read by the invocation that writes it, and by no other (or atomically).
+    /// Read-modify-write: memory that is both read and written is read only by the invocation that writes it, or
+    /// atomically.
     pub in_place: bool,
 }
 
 impl Accesses {
-    /// Of compute shaders that read and write in place, in the first group.
+    /// Compute shaders, in place, in group 0.
     pub fn compute(reads: impl IntoIterator<Item = Memory>, writes: impl IntoIterator<Item = Memory>) -> Self {
         let uses = reads.into_iter().map(Use::read).chain(writes.into_iter().map(Use::write)).collect();
         Self { group: 0, uses, in_place: true }
     }
 
-    /// Its writes, or its reads.
+    /// Its writes if `write`, else its reads.
     fn writing(&self, write: bool) -> impl Iterator<Item = Use<Memory>> {
         self.uses.iter().filter(move |used| used.access.writes() == write).copied()
     }
 }
 
-/// What was recorded, as the checker sees it.
+/// A recorded step or barrier.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Event {
     /// A barrier.
     Barrier(Barrier),
-    /// A step of a crowd.
+    /// Works of a crowd between two barriers.
     Step {
-        /// Which crowd of the recording.
+        /// Index of the crowd in the recording.
         crowd: u32,
-        /// Its works, as far as they are independent of each other.
+        /// Its works, independent of each other.
         works: Vec<Accesses>,
     },
 }
 
-/// `entries` as events; `accesses` says what the works of a crowd's step do.
+/// Converts `entries` to events; `accesses(crowd, works)` gives the accesses of a step.
 pub fn trace(entries: &[Entry], mut accesses: impl FnMut(u32, &[Work]) -> Vec<Accesses>) -> Vec<Event> {
     let of_step = |entry: &Entry| match entry {
         Entry::Barrier(_) => None,
@@ -110,7 +110,7 @@ pub fn trace(entries: &[Entry], mut accesses: impl FnMut(u32, &[Work]) -> Vec<Ac
     entries.chunk_by(same).map(event).collect()
 }
 
-/// Two accesses that no barrier orders.
+/// Two accesses without a barrier that orders them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Violation {
     /// The earlier access.
@@ -129,19 +129,19 @@ impl std::fmt::Display for Violation {
     }
 }
 
-/// What is known of a piece of memory.
+/// State of one piece of memory.
 #[derive(Default)]
 struct Track {
-    /// The last write, and the second sides of the barriers that have made it visible.
+    /// The last write, and the scopes it is visible to.
     write: Option<(Use<Memory>, Vec<Scope>)>,
-    /// Reads since, each with the stages that wait for it.
+    /// Reads since then, each with the stages ordered after it.
     reads: Vec<(Use<Memory>, u16)>,
 }
 
 /// Crowd, group and memory.
 type Place = (u32, u32, Memory);
 
-/// The mesh belongs to all crowds; what instances play and their weights, to all groups.
+/// All crowds share the mesh; all groups share clips, times and weights.
 const fn place(crowd: u32, group: u32, memory: Memory) -> Place {
     match memory {
         Memory::Base | Memory::Deltas => (0, group, memory),
@@ -156,7 +156,7 @@ const fn place(crowd: u32, group: u32, memory: Memory) -> Place {
     }
 }
 
-/// Walks what is recorded.
+/// Checks a recording, event by event.
 #[derive(Default)]
 pub struct HazardChecker {
     tracks: HashMap<Place, Track>,
@@ -164,42 +164,41 @@ pub struct HazardChecker {
 }
 
 impl HazardChecker {
-    /// An upload writes the asset, and this barrier follows it.
+    /// An upload of the mesh, followed by `barrier`.
     pub fn upload(&mut self, barrier: Option<Barrier>) {
         self.copy(0, &[Memory::Base, Memory::Deltas], barrier);
     }
 
-    /// Copies and fills write memory of a crowd, and this barrier follows them.
+    /// Copies or fills of a crowd's memory, followed by `barrier`.
     pub fn copy(&mut self, crowd: u32, written: &[Memory], barrier: Option<Barrier>) {
         written.iter().for_each(|&memory| self.write(place(crowd, 0, memory), Use::copy(memory), None));
         barrier.iter().for_each(|barrier| self.barrier(barrier));
     }
 
-    /// A draw of the host reads a pose of the first group.
+    /// Like [`Self::draw_group`], for group 0.
     pub fn draw(&mut self, crowd: u32, instance: u32, slot: u32) {
         self.draw_group(crowd, 0, instance, slot);
     }
 
-    /// A draw of the host reads a pose, as vertex attributes and in the vertex shader.
+    /// The host draws a pose: reads it as vertex attributes and in the vertex shader.
     pub fn draw_group(&mut self, crowd: u32, group: u32, instance: u32, slot: u32) {
         let memory = Memory::Pose { instance, slot };
         self.read(place(crowd, group, memory), Use::new(memory, Stage::VertexInput, Access::AttributeRead));
         self.read(place(crowd, group, memory), Use::new(memory, Stage::VertexShader, Access::ShaderRead));
     }
 
-    /// The host reads what a step after the pose wrote, as vertex attributes.
+    /// The host reads an output of a step after the pose as vertex attributes.
     pub fn read_after(&mut self, crowd: u32, memory: Memory) {
         self.read(place(crowd, 0, memory), Use::new(memory, Stage::VertexInput, Access::AttributeRead));
     }
 
-    /// A queue signals a semaphore after all that was submitted to it so far; another waits for it, in these stages and
-    /// for any access. What follows, of whichever queue, comes after the wait.
+    /// A semaphore between queues: events before it are visible to every access in stages `waiting` after it.
     pub fn semaphore(&mut self, waiting: &[Stage]) {
         let stages = waiting.iter().fold(0, |stages, stage| stages | *stage as u16);
         self.barrier(&Barrier { before: Scope::ANYTHING, after: Scope { stages, ..Scope::ANYTHING } });
     }
 
-    /// A recorded update.
+    /// Checks the events of an update.
     pub fn update(&mut self, events: &[Event]) {
         for event in events {
             match event {
@@ -209,10 +208,10 @@ impl HazardChecker {
         }
     }
 
-    /// What was found.
+    /// Ends the check.
     ///
     /// # Errors
-    /// Accesses that no barrier orders.
+    /// The accesses that no barrier orders.
     pub fn finish(self) -> Result<(), Vec<Violation>> {
         if self.violations.is_empty() { Ok(()) } else { Err(self.violations) }
     }
@@ -244,8 +243,8 @@ impl HazardChecker {
         for track in self.tracks.values_mut() {
             if let Some((write, visible)) = &mut track.write {
                 let direct = before.has_stage(write.stage) && before.has_access(write.access);
-                // Available already: a later barrier passes it on where its first stages wait for the second
-                // stages of the one that made it so.
+                // Already available: a later barrier extends visibility if its first stages include the earlier
+                // barrier's second stages.
                 let chained = visible.iter().any(|scope| scope.stages & before.stages != 0);
                 if direct || chained {
                     visible.push(after);
@@ -283,12 +282,11 @@ fn sees(visible: &[Scope], access: Use<Memory>) -> bool {
     visible.iter().any(|scope| scope.has_stage(access.stage) && scope.has_access(access.access))
 }
 
-/// Counts the barriers of the updates numbered `of`, and asserts that each is needed: without it `is_right`, which says
-/// whether updates have no hazard, is false. Barriers with nothing between them count as one: an update without works
-/// of a technique has such.
+/// Counts the barriers of the updates `of`, and asserts that each is needed: without it, `is_right` must return false.
+/// Adjacent barriers count as one (an update without works of a technique has such).
 ///
 /// # Panics
-/// The updates have a hazard as they are; a barrier is not needed.
+/// `is_right` fails for the updates as they are, or holds without a barrier.
 pub fn barriers_needed(
     updates: &[Vec<Event>],
     of: impl IntoIterator<Item = usize>,

@@ -1,5 +1,4 @@
-//! The instances of a crowd: which there are, which are shown, the weights requested of them, and where their poses
-//! are.
+//! The instances of a crowd: presence, requested weights and pose slots.
 
 use crate::error::{Error, Result};
 use crate::pack::PackedLayout;
@@ -12,11 +11,11 @@ use crate::weights::names::unknown;
 enum Presence {
     Shown,
     Hidden,
-    /// Not part of the crowd: its place is free.
+    /// Not in use: the next `add` may take it.
     Free,
 }
 
-/// A place for an instance.
+/// Storage for one instance.
 #[derive(Clone, Debug)]
 struct Place {
     presence: Presence,
@@ -24,16 +23,16 @@ struct Place {
     history: History,
 }
 
-/// Places for instances. An instance that is out of range, or that was removed, is refused by whatever takes its
-/// number.
+/// The places of a crowd, each free or in use by an instance. Methods that take an instance fail if it is out of range
+/// or was removed.
 #[derive(Clone, Debug)]
 pub struct Instances {
     places: Vec<Place>,
 }
 
 impl Instances {
-    /// `places` instances with so many slots, all shown, all weights 0. So many updates may be unfinished at once, and
-    /// be discarded.
+    /// `places` instances, all shown, all weights 0. `unfinished`: how many updates may be in flight, and so be
+    /// discarded.
     pub fn new(places: usize, targets: usize, slots: u32, unfinished: u32) -> Self {
         let history = History::new(slots, unfinished);
         let place = Place { presence: Presence::Shown, weights: vec![0.0; targets], history };
@@ -50,7 +49,7 @@ impl Instances {
         Self { places: before.chain(std::iter::repeat(free)).take(places).collect() }
     }
 
-    /// The weights requested of each instance, hidden or not.
+    /// Requested weights of each instance, hidden ones included.
     pub fn present(&self) -> impl Iterator<Item = &[f32]> {
         self.places.iter().filter(|place| place.presence != Presence::Free).map(|place| &place.weights[..])
     }
@@ -60,7 +59,7 @@ impl Instances {
         Ok(&mut self.places[i])
     }
 
-    /// The place of `instance`.
+    /// Checks `instance` and returns the index of its place.
     pub fn check(&self, instance: u32) -> Result<usize> {
         match self.places.get(instance as usize).map(|place| place.presence) {
             Some(Presence::Shown | Presence::Hidden) => Ok(instance as usize),
@@ -74,29 +73,29 @@ impl Instances {
         }
     }
 
-    /// Request `weights` of `instance`, which were checked.
+    /// Sets the requested weights of `instance`; the caller has checked them.
     pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
         self.place(instance)?.weights.copy_from_slice(weights);
         Ok(())
     }
 
-    /// The weights requested of `instance`.
+    /// The requested weights of `instance`.
     pub fn weights(&self, instance: u32) -> Result<&[f32]> {
         Ok(&self.places[self.check(instance)?].weights)
     }
 
-    /// Request one weight of `instance`, which was checked, and return the one before.
+    /// Sets one requested weight of `instance`, which the caller has checked; returns the old one.
     pub fn set_weight(&mut self, instance: u32, target: usize, weight: f32) -> Result<f32> {
         Ok(std::mem::replace(&mut self.place(instance)?.weights[target], weight))
     }
 
-    /// The next pose of `instance` has no predecessor.
+    /// Makes the next pose of `instance` its own previous pose.
     pub fn cut(&mut self, instance: u32) -> Result<()> {
         self.place(instance)?.history.cut();
         Ok(())
     }
 
-    /// Show or hide: the next pose has no predecessor. Tells whether that changed.
+    /// Shows or hides `instance`; returns whether that changed. A change also cuts its history.
     pub fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<bool> {
         let place = self.place(instance)?;
         let new = if hidden { Presence::Hidden } else { Presence::Shown };
@@ -107,7 +106,7 @@ impl Instances {
         Ok(changed)
     }
 
-    /// Take the first free place, if there is one: shown, all weights 0, without a pose.
+    /// Takes the first free place: shown, all weights 0, no pose.
     pub fn add(&mut self) -> Result<u32> {
         let Some(i) = self.places.iter().position(|place| place.presence == Presence::Free) else {
             let text = format!("the crowd has places for {} heads, all taken", self.places.len());
@@ -120,84 +119,83 @@ impl Instances {
         Ok(i as u32)
     }
 
-    /// Free the place of `instance`.
+    /// Frees the place of `instance`.
     pub fn remove(&mut self, instance: u32) -> Result<()> {
         self.place(instance)?.presence = Presence::Free;
         Ok(())
     }
 
-    /// The update numbered `first` and all later ones will never run.
+    /// Discards update `first` and all later ones.
     pub fn discard_from(&mut self, first: u64) {
         self.places.iter_mut().for_each(|place| place.history.discard_from(first));
     }
 
-    /// Slots of the pose and of the previous pose of a place; `None` while it has no pose.
+    /// Slots of the current and the previous pose of a place; `None` while it has no pose.
     pub fn slots_of(&self, place: usize) -> Option<(u32, Option<u32>)> {
         self.places[place].history.slots()
     }
 
-    /// Whether what is at a place is shown.
+    /// Whether a place holds an instance that is shown.
     pub fn is_shown(&self, place: usize) -> bool {
         self.places[place].presence == Presence::Shown
     }
 
-    /// The update that wrote the pose of a place; 0: it has none.
+    /// The update that wrote the pose of a place; 0 if it has no pose.
     pub fn written_by(&self, place: usize) -> u64 {
         self.places[place].history.written_by
     }
 
-    /// For each place, the weights requested; `None` where nothing is to be updated.
+    /// For each place: the requested weights, or `None` if it is not shown.
     pub fn requested(&self) -> impl Iterator<Item = Option<&[f32]>> {
         self.places.iter().map(|place| (place.presence == Presence::Shown).then_some(&place.weights[..]))
     }
 
-    /// What is to be updated: each place that is shown, the weights requested, and its slots.
+    /// The places that are shown: index, requested weights and history.
     pub fn shown(&mut self) -> impl Iterator<Item = (usize, &[f32], &mut History)> {
         let shown = self.places.iter_mut().enumerate().filter(|(_, place)| place.presence == Presence::Shown);
         shown.map(|(i, place)| (i, &place.weights[..], &mut place.history))
     }
 }
 
-/// Which slots hold the poses of an instance, for all techniques whose updates rotate slots: an update reads the
-/// current one and writes the next.
+/// The slots of an instance's poses. An update reads the current slot and writes the next.
 #[derive(Clone, Debug)]
 pub struct History {
     slots: u32,
-    /// The slot written last by an update that was not discarded, whether its pose is known or not.
+    /// The slot written last by an update that was not discarded, even if its pose was lost since.
     current: u32,
     earlier: Earlier<u32>,
     previous: Option<u32>,
-    /// The update that wrote the current slot, counted from 1; 0: its pose is not known.
+    /// The update that wrote the current slot, counted from 1; 0 if there is no valid pose.
     written_by: u64,
     cut: bool,
-    /// The last update after a cut that changed nothing; 0: there was none.
+    /// The last update after a cut that changed nothing; 0 if there is none.
     stayed_after_cut: u64,
 }
 
 impl History {
-    /// No slot is written yet. So many updates may be unfinished at once, or discarded.
+    /// No pose yet. `unfinished`: how many updates may be in flight, and so be discarded.
     pub fn new(slots: u32, unfinished: u32) -> Self {
         let (current, earlier) = (slots - 1, Earlier::new(unfinished));
         Self { slots, current, earlier, previous: None, written_by: 0, cut: false, stayed_after_cut: 0 }
     }
 
-    /// The slot of the pose; `None` before the first update, and after one that was discarded.
+    /// The slot of the pose; `None` before the first update and after a discarded one.
     pub fn current(&self) -> Option<u32> {
         (self.written_by > 0).then_some(self.current)
     }
 
-    /// The slot so many places after the one that was written last.
+    /// The slot `places` after the one written last, cyclically.
     pub fn after(&self, places: u32) -> u32 {
         (self.current + places) % self.slots
     }
 
-    /// Slots of the pose and of the previous pose; `None` while there is no pose. The previous pose is the pose itself
-    /// where nothing changed, where it is the first, and after a cut; `None` where the update overwrote it.
+    /// Slots of the current and the previous pose; `None` while there is no pose. The previous pose is the current one
+    /// if nothing changed, for the first pose and after a cut; `None` if the update overwrote it.
     pub fn slots(&self) -> Option<(u32, Option<u32>)> {
         self.current().map(|current| (current, self.previous))
     }
 
-    /// The update numbered `update` (ascending, from 1) changes nothing.
+    /// Update `update` (ascending, from 1) changes nothing.
     pub fn stay(&mut self, update: u64) {
         if std::mem::take(&mut self.cut) {
             self.stayed_after_cut = update;
@@ -205,7 +203,7 @@ impl History {
         self.previous = Some(self.current);
     }
 
-    /// The update numbered `update` writes these slots, the pose into the last of them.
+    /// Update `update` writes the slots `written`; the last one holds the pose.
     pub fn advance(&mut self, update: u64, written: impl IntoIterator<Item = u32>) {
         let (known, cut) = (self.current(), std::mem::take(&mut self.cut));
         self.earlier.push(update, self.current);
@@ -221,19 +219,18 @@ impl History {
         };
     }
 
-    /// The next pose has no predecessor (the instance was hidden, or teleported): its previous pose is itself.
+    /// Makes the next pose its own previous pose (the instance was hidden, or teleported).
     pub fn cut(&mut self) {
         self.cut = true;
     }
 
-    /// The pose is not known: the next update writes all of it.
+    /// Marks the pose as lost: the next update rebuilds it.
     fn forget(&mut self) {
         self.written_by = 0;
     }
 
-    /// The update numbered `first` and all later ones will never run: what they would have written is not known, the
-    /// next update writes the slot that the first of them would have written, and the next pose is the one after a cut
-    /// that they came after. (A pose that is not known is no predecessor in any case.)
+    /// Discards update `first` and all later ones: the pose is lost if one of them wrote it, the next update writes the
+    /// slot that the first of them would have written, and a cut that they had used up applies again.
     pub fn discard_from(&mut self, first: u64) {
         if let Some(before) = self.earlier.discard_from(first) {
             self.current = before;
@@ -247,19 +244,19 @@ impl History {
     }
 }
 
-/// Check weights for a mesh: as [`delta::check_weights`], and within the grid of poses of integers.
+/// Checks weights: their number, [`delta::check_weights`], and the grid of fixed-point poses.
 ///
 /// # Errors
-/// A wrong number of weights, or one that is out of range; the message names it.
+/// A wrong number of weights, or one out of range; the message names it.
 pub(crate) fn check_weights(weights: &[f32], layout: &PackedLayout, grid: Option<PoseGrid>) -> Result<()> {
     delta::check_weights(weights, |i| name(layout, i), layout.targets.len())?;
     weights.iter().enumerate().try_for_each(|(target, &weight)| check_grid(target, weight, layout, grid))
 }
 
-/// Check the weight of a target, as [`check_weights`] does.
+/// Checks the weight of one target, like [`check_weights`].
 ///
 /// # Errors
-/// No such target; a weight that is out of range.
+/// No such target, or a weight out of range.
 pub(crate) fn check_weight(target: usize, weight: f32, layout: &PackedLayout, grid: Option<PoseGrid>) -> Result<()> {
     if target >= layout.targets.len() {
         let text = format!("target {target} of mesh '{}', which has {}", layout.name, layout.targets.len());
@@ -269,10 +266,10 @@ pub(crate) fn check_weight(target: usize, weight: f32, layout: &PackedLayout, gr
     check_grid(target, weight, layout, grid)
 }
 
-/// The target called `name`, of several the first.
+/// Index of the first target called `name`.
 ///
 /// # Errors
-/// There is none; the message has the one that was probably meant.
+/// No such target; the message suggests the closest name.
 pub(crate) fn target_named(name: &str, layout: &PackedLayout) -> Result<usize> {
     layout.target_index(name).ok_or_else(|| {
         let names: Vec<&str> = layout.targets.iter().map(|target| &*target.name).collect();

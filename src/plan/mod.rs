@@ -1,7 +1,7 @@
-//! What every way to update has in common, as data: descriptions, instances, steps and their barriers, statistics.
+//! Planning, shared by all techniques: descriptions, instances, steps, barriers and statistics.
 //!
-//! Pure: no Vulkan here. A [technique](crate::update) turns requested weights into [`steps`], [`schedule`] derives the
-//! barriers, and what is recorded is data, so that tests hold it to [`hazards`]: every access has to be ordered.
+//! Pure data, no Vulkan. A [technique](crate::update) turns requested weights into [`steps`]; [`schedule`] derives the
+//! barriers. The hazard checker ([`hazards`]) then proves that every access is ordered.
 
 pub mod after;
 mod desc;
@@ -20,33 +20,34 @@ pub use steps::Source;
 #[cfg(test)]
 pub(crate) mod tests;
 
-/// How an update went: counts are those of the whole crowd.
+/// Statistics of one update, summed over all instances of the crowd.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct UpdateStats {
-    /// Dense formats: coefficients applied, of targets whose weight changed, or that are active where an update starts
-    /// from base. Block formats: targets whose requested weight changed.
+    /// Dense formats: coefficients applied (changed targets, or active targets of an instance that starts from base).
+    /// Block formats: targets whose requested weight changed.
     pub coefficients: usize,
     /// Passes.
     pub passes: usize,
     /// Instances that started from the base pose (dense formats).
     pub rebuilt: usize,
-    /// Blocks written (block formats), in all groups of the mesh.
+    /// Blocks written, in all groups of the mesh (block formats).
     pub dirty_blocks: usize,
-    /// Of these, the ones that started from the base pose.
+    /// Blocks that started from the base pose, of `dirty_blocks`.
     pub rebuilt_blocks: usize,
-    /// Bound on the position error that accumulation in float32 may have caused so far, or rounding to 16 bits, in
-    /// input units; 0 for poses of 32-bit integers.
+    /// Bound on the position error so far from float32 accumulation or rounding to 16 bits, in input units; 0 for
+    /// 32-bit fixed-point poses.
     pub bound: f32,
-    /// Bytes loaded and stored, in all groups of the mesh. On a direct path, by one draw of every instance, in each
-    /// frame again, whether weights have changed or not. On the path `texture` by the update alone.
+    /// Bytes loaded and stored, in all groups of the mesh. Direct paths: of one draw of every instance, every frame.
+    /// Path `texture`: of the update, without the draws.
     pub bytes_moved: u64,
-    /// The least that dense work could move; in block formats, what deltas and poses alone take.
+    /// Lower bound on `bytes_moved`. Dense: the least that dense work could move; block formats: deltas and poses
+    /// alone.
     pub bytes_floor: u64,
 }
 
 impl std::ops::AddAssign for UpdateStats {
-    /// Counts add up; of the bounds the larger one holds for both.
+    /// Adds counts; keeps the larger bound.
     fn add_assign(&mut self, other: Self) {
         self.coefficients += other.coefficients;
         self.passes += other.passes;

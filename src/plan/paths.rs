@@ -1,56 +1,56 @@
-//! The update paths: the one list of them.
+//! The list of update paths.
 
 use crate::pack::{DeltaFormat, PoseFormat};
 
-/// What a path needs of a device.
+/// Device requirements of a path.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Needs {
-    /// No device, or no more than any has.
+    /// None beyond core Vulkan, or no device at all.
     Nothing,
-    /// Workgroups as large as the kernels'.
+    /// Workgroups of the kernels' size.
     Workgroups,
     /// VK_EXT_transform_feedback.
     TransformFeedback,
     /// The feature `vertexPipelineStoresAndAtomics`.
     VertexStores,
-    /// Blending of colours of four float32.
+    /// Blending of RGBA float32 colours.
     FloatBlending,
 }
 
-/// How many targets a pass takes.
+/// Limit on the targets of a pass.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Batch {
-    /// Any number.
+    /// None.
     Any,
-    /// As many as push constants hold, or any number in one pass.
+    /// As many as push constants hold; unlimited if all go in one pass.
     PushConstants,
-    /// As many as there are vertex attributes for.
+    /// As many as there are vertex attributes.
     Attributes,
 }
 
-/// A path.
+/// Properties of a path.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PathRow {
     baseline: bool,
     name: &'static str,
     summary: &'static str,
     formats: &'static [DeltaFormat],
-    /// The pose formats that it takes.
+    /// Pose formats that it supports.
     poses: &'static [PoseFormat],
     pub(crate) needs: Needs,
     pub(crate) batch: Batch,
-    /// It sums integers, which a last pass makes float32 poses of, and has no error budget.
+    /// Sums integers and converts them to float32 poses in a last pass; no error budget.
     pub(crate) sums_integers: bool,
-    /// It updates all groups of a mesh, not only positions and normals.
+    /// Updates all groups of a mesh, not only positions and normals.
     pub(crate) takes_groups: bool,
-    /// Its meshes are uploaded in words of their own.
+    /// Uploads meshes in an encoding of its own.
     pub(crate) has_own_upload: bool,
     rebuilds_only: bool,
     evaluates_in_draws: bool,
 }
 
 impl PathRow {
-    /// Compute passes over dense deltas.
+    /// Defaults: compute passes over dense deltas.
     const fn ours(name: &'static str, summary: &'static str) -> Self {
         Self {
             baseline: false,
@@ -82,14 +82,14 @@ macro_rules! update_paths {
         #[doc = $summary:literal] $(#[doc = $more:literal])*
         $path:ident $name:literal { $($fields:tt)* };
     )* })*) => {
-        /// Who carries the passes out.
+        /// How poses are updated: the technique and where it runs.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         #[non_exhaustive]
         pub enum UpdatePath {
             $($(#[doc = $summary] $(#[doc = $more])* $path,)*)*
         }
 
-        /// By path.
+        /// Indexed by path.
         const ROWS: &[PathRow] =
             &[$($(PathRow { $($fields)*, ..PathRow::$section($name, $summary) }),*),*];
 
@@ -100,23 +100,24 @@ macro_rules! update_paths {
     };
 }
 
-// Paths whose technique is ours, those that take no device, and those of others, which are linked with the feature
-// `baselines` only. An item is the documentation of an `UpdatePath`, whose first line the command line shows; its name;
-// and the fields of its `PathRow` that are not what its section states. `update::technique` makes the technique.
+// `ours`: the library's own techniques. `host`: no device. `baselines`: published techniques to compare with, linked
+// only with the feature `baselines`. The first doc line of an item is its summary in the command line's help; then come
+// its name and the `PathRow` fields that differ from its section's defaults. `update::technique` constructs the
+// technique.
 update_paths! {
     ours {
         /// Vertex passes with transform feedback
         ///
-        /// With rasterizer discard (Jones, GPU Pro 5). A pass cannot read the buffer it writes: passes alternate
+        /// Uses rasterizer discard (Jones, GPU Pro 5). A pass cannot read the buffer it writes, so passes alternate
         /// between two slots.
         Feedback "feedback" { needs: Needs::TransformFeedback, batch: Batch::Attributes };
         /// Compute passes
         ///
-        /// The first reads the current slot and writes the next, the rest run in place there.
+        /// The first pass reads the current slot and writes the next; the others run in place.
         Compute "compute" { batch: Batch::PushConstants, poses: &PoseFormat::ALL };
         /// Compute, for the blocks of vertices that a changed target touches, and no others
         ///
-        /// One workgroup for each. Takes the block formats. The one to use where there is a GPU.
+        /// One workgroup per block. Takes block formats. The default choice on a GPU.
         Blocks "blocks" { formats: &DeltaFormat::BLOCKS, poses: &PoseFormat::ALL };
     }
     host {
@@ -130,14 +131,14 @@ update_paths! {
         VertexStore "vertex-store" { needs: Needs::VertexStores, batch: Batch::Attributes };
         /// Baseline: a thread per delta, integer atomics, from base every time (O3DE, Unity)
         ///
-        /// A last pass makes the pose of the sums.
+        /// A last pass converts the sums to poses.
         Scatter "scatter" {
             formats: &[DeltaFormat::Small], has_own_upload: true, sums_integers: true,
             rebuilds_only: true, takes_groups: false
         };
         /// Baseline: each draw evaluates all active targets (Costigan et al., Bevy, three.js, Filament)
         ///
-        /// There is no update: the vertex shader reads the deltas from a storage buffer.
+        /// No update is recorded: the vertex shader reads deltas from a storage buffer.
         Direct "direct" {
             needs: Needs::Nothing, evaluates_in_draws: true, rebuilds_only: true, takes_groups: false
         };
@@ -148,9 +149,8 @@ update_paths! {
         };
         /// Baseline: deltas in textures, blended into textures that draws fetch (Galanakis)
         ///
-        /// A target is a few rectangles of texels, of float32 or of 16-bit integers. Blending adds weight times delta,
-        /// or of what changed the delta weight, to float32 textures of displacements; each draw fetches those of its
-        /// vertices.
+        /// A target is a few rectangles of float32 or 16-bit integer texels. Each is blended, scaled by the weight or
+        /// delta weight, into float32 displacement textures, which draws fetch.
         Texture "texture" {
             needs: Needs::FloatBlending, has_own_upload: true, evaluates_in_draws: true
         };
@@ -162,7 +162,7 @@ impl UpdatePath {
         &ROWS[self as usize]
     }
 
-    /// Whether others published the technique, and it is here to compare with. `bench` runs those that are named.
+    /// Whether it is a published technique, included for comparison. `bench` runs baselines only when named.
     pub const fn is_baseline(self) -> bool {
         self.row().baseline
     }
@@ -172,42 +172,42 @@ impl UpdatePath {
         self.row().name
     }
 
-    /// What it is, in a line: what the command line's help says of it.
+    /// One-line description, shown in the command line's help.
     pub const fn summary(self) -> &'static str {
         self.row().summary
     }
 
-    /// Whether a pass may write the slot it reads: vertex passes may not.
+    /// Whether a pass may read and write the same slot; vertex passes may not.
     pub const fn works_in_place(self) -> bool {
         !matches!(self.row().needs, Needs::TransformFeedback | Needs::VertexStores)
     }
 
-    /// Whether an update draws: its queue needs graphics.
+    /// Whether an update draws, so that its queue needs graphics.
     pub(crate) const fn draws_updates(self) -> bool {
         !self.works_in_place() || matches!(self.row().needs, Needs::FloatBlending)
     }
 
-    /// Whether it has no [`UpdateMode::Incremental`](super::UpdateMode): each pose is evaluated from base.
+    /// Whether [`UpdateMode::Incremental`](super::UpdateMode) is unsupported: each pose is evaluated from base.
     pub const fn rebuilds_only(self) -> bool {
         self.row().rebuilds_only
     }
 
-    /// Whether there are no pose buffers: every draw evaluates the pose.
+    /// Whether every draw evaluates the pose, without pose buffers.
     pub const fn evaluates_in_draws(self) -> bool {
         self.row().evaluates_in_draws
     }
 
-    /// Whether it takes [`BatchSize::All`](super::BatchSize::All); vertex attributes hold a limited number of targets.
+    /// Whether it supports [`BatchSize::All`](super::BatchSize::All).
     pub const fn takes_all_targets(self) -> bool {
         !matches!(self.row().batch, Batch::Attributes)
     }
 
-    /// The delta formats it takes.
+    /// The delta formats it supports.
     pub const fn formats(self) -> &'static [DeltaFormat] {
         self.row().formats
     }
 
-    /// The pose formats it takes: integers with deltas that are integers.
+    /// The pose formats it supports; fixed-point ones only with integer deltas.
     pub const fn poses(self) -> &'static [PoseFormat] {
         self.row().poses
     }

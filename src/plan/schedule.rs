@@ -1,24 +1,24 @@
-//! Barriers from uses: in which order steps are recorded, and what has to wait for what.
+//! Derives barriers from uses, and orders the steps of several crowds.
 //!
-//! The steps of one crowd or of several are recorded in rounds: the first steps of all, the second steps of all, and so
-//! on, with a barrier between two rounds where a use has to wait for an earlier one, as weak as the uses allow.
+//! Steps are recorded in rounds: the first steps of all crowds, then the second steps, and so on. A round is preceded
+//! by a barrier if one of its uses depends on an earlier one; the barrier is the weakest that suffices.
 
 use super::steps::{Resource, Scope, Steps, Use, Work};
 
-/// As many as a set of stages has bits.
+/// The bits of a stage set.
 const STAGES: usize = u16::BITS as usize;
 
 /// A global memory barrier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Barrier {
-    /// What must be finished and made available.
+    /// Accesses that must finish and become available.
     pub before: Scope,
-    /// What waits, and sees it.
+    /// Accesses that wait and to which the former are visible.
     pub after: Scope,
 }
 
 impl Barrier {
-    /// The barrier between what was just written for the first time, and what uses it.
+    /// The barrier between the first writes of memory and its uses.
     pub fn between(written: &[Use], used: &[Use]) -> Option<Self> {
         let mut tracker = Tracker::default();
         tracker.use_all(written);
@@ -26,40 +26,40 @@ impl Barrier {
     }
 }
 
-/// The barrier after the copies of an upload: every technique and every draw may read base pose and deltas. It names no
-/// stage, so that any queue takes it.
+/// The barrier after an upload: any technique or draw may read base pose and deltas. All stages, so that any queue
+/// supports it.
 pub fn asset_uploaded() -> Option<Barrier> {
     Some(Barrier { before: Use::copy(Resource::Asset).scope(), after: Scope::ANYTHING })
 }
 
-/// What is recorded, one after the other.
+/// A recorded command.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Entry {
     /// A memory barrier.
     Barrier(Barrier),
     /// A work.
     Work {
-        /// Which crowd of the call.
+        /// Index of the crowd in the call.
         crowd: u32,
-        /// Which step of its update.
+        /// Index of the step in its update.
         step: u32,
-        /// What is done.
+        /// The work.
         work: Work,
     },
 }
 
-/// The schedule of an update of one crowd or several, with what making it takes.
+/// The schedule of an update of one crowd or several, with reusable storage.
 #[derive(Clone, Debug, Default)]
 pub struct Schedule {
-    /// What is recorded.
+    /// The commands in order.
     pub entries: Vec<Entry>,
     trackers: Vec<Tracker>,
 }
 
 impl Schedule {
-    /// Put the steps of all `updates` into common rounds, with one barrier between two of them at most.
+    /// Merges the steps of all `updates` into rounds, with at most one barrier between two rounds.
     ///
-    /// Memory is taken to be as the update before left it, which is as these steps leave it, with the poses read since.
+    /// Assumes that the previous update left memory as these steps leave it, and that its poses were read since.
     pub fn fill<'a>(&mut self, updates: impl Iterator<Item = &'a Steps> + Clone) {
         self.entries.clear();
         self.trackers.clear();
@@ -93,20 +93,20 @@ impl Schedule {
     }
 }
 
-/// What is known of one resource.
+/// State of one resource.
 #[derive(Clone, Copy, Debug, Default)]
 struct Memory {
     /// The last write.
     write: Scope,
-    /// By stage: accesses that see it.
+    /// By stage: accesses to which the last write is visible.
     seen: [u8; STAGES],
-    /// Stages that read since, and in the step of the write.
+    /// Stages that have read since the last write, or in its step.
     reads: u16,
-    /// By reading stage: stages that wait for it.
+    /// By reading stage: stages ordered after it.
     ordered: [u16; STAGES],
 }
 
-/// Follows the uses of a crowd's memory.
+/// Tracks a crowd's memory.
 #[derive(Clone, Debug, Default)]
 struct Tracker {
     memory: [Memory; Resource::COUNT],
@@ -117,7 +117,7 @@ fn bits(set: u16) -> impl Iterator<Item = usize> {
 }
 
 impl Tracker {
-    /// The weakest barrier after which `uses` may follow.
+    /// The weakest barrier that must precede `uses`; `None` if none is needed.
     fn needed(&self, uses: &[Use]) -> Option<Barrier> {
         let (mut before, mut after) = (Scope::default(), Scope::default());
         for u in uses {
@@ -132,7 +132,7 @@ impl Tracker {
                 continue;
             }
             before.stages |= running;
-            // Readers that saw the last write pass it on.
+            // Readers that have seen the last write chain it.
             if unseen && !bits(running).any(|read| memory.seen[read] != 0) {
                 before = before | memory.write;
             }
@@ -141,7 +141,7 @@ impl Tracker {
         (after.stages != 0).then_some(Barrier { before, after })
     }
 
-    /// A barrier was recorded.
+    /// Applies a recorded barrier.
     fn wait(&mut self, barrier: &Barrier) {
         let Barrier { before, after, .. } = *barrier;
         for memory in &mut self.memory {
@@ -157,7 +157,7 @@ impl Tracker {
         }
     }
 
-    /// A step was recorded, after the barrier that it needs.
+    /// Applies a recorded step, after its barrier.
     fn use_all(&mut self, uses: &[Use]) {
         for u in uses.iter().filter(|u| u.access.writes()) {
             self.memory[u.memory as usize] = Memory::default();

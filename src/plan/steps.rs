@@ -1,11 +1,11 @@
-//! An update as data: steps, and the memory that each of them uses.
+//! An update as data: steps and the memory they use.
 //!
-//! A technique plans an update as [`Steps`]. A step is work between two barriers: its works are independent of each
-//! other, and its [`Use`]s say which memory they read and write. Barriers follow from the uses
-//! ([`Schedule`](super::schedule::Schedule)). What comes after an update, such as skinning, is further steps of it.
+//! A technique plans an update as [`Steps`]. The works of a step are independent of each other; its [`Use`]s say which
+//! memory they read and write, and barriers between steps follow from that ([`Schedule`](super::schedule::Schedule)).
+//! Steps after the pose, such as skinning, are further steps of the update.
 //!
-//! Uses speak of a crowd's memory as a whole (all poses, all sums), so that deriving barriers takes the same time
-//! whatever the number of instances. The hazard checker follows every instance and slot.
+//! A use names a crowd's memory as a whole (all poses, all sums), so that deriving barriers takes the same time for any
+//! number of instances. The hazard checker tracks every instance and slot.
 
 use super::after::Kind;
 use crate::abi::steps::after_steps;
@@ -37,7 +37,7 @@ pub enum Stage {
     FragmentShader = 512,
     /// Ray-tracing shaders.
     RayTracingShader = 1024,
-    /// Blending and writes of colours.
+    /// Colour attachment blending and writes.
     ColourOutput = 2048,
 }
 
@@ -87,7 +87,7 @@ pub struct Scope {
 }
 
 impl Scope {
-    /// Whatever the queue does, and any access.
+    /// All stages and accesses.
     pub const ANYTHING: Self = Self { stages: u16::MAX, accesses: u8::MAX };
 
     /// Whether `stage` is among the stages.
@@ -120,7 +120,7 @@ macro_rules! resources {
             $($reads:tt => $written:ident, $push:ident $members:tt $rows:tt;)*
         }
     )*) => {
-        /// Memory of a crowd, each kind as a whole.
+        /// Memory of a crowd, by kind, over all instances.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         pub enum Resource {
             $($(#[doc = $doc])* $resource,)*
@@ -128,7 +128,7 @@ macro_rules! resources {
         }
 
         impl Resource {
-            /// How many there are.
+            /// Number of resources.
             pub(super) const COUNT: usize = [$(Self::$resource,)* $($(Self::$written,)*)*].len();
         }
     };
@@ -141,25 +141,25 @@ after_steps!(resources {
     Poses,
     /// Integer sums of all instances.
     Sums,
-    /// Clips, and which targets touch which blocks.
+    /// Clips, and the table of targets by block.
     Tables,
-    /// What instances play, weights that are animated on the GPU, and which updates touched the blocks: one buffer,
-    /// which synchronization validation takes as a whole.
+    /// What instances play, weights animated on the GPU, and the last update of each block: one buffer, since
+    /// synchronization validation tracks whole buffers.
     State,
-    /// Work lists that the GPU writes.
+    /// Work lists written by the GPU.
     WorkList,
-    /// How many items they have, and the arguments of the dispatches that carry them out: one buffer as well.
+    /// Item counts and indirect dispatch arguments: one buffer, for the same reason.
     Control,
 });
 
-/// One way in which memory is used: a [`Resource`] by a step, or what the hazard checker knows of it by a work.
+/// A use of memory: of a [`Resource`] by a step, or of the hazard checker's memory by a work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Use<M = Resource> {
-    /// What is accessed.
+    /// The memory.
     pub memory: M,
-    /// In which stage.
+    /// The stage.
     pub stage: Stage,
-    /// How.
+    /// The access.
     pub access: Access,
 }
 
@@ -184,22 +184,21 @@ impl<M> Use<M> {
         Self::new(memory, Stage::Transfer, Access::TransferWrite)
     }
 
-    /// Its side of a barrier.
+    /// Stage and access as one side of a barrier.
     pub(crate) const fn scope(&self) -> Scope {
         Scope { stages: self.stage as u16, accesses: self.access as u8 }
     }
 }
 
-/// Who reads poses, and what is [decoded](crate::DecodeTarget) of them, between updates, on the queue of the updates:
-/// the barriers of an update wait for these readers, and make the new poses visible to them. Combined with `|`.
+/// Readers of poses and [decoded](crate::DecodeTarget) outputs between updates, on the queue of the updates. An
+/// update's barriers wait for these readers, and make the new poses visible to them. Combined with `|`.
 ///
-/// Readers on another queue are ordered by semaphores, which no barrier can stand in for
-/// ([`MorphEngine`](crate::MorphEngine#several-queues)); leave them out.
+/// Leave out readers on another queue: semaphores order them, barriers cannot
+/// ([`MorphEngine`](crate::MorphEngine#several-queues)).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Consumers(u8);
 
-/// The list of consumers: documentation, name and bit; whether only a queue with graphics has them; where and how they
-/// read.
+/// Each consumer: documentation, name, bit, whether it needs a graphics queue, and its stages and accesses.
 macro_rules! consumers {
     ($($(#[doc = $doc:literal])* $name:ident $bit:literal, graphics: $graphics:literal, $([$stage:ident $access:ident])*;)*) => {
         impl Consumers {
@@ -220,38 +219,35 @@ consumers! {
     COMPUTE_SHADERS 4, graphics: false, [Compute ShaderRead];
     /// Copies.
     COPIES 8, graphics: false, [Transfer TransferRead];
-    /// Builds of acceleration structures, from poses of float32 or from decoded positions. The device has to have them
-    /// enabled (VK_KHR_acceleration_structure).
+    /// Acceleration structure builds, from float32 poses or decoded positions. Needs VK_KHR_acceleration_structure.
     ACCELERATION_STRUCTURES 16, graphics: false, [AccelerationStructureBuild ShaderRead];
-    /// Task and mesh shaders that read poses from storage buffers. The device has to have both enabled
-    /// (VK_EXT_mesh_shader, features `taskShader` and `meshShader`).
+    /// Task and mesh shaders that read poses from storage buffers. Needs VK_EXT_mesh_shader with `taskShader` and
+    /// `meshShader`.
     MESH_SHADERS 32, graphics: true, [TaskShader ShaderRead] [MeshShader ShaderRead];
-    /// Fragment shaders that read poses from storage buffers, such as those that find a vertex of a triangle by its
-    /// number.
+    /// Fragment shaders that read poses from storage buffers, such as to fetch the vertices of a triangle by index.
     FRAGMENT_SHADERS 64, graphics: true, [FragmentShader ShaderRead];
-    /// Shaders of ray-tracing pipelines that read poses from storage buffers, such as those of a hit. The device has to
-    /// have these pipelines enabled (VK_KHR_ray_tracing_pipeline). Ray queries read in the stage of the shader that
-    /// makes them.
+    /// Shaders of ray-tracing pipelines that read poses from storage buffers, such as hit shaders. Needs
+    /// VK_KHR_ray_tracing_pipeline. Ray queries count as reads in the stage of the shader that makes them.
     RAY_TRACING_SHADERS 128, graphics: false, [RayTracingShader ShaderRead];
 }
 
 impl Consumers {
-    /// Nobody on the queue of the updates.
+    /// No readers on the queue of the updates.
     pub const NONE: Self = Self(0);
 
-    /// Those whose bits these are; `None`: there is a bit of none.
+    /// The consumers of a bit mask; `None` if it has unknown bits.
     pub fn from_bits(bits: u32) -> Option<Self> {
         let known = Self::READS.iter().fold(0, |all, (bit, ..)| all | bit);
         u8::try_from(bits).ok().filter(|bits| bits & !known == 0).map(Self)
     }
 
-    /// Those that a queue with or without graphics can have: the stages of the others are on another queue.
+    /// The consumers that a queue with or without graphics can have.
     pub fn of_queue(self, graphics: bool) -> Self {
         let there = Self::READS.iter().filter(|(_, only_graphics, _)| graphics || !only_graphics);
         Self(there.fold(0, |all, (bit, ..)| all | bit) & self.0)
     }
 
-    /// What they do with memory of this kind.
+    /// Their uses of `memory`.
     pub fn uses(self, memory: Resource) -> impl Iterator<Item = Use> {
         let named = Self::READS.iter().filter(move |(bit, ..)| self.0 & bit != 0);
         named.flat_map(|(.., reads)| *reads).map(move |&(stage, access)| Use::new(memory, stage, access))
@@ -273,7 +269,7 @@ impl Default for Consumers {
     }
 }
 
-/// What a work reads from.
+/// The source pose of a work.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Source {
     /// The base pose.
@@ -283,40 +279,40 @@ pub enum Source {
     Slot(u32),
 }
 
-/// Whose a work is.
+/// The planner of a work, which also records it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Owner {
-    /// The technique's that planned the update.
+    /// The crowd's technique.
     #[default]
     Technique,
-    /// A step's after the pose.
+    /// A step after the pose.
     Step(Kind),
 }
 
-/// A piece of a step, in the numbers of its owner.
+/// A dispatch or draw of a step. Its owner defines the numbers.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Work {
-    /// Who records it.
+    /// Planned and recorded by.
     pub owner: Owner,
-    /// Which of the owner's kernels; of a step after the pose, which of its dispatches.
+    /// Index of the owner's kernel; for a step after the pose, of its dispatch.
     pub kernel: u32,
     /// The group of the mesh.
     pub group: u32,
     /// The instance, or the group of instances.
     pub instance: u32,
-    /// What is read.
+    /// The source pose.
     pub source: Source,
-    /// The slot that is written.
+    /// The destination slot.
     pub destination: u32,
-    /// Which of the planned items or coefficients.
+    /// Range of the planned items or coefficients.
     pub items: Range<u32>,
 }
 
-/// What happens between two barriers.
+/// Works between two barriers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Step {
     uses: &'static [Use],
-    /// Its works end here in [`Steps::works`].
+    /// End of its works in [`Steps::works`].
     end: usize,
 }
 
@@ -326,39 +322,39 @@ pub struct Steps {
     steps: Vec<Step>,
     works: Vec<Work>,
     consumers: Consumers,
-    /// What follows the last step.
+    /// Uses after the last step.
     after: Vec<Use>,
 }
 
 impl Steps {
-    /// No steps yet; poses are read by `consumers` when the update is done.
+    /// No steps; `consumers` read the poses after the update.
     pub fn new(consumers: Consumers) -> Self {
         Self { steps: vec![], works: vec![], consumers, after: consumers.uses(Resource::Poses).collect() }
     }
 
-    /// What further steps write is read by the same consumers as poses are.
+    /// Adds outputs that `consumers` read after the update, beside poses.
     pub fn read_besides(&mut self, written: impl Iterator<Item = Resource>) {
         self.after.retain(|used| used.memory == Resource::Poses);
         self.after.extend(written.flat_map(|memory| self.consumers.uses(memory)));
     }
 
-    /// What each step uses.
+    /// The uses of each step.
     pub fn uses(&self) -> impl Iterator<Item = &'static [Use]> {
         self.steps.iter().map(|step| step.uses)
     }
 
-    /// Forget the last update.
+    /// Removes all steps and works.
     pub fn clear(&mut self) {
         self.steps.clear();
         self.works.clear();
     }
 
-    /// Begin a step: the works pushed from now on are independent of each other.
+    /// Begins a step: works pushed from now on are independent of each other.
     pub fn step(&mut self, uses: &'static [Use]) {
         self.steps.push(Step { uses, end: self.works.len() });
     }
 
-    /// Append a work to the step begun last.
+    /// Adds a work to the last step.
     pub fn push(&mut self, work: Work) {
         self.works.push(work);
         if let Some(step) = self.steps.last_mut() {
@@ -371,7 +367,7 @@ impl Steps {
         self.steps.len()
     }
 
-    /// Whether there is nothing to record.
+    /// Whether there are no steps.
     pub fn is_empty(&self) -> bool {
         self.steps.is_empty()
     }
@@ -386,11 +382,11 @@ impl Steps {
         &self.works[first..self.steps[step].end]
     }
 
-    /// What a round uses: the step of this number; after the `last` step of all, what follows the update.
+    /// Uses of round `step`: those of this step, or of the consumers in round `last`.
     pub(super) fn uses_of(&self, step: usize, last: usize) -> &[Use] {
         match self.steps.get(step) {
             Some(step) => step.uses,
-            // Nothing was done: nobody has to wait.
+            // An empty update has no consumers to synchronize.
             None if step == last && !self.is_empty() => &self.after,
             None => &[],
         }

@@ -1,4 +1,4 @@
-//! What tests of techniques share, the schedule of several crowds, and descriptions that are refused.
+//! Helpers for tests of techniques; schedules of several crowds; rejected descriptions.
 
 use super::hazards::{Accesses, Event as Recorded, HazardChecker, Memory, trace};
 use super::schedule::{Barrier, Schedule, asset_uploaded};
@@ -9,7 +9,7 @@ use proptest::prelude::*;
 /// A frame: weights from a small grid (so that some stay as they are), and what happens around it.
 #[derive(Clone, Debug)]
 pub(crate) enum Event {
-    /// `None`: to the weights of the update before.
+    /// `None`: the same weights again.
     Update(Option<Vec<f32>>),
     DiscardLast(u64),
     Cut,
@@ -23,14 +23,14 @@ pub(crate) fn events(targets: usize) -> impl Strategy<Value = Vec<Event>> {
     proptest::collection::vec(event, 1..30)
 }
 
-/// What an update of one crowd or several records, as the checker sees it.
+/// The recorded events of an update of one or several crowds.
 pub(crate) fn scheduled(updates: &[&Steps], accesses: impl FnMut(u32, &[Work]) -> Vec<Accesses>) -> Vec<Recorded> {
     let mut schedule = Schedule::default();
     schedule.fill(updates.iter().copied());
     trace(&schedule.entries, accesses)
 }
 
-/// A checker that has seen the upload of the mesh, and what making a crowd that is animated on the GPU writes.
+/// A checker after the upload of the mesh and the creation of a crowd animated on the GPU.
 pub(crate) fn checker() -> HazardChecker {
     let mut checker = HazardChecker::default();
     checker.upload(asset_uploaded());
@@ -40,11 +40,11 @@ pub(crate) fn checker() -> HazardChecker {
     checker
 }
 
-/// An update, and the slots that are drawn after it.
+/// An update, and the slots drawn after it.
 pub(crate) type DrawnUpdate = (Vec<Recorded>, [Option<u32>; 2]);
 
-/// The fourth of `frames` has `count` barriers: the checker finds a hazard without any one of them, and none with all.
-/// Its slots are drawn in each of up to four crowds.
+/// Asserts that the fourth of `frames` has `count` barriers and that each is needed. The slots of a frame are drawn in
+/// each of up to four crowds.
 pub(crate) fn assert_barriers_needed(frames: &[DrawnUpdate], count: usize, what: &str) {
     let barriers = frames[3].0.iter().enumerate().filter(|(_, event)| matches!(event, Recorded::Barrier(_)));
     let barriers: Vec<usize> = barriers.map(|(i, _)| i).collect();
@@ -67,7 +67,7 @@ pub(crate) fn assert_barriers_needed(frames: &[DrawnUpdate], count: usize, what:
 
 const PASS: &[Use] = &[Use::read(Resource::Poses), Use::write(Resource::Poses)];
 
-/// Updates of so many steps each.
+/// Updates with `lengths` steps.
 fn updates(lengths: &[usize]) -> Vec<Steps> {
     let update = |&length: &usize| {
         let mut steps = Steps::new(Consumers::default());
@@ -80,7 +80,7 @@ fn updates(lengths: &[usize]) -> Vec<Steps> {
     lengths.iter().map(update).collect()
 }
 
-/// Crowds that are updated together share their barriers, and each of these is needed.
+/// Crowds updated together share barriers, and each barrier is needed.
 #[test]
 fn several_crowds_have_common_rounds_and_barriers() {
     let updates = updates(&[1, 3, 0, 1]);
@@ -95,7 +95,7 @@ fn several_crowds_have_common_rounds_and_barriers() {
     assert_barriers_needed(&vec![(events, [Some(0), None]); 5], 4, "four crowds");
 }
 
-/// The host says who reads poses; barriers name these stages, and no others.
+/// Barriers name the stages of the host's consumers, and no others.
 #[test]
 fn barriers_name_the_consumers() {
     for (consumers, stages) in [
@@ -118,7 +118,7 @@ fn barriers_name_the_consumers() {
         assert_eq!(before.before.stages, stages | Stage::Compute as u16);
         assert_eq!((after.before.stages, after.after.stages), (Stage::Compute as u16, stages));
     }
-    // All are on other queues: a semaphore makes poses visible, and the update waits for earlier ones alone.
+    // All consumers are on other queues: a semaphore makes poses visible, and the update waits only for earlier ones.
     assert_eq!((Consumers::default() | Consumers::FRAGMENT_SHADERS).of_queue(false), Consumers::NONE);
     let mut steps = Steps::new(Consumers::NONE);
     steps.step(PASS);
@@ -128,7 +128,7 @@ fn barriers_name_the_consumers() {
     assert_eq!((before.before.stages, before.after.stages), (Stage::Compute as u16, Stage::Compute as u16));
 }
 
-/// Works of one step run at the same time: what one writes, no other may use.
+/// Works of one step run concurrently: none may use what another writes.
 #[test]
 fn works_of_a_step_must_not_share_what_they_write() {
     let pose = |instance| Memory::Pose { instance, slot: 0 };
