@@ -1,4 +1,4 @@
-//! The dense formats: target after target, every vertex.
+//! Packing in dense formats: every vertex of every target.
 
 use super::formats::{DenseFormat, Lane};
 use super::grid::Sums;
@@ -7,7 +7,7 @@ use super::{POSE_FLOATS, PackDesc, PackedGroup, PackedLayout, PackedTarget, Sour
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::error::{Error, Result};
 
-/// Lay out a group densely.
+/// Packs a group.
 pub(super) fn pack(source: &Source<'_>, desc: &PackDesc, format: &impl DenseFormat) -> Result<PackedGroup> {
     let mesh = source.mesh;
     let vertex_count = mesh.vertex_count();
@@ -63,11 +63,11 @@ pub(super) fn pack(source: &Source<'_>, desc: &PackDesc, format: &impl DenseForm
     Ok(PackedGroup { layout, base, words: words_of_all })
 }
 
-/// How far the targets move each vertex.
+/// Bounds on the sums of each vertex.
 struct Reached {
-    /// Σ|delta|, and the targets that move it.
+    /// By vertex: Σ|delta| of each component, and the number of targets that move it.
     vertices: Vec<([f64; POSE_FLOATS], usize)>,
-    /// The finest and the coarsest step of the targets that move a triple.
+    /// By triple: the finest and the coarsest step of the targets that move it.
     steps: [(f32, f32); TRIPLES],
 }
 
@@ -76,7 +76,7 @@ impl Reached {
         Self { vertices: vec![([0.0; POSE_FLOATS], 0); vertices], steps: [(f32::INFINITY, 0.0); TRIPLES] }
     }
 
-    /// Add the delta of another target, as it is stored.
+    /// Adds a target's delta of `vertex`, as it is stored.
     fn add(&mut self, vertex: usize, delta: [f64; POSE_FLOATS], steps: [f32; TRIPLES]) {
         let (sums, targets) = &mut self.vertices[vertex];
         *targets += usize::from(delta != [0.0; POSE_FLOATS]);
@@ -88,7 +88,7 @@ impl Reached {
     }
 
     fn sums(self, desc: &PackDesc) -> Sums {
-        // What nothing moves has any step. The quotient of two may be more than single precision holds.
+        // A triple that nothing moves may have any step. The ratio of two steps may exceed float32's range.
         let found = self.steps.map(|(finest, coarsest)| if coarsest > 0.0 { (finest, coarsest) } else { (1.0, 1.0) });
         let steps = found.map(|(finest, _)| finest);
         let range = found.map(|(finest, coarsest)| (f64::from(coarsest) / f64::from(finest)).log2() as u32);

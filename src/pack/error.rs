@@ -1,28 +1,28 @@
-//! Errors of poses and deltas, by what the numbers mean.
+//! Errors of poses and deltas, by kind of stream.
 
 use super::POSE_FLOATS;
 use crate::asset::streams::{Measure, Semantic, StreamPlace};
 use glam::DVec3;
 
-/// The largest errors of a pose, or of each target at weight 1; 0 for what is not there. NaN when the pose holds one.
+/// Largest errors of a pose, or over all targets at weight 1. 0 for missing streams; NaN if the pose contains NaN.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PoseError {
-    /// Largest distance of a vertex from where it should be, in input units.
+    /// Largest distance of a vertex from its exact position, in input units.
     pub position: f64,
     /// Largest angle between normals, after normalisation, in degrees.
     pub normal_degrees: f64,
     /// Largest angle between tangents, after normalisation, in degrees.
     pub tangent_degrees: f64,
-    /// Largest difference of any number of other streams: texture coordinates, colours.
+    /// Largest difference of any component of other streams (texture coordinates, colours, masks).
     pub absolute: f64,
 }
 
 impl PoseError {
-    /// Within no bound.
+    /// Exceeds every bound.
     pub(crate) const NAN: Self =
         Self { position: f64::NAN, normal_degrees: f64::NAN, tangent_degrees: f64::NAN, absolute: f64::NAN };
 
-    /// The larger of both, each.
+    /// The larger error of each kind; NaN if either is NaN.
     pub fn max(self, other: Self) -> Self {
         // f64::max would drop a NaN.
         let worse = |a: f64, b: f64| if a.is_nan() || a > b { a } else { b };
@@ -39,13 +39,13 @@ impl PoseError {
         self.position <= position && self.normal_degrees <= degrees && self.tangent_degrees <= degrees
     }
 
-    /// The error of a stream.
+    /// The error that applies to a stream of this semantic.
     pub fn of(&self, semantic: Semantic) -> f64 {
         let mut errors = *self;
         *errors.of_mut(semantic)
     }
 
-    /// No error but that of one stream.
+    /// An error in one stream only.
     pub(crate) fn only(semantic: Semantic, error: f64) -> Self {
         let mut only = Self::default();
         *only.of_mut(semantic) = error;
@@ -62,7 +62,7 @@ impl PoseError {
     }
 }
 
-/// How far the numbers of one vertex of a group are from what they should be; `angle` in degrees.
+/// Errors of one vertex of a group; `angle` returns degrees.
 pub(crate) fn stream_errors(
     streams: &[StreamPlace],
     got: &[f64; POSE_FLOATS],

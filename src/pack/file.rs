@@ -1,7 +1,7 @@
-//! Packed assets on disk: `.dmorph` files, which are loaded without packing again.
+//! Packed asset files (`.dmorph`), which load without packing.
 //!
 //! Numbers are little-endian. A file is a header, a table of sections, and the sections in the table's order, each
-//! padded with zeros to a multiple of 8 bytes; nothing lies between them or after the last.
+//! padded with zeros to a multiple of 8 bytes, without gaps.
 //!
 //! ```text
 //! header    magic "DMORPH\r\n"   version u32 = 4   sections u32
@@ -32,15 +32,14 @@
 //!  7  words               [word] u32: headers and deltas, see blocks
 //! ```
 //!
-//! Versions 2 and 3 are read as well, but for meshes in the format `small`, which has other words since. Version 2 has
-//! the sections 1 to 11 once each, in the order of their ids, for position and normal. Its section 'meta' holds the
-//! numbers of 'group' too: blocks, entries and words after targets, the steps before the diagonal, the errors at the
-//! end.
+//! Versions 2 and 3 are read too, except meshes in format `small`, whose words have changed. Version 2 has sections 1
+//! to 11 once each, in the order of their ids, for position and normal. Its section 'meta' also holds the numbers of
+//! 'group': blocks, entries and words after targets, the steps before the diagonal, the errors at the end.
 //!
-//! Checksums are CRC-32 (the one of zlib). Whatever a file says, reading takes 24 times its size in memory at most for
-//! each group of streams (16 at most), and 16 KiB: counts are held against the lengths of sections, and those against
-//! the file, before anything is made of them. What planning needs besides ([`BlockIndex`](super::blocks::BlockIndex))
-//! is derived, and its rules are checked on the way.
+//! Checksums are CRC-32 (as in zlib). Reading any file takes at most 24 times its size in memory for each group of
+//! streams (at most 16), plus 16 KiB: counts are checked against section lengths, and those against the file, before
+//! anything is allocated. Data that planning needs ([`BlockIndex`](super::blocks::BlockIndex)) is derived on reading,
+//! and its invariants are checked.
 
 mod contents;
 mod table;
@@ -54,29 +53,30 @@ use glam::Vec2;
 use std::io::Write;
 use std::path::Path;
 
-/// Larger files are not read.
+/// Size limit of a file.
 const MAX_BYTES: u64 = 4 << 30;
 
-/// A mesh packed into blocks, and what else an OBJ file of it needs.
+/// A mesh packed in blocks, with its faces and texture coordinates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Asset {
     /// The mesh, in a block format.
     pub mesh: PackedMesh,
-    /// The face list, which names the user's vertices.
+    /// Faces, which index the user's vertices.
     pub faces: Faces,
-    /// Texture coordinates, as the faces index them.
+    /// Texture coordinates, indexed by the faces.
     pub texcoords: Vec<Vec2>,
-    /// For each vertex the first one at its place, or empty: see [`MorphSource::welds`](crate::MorphSource::welds).
+    /// For each vertex the first vertex at the same position, or empty; see
+    /// [`MorphSource::welds`](crate::MorphSource::welds).
     pub welds: Vec<u32>,
-    /// The tolerance that deltas were kept by before they were packed.
+    /// The import tolerance that `mesh` was made with.
     pub tolerance: Tolerance,
 }
 
 impl Asset {
-    /// Pack `mesh` as `desc` says.
+    /// Packs `mesh` in a block format.
     ///
     /// # Errors
-    /// A dense format; what [`PackedMesh::pack`] refuses.
+    /// A dense format; errors of [`PackedMesh::pack`].
     pub fn pack(mesh: &MorphMesh, desc: &PackDesc) -> Result<Self> {
         if !desc.format.is_blocks() {
             let what = format!("the dense format '{}' in a packed file", desc.format.name());
@@ -91,37 +91,37 @@ impl Asset {
         })
     }
 
-    /// Read the file `path`.
+    /// Reads the file `path`.
     ///
     /// # Errors
-    /// [`Error::Io`] where the file cannot be read, [`Error::Input`] with the section where what it says cannot be
-    /// used, or where it is larger than 4 GiB.
+    /// [`Error::Io`] if the file cannot be read; [`Error::Input`], naming the section, if it is invalid or larger than
+    /// 4 GiB.
     pub fn read(path: &Path) -> Result<Self> {
         contents::read(path, &read_bounded(path, MAX_BYTES, "split the mesh")?)
     }
 
-    /// The same, from bytes in memory; `path` is only for messages.
+    /// Reads a file from memory; `path` is used only in messages.
     ///
     /// # Errors
-    /// [`Error::Input`], as [`read`](Self::read).
+    /// [`Error::Input`], naming the section, if `bytes` are invalid.
     pub fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Self> {
         contents::read(path, bytes)
     }
 
-    /// Write the file `path`, in place of what is there once all is written.
+    /// Writes the file `path`. An existing file is replaced once all bytes are written.
     ///
     /// # Errors
-    /// [`Error::Io`] where the file cannot be written, else as [`to_bytes`](Self::to_bytes).
+    /// [`Error::Io`] if the file cannot be written, and the errors of [`to_bytes`](Self::to_bytes).
     pub fn write(&self, path: &Path) -> Result<()> {
         let bytes = self.to_bytes()?;
         write_replacing(path, |out| out.write_all(&bytes))
     }
 
-    /// What [`write`](Self::write) writes.
+    /// The bytes of the file that [`write`](Self::write) writes.
     ///
     /// # Errors
-    /// [`Error::Invalid`]: a dense format; a mesh without vertices; faces, texture coordinates, welds, a tolerance or
-    /// names that a mesh may not have; more than a file can hold.
+    /// [`Error::Invalid`]: a dense format; no vertices; invalid faces, texture coordinates, welds, tolerance or names;
+    /// more data than a file can hold.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         self.check().map_err(|what| {
             Error::invalid(
@@ -132,7 +132,7 @@ impl Asset {
         contents::write(self)
     }
 
-    /// The mesh as it decodes, in the user's order of vertices: for dense formats, and for the reference.
+    /// Decodes the mesh, in the user's vertex order: to pack it in a dense format, or for the reference.
     ///
     /// # Errors
     /// A dense format.
@@ -155,7 +155,7 @@ impl Asset {
         Ok(mesh)
     }
 
-    /// What neither packing nor the layout of a file sees to.
+    /// Checks that neither packing nor the file format makes.
     fn check(&self) -> Result<(), String> {
         let layout = self.mesh.layout();
         if layout.vertex_count == 0 {
@@ -184,7 +184,7 @@ impl Asset {
     }
 }
 
-/// Add a group, as it decodes, to `mesh`, whose targets are there.
+/// Appends a decoded group to `mesh`, whose targets exist.
 fn unpack(group: &PackedGroup, mesh: &mut MorphMesh) {
     let layout = group.layout();
     let base = layout.to_user_order(group.base());
@@ -198,7 +198,7 @@ fn unpack(group: &PackedGroup, mesh: &mut MorphMesh) {
         sort(&mut lanes);
         for place in &layout.streams {
             let numbers = place.morphing_components();
-            // Blocks hold zeros where nothing moves. Positions and normals are listed for the same vertices.
+            // Blocks contain zero deltas. Positions and normals share one list of vertices.
             let surface = matches!(place.semantic, Semantic::Position | Semantic::Normal);
             let listed = if surface { 0..POSE_FLOATS } else { numbers.clone() };
             let moved = lanes.iter().filter(|(_, delta)| delta[listed.clone()].iter().any(|d| *d != 0.0));

@@ -1,62 +1,63 @@
-//! The grid of weights and poses on which integer sums are exact.
+//! The grid of weights and deltas on which integer sums are exact.
 
 use super::{DeltaFormat, PoseFormat};
 use crate::asset::streams::TRIPLES;
 use crate::error::{Error, Result};
 
-/// Fewer bits than this are no grid to animate on; steps finer than 2^-16 make no visible difference.
+/// Fewer bits are too coarse to animate; steps finer than 2^-16 make no visible difference.
 const WEIGHT_BITS: std::ops::RangeInclusive<u32> = 7..=16;
 
-/// Products of 32 bits have room for what rounding adds: half a unit, of so many bits at most.
+/// Bits reserved in 32-bit products for the half unit that rounding adds.
 const HALF_BITS: u32 = 16;
 
-/// The grid on which weights and poses of integers lie: no sum overflows, whatever the weights up to the largest.
+/// The grid of weights and fixed-point poses. No sum overflows for weights up to `weight_max`.
 ///
-/// A pose is Σ round(weight · delta / unit), a term for each target, in integers that do not depend on the order or the
-/// history. Rounding weights moves a component by at most ½·[`weight_step`](Self::weight_step)·Σ|delta|, on top of the
-/// error of packing ([`BlockIndex::error`](super::blocks::BlockIndex::error), for each target at weight 1); rounding
-/// terms by what [`position_error`](Self::position_error) says.
+/// A pose is Σ round(weight · delta / unit) over the targets, in integers, so it depends neither on their order nor on
+/// earlier poses. Rounding weights moves a component by at most ½·[`weight_step`](Self::weight_step)·Σ|delta|, on top
+/// of the packing error ([`BlockIndex::error`](super::blocks::BlockIndex::error), for each target at weight 1);
+/// rounding terms, by [`position_error`](Self::position_error).
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct PoseGrid {
-    /// Weights are whole multiples of 2^-bits.
+    /// Weights are multiples of 2^-bits.
     pub weight_bits: u32,
-    /// The largest weight, either sign.
+    /// Largest absolute weight.
     pub weight_max: f32,
-    /// Input units of a pose's integers, of each triple of the group: of positions and of normals. Powers of two.
+    /// Input units per integer of a pose, by triple of the group (positions, normals). Powers of two.
     pub units: [f32; TRIPLES],
-    /// Lowest bits that rounding drops of the product of a weight and a delta, both as integers. In dense formats, of
-    /// the target with the finest step: see [`terms`](Self::terms).
+    /// Low bits that rounding drops from the product of integer weight and integer delta. Dense formats: for the target
+    /// with the finest step; see [`terms`](Self::terms).
     pub(crate) dropped: [u32; TRIPLES],
 }
 
-/// What a target adds to a triple of a pose, of integers d: q(new) − q(old) with q(w) = (w · d + half) >> dropped.
+/// A target's contribution to a triple of a fixed-point pose, for integer deltas d: q(new) − q(old), where q(w) = (w ·
+/// d + half) >> dropped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Term {
-    /// The weight that the pose is to hold, in steps of the grid, 2^15 at most.
+    /// The new weight in steps of the grid; at most 2^15.
     pub new: i32,
-    /// The weight that it holds.
+    /// The applied weight.
     pub old: i32,
     /// At most 31.
     pub dropped: u32,
 }
 
-/// What poses of integers add up in a mesh: how large sums of its deltas may become.
+/// Bounds on the integer sums of a mesh's deltas.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Sums {
     pub format: DeltaFormat,
-    /// What deltas are whole multiples of, by triple: powers of two.
+    /// Delta steps by triple; powers of two.
     pub steps: [f32; TRIPLES],
-    /// Dense formats, whose targets have steps of their own: the power of two from `steps`, which are the finest of
-    /// them, to the coarsest. In blocks a step is the mesh's, and integers are shifted.
+    /// Dense formats, whose steps differ by target: log2 of coarsest step / finest step (`steps`), by triple. `None` in
+    /// block formats: one step for the mesh, and shifted integers.
     pub coarsest: Option<[u32; TRIPLES]>,
-    /// The largest Σ|delta| of any vertex component in steps, by triple.
+    /// By triple: the largest Σ|delta| of any component of a vertex, in steps.
     pub largest: [f64; TRIPLES],
-    /// The largest of the mesh: of any of its groups.
+    /// The maximum of `largest` over all groups of the mesh.
     pub largest_of_mesh: f64,
-    /// Most targets that move a vertex. At least: it may count those that touch its block.
+    /// Upper bound on the targets that move a vertex; block formats count those that touch its block.
     pub targets: usize,
-    /// The largest weight of poses of 32 bits, where none is named.
+    /// Default largest weight of 32-bit poses.
     pub weight_max: f32,
 }
 
@@ -66,36 +67,35 @@ impl PoseGrid {
         1.0 / (1u32 << self.weight_bits) as f32
     }
 
-    /// The multiple of the step that is nearest to `weight`: what poses take for it.
+    /// Rounds `weight` to the nearest multiple of the step, as fixed-point poses do.
     pub fn round(&self, weight: f32) -> f32 {
         self.steps(weight) as f32 * self.weight_step()
     }
 
-    /// `weight` in steps. Both factors of the product fit 24 bits, and a power of two changes none: one rounding.
+    /// `weight` in steps. The scale is a power of two, so only `round` rounds.
     #[doc(hidden)]
     pub fn steps(&self, weight: f32) -> i32 {
         (weight * (1u32 << self.weight_bits) as f32).round() as i32
     }
 
-    /// How far rounding may move a vertex that so many targets with weights move: half a unit in each component for
-    /// each of them. In input units; 0 where nothing is rounded.
+    /// Bound on the position error of a vertex that `targets` targets move, from rounding each of their terms by half a
+    /// unit. In input units; 0 if nothing is rounded.
     pub fn position_error(&self, targets: usize) -> f32 {
         self.rounding(0, targets)
     }
 
-    /// The same of its normal, which is not normalised: the length of the difference.
+    /// The same bound for its normal before normalisation, as the length of the difference.
     pub fn normal_error(&self, targets: usize) -> f32 {
         self.rounding(1, targets)
     }
 
-    /// What a target whose deltas have 16 bits, in these steps, adds to a pose that holds one weight of it and is to
-    /// hold another.
+    /// Terms of a target with 16-bit deltas in these `steps`, from applied weight `held` to `weight`.
     pub(crate) fn terms(&self, held: f32, weight: f32, steps: [f32; TRIPLES]) -> [Term; TRIPLES] {
         let [old, new] = [held, weight].map(|weight| self.steps(weight));
         std::array::from_fn(|triple| {
             let product = f64::from(steps[triple]) * f64::from(self.weight_step());
-            // Powers of two: the quotient is exact. Steps coarser than the unit are those of a target that does not
-            // move the triple. From 31 bits on no product reaches half a unit, and both terms are -1.
+            // The quotient of powers of two is exact. A step coarser than the unit belongs to a target that does not
+            // move the triple. From 31 bits on, no product reaches half a unit: both terms are -1.
             let dropped = (f64::from(self.units[triple]) / product).log2().clamp(0.0, 31.0) as u32;
             Term { new, old, dropped }
         })
@@ -106,9 +106,9 @@ impl PoseGrid {
     }
 }
 
-/// Deltas that are no integers, or poses that are none.
+/// The error for a float32 delta or pose format.
 pub(super) fn refused(deltas: DeltaFormat, pose: PoseFormat) -> Error {
-    let text = format!("{} poses of {} deltas as sums of integers", pose.name(), deltas.name());
+    let text = format!("{} poses of {} deltas as integer sums", pose.name(), deltas.name());
     Error::invalid(text, "pack as 'fast', 'small' or, dense, 'snorm16', and use fixed32 or fixed16 poses")
 }
 
@@ -123,8 +123,8 @@ impl Sums {
         let weight_max = weight_max.unwrap_or(if narrow { 1.0 } else { self.weight_max });
         let dense = self.coarsest.is_some();
         let rounds = narrow || dense;
-        // Weights and what products have room for, where there has to be room for what rounding adds, too. Dense deltas
-        // have 16 bits: a product with 2^15 leaves a bit for it. Weights have the same grid in all groups of the mesh.
+        // Limits on weights and products. With rounding, products leave room for the half unit: dense deltas have 16
+        // bits, so a product with 2^15 has one spare bit. All groups of a mesh use one grid of weights.
         let (most_steps, most) = match (dense, narrow) {
             (true, _) => (32768.0, f64::INFINITY),
             (false, true) => (f64::from(i16::MAX), f64::from(i32::MAX) - f64::from(1u32 << HALF_BITS)),
@@ -138,12 +138,12 @@ impl Sums {
         }
         let fits = |bits: &u32| steps(*bits) <= most_steps && self.largest_of_mesh * steps(*bits) <= most;
         let weight_bits = WEIGHT_BITS.rev().find(fits).ok_or_else(|| self.overflow(weight_max, most))?;
-        // Each target that moves a component may round it by half a unit. Units are no finer than a product.
+        // Each target that moves a component may round it by half a unit. A unit is at least as coarse as a product.
         let most = f64::from(u32::MAX >> (u32::BITS - bits + 1));
         let dropped = |triple: usize| {
             let sum = self.largest[triple] * steps(weight_bits);
             let fits = |dropped: &u32| sum / f64::from(*dropped).exp2() + self.targets as f64 / 2.0 <= most;
-            // In blocks more are needed only where more than 32,767 targets move a vertex.
+            // In blocks, more bits are needed only if more than 32,767 targets move a vertex.
             let (least, all) = self.coarsest.map_or((0, HALF_BITS + 1), |coarsest| (coarsest[triple], u8::MAX.into()));
             if rounds { (least..=least + all).find(fits) } else { Some(0) }
         };
@@ -157,7 +157,7 @@ impl Sums {
         Ok(PoseGrid { weight_bits, weight_max, units: [0, 1].map(|triple| unit(triple) as f32), dropped })
     }
 
-    /// Sums of weights up to `weight_max` exceed `most`.
+    /// The error for sums, at weights up to `weight_max`, above `most`.
     fn overflow(&self, weight_max: f32, most: f64) -> Error {
         let room = most / f64::from(weight_max) / f64::from(1u32 << WEIGHT_BITS.start());
         let factor = (self.largest_of_mesh / room).log2().ceil().exp2();

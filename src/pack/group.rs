@@ -1,4 +1,4 @@
-//! A group of a packed mesh: six numbers a vertex, their deltas, and where all of it is.
+//! A group of a packed mesh: six components per vertex, their deltas and their layout.
 
 use super::blocks::{BlockIndex, PoseGrid};
 use super::formats::{DenseFormat, with_format};
@@ -11,13 +11,12 @@ use crate::math::angle_degrees;
 use glam::{Vec2, Vec3};
 use std::sync::Arc;
 
-/// Six numbers of each vertex, with their deltas, laid out for upload. [`PackedMesh`](super::PackedMesh) has the
-/// layouts.
+/// Six components per vertex, with their deltas, in the layout for upload that [`PackedMesh`](super::PackedMesh)
+/// describes.
 ///
-/// A pose buffer holds six numbers a vertex: position and normal, the first group of every mesh and the only one of
-/// most. A mesh with further streams (tangents, colours, texture coordinates that morph) has a group for each six
-/// numbers of those, with pose buffers of its own; [`PackedLayout::streams`](field@super::PackedLayout::streams) says
-/// which streams are in a group.
+/// The first group of every mesh is position and normal. Further streams (tangents, morphing colours and texture
+/// coordinates) fill further groups of six components, each with its own pose buffers;
+/// [`PackedLayout::streams`](field@super::PackedLayout::streams) lists the streams of a group.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedGroup {
     pub(super) layout: PackedLayout,
@@ -26,30 +25,29 @@ pub struct PackedGroup {
 }
 
 impl PackedGroup {
-    /// Where everything is.
+    /// The layout.
     pub fn layout(&self) -> &PackedLayout {
         &self.layout
     }
 
-    /// Base pose: [`POSE_FLOATS`] floats for each padded vertex, in the order of pose buffers.
+    /// Base pose: [`POSE_FLOATS`] floats per vertex, padding included, in pose-buffer order.
     pub fn base(&self) -> &[f32] {
         &self.base
     }
 
-    /// The deltas as words, in the layout that [`PackedMesh`](super::PackedMesh) states.
+    /// Delta words, in the layout of [`PackedMesh`](super::PackedMesh).
     pub fn deltas(&self) -> &[u32] {
         &self.words
     }
 
-    /// The words of target `target` for `vertices` vertices from `first` on, all of one chunk (dense formats).
+    /// Words of target `target` for `vertices` vertices starting at `first`, all in one chunk (dense formats).
     pub(crate) fn rows(&self, target: usize, first: usize, vertices: usize) -> &[u32] {
         let at = self.layout.word_index(target, first);
         &self.words[at..at + vertices * self.layout.format.words()]
     }
 
-    /// Call `f` with every vertex that target `target` holds a delta for, in the user's order of vertices, and the
-    /// delta that the kernels see, decoded in double precision. Vertices come in no particular order; some deltas may
-    /// be zero.
+    /// Calls `f(vertex, delta)` for each stored delta of target `target`: the vertex in the user's order, and the delta
+    /// that kernels use, decoded in double precision. The order of vertices is unspecified; deltas may be zero.
     pub fn for_each_delta(&self, target: usize, mut f: impl FnMut(usize, [f64; POSE_FLOATS])) {
         let layout = &self.layout;
         if target >= layout.targets.len() {
@@ -74,10 +72,10 @@ impl PackedGroup {
         }, blocks _format => {});
     }
 
-    /// What packing lost of `source`, which this was packed from.
+    /// The packing error against `source`, which this was packed from.
     pub(super) fn measure_error(&self, source: &Source<'_>) -> PoseError {
         let streams = &self.layout.streams;
-        // Directions are compared as they come out, all else by the deltas alone.
+        // Directions are compared with the base added, everything else by deltas alone.
         let directions = streams.iter().filter(|s| s.semantic.measure() == Measure::Angle);
         let directions: Vec<usize> = directions.flat_map(|s| s.morphing_components()).collect();
         let mut worst = PoseError::default();
@@ -104,20 +102,20 @@ impl PackedGroup {
 pub struct PackedTarget {
     /// Its name.
     pub name: String,
-    /// Input units per integer step of a delta in the first triple of the group (positions); 1 for float32. In block
-    /// formats the same for all targets.
+    /// Input units per integer step of a delta in the group's first triple (positions); 1 for float32. The same for all
+    /// targets in block formats.
     pub position_step: f32,
-    /// The step of the second triple (normals) is `position_step × 2^normal_exponent`; 0 for float32.
+    /// log2 of the second triple's step (normals) / `position_step`; 0 for float32.
     pub normal_exponent: i8,
 }
 
 impl PackedTarget {
-    /// Factor from the coefficient of the first triple to that of the second: `2^normal_exponent`.
+    /// `2^normal_exponent`: the ratio of the second triple's step to the first's.
     pub fn normal_ratio(&self) -> f32 {
         f32::from_bits(((i32::from(self.normal_exponent) + 127) as u32) << 23)
     }
 
-    /// Input units per integer step of a delta in the second triple.
+    /// Input units per integer step of a delta in the second triple (normals).
     pub fn normal_step(&self) -> f32 {
         self.position_step * self.normal_ratio()
     }
@@ -128,36 +126,36 @@ impl PackedTarget {
     }
 }
 
-/// Where everything is in a [`PackedGroup`]; what the GPU side keeps of it after upload.
+/// The layout of a [`PackedGroup`]; stays on the host after upload.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedLayout {
     /// Name of the mesh.
     pub name: String,
-    /// Storage of the deltas.
+    /// The delta format.
     pub format: DeltaFormat,
     /// The streams of the group.
     pub streams: Vec<StreamPlace>,
     /// Number of vertices, without padding.
     pub vertex_count: usize,
-    /// Dense formats: vertices of every chunk but the last, which has the rest. A multiple of 64.
+    /// Dense formats: vertices per chunk, a multiple of 64. The last chunk holds the remainder.
     pub chunk_vertices: usize,
     /// Length of the base pose's bounding-box diagonal, in input units.
     pub diagonal: f32,
-    /// What positions are relative to, in input units: 0, unless the mesh was [recentred](crate::MorphMesh::recentre).
+    /// Origin of positions, in input units: 0, unless the mesh was [recentred](crate::MorphMesh::recentre).
     ///
-    /// A host multiplies its model matrix, or each matrix of a skin, by a translation by it from the right. Base pose,
-    /// pose buffers, readbacks, bounds, what skinning reads and the reference are all relative to it.
+    /// Base pose, poses, readbacks, bounds, skinning input and reference are relative to it. The host multiplies its
+    /// model matrix, or each skin matrix, from the right by a translation by `origin`.
     pub origin: Vec3,
     /// The targets.
     pub targets: Vec<PackedTarget>,
-    /// Block formats: the blocks.
+    /// The blocks; `None` in dense formats.
     pub blocks: Option<Arc<BlockIndex>>,
-    /// Dense formats of integers: how large sums may become.
+    /// Bounds on integer sums (dense formats with integer deltas).
     pub(crate) sums: Option<Sums>,
 }
 
 impl PackedLayout {
-    /// Number of vertices with padding: a multiple of 64, or of the block size.
+    /// Number of vertices with padding: a multiple of 64 and of the block size.
     pub fn padded_vertices(&self) -> usize {
         let padding = self.blocks.as_ref().map_or(VERTEX_PADDING, |b| b.size().max(VERTEX_PADDING));
         self.vertex_count.next_multiple_of(padding)
@@ -174,11 +172,11 @@ impl PackedLayout {
         })
     }
 
-    /// The grid for poses of integers and weights up to `weight_max`, either sign; `None`: up to 1 in 16 bits, up to
-    /// what the mesh was packed with ([`BlockDesc::weight_max`](super::blocks::BlockDesc::weight_max)) in 32.
+    /// The grid of fixed-point poses for weights up to `weight_max` in absolute value. `None`: 1 for 16-bit poses, the
+    /// mesh's packed value ([`BlockDesc::weight_max`](super::blocks::BlockDesc::weight_max)) for 32-bit poses.
     ///
     /// # Errors
-    /// Deltas that are no integers, float32 poses; a largest weight that is not above 0, or too large; in blocks as
+    /// Float32 deltas or poses; a `weight_max` that is not positive or too large; block formats: errors of
     /// [`BlockIndex::grid`].
     pub fn grid(&self, pose: PoseFormat, weight_max: Option<f32>) -> Result<PoseGrid> {
         match (&self.blocks, &self.sums) {
@@ -188,19 +186,19 @@ impl PackedLayout {
         }
     }
 
-    /// Most targets that any vertex may be moved by: those of its block, or of the mesh's vertex that most targets move
-    /// (`snorm16`). 0 in formats without integers.
+    /// Upper bound on the targets that move any vertex: in block formats those that touch its block; 0 for float32
+    /// deltas.
     pub fn most_targets(&self) -> usize {
         let sums = self.blocks.as_ref().map(|index| &index.sums).or(self.sums.as_ref());
         sums.map_or(0, |sums| sums.targets)
     }
 
-    /// Whether errors of some stream are lengths: what error budgets and bounds on drift speak of.
+    /// Whether the group has a stream measured in lengths, to which error budgets and drift bounds apply.
     pub(crate) fn has_lengths(&self) -> bool {
         self.streams.iter().any(|stream| stream.semantic.measure() == Measure::Length)
     }
 
-    /// The chunks of a dense format: `(first vertex, vertices)`.
+    /// Chunks of a dense format: `(first vertex, vertices)`.
     pub fn chunks(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
         let (all, step) = (self.padded_vertices(), self.chunk_vertices.max(1));
         (0..all).step_by(step).map(move |first| (first, step.min(all - first)))
@@ -211,12 +209,12 @@ impl PackedLayout {
         (self.padded_vertices() * format.stride()) as u64
     }
 
-    /// Bytes of the base pose, padding included; as many as the integer sums of an instance take.
+    /// Bytes of the base pose, padding included. The integer sums of an instance take as many.
     pub fn base_bytes(&self) -> u64 {
         (self.padded_vertices() * BASE_STRIDE) as u64
     }
 
-    /// Bytes of all deltas, padding included; without what says which vertices they belong to.
+    /// Bytes of all deltas, padding included, without index data.
     pub fn delta_bytes(&self) -> u64 {
         match &self.blocks {
             Some(blocks) => blocks.delta_bytes(),
@@ -224,12 +222,12 @@ impl PackedLayout {
         }
     }
 
-    /// Bytes on the device that say which vertices the deltas belong to and how they are stored; 0 in dense formats.
+    /// Device bytes of index data (headers of entries); 0 in dense formats.
     pub fn index_bytes(&self) -> u64 {
         self.blocks.as_ref().map_or(0, |b| b.index_bytes())
     }
 
-    /// The user's vertex that is at `packed` in pose buffers: the same number in dense formats. `None` for padding.
+    /// The user's index of vertex `packed` of pose buffers (equal in dense formats); `None` for padding.
     pub fn user_vertex(&self, packed: usize) -> Option<usize> {
         match &self.blocks {
             Some(blocks) => blocks.order().get(packed).map(|&v| v as usize),
@@ -237,10 +235,10 @@ impl PackedLayout {
         }
     }
 
-    /// Turn the user's vertex indices (an index buffer) into those of pose buffers. Nothing changes in dense formats.
+    /// Converts the user's vertex indices (an index buffer) to pose-buffer indices. Unchanged in dense formats.
     ///
     /// # Errors
-    /// An index that the mesh does not have.
+    /// An index out of range.
     pub fn remap_indices(&self, indices: &mut [u32]) -> Result<()> {
         if let Some(bad) = indices.iter().find(|&&i| i as usize >= self.vertex_count) {
             return Err(Error::invalid(
@@ -255,14 +253,14 @@ impl PackedLayout {
         Ok(())
     }
 
-    /// The vertices that draw `faces` of this mesh, in the order of pose buffers, and their index buffer.
+    /// Render vertices of `faces` of this mesh in pose-buffer order, and their index buffer.
     ///
-    /// Of a mesh that is [split](crate::asset::MorphSource::split), `pose_vertices` counts up: pose buffers and a
-    /// buffer of `texcoords` are drawn as they are, by one index buffer. Otherwise doubled vertices follow, for hosts
-    /// that look up the pose in the vertex shader.
+    /// If the mesh is [split](crate::asset::MorphSource::split), `pose_vertices` is 0, 1, 2 …: pose buffers and
+    /// `texcoords` can be drawn directly with one index buffer. Otherwise duplicated vertices follow the mesh's own,
+    /// for hosts that fetch the pose in the vertex shader.
     ///
     /// # Errors
-    /// Faces or texture coordinates of another mesh.
+    /// Faces or texture coordinates that do not match the mesh.
     pub fn render_vertices(&self, faces: &Faces, texcoords: &[Vec2]) -> Result<RenderVertices> {
         let mut render = faces.render_vertices(self.vertex_count, texcoords)?;
         self.remap_indices(&mut render.pose_vertices)?;
@@ -278,14 +276,13 @@ impl PackedLayout {
         Ok(render)
     }
 
-    /// The index of the target called `name`, of several the first. This looks through the names: where weights are set
-    /// every frame, look it up once.
+    /// Index of the first target called `name`. A linear search: to set weights every frame, look it up once.
     pub fn target_index(&self, name: &str) -> Option<usize> {
         self.targets.iter().position(|target| target.name == name)
     }
 
-    /// A pose as pose buffers hold it (padding and all), in the user's vertex order and without padding. Vertices that
-    /// it lacks come out as NaN.
+    /// Converts a pose from pose-buffer order, with padding, to the user's vertex order, without padding. Missing
+    /// vertices become NaN.
     pub fn to_user_order(&self, pose: &[f32]) -> Vec<f32> {
         let numbers = self.vertex_count * POSE_FLOATS;
         match &self.blocks {
@@ -303,13 +300,13 @@ impl PackedLayout {
         }
     }
 
-    /// Index of the first word of the deltas of target `target` in the chunk that starts at vertex `first` and
-    /// has `vertices` (dense formats).
+    /// First word of the deltas of target `target` in the chunk of `vertices` vertices that starts at `first` (dense
+    /// formats).
     pub fn row_start(&self, target: usize, first: usize, vertices: usize) -> usize {
         (first * self.targets.len() + target * vertices) * self.format.words()
     }
 
-    /// Index of the first word of the delta of `vertex` in target `target` (dense formats).
+    /// First word of the delta of `vertex` in target `target` (dense formats).
     pub(super) fn word_index(&self, target: usize, vertex: usize) -> usize {
         let within = vertex % self.chunk_vertices;
         let first = vertex - within;

@@ -1,4 +1,4 @@
-//! Packing: base pose and deltas in words of 32 bits, as the kernels read them.
+//! Packing: base pose and deltas in the 32-bit words that kernels read.
 
 pub mod blocks;
 mod dense;
@@ -29,41 +29,41 @@ pub(crate) use source::Source;
 use std::sync::Arc;
 pub use vertex::VertexLayout;
 
-/// Dense formats pad vertices to a multiple of this: the workgroup size of every dense kernel, an even number (the
-/// feedback passes draw lines), and a multiple of every device's buffer-offset alignment (64 × 12 bytes).
+/// Dense formats pad vertices to a multiple of this: the workgroup size of dense kernels, even (feedback passes draw
+/// lines), and a multiple of every device's buffer-offset alignment (64 × 12 bytes).
 pub const VERTEX_PADDING: usize = 64;
 
-/// Floats of one vertex of a pose: a group.
+/// Components per vertex of a group's pose.
 pub const POSE_FLOATS: usize = GROUP_COMPONENTS;
 
-/// Bytes of one vertex of the base pose: float32, whatever the format of poses.
+/// Bytes per vertex of the base pose, which is float32 with every pose format.
 pub const BASE_STRIDE: usize = POSE_FLOATS * size_of::<f32>();
 
-/// How to pack.
+/// Describes how a mesh is packed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct PackDesc {
-    /// Storage of the deltas.
+    /// The delta format.
     pub format: DeltaFormat,
-    /// Dense formats: most bytes of deltas that one descriptor may cover: the device's `maxStorageBufferRange`.
+    /// Dense formats: largest bytes of deltas per chunk, `maxStorageBufferRange` of the device.
     pub max_chunk_bytes: u64,
-    /// Dense formats: most vertices of a chunk: the device's workgroups per dispatch × 64.
+    /// Dense formats: largest number of vertices per chunk, 64 × workgroups per dispatch of the device.
     pub max_chunk_vertices: u64,
-    /// Block formats: size of a block, and how much may be lost.
+    /// Block formats: block size and error limits.
     pub blocks: BlockDesc,
 }
 
 setters!(PackDesc { format: DeltaFormat, max_chunk_bytes: u64, max_chunk_vertices: u64, blocks: BlockDesc });
 
 impl PackDesc {
-    /// Any device of Khronos' Android baseline: chunks of 128 MiB and 65,535 workgroups.
+    /// For any device of Khronos' Android baseline: chunks of at most 128 MiB and 65,535 workgroups.
     pub fn new(format: DeltaFormat) -> Self {
         Self { format, ..Self::default() }
     }
 }
 
 impl Default for PackDesc {
-    /// float32, in chunks of 128 MiB and 65,535 workgroups (the least that Khronos' Android profiles promise).
+    /// Float32, for any device of Khronos' Android baseline: chunks of at most 128 MiB and 65,535 workgroups.
     fn default() -> Self {
         Self {
             format: DeltaFormat::Float32,
@@ -74,7 +74,7 @@ impl Default for PackDesc {
     }
 }
 
-/// A mesh laid out for upload, in words of 32 bits and in one of two layouts.
+/// A mesh laid out for upload as 32-bit words, in one of two layouts.
 ///
 /// *Dense* formats hold every vertex of every target, in the user's vertex order:
 ///
@@ -83,31 +83,31 @@ impl Default for PackDesc {
 /// deltas  [chunk][target][vertex in chunk][words]          24 bytes (float32) or 12 bytes (snorm16)
 /// ```
 ///
-/// The six numbers of a vertex are a *group* of streams ([`Semantic`](crate::Semantic)): position and normal, and in
-/// further groups of the same layout whatever else vertices have. All groups of a mesh have the same order of vertices
-/// and the same blocks; base pose, deltas, and what is derived from them are each group's own.
+/// The six components of a vertex are a *group* of streams ([`Semantic`](crate::Semantic)): position and normal;
+/// further groups of the same layout hold further streams. All groups of a mesh share the vertex order and the blocks;
+/// each has its own base pose and deltas.
 ///
-/// Vertices are padded with zeros to a multiple of 64, so that no kernel needs a bounds check.
-/// A mesh has one chunk unless its deltas exceed the storage-buffer range of the device, or its vertices the
-/// workgroups of a dispatch ([`PackDesc`]); then its vertices are cut into chunks that fit.
+/// Vertices are padded with zeros to a multiple of 64, so that kernels need no bounds checks. A mesh has one chunk,
+/// unless its deltas exceed the device's storage-buffer range or its vertices the workgroups of a dispatch
+/// ([`PackDesc`]).
 ///
-/// *Block* formats reorder the vertices so that a target covers few runs of consecutive vertices, and hold only those:
-/// see [`BlockIndex`](crate::BlockIndex).
+/// *Block* formats reorder the vertices so that each target covers few runs of consecutive vertices, and store only
+/// those: see [`BlockIndex`](crate::BlockIndex).
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedMesh {
-    /// At least one: the first is position and normal.
+    /// At least one; the first is position and normal.
     groups: Vec<PackedGroup>,
 }
 
-/// Targets are named by 16 bits in the kernels.
+/// Most targets of a mesh: kernels use 16-bit target indices.
 pub const TARGETS_MAX: usize = 1 << 16;
 
 impl PackedMesh {
-    /// Lay out `mesh`.
+    /// Packs `mesh`.
     ///
     /// # Errors
-    /// More than 65,536 targets; streams that do not fit the vertices. Dense formats: more targets than fit
-    /// `desc.max_chunk_bytes` even for 64 vertices. Block formats: as [`BlockDesc`].
+    /// More than 65,536 targets; streams of the wrong length. Dense formats: `desc.max_chunk_bytes` does not fit all
+    /// targets of 64 vertices. Block formats: invalid values of [`BlockDesc`].
     pub fn pack(mesh: &MorphMesh, desc: &PackDesc) -> Result<Self> {
         if mesh.targets.len() > TARGETS_MAX {
             return Err(Error::invalid(
@@ -127,8 +127,7 @@ impl PackedMesh {
         Ok(Self::of_groups(groups))
     }
 
-    /// The mesh of these groups, of which there is one at least. Weights are the mesh's, and so is their grid, on which
-    /// sums of no group may overflow.
+    /// A mesh of at least one group. All groups share the grid of weights, on which no sum of any group may overflow.
     fn of_groups(mut groups: Vec<PackedGroup>) -> Self {
         let sums = groups.iter().filter_map(|group| Some(group.layout.blocks.as_ref()?.sums.largest_of_mesh));
         let largest = sums.fold(0.0, f64::max);
@@ -140,8 +139,7 @@ impl PackedMesh {
         Self { groups }
     }
 
-    /// [`MorphMesh::recentre`] of a mesh that is packed, such as one of a file, which states positions as the input has
-    /// them.
+    /// [`MorphMesh::recentre`] for a packed mesh, such as one read from a file.
     pub fn recentre(&mut self) {
         let PackedGroup { layout, base, .. } = &mut self.groups[0];
         let vertices = &mut base.as_chunks_mut::<POSE_FLOATS>().0[..layout.vertex_count];
@@ -155,38 +153,38 @@ impl PackedMesh {
         self.groups.iter_mut().for_each(|group| group.layout.origin += middle);
     }
 
-    /// The groups of streams: position and normal, then whatever else the mesh has.
+    /// Position and normal, then groups of further streams.
     pub fn groups(&self) -> &[PackedGroup] {
         &self.groups
     }
 
-    /// Position and normal.
+    /// The group of position and normal.
     pub fn surface(&self) -> &PackedGroup {
         &self.groups[0]
     }
 
-    /// [`PackedGroup::layout`] of positions and normals.
+    /// [`PackedGroup::layout`] of the first group.
     pub fn layout(&self) -> &PackedLayout {
         self.surface().layout()
     }
 
-    /// [`PackedGroup::base`] of positions and normals.
+    /// [`PackedGroup::base`] of the first group.
     pub fn base(&self) -> &[f32] {
         self.surface().base()
     }
 
-    /// [`PackedGroup::deltas`] of positions and normals.
+    /// [`PackedGroup::deltas`] of the first group.
     pub fn deltas(&self) -> &[u32] {
         self.surface().deltas()
     }
 
-    /// [`PackedGroup::for_each_delta`] of positions and normals.
+    /// [`PackedGroup::for_each_delta`] of the first group.
     pub fn for_each_delta(&self, target: usize, f: impl FnMut(usize, [f64; POSE_FLOATS])) {
         self.surface().for_each_delta(target, f);
     }
 
-    /// What packing lost of `mesh`, which this was packed from; NaN, which is within no bound, where that has other
-    /// targets or vertices, or is not right in itself.
+    /// The packing error against `mesh`, which this was packed from; NaN if `mesh` is invalid, or has other targets or
+    /// vertices.
     pub fn measure_error(&self, mesh: &MorphMesh) -> PoseError {
         let (vertices, targets) = (self.layout().vertex_count, self.layout().targets.len());
         if mesh.vertex_count() != vertices || mesh.targets.len() != targets || Source::groups(mesh).is_err() {

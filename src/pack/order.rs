@@ -1,24 +1,22 @@
-//! The order of vertices in block formats: targets cover few blocks when vertices that the same targets move lie
-//! together.
+//! Vertex order of block formats. A target covers few blocks if vertices moved by the same targets are adjacent.
 //!
-//! The vertices are split recursively, as a decision tree would: by the target whose membership tells most about the
-//! membership in all other targets. Every other branch is mirrored, so that neighbours in the order differ little.
+//! Vertices are split recursively, like a decision tree: by the target whose membership tells most about membership in
+//! all other targets. Every second branch is mirrored, so that neighbours in the order differ little.
 
 use std::cmp::Reverse;
 use std::collections::VecDeque;
 
-/// Vertices looked at to choose a split, at most.
+/// Largest sample of vertices to choose a split from.
 const SAMPLE: usize = 512;
-/// Targets that are compared with each other for a split, at most: those that divide the sample most evenly. Time and
-/// memory grow with their square.
+/// Most targets compared for a split: those that divide the sample most evenly. Time and memory are quadratic in it.
 const COMPARED: usize = 512;
-/// Places of welded vertices to choose from when a block is filled, at most.
+/// Most sets of welded vertices considered when filling a block.
 const AHEAD: usize = 1024;
 /// Sets this small are not split.
 const LEAF: usize = 4;
 
-/// Packed → user order for `vertices` vertices, given the vertices that each target moves (ascending). Vertices that
-/// no target moves come last.
+/// Packed → user order of `vertices` vertices; `members` lists the vertices that each target moves, ascending. Vertices
+/// that no target moves come last.
 pub(super) fn order(vertices: usize, members: &[Vec<u32>]) -> Vec<u32> {
     let words = members.len().div_ceil(64);
     let mut sets = vec![0u64; vertices * words];
@@ -30,7 +28,7 @@ pub(super) fn order(vertices: usize, members: &[Vec<u32>]) -> Vec<u32> {
     let of = |v: u32| &sets[v as usize * words..][..words];
     let (moved, still): (Vec<u32>, Vec<u32>) = (0..vertices as u32).partition(|&v| of(v).iter().any(|word| *word != 0));
     let mut order = Vec::with_capacity(vertices);
-    // A stack instead of recursion: a mesh may need as many levels as it has targets.
+    // A stack instead of recursion: the depth may reach the number of targets.
     let mut stack = vec![(moved, false)];
     while let Some((set, mirrored)) = stack.pop() {
         match split(&set, members.len(), of) {
@@ -47,19 +45,18 @@ pub(super) fn order(vertices: usize, members: &[Vec<u32>]) -> Vec<u32> {
     order
 }
 
-/// `order` in blocks of `size` vertices such that no block ends between welded vertices (each names the first of its
-/// place; empty: none is welded). Vertices of one place that are equal in the base pose and in all targets are decoded
-/// and added up alike then, and stay equal bit for bit in every pose. A block whose rest is too small for the next
-/// place is filled with smaller ones among the next [`AHEAD`], else with a choice among these and its own that fills it
-/// exactly. Where there is none either (places of three never fill a block of 32), a place is cut: the order has no
-/// holes.
+/// Rearranges `order` so that no block of `size` vertices ends between welded vertices. `welds` names for each vertex
+/// the first one at its position; empty if there are none. Welded vertices with equal base pose and deltas are then
+/// decoded and summed alike, and stay bit-equal in every pose. If the next welded set does not fit the rest of a block,
+/// a smaller one of the next [`AHEAD`] does, else a subset of these and the block's own that fills it exactly. Failing
+/// that (sets of three never fill a block of 32), a set is cut: the order has no gaps.
 pub(super) fn keep_welded(order: Vec<u32>, welds: &[u32], size: usize) -> Vec<u32> {
     if welds.is_empty() {
         return order;
     }
     let mut places: Vec<Vec<u32>> = vec![vec![]; welds.len()];
     order.iter().for_each(|&v| places[welds[v as usize] as usize].push(v));
-    // Places by their first vertex in the order; those that did not fit come before the rest.
+    // Welded sets by first vertex in the order; deferred ones first.
     let mut rest = order.iter().map(|&v| welds[v as usize] as usize);
     let mut waiting: VecDeque<Vec<u32>> = VecDeque::new();
     let mut out = Vec::with_capacity(order.len());
@@ -103,9 +100,9 @@ pub(super) fn keep_welded(order: Vec<u32>, welds: &[u32], size: usize) -> Vec<u3
     out
 }
 
-/// Which of `lengths` add up to `size`, the first ones for choice; `None` where none do.
+/// A subset of `lengths` with sum `size`, early ones preferred; `None` if there is none.
 fn filling(lengths: &[usize], size: usize) -> Option<Vec<bool>> {
-    // For each sum the first of the lengths with which it is reached: it takes only earlier ones in addition.
+    // For each sum, the first length that completes it; earlier lengths make up the rest.
     let mut last: Vec<Option<usize>> = vec![None; size + 1];
     for (i, &length) in lengths.iter().enumerate() {
         for sum in (length..=size).rev() {
@@ -124,8 +121,8 @@ fn filling(lengths: &[usize], size: usize) -> Option<Vec<bool>> {
     Some(chosen)
 }
 
-/// The order for several groups, given the vertices that each group's targets move: that of the first group, in which
-/// vertices that it does not move follow the order for the next.
+/// Order for several groups, given the vertices that each group's targets move: the first group's order, then, among
+/// vertices that it does not move, the next group's.
 pub(super) fn order_groups(vertices: usize, groups: &[Vec<Vec<u32>>]) -> Vec<u32> {
     let Some((first, further)) = groups.split_first() else { return (0..vertices as u32).collect() };
     let mut order = order(vertices, first);
@@ -133,7 +130,7 @@ pub(super) fn order_groups(vertices: usize, groups: &[Vec<Vec<u32>>]) -> Vec<u32
     first.iter().flatten().for_each(|&v| moved[v as usize] = true);
     if further.iter().flatten().flatten().any(|&v| !moved[v as usize]) {
         let still = order.split_off(moved.iter().filter(|moved| **moved).count());
-        // Those that are left, numbered anew.
+        // Renumber the remaining vertices.
         let mut number = vec![u32::MAX; vertices];
         still.iter().enumerate().for_each(|(i, &v)| number[v as usize] = i as u32);
         let left = |target: &Vec<u32>| target.iter().map(|&v| number[v as usize]).filter(|&n| n != u32::MAX).collect();
@@ -143,7 +140,7 @@ pub(super) fn order_groups(vertices: usize, groups: &[Vec<Vec<u32>>]) -> Vec<u32
     order
 }
 
-/// User → packed, from packed → user.
+/// User → packed order, from packed → user.
 pub(super) fn inverse(order: &[u32]) -> Vec<u32> {
     let mut inverse = vec![0; order.len()];
     order.iter().enumerate().for_each(|(at, &v)| inverse[v as usize] = at as u32);
@@ -154,8 +151,8 @@ fn has(set: &[u64], target: usize) -> bool {
     set[target / 64] >> (target % 64) & 1 != 0
 }
 
-/// The target to split `set` by, of `targets`; `None` when all its vertices are moved by the same targets, which `of`
-/// gives as bits.
+/// The target to split `set` by; `None` if the same targets move all its vertices. `of` returns the targets of a vertex
+/// as a bit set.
 fn split<'a>(set: &[u32], targets: usize, of: impl Fn(u32) -> &'a [u64]) -> Option<usize> {
     if set.len() <= LEAF {
         return None;
@@ -173,7 +170,7 @@ fn split<'a>(set: &[u32], targets: usize, of: impl Fn(u32) -> &'a [u64]) -> Opti
             }
         }
     }
-    // Targets that split the sample, numbered anew.
+    // Targets that split the sample, renumbered.
     let mut mixed: Vec<usize> = (0..targets).filter(|&t| (1..n).contains(&counts[t])).collect();
     if mixed.len() > COMPARED {
         mixed.sort_by_key(|&t| Reverse(counts[t].min(n - counts[t])));
@@ -181,13 +178,13 @@ fn split<'a>(set: &[u32], targets: usize, of: impl Fn(u32) -> &'a [u64]) -> Opti
         mixed.sort_unstable();
     }
     if mixed.is_empty() {
-        // The sample is uniform; the set need not be.
+        // A uniform sample does not imply a uniform set.
         let first = of(set[0]);
         let odd = set.iter().map(|&v| of(v)).find(|odd| *odd != first)?;
         return (0..targets).find(|&t| has(first, t) != has(odd, t));
     }
     let k = mixed.len();
-    // `[target][target]`: vertices of the sample in both.
+    // `[target][target]`: vertices of the sample that both move.
     let mut together = vec![0u32; k * k];
     let mut present = vec![];
     for set in sample {
@@ -197,7 +194,7 @@ fn split<'a>(set: &[u32], targets: usize, of: impl Fn(u32) -> &'a [u64]) -> Opti
             present.iter().for_each(|b| together[a * k + b] += 1);
         }
     }
-    // The split that leaves the least variance of membership, summed over the targets.
+    // Choose the split with the least remaining variance of membership, summed over targets.
     let variance = |members: f64, of: f64| if of > 0.0 { members * (of - members) / of } else { 0.0 };
     let remaining = |a: usize| {
         let inside = f64::from(together[a * k + a]);
@@ -230,7 +227,7 @@ mod tests {
 
     #[test]
     fn interleaved_targets_get_blocks_of_their_own_and_the_next_group_orders_the_rest() {
-        // Target t moves the vertices t modulo 4: in the user's order every block has all targets.
+        // Target t moves vertices ≡ t modulo 4: in the user's order every block has all targets.
         let interleaved = |end: u32| -> Vec<Vec<u32>> { (0..4).map(|t| (t..end).step_by(4).collect()).collect() };
         let targets_of = |block: &[u32]| (0..4).filter(|t| block.iter().any(|v| v % 4 == *t)).count();
         let blocks = |order: &[u32]| order.chunks(64).map(targets_of).sum::<usize>();
@@ -243,7 +240,7 @@ mod tests {
         assert_eq!(blocks(&both[512..]), 8, "each block has one target");
     }
 
-    /// Places that are not in one block.
+    /// Number of welded sets that span blocks.
     fn cut(order: &[u32], welds: &[u32], size: usize) -> usize {
         let at = inverse(order);
         let block = |v: u32| at[v as usize] as usize / size;
@@ -257,7 +254,7 @@ mod tests {
 
     #[test]
     fn welded_vertices_share_a_block() {
-        // Every fifth vertex is doubled, at the end of the list; some are there five times.
+        // Every fifth vertex is duplicated at the end of the list, some of them five times.
         let mut welds: Vec<u32> = (0..500).collect();
         welds.extend((0..500).step_by(5));
         welds.extend((0..500).step_by(50).flat_map(|v| [v, v, v]));
@@ -270,16 +267,16 @@ mod tests {
             assert_eq!(cut(&kept, &welds, size), 0, "{size}");
         }
         assert_eq!(keep_welded(order.clone(), &[], 32), order);
-        // No place is so small that it fills what is left of a block, but others fill it from the start.
+        // No set fits the rest of a block, but other sets fill it from the start.
         let sizes = (0..300).map(|place| 5 + place % 3);
         let soup: Vec<u32> =
             sizes.scan(0, |first, n| Some(vec![std::mem::replace(first, *first + n); n as usize])).flatten().collect();
         for size in [32, 64, 128] {
-            // What is left for the last blocks need not fill them.
+            // The last blocks may stay partial.
             let kept = keep_welded((0..soup.len() as u32).collect(), &soup, size);
             assert!(cut(&kept, &soup, size) <= 1 && inverse(&inverse(&kept)) == kept, "{size}");
         }
-        // The limit: places of three fill no block. Those at the borders are cut (the third is at 96), and not lost.
+        // The limit: sets of three fill no block. Sets at borders are cut (the third is at 96), not lost.
         let threes: Vec<u32> = (0..99).map(|v| v / 3 * 3).collect();
         let kept = keep_welded((0..99).collect(), &threes, 32);
         assert_eq!((cut(&kept, &threes, 32), kept), (2, (0..99).collect::<Vec<u32>>()));

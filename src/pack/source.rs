@@ -1,4 +1,4 @@
-//! The numbers of a group, as a mesh has them.
+//! The components of a group, read from a mesh.
 
 use super::POSE_FLOATS;
 use super::formats::Lane;
@@ -6,17 +6,17 @@ use crate::asset::streams::{Semantic, StreamPlace, TRIPLE, TRIPLES, group_stream
 use crate::asset::{MorphMesh, MorphTarget, check_welds};
 use crate::error::{Error, Result};
 
-/// A group of the streams of a mesh.
+/// A group of streams of a mesh.
 pub(crate) struct Source<'a> {
     pub mesh: &'a MorphMesh,
     pub streams: Vec<StreamPlace>,
 }
 
 impl<'a> Source<'a> {
-    /// The groups of a mesh.
+    /// Groups the streams of `mesh`.
     ///
     /// # Errors
-    /// Streams that do not fit the vertices.
+    /// Streams that do not match the vertices.
     pub fn groups(mesh: &'a MorphMesh) -> Result<Vec<Self>> {
         check(mesh).map_err(|what| {
             Error::invalid(format!("mesh '{}': {what}", mesh.name), "make the mesh with MorphSource::to_mesh")
@@ -25,7 +25,7 @@ impl<'a> Source<'a> {
         Ok(group_streams(semantics).iter().map(|streams| Self::new(mesh, streams)).collect())
     }
 
-    /// The group of these streams; those that the mesh does not have are zero.
+    /// The group of these streams; streams that the mesh lacks are zero.
     pub fn new(mesh: &'a MorphMesh, streams: &[StreamPlace]) -> Self {
         Self { mesh, streams: streams.to_vec() }
     }
@@ -43,7 +43,7 @@ impl<'a> Source<'a> {
         out
     }
 
-    /// The base pose as pose buffers hold it, `padded` vertices, in `order` (packed → user) where there is one.
+    /// The base pose in pose-buffer layout: `padded` vertices in `order` (packed → user), if given.
     pub fn base_pose(&self, padded: usize, order: Option<&[u32]>) -> Vec<f32> {
         let packed = (0..self.mesh.vertex_count()).map(|packed| order.map_or(packed, |order| order[packed] as usize));
         let mut base: Vec<f32> = packed.flat_map(|vertex| self.base(vertex)).collect();
@@ -71,13 +71,13 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Sort lanes by vertex, of which each has one lane.
-// In one place: each call of the library's sort is compiled by itself, 4 kB of it.
+/// Sorts lanes by vertex.
+// Not inlined at call sites: each instantiation of the sort takes 4 kB of code.
 pub(crate) fn sort(lanes: &mut [Lane]) {
     lanes.sort_unstable_by_key(|(vertex, _)| *vertex);
 }
 
-/// The largest number of each triple.
+/// The largest absolute number of each triple.
 pub(crate) fn largest(deltas: &[Lane]) -> [f32; TRIPLES] {
     let mut largest = [0.0f32; TRIPLES];
     for (_, delta) in deltas {
@@ -88,8 +88,7 @@ pub(crate) fn largest(deltas: &[Lane]) -> [f32; TRIPLES] {
     largest
 }
 
-/// Whether normals, targets and streams have as many numbers as they should, and welds are of this mesh, so that
-/// nothing is out of range.
+/// Checks the lengths of normals, targets and streams, and the welds, so that no index is out of range.
 fn check(mesh: &MorphMesh) -> Result<(), String> {
     let vertices = mesh.vertex_count();
     check_welds(&mesh.welds, vertices)?;

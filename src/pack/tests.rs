@@ -26,7 +26,7 @@ fn dense_formats_decode_to_what_was_packed_whole_and_in_chunks() {
                 expected[v] = [0.0; POSE_FLOATS];
             });
             assert_eq!(expected, [[0.0; POSE_FLOATS]; 200], "every vertex is there");
-            // The step of normals covers the largest, and not much more.
+            // The step of normals just covers the largest.
             let (reach, [_, largest]) = (layout.targets[t].normal_step() * 32767.0, largest(&deltas));
             assert!(!rounded || t == 2 || reach >= largest && reach <= 2.001 * largest);
         }
@@ -47,7 +47,7 @@ fn every_group_decodes_to_what_was_packed_within_the_error_measured_in_every_for
     for format in DeltaFormat::ALL {
         let packed = PackedMesh::pack(&mesh, &PackDesc::new(format)).unwrap();
         assert_eq!(packed.groups().len(), 3);
-        // Deltas of positions and normals are packed as they are without other streams.
+        // Positions and normals are packed as without other streams.
         assert_eq!(packed.deltas(), PackedMesh::pack(&alone, &PackDesc::new(format)).unwrap().deltas());
         let measured = packed.measure_error(&mesh);
         let exact = matches!(format, DeltaFormat::Float32 | DeltaFormat::BlockFloat32);
@@ -56,7 +56,7 @@ fn every_group_decodes_to_what_was_packed_within_the_error_measured_in_every_for
             measured.tangent_degrees <= 0.5 && (exact || measured.tangent_degrees > 0.0),
             "{format:?} {measured:?}"
         );
-        // A delta of 0.1 in 9 bits is off by 2e-4, in 8 bits by twice as much.
+        // A delta of 0.1 in 9 bits has an error of 2e-4, in 8 bits twice that.
         let most = if format == DeltaFormat::Pair { 5e-4 } else { 2.5e-4 };
         assert!(measured.absolute <= most, "{format:?}: {measured:?}");
         for group in packed.groups() {
@@ -69,14 +69,14 @@ fn every_group_decodes_to_what_was_packed_within_the_error_measured_in_every_for
                 let rounding = 1e-6;
                 assert!(error.within(measured.position + rounding, 0.5 + 1e-3), "{format:?} {streams:?}: {error:?}");
                 assert!(error.absolute <= measured.absolute + rounding, "{format:?} {streams:?}: {error:?}");
-                // The handedness of tangents is the base pose's.
+                // The handedness of tangents comes from the base pose.
                 if streams[0].semantic == Semantic::Tangent {
                     assert!((0..500).all(|v| pose[v * POSE_FLOATS + 3] == mesh.streams[0].values[4 * v + 3]));
                 }
             }
             if let Some(blocks) = &group.layout().blocks {
                 assert_eq!(blocks.order(), packed.layout().blocks.as_ref().unwrap().order());
-                // Bounds and budgets speak of lengths.
+                // Bounds and budgets apply to lengths.
                 let lengths = streams[0].semantic == Semantic::Position;
                 assert!(blocks.costs.iter().all(|cost| (cost.reach > 0.0) == lengths));
                 assert!(blocks.block_base.iter().all(|base| lengths || *base == 0.0));
@@ -105,8 +105,8 @@ fn streams_that_do_not_fit_are_refused() {
     }
 }
 
-/// Weights at their largest, with the signs of the deltas of one component: the largest sums that there may be, and
-/// terms that fit 32 bits, also where targets differ by many powers of two.
+/// Largest weights, with the signs of one component's deltas: the largest possible sums. Terms fit 32 bits even if
+/// targets differ by many powers of two.
 #[test]
 fn dense_sums_fit_the_integers_of_a_pose() {
     let mut mesh = testing::mesh(100, 9);
@@ -143,7 +143,7 @@ fn dense_sums_fit_the_integers_of_a_pose() {
     for (pose, most) in [(PoseFormat::Fixed16, i64::from(i16::MAX)), (PoseFormat::Fixed32, i64::from(i32::MAX))] {
         for weight_max in [None, Some(0.25), Some(2.0), Some(255.0)] {
             let largest = largest_of(&packed, pose, weight_max);
-            // One bit fewer, and they might not fit; of 32 bits targets may have none to spare.
+            // One bit less might overflow; targets of 32-bit poses may have no spare bits.
             let fine = largest > most / 2 - 16 || pose == PoseFormat::Fixed32;
             assert!(largest <= most && fine, "{pose:?} {weight_max:?}: {largest} of {most}");
         }
@@ -158,15 +158,14 @@ fn dense_sums_fit_the_integers_of_a_pose() {
         let text = packed.layout().grid(pose, weight_max).unwrap_err().to_string();
         assert!(text.contains(part), "{text}");
     }
-    // Meshes of next to nothing have a grid.
+    // Degenerate meshes have a grid.
     for mesh in testing::degenerate() {
         let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Snorm16)).unwrap();
         assert!(packed.layout().grid(PoseFormat::Fixed16, None).is_ok(), "{}", mesh.name);
     }
 }
 
-/// However many targets there are: products fit 32 bits together with what rounding adds, and sums of terms that are
-/// each rounded by half a unit fit 16.
+/// For any number of targets: products with rounding fit 32 bits, and sums of rounded terms fit 16.
 #[test]
 fn narrow_poses_have_room_for_what_rounding_adds() {
     for (targets, is_taken) in [(1, true), (32_767, true), (32_768, false), (33_000, false), (65_536, false)] {
@@ -182,7 +181,7 @@ fn narrow_poses_have_room_for_what_rounding_adds() {
                 weight_max: 8.0,
             };
             let grid = sums.grid(PoseFormat::Fixed16, None);
-            // A mesh with short deltas has room for more.
+            // A mesh with short deltas has more room.
             assert!(!is_taken || grid.is_ok(), "{targets} targets, {largest} steps: {grid:?}");
             let Ok(grid) = grid else { continue };
             for (largest, dropped) in all.into_iter().zip(grid.dropped) {

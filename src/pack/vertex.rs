@@ -1,4 +1,4 @@
-//! Vertices of a host's own, which poses are written into: where streams are, and what kernels are told of that.
+//! Interleaved vertices of the host that poses are written into.
 
 use super::{POSE_FLOATS, PackedLayout, PoseFormat};
 use crate::abi::kernels::PLACES;
@@ -6,13 +6,13 @@ use crate::asset::streams::{Semantic, StreamPlace};
 use crate::error::{Error, Result};
 use std::fmt;
 
-/// Streams of a vertex, at most: as many attributes as every device fetches.
+/// Most streams per vertex: the vertex attributes that every device supports.
 const STREAMS_MAX: usize = 16;
 
-/// Where the streams of a pose are in an interleaved vertex of the host's own:
-/// [`HostPoses`](crate::HostPoses) has the buffer.
+/// Layout of the host's interleaved vertices, for poses written into them ([`HostPoses`](crate::HostPoses) names the
+/// buffer).
 ///
-/// Position, normal and tangent of a vertex of 48 bytes, which has texture coordinates at 40:
+/// Position, normal and tangent in a vertex of 48 bytes, with texture coordinates at offset 40:
 /// ```
 /// # use deltamorph::{Semantic, VertexLayout};
 /// let vertex = VertexLayout::new(48)
@@ -22,28 +22,27 @@ const STREAMS_MAX: usize = 16;
 /// # assert_eq!(vertex.offset(Semantic::Tangent), Some(24));
 /// ```
 ///
-/// A stream is as many numbers as it has [components](Semantic::components), one after the other, each as the crowd's
-/// [`PoseFormat`] says. What lies between streams is the host's: nothing there is written. Streams of the mesh that are
-/// not named are not written, either; positions have to be named. Of `fixed16` a stream brings the six numbers of its
-/// group (position and normal, for example: [`PackedGroup`](crate::PackedGroup)), which stay together: 12 bytes, from
-/// the first stream on.
+/// A stream has as many consecutive numbers as [components](Semantic::components), each in the crowd's [`PoseFormat`].
+/// Streams that are not listed and bytes between streams are never written. Positions are required. With `fixed16`, a
+/// stream includes all six components of its group ([`PackedGroup`](crate::PackedGroup), such as position and normal),
+/// which stay together: 12 bytes from the first stream on.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct VertexLayout {
     stride: u32,
     streams: [(Semantic, u32); STREAMS_MAX],
-    /// How many of `streams` there are; more were named where this is more.
+    /// Streams listed; more than `STREAMS_MAX` is an error of `check`.
     count: usize,
 }
 
 impl VertexLayout {
-    /// A vertex of `stride` bytes, a multiple of 4, without streams.
+    /// A vertex of `stride` bytes (a multiple of 4), without streams.
     #[must_use]
     pub const fn new(stride: u32) -> Self {
         Self { stride, streams: [(Semantic::Position, 0); STREAMS_MAX], count: 0 }
     }
 
-    /// The first number of a stream is `offset` bytes from the beginning of a vertex, a multiple of 4 (`fixed16`: of
-    /// 2). At most 16 streams; named again, a stream moves.
+    /// Adds a stream at `offset` bytes from the start of a vertex, a multiple of 4 (`fixed16`: of 2), or moves it if it
+    /// is listed already. At most 16 streams.
     #[must_use]
     pub fn stream(mut self, semantic: Semantic, offset: u32) -> Self {
         let named = self.streams().position(|(named, _)| named.id() == semantic.id());
@@ -54,33 +53,32 @@ impl VertexLayout {
         self
     }
 
-    /// Bytes from vertex to vertex.
+    /// Bytes per vertex.
     pub const fn stride(&self) -> u32 {
         self.stride
     }
 
-    /// Bytes from the beginning of a vertex to a stream, where it is named.
+    /// Byte offset of a stream; `None` if it is not listed.
     pub fn offset(&self, semantic: Semantic) -> Option<u32> {
         self.streams().find(|(named, _)| named.id() == semantic.id()).map(|(_, offset)| offset)
     }
 
-    /// The streams, and where each begins.
+    /// The streams and their byte offsets.
     pub fn streams(&self) -> impl Iterator<Item = (Semantic, u32)> {
         self.streams.into_iter().take(self.count)
     }
 
-    /// Bytes of a pose: vertices are padded as those of our own poses
-    /// ([`padded_vertices`](PackedLayout::padded_vertices)). A crowd takes this for each slot of each instance.
+    /// Bytes of a pose, padded like engine-owned poses ([`padded_vertices`](PackedLayout::padded_vertices)). A crowd
+    /// takes this for each slot of each instance.
     pub fn pose_bytes(&self, layout: &PackedLayout) -> u64 {
         layout.padded_vertices() as u64 * u64::from(self.stride)
     }
 
-    /// Check it for the groups of a mesh and poses in a format.
+    /// Checks the layout against the groups of a mesh and a pose format.
     ///
     /// # Errors
-    /// More than 16 streams; a stride or offset that is no multiple of words or numbers; streams that overlap, or do
-    /// not fit the stride; one that the mesh does not have; no positions; of `fixed16`, a group whose streams are not
-    /// together.
+    /// More than 16 streams; a misaligned stride or offset; overlapping streams; a stream beyond the stride, or that
+    /// the mesh lacks; no positions; `fixed16`: the streams of a group apart.
     pub(crate) fn check<'a>(
         &self,
         groups: impl Iterator<Item = &'a PackedLayout> + Clone,
@@ -107,7 +105,7 @@ impl VertexLayout {
         if let Some((semantic, _)) = self.streams().find(|(semantic, _)| !has(*semantic)) {
             return refuse(format!("stream '{semantic}', which the mesh does not have"), "leave it out");
         }
-        // What is written of a vertex: from where to where, and what for.
+        // Written bytes of a vertex: begin, end, stream.
         let mut written: Vec<(u64, u64, Semantic)> = vec![];
         for group in groups {
             let mut named = group.streams.iter().filter_map(|place| Some((place, self.offset(place.semantic)?)));
@@ -135,7 +133,7 @@ impl VertexLayout {
         Ok(())
     }
 
-    /// Where the numbers of a group are, as [`check`](Self::check) has found them in order.
+    /// Offsets of the components of a group; `check` has passed.
     pub(crate) fn places(&self, group: &PackedLayout, format: PoseFormat) -> Places {
         let number = format.number_bytes() as u32;
         let mut at = [None; POSE_FLOATS];
@@ -160,43 +158,43 @@ impl fmt::Debug for VertexLayout {
     }
 }
 
-/// Specialization constants of kernels.
+/// Values of `glsl/places.glsl`'s specialization constants.
 pub(crate) type PlaceConstants = [u32; PLACES];
 
-/// Where the six numbers of a vertex are in a pose.
+/// Offsets of the six components of a vertex in a pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Places {
-    /// Numbers from vertex to vertex.
+    /// Numbers per vertex.
     stride: u32,
-    /// Numbers from the beginning of a vertex; `None`: not stored.
+    /// Offset in numbers; `None`: not stored.
     at: [Option<u32>; POSE_FLOATS],
 }
 
 impl Places {
-    /// One after the other, as in poses of ours.
+    /// Contiguous, as in engine-owned poses.
     pub(crate) const TIGHT: Self =
         Self { stride: POSE_FLOATS as u32, at: [Some(0), Some(1), Some(2), Some(3), Some(4), Some(5)] };
 
-    /// The same, counted from a place so many numbers before the vertex.
+    /// The same, from a start `numbers` numbers earlier.
     pub(crate) fn behind(self, numbers: u32) -> Self {
         Self { at: self.at.map(|at| Some(at? + numbers)), ..self }
     }
 
-    /// What `glsl/places.glsl` is specialized with; `None`: its defaults are right.
+    /// Specialization constants of `glsl/places.glsl`; `None` if its defaults apply.
     pub(crate) fn constants(self) -> Option<PlaceConstants> {
-        // What is not stored is loaded from the place of something that is.
+        // Components that are not stored load from the offset of a stored one.
         let any = self.at.into_iter().flatten().next().unwrap_or(0);
         let stored = (0..).zip(self.at).map(|(i, at)| u32::from(at.is_some()) << i).sum();
         let [a, b, c, d, e, f] = self.at.map(|at| at.unwrap_or(any));
         (self != Self::TIGHT).then_some([self.stride, a, b, c, d, e, f, stored])
     }
 
-    /// Bytes from vertex to vertex.
+    /// Bytes per vertex.
     pub(crate) fn stride(self, format: PoseFormat) -> u32 {
         self.stride * format.number_bytes() as u32
     }
 
-    /// Bytes from the beginning of a vertex to each number.
+    /// Byte offset of each component.
     pub(crate) fn bytes(self, format: PoseFormat) -> [Option<u32>; POSE_FLOATS] {
         self.at.map(|at| Some(at? * format.number_bytes() as u32))
     }

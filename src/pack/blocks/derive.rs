@@ -1,4 +1,4 @@
-//! A [`BlockIndex`] from what a file or the packer states: checked, and with what planning needs.
+//! Builds a [`BlockIndex`] from the packer's or a file's data: checks it, and derives the tables of planning.
 
 use super::{BLOCK_SIZES, BlockIndex, EntryCost, Incidence, Parts};
 use crate::asset::streams::{Measure, StreamPlace, TRIPLE, TRIPLES};
@@ -7,11 +7,11 @@ use crate::pack::formats::BlockFormat;
 use crate::pack::grid::Sums;
 use crate::pack::{POSE_FLOATS, VERTEX_PADDING};
 
-/// Most words of a mesh: its bytes have to be counted in 32 bits.
+/// Most words of a mesh: byte offsets have 32 bits.
 pub(super) const WORDS_MAX: u64 = u32::MAX as u64 / 4;
 
 impl BlockIndex {
-    /// Check `parts` against the words and the base pose, and derive what planning needs.
+    /// Checks `parts` against words and base pose, and derives the tables of planning.
     pub(crate) fn new(
         parts: Parts,
         targets: usize,
@@ -51,7 +51,7 @@ impl BlockIndex {
         Ok(index)
     }
 
-    /// What bounds on drift need of the base pose.
+    /// Updates the largest base position of each block, for bounds on drift.
     pub(in crate::pack) fn take_base(&mut self, base: &[f32]) {
         let blocks = base.chunks_exact(self.size() * POSE_FLOATS);
         for (largest, vertices) in self.block_base.iter_mut().zip(blocks) {
@@ -66,17 +66,17 @@ impl BlockIndex {
         if !BLOCK_SIZES.contains(&self.parts.size) {
             return Err(format!("a block size of {size}"));
         }
-        // Powers of two: integers and sums decode without rounding, and a target's step of normals is a shift away.
+        // Powers of two: integers and sums decode exactly, and both steps of a target differ by a shift.
         if let Some(step) = steps.iter().find(|s| !is_power_of_two(**s)) {
             return Err(format!("a step of {step}, which is no power of two"));
         }
         if let Some(step) = steps.iter().find(|s| !self.parts.format.has_integers() && **s != 1.0) {
-            return Err(format!("a step of {step}, where deltas are floats, which have none"));
+            return Err(format!("a step of {step} for float32 deltas, whose step is 1"));
         }
         if !(weight_max.is_finite() && *weight_max > 0.0) {
             return Err(format!("weights up to {weight_max}"));
         }
-        // The kernels count words in 32 bits, and bytes on some devices.
+        // Kernels count words in 32 bits, and on some devices bytes.
         if words.len() as u64 > WORDS_MAX {
             return Err(format!("{} words; the kernels reach {WORDS_MAX}", words.len()));
         }
@@ -104,15 +104,16 @@ impl BlockIndex {
                 return Err(format!("the targets of block {block} are not ascending, or there are fewer"));
             }
         }
-        // Before a header is looked at, it has to be there.
+        // Headers must exist before they are read.
         if self.deltas_at > words.len() {
             return Err(format!("{} words, fewer than the headers of {entries} entries", words.len()));
         }
-        // Entries lie one after the other: each where the one before ends, the last at the end.
+        // Entries are contiguous, and the last one ends at the end.
         let mut at = self.deltas_at;
         for entry in 0..entries {
             let (header, deltas) = self.locate(format, words, entry);
-            // Integers fit what decodes them, whatever the deltas are. Lengths are bounded by their sum over a block.
+            // Integers must fit their decoded type whatever the deltas are. Lengths are bounded by their sum over a
+            // block.
             let bits = format.check_header(header).map_err(|what| format!("entry {entry} has {what}"))?;
             for triple in (0..TRIPLES).filter(|triple| !self.lengths.contains(&(triple * TRIPLE))) {
                 let largest = f64::from(steps[triple]) * f64::from(bits[triple]).exp2();
@@ -138,7 +139,7 @@ impl BlockIndex {
         let mut masks = vec![0u32; entries * POSE_FLOATS * w];
         let mut block_masks = vec![0u32; self.count() * POSE_FLOATS * w];
         let mut costs = Vec::with_capacity(entries);
-        // Of |delta|: multiples of a step that fit 53 bits.
+        // Σ|delta|: multiples of a step that fit 53 bits.
         let mut sums = vec![[0.0; POSE_FLOATS]; size];
         for block in 0..self.count() {
             sums.fill([0.0; POSE_FLOATS]);
@@ -155,7 +156,7 @@ impl BlockIndex {
                 for (all, one) in block_masks[block * POSE_FLOATS * w..].iter_mut().zip(&*mask) {
                     *all |= one;
                 }
-                // Rounded up: bounds are computed from it.
+                // Rounded up, since bounds are computed from it.
                 let reach = if lengths.is_empty() { 0.0 } else { (reach.sqrt() as f32).next_up() };
                 let (header, deltas) = self.locate(format, words, entry);
                 let bytes = 4 * (header.len() + deltas.len()) as u32;
@@ -169,7 +170,7 @@ impl BlockIndex {
             if !(self.block_base[block] + self.block_reach[block]).is_finite() {
                 return Err(format!("the deltas of block {block} are too large for single precision"));
             }
-            // Where the last block has no vertex, nothing may move.
+            // Vertices beyond the mesh's last one must not move.
             let live = self.parts.order.len().saturating_sub(block * size).min(size);
             let mask = &block_masks[block * POSE_FLOATS * w..][..POSE_FLOATS * w];
             let moves = |lane: usize| (0..POSE_FLOATS).any(|c| mask[c * w + lane / 32] >> (lane % 32) & 1 != 0);
@@ -178,7 +179,7 @@ impl BlockIndex {
             }
         }
         (self.masks, self.block_masks, self.costs) = (masks, block_masks, costs);
-        // By target. Entries are listed block after block: blocks stay ascending.
+        // By target; blocks stay ascending, since entries are in block order.
         let target_of = |incidence: &Incidence| self.parts.entry_target[incidence.entry as usize];
         let in_block = |block| self.entries(block).map(move |e| Incidence { block: block as u32, entry: e as u32 });
         let mut incidence: Vec<Incidence> = (0..self.count()).flat_map(in_block).collect();

@@ -1,16 +1,15 @@
-//! Block formats: deltas of the blocks that a target touches, and nothing else.
+//! Block formats: only the deltas of blocks that a target touches.
 //!
-//! Vertices are reordered (targets cover few blocks then) and cut into blocks of 32, 64 or 128. An *entry* is a target
-//! that touches a block, with its deltas there. Each triple of a group has one step for the whole mesh, a power of two:
-//! integer sums of all entries of a vertex have one unit then ([`PoseGrid`]).
+//! Vertices are reordered so that targets cover few blocks, and cut into blocks of 32, 64 or 128. An *entry* holds the
+//! deltas of one target in one block. Each triple of a group has one step for the whole mesh, a power of two, so that
+//! the integer sums of a vertex have one unit ([`PoseGrid`]).
 //!
 //! ```text
 //! words   [entry][header words] [entry][delta words]       entries block after block, ascending by target
 //! base    [vertex][px py pz nx ny nz]                      in the packed order, padded to whole blocks
 //! ```
 //!
-//! Integers are rounded to nearest, and zero decodes to zero. A delta that is not longer than the error allowed is
-//! dropped, for each stream on its own.
+//! Integers are rounded to nearest; zero stays zero. A delta within the error limit of its stream is dropped.
 
 mod derive;
 mod pack;
@@ -28,25 +27,26 @@ use crate::setters::setters;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Sizes that a block may have.
+/// Supported block sizes.
 pub const BLOCK_SIZES: [u32; 3] = [32, 64, 128];
 
-/// How to pack into blocks.
+/// Describes packing in blocks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct BlockDesc {
-    /// Vertices of a block: one of [`BLOCK_SIZES`]; `None`: what suits the format (32 for `small`, else 64).
+    /// Vertices per block, one of [`BLOCK_SIZES`]. `None`: 32 for `small`, else 64.
     pub size: Option<u32>,
-    /// Largest error of a position delta (a length), as a fraction of the bounding-box diagonal, above 0. Integers of a
-    /// fixed number of bits may exceed it where a target moves further than they reach; [`BlockIndex::error`] has what
-    /// was measured.
+    /// Largest error of a position delta (a length), as a fraction of the bounding-box diagonal; positive. Formats with
+    /// a fixed number of bits exceed it if a target moves further than they reach; [`BlockIndex::error`] is the
+    /// measured error.
     pub position_error: f32,
-    /// Largest error of a normal or tangent at weight 1, in degrees, above 0.
+    /// Largest error of a normal or tangent at weight 1, in degrees; positive.
     pub normal_error_degrees: f32,
-    /// Largest error of the numbers of other streams (texture coordinates, colours, masks) at weight 1, above 0.
+    /// Largest error of other streams (texture coordinates, colours, masks) at weight 1; positive.
     pub absolute_error: f32,
-    /// The largest weight, either sign, that poses of 32-bit integers
-    /// ([`PoseFormat::Fixed32`](crate::pack::PoseFormat::Fixed32)) accept, unless a crowd names another one.
+    /// Largest absolute weight for 32-bit fixed-point poses
+    /// ([`PoseFormat::Fixed32`](crate::pack::PoseFormat::Fixed32)), unless
+    /// [`UpdateDesc::weight_max`](crate::UpdateDesc) is set.
     pub weight_max: f32,
 }
 
@@ -65,14 +65,14 @@ impl Default for BlockDesc {
     }
 }
 
-/// An entry as seen from its target.
+/// A block that a target touches, and the entry.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Incidence {
     pub block: u32,
     pub entry: u32,
 }
 
-/// What a kernel loads for an entry, and what it may change.
+/// Load cost and effect of an entry.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct EntryCost {
     /// Bytes of its header and deltas.
@@ -81,31 +81,31 @@ pub(crate) struct EntryCost {
     pub reach: f32,
 }
 
-/// The blocks of a mesh: which targets touch them, and where their deltas are.
+/// The blocks of a mesh: the targets that touch them, and the layout of their deltas.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BlockIndex {
     pub(crate) parts: Parts,
-    // Derived from it and the words.
-    /// Index of the first delta word: the headers end there.
+    // Derived from `parts` and the words.
+    /// First delta word, after all headers.
     pub(crate) deltas_at: usize,
     words: usize,
-    /// The components that are positions.
+    /// The position components.
     lengths: Range<usize>,
     pub(super) sums: Sums,
-    /// Of each entry.
+    /// By entry.
     pub(crate) costs: Vec<EntryCost>,
-    /// `[entry][component][word]`: which vertices' components its deltas change.
+    /// `[entry][component][word]`: vertices whose component the entry changes.
     pub(crate) masks: Vec<u32>,
     first_incidence: Vec<u32>,
     incidence: Vec<Incidence>,
-    /// `[block][component][word]`: which components some target changes.
+    /// `[block][component][word]`: vertices whose component any target changes.
     pub(crate) block_masks: Vec<u32>,
-    /// Largest base position component of each block, and Σ reach of its entries.
+    /// By block: the largest base position component, and Σ reach of its entries.
     pub(crate) block_base: Vec<f32>,
     pub(crate) block_reach: Vec<f32>,
 }
 
-/// What a [`BlockIndex`] is made from: what a packed file holds of it.
+/// The data of a [`BlockIndex`] that a packed file stores.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Parts {
     pub format: DeltaFormat,
@@ -119,7 +119,7 @@ pub(crate) struct Parts {
 }
 
 impl BlockIndex {
-    /// Vertices of a block.
+    /// Vertices per block.
     pub fn size(&self) -> usize {
         self.parts.size as usize
     }
@@ -134,22 +134,22 @@ impl BlockIndex {
         self.parts.entry_target.len()
     }
 
-    /// Blocks that some target touches.
+    /// Number of blocks that any target touches.
     pub fn touched(&self) -> usize {
         (0..self.count()).filter(|&b| !self.entries(b).is_empty()).count()
     }
 
-    /// The most targets that touch a block.
+    /// Most targets that touch one block.
     pub fn most_entries(&self) -> usize {
         (0..self.count()).map(|block| self.entries(block).len()).max().unwrap_or(0)
     }
 
-    /// The grid for poses of integers and weights up to `weight_max`, either sign; `None`: up to 1 in 16 bits, up to
-    /// what the mesh was packed with ([`BlockDesc::weight_max`]) in 32.
+    /// The grid of fixed-point poses for weights up to `weight_max` in absolute value. `None`: 1 for 16-bit poses, the
+    /// mesh's packed value ([`BlockDesc::weight_max`]) for 32-bit poses.
     ///
     /// # Errors
-    /// `block-float32` has no integers, float32 poses neither; a largest weight that is not above 0, or so large, or
-    /// deltas so large against their step, that sums could overflow: the message names a position error that would do.
+    /// Format `block-float32`; float32 poses; a `weight_max` that is not positive; sums that could overflow because it,
+    /// or deltas relative to their step, are too large (the message names a position error that would do).
     pub fn grid(&self, pose: PoseFormat, weight_max: Option<f32>) -> Result<PoseGrid> {
         self.sums.grid(pose, weight_max)
     }
@@ -164,27 +164,27 @@ impl BlockIndex {
         inverse(&self.parts.order)
     }
 
-    /// What packing lost, measured when the mesh was packed.
+    /// The packing error, measured when the mesh was packed.
     pub fn error(&self) -> PoseError {
         self.parts.error
     }
 
-    /// Input units of an integer step, for each triple of the group: of positions and of normals.
+    /// Input units per integer step, by triple of the group (positions, normals).
     pub fn steps(&self) -> [f32; TRIPLES] {
         self.parts.steps
     }
 
-    /// Bytes of the deltas.
+    /// Bytes of deltas.
     pub fn delta_bytes(&self) -> u64 {
         4 * (self.words - self.deltas_at) as u64
     }
 
-    /// Bytes that say which vertices the deltas belong to and how they are stored.
+    /// Bytes of index data (headers of entries).
     pub fn index_bytes(&self) -> u64 {
         4 * self.deltas_at as u64
     }
 
-    /// 32-bit words of a mask of a block's vertices.
+    /// Words of a bit mask over a block's vertices.
     pub(crate) fn mask_words(&self) -> usize {
         self.parts.size as usize / 32
     }
@@ -197,8 +197,8 @@ impl BlockIndex {
         &self.incidence[self.first_incidence[target] as usize..self.first_incidence[target + 1] as usize]
     }
 
-    /// The header of an entry, and where `words` has its deltas: `format` is that of the mesh. Kernels, which look up
-    /// many short entries, pass it as its own type.
+    /// The header of an entry, and the range of its deltas in `words`. `format` is the mesh's; kernels, which read many
+    /// short entries, pass its concrete type.
     #[inline(always)]
     pub(crate) fn locate<'a>(
         &self,
@@ -212,8 +212,8 @@ impl BlockIndex {
         (header, self.deltas_at.saturating_add(deltas.start)..self.deltas_at.saturating_add(deltas.end))
     }
 
-    /// Call `f` with each vertex of an entry's block that it holds a delta for: its index in the block, and the delta
-    /// in input units, in formats of integers an exact multiple of the [steps](Self::steps).
+    /// Calls `f(vertex, delta)` for each delta of an entry: index in the block, and delta in input units, an exact
+    /// multiple of the [steps](Self::steps) in integer formats.
     pub(crate) fn for_each_lane(&self, words: &[u32], entry: usize, mut f: impl FnMut(usize, [f64; POSE_FLOATS])) {
         with_format!(self.parts.format, dense _f => {}, blocks format => {
             let (header, deltas) = self.locate(format, words, entry);

@@ -12,11 +12,11 @@ use crate::pack::{POSE_FLOATS, PackDesc, PackedGroup, PackedLayout, PackedTarget
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
-/// What is kept of a group's deltas: exact, zeroed where they may be dropped.
+/// A group's deltas: exact, with those within the error limits set to zero.
 struct Kept {
     /// By target, ascending by the user's vertex.
     targets: Vec<Vec<Lane>>,
-    /// The largest number of each triple, of all deltas.
+    /// By triple: the largest absolute number of all deltas.
     largest: [f32; TRIPLES],
 }
 
@@ -37,7 +37,7 @@ fn kept(source: &Source<'_>, desc: &PackDesc) -> Kept {
                     let vector = |of: &[f32]| DVec3::new(of[0].into(), of[1].into(), of[2].into());
                     let dropped = match place.semantic.measure() {
                         Measure::Length => vector(&delta[numbers.clone()]).length() <= length,
-                        // As an angle and as a length: normals that files state need not have unit length.
+                        // As an angle and as a length: normals in files need not have unit length.
                         Measure::Angle => {
                             let base = vector(&source.base(*vertex as usize)[numbers.clone()]);
                             let delta = vector(&delta[numbers.clone()]);
@@ -57,12 +57,12 @@ fn kept(source: &Source<'_>, desc: &PackDesc) -> Kept {
     kept
 }
 
-/// The smallest step that lets the largest number of a triple fit its bits.
+/// The smallest step with which the largest number of a triple fits its bits.
 fn least_step(largest: [f32; TRIPLES], triple: usize) -> f64 {
     f64::from(largest[triple]) / f64::from((1u32 << (INTEGER_BITS[triple] - 1)) - 1)
 }
 
-/// The steps for the errors allowed: rounding to nearest is off by up to half the diagonal of a cell.
+/// The steps for the allowed errors: rounding to nearest is off by at most half the diagonal of a cell.
 fn steps(source: &Source<'_>, largest: [f32; TRIPLES], desc: &BlockDesc, format: &dyn BlockFormat) -> [f32; TRIPLES] {
     let least = [0, 1].map(|triple| least_step(largest, triple));
     let cell = 2.0 / 3f64.sqrt();
@@ -70,7 +70,7 @@ fn steps(source: &Source<'_>, largest: [f32; TRIPLES], desc: &BlockDesc, format:
     for place in &source.streams {
         let step = match place.semantic.measure() {
             Measure::Length => {
-                // A mesh without extent has no diagonal to measure by.
+                // A mesh without extent has no diagonal.
                 let scale = match source.mesh.diagonal {
                     d if d > 0.0 => f64::from(d),
                     _ => (least[0] * f64::from(1u32 << INTEGER_BITS[0])).max(1e-30),
@@ -84,7 +84,7 @@ fn steps(source: &Source<'_>, largest: [f32; TRIPLES], desc: &BlockDesc, format:
             wanted[c / TRIPLE] = step.min(wanted[c / TRIPLE]);
         }
     }
-    // Nothing moves in a triple for which nothing is wanted.
+    // A triple without streams may have any step.
     format.steps(wanted.map(|step| if step.is_finite() { step } else { 1.0 }), least)
 }
 
@@ -106,7 +106,7 @@ fn check(desc: &BlockDesc) -> Result<()> {
     Ok(())
 }
 
-/// Lay out the groups of a mesh in blocks.
+/// Packs the groups of a mesh in blocks.
 pub(in crate::pack) fn pack(
     sources: &[Source<'_>],
     desc: &PackDesc,
@@ -128,26 +128,26 @@ pub(in crate::pack) fn pack(
     groups.collect()
 }
 
-/// What a group is packed from and how.
+/// Input of packing a group.
 struct Packing<'a> {
     source: &'a Source<'a>,
     kept: &'a Kept,
     desc: &'a PackDesc,
     format: &'a dyn BlockFormat,
     size: u32,
-    /// Packed → user, and the reverse.
+    /// Packed → user order, and its inverse.
     order: &'a Arc<[u32]>,
     packed: &'a [u32],
 }
 
 impl Packing<'_> {
-    /// Lay out on a grid of these steps, or of finer ones where angles need them.
+    /// Packs with these steps, or finer ones if angles need them.
     fn refined(&self, mut steps: [f32; TRIPLES]) -> Result<PackedGroup> {
         let mut packed = self.with(steps)?;
         let directions = self.source.streams.iter().find(|s| s.semantic.measure() == Measure::Angle);
         if let Some(place) = directions.filter(|_| self.format.refines()) {
-            // Where a target turns a short normal, the same rounding is a larger angle: finer steps then, as far as the
-            // bits of a record go, by two halvings at most.
+            // A target that rotates a short normal turns rounding into a larger angle: halve the step, at most twice
+            // and as far as a record's bits allow.
             let triple = place.first / TRIPLE;
             let (allowed, floor) = (f64::from(self.desc.blocks.normal_error_degrees), steps[triple] / 4.0);
             let finest = least_step(self.kept.largest, triple);
@@ -161,12 +161,12 @@ impl Packing<'_> {
         Ok(packed)
     }
 
-    /// Lay out on a grid of these steps.
+    /// Packs with these steps.
     fn with(&self, steps: [f32; TRIPLES]) -> Result<PackedGroup> {
         let (mesh, size) = (self.source.mesh, self.size);
         let padded = self.order.len().next_multiple_of((size as usize).max(VERTEX_PADDING));
         let blocks = padded as u32 / size;
-        // Block, target and deltas of each entry. Sorting them by block keeps them ascending by target.
+        // Block, target and deltas of each entry. Stable sort by block: entries stay ascending by target.
         let mut entries: Vec<(u32, u32, Vec<Lane>)> = vec![];
         for (t, deltas) in self.kept.targets.iter().enumerate() {
             let mut deltas: Vec<Lane> = deltas.iter().map(|(v, d)| (self.packed[*v as usize], *d)).collect();
@@ -216,10 +216,10 @@ impl Packing<'_> {
 }
 
 impl PackedGroup {
-    /// A group in blocks, of a mesh with this name, diagonal and targets, whose origin is 0.
+    /// A group in blocks, from its parts; the origin is 0.
     ///
     /// # Errors
-    /// What does not fit together.
+    /// A message that names the inconsistent part.
     pub(in crate::pack) fn in_blocks<'a>(
         name: &str,
         diagonal: f32,

@@ -20,7 +20,7 @@ fn deltas_come_back_within_the_error_allowed_and_masks_say_what_changes() {
         let index = packed.layout().index().unwrap();
         let error = index.error();
         assert_eq!(error, packed.measure_error(&mesh));
-        // 13 bits do not reach as far as this mesh moves.
+        // 13 bits do not reach this mesh's largest deltas.
         let most = match format {
             DeltaFormat::BlockFloat32 => 0.0,
             DeltaFormat::Pair => 2e-5,
@@ -31,7 +31,7 @@ fn deltas_come_back_within_the_error_allowed_and_masks_say_what_changes() {
             "{format:?} {size}: {error:?}"
         );
         assert!(format == DeltaFormat::BlockFloat32 || error.position > 0.0);
-        // Nothing moves that the mesh does not move.
+        // Deltas that are zero decode to zero.
         for (t, target) in mesh.targets.iter().enumerate() {
             packed.for_each_delta(t, |vertex, delta| {
                 assert!(delta == [0.0; 6] || target.vertices.contains(&(vertex as u32)), "{format:?}");
@@ -89,7 +89,7 @@ fn a_grid_is_refused_where_sums_could_overflow() {
     assert!(floats.layout().blocks.clone().unwrap().grid(PoseFormat::Fixed32, None).is_err());
 }
 
-/// Weights at their largest, with the signs of the deltas of one component: the largest sum that there may be.
+/// Largest weights, with the signs of one component's deltas: the largest possible sum.
 #[test]
 fn the_largest_sums_fit_the_integers_of_a_pose_and_half_of_them_would_not_be_needed() {
     let (mesh, packed) = packed(DeltaFormat::Small, 64);
@@ -114,7 +114,7 @@ fn the_largest_sums_fit_the_integers_of_a_pose_and_half_of_them_would_not_be_nee
                 (0..POSE_FLOATS).for_each(|c| largest[c / 3] = largest[c / 3].max(sums[c]));
             }
             assert!(largest.iter().all(|sum| *sum <= most), "{pose:?} {weight_max}: {largest:?} of {most}");
-            // One bit fewer, and the larger of the two would not fit.
+            // One bit less, and the larger of the two would overflow.
             let fine = largest.iter().zip(grid.dropped).all(|(sum, dropped)| dropped == 0 || *sum > most / 2.0 - 16.0);
             assert!(fine, "{pose:?} {weight_max}: {largest:?} of {most}");
         }

@@ -1,4 +1,4 @@
-//! The sections of a packed file: written from an asset, and read. Nothing in a file is taken for granted.
+//! Sections of a packed file: writing and reading. Every value read is checked.
 
 use super::Asset;
 use super::table::*;
@@ -14,10 +14,10 @@ use glam::Vec2;
 use std::path::Path;
 use std::sync::Arc;
 
-/// What to do about a file whose checksums are right and whose contents are not.
+/// Remedy for a file with valid checksums and invalid contents.
 const INCONSISTENT: &str = "whatever wrote it is at fault: pack the mesh again";
 
-/// The bytes of `asset`, whose groups have blocks.
+/// The file of `asset`, which is in a block format.
 pub(super) fn write(asset: &Asset) -> Result<Vec<u8>> {
     let (layout, faces) = (asset.mesh.layout(), &asset.faces);
     let (index, groups) = (layout.index()?, asset.mesh.groups());
@@ -28,7 +28,7 @@ pub(super) fn write(asset: &Asset) -> Result<Vec<u8>> {
     let counts = |counts: &[usize]| -> Result<Vec<u32>> {
         let refuse = |n| {
             Error::invalid(
-                format!("mesh '{}' has a list of {n} numbers; a file has fewer than 2^32", layout.name),
+                format!("mesh '{}' has a list of {n} numbers; a .dmorph file holds fewer than 2^32", layout.name),
                 "split the mesh",
             )
         };
@@ -69,7 +69,7 @@ pub(super) fn write(asset: &Asset) -> Result<Vec<u8>> {
             let error = index.error().of(semantic).to_bits();
             head.extend([semantic.id(), 0, error as u32, (error >> 32) as u32]);
         }
-        // Relative to 0. Adding what was subtracted is exact; adding 0 would make 0 of -0.
+        // Files store positions relative to 0. Adding the subtracted origin is exact; adding 0 would turn -0 into 0.
         let origin = if i == 0 { layout.origin.to_array() } else { [0.0; 3] };
         let base = group.base()[..layout.vertex_count * POSE_FLOATS].iter().enumerate().map(|(at, &number)| {
             let of = origin.get(at % POSE_FLOATS).copied().filter(|of| *of != 0.0);
@@ -86,13 +86,13 @@ pub(super) fn write(asset: &Asset) -> Result<Vec<u8>> {
     Ok(join(&contents))
 }
 
-/// The asset that `bytes` are the file of.
+/// Parses the file `bytes`.
 pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
     // All sections are copied below.
     room(path, bytes.len() as u64)?;
     let sections = split(path, bytes)?;
     let refuse = |place: Place, what: String| malformed(path, Some(place), what, INCONSISTENT);
-    // Counts are held against the lengths of sections, before memory is taken by them.
+    // Counts are checked against section lengths before allocation.
     let checked = |place: Place, count: usize, stride: usize, of: &str| {
         let bytes = sections.get(place);
         let needed = count as u64 * stride as u64;
@@ -104,7 +104,7 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
         false => checked((section, 0), count, 4, of),
     };
 
-    // Version 2 states in 'meta' what later ones state in 'group'.
+    // Version 2 stores in 'meta' what later versions store in 'group'.
     let (old, at_meta) = (sections.version == OLDEST_VERSION, (META, 0));
     let at_head = |group| if old { at_meta } else { (GROUP, group) };
     let mut meta = sections.get(at_meta).to_vec();
@@ -136,7 +136,7 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
     let names = names.map_err(|what| refuse((NAMES, 0), what))?;
     let (name, targets) = names.split_first().map_or(("", &[][..]), |(first, rest)| (*first, rest));
     let order: Arc<[u32]> = checked((ORDER, 0), vertices, 4, "vertices")?.into();
-    // Of any block size: whether there are blocks of this size is checked with the blocks.
+    // Large enough for every block size; the size itself is checked with the blocks.
     let padded = vertices.next_multiple_of((size as usize).clamp(VERTEX_PADDING, 128));
 
     let mut groups = vec![];
@@ -188,7 +188,7 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
     }
 }
 
-/// A section 'group'.
+/// Section 'group'.
 struct Head {
     semantics: Vec<Semantic>,
     blocks: usize,
@@ -223,7 +223,7 @@ impl Head {
     }
 }
 
-/// The section 'meta' of version 2, as the two sections that later versions have in its place.
+/// Splits section 'meta' of version 2 into the two sections of later versions.
 fn split_old(bytes: &[u8]) -> Result<[Vec<u8>; 2], String> {
     if bytes.len() != 80 {
         return Err(format!("has {} bytes, 80 expected", bytes.len()));
@@ -235,9 +235,9 @@ fn split_old(bytes: &[u8]) -> Result<[Vec<u8>; 2], String> {
     Ok([mesh, group].map(bytes_of))
 }
 
-/// The name of the mesh, then that of each target.
+/// The names of the mesh and of each target.
 fn names(mut bytes: &[u8], targets: usize) -> Result<Vec<&str>, String> {
-    // As many as there is room for, whatever the count says.
+    // Bounded by the bytes, whatever the count says.
     let mut names = Vec::with_capacity((targets + 1).min(bytes.len() / 4));
     for i in 0..=targets {
         let of = || if i == 0 { "the mesh".to_owned() } else { format!("target {}", i - 1) };

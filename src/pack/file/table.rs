@@ -1,29 +1,29 @@
-//! The frame of a packed file: header, table of sections, checksums.
+//! The container of a packed file: header, table of sections, checksums.
 
 use crate::error::{Error, Result};
 use std::path::Path;
 
-/// What a packed file begins with. A transfer that takes it for text changes the line end, and shows.
+/// Magic bytes. A transfer in text mode changes the line end, and is detected.
 const MAGIC: [u8; 8] = *b"DMORPH\r\n";
-/// The version that is written, and the oldest that is still read.
+/// The version written, and the oldest one read.
 pub(super) const VERSION: u32 = 4;
 pub(super) const OLDEST_VERSION: u32 = 2;
-/// More groups than this no file has: what is kept of a mesh for each of its targets is kept for each group.
+/// Most groups of a file, since some data is kept per target and group.
 pub(super) const GROUPS_MAX: usize = 16;
-/// Bytes of header, of a row of the table, and of the checksum after it.
+/// Bytes of the header, of a table row, and of the checksum after the table.
 const HEADER: usize = 16;
 const ROW: usize = 24;
 const TAIL: usize = 8;
-/// Sections begin at multiples of this.
+/// Sections are aligned to this.
 const ALIGNMENT: usize = 8;
 
-/// What to do about a file that was damaged on its way.
+/// Remedy for a file damaged in transfer.
 const DAMAGED: &str = "the file is damaged: copy it again, or pack the mesh again";
 
-/// What to do about a file that another version of this program wrote.
+/// Remedy for a file of another version.
 pub(super) const OUTDATED: &str = "pack the mesh again with this program, or read it with the one that wrote it";
 
-/// A section: its id in the table, and its name in messages.
+/// A section: table id, and name in messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Section(u32, &'static str);
 
@@ -41,18 +41,18 @@ pub(super) const TEXCOORDS: Section = Section(11, "texcoords");
 pub(super) const GROUP: Section = Section(12, "group");
 pub(super) const WELDS: Section = Section(13, "welds");
 
-/// The sections that a file has once, in its order.
+/// Sections that occur once, in file order.
 const ONCE: [Section; 8] = [META, NAMES, ORDER, FACES, CORNERS, CORNER_TEXCOORDS, TEXCOORDS, WELDS];
-/// Those that it has for each group, after them.
+/// Sections of each group, which follow.
 const EACH: [Section; 5] = [GROUP, BASE, FIRST_ENTRIES, ENTRY_TARGETS, WORDS];
-/// Those of version 2, each once.
+/// Sections of version 2.
 const OLD: [Section; 11] =
     [META, NAMES, BASE, ORDER, FIRST_ENTRIES, ENTRY_TARGETS, WORDS, FACES, CORNERS, CORNER_TEXCOORDS, TEXCOORDS];
 
-/// A section, and the number of the group that it is of; 0 for those that there are once.
+/// A section and its group; 0 for sections that occur once.
 pub(super) type Place = (Section, usize);
 
-/// The sections of a file, in its order; `None` where there can be no file of so many.
+/// The sections of a file in order; `None` if no file has this many.
 pub(super) fn places(version: u32, sections: usize) -> Option<Vec<Place>> {
     let (once, each) = if version > OLDEST_VERSION { (&ONCE[..], &EACH[..]) } else { (&OLD[..], &[][..]) };
     let rest = sections.checked_sub(once.len())?;
@@ -69,7 +69,7 @@ fn id((section, group): Place) -> u32 {
     section.0 + ((group as u32) << 8)
 }
 
-/// The contents of each section of a file.
+/// The contents of a file's sections.
 pub(super) struct Sections<'a> {
     pub version: u32,
     contents: Vec<(Place, &'a [u8])>,
@@ -86,7 +86,7 @@ impl<'a> Sections<'a> {
     }
 }
 
-/// What is wrong with a section, or about the file as a whole.
+/// An error about a section, or about the file if `place` is `None`.
 pub(super) fn malformed(path: &Path, place: Option<Place>, what: impl Into<String>, remedy: &str) -> Error {
     Error::Input {
         path: path.to_path_buf(),
@@ -100,7 +100,7 @@ pub(super) fn malformed(path: &Path, place: Option<Place>, what: impl Into<Strin
     }
 }
 
-/// Lay out a file of these contents, in the order of [`places`].
+/// Builds a file of `contents`, which are in the order of [`places`].
 pub(super) fn join(contents: &[(Place, Vec<u8>)]) -> Vec<u8> {
     let start = HEADER + ROW * contents.len() + TAIL;
     let total = contents.iter().fold(start, |at, (_, c)| at + c.len().next_multiple_of(ALIGNMENT));
@@ -125,7 +125,7 @@ pub(super) fn join(contents: &[(Place, Vec<u8>)]) -> Vec<u8> {
     out
 }
 
-/// Split a file into its sections, checking every byte against the table and the checksums.
+/// Splits a file into sections, checking every byte against the table and the checksums.
 pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
     let refuse = |what: String, remedy: &str| Err(malformed(path, None, what, remedy));
     let ends = |within: &str| refuse(format!("ends after {} bytes, within {within}", bytes.len()), DAMAGED);
@@ -184,7 +184,7 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
     Ok(Sections { version, contents })
 }
 
-/// The number at byte `at`.
+/// The little-endian number at byte `at`.
 pub(super) fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
     bytes.get(at..)?.first_chunk().map(|b| u32::from_le_bytes(*b))
 }

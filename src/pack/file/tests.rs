@@ -1,4 +1,4 @@
-//! Tests of packed files: what was packed comes back.
+//! Packed files round-trip.
 
 mod hostile;
 
@@ -36,11 +36,12 @@ fn with_streams(format: DeltaFormat) -> Asset {
     Asset::pack(&testing::with_streams(mesh(70, 4)), &PackDesc::new(format)).unwrap()
 }
 
-/// Read, in a small multiple of the file's size. Names are the worst: empty ones are 4 bytes each.
+/// Reads a file, asserting memory use in a small multiple of its size. Names are the worst case: empty ones take 4
+/// bytes.
 fn read(bytes: &[u8]) -> Result<Asset> {
     let mut result = None;
     let memory = allocation_counter::measure(|| result = Some(Asset::from_bytes(Path::new("head.dmorph"), bytes)));
-    // Some things are kept of each target for each group.
+    // Some data is per target and group.
     let groups = bytes.get(12).map_or(1, |sections| u64::from(*sections).saturating_sub(8) / 5).clamp(1, 16);
     let most = 16 * 1024 + 24 * groups * bytes.len() as u64;
     assert!(memory.bytes_max <= most, "{} bytes for a file of {}", memory.bytes_max, bytes.len());
@@ -75,13 +76,13 @@ fn a_mesh_that_is_far_is_recentred_in_memory_and_not_in_the_file() {
         let decoded = again.to_mesh().unwrap();
         assert_eq!((decoded.origin, decoded.positions), (near.origin, near.positions.clone()));
     }
-    // Near 0 nothing changes.
+    // Near 0 recentring changes nothing.
     let (plain, mut mesh) = (mesh(70, 4), mesh(70, 4));
     mesh.recentre();
     assert_eq!((mesh.origin, mesh.positions), (Vec3::ZERO, plain.positions));
 }
 
-/// Use an asset that was accepted in every way that a host may.
+/// Uses an accepted asset in every way that a host may.
 fn exercise(asset: &Asset) {
     let decoded = asset.to_mesh().unwrap();
     assert!(decoded.targets.iter().all(|t| t.vertices.is_sorted_by(|a, b| a < b)));
@@ -89,11 +90,10 @@ fn exercise(asset: &Asset) {
     let mesh = Arc::new(asset.mesh.clone());
     for pose in PoseFormat::ALL {
         let desc = UpdateDesc { pose, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
-        // Rounding alone may be more than the tolerance where deltas are large, and sums could overflow: that is said,
-        // too.
+        // Rounding may exceed the tolerance if deltas are large, and sums could overflow: an error says so.
         let Ok(mut crowd) = CpuCrowd::new(mesh.clone(), desc, 1, 1) else { continue };
         for weight in [1.0, -0.5] {
-            // A weight beyond the largest of integers is refused.
+            // A weight beyond the grid's largest is an error.
             if crowd.set_weights(0, &vec![weight; decoded.targets.len()]).is_ok() {
                 crowd.update();
             }
@@ -101,7 +101,7 @@ fn exercise(asset: &Asset) {
     }
 }
 
-/// Read a file under valid checksums, and use what was accepted.
+/// Reads a file with valid checksums, and uses it if accepted.
 fn try_repaired(mut bytes: Vec<u8>) {
     repair(&mut bytes);
     if let Ok(asset) = read(&bytes) {
@@ -132,15 +132,15 @@ fn what_was_packed_comes_back() {
 
 #[test]
 fn files_of_older_versions_are_read_as_they_were_packed() {
-    // What they were packed from: the built-in head as it was then.
+    // The source: the built-in head of that version.
     let kept = import_folder("tests/packed/head".as_ref()).unwrap().to_mesh(Tolerance::default()).unwrap();
-    // The formats that there were.
+    // The formats of that version.
     for format in [1, 2, 3].map(|id| DeltaFormat::from_id(id).unwrap()) {
         let path = format!("tests/packed/version2-{}.dmorph", format.name());
         let bytes = std::fs::read(&path).unwrap();
         assert_eq!(bytes[8..12], OLDEST_VERSION.to_le_bytes());
         let asset = Asset::pack(&kept, &PackDesc::new(format)).unwrap();
-        // Version 3 has the sections that there are now.
+        // Version 3 has today's sections.
         let mut bytes_3 = asset.to_bytes().unwrap();
         bytes_3[8] = 3;
         repair(&mut bytes_3);
@@ -153,7 +153,7 @@ fn files_of_older_versions_are_read_as_they_were_packed() {
                 assert_eq!(read(bytes).unwrap(), asset, "{path}");
             }
         }
-        // Nothing in it may be anything, either.
+        // No byte may be arbitrary, either.
         for at in 0..bytes.len() {
             message(&bytes[..at]);
             let mut bytes = bytes.clone();
@@ -182,7 +182,7 @@ fn a_packed_mesh_knows_which_vertices_are_doubled() {
         assert!(mesh.welds.len() > 300 && back == asset);
         let decoded = back.to_mesh().unwrap();
         assert_eq!((&decoded.welds, &decoded.faces), (&mesh.welds, &mesh.faces));
-        // So that packing it again keeps doubled vertices in one block.
+        // Packing it again keeps duplicated vertices in one block.
         let again = Asset::pack(&decoded, &PackDesc::new(format)).unwrap();
         assert_eq!(again.mesh.base(), asset.mesh.base());
     }
@@ -206,7 +206,7 @@ fn the_decoded_mesh_is_in_the_users_order() {
             assert!(target.vertices.is_sorted_by(|a, b| a < b));
             assert_eq!(target.vertices, exact.targets[t].vertices);
         }
-        // Not a bit is lost on top of what packing lost.
+        // Exactly the packing error.
         assert_eq!(asset.mesh.measure_error(&decoded).position, 0.0);
         let asset = with_streams(format);
         let decoded = asset.to_mesh().unwrap();

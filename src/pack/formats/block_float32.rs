@@ -1,4 +1,4 @@
-//! In blocks, six float32. The same in `glsl/formats/block_float32.glsl`.
+//! In blocks, six float32. GLSL: `glsl/formats/block_float32.glsl`.
 //!
 //! ```text
 //! no header    px[size] py[size] pz[size] nx[size] ny[size] nz[size]
@@ -47,7 +47,7 @@ impl BlockFormat for BlockFloat32 {
 
     type Component = f32;
 
-    // Plane by plane, which reads memory in order: vertex by vertex takes 1.4 times as long where few targets change.
+    // Plane by plane, in memory order: vertex by vertex takes 1.4 times as long when few targets change.
     #[inline(always)]
     fn decode(&self, size: usize, _: &[u32], deltas: &[u32], mut f: impl FnMut(usize, usize, f32)) {
         for (c, plane) in deltas.chunks_exact(size).enumerate().take(POSE_FLOATS) {

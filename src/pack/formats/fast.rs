@@ -1,4 +1,4 @@
-//! In blocks, 9 bytes a vertex. The same in `glsl/formats/fast.glsl`.
+//! In blocks, 9 bytes per vertex. GLSL: `glsl/formats/fast.glsl`.
 //!
 //! ```text
 //! header [shifts]                   a[size] b[size] c[size / 4]

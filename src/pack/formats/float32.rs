@@ -1,4 +1,4 @@
-//! Dense, six float32. The same in `glsl/formats/float32.glsl`.
+//! Dense, six float32. GLSL: `glsl/formats/float32.glsl`.
 
 use super::DenseFormat;
 use crate::asset::streams::TRIPLES;

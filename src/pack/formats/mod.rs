@@ -1,5 +1,4 @@
-//! How deltas are stored: a file for each format, here and under `glsl/formats/`, and one list of them,
-//! `src/abi/formats.rs`.
+//! Delta formats: one file each, here and in `glsl/formats/`; `src/abi/formats.rs` lists them.
 
 mod shifts;
 
@@ -12,7 +11,7 @@ use crate::math::power_of_two_below;
 use std::ops::Range;
 use std::str::FromStr;
 
-/// The files of the formats, and their names.
+/// Declares the modules and the enum.
 macro_rules! declared {
     (()
         dense { $($(#[$dense_doc:meta])* $dense:ident $dense_file:ident $dense_row:tt)* }
@@ -30,18 +29,18 @@ macro_rules! declared {
         }
 
         impl DeltaFormat {
-            /// Every format.
+            /// All formats.
             pub const ALL: [Self; FORMATS.len()] = [$(Self::$dense,)* $(Self::$blocks),*];
-            /// The formats of the paths `feedback`, `compute` and `cpu`.
+            /// Formats of paths `feedback`, `compute` and `cpu`.
             pub const DENSE: [Self; [$(Self::$dense),*].len()] = [$(Self::$dense),*];
-            /// The formats of the paths `blocks` and `cpu`.
+            /// Formats of paths `blocks` and `cpu`.
             pub const BLOCKS: [Self; [$(Self::$blocks),*].len()] = [$(Self::$blocks),*];
         }
     };
 }
 delta_formats!(declared());
 
-/// Evaluate code with `$f` as the format's own type: dense formats one code, formats in blocks the other.
+/// Evaluates an expression with the format's concrete type as `$d` (dense) or `$b` (blocks).
 macro_rules! with_format {
     ((@match $format:expr, $d:ident => $dense:expr, $b:ident => $blocks:expr)
         dense { $($(#[$dense_doc:meta])* $dense_name:ident $dense_file:ident $dense_row:tt)* }
@@ -65,60 +64,60 @@ macro_rules! with_format {
 pub(crate) use with_format;
 
 impl DeltaFormat {
-    /// What build.rs and the tests know of it, too.
+    /// Its row in the table that build.rs and tests share.
     #[doc(hidden)]
     pub const fn row(self) -> &'static FormatRow {
         &FORMATS[self as usize]
     }
 
-    /// Whether deltas lie in blocks, for the paths `blocks` and `cpu`.
+    /// Whether it is a block format (paths `blocks` and `cpu`).
     pub const fn is_blocks(self) -> bool {
         self.row().blocks
     }
 
-    /// Whether deltas are integers, which poses of integers are sums of.
+    /// Whether deltas are integers, as fixed-point poses need.
     pub const fn has_integers(self) -> bool {
         self.row().integers
     }
 
-    /// 32-bit words of one delta in a dense format; 0 for block formats, where they differ from entry to entry.
+    /// 32-bit words per delta; 0 for block formats, where it varies by entry.
     pub const fn words(self) -> usize {
         self.row().words as usize
     }
 
-    /// Bytes of one delta in a dense format; 0 for block formats.
+    /// Bytes per delta; 0 for block formats.
     pub const fn stride(self) -> usize {
         self.words() * 4
     }
 
-    /// Vertex attributes that one target takes in a feedback pass (dense formats).
+    /// Vertex attributes per target in a feedback pass (dense formats).
     pub const fn attributes(self) -> usize {
         self.row().attributes.len()
     }
 
-    /// The name used on the command line and in reports. The paths `feedback` and `compute` mean the dense `float32`,
-    /// `blocks` the one in blocks.
+    /// The name used on the command line and in reports. `float32` names the dense format with `feedback` and
+    /// `compute`, the block format with `blocks`.
     pub const fn name(self) -> &'static str {
         self.row().name
     }
 
-    /// What it is, in a line: what the command line's help says of it.
+    /// One-line description, shown in the command line's help.
     pub const fn summary(self) -> &'static str {
         self.row().summary
     }
 
-    /// The format with this number in packed files.
+    /// The format of this id in packed files; `None` if there is none.
     pub fn from_id(id: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|f| id != 0 && f.row().id == id)
     }
 
-    /// The block format, unless it is a dense one.
+    /// The block format; `None` for dense formats.
     pub(crate) fn block_format(self) -> Option<&'static dyn BlockFormat> {
         with_format!(self, dense _f => None, blocks f => Some(f))
     }
 }
 
-/// From its [name](DeltaFormat::name).
+/// Parses a [name](DeltaFormat::name).
 impl FromStr for DeltaFormat {
     type Err = Error;
 
@@ -130,98 +129,97 @@ impl FromStr for DeltaFormat {
     }
 }
 
-/// A dense format: every vertex of every target has as many words.
+/// A dense format: a fixed number of words per vertex and target.
 pub(crate) trait DenseFormat {
-    /// The steps of a target whose largest numbers, by triple, are these: that of the first triple, and the power of
-    /// two that it is multiplied by for the second.
+    /// The first triple's step of a target with these largest numbers by triple, and log2 of second step / first step.
     fn steps(&self, largest: [f32; TRIPLES]) -> (f32, i8);
 
-    /// Write a delta.
+    /// Encodes a delta.
     fn encode(&self, delta: [f32; POSE_FLOATS], steps: [f32; TRIPLES], out: &mut [u32]);
 
-    /// The reverse of [`encode`](Self::encode).
+    /// Decodes a delta.
     fn decode(&self, words: &[u32], steps: [f32; TRIPLES]) -> [f64; POSE_FLOATS];
 
-    /// Add N targets' deltas of consecutive vertices to `sums`, each target times its factors (by triple; they hold the
-    /// steps).
+    /// Adds the deltas of N targets for consecutive vertices to `sums`, each multiplied by its factors by triple, which
+    /// include the steps.
     fn add<const N: usize>(&self, factors: [[f32; TRIPLES]; N], rows: [&[u32]; N], sums: &mut [f32]);
 
-    /// Add what a target adds to poses of integers, by triple; never called for float32 deltas, which have no grid.
+    /// Adds a target's terms to fixed-point sums; never called for float32 deltas, which have no grid.
     fn add_terms(&self, terms: [Term; TRIPLES], row: &[u32], sums: &mut [i32]);
 }
 
-/// A delta of a vertex in an entry: its place in the block, and its numbers.
+/// A vertex's index (in its block, or the user's) and delta.
 pub(crate) type Lane = (u32, [f32; POSE_FLOATS]);
 
-/// Most bits of an integer of the two triples, in any format.
+/// Most bits of an integer in any format, by triple.
 pub(crate) const INTEGER_BITS: [u32; TRIPLES] = [18, 14];
 
-/// A format in blocks: how the deltas of an entry lie in a header and in words of their own.
+/// A block format: encodes an entry as a header and delta words.
 pub(crate) trait BlockFormat {
-    /// Default number of vertices of a block.
+    /// Default vertices per block.
     fn default_size(&self) -> u32 {
         64
     }
 
-    /// Steps of integers, by triple: powers of two. `wanted` keep to the errors allowed, and `least` let the largest
-    /// numbers fit [`INTEGER_BITS`].
+    /// Steps by triple, powers of two: `wanted` from the error limits, `least` from the largest numbers and
+    /// [`INTEGER_BITS`].
     fn steps(&self, wanted: [f64; TRIPLES], least: [f64; TRIPLES]) -> [f32; TRIPLES] {
-        // Rounding down to a power of two halves a step at most.
+        // Rounding down to a power of two at most halves a step.
         std::array::from_fn(|triple| power_of_two_below(wanted[triple].max(2.0 * least[triple])))
     }
 
-    /// Whether finer steps reduce the error of angles (not where the number of bits is fixed: mostly all are in use).
+    /// Whether finer steps reduce angular errors; not with a fixed width, whose bits are mostly all in use.
     fn refines(&self) -> bool {
         false
     }
 
-    /// Whether an entry may have deltas of some of its block's vertices only.
+    /// Whether an entry may omit vertices of its block.
     fn is_sparse(&self) -> bool {
         false
     }
 
-    /// Words of an entry's header.
+    /// Words per header.
     fn header_words(&self) -> usize;
 
-    /// Which of all `deltas` are those of entry `entry`, in blocks of `size` vertices. May lie behind the last where
-    /// nothing was checked yet.
+    /// Range of the words of entry `entry` in `deltas`, for blocks of `size` vertices. May be out of bounds before the
+    /// headers are checked.
     fn words(&self, entry: usize, header: &[u32], deltas: &[u32], size: usize) -> Range<usize>;
 
-    /// Append an entry to all headers and to all deltas.
+    /// Appends an entry to the headers and deltas `out`.
     fn encode(&self, size: usize, steps: [f32; TRIPLES], lanes: &[Lane], out: [&mut Vec<u32>; 2]);
 
-    /// Check the header of an entry that may be hostile: integers have to fit what decodes them, whatever the deltas
-    /// are. Bits of the largest, by triple.
+    /// Checks an untrusted header: integers must fit their decoded type whatever the deltas are. Returns the bits of
+    /// the largest integer, by triple.
     fn check_header(&self, header: &[u32]) -> Result<[u32; TRIPLES], String>;
 
-    /// Check all delta words, which may be hostile.
+    /// Checks all untrusted delta words.
     fn check_deltas(&self, _deltas: &[u32]) -> Result<(), String> {
         Ok(())
     }
 
-    /// By how many bits the integers of an entry are to be shifted, by triple.
+    /// Left shifts of an entry's integers, by triple.
     fn shifts(&self, _header: &[u32]) -> [u32; TRIPLES] {
         [0; TRIPLES]
     }
 
-    /// What the numbers of a delta are decoded to: integers to be shifted and multiplied by a step, or input units.
+    /// Decoded component: an integer to shift and multiply by the step, or input units.
     type Component: Copy
     where
         Self: Sized;
 
-    /// Call `f` with each number of each delta of an entry: the vertex's place in the block, the component, the number.
+    /// Calls `f(lane, component, number)` for each number of an entry.
     fn decode(&self, size: usize, header: &[u32], deltas: &[u32], f: impl FnMut(usize, usize, Self::Component))
     where
         Self: Sized;
 }
 
-/// The words of an entry where each has `length`.
+/// The words of an entry, if all have `length` words.
 #[inline(always)]
 fn fixed(entry: usize, length: usize) -> Range<usize> {
     entry * length..(entry + 1) * length
 }
 
-/// The multiple of `step` that is nearest to `value`; zero stays zero.
+/// The integer nearest to `value / step`.
 fn quantise(value: f32, step: f64) -> i32 {
     (f64::from(value) / step).round() as i32
 }

@@ -1,4 +1,4 @@
-//! In blocks, 8 bytes a vertex: a pair of words. The same in `glsl/formats/pair.glsl`.
+//! In blocks, 8 bytes per vertex: a pair of words. GLSL: `glsl/formats/pair.glsl`.
 //!
 //! ```text
 //! header [shifts]                   [vertex][a b]

@@ -1,20 +1,20 @@
-//! Entries whose integers have a fixed number of bits: the header is one word, which has how far an entry's integers
-//! are shifted, those of the first triple in bits 0..8, those of the second in bits 8..16.
+//! Block entries with integers of fixed width. The header is one word of shifts: the first triple's in bits 0..8, the
+//! second's in bits 8..16.
 
 use super::{BlockFormat, Lane, fixed, quantise};
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::pack::POSE_FLOATS;
 use std::ops::Range;
 
-/// A format whose integers have a fixed number of bits.
+/// A format with integers of fixed width.
 pub(crate) trait Shifted {
     /// Bits of an integer, by triple.
     const BITS: [u32; TRIPLES];
 
-    /// Delta words of an entry in blocks of `size` vertices.
+    /// Delta words per entry in blocks of `size` vertices.
     fn entry_words(size: usize) -> usize;
 
-    /// Write the integers of a vertex to the words of an entry, which are zero there.
+    /// Writes the integers of a vertex into zeroed words of an entry.
     fn put(size: usize, lane: usize, delta: [i32; POSE_FLOATS], deltas: &mut [u32]);
 
     /// [`BlockFormat::check_deltas`].
@@ -22,7 +22,7 @@ pub(crate) trait Shifted {
         Ok(())
     }
 
-    /// Call `f` with the integers of each vertex of an entry.
+    /// Calls `f(lane, integers)` for each vertex of an entry.
     fn for_each(size: usize, deltas: &[u32], f: impl FnMut(usize, [i32; POSE_FLOATS]));
 }
 
@@ -35,7 +35,7 @@ impl<F: Shifted> BlockFormat for F {
         fixed(entry, F::entry_words(size))
     }
 
-    /// Integers are shifted as little as lets them fit their bits.
+    /// Uses the smallest shift with which the integers fit.
     fn encode(&self, size: usize, steps: [f32; TRIPLES], lanes: &[Lane], [headers, deltas]: [&mut Vec<u32>; 2]) {
         let step = |triple: usize, shift: u32| f64::from(steps[triple]) * f64::from(1u32 << shift);
         let fits = |triple: usize, shift: u32| {
@@ -56,7 +56,7 @@ impl<F: Shifted> BlockFormat for F {
     fn check_header(&self, header: &[u32]) -> Result<[u32; TRIPLES], String> {
         let shifts = self.shifts(header);
         let bits: [u32; TRIPLES] = std::array::from_fn(|triple| F::BITS[triple] + shifts[triple]);
-        // Shifted, a component still fits the 32 bits that it is decoded in.
+        // A shifted component must fit the 32 bits it is decoded into.
         match header[0] >> 16 == 0 && bits.iter().all(|bits| *bits <= 32) {
             true => Ok(bits),
             false => Err(format!("shifts of {:#x}", header[0])),
@@ -84,7 +84,7 @@ impl<F: Shifted> BlockFormat for F {
     }
 }
 
-/// The `bits` bits of `word` from bit `at` on as a signed number.
+/// Bits `at..at + bits` of `word`, sign-extended.
 #[inline(always)]
 pub(super) fn field(word: u32, at: u32, bits: u32) -> i32 {
     ((word << (32 - at - bits)) as i32) >> (32 - bits)
@@ -96,7 +96,7 @@ mod tests {
     use crate::pack::formats::{fast::Fast, pair::Pair};
     use proptest::prelude::*;
 
-    /// A block of 32 vertices, their integers cut to the bits that the format has.
+    /// Random blocks of 32 vertices, integers truncated to the format's width.
     fn comes_back<F: Shifted>(block: &[[i32; POSE_FLOATS]]) {
         let cut = |delta: &[i32; POSE_FLOATS]| std::array::from_fn(|i| delta[i] >> (32 - F::BITS[i / TRIPLE]));
         let expected: Vec<_> = block.iter().map(cut).enumerate().collect();

@@ -1,4 +1,4 @@
-//! In blocks, as few bits as an entry needs. The same in `glsl/formats/small.glsl`.
+//! In blocks, with the fewest bits that an entry needs. GLSL: `glsl/formats/small.glsl`.
 //!
 //! ```text
 //! header [first word][a word for each triple]   deltas [mask × size/32, where it is in use][records, bit after bit]
@@ -8,8 +8,8 @@
 //! component = (offset · 2^width) / 8, rounded down, + integer
 //! ```
 //!
-//! A target moves the vertices of a block much alike, mostly: what they have in common need not be in each record.
-//! Offsets in eighths of what an integer reaches cost no more than the exact least value would in bits of integers.
+//! A target mostly moves the vertices of a block alike; the offset keeps their common part out of the records. Offsets
+//! in eighths of an integer's range cost no more integer bits than exact minima would.
 
 use super::{BlockFormat, INTEGER_BITS, Lane, quantise};
 use crate::asset::streams::{TRIPLE, TRIPLES};
@@ -18,17 +18,17 @@ use std::ops::Range;
 
 pub(crate) struct Small;
 
-/// In the word of the first triple: only vertices in the mask have a record.
+/// Bit of the first triple's word: only vertices in the mask have a record.
 const MASKED: u32 = 1 << 31;
 
-/// Bits of a width, and of an offset.
+/// Bits of a width and of an offset.
 const BITS: u32 = 5;
 
-/// The integers of a component in an entry.
+/// Encoding of a component in an entry.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Field {
     width: u32,
-    /// The component where the integer is 0.
+    /// Component value of integer 0.
     least: i32,
 }
 
@@ -37,7 +37,7 @@ impl Field {
         Self { width, least: offset << width >> 3 }
     }
 
-    /// That of a component in its triple's word.
+    /// Reads the field of a component from its triple's word.
     #[inline(always)]
     fn of(word: u32, component: usize) -> Self {
         let at = BITS * component as u32;
@@ -45,23 +45,23 @@ impl Field {
         Self::new(word >> at & ((1 << BITS) - 1), offset)
     }
 
-    /// The fewest bits in which every component from `low` to `high` fits, and the offset.
+    /// The fewest bits for components from `low` to `high`, and the offset.
     fn fitting(low: i32, high: i32) -> (u32, i32) {
         let most = (1 << (BITS - 1)) - 1;
         let fits = |width: u32| {
-            // The largest that is not above `low`.
+            // The largest offset not above `low`.
             let offset = ((((low + 1) << 3) - 1) >> width).min(most);
             let reached = Self::new(width, offset).least + (1 << width);
             (offset >= -most - 1 && high < reached).then_some((width, offset))
         };
-        // As wide as integers may be, everything that they may be fits.
+        // At full width, every valid component fits.
         (0..INTEGER_BITS[0]).find_map(fits).unwrap_or((INTEGER_BITS[0], low >> (INTEGER_BITS[0] - 3)))
     }
 }
 
-/// Where the integers of a record are.
+/// Bit positions in a record.
 struct Record {
-    /// Of each component: the first bit in its triple, what masks it there, and what it is added to.
+    /// By component: first bit within its triple, mask, least value.
     fields: [(u32, u64, i32); POSE_FLOATS],
     /// Bits of the first triple, and of both.
     bits: [u32; TRIPLES],
@@ -80,8 +80,7 @@ impl Record {
         Self { fields, bits: [bits[0], bits[0] + bits[1]] }
     }
 
-    /// The components of the record that begins at bit `at` of `words`. No branch depends on the number of bits: those
-    /// would be mispredicted.
+    /// Reads the record at bit `at` of `words`. Branchless: branches on bit counts would be mispredicted.
     #[inline(always)]
     fn read(&self, words: &[u32], at: usize) -> [i32; POSE_FLOATS] {
         let (word, shift) = (at / 32, at % 32);
@@ -90,7 +89,7 @@ impl Record {
             _ => std::array::from_fn(|i| words.get(word + i).copied().unwrap_or(0)),
         };
         let [low, high] = [0, 2].map(|i| u64::from(four[i]) | u64::from(four[i + 1]) << 32);
-        // Two shifts: one by 64 would overflow. A triple has 54 bits at most.
+        // Two shifts: a single shift by 64 would overflow. A triple has at most 54 bits.
         let first = low >> shift | high << 1 << (63 - shift);
         let half = self.bits[0];
         let triples = [first, first >> half | high >> shift << 1 << (63 - half)];
@@ -200,7 +199,7 @@ impl BlockFormat for Small {
     }
 }
 
-/// Append fields bit after bit, low bits first.
+/// Appends bit fields, low bits first.
 #[derive(Default)]
 struct BitWriter {
     words: Vec<u32>,
@@ -208,7 +207,7 @@ struct BitWriter {
 }
 
 impl BitWriter {
-    /// Append the low `bits` bits of `value`.
+    /// Appends the low `bits` bits of `value`.
     fn put(&mut self, value: u32, bits: u32) {
         for i in 0..bits {
             if self.used.is_multiple_of(32) {
@@ -226,7 +225,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Bounds of components: few bits or many, of either sign.
+    /// Ranges of components, narrow or wide, of either sign.
     fn bounds(bits: u32) -> impl Strategy<Value = (i32, i32)> {
         (0..bits, any::<i32>(), any::<i32>()).prop_map(move |(shift, a, b)| {
             let [a, b] = [a, b].map(|v| v >> (32 - bits));
@@ -249,7 +248,7 @@ mod tests {
             let lanes: Vec<Lane> = picks[..size].iter().enumerate().filter(|(_, (some, _))| all || *some)
                 .map(|(lane, (_, picks))| (lane as u32, std::array::from_fn(|c| pick(c, picks[c]))))
                 .filter(|(_, delta)| *delta != [0.0; POSE_FLOATS]).collect();
-            // Behind another entry's words, and before others.
+            // After another entry's words, and before others.
             let (mut headers, mut deltas) = (vec![], vec![7; 3]);
             Small.encode(size, [1.0; TRIPLES], &lanes, [&mut headers, &mut deltas]);
             let end = deltas.len();
@@ -272,7 +271,7 @@ mod tests {
 
     #[test]
     fn integers_have_as_few_bits_as_offsets_leave() {
-        // What all have in common takes none; a sign takes none where all have the same.
+        // A common value takes no bits; a common sign takes none.
         let widths = |ranges: &[(i32, i32)]| ranges.iter().map(|(a, b)| Field::fitting(*a, *b).0).collect::<Vec<_>>();
         assert_eq!(widths(&[(0, 0), (1, 1), (-2, -2), (5, 5), (-9, -9)]), [0, 0, 0, 2, 3]);
         assert_eq!(widths(&[(0, 1), (-1, 0), (0, 7), (8, 15), (-8, -1), (-1, 6), (1000, 1100)]), [1, 1, 3, 3, 3, 3, 9]);

@@ -1,4 +1,4 @@
-//! Dense, six signed 16-bit integers. The same in `glsl/formats/snorm16.glsl`.
+//! Dense, six signed 16-bit integers. GLSL: `glsl/formats/snorm16.glsl`.
 
 use super::DenseFormat;
 use crate::asset::streams::{TRIPLE, TRIPLES};
@@ -14,12 +14,12 @@ const PAIR: usize = 2 * POSE_FLOATS;
 pub(crate) struct Snorm16;
 
 impl DenseFormat for Snorm16 {
-    /// The smallest powers of two that let the largest numbers fit. Deltas of all targets are multiples of the finest
-    /// step then, and so are sums of integers.
+    /// The smallest powers of two with which the largest numbers fit, so that all deltas and their sums are multiples
+    /// of the finest step.
     fn steps(&self, [first, second]: [f32; TRIPLES]) -> (f32, i8) {
-        // Not below what a float32 coefficient can carry: a target smaller than that is no target.
+        // Not below the range of float32 coefficients; such a target is negligible.
         let step = |largest: f32| power_of_two_above(f64::from(largest) / MAX);
-        // A target that only moves the second triple still needs a step of its own for the first.
+        // A target that moves only the second triple still needs a step for the first.
         let first = step(if first > 0.0 { first } else { second });
         let ratio = if second > 0.0 { step(second) / first } else { 1.0 };
         (first, ratio.log2().clamp(-100.0, 100.0) as i8)
@@ -42,7 +42,7 @@ impl DenseFormat for Snorm16 {
         let patterns = factors.map(|f| std::array::from_fn::<f32, PAIR, _>(|i| f[i / TRIPLE % TRIPLES]));
         let rows: [&[[i16; PAIR]]; N] =
             rows.map(|row| bytemuck::cast_slice::<_, i16>(row)[..sums.len()].as_chunks::<PAIR>().0);
-        // Runs are cut at multiples of the vertex padding: an even number of vertices.
+        // Runs end at multiples of the vertex padding: an even number of vertices.
         for (i, sum) in sums.as_chunks_mut::<PAIR>().0.iter_mut().enumerate() {
             let mut s = *sum;
             for (row, pattern) in rows.iter().zip(&patterns) {
@@ -56,7 +56,7 @@ impl DenseFormat for Snorm16 {
 
     #[inline(always)]
     fn add_terms(&self, terms: [Term; TRIPLES], row: &[u32], sums: &mut [i32]) {
-        // What starts from the base pose holds no weight: one product is enough.
+        // From the base pose no weight is applied: one product is enough.
         match terms.iter().all(|term| term.old == 0) {
             true => add_rounded(terms, row, sums, |Term { new, dropped, .. }, delta| rounded(new, delta, dropped)),
             false => add_rounded(terms, row, sums, |Term { new, old, dropped }, delta| {

@@ -1,4 +1,4 @@
-//! fixed16: six integers of 16 bits, the displacement from the base pose in steps. GLSL: `glsl/poses/fixed16.glsl`.
+//! Fixed16: displacements from the base pose in units, 16-bit integers. GLSL: `glsl/poses/fixed16.glsl`.
 
 use super::PoseStorage;
 use super::sums::Rounded;

@@ -1,4 +1,4 @@
-//! fixed32: six integers of 32 bits, the displacement from the base pose in steps. GLSL: `glsl/poses/fixed32.glsl`.
+//! Fixed32: displacements from the base pose in units, 32-bit integers. GLSL: `glsl/poses/fixed32.glsl`.
 
 use super::PoseStorage;
 

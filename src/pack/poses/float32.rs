@@ -1,4 +1,4 @@
-//! float32: the six numbers of a vertex, one after the other. GLSL: `glsl/poses/float32.glsl`.
+//! Float32: the six components of a vertex. GLSL: `glsl/poses/float32.glsl`.
 
 use super::PoseStorage;
 

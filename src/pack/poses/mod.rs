@@ -1,5 +1,5 @@
-//! How poses are stored: a file for each format, here and under `glsl/poses/`, and one list of them,
-//! `src/abi/formats.rs`. The base pose of a mesh is float32 in all of them.
+//! Pose formats: one file each, here and in `glsl/poses/`; `src/abi/formats.rs` lists them. The base pose is always
+//! float32.
 
 pub(crate) mod sums;
 
@@ -9,13 +9,12 @@ use crate::asset::streams::{TRIPLE, TRIPLES};
 use bytemuck::Pod;
 use sums::Sum;
 
-/// The files of the formats, and their names.
+/// Declares the modules and the enum.
 macro_rules! declared {
     (() $($(#[$meta:meta])* $name:ident $file:ident $row:tt)*) => {
         $(pub(crate) mod $file;)*
 
-        /// How the six numbers of a vertex (of positions and normals: position, then normal) are stored in pose
-        /// buffers.
+        /// How pose buffers store the six components of a vertex (position and normal, in the first group).
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
         #[non_exhaustive]
         pub enum PoseFormat {
@@ -23,14 +22,14 @@ macro_rules! declared {
         }
 
         impl PoseFormat {
-            /// Every format.
+            /// All formats.
             pub const ALL: [Self; POSE_FORMATS.len()] = [$(Self::$name),*];
         }
     };
 }
 pose_formats!(declared());
 
-/// Evaluate code with `$p` as the format's own type.
+/// Evaluates `$code` with the format's concrete type as `$p`.
 macro_rules! with_pose {
     ((@match $format:expr, $p:ident => $code:expr) $($(#[$meta:meta])* $name:ident $file:ident $row:tt)*) => {
         match $format {
@@ -46,25 +45,25 @@ macro_rules! with_pose {
 }
 pub(crate) use with_pose;
 
-/// What the file of a format has.
+/// Implementation of a pose format.
 pub(crate) trait PoseStorage {
-    /// A number as pose buffers hold it. A vertex has six, one after the other.
+    /// A stored component; a vertex has six.
     type Number: Pod + Send + Sync;
-    /// What the CPU adds up of block formats.
+    /// The CPU's sum for block formats.
     type Sum: Sum;
 
-    /// A number, where it is an integer.
+    /// The component as an integer; `None` if it is float32.
     fn integer(number: Self::Number) -> Option<i32>;
 
-    /// A number with what was added up of a block format. Integers wrap.
+    /// Adds a block format's sum. Integers wrap.
     fn plus(number: Self::Number, sum: Self::Sum) -> Self::Number;
 
-    /// The same with what was added up of a dense format in integers; never called where numbers are float32.
+    /// Adds a dense format's integer sum; never called for float32 poses.
     fn plus_integer(number: Self::Number, sum: i32) -> Self::Number;
 }
 
 impl PoseFormat {
-    /// What build.rs and the tests know of it, too.
+    /// Its row in the table that build.rs and tests share.
     #[doc(hidden)]
     pub const fn row(self) -> &'static PoseRow {
         &POSE_FORMATS[self as usize]
@@ -75,55 +74,55 @@ impl PoseFormat {
         self.row().file
     }
 
-    /// What it is, in a line: what the command line's help says of it.
+    /// One-line description, shown in the command line's help.
     pub const fn summary(self) -> &'static str {
         self.row().summary
     }
 
-    /// Bytes of a vertex.
+    /// Bytes per vertex.
     pub const fn stride(self) -> usize {
         self.row().stride as usize
     }
 
-    /// Whether its numbers are integers: displacements from the base pose, which do not depend on the history.
+    /// Whether poses are fixed-point: integer displacements from the base pose, independent of earlier poses.
     pub const fn has_integers(self) -> bool {
         self.row().bits > 0
     }
 
-    /// Whether what a target adds is rounded to the unit: lists have the weight that is held beside the new one.
+    /// Whether a target's contribution is rounded to the unit, so that work lists hold applied and new weights.
     pub(crate) const fn rounds_products(self) -> bool {
         self.has_integers() && self.row().bits < i32::BITS
     }
 
-    /// Bytes of a number.
+    /// Bytes per component.
     pub(crate) const fn number_bytes(self) -> usize {
         self.stride() / POSE_FLOATS
     }
 
-    /// Whether numbers share words, which kernels store whole: the numbers of a vertex have to stay together.
+    /// Whether components share words, which kernels store whole: a vertex's components must be contiguous.
     pub(crate) const fn shares_words(self) -> bool {
         self.number_bytes() < size_of::<u32>()
     }
 
-    /// Bytes from the beginning of a vertex to a component.
+    /// Byte offset of a component in a vertex.
     pub(crate) const fn offset(self, component: usize) -> usize {
         self.number_bytes() * component
     }
 
-    /// The integers of a pose: [`POSE_FLOATS`] for each vertex; none where numbers are float32.
+    /// The integers of a pose, [`POSE_FLOATS`] per vertex; empty for float32.
     pub fn integers(self, pose: &[u8]) -> Vec<i32> {
         with_pose!(self, P => integers::<P>(pose))
     }
 
-    /// The numbers of a pose: [`POSE_FLOATS`] for each vertex. Integers are multiples of `units` (input units, of each
-    /// triple of a vertex; [`PoseGrid::units`](super::blocks::PoseGrid::units)), added to `base`, which is as long;
-    /// float32 needs neither.
+    /// The components of a pose, [`POSE_FLOATS`] per vertex. Fixed-point components are multiplied by `units` (input
+    /// units, by triple: [`PoseGrid::units`](super::blocks::PoseGrid::units)) and added to `base`, of the same length;
+    /// float32 ignores both.
     pub fn decode(self, pose: &[u8], base: &[f32], units: [f32; TRIPLES]) -> Vec<f32> {
         if !self.has_integers() {
             return pose.as_chunks().0.iter().map(|bytes| f32::from_ne_bytes(*bytes)).collect();
         }
         let numbers = self.integers(pose).into_iter().zip(base).enumerate();
-        // The unit is a power of two: integers below 2^24 are multiplied without rounding.
+        // The unit is a power of two: integers below 2^24 scale exactly.
         numbers.map(|(i, (number, base))| base + number as f32 * units[i % POSE_FLOATS / TRIPLE]).collect()
     }
 }

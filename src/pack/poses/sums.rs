@@ -1,12 +1,12 @@
-//! What the CPU adds up for poses: float32, or integers that wrap.
+//! The CPU's sums for poses: float32, or wrapping integers.
 
 use crate::asset::streams::TRIPLES;
 
-/// A number of a delta, as its format has it.
+/// A component of a delta.
 pub(crate) trait Number: Copy {
-    /// It, in steps where it is an integer.
+    /// As float; an integer in steps.
     fn float(self) -> f32;
-    /// It; never called for float32 deltas, which have no grid.
+    /// As integer; never called for float32 deltas, which have no grid.
     fn integer(self) -> i32;
 }
 
@@ -34,23 +34,22 @@ impl Number for i32 {
     }
 }
 
-/// What a kernel adds up of the deltas of a component.
+/// A sum of factor · delta over the entries of a component.
 pub(crate) trait Sum: Copy + Default + Send {
-    /// What is multiplied: a number of a delta.
+    /// The delta operand.
     type Delta: Copy + Default;
-    /// What it is multiplied by.
+    /// The coefficient operand.
     type Factor: Copy + Default;
 
     fn delta(number: impl Number) -> Self::Delta;
 
-    /// From the coefficient as the work list has it, of an entry's triple that has this `step`; deltas are to be
-    /// shifted by `shift`.
+    /// Decodes a coefficient of the work list (`bits`), for a triple with this `step`; `shift` applies to the deltas.
     fn factor(bits: u32, step: f32, shift: u32) -> Self::Factor;
 
-    /// Whether the pose holds nothing of an entry with these factors, where that saves work.
+    /// Whether the pose holds none of the entry, if that saves work.
     fn is_new(factors: &[Self::Factor; TRIPLES]) -> bool;
 
-    /// Add a product; where products are rounded, without its lowest bits, so many. `NEW`: the factor is new.
+    /// Adds a product; if products are rounded, `dropped` low bits are. `NEW`: no weight is applied.
     fn add<const NEW: bool>(self, factor: Self::Factor, delta: Self::Delta, dropped: u32) -> Self;
 }
 
@@ -65,7 +64,7 @@ impl Sum for f32 {
 
     #[inline(always)]
     fn factor(bits: u32, step: f32, shift: u32) -> f32 {
-        // Both factors are powers of two.
+        // Step and shift are powers of two: exact.
         f32::from_bits(bits) * (step * (1u32 << shift) as f32)
     }
 
@@ -105,13 +104,13 @@ impl Sum for i32 {
     }
 }
 
-/// A sum of products that are rounded, each as a function of a weight.
+/// A sum of rounded products, each a function of a weight.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Rounded(pub i32);
 
 impl Sum for Rounded {
     type Delta = i32;
-    /// The new weight, and the one that the pose holds.
+    /// The new and the applied weight.
     type Factor = [i32; 2];
 
     #[inline(always)]
@@ -136,7 +135,7 @@ impl Sum for Rounded {
     }
 }
 
-/// What a target contributes that has this weight.
+/// A target's rounded contribution at this weight.
 #[inline(always)]
 fn rounded(weight: i32, delta: i32, dropped: u32) -> i32 {
     weight.wrapping_mul(delta).wrapping_add((1u32 << dropped >> 1) as i32) >> dropped

@@ -1,4 +1,4 @@
-//! Hostile files: reading any bytes either works or ends in an error that names the fault, without a panic.
+//! Hostile files: reading any bytes succeeds or returns an error that names the fault; it never panics.
 
 use super::*;
 use crate::asset::StreamDeltas;
@@ -6,13 +6,13 @@ use crate::pack::file::table::*;
 use proptest::prelude::*;
 use proptest::sample::Index;
 
-/// Where the row of a section begins in the table.
+/// Byte offset of a section's table row.
 fn row(bytes: &[u8], place: (Section, usize)) -> usize {
     let places = places(u32_at(bytes, 8).unwrap(), u32_at(bytes, 12).unwrap() as usize).unwrap();
     16 + 24 * places.iter().position(|p| *p == place).unwrap()
 }
 
-/// Where the contents of the section begin whose row of the table begins at `row`, and their length.
+/// Byte offset and length of the section whose table row is at `row`.
 fn span_at(bytes: &[u8], row: usize) -> (usize, usize) {
     let long = |at: usize| u64::from_le_bytes(bytes[row + at..row + at + 8].try_into().unwrap()) as usize;
     (long(8), long(16))
@@ -22,7 +22,7 @@ fn span(bytes: &[u8], section: Section) -> (usize, usize) {
     span_at(bytes, row(bytes, (section, 0)))
 }
 
-/// The file of `asset` with a word of `section` replaced, under valid checksums.
+/// The file of `asset` with one word of a section replaced and checksums repaired.
 fn with_word(asset: &Asset, place: (Section, usize), word: usize, value: u32) -> Vec<u8> {
     let mut bytes = asset.to_bytes().unwrap();
     let at = span_at(&bytes, row(&bytes, place)).0 + 4 * word;
@@ -49,7 +49,7 @@ fn any_byte_may_be_anything_under_valid_checksums() {
     for format in DeltaFormat::BLOCKS {
         let asset = asset(format, None);
         let bytes = asset.to_bytes().unwrap();
-        // All of the small sections, and some of the words.
+        // All words of small sections, some of the large ones.
         let words = span(&bytes, WORDS);
         let few = |at: &usize| !(words.0 + 200..words.0 + words.1).contains(at) || at.is_multiple_of(97);
         for at in (0..bytes.len()).filter(few) {
@@ -77,7 +77,7 @@ proptest! {
         let mut bytes = asset.to_bytes().unwrap();
         let sections = if streams { 23 } else { 13 };
         for (section, word, value, how) in changes {
-            // A word of the table of sections, or one of some section: each is as likely.
+            // A word of the table or of a section, each equally likely.
             let part = section.index(sections + 1);
             let end = 16 + 24 * sections;
             let (at, length) = if part == sections { (0, end + 8) } else { span_at(&bytes, 16 + 24 * part) };
@@ -110,7 +110,7 @@ proptest! {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
-    /// `read` holds it to that.
+    /// `read` asserts it.
     #[test]
     fn memory_is_a_multiple_of_the_file_whatever_is_counted(
         (format, streams) in (0..DeltaFormat::BLOCKS.len(), any::<bool>()),
@@ -250,7 +250,7 @@ fn contents_are_checked_under_valid_checksums() {
         let text = message(&with_word(asset, (section, 0), word, value));
         assert!(text.contains(part), "{section:?} {word} {value:#x}: {text}");
     }
-    // A mask with more vertices than there are records, or fewer.
+    // A mask with more vertices than records, or fewer.
     let words = small.mesh.deltas();
     let masked = (0..entries - 1).find(|entry| words[3 * entry + 1] >> 31 == 1).expect("an entry with a mask");
     let mask = headers.next_multiple_of(4) + words[3 * masked] as usize;
@@ -258,7 +258,7 @@ fn contents_are_checked_under_valid_checksums() {
         let text = message(&with_word(&small, (WORDS, 0), mask, value));
         assert!(text.contains(&format!("the deltas of entry {} are not where they belong", masked + 1)), "{text}");
     }
-    // Deltas of vertices that are not there: the second block of 64 has 6.
+    // Deltas of vertices that do not exist: the second block of 64 has 6.
     let last_entry = span(&floats.to_bytes().unwrap(), WORDS).1 / 4 - 6 * 64;
     let text = message(&with_word(&floats, (WORDS, 0), last_entry + 60, 1f32.to_bits()));
     assert!(text.contains("block 1 moves vertices that the mesh does not have"), "{text}");
@@ -276,7 +276,7 @@ fn contents_are_checked_under_valid_checksums() {
         let text = message(&with_word(&streams, place, word, value));
         assert!(text.contains(part), "{place:?} {word} {value:#x}: {text}");
     }
-    // Welds: to a later vertex, to one that is welded itself, to none that is there; and fewer of them.
+    // Welds to a later vertex, to a welded one, out of range; too few of them.
     let (mesh, split) = split_head(DeltaFormat::Fast);
     let (doubled, of) = (mesh.welds.len() - 1, mesh.welds[mesh.welds.len() - 1]);
     for (vertex, value, to) in [(0, of, of), (of as usize, 0, of), (5, giant, giant), (doubled, 300, 300)] {
