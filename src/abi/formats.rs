@@ -1,28 +1,27 @@
-//! The delta formats and the pose formats: the two lists that build.rs, the library, the command line and the tests
-//! share.
+//! The delta formats and the pose formats: two lists shared by build.rs, the library, the command line and the tests.
 //!
-//! A new delta format is an item of `delta_formats!` and its two files, src/pack/formats/FILE.rs and
-//! glsl/formats/FILE.glsl; a new pose format an item of `pose_formats!`, src/pack/poses/FILE.rs and
-//! glsl/poses/FILE.glsl. Plain data without dependencies, since build.rs includes this file.
+//! A delta format is an item of `delta_formats!` and the files src/pack/formats/FILE.rs and glsl/formats/FILE.glsl; a
+//! pose format an item of `pose_formats!`, src/pack/poses/FILE.rs and glsl/poses/FILE.glsl. build.rs includes this
+//! file, so it is plain data without dependencies.
 
-/// Expand a macro with arguments and the list: dense formats, then those in blocks.
+/// Expands a macro with arguments and the list: dense formats, then block formats.
 ///
-/// An item is the documentation of a `DeltaFormat`, whose first line the command line shows; its name; its files' name;
-/// and the fields of its [`FormatRow`] that are not what [`dense`](FormatRow::dense) or [`blocks`](FormatRow::blocks)
-/// state. Items are appended: reports and tables are in this order.
+/// An item is the documentation of a `DeltaFormat` (the first line is its summary in the command line's help), its
+/// name, its file name, and the [`FormatRow`] fields that differ from the defaults of [`dense`](FormatRow::dense) or
+/// [`blocks`](FormatRow::blocks). Append items: reports and tables use this order.
 macro_rules! delta_formats {
     ($expanded:ident $arguments:tt) => {
         $expanded! { $arguments
             dense {
                 /// Dense, six float32: 24 bytes per vertex and target.
                 ///
-                /// Exact. Two vertex attributes a target.
+                /// Exact. Two vertex attributes per target.
                 Float32 float32 { words: 6, attributes: &[(R32G32B32_SFLOAT, 0), (R32G32B32_SFLOAT, 12)] }
 
                 /// Dense, six signed 16-bit integers: 12 bytes per vertex and target.
                 ///
-                /// In three words, one vertex attribute a target. Value = integer × step, a step for each triple per
-                /// target: the smallest power of two that lets its largest component fit.
+                /// Three words, one vertex attribute per target. Value = integer × step, with a step for each triple of
+                /// a target: the smallest power of two with which its largest component fits.
                 Snorm16 snorm16 {
                     words: 3, attributes: &[(R32G32B32_UINT, 0)], exponents: true, integers: true
                 }
@@ -30,12 +29,12 @@ macro_rules! delta_formats {
             blocks {
                 /// In blocks, six float32: 24 bytes per vertex and entry.
                 ///
-                /// Exact, but not for poses of integers.
+                /// Exact. Not for fixed-point poses.
                 BlockFloat32 block_float32 { id: 1, name: "block-float32" }
 
                 /// In blocks, 9 bytes per vertex and entry.
                 ///
-                /// 15 bits a component in the first triple and 9 in the second, in planes that a kernel reads as three
+                /// 15 bits per component in the first triple, 9 in the second, in planes that a kernel reads as three
                 /// words.
                 Fast fast { id: 2, integers: true, texels: true }
 
@@ -46,12 +45,12 @@ macro_rules! delta_formats {
 
                 /// In blocks, 8 bytes per vertex and entry.
                 ///
-                /// 13 bits a component in the first triple and 8 in the second, in two words side by side that a
-                /// kernel loads at once. Coarser than [`Fast`](Self::Fast) where a target moves far: the step of such
-                /// an entry is larger than the errors allowed make it. With the default errors (1e-5 of the diagonal,
-                /// 0.5°) a face of 57 targets (ICT-FaceKit) came out at 1.7e-5 and 0.72° (`fast`: 1.0e-5 and 0.50°),
-                /// one of 52 (facecap) at 3.6e-5 and 0.77° (`fast`: 1.0e-5 and 0.63°), in 89% of the bytes of `fast`.
-                /// [`BlockIndex::error`](crate::pack::blocks::BlockIndex::error) has what was measured for a mesh.
+                /// 13 bits per component in the first triple, 8 in the second, in two adjacent words that a kernel
+                /// loads at once. Coarser than [`Fast`](Self::Fast) where a target moves far: the step of such an entry
+                /// exceeds the error limits. With the default limits (1e-5 of the diagonal, 0.5°), a face of 57 targets
+                /// (ICT-FaceKit) measured 1.7e-5 and 0.72° (`fast`: 1.0e-5 and 0.50°), one of 52 (facecap) 3.6e-5 and
+                /// 0.77° (`fast`: 1.0e-5 and 0.63°), in 89% of the bytes of `fast`.
+                /// [`BlockIndex::error`](crate::pack::blocks::BlockIndex::error) is the error measured for a mesh.
                 Pair pair { id: 4, integers: true }
             }
         }
@@ -59,10 +58,10 @@ macro_rules! delta_formats {
 }
 pub(crate) use delta_formats;
 
-/// Expand a macro with arguments and the list of pose formats.
+/// Expands a macro with arguments and the list of pose formats.
 ///
-/// An item is the documentation of a `PoseFormat`, whose first line the command line shows; its name; its files' name,
-/// which is its name on the command line; and the fields of its [`PoseRow`] that are not float32's.
+/// An item is the documentation of a `PoseFormat` (the first line is its summary in the command line's help), its name,
+/// its file name, which is also its name on the command line, and the [`PoseRow`] fields that differ from float32's.
 macro_rules! pose_formats {
     ($expanded:ident $arguments:tt) => {
         $expanded! { $arguments
@@ -74,22 +73,22 @@ macro_rules! pose_formats {
 
             /// Six signed 32-bit integers: 24 bytes per vertex, the exact displacement from the base pose in steps.
             ///
-            /// Two vertex attributes of three integers, at 0 and 12. For deltas that are integers; those of `snorm16`,
-            /// whose targets have steps of their own, are rounded to the finest step that fits, as in 16 bits.
+            /// Two vertex attributes of three integers, at 0 and 12. Needs integer deltas. `snorm16` targets, which
+            /// have different steps, are rounded to the finest step that fits, as in 16 bits.
             Fixed32 fixed32 { bits: 32, attributes: &[(R32G32B32_SINT, 0), (R32G32B32_SINT, 12)] }
 
             /// Six signed 16-bit integers: 12 bytes per vertex, the displacement from the base pose in steps.
             ///
-            /// What each target adds is rounded to the step, as a function of its weight alone: sums are exact, and
-            /// do not depend on the history. A vertex attribute of four integers at 0 (position, first number of the
-            /// normal) and one of two at 8. For deltas that are integers.
+            /// Each target's contribution is rounded to the step as a function of its weight alone, so sums are exact
+            /// and independent of earlier poses. A vertex attribute of four integers at 0 (position, first component of
+            /// the normal) and one of two at 8. Needs integer deltas.
             Fixed16 fixed16 { stride: 12, bits: 16, attributes: &[(R16G16B16A16_SINT, 0), (R16G16_SINT, 8)] }
         }
     };
 }
 pub(crate) use pose_formats;
 
-// Numbers of `VkFormat`.
+// `VkFormat` values.
 const R16G16_SINT: u32 = 82;
 const R16G16B16A16_SINT: u32 = 96;
 const R32G32B32_UINT: u32 = 104;
@@ -99,15 +98,15 @@ const R32G32B32_SFLOAT: u32 = 106;
 /// A pose format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PoseRow {
-    /// Name of its files, without the ending; the first format's is no part of the names of SPIR-V modules.
+    /// Base name of its files. Names of SPIR-V modules contain it, except for the first format.
     pub file: &'static str,
-    /// What it is, in a line.
+    /// One-line description.
     pub summary: &'static str,
-    /// Bytes of a vertex.
+    /// Bytes per vertex.
     pub stride: u32,
-    /// Bits of a number that is an integer: sums of integers, for deltas that are integers. 0: numbers are float32.
+    /// Bits per integer component; 0: float32.
     pub bits: u32,
-    /// Vertex attributes, from location 0 on, that a draw reads the six numbers from: `VkFormat` and offset.
+    /// Vertex attributes of a draw, from location 0 on: `VkFormat` and offset.
     pub attributes: &'static [(u32, u32)],
 }
 
@@ -134,26 +133,26 @@ pose_formats!(pose_rows());
 pub struct FormatRow {
     /// Name on the command line and in reports.
     pub name: &'static str,
-    /// What it is, in a line.
+    /// One-line description.
     pub summary: &'static str,
-    /// Name of its files, without the ending; part of the names of SPIR-V modules.
+    /// Base name of its files; part of the names of SPIR-V modules.
     pub file: &'static str,
-    /// Number in packed files; 0: it has no file.
+    /// Id in packed files; 0 for dense formats, which packed files cannot hold.
     pub id: u32,
-    /// The first version of packed files whose deltas in this format are as they are now.
+    /// The first version of packed files with today's encoding of this format.
     pub since: u32,
-    /// Deltas lie in blocks; otherwise they are dense.
+    /// A block format; otherwise dense.
     pub blocks: bool,
-    /// Deltas are integers in steps that are powers of two, of the mesh (in blocks) or of a target, so that sums can be
+    /// Deltas are integers with power-of-two steps, per mesh (block formats) or per target (dense), so that sums can be
     /// exact.
     pub integers: bool,
-    /// 32-bit words of a delta (dense formats).
+    /// 32-bit words per delta (dense formats).
     pub words: u32,
-    /// Vertex attributes of one target in a vertex pass (dense formats): `VkFormat` and offset.
+    /// Vertex attributes per target in a vertex pass (dense formats): `VkFormat` and offset.
     pub attributes: &'static [(u32, u32)],
-    /// A vertex pass is given a signed byte for each target: the power of two between its two steps.
+    /// Vertex passes take a signed byte per target: log2 of the ratio of its two steps.
     pub exponents: bool,
-    /// The GLSL file has entries loaded as texels, too (formats in blocks; `TEXELS` in blocks.glsl).
+    /// The GLSL file also supports loading entries as texels (block formats; `TEXELS` in blocks.glsl).
     pub texels: bool,
 }
 

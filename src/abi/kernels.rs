@@ -1,55 +1,53 @@
-//! The kernels: one table that build.rs, the library and the tests share.
+//! The table of kernels, shared by build.rs, the library and the tests.
 //!
-//! A row is a GLSL source with its defines. build.rs compiles a module of each row for each format that it takes (and
-//! for each number of targets, where they are vertex attributes), and writes a `static` for each row that
-//! [`modules`](super::modules) holds. What the library needs to make a pipeline of a module (descriptors, push
-//! constants, specialization constants) is in its row, and `tests/project/spirv.rs` compares rows with what modules
-//! declare.
+//! A row is a GLSL source with its defines. build.rs compiles one module per row and supported format (and per number
+//! of targets, if they are vertex attributes) and generates a `static` per row, which [`modules`](super::modules)
+//! includes. The row describes what a pipeline needs (descriptors, push constants, specialization constants);
+//! `tests/project/spirv.rs` compares it with the modules' declarations.
 //!
-//! Plain data without dependencies but [`formats`](super::formats) and [`steps`](super::steps), since build.rs includes
-//! this file.
+//! build.rs includes this file, so it is plain data that depends only on [`formats`](super::formats) and
+//! [`steps`](super::steps).
 
 use super::formats::{FormatRow, PoseRow};
 use super::steps::after_steps;
 
-/// Vertex attributes that modules are made for at most; two are the pose.
+/// Most vertex attributes of a module; two of them are the pose.
 pub const ATTRIBUTES_MAX: u32 = 32;
 
-/// Specialization constants that say where the numbers of a vertex are in a pose: the last ones of kernels that take
-/// vertices of hosts (`glsl/places.glsl`). Their defaults are poses of ours.
+/// Number of specialization constants for the component offsets of a vertex (`glsl/places.glsl`): the last ones of
+/// kernels that support host vertices. The defaults describe engine-owned poses.
 pub const PLACES: usize = 8;
 
-/// Where a kernel runs.
+/// Shader stage of a kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// A vertex shader.
     Vertex,
     /// A fragment shader, with the vertex shader that goes before it in the table.
     Fragment,
-    /// A compute shader with workgroups of [`WORKGROUP`](super::numbers::WORKGROUP) invocations.
+    /// A compute shader with [`WORKGROUP`](super::numbers::WORKGROUP) invocations per workgroup.
     Compute,
-    /// A compute shader with workgroups of as many as specialization constant 0 says.
+    /// A compute shader whose workgroup size is specialization constant 0.
     ComputeSized,
 }
 
-/// Which formats there are modules for.
+/// Delta formats that a kernel has modules for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Takes {
-    /// One module, which reads no deltas.
+    /// One module; the kernel reads no deltas.
     NoDeltas,
-    /// A module for each dense format.
+    /// One module per dense format.
     Dense,
-    /// A module for each number of targets of each dense format, from 0 (a copy) to what [`ATTRIBUTES_MAX`] has room
-    /// for.
+    /// One module per dense format and number of targets, from 0 (a copy) up to the limit of [`ATTRIBUTES_MAX`].
     DenseBatches,
-    /// A module for each format in blocks.
+    /// One module per block format.
     Blocks,
-    /// A module for each format whose entries are loaded as texels, too.
+    /// One module per format that supports loading entries as texels.
     Texels,
 }
 
 impl Takes {
-    /// Whether there are modules for deltas in a format.
+    /// Whether there are modules for a delta format.
     pub fn takes(self, format: &FormatRow) -> bool {
         match self {
             Self::NoDeltas => false,
@@ -60,7 +58,7 @@ impl Takes {
     }
 }
 
-/// How many targets of a format fit into vertex attributes, next to a pose.
+/// Most targets of a format that fit in vertex attributes beside a pose.
 pub const fn batch_max(format: &FormatRow) -> u32 {
     match format.attributes.len() as u32 {
         0 => 0,
@@ -68,22 +66,22 @@ pub const fn batch_max(format: &FormatRow) -> u32 {
     }
 }
 
-/// What is bound.
+/// Type of a descriptor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Buffer {
-    /// A storage buffer: an array of elements of this many bytes.
+    /// A storage buffer with elements of this many bytes.
     Storage(u32),
-    /// A storage buffer whose offset is given when the set is bound.
+    /// A storage buffer with a dynamic offset.
     Dynamic(u32),
-    /// A storage buffer of poses, in elements that suit the pose format.
+    /// A storage buffer of poses, with elements that suit the pose format.
     Poses,
-    /// The deltas of a dense format, at an offset that is given when the set is bound.
+    /// Deltas of a dense format, with a dynamic offset.
     DynamicDeltas,
-    /// A texel buffer that is loaded: texels of this `VkFormat`.
+    /// A read-only texel buffer of this `VkFormat`.
     UniformTexels(i32),
-    /// A texel buffer that is loaded and may be stored to.
+    /// A read-write texel buffer of this `VkFormat`.
     StorageTexels(i32),
-    /// A sampled image that is loaded without a sampler. Its binding comes after those of buffers.
+    /// A sampled image, fetched without a sampler. Its binding follows those of buffers.
     Image,
 }
 
@@ -93,45 +91,44 @@ pub type Binding = (u32, Buffer);
 /// A kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct KernelRow {
-    /// Name of its [`source`](Self::source). Names of modules are this, the format's `file`, and the suffix, with
-    /// underscores between.
+    /// Base name of its [`source`](Self::source). A module's name is this, the format's `file` and the suffix, joined
+    /// by underscores.
     pub name: &'static str,
-    /// End of the names.
+    /// Suffix of module names.
     pub suffix: &'static str,
     /// Where it runs.
     pub stage: Stage,
-    /// What is defined; with [`Takes::DenseBatches`] `BATCH`, too.
+    /// Preprocessor defines; [`Takes::DenseBatches`] adds `BATCH`.
     pub defines: &'static [&'static str],
-    /// The delta formats.
+    /// Supported delta formats.
     pub takes: Takes,
-    /// There are modules for each pose format that goes with the deltas, too; otherwise for the first, or the kernel
-    /// reads and writes no poses.
+    /// There are modules for each pose format that the deltas support; otherwise for the first one, or the kernel
+    /// accesses no poses.
     pub poses: bool,
-    /// Set 0.
+    /// Descriptors of set 0.
     pub bindings: &'static [Binding],
-    /// Bindings that may be the same memory as another one: decorated Aliased.
+    /// Bindings that may alias another one: decorated Aliased.
     pub aliased: &'static [u32],
-    /// The structure of its push constants, in [`push`](super::push); "": it has none, or with [`Takes::DenseBatches`]
-    /// as many coefficients as there are targets.
+    /// Structure of its push constants, in [`push`](super::push). Empty if it has none; with [`Takes::DenseBatches`],
+    /// if they are one coefficient per target.
     pub push: &'static str,
-    /// Specialization constants of its own: 0 to one less than this.
+    /// Number of its own specialization constants, from 0 on.
     pub constants: u32,
-    /// Behind them are [`PLACES`] that say where numbers are in a pose.
+    /// [`PLACES`] component-offset constants follow them.
     pub places: bool,
-    /// Of a technique of others, in the package deltamorph-baselines: left out without the feature `baselines`. They
-    /// stand in this table since they share its types, the formats' GLSL, and the build script; a second table and
-    /// build script would be more code than they are.
+    /// Part of a baseline (package deltamorph-baselines), left out without the feature `baselines`. In this table,
+    /// since baselines share its types, the formats' GLSL and the build script.
     pub baseline: bool,
 }
 
 impl KernelRow {
-    /// Whether there are modules for deltas and poses in a pair of formats; `None`: for a kernel that reads no deltas.
+    /// Whether there are modules for this delta format (`None`: reads no deltas) and pose format.
     pub fn takes(&self, format: Option<&FormatRow>, pose: &PoseRow) -> bool {
         let poses = pose.bits == 0 || self.poses && format.is_none_or(|format| format.integers);
         poses && format.map_or(self.takes == Takes::NoDeltas, |format| self.takes.takes(format))
     }
 
-    /// All specialization constants.
+    /// Number of specialization constants.
     pub const fn all_constants(&self) -> u32 {
         self.constants + if self.places { PLACES as u32 } else { 0 }
     }
@@ -166,7 +163,7 @@ const COMPUTE: KernelRow = KernelRow { stage: Stage::Compute, ..VERTEX };
 /// Tables, state, work list, control: see animation.glsl.
 const ANIMATION: KernelRow =
     KernelRow { bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)], push: "AnimationPush", ..COMPUTE };
-/// Source, destination, deltas. The set has a fourth buffer, which is `dense_list`'s.
+/// Source, destination, deltas. The set's fourth buffer is for `dense_list`.
 const DENSE: KernelRow = KernelRow {
     name: "dense",
     takes: Takes::Dense,
@@ -176,7 +173,7 @@ const DENSE: KernelRow = KernelRow {
     constants: 1,
     ..COMPUTE
 };
-/// Asset, work list, poses. Specialization constants: lanes, vertices of a block.
+/// Asset, work list, poses. Specialization constants: lanes, vertices per block.
 const BLOCKS: KernelRow = KernelRow {
     name: "blocks",
     stage: Stage::ComputeSized,
@@ -187,10 +184,10 @@ const BLOCKS: KernelRow = KernelRow {
     places: true,
     ..COMPUTE
 };
-/// Three more specialization constants: instances of a tile, whether all start from the base pose, and
-/// whether decoding is to take few registers.
+/// Further specialization constants: instances per tile, whether all start from the base pose, whether decoding should
+/// use few registers.
 const CROWD: KernelRow = KernelRow { name: "crowd", poses: true, constants: 5, ..BLOCKS };
-/// A draw that others' technique `direct` evaluates: deltas, weights.
+/// A draw of baseline `direct`: deltas, weights.
 const DIRECT: KernelRow = KernelRow {
     name: "direct",
     takes: Takes::Dense,
@@ -199,7 +196,7 @@ const DIRECT: KernelRow = KernelRow {
     baseline: true,
     ..VERTEX
 };
-/// A draw of others' technique `texture`: texels of vertices, displacement textures.
+/// A draw of baseline `texture`: texels of vertices, displacement textures.
 const TEXTURED: KernelRow = KernelRow {
     name: "textured",
     bindings: &[(0, WORDS), (2, Buffer::Image)],
@@ -233,13 +230,13 @@ const fn joined<const N: usize>(parts: [&[KernelRow]; 3]) -> [KernelRow; N] {
     all
 }
 
-/// Those of measurements and of our techniques.
+/// Kernels of measurements and of the library's own techniques.
 const OURS: &[KernelRow] = &[
-    // What measurements need.
+    // Measurements.
     KernelRow { name: "consume", poses: true, push: "ConsumePush", ..VERTEX },
     KernelRow { name: "read", bindings: &[(0, Buffer::Storage(16)), (1, WORDS)], push: "ReadPush", ..COMPUTE },
-    // Sampling clips and planning updates; a specialization constant of `budget` says whether levels of detail follow
-    // the camera, one of `plan` and `arguments` is the widest tile.
+    // Animation on the GPU: sampling clips and planning updates. Specialization constant of `budget`: whether levels of
+    // detail follow the camera; of `plan` and `arguments`: the widest tile.
     KernelRow { name: "animate", ..ANIMATION },
     KernelRow { name: "budget", constants: 1, ..ANIMATION },
     KernelRow { name: "commit", ..ANIMATION },
@@ -258,11 +255,11 @@ const OURS: &[KernelRow] = &[
         ..DENSE
     },
     KernelRow { name: "feedback", ..ATTRIBUTES },
-    // Blocks of one instance, with masks of what changes.
+    // Blocks of one instance, with masks of changed components.
     BLOCKS,
-    // Whole blocks, of several instances at once.
+    // Whole blocks of several instances at once.
     CROWD,
-    // The same for software drivers. Poses are bound as pairs of words to be stored, and as texels to be loaded.
+    // The same for software drivers. Poses are bound twice: as pairs of words for stores, as texels for loads.
     KernelRow {
         name: "crowd_texels",
         takes: Takes::Texels,
@@ -281,16 +278,16 @@ macro_rules! step_kernels {
             $($reads:tt => $written:ident, $push:ident $members:tt [$({ $($fields:tt)* }),*];)*
         }
     )*) => {
-        /// Those of the steps after the pose.
+        /// Kernels of steps after the pose.
         const STEPS: &[KernelRow] =
             &[$($($(KernelRow { push: stringify!($push), $($fields)*, ..COMPUTE },)*)*)*];
     };
 }
 after_steps!(step_kernels());
 
-/// Those of the techniques of others.
+/// Kernels of baselines.
 const OTHERS: &[KernelRow] = &[
-    // The set of `scatter` and `resolve` is records, sums, base pose, destination.
+    // The set of `scatter` and `resolve`: records, sums, base pose, destination.
     KernelRow {
         name: "scatter",
         bindings: &[(0, Buffer::Storage(16)), (1, WORDS)],
@@ -308,7 +305,7 @@ const OTHERS: &[KernelRow] = &[
     KernelRow { name: "vertex_store", bindings: &[(0, PAIRS)], baseline: true, ..ATTRIBUTES },
     KernelRow { name: "direct_attributes", baseline: true, ..ATTRIBUTES },
     DIRECT,
-    // The same draw, its result captured in the two ways that devices have.
+    // The same draw with its result captured, in the two ways that devices support.
     KernelRow { suffix: "feedback", defines: &["FEEDBACK"], ..DIRECT },
     KernelRow {
         suffix: "store",
@@ -316,7 +313,7 @@ const OTHERS: &[KernelRow] = &[
         bindings: &[(0, Buffer::DynamicDeltas), (1, Buffer::Dynamic(8)), (2, PAIRS)],
         ..DIRECT
     },
-    // Rectangles of texels that a target moves; and its deltas, which are blended there.
+    // Rectangles of texels that a target moves, and its deltas to blend there.
     KernelRow { name: "rectangles", bindings: &[(0, WORDS)], push: "RectanglesPush", baseline: true, ..VERTEX },
     KernelRow {
         name: "texels",

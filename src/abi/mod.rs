@@ -1,11 +1,11 @@
-//! What host and shaders share, written once.
+//! Interfaces between host and shaders, each defined once.
 //!
-//! - [`formats`], [`kernels`], [`steps`] and [`numbers`] are plain data that build.rs includes as well: it compiles the
-//!   modules that the table of kernels asks for, and writes the numbers into the shaders' `abi.glsl`.
+//! - [`formats`], [`kernels`], [`steps`] and [`numbers`] are plain data that build.rs includes too: it compiles the
+//!   modules of the kernel table, and writes the numbers into the shaders' `abi.glsl`.
 //! - [`modules`]: the SPIR-V.
-//! - [`push`] and [`worklist`]: what is pushed and what lies in buffers, word by word.
+//! - [`push`] and [`worklist`]: push constants and buffer contents, word by word.
 //!
-//! `tests/project/spirv.rs` reflects every module and compares it with what is stated here.
+//! `tests/project/spirv.rs` compares all of it with the reflection of every module.
 
 pub mod formats;
 pub mod kernels;

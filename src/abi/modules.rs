@@ -1,4 +1,4 @@
-//! The SPIR-V modules that build.rs embeds: a `static` for each row of [`KERNELS`].
+//! The SPIR-V modules embedded by build.rs: a `static` for each row of [`KERNELS`].
 
 use super::formats::{FORMATS, FormatRow, POSE_FORMATS, PoseRow};
 use super::kernels::{KERNELS, KernelRow};
@@ -9,23 +9,23 @@ use std::ops::Range;
 
 include!(concat!(env!("OUT_DIR"), "/modules.rs"));
 
-/// What the modules were made from: compiler, sources, outputs.
+/// Compiler, sources and outputs of the modules.
 pub const MANIFEST: &str = include_str!(concat!(env!("OUT_DIR"), "/manifest.txt"));
 
-/// A module.
+/// A SPIR-V module.
 #[derive(Debug, PartialEq)]
 pub struct Module {
     /// Its name under spirv/.
     pub name: &'static str,
-    /// What it declares.
+    /// The row of its kernel.
     pub kernel: &'static KernelRow,
-    /// The format whose deltas it reads.
+    /// The delta format; `None` if it reads no deltas.
     pub format: Option<&'static FormatRow>,
-    /// Targets that are vertex attributes.
+    /// Number of targets that are vertex attributes.
     pub batch: u32,
-    /// The modules of the kernel, as a `.lzma` file: little-endian words.
+    /// All modules of the kernel, `.lzma`-compressed little-endian words.
     pub modules: &'static [u8],
-    /// Those of this one, when it is decompressed.
+    /// Its byte range in the decompressed `modules`.
     pub bytes: Range<usize>,
 }
 
@@ -34,8 +34,8 @@ impl Module {
     pub fn words(&self) -> Vec<u32> {
         let Range { start, end } = self.bytes;
         let mut modules = vec![0; end];
-        // What follows does not have to be decompressed. What build.rs compressed can be, which tests/project/spirv.rs
-        // shows of every module.
+        // Decompresses up to its end only. Cannot fail on output of build.rs; tests/project/spirv.rs checks every
+        // module.
         let read =
             LzmaReader::new_mem_limit(self.modules, u32::MAX, None).and_then(|mut all| all.read_exact(&mut modules));
         let code = if read.is_ok() { &modules[start..] } else { &[] };
@@ -43,18 +43,18 @@ impl Module {
     }
 }
 
-/// A kernel's modules: for each pair of formats that it takes one, or one for each number of targets.
+/// The modules of a kernel, one for each pair of supported formats (and number of targets).
 #[derive(Debug, PartialEq)]
 pub struct Kernel {
-    /// What they declare.
+    /// The kernel's row.
     pub row: &'static KernelRow,
-    /// By format of poses and of deltas: the first in [`MODULES`], and how many.
+    /// By pose format and delta format: first index in [`MODULES`], and count.
     modules: [[(usize, usize); FORMATS.len()]; POSE_FORMATS.len()],
 }
 
 impl Kernel {
-    /// All modules for a pair of formats, of which a kernel that reads no deltas takes any; none if it does not take
-    /// them, or the library was built without the technique.
+    /// Its modules for a pair of formats; kernels that read no deltas accept any delta format. Empty if the pair is
+    /// unsupported, or the library was built without the technique.
     pub fn modules(&self, format: &FormatRow, pose: &PoseRow) -> &'static [Module] {
         let formats = FORMATS.iter().position(|row| row == format).zip(POSE_FORMATS.iter().position(|row| row == pose));
         let modules = formats.and_then(|(format, pose)| {
@@ -64,10 +64,10 @@ impl Kernel {
         modules.unwrap_or_default()
     }
 
-    /// The module for a pair of formats and, where they are vertex attributes, `batch` targets.
+    /// The module for a pair of formats and `batch` targets as vertex attributes.
     ///
     /// # Errors
-    /// There is none.
+    /// No such module.
     pub fn module(&self, format: &FormatRow, pose: &PoseRow, batch: u32) -> Result<&'static Module> {
         self.modules(format, pose).get(batch as usize).ok_or_else(|| {
             let (source, deltas, poses) = (self.row.source(), format.name, pose.file);

@@ -1,4 +1,4 @@
-//! Push constants and coefficient lists, as shaders declare them.
+//! Push constants and coefficient lists, in the layout that shaders declare.
 
 use super::formats::FormatRow;
 use super::kernels::{KERNELS, KernelRow};
@@ -23,7 +23,7 @@ macro_rules! structure {
     };
 }
 
-/// Structures of words, and for each the names and offsets of its members, which tests compare with the shaders'.
+/// Structures of words, with the names and offsets of their members, which tests compare with the shaders.
 macro_rules! structures {
     (
         { $($(#[$doc:meta])* pub struct $name:ident $members:tt)* }
@@ -40,7 +40,7 @@ macro_rules! structures {
             $push $push_members
         })*)*
 
-        /// Names of structures, members, and bytes.
+        /// Names, members and bytes of the structures.
         const STRUCTURES: &[(&str, &[(&str, usize)], usize)] = &[
             $((stringify!($name), $name::MEMBERS, size_of::<$name>()),)*
             $($((stringify!($push), $push::MEMBERS, size_of::<$push>()),)*)*
@@ -55,9 +55,9 @@ after_steps!(structures {
         chunk_vertices: u32,
         /// Coefficients of positions, in quantised units.
         coefficients: [f32; DENSE_BATCH_MAX as usize],
-        /// Targets: two 16-bit indices to a word.
+        /// Target indices, two 16-bit ones per word.
         targets: [u32; DENSE_BATCH_MAX as usize / 2],
-        /// Powers of two from position steps to normal steps: four signed bytes to a word.
+        /// log2 of normal step / position step, four signed bytes per word.
         normal_exponents: [u32; DENSE_BATCH_MAX as usize / 4],
     }
 
@@ -67,62 +67,62 @@ after_steps!(structures {
         chunk_vertices: u32,
         first_entry: u32,
         entry_count: u32,
-        /// Of poses of integers: whether the pass starts from the base pose, from which nothing is displaced.
+        /// Fixed-point poses: 1 if the pass starts from the base pose, whose displacements are 0.
         from_base: u32,
     }
 
     /// An entry of the coefficient list of `dense_list.comp`.
     pub struct DenseListEntry {
         target: u32,
-        /// The coefficient of positions, a float32 in quantised units; of poses of integers the weight that they are to
-        /// hold, in steps of their grid.
+        /// Coefficient of positions, a float32 in quantised units. Fixed-point poses: the new weight in steps of the
+        /// grid.
         coefficient: u32,
-        /// That of normals; of poses of integers the weight that the source holds.
+        /// Coefficient of normals. Fixed-point poses: the applied weight.
         normal_coefficient: u32,
-        /// Of poses of integers: lowest bits of products that rounding drops, of positions in bits 0..8, of normals in
-        /// bits 8..16.
+        /// Fixed-point poses: low bits of products that rounding drops, of positions in bits 0..8, of normals in bits
+        /// 8..16.
         dropped: u32,
     }
 
     /// Push constants of `blocks.comp` and `crowd.comp`.
     pub struct BlocksPush {
-        /// Index of the first item's first word in the work list.
+        /// First word of the first item in the work list.
         first_item: u32,
-        /// Index of the first element's first word in the work list (`blocks.comp`).
+        /// First word of the first element in the work list (`blocks.comp`).
         elements_at: u32,
-        /// Where headers would begin in the asset, in words, if the part that is bound had those of all blocks.
+        /// Word offset of headers in the bound part of the asset, as if it held those of all blocks.
         headers_at: u32,
-        /// Where deltas would begin, likewise.
+        /// Word offset of deltas, likewise.
         deltas_at: u32,
-        /// Where the base pose would begin, likewise.
+        /// Word offset of the base pose, likewise.
         base_at: u32,
-        /// Numbers from pose to pose: of poses of ours six for each vertex, padding included.
+        /// Numbers per pose; six per vertex, padding included, in engine-owned poses.
         pose_floats: u32,
-        /// Input units of an integer delta, for float32 sums: positions.
+        /// Float32 sums: input units per integer of a position delta.
         position_unit: f32,
-        /// Input units of an integer delta, for float32 sums: normals.
+        /// Float32 sums: input units per integer of a normal delta.
         normal_unit: f32,
-        /// Lowest bits of products that rounding drops, for poses of few bits: positions.
+        /// Rounded sums: low bits dropped from products of positions.
         position_dropped: u32,
-        /// Lowest bits of products that rounding drops, for poses of few bits: normals.
+        /// Rounded sums: low bits dropped from products of normals.
         normal_dropped: u32,
     }
 
     /// Push constants of `consume.vert`.
     pub struct ConsumePush {
-        /// Input units of integers, of each triple of a vertex.
+        /// Input units per integer, by triple of a vertex.
         units: [f32; TRIPLES],
     }
 
     /// Push constants of `read.comp`.
     pub struct ReadPush {
-        /// Vectors of 16 bytes to read.
+        /// Number of 16-byte vectors to read.
         count: u32,
-        /// Invocations.
+        /// Number of invocations.
         stride: u32,
     }
 
-    /// Push constants of the kernels of animation on the GPU; `glsl/animation.glsl` says what each is.
+    /// Push constants of the kernels of animation on the GPU, described in `glsl/animation.glsl`.
     pub struct AnimationPush {
         now: u32,
         heads: u32,
@@ -154,13 +154,13 @@ after_steps!(structures {
         chunk_workgroups: u32,
         budget_at: u32,
         requested_at: u32,
-        /// Rows have the weight that a pose holds beside the new one, 16 bits each.
+        /// Rows hold the applied weight beside the new one, 16 bits each.
         pairs: u32,
-        /// Items that a workgroup takes.
+        /// Items per workgroup.
         workgroup_items: u32,
     }
 
-    /// Push constants of `level.comp`, which says what each is.
+    /// Push constants of `level.comp`, described there.
     pub struct LevelPush {
         eye: [f32; 3],
         unit_at_one: f32,
@@ -180,10 +180,10 @@ after_steps!(structures {
 
     /// Push constants of `baselines/scatter.comp`.
     pub struct ScatterPush {
-        /// The target's first record.
+        /// First record of the target.
         first: u32,
         count: u32,
-        /// The weight, on the grid of poses of 32-bit integers.
+        /// The weight, on the grid of 32-bit fixed-point poses.
         weight: i32,
     }
 
@@ -191,9 +191,9 @@ after_steps!(structures {
     pub struct ResolvePush {
         /// Vertex of the first invocation.
         first_vertex: u32,
-        /// Input units of an integer sum: positions.
+        /// Input units per integer of a position sum.
         position_unit: f32,
-        /// Input units of an integer sum: normals.
+        /// Input units per integer of a normal sum.
         normal_unit: f32,
     }
 
@@ -203,7 +203,7 @@ after_steps!(structures {
         chunk_vertices: u32,
         /// Targets of the mesh.
         target_count: u32,
-        /// Targets whose weight is not zero.
+        /// Number of active targets.
         active_targets: u32,
         /// First vertex of the chunk.
         first_vertex: u32,
@@ -211,26 +211,26 @@ after_steps!(structures {
 
     /// Push constants of `baselines/rectangles.vert` and `baselines/texels.frag`.
     pub struct RectanglesPush {
-        /// From texels to clip space: 2 / size of the displacement textures.
+        /// Scale from texels to clip space: 2 / size of the displacement textures.
         scale: [f32; 2],
-        /// Coefficients of positions and of normals, in steps of the target's deltas.
+        /// Coefficients of positions and normals, in steps of the target's deltas.
         coefficients: [f32; 2],
-        /// Texels of a row of the delta textures.
+        /// Texels per row of the delta textures.
         row: u32,
     }
 
     /// Push constants of `baselines/textured.vert`.
     pub struct TexturedPush {
-        /// Where the texels of vertices begin, in words.
+        /// First word of the texels of vertices.
         texels_at: u32,
-        /// Texels of a row of the displacement textures.
+        /// Texels per row of the displacement textures.
         row: u32,
     }
 });
 
 impl KernelRow {
-    /// Names and offsets of the members of its push constants, and bytes in all; nothing of those of vertex passes,
-    /// whose bytes [`attribute_push_bytes`] tells.
+    /// Names and offsets of the members of its push constants, and their size in bytes. Empty for vertex passes: see
+    /// [`attribute_push_bytes`].
     pub const fn push_members(&self) -> (&'static [(&'static str, usize)], usize) {
         let mut at = 0;
         while !self.push.is_empty() {
@@ -254,7 +254,7 @@ const fn matches(mut a: &[u8], mut b: &[u8]) -> bool {
     a.is_empty() && b.is_empty()
 }
 
-// A row that names a structure that there is not does not compile.
+// A row that names a missing structure does not compile.
 const _: () = {
     let mut row = 0;
     while row < KERNELS.len() {
@@ -263,7 +263,7 @@ const _: () = {
     }
 };
 
-/// Bytes of push constants of a vertex pass over `batch` targets: a float each and, where the format has exponents, a
+/// Bytes of push constants of a vertex pass over `batch` targets: a float each and, if the format has exponents, a
 /// signed byte each, padded to words.
 pub const fn attribute_push_bytes(format: &FormatRow, batch: u32) -> u32 {
     4 * batch + if format.exponents { 4 * batch.div_ceil(4) } else { 0 }

@@ -1,23 +1,23 @@
-//! The steps after the pose: the one list of them, which build.rs, the library and the tests share.
+//! The list of steps after the pose, shared by build.rs, the library and the tests.
 //!
-//! A new step is an item of `after_steps!`, src/after/MODULE (its target, and what it does for an instance), and its
-//! kernels in glsl/. Plain data without dependencies, since build.rs includes this file.
+//! A step is an item of `after_steps!`, a module in src/after/ (its target and per-instance state) and its kernels in
+//! glsl/. build.rs includes this file, so it is plain data without dependencies.
 
-/// Expand a macro with arguments and the list, in the order in which steps are recorded.
+/// Expands a macro with arguments and the list, in recording order.
 ///
-/// An item is the documentation of the engine's function that sets a target; the name of the step, its module in
-/// `after` with the type that is made for an instance, and what of the module is public; that function, and a target as
-/// it takes it; and the step's dispatches, one after the other. A dispatch is what it reads, and the `Resource` that it
-/// writes, the last one for the host; its push constants, a structure that its shader explains; and the fields of its
-/// kernels' rows that are not those of any compute shader. Targets are made for one of the kernels.
+/// An item is the documentation of the engine's setter; the step's name, its module in `after` with its per-instance
+/// type, and the module's public names; the setter and its parameter; and its dispatches in order. A dispatch is the
+/// `Resource`s that it reads and the one that it writes (the last one is for the host), its push constants, described
+/// in its shader, and the fields of its kernel rows that differ from a plain compute shader. A target uses one of the
+/// kernels.
 macro_rules! after_steps {
     ($expanded:ident $arguments:tt) => {
         $expanded! { $arguments
-            /// Have positions of an instance written as float32 into a buffer of the host's own, from the next recorded
-            /// update on: for ray tracing, picking, or a shader that cannot decode poses.
+            /// Writes the positions of an instance as float32 into an output buffer of the host, from the next recorded
+            /// update on: for ray tracing, picking, or shaders that cannot decode poses.
             ///
-            /// For builds of acceleration structures name
-            /// [`ACCELERATION_STRUCTURES`](crate::Consumers::ACCELERATION_STRUCTURES) among the consumers.
+            /// To build acceleration structures from it, add
+            /// [`ACCELERATION_STRUCTURES`](crate::Consumers::ACCELERATION_STRUCTURES) to the consumers.
             Decode decode::Decode [DecodeTarget] (set_decode_target: &DecodeTarget) {
                 [Asset, Poses] => Decoded,
                 DecodePush {
@@ -33,16 +33,15 @@ macro_rules! after_steps {
                 }];
             }
 
-            /// Have an instance skinned into a buffer of the host's own, from the next recorded update on, from poses
-            /// of any format and of either kind of crowd.
+            /// Skins an instance into an output buffer of the host, from the next recorded update on, for any pose
+            /// format and both kinds of crowd.
             ///
-            /// Where joints moved ([`Crowd::set_joints`](crate::Crowd::set_joints)), all vertices are written. The
-            /// caller is responsible for joints that are written, and visible to reads of compute shaders, when an
-            /// update runs that skins.
+            /// All vertices are written after joints moved ([`Crowd::set_joints`](crate::Crowd::set_joints)). When an
+            /// update that skins runs, the joints must have been written, and be visible to compute shader reads.
             ///
-            /// Refused besides: a skin of another engine or mesh, or of a mesh packed otherwise; joints that reach
-            /// beyond their buffer; more pieces of 32 vertices than the device's texel buffers have room for (on any
-            /// device 65,536).
+            /// Further errors: a skin of another engine or mesh, or of another packing of the mesh; joints beyond the
+            /// end of their buffer; more pieces of 32 vertices than a texel buffer of the device holds (65,536 on any
+            /// device).
             Skin skin::Skin [GpuSkin, SkinDesc, SkinMethod, SkinTarget, SkinnedView]
                 (set_skin_target: (&GpuSkin, &SkinTarget))
             {
@@ -50,13 +49,13 @@ macro_rules! after_steps {
                 SkinPush {
                     pose_at: u32, skin_at: u32, joints_at: u32, skinned_at: u32, stride: u32, normal_at: u32, vertices: u32,
                     count: u32, listed: u32,
-                    // Vectors of two begin at a multiple of 8 bytes.
+                    // A vec2 is aligned to 8 bytes.
                     padding: u32,
                     units: [f32; TRIPLES],
                 }
                 // By matrices, and by dual quaternions. Poses of an instance, base pose and influences, joints,
-                // destination, pieces: there is no storage buffer left for these, which are texels. A specialization
-                // constant: influences of a vertex.
+                // destination, pieces. Pieces are texels, since no storage buffer is left. Specialization constant:
+                // influences per vertex.
                 [{
                     name: "skin",
                     poses: true,
@@ -74,21 +73,20 @@ macro_rules! after_steps {
                 }];
             }
 
-            /// Have the normals of an instance's pose computed from its morphed surface, into a buffer of the host's
-            /// own, from the next recorded update on: area-weighted, as on import, welded vertices alike, with unit
-            /// length.
+            /// Computes the normals of an instance's pose from its morphed surface into an output buffer of the host,
+            /// from the next recorded update on: area-weighted as on import, equal for welded vertices, of unit length.
             ///
-            /// A vertex whose triangles have no area has its normal of the base pose. Pieces of 32 vertices that share
-            /// a triangle with those that the update changed are written as well.
+            /// A vertex whose triangles all have zero area gets its base normal. Pieces of 32 vertices that share a
+            /// triangle with changed ones are written too.
             ///
-            /// Refused besides: a surface of another engine or mesh, or of a mesh packed otherwise.
+            /// Further errors: a surface of another engine or mesh, or of another packing of the mesh.
             Normals normals::Recomputed [GpuNormals, NormalsDesc, NormalsTarget]
                 (set_normals_target: (&GpuNormals, &NormalsTarget))
             {
                 [Poses] => Normals,
                 NormalsPush {
                     pose_at: u32, fans_at: u32, normals_at: u32, stride: u32, vertices: u32, count: u32, listed: u32,
-                    // Vectors of two begin at a multiple of 8 bytes.
+                    // A vec2 is aligned to 8 bytes.
                     padding: u32,
                     units: [f32; TRIPLES],
                 }
