@@ -1,7 +1,8 @@
-//! The CPU twin of `glsl/blocks.comp`, and of `glsl/crowd.comp` where poses are integers: one block after the other,
-//! with the loads and stores of a workgroup for each instance that writes it. Instances share decoded deltas.
+//! The CPU twin of `glsl/blocks.comp` and, for fixed-point poses, of `glsl/crowd.comp`: block after block, with the
+//! loads and stores of a workgroup for each instance that writes the block. Instances share decoded deltas.
 //!
-//! A meter gets the bytes of each load and store of a workgroup for a single instance; a test holds the planner's count
+//! `meter` receives the bytes of each load and store of a workgroup with a single instance; a test compares the
+//! planner's count with their sum.
 //! against them.
 
 use super::simd::widest;
@@ -17,26 +18,25 @@ use crate::update::blocks::{GroupPlan, Item};
 use bytemuck::{AnyBitPattern, NoUninit, Zeroable, cast_slice, cast_slice_mut};
 use std::ops::Range;
 
-/// Pieces per thread.
+/// Work pieces per thread.
 const PIECES: usize = 4;
 /// Fewer items than this are not worth waking another thread for.
 const PIECE_ITEMS: usize = 12;
-/// Instances that share decoded deltas, at most: their sums take 48 KiB in blocks of 64, and stay in the second-level
-/// cache.
+/// Most instances that share decoded deltas: in blocks of 64 their sums take 48 KiB and stay in the second-level cache.
 const TILE: usize = 32;
 
 /// The items of one instance, and its pose.
 pub(crate) struct Run<'a> {
-    /// In the work list.
+    /// Range in the work list.
     pub items: Range<usize>,
-    /// The slot that is read; `None`: the one that is written.
+    /// The source slot; `None`: in place.
     pub source: Option<&'a [u32]>,
-    /// The slot that is written, from the first block on that is to be looked at.
+    /// The destination slot, from the first block to be processed on.
     pub destination: &'a mut [u32],
 }
 
 impl<'a> Run<'a> {
-    /// Split off the items of the blocks before `block`, with so many words of the pose.
+    /// Splits off the items of blocks before `block`, and `words` words of the destination.
     fn split_off(&mut self, items: &[Item], block: usize, words: usize) -> Self {
         let start = self.items.start;
         self.items.start += items[self.items.clone()].partition_point(|item| (item.block as usize) < block);
@@ -45,7 +45,7 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Carry the work list out: `runs` has the items of each instance.
+/// Executes the work list; `runs` has the items of each instance.
 pub(super) fn run(workers: &Workers, packed: &PackedGroup, plan: &GroupPlan, mut runs: Vec<Run<'_>>) {
     let (items, words) = (&plan.list.items, block_words(plan));
     let mut counts = vec![0; plan.index.count()];
@@ -70,7 +70,7 @@ fn block_words(plan: &GroupPlan) -> usize {
     plan.index.size() * plan.pose().stride() / size_of::<u32>()
 }
 
-/// Carry the items of these blocks out; `runs` begin with the first.
+/// Executes the items of `blocks`; `runs` begin with the first block.
 pub(crate) fn run_piece(
     packed: &PackedGroup,
     plan: &GroupPlan,
@@ -95,13 +95,13 @@ fn run_sums<P: PoseStorage>(
     }
 }
 
-/// A block of an instance while it is updated.
-struct Head<'a, T: Sum> {
+/// A block of an instance during the update.
+struct InstanceBlock<'a, T: Sum> {
     block: Block<'a>,
     destination: &'a mut [u32],
-    /// Elements that are to be added.
+    /// Elements still to be added.
     elements: &'a [Element],
-    /// Those that are decoded.
+    /// Elements decoded, to be added.
     batch: [Added<T>; BATCH],
     count: usize,
 }
@@ -115,7 +115,7 @@ fn run_blocks<P: PoseStorage, const S: usize>(
 ) {
     let (items, words) = (&plan.list.items, block_words(plan));
     let mut decoded = [[[<P::Sum as Sum>::Delta::default(); S]; POSE_FLOATS]; BATCH];
-    let mut tile: Vec<Head<'_, P::Sum>> = Vec::with_capacity(runs.len().min(TILE));
+    let mut tile: Vec<InstanceBlock<'_, P::Sum>> = Vec::with_capacity(runs.len().min(TILE));
     let zero = [[P::Sum::default(); S]; POSE_FLOATS];
     let mut sums = vec![zero; runs.len().min(TILE)];
     for block in blocks {
@@ -131,7 +131,7 @@ fn run_blocks<P: PoseStorage, const S: usize>(
                     let elements = plan.list.elements_of(block.item);
                     meter(4 * (ITEM_WORDS + block.masks.len()) + ELEMENT_BYTES * elements.len() + block.moved());
                     let batch = [Added::<P::Sum>::default(); BATCH];
-                    tile.push(Head { block, destination, elements, batch, count: 0 });
+                    tile.push(InstanceBlock { block, destination, elements, batch, count: 0 });
                 }
                 if tile.len() == TILE {
                     break;
@@ -141,19 +141,19 @@ fn run_blocks<P: PoseStorage, const S: usize>(
                 break;
             }
             sums[..tile.len()].fill(zero);
-            // A single head adds what it decodes: storing that would only take time.
+            // With a single instance, adds while decoding; storing decoded deltas would only cost time.
             match &*tile {
-                [head] => add_alone(packed, plan, head.elements, &mut sums[0], meter),
+                [instance] => add_alone(packed, plan, instance.elements, &mut sums[0], meter),
                 _ => while add_batch(packed, plan, &mut tile, &mut sums, &mut decoded, meter) {},
             }
-            for (Head { block, destination, .. }, sums) in tile.iter_mut().zip(&sums) {
+            for (InstanceBlock { block, destination, .. }, sums) in tile.iter_mut().zip(&sums) {
                 write::<P, S>(sums, block, destination);
             }
         }
     }
 }
 
-/// Add the elements of a single head.
+/// Adds the elements of a single instance.
 fn add_alone<T: Sum, const S: usize>(
     packed: &PackedGroup,
     plan: &GroupPlan,
@@ -172,57 +172,57 @@ fn add_alone<T: Sum, const S: usize>(
     });
 }
 
-/// How many bits of products are dropped, by triple.
+/// Low bits dropped from products, by triple.
 fn dropped(plan: &GroupPlan) -> [u32; TRIPLES] {
     plan.grid().map_or([0; TRIPLES], |grid| grid.dropped)
 }
 
-/// What the triples of an entry are multiplied by.
+/// Factors of an entry's triples.
 fn factors<T: Sum>(element: &Element, steps: [f32; TRIPLES], shifts: [u32; TRIPLES]) -> [T::Factor; TRIPLES] {
     std::array::from_fn(|triple| T::factor(element.coefficient, steps[triple], shifts[triple]))
 }
 
-/// Decode entries that some head is to add next, once, and add them to each that does. Whether there are more.
+/// Decodes the next entries once each, and adds them to the instances that need them. Returns whether any remain.
 fn add_batch<T: Sum, const S: usize>(
     packed: &PackedGroup,
     plan: &GroupPlan,
-    tile: &mut [Head<'_, T>],
+    tile: &mut [InstanceBlock<'_, T>],
     sums: &mut [Planes<T, S>],
     decoded: &mut [Planes<T::Delta, S>; BATCH],
     meter: &mut impl FnMut(usize),
 ) -> bool {
     let (index, words, dropped) = (&*plan.index, packed.deltas(), dropped(plan));
     for (place, decoded) in decoded.iter_mut().enumerate() {
-        let next = tile.iter().filter_map(|head| Some(head.elements.first()?.entry)).min();
+        let next = tile.iter().filter_map(|instance| Some(instance.elements.first()?.entry)).min();
         let Some(entry) = next else { break };
         let (bytes, shifts) = with_format!(index.parts.format, dense _f => (0, [0; TRIPLES]), blocks format => {
             let (header, deltas) = index.locate(format, words, entry as usize);
             sums::decode::<T, _, S>(format, header, &words[deltas.clone()], decoded);
             (4 * (header.len() + deltas.len()), format.shifts(header))
         });
-        for head in &mut *tile {
-            let Some((element, rest)) = head.elements.split_first().filter(|(next, _)| next.entry == entry) else {
+        for instance in &mut *tile {
+            let Some((element, rest)) = instance.elements.split_first().filter(|(next, _)| next.entry == entry) else {
                 continue;
             };
-            head.elements = rest;
-            head.batch[head.count] = (place, factors::<T>(element, index.steps(), shifts));
-            head.count += 1;
+            instance.elements = rest;
+            instance.batch[instance.count] = (place, factors::<T>(element, index.steps(), shifts));
+            instance.count += 1;
             meter(bytes);
         }
     }
-    for (head, sums) in tile.iter_mut().zip(sums) {
-        sums::add(sums, &head.batch[..std::mem::take(&mut head.count)], decoded, dropped);
+    for (instance, sums) in tile.iter_mut().zip(sums) {
+        sums::add(sums, &instance.batch[..std::mem::take(&mut instance.count)], decoded, dropped);
     }
-    tile.iter().any(|head| !head.elements.is_empty())
+    tile.iter().any(|instance| !instance.elements.is_empty())
 }
 
-/// Add `sums` to a block.
+/// Adds `sums` to a block.
 fn write<P: PoseStorage, const S: usize>(sums: &Planes<P::Sum, S>, block: &Block<'_>, destination: &mut [u32]) {
     let plus = |old: P::Number, lane: usize, c: usize| P::plus(old, sums[c][lane]);
     if block.plan.pose().has_integers() {
         return match block.item.source {
             Some(_) => store(destination, block.source, plus),
-            // Nothing is displaced from the base pose.
+            // The base pose has zero displacement.
             None => store(destination, None, |_, lane, c| plus(P::Number::zeroed(), lane, c)),
         };
     }
@@ -237,7 +237,7 @@ fn write<P: PoseStorage, const S: usize>(sums: &Planes<P::Sum, S>, block: &Block
     }
 }
 
-/// Store all of a block: `value(number there, vertex, component)`, where `from` is what is there, or `destination`.
+/// Stores all of a block: `value(old, vertex, component)`, where `old` is read from `from`, or else from `destination`.
 fn store<T: AnyBitPattern + NoUninit>(
     destination: &mut [u32],
     from: Option<&[u32]>,
@@ -259,18 +259,18 @@ fn store<T: AnyBitPattern + NoUninit>(
     );
 }
 
-/// What one workgroup writes.
+/// The output of one workgroup.
 struct Block<'a> {
     item: &'a Item,
     masks: &'a [u32],
-    /// The block in the slot that is read; `None`: in the one that is written.
+    /// The block in the source slot; `None`: in place.
     source: Option<&'a [u32]>,
     base: &'a [f32],
     plan: &'a GroupPlan,
 }
 
 impl<'a> Block<'a> {
-    /// Item `i` of the list; `source` is its block in the slot that is read, `None`: in the one that is written.
+    /// Item `i` of the list; `source` is its block in the source slot, `None`: in place.
     fn new(packed: &'a PackedGroup, plan: &'a GroupPlan, i: usize, source: Option<&'a [u32]>) -> Self {
         let (floats, words) = (plan.index.size() * POSE_FLOATS, POSE_FLOATS * plan.index.mask_words());
         let (item, masks) = (&plan.list.items[i], &plan.list.masks[i * words..][..words]);
@@ -285,7 +285,7 @@ impl<'a> Block<'a> {
         }
     }
 
-    /// Store `value(lane, component, number there)` wherever the masks say so.
+    /// Stores `value(lane, component, old)` for every component in the masks.
     #[inline(always)]
     fn apply<T: Copy, const S: usize>(&self, destination: &mut [T], mut value: impl FnMut(usize, usize, T) -> T) {
         let (vertices, words) = (&mut destination.as_chunks_mut::<POSE_FLOATS>().0[..S], S / 32);

@@ -1,8 +1,8 @@
-//! The CPU twin of the dense kernels (`glsl/dense.comp`, `glsl/feedback.vert`): the same sum, over a run of
-//! vertices, in loops that the compiler turns into SIMD.
+//! The CPU twin of the dense kernels (`glsl/dense.comp`, `glsl/feedback.vert`): the same sum over a run of vertices, in
+//! loops that vectorize.
 //!
-//! A run is cut into pieces whose sum stays in the first-level cache. Deltas are read once, as streams of
-//! several targets at a time, so that the piece is loaded and stored once for all of them.
+//! A run is cut into pieces whose sums fit the first-level cache. Deltas of several targets are read at a time, so that
+//! a piece is loaded and stored once for all of them.
 
 use super::simd::widest;
 use crate::pack::blocks::PoseGrid;
@@ -13,11 +13,11 @@ use crate::weights::delta::Coefficient;
 
 /// Vertices of a piece: 6 KiB of sums.
 const PIECE: usize = 256;
-/// Targets read side by side.
+/// Targets read at a time.
 const STREAMS: usize = 8;
 
-/// `destination = source + Σ coefficient · delta` over the vertices of one chunk that start at `first`
-/// (counted in the mesh, all within one chunk); `source` = `None` works in place.
+/// `destination = source + Σ coefficient · delta` for consecutive vertices from `first` on (index in the mesh), all in
+/// one chunk; in place if `source` is `None`.
 pub fn dense(
     packed: &PackedGroup,
     coefficients: &[Coefficient],
@@ -64,8 +64,7 @@ fn run(
     }
 }
 
-/// A dense pass over poses of integers on `grid`: the rounded terms of `coefficients` are added to `source`, or to what
-/// `destination` holds.
+/// A dense pass over fixed-point poses on `grid`: adds the rounded terms of `coefficients` to `source`, or in place.
 pub(super) fn rounded<P: PoseStorage>(
     packed: &PackedGroup,
     coefficients: &[Coefficient],

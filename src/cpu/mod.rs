@@ -1,5 +1,5 @@
-//! The `cpu` path: the same plans, carried out by threads. Runs without Vulkan. With a mesh in a block format, the
-//! fastest path where there is no GPU.
+//! Path `cpu`: executes the plans on threads, without Vulkan. With a block format, the fastest path on a machine
+//! without a GPU.
 
 mod blocks;
 mod kernel;
@@ -26,43 +26,43 @@ use std::ops::Range;
 use std::sync::Arc;
 pub(crate) use workers::Workers;
 
-/// Instances of one mesh whose poses live in main memory. An update has run when [`CpuCrowd::update`] returns, so that
-/// there is none to discard.
+/// Instances of one mesh with poses in main memory. An update is complete when [`CpuCrowd::update`] returns, so there
+/// is no `discard`.
 pub type CpuCrowd = CrowdBase<OnCpu>;
 
-/// The kind of crowds whose poses are in main memory.
+/// The kind of crowd behind [`CpuCrowd`].
 pub struct OnCpu {
     mesh: Arc<PackedMesh>,
-    /// Of each group.
+    /// By group.
     memory: Vec<Memory>,
     workers: Workers,
     planner: Box<dyn CpuPlanner>,
 }
 
-/// Plans updates of meshes in some formats, and carries them out.
+/// Plans updates and executes them, for dense or block formats.
 trait CpuPlanner: Any + Send + Sync {
-    /// Plan the update of this number, to the weights requested.
+    /// Plans update `update` to the requested weights.
     fn plan(&mut self, instances: &mut Instances, update: u64);
 
-    /// Carry the plan out in the group of this number.
+    /// Executes the plan in group `number`.
     fn run(&self, number: usize, group: &PackedGroup, memory: &mut Memory, workers: &Workers);
 
-    /// Count the update.
+    /// Statistics of the last update.
     fn stats(&self, groups: &[PackedGroup]) -> UpdateStats;
 
-    /// As [`Kind::add`].
+    /// See [`Kind::add`].
     fn add(&mut self, _instance: u32) {}
 
-    /// As [`TakesWeights::set_error_budget`].
+    /// See [`TakesWeights::set_error_budget`].
     ///
     /// # Errors
-    /// As there.
+    /// The same.
     fn set_error_budget(&mut self, _instance: u32, budget: f32) -> Result<()> {
         let what = format!("an error budget of {budget} for a mesh in a dense format");
         Err(Error::invalid(what, "pack it in a block format"))
     }
 
-    /// As [`Kind::changed`].
+    /// See [`Kind::changed`].
     fn changed(&self, instances: &Instances, update: u64, instance: u32, out: &mut Vec<Range<u32>>);
 }
 
@@ -135,21 +135,19 @@ impl TakesWeights for OnCpu {
     }
 }
 
-/// The memory of a group.
+/// Poses of a group.
 #[derive(Clone)]
 pub(crate) struct Memory {
-    /// Slots of an instance.
+    /// Slots per instance.
     pub slots: usize,
-    /// `[instance × slots + slot]`: the words of a pose, as its format says.
+    /// `[instance × slots + slot]`: the words of a pose.
     pub poses: Vec<Vec<u32>>,
-    /// How they are stored.
     format: PoseFormat,
-    /// The grid of integers.
+    /// `Some` for fixed-point poses.
     grid: Option<PoseGrid>,
 }
 
-/// Refuse poses that there is no memory for: what cannot be reserved in one piece is not there in many, and running out
-/// of it would end the process.
+/// Checks that the poses fit in memory by reserving them in one piece: exhausting memory later would abort the process.
 fn check_memory(mesh: &PackedMesh, pose: PoseFormat, instances: u32, slots: u32) -> Result<()> {
     let each = mesh.groups().iter().map(|group| group.layout().pose_bytes(pose)).sum::<u64>();
     let bytes = each.saturating_mul(slots.into()).saturating_mul(instances.into());
@@ -160,15 +158,16 @@ fn check_memory(mesh: &PackedMesh, pose: PoseFormat, instances: u32, slots: u32)
     })
 }
 
-/// What only crowds do whose poses are in main memory: [`CpuCrowd`].
+/// Methods of [`CpuCrowd`] only.
 impl CpuCrowd {
-    /// A crowd of so many instances, all weights 0. `threads` 0 takes one per core; without the `threads` feature the
-    /// caller's thread does the work.
+    /// A crowd of `instances` instances, all weights 0. `threads`: 0 uses one per core; without the feature `threads`
+    /// the calling thread does all work.
     ///
     /// # Errors
-    /// As [`UpdateDesc::check`]; a path that isn't [`UpdatePath::Cpu`](crate::plan::UpdatePath::Cpu); threads that
-    /// cannot be started; more poses than there is memory. Poses of integers or an error budget for a dense format; for
-    /// block formats, poses of integers that could overflow, or a tolerance that rounding alone exceeds.
+    /// Errors of [`UpdateDesc::check`]; a path other than [`UpdatePath::Cpu`](crate::plan::UpdatePath::Cpu); threads
+    /// that cannot be started; not enough memory for the poses. Dense formats: an error budget, or fixed-point poses of
+    /// float32 deltas. Block formats: fixed-point poses that could overflow, or a tolerance that rounding alone
+    /// exceeds.
     pub fn new(mesh: Arc<PackedMesh>, desc: UpdateDesc, instances: u32, threads: usize) -> Result<Self> {
         desc.check_all(mesh.layout(), Runner::Cpu)?;
         let (layout, count) = (mesh.layout(), instances as usize);
@@ -184,7 +183,7 @@ impl CpuCrowd {
         Ok(Self { instances, updates: 0, kind: OnCpu { mesh, memory, workers, planner } })
     }
 
-    /// Bring all poses to the weights requested.
+    /// Updates all poses to the requested weights.
     pub fn update(&mut self) -> UpdateStats {
         self.updates += 1;
         let OnCpu { mesh, memory, workers, planner } = &mut self.kind;
@@ -195,8 +194,8 @@ impl CpuCrowd {
         planner.stats(mesh.groups())
     }
 
-    /// The memory and mesh of a group, and which poses in it are that of an instance (that in the first slot while
-    /// there is none) and its previous pose.
+    /// Memory and mesh of a group, and the indices of an instance's pose (of its first slot while it has none) and
+    /// previous pose.
     fn poses(&self, instance: u32, group: usize) -> Result<(&Memory, &PackedGroup, usize, Option<usize>)> {
         let place = self.instances.check(instance)?;
         let OnCpu { mesh, memory, .. } = &self.kind;
@@ -209,8 +208,8 @@ impl CpuCrowd {
         Ok((memory, packed, pose(slot), previous.map(pose)))
     }
 
-    /// The pose of an instance after the last update: six floats a vertex, with padding, in the order of pose buffers
-    /// ([`PackedLayout::to_user_order`](crate::pack::PackedLayout::to_user_order)). Integers are decoded.
+    /// The pose of an instance after the last update: six floats per vertex, decoded, with padding, in pose-buffer
+    /// order ([`PackedLayout::to_user_order`](crate::pack::PackedLayout::to_user_order)).
     ///
     /// # Errors
     /// An instance out of range or removed.
@@ -218,7 +217,7 @@ impl CpuCrowd {
         self.group_pose(instance, 0)
     }
 
-    /// The pose of an instance in a [group](PackedMesh::groups) of the mesh; [`pose`](Self::pose) is that of the first.
+    /// The pose of an instance in a [group](PackedMesh::groups) of the mesh; [`pose`](Self::pose) is group 0.
     ///
     /// # Errors
     /// An instance out of range or removed; a group out of range.
@@ -227,7 +226,7 @@ impl CpuCrowd {
         Ok(memory.decode(mesh, pose))
     }
 
-    /// The pose before the last update, where it is still there; the pose itself when nothing changed.
+    /// The pose before the last update, if it still exists; the pose itself if nothing changed.
     ///
     /// # Errors
     /// An instance out of range or removed.
@@ -238,16 +237,16 @@ impl CpuCrowd {
     /// The [previous pose](Self::previous_pose) of an instance in a group of the mesh.
     ///
     /// # Errors
-    /// As [`group_pose`](Self::group_pose).
+    /// Those of [`group_pose`](Self::group_pose).
     pub fn previous_group_pose(&self, instance: u32, group: usize) -> Result<Option<Cow<'_, [f32]>>> {
         let (memory, mesh, _, previous) = self.poses(instance, group)?;
         Ok(previous.map(|pose| memory.decode(mesh, pose)))
     }
 
-    /// The pose of an instance in a group of the mesh, as its [format](PoseFormat) stores it.
+    /// The pose of an instance in a group of the mesh, in the bytes of its [format](PoseFormat).
     ///
     /// # Errors
-    /// As [`group_pose`](Self::group_pose).
+    /// Those of [`group_pose`](Self::group_pose).
     pub fn stored_pose(&self, instance: u32, group: usize) -> Result<&[u8]> {
         let (memory, _, pose, _) = self.poses(instance, group)?;
         Ok(bytemuck::cast_slice(&memory.poses[pose]))
@@ -255,7 +254,7 @@ impl CpuCrowd {
 }
 
 impl Memory {
-    /// The base pose in every slot.
+    /// All slots hold the base pose.
     pub(crate) fn new(mesh: &PackedGroup, desc: UpdateDesc, instances: usize) -> Result<Self> {
         let (grid, slots) = (desc.grid(mesh.layout())?, desc.slots as usize);
         let pose = match grid {
@@ -274,7 +273,7 @@ impl Memory {
         }
     }
 
-    /// Carry the dense passes of all instances out.
+    /// Executes the dense passes of all instances.
     fn run_passes(&mut self, mesh: &PackedGroup, workers: &Workers, plans: &[Plan]) {
         match self.grid {
             Some(grid) => with_pose!(self.format, P => self.run_integers::<P>(mesh, workers, plans, grid)),
@@ -285,14 +284,14 @@ impl Memory {
     }
 
     fn run_integers<P: PoseStorage>(&mut self, mesh: &PackedGroup, workers: &Workers, plans: &[Plan], grid: PoseGrid) {
-        // Nothing is displaced from the base pose.
+        // The base pose has zero displacement.
         self.run_numbers::<P::Number>(mesh, workers, plans, None, |coefficients, first, source, out| {
             kernel::rounded::<P>(mesh, coefficients, grid, first, source, out);
         });
     }
 
-    /// Carry the passes out, by `run`, a piece of the mesh after the other: its deltas are in the cache for the second
-    /// instance on. `None` as base pose: zeros.
+    /// Executes the passes with `run`, one piece of the mesh at a time: from the second instance on its deltas are
+    /// cached. `base` `None`: zeros.
     fn run_numbers<T: Pod + Send + Sync>(
         &mut self,
         mesh: &PackedGroup,
@@ -336,7 +335,7 @@ impl Memory {
         places.into_iter().zip(poses).for_each(|(place, pose)| self.poses[place] = pose);
     }
 
-    /// Carry the work list of a group out.
+    /// Executes the work list of a group.
     pub fn run_list(&mut self, mesh: &PackedGroup, workers: &Workers, plan: &GroupPlan) {
         let instances = || plan.list.items.chunk_by(|a, b| a.instance == b.instance);
         let first = |items: &[Item]| items[0].instance as usize * self.slots;
@@ -344,7 +343,7 @@ impl Memory {
         let mut poses: Vec<_> = places.iter().map(|&place| std::mem::take(&mut self.poses[place])).collect();
         let mut end = 0;
         let runs = instances().zip(&mut poses).map(|(items, destination)| {
-            // Items of one instance read one slot, but for those that start from base.
+            // All items of an instance read the same slot, or the base pose.
             let from = items.iter().find_map(|item| item.source).filter(|&slot| slot != items[0].destination);
             let source = from.map(|slot| self.poses[first(items) + slot as usize].as_slice());
             let start = end;

@@ -1,17 +1,17 @@
-//! Which SIMD instructions the loops of the cpu path are compiled to. They are chosen at run time: a library for x86-64
-//! is built for the oldest of these processors, which take four numbers at a time.
+//! Instruction sets of path `cpu`, chosen at run time, since a build for baseline x86-64 has vectors of four numbers
+//! only.
 //!
-//! Results do not depend on it: no multiplication is fused with an addition, and no order of additions changes. AVX-512
-//! was measured to gain nothing over AVX2 in what memory bounds, and to cost as much code again.
+//! Results do not depend on it: multiplications and additions are not fused, and their order is fixed. AVX-512 gained
+//! nothing over AVX2 where memory is the limit, and would double the code.
 
-/// Call `f`, compiled for AVX2 where the processor has it, together with all that the compiler inlines into it: pass a
-/// closure that is `#[inline(always)]` and calls functions that are.
+/// Calls `f`, compiled for AVX2 if the processor supports it. `f` and the functions that it calls must be
+/// `#[inline(always)]`.
 #[inline(always)]
 pub(super) fn widest<R>(f: impl FnOnce() -> R) -> R {
     #[cfg(target_arch = "x86_64")]
     if let Some(avx2) = fearless_simd::Level::new().as_avx2() {
         return fearless_simd::Simd::vectorize(avx2, f);
     }
-    // aarch64 has NEON in any case.
+    // aarch64 always has NEON.
     f()
 }

@@ -1,4 +1,4 @@
-//! What the kernels of block formats add up, in planes (all x of a block, all y, …) whose loops become SIMD.
+//! Sums of block formats, in planes (all x of a block, all y, …) so that loops vectorize.
 
 use super::simd::widest;
 use crate::asset::streams::{TRIPLE, TRIPLES};
@@ -6,19 +6,19 @@ use crate::pack::POSE_FLOATS;
 use crate::pack::formats::BlockFormat;
 use crate::pack::poses::sums::{Number, Sum};
 
-/// Numbers of a block of `S` vertices, component after component.
+/// Numbers of a block of `S` vertices, by component.
 pub(super) type Planes<T, const S: usize> = [[T; S]; POSE_FLOATS];
 
-/// Numbers of a plane that are added up in registers. Any block has a multiple of it.
+/// Numbers of a plane summed in registers; divides every block size.
 const LANES: usize = 32;
 
-/// Entries that are decoded side by side: those of a block of 64 take 12 KiB, and stay in the first-level cache.
+/// Entries decoded at a time: in blocks of 64 they take 12 KiB and stay in the first-level cache.
 pub(super) const BATCH: usize = 8;
 
-/// An entry that is added: where it is decoded, and what it is multiplied by.
+/// An entry to add: index of its decoded deltas, and factors.
 pub(super) type Added<T> = (usize, [<T as Sum>::Factor; TRIPLES]);
 
-/// The deltas of an entry; 0 where it has none.
+/// Decodes the deltas of an entry; 0 for omitted vertices.
 pub(super) fn decode<T: Sum, F: BlockFormat<Component: Number>, const S: usize>(
     format: &F,
     header: &[u32],
@@ -42,7 +42,7 @@ pub(super) fn decode<T: Sum, F: BlockFormat<Component: Number>, const S: usize>(
     );
 }
 
-/// Add an entry to `sums` while it is decoded.
+/// Adds an entry to `sums` while decoding it.
 pub(super) fn add_decoded<T: Sum, F: BlockFormat<Component: Number>, const S: usize>(
     format: &F,
     header: &[u32],
@@ -53,7 +53,7 @@ pub(super) fn add_decoded<T: Sum, F: BlockFormat<Component: Number>, const S: us
 ) {
     let entry = (header, deltas, factors);
     match (format.is_sparse(), T::is_new(&factors)) {
-        // Vertex after vertex: nothing becomes SIMD.
+        // Vertex by vertex: does not vectorize.
         (true, true) => add_numbers::<T, F, S, true>(format, entry, dropped, sums),
         (true, false) => add_numbers::<T, F, S, false>(format, entry, dropped, sums),
         (false, true) => widest(
@@ -86,7 +86,7 @@ fn add_numbers<T: Sum, F: BlockFormat<Component: Number>, const S: usize, const 
     );
 }
 
-/// Add entries to `sums`, in order.
+/// Adds entries to `sums`, in order.
 pub(super) fn add<T: Sum, const S: usize>(
     sums: &mut Planes<T, S>,
     entries: &[Added<T>],

@@ -5,7 +5,7 @@ use crate::plan::{BatchSize, UpdateMode, UpdatePath};
 use crate::{reference, testing};
 use proptest::prelude::*;
 
-/// What the kernel loads and stores for the work list as it stands, item after item.
+/// Bytes that the kernel loads and stores for the work list.
 fn metered(mesh: &PackedMesh, planner: &GroupPlan) -> u64 {
     let words = planner.index.size() * planner.pose().stride() / 4;
     let mut moved = 0u64;
@@ -22,9 +22,9 @@ fn metered(mesh: &PackedMesh, planner: &GroupPlan) -> u64 {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(112))]
-    /// Any mesh size, format, block size, batch, sums, slots, budget and sequence of weights: the pose is the
-    /// reference's within its bounds, the previous pose is kept, the bytes of plans in blocks are the kernel's, and a
-    /// face that stops costs nothing once deferred changes are applied, its previous pose being the pose.
+    /// For any mesh size, format, block size, batch, sums, slots, budget and weights: the pose matches the reference
+    /// within its bounds, the previous pose is kept, block plans count the kernel's bytes, and a still face costs
+    /// nothing once deferred changes are applied, with its pose as previous pose.
     #[test]
     fn poses_equal_the_reference(
         (vertices, targets, format, size) in (1usize..700, 0usize..20, 0..DeltaFormat::ALL.len(), 0usize..3),
@@ -82,17 +82,15 @@ proptest! {
                 let pose = packed.layout().to_user_order(&crowd.pose(i).expect("an instance"));
                 let reference = reference::evaluate(&packed, &weights);
                 let error = reference::compare(&pose, &reference);
-                // A still face has settled.
+                // A still face has no deferred changes.
                 let waiting = if frame % 4 > 1 { 0.0 } else { f64::from(desc.error_budget) };
                 let most = match (format.is_blocks(), grid) {
                     (false, None) => 3e-6 * scale.max(1.0),
                     (true, None) => waiting + f64::from(stats.bound),
-                    // Terms are rounded, then two roundings to float32, of the displacement and of the pose, in three
-                    // components.
+                    // Terms are rounded; then displacement and pose are rounded to float32, in three components.
                     (_, Some(_)) => waiting + f64::from(stats.bound) + 3f64.sqrt() * f64::from(f32::EPSILON) / 2.0 * (2.0 * far(&reference) + base),
                 };
-                // The budget is one of positions. Integers round normals by half a unit for each target that has a
-                // weight.
+                // The budget bounds positions. Fixed-point normals are rounded by half a unit per active target.
                 let active = weights.iter().filter(|weight| **weight != 0.0).count() as f64;
                 let rounded = grid.filter(|_| desc.pose == PoseFormat::Fixed16);
                 let normals = match rounded {
@@ -125,7 +123,7 @@ proptest! {
             }
         }
         if grid.is_some() {
-            // After any history, the integers are those of a full evaluation.
+            // The integers equal those of a full evaluation, whatever came before.
             let mut fresh = CpuCrowd::new(packed.clone(), UpdateDesc { error_budget: 0.0, ..desc }, 2, 1).unwrap();
             for i in 0..2 {
                 fresh.set_weights(i, crowd.weights(i).unwrap()).unwrap();
@@ -141,8 +139,8 @@ proptest! {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
-    /// Sharing what is loaded and decoded changes no bit: the poses of a crowd, some hidden for some time, are those of
-    /// crowds of one.
+    /// Shared loads and decoding change no bit: poses of a crowd, with instances hidden for a time, equal those of
+    /// crowds of one instance.
     #[test]
     fn a_crowd_has_the_poses_that_each_instance_has_alone(
         (format, size, pose) in (0..DeltaFormat::ALL.len(), 0usize..3, prop::sample::select(&PoseFormat::ALL)),
@@ -208,7 +206,7 @@ fn misuse_is_an_error_that_says_what_to_do() {
     }
 }
 
-/// Weights set one at a time are those set at once; what is refused changes nothing.
+/// Setting weights one at a time equals setting all; a failing call changes nothing.
 #[test]
 fn weights_are_set_one_at_a_time() {
     let mesh = testing::mesh(200, 9);
@@ -239,8 +237,7 @@ fn weights_are_set_one_at_a_time() {
     }
 }
 
-/// Most targets move a vertex by three steps, one another as far as poses of 16 bits reach: what rounding adds would
-/// not fit.
+/// Most targets move a vertex by three steps, one another to the limit of 16-bit poses: rounding would overflow.
 #[test]
 fn poses_of_16_bits_are_refused_where_too_many_targets_are_rounded() {
     let packed = |targets: usize, far: f32, near: f32| {
@@ -271,7 +268,7 @@ fn poses_of_16_bits_are_refused_where_too_many_targets_are_rounded() {
     assert!(error.position < f64::from(step), "{error:?}");
 }
 
-/// A head that takes the place of another has the crowd's error budget, and not that one's.
+/// An instance that reuses a place has the crowd's error budget, not its predecessor's.
 #[test]
 fn a_head_that_is_added_has_the_crowds_error_budget() {
     let packed = Arc::new(PackedMesh::pack(&testing::mesh(100, 4), &PackDesc::new(DeltaFormat::Fast)).unwrap());

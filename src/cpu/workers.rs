@@ -1,25 +1,25 @@
-//! The threads of the cpu path.
+//! Threads of path `cpu`.
 
 use crate::error::Result;
 use crate::pack::VERTEX_PADDING;
 
-/// Pieces per thread: a thread that wakes late, or shares its core, leaves its pieces to the others.
+/// Pieces per thread: threads that wake late, or share a core, leave theirs to the others.
 const PIECES: usize = 8;
-/// Vertices of a piece, at least: below this, handing it out costs more than computing it.
+/// Fewest vertices of a piece; scheduling less costs more than computing it.
 const PIECE_VERTICES: usize = 8 * VERTEX_PADDING;
-/// Vertices of a piece that several instances are updated in: 72 targets in float32 take 442 KB.
+/// Vertices of a piece when several instances are updated: 72 targets in float32 take 442 KB.
 const SHARED_VERTICES: usize = 4 * VERTEX_PADDING;
 
-/// The caller's thread and, with the feature `threads`, others that help it.
+/// The calling thread and, with the feature `threads`, helper threads.
 pub(crate) struct Workers {
-    /// All but the caller's.
+    /// Without the calling thread; `None`: no helpers.
     #[cfg(feature = "threads")]
     helpers: Option<rayon::ThreadPool>,
 }
 
 #[cfg(feature = "threads")]
 impl Workers {
-    /// `threads` in all; 0 takes one per core.
+    /// `threads` in total; 0: one per core.
     pub(crate) fn new(threads: usize) -> Result<Self> {
         let threads = match threads {
             0 => std::thread::available_parallelism().map_or(1, usize::from),
@@ -34,13 +34,13 @@ impl Workers {
         Ok(Self { helpers: Some(pool) })
     }
 
-    /// Threads that work, the caller's included.
+    /// Number of threads, including the calling one.
     pub fn threads(&self) -> usize {
         1 + self.helpers.as_ref().map_or(0, rayon::ThreadPool::current_num_threads)
     }
 
-    /// Call `f` with every job. The caller's thread begins at once; the others join as they wake, if there is more
-    /// than one job.
+    /// Calls `f` with every job. The calling thread starts at once; helpers join as they wake, if there are several
+    /// jobs.
     pub fn for_each<J: Send>(&self, jobs: impl Iterator<Item = J> + Send, f: impl Fn(J) + Sync) {
         let mut jobs = jobs.peekable();
         let first = jobs.next();
@@ -48,7 +48,7 @@ impl Workers {
         let queue = std::sync::Mutex::new(jobs);
         let work = |first: Option<J>| {
             first.into_iter().for_each(&f);
-            // A poisoned lock: another thread panicked in `f`, and the scope passes that on.
+            // A poisoned lock: `f` panicked on another thread, and the scope will propagate it.
             while let Some(job) = queue.lock().ok().and_then(|mut jobs| jobs.next()) {
                 f(job);
             }
@@ -65,26 +65,26 @@ impl Workers {
 
 #[cfg(not(feature = "threads"))]
 impl Workers {
-    /// The caller's thread, whatever `threads` asks for.
+    /// The calling thread only; ignores `threads`.
     pub(crate) fn new(_threads: usize) -> Result<Self> {
         Ok(Self {})
     }
 
-    /// Threads that work, the caller's included.
+    /// Number of threads: 1.
     pub fn threads(&self) -> usize {
         1
     }
 
-    /// Call `f` with every job.
+    /// Calls `f` with every job.
     pub fn for_each<J>(&self, jobs: impl Iterator<Item = J>, f: impl Fn(J)) {
         jobs.for_each(f);
     }
 }
 
 impl Workers {
-    /// Vertices of a piece that a thread takes at a time, to update so many instances.
+    /// Vertices of a piece of work, to update `instances` instances.
     pub fn piece_vertices(&self, vertices: usize, instances: usize) -> usize {
-        // Deltas of a small piece stay in the cache for all instances.
+        // Deltas of a small piece stay cached for all instances.
         let shared = if instances > 1 { SHARED_VERTICES } else { usize::MAX };
         vertices.div_ceil(self.threads() * PIECES).max(PIECE_VERTICES).next_multiple_of(VERTEX_PADDING).min(shared)
     }
