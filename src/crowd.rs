@@ -1,4 +1,4 @@
-//! Crowds of every kind: which instances there are, and which weights are requested of them. Knows no device.
+//! `CrowdBase`: instances and their requested weights, for crowds of all kinds. Independent of devices.
 
 use crate::error::Result;
 use crate::pack::PackedLayout;
@@ -6,11 +6,11 @@ use crate::pack::blocks::PoseGrid;
 use crate::plan::instances::{Instances, check_weight, check_weights, target_named};
 use std::ops::Range;
 
-/// Instances of one mesh, updated together: the type behind [`Crowd`](crate::Crowd),
-/// [`AnimatedCrowd`](crate::AnimatedCrowd) and [`CpuCrowd`](crate::CpuCrowd), which differ in `K`. It has the methods
-/// of all three: first those of every crowd, then those of some kinds.
+/// Instances of one mesh, updated together: the common type of [`Crowd`](crate::Crowd),
+/// [`AnimatedCrowd`](crate::AnimatedCrowd) and [`CpuCrowd`](crate::CpuCrowd), which differ in `K`. Lists the methods of
+/// all three: first those of every crowd, then those of some kinds.
 ///
-/// Instances are numbered from 0. All are in place and shown when a crowd is made.
+/// Instances are numbered from 0. A new crowd has all its instances, all shown.
 pub struct CrowdBase<K: ?Sized> {
     pub(crate) instances: Instances,
     /// Updates planned so far.
@@ -18,58 +18,57 @@ pub struct CrowdBase<K: ?Sized> {
     pub(crate) kind: K,
 }
 
-/// A kind of crowd: where it keeps poses, and how it updates them. It is told what happens to an instance after that
-/// was checked.
+/// A kind of crowd: the storage of its poses, and its update. Its methods are called after arguments were checked.
 pub trait Kind {
     /// The layout of positions and normals.
     fn layout(&self) -> &PackedLayout;
 
-    /// The grid of the first group, where poses are fixed-point. Other groups may have other units, and the same
-    /// weights.
+    /// The grid of the first group, if poses are fixed-point. Other groups have the same weights, but may have other
+    /// units.
     fn grid(&self) -> Option<PoseGrid>;
 
-    /// The next pose of an instance has no predecessor.
+    /// Makes the next pose of an instance its own previous pose.
     fn cut(&mut self, _instance: u32) {}
 
-    /// An instance is hidden from now on, or shown again.
+    /// Hides or shows an instance.
     fn set_hidden(&mut self, _instance: u32, _hidden: bool) {}
 
-    /// A new instance takes a free place.
+    /// Initializes an instance in a free place.
     fn add(&mut self, instance: u32);
 
-    /// An instance is removed.
+    /// Removes an instance.
     fn remove(&mut self, _instance: u32) {}
 
-    /// See [`CrowdBase::changed`], of the update with this number, which is the last.
+    /// See [`CrowdBase::changed`]; `update` is the number of the last update.
     fn changed(&self, instances: &Instances, update: u64, instance: u32, out: &mut Vec<Range<u32>>);
 }
 
 /// A kind of crowd whose weights the host sets.
 pub trait TakesWeights: Kind {
-    /// Refuse weights that the mesh allows, and the technique does not.
+    /// Checks weights against limits of the technique beyond those of the mesh.
     ///
     /// # Errors
-    /// As the technique says.
+    /// A limit is exceeded.
     fn check_weights(&self, _weights: &[f32]) -> Result<()> {
         Ok(())
     }
 
-    /// The error budget of an instance, from the next update on.
+    /// Sets the error budget of an instance, from the next update on.
     ///
     /// # Errors
-    /// No budgets; a number that is not from 0 to the crowd's.
+    /// No budgets; a budget outside 0 to the crowd's.
     fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()>;
 }
 
-/// What every crowd does.
+/// Methods of every crowd.
 impl<K: Kind + ?Sized> CrowdBase<K> {
-    /// Names, steps and sizes of the mesh: of positions and normals.
+    /// The mesh's layout of positions and normals: names, steps and sizes.
     pub fn layout(&self) -> &PackedLayout {
         self.kind.layout()
     }
 
-    /// The next pose of `instance` has no predecessor (it was teleported, say): its previous pose will be the pose
-    /// itself, so that motion vectors come out as zero. [`set_hidden`](Self::set_hidden) does this by itself.
+    /// Makes the next pose of `instance` its own previous pose, so that its motion vectors are zero, such as after a
+    /// teleport. [`set_hidden`](Self::set_hidden) implies it.
     ///
     /// # Errors
     /// An instance out of range or removed.
@@ -79,8 +78,8 @@ impl<K: Kind + ?Sized> CrowdBase<K> {
         Ok(())
     }
 
-    /// Hide `instance`, or show it again. A hidden one is left out of updates, whatever is requested of it, and keeps
-    /// its pose; shown again, it catches up in the next update, and its previous pose is the pose itself then.
+    /// Hides or shows `instance`. A hidden instance keeps its pose and is left out of updates. Once shown, the next
+    /// update applies its requested weights, with the new pose as previous pose.
     ///
     /// # Errors
     /// An instance out of range or removed.
@@ -91,8 +90,9 @@ impl<K: Kind + ?Sized> CrowdBase<K> {
         Ok(())
     }
 
-    /// Add an instance, in a place that [`remove`](Self::remove) freed: shown, with all weights 0 and the crowd's error
-    /// budget. The next update writes its pose from base. Returns its number. A crowd begins with all its places taken.
+    /// Adds an instance, in a place that [`remove`](Self::remove) freed, and returns its number: shown, with all
+    /// weights 0 and the crowd's error budget. The next update writes its pose from base. A new crowd has no free
+    /// places.
     ///
     /// # Errors
     /// No free place.
@@ -102,10 +102,10 @@ impl<K: Kind + ?Sized> CrowdBase<K> {
         Ok(instance)
     }
 
-    /// Take an instance out of the crowd. Its memory stays the crowd's, for the next to be added.
+    /// Removes an instance. The crowd keeps its memory for the next one added.
     ///
     /// # Errors
-    /// An instance out of range, or removed before.
+    /// An instance out of range or removed.
     pub fn remove(&mut self, instance: u32) -> Result<()> {
         self.instances.remove(instance)?;
         self.kind.remove(instance);
@@ -118,13 +118,13 @@ impl<K: Kind + ?Sized> CrowdBase<K> {
     }
 }
 
-/// What crowds do whose weights the host sets: [`Crowd`](crate::Crowd) and [`CpuCrowd`](crate::CpuCrowd).
+/// Methods of crowds with weights set by the host: [`Crowd`](crate::Crowd) and [`CpuCrowd`](crate::CpuCrowd).
 impl<K: TakesWeights> CrowdBase<K> {
-    /// Request these weights of `instance`, one per target in the mesh's order, from the next update on.
+    /// Sets the requested weights of `instance`, one per target in the mesh's order, from the next update on.
     ///
     /// # Errors
-    /// An instance out of range or removed; a wrong number of weights; one that is not finite or out of range; more
-    /// active targets than a draw of `direct-attributes` takes. Nothing changes then.
+    /// An instance out of range or removed; a wrong number of weights; a weight that is not finite or out of range;
+    /// more active targets than a draw of `direct-attributes` supports. Nothing changes then.
     pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
         self.check_weights(instance, weights)?;
         self.instances.set_weights(instance, weights)
@@ -136,16 +136,16 @@ impl<K: TakesWeights> CrowdBase<K> {
         self.kind.check_weights(weights)
     }
 
-    /// Request the weight of one target of `instance`, from the next update on; the others stay as requested. `target`
-    /// counts in the mesh's order, as [`PackedLayout::target_index`](crate::PackedLayout::target_index) does.
+    /// Sets the requested weight of one target of `instance`, from the next update on. `target` is an index in the
+    /// mesh's order, as of [`PackedLayout::target_index`](crate::PackedLayout::target_index).
     ///
     /// # Errors
-    /// A target out of range; else as [`set_weights`](Self::set_weights). Nothing changes then.
+    /// A target out of range, and the errors of [`set_weights`](Self::set_weights). Nothing changes then.
     pub fn set_weight(&mut self, instance: u32, target: usize, weight: f32) -> Result<()> {
         self.instances.check(instance)?;
         check_weight(target, weight, self.kind.layout(), self.kind.grid())?;
         let before = self.instances.set_weight(instance, target, weight)?;
-        // A weight of 0 asks for nothing, whatever the others do.
+        // A weight of 0 cannot exceed a limit of the technique.
         let checked = match weight == 0.0 {
             true => Ok(()),
             false => self.kind.check_weights(self.instances.weights(instance)?),
@@ -156,11 +156,11 @@ impl<K: TakesWeights> CrowdBase<K> {
         checked
     }
 
-    /// Request the weight of the target called `name`, of several the first: as [`set_weight`](Self::set_weight), after
-    /// a search through the names.
+    /// Sets the requested weight of the first target called `name`: [`set_weight`](Self::set_weight) after a linear
+    /// search.
     ///
     /// # Errors
-    /// No such target, with the one that was probably meant; else as [`set_weights`](Self::set_weights).
+    /// No such target (the message suggests the closest name), and the errors of [`set_weights`](Self::set_weights).
     pub fn set_weight_by_name(&mut self, instance: u32, name: &str, weight: f32) -> Result<()> {
         let target = target_named(name, self.kind.layout())?;
         self.set_weight(instance, target, weight)
@@ -180,8 +180,8 @@ impl<K: TakesWeights> CrowdBase<K> {
         self.kind.set_error_budget(instance, budget)
     }
 
-    /// The weights requested of `instance`, one per target in the mesh's order, as they were set: fixed-point poses
-    /// round them to their grid, and an error budget may hold some back.
+    /// The requested weights of `instance`, one per target in the mesh's order, as they were set. Applied weights may
+    /// differ: fixed-point poses round them to their grid, and an error budget may defer changes.
     ///
     /// # Errors
     /// An instance out of range or removed.

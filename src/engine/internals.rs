@@ -55,9 +55,8 @@ impl GpuMesh {
 }
 
 impl<K: Kind + ?Sized> CrowdBase<K> {
-    /// Vertices that the last update changed in the pose of `instance`, as ranges in the order of pose buffers:
-    /// ascending, whole blocks in block formats; all where only the GPU knows. The last range may go on behind the last
-    /// vertex.
+    /// Vertices that the last update changed in the pose of `instance`, as ascending ranges in pose-buffer order: whole
+    /// blocks in block formats, all vertices if only the GPU knows. The last range may extend beyond the last vertex.
     #[doc(hidden)]
     pub fn changed(&self, instance: u32) -> Vec<Range<u32>> {
         let mut changed = vec![];

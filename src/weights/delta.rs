@@ -1,24 +1,24 @@
-//! Delta weights: the weights to reach minus those that a pose buffer already holds.
+//! Delta weights: requested weights minus applied weights.
 
 use crate::error::{Error, Result};
 
-/// A target and the factor by which a pass adds its delta: a weight (full evaluation) or a delta weight.
+/// A target and the factor of its delta in a pass: a weight (full evaluation) or a delta weight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coefficient {
     /// Index of the target.
     pub target: u32,
     /// Weight or delta weight.
     pub value: f32,
-    /// The weight that the source holds, which `value` is added to: 0 in a full evaluation.
+    /// The applied weight of the source pose, to which `value` is added; 0 in a full evaluation.
     pub held: f32,
 }
 
-/// Append the changed targets (`weight ≠ applied weight`) with their delta weights, ascending by target.
+/// Appends the changed targets (`weight ≠ applied weight`) with their delta weights, ascending by target.
 pub fn changed_targets(weights: &[f32], applied: &[f32], out: &mut Vec<Coefficient>) {
     differences(weights, applied.iter().copied(), out);
 }
 
-/// Append the active targets (`weight ≠ 0`) with their weights, ascending by target.
+/// Appends the active targets (`weight ≠ 0`) with their weights, ascending by target.
 pub fn active_targets(weights: &[f32], out: &mut Vec<Coefficient>) {
     differences(weights, std::iter::repeat(0.0), out);
 }
@@ -28,13 +28,13 @@ fn differences(weights: &[f32], applied: impl Iterator<Item = f32>, out: &mut Ve
     out.extend(changed.map(|(target, (w, a))| Coefficient { target: target as u32, value: w - a, held: a }));
 }
 
-/// The largest weight, either sign. Beyond it a float32 pose has no digits left for the base.
+/// Largest absolute weight. Beyond it a float32 pose has no digits left for the base.
 pub const WEIGHT_MAX: f32 = 1e6;
 
-/// Check weights handed in by a caller: one per target, finite, and not beyond [`WEIGHT_MAX`].
+/// Checks weights: one per target, finite, within ±[`WEIGHT_MAX`].
 ///
 /// # Errors
-/// Too few or too many weights, or one that is out of range; the message names it.
+/// A wrong number of weights, or one out of range; the message names it.
 pub fn check_weights<'a>(weights: &[f32], name: impl Fn(usize) -> Option<&'a str>, target_count: usize) -> Result<()> {
     if weights.len() != target_count {
         return Err(Error::invalid(
@@ -45,10 +45,10 @@ pub fn check_weights<'a>(weights: &[f32], name: impl Fn(usize) -> Option<&'a str
     weights.iter().enumerate().try_for_each(|(target, &weight)| check_weight(target, weight, &name))
 }
 
-/// Check the weight of a target: finite, and not beyond [`WEIGHT_MAX`].
+/// Checks the weight of a target: finite, within ±[`WEIGHT_MAX`].
 ///
 /// # Errors
-/// It is out of range; the message names the target.
+/// A weight out of range; the message names the target.
 pub fn check_weight<'a>(target: usize, weight: f32, name: impl Fn(usize) -> Option<&'a str>) -> Result<()> {
     if (-WEIGHT_MAX..=WEIGHT_MAX).contains(&weight) {
         return Ok(());

@@ -1,44 +1,43 @@
-//! Layers of clips: several at their own times and weights, mixed to one weight vector.
+//! Layers of clips: several clips at their own times and weights, mixed to one weight vector.
 
 use super::BoundClip;
 use crate::error::{Error, Result};
 use crate::setters::setters;
 
-/// What happens when a clip ends.
+/// Behaviour of a clip outside its frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Repeat {
-    /// It starts again: from its last frame to its first as from any frame to the next.
+    /// Loops; the last frame is followed by the first.
     #[default]
     Loop,
-    /// Its last frame stays.
+    /// Holds the first frame before the clip and the last one after it.
     Once,
 }
 
-/// How a layer joins what is below it. [`ClipLayer`] has the formulas.
+/// How a layer blends with those below it; see [`ClipLayer`] for the formulas.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum LayerBlend {
-    /// Towards what the clip says.
+    /// Towards the clip's weights.
     #[default]
     Override,
-    /// On top of what is below.
+    /// Adds the clip's weights.
     Additive,
 }
 
-/// A clip at a time, in a stack of layers that [`mix`](Self::mix) mixes.
+/// A clip at a time, in a stack of layers for [`mix`](Self::mix).
 ///
-/// With the weight w of a layer, its mask m of a target and s what its clip says of it at the layer's time, the weight
-/// v of the target becomes, layer after layer, the first one lowest,
+/// For layer weight w, mask m of a target and clip weight s of the target at the layer's time, the result v of the
+/// target is updated layer by layer, the first one lowest:
 ///
-/// ```text
-/// override   v · (1 − w · m) + w · m · s      towards the clip: 1 replaces what is below, 0 leaves it
-/// additive   v + w · m · s                    on top of what is below
-/// ```
+/// ```text override   v · (1 − w · m) + w · m · s      towards the clip: 1 replaces the layers below, 0 keeps them
+/// additive   v + w · m · s                    on top of the layers below ```
 ///
-/// A layer leaves alone what its clip has no column for.
+/// Targets without a column in the clip are unchanged.
 ///
-/// A cross-fade is a layer of weight 1, and above it one whose weight goes from 0 to 1; speech over an expression is an
+/// Example uses: a cross-fade is a layer of weight 1 and above it one whose weight goes from 0 to 1; speech over an
+/// expression is an override with a mask of the mouth.
 /// override with a mask of the mouth.
 ///
 /// ```
@@ -59,36 +58,35 @@ pub enum LayerBlend {
 pub struct ClipLayer<'a> {
     /// The clip.
     pub clip: &'a BoundClip,
-    /// Seconds since the clip's first frame. Between two frames weights are interpolated linearly.
+    /// Seconds since the clip's first frame. Weights between frames are interpolated linearly.
     pub time: f64,
-    /// What happens before the first frame and after the last: the clip goes on over and over, from its last frame to
-    /// its first as from any frame to the next; or its first and last frame stay.
+    /// Behaviour before the first frame and after the last one.
     pub repeat: Repeat,
-    /// How much of the layer there is: from 0 to 1 to fade it in.
+    /// Weight of the layer, from 0 to 1 to fade it in.
     pub weight: f32,
-    /// How it joins what is below it.
+    /// How it blends with the layers below.
     pub blend: LayerBlend,
-    /// How much of it each target takes, a factor for each in the mesh's order; `None`: 1 for all.
+    /// Factor of each target, in the mesh's order; `None`: 1 for all.
     pub mask: Option<&'a [f32]>,
 }
 
 setters!(ClipLayer<'a> { repeat: Repeat, weight: f32, blend: LayerBlend, mask: Option<&'a [f32]> });
 
 impl<'a> ClipLayer<'a> {
-    /// A clip at so many seconds since its first frame: over and over, replacing what is below it.
+    /// A looping clip, `time` seconds after its first frame, that replaces the layers below.
     pub fn new(clip: &'a BoundClip, time: f64) -> Self {
         Self { clip, time, repeat: Repeat::Loop, weight: 1.0, blend: LayerBlend::Override, mask: None }
     }
 
-    /// Mix layers, the first one lowest, on top of the weights that are in `weights` already: zeros, or a pose of the
-    /// host's. What comes out is what [`Crowd::set_weights`](crate::Crowd::set_weights) takes or, for clips that are
-    /// bound to the [names](crate::CrowdSet::names) of a set, [`CrowdSet::set_weights`](crate::CrowdSet::set_weights).
+    /// Mixes `layers`, the first one lowest, on top of `weights`, which hold zeros or the host's weights. The result is
+    /// an argument for [`Crowd::set_weights`](crate::Crowd::set_weights) or, if clips are bound to the
+    /// [names](crate::CrowdSet::names) of a set, for [`CrowdSet::set_weights`](crate::CrowdSet::set_weights).
     ///
-    /// Nothing is allocated.
+    /// Does not allocate.
     ///
     /// # Errors
-    /// A clip or mask of another number of targets than `weights` has; a time, weight or factor of a mask that is not
-    /// finite; a clip without a frame rate. Nothing changes then.
+    /// A clip or mask for another number of targets than `weights`; a time, weight or mask factor that is not finite; a
+    /// clip without a frame rate. `weights` are unchanged then.
     pub fn mix(layers: &[ClipLayer<'a>], weights: &mut [f32]) -> Result<()> {
         layers.iter().enumerate().try_for_each(|(number, layer)| layer.check(number, weights.len()))?;
         for Self { clip, time, repeat, weight, blend, mask } in layers {
@@ -134,13 +132,12 @@ impl<'a> ClipLayer<'a> {
 }
 
 impl BoundClip {
-    /// The two frames that `seconds` lie between, and how far from the one to the other; `None` of a clip without
-    /// frames.
+    /// The frames before and after `seconds`, and the fraction between them; `None` for a clip without frames.
     fn frames_at(&self, seconds: f64, repeat: Repeat) -> Option<([usize; 2], f32)> {
         let last = self.frame_count().checked_sub(1)?;
         let at = seconds * f64::from(self.fps);
         let (at, after) = match repeat {
-            // Rounding may give the length itself.
+            // rem_euclid may round up to the length.
             Repeat::Loop => (at.rem_euclid((last + 1) as f64) % (last + 1) as f64, 0),
             Repeat::Once => (at.clamp(0.0, last as f64), last),
         };
@@ -193,7 +190,7 @@ mod tests {
     fn layers_replace_fade_add_and_leave_alone_what_is_not_theirs() {
         let (a, b) = (clip(&["jaw", "brow"], &[0.1, 0.7]), clip(&["brow", "smile"], &[0.3, 0.9]));
         let [below, above] = [ClipLayer::new(&a, 0.0), ClipLayer::new(&b, 0.0)];
-        // Bit for bit: what replaces leaves nothing of what was there.
+        // Bit for bit: an override of weight 1 leaves nothing of the layers below.
         assert_eq!(mixed(&[below, above], [1e6, 1e6, 0.5]), [0.1, 0.3, 0.9]);
         assert_eq!(mixed(&[below, above.weight(0.0)], [0.0, 0.0, 0.5]), [0.1, 0.7, 0.5]);
         let fade = mixed(&[below, above.weight(0.25)], [0.0, 0.0, 0.5]);

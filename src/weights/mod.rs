@@ -1,5 +1,4 @@
-//! Weight clips: columns of weights by the names of targets, and bound to the targets of a mesh. Layers of them. Delta
-//! weights.
+//! Weight clips, by target name and bound to a mesh; layers of clips; delta weights.
 
 pub mod delta;
 mod layers;
@@ -12,19 +11,19 @@ use names::closest;
 pub use normalised::normalise_weights;
 use std::collections::{HashMap, HashSet};
 
-/// Columns that name no target, for which a target of nearly the same name is looked for.
+/// Most unknown columns for which similar target names are searched.
 const NEAR_LOOKED_FOR: usize = 64;
 
-/// A weight clip: one row of weights per frame, columns by target name.
+/// A weight clip: one row of weights per frame, one column per target name.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WeightClip {
-    /// Name for messages and reports (the file's stem).
+    /// Name in messages and reports (the file's stem).
     pub name: String,
     /// Column names.
     pub names: Vec<String>,
     /// Frames per second.
     pub fps: f32,
-    /// `names.len()` weights per frame, frame after frame.
+    /// `names.len()` weights per frame, frame by frame.
     pub values: Vec<f32>,
 }
 
@@ -34,16 +33,16 @@ impl WeightClip {
         self.values.len().checked_div(self.names.len()).unwrap_or(0)
     }
 
-    /// The clip for a mesh with the targets `targets`, in their order; targets without a column get 0.
+    /// Binds the clip to a mesh with these `targets`, in their order; targets without a column get 0.
     ///
-    /// Takes as much memory as the clip has values, however many targets there are.
+    /// Takes memory proportional to the clip's values, for any number of targets.
     ///
     /// # Errors
-    /// A column that names no target, two columns of one name, a weight that is not finite, or a number of values
-    /// that is not a multiple of the number of columns.
+    /// A column that names no target; two columns of one name; a weight that is not finite; a number of values that is
+    /// not a multiple of the number of columns.
     pub fn bind(&self, targets: &[&str]) -> Result<BoundClip> {
         self.check()?;
-        // Reversed: of several targets of one name, the first is kept.
+        // Reversed, so that the first of several targets of one name is kept.
         let indices: HashMap<&str, usize> = targets.iter().enumerate().rev().map(|(i, target)| (*target, i)).collect();
         let unknown: Vec<&str> =
             self.names.iter().map(String::as_str).filter(|name| !indices.contains_key(name)).collect();
@@ -67,7 +66,7 @@ impl WeightClip {
             name: self.name.clone(),
             fps: self.fps,
             targets: targets.len(),
-            // `check` has made the names distinct, so no two columns have one target.
+            // `check` made the names distinct, so each column has its own target.
             columns: self.names.iter().map(|name| indices[name.as_str()]).collect(),
             values: self.values.clone(),
         })
@@ -95,7 +94,7 @@ impl WeightClip {
     }
 }
 
-/// A weight clip whose columns are those of a mesh: what [`WeightClip::bind`] returns.
+/// A weight clip bound to the targets of a mesh by [`WeightClip::bind`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BoundClip {
     /// Name of the clip.
@@ -114,20 +113,20 @@ impl BoundClip {
         self.values.len().checked_div(self.columns.len()).unwrap_or(0)
     }
 
-    /// Number of columns: targets whose weights the clip states.
+    /// Number of columns: targets that the clip animates.
     pub fn column_count(&self) -> usize {
         self.columns.len()
     }
 
-    /// Number of targets: weights of a frame.
+    /// Number of targets: weights per frame.
     pub fn target_count(&self) -> usize {
         self.targets
     }
 
-    /// One weight per target.
+    /// The weights of a frame, one per target.
     ///
     /// # Errors
-    /// There are not as many frames.
+    /// A frame out of range.
     pub fn frame(&self, frame: usize) -> Result<Vec<f32>> {
         if frame < self.frame_count() {
             return Ok(self.weights(frame));
@@ -142,12 +141,12 @@ impl BoundClip {
         weights
     }
 
-    /// What a frame has in the columns.
+    /// The columns' weights in a frame.
     fn row(&self, frame: usize) -> &[f32] {
         &self.values[frame * self.columns.len()..][..self.columns.len()]
     }
 
-    /// The weights of every frame, from the first on.
+    /// The weights of every frame, in order.
     pub fn frames(&self) -> impl ExactSizeIterator<Item = Vec<f32>> {
         (0..self.frame_count()).map(|frame| self.weights(frame))
     }

@@ -1,8 +1,8 @@
-//! Targets by their names.
+//! Look-up of targets by name.
 
 use crate::error::Error;
 
-/// That `name` is none of `known`, names of `of`: targets of a mesh, or controls.
+/// An error for a `name` that is not in `known`; `of` says what the names are: targets of a mesh, or controls.
 pub fn unknown(what: String, name: &str, of: &str, known: &[&str]) -> Error {
     Error::invalid(
         what,
@@ -13,9 +13,9 @@ pub fn unknown(what: String, name: &str, of: &str, known: &[&str]) -> Error {
     )
 }
 
-/// The target that `name` was probably meant to be: the nearest by edit distance, when it is near at all.
+/// The target nearest to `name` by edit distance, if it is close enough.
 pub(super) fn closest<'a>(name: &str, targets: &[&'a str]) -> Option<&'a str> {
-    // Case and separators are where naming schemes differ.
+    // Naming schemes differ in case and separators.
     let plain = |s: &str| s.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect::<Vec<_>>();
     let wanted = plain(name);
     let (distance, target) = targets.iter().map(|t| (distance(&wanted, &plain(t)), *t)).min_by_key(|(d, _)| *d)?;

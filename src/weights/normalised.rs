@@ -1,28 +1,25 @@
 //! Normalised blending: weights of absolute poses.
 
-/// Turns weights of absolute poses into weights of deltas: the poses are averaged, and the base pose takes what is
-/// left.
+/// Converts weights of absolute poses to weights of deltas: the poses are averaged, and the base pose fills the rest.
 ///
-/// After A. Gerdelan, "Animating Blend Shapes": the factor of the base pose is 1 - Σ w, clamped to 0 to 1, and all
-/// factors are divided by their sum, so that they sum to one:
+/// A. Gerdelan, "Animating Blend Shapes": the factor of the base pose is 1 - Σ w, clamped to 0 to 1, and all factors
+/// are divided by their sum, so that they sum to one:
 ///
-/// ```text
-/// pose = (w₀ base + Σ wᵢ poseᵢ) / (w₀ + Σ wᵢ),  w₀ = clamp(1 - Σ wᵢ, 0, 1)
+/// ```text pose = (w₀ base + Σ wᵢ poseᵢ) / (w₀ + Σ wᵢ),  w₀ = clamp(1 - Σ wᵢ, 0, 1)
 ///      = base + Σ wᵢ / max(1, Σ wᵢ) · (poseᵢ - base)
 /// ```
 ///
-/// So weights that sum to one or less stay as they are, and above that each is divided by the sum: changing one of them
-/// then changes every factor that is not 0, and an update applies as many. His printed shader does not clamp. Its base
-/// pose may count negatively, and the sum is one without a division: that is what weights of deltas do as they are,
-/// with nothing to convert.
+/// Weights with a sum of at most 1 are unchanged; above that, each is divided by the sum, so that changing one changes
+/// every factor that is not 0, and an update applies as many. Gerdelan's printed shader does not clamp: its base pose
+/// may have a negative factor, and the sum is one without a division, which is what unconverted weights of deltas do.
 ///
-/// A negative weight counts as 0, since an average has no negative parts; weights that sum to 0 give the base pose. One
-/// that is not finite leaves one that is not a number: the crowd refuses those, and says so.
+/// Negative weights count as 0, since an average has no negative parts; a sum of 0 gives the base pose. A weight that
+/// is not finite makes weights NaN, which crowds reject.
 ///
-/// It does not matter whether targets were stated as whole meshes or as deltas: poseᵢ is the base pose plus delta i.
+/// Applies to targets given as whole meshes or as deltas: poseᵢ is the base pose plus delta i.
 pub fn normalise_weights(weights: &mut [f32]) {
     weights.iter_mut().filter(|w| **w < 0.0).for_each(|w| *w = 0.0);
-    // Many small weights add up exactly enough in float64.
+    // float64, so that many small weights add up precisely.
     let sum: f64 = weights.iter().map(|w| f64::from(*w)).sum();
     if sum > 1.0 || sum.is_nan() {
         weights.iter_mut().for_each(|w| *w = (f64::from(*w) / sum) as f32);
