@@ -96,7 +96,7 @@ pub struct KernelRow {
     pub name: &'static str,
     /// Suffix of module names.
     pub suffix: &'static str,
-    /// Where it runs.
+    /// Shader stage.
     pub stage: Stage,
     /// Preprocessor defines; [`Takes::DenseBatches`] adds `BATCH`.
     pub defines: &'static [&'static str],

@@ -288,6 +288,6 @@ fn check_grid(target: usize, weight: f32, layout: &PackedLayout, grid: Option<Po
     }
     Err(Error::invalid(
         format!("the weight of target {target} ('{}') is {weight}", name(layout, target).unwrap_or("?")),
-        format!("poses of integers hold weights from -{most} to {most} here: use a larger weight_max"),
+        format!("fixed-point poses hold weights from -{most} to {most} here: use a larger weight_max"),
     ))
 }

@@ -143,7 +143,7 @@ after_steps!(resources {
     Sums,
     /// Clips, and the table of targets by block.
     Tables,
-    /// What instances play, weights animated on the GPU, and the last update of each block: one buffer, since
+    /// Clips and times of instances, weights animated on the GPU, and the last update of each block: one buffer, since
     /// synchronization validation tracks whole buffers.
     State,
     /// Work lists written by the GPU.

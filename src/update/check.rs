@@ -1,5 +1,4 @@
-//! What update paths ask of devices, and the one check of a description: what it says by itself, for a mesh, and for
-//! who carries it out.
+//! Device requirements of update paths, and the checks of an [`UpdateDesc`]: by itself, for a mesh, and for its runner.
 
 use super::blocks::check_tolerance;
 use crate::abi::kernels::batch_max;
@@ -12,10 +11,10 @@ use crate::plan::paths::{Batch, Needs};
 use crate::plan::{BatchSize, UpdateDesc, UpdateMode, UpdatePath};
 use ash::vk;
 
-/// Most slots of a crowd that is animated on the GPU, which keeps a bit for each update since a slot was written.
+/// Most slots of a crowd animated on the GPU, which keeps one bit per update since a slot was written.
 const ANIMATED_SLOTS_MAX: u32 = 32;
 
-/// Who is to carry an update out.
+/// The executor of updates.
 #[derive(Clone, Copy)]
 pub(crate) enum Runner<'a> {
     /// Not known yet.
@@ -24,17 +23,17 @@ pub(crate) enum Runner<'a> {
     Cpu,
     /// A device.
     Device(&'a DeviceCaps),
-    /// A device that animates as well; `None`: its CPU reference.
+    /// A device, for a crowd animated on the GPU; `None`: its CPU reference.
     Animated(Option<&'a DeviceCaps>),
 }
 
 impl UpdateDesc {
-    /// Check the description.
+    /// Checks the description by itself.
     ///
     /// # Errors
-    /// A batch size of 0; no slot, or too few slots for the path; a tolerance or budget that is no length; a pose
-    /// format that the path does not take; a budget on a path that has none; incremental updates of a path that only
-    /// rebuilds.
+    /// A batch size of 0; too few or too many slots for the path; a tolerance that is not positive; an error budget
+    /// that is negative, not finite or unsupported by the path; a pose format that the path does not support;
+    /// incremental updates on a path that only rebuilds.
     pub fn check(&self) -> Result<()> {
         let (path, name) = (self.path, self.path.name());
         let least = if path.works_in_place() { 1 } else { 2 };
@@ -73,23 +72,23 @@ impl UpdateDesc {
         }
     }
 
-    /// Check the description for a mesh packed like this.
+    /// Checks the description for a mesh of this `layout`.
     ///
     /// # Errors
-    /// As [`check`](Self::check), and as [`PackedLayout::grid`] where poses are integers; else, in block formats, a
-    /// tolerance that rounding exceeds in a pose fresh from base, all weights being 1.
+    /// Errors of [`check`](Self::check), and of [`PackedLayout::grid`] for fixed-point poses. Block formats with
+    /// float32 poses: a tolerance that rounding exceeds in a rebuild with all weights 1.
     pub fn check_for(&self, layout: &PackedLayout) -> Result<()> {
         self.check_all(layout, Runner::Unknown)
     }
 
-    /// Check the description for a mesh and for who is to carry it out.
+    /// Checks the description for a mesh and a runner.
     ///
     /// # Errors
-    /// As [`check_for`](Self::check_for); a path that the runner does not have, or that the device cannot run; a batch
-    /// size beyond [`DeviceCaps::batch_max`]; a format that the path does not take; blocks larger than a workgroup;
-    /// what cannot be animated on the GPU.
+    /// Errors of [`check_for`](Self::check_for); a path that the runner does not implement, or the device does not
+    /// support; a batch size above [`DeviceCaps::batch_max`]; a delta format that the path does not support; blocks
+    /// larger than a workgroup; properties that crowds animated on the GPU do not support.
     pub(crate) fn check_all(&self, layout: &PackedLayout, runner: Runner<'_>) -> Result<()> {
-        // Before what the path takes: of one that is missing that is no matter.
+        // First, so that a missing path is reported before its details.
         if let Runner::Device(caps) | Runner::Animated(Some(caps)) = runner {
             caps.check_path(self.path)?;
         }
@@ -112,7 +111,7 @@ impl UpdateDesc {
         if let Runner::Animated(_) = runner { self.check_animated(layout) } else { Ok(()) }
     }
 
-    /// Refuse what only block formats have; `name` is the path's or the format's.
+    /// Rejects an error budget, which only block formats support; `name` is the path or the format.
     fn check_dense(&self, name: &str) -> Result<()> {
         if self.error_budget == 0.0 {
             return Ok(());
@@ -121,7 +120,7 @@ impl UpdateDesc {
         refuse(format!("an error budget with '{name}'"), remedy)
     }
 
-    /// Refuse a format that the path does not take, and blocks or a batch that are too large for the device.
+    /// Checks the delta format, block size and batch size against the path and the device.
     fn check_on_device(&self, layout: &PackedLayout, caps: &DeviceCaps) -> Result<()> {
         let (path, device) = (self.path, &caps.name);
         path.check_format(layout.format)?;
@@ -140,7 +139,7 @@ impl UpdateDesc {
         }
     }
 
-    /// Refuse what is not animated on the GPU: sums that drift, since nobody there keeps a bound on it.
+    /// Checks the requirements of crowds animated on the GPU. Float32 sums drift, and the GPU keeps no bound on it.
     fn check_animated(&self, layout: &PackedLayout) -> Result<()> {
         let refuse = |what: String, remedy: &str| refuse(format!("{what} in a crowd animated on the GPU"), remedy);
         let Some(index) = layout.blocks.as_ref().filter(|_| self.path == UpdatePath::Blocks) else {
@@ -163,8 +162,8 @@ impl UpdateDesc {
     }
 }
 
-/// What to enable when creating a device for `path`. Beyond this, core Vulkan 1.1 and one queue with graphics and
-/// compute suffice, or one with compute for updates and another for draws
+/// Extensions and features to enable when creating a device for `path`. Otherwise core Vulkan 1.1 suffices, with one
+/// queue for graphics and compute, or one with compute for updates and another for draws
 /// ([`DeviceDesc::queue_families`](field@crate::DeviceDesc::queue_families)).
 pub fn requirements(path: UpdatePath) -> &'static [Requirement] {
     match path.row().needs {
@@ -183,9 +182,8 @@ pub fn requirements(path: UpdatePath) -> &'static [Requirement] {
 }
 
 impl DeviceCaps {
-    /// The largest batch of `path` with coefficients in push constants; `None`: any. For vertex passes: vertex
-    /// attributes − 2 for the pose, 2 a target (float32) or 1 (snorm16), as far as vertex bindings and push constants
-    /// reach.
+    /// Largest batch of `path` with coefficients in push constants; `None`: no limit. Vertex passes: vertex attributes
+    /// − 2 for the pose, at 2 (float32) or 1 (snorm16) per target, limited by vertex bindings and push constants.
     pub fn batch_max(&self, path: UpdatePath, format: DeltaFormat) -> Option<u32> {
         match path.row().batch {
             Batch::Attributes => {
@@ -200,10 +198,10 @@ impl DeviceCaps {
         }
     }
 
-    /// Whether `path` can run here.
+    /// Checks that the device supports `path`.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] with the missing extension, feature or limit, and what to use in its place.
+    /// [`Error::Unsupported`] with the missing extension, feature or limit, and an alternative.
     pub fn check_path(&self, path: UpdatePath) -> Result<()> {
         let refuse = |reason: String, remedy: &str| {
             Err(Error::Unsupported { path: path.name(), device: self.name.clone(), reason, remedy: remedy.into() })
@@ -237,10 +235,10 @@ impl DeviceCaps {
         }
     }
 
-    /// Check a family of queues for updates by `path`: compute, and for vertex passes graphics besides.
+    /// Checks that a queue family can run updates of `path`: compute, and graphics for vertex passes.
     ///
     /// # Errors
-    /// A family that there is not; one that lacks what the path needs, with what to use in its place.
+    /// A family out of range, or one that lacks what the path needs; names an alternative.
     pub(crate) fn check_queue_family(&self, path: UpdatePath, family: u32) -> Result<()> {
         let flags = self.queue_flags(family)?;
         let refuse = |lacks: &str, remedy: &str| {
@@ -262,12 +260,12 @@ fn refuse(what: impl Into<String>, remedy: impl Into<String>) -> Result<()> {
 }
 
 impl UpdatePath {
-    /// The path with deltas of a format, in messages.
+    /// Path and delta format, for messages.
     fn with_deltas(self, format: DeltaFormat) -> String {
         format!("update path '{}' with {} deltas", self.name(), format.name())
     }
 
-    /// Refuse a format that the path does not take.
+    /// Checks that the path supports a delta format.
     pub(crate) fn check_format(self, format: DeltaFormat) -> Result<()> {
         if self.formats().contains(&format) {
             return Ok(());
@@ -276,10 +274,10 @@ impl UpdatePath {
         refuse(self.with_deltas(format), format!("pack the mesh as {}", names.join(" or ")))
     }
 
-    /// Check the path for a mesh of so many groups.
+    /// Checks that the path supports a mesh of `groups` groups.
     ///
     /// # Errors
-    /// Streams that it would leave out.
+    /// A path that updates only the first group.
     pub(crate) fn check_groups(self, groups: usize, layout: &PackedLayout) -> Result<()> {
         if groups == 1 || self.row().takes_groups {
             return Ok(());

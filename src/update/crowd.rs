@@ -1,4 +1,4 @@
-//! How to make a crowd on a device, and where its poses are kept.
+//! Description of a crowd on a device, and of host-owned pose buffers.
 
 use crate::error::{Error, Result};
 use crate::gpu::device::Device;
@@ -7,30 +7,30 @@ use crate::plan::{Consumers, UpdateDesc, UpdatePath};
 use crate::setters::setters;
 use ash::vk;
 
-/// How to make a crowd.
+/// Describes a crowd on a device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct CrowdDesc {
-    /// Instances, each with weights and poses of its own (≥ 1).
+    /// Number of instances, each with its own weights and poses (≥ 1).
     pub instances: u32,
     /// How poses are updated.
     pub update: UpdateDesc,
-    /// Updates that may be recorded and not yet finished (≥ 1): how many coefficient or work lists are kept. Updates
+    /// Updates that may be recorded but unfinished (≥ 1): the number of coefficient or work lists in the ring. Updates
     /// that recorded nothing and discarded ones do not count.
     pub frames_in_flight: u32,
-    /// Who reads poses between updates: updates wait for these readers, and make new poses visible to them.
+    /// Readers of poses between updates: updates wait for them, and make new poses visible to them.
     pub consumers: Consumers,
-    /// The family of the queue that updates of the crowd run on; `None`: one with graphics and compute. On one without
-    /// graphics, barriers name no stage of graphics: [consumers](field@Self::consumers) that have such a stage are on
-    /// another queue ([`MorphEngine`](crate::MorphEngine#several-queues)).
+    /// Queue family of the crowd's updates; `None`: one with graphics and compute. Without graphics, barriers contain
+    /// no graphics stages; [consumers](field@Self::consumers) in such stages are on another queue
+    /// ([`MorphEngine`](crate::MorphEngine#several-queues)).
     pub queue_family: Option<u32>,
     /// Extra usages of engine-owned pose buffers, in addition to the defaults (vertex, storage and storage texel
-    /// buffer, source of copies; on a device with transform feedback, its buffer). Usages of Vulkan 1.0, and
-    /// `SHADER_DEVICE_ADDRESS` and `ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR` where
-    /// [`DeviceDesc::buffer_device_address`](field@crate::DeviceDesc::buffer_device_address) says so (the latter needs
-    /// its extension enabled, too).
+    /// buffer, transfer source; transform feedback buffer if the device supports it). Usages of Vulkan 1.0; also
+    /// `SHADER_DEVICE_ADDRESS` and `ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR` if
+    /// [`DeviceDesc::buffer_device_address`](field@crate::DeviceDesc::buffer_device_address) is set (the latter also
+    /// needs its extension).
     pub pose_usage: vk::BufferUsageFlags,
-    /// Vertices of the host's own that poses are written into (path `blocks`); `None`: into pose buffers of ours.
+    /// Host vertices to write poses into (path `blocks`); `None`: engine-owned pose buffers.
     pub poses: Option<HostPoses>,
 }
 
@@ -45,7 +45,7 @@ setters!(CrowdDesc {
 });
 
 impl CrowdDesc {
-    /// One instance, two frames in flight, drawn from vertex attributes or by vertex shaders, in pose buffers of ours.
+    /// One instance, two frames in flight, the default consumers, engine-owned pose buffers.
     pub fn new(update: UpdateDesc) -> Self {
         Self {
             instances: 1,
@@ -58,11 +58,11 @@ impl CrowdDesc {
         }
     }
 
-    /// Check the queue that updates run on.
+    /// Checks the queue family of updates.
     ///
     /// # Errors
     /// A family that the device does not have, that lacks what the path needs, or that the engine's buffers are not
-    /// for.
+    /// shared with.
     pub(crate) fn check_queue(&self, device: &Device) -> Result<()> {
         let Some(family) = self.queue_family else { return Ok(()) };
         device.caps.check_queue_family(self.update.path, family)?;
@@ -73,17 +73,17 @@ impl CrowdDesc {
         Err(Error::invalid(text, "name it in DeviceDesc::queue_families, too"))
     }
 
-    /// Those of the consumers that can be on the queue that updates run on, which was checked.
+    /// The consumers that can be on the queue of updates, which was checked.
     pub(crate) fn consumers_on_queue(&self, device: &Device) -> Consumers {
         let flags = self.queue_family.and_then(|family| device.caps.queue_flags(family).ok());
         self.consumers.of_queue(flags.is_none_or(|flags| flags.contains(vk::QueueFlags::GRAPHICS)))
     }
 
-    /// Check where poses are kept, for the groups of a mesh.
+    /// Checks pose buffers, for the groups of a mesh.
     ///
     /// # Errors
-    /// Usages that the device was not said to allow; a path that writes no vertices of hosts; a vertex that does not
-    /// suit the mesh.
+    /// Usages that the device does not allow; host vertices on a path without support; a vertex layout that does not
+    /// match the mesh.
     pub(crate) fn check_poses<'a>(
         &self,
         groups: impl Iterator<Item = &'a PackedLayout> + Clone,
@@ -117,23 +117,21 @@ impl CrowdDesc {
     }
 }
 
-/// Vertices of a host's own that a crowd keeps its poses in: the buffer, where they begin, and how a vertex is laid
-/// out.
+/// Host vertices that a crowd keeps its poses in: buffer, offset and vertex layout.
 ///
-/// From `offset` on there is a pose for each slot of each instance, `[instance][slot]`, of [`VertexLayout::pose_bytes`]
-/// each; vertices are in the order of pose buffers
-/// ([`PackedLayout::remap_indices`](crate::PackedLayout::remap_indices)), padded. `instances × slots × pose_bytes`
-/// bytes in all. The pose of an instance moves from slot to slot, as in buffers of ours:
-/// [`Crowd::pose`](crate::Crowd::pose) says where it is. With one slot it stays in place.
+/// The buffer holds one pose per slot of each instance from `offset` on, `[instance][slot]`, of
+/// [`VertexLayout::pose_bytes`] each: `instances × slots × pose_bytes` bytes. Vertices are in pose-buffer order
+/// ([`PackedLayout::remap_indices`](crate::PackedLayout::remap_indices)), padded. As in engine-owned buffers, the pose
+/// of an instance moves from slot to slot ([`Crowd::pose`](crate::Crowd::pose) returns its place); with one slot it
+/// stays in place.
 ///
-/// Updates, passes and barriers are the same as with buffers of ours; only drivers that run on the CPU take longer in
-/// the format `fast`, for which they have kernels that know our layout alone. Barriers are global memory barriers: they
-/// order what the [consumers](field@CrowdDesc::consumers) read of the buffer, whatever they read. How the buffer is
-/// shared is the host's. Where updates and draws run on queues of two families, make it `VK_SHARING_MODE_CONCURRENT`,
-/// as the engine's own are ([`MorphEngine`](crate::MorphEngine#several-queues)). With `VK_SHARING_MODE_EXCLUSIVE` the
-/// host transfers ownership itself, of all that the crowd takes: released by the draws' queue and acquired by the
-/// updates' before each update, and the other way round after it. An incremental update reads the poses that the draws
-/// before it read, so that updates and draws then take turns.
+/// Updates, passes and barriers are the same as with engine-owned buffers; only software drivers are slower in format
+/// `fast`, for which they have kernels for the engine's layout alone. Barriers are global memory barriers and order all
+/// reads of the buffer by the [consumers](field@CrowdDesc::consumers). The host decides how the buffer is shared. If
+/// updates and draws run on queues of two families, use `VK_SHARING_MODE_CONCURRENT`, like the engine's own buffers
+/// ([`MorphEngine`](crate::MorphEngine#several-queues)). With `VK_SHARING_MODE_EXCLUSIVE` the host transfers ownership
+/// of the crowd's whole range: from the draws' queue to the updates' before each update, and back after it. Since an
+/// incremental update reads poses that earlier draws read, updates and draws then alternate.
 ///
 /// ```no_run
 /// # use deltamorph::{ash::vk, CrowdDesc, GpuMesh, HostPoses, MorphEngine, PackedMesh, Semantic, UpdateDesc, VertexLayout};
@@ -158,14 +156,15 @@ pub struct HostPoses {
 }
 
 impl HostPoses {
-    /// Poses in `buffer` from byte `offset` on, a multiple of 4 ([`create_crowd`](crate::MorphEngine::create_crowd)
-    /// refuses others).
+    /// Poses in `buffer` from byte `offset` on, a multiple of 4 (checked by
+    /// [`create_crowd`](crate::MorphEngine::create_crowd)).
     ///
     /// # Safety
-    /// Of every crowd that is made with it, and of its engine's device:
-    /// - The buffer belongs to the device, was made for use as storage buffer, and has its memory, as much as the crowd
-    ///   takes. It lives until the crowd is dropped.
-    /// - What the crowd writes is read and written by nobody else while an update runs, but by the crowd's consumers in
+    /// For every crowd created with it, and the device of its engine:
+    /// - The buffer belongs to the device, has storage buffer usage and bound memory, is large enough for the crowd,
+    ///   and lives until the crowd is dropped.
+    /// - While an update runs, nothing else reads or writes what the crowd writes, except the crowd's consumers in the
+    ///   order that its barriers establish. No other crowd uses it.
     ///   the order that its barriers make; and by no other crowd.
     #[must_use]
     pub const unsafe fn new(buffer: vk::Buffer, offset: u64, vertex: VertexLayout) -> Self {
@@ -177,12 +176,12 @@ impl HostPoses {
         self.buffer
     }
 
-    /// Bytes from its beginning to the first pose.
+    /// Byte offset of the first pose.
     pub const fn offset(&self) -> u64 {
         self.offset
     }
 
-    /// How a vertex is laid out.
+    /// The vertex layout.
     pub const fn vertex(&self) -> &VertexLayout {
         &self.vertex
     }

@@ -1,8 +1,7 @@
-//! The ways to update poses, a folder each: plan, device side and what the CPU needs of them.
+//! Update techniques, one folder each: plan, device side, and what the CPU shares.
 //!
-//! A way to update is a `Technique`; [`technique()`] is the one place that knows which there are. What others
-//! published, to compare with, are techniques like any other, which are made outside the library (the package
-//! deltamorph-baselines).
+//! An update technique implements `Technique`; [`technique()`] constructs them. Baselines (published techniques, to
+//! compare with) implement it too, in the package deltamorph-baselines.
 
 pub mod animated;
 pub mod blocks;
@@ -19,11 +18,11 @@ pub(crate) use check::Runner;
 pub use check::requirements;
 use technique::{Context, Technique, Techniques};
 
-/// Make the technique of `context.desc`, which was checked.
+/// Creates the technique of `context.desc`, which was checked. `others` are the baselines.
 ///
 /// # Errors
-/// No memory; sizes beyond the device's limits; a mesh that was not uploaded for the path; the path `cpu`, which no
-/// device carries out; a technique of others where there are no `others`.
+/// No memory; sizes beyond device limits; a mesh uploaded for another path; path `cpu`, which has no device; a baseline
+/// without `others`.
 pub(crate) fn technique(context: Context<'_>, others: Option<&Techniques>) -> Result<Box<dyn Technique>> {
     Ok(match context.desc.update.path {
         UpdatePath::Feedback => Box::new(dense::FeedbackTechnique::new(context)?),

@@ -1,4 +1,4 @@
-//! What a crowd needs of a way to update its poses.
+//! The interface between crowds and update techniques.
 
 use crate::asset::streams::TRIPLES;
 use crate::error::{Error, Result};
@@ -20,123 +20,122 @@ use std::any::Any;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// A way to update the poses of a crowd, with what it keeps for that. Which slots hold poses is in [`Instances`], with
-/// what was discarded: a technique is told what happens to instances only for state of its own.
+/// An update technique, with its state for a crowd. [`Instances`] keeps the slots of poses and restores them on
+/// discard; a technique is notified of changes to instances only for its own state.
 pub trait Technique: Any + Send + Sync {
-    /// Plan an update to what is requested into `steps`, which are empty, write its lists, and take it as done: advance
-    /// the history of what it writes. Steps without works are for updates that write lists only.
+    /// Plans an update to the requested weights: appends to `steps` (empty), writes its lists, and advances the history
+    /// of the instances that it writes. Steps without works belong to updates that only write lists.
     ///
     /// # Errors
     /// Lists that are not mapped.
     fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats>;
 
-    /// Record a work of the steps that were planned last.
+    /// Records a work of the steps planned last.
     ///
     /// # Safety
     /// - `cmd` is in the recording state on the technique's device, outside a render pass, on a queue with compute, and
-    ///   with graphics where it draws.
-    /// - It is submitted once, after all earlier updates of the crowd; the technique and the mesh live until it has
-    ///   run.
-    /// - Barriers between steps are recorded as their uses ask for.
+    ///   with graphics if the technique draws.
+    /// - It is submitted once, after all earlier updates of the crowd; technique and mesh live until it has finished.
+    /// - The barriers that the steps' uses need are recorded between them.
     unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work);
 
-    /// Slots of the pose and of the previous pose of an instance; `None` while it has none.
+    /// Slots of an instance's pose and previous pose; `None` while it has no pose.
     fn slots_of(&self, instances: &Instances, instance: usize) -> Option<(u32, Option<u32>)> {
         instances.slots_of(instance)
     }
 
-    /// Vertices of the first group that the update planned last changed in the pose of an instance that is shown:
-    /// ascending ranges, which may go on behind the last vertex.
+    /// Vertices of the first group that the update planned last changed in the pose of a shown instance, as ascending
+    /// ranges that may extend beyond the last vertex.
     fn changed(&self, instances: &Instances, id: UpdateId, instance: u32, out: &mut Vec<Range<u32>>) {
         if instances.written_by(instance as usize) == id.update {
             out.push(0..u32::MAX);
         }
     }
 
-    /// The next pose of an instance has no predecessor.
+    /// Makes the next pose of an instance its own previous pose.
     fn cut(&mut self, _instance: u32) {}
 
-    /// An instance is hidden from now on, or removed; or it is shown again.
+    /// Hides, removes or shows an instance.
     fn set_hidden(&mut self, _instance: u32, _hidden: bool) {}
 
-    /// A new instance takes a free place.
+    /// Initializes an instance in a free place.
     fn add(&mut self, _instance: u32) {}
 
-    /// This update and all later ones will never run.
+    /// Discards an update and all later ones.
     fn discard_from(&mut self, _id: UpdateId) {}
 
-    /// So many updates are taken for recorded before the first.
+    /// Starts as if `updates` updates had been recorded.
     fn begin_at(&mut self, _updates: u64) {}
 
-    /// The error budget of an instance that there is, from the next update on.
+    /// Sets the error budget of an existing instance, from the next update on.
     ///
     /// # Errors
-    /// No budget: the technique has none, or it is not from 0 to that of the crowd.
+    /// The technique has no budgets, or the value is outside 0 to the crowd's.
     fn set_error_budget(&mut self, _instance: u32, budget: f32) -> Result<()> {
         let what = format!("an error budget of {budget} for an instance of a crowd whose path has none");
         Err(Error::invalid(what, "use the path blocks or cpu, with a mesh in a block format"))
     }
 
-    /// Refuse weights that it cannot apply.
+    /// Checks weights against limits of the technique.
     ///
     /// # Errors
-    /// As the technique says.
+    /// A limit is exceeded.
     fn check_weights(&self, _weights: &[f32]) -> Result<()> {
         Ok(())
     }
 
-    /// What draws poses of a group, where there are no pose buffers: draws evaluate them.
+    /// The draws that evaluate poses of a group, if there are no pose buffers.
     fn draws(&self, _group: usize) -> Option<&dyn PoseDraws> {
         None
     }
 
-    /// Sums of integers beside the poses of an instance: buffer and offset.
+    /// Integer sums of an instance beside its poses: buffer and offset.
     fn sums(&self, _instance: u32) -> Option<(vk::Buffer, u64)> {
         None
     }
 
-    /// What the works of a step read and write, for the hazard checker; see [`trace`](crate::plan::hazards::trace).
+    /// Reads and writes of the works of a step, for the hazard checker; see [`trace`](crate::plan::hazards::trace).
     fn accesses(&self, works: &[Work]) -> Vec<Accesses>;
 }
 
 /// Draws that evaluate poses.
 pub trait PoseDraws {
-    /// Record a draw of each of these instances, in a render pass without attachments, with every primitive discarded.
+    /// Records a draw of each instance, in a render pass without attachments, with all primitives discarded.
     ///
     /// # Safety
     /// - `cmd` is in the recording state on the technique's device, outside a render pass, on a queue with graphics.
-    /// - An update has written what the draws read, and they run as that update's do.
+    /// - An update has written what the draws read; they run under the same conditions.
     unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>);
 
-    /// Record the draw of an instance, and capture the pose that it evaluates in the first pose of the crowd's buffer,
-    /// with the barriers around it.
+    /// Records the draw of an instance, and captures the pose that it evaluates in the first pose of the crowd's
+    /// buffer, with the barriers around it.
     ///
     /// # Errors
-    /// A device that cannot capture.
+    /// The device cannot capture.
     ///
     /// # Safety
-    /// As [`record`](Self::record).
+    /// See [`record`](Self::record).
     unsafe fn capture(&self, cmd: vk::CommandBuffer, instance: u32) -> Result<()>;
 }
 
-/// Makes the buffers of a mesh for a path that has an upload of its own, and what fills them. The mesh was checked for
-/// the path. What buffers are filled by is recorded afterwards; all else is recorded here, unless there is an error.
+/// Creates the buffers of a checked mesh for a path with its own upload. The caller records the returned uploads;
+/// everything else is recorded here, unless it fails.
 ///
-/// To be called with the command buffer in the recording state on the device, outside a render pass; what is returned
-/// is kept until the device no longer uses it.
+/// Call it with the command buffer in the recording state on the device, outside a render pass; keep the result until
+/// the device no longer uses it.
 pub type UploadFor =
     unsafe fn(&Arc<Device>, vk::CommandBuffer, &PackedMesh, UpdatePath) -> Result<(Vec<MeshBuffers>, Vec<Upload>)>;
 
-/// Techniques that are made outside the library, of paths that it names and does not implement.
+/// Techniques implemented outside the library, for paths that it only names.
 pub struct Techniques {
-    /// Makes the technique of a description, which was checked.
+    /// Creates the technique of a checked description.
     pub make: fn(Context<'_>) -> Result<Box<dyn Technique>>,
-    /// For paths that have an upload of their own.
+    /// For paths with their own upload.
     pub upload: UploadFor,
 }
 
 impl Techniques {
-    /// Those there are, or why `path` cannot be had.
+    /// The baselines, or the error that they are missing.
     pub(crate) fn of<'a>(others: Option<&'a Self>, path: UpdatePath, caps: &DeviceCaps) -> Result<&'a Self> {
         others.ok_or_else(|| Error::Unsupported {
             path: path.name(),
@@ -148,14 +147,14 @@ impl Techniques {
     }
 }
 
-/// The place of an update among those of a crowd.
+/// Identifies an update of a crowd.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UpdateId {
     /// Its number, from 1.
     pub update: u64,
-    /// Updates that recorded something before it, less discarded ones.
+    /// Number of earlier updates that recorded something and were not discarded.
     pub recorded: u64,
-    /// Which part of the rings it takes.
+    /// Index in the rings of lists.
     pub frame: u64,
 }
 
@@ -164,61 +163,61 @@ pub struct UpdateId {
 pub struct Poses {
     /// The buffer that holds them all.
     pub buffer: vk::Buffer,
-    /// What it was made for; nothing that we know of, where it is the host's.
+    /// Its usage flags; empty (unknown) for a host's buffer.
     pub usage: vk::BufferUsageFlags,
-    /// Where a descriptor of the first pose begins, a multiple of 256.
+    /// Offset of the first pose's descriptor, a multiple of 256.
     pub begin: u64,
-    /// Bytes from there to the first vertex; 0 in buffers of ours.
+    /// Bytes from there to the first vertex; 0 in engine-owned buffers.
     pub lead: u64,
-    /// How numbers are stored.
+    /// The pose format.
     pub format: PoseFormat,
-    /// Where they are in a vertex.
+    /// Component offsets in a vertex.
     pub(crate) places: Places,
-    /// Bytes of one.
+    /// Bytes per pose.
     pub bytes: u64,
     /// Instances of the crowd.
     pub instances: u32,
-    /// Poses of an instance.
+    /// Slots per instance.
     pub slots: u32,
-    /// The grid of weights and poses, where sums are of integers.
+    /// The grid of weights and poses, if sums are integers.
     pub grid: Option<PoseGrid>,
 }
 
 impl Poses {
-    /// Input units of integers, by triple.
+    /// Input units per integer, by triple; 1 for float32.
     pub fn units(&self) -> [f32; TRIPLES] {
         self.grid.filter(|_| self.format.has_integers()).map_or([1.0; TRIPLES], |grid| grid.units)
     }
 
-    /// Where a pose begins: its first vertex.
+    /// Byte offset of a pose's first vertex.
     pub fn offset(&self, instance: u32, slot: u32) -> u64 {
         let number = u64::from(instance) * u64::from(self.slots) + u64::from(slot);
         self.begin + self.lead + number * self.bytes
     }
 
-    /// Bytes that a descriptor of all poses of `count` instances covers.
+    /// Bytes of a descriptor of all poses of `count` instances.
     pub(crate) fn range_bytes(&self, count: u32) -> u64 {
         self.lead + u64::from(count) * u64::from(self.slots) * self.bytes
     }
 
-    /// All poses of `count` instances.
+    /// All poses of `count` instances from `first` on.
     pub(crate) fn range(&self, first: u32, count: u32) -> BufferRange {
         let (offset, size) = (self.offset(first, 0) - self.lead, self.range_bytes(count));
         BufferRange { buffer: self.buffer, offset, size }
     }
 
-    /// Numbers from pose to pose.
+    /// Numbers per pose.
     pub(crate) fn numbers(&self) -> u32 {
         (self.bytes / self.format.number_bytes() as u64) as u32
     }
 
-    /// What the places of kernels are specialized with, which count from the beginning of a [`range`](Self::range).
+    /// Specialization constants of kernels for component offsets, relative to the start of a [`range`](Self::range).
     pub(crate) fn place_constants(&self) -> Option<PlaceConstants> {
         self.places.behind((self.lead / self.format.number_bytes() as u64) as u32).constants()
     }
 }
 
-/// A group of a mesh, and the poses of a crowd in it.
+/// A group of a mesh, and a crowd's poses in it.
 pub struct PoseGroup {
     /// The group.
     pub mesh: Arc<MeshBuffers>,
@@ -226,25 +225,25 @@ pub struct PoseGroup {
     pub poses: Poses,
 }
 
-/// What a technique is made from.
+/// Input for creating a technique.
 #[derive(Clone, Copy)]
 pub struct Context<'a> {
     /// The device.
     pub device: &'a Arc<Device>,
-    /// Pipelines made so far.
+    /// Cache of pipelines.
     pub kernels: &'a Kernels,
     /// A group of the mesh.
     pub mesh: &'a Arc<MeshBuffers>,
     /// The crowd's description, which was checked.
     pub desc: &'a CrowdDesc,
-    /// The poses in the group.
+    /// The poses of the group.
     pub poses: Poses,
-    /// All groups; `mesh` and `poses` are those of one, which is the first to begin with.
+    /// All groups. `mesh` and `poses` are those of one group, initially the first.
     pub all: &'a [PoseGroup],
 }
 
 impl<'a> Context<'a> {
-    /// What is made from each group of the mesh.
+    /// A context for each group of the mesh.
     pub fn groups(self) -> impl Iterator<Item = Self> {
         self.all.iter().map(move |group| Self { mesh: &group.mesh, poses: group.poses, ..self })
     }
@@ -254,24 +253,24 @@ impl<'a> Context<'a> {
         &self.device.caps
     }
 
-    /// Where everything is in the group.
+    /// The layout of the group.
     pub fn layout(&self) -> &'a PackedLayout {
         &self.mesh.layout
     }
 
-    /// The grid of weights and poses, for techniques that know no other sums than those of integers.
+    /// The grid of weights and poses, for techniques with integer sums only.
     pub fn grid(&self) -> PoseGrid {
         let Some(grid) = self.poses.grid else { unreachable!("`UpdateDesc::check_all` refuses sums without a grid") };
         grid
     }
 
-    /// Refuse `what`, which takes more bytes than a descriptor covers.
+    /// Fails if `bytes` of `what` exceed the device's storage range.
     pub fn check_range(&self, what: &str, bytes: u64, remedy: &str) -> Result<()> {
         let what = format!("{what} of mesh '{}' take", self.layout().name);
         self.caps().check_limit(&what, (bytes, "bytes", self.caps().max_storage_range), remedy)
     }
 
-    /// Refuse lists that offsets of 32 bits do not reach.
+    /// Fails if 32-bit offsets do not reach `bytes` of `what`.
     pub fn check_offsets(&self, what: &str, bytes: u64, remedy: &str) -> Result<()> {
         if bytes <= u64::from(u32::MAX) {
             return Ok(());

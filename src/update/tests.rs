@@ -1,4 +1,4 @@
-//! What tests of plans have in common: any history of updates, cuts and discarded updates of one instance.
+//! Helpers for tests of plans: any history of updates, cuts and discards of one instance.
 
 use crate::plan::UpdateDesc;
 use crate::plan::hazards::{Event as Recorded, Memory};
@@ -6,20 +6,20 @@ use crate::plan::instances::Instances;
 use crate::plan::tests::{DrawnUpdate, Event, assert_barriers_needed, checker};
 use std::fmt::Debug;
 
-/// What plans the updates of one instance.
+/// Plans updates of one instance.
 pub(crate) trait Planned: Sized {
     /// The memory that updates work on.
     type Memory: Clone;
-    /// What a slot holds.
+    /// The contents of a slot.
     type Pose: PartialEq + Debug;
 
-    /// Plan the next update, carry it out, and check the pose. What a device records.
+    /// Plans the next update, executes it, and checks the pose. Returns what a device records.
     fn update(one: &mut One<Self>) -> Vec<Recorded>;
 
     fn pose(one: &One<Self>, slot: u32) -> Self::Pose;
 }
 
-/// Updates that may be unfinished at once.
+/// Updates that may be in flight.
 const UNFINISHED: usize = 3;
 
 /// A crowd of one instance.
@@ -37,7 +37,7 @@ impl<P: Planned> One<P> {
         Self { desc, planner, instances: Instances::new(1, targets, desc.slots, UNFINISHED as u32), memory, update: 0 }
     }
 
-    /// Update to these weights: what is recorded, and the slots of pose and previous pose.
+    /// Updates to these weights; returns what is recorded, and the slots of pose and previous pose.
     pub(crate) fn update_to(&mut self, weights: &[f32]) -> DrawnUpdate {
         self.instances.set_weights(0, weights).unwrap();
         self.update += 1;
@@ -46,7 +46,7 @@ impl<P: Planned> One<P> {
         (recorded, [Some(pose), previous])
     }
 
-    /// The pose there is.
+    /// The current pose.
     fn current(&self) -> Option<P::Pose> {
         self.instances.slots_of(0).map(|(slot, _)| P::pose(self, slot))
     }
@@ -62,8 +62,8 @@ fn written(recorded: &[Recorded]) -> Vec<u32> {
     uses.filter_map(|used| if let Memory::Pose { slot, .. } = used.memory { Some(slot) } else { None }).collect()
 }
 
-/// What the documentation of `MorphEngine` says of several queues: so many frames back draws may still run, and where
-/// they read the previous pose, too, so many. The update writes none of their slots.
+/// The rule of `MorphEngine` for several queues: how many frames back draws may still run, with and without reading the
+/// previous pose. The update writes none of their slots.
 fn assert_waits_for_enough(desc: UpdateDesc, drawn: impl Iterator<Item = [Option<u32>; 2]>, written: &[u32]) {
     let slots = desc.slots as usize;
     let [beside, with_previous] = match desc.path.works_in_place() {
@@ -77,10 +77,10 @@ fn assert_waits_for_enough(desc: UpdateDesc, drawn: impl Iterator<Item = [Option
     }
 }
 
-/// Any sequence of updates, cuts and discarded updates: the previous slot holds the pose before, no access is
-/// unordered, and slots are those that hosts expect who count frames.
+/// For any sequence of updates, cuts and discards: the previous slot holds the previous pose, every access is ordered,
+/// and slots are those that a host counting frames expects.
 pub(crate) fn follow<P: Planned>(mut one: One<P>, events: Vec<Event>) {
-    // The updates that ran, each with what memory was before it, and whether it was the one after a cut.
+    // Executed updates, each with the memory before it, and whether it followed a cut.
     let mut ran: Vec<(u64, DrawnUpdate, P::Memory, bool)> = vec![];
     let (mut cut, in_place, mut finished) = (false, one.desc.path.works_in_place(), 0);
     for event in events {
@@ -91,7 +91,7 @@ pub(crate) fn follow<P: Planned>(mut one: One<P>, events: Vec<Event>) {
             }
             Event::DiscardLast(n) => {
                 let first = ran.len() - (n as usize).min(ran.len() - finished);
-                // They never ran: memory is what it was before the first of them.
+                // Discarded updates never ran: restore the memory before the first of them.
                 for (i, (number, _, before, was_cut)) in ran.drain(first..).enumerate() {
                     if i == 0 {
                         one.instances.discard_from(number);
@@ -129,9 +129,9 @@ pub(crate) fn follow<P: Planned>(mut one: One<P>, events: Vec<Event>) {
     assert_eq!(checker.finish(), Ok(()));
 }
 
-/// Take any one of the `count` barriers of an update of a running animation out, and the checker says so.
+/// Removing any one of the `count` barriers of an update of a running animation makes the checker fail.
 pub(crate) fn every_barrier_is_needed<P: Planned>(mut one: One<P>, targets: usize, count: usize, what: &str) {
-    // Three frames to bring the slots round, then the one that is tampered with, then one more.
+    // Three frames to fill the slots, the frame under test, and one more.
     let frame = |frame: usize| {
         let weight = |t: usize| if t % 3 == frame % 3 { 2.0 + frame as f32 / 4.0 } else { 1.0 };
         one.update_to(&(0..targets).map(weight).collect::<Vec<f32>>())

@@ -1,4 +1,4 @@
-//! Clips and error budgets as integers: what is uploaded once.
+//! Clips and error budgets as integers, in the form that is uploaded.
 
 use crate::error::{Error, Result};
 use crate::lod::{Importance, LevelDesc};
@@ -7,87 +7,84 @@ use crate::pack::blocks::{BlockIndex, PoseGrid};
 use crate::setters::setters;
 use crate::weights::WeightClip;
 
-/// How keys are kept.
+/// Storage of keys.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum KeyFormat {
     /// 32 bits: the resolution of the grid.
     #[default]
     Bits32,
-    /// 16 bits, two to a word: the integer shifted to the right until all of a clip fit, to nearest.
-    /// [`Clips::rounding`] says what is lost.
+    /// 16 bits, two per word: shifted right until all keys of a clip fit, rounded to nearest. [`Clips::rounding`]
+    /// returns the loss.
     Bits16,
 }
 
-/// The clips that the instances of a crowd can play.
+/// The clips of a crowd animated on the GPU, and its levels of detail.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub struct AnimationDesc<'a> {
-    /// The clips; [`Playback::clip`](super::Playback::clip) counts them from 0.
+    /// The clips, numbered from 0 in [`Playback::clip`](super::Playback::clip).
     pub clips: &'a [WeightClip],
-    /// How keys are kept.
+    /// Storage of keys.
     pub key_format: KeyFormat,
-    /// The order of targets for levels of detail ([`AnimatedCrowd::set_level`](crate::AnimatedCrowd::set_level));
-    /// `None`: all are kept for the life of the crowd.
+    /// Order of targets for levels of detail ([`AnimatedCrowd::set_level`](crate::AnimatedCrowd::set_level)); `None`:
+    /// all targets are always kept.
     pub importance: Option<&'a Importance>,
-    /// How the GPU chooses levels of detail of the heads whose places are known
-    /// ([`AnimatedCrowd::set_place`](crate::AnimatedCrowd::set_place)), from how large they are on the screen; takes
-    /// [`importance`](field@Self::importance). `None`: levels are those that are set.
+    /// How the GPU chooses levels of detail from the size on the screen, for instances with a place
+    /// ([`AnimatedCrowd::set_place`](crate::AnimatedCrowd::set_place)). Requires
+    /// [`importance`](field@Self::importance). `None`: only the host sets levels.
     pub level: Option<LevelDesc>,
 }
 
 setters!(AnimationDesc<'a> { key_format: KeyFormat, importance: Option<&'a Importance>, level: Option<LevelDesc> });
 
 impl<'a> AnimationDesc<'a> {
-    /// These clips, with keys of 32 bits.
+    /// `clips` with 32-bit keys, without levels of detail.
     pub fn new(clips: &'a [WeightClip]) -> Self {
         Self { clips, key_format: KeyFormat::default(), importance: None, level: None }
     }
 }
 
-/// Keys are not larger than this: a float32 has them exactly, and their differences fit 32 bits.
+/// Largest absolute key: exact in a float32, and differences fit 32 bits.
 const KEY_MAX: i32 = 1 << 24;
 
-/// What the table does not say of a clip.
+/// Properties of a clip outside the table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Clip {
     fps: f32,
     rounding: f32,
 }
 
-/// The clips of an animated crowd, as they are on the device: keys rounded to the grid of poses of integers.
-/// [`AnimatedCrowd::clips`](crate::AnimatedCrowd::clips) has them. A host asks them for lengths, and by how much
-/// rounding moved a weight; it does not make them, which
-/// [`MorphEngine::create_animated_crowd`](crate::MorphEngine::create_animated_crowd) does.
+/// The clips of an animated crowd as uploaded, with keys rounded to the grid of fixed-point poses. Returned by
+/// [`AnimatedCrowd::clips`](crate::AnimatedCrowd::clips), to query lengths and rounding; created by
+/// [`MorphEngine::create_animated_crowd`](crate::MorphEngine::create_animated_crowd).
 ///
 /// The words that kernels read:
 ///
-/// ```text
-/// table   [clip][first word, frames, shift, bits of a key]
-/// keys    [clip][frame][target]                                 a word each, or half a word
-/// ranks   [target]                                              where levels of detail may be set
-/// reaches [rank], errors [targets kept]                         float32, where they follow the camera
-/// ```
+/// ```text table   [clip][first word, frames, shift, bits of a key] keys    [clip][frame][target]
+/// a word each, or half a word ranks   [target]                                              with
+/// AnimationDesc::importance reaches [rank], errors [targets kept]                         float32, with
+/// AnimationDesc::level ```
 ///
-/// First words count from the start of the table.
+/// First words are relative to the start of the table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Clips {
     words: Vec<u32>,
     clips: Vec<Clip>,
     targets: usize,
     format: KeyFormat,
-    /// Where ranks begin; 0: there are none.
+    /// First word of the ranks; 0: none.
     ranks_at: u32,
     following: Option<Following>,
 }
 
-/// How levels of detail follow the camera.
+/// Levels of detail that follow the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Following {
     pub(crate) desc: LevelDesc,
     /// Targets that are always kept.
     pub(crate) pinned: u32,
-    /// Where the reaches begin.
+    /// First word of the reaches.
     pub(crate) reaches_at: u32,
 }
 
@@ -95,12 +92,12 @@ pub(crate) struct Following {
 const TABLE_WORDS: usize = 4;
 
 impl Clips {
-    /// Put the clips of `desc` on a grid, for a mesh.
+    /// Rounds the clips of `desc` to the grid, for a mesh.
     ///
     /// # Errors
-    /// As [`WeightClip::bind`]; a clip without frames or with a frame rate that
-    /// is none; a weight beyond the grid: the message names frame and target; an order of importance of other targets;
-    /// levels that follow the camera without one, or of 65,536 targets.
+    /// Errors of [`WeightClip::bind`]; a clip without frames or with an invalid frame rate; a weight beyond the grid
+    /// (the message names frame and target); an order of importance for another number of targets; levels that follow
+    /// the camera without one, or for more than 65,535 targets.
     pub fn new(desc: &AnimationDesc<'_>, layout: &PackedLayout, grid: PoseGrid) -> Result<Self> {
         let names: Vec<&str> = layout.targets.iter().map(|t| t.name.as_str()).collect();
         let words = vec![0; TABLE_WORDS * desc.clips.len()];
@@ -116,7 +113,7 @@ impl Clips {
                 );
                 return Err(Error::invalid(what, "rank the targets of this mesh"));
             }
-            // Without clips that is 0, and nothing plays.
+            // 0 without clips, since nothing plays then.
             all.ranks_at = all.words.len() as u32;
             all.words.extend_from_slice(importance.ranks());
             if let Some(desc) = desc.level {
@@ -142,7 +139,7 @@ impl Clips {
         Ok(all)
     }
 
-    /// Append a clip.
+    /// Appends a clip.
     fn push(&mut self, clip: &WeightClip, names: &[&str], grid: PoseGrid) -> Result<()> {
         let refuse = |what: String, remedy: &str| Err(Error::invalid(format!("clip '{}': {what}", clip.name), remedy));
         let bound = clip.bind(names)?;
@@ -154,7 +151,7 @@ impl Clips {
             return refuse(format!("{} frames a second", clip.fps), "use a rate above 0");
         }
         let mut keys = vec![];
-        // Memory for a key of every target in every frame, however few columns state them.
+        // A key of every target in every frame, even if few columns are animated.
         let count = frames.saturating_mul(names.len());
         if count > u32::MAX as usize || keys.try_reserve_exact(count).is_err() || self.words.try_reserve(count).is_err()
         {
@@ -166,7 +163,7 @@ impl Clips {
                 let key = grid.steps(weight);
                 if weight.abs() > grid.weight_max || !(-KEY_MAX..=KEY_MAX).contains(&key) {
                     let most = grid.weight_max.min(KEY_MAX as f32 * grid.weight_step());
-                    let stand = format!("poses of integers hold weights from -{most} to {most} here");
+                    let stand = format!("fixed-point poses hold weights from -{most} to {most} here");
                     return refuse(
                         format!("frame {frame}, target '{name}': the weight is {weight}"),
                         &format!("{stand}: use a larger weight_max"),
@@ -184,7 +181,7 @@ impl Clips {
             KeyFormat::Bits16 => {
                 let most = grid.steps(grid.weight_max);
                 let fits = |shift: &u32| keys.iter().all(|&key| i16::try_from(shortened(key, *shift, most)).is_ok());
-                // 15 always does: keys have 31 bits and a sign.
+                // 15 always suffices: keys have 31 bits and a sign.
                 let shift = (0..16).find(fits).unwrap_or(16);
                 let half = |key: &i32| shortened(*key, shift, most) as u32 & 0xffff;
                 self.words.extend(keys.chunks(2).map(|pair| half(&pair[0]) | pair.get(1).map_or(0, half) << 16));
@@ -198,27 +195,27 @@ impl Clips {
         Ok(())
     }
 
-    /// The table's words of a clip.
+    /// A clip's words in the table.
     fn entry(&self, clip: usize) -> [u32; TABLE_WORDS] {
         self.words[..TABLE_WORDS * self.clips.len()].as_chunks().0[clip]
     }
 
-    /// Where the ranks of targets begin, for levels of detail; `None`: no order of importance was given.
+    /// First word of the ranks for levels of detail; `None` without an order of importance.
     pub(crate) fn ranks_at(&self) -> Option<u32> {
         (self.ranks_at > 0).then_some(self.ranks_at)
     }
 
-    /// How levels of detail follow the camera; `None`: they do not.
+    /// `Some` if levels of detail follow the camera.
     pub(crate) fn following(&self) -> Option<Following> {
         self.following
     }
 
-    /// The rank of a target, where there are ranks.
+    /// The rank of a target, if there are ranks.
     pub(crate) fn rank(&self, target: usize) -> u32 {
         self.words[self.ranks_at as usize + target]
     }
 
-    /// Table, keys and ranks, as kernels read them.
+    /// Table, keys, ranks, reaches and errors, as kernels read them.
     pub fn words(&self) -> &[u32] {
         &self.words
     }
@@ -228,33 +225,33 @@ impl Clips {
         self.clips.len()
     }
 
-    /// Keys of a frame.
+    /// Number of targets: keys per frame.
     pub fn targets(&self) -> usize {
         self.targets
     }
 
-    /// Frames of a clip; `None`: there is no such clip.
+    /// Number of frames of a clip; `None` if there is no such clip.
     pub fn frames(&self, clip: usize) -> Option<u32> {
         (clip < self.count()).then(|| self.frame_count(clip))
     }
 
-    /// Frames of a clip that there is.
+    /// Number of frames of an existing clip.
     pub(crate) fn frame_count(&self, clip: usize) -> u32 {
         self.entry(clip)[1]
     }
 
-    /// Frames a second of a clip; `None`: there is no such clip.
+    /// Frames per second of a clip; `None` if there is no such clip.
     pub fn fps(&self, clip: usize) -> Option<f32> {
         self.clips.get(clip).map(|clip| clip.fps)
     }
 
-    /// What 16-bit keys lost of a clip: the largest change of a weight. 0 for 32-bit keys. The grid's own rounding,
-    /// half a [`weight_step`](PoseGrid::weight_step), comes on top. `None`: there is no such clip.
+    /// Largest change of a weight from 16-bit keys of a clip; 0 for 32-bit keys. The grid's own rounding, half a
+    /// [`weight_step`](PoseGrid::weight_step), adds to it. `None` if there is no such clip.
     pub fn rounding(&self, clip: usize) -> Option<f32> {
         self.clips.get(clip).map(|clip| clip.rounding)
     }
 
-    /// A key in steps of the grid, of a clip and frame that there are.
+    /// A key of an existing clip and frame, in steps of the grid.
     pub(crate) fn key(&self, clip: usize, frame: u32, target: usize) -> i32 {
         let ([first, _, shift, _], at) = (self.entry(clip), frame as usize * self.targets + target);
         match self.format {
@@ -267,7 +264,8 @@ impl Clips {
     }
 }
 
-/// `key` without its lowest `shift` bits, to nearest, but never beyond `most` once they are back: sums would overflow.
+/// `key` without its low `shift` bits, rounded to nearest, but within `most` when shifted back, since sums would
+/// overflow.
 fn shortened(key: i32, shift: u32, most: i32) -> i32 {
     let short = (key + ((1 << shift) >> 1)) >> shift;
     match (i64::from(short) << shift).abs() > i64::from(most) {
@@ -276,34 +274,31 @@ fn shortened(key: i32, shift: u32, most: i32) -> i32 {
     }
 }
 
-/// The error budget of a crowd: changes too small to matter are deferred, target by target.
+/// The error budget of a crowd: changes below it are deferred, target by target.
 ///
-/// An instance has requested weights, and those that its poses hold. A change between the two is deferred while in
-/// every block
+/// The change of an instance's target from applied to requested weight is deferred while in every block
 ///
-/// ```text
-/// Σ |requested − held| · reach ≤ budget        over the targets that touch the block
-/// ```
+/// ```text Σ |requested − applied| · reach ≤ budget     over the targets that touch the block ```
 ///
-/// with the reach of a target in a block (its longest position delta there) in steps, rounded up: integers of 64 bits,
-/// so that GPU and CPU decide alike. Where a block exceeds the budget, all that is deferred in it is applied; so is all
-/// of an instance whose requested weights stay the same from one update to the next.
+/// where the reach of a target in a block is the length of its longest position delta there, in steps, rounded up. Sums
+/// are 64-bit integers, so that GPU and CPU decide alike. If a block exceeds the budget, all its deferred changes are
+/// applied; so are all changes of an instance whose requested weights stay the same for an update.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Budget {
-    /// The budget, in steps of a weight times steps of a delta.
+    /// The budget, in steps of a weight × steps of a delta.
     pub most: u64,
-    /// The reach of each entry, in steps of a delta.
+    /// By entry: reach in steps of a delta.
     pub reaches: Vec<u32>,
 }
 
 impl Budget {
-    /// `length` in input units; `None` for 0, with which no change is deferred.
+    /// `length` in input units; `None` if it is 0: nothing is deferred.
     pub fn new(length: f32, index: &BlockIndex, grid: PoseGrid) -> Option<Self> {
         if length <= 0.0 {
             return None;
         }
         let (step, weight_step) = (f64::from(index.steps()[0]), f64::from(grid.weight_step()));
-        // Steps are powers of two: nothing rounds but what is meant to.
+        // Steps are powers of two: only floor and ceil round.
         let reach = |reach: f32| (f64::from(reach) / step).ceil() as u32;
         Some(Self {
             most: (f64::from(length) / (step * weight_step)).floor() as u64,

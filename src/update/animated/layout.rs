@@ -1,4 +1,4 @@
-//! Where everything is in the buffers of an animated crowd: tables, state, and the work lists that are planned.
+//! Buffer layout of an animated crowd: tables, state and planned work lists.
 
 use super::clips::{Budget, Clips};
 use crate::abi::numbers::{BIT_KINDS, BIT_KINDS_BUDGET, LEVEL_WORDS, RECORD_WORDS, WORKGROUP};
@@ -12,22 +12,21 @@ use crate::update::blocks::gpu::{set_size, workgroup};
 use crate::update::technique::Context;
 use std::ops::Range;
 
-/// Blocks that are planned and dispatched together: of one part of the asset, and as many as a descriptor covers the
-/// work list of.
+/// Blocks planned and dispatched together: in one part of the asset, with a work list that fits a descriptor.
 pub(super) struct Run {
-    /// The part.
+    /// Index of the asset part.
     pub(super) part: usize,
     pub(super) blocks: Range<usize>,
-    /// Their entries.
+    /// Number of their entries.
     entries: usize,
-    /// The entries that lie in the part.
+    /// Entries of the part.
     pub(super) bound: Range<usize>,
-    /// Where its work list begins among those of a set, in bytes.
+    /// Byte offset of its work list among those of a set.
     offset: u64,
 }
 
 impl Run {
-    /// The runs of a mesh of which descriptors cover `most` bytes.
+    /// Cuts a mesh into runs, for descriptors of at most `most` bytes.
     fn cut(index: &BlockIndex, parts: &[AssetPart], most: u64) -> Vec<Self> {
         let mut runs: Vec<Self> = vec![];
         for (part, asset) in parts.iter().enumerate() {
@@ -45,14 +44,12 @@ impl Run {
         runs
     }
 
-    /// Items of a width that a work list of so many tiles has room for: one for each block, and what fills up the last
-    /// workgroup.
+    /// Capacity of a work list of `tiles` tiles, in items per width: one per block, padded to full workgroups.
     fn capacity(&self, tiles: u32) -> u32 {
         (tiles * self.blocks.len() as u32).next_multiple_of(ITEMS_MAX)
     }
 
-    /// Bytes of a work list of so many tiles: items of each width, a row for each entry, and one for a
-    /// block without any.
+    /// Bytes of a work list of `tiles` tiles: items of each width, a row per entry, and one per block without entries.
     fn list_bytes(&self, tiles: u32) -> u64 {
         let items = WIDTHS * TILE_WORDS * self.capacity(tiles) as usize;
         let rows = row_words(WIDTHS - 1) * (self.entries + self.blocks.len());
@@ -60,25 +57,24 @@ impl Run {
     }
 }
 
-/// A group of the mesh. Its instances are split into sets that one descriptor reaches, its blocks into runs; each run
-/// of each set is planned into a work list of its own, and has dispatches of its own.
+/// A group of the mesh. Its instances are split into sets that fit a descriptor, its blocks into runs. Each run of each
+/// set has its own work list and dispatches.
 pub(super) struct GroupLayout {
     instances: u32,
-    /// Instances of a set; the last may have fewer.
+    /// Instances per set; the last set may have fewer.
     size: u32,
-    /// Instances of a tile.
+    /// Instances per tile.
     widest: u32,
     runs: Vec<Run>,
     /// Bytes of the work lists of a set.
     stride: u64,
-    /// Push constants, but for what one of the dispatches that plan is for; clock and slots are those of the last
-    /// update.
+    /// Push constants shared by all dispatches; clock and slots are those of the last update.
     pub(super) push: AnimationPush,
 }
 
 impl GroupLayout {
-    /// Of the mesh and crowd of `context`. `push` is the same for all groups of the mesh; tables and history of this
-    /// one are appended to `tables` and `state`.
+    /// `push` holds values shared by all groups of the mesh; tables and history of this group are added to `tables` and
+    /// `state`.
     fn new(context: &Context<'_>, push: AnimationPush, tables: &mut Words, state: &mut Words) -> Result<Self> {
         let (caps, instances, index) = (context.caps(), context.desc.instances, context.layout().index()?);
         let (blocks, entries) = (index.count() as u64, index.entry_count() as u64);
@@ -99,7 +95,7 @@ impl GroupLayout {
         }
         let items = runs.iter().map(|run| run.capacity(tiles)).max().unwrap_or(0);
         let workgroup = workgroup(context, instances)?;
-        // `Layout::new` refuses offsets beyond 32 bits.
+        // `Layout::new` rejects offsets beyond 32 bits.
         let push = AnimationPush {
             blocks: blocks as u32,
             block_targets_at: tables.add(blocks * u64::from(push.words)),
@@ -114,40 +110,40 @@ impl GroupLayout {
         Ok(Self { instances, size, widest, runs, stride, push })
     }
 
-    /// Sets of instances.
+    /// Number of sets.
     fn sets(&self) -> u32 {
         self.instances.div_ceil(self.size)
     }
 
-    /// Work lists: `[set][run]`.
+    /// Number of work lists, `[set][run]`.
     pub(super) fn lists(&self) -> u32 {
         self.sets() * self.runs.len() as u32
     }
 
-    /// The set of instances and the run of blocks that a work list is for.
+    /// The set and the run of a work list.
     pub(super) fn get(&self, list: u32) -> (u32, &Run) {
         let runs = self.runs.len() as u32;
         (list / runs, &self.runs[(list % runs) as usize])
     }
 
-    /// First instance of a set, and how many it has.
+    /// First instance of a set, and count.
     pub(super) fn instances(&self, set: u32) -> (u32, u32) {
         let first = set * self.size;
         (first, self.size.min(self.instances - first))
     }
 
-    /// Tiles of instances of a set.
+    /// Number of tiles of a set's instances.
     fn tiles(&self, set: u32) -> u32 {
         self.instances(set).1.div_ceil(self.widest)
     }
 
-    /// Tiles of a width that a work list has room for.
+    /// Capacity of a work list, in items per width.
     pub(super) fn capacity(&self, list: u32) -> u32 {
         let (set, run) = self.get(list);
         run.capacity(self.tiles(set))
     }
 
-    /// Where a work list is, in bytes, and how many it has.
+    /// Byte offset and length of a work list.
     pub(super) fn place(&self, list: u32) -> (u64, u64) {
         let (set, run) = self.get(list);
         (u64::from(set) * self.stride + run.offset, run.list_bytes(self.tiles(0)))
@@ -158,7 +154,7 @@ impl GroupLayout {
         u64::from(self.sets()) * self.stride
     }
 
-    /// Push constants and workgroups that plan a work list.
+    /// Push constants and workgroups of the dispatch that plans a work list.
     pub(super) fn plan(&self, list: u32) -> (AnimationPush, [u32; 2]) {
         let (set, run) = self.get(list);
         let (first_head, group_heads) = self.instances(set);
@@ -175,7 +171,7 @@ impl GroupLayout {
         (push, [push.run_blocks.div_ceil(WORKGROUP), self.tiles(set)])
     }
 
-    /// Where the arguments of a dispatch for a work list are in the control buffer, in bytes.
+    /// Byte offset in the control buffer of the arguments of a dispatch.
     pub(super) fn arguments(&self, list: u32, width: u32, chunk: u32) -> u64 {
         let AnimationPush { counters, chunks, .. } = self.push;
         let dispatch = u64::from(list * WIDTHS as u32 + width) * u64::from(chunks) + u64::from(chunk);
@@ -188,11 +184,11 @@ impl GroupLayout {
     }
 }
 
-/// Words of a buffer that are in use.
+/// Allocates words of a buffer.
 struct Words(u64);
 
 impl Words {
-    /// Room for `count` more; where it begins.
+    /// Adds `count` words; returns the first.
     fn add(&mut self, count: u64) -> u32 {
         let at = self.0;
         self.0 += count;
@@ -200,9 +196,9 @@ impl Words {
     }
 }
 
-/// Where everything is in the buffers of a crowd.
+/// Layout of a crowd's buffers.
 pub(super) struct Layout {
-    /// Of each group of the mesh; the first one's tables are those of the error budget as well.
+    /// By group; the first one's tables also serve the error budget.
     pub(super) groups: Vec<GroupLayout>,
     /// Bytes of clips and tables; never 0.
     pub(super) table_bytes: u64,
@@ -211,15 +207,15 @@ pub(super) struct Layout {
 
 impl Layout {
     /// # Errors
-    /// More than the device's storage range holds, with the numbers.
+    /// Sizes beyond the device's storage range.
     pub(super) fn new(context: &Context<'_>, clips: &Clips, budget: Option<&Budget>) -> Result<Self> {
         let (targets, instances) = (context.layout().targets.len() as u64, u64::from(context.desc.instances));
         let words = targets.div_ceil(32).max(1);
-        // A budget is not at 0, which tells kernels that there is none.
+        // A budget is never at word 0, which means none to kernels.
         let (mut tables, mut state) = (Words(clips.words().len().max(1) as u64), Words(0));
         let bit_kinds = if budget.is_some() { BIT_KINDS_BUDGET } else { BIT_KINDS };
         state.add(u64::from(RECORD_WORDS) * instances);
-        // Directly behind them.
+        // Directly after the records.
         state.add(clips.following().map_or(0, |_| u64::from(LEVEL_WORDS) * instances));
         let common = AnimationPush {
             heads: context.desc.instances,
@@ -252,7 +248,7 @@ impl Layout {
         Ok(layout)
     }
 
-    /// The tables, of groups with these blocks.
+    /// Contents of the tables; `indices` are the blocks of the groups.
     pub(super) fn tables<'a>(
         &self,
         indices: impl Iterator<Item = &'a BlockIndex>,
@@ -288,7 +284,7 @@ mod tests {
     use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
     use crate::testing;
 
-    /// Work lists may take more than the parts of the asset, where entries are small: runs are cut to what fits.
+    /// Work lists may exceed the asset parts if entries are small: runs are cut to fit.
     #[test]
     fn runs_are_cut_at_parts_and_where_their_lists_exceed_the_range() {
         let mesh = PackedMesh::pack(&testing::mesh(3000, 20), &PackDesc::new(DeltaFormat::Small)).unwrap();

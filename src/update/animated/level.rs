@@ -5,8 +5,8 @@ use crate::abi::push::{AnimationPush, LevelPush};
 use crate::lod::{Camera, pixels_per_unit};
 use crate::pack::blocks::{BlockIndex, PoseGrid};
 
-/// All but camera and cuts; `None`: no level of detail follows a camera. `push` is that of the
-/// first group of the mesh, `index` its blocks.
+/// Push constants without camera and cuts, or `None` if no level of detail follows a camera. `push` and `index` are
+/// those of the mesh's first group.
 pub(super) fn push(clips: &Clips, push: &AnimationPush, index: &BlockIndex, grid: PoseGrid) -> Option<LevelPush> {
     let Following { desc, pinned, reaches_at } = clips.following()?;
     let [exceeded, wanted] = desc.bounds();
@@ -14,7 +14,7 @@ pub(super) fn push(clips: &Clips, push: &AnimationPush, index: &BlockIndex, grid
     let &AnimationPush { heads, targets, words, phases_at, budget_at, .. } = push;
     Some(LevelPush {
         eye: [0.0; 3],
-        // Without a camera all targets are kept.
+        // All targets are kept until there is a camera.
         unit_at_one: f32::INFINITY,
         exceeded,
         wanted,
@@ -31,7 +31,7 @@ pub(super) fn push(clips: &Clips, push: &AnimationPush, index: &BlockIndex, grid
     })
 }
 
-/// The camera of the next update, and how often it has cut.
+/// Sets the camera of the next update, and the number of its cuts.
 pub(super) fn follow(push: &mut LevelPush, (camera, cuts): (Option<Camera>, u32)) {
     push.epoch = cuts;
     if let Some(Camera { eye, height, angle }) = camera {

@@ -1,9 +1,8 @@
-//! Animation on the GPU: clips are sampled, planned and applied there, and the CPU records the same steps whatever
-//! moves.
+//! Animation on the GPU: kernels sample clips, plan and update; the CPU always records the same steps.
 //!
-//! `sample` has time, keys and interpolation, `clips` what is uploaded once and which changes an error budget defers,
-//! `playback` what each instance plays, `level` how many targets it keeps; `reference` does on the CPU what the kernels
-//! do. `steps` and `layout` are an update as data and where everything lies, `technique` carries it out.
+//! `sample`: time, keys and interpolation. `clips`: uploaded data, and which changes an error budget defers.
+//! `playback`: what each instance plays. `level`: levels of detail. `reference`: the CPU twin of the kernels. `steps`
+//! and `layout`: an update as data, and buffer layouts. `technique`: the device side.
 
 mod clips;
 mod layout;

@@ -1,5 +1,4 @@
-//! What the CPU knows of the instances of a crowd that is animated on the GPU: what each plays, and which updates
-//! wrote its poses.
+//! Host state of the instances of a crowd animated on the GPU: what each plays, and which updates wrote its poses.
 
 use super::clips::Clips;
 use super::sample::{HeadRecord, Playback, TICKS_PER_SECOND};
@@ -8,50 +7,51 @@ use crate::lod::{Camera, Place};
 use crate::weights::Repeat;
 use std::ops::Range;
 
-/// Elapsed ticks at which a record is started anew (4.5 hours): half of what is exact. Starts may be as far ahead.
+/// Elapsed ticks after which a record is rebased (4.5 hours): half of the exact range. Also the limit of starts in the
+/// future.
 const REBASE_TICKS: i64 = 1 << 30;
-/// How far back it then starts: the clock may go back as far (an hour).
+/// Elapsed ticks after rebasing, so that the clock can go back as far (an hour).
 const REBASE_MARGIN: i64 = REBASE_TICKS / 4;
-/// Changes that are remembered of an instance, for updates that never run.
+/// Changes remembered per instance, for updates that are discarded.
 const CHANGES: usize = 8;
-/// Seconds beyond this are no time to animate at; below, ticks are exact in an `f64`.
+/// Limit of clock times; below it, ticks are exact in an `f64`.
 const SECONDS_MAX: f64 = (1u64 << 36) as f64;
 
 #[derive(Clone, Debug, Default)]
 struct Head {
-    /// Updates from which on it is shown, its first pose having no predecessor (`true`), or hidden; the latest first.
-    /// None: it has no pose, or so many of them never ran that it is not known.
+    /// Updates from which on it is shown, with a cut (`true`), or hidden; latest first. Empty: it has no pose, or too
+    /// many changes were discarded.
     changes: [Option<(u64, bool)>; CHANGES],
-    /// The next pose has no predecessor.
+    /// The next pose is its own previous pose.
     cut: bool,
-    /// Whether the record differs from what the device has.
+    /// The record differs from the device's.
     stale: bool,
-    /// The update that brought the record to the device.
+    /// The update that sent the record to the device.
     sent: u64,
-    /// Whether it is among [`Playbacks::pending`].
+    /// It is in [`Playbacks::pending`].
     listed: bool,
 }
 
-/// The instances of a crowd: records, clock, and what each update writes of them.
+/// The instances of a crowd: records, clock, and what each update writes.
 ///
-/// Updates are numbered from 0, and a discarded one gives its number back.
+/// Updates are numbered from 0; numbers of discarded updates are reused.
 #[derive(Clone, Debug)]
 pub struct Playbacks {
     heads: Vec<Head>,
-    /// What each plays, and the tick at which it started, all bits of it.
+    /// Records, and the full ticks of their starts.
     records: Vec<HeadRecord>,
     starts: Vec<i64>,
     now: i64,
-    /// What sees them, and how often it has cut.
+    /// The camera, and its number of cuts.
     camera: (Option<Camera>, u32),
     updates: u64,
-    /// Instances of which something changed since the last update.
+    /// Instances changed since the last update.
     pending: Vec<u32>,
     changed: Vec<Range<u32>>,
 }
 
 impl Playbacks {
-    /// `count` instances that play nothing, at second 0.
+    /// `count` instances that play nothing, at time 0.
     pub fn new(count: u32) -> Self {
         let head = Head { listed: true, ..Head::default() };
         Self {
@@ -78,34 +78,34 @@ impl Playbacks {
         Self { heads, records, starts, now, camera, updates, ..Self::new(places) }
     }
 
-    /// So many updates are taken for recorded before the first, with as many cuts of each instance and of the camera.
+    /// Starts as if `updates` updates had been recorded, with as many cuts of each instance and the camera.
     pub fn begin_at(&mut self, updates: u64) {
         self.updates = updates;
         self.camera.1 = updates as u32;
         self.records.iter_mut().for_each(|record| record.epoch = updates as u32);
     }
 
-    /// The clock is at `seconds` when the next update runs. It may stand still, and go back by up to an hour.
+    /// Sets the clock of the next update. It may stand still, or go back by up to an hour.
     ///
     /// # Errors
-    /// No number, or one too large; more than 4.5 hours before some instance's start.
+    /// `seconds` is not finite or too large; more than 4.5 hours before an instance's start.
     pub fn set_time(&mut self, seconds: f64) -> Result<()> {
         let now = ticks(seconds)?;
         let mut heads = self.starts.iter().zip(&self.records);
         if heads.any(|(start, record)| record.has(HeadRecord::PLAYING) && start - now > REBASE_TICKS) {
-            let what = format!("second {seconds}, more than 4.5 hours before a head starts");
+            let what = format!("second {seconds}, more than 4.5 hours before an instance starts");
             return Err(Error::invalid(what, "play its clip again at the new time first"));
         }
         self.now = now;
         Ok(())
     }
 
-    /// The tick of the next update, as the device reads it.
+    /// Low bits of the next update's tick.
     pub fn now(&self) -> u32 {
         self.now as u32
     }
 
-    /// Levels of detail follow `camera` from the next update on.
+    /// Sets the camera that levels of detail follow, from the next update on.
     ///
     /// # Errors
     /// An invalid camera; clips whose levels do not follow one.
@@ -116,27 +116,27 @@ impl Playbacks {
         Ok(())
     }
 
-    /// The next frame has no predecessor: levels are at their goals at once.
+    /// Camera cut: levels reach their goals at once.
     pub fn cut_camera(&mut self) {
         self.camera.1 = self.camera.1.wrapping_add(1);
     }
 
-    /// The camera, once there is one, and how often it has cut.
+    /// The camera, if set, and its number of cuts.
     pub fn camera(&self) -> (Option<Camera>, u32) {
         self.camera
     }
 
-    /// Instance `head` plays a clip from the next update on.
+    /// Plays a clip on an instance, from the next update on.
     ///
     /// # Errors
-    /// A clip that there is not; a speed or start that is no number or too large; a start more than 4.5 hours ahead.
-    pub fn play(&mut self, head: u32, playback: &Playback, clips: &Clips) -> Result<()> {
+    /// No such clip; a speed or start that is not finite or too large; a start more than 4.5 hours ahead.
+    pub fn play(&mut self, instance: u32, playback: &Playback, clips: &Clips) -> Result<()> {
         let Playback { clip, start, speed, repeat } = *playback;
         let Some(fps) = clips.fps(clip as usize) else {
             return Err(Error::invalid(format!("clip {clip} of {}", clips.count()), "count clips from 0"));
         };
         let rate = (speed.abs() * f64::from(fps) * 65_536.0).round();
-        // Not a number fails, too.
+        // Also rejects NaN.
         if !(0.0..=f64::from(u32::MAX)).contains(&rate) {
             let what = format!("a speed of {speed} for a clip of {fps} frames a second");
             return Err(Error::invalid(what, "use a speed that makes at most 65535 frames a second"));
@@ -147,7 +147,7 @@ impl Playbacks {
             let what = format!("a clip that starts at second {start}, {ahead} seconds ahead");
             return Err(Error::invalid(what, "use a start at most 4.5 hours ahead of the time set"));
         }
-        let record = &mut self.records[head as usize];
+        let record = &mut self.records[instance as usize];
         let set = |flag, set| if set { flag } else { 0 };
         let flags = HeadRecord::PLAYING
             | record.flags & (HeadRecord::HIDDEN | HeadRecord::FOLLOWS)
@@ -155,17 +155,17 @@ impl Playbacks {
             | set(HeadRecord::REVERSED, speed < 0.0);
         let (start, rate) = (start_tick as u32, rate as u32);
         *record = HeadRecord { clip, start, rate, flags, frame: 0, fraction: 0, ..*record };
-        self.starts[head as usize] = start_tick;
-        self.touch(head).stale = true;
+        self.starts[instance as usize] = start_tick;
+        self.touch(instance).stale = true;
         Ok(())
     }
 
-    /// Instance `head` keeps so many targets from the next update on; as many as there are, or more: all of them, at no
-    /// cost. Where it keeps as many already, nothing has to be brought to the device.
+    /// Sets how many targets an instance keeps, from the next update on; the number of targets or more keeps all, at no
+    /// cost. Nothing is sent to the device if the level is unchanged.
     ///
     /// # Errors
-    /// No number, or one below 0; clips that have no order of importance.
-    pub fn set_level(&mut self, head: u32, level: f32, clips: &Clips) -> Result<()> {
+    /// A level that is NaN or negative; clips without an order of importance.
+    pub fn set_level(&mut self, instance: u32, level: f32, clips: &Clips) -> Result<()> {
         let Some(ranks_at) = clips.ranks_at() else {
             let what = "a level of detail for a crowd without an order of importance";
             return Err(Error::invalid(what, "give AnimationDesc::importance when the crowd is made"));
@@ -173,7 +173,7 @@ impl Playbacks {
         if level.is_nan() || level < 0.0 {
             return Err(Error::invalid(format!("a level of {level} targets"), "use a number from 0"));
         }
-        let (all, record) = (clips.targets() as f32, &mut self.records[head as usize]);
+        let (all, record) = (clips.targets() as f32, &mut self.records[instance as usize]);
         let set = match level < all || record.has(HeadRecord::FOLLOWS) {
             true => ((f64::from(level.min(all)) * 65_536.0).round() as u32, ranks_at),
             false => (0, 0),
@@ -181,70 +181,71 @@ impl Playbacks {
         if (record.level, record.ranks_at) != set {
             (record.level, record.ranks_at) = set;
             record.most = record.level;
-            self.touch(head).stale = true;
+            self.touch(instance).stale = true;
         }
         Ok(())
     }
 
-    /// Instance `head` is at `place` from the next update on, and its level of detail follows the camera.
+    /// Sets the place of an instance, from the next update on; its level of detail follows the camera.
     ///
     /// # Errors
-    /// Numbers that are none, a radius below 0, a scale of 0 or less; clips whose levels do not follow the camera.
-    pub fn set_place(&mut self, head: u32, place: &Place, clips: &Clips) -> Result<()> {
-        let ranks_at = follows(clips, "the place of a head")?;
+    /// Numbers that are not finite, a negative radius, a scale of 0 or less; clips whose levels do not follow the
+    /// camera.
+    pub fn set_place(&mut self, instance: u32, place: &Place, clips: &Clips) -> Result<()> {
+        let ranks_at = follows(clips, "the place of an instance")?;
         place.check()?;
-        let (record, all) = (&mut self.records[head as usize], (clips.targets() as u32) << 16);
+        let (record, all) = (&mut self.records[instance as usize], (clips.targets() as u32) << 16);
         let mut placed = HeadRecord { flags: record.flags | HeadRecord::FOLLOWS, place: place.bits(), ..*record };
-        // Of a head that did not follow, the device knows no level.
+        // The device has no valid level of an instance that did not follow the camera.
         placed.epoch = placed.epoch.wrapping_add(u32::from(!record.has(HeadRecord::FOLLOWS)));
         if record.ranks_at == 0 {
             (placed.level, placed.ranks_at, placed.most) = (all, ranks_at, all);
         }
         if *record != placed {
             *record = placed;
-            self.touch(head).stale = true;
+            self.touch(instance).stale = true;
         }
         Ok(())
     }
 
-    /// Leave `head` out of updates from the next one on, or include it again.
-    pub fn set_hidden(&mut self, head: u32, hidden: bool) {
-        let record = &mut self.records[head as usize];
+    /// Leaves an instance out of updates from the next one on, or includes it again.
+    pub fn set_hidden(&mut self, instance: u32, hidden: bool) {
+        let record = &mut self.records[instance as usize];
         if record.has(HeadRecord::HIDDEN) != hidden {
             record.flags ^= HeadRecord::HIDDEN;
-            self.touch(head).stale = true;
+            self.touch(instance).stale = true;
         }
     }
 
-    /// A new instance takes the index of one that was hidden: it plays nothing, and has no pose yet.
-    pub fn add(&mut self, head: u32) {
-        let record = &mut self.records[head as usize];
-        // The level that the device has is the former's.
+    /// Adds an instance in a free place: it plays nothing, and has no pose.
+    pub fn add(&mut self, instance: u32) {
+        let record = &mut self.records[instance as usize];
+        // The device's level is that of the previous instance.
         *record = HeadRecord { epoch: record.epoch.wrapping_add(1), ..HeadRecord::default() };
-        let head = self.touch(head);
+        let head = self.touch(instance);
         (head.changes, head.stale) = ([None; CHANGES], true);
     }
 
-    /// The next pose of `head` has no predecessor.
-    pub fn cut(&mut self, head: u32) {
-        let record = &mut self.records[head as usize];
+    /// Makes the next pose of an instance its own previous pose.
+    pub fn cut(&mut self, instance: u32) {
+        let record = &mut self.records[instance as usize];
         let follows = record.has(HeadRecord::FOLLOWS);
         record.epoch = record.epoch.wrapping_add(u32::from(follows));
-        let head = self.touch(head);
+        let head = self.touch(instance);
         (head.cut, head.stale) = (true, head.stale | follows);
     }
 
-    /// `head`, to be changed by the next update.
-    fn touch(&mut self, head: u32) -> &mut Head {
-        let touched = &mut self.heads[head as usize];
+    /// The state of an instance, listed as pending.
+    fn touch(&mut self, instance: u32) -> &mut Head {
+        let touched = &mut self.heads[instance as usize];
         if !std::mem::replace(&mut touched.listed, true) {
-            self.pending.push(head);
+            self.pending.push(instance);
         }
         touched
     }
 
-    /// Take the next update as recorded; its number. [`changed`](Self::changed) and [`records`](Self::records) are what
-    /// it has to bring to the device.
+    /// Records the next update and returns its number. [`changed`](Self::changed) and [`records`](Self::records) are
+    /// then to be sent to the device.
     pub fn update(&mut self, clips: &Clips) -> u64 {
         if self.starts.iter().any(|start| self.now - start >= REBASE_TICKS) {
             self.rebase(clips);
@@ -259,7 +260,7 @@ impl Playbacks {
             head.listed = false;
             let shown = !self.records[number as usize].has(HeadRecord::HIDDEN);
             let was_shown = head.changes[0].is_some_and(|(_, shown)| shown);
-            // A hidden head keeps its cut: it may be shown again before an update that hides it has run.
+            // A hidden instance keeps its cut: the update that hides it may be discarded.
             if shown && std::mem::take(&mut head.cut) || shown != was_shown {
                 head.changes.rotate_right(1);
                 head.changes[0] = Some((update, shown));
@@ -276,7 +277,7 @@ impl Playbacks {
         update
     }
 
-    /// Start records anew that have come far, exactly where they are.
+    /// Rebases old records at exactly their current position.
     fn rebase(&mut self, clips: &Clips) {
         for head in 0..self.heads.len() {
             let (elapsed, record) = (self.now - self.starts[head], &mut self.records[head]);
@@ -294,7 +295,7 @@ impl Playbacks {
         }
     }
 
-    /// Runs of instances whose records the last update brings to the device.
+    /// Ranges of instances whose records the last update sends.
     pub fn changed(&self) -> &[Range<u32>] {
         &self.changed
     }
@@ -304,8 +305,7 @@ impl Playbacks {
         &self.records
     }
 
-    /// The update numbered `first` and all later ones will never run. What they would have brought to the device is
-    /// brought by the next.
+    /// Discards update `first` and all later ones; the next update sends what they would have.
     pub fn discard_from(&mut self, first: u64) {
         if self.updates <= first {
             return;
@@ -324,19 +324,19 @@ impl Playbacks {
         }
     }
 
-    /// The update that wrote the pose of `head`, and whether the one before is its predecessor; `None` while it has no
-    /// pose.
-    pub fn written(&self, head: u32) -> Option<(u64, bool)> {
-        match self.heads[head as usize].changes[0]? {
+    /// The update that wrote the pose of an instance, and whether the update before it wrote the previous pose; `None`
+    /// if it has no pose.
+    pub fn written(&self, instance: u32) -> Option<(u64, bool)> {
+        match self.heads[instance as usize].changes[0]? {
             (since, true) => self.updates.checked_sub(1).map(|update| (update, update != since)),
-            // It does not move.
+            // It is not updated any more.
             (since, false) => since.checked_sub(1).map(|update| (update, false)),
         }
     }
 }
 
 impl HeadRecord {
-    /// Where in a clip of `frames` it is, in steps of 2⁻³² frames, so many ticks (≥ 0) after its start.
+    /// Position in a clip of `frames` frames, `elapsed` (≥ 0) ticks after the start, in 2⁻³² frames.
     pub(super) fn position(&self, frames: u32, elapsed: i64) -> u64 {
         let start = u64::from(self.frame) << 32 | u64::from(self.fraction);
         let position = u128::from(start) + elapsed as u128 * u128::from(self.rate);
@@ -348,7 +348,7 @@ impl HeadRecord {
     }
 }
 
-/// Where ranks begin, of clips whose levels of detail follow the camera.
+/// First word of the ranks; an error if levels of detail do not follow the camera.
 fn follows(clips: &Clips, what: &str) -> Result<u32> {
     let ranks_at = clips.ranks_at().filter(|_| clips.following().is_some());
     ranks_at.ok_or_else(|| {

@@ -1,4 +1,4 @@
-//! What the GPU planned, read back.
+//! Reads back plans of the GPU.
 
 use super::sample::HeadRecord;
 use super::technique::{Animated, Group};
@@ -8,25 +8,25 @@ use crate::error::Result;
 use ash::vk;
 use std::ops::Range;
 
-/// What the GPU planned for a set of instances and a run of blocks, as it lies in memory: see `glsl/plan.comp`.
+/// The GPU's plan for a set of instances and a run of blocks, as in memory: see `glsl/plan.comp`.
 #[derive(Clone, Debug)]
 pub struct PlannedGroup {
-    /// First instance of the set, and how many it has.
+    /// First instance of the set, and count.
     pub instances: (u32, u32),
     /// The blocks.
     pub blocks: Range<usize>,
-    /// The entries that rows may name: those of the part of the asset that is bound.
+    /// Entries that rows may name: those of the bound part of the asset.
     pub entries: Range<usize>,
-    /// Items of each width: 1, 2, 4, 8 instances.
+    /// Number of items by width: 1, 2, 4, 8 instances.
     pub counts: [u32; WIDTHS],
-    /// Items of a width that there is room for: where the next width's begin.
+    /// Capacity per width in items: the distance between the lists of two widths.
     pub capacity: usize,
     /// The work list: items of all widths, then rows.
     pub words: Vec<u32>,
 }
 
 impl Animated {
-    /// What the last update planned for the first group of the mesh, by `read`, which takes buffer, offset and size.
+    /// The last update's plans of the first group; `read` takes buffer, offset and size.
     pub(crate) fn read_plan(
         &self,
         mut read: impl FnMut((vk::Buffer, u64, u64)) -> Result<Vec<u32>>,
@@ -40,7 +40,7 @@ impl Animated {
                 let bytes = 12 * u64::from(layout.push.chunks);
                 let arguments = read((control.raw, layout.arguments(list, width, 0), bytes))?;
                 let workgroups: u32 = arguments.chunks_exact(3).map(|xyz| xyz[0]).sum();
-                // What fills up the last workgroup has no rows.
+                // Padding items have no rows.
                 let rows = |item: u32| words[(width as usize * capacity + item as usize) * TILE_WORDS + 2];
                 let items = 0..workgroups * layout.push.workgroup_items;
                 *count = items.end - items.rev().take_while(|item| rows(*item) == 0).count() as u32;
@@ -51,8 +51,8 @@ impl Animated {
         (0..layout.lists()).map(plan).collect()
     }
 
-    /// What the level of detail of an instance is, where it follows the camera: buffer, offset, size of words as
-    /// `glsl/level.comp` writes them.
+    /// An instance's level of detail that follows the camera, as `glsl/level.comp` writes it: buffer, offset, size.
+    /// `None` if it does not.
     pub(crate) fn level_of(&self, instance: u32) -> Option<(vk::Buffer, u64, u64)> {
         let (heads, bytes) = (u64::from(self.level.as_ref()?.heads), 4 * u64::from(LEVEL_WORDS));
         Some((self.state.raw, heads * size_of::<HeadRecord>() as u64 + u64::from(instance) * bytes, bytes))

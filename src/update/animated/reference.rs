@@ -1,5 +1,5 @@
-//! The CPU reference of the kernels that sample and plan, `glsl/animate.comp` to `glsl/plan.comp`: the planner of the
-//! block formats, with a few choices made.
+//! The CPU twin of the kernels that sample and plan (`glsl/animate.comp` to `glsl/plan.comp`): the planner of block
+//! formats, with the choices of the GPU.
 
 use super::clips::{Budget, Clips};
 use super::playback::Playbacks;
@@ -11,7 +11,7 @@ use crate::plan::UpdateDesc;
 use crate::update::Runner;
 use crate::update::blocks::{BlockState, GroupPlan, WorkList};
 
-/// What the GPU samples and plans, worked out on the CPU.
+/// Samples and plans like the GPU, on the CPU.
 pub struct AnimatedReference {
     group: GroupPlan,
     budget: Option<Budget>,
@@ -21,24 +21,24 @@ pub struct AnimatedReference {
 
 #[derive(Clone)]
 struct Instance {
-    /// Targets kept in steps of 2⁻¹⁶, and error budget, where the level follows the camera.
+    /// With a level that follows the camera: targets kept in 2⁻¹⁶, and error budget.
     followed: Option<(u32, u64)>,
     state: BlockState,
     weights: Deferred,
-    /// The last update wrote it.
+    /// The last update wrote its pose.
     known: bool,
 }
 
 impl AnimatedReference {
-    /// `heads` instances of a mesh, updated as `desc` says.
+    /// `heads` instances of a mesh.
     ///
     /// # Errors
-    /// As [`GroupPlan::new`]; what is not animated on the GPU.
+    /// Errors of [`GroupPlan::new`]; properties that crowds animated on the GPU do not support.
     pub fn new(desc: UpdateDesc, layout: &PackedLayout, heads: u32) -> Result<Self> {
         desc.check_all(layout, Runner::Animated(None))?;
-        // What is deferred is decided before, target by target: the planner gets the weights to apply.
+        // Deferral is decided before planning, by target: the planner gets the weights to apply.
         let mut group = GroupPlan::new(UpdateDesc { error_budget: 0.0, ..desc }, layout, heads as usize)?;
-        // Tiles have instances of both kinds.
+        // The GPU's tiles mix rebuilt and incremental instances.
         group.source_bytes = 0;
         let budget = group.grid().and_then(|grid| Budget::new(desc.error_budget, &group.index, grid));
         let (state, weights) = (BlockState::new(&group), Deferred::new(layout.targets.len()));
@@ -46,52 +46,52 @@ impl AnimatedReference {
         Ok(Self { group, budget, slots: desc.slots, instances })
     }
 
-    /// What the GPU chose for an instance whose level of detail follows the camera in the next update: targets kept, in
-    /// steps of 2⁻¹⁶, and error budget.
+    /// Sets what the GPU chose for an instance whose level of detail follows the camera: targets kept in 2⁻¹⁶, and
+    /// error budget.
     pub fn follow(&mut self, head: usize, level: u32, budget: u64) {
         self.instances[head].followed = Some((level, budget));
     }
 
-    /// Sample and plan the update numbered `update`, which [`Playbacks::update`] returned last.
+    /// Samples and plans update `update`, which [`Playbacks::update`] has just returned.
     pub fn update(&mut self, clips: &Clips, heads: &Playbacks, update: u64) -> &WorkList {
         self.group.clear();
         let slots = [update + u64::from(self.slots) - 1, update].map(|update| (update % u64::from(self.slots)) as u32);
         for (i, (instance, record)) in self.instances.iter_mut().zip(heads.records()).enumerate() {
             let Instance { followed, state, weights, known } = instance;
-            // Slots rotate while it is hidden: none that is read then holds its pose.
+            // Slots keep rotating while it is hidden: its slots become invalid.
             if record.has(HeadRecord::HIDDEN) {
                 *known = false;
                 continue;
             }
             let known = std::mem::replace(known, true);
-            // Nothing is deferred of an instance that is new or shown again.
+            // Nothing is deferred for an instance that is new or shown again.
             let budget = self.budget.as_ref().filter(|_| known);
             let (level, most) = followed.unwrap_or((record.level, u64::MAX));
             let budget = budget.map(|budget| (budget, budget.most.min(most)));
             let record = HeadRecord { level: record.level.min(level), ..*record };
             weights.commit(&sample(clips, &record, heads.now()), budget, &self.group.index);
             let step = self.group.grid().map_or(0.0, |grid| grid.weight_step());
-            // Steps have fewer bits than a float32's, and the step is a power of two: exact.
+            // Exact: steps fit the mantissa of a float32, and the step is a power of two.
             let weights: Vec<f32> = weights.committed.iter().map(|&steps| steps as f32 * step).collect();
             state.commit(&mut self.group, i, &weights, known);
-            // Slots rotate in every update, also where nothing changed.
+            // Slots rotate in every update, even without changes.
             state.emit(&mut self.group, i, slots, known);
         }
         &self.group.list
     }
 
-    /// The weights that the poses of an instance hold, in steps of the grid.
+    /// The applied weights of an instance, in steps of the grid.
     pub fn weights(&self, head: usize) -> &[i32] {
         &self.instances[head].weights.committed
     }
 
-    /// The weights that were requested.
+    /// The requested weights of an instance, in steps of the grid.
     pub fn requested(&self, head: usize) -> &[i32] {
         &self.instances[head].weights.requested
     }
 }
 
-/// Between which frames a clip of `frames` is at tick `now`, and how far: `(frame, next, f)` with f in 2⁻¹⁶.
+/// Frames of a clip around tick `now`, and the fraction: `(frame, next, f)` with f in 2⁻¹⁶.
 pub(super) fn between(record: &HeadRecord, frames: u32, now: u32) -> (u32, u32, u32) {
     let position = record.position(frames, (now.wrapping_sub(record.start) as i32).max(0).into());
     let (frame, f, last) = ((position >> 32) as u32, (position >> 16) as u32 & 0xffff, frames - 1);
@@ -100,13 +100,13 @@ pub(super) fn between(record: &HeadRecord, frames: u32, now: u32) -> (u32, u32, 
     if record.has(HeadRecord::REVERSED) { (last - frame, last - next, f) } else { (frame, next, f) }
 }
 
-/// From `k0` to `k1`, `f`·2⁻¹⁶ of the way, to nearest.
+/// k0 + (k1 − k0) · f · 2⁻¹⁶, rounded to nearest.
 pub(super) fn interpolate(k0: i32, k1: i32, f: u32) -> i32 {
     let product = i64::from(k1 - k0) * i64::from(f);
     k0 + ((product + 0x8000) >> 16) as i32
 }
 
-/// The weights, in steps of the grid, that an instance shows at tick `now`: what `glsl/animate.comp` computes.
+/// The weights of an instance at tick `now`, in steps of the grid, as in `glsl/animate.comp`.
 pub(super) fn sample(clips: &Clips, record: &HeadRecord, now: u32) -> Vec<i32> {
     if !record.has(HeadRecord::PLAYING) {
         return vec![0; clips.targets()];
@@ -118,7 +118,7 @@ pub(super) fn sample(clips: &Clips, record: &HeadRecord, now: u32) -> Vec<i32> {
     (0..clips.targets()).map(|target| interpolate(0, weight(target), factor(clips, record, target))).collect()
 }
 
-/// How much of a target a level of detail keeps, in steps of 2⁻¹⁶.
+/// The factor of a target at the record's level of detail, in 2⁻¹⁶.
 fn factor(clips: &Clips, record: &HeadRecord, target: usize) -> u32 {
     if record.ranks_at == 0 {
         return 1 << 16;
@@ -130,7 +130,7 @@ fn factor(clips: &Clips, record: &HeadRecord, target: usize) -> u32 {
 #[derive(Clone)]
 pub(super) struct Deferred {
     requested: Vec<i32>,
-    /// What poses hold.
+    /// Applied weights.
     pub(super) committed: Vec<i32>,
 }
 
@@ -140,8 +140,7 @@ impl Deferred {
         Self { requested: vec![0; targets], committed: vec![0; targets] }
     }
 
-    /// Request `weights`, one for each target: with reaches of a budget, and how much of it there is. Without one all
-    /// of them are applied.
+    /// Requests `weights`, one per target. `budget`: reaches, and the budget in use; `None` applies all.
     pub(super) fn commit(&mut self, weights: &[i32], budget: Option<(&Budget, u64)>, index: &BlockIndex) {
         let still = std::mem::replace(&mut self.requested, weights.to_vec()) == weights;
         let Some((budget, most)) = budget.filter(|_| !still) else {

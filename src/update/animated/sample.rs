@@ -1,100 +1,99 @@
-//! What an instance shows of a clip at a time: in integers, so that GPU and CPU agree bit for bit.
+//! Sampling of clips, in integers, so that GPU and CPU agree bit for bit.
 //!
-//! The clock is kept in ticks of 2⁻¹⁶ s. An instance's [`HeadRecord`] has the low 32 bits of the tick at which it
-//! started, its rate in 2⁻¹⁶ frames a second, and the position in the clip where it started:
+//! The clock counts ticks of 2⁻¹⁶ s. An instance's [`HeadRecord`] holds the low 32 bits of its start tick, its rate in
+//! 2⁻¹⁶ frames per second, and the position in the clip at the start:
 //!
 //! ```text
 //! elapsed  = max(now − start, 0)                      as a signed 32-bit number
 //! position = frame · 2³² + fraction + elapsed · rate  64 bits: whole frames, and the fraction of a frame
 //! ```
 //!
-//! Looping clips take whole frames modulo their number, and the frame after the last is the first; others hold their
-//! last frame. A clip played backwards counts its frames from the end. [`Playbacks`](super::Playbacks) starts records
-//! anew, exactly where they are, long before `elapsed` runs out of bits. With k₀ and k₁ the keys of this frame and the
-//! next, in steps of the mesh's [`PoseGrid`](crate::pack::blocks::PoseGrid), and f the upper 16 bits of the fraction,
+//! Looping clips take whole frames modulo their number, and the last frame is followed by the first; others hold their
+//! last frame. A clip played backwards counts frames from the end. [`Playbacks`](super::Playbacks) rebases records, at
+//! exactly their position, long before `elapsed` overflows. With keys k₀ and k₁ of this frame and the next, in steps of
+//! the mesh's [`PoseGrid`](crate::pack::blocks::PoseGrid), and the upper 16 bits f of the fraction,
 //!
 //! ```text
 //! weight = k₀ + ⌊((k₁ − k₀) · f + 2¹⁵) / 2¹⁶⌋          in steps
 //! ```
 //!
-//! With a level of detail N, in steps of 2⁻¹⁶ targets, the weight of the target of rank r is interpolated once more,
-//! from 0 to what it is, with f = clamp(N − r · 2¹⁶, 0, 2¹⁶). N is what the host says, or less where the level follows
-//! the camera.
+//! With a level of detail of N targets, in 2⁻¹⁶, the weight of the target of rank r is scaled once more, interpolated
+//! from 0 with f = clamp(N − r · 2¹⁶, 0, 2¹⁶). N is the host's, or less if the level follows the camera.
 
 use crate::abi::numbers;
 use crate::setters::setters;
 use crate::weights::Repeat;
 use bytemuck::{Pod, Zeroable};
 
-/// Ticks of the clock in a second.
+/// Clock ticks per second.
 pub const TICKS_PER_SECOND: f64 = 65_536.0;
 
 /// How an instance plays a clip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Playback {
-    /// Which clip.
+    /// Index of the clip.
     pub clip: u32,
-    /// When it starts, in seconds of the clock that [`AnimatedCrowd::set_time`](crate::AnimatedCrowd::set_time) sets.
-    /// Before, the first frame is shown.
+    /// Start time in seconds, on the clock of [`AnimatedCrowd::set_time`](crate::AnimatedCrowd::set_time). The first
+    /// frame is shown before it.
     pub start: f64,
-    /// 1 is the clip's own speed; backwards below 0.
+    /// Playback speed; 1 is the clip's own, negative plays backwards.
     pub speed: f64,
-    /// What happens when it ends.
+    /// Behaviour at the end of the clip.
     pub repeat: Repeat,
 }
 
 setters!(Playback { clip: u32, start: f64, speed: f64, repeat: Repeat });
 
 impl Playback {
-    /// `clip` from the clock's second 0 on, at its own speed, over and over.
+    /// Loops `clip` from time 0 on, at its own speed.
     pub const fn new(clip: u32) -> Self {
         Self { clip, start: 0.0, speed: 1.0, repeat: Repeat::Loop }
     }
 }
 
-/// What an instance plays and where it is, as `glsl/animate.comp` and `glsl/level.comp` read it.
+/// What an instance plays, and its place, in the layout of `glsl/animate.comp` and `glsl/level.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct HeadRecord {
-    /// The clip.
+    /// Index of the clip.
     pub clip: u32,
     /// Low bits of the tick at which it is at `frame` and `fraction`.
     pub start: u32,
-    /// Frames a second, in steps of 2⁻¹⁶.
+    /// Frames per second, in 2⁻¹⁶.
     pub rate: u32,
-    /// Bits of [`HeadRecord::PLAYING`] and so on.
+    /// Flags: [`HeadRecord::PLAYING`] etc.
     pub flags: u32,
     /// Whole frames at `start`.
     pub frame: u32,
-    /// Fraction of a frame at `start`, in steps of 2⁻³².
+    /// Fraction of a frame at `start`, in 2⁻³².
     pub fraction: u32,
-    /// Targets kept, in steps of 2⁻¹⁶, where `ranks_at` is not 0. With a level of detail that follows the camera the
-    /// device overwrites it in each update.
+    /// Targets kept, in 2⁻¹⁶, if `ranks_at` is not 0. The device overwrites it in each update if the level follows the
+    /// camera.
     pub level: u32,
-    /// Where the ranks of targets are in the tables; 0: all targets are kept.
+    /// First word of the ranks in the tables; 0: all targets are kept.
     pub ranks_at: u32,
-    /// Where it is, for a level of detail that follows the camera: bits of the middle of a ball, its radius, and world
-    /// units of an input unit.
+    /// Place, for levels of detail that follow the camera: float32 bits of centre and radius of a sphere, and world
+    /// units per input unit.
     pub place: [u32; 5],
-    /// Grows where the next pose has no predecessor.
+    /// Incremented by a cut.
     pub epoch: u32,
-    /// What the host allows of `level`.
+    /// The host's limit of `level`.
     pub most: u32,
-    /// 0. Records of 64 bytes begin at a shift.
+    /// 0. Records have 64 bytes, so that kernels index them with a shift.
     pub padding: u32,
 }
 
 impl HeadRecord {
-    /// A clip is played; without, all weights are 0.
+    /// A clip is playing; otherwise all weights are 0.
     pub const PLAYING: u32 = numbers::PLAYING;
-    /// It loops.
+    /// The clip loops.
     pub const LOOP: u32 = numbers::LOOP;
-    /// Backwards.
+    /// The clip runs backwards.
     pub const REVERSED: u32 = numbers::REVERSED;
-    /// Nothing is updated.
+    /// The instance is not updated.
     pub const HIDDEN: u32 = numbers::HIDDEN;
-    /// No more targets are kept than its size on the screen needs.
+    /// The level of detail follows the size on the screen.
     pub const FOLLOWS: u32 = numbers::FOLLOWS;
 
     /// Whether a flag is set.

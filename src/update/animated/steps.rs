@@ -1,22 +1,21 @@
-//! The steps of an update that the GPU plans: the same ones, whatever changes.
+//! Steps of an update planned by the GPU; they do not depend on what changes.
 
 use crate::plan::hazards::{Accesses, Memory};
 use crate::plan::steps::{Access, Resource as R, Source, Stage, Steps, Use, Work};
 use AnimatedKernel as K;
 use std::ops::Range;
 
-/// The list of what works do: documentation and name; whether it is done for all groups of the mesh at once; what it
-/// uses.
+/// The list of kernels: documentation, name, whether one dispatch serves all groups of the mesh, and memory uses.
 macro_rules! kernels {
     ($($(#[doc = $doc:literal])* $kernel:ident $common:literal $uses:expr;)*) => {
-        /// What a work does.
+        /// The kernel or command of a work.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub(super) enum AnimatedKernel {
             $($(#[doc = $doc])* $kernel,)*
         }
 
         impl AnimatedKernel {
-            /// All of them, in the order of [`Work::kernel`].
+            /// All kernels, in the order of [`Work::kernel`].
             pub(super) const ALL: [Self; [$(Self::$kernel),*].len()] = [$(Self::$kernel),*];
 
             const fn uses(self) -> (bool, &'static [Use]) {
@@ -29,21 +28,21 @@ macro_rules! kernels {
 }
 
 kernels! {
-    /// What instances play is sampled.
+    /// Samples the clips that instances play.
     Sample true SAMPLE;
-    /// With an error budget: which changes are applied is decided.
+    /// With an error budget: decides which changes to apply.
     Budget true SAMPLE;
-    /// They become the weights that poses hold.
+    /// With an error budget: applies them.
     Commit true SAMPLE;
-    /// The work list is written.
+    /// Writes the work lists.
     Plan false PLAN;
-    /// Its length becomes the arguments of dispatches.
+    /// Turns their lengths into dispatch arguments.
     Arguments false &[Use::read(R::Control), Use::write(R::Control), Use::write(R::WorkList)];
-    /// How many targets heads keep follows the camera.
+    /// Chooses levels of detail that follow the camera.
     Level true SAMPLE;
-    /// Records of instances that play something else are copied.
+    /// Copies changed records to the device.
     Records true &[Use::copy(R::State)];
-    /// The blocks of the work list are updated.
+    /// Updates the blocks of the work lists.
     Blocks false BLOCKS;
 }
 
@@ -64,35 +63,35 @@ const BLOCKS: &[Use] = &[
     Use::write(R::Poses),
 ];
 
-/// What making a crowd copies and fills, and what updates do with it.
+/// Memory written when a crowd is created, and its uses by updates.
 pub(crate) const UPLOADED: [&[Use]; 2] = [
     &[Use::copy(R::Tables), Use::copy(R::State), Use::copy(R::Control)],
     &[Use::read(R::Tables), Use::read(R::State), Use::write(R::State), Use::read(R::Control), Use::write(R::Control)],
 ];
 
-/// What the steps of an update depend on.
+/// Parameters of the steps of an update.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AnimatedUpdate {
-    /// Some instance plays something else.
+    /// Some record changed.
     pub records: bool,
     /// Levels of detail follow the camera.
     pub level: bool,
-    /// Small changes are deferred.
+    /// There is an error budget.
     pub budget: bool,
-    /// The slot that blocks are read from.
+    /// The source slot.
     pub source: u32,
-    /// The slot they are written to.
+    /// The destination slot.
     pub destination: u32,
-    /// Groups of the mesh.
+    /// Number of groups of the mesh.
     pub groups: u32,
-    /// Dispatches of blocks in a group, at most.
+    /// Most dispatches of blocks of any group.
     pub dispatches: u32,
-    /// Each of them is a step, as in [`Dispatching`](crate::update::blocks).
+    /// Each dispatch of blocks is a step, as in [`Dispatching`](crate::update::blocks).
     pub texels: bool,
 }
 
 impl AnimatedUpdate {
-    /// Append its steps.
+    /// Appends its steps.
     pub fn fill(&self, steps: &mut Steps) {
         let Self { records, level, budget, groups, dispatches, texels, .. } = *self;
         let mut add = |kernel: K, items: Range<u32>| {
@@ -114,7 +113,7 @@ impl AnimatedUpdate {
     }
 }
 
-/// What the works of a step of a crowd of `instances` read and write.
+/// Reads and writes of the works of a step, for a crowd of `instances`.
 pub(crate) fn accesses(works: &[Work], instances: u32) -> Vec<Accesses> {
     use Memory as M;
     let of = |work: &Work| match AnimatedKernel::ALL[work.kernel as usize] {

@@ -1,5 +1,4 @@
-//! A crowd that is animated on the GPU: clips, what each instance plays, and the lists that the GPU writes. The CPU
-//! records the same commands every time.
+//! Device side of a crowd animated on the GPU. The CPU records the same commands in every update.
 
 use super::clips::{Budget, Clips};
 use super::layout::{GroupLayout, Layout};
@@ -29,13 +28,13 @@ use gpu_allocator::MemoryLocation;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Records that one command writes: 65,536 bytes at most.
+/// Most records of one update command, which is limited to 65,536 bytes.
 const RECORDS_MAX: usize = 65_536 / size_of::<HeadRecord>();
 
-/// The pipelines that sample and plan, in the order of [`AnimatedKernel`]; one of each, whatever mesh and crowd are.
+/// Pipelines that sample and plan, in the order of [`AnimatedKernel`]; independent of mesh and crowd.
 #[derive(Clone, Copy, PartialEq)]
 struct Planning {
-    /// With that of levels of detail that follow the camera.
+    /// Includes the one for levels of detail that follow the camera.
     follows: bool,
 }
 
@@ -55,7 +54,7 @@ impl PipelineKey for Planning {
     }
 }
 
-/// What an animated crowd keeps.
+/// Technique of a crowd animated on the GPU.
 pub(crate) struct Animated {
     device: Arc<Device>,
     planning: Arc<Pipelines<Planning>>,
@@ -65,19 +64,19 @@ pub(crate) struct Animated {
     tables: Buffer,
     table_bytes: u64,
     staging: Option<Buffer>,
-    /// Of the mesh. What is done once for all of them uses the descriptor sets of the first.
+    /// By group of the mesh. Works shared by all groups use the descriptor sets of the first.
     pub(super) groups: Vec<Group>,
-    /// Of `level.comp`, for the camera of the last update; `None`: no level of detail follows it.
+    /// Push constants of `level.comp`; `None` if no level of detail follows the camera.
     pub(super) level: Option<LevelPush>,
 }
 
-/// What a group of the mesh takes.
+/// Device state of a group.
 pub(super) struct Group {
     pub(super) layout: GroupLayout,
     blocks: GroupBlocks,
     pub(super) work: Buffer,
     pub(super) control: Buffer,
-    /// Of what [`Planning`] reads and writes, for each work list.
+    /// Descriptor sets of [`Planning`], by work list.
     sets: Sets,
 }
 
@@ -88,10 +87,10 @@ fn on_device(device: &Arc<Device>, name: &'static str, bytes: u64, usage: vk::Bu
 }
 
 impl Group {
-    /// Buffers and sets of a group; `common` are tables and state.
+    /// `common` are tables and state.
     fn new(context: Context<'_>, planning: &Objects, layout: GroupLayout, common: &[BufferRange; 2]) -> Result<Self> {
         let device = context.device;
-        // Tiles are filled up to the next width, so that there has to be one.
+        // Tiles are padded to the next width, so at least one width must exist.
         let instances = context.desc.instances.max(2).next_power_of_two();
         let kernels = BlocksKernels::new(&context, instances, 0)?;
         let work = on_device(device, "deltamorph planned work", layout.list_bytes(), LIST_USAGE)?;
@@ -113,14 +112,14 @@ impl Group {
         })
     }
 
-    /// Dispatches of blocks, `[work list][width][chunk]`.
+    /// Number of dispatches of blocks, `[work list][width][chunk]`.
     fn dispatches(&self) -> u32 {
         self.layout.lists() * self.blocks.how.widths * self.layout.push.chunks
     }
 }
 
 impl Animated {
-    /// Make buffers and sets; [`upload`](Self::upload) fills them.
+    /// Creates buffers and sets; [`upload`](Self::upload) fills them.
     pub(crate) fn new(context: Context<'_>, clips: Clips) -> Result<Self> {
         let (device, desc) = (context.device, context.desc);
         let budget = Budget::new(desc.update.error_budget, context.layout().index()?, context.grid());
@@ -154,10 +153,10 @@ impl Animated {
         })
     }
 
-    /// Record the upload of clips and tables, and fill what kernels keep with zeros.
+    /// Records the upload of clips and tables, and clears state and control buffers.
     ///
     /// # Safety
-    /// As [`create_animated_crowd`](crate::engine::MorphEngine::create_animated_crowd).
+    /// See [`create_animated_crowd`](crate::engine::MorphEngine::create_animated_crowd).
     pub(crate) unsafe fn upload(&self, cmd: vk::CommandBuffer) {
         let (Some(staging), device) = (&self.staging, &self.device.raw) else { return };
         let region = [vk::BufferCopy { src_offset: 0, dst_offset: 0, size: self.table_bytes }];
@@ -173,13 +172,13 @@ impl Animated {
         }
     }
 
-    /// Give the staging memory of the clips back.
+    /// Frees the staging memory of the clips.
     pub(crate) fn release_staging(&mut self) {
         self.staging = None;
     }
 
     /// # Safety
-    /// As [`Technique::record`].
+    /// See [`Technique::record`].
     unsafe fn record_records(&self, cmd: vk::CommandBuffer) {
         for run in self.playbacks.changed() {
             let mut at = run.start as usize;
@@ -193,15 +192,15 @@ impl Animated {
         }
     }
 
-    /// Dispatches of the blocks of a group: as many workgroups as the GPU has planned.
+    /// Dispatches the blocks of a group, with workgroup counts from the GPU.
     ///
     /// # Safety
-    /// As [`Technique::record`].
+    /// See [`Technique::record`].
     unsafe fn record_blocks(&self, cmd: vk::CommandBuffer, work: &Work) {
         let group = &self.groups[work.group as usize];
         let (layout, AnimationPush { chunks, chunk_workgroups, workgroup_items, .. }) =
             (&group.layout, group.layout.push);
-        // Other groups may have more of them.
+        // Another group may have more dispatches.
         for dispatch in work.items.start..work.items.end.min(group.dispatches()) {
             let (chunk, rest) = (dispatch % chunks, dispatch / chunks);
             let (width, list) = (rest % group.blocks.how.widths, rest / group.blocks.how.widths);
@@ -212,14 +211,14 @@ impl Animated {
         }
     }
 
-    /// Workgroups of so many invocations: in two dimensions where one does not hold them.
+    /// Workgroups of `invocations` invocations, in two dimensions if one is too small.
     fn workgroups(&self, invocations: u64) -> [u32; 2] {
         let groups = invocations.div_ceil(WORKGROUP.into()).max(1);
         let x = groups.min(self.device.caps.max_workgroups.into());
         [x as u32, groups.div_ceil(x) as u32]
     }
 
-    /// The slots that the update of this number reads and writes.
+    /// Source and destination slots of update `update`.
     fn slots(&self, update: u64) -> (u32, u32) {
         let slots = u64::from(self.groups[0].layout.push.slots);
         (((update + slots - 1) % slots) as u32, (update % slots) as u32)
@@ -251,7 +250,7 @@ impl Technique for Animated {
     unsafe fn record(&self, cmd: vk::CommandBuffer, _frame: u64, work: &Work) {
         let (group, what) = (&self.groups[work.group as usize], AnimatedKernel::ALL[work.kernel as usize]);
         let (layout, push, caps) = (&group.layout, &group.layout.push, &self.device.caps);
-        // Work lists are planned one at a time, the rest is for all of them.
+        // Work lists are planned one at a time; other kernels process all of them.
         let listed = matches!(what, AnimatedKernel::Plan | AnimatedKernel::Arguments);
         for list in 0..if listed { layout.lists() } else { 1 } {
             let (push, workgroups) = match what {
@@ -285,7 +284,7 @@ impl Technique for Animated {
     }
 
     fn changed(&self, _instances: &Instances, _id: UpdateId, _instance: u32, out: &mut Vec<Range<u32>>) {
-        // Which blocks, only the GPU knows.
+        // Only the GPU knows which blocks.
         out.push(0..u32::MAX);
     }
 
@@ -301,7 +300,7 @@ impl Technique for Animated {
         self.playbacks.add(instance);
     }
 
-    /// The GPU has changed nothing: only the CPU's count of updates goes back.
+    /// The GPU has changed nothing: only the host's state is rolled back.
     fn discard_from(&mut self, id: UpdateId) {
         self.playbacks.discard_from(id.recorded);
     }

@@ -31,7 +31,7 @@ fn clips(list: &[WeightClip], key_format: KeyFormat) -> Clips {
     Clips::new(&AnimationDesc::new(list).key_format(key_format), mesh().layout(), grid()).unwrap()
 }
 
-/// The weights at `seconds`, in double precision.
+/// Weights at `seconds`, in double precision.
 fn expected(clip: &WeightClip, playback: &Playback, seconds: f64) -> Vec<f64> {
     let frames = clip.frame_count() as f64;
     let mut at = (seconds - playback.start).max(0.0) * playback.speed.abs() * f64::from(clip.fps);
@@ -49,8 +49,8 @@ fn expected(clip: &WeightClip, playback: &Playback, seconds: f64) -> Vec<f64> {
 }
 
 proptest! {
-    /// Any clip, key format, speed and time: the weights are those of interpolation in double precision, but for the
-    /// grid, the keys' rounding, and the time's.
+    /// For any clip, key format, speed and time: weights match interpolation in double precision, within the rounding
+    /// of grid, keys and time.
     #[test]
     fn weights_are_interpolated(
         frames in 1usize..20, seed in any::<u32>(), short in any::<bool>(), speed in -3.0..3.0f64,
@@ -68,7 +68,7 @@ proptest! {
             heads.set_time(seconds).unwrap();
             heads.update(&clips);
             let steps = sample(&clips, &heads.records()[0], heads.now());
-            // Ticks and rates are rounded, and so is the position in the clip. Next to a frame, both sides count.
+            // Ticks, rates and positions are rounded. Near a frame, both neighbours count.
             let slack = 3.0 * 90.0 / TICKS_PER_SECOND + 60.0 / 65_536.0;
             let most = f64::from(grid.weight_step()) + f64::from(clips.rounding(0).unwrap()) + 2.0 * slack;
             let place = slack / (speed.abs() * 30.0).max(1e-9);
@@ -80,8 +80,7 @@ proptest! {
         }
     }
 
-    /// A record that is started anew goes on exactly where it was, as if it had been played from the beginning; also
-    /// where the clock goes back.
+    /// A rebased record continues at exactly its position, even if the clock goes back.
     #[test]
     fn a_record_started_anew_goes_on_where_it_was(
         frames in 1usize..50, fps in 1.0..120.0f32, speed in -2.0..2.0f64, once in any::<bool>(),
@@ -98,7 +97,7 @@ proptest! {
             heads.set_time(seconds).unwrap();
             heads.update(&clips);
             let record = heads.records()[0];
-            // The truth, in 128 bits.
+            // The exact value, in 128 bits.
             let at = (seconds * TICKS_PER_SECOND).round() as u128 * u128::from(first.rate);
             let whole = (frames as u128) << 32;
             let at = if once { at.min(whole - (1 << 32)) } else { at % whole };
@@ -107,7 +106,7 @@ proptest! {
         }
     }
 
-    /// No key loses more than `rounding` says, and none goes beyond what sums stand.
+    /// No key loses more than `rounding`, and none exceeds the limit of sums.
     #[test]
     fn short_keys_lose_what_is_stated(scale in 0.001..4.0f32, seed in any::<u32>()) {
         let value = |f: usize, t: usize| {
@@ -152,12 +151,12 @@ fn loops_clamps_and_reverses() {
     assert_eq!(at(0, 1 << 16), (3, 3, 0));
     assert_eq!(at(HeadRecord::LOOP | HeadRecord::REVERSED, 15), (0, 3, 0xc000));
     assert_eq!(at(HeadRecord::REVERSED, 1), (3, 2, 0x4000));
-    // A time before the start is the start, and the clock's 32 bits wrap.
+    // A time before the start equals the start, and the clock's 32 bits wrap.
     assert_eq!(between(&HeadRecord { start: 9, frame: 2, ..record(0) }, 4, 3), (2, 3, 0));
     assert_eq!(between(&HeadRecord { start: 0xffff_0000, ..record(0) }, 4, 0x1_0000), (2, 3, 0));
 }
 
-/// First and end of each run of records that the last update sends.
+/// First and end of each range of records that the last update sends.
 fn runs(heads: &Playbacks) -> Vec<(u32, u32)> {
     heads.changed().iter().map(|run| (run.start, run.end)).collect()
 }
@@ -189,7 +188,7 @@ fn what_is_played_is_sent_once_and_again_when_it_was_discarded() {
     assert_eq!(heads.written(1), Some((0, false)));
 }
 
-/// Discarded updates leave what was before them, as long as it is remembered; what is not remembered is not made up.
+/// Discards restore the state before them as far as it is remembered, and invent nothing beyond that.
 #[test]
 fn discarded_updates_change_nothing() {
     let clips = clips(&[], KeyFormat::Bits32);
@@ -285,8 +284,8 @@ fn what_is_not_animated_on_the_gpu_is_refused() {
     }
 }
 
-/// Small changes are deferred as long as no vertex is further off than the budget says; a large one is applied, and all
-/// are when the requested weights stay the same.
+/// Small changes are deferred while every vertex stays within the budget; a large one is applied, and all are when the
+/// requested weights stay the same.
 #[test]
 fn small_changes_are_deferred_within_the_budget() {
     let mesh = mesh();
@@ -301,7 +300,7 @@ fn small_changes_are_deferred_within_the_budget() {
     };
     let first = [1000, -500, 0, 20, 0];
     assert_eq!(commit(&first, None), first);
-    // Target 2 moves nothing: its change is in no block's sum, and is deferred until the weights stay the same.
+    // Target 2 is empty: its change is deferred until the weights stay the same.
     let mut weights = [1001, -500, 7, 20, 0];
     assert_eq!(commit(&weights, Some((&budget, budget.most))), first);
     let (mut applied, to_weights) = (0, |steps: &[i32]| steps.iter().map(|&s| s as f32 * step).collect::<Vec<_>>());
@@ -324,7 +323,7 @@ fn small_changes_are_deferred_within_the_budget() {
     assert_eq!(commit(&weights, Some((&budget, budget.most)))[0], weights[0], "a large change is applied");
 }
 
-/// Take any one barrier of a running animation out, and the checker says so.
+/// Removing any one barrier of a running animation makes the checker fail.
 #[test]
 fn every_barrier_is_needed() {
     for (slots, records, level, budget, texels) in [
@@ -346,7 +345,7 @@ fn every_barrier_is_needed() {
                 (events, [Some(destination), (slots > 1 && frame > 0).then_some(source)])
             })
             .collect();
-        // None before sampling: the barriers of the update before order it.
+        // None before sampling: the barriers of the previous update order it.
         let barriers =
             4 + [2 * usize::from(records), usize::from(level), 2 * usize::from(budget), 2 * usize::from(texels)]
                 .iter()
@@ -359,7 +358,7 @@ fn every_barrier_is_needed() {
     }
 }
 
-/// Levels are counted in steps of 2⁻¹⁶ targets, in 32 bits.
+/// Levels are in 2⁻¹⁶ targets, in 32 bits.
 #[test]
 fn levels_that_follow_the_camera_are_refused_for_too_many_targets() {
     for (targets, is_refused) in [(65_535, false), (65_536, true)] {

@@ -1,19 +1,18 @@
-//! The first phase of an update: from the weights requested to those that poses hold, all at once, or with an error
-//! budget when they matter. Entries whose weight changes are listed.
+//! Phase 1 of an update: commits requested weights, all at once or, with an error budget, as far as the budget
+//! requires, and lists the entries whose weight changes.
 
 use super::group::{GroupPlan, rounding};
 use super::plan::BlockState;
 use crate::abi::worklist::Element;
 
-/// The amount of an entry that is committed.
+/// Marks the amount of a committed entry.
 const COMMITTED: f32 = -1.0;
-/// What the rounding of amounts may lose of the budget.
+/// Safety factor on the budget for rounding of amounts.
 const SUMMING: f32 = 0.9999;
 
 impl BlockState {
-    /// Take `weights` as requested, and decide what of them is applied now; all of them where it is not `known` what
-    /// the poses hold. Tells whether [`emit`](Self::emit) has to follow: where several groups have slots in common, for
-    /// all of them as soon as one says so.
+    /// Requests `weights`, and decides which changes to apply now; all of them unless the poses are `known`. Returns
+    /// whether [`emit`](Self::emit) has to follow; groups that share slots emit if any of them has to.
     pub(crate) fn commit(&mut self, group: &mut GroupPlan, instance: usize, weights: &[f32], known: bool) -> bool {
         self.largest_weight = weights.iter().fold(self.largest_weight, |m, w| m.max(w.abs()));
         let GroupPlan { index, scratch, unit, .. } = &mut *group;
@@ -30,7 +29,7 @@ impl BlockState {
         dirty || !known
     }
 
-    /// No budget: every changed target is committed, in every block it touches.
+    /// Without a budget: commits every changed target in all its blocks.
     fn commit_targets(&mut self, group: &mut GroupPlan, instance: usize) -> bool {
         let GroupPlan { index, list, scratch, unit, .. } = group;
         let elements = &mut list.elements[instance * index.entry_count()..][..index.entry_count()];
@@ -41,7 +40,7 @@ impl BlockState {
                 continue;
             }
             let (old, incidence) = (std::mem::replace(committed, new), index.incidence(target));
-            // A target that moves nothing changes no pose.
+            // A target without entries changes no pose.
             dirty |= !incidence.is_empty();
             let coefficient = unit.coefficient(new, old);
             for i in incidence {
@@ -58,17 +57,17 @@ impl BlockState {
         dirty
     }
 
-    /// With a budget: a block's entries are deferred while Σ |pending| · reach stays within it, less what rounding may
-    /// have done and may do in this update; a still face settles.
+    /// With a budget: defers a block's entries while Σ |pending| · reach stays within it, minus rounding so far and in
+    /// this update. A still face settles.
     fn commit_entries(&mut self, group: &mut GroupPlan, instance: usize, known: bool) -> bool {
         let GroupPlan { index, list, scratch, unit, tolerance, .. } = group;
         let still = self.changed == 0;
-        // Nothing may be deferred any longer.
+        // Apply everything deferred.
         let settle = !known || still && self.deferred;
         if still && !settle {
             return false;
         }
-        // Blocks that a change reaches.
+        // Blocks with changed targets.
         scratch.reached.clear();
         scratch.reached.resize(index.count(), settle || std::mem::take(&mut self.lowered));
         if !settle {
@@ -87,7 +86,7 @@ impl BlockState {
             } else {
                 let pending = |entry: usize| unit.size(unit.coefficient(next(entry), self.committed[entry]));
                 amounts.extend(entries.clone().map(|entry| pending(entry) * index.costs[entry].reach));
-                // In float64: what remains of a large sum, when most of it is taken away, is still right.
+                // float64: subtracting most of a large sum leaves an accurate rest.
                 let mut sum: f64 = amounts.iter().copied().map(f64::from).sum();
                 let mut rounded = 0.0;
                 if tolerance.is_finite() {
@@ -100,8 +99,7 @@ impl BlockState {
                     deferred |= sum > 0.0;
                     continue;
                 }
-                // The largest are committed until the rest is within the budget; the small ones, noise for the most
-                // part, stay deferred.
+                // Commit the largest until the rest is within the budget; small amounts, mostly noise, stay deferred.
                 let largest = &mut scratch.largest;
                 largest.clear();
                 largest.extend(0..amounts.len() as u32);

@@ -1,9 +1,8 @@
-//! How a device carries the work list of a group out: in which dispatches, and in which tiles where its kernels take
-//! several instances at once.
+//! Dispatches of a group's work list on a device, and tiles for kernels that process several instances at once.
 //!
-//! A tile is a block of 1, 2, 4 or 8 instances, whose deltas are loaded once: kernels have a pipeline for each width.
-//! Its rows are the entries that any of them needs, each with a coefficient for every instance. Rows of a tile begin at
-//! multiples of [`ALIGN`], so that kernels can load several words at once.
+//! A tile is a block of 1, 2, 4 or 8 instances whose deltas are loaded once; there is a pipeline for each width. Its
+//! rows are the entries that any of them needs, each with a coefficient per instance. The rows of a tile start at a
+//! multiple of [`ALIGN`], so that kernels can load several words at once.
 
 use super::group::{GroupPlan, Item, WorkList};
 use crate::abi::worklist::{ALIGN, TILE, WIDTHS, row_words};
@@ -14,18 +13,18 @@ use crate::plan::hazards::{Accesses, Memory};
 use crate::plan::steps::{Resource, Steps, Use, Work};
 use std::ops::Range;
 
-/// How a device carries work lists out.
+/// How a device executes work lists.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Dispatching {
-    /// Instances that one descriptor set reaches.
+    /// Instances per descriptor set.
     pub group: u32,
-    /// Widths of tiles that kernels take; 0: single items with masks.
+    /// Number of tile widths; 0: single items with masks.
     pub widths: u32,
-    /// How wide tiles are.
+    /// Limits and costs of tiles.
     pub tuning: DeviceTuning,
-    /// Workgroups of a dispatch, at most.
+    /// Most workgroups per dispatch.
     pub most: u32,
-    /// Items or tiles of a workgroup.
+    /// Items or tiles per workgroup.
     pub items: u32,
     /// Each dispatch is a step. They write different blocks, and a storage buffer in common tells synchronization
     /// validation as much; as texels, poses are loaded through one descriptor and stored through another, for which it
@@ -34,48 +33,48 @@ pub(crate) struct Dispatching {
 }
 
 impl Dispatching {
-    /// Workgroups that take so many items.
+    /// Workgroups of these items.
     pub fn workgroups(&self, items: &Range<u32>) -> u32 {
         items.len() as u32 / self.items
     }
 
-    /// Tiles of a kernel, at most, that fill up workgroups: of `instances`, and so many parts of the asset.
+    /// Most padding tiles of a kernel, which fill up workgroups, for `instances` and `parts` of the asset.
     pub fn padding(&self, instances: usize, parts: usize) -> usize {
         (self.items as usize - 1) * instances.div_ceil(self.group as usize) * parts
     }
 }
 
-/// What dispatches of blocks use.
+/// Memory that dispatches of blocks use.
 const USES: &[Use] = &[Use::read(Resource::Asset), Use::read(Resource::Poses), Use::write(Resource::Poses)];
 
-/// Blocks and entries of a part of the asset that a descriptor covers.
+/// Blocks and entries of an asset part, the range of a descriptor.
 pub(crate) type BlockPart = (Range<usize>, Range<usize>);
 
-/// Kernels of tiles: widths, and whether instances start from the base pose.
+/// Number of tile kernels: each width, with instances that start from the base pose or not.
 pub(super) const KERNELS: usize = 2 * WIDTHS;
 
 /// The dispatches of an update of a group.
 pub(crate) struct Dispatches {
     how: Dispatching,
-    /// The number of the group.
+    /// Index of the group.
     group: u32,
     works: Vec<Work>,
-    /// Of the asset: a dispatch is for the blocks of one.
+    /// Parts of the asset; a dispatch covers the blocks of one.
     pub parts: Vec<BlockPart>,
-    /// For kernels that take several instances at once.
+    /// For kernels that process several instances at once.
     pub tiles: Option<Tiles>,
 }
 
 impl Dispatches {
-    /// Of so many instances; `group` is the number of the group that `plan` is for, `parts` those of its asset.
+    /// `group` is the index of the group of `plan`, `parts` the parts of its asset.
     pub fn new(how: Dispatching, group: u32, plan: &GroupPlan, instances: usize, parts: Vec<BlockPart>) -> Self {
         let padding = how.padding(instances, parts.len());
         let tiles = (how.widths > 0).then(|| Tiles::new(&plan.index, instances, how.tuning, padding));
         Self { how, group, works: vec![], parts, tiles }
     }
 
-    /// Make the dispatches of a planned work list, and count what tiles load and store, which instances share. Tells
-    /// whether there are any.
+    /// Creates the dispatches of a planned work list, and counts loads and stores of tiles, which instances share.
+    /// Returns whether there are any.
     pub fn fill(&mut self, plan: &mut GroupPlan) -> bool {
         let pose = plan.pose();
         let GroupPlan { index, list, stats, .. } = plan;
@@ -107,7 +106,7 @@ impl Dispatches {
         !self.works.is_empty()
     }
 
-    /// Dispatch single items of a group of instances, of which the first is number `first` of the list.
+    /// Dispatches single items of a group of instances; `first` is the index of `run` in the list.
     fn singles(&mut self, mut run: &[Item], mut first: usize) {
         while let Some(item) = run.first() {
             let part = self.parts.partition_point(|(blocks, _)| blocks.end <= item.block as usize);
@@ -125,9 +124,9 @@ impl Dispatches {
         }
     }
 
-    /// Append the dispatches of all groups to `steps`.
+    /// Appends the dispatches of all groups to `steps`.
     pub fn append<'a>(groups: impl Iterator<Item = &'a Self> + Clone, steps: &mut Steps) {
-        // Groups share no memory: their k-th dispatches are one step in any case.
+        // Groups share no memory: their k-th dispatches can always form one step.
         let most = groups.clone().map(|group| group.works.len()).max().unwrap_or(0);
         let size = if groups.clone().any(|group| group.how.texels) { 1 } else { most.max(1) };
         for first in (0..most).step_by(size) {
@@ -138,15 +137,14 @@ impl Dispatches {
         }
     }
 
-    /// The place in the list of a work's first item.
+    /// Index in the list of a work's first item.
     pub fn place(&self, work: &Work) -> usize {
         let kernel = work.kernel as usize % KERNELS;
         let before = self.tiles.iter().flat_map(|tiles| &tiles.items[..kernel]).map(Vec::len);
         before.sum::<usize>() + work.items.start as usize
     }
 
-    /// What the works of a step read and write: a block of an instance is in one item, so that all are carried out as
-    /// one.
+    /// Reads and writes of the works of a step. A block of an instance occurs in one item, so all works count as one.
     pub fn accesses(&self, list: &WorkList, works: &[Work]) -> Accesses {
         let mut uses = std::collections::HashSet::new();
         for work in works {
@@ -175,41 +173,40 @@ pub struct TileItem {
     pub block: u32,
     /// Index of its first row's first word in [`Tiles::rows`].
     pub first: u32,
-    /// Its rows; 0: it is nothing, and fills up a workgroup.
+    /// Number of rows; 0: padding of a workgroup.
     pub count: u32,
-    /// A bit for each instance that starts from the base pose.
+    /// Mask of instances that start from the base pose.
     pub rebuilt: u32,
-    /// Which items of the list they are.
+    /// Indices of its items in the list.
     pub items: [u32; TILE],
 }
 
 impl TileItem {
-    /// The items of the list in a tile of 2^width instances.
+    /// Indices of the items in a tile of 2^width instances.
     pub fn members(&self, width: usize) -> &[u32] {
         &self.items[..if self.count == 0 { 0 } else { 1 << width }]
     }
 }
 
-/// What [`WorkList`] says, tile by tile.
+/// A [`WorkList`], arranged in tiles.
 #[derive(Clone, Debug)]
 pub struct Tiles {
-    /// `[kernel]`: tiles of 2^width instances for kernel number `width`. Those of rebuilt instances are in tiles of
-    /// their own, for number [`WIDTHS`] + width.
+    /// `[kernel]`: tiles of 2^width instances at index `width`; tiles of rebuilt instances at [`WIDTHS`] + width.
     pub items: [Vec<TileItem>; 2 * WIDTHS],
-    /// `[row]`: entry, then a coefficient for each instance of the tile, 0 for one that does not need the entry; see
+    /// `[row]`: an entry, then a coefficient per instance of the tile, 0 if it does not need the entry; see
     /// [`row_words`].
     pub rows: Vec<u32>,
-    /// How wide tiles are.
+    /// Limits and costs of tiles.
     device: DeviceTuning,
-    /// Per block and part: items of the list, one after the other.
+    /// By half (block, rebuilt or not): end of its items in `sorted`.
     ends: Vec<u32>,
     sorted: Vec<u32>,
-    /// Per entry of a block: its coefficients, and a bit for each instance that needs it.
+    /// By entry of a block: coefficients, and mask of instances that need it.
     table: Vec<([u32; TILE], u32)>,
 }
 
 impl Tiles {
-    /// No tiles yet, with room for every block of `instances`, and `padding` tiles more for each kernel.
+    /// Reserves room for every block of `instances`, and `padding` tiles per kernel.
     pub fn new(index: &BlockIndex, instances: usize, device: DeviceTuning, padding: usize) -> Self {
         let blocks = index.count() * instances;
         Self {
@@ -222,34 +219,33 @@ impl Tiles {
         }
     }
 
-    /// Words of rows, at most: two for an entry and instance, fewer where tiles are wide; and what pads them, which is
-    /// most in tiles of one and of two.
+    /// Most words of rows: two per entry and instance (fewer in wide tiles), plus alignment, which is largest in tiles
+    /// of one and two.
     pub fn words_max(index: &BlockIndex, instances: usize) -> usize {
         (2 * index.entry_count() + ALIGN * index.count()) * instances
     }
 
-    /// Forget the last update.
+    /// Removes all tiles.
     pub fn clear(&mut self) {
         self.items.iter_mut().for_each(Vec::clear);
         self.rows.clear();
     }
 
-    /// How many tiles there are for each kernel.
+    /// Number of tiles per kernel.
     pub fn counts(&self) -> [usize; 2 * WIDTHS] {
         std::array::from_fn(|kernel| self.items[kernel].len())
     }
 
-    /// All tiles, with their widths, in the order of lists.
+    /// All tiles with their log2 widths, in list order.
     pub fn iter(&self) -> impl Iterator<Item = (usize, &TileItem)> {
         let kernels = self.items.iter().enumerate();
         kernels.flat_map(|(kernel, tiles)| tiles.iter().map(move |tile| (kernel % WIDTHS, tile)))
     }
 
-    /// Take these items of `list`, which are ascending by instance, then block, as those that [`fill`](Self::fill)
-    /// makes tiles of.
+    /// Sorts `items` of `list` (ascending by instance, then block) by block, for [`fill`](Self::fill).
     pub fn sort(&mut self, index: &BlockIndex, list: &WorkList, items: Range<usize>) {
         let half = |item: &Item| 2 * item.block as usize + usize::from(item.source.is_none());
-        // A counting sort by block and half: for each, first its size, then where it begins, in the end where it ends.
+        // Counting sort by block and half: `ends` holds sizes, then starts, finally ends.
         self.ends.clear();
         self.ends.resize(2 * index.count() + 1, 0);
         list.items[items.clone()].iter().for_each(|item| self.ends[half(item) + 1] += 1);
@@ -265,7 +261,7 @@ impl Tiles {
         }
     }
 
-    /// Append tiles of the items of some blocks.
+    /// Appends tiles for the sorted items of some blocks.
     pub fn fill(&mut self, index: &BlockIndex, list: &WorkList, (blocks, entries): &BlockPart) {
         let halves = 2 * blocks.start..2 * blocks.end;
         let mut first = if halves.start == 0 { 0 } else { self.ends[halves.start - 1] as usize };
@@ -280,16 +276,15 @@ impl Tiles {
         }
     }
 
-    /// Append tiles without rows to those made since there were `before` for each kernel, so that they fill workgroups
-    /// of `items`.
+    /// Pads the tiles added since the counts were `before` with empty ones to full workgroups of `items`.
     pub fn fill_workgroups(&mut self, before: [usize; KERNELS], items: usize) {
         for (tiles, before) in self.items.iter_mut().zip(before) {
             tiles.resize(before + (tiles.len() - before).next_multiple_of(items), TileItem::default());
         }
     }
 
-    /// Append items `sorted` of a half of a block's: as one tile, or where that takes less, as two. Rows that fill a
-    /// tile up are of one of `all_entries`.
+    /// Appends the items `sorted` of one half of a block as one tile or, if cheaper, as two. Padding rows use an entry
+    /// of `all_entries`.
     fn push(
         &mut self,
         index: &BlockIndex,
@@ -303,7 +298,7 @@ impl Tiles {
         let entries = index.entries(block);
         let mut tile = TileItem { block: block as u32, first: self.rows.len() as u32, ..TileItem::default() };
         if let [only] = members {
-            // Its elements are rows already.
+            // Its elements already form rows.
             let elements = list.elements_of(&list.items[*only as usize]);
             self.rows.extend_from_slice(bytemuck::cast_slice(elements));
             tile.count = elements.len() as u32;
@@ -336,7 +331,7 @@ impl Tiles {
             }
         }
         if tile.count == 0 {
-            // Of a block that no target touches: any entry there is.
+            // A block that no target touches: any existing entry.
             let end = self.rows.len() + row_words(width);
             self.rows.push(entries.start.clamp(all_entries.start, all_entries.end.saturating_sub(1)) as u32);
             self.rows.resize(end, 0);
@@ -350,15 +345,15 @@ impl Tiles {
         self.items[half % 2 * WIDTHS + width].push(tile);
     }
 
-    /// Bytes that kernels load and store for these tiles, and those that are not of lists.
+    /// Bytes that kernels load and store for these tiles, and the same without lists.
     pub fn bytes(&self, index: &BlockIndex, pose: PoseFormat) -> [u64; 2] {
         let (mut moved, mut floor) = (0, 0);
         for (width, tile) in self.iter().filter(|(_, tile)| tile.count > 0) {
             let (instances, stride) = (1u64 << width, row_words(width));
-            // What tiles start from, each instance's own or the base pose, which integers do without.
+            // Source poses: each instance's own, or the base pose; fixed-point poses load none for the base pose.
             let sources = if pose.has_integers() && tile.rebuilt != 0 { 0 } else { instances };
             let rows = &self.rows[tile.first as usize..][..tile.count as usize * stride];
-            // Without entries there is a row of none.
+            // A mesh without entries has rows that name none.
             let costs = rows.chunks_exact(stride).filter_map(|row| index.costs.get(row[0] as usize));
             let deltas: u64 = costs.map(|cost| u64::from(cost.bytes)).sum();
             let least = deltas + (index.size() * pose.stride()) as u64 * (sources + instances);

@@ -1,9 +1,9 @@
-//! The second phase of an update: which blocks are written, from what, and with which entries.
+//! Phase 2 of an update: decides which blocks are written, from which source, and with which entries.
 //!
-//! A block is written when a changed target touches it, or when it is stale in the next slot: it is copied then,
-//! together with what changes now. Within a block only the components that changed are loaded and stored. Each block of
-//! each head makes its own choice between the pose there is and the base pose: whichever moves fewer bytes, and the
-//! base pose where it is the same, or where the bound on accumulated [`rounding`] would exceed the tolerance.
+//! A block is written if a changed target touches it, or if it is stale in the next slot; a stale block is copied and
+//! updated at once. Only components that changed are loaded and stored. Each block of each instance starts from the
+//! current pose or the base pose, whichever moves fewer bytes (the base pose if equal), or from the base pose if the
+//! bound on accumulated [`rounding`] would exceed the tolerance.
 
 use super::group::{GroupPlan, Item, rounding};
 use super::plan::BlockState;
@@ -11,8 +11,8 @@ use crate::abi::worklist::{ELEMENT_BYTES, ITEM_WORDS};
 use crate::plan::UpdateMode;
 
 impl BlockState {
-    /// Append what brings the second of two slots to what was committed; the first is current, and holds what the state
-    /// says where it is `known`.
+    /// Lists the blocks that bring the second slot to the committed weights. The first slot is current, and matches
+    /// this state if `known`.
     pub(crate) fn emit(&mut self, group: &mut GroupPlan, instance: usize, slots: [u32; 2], known: bool) {
         if !known {
             self.forget_slots();
@@ -58,7 +58,7 @@ impl BlockState {
             if !touched && !is_stale {
                 continue;
             }
-            // What the listed entries load, move and change.
+            // Loads, motion and components of the listed entries.
             let (mut deltas, mut sum, mut changed) = (0, 0.0, [0; N]);
             for element in &list.elements[first..first + listed as usize] {
                 let entry = element.entry as usize;
@@ -75,7 +75,7 @@ impl BlockState {
                     && (exceeded
                         || desc.mode == UpdateMode::Rebuild
                         || match *whole_blocks {
-                            // All components either way; integers need no base pose.
+                            // All components either way; fixed-point poses load no base pose.
                             true => active.active_bytes <= deltas + *source_bytes,
                             false => no_more_bytes_from_base(active.active_bytes, deltas, all, &changed),
                         });
@@ -123,9 +123,9 @@ impl BlockState {
     }
 }
 
-/// The cost model: active entries and all components that any target moves, against changed ones and theirs.
+/// Cost model: active entries and all components of any target, against changed entries and their components.
 fn no_more_bytes_from_base<const N: usize>(active: u32, changed: u32, all: &[u32; N], some: &[u32; N]) -> bool {
-    // A rebuild never moves fewer components; counting them is only worth it where it moves no more deltas.
+    // A rebuild never moves fewer components; counting is needed only if it moves no more deltas.
     let components = |mask: &[u32; N]| 8 * mask.iter().map(|m| m.count_ones()).sum::<u32>();
     active <= changed && active + components(all) <= changed + components(some)
 }

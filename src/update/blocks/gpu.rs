@@ -1,5 +1,5 @@
-//! The blocks of a group on a device, whoever plans them: kernels with workgroups for the items of a work list or its
-//! tiles, descriptor sets and push constants.
+//! The blocks of a group on a device, planned by host or GPU: kernels for items or tiles of a work list, descriptor
+//! sets and push constants.
 
 use super::dispatch::Dispatching;
 use crate::abi::modules::{BLOCKS, CROWD, CROWD_TEXELS, Module};
@@ -19,16 +19,16 @@ use bytemuck::bytes_of;
 use gpu_allocator::MemoryLocation;
 use std::sync::Arc;
 
-/// How kernels load a work list: from a storage buffer, or as texels.
+/// A work list is loaded from a storage buffer or as texels.
 pub(crate) const LIST_USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
     vk::BufferUsageFlags::STORAGE_BUFFER.as_raw() | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER.as_raw(),
 );
 
-/// Instances that one descriptor set reaches, where other limits allow `most`: as far as the storage range and the
-/// names of poses go, whole tiles where there is more than one set.
+/// Instances per descriptor set, at most `most`, limited by the storage range and the 16-bit pose numbers. Whole tiles,
+/// if there are several sets.
 ///
 /// # Errors
-/// Not even one.
+/// Not even one instance fits.
 pub(crate) fn set_size(context: &Context<'_>, most: u64) -> Result<u32> {
     let (poses, range) = (context.poses, context.caps().max_storage_range);
     let each = poses.range_bytes(1) - poses.lead;
@@ -44,47 +44,47 @@ pub(crate) fn set_size(context: &Context<'_>, most: u64) -> Result<u32> {
     )
 }
 
-/// A workgroup of the kernels of a crowd.
+/// Workgroup of a crowd's kernels.
 pub(crate) struct Workgroup {
-    /// Instances come in tiles.
+    /// Processes tiles of instances.
     tiles: bool,
-    /// Asset and work list are loaded as texels.
+    /// Loads asset and work list as texels.
     texels: bool,
     /// Invocations.
     lanes: u32,
-    /// Items of the work list.
+    /// Items or tiles.
     pub(crate) items: u32,
 }
 
 /// The workgroup of the kernels of a crowd of `instances`.
 ///
 /// # Errors
-/// The mesh is not in blocks.
+/// A mesh in a dense format.
 pub(crate) fn workgroup(context: &Context<'_>, instances: u32) -> Result<Workgroup> {
     let (index, caps) = (context.layout().index()?, context.caps());
-    // Tiles have a row at least, of some entry; masks are for poses of float32 alone.
+    // Tiles have at least one row, of some entry; masks are for float32 poses only.
     let (entries, size) = (index.entry_count() > 0, index.size() as u32);
-    // Those have poses of ours, as texels; a host may not have made its buffer for that.
+    // Texel kernels access engine-owned poses; a host's buffer may lack the usage.
     let bound_as_texels = context.poses.usage.contains(vk::BufferUsageFlags::STORAGE_TEXEL_BUFFER);
     let texels = entries && bound_as_texels && caps.takes_texels(context.layout().format);
     let integers = context.desc.update.pose.has_integers();
     let tiles = entries && (texels || instances > 1 || !caps.tuning.masks) || integers;
     let items = if tiles && !texels { (caps.tuning.lanes / size).clamp(1, ITEMS_MAX) } else { 1 };
-    // With texels, an invocation takes eight vertices.
+    // With texels, an invocation processes eight vertices.
     Ok(Workgroup { tiles, texels, lanes: if texels { size / 8 } else { size * items }, items })
 }
 
-/// The pipeline of a module for blocks of one size, or two where tiles that start from the base pose have their own.
+/// Key of the pipeline of a module and block size; two pipelines if tiles that start from the base pose differ.
 #[derive(Clone, Copy, PartialEq)]
 struct BlocksKey {
     module: &'static Module,
-    /// Vertices of a block.
+    /// Vertices per block.
     size: u32,
-    /// Invocations of a workgroup.
+    /// Invocations per workgroup.
     lanes: u32,
     width: u32,
     few_registers: bool,
-    /// Where numbers are in the host's own vertices.
+    /// Component offsets in host vertices.
     places: Option<PlaceConstants>,
 }
 
@@ -94,7 +94,7 @@ impl PipelineKey for BlocksKey {
         objects.add_layout(&[module.kernel], 0)?;
         let own = [0, 1].map(|rebuilt| [lanes, size, 1 << width, rebuilt, few_registers.into()]);
         let count = module.kernel.constants as usize;
-        // Items with masks say which they are, and have no width: their kernel has none of these constants.
+        // Kernels of items with masks have no width and none of these constants.
         let own = if count > 2 { &own[..] } else { &own[..1] };
         let places = places.as_ref().map_or(&[][..], |places| places);
         let constants: Vec<Vec<u32>> = own.iter().map(|own| [&own[..count], places].concat()).collect();
@@ -102,17 +102,17 @@ impl PipelineKey for BlocksKey {
     }
 }
 
-/// The kernels of a crowd, one for items of single instances, or for each width of tiles one.
+/// The kernels of a crowd: one for single items, or one per tile width.
 pub(crate) struct BlocksKernels {
     pub(super) how: Dispatching,
     kernels: Vec<Arc<Pipelines<BlocksKey>>>,
 }
 
 impl BlocksKernels {
-    /// Of crowds of `instances` of a mesh, of which a descriptor set reaches `group`.
+    /// Kernels for crowds of `instances`, of which a descriptor set reaches `group`.
     ///
     /// # Errors
-    /// There is no kernel for its formats; those of Vulkan.
+    /// No kernel for the formats; Vulkan errors.
     pub(crate) fn new(context: &Context<'_>, instances: u32, group: u32) -> Result<Self> {
         let (format, pose, tuning) = (context.layout().format, context.desc.update.pose, context.caps().tuning);
         let Workgroup { tiles, texels, lanes, items } = workgroup(context, instances)?;
@@ -130,13 +130,13 @@ impl BlocksKernels {
     }
 }
 
-/// What a descriptor set of blocks names.
+/// Contents of a descriptor set.
 pub(crate) struct Bound {
-    /// A part of the asset.
+    /// Index of the asset part.
     pub(crate) part: usize,
-    /// A work list.
+    /// The work list.
     pub(crate) list: BufferRange,
-    /// The first of its instances, and how many it has.
+    /// First instance, and count.
     pub(crate) instances: (u32, u32),
 }
 
@@ -145,15 +145,15 @@ pub(crate) struct GroupBlocks {
     pub(crate) how: Dispatching,
     kernels: Vec<Arc<Pipelines<BlocksKey>>>,
     pub(super) poses: Poses,
-    /// Of a mesh without entries: an entry that moves nothing, for the row that tiles have at least.
+    /// For a mesh without entries: one that moves nothing, for the row that tiles need.
     _no_entry: Option<Buffer>,
     sets: Sets,
-    /// One for each set.
+    /// By set.
     pushes: Vec<BlocksPush>,
 }
 
 impl GroupBlocks {
-    /// `elements_at`: where elements or rows begin in work lists, in words.
+    /// `elements_at`: first word of elements or rows in work lists.
     pub(crate) fn new(
         context: &Context<'_>,
         BlocksKernels { how, kernels }: BlocksKernels,
@@ -178,7 +178,7 @@ impl GroupBlocks {
                 normal_dropped,
             }
         };
-        // Zeros, as many as there are words in the largest entry.
+        // Zeros, as many words as the largest entry has.
         let no_entry = || {
             let (bytes, usage) = (index.size() * POSE_FLOATS * size_of::<f32>(), vk::BufferUsageFlags::STORAGE_BUFFER);
             let location = MemoryLocation::CpuToGpu;
@@ -193,7 +193,7 @@ impl GroupBlocks {
                 Some(entry) => BufferRange::new(entry.raw, 0, vk::WHOLE_SIZE),
                 None => parts[part].range(context.mesh.deltas.raw),
             };
-            // To be loaded as texels, poses are bound once more.
+            // With texels, poses are bound twice, for stores and loads.
             let poses = std::iter::repeat_n(poses.range(first, count), if how.texels { 2 } else { 1 });
             [asset, list].into_iter().chain(poses).collect::<Vec<_>>()
         };
@@ -202,14 +202,14 @@ impl GroupBlocks {
         Ok(Self { how, kernels, poses, _no_entry: no_entry, sets, pushes })
     }
 
-    /// Record a dispatch of kernel number `kernel` (a width, or from [`WIDTHS`] on, a width for tiles that start from
-    /// the base pose) with set number `set`, for its work list from the word `first_item` on.
+    /// Records a dispatch of kernel `kernel` (log2 width; plus [`WIDTHS`] for tiles that start from the base pose) with
+    /// set `set`, for the items from word `first_item` of its work list on.
     ///
     /// # Safety
     /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
-    /// - The group, its mesh and its poses live until the dispatch has run; the list is complete by then, and names
-    ///   slots that there are, and blocks and entries of the part.
-    /// - There are no more workgroups than the device allows.
+    /// - The group, its mesh and its poses live until the dispatch has finished. The list is complete by then, and
+    ///   names only existing slots, and blocks and entries of the part.
+    /// - `workgroups` is within the device limit.
     pub(crate) unsafe fn dispatch(
         &self,
         cmd: vk::CommandBuffer,

@@ -1,5 +1,5 @@
-//! What the instances of a crowd have in common in a group of the mesh, and what one update lists of all of them: which
-//! blocks it writes, with which entries, and which components of them.
+//! A crowd's plan for one group of the mesh: state shared by its instances, and the blocks, entries and components that
+//! one update writes.
 
 use crate::abi::worklist::Element;
 use crate::error::{Error, Result};
@@ -9,31 +9,31 @@ use crate::plan::{UpdateDesc, UpdateStats};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// A block of an instance that is written.
+/// A block of an instance to write.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Item {
     /// The instance.
     pub instance: u32,
     /// The block.
     pub block: u32,
-    /// The slot that is read; `None`: the base pose.
+    /// The source slot; `None`: the base pose.
     pub source: Option<u32>,
-    /// The slot that is written.
+    /// The destination slot.
     pub destination: u32,
-    /// Its elements: the first in [`WorkList::elements`], and how many.
+    /// Its first element in [`WorkList::elements`].
     pub first: u32,
     /// Number of elements.
     pub count: u32,
 }
 
-/// What one update does: carried out by the GPU or the CPU as it is.
+/// The work of one update, for GPU or CPU.
 #[derive(Clone, Debug, Default)]
 pub struct WorkList {
     /// Blocks to write, ascending by instance, then block.
     pub items: Vec<Item>,
-    /// `[item][component][word]`: which vertices' components are loaded and stored.
+    /// `[item][component][word]`: vertices whose component is loaded and stored.
     pub masks: Vec<u32>,
-    /// `[instance][entry]`: the elements of a block lie where its entries do, the first ones being in use.
+    /// `[instance][entry]`: the elements of a block occupy the first places of its entries.
     pub elements: Vec<Element>,
 }
 
@@ -57,38 +57,38 @@ impl WorkList {
 /// The plan of a group.
 #[derive(Clone, Debug)]
 pub struct GroupPlan {
-    /// What the group was packed into.
+    /// The group's blocks.
     pub index: Arc<BlockIndex>,
-    /// What the last update writes.
+    /// The last update.
     pub list: WorkList,
-    /// Of the last update.
+    /// Statistics of the last update.
     pub stats: UpdateStats,
-    /// Load and store all of a block that is written, not only the components that change: for kernels that cannot do
-    /// less, and poses of integers.
+    /// Load and store whole blocks, not only changed components: for kernels that cannot do less, and for fixed-point
+    /// poses.
     pub whole_blocks: bool,
-    /// Bytes that a whole block saves to load where it starts from the base pose.
+    /// Bytes of source pose that a whole block need not load if it starts from the base pose.
     pub source_bytes: u32,
     pub(super) desc: UpdateDesc,
     pub(super) targets: usize,
     pub(super) unit: Unit,
-    /// Some stream is measured as a length.
+    /// Whether a stream is measured as a length.
     pub(super) has_lengths: bool,
-    /// The largest bound on drift that a block may have, as a length; infinite for poses of integers.
+    /// Largest drift bound of a block, as a length; infinite for fixed-point poses.
     pub(super) tolerance: f32,
     pub(super) scratch: Scratch,
 }
 
 impl GroupPlan {
-    /// The plan of so many instances.
+    /// The plan of `instances` instances.
     ///
     /// # Errors
-    /// As [`UpdateDesc::check_for`]; no blocks.
+    /// Errors of [`UpdateDesc::check_for`]; a dense format.
     pub fn new(desc: UpdateDesc, layout: &PackedLayout, instances: usize) -> Result<Self> {
         desc.check_for(layout)?;
         let index = layout.index()?;
         let grid = desc.grid(layout)?;
         let tolerance = if grid.is_some() { f32::INFINITY } else { desc.tolerance * length_unit(layout) };
-        // Without lengths there is nothing to measure a budget against: all is committed at once.
+        // A budget needs lengths: without them, everything is committed at once.
         let has_lengths = layout.has_lengths();
         let error_budget = if has_lengths { desc.error_budget } else { 0.0 };
         Ok(Self {
@@ -106,41 +106,41 @@ impl GroupPlan {
         })
     }
 
-    /// The grid of poses of integers.
+    /// The grid of fixed-point poses.
     pub fn grid(&self) -> Option<PoseGrid> {
         self.unit.grid
     }
 
-    /// How poses are stored.
+    /// The pose format.
     pub fn pose(&self) -> PoseFormat {
         self.desc.pose
     }
 
-    /// Forget the last update.
+    /// Removes the last update.
     pub fn clear(&mut self) {
         self.list.items.clear();
         self.list.masks.clear();
         self.stats = UpdateStats::default();
     }
 
-    /// Vertices that the last update changes in the pose of an instance: whole blocks, ascending.
+    /// Vertices that the last update changes in the pose of an instance, as ascending ranges of whole blocks.
     pub fn changed(&self, instance: u32, out: &mut Vec<Range<u32>>) {
         let first = self.list.items.partition_point(|item| item.instance < instance);
         let items = self.list.items[first..].iter().take_while(|item| item.instance == instance);
-        // What has a source and no elements is copied, from the pose there was.
+        // An item with a source slot and no elements is an unchanged copy.
         let changed = items.filter(|item| item.count > 0 || item.source.is_none());
         let size = self.index.size() as u32;
         out.extend(changed.map(|item| item.block * size..(item.block + 1) * size));
     }
 }
 
-/// How weights are listed: as float32, or as integers in steps of a grid. Both take 32 bits, and 0 is no weight.
+/// Encoding of weights in lists: float32, or integers in steps of a grid. 32 bits; 0 is weight 0.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Unit {
     grid: Option<PoseGrid>,
     step: f32,
-    /// Coefficients are the weight that poses are to hold, and above it the one that they hold, 16 bits each: what a
-    /// target adds is rounded. Otherwise they are the difference.
+    /// Rounded terms: a coefficient is the new weight (low 16 bits) and the applied weight (high). Otherwise it is
+    /// their difference.
     pairs: bool,
 }
 
@@ -151,13 +151,13 @@ impl Unit {
 
     pub(super) fn bits(self, weight: f32) -> u32 {
         match self.grid {
-            // The sum makes 0 of -0.
+            // Adding 0 turns -0 into 0.
             None => (weight + 0.0).to_bits(),
             Some(grid) => grid.steps(weight) as u32,
         }
     }
 
-    /// What changes a weight, for the list.
+    /// The coefficient that changes a weight from `old` to `new`.
     pub(super) fn coefficient(self, new: u32, old: u32) -> u32 {
         match self.grid {
             None => (f32::from_bits(new) - f32::from_bits(old)).to_bits(),
@@ -166,7 +166,7 @@ impl Unit {
         }
     }
 
-    /// By how much a coefficient changes a weight, either way.
+    /// The absolute change of weight that a coefficient encodes.
     pub(super) fn size(self, coefficient: u32) -> f32 {
         let steps = |change: i32| change.unsigned_abs() as f32 * self.step;
         match self.grid {
@@ -177,40 +177,40 @@ impl Unit {
     }
 }
 
-/// Scratch space that the instances share.
+/// Scratch memory shared by the instances.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Scratch {
-    /// The weights requested of an instance.
+    /// Requested weights of an instance.
     pub(super) next: Vec<u32>,
-    /// Per block: the place in the list after its last element, counted from the instance's first.
+    /// By block: end of its elements in the list, relative to the instance's first.
     pub(super) ends: Vec<u32>,
-    /// With an error budget: blocks that a change reaches.
+    /// With an error budget: blocks with changed targets.
     pub(super) reached: Vec<bool>,
-    /// The entries of a block, those with the largest amounts first.
+    /// Entries of a block, by descending amount.
     pub(super) largest: Vec<u32>,
-    /// With an error budget: how far each entry of a block is from what was requested, as a length; negative once it is
-    /// to be committed.
+    /// With an error budget, by entry of a block: distance from the requested pose, as a length; negative if it is to
+    /// be committed.
     pub(super) amounts: Vec<f32>,
 }
 
 const ULP: f32 = f32::EPSILON;
 const SQRT_3: f32 = 1.732_050_8;
 
-/// What one update may add to the bound on what accumulation in float32 has done to the positions of a block, a length:
-/// √3 · (M·ε + (n + 4)·S·ε), with M the largest coordinate that the block can reach, S = Σ|coefficient| · longest delta
-/// over the n entries of the update, and ε = 2⁻²³ (a whole unit in the last place, since Vulkan fixes no rounding
-/// mode): one rounding at pose magnitude, one for each coefficient, product, partial sum and scale. A rebuild sets the
-/// bound to that of its own entries.
+/// Increment of the drift bound: what one update may add to the position error of a block's float32 sums, as a length:
+/// √3 · (M·ε + (n + 4)·S·ε). M is the largest coordinate that the block can reach, S = Σ|coefficient| · longest delta
+/// over the n entries of the update, and ε = 2⁻²³ (one ulp, since Vulkan fixes no rounding mode): one rounding at pose
+/// magnitude, and one for each coefficient, product, partial sum and scale. A rebuild sets the bound to the increment
+/// of its own entries.
 pub(super) fn rounding(magnitude: f32, entries: u32, sum: f32) -> f32 {
     SQRT_3 * ULP * (magnitude + (entries + 4) as f32 * sum)
 }
 
-/// What tolerances are fractions of: the diagonal, where there is one.
+/// Unit of tolerances: the diagonal, or 1 if that is 0.
 pub(super) fn length_unit(layout: &PackedLayout) -> f32 {
     if layout.diagonal > 0.0 { layout.diagonal } else { 1.0 }
 }
 
-/// Refuse a tolerance that a pose fresh from base exceeds, all weights being 1.
+/// Checks that rounding stays within the tolerance in a rebuild with all weights 1.
 pub(crate) fn check_tolerance(tolerance: f32, layout: &PackedLayout, index: &BlockIndex) -> Result<()> {
     let fresh = (0..index.count()).map(|b| {
         let reach = index.block_reach[b];
@@ -225,6 +225,6 @@ pub(crate) fn check_tolerance(tolerance: f32, layout: &PackedLayout, index: &Blo
             "a drift of at most {tolerance:.1e} of the diagonal: rounding alone may move a vertex by {least:.1e} when all \
              weights are 1"
         ),
-        "allow more drift, or use poses of integers (PoseFormat::Fixed32)",
+        "allow more drift, or use fixed-point poses (PoseFormat::Fixed32)",
     ))
 }

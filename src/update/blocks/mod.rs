@@ -1,8 +1,8 @@
-//! The block formats: only blocks of vertices that a changed target touches are loaded and stored.
+//! Path `blocks`: loads and stores only the blocks that a changed target touches.
 //!
-//! `plan` is a crowd, and what the poses of each instance hold; `commit` decides which weights an update applies, and
-//! `emit` which blocks it writes, into the list of a `group`. `dispatch` cuts lists into tiles and dispatches;
-//! `technique` and `gpu` carry them out on a device, `gpu` also those of crowds that are planned there.
+//! `plan` is a crowd and the state of its instances' poses. `commit` decides which weights an update applies, `emit`
+//! which blocks it writes into the list of a `group`. `dispatch` cuts lists into tiles and dispatches; `technique` and
+//! `gpu` execute them on a device (`gpu` also for crowds planned on the GPU).
 
 mod commit;
 mod dispatch;

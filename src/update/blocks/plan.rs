@@ -1,5 +1,5 @@
-//! The instances of a crowd, planned together, and what the poses of each hold, block by block: what GPU and CPU carry
-//! out. `commit` and `emit` are the two phases of an update.
+//! Plans the instances of a crowd together, for GPU or CPU, and keeps the state of their poses by block. `commit` and
+//! `emit` are the two phases of an update.
 
 use super::group::{GroupPlan, Unit};
 use crate::abi::worklist::Element;
@@ -9,22 +9,22 @@ use crate::pack::{POSE_FLOATS, PackedLayout};
 use crate::plan::instances::Instances;
 use crate::plan::{UpdateDesc, UpdateStats};
 
-/// Plans the instances of a crowd. What blocks hold and which are written is each group's own; slots rotate with those
-/// of all groups.
+/// Plans the instances of a crowd. Groups have their own block states and lists; the slots of all groups rotate
+/// together.
 pub struct Planner {
-    /// One for each group of the mesh.
+    /// By group of the mesh.
     pub groups: Vec<GroupPlan>,
     /// `[group][instance]`.
     states: Vec<Vec<BlockState>>,
-    /// The largest error budget of an instance.
+    /// The crowd's error budget, the upper limit of each instance's.
     budget_most: f32,
 }
 
 impl Planner {
-    /// `instances` of a mesh that was packed like this, group by group.
+    /// Plans `instances` instances of a mesh with these groups.
     ///
     /// # Errors
-    /// As [`GroupPlan::new`].
+    /// Errors of [`GroupPlan::new`].
     pub fn new<'a>(
         desc: UpdateDesc,
         groups: impl IntoIterator<Item = &'a PackedLayout>,
@@ -36,7 +36,7 @@ impl Planner {
         Ok(Self { states, groups, budget_most: desc.error_budget })
     }
 
-    /// Plan the update numbered `update` of every instance that is shown.
+    /// Plans update `update` of every instance that is shown.
     pub fn plan(&mut self, instances: &mut Instances, update: u64) {
         self.groups.iter_mut().for_each(GroupPlan::clear);
         for (i, weights, history) in instances.shown() {
@@ -55,10 +55,10 @@ impl Planner {
         }
     }
 
-    /// The error budget of an instance that there is, from the next update on.
+    /// Sets the error budget of an existing instance, from the next update on.
     ///
     /// # Errors
-    /// More than the crowd was made with; no number, or one below 0.
+    /// A value outside 0 to the crowd's budget.
     pub fn set_error_budget(&mut self, instance: usize, budget: f32) -> Result<()> {
         let most = self.budget_most;
         if !(0.0..=most).contains(&budget) {
@@ -66,20 +66,20 @@ impl Planner {
             return Err(Error::invalid(what, "use a number from 0 to that, or make the crowd with a larger one"));
         }
         for (group, states) in self.groups.iter().zip(&mut self.states) {
-            // Without lengths there is none, whatever the crowd was made with.
+            // Without lengths there is no budget.
             states[instance].set_budget(budget.min(group.desc.error_budget));
         }
         Ok(())
     }
 
-    /// A new instance takes a free place: its error budget is that of the crowd, and not that of the one before.
+    /// Gives an instance added to a free place the crowd's error budget.
     pub fn add(&mut self, instance: usize) {
         for (group, states) in self.groups.iter().zip(&mut self.states) {
             states[instance].set_budget(group.desc.error_budget);
         }
     }
 
-    /// Count the last update. The groups add the same coefficients in the same pass.
+    /// Statistics of the last update. All groups apply the same coefficients in the same pass.
     pub fn stats(&self) -> UpdateStats {
         let mut sum = UpdateStats::default();
         for group in &self.groups {
@@ -90,45 +90,45 @@ impl Planner {
     }
 }
 
-/// What the poses of one instance hold in a group.
+/// State of an instance's poses in a group.
 #[derive(Clone, Debug)]
 pub(crate) struct BlockState {
-    /// What was requested last, per target.
+    /// Weights requested last, by target.
     pub(super) requested: Vec<u32>,
-    /// What poses hold, per target or per entry.
+    /// Committed weights, by target, or by entry if `per_entry`.
     pub(super) committed: Vec<u32>,
-    /// With an error budget.
+    /// There is an error budget.
     pub(super) per_entry: bool,
-    /// The error budget, at most that of the crowd.
+    /// The error budget, at most the crowd's.
     budget: f32,
-    /// It is less than it was: what is deferred everywhere has to be looked at.
+    /// The budget was lowered: all deferred changes have to be checked.
     pub(super) lowered: bool,
     /// Some change is deferred.
     pub(super) deferred: bool,
-    /// Targets requested that differ from the update before.
+    /// Targets whose requested weight changed in the last update.
     pub(super) changed: usize,
     pub(super) largest_weight: f32,
     pub(super) blocks: Vec<BlockSum>,
-    /// `[slot][block]`: whether there is anything in `stale`.
+    /// `[slot][block]`: whether any bit of `stale` is set.
     pub(super) is_stale: Vec<bool>,
-    /// `[slot][block][component][word]`: what changed since the slot was written, a bit for each vertex.
+    /// `[slot][block][component][word]`: vertices whose component changed since the slot was written.
     pub(super) stale: Vec<u32>,
 }
 
-/// What a block of the pose is the sum of.
+/// The float32 sum of a block: error bound and active entries.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BlockSum {
-    /// Bound on the position error that accumulation caused.
+    /// Bound on the position error from accumulation.
     pub(super) bound: f32,
-    /// The bound beyond which the block is rebuilt.
+    /// Bound above which the block is rebuilt.
     pub(super) limit: f32,
-    /// The active entries, and their bytes.
+    /// Active entries, and their bytes.
     pub(super) active: u32,
     pub(super) active_bytes: u32,
 }
 
 impl BlockSum {
-    /// The weight of an entry of so many bytes changes.
+    /// Counts a change of weight of an entry of `bytes` bytes.
     pub(super) fn activate(&mut self, bytes: u32, old: u32, new: u32) {
         match (old != 0, new != 0) {
             (false, true) => (self.active, self.active_bytes) = (self.active + 1, self.active_bytes + bytes),
@@ -139,10 +139,10 @@ impl BlockSum {
 }
 
 impl BlockState {
-    /// All weights are 0, and no slot holds anything.
+    /// All weights are 0, and all slots are stale.
     pub(crate) fn new(group: &GroupPlan) -> Self {
         let (index, targets) = (&group.index, group.targets);
-        // The golden ratio spreads any number of blocks evenly.
+        // The golden ratio spreads rebuilds of any number of blocks evenly.
         let limit = |b: usize| group.tolerance * (0.25 + 0.75 * (b as f32 * 0.618_034).fract());
         let (slots, per_entry) = (group.desc.slots as usize, group.desc.error_budget > 0.0);
         Self {
@@ -162,7 +162,7 @@ impl BlockState {
         }
     }
 
-    /// The error budget from the next update on.
+    /// Sets the error budget from the next update on.
     fn set_budget(&mut self, budget: f32) {
         self.lowered |= budget < self.budget;
         self.budget = budget;
@@ -173,13 +173,13 @@ impl BlockState {
         self.budget
     }
 
-    /// What the slots hold is not known: the instance has no pose, or was left out of some updates.
+    /// Marks all slots as stale: the instance has no pose, or was left out of updates.
     pub(crate) fn forget_slots(&mut self) {
         self.is_stale.fill(true);
         self.stale.fill(u32::MAX);
     }
 
-    /// Count an update.
+    /// Adds this state to the group's statistics.
     pub(super) fn count(&self, group: &mut GroupPlan) {
         group.stats.coefficients += self.changed;
         let bound = match group.grid() {
@@ -192,7 +192,7 @@ impl BlockState {
         group.stats.bound = group.stats.bound.max(bound);
     }
 
-    /// List the active entries of a block; how many there are, and Σ |weight| · reach.
+    /// Lists the active entries of a block. Returns their number, and Σ |weight| · reach.
     pub(super) fn list_active(&self, index: &BlockIndex, unit: Unit, block: usize, out: &mut [Element]) -> (u32, f32) {
         let (mut count, mut sum) = (0, 0.0);
         for entry in index.entries(block) {

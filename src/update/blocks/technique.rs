@@ -1,4 +1,4 @@
-//! A crowd on the path `blocks`, planned on the CPU: work lists, and what each block holds.
+//! A crowd on path `blocks`, planned on the CPU.
 
 use super::dispatch::{BlockPart, Dispatches, KERNELS, Tiles};
 use super::gpu::{BlocksKernels, Bound, GroupBlocks, LIST_USAGE, set_size};
@@ -16,22 +16,22 @@ use crate::update::technique::{Context, Technique, UpdateId};
 use ash::vk;
 use std::ops::Range;
 
-/// A crowd whose changed blocks are updated.
+/// Technique of path `blocks`.
 pub(crate) struct BlocksTechnique {
     planner: Planner,
     groups: Vec<Group>,
 }
 
-/// What the blocks of a group take.
+/// Device state of a group.
 struct Group {
     blocks: GroupBlocks,
     dispatches: Dispatches,
-    /// Work lists: items, then elements; or tiles, then rows. `blocks` has descriptor sets `[frame][instances][part]`.
+    /// Work lists: items, then elements; or tiles, then rows. Descriptor sets of `blocks`: `[frame][instances][part]`.
     ring: Ring,
     sets_of_frame: u32,
-    /// Words of an item or tile.
+    /// Words per item or tile.
     item_words: usize,
-    /// Index of the first element's or row's first word.
+    /// First word of the elements or rows.
     elements_at: usize,
 }
 
@@ -81,11 +81,11 @@ impl Group {
         })
     }
 
-    /// Write the lists of what was planned.
+    /// Writes the planned list.
     fn write(&mut self, list: &WorkList, frame: u64) -> Result<()> {
         let (items, rest) = self.ring.words(frame)?.split_at_mut(self.elements_at);
         let items = items.chunks_exact_mut(self.item_words);
-        // Source and destination of an item, as numbers of poses in a set of instances.
+        // Pose numbers are relative to the first instance of a set.
         let (reach, slots) = (self.blocks.how.group, self.blocks.poses.slots);
         let pose = |item: &Item, slot: u32| item.instance % reach * slots + slot;
         let poses = |item: &Item| {

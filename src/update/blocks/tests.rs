@@ -1,4 +1,4 @@
-//! Plans in blocks, carried out on the CPU: any history ends in the pose asked for, and tiles say what the list says.
+//! Plans in blocks, executed on the CPU: any history ends in the requested pose, and tiles match the list.
 
 use super::dispatch::{BlockPart, Dispatches, Dispatching, KERNELS, Tiles};
 use super::*;
@@ -18,12 +18,12 @@ use proptest::prelude::*;
 
 const TARGETS: usize = 9;
 
-/// An asset that a descriptor covers.
+/// The whole asset as one part.
 fn whole(index: &BlockIndex) -> BlockPart {
     (0..index.count(), 0..index.entry_count())
 }
 
-/// What a device records of the list of one instance: items, or tiles.
+/// The recorded events of one instance's list: items, or tiles.
 fn recorded(mut plan: GroupPlan) -> Vec<Recorded> {
     let (widths, tuning) = (u32::from(plan.whole_blocks), DeviceClass::Desktop.tuning());
     let how = Dispatching { group: 1, widths, tuning, most: 3, items: 1 + widths, texels: false };
@@ -39,7 +39,7 @@ fn packed(format: DeltaFormat, size: u32) -> PackedMesh {
     PackedMesh::pack(&testing::mesh(300, TARGETS), &PackDesc { blocks, ..PackDesc::new(format) }).unwrap()
 }
 
-/// What plans a mesh.
+/// Plans a mesh.
 struct Blocks {
     mesh: PackedMesh,
     planner: Planner,
@@ -54,7 +54,7 @@ fn one(mesh: PackedMesh, desc: UpdateDesc) -> One<Blocks> {
 }
 
 impl One<Blocks> {
-    /// The slots of pose and previous pose after an update, and what it did.
+    /// One update: the slots of pose and previous pose, and the statistics.
     fn step(&mut self, weights: &[f32]) -> ([Option<u32>; 2], UpdateStats) {
         (self.update_to(weights).1, self.planner.planner.groups[0].stats)
     }
@@ -74,7 +74,7 @@ impl Planned for Blocks {
         let weights = one.instances.requested().next().flatten().unwrap();
         let pose = one.memory.decode(mesh.surface(), one.instances.slots_of(0).unwrap().0 as usize);
         let pose = mesh.layout().to_user_order(&pose);
-        // Weights are multiples of 1/4: on any grid.
+        // Multiples of 1/4 lie on any grid.
         let error = reference::compare(&pose, &reference::evaluate(mesh, weights));
         let bound = one.desc.error_budget.max(stats.bound);
         let most = f64::from(bound).max(1e-6 * f64::from(mesh.layout().diagonal));
@@ -128,7 +128,7 @@ fn a_still_face_is_no_work_and_a_change_touches_its_blocks_only() {
     let mut weights = [0.25; TARGETS];
     let ([first, previous], stats) = one.step(&weights);
     assert_eq!((previous, stats.dirty_blocks), (first, 10));
-    // The other slot was never written: it takes the whole pose once.
+    // The other slot was never written: it receives the whole pose once.
     weights[1] = 0.5;
     assert_eq!(one.step(&weights).1.dirty_blocks, 10);
     weights[1] = 0.75;
@@ -235,7 +235,7 @@ proptest! {
                 let (stride, members) = (row_words(width), tile.members(width));
                 let rows = &tiles.rows[tile.first as usize..][..tile.count as usize * stride];
                 prop_assert!(width <= widest && (tile.first as usize).is_multiple_of(ALIGN) && stride > members.len());
-                // Its head, its items and its rows, an entry each, and the poses of each instance, in and out.
+                // Its header, items and rows (an entry each), and the source and destination poses of each instance.
                 let entries = rows.chunks_exact(stride).map(|row| row[0] as usize);
                 let times = if tile.rebuilt != 0 && pose.has_integers() { 1 } else { 2 };
                 bytes += 4 * (4 + members.len() + rows.len()) + index.size() * pose.stride() * members.len() * times;
@@ -243,7 +243,7 @@ proptest! {
                 for (place, &i) in members.iter().enumerate() {
                     let item = &list.items[i as usize];
                     prop_assert_eq!((item.block, item.source.is_none()), (tile.block, tile.rebuilt >> place & 1 != 0));
-                    // Coefficients of 0, of rows that others need or that fill tiles up, change nothing.
+                    // Coefficients of 0, in rows that other instances need and in padding, change nothing.
                     let added = rows.chunks_exact(stride).map(|row| (row[0], row[1 + place])).filter(|row| row.1 != 0);
                     let listed = list.elements_of(item).iter().map(|e| (e.entry, e.coefficient)).filter(|e| e.1 != 0);
                     prop_assert!(added.eq(listed));
@@ -258,7 +258,7 @@ proptest! {
     }
 }
 
-/// Widths of the tiles of eight heads, of which head h has these targets changed.
+/// Widths of the tiles of eight instances; `changed(instance, target)` says which targets changed.
 fn widths_of(tuning: DeviceTuning, changed: impl Fn(usize, usize) -> bool) -> [usize; WIDTHS] {
     let mesh = packed(DeltaFormat::Fast, 64);
     let index = mesh.layout().blocks.clone().unwrap();

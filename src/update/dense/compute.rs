@@ -1,6 +1,6 @@
-//! The `compute` path: dense passes, with coefficients in push constants (batch sizes 1 to 16) or listed in a
-//! buffer ("all in one pass", and poses of integers). The first pass of an update reads the current slot and writes the
-//! next, the rest run in place there.
+//! Path `compute`: dense passes with coefficients in push constants (batch sizes 1 to 16) or in a list (all in one
+//! pass, and fixed-point poses). The first pass of an update reads the current slot and writes the next; the others run
+//! in place.
 
 use super::technique::{ChunkSets, DensePass, Passes};
 use crate::abi::modules::{DENSE, DENSE_LIST};
@@ -46,8 +46,8 @@ impl PipelineKey for Compute {
 }
 
 impl Compute {
-    /// Most targets of a pass whose coefficients are push constants; `None`: coefficients are listed, which of poses of
-    /// integers are three words.
+    /// Most targets of a pass with coefficients in push constants; `None`: coefficients are in a list. Fixed-point
+    /// coefficients, of three words each, are always in a list.
     fn pushed(self) -> Option<u32> {
         match self.batch {
             BatchSize::Targets(most) if !self.pose.has_integers() => Some(most),
@@ -56,18 +56,18 @@ impl Compute {
     }
 }
 
-/// What a crowd's compute passes take.
+/// Device state of a crowd's compute passes.
 pub(crate) struct ComputePasses {
     kernel: Arc<Pipelines<Compute>>,
     instances: u32,
     slots: u32,
-    /// Of poses of integers.
+    /// `Some` for fixed-point poses.
     grid: Option<PoseGrid>,
-    /// Coefficient lists of all instances.
+    /// Coefficient lists, `[frame][instance]`.
     ring: Ring,
-    /// Bytes of one instance's list.
+    /// Bytes of an instance's list.
     stride: u64,
-    /// For each instance and destination slot, those of each source: the base pose, the slot itself, the slot before.
+    /// `[instance][destination slot][source]`, where the source is the base pose, the same slot, or the slot before.
     sets: ChunkSets,
 }
 
@@ -78,7 +78,7 @@ impl Passes for ComputePasses {
         let (layout, desc, mesh, poses) = (context.layout(), context.desc, context.mesh, context.poses);
         let (batch, slots) = (desc.update.batch, poses.slots);
         let kernel = context.kernels.get(Compute { format: layout.format, pose: desc.update.pose, batch })?;
-        // The kernels that read no lists still have one bound.
+        // Kernels that read no list still have one bound.
         let (entries, instances, frames) = match kernel.key.pushed() {
             None => (layout.targets.len(), desc.instances, desc.frames_in_flight),
             Some(_) => (0, 1, 1),
@@ -130,12 +130,12 @@ impl Passes for ComputePasses {
         let source = match work.source {
             Source::Base => 0,
             Source::Slot(slot) if slot == work.destination => 1,
-            // The plan reads no other slot than the one before.
+            // The plan reads no other slot.
             Source::Slot(_) => 2,
         };
         let sets = self.sets.get((work.instance * self.slots + work.destination) * 3 + source);
         for ((first, vertices), set) in pass.layout.chunks().zip(sets) {
-            // Fits 32 bits: checked in `new`, and of deltas at upload.
+            // Fits 32 bits: checked in `new` and, for deltas, at upload.
             let offsets = [(pass.layout.row_start(0, first, vertices) * 4) as u32, list as u32];
             let chunk_vertices = vertices as u32;
             let from_base = (work.source == Source::Base).into();
@@ -153,24 +153,24 @@ impl Passes for ComputePasses {
     }
 }
 
-/// A coefficient for float32 poses.
+/// List entry for float32 poses.
 fn listed(c: &Coefficient, target: &PackedTarget) -> DenseListEntry {
     let coefficient = c.value * target.position_step;
     let normal_coefficient = (coefficient * target.normal_ratio()).to_bits();
     DenseListEntry { target: c.target, coefficient: coefficient.to_bits(), normal_coefficient, dropped: 0 }
 }
 
-/// A coefficient for poses of integers.
+/// List entry for fixed-point poses.
 fn rounded(c: &Coefficient, target: &PackedTarget, grid: PoseGrid) -> DenseListEntry {
     let [Term { new, old, dropped }, normal] = grid.terms(c.held, c.held + c.value, target.steps());
     let (coefficient, normal_coefficient) = (new as u32, old as u32);
     DenseListEntry { target: c.target, coefficient, normal_coefficient, dropped: dropped | normal.dropped << 8 }
 }
 
-/// Coefficients and targets as `dense.comp` declares them.
+/// Coefficients and targets in the layout of `dense.comp`.
 fn dense_push(layout: &PackedLayout, coefficients: &[Coefficient]) -> DensePush {
     let mut push = DensePush::default();
-    // A list pass has more, and pushes none of this.
+    // A list pass may have more coefficients, and ignores these.
     for (i, c) in coefficients.iter().enumerate().take(push.coefficients.len()) {
         let target = &layout.targets[c.target as usize];
         push.coefficients[i] = c.value * target.position_step;

@@ -1,4 +1,4 @@
-//! Vertex passes: targets as vertex attributes. Those of the path `feedback` capture poses by transform feedback.
+//! Vertex passes, with targets as vertex attributes. Path `feedback` captures poses by transform feedback.
 //!
 //! James L. Jones, "Efficient Morph Target Animation Using OpenGL ES 3.0", GPU Pro 5: batches of targets bound
 //! as vertex attributes, rasterizer discard, ping-pong. One pipeline per batch size; each pass is a draw in a
@@ -18,21 +18,21 @@ use crate::weights::delta::Coefficient;
 use ash::vk;
 use std::sync::Arc;
 
-/// Pipelines of a vertex shader that takes targets as attributes, for none (a copy) to the most.
+/// Pipelines of a vertex shader with 0 (a copy) to `most` targets as attributes.
 #[derive(Clone, Copy, PartialEq)]
 pub struct VertexPasses {
     kernel: &'static Kernel,
     format: DeltaFormat,
-    /// Targets of a pass, at most.
+    /// Most targets of a pass.
     pub most: u32,
 }
 
 impl VertexPasses {
-    /// Those that a crowd takes of `kernel`.
+    /// The pipelines of `kernel` for a crowd.
     pub fn of(context: &Context<'_>, kernel: &'static Kernel) -> Result<Arc<Pipelines<Self>>> {
         let most = match context.desc.update.batch {
             BatchSize::Targets(batch) => batch,
-            // Refused by the check of the description.
+            // Rejected by the check of the description.
             BatchSize::All => 0,
         };
         context.kernels.get(Self { kernel, format: context.layout().format, most })
@@ -57,14 +57,14 @@ impl PipelineKey for VertexPasses {
 }
 
 impl Pipelines<VertexPasses> {
-    /// Record passes in one render pass. A shader that stores poses takes the sets of the destination, one for each
-    /// chunk.
+    /// Records passes in one render pass. For a shader that stores poses, `stores` are the sets of the destination, one
+    /// per chunk.
     ///
     /// # Safety
     /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with graphics.
-    /// - The buffers hold what the layout of a pass says at the offsets given, and live until it has run; its source
-    ///   and destination do not overlap, and neither is written by another pass.
-    /// - No pass has more coefficients than the pipelines were made for.
+    /// - The buffers of each pass contain the data that its layout describes at the given offsets, and live until it
+    ///   has finished. Source and destination do not overlap, and no other pass writes them.
+    /// - No pass has more coefficients than the pipelines support.
     pub unsafe fn record<'a>(
         &self,
         cmd: vk::CommandBuffer,
@@ -105,7 +105,7 @@ impl Pipelines<VertexPasses> {
     }
 }
 
-/// The passes of the path `feedback`.
+/// The passes of path `feedback`.
 pub(crate) struct FeedbackPasses(Arc<Pipelines<VertexPasses>>);
 
 impl Passes for FeedbackPasses {
@@ -126,7 +126,7 @@ impl Passes for FeedbackPasses {
     }
 }
 
-/// Coefficients, and the exponents of normals where the format has them, as `attributes.glsl` declares them.
+/// Coefficients, and exponents of normals if the format has them, in the layout of `attributes.glsl`.
 fn push_constants(layout: &PackedLayout, coefficients: &[Coefficient]) -> Vec<u32> {
     let mut words: Vec<u32> =
         coefficients.iter().map(|c| (c.value * layout.targets[c.target as usize].position_step).to_bits()).collect();
@@ -139,7 +139,7 @@ fn push_constants(layout: &PackedLayout, coefficients: &[Coefficient]) -> Vec<u3
     words
 }
 
-/// What a pass binds for `vertices` from `first` on: the source pose, then a row of deltas for each target.
+/// Vertex buffers of a pass for `vertices` from `first` on: the source pose, then a row of deltas per target.
 fn vertex_buffers(pass: &DensePass<'_>, first: usize, vertices: usize) -> (Vec<vk::Buffer>, Vec<u64>) {
     let (buffer, offset) = pass.source;
     let row = |c: &Coefficient| (pass.deltas, (pass.layout.row_start(c.target as usize, first, vertices) * 4) as u64);
@@ -150,7 +150,7 @@ fn vertex_buffers(pass: &DensePass<'_>, first: usize, vertices: usize) -> (Vec<v
 /// Bindings and attributes of a vertex shader.
 pub type VertexInput = (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>);
 
-/// Binding 0: the pose. Bindings 1..=batch: a target's deltas.
+/// Vertex input of a pass. Binding 0: the pose; bindings 1..=batch: the deltas of a target each.
 pub fn vertex_input(format: DeltaFormat, batch: u32) -> VertexInput {
     let binding = |binding, stride| vk::VertexInputBindingDescription::default().binding(binding).stride(stride);
     let (mut bindings, mut attributes) = PoseFormat::Float32.vertex_input(false);

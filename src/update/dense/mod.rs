@@ -1,4 +1,4 @@
-//! Dense passes: whole poses, cut into passes of at most a batch of targets, as the chapter does.
+//! Dense techniques: whole poses in passes of at most a batch of targets, as in Jones, GPU Pro 5.
 
 #[allow(unsafe_code)]
 pub(crate) mod compute;

@@ -1,4 +1,4 @@
-//! The plan of the dense formats: which passes bring a pose from the weights it holds to the weights requested.
+//! Plans for dense formats: the passes from the applied weights of a pose to the requested weights.
 //!
 //! ```text
 //! pose_dst = source + Σ c_k · delta_k
@@ -14,17 +14,17 @@ use crate::plan::steps::{Source, Steps, Use, Work};
 use crate::plan::{BatchSize, UpdateDesc, UpdateMode, UpdateStats};
 use crate::weights::delta::{Coefficient, active_targets, changed_targets};
 
-/// The passes of one update of one instance, and what its pose holds after them.
+/// The passes of an instance's last update, and its applied weights.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Plan {
-    /// What is applied, ascending by target.
+    /// Coefficients, ascending by target.
     pub coefficients: Vec<Coefficient>,
-    /// `destination = source + Σ coefficient · delta` over items of `coefficients`, in order; empty when nothing
+    /// `destination = source + Σ coefficient · delta` over the `items` of `coefficients`, in order; empty if nothing
     /// changed.
     pub passes: Vec<Work>,
-    /// Whether the passes start from the base pose.
+    /// Whether the first pass starts from the base pose.
     pub rebuilt: bool,
-    /// The weights that the pose holds, as far as the history of the instance knows one.
+    /// The applied weights, if the history has a valid pose.
     pub applied: Vec<f32>,
 }
 
@@ -34,14 +34,14 @@ impl Plan {
         &self.coefficients[pass.items.start as usize..pass.items.end as usize]
     }
 
-    /// Forget the passes of the last update.
+    /// Removes the last update.
     fn clear(&mut self) {
         self.coefficients.clear();
         self.passes.clear();
         self.rebuilt = false;
     }
 
-    /// Plan the passes to `weights`, and take them as done by the update numbered `update` (ascending, from 1).
+    /// Plans the passes to `weights`, and records update `update` (ascending, from 1) in the history.
     pub fn fill(&mut self, desc: &UpdateDesc, weights: &[f32], history: &mut History, update: u64) {
         self.clear();
         if history.current().is_some() && self.applied == weights {
@@ -54,7 +54,7 @@ impl Plan {
         }
         let source = match current {
             Some(slot) if weights.iter().filter(|w| **w != 0.0).count() > self.coefficients.len() => Source::Slot(slot),
-            // From base where that takes no more targets: as many bytes, and it wipes out accumulated rounding.
+            // From base if that takes no more targets: it moves as many bytes, and discards accumulated rounding.
             Some(_) | None => {
                 self.rebuilt = true;
                 self.coefficients.clear();
@@ -69,8 +69,8 @@ impl Plan {
     }
 
     fn lay_out_passes(&mut self, desc: &UpdateDesc, mut source: Source, history: &History) {
-        // The passes after the first run in place, or alternate between two slots. With three slots or more the current
-        // one is neither of them and survives as the previous pose.
+        // Passes after the first run in place, or alternate between two slots. With three or more slots, the current
+        // one is neither and remains the previous pose.
         let first = history.after(1);
         let second = if desc.path.works_in_place() { first } else { history.after(2) };
         let count = self.coefficients.len();
@@ -86,28 +86,28 @@ impl Plan {
     }
 }
 
-/// The instances of a crowd, planned together.
+/// Plans the instances of a crowd together.
 #[derive(Clone, Debug)]
 pub struct DensePlanner {
     desc: UpdateDesc,
-    /// That of the first group, for poses of integers. That of weights is the same in all groups.
+    /// Grid of the first group, for fixed-point poses; all groups share the grid of weights.
     grid: Option<PoseGrid>,
     plans: Vec<Plan>,
-    /// Weights on the grid.
+    /// Weights rounded to the grid.
     rounded: Vec<f32>,
 }
 
 impl DensePlanner {
-    /// For so many instances, whose poses are on `grid` where they are integers ([`UpdateDesc::grid`]).
+    /// For `instances` instances; `grid` is that of fixed-point poses ([`UpdateDesc::grid`]).
     ///
     /// # Errors
-    /// As [`UpdateDesc::check`].
+    /// Errors of [`UpdateDesc::check`].
     pub fn new(desc: UpdateDesc, grid: Option<PoseGrid>, instances: usize) -> Result<Self> {
         desc.check()?;
         Ok(Self { desc, grid, plans: vec![Plan::default(); instances], rounded: vec![] })
     }
 
-    /// Plan the update numbered `update` of every instance that is shown.
+    /// Plans update `update` of every instance that is shown.
     pub fn plan(&mut self, instances: &mut Instances, update: u64) {
         self.plans.iter_mut().for_each(Plan::clear);
         for (place, weights, history) in instances.shown() {
@@ -123,8 +123,8 @@ impl DensePlanner {
         }
     }
 
-    /// Append the planned passes of `groups` groups to `steps`: the k-th passes of all instances and groups are one
-    /// step, which uses `uses`. Passes come from weights alone, and are the same in all groups.
+    /// Appends the planned passes of `groups` groups to `steps`: the k-th passes of all instances and groups form a
+    /// step with these `uses`. Passes depend only on weights, so all groups have the same.
     pub fn fill(&self, groups: usize, uses: &'static [Use], steps: &mut Steps) {
         let rounds = self.plans.iter().map(|plan| plan.passes.len()).max().unwrap_or(0);
         for round in 0..rounds {
@@ -142,15 +142,14 @@ impl DensePlanner {
         self.plans[work.instance as usize].coefficients_of(work)
     }
 
-    /// The plans of the last update, by instance.
+    /// Plans of the last update, by instance.
     pub fn plans(&self) -> &[Plan] {
         &self.plans
     }
 
-    /// Count the last update: each pass reads its source and its targets' deltas, and writes its destination. The least
-    /// that any order of the same dense work could move is each instance's pose read and written once, each
-    /// coefficient's deltas read once. Of integers nothing is read where a pass starts from the base pose. Bytes are
-    /// those of all groups.
+    /// Statistics of the last update, in bytes of all groups. Each pass reads its source and its targets' deltas, and
+    /// writes its destination. Lower bound for the same dense work: each instance's pose read and written once, each
+    /// coefficient's deltas read once. Fixed-point passes read nothing for the base pose.
     pub fn stats<'a>(&self, groups: impl Iterator<Item = &'a PackedLayout> + Clone) -> UpdateStats {
         let coefficients = self.plans.iter().map(|plan| plan.coefficients.len()).sum();
         let passes = self.plans.iter().map(|plan| plan.passes.len()).sum();
@@ -164,7 +163,7 @@ impl DensePlanner {
             };
             groups.clone().map(of).sum::<usize>() as u64
         };
-        // What rounding may have done to the poses that there are.
+        // Bound on rounding in the current poses.
         let active = |plan: &Plan| plan.applied.iter().filter(|weight| **weight != 0.0).count();
         let active = self.plans.iter().map(active).max().unwrap_or(0);
         UpdateStats {
@@ -178,7 +177,7 @@ impl DensePlanner {
         }
     }
 
-    /// What works read and write, for the hazard checker.
+    /// Reads and writes of works, for the hazard checker.
     pub(crate) fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
         use crate::plan::UpdatePath;
         use crate::plan::hazards::{Accesses, Memory};

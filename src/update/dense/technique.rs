@@ -1,4 +1,4 @@
-//! A crowd that is updated in dense passes, whoever carries a pass out.
+//! A crowd updated in dense passes, generic over how a pass is executed.
 
 use super::plan::DensePlanner;
 use crate::error::Result;
@@ -12,10 +12,10 @@ use crate::update::technique::{Context, PoseGroup, Technique, UpdateId};
 use crate::weights::delta::Coefficient;
 use ash::vk;
 
-/// A pass, with the buffers that it takes.
+/// A pass with its buffers.
 #[derive(Clone, Copy)]
 pub struct DensePass<'a> {
-    /// Where everything is in the mesh.
+    /// Layout of the group.
     pub layout: &'a PackedLayout,
     /// The deltas.
     pub deltas: vk::Buffer,
@@ -23,7 +23,7 @@ pub struct DensePass<'a> {
     pub source: (vk::Buffer, u64),
     /// Buffer and offset of the destination pose.
     pub destination: (vk::Buffer, u64),
-    /// What is applied.
+    /// Coefficients.
     pub coefficients: &'a [Coefficient],
 }
 
@@ -40,16 +40,15 @@ impl<'a> DensePass<'a> {
     }
 }
 
-/// Descriptor sets of passes, by number, one for each chunk of the mesh. Poses are bound where they are, and not by
-/// dynamic offset: synchronization validation does not see dynamic offsets and would take the poses of two instances
-/// for one piece of memory.
+/// Descriptor sets by index and chunk of the mesh. Poses are bound at fixed offsets: synchronization validation ignores
+/// dynamic offsets, and would confuse the poses of two instances.
 pub struct ChunkSets {
     sets: Sets,
     chunks: usize,
 }
 
 impl ChunkSets {
-    /// `bound`: for each number, what is bound of a chunk, from its first vertex and its vertices.
+    /// `bound`: for each index, a function of first vertex and number of vertices that returns the bindings of a chunk.
     pub fn new<F: Fn(usize, usize) -> Vec<BufferRange>>(
         objects: &Objects,
         layout: &PackedLayout,
@@ -62,34 +61,34 @@ impl ChunkSets {
         Ok(Self { sets, chunks: chunks.len() })
     }
 
-    /// The sets of a number, chunk by chunk.
+    /// The sets of an index, one per chunk.
     pub fn get(&self, number: u32) -> &[vk::DescriptorSet] {
         let first = number as usize * self.chunks;
         self.sets.range(first..first + self.chunks)
     }
 }
 
-/// Who carries the passes of a group out, with what it keeps for a crowd.
+/// Executes the passes of a group, with device state for a crowd.
 pub trait Passes: Send + Sync + Sized + 'static {
-    /// What the passes of a step use.
+    /// Memory uses of a step of passes.
     const USES: &'static [Use];
 
-    /// What a crowd's passes take.
+    /// Creates the device state of a crowd.
     fn new(context: Context<'_>) -> Result<Self>;
 
-    /// Write the list of a work of this group, where it has one.
+    /// Writes the coefficient list of a work, if it has one.
     fn write_list(&mut self, _frame: u64, _work: &Work, _pass: &DensePass<'_>) -> Result<()> {
         Ok(())
     }
 
-    /// Record the pass of a work.
+    /// Records the pass of a work.
     ///
     /// # Safety
-    /// As [`Technique::record`].
+    /// See [`Technique::record`].
     unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work, pass: &DensePass<'_>);
 }
 
-/// A crowd that is updated by `P`.
+/// A crowd updated by passes `P`.
 pub struct DenseTechnique<P> {
     planner: DensePlanner,
     groups: Vec<(PoseGroup, P)>,

@@ -1,4 +1,4 @@
-//! Plans of dense passes reach the weights requested, and what they record has no hazard.
+//! Plans of dense passes reach the requested weights, and their recordings have no hazard.
 
 use super::compute::ComputePasses;
 use super::feedback::FeedbackPasses;
@@ -13,7 +13,7 @@ use crate::plan::{BatchSize, Consumers, UpdateDesc, UpdateMode, UpdatePath};
 use crate::update::tests::{One, Planned, every_barrier_is_needed, follow};
 use proptest::prelude::*;
 
-/// What passes of a path use.
+/// Memory uses of a path's passes.
 fn uses(path: UpdatePath) -> &'static [Use] {
     match path {
         UpdatePath::Feedback => FeedbackPasses::USES,
@@ -21,17 +21,17 @@ fn uses(path: UpdatePath) -> &'static [Use] {
     }
 }
 
-/// The paths there are.
+/// The dense paths.
 const PATHS: &[UpdatePath] = &[UpdatePath::Feedback, UpdatePath::Compute];
 
-/// What an update records.
+/// The recorded events of an update.
 fn recorded(planner: &DensePlanner, path: UpdatePath) -> Vec<Recorded> {
     let mut steps = Steps::new(Consumers::default());
     planner.fill(1, uses(path), &mut steps);
     scheduled(&[&steps], |_, works| planner.accesses(works))
 }
 
-/// What a slot holds, told by following the passes alone: base, plus these weights.
+/// Contents of a slot, from the passes alone: base plus these weights.
 type Held = Option<Vec<f64>>;
 
 fn one(desc: UpdateDesc, targets: usize) -> Option<One<DensePlanner>> {
@@ -59,7 +59,7 @@ impl Planned for DensePlanner {
     }
 }
 
-/// Follow `plan` over `slots`.
+/// Applies `plan` to `slots`.
 fn follow_passes(plan: &Plan, slots: &mut [Held], targets: usize) {
     for pass in &plan.passes {
         let mut pose = match pass.source {
