@@ -6,7 +6,6 @@ use bytemuck::bytes_of;
 use deltamorph::Result;
 use deltamorph::ash::vk;
 use deltamorph::internals::abi::modules::{DIRECT, DIRECT_FEEDBACK, DIRECT_STORE};
-use deltamorph::internals::abi::push::DirectPush;
 use deltamorph::internals::gpu::descriptors::{BufferRange, Sets};
 use deltamorph::internals::gpu::memory::Ring;
 use deltamorph::internals::gpu::mesh::{MeshBuffers, delta_range};
@@ -16,7 +15,22 @@ use deltamorph::internals::plan::UpdatePath;
 use deltamorph::internals::update::dense::DensePlanner;
 use deltamorph::internals::update::dense::feedback::vertex_input;
 use deltamorph::internals::update::technique::Context;
+use deltamorph::shader_structure;
 use std::sync::Arc;
+
+shader_structure! {
+    /// Push constants of `baselines/direct.vert`.
+    DirectPush {
+        /// Vertices of the chunk: the length of a target's row.
+        chunk_vertices: u32,
+        /// Targets of the mesh.
+        target_count: u32,
+        /// Number of active targets.
+        active_targets: u32,
+        /// First vertex of the chunk.
+        first_vertex: u32,
+    }
+}
 
 /// Bytes of a target's weight: coefficients of positions and of normals.
 const WEIGHT_BYTES: usize = 8;

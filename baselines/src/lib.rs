@@ -19,6 +19,7 @@ mod vertex_store;
 pub use texture::file as textures;
 
 use deltamorph::ash::vk;
+use deltamorph::internals::abi::push::Layout;
 use deltamorph::internals::gpu::device::Device;
 use deltamorph::internals::gpu::mesh::{MeshBuffers, Upload};
 use deltamorph::internals::update::dense::technique::DenseTechnique;
@@ -26,6 +27,17 @@ use deltamorph::internals::update::technique::{Context, Technique, Techniques};
 use deltamorph::{Error, PackedMesh, Result, UpdatePath};
 use std::any::Any;
 use std::sync::Arc;
+
+/// Push constants by kernel, which tests compare with the shaders.
+#[doc(hidden)]
+pub const PUSH_CONSTANTS: &[(&str, Layout)] = &[
+    ("scatter", scatter::ScatterPush::LAYOUT),
+    ("resolve", scatter::ResolvePush::LAYOUT),
+    ("direct", direct::DirectPush::LAYOUT),
+    ("rectangles", texture::RectanglesPush::LAYOUT),
+    ("texels", texture::RectanglesPush::LAYOUT),
+    ("textured", texture::TexturedPush::LAYOUT),
+];
 
 /// The techniques to pass to [`MorphEngine::set_techniques`](deltamorph::MorphEngine::set_techniques).
 pub static TECHNIQUES: Techniques = Techniques { make, upload };

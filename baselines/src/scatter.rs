@@ -13,7 +13,6 @@ use deltamorph::ash::vk;
 use deltamorph::gpu_allocator::MemoryLocation;
 use deltamorph::internals::abi::modules::{RESOLVE, SCATTER};
 use deltamorph::internals::abi::numbers::WORKGROUP;
-use deltamorph::internals::abi::push::{ResolvePush, ScatterPush};
 use deltamorph::internals::asset::streams::TRIPLE;
 use deltamorph::internals::gpu::descriptors::{BufferRange, Sets};
 use deltamorph::internals::gpu::device::Device;
@@ -27,8 +26,32 @@ use deltamorph::internals::plan::instances::Instances;
 use deltamorph::internals::plan::steps::{Resource, Steps, Use, Work};
 use deltamorph::internals::update::dense::DensePlanner;
 use deltamorph::internals::update::technique::{Context, Poses, Technique, UpdateId};
+use deltamorph::shader_structure;
 use std::ops::Range;
 use std::sync::Arc;
+
+shader_structure! {
+    /// Push constants of `baselines/scatter.comp`.
+    ScatterPush {
+        /// First record of the target.
+        first: u32,
+        count: u32,
+        /// The weight, on the grid of 32-bit fixed-point poses.
+        weight: i32,
+    }
+}
+
+shader_structure! {
+    /// Push constants of `baselines/resolve.comp`.
+    ResolvePush {
+        /// Vertex of the first invocation.
+        first_vertex: u32,
+        /// Input units per integer of a position sum.
+        position_unit: f32,
+        /// Input units per integer of a normal sum.
+        normal_unit: f32,
+    }
+}
 
 /// Words of a record: the vertex, then three words of a position component (18 bits) and a normal component (14 bits).
 const RECORD_WORDS: usize = 4;

@@ -112,6 +112,8 @@ pub struct KernelRow {
     /// Structure of its push constants, in [`push`](super::push). Empty if it has none; with [`Takes::DenseBatches`],
     /// if they are one coefficient per target.
     pub push: &'static str,
+    /// Bytes of push constants whose structure is in the package of the technique, in place of `push`.
+    pub push_bytes: u32,
     /// Number of its own specialization constants, from 0 on.
     pub constants: u32,
     /// [`PLACES`] component-offset constants follow them.
@@ -155,6 +157,7 @@ const VERTEX: KernelRow = KernelRow {
     bindings: &[],
     aliased: &[],
     push: "",
+    push_bytes: 0,
     constants: 0,
     places: false,
     baseline: false,
@@ -192,7 +195,7 @@ const DIRECT: KernelRow = KernelRow {
     name: "direct",
     takes: Takes::Dense,
     bindings: &[(0, Buffer::DynamicDeltas), (1, Buffer::Dynamic(8))],
-    push: "DirectPush",
+    push_bytes: 16,
     baseline: true,
     ..VERTEX
 };
@@ -200,7 +203,7 @@ const DIRECT: KernelRow = KernelRow {
 const TEXTURED: KernelRow = KernelRow {
     name: "textured",
     bindings: &[(0, WORDS), (2, Buffer::Image)],
-    push: "TexturedPush",
+    push_bytes: 8,
     baseline: true,
     ..VERTEX
 };
@@ -291,14 +294,14 @@ const OTHERS: &[KernelRow] = &[
     KernelRow {
         name: "scatter",
         bindings: &[(0, Buffer::Storage(16)), (1, WORDS)],
-        push: "ScatterPush",
+        push_bytes: 12,
         baseline: true,
         ..COMPUTE
     },
     KernelRow {
         name: "resolve",
         bindings: &[(1, WORDS), (2, PAIRS), (3, PAIRS)],
-        push: "ResolvePush",
+        push_bytes: 12,
         baseline: true,
         ..COMPUTE
     },
@@ -314,13 +317,13 @@ const OTHERS: &[KernelRow] = &[
         ..DIRECT
     },
     // Rectangles of texels that a target moves, and its deltas to blend there.
-    KernelRow { name: "rectangles", bindings: &[(0, WORDS)], push: "RectanglesPush", baseline: true, ..VERTEX },
+    KernelRow { name: "rectangles", bindings: &[(0, WORDS)], push_bytes: 20, baseline: true, ..VERTEX },
     KernelRow {
         name: "texels",
         stage: Stage::Fragment,
         takes: Takes::Dense,
         bindings: &[(1, Buffer::Image), (2, Buffer::Image)],
-        push: "RectanglesPush",
+        push_bytes: 20,
         baseline: true,
         ..VERTEX
     },

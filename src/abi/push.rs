@@ -5,20 +5,25 @@ use super::kernels::{KERNELS, KernelRow};
 use super::numbers::DENSE_BATCH_MAX;
 use super::steps::after_steps;
 use crate::asset::streams::TRIPLES;
-use bytemuck::{Pod, Zeroable};
-use std::mem::offset_of;
 
-macro_rules! structure {
+/// Names and offsets of a structure's members, and its size in bytes.
+pub type Layout = (&'static [(&'static str, usize)], usize);
+
+/// Declares a structure that a shader reads: its members in order, and `LAYOUT`, which tests compare with the shader.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! shader_structure {
     ($(#[$doc:meta])* $name:ident { $($(#[$field_doc:meta])* $field:ident: $type:ty,)* }) => {
         $(#[$doc])*
         #[repr(C)]
-        #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+        #[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
         #[allow(missing_docs, reason = "many fields are what they are called")]
         pub struct $name { $($(#[$field_doc])* pub $field: $type,)* }
 
         impl $name {
-            /// Names and offsets of the members.
-            pub const MEMBERS: &[(&str, usize)] = &[$((stringify!($field), offset_of!($name, $field))),*];
+            /// Members and size.
+            pub const LAYOUT: (&[(&str, usize)], usize) =
+                (&[$((stringify!($field), std::mem::offset_of!($name, $field))),*], size_of::<$name>());
         }
     };
 }
@@ -34,16 +39,16 @@ macro_rules! structures {
             }
         )*
     ) => {
-        $(structure! { $(#[$doc])* $name $members })*
-        $($(structure! {
+        $(shader_structure! { $(#[$doc])* $name $members })*
+        $($(shader_structure! {
             #[doc = concat!("Push constants of the step `", stringify!($kind), "`; its shader says what each is.")]
             $push $push_members
         })*)*
 
-        /// Names, members and bytes of the structures.
-        const STRUCTURES: &[(&str, &[(&str, usize)], usize)] = &[
-            $((stringify!($name), $name::MEMBERS, size_of::<$name>()),)*
-            $($((stringify!($push), $push::MEMBERS, size_of::<$push>()),)*)*
+        /// The structures by name.
+        const STRUCTURES: &[(&str, Layout)] = &[
+            $((stringify!($name), $name::LAYOUT),)*
+            $($((stringify!($push), $push::LAYOUT),)*)*
         ];
     };
 }
@@ -177,70 +182,21 @@ after_steps!(structures {
         budget_at: u32,
         epoch: u32,
     }
-
-    /// Push constants of `baselines/scatter.comp`.
-    pub struct ScatterPush {
-        /// First record of the target.
-        first: u32,
-        count: u32,
-        /// The weight, on the grid of 32-bit fixed-point poses.
-        weight: i32,
-    }
-
-    /// Push constants of `baselines/resolve.comp`.
-    pub struct ResolvePush {
-        /// Vertex of the first invocation.
-        first_vertex: u32,
-        /// Input units per integer of a position sum.
-        position_unit: f32,
-        /// Input units per integer of a normal sum.
-        normal_unit: f32,
-    }
-
-    /// Push constants of `baselines/direct.vert`.
-    pub struct DirectPush {
-        /// Vertices of the chunk: the length of a target's row.
-        chunk_vertices: u32,
-        /// Targets of the mesh.
-        target_count: u32,
-        /// Number of active targets.
-        active_targets: u32,
-        /// First vertex of the chunk.
-        first_vertex: u32,
-    }
-
-    /// Push constants of `baselines/rectangles.vert` and `baselines/texels.frag`.
-    pub struct RectanglesPush {
-        /// Scale from texels to clip space: 2 / size of the displacement textures.
-        scale: [f32; 2],
-        /// Coefficients of positions and normals, in steps of the target's deltas.
-        coefficients: [f32; 2],
-        /// Texels per row of the delta textures.
-        row: u32,
-    }
-
-    /// Push constants of `baselines/textured.vert`.
-    pub struct TexturedPush {
-        /// First word of the texels of vertices.
-        texels_at: u32,
-        /// Texels per row of the displacement textures.
-        row: u32,
-    }
 });
 
 impl KernelRow {
-    /// Names and offsets of the members of its push constants, and their size in bytes. Empty for vertex passes: see
-    /// [`attribute_push_bytes`].
-    pub const fn push_members(&self) -> (&'static [(&'static str, usize)], usize) {
+    /// Names and offsets of the members of its push constants, and their size in bytes. No members are known of a
+    /// structure outside the library; vertex passes have none here: see [`attribute_push_bytes`].
+    pub const fn push_members(&self) -> Layout {
         let mut at = 0;
         while !self.push.is_empty() {
-            let (name, members, bytes) = STRUCTURES[at];
+            let (name, layout) = STRUCTURES[at];
             if matches(name.as_bytes(), self.push.as_bytes()) {
-                return (members, bytes);
+                return layout;
             }
             at += 1;
         }
-        (&[], 0)
+        (&[], self.push_bytes as usize)
     }
 }
 

@@ -23,20 +23,20 @@ use technique::{Context, Technique, Techniques};
 /// # Errors
 /// No memory; sizes beyond device limits; a mesh uploaded for another path; path `cpu`, which has no device; a baseline
 /// without `others`.
+#[allow(clippy::wildcard_enum_match_arm, reason = "baselines have their own table, and tests try every path")]
 pub(crate) fn technique(context: Context<'_>, others: Option<&Techniques>) -> Result<Box<dyn Technique>> {
-    Ok(match context.desc.update.path {
+    let path = context.desc.update.path;
+    if path.is_baseline() {
+        return (Techniques::of(others, path, context.caps())?.make)(context);
+    }
+    Ok(match path {
         UpdatePath::Feedback => Box::new(dense::FeedbackTechnique::new(context)?),
         UpdatePath::Compute => Box::new(dense::ComputeTechnique::new(context)?),
         UpdatePath::Blocks => Box::new(blocks::BlocksTechnique::new(context)?),
-        path @ UpdatePath::Cpu => {
+        _ => {
             let text = format!("update path '{}' on a device", path.name());
             return Err(Error::invalid(text, "use CpuCrowd for it"));
         }
-        path @ (UpdatePath::VertexStore
-        | UpdatePath::Scatter
-        | UpdatePath::Direct
-        | UpdatePath::DirectAttributes
-        | UpdatePath::Texture) => (Techniques::of(others, path, context.caps())?.make)(context)?,
     })
 }
 

@@ -257,6 +257,12 @@ fn modules_declare_what_the_table_says() {
             (Takes::DenseBatches, Some(format)) => {
                 assert_eq!(bytes, attribute_push_bytes(format, module.batch) as usize, "{name}");
             }
+            _ if kernel.push_bytes > 0 => {
+                let mut structures = deltamorph_baselines::PUSH_CONSTANTS.iter();
+                let (_, layout) = structures.find(|row| row.0 == kernel.name).expect("a structure");
+                assert_eq!((declared.as_slice(), bytes), *layout, "{name}");
+                assert_eq!(bytes, kernel.push_bytes as usize, "{name}");
+            }
             _ => assert_eq!((declared.as_slice(), bytes), kernel.push_members(), "{name}"),
         }
         // Modules for more than 16 attributes are for devices that have more push constants, too.
@@ -333,7 +339,7 @@ fn structures_in_buffers_are_the_hosts() {
             _ => None,
         });
         let element = list.unwrap().members[0].ty.as_array().unwrap().element_ty.clone();
-        let expected = (DenseListEntry::MEMBERS.to_vec(), size_of::<DenseListEntry>());
+        let expected = (DenseListEntry::LAYOUT.0.to_vec(), DenseListEntry::LAYOUT.1);
         assert_eq!(members(element.as_struct().unwrap()), expected, "{}", module.name);
         seen += 1;
     }

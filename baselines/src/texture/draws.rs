@@ -7,14 +7,24 @@ use bytemuck::bytes_of;
 use deltamorph::Result;
 use deltamorph::ash::vk;
 use deltamorph::internals::abi::modules::{Kernel, TEXTURED, TEXTURED_FEEDBACK, TEXTURED_STORE};
-use deltamorph::internals::abi::push::TexturedPush;
 use deltamorph::internals::gpu::descriptors::{BufferRange, Sets};
 use deltamorph::internals::gpu::mesh::MeshBuffers;
 use deltamorph::internals::gpu::pipelines::{Objects, PipelineKey, Pipelines};
 use deltamorph::internals::pack::{DeltaFormat, PoseFormat};
 use deltamorph::internals::plan::UpdatePath;
 use deltamorph::internals::update::technique::{Context, PoseDraws};
+use deltamorph::shader_structure;
 use std::sync::Arc;
+
+shader_structure! {
+    /// Push constants of `baselines/textured.vert`.
+    TexturedPush {
+        /// First word of the texels of vertices.
+        texels_at: u32,
+        /// Texels per row of the displacement textures.
+        row: u32,
+    }
+}
 
 /// Binding of the displacement textures.
 const DISPLACEMENTS: u32 = 2;

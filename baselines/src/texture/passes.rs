@@ -6,7 +6,6 @@ use super::{Textures, words_of};
 use bytemuck::bytes_of;
 use deltamorph::ash::vk;
 use deltamorph::internals::abi::modules::{Kernel, RECTANGLES, TEXELS};
-use deltamorph::internals::abi::push::RectanglesPush;
 use deltamorph::internals::gpu::descriptors::Sets;
 use deltamorph::internals::gpu::device::Device;
 use deltamorph::internals::gpu::mesh::MeshBuffers;
@@ -14,8 +13,21 @@ use deltamorph::internals::gpu::pipelines::{Objects, PipelineKey, Pipelines};
 use deltamorph::internals::pack::{DeltaFormat, PoseFormat};
 use deltamorph::internals::update::technique::Context;
 use deltamorph::internals::weights::delta::Coefficient;
+use deltamorph::shader_structure;
 use deltamorph::{Error, Result};
 use std::sync::Arc;
+
+shader_structure! {
+    /// Push constants of `baselines/rectangles.vert` and `baselines/texels.frag`.
+    RectanglesPush {
+        /// Scale from texels to clip space: 2 / size of the displacement textures.
+        scale: [f32; 2],
+        /// Coefficients of positions and normals, in steps of the target's deltas.
+        coefficients: [f32; 2],
+        /// Texels per row of the delta textures.
+        row: u32,
+    }
+}
 
 const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 const STAGES: vk::ShaderStageFlags =
