@@ -543,7 +543,8 @@ typedef struct DmHostPoses {
 typedef struct DmCrowdDesc {
     /// sizeof(DmCrowdDesc).
     uint32_t struct_size;
-    /// Instances, each with its own weights and poses; 0: 1.
+    /// Instances, each with its own weights and poses; 0: 1. The number stays as it is: make as many as are needed at
+    /// most, and remove or hide the rest.
     uint32_t instances;
     /// `DM_PATH_...`; 0: blocks, for CPU crowds the CPU.
     uint32_t path;
@@ -630,12 +631,6 @@ typedef struct DmPlayback {
     /// Zero.
     uint32_t reserved;
 } DmPlayback;
-
-/// Resources that a crowd had before it grew. All zero: none.
-typedef struct DmOutgrown {
-    /// Kind, generation and index.
-    uint64_t bits;
-} DmOutgrown;
 
 /// Crowds of several meshes (head, teeth, lashes) whose instances take one weight vector. All zero: none.
 typedef struct DmCrowds {
@@ -1134,7 +1129,7 @@ DmResult dm_engine_create(const struct DmEngineDesc *desc, struct DmEngine *engi
 DmResult dm_engine_info(struct DmEngine engine, struct DmEngineInfo *info);
 
 /// Destroy an engine. All objects made with it have to be destroyed first: DmGpuMesh, DmCrowd, DmReadback, DmSkin,
-/// DmSurface, DmOutgrown. The device may be destroyed afterwards.
+/// DmSurface. The device may be destroyed afterwards.
 ///
 /// Errors: DM_ERROR_INVALID while such objects are alive, with their kinds and numbers; nothing changes then.
 DmResult dm_engine_destroy(struct DmEngine engine);
@@ -1261,33 +1256,6 @@ DmResult dm_crowd_play(struct DmCrowd crowd, uint32_t instance, const struct DmP
 ///
 /// Errors: DM_ERROR_INVALID for a time that is not a number or too large; for a crowd that plays no clips.
 DmResult dm_crowd_set_time(struct DmCrowd crowd, double seconds);
-
-/// Make a crowd again with room for more instances: `desc` describes the new crowd, as a rule the old description with
-/// more instances. The handle stays valid, and so do sets that name it. Instances keep their numbers, the weights
-/// requested of them or the clips that they play, and whether they are hidden; the new numbers are free, for
-/// `dm_crowd_add`. Tickets stay valid. Call it between two updates; earlier ones need not have finished. The next
-/// update writes all poses again, and until it is recorded there are none.
-///
-/// This records nothing, and `cmd` is ignored, unless the crowd plays clips: then it records the same as
-/// `dm_crowd_create_animated`; call `dm_crowd_release_staging` once that has run.
-///
-/// Errors: DM_ERROR_INVALID for fewer instances than there are, for instances with targets of steps after the pose,
-/// which have to be removed first, for poses in the same vertices of the host's as the crowd has now; those of
-/// `dm_crowd_create`, and `dm_crowd_create_animated`. Nothing changes then.
-///
-/// Safety:
-/// - For a crowd that plays clips, `cmd` as in `dm_crowd_create_animated`.
-/// - `desc` as in `dm_crowd_create`; `outgrown` can be written.
-DmResult dm_crowd_grow(struct DmCrowd crowd,
-                       VkCommandBuffer cmd,
-                       const struct DmCrowdDesc *desc,
-                       struct DmOutgrown *outgrown);
-
-/// Destroy the resources that a crowd had before it grew: pose buffers, lists, descriptor sets.
-///
-/// Safety:
-/// The updates and draws recorded before have finished.
-DmResult dm_outgrown_destroy(struct DmOutgrown outgrown);
 
 /// Request these weights for an instance, one per target in the mesh's order, from the next recorded update on.
 ///

@@ -1,7 +1,7 @@
 //! The engine on a device of the host's.
 
 use crate::arguments::check_reserved;
-use crate::handles::{DmCrowd, DmEngine, DmGpuMesh, DmOutgrown, DmReadback, DmSkin, DmSurface, Handle};
+use crate::handles::{DmCrowd, DmEngine, DmGpuMesh, DmReadback, DmSkin, DmSurface, Handle};
 use crate::memory::{Place, Versioned, check_place, read, slice};
 use crate::result::{DmResult, Failure, Result, enter};
 use crate::structs::{DmEngineDesc, DmEngineInfo};
@@ -113,7 +113,7 @@ pub unsafe extern "C" fn dm_engine_info(engine: DmEngine, info: *mut DmEngineInf
 }
 
 /// Destroy an engine. All objects made with it have to be destroyed first: DmGpuMesh, DmCrowd, DmReadback, DmSkin,
-/// DmSurface, DmOutgrown. The device may be destroyed afterwards.
+/// DmSurface. The device may be destroyed afterwards.
 ///
 /// Errors: DM_ERROR_INVALID while such objects are alive, with their kinds and numbers; nothing changes then.
 #[unsafe(no_mangle)]
@@ -137,7 +137,6 @@ fn users(engine: &Arc<Engine>) -> String {
         ("DmReadback", count::<DmReadback>(engine, |readback| &readback.engine)),
         ("DmSkin", count::<DmSkin>(engine, |skin| &skin.engine)),
         ("DmSurface", count::<DmSurface>(engine, |surface| &surface.engine)),
-        ("DmOutgrown", count::<DmOutgrown>(engine, |outgrown| &outgrown.engine)),
     ];
     let alive: Vec<String> = counts.iter().filter(|(_, n)| *n > 0).map(|(kind, n)| format!("{n} {kind}")).collect();
     match alive.is_empty() {

@@ -92,14 +92,6 @@ pub struct DmSurface {
     pub bits: u64,
 }
 
-/// Resources that a crowd had before it grew. All zero: none.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct DmOutgrown {
-    /// Kind, generation and index.
-    pub bits: u64,
-}
-
 /// Computes bounds of poses from their weights. All zero: none.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -159,7 +159,6 @@ fn generate() -> String {
         "engine",
         "upload",
         "crowd",
-        "grow",
         "weights",
         "crowds",
         "record",

@@ -46,6 +46,5 @@ kinds! {
     DmReadback crate::readback::Readback, "a read-back";
     DmSkin crate::attached::Attached<GpuSkin>, "a skin";
     DmSurface crate::attached::Attached<GpuNormals>, "a surface";
-    DmOutgrown crate::grow::Outgrown, "what a crowd outgrew";
     DmWeightBounds crate::bounds::WeightBounds, "bounds from weights";
 }

@@ -14,7 +14,6 @@ pub mod cpu;
 pub mod crowd;
 pub mod crowds;
 pub mod engine;
-pub mod grow;
 pub mod handles;
 #[cfg(test)]
 mod header;

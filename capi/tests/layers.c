@@ -1,5 +1,5 @@
 /*
- * A head whose weights are layers of two clips, each with a mask of targets; the crowd grows while it plays; bounds from
+ * A head whose weights are layers of two clips, each with a mask of targets; an instance comes while it plays; bounds from
  * weights hold what is drawn. Poses are compared with the float64 reference. Run by programs.rs:
  * layers PART_OF_A_DEVICE_NAME.
  */
@@ -7,7 +7,7 @@
 #include "../../examples/c/minimal.c"
 #undef main
 
-enum { TARGETS = 12, WINDOW = 3, STEPS = 14, VERTICES = 900, GROWS = 4 };
+enum { TARGETS = 12, WINDOW = 3, STEPS = 14, VERTICES = 900, ADDED = 4 };
 
 /* Weights of a clip: any numbers. */
 static float key(uint32_t clip, uint32_t frame, uint32_t target) {
@@ -128,34 +128,30 @@ static void follow_the_camera(const Host *host, DmEngine engine, DmMesh mesh, Dm
     free(poses);
 }
 
-/* A crowd that plays a clip grows: the pose stays, bit for bit, and the new instance gets one. */
-static void grow_animated(const Host *host, DmEngine engine, DmMesh mesh, DmReadback readback) {
-    DmOutgrown outgrown;
-    DmCrowdDesc desc = {.struct_size = sizeof desc};
+/* An instance that comes and plays the clip of another has its pose, bit for bit. */
+static void add_to_players(const Host *host, DmEngine engine, DmMesh mesh, DmReadback readback) {
+    const DmCrowdDesc desc = {.struct_size = sizeof desc, .instances = 2};
     const DmPlayback playback = {.struct_size = sizeof playback};
-    float *pose = room_for(2 * VERTICES * FLOATS, sizeof *pose), *after = pose + VERTICES * FLOATS;
+    float *poses = room_for(2 * VERTICES * FLOATS, sizeof *poses);
     uint32_t added = 9;
     const Player player = player_begin(host, engine, mesh, &desc, NULL);
     const DmCrowd crowd = player.crowd;
+    DM(dm_crowd_remove(crowd, 1));
     DM(dm_crowd_set_time(crowd, 0.2));
     DM(dm_record_update(host->cmd, crowd, NULL));
     host_submit_and_wait(host);
-    read_pose(host, readback, crowd, 0, pose);
+    DM(dm_crowd_release_staging(crowd));
     host_begin(host);
-    desc.instances = 2;
-    DM(dm_crowd_grow(crowd, host->cmd, &desc, &outgrown));
     DM(dm_crowd_add(crowd, &added));
     DM(dm_crowd_play(crowd, added, &playback));
     DM(dm_record_update(host->cmd, crowd, NULL));
     host_submit_and_wait(host);
-    DM(dm_crowd_release_staging(crowd));
-    DM(dm_outgrown_destroy(outgrown));
-    for (uint32_t instance = 0; instance < 2; instance++) {
-        read_pose(host, readback, crowd, instance, after);
-        if (memcmp(pose, after, VERTICES * FLOATS * sizeof *pose) != 0) fail("a crowd that grew", "has another pose");
-    }
+    for (uint32_t instance = 0; instance < 2; instance++)
+        read_pose(host, readback, crowd, instance, poses + instance * VERTICES * FLOATS);
+    if (memcmp(poses, poses + VERTICES * FLOATS, VERTICES * FLOATS * sizeof *poses) != 0)
+        fail("an instance that came", "has another pose");
     player_destroy(player);
-    free(pose);
+    free(poses);
 }
 
 int main(int argc, char **argv) {
@@ -182,13 +178,13 @@ int main(int argc, char **argv) {
     host_submit_and_wait(&host);
     DM(dm_gpu_mesh_release_staging(uploaded));
 
-    DmCrowdDesc desc = {.struct_size = sizeof desc, .queue_family = &family,
-                        .consumers = DM_READ_BY_VERTEX_ATTRIBUTES | DM_READ_BY_COPIES};
+    const DmCrowdDesc desc = {.struct_size = sizeof desc, .instances = 2, .queue_family = &family,
+                              .consumers = DM_READ_BY_VERTEX_ATTRIBUTES | DM_READ_BY_COPIES};
     DmCrowd crowd;
     DmWeightBounds bounds;
     DmReadback readback;
-    DmOutgrown outgrown = {0};
     DM(dm_crowd_create(uploaded, &desc, &crowd));
+    DM(dm_crowd_remove(crowd, 1));
     DM(dm_weight_bounds_create(mesh, &desc, &bounds));
     DM(dm_readback_create(engine, &readback));
     const DmBoundClip clips[2] = {clip_bound(mesh, 0, 3, names, 0), clip_bound(mesh, 1, 2, names, 1)};
@@ -206,22 +202,17 @@ int main(int argc, char **argv) {
         DM(dm_clips_mix(layers, 2, weights, TARGETS));
         for (uint32_t t = 0; t < TARGETS; t++)
             if (fabs(weights[t] - mixed(step, t, seconds)) > 1e-6) fail("layers", "are mixed otherwise");
-        if (step == GROWS) {
-            desc.instances = 2;
-            DM(dm_crowd_grow(crowd, NULL, &desc, &outgrown));
-            DM(dm_crowd_add(crowd, &added));
-        }
+        if (step == ADDED) DM(dm_crowd_add(crowd, &added));
         host_begin(&host);
         for (uint32_t i = 0; i <= added; i++) DM(dm_crowd_set_weights(crowd, i, weights, TARGETS));
         DM(dm_record_update(host.cmd, crowd, NULL));
         host_submit_and_wait(&host);
-        if (step == GROWS) DM(dm_outgrown_destroy(outgrown));
         for (uint32_t i = 0; i <= added; i++) {
             read_pose(&host, readback, crowd, i, pose);
             worst = fmax(worst, compared(mesh, bounds, weights, pose, info.diagonal));
         }
     }
-    grow_animated(&host, engine, mesh, readback);
+    add_to_players(&host, engine, mesh, readback);
     follow_the_camera(&host, engine, mesh, readback);
     printf("%d steps of %u instances, within %.1e of the diagonal\n", (int)STEPS, added + 1, worst);
 

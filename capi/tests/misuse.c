@@ -378,7 +378,7 @@ static void crowds(const Host *host, DmEngine engine, DmEngine other) {
     host_submit_and_wait(host);
     WORKS(dm_crowd_release_staging(animated));
     steps(host, engine, other, mesh, dense, uploaded, crowd, animated, far);
-    more(host, engine, mesh, uploaded, crowd, animated);
+    more(host, mesh, uploaded, crowd, animated);
 
     WORKS(dm_mesh_destroy(mesh));
     WORKS(dm_gpu_mesh_destroy(uploaded));

@@ -1,5 +1,5 @@
 /*
- * Invalid use of queue families, crowds that grow, layers of clips, and bounds from weights.
+ * Invalid use of queue families, layers of clips, and bounds from weights.
  * Included by misuse.c, which says what it expects.
  */
 
@@ -78,40 +78,6 @@ static void weight_bounds(DmMesh mesh) {
     HANDLE("was destroyed", dm_weight_bounds_destroy(bounds));
 }
 
-/* The crowd has one instance and one slot, and no update is unfinished. */
-static void growth(const Host *host, DmEngine engine, DmCrowd crowd, DmCrowd animated, VkBuffer buffer) {
-    DmCrowdDesc desc = {.struct_size = sizeof desc, .instances = 2, .slots = 1}, bad = desc;
-    const DmDecodeTarget target = {.struct_size = sizeof target, .buffer = buffer};
-    DmOutgrown outgrown = {0};
-    DmPoseView pose = {.struct_size = sizeof pose};
-    uint32_t instance = 9;
-    INVALID("'outgrown' is a null pointer", dm_crowd_grow(crowd, NULL, &desc, NULL));
-    HANDLE("null handle in place of a crowd", dm_crowd_grow(no_crowd, NULL, &desc, &outgrown));
-    bad.slots = 77;
-    INVALID("slots", dm_crowd_grow(crowd, NULL, &bad, &outgrown));
-    INVALID("'cmd' is null", dm_crowd_grow(animated, NULL, &desc, &outgrown));
-    host_begin(host);
-    INVALID("another grid", dm_crowd_grow(animated, host->cmd, (bad = desc, bad.weight_max = 3, &bad), &outgrown));
-    VK(vkEndCommandBuffer(host->cmd));
-    WORKS(dm_crowd_set_decode_target(crowd, 0, &target));
-    INVALID("targets of steps after the pose", dm_crowd_grow(crowd, NULL, &desc, &outgrown));
-    WORKS(dm_crowd_set_decode_target(crowd, 0, NULL));
-    HANDLE("null handle in place of what a crowd outgrew", dm_outgrown_destroy(outgrown));
-    WORKS(dm_crowd_grow(crowd, NULL, &desc, &outgrown));
-    WORKS(dm_crowd_add(crowd, &instance));
-    HOLDS(instance == 1);
-    INVALID("1 DmOutgrown", dm_engine_destroy(engine));
-    WORKS(dm_outgrown_destroy(outgrown));
-    HANDLE("was destroyed", dm_outgrown_destroy(outgrown));
-    INVALID("a crowd of 2 instances that is to have 1", dm_crowd_grow(crowd, NULL, NULL, &outgrown));
-    WORKS(dm_crowd_remove(crowd, 1));
-    INVALID("no pose yet", dm_crowd_pose(crowd, 0, &pose));
-    host_begin(host);
-    WORKS(dm_record_update(host->cmd, crowd, NULL));
-    host_submit_and_wait(host);
-    WORKS(dm_crowd_pose(crowd, 0, &pose));
-}
-
 static void levels(DmCrowd crowd, DmCrowd animated) {
     const DmCamera camera = {.struct_size = sizeof camera, .height = 100, .angle = 0.5f};
     const DmPlace place = {.struct_size = sizeof place, .radius = 1};
@@ -135,16 +101,12 @@ static void levels(DmCrowd crowd, DmCrowd animated) {
 }
 
 /* As `steps`. */
-static void more(const Host *host, DmEngine engine, DmMesh mesh, DmGpuMesh uploaded, DmCrowd crowd, DmCrowd animated) {
+static void more(const Host *host, DmMesh mesh, DmGpuMesh uploaded, DmCrowd crowd, DmCrowd animated) {
     const DmEngineDesc device = {.struct_size = sizeof device, .instance = host->instance,
                                  .physical_device = host->physical, .device = host->device,
                                  .get_instance_proc_addr = vkGetInstanceProcAddr};
-    VkDeviceMemory memory;
-    const VkBuffer buffer = storage_create(host, 1 << 16, &memory);
     families(&device, uploaded);
     layers(mesh, crowd);
     weight_bounds(mesh);
-    growth(host, engine, crowd, animated, buffer);
     levels(crowd, animated);
-    vkDestroyBuffer(host->device, buffer, NULL), vkFreeMemory(host->device, memory, NULL);
 }

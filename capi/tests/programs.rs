@@ -192,7 +192,7 @@ fn a_scene_is_what_c_computes_in_double_precision() {
     }
 }
 
-/// Layers of clips, crowds that grow, bounds from weights.
+/// Layers of clips, an instance that comes, bounds from weights.
 #[test]
 fn a_head_that_plays_layers_is_what_the_reference_says() {
     let program = build("capi/tests/layers.c", unchanged);
@@ -204,14 +204,18 @@ fn a_head_that_plays_layers_is_what_the_reference_says() {
         assert!(said.starts_with("14 steps of 2 instances") && said.lines().count() == 1, "{said}");
     }
     for (from, to, says) in [
-        // Weights that an instance never gets; bounds of others; no growth; another mixture.
+        // Weights that an instance never gets; bounds of others; no free place; another mixture.
         (
             "DM(dm_crowd_set_weights(crowd, i, weights, TARGETS));",
             "DM(dm_crowd_set_weights(crowd, 0, weights, TARGETS));",
             "differ from the reference",
         ),
         ("DM(dm_mesh_evaluate(mesh, weights,", "DM(dm_mesh_evaluate(mesh, pose,", "are violated"),
-        ("desc.instances = 2;\n            DM(dm_crowd_grow(crowd, NULL, &desc, &outgrown));", "", "place"),
+        (
+            "DM(dm_crowd_create(uploaded, &desc, &crowd));\n    DM(dm_crowd_remove(crowd, 1));",
+            "DM(dm_crowd_create(uploaded, &desc, &crowd));",
+            "place",
+        ),
         (".weight = 0.5f", ".weight = 0.25f", "are mixed otherwise"),
     ] {
         let output =

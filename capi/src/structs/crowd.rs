@@ -10,7 +10,8 @@ use std::ffi::c_char;
 pub struct DmCrowdDesc {
     /// sizeof(DmCrowdDesc).
     pub struct_size: u32,
-    /// Instances, each with its own weights and poses; 0: 1.
+    /// Instances, each with its own weights and poses; 0: 1. The number stays as it is: make as many as are needed at
+    /// most, and remove or hide the rest.
     pub instances: u32,
     /// `DM_PATH_…`; 0: blocks, for CPU crowds the CPU.
     pub path: u32,
