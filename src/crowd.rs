@@ -169,8 +169,7 @@ impl<K: TakesWeights> CrowdBase<K> {
     /// How far a vertex of `instance` may be from where the requested weights would put it, from the next update on, in
     /// place of [`UpdateDesc::error_budget`](field@crate::UpdateDesc::error_budget), which is the most it can be: in
     /// input units. [`lod::LevelDesc::error_budget`](crate::lod::LevelDesc::error_budget) makes it of pixels. What is
-    /// deferred beyond a smaller one is applied in the next update. A crowd that grows starts with the budget that it
-    /// is made with.
+    /// deferred beyond a smaller one is applied in the next update.
     ///
     /// # Errors
     /// An instance out of range or removed; a number that is not from 0 to the crowd's budget; a path or a delta format

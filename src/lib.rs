@@ -95,8 +95,8 @@ pub use asset::{
 pub use cpu::CpuCrowd;
 pub use crowd::CrowdBase;
 pub use engine::{
-    AnimatedCrowd, AnyCrowd, Crowd, CrowdSet, DeviceCrowd, GpuMesh, MorphEngine, Outgrown, PoseBuffer, PoseReadback,
-    PoseView, ReadPose, StreamView, Ticket, Update,
+    AnimatedCrowd, AnyCrowd, Crowd, CrowdSet, DeviceCrowd, GpuMesh, MorphEngine, PoseBuffer, PoseReadback, PoseView,
+    ReadPose, StreamView, Ticket, Update,
 };
 pub use error::{Error, ErrorKind, Result};
 pub use gpu::caps::{DeviceCaps, DeviceKind, Requirement, TransformFeedbackCaps};

@@ -106,11 +106,6 @@ impl After {
         self.targets.retain(|target| (target.kind, target.instance) != (kind, instance));
     }
 
-    /// There is no target.
-    pub(crate) fn is_empty(&self) -> bool {
-        self.targets.is_empty()
-    }
-
     /// What is written for the host.
     pub(crate) fn outputs(&self) -> impl Iterator<Item = Resource> {
         Kind::ALL.into_iter().filter(|kind| self.targets.iter().any(|target| target.kind == *kind)).map(Kind::output)

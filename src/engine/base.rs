@@ -62,11 +62,11 @@ pub struct OnDevice<U: ?Sized> {
     pub(crate) desc: CrowdDesc,
     device: Arc<Device>,
     /// The number of the crowd, which no other has.
-    pub(super) number: u64,
+    number: u64,
     /// Updates that recorded something, less discarded ones: the rings of lists turn with them.
     pub(super) recorded: u64,
     /// Updates that were discarded, ascending: a ticket is good for one discard.
-    pub(super) discarded: Vec<RangeInclusive<u64>>,
+    discarded: Vec<RangeInclusive<u64>>,
     pub(super) updater: U,
 }
 

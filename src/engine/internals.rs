@@ -50,7 +50,7 @@ impl GpuMesh {
     /// The same mesh, with the same buffers.
     #[doc(hidden)]
     pub fn shared(&self) -> Self {
-        Self::of(self.groups.clone())
+        Self { groups: self.groups.clone(), staging: vec![] }
     }
 }
 

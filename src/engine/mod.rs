@@ -3,7 +3,6 @@
 mod after;
 mod base;
 mod crowd;
-mod grow;
 #[cfg(feature = "internals")]
 mod internals;
 mod poses;
@@ -15,7 +14,6 @@ mod views;
 
 pub use base::{AnyCrowd, DeviceCrowd, Ticket, Update};
 pub use crowd::{AnimatedCrowd, Crowd};
-pub use grow::Outgrown;
 pub use readback::{PoseReadback, ReadPose};
 pub use set::CrowdSet;
 pub use upload::GpuMesh;
@@ -25,7 +23,6 @@ use crate::abi::numbers::WORKGROUP;
 use crate::error::{Error, Result};
 use crate::gpu::caps::{CAPTURE_STRIDE, DeviceCaps};
 use crate::gpu::device::{Device, DeviceDesc};
-use crate::gpu::memory::Buffer;
 use crate::gpu::pipelines::Kernels;
 use crate::pack::blocks::BlockDesc;
 use crate::pack::{DeltaFormat, PackDesc};
@@ -159,12 +156,9 @@ impl MorphEngine {
     pub fn create_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc) -> Result<Crowd> {
         self.check_crowd(mesh, desc, Runner::Device(&self.device.caps))?;
         let targets = mesh.layout().targets.len();
-        Crowd::on_device(&self.device, &self.kernels, mesh, desc, targets, self.weighted())
-    }
-
-    /// Makes the technique of a crowd whose weights are set.
-    fn weighted(&self) -> impl FnOnce(Context<'_>, Vec<Buffer>) -> Result<Weighted> {
-        |context, poses| Ok(Weighted::new(self.technique(context)?, poses))
+        Crowd::on_device(&self.device, &self.kernels, mesh, desc, targets, |context, poses| {
+            Ok(Weighted::new(self.technique(context)?, poses))
+        })
     }
 
     /// Refuse a mesh that was uploaded elsewhere.

@@ -45,8 +45,7 @@ impl MorphEngine {
     ///   crowd are recorded and not yet finished.
     /// - After an error or a panic nothing of the update counts as done; `cmd` may hold some of its commands after a
     ///   panic, and is not run then.
-    /// - Engine, mesh and crowd live until the device has finished, and so does what [`grow_crowd`](Self::grow_crowd)
-    ///   or [`grow_set`](Self::grow_set) returned: earlier updates use it.
+    /// - Engine, mesh and crowd live until the device has finished.
     pub unsafe fn record_update(&self, cmd: vk::CommandBuffer, crowd: &mut (impl AnyCrowd + ?Sized)) -> Result<Update> {
         let (mut crowds, mut update) = ([crowd.base_mut()], None);
         let planned = self.plan(&mut crowds, |planned| update = Some(planned))?;

@@ -12,7 +12,7 @@ use crate::weights::names::unknown;
 /// [`record_updates`](super::MorphEngine::record_updates) of [`crowds_mut`](Self::crowds_mut). Poses are those of the
 /// [`crowds`](Self::crowds), of which each may be skinned or bounded by itself ([`crowd_mut`](Self::crowd_mut)).
 pub struct CrowdSet {
-    pub(super) crowds: Vec<Crowd>,
+    crowds: Vec<Crowd>,
     names: Vec<String>,
     /// Of each crowd: which weight goes to which target.
     driven: Vec<Vec<(usize, usize)>>,

@@ -19,7 +19,7 @@ use std::sync::Arc;
 pub struct GpuMesh {
     /// At least one.
     pub(crate) groups: Vec<Arc<MeshBuffers>>,
-    staging: Vec<Upload>,
+    pub(super) staging: Vec<Upload>,
 }
 
 impl GpuMesh {
@@ -29,11 +29,6 @@ impl GpuMesh {
     /// The upload that was recorded with this mesh has run, or never will: its copies read the memory.
     pub unsafe fn release_staging(&mut self) {
         self.staging.clear();
-    }
-
-    /// A mesh of groups that were uploaded.
-    pub(super) fn of(groups: Vec<Arc<MeshBuffers>>) -> Self {
-        Self { groups, staging: vec![] }
     }
 
     /// Where the base pose is, once the upload has run: what poses of integers are displacements from, as the second
@@ -101,9 +96,10 @@ impl MorphEngine {
             self.check_mesh(group.layout())?;
             MeshBuffers::new(&self.device, group.layout().clone(), group.base(), group.deltas(), None)
         };
-        let groups = mesh.groups().iter().map(group).collect::<Result<_>>()?;
+        let groups: Result<(Vec<_>, Vec<_>)> = mesh.groups().iter().map(group).collect();
+        let (groups, staging) = groups?;
         // SAFETY: the caller's obligations.
-        Ok(unsafe { self.upload_groups(cmd, groups) })
+        Ok(unsafe { self.upload_buffers(cmd, groups, staging) })
     }
 
     /// As [`upload`](Self::upload), for crowds on `path`, which may read words of its own.
@@ -132,16 +128,6 @@ impl MorphEngine {
         }
     }
 
-    /// Record the upload of a mesh that was checked.
-    ///
-    /// # Safety
-    /// As [`upload`](Self::upload).
-    pub(super) unsafe fn upload_groups(&self, cmd: vk::CommandBuffer, groups: Vec<(MeshBuffers, Upload)>) -> GpuMesh {
-        let (groups, staging): (Vec<_>, Vec<_>) = groups.into_iter().unzip();
-        // SAFETY: the caller's obligations.
-        unsafe { self.upload_buffers(cmd, groups, staging) }
-    }
-
     /// Record these uploads, of groups of a mesh that was checked.
     ///
     /// # Safety
@@ -159,7 +145,7 @@ impl MorphEngine {
         Err(Error::invalid(format!("mesh '{}' has no vertices", layout.name), "leave it out"))
     }
 
-    pub(super) fn check_mesh(&self, layout: &PackedLayout) -> Result<()> {
+    fn check_mesh(&self, layout: &PackedLayout) -> Result<()> {
         let caps = &self.device.caps;
         let limit = |what: &str, amount: u64, unit: &str, most: u64, remedy: &str| {
             caps.check_limit(&format!("mesh '{}': {what}", layout.name), (amount, unit, most), remedy)

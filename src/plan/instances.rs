@@ -39,21 +39,6 @@ impl Instances {
         Self { places: vec![place; places] }
     }
 
-    /// The same instances without poses, in more places, with so many slots and unfinished updates: the new places are
-    /// free.
-    pub fn grown(&self, places: usize, slots: u32, unfinished: u32) -> Self {
-        let history = History::new(slots, unfinished);
-        let before = self.places.iter().map(|place| Place { history: history.clone(), ..place.clone() });
-        let targets = self.places.first().map_or(0, |place| place.weights.len());
-        let free = Place { presence: Presence::Free, weights: vec![0.0; targets], history: history.clone() };
-        Self { places: before.chain(std::iter::repeat(free)).take(places).collect() }
-    }
-
-    /// Requested weights of each instance, hidden ones included.
-    pub fn present(&self) -> impl Iterator<Item = &[f32]> {
-        self.places.iter().filter(|place| place.presence != Presence::Free).map(|place| &place.weights[..])
-    }
-
     fn place(&mut self, instance: u32) -> Result<&mut Place> {
         let i = self.check(instance)?;
         Ok(&mut self.places[i])

@@ -11,7 +11,9 @@ use ash::vk;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct CrowdDesc {
-    /// Number of instances, each with its own weights and poses (≥ 1).
+    /// Number of instances (≥ 1), each with its own weights and poses. It is fixed: make as many as are needed at most,
+    /// and [remove](crate::Crowd::remove) or [hide](crate::Crowd::set_hidden) the rest, which updates leave out; or make
+    /// a second crowd of the same mesh later.
     pub instances: u32,
     /// How poses are updated.
     pub update: UpdateDesc,

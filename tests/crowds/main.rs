@@ -17,7 +17,6 @@ mod picture;
 #[path = "../common/written.rs"]
 mod written;
 
-mod grow;
 mod lifetimes;
 mod places;
 mod pose_buffers;

@@ -2,7 +2,7 @@
 
 use crate::gpu::{self, on_every_device};
 use deltamorph::reference::compare;
-use deltamorph::{BatchSize, CrowdDesc, DeltaFormat, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing};
+use deltamorph::{BatchSize, Crowd, CrowdDesc, DeltaFormat, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing};
 use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::cell::RefCell;
 use std::slice::from_mut;
@@ -44,8 +44,11 @@ fn weights(head: u32, frame: u32) -> Vec<f32> {
 
 /// Whether the pose of `instance` is that of `weights`.
 fn assert_pose(crowd: &mut HeadlessCrowd<'_>, mesh: &PackedMesh, desc: &UpdateDesc, instance: u32, weights: &[f32]) {
-    let reference = gpu::reference(mesh, desc, weights);
-    let error = compare(&crowd.read_pose(instance).expect("a pose"), &reference);
+    assert_is(&crowd.read_pose(instance).expect("a pose"), mesh, desc, instance, weights);
+}
+
+fn assert_is(pose: &[f32], mesh: &PackedMesh, desc: &UpdateDesc, instance: u32, weights: &[f32]) {
+    let error = compare(pose, &gpu::reference(mesh, desc, weights));
     let bound = 1e-5 * f64::from(mesh.layout().diagonal);
     assert!(error.within(bound, 0.02), "{desc:?}, instance {instance}: {error:?}");
 }
@@ -100,6 +103,49 @@ fn heads_come_and_go() {
             crowd.set_weights(11, &asked[11]).expect("weights that fit");
             crowd.step(&[]).expect("a step");
             (0..13).for_each(|head| assert_pose(&mut crowd, &mesh, &desc, head, &asked[head as usize]));
+        }
+    });
+}
+
+/// Heads come, go, hide and are shown between updates of one submission.
+#[test]
+fn heads_come_and_go_within_a_submission() {
+    on_every_device(|headless, engine| {
+        for (format, desc) in kernels(engine) {
+            let mesh = packed(engine, format);
+            // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
+            let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+            let crowd = CrowdDesc::new(desc).instances(4).frames_in_flight(3);
+            let mut crowd = engine.create_crowd(&uploaded, &crowd).expect("a crowd");
+            let set = |crowd: &mut Crowd, head, frame| crowd.set_weights(head, &weights(head, frame));
+            (0..4).for_each(|head| set(&mut crowd, head, 0).expect("weights that fit"));
+            [1, 3].into_iter().for_each(|head| crowd.remove(head).expect("a head"));
+            let mut readbacks = [0, 1, 2].map(|_| engine.readback());
+            let updates = headless.run(|cmd| {
+                // SAFETY: as above.
+                unsafe {
+                    engine.record_update(cmd, &mut crowd)?;
+                    readbacks[0].record(cmd, &crowd, &[0, 2])?;
+                    crowd.set_hidden(2, true)?;
+                    assert_eq!([crowd.add()?, crowd.add()?], [1, 3]);
+                    (1..4).try_for_each(|head| set(&mut crowd, head, 1))?;
+                    engine.record_update(cmd, &mut crowd)?;
+                    assert!(crowd.shown().eq([0, 1, 3]));
+                    readbacks[1].record(cmd, &crowd, &[0, 1, 2, 3])?;
+                    crowd.set_hidden(2, false)?;
+                    engine.record_update(cmd, &mut crowd)?;
+                    readbacks[2].record(cmd, &crowd, &[0, 1, 2, 3])
+                }
+            });
+            updates.expect("updates");
+            // The frame whose weights each head has: 2 is hidden in the second update.
+            for (readback, frames) in readbacks.iter_mut().zip([[0, 9, 0, 9], [0, 1, 0, 1], [0, 1, 1, 1]]) {
+                // SAFETY: `run` has waited.
+                for pose in unsafe { readback.poses() }.expect("poses") {
+                    let head = pose.instance;
+                    assert_is(&pose.vertices, &mesh, &desc, head, &weights(head, frames[head as usize]));
+                }
+            }
         }
     });
 }

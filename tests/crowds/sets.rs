@@ -142,11 +142,13 @@ fn a_set_gives_each_weight_to_the_targets_of_its_name() {
         set.set_weights(1, &[0.2, 0.1]).expect("weights");
         // SAFETY: `run` hands out a recording buffer of the engine's device, which runs nothing.
         let lost = headless.run(|cmd| unsafe { engine.record_updates(cmd, &mut set.crowds_mut()) }).expect("updates");
+        // SAFETY: as above.
+        headless.run(|cmd| unsafe { engine.record_updates(cmd, &mut set.crowds_mut()) }).expect("updates");
         refused(set.discard(&lost[1..]), &["1 updates of a set of 2 crowds"]);
         refused(set.discard(&[lost[1], lost[0]]), &["the ticket is of another crowd"]);
         assert!(set.crowds().iter().all(|crowd| crowd.pose(1).is_ok()), "nothing is discarded");
         set.discard(&lost).expect("updates of the set");
-        assert!(set.crowds().iter().all(|crowd| crowd.pose(1).is_err()));
+        assert!(set.crowds().iter().all(|crowd| crowd.pose(1).is_err()), "the later update, too");
         check(&mut set, 1, [[0.1, 0.2, 0.2], [0.2, 0.4, 0.1]]);
 
         refused(CrowdSet::new(vec![]), &["a set of no crowd"]);

@@ -7,9 +7,8 @@ use deltamorph::internals::update::animated::{AnimatedReference, HeadRecord, Pla
 use deltamorph::lod::{Camera, Importance, LevelDesc, Place};
 use deltamorph::reference::compare;
 use deltamorph::{
-    AnimatedCrowd, AnimationDesc, BlockDesc, Clips, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, GpuMesh, Outgrown,
-    PackDesc, PackedMesh, Playback, PoseGrid, PoseView, Repeat, Result, UpdateDesc, UpdateMode, UpdatePath, WeightClip,
-    testing,
+    AnimatedCrowd, AnimationDesc, BlockDesc, Clips, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, GpuMesh, PackDesc,
+    PackedMesh, Playback, PoseGrid, PoseView, Repeat, Result, UpdateDesc, UpdateMode, UpdatePath, WeightClip, testing,
 };
 use deltamorph_head::Rng;
 use deltamorph_headless::Headless;
@@ -17,21 +16,25 @@ use std::hash::{DefaultHasher, Hasher};
 use std::sync::Arc;
 
 const TARGETS: usize = 12;
-/// Places of a crowd, at first and at most.
+/// Places of a crowd, at least (and at first) and at most.
 const PLACES: [u32; 2] = [2, 6];
-/// One frame of so many makes a crowd grow, or makes it anew.
-const GROWS: usize = 512;
+/// One frame of so many makes a crowd anew, with any number of places.
+const MADE_ANEW: usize = 512;
 
 /// What the commands of a batch use, and the host has no other use for.
 #[derive(Default)]
 pub struct Loose {
-    _outgrown: Vec<Outgrown>,
     _crowds: Vec<Crowd>,
     _animated: Vec<AnimatedCrowd>,
 }
 
 fn count(counts: &mut Counts, what: &'static str) {
     *counts.entry(what).or_default() += 1;
+}
+
+/// Now and then, the places of a crowd that takes the place of another.
+fn places(rng: &mut Rng) -> Option<u32> {
+    (rng.below(MADE_ANEW) == 0).then(|| PLACES[0] + rng.below((PLACES[1] - PLACES[0]) as usize + 1) as u32)
 }
 
 /// Another update of a crowd that began at a number.
@@ -92,36 +95,27 @@ impl<'a> Weighted<'a> {
     pub fn new(headless: &'a Headless, format: DeltaFormat, update: UpdateDesc, begin: u64) -> Self {
         let source = packed(format);
         let mesh = upload(headless, &source);
-        let crowd = Self::crowd(headless, &mesh, update, begin);
+        let crowd = Self::crowd(headless, &mesh, update, PLACES[0], begin);
         let (posed, fresh) = (vec![vec![]; PLACES[1] as usize], evaluations(&source, update));
         let importance = Importance::of_packed(&source, &[]).expect("an order");
         Self { headless, crowd, mesh, importance, posed, fresh, begin, updates: 0, source }
     }
 
-    fn crowd(headless: &Headless, mesh: &GpuMesh, update: UpdateDesc, begin: u64) -> Crowd {
-        let desc = CrowdDesc::new(update).instances(PLACES[0]).frames_in_flight(crate::BATCH);
+    fn crowd(headless: &Headless, mesh: &GpuMesh, update: UpdateDesc, places: u32, begin: u64) -> Crowd {
+        let desc = CrowdDesc::new(update).instances(places).frames_in_flight(crate::BATCH);
         let mut crowd = headless.engine().create_crowd(mesh, &desc).expect("a crowd");
         crowd.begin_at(begin);
         crowd
     }
 
-    /// Now and then the crowd grows; where it is large another takes its place.
-    pub fn come_and_go(&mut self, rng: &mut Rng, counts: &mut Counts, loose: &mut Loose) -> Result<()> {
-        if rng.below(GROWS) > 0 {
-            return Ok(());
-        }
-        let desc = *self.crowd.desc();
-        if desc.instances < PLACES[1] {
-            count(counts, "crowds grown");
-            let places = desc.instances + 1 + rng.below((PLACES[1] - desc.instances) as usize) as u32;
-            loose._outgrown.push(self.headless.engine().grow_crowd(&mut self.crowd, &desc.instances(places))?);
-        } else {
+    /// Now and then another crowd takes the place of this one.
+    pub fn come_and_go(&mut self, rng: &mut Rng, counts: &mut Counts, loose: &mut Loose) {
+        if let Some(places) = places(rng) {
             count(counts, "crowds dropped and made");
-            let crowd = Self::crowd(self.headless, &self.mesh, desc.update, self.begin);
+            let crowd = Self::crowd(self.headless, &self.mesh, self.crowd.desc().update, places, self.begin);
             loose._crowds.push(std::mem::replace(&mut self.crowd, crowd));
             self.updates = 0;
         }
-        Ok(())
     }
 
     /// Hide, show, cut, remove or add an instance, or request other weights.
@@ -274,24 +268,15 @@ impl<'a> Animated<'a> {
         counts: &mut Counts,
         loose: &mut Loose,
     ) -> Result<()> {
-        if rng.below(GROWS) > 0 {
-            return Ok(());
-        }
-        let (engine, desc) = (self.headless.engine(), *self.crowd.desc());
-        if desc.instances < PLACES[1] {
-            count(counts, "animated crowds grown");
-            let desc = desc.instances(desc.instances + 1);
-            // SAFETY: the buffer records on the engine's device and is waited for; what is outgrown is kept until then.
-            loose._outgrown.push(unsafe { engine.grow_animated_crowd(cmd, &mut self.crowd, &desc) }?);
-            self.heads = self.heads.grown(desc.instances);
-        } else {
+        if let Some(places) = places(rng) {
             count(counts, "animated crowds dropped and made");
             let animation = AnimationDesc::new(&self.clips).importance(Some(&self.importance));
-            let (animation, desc) = (animation.level(Some(LevelDesc::default())), desc.instances(PLACES[0]));
-            // SAFETY: as above.
-            let crowd = unsafe { engine.create_animated_crowd(cmd, &self.mesh, &desc, &animation) }?;
+            let (animation, desc) = (animation.level(Some(LevelDesc::default())), self.crowd.desc().instances(places));
+            // SAFETY: the buffer records on the engine's device and is waited for; what it takes the place of is kept
+            // until then.
+            let crowd = unsafe { self.headless.engine().create_animated_crowd(cmd, &self.mesh, &desc, &animation) }?;
             loose._animated.push(std::mem::replace(&mut self.crowd, crowd));
-            self.heads = Playbacks::new(PLACES[0]);
+            self.heads = Playbacks::new(places);
             self.begin();
         }
         Ok(())

@@ -66,18 +66,6 @@ impl Playbacks {
         }
     }
 
-    /// The same instances in more places, on a device that knows nothing of them: each plays on, and has no pose yet.
-    /// The new places are as those of instances that were removed.
-    pub fn grown(&self, places: u32) -> Self {
-        let free = HeadRecord { flags: HeadRecord::HIDDEN, ..HeadRecord::default() };
-        let (mut records, mut starts) = (self.records.clone(), self.starts.clone());
-        records.resize(places as usize, free);
-        starts.resize(places as usize, 0);
-        let heads = vec![Head { listed: true, stale: true, ..Head::default() }; places as usize];
-        let Self { now, camera, updates, .. } = *self;
-        Self { heads, records, starts, now, camera, updates, ..Self::new(places) }
-    }
-
     /// Starts as if `updates` updates had been recorded, with as many cuts of each instance and the camera.
     pub fn begin_at(&mut self, updates: u64) {
         self.updates = updates;
