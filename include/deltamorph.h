@@ -692,25 +692,6 @@ typedef struct DmDecodeTarget {
     uint32_t reserved;
 } DmDecodeTarget;
 
-/// Output buffer for the bounds of an instance's pose: six float32, the least x, y and z of any vertex, then the
-/// greatest.
-typedef struct DmBoundsTarget {
-    /// sizeof(DmBoundsTarget).
-    uint32_t struct_size;
-    /// Zero.
-    uint32_t reserved;
-    /// The buffer, usable as storage buffer.
-    VkBuffer buffer;
-    /// Offset, a multiple of 4.
-    uint64_t offset;
-} DmBoundsTarget;
-
-/// The triangles around each vertex of a mesh, on the device: for normals of the morphed surface. All zero: none.
-typedef struct DmSurface {
-    /// Kind, generation and index.
-    uint64_t bits;
-} DmSurface;
-
 /// Output buffer for normals of an instance's morphed surface, in the order of poses and without padding.
 typedef struct DmNormalsTarget {
     /// sizeof(DmNormalsTarget).
@@ -1472,17 +1453,6 @@ DmResult dm_readback_destroy(struct DmReadback readback);
 /// - No update of the crowd that was recorded with an earlier target of the instance is unfinished.
 DmResult dm_crowd_set_decode_target(struct DmCrowd crowd, uint32_t instance, const struct DmDecodeTarget *target);
 
-/// Have the bounds of an instance's pose written into a buffer of the host's, from the next recorded update on;
-/// `target` null: stop. They are exactly the bounds of the decoded pose, not of the skinned pose, and ready for the
-/// crowd's consumers.
-///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for an instance
-/// out of range or removed, an offset that is no multiple of 4. Nothing changes then.
-///
-/// Safety:
-/// The same conditions as for `dm_crowd_set_decode_target`.
-DmResult dm_crowd_set_bounds_target(struct DmCrowd crowd, uint32_t instance, const struct DmBoundsTarget *target);
-
 /// Make a buffer of the triangles around each vertex of a mesh, and record its upload: once for each mesh, whatever the
 /// number of crowds and instances. Vertices that the mesh joins at seams (`DM_MESH_SPLIT`, `DM_MESH_WELD`) get the same
 /// normal.
@@ -1590,8 +1560,8 @@ DmResult dm_crowd_set_joints(struct DmCrowd crowd, uint32_t instance, uint64_t o
 DmResult dm_crowd_skinned(struct DmCrowd crowd, uint32_t instance, struct DmSkinnedView *view);
 
 /// Make an object that computes bounds of poses from their weights, for crowds of a mesh that are made by `desc`: for
-/// culling without waiting for a GPU. The bounds hold, but are somewhat larger than the exact ones, which
-/// `dm_crowd_set_bounds_target` provides. The mesh may be destroyed afterwards.
+/// culling without waiting for a GPU. The bounds hold, but are somewhat larger than the exact ones. The mesh may be
+/// destroyed afterwards.
 ///
 /// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for fixed-point
 /// poses that the mesh has no grid for; those of `dm_crowd_create` for invalid fields of `desc`.
@@ -1844,11 +1814,6 @@ typedef char DmDecodeTarget_buffer[offsetof(DmDecodeTarget, buffer) == 8 ? 1 : -
 typedef char DmDecodeTarget_offset[offsetof(DmDecodeTarget, offset) == 16 ? 1 : -1];
 typedef char DmDecodeTarget_normals[offsetof(DmDecodeTarget, normals) == 24 ? 1 : -1];
 typedef char DmDecodeTarget_reserved[offsetof(DmDecodeTarget, reserved) == 28 ? 1 : -1];
-typedef char DmBoundsTarget_sizeof[sizeof(DmBoundsTarget) == 24 ? 1 : -1];
-typedef char DmBoundsTarget_struct_size[offsetof(DmBoundsTarget, struct_size) == 0 ? 1 : -1];
-typedef char DmBoundsTarget_reserved[offsetof(DmBoundsTarget, reserved) == 4 ? 1 : -1];
-typedef char DmBoundsTarget_buffer[offsetof(DmBoundsTarget, buffer) == 8 ? 1 : -1];
-typedef char DmBoundsTarget_offset[offsetof(DmBoundsTarget, offset) == 16 ? 1 : -1];
 typedef char DmNormalsTarget_sizeof[sizeof(DmNormalsTarget) == 24 ? 1 : -1];
 typedef char DmNormalsTarget_struct_size[offsetof(DmNormalsTarget, struct_size) == 0 ? 1 : -1];
 typedef char DmNormalsTarget_stride[offsetof(DmNormalsTarget, stride) == 4 ? 1 : -1];

@@ -1,13 +1,13 @@
-//! Steps after the pose, which write into buffers of the host's: decoded positions, bounds, normals of the morphed
-//! surface. Skinning is in [`skin`](crate::skin).
+//! Steps after the pose, which write into buffers of the host's: decoded positions, normals of the morphed surface.
+//! Skinning is in [`skin`](crate::skin).
 
 use crate::arguments::{built, check_reserved, or};
 use crate::attached::{self, check_buffer};
 use crate::handles::{DmCrowd, DmEngine, DmMesh, DmSurface, Handle};
 use crate::result::{DmResult, Result, enter};
-use crate::structs::{DmBoundsTarget, DmDecodeTarget, DmNormalsTarget};
+use crate::structs::{DmDecodeTarget, DmNormalsTarget};
 use deltamorph::DecodeTarget;
-use deltamorph::after::{BoundsTarget, NormalsDesc, NormalsTarget};
+use deltamorph::after::{NormalsDesc, NormalsTarget};
 use deltamorph::ash::vk;
 
 /// Have the positions of an instance written as float32 into a buffer of the host's, from the next recorded update on;
@@ -43,37 +43,6 @@ fn decode_target(asked: &DmDecodeTarget) -> Result<DecodeTarget> {
     let target = DecodeTarget::new(asked.buffer).offset(asked.offset);
     let normals = (asked.normals != 0).then_some(asked.normals);
     Ok(target.stride(or(asked.stride, target.stride)).normals(normals))
-}
-
-/// Have the bounds of an instance's pose written into a buffer of the host's, from the next recorded update on;
-/// `target` null: stop. They are exactly the bounds of the decoded pose, not of the skinned pose, and ready for the
-/// crowd's consumers.
-///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for an instance
-/// out of range or removed, an offset that is no multiple of 4. Nothing changes then.
-///
-/// # Safety
-/// The same conditions as for `dm_crowd_set_decode_target`.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dm_crowd_set_bounds_target(
-    crowd: DmCrowd,
-    instance: u32,
-    target: *const DmBoundsTarget,
-) -> DmResult {
-    enter("dm_crowd_set_bounds_target", || {
-        built!("after", "steps after the pose");
-        let make = |asked: &DmBoundsTarget| {
-            check_reserved("DmBoundsTarget", asked.reserved)?;
-            check_buffer(asked.buffer, "buffer")?;
-            Ok(BoundsTarget::new(asked.buffer).offset(asked.offset))
-        };
-        // SAFETY: the caller's obligations.
-        unsafe {
-            attached::set_target(crowd, target, make, |state, engine, target| {
-                Ok(engine.set_bounds_target(state.any(), instance, target)?)
-            })
-        }
-    })
 }
 
 /// Make a buffer of the triangles around each vertex of a mesh, and record its upload: once for each mesh, whatever the

@@ -65,7 +65,6 @@ mod tests {
         // SAFETY: null pointers and handles are allowed, or refused; the structure is refused.
         let results = unsafe {
             [
-                ("after", DM_ERROR_HANDLE, after::dm_crowd_set_bounds_target(crowd, 0, null()), said()),
                 (
                     "after",
                     DM_ERROR_HANDLE,

@@ -15,8 +15,8 @@ pub struct WeightBounds {
 }
 
 /// Make an object that computes bounds of poses from their weights, for crowds of a mesh that are made by `desc`: for
-/// culling without waiting for a GPU. The bounds hold, but are somewhat larger than the exact ones, which
-/// `dm_crowd_set_bounds_target` provides. The mesh may be destroyed afterwards.
+/// culling without waiting for a GPU. The bounds hold, but are somewhat larger than the exact ones. The mesh may be
+/// destroyed afterwards.
 ///
 /// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `after`; DM_ERROR_INVALID for fixed-point
 /// poses that the mesh has no grid for; those of `dm_crowd_create` for invalid fields of `desc`.

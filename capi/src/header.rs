@@ -84,7 +84,6 @@ fn layouts() -> Vec<Layout> {
         DmPoseView { struct_size stride buffer offset size format slot units }
         DmStreamView { struct_size stride buffer offset components format units slot reserved }
         DmDecodeTarget { struct_size stride buffer offset normals reserved }
-        DmBoundsTarget { struct_size reserved buffer offset }
         DmNormalsTarget { struct_size stride buffer offset }
         DmSkinDesc { struct_size influences joints weights joint_count reserved }
         DmSkinTarget {

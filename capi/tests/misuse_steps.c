@@ -223,11 +223,11 @@ static void skins(const Host *host, DmEngine engine, DmEngine other, DmMesh mesh
     free(joints), free(weights);
 }
 
-static void surfaces_and_bounds(const Host *host, DmEngine engine, DmEngine other, DmMesh mesh, DmCrowd crowd,
-                                VkBuffer buffer) {
+static void surfaces_and_decoding(const Host *host, DmEngine engine, DmEngine other, DmMesh mesh, DmCrowd crowd,
+                                  VkBuffer buffer) {
     DmSurface surface = {0}, foreign = {0};
     DmNormalsTarget normals = {.struct_size = sizeof normals, .buffer = buffer};
-    DmBoundsTarget bounds = {.struct_size = sizeof bounds, .buffer = buffer};
+    DmDecodeTarget decode = {.struct_size = sizeof decode, .buffer = buffer};
     INVALID("'cmd' is null", dm_surface_upload(engine, NULL, mesh, &surface));
     host_begin(host);
     INVALID("'surface' is a null pointer", dm_surface_upload(engine, host->cmd, mesh, NULL));
@@ -247,16 +247,11 @@ static void surfaces_and_bounds(const Host *host, DmEngine engine, DmEngine othe
     normals.struct_size = 0;
     INVALID("struct_size of 0", dm_crowd_set_normals_target(crowd, 0, surface, &normals));
     WORKS(dm_crowd_set_normals_target(crowd, 0, (DmSurface){0}, NULL));
-    bounds.offset = 2;
-    INVALID("multiple of 4", dm_crowd_set_bounds_target(crowd, 0, &bounds));
-    bounds.offset = 0, bounds.buffer = VK_NULL_HANDLE;
-    INVALID("'buffer' is null", dm_crowd_set_bounds_target(crowd, 0, &bounds));
-    bounds.buffer = buffer, bounds.reserved = 1;
-    INVALID("DmBoundsTarget: 'reserved' is 1", dm_crowd_set_bounds_target(crowd, 0, &bounds));
-    bounds.reserved = 0;
-    INVALID("instance 7", dm_crowd_set_bounds_target(crowd, 7, &bounds));
-    HANDLE("null handle in place of a crowd", dm_crowd_set_bounds_target(no_crowd, 0, &bounds));
-    WORKS(dm_crowd_set_bounds_target(crowd, 0, NULL));
+    decode.reserved = 1;
+    INVALID("DmDecodeTarget: 'reserved' is 1", dm_crowd_set_decode_target(crowd, 0, &decode));
+    decode.reserved = 0;
+    INVALID("instance 7", dm_crowd_set_decode_target(crowd, 7, &decode));
+    HANDLE("null handle in place of a crowd", dm_crowd_set_decode_target(no_crowd, 0, &decode));
     INVALID("1 DmGpuMesh, 3 DmCrowd, 1 DmSurface; destroy these first", dm_engine_destroy(engine));
     WORKS(dm_surface_destroy(surface));
     WORKS(dm_surface_destroy(foreign));
@@ -275,6 +270,6 @@ static void steps(const Host *host, DmEngine engine, DmEngine other, DmMesh mesh
     host_vertices(uploaded, buffer);
     readbacks(host, engine, crowd, elsewhere);
     skins(host, engine, other, mesh, another, crowd, buffer);
-    surfaces_and_bounds(host, engine, other, mesh, crowd, buffer);
+    surfaces_and_decoding(host, engine, other, mesh, crowd, buffer);
     vkDestroyBuffer(host->device, buffer, NULL), vkFreeMemory(host->device, memory, NULL);
 }

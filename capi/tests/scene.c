@@ -1,6 +1,6 @@
 /*
  * A face and its teeth in C, whose float64 is computed here: a set takes one weight vector; the face's poses are in the
- * host's interleaved vertices, and are skinned, bounded, and given normals of their surface; the teeth are read back.
+ * host's interleaved vertices, and are skinned and given normals of their surface; the teeth are read back and decoded.
  * Run by programs.rs: scene PART_OF_A_DEVICE_NAME [FILE.glb]. With a file, the face is written there, and opened.
  */
 #define main minimal_main
@@ -130,10 +130,10 @@ typedef struct {
     const char *what;
     double allowed, worst;
 } Error;
-enum { MORPHED, PACKED, TEETH, SKINNED, SKINNED_NORMALS, SURFACE_NORMALS, BOUNDS, DECODED, ERRORS };
+enum { MORPHED, PACKED, TEETH, SKINNED, SKINNED_NORMALS, SURFACE_NORMALS, DECODED, ERRORS };
 static Error errors[ERRORS] = {{"morphed", 1e-4, 0},          {"morphed, as packed", 1e-6, 0}, {"teeth", 1e-6, 0},
                                {"skinned", 1e-6, 0},          {"skinned normals", 1e-5, 0},    {"normals", 1e-5, 0},
-                               {"bounds", 0, 0},              {"decoded", 0, 0}};
+                               {"decoded", 0, 0}};
 
 static void note(int which, double error) { errors[which].worst = fmax(errors[which].worst, error); }
 
@@ -241,7 +241,6 @@ int main(int argc, char **argv) {
     Readback vertices = readback_create(&host, pose_bytes, storage | VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
     Readback skinned = readback_create(&host, face.vertices * 48, storage);
     Readback normals = readback_create(&host, face.vertices * 12, storage);
-    Readback bounds = readback_create(&host, 24, storage);
     Readback joints = readback_create(&host, FRAMES * 192, storage);
     Readback decoded = readback_create(&host, teeth.vertices * 12, storage);
     char *bytes = (char *)vertices.mapped;
@@ -257,11 +256,9 @@ int main(int argc, char **argv) {
                                       .second_buffer = skinned.buffer, .second_offset = face.vertices * 24,
                                       .joints = joints.buffer, .joints_bytes = FRAMES * 192};
     const DmNormalsTarget normals_target = {.struct_size = sizeof normals_target, .buffer = normals.buffer};
-    const DmBoundsTarget bounds_target = {.struct_size = sizeof bounds_target, .buffer = bounds.buffer};
     const DmDecodeTarget decode_target = {.struct_size = sizeof decode_target, .buffer = decoded.buffer};
     DM(dm_crowd_set_skin_target(crowds[0], 0, skin, &skin_target));
     DM(dm_crowd_set_normals_target(crowds[0], 0, surface, &normals_target));
-    DM(dm_crowd_set_bounds_target(crowds[0], 0, &bounds_target));
     DM(dm_crowd_set_decode_target(crowds[1], 0, &decode_target));
 
     DmCrowds set;
@@ -300,7 +297,6 @@ int main(int argc, char **argv) {
         vkCmdPipelineBarrier(host.cmd, from, to, 0, 1, &read_by_host, 0, NULL, 0, NULL);
         host_submit_and_wait(&host);
 
-        float least[6] = {INFINITY, INFINITY, INFINITY, -INFINITY, -INFINITY, -INFINITY};
         patch_evaluate(&face, weights, exact);
         DM(dm_mesh_evaluate(meshes[0], weights, TARGETS, reference, (size_t)face.vertices * 6));
         DmSkinnedView view = {.struct_size = sizeof view};
@@ -312,14 +308,9 @@ int main(int argc, char **argv) {
             note(MORPHED, distance(pose, exact + v * 3) / info.diagonal);
             note(PACKED, distance(pose, reference + v * 6) / info.diagonal);
             note(PACKED, distance(pose + 3, reference + v * 6 + 3));
-            for (int c = 0; c < 3; c++) {
-                least[c] = fminf(least[c], pose[c]);
-                least[c + 3] = fmaxf(least[c + 3], pose[c]);
-            }
             skinned_check(skinned.mapped + view.offset / 4 + packed[v] * 6, pose, influences + v * INFLUENCES,
                           influence + v * INFLUENCES, frame_joints);
         }
-        for (int i = 0; i < 6; i++) note(BOUNDS, bounds.mapped[i] == least[i] ? 0 : INFINITY);
         surface_check(&face, packed, normals.mapped, bytes);
         for (uint32_t v = 0; v < info.padded_vertex_count; v++)
             for (int i = 24; i < STRIDE; i++)
@@ -345,8 +336,8 @@ int main(int argc, char **argv) {
     DM(dm_skin_destroy(skin));
     DM(dm_surface_destroy(surface));
     DM(dm_engine_destroy(engine));
-    const Readback all[6] = {vertices, skinned, normals, bounds, joints, decoded};
-    for (int i = 0; i < 6; i++) {
+    const Readback all[5] = {vertices, skinned, normals, joints, decoded};
+    for (int i = 0; i < 5; i++) {
         vkDestroyBuffer(host.device, all[i].buffer, NULL);
         vkFreeMemory(host.device, all[i].memory, NULL);
     }

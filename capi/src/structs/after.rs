@@ -20,21 +20,6 @@ pub struct DmDecodeTarget {
     pub reserved: u32,
 }
 
-/// Output buffer for the bounds of an instance's pose: six float32, the least x, y and z of any vertex, then the
-/// greatest.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct DmBoundsTarget {
-    /// sizeof(DmBoundsTarget).
-    pub struct_size: u32,
-    /// Zero.
-    pub reserved: u32,
-    /// The buffer, usable as storage buffer.
-    pub buffer: vk::Buffer,
-    /// Offset, a multiple of 4.
-    pub offset: u64,
-}
-
 /// Output buffer for normals of an instance's morphed surface, in the order of poses and without padding.
 #[repr(C)]
 #[derive(Clone, Copy)]

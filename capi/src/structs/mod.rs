@@ -44,7 +44,6 @@ versioned! {
     DmPoseView;
     DmStreamView;
     DmDecodeTarget;
-    DmBoundsTarget;
     DmNormalsTarget;
     DmSkinDesc;
     DmSkinTarget;
