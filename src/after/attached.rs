@@ -1,4 +1,4 @@
-//! What a step needs of a mesh besides its poses, in one buffer: the base pose, and behind it words of the step's own.
+//! Mesh data of a step in one buffer: the base pose, then words of the step.
 
 use crate::error::{Error, Result};
 use crate::gpu::descriptors::BufferRange;
@@ -9,7 +9,7 @@ use crate::pack::{PackedLayout, PackedMesh};
 use ash::vk;
 use std::sync::Arc;
 
-/// The buffer, and the mesh that it goes with.
+/// The buffer, and the mesh that it belongs to.
 pub(super) struct Attached {
     buffer: Buffer,
     bytes: u64,
@@ -17,13 +17,13 @@ pub(super) struct Attached {
 }
 
 impl Attached {
-    /// Record the upload of the base pose of `mesh` and of `words`, `what` for short.
+    /// Records the upload of the base pose of `mesh` and of `words`; `what` names them in errors.
     ///
     /// # Errors
-    /// A mesh without vertices; more than a descriptor covers; no memory. Nothing is recorded then.
+    /// A mesh without vertices; data beyond the storage range; no memory. Nothing is recorded then.
     ///
     /// # Safety
-    /// As [`record_uploads`].
+    /// See [`record_uploads`].
     pub(super) unsafe fn upload(
         device: &Arc<Device>,
         cmd: vk::CommandBuffer,
@@ -45,14 +45,14 @@ impl Attached {
         Ok((Arc::new(Self { buffer, bytes, layout }), upload))
     }
 
-    /// Refuse more words behind the base pose of `mesh` than a descriptor covers.
+    /// Checks that base pose and `words` words fit a descriptor.
     pub(super) fn check_size(device: &Device, mesh: &PackedMesh, what: &str, words: u64) -> Result<()> {
         let bytes = size_of_val(mesh.base()) as u64 + 4 * words;
         let text = format!("{what} of mesh '{}' takes", mesh.layout().name);
         device.caps.check_limit(&text, (bytes, "bytes", device.caps.max_storage_range), "split the mesh")
     }
 
-    /// Where the words begin, in words.
+    /// Word offset of the step's words.
     pub(super) fn words_at(&self) -> u32 {
         (self.layout.base_bytes() / 4) as u32
     }
@@ -61,7 +61,7 @@ impl Attached {
         BufferRange::new(self.buffer.raw, 0, self.bytes)
     }
 
-    /// Refuse a crowd of another device, or of a mesh whose vertices are others, or lie in another order.
+    /// Checks that a crowd has the same device and vertex order.
     pub(super) fn check(&self, what: &str, device: &Arc<Device>, layout: &PackedLayout) -> Result<()> {
         let order = |layout: &PackedLayout| layout.blocks.as_ref().map(|index| index.order().to_vec());
         let same = self.layout.vertex_count == layout.vertex_count && order(&self.layout) == order(layout);

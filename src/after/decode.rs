@@ -1,6 +1,5 @@
-//! The decode step: float32 positions of a pose, in a buffer of the host's own, for whoever cannot decode poses: ray
-//! tracing, picking, a shader that cannot be changed. It follows the steps of the update, and writes what those
-//! changed.
+//! The decode step: float32 positions of a pose in an output buffer, for ray tracing, picking, or shaders that cannot
+//! decode poses.
 
 #![allow(unsafe_code)]
 
@@ -19,28 +18,29 @@ use ash::vk;
 use bytemuck::bytes_of;
 use std::sync::Arc;
 
-/// Where float32 positions of an instance are written: see
+/// Output of float32 positions of an instance; see
 /// [`MorphEngine::set_decode_target`](crate::MorphEngine::set_decode_target).
 ///
-/// Vertices are those of poses, in their order, without padding: as many as
-/// [`PackedLayout::vertex_count`](crate::PackedLayout::vertex_count).
+/// Vertices are in pose-buffer order, without padding:
+/// [`PackedLayout::vertex_count`](crate::PackedLayout::vertex_count) in total.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct DecodeTarget {
-    /// The buffer, usable as storage buffer.
+    /// The output buffer, with storage buffer usage.
     pub buffer: vk::Buffer,
-    /// Offset of the first vertex's position, a multiple of 4.
+    /// Byte offset of the first vertex's position, a multiple of 4.
     pub offset: u64,
-    /// Bytes from vertex to vertex, a multiple of 4: 12 where nothing else is between positions.
+    /// Bytes per vertex, a multiple of 4; 12 if positions are contiguous.
     pub stride: u32,
-    /// Bytes from a position to its normal, a multiple of 4 from 12 on; `None`: no normals. They are not normalised.
+    /// Bytes from a position to its normal, a multiple of 4 and at least 12; `None`: no normals. Normals are not
+    /// normalised.
     pub normals: Option<u32>,
 }
 
 setters!(DecodeTarget { offset: u64, stride: u32, normals: Option<u32> });
 
 impl DecodeTarget {
-    /// Positions one after the other, from the beginning of the buffer.
+    /// Contiguous positions from the start of the buffer.
     pub fn new(buffer: vk::Buffer) -> Self {
         Self { buffer, offset: 0, stride: 12, normals: None }
     }
@@ -50,21 +50,21 @@ impl DecodeTarget {
     }
 }
 
-/// Decodes an instance.
+/// The decode step of an instance.
 pub(crate) struct Decode {
     kernel: Arc<Pipelines<PoseKernel>>,
-    /// One for each list.
+    /// By list.
     sets: Sets,
     push: DecodePush,
-    /// Numbers of a pose, padding included.
+    /// Numbers per pose, padding included.
     pose_numbers: u32,
 }
 
 impl Decode {
-    /// Decode an instance into `target` from now on; `None`: no longer.
+    /// Sets the target of an instance; `None` removes it.
     ///
     /// # Errors
-    /// A target that is refused; no memory. Nothing changes then.
+    /// An invalid target; no memory. Nothing changes then.
     pub(crate) fn set(after: &mut After, place: &Place<'_>, target: Option<&DecodeTarget>) -> Result<()> {
         let Some(target) = target else {
             after.unset(Kind::Decode, place.instance);

@@ -1,4 +1,4 @@
-//! What a step after the pose is: its dispatches, and what it does for one instance.
+//! Interface of a step after the pose: its dispatches for one instance.
 
 use super::output::aligned;
 use super::pieces::Pieces;
@@ -18,45 +18,45 @@ use std::sync::Arc;
 
 /// A dispatch for one instance.
 pub(crate) struct Job {
-    /// Which of the step's.
+    /// Index of the dispatch in the step.
     pub(super) dispatch: usize,
-    /// The part of the ring of lists.
+    /// Index in the ring of lists.
     pub(super) frame: u64,
     /// The slot of the pose.
     pub(super) slot: u32,
-    /// Which of the places that are written in turn.
+    /// Index of the output buffer.
     pub(super) output: usize,
-    /// Pieces to write…
+    /// Number of pieces to write.
     pub(super) count: u32,
-    /// … which are those of the list, or the first ones.
+    /// They are the list's; otherwise the first ones.
     pub(super) is_listed: bool,
 }
 
-/// What a step does for one instance.
+/// A step after the pose, for one instance.
 pub(crate) trait Follower: Any + Send + Sync {
-    /// Add the pieces to write where these pieces of the pose changed.
+    /// Adds to `written` the pieces to write when the pieces `changed` of the pose changed.
     fn spread(&self, changed: &Pieces, written: &mut Pieces) {
         written.add_all(changed);
     }
 
-    /// Whether something else than the pose changed since it was asked last: all is written then.
+    /// Whether anything but the pose changed since the last call, so that everything is to be written.
     fn take_changed(&mut self) -> bool {
         false
     }
 
-    /// Record a dispatch.
+    /// Records a dispatch.
     ///
     /// # Safety
-    /// As [`Technique::record`](crate::update::technique::Technique::record); the buffers of the target live until it
-    /// has run.
+    /// See [`Technique::record`](crate::update::technique::Technique::record); the target's buffers live until it has
+    /// finished.
     unsafe fn record(&self, cmd: vk::CommandBuffer, job: &Job);
 }
 
-/// How poses are read: what pipelines are made for.
+/// The encoding of poses, part of pipeline keys.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) struct Pose {
     pub(super) format: PoseFormat,
-    /// Specialization constants; `None`: their defaults are right.
+    /// Component offsets; `None`: the kernel's defaults.
     places: Option<PlaceConstants>,
 }
 
@@ -67,7 +67,7 @@ impl Pose {
     }
 }
 
-/// The pipeline of a step's kernel, for a format of poses.
+/// Key of the pipeline of a step's kernel.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) struct PoseKernel(pub(super) &'static Kernel, pub(super) Pose);
 
@@ -75,16 +75,16 @@ impl PipelineKey for PoseKernel {
     fn make(self, objects: &mut Objects) -> Result<()> {
         let Self(kernel, pose) = self;
         objects.add_layout(&[kernel.row], 0)?;
-        // Steps read no deltas: the module is the same for each of their formats.
+        // Steps read no deltas: the module is the same for every delta format.
         objects.add_compute(kernel.module(DeltaFormat::Float32.row(), pose.format.row(), 0)?, &[pose.constants()])
     }
 }
 
-/// What a target is made from.
+/// Input for creating a target.
 pub(crate) struct Place<'a> {
     pub(crate) device: &'a Arc<Device>,
     pub(crate) kernels: &'a Kernels,
-    /// Positions and normals.
+    /// The group of positions and normals.
     pub(crate) group: &'a PoseGroup,
     pub(crate) frames: u32,
     pub(crate) instance: u32,
@@ -96,34 +96,34 @@ impl Place<'_> {
         self.group.poses.range(self.instance, 1)
     }
 
-    /// Numbers from pose to pose.
+    /// Numbers per pose.
     pub(super) fn pose_numbers(&self) -> u32 {
         self.group.poses.numbers()
     }
 
-    /// The format of poses, and where numbers are in vertices of the host's own.
+    /// Pose format, and component offsets in host vertices.
     pub(super) fn pose(&self) -> Pose {
         Pose { format: self.group.poses.format, places: self.group.poses.place_constants() }
     }
 
-    /// Refuse normals of `what`, where poses are in vertices that have none.
+    /// Checks that host vertices contain normals; `what` needs them.
     pub(super) fn check_normals(&self, what: &str) -> Result<()> {
         if self.group.poses.places.bytes(self.group.poses.format)[TRIPLE].is_some() {
             return Ok(());
         }
         let name = &self.group.mesh.layout.name;
         let text = format!("normals of mesh '{name}' in {what}, which the host's vertices do not have");
-        Err(Error::invalid(text, "name Semantic::Normal in the VertexLayout, or ask for positions alone"))
+        Err(Error::invalid(text, "add Semantic::Normal to the VertexLayout, or use a target without normals"))
     }
 
-    /// The base pose, and the word that it begins at.
+    /// The base pose, and its word offset in the range.
     pub(super) fn base_pose(&self) -> (BufferRange, u32) {
         let base = self.group.mesh.base_pose();
         let (range, before) = aligned(base.buffer, base.offset, base.size);
         (range, (before / 4) as u32)
     }
 
-    /// Refuse poses that no descriptor covers, and more pieces than a dispatch takes.
+    /// Checks poses against the storage range, and pieces against the workgroups of a dispatch.
     pub(super) fn check(&self, what: &str, piece: u32) -> Result<()> {
         let (layout, caps) = (&self.group.mesh.layout, &self.device.caps);
         let what = format!("{what} mesh '{}':", layout.name);

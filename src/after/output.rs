@@ -1,4 +1,4 @@
-//! What a step writes of each vertex, in a buffer of the host's.
+//! Output buffers of the host.
 
 use crate::error::{Error, Result};
 use crate::gpu::descriptors::BufferRange;
@@ -6,24 +6,24 @@ use crate::gpu::device::Device;
 use crate::pack::PackedLayout;
 use ash::vk;
 
-/// What storage buffers begin at a multiple of, on any device.
+/// Largest alignment of storage-buffer offsets of any device.
 pub(super) const ALIGNMENT: u64 = 256;
 
-/// A range that begins where a descriptor may begin, and how many bytes further what was asked for begins.
+/// An aligned descriptor range that covers the bytes, and the distance from its start to `offset`.
 pub(super) fn aligned(buffer: vk::Buffer, offset: u64, size: u64) -> (BufferRange, u64) {
     let before = offset % ALIGNMENT;
     (BufferRange::new(buffer, offset - before, before + size), before)
 }
 
-/// Triples of float32, of each vertex of a mesh.
+/// An output with one or two float32 triples per vertex of a mesh.
 #[derive(Clone, Copy)]
 pub(super) struct Output {
     pub(super) buffer: vk::Buffer,
-    /// Of the first vertex.
+    /// Byte offset of the first vertex.
     pub(super) offset: u64,
-    /// From vertex to vertex.
+    /// Bytes per vertex.
     pub(super) stride: u32,
-    /// From the first triple of a vertex to the second, where there is one.
+    /// Byte offset of the second triple in a vertex, if there is one.
     pub(super) second: Option<u32>,
 }
 
@@ -32,21 +32,21 @@ impl Output {
         12 + u64::from(self.second.unwrap_or(0))
     }
 
-    /// What a descriptor covers, and the word of it that the first vertex begins at.
+    /// The descriptor range, and the word in it at which the first vertex starts.
     pub(super) fn range(&self, layout: &PackedLayout) -> (BufferRange, u32) {
         let last = (layout.vertex_count as u64 - 1) * u64::from(self.stride);
         let (range, before) = aligned(self.buffer, self.offset, last + self.vertex_bytes());
         (range, (before / 4) as u32)
     }
 
-    /// Refuse a place that `what` does not fit, that no descriptor covers, or that ends behind its buffer.
+    /// Checks alignment, stride, storage range and size of the buffer; `what` names the output in errors.
     pub(super) fn check(&self, what: &str, layout: &PackedLayout, device: &Device) -> Result<()> {
         let Self { offset, stride, second, .. } = *self;
         let words = offset.is_multiple_of(4) && stride.is_multiple_of(4) && second.is_none_or(|at| at % 4 == 0);
         if !words || u64::from(stride) < self.vertex_bytes() || second.is_some_and(|at| at < 12) {
             let normals = second.map_or(String::new(), |at| format!(" and normals at {at}"));
             let text = format!("{what} at offset {offset} with stride {stride}{normals}");
-            let remedy = "use multiples of 4, and a stride with room for three floats, or six where there are normals";
+            let remedy = "use multiples of 4, and a stride with room for three floats, or six with normals";
             return Err(Error::invalid(text, remedy));
         }
         let (what, range) = (format!("{what} for mesh '{}'", layout.name), self.range(layout).0);

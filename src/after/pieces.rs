@@ -1,4 +1,4 @@
-//! Which pieces of a mesh changed: runs of as many vertices as a step writes at once, a bit for each.
+//! Sets of pieces: runs of vertices of a mesh that a step writes together, one bit each.
 
 use std::ops::Range;
 
@@ -10,17 +10,17 @@ pub(crate) struct Pieces {
 }
 
 impl Pieces {
-    /// None of `count`.
+    /// The empty set over `count` pieces.
     pub(super) fn none(count: u32) -> Self {
         Self { count, bits: vec![0; count.div_ceil(64) as usize] }
     }
 
-    /// How many there may be.
+    /// Number of pieces of the mesh.
     pub(super) fn count(&self) -> u32 {
         self.count
     }
 
-    /// How many there are.
+    /// Number of pieces in the set.
     pub(super) fn len(&self) -> u32 {
         self.bits.iter().map(|bits| bits.count_ones()).sum()
     }
@@ -29,18 +29,18 @@ impl Pieces {
         self.bits.fill(0);
     }
 
-    /// Add these, as far as there are such.
+    /// Adds a range of pieces, clamped to existing ones.
     pub(super) fn add(&mut self, pieces: Range<u32>) {
         (pieces.start..pieces.end.min(self.count))
             .for_each(|piece| self.bits[piece as usize / 64] |= 1 << (piece % 64));
     }
 
-    /// Add those of another set of as many.
+    /// Adds a set over the same mesh.
     pub(super) fn add_all(&mut self, others: &Self) {
         self.bits.iter_mut().zip(&others.bits).for_each(|(bits, others)| *bits |= others);
     }
 
-    /// Ascending.
+    /// The pieces in ascending order.
     pub(super) fn iter(&self) -> impl Iterator<Item = u32> {
         (0..).step_by(64).zip(&self.bits).flat_map(|(first, bits)| {
             let rest = std::iter::successors(Some(*bits), |bits| Some(bits & bits.wrapping_sub(1)));

@@ -1,4 +1,4 @@
-//! The steps after the pose of a crowd: which targets there are, and what each has still to be told of the poses.
+//! A crowd's targets of steps after the pose, and the planning of the steps.
 
 use super::follower::{Follower, Job, Place};
 use super::pieces::Pieces;
@@ -14,37 +14,37 @@ use ash::vk;
 use std::any::Any;
 use std::ops::Range;
 
-/// What a step writes for an instance.
+/// The target of a step for an instance, and the state of its output.
 struct Target {
     kind: Kind,
     instance: u32,
     follower: Box<dyn Follower>,
-    /// Vertices of a piece.
+    /// Vertices per piece.
     piece: u32,
-    /// Pieces that changed, as the kernels read them.
+    /// Ring of lists of changed pieces, for the kernels.
     lists: Ring,
-    /// Pieces of the pose that changed, and those that are written for it.
+    /// Changed pieces of the pose, and the pieces to write for them.
     moved: Pieces,
     changed: Pieces,
     /// With double-buffered output: pieces that are stale in the buffer to be written next.
-    behind: Option<Pieces>,
+    other_stale: Option<Pieces>,
     /// The output buffer written last by an update that was not discarded.
     output: usize,
     earlier: Earlier<usize>,
-    /// The place that has what was there before the update planned last.
+    /// The output buffer with the contents before the update planned last.
     previous: Option<usize>,
-    /// The next update has no predecessor; and the update that took notice of it last.
+    /// The next update is a cut; the last update that was one.
     is_cut: bool,
     cut_by: u64,
-    /// There is an output.
+    /// There is valid output.
     is_written: bool,
-    /// What the buffer holds is not known, or not all of it.
+    /// Some of the buffer's contents are unknown.
     is_stale: bool,
-    /// The update that wrote the buffer last.
+    /// The last update that wrote the buffer.
     written_by: u64,
-    /// The instance was removed: nothing is written any longer.
+    /// The instance was removed: nothing is written.
     is_removed: bool,
-    /// What the update planned last does: the slot it reads, and how many pieces.
+    /// Source slot and number of pieces of the update planned last.
     planned: Option<(u32, u32)>,
     is_listed: bool,
 }
@@ -53,16 +53,16 @@ struct Target {
 #[derive(Default)]
 pub(crate) struct After {
     targets: Vec<Target>,
-    /// Scratch space.
+    /// Scratch memory.
     changed: Vec<Range<u32>>,
 }
 
 impl After {
-    /// From now on do for an instance what `make` makes, in pieces of `piece` vertices, whose lists are in a ring of
-    /// this usage; into so many places in turn, one or two.
+    /// Sets a target made by `make`, with pieces of `piece` vertices, lists in a ring of this `usage`, and `outputs` (1
+    /// or 2) alternating output buffers.
     ///
     /// # Errors
-    /// Those of `make`; no memory. Nothing changes then.
+    /// Errors of `make`; no memory. Nothing changes then.
     pub(super) fn set<F: Follower>(
         &mut self,
         place: &Place<'_>,
@@ -83,7 +83,7 @@ impl After {
             follower,
             piece,
             lists,
-            behind: (outputs == 2).then(|| changed.clone()),
+            other_stale: (outputs == 2).then(|| changed.clone()),
             moved: changed.clone(),
             changed,
             output: 0,
@@ -101,12 +101,12 @@ impl After {
         Ok(())
     }
 
-    /// No longer.
+    /// Removes a target.
     pub(crate) fn unset(&mut self, kind: Kind, instance: u32) {
         self.targets.retain(|target| (target.kind, target.instance) != (kind, instance));
     }
 
-    /// What is written for the host.
+    /// The outputs of all targets.
     pub(crate) fn outputs(&self) -> impl Iterator<Item = Resource> {
         Kind::ALL.into_iter().filter(|kind| self.targets.iter().any(|target| target.kind == *kind)).map(Kind::output)
     }
@@ -115,36 +115,37 @@ impl After {
         self.targets.iter_mut().filter(move |target| target.instance == instance)
     }
 
-    /// What a target of a step was made of.
+    /// The step of a target.
     pub(super) fn get_mut<F: Follower>(&mut self, kind: Kind, instance: u32) -> Option<&mut F> {
         let target = self.of(instance).find(|target| target.kind == kind && !target.is_removed)?;
         let any: &mut dyn Any = &mut *target.follower;
         any.downcast_mut()
     }
 
-    /// The same, with the place written last and the one that has what was there before the last update.
+    /// The step of a target with valid output, the buffer written last, and the one with the output before the last
+    /// update.
     pub(super) fn written<F: Follower>(&self, kind: Kind, instance: u32) -> Option<(&F, usize, Option<usize>)> {
         let target = self.targets.iter().find(|target| (target.kind, target.instance) == (kind, instance))?;
         let any: &dyn Any = &*target.follower;
         Some((any.downcast_ref()?, target.output, target.previous)).filter(|_| target.is_written && !target.is_removed)
     }
 
-    /// The next pose of an instance has no predecessor.
+    /// Makes the next output of an instance its own previous output.
     pub(crate) fn cut(&mut self, instance: u32) {
         self.of(instance).for_each(|target| target.is_cut = true);
     }
 
-    /// An instance is removed. What earlier updates use of its targets stays.
+    /// Stops writing for a removed instance; buffers stay alive for earlier updates.
     pub(crate) fn remove(&mut self, instance: u32) {
         self.of(instance).for_each(|target| target.is_removed = true);
     }
 
-    /// An instance is shown again: its buffers may have been used for something else meanwhile.
+    /// Invalidates outputs of an instance that is hidden or shown: the host may have reused its buffers.
     pub(crate) fn renew(&mut self, instance: u32) {
         self.of(instance).for_each(|target| target.is_stale = true);
     }
 
-    /// The update numbered `first` and all later ones will never run.
+    /// Discards update `first` and all later ones.
     pub(crate) fn discard_from(&mut self, first: u64) {
         for target in &mut self.targets {
             if let Some(before) = target.earlier.discard_from(first) {
@@ -157,10 +158,11 @@ impl After {
         }
     }
 
-    /// Append what brings the targets to the update that `technique` planned: nothing where nothing changed. `wrote`:
-    /// what the steps used of the update that wrote poses last, this one or an earlier one.
+    /// Appends the steps that bring the targets to the update planned by `technique`; none if nothing changed. `wrote`:
+    /// uses of the last update that wrote poses, which may be an earlier one.
     ///
     /// # Errors
+    /// Lists that are not mapped.
     /// Lists that are not mapped.
     pub(crate) fn plan(
         &mut self,
@@ -182,7 +184,7 @@ impl After {
             technique.changed(instances, id, target.instance, changed);
             target.plan(changed, slot, id)?;
         }
-        // Where no pose changes: barriers after what an earlier update wrote.
+        // If no pose changes: steps without works, for barriers after the earlier update.
         let mut earlier = if steps.is_empty() { wrote } else { &[] };
         for kind in Kind::ALL {
             let of_kind = targets.iter().filter(|t| t.kind == kind);
@@ -203,7 +205,7 @@ impl After {
         Ok(())
     }
 
-    /// Whose a work is, and what it does.
+    /// Target and dispatch of a work.
     fn job(&self, frame: u64, kind: Kind, work: &Work) -> Option<(&Target, Job)> {
         let target = self.targets.iter().find(|t| (t.kind, t.instance) == (kind, work.instance))?;
         let Source::Slot(slot) = work.source else { return None };
@@ -212,10 +214,10 @@ impl After {
         Some((target, Job { dispatch, frame, slot, output, count, is_listed }))
     }
 
-    /// Record a work of a step.
+    /// Records a work of a step.
     ///
     /// # Safety
-    /// As [`Follower::record`].
+    /// See [`Follower::record`].
     pub(crate) unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, kind: Kind, work: &Work) {
         if let Some((target, job)) = self.job(frame, kind, work) {
             // SAFETY: the caller's obligations.
@@ -223,14 +225,14 @@ impl After {
         }
     }
 
-    /// What works of a step read and write.
+    /// Reads and writes of works of a step.
     pub(crate) fn accesses(&self, kind: Kind, works: &[Work]) -> Vec<Accesses> {
         let of = |work: &Work| {
             let Some((_, Job { dispatch, slot, output, .. })) = self.job(0, kind, work) else {
                 return Accesses::default();
             };
             let (instance, output) = (work.instance, output as u32);
-            // Of the asset, steps read the base pose alone.
+            // Of the asset, steps read only the base pose.
             let memory = |resource| {
                 if resource == Resource::Asset {
                     Memory::Base
@@ -249,7 +251,7 @@ impl After {
 }
 
 impl Target {
-    /// List the pieces of these vertices, or take all that there are.
+    /// Plans the pieces of these vertices, or all if the output is stale.
     fn plan(&mut self, changed: &[Range<u32>], slot: u32, id: UpdateId) -> Result<()> {
         let (piece, all) = (self.piece, self.changed.count());
         self.moved.clear();
@@ -268,11 +270,11 @@ impl Target {
         }
         let before = self.output;
         self.earlier.push(id.update, before);
-        if let Some(behind) = &mut self.behind {
+        if let Some(other_stale) = &mut self.other_stale {
             self.output = 1 - self.output;
-            // What is behind from now on is what changes now.
-            std::mem::swap(behind, &mut self.changed);
-            self.changed.add_all(behind);
+            // The other buffer is now stale in what changes now.
+            std::mem::swap(other_stale, &mut self.changed);
+            self.changed.add_all(other_stale);
         }
         self.previous = match (is_cut || self.is_stale, before != self.output) {
             (true, _) => Some(self.output),

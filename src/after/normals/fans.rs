@@ -1,4 +1,4 @@
-//! The triangles around each vertex, in the order of poses.
+//! The triangles around each vertex, in pose-buffer order.
 
 use super::NormalsDesc;
 use crate::abi::numbers::PIECE;
@@ -7,10 +7,10 @@ use crate::asset::check_welds;
 use crate::error::{Error, Result};
 use crate::pack::PackedLayout;
 
-/// The first vertex at the place of each of `vertices` vertices.
+/// Maps a vertex to the first one welded to it.
 ///
 /// # Errors
-/// Faces or welds of other vertices.
+/// Faces or welds that do not match `vertices` vertices.
 pub(super) fn first_of<'a>(desc: &NormalsDesc<'a>, vertices: usize) -> Result<impl Fn(u32) -> u32 + Copy + use<'a>> {
     let remedy = "hand in faces of three corners or more, and welds, of this mesh";
     let refused = |text: String| Error::invalid(format!("a surface of {vertices} vertices: {text}"), remedy);
@@ -32,14 +32,14 @@ pub(super) fn first_of<'a>(desc: &NormalsDesc<'a>, vertices: usize) -> Result<im
     Ok(move |v: u32| welds.get(v as usize).copied().unwrap_or(v))
 }
 
-/// What `normals.comp` reads behind the base pose, and which pieces depend on which.
+/// Input of `normals.comp` after the base pose, and the dependencies between pieces.
 pub(super) struct Fans {
-    /// For each vertex, padding included, the word where its fan is, the base pose included; then the fans.
+    /// By vertex, padding included: first word of its fan, counted from the base pose; then the fans.
     pub(super) words: Vec<u32>,
     pub(super) spread: Spread,
 }
 
-/// By piece: the pieces whose normals change with its positions, one list behind the other.
+/// By piece: the pieces whose normals depend on its positions, as concatenated lists.
 #[derive(Clone, Debug)]
 pub(super) struct Spread {
     ends: Vec<u32>,
@@ -47,7 +47,7 @@ pub(super) struct Spread {
 }
 
 impl Fans {
-    /// Of a mesh packed like this. `check` is asked before so many words are made: each corner of a polygon has a fan.
+    /// `check` is called with the number of words before they are allocated; each corner of a polygon has a fan.
     pub(super) fn new(
         desc: &NormalsDesc<'_>,
         layout: &PackedLayout,
@@ -57,12 +57,12 @@ impl Fans {
         let pairs = desc.faces().map(|face| face.len() as u64 * (face.len() as u64 - 2));
         let fans = (0..layout.vertex_count as u32).filter(|v| of(*v) == *v).count();
         check((layout.padded_vertices() + 2 * fans) as u64 + 2 * pairs.sum::<u64>())?;
-        // Numbers of vertices in poses.
+        // Pose-buffer indices of vertices.
         let mut packed: Vec<u32> = (0..layout.vertex_count as u32).collect();
         layout.remap_indices(&mut packed)?;
         let mut around: Vec<Vec<[u32; 2]>> = vec![vec![]; layout.vertex_count];
         for face in desc.faces() {
-            // Welded vertices are where the first of them is. The area of a polygon is that of the fan from any corner.
+            // Welded vertices share the first one's position. A polygon's area is that of the fan from any corner.
             let corner = |i: usize| of(face[i % face.len()]) as usize;
             for at in 0..face.len() {
                 let fan = (at + 1..at + face.len() - 1).map(|i| [packed[corner(i)], packed[corner(i + 1)]]);
@@ -102,7 +102,7 @@ impl Fans {
 }
 
 impl Spread {
-    /// Pieces whose normals change where these move.
+    /// Adds to `normals` the pieces that depend on `moved`.
     pub(super) fn of(&self, moved: &Pieces, normals: &mut Pieces) {
         for piece in moved.iter() {
             let first = piece.checked_sub(1).map_or(0, |before| self.ends[before as usize]);

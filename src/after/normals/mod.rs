@@ -1,5 +1,5 @@
-//! Normals of the morphed surface, where morphed normals are not good enough: sums of normal deltas are right for each
-//! target by itself, and approximate for several at once.
+//! Normals of the morphed surface. Sums of normal deltas are exact for a single target, but approximate for several;
+//! this step recomputes normals from positions.
 
 mod fans;
 #[allow(unsafe_code)]
@@ -15,20 +15,20 @@ pub use step::{GpuNormals, NormalsTarget};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct NormalsDesc<'a> {
-    /// The vertices of all faces, one face after the other, in the user's order of vertices: an index buffer.
+    /// The vertices of all faces, face by face, in the user's order: an index buffer.
     pub corners: &'a [u32],
-    /// Corners of each face, 3 or more; nothing at all: three each. The area of a polygon counts at all its corners, as
-    /// on import: cut into triangles ([`Faces::triangles`](crate::Faces::triangles)) it would count by how it was cut.
+    /// Corners of each face, 3 or more; empty: 3 each. A polygon's area counts at all its corners, as on import; cut
+    /// into triangles ([`Faces::triangles`](crate::Faces::triangles)), it would depend on the cut.
     pub sizes: &'a [u32],
-    /// For each vertex the first one at its place, or nothing at all: [`MorphMesh::welds`](crate::MorphMesh::welds).
-    /// Welded vertices have the triangles of all, and the same normal, bit for bit: no seam shows.
+    /// For each vertex the first one at the same position, or empty: [`MorphMesh::welds`](crate::MorphMesh::welds).
+    /// Welded vertices share triangles and get bit-equal normals, so that seams are invisible.
     pub welds: &'a [u32],
 }
 
 setters!(NormalsDesc<'a> { sizes: &'a [u32], welds: &'a [u32] });
 
 impl<'a> NormalsDesc<'a> {
-    /// The triangles of an index buffer; no vertices are welded.
+    /// The triangles of an index buffer, without welds.
     pub fn new(corners: &'a [u32]) -> Self {
         Self { corners, sizes: &[], welds: &[] }
     }
@@ -42,12 +42,12 @@ impl<'a> NormalsDesc<'a> {
     }
 }
 
-/// Normals of a pose in double precision: area-weighted, as on import, with unit length, three numbers for each vertex
-/// in the user's order; 0 where the triangles of a vertex have no area, or cancel out. `pose` as
-/// [`evaluate`](crate::reference::evaluate) gives it.
+/// Computes the normals of a pose in double precision: area-weighted as on import, of unit length, three numbers per
+/// vertex in the user's order; 0 if the triangles of a vertex have no area, or cancel out. `pose` as from
+/// [`evaluate`](crate::reference::evaluate).
 ///
 /// # Errors
-/// A surface that [`upload_normals`](crate::MorphEngine::upload_normals) refuses.
+/// A surface that [`upload_normals`](crate::MorphEngine::upload_normals) rejects.
 pub fn normals(pose: &[f64], desc: &NormalsDesc<'_>) -> Result<Vec<f64>> {
     let pose = pose.as_chunks::<6>().0;
     let (place, of) = (|v: u32| DVec3::from_slice(&pose[v as usize]), fans::first_of(desc, pose.len())?);

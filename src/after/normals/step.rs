@@ -1,4 +1,4 @@
-//! The step that recomputes normals, on the device.
+//! The device side of recomputed normals.
 
 use super::NormalsDesc;
 use super::fans::{Fans, Spread};
@@ -22,24 +22,24 @@ use ash::vk;
 use bytemuck::bytes_of;
 use std::sync::Arc;
 
-/// The surface of a mesh on the device: see [`MorphEngine::upload_normals`](crate::MorphEngine::upload_normals).
-/// Targets keep what they need of it alive.
+/// The surface of a mesh on the device; see [`MorphEngine::upload_normals`](crate::MorphEngine::upload_normals).
+/// Targets keep its buffers alive.
 pub struct GpuNormals {
     surface: Arc<Surface>,
     staging: Option<Upload>,
 }
 
-/// What targets share.
+/// Shared by targets.
 struct Surface {
     attached: Arc<Attached>,
     spread: Spread,
 }
 
 impl GpuNormals {
-    /// Record the upload.
+    /// Records the upload.
     ///
     /// # Safety
-    /// As [`MorphEngine::upload_normals`](crate::MorphEngine::upload_normals).
+    /// See [`MorphEngine::upload_normals`](crate::MorphEngine::upload_normals).
     pub(crate) unsafe fn upload(
         device: &Arc<Device>,
         cmd: vk::CommandBuffer,
@@ -53,44 +53,44 @@ impl GpuNormals {
         Ok(Self { surface: Arc::new(Surface { attached, spread }), staging: Some(upload) })
     }
 
-    /// Give the staging memory back.
+    /// Frees the staging memory.
     ///
     /// # Safety
-    /// The upload that was recorded with this has run, or never will: its copies read the memory.
+    /// The upload recorded with this surface has finished, or will never run: its copies read the memory.
     pub unsafe fn release_staging(&mut self) {
         self.staging = None;
     }
 }
 
-/// Where recomputed normals of an instance are written: see
+/// Output of an instance's recomputed normals; see
 /// [`MorphEngine::set_normals_target`](crate::MorphEngine::set_normals_target).
 ///
-/// Vertices are those of poses, in their order, without padding. The place may lie between positions that are decoded
-/// into the same buffer ([`DecodeTarget`](crate::after::DecodeTarget) without normals).
+/// Vertices are in pose-buffer order, without padding. Normals may be interleaved with decoded positions in one buffer
+/// ([`DecodeTarget`](crate::after::DecodeTarget) without normals).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct NormalsTarget {
-    /// The buffer, usable as storage buffer.
+    /// The output buffer, with storage buffer usage.
     pub buffer: vk::Buffer,
-    /// Offset of the first vertex's normal, in bytes, a multiple of 4.
+    /// Byte offset of the first vertex's normal, a multiple of 4.
     pub offset: u64,
-    /// Bytes from vertex to vertex, a multiple of 4 from 12 on.
+    /// Bytes per vertex, a multiple of 4 and at least 12.
     pub stride: u32,
 }
 
 setters!(NormalsTarget { offset: u64, stride: u32 });
 
 impl NormalsTarget {
-    /// Normals one after the other, 12 bytes each, from the beginning of the buffer.
+    /// Contiguous normals of 12 bytes from the start of the buffer.
     pub fn new(buffer: vk::Buffer) -> Self {
         Self { buffer, offset: 0, stride: 12 }
     }
 }
 
-/// Recomputes the normals of an instance.
+/// The step of an instance that recomputes normals.
 pub(crate) struct Recomputed {
     kernel: Arc<Pipelines<PoseKernel>>,
-    /// One for each list.
+    /// By list.
     sets: Sets,
     push: NormalsPush,
     pose_numbers: u32,
@@ -98,10 +98,10 @@ pub(crate) struct Recomputed {
 }
 
 impl Recomputed {
-    /// Recompute the normals of an instance from now on; `None`: no longer.
+    /// Sets the target of an instance; `None` removes it.
     ///
     /// # Errors
-    /// A target or a surface that is refused; no memory. Nothing changes then.
+    /// An invalid target or surface; no memory. Nothing changes then.
     pub(crate) fn set(
         after: &mut After,
         place: &Place<'_>,

@@ -1,6 +1,6 @@
-//! Skinning: joints move the vertices of a pose.
+//! Skinning of poses by joints.
 //!
-//! `weights` packs what a mesh says, once; `step` follows the pose on the device; `reference` does the same in float64.
+//! `weights`: packing of joints and weights. `step`: the device side. `reference`: the same in float64.
 
 mod reference;
 #[allow(unsafe_code)]

@@ -4,12 +4,12 @@ use super::{SkinDesc, SkinMethod};
 use crate::error::{Error, Result};
 use glam::{DMat3, DQuat, DVec3};
 
-/// A pose, skinned in double precision: what [`SkinTarget`](crate::after::SkinTarget) is compared with. `pose` has six
-/// numbers a vertex in the user's order, as [`evaluate`](crate::reference::evaluate) gives it; so has the result, whose
-/// normals have unit length (or none, where the pose has none). `joints` as the method says.
+/// Skins a pose in double precision: the reference of [`SkinTarget`](crate::after::SkinTarget). `pose` and the result
+/// have six numbers per vertex in the user's order, as from [`evaluate`](crate::reference::evaluate). Normals of the
+/// result have unit length, or are 0 if the pose's are. `joints` in the layout of `method`.
 ///
 /// # Errors
-/// A skin that [`upload_skin`](crate::MorphEngine::upload_skin) refuses; fewer joints than it has.
+/// A skin that [`upload_skin`](crate::MorphEngine::upload_skin) rejects; too few joints.
 pub fn skin(pose: &[f64], desc: &SkinDesc<'_>, method: SkinMethod, joints: &[f32]) -> Result<Vec<f64>> {
     let (pose, size) = (pose.as_chunks::<6>().0, method.joint_bytes() as usize / 4);
     if joints.len() < size * desc.joint_count as usize {
@@ -57,7 +57,7 @@ fn dual_quaternion(joints: &[(Vec<f64>, f64)], position: DVec3, normal: DVec3) -
         (real, dual) = (real + rotation * weight, dual + translation * weight);
     }
     let (real, dual) = (real * real.length().recip(), dual * real.length().recip());
-    // The translation is twice the vector part of dual × the conjugate of real.
+    // The translation is twice the vector part of dual × conjugate(real).
     let moved = dual * real.conjugate() * 2.0;
     let rotate = |v: DVec3| {
         let turned = real * DQuat::from_xyzw(v.x, v.y, v.z, 0.0) * real.conjugate();

@@ -1,4 +1,4 @@
-//! The skinning step on the device.
+//! The device side of skinning.
 
 use super::{SkinDesc, SkinMethod};
 use crate::abi::modules::{SKIN, SKIN_DUAL};
@@ -20,8 +20,8 @@ use ash::vk;
 use bytemuck::bytes_of;
 use std::sync::Arc;
 
-/// Joints and weights of a mesh on the device: see [`MorphEngine::upload_skin`](crate::MorphEngine::upload_skin).
-/// Targets keep what they need of it alive.
+/// Joints and weights of a mesh on the device; see [`MorphEngine::upload_skin`](crate::MorphEngine::upload_skin).
+/// Targets keep its buffers alive.
 pub struct GpuSkin {
     attached: Arc<Attached>,
     influences: u32,
@@ -30,10 +30,10 @@ pub struct GpuSkin {
 }
 
 impl GpuSkin {
-    /// Record the upload.
+    /// Records the upload.
     ///
     /// # Safety
-    /// As [`MorphEngine::upload_skin`](crate::MorphEngine::upload_skin).
+    /// See [`MorphEngine::upload_skin`](crate::MorphEngine::upload_skin).
     pub(crate) unsafe fn upload(
         device: &Arc<Device>,
         cmd: vk::CommandBuffer,
@@ -47,43 +47,43 @@ impl GpuSkin {
         Ok(Self { attached, influences, joint_count, staging: Some(upload) })
     }
 
-    /// Give the staging memory back.
+    /// Frees the staging memory.
     ///
     /// # Safety
-    /// The upload that was recorded with this skin has run, or never will: its copies read the memory.
+    /// The upload recorded with this skin has finished, or will never run: its copies read the memory.
     pub unsafe fn release_staging(&mut self) {
         self.staging = None;
     }
 }
 
-/// Where an instance is skinned to, and by which joints: see
+/// Output of an instance's skinned pose, and its joints; see
 /// [`MorphEngine::set_skin_target`](crate::MorphEngine::set_skin_target).
 ///
-/// Vertices are those of poses, in their order, without padding: as many as
-/// [`PackedLayout::vertex_count`](crate::PackedLayout::vertex_count).
+/// Vertices are in pose-buffer order, without padding:
+/// [`PackedLayout::vertex_count`](crate::PackedLayout::vertex_count) in total.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct SkinTarget {
-    /// The buffer, usable as storage buffer.
+    /// The output buffer, with storage buffer usage.
     pub buffer: vk::Buffer,
-    /// Offset of the first vertex's position, in bytes, a multiple of 4.
+    /// Byte offset of the first vertex's position, a multiple of 4.
     pub offset: u64,
-    /// Bytes from vertex to vertex, a multiple of 4.
+    /// Bytes per vertex, a multiple of 4.
     pub stride: u32,
-    /// Bytes from a position to its normal, a multiple of 4 from 12 on; `None`: no normals. They have unit length.
+    /// Bytes from a position to its normal, a multiple of 4 and at least 12; `None`: no normals. Normals have unit
+    /// length.
     pub normals: Option<u32>,
-    /// A second place of the same stride: updates write one and then the other, and the one they leave alone is the
-    /// [previous](SkinnedView::previous) skinned pose, for motion vectors. That takes as much memory as a copy would,
-    /// and no copy.
+    /// Second output buffer and offset, with the same stride. Updates write the two in turn, and the other one holds
+    /// the [previous](SkinnedView::previous) skinned pose, for motion vectors, without a copy.
     pub second: Option<(vk::Buffer, u64)>,
-    /// The buffer of the joints, usable as storage buffer.
+    /// The buffer of joints, with storage buffer usage.
     pub joints: vk::Buffer,
-    /// Bytes from the beginning of that buffer that joints may lie in.
+    /// Bytes of that buffer, from its start, that contain joints.
     pub joints_bytes: u64,
-    /// Offset of the instance's first joint, in bytes, a multiple of 16, until
-    /// [`Crowd::set_joints`](crate::Crowd::set_joints) names another.
+    /// Byte offset of the instance's first joint, a multiple of 16, until
+    /// [`Crowd::set_joints`](crate::Crowd::set_joints) sets another.
     pub joints_offset: u64,
-    /// How joints are blended, and so what they are.
+    /// Blending method, which determines the layout of joints.
     pub method: SkinMethod,
 }
 
@@ -97,8 +97,8 @@ setters!(SkinTarget {
 });
 
 impl SkinTarget {
-    /// Positions and normals one after the other, 24 bytes a vertex, from the beginning of `buffer`; matrices from the
-    /// beginning of `joints`, of which `joints_bytes` may be read.
+    /// Contiguous positions and normals, 24 bytes per vertex, from the start of `buffer`; linear blending of matrices
+    /// in the first `joints_bytes` bytes of `joints`.
     pub fn new(buffer: vk::Buffer, joints: vk::Buffer, joints_bytes: u64) -> Self {
         let (offset, joints_offset, method) = (0, 0, SkinMethod::Linear);
         Self {
@@ -114,7 +114,7 @@ impl SkinTarget {
         }
     }
 
-    /// The places that are written, in turn.
+    /// The output buffers.
     fn outputs(&self) -> impl Iterator<Item = Output> {
         let Self { stride, normals: second, .. } = *self;
         let places = [Some((self.buffer, self.offset)), self.second].into_iter().flatten();
@@ -122,18 +122,18 @@ impl SkinTarget {
     }
 }
 
-/// Where the skinned pose of an instance is.
+/// Locations of an instance's skinned pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct SkinnedView {
-    /// Buffer, and offset of the first position.
+    /// Buffer, and byte offset of the first position.
     pub current: (vk::Buffer, u64),
-    /// Where it is as it was before the last update: the same place where nothing changed, on the first update and
-    /// after a cut; `None` where the update overwrote it.
+    /// The same before the last update; equal to `current` if nothing changed, on the first update and after a cut;
+    /// `None` if the update overwrote it.
     pub previous: Option<(vk::Buffer, u64)>,
 }
 
-/// Pipelines for a format of poses, a method, and so many influences.
+/// Key of pipelines: pose format, method and influences.
 #[derive(Clone, Copy, PartialEq)]
 struct Key(Pose, SkinMethod, u32);
 
@@ -152,10 +152,10 @@ impl PipelineKey for Key {
     }
 }
 
-/// Skins an instance.
+/// The skinning step of an instance.
 pub(crate) struct Skin {
     kernel: Arc<Pipelines<Key>>,
-    /// One for each list and place.
+    /// By list and output buffer.
     sets: Sets,
     places: Vec<(Output, u32)>,
     push: SkinPush,
@@ -164,15 +164,15 @@ pub(crate) struct Skin {
     joint_count: u32,
     /// Joints moved since the last update.
     is_changed: bool,
-    /// Bound by the sets.
+    /// Keeps buffers of the sets alive.
     _attached: Arc<Attached>,
 }
 
 impl Skin {
-    /// Skin an instance into `target` from now on; `None`: no longer.
+    /// Sets the target of an instance; `None` removes it.
     ///
     /// # Errors
-    /// A target or a skin that is refused; no memory. Nothing changes then.
+    /// An invalid target or skin; no memory. Nothing changes then.
     pub(crate) fn set(after: &mut After, place: &Place<'_>, target: Option<(&GpuSkin, &SkinTarget)>) -> Result<()> {
         let Some((skin, target)) = target else {
             after.unset(Kind::Skin, place.instance);
@@ -226,10 +226,10 @@ impl Skin {
         })
     }
 
-    /// The joints of an instance moved, and are at `offset` of their buffer now.
+    /// Sets the offset of an instance's joints, which moved.
     ///
     /// # Errors
-    /// An instance that is not skinned; an offset that is refused.
+    /// An instance without a skin target; an invalid offset.
     pub(crate) fn set_joints(after: &mut After, instance: u32, offset: u64) -> Result<()> {
         let none = || Error::invalid(format!("instance {instance} is not skinned"), "set a skin target first");
         let skin: &mut Self = after.get_mut(Kind::Skin, instance).ok_or_else(none)?;
@@ -238,10 +238,10 @@ impl Skin {
         Ok(())
     }
 
-    /// Where the skinned pose of an instance is.
+    /// Locations of an instance's skinned pose.
     ///
     /// # Errors
-    /// An instance that is not skinned, or not yet.
+    /// An instance without a skin target, or without output so far.
     pub(crate) fn view(after: &After, instance: u32) -> Result<SkinnedView> {
         let none = || {
             let text = format!("instance {instance} has no skinned pose");
@@ -253,14 +253,14 @@ impl Skin {
     }
 }
 
-/// Refuse joints that are not within their buffer.
+/// Checks that the joints are aligned and within their buffer.
 fn check_joints(offset: u64, method: SkinMethod, count: u32, bytes: u64) -> Result<()> {
     let size = method.joint_bytes() * u64::from(count);
     if offset.is_multiple_of(16) && offset.checked_add(size).is_some_and(|end| end <= bytes) {
         return Ok(());
     }
     let text = format!("{count} joints of {size} bytes at offset {offset} of a buffer with {bytes} bytes of joints");
-    Err(Error::invalid(text, "use a multiple of 16, and a buffer with room for all joints behind it"))
+    Err(Error::invalid(text, "use a multiple of 16, and a buffer with room for all joints after it"))
 }
 
 impl Follower for Skin {

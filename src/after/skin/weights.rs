@@ -1,33 +1,32 @@
-//! Which joints move which vertices, and how much.
+//! Joints and weights of vertices.
 
 use crate::error::{Error, Result};
 use crate::pack::PackedLayout;
 
-/// How joints that move a vertex together are blended.
+/// How the joints of a vertex are blended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum SkinMethod {
-    /// Linear blend: Σ weight · matrix. A joint is twelve float32, the first three rows of its matrix, row after row:
-    /// what it does to a point of the bind pose in the mesh's space (joint to model × inverse bind matrix). Scale,
-    /// shear and mirrored joints are allowed.
+    /// Linear blending: Σ weight · matrix. A joint is twelve float32, the first three rows of the matrix that maps a
+    /// point of the bind pose in mesh space (joint to model × inverse bind matrix). Scale, shear and mirroring are
+    /// allowed.
     ///
-    /// Normals are multiplied by the inverse transpose of the blended 3×3 matrix, which is right under non-uniform
-    /// scale: with the matrix itself they would be off by up to 19° where one axis is scaled by 1.4, and 37° where it
-    /// is doubled. That weights vary over the surface is left out, as usual.
+    /// Normals are multiplied by the inverse transpose of the blended 3×3 matrix, which is correct under non-uniform
+    /// scale; with the matrix itself they would be off by up to 19° if one axis is scaled by 1.4, and 37° if it is
+    /// doubled. Variation of weights over the surface is ignored, as usual.
     #[default]
     Linear,
-    /// Dual quaternions (Kavan et al. 2008, "Geometric Skinning with Approximate Dual Quaternion Blending"): joints do
-    /// not collapse where they twist. A joint is eight float32: a unit quaternion (x, y, z, w), the rotation r; and the
-    /// dual part ½ t r, where t is the translation as a quaternion (x, y, z, 0). A quaternion and its negative are the
-    /// same rotation; each is taken on the side of the one that weighs most.
+    /// Dual quaternions (Kavan et al. 2008, "Geometric Skinning with Approximate Dual Quaternion Blending"), which
+    /// avoid collapsing at twisted joints. A joint is eight float32: a unit quaternion (x, y, z, w), the rotation r;
+    /// and the dual part ½ t r, where t is the translation as a quaternion (x, y, z, 0). Quaternions are negated to the
+    /// side of the one with the largest weight, since q and −q are the same rotation.
     ///
-    /// It has no scale: normals are rotated, which is exact for the rigid motions there are. A skeleton that scales
-    /// takes [`Linear`](Self::Linear).
+    /// Rigid motions only, for which rotating normals is exact; a skeleton with scale needs [`Linear`](Self::Linear).
     DualQuaternion,
 }
 
 impl SkinMethod {
-    /// Bytes of a joint.
+    /// Bytes per joint.
     pub const fn joint_bytes(self) -> u64 {
         match self {
             Self::Linear => 48,
@@ -36,30 +35,30 @@ impl SkinMethod {
     }
 }
 
-/// Which joints move the vertices of a mesh.
+/// Joints and weights of a mesh's vertices.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct SkinDesc<'a> {
-    /// Joints that a vertex names: 4 or 8.
+    /// Joints per vertex: 4 or 8.
     pub influences: u32,
-    /// Joints there are: 1 to 65,536.
+    /// Number of joints: 1 to 65,536.
     pub joint_count: u32,
-    /// For each vertex, in the user's order, its joints: below `joint_count`. Those whose weight is 0 are not used.
+    /// `influences` joint indices per vertex, in the user's order, below `joint_count`. Those of weight 0 are ignored.
     pub joints: &'a [u16],
-    /// The weights of these joints: not negative, of any sum above 0. They are divided by it.
+    /// Weights of these joints: not negative, with a positive sum per vertex, by which they are divided.
     pub weights: &'a [f32],
 }
 
 impl<'a> SkinDesc<'a> {
-    /// All there is to say. `joints` and `weights`: `influences` of each vertex, one vertex after the other.
+    /// `joints` and `weights`: `influences` values per vertex, vertex by vertex.
     pub fn new(influences: u32, joint_count: u32, joints: &'a [u16], weights: &'a [f32]) -> Self {
         Self { influences, joint_count, joints, weights }
     }
 
-    /// Joints and weights of each vertex, of a mesh of `vertices`.
+    /// Joints and weights of each of `vertices` vertices.
     ///
     /// # Errors
-    /// What [`MorphEngine::upload_skin`](crate::MorphEngine::upload_skin) refuses of it.
+    /// A skin that [`MorphEngine::upload_skin`](crate::MorphEngine::upload_skin) rejects.
     pub(super) fn vertices(&self, vertices: usize) -> Result<impl Iterator<Item = (&'a [u16], &'a [f32])>> {
         let Self { influences, joint_count, joints, weights } = *self;
         if !matches!(influences, 4 | 8) || !(1..=1 << 16).contains(&joint_count) {
@@ -89,15 +88,15 @@ impl<'a> SkinDesc<'a> {
         Ok(each)
     }
 
-    /// The words that `skin.comp` reads, vertex after vertex in the order of poses: joints, two to a word, then weights
-    /// as float32, the largest first. Padding has none: no lane takes it.
+    /// Words for `skin.comp`, vertex by vertex in pose-buffer order: joints, two per word, then float32 weights, the
+    /// largest first. Without padding vertices, which no invocation processes.
     pub(super) fn pack(&self, layout: &PackedLayout) -> Result<Vec<u32>> {
         let n = self.influences as usize;
         let vertices: Vec<_> = self.vertices(layout.vertex_count)?.collect();
         let mut words = Vec::with_capacity(layout.vertex_count * (n + n / 2));
         for user in (0..layout.padded_vertices()).filter_map(|packed| layout.user_vertex(packed)) {
             let (joints, weights) = vertices[user];
-            // In double precision: float32 weights may sum to more than a float32 holds.
+            // In double precision: the sum of float32 weights may overflow a float32.
             let sum: f64 = weights.iter().map(|weight| f64::from(*weight)).sum();
             let share = |(joint, weight): (&u16, &f32)| match (f64::from(*weight) / sum) as f32 {
                 0.0 => (0, 0.0),
