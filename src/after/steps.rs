@@ -163,7 +163,6 @@ impl After {
     ///
     /// # Errors
     /// Lists that are not mapped.
-    /// Lists that are not mapped.
     pub(crate) fn plan(
         &mut self,
         technique: &dyn Technique,

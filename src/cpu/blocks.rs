@@ -3,7 +3,6 @@
 //!
 //! `meter` receives the bytes of each load and store of a workgroup with a single instance; a test compares the
 //! planner's count with their sum.
-//! against them.
 
 use super::simd::widest;
 use super::sums::{self, Added, BATCH, Planes};

@@ -1,4 +1,4 @@
-//! What hosts ask for after the pose: each step by its name.
+//! Targets of steps after the pose, and uploads for them.
 
 use super::MorphEngine;
 use super::base::AnyCrowd;
@@ -9,28 +9,26 @@ use crate::pack::PackedMesh;
 use ash::vk;
 
 impl MorphEngine {
-    /// Create a buffer of the joints and weights of a mesh's vertices, and record its upload: once for each mesh,
-    /// whatever the number of crowds and instances. It takes 24 bytes a vertex for the base pose, and as many again for
-    /// four influences, or 48 for eight; weights stay float32, since 16 bits of them would move vertices by 1e-5 of the
-    /// diagonal.
+    /// Creates a buffer of the joints and weights of a mesh's vertices, and records its upload: once per mesh, for any
+    /// number of crowds and instances. Takes 24 bytes per vertex for the base pose, plus 24 for four influences or 48
+    /// for eight. (Weights are float32: 16-bit weights would move vertices by 1e-5 of the diagonal.)
     ///
-    /// This records: a copy from staging memory, and a barrier that makes it visible to updates (first stage TRANSFER
-    /// with TRANSFER_WRITE; last ALL_COMMANDS with MEMORY_READ and MEMORY_WRITE).
+    /// Records: a copy from staging memory, and a barrier that makes it visible to updates (first stage TRANSFER with
+    /// TRANSFER_WRITE; last ALL_COMMANDS with MEMORY_READ and MEMORY_WRITE).
     ///
     /// The caller is responsible for: submitting `cmd` before any update that skins, and calling
-    /// [`GpuSkin::release_staging`] once it has run.
+    /// [`GpuSkin::release_staging`] once it has finished.
     ///
     /// # Errors
-    /// Other than 4 or 8 influences, or 1 to 65,536 joints; arrays of another length; a weight that is negative or no
-    /// number; a vertex whose weights sum to 0, or one that names a joint that there is not; a mesh without vertices,
-    /// or one that exceeds the device's storage range; no memory. Nothing is recorded then.
+    /// Not 4 or 8 influences, or not 1 to 65,536 joints; arrays of the wrong length; a weight that is negative or not
+    /// finite; a vertex whose weights sum to 0; a joint out of range; a mesh without vertices, or beyond the device's
+    /// storage range; no memory. Nothing is recorded then.
     ///
     /// # Safety
     /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and
     ///   without active conditional rendering, on any queue.
-    /// - It runs before any update that skins by the value returned, exactly once.
-    /// - The value returned is dropped only when the device no longer uses it; so are the crowds that have targets of
-    ///   it.
+    /// - It runs exactly once, before any update that skins by the returned value.
+    /// - The returned value, and crowds with targets of it, are dropped only when the device no longer uses them.
     pub unsafe fn upload_skin(
         &self,
         cmd: vk::CommandBuffer,
@@ -41,22 +39,22 @@ impl MorphEngine {
         unsafe { GpuSkin::upload(&self.device, cmd, mesh, desc) }
     }
 
-    /// Create a buffer of the triangles around each vertex of a mesh, and record its upload: once for each mesh,
-    /// whatever the number of crowds and instances. It takes 36 bytes a vertex, 8 for each corner of a triangle (8 ×
-    /// (n - 2) for each corner of a face of n), and on the host 4 for each pair of neighbouring pieces of 32 vertices.
+    /// Creates a buffer of the triangles around each vertex of a mesh, and records its upload: once per mesh, for any
+    /// number of crowds and instances. Takes 36 bytes per vertex and 8 per corner of a triangle (8 × (n - 2) per corner
+    /// of an n-gon); on the host, 4 bytes per pair of neighbouring pieces of 32 vertices.
     ///
-    /// This records: a copy from staging memory, and a barrier that makes it visible to updates (first stage TRANSFER
-    /// with TRANSFER_WRITE; last ALL_COMMANDS with MEMORY_READ and MEMORY_WRITE).
+    /// Records: a copy from staging memory, and a barrier that makes it visible to updates (first stage TRANSFER with
+    /// TRANSFER_WRITE; last ALL_COMMANDS with MEMORY_READ and MEMORY_WRITE).
     ///
     /// The caller is responsible for: submitting `cmd` before any update that recomputes normals, and calling
-    /// [`GpuNormals::release_staging`] once it has run.
+    /// [`GpuNormals::release_staging`] once it has finished.
     ///
     /// # Errors
-    /// A face of a vertex that there is not, or of fewer than three; welds of other vertices; a mesh without vertices,
-    /// or one that exceeds the device's storage range; no memory. Nothing is recorded then.
+    /// A face with a vertex out of range, or with fewer than three corners; invalid welds; a mesh without vertices, or
+    /// beyond the device's storage range; no memory. Nothing is recorded then.
     ///
     /// # Safety
-    /// As [`upload_skin`](Self::upload_skin).
+    /// See [`upload_skin`](Self::upload_skin).
     pub unsafe fn upload_normals(
         &self,
         cmd: vk::CommandBuffer,
@@ -68,7 +66,7 @@ impl MorphEngine {
     }
 }
 
-/// What sets the targets of the steps.
+/// Defines the setters of targets.
 macro_rules! target_setters {
     (() $(
         $(#[doc = $doc:literal])*
@@ -77,30 +75,30 @@ macro_rules! target_setters {
         impl MorphEngine {$(
             $(#[doc = $doc])*
             ///
-            /// `None`: no longer. An instance has one target of a kind.
+            /// `None` removes the target. An instance has at most one target of each step.
             ///
-            /// The step follows those of the update, and is recorded with them: it writes the blocks that the update
-            /// changed (dense paths and animated crowds: all of a pose that changed, or may have), and nothing where
-            /// nothing changed. Everything is written first, and after the instance was hidden, or an update that wrote
-            /// the target was discarded. What is written is ready for the [consumers](crate::CrowdDesc::consumers) of
-            /// the crowd, and waits for their reads, as with poses. An instance that is removed loses its target.
+            /// The step is recorded with the update, after its own steps. It writes the blocks that the update changed
+            /// (dense paths and animated crowds: all of a pose that changed, or may have), or nothing if nothing
+            /// changed. It writes everything the first time, after the instance was hidden, and after an update that
+            /// wrote the target was discarded. Its output is ready for the [consumers](crate::CrowdDesc::consumers) of
+            /// the crowd, and waits for their reads, like poses. Removing an instance removes its target.
             ///
-            /// The caller is responsible for: barriers of its own, where it writes the buffers itself, or stages read
-            /// them that the consumers do not name.
+            /// The caller is responsible for: barriers of its own if it writes the buffers itself, or reads them in
+            /// stages that the consumers do not include.
             ///
             /// # Errors
-            /// An instance out of range or removed; a crowd that another engine made; a direct path, which has no
-            /// poses; an offset or stride that does not fit; more than the device's storage range; a buffer that is too
-            /// small, as far as `vkGetBufferMemoryRequirements` tells. Nothing changes then.
+            /// An instance out of range or removed; a crowd of another engine; a direct path, which has no poses; an
+            /// invalid offset or stride; a range beyond the device's storage range, or beyond the end of the buffer as
+            /// far as `vkGetBufferMemoryRequirements` tells. Nothing changes then.
             ///
             /// # Safety
-            /// - The buffers are of the engine's device, made for use as storage buffer. They are large enough for all
-            ///   that is read and written, and live until the crowd has another target, or none, and the updates
-            ///   recorded before have finished.
-            /// - Joints stay as they are from the update that they were set for until they are
-            ///   [set](crate::Crowd::set_joints) anew, and the updates recorded before have finished: an update that
+            /// - The buffers belong to the engine's device and have storage buffer usage. They are large enough for
+            ///   everything that is read and written, and live until the target is replaced or removed and all updates
+            ///   recorded before that have finished.
+            /// - Joints stay unchanged from the update they were set for until others are
+            ///   [set](crate::Crowd::set_joints) and all updates recorded before that have finished: an update that
             ///   changes blocks reads them again.
-            /// - No update of the crowd that was recorded with an earlier target of the instance is unfinished.
+            /// - All updates of the crowd recorded with an earlier target of the instance have finished.
             pub unsafe fn $set(
                 &self,
                 crowd: &mut (impl AnyCrowd + ?Sized),

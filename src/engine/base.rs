@@ -1,4 +1,4 @@
-//! What crowds on a device have: poses, slots, tickets, and a technique that updates them.
+//! Crowds on a device: poses, slots and tickets, independent of the technique.
 
 use super::poses;
 use super::upload::GpuMesh;
@@ -23,54 +23,54 @@ use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Ranges of discarded updates that a crowd remembers.
+/// Most ranges of discarded updates that a crowd remembers.
 const DISCARDED_RANGES: usize = 64;
 
-/// Proof of a recorded update, to discard it with.
+/// Identifies a recorded update, to discard it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[must_use = "an update that never runs has to be discarded with its ticket"]
 pub struct Ticket {
-    /// Of which crowd.
+    /// Number of the crowd.
     crowd: u64,
     id: UpdateId,
 }
 
-/// What an update recorded.
+/// A recorded update.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Update {
-    /// For [`Crowd::discard`](super::Crowd::discard), should the command buffer never run.
+    /// For [`Crowd::discard`](super::Crowd::discard), if the command buffer will never run.
     pub ticket: Ticket,
-    /// Coefficients, passes and bytes; all zero, but for the bound, when nothing changed and nothing was recorded. On
-    /// direct paths they speak of the draw, and are the same when nothing changed.
+    /// Statistics; all zero except the bound if nothing changed and nothing was recorded. Direct paths: of the draws,
+    /// even if nothing changed.
     pub stats: UpdateStats,
 }
 
-/// The kind of crowds whose poses a device has: their memory, and what is recorded. `U` updates them.
+/// The kind of crowds with poses on a device, updated by `U`.
 pub struct OnDevice<U: ?Sized> {
-    /// What follows the steps of the technique.
+    /// Targets of steps after the pose.
     pub(crate) after: After,
     /// At least one.
     groups: Vec<PoseGroup>,
     pub(super) steps: Steps,
-    /// What the steps used of the update that wrote poses last.
+    /// Uses of the last update that wrote poses.
     wrote: Vec<&'static [Use]>,
-    /// Scratch space of recording.
+    /// Reusable schedule.
     pub(super) schedule: Schedule,
     /// The update planned last.
     last: Option<UpdateId>,
     pub(crate) desc: CrowdDesc,
     device: Arc<Device>,
-    /// The number of the crowd, which no other has.
+    /// Unique number of the crowd.
     number: u64,
-    /// Updates that recorded something, less discarded ones: the rings of lists turn with them.
+    /// Updates that recorded something and were not discarded: index of the rings of lists.
     pub(super) recorded: u64,
-    /// Updates that were discarded, ascending: a ticket is good for one discard.
+    /// Discarded updates, ascending: a ticket can be discarded once.
     discarded: Vec<RangeInclusive<u64>>,
     pub(super) updater: U,
 }
 
-/// Updates the poses of a crowd on a device: a technique, and the memory of the poses.
+/// A technique, and the memory of the poses.
 pub trait Updater: Send + Sync {
     /// The technique.
     fn technique(&self) -> &dyn Technique;
@@ -78,20 +78,20 @@ pub trait Updater: Send + Sync {
     fn technique_mut(&mut self) -> &mut dyn Technique;
 }
 
-/// A crowd on a device, be it a [`Crowd`](super::Crowd) or an [`AnimatedCrowd`](super::AnimatedCrowd), of which a
-/// reference coerces to one of this.
+/// A crowd on a device: a [`Crowd`](super::Crowd) or an [`AnimatedCrowd`](super::AnimatedCrowd), to which references to
+/// them coerce.
 pub type DeviceCrowd = CrowdBase<OnDevice<dyn Updater>>;
 
-/// A crowd on the device, whose weights the host sets ([`Crowd`](super::Crowd)) or which plays clips
-/// ([`AnimatedCrowd`](super::AnimatedCrowd)). What takes crowds of both kinds takes this: as `&mut dyn AnyCrowd` in a
-/// list for [`MorphEngine::record_updates`](super::MorphEngine::record_updates), and steps after the pose, such as
-/// [`MorphEngine::set_skin_target`](super::MorphEngine::set_skin_target). No other type can implement it.
+/// A crowd on a device of either kind: [`Crowd`](super::Crowd), whose weights the host sets, or
+/// [`AnimatedCrowd`](super::AnimatedCrowd), which plays clips. Parameter type of
+/// [`MorphEngine::record_updates`](super::MorphEngine::record_updates) (as `&mut dyn AnyCrowd`) and of steps after the
+/// pose, such as [`MorphEngine::set_skin_target`](super::MorphEngine::set_skin_target). Sealed.
 pub trait AnyCrowd: sealed::Sealed {}
 
 pub(crate) mod sealed {
     use super::DeviceCrowd;
 
-    /// Keeps other types out.
+    /// Seals `AnyCrowd`.
     pub trait Sealed {
         fn base(&self) -> &DeviceCrowd;
         fn base_mut(&mut self) -> &mut DeviceCrowd;
@@ -146,8 +146,7 @@ impl<U: Updater + ?Sized> Kind for OnDevice<U> {
 }
 
 impl<U: Updater> CrowdBase<OnDevice<U>> {
-    /// A crowd of which the weights of `targets` targets are set, updated by what `make` makes with the memory of the
-    /// poses.
+    /// Creates a crowd with requested weights for `targets` targets; `make` gets the memory of the poses.
     pub(super) fn on_device(
         device: &Arc<Device>,
         kernels: &Kernels,
@@ -183,12 +182,12 @@ impl<U: Updater> CrowdBase<OnDevice<U>> {
 }
 
 impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
-    /// What updates the poses.
+    /// The crowd's technique.
     pub(crate) fn technique(&self) -> &dyn Technique {
         self.kind.updater.technique()
     }
 
-    /// Refuse to record a crowd that was made on another device.
+    /// Checks that the crowd was created on this device.
     pub(crate) fn check_device(&self, device: &Arc<Device>) -> Result<()> {
         match Arc::ptr_eq(&self.kind.device, device) {
             true => Ok(()),
@@ -199,12 +198,12 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
         }
     }
 
-    /// The update of `ticket` and all later ones will never run (their command buffers were reset or dropped): what
-    /// they would have written is unknown now, and the next update does it again. An update that was discarded before
-    /// stays so: nothing changes then.
+    /// Discards the update of `ticket` and all later ones, which will never run since their command buffers were reset
+    /// or dropped. What they would have written is then unknown, and the next update writes it. Discarding an update
+    /// again changes nothing.
     ///
-    /// That none of them will run is an obligation of the caller, named in the `# Safety` section of
-    /// [`record_update`](super::MorphEngine::record_update): the next update takes over the memory of their lists.
+    /// That none of them will run is an obligation of the caller in the `# Safety` section of
+    /// [`record_update`](super::MorphEngine::record_update): the next update reuses the memory of their lists.
     ///
     /// # Errors
     /// A ticket of another crowd.
@@ -212,8 +211,8 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
         if self.is_discarded(ticket)? {
             return Ok(());
         }
-        // Later ranges are part of this one, the last earlier one may end where it begins, and only so many are
-        // kept: a ticket between the two oldest is taken for one that was discarded before.
+        // Later ranges are merged into this one, as is the last earlier one if adjacent. Only a limited number is kept:
+        // a ticket between the two oldest counts as discarded.
         let (update, kind) = (ticket.id.update, &mut self.kind);
         kind.discarded.retain(|updates| *updates.start() < update);
         let mut first = update;
@@ -232,7 +231,7 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
         Ok(())
     }
 
-    /// Whether the update of a ticket was discarded. A ticket of another crowd is refused.
+    /// Whether the update of a ticket was discarded; an error for a ticket of another crowd.
     #[doc(hidden)]
     pub fn is_discarded(&self, ticket: Ticket) -> Result<bool> {
         if ticket.crowd != self.kind.number {
@@ -241,16 +240,16 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
         Ok(self.kind.discarded.iter().any(|updates| updates.contains(&ticket.id.update)))
     }
 
-    /// Updates that recorded something from that of `ticket` on.
+    /// Number of updates that recorded something since that of `ticket`, inclusive.
     #[doc(hidden)]
     pub fn recorded_since(&self, ticket: Ticket) -> u64 {
         self.kind.recorded.saturating_sub(ticket.id.recorded)
     }
 
-    /// The update planned last, all of it or in part, will never run.
+    /// Discards the update planned last, completely or partly.
     pub(super) fn discard_last(&mut self) {
         if let Some(id) = self.kind.last {
-            // The ticket is of this crowd: there is no error.
+            // Cannot fail: the ticket is of this crowd.
             let _ = self.discard(Ticket { crowd: self.kind.number, id });
         }
     }
@@ -260,7 +259,7 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
         &self.kind.groups
     }
 
-    /// What the steps of the update that wrote poses last did to them.
+    /// Writes of poses by the last update that wrote any.
     pub(super) fn writes_of_poses(&self) -> impl Iterator<Item = &'static Use> {
         let uses = self.kind.wrote.iter().flat_map(|uses| uses.iter());
         uses.filter(|used| used.memory == Resource::Poses && used.access.writes())
@@ -278,7 +277,7 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
         Ok(self.view(instance, slot, group))
     }
 
-    /// The draws that evaluate poses, on paths that have no pose buffers.
+    /// The draws that evaluate poses of a group, on paths without pose buffers.
     #[doc(hidden)]
     pub fn draws(&self, group: usize) -> Option<&dyn PoseDraws> {
         self.technique().draws(group)
@@ -301,12 +300,12 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
         Ok(previous.filter(|_| self.technique().draws(0).is_none()).map(|slot| self.view(instance, slot, group)))
     }
 
-    /// The group that has a stream, and where.
+    /// The group that contains a stream, and the stream's place in it.
     pub(super) fn place(&self, semantic: Semantic) -> Result<(usize, StreamPlace)> {
         views::place(self.kind.groups.iter().map(|group| &group.mesh.layout), semantic)
     }
 
-    /// Slots of the pose and of the previous pose.
+    /// Slots of an instance's pose and previous pose.
     #[doc(hidden)]
     pub fn slots_of(&self, instance: u32) -> Result<(u32, Option<u32>)> {
         let place = self.instances.check(instance)?;
@@ -320,7 +319,7 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
         PoseView::new(&self.kind.groups[group].poses, instance, slot)
     }
 
-    /// Change what follows the pose of an instance, by what `set` does.
+    /// Changes the targets of steps after the pose of an instance with `set`.
     pub(super) fn set_after(
         &mut self,
         kernels: &Kernels,
@@ -335,10 +334,10 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
         Ok(())
     }
 
-    /// Record a work of the update planned last.
+    /// Records a work of the update planned last.
     ///
     /// # Safety
-    /// As [`Technique::record`].
+    /// See [`Technique::record`].
     pub(super) unsafe fn record(&self, cmd: vk::CommandBuffer, work: &Work) {
         let frame = self.kind.last.map_or(0, |id| id.frame);
         match work.owner {
@@ -349,7 +348,7 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
         }
     }
 
-    /// What works of a step read and write, for the hazard checker.
+    /// Reads and writes of works of a step, for the hazard checker.
     pub(super) fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
         match works[0].owner {
             Owner::Technique => self.technique().accesses(works),
@@ -357,12 +356,12 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
         }
     }
 
-    /// Plan an update, and take it as done. Where this fails, [`discard_last`](Self::discard_last) has to follow.
+    /// Plans an update and advances the state. If it fails, call [`discard_last`](Self::discard_last).
     pub(super) fn plan(&mut self) -> Result<Update> {
         self.updates += 1;
         let OnDevice { updater, after, steps, wrote, last, desc, recorded, .. } = &mut self.kind;
         steps.clear();
-        // Lists lie where the update lies that is `frames_in_flight` older.
+        // Reuses the lists of the update `frames_in_flight` before it.
         let frame = (*recorded + 1) % u64::from(desc.frames_in_flight);
         let id = UpdateId { update: self.updates, recorded: *recorded, frame };
         *last = Some(id);

@@ -1,4 +1,4 @@
-//! Crowds on a device: instances of one mesh whose weights are set, or that play clips on the GPU.
+//! Crowds on a device, with weights set by the host or clips played on the GPU.
 
 use super::base::{OnDevice, Updater};
 use super::poses;
@@ -15,24 +15,24 @@ use crate::update::animated::{Animated, Clips, Playback};
 use crate::update::crowd::CrowdDesc;
 use crate::update::technique::Technique;
 
-/// Instances of one mesh on the device, whose weights are set. [`MorphEngine`](crate::MorphEngine)
-/// says what the caller is responsible for.
+/// Instances of one mesh on a device, with weights set by the host. [`MorphEngine`](crate::MorphEngine) lists the
+/// caller's responsibilities.
 pub type Crowd = CrowdBase<OnDevice<Weighted>>;
 
-/// Instances of one mesh on the device that play clips: weights are sampled, planned and applied on the GPU.
-/// [`MorphEngine`](crate::MorphEngine) says what the caller is responsible for.
+/// Instances of one mesh on a device that play clips: the GPU samples, plans and applies weights.
+/// [`MorphEngine`](crate::MorphEngine) lists the caller's responsibilities.
 pub type AnimatedCrowd = CrowdBase<OnDevice<Playing>>;
 
-/// What updates a [`Crowd`]: the technique of its path.
+/// Updater of a [`Crowd`]: the technique of its path.
 pub struct Weighted {
-    // Before the buffers that its descriptor sets name.
+    // Dropped before the buffers that its descriptor sets reference.
     technique: Box<dyn Technique>,
     _poses: Vec<Buffer>,
 }
 
-/// What updates an [`AnimatedCrowd`].
+/// Updater of an [`AnimatedCrowd`].
 pub struct Playing {
-    // As above.
+    // Dropped first, as above.
     animated: Animated,
     _poses: Vec<Buffer>,
 }
@@ -79,56 +79,54 @@ impl TakesWeights for OnDevice<Weighted> {
     }
 }
 
-/// What crowds on a device do: [`Crowd`] and [`AnimatedCrowd`].
+/// Methods of [`Crowd`] and [`AnimatedCrowd`].
 impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
-    /// Bytes of device memory that the poses of a crowd take, in all groups of the mesh: of buffers of ours, or of
-    /// the host's ([`CrowdDesc::poses`]). On a direct path that is one, to capture into.
+    /// Bytes of device memory for the poses of a crowd, in all groups of the mesh and in engine-owned or host buffers
+    /// ([`CrowdDesc::poses`]). On a direct path one pose, for captures.
     pub fn pose_bytes(mesh: &PackedMesh, desc: &CrowdDesc) -> u64 {
         poses::bytes(mesh.groups().iter().map(|group| group.layout()), desc)
     }
 
-    /// The buffer that a stream of all poses is in, where each pose is, and how it is stored: known before the first
-    /// update, and the same for the life of the crowd. Which slot an instance's pose is in,
-    /// [`pose`](Self::pose) says.
+    /// The buffer of a stream of all poses, with the location and format of each pose. Known before the first update,
+    /// and fixed for the crowd's life; [`pose`](Self::pose) returns the current slot of an instance.
     ///
     /// # Errors
-    /// A direct path, which has no pose buffers; a stream that the mesh does not have, or that is not stored in the
-    /// host's own vertices.
+    /// A direct path, which has no pose buffers; a stream that the mesh does not have, or the host's vertices do not
+    /// store.
     pub fn pose_buffer(&self, semantic: Semantic) -> Result<PoseBuffer> {
         self.check_has_poses()?;
         let (group, place) = self.place(semantic)?;
         PoseBuffer::new(&self.groups()[group].poses, place)
     }
 
-    /// How the crowd was made.
+    /// The description that the crowd was created with.
     pub fn desc(&self) -> &CrowdDesc {
         &self.kind.desc
     }
 
-    /// The pose of `instance` once the updates recorded so far have run.
+    /// The pose of `instance` after the updates recorded so far.
     ///
     /// # Errors
-    /// An instance out of range or removed; no update recorded yet, or its update was discarded; a direct path,
-    /// which has no pose buffers.
+    /// An instance out of range or removed; no update recorded yet, or its update was discarded; a direct path, which
+    /// has no pose buffers.
     pub fn pose(&self, instance: u32) -> Result<PoseView> {
         self.group_pose(instance, 0)
     }
 
-    /// The pose of `instance` before its last update: the pose itself when nothing changed, on its first
-    /// update, and after [`cut`](Self::cut); `None` where the update had to overwrite it (one slot; several
-    /// feedback passes in two slots), and on direct paths.
+    /// The pose of `instance` before its last update. Equal to the pose if nothing changed, on its first update and
+    /// after [`cut`](Self::cut); `None` if the update had to overwrite it (one slot; several feedback passes in two
+    /// slots), and on direct paths.
     ///
     /// # Errors
-    /// As [`pose`](Self::pose).
+    /// Those of [`pose`](Self::pose).
     pub fn previous_pose(&self, instance: u32) -> Result<Option<PoseView>> {
         self.previous_group_pose(instance, 0)
     }
 
-    /// A stream of the [pose](Self::pose) of `instance`: any that the mesh has.
+    /// A stream of the [pose](Self::pose) of `instance`.
     ///
     /// # Errors
-    /// As [`pose`](Self::pose); a stream that the mesh does not have, or that is not stored in the host's own
-    /// vertices.
+    /// Those of [`pose`](Self::pose); a stream that the mesh does not have, or the host's vertices do not store.
     pub fn stream(&self, instance: u32, semantic: Semantic) -> Result<StreamView> {
         let (group, place) = self.place(semantic)?;
         self.group_pose(instance, group)?.stream(place)
@@ -137,29 +135,29 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
     /// A stream of the [previous pose](Self::previous_pose) of `instance`.
     ///
     /// # Errors
-    /// As [`stream`](Self::stream).
+    /// Those of [`stream`](Self::stream).
     pub fn previous_stream(&self, instance: u32, semantic: Semantic) -> Result<Option<StreamView>> {
         let (group, place) = self.place(semantic)?;
         self.previous_group_pose(instance, group)?.map(|pose| pose.stream(place)).transpose()
     }
 
-    /// The joints of a skinned instance moved: from the next recorded update on they are those at `offset` of the
-    /// buffer of joints that its [target](crate::after::SkinTarget) names, in bytes, a multiple of 16. It may be
-    /// the same place, where the host's barriers see to that; with several frames in flight and joints that the host
-    /// writes it has to be one of several in turn.
+    /// Sets new joints of a skinned instance from the next recorded update on: those at byte `offset` (a multiple of
+    /// 16) of the buffer of joints of its [target](crate::after::SkinTarget). The offset may stay the same if the
+    /// host's barriers order the writes; for joints written by the host with several frames in flight, it has to
+    /// alternate.
     ///
     /// # Errors
-    /// An instance out of range or removed, or one that is not skinned; joints that reach beyond their buffer.
-    /// Nothing changes then.
+    /// An instance out of range or removed, or without a skin target; a misaligned offset; joints beyond the end of
+    /// their buffer. Nothing changes then.
     pub fn set_joints(&mut self, instance: u32, offset: u64) -> Result<()> {
         self.instances.check(instance)?;
         Skin::set_joints(&mut self.kind.after, instance, offset)
     }
 
-    /// Where the skinned pose of an instance is once the updates recorded so far have run.
+    /// Locations of the skinned pose of an instance after the updates recorded so far.
     ///
     /// # Errors
-    /// An instance out of range or removed, or one that is not skinned; no update recorded yet, or its update was
+    /// An instance out of range or removed, or without a skin target; no update recorded yet, or its update was
     /// discarded.
     pub fn skinned(&self, instance: u32) -> Result<SkinnedView> {
         self.instances.check(instance)?;
@@ -167,64 +165,63 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
     }
 }
 
-/// What only crowds do that play clips: [`AnimatedCrowd`].
+/// Methods of [`AnimatedCrowd`] only.
 impl AnimatedCrowd {
-    /// Play a clip from the next recorded update on.
+    /// Plays a clip from the next recorded update on.
     ///
     /// # Errors
-    /// An instance or clip out of range; a speed or start that is no number or too large.
+    /// An instance or clip out of range; a speed or start that is not finite or too large.
     pub fn play(&mut self, instance: u32, playback: &Playback) -> Result<()> {
         self.instances.check(instance)?;
         let Animated { playbacks, clips, .. } = self.animated_mut();
         playbacks.play(instance, playback, clips)
     }
 
-    /// Keep only the first so many targets of the [order](field@crate::AnimationDesc::importance) that the crowd was
-    /// made with, from the next recorded update on: what [`lod::Level::step`](crate::lod::Level::step) returns for the
-    /// head. The GPU multiplies the weights of clips by the targets' [factors](crate::lod::Importance::factor), in
-    /// steps of 2⁻¹⁶. As many as there are, or more, are all of them, as at the beginning.
+    /// Keeps only the first `level` targets in the crowd's [order of
+    /// importance](field@crate::AnimationDesc::importance), from the next recorded update on; a value for it is
+    /// returned by [`lod::Level::step`](crate::lod::Level::step). The GPU multiplies the weights of clips by the
+    /// targets' [factors](crate::lod::Importance::factor), in 2⁻¹⁶. The number of targets or more keeps all, which is
+    /// the default.
     ///
-    /// A level that changes brings 64 bytes to the device; one that stays is no work. Of a head that [has a
-    /// place](Self::set_place) this is the most that is kept.
+    /// A changed level sends 64 bytes to the device, an unchanged one nothing. For an instance that [has a
+    /// place](Self::set_place), `level` is an upper limit.
     ///
     /// # Errors
-    /// An instance out of range; a number below 0, or none; a crowd that was made without an order of importance.
+    /// An instance out of range; a level that is negative or NaN; a crowd created without an order of importance.
     pub fn set_level(&mut self, instance: u32, level: f32) -> Result<()> {
         self.instances.check(instance)?;
         let Animated { playbacks, clips, .. } = self.animated_mut();
         playbacks.set_level(instance, level, clips)
     }
 
-    /// Levels of detail follow this camera from the next recorded update on: those of heads that
-    /// [have a place](Self::set_place). Before there is one, they keep all targets.
+    /// Sets the camera that levels of detail of instances that [have a place](Self::set_place) follow, from the next
+    /// recorded update on. Without a camera they keep all targets.
     ///
     /// # Errors
-    /// An invalid camera (non-finite, height or angle out of range); a crowd that was made without
+    /// An invalid camera (non-finite, height or angle out of range); a crowd created without
     /// [`AnimationDesc::level`](field@crate::AnimationDesc::level).
     pub fn set_camera(&mut self, camera: &Camera) -> Result<()> {
         let Animated { playbacks, clips, .. } = self.animated_mut();
         playbacks.set_camera(camera, clips)
     }
 
-    /// The camera of the next recorded update looks at something else than before: levels of detail are at their goals
-    /// at once, since nothing can pop.
+    /// Camera cut at the next recorded update: levels of detail reach their goals at once, since no popping is visible.
     pub fn cut_camera(&mut self) {
         self.animated_mut().playbacks.cut_camera();
     }
 
-    /// Where `instance` is from the next recorded update on. With its first place it begins to follow the camera: in
-    /// each update the GPU works out how many targets it keeps from the pixels that an input unit takes up
-    /// ([`lod::Camera::pixels_per_unit`](crate::lod::Camera::pixels_per_unit)), as
-    /// [`lod::Level::step`](crate::lod::Level::step) does without weights, in steps of 2⁻¹⁶ targets. With an [error
-    /// budget](field@crate::UpdateDesc::error_budget) in the crowd's description, the instance's own is that of its
-    /// pixels ([`lod::LevelDesc::error_budget`](crate::lod::LevelDesc::error_budget)), or the crowd's where that is
-    /// less.
+    /// Sets the place of `instance` from the next recorded update on; from its first place on, its level of detail
+    /// follows the camera. In each update the GPU computes the number of targets from the pixels per input unit
+    /// ([`lod::Camera::pixels_per_unit`](crate::lod::Camera::pixels_per_unit)), like
+    /// [`lod::Level::step`](crate::lod::Level::step) without weights, in 2⁻¹⁶ targets. If the crowd has an [error
+    /// budget](field@crate::UpdateDesc::error_budget), the instance's own is that of its pixels
+    /// ([`lod::LevelDesc::error_budget`](crate::lod::LevelDesc::error_budget)), limited by the crowd's.
     ///
-    /// A place that changes brings 64 bytes to the device; a camera that moves, nothing but push constants. The
-    /// commands stay the same. [`cut`](Self::cut) takes the level to its goal at once.
+    /// A changed place sends 64 bytes to the device, a moving camera only push constants; the recorded commands stay
+    /// the same. [`cut`](Self::cut) moves the level to its goal at once.
     ///
     /// # Errors
-    /// An instance out of range; an invalid place (non-finite); a crowd that was made without
+    /// An instance out of range; an invalid place (non-finite); a crowd created without
     /// [`AnimationDesc::level`](field@crate::AnimationDesc::level).
     pub fn set_place(&mut self, instance: u32, place: &Place) -> Result<()> {
         self.instances.check(instance)?;
@@ -232,24 +229,24 @@ impl AnimatedCrowd {
         playbacks.set_place(instance, place, clips)
     }
 
-    /// The clock is at `seconds` when the next recorded update runs.
+    /// Sets the clock of the next recorded update.
     ///
     /// # Errors
-    /// No number, or one too large; more than 4.5 hours before some instance starts.
+    /// `seconds` is not finite or too large; more than 4.5 hours before the start of an instance's clip.
     pub fn set_time(&mut self, seconds: f64) -> Result<()> {
         self.animated_mut().playbacks.set_time(seconds)
     }
 
-    /// Give the staging memory of the clips back.
+    /// Frees the staging memory of the clips.
     ///
     /// # Safety
-    /// The upload that [`create_animated_crowd`](super::MorphEngine::create_animated_crowd) recorded has run, or never
-    /// will: its copies read the memory.
+    /// The upload recorded by [`create_animated_crowd`](super::MorphEngine::create_animated_crowd) has finished, or
+    /// will never run: its copies read the memory.
     pub unsafe fn release_staging(&mut self) {
         self.animated_mut().release_staging();
     }
 
-    /// The clips that instances can play: what their keys lost, and how long they are.
+    /// The clips of the crowd: lengths, frame rates, and rounding of keys.
     pub fn clips(&self) -> &Clips {
         &self.animated().clips
     }

@@ -1,4 +1,4 @@
-//! What packages of this repository ask of engines, meshes and crowds, beside what hosts do.
+//! Accessors for packages of this repository.
 
 use super::base::{OnDevice, Updater};
 use super::{AnimatedCrowd, AnyCrowd, DeviceCrowd, GpuMesh, MorphEngine, Update};
@@ -13,20 +13,20 @@ use std::ops::Range;
 use std::sync::Arc;
 
 impl MorphEngine {
-    /// The host's device, and the memory that is allocated of it.
+    /// The host's device, with its allocator.
     #[doc(hidden)]
     pub fn device(&self) -> &Arc<Device> {
         &self.device
     }
 
-    /// As [`record_updates`](Self::record_updates), with what is recorded changed by `tamper`: lets tests plant faults.
-    /// Returns what was recorded, too, as the hazard checker sees it.
+    /// Like [`record_updates`](Self::record_updates), with the recorded entries changed by `tamper`, so that tests can
+    /// plant faults. Also returns the recorded events for the hazard checker.
     ///
     /// # Errors
-    /// As [`record_updates`](Self::record_updates).
+    /// Those of [`record_updates`](Self::record_updates).
     ///
     /// # Safety
-    /// As [`record_updates`](Self::record_updates); what `tamper` breaks is broken.
+    /// See [`record_updates`](Self::record_updates); `tamper` may break its guarantees.
     #[doc(hidden)]
     pub unsafe fn record_tampered(
         &self,
@@ -47,7 +47,7 @@ impl MorphEngine {
 }
 
 impl GpuMesh {
-    /// The same mesh, with the same buffers.
+    /// Another handle of the same mesh and buffers.
     #[doc(hidden)]
     pub fn shared(&self) -> Self {
         Self { groups: self.groups.clone(), staging: vec![] }
@@ -68,8 +68,8 @@ impl<K: Kind + ?Sized> CrowdBase<K> {
 }
 
 impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
-    /// Count as if so many updates had been recorded and run; epochs begin at the low 32 bits. Lets tests cross the
-    /// wraps of numbers, before the first update.
+    /// Starts as if `updates` updates had been recorded and had finished; epochs start at the low 32 bits. For tests of
+    /// counter wraparound, before the first update.
     #[doc(hidden)]
     pub fn begin_at(&mut self, updates: u64) {
         (self.updates, self.kind.recorded) = (updates, updates);
@@ -84,7 +84,7 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
 }
 
 impl AnimatedCrowd {
-    /// What the last update planned for the first group of the mesh, by `read`, which takes buffer, offset and size.
+    /// The last update's plans of the first group; `read` takes buffer, offset and size.
     ///
     /// # Errors
     /// Those of `read`.
@@ -93,14 +93,13 @@ impl AnimatedCrowd {
         self.animated().read_plan(read)
     }
 
-    /// Where the level of detail of an instance is, if it follows the camera: buffer, offset, size of words as
-    /// `glsl/level.comp` writes them.
+    /// An instance's level of detail that follows the camera, as `glsl/level.comp` writes it: buffer, offset, size.
     #[doc(hidden)]
     pub fn level_of(&self, instance: u32) -> Option<(vk::Buffer, u64, u64)> {
         self.animated().level_of(instance)
     }
 
-    /// Where the weights of an instance are: buffer, offset, size.
+    /// The weights of an instance: buffer, offset, size.
     #[doc(hidden)]
     pub fn weights_of(&self, instance: u32) -> (vk::Buffer, u64, u64) {
         self.animated().weights_of(instance)

@@ -1,4 +1,5 @@
-//! Upload a mesh, make a crowd, record updates into the host's command buffer. Knows no technique and no format.
+//! Uploads meshes, creates crowds, and records updates into the host's command buffers. Independent of techniques and
+//! formats.
 
 mod after;
 mod base;
@@ -35,7 +36,7 @@ use ash::vk;
 use crowd::{Playing, Weighted};
 use std::sync::{Arc, OnceLock};
 
-/// The engine: the host's device and the pipelines made so far.
+/// The engine: the host's device, and a cache of pipelines.
 ///
 /// The engine borrows the host's device and records; it never submits, waits, or creates a queue, thread or
 /// window. In frame order:
@@ -45,74 +46,77 @@ use std::sync::{Arc, OnceLock};
 /// 2. Each frame: [`Crowd::set_weights`], then [`MorphEngine::record_update`] before the draws, then draw from
 ///    [`Crowd::pose`].
 ///
-/// Or the GPU does it all: [`MorphEngine::create_animated_crowd`] uploads clips, [`AnimatedCrowd::play`] says who plays
-/// which, and each frame takes [`AnimatedCrowd::set_time`] in place of weights.
+/// Or the GPU animates: [`MorphEngine::create_animated_crowd`] uploads clips, [`AnimatedCrowd::play`] starts them, and
+/// each frame calls [`AnimatedCrowd::set_time`] instead of setting weights.
 ///
 /// # What the caller is responsible for
-/// - Uploads, updates and draws run on one queue with graphics and compute, since barriers name the stages of both, or
-///   as [several queues](#several-queues) may. Recorded updates run exactly once each, in the order recorded. An update
-///   that will never run is handed to [`Crowd::discard`], and only such a one, before anything newer of the crowd is
-///   submitted.
-/// - At most [`CrowdDesc::frames_in_flight`] updates of a crowd are recorded and not yet finished. Updates that
-///   recorded nothing and discarded ones do not count.
-/// - Engine, meshes and crowds are dropped only when the device has finished with them, in any order, and before the
-///   device is destroyed: an [`owner`](field@DeviceDesc::owner) that they keep alive sees to that. An allocator that
-///   the host shares is not locked by the host meanwhile.
+/// - Uploads, updates and draws run on one queue with graphics and compute, since barriers name stages of both, or on
+///   [several queues](#several-queues). Recorded updates run exactly once each, in the order recorded. An update that
+///   will never run is passed to [`Crowd::discard`] before anything newer of the crowd is submitted; no other update
+///   is.
+/// - At most [`CrowdDesc::frames_in_flight`] updates of a crowd are recorded but unfinished. Updates that recorded
+///   nothing and discarded ones do not count.
+/// - Engine, meshes and crowds are dropped, in any order, only when the device no longer uses them, and before the
+///   device is destroyed; an [`owner`](field@DeviceDesc::owner) can keep it alive. The host holds no lock of a shared
+///   allocator meanwhile.
 ///
 /// # Several queues
-/// Updates can run on a queue of their own, such as one with compute alone, beside the draws of the frame before:
-/// [`DeviceDesc::queue_families`](field@DeviceDesc::queue_families) names the families of all queues, so that buffers
-/// are shared by them, and [`CrowdDesc::queue_family`] the one that updates of a crowd run on. Then semaphores, binary
-/// ones or timelines, order what barriers order on one queue:
+/// Updates can run on a queue of their own, such as one with compute only, concurrently with the draws of the previous
+/// frame. [`DeviceDesc::queue_families`](field@DeviceDesc::queue_families) names the families of all queues, which
+/// share the buffers; [`CrowdDesc::queue_family`] names the one of a crowd's updates. Semaphores, binary or timeline,
+/// then order what barriers order on one queue:
 ///
-/// - From upload to update, and where draws read the base pose (poses of integers), from upload to draw. Uploads may
-///   run on any queue.
+/// - From upload to update and, if draws read the base pose (fixed-point poses), from upload to draw. Uploads may run
+///   on any queue.
 /// - From update to draw: the draws' queue waits at the stages that read poses (such as VERTEX_INPUT or VERTEX_SHADER).
 ///   The update signals after its last command.
-/// - From draw to a later update: the updates' queue waits at COMPUTE_SHADER (of `feedback` and `vertex-store` at
+/// - From draw to a later update: the updates' queue waits at COMPUTE_SHADER (`feedback` and `vertex-store`:
 ///   ALL_COMMANDS), before an update that writes a slot, for the last draw that read it. An update writes the slot that
-///   is `slots - 1` updates older than the current one. With one update and one draw a frame, that of frame n waits for
-///   the draw of frame n - slots, or of n - slots + 1 where draws read the [previous pose](Crowd::previous_pose), too:
-///   two slots, or three, let an update run beside the draw of the frame before it. A [discarded](Crowd::discard)
-///   update gives its slot back: the next writes the one that it would have written. `feedback` and `vertex-store`
-///   write two slots in turn where an update takes several passes: that of frame n waits for the draw of frame n -
-///   (slots + 1) / 2 (rounded down), or of n - (slots - 1) / 2 and at least of n - 1 where draws read the previous
-///   pose.
-/// - What [follows the pose](crate::after) is written into the host's buffers, which the host shares among the families
-///   as it does others. A target has one place, which the draw of the frame before reads; a skinned one may have two.
+///   is `slots - 1` updates older than the current one. With one update and one draw per frame, the update of frame n
+///   waits for the draw of frame n - slots, or of n - slots + 1 if draws also read the [previous
+///   pose](Crowd::previous_pose): with two slots, or three, an update can run concurrently with the draw of the
+///   previous frame. A [discarded](Crowd::discard) update returns its slot: the next update writes the same one.
+///   `feedback` and `vertex-store` alternate between two slots in an update of several passes: frame n waits for the
+///   draw of frame n - (slots + 1) / 2 (rounded down), or of n - (slots - 1) / 2 and at least of n - 1 if draws also
+///   read the previous pose.
+/// - Outputs of [steps after the pose](crate::after) lie in the host's buffers, which the host shares among the
+///   families itself. A target has one output buffer, which the draw of the previous frame reads; a skin target may
+///   have two.
 ///
-/// Updates of one crowd run on one queue, or on several that semaphores order. Those that one
-/// [`record_updates`](Self::record_updates) records are of one family, or refused.
+/// Updates of one crowd run on one queue, or on several that semaphores order. The crowds of one call of
+/// [`record_updates`](Self::record_updates) must have the same family.
 pub struct MorphEngine {
     pub(crate) device: Arc<Device>,
     kernels: Kernels,
-    /// Techniques that are made outside the library.
+    /// Techniques implemented outside the library.
     others: OnceLock<&'static Techniques>,
 }
 
 impl MorphEngine {
-    /// An engine on the host's device.
+    /// Creates an engine on the host's device.
     ///
     /// # Errors
-    /// Queue families that the device does not have; numbers of [`DeviceCaps::tuning`](field@DeviceCaps::tuning) that
-    /// there are no kernels for.
+    /// Queue families that the device does not have; values of [`DeviceCaps::tuning`](field@DeviceCaps::tuning) without
+    /// kernels.
     ///
     /// # Safety
-    /// - The handles of `desc` are alive, belong together (the pipeline cache may be null), are of Vulkan 1.1 or later,
-    ///   and outlive the engine and all it creates, or live as long as the clones of `desc.owner`. An allocator that is
-    ///   handed in was made on the same device, without `buffer_device_address` unless the device has that feature
-    ///   enabled; `desc.buffer_device_address` is true only if the device has it, and so has that allocator.
-    /// - `desc.caps` does not exceed what the device has.
-    /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled on the device, and
-    ///   `desc.enabled_features` has no other features than those that were; `desc.debug_names` is true only if
-    ///   VK_EXT_debug_utils was enabled on the instance.
+    /// - The handles of `desc` are valid, belong together (the pipeline cache may be null), are of Vulkan 1.1 or later,
+    ///   and outlive the engine and everything it creates, or live as long as the clones of `desc.owner`. An allocator
+    ///   that is passed in was created on the same device, with `buffer_device_address` only if the device has that
+    ///   feature enabled. `desc.buffer_device_address` is true only if the device has it enabled and the allocator was
+    ///   created with it.
+    /// - `desc.caps` does not exceed the device's capabilities.
+    /// - `desc.transform_feedback_enabled` is true only if extension and feature were enabled on the device;
+    ///   `desc.enabled_features` has only features that were; `desc.debug_names` is true only if VK_EXT_debug_utils was
+    ///   enabled on the instance.
     pub unsafe fn new(desc: &DeviceDesc<'_>) -> Result<Self> {
         // SAFETY: the caller's obligations are those of `borrow`.
         let device = Arc::new(unsafe { Device::borrow(desc) }?);
         Ok(Self { kernels: Kernels::new(&device), others: OnceLock::new(), device })
     }
 
-    /// Techniques that are made outside the library, for crowds that are made from now on; once.
+    /// Sets the techniques implemented outside the library, for crowds created from now on. Only the first call has an
+    /// effect.
     #[doc(hidden)]
     pub fn set_techniques(&self, others: &'static Techniques) {
         self.others.get_or_init(|| others);
@@ -122,12 +126,12 @@ impl MorphEngine {
         technique(context, self.others.get().copied())
     }
 
-    /// Limits and features that the engine keeps to.
+    /// Limits and features that the engine uses.
     pub fn caps(&self) -> &DeviceCaps {
         &self.device.caps
     }
 
-    /// How to pack a mesh for this device.
+    /// The description for packing a mesh for this device.
     pub fn pack_desc(&self, format: DeltaFormat) -> PackDesc {
         let caps = &self.device.caps;
         let dispatch = u64::from(caps.max_workgroups) * u64::from(WORKGROUP);
@@ -136,23 +140,22 @@ impl MorphEngine {
         PackDesc { format, max_chunk_bytes: caps.max_storage_range, max_chunk_vertices, blocks: BlockDesc::default() }
     }
 
-    /// Bytes of memory that the allocator has from the driver, blocks that are not full included: all of the host's,
-    /// where it handed one in.
+    /// Bytes that the allocator has allocated from the driver, including unused parts of blocks; of the host's
+    /// allocator, if one was passed in.
     pub fn allocated_bytes(&self) -> u64 {
         self.device.allocator().capacity()
     }
 
-    /// Make pose buffers and pipelines for the instances of a mesh, all weights 0. The first update writes
-    /// their base poses.
+    /// Creates pose buffers and pipelines for instances of a mesh, all weights 0. The first update writes base poses.
     ///
-    /// Pipelines are made here, not while animating; crowds that take the same kernels share them.
+    /// Pipelines are created here, never while animating; crowds share pipelines of the same kernels.
     ///
     /// # Errors
-    /// A mesh that another engine uploaded; a path or batch size that the device cannot run, with what to use instead;
-    /// vertices of the host's ([`CrowdDesc::poses`]) that do not suit the mesh or the path, or a buffer that is too
-    /// small for them, as far as `vkGetBufferMemoryRequirements` tells; usages ([`CrowdDesc::pose_usage`]) that the
-    /// device was not said to allow; a [queue family](field@CrowdDesc::queue_family) that there is not, that lacks what
-    /// the path needs, or that the engine was not made for; no memory.
+    /// A mesh of another engine; a path or batch size that the device does not support (the message names an
+    /// alternative); host vertices ([`CrowdDesc::poses`]) that do not match the mesh or the path, or whose buffer is
+    /// too small, as far as `vkGetBufferMemoryRequirements` tells; usages ([`CrowdDesc::pose_usage`]) that the device
+    /// does not allow; a [queue family](field@CrowdDesc::queue_family) that does not exist, lacks what the path needs,
+    /// or is not one of the engine's; no memory.
     pub fn create_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc) -> Result<Crowd> {
         self.check_crowd(mesh, desc, Runner::Device(&self.device.caps))?;
         let targets = mesh.layout().targets.len();
@@ -161,7 +164,7 @@ impl MorphEngine {
         })
     }
 
-    /// Refuse a mesh that was uploaded elsewhere.
+    /// Checks that a mesh was uploaded by this engine.
     fn check_own(&self, mesh: &GpuMesh) -> Result<()> {
         if mesh.groups[0].base.is_on(&self.device) {
             return Ok(());
@@ -185,35 +188,34 @@ impl MorphEngine {
         Ok(())
     }
 
-    /// Make a crowd whose instances play clips on the GPU, and record the upload of the clips. Each update samples
-    /// every instance at the time set, plans, and carries the plan out; the CPU records the same commands whatever
+    /// Creates a crowd whose instances play clips on the GPU, and records the upload of the clips. Each update samples
+    /// every instance at the current time, plans and executes on the GPU; the CPU records the same commands whatever
     /// changes.
     ///
-    /// Poses are integers: they do not drift, and there is no bound to keep. With an error budget, changes are deferred
-    /// target by target ([`error_budget`](field@crate::plan::UpdateDesc::error_budget)). Slots always rotate. Instances
-    /// that have played nothing yet show the base pose. What an update wrote only the GPU knows:
-    /// [`UpdateStats`](crate::plan::UpdateStats) count a pass, and nothing else. There is no ring of lists either: any
-    /// number of updates may be in flight.
+    /// Poses are fixed-point, so they do not drift. An [`error_budget`](field@crate::plan::UpdateDesc::error_budget)
+    /// defers changes target by target. Slots rotate in every update. Instances that have not played anything show the
+    /// base pose. [`UpdateStats`](crate::plan::UpdateStats) count one pass and nothing else, since only the GPU knows
+    /// the rest. Any number of updates may be in flight, since there is no ring of lists.
     ///
-    /// An update that is [discarded](AnimatedCrowd::discard) changed nothing: the poses are those of the update before,
-    /// and the next update does what it would have done. Only instances that it added have no pose until then, and such
-    /// as came and went several times in the updates discarded.
+    /// A [discarded](AnimatedCrowd::discard) update changed nothing: poses are those of the update before it, and the
+    /// next update does its work. Until then, instances added since have no pose, nor do those that were shown and
+    /// hidden repeatedly in the discarded updates.
     ///
-    /// This records: a copy and two fills, and a barrier that makes them visible to updates (first stage TRANSFER with
+    /// Records: a copy and two fills, and a barrier that makes them visible to updates (first stage TRANSFER with
     /// TRANSFER_WRITE; last COMPUTE_SHADER).
     ///
     /// The caller is responsible for: submitting `cmd` before any update of the crowd, and calling
-    /// [`AnimatedCrowd::release_staging`] once it has run.
+    /// [`AnimatedCrowd::release_staging`] once it has finished.
     ///
     /// # Errors
-    /// As [`create_crowd`](Self::create_crowd) and [`Clips::new`]; float32 poses, more than 32 slots; more
-    /// instances, clips or entries than the device's storage range holds, with the numbers. Nothing is recorded then.
+    /// Errors of [`create_crowd`](Self::create_crowd) and [`Clips::new`]; float32 poses; more than 32 slots; instances,
+    /// clips or entries beyond the device's storage range, with the numbers. Nothing is recorded then.
     ///
     /// # Safety
     /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and
     ///   without active conditional rendering, on a queue with compute.
-    /// - It runs before any update of the crowd, exactly once; where it never does, the crowd is not updated.
-    /// - The value returned is dropped only when the device no longer uses it.
+    /// - It runs exactly once, before any update of the crowd; if it never runs, the crowd is not updated.
+    /// - The returned value is dropped only when the device no longer uses it.
     pub unsafe fn create_animated_crowd(
         &self,
         cmd: vk::CommandBuffer,
@@ -222,7 +224,7 @@ impl MorphEngine {
         animation: &AnimationDesc<'_>,
     ) -> Result<AnimatedCrowd> {
         self.check_crowd(mesh, desc, Runner::Animated(Some(&self.device.caps)))?;
-        // Weights are the GPU's: none are set.
+        // The GPU has the weights: none are requested by the host.
         let crowd = AnimatedCrowd::on_device(&self.device, &self.kernels, mesh, desc, 0, |context, poses| {
             let clips = Clips::new(animation, context.layout(), context.grid())?;
             Ok(Playing::new(Animated::new(context, clips)?, poses))

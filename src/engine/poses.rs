@@ -1,4 +1,4 @@
-//! The memory that a crowd keeps its poses in: buffers of ours, one for each group of the mesh, or one of the host's.
+//! Memory of poses: engine-owned buffers, one per group of the mesh, or one buffer of the host.
 
 use super::upload::GpuMesh;
 use crate::error::{Error, Result};
@@ -14,14 +14,13 @@ use ash::vk;
 use gpu_allocator::MemoryLocation;
 use std::sync::Arc;
 
-/// What storage buffers begin at a multiple of, on any device.
+/// Largest alignment of storage-buffer offsets of any device.
 const ALIGNMENT: u64 = 256;
 
-/// The poses of a crowd in each group of a mesh, and the buffers that are ours.
+/// The poses of a crowd in each group of a mesh, and the engine-owned buffers.
 ///
 /// # Errors
-/// A place in a buffer of the host's that is no multiple of words, or that ends behind it; no grid for poses of
-/// integers; no memory.
+/// A host buffer with a misaligned offset, or too small; no grid for fixed-point poses; no memory.
 pub(super) fn make(device: &Arc<Device>, mesh: &GpuMesh, desc: &CrowdDesc) -> Result<(Vec<PoseGroup>, Vec<Buffer>)> {
     let mut buffers = vec![];
     let group = |group: &Arc<MeshBuffers>| {
@@ -77,7 +76,7 @@ fn poses_of_host(device: &Device, host: &HostPoses, layout: &PackedLayout, desc:
     }
     let poses = BufferRange::new(host.buffer(), offset, end - offset);
     poses.check_room(device, &format!("the poses of {} instances of mesh '{}'", desc.instances, layout.name))?;
-    // A descriptor begins where it may; kernels count from there.
+    // Descriptors start at an aligned offset; kernels add the rest.
     let lead = offset % ALIGNMENT;
     Ok(Poses {
         buffer: host.buffer(),
@@ -93,16 +92,16 @@ fn poses_of_host(device: &Device, host: &HostPoses, layout: &PackedLayout, desc:
     })
 }
 
-/// Bytes of device memory that the poses of a crowd take in the groups of a mesh, whoever has it.
+/// Bytes of device memory for the poses of a crowd in the groups of a mesh.
 pub(super) fn bytes<'a>(mut groups: impl Iterator<Item = &'a PackedLayout>, desc: &CrowdDesc) -> u64 {
     match &desc.poses {
-        // All groups are in the same vertices.
+        // All groups share the host's vertices.
         Some(host) => groups.next().map_or(0, |layout| host.vertex().pose_bytes(layout).saturating_mul(count(desc))),
         None => groups.map(|layout| bytes_of(layout, desc)).sum(),
     }
 }
 
-/// Bytes of a pose buffer of ours. On a direct path that is one pose, to capture into.
+/// Bytes of an engine-owned pose buffer. On a direct path one pose, for captures.
 fn bytes_of(layout: &PackedLayout, desc: &CrowdDesc) -> u64 {
     let pose = layout.pose_bytes(desc.update.pose);
     if desc.update.path.evaluates_in_draws() { pose } else { pose.saturating_mul(count(desc)) }

@@ -1,4 +1,4 @@
-//! Poses copied to host memory, and decoded there.
+//! Copies poses to host memory, and decodes them.
 
 use super::MorphEngine;
 use super::base::{AnyCrowd, DeviceCrowd};
@@ -16,12 +16,12 @@ use ash::vk;
 use gpu_allocator::MemoryLocation;
 use std::sync::Arc;
 
-/// Host memory that poses are copied to: for tools, picking, collision, export, tests. It may be used again once the
-/// copies recorded with it have finished.
+/// Host memory to which poses are copied: for tools, picking, collision, export, tests. Reusable once the copies
+/// recorded with it have finished.
 pub struct PoseReadback {
     device: Arc<Device>,
     buffer: Option<Buffer>,
-    /// Bytes that it has room for.
+    /// Its capacity.
     bytes: u64,
     copies: Vec<CopiedPose>,
 }
@@ -33,49 +33,48 @@ struct CopiedPose {
     mesh: Arc<MeshBuffers>,
     view: PoseView,
     at: u64,
-    /// Where the base pose is, which integers are displacements from.
+    /// Byte offset of the base pose, for fixed-point poses.
     base_at: u64,
 }
 
-/// A pose that was read back, in the order of the mesh that was packed, without padding.
+/// A pose read back, in the packed mesh's user order, without padding.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ReadPose {
     /// The instance.
     pub instance: u32,
-    /// Six numbers a vertex: position in input units, and normal, not normalised.
+    /// Six numbers per vertex: position in input units, and normal, not normalised.
     pub vertices: Vec<f32>,
-    /// The other streams of the mesh: their [components](Semantic::components), vertex after vertex.
+    /// The other streams of the mesh: their [components](Semantic::components), vertex by vertex.
     pub streams: Vec<(Semantic, Vec<f32>)>,
 }
 
 impl MorphEngine {
-    /// Memory for reading poses back: none yet, as much as they take when they are [recorded](PoseReadback::record).
+    /// Memory for reading poses back, allocated when poses are [recorded](PoseReadback::record).
     pub fn readback(&self) -> PoseReadback {
         PoseReadback { device: self.device.clone(), buffer: None, bytes: 0, copies: vec![] }
     }
 }
 
 impl PoseReadback {
-    /// Record copies of the poses of `instances`, in the place of what was recorded before. It comes after the update
-    /// that writes them, in the same command buffer or a later one.
+    /// Records copies of the poses of `instances`, which replace those recorded before; after the update that writes
+    /// them, in the same command buffer or a later one.
     ///
-    /// This records: a barrier from the stages that write poses to copies (TRANSFER with TRANSFER_READ), whatever the
-    /// [consumers](crate::CrowdDesc::consumers) of the crowd are; the copies, of the base pose besides where poses are
-    /// integers; and a barrier that makes them visible to the host (HOST with HOST_READ), and that later updates wait
-    /// for.
+    /// Records: a barrier from the stages that write poses to copies (TRANSFER with TRANSFER_READ), independent of the
+    /// crowd's [consumers](crate::CrowdDesc::consumers); the copies, including the base pose if poses are fixed-point;
+    /// and a barrier that makes them visible to the host (HOST with HOST_READ), for which later updates wait.
     ///
     /// # Errors
-    /// A crowd that another engine made; as [`Crowd::pose`](super::Crowd::pose), for each instance; no memory. Nothing
-    /// is recorded then, and what was recorded before can be read as before.
+    /// A crowd of another engine; errors of [`Crowd::pose`](super::Crowd::pose) for each instance; no memory. Nothing
+    /// is recorded then, and earlier copies can still be read.
     ///
     /// # Safety
     /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and
-    ///   without active conditional rendering, on the queue that updates of the crowd run on. It runs after the updates
-    ///   of the crowd that were recorded so far, and before later ones.
-    /// - What was recorded with this value before has finished, or never runs.
+    ///   without active conditional rendering, on the queue of the crowd's updates. It runs after the updates of the
+    ///   crowd recorded so far, and before later ones.
+    /// - Everything recorded with this value before has finished, or will never run.
     /// - This value and the crowd live until the device has finished.
-    /// - Vertices of the host's own that poses are in were made as source of copies, too.
+    /// - A host buffer of poses has transfer source usage.
     pub unsafe fn record(
         &mut self,
         cmd: vk::CommandBuffer,
@@ -92,10 +91,10 @@ impl PoseReadback {
         unsafe { self.record_views(cmd, base, &views) }
     }
 
-    /// Record copies of views of a crowd's poses: instance, group and view.
+    /// Records copies of views of a crowd's poses: instance, group and view.
     ///
     /// # Safety
-    /// As [`record`](Self::record).
+    /// See [`record`](Self::record).
     #[doc(hidden)]
     pub unsafe fn record_views(
         &mut self,
@@ -124,7 +123,7 @@ impl PoseReadback {
             copies.push(CopiedPose { instance, group, mesh, view, at, base_at: bases[group] });
         }
         if bytes > self.bytes || self.buffer.is_none() {
-            // What is there goes after: it stays where there is no memory for both.
+            // The old buffer is freed after success: it stays if there is no memory for both.
             let usage = vk::BufferUsageFlags::TRANSFER_DST;
             let buffer = Buffer::new(&self.device, "deltamorph read-back", bytes, usage, MemoryLocation::GpuToCpu)?;
             (self.buffer, self.bytes) = (Some(buffer), bytes);
@@ -147,10 +146,10 @@ impl PoseReadback {
         Ok(())
     }
 
-    /// The poses that were recorded last, in that order, decoded.
+    /// Decodes the poses recorded last, in that order.
     ///
     /// # Errors
-    /// A driver whose memory of a host-visible type cannot be mapped, which Vulkan does not allow; none is known.
+    /// Mapping of host-visible memory fails, which Vulkan does not allow; no such driver is known.
     ///
     /// # Safety
     /// The command buffer that they were recorded into has finished: the host has waited for its fence.
@@ -172,10 +171,10 @@ impl PoseReadback {
         Ok(poses)
     }
 
-    /// As [`poses`](Self::poses), by view: six numbers a vertex.
+    /// Like [`poses`](Self::poses), by view: six numbers per vertex.
     ///
     /// # Safety
-    /// As there.
+    /// The same.
     #[doc(hidden)]
     pub unsafe fn decoded(&mut self) -> Result<Vec<Vec<f32>>> {
         let Some(buffer) = &mut self.buffer else { return Ok(vec![]) };
@@ -186,7 +185,7 @@ impl PoseReadback {
                 true => &bytes[*base_at as usize..][..mesh.layout.base_bytes() as usize],
                 false => &[],
             };
-            // Base poses may be at any multiple of four bytes.
+            // Base poses are aligned to four bytes only.
             let base: Vec<f32> = base.as_chunks().0.iter().map(|bytes| f32::from_ne_bytes(*bytes)).collect();
             mesh.layout.to_user_order(&view.format.decode(&view.tight(pose), &base, view.units))
         };

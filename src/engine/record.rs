@@ -1,4 +1,4 @@
-//! Updates: planned first, then recorded as they were planned.
+//! Updates: planned first, then recorded.
 
 use super::MorphEngine;
 use super::base::{AnyCrowd, DeviceCrowd, Update};
@@ -9,42 +9,42 @@ use crate::plan::schedule::{Entry, Schedule};
 use ash::vk;
 
 impl MorphEngine {
-    /// Record the update of all instances of `crowd` to the weights requested.
+    /// Records the update of all instances of `crowd` to the requested weights.
     ///
-    /// This records: nothing when no weight changed; otherwise the passes of the plan with the barriers they need.
-    /// First stages: those of the [consumers](crate::CrowdDesc::consumers) (reads of earlier poses) and the path's own;
-    /// last: the consumers' (none, where all are on another queue), by default VERTEX_INPUT with VERTEX_ATTRIBUTE_READ
+    /// Records: nothing if no weight changed; otherwise the passes of the plan with the barriers they need. First
+    /// stages: those of the [consumers](crate::CrowdDesc::consumers) (reads of earlier poses) and the path's own. Last
+    /// stages: the consumers' (none, if all are on another queue), by default VERTEX_INPUT with VERTEX_ATTRIBUTE_READ
     /// and VERTEX_SHADER with SHADER_READ, so that draws recorded next may read [`Crowd::pose`](super::Crowd::pose) and
     /// [`Crowd::previous_pose`](super::Crowd::previous_pose) as vertex attributes or storage buffers.
     ///
-    /// It binds over: the compute pipeline, its set 0 and push constants (`compute`, `blocks`, `scatter`, and
-    /// [what follows the pose](crate::after)); the graphics pipeline, vertex bindings from 0 on, push constants and
-    /// transform-feedback binding 0 (`feedback`), or set 0 (`vertex-store`).
+    /// It overwrites these bindings: the compute pipeline, its set 0 and push constants (`compute`, `blocks`,
+    /// `scatter`, and [steps after the pose](crate::after)); the graphics pipeline, vertex bindings from 0 on, push
+    /// constants and transform-feedback binding 0 (`feedback`), or set 0 (`vertex-store`).
     ///
     /// The direct paths record nothing: their update is a list of weights for their draws.
     ///
-    /// The caller is responsible for: submitting `cmd` exactly once, after all earlier updates of the crowd,
-    /// or calling [`Crowd::discard`](super::Crowd::discard) with the ticket; having at most
-    /// [`CrowdDesc::frames_in_flight`](crate::CrowdDesc::frames_in_flight) updates unfinished, this one included;
-    /// binding its own state anew; barriers of its own where other stages than those named read or have read poses.
+    /// The caller is responsible for: submitting `cmd` exactly once, after all earlier updates of the crowd, or calling
+    /// [`Crowd::discard`](super::Crowd::discard) with the ticket; having at most
+    /// [`CrowdDesc::frames_in_flight`](crate::CrowdDesc::frames_in_flight) updates unfinished, including this one;
+    /// restoring its own bindings; barriers of its own if other stages than the consumers' read poses.
     ///
     /// # Errors
-    /// A crowd that another engine made. Nothing is recorded then.
+    /// A crowd of another engine. Nothing is recorded then.
     ///
     /// # Safety
     /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and
-    ///   without active conditional rendering (the state of the crowd takes the update as done), on a queue of the
-    ///   family that [`CrowdDesc::queue_family`](field@crate::CrowdDesc::queue_family) names, or else with graphics and
+    ///   without active conditional rendering (the crowd's state takes the update as executed), on a queue of family
+    ///   [`CrowdDesc::queue_family`](field@crate::CrowdDesc::queue_family) or, if that is `None`, with graphics and
     ///   compute.
     /// - It runs exactly once, after the upload of the mesh and all earlier updates of the crowd, and before later
     ///   ones; or it never runs, and [`Crowd::discard`](super::Crowd::discard) is called with the ticket before any
     ///   later update is recorded.
-    /// - A ticket is discarded only if neither its update nor any later one of the crowd runs: the next update takes
-    ///   over the memory of their lists.
-    /// - With this one, at most [`CrowdDesc::frames_in_flight`](crate::CrowdDesc::frames_in_flight) updates of the
-    ///   crowd are recorded and not yet finished.
-    /// - After an error or a panic nothing of the update counts as done; `cmd` may hold some of its commands after a
-    ///   panic, and is not run then.
+    /// - A ticket is discarded only if neither its update nor any later one of the crowd runs: the next update reuses
+    ///   the memory of their lists.
+    /// - Including this one, at most [`CrowdDesc::frames_in_flight`](crate::CrowdDesc::frames_in_flight) updates of the
+    ///   crowd are recorded but unfinished.
+    /// - After an error or a panic the update does not count as recorded; after a panic `cmd` may contain some of its
+    ///   commands, and must not be submitted.
     /// - Engine, mesh and crowd live until the device has finished.
     pub unsafe fn record_update(&self, cmd: vk::CommandBuffer, crowd: &mut (impl AnyCrowd + ?Sized)) -> Result<Update> {
         let (mut crowds, mut update) = ([crowd.base_mut()], None);
@@ -54,17 +54,17 @@ impl MorphEngine {
         update.ok_or_else(|| Error::invalid("an update of an empty list of crowds", "pass at least one"))
     }
 
-    /// Record the updates of several crowds, of either kind, as [`record_update`](Self::record_update) does for one.
-    /// They share their barriers: one before all, one after all, and between only those that the longest of them needs.
+    /// Records the updates of several crowds, of either kind, like [`record_update`](Self::record_update) for each.
+    /// They share barriers: one before all, one after all, and in between only those that the longest update needs.
     /// Returns the updates in the order of `crowds`.
     ///
     /// # Errors
-    /// As [`record_update`](Self::record_update); crowds that are made for queues of different
-    /// [families](field@crate::CrowdDesc::queue_family). Nothing is recorded then, and no update is taken as done:
-    /// poses of crowds that were planned before the one that failed are written anew by their next update.
+    /// Those of [`record_update`](Self::record_update); crowds for queues of different
+    /// [families](field@crate::CrowdDesc::queue_family). Nothing is recorded then, and no update takes effect: crowds
+    /// planned before the one that failed rewrite their poses in their next update.
     ///
     /// # Safety
-    /// As [`record_update`](Self::record_update), for each crowd.
+    /// See [`record_update`](Self::record_update), for each crowd.
     pub unsafe fn record_updates(
         &self,
         cmd: vk::CommandBuffer,
@@ -78,7 +78,7 @@ impl MorphEngine {
         Ok(updates)
     }
 
-    /// Plan an update of every crowd, and in which order all are recorded.
+    /// Plans an update of every crowd, and their common schedule.
     pub(super) fn plan<'a, 'b>(
         &self,
         crowds: &'a mut [&'b mut DeviceCrowd],
@@ -86,7 +86,7 @@ impl MorphEngine {
     ) -> Result<Planned<'a, 'b>> {
         crowds.iter().try_for_each(|crowd| crowd.check_device(&self.device))?;
         check_families(&self.device.caps, crowds.iter().map(|crowd| crowd.desc().queue_family))?;
-        // Scratch space is kept from update to update.
+        // The schedule's storage is reused.
         let schedule = crowds.first_mut().map(|crowd| std::mem::take(&mut crowd.kind.schedule)).unwrap_or_default();
         let mut planned = Planned { crowds, begun: 0, schedule };
         for i in 0..planned.crowds.len() {
@@ -98,8 +98,8 @@ impl MorphEngine {
     }
 }
 
-/// Refuse crowds whose updates cannot run on the queue of one command buffer. Those that name no family are for one
-/// with graphics and compute.
+/// Checks that all updates can run on the queue of one command buffer. Crowds without a family need graphics and
+/// compute.
 fn check_families(caps: &DeviceCaps, families: impl Iterator<Item = Option<u32>> + Clone) -> Result<()> {
     let Some(one) = families.clone().flatten().next() else { return Ok(()) };
     let default = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
@@ -114,19 +114,19 @@ fn check_families(caps: &DeviceCaps, families: impl Iterator<Item = Option<u32>>
     Err(Error::invalid(text, "record those of each family into a command buffer of its own"))
 }
 
-/// Updates that are planned and not yet recorded: all are taken back when planning or recording fails or panics.
+/// Planned updates that are not yet recorded; dropping it discards them.
 pub(super) struct Planned<'a, 'b> {
     pub(super) crowds: &'a mut [&'b mut DeviceCrowd],
-    /// Crowds of which an update is planned, or was begun to be.
+    /// Crowds whose planning has begun.
     begun: usize,
     pub(super) schedule: Schedule,
 }
 
 impl Planned<'_, '_> {
-    /// Record what was planned.
+    /// Records what was planned.
     ///
     /// # Safety
-    /// As [`MorphEngine::record_updates`].
+    /// See [`MorphEngine::record_updates`].
     pub(super) unsafe fn record(mut self, device: &ash::Device, cmd: vk::CommandBuffer) {
         for entry in &self.schedule.entries {
             match entry {

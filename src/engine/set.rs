@@ -1,12 +1,12 @@
-//! Crowds of several meshes that take one weight vector.
+//! Crowds of several meshes with a common weight vector.
 
 use super::base::{AnyCrowd, Ticket, Update};
 use super::crowd::Crowd;
 use crate::error::{Error, Result};
 use crate::weights::names::unknown;
 
-/// Crowds of several meshes (head, teeth, lashes, tongue) whose instances take one weight vector: by their names, a
-/// weight goes to the targets of every mesh. Instance i of the set is instance i of each crowd.
+/// Crowds of several meshes (face, teeth, lashes, tongue) whose instances share one weight vector: a weight applies to
+/// the targets of its name in every mesh. Instance i of the set is instance i of each crowd.
 ///
 /// One call records the updates of all, with shared barriers:
 /// [`record_updates`](super::MorphEngine::record_updates) of [`crowds_mut`](Self::crowds_mut). Poses are those of the
@@ -14,25 +14,25 @@ use crate::weights::names::unknown;
 pub struct CrowdSet {
     crowds: Vec<Crowd>,
     names: Vec<String>,
-    /// Of each crowd: which weight goes to which target.
+    /// By crowd: pairs of weight and target.
     driven: Vec<Vec<(usize, usize)>>,
-    /// Scratch space: the weights of an instance in each crowd.
+    /// Scratch memory: the weights of an instance in each crowd.
     weights: Vec<Vec<f32>>,
 }
 
 impl CrowdSet {
-    /// A set of these crowds. Its weights are, to begin with, those of all their targets: each name once, in the order
-    /// in which crowds and their targets name them.
+    /// A set of these crowds. Its weights are initially those of all targets: each name once, in the order of crowds
+    /// and their targets.
     ///
     /// # Errors
-    /// No crowd; crowds whose instances are not the same.
+    /// No crowd; crowds with different instances.
     pub fn new(crowds: Vec<Crowd>) -> Result<Self> {
         let instances = |crowd: &Crowd| {
             let present = |instance: &u32| crowd.instances.check(*instance).is_ok();
             (crowd.desc().instances, (0..crowd.desc().instances).filter(present).collect::<Vec<_>>())
         };
         let Some(first) = crowds.first().map(instances) else {
-            return Err(Error::invalid("a set of no crowd", "name one or more"));
+            return Err(Error::invalid("a set of no crowd", "pass one or more"));
         };
         if let Some(other) = crowds.iter().map(instances).find(|other| *other != first) {
             let text =
@@ -51,11 +51,11 @@ impl CrowdSet {
         Ok(set)
     }
 
-    /// From now on weights are of these names, in this order: those of a clip or of a tracker. Targets that are not
-    /// among them keep the weights that were requested last.
+    /// Sets the names of the weights, in order, such as those of a clip or a tracker. Other targets keep the weights
+    /// requested last.
     ///
     /// # Errors
-    /// A name that no mesh has, with the one that was probably meant; a name that comes twice. Nothing changes then.
+    /// A name that no mesh has (the message suggests the closest one); a duplicate name. Nothing changes then.
     pub fn bind(&mut self, names: &[impl AsRef<str>]) -> Result<()> {
         let names: Vec<String> = names.iter().map(|name| name.as_ref().to_owned()).collect();
         if let Some(name) = names.iter().enumerate().find_map(|(i, name)| names[..i].contains(name).then_some(name)) {
@@ -81,18 +81,18 @@ impl CrowdSet {
         Ok(())
     }
 
-    /// What the weights are called, in their order.
+    /// The names of the weights, in order.
     pub fn names(&self) -> &[String] {
         &self.names
     }
 
-    /// The crowds, in the order in which they were handed in.
+    /// The crowds, in the order of [`new`](Self::new).
     pub fn crowds(&self) -> &[Crowd] {
         &self.crowds
     }
 
-    /// The crowds, to record their updates by one call of [`record_updates`](super::MorphEngine::record_updates), alone
-    /// or among others.
+    /// The crowds, to record their updates with one call of [`record_updates`](super::MorphEngine::record_updates),
+    /// possibly among others.
     pub fn crowds_mut(&mut self) -> Vec<&mut dyn AnyCrowd> {
         self.crowds.iter_mut().map(|crowd| crowd as &mut dyn AnyCrowd).collect()
     }
@@ -101,15 +101,15 @@ impl CrowdSet {
     /// ([`set_skin_target`](super::MorphEngine::set_skin_target)), bounded, decoded, with normals of their surface.
     /// `None`: there is no such crowd.
     pub fn crowd_mut(&mut self, index: usize) -> Option<&mut dyn AnyCrowd> {
-        // Not as a `Crowd`, which could be replaced by one of another mesh or with other instances.
+        // Not as a `Crowd`, which the caller could replace with one of another mesh or other instances.
         self.crowds.get_mut(index).map(|crowd| crowd as &mut dyn AnyCrowd)
     }
 
-    /// Request these weights of an instance in all crowds, one for each of the [`names`](Self::names), from the next
+    /// Sets the requested weights of an instance in all crowds, one per name of [`names`](Self::names), from the next
     /// recorded updates on.
     ///
     /// # Errors
-    /// A wrong number of weights; else as [`Crowd::set_weights`]. Nothing changes then, in no crowd.
+    /// A wrong number of weights, and the errors of [`Crowd::set_weights`]. Nothing changes then, in any crowd.
     pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
         if weights.len() != self.names.len() {
             let text = format!("{} weights given, but the set has {} names", weights.len(), self.names.len());
@@ -127,15 +127,15 @@ impl CrowdSet {
     /// See [`Crowd::cut`].
     ///
     /// # Errors
-    /// As there.
+    /// The same.
     pub fn cut(&mut self, instance: u32) -> Result<()> {
         self.crowds.iter_mut().try_for_each(|crowd| crowd.cut(instance))
     }
 
-    /// The joints of a skinned instance of the crowd at `index` moved: see [`Crowd::set_joints`].
+    /// Sets new joints of a skinned instance of the crowd at `index`; see [`Crowd::set_joints`].
     ///
     /// # Errors
-    /// No such crowd; else as there.
+    /// No such crowd, and the errors of [`Crowd::set_joints`].
     pub fn set_joints(&mut self, index: usize, instance: u32, offset: u64) -> Result<()> {
         let count = self.crowds.len();
         let crowd = self.crowds.get_mut(index).ok_or_else(|| {
@@ -147,7 +147,7 @@ impl CrowdSet {
     /// See [`Crowd::set_hidden`].
     ///
     /// # Errors
-    /// As there.
+    /// The same.
     pub fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<()> {
         self.crowds.iter_mut().try_for_each(|crowd| crowd.set_hidden(instance, hidden))
     }
@@ -155,22 +155,22 @@ impl CrowdSet {
     /// See [`Crowd::add`].
     ///
     /// # Errors
-    /// As there.
+    /// The same.
     pub fn add(&mut self) -> Result<u32> {
-        // They have the same places: what one has, all have.
+        // All crowds have the same free places.
         self.crowds.iter_mut().map(Crowd::add).try_fold(0, |_, added| added)
     }
 
     /// See [`Crowd::remove`].
     ///
     /// # Errors
-    /// As there.
+    /// The same.
     pub fn remove(&mut self, instance: u32) -> Result<()> {
         self.crowds.iter_mut().try_for_each(|crowd| crowd.remove(instance))
     }
 
-    /// These updates, which one call recorded of [`crowds_mut`](Self::crowds_mut), in that order, and all later ones
-    /// will never run: see [`Crowd::discard`].
+    /// Discards `updates`, returned by one call of [`record_updates`](super::MorphEngine::record_updates) for
+    /// [`crowds_mut`](Self::crowds_mut) in order, and all later ones; see [`Crowd::discard`].
     ///
     /// # Errors
     /// Updates of other crowds. Nothing is discarded then.

@@ -1,4 +1,4 @@
-//! Meshes on their way to the device.
+//! Upload of meshes to the device.
 
 use super::MorphEngine;
 use super::views::{PoseView, StreamView, place};
@@ -15,7 +15,7 @@ use crate::update::technique::Techniques;
 use ash::vk;
 use std::sync::Arc;
 
-/// A mesh on the device. Crowds keep what they need of it alive.
+/// A mesh on the device. Crowds keep its buffers alive.
 pub struct GpuMesh {
     /// At least one.
     pub(crate) groups: Vec<Arc<MeshBuffers>>,
@@ -23,21 +23,21 @@ pub struct GpuMesh {
 }
 
 impl GpuMesh {
-    /// Give the staging memory back.
+    /// Frees the staging memory.
     ///
     /// # Safety
-    /// The upload that was recorded with this mesh has run, or never will: its copies read the memory.
+    /// The upload recorded with this mesh has finished, or will never run: its copies read the memory.
     pub unsafe fn release_staging(&mut self) {
         self.staging.clear();
     }
 
-    /// Where the base pose is, once the upload has run: what poses of integers are displacements from, as the second
-    /// vertex buffer of a draw ([`PoseFormat::vertex_input`]). Float32, in the order of poses.
+    /// The base pose on the device, to which fixed-point poses are displacements: the second vertex buffer of a draw
+    /// ([`PoseFormat::vertex_input`]). Float32, in pose-buffer order. Valid once the upload has finished.
     pub fn base_pose(&self) -> PoseView {
         self.base_pose_of(0)
     }
 
-    /// A stream of the [base pose](Self::base_pose): any that the mesh has.
+    /// A stream of the [base pose](Self::base_pose).
     ///
     /// # Errors
     /// A stream that the mesh does not have.
@@ -53,7 +53,7 @@ impl GpuMesh {
         PoseView { buffer, offset, size, stride, format, components, units: [1.0; TRIPLES], slot: 0 }
     }
 
-    /// Names, steps and sizes of what was uploaded: of positions and normals.
+    /// The layout of positions and normals: names, steps and sizes.
     pub fn layout(&self) -> &PackedLayout {
         &self.groups[0].layout
     }
@@ -65,8 +65,8 @@ impl GpuMesh {
 }
 
 impl MorphEngine {
-    /// Bytes of device memory that a mesh takes (as much again in staging memory until
-    /// [`GpuMesh::release_staging`]). One in blocks that exceeds the storage range has its base pose twice.
+    /// Bytes of device memory for a mesh, and of staging memory until [`GpuMesh::release_staging`]. A mesh in blocks
+    /// beyond the storage range has its base pose twice.
     pub fn mesh_bytes(mesh: &PackedMesh) -> u64 {
         let of = |layout: &PackedLayout| {
             let base = if layout.format.is_blocks() { 0 } else { layout.base_bytes() };
@@ -75,22 +75,22 @@ impl MorphEngine {
         mesh.groups().iter().map(|group| of(group.layout())).sum()
     }
 
-    /// Create a mesh's buffers and record their upload.
+    /// Creates a mesh's buffers and records their upload.
     ///
-    /// This records: for each group copies from staging memory, and a barrier that makes them visible to every update
-    /// path and draw (first stage TRANSFER with TRANSFER_WRITE; last ALL_COMMANDS with MEMORY_READ and MEMORY_WRITE).
+    /// Records: for each group copies from staging memory, and a barrier that makes them visible to every update path
+    /// and draw (first stage TRANSFER with TRANSFER_WRITE; last ALL_COMMANDS with MEMORY_READ and MEMORY_WRITE).
     ///
     /// The caller is responsible for: submitting `cmd` before any update of the mesh, and calling
-    /// [`GpuMesh::release_staging`] once it has run.
+    /// [`GpuMesh::release_staging`] once it has finished.
     ///
     /// # Errors
-    /// A mesh that exceeds the device's limits, with the numbers; no memory.
+    /// A mesh beyond the device's limits, with the numbers; no memory.
     ///
     /// # Safety
     /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and
     ///   without active conditional rendering, on any queue.
-    /// - It runs before any update of the mesh, exactly once; where it never does, no crowd of the mesh is updated.
-    /// - The value returned is dropped only when the device no longer uses it.
+    /// - It runs exactly once, before any update of the mesh; if it never runs, no crowd of the mesh is updated.
+    /// - The returned value is dropped only when the device no longer uses it.
     pub unsafe fn upload(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh) -> Result<GpuMesh> {
         let group = |group: &PackedGroup| {
             self.check_mesh(group.layout())?;
@@ -102,13 +102,13 @@ impl MorphEngine {
         Ok(unsafe { self.upload_buffers(cmd, groups, staging) })
     }
 
-    /// As [`upload`](Self::upload), for crowds on `path`, which may read words of its own.
+    /// Like [`upload`](Self::upload), for crowds on `path`, which may have its own encoding.
     ///
     /// # Errors
-    /// As [`upload`](Self::upload); a mesh that the path does not take; a technique of others that there is not.
+    /// Those of [`upload`](Self::upload); a mesh that the path does not support; a baseline that is not linked.
     ///
     /// # Safety
-    /// As [`upload`](Self::upload).
+    /// See [`upload`](Self::upload).
     #[doc(hidden)]
     pub unsafe fn upload_for(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh, path: UpdatePath) -> Result<GpuMesh> {
         let (device, layout) = (&self.device, mesh.layout());
@@ -128,10 +128,10 @@ impl MorphEngine {
         }
     }
 
-    /// Record these uploads, of groups of a mesh that was checked.
+    /// Records these uploads, of groups of a checked mesh.
     ///
     /// # Safety
-    /// As [`upload`](Self::upload).
+    /// See [`upload`](Self::upload).
     unsafe fn upload_buffers(&self, cmd: vk::CommandBuffer, groups: Vec<MeshBuffers>, staging: Vec<Upload>) -> GpuMesh {
         // SAFETY: the caller's obligations.
         unsafe { record_uploads(&self.device, cmd, &staging) };
@@ -155,7 +155,7 @@ impl MorphEngine {
         let chunk_groups = (layout.chunk_vertices as u64).div_ceil(WORKGROUP.into());
         limit("a pose takes", layout.base_bytes(), "bytes", range, "split the mesh")?;
         if layout.format.is_blocks() {
-            // Deltas are cut into parts.
+            // Deltas are split into parts.
             return Ok(());
         }
         limit("a chunk of deltas takes", chunk_bytes(layout), "bytes", range, "pack with MorphEngine::pack_desc")?;

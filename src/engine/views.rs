@@ -1,4 +1,4 @@
-//! Where poses and their streams are, for hosts that read them.
+//! Locations of poses and streams in buffers, for hosts that read them.
 
 use crate::asset::streams::{Semantic, StreamPlace, TRIPLE, TRIPLES};
 use crate::error::{Error, Result};
@@ -8,51 +8,51 @@ use crate::update::technique::Poses;
 use ash::vk;
 use std::borrow::Cow;
 
-/// Where a pose is: from `offset` on, each number as its [`PoseFormat`] says. Positions are relative to
-/// [`PackedLayout::origin`]; normals are not normalised.
+/// Location of a pose, with numbers in its [`PoseFormat`]. Positions are relative to [`PackedLayout::origin`]; normals
+/// are not normalised.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct PoseView {
-    /// The buffer; usable as vertex, storage and transfer-source buffer, if it is not the host's own.
+    /// The buffer. Engine-owned ones have vertex, storage and transfer source usage.
     pub buffer: vk::Buffer,
-    /// Offset of the first vertex: a multiple of 256 of a pose in a buffer of ours, of 4 of a base pose and in a buffer
-    /// of the host's.
+    /// Byte offset of the first vertex: a multiple of 256 in an engine-owned pose buffer, of 4 in a host buffer and for
+    /// a base pose.
     pub offset: u64,
     /// Bytes, padding included.
     pub size: u64,
-    /// Bytes from vertex to vertex.
+    /// Bytes per vertex.
     pub stride: u32,
-    /// How numbers are stored.
+    /// The pose format.
     pub format: PoseFormat,
-    /// Bytes from the beginning of a vertex to each of its six numbers (position, then normal); `None`: not stored, in
-    /// vertices of the host's that have no place for it.
+    /// Byte offset in a vertex of each of its six components (position, then normal); `None`: not stored in the host's
+    /// vertices.
     pub components: [Option<u32>; POSE_FLOATS],
-    /// Input units of integers, of each triple of a vertex (of positions and of normals): a number is that of the base
-    /// pose ([`GpuMesh::base_pose`](crate::GpuMesh::base_pose)) plus integer × unit. 1 where numbers are float32. The
-    /// same for all poses of a crowd.
+    /// Input units per integer, by triple of a vertex (positions, normals): a component is that of the base pose
+    /// ([`GpuMesh::base_pose`](crate::GpuMesh::base_pose)) plus integer × unit. 1 for float32. The same for all poses
+    /// of a crowd.
     pub units: [f32; TRIPLES],
-    /// Which slot of the instance it is; 0 of a base pose.
+    /// Slot of the instance; 0 for a base pose.
     pub slot: u32,
 }
 
-/// Where a stream of a pose is.
+/// Location of a stream of a pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct StreamView {
-    /// The buffer; usable as vertex, storage and transfer-source buffer, if it is not the host's own.
+    /// The buffer. Engine-owned ones have vertex, storage and transfer source usage.
     pub buffer: vk::Buffer,
-    /// Offset of the first vertex's first component.
+    /// Byte offset of the first vertex's first component.
     pub offset: u64,
-    /// Components, one after the other.
+    /// Number of consecutive components.
     pub components: u32,
-    /// What a component is: float32; or an integer of 32 or 16 bits, signed.
+    /// Type of a component: float32, or a signed integer of 32 or 16 bits.
     pub format: PoseFormat,
-    /// Input units of integers, component by component; see [`PoseView::units`]. The component of the base pose is in
+    /// Input units per integer, by component; see [`PoseView::units`]. Base pose:
     /// [`GpuMesh::base_stream`](crate::GpuMesh::base_stream).
     pub units: [f32; 4],
-    /// Bytes from vertex to vertex.
+    /// Bytes per vertex.
     pub stride: u32,
-    /// Which slot of the instance it is; 0 of a base pose.
+    /// Slot of the instance; 0 for a base pose.
     pub slot: u32,
 }
 
@@ -70,8 +70,8 @@ impl PoseView {
         }
     }
 
-    /// [`PoseFormat::vertex_input`] of this layout: binding 0 (and that of the previous pose) has its stride,
-    /// attributes their places in its vertices. What is not stored has no attribute.
+    /// [`PoseFormat::vertex_input`] for this layout: binding 0 (and that of the previous pose) has its stride,
+    /// attributes its offsets. Components that are not stored have no attribute.
     pub fn vertex_input(
         &self,
         previous: bool,
@@ -79,7 +79,7 @@ impl PoseView {
         self.format.vertex_input_at(self.stride, self.components, previous)
     }
 
-    /// The numbers of a pose from the bytes that are stored, one after the other; zeros for what is not stored.
+    /// The components of a stored pose without gaps; zeros for those that are not stored.
     pub(super) fn tight<'a>(&self, stored: &'a [u8]) -> Cow<'a, [u8]> {
         if self.components == Places::TIGHT.bytes(self.format) && self.stride == Places::TIGHT.stride(self.format) {
             return Cow::Borrowed(stored);
@@ -112,19 +112,18 @@ impl PoseView {
     }
 }
 
-/// The buffer that a stream of a crowd's poses is in.
+/// The buffer of a stream of a crowd's poses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct PoseBuffer {
-    /// The stream of instance 0 in slot 0. That of instance i in slot s begins
-    /// (i × [`slots`](field@crate::UpdateDesc::slots) + s) × `pose_stride` bytes later, in the same buffer.
+    /// The stream of instance 0 in slot 0. That of instance i in slot s starts (i ×
+    /// [`slots`](field@crate::UpdateDesc::slots) + s) × `pose_stride` bytes later in the same buffer.
     pub first: StreamView,
     /// Bytes from pose to pose.
     pub pose_stride: u64,
-    /// What the buffer was made for; empty where it is the host's own, which knows.
+    /// Usage flags of the buffer; empty (unknown) for a host's buffer.
     pub usage: vk::BufferUsageFlags,
-    /// Where the poses of all instances begin in the buffer, and how many bytes they take; those of several groups
-    /// share the host's own vertices.
+    /// Byte offset and size of the poses of all instances; groups share the host's vertices.
     pub poses: (u64, u64),
 }
 
@@ -140,7 +139,7 @@ impl PoseBuffer {
     }
 }
 
-/// The group that has a stream, and where.
+/// The group that contains a stream, and the stream's place in it.
 pub(super) fn place<'a>(
     layouts: impl Iterator<Item = &'a PackedLayout> + Clone,
     semantic: Semantic,

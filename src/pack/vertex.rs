@@ -176,7 +176,7 @@ impl Places {
         Self { stride: POSE_FLOATS as u32, at: [Some(0), Some(1), Some(2), Some(3), Some(4), Some(5)] };
 
     /// The same, from a start `numbers` numbers earlier.
-    pub(crate) fn behind(self, numbers: u32) -> Self {
+    pub(crate) fn shifted(self, numbers: u32) -> Self {
         Self { at: self.at.map(|at| Some(at? + numbers)), ..self }
     }
 

@@ -167,7 +167,6 @@ impl HostPoses {
     ///   and lives until the crowd is dropped.
     /// - While an update runs, nothing else reads or writes what the crowd writes, except the crowd's consumers in the
     ///   order that its barriers establish. No other crowd uses it.
-    ///   the order that its barriers make; and by no other crowd.
     #[must_use]
     pub const unsafe fn new(buffer: vk::Buffer, offset: u64, vertex: VertexLayout) -> Self {
         Self { buffer, offset, vertex }

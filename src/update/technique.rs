@@ -213,7 +213,7 @@ impl Poses {
 
     /// Specialization constants of kernels for component offsets, relative to the start of a [`range`](Self::range).
     pub(crate) fn place_constants(&self) -> Option<PlaceConstants> {
-        self.places.behind((self.lead / self.format.number_bytes() as u64) as u32).constants()
+        self.places.shifted((self.lead / self.format.number_bytes() as u64) as u32).constants()
     }
 }
 

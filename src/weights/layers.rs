@@ -31,14 +31,15 @@ pub enum LayerBlend {
 /// For layer weight w, mask m of a target and clip weight s of the target at the layer's time, the result v of the
 /// target is updated layer by layer, the first one lowest:
 ///
-/// ```text override   v · (1 − w · m) + w · m · s      towards the clip: 1 replaces the layers below, 0 keeps them
-/// additive   v + w · m · s                    on top of the layers below ```
+/// ```text
+/// override   v · (1 − w · m) + w · m · s      towards the clip: 1 replaces the layers below, 0 keeps them
+/// additive   v + w · m · s                    on top of the layers below
+/// ```
 ///
 /// Targets without a column in the clip are unchanged.
 ///
 /// Example uses: a cross-fade is a layer of weight 1 and above it one whose weight goes from 0 to 1; speech over an
 /// expression is an override with a mask of the mouth.
-/// override with a mask of the mouth.
 ///
 /// ```
 /// use deltamorph::{ClipLayer, LayerBlend, WeightClip};

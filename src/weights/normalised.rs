@@ -5,7 +5,8 @@
 /// A. Gerdelan, "Animating Blend Shapes": the factor of the base pose is 1 - Σ w, clamped to 0 to 1, and all factors
 /// are divided by their sum, so that they sum to one:
 ///
-/// ```text pose = (w₀ base + Σ wᵢ poseᵢ) / (w₀ + Σ wᵢ),  w₀ = clamp(1 - Σ wᵢ, 0, 1)
+/// ```text
+/// pose = (w₀ base + Σ wᵢ poseᵢ) / (w₀ + Σ wᵢ),  w₀ = clamp(1 - Σ wᵢ, 0, 1)
 ///      = base + Σ wᵢ / max(1, Σ wᵢ) · (poseᵢ - base)
 /// ```
 ///

@@ -71,7 +71,7 @@ impl BlockIndex {
             return Err(format!("a step of {step}, which is no power of two"));
         }
         if let Some(step) = steps.iter().find(|s| !self.parts.format.has_integers() && **s != 1.0) {
-            return Err(format!("a step of {step} for float32 deltas, whose step is 1"));
+            return Err(format!("a step of {step}, where deltas are floats (their step is 1)"));
         }
         if !(weight_max.is_finite() && *weight_max > 0.0) {
             return Err(format!("weights up to {weight_max}"));

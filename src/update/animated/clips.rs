@@ -61,10 +61,12 @@ struct Clip {
 ///
 /// The words that kernels read:
 ///
-/// ```text table   [clip][first word, frames, shift, bits of a key] keys    [clip][frame][target]
-/// a word each, or half a word ranks   [target]                                              with
-/// AnimationDesc::importance reaches [rank], errors [targets kept]                         float32, with
-/// AnimationDesc::level ```
+/// ```text
+/// table   [clip][first word, frames, shift, bits of a key]
+/// keys    [clip][frame][target]                                 a word each, or half a word
+/// ranks   [target]                                              with AnimationDesc::importance
+/// reaches [rank], errors [targets kept]                         float32, with AnimationDesc::level
+/// ```
 ///
 /// First words are relative to the start of the table.
 #[derive(Clone, Debug, PartialEq)]
@@ -278,7 +280,9 @@ fn shortened(key: i32, shift: u32, most: i32) -> i32 {
 ///
 /// The change of an instance's target from applied to requested weight is deferred while in every block
 ///
-/// ```text Σ |requested − applied| · reach ≤ budget     over the targets that touch the block ```
+/// ```text
+/// Σ |requested − applied| · reach ≤ budget     over the targets that touch the block
+/// ```
 ///
 /// where the reach of a target in a block is the length of its longest position delta there, in steps, rounded up. Sums
 /// are 64-bit integers, so that GPU and CPU decide alike. If a block exceeds the budget, all its deferred changes are
