@@ -692,6 +692,12 @@ typedef struct DmDecodeTarget {
     uint32_t reserved;
 } DmDecodeTarget;
 
+/// The triangles around each vertex of a mesh, on the device: for normals of the morphed surface. All zero: none.
+typedef struct DmSurface {
+    /// Kind, generation and index.
+    uint64_t bits;
+} DmSurface;
+
 /// Output buffer for normals of an instance's morphed surface, in the order of poses and without padding.
 typedef struct DmNormalsTarget {
     /// sizeof(DmNormalsTarget).

@@ -8,9 +8,10 @@
 //! 2. Device: [`requirements`] before you create it, [`MorphEngine::new`] after.
 //! 3. [`MorphEngine::upload`] the mesh, [`MorphEngine::create_crowd`].
 //! 4. Each frame: [`Crowd::set_weights`], [`MorphEngine::record_update`], and draw from [`Crowd::pose`]; motion vectors
-//!    take [`Crowd::previous_pose`]. What may follow (skinning, normals of the surface, bounds, float32 of any pose) is
-//!    in [`after`]. [`ClipLayer::mix`] makes weights of clips, the package deltamorph-rig those of targets
-//!    from those of controls; [`CrowdSet`] gives them to several meshes; [`MorphEngine::readback`] reads poses back.
+//!    take [`Crowd::previous_pose`]. Steps after the pose (skinning, normals of the surface, float32 of any pose) are in
+//!    [`after`]; [`WeightBounds`] are for culling. [`ClipLayer::mix`] makes weights of clips, the package
+//!    deltamorph-rig those of targets from those of controls; [`CrowdSet`] gives them to several meshes;
+//!    [`MorphEngine::readback`] reads poses back.
 //!
 //! ```no_run
 //! use deltamorph::ash::{self, vk};
@@ -108,6 +109,7 @@ pub use pack::{
     DeltaFormat, POSE_FLOATS, PackDesc, PackedGroup, PackedLayout, PackedMesh, PackedTarget, PoseError, PoseFormat,
     VertexLayout,
 };
+pub use plan::bounds::{Bounds, WeightBounds};
 pub use plan::{BatchSize, Consumers, UpdateDesc, UpdateMode, UpdatePath, UpdateStats};
 pub use update::animated::{AnimationDesc, Clips, KeyFormat, Playback};
 pub use update::crowd::{CrowdDesc, HostPoses};

@@ -8,7 +8,7 @@ mod gpu;
 #[path = "../examples/draw/offscreen.rs"]
 mod offscreen;
 
-use deltamorph::after::{BoundsTarget, NormalsDesc, NormalsTarget, SkinDesc, SkinTarget};
+use deltamorph::after::{NormalsDesc, NormalsTarget, SkinDesc, SkinTarget};
 use deltamorph::ash::vk;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
@@ -316,8 +316,8 @@ fn steps(lab: &Lab<'_>, kind: &str, format: DeltaFormat, update: UpdateDesc) {
         lab.each(
             &format!("{name}, {kind}"),
             || {
-                // A new engine, which has no kernels yet, for the steps that need nothing of another.
-                let own = ["set_decode_target", "set_bounds_target"].contains(&name).then(|| lab.engine());
+                // A new engine, which has no kernels yet, for the step that needs nothing of another.
+                let own = (name == "set_decode_target").then(|| lab.engine());
                 let engine = own.as_ref().unwrap_or(engine);
                 let gpu = lab.upload(engine, mesh);
                 let mut crowd = engine.create_crowd(&gpu, &CrowdDesc::new(update)).expect("a crowd");
@@ -334,8 +334,6 @@ fn steps(lab: &Lab<'_>, kind: &str, format: DeltaFormat, update: UpdateDesc) {
     };
     // SAFETY: the buffer is large enough, and goes after the crowds; nothing is running. So below.
     set("set_decode_target", &|e, crowd| unsafe { e.set_decode_target(crowd, 0, Some(&DecodeTarget::new(buffer))) });
-    // SAFETY: as above.
-    set("set_bounds_target", &|e, crowd| unsafe { e.set_bounds_target(crowd, 0, Some(&BoundsTarget::new(buffer))) });
     let target = NormalsTarget::new(buffer);
     // SAFETY: as above.
     set("set_normals_target", &|e, crowd| unsafe { e.set_normals_target(crowd, 0, Some((&normals, &target))) });

@@ -278,12 +278,12 @@ macro_rules! step_kernels {
     (() $(
         $(#[doc = $doc:literal])*
         $kind:ident $module:ident::$step:ident $public:tt $set:tt {
-            $($reads:tt => $written:ident, $push:ident $members:tt [$({ $($fields:tt)* }),*];)*
+            $reads:tt => $written:ident, $push:ident $members:tt [$({ $($fields:tt)* }),*]
         }
     )*) => {
         /// Kernels of steps after the pose.
         const STEPS: &[KernelRow] =
-            &[$($($(KernelRow { push: stringify!($push), $($fields)*, ..COMPUTE },)*)*)*];
+            &[$($(KernelRow { push: stringify!($push), $($fields)*, ..COMPUTE },)*)*];
     };
 }
 after_steps!(step_kernels());

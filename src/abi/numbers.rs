@@ -17,10 +17,8 @@ shared! {
     /// Most targets of a dense compute pass with coefficients in push constants.
     DENSE_BATCH_MAX: u32 = 16;
 
-    /// Vertices of a piece, the unit in which the decode step lists changes: the smallest block size.
+    /// Vertices of a piece, the unit in which steps after the pose list changes: the smallest block size.
     PIECE: u32 = 32;
-    /// Vertices that have bounds of their own, on their way to those of a pose: four for each lane.
-    BOUNDS_PART: u32 = 256;
 
     /// Words of a work-list item, before its masks.
     ITEM_WORDS: usize = 4;

@@ -35,20 +35,20 @@ macro_rules! structures {
         $(
             $(#[doc = $step_doc:literal])*
             $kind:ident $module:ident::$step:ident $public:tt $set:tt {
-                $($reads:tt => $written:ident, $push:ident $push_members:tt $rows:tt;)*
+                $reads:tt => $written:ident, $push:ident $push_members:tt $rows:tt
             }
         )*
     ) => {
         $(shader_structure! { $(#[$doc])* $name $members })*
-        $($(shader_structure! {
+        $(shader_structure! {
             #[doc = concat!("Push constants of the step `", stringify!($kind), "`; its shader says what each is.")]
             $push $push_members
-        })*)*
+        })*
 
         /// The structures by name.
         const STRUCTURES: &[(&str, Layout)] = &[
             $((stringify!($name), $name::LAYOUT),)*
-            $($((stringify!($push), $push::LAYOUT),)*)*
+            $((stringify!($push), $push::LAYOUT),)*
         ];
     };
 }

@@ -6,10 +6,9 @@
 /// Expands a macro with arguments and the list, in recording order.
 ///
 /// An item is the documentation of the engine's setter; the step's name, its module in `after` with its per-instance
-/// type, and the module's public names; the setter and its parameter; and its dispatches in order. A dispatch is the
-/// `Resource`s that it reads and the one that it writes (the last one is for the host), its push constants, described
-/// in its shader, and the fields of its kernel rows that differ from a plain compute shader. A target uses one of the
-/// kernels.
+/// type, and the module's public names; the setter and its parameter; the `Resource`s that its dispatch reads and the
+/// one that it writes for the host; its push constants, described in its shader; and the fields of its kernel rows that
+/// differ from a plain compute shader. A target uses one of the kernels.
 macro_rules! after_steps {
     ($expanded:ident $arguments:tt) => {
         $expanded! { $arguments
@@ -30,7 +29,7 @@ macro_rules! after_steps {
                     poses: true,
                     bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)],
                     places: true
-                }];
+                }]
             }
 
             /// Skins an instance into an output buffer of the host, from the next recorded update on, for any pose
@@ -70,7 +69,7 @@ macro_rules! after_steps {
                     bindings: &[(0, WORDS), (1, WORDS), (2, Buffer::Storage(16)), (3, WORDS), (4, WORD_LIST)],
                     constants: 1,
                     places: true
-                }];
+                }]
             }
 
             /// Computes the normals of an instance's pose from its morphed surface into an output buffer of the host,
@@ -96,31 +95,7 @@ macro_rules! after_steps {
                     poses: true,
                     bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)],
                     places: true
-                }];
-            }
-
-            /// Have the bounds of an instance's pose written into a buffer of the host's own, from the next recorded
-            /// update on: the least and greatest coordinates of all its vertices, exactly those of the pose as it is
-            /// decoded.
-            ///
-            /// They are of the morphed pose: a skinned one has others. The parts of 256 vertices that the update
-            /// changed have their bounds found, then one workgroup those of all parts together. It takes 24 bytes of
-            /// device memory for each part. Without a GPU: [`WeightBounds`](crate::after::WeightBounds).
-            Bounds bounds::TightBounds [Bounds, BoundsTarget, WeightBounds] (set_bounds_target: &BoundsTarget) {
-                [Asset, Poses] => BoundsOfParts,
-                BoundsPush { pose_at: u32, base_at: u32, vertices: u32, listed: u32, units: [f32; TRIPLES], }
-                // Poses of an instance, base pose, pieces, parts.
-                [{
-                    name: "bounds",
-                    poses: true,
-                    bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)],
-                    places: true
-                }];
-
-                [BoundsOfParts] => Bounds,
-                BoundsTotalPush { count: u32, bounds_at: u32, }
-                // Parts, destination.
-                [{ name: "bounds_total", bindings: &[(0, WORDS), (1, WORDS)] }];
+                }]
             }
         }
     };

@@ -74,9 +74,9 @@ impl Decode {
         if target.normals.is_some() {
             place.check_normals("a decode target")?;
         }
-        place.check("decoding", PIECE)?;
+        place.check("decoding")?;
         output.check("a decode target", layout, place.device)?;
-        after.set(place, Kind::Decode, (PIECE, 1), vk::BufferUsageFlags::STORAGE_BUFFER, |lists| {
+        after.set(place, Kind::Decode, 1, vk::BufferUsageFlags::STORAGE_BUFFER, |lists| {
             let kernel = place.kernels.get(PoseKernel(&DECODE, place.pose()))?;
             let (base, base_before) = place.base_pose();
             let (decoded, decoded_at) = output.range(layout);

@@ -1,9 +1,9 @@
-//! Interface of a step after the pose: its dispatches for one instance.
+//! Interface of a step after the pose: its dispatch for one instance.
 
 use super::output::aligned;
 use super::pieces::Pieces;
 use crate::abi::modules::Kernel;
-use crate::abi::numbers::WORKGROUP;
+use crate::abi::numbers::{PIECE, WORKGROUP};
 use crate::asset::streams::TRIPLE;
 use crate::error::{Error, Result};
 use crate::gpu::descriptors::BufferRange;
@@ -18,8 +18,6 @@ use std::sync::Arc;
 
 /// A dispatch for one instance.
 pub(crate) struct Job {
-    /// Index of the dispatch in the step.
-    pub(super) dispatch: usize,
     /// Index in the ring of lists.
     pub(super) frame: u64,
     /// The slot of the pose.
@@ -124,7 +122,7 @@ impl Place<'_> {
     }
 
     /// Checks poses against the storage range, and pieces against the workgroups of a dispatch.
-    pub(super) fn check(&self, what: &str, piece: u32) -> Result<()> {
+    pub(super) fn check(&self, what: &str) -> Result<()> {
         let (layout, caps) = (&self.group.mesh.layout, &self.device.caps);
         let what = format!("{what} mesh '{}':", layout.name);
         let (poses, range) = (self.poses().size, caps.max_storage_range);
@@ -133,7 +131,7 @@ impl Place<'_> {
             (poses, "bytes", range),
             "use fewer slots",
         )?;
-        let workgroups = (layout.vertex_count as u32).div_ceil(piece).div_ceil((WORKGROUP / piece).max(1));
+        let workgroups = (layout.vertex_count as u32).div_ceil(PIECE).div_ceil(WORKGROUP / PIECE);
         let limit = (workgroups.into(), "workgroups", caps.max_workgroups.into());
         caps.check_limit(&format!("{what} it takes"), limit, "split the mesh")
     }

@@ -4,7 +4,6 @@
 //! - [`DecodeTarget`]: a pose as float32, for readers that cannot decode it.
 //! - [`SkinTarget`]: the pose skinned by joints, with linear blending or dual quaternions.
 //! - [`NormalsTarget`]: normals of the morphed surface, instead of morphed ones.
-//! - [`BoundsTarget`]: the least bounds of a pose. [`WeightBounds`] knows some that hold without a GPU.
 //!
 //! A step writes what the update changed, or nothing if nothing changed. Its output is ready for the
 //! [consumers](crate::Consumers) of the crowd, and waits for their reads, like poses.
@@ -26,7 +25,7 @@ pub(crate) use steps::After;
 macro_rules! declared {
     (() $(
         $(#[doc = $doc:literal])*
-        $kind:ident $module:ident::$step:ident [$($public:ident),*] $set:tt $dispatches:tt
+        $kind:ident $module:ident::$step:ident [$($public:ident),*] $set:tt $dispatch:tt
     )*) => {
         $(
             pub(crate) mod $module;

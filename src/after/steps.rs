@@ -2,6 +2,7 @@
 
 use super::follower::{Follower, Job, Place};
 use super::pieces::Pieces;
+use crate::abi::numbers::PIECE;
 use crate::error::Result;
 use crate::gpu::memory::Ring;
 use crate::plan::after::Kind;
@@ -19,8 +20,6 @@ struct Target {
     kind: Kind,
     instance: u32,
     follower: Box<dyn Follower>,
-    /// Vertices per piece.
-    piece: u32,
     /// Ring of lists of changed pieces, for the kernels.
     lists: Ring,
     /// Changed pieces of the pose, and the pieces to write for them.
@@ -58,8 +57,8 @@ pub(crate) struct After {
 }
 
 impl After {
-    /// Sets a target made by `make`, with pieces of `piece` vertices, lists in a ring of this `usage`, and `outputs` (1
-    /// or 2) alternating output buffers.
+    /// Sets a target made by `make`, with lists in a ring of this `usage`, and `outputs` (1 or 2) alternating output
+    /// buffers.
     ///
     /// # Errors
     /// Errors of `make`; no memory. Nothing changes then.
@@ -67,12 +66,12 @@ impl After {
         &mut self,
         place: &Place<'_>,
         kind: Kind,
-        (piece, outputs): (u32, usize),
+        outputs: usize,
         usage: vk::BufferUsageFlags,
         make: impl FnOnce(&Ring) -> Result<F>,
     ) -> Result<()> {
         let Place { instance, .. } = *place;
-        let changed = Pieces::none((place.group.mesh.layout.vertex_count as u32).div_ceil(piece));
+        let changed = Pieces::none((place.group.mesh.layout.vertex_count as u32).div_ceil(PIECE));
         let list_bytes = Ring::part_bytes(4 * u64::from(changed.count()));
         let lists = Ring::new(place.device, "deltamorph changed pieces", list_bytes, place.frames, usage)?;
         let follower = Box::new(make(&lists)?);
@@ -81,7 +80,6 @@ impl After {
             kind,
             instance,
             follower,
-            piece,
             lists,
             other_stale: (outputs == 2).then(|| changed.clone()),
             moved: changed.clone(),
@@ -192,13 +190,11 @@ impl After {
                 continue;
             }
             std::mem::take(&mut earlier).iter().for_each(|uses| steps.step(uses));
-            for (dispatch, uses) in kind.dispatches().iter().enumerate() {
-                steps.step(uses);
-                for (&Target { instance, output, .. }, (slot, count)) in planned() {
-                    let (owner, kernel) = (Owner::Step(kind), dispatch as u32);
-                    let (source, destination, items) = (Source::Slot(slot), output as u32, 0..count);
-                    steps.push(Work { owner, kernel, group: 0, instance, source, destination, items });
-                }
+            steps.step(kind.uses());
+            for (&Target { instance, output, .. }, (slot, count)) in planned() {
+                let (owner, source) = (Owner::Step(kind), Source::Slot(slot));
+                let (destination, items) = (output as u32, 0..count);
+                steps.push(Work { owner, kernel: 0, group: 0, instance, source, destination, items });
             }
         }
         Ok(())
@@ -208,9 +204,8 @@ impl After {
     fn job(&self, frame: u64, kind: Kind, work: &Work) -> Option<(&Target, Job)> {
         let target = self.targets.iter().find(|t| (t.kind, t.instance) == (kind, work.instance))?;
         let Source::Slot(slot) = work.source else { return None };
-        let (dispatch, output) = (work.kernel as usize, work.destination as usize);
-        let (count, is_listed) = (work.items.end, target.is_listed);
-        Some((target, Job { dispatch, frame, slot, output, count, is_listed }))
+        let (output, count, is_listed) = (work.destination as usize, work.items.end, target.is_listed);
+        Some((target, Job { frame, slot, output, count, is_listed }))
     }
 
     /// Records a work of a step.
@@ -227,7 +222,7 @@ impl After {
     /// Reads and writes of works of a step.
     pub(crate) fn accesses(&self, kind: Kind, works: &[Work]) -> Vec<Accesses> {
         let of = |work: &Work| {
-            let Some((_, Job { dispatch, slot, output, .. })) = self.job(0, kind, work) else {
+            let Some((_, Job { slot, output, .. })) = self.job(0, kind, work) else {
                 return Accesses::default();
             };
             let (instance, output) = (work.instance, output as u32);
@@ -241,7 +236,7 @@ impl After {
                     Memory::After { resource, instance, output }
                 }
             };
-            let uses = kind.dispatches()[dispatch].iter();
+            let uses = kind.uses().iter();
             let uses = uses.map(|used| Use::new(memory(used.memory), used.stage, used.access)).collect();
             Accesses { group: 0, uses, in_place: true }
         };
@@ -252,10 +247,10 @@ impl After {
 impl Target {
     /// Plans the pieces of these vertices, or all if the output is stale.
     fn plan(&mut self, changed: &[Range<u32>], slot: u32, id: UpdateId) -> Result<()> {
-        let (piece, all) = (self.piece, self.changed.count());
+        let all = self.changed.count();
         self.moved.clear();
         self.changed.clear();
-        changed.iter().for_each(|range| self.moved.add(range.start / piece..range.end.div_ceil(piece)));
+        changed.iter().for_each(|range| self.moved.add(range.start / PIECE..range.end.div_ceil(PIECE)));
         self.follower.spread(&self.moved, &mut self.changed);
         if self.follower.take_changed() || self.is_stale {
             self.changed.add(0..all);

@@ -70,7 +70,7 @@ impl MorphEngine {
 macro_rules! target_setters {
     (() $(
         $(#[doc = $doc:literal])*
-        $kind:ident $module:ident::$step:ident $public:tt ($set:ident: $target:ty) $dispatches:tt
+        $kind:ident $module:ident::$step:ident $public:tt ($set:ident: $target:ty) $dispatch:tt
     )*) => {
         impl MorphEngine {$(
             $(#[doc = $doc])*

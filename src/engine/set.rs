@@ -10,7 +10,7 @@ use crate::weights::names::unknown;
 ///
 /// One call records the updates of all, with shared barriers:
 /// [`record_updates`](super::MorphEngine::record_updates) of [`crowds_mut`](Self::crowds_mut). Poses are those of the
-/// [`crowds`](Self::crowds), of which each may be skinned or bounded by itself ([`crowd_mut`](Self::crowd_mut)).
+/// [`crowds`](Self::crowds), of which each may be skinned by itself ([`crowd_mut`](Self::crowd_mut)).
 pub struct CrowdSet {
     crowds: Vec<Crowd>,
     names: Vec<String>,
@@ -98,7 +98,7 @@ impl CrowdSet {
     }
 
     /// A crowd, counted in the order in which they were handed in, to set what follows its poses: skinned
-    /// ([`set_skin_target`](super::MorphEngine::set_skin_target)), bounded, decoded, with normals of their surface.
+    /// ([`set_skin_target`](super::MorphEngine::set_skin_target)), decoded, with normals of their surface.
     /// `None`: there is no such crowd.
     pub fn crowd_mut(&mut self, index: usize) -> Option<&mut dyn AnyCrowd> {
         // Not as a `Crowd`, which the caller could replace with one of another mesh or other instances.

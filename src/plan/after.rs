@@ -7,7 +7,7 @@ macro_rules! kinds {
     (() $(
         $(#[doc = $doc:literal])*
         $kind:ident $module:ident::$step:ident $face:tt ($set:ident: $target:ty) {
-            $([$($read:ident),*] => $written:ident, $push:ident $members:tt $rows:tt;)*
+            [$($read:ident),*] => $written:ident, $push:ident $members:tt $rows:tt
         }
     )*) => {
         /// Steps after the pose, in recording order.
@@ -20,19 +20,17 @@ macro_rules! kinds {
             /// Every step.
             pub const ALL: [Self; [$(Self::$kind),*].len()] = [$(Self::$kind),*];
 
-            /// The memory uses of each of its dispatches, in order.
-            pub const fn dispatches(self) -> &'static [&'static [Use]] {
+            /// The memory uses of its dispatch.
+            pub const fn uses(self) -> &'static [Use] {
                 match self {
-                    $(Self::$kind => const {
-                        &[$(&[$(Use::read(Resource::$read),)* Use::write(Resource::$written)]),*]
-                    },)*
+                    $(Self::$kind => const { &[$(Use::read(Resource::$read),)* Use::write(Resource::$written)] },)*
                 }
             }
 
             /// The output that the host reads.
             pub fn output(self) -> Resource {
                 match self {
-                    $(Self::$kind => *[$(Resource::$written),*].last().expect("a step has a dispatch"),)*
+                    $(Self::$kind => Resource::$written,)*
                 }
             }
         }

@@ -4,6 +4,7 @@
 //! barriers. The hazard checker ([`hazards`]) then proves that every access is ordered.
 
 pub mod after;
+pub mod bounds;
 mod desc;
 pub(crate) mod earlier;
 pub mod hazards;

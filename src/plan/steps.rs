@@ -117,19 +117,19 @@ macro_rules! resources {
     ({ $($(#[doc = $doc:literal])* $resource:ident,)* } $(
         $(#[doc = $step_doc:literal])*
         $kind:ident $module:ident::$step:ident $face:tt $set:tt {
-            $($reads:tt => $written:ident, $push:ident $members:tt $rows:tt;)*
+            $reads:tt => $written:ident, $push:ident $members:tt $rows:tt
         }
     )*) => {
         /// Memory of a crowd, by kind, over all instances.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         pub enum Resource {
             $($(#[doc = $doc])* $resource,)*
-            $($(#[doc = concat!("What the step `", stringify!($kind), "` writes, of all instances.")] $written,)*)*
+            $(#[doc = concat!("What the step `", stringify!($kind), "` writes, of all instances.")] $written,)*
         }
 
         impl Resource {
             /// Number of resources.
-            pub(super) const COUNT: usize = [$(Self::$resource,)* $($(Self::$written,)*)*].len();
+            pub(super) const COUNT: usize = [$(Self::$resource,)* $(Self::$written,)*].len();
         }
     };
 }
@@ -294,7 +294,7 @@ pub enum Owner {
 pub struct Work {
     /// Planned and recorded by.
     pub owner: Owner,
-    /// Index of the owner's kernel; for a step after the pose, of its dispatch.
+    /// Index of the technique's kernel; 0 for a step after the pose.
     pub kernel: u32,
     /// The group of the mesh.
     pub group: u32,

@@ -21,7 +21,6 @@ mod skinned;
 #[path = "../common/written.rs"]
 mod written;
 
-mod bounds;
 mod decode;
 mod gltf_skin;
 mod host_vertices;

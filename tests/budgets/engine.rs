@@ -5,7 +5,7 @@
 //! them a second time. The driver is lavapipe; its tuning is that of the GPU. Nothing is
 //! submitted.
 
-use deltamorph::after::{BoundsTarget, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
+use deltamorph::after::{NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::{self, vk};
 use deltamorph::internals::abi::modules::MODULES;
 use deltamorph::internals::abi::worklist::TILE;
@@ -183,8 +183,6 @@ unsafe fn follow(
 ) {
     // SAFETY: the caller's obligations.
     let _ = unsafe { engine.set_decode_target(crowd, 0, Some(&DecodeTarget::new(output))) };
-    // SAFETY: as above.
-    let _ = unsafe { engine.set_bounds_target(crowd, 0, Some(&BoundsTarget::new(output))) };
     // SAFETY: as above.
     let surface = unsafe { engine.upload_normals(cmd, packed, &NormalsDesc::new(&[0, 1, 2])) }.expect("a surface");
     // SAFETY: as above.

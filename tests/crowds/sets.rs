@@ -5,14 +5,14 @@ use crate::gpu::{fixed, is_kept, on_every_device, packed, weights};
 use crate::joints::{JOINTS, Joints};
 use crate::offscreen::Offscreen;
 use crate::written::Written;
-use deltamorph::after::{BoundsTarget, SkinDesc, SkinMethod, SkinTarget};
+use deltamorph::after::{SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::vk;
 use deltamorph::import::{csv, obj};
 use deltamorph::internals::plan::hazards::Event;
 use deltamorph::reference::{self, compare, evaluate};
 use deltamorph::{
-    BatchSize, Crowd, CrowdDesc, CrowdSet, DeltaFormat, Faces, MorphEngine, MorphMesh, MorphTarget, PackedMesh,
-    Tolerance, UpdateDesc, UpdatePath, testing,
+    BatchSize, Crowd, CrowdDesc, CrowdSet, DecodeTarget, DeltaFormat, Faces, MorphEngine, MorphMesh, MorphTarget,
+    PackedMesh, Tolerance, UpdateDesc, UpdatePath, testing,
 };
 use deltamorph_headless::Headless;
 use std::collections::HashMap;
@@ -159,14 +159,16 @@ fn a_set_gives_each_weight_to_the_targets_of_its_name() {
 }
 
 /// What `written` has of every vertex, six numbers each.
-fn floats(headless: &Headless, written: &Written<'_>) -> Vec<f32> {
+fn floats(headless: &Headless, written: &Written<'_>, mesh: &PackedMesh) -> Vec<f32> {
     let vertices = written.take(headless).into_iter();
-    vertices.flat_map(|words| words.expect("all is written")).map(f32::from_bits).collect()
+    let mut all: Vec<f32> = vertices.flat_map(|words| words.expect("all is written")).map(f32::from_bits).collect();
+    all.resize(mesh.layout().padded_vertices() * 6, 0.0);
+    mesh.layout().to_user_order(&all)
 }
 
-/// Each mesh by joints of its own, which turn and are cut with the set; the second one is bounded, too.
+/// Each mesh by joints of its own, which turn and are cut with the set; the second one is decoded, too.
 #[test]
-fn members_of_a_set_are_skinned_bounded_and_cut() {
+fn members_of_a_set_are_skinned_decoded_and_cut() {
     on_every_device(|headless, engine| {
         let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
         let meshes = [(200, 3), (90, 3)].map(|(n, m)| packed(engine, &testing::mesh(n, m), DeltaFormat::Fast));
@@ -184,7 +186,7 @@ fn members_of_a_set_are_skinned_bounded_and_cut() {
         let places = [0, 1].map(|_| {
             meshes.each_ref().map(|mesh| Written::new(headless, &host, mesh.layout().vertex_count, (0, 24, Some(12))))
         });
-        let bounds = Written::new(headless, &host, 2, (0, 12, None));
+        let decoded = Written::new(headless, &host, meshes[1].layout().vertex_count, (0, 24, Some(12)));
         for (i, mesh) in meshes.iter().enumerate() {
             // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
             let skin = headless.run(|cmd| unsafe { engine.upload_skin(cmd, mesh, &skins[i]) }).expect("a skin");
@@ -197,8 +199,8 @@ fn members_of_a_set_are_skinned_bounded_and_cut() {
         }
         // SAFETY: as above.
         unsafe {
-            let target = BoundsTarget::new(bounds.buffer);
-            engine.set_bounds_target(set.crowd_mut(1).expect("a crowd"), 1, Some(&target)).expect("a target");
+            let target = DecodeTarget::new(decoded.buffer).stride(24).normals(Some(12));
+            engine.set_decode_target(set.crowd_mut(1).expect("a crowd"), 1, Some(&target)).expect("a target");
         }
         for frame in 0..4u16 {
             let asked: Vec<f32> = (0..3u16).map(|t| f32::from((5 * t + 3 * frame) % 8) / 8.0).collect();
@@ -219,21 +221,10 @@ fn members_of_a_set_are_skinned_bounded_and_cut() {
                 let pose = evaluate(mesh, &asked);
                 let expected =
                     reference::skin(&pose, &skins[i], SkinMethod::Linear, &joints[i].numbers).expect("a pose");
-                let mut held = floats(headless, &places[now][i]);
-                held.resize(mesh.layout().padded_vertices() * 6, 0.0);
-                let error = compare(&mesh.layout().to_user_order(&held), &expected);
+                let error = compare(&floats(headless, &places[now][i], mesh), &expected);
                 assert!(error.within(1e-5 * f64::from(mesh.layout().diagonal), 0.01), "frame {frame}: {error:?}");
             }
-            let ends = [f32::min, f32::max].map(|end| {
-                poses[1]
-                    .as_chunks::<6>()
-                    .0
-                    .iter()
-                    .map(|v| [v[0], v[1], v[2]])
-                    .reduce(|a, b| std::array::from_fn(|c| end(a[c], b[c])))
-            });
-            let written = bounds.take(headless).into_iter().flatten().flatten().map(f32::from_bits);
-            assert_eq!(written.collect::<Vec<f32>>(), ends.map(Option::unwrap).concat(), "frame {frame}");
+            assert_eq!(floats(headless, &decoded, &meshes[1]), poses[1], "frame {frame}");
         }
         assert!(set.crowd_mut(2).is_none());
         refused(set.set_joints(2, 1, 0), &["crowd 2 of a set of 2", "count crowds from 0"]);

@@ -1,16 +1,14 @@
 //! Documented errors of the public face that no other test provokes: the message says what is wrong, and what to do.
 
 use crate::gpu;
-use deltamorph::after::{
-    BoundsTarget, GpuNormals, GpuSkin, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget, WeightBounds,
-};
+use deltamorph::after::{GpuNormals, GpuSkin, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::vk;
 use deltamorph::import::{csv, obj};
 use deltamorph::reference::{self, evaluate};
 use deltamorph::{
     Asset, BatchSize, CpuCrowd, Crowd, CrowdDesc, CrowdSet, DecodeTarget, DeltaFormat, DeviceDesc, DeviceTuning,
     GpuMesh, HostPoses, MorphEngine, MorphMesh, MorphSource, PackDesc, PackedMesh, PoseFormat, Result, Semantic,
-    StreamData, StreamDeltas, Tolerance, UpdateDesc, UpdatePath, VertexLayout, WeightClip, testing,
+    StreamData, StreamDeltas, Tolerance, UpdateDesc, UpdatePath, VertexLayout, WeightBounds, WeightClip, testing,
 };
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
 use std::sync::Arc;
@@ -171,7 +169,6 @@ fn refused_everywhere(headless: &Headless, made: &mut Made, instance: u32, words
         let target = SkinTarget::new(null, null, 48);
         says(engine.set_skin_target(crowd, instance, Some((skin, &target))), words);
         says(engine.set_normals_target(crowd, instance, Some((surface, &NormalsTarget::new(null)))), words);
-        says(engine.set_bounds_target(crowd, instance, Some(&BoundsTarget::new(null))), words);
         let mut readback = engine.readback();
         says(headless.run(|cmd| readback.record(cmd, crowd, &[instance])), words);
     }
@@ -313,7 +310,6 @@ fn buffers_that_are_too_small_are_refused_with_both_sizes() {
         unsafe {
             says(engine.set_decode_target(&mut crowd, 0, Some(&DecodeTarget::new(small))), &end(1200));
             says(engine.set_normals_target(&mut crowd, 0, Some((&surface, &NormalsTarget::new(small)))), &end(1200));
-            says(engine.set_bounds_target(&mut crowd, 0, Some(&BoundsTarget::new(small).offset(2000))), &end(2024));
             for (target, bytes) in [
                 (SkinTarget::new(small, large, 48), 2400),
                 (SkinTarget::new(large, large, 48).second(Some((small, 4))), 2404),

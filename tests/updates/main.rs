@@ -13,6 +13,7 @@ mod scene;
 mod written;
 
 mod blocks_data;
+mod bounds;
 mod clamps;
 mod fixed16;
 mod gpu_paths;

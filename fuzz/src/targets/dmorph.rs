@@ -1,8 +1,7 @@
 //! Packed files with valid checksums: sections are mutated one at a time, and accepted files are used.
 
 use crate::{Memory, Random, Target, bounded, check_error, update};
-use deltamorph::after::WeightBounds;
-use deltamorph::{Asset, BatchSize, DeltaFormat, PackDesc, Tolerance, UpdateDesc, UpdatePath, testing};
+use deltamorph::{Asset, BatchSize, DeltaFormat, PackDesc, Tolerance, UpdateDesc, UpdatePath, WeightBounds, testing};
 use deltamorph_head::{HeadDesc, head};
 use std::path::Path;
 use std::sync::Arc;

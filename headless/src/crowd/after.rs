@@ -1,7 +1,7 @@
 //! Steps after the pose.
 
 use super::HeadlessCrowd;
-use deltamorph::after::{BoundsTarget, DecodeTarget, GpuNormals, GpuSkin, NormalsTarget, SkinTarget};
+use deltamorph::after::{DecodeTarget, GpuNormals, GpuSkin, NormalsTarget, SkinTarget};
 use deltamorph::{AnyCrowd, Result};
 
 impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
@@ -21,15 +21,6 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     pub unsafe fn set_skin_target(&mut self, instance: u32, target: Option<(&GpuSkin, &SkinTarget)>) -> Result<()> {
         // SAFETY: the caller's obligations.
         unsafe { self.headless.engine.set_skin_target(&mut self.crowd, instance, target) }
-    }
-
-    /// See [`MorphEngine::set_bounds_target`](deltamorph::MorphEngine::set_bounds_target).
-    ///
-    /// # Safety
-    /// The conditions there. Updates that were stepped or submitted have finished.
-    pub unsafe fn set_bounds_target(&mut self, instance: u32, target: Option<&BoundsTarget>) -> Result<()> {
-        // SAFETY: the caller's obligations.
-        unsafe { self.headless.engine.set_bounds_target(&mut self.crowd, instance, target) }
     }
 
     /// See [`MorphEngine::set_normals_target`](deltamorph::MorphEngine::set_normals_target).

@@ -114,9 +114,9 @@ impl Recomputed {
         let layout = &place.group.mesh.layout;
         surface.attached.check("a surface", place.device, layout)?;
         let output = Output { buffer, offset, stride, second: None };
-        place.check("normals of", PIECE)?;
+        place.check("normals of")?;
         output.check("a normals target", layout, place.device)?;
-        after.set(place, Kind::Normals, (PIECE, 1), vk::BufferUsageFlags::STORAGE_BUFFER, |lists| {
+        after.set(place, Kind::Normals, 1, vk::BufferUsageFlags::STORAGE_BUFFER, |lists| {
             let kernel = place.kernels.get(PoseKernel(&NORMALS, place.pose()))?;
             let (range, normals_at) = output.range(layout);
             let bound = |frame| [place.poses(), surface.attached.range(), lists.range(u64::from(frame)), range];

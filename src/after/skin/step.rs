@@ -183,7 +183,7 @@ impl Skin {
         if target.normals.is_some() {
             place.check_normals("a skin target")?;
         }
-        place.check("skinning", PIECE)?;
+        place.check("skinning")?;
         let pieces = (layout.vertex_count as u64).div_ceil(PIECE.into());
         let list = (pieces, "texels", caps.max_texels.into());
         caps.check_limit(
@@ -198,7 +198,7 @@ impl Skin {
         let joints = BufferRange::new(target.joints, 0, target.joints_bytes);
         joints.check_room(place.device, "the range of joints of a skin target")?;
         let outputs = target.outputs().count();
-        after.set(place, Kind::Skin, (PIECE, outputs), vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER, |lists| {
+        after.set(place, Kind::Skin, outputs, vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER, |lists| {
             let kernel = place.kernels.get(Key(place.pose(), target.method, skin.influences))?;
             let (poses, asset) = (place.poses(), skin.attached.range());
             let bound = |frame| {

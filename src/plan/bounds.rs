@@ -1,9 +1,9 @@
 //! Bounds that no pose of some weights exceeds, from the weights alone.
 
+use super::UpdateDesc;
 use crate::error::Result;
 use crate::pack::blocks::PoseGrid;
 use crate::pack::{POSE_FLOATS, PackedMesh};
-use crate::plan::UpdateDesc;
 
 /// Vertices that have bounds of their own, one after the other in the order of poses.
 const GROUP: usize = 256;
