@@ -182,7 +182,7 @@ impl MorphEngine {
         if mesh.groups[0].private.is_none() == desc.update.path.row().has_own_upload {
             return Err(Error::invalid(
                 format!("mesh '{}' for the path '{}'", mesh.layout().name, desc.update.path.name()),
-                "upload it for the path: the techniques 'scatter' and 'texture' of others have uploads of their own",
+                "upload it for the path: the baselines 'scatter' and 'texture' have uploads of their own",
             ));
         }
         Ok(())

@@ -68,10 +68,10 @@ fn poses_of_ours(device: &Arc<Device>, layout: &PackedLayout, desc: &CrowdDesc) 
 fn poses_of_host(device: &Device, host: &HostPoses, layout: &PackedLayout, desc: &CrowdDesc) -> Result<Poses> {
     let (offset, format, bytes) = (host.offset(), desc.update.pose, host.vertex().pose_bytes(layout));
     let end = offset.saturating_add(bytes.saturating_mul(count(desc)));
-    let what = format!("poses of mesh '{}' from byte {offset} of a buffer of the host's on end at", layout.name);
+    let what = format!("poses of mesh '{}' from byte {offset} on in the host's buffer end at", layout.name);
     device.caps.check_limit(&what, (end, "bytes", device.caps.max_buffer), "use fewer instances or slots")?;
     if !offset.is_multiple_of(4) {
-        let text = format!("poses from byte {offset} of a buffer of the host's on");
+        let text = format!("poses from byte {offset} on in the host's buffer");
         return Err(Error::invalid(text, "use an offset that is a multiple of 4"));
     }
     let poses = BufferRange::new(host.buffer(), offset, end - offset);

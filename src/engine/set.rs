@@ -178,7 +178,7 @@ impl CrowdSet {
         let tickets: Vec<Ticket> = updates.iter().map(|update| update.ticket).collect();
         if tickets.len() != self.crowds.len() {
             let text = format!("{} updates of a set of {} crowds", tickets.len(), self.crowds.len());
-            return Err(Error::invalid(text, "hand in what record_updates returned for the set"));
+            return Err(Error::invalid(text, "pass the updates that record_updates returned for the set"));
         }
         let mut of = self.crowds.iter().zip(&tickets);
         of.try_for_each(|(crowd, ticket)| crowd.is_discarded(*ticket).map(drop))?;

@@ -101,8 +101,8 @@ impl PoseView {
     pub(super) fn stream(self, place: StreamPlace) -> Result<StreamView> {
         let Self { buffer, stride, format, slot, .. } = self;
         let Some(at) = self.components[place.first] else {
-            let text = format!("stream '{}', which the host's own vertices have no place for", place.semantic);
-            return Err(Error::invalid(text, "name it in the VertexLayout"));
+            let text = format!("stream '{}', which the host's vertices have no place for", place.semantic);
+            return Err(Error::invalid(text, "add it to the VertexLayout"));
         };
         let components = place.components();
         let mut units = [1.0; 4];

@@ -243,7 +243,7 @@ impl PackedLayout {
         if let Some(bad) = indices.iter().find(|&&i| i as usize >= self.vertex_count) {
             return Err(Error::invalid(
                 format!("index {bad} for mesh '{}' of {} vertices", self.name, self.vertex_count),
-                "hand in the index buffer of this mesh",
+                "pass the index buffer of this mesh",
             ));
         }
         if let Some(blocks) = &self.blocks {

@@ -89,7 +89,7 @@ impl VertexLayout {
             Err(Error::invalid(format!("poses in vertices of {stride} bytes: {what}"), remedy))
         };
         if self.count > STREAMS_MAX {
-            return refuse(format!("{} streams", self.count), "name at most 16");
+            return refuse(format!("{} streams", self.count), "use at most 16");
         }
         if stride == 0 || !stride.is_multiple_of(4) {
             return refuse("the stride".into(), "use a multiple of 4 from 4 on");
@@ -99,7 +99,7 @@ impl VertexLayout {
             return refuse(format!("stream '{semantic}' at {offset}"), &format!("use multiples of {number}"));
         }
         if self.offset(Semantic::Position).is_none() {
-            return refuse("no positions".into(), "name Semantic::Position, and where it is");
+            return refuse("no positions".into(), "add Semantic::Position with its offset");
         }
         let has = |semantic| groups.clone().flat_map(|group| &group.streams).any(|place| place.semantic == semantic);
         if let Some((semantic, _)) = self.streams().find(|(semantic, _)| !has(*semantic)) {

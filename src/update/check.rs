@@ -56,7 +56,7 @@ impl UpdateDesc {
             return refuse(format!("incremental updates through '{name}'"), remedy);
         }
         if path.row().sums_integers && self.error_budget > 0.0 {
-            let remedy = "use no budget: it adds integers, each pose afresh";
+            let remedy = "use an error budget of 0: it evaluates every pose from the base pose";
             return refuse(format!("an error budget with '{name}'"), remedy);
         }
         if !path.formats().iter().any(|format| format.is_blocks()) {
@@ -66,7 +66,7 @@ impl UpdateDesc {
             BatchSize::Targets(0) => refuse("a batch size of 0", "use 1 or more targets per pass"),
             BatchSize::All if !path.takes_all_targets() => refuse(
                 format!("batch size 'all' for update path '{name}'"),
-                "a vertex pass takes as many targets as the device has vertex attributes for: name a number",
+                "the device's vertex attributes limit the targets of a vertex pass: use a number",
             ),
             BatchSize::Targets(_) | BatchSize::All => Ok(()),
         }

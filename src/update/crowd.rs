@@ -72,7 +72,7 @@ impl CrowdDesc {
             return Ok(());
         }
         let text = format!("updates on queue family {family}, of an engine for the families {:?}", device.families);
-        Err(Error::invalid(text, "name it in DeviceDesc::queue_families, too"))
+        Err(Error::invalid(text, "add it to DeviceDesc::queue_families"))
     }
 
     /// The consumers that can be on the queue of updates, which was checked.
@@ -108,11 +108,14 @@ impl CrowdDesc {
         }
         let Some(HostPoses { vertex, .. }) = &self.poses else { return Ok(()) };
         if !usage.is_empty() {
-            let text = format!("pose buffers of ours for {usage:?}, and poses in vertices of the host's");
-            return Err(Error::invalid(text, "make your buffer for that, and leave CrowdDesc::pose_usage empty"));
+            let text = format!("usage {usage:?} for engine-owned pose buffers, but poses are in the host's vertices");
+            return Err(Error::invalid(
+                text,
+                "create the host's buffer with this usage, and leave CrowdDesc::pose_usage empty",
+            ));
         }
         if self.update.path != UpdatePath::Blocks {
-            let text = format!("poses in vertices of the host's with the path '{}'", self.update.path.name());
+            let text = format!("poses in the host's vertices with the path '{}'", self.update.path.name());
             return Err(Error::invalid(text, "use the path 'blocks', or leave CrowdDesc::poses out"));
         }
         vertex.check(groups, self.update.pose)

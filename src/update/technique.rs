@@ -141,8 +141,7 @@ impl Techniques {
             path: path.name(),
             device: caps.name.clone(),
             reason: "this build has no baselines".into(),
-            remedy: "use the path 'blocks' or 'compute': techniques of others are in the package deltamorph-baselines"
-                .into(),
+            remedy: "use the path 'blocks' or 'compute': baselines are in the package deltamorph-baselines".into(),
         })
     }
 }

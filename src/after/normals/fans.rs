@@ -12,7 +12,7 @@ use crate::pack::PackedLayout;
 /// # Errors
 /// Faces or welds that do not match `vertices` vertices.
 pub(super) fn first_of<'a>(desc: &NormalsDesc<'a>, vertices: usize) -> Result<impl Fn(u32) -> u32 + Copy + use<'a>> {
-    let remedy = "hand in faces of three corners or more, and welds, of this mesh";
+    let remedy = "pass faces of three corners or more, and welds, of this mesh";
     let refused = |text: String| Error::invalid(format!("a surface of {vertices} vertices: {text}"), remedy);
     if let Some(bad) = desc.corners.iter().find(|vertex| **vertex as usize >= vertices) {
         return Err(refused(format!("a face names vertex {bad}")));

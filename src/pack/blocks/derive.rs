@@ -101,7 +101,7 @@ impl BlockIndex {
         for block in 0..self.count() {
             let listed = &entry_target[self.entries(block)];
             if !listed.is_sorted_by(|a, b| a < b) || listed.last().is_some_and(|&t| t as usize >= targets) {
-                return Err(format!("the targets of block {block} are not ascending, or there are fewer"));
+                return Err(format!("the targets of block {block} are not ascending, or out of range"));
             }
         }
         // Headers must exist before they are read.

@@ -15,7 +15,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// Remedy for a file with valid checksums and invalid contents.
-const INCONSISTENT: &str = "whatever wrote it is at fault: pack the mesh again";
+const INCONSISTENT: &str = "the program that wrote it is at fault: pack the mesh again";
 
 /// The file of `asset`, which is in a block format.
 pub(super) fn write(asset: &Asset) -> Result<Vec<u8>> {
@@ -121,7 +121,8 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
         .ok_or_else(|| refuse(at_meta, format!("names a format {format} that is not known")))?;
     if sections.version < format.row().since {
         let (name, version) = (format.name(), sections.version);
-        let what = format!("has '{name}' deltas as version {version} has them; later ones have others");
+        let what =
+            format!("has '{name}' deltas as version {version} has them, which later versions encode differently");
         return Err(malformed(path, Some(at_meta), what, OUTDATED));
     }
     if target_count > TARGETS_MAX {

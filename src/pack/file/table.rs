@@ -131,7 +131,10 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
     let ends = |within: &str| refuse(format!("ends after {} bytes, within {within}", bytes.len()), DAMAGED);
     let magic = bytes.get(..MAGIC.len()).unwrap_or(bytes);
     if !MAGIC.starts_with(magic) || bytes.is_empty() {
-        return refuse("does not begin as a packed mesh does".into(), "give a file written by `deltamorph pack`");
+        return refuse(
+            "does not begin as a packed mesh does".into(),
+            "give a file written by `deltamorph pack`",
+        );
     }
     let (Some(version), Some(count)) = (u32_at(bytes, 8), u32_at(bytes, 12)) else { return ends("the header") };
     if !(OLDEST_VERSION..=VERSION).contains(&version) {
