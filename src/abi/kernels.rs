@@ -281,7 +281,6 @@ macro_rules! step_kernels {
             $reads:tt => $written:ident, $push:ident $members:tt [$({ $($fields:tt)* }),*]
         }
     )*) => {
-        /// Kernels of steps after the pose.
         const STEPS: &[KernelRow] =
             &[$($(KernelRow { push: stringify!($push), $($fields)*, ..COMPUTE },)*)*];
     };

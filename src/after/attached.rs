@@ -9,7 +9,6 @@ use crate::pack::{PackedLayout, PackedMesh};
 use ash::vk;
 use std::sync::Arc;
 
-/// The buffer, and the mesh that it belongs to.
 pub(super) struct Attached {
     buffer: Buffer,
     bytes: u64,

@@ -50,7 +50,6 @@ impl DecodeTarget {
     }
 }
 
-/// The decode step of an instance.
 pub(crate) struct Decode {
     kernel: Arc<Pipelines<PoseKernel>>,
     /// By list.

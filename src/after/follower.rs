@@ -20,11 +20,9 @@ use std::sync::Arc;
 pub(crate) struct Job {
     /// Index in the ring of lists.
     pub(super) frame: u64,
-    /// The slot of the pose.
     pub(super) slot: u32,
     /// Index of the output buffer.
     pub(super) output: usize,
-    /// Number of pieces to write.
     pub(super) count: u32,
     /// They are the list's; otherwise the first ones.
     pub(super) is_listed: bool,
@@ -65,7 +63,6 @@ impl Pose {
     }
 }
 
-/// Key of the pipeline of a step's kernel.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) struct PoseKernel(pub(super) &'static Kernel, pub(super) Pose);
 
@@ -78,7 +75,6 @@ impl PipelineKey for PoseKernel {
     }
 }
 
-/// Input for creating a target.
 pub(crate) struct Place<'a> {
     pub(crate) device: &'a Arc<Device>,
     pub(crate) kernels: &'a Kernels,

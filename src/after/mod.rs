@@ -21,7 +21,6 @@ use crate::abi::steps::after_steps;
 pub(crate) use follower::Place;
 pub(crate) use steps::After;
 
-/// Declares the modules of the steps.
 macro_rules! declared {
     (() $(
         $(#[doc = $doc:literal])*

@@ -2,7 +2,6 @@
 
 use std::ops::Range;
 
-/// A set of pieces.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Pieces {
     count: u32,

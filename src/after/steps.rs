@@ -35,7 +35,6 @@ struct Target {
     /// The next update is a cut; the last update that was one.
     is_cut: bool,
     cut_by: u64,
-    /// There is valid output.
     is_written: bool,
     /// Some of the buffer's contents are unknown.
     is_stale: bool,
@@ -48,7 +47,6 @@ struct Target {
     is_listed: bool,
 }
 
-/// The targets of a crowd.
 #[derive(Default)]
 pub(crate) struct After {
     targets: Vec<Target>,
@@ -99,12 +97,10 @@ impl After {
         Ok(())
     }
 
-    /// Removes a target.
     pub(crate) fn unset(&mut self, kind: Kind, instance: u32) {
         self.targets.retain(|target| (target.kind, target.instance) != (kind, instance));
     }
 
-    /// The outputs of all targets.
     pub(crate) fn outputs(&self) -> impl Iterator<Item = Resource> {
         Kind::ALL.into_iter().filter(|kind| self.targets.iter().any(|target| target.kind == *kind)).map(Kind::output)
     }
@@ -113,7 +109,6 @@ impl After {
         self.targets.iter_mut().filter(move |target| target.instance == instance)
     }
 
-    /// The step of a target.
     pub(super) fn get_mut<F: Follower>(&mut self, kind: Kind, instance: u32) -> Option<&mut F> {
         let target = self.of(instance).find(|target| target.kind == kind && !target.is_removed)?;
         let any: &mut dyn Any = &mut *target.follower;
@@ -143,7 +138,6 @@ impl After {
         self.of(instance).for_each(|target| target.is_stale = true);
     }
 
-    /// Discards update `first` and all later ones.
     pub(crate) fn discard_from(&mut self, first: u64) {
         for target in &mut self.targets {
             if let Some(before) = target.earlier.discard_from(first) {

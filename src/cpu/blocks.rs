@@ -64,7 +64,6 @@ pub(super) fn run(workers: &Workers, packed: &PackedGroup, plan: &GroupPlan, mut
     workers.for_each(pieces, |(blocks, runs)| run_piece(packed, plan, blocks, runs, &mut |_| {}));
 }
 
-/// Words of a block in a pose.
 fn block_words(plan: &GroupPlan) -> usize {
     plan.index.size() * plan.pose().stride() / size_of::<u32>()
 }
@@ -152,7 +151,6 @@ fn run_blocks<P: PoseStorage, const S: usize>(
     }
 }
 
-/// Adds the elements of a single instance.
 fn add_alone<T: Sum, const S: usize>(
     packed: &PackedGroup,
     plan: &GroupPlan,
@@ -176,7 +174,6 @@ fn dropped(plan: &GroupPlan) -> [u32; TRIPLES] {
     plan.grid().map_or([0; TRIPLES], |grid| grid.dropped)
 }
 
-/// Factors of an entry's triples.
 fn factors<T: Sum>(element: &Element, steps: [f32; TRIPLES], shifts: [u32; TRIPLES]) -> [T::Factor; TRIPLES] {
     std::array::from_fn(|triple| T::factor(element.coefficient, steps[triple], shifts[triple]))
 }
@@ -215,7 +212,6 @@ fn add_batch<T: Sum, const S: usize>(
     tile.iter().any(|instance| !instance.elements.is_empty())
 }
 
-/// Adds `sums` to a block.
 fn write<P: PoseStorage, const S: usize>(sums: &Planes<P::Sum, S>, block: &Block<'_>, destination: &mut [u32]) {
     let plus = |old: P::Number, lane: usize, c: usize| P::plus(old, sums[c][lane]);
     if block.plan.pose().has_integers() {

@@ -41,13 +41,11 @@ pub struct OnCpu {
 
 /// Plans updates and executes them, for dense or block formats.
 trait CpuPlanner: Any + Send + Sync {
-    /// Plans update `update` to the requested weights.
     fn plan(&mut self, instances: &mut Instances, update: u64);
 
     /// Executes the plan in group `number`.
     fn run(&self, number: usize, group: &PackedGroup, memory: &mut Memory, workers: &Workers);
 
-    /// Statistics of the last update.
     fn stats(&self, groups: &[PackedGroup]) -> UpdateStats;
 
     /// See [`Kind::add`].
@@ -264,7 +262,6 @@ impl Memory {
         Ok(Self { slots, poses: vec![pose; instances * slots], format: desc.pose, grid })
     }
 
-    /// A pose as floats.
     pub(crate) fn decode(&self, mesh: &PackedGroup, pose: usize) -> Cow<'_, [f32]> {
         let words = &self.poses[pose];
         match self.grid {
@@ -273,7 +270,6 @@ impl Memory {
         }
     }
 
-    /// Executes the dense passes of all instances.
     fn run_passes(&mut self, mesh: &PackedGroup, workers: &Workers, plans: &[Plan]) {
         match self.grid {
             Some(grid) => with_pose!(self.format, P => self.run_integers::<P>(mesh, workers, plans, grid)),

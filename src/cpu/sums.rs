@@ -86,7 +86,6 @@ fn add_numbers<T: Sum, F: BlockFormat<Component: Number>, const S: usize, const 
     );
 }
 
-/// Adds entries to `sums`, in order.
 pub(super) fn add<T: Sum, const S: usize>(
     sums: &mut Planes<T, S>,
     entries: &[Added<T>],

@@ -66,7 +66,6 @@ impl MorphEngine {
     }
 }
 
-/// Defines the setters of targets.
 macro_rules! target_setters {
     (() $(
         $(#[doc = $doc:literal])*

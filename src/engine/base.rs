@@ -30,7 +30,6 @@ const DISCARDED_RANGES: usize = 64;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[must_use = "an update that never runs has to be discarded with its ticket"]
 pub struct Ticket {
-    /// Number of the crowd.
     crowd: u64,
     id: UpdateId,
 }
@@ -48,16 +47,13 @@ pub struct Update {
 
 /// The kind of crowds with poses on a device, updated by `U`.
 pub struct OnDevice<U: ?Sized> {
-    /// Targets of steps after the pose.
     pub(crate) after: After,
     /// At least one.
     groups: Vec<PoseGroup>,
     pub(super) steps: Steps,
     /// Uses of the last update that wrote poses.
     wrote: Vec<&'static [Use]>,
-    /// Reusable schedule.
     pub(super) schedule: Schedule,
-    /// The update planned last.
     last: Option<UpdateId>,
     pub(crate) desc: CrowdDesc,
     device: Arc<Device>,
@@ -74,7 +70,7 @@ pub struct OnDevice<U: ?Sized> {
 pub trait Updater: Send + Sync {
     /// The technique.
     fn technique(&self) -> &dyn Technique;
-    /// The technique, to be told or to plan.
+    /// The technique, mutably.
     fn technique_mut(&mut self) -> &mut dyn Technique;
 }
 
@@ -182,7 +178,6 @@ impl<U: Updater> CrowdBase<OnDevice<U>> {
 }
 
 impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
-    /// The crowd's technique.
     pub(crate) fn technique(&self) -> &dyn Technique {
         self.kind.updater.technique()
     }
@@ -254,7 +249,6 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
         }
     }
 
-    /// The groups of the mesh, and the poses in them.
     pub(crate) fn groups(&self) -> &[PoseGroup] {
         &self.kind.groups
     }

@@ -7,7 +7,6 @@ use super::{POSE_FLOATS, PackDesc, PackedGroup, PackedLayout, PackedTarget, Sour
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::error::{Error, Result};
 
-/// Packs a group.
 pub(super) fn pack(source: &Source<'_>, desc: &PackDesc, format: &impl DenseFormat) -> Result<PackedGroup> {
     let mesh = source.mesh;
     let vertex_count = mesh.vertex_count();
@@ -76,7 +75,6 @@ impl Reached {
         Self { vertices: vec![([0.0; POSE_FLOATS], 0); vertices], steps: [(f32::INFINITY, 0.0); TRIPLES] }
     }
 
-    /// Adds a target's delta of `vertex`, as it is stored.
     fn add(&mut self, vertex: usize, delta: [f64; POSE_FLOATS], steps: [f32; TRIPLES]) {
         let (sums, targets) = &mut self.vertices[vertex];
         *targets += usize::from(delta != [0.0; POSE_FLOATS]);

@@ -53,7 +53,6 @@ use glam::Vec2;
 use std::io::Write;
 use std::path::Path;
 
-/// Size limit of a file.
 const MAX_BYTES: u64 = 4 << 30;
 
 /// A mesh packed in blocks, with its faces and texture coordinates.

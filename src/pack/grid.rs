@@ -113,7 +113,6 @@ pub(super) fn refused(deltas: DeltaFormat, pose: PoseFormat) -> Error {
 }
 
 impl Sums {
-    /// See [`PackedLayout::grid`](super::PackedLayout::grid).
     pub(super) fn grid(&self, pose: PoseFormat, weight_max: Option<f32>) -> Result<PoseGrid> {
         let (bits, name) = (pose.row().bits, pose.name());
         if !self.format.has_integers() || bits == 0 {

@@ -120,7 +120,6 @@ impl PackedTarget {
         self.position_step * self.normal_ratio()
     }
 
-    /// The steps of both triples.
     pub(crate) fn steps(&self) -> [f32; TRIPLES] {
         [self.position_step, self.normal_step()]
     }

@@ -71,7 +71,6 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Sorts lanes by vertex.
 // Not inlined at call sites: each instantiation of the sort takes 4 kB of code.
 pub(crate) fn sort(lanes: &mut [Lane]) {
     lanes.sort_unstable_by_key(|(vertex, _)| *vertex);

@@ -129,7 +129,6 @@ impl std::fmt::Display for Violation {
     }
 }
 
-/// State of one piece of memory.
 #[derive(Default)]
 struct Track {
     /// The last write, and the scopes it is visible to.

@@ -15,7 +15,6 @@ enum Presence {
     Free,
 }
 
-/// Storage for one instance.
 #[derive(Clone, Debug)]
 struct Place {
     presence: Presence,

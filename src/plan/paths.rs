@@ -9,7 +9,6 @@ pub(crate) enum Needs {
     Nothing,
     /// Workgroups of the kernels' size.
     Workgroups,
-    /// VK_EXT_transform_feedback.
     TransformFeedback,
     /// The feature `vertexPipelineStoresAndAtomics`.
     VertexStores,
@@ -28,14 +27,12 @@ pub(crate) enum Batch {
     Attributes,
 }
 
-/// Properties of a path.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PathRow {
     baseline: bool,
     name: &'static str,
     summary: &'static str,
     formats: &'static [DeltaFormat],
-    /// Pose formats that it supports.
     poses: &'static [PoseFormat],
     pub(crate) needs: Needs,
     pub(crate) batch: Batch,

@@ -93,10 +93,8 @@ impl Schedule {
     }
 }
 
-/// State of one resource.
 #[derive(Clone, Copy, Debug, Default)]
 struct Memory {
-    /// The last write.
     write: Scope,
     /// By stage: accesses to which the last write is visible.
     seen: [u8; STAGES],
@@ -106,7 +104,6 @@ struct Memory {
     ordered: [u16; STAGES],
 }
 
-/// Tracks a crowd's memory.
 #[derive(Clone, Debug, Default)]
 struct Tracker {
     memory: [Memory; Resource::COUNT],

@@ -42,7 +42,6 @@ pub enum Stage {
 }
 
 impl Stage {
-    /// The number of its bit.
     pub(super) const fn index(self) -> usize {
         (self as u16).trailing_zeros() as usize
     }
@@ -128,7 +127,6 @@ macro_rules! resources {
         }
 
         impl Resource {
-            /// Number of resources.
             pub(super) const COUNT: usize = [$(Self::$resource,)* $(Self::$written,)*].len();
         }
     };
@@ -184,7 +182,6 @@ impl<M> Use<M> {
         Self::new(memory, Stage::Transfer, Access::TransferWrite)
     }
 
-    /// Stage and access as one side of a barrier.
     pub(crate) const fn scope(&self) -> Scope {
         Scope { stages: self.stage as u16, accesses: self.access as u8 }
     }

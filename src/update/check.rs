@@ -21,7 +21,6 @@ pub(crate) enum Runner<'a> {
     Unknown,
     /// [`CpuCrowd`](crate::cpu::CpuCrowd).
     Cpu,
-    /// A device.
     Device(&'a DeviceCaps),
     /// A device, for a crowd animated on the GPU; `None`: its CPU reference.
     Animated(Option<&'a DeviceCaps>),
@@ -265,7 +264,6 @@ impl UpdatePath {
         format!("update path '{}' with {} deltas", self.name(), format.name())
     }
 
-    /// Checks that the path supports a delta format.
     pub(crate) fn check_format(self, format: DeltaFormat) -> Result<()> {
         if self.formats().contains(&format) {
             return Ok(());

@@ -199,13 +199,11 @@ impl Poses {
         self.lead + u64::from(count) * u64::from(self.slots) * self.bytes
     }
 
-    /// All poses of `count` instances from `first` on.
     pub(crate) fn range(&self, first: u32, count: u32) -> BufferRange {
         let (offset, size) = (self.offset(first, 0) - self.lead, self.range_bytes(count));
         BufferRange { buffer: self.buffer, offset, size }
     }
 
-    /// Numbers per pose.
     pub(crate) fn numbers(&self) -> u32 {
         (self.bytes / self.format.number_bytes() as u64) as u32
     }

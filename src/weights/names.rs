@@ -22,7 +22,6 @@ pub(super) fn closest<'a>(name: &str, targets: &[&'a str]) -> Option<&'a str> {
     (distance <= (wanted.len() / 3).max(2) && distance < wanted.len().max(1)).then_some(target)
 }
 
-/// Levenshtein distance.
 fn distance(a: &[char], b: &[char]) -> usize {
     let mut row: Vec<usize> = (0..=b.len()).collect();
     for (i, x) in a.iter().enumerate() {

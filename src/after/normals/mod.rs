@@ -33,7 +33,6 @@ impl<'a> NormalsDesc<'a> {
         Self { corners, sizes: &[], welds: &[] }
     }
 
-    /// The corners of each face.
     fn faces(&self) -> impl Iterator<Item = &'a [u32]> + use<'a> {
         let (triangles, sizes) = (if self.sizes.is_empty() { self.corners.len() / 3 } else { 0 }, self.sizes);
         let mut rest = self.corners;

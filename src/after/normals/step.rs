@@ -87,7 +87,6 @@ impl NormalsTarget {
     }
 }
 
-/// The step of an instance that recomputes normals.
 pub(crate) struct Recomputed {
     kernel: Arc<Pipelines<PoseKernel>>,
     /// By list.

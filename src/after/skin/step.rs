@@ -114,7 +114,6 @@ impl SkinTarget {
         }
     }
 
-    /// The output buffers.
     fn outputs(&self) -> impl Iterator<Item = Output> {
         let Self { stride, normals: second, .. } = *self;
         let places = [Some((self.buffer, self.offset)), self.second].into_iter().flatten();
@@ -133,7 +132,6 @@ pub struct SkinnedView {
     pub previous: Option<(vk::Buffer, u64)>,
 }
 
-/// Key of pipelines: pose format, method and influences.
 #[derive(Clone, Copy, PartialEq)]
 struct Key(Pose, SkinMethod, u32);
 
@@ -152,7 +150,6 @@ impl PipelineKey for Key {
     }
 }
 
-/// The skinning step of an instance.
 pub(crate) struct Skin {
     kernel: Arc<Pipelines<Key>>,
     /// By list and output buffer.
@@ -162,7 +159,6 @@ pub(crate) struct Skin {
     pose_numbers: u32,
     joints_bytes: u64,
     joint_count: u32,
-    /// Joints moved since the last update.
     is_changed: bool,
     /// Keeps buffers of the sets alive.
     _attached: Arc<Attached>,

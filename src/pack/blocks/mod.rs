@@ -92,7 +92,6 @@ pub struct BlockIndex {
     /// The position components.
     lengths: Range<usize>,
     pub(super) sums: Sums,
-    /// By entry.
     pub(crate) costs: Vec<EntryCost>,
     /// `[entry][component][word]`: vertices whose component the entry changes.
     pub(crate) masks: Vec<u32>,
@@ -184,7 +183,6 @@ impl BlockIndex {
         4 * self.deltas_at as u64
     }
 
-    /// Words of a bit mask over a block's vertices.
     pub(crate) fn mask_words(&self) -> usize {
         self.parts.size as usize / 32
     }

@@ -106,7 +106,6 @@ fn check(desc: &BlockDesc) -> Result<()> {
     Ok(())
 }
 
-/// Packs the groups of a mesh in blocks.
 pub(in crate::pack) fn pack(
     sources: &[Source<'_>],
     desc: &PackDesc,
@@ -128,7 +127,6 @@ pub(in crate::pack) fn pack(
     groups.collect()
 }
 
-/// Input of packing a group.
 struct Packing<'a> {
     source: &'a Source<'a>,
     kept: &'a Kept,
@@ -161,7 +159,6 @@ impl Packing<'_> {
         Ok(packed)
     }
 
-    /// Packs with these steps.
     fn with(&self, steps: [f32; TRIPLES]) -> Result<PackedGroup> {
         let (mesh, size) = (self.source.mesh, self.size);
         let padded = self.order.len().next_multiple_of((size as usize).max(VERTEX_PADDING));

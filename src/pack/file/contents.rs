@@ -86,7 +86,6 @@ pub(super) fn write(asset: &Asset) -> Result<Vec<u8>> {
     Ok(join(&contents))
 }
 
-/// Parses the file `bytes`.
 pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
     // All sections are copied below.
     room(path, bytes.len() as u64)?;

@@ -14,7 +14,6 @@ pub(super) const GROUPS_MAX: usize = 16;
 const HEADER: usize = 16;
 const ROW: usize = 24;
 const TAIL: usize = 8;
-/// Sections are aligned to this.
 const ALIGNMENT: usize = 8;
 
 /// Remedy for a file damaged in transfer.
@@ -64,12 +63,10 @@ pub(super) fn places(version: u32, sections: usize) -> Option<Vec<Place>> {
     Some(once.chain((0..groups).flat_map(|group| each.iter().map(move |section| (*section, group)))).collect())
 }
 
-/// A section's id in the table.
 fn id((section, group): Place) -> u32 {
     section.0 + ((group as u32) << 8)
 }
 
-/// The contents of a file's sections.
 pub(super) struct Sections<'a> {
     pub version: u32,
     contents: Vec<(Place, &'a [u8])>,
@@ -131,10 +128,7 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
     let ends = |within: &str| refuse(format!("ends after {} bytes, within {within}", bytes.len()), DAMAGED);
     let magic = bytes.get(..MAGIC.len()).unwrap_or(bytes);
     if !MAGIC.starts_with(magic) || bytes.is_empty() {
-        return refuse(
-            "does not begin as a packed mesh does".into(),
-            "give a file written by `deltamorph pack`",
-        );
+        return refuse("does not begin as a packed mesh does".into(), "give a file written by `deltamorph pack`");
     }
     let (Some(version), Some(count)) = (u32_at(bytes, 8), u32_at(bytes, 12)) else { return ends("the header") };
     if !(OLDEST_VERSION..=VERSION).contains(&version) {
@@ -187,7 +181,6 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
     Ok(Sections { version, contents })
 }
 
-/// The little-endian number at byte `at`.
 pub(super) fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
     bytes.get(at..)?.first_chunk().map(|b| u32::from_le_bytes(*b))
 }

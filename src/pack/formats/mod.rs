@@ -11,7 +11,6 @@ use crate::math::power_of_two_below;
 use std::ops::Range;
 use std::str::FromStr;
 
-/// Declares the modules and the enum.
 macro_rules! declared {
     (()
         dense { $($(#[$dense_doc:meta])* $dense:ident $dense_file:ident $dense_row:tt)* }
@@ -111,7 +110,6 @@ impl DeltaFormat {
         Self::ALL.into_iter().find(|f| id != 0 && f.row().id == id)
     }
 
-    /// The block format; `None` for dense formats.
     pub(crate) fn block_format(self) -> Option<&'static dyn BlockFormat> {
         with_format!(self, dense _f => None, blocks f => Some(f))
     }
@@ -134,10 +132,8 @@ pub(crate) trait DenseFormat {
     /// The first triple's step of a target with these largest numbers by triple, and log2 of second step / first step.
     fn steps(&self, largest: [f32; TRIPLES]) -> (f32, i8);
 
-    /// Encodes a delta.
     fn encode(&self, delta: [f32; POSE_FLOATS], steps: [f32; TRIPLES], out: &mut [u32]);
 
-    /// Decodes a delta.
     fn decode(&self, words: &[u32], steps: [f32; TRIPLES]) -> [f64; POSE_FLOATS];
 
     /// Adds the deltas of N targets for consecutive vertices to `sums`, each multiplied by its factors by triple, which
@@ -178,7 +174,6 @@ pub(crate) trait BlockFormat {
         false
     }
 
-    /// Words per header.
     fn header_words(&self) -> usize;
 
     /// Range of the words of entry `entry` in `deltas`, for blocks of `size` vertices. May be out of bounds before the

@@ -17,7 +17,6 @@ pub(crate) trait Shifted {
     /// Writes the integers of a vertex into zeroed words of an entry.
     fn put(size: usize, lane: usize, delta: [i32; POSE_FLOATS], deltas: &mut [u32]);
 
-    /// [`BlockFormat::check_deltas`].
     fn check_deltas(_deltas: &[u32]) -> Result<(), String> {
         Ok(())
     }

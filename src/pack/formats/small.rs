@@ -207,7 +207,6 @@ struct BitWriter {
 }
 
 impl BitWriter {
-    /// Appends the low `bits` bits of `value`.
     fn put(&mut self, value: u32, bits: u32) {
         for i in 0..bits {
             if self.used.is_multiple_of(32) {

@@ -3,7 +3,6 @@
 use super::PoseStorage;
 use super::sums::Rounded;
 
-/// See [`PoseFormat::Fixed16`](super::PoseFormat::Fixed16).
 pub(crate) struct Fixed16;
 
 impl PoseStorage for Fixed16 {

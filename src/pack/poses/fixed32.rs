@@ -2,7 +2,6 @@
 
 use super::PoseStorage;
 
-/// See [`PoseFormat::Fixed32`](super::PoseFormat::Fixed32).
 pub(crate) struct Fixed32;
 
 impl PoseStorage for Fixed32 {

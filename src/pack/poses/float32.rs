@@ -2,7 +2,6 @@
 
 use super::PoseStorage;
 
-/// See [`PoseFormat::Float32`](super::PoseFormat::Float32).
 pub(crate) struct Float32;
 
 impl PoseStorage for Float32 {

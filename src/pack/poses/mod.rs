@@ -9,7 +9,6 @@ use crate::asset::streams::{TRIPLE, TRIPLES};
 use bytemuck::Pod;
 use sums::Sum;
 
-/// Declares the modules and the enum.
 macro_rules! declared {
     (() $($(#[$meta:meta])* $name:ident $file:ident $row:tt)*) => {
         $(pub(crate) mod $file;)*
@@ -45,7 +44,6 @@ macro_rules! with_pose {
 }
 pub(crate) use with_pose;
 
-/// Implementation of a pose format.
 pub(crate) trait PoseStorage {
     /// A stored component; a vertex has six.
     type Number: Pod + Send + Sync;
@@ -94,7 +92,6 @@ impl PoseFormat {
         self.has_integers() && self.row().bits < i32::BITS
     }
 
-    /// Bytes per component.
     pub(crate) const fn number_bytes(self) -> usize {
         self.stride() / POSE_FLOATS
     }
@@ -104,7 +101,6 @@ impl PoseFormat {
         self.number_bytes() < size_of::<u32>()
     }
 
-    /// Byte offset of a component in a vertex.
     pub(crate) const fn offset(self, component: usize) -> usize {
         self.number_bytes() * component
     }

@@ -141,7 +141,6 @@ impl Clips {
         Ok(all)
     }
 
-    /// Appends a clip.
     fn push(&mut self, clip: &WeightClip, names: &[&str], grid: PoseGrid) -> Result<()> {
         let refuse = |what: String, remedy: &str| Err(Error::invalid(format!("clip '{}': {what}", clip.name), remedy));
         let bound = clip.bind(names)?;
@@ -197,7 +196,6 @@ impl Clips {
         Ok(())
     }
 
-    /// A clip's words in the table.
     fn entry(&self, clip: usize) -> [u32; TABLE_WORDS] {
         self.words[..TABLE_WORDS * self.clips.len()].as_chunks().0[clip]
     }
@@ -207,12 +205,10 @@ impl Clips {
         (self.ranks_at > 0).then_some(self.ranks_at)
     }
 
-    /// `Some` if levels of detail follow the camera.
     pub(crate) fn following(&self) -> Option<Following> {
         self.following
     }
 
-    /// The rank of a target, if there are ranks.
     pub(crate) fn rank(&self, target: usize) -> u32 {
         self.words[self.ranks_at as usize + target]
     }

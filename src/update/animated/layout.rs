@@ -63,10 +63,8 @@ pub(super) struct GroupLayout {
     instances: u32,
     /// Instances per set; the last set may have fewer.
     size: u32,
-    /// Instances per tile.
     widest: u32,
     runs: Vec<Run>,
-    /// Bytes of the work lists of a set.
     stride: u64,
     /// Push constants shared by all dispatches; clock and slots are those of the last update.
     pub(super) push: AnimationPush,
@@ -110,7 +108,6 @@ impl GroupLayout {
         Ok(Self { instances, size, widest, runs, stride, push })
     }
 
-    /// Number of sets.
     fn sets(&self) -> u32 {
         self.instances.div_ceil(self.size)
     }
@@ -132,7 +129,6 @@ impl GroupLayout {
         (first, self.size.min(self.instances - first))
     }
 
-    /// Number of tiles of a set's instances.
     fn tiles(&self, set: u32) -> u32 {
         self.instances(set).1.div_ceil(self.widest)
     }
@@ -149,7 +145,6 @@ impl GroupLayout {
         (u64::from(set) * self.stride + run.offset, run.list_bytes(self.tiles(0)))
     }
 
-    /// Bytes of all work lists.
     pub(super) fn list_bytes(&self) -> u64 {
         u64::from(self.sets()) * self.stride
     }
@@ -178,7 +173,6 @@ impl GroupLayout {
         4 * (u64::from(counters) + 3 * dispatch)
     }
 
-    /// Bytes of counters and arguments.
     pub(super) fn control_bytes(&self) -> u64 {
         self.arguments(self.lists(), 0, 0)
     }

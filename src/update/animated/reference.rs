@@ -130,12 +130,10 @@ fn factor(clips: &Clips, record: &HeadRecord, target: usize) -> u32 {
 #[derive(Clone)]
 pub(super) struct Deferred {
     requested: Vec<i32>,
-    /// Applied weights.
     pub(super) committed: Vec<i32>,
 }
 
 impl Deferred {
-    /// All 0.
     pub(super) fn new(targets: usize) -> Self {
         Self { requested: vec![0; targets], committed: vec![0; targets] }
     }

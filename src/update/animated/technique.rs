@@ -54,7 +54,6 @@ impl PipelineKey for Planning {
     }
 }
 
-/// Technique of a crowd animated on the GPU.
 pub(crate) struct Animated {
     device: Arc<Device>,
     planning: Arc<Pipelines<Planning>>,
@@ -70,7 +69,6 @@ pub(crate) struct Animated {
     pub(super) level: Option<LevelPush>,
 }
 
-/// Device state of a group.
 pub(super) struct Group {
     pub(super) layout: GroupLayout,
     blocks: GroupBlocks,
@@ -172,7 +170,6 @@ impl Animated {
         }
     }
 
-    /// Frees the staging memory of the clips.
     pub(crate) fn release_staging(&mut self) {
         self.staging = None;
     }

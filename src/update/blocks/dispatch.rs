@@ -56,7 +56,6 @@ pub(super) const KERNELS: usize = 2 * WIDTHS;
 /// The dispatches of an update of a group.
 pub(crate) struct Dispatches {
     how: Dispatching,
-    /// Index of the group.
     group: u32,
     works: Vec<Work>,
     /// Parts of the asset; a dispatch covers the blocks of one.

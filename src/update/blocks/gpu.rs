@@ -44,15 +44,12 @@ pub(crate) fn set_size(context: &Context<'_>, most: u64) -> Result<u32> {
     )
 }
 
-/// Workgroup of a crowd's kernels.
 pub(crate) struct Workgroup {
     /// Processes tiles of instances.
     tiles: bool,
     /// Loads asset and work list as texels.
     texels: bool,
-    /// Invocations.
     lanes: u32,
-    /// Items or tiles.
     pub(crate) items: u32,
 }
 
@@ -78,9 +75,7 @@ pub(crate) fn workgroup(context: &Context<'_>, instances: u32) -> Result<Workgro
 #[derive(Clone, Copy, PartialEq)]
 struct BlocksKey {
     module: &'static Module,
-    /// Vertices per block.
     size: u32,
-    /// Invocations per workgroup.
     lanes: u32,
     width: u32,
     few_registers: bool,
@@ -134,13 +129,11 @@ impl BlocksKernels {
 pub(crate) struct Bound {
     /// Index of the asset part.
     pub(crate) part: usize,
-    /// The work list.
     pub(crate) list: BufferRange,
     /// First instance, and count.
     pub(crate) instances: (u32, u32),
 }
 
-/// The blocks of a group.
 pub(crate) struct GroupBlocks {
     pub(crate) how: Dispatching,
     kernels: Vec<Arc<Pipelines<BlocksKey>>>,
@@ -148,7 +141,6 @@ pub(crate) struct GroupBlocks {
     /// For a mesh without entries: one that moves nothing, for the row that tiles need.
     _no_entry: Option<Buffer>,
     sets: Sets,
-    /// By set.
     pushes: Vec<BlocksPush>,
 }
 

@@ -103,7 +103,6 @@ pub(crate) struct BlockState {
     budget: f32,
     /// The budget was lowered: all deferred changes have to be checked.
     pub(super) lowered: bool,
-    /// Some change is deferred.
     pub(super) deferred: bool,
     /// Targets whose requested weight changed in the last update.
     pub(super) changed: usize,
@@ -162,13 +161,11 @@ impl BlockState {
         }
     }
 
-    /// Sets the error budget from the next update on.
     fn set_budget(&mut self, budget: f32) {
         self.lowered |= budget < self.budget;
         self.budget = budget;
     }
 
-    /// The error budget.
     pub(super) fn budget(&self) -> f32 {
         self.budget
     }

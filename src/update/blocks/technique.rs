@@ -16,13 +16,11 @@ use crate::update::technique::{Context, Technique, UpdateId};
 use ash::vk;
 use std::ops::Range;
 
-/// Technique of path `blocks`.
 pub(crate) struct BlocksTechnique {
     planner: Planner,
     groups: Vec<Group>,
 }
 
-/// Device state of a group.
 struct Group {
     blocks: GroupBlocks,
     dispatches: Dispatches,
@@ -81,7 +79,6 @@ impl Group {
         })
     }
 
-    /// Writes the planned list.
     fn write(&mut self, list: &WorkList, frame: u64) -> Result<()> {
         let (items, rest) = self.ring.words(frame)?.split_at_mut(self.elements_at);
         let items = items.chunks_exact_mut(self.item_words);

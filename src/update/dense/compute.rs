@@ -65,7 +65,6 @@ pub(crate) struct ComputePasses {
     grid: Option<PoseGrid>,
     /// Coefficient lists, `[frame][instance]`.
     ring: Ring,
-    /// Bytes of an instance's list.
     stride: u64,
     /// `[instance][destination slot][source]`, where the source is the base pose, the same slot, or the slot before.
     sets: ChunkSets,

@@ -105,7 +105,6 @@ impl Pipelines<VertexPasses> {
     }
 }
 
-/// The passes of path `feedback`.
 pub(crate) struct FeedbackPasses(Arc<Pipelines<VertexPasses>>);
 
 impl Passes for FeedbackPasses {

@@ -29,12 +29,10 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// The coefficients of a pass.
     pub(crate) fn coefficients_of(&self, pass: &Work) -> &[Coefficient] {
         &self.coefficients[pass.items.start as usize..pass.items.end as usize]
     }
 
-    /// Removes the last update.
     fn clear(&mut self) {
         self.coefficients.clear();
         self.passes.clear();

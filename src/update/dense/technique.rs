@@ -28,7 +28,6 @@ pub struct DensePass<'a> {
 }
 
 impl<'a> DensePass<'a> {
-    /// The pass of a work.
     fn new(PoseGroup { mesh, poses }: &'a PoseGroup, work: &Work, coefficients: &'a [Coefficient]) -> Self {
         let pose = |slot| (poses.buffer, poses.offset(work.instance, slot));
         let source = match work.source {
