@@ -16,17 +16,16 @@
 //!  4  order               [packed vertex] the user's vertex u32
 //!  8  face sizes          [face] u32
 //!  9  face corners        [corner] the user's vertex u32
-//! 10  corner texcoords    [corner] u32, 0xffffffff where there is none; empty where no corner has one
+//! 10  corner texcoords    [corner] u32, 0xffffffff: none; empty if no corner has one
 //! 11  texcoords           [texcoord][u v] f32
-//! 13  welds               [user's vertex] the first vertex at its place (or itself) u32; empty where none is welded
+//! 13  welds               [user's vertex] the first vertex at its position (or itself) u32; empty if none is welded
 //!
 //! then for each group g of streams, with 256 g added to the id:
 //! 12  group               streams u32   blocks u32   entries u32   words u32   steps of both triples f32 f32
 //!                         [stream][id u32, zero u32, largest error f64]
-//!                         (1 position, 2 normal, 3 tangent, 4 + 256 set texture coordinates, 5 + 256 set colours, 6 masks;
-//!                         error in input units, degrees, degrees, and in the numbers themselves)
-//!  3  base pose           [packed vertex][six f32], without padding; positions as the input has them, also of a mesh that
-//!                         is recentred
+//!                         (1 position, 2 normal, 3 tangent, 4 + 256 set texture coordinates, 5 + 256 set colours,
+//!                         6 masks; errors in input units, degrees, degrees, and absolute)
+//!  3  base pose           [packed vertex][six f32], without padding; positions as in the input, even if recentred
 //!  5  first entries       [block + 1] u32
 //!  6  entry targets       [entry] u32
 //!  7  words               [word] u32: headers and deltas, see blocks

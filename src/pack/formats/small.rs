@@ -1,9 +1,9 @@
 //! In blocks, with the fewest bits that an entry needs. GLSL: `glsl/formats/small.glsl`.
 //!
 //! ```text
-//! header [first word][a word for each triple]   deltas [mask × size/32, where it is in use][records, bit after bit]
-//!   a word = 5 bits of width for each component, then 5 bits of offset for each; that of the first triple has in its
-//!   highest bit whether there is a mask: of the vertices that have a record, where not all have
+//! header [first word][a word for each triple]   deltas [mask × size/32, if any][records, bit after bit]
+//!   a word = 5 bits of width for each component, then 5 bits of offset for each; the highest bit of the first triple's
+//!   word says that there is a mask of the vertices with a record; otherwise all have one
 //!   a record = six unsigned integers, 96 bits at most
 //! component = (offset · 2^width) / 8, rounded down, + integer
 //! ```
