@@ -14,7 +14,7 @@ use std::path::Path;
 ///
 /// Spaces around names and numbers, empty lines and a byte order mark are ignored. Weights may be any finite numbers,
 /// also below 0 and above 1. A header without rows is a clip of 0 frames. The frame rate is `fps`; `None` takes the one
-/// in the file's name ([`fps_of_name`]), or else [`DEFAULT_FPS`].
+/// in the file's name, the number before the last "fps" in it (`walk_30fps.csv`), or else [`DEFAULT_FPS`].
 ///
 /// Takes 200 bytes of memory at most for each byte of the file, and 1 MiB, whatever it counts.
 ///
@@ -102,7 +102,7 @@ fn line_at(text: &[u8], position: Option<&Position>) -> usize {
 
 /// Returns the frames per second that a file's name states: the number before the last "fps" in it, as in
 /// `walk_30fps.csv` or `Walk_29.97FPS_take2.csv`.
-pub fn fps_of_name(path: &Path) -> Option<f32> {
+fn fps_of_name(path: &Path) -> Option<f32> {
     let stem = path.file_stem()?.to_str()?.to_ascii_lowercase();
     let (before, _) = stem.rsplit_once("fps")?;
     let words = before.trim_end_matches(|c: char| c.is_ascii_digit() || c == '.');

@@ -185,7 +185,7 @@ impl UpdatePath {
     }
 
     /// Whether [`UpdateMode::Incremental`](super::UpdateMode) is unsupported: each pose is evaluated from base.
-    pub const fn rebuilds_only(self) -> bool {
+    pub(crate) const fn rebuilds_only(self) -> bool {
         self.row().rebuilds_only
     }
 

@@ -239,7 +239,7 @@ impl Consumers {
     }
 
     /// The consumers that a queue with or without graphics can have.
-    pub fn of_queue(self, graphics: bool) -> Self {
+    pub(crate) fn of_queue(self, graphics: bool) -> Self {
         let there = Self::READS.iter().filter(|(_, only_graphics, _)| graphics || !only_graphics);
         Self(there.fold(0, |all, (bit, ..)| all | bit) & self.0)
     }

@@ -128,7 +128,7 @@ impl Channel {
     }
 
     /// Returns `time`, or the time of a key within `distance` of it, so that steps happen in the frame they belong to.
-    pub fn near_key(&self, time: f64, distance: f64) -> f64 {
+    pub(super) fn near_key(&self, time: f64, distance: f64) -> f64 {
         let after = self.times.partition_point(|t| f64::from(*t) < time - distance);
         self.times.get(after).map(|t| f64::from(*t)).filter(|key| (key - time).abs() <= distance).unwrap_or(time)
     }

@@ -181,7 +181,7 @@ impl Gltf {
     }
 
     /// Iterates over the animations that have weights, for [`clip`](Self::clip).
-    pub fn weight_animations(&self) -> impl Iterator<Item = &Animation> {
+    pub(super) fn weight_animations(&self) -> impl Iterator<Item = &Animation> {
         self.animations.iter().filter(|animation| weight_channels(animation).next().is_some())
     }
 

@@ -139,7 +139,7 @@ impl BlockIndex {
     }
 
     /// Most targets that touch one block.
-    pub fn most_entries(&self) -> usize {
+    pub(super) fn most_entries(&self) -> usize {
         (0..self.count()).map(|block| self.entries(block).len()).max().unwrap_or(0)
     }
 
