@@ -3,12 +3,12 @@
 
 use deltamorph::internals::plan::hazards::{Event, HazardChecker, Violation};
 use deltamorph::internals::plan::schedule::{Entry, asset_uploaded};
-use deltamorph::reference::evaluate_group;
+use deltamorph::reference::{compare, evaluate_group};
 use deltamorph::{
-    BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, MorphMesh, POSE_FLOATS, PackDesc, PackedGroup,
-    PackedMesh, PoseError, PoseFormat, PoseGrid, UpdateDesc, UpdatePath, testing,
+    AnyCrowd, BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, MorphMesh, POSE_FLOATS, PackDesc,
+    PackedGroup, PackedMesh, PoseError, PoseFormat, PoseGrid, UpdateDesc, UpdatePath, testing,
 };
-use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
+use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, Step};
 use std::slice::from_mut;
 
 /// What the project promises after whole clips: positions within this share of the diagonal…
@@ -219,6 +219,41 @@ pub fn reference_group(group: &PackedGroup, desc: &UpdateDesc, weights: &[f32]) 
 /// One instance, two frames in flight.
 pub fn single(update: UpdateDesc) -> CrowdDesc {
     CrowdDesc::new(update)
+}
+
+/// A crowd of one instance.
+pub fn crowd<'a>(headless: &'a Headless, mesh: &PackedMesh, update: UpdateDesc) -> HeadlessCrowd<'a> {
+    HeadlessCrowd::new(headless, mesh, &single(update)).expect("a crowd")
+}
+
+/// Why a crowd is refused.
+pub fn refused(headless: &Headless, mesh: &PackedMesh, desc: &CrowdDesc) -> String {
+    HeadlessCrowd::new(headless, mesh, desc).err().unwrap_or_else(|| panic!("not refused: {desc:?}")).to_string()
+}
+
+/// How far the pose of an instance is from the reference.
+pub fn error(crowd: &mut HeadlessCrowd<'_>, instance: u32, mesh: &PackedMesh, weights: &[f32]) -> PoseError {
+    let update = crowd.crowd().desc().update;
+    compare(&crowd.read_pose(instance).expect("a pose"), &reference(mesh, &update, weights))
+}
+
+/// Hold the pose of an instance to what the project promises.
+pub fn assert_right(crowd: &mut HeadlessCrowd<'_>, instance: u32, mesh: &PackedMesh, weights: &[f32]) {
+    let error = error(crowd, instance, mesh, weights);
+    let desc = crowd.crowd().desc();
+    assert!(is_kept(&error, mesh.layout().diagonal), "{:?}, {desc:?}, {instance}: {error:?}", mesh.layout().format);
+}
+
+/// A step, what it recorded, and that as the hazard checker sees it.
+pub fn recorded<C: AnyCrowd + 'static>(
+    crowd: &mut HeadlessCrowd<'_, C>,
+    weights: &[&[f32]],
+) -> (Step, Vec<Entry>, Vec<Event>) {
+    let mut list = vec![];
+    // SAFETY: nothing is changed.
+    let step = unsafe { HeadlessCrowd::step_tampered(from_mut(crowd), weights, |entries| list.clone_from(entries)) };
+    let (step, events) = step.expect("a step");
+    (step, list, events)
 }
 
 /// `mesh` of 1000 vertices and 37 targets as a device would need it that reaches 128 vertices.

@@ -7,8 +7,7 @@ mod gpu;
 mod offscreen;
 
 mod errors;
-mod faults;
+mod pipelines;
 mod queues;
-mod recording;
 mod slots;
 mod soundness;

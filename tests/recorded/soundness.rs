@@ -2,7 +2,7 @@
 //! taken.
 
 use crate::gpu::{self, drivers, on_every_device, single, update_descs, weights};
-use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
+use deltamorph::reference::{evaluate, evaluate_unpacked};
 use deltamorph::{
     BatchSize, BlockDesc, CpuCrowd, Crowd, DeltaFormat, ErrorKind, GpuMesh, MorphEngine, MorphSource, PackDesc,
     PackedMesh, PoseFormat, SourceTarget, Tolerance, UpdateDesc, UpdatePath, testing,
@@ -30,100 +30,6 @@ fn what_may_be_shared_between_threads_and_what_may_not() {
     <HeadlessCrowd<'static> as NotSync<_>>::check();
 }
 
-/// A crowd of one instance for every path of every device, with its mesh.
-fn with_crowds(test: impl Fn(&Headless, &mut HeadlessCrowd<'_>, &PackedMesh, UpdateDesc)) {
-    on_every_device(|headless, engine| {
-        for format in [DeltaFormat::Snorm16, DeltaFormat::Fast] {
-            let mesh = PackedMesh::pack(&testing::mesh(300, 23), &engine.pack_desc(format)).expect("a mesh that fits");
-            for desc in update_descs(engine, format) {
-                let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
-                crowd.step(&[&weights(&mesh, 0, 9)]).expect("a step");
-                test(headless, &mut crowd, &mesh, desc);
-            }
-        }
-    });
-}
-
-fn assert_right(crowd: &mut HeadlessCrowd<'_>, mesh: &PackedMesh, weights: &[f32], desc: UpdateDesc) {
-    let reference = gpu::reference(mesh, &desc, weights);
-    let error = compare(&crowd.read_pose(0).expect("a pose"), &reference);
-    assert!(error.within(3e-6 * f64::from(mesh.layout().diagonal), 0.01), "{desc:?}: {error:?}");
-}
-
-#[test]
-fn a_ticket_is_good_for_one_discard() {
-    with_crowds(|_, crowd, mesh, desc| {
-        let (_, first) = crowd.record(&[&weights(mesh, 1, 9)]).expect("a recording");
-        crowd.discard(first.ticket).expect("a ticket of this crowd");
-        let (second, _) = crowd.record(&[&weights(mesh, 2, 9)]).expect("a recording");
-        // Once more, while the second may be running: its poses and its part of the ring stay what they are.
-        crowd.discard(first.ticket).expect("a ticket of this crowd");
-        assert!(crowd.crowd().pose(0).is_ok(), "{desc:?}");
-        crowd.submit(vec![second]).expect("a submission");
-        assert_right(crowd, mesh, &weights(mesh, 2, 9), desc);
-    });
-}
-
-#[test]
-fn updates_are_discarded_in_any_order_and_tickets_stay_spent() {
-    with_crowds(|_, crowd, mesh, desc| {
-        let (_, first) = crowd.record(&[&weights(mesh, 1, 9)]).expect("a recording");
-        let (_, second) = crowd.record(&[&weights(mesh, 2, 9)]).expect("a recording");
-        crowd.discard(second.ticket).expect("a ticket of this crowd");
-        crowd.discard(first.ticket).expect("a ticket of this crowd");
-        assert!(crowd.crowd().pose(0).is_err(), "{desc:?}");
-        crowd.step(&[&weights(mesh, 3, 9)]).expect("a step");
-        for ticket in [first.ticket, second.ticket] {
-            crowd.discard(ticket).expect("a ticket of this crowd");
-        }
-        assert_right(crowd, mesh, &weights(mesh, 3, 9), desc);
-
-        // That of an update that recorded nothing turns nothing back either, once it is spent.
-        let (_, nothing) = crowd.record(&[&weights(mesh, 3, 9)]).expect("a recording");
-        assert_eq!(nothing.stats.bytes_moved, 0, "{desc:?}");
-        crowd.discard(nothing.ticket).expect("a ticket of this crowd");
-        let (last, _) = crowd.record(&[&weights(mesh, 4, 9)]).expect("a recording");
-        crowd.discard(nothing.ticket).expect("a ticket of this crowd");
-        crowd.submit(vec![last]).expect("a submission");
-        assert_right(crowd, mesh, &weights(mesh, 4, 9), desc);
-    });
-}
-
-#[test]
-fn recorded_updates_run_in_their_crowd_and_while_their_lists_are_theirs() {
-    with_crowds(|headless, crowd, mesh, desc| {
-        let refused = |result: deltamorph::Result<()>, words: &str| {
-            let error = result.expect_err("refused").to_string();
-            assert!(error.contains(words), "{error}");
-        };
-        let mut other = HeadlessCrowd::new(headless, mesh, &single(desc)).expect("a crowd");
-        let (foreign, of_other) = other.record(&[&weights(mesh, 1, 9)]).expect("a recording");
-        refused(crowd.submit(vec![foreign]), "the oldest ones that wait in this crowd");
-        refused(crowd.discard(of_other.ticket), "another crowd");
-        drop(other);
-
-        let (discarded, update) = crowd.record(&[&weights(mesh, 1, 9)]).expect("a recording");
-        crowd.discard(update.ticket).expect("a ticket of this crowd");
-        refused(crowd.submit(vec![discarded]), "the oldest ones that wait");
-
-        let (first, _) = crowd.record(&[&weights(mesh, 1, 9)]).expect("a recording");
-        let (second, _) = crowd.record(&[&weights(mesh, 2, 9)]).expect("a recording");
-        // Two frames in flight: a third would write the list of the first.
-        let error = crowd.record(&[&weights(mesh, 3, 9)]).err().expect("refused").to_string();
-        assert!(error.contains("2 updates wait"), "{error}");
-        refused(crowd.submit(vec![second, first]), "the oldest ones that wait");
-
-        let (left, update) = {
-            crowd.step(&[&weights(mesh, 4, 9)]).expect("a step");
-            crowd.record(&[&weights(mesh, 5, 9)]).expect("a recording")
-        };
-        let step = crowd.step(&[&weights(mesh, 6, 9)]).expect("a step");
-        refused(crowd.submit(vec![left]), "the oldest ones that wait");
-        refused(crowd.discard(update.ticket), "left behind by a step");
-        refused(crowd.discard(step.update.ticket), "it was submitted");
-    });
-}
-
 /// Two devices of the same driver, and a crowd on each.
 #[test]
 fn a_step_that_fails_half_way_leaves_every_crowd_as_it_was() {
@@ -140,7 +46,7 @@ fn a_step_that_fails_half_way_leaves_every_crowd_as_it_was() {
         let error = HeadlessCrowd::step_together(&mut both, &[&asked, &asked], 0).expect_err("two devices");
         assert!(error.to_string().contains("several devices"), "{error}");
         both[0].step(&[&asked]).expect("a step");
-        assert_right(&mut both[0], &mesh, &asked, crowd_desc.update);
+        gpu::assert_right(&mut both[0], 0, &mesh, &asked);
     }
 }
 
@@ -159,7 +65,7 @@ fn a_panic_between_planning_and_recording_takes_the_update_back() {
         assert!(failed.is_err());
         assert!(crowd.crowd().pose(0).is_err(), "what was planned is not taken as done");
         crowd.step(&[&asked]).expect("a step");
-        assert_right(&mut crowd, &mesh, &asked, desc.update);
+        gpu::assert_right(&mut crowd, 0, &mesh, &asked);
     });
 }
 

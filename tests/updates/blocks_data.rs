@@ -30,8 +30,8 @@ fn pack(mesh: &MorphMesh, format: DeltaFormat) -> Arc<PackedMesh> {
 }
 
 /// Formats of deltas and of poses that go together, with a number of slots each: whole clips of all 30 take minutes
-/// (`.ci/deep` plays them); proptests in src/cpu, tests/updates/gpu_paths.rs and tests/updates/integers.rs go through
-/// the rest.
+/// (`.ci/deep` plays them); proptests in src/cpu, tests/techniques/poses.rs and tests/updates/integers.rs go
+/// through the rest.
 const VARIANTS: [(DeltaFormat, PoseFormat, u32); 8] = [
     (DeltaFormat::BlockFloat32, PoseFormat::Float32, 1),
     (DeltaFormat::Fast, PoseFormat::Float32, 2),

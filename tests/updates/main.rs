@@ -16,7 +16,6 @@ mod blocks_data;
 mod bounds;
 mod clamps;
 mod fixed16;
-mod gpu_paths;
 mod integers;
 mod parts;
 mod readback;

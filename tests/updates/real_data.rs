@@ -5,8 +5,8 @@ use crate::gpu;
 use deltamorph::import::{csv, obj};
 use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
 use deltamorph::{
-    Asset, BatchSize, CpuCrowd, DeltaFormat, MorphMesh, MorphSource, PackDesc, PackedMesh, PoseError, Tolerance,
-    UpdateDesc, UpdatePath,
+    Asset, BatchSize, CpuCrowd, DeltaFormat, MorphMesh, PackDesc, PackedMesh, PoseError, Tolerance, UpdateDesc,
+    UpdatePath,
 };
 use deltamorph_headless::HeadlessCrowd;
 use std::path::Path;
@@ -118,29 +118,6 @@ fn ict_facekit_plays_the_captured_take() {
 #[ignore = "a minute: .ci/deep"]
 fn makehuman_plays_the_captured_take() {
     whole_clip("makehuman_face", "facecap_30fps.csv");
-}
-
-#[test]
-fn the_stress_test_has_disjoint_targets() {
-    let Some(folder) = data::set("morph_stress_test") else { return };
-    let source: MorphSource = obj::import_folder(&folder).expect("a folder that imports");
-    let mesh = source.to_mesh(Tolerance::default()).expect("a mesh");
-    assert_eq!((mesh.vertex_count(), mesh.targets.len()), (1504, 8));
-    gpu::on_every_device(|headless, engine| {
-        for format in DeltaFormat::DENSE {
-            let packed = gpu::packed(engine, &mesh, format);
-            for desc in gpu::update_descs(engine, format) {
-                let mut crowd = HeadlessCrowd::new(headless, &packed, &gpu::single(desc)).expect("a crowd");
-                for frame in 0..6 {
-                    let weights = gpu::weights(&packed, frame, 3);
-                    crowd.step(&[&weights]).expect("a step");
-                    let reference = gpu::reference(&packed, &desc, &weights);
-                    let error = compare(&crowd.read_pose(0).expect("a pose"), &reference);
-                    assert!(gpu::is_kept(&error, mesh.diagonal), "{desc:?}: {error:?}");
-                }
-            }
-        }
-    });
 }
 
 fn timed<T>(f: impl FnOnce() -> T) -> (T, Duration) {

@@ -349,25 +349,3 @@ fn texture_coordinates_follow_a_target_that_stretches() {
         }
     });
 }
-
-/// Techniques that know positions and normals only say so.
-#[test]
-fn what_does_not_update_streams_refuses_them() {
-    on_every_device(|headless, engine| {
-        for (path, format) in [
-            (UpdatePath::Scatter, DeltaFormat::Small),
-            (UpdatePath::Direct, DeltaFormat::Snorm16),
-            (UpdatePath::DirectAttributes, DeltaFormat::Snorm16),
-        ] {
-            if engine.caps().check_path(path).is_err() {
-                continue;
-            }
-            let batch = if path == UpdatePath::DirectAttributes { BatchSize::Targets(1) } else { BatchSize::All };
-            let mode = deltamorph::UpdateMode::Rebuild;
-            let desc = CrowdDesc::new(UpdateDesc::new(path, batch).mode(mode));
-            let made = HeadlessCrowd::new(headless, &packed(&engine.pack_desc(format)), &desc);
-            let text = made.err().expect("a refusal").to_string();
-            assert!(text.contains(path.name()) && text.contains("'blocks'"), "{text}");
-        }
-    });
-}

@@ -1,8 +1,8 @@
 //! Delta textures of half floats: those of a file that has them, kept as such on the device.
 
 use super::poses::{check, real};
-use crate::baselines::{can_read, history};
 use crate::gpu::{NORMAL, POSITION, on_every_device, packed, single};
+use crate::table::{can_read, history};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
     BatchSize, DeltaFormat, MorphMesh, MorphTarget, PackDesc, PackedMesh, StreamDeltas, UpdateDesc, UpdatePath, testing,
@@ -55,7 +55,7 @@ fn half_floats_are_kept_as_such_and_give_the_same_poses() {
         if engine.caps().check_path(desc.path).is_err() || !can_read(headless, &desc) {
             return;
         }
-        check(headless, &half, desc, 3);
+        check(headless, &half, desc, 8);
         let [mut kept, mut wide] =
             [&half, &wide].map(|mesh| HeadlessCrowd::new(headless, mesh, &single(desc)).expect("a crowd"));
         let bits = |crowd: &mut HeadlessCrowd<'_>| {

@@ -1,0 +1,449 @@
+//! Poses of every technique, batch size and format against the float64 reference, on real drivers; what is counted of
+//! an update, and what a still face records.
+
+use crate::data;
+use crate::gpu::{self, NORMAL, POSITION, in_eight_chunks, on_every_device, packed, single, weights};
+use crate::table::{can_read, for_every_update, history, keep_supported, updates, variants};
+use deltamorph::DeltaFormat::{Fast, Float32, Pair, Small, Snorm16};
+use deltamorph::import::{csv, obj};
+use deltamorph::reference::{compare, evaluate};
+use deltamorph::{
+    BatchSize, CpuCrowd, DeltaFormat, MorphMesh, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdateMode,
+    UpdatePath, UpdateStats, testing,
+};
+use deltamorph_headless::{Headless, HeadlessCrowd, PoseUpload};
+use std::sync::Arc;
+
+/// Play `frames` frames of a history and compare every pose and previous pose with the reference.
+pub fn check(headless: &Headless, mesh: &PackedMesh, desc: UpdateDesc, frames: usize) {
+    let mut crowd = gpu::crowd(headless, mesh, desc);
+    let bound = POSITION * f64::from(mesh.layout().diagonal.max(1.0));
+    let mut before: Option<Vec<f64>> = None;
+    for (frame, weights) in history(mesh, &desc, 5).iter().take(frames).enumerate() {
+        crowd.step(&[weights]).expect("a step");
+        if desc.path.is_baseline() {
+            crowd.draw(1).expect("a draw");
+        }
+        if !can_read(headless, &desc) {
+            let text = crowd.read_pose(0).expect_err("no way to capture").to_string();
+            assert!(text.contains("vertexPipelineStoresAndAtomics") && text.contains("transform_feedback"), "{text}");
+            continue;
+        }
+        let reference = gpu::reference(mesh, &desc, weights);
+        let error = compare(&crowd.read_pose(0).expect("a pose"), &reference);
+        let context =
+            || format!("{} {desc:?} {:?} frame {frame}: {error:?}", headless.caps().name, mesh.layout().format);
+        assert!(error.within(bound, NORMAL), "{}", context());
+        if let Some(previous) = crowd.read_previous_pose(0).expect("a device that works") {
+            let error = compare(&previous, before.as_ref().unwrap_or(&reference));
+            assert!(error.within(bound, NORMAL), "previous pose: {error:?}, {}", context());
+        } else {
+            let is_lost = desc.slots == 1 || desc.slots == 2 && !desc.path.works_in_place();
+            assert!(desc.path.evaluates_in_draws() || is_lost, "{}", context());
+        }
+        before = Some(reference);
+    }
+}
+
+#[test]
+fn every_technique_batch_and_format_equals_the_reference() {
+    // No multiple of a workgroup, and more targets than any batch.
+    for_every_update(&DeltaFormat::ALL, &testing::mesh(1000, 37), |headless, mesh, desc| {
+        check(headless, mesh, desc, 8);
+    });
+}
+
+#[test]
+fn modes_and_slot_counts() {
+    for_every_update(&[Float32, Snorm16, Fast, Small], &testing::mesh(321, 19), |headless, mesh, desc| {
+        if desc.path.is_baseline() || mesh.layout().format != Float32 {
+            variants(desc).for_each(|desc| check(headless, mesh, desc, 5));
+        }
+    });
+}
+
+#[test]
+fn degenerate_meshes_and_empty_targets() {
+    on_every_device(|headless, engine| {
+        for (mesh, format) in testing::degenerate().iter().flat_map(|mesh| DeltaFormat::ALL.map(|f| (mesh, f))) {
+            let mesh = packed(engine, mesh, format);
+            updates(engine, format).into_iter().for_each(|desc| check(headless, &mesh, desc, 3));
+        }
+    });
+}
+
+#[test]
+fn meshes_beyond_the_storage_range_are_cut_into_chunks() {
+    on_every_device(|headless, engine| {
+        for format in DeltaFormat::DENSE {
+            let mesh = in_eight_chunks(&testing::mesh(1000, 37), format);
+            updates(engine, format).into_iter().for_each(|desc| check(headless, &mesh, desc, 4));
+        }
+    });
+}
+
+/// One thread a record of `scatter`, of which there are hundreds a target.
+#[test]
+fn more_workgroups_than_a_dispatch_has() {
+    for driver in gpu::drivers() {
+        let limits = gpu::limited(gpu::caps(&driver), |caps| caps.max_workgroups = 3);
+        gpu::on_device_within(&driver, Some(limits), |headless, engine| {
+            for format in DeltaFormat::ALL {
+                let mesh = packed(engine, &testing::mesh(1000, 19), format);
+                assert!(format.is_blocks() || mesh.layout().chunks().count() == 6);
+                updates(engine, format).into_iter().for_each(|desc| check(headless, &mesh, desc, 3));
+            }
+        });
+    }
+}
+
+#[test]
+fn a_crowd_in_one_recording() {
+    for_every_update(&[Float32, Snorm16, Fast, Small, Pair], &testing::mesh(200, 11), |headless, mesh, update| {
+        let mut crowd = HeadlessCrowd::new(headless, mesh, &single(update).instances(3)).expect("a crowd");
+        let histories: Vec<_> = (0..3).map(|i| history(mesh, &update, i)).collect();
+        for frame in 0..4 {
+            let weights: Vec<&[f32]> = (0..3).map(|i| histories[i][(frame * (i + 1)) % 8].as_slice()).collect();
+            crowd.step(&weights).expect("a step");
+            crowd.draw(1).expect("a draw");
+            for (i, weights) in (0..).zip(&weights).filter(|_| can_read(headless, &update)) {
+                let error = gpu::error(&mut crowd, i, mesh, weights);
+                assert!(error.within(POSITION * 40.0, NORMAL), "{update:?} instance {i} frame {frame}: {error:?}");
+            }
+        }
+    });
+}
+
+/// Weights set while an instance is hidden are not drawn until it is shown, whatever others do meanwhile.
+#[test]
+fn hidden_instances_come_back_with_the_weights_set_meanwhile() {
+    for_every_update(&[Float32], &testing::mesh(300, 12), |headless, mesh, desc| {
+        // None more than a draw may have attributes for.
+        let [first, meant, other] = [[0.5, 0.0], [-0.25, 1.0], [0.0, 0.75]].map(|w| [&w[..], &[0.0; 10]].concat());
+        if !desc.path.is_baseline() || !can_read(headless, &desc) || desc.batch == BatchSize::Targets(1) {
+            return;
+        }
+        for desc in variants(desc) {
+            let mut crowd = HeadlessCrowd::new(headless, mesh, &single(desc).instances(2)).expect("a crowd");
+            crowd.step(&[&first, &first]).expect("a step");
+            crowd.set_hidden(0, true).expect("an instance");
+            crowd.step(&[&meant, &other]).expect("a step");
+            crowd.set_hidden(0, false).expect("an instance");
+            for weights in [[&first, &other], [&meant, &other]] {
+                crowd.step(&weights.map(|w| &w[..])).expect("a step");
+                crowd.draw(1).expect("a draw");
+                (0..).zip(weights).for_each(|(i, weights)| gpu::assert_right(&mut crowd, i, mesh, weights));
+                let (_, dropped) = crowd.record(&[&other, &first]).expect("a recording");
+                crowd.discard(dropped.ticket).expect("a ticket of this crowd");
+            }
+        }
+    });
+}
+
+/// The sums that atomics add up in any order are the integers of fixed32 poses, and rounding weights to the grid moves
+/// no component further than half a weight step times Σ |delta|.
+#[test]
+fn scattered_sums_are_those_of_fixed32_poses() {
+    on_every_device(|headless, engine| {
+        let mesh = Arc::new(packed(engine, &testing::mesh(700, 23), Small));
+        let update = UpdateDesc::new(UpdatePath::Scatter, BatchSize::All);
+        let mut crowd = gpu::crowd(headless, &mesh, update);
+        let exact = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).pose(PoseFormat::Fixed32);
+        let mut reference = CpuCrowd::new(mesh.clone(), exact, 1, 1).expect("a crowd");
+        let grid = exact.grid(mesh.layout()).expect("a grid").expect("integers");
+        let mut reach = vec![0.0f64; mesh.layout().vertex_count * 6];
+        for target in 0..23 {
+            mesh.for_each_delta(target, |vertex, delta| {
+                (0..6).for_each(|c| reach[vertex * 6 + c] += delta[c].abs());
+            });
+        }
+        for weights in history(&mesh, &update, 8) {
+            crowd.step(&[&weights]).expect("a step");
+            reference.set_weights(0, &weights).expect("weights");
+            reference.update();
+            let sums = crowd.read_sums(0).expect("a device that works").expect("sums");
+            assert_eq!(sums, PoseFormat::Fixed32.integers(reference.stored_pose(0, 0).expect("an instance")));
+            let (pose, unrounded) = (crowd.read_pose(0).expect("a pose"), evaluate(&mesh, &weights));
+            for ((got, want), reach) in pose.iter().zip(&unrounded).zip(&reach) {
+                let rounding = 4.0 * f64::from(f32::EPSILON) * (want.abs() + reach);
+                let bound = 0.5 * f64::from(grid.weight_step()) * reach + rounding;
+                assert!((f64::from(*got) - want).abs() <= bound, "{got} for {want}, {bound:e} allowed");
+            }
+        }
+        let too_large = vec![grid.weight_max * 1.01; 23];
+        assert!(crowd.step(&[&too_large]).is_err(), "a weight that could overflow");
+    });
+}
+
+#[test]
+fn passes_are_the_coefficients_over_the_batch_size_and_a_still_face_records_nothing() {
+    for_every_update(&[Snorm16], &testing::mesh(100, 57), |headless, mesh, desc| {
+        if desc.path.is_baseline() && desc.path != UpdatePath::VertexStore {
+            return;
+        }
+        let mut crowd = gpu::crowd(headless, mesh, desc);
+        let mut weights = vec![0.25; 57];
+        let mut passes = |weights: &[f32]| crowd.step(&[weights]).expect("a step").update.stats;
+        assert_eq!(passes(&weights).passes, desc.batch.passes(57));
+        weights[40] = 0.5;
+        let one = passes(&weights);
+        assert_eq!((one.coefficients, one.passes), (1, 1), "{desc:?}");
+        weights[3..12].fill(-1.0);
+        let nine = passes(&weights);
+        assert_eq!((nine.coefficients, nine.passes), (9, desc.batch.passes(9)), "{desc:?}");
+        let mut still = passes(&weights);
+        assert_eq!(std::mem::take(&mut still.bound), nine.bound, "{desc:?}");
+        assert_eq!(still, UpdateStats::default(), "{desc:?}");
+        let (step, entries, _) = gpu::recorded(&mut crowd, &[&weights]);
+        assert_eq!((step.update.stats.bytes_moved, entries.len()), (0, 0));
+    });
+}
+
+#[test]
+fn bytes_are_those_that_kernels_load_and_store() {
+    let weights = [0.0, 0.5, 1.0, 0.0, -1.0, 0.0, 0.0];
+    for_every_update(&[Float32, Snorm16, Small], &testing::mesh(300, 7), |headless, mesh, desc| {
+        for desc in variants(desc).filter(|desc| desc.path.is_baseline()) {
+            let vertices = mesh.layout().padded_vertices() as u64;
+            let mut crowd = gpu::crowd(headless, mesh, desc);
+            let stats = crowd.step(&[&weights]).expect("a step").update.stats;
+            let (stride, passes) = (mesh.layout().format.stride() as u64, stats.passes as u64);
+            let mut deltas = 0;
+            for target in [1, 2, 4] {
+                mesh.for_each_delta(target, |_, delta| deltas += u64::from(delta != [0.0; 6]));
+            }
+            let (moved, floor) = match desc.path {
+                // Each pass: a pose in, a pose out, and its deltas.
+                UpdatePath::VertexStore => (vertices * (48 * passes + 3 * stride), vertices * (48 + 3 * stride)),
+                // Clear, six atomics a record, resolve.
+                UpdatePath::Scatter => (vertices * (24 + 72) + deltas * (16 + 48), vertices * 48 + deltas * 16),
+                // Deltas, and displacements blended; rectangles have texels besides that the target does not move, and
+                // all texels are cleared, of which there are as many as vertices at least. Draws are not counted.
+                UpdatePath::Texture => {
+                    let (delta, texels) = (if stride == 12 { 16 } else { 32 }, deltas..=deltas + vertices);
+                    let of = |texels: u64| texels * (delta + 64);
+                    let moved = of(*texels.start()) + 32..=of(*texels.end()) + 32 * (2 * vertices + 2);
+                    assert!(moved.contains(&stats.bytes_moved), "{moved:?}, {stats:?}");
+                    let floor = deltas * delta + 64..=of(*texels.end());
+                    assert!(floor.contains(&stats.bytes_floor), "{floor:?}, {stats:?}");
+                    assert_eq!(crowd.step(&[&weights]).expect("a step").update.stats.bytes_moved, 0);
+                    // One target changes: a delta weight, without clearing.
+                    let mut changed = weights;
+                    changed[1] += 0.25;
+                    let one = crowd.step(&[&changed]).expect("a step").update.stats;
+                    if desc.mode == UpdateMode::Incremental {
+                        assert_eq!((one.coefficients, one.rebuilt), (1, 0));
+                        assert!(one.bytes_moved < stats.bytes_moved / 2, "{one:?} after {stats:?}");
+                    } else {
+                        assert_eq!((one.coefficients, one.bytes_moved), (3, stats.bytes_moved));
+                    }
+                    continue;
+                }
+                // Of one draw, which looks no further than the last active target.
+                UpdatePath::Direct => (vertices * (24 + 3 * stride) + 5 * 8, vertices * (24 + 3 * stride)),
+                _ => (vertices * (24 + 3 * stride), vertices * (24 + 3 * stride)),
+            };
+            assert_eq!((stats.bytes_moved, stats.bytes_floor), (moved, floor), "{desc:?}");
+            assert_eq!(stats.coefficients, 3, "{desc:?}");
+            let still = crowd.step(&[&weights]).expect("a step").update.stats;
+            let drawn = if desc.path.evaluates_in_draws() { moved } else { 0 };
+            assert_eq!(still.bytes_moved, drawn, "{desc:?}: draws go on, updates do not");
+        }
+    });
+}
+
+/// A face that stops: once what waited has settled, nothing is recorded, and there is no motion left to blur.
+#[test]
+fn a_face_that_stops_has_its_pose_as_previous_pose() {
+    for_every_update(&[Small], &testing::mesh(300, 11), |headless, mesh, desc| {
+        for (slots, budget) in (1..4).flat_map(|slots| [(slots, 0.0), (slots, 0.05 * mesh.layout().diagonal)]) {
+            let desc = desc.slots(slots).error_budget(budget);
+            if desc.check().is_err() {
+                continue;
+            }
+            let mut crowd = gpu::crowd(headless, mesh, desc);
+            let mut weights = [0.0; 11];
+            let step =
+                |crowd: &mut HeadlessCrowd<'_>, weights: &[f32]| crowd.step(&[weights]).expect("a step").update.stats;
+            for frame in 0..9 {
+                weights.iter_mut().enumerate().for_each(|(t, w)| *w += 0.01 * ((frame + t) % 4) as f32);
+                step(&mut crowd, &weights);
+            }
+            if budget > 0.0 {
+                assert!(step(&mut crowd, &weights).dirty_blocks > 0, "{desc:?}: nothing waited");
+            }
+            let settled = crowd.read_pose(0).expect("a pose");
+            let still = step(&mut crowd, &weights);
+            assert_eq!((still.coefficients, still.passes, still.dirty_blocks, still.bytes_moved), (0, 0, 0, 0));
+            let bits = |pose: Vec<f32>| pose.into_iter().map(f32::to_bits).collect::<Vec<_>>();
+            let (pose, previous) = (crowd.read_pose(0).expect("a pose"), crowd.read_previous_pose(0));
+            let previous = previous.expect("a device that works").expect("the pose itself");
+            assert_eq!((bits(pose), bits(previous)), (bits(settled.clone()), bits(settled)), "{desc:?}");
+        }
+    });
+}
+
+#[test]
+fn the_same_poses_on_every_driver() {
+    let poses = std::cell::RefCell::new(Vec::<(String, Vec<f32>)>::new());
+    on_every_device(|headless, engine| {
+        let mesh = packed(engine, &testing::mesh(500, 24), Float32);
+        let mut crowd = gpu::crowd(headless, &mesh, UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(8)));
+        for frame in 0..10 {
+            crowd.step(&[&weights(&mesh, frame, 3)]).expect("a step");
+        }
+        poses.borrow_mut().push((headless.caps().name.clone(), crowd.read_pose(0).expect("a pose")));
+    });
+    let poses = poses.into_inner();
+    for (name, pose) in &poses[1..] {
+        let reference: Vec<f64> = poses[0].1.iter().map(|&v| f64::from(v)).collect();
+        let error = compare(&pose[..500 * 6], &reference[..500 * 6]);
+        assert!(error.within(1e-4, NORMAL), "{name} against {}: {error:?}", poses[0].0);
+    }
+}
+
+#[test]
+fn timestamps_cover_the_whole_update() {
+    gpu::on_device("llvmpipe", false, |headless, engine| {
+        // Large enough for the update to dwarf a submit.
+        let mesh = packed(engine, &testing::mesh(40_000, 8), Float32);
+        for path in [UpdatePath::Feedback, UpdatePath::Compute] {
+            let mut crowd = gpu::crowd(headless, &mesh, UpdateDesc::new(path, BatchSize::Targets(1)));
+            // Where nothing separates it from the timestamp, Mesa 22.3 skips the first pass of transform feedback: an
+            // update of one pass then seems to take no time. The device's own times alone, the best of a few.
+            let mut weights = [0.0; 8];
+            let mut best = |targets: usize| {
+                let times = (0..8).map(|_| {
+                    weights[..targets].iter_mut().for_each(|w| *w += 1.0);
+                    let step = crowd.step(&[&weights]).expect("a step");
+                    let gpu_ms = step.gpu_ms.expect("lavapipe has timestamps");
+                    assert!(gpu_ms <= step.cpu_ms, "{path:?}: {step:?}");
+                    gpu_ms
+                });
+                times.fold(f64::INFINITY, f64::min)
+            };
+            let (all, one) = (best(8), best(1));
+            assert!(one > 0.0 && all < 40.0 * one, "{path:?}: one pass takes {one} ms, eight {all} ms");
+        }
+    });
+}
+
+/// Any sequence of weights through any path of ours, batch size, format and slot count.
+#[test]
+fn any_sequence_of_weights_equals_the_reference() {
+    use proptest::prelude::*;
+    use proptest::test_runner::{Config, TestRunner};
+    let strategy = (2u32..4, prop::collection::vec(prop::collection::vec(-3i8..6, 9), 1..7));
+    for_every_update(&DeltaFormat::ALL, &testing::mesh(130, 9), |headless, mesh, desc| {
+        if desc.path.is_baseline() && desc.path != UpdatePath::VertexStore {
+            return;
+        }
+        let config = Config { cases: 4, failure_persistence: None, ..Config::default() };
+        let run = TestRunner::new(config).run(&strategy, |(slots, frames)| {
+            let mut crowd = gpu::crowd(headless, mesh, desc.slots(slots));
+            for frame in frames {
+                let weights: Vec<f32> = frame.iter().map(|&w| f32::from(w) * 0.3).collect();
+                crowd.step(&[&weights]).expect("a step");
+                let error = gpu::error(&mut crowd, 0, mesh, &weights);
+                prop_assert!(gpu::is_kept(&error, mesh.layout().diagonal), "{:?} {:?}", desc.slots(slots), error);
+            }
+            Ok(())
+        });
+        run.unwrap_or_else(|e| panic!("{} {:?}: {e}", headless.caps().name, mesh.layout().format));
+    });
+}
+
+/// Poses of integers, as they are stored and decoded: the same bits on every driver, on the CPU, and after a fresh
+/// rebuild.
+#[test]
+fn poses_of_integers_are_the_same_bits_everywhere() {
+    let formats = DeltaFormat::ALL.into_iter().filter(|format| format.has_integers());
+    for (format, desc) in formats.flat_map(|format| gpu::fixed().map(|desc| (format, desc.path(gpu::path_of(format)))))
+    {
+        let mesh = PackedMesh::pack(&testing::mesh(500, 24), &PackDesc::new(format)).expect("a mesh that fits");
+        let mesh = Arc::new(mesh);
+        let cpu = |frames: std::ops::Range<u32>| {
+            let mut crowd = CpuCrowd::new(mesh.clone(), desc.path(UpdatePath::Cpu), 1, 2).expect("a crowd");
+            for frame in frames {
+                crowd.set_weights(0, &weights(&mesh, frame, 3)).expect("weights that fit");
+                crowd.update();
+            }
+            let stored = crowd.stored_pose(0, 0).expect("an instance").to_vec();
+            (stored, mesh.layout().to_user_order(&crowd.pose(0).expect("an instance")))
+        };
+        let (stored, pose) = cpu(0..60);
+        assert_eq!((&stored, &pose), (&cpu(59..60).0, &cpu(59..60).1), "a fresh rebuild");
+        on_every_device(|headless, _| {
+            let mut crowd = gpu::crowd(headless, &mesh, desc);
+            for frame in 0..60 {
+                crowd.step(&[&weights(&mesh, frame, 3)]).expect("a step");
+            }
+            let name = &headless.caps().name;
+            assert_eq!(crowd.read_stored(0, 0).expect("a pose"), stored, "{name} {format:?} {desc:?}");
+            assert_eq!(crowd.read_pose(0).expect("a pose"), pose, "{name} {format:?} {desc:?}");
+        });
+    }
+}
+
+#[test]
+fn poses_of_the_cpu_path_are_uploaded_as_they_are() {
+    on_every_device(|headless, engine| {
+        let mesh = Arc::new(packed(engine, &testing::mesh(400, 9), Fast));
+        let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
+        let mut crowd = CpuCrowd::new(mesh.clone(), desc, 2, 1).expect("a crowd");
+        let mut upload = PoseUpload::new(headless, mesh.layout(), 2).expect("buffers");
+        for frame in 0..3 {
+            for head in 0..2 {
+                crowd.set_weights(head, &weights(&mesh, frame, head)).expect("weights");
+            }
+            crowd.update();
+            let poses = [0, 1].map(|i| crowd.pose(i).expect("an instance"));
+            let poses = poses.each_ref().map(|pose| &**pose);
+            let took = upload.upload(&poses).expect("an upload");
+            assert_eq!(took.bytes_moved, 2 * 4 * mesh.layout().base_bytes());
+            upload.draw().expect("a draw");
+            assert_eq!(upload.read().expect("poses"), poses.concat());
+        }
+        assert!(upload.upload(&[&crowd.pose(0).expect("an instance")]).is_err());
+        assert!(PoseUpload::new(headless, mesh.layout(), 0).is_err());
+    });
+}
+
+/// Real meshes with a few frames of a captured clip: name, mesh, and weights.
+pub fn real() -> impl Iterator<Item = (&'static str, MorphMesh, Vec<Vec<f32>>)> {
+    let sets = [
+        ("facecap_head_glb", "facecap_30fps.csv"),
+        ("ict_facekit", "facecap_30fps.csv"),
+        ("morph_stress_test", "TheWave_24fps.csv"),
+    ];
+    sets.into_iter().filter_map(|(set, clip)| {
+        let folder = data::set(set)?;
+        let source = obj::import_folder(&folder).expect("a folder that imports");
+        let kept = source.to_mesh(Tolerance::default()).expect("a mesh");
+        let clip = csv::read(&folder.join("weights").join(clip), None).expect("a clip");
+        let names: Vec<&str> = kept.targets.iter().map(|t| t.name.as_str()).collect();
+        let bound = clip.bind(&names).expect("columns that name targets");
+        let few = bound.frames().step_by((bound.frame_count() / 3).max(1)).collect();
+        Some((set, kept, few))
+    })
+}
+
+/// Meshes of many vertices through the techniques of others alone: tests/updates/real_data.rs plays whole clips through
+/// ours.
+#[test]
+fn real_sets() {
+    for (set, kept, frames) in real() {
+        let small = set == "morph_stress_test";
+        for_every_update(&[Float32, Snorm16, Small], &kept, |headless, mesh, desc| {
+            let descs = variants(desc).filter(|desc| small || desc.path.is_baseline());
+            for desc in descs.filter(|desc| desc.slots == 2 && can_read(headless, desc)) {
+                let mut crowd = gpu::crowd(headless, mesh, desc);
+                for mut weights in frames.clone() {
+                    keep_supported(&mut weights, &desc);
+                    crowd.step(&[&weights]).expect("a step");
+                    gpu::assert_right(&mut crowd, 0, mesh, &weights);
+                }
+            }
+        });
+    }
+}

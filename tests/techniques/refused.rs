@@ -1,0 +1,176 @@
+//! What a technique cannot do is refused: the message names the technique, and what to do.
+
+use crate::gpu::{self, on_every_device, packed, refused, single};
+use crate::table::ROWS;
+use deltamorph::DeltaFormat::{Float32, Small};
+use deltamorph::{
+    BatchSize, DeltaFormat, DeviceCaps, MorphEngine, PackDesc, PackedMesh, PoseFormat, UpdateDesc, UpdateMode,
+    UpdatePath, testing,
+};
+use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
+
+fn assert_says(text: &str, words: &[&str]) {
+    assert!(words.iter().all(|word| text.contains(word)), "{words:?}: {text}");
+}
+
+/// Run `test` on every driver with one limit.
+fn within(limit: fn(&mut DeviceCaps), test: impl Fn(&Headless, &MorphEngine)) {
+    for driver in gpu::drivers() {
+        gpu::on_device_within(&driver, Some(gpu::limited(gpu::caps(&driver), limit)), &test);
+    }
+}
+
+#[test]
+fn descriptions_that_ask_for_what_a_technique_does_not_do() {
+    for row in &ROWS {
+        let (path, name) = (row.path, format!("'{}'", row.path.name()));
+        let good = UpdateDesc::new(path, if path.takes_all_targets() { BatchSize::All } else { BatchSize::Targets(4) });
+        assert!(good.check().is_ok(), "{name}");
+        let refused = |desc: UpdateDesc, words: &[&str]| {
+            assert_says(&desc.check().expect_err(&name).to_string(), &[words, &[name.as_str()]].concat());
+        };
+        if path.default_mode() == UpdateMode::Rebuild {
+            refused(good.mode(UpdateMode::Incremental), &["'rebuild'"]);
+        }
+        for pose in PoseFormat::ALL.into_iter().filter(|pose| !path.poses().contains(pose)) {
+            let what = format!("{} poses with {name}", pose.name());
+            refused(good.pose(pose), &[&what, "use float32 poses here"]);
+        }
+        if path.works_in_place() {
+            assert!(good.slots(1).check().is_ok(), "{name}");
+        } else {
+            refused(good.slots(1), &["2 to 64 slots"]);
+            refused(good.batch(BatchSize::All), &["name a number"]);
+        }
+    }
+}
+
+#[test]
+fn devices_that_lack_what_a_technique_needs() {
+    for row in &ROWS {
+        let Some((change, words)) = row.missing else {
+            on_every_device(|_, engine| assert!(engine.caps().check_path(row.path).is_ok(), "{:?}", row.path));
+            continue;
+        };
+        within(change, |headless, _| {
+            let format = row.path.formats()[0];
+            let mesh = PackedMesh::pack(&testing::mesh(10, 2), &PackDesc::new(format)).expect("a mesh");
+            let desc = single(UpdateDesc::new(row.path, BatchSize::Targets(1)));
+            let text = refused(headless, &mesh, &desc);
+            assert_says(&text, words);
+            assert!(row.path == UpdatePath::Cpu || text.contains(&headless.caps().name), "{text}");
+        });
+    }
+    // What drivers have, and the clamp takes away.
+    gpu::on_device("llvmpipe", false, |_, engine| assert!(engine.caps().vertex_stores));
+    gpu::on_device("llvmpipe", true, |_, engine| assert!(!engine.caps().vertex_stores));
+}
+
+#[test]
+fn meshes_that_a_technique_does_not_take() {
+    on_every_device(|headless, engine| {
+        let plain = DeltaFormat::ALL.map(|format| packed(engine, &testing::mesh(100, 40), format));
+        let streams = testing::with_streams(testing::mesh(100, 4));
+        for row in ROWS.iter().filter(|row| engine.caps().check_path(row.path).is_ok()) {
+            let path = row.path;
+            for mesh in plain.iter().filter(|mesh| !path.formats().contains(&mesh.layout().format)) {
+                let names: Vec<_> = path.formats().iter().map(|format| format.name()).collect();
+                let batch = row.batch(engine, path.formats()[0]);
+                let text = refused(headless, mesh, &single(UpdateDesc::new(path, batch)));
+                assert_says(&text, &[path.name(), &format!("pack the mesh as {}", names.join(" or "))]);
+            }
+            let format = path.formats()[0];
+            let mesh = plain.iter().find(|mesh| mesh.layout().format == format).expect("one of all");
+            if let Some(most) = engine.caps().batch_max(path, format).filter(|_| path != UpdatePath::Cpu) {
+                let desc = single(UpdateDesc::new(path, BatchSize::Targets(most + 1)));
+                let what = format!("batch size {}", most + 1);
+                assert_says(&refused(headless, mesh, &desc), &[&what, &format!("use 1 to {most}")]);
+            }
+            if !row.streams {
+                let desc = single(UpdateDesc::new(path, row.batch(engine, format)));
+                assert_says(&refused(headless, &packed(engine, &streams, format), &desc), &[path.name(), "'blocks'"]);
+            }
+        }
+    });
+}
+
+#[test]
+fn limits_are_kept_or_refused_with_the_numbers() {
+    for row in &ROWS {
+        for &(limit, words) in row.limits {
+            within(limit, |headless, engine| {
+                if engine.caps().check_path(row.path).is_ok() {
+                    let desc = PackDesc::new(row.path.formats()[0]);
+                    let mesh = PackedMesh::pack(&testing::mesh(1000, 5), &desc).expect("a mesh");
+                    let desc = single(UpdateDesc::new(row.path, BatchSize::Targets(1)));
+                    assert_says(&refused(headless, &mesh, &desc), words);
+                }
+            });
+        }
+    }
+}
+
+#[test]
+fn more_active_targets_than_vertex_attributes() {
+    on_every_device(|headless, engine| {
+        let mesh = packed(engine, &testing::mesh(100, 40), Float32);
+        let most = engine.caps().batch_max(UpdatePath::DirectAttributes, Float32).expect("a limit");
+        let desc = UpdateDesc::new(UpdatePath::DirectAttributes, BatchSize::Targets(most));
+        let text = gpu::crowd(headless, &mesh, desc).step(&[&[1.0; 40]]).expect_err("refused").to_string();
+        assert_says(&text, &["40 active", &format!("attributes for {most}")]);
+    });
+}
+
+/// What one path was uploaded for, another does not take.
+#[test]
+fn uploads_of_another_technique() {
+    gpu::on_device("llvmpipe", false, |headless, engine| {
+        let [scatter, texture, compute] =
+            [UpdatePath::Scatter, UpdatePath::Texture, UpdatePath::Compute].map(|p| UpdateDesc::new(p, BatchSize::All));
+        for (format, uploaded, wanted) in
+            [(Small, scatter, UpdateDesc::blocks()), (Float32, texture, compute), (Float32, compute, texture)]
+        {
+            let crowd = gpu::crowd(headless, &packed(engine, &testing::mesh(100, 4), format), uploaded);
+            let text = engine.create_crowd(crowd.mesh(), &single(wanted)).err().expect("refused").to_string();
+            assert_says(&text, &["have uploads of their own"]);
+        }
+    });
+}
+
+#[test]
+fn misuse_is_an_error_that_says_what_to_do() {
+    on_every_device(|headless, engine| {
+        let mesh = packed(engine, &testing::mesh(10, 2), Float32);
+        let desc = gpu::update_descs(engine, Float32)[0];
+        for (desc, words) in [
+            (single(desc).instances(0), "0 instances"),
+            (single(desc).frames_in_flight(0), "0 frames in flight"),
+            (single(desc).instances(1 << 24), "use fewer instances"),
+        ] {
+            assert_says(&refused(headless, &mesh, &desc), &[words]);
+        }
+        let mut crowd = gpu::crowd(headless, &mesh, desc);
+        assert_says(&crowd.crowd().pose(0).unwrap_err().to_string(), &["record an update first"]);
+        for (weights, words) in [
+            (&[0.0, f32::NAN][..], "target 1 ('target_1') is NaN"),
+            (&[0.0], "1 weights given, but the mesh has 2 targets"),
+        ] {
+            assert_says(&crowd.step(&[weights]).unwrap_err().to_string(), &[words]);
+        }
+        assert_says(&crowd.set_weights(1, &[0.0, 0.0]).unwrap_err().to_string(), &["instance 1 of a crowd of 1"]);
+        // A refused call leaves everything as it was.
+        crowd.step(&[&[0.25, 0.5]]).expect("a step");
+        gpu::assert_right(&mut crowd, 0, &mesh, &[0.25, 0.5]);
+
+        // A second engine, on a device of its own.
+        let other = Headless::new(&HeadlessDesc::default().device(DeviceChoice::Name(headless.caps().name.clone())));
+        let other = other.expect("a second device");
+        let mut own = engine.create_crowd(crowd.mesh(), &single(desc)).expect("a crowd");
+        // SAFETY: nothing is recorded, as the crowd is another engine's.
+        let recorded = headless.run(|cmd| unsafe { other.engine().record_update(cmd, &mut own) });
+        let made = other.engine().create_crowd(crowd.mesh(), &single(desc));
+        for error in [recorded.err(), made.err()] {
+            assert_says(&error.expect("refused").to_string(), &["another MorphEngine"]);
+        }
+    });
+}

@@ -1,0 +1,175 @@
+//! The table: a row for each update path. Tests take what they try from it, and what they expect.
+
+use crate::gpu;
+use deltamorph::DeltaFormat::{Float32, Small};
+use deltamorph::{
+    BatchSize, DeltaFormat, DeviceCaps, MorphEngine, MorphMesh, PackedMesh, UpdateDesc, UpdateMode, UpdatePath,
+};
+use deltamorph_headless::Headless;
+
+/// Batch sizes that are tried.
+#[derive(Clone, Copy, PartialEq)]
+enum Batches {
+    /// Those of [`gpu::update_descs`], and poses of integers.
+    Spread,
+    /// As many as there are vertex attributes for.
+    Most,
+    All,
+    /// No device carries it out: src/cpu/tests.rs holds it to the reference.
+    Host,
+}
+
+type Change = fn(&mut DeviceCaps);
+
+pub struct Row {
+    pub path: UpdatePath,
+    batches: Batches,
+    /// Whether its updates are commands, with barriers that can be left out; draws evaluate the others.
+    pub records: bool,
+    /// A barrier that synchronization validation misses, of an update in a format and a batch size. Layers see no
+    /// hazards of transform feedback, and the blocks of an update are one dispatch.
+    pub seen: Option<(usize, DeltaFormat, BatchSize)>,
+    /// What a device can be without, and how such a device refuses the path.
+    pub missing: Option<(Change, &'static [&'static str])>,
+    /// Limits of a device, and how a mesh of 1,024 padded vertices and five targets is refused there.
+    pub limits: &'static [(Change, &'static [&'static str])],
+    /// Whether it updates tangents, texture coordinates and colours.
+    pub streams: bool,
+}
+
+const NO_WORKGROUPS: (Change, &[&str]) =
+    (|caps| caps.max_workgroup_invocations = 32, &["32 invocations per workgroup", "'cpu'"]);
+
+/// A technique whose updates are compute passes, with poses for every stream.
+const fn row(path: UpdatePath, batches: Batches) -> Row {
+    Row { path, batches, records: true, seen: None, missing: Some(NO_WORKGROUPS), limits: &[], streams: true }
+}
+
+/// One without a row, or out of order, does not compile.
+pub const ROWS: [Row; UpdatePath::ALL.len()] = [
+    Row {
+        missing: Some((
+            |caps| caps.transform_feedback = None,
+            &["'feedback'", "VK_EXT_transform_feedback", "'compute'"],
+        )),
+        limits: &[(
+            |caps| caps.transform_feedback.iter_mut().for_each(|caps| caps.max_buffer_bytes = 20_000),
+            &["a chunk captures 24576 bytes", "allows 20000", "pack_desc"],
+        )],
+        ..row(UpdatePath::Feedback, Batches::Spread)
+    },
+    Row {
+        seen: Some((1, Float32, BatchSize::Targets(4))),
+        limits: &[
+            (|caps| caps.max_storage_range = 10_000, &["a pose takes 24576 bytes", "allows 10000"]),
+            (|caps| caps.max_storage_range = 50_000, &["a chunk of deltas takes 122880 bytes", "pack_desc"]),
+            (|caps| caps.max_workgroups = 15, &["a chunk takes 16 workgroups", "allows 15", "pack_desc"]),
+            (
+                |caps| caps.max_allocation = 100_000,
+                &["deltamorph deltas of mesh 'test_1000x5' needs 122880 bytes", "100000"],
+            ),
+        ],
+        ..row(UpdatePath::Compute, Batches::Spread)
+    },
+    row(UpdatePath::Blocks, Batches::Spread),
+    Row { records: false, missing: Some((|_| {}, &["use CpuCrowd"])), ..row(UpdatePath::Cpu, Batches::Host) },
+    Row {
+        seen: Some((1, Float32, BatchSize::Targets(4))),
+        missing: Some((|caps| caps.vertex_stores = false, &["needs the feature vertexPipelineStoresAndAtomics"])),
+        ..row(UpdatePath::VertexStore, Batches::Spread)
+    },
+    Row {
+        // Layers of 1.3.239 do not see it between atomics and the reads of the next dispatch.
+        seen: Some((1, Small, BatchSize::All)),
+        limits: &[(|caps| caps.max_storage_range = 30_000, &["the records of 'scatter' take", "allows 30000"])],
+        streams: false,
+        ..row(UpdatePath::Scatter, Batches::All)
+    },
+    Row { records: false, missing: None, streams: false, ..row(UpdatePath::Direct, Batches::All) },
+    Row { records: false, missing: None, streams: false, ..row(UpdatePath::DirectAttributes, Batches::Most) },
+    Row {
+        missing: Some((|caps| caps.float_blending = false, &["needs blending of R32G32B32A32"])),
+        ..row(UpdatePath::Texture, Batches::All)
+    },
+];
+const _: () = {
+    let mut i = 0;
+    while i < ROWS.len() {
+        assert!(ROWS[i].path as usize == UpdatePath::ALL[i] as usize);
+        i += 1;
+    }
+};
+
+impl Row {
+    /// Updates that a device can do with meshes in `format`.
+    pub fn updates(&self, engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc> {
+        let (path, caps) = (self.path, engine.caps());
+        if !path.formats().contains(&format) || caps.check_path(path).is_err() {
+            return vec![];
+        }
+        match self.batches {
+            Batches::Spread => gpu::update_descs(engine, format).into_iter().filter(|desc| desc.path == path).collect(),
+            Batches::Most | Batches::All => vec![UpdateDesc::new(path, self.batch(engine, format))],
+            Batches::Host => vec![],
+        }
+    }
+
+    /// One of the batch sizes.
+    pub fn batch(&self, engine: &MorphEngine, format: DeltaFormat) -> BatchSize {
+        match self.batches {
+            Batches::Most => BatchSize::Targets(engine.caps().batch_max(self.path, format).expect("a limit")),
+            _ if self.path.takes_all_targets() => BatchSize::All,
+            _ => BatchSize::Targets(1),
+        }
+    }
+}
+
+/// Updates of every technique that a device can do with meshes in `format`.
+pub fn updates(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc> {
+    ROWS.iter().flat_map(|row| row.updates(engine, format)).collect()
+}
+
+/// Run `test` on every device with `mesh` in each format, and every update of it.
+pub fn for_every_update(formats: &[DeltaFormat], mesh: &MorphMesh, test: impl Fn(&Headless, &PackedMesh, UpdateDesc)) {
+    gpu::on_every_device(|headless, engine| {
+        for &format in formats {
+            let mesh = gpu::packed(engine, mesh, format);
+            updates(engine, format).into_iter().for_each(|desc| test(headless, &mesh, desc));
+        }
+    });
+}
+
+/// In every mode that the technique has, with one to three slots.
+pub fn variants(desc: UpdateDesc) -> impl Iterator<Item = UpdateDesc> {
+    let modes = [UpdateMode::Incremental, UpdateMode::Rebuild].into_iter();
+    let all = modes.flat_map(move |mode| (1..4).map(move |slots| desc.mode(mode).slots(slots)));
+    all.filter(|desc| desc.check().is_ok())
+}
+
+/// Whether the device can tell what a draw of a direct path evaluates.
+pub fn can_read(headless: &Headless, desc: &UpdateDesc) -> bool {
+    let caps = headless.caps();
+    !desc.path.evaluates_in_draws() || caps.transform_feedback.is_some() || caps.vertex_stores
+}
+
+/// Weights of a face that rests, moves, moves a little, stays, moves all over, exaggerates, and rests again; no more
+/// active than the path takes.
+pub fn history(mesh: &PackedMesh, desc: &UpdateDesc, seed: u32) -> Vec<Vec<f32>> {
+    let targets = mesh.layout().targets.len();
+    let (a, b) = (gpu::weights(mesh, 1, seed), gpu::weights(mesh, 9, seed + 1));
+    let mut nudged = a.clone();
+    nudged.iter_mut().skip(targets / 2).take(1).for_each(|w| *w = 0.375);
+    let mut one = vec![0.0; targets];
+    one.iter_mut().rev().take(1).for_each(|w| *w = -0.75);
+    let exaggerated = b.iter().map(|w| w * 1.9 - 0.3).collect();
+    let mut frames = vec![vec![0.0; targets], a, nudged.clone(), nudged, b, exaggerated, one, vec![0.0; targets]];
+    frames.iter_mut().for_each(|weights| keep_supported(weights, desc));
+    frames
+}
+
+/// Clear the weights beyond those that the path takes at a time.
+pub fn keep_supported(weights: &mut [f32], desc: &UpdateDesc) {
+    if let (UpdatePath::DirectAttributes, BatchSize::Targets(most)) = (desc.path, desc.batch) {
+        weights.iter_mut().filter(|w| **w != 0.0).skip(most as usize).for_each(|w| *w = 0.0);
+    }
+}
