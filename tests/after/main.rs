@@ -21,12 +21,10 @@ mod skinned;
 #[path = "../common/written.rs"]
 mod written;
 
-mod decode;
 mod gltf_skin;
 mod host_vertices;
 mod normals;
 mod pictures;
-mod skin;
 mod steps;
 
 use draw::offscreen;

@@ -1,88 +1,572 @@
-//! Barriers around each step after the pose: a step without a row does not compile.
+//! Every step after the pose, held to the same: a rig for each, and a test for each column of the table that they make.
+//! A step without a rig does not compile.
 
-use crate::gpu;
-use crate::joints::{JOINTS, Joints};
+use crate::gpu::{self, recorded};
+use crate::joints::{JOINTS, Joints, MIRRORED};
+use crate::normals;
 use crate::offscreen::Offscreen;
 use crate::written::Written;
-use crate::{decode, normals, skin};
-use deltamorph::after::{NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
+use deltamorph::after::{GpuNormals, GpuSkin, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::vk;
 use deltamorph::internals::plan::after::Kind;
 use deltamorph::internals::plan::hazards::{Event, HazardChecker, Memory, barriers_needed};
 use deltamorph::internals::plan::schedule::asset_uploaded;
-use deltamorph::{CrowdDesc, DecodeTarget, DeltaFormat, UpdateDesc};
-use deltamorph_headless::HeadlessCrowd;
-use std::slice::from_mut;
+use deltamorph::reference::{self, compare};
+use deltamorph::{
+    AnimationDesc, AnyCrowd, BatchSize, Consumers, CpuCrowd, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, MorphMesh,
+    PackedMesh, Playback, PoseFormat, Result, Tolerance, UpdateDesc, UpdatePath,
+};
+use deltamorph_head::{HeadDesc, Rng, head, head_clip};
+use deltamorph_headless::{Headless, HeadlessCrowd};
+use glam::DVec3;
+use std::sync::Arc;
+
+/// What skinned positions may be off by, as a share of the diagonal, and their normals, in degrees; and what recomputed
+/// normals may.
+const SKINNED: (f64, f64) = (1e-5, 0.01);
+const RECOMPUTED: f64 = 0.5;
+
+fn head_desc() -> HeadDesc {
+    HeadDesc::default().vertices(900).targets(37).sparsity(0.05).seed(3)
+}
+
+/// A head with a seam in its texture coordinates, whose vertices are doubled there.
+fn mesh() -> MorphMesh {
+    let source = head(&head_desc());
+    let split = source.split().expect("a split head");
+    assert!(split.positions.len() > source.positions.len(), "there is a seam");
+    split.to_mesh(Tolerance::default()).expect("a mesh")
+}
+
+/// Weights up to 1, of which few change from frame to frame.
+fn weights(mesh: &PackedMesh, frame: u32, seed: u32) -> Vec<f32> {
+    let all = gpu::weights(mesh, frame, seed).into_iter().enumerate();
+    all.map(|(t, weight)| if t % 5 == 0 { weight / 2.0 } else { 0.2 }).collect()
+}
+
+/// Joints and weights of every vertex: from one joint to all influences, in no order.
+fn influences(vertices: usize, influences: u32) -> (Vec<u16>, Vec<f32>) {
+    let mut rng = Rng::new(influences.into(), 0);
+    let (mut joints, mut weights) = (vec![], vec![]);
+    for vertex in 0..vertices {
+        let used = 1 + vertex % influences as usize;
+        for i in 0..influences as usize {
+            let is_used = (i + vertex) % influences as usize % 8 < used;
+            joints.push(if is_used { rng.below(MIRRORED as usize) as u16 } else { u16::MAX });
+            weights.push(if is_used { rng.range(1e-3, 3.0) } else { 0.0 });
+        }
+        if vertex % 37 == 0 {
+            // Alone: what a mirrored joint and another make together may have no volume, and no normals.
+            let first = joints.len() - influences as usize;
+            joints[first] = MIRRORED;
+            weights[first..].fill(0.0);
+            weights[first] = 0.25;
+        }
+    }
+    (joints, weights)
+}
+
+fn bits(numbers: &[f32]) -> Vec<u32> {
+    numbers.iter().map(|x| x.to_bits()).collect()
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Target {
+    Decode(DecodeTarget),
+    Skin(SkinTarget),
+    Normals(NormalsTarget),
+}
+
+/// What a skin is made of, and the joints that move it.
+struct Skinned<'a> {
+    skin: GpuSkin,
+    per_vertex: u32,
+    influences: (Vec<u16>, Vec<f32>),
+    method: SkinMethod,
+    joints: Joints<'a>,
+    /// The pose before.
+    before: Vec<f32>,
+}
+
+/// A step of an instance: its target, and what it wrote.
+struct Rig<'a> {
+    headless: &'a Headless,
+    mesh: Arc<PackedMesh>,
+    source: &'a MorphMesh,
+    target: Target,
+    /// Written in turn, where there are two.
+    outputs: Vec<Written<'a>>,
+    /// What is there, in the order of the packed mesh.
+    held: Vec<Vec<f32>>,
+    skinned: Option<Skinned<'a>>,
+    surface: Option<GpuNormals>,
+    /// How far off: as a share of the diagonal, and degrees.
+    worst: (f64, f64),
+}
+
+impl<'a> Rig<'a> {
+    /// One of two targets of a step, which differ in all that it has a choice of.
+    fn new(
+        kind: Kind,
+        which: usize,
+        headless: &'a Headless,
+        host: &'a Offscreen<'a>,
+        (source, mesh): (&'a MorphMesh, &Arc<PackedMesh>),
+    ) -> Self {
+        let vertices = mesh.layout().vertex_count;
+        let written = |place| Written::new(headless, host, vertices, place);
+        let place = [(0, 24, Some(12)), (268, 40, Some(16))][which];
+        let (offset, stride, normals) = place;
+        let (mut skinned, mut surface) = (None, None);
+        let (target, outputs) = match kind {
+            Kind::Decode => {
+                let (offset, stride, normals) = if which == 0 { (0, 12, None) } else { place };
+                let output = written((offset, stride, normals));
+                let target = DecodeTarget::new(output.buffer).offset(offset).stride(stride).normals(normals);
+                (Target::Decode(target), vec![output])
+            }
+            Kind::Skin => {
+                let method = [SkinMethod::Linear, SkinMethod::DualQuaternion][which];
+                let few = (mesh.layout().format == DeltaFormat::Fast) == (which == 0);
+                let per_vertex = if few { 4 } else { 8 };
+                let influences = influences(vertices, per_vertex);
+                let desc = SkinDesc::new(per_vertex, JOINTS, &influences.0, &influences.1);
+                // SAFETY: the buffer is recording, runs once, and is waited for; so below.
+                let uploaded = headless.run(|cmd| unsafe { headless.engine().upload_skin(cmd, mesh, &desc) });
+                let mut skin = uploaded.expect("a skin");
+                // SAFETY: it has run.
+                unsafe { skin.release_staging() };
+                let joints = Joints::new(headless, host, method, mesh.layout().diagonal);
+                // Two places of the same stride in turn, or one.
+                let mut outputs = vec![written(place)];
+                if which == 0 {
+                    outputs.push(written((offset + 4, stride, normals)));
+                }
+                let target = SkinTarget::new(outputs[0].buffer, joints.shared.buffer, 3 * Joints::STRIDE);
+                let target = target.offset(offset).stride(stride).normals(normals).method(method);
+                let target = target.second(outputs.get(1).map(|other| (other.buffer, offset + 4)));
+                let target = target.joints_offset(joints.offset());
+                skinned = Some(Skinned { skin, per_vertex, influences, method, joints, before: vec![] });
+                (Target::Skin(target), outputs)
+            }
+            Kind::Normals => {
+                let corners = normals::corners(source);
+                let desc = NormalsDesc::new(&corners).sizes(&source.faces.sizes).welds(&source.welds);
+                // SAFETY: as above.
+                let uploaded = headless.run(|cmd| unsafe { headless.engine().upload_normals(cmd, mesh, &desc) });
+                let mut uploaded = uploaded.expect("a surface");
+                // SAFETY: it has run.
+                unsafe { uploaded.release_staging() };
+                surface = Some(uploaded);
+                let (offset, stride) = [(0, 12), (20, 28)][which];
+                let output = written((offset, stride, None));
+                (Target::Normals(NormalsTarget::new(output.buffer).offset(offset).stride(stride)), vec![output])
+            }
+        };
+        let held = outputs.iter().map(|_| vec![]).collect();
+        Self { headless, mesh: mesh.clone(), source, target, outputs, held, skinned, surface, worst: (0.0, 0.0) }
+    }
+
+    fn try_set<C: AnyCrowd + 'static>(
+        &self,
+        crowd: &mut HeadlessCrowd<'_, C>,
+        instance: u32,
+        target: Target,
+    ) -> Result<()> {
+        // SAFETY: the buffers are large enough, or it is refused; they live as long as the crowd; nothing is running.
+        unsafe {
+            match &target {
+                Target::Decode(target) => crowd.set_decode_target(instance, Some(target)),
+                Target::Skin(target) => {
+                    let skinned = self.skinned.as_ref().expect("a skin");
+                    crowd.set_skin_target(instance, Some((&skinned.skin, target)))
+                }
+                Target::Normals(target) => {
+                    crowd.set_normals_target(instance, Some((self.surface.as_ref().expect("a surface"), target)))
+                }
+            }
+        }
+    }
+
+    fn set<C: AnyCrowd + 'static>(&self, crowd: &mut HeadlessCrowd<'_, C>, instance: u32) {
+        self.try_set(crowd, instance, self.target).expect("a target");
+    }
+
+    fn unset(&self, crowd: &mut HeadlessCrowd<'_>, instance: u32) {
+        // SAFETY: nothing is running.
+        let unset = unsafe {
+            match self.target {
+                Target::Decode(_) => crowd.set_decode_target(instance, None),
+                Target::Skin(_) => crowd.set_skin_target(instance, None),
+                Target::Normals(_) => crowd.set_normals_target(instance, None),
+            }
+        };
+        unset.expect("an instance");
+    }
+
+    /// Has joints move, where there are any, in some frames; whether all vertices are to be written then.
+    fn move_joints(&mut self, crowd: &mut HeadlessCrowd<'_>, instance: u32, frame: u32) -> bool {
+        let Some(skinned) = self.skinned.as_mut().filter(|_| [3, 11, 13].contains(&frame)) else { return false };
+        // In one of them they are told to, and stay.
+        if frame != 11 {
+            skinned.joints.turn(self.headless, frame.into());
+        }
+        crowd.set_joints(instance, skinned.joints.offset()).expect("joints");
+        true
+    }
+
+    /// How many vertices were written, by output; what was is held.
+    fn take(&mut self) -> Vec<usize> {
+        let outputs = self.outputs.iter().zip(&mut self.held);
+        let taken = outputs.map(|(output, held)| {
+            let vertices = output.take(self.headless);
+            let width = if output.place.2.is_some() { 6 } else { 3 };
+            held.resize(vertices.len() * width, f32::NAN);
+            for (held, words) in held.chunks_exact_mut(width).zip(&vertices) {
+                words.iter().flatten().zip(held).for_each(|(word, held)| *held = f32::from_bits(*word));
+            }
+            vertices.iter().flatten().count()
+        });
+        taken.collect()
+    }
+
+    /// Holds what is there to the pose, as numbers in the order of the packed mesh, and to that of the reference.
+    fn assert_right(&mut self, output: usize, pose: &[f32], reference: &[f64], what: &str) {
+        let (held, layout) = (&self.held[output], self.mesh.layout());
+        let (position, degrees) = match (&self.target, &self.skinned) {
+            (Target::Decode(target), _) => {
+                let width = if target.normals.is_some() { 6 } else { 3 };
+                let vertices = pose.chunks_exact(6).take(layout.vertex_count);
+                let expected: Vec<f32> = vertices.flat_map(|vertex| &vertex[..width]).copied().collect();
+                assert!(bits(held) == bits(&expected), "{what}: not the pose");
+                (0.0, 0.0)
+            }
+            (Target::Skin(_), Some(Skinned { per_vertex, influences, method, joints, .. })) => {
+                let desc = SkinDesc::new(*per_vertex, JOINTS, &influences.0, &influences.1);
+                let expected = reference::skin(reference, &desc, *method, &joints.numbers).expect("a skinned pose");
+                let mut padded = held.clone();
+                padded.resize(layout.padded_vertices() * 6, f32::NAN);
+                let error = compare(&layout.to_user_order(&padded), &expected);
+                assert!(error.within(SKINNED.0 * f64::from(layout.diagonal), SKINNED.1), "{what}: {error:?}");
+                (error.position / f64::from(layout.diagonal), error.normal_degrees)
+            }
+            (Target::Normals(_), _) => {
+                let corners = normals::corners(self.source);
+                let desc = NormalsDesc::new(&corners).sizes(&self.source.faces.sizes).welds(&self.source.welds);
+                let expected = reference::normals(reference, &desc).expect("normals");
+                let mut found = vec![DVec3::NAN; layout.vertex_count];
+                for (packed, normal) in held.chunks_exact(3).enumerate() {
+                    found[layout.user_vertex(packed).expect("a vertex")] = glam::Vec3::from_slice(normal).as_dvec3();
+                }
+                let off = normals::compare(&found, &expected, |_| ());
+                assert!(off <= RECOMPUTED, "{what}: {off} degrees");
+                assert!(found.iter().all(|normal| (normal.length() - 1.0).abs() < 1e-5), "{what}: unit length");
+                let welded = (0..found.len()).find(|v| found[*v] != found[self.source.welds[*v] as usize]);
+                assert_eq!(welded, None, "{what}: a seam shows");
+                (0.0, off)
+            }
+            (Target::Skin(_), _) => unreachable!("a skin has joints"),
+        };
+        self.worst = (self.worst.0.max(position), self.worst.1.max(degrees));
+    }
+
+    /// Checks where a skinned pose and the one before are, the former being in the output that is returned: 0 of the
+    /// other steps. `is_first`: there is no pose before it.
+    fn assert_view(&mut self, crowd: &Crowd, instance: u32, counts: &[usize], is_first: bool, what: &str) -> usize {
+        let Some(skinned) = &mut self.skinned else { return 0 };
+        let view = crowd.skinned(instance).expect("a skinned pose");
+        let places: Vec<_> = self.outputs.iter().map(|output| (output.buffer, output.place.0)).collect();
+        let now = places.iter().position(|place| *place == view.current).expect("one of ours");
+        let other = 1 - now;
+        assert!(counts.get(other).is_none_or(|count| *count == 0), "{what}: {counts:?}");
+        if is_first || counts.iter().all(|count| *count == 0) {
+            assert_eq!(view.previous, Some(view.current), "{what}");
+        } else {
+            assert_eq!(view.previous, places.get(other).copied(), "{what}");
+            assert!(places.len() == 1 || bits(&self.held[other]) == bits(&skinned.before), "{what}: previous");
+        }
+        skinned.before.clone_from(&self.held[now]);
+        now
+    }
+}
 
 #[test]
-fn a_missing_barrier_around_a_step_is_found() {
-    let source = normals::mesh();
-    let triangles = source.faces.triangles().into_flattened();
+fn each_writes_the_reference_and_only_what_changed() {
+    let source = mesh();
     gpu::on_every_device(|headless, engine| {
         let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
-        let joints = Joints::new(headless, &host, SkinMethod::Linear, 1.0);
-        for kind in Kind::ALL {
+        for (kind, (format, update)) in
+            Kind::ALL.into_iter().flat_map(|k| gpu::updates(headless).into_iter().map(move |u| (k, u)))
+        {
+            let mesh = Arc::new(gpu::packed(engine, &source, format));
+            let vertices = mesh.layout().vertex_count;
+            let consumers = Consumers::VERTEX_ATTRIBUTES | Consumers::COPIES;
+            let desc = CrowdDesc::new(update).instances(3).consumers(consumers);
+            let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
+            // The twin's bits of float32 poses may differ: there, the device's own are taken.
+            let integers = update.pose.has_integers();
+            let mut twin = CpuCrowd::new(mesh.clone(), update.path(UpdatePath::Cpu), 3, 1).expect("a crowd");
+            let mut rigs =
+                [0, 1].map(|which| (which * 2, Rig::new(kind, which as usize, headless, &host, (&source, &mesh))));
+            let mut fewer = 0;
+            for frame in 0..16 {
+                let what = format!("{} {kind:?} {format:?} {update:?}, frame {frame}", headless.caps().name);
+                match frame {
+                    // A frame without targets, then the first with them, in which all is still.
+                    1 => rigs.iter().for_each(|(instance, rig)| rig.set(&mut crowd, *instance)),
+                    5 => {
+                        // Whatever was recorded never runs.
+                        let (_, dropped) = crowd.record(&[&[0.1; 37][..]; 3]).expect("a record");
+                        crowd.discard(dropped.ticket).expect("a ticket");
+                        assert!(crowd.crowd().skinned(0).is_err());
+                    }
+                    8 | 10 => (0..3).for_each(|i| crowd.set_hidden(i, frame == 8).expect("an instance")),
+                    12 => (0..3).for_each(|i| crowd.cut(i).expect("an instance")),
+                    _ => {}
+                }
+                let (hidden, still) = ((8..10).contains(&frame), [1, 7, 13].contains(&frame));
+                let mut whole = [1, 5, 10].contains(&frame);
+                for (instance, rig) in &mut rigs {
+                    whole |= rig.move_joints(&mut crowd, *instance, frame);
+                }
+                let all: Vec<Vec<f32>> = (0..3).map(|i| weights(&mesh, frame - u32::from(still), i)).collect();
+                let all: Vec<&[f32]> = all.iter().map(Vec::as_slice).collect();
+                let (.., events) = recorded(&mut crowd, &all);
+                (0..3).for_each(|i| twin.set_hidden(i, hidden).expect("an instance"));
+                (0..).zip(&all).for_each(|(i, weights)| twin.set_weights(i, weights).expect("weights"));
+                twin.update();
+                if still && !whole || hidden {
+                    assert_eq!(events, [], "{what}: nothing changed");
+                }
+                for (instance, rig) in &mut rigs {
+                    let (counts, what) = (rig.take(), format!("{what}, instance {instance}"));
+                    let count: usize = counts.iter().sum();
+                    match (frame, hidden || still, whole) {
+                        (0, ..) | (_, true, false) => assert_eq!(count, 0, "{what}"),
+                        (.., true) => assert_eq!(count, vertices, "{what}"),
+                        (.., false) => fewer += usize::from((1..vertices).contains(&count)),
+                    }
+                    if frame == 0 || hidden {
+                        assert!(frame > 0 || crowd.crowd().skinned(*instance).is_err());
+                        continue;
+                    }
+                    let is_first = [1, 5, 10, 12].contains(&frame);
+                    let output = rig.assert_view(crowd.crowd(), *instance, &counts, is_first, &what);
+                    let pose = match integers {
+                        true => twin.pose(*instance).expect("a pose").into_owned(),
+                        false => bytemuck::cast_slice(&crowd.read_stored(*instance, 0).expect("a pose")).to_vec(),
+                    };
+                    let reference = gpu::reference(&mesh, &update, all[*instance as usize]);
+                    rig.assert_right(output, &pose, &reference, &what);
+                }
+            }
+            assert_eq!(fewer > 0, format.is_blocks(), "{kind:?} {format:?} {update:?}: parts of a pose");
+            let worst = rigs.each_ref().map(|(_, rig)| rig.worst);
+            println!("{} {kind:?} {format:?} {update:?}: off by {worst:?}", headless.caps().name);
+            rigs[0].1.unset(&mut crowd, 0);
+            crowd.remove(2).expect("an instance");
+            crowd.step(&[&[0.5; 37]]).expect("a step");
+            assert!(rigs.iter_mut().all(|(_, rig)| rig.take().iter().all(|count| *count == 0)));
+        }
+    });
+}
+
+#[test]
+fn each_follows_heads_that_play_clips() {
+    let source = mesh();
+    let clips = [head_clip(&head_desc(), 40, 30.0)];
+    gpu::on_every_device(|headless, engine| {
+        let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+        let mesh = Arc::new(gpu::packed(engine, &source, DeltaFormat::Fast));
+        for (kind, pose) in
+            Kind::ALL.into_iter().flat_map(|k| [PoseFormat::Fixed32, PoseFormat::Fixed16].map(|p| (k, p)))
+        {
+            let desc = CrowdDesc::new(UpdateDesc::blocks().pose(pose)).instances(9);
+            let animation = AnimationDesc::new(&clips);
+            let mut crowd = HeadlessCrowd::animated(headless, &mesh, &desc, &animation).expect("a crowd");
+            (0..9).for_each(|i| crowd.play(i, &Playback::new(0).start(f64::from(i) * -0.1)).expect("a clip"));
+            let mut rig = Rig::new(kind, 1, headless, &host, (&source, &mesh));
+            rig.set(&mut crowd, 8);
+            for frame in 0..5 {
+                let what = format!("{kind:?} {pose:?}, frame {frame}");
+                crowd.set_time(f64::from(frame) / 30.0).expect("a time");
+                crowd.set_hidden(8, frame == 3).expect("an instance");
+                crowd.step(&[]).expect("a step");
+                let hidden = frame == 3;
+                assert_eq!(rig.take(), [if hidden { 0 } else { mesh.layout().vertex_count }], "{what}");
+                if !hidden {
+                    let (view, stored) = (crowd.crowd().pose(8), crowd.read_stored(8, 0));
+                    let units = view.expect("a pose").units;
+                    let decoded = pose.decode(&stored.expect("a pose"), mesh.base(), units);
+                    let reference: Vec<f64> = crowd.read_pose(8).expect("a pose").into_iter().map(f64::from).collect();
+                    rig.assert_right(0, &decoded, &reference, &what);
+                }
+            }
+        }
+    });
+}
+
+/// With one output or two in turn, where a step has a choice, and joints that move where it has joints.
+#[test]
+fn a_missing_barrier_around_each_is_found() {
+    let source = mesh();
+    gpu::on_every_device(|headless, engine| {
+        let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+        for (kind, which) in Kind::ALL.into_iter().flat_map(|kind| [0, 1].map(|which| (kind, which))) {
             // The step that reads poses of every kind alike is tried with each.
             let updates = match kind {
                 Kind::Decode => gpu::updates(headless),
-                _ => vec![(DeltaFormat::Fast, UpdateDesc::blocks())],
+                Kind::Skin | Kind::Normals => vec![(DeltaFormat::Fast, UpdateDesc::blocks())],
             };
             for (format, update) in updates {
-                let mesh = gpu::packed(engine, &source, format);
-                let vertices = mesh.layout().vertex_count;
-                let written = Written::new(headless, &host, vertices, (0, 24, Some(12)));
-                let buffer = written.buffer;
-                type Set<'a> = Box<dyn Fn(&mut HeadlessCrowd<'_>) -> deltamorph::Result<()> + 'a>;
-                // SAFETY, of all: the buffers are large enough, and live as long as the crowd; nothing is running.
-                let set: Set<'_> = match kind {
-                    Kind::Decode => {
-                        let target = DecodeTarget::new(buffer).stride(12);
-                        // SAFETY: as above.
-                        Box::new(move |crowd| unsafe { crowd.set_decode_target(0, Some(&target)) })
+                let mesh = Arc::new(gpu::packed(engine, &source, format));
+                let mut rig = Rig::new(kind, which, headless, &host, (&source, &mesh));
+                let mut crowd = gpu::crowd(headless, &mesh, update);
+                let (mut updates, mut read) = (vec![], vec![]);
+                // The target comes when there is a pose: the next update carries out the step, and does nothing else;
+                // so does one in which joints alone move.
+                for frame in [0, 0, 1, 2, 2, 3] {
+                    match updates.len() {
+                        1 => rig.set(&mut crowd, 0),
+                        4 => _ = rig.move_joints(&mut crowd, 0, 13),
+                        _ => {}
                     }
-                    Kind::Skin => {
-                        let (numbers, weights) = skin::influences(vertices, 4);
-                        let skin = skin::upload(headless, &mesh, &SkinDesc::new(4, JOINTS, &numbers, &weights));
-                        let target = SkinTarget::new(buffer, joints.shared.buffer, 3 * Joints::STRIDE);
-                        let target = target.joints_offset(16);
-                        // SAFETY: as above.
-                        Box::new(move |crowd| unsafe { crowd.set_skin_target(0, Some((&skin, &target))) })
-                    }
-                    Kind::Normals => {
-                        let surface = normals::upload(headless, &mesh, &NormalsDesc::new(&triangles));
-                        let target = NormalsTarget::new(buffer);
-                        // SAFETY: as above.
-                        Box::new(move |crowd| unsafe { crowd.set_normals_target(0, Some((&surface, &target))) })
-                    }
-                };
-                let mut crowd = HeadlessCrowd::new(headless, &mesh, &CrowdDesc::new(update)).expect("a crowd");
-                let (mut updates, mut slots) = (vec![], vec![]);
-                // The target comes when there is a pose: the next update carries out the step, and does nothing else.
-                for frame in [0, 0, 1, 2, 3] {
-                    if updates.len() == 1 {
-                        set(&mut crowd).expect("a target");
-                    }
-                    let weights = decode::weights(&mesh, frame, 1);
-                    // SAFETY: nothing is changed.
-                    let step = unsafe { HeadlessCrowd::step_tampered(from_mut(&mut crowd), &[&weights], |_| {}) };
-                    updates.push(step.expect("a step").1);
-                    slots.push(crowd.crowd().pose(0).expect("a pose").slot);
+                    updates.push(recorded(&mut crowd, &[&weights(&mesh, frame, 1)]).2);
+                    let slot = crowd.crowd().pose(0).expect("a pose").slot;
+                    let output = |(buffer, _)| u32::from(buffer != rig.outputs[0].buffer);
+                    let view =
+                        crowd.crowd().skinned(0).map(|view| [Some(output(view.current)), view.previous.map(output)]);
+                    read.push((slot, view.unwrap_or([Some(0), None])));
                 }
                 let steps = updates[1].iter().filter(|event| matches!(event, Event::Step { .. })).count();
                 assert_eq!(steps, 1, "{kind:?} {update:?}");
                 let is_right = |updates: &[Vec<Event>]| {
                     let mut checker = HazardChecker::default();
                     checker.upload(asset_uploaded());
-                    for (events, slot) in updates.iter().zip(&slots) {
+                    for (events, (slot, outputs)) in updates.iter().zip(&read) {
                         checker.update(events);
                         checker.draw(0, 0, *slot);
-                        checker.read_after(0, Memory::After { resource: kind.output(), instance: 0, output: 0 });
+                        for output in outputs.iter().copied().flatten() {
+                            checker.read_after(0, Memory::After { resource: kind.output(), instance: 0, output });
+                        }
                     }
                     checker.finish().is_ok()
                 };
-                let found = barriers_needed(&updates, 1..updates.len(), is_right);
-                assert!(found >= 10, "{kind:?} {update:?}: {found} barriers");
+                // Of two outputs, what the third update writes, a slot and a place, nobody has read before.
+                let (which, least) = match rig.outputs.len() {
+                    1 => (vec![1, 2, 3, 4, 5], 10),
+                    _ => (vec![1, 3, 4, 5], 9),
+                };
+                let found = barriers_needed(&updates, which, is_right);
+                assert!(found >= least, "{kind:?} {update:?}: {found} barriers");
             }
         }
+    });
+}
+
+#[test]
+fn targets_that_do_not_fit_are_refused() {
+    let source = mesh();
+    gpu::on_every_device(|headless, engine| {
+        let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+        let mesh = Arc::new(gpu::packed(engine, &source, DeltaFormat::Fast));
+        for kind in Kind::ALL {
+            let mut rig = Rig::new(kind, 1, headless, &host, (&source, &mesh));
+            let (fours, smaller) = ("multiples of 4", "use a smaller stride");
+            let refused = match &mut rig.target {
+                Target::Decode(t) => {
+                    let wrong = [t.offset(2), t.stride(20), t.stride(26), t.normals(Some(8)), t.normals(Some(14))];
+                    let wrong = wrong.map(|t| (Target::Decode(t), fours)).to_vec();
+                    [wrong, vec![(Target::Decode(t.stride(1 << 30)), smaller)]].concat()
+                }
+                Target::Skin(target) => {
+                    // Room for the joints alone.
+                    let (output, joints) = (&rig.outputs[0], &rig.skinned.as_ref().expect("a skin").joints);
+                    *target = SkinTarget::new(output.buffer, joints.shared.buffer, u64::from(JOINTS) * 48);
+                    let t = *target;
+                    let wrong = [
+                        (t.stride(20), fours),
+                        (t.second(Some((output.buffer, 2))), fours),
+                        (t.joints_offset(16), "room for all joints"),
+                        (t.joints_offset(8), "multiple of 16"),
+                        (t.stride(1 << 30), smaller),
+                    ];
+                    wrong.map(|(t, words)| (Target::Skin(t), words)).to_vec()
+                }
+                Target::Normals(t) => {
+                    [t.stride(8), t.stride(14), t.offset(2)].map(|t| (Target::Normals(t), fours)).to_vec()
+                }
+            };
+            let mut crowd = gpu::crowd(headless, &mesh, UpdateDesc::blocks());
+            let text = |result: Result<()>| result.expect_err("a refusal").to_string();
+            for (target, words) in refused {
+                let found = text(rig.try_set(&mut crowd, 0, target));
+                assert!(found.contains(words), "{target:?}: {found}");
+            }
+            assert!(text(rig.try_set(&mut crowd, 1, rig.target)).contains("instance 1"));
+            assert!(text(crowd.set_joints(0, 0)).contains("not skinned"));
+            rig.set(&mut crowd, 0);
+            if rig.skinned.is_some() {
+                assert!(text(crowd.set_joints(0, 16)).contains("room for all joints"));
+            }
+            if rig.skinned.is_some() || rig.surface.is_some() {
+                // Another packing of the same mesh has another order of vertices.
+                let other = gpu::packed(engine, &source, DeltaFormat::Float32);
+                let dense = UpdateDesc::new(UpdatePath::Compute, BatchSize::All);
+                let refused = text(rig.try_set(&mut gpu::crowd(headless, &other, dense), 0, rig.target));
+                assert!(refused.contains("the packed mesh that the crowd was made of"), "{refused}");
+            }
+        }
+    });
+}
+
+#[test]
+fn skins_and_surfaces_that_do_not_fit_are_refused() {
+    let source = mesh();
+    let triangles = source.faces.triangles().into_flattened();
+    gpu::on_every_device(|headless, engine| {
+        let mesh = gpu::packed(engine, &source, DeltaFormat::Fast);
+        let (joints, weights) = influences(mesh.layout().vertex_count, 4);
+        let changed = |at: std::ops::Range<usize>, to: f32| {
+            let mut wrong = weights.clone();
+            wrong[at].fill(to);
+            wrong
+        };
+        for (per_vertex, count, weights, words) in [
+            (5, JOINTS, &weights, "use 4 or 8 influences"),
+            (4, 0, &weights, "1 to 65536 joints"),
+            (8, JOINTS, &weights, "hand in 7"),
+            (4, 3, &weights, "names joint"),
+            (4, JOINTS, &changed(5..6, -0.5), "vertex 1 has the weight -0.5"),
+            (4, JOINTS, &changed(5..6, f32::NAN), "vertex 1 has the weight NaN"),
+            (4, JOINTS, &changed(8..12, 0.0), "vertex 2 has weights that sum to 0"),
+        ] {
+            let desc = SkinDesc::new(per_vertex, count, &joints, weights);
+            // SAFETY: it is refused, and nothing is recorded.
+            let uploaded = headless.run(|cmd| unsafe { engine.upload_skin(cmd, &mesh, &desc) });
+            let text = uploaded.err().expect("a refusal").to_string();
+            assert!(text.contains(words), "{text}");
+        }
+        let refused = |desc: NormalsDesc<'_>, words: &str| {
+            // SAFETY: it is refused, and nothing is recorded.
+            let uploaded = headless.run(|cmd| unsafe { engine.upload_normals(cmd, &mesh, &desc) });
+            let text = uploaded.err().expect("a refusal").to_string();
+            assert!(text.contains(words), "{text}");
+            text
+        };
+        refused(NormalsDesc::new(&[0, 1, 2, 0, 1, u32::MAX]), "names vertex 4294967295");
+        for (corners, sizes) in [(5, &[][..]), (6, &[3, 2]), (6, &[4, 2]), (6, &[u32::MAX, 7])] {
+            refused(NormalsDesc::new(&[0; 6][..corners]).sizes(sizes), "three corners or more");
+        }
+        refused(NormalsDesc::new(&triangles).welds(&[0]), "1 welds for");
+        // One polygon, whose fans take the square of its corners: counted before they are made.
+        let sides = 10 + (headless.caps().max_storage_range as f64 / 8.0).sqrt() as u32;
+        let polygon: Vec<u32> = (0..sides).map(|i| i % mesh.layout().vertex_count as u32).collect();
+        let mut text = String::new();
+        let memory = allocation_counter::measure(|| {
+            text = refused(NormalsDesc::new(&polygon).sizes(&[sides]), "split the mesh");
+        });
+        assert!(text.starts_with("surface of mesh '"), "{text}");
+        assert!(memory.bytes_max < 1 << 20, "{} bytes for a polygon of {sides} corners", memory.bytes_max);
     });
 }
