@@ -241,8 +241,9 @@ impl<'a> Studio<'a> {
                 let poses = 2 + usize::from(self.masks.is_some());
                 let room = buffer.contents().len() / poses / stored.len().max(1);
                 for (i, StoredPose { pose, masks, .. }) in stored.iter().enumerate() {
-                    let masks = masks.filter(|_| self.masks.is_some()).map_or(&[][..], |(masks, _)| masks);
-                    for (bytes, at) in [(*pose, i), (masks, 2 * stored.len() + i)] {
+                    let masks = masks.filter(|_| self.masks.is_some());
+                    let masks = masks.map(|(masks, _)| (masks, 2 * stored.len() + i));
+                    for (bytes, at) in std::iter::once((*pose, i)).chain(masks) {
                         if bytes.len() > room {
                             return Err(Error::Invalid {
                                 what: format!("a pose of {} bytes, {room} expected", bytes.len()),
