@@ -12,6 +12,7 @@
 //! Needs Vulkan 1.1 and four samples a pixel, but no extension or feature.
 
 mod camera;
+mod cull;
 mod glow;
 mod memory;
 mod model;
@@ -27,6 +28,7 @@ mod target;
 pub mod wrinkles;
 
 pub use camera::{Camera, View};
+pub use cull::PoseBounds;
 pub use glow::Glow;
 pub use memory::Buffer;
 pub use model::Model;

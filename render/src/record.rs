@@ -25,6 +25,9 @@ impl Renderer {
     /// [`RendererDesc::layout`](crate::RendererDesc), ready for copies (`TRANSFER`) and for draws over it
     /// (`COLOR_ATTACHMENT_OUTPUT`). Earlier bindings of the command buffer are lost.
     ///
+    /// A pass leaves out heads whose [bounds](Head::bounds) are outside of it, which changes no pixel. Returns how many
+    /// draws there are, and how many more there would be of all heads.
+    ///
     /// # Errors
     /// [`Error::Invalid`] if there are more heads than the target was made for, or wrinkles are to be shown, and the
     /// renderer or a head has no masks.
@@ -44,8 +47,8 @@ impl Renderer {
         heads: &[Head],
         scene: &Scene,
         background: [f32; 4],
-    ) -> Result<()> {
-        target.write(scene, model, heads)?;
+    ) -> Result<[usize; 2]> {
+        let (seen, mut draws) = (target.write(scene, model, heads)?, [0; 2]);
         target.check_glow(model, scene.show)?;
         self.check_masks(heads, scene.show)?;
         let device = &self.gpu.device;
@@ -69,7 +72,7 @@ impl Renderer {
             (self.shadow_pass, target.shadow_framebuffer, edge, &[far][..], shadows),
             (self.pass, target.framebuffer, target.extent, &[behind, far], pictured),
         ];
-        for (pass, framebuffer, extent, clear, draws) in passes {
+        for (number, (pass, framebuffer, extent, clear, pictured)) in passes.into_iter().enumerate() {
             let area = vk::Rect2D { extent, ..Default::default() };
             let begin = vk::RenderPassBeginInfo::default().render_pass(pass).framebuffer(framebuffer);
             let begin = begin.render_area(area).clear_values(clear);
@@ -85,19 +88,22 @@ impl Renderer {
                 device.cmd_set_viewport(cmd, 0, from_ref(&viewport));
                 device.cmd_set_scissor(cmd, 0, from_ref(&area));
             }
-            for (pipeline, what) in draws {
+            for (pipeline, what) in pictured {
                 // SAFETY: as above.
                 unsafe { device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, pipeline) };
                 for (i, head) in heads.iter().enumerate() {
-                    // SAFETY: as above; the target has room for the data of this number of heads, and the poses are
-                    // those of the mesh.
-                    unsafe { self.record_head(cmd, target, model, head, i, what) };
+                    draws[usize::from(!seen[i][number])] += what.drawn(model).count();
+                    if seen[i][number] {
+                        // SAFETY: as above; the target has room for the data of this number of heads, and the poses are
+                        // those of the mesh.
+                        unsafe { self.record_head(cmd, target, model, head, i, what) };
+                    }
                 }
             }
             // SAFETY: begun above.
             unsafe { device.cmd_end_render_pass(cmd) };
         }
-        Ok(())
+        Ok(draws)
     }
 
     /// Checks that wrinkles are only shown with masks.
@@ -144,7 +150,7 @@ impl Renderer {
             device.cmd_bind_vertex_buffers(cmd, 0, &buffers[..bound], &offsets[..bound]);
             device.cmd_bind_index_buffer(cmd, indices.raw, 0, vk::IndexType::UINT32);
         }
-        let draw = |indices: Range<u32>, material: u32, ball: Vec4| {
+        for (indices, material, ball) in what.drawn(model) {
             let first_told = (number * target.glow_numbers()) as u32;
             let (ball, units, block) = (ball.to_array(), head.units, model.block);
             let mask_units = head.masks.map_or([1.0; 2], |masks| masks.units);
@@ -154,18 +160,6 @@ impl Renderer {
                 device.cmd_push_constants(cmd, self.layout, both, 0, bytes_of(&push));
                 device.cmd_draw_indexed(cmd, indices.len() as u32, 1, indices.start, 0, 0);
             }
-        };
-        if what == What::Edges {
-            draw(0..model.edges.1, WIRE, Vec4::ZERO);
-            return;
-        }
-        let is_drawn = |part: &&Drawn| match what {
-            What::Eyes => part.material == Material::Eye,
-            What::Rest => part.material != Material::Eye,
-            What::Shadows | What::Faces | What::Edges => true,
-        };
-        for part in model.parts.iter().filter(is_drawn) {
-            draw(part.indices.clone(), part.material as u32, part.ball.unwrap_or_default());
         }
     }
 }
@@ -180,4 +174,19 @@ enum What {
     /// Other faces.
     Rest,
     Edges,
+}
+
+impl What {
+    /// What is drawn of a head, draw by draw: indices, the number of the material, and an eyeball.
+    fn drawn(self, model: &Model) -> impl Iterator<Item = (Range<u32>, u32, Vec4)> {
+        let edges = (self == Self::Edges).then_some((0..model.edges.1, WIRE, Vec4::ZERO));
+        let is_drawn = move |part: &&Drawn| match self {
+            Self::Eyes => part.material == Material::Eye,
+            Self::Rest => part.material != Material::Eye,
+            Self::Shadows | Self::Faces => true,
+            Self::Edges => false,
+        };
+        let part = |part: &Drawn| (part.indices.clone(), part.material as u32, part.ball.unwrap_or_default());
+        edges.into_iter().chain(model.parts.iter().filter(is_drawn).map(part))
+    }
 }

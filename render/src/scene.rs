@@ -2,6 +2,7 @@
 
 use crate::camera::{View, direction};
 use bytemuck::{Pod, Zeroable};
+use deltamorph::Bounds;
 use deltamorph::ash::vk;
 use deltamorph::{PoseView, StreamView};
 use glam::{Mat4, Vec3, Vec4};
@@ -74,6 +75,8 @@ pub struct Head {
     pub previous: (vk::Buffer, u64),
     /// The wrinkle masks of the pose: for [`Show::Wrinkles`].
     pub masks: Option<Masks>,
+    /// Bounds of the pose, by which a pass leaves out what it cannot show; `None`: it is always drawn.
+    pub bounds: Option<Bounds>,
 }
 
 /// The wrinkle masks of a head's pose. The engine sums them like any stream of the mesh
@@ -99,7 +102,7 @@ impl Head {
     /// Makes a head of a crowd's pose, without a previous pose.
     pub fn new(pose: &PoseView, place: Mat4) -> Self {
         let (buffer, offset, units) = (pose.buffer, pose.offset, pose.units);
-        Self { buffer, offset, units, place, previous: (buffer, offset), masks: None }
+        Self { buffer, offset, units, place, previous: (buffer, offset), masks: None, bounds: None }
     }
 
     /// Sets the previous pose, as returned by [`Crowd::previous_pose`](deltamorph::Crowd::previous_pose); without one
@@ -116,14 +119,22 @@ impl Head {
         self.masks = masks;
         self
     }
+
+    /// Sets the bounds ([`PoseBounds::of`](crate::PoseBounds::of)).
+    #[must_use]
+    pub fn bounds(mut self, bounds: Option<Bounds>) -> Self {
+        self.bounds = bounds;
+        self
+    }
 }
 
 /// The block `Scene` of glsl/scene.glsl.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(crate) struct HeadScene {
-    clip: Mat4,
-    shadow: Mat4,
+    pub(crate) clip: Mat4,
+    /// To x and y from 0 to 1, and not from −1.
+    pub(crate) shadow: Mat4,
     eye: Vec4,
     key: Vec4,
     fill: Vec4,

@@ -1,5 +1,6 @@
 //! Pictures without a window: an image of its own, and several frames in flight.
 
+use crate::cull::PoseBounds;
 use crate::glow::Glow;
 use crate::memory::{Buffer, Image, ImageDesc, failed};
 use crate::model::Model;
@@ -37,6 +38,8 @@ pub struct StudioDesc {
     /// For [`Show::Blocks`]: the share of its brightness that a changed vertex keeps from one picture to the next, 0 to
     /// 1.
     pub afterglow: f32,
+    /// Leave out heads that are not in the picture. It takes some memory, and the time that bounds take to find.
+    pub cull: bool,
 }
 
 /// A picture: red, green, blue and opacity of each pixel in sRGB, row by row from the top. Colours are multiplied by
@@ -60,6 +63,9 @@ pub struct Studio<'a> {
     crowd: Option<Crowd>,
     /// The glow of each head.
     glow: Vec<Glow>,
+    /// Of the crowd's poses, where heads are left out by them.
+    bounds: Option<PoseBounds>,
+    draws: [usize; 2],
     /// Location of the wrinkle masks in stored poses, if the mesh has masks.
     masks: Option<MaskPlace>,
     /// The host's poses of the previous picture.
@@ -134,9 +140,23 @@ impl<'a> Studio<'a> {
         let (frames, pending) = (vec![], VecDeque::new());
         let (glow, last) = (vec![Glow::new(packed.layout()); heads as usize], vec![]);
         let _uploaded = uploaded;
-        let masks = place;
-        let mut this =
-            Self { headless, desc, frames, pending, pool, crowd, glow, masks, last, model, renderer, _uploaded };
+        let bounds = if desc.cull && on_device { Some(PoseBounds::new(packed, &update)?) } else { None };
+        let mut this = Self {
+            headless,
+            desc,
+            frames,
+            pending,
+            pool,
+            crowd,
+            glow,
+            bounds,
+            draws: [0; 2],
+            masks: place,
+            last,
+            model,
+            renderer,
+            _uploaded,
+        };
         for _ in 0..in_flight.max(1) {
             let frame = this.frame(packed)?;
             this.frames.push(frame);
@@ -279,14 +299,16 @@ impl<'a> Studio<'a> {
         background: [f32; 4],
         ticket: &mut Option<Ticket>,
     ) -> Result<()> {
-        let Self { headless, frames, crowd, glow, masks, model, renderer, desc, .. } = self;
+        let Self { headless, frames, crowd, glow, bounds, masks, model, renderer, desc, .. } = self;
         let Frame { target, image, pixels, poses: stored, cmd, .. } = &mut frames[slot];
         let (cmd, device) = (*cmd, &renderer.gpu.device);
         if let Some(crowd) = crowd {
             // SAFETY: `cmd` is recording on the engine's device, outside a render pass; it is submitted once, in order,
             // or the ticket is discarded; at most `in_flight` of the recorded updates are unfinished; all of it lives
             // until `drop`.
-            *ticket = Some(unsafe { headless.engine().record_update(cmd, crowd) }?.ticket);
+            let update = unsafe { headless.engine().record_update(cmd, crowd) }?;
+            *ticket = Some(update.ticket);
+            bounds.iter_mut().for_each(|bounds| bounds.updated(&update.stats));
         }
         for (i, glow) in glow.iter_mut().enumerate() {
             match (&*crowd, poses) {
@@ -310,7 +332,8 @@ impl<'a> Studio<'a> {
                 }
                 let masks = masks.map(|_| crowd.stream(i as u32, Semantic::Mask)).transpose()?;
                 let head = Head::new(&crowd.pose(i as u32)?, *place).previous(previous.as_ref());
-                Ok(head.masks(masks.as_ref().map(Masks::new)))
+                let bounds = bounds.as_ref().map(|bounds| Ok::<_, Error>(bounds.of(crowd.weights(i as u32)?)));
+                Ok(head.masks(masks.as_ref().map(Masks::new)).bounds(bounds.transpose()?))
             }
             (None, Some(buffer), Poses::Stored(stored)) => {
                 let all = buffer.contents().len() / (2 + usize::from(masks.is_some()));
@@ -320,7 +343,8 @@ impl<'a> Studio<'a> {
                     let offset = offset + 2 * all + place.offset(desc.update.pose);
                     Masks { buffer, offset, units: place.units(units) }
                 });
-                Ok(Head { buffer, offset, units, place: *place, previous: (buffer, offset + all), masks })
+                let previous = (buffer, offset + all);
+                Ok(Head { buffer, offset, units, place: *place, previous, masks, bounds: None })
             }
             (None, ..) => Err(Error::Invalid { what: "no poses".into(), remedy: "give stored poses".into() }),
         };
@@ -328,7 +352,7 @@ impl<'a> Studio<'a> {
         // SAFETY: `cmd` is recording; model and target are the renderer's, and the target's last picture has been
         // waited for; the poses are of the mesh, ready (the update has a barrier, and host writes are visible to later
         // submissions), and alive until `drop`.
-        unsafe { renderer.record(cmd, target, model, &heads, scene, background) }?;
+        self.draws = unsafe { renderer.record(cmd, target, model, &heads, scene, background) }?;
         let layer = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
         let extent = vk::Extent3D { width: desc.size[0], height: desc.size[1], depth: 1 };
         let region = [vk::BufferImageCopy::default().image_subresource(layer).image_extent(extent)];
@@ -364,6 +388,11 @@ impl<'a> Studio<'a> {
         waited.map_err(failed("vkWaitForFences"))?;
         self.pending.pop_front();
         Ok(Some(Picture { size: self.desc.size, rgba: frame.pixels.contents().to_vec() }))
+    }
+
+    /// Returns how many draws the last picture that was begun has, and how many it was spared ([`StudioDesc::cull`]).
+    pub fn draws(&self) -> [usize; 2] {
+        self.draws
     }
 
     /// Waits for all pictures that are being drawn, and returns them in the order in which they were begun.

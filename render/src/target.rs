@@ -1,5 +1,6 @@
 //! The images and buffers that a frame is drawn into.
 
+use crate::cull::is_outside;
 use crate::glow::Glow;
 use crate::memory::{Buffer, Gpu, Image, ImageDesc, failed};
 use crate::model::Model;
@@ -9,6 +10,7 @@ use crate::scene::{Head, HeadScene, Scene, Show};
 use bytemuck::{bytes_of, cast_slice};
 use deltamorph::ash::vk;
 use deltamorph::{Error, Result};
+use glam::{Mat4, Vec3};
 use std::slice::from_ref;
 use std::sync::Arc;
 
@@ -180,14 +182,17 @@ impl Target {
         })
     }
 
-    /// Writes the scene for the shaders. No commands recorded with the target before are still to run.
-    pub(crate) fn write(&mut self, scene: &Scene, model: &Model, heads: &[Head]) -> Result<()> {
+    /// Writes the scene for the shaders, and returns whether each head may be in the shadow map, and in the picture. No
+    /// commands recorded with the target before are still to run.
+    pub(crate) fn write(&mut self, scene: &Scene, model: &Model, heads: &[Head]) -> Result<Vec<[bool; 2]>> {
         self.check_heads(heads.len())?;
-        for (i, head) in heads.iter().enumerate() {
+        let map = Mat4::from_translation(Vec3::new(-1.0, -1.0, 0.0)) * Mat4::from_scale(Vec3::new(2.0, 2.0, 1.0));
+        let write = |(i, head): (usize, &Head)| {
             let data = scene.head(&head.place, model.middle, 1.0 / SHADOW_EDGE as f32);
             self.scenes.write(i * self.stride, bytes_of(&data));
-        }
-        Ok(())
+            [map * data.shadow, data.clip].map(|clip| !head.bounds.is_some_and(|bounds| is_outside(&clip, &bounds)))
+        };
+        Ok(heads.iter().enumerate().map(write).collect())
     }
 
     /// Returns the offset of a head's scene data.

@@ -9,7 +9,7 @@ use deltamorph_head::{HeadDesc, head, head_clip};
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use deltamorph_render::wrinkles::{self, MaskPlace};
 use deltamorph_render::{Camera, Light, Picture, Poses, Scene, Show, StoredPose, Studio, StudioDesc, parts};
-use glam::{Mat4, Vec3};
+use glam::{Mat4, Vec3, Vec4};
 
 const SIZE: [u32; 2] = [160, 128];
 const BLACK: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
@@ -58,7 +58,7 @@ fn pictures(
     frames: &[Vec<f32>],
     (camera, show): (Camera, Show),
 ) -> Vec<Picture> {
-    let desc = StudioDesc { size: SIZE, heads: 1, in_flight: 2, update, afterglow: 0.0 };
+    let desc = StudioDesc { size: SIZE, heads: 1, in_flight: 2, update, afterglow: 0.0, cull: false };
     let mut studio = Studio::new(headless, mesh, packed, &parts(mesh, &[""; 0]), desc).expect("a studio");
     let places = [Mat4::IDENTITY];
     let (scene, mut drawn) = (scene(mesh, &places, camera, show), vec![]);
@@ -194,7 +194,7 @@ fn wrinkles_come_where_skin_is_compressed_and_nowhere_else() {
             assert!(mean < 0.02 && far <= 12, "{pose:?} {path:?}: {mean} {far}");
         }
         let studio = |mesh: &MorphMesh| {
-            let desc = StudioDesc { size: SIZE, heads: 1, in_flight: 1, update, afterglow: 0.0 };
+            let desc = StudioDesc { size: SIZE, heads: 1, in_flight: 1, update, afterglow: 0.0, cull: false };
             let packed = packed(headless, mesh, DeltaFormat::Fast);
             Studio::new(headless, mesh, &packed, &parts(mesh, &[""; 0]), desc).expect("a studio")
         };
@@ -295,7 +295,7 @@ fn crowds_stand_where_they_are_put() {
     on_every_device(|headless| {
         let packed = packed(headless, &mesh, DeltaFormat::Small);
         let update = UpdateDesc::blocks().pose(PoseFormat::Fixed16);
-        let desc = StudioDesc { size: SIZE, heads: 3, in_flight: 1, update, afterglow: 0.0 };
+        let desc = StudioDesc { size: SIZE, heads: 3, in_flight: 1, update, afterglow: 0.0, cull: false };
         let mut studio = Studio::new(headless, &mesh, &packed, &parts(&mesh, &[""; 0]), desc).expect("a studio");
         let places = [-1.0, 0.0, 1.0].map(|x| Mat4::from_translation(Vec3::X * (x * 30.0)));
         let scene = scene(&mesh, &places, Camera::default(), Show::Shaded);
@@ -309,13 +309,109 @@ fn crowds_stand_where_they_are_put() {
     });
 }
 
+/// Draw a frame of a crowd, with and without heads that are not in it; returns the picture, the same for both, and draws
+/// with and without them, and the seconds that each took.
+fn culled(
+    headless: &Headless,
+    (mesh, packed, update): (&MorphMesh, &PackedMesh, UpdateDesc),
+    weights: &[&[f32]],
+    places: &[Mat4],
+    scene: &Scene,
+) -> (Picture, [usize; 2], [f64; 2]) {
+    let parts = parts(mesh, &[""; 0]);
+    let draw = |cull| {
+        let desc = StudioDesc { size: SIZE, heads: places.len() as u32, in_flight: 1, update, afterglow: 0.0, cull };
+        let mut studio = Studio::new(headless, mesh, packed, &parts, desc).expect("a studio");
+        let mut frame = || {
+            let start = std::time::Instant::now();
+            studio.draw(Poses::Weights(weights), places, scene, BLACK).expect("a frame");
+            (studio.finish().expect("a picture").remove(0), start.elapsed().as_secs_f64())
+        };
+        // The first update writes all blocks.
+        frame();
+        let (picture, seconds) = frame();
+        (picture, studio.draws(), seconds)
+    };
+    let (all, culled) = (draw(false), draw(true));
+    assert!(all.0 == culled.0, "{update:?} {:?}: pixels differ", scene.show);
+    assert!(all.1 == [culled.1[0] + culled.1[1], 0]);
+    (culled.0, culled.1, [culled.2, all.2])
+}
+
+/// `cargo test -p deltamorph-render --test draw beside -- --nocapture` prints what it saves.
+#[test]
+fn heads_beside_the_picture_are_left_out_and_no_pixel_changes() {
+    let mesh = mesh(&source());
+    let frames = frames(60);
+    let weights: Vec<&[f32]> = frames.iter().map(Vec::as_slice).collect();
+    let place = |i: usize| {
+        let away = Vec3::new(20.0 * (i % 12) as f32, 36.0 * (i / 12) as f32, 0.0);
+        Mat4::from_translation(away) * Mat4::from_rotation_y(i as f32 * 0.1)
+    };
+    let places: Vec<Mat4> = (0..weights.len()).map(place).collect();
+    on_every_device(|headless| {
+        let (fast, dense) = (DeltaFormat::Fast, UpdateDesc::new(UpdatePath::Compute, BatchSize::All));
+        for (show, format, update) in [
+            (Show::Shaded, fast, UpdateDesc::blocks()),
+            (Show::Wire, fast, UpdateDesc::blocks().pose(PoseFormat::Fixed16)),
+            (Show::Shaded, DeltaFormat::Snorm16, dense.pose(PoseFormat::Fixed32)),
+        ] {
+            let packed = packed(headless, &mesh, format);
+            // A head in the middle, its neighbours cut off.
+            let camera = Camera { yaw: 10.0, pitch: 5.0, ..Camera::default() };
+            let scene = scene(&mesh, &places[29..30], camera, show);
+            let (picture, [drawn, spared], [with, without]) =
+                culled(headless, (&mesh, &packed, update), &weights, &places, &scene);
+            let (of, [with, without]) = (drawn + spared, [with, without].map(|seconds| seconds * 1e3));
+            println!("{}: {spared} of {of} draws left out, {with:.1} ms, not {without:.1} ms", headless.caps().name);
+            assert!(spared * 10 > of * 8 && spared < of, "{spared} of {of}");
+            let column = |x: usize| (0..SIZE[1] as usize).any(|y| picture.rgba[(y * SIZE[0] as usize + x) * 4] > 20);
+            assert!(column(1) && column(SIZE[0] as usize - 2), "neighbours are in the picture");
+        }
+    });
+}
+
+/// What reaches into a picture is drawn though the base pose does not: bounds are those of the weights.
+#[test]
+fn a_jaw_that_alone_reaches_into_the_picture_is_drawn() {
+    let mesh = mesh(&source());
+    let jaw = mesh.targets.iter().position(|target| target.name == "jawOpen").expect("a jaw");
+    let (shut, mut open) = (vec![0.0; mesh.targets.len()], vec![0.0; mesh.targets.len()]);
+    // As far as it takes for the chin to be lower than the neck.
+    open[jaw] = 4.0;
+    // From far away, so that perspective does not matter.
+    let scene = scene(&mesh, &[Mat4::IDENTITY], Camera { angle: 2.0, ..Camera::default() }, Show::Shaded);
+    // So high that the base pose is just above the picture.
+    let is_above = |lift: &f32| {
+        let above = |p: Vec4| p.y < -1.02 * p.w;
+        mesh.positions.iter().all(|p| above(scene.view.clip * (*p + Vec3::Y * *lift).extend(1.0)))
+    };
+    let lift = (0..1000).map(|i| i as f32 * 0.1).find(is_above).expect("a lift");
+    let places = [Mat4::IDENTITY, Mat4::from_translation(Vec3::Y * lift)];
+    on_every_device(|headless| {
+        let packed = packed(headless, &mesh, DeltaFormat::Fast);
+        let update = UpdateDesc::blocks();
+        let [(without, [_, spared], _), (with, draws, _)] =
+            [&shut, &open].map(|other| culled(headless, (&mesh, &packed, update), &[&shut, other], &places, &scene));
+        assert!(spared > 0 && draws[1] == 0, "{spared} left out without the jaw, {draws:?} with it");
+        assert!(difference(&with, &without).1 > 20, "the jaw is in the picture");
+    });
+}
+
 #[test]
 fn what_cannot_be_drawn_is_refused() {
     let mesh = mesh(&source());
     on_every_device(|headless| {
         let packed = packed(headless, &mesh, DeltaFormat::Fast);
         let of = |desc| Studio::new(headless, &mesh, &packed, &parts(&mesh, &[""; 0]), desc);
-        let desc = StudioDesc { size: SIZE, heads: 1, in_flight: 2, update: UpdateDesc::blocks(), afterglow: 0.0 };
+        let desc = StudioDesc {
+            size: SIZE,
+            heads: 1,
+            in_flight: 2,
+            update: UpdateDesc::blocks(),
+            afterglow: 0.0,
+            cull: false,
+        };
         let refused = of(StudioDesc { size: [0, 8], ..desc }).err().expect("no pixels").to_string();
         assert!(refused.contains("0 × 8"), "{refused}");
         let large = of(StudioDesc { size: [8, 1 << 20], ..desc }).err().expect("too large").to_string();

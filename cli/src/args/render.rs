@@ -30,6 +30,9 @@ pub struct RenderArgs {
     /// Where the camera is, in degrees: around the head (0: in front, 90: at its left, 180: behind), and up
     #[arg(long, value_name = "YAW,PITCH", default_value = "18,4", value_parser = camera, allow_hyphen_values = true)]
     pub camera: [f32; 2],
+    /// How near the camera is: at 2 there is a quarter of the picture in twice the size
+    #[arg(long, value_name = "X", default_value = "1", value_parser = values::zoom)]
+    pub zoom: f32,
     /// Where the key light is, in degrees from the camera: to the right, and up; how bright it is [default: 1]
     #[arg(long, value_name = "YAW,PITCH[,STRENGTH]", default_value = "-38,34", value_parser = light)]
     #[arg(allow_hyphen_values = true)]

@@ -83,6 +83,10 @@ pub fn positive(s: &str) -> Result<f32, String> {
     number("a number above 0", |v| v > 0.0)(s)
 }
 
+pub fn zoom(s: &str) -> Result<f32, String> {
+    number("a number from 0.2 to 20", |v| (0.2..=20.0).contains(&v))(s)
+}
+
 pub fn fps(s: &str) -> Result<f32, String> {
     number("a number of frames per second from 0.1 to 1000", |v| (0.1..=1000.0).contains(&v))(s)
 }

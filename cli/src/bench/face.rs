@@ -51,7 +51,7 @@ pub fn draw(machine: &Machine<'_>, input: &Input, workload: &Workload) -> Result
     let Some(index) = index else { return Ok(None) };
 
     let subject = Subject::new(args.input.input.as_deref(), input);
-    let desc = StudioDesc { size: SIZE, heads: 1, in_flight: 2, update, afterglow: 0.0 };
+    let desc = StudioDesc { size: SIZE, heads: 1, in_flight: 2, update, afterglow: 0.0, cull: false };
     let mut studio = Studio::new(gpu, mesh, &packed, &subject.parts, desc)?;
     let camera = Camera { yaw: 18.0, pitch: 4.0, ..Camera::default() };
     let view = camera.fit(subject.focus.iter().copied(), SIZE[0] as f32 / SIZE[1] as f32, 0.08);

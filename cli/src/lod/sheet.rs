@@ -49,7 +49,7 @@ pub fn draw(
     let subject = Subject::new(path, gauge.input);
     let packed = PackedMesh::pack(mesh, &gpu.engine().pack_desc(DeltaFormat::BlockFloat32))?;
     let update = UpdateDesc::new(UpdatePath::Blocks, BatchSize::All).mode(UpdateMode::Rebuild);
-    let desc = StudioDesc { size: [CELL; 2], heads: 1, in_flight: 1, update, afterglow: 0.0 };
+    let desc = StudioDesc { size: [CELL; 2], heads: 1, in_flight: 1, update, afterglow: 0.0, cull: false };
     let mut studio = Studio::new(gpu, mesh, &packed, &subject.parts, desc)?;
     let view = Camera::default().fit(moving(mesh).into_iter(), 1.0, 0.1);
     let scene = Scene { view, light: Light::default(), show: Show::Shaded };

@@ -45,7 +45,7 @@ impl<'a> Shots<'a> {
             // Deltas as they are, and poses that do not depend on those before them.
             let packed = PackedMesh::pack(mesh, &gpu.engine().pack_desc(DeltaFormat::BlockFloat32))?;
             let update = UpdateDesc::new(UpdatePath::Blocks, BatchSize::All).mode(UpdateMode::Rebuild);
-            let desc = StudioDesc { size: SIZE, heads: 1, in_flight: 3, update, afterglow: 0.0 };
+            let desc = StudioDesc { size: SIZE, heads: 1, in_flight: 3, update, afterglow: 0.0, cull: false };
             Ok(Studio::new(gpu, mesh, &packed, parts, desc)?)
         };
         let studios = [studio(&straight, &subject.parts)?, studio(&mirror, &parts)?];

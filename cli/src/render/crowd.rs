@@ -30,7 +30,12 @@ pub fn draw(scenery: &Scenery<'_>, heads: u32, output: &Path) -> Result<Done, Fa
         heat::draw_scale(scenery, &mut canvas, end);
     }
     canvas.save(output)?;
-    Ok(Done { what: format!("a crowd of {heads} heads"), size, frames: 1, scale, kept: easel.kept() })
+    let [draws, spared] = easel.draws();
+    let what = match spared {
+        0 => format!("a crowd of {heads} heads"),
+        _ => format!("a crowd of {heads} heads, {spared} of {} draws left out", draws + spared),
+    };
+    Ok(Done { what, size, frames: 1, scale, kept: easel.kept() })
 }
 
 /// Frames of the clip that lie far from each other, and the frame before each; without a clip a few targets each, by

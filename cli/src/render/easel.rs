@@ -9,7 +9,7 @@ use crate::runner::Stage;
 use deltamorph::lod;
 use deltamorph::{BatchSize, CpuCrowd, POSE_FLOATS, PackedMesh, UpdateDesc, UpdatePath};
 use deltamorph_render::{Camera, Light, Poses, Scene, Show, StoredPose, Studio, StudioDesc};
-use glam::Mat4;
+use glam::{Mat4, Vec3};
 use std::sync::Arc;
 
 /// Pictures that are drawn at a time: the processor encodes and plans while the device draws.
@@ -70,11 +70,13 @@ impl<'a> Easel<'a> {
     ) -> Result<Self, Failure> {
         let Scenery { args, stage, subject, .. } = scenery;
         let afterglow = if args.clip.is_some() { AFTERGLOW } else { 0.0 };
-        let desc = StudioDesc { size, heads: places.len() as u32, in_flight: IN_FLIGHT, update, afterglow };
+        let (heads_count, cull) = (places.len() as u32, places.len() > 1);
+        let desc = StudioDesc { size, heads: heads_count, in_flight: IN_FLIGHT, update, afterglow, cull };
         let studio = Studio::new(scenery.gpu, &scenery.input.kept, &stage.mesh, &subject.parts, desc)?;
         let camera = Camera { yaw: args.camera[0], pitch: args.camera[1], ..Camera::default() };
         let all = places.iter().flat_map(|place| subject.focus.iter().map(|p| place.transform_point3(*p)));
-        let view = camera.fit(all, size[0] as f32 / size[1] as f32, MARGIN);
+        let mut view = camera.fit(all, size[0] as f32 / size[1] as f32, MARGIN);
+        view.clip = Mat4::from_scale(Vec3::new(args.zoom, args.zoom, 1.0)) * view.clip;
         let [yaw, pitch, strength] = args.light;
         let show = match (args.show, args.checker) {
             (Some(Shown::Wire), _) => Show::Wire,
@@ -90,7 +92,8 @@ impl<'a> Easel<'a> {
             Detail::All => None,
             Detail::Share(_) | Detail::Pixels(_) => Some(Kept::new(&scenery.input.kept, &subject.focus)?),
         };
-        let seen = lod::Camera { eye: scene.view.eye, height: size[1] as f32, angle: camera.angle.to_radians() };
+        let (height, angle) = (size[1] as f32 * args.zoom, camera.angle.to_radians());
+        let seen = lod::Camera { eye: scene.view.eye, height, angle };
         let background = args.background.linear();
         Ok(Self { studio, heads, places, scene, background, detail: args.detail, kept, camera: seen })
     }
@@ -153,6 +156,11 @@ impl<'a> Easel<'a> {
 
     fn last(&mut self) -> Result<Canvas, Failure> {
         self.finish()?.pop().ok_or_else(|| Failure::Failed("no picture was drawn; report this".into()))
+    }
+
+    /// How many draws the last picture has, and how many it was spared of heads that are not in it.
+    pub fn draws(&self) -> [usize; 2] {
+        self.studio.draws()
     }
 
     /// Targets of all, and how many of them a head kept in the last picture, the fewest and the most; `None`: all.

@@ -156,10 +156,7 @@ pub fn parse(line: &str) -> Result<Option<Step>, String> {
         "detail" => Step::Do(Command::Detail(Detail::parse(rest).map_err(say)?)),
         "heads" => Step::Do(Command::Heads(values::whole(1, MAX_HEADS)(rest).map_err(say)?)),
         "camera" => Step::Do(Command::Camera(render::camera(rest).map_err(say)?)),
-        "zoom" => {
-            let zoom = values::number("a number from 0.2 to 20", |v| (0.2..=20.0).contains(&v))(rest);
-            Step::Do(Command::Zoom(zoom.map_err(say)?))
-        }
+        "zoom" => Step::Do(Command::Zoom(values::zoom(rest).map_err(say)?)),
         "search" => Step::Do(Command::Search(rest.to_owned())),
         "twins" => Step::Do(Command::Twins(switch()?)),
         "panel" => Step::Do(Command::Panel(switch()?)),

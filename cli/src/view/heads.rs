@@ -2,13 +2,16 @@
 
 use super::device::Device;
 use crate::output::Failure;
+use deltamorph::Bounds;
 use deltamorph::ash::vk;
 use deltamorph::{
     BatchSize, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, GpuMesh, MorphMesh, PackedMesh, Semantic, UpdateDesc,
     UpdateMode, UpdatePath, UpdateStats,
 };
 use deltamorph_render::wrinkles::MaskPlace;
-use deltamorph_render::{Buffer, Glow, Head, Masks, Model, Part, Renderer, RendererDesc, Show, StoredPose, Target};
+use deltamorph_render::{
+    Buffer, Glow, Head, Masks, Model, Part, PoseBounds, Renderer, RendererDesc, Show, StoredPose, Target,
+};
 use glam::Mat4;
 use std::sync::Arc;
 use std::time::Instant;
@@ -31,6 +34,8 @@ pub struct Heads {
     pub model: Model,
     who: Who,
     glow: Vec<Glow>,
+    /// Of the poses, where there are several heads, and of each head in this frame.
+    bounds: Option<(PoseBounds, Vec<Bounds>)>,
     /// Where stored poses have wrinkle masks, where these are shown.
     masks: Option<MaskPlace>,
     // What the model reads, after the model.
@@ -97,7 +102,8 @@ impl Heads {
             Who::Device(Box::new(device.engine.create_crowd(&uploaded, &crowd)?))
         };
         let glow = vec![Glow::new(packed.layout()); places.len()];
-        Ok(Self { mesh: packed, desc, renderer, places, model, who, glow, masks, _uploaded: uploaded })
+        let bounds = if places.len() > 1 { Some((PoseBounds::new(&packed, &desc)?, vec![])) } else { None };
+        Ok(Self { mesh: packed, desc, renderer, places, model, who, glow, bounds, masks, _uploaded: uploaded })
     }
 
     /// Bring every head to `weights[head]`. Of the frames in flight `frame` is recorded into `cmd`; it was waited for.
@@ -126,6 +132,10 @@ impl Heads {
             }
         };
         let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
+        if let Some((bounds, heads)) = &mut self.bounds {
+            bounds.updated(&stats);
+            *heads = weights.iter().map(|weights| bounds.of(weights)).collect();
+        }
         for (head, glow) in (0..).zip(&mut self.glow) {
             let changed = match &self.who {
                 // An update that recorded nothing changed nothing.
@@ -160,12 +170,13 @@ impl Heads {
                 unsafe { target.set_glow(head, glow) }?;
             }
         }
+        let bounds = |head: usize| self.bounds.as_ref().map(|(_, heads)| heads[head]);
         let head = |(i, place): (usize, &Mat4)| match &self.who {
             Who::Device(crowd) => {
                 let previous = crowd.previous_pose(i as u32)?;
                 let masks = self.masks.map(|_| crowd.stream(i as u32, Semantic::Mask)).transpose()?;
                 let head = Head::new(&crowd.pose(i as u32)?, *place).previous(previous.as_ref());
-                Ok(head.masks(masks.as_ref().map(Masks::new)))
+                Ok(head.masks(masks.as_ref().map(Masks::new)).bounds(bounds(i)))
             }
             Who::Processor { buffers, last, units: (units, mask_units), .. } => {
                 let (buffer, stride) = (buffers[frame].raw(), last.len() / self.places.len());
@@ -174,7 +185,8 @@ impl Heads {
                     let offset = offset + 2 * last.len() as u64 + place.offset(self.desc.pose);
                     Masks { buffer, offset, units: place.units(*mask_units) }
                 });
-                Ok(Head { buffer, offset, units: *units, place: *place, previous: (buffer, previous), masks })
+                let (previous, bounds) = ((buffer, previous), bounds(i));
+                Ok(Head { buffer, offset, units: *units, place: *place, previous, masks, bounds })
             }
         };
         self.places.iter().enumerate().map(head).collect()

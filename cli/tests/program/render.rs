@@ -235,6 +235,23 @@ fn targets_are_dropped_by_their_importance() {
     assert!(near[0] < near[1] && far[1] < near[0] && far[0] > 0, "{near:?}, {far:?}");
 }
 
+/// From near, most of a crowd is not in the picture: it is left out, and no pixel tells. Heads of the path cpu are all
+/// drawn; its poses are those of the device, bit for bit.
+#[test]
+fn heads_beside_the_picture_are_left_out() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let drawn = |path: &str, zoom: &str| {
+        let out = folder.path().join(path);
+        let file = out.to_str().expect("UTF-8");
+        let how = ["render", "--crowd", "40", "--zoom", zoom, "--path", path, "--pose", "fixed32", "-o", file];
+        (ok(&[&how, &MESH[..]].concat()), pixels(&out).1)
+    };
+    let (all, near, on_cpu) = (drawn("blocks", "1"), drawn("blocks", "5"), drawn("cpu", "5"));
+    assert!([&all.0, &on_cpu.0].iter().all(|said| said.contains("a crowd of 40 heads, 256 ×")), "{all:?} {on_cpu:?}");
+    assert!(near.0.contains("draws left out"), "{}", near.0);
+    assert!(near.1 == on_cpu.1 && near.1 != all.1);
+}
+
 #[test]
 fn what_cannot_be_drawn_says_why() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -254,6 +271,7 @@ fn what_cannot_be_drawn_says_why() {
     refused(&["-o", out, "--camera", "1,200"], 2, "30,10");
     refused(&["-o", out, "--background", "red"], 2, "hexadecimal");
     refused(&["-o", out, "--light", "up"], 2, "-38,34,1");
+    refused(&["-o", out, "--zoom", "0.1"], 2, "from 0.2 to 20");
     refused(&["-o", out, "--set", "nose=1"], 2, "no such target");
     refused(&["-o", out, "--weights", &weights], 2, "--frame N");
     refused(&["-o", out, "--weights", &weights, "--frame", "24"], 2, "there is no frame 24");

@@ -22,7 +22,7 @@ const MESH: u8 = 1;
 const CLIP: u8 = 5;
 const BOUND_CLIP: u8 = 6;
 const CPU_CROWD: u8 = 7;
-const WEIGHT_BOUNDS: u8 = 13;
+const WEIGHT_BOUNDS: u8 = 12;
 
 /// Content of results before a call.
 const UNTOUCHED: u64 = 0x5555_5555_5555_5555;

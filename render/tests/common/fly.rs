@@ -99,7 +99,7 @@ impl Fly {
         let mut crowds = [crowd()?, crowd()?];
         // Poses that depend on their weights alone: what changes in a picture is not rounding.
         let update = UpdateDesc::new(UpdatePath::Blocks, BatchSize::All).mode(UpdateMode::Rebuild);
-        let studio = StudioDesc { size, heads: heads as u32, in_flight: 1, update, afterglow: 0.0 };
+        let studio = StudioDesc { size, heads: heads as u32, in_flight: 1, update, afterglow: 0.0, cull: false };
         let mut studio = match self.draws {
             true => Some(Studio::new(headless, &mesh, &packed, &parts(&mesh, &[""; 0]), studio)?),
             false => None,

@@ -1,0 +1,87 @@
+//! Heads that are left out of a pass, since nothing of them can be in it.
+
+use deltamorph::{Bounds, WeightBounds};
+use deltamorph::{PackedMesh, Result, UpdateDesc, UpdateStats};
+use glam::{Mat4, Vec3, Vec4};
+
+/// What is inside of Vulkan's clip volume lies on the positive side of each.
+const PLANES: [Vec4; 6] = [
+    Vec4::new(1.0, 0.0, 0.0, 1.0),
+    Vec4::new(-1.0, 0.0, 0.0, 1.0),
+    Vec4::new(0.0, 1.0, 0.0, 1.0),
+    Vec4::new(0.0, -1.0, 0.0, 1.0),
+    Vec4::new(0.0, 0.0, 1.0, 0.0),
+    Vec4::new(0.0, 0.0, -1.0, 1.0),
+];
+/// Share of its clip coordinates by which a corner has to be outside: for rounding, for lines, which are as wide as a
+/// pixel, and for edges, which face.vert draws a little nearer.
+const MARGIN: f32 = 2e-3;
+
+/// Whether `clip` takes all of `bounds` out of the clip volume, to the outer side of one of its planes.
+pub(crate) fn is_outside(clip: &Mat4, bounds: &Bounds) -> bool {
+    let (low, high) = (Vec3::from(bounds.min), Vec3::from(bounds.max));
+    let corner = |i: u32| Vec3::select(glam::BVec3::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), low, high);
+    let corners: [Vec4; 8] = std::array::from_fn(|i| *clip * corner(i as u32).extend(1.0));
+    PLANES.iter().any(|plane| corners.iter().all(|p| plane.dot(*p) < -MARGIN * p.abs().element_sum()))
+}
+
+/// Bounds of the poses of a crowd from their weights, for [`Head::bounds`](crate::Head::bounds).
+pub struct PoseBounds {
+    of_weights: WeightBounds,
+    /// How far updates may have taken poses from their weights.
+    drift: f32,
+}
+
+impl PoseBounds {
+    /// For crowds of `mesh` that are updated as `update` says.
+    ///
+    /// # Errors
+    /// Those of [`WeightBounds::new`].
+    pub fn new(mesh: &PackedMesh, update: &UpdateDesc) -> Result<Self> {
+        // Of dense poses no update tells.
+        Ok(Self { of_weights: WeightBounds::new(mesh, update)?, drift: 1e-5 * mesh.layout().diagonal })
+    }
+
+    /// An update was recorded.
+    pub fn updated(&mut self, stats: &UpdateStats) {
+        self.drift = self.drift.max(stats.bound);
+    }
+
+    /// Returns the bounds of the pose of an instance with these weights.
+    pub fn of(&self, weights: &[f32]) -> Bounds {
+        self.of_weights.of(weights, self.drift)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Camera;
+    use deltamorph_head::{HeadDesc, Rng, head};
+
+    /// A pose, and its bounds, at places all over the clip volume and around it: where bounds are outside no vertex is
+    /// inside; and in most places where no vertex is, bounds are found to be outside.
+    #[test]
+    fn what_is_outside_has_no_vertex_inside() {
+        let source = head(&HeadDesc::default().vertices(300).targets(8));
+        let mesh = source.to_mesh(Default::default()).expect("a mesh");
+        let packed = PackedMesh::pack(&mesh, &Default::default()).expect("a mesh that packs");
+        let bounds = PoseBounds::new(&packed, &UpdateDesc::blocks()).expect("bounds").of(&[]);
+        let view = Camera::default().fit(mesh.positions.iter().copied(), 1.5, 0.1);
+        let (mut rng, mut outside, mut empty) = (Rng::new(7, 0), 0, 0);
+        for _ in 0..3000 {
+            let mut random = || Vec3::from([0; 3].map(|_| rng.range(-1.0, 1.0)));
+            let (axis, turn) = (random().normalize(), random().x * 3.0);
+            let place = Mat4::from_translation(random() * 6.0 * view.ball.1) * Mat4::from_axis_angle(axis, turn);
+            let clip = view.clip * place;
+            let is_inside = |p: &Vec3| {
+                let [x, y, z, w] = (clip * p.extend(1.0)).to_array();
+                x.abs() <= w && y.abs() <= w && (0.0..=w).contains(&z)
+            };
+            let (culled, seen) = (is_outside(&clip, &bounds), mesh.positions.iter().any(is_inside));
+            assert!(!(culled && seen), "{place}");
+            (outside, empty) = (outside + u32::from(culled), empty + u32::from(!seen));
+        }
+        assert!(outside > 1000 && outside * 10 > empty * 9, "{outside} of {empty}");
+    }
+}
