@@ -10,7 +10,7 @@
 //! 4. Each frame: [`Crowd::set_weights`], [`MorphEngine::record_update`], and draw from [`Crowd::pose`]; motion vectors
 //!    take [`Crowd::previous_pose`]. Steps after the pose (skinning, normals of the surface, float32 of any pose) are in
 //!    [`after`]; [`WeightBounds`] are for culling. [`ClipLayer::mix`] makes weights of clips, the package
-//!    deltamorph-rig those of targets from those of controls; [`CrowdSet`] gives them to several meshes;
+//!    deltamorph-rig those of targets from those of controls; [`WeightMap`] applies them to several meshes;
 //!    [`MorphEngine::readback`] reads poses back.
 //!
 //! ```no_run
@@ -96,8 +96,8 @@ pub use asset::{
 pub use cpu::CpuCrowd;
 pub use crowd::CrowdBase;
 pub use engine::{
-    AnimatedCrowd, AnyCrowd, Crowd, CrowdSet, DeviceCrowd, GpuMesh, MorphEngine, PoseBuffer, PoseReadback, PoseView,
-    ReadPose, StreamView, Ticket, Update,
+    AnimatedCrowd, AnyCrowd, Crowd, DeviceCrowd, GpuMesh, MorphEngine, PoseBuffer, PoseReadback, PoseView, ReadPose,
+    StreamView, Ticket, Update,
 };
 pub use error::{Error, ErrorKind, Result};
 pub use gpu::caps::{DeviceCaps, DeviceKind, Requirement, TransformFeedbackCaps};
@@ -114,7 +114,7 @@ pub use plan::{BatchSize, Consumers, UpdateDesc, UpdateMode, UpdatePath, UpdateS
 pub use update::animated::{AnimationDesc, Clips, KeyFormat, Playback};
 pub use update::crowd::{CrowdDesc, HostPoses};
 pub use update::requirements;
-pub use weights::{BoundClip, ClipLayer, LayerBlend, Repeat, WeightClip, normalise_weights};
+pub use weights::{BoundClip, ClipLayer, LayerBlend, Repeat, WeightClip, WeightMap, normalise_weights};
 pub use {ash, glam, gpu_allocator};
 
 /// Items that packages of this repository, their tests and techniques from outside use; no part of the API.

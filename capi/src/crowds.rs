@@ -5,6 +5,7 @@ use crate::crowd::{Crowd, lock_all};
 use crate::handles::{DmCrowd, DmCrowds, Handle};
 use crate::memory::{check_place, list, slice, text};
 use crate::result::{DmResult, Failure, Result, enter, lock};
+use deltamorph::WeightMap;
 use std::ffi::{CString, c_char};
 use std::sync::{Arc, Mutex};
 
@@ -14,11 +15,10 @@ pub struct Crowds {
     bound: Mutex<Bound>,
 }
 
-/// The names of a set's weights, and their targets.
+/// The map of a set's weights, and their names as C has them.
 struct Bound {
+    map: WeightMap,
     names: Vec<CString>,
-    /// For each crowd, pairs of a weight and the target that it drives.
-    driven: Vec<Vec<(usize, usize)>>,
 }
 
 fn objects(members: &[DmCrowd]) -> Result<Vec<Arc<Crowd>>> {
@@ -33,23 +33,10 @@ fn target_names(members: &[DmCrowd]) -> Result<Vec<Vec<String>>> {
     states.iter_mut().map(|state| Ok(names(state.weighted()?))).collect()
 }
 
-impl Bound {
-    /// Binds weights called `names`, in their order, to crowds with the target names `targets`.
-    fn new(names: Vec<String>, targets: &[Vec<String>]) -> Result<Self> {
-        if let Some(name) = names.iter().enumerate().find_map(|(i, name)| names[..i].contains(name).then_some(name)) {
-            return Err(Failure::invalid(format!("two weights are called '{name}'; name each once")));
-        }
-        if let Some(name) = names.iter().find(|name| !targets.iter().any(|targets| targets.contains(name))) {
-            let text = format!("no mesh of the set has a target '{name}'");
-            return Err(Failure::invalid(format!("{text}; dm_mesh_target_name tells the names")));
-        }
-        let driven = |targets: &Vec<String>| {
-            let weight_of = |target: &String| names.iter().position(|name| name == target);
-            targets.iter().enumerate().filter_map(|(i, target)| Some((weight_of(target)?, i))).collect()
-        };
-        let driven = targets.iter().map(driven).collect();
-        let names = names.iter().map(|name| CString::new(name.replace('\0', "\u{fffd}")).unwrap_or_default()).collect();
-        Ok(Self { names, driven })
+impl From<WeightMap> for Bound {
+    fn from(map: WeightMap) -> Self {
+        let name = |name: &String| CString::new(name.replace('\0', "\u{fffd}")).unwrap_or_default();
+        Self { names: map.names().iter().map(name).collect(), map }
     }
 }
 
@@ -73,14 +60,7 @@ pub unsafe extern "C" fn dm_crowds_create(crowds: *const DmCrowd, count: u32, se
         if members.is_empty() {
             return Err(Failure::invalid("a set of no crowd; name one or more"));
         }
-        let targets = target_names(&members)?;
-        let mut names: Vec<String> = vec![];
-        for name in targets.iter().flatten() {
-            if !names.contains(name) {
-                names.push(name.clone());
-            }
-        }
-        let bound = Mutex::new(Bound::new(names, &targets)?);
+        let bound = Mutex::new(WeightMap::new(target_names(&members)?).into());
         // SAFETY: the caller's obligation; it was checked.
         unsafe { set.write(DmCrowds::insert(Crowds { members, bound })?) };
         Ok(())
@@ -103,8 +83,9 @@ pub unsafe extern "C" fn dm_crowds_bind(set: DmCrowds, names: *const *const c_ch
         // SAFETY: as above.
         let names = names.map(|name| Ok(unsafe { text(*name, "name of a weight") }?.to_owned()));
         let (names, set) = (names.collect::<Result<_>>()?, set.get()?);
-        let bound = Bound::new(names, &target_names(&set.members)?)?;
-        *lock(&set.bound)? = bound;
+        let mut map = WeightMap::new(target_names(&set.members)?);
+        map.bind(names)?;
+        *lock(&set.bound)? = map.into();
         Ok(())
     })
 }
@@ -146,17 +127,13 @@ pub unsafe extern "C" fn dm_crowds_set_weights(
         let weights = unsafe { slice(weights, count as usize, "weights") }?;
         let set = set.get()?;
         let bound = lock(&set.bound)?;
-        if weights.len() != bound.names.len() {
-            let text = format!("{count} weights for a set of {} names", bound.names.len());
-            return Err(Failure::invalid(format!("{text}; give one for each name, in their order")));
-        }
         let objects = objects(&set.members)?;
         let mut states = lock_all(&set.members, &objects)?;
         let mut crowds = states.iter_mut().map(|state| state.weighted()).collect::<Result<Vec<_>>>()?;
         let before = crowds.iter().map(|crowd| Ok(crowd.weights(instance)?.to_vec())).collect::<Result<Vec<_>>>()?;
-        for (at, (driven, before_this)) in bound.driven.iter().zip(&before).enumerate() {
+        for (at, before_this) in before.iter().enumerate() {
             let mut wanted = before_this.clone();
-            driven.iter().for_each(|&(weight, target)| wanted[target] = weights[weight]);
+            bound.map.apply(at, weights, &mut wanted)?;
             if let Err(error) = crowds[at].set_weights(instance, &wanted) {
                 // They returned these weights, so they accept them.
                 crowds

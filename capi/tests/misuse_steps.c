@@ -70,7 +70,7 @@ static void sets(DmGpuMesh mesh, DmCrowd crowd, DmCrowd animated) {
     WORKS(dm_crowd_weights(crowd, 0, held, 3));
     const float before = held[0];
     INVALID("NaN", dm_crowds_set_weights(set, 0, weights, 3));
-    INVALID("2 weights for a set of 3 names", dm_crowds_set_weights(set, 0, weights, 2));
+    INVALID("2 weights for 3 names", dm_crowds_set_weights(set, 0, weights, 2));
     INVALID("instance 1", dm_crowds_set_weights(set, 1, weights, 3));
     WORKS(dm_crowd_remove(members[1], 0));
     weights[2] = 1;
@@ -79,7 +79,7 @@ static void sets(DmGpuMesh mesh, DmCrowd crowd, DmCrowd animated) {
     HOLDS(held[0] == before);
     twice[0] = twice[1] = names[0];
     INVALID("two weights are called", dm_crowds_bind(set, twice, 2));
-    INVALID("no mesh of the set has a target 'none'", dm_crowds_bind(set, (const char *[]){"none"}, 1));
+    INVALID("no mesh has a target 'none'", dm_crowds_bind(set, (const char *[]){"none"}, 1));
     INVALID("'names' is a null pointer", dm_crowds_bind(set, NULL, 1));
     INVALID("'name of a weight' is a null pointer", dm_crowds_bind(set, (const char *[]){NULL}, 1));
     WORKS(dm_crowds_bind(set, &names[2], 1));

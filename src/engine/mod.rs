@@ -9,14 +9,12 @@ mod internals;
 mod poses;
 mod readback;
 mod record;
-mod set;
 mod upload;
 mod views;
 
 pub use base::{AnyCrowd, DeviceCrowd, Ticket, Update};
 pub use crowd::{AnimatedCrowd, Crowd};
 pub use readback::{PoseReadback, ReadPose};
-pub use set::CrowdSet;
 pub use upload::GpuMesh;
 pub use views::{PoseBuffer, PoseView, StreamView};
 

@@ -81,7 +81,7 @@ impl<'a> ClipLayer<'a> {
 
     /// Mixes `layers`, the first one lowest, on top of `weights`, which hold zeros or the host's weights. The result is
     /// an argument for [`Crowd::set_weights`](crate::Crowd::set_weights) or, if clips are bound to the
-    /// [names](crate::CrowdSet::names) of a set, for [`CrowdSet::set_weights`](crate::CrowdSet::set_weights).
+    /// [names](crate::WeightMap::names) of a map, for [`WeightMap::apply`](crate::WeightMap::apply).
     ///
     /// Does not allocate.
     ///

@@ -2,11 +2,13 @@
 
 pub mod delta;
 mod layers;
+mod map;
 pub mod names;
 mod normalised;
 
 use crate::error::{Error, Result};
 pub use layers::{ClipLayer, LayerBlend, Repeat};
+pub use map::WeightMap;
 use names::closest;
 pub use normalised::normalise_weights;
 use std::collections::{HashMap, HashSet};

@@ -1,4 +1,4 @@
-//! Weights one at a time and by name; crowds of several meshes that take one weight vector.
+//! Weights one at a time and by name; one weight vector for crowds of several meshes, updated by one call.
 
 use crate::data;
 use crate::gpu::{fixed, is_kept, on_every_device, packed, weights};
@@ -11,8 +11,8 @@ use deltamorph::import::{csv, obj};
 use deltamorph::internals::plan::hazards::Event;
 use deltamorph::reference::{self, compare, evaluate};
 use deltamorph::{
-    BatchSize, Crowd, CrowdDesc, CrowdSet, DecodeTarget, DeltaFormat, Faces, MorphEngine, MorphMesh, MorphTarget,
-    PackedMesh, Tolerance, UpdateDesc, UpdatePath, testing,
+    AnyCrowd, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, Faces, MorphEngine, MorphMesh, MorphTarget,
+    PackedMesh, Tolerance, UpdateDesc, UpdatePath, WeightMap, testing,
 };
 use deltamorph_headless::Headless;
 use std::collections::HashMap;
@@ -23,13 +23,14 @@ fn crowd(headless: &Headless, engine: &MorphEngine, mesh: &PackedMesh, desc: &Cr
     engine.create_crowd(&uploaded, desc).expect("a crowd")
 }
 
-/// Update the crowds of a set by one call, and read their poses of an instance back.
-fn step(headless: &Headless, engine: &MorphEngine, set: &mut CrowdSet, instance: u32) -> (Vec<Vec<f32>>, usize) {
-    let mut readbacks: Vec<_> = set.crowds().iter().map(|_| engine.readback()).collect();
+/// Updates crowds by one call, and reads their poses of an instance back.
+fn step(headless: &Headless, engine: &MorphEngine, crowds: &mut [Crowd], instance: u32) -> (Vec<Vec<f32>>, usize) {
+    let mut readbacks: Vec<_> = crowds.iter().map(|_| engine.readback()).collect();
     let barriers = headless.run(|cmd| {
+        let mut all: Vec<&mut dyn AnyCrowd> = crowds.iter_mut().map(|crowd| crowd as _).collect();
         // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; nothing is changed.
-        let (_, events) = unsafe { engine.record_tampered(cmd, &mut set.crowds_mut(), |_| {}) }?;
-        for (crowd, readback) in set.crowds().iter().zip(&mut readbacks) {
+        let (_, events) = unsafe { engine.record_tampered(cmd, &mut all, |_| {}) }?;
+        for (crowd, readback) in crowds.iter().zip(&mut readbacks) {
             // SAFETY: as above.
             unsafe { readback.record(cmd, crowd, &[instance]) }?;
         }
@@ -38,6 +39,20 @@ fn step(headless: &Headless, engine: &MorphEngine, set: &mut CrowdSet, instance:
     // SAFETY: as above.
     let pose = |readback: &mut deltamorph::PoseReadback| unsafe { readback.poses() }.expect("poses").remove(0).vertices;
     (readbacks.iter_mut().map(pose).collect(), barriers.expect("an update"))
+}
+
+/// A map of the crowds' meshes.
+fn map(crowds: &[Crowd]) -> WeightMap {
+    let names = |crowd: &Crowd| crowd.layout().targets.iter().map(|target| target.name.clone()).collect();
+    WeightMap::new(crowds.iter().map(names).collect())
+}
+
+fn set(map: &WeightMap, crowds: &mut [Crowd], instance: u32, weights: &[f32]) {
+    for (mesh, crowd) in crowds.iter_mut().enumerate() {
+        let mut of_mesh = crowd.weights(instance).expect("weights").to_vec();
+        map.apply(mesh, weights, &mut of_mesh).expect("weights of the names");
+        crowd.set_weights(instance, &of_mesh).expect("weights");
+    }
 }
 
 fn refused<T>(result: deltamorph::Result<T>, words: &[&str]) {
@@ -53,7 +68,7 @@ fn weights_are_set_one_at_a_time_and_read_back() {
         assert_eq!(mesh.layout().target_index(&name(4)), Some(4));
         assert_eq!(mesh.layout().target_index("no such target"), None);
         let desc = CrowdDesc::new(fixed()[0]).instances(2);
-        let mut set = CrowdSet::new(vec![crowd(headless, engine, &mesh, &desc)]).expect("a set");
+        let mut other = crowd(headless, engine, &mesh, &desc);
         let mut one = crowd(headless, engine, &mesh, &desc);
         let mut asked = weights(&mesh, 3, 1);
         one.set_weights(1, &asked).expect("weights");
@@ -69,15 +84,9 @@ fn weights_are_set_one_at_a_time_and_read_back() {
         refused(one.set_weight_by_name(1, &name(3).to_uppercase(), 0.0), &["has no target", &name(3)]);
         refused(one.weights(2), &["instance 2 of a crowd of 2"]);
         assert_eq!((one.weights(0).unwrap(), one.weights(1).unwrap()), (&[0.0; 9][..], &asked[..]));
-        set.set_weights(1, &asked).expect("weights");
-        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
-        headless.run(|cmd| unsafe { engine.record_update(cmd, &mut one) }).expect("an update");
-        let mut readback = engine.readback();
-        // SAFETY: as above.
-        headless.run(|cmd| unsafe { readback.record(cmd, &one, &[1]) }).expect("a read-back");
-        // SAFETY: as above.
-        let pose = unsafe { readback.poses() }.expect("poses").remove(0).vertices;
-        assert_eq!(pose, step(headless, engine, &mut set, 1).0[0], "the pose of the same weights, set at once");
+        other.set_weights(1, &asked).expect("weights");
+        let pose = |crowd| step(headless, engine, std::slice::from_mut(crowd), 1).0;
+        assert_eq!(pose(&mut one), pose(&mut other), "the pose of the same weights, set at once");
         one.remove(1).expect("an instance");
         refused(one.set_weight(1, 0, 0.0), &["instance 1 was removed"]);
     });
@@ -97,67 +106,6 @@ fn a_weight_that_makes_too_many_active_is_refused_alone() {
     });
 }
 
-/// Two meshes that share two names; each has one of its own.
-#[test]
-fn a_set_gives_each_weight_to_the_targets_of_its_name() {
-    on_every_device(|headless, engine| {
-        let mut meshes = [testing::mesh(200, 3), testing::mesh(100, 3)];
-        for (mesh, names) in meshes.iter_mut().zip([["jaw", "brow", "smile"], ["smile", "tongue", "jaw"]]) {
-            mesh.targets.iter_mut().zip(names).for_each(|(target, name)| target.name = name.into());
-        }
-        let meshes = meshes.map(|mesh| packed(engine, &mesh, DeltaFormat::Fast));
-        let desc = CrowdDesc::new(UpdateDesc::blocks()).instances(2);
-        let crowds = || meshes.iter().map(|mesh| crowd(headless, engine, mesh, &desc)).collect::<Vec<_>>();
-        let mut set = CrowdSet::new(crowds()).expect("a set");
-        assert_eq!(set.names(), ["jaw", "brow", "smile", "tongue"]);
-        let check = |set: &mut CrowdSet, instance, of_each: [[f32; 3]; 2]| {
-            for ((pose, mesh), weights) in step(headless, engine, set, instance).0.iter().zip(&meshes).zip(of_each) {
-                let error = compare(pose, &evaluate(mesh, &weights));
-                assert!(error.within(1e-5, 0.01), "{error:?}");
-            }
-        };
-        set.set_weights(1, &[0.1, 0.2, 0.3, 0.4]).expect("weights");
-        check(&mut set, 1, [[0.1, 0.2, 0.3], [0.3, 0.4, 0.1]]);
-        // Of a name that is not in the vector, the weight stays.
-        set.bind(&["smile", "jaw"]).expect("names of targets");
-        set.set_weights(1, &[0.7, 0.6]).expect("weights");
-        check(&mut set, 1, [[0.6, 0.2, 0.7], [0.7, 0.4, 0.6]]);
-
-        refused(set.bind(&["Smile"]), &["no mesh of the set has a target 'Smile'", "use 'smile'"]);
-        refused(set.bind(&["jaw", "jaw"]), &["two weights are called 'jaw'"]);
-        assert_eq!(set.names(), ["smile", "jaw"], "nothing changes");
-        refused(set.set_weights(1, &[0.0]), &["1 weights given, but the set has 2 names"]);
-        refused(set.set_weights(1, &[0.0, f32::NAN]), &["is NaN"]);
-        refused(set.set_weights(2, &[0.0, 0.0]), &["instance 2 of a crowd of 2"]);
-        assert_eq!(set.crowds()[0].weights(1).unwrap(), [0.6, 0.2, 0.7], "in no crowd");
-
-        // Instances come and go in all of them, and updates that never run are of all of them.
-        set.remove(0).expect("an instance");
-        assert!(set.crowds().iter().all(|crowd| crowd.weights(0).is_err()));
-        assert_eq!(set.add().expect("a place"), 0);
-        set.set_hidden(1, true).expect("an instance");
-        assert!(set.crowds().iter().all(|crowd| crowd.shown().eq([0])));
-        set.set_hidden(1, false).expect("an instance");
-        set.cut(1).expect("an instance");
-        set.set_weights(1, &[0.2, 0.1]).expect("weights");
-        // SAFETY: `run` hands out a recording buffer of the engine's device, which runs nothing.
-        let lost = headless.run(|cmd| unsafe { engine.record_updates(cmd, &mut set.crowds_mut()) }).expect("updates");
-        // SAFETY: as above.
-        headless.run(|cmd| unsafe { engine.record_updates(cmd, &mut set.crowds_mut()) }).expect("updates");
-        refused(set.discard(&lost[1..]), &["1 updates of a set of 2 crowds"]);
-        refused(set.discard(&[lost[1], lost[0]]), &["the ticket is of another crowd"]);
-        assert!(set.crowds().iter().all(|crowd| crowd.pose(1).is_ok()), "nothing is discarded");
-        set.discard(&lost).expect("updates of the set");
-        assert!(set.crowds().iter().all(|crowd| crowd.pose(1).is_err()), "the later update, too");
-        check(&mut set, 1, [[0.1, 0.2, 0.2], [0.2, 0.4, 0.1]]);
-
-        refused(CrowdSet::new(vec![]), &["a set of no crowd"]);
-        let mut unlike = crowds();
-        unlike[1].remove(0).expect("an instance");
-        refused(CrowdSet::new(unlike), &["2 and 2 instances, [0, 1] and [1]"]);
-    });
-}
-
 /// What `written` has of every vertex, six numbers each.
 fn floats(headless: &Headless, written: &Written<'_>, mesh: &PackedMesh) -> Vec<f32> {
     let vertices = written.take(headless).into_iter();
@@ -166,15 +114,15 @@ fn floats(headless: &Headless, written: &Written<'_>, mesh: &PackedMesh) -> Vec<
     mesh.layout().to_user_order(&all)
 }
 
-/// Each mesh by joints of its own, which turn and are cut with the set; the second one is decoded, too.
+/// Each mesh by its own joints, which turn and are cut together; the second one is decoded, too.
 #[test]
-fn members_of_a_set_are_skinned_decoded_and_cut() {
+fn several_crowds_are_skinned_decoded_and_cut_in_one_update() {
     on_every_device(|headless, engine| {
         let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
         let meshes = [(200, 3), (90, 3)].map(|(n, m)| packed(engine, &testing::mesh(n, m), DeltaFormat::Fast));
         let desc = CrowdDesc::new(UpdateDesc::blocks()).instances(2);
-        let crowds = meshes.iter().map(|mesh| crowd(headless, engine, mesh, &desc)).collect();
-        let mut set = CrowdSet::new(crowds).expect("a set");
+        let mut crowds: Vec<Crowd> = meshes.iter().map(|mesh| crowd(headless, engine, mesh, &desc)).collect();
+        let map = map(&crowds);
         let influences: Vec<(Vec<u16>, Vec<f32>)> = meshes
             .iter()
             .map(|mesh| (0..4 * mesh.layout().vertex_count).map(|i| ((i % 7) as u16, 1.0 + (i % 5) as f32)).unzip())
@@ -193,28 +141,27 @@ fn members_of_a_set_are_skinned_decoded_and_cut() {
             let target = SkinTarget::new(places[0][i].buffer, joints[i].shared.buffer, 3 * Joints::STRIDE);
             let target = target.joints_offset(joints[i].offset()).stride(24).normals(Some(12));
             let target = target.second(Some((places[1][i].buffer, 0)));
-            let crowd = set.crowd_mut(i).expect("a crowd");
-            // SAFETY: the buffers are large enough, and live as long as the set; nothing is running.
-            unsafe { engine.set_skin_target(crowd, 1, Some((&skin, &target))) }.expect("a target");
+            // SAFETY: the buffers are large enough, and outlive the crowd; nothing is running.
+            unsafe { engine.set_skin_target(&mut crowds[i], 1, Some((&skin, &target))) }.expect("a target");
         }
         // SAFETY: as above.
         unsafe {
             let target = DecodeTarget::new(decoded.buffer).stride(24).normals(Some(12));
-            engine.set_decode_target(set.crowd_mut(1).expect("a crowd"), 1, Some(&target)).expect("a target");
+            engine.set_decode_target(&mut crowds[1], 1, Some(&target)).expect("a target");
         }
         for frame in 0..4u16 {
             let asked: Vec<f32> = (0..3u16).map(|t| f32::from((5 * t + 3 * frame) % 8) / 8.0).collect();
-            set.set_weights(1, &asked).expect("weights");
+            set(&map, &mut crowds, 1, &asked);
             for (i, joints) in joints.iter_mut().enumerate() {
                 joints.turn(headless, u64::from(frame) + 10 * i as u64);
-                set.set_joints(i, 1, joints.offset()).expect("joints");
+                crowds[i].set_joints(1, joints.offset()).expect("joints");
             }
             if frame == 2 {
-                set.cut(1).expect("an instance");
+                crowds.iter_mut().for_each(|crowd| crowd.cut(1).expect("an instance"));
             }
-            let (poses, _) = step(headless, engine, &mut set, 1);
+            let (poses, _) = step(headless, engine, &mut crowds, 1);
             for (i, mesh) in meshes.iter().enumerate() {
-                let view = set.crowds()[i].skinned(1).expect("a skinned pose");
+                let view = crowds[i].skinned(1).expect("a skinned pose");
                 let now = usize::from(view.current.0 == places[1][i].buffer);
                 let before = if matches!(frame, 0 | 2) { now } else { 1 - now };
                 assert_eq!(view.previous, Some((places[before][i].buffer, 0)), "frame {frame}");
@@ -226,9 +173,7 @@ fn members_of_a_set_are_skinned_decoded_and_cut() {
             }
             assert_eq!(floats(headless, &decoded, &meshes[1]), poses[1], "frame {frame}");
         }
-        assert!(set.crowd_mut(2).is_none());
-        refused(set.set_joints(2, 1, 0), &["crowd 2 of a set of 2", "count crowds from 0"]);
-        refused(set.set_joints(0, 0, 0), &["not skinned"]);
+        refused(crowds[0].set_joints(0, 0), &["not skinned"]);
     });
 }
 
@@ -292,14 +237,15 @@ fn a_face_in_three_meshes_moves_as_the_whole_one() {
             let desc = CrowdDesc::new(update);
             let single = packed(engine, &whole, format);
             let crowds = parts.iter().map(|(_, mesh)| crowd(headless, engine, &packed(engine, mesh, format), &desc));
-            let mut set = CrowdSet::new(crowds.collect()).expect("a set");
+            let mut crowds: Vec<Crowd> = crowds.collect();
+            let map = map(&crowds);
             // The captured clip has columns for targets that move nothing in any part.
-            let driven: Vec<usize> = set.names().iter().map(|n| names.iter().position(|m| m == n).unwrap()).collect();
-            let mut one = CrowdSet::new(vec![crowd(headless, engine, &single, &desc)]).expect("a set");
+            let driven: Vec<usize> = map.names().iter().map(|n| names.iter().position(|m| m == n).unwrap()).collect();
+            let mut one = [crowd(headless, engine, &single, &desc)];
             for (i, frame) in frames.iter().enumerate().step_by(24) {
-                set.set_weights(0, &driven.iter().map(|t| frame[*t]).collect::<Vec<_>>()).expect("weights");
-                one.set_weights(0, frame).expect("weights");
-                let (poses, barriers) = step(headless, engine, &mut set, 0);
+                set(&map, &mut crowds, 0, &driven.iter().map(|t| frame[*t]).collect::<Vec<_>>());
+                one[0].set_weights(0, frame).expect("weights");
+                let (poses, barriers) = step(headless, engine, &mut crowds, 0);
                 assert_eq!(barriers, 2, "frame {i}: one before all, one after all");
                 let (of_one, reference) = (step(headless, engine, &mut one, 0).0.remove(0), evaluate(&single, frame));
                 for ((vertices, mesh), pose) in parts.iter().zip(&poses) {

@@ -24,7 +24,7 @@ const ROOMS: &[(&str, &str)] = &[
     ("after", "error setters asset abi pack plan gpu update"),
     ("reference", "math asset pack after"),
     ("import", "error setters math io asset weights pack"),
-    ("engine", "error asset weights abi pack lod plan crowd gpu update after"),
+    ("engine", "error asset abi pack lod plan crowd gpu update after"),
 ];
 
 /// Sources below a folder, tests apart.

@@ -6,9 +6,9 @@ use deltamorph::ash::vk;
 use deltamorph::import::{csv, obj};
 use deltamorph::reference::{self, evaluate};
 use deltamorph::{
-    Asset, BatchSize, CpuCrowd, Crowd, CrowdDesc, CrowdSet, DecodeTarget, DeltaFormat, DeviceDesc, DeviceTuning,
-    GpuMesh, HostPoses, MorphEngine, MorphMesh, MorphSource, PackDesc, PackedMesh, PoseFormat, Result, Semantic,
-    StreamData, StreamDeltas, Tolerance, UpdateDesc, UpdatePath, VertexLayout, WeightBounds, WeightClip, testing,
+    Asset, BatchSize, CpuCrowd, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, DeviceTuning, GpuMesh,
+    HostPoses, MorphEngine, MorphMesh, MorphSource, PackDesc, PackedMesh, PoseFormat, Result, Semantic, StreamData,
+    StreamDeltas, Tolerance, UpdateDesc, UpdatePath, VertexLayout, WeightBounds, WeightClip, testing,
 };
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
 use std::sync::Arc;
@@ -221,12 +221,12 @@ fn instances_that_are_not_there_and_other_engines_are_refused() {
             says(engine.set_normals_target(&mut made.crowd, 0, Some((&of_other.surface, &target))), upload);
             says(headless.run(|cmd| engine.record_updates(cmd, &mut [&mut made.crowd, &mut of_other.crowd])), words);
         }
-        let mut set = CrowdSet::new(vec![of_other.crowd]).expect("a set");
+        let mut crowd = of_other.crowd;
         let words = "instance 2 of a crowd of 2";
-        says(set.cut(2), words);
-        says(set.set_hidden(2, true), words);
-        says(set.remove(2), words);
-        says(set.add(), "all taken");
+        says(crowd.cut(2), words);
+        says(crowd.set_hidden(2, true), words);
+        says(crowd.remove(2), words);
+        says(crowd.add(), "all taken");
         // What went before is as it was.
         // SAFETY: as above.
         headless.run(|cmd| unsafe { engine.record_update(cmd, &mut made.crowd) }).expect("an update");
