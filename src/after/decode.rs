@@ -3,8 +3,8 @@
 
 #![allow(unsafe_code)]
 
-use super::follower::{Follower, Job, Place, PoseKernel};
 use super::output::Output;
+use super::step::{AfterStep, Job, PoseKernel, TargetContext};
 use super::steps::After;
 use crate::abi::modules::DECODE;
 use crate::abi::numbers::{PIECE, WORKGROUP};
@@ -64,7 +64,7 @@ impl Decode {
     ///
     /// # Errors
     /// An invalid target; no memory. Nothing changes then.
-    pub(crate) fn set(after: &mut After, place: &Place<'_>, target: Option<&DecodeTarget>) -> Result<()> {
+    pub(crate) fn set(after: &mut After, place: &TargetContext<'_>, target: Option<&DecodeTarget>) -> Result<()> {
         let Some(target) = target else {
             after.unset(Kind::Decode, place.instance);
             return Ok(());
@@ -97,7 +97,7 @@ impl Decode {
     }
 }
 
-impl Follower for Decode {
+impl AfterStep for Decode {
     unsafe fn record(&self, cmd: vk::CommandBuffer, job: &Job) {
         let (count, pose_at) = (job.count, job.slot * self.pose_numbers);
         let push = DecodePush { pose_at, count, listed: job.is_listed.into(), ..self.push };

@@ -10,15 +10,15 @@
 
 #[allow(unsafe_code)]
 mod attached;
-#[allow(unsafe_code)]
-mod follower;
 mod output;
 mod pieces;
+#[allow(unsafe_code)]
+mod step;
 #[allow(unsafe_code)]
 mod steps;
 
 use crate::abi::steps::after_steps;
-pub(crate) use follower::Place;
+pub(crate) use step::TargetContext;
 pub(crate) use steps::After;
 
 macro_rules! declared {

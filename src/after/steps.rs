@@ -1,7 +1,7 @@
 //! A crowd's targets of steps after the pose, and the planning of the steps.
 
-use super::follower::{Follower, Job, Place};
 use super::pieces::Pieces;
+use super::step::{AfterStep, Job, TargetContext};
 use crate::abi::numbers::PIECE;
 use crate::error::Result;
 use crate::gpu::memory::Ring;
@@ -19,7 +19,7 @@ use std::ops::Range;
 struct Target {
     kind: Kind,
     instance: u32,
-    follower: Box<dyn Follower>,
+    step: Box<dyn AfterStep>,
     /// Ring of lists of changed pieces, for the kernels.
     lists: Ring,
     /// Changed pieces of the pose, and the pieces to write for them.
@@ -60,24 +60,24 @@ impl After {
     ///
     /// # Errors
     /// Errors of `make`; no memory. Nothing changes then.
-    pub(super) fn set<F: Follower>(
+    pub(super) fn set<F: AfterStep>(
         &mut self,
-        place: &Place<'_>,
+        place: &TargetContext<'_>,
         kind: Kind,
         outputs: usize,
         usage: vk::BufferUsageFlags,
         make: impl FnOnce(&Ring) -> Result<F>,
     ) -> Result<()> {
-        let Place { instance, .. } = *place;
+        let TargetContext { instance, .. } = *place;
         let changed = Pieces::none((place.group.mesh.layout.vertex_count as u32).div_ceil(PIECE));
         let list_bytes = Ring::part_bytes(4 * u64::from(changed.count()));
         let lists = Ring::new(place.device, "deltamorph changed pieces", list_bytes, place.frames, usage)?;
-        let follower = Box::new(make(&lists)?);
+        let step = Box::new(make(&lists)?);
         self.unset(kind, instance);
         self.targets.push(Target {
             kind,
             instance,
-            follower,
+            step,
             lists,
             other_stale: (outputs == 2).then(|| changed.clone()),
             moved: changed.clone(),
@@ -109,17 +109,17 @@ impl After {
         self.targets.iter_mut().filter(move |target| target.instance == instance)
     }
 
-    pub(super) fn get_mut<F: Follower>(&mut self, kind: Kind, instance: u32) -> Option<&mut F> {
+    pub(super) fn get_mut<F: AfterStep>(&mut self, kind: Kind, instance: u32) -> Option<&mut F> {
         let target = self.of(instance).find(|target| target.kind == kind && !target.is_removed)?;
-        let any: &mut dyn Any = &mut *target.follower;
+        let any: &mut dyn Any = &mut *target.step;
         any.downcast_mut()
     }
 
     /// The step of a target with valid output, the buffer written last, and the one with the output before the last
     /// update.
-    pub(super) fn written<F: Follower>(&self, kind: Kind, instance: u32) -> Option<(&F, usize, Option<usize>)> {
+    pub(super) fn written<F: AfterStep>(&self, kind: Kind, instance: u32) -> Option<(&F, usize, Option<usize>)> {
         let target = self.targets.iter().find(|target| (target.kind, target.instance) == (kind, instance))?;
-        let any: &dyn Any = &*target.follower;
+        let any: &dyn Any = &*target.step;
         Some((any.downcast_ref()?, target.output, target.previous)).filter(|_| target.is_written && !target.is_removed)
     }
 
@@ -205,11 +205,11 @@ impl After {
     /// Records a work of a step.
     ///
     /// # Safety
-    /// See [`Follower::record`].
+    /// See [`AfterStep::record`].
     pub(crate) unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, kind: Kind, work: &Work) {
         if let Some((target, job)) = self.job(frame, kind, work) {
             // SAFETY: the caller's obligations.
-            unsafe { target.follower.record(cmd, &job) };
+            unsafe { target.step.record(cmd, &job) };
         }
     }
 
@@ -245,8 +245,8 @@ impl Target {
         self.moved.clear();
         self.changed.clear();
         changed.iter().for_each(|range| self.moved.add(range.start / PIECE..range.end.div_ceil(PIECE)));
-        self.follower.spread(&self.moved, &mut self.changed);
-        if self.follower.take_changed() || self.is_stale {
+        self.step.spread(&self.moved, &mut self.changed);
+        if self.step.take_changed() || self.is_stale {
             self.changed.add(0..all);
         }
         let is_cut = std::mem::take(&mut self.is_cut);

@@ -3,7 +3,7 @@
 use super::poses;
 use super::upload::GpuMesh;
 use super::views::{self, PoseView};
-use crate::after::{After, Place};
+use crate::after::{After, TargetContext};
 use crate::asset::streams::{Semantic, StreamPlace};
 use crate::crowd::{CrowdBase, Kind};
 use crate::error::{Error, Result};
@@ -318,12 +318,12 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
         &mut self,
         kernels: &Kernels,
         instance: u32,
-        set: impl FnOnce(&mut After, &Place<'_>) -> Result<()>,
+        set: impl FnOnce(&mut After, &TargetContext<'_>) -> Result<()>,
     ) -> Result<()> {
         self.instances.check(instance)?;
         self.check_has_poses()?;
         let OnDevice { after, groups, steps, desc, device, .. } = &mut self.kind;
-        set(after, &Place { device, kernels, group: &groups[0], frames: desc.frames_in_flight, instance })?;
+        set(after, &TargetContext { device, kernels, group: &groups[0], frames: desc.frames_in_flight, instance })?;
         steps.read_besides(after.outputs());
         Ok(())
     }

@@ -6,9 +6,9 @@ use crate::abi::modules::NORMALS;
 use crate::abi::numbers::{PIECE, WORKGROUP};
 use crate::abi::push::NormalsPush;
 use crate::after::attached::Attached;
-use crate::after::follower::{Follower, Job, Place, PoseKernel};
 use crate::after::output::Output;
 use crate::after::pieces::Pieces;
+use crate::after::step::{AfterStep, Job, PoseKernel, TargetContext};
 use crate::after::steps::After;
 use crate::error::Result;
 use crate::gpu::descriptors::Sets;
@@ -103,7 +103,7 @@ impl Recomputed {
     /// An invalid target or surface; no memory. Nothing changes then.
     pub(crate) fn set(
         after: &mut After,
-        place: &Place<'_>,
+        place: &TargetContext<'_>,
         target: Option<(&GpuNormals, &NormalsTarget)>,
     ) -> Result<()> {
         let Some((GpuNormals { surface, .. }, &NormalsTarget { buffer, offset, stride })) = target else {
@@ -136,7 +136,7 @@ impl Recomputed {
     }
 }
 
-impl Follower for Recomputed {
+impl AfterStep for Recomputed {
     fn spread(&self, changed: &Pieces, written: &mut Pieces) {
         self.surface.spread.of(changed, written);
     }

@@ -5,8 +5,8 @@ use crate::abi::modules::{SKIN, SKIN_DUAL};
 use crate::abi::numbers::{PIECE, WORKGROUP};
 use crate::abi::push::SkinPush;
 use crate::after::attached::Attached;
-use crate::after::follower::{Follower, Job, Place, Pose};
 use crate::after::output::Output;
+use crate::after::step::{AfterStep, Job, Pose, TargetContext};
 use crate::after::steps::After;
 use crate::error::{Error, Result};
 use crate::gpu::descriptors::{BufferRange, Sets};
@@ -169,7 +169,11 @@ impl Skin {
     ///
     /// # Errors
     /// An invalid target or skin; no memory. Nothing changes then.
-    pub(crate) fn set(after: &mut After, place: &Place<'_>, target: Option<(&GpuSkin, &SkinTarget)>) -> Result<()> {
+    pub(crate) fn set(
+        after: &mut After,
+        place: &TargetContext<'_>,
+        target: Option<(&GpuSkin, &SkinTarget)>,
+    ) -> Result<()> {
         let Some((skin, target)) = target else {
             after.unset(Kind::Skin, place.instance);
             return Ok(());
@@ -259,7 +263,7 @@ fn check_joints(offset: u64, method: SkinMethod, count: u32, bytes: u64) -> Resu
     Err(Error::invalid(text, "use a multiple of 16, and a buffer with room for all joints after it"))
 }
 
-impl Follower for Skin {
+impl AfterStep for Skin {
     fn take_changed(&mut self) -> bool {
         std::mem::take(&mut self.is_changed)
     }

@@ -18,7 +18,7 @@ const CHANGES: usize = 8;
 const SECONDS_MAX: f64 = (1u64 << 36) as f64;
 
 #[derive(Clone, Debug, Default)]
-struct Head {
+struct State {
     /// Updates from which on it is shown, with a cut (`true`), or hidden; latest first. Empty: it has no pose, or too
     /// many changes were discarded.
     changes: [Option<(u64, bool)>; CHANGES],
@@ -37,7 +37,7 @@ struct Head {
 /// Updates are numbered from 0; numbers of discarded updates are reused.
 #[derive(Clone, Debug)]
 pub struct Playbacks {
-    heads: Vec<Head>,
+    states: Vec<State>,
     /// Records, and the full ticks of their starts.
     records: Vec<HeadRecord>,
     starts: Vec<i64>,
@@ -53,9 +53,9 @@ pub struct Playbacks {
 impl Playbacks {
     /// `count` instances that play nothing, at time 0.
     pub fn new(count: u32) -> Self {
-        let head = Head { listed: true, ..Head::default() };
+        let state = State { listed: true, ..State::default() };
         Self {
-            heads: vec![head; count as usize],
+            states: vec![state; count as usize],
             records: vec![HeadRecord::default(); count as usize],
             starts: vec![0; count as usize],
             now: 0,
@@ -79,8 +79,8 @@ impl Playbacks {
     /// `seconds` is not finite or too large; more than 4.5 hours before an instance's start.
     pub fn set_time(&mut self, seconds: f64) -> Result<()> {
         let now = ticks(seconds)?;
-        let mut heads = self.starts.iter().zip(&self.records);
-        if heads.any(|(start, record)| record.has(HeadRecord::PLAYING) && start - now > REBASE_TICKS) {
+        let mut playing = self.starts.iter().zip(&self.records);
+        if playing.any(|(start, record)| record.has(HeadRecord::PLAYING) && start - now > REBASE_TICKS) {
             let what = format!("second {seconds}, more than 4.5 hours before an instance starts");
             return Err(Error::invalid(what, "play its clip again at the new time first"));
         }
@@ -210,8 +210,8 @@ impl Playbacks {
         let record = &mut self.records[instance as usize];
         // The device's level is that of the previous instance.
         *record = HeadRecord { epoch: record.epoch.wrapping_add(1), ..HeadRecord::default() };
-        let head = self.touch(instance);
-        (head.changes, head.stale) = ([None; CHANGES], true);
+        let state = self.touch(instance);
+        (state.changes, state.stale) = ([None; CHANGES], true);
     }
 
     /// Makes the next pose of an instance its own previous pose.
@@ -219,13 +219,13 @@ impl Playbacks {
         let record = &mut self.records[instance as usize];
         let follows = record.has(HeadRecord::FOLLOWS);
         record.epoch = record.epoch.wrapping_add(u32::from(follows));
-        let head = self.touch(instance);
-        (head.cut, head.stale) = (true, head.stale | follows);
+        let state = self.touch(instance);
+        (state.cut, state.stale) = (true, state.stale | follows);
     }
 
     /// The state of an instance, listed as pending.
-    fn touch(&mut self, instance: u32) -> &mut Head {
-        let touched = &mut self.heads[instance as usize];
+    fn touch(&mut self, instance: u32) -> &mut State {
+        let touched = &mut self.states[instance as usize];
         if !std::mem::replace(&mut touched.listed, true) {
             self.pending.push(instance);
         }
@@ -244,17 +244,17 @@ impl Playbacks {
         self.pending.sort_unstable();
         for i in 0..self.pending.len() {
             let number = self.pending[i];
-            let head = &mut self.heads[number as usize];
-            head.listed = false;
+            let state = &mut self.states[number as usize];
+            state.listed = false;
             let shown = !self.records[number as usize].has(HeadRecord::HIDDEN);
-            let was_shown = head.changes[0].is_some_and(|(_, shown)| shown);
+            let was_shown = state.changes[0].is_some_and(|(_, shown)| shown);
             // A hidden instance keeps its cut: the update that hides it may be discarded.
-            if shown && std::mem::take(&mut head.cut) || shown != was_shown {
-                head.changes.rotate_right(1);
-                head.changes[0] = Some((update, shown));
+            if shown && std::mem::take(&mut state.cut) || shown != was_shown {
+                state.changes.rotate_right(1);
+                state.changes[0] = Some((update, shown));
             }
-            if std::mem::take(&mut head.stale) {
-                head.sent = update;
+            if std::mem::take(&mut state.stale) {
+                state.sent = update;
                 match self.changed.last_mut() {
                     Some(run) if run.end == number => run.end += 1,
                     _ => self.changed.push(number..number + 1),
@@ -267,18 +267,18 @@ impl Playbacks {
 
     /// Rebases old records at exactly their current position.
     fn rebase(&mut self, clips: &Clips) {
-        for head in 0..self.heads.len() {
-            let (elapsed, record) = (self.now - self.starts[head], &mut self.records[head]);
+        for instance in 0..self.states.len() {
+            let (elapsed, record) = (self.now - self.starts[instance], &mut self.records[instance]);
             if elapsed < REBASE_TICKS / 2 {
                 continue;
             }
             let start = self.now - REBASE_MARGIN;
-            self.starts[head] = start;
+            self.starts[instance] = start;
             if record.has(HeadRecord::PLAYING) {
                 let position = record.position(clips.frame_count(record.clip as usize), elapsed - REBASE_MARGIN);
                 (record.frame, record.fraction) = ((position >> 32) as u32, position as u32);
                 record.start = start as u32;
-                self.touch(head as u32).stale = true;
+                self.touch(instance as u32).stale = true;
             }
         }
     }
@@ -299,12 +299,12 @@ impl Playbacks {
             return;
         }
         self.updates = first;
-        for number in 0..self.heads.len() as u32 {
-            let head = &mut self.heads[number as usize];
-            let (sent, mut turned_back) = (head.sent >= first, false);
-            while let Some((_, shown)) = head.changes[0].take_if(|(update, _)| *update >= first) {
-                head.changes.rotate_left(1);
-                (head.cut, turned_back) = (head.cut | shown, true);
+        for number in 0..self.states.len() as u32 {
+            let state = &mut self.states[number as usize];
+            let (sent, mut turned_back) = (state.sent >= first, false);
+            while let Some((_, shown)) = state.changes[0].take_if(|(update, _)| *update >= first) {
+                state.changes.rotate_left(1);
+                (state.cut, turned_back) = (state.cut | shown, true);
             }
             if sent || turned_back {
                 self.touch(number).stale |= sent;
@@ -315,7 +315,7 @@ impl Playbacks {
     /// The update that wrote the pose of an instance, and whether the update before it wrote the previous pose; `None`
     /// if it has no pose.
     pub fn written(&self, instance: u32) -> Option<(u64, bool)> {
-        match self.heads[instance as usize].changes[0]? {
+        match self.states[instance as usize].changes[0]? {
             (since, true) => self.updates.checked_sub(1).map(|update| (update, update != since)),
             // It is not updated any more.
             (since, false) => since.checked_sub(1).map(|update| (update, false)),

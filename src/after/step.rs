@@ -29,7 +29,7 @@ pub(crate) struct Job {
 }
 
 /// A step after the pose, for one instance.
-pub(crate) trait Follower: Any + Send + Sync {
+pub(crate) trait AfterStep: Any + Send + Sync {
     /// Adds to `written` the pieces to write when the pieces `changed` of the pose changed.
     fn spread(&self, changed: &Pieces, written: &mut Pieces) {
         written.add_all(changed);
@@ -75,7 +75,7 @@ impl PipelineKey for PoseKernel {
     }
 }
 
-pub(crate) struct Place<'a> {
+pub(crate) struct TargetContext<'a> {
     pub(crate) device: &'a Arc<Device>,
     pub(crate) kernels: &'a Kernels,
     /// The group of positions and normals.
@@ -84,7 +84,7 @@ pub(crate) struct Place<'a> {
     pub(crate) instance: u32,
 }
 
-impl Place<'_> {
+impl TargetContext<'_> {
     /// All slots of the instance.
     pub(super) fn poses(&self) -> BufferRange {
         self.group.poses.range(self.instance, 1)
