@@ -166,14 +166,14 @@ impl<K: TakesWeights> CrowdBase<K> {
         self.set_weight(instance, target, weight)
     }
 
-    /// How far a vertex of `instance` may be from where the requested weights would put it, from the next update on, in
-    /// place of [`UpdateDesc::error_budget`](field@crate::UpdateDesc::error_budget), which is the most it can be: in
-    /// input units. [`lod::LevelDesc::error_budget`](crate::lod::LevelDesc::error_budget) makes it of pixels. What is
-    /// deferred beyond a smaller one is applied in the next update.
+    /// Sets the error budget of `instance` from the next update on, in input units; at most
+    /// [`UpdateDesc::error_budget`](field@crate::UpdateDesc::error_budget), the default.
+    /// [`lod::LevelDesc::error_budget`](crate::lod::LevelDesc::error_budget) converts it from pixels. If it decreases,
+    /// the next update applies changes deferred beyond it.
     ///
     /// # Errors
-    /// An instance out of range or removed; a number that is not from 0 to the crowd's budget; a path or a delta format
-    /// without error budgets.
+    /// An instance out of range or removed; a value outside 0 to the crowd's budget; a path or a delta format without
+    /// error budgets.
     pub fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()> {
         self.instances.check(instance)?;
         self.kind.set_error_budget(instance, budget)

@@ -1,14 +1,14 @@
-//! Bounds that no pose of some weights exceeds, from the weights alone.
+//! Conservative bounds of poses, computed from weights alone.
 
 use super::UpdateDesc;
 use crate::error::Result;
 use crate::pack::blocks::PoseGrid;
 use crate::pack::{POSE_FLOATS, PackedMesh};
 
-/// Vertices that have bounds of their own, one after the other in the order of poses.
+/// Vertices per group: consecutive in pose-buffer order.
 const GROUP: usize = 256;
 
-/// A box along the axes, in input units.
+/// An axis-aligned box, in input units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Bounds {
@@ -18,7 +18,7 @@ pub struct Bounds {
     pub max: [f32; 3],
 }
 
-/// What a target adds at most to the vertices of a group, at weight 1.
+/// Smallest and largest delta of a target in a group of vertices, at weight 1.
 #[derive(Clone, Copy, Debug)]
 struct Reach {
     target: u32,
@@ -26,31 +26,31 @@ struct Reach {
     high: [f32; 3],
 }
 
-/// Bounds of the poses of a mesh, for culling and shadows before the GPU has updated them.
+/// Conservative bounds of a mesh's poses, for culling and shadows before the GPU has updated them.
 ///
-/// The vertices are taken in groups of 256 neighbours. Of each group the bounds of the base pose are known, and the
-/// least and greatest delta of each target that moves it, along each axis; with weights they add up as intervals do.
-/// All is exact in double precision, but for sums, whose rounding is added; bounds are rounded outward to float32. So
-/// no pose exceeds them, and they are somewhat too large where the vertices of a group move apart.
+/// Vertices are taken in groups of 256 neighbours. A group has the bounds of its base pose and, for each target that
+/// moves it, the smallest and largest delta along each axis; interval arithmetic adds them for given weights. All of it
+/// is exact in double precision, except sums, whose rounding is added; bounds are rounded outward to float32. No pose
+/// exceeds its bounds, which are somewhat too large if the vertices of a group move apart.
 ///
-/// It takes 28 bytes for each group and target that moves it, and as many steps.
+/// Takes 28 bytes and one step of work for each pair of a group and a target that moves it.
 #[derive(Clone, Debug)]
 pub struct WeightBounds {
-    /// Bounds of the base pose, and where the group ends in `reaches`.
+    /// Bounds of the base pose, and end of the group in `reaches`.
     groups: Vec<([f32; 3], [f32; 3], usize)>,
     reaches: Vec<Reach>,
     targets: usize,
-    /// What weights are rounded to.
+    /// Grid of weights, for fixed-point poses.
     grid: Option<PoseGrid>,
-    /// How far committed weights may leave a vertex from where those requested would put it.
+    /// The error budget.
     budget: f32,
 }
 
 impl WeightBounds {
-    /// For crowds of `mesh` that are updated like this.
+    /// For crowds of `mesh` with this description.
     ///
     /// # Errors
-    /// Poses of integers that the mesh has no grid for.
+    /// Errors of [`UpdateDesc::grid`].
     pub fn new(mesh: &PackedMesh, update: &UpdateDesc) -> Result<Self> {
         let (layout, base) = (mesh.layout(), mesh.base());
         let count = layout.padded_vertices().div_ceil(GROUP);
@@ -73,7 +73,7 @@ impl WeightBounds {
             });
             for group in (0..count).filter(|group| moved[*group] > 0) {
                 if moved[group] < sizes[group] {
-                    // Vertices that it does not move.
+                    // Unmoved vertices of the group.
                     extend(&mut reach[group], [0.0f32; 3], |x| (x, x));
                 }
                 let (low, high) = reach[group];
@@ -91,17 +91,17 @@ impl WeightBounds {
         Ok(Self { groups, reaches, targets: layout.targets.len(), grid, budget: update.error_budget })
     }
 
-    /// Bounds of the pose of these weights, one for each target; further targets have the weight 0. `bound`: how far
-    /// updates may have taken poses from it, which is [`UpdateStats::bound`](crate::UpdateStats::bound) of the update
-    /// that wrote it; of dense float32 poses nothing is known, and 1e-5 of the diagonal is plenty for a few hundred
-    /// updates. What an error budget defers, and what a grid rounds of weights, is part of the bounds in any case.
+    /// Bounds of the pose of these `weights`, one per target; missing ones are 0. `bound`: the position error from
+    /// updates, [`UpdateStats::bound`](crate::UpdateStats::bound) of the update that wrote the pose; it is not tracked
+    /// for dense float32 poses, where 1e-5 of the diagonal is ample for a few hundred updates. Deferral by an error
+    /// budget and rounding of weights to a grid are always included.
     ///
-    /// A mesh without vertices has none: its least coordinates are infinite. Weights that are no numbers give none that
-    /// hold.
+    /// The bounds of a mesh without vertices are empty: `min` is infinite. Weights that are not finite give invalid
+    /// bounds.
     #[must_use]
     pub fn of(&self, weights: &[f32], bound: f32) -> Bounds {
         let weights: Vec<f64> = weights.iter().take(self.targets).map(|w| f64::from(self.rounded(*w))).collect();
-        // What terms of integers are rounded by is in bounds on updates, too.
+        // `bound` may include the rounding of fixed-point terms, too.
         let active = weights.iter().filter(|weight| **weight != 0.0).count();
         let rounding = self.grid.map_or(0.0, |grid| grid.position_error(active));
         let slack = f64::from(bound.max(rounding)) + f64::from(self.budget);
@@ -111,7 +111,7 @@ impl WeightBounds {
         let mut first = 0;
         for &(base_low, base_high, end) in &self.groups {
             let (mut low, mut high) = (base_low.map(f64::from), base_high.map(f64::from));
-            // What rounding of the sums may come to: a unit in the last place of the largest for each.
+            // Bound on rounding of the sums: one ulp of the largest for each term.
             let mut largest = low.iter().chain(&high).fold(0.0, |most: f64, x| most.max(x.abs()));
             let mut terms = 2.0;
             for reach in &self.reaches[first..end] {
@@ -144,7 +144,7 @@ impl WeightBounds {
     }
 }
 
-/// Let `bounds` have room for `point`, each coordinate as float32 from below and from above.
+/// Extends `bounds` to `point`; `both` rounds a coordinate down and up.
 fn extend<T: Copy>((low, high): &mut ([f32; 3], [f32; 3]), point: [T; 3], both: impl Fn(T) -> (f32, f32)) {
     for ((low, high), x) in low.iter_mut().zip(high).zip(point) {
         let (below, above) = both(x);
@@ -152,13 +152,13 @@ fn extend<T: Copy>((low, high): &mut ([f32; 3], [f32; 3]), point: [T; 3], both: 
     }
 }
 
-/// The largest float32 that is not above.
+/// The largest float32 that is at most `x`.
 fn down(x: f64) -> f32 {
     let near = x as f32;
     if f64::from(near) > x { near.next_down() } else { near }
 }
 
-/// The smallest float32 that is not below.
+/// The smallest float32 that is at least `x`.
 fn up(x: f64) -> f32 {
     -down(-x)
 }
@@ -172,8 +172,8 @@ mod tests {
     use crate::testing::head;
     use deltamorph_head::{HeadDesc, Rng};
 
-    /// 10^5 random poses of small heads, from a few weights to all, small ones and large ones: none exceeds its bounds,
-    /// not by the last bit. Poses of weights that are rounded to a grid keep within those of the weights requested.
+    /// 10^5 random poses of small meshes, with few or all weights active, small and large: none exceeds its bounds, not
+    /// by the last bit. Poses of weights rounded to a grid stay within the bounds of the requested weights.
     #[test]
     fn no_pose_exceeds_its_bounds() {
         let mut rng = Rng::new(13, 0);
