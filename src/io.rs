@@ -138,8 +138,10 @@ mod tests {
             assert_eq!(std::fs::read(&path).unwrap(), bytes);
         }
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
-        let message = write_replacing(&dir.path().join("no/b.dmorph"), |_| Ok(())).unwrap_err().to_string();
-        assert!(message.contains("b.dmorph: cannot write") && message.contains("check the path"), "{message}");
+        crate::testing::says(
+            write_replacing(&dir.path().join("no/b.dmorph"), |_| Ok(())),
+            &["b.dmorph: cannot write", "check the path"],
+        );
         assert!(write_replacing(dir.path(), |_| Ok(())).is_err());
         let full = |_: &mut BufWriter<File>| Err(io::ErrorKind::StorageFull.into());
         assert!(write_replacing(&path, full).unwrap_err().to_string().contains("a.dmorph: cannot write"));

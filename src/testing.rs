@@ -7,6 +7,12 @@ use crate::asset::{MorphMesh, MorphTarget, Tolerance};
 use crate::math::diagonal;
 use glam::Vec3;
 
+/// Checks that `result` is an error whose text has each of `words`.
+pub fn says<T, E: std::fmt::Display>(result: Result<T, E>, words: &[&str]) {
+    let text = result.err().unwrap_or_else(|| panic!("not refused: {words:?}")).to_string();
+    assert!(words.iter().all(|word| text.contains(word)), "{words:?}: {text}");
+}
+
 fn noise(mut x: u64) -> f32 {
     x = (x ^ (x >> 31)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
     x = (x ^ (x >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9);

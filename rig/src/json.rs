@@ -146,8 +146,7 @@ mod tests {
             ("[", "rig.json: line 1: EOF while parsing"),
             ("", "rig.json: line 1: EOF"),
         ] {
-            let message = parsed(text).unwrap_err().to_string();
-            assert!(message.contains(words), "{message}");
+            crate::testing::says(parsed(text), &[words]);
         }
         let none = read(Path::new("none/rig.json")).unwrap_err().to_string();
         assert!(none.contains("none/rig.json: cannot read"), "{none}");

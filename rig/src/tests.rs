@@ -186,8 +186,7 @@ fn what_cannot_be_bound_is_refused_with_a_remedy() {
             "corrective 'x' of the rig: 'x' is no target",
         ),
     ] {
-        let text = rig.bind(&TARGETS).unwrap_err().to_string();
-        assert!(text.contains(words), "{text}");
+        crate::testing::says(rig.bind(&TARGETS), &[words]);
     }
 }
 
@@ -199,10 +198,8 @@ fn wrong_weights_are_refused_and_change_nothing() {
         (&[0.0; 2][..], "2 weights for the rig's 3 controls; give one per control"),
         (&[0.0, f32::NAN, 0.0], "control 'smile' of the rig: the weight is NaN"),
     ] {
-        let text = bound.evaluate(controls, &mut weights).unwrap_err().to_string();
-        assert!(text.contains(words), "{text}");
-        let text = bound.smooth(&mut current, controls, 1.0).unwrap_err().to_string();
-        assert!(text.contains(words), "{text}");
+        crate::testing::says(bound.evaluate(controls, &mut weights), &[words]);
+        crate::testing::says(bound.smooth(&mut current, controls, 1.0), &[words]);
     }
     let text = bound.evaluate(&[0.0; 3], &mut [0.0; 4]).unwrap_err().to_string();
     assert!(text.contains("4 weights for the rig's 5 targets"), "{text}");
@@ -210,19 +207,15 @@ fn wrong_weights_are_refused_and_change_nothing() {
     assert!(text.contains("-1 seconds since the last frame"), "{text}");
     assert_eq!((weights, current), ([9.0; 5], [0.25; 3]));
     let clip = WeightClip { name: "clip".into(), names: vec!["half".into()], fps: 10.0, values: vec![1.0] };
-    assert!(
-        bound
-            .bake(&clip, 10.0)
-            .unwrap_err()
-            .to_string()
-            .contains("column 'half' names no control of the rig; use a control of the rig")
+    crate::testing::says(
+        bound.bake(&clip, 10.0),
+        &["column 'half' names no control of the rig; use a control of the rig"],
     );
     let clip = WeightClip { names: vec!["blink".into()], ..clip };
     assert!(bound.bake(&clip, 0.0).unwrap_err().to_string().contains("clip 'clip': 0 frames a second"));
     let clip = WeightClip { values: vec![0.0, 1.0], ..clip };
     for fps in [1e9, f32::MAX] {
-        let text = bound.bake(&clip, fps).unwrap_err().to_string();
-        assert!(text.contains("more than 2^24 weights"), "{text}");
+        crate::testing::says(bound.bake(&clip, fps), &["more than 2^24 weights"]);
     }
 }
 

@@ -164,8 +164,7 @@ fn what_cannot_be_ranked_is_refused() {
         (Importance::in_order(&packed, &names[1..], 0), "of 8 targets, 0 of them pinned"),
         (Importance::in_order(&packed, &names, 10), "name all of its 9 targets, and pin no more"),
     ] {
-        let text = result.unwrap_err().to_string();
-        assert!(text.contains(words), "{text}");
+        testing::says(result, &[words]);
     }
     let text = Importance::of(&mesh, &[]).unwrap().apply(1.0, &mut [0.0; 3]).unwrap_err().to_string();
     assert!(text.contains("3 weights given, but 9 targets are ranked"), "{text}");

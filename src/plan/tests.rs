@@ -151,8 +151,7 @@ fn bad_descriptions_are_refused() {
         (UpdateDesc { error_budget: -1.0, ..UpdateDesc::blocks() }, "an error budget of -1"),
         (UpdateDesc { error_budget: 1.0, ..UpdateDesc::new(UpdatePath::Compute, BatchSize::All) }, "with 'compute'"),
     ] {
-        let text = desc.check().unwrap_err().to_string();
-        assert!(text.contains(words), "{text}");
+        crate::testing::says(desc.check(), &[words]);
     }
 }
 

@@ -81,8 +81,7 @@ mod tests {
             (&[0.0, -3e38], "from -1000000 to 1000000"),
             (&[0.0], "1 weights given, but the mesh has 2 targets"),
         ] {
-            let text = check_weights(weights, name, 2).unwrap_err().to_string();
-            assert!(text.contains(expected), "{text}");
+            crate::testing::says(check_weights(weights, name, 2), &[expected]);
         }
     }
 }

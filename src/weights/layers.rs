@@ -216,8 +216,7 @@ mod tests {
             (ClipLayer::new(&other, 0.0), "0 frames a second"),
         ] {
             let mut weights = [0.25; 3];
-            let text = ClipLayer::mix(&[layer, bad], &mut weights).unwrap_err().to_string();
-            assert!(text.contains(words), "{text}");
+            crate::testing::says(ClipLayer::mix(&[layer, bad], &mut weights), &[words]);
             assert_eq!(weights, [0.25; 3]);
         }
         let text = ClipLayer::mix(&[layer], &mut [0.0; 2]).unwrap_err().to_string();

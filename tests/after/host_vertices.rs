@@ -4,14 +4,12 @@
 use crate::gpu;
 use crate::offscreen::{Offscreen, Shared};
 use deltamorph::ash::vk;
-use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, AnyCrowd, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCaps, HostPoses,
     PackedMesh, Playback, PoseFormat, Semantic, StreamView, Tolerance, UpdateDesc, VertexLayout, testing,
 };
 use deltamorph_head::{HeadDesc, head, head_clip};
 use deltamorph_headless::{Headless, HeadlessCrowd};
-use std::slice::from_mut;
 use std::sync::Arc;
 
 /// What is in the host's buffer where nothing was written.
@@ -242,11 +240,7 @@ fn poses_in_the_hosts_vertices_are_ours_bit_for_bit_in_the_same_passes() {
                         if frame == 7 {
                             crowd.cut(0).expect("an instance");
                         }
-                        let mut commands = vec![];
-                        let tamper = |entries: &mut Vec<Entry>| commands.clone_from(entries);
-                        // SAFETY: nothing is changed.
-                        let step = unsafe { HeadlessCrowd::step_tampered(from_mut(crowd), &asked, tamper) };
-                        let (step, _) = step.expect("a step");
+                        let (step, commands, _) = gpu::recorded(crowd, &asked);
                         steps.push((commands, step.update.stats));
                     }
                     assert!(steps[0] == steps[1], "{what}: {steps:?}");

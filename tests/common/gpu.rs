@@ -2,11 +2,11 @@
 #![allow(dead_code)] // each test file uses some of this
 
 use deltamorph::internals::plan::hazards::{Event, HazardChecker, Violation};
-use deltamorph::internals::plan::schedule::{Entry, asset_uploaded};
+use deltamorph::internals::plan::schedule::{Barrier, Entry, asset_uploaded};
 use deltamorph::reference::{compare, evaluate_group};
 use deltamorph::{
     AnyCrowd, BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, MorphMesh, POSE_FLOATS, PackDesc,
-    PackedGroup, PackedMesh, PoseError, PoseFormat, PoseGrid, UpdateDesc, UpdatePath, testing,
+    PackedGroup, PackedMesh, PoseError, PoseFormat, PoseGrid, UpdateDesc, UpdatePath,
 };
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, Step};
 use std::slice::from_mut;
@@ -85,21 +85,26 @@ pub fn with_and_without_texels(limits: &DeviceCaps) -> Vec<(String, DeviceCaps)>
 }
 
 /// Run `test` on one device.
-pub fn on_device(driver: &str, android_baseline: bool, test: impl Fn(&Headless, &MorphEngine)) {
+pub fn on_device<R>(driver: &str, android_baseline: bool, test: impl FnOnce(&Headless, &MorphEngine) -> R) -> R {
     let limits = android_baseline.then(DeviceCaps::android_baseline);
-    on_device_within(driver, limits, test);
+    on_device_within(driver, limits, test)
 }
 
 /// Run `test` on one device within limits.
-pub fn on_device_within(driver: &str, limits: Option<DeviceCaps>, test: impl Fn(&Headless, &MorphEngine)) {
+pub fn on_device_within<R>(
+    driver: &str,
+    limits: Option<DeviceCaps>,
+    test: impl FnOnce(&Headless, &MorphEngine) -> R,
+) -> R {
     let device = DeviceChoice::Name(driver.to_owned());
     let headless = Headless::new(&HeadlessDesc::default().device(device).validation(true).limits(limits))
         .unwrap_or_else(|e| panic!("{driver}: {e}\nrun the tests as ./with-vulkan cargo test"));
     headless.engine().set_techniques(&deltamorph_baselines::TECHNIQUES);
-    test(&headless, headless.engine());
+    let result = test(&headless, headless.engine());
     let caps = headless.caps();
     let messages = complaints(&headless);
     assert!(messages.is_empty(), "{} ({}) says:\n{}", caps.name, caps.driver, messages.join("\n"));
+    result
 }
 
 /// What the validation layers have said, without what is known to be wrong.
@@ -114,25 +119,28 @@ pub fn complaints(headless: &Headless) -> Vec<String> {
     headless.messages().into_iter().filter(|message| !disjoint(message)).collect()
 }
 
-/// Synchronization validation of lavapipe reports an update whose barrier number `dropped` is not recorded.
-pub fn assert_validation_sees_dropped(dropped: usize, desc: UpdateDesc, format: DeltaFormat) {
+/// Synchronization validation of lavapipe reports a barrier that an update leaves out: `make` makes a crowd and has
+/// shown something with it, `leave_out` says which.
+pub fn assert_validation_sees_dropped<C: AnyCrowd + 'static>(
+    what: &str,
+    weights: &[&[f32]],
+    mut leave_out: impl FnMut(&Barrier) -> bool,
+    make: impl for<'a> FnOnce(&'a Headless) -> HeadlessCrowd<'a, C>,
+) {
     let device = DeviceChoice::Name("llvmpipe".into());
     let headless = Headless::new(&HeadlessDesc::default().device(device).validation(true))
         .expect("lavapipe; run the tests as ./with-vulkan cargo test");
     headless.engine().set_techniques(&deltamorph_baselines::TECHNIQUES);
-    let mesh = packed(headless.engine(), &testing::mesh(500, 20), format);
-    let mut crowd = HeadlessCrowd::new(&headless, &mesh, &single(desc)).expect("a crowd");
-    crowd.step(&[&weights(&mesh, 0, 1)]).expect("a step");
+    let mut crowd = make(&headless);
     assert_eq!(complaints(&headless), Vec::<String>::new());
     let drop_one = |entries: &mut Vec<Entry>| {
-        let barriers = entries.iter().enumerate().filter(|(_, entry)| matches!(entry, Entry::Barrier(_)));
-        let at = barriers.map(|(i, _)| i).nth(dropped).expect("a barrier between steps");
-        entries.remove(at);
+        let at = entries.iter().position(|entry| matches!(entry, Entry::Barrier(barrier) if leave_out(barrier)));
+        entries.remove(at.expect("such a barrier"));
     };
     // SAFETY: a barrier less; the driver is software, and runs commands one after the other all the same.
-    unsafe { HeadlessCrowd::step_tampered(from_mut(&mut crowd), &[&[0.7; 20]], drop_one) }.expect("a step");
+    unsafe { HeadlessCrowd::step_tampered(from_mut(&mut crowd), weights, drop_one) }.expect("a step");
     let messages = complaints(&headless);
-    assert!(messages.iter().any(|m| m.contains("SYNC-HAZARD")), "{desc:?}, {dropped}: {messages:?}");
+    assert!(messages.iter().any(|m| m.contains("SYNC-HAZARD")), "{what}: {messages:?}");
 }
 
 /// Every path and a spread of batch sizes that the device offers for `format`.
@@ -224,11 +232,6 @@ pub fn single(update: UpdateDesc) -> CrowdDesc {
 /// A crowd of one instance.
 pub fn crowd<'a>(headless: &'a Headless, mesh: &PackedMesh, update: UpdateDesc) -> HeadlessCrowd<'a> {
     HeadlessCrowd::new(headless, mesh, &single(update)).expect("a crowd")
-}
-
-/// Why a crowd is refused.
-pub fn refused(headless: &Headless, mesh: &PackedMesh, desc: &CrowdDesc) -> String {
-    HeadlessCrowd::new(headless, mesh, desc).err().unwrap_or_else(|| panic!("not refused: {desc:?}")).to_string()
 }
 
 /// How far the pose of an instance is from the reference.

@@ -1,6 +1,7 @@
 //! A crowd that is animated on the GPU and its CPU reference: both get the same calls, and what they plan is compared.
 #![allow(dead_code)] // each test file uses some of this
 
+use crate::gpu;
 use deltamorph::internals::abi::worklist::{TILE, TILE_WORDS, row_words};
 use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::internals::update::animated::{AnimatedReference, HeadRecord, Playbacks};
@@ -14,7 +15,6 @@ use deltamorph::{
 use deltamorph_head::{HeadDesc, head, head_clip};
 use deltamorph_headless::{Headless, HeadlessCrowd, PlannedGroup};
 use std::collections::{BTreeMap, BTreeSet};
-use std::slice::from_mut;
 use std::sync::Arc;
 
 pub fn head_desc() -> HeadDesc {
@@ -157,12 +157,7 @@ impl<'a> Scene<'a> {
     pub fn step(&mut self, seconds: f64) -> (Plan, Vec<Entry>) {
         self.crowd.set_time(seconds).expect("a time");
         self.heads.set_time(seconds).expect("a time");
-        let mut commands = None;
-        // SAFETY: nothing is changed.
-        unsafe {
-            HeadlessCrowd::step_tampered(from_mut(&mut self.crowd), &[], |entries| commands = Some(entries.clone()))
-        }
-        .expect("a step");
+        let (_, commands, _) = gpu::recorded(&mut self.crowd, &[]);
         let update = self.heads.update(&self.clips);
         // Levels are floating-point sums: the reference takes those of the GPU, which tests/animated/lod.rs compares
         // with the CPU's.
@@ -181,7 +176,7 @@ impl<'a> Scene<'a> {
         }
         let plan = of_groups(&self.crowd.read_plan().expect("a plan"), self.desc.update.slots, self.widest, &self.mesh);
         assert_eq!(plan, expected, "{:?} at {seconds}", self.desc);
-        (plan, commands.expect("a list"))
+        (plan, commands)
     }
 
     /// Record an update at `seconds` that never runs. The reference is not updated.

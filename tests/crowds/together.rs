@@ -7,8 +7,8 @@ use deltamorph::internals::plan::hazards::{Event, HazardChecker};
 use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::reference::compare;
 use deltamorph::{
-    AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DeltaFormat, PackedMesh, Playback, UpdateDesc, UpdatePath,
-    WeightClip, testing,
+    AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DeltaFormat, Playback, UpdateDesc, UpdatePath, WeightClip,
+    testing,
 };
 use deltamorph_headless::{HeadlessCrowd, Step};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -17,7 +17,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 fn crowds_side_by_side_do_what_one_crowd_does() {
     on_every_device(|headless, engine| {
         for format in [DeltaFormat::Snorm16, DeltaFormat::Fast] {
-            let mesh = PackedMesh::pack(&testing::mesh(200, 11), &engine.pack_desc(format)).expect("packed");
+            let mesh = gpu::packed(engine, &testing::mesh(200, 11), format);
             for update in update_descs(engine, format) {
                 let desc = |instances| CrowdDesc::new(update).instances(instances).frames_in_flight(1);
                 let mut whole = HeadlessCrowd::new(headless, &mesh, &desc(4)).expect("a crowd");
@@ -55,7 +55,7 @@ fn crowds_side_by_side_do_what_one_crowd_does() {
 #[test]
 fn crowds_of_one_call_share_their_barriers() {
     on_every_device(|headless, engine| {
-        let mesh = PackedMesh::pack(&testing::mesh(200, 11), &engine.pack_desc(DeltaFormat::Snorm16)).expect("packed");
+        let mesh = gpu::packed(engine, &testing::mesh(200, 11), DeltaFormat::Snorm16);
         let update = UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(4));
         let first = HeadlessCrowd::new(headless, &mesh, &CrowdDesc::new(update)).expect("a crowd");
         let mut crowds = [first.another(&CrowdDesc::new(update)).expect("another"), first];
@@ -100,7 +100,7 @@ fn crowds_of_one_call_share_their_barriers() {
 #[test]
 fn crowds_of_both_kinds_are_updated_by_one_call() {
     on_every_device(|headless, engine| {
-        let mesh = PackedMesh::pack(&testing::mesh(200, 5), &engine.pack_desc(DeltaFormat::Small)).expect("packed");
+        let mesh = gpu::packed(engine, &testing::mesh(200, 5), DeltaFormat::Small);
         let layout = mesh.layout();
         let desc = CrowdDesc::new(gpu::fixed()[1]);
         // On the grid of weights: a frame a second.
@@ -159,16 +159,20 @@ fn crowds_of_both_kinds_are_updated_by_one_call() {
 #[test]
 fn a_step_of_nothing_or_of_too_many_is_refused() {
     on_every_device(|headless, engine| {
-        let mesh = PackedMesh::pack(&testing::mesh(64, 3), &engine.pack_desc(DeltaFormat::Fast)).expect("packed");
+        let mesh = gpu::packed(engine, &testing::mesh(64, 3), DeltaFormat::Fast);
         let update = update_descs(engine, DeltaFormat::Fast)[0];
         let desc = CrowdDesc::new(update).instances(1).frames_in_flight(1);
         let crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
         let mut crowds = [crowd.another(&desc).expect("another"), crowd];
         let heads: [&[f32]; 3] = [&[0.5; 3]; 3];
-        let error = HeadlessCrowd::step_together(&mut crowds, &heads, 0).expect_err("three for two").to_string();
-        assert!(error.contains("3 instances, 1 too many; give one list"), "{error}");
-        let error = HeadlessCrowd::<Crowd>::step_together(&mut [], &[], 1).expect_err("no crowd").to_string();
-        assert!(error.contains("an empty list of crowds; pass at least one"), "{error}");
+        testing::says(
+            HeadlessCrowd::step_together(&mut crowds, &heads, 0),
+            &["3 instances, 1 too many; give one list"],
+        );
+        testing::says(
+            HeadlessCrowd::<Crowd>::step_together(&mut [], &[], 1),
+            &["an empty list of crowds; pass at least one"],
+        );
         HeadlessCrowd::step_together(&mut crowds, &heads[..2], 1).expect("two for two");
     });
 }

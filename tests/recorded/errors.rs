@@ -14,8 +14,7 @@ use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
 use std::sync::Arc;
 
 fn says<T>(result: Result<T>, words: &str) {
-    let text = result.err().unwrap_or_else(|| panic!("not refused: {words}")).to_string();
-    assert!(text.contains(words) && text.contains("; "), "{words}: {text}");
+    testing::says(result, &[words, "; "]);
 }
 
 fn packed(format: DeltaFormat) -> PackedMesh {

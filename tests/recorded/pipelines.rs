@@ -10,33 +10,25 @@ static CACHES: Mutex<Vec<vk::PipelineCache>> = Mutex::new(vec![]);
 /// The driver's own functions.
 static CREATE: Mutex<Option<(vk::PFN_vkCreateComputePipelines, vk::PFN_vkCreateGraphicsPipelines)>> = Mutex::new(None);
 
-unsafe extern "system" fn seen_compute(
-    device: vk::Device,
-    cache: vk::PipelineCache,
-    count: u32,
-    infos: *const vk::ComputePipelineCreateInfo<'_>,
-    allocator: *const vk::AllocationCallbacks<'_>,
-    pipelines: *mut vk::Pipeline,
-) -> vk::Result {
-    CACHES.lock().unwrap().push(cache);
-    let (create, _) = CREATE.lock().unwrap().expect("set before");
-    // SAFETY: handed on as it came.
-    unsafe { create(device, cache, count, infos, allocator, pipelines) }
+macro_rules! seen {
+    ($name:ident, $info:ident, $which:tt) => {
+        unsafe extern "system" fn $name(
+            device: vk::Device,
+            cache: vk::PipelineCache,
+            count: u32,
+            infos: *const vk::$info<'_>,
+            allocator: *const vk::AllocationCallbacks<'_>,
+            pipelines: *mut vk::Pipeline,
+        ) -> vk::Result {
+            CACHES.lock().unwrap().push(cache);
+            let create = CREATE.lock().unwrap().expect("set before").$which;
+            // SAFETY: handed on as it came.
+            unsafe { create(device, cache, count, infos, allocator, pipelines) }
+        }
+    };
 }
-
-unsafe extern "system" fn seen_graphics(
-    device: vk::Device,
-    cache: vk::PipelineCache,
-    count: u32,
-    infos: *const vk::GraphicsPipelineCreateInfo<'_>,
-    allocator: *const vk::AllocationCallbacks<'_>,
-    pipelines: *mut vk::Pipeline,
-) -> vk::Result {
-    CACHES.lock().unwrap().push(cache);
-    let (_, create) = CREATE.lock().unwrap().expect("set before");
-    // SAFETY: handed on as it came.
-    unsafe { create(device, cache, count, infos, allocator, pipelines) }
-}
+seen!(seen_compute, ComputePipelineCreateInfo, 0);
+seen!(seen_graphics, GraphicsPipelineCreateInfo, 1);
 
 /// Software drivers keep nothing in a cache that would show in its data, so that the calls are looked at on their way
 /// to the driver.

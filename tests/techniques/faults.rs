@@ -5,7 +5,7 @@ use crate::table::{ROWS, can_read, for_every_update, updates, variants};
 use deltamorph::DeltaFormat::{Fast, Float32, Small};
 use deltamorph::internals::plan::Source;
 use deltamorph::internals::plan::hazards::Event;
-use deltamorph::internals::plan::schedule::Entry;
+use deltamorph::internals::plan::schedule::{Barrier, Entry};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{BatchSize, DeltaFormat, UpdateDesc, UpdateMode, UpdatePath, testing};
 use deltamorph_headless::HeadlessCrowd;
@@ -48,7 +48,14 @@ fn what_is_recorded_has_no_hazard_and_a_dropped_barrier_has_one() {
 fn validation_sees_a_dropped_barrier() {
     for row in &ROWS {
         if let Some((dropped, format, batch)) = row.seen {
-            gpu::assert_validation_sees_dropped(dropped, UpdateDesc::new(row.path, batch), format);
+            let mut barriers = 0..;
+            let is_it = |_: &Barrier| barriers.next() == Some(dropped);
+            gpu::assert_validation_sees_dropped(row.path.name(), &[&[0.7; 20]], is_it, |headless| {
+                let mesh = packed(headless.engine(), &testing::mesh(500, 20), format);
+                let mut crowd = gpu::crowd(headless, &mesh, UpdateDesc::new(row.path, batch));
+                crowd.step(&[&weights(&mesh, 0, 1)]).expect("a step");
+                crowd
+            });
         }
     }
 }

@@ -8,7 +8,6 @@ use deltamorph::{
     BatchSize, CpuCrowd, DeltaFormat, MorphMesh, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
     UpdateStats,
 };
-use deltamorph_headless::HeadlessCrowd;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -52,7 +51,7 @@ fn whole_clip(set: &str, clip: &str) {
             let packed = pack(&mesh, format);
             let desc = UpdateDesc::blocks().pose(pose).slots(slots);
             let on_cpu = desc.path(UpdatePath::Cpu);
-            let mut crowd = HeadlessCrowd::new(headless, &packed, &gpu::single(desc)).expect("a crowd");
+            let mut crowd = gpu::crowd(headless, &packed, desc);
             let mut cpu = CpuCrowd::new(packed.clone(), on_cpu, 1, 2).expect("a crowd");
             for (i, weights) in frames.iter().enumerate() {
                 let stats = crowd.step(&[weights]).expect("a step").update.stats;

@@ -1,26 +1,26 @@
 //! Meshes in blocks whose deltas exceed what a descriptor covers, on real drivers: the asset is cut into parts, and
 //! poses are those of a device that takes it whole.
 
-use crate::gpu::{complaints, drivers};
+use crate::gpu::{self, drivers};
 use crate::scene::{Scene, crowd, fixed};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    AnimationDesc, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, MorphMesh, PackDesc, PackedMesh, Playback,
-    PoseFormat, UpdateDesc, UpdateMode, WeightClip, testing,
+    AnimationDesc, CrowdDesc, DeltaFormat, MorphEngine, MorphMesh, PackDesc, PackedMesh, Playback, PoseFormat,
+    UpdateDesc, UpdateMode, WeightClip, testing,
 };
-use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
+use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// What the devices here offer, with at most so many bytes to a descriptor.
-fn headless(driver: &str, texels: bool, range: u64) -> Headless {
-    let mut limits = DeviceCaps::android_baseline();
-    if texels {
-        (limits.max_texels, limits.int64) = (u32::MAX, true);
-    }
-    limits.max_storage_range = limits.max_storage_range.min(range);
-    let desc = HeadlessDesc::default().device(DeviceChoice::Name(driver.to_owned())).validation(true);
-    Headless::new(&desc.limits(Some(limits))).expect("a device")
+/// Run `test` on what the devices here offer, with at most so many bytes to a descriptor.
+fn within<R>(driver: &str, texels: bool, range: u64, test: impl FnOnce(&Headless) -> R) -> R {
+    let limits = gpu::baseline(|caps| {
+        if texels {
+            (caps.max_texels, caps.int64) = (u32::MAX, true);
+        }
+        caps.max_storage_range = caps.max_storage_range.min(range);
+    });
+    gpu::on_device_within(driver, Some(limits), |headless, _| test(headless))
 }
 
 fn frame(targets: usize, frame: usize, instance: usize) -> Vec<f32> {
@@ -64,26 +64,22 @@ fn an_asset_beyond_the_storage_range_runs_in_parts() {
             ];
             for (pose, instances) in all.into_iter().filter(|(pose, _)| format.has_integers() || !pose.has_integers()) {
                 let poses = [1 << 20, u64::MAX].map(|range| {
-                    let headless = headless(&driver, texels, range);
-                    let whole = MorphEngine::mesh_bytes(&packed) <= headless.caps().max_storage_range;
-                    assert_eq!(whole, range == u64::MAX, "{format:?}");
-                    let desc = CrowdDesc::new(UpdateDesc::blocks().pose(pose).tolerance(1e-2)).instances(instances);
-                    let mut crowd = HeadlessCrowd::new(&headless, &packed, &desc).expect("a crowd");
-                    for f in 0..3 {
-                        let weights: Vec<Vec<f32>> = (0..instances as usize).map(|i| frame(96, f, i)).collect();
-                        crowd.step(&weights.iter().map(Vec::as_slice).collect::<Vec<_>>()).expect("a step");
-                    }
-                    let error = compare(&crowd.read_pose(0).expect("a pose"), &evaluate(&packed, &frame(96, 2, 0)));
-                    assert!(
-                        error.position <= 3e-3 * f64::from(mesh.diagonal),
-                        "{driver} {format:?} {pose:?}: {error:?}"
-                    );
-                    let stored = (0..instances).map(|i| crowd.read_stored(i, 0).expect("a pose"));
-                    let stored: Vec<Vec<u8>> = stored.collect();
-                    drop(crowd);
-                    let messages = complaints(&headless);
-                    assert!(messages.is_empty(), "{driver} says:\n{}", messages.join("\n"));
-                    stored
+                    within(&driver, texels, range, |headless| {
+                        let whole = MorphEngine::mesh_bytes(&packed) <= headless.caps().max_storage_range;
+                        assert_eq!(whole, range == u64::MAX, "{format:?}");
+                        let desc = CrowdDesc::new(UpdateDesc::blocks().pose(pose).tolerance(1e-2)).instances(instances);
+                        let mut crowd = HeadlessCrowd::new(headless, &packed, &desc).expect("a crowd");
+                        for f in 0..3 {
+                            let weights: Vec<Vec<f32>> = (0..instances as usize).map(|i| frame(96, f, i)).collect();
+                            crowd.step(&weights.iter().map(Vec::as_slice).collect::<Vec<_>>()).expect("a step");
+                        }
+                        let error = compare(&crowd.read_pose(0).expect("a pose"), &evaluate(&packed, &frame(96, 2, 0)));
+                        assert!(
+                            error.position <= 3e-3 * f64::from(mesh.diagonal),
+                            "{driver} {format:?} {pose:?}: {error:?}"
+                        );
+                        (0..instances).map(|i| crowd.read_stored(i, 0).expect("a pose")).collect::<Vec<_>>()
+                    })
                 });
                 // Several heads may be in narrower tiles, whose float32 sums round otherwise.
                 let comparable = pose.has_integers() || instances == 1;
@@ -140,10 +136,7 @@ fn crowds_animated_on_the_gpu_run_in_parts() {
             for &(pose, instances, mode) in some {
                 let desc = crowd(instances, fixed(pose, 2).mode(mode));
                 let [cut, whole] = [1 << 20, u64::MAX].map(|range| {
-                    let headless = headless(&driver, texels, range);
-                    let (poses, lists) = animated(&headless, &packed, desc);
-                    let messages = complaints(&headless);
-                    assert!(messages.is_empty(), "{driver} says:\n{}", messages.join("\n"));
+                    let (poses, lists) = within(&driver, texels, range, |headless| animated(headless, &packed, desc));
                     let parts: BTreeSet<usize> = lists.iter().copied().collect();
                     assert_eq!(parts.len() > 1, range != u64::MAX, "{format:?}");
                     poses
@@ -156,19 +149,17 @@ fn crowds_animated_on_the_gpu_run_in_parts() {
 
 #[test]
 fn what_cannot_be_cut_is_refused() {
-    let pose = 6016 * 24;
-    let device = headless(&drivers()[0], false, pose);
     let large = PackedMesh::pack(&testing::mesh(64, 200), &PackDesc::new(DeltaFormat::BlockFloat32)).expect("a mesh");
-    let error = HeadlessCrowd::new(&device, &large, &CrowdDesc::new(UpdateDesc::blocks())).err().expect("refused");
-    assert!(error.to_string().contains("a block takes"), "{error}");
-    // The poses of one head have to be within reach of a descriptor.
     let packed = PackedMesh::pack(&mesh(), &PackDesc::new(DeltaFormat::Small)).expect("a mesh");
-    let desc = |slots| crowd(2, fixed(PoseFormat::Fixed32, slots));
-    let (clips, words) = ([], ["the slots of one instance", "288768 bytes", "use fewer slots, or split the mesh"]);
-    let animated = HeadlessCrowd::animated(&device, &packed, &desc(2), &AnimationDesc::new(&clips));
-    for error in [animated.err(), HeadlessCrowd::new(&device, &packed, &desc(2)).err()] {
-        let text = error.expect("refused").to_string();
-        assert!(words.iter().all(|words| text.contains(words)), "{text}");
-    }
-    HeadlessCrowd::animated(&device, &packed, &desc(1), &AnimationDesc::new(&clips)).expect("a crowd in one slot");
+    within(&drivers()[0], false, 6016 * 24, |headless| {
+        let made = HeadlessCrowd::new(headless, &large, &CrowdDesc::new(UpdateDesc::blocks()));
+        testing::says(made, &["a block takes"]);
+        // The poses of one head have to be within reach of a descriptor.
+        let desc = |slots| crowd(2, fixed(PoseFormat::Fixed32, slots));
+        let (clips, words) = ([], ["the slots of one instance", "288768 bytes", "use fewer slots, or split the mesh"]);
+        let animated = |slots| HeadlessCrowd::animated(headless, &packed, &desc(slots), &AnimationDesc::new(&clips));
+        testing::says(animated(2), &words);
+        testing::says(HeadlessCrowd::new(headless, &packed, &desc(2)), &words);
+        animated(1).expect("a crowd in one slot");
+    });
 }

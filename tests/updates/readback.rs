@@ -146,8 +146,7 @@ fn what_has_no_pose_is_refused() {
         let mut refused = |crowd: &deltamorph::Crowd, instance, words: &str| {
             // SAFETY: as above.
             let result = headless.run(|cmd| unsafe { readback.record(cmd, crowd, &[instance]) });
-            let text = result.expect_err("refused").to_string();
-            assert!(text.contains(words), "{text}");
+            testing::says(result, &[words]);
         };
         refused(&crowd, 0, "instance 0 has no pose yet; record an update first");
         // SAFETY: as above.

@@ -8,7 +8,6 @@ use deltamorph::{
     Asset, BatchSize, CpuCrowd, DeltaFormat, MorphMesh, PackDesc, PackedMesh, PoseError, Tolerance, UpdateDesc,
     UpdatePath,
 };
-use deltamorph_headless::HeadlessCrowd;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -77,7 +76,7 @@ fn whole_clip(set: &str, clip_name: &str) {
                 (UpdatePath::Compute, BatchSize::All),
             ] {
                 let desc = UpdateDesc::new(path, batch);
-                let mut crowd = HeadlessCrowd::new(headless, &packed, &gpu::single(desc)).expect("a crowd");
+                let mut crowd = gpu::crowd(headless, &packed, desc);
                 let errors = play(&frames, &packed, &raw, |weights, check| {
                     crowd.step(&[weights]).expect("a step");
                     check.then(|| crowd.read_pose(0).expect("a pose"))
