@@ -11,4 +11,5 @@ mod normalised;
 mod poses;
 mod recording;
 mod refused;
+mod streams;
 mod table;

@@ -20,4 +20,3 @@ mod integers;
 mod parts;
 mod readback;
 mod real_data;
-mod streams;
