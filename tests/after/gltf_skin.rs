@@ -77,21 +77,25 @@ fn moments() -> Vec<Playing> {
 /// Largest distance over the diagonal, degrees between normals, degrees between tangents.
 type Off = (f64, f64, f64);
 
-/// Play all clips of a character on the device.
+/// Play all clips of a character on the device: the mesh of the file, or the one that its meshes become.
 fn play(
     headless: &Headless,
     character: &Character,
     format: DeltaFormat,
     update: UpdateDesc,
     method: SkinMethod,
+    is_merged: bool,
 ) -> Off {
     let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
     let folder = tempfile::tempdir().unwrap();
     let gltf = gltf::read(&write(character, folder.path())).unwrap();
-    let mesh = &gltf.meshes[0];
-    let packed = gpu::packed(headless.engine(), &mesh.source.to_mesh(Tolerance::ZERO).expect("a mesh"), format);
-    let influences = mesh.influences.as_ref().expect("a skin");
-    let joint_count = gltf.skins[0].joints.len() as u32;
+    let (merged, skeleton) = gltf.clone().into_skinned().expect("a mesh");
+    let skeleton = skeleton.expect("a skin");
+    let (source, influences, joint_count) = match is_merged {
+        true => (&merged, &skeleton.influences, skeleton.joint_count() as u32),
+        false => (&gltf.meshes[0].source, gltf.meshes[0].influences.as_ref().expect("a skin"), 4),
+    };
+    let packed = gpu::packed(headless.engine(), &source.to_mesh(Tolerance::ZERO).expect("a mesh"), format);
     let desc = SkinDesc::new(influences.per_vertex as u32, joint_count, &influences.joints, &influences.weights);
     // SAFETY: the buffer is recording, runs once, and is waited for.
     let mut skin = headless.run(|cmd| unsafe { headless.engine().upload_skin(cmd, &packed, &desc) }).expect("a skin");
@@ -111,7 +115,10 @@ fn play(
     let mut held = vec![f32::NAN; layout.padded_vertices() * 6];
     let mut worst: Off = (0.0, 0.0, 0.0);
     for playing in moments() {
-        let (weights, matrices) = at(&gltf, playing);
+        let (weights, mut matrices) = at(&gltf, playing);
+        if is_merged {
+            matrices = skeleton.joint_matrices(playing.map(|(clip, time)| (&skeleton.animations[clip], time)));
+        }
         joints.set(headless, packed_joints(&matrices, method));
         crowd.set_joints(0, joints.offset()).expect("joints");
         crowd.step(&[&weights]).expect("a step");
@@ -148,18 +155,20 @@ fn a_skinned_morphing_character_is_what_its_file_says() {
         // Positions as a share of the diagonal, and degrees. What packing loses is in them: `fast` has 9 bits for a
         // component of normals, whose sums are short here.
         let (all, fast) = ((2e-6, 0.01, 0.01), (5e-5, 3.0, 3.0));
-        for (stored, influences, method, format, update, limits) in [
-            (Stored::Floats, 4, linear, DeltaFormat::Float32, dense, all),
-            (Stored::Floats, 8, linear, DeltaFormat::BlockFloat32, exact, all),
-            (Stored::Floats, 4, dual, DeltaFormat::BlockFloat32, exact, all),
-            (Stored::Floats, 8, dual, DeltaFormat::Float32, dense, all),
-            (Stored::Floats, 4, linear, DeltaFormat::Fast, exact.pose(PoseFormat::Fixed32), fast),
-            (Stored::Quantised, 4, linear, DeltaFormat::BlockFloat32, exact, all),
-            (EXT, 8, linear, DeltaFormat::Float32, dense, all),
-            (KHR, 4, linear, DeltaFormat::BlockFloat32, exact, all),
+        for (stored, influences, method, format, update, limits, is_merged) in [
+            (Stored::Floats, 4, linear, DeltaFormat::Float32, dense, all, false),
+            (Stored::Floats, 8, linear, DeltaFormat::BlockFloat32, exact, all, false),
+            (Stored::Floats, 4, dual, DeltaFormat::BlockFloat32, exact, all, false),
+            (Stored::Floats, 8, dual, DeltaFormat::Float32, dense, all, false),
+            (Stored::Floats, 4, linear, DeltaFormat::Fast, exact.pose(PoseFormat::Fixed32), fast, false),
+            (Stored::Quantised, 4, linear, DeltaFormat::BlockFloat32, exact, all, false),
+            (EXT, 8, linear, DeltaFormat::Float32, dense, all, false),
+            (KHR, 4, linear, DeltaFormat::BlockFloat32, exact, all, false),
+            (Stored::Floats, 8, linear, DeltaFormat::BlockFloat32, exact, all, true),
+            (Stored::Quantised, 4, linear, DeltaFormat::Float32, dense, all, true),
         ] {
             let character = Character::new(stored, influences, method == dual);
-            let off = play(headless, &character, format, update, method);
+            let off = play(headless, &character, format, update, method, is_merged);
             let what = format!("{}: {stored:?}, {influences}, {method:?}, {format:?}", headless.caps().name);
             println!("{what}: off by {:.1e} of the diagonal, {:.1e} and {:.1e} degrees", off.0, off.1, off.2);
             assert!(off.0 < limits.0 && off.1 < limits.1 && off.2 < limits.2, "{what}: {off:?}");

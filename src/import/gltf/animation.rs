@@ -3,6 +3,7 @@
 use super::container::Container;
 use super::json::At;
 use crate::error::Result;
+use crate::import::DEFAULT_FPS;
 use glam::DQuat;
 
 /// An animation: channels that play together.
@@ -131,6 +132,49 @@ impl Channel {
     pub(super) fn near_key(&self, time: f64, distance: f64) -> f64 {
         let after = self.times.partition_point(|t| f64::from(*t) < time - distance);
         self.times.get(after).map(|t| f64::from(*t)).filter(|key| (key - time).abs() <= distance).unwrap_or(time)
+    }
+}
+
+/// Times that differ by less than this part of a frame count as equal.
+pub(super) const NEAR: f64 = 1e-3;
+
+impl Animation {
+    pub(super) fn weight_channels(&self) -> impl Iterator<Item = &Channel> {
+        self.channels.iter().filter(|channel| channel.property == Property::Weights)
+    }
+
+    /// Frames per second of evenly spaced keys of weights (within 2% of a frame); otherwise 30.
+    pub(super) fn frame_rate(&self) -> f32 {
+        let longest = self.weight_channels().max_by_key(|channel| channel.times.len());
+        let times = longest.map_or(&[][..], |channel| &channel.times);
+        let (Some(&first), Some(&last)) = (times.first(), times.last()) else { return DEFAULT_FPS };
+        let (first, frames) = (f64::from(first), times.len() as f64 - 1.0);
+        let fps = frames / (f64::from(last) - first);
+        let even = |(i, t): (usize, &f32)| ((f64::from(*t) - first) * fps - i as f64).abs() < 0.02;
+        if !(fps.is_finite() && fps > 0.0 && times.iter().enumerate().all(even)) {
+            return DEFAULT_FPS;
+        }
+        // Undo rounding to single precision: 29.999998 means 30.
+        if (fps - fps.round()).abs() < 1e-3 * fps { fps.round() as f32 } else { fps as f32 }
+    }
+
+    /// The times of frames from the first to the last key of its weights.
+    pub(super) fn frames(&self, fps: f32) -> impl ExactSizeIterator<Item = f64> + use<> {
+        let spans = self.weight_channels().map(Channel::span);
+        let [start, end] = spans.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or_default();
+        let frames = ((end - start) * f64::from(fps) - NEAR).ceil().max(0.0) + 1.0;
+        (0..frames as usize).map(move |frame| (start + frame as f64 / f64::from(fps)).min(end))
+    }
+
+    /// Returns the time of each frame of its clip, in seconds, or that of a key which is within a thousandth of a frame
+    /// of it: [`Gltf::clip`](super::Gltf::clip) with this `fps`.
+    pub fn frame_times(&self, fps: Option<f32>) -> impl ExactSizeIterator<Item = f64> {
+        let fps = fps.unwrap_or_else(|| self.frame_rate());
+        let near = move |time: f64| {
+            let keys = self.channels.iter().map(|channel| channel.near_key(time, NEAR / f64::from(fps)));
+            keys.max_by(|a, b| (a - time).abs().total_cmp(&(b - time).abs())).unwrap_or(time)
+        };
+        self.frames(fps).map(near)
     }
 }
 

@@ -28,16 +28,19 @@ mod json;
 mod mesh;
 mod meshopt;
 mod scene;
+mod skeleton;
 #[cfg(test)]
 mod tests;
 
 pub use animation::{Animation, Channel, Interpolation, Property};
 pub use mesh::{Influences, Mesh, Primitive};
 pub use scene::{Node, Skin, Transform};
+pub use skeleton::Skeleton;
 
 use crate::asset::MorphSource;
 use crate::error::{Error, Result};
 use crate::weights::WeightClip;
+use animation::NEAR;
 use container::Container;
 use glam::DMat4;
 use std::collections::{BTreeSet, HashMap, HashSet};
@@ -182,7 +185,7 @@ impl Gltf {
 
     /// Iterates over the animations that have weights, for [`clip`](Self::clip).
     pub(super) fn weight_animations(&self) -> impl Iterator<Item = &Animation> {
-        self.animations.iter().filter(|animation| weight_channels(animation).next().is_some())
+        self.animations.iter().filter(|animation| animation.weight_channels().next().is_some())
     }
 
     /// Samples the weights of an animation from its first to its last key. The clip has a column for each target that
@@ -197,11 +200,11 @@ impl Gltf {
             let place = format!(": animation '{}'", animation.name);
             Err(Error::input(&self.path, place, what, remedy))
         };
-        let channels: Vec<&Channel> = weight_channels(animation).collect();
-        let Some(longest) = channels.iter().max_by_key(|channel| channel.times.len()) else {
+        let channels: Vec<&Channel> = animation.weight_channels().collect();
+        if channels.is_empty() {
             return refuse("no weights of morph targets", "name another animation");
-        };
-        let fps = fps.unwrap_or_else(|| frame_rate(&longest.times));
+        }
+        let fps = fps.unwrap_or_else(|| animation.frame_rate());
         if !(fps > 0.0 && fps.is_finite()) {
             return Err(Error::invalid(
                 format!("the frame rate is {fps}"),
@@ -218,15 +221,13 @@ impl Gltf {
         }
         // Columns whose channels are all covered by earlier ones.
         columns.retain(|(_, own)| !own.is_empty());
-        let spans = channels.iter().map(|channel| channel.span());
-        let [start, end] = spans.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or_default();
-        let frames = ((end - start) * f64::from(fps) - NEAR).ceil().max(0.0) + 1.0;
-        if frames * names.len() as f64 > f64::from(1 << 24) {
+        let times = animation.frames(fps);
+        let frames = times.len();
+        if frames as f64 * names.len() as f64 > f64::from(1 << 24) {
             return refuse("more than 2^24 weights", "sample it with fewer frames per second, or split it");
         }
-        let mut values = Vec::with_capacity(frames as usize * names.len());
-        for frame in 0..frames as usize {
-            let time = (start + frame as f64 / f64::from(fps)).min(end);
+        let mut values = Vec::with_capacity(frames * names.len());
+        for time in times {
             for (channel, own) in &columns {
                 let between = channel.between(channel.near_key(time, NEAR / f64::from(fps)));
                 values.extend(own.iter().map(|i| channel.number(*i, between) as f32));
@@ -244,7 +245,23 @@ impl Gltf {
     /// # Errors
     /// [`Error::Input`] if no mesh has triangles, a node flattens its mesh, or the mesh would be larger than a file of
     /// this size can hold.
-    pub fn into_source(mut self) -> Result<MorphSource> {
+    pub fn into_source(self) -> Result<MorphSource> {
+        Ok(self.assembled(false)?.0)
+    }
+
+    /// Makes one mesh of the file, as [`into_source`](Self::into_source) does, and says which joints its vertices
+    /// follow; `None` where nothing moves but targets: no mesh has a skin, and no animation moves a node.
+    ///
+    /// # Errors
+    /// Those of `into_source`; [`Error::Input`] if vertices follow more than 65,535 joints in all.
+    pub fn into_skinned(self) -> Result<(MorphSource, Option<Skeleton>)> {
+        let has_skin = self.nodes.iter().any(|node| node.skin.is_some());
+        let mut channels = self.animations.iter().flat_map(|animation| &animation.channels);
+        let moves = has_skin || channels.any(|channel| channel.property != Property::Weights);
+        self.assembled(moves)
+    }
+
+    fn assembled(mut self, with_joints: bool) -> Result<(MorphSource, Option<Skeleton>)> {
         let worlds = self.world_matrices(None);
         // For each mesh, the nodes in the scene that draw it.
         let mut drawn = vec![vec![]; self.meshes.len()];
@@ -269,7 +286,7 @@ impl Gltf {
                 }
             }
         }
-        let mut parts = vec![];
+        let (mut parts, mut placed) = (vec![], vec![]);
         for mesh in taken {
             let mut source = std::mem::take(&mut self.meshes[mesh].source);
             let nodes = &drawn[mesh];
@@ -306,6 +323,7 @@ impl Gltf {
                 let what = format!("the transform of node {number} '{}' flattens its mesh", node.name);
                 return Err(Error::input(&self.path, "", what, "give the node a scale other than 0"));
             }
+            placed.push((mesh, node.map(|(number, _)| number), place.unwrap_or(DMat4::IDENTITY)));
             parts.push(source);
         }
         self.notes.extend(left_out);
@@ -317,7 +335,9 @@ impl Gltf {
             let merged: Vec<&str> = parts.iter().map(|part| part.name.as_str()).collect();
             self.notes.push(format!("merged, targets of one name moved together: '{}'", merged.join("', '")));
         }
-        let size = assemble::merged_size(&parts);
+        let counts: Vec<usize> = parts.iter().map(|part| part.positions.len()).collect();
+        let of_joints = if with_joints { Skeleton::VERTEX_BYTES * counts.iter().sum::<usize>() as u64 } else { 0 };
+        let size = assemble::merged_size(&parts) + of_joints;
         if size > self.budget {
             let mib = size.div_ceil(1 << 20);
             let what = format!("its meshes as one take {mib} MiB, which is more than a file of this size can hold");
@@ -328,28 +348,16 @@ impl Gltf {
                 "export fewer of them, or without what only some of them have",
             ));
         }
+        let mut skeleton = with_joints.then(|| Skeleton::new(self.nodes, self.order, self.animations));
+        for ((mesh, node, place), count) in placed.iter().zip(counts) {
+            let mut add = |all: &mut Skeleton| all.add(count, *node, &self.meshes[*mesh], &self.skins, place);
+            if !skeleton.as_mut().is_none_or(&mut add) {
+                let remedy = "export fewer meshes or joints";
+                return Err(Error::input(&self.path, "", "vertices follow more than 65535 joints", remedy));
+            }
+        }
         let mut source = assemble::merge(self.name, parts);
         self.notes.append(&mut source.notes);
-        Ok(MorphSource { notes: self.notes, ..source })
+        Ok((MorphSource { notes: self.notes, ..source }, skeleton))
     }
-}
-
-/// Times that differ by less than this part of a frame count as equal.
-const NEAR: f64 = 1e-3;
-
-fn weight_channels(animation: &Animation) -> impl Iterator<Item = &Channel> {
-    animation.channels.iter().filter(|channel| channel.property == Property::Weights)
-}
-
-/// Frames per second of evenly spaced keys (within 2% of a frame); otherwise 30.
-fn frame_rate(times: &[f32]) -> f32 {
-    let (Some(&first), Some(&last)) = (times.first(), times.last()) else { return super::DEFAULT_FPS };
-    let (first, frames) = (f64::from(first), times.len() as f64 - 1.0);
-    let fps = frames / (f64::from(last) - first);
-    let even = |(i, t): (usize, &f32)| ((f64::from(*t) - first) * fps - i as f64).abs() < 0.02;
-    if !(fps.is_finite() && fps > 0.0 && times.iter().enumerate().all(even)) {
-        return super::DEFAULT_FPS;
-    }
-    // Undo rounding to single precision: 29.999998 means 30.
-    if (fps - fps.round()).abs() < 1e-3 * fps { fps.round() as f32 } else { fps as f32 }
 }

@@ -2,6 +2,7 @@
 
 use super::written::{F32, U8, Written, bytes};
 use super::*;
+use glam::{DMat4, DVec3};
 
 const CORNERS: [[f32; 3]; 3] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 
@@ -167,8 +168,8 @@ fn bind(file: &mut Written, mesh: &mut Value, first: u8) {
     (attributes["JOINTS_0"], attributes["WEIGHTS_0"]) = (json!(joints), json!(weights));
 }
 
-#[test]
-fn each_skin_has_its_own_joints_wherever_its_skeleton_is() {
+/// Two meshes, each with a skin.
+fn dressed() -> Written {
     let mut file = Written::default();
     let mut meshes = [triangle(&mut file, "head", &[("jaw", 1.0)]), triangle(&mut file, "coat", &[("wind", 1.0)])];
     meshes.iter_mut().zip([0, 1]).for_each(|(mesh, first)| bind(&mut file, mesh, first));
@@ -186,7 +187,12 @@ fn each_skin_has_its_own_joints_wherever_its_skeleton_is() {
     ]);
     file.json["scenes"] = json!([{"nodes": [0, 1, 2]}]);
     file.json["scene"] = json!(0);
-    let read = file.read().unwrap();
+    file
+}
+
+#[test]
+fn each_skin_has_its_own_joints_wherever_its_skeleton_is() {
+    let read = dressed().read().unwrap();
     let shown: Vec<bool> = read.nodes.iter().map(|node| node.is_shown).collect();
     assert_eq!(shown, [true, true, true, true, false, false, false]);
     let worlds = read.world_matrices(None);
@@ -201,6 +207,65 @@ fn each_skin_has_its_own_joints_wherever_its_skeleton_is() {
     assert_noted(&source, &["mesh 'head' has a skin: as it was bound", "mesh 'coat' has a skin: as its joints stand"]);
     assert_eq!((source.positions[1], source.positions[4]), (Vec3::X, Vec3::new(2.0, 0.0, 4.0)));
     assert_eq!(source.targets[1].positions, [(3, Vec3::Z * 2.0)]);
+}
+
+/// A coat that stands as its joints do, a head as it was bound, and an eye without a skin, below a joint: as one mesh
+/// they move as each would by itself.
+#[test]
+fn the_one_mesh_of_a_file_moves_as_its_meshes_do() {
+    let mut file = dressed();
+    let eye = triangle(&mut file, "eye", &[("blink", 0.5)]);
+    file.json["meshes"].as_array_mut().unwrap().push(eye);
+    file.json["nodes"][3]["mesh"] = json!(2);
+    let [times, turns, moves] = [
+        file.floats(&[[0.0], [0.5], [1.0]]),
+        file.floats(&[[0.0, 0.0, 0.0, 1.0], [0.0, 0.6, 0.0, 0.8], [0.8, 0.0, 0.0, 0.6]]),
+        file.floats(&[[0.0, 0.0, 0.0], [1.0, 2.0, 3.0], [3.0, 2.0, 1.0]]),
+    ];
+    let weights = file.floats(&[[0.0], [1.0], [0.5]]);
+    let channel =
+        |sampler: usize, node: usize, path: &str| json!({"sampler": sampler, "target": {"node": node, "path": path}});
+    let sampler = |values| json!({"input": times, "output": values, "interpolation": "STEP"});
+    let samplers = [turns, moves, weights].map(sampler);
+    file.json["animations"] = json!([{
+        "channels": [channel(0, 2, "rotation"), channel(1, 5, "translation"), channel(2, 0, "weights")],
+        "samplers": samplers,
+    }]);
+    let read = file.read().unwrap();
+    let (source, skeleton) = read.clone().into_skinned().unwrap();
+    let skeleton = skeleton.expect("joints");
+    assert_eq!(source.positions, read.clone().into_source().unwrap().positions);
+    let shape = |mesh: usize| read.meshes[mesh].source.positions.iter().map(|p| p.as_dvec3());
+    let blended = |influences: &Influences, v: usize, matrices: &[DMat4], p: DVec3| -> DVec3 {
+        let of_vertex = v * influences.per_vertex..(v + 1) * influences.per_vertex;
+        let joints = influences.joints[of_vertex.clone()].iter().zip(&influences.weights[of_vertex]);
+        joints.map(|(j, w)| matrices[usize::from(*j)].transform_point3(p) * f64::from(*w)).sum()
+    };
+    let animation = &read.animations[0];
+    // Frames at three a second lie between the keys, but for the first and the last.
+    let times: Vec<f64> = animation.frame_times(Some(3.0)).collect();
+    assert_eq!(times.len(), read.clip(animation, Some(3.0)).unwrap().frame_count());
+    assert_eq!(animation.frame_times(None).collect::<Vec<_>>(), [0.0, 0.5, 1.0], "as its keys are");
+    for playing in std::iter::once(None).chain(times.into_iter().map(|time| Some((animation, time)))) {
+        let worlds = read.world_matrices(playing);
+        let skinned = |mesh: usize| {
+            let (influences, joints) =
+                (read.meshes[mesh].influences.as_ref(), read.joint_matrices(&read.skins[mesh], &worlds));
+            shape(mesh).enumerate().map(move |(v, p)| blended(influences.unwrap(), v, &joints, p)).collect::<Vec<_>>()
+        };
+        let eye = shape(2).map(|p| worlds[3].transform_point3(p)).collect();
+        let expected = [skinned(0), skinned(1), eye].concat();
+        let matrices = skeleton.joint_matrices(playing);
+        for (v, (p, expected)) in source.positions.iter().zip(expected).enumerate() {
+            let found = blended(&skeleton.influences, v, &matrices, p.as_dvec3());
+            assert!(found.distance(expected) < 1e-6, "{v} at {:?}: {found}, {expected}", playing.map(|(_, time)| time));
+        }
+    }
+    assert!(skeleton.joint_count() > 3 && skeleton.animations.len() == 1);
+    file.json["meshes"] = json!([file.json["meshes"][2]]);
+    (file.json["nodes"], file.json["scenes"]) = (json!([{"mesh": 0}]), json!([{"nodes": [0]}]));
+    (file.json["animations"], file.json["skins"]) = (json!([]), json!([]));
+    assert!(file.read().unwrap().into_skinned().unwrap().1.is_none(), "nothing moves but targets");
 }
 
 #[test]

@@ -1,0 +1,93 @@
+//! The joints of the one mesh that a file becomes.
+
+use super::animation::Animation;
+use super::mesh::{Influences, Mesh};
+use super::scene::{Node, Skin, world_matrices};
+use glam::DMat4;
+use std::collections::BTreeMap;
+
+/// What moves the vertices of [`Gltf::into_skinned`](super::Gltf::into_skinned)'s mesh besides its targets. Vertices of
+/// meshes without a skin follow one joint each, the node that draws them.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Skeleton {
+    /// For each vertex its joints, and weights that sum to 1.
+    pub influences: Influences,
+    /// The animations of the file.
+    pub animations: Vec<Animation>,
+    joints: Vec<Joint>,
+    nodes: Vec<Node>,
+    order: Vec<usize>,
+}
+
+/// A node, and the matrix from the space of the mesh to its own.
+type Joint = (Option<usize>, DMat4);
+
+impl Skeleton {
+    /// What a vertex takes: 8 joints and weights.
+    pub(super) const VERTEX_BYTES: u64 = 48;
+
+    /// Of no vertices yet; the first joint never moves.
+    pub(super) fn new(nodes: Vec<Node>, order: Vec<usize>, animations: Vec<Animation>) -> Self {
+        let influences = Influences { per_vertex: 8, ..Influences::default() };
+        Self { influences, animations, joints: vec![(None, DMat4::IDENTITY)], nodes, order }
+    }
+
+    /// Adds the vertices of a mesh that `node` draws and `place` has put there. Returns `false` if joints are too many.
+    pub(super) fn add(
+        &mut self,
+        count: usize,
+        node: Option<usize>,
+        mesh: &Mesh,
+        skins: &[Skin],
+        place: &DMat4,
+    ) -> bool {
+        let skin = node.and_then(|node| self.nodes[node].skin).map(|skin| &skins[skin]);
+        let undo = place.inverse();
+        let Influences { joints, weights, .. } = &mut self.influences;
+        let (first, all) = (joints.len(), &mut self.joints);
+        joints.resize(first + 8 * count, 0);
+        weights.resize(first + 8 * count, 0.0);
+        let slots = joints[first..].chunks_exact_mut(8).zip(weights[first..].chunks_exact_mut(8));
+        if let (Some(skin), Some(influences)) = (skin, &mesh.influences) {
+            let n = influences.per_vertex;
+            let of_file = influences.joints.chunks_exact(n).zip(influences.weights.chunks_exact(n));
+            let mut numbers = BTreeMap::new();
+            for ((joints, weights), (of_file, shares)) in slots.zip(of_file) {
+                for (i, (joint, share)) in
+                    of_file.iter().zip(shares).enumerate().filter(|(_, (_, share))| **share > 0.0)
+                {
+                    joints[i] = *numbers.entry(*joint).or_insert_with(|| {
+                        let joint = usize::from(*joint);
+                        all.push((Some(skin.joints[joint]), skin.inverse_bind[joint].as_dmat4() * undo));
+                        (all.len() - 1) as u16
+                    });
+                    weights[i] = *share;
+                }
+                if shares.iter().all(|share| *share == 0.0) {
+                    weights[0] = 1.0;
+                }
+            }
+        } else {
+            // What has a skin and names no joints stays where it is.
+            let node = node.filter(|_| skin.is_none());
+            let joint = if node.is_some() { all.len() as u16 } else { 0 };
+            all.extend(node.map(|_| (node, undo)));
+            slots.for_each(|(joints, weights)| (joints[0], weights[0]) = (joint, 1.0));
+        }
+        all.len() <= 1 << 16
+    }
+
+    /// Number of joints.
+    pub fn joint_count(&self) -> usize {
+        self.joints.len()
+    }
+
+    /// Returns the skinning matrix of each joint, from the space of the mesh to the scene's: at rest, or at a time of
+    /// an animation, in seconds ([`Animation::frame_times`]).
+    #[must_use]
+    pub fn joint_matrices(&self, playing: Option<(&Animation, f64)>) -> Vec<DMat4> {
+        let worlds = world_matrices(&self.nodes, &self.order, playing);
+        self.joints.iter().map(|(node, bind)| node.map_or(*bind, |node| worlds[node] * *bind)).collect()
+    }
+}
