@@ -9,6 +9,7 @@ use crate::passes::RendererDesc;
 use crate::poses::{Poses, StoredPose};
 use crate::renderer::Renderer;
 use crate::scene::{Head, Masks, Scene, Show};
+use crate::step::{Step, Stepped};
 use crate::target::Target;
 use crate::wrinkles::MaskPlace;
 use deltamorph::ash::vk;
@@ -61,6 +62,7 @@ pub struct Studio<'a> {
     pending: VecDeque<usize>,
     pool: vk::CommandPool,
     crowd: Option<Crowd>,
+    stepped: Option<Stepped>,
     /// The glow of each head.
     glow: Vec<Glow>,
     /// Of the crowd's poses, where heads are left out by them.
@@ -100,6 +102,22 @@ impl<'a> Studio<'a> {
         parts: &[Part],
         desc: StudioDesc,
     ) -> Result<Self> {
+        Self::with_step(headless, mesh, packed, parts, desc, &Step::None)
+    }
+
+    /// Makes a studio where `step` follows the poses.
+    ///
+    /// # Errors
+    /// Those of [`new`](Self::new); a step that the engine refuses, or after poses of the host; wrinkle masks of
+    /// integers beside what a step writes.
+    pub fn with_step(
+        headless: &'a Headless,
+        mesh: &MorphMesh,
+        packed: &PackedMesh,
+        parts: &[Part],
+        desc: StudioDesc,
+        step: &Step<'_>,
+    ) -> Result<Self> {
         let StudioDesc { size: [width, height], heads, in_flight, update, .. } = desc;
         if update.path.evaluates_in_draws() {
             return Err(Error::Invalid {
@@ -117,11 +135,20 @@ impl<'a> Studio<'a> {
         unsafe { uploaded.release_staging() };
         let crowd = CrowdDesc::new(update).instances(heads).frames_in_flight(in_flight.max(1));
         let on_device = update.path != UpdatePath::Cpu;
-        let crowd = if on_device { Some(engine.create_crowd(&uploaded, &crowd)?) } else { None };
+        let mut crowd = if on_device { Some(engine.create_crowd(&uploaded, &crowd)?) } else { None };
 
         let (instance, physical, device) = headless.handles();
         let (place, layout) = (MaskPlace::of(packed), vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
-        let renderer = RendererDesc { format: FORMAT, layout, pose: update.pose, masks: place.is_some() };
+        let is_stepped = *step != Step::None;
+        if is_stepped && (!on_device || place.is_some() && update.pose.has_integers()) {
+            return Err(Error::Invalid {
+                what: format!("a step after {} poses on the path '{}'", update.pose.name(), update.path.name()),
+                remedy: "use a path on the device, and float32 poses where there are wrinkle masks".into(),
+            });
+        }
+        // Steps write float32.
+        let pose = if is_stepped { PoseFormat::Float32 } else { update.pose };
+        let renderer = RendererDesc { format: FORMAT, layout, pose, masks: place.is_some() };
         // SAFETY: the handles are those of `headless`, which outlives the studio; `drop` waits for the device.
         let renderer = unsafe { Renderer::new(instance, physical, device, &renderer) }?;
         let most = renderer.gpu.limits.max_image_dimension2_d.min(renderer.gpu.limits.max_framebuffer_width);
@@ -140,6 +167,10 @@ impl<'a> Studio<'a> {
         let (frames, pending) = (vec![], VecDeque::new());
         let (glow, last) = (vec![Glow::new(packed.layout()); heads as usize], vec![]);
         let _uploaded = uploaded;
+        let frames_in_flight = in_flight.max(1) as usize;
+        let stepped =
+            crowd.as_mut().map(|crowd| Stepped::new((headless, &renderer.gpu), packed, crowd, step, frames_in_flight));
+        let stepped = stepped.transpose()?.flatten();
         let bounds = if desc.cull && on_device { Some(PoseBounds::new(packed, &update)?) } else { None };
         let mut this = Self {
             headless,
@@ -148,6 +179,7 @@ impl<'a> Studio<'a> {
             pending,
             pool,
             crowd,
+            stepped,
             glow,
             bounds,
             draws: [0; 2],
@@ -157,7 +189,7 @@ impl<'a> Studio<'a> {
             renderer,
             _uploaded,
         };
-        for _ in 0..in_flight.max(1) {
+        for _ in 0..frames_in_flight {
             let frame = this.frame(packed)?;
             this.frames.push(frame);
         }
@@ -250,7 +282,23 @@ impl<'a> Studio<'a> {
         Ok(finished)
     }
 
+    /// Sets the joints of a head from the next picture on, in a studio with [`Step::Skin`]: the first three rows of
+    /// each joint's matrix. To begin with they stand still.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if there is no such head, no skin, or another number of joints.
+    pub fn set_joints(&mut self, head: usize, joints: &[f32]) -> Result<()> {
+        if self.stepped.as_mut().is_some_and(|stepped| stepped.set_joints(head, joints)) {
+            return Ok(());
+        }
+        let what = format!("{} numbers for joints of head {head}", joints.len());
+        Err(Error::Invalid { what, remedy: "give twelve for each joint of the skin".into() })
+    }
+
     fn set_poses(&mut self, slot: usize, poses: Poses<'_>) -> Result<()> {
+        if let (Some(stepped), Some(crowd)) = (&mut self.stepped, &mut self.crowd) {
+            stepped.write(slot, crowd)?;
+        }
         match (poses, &mut self.crowd, &mut self.frames[slot].poses) {
             (Poses::Weights(weights), Some(crowd), _) => {
                 for (i, weights) in (0..).zip(weights) {
@@ -299,7 +347,7 @@ impl<'a> Studio<'a> {
         background: [f32; 4],
         ticket: &mut Option<Ticket>,
     ) -> Result<()> {
-        let Self { headless, frames, crowd, glow, bounds, masks, model, renderer, desc, .. } = self;
+        let Self { headless, frames, crowd, stepped, glow, bounds, masks, model, renderer, desc, .. } = self;
         let Frame { target, image, pixels, poses: stored, cmd, .. } = &mut frames[slot];
         let (cmd, device) = (*cmd, &renderer.gpu.device);
         if let Some(crowd) = crowd {
@@ -324,6 +372,12 @@ impl<'a> Studio<'a> {
         let place_of = |(i, place): (usize, &Mat4)| match (&*crowd, &*stored, poses) {
             (Some(crowd), _, _) => {
                 let previous = crowd.previous_pose(i as u32)?;
+                if let (Some(_), Show::Motion(_)) = (&stepped, scene.show) {
+                    return Err(Error::Invalid {
+                        what: "motion of what a step after the pose writes".into(),
+                        remedy: "show the motion of poses, without a step".into(),
+                    });
+                }
                 if let (None, Show::Motion(_)) = (&previous, scene.show) {
                     return Err(Error::Invalid {
                         what: "the previous pose, which the update has overwritten".into(),
@@ -333,7 +387,8 @@ impl<'a> Studio<'a> {
                 let masks = masks.map(|_| crowd.stream(i as u32, Semantic::Mask)).transpose()?;
                 let head = Head::new(&crowd.pose(i as u32)?, *place).previous(previous.as_ref());
                 let bounds = bounds.as_ref().map(|bounds| Ok::<_, Error>(bounds.of(crowd.weights(i as u32)?)));
-                Ok(head.masks(masks.as_ref().map(Masks::new)).bounds(bounds.transpose()?))
+                let head = head.masks(masks.as_ref().map(Masks::new)).bounds(bounds.transpose()?);
+                Ok(stepped.as_ref().map_or(head, |stepped| stepped.head(i, head)))
             }
             (None, Some(buffer), Poses::Stored(stored)) => {
                 let all = buffer.contents().len() / (2 + usize::from(masks.is_some()));

@@ -1,6 +1,7 @@
 //! Pictures from every format of poses, on every driver, under the validation layers.
 
-use deltamorph::reference::{compare_group, evaluate_group, evaluate_unpacked_group};
+use deltamorph::after::{SkinDesc, SkinMethod};
+use deltamorph::reference::{self, compare_group, evaluate, evaluate_group, evaluate_unpacked_group};
 use deltamorph::{
     BatchSize, CpuCrowd, CrowdDesc, DeltaFormat, MorphMesh, MorphSource, PackedMesh, PoseFormat, Tolerance, UpdateDesc,
     UpdatePath,
@@ -8,7 +9,7 @@ use deltamorph::{
 use deltamorph_head::{HeadDesc, head, head_clip};
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 use deltamorph_render::wrinkles::{self, MaskPlace};
-use deltamorph_render::{Camera, Light, Picture, Poses, Scene, Show, StoredPose, Studio, StudioDesc, parts};
+use deltamorph_render::{Camera, Light, Picture, Poses, Scene, Show, Step, StoredPose, Studio, StudioDesc, parts};
 use glam::{Mat4, Vec3, Vec4};
 
 const SIZE: [u32; 2] = [160, 128];
@@ -395,6 +396,109 @@ fn a_jaw_that_alone_reaches_into_the_picture_is_drawn() {
             [&shut, &open].map(|other| culled(headless, (&mesh, &packed, update), &[&shut, other], &places, &scene));
         assert!(spared > 0 && draws[1] == 0, "{spared} left out without the jaw, {draws:?} with it");
         assert!(difference(&with, &without).1 > 20, "the jaw is in the picture");
+    });
+}
+
+/// Degrees between normals that two pictures show as colours, of each pixel that both have drawn.
+fn degrees(a: &Picture, b: &Picture) -> Vec<f32> {
+    let linear = |byte: u8| match f32::from(byte) / 255.0 {
+        v if v <= 0.04045 => v / 12.92,
+        v => ((v + 0.055) / 1.055).powf(2.4),
+    };
+    let normal = |pixel: &[u8]| Vec3::new(linear(pixel[0]), linear(pixel[1]), linear(pixel[2])) * 2.0 - 1.0;
+    let both = a.rgba.chunks_exact(4).zip(b.rgba.chunks_exact(4)).filter(|(a, b)| a[..3] != [0; 3] && b[..3] != [0; 3]);
+    both.map(|(a, b)| normal(a).angle_between(normal(b)).to_degrees()).collect()
+}
+
+/// What a step writes is drawn as the pose that the float64 reference makes is.
+#[test]
+fn what_steps_write_is_drawn_as_their_references_say() {
+    let (mesh, mut frames) = (mesh(&source()), frames(3));
+    frames[1].iter_mut().step_by(2).for_each(|weight| *weight = 0.7);
+    // The chin follows one joint, the forehead another.
+    let joints = [0, 1, 0, 0].repeat(mesh.vertex_count());
+    let up = mesh.positions.iter().map(|p| (p.y / 16.0 + 0.5).clamp(0.0, 1.0));
+    let weights: Vec<f32> = up.flat_map(|up| [1.0 - up, up, 0.0, 0.0]).collect();
+    let skin = SkinDesc::new(4, 2, &joints, &weights);
+    let posed = |frame: usize| -> Vec<f32> {
+        let turn = Mat4::from_axis_angle(Vec3::new(0.2, 0.9, 0.1).normalize(), 0.4 * frame as f32 - 0.3);
+        [Mat4::from_scale(Vec3::new(1.0, 1.1, 0.9)), turn * Mat4::from_translation(Vec3::new(0.5, 1.0, 0.0))]
+            .iter()
+            .flat_map(|joint| joint.transpose().to_cols_array().into_iter().take(12))
+            .collect()
+    };
+    let places = [Mat4::IDENTITY];
+    on_every_device(|headless| {
+        for (format, update) in [
+            (DeltaFormat::Fast, UpdateDesc::blocks().pose(PoseFormat::Fixed16)),
+            (DeltaFormat::Float32, UpdateDesc::new(UpdatePath::Compute, BatchSize::All)),
+        ] {
+            let packed = packed(headless, &mesh, format);
+            let (parts, layout) = (parts(&mesh, &[""; 0]), packed.layout());
+            let grid = update.grid(layout).expect("a grid");
+            let mut order: Vec<u32> = (0..mesh.vertex_count() as u32).collect();
+            layout.remap_indices(&mut order).expect("vertices of the mesh");
+            for step in [Step::Skin(skin)] {
+                let reference = |frame: usize| {
+                    let rounded: Vec<f32> =
+                        frames[frame].iter().map(|&weight| grid.map_or(weight, |grid| grid.round(weight))).collect();
+                    let mut pose = evaluate(&packed, &rounded);
+                    if let Step::Skin(skin) = &step {
+                        pose = reference::skin(&pose, skin, SkinMethod::Linear, &posed(frame)).expect("a skinned pose");
+                    }
+                    let mut stored = vec![0u8; layout.base_bytes() as usize];
+                    for (vertex, at) in pose.chunks_exact(6).zip(&order) {
+                        let bytes: Vec<u8> = vertex.iter().flat_map(|number| (*number as f32).to_ne_bytes()).collect();
+                        stored[*at as usize * 24..][..24].copy_from_slice(&bytes);
+                    }
+                    stored
+                };
+                for show in [Show::Shaded, Show::Normals] {
+                    let scene = scene(&mesh, &places, Camera { yaw: 20.0, ..Camera::default() }, show);
+                    let of =
+                        |update| StudioDesc { size: SIZE, heads: 1, in_flight: 2, update, afterglow: 0.0, cull: false };
+                    let mut stepped =
+                        Studio::with_step(headless, &mesh, &packed, &parts, of(update), &step).expect("a studio");
+                    let cpu = of(UpdateDesc::new(UpdatePath::Cpu, BatchSize::All));
+                    let mut given = Studio::new(headless, &mesh, &packed, &parts, cpu).expect("a studio");
+                    let (mut found, mut expected) = (vec![], vec![]);
+                    for (frame, weights) in frames.iter().enumerate() {
+                        if let Step::Skin(_) = step {
+                            stepped.set_joints(0, &posed(frame)).expect("joints");
+                        }
+                        found
+                            .extend(stepped.draw(Poses::Weights(&[weights]), &places, &scene, BLACK).expect("a frame"));
+                        let pose = StoredPose { pose: &reference(frame), units: [1.0; 2], changed: &[], masks: None };
+                        expected.extend(given.draw(Poses::Stored(&[pose]), &places, &scene, BLACK).expect("a frame"));
+                    }
+                    found.extend(stepped.finish().expect("pictures"));
+                    expected.extend(given.finish().expect("pictures"));
+                    for (frame, (found, expected)) in found.iter().zip(&expected).enumerate() {
+                        let what = format!("{step:.20?} {update:?}, {show:?}, frame {frame}");
+                        let (mean, far) = difference(found, expected);
+                        assert!(mean < 0.05 && far <= 20, "{what}: {mean} {far}");
+                        if show == Show::Normals {
+                            let off = degrees(found, expected);
+                            let far = off.iter().filter(|degrees| **degrees > 1.5).count();
+                            assert!(off.len() > 4000 && far <= 20, "{what}: {far} of {} pixels", off.len());
+                        }
+                    }
+                    assert!(difference(&found[0], &found[1]).1 > 100, "frames differ");
+                }
+            }
+        }
+        let packed = packed(headless, &mesh, DeltaFormat::Fast);
+        let cpu = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
+        let desc = StudioDesc { size: SIZE, heads: 1, in_flight: 1, update: cpu, afterglow: 0.0, cull: false };
+        let refused =
+            Studio::with_step(headless, &mesh, &packed, &[], desc, &Step::Skin(skin)).err().expect("no crowd");
+        assert!(refused.to_string().contains("on the path 'cpu'"), "{refused}");
+        let desc = StudioDesc { update: UpdateDesc::blocks(), ..desc };
+        let mut studio = Studio::with_step(headless, &mesh, &packed, &[], desc, &Step::Skin(skin)).expect("a studio");
+        assert!(studio.set_joints(0, &[0.0; 12]).expect_err("two joints").to_string().contains("twelve for each"));
+        let scene = scene(&mesh, &places, Camera::default(), Show::Motion(1.0));
+        let refused = studio.draw(Poses::Weights(&[&frames[0]]), &places, &scene, BLACK).expect_err("no motion");
+        assert!(refused.to_string().contains("motion of poses"), "{refused}");
     });
 }
 

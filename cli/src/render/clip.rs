@@ -39,7 +39,8 @@ pub fn draw(scenery: &Scenery<'_>, output: &Path) -> Result<Done, Failure> {
         canvas
     };
     let mut all = |send: &mut dyn FnMut(Canvas) -> bool| -> Result<(), Failure> {
-        for weights in &frames {
+        for (frame, weights) in frames.iter().enumerate() {
+            easel.frames = vec![Some(frame)];
             if let Some(canvas) = easel.draw(&[weights])?
                 && !send(finish(canvas))
             {

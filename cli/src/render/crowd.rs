@@ -9,6 +9,9 @@ use deltamorph_head::Rng;
 use glam::{Mat4, Vec3};
 use std::path::Path;
 
+/// Weights of each head, those before, and which frames of the clip they are.
+type Expressions = ([Vec<Vec<f32>>; 2], Vec<Option<usize>>);
+
 /// Pixels of a picture where no size is given.
 const SIZE: [u32; 2] = [1280, 720];
 
@@ -17,8 +20,9 @@ pub fn draw(scenery: &Scenery<'_>, heads: u32, output: &Path) -> Result<Done, Fa
     if scenery.args.heat == Some(Heat::Error) {
         return Err(Failure::Usage("--heat error: draws one head or a sheet; leave --crowd out".into()));
     }
-    let [poses, before] = expressions(scenery, heads as usize)?;
+    let ([poses, before], frames) = expressions(scenery, heads as usize)?;
     let mut easel = Easel::new(scenery, size, places(&scenery.subject.focus, heads, size))?;
+    easel.frames = frames;
     let poses: Vec<&[f32]> = poses.iter().map(Vec::as_slice).collect();
     let before: Vec<&[f32]> = before.iter().map(Vec::as_slice).collect();
     let scale = heat::prepare(scenery, &mut easel, poses.iter().copied().zip(before.iter().copied()))?;
@@ -38,9 +42,9 @@ pub fn draw(scenery: &Scenery<'_>, heads: u32, output: &Path) -> Result<Done, Fa
     Ok(Done { what, size, frames: 1, scale, kept: easel.kept() })
 }
 
-/// Frames of the clip that lie far from each other, and the frame before each; without a clip a few targets each, by
-/// the seed, and the base pose.
-fn expressions(scenery: &Scenery<'_>, heads: usize) -> Result<[Vec<Vec<f32>>; 2], Failure> {
+/// Frames of the clip that lie far from each other, the frame before each, and their numbers; without a clip a few
+/// targets each, by the seed, and the base pose.
+fn expressions(scenery: &Scenery<'_>, heads: usize) -> Result<Expressions, Failure> {
     let args = scenery.args;
     let named = args.weights.is_some() || !args.layers.layers.is_empty();
     if named || scenery.input.clips.len() == 1 || args.run.input.input.is_none() {
@@ -48,7 +52,7 @@ fn expressions(scenery: &Scenery<'_>, heads: usize) -> Result<[Vec<Vec<f32>>; 2]
         let at = |head: usize| head * frames.len() / heads;
         let now = (0..heads).map(|head| frames[at(head)].clone());
         let before = (0..heads).map(|head| frames[at(head).saturating_sub(1)].clone());
-        return Ok([now.collect(), before.collect()]);
+        return Ok(([now.collect(), before.collect()], (0..heads).map(|head| Some(at(head))).collect()));
     }
     let (mut rng, controls) = (Rng::new(args.run.input.seed, 0), scenery.input.controls());
     let mut expression = |_| {
@@ -64,7 +68,7 @@ fn expressions(scenery: &Scenery<'_>, heads: usize) -> Result<[Vec<Vec<f32>>; 2]
         scenery.input.pose(&settings)
     };
     let poses: Result<Vec<_>, Failure> = (0..heads).map(&mut expression).collect();
-    Ok([poses?, vec![vec![0.0; scenery.input.kept.targets.len()]; heads]])
+    Ok(([poses?, vec![vec![0.0; scenery.input.kept.targets.len()]; heads]], vec![None; heads]))
 }
 
 /// Rows of as many heads as can be, behind each other, each a little higher; heads turn a little towards the middle.

@@ -1,6 +1,7 @@
 //! What every picture needs: the mesh, packed and uploaded, a camera that fits it, and heads on whatever path.
 
 use super::canvas::Canvas;
+use super::joints::Joints;
 use super::scenery::Scenery;
 use crate::args::render::Shown;
 use crate::detail::{Detail, Kept};
@@ -8,7 +9,7 @@ use crate::output::Failure;
 use crate::runner::Stage;
 use deltamorph::lod;
 use deltamorph::{BatchSize, CpuCrowd, POSE_FLOATS, PackedMesh, UpdateDesc, UpdatePath};
-use deltamorph_render::{Camera, Light, Poses, Scene, Show, StoredPose, Studio, StudioDesc};
+use deltamorph_render::{Camera, Light, Poses, Scene, Show, Step, StoredPose, Studio, StudioDesc};
 use glam::{Mat4, Vec3};
 use std::sync::Arc;
 
@@ -24,6 +25,9 @@ pub struct Easel<'a> {
     studio: Studio<'a>,
     heads: Heads,
     places: Vec<Mat4>,
+    /// Which frame of the clip each head shows, for its joints; `None`: they are at rest.
+    pub frames: Vec<Option<usize>>,
+    joints: Option<&'a Joints>,
     pub scene: Scene,
     background: [f32; 4],
     /// How many targets heads keep, where not all.
@@ -72,7 +76,10 @@ impl<'a> Easel<'a> {
         let afterglow = if args.clip.is_some() { AFTERGLOW } else { 0.0 };
         let (heads_count, cull) = (places.len() as u32, places.len() > 1);
         let desc = StudioDesc { size, heads: heads_count, in_flight: IN_FLIGHT, update, afterglow, cull };
-        let studio = Studio::new(scenery.gpu, &scenery.input.kept, &stage.mesh, &subject.parts, desc)?;
+        let joints = scenery.joints.as_ref().filter(|_| matches!(heads, Heads::Device));
+        let mesh = &scenery.input.kept;
+        let step = joints.map_or(Step::None, |joints| Step::Skin(joints.skin()));
+        let studio = Studio::with_step(scenery.gpu, mesh, &stage.mesh, &subject.parts, desc, &step)?;
         let camera = Camera { yaw: args.camera[0], pitch: args.camera[1], ..Camera::default() };
         let all = places.iter().flat_map(|place| subject.focus.iter().map(|p| place.transform_point3(*p)));
         let mut view = camera.fit(all, size[0] as f32 / size[1] as f32, MARGIN);
@@ -95,12 +102,13 @@ impl<'a> Easel<'a> {
         let (height, angle) = (size[1] as f32 * args.zoom, camera.angle.to_radians());
         let seen = lod::Camera { eye: scene.view.eye, height, angle };
         let background = args.background.linear();
-        Ok(Self { studio, heads, places, scene, background, detail: args.detail, kept, camera: seen })
+        let (frames, detail) = (vec![None; places.len()], args.detail);
+        Ok(Self { studio, heads, places, frames, joints, scene, background, detail, kept, camera: seen })
     }
 
     /// Begin a picture of the heads with these weights; returns the oldest that is ready, when it had to be waited for.
     pub fn draw(&mut self, weights: &[&[f32]]) -> Result<Option<Canvas>, Failure> {
-        let Self { studio, heads, places, scene, background, detail, kept, camera } = self;
+        let Self { studio, heads, places, frames, joints, scene, background, detail, kept, camera } = self;
         let mut with: Vec<Vec<f32>>;
         let (mut refs, mut weights) = (vec![], weights);
         if let Some(kept) = kept {
@@ -109,6 +117,9 @@ impl<'a> Easel<'a> {
             kept.apply(*detail, &units, &mut with)?;
             refs.extend(with.iter().map(Vec::as_slice));
             weights = &refs;
+        }
+        if let Some(joints) = joints {
+            frames.iter().enumerate().try_for_each(|(head, frame)| studio.set_joints(head, &joints.at(*frame)))?;
         }
         let finished = match heads {
             Heads::Device => studio.draw(Poses::Weights(weights), places, scene, *background)?,

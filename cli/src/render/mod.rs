@@ -7,6 +7,7 @@ pub mod crowd;
 mod easel;
 mod errors;
 mod heat;
+mod joints;
 mod names;
 pub mod scenery;
 mod sheet;
@@ -15,9 +16,11 @@ use crate::args::render::{Heat, RenderArgs, Shown};
 use crate::input::{self, Input};
 use crate::output::{Failure, Output, With};
 use crate::runner::{Stage, open};
+use deltamorph::UpdatePath;
 use deltamorph_headless::DeviceChoice;
 use easel::Easel;
 use glam::Mat4;
+use joints::Joints;
 use scenery::{Done, SIZE, Scenery, Subject};
 use serde_json::json;
 use std::path::Path;
@@ -55,8 +58,18 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
         Failure::Failed("a picture is drawn on a Vulkan device, and there is none; ./with-vulkan installs one".into())
     })?;
     let stage = Stage::on(Some(gpu.clone()), &args.run, &input, out)?;
-    let subject = Subject::new(args.run.input.input.as_deref(), &input);
-    let scenery = Scenery { args, input: &input, stage: &stage, gpu: &gpu, subject, out };
+    let mut subject = Subject::new(args.run.input.input.as_deref(), &input);
+    let joints = Joints::of(args, &input)?.filter(|_| {
+        let on_device = stage.desc.path != UpdatePath::Cpu;
+        if !on_device {
+            out.note("the path 'cpu' skins nothing: joints move on the paths of the device");
+        }
+        on_device
+    });
+    if let Some(joints) = &joints {
+        subject.focus = joints.reach(&input.kept, &subject.focus, args.frame, !one_pose);
+    }
+    let scenery = Scenery { args, input: &input, stage: &stage, gpu: &gpu, subject, joints, out };
     let Done { mut what, size, frames, scale, kept } = match (args.sheet, args.crowd, args.magnify) {
         (true, ..) => sheet::draw(&scenery, output)?,
         (_, Some(heads), _) => crowd::draw(&scenery, heads, output)?,
@@ -102,6 +115,7 @@ fn check_texcoords(args: &RenderArgs, input: &Input) -> Result<(), Failure> {
 fn single(scenery: &Scenery<'_>, output: &Path) -> Result<Done, Failure> {
     let (size, [weights, before]) = (scenery.args.size.unwrap_or(SIZE), scenery.weights()?);
     let mut easel = Easel::new(scenery, size, vec![Mat4::IDENTITY])?;
+    easel.frames = vec![scenery.args.frame];
     let scale = heat::prepare(scenery, &mut easel, std::iter::once((&weights[..], &before[..])))?;
     if scenery.args.show.is_some_and(Shown::is_of_changes) {
         easel.picture(&[&before])?;

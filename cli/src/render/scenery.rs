@@ -1,5 +1,6 @@
 //! What pictures are made from: the mesh and its parts, where it is updated and drawn, the weights asked for.
 
+use super::joints::Joints;
 use super::names;
 use crate::args::render::RenderArgs;
 use crate::input::{self, Input};
@@ -21,6 +22,7 @@ pub struct Scenery<'a> {
     pub stage: &'a Stage,
     pub gpu: &'a Gpu,
     pub subject: Subject,
+    pub joints: Option<Joints>,
     pub out: &'a Output,
 }
 

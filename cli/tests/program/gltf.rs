@@ -1,11 +1,35 @@
 //! glTF files as INPUT and as weight clips.
 
-use crate::cli::{fails, json, ok};
+use crate::cli::{deltamorph, fails, json, ok};
+use serde_json::{Value, json};
 use std::path::Path;
+
+fn floats(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|x| x.to_le_bytes()).collect()
+}
+
+fn accessor(view: usize, kind: &str, count: usize) -> Value {
+    json!({"bufferView": view, "componentType": 5126, "type": kind, "count": count})
+}
+
+/// Write a file whose buffer has a view for each of `parts`.
+fn write(folder: &Path, parts: &[Vec<u8>], mut file: Value) -> String {
+    let (mut views, mut offset) = (vec![], 0);
+    for part in parts {
+        views.push(json!({"buffer": 0, "byteOffset": offset, "byteLength": part.len()}));
+        offset += part.len();
+    }
+    file["asset"] = json!({"version": "2.0"});
+    file["buffers"] = json!([{"byteLength": offset, "uri": "buffer.bin"}]);
+    file["bufferViews"] = json!(views);
+    std::fs::write(folder.join("buffer.bin"), parts.concat()).unwrap();
+    let path = folder.join("face.gltf");
+    std::fs::write(&path, file.to_string()).unwrap();
+    path.to_str().unwrap().to_owned()
+}
 
 /// A triangle with two targets, and an animation of them that has a key each second.
 fn gltf_triangle(folder: &Path) -> String {
-    let floats = |values: &[f32]| values.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>();
     let parts = [
         floats(&[0., 0., 0., 1., 0., 0., 0., 1., 0.]),
         floats(&[0., 0., 1., 0., 0., 0., 0., 0., 0.]),
@@ -14,14 +38,7 @@ fn gltf_triangle(folder: &Path) -> String {
         floats(&[0., 0., 1., 0.5, 0.25, 1.]),
         floats(&[0., 0., 1., 0.25, 0., 1.]),
     ];
-    let (mut views, mut offset) = (vec![], 0);
-    for part in &parts {
-        views.push(serde_json::json!({"buffer": 0, "byteOffset": offset, "byteLength": part.len()}));
-        offset += part.len();
-    }
-    let accessor = |view: usize, kind: &str, count: usize| serde_json::json!({"bufferView": view, "componentType": 5126, "type": kind, "count": count});
-    let file = serde_json::json!({
-        "asset": {"version": "2.0"}, "buffers": [{"byteLength": offset, "uri": "buffer.bin"}], "bufferViews": views,
+    let file = json!({
         "accessors": [accessor(0, "VEC3", 3), accessor(1, "VEC3", 3), accessor(2, "VEC3", 3), accessor(3, "SCALAR", 3),
             accessor(4, "SCALAR", 6), accessor(5, "VEC2", 3)],
         "meshes": [{"extras": {"targetNames": ["up", "out"]},
@@ -30,10 +47,7 @@ fn gltf_triangle(folder: &Path) -> String {
         "animations": [{"name": "nod #1", "samplers": [{"input": 3, "output": 4}],
             "channels": [{"sampler": 0, "target": {"node": 0, "path": "weights"}}]}],
     });
-    std::fs::write(folder.join("buffer.bin"), parts.concat()).unwrap();
-    let path = folder.join("face.gltf");
-    std::fs::write(&path, file.to_string()).unwrap();
-    path.to_str().unwrap().to_owned()
+    write(folder, &parts, file)
 }
 
 #[test]
@@ -72,4 +86,72 @@ fn a_gltf_file_is_an_input_and_its_animations_are_clips() {
         let (_, text) = fails(&args);
         assert!(text.contains(expected), "{text}");
     }
+}
+
+/// A strip of triangles from x = 0 to 4 that bulges by a target, and bends by the joint of its upper end. Of the three
+/// frames of its clip, joints alone tell the first two apart, and the weight the last two.
+fn gltf_arm(folder: &Path) -> String {
+    let corners: Vec<[f32; 3]> = (0..8u8)
+        .flat_map(|i| [(i, 0u8), (i + 1, 0), (i, 1), (i + 1, 0), (i + 1, 1), (i, 1)])
+        .map(|(x, y)| [f32::from(x) / 2.0, f32::from(y), 0.0])
+        .collect();
+    let count = corners.len();
+    let each = |f: &dyn Fn(f32) -> Vec<f32>| floats(&corners.iter().flat_map(|p| f(p[0])).collect::<Vec<f32>>());
+    let (half, column) = (0.5f32.sqrt(), |x: f32| [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., x, 0., 0., 1.]);
+    let parts = [
+        floats(corners.as_flattened()),
+        each(&|x| vec![0.0, 0.5 * x, 0.0]),
+        [0u8, 1, 0, 0].repeat(count),
+        each(&|x| vec![1.0 - x / 4.0, x / 4.0, 0.0, 0.0]),
+        floats(&[column(0.0), column(-2.0)].concat()),
+        floats(&[0.0, 1.0, 2.0]),
+        floats(&[0.25, 0.25, 1.0]),
+        floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, half, half, 0.0, 0.0, half, half]),
+    ];
+    let mut joints = accessor(2, "VEC4", count);
+    joints["componentType"] = json!(5121);
+    let file = json!({
+        "accessors": [accessor(0, "VEC3", count), accessor(1, "VEC3", count), joints, accessor(3, "VEC4", count),
+            accessor(4, "MAT4", 2), accessor(5, "SCALAR", 3), accessor(6, "SCALAR", 3), accessor(7, "VEC4", 3)],
+        "meshes": [{"extras": {"targetNames": ["up"]}, "primitives": [{"targets": [{"POSITION": 1}],
+            "attributes": {"POSITION": 0, "JOINTS_0": 2, "WEIGHTS_0": 3}}]}],
+        "skins": [{"joints": [1, 2], "inverseBindMatrices": 4}],
+        "nodes": [{"mesh": 0, "skin": 0}, {"children": [2]}, {"translation": [2, 0, 0]}],
+        "animations": [{"name": "wave", "samplers": [{"input": 5, "output": 6}, {"input": 5, "output": 7}],
+            "channels": [{"sampler": 0, "target": {"node": 0, "path": "weights"}},
+                {"sampler": 1, "target": {"node": 2, "path": "rotation"}}]}],
+    });
+    write(folder, &parts, file)
+}
+
+/// Joints move with the face: at the frame of the clip they are taken from, and at rest without one.
+#[test]
+fn a_character_is_drawn_as_its_joints_stand() {
+    let dir = tempfile::tempdir().unwrap();
+    let arm = gltf_arm(dir.path());
+    let out = dir.path().join("out.png");
+    let file = out.to_str().unwrap();
+    let drawn = |args: &[&str]| {
+        let args = [&["render", &arm, "-o", file, "--size", "128x96", "--camera", "0,0"], args].concat();
+        let done = deltamorph(&args);
+        let said = String::from_utf8(done.stderr).unwrap();
+        assert!(done.status.success(), "{args:?}: {said}");
+        (std::fs::read(&out).unwrap(), said)
+    };
+    let at = |frame: &str, more: &[&str]| drawn(&[&["--weights", "wave", "--frame", frame], more].concat());
+    let [first, second, third] = ["0", "1", "2"].map(|frame| at(frame, &[]).0);
+    assert!(first != second && second != third, "joints alone tell the first two apart");
+    // At its first frame joints are at rest; so they are with the same weight and no clip.
+    assert!(drawn(&["--set", "up=0.25"]).0 == first);
+    assert!(drawn(&["--set", "up=0.25", "--weights", &arm, "--frame", "1"]).0 == second);
+    assert!(at("1", &["--pose", "fixed16", "--path", "compute", "--format", "snorm16"]).0 != first);
+    // The path cpu says that it leaves joints out.
+    let [(on_cpu, said), (second_on_cpu, _)] = ["0", "1"].map(|frame| at(frame, &["--path", "cpu"]));
+    assert!(on_cpu == second_on_cpu && said.contains("the path 'cpu' skins nothing"), "{said}");
+    assert!(at("0", &["--heat", "distance"]).0 == at("1", &["--heat", "distance"]).0, "what targets do is measured");
+    let (clip, crowd) = (dir.path().join("clip"), dir.path().join("crowd.png"));
+    ok(&["render", &arm, "--clip", clip.to_str().unwrap(), "--size", "128x96"]);
+    let [first, second] = ["frame_00000.png", "frame_00001.png"].map(|name| std::fs::read(clip.join(name)).unwrap());
+    assert!(first != second);
+    ok(&["render", &arm, "--crowd", "3", "--size", "128x96", "-o", crowd.to_str().unwrap()]);
 }

@@ -1,0 +1,100 @@
+//! Joints of a glTF file, which move its mesh at each frame of a clip of the same file.
+
+use super::scenery::bounds;
+use crate::args::render::{RenderArgs, Shown};
+use crate::input::Input;
+use crate::output::Failure;
+use deltamorph::MorphMesh;
+use deltamorph::after::SkinDesc;
+use deltamorph::import::gltf::{self, Animation, Property, Skeleton};
+use deltamorph::import::{animation_of, is_gltf};
+use glam::{DMat4, DVec3, Vec3};
+use std::path::PathBuf;
+
+/// Points that say how far frames reach.
+const POINTS: usize = 100_000;
+
+pub struct Joints {
+    skeleton: Skeleton,
+    /// The animation that the weights are of, and when its frames are.
+    playing: Option<(usize, Vec<f64>)>,
+    /// What positions of the mesh are relative to.
+    origin: DVec3,
+}
+
+impl Joints {
+    /// Those of INPUT, where it has any; none where what is shown is of the targets alone: distances, errors, motion,
+    /// wrinkles.
+    pub fn of(args: &RenderArgs, input: &Input) -> Result<Option<Self>, Failure> {
+        let is_of_targets =
+            matches!(args.show, Some(Shown::Motion | Shown::Wrinkles)) || args.heat.is_some() || args.magnify.is_some();
+        let path = args.run.input.input.as_ref().filter(|path| is_gltf(path) && !is_of_targets);
+        let Some(path) = path else { return Ok(None) };
+        let Some(skeleton) = gltf::read(path)?.into_skinned()?.1 else { return Ok(None) };
+        let clip = match (&args.weights, &input.clips[..]) {
+            (None, [only]) => Some(only),
+            (named, _) => named.as_ref(),
+        };
+        let has_weights = |animation: &Animation| animation.channels.iter().any(|c| c.property == Property::Weights);
+        let is_playing = |animation: &Animation| -> bool {
+            clip.is_some_and(|clip: &PathBuf| match animation_of(clip) {
+                Some((file, name)) => file == *path && animation.name == name,
+                None if clip == path => has_weights(animation),
+                None => !clip.exists() && clip.to_str() == Some(&animation.name),
+            })
+        };
+        let playing = skeleton.animations.iter().position(is_playing);
+        let times = |number: usize| skeleton.animations[number].frame_times(args.run.input.fps).collect();
+        let playing = playing.map(|number| (number, times(number)));
+        Ok(Some(Self { skeleton, playing, origin: input.kept.origin.as_dvec3() }))
+    }
+
+    pub fn skin(&self) -> SkinDesc<'_> {
+        let influences = &self.skeleton.influences;
+        let count = self.skeleton.joint_count() as u32;
+        SkinDesc::new(influences.per_vertex as u32, count, &influences.joints, &influences.weights)
+    }
+
+    /// Matrices at a frame of the clip; without one, at rest.
+    fn matrices(&self, frame: Option<usize>) -> Vec<DMat4> {
+        let time =
+            |(number, times): &(usize, Vec<f64>)| Some((&self.skeleton.animations[*number], *times.get(frame?)?));
+        let matrices = self.skeleton.joint_matrices(self.playing.as_ref().and_then(time));
+        let [to, from] = [self.origin, -self.origin].map(DMat4::from_translation);
+        matrices.into_iter().map(|matrix| from * matrix * to).collect()
+    }
+
+    /// The first three rows of each.
+    pub fn at(&self, frame: Option<usize>) -> Vec<f32> {
+        let rows = |matrix: DMat4| matrix.transpose().to_cols_array().map(|number| number as f32);
+        self.matrices(frame).into_iter().flat_map(|matrix| rows(matrix).into_iter().take(12)).collect()
+    }
+
+    /// Where joints take what lies within `focus`, in this frame, or in all: base positions, and where single targets
+    /// take them.
+    pub fn reach(&self, mesh: &MorphMesh, focus: &[Vec3], frame: Option<usize>, all: bool) -> Vec<Vec3> {
+        let (low, high) = bounds(focus.iter().copied());
+        let moved = mesh.targets.iter().flat_map(|target| target.vertices.iter().zip(&target.positions));
+        let moved = moved.map(|(v, delta)| (*v as usize, mesh.positions[*v as usize] + *delta));
+        let points = mesh.positions.iter().copied().enumerate().chain(moved);
+        let points: Vec<_> = points.filter(|(_, p)| p.cmpge(low).all() && p.cmple(high).all()).collect();
+        let frames: Vec<Option<usize>> = match &self.playing {
+            Some((_, times)) if all => (0..times.len()).map(Some).collect(),
+            _ => vec![frame],
+        };
+        let (step, influences) = ((points.len() * frames.len()).div_ceil(POINTS).max(1), &self.skeleton.influences);
+        let n = influences.per_vertex;
+        let at = |frame: &Option<usize>| {
+            let matrices = self.matrices(*frame);
+            let skinned = |(v, p): &(usize, Vec3)| {
+                let joints = influences.joints[v * n..].iter().zip(&influences.weights[v * n..]).take(n);
+                let moved = joints.map(|(joint, weight)| {
+                    matrices[usize::from(*joint)].transform_point3(p.as_dvec3()) * f64::from(*weight)
+                });
+                moved.sum::<DVec3>().as_vec3()
+            };
+            points.iter().step_by(step).map(skinned).collect::<Vec<_>>()
+        };
+        frames.iter().flat_map(at).collect()
+    }
+}

@@ -1,0 +1,103 @@
+//! Steps after the pose: what they write is drawn in place of the pose.
+
+use crate::memory::{Buffer, Gpu};
+use crate::scene::Head;
+use bytemuck::cast_slice;
+use deltamorph::after::{SkinDesc, SkinMethod, SkinTarget};
+use deltamorph::ash::vk::BufferUsageFlags as Usage;
+use deltamorph::{Crowd, PackedMesh, Result};
+use deltamorph_headless::Headless;
+use std::sync::Arc;
+
+/// Bytes of a vertex that a step writes: position and normal in float32.
+const VERTEX: usize = 24;
+/// The first three rows of the identity.
+const STILL: [f32; 12] = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+
+/// What follows a pose before it is drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Step<'a> {
+    /// Nothing.
+    #[default]
+    None,
+    /// Linear-blend skinning, with the joints of [`Studio::set_joints`](crate::Studio::set_joints).
+    Skin(SkinDesc<'a>),
+}
+
+/// What a step has written of each head, and what it reads.
+pub(crate) struct Stepped {
+    output: Buffer,
+    /// Bytes of a head.
+    size: usize,
+    joints: Option<Joints>,
+}
+
+/// Joints of each head, and a place for them for each frame in flight.
+struct Joints {
+    buffer: Buffer,
+    /// Bytes of those of a head.
+    size: usize,
+    numbers: Vec<Vec<f32>>,
+}
+
+impl Stepped {
+    /// Has `step` follow all poses of `crowd`, in so many frames in flight.
+    pub(crate) fn new(
+        (headless, gpu): (&Headless, &Arc<Gpu>),
+        packed: &PackedMesh,
+        crowd: &mut Crowd,
+        step: &Step<'_>,
+        frames: usize,
+    ) -> Result<Option<Self>> {
+        let (engine, heads) = (headless.engine(), crowd.desc().instances as usize);
+        let size = VERTEX * packed.layout().vertex_count;
+        let output = || Buffer::new(gpu, heads * size.max(4), Usage::STORAGE_BUFFER | Usage::VERTEX_BUFFER, false);
+        let each = (0..heads).map(|head| (head as u32, (head * size) as u64));
+        match step {
+            Step::None => Ok(None),
+            Step::Skin(desc) => {
+                let output = output()?;
+                // SAFETY: the buffer is recording, runs once, and is waited for.
+                let mut skin = headless.run(|cmd| unsafe { engine.upload_skin(cmd, packed, desc) })?;
+                // SAFETY: it has run.
+                unsafe { skin.release_staging() };
+                let size_of_joints = SkinMethod::Linear.joint_bytes() as usize * desc.joint_count as usize;
+                let buffer = Buffer::new(gpu, frames * heads * size_of_joints, Usage::STORAGE_BUFFER, false)?;
+                let target = SkinTarget::new(output.raw, buffer.raw, (frames * heads * size_of_joints) as u64);
+                for (head, offset) in each {
+                    // SAFETY: the buffers are large enough and live as long as the crowd; nothing is running.
+                    unsafe { engine.set_skin_target(crowd, head, Some((&skin, &target.offset(offset)))) }?;
+                }
+                let numbers = vec![STILL.repeat(desc.joint_count as usize); heads];
+                Ok(Some(Self { output, size, joints: Some(Joints { buffer, size: size_of_joints, numbers }) }))
+            }
+        }
+    }
+
+    /// Sets the joints of a head; whether there are so many.
+    pub(crate) fn set_joints(&mut self, head: usize, joints: &[f32]) -> bool {
+        let numbers = self.joints.as_mut().and_then(|joints| joints.numbers.get_mut(head));
+        let numbers = numbers.filter(|numbers| numbers.len() == joints.len());
+        numbers.map(|numbers| numbers.copy_from_slice(joints)).is_some()
+    }
+
+    /// Writes the joints of the next update, for a frame that is not in flight.
+    pub(crate) fn write(&mut self, frame: usize, crowd: &mut Crowd) -> Result<()> {
+        let Some(Joints { buffer, size, numbers }) = &mut self.joints else { return Ok(()) };
+        let first = frame * numbers.len();
+        for (head, joints) in numbers.iter().enumerate() {
+            let offset = (first + head) * *size;
+            buffer.write(offset, cast_slice(joints));
+            crowd.set_joints(head as u32, offset as u64)?;
+        }
+        Ok(())
+    }
+
+    /// A head with what was written in place of its pose. Bounds are those of poses, and not of what joints make of
+    /// them.
+    pub(crate) fn head(&self, number: usize, head: Head) -> Head {
+        let (buffer, offset) = (self.output.raw, (number * self.size) as u64);
+        let bounds = head.bounds.filter(|_| self.joints.is_none());
+        Head { buffer, offset, units: [1.0; 2], previous: (buffer, offset), bounds, ..head }
+    }
+}
