@@ -3,7 +3,7 @@
 use crate::memory::{Buffer, Gpu};
 use crate::scene::Head;
 use bytemuck::cast_slice;
-use deltamorph::after::{SkinDesc, SkinMethod, SkinTarget};
+use deltamorph::after::{DecodeTarget, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::vk::BufferUsageFlags as Usage;
 use deltamorph::{Crowd, PackedMesh, Result};
 use deltamorph_headless::Headless;
@@ -22,6 +22,8 @@ pub enum Step<'a> {
     None,
     /// Linear-blend skinning, with the joints of [`Studio::set_joints`](crate::Studio::set_joints).
     Skin(SkinDesc<'a>),
+    /// Normals of the morphed surface, in place of the sums that the targets state.
+    Normals(NormalsDesc<'a>),
 }
 
 /// What a step has written of each head, and what it reads.
@@ -70,6 +72,24 @@ impl Stepped {
                 }
                 let numbers = vec![STILL.repeat(desc.joint_count as usize); heads];
                 Ok(Some(Self { output, size, joints: Some(Joints { buffer, size: size_of_joints, numbers }) }))
+            }
+            Step::Normals(desc) => {
+                let output = output()?;
+                // SAFETY: as above.
+                let mut surface = headless.run(|cmd| unsafe { engine.upload_normals(cmd, packed, desc) })?;
+                // SAFETY: it has run.
+                unsafe { surface.release_staging() };
+                let (positions, stride) = (DecodeTarget::new(output.raw), VERTEX as u32);
+                for (head, offset) in each {
+                    let positions = positions.offset(offset).stride(stride);
+                    let normals = NormalsTarget::new(output.raw).offset(offset + 12).stride(stride);
+                    // SAFETY: as above.
+                    unsafe {
+                        engine.set_decode_target(crowd, head, Some(&positions))?;
+                        engine.set_normals_target(crowd, head, Some((&surface, &normals)))?;
+                    }
+                }
+                Ok(Some(Self { output, size, joints: None }))
             }
         }
     }

@@ -1,6 +1,6 @@
 //! Pictures from every format of poses, on every driver, under the validation layers.
 
-use deltamorph::after::{SkinDesc, SkinMethod};
+use deltamorph::after::{NormalsDesc, SkinDesc, SkinMethod};
 use deltamorph::reference::{self, compare_group, evaluate, evaluate_group, evaluate_unpacked_group};
 use deltamorph::{
     BatchSize, CpuCrowd, CrowdDesc, DeltaFormat, MorphMesh, MorphSource, PackedMesh, PoseFormat, Tolerance, UpdateDesc,
@@ -410,11 +410,14 @@ fn degrees(a: &Picture, b: &Picture) -> Vec<f32> {
     both.map(|(a, b)| normal(a).angle_between(normal(b)).to_degrees()).collect()
 }
 
-/// What a step writes is drawn as the pose that the float64 reference makes is.
+/// What a step writes is drawn as the pose that the float64 reference makes is: skinned, or with normals of its surface.
 #[test]
 fn what_steps_write_is_drawn_as_their_references_say() {
     let (mesh, mut frames) = (mesh(&source()), frames(3));
+    // Several targets at once, whose normals do not add up.
     frames[1].iter_mut().step_by(2).for_each(|weight| *weight = 0.7);
+    let corners: Vec<u32> = mesh.faces.corners.iter().map(|corner| corner.position).collect();
+    let surface = NormalsDesc::new(&corners).sizes(&mesh.faces.sizes).welds(&mesh.welds);
     // The chin follows one joint, the forehead another.
     let joints = [0, 1, 0, 0].repeat(mesh.vertex_count());
     let up = mesh.positions.iter().map(|p| (p.y / 16.0 + 0.5).clamp(0.0, 1.0));
@@ -438,13 +441,17 @@ fn what_steps_write_is_drawn_as_their_references_say() {
             let grid = update.grid(layout).expect("a grid");
             let mut order: Vec<u32> = (0..mesh.vertex_count() as u32).collect();
             layout.remap_indices(&mut order).expect("vertices of the mesh");
-            for step in [Step::Skin(skin)] {
+            for step in [Step::Skin(skin), Step::Normals(surface)] {
                 let reference = |frame: usize| {
                     let rounded: Vec<f32> =
                         frames[frame].iter().map(|&weight| grid.map_or(weight, |grid| grid.round(weight))).collect();
                     let mut pose = evaluate(&packed, &rounded);
                     if let Step::Skin(skin) = &step {
                         pose = reference::skin(&pose, skin, SkinMethod::Linear, &posed(frame)).expect("a skinned pose");
+                    } else {
+                        let normals = reference::normals(&pose, &surface).expect("normals");
+                        let pairs = pose.chunks_exact_mut(6).zip(normals.chunks_exact(3));
+                        pairs.for_each(|(vertex, normal)| vertex[3..].copy_from_slice(normal));
                     }
                     let mut stored = vec![0u8; layout.base_bytes() as usize];
                     for (vertex, at) in pose.chunks_exact(6).zip(&order) {
@@ -484,6 +491,18 @@ fn what_steps_write_is_drawn_as_their_references_say() {
                         }
                     }
                     assert!(difference(&found[0], &found[1]).1 > 100, "frames differ");
+                    if let (Step::Normals(_), Show::Normals) = (&step, show) {
+                        let sums = &pictures(
+                            headless,
+                            &mesh,
+                            &packed,
+                            update,
+                            &frames,
+                            (Camera { yaw: 20.0, ..Camera::default() }, show),
+                        )[1];
+                        let off = degrees(sums, &expected[1]).into_iter().filter(|degrees| *degrees > 3.0).count();
+                        assert!(off > 50, "sums are other normals in {off} pixels");
+                    }
                 }
             }
         }

@@ -59,6 +59,10 @@ pub struct RenderArgs {
     #[arg(long, value_name = "WHAT", conflicts_with_all = ["heat", "checker", "magnify"])]
     #[arg(value_parser = values::named(&Shown::ALL, Shown::name, Shown::summary))]
     pub show: Option<Shown>,
+    /// Normals of poses: as updates sum them, or those of the morphed surface, whose joints then stay at rest
+    #[arg(long, value_name = "WHICH", default_value = "summed", conflicts_with = "magnify")]
+    #[arg(value_parser = values::named(&Normals::ALL, Normals::name, Normals::summary))]
+    pub normals: Normals,
     /// Where the colours of --heat and of --show motion end, in input units [default: at the largest value]
     #[arg(long, value_name = "LENGTH", value_parser = values::positive)]
     pub scale: Option<f32>,
@@ -98,6 +102,31 @@ impl Heat {
         match self {
             Self::Distance => "how far a vertex is from where the base pose has it",
             Self::Error => "how far path and format have it from where it should be",
+        }
+    }
+}
+
+/// Where the normals of a pose are from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Normals {
+    Summed,
+    Recomputed,
+}
+
+impl Normals {
+    const ALL: [Self; 2] = [Self::Summed, Self::Recomputed];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Summed => "summed",
+            Self::Recomputed => "recomputed",
+        }
+    }
+
+    fn summary(self) -> &'static str {
+        match self {
+            Self::Summed => "the base normal and what each target adds to it, which is right for each by itself",
+            Self::Recomputed => "those of the morphed surface, on the paths of the device",
         }
     }
 }

@@ -3,10 +3,11 @@
 use super::canvas::Canvas;
 use super::joints::Joints;
 use super::scenery::Scenery;
-use crate::args::render::Shown;
+use crate::args::render::{Normals, Shown};
 use crate::detail::{Detail, Kept};
 use crate::output::Failure;
 use crate::runner::Stage;
+use deltamorph::after::NormalsDesc;
 use deltamorph::lod;
 use deltamorph::{BatchSize, CpuCrowd, POSE_FLOATS, PackedMesh, UpdateDesc, UpdatePath};
 use deltamorph_render::{Camera, Light, Poses, Scene, Show, Step, StoredPose, Studio, StudioDesc};
@@ -78,7 +79,13 @@ impl<'a> Easel<'a> {
         let desc = StudioDesc { size, heads: heads_count, in_flight: IN_FLIGHT, update, afterglow, cull };
         let joints = scenery.joints.as_ref().filter(|_| matches!(heads, Heads::Device));
         let mesh = &scenery.input.kept;
-        let step = joints.map_or(Step::None, |joints| Step::Skin(joints.skin()));
+        let corners: Vec<u32> = mesh.faces.corners.iter().map(|corner| corner.position).collect();
+        let surface = NormalsDesc::new(&corners).sizes(&mesh.faces.sizes).welds(&mesh.welds);
+        let step = match (joints, args.normals) {
+            (Some(joints), _) => Step::Skin(joints.skin()),
+            (None, Normals::Recomputed) => Step::Normals(surface),
+            (None, Normals::Summed) => Step::None,
+        };
         let studio = Studio::with_step(scenery.gpu, mesh, &stage.mesh, &subject.parts, desc, &step)?;
         let camera = Camera { yaw: args.camera[0], pitch: args.camera[1], ..Camera::default() };
         let all = places.iter().flat_map(|place| subject.focus.iter().map(|p| place.transform_point3(*p)));

@@ -1,7 +1,7 @@
 //! Joints of a glTF file, which move its mesh at each frame of a clip of the same file.
 
 use super::scenery::bounds;
-use crate::args::render::{RenderArgs, Shown};
+use crate::args::render::{Normals, RenderArgs, Shown};
 use crate::input::Input;
 use crate::output::Failure;
 use deltamorph::MorphMesh;
@@ -24,10 +24,12 @@ pub struct Joints {
 
 impl Joints {
     /// Those of INPUT, where it has any; none where what is shown is of the targets alone: distances, errors, motion,
-    /// wrinkles.
+    /// wrinkles, normals of the morphed surface.
     pub fn of(args: &RenderArgs, input: &Input) -> Result<Option<Self>, Failure> {
-        let is_of_targets =
-            matches!(args.show, Some(Shown::Motion | Shown::Wrinkles)) || args.heat.is_some() || args.magnify.is_some();
+        let is_of_targets = matches!(args.show, Some(Shown::Motion | Shown::Wrinkles))
+            || args.heat.is_some()
+            || args.magnify.is_some()
+            || args.normals == Normals::Recomputed;
         let path = args.run.input.input.as_ref().filter(|path| is_gltf(path) && !is_of_targets);
         let Some(path) = path else { return Ok(None) };
         let Some(skeleton) = gltf::read(path)?.into_skinned()?.1 else { return Ok(None) };

@@ -148,7 +148,9 @@ fn a_character_is_drawn_as_its_joints_stand() {
     // The path cpu says that it leaves joints out.
     let [(on_cpu, said), (second_on_cpu, _)] = ["0", "1"].map(|frame| at(frame, &["--path", "cpu"]));
     assert!(on_cpu == second_on_cpu && said.contains("the path 'cpu' skins nothing"), "{said}");
-    assert!(at("0", &["--heat", "distance"]).0 == at("1", &["--heat", "distance"]).0, "what targets do is measured");
+    for of_targets in [["--heat", "distance"], ["--normals", "recomputed"]] {
+        assert!(at("0", &of_targets).0 == at("1", &of_targets).0, "{of_targets:?} is of the targets alone");
+    }
     let (clip, crowd) = (dir.path().join("clip"), dir.path().join("crowd.png"));
     ok(&["render", &arm, "--clip", clip.to_str().unwrap(), "--size", "128x96"]);
     let [first, second] = ["frame_00000.png", "frame_00001.png"].map(|name| std::fs::read(clip.join(name)).unwrap());
