@@ -310,8 +310,8 @@ fn crowds_stand_where_they_are_put() {
     });
 }
 
-/// Draw a frame of a crowd, with and without heads that are not in it; returns the picture, the same for both, and draws
-/// with and without them, and the seconds that each took.
+/// Draw a frame of a crowd, without heads that are beside it and with them. Returns the picture, the same for both; how
+/// many draws it has, and how many it was spared; and the seconds that each took.
 fn culled(
     headless: &Headless,
     (mesh, packed, update): (&MorphMesh, &PackedMesh, UpdateDesc),
