@@ -321,7 +321,6 @@ pub struct UpdateArgs {
     pub poses: Vec<PoseFormat>,
     /// How poses add up: another way to name float32 or fixed32 poses; scatter, whose poses are float32, is exact
     #[arg(long, value_name = "SUMS,…", value_delimiter = ',')]
-    #[arg(value_parser = values::named(&Sums::ALL, Sums::name, Sums::summary))]
     pub accumulate: Vec<Sums>,
     /// How far rounding may move a vertex of a float32 pose, as a fraction of the diagonal
     #[arg(long, value_name = "FRACTION", default_value_t = 1e-5, value_parser = values::positive)]

@@ -60,7 +60,7 @@ struct Summary {
     animated: bool,
     /// The reading of normalised blending, where weights are those of absolute poses.
     #[serde(skip_serializing_if = "Option::is_none")]
-    normalise: Option<&'static str>,
+    normalise: Option<Reading>,
     /// Weights of the clip that changed, per frame, where they are normalised.
     #[serde(skip_serializing_if = "Option::is_none")]
     weights_changed_mean: Option<f64>,
@@ -195,7 +195,7 @@ fn summary(args: &PlayArgs, frames: &[FrameRow], checks: &Checks<'_>) -> Summary
     Summary {
         frames: frames.len(),
         animated: args.animated,
-        normalise: args.run.input.normalise.map(Reading::name),
+        normalise: args.run.input.normalise,
         weights_changed_mean: args.run.input.normalise.map(|_| mean(|f| f.weights_changed.unwrap_or(0))),
         noise: args.noise.unwrap_or(0.0),
         changed_mean: mean(|f| f.changed),

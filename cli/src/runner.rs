@@ -2,7 +2,7 @@
 //! update one head.
 
 use crate::args::poses::Sums;
-use crate::args::values::{BatchSpec, expand_batches, format_on};
+use crate::args::values::{BatchSpec, expand_batches, format_on, name};
 use crate::args::{PackArgs, RunArgs};
 use crate::input::Input;
 use crate::output::{Failure, Output};
@@ -237,8 +237,7 @@ pub struct Setup {
     format: &'static str,
     /// "incremental" or "rebuild".
     mode: &'static str,
-    /// "float" or "exact".
-    accumulate: &'static str,
+    accumulate: Sums,
     pose: &'static str,
     slots: u32,
     /// In input units; 0 where nothing waits.
@@ -289,7 +288,7 @@ impl Stage {
             path: self.desc.path.name(),
             format: self.mesh.layout().format.name(),
             mode: self.desc.mode.name(),
-            accumulate: Sums::of(&self.desc).name(),
+            accumulate: Sums::of(&self.desc),
             pose: self.desc.pose.name(),
             slots: self.desc.slots,
             error_budget: self.desc.error_budget,
@@ -310,7 +309,7 @@ impl Stage {
         // Draws that evaluate have no pose buffers.
         let slots = if path.evaluates_in_draws() { String::new() } else { format!(", {slots} slots") };
         let pose = if pose.has_integers() { format!(" {}", pose.name()) } else { String::new() };
-        format!("{} {format} {}{pose}{slots}, on {device}", path.name(), Sums::of(&self.desc).name())
+        format!("{} {format} {}{pose}{slots}, on {device}", path.name(), name(Sums::of(&self.desc)))
     }
 }
 

@@ -1,7 +1,7 @@
 //! The options of `lod`.
 
 use super::{InputArgs, values};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
 #[derive(Args, Clone, Debug)]
@@ -11,8 +11,7 @@ pub struct LodArgs {
     /// What a target counts for: what it changes by itself, at weight 1, in the base pose. "all" also says how far
     /// metrics agree
     #[arg(long, value_name = "METRIC", default_value = "mse")]
-    #[arg(value_parser = values::named(&Choice::ALL, Choice::name, Choice::summary))]
-    pub metric: Choice,
+    pub metric: Metric,
     /// Keep these targets before all others: a name, or the beginning of several (repeatable)
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     pub pin: Vec<String>,
@@ -42,80 +41,33 @@ pub struct LodArgs {
     pub random: usize,
 }
 
-/// A metric, or all of them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Choice {
-    One(Metric),
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Metric {
+    /// Mean of the squared distances that vertices move
+    Mse,
+    /// Hausdorff distance from the base pose
+    Hausdorff,
+    /// Mean of the squared differences of a picture's colours
+    ImageMse,
+    /// 1 less the structural similarity of pictures (SSIM)
+    Ssim,
+    /// Difference of pictures that people see (FLIP)
+    Perceptual,
+    /// Share of a picture's pixels that visibly differ (Yee)
+    Yee,
+    /// Each of these
     All,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Metric {
-    Mse,
-    Hausdorff,
-    ImageMse,
-    Ssim,
-    Perceptual,
-    Yee,
-}
-
 impl Metric {
-    pub const ALL: [Self; 6] = [Self::Mse, Self::Hausdorff, Self::ImageMse, Self::Ssim, Self::Perceptual, Self::Yee];
-
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Mse => "mse",
-            Self::Hausdorff => "hausdorff",
-            Self::ImageMse => "image-mse",
-            Self::Ssim => "ssim",
-            Self::Perceptual => "perceptual",
-            Self::Yee => "yee",
-        }
+    /// This one, or each of those that it stands for.
+    pub fn each(self) -> Vec<Self> {
+        let all = self == Self::All;
+        Self::value_variants().iter().copied().filter(|one| if all { *one != self } else { *one == self }).collect()
     }
 
     /// Whether it compares pictures instead of vertices.
     pub fn is_of_pictures(self) -> bool {
-        match self {
-            Self::Mse | Self::Hausdorff => false,
-            Self::ImageMse | Self::Ssim | Self::Perceptual | Self::Yee => true,
-        }
-    }
-}
-
-impl Choice {
-    const ALL: [Self; 7] = [
-        Self::One(Metric::Mse),
-        Self::One(Metric::Hausdorff),
-        Self::One(Metric::ImageMse),
-        Self::One(Metric::Ssim),
-        Self::One(Metric::Perceptual),
-        Self::One(Metric::Yee),
-        Self::All,
-    ];
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::One(metric) => metric.name(),
-            Self::All => "all",
-        }
-    }
-
-    fn summary(self) -> &'static str {
-        match self {
-            Self::One(Metric::Mse) => "mean of the squared distances that vertices move",
-            Self::One(Metric::Hausdorff) => "Hausdorff distance from the base pose",
-            Self::One(Metric::ImageMse) => "mean of the squared differences of a picture's colours",
-            Self::One(Metric::Ssim) => "1 less the structural similarity of pictures (SSIM)",
-            Self::One(Metric::Perceptual) => "difference of pictures that people see (FLIP)",
-            Self::One(Metric::Yee) => "share of a picture's pixels that visibly differ (Yee)",
-            Self::All => "each of these",
-        }
-    }
-
-    pub fn metrics(self) -> Vec<Metric> {
-        match self {
-            Self::One(metric) => vec![metric],
-            Self::All => Metric::ALL.to_vec(),
-        }
+        !matches!(self, Self::Mse | Self::Hausdorff)
     }
 }

@@ -1,34 +1,21 @@
 //! The pose formats that options request: `--pose` names them, `--accumulate` the kind of their sums.
 
-use super::{UpdateArgs, distinct_or};
+use super::{UpdateArgs, distinct_or, values};
+use clap::ValueEnum;
 use deltamorph::{PoseFormat, UpdateDesc, UpdatePath};
+use serde::Serialize;
 
 /// How poses add up, as named by `--accumulate` and reports.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "lowercase")]
 pub enum Sums {
+    /// --pose float32: float32 sums, with a bound that is kept
     Float,
+    /// --pose fixed32: integer sums, equal to a full evaluation bit for bit (deltas of integers: not float32)
     Exact,
 }
 
 impl Sums {
-    pub const ALL: [Self; 2] = [Self::Float, Self::Exact];
-
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Float => "float",
-            Self::Exact => "exact",
-        }
-    }
-
-    pub fn summary(self) -> &'static str {
-        match self {
-            Self::Float => "--pose float32: float32 sums, with a bound that is kept",
-            Self::Exact => {
-                "--pose fixed32: integer sums, equal to a full evaluation bit for bit (deltas of integers: not float32)"
-            }
-        }
-    }
-
     /// The kind of sums of updates described by `desc`.
     pub fn of(desc: &UpdateDesc) -> Self {
         if desc.path == UpdatePath::Scatter { Self::Exact } else { Self::of_pose(desc.pose) }
@@ -55,13 +42,14 @@ impl UpdateArgs {
             return Ok(distinct_or(&meant, &[]));
         }
         let has = |sums: Sums| self.poses.iter().any(|pose| Sums::of_pose(*pose) == sums);
-        if !self.accumulate.is_empty() && Sums::ALL.iter().any(|sums| has(*sums) != self.accumulate.contains(sums)) {
-            let list = |names: &mut dyn Iterator<Item = &'static str>| names.collect::<Vec<_>>().join(",");
+        if !self.accumulate.is_empty()
+            && Sums::value_variants().iter().any(|sums| has(*sums) != self.accumulate.contains(sums))
+        {
             return Err(format!(
                 "--accumulate {} and --pose {} contradict each other: float32 poses are float sums, the others exact \
                  ones; leave --accumulate out",
-                list(&mut self.accumulate.iter().map(|sums| sums.name())),
-                list(&mut self.poses.iter().map(|pose| pose.name())),
+                self.accumulate.iter().map(|sums| values::name(*sums)).collect::<Vec<_>>().join(","),
+                self.poses.iter().map(|pose| pose.name()).collect::<Vec<_>>().join(","),
             ));
         }
         Ok(distinct_or(&self.poses, &[]))

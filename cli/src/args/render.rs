@@ -2,7 +2,7 @@
 
 use super::{LayerArgs, RunArgs, values};
 use crate::detail::Detail;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
 #[derive(Args, Clone, Debug)]
@@ -52,16 +52,13 @@ pub struct RenderArgs {
     /// Colours for the distance of each vertex from the base pose, or for its error: against a float64 evaluation of
     /// the mesh as it was imported
     #[arg(long, value_name = "WHAT", conflicts_with_all = ["checker", "magnify"])]
-    #[arg(value_parser = values::named(&Heat::ALL, Heat::name, Heat::summary))]
     pub heat: Option<Heat>,
     /// What is shown of the surface: its edges, its normals, how fast each vertex moves, what the update changed (both
     /// since the frame before, or since the base pose where there is none), or wrinkles where skin is compressed
     #[arg(long, value_name = "WHAT", conflicts_with_all = ["heat", "checker", "magnify"])]
-    #[arg(value_parser = values::named(&Shown::ALL, Shown::name, Shown::summary))]
     pub show: Option<Shown>,
     /// Normals of poses: as updates sum them, or those of the morphed surface, whose joints then stay at rest
     #[arg(long, value_name = "WHICH", default_value = "summed", conflicts_with = "magnify")]
-    #[arg(value_parser = values::named(&Normals::ALL, Normals::name, Normals::summary))]
     pub normals: Normals,
     /// Where the colours of --heat and of --show motion end, in input units [default: at the largest value]
     #[arg(long, value_name = "LENGTH", value_parser = values::positive)]
@@ -82,88 +79,39 @@ pub struct RenderArgs {
 }
 
 /// What the colours of a heat map stand for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Heat {
+    /// How far a vertex is from where the base pose has it
     Distance,
+    /// How far path and format have it from where it should be
     Error,
 }
 
-impl Heat {
-    pub const ALL: [Self; 2] = [Self::Distance, Self::Error];
-
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Distance => "distance",
-            Self::Error => "error",
-        }
-    }
-
-    fn summary(self) -> &'static str {
-        match self {
-            Self::Distance => "how far a vertex is from where the base pose has it",
-            Self::Error => "how far path and format have it from where it should be",
-        }
-    }
-}
-
-/// Where the normals of a pose are from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Normals of poses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Normals {
+    /// The base normal and what each target adds to it, which is right for each by itself
     Summed,
+    /// Those of the morphed surface, on the paths of the device
     Recomputed,
 }
 
-impl Normals {
-    const ALL: [Self; 2] = [Self::Summed, Self::Recomputed];
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Summed => "summed",
-            Self::Recomputed => "recomputed",
-        }
-    }
-
-    fn summary(self) -> &'static str {
-        match self {
-            Self::Summed => "the base normal and what each target adds to it, which is right for each by itself",
-            Self::Recomputed => "those of the morphed surface, on the paths of the device",
-        }
-    }
-}
-
 /// What is shown of a surface.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Shown {
+    /// The edges of faces
     Wire,
+    /// Normals as colours: x red, y green, z blue
     Normals,
+    /// How far each vertex has come since the frame before
     Motion,
+    /// The blocks that the update changed glow; in a clip they go out over the next frames
     Blocks,
+    /// Wrinkles where the targets compress the skin
     Wrinkles,
 }
 
 impl Shown {
-    pub const ALL: [Self; 5] = [Self::Wire, Self::Normals, Self::Motion, Self::Blocks, Self::Wrinkles];
-
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Wire => "wire",
-            Self::Normals => "normals",
-            Self::Motion => "motion",
-            Self::Blocks => "blocks",
-            Self::Wrinkles => "wrinkles",
-        }
-    }
-
-    fn summary(self) -> &'static str {
-        match self {
-            Self::Wire => "the edges of faces",
-            Self::Normals => "normals as colours: x red, y green, z blue",
-            Self::Motion => "how far each vertex has come since the frame before",
-            Self::Blocks => "the blocks that the update changed glow; in a clip they go out over the next frames",
-            Self::Wrinkles => "wrinkles where the targets compress the skin",
-        }
-    }
-
     /// Whether it depends on the previous pose.
     pub fn is_of_changes(self) -> bool {
         matches!(self, Self::Motion | Self::Blocks)

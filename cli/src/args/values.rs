@@ -1,5 +1,6 @@
 //! Values of the command line: their ranges and their spelling.
 
+use clap::ValueEnum;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use deltamorph::{BatchSize, DeltaFormat, LayerBlend, UpdateMode, UpdatePath};
 use deltamorph_headless::DeviceChoice;
@@ -17,6 +18,17 @@ pub fn named<T: Copy + Send + Sync + 'static>(
 ) -> impl TypedValueParser<Value = T> {
     PossibleValuesParser::new(all.iter().map(|&one| PossibleValue::new(name(one)).help(help(one))))
         .try_map(move |given| all.iter().copied().find(|one| name(*one) == given).ok_or("no such value"))
+}
+
+/// How the command line spells a value.
+pub fn name(value: impl ValueEnum) -> String {
+    value.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+}
+
+/// The line of help of a value.
+#[cfg(feature = "viewer")]
+pub fn summary(value: impl ValueEnum) -> String {
+    value.to_possible_value().and_then(|value| Some(value.get_help()?.to_string())).unwrap_or_default()
 }
 
 pub fn mode() -> impl TypedValueParser<Value = UpdateMode> {

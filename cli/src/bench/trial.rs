@@ -7,6 +7,7 @@ use super::stats::Stats;
 use super::subject::Subject;
 use super::workload::Setting;
 use crate::args::poses::Sums;
+use crate::args::values::name;
 use crate::input::Input;
 use crate::runner::{Frame, Runner};
 use crate::verify::{Found, Promise};
@@ -48,7 +49,7 @@ impl<'a> Candidate<'a> {
             heads: setting.heads,
             shared: setting.shared,
             crowds: if *separate { setting.updated() } else { 1 },
-            accumulate: Sums::of(desc).name().into(),
+            accumulate: name(Sums::of(desc)),
             pose: desc.pose.name().into(),
             error_budget: desc.error_budget,
             format: format.name().into(),

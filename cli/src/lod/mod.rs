@@ -12,6 +12,7 @@ mod twins;
 mod yee;
 
 use crate::args::lod::{LodArgs, Metric};
+use crate::args::values::name;
 use crate::input;
 use crate::output::{Failure, Output, to_json, write_file};
 use crate::runner::{Gpu, open};
@@ -66,7 +67,7 @@ pub fn run(args: &LodArgs, device: Option<&DeviceChoice>, out: &Output) -> Resul
     let others: Vec<_> = args.weights.iter().chain(&args.from).cloned().collect();
     let files: Vec<_> = args.out.iter().chain(&args.sheet).chain(&args.plot).map(|path| path.as_path()).collect();
     out.check(&input::files_of(&args.input, &others), &files, None)?;
-    if args.out.is_some() && args.metric.metrics().len() > 1 {
+    if args.out.is_some() && args.metric == Metric::All {
         return Err(Failure::Usage("--out keeps one order; name one --metric".into()));
     }
     let input = input::load(&args.input, false, out)?;
@@ -79,10 +80,12 @@ pub fn run(args: &LodArgs, device: Option<&DeviceChoice>, out: &Output) -> Resul
     let clips = input::clips(args.weights.as_deref(), &args.input, &input, &[])?;
     let from = args.from.as_ref().map(|path| Order::read(path, &names).map(|order| (path, order))).transpose()?;
     let metrics = match &from {
-        None => args.metric.metrics(),
-        Some((path, order)) => vec![Metric::ALL.into_iter().find(|m| m.name() == order.metric).ok_or_else(|| {
-            Failure::Failed(format!("{}: is by '{}', which is no metric here", path.display(), order.metric))
-        })?],
+        None => args.metric.each(),
+        Some((path, order)) => {
+            vec![Metric::All.each().into_iter().find(|m| name(*m) == order.metric).ok_or_else(|| {
+                Failure::Failed(format!("{}: is by '{}', which is no metric here", path.display(), order.metric))
+            })?]
+        }
     };
     let pins = match &from {
         Some((_, order)) => order.ranking.iter().filter(|r| r.pinned).map(|r| r.name.clone()).collect(),
@@ -100,7 +103,7 @@ pub fn run(args: &LodArgs, device: Option<&DeviceChoice>, out: &Output) -> Resul
     let scores = gauge.scores(&metrics)?;
     let orders: Vec<Order> = match from {
         Some((_, order)) => vec![order],
-        None => metrics.iter().zip(&scores).map(|(m, scores)| Order::new(m.name(), &names, scores, &pins)).collect(),
+        None => metrics.iter().zip(&scores).map(|(m, scores)| Order::new(&name(*m), &names, scores, &pins)).collect(),
     };
     let curves = gauge.curves(&metrics, &orders)?;
     let pairs = pairs(&input.kept);
@@ -143,7 +146,7 @@ fn agreements(metrics: &[Metric], scores: &[Vec<f64>]) -> Vec<Agreement> {
     let pairs = (0..metrics.len()).flat_map(|b| (0..b).map(move |a| (a, b)));
     pairs
         .map(|(a, b)| Agreement {
-            metrics: [metrics[a].name().into(), metrics[b].name().into()],
+            metrics: [a, b].map(|m| name(metrics[m])),
             kendall: kendall(&scores[a], &scores[b]),
             spearman: spearman(&scores[a], &scores[b]),
         })

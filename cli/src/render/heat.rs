@@ -5,6 +5,7 @@ use super::easel::Easel;
 use super::errors;
 use super::scenery::Scenery;
 use crate::args::render::{Heat, Shown};
+use crate::args::values::name;
 use crate::output::Failure;
 use deltamorph_render::{Show, heat};
 
@@ -65,7 +66,7 @@ pub fn draw_scale(scenery: &Scenery<'_>, canvas: &mut Canvas, end: f32) {
     }
     let share = f64::from(end) / crate::verify::scale(scenery.diagonal());
     let (x, most) = (left as f32 + wide as f32 + 0.4 * text, width as f32 * 0.6);
-    let what = scenery.args.heat.map_or("a frame", Heat::name);
+    let what = scenery.args.heat.map_or("a frame".into(), name);
     let most_text = format!("{what} {end:.3e} ({share:.1e} of the diagonal)");
     canvas.text(&most_text, (x, top as f32 + text * 0.4), text, ink, Align::Left, most);
     canvas.text("0", (x, (top + bar) as f32), text, ink, Align::Left, most);

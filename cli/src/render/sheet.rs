@@ -5,6 +5,7 @@ use super::easel::Easel;
 use super::scenery::{Done, Scenery};
 use super::{errors, heat};
 use crate::args::render::Heat;
+use crate::args::values::name;
 use crate::output::Failure;
 use glam::Mat4;
 use std::path::Path;
@@ -16,7 +17,7 @@ const CELL: [u32; 2] = [224; 2];
 pub fn draw(scenery: &Scenery<'_>, output: &Path) -> Result<Done, Failure> {
     let (args, mesh) = (scenery.args, &scenery.input.kept);
     if let Some(show) = args.show.filter(|show| show.is_of_changes()) {
-        let text = format!("--show {}: shows what changed since another frame; leave --sheet out", show.name());
+        let text = format!("--show {}: shows what changed since another frame; leave --sheet out", name(show));
         return Err(Failure::Usage(text));
     }
     let (cell, targets) = (args.size.unwrap_or(CELL), mesh.targets.len());

@@ -1,9 +1,10 @@
 //! What can be done in the window: by a hand on the panel, or by a line of a script.
 
 use crate::args::render;
-use crate::args::values;
+use crate::args::values::{self, name};
 use crate::args::view::MAX_HEADS;
 use crate::detail::Detail;
+use clap::ValueEnum;
 use deltamorph::{DeltaFormat, PoseFormat, UpdatePath};
 use std::path::PathBuf;
 use values::BudgetSpec;
@@ -55,49 +56,23 @@ pub enum Step {
 }
 
 /// What is shown of surfaces.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum Look {
+    /// Skin, eyes and teeth in their light
     #[default]
     Shaded,
+    /// The edges of faces
     Wire,
+    /// Normals as colours
     Normals,
-    /// The distance from the base pose.
+    /// How far each vertex is from the base pose
     Heat,
-    /// The distance from the pose before.
+    /// How far each vertex has come since the frame before
     Motion,
-    /// Blocks as they are written.
+    /// Blocks of vertices light up as they are written
     Blocks,
-    /// Wrinkles where the skin is compressed.
+    /// Wrinkles where the targets compress the skin
     Wrinkles,
-}
-
-impl Look {
-    pub const ALL: [Self; 7] =
-        [Self::Shaded, Self::Wire, Self::Normals, Self::Heat, Self::Motion, Self::Blocks, Self::Wrinkles];
-
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Shaded => "shaded",
-            Self::Wire => "wire",
-            Self::Normals => "normals",
-            Self::Heat => "heat",
-            Self::Motion => "motion",
-            Self::Blocks => "blocks",
-            Self::Wrinkles => "wrinkles",
-        }
-    }
-
-    pub fn summary(self) -> &'static str {
-        match self {
-            Self::Shaded => "skin, eyes and teeth in their light",
-            Self::Wire => "the edges of faces",
-            Self::Normals => "normals as colours",
-            Self::Heat => "how far each vertex is from the base pose",
-            Self::Motion => "how far each vertex has come since the frame before",
-            Self::Blocks => "blocks of vertices light up as they are written",
-            Self::Wrinkles => "wrinkles where the targets compress the skin",
-        }
-    }
 }
 
 /// A line of a script; nothing where it is empty or a remark. What is wrong comes with its remedy.
@@ -117,66 +92,64 @@ pub fn parse(line: &str) -> Result<Option<Step>, String> {
         "off" => Ok(false),
         _ => Err(format!("{word}: write `{word} on` or `{word} off`")),
     };
-    let alone = |step| match rest.is_empty() {
-        true => Ok(Some(step)),
-        false => Err(format!("{word}: takes nothing, and there is '{rest}'; leave it out")),
-    };
     let say = |error: String| format!("{word} {rest}: {error}");
-    let step = match word {
+    let number = |what, fits: fn(f32) -> bool| values::number(what, fits)(rest).map_err(say);
+    let alone = match word {
         "" => return Ok(None),
-        "reset" => return alone(Step::Do(Command::Reset)),
-        "copy" => return alone(Step::Do(Command::Copy)),
-        "play" => return alone(Step::Do(Command::Play)),
-        "dismiss" => return alone(Step::Do(Command::Dismiss)),
-        "pause" => return alone(Step::Do(Command::Pause)),
-        "quit" => return alone(Step::Quit),
+        "reset" => Some(Step::Do(Command::Reset)),
+        "copy" => Some(Step::Do(Command::Copy)),
+        "play" => Some(Step::Do(Command::Play)),
+        "dismiss" => Some(Step::Do(Command::Dismiss)),
+        "pause" => Some(Step::Do(Command::Pause)),
+        "quit" => Some(Step::Quit),
+        _ => None,
+    };
+    if alone.is_some() {
+        let rest = if rest.is_empty() { Ok(alone) } else { Err(rest) };
+        return rest.map_err(|rest| format!("{word}: takes nothing, and there is '{rest}'; leave it out"));
+    }
+    let command = match word {
         "set" => {
-            let parsed = rest.rsplit_once(char::is_whitespace).map(|(name, w)| (name.trim(), w.parse::<f32>()));
-            let Some((name, Ok(weight))) = parsed.filter(|(_, w)| w.as_ref().is_ok_and(|w| w.is_finite())) else {
+            let parsed =
+                rest.rsplit_once(char::is_whitespace).and_then(|(name, w)| Some((name.trim(), w.parse().ok()?)));
+            let Some((name, weight)) = parsed.filter(|(_, weight): &(_, f32)| weight.is_finite()) else {
                 return Err(say("write `set NAME WEIGHT`, as in `set jawOpen 0.5`".into()));
             };
-            Step::Do(Command::Set(name.to_owned(), weight))
+            Command::Set(name.to_owned(), weight)
         }
-        "random" => Step::Do(Command::Random(values::whole(0, u64::MAX)(rest).map_err(say)?)),
-        "clip" => Step::Do(Command::Clip(path()?)),
-        "drop" => Step::Do(Command::Drop(path()?)),
-        "scrub" => {
-            let frame = values::number("a frame of the clip, counted from 0", |v| v >= 0.0)(rest).map_err(say)?;
-            Step::Do(Command::Scrub(f64::from(frame)))
-        }
-        "speed" => {
-            let speed = values::number("a number from 0.05 to 8", |v| (0.05..=8.0).contains(&v))(rest);
-            Step::Do(Command::Speed(speed.map_err(say)?))
-        }
-        "path" => Step::Do(Command::Path(one_of(&UpdatePath::ALL, UpdatePath::name, rest).map_err(say)?)),
-        "format" => Step::Do(Command::Format(one_of(&DeltaFormat::ALL, DeltaFormat::name, rest).map_err(say)?)),
-        "pose" => Step::Do(Command::Pose(one_of(&PoseFormat::ALL, PoseFormat::name, rest).map_err(say)?)),
-        "show" => Step::Do(Command::Show(one_of(&Look::ALL, Look::name, rest).map_err(say)?)),
-        "budget" => Step::Do(Command::Budget(values::budget(rest).map_err(say)?)),
-        "detail" => Step::Do(Command::Detail(Detail::parse(rest).map_err(say)?)),
-        "heads" => Step::Do(Command::Heads(values::whole(1, MAX_HEADS)(rest).map_err(say)?)),
-        "camera" => Step::Do(Command::Camera(render::camera(rest).map_err(say)?)),
-        "zoom" => Step::Do(Command::Zoom(values::zoom(rest).map_err(say)?)),
-        "search" => Step::Do(Command::Search(rest.to_owned())),
-        "twins" => Step::Do(Command::Twins(switch()?)),
-        "panel" => Step::Do(Command::Panel(switch()?)),
-        "frames" => Step::Frames(values::whole(1, 1_000_000_000)(rest).map_err(say)?),
+        "random" => Command::Random(values::whole(0, u64::MAX)(rest).map_err(say)?),
+        "clip" => Command::Clip(path()?),
+        "drop" => Command::Drop(path()?),
+        "scrub" => Command::Scrub(number("a frame of the clip, counted from 0", |v| v >= 0.0)?.into()),
+        "speed" => Command::Speed(number("a number from 0.05 to 8", |v| (0.05..=8.0).contains(&v))?),
+        "path" => Command::Path(one_of(&UpdatePath::ALL, |path| path.name().into(), rest).map_err(say)?),
+        "format" => Command::Format(one_of(&DeltaFormat::ALL, |format| format.name().into(), rest).map_err(say)?),
+        "pose" => Command::Pose(one_of(&PoseFormat::ALL, |pose| pose.name().into(), rest).map_err(say)?),
+        "show" => Command::Show(one_of(Look::value_variants(), name, rest).map_err(say)?),
+        "budget" => Command::Budget(values::budget(rest).map_err(say)?),
+        "detail" => Command::Detail(Detail::parse(rest).map_err(say)?),
+        "heads" => Command::Heads(values::whole(1, MAX_HEADS)(rest).map_err(say)?),
+        "camera" => Command::Camera(render::camera(rest).map_err(say)?),
+        "zoom" => Command::Zoom(values::zoom(rest).map_err(say)?),
+        "search" => Command::Search(rest.to_owned()),
+        "twins" => Command::Twins(switch()?),
+        "panel" => Command::Panel(switch()?),
+        "frames" => return Ok(Some(Step::Frames(values::whole(1, 1_000_000_000)(rest).map_err(say)?))),
         "resize" => {
             let size = rest.split_once([' ', 'x']).map(|(w, h)| format!("{}x{}", w.trim(), h.trim()));
-            Step::Resize(render::size(&size.unwrap_or_default()).map_err(say)?)
+            return Ok(Some(Step::Resize(render::size(&size.unwrap_or_default()).map_err(say)?)));
         }
-        "screenshot" => Step::Screenshot(path()?),
-        "stats" => Step::Stats(path()?),
+        "screenshot" => return Ok(Some(Step::Screenshot(path()?))),
+        "stats" => return Ok(Some(Step::Stats(path()?))),
         unknown => return Err(format!("'{unknown}' is no command; `deltamorph view --help` lists them")),
     };
-    Ok(Some(step))
+    Ok(Some(Step::Do(command)))
 }
 
-fn one_of<T: Copy>(all: &[T], name: fn(T) -> &'static str, given: &str) -> Result<T, String> {
-    all.iter().copied().find(|one| name(*one) == given).ok_or_else(|| {
-        let names: Vec<&str> = all.iter().map(|one| name(*one)).collect();
-        format!("give one of: {}", names.join(", "))
-    })
+fn one_of<T: Copy>(all: &[T], name: fn(T) -> String, given: &str) -> Result<T, String> {
+    let names: Vec<String> = all.iter().map(|one| name(*one)).collect();
+    let at = names.iter().position(|name| name == given);
+    at.map(|at| all[at]).ok_or_else(|| format!("give one of: {}", names.join(", ")))
 }
 
 /// A script: its steps, and the line that each is on, counted from 1.

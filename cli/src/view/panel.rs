@@ -6,9 +6,10 @@ use super::plot::{self, Plot};
 use super::sliders;
 use super::state::State;
 use super::style::{DIM, ERROR, INK, PANEL, WIDTH};
-use crate::args::values::{BudgetSpec, format_on};
+use crate::args::values::{BudgetSpec, format_on, name, summary};
 use crate::detail::Detail;
 use crate::table::{bytes, percent, sig3, thousands};
+use clap::ValueEnum;
 use deltamorph::{DeltaFormat, PoseFormat, UpdateDesc, UpdatePath};
 use egui::{
     Align, Button, ComboBox, Frame, Key, Layout, Margin, Panel, Rect, RichText, ScrollArea, Sense, Slider, Ui, vec2,
@@ -210,9 +211,9 @@ fn looks(ui: &mut Ui, state: &State, done: &mut Vec<Command>) {
     ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing.x = 3.0;
         ui.spacing_mut().button_padding.x = 6.0;
-        for look in Look::ALL {
-            let label = ui.selectable_label(state.look == look, RichText::new(look.name()).size(12.5));
-            if label.on_hover_text(look.summary()).clicked() {
+        for &look in Look::value_variants() {
+            let label = ui.selectable_label(state.look == look, RichText::new(name(look)).size(12.5));
+            if label.on_hover_text(summary(look)).clicked() {
                 done.push(Command::Show(look));
             }
         }
