@@ -80,19 +80,22 @@ impl Drop for Owned {
     }
 }
 
-/// The loader, the instance, and the messenger that collects validation messages.
-struct Instance {
+/// The loader, the instance, and the messenger that collects validation messages: for hosts with a window, too.
+#[doc(hidden)]
+pub struct Instance {
     // Keeps the Vulkan library loaded.
-    _entry: ash::Entry,
-    raw: ash::Instance,
+    pub entry: ash::Entry,
+    pub raw: ash::Instance,
     messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     // Shared with the messenger, which holds its address.
-    messages: Arc<Messages>,
+    pub messages: Arc<Messages>,
     // With the validation layers; drops last.
     _turn: Option<Turn>,
 }
 
-type Messages = Mutex<Vec<String>>;
+/// What validation layers have said.
+#[doc(hidden)]
+pub type Messages = Mutex<Vec<String>>;
 
 const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
 
@@ -128,7 +131,8 @@ fn has_layer_settings(entry: &ash::Entry) -> bool {
 }
 
 impl Instance {
-    fn new(validation: bool) -> Result<Self> {
+    /// With `extensions`, each the name of one of the loader's, for surfaces.
+    pub fn new(extensions: &[&CStr], validation: bool) -> Result<Self> {
         let turn = validation.then(Turn::wait);
         // SAFETY: loading the system's Vulkan loader runs its initialisers, which are made to be run so.
         let entry = unsafe { ash::Entry::load() }.map_err(|e| Error::NoDevice {
@@ -163,27 +167,25 @@ impl Instance {
         let has_settings = validation && has_layer_settings(&entry);
         let layers = [VALIDATION.as_ptr()];
         let control = if has_settings { ash::ext::layer_settings::NAME } else { ash::ext::validation_features::NAME };
-        let extensions = [ash::ext::debug_utils::NAME.as_ptr(), control.as_ptr()];
-        let mut info = vk::InstanceCreateInfo::default().application_info(&app);
+        let own = if validation { &[ash::ext::debug_utils::NAME, control][..] } else { &[] };
+        let extensions: Vec<_> = extensions.iter().chain(own).map(|name| name.as_ptr()).collect();
+        let mut info = vk::InstanceCreateInfo::default().application_info(&app).enabled_extension_names(&extensions);
         if validation {
-            info =
-                info.enabled_layer_names(&layers).enabled_extension_names(&extensions).push_next(&mut messenger_info);
+            info = info.enabled_layer_names(&layers).push_next(&mut messenger_info);
             info = if has_settings { info.push_next(&mut settings) } else { info.push_next(&mut features) };
         }
         // SAFETY: all that `info` points to is alive; the messenger's user data outlives the instance.
         let raw = unsafe { entry.create_instance(&info, None) }.map_err(|e| match e {
-            vk::Result::ERROR_LAYER_NOT_PRESENT | vk::Result::ERROR_EXTENSION_NOT_PRESENT if validation => {
-                Error::invalid(
-                    "the Vulkan validation layers are missing",
-                    "install vulkan-validationlayers (./with-vulkan does)",
-                )
-            }
+            vk::Result::ERROR_LAYER_NOT_PRESENT if validation => Error::invalid(
+                "the Vulkan validation layers are missing",
+                "install vulkan-validationlayers (./with-vulkan does)",
+            ),
             vk::Result::ERROR_INCOMPATIBLE_DRIVER => no_device("no Vulkan driver"),
             e => Error::vulkan("vkCreateInstance")(e),
         })?;
-        let mut instance = Self { messenger: None, messages, raw, _entry: entry, _turn: turn };
+        let mut instance = Self { messenger: None, messages, raw, entry, _turn: turn };
         if validation {
-            let functions = ash::ext::debug_utils::Instance::new(&instance._entry, &instance.raw);
+            let functions = ash::ext::debug_utils::Instance::new(&instance.entry, &instance.raw);
             messenger_info.p_next = std::ptr::null();
             // SAFETY: the extension is enabled; the user data is shared and lives until after the messenger.
             let messenger = unsafe { functions.create_debug_utils_messenger(&messenger_info, None) }
@@ -234,7 +236,7 @@ impl Headless {
     /// # Errors
     /// Another call fails.
     pub fn devices() -> Result<Vec<DeviceCaps>> {
-        match Instance::new(false) {
+        match Instance::new(&[], false) {
             Ok(instance) => Ok(instance.devices()?.into_iter().map(|(_, caps)| caps).collect()),
             Err(Error::NoDevice { .. }) => Ok(vec![]),
             Err(e) => Err(e),
@@ -247,7 +249,7 @@ impl Headless {
     /// [`Error::NoDevice`]: no loader, no driver, or no Vulkan 1.1 device in its list. Otherwise no device as chosen
     /// (the message lists the existing ones), no validation layers, or a call that fails.
     pub fn new(desc: &HeadlessDesc) -> Result<Self> {
-        let instance = Instance::new(desc.validation)?;
+        let instance = Instance::new(&[], desc.validation)?;
         let (physical, mut caps) = choose(instance.devices()?, &desc.device)?;
         if let Some(limits) = &desc.limits {
             caps.clamp_to(limits);

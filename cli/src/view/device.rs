@@ -4,15 +4,14 @@ use crate::output::Failure;
 use ash_window::{create_surface, enumerate_required_extensions};
 use deltamorph::ash::{self, ext, khr, vk};
 use deltamorph::{DeviceCaps, DeviceDesc, Error, ErrorKind, MorphEngine};
-use deltamorph_headless::{self as headless, DeviceChoice};
-use std::ffi::{CStr, c_char, c_void};
+pub use deltamorph_headless::Messages;
+use deltamorph_headless::{self as headless, DeviceChoice, Instance};
+use std::ffi::CStr;
 use std::ptr::null_mut;
 use std::slice::from_ref;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle, RawDisplayHandle, RawWindowHandle};
 use winit::window::Window;
-
-const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
 
 /// A device that shows in a window. All that is made on it goes before it does; the engine's own keeps it alive.
 pub struct Device {
@@ -44,98 +43,19 @@ impl Drop for Owned {
     }
 }
 
-/// The loader, the instance, and the messenger that collects what validation layers say.
-struct Instance {
-    raw: ash::Instance,
-    entry: ash::Entry, // keeps the Vulkan library loaded
-    messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
-    messages: Arc<Messages>,
-}
-
-/// What validation layers have said.
-pub type Messages = Mutex<Vec<String>>;
-
-/// # Safety
-/// Called by the loader with `data` valid for the call, and `user` the address of the messages of an [`Instance`].
-unsafe extern "system" fn collect(
-    severity: vk::DebugUtilsMessageSeverityFlagsEXT,
-    _kind: vk::DebugUtilsMessageTypeFlagsEXT,
-    data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
-    user: *mut c_void,
-) -> vk::Bool32 {
-    // SAFETY: the messages live as long as the messenger; `data` and its text are valid for the call.
-    let (messages, text) = unsafe { (&*user.cast::<Messages>(), (*data).message_as_c_str()) };
-    let text = text.map_or_else(Default::default, CStr::to_string_lossy);
-    messages.lock().unwrap_or_else(PoisonError::into_inner).push(format!("{severity:?}: {text}"));
-    vk::FALSE
-}
-
 /// Turns what a Vulkan call returned into a failure that names it.
 pub fn failed(call: &'static str) -> impl Fn(vk::Result) -> Failure {
-    move |result| match Error::vulkan(call)(result) {
-        error if error.kind() == ErrorKind::OutOfMemory => Failure::Failed(format!(
+    move |result| failure(Error::vulkan(call)(result))
+}
+
+fn failure(error: Error) -> Failure {
+    match error {
+        Error::Vulkan { call, result, .. } if error.kind() == ErrorKind::OutOfMemory => Failure::Failed(format!(
             "Vulkan: {call} failed: {result:?}; free memory, or draw fewer heads in a smaller window"
         )),
+        Error::Vulkan { result: vk::Result::ERROR_EXTENSION_NOT_PRESENT, .. } => cannot_show(&error.to_string()),
+        Error::NoDevice { what, .. } => cannot_show(&what),
         error => error.into(),
-    }
-}
-
-impl Instance {
-    /// With what `extensions` names, for surfaces.
-    fn new(extensions: &[*const c_char], validation: bool) -> Result<Self, Failure> {
-        // SAFETY: loading the system's Vulkan loader runs its initialisers, which are made to be run so.
-        let entry = unsafe { ash::Entry::load() }.map_err(|e| {
-            Failure::Failed(format!("the Vulkan loader cannot be loaded: {e}; install libvulkan (./with-vulkan does)"))
-        })?;
-        let app = vk::ApplicationInfo::default().application_name(c"deltamorph").api_version(vk::API_VERSION_1_1);
-        let messages = Arc::<Messages>::default();
-        use vk::DebugUtilsMessageSeverityFlagsEXT as Severity;
-        let kinds = vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION | vk::DebugUtilsMessageTypeFlagsEXT::PERFORMANCE;
-        let messenger_info = vk::DebugUtilsMessengerCreateInfoEXT::default()
-            .message_severity(Severity::WARNING | Severity::ERROR)
-            .message_type(kinds)
-            .pfn_user_callback(Some(collect))
-            .user_data(Arc::as_ptr(&messages).cast_mut().cast());
-        let enables = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
-        let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enables);
-        let layers = [VALIDATION.as_ptr()];
-        let mut extensions = extensions.to_vec();
-        let mut info = vk::InstanceCreateInfo::default().application_info(&app);
-        if validation {
-            extensions.extend([ext::debug_utils::NAME.as_ptr(), ext::validation_features::NAME.as_ptr()]);
-            info = info.enabled_layer_names(&layers).push_next(&mut features);
-        }
-        let info = info.enabled_extension_names(&extensions);
-        // SAFETY: all that `info` points to is alive.
-        let raw = unsafe { entry.create_instance(&info, None) }.map_err(|result| match result {
-            vk::Result::ERROR_LAYER_NOT_PRESENT if validation => {
-                let what = "--validation: the Vulkan validation layers are missing";
-                Failure::Failed(format!("{what}; install vulkan-validationlayers (./with-vulkan does)"))
-            }
-            vk::Result::ERROR_EXTENSION_NOT_PRESENT => cannot_show(&format!("vkCreateInstance failed: {result:?}")),
-            vk::Result::ERROR_INCOMPATIBLE_DRIVER => no_window(&[]),
-            other => failed("vkCreateInstance")(other),
-        })?;
-        let mut this = Self { messenger: None, messages, raw, entry };
-        if validation {
-            let functions = ext::debug_utils::Instance::new(&this.entry, &this.raw);
-            // SAFETY: the extension is enabled; the user data lives until after the messenger.
-            let messenger = unsafe { functions.create_debug_utils_messenger(&messenger_info, None) };
-            this.messenger = Some((functions, messenger.map_err(failed("vkCreateDebugUtilsMessengerEXT"))?));
-        }
-        Ok(this)
-    }
-}
-
-impl Drop for Instance {
-    fn drop(&mut self) {
-        // SAFETY: made in `new`, destroyed once; what was made of the instance is gone: see `Owned`.
-        unsafe {
-            if let Some((functions, messenger)) = self.messenger.take() {
-                functions.destroy_debug_utils_messenger(messenger, None);
-            }
-            self.raw.destroy_instance(None);
-        }
     }
 }
 
@@ -161,7 +81,9 @@ impl Device {
             return Err(no_window(&[]));
         };
         let extensions = enumerate_required_extensions(display).map_err(|_| no_window(&[]))?;
-        let instance = Instance::new(extensions, validation)?;
+        // SAFETY: names of extensions, which are constants.
+        let extensions: Vec<&CStr> = extensions.iter().map(|name| unsafe { CStr::from_ptr(*name) }).collect();
+        let instance = Instance::new(&extensions, validation).map_err(failure)?;
         let surfaces = khr::surface::Instance::new(&instance.entry, &instance.raw);
         // SAFETY: the handles are the window's, which outlives the surface (see `Owned`); the extensions are enabled.
         let surface = unsafe { create_surface(&instance.entry, &instance.raw, display, handle, None) };
