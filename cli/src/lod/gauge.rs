@@ -1,7 +1,7 @@
 //! What errors are measured with: scores of targets, and what a clip loses where only the first of an order are kept.
 
 use super::Point;
-use super::geometry::{Loss, Tree, hausdorff, lips};
+use super::geometry::{Loss, hausdorff, lips, tree};
 use super::order::Order;
 use super::shots::Shots;
 use crate::args::lod::Metric;
@@ -51,7 +51,7 @@ impl<'a> Gauge<'a> {
     /// A list for each metric, with a number for each target.
     pub fn scores(&mut self, metrics: &[Metric]) -> Result<Vec<Vec<f64>>, Failure> {
         let mesh = &self.input.kept;
-        let base = Tree::new(&mesh.positions);
+        let base = tree(&mesh.positions);
         let of_pictures: Vec<Metric> = metrics.iter().copied().filter(|m| m.is_of_pictures()).collect();
         let mut drawn = match &mut self.shots {
             Some(shots) => shots.scores(&of_pictures, mesh.targets.len())?,

@@ -2,69 +2,30 @@
 
 use deltamorph::{BoundClip, MorphMesh, MorphTarget};
 use glam::Vec3;
+use rstar::RTree;
+use rstar::primitives::GeomWithData;
 
 /// Hausdorff distance between the vertices of the base pose and those of `target` at weight 1, in input units: the
 /// largest distance from a vertex of either to the nearest of the other.
 pub fn hausdorff(mesh: &MorphMesh, base: &Tree, target: &MorphTarget) -> f64 {
     let mut pose = mesh.positions.clone();
     target.vertices.iter().zip(&target.positions).for_each(|(&v, d)| pose[v as usize] += *d);
-    let moved = Tree::new(&pose);
+    let moved = tree(&pose);
+    let nearest = |tree: &Tree, to: Vec3| {
+        tree.nearest_neighbor(to.to_array()).map_or(f32::INFINITY, |at| to.distance_squared(Vec3::from(*at.geom())))
+    };
     // A vertex that does not move is in both.
-    let there = |&v: &u32| base.nearest_squared(pose[v as usize]);
-    let back = |&v: &u32| moved.nearest_squared(mesh.positions[v as usize]);
+    let there = |&v: &u32| nearest(base, pose[v as usize]);
+    let back = |&v: &u32| nearest(&moved, mesh.positions[v as usize]);
     let farthest = target.vertices.iter().map(|v| there(v).max(back(v))).fold(0.0, f32::max);
     f64::from(farthest).sqrt()
 }
 
-/// A k-d tree: the median of each range of points splits it, along x, y and z in turn. Each point has its number.
-pub struct Tree {
-    points: Vec<(Vec3, u32)>,
-}
+/// Points, each with its number.
+pub type Tree = RTree<GeomWithData<[f32; 3], u32>>;
 
-impl Tree {
-    pub fn new(points: &[Vec3]) -> Self {
-        let mut points: Vec<(Vec3, u32)> = points.iter().copied().zip(0..).collect();
-        split(&mut points, 0);
-        Self { points }
-    }
-
-    /// Squared distance to the nearest point; infinite where there is none.
-    pub fn nearest_squared(&self, to: Vec3) -> f32 {
-        let mut nearest = (f32::INFINITY, 0);
-        search(&self.points, 0, to, &mut nearest);
-        nearest.0
-    }
-
-    /// The number of the nearest point, if there is one.
-    pub fn nearest(&self, to: Vec3) -> Option<u32> {
-        let mut nearest = (f32::INFINITY, 0);
-        search(&self.points, 0, to, &mut nearest);
-        nearest.0.is_finite().then_some(nearest.1)
-    }
-}
-
-fn split(points: &mut [(Vec3, u32)], axis: usize) {
-    if points.len() > 1 {
-        let middle = points.len() / 2;
-        let (low, _, high) = points.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]));
-        split(low, (axis + 1) % 3);
-        split(high, (axis + 1) % 3);
-    }
-}
-
-fn search(points: &[(Vec3, u32)], axis: usize, to: Vec3, nearest: &mut (f32, u32)) {
-    let middle = points.len() / 2;
-    let Some(&(at, number)) = points.get(middle) else { return };
-    let distance = at.distance_squared(to);
-    if distance < nearest.0 {
-        *nearest = (distance, number);
-    }
-    let (low, high, side) = (&points[..middle], &points[middle + 1..], to[axis] - at[axis]);
-    let (near, far) = if side < 0.0 { (low, high) } else { (high, low) };
-    search(near, (axis + 1) % 3, to, nearest);
-    if side * side < nearest.0 {
-        search(far, (axis + 1) % 3, to, nearest);
-    }
+pub fn tree(points: &[Vec3]) -> Tree {
+    RTree::bulk_load(points.iter().zip(0..).map(|(p, i)| GeomWithData::new(p.to_array(), i)).collect())
 }
 
 /// What dropping targets costs a clip, for any choice of them. A frame with weights w that goes without the targets D

@@ -29,8 +29,10 @@ pub fn ssim(a: &Pixels, b: &Pixels) -> f64 {
         p.rgb.chunks_exact(3).map(of).collect()
     };
     let (x, y, width) = (luma(a), luma(b), a.size[0] as usize);
-    let product = |p: &[f64], q: &[f64]| blurred(&p.iter().zip(q).map(|(p, q)| p * q).collect::<Vec<_>>(), width);
-    let (means, squares) = ([&x, &y].map(|p| blurred(p, width)), [product(&x, &x), product(&y, &y), product(&x, &y)]);
+    let gauss: [f64; 11] = std::array::from_fn(|i| (-(i as f64 - 5.0).powi(2) / (2.0 * 1.5 * 1.5)).exp());
+    let blurred = |values: &[f64]| blurred(values, width, gauss, 1, true);
+    let product = |p: &[f64], q: &[f64]| blurred(&p.iter().zip(q).map(|(p, q)| p * q).collect::<Vec<_>>());
+    let (means, squares) = ([&x, &y].map(|p| blurred(p)), [product(&x, &x), product(&y, &y), product(&x, &y)]);
     let [c1, c2] = [0.01, 0.03].map(|k: f64| (k * 255.0).powi(2));
     let at = |i: usize| {
         let (mx, my) = (means[0][i], means[1][i]);
@@ -40,23 +42,24 @@ pub fn ssim(a: &Pixels, b: &Pixels) -> f64 {
     (0..x.len()).map(at).sum::<f64>() / x.len().max(1) as f64
 }
 
-/// A Gaussian mean around each pixel, over the pixels that there are.
-fn blurred(values: &[f64], width: usize) -> Vec<f64> {
-    let weights: [f64; 11] = std::array::from_fn(|i| (-(i as f64 - 5.0).powi(2) / (2.0 * 1.5 * 1.5)).exp());
-    let weight = |d: i64| weights[(d + 5) as usize];
-    let height = values.len() / width.max(1);
-    let along = |values: &[f64], step: usize, place: fn(usize, usize) -> usize, most: usize| -> Vec<f64> {
+/// Means around each pixel, weighted, of pixels `step` apart: over those that there are, or with edges that go on.
+pub fn blurred<const N: usize>(values: &[f64], width: usize, weights: [f64; N], step: usize, cut: bool) -> Vec<f64> {
+    let along = |values: &[f64], stride: usize, place: &dyn Fn(usize) -> usize, most: usize| -> Vec<f64> {
         let at = |i: usize| {
-            let here = place(i, width) as i64;
-            let near = (-5..=5i64).filter(|d| (0..most as i64).contains(&(here + d)));
-            let sums = near.fold((0.0, 0.0), |(sum, all), d| {
-                let v = values[(i as i64 + d * step as i64) as usize];
-                (sum + weight(d) * v, all + weight(d))
-            });
-            sums.0 / sums.1
+            let (here, mut sum, mut all) = (place(i), 0.0, 0.0);
+            for (tap, weight) in weights.iter().enumerate() {
+                // Counted from where the first tap of the first pixel is.
+                let (there, first) = (here + tap * step, N / 2 * step);
+                if !cut || (first..first + most).contains(&there) {
+                    let there = there.saturating_sub(first).min(most - 1);
+                    sum += weight * values[i + there * stride - here * stride];
+                    all += weight;
+                }
+            }
+            sum / all
         };
         (0..values.len()).map(at).collect()
     };
-    let across = along(values, 1, |i, width| i % width, width);
-    along(&across, width, |i, width| i / width, height)
+    let across = along(values, 1, &|i| i % width, width);
+    along(&across, width, &|i| i / width, values.len() / width.max(1))
 }

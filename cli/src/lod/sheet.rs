@@ -2,13 +2,14 @@
 
 use super::gauge::Gauge;
 use super::order::Order;
+use super::shots::studio;
 use crate::args::render::Background;
 use crate::output::Failure;
 use crate::render::canvas::{Align, Canvas};
 use crate::render::scenery::Subject;
 use crate::runner::Gpu;
-use deltamorph::{BatchSize, BoundClip, DeltaFormat, MorphMesh, PackedMesh, UpdateDesc, UpdateMode, UpdatePath};
-use deltamorph_render::{Camera, Light, Poses, Scene, Show, Studio, StudioDesc};
+use deltamorph::{BoundClip, MorphMesh};
+use deltamorph_render::{Camera, Light, Poses, Scene, Show};
 use glam::{Mat4, Vec3};
 use std::path::Path;
 
@@ -47,10 +48,7 @@ pub fn draw(
     let rows: Vec<(&Order, usize)> = shown.iter().flat_map(|f| orders.iter().map(move |order| (order, *f))).collect();
 
     let subject = Subject::new(path, gauge.input);
-    let packed = PackedMesh::pack(mesh, &gpu.engine().pack_desc(DeltaFormat::BlockFloat32))?;
-    let update = UpdateDesc::new(UpdatePath::Blocks, BatchSize::All).mode(UpdateMode::Rebuild);
-    let desc = StudioDesc { size: [CELL; 2], heads: 1, in_flight: 1, update, afterglow: 0.0, cull: false };
-    let mut studio = Studio::new(gpu, mesh, &packed, &subject.parts, desc)?;
+    let mut studio = studio(gpu, mesh, &subject.parts, [CELL; 2])?;
     let view = Camera::default().fit(moving(mesh).into_iter(), 1.0, 0.1);
     let scene = Scene { view, light: Light::default(), show: Show::Shaded };
     let size = [CELL * QUARTERS.len() as u32, (CELL + CAPTION) * rows.len() as u32];

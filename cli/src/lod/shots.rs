@@ -26,6 +26,13 @@ pub const FRAMES: usize = 8;
 /// What a pose looks like: the mesh, and its mirror image.
 type Look = [Pixels; 2];
 
+/// Draws deltas as they are, in poses that do not depend on those before them.
+pub fn studio<'a>(gpu: &'a Gpu, mesh: &MorphMesh, parts: &[Part], size: [u32; 2]) -> Result<Studio<'a>, Failure> {
+    let packed = PackedMesh::pack(mesh, &gpu.engine().pack_desc(DeltaFormat::BlockFloat32))?;
+    let update = UpdateDesc::new(UpdatePath::Blocks, BatchSize::All).mode(UpdateMode::Rebuild);
+    Ok(Studio::new(gpu, mesh, &packed, parts, StudioDesc { size, heads: 1, in_flight: 3, update, afterglow: 0.0, cull: false })?)
+}
+
 /// Where pictures are taken, and those of whole frames that others are compared with.
 pub struct Shots<'a> {
     studios: [Studio<'a>; 2],
@@ -41,14 +48,7 @@ impl<'a> Shots<'a> {
         align_faces(&mut straight, middle);
         let (subject, mirror) = (Subject::of_mesh(path, &straight), mirrored(&straight, middle));
         let parts: Vec<Part> = subject.parts.iter().map(|part| mirrored_part(part, middle)).collect();
-        let studio = |mesh: &MorphMesh, parts: &[Part]| -> Result<Studio<'a>, Failure> {
-            // Deltas as they are, and poses that do not depend on those before them.
-            let packed = PackedMesh::pack(mesh, &gpu.engine().pack_desc(DeltaFormat::BlockFloat32))?;
-            let update = UpdateDesc::new(UpdatePath::Blocks, BatchSize::All).mode(UpdateMode::Rebuild);
-            let desc = StudioDesc { size: SIZE, heads: 1, in_flight: 3, update, afterglow: 0.0, cull: false };
-            Ok(Studio::new(gpu, mesh, &packed, parts, desc)?)
-        };
-        let studios = [studio(&straight, &subject.parts)?, studio(&mirror, &parts)?];
+        let studios = [studio(gpu, &straight, &subject.parts, SIZE)?, studio(gpu, &mirror, &parts, SIZE)?];
         let camera = Camera { yaw: 0.0, pitch: 0.0, ..Camera::default() };
         let seen = subject.focus.iter().flat_map(|p| [*p, Vec3::new(2.0 * middle - p.x, p.y, p.z)]);
         let scene = Scene { view: camera.fit(seen, 1.0, 0.04), light: Light::default(), show: Show::Shaded };

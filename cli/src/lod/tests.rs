@@ -1,4 +1,4 @@
-use super::geometry::{Loss, Tree, hausdorff};
+use super::geometry::{Loss, hausdorff, tree};
 use super::order::{Order, kendall, spearman};
 use super::picture::{Pixels, mean_square as picture_mse, perceptual, ssim};
 use deltamorph::lod::mean_square;
@@ -23,7 +23,7 @@ fn shifted(shift: Vec3) -> MorphMesh {
 fn known_shifts_have_known_scores_and_twice_as_far_ranks_higher() {
     let mesh = shifted(Vec3::X * 1000.0);
     // As far as all vertices of the head are from each other: the nearest of the extreme ones is known.
-    let base = Tree::new(&mesh.positions);
+    let base = tree(&mesh.positions);
     let brute = |target: usize| {
         let pose: Vec<Vec3> = mesh.positions.iter().map(|p| *p + mesh.targets[target].positions[0]).collect();
         let nearest = |p: &Vec3, of: &[Vec3]| of.iter().map(|q| p.distance(*q)).fold(f32::INFINITY, f32::min);
@@ -41,7 +41,7 @@ fn known_shifts_have_known_scores_and_twice_as_far_ranks_higher() {
         .flat_map(|(i, p)| mesh.positions[..i].iter().map(move |q| p.distance(*q)).filter(|d| *d > 0.0))
         .fold(f32::INFINITY, f32::min);
     let mesh = shifted(Vec3::Y * gap * 0.2);
-    let base = Tree::new(&mesh.positions);
+    let base = tree(&mesh.positions);
     for (target, times) in [(0, 1.0), (1, 2.0)] {
         let (found, exact) = (hausdorff(&mesh, &base, &mesh.targets[target]), f64::from(gap * 0.2) * times);
         assert!((found - exact).abs() <= 1e-2 * exact, "{found} {exact}");

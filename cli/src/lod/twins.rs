@@ -1,6 +1,6 @@
 //! Targets that mirror each other, by their names: whether they do, and whether an order has them side by side.
 
-use super::geometry::Tree;
+use super::geometry::tree;
 use super::order::Order;
 use crate::render::scenery::bounds;
 use deltamorph::MorphMesh;
@@ -61,8 +61,8 @@ pub fn pairs(mesh: &MorphMesh) -> Vec<Pair> {
     let found: Vec<[usize; 2]> = mesh.targets.iter().enumerate().filter_map(named).collect();
     let mut partner = vec![];
     if !found.is_empty() {
-        let tree = Tree::new(&mesh.positions);
-        let across = |p: &Vec3| tree.nearest(Vec3::new(2.0 * middle - p.x, p.y, p.z)).unwrap_or_default();
+        let tree = tree(&mesh.positions);
+        let across = |p: &Vec3| tree.nearest_neighbor([2.0 * middle - p.x, p.y, p.z]).map_or(0, |at| at.data);
         partner = mesh.positions.iter().map(across).collect();
     }
     let pair = |targets| Pair { targets, asymmetry: asymmetry(mesh, targets, &partner) };

@@ -6,7 +6,7 @@
 //! (TVI), times what contrast in its neighbourhood hides; or where its colours do. Contrast is looked at in bands of an
 //! octave each, which eyes are more or less sensitive to (CSF), and which mask differences within themselves.
 
-use super::picture::Pixels;
+use super::picture::{Pixels, blurred};
 use nv_flip::DEFAULT_PIXELS_PER_DEGREE;
 
 /// Luminance of white, in cd/m².
@@ -132,33 +132,12 @@ impl Layers {
         let colours = picture.rgb.chunks_exact(3).map(|c| colour(xyz(c))).collect();
         let mut level: Vec<f64> = picture.rgb.chunks_exact(3).map(|c| xyz(c)[1] * WHITE).collect();
         let levels = std::array::from_fn(|i| {
-            let next = blurred(&level, picture.size[0] as usize, 1 << i);
+            // The next level of a pyramid (Burt and Adelson 1983, a = 0.4) that keeps all pixels.
+            let next = blurred(&level, picture.size[0] as usize, [0.05, 0.25, 0.4, 0.25, 0.05], 1 << i, false);
             std::mem::replace(&mut level, next)
         });
         Self { levels, colours }
     }
-}
-
-/// The next level of a pyramid (Burt and Adelson 1983, a = 0.4) that keeps all pixels: taps are `step` pixels apart.
-/// Edges go on.
-fn blurred(level: &[f64], width: usize, step: usize) -> Vec<f64> {
-    const TAPS: [f64; 5] = [0.05, 0.25, 0.4, 0.25, 0.05];
-    let height = level.len() / width.max(1);
-    let tap = |at: usize, k: usize, most: usize| (at + k * step).saturating_sub(2 * step).min(most - 1);
-    let mut across = vec![0.0; level.len()];
-    for (row, out) in level.chunks_exact(width.max(1)).zip(across.chunks_exact_mut(width.max(1))) {
-        for (x, out) in out.iter_mut().enumerate() {
-            *out = (0..5).map(|k| TAPS[k] * row[tap(x, k, width)]).sum();
-        }
-    }
-    let mut down = vec![0.0; level.len()];
-    for (y, out) in down.chunks_exact_mut(width.max(1)).enumerate() {
-        for k in 0..5 {
-            let row = &across[tap(y, k, height) * width..][..width];
-            out.iter_mut().zip(row).for_each(|(out, v)| *out += TAPS[k] * v);
-        }
-    }
-    down
 }
 
 #[cfg(test)]
