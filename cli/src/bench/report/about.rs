@@ -1,10 +1,11 @@
 //! Describes the measurement to a reader who has never seen the project.
 
 use super::figures::partition;
-use crate::bench::record::{DeviceInfo, Report, RunRecord, SuiteRecord};
+use crate::bench::record::{Bandwidth, DeviceInfo, Report, RunRecord, SuiteRecord};
 use crate::input::MeshInfo;
-use crate::table::{count, listed, thousands};
+use crate::table::{count, listed, percent, sig3, thousands};
 use deltamorph::BatchSize;
+use std::slice::from_ref;
 
 /// Most names that are listed; of more, only their number.
 const MOST_NAMES: usize = 8;
@@ -26,11 +27,14 @@ pub fn about(report: &Report, suite: Option<&SuiteRecord>) -> About {
         configurations(&runs),
         device(&report.device),
     );
+    let own = if report.meshes.is_empty() { from_ref(&report.input) } else { &report.meshes };
     let facts = vec![
         ("What changes", changes(&runs)),
         ("What was tried", varied(&runs)),
         ("How often", vec![frames(&runs)]),
         ("What was verified", vec![verified(&runs)]),
+        ("Meshes", own.iter().map(mesh).collect()),
+        ("Memory bandwidth", bandwidth(&report.bandwidth)),
     ];
     About { sentence, facts }
 }
@@ -49,10 +53,23 @@ pub fn device(device: &DeviceInfo) -> String {
         "integrated" => "an integrated GPU".into(),
         kind => format!("a {kind} GPU"),
     };
-    let driver = [device.driver.as_str(), &device.driver_info].join(" ");
+    let api = if device.api_version.is_empty() { String::new() } else { format!("Vulkan {}", device.api_version) };
+    let driver = [device.driver.as_str(), &device.driver_info, &api].join(" ");
     let driver = if driver.trim().is_empty() { String::new() } else { format!("; driver: {}", driver.trim()) };
     let cpu = if cpu.is_empty() { cpu } else { format!(", and {cpu}") };
     format!("{} ({kind}{driver}){cpu}", device.name)
+}
+
+fn mesh(m: &MeshInfo) -> String {
+    let [vertices, triangles] = [m.vertices, m.triangles].map(thousands);
+    let (name, targets, moved, origin) = (&m.name, m.targets, percent(m.moved_mean), &m.origin);
+    format!("{name}: {vertices} vertices, {triangles} triangles, {targets} targets, each moves {moved}; {origin}")
+}
+
+fn bandwidth(b: &Bandwidth) -> Vec<String> {
+    let rate = |v: Option<f64>| v.map_or("not measured".to_owned(), |v| format!("{} GB/s", sig3(v)));
+    let line = |what, copy, read| format!("{what}: copy {}, read {}", rate(copy), rate(read));
+    vec![line("device", b.device_copy_gb_s, b.device_read_gb_s), line("processor", b.cpu_copy_gb_s, b.cpu_read_gb_s)]
 }
 
 fn meshes(report: &Report, runs: &[&RunRecord]) -> String {

@@ -5,10 +5,9 @@ use super::about::{self, About};
 use super::sentences::{of_suite, sentences, title};
 use super::tables;
 use crate::bench::record::{Face, Report, RunRecord, SuiteRecord, fastest};
-use crate::input::MeshInfo;
 use crate::page::{self, document, figures, table};
 use crate::plots::Drawn;
-use crate::table::{percent, sig3, thousands};
+use crate::table::thousands;
 use maud::{Markup, html};
 
 pub fn file_name(suite: Option<&SuiteRecord>) -> String {
@@ -39,7 +38,6 @@ pub fn page(report: &Report, suite: Option<&SuiteRecord>, drawn: &[Drawn]) -> St
             }
         }
         @if let (None, Some(face)) = (suite, &report.face) { (pictured(face, report)) }
-        (cards(report))
         @if suite.is_none() && !report.suites.is_empty() {
             section {
                 h2 { "Suites" }
@@ -88,54 +86,6 @@ fn pictured(face: &Face, report: &Report) -> Markup {
             figcaption { (caption) }
         }
     }
-}
-
-/// The conditions of the measurement, as cards.
-fn cards(report: &Report) -> Markup {
-    let (d, i, b) = (&report.device, &report.input, &report.bandwidth);
-    let rate = |v: Option<f64>| v.map_or("not measured".to_owned(), |v| format!("{} GB/s", sig3(v)));
-    let api = if d.api_version.is_empty() { String::new() } else { format!("Vulkan {}", d.api_version) };
-    let driver = [d.driver.as_str(), &d.driver_info, &api].join(" ");
-    let meshes = if report.meshes.is_empty() { std::slice::from_ref(i) } else { &report.meshes };
-    let kind = match d.kind.as_str() {
-        "cpu" => "software driver".to_owned(),
-        "none" => "no Vulkan device used".to_owned(),
-        kind => format!("{kind} GPU"),
-    };
-    let cards = [
-        ("Device", d.name.clone(), vec![driver, kind]),
-        ("Processor", d.cpu.clone(), vec![format!("{} threads", d.threads)]),
-        (
-            "Mesh",
-            format!("{} vertices × {} targets", thousands(i.vertices), i.targets),
-            meshes.iter().map(mesh).collect(),
-        ),
-        (
-            "Memory bandwidth",
-            format!("{} copy on the device", rate(b.device_copy_gb_s)),
-            vec![
-                format!("device read {}", rate(b.device_read_gb_s)),
-                format!("processor copy {}, read {}", rate(b.cpu_copy_gb_s), rate(b.cpu_read_gb_s)),
-            ],
-        ),
-    ];
-    html! {
-        section.cards {
-            @for (label, value, notes) in &cards {
-                div.card {
-                    h3 { (label) }
-                    p.value { (value) }
-                    @for note in notes { p { (note.trim()) } }
-                }
-            }
-        }
-    }
-}
-
-fn mesh(m: &MeshInfo) -> String {
-    let [vertices, triangles] = [m.vertices, m.triangles].map(thousands);
-    let (name, targets, moved, origin) = (&m.name, m.targets, percent(m.moved_mean), &m.origin);
-    format!("{name}: {vertices} vertices, {triangles} triangles, {targets} targets, each moves {moved}; {origin}")
 }
 
 fn all_runs(runs: &[&RunRecord]) -> Markup {
