@@ -410,7 +410,7 @@ fn degrees(a: &Picture, b: &Picture) -> Vec<f32> {
     both.map(|(a, b)| normal(a).angle_between(normal(b)).to_degrees()).collect()
 }
 
-/// What a step writes is drawn as the pose that the float64 reference makes is: skinned, or with normals of its surface.
+/// What a step writes is drawn as the float64 reference says: skinned, or with normals of the surface.
 #[test]
 fn what_steps_write_is_drawn_as_their_references_say() {
     let (mesh, mut frames) = (mesh(&source()), frames(3));

@@ -146,7 +146,7 @@ mod tests {
             ("[", "rig.json: line 1: EOF while parsing"),
             ("", "rig.json: line 1: EOF"),
         ] {
-            crate::testing::says(parsed(text), &[words]);
+            deltamorph::testing::says(parsed(text), &[words]);
         }
         let none = read(Path::new("none/rig.json")).unwrap_err().to_string();
         assert!(none.contains("none/rig.json: cannot read"), "{none}");

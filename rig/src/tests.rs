@@ -186,7 +186,7 @@ fn what_cannot_be_bound_is_refused_with_a_remedy() {
             "corrective 'x' of the rig: 'x' is no target",
         ),
     ] {
-        crate::testing::says(rig.bind(&TARGETS), &[words]);
+        deltamorph::testing::says(rig.bind(&TARGETS), &[words]);
     }
 }
 
@@ -198,8 +198,8 @@ fn wrong_weights_are_refused_and_change_nothing() {
         (&[0.0; 2][..], "2 weights for the rig's 3 controls; give one per control"),
         (&[0.0, f32::NAN, 0.0], "control 'smile' of the rig: the weight is NaN"),
     ] {
-        crate::testing::says(bound.evaluate(controls, &mut weights), &[words]);
-        crate::testing::says(bound.smooth(&mut current, controls, 1.0), &[words]);
+        deltamorph::testing::says(bound.evaluate(controls, &mut weights), &[words]);
+        deltamorph::testing::says(bound.smooth(&mut current, controls, 1.0), &[words]);
     }
     let text = bound.evaluate(&[0.0; 3], &mut [0.0; 4]).unwrap_err().to_string();
     assert!(text.contains("4 weights for the rig's 5 targets"), "{text}");
@@ -207,7 +207,7 @@ fn wrong_weights_are_refused_and_change_nothing() {
     assert!(text.contains("-1 seconds since the last frame"), "{text}");
     assert_eq!((weights, current), ([9.0; 5], [0.25; 3]));
     let clip = WeightClip { name: "clip".into(), names: vec!["half".into()], fps: 10.0, values: vec![1.0] };
-    crate::testing::says(
+    deltamorph::testing::says(
         bound.bake(&clip, 10.0),
         &["column 'half' names no control of the rig; use a control of the rig"],
     );
@@ -215,7 +215,7 @@ fn wrong_weights_are_refused_and_change_nothing() {
     assert!(bound.bake(&clip, 0.0).unwrap_err().to_string().contains("clip 'clip': 0 frames a second"));
     let clip = WeightClip { values: vec![0.0, 1.0], ..clip };
     for fps in [1e9, f32::MAX] {
-        crate::testing::says(bound.bake(&clip, fps), &["more than 2^24 weights"]);
+        deltamorph::testing::says(bound.bake(&clip, fps), &["more than 2^24 weights"]);
     }
 }
 

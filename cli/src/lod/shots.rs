@@ -30,7 +30,13 @@ type Look = [Pixels; 2];
 pub fn studio<'a>(gpu: &'a Gpu, mesh: &MorphMesh, parts: &[Part], size: [u32; 2]) -> Result<Studio<'a>, Failure> {
     let packed = PackedMesh::pack(mesh, &gpu.engine().pack_desc(DeltaFormat::BlockFloat32))?;
     let update = UpdateDesc::new(UpdatePath::Blocks, BatchSize::All).mode(UpdateMode::Rebuild);
-    Ok(Studio::new(gpu, mesh, &packed, parts, StudioDesc { size, heads: 1, in_flight: 3, update, afterglow: 0.0, cull: false })?)
+    Ok(Studio::new(
+        gpu,
+        mesh,
+        &packed,
+        parts,
+        StudioDesc { size, heads: 1, in_flight: 3, update, afterglow: 0.0, cull: false },
+    )?)
 }
 
 /// Where pictures are taken, and those of whole frames that others are compared with.
