@@ -17,7 +17,7 @@ use deltamorph::{
     testing,
 };
 use deltamorph_failing::{Control, NAME, calls::ERRORS, enable};
-use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
+use deltamorph_headless::{Headless, HeadlessCrowd};
 use offscreen::Offscreen;
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeSet;
@@ -42,8 +42,7 @@ fn with_layer(test: &str, body: impl FnOnce()) {
 
 /// Lavapipe, and the layer above it.
 fn device(validation: bool) -> (Headless, Control) {
-    let desc = HeadlessDesc::default().device(DeviceChoice::Name("llvmpipe".into())).validation(validation);
-    let headless = Headless::new(&desc).expect("a device: run the tests as ./with-vulkan cargo test");
+    let headless = gpu::device("llvmpipe", validation, None);
     let (instance, _, device) = headless.handles();
     // SAFETY: both are alive, and belong together.
     let control = unsafe { Control::of(instance, device.handle()) };

@@ -10,7 +10,6 @@ use deltamorph::reference::compare;
 use deltamorph::{
     CpuCrowd, CrowdDesc, DeltaFormat, DeviceDesc, GpuMesh, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing,
 };
-use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
 use gpu::{NORMAL, is_kept, packed, reference, weights};
 use host::Host;
 use std::sync::Arc;
@@ -54,8 +53,7 @@ fn threads_share_an_allocator_engines_and_meshes() {
     for driver in gpu::drivers() {
         // Validation layers are not instrumented, and their locks not seen.
         let validation = std::env::var_os("TSAN_OPTIONS").is_none();
-        let desc = HeadlessDesc::default().device(DeviceChoice::Name(driver)).validation(validation);
-        let headless = Headless::new(&desc).expect("a device; run the tests as ./with-vulkan cargo test");
+        let headless = gpu::device(&driver, validation, None);
         let host = Host::new(&headless);
         let (instance, physical, _) = headless.handles();
         let allocator = host.allocator(&headless);

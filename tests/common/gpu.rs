@@ -84,6 +84,15 @@ pub fn with_and_without_texels(limits: &DeviceCaps) -> Vec<(String, DeviceCaps)>
     drivers().into_iter().flat_map(|driver| [(driver.clone(), roomy.clone()), (driver, limits.clone())]).collect()
 }
 
+/// A device whose name has `driver` in it.
+pub fn device(driver: &str, validation: bool, limits: Option<DeviceCaps>) -> Headless {
+    let desc = HeadlessDesc::default().device(DeviceChoice::Name(driver.to_owned()));
+    let headless = Headless::new(&desc.validation(validation).limits(limits))
+        .unwrap_or_else(|e| panic!("{driver}: {e}\nrun the tests as ./with-vulkan cargo test"));
+    headless.engine().set_techniques(&deltamorph_baselines::TECHNIQUES);
+    headless
+}
+
 /// Run `test` on one device.
 pub fn on_device<R>(driver: &str, android_baseline: bool, test: impl FnOnce(&Headless, &MorphEngine) -> R) -> R {
     let limits = android_baseline.then(DeviceCaps::android_baseline);
@@ -96,10 +105,7 @@ pub fn on_device_within<R>(
     limits: Option<DeviceCaps>,
     test: impl FnOnce(&Headless, &MorphEngine) -> R,
 ) -> R {
-    let device = DeviceChoice::Name(driver.to_owned());
-    let headless = Headless::new(&HeadlessDesc::default().device(device).validation(true).limits(limits))
-        .unwrap_or_else(|e| panic!("{driver}: {e}\nrun the tests as ./with-vulkan cargo test"));
-    headless.engine().set_techniques(&deltamorph_baselines::TECHNIQUES);
+    let headless = device(driver, true, limits);
     let result = test(&headless, headless.engine());
     let caps = headless.caps();
     let messages = complaints(&headless);
@@ -127,10 +133,7 @@ pub fn assert_validation_sees_dropped<C: AnyCrowd + 'static>(
     mut leave_out: impl FnMut(&Barrier) -> bool,
     make: impl for<'a> FnOnce(&'a Headless) -> HeadlessCrowd<'a, C>,
 ) {
-    let device = DeviceChoice::Name("llvmpipe".into());
-    let headless = Headless::new(&HeadlessDesc::default().device(device).validation(true))
-        .expect("lavapipe; run the tests as ./with-vulkan cargo test");
-    headless.engine().set_techniques(&deltamorph_baselines::TECHNIQUES);
+    let headless = device("llvmpipe", true, None);
     let mut crowd = make(&headless);
     assert_eq!(complaints(&headless), Vec::<String>::new());
     let drop_one = |entries: &mut Vec<Entry>| {

@@ -1,9 +1,9 @@
 //! What the host and the engine have of each other is dropped in any order that compiles.
 
-use crate::gpu::{drivers, on_device, packed};
+use crate::gpu::{self, drivers, on_device, packed};
 use crate::host::Host;
 use deltamorph::{BatchSize, CrowdDesc, DeltaFormat, DeviceDesc, MorphEngine, UpdateDesc, UpdatePath, testing};
-use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
+use deltamorph_headless::Headless;
 use std::any::Any;
 use std::sync::Arc;
 
@@ -62,9 +62,8 @@ fn engine_mesh_crowds_allocator_and_device_are_dropped_in_any_order() {
 #[test]
 fn what_the_engine_makes_has_names_where_the_host_wants_them() {
     for driver in drivers() {
-        let choice = HeadlessDesc::default().device(DeviceChoice::Name(driver)).validation(true);
         for named in [true, false] {
-            let headless = Headless::new(&choice).expect("a device; run the tests as ./with-vulkan cargo test");
+            let headless = gpu::device(&driver, true, None);
             let host = Host::new(&headless);
             let (instance, physical, _) = headless.handles();
             let device = DeviceDesc::new(instance, physical, &host.device).debug_names(named);

@@ -10,7 +10,7 @@ use deltamorph::{
     HostPoses, MorphEngine, MorphMesh, MorphSource, PackDesc, PackedMesh, PoseFormat, Result, Semantic, StreamData,
     StreamDeltas, Tolerance, UpdateDesc, UpdatePath, VertexLayout, WeightBounds, WeightClip, testing,
 };
-use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
+use deltamorph_headless::Headless;
 use std::sync::Arc;
 
 fn says<T>(result: Result<T>, words: &str) {
@@ -205,8 +205,7 @@ fn instances_that_are_not_there_and_other_engines_are_refused() {
         says(made.mesh.base_stream(Semantic::Color(3)), "color 3");
 
         // A second engine, on a device of its own.
-        let other = HeadlessDesc::default().device(DeviceChoice::Name(headless.caps().name.clone()));
-        let other = Headless::new(&other).expect("a second device");
+        let other = gpu::device(&headless.caps().name, false, None);
         let mut of_other = make(&other, &packed);
         let words = "another MorphEngine";
         refused_everywhere(&other, &mut made, 0, words);

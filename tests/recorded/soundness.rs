@@ -7,7 +7,7 @@ use deltamorph::{
     BatchSize, BlockDesc, CpuCrowd, Crowd, DeltaFormat, ErrorKind, GpuMesh, MorphEngine, MorphSource, PackDesc,
     PackedMesh, PoseFormat, SourceTarget, Tolerance, UpdateDesc, UpdatePath, testing,
 };
-use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
+use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::slice::from_mut;
 use std::sync::Arc;
 
@@ -34,13 +34,9 @@ fn what_may_be_shared_between_threads_and_what_may_not() {
 #[test]
 fn a_step_that_fails_half_way_leaves_every_crowd_as_it_was() {
     for driver in drivers() {
-        let desc = HeadlessDesc::default().device(DeviceChoice::Name(driver.clone()));
-        let devices = [Headless::new(&desc).expect("a device"), Headless::new(&desc).expect("a device")];
-        let pack = devices[0].engine().pack_desc(DeltaFormat::Fast);
-        let mesh = PackedMesh::pack(&testing::mesh(300, 8), &pack).expect("a mesh that fits");
-        let crowd_desc = single(UpdateDesc::blocks());
-        let crowd = |headless| HeadlessCrowd::new(headless, &mesh, &crowd_desc).expect("a crowd");
-        let mut both = [crowd(&devices[0]), crowd(&devices[1])];
+        let devices = [(); 2].map(|()| gpu::device(&driver, false, None));
+        let mesh = gpu::packed(devices[0].engine(), &testing::mesh(300, 8), DeltaFormat::Fast);
+        let mut both = devices.each_ref().map(|headless| gpu::crowd(headless, &mesh, UpdateDesc::blocks()));
         let asked = [0.7; 8];
         both[0].step(&[&[0.0; 8]]).expect("a step");
         let error = HeadlessCrowd::step_together(&mut both, &[&asked, &asked], 0).expect_err("two devices");
@@ -54,8 +50,7 @@ fn a_step_that_fails_half_way_leaves_every_crowd_as_it_was() {
 fn a_panic_between_planning_and_recording_takes_the_update_back() {
     on_every_device(|headless, engine| {
         let mesh = gpu::packed(engine, &testing::mesh(300, 8), DeltaFormat::Fast);
-        let desc = single(UpdateDesc::blocks());
-        let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
+        let mut crowd = gpu::crowd(headless, &mesh, UpdateDesc::blocks());
         crowd.step(&[&[0.0; 8]]).expect("a step");
         let asked = [0.7; 8];
         // SAFETY: the commands are not changed; what unwinds is caught by the caller.
@@ -72,12 +67,10 @@ fn a_panic_between_planning_and_recording_takes_the_update_back() {
 #[test]
 fn what_an_engine_made_outlives_its_headless() {
     for driver in drivers() {
-        let desc = HeadlessDesc::default().device(DeviceChoice::Name(driver)).validation(true);
-        let headless = Headless::new(&desc).expect("a device");
-        let pack = headless.engine().pack_desc(DeltaFormat::Fast);
-        let mesh = PackedMesh::pack(&testing::mesh(64, 4), &pack).expect("a mesh that fits");
+        let headless = gpu::device(&driver, true, None);
+        let mesh = gpu::packed(headless.engine(), &testing::mesh(64, 4), DeltaFormat::Fast);
         let crowd = {
-            let owner = HeadlessCrowd::new(&headless, &mesh, &single(UpdateDesc::blocks())).expect("a crowd");
+            let owner = gpu::crowd(&headless, &mesh, UpdateDesc::blocks());
             headless.engine().create_crowd(owner.mesh(), &single(UpdateDesc::blocks())).expect("a crowd")
         };
         drop(headless);
@@ -227,10 +220,9 @@ fn what_does_not_fit_is_refused_or_comes_out_as_nan() {
             assert!(!packed.measure_error(&other).within(f64::INFINITY, f64::INFINITY));
         }
     }
-    let headless = HeadlessDesc::default().device(DeviceChoice::Name(drivers()[0].clone()));
-    let headless = Headless::new(&headless).expect("a device");
+    let headless = gpu::device(&drivers()[0], false, None);
     let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Fast)).expect("a mesh");
-    let mut crowd = HeadlessCrowd::new(&headless, &packed, &single(UpdateDesc::blocks())).expect("a crowd");
+    let mut crowd = gpu::crowd(&headless, &packed, UpdateDesc::blocks());
     crowd.step(&[&[0.5; 4]]).expect("a step");
     let text = crowd.read_group(0, 1).expect_err("refused").to_string();
     assert!(text.contains("which has 1; count groups from 0") && crowd.read_stored(0, 1).is_err(), "{text}");

@@ -8,7 +8,7 @@ use deltamorph::{
     BatchSize, DeltaFormat, DeviceCaps, MorphEngine, PackDesc, PackedMesh, PoseFormat, UpdateDesc, UpdateMode,
     UpdatePath, testing,
 };
-use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
+use deltamorph_headless::{Headless, HeadlessCrowd};
 
 /// Run `test` on every driver with one limit.
 fn within(limit: fn(&mut DeviceCaps), test: impl Fn(&Headless, &MorphEngine)) {
@@ -158,8 +158,7 @@ fn misuse_is_an_error_that_says_what_to_do() {
         gpu::assert_right(&mut crowd, 0, &mesh, &[0.25, 0.5]);
 
         // A second engine, on a device of its own.
-        let other = Headless::new(&HeadlessDesc::default().device(DeviceChoice::Name(headless.caps().name.clone())));
-        let other = other.expect("a second device");
+        let other = gpu::device(&headless.caps().name, false, None);
         let mut own = engine.create_crowd(crowd.mesh(), &single(desc)).expect("a crowd");
         // SAFETY: nothing is recorded, as the crowd is another engine's.
         let recorded = headless.run(|cmd| unsafe { other.engine().record_update(cmd, &mut own) });

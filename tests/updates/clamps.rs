@@ -13,7 +13,7 @@ use deltamorph::{
     PackedLayout, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
 };
 use deltamorph_head::{HeadDesc, head};
-use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
+use deltamorph_headless::Headless;
 use std::ffi::{CStr, c_void};
 use std::sync::{Mutex, MutexGuard};
 
@@ -296,8 +296,7 @@ fn every_call_keeps_to_the_limits_and_poses_and_steps_are_right() {
         dense(BatchSize::All),
     ];
     for (index, driver) in gpu::drivers().iter().enumerate() {
-        let desc = HeadlessDesc::default().device(DeviceChoice::Name(driver.clone())).validation(true);
-        let headless = Headless::new(&desc).expect("a device");
+        let headless = gpu::device(driver, true, None);
         for (clamp, limits) in clamps() {
             // The limits decide what is recorded, which one driver shows.
             if index > 0 && clamp != "small" {
