@@ -182,13 +182,15 @@ pub fn requirements(path: UpdatePath) -> &'static [Requirement] {
 
 impl DeviceCaps {
     /// Largest batch of `path` with coefficients in push constants; `None`: no limit. Vertex passes: vertex attributes
-    /// − 2 for the pose, at 2 (float32) or 1 (snorm16) per target, limited by vertex bindings and push constants.
+    /// − 2 for the pose, at 2 (float32) or 1 (snorm16) per target, limited by vertex bindings and push constants; 0
+    /// in formats that the path does not take.
     pub fn batch_max(&self, path: UpdatePath, format: DeltaFormat) -> Option<u32> {
         match path.row().batch {
             Batch::Attributes => {
-                let attributes = self.max_vertex_attributes.saturating_sub(2) / format.attributes() as u32;
+                // Formats that are no vertex attributes fit none.
+                let attributes = self.max_vertex_attributes.saturating_sub(2).checked_div(format.attributes() as u32);
                 let bindings = self.max_vertex_bindings.saturating_sub(1);
-                let most = attributes.min(bindings).min(batch_max(format.row()));
+                let most = attributes.unwrap_or(0).min(bindings).min(batch_max(format.row()));
                 let fits = |batch: &u32| attribute_push_bytes(format.row(), *batch) <= self.max_push_constants;
                 Some((0..=most).rev().find(fits).unwrap_or(0))
             }

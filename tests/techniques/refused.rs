@@ -72,6 +72,8 @@ fn meshes_that_a_technique_does_not_take() {
             for mesh in plain.iter().filter(|mesh| !path.formats().contains(&mesh.layout().format)) {
                 let names: Vec<_> = path.formats().iter().map(|format| format.name()).collect();
                 let batch = row.batch(engine, path.formats()[0]);
+                let most = engine.caps().batch_max(path, mesh.layout().format);
+                assert!(path.takes_all_targets() || most == Some(0), "{path:?}: {most:?}");
                 let made = HeadlessCrowd::new(headless, mesh, &single(UpdateDesc::new(path, batch)));
                 says(made, &[path.name(), &format!("pack the mesh as {}", names.join(" or "))]);
             }
