@@ -16,29 +16,9 @@ use serde_json::{Map, Value};
 use std::iter::once;
 use std::path::PathBuf;
 
-/// The fields of a run that say which configuration it is; words first.
-const KEY: [&str; 18] = [
-    "suite",
-    "cell",
-    "technique",
-    "mesh",
-    "path",
-    "mode",
-    "format",
-    "pose",
-    "accumulate",
-    "workload",
-    "shared",
-    "targets",
-    "batch_size",
-    "changed",
-    "heads",
-    "crowds",
-    "slots",
-    "error_budget",
-];
-/// How many of them are words, which tables align left.
-const WORDS: usize = 11;
+/// The fields of a run that say which configuration it is: words, which tables align left, and numbers.
+const WORDS: &str = "suite cell technique mesh path mode format pose accumulate workload shared";
+const NUMBERS: &str = "targets batch_size changed heads crowds slots error_budget";
 /// Fewer times have no spread that tells anything.
 const LEAST: usize = 4;
 
@@ -51,17 +31,16 @@ type Keyed<'a> = (Key, &'a RunRecord);
 struct Comparison {
     schema: u32,
     version: &'static str,
-    /// The first is what the others are compared with.
+    /// "A", "B", … in the order given; the first is what the others are compared with.
     reports: Vec<Source>,
     /// What differs besides the program.
     warnings: Vec<String>,
     comparisons: Vec<Against>,
 }
 
-/// A report that is compared.
+/// What is said of a report that is compared.
 #[derive(Debug, Serialize)]
 struct Source {
-    /// "A", "B", …: in the order given.
     name: String,
     file: String,
     version: String,
@@ -124,14 +103,9 @@ enum Verdict {
 }
 
 impl Verdict {
-    fn word(self) -> &'static str {
-        match self {
-            Self::Faster => "faster",
-            Self::Slower => "slower",
-            Self::WithinSpread => "within spread",
-            Self::Undecided => "undecided",
-            Self::Wrong => "wrong",
-        }
+    /// As tables have it: "within spread".
+    fn word(self) -> String {
+        plain(&serde_json::to_value(self).unwrap_or_default()).replace('_', " ")
     }
 
     fn of([before, after]: [Stats; 2]) -> Self {
@@ -148,7 +122,7 @@ impl Verdict {
 pub fn run(args: &BenchArgs, out: &Output) -> Result<(), Failure> {
     let read = |path: &PathBuf| Ok((path.display().to_string(), report::read(path)?));
     let reports: Vec<(String, Report)> = args.compare.iter().map(read).collect::<Result<_, Failure>>()?;
-    let found = Comparison::new(&reports)?;
+    let found = Comparison::new(reports)?;
     out.say(found.text());
     found.warnings.iter().for_each(|warning| out.note(warning));
     out.json(&found)
@@ -156,7 +130,7 @@ pub fn run(args: &BenchArgs, out: &Output) -> Result<(), Failure> {
 
 impl Comparison {
     /// Of the first of `reports`, which come with their files, with each of the others.
-    fn new(reports: &[(String, Report)]) -> Result<Self, Failure> {
+    fn new(reports: Vec<(String, Report)>) -> Result<Self, Failure> {
         let names: Vec<String> = (0..reports.len()).map(name).collect();
         let keyed: Vec<Vec<Keyed<'_>>> = reports.iter().map(|(_, report)| keyed(report)).collect();
         let others = || keyed.iter().zip(&names).skip(1);
@@ -177,17 +151,11 @@ impl Comparison {
                 warnings.push(format!("{name} ({file}) has no configuration in common with {}.", names[0]));
             }
         }
-        let source = |((file, report), name): (&(String, Report), &String)| Source {
-            name: name.clone(),
-            file: file.clone(),
-            version: report.version.clone(),
-            created: report.created.clone(),
-            command: report.command.clone(),
-            device: report.device.clone(),
-            input: report.input.clone(),
-            runs: report.runs.len(),
+        let source = |((file, report), name): ((String, Report), String)| {
+            let Report { version, created, command, device, input, runs, .. } = report;
+            Source { name, file, version, created, command, device, input, runs: runs.len() }
         };
-        let reports = reports.iter().zip(&names).map(source).collect();
+        let reports = reports.into_iter().zip(names).map(source).collect();
         Ok(Self { schema: 1, version: env!("CARGO_PKG_VERSION"), reports, warnings, comparisons })
     }
 
@@ -203,6 +171,11 @@ impl Comparison {
             .collect::<Vec<_>>()
             .join("\n\n")
     }
+}
+
+/// The fields that tell configurations apart.
+fn names() -> impl Iterator<Item = &'static str> {
+    WORDS.split(' ').chain(NUMBERS.split(' '))
 }
 
 /// A, B, … Z, A2, B2, …
@@ -229,9 +202,9 @@ fn keyed(report: &Report) -> Vec<Keyed<'_>> {
         if run.workload != "random" {
             fields["changed"] = Value::Null;
         }
-        let mut key: Key = KEY.iter().map(|field| ((*field).into(), fields[*field].take())).collect();
+        let mut key: Key = names().map(|field| (field.into(), fields[field].take())).collect();
         // The same work twice in a report: the first is compared with the first.
-        let same = all.iter().filter(|(other, _)| KEY.iter().all(|field| other[*field] == key[*field])).count();
+        let same = all.iter().filter(|(other, _)| names().all(|field| other[field] == key[field])).count();
         if same > 0 {
             key.insert("occurrence".into(), (same + 1).into());
         }
@@ -302,8 +275,8 @@ impl Against {
             let first = values.next();
             values.any(|value| Some(value) != first)
         };
-        let fields: Vec<&str> = KEY.into_iter().chain(["occurrence"]).filter(differs).collect();
-        let words = fields.iter().filter(|field| KEY[..WORDS].contains(field)).count();
+        let fields: Vec<&str> = names().chain(["occurrence"]).filter(differs).collect();
+        let words = fields.iter().filter(|field| WORDS.split(' ').any(|word| word == **field)).count();
         let own = |what: &str| [&self.baseline, &self.name].map(|name| format!("{name} {what}"));
         let ([ms_a, ms_b], [spread_a, spread_b]) = (own("ms"), own("spread"));
         let (ratio, first) = (format!("{} / {}", self.name, self.baseline), format!("{} is", self.name));
@@ -324,7 +297,7 @@ impl Against {
                 optional(pair.ratio),
                 pair.problem.clone().unwrap_or_else(|| pair.time.into()),
             ];
-            table.row(once(pair.verdict.word().to_owned()).chain(keys).chain(measures));
+            table.row(once(pair.verdict.word()).chain(keys).chain(measures));
         }
         table
     }
@@ -392,7 +365,7 @@ fn difference(a: &[Keyed<'_>], b: &[Keyed<'_>]) -> Option<String> {
         values.dedup();
         values
     };
-    let field = KEY.iter().find(|field| {
+    let field = names().find(|field| {
         let (a, b) = (values(a, field), values(b, field));
         !a.is_empty() && !b.is_empty() && a.iter().all(|value| !b.contains(value))
     })?;

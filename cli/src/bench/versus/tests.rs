@@ -20,7 +20,7 @@ fn report(times: &[f64]) -> Report {
 fn compared(reports: &[&Report]) -> Comparison {
     let named: Vec<_> =
         reports.iter().enumerate().map(|(i, report)| (format!("{i}/report.json"), (*report).clone())).collect();
-    Comparison::new(&named).expect("some in common")
+    Comparison::new(named).expect("some in common")
 }
 
 fn verdicts(found: &Against) -> Vec<Verdict> {
@@ -99,7 +99,8 @@ fn only_the_same_work_is_compared() {
     }
     let mut foreign = before.clone();
     foreign.runs.iter_mut().for_each(|run| run.path = "blocks".into());
-    let error = Comparison::new(&[("a".into(), before.clone()), ("b".into(), foreign.clone())]).expect_err("nothing");
+    let error =
+        Comparison::new(vec![("a".into(), before.clone()), ("b".into(), foreign.clone())]).expect_err("nothing");
     let text = error.to_string();
     assert!(text.contains("path: feedback in the one, blocks in the other") && text.contains("same INPUT"), "{text}");
     // Of three, one may be of no use.
