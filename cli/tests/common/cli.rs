@@ -32,6 +32,12 @@ pub fn fails(args: &[&str]) -> (i32, String) {
     (out.status.code().expect("no signal"), text)
 }
 
+/// It ends with this exit code, and an error that has these words.
+pub fn refused(args: &[&str], code: i32, words: &str) {
+    let (found, text) = fails(args);
+    assert!(found == code && text.contains(words), "{args:?}: {found}, {text}");
+}
+
 /// A small built-in head: quick.
 pub const HEAD: [&str; 4] = ["--vertices", "1200", "--targets", "12"];
 
@@ -40,6 +46,11 @@ pub fn sample(folder: &Path) -> String {
     let dir = folder.join("head").to_str().expect("UTF-8").to_owned();
     ok(&[&["sample", &dir, "--frames", "24"], &HEAD[..]].concat());
     dir
+}
+
+/// The clip of a head that `sample` wrote.
+pub fn clip(dir: &str) -> String {
+    format!("{dir}/weights/head_30fps.csv")
 }
 
 /// Every link of the pages in a folder leads to a file that is there, or to a place on the page.
@@ -52,26 +63,13 @@ pub fn links_hold(folder: &Path) {
         let text = std::fs::read_to_string(&page).expect("text");
         let after = ["href=\"", " src=\""].iter().flat_map(|attribute| text.split(attribute).skip(1));
         for link in after.map(|rest| rest.split('"').next().expect("a link")) {
-            let place = unescaped(link);
-            let there = match place.strip_prefix('#') {
+            let there = match link.strip_prefix('#') {
                 Some(id) => text.contains(&format!("id=\"{id}\"")),
-                None => folder.join(&place).is_file(),
+                None => folder.join(link).is_file(),
             };
             assert!(there, "{}: {link}", page.display());
             links += 1;
         }
     }
     assert!(links > 0, "{}: no links", folder.display());
-}
-
-/// A link without its escapes: "a%20b" is "a b".
-fn unescaped(link: &str) -> String {
-    let mut parts = link.split('%');
-    let mut bytes = parts.next().unwrap_or_default().as_bytes().to_vec();
-    for part in parts {
-        let (code, rest) = part.split_at(2);
-        bytes.push(u8::from_str_radix(code, 16).expect("two digits"));
-        bytes.extend(rest.bytes());
-    }
-    String::from_utf8(bytes).expect("text")
 }

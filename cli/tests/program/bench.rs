@@ -65,19 +65,8 @@ fn bench_verifies_measures_and_draws() {
 fn bench_replays_a_clip() {
     let folder = tempfile::tempdir().unwrap();
     let dir = sample(folder.path());
-    let out = json(&[
-        "bench",
-        &dir,
-        "--frames",
-        "5",
-        "--changed",
-        "1",
-        "--batch-sizes",
-        "4,all",
-        "--json",
-        "-",
-        "--no-report",
-    ]);
+    let args = ["--frames", "5", "--changed", "1", "--batch-sizes", "4,all", "--json", "-", "--no-report"];
+    let out = json(&[&["bench", dir.as_str()], &args[..]].concat());
     let clips: Vec<&Value> = out["runs"].as_array().unwrap().iter().filter(|r| r["workload"] != "random").collect();
     assert!(!clips.is_empty() && clips.iter().all(|r| r["verified"] == true), "{out}");
 }

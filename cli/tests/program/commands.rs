@@ -1,6 +1,6 @@
 //! The command line: what it prints, writes and returns.
 
-use crate::cli::{HEAD, deltamorph, fails, json, ok, sample};
+use crate::cli::{HEAD, clip, deltamorph, fails, json, ok, refused, sample};
 use serde_json::Value;
 use std::path::Path;
 
@@ -27,8 +27,7 @@ fn devices_lists_both_drivers_and_why_a_path_is_missing() {
 fn baselines_are_paths_like_others() {
     let folder = tempfile::tempdir().unwrap();
     let dir = sample(folder.path());
-    let clip = std::fs::read_dir(Path::new(&dir).join("weights")).unwrap().next().unwrap().unwrap().path();
-    let clip = clip.to_str().unwrap();
+    let clip = &clip(&dir);
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let positions = |file: &str| -> Vec<f64> {
         let text = std::fs::read_to_string(file).unwrap();
@@ -75,8 +74,7 @@ fn baselines_are_paths_like_others() {
         ([&pose[..], &["scatter", "--format", "fast"]].concat(), 2, "takes small"),
         ([&["soak", "--frames", "30"], &attributes[..], &small].concat(), 1, "attributes for 7"),
     ] {
-        let (status, text) = fails(&args);
-        assert!(status == code && text.contains(words), "{args:?}: {status}, {text}");
+        refused(&args, code, words);
     }
     let bench = ["bench", "--frames", "2", "--changed", "4", "--no-report", "--json", "-"];
     let out = deltamorph(&[&bench[..], &attributes, &small].concat());
@@ -103,8 +101,7 @@ fn vertices(path: &Path) -> Vec<(String, Vec<f64>)> {
 fn apply_writes_the_same_pose_through_every_path() {
     let folder = tempfile::tempdir().unwrap();
     let dir = sample(folder.path());
-    let weights = std::fs::read_dir(Path::new(&dir).join("weights")).unwrap().next().unwrap().unwrap().path();
-    let clip = ["--weights", weights.to_str().unwrap(), "--frame", "20", "--set", "eyeBlinkLeft=-0.5"];
+    let clip = ["--weights", &clip(&dir), "--frame", "20", "--set", "eyeBlinkLeft=-0.5"];
     let mut poses = vec![];
     for (i, how) in [
         &["--path", "cpu", "--format", "float32"][..],
@@ -236,9 +233,7 @@ fn bad_arguments_exit_with_2_and_failures_with_1() {
             "1 to 16 targets per pass",
         ),
     ] {
-        let (status, text) = fails(args);
-        assert_eq!(status, code, "{args:?}: {text}");
-        assert!(text.contains(words), "{args:?}: {text}");
+        refused(args, code, words);
     }
 }
 
@@ -284,8 +279,7 @@ fn a_packed_file_is_an_input_everywhere() {
     assert_eq!(soak(&["--accumulate", "exact", "--weight-max", "9"])["bit_exact"], true);
 
     // The same pose as from the folder in the same format, and the same faces.
-    let clip = std::fs::read_dir(Path::new(&dir).join("weights")).unwrap().next().unwrap().unwrap().path();
-    let weights = ["--weights", clip.to_str().unwrap(), "--frame", "20", "--json", "-"];
+    let weights = ["--weights", &clip(&dir), "--frame", "20", "--json", "-"];
     let (a, b) = (path("a.obj"), path("b.obj"));
     let from_file = json(&[&["apply", &file, "-o", &a], &weights[..]].concat());
     assert_eq!(from_file["format"], "small", "the format of the file is the default");
@@ -327,8 +321,7 @@ fn a_packed_file_is_an_input_everywhere() {
         (&["apply", &file, "-o", &file, "--set", "eyeBlinkLeft=1"], 2, "would be written over"),
         (&["apply", &file, "-o", &a, "--set", "eyeBlinkLeft=1", "--block-size", "64"], 2, "is packed already"),
     ] {
-        let (status, text) = fails(args);
-        assert!(status == code && text.contains(words), "{args:?}: {status}, {text}");
+        refused(args, code, words);
     }
     assert_eq!(std::fs::read(&file).unwrap(), bytes);
 

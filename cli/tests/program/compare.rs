@@ -1,6 +1,6 @@
 //! `bench --compare`: reports of earlier runs, compared; what is no report is refused with a reason.
 
-use crate::cli::{fails, json, ok};
+use crate::cli::{json, ok, refused};
 
 /// A bench of a moment.
 const BENCH: [&str; 11] =
@@ -37,8 +37,7 @@ fn reports_are_compared_configuration_by_configuration() {
 
     let text = ok(&["bench", "--compare", &a, &b]);
     assert!(text.contains("B / A") && text.contains("B against A: of ") && text.contains("B spread"), "{text}");
-    let (code, text) = fails(&["bench", "--compare", &a, &b, "--json", &a]);
-    assert!(code == 2 && text.contains("would be written over"), "{text}");
+    refused(&["bench", "--compare", &a, &b, "--json", &a], 2, "would be written over");
 }
 
 #[test]
@@ -59,7 +58,6 @@ fn what_is_no_report_is_refused() {
         (&["--compare", &a, &a, "--redraw", &a], 2, "--redraw"),
         (&["--compare", &a, &a, "--report", "folder"], 2, "--report"),
     ] {
-        let (found, text) = fails(&[&["bench"], args].concat());
-        assert!(found == code && text.contains(words), "{args:?}: {text}");
+        refused(&[&["bench"], args].concat(), code, words);
     }
 }

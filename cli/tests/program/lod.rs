@@ -1,6 +1,6 @@
 //! `lod`: its JSON, pins, the file of an order, and errors.
 
-use crate::cli::{HEAD, fails, json, ok, sample};
+use crate::cli::{HEAD, fails, json, ok, refused, sample};
 use crate::data;
 use std::collections::HashMap;
 use std::path::Path;
@@ -45,11 +45,9 @@ fn an_order_loses_less_than_random_ones_and_is_kept_with_its_pins() {
         pixels.filter(|(x, y)| sheet.get_pixel(*x, *y) != sheet.get_pixel(column * 256 + x, *y)).count()
     };
     assert!(0 < differ(1) && differ(1) < differ(2) && differ(2) < differ(3), "{:?}", [1, 2, 3].map(differ));
-    let (code, text) = fails(&["lod", &head, "--sheet", "sheet.png", "--frame", "24"]);
-    assert!(code == 2 && text.contains("--frame 24: the clips have 24 frames"), "{text}");
+    refused(&["lod", &head, "--sheet", "sheet.png", "--frame", "24"], 2, "--frame 24: the clips have 24 frames");
     assert!(ok(&["lod", &head, "--from", file]).contains("yes"));
-    let (code, text) = fails(&["lod", &head, "--pin", "nothing"]);
-    assert!(code == 2 && text.contains("--pin nothing: no target of"), "{text}");
+    refused(&["lod", &head, "--pin", "nothing"], 2, "--pin nothing: no target of");
     let (_, text) = fails(&[&["lod", "--from", file], &["--vertices", "1200", "--targets", "13"][..]].concat());
     assert!(text.contains("head.lod.json: does not rank the target"), "{text}");
 }
@@ -129,8 +127,11 @@ fn all_metrics_rank_all_targets_and_say_how_far_they_agree() {
         assert!(ranking["ranking"][0]["score"].as_f64().unwrap() > 0.0, "{ranking}");
     }
     assert_eq!(all["agreement"].as_array().unwrap().len(), 15);
-    let (code, text) = fails(&[&["lod", "--metric", "all", "--out", order.to_str().unwrap()], &HEAD[..]].concat());
-    assert!(code == 2 && text.contains("--out keeps one order"), "{text}");
+    refused(
+        &[&["lod", "--metric", "all", "--out", order.to_str().unwrap()], &HEAD[..]].concat(),
+        2,
+        "--out keeps one order",
+    );
 }
 
 #[test]

@@ -3,7 +3,7 @@
 //! `UPDATE_PICTURES=1 ./with-vulkan cargo test -p deltamorph-cli --test program render` draws the pictures anew, where
 //! the built-in head or the light has changed: look at each of them before it is committed.
 
-use crate::cli::{HEAD, fails, json, ok, sample};
+use crate::cli::{HEAD, clip, fails, json, ok, sample};
 use nv_flip::{DEFAULT_PIXELS_PER_DEGREE, FlipImageRgb8, FlipPool, flip};
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -180,9 +180,7 @@ fn clips_are_their_frames() {
     std::fs::create_dir(&frames).expect("a folder");
     std::fs::write(Path::new(&frames).join("frame_00024.png"), "old").expect("a file");
     ok(&[&args[..], &["--clip", &frames]].concat());
-    let clip =
-        std::fs::read_dir(Path::new(&head).join("weights")).expect("a folder").next().expect("a clip").expect("it");
-    let clip = clip.path().to_str().expect("UTF-8").to_owned();
+    let clip = clip(&head);
     ok(&[&args[..], &["--weights", &clip, "--frame", "17", "-o", &one]].concat());
 
     let mut names: Vec<_> =
@@ -263,9 +261,7 @@ fn what_cannot_be_drawn_says_why() {
         assert!(status == code && text.contains(words), "{args:?}: {status}, {text}");
         assert!(!Path::new(out).exists(), "{args:?}");
     };
-    let weights =
-        std::fs::read_dir(Path::new(&head).join("weights")).expect("a folder").next().expect("a clip").expect("it");
-    let weights = weights.path().to_str().expect("UTF-8").to_owned();
+    let weights = clip(&head);
     refused(&[], 2, "--output");
     refused(&["-o", out, "--size", "12"], 2, "768x768");
     refused(&["-o", out, "--camera", "1,200"], 2, "30,10");
