@@ -1,11 +1,12 @@
 //! What the user has chosen, and what commands make of it. No window and no device.
 
 use super::command::{Command, Look};
-use super::groups::{Group, groups, twin};
+use super::groups::{Group, groups};
 use crate::args::RunArgs;
 use crate::args::view::ViewArgs;
 use crate::detail::Detail;
 use crate::input::{self, Input, Meshes};
+use crate::lod::twins::twin;
 use crate::output::{Failure, Output};
 use deltamorph::BoundClip;
 use deltamorph_head::Rng;
@@ -97,6 +98,8 @@ impl State {
 
     /// What a command makes of it. After an error all is as it was before.
     pub fn apply(&mut self, command: Command, out: &Output) -> Result<Effect, Failure> {
+        use Command::{Budget, Format, Heads, Path, Pose};
+        let anew = matches!(command, Budget(_) | Format(_) | Heads(_) | Path(_) | Pose(_));
         match command {
             Command::Set(name, weight) => self.set(&name, weight, self.twins)?,
             Command::Reset => {
@@ -138,25 +141,14 @@ impl State {
                 self.run.update.formats.retain(takes);
                 self.run.update.poses.retain(|pose| path.poses().contains(pose));
                 self.run.update.paths = vec![path];
-                return Ok(Effect::Heads);
             }
-            Command::Format(format) => {
-                self.run.update.formats = vec![format];
-                return Ok(Effect::Heads);
-            }
+            Command::Format(format) => self.run.update.formats = vec![format],
             Command::Pose(pose) => {
                 self.run.update.poses = vec![pose];
                 self.run.update.accumulate.clear();
-                return Ok(Effect::Heads);
             }
-            Command::Budget(budget) => {
-                self.run.update.error_budget = Some(budget);
-                return Ok(Effect::Heads);
-            }
-            Command::Heads(heads) => {
-                self.heads = heads;
-                return Ok(Effect::Heads);
-            }
+            Command::Budget(budget) => self.run.update.error_budget = Some(budget),
+            Command::Heads(heads) => self.heads = heads,
             Command::Detail(detail) => self.detail = detail,
             Command::Show(look) => return self.show(look),
             Command::Camera(camera) => self.camera = camera,
@@ -167,7 +159,7 @@ impl State {
             Command::Dismiss => self.notice = None,
             Command::Drop(path) => return Ok(self.take(path, out)),
         }
-        Ok(Effect::None)
+        Ok(if anew { Effect::Heads } else { Effect::None })
     }
 
     /// Look at the heads in another way. Masks of wrinkles are a stream of the mesh while they are shown, and only
