@@ -1,6 +1,7 @@
 //! Where the parts of a figure stand, for a width: nothing is cut off, whatever the width is.
 
 use super::{Chart, Figure};
+use textwrap::WordSplitter;
 
 /// Sizes of text.
 pub const TITLE: f64 = 18.0;
@@ -99,18 +100,8 @@ fn widest<'a>(texts: impl Iterator<Item = &'a String>) -> f64 {
 /// `text` in lines of at most `room`; a word that is longer stands in parts.
 fn wrapped(text: &str, size: f64, room: f64) -> Vec<String> {
     let most = ((room / width("x", size)) as usize).max(1);
-    let mut lines: Vec<String> = vec![];
-    for word in text.split_whitespace() {
-        let letters: Vec<char> = word.chars().collect();
-        for part in letters.chunks(most) {
-            let part: String = part.iter().collect();
-            match lines.last_mut().filter(|line| line.chars().count() + 1 + part.chars().count() <= most) {
-                Some(line) => *line = format!("{line} {part}"),
-                None => lines.push(part),
-            }
-        }
-    }
-    lines
+    let lines = textwrap::wrap(text, textwrap::Options::new(most).word_splitter(WordSplitter::NoHyphenation));
+    lines.into_iter().map(String::from).filter(|line| !line.is_empty()).collect()
 }
 
 #[cfg(test)]
