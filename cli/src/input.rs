@@ -20,7 +20,7 @@ use std::sync::Arc;
 const HEAD_FRAMES: usize = 300;
 
 /// A mesh: what its files state, and what the tolerance keeps of it.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Input {
     pub name: String,
     /// Every delta that is not exactly zero: what errors "against the raw files" are measured with. Both are recentred.

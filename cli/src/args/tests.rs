@@ -156,7 +156,8 @@ proptest! {
             false => format!(" --{option} {}", names.join(",")),
         };
         let named = list("poses", poses.iter().map(|pose| pose.name()).collect());
-        let kinds = list("accumulate", sums.iter().map(|sums| if *sums == Sums::Exact { "exact" } else { "float" }).collect());
+        let kind = |sums: &Sums| if *sums == Sums::Exact { "exact" } else { "float" };
+        let kinds = list("accumulate", sums.iter().map(kind).collect());
         let found = update(&format!("{named}{kinds}")).named_poses();
         let agrees = |exact: bool| {
             let kind = if exact { Sums::Exact } else { Sums::Float };

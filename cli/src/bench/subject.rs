@@ -42,8 +42,7 @@ impl Subject {
         };
         let (name, origin) = (self.input.name.clone(), self.input.origin.clone());
         let (raw, kept) = (first(&self.input.raw), first(&self.input.kept));
-        let input =
-            Input { name, raw, kept, packed: None, clips: vec![], rig: None, normalise: None, origin, out: None };
+        let input = Input { name, raw, kept, origin, ..Input::default() };
         Self { was_packed: self.was_packed, ..Self::new(input) }
     }
 

@@ -38,8 +38,8 @@ fn page(info: &Info, drawn: &[Drawn]) -> String {
                 (info.input.targets) " morph targets; a target says how far each point moves in one expression. As six \
                  floats for every vertex and target that is " (bytes(dense as f64)) ". Each storage format was \
                  packed and unpacked, no device taking part; its error is the largest distance of a position, and \
-                 the largest angle of a normal, from those of the input: for each target alone at its full weight, and for "
-                (whole_poses(info.poses.as_deref().unwrap_or_default())) "."
+                 the largest angle of a normal, from those of the input: for each target alone at its full weight, and \
+                 for whole poses from frames of clips."
             }
         }
         (page::figures(drawn))
@@ -48,19 +48,6 @@ fn page(info: &Info, drawn: &[Drawn]) -> String {
         p.note { "All numbers: " a href="info.json" { "info.json" } "." }
     };
     document(&format!("{} · deltamorph info", info.input.name), &body)
-}
-
-/// The poses that were compared.
-fn whole_poses(rows: &[PoseRow]) -> String {
-    let mut clips: Vec<(&str, usize)> = rows.iter().map(|row| (row.clip.as_str(), row.frames)).collect();
-    clips.dedup();
-    match &clips[..] {
-        [] => "no whole poses, since there is no clip to take them from".into(),
-        [(clip, frames)] => format!("whole poses from {frames} frames of the clip “{clip}”"),
-        some => {
-            format!("whole poses from {} frames of {} clips", some.iter().map(|(_, n)| n).sum::<usize>(), some.len())
-        }
-    }
 }
 
 type Error = fn(&SweepRow) -> f64;

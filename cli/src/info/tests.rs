@@ -49,17 +49,6 @@ fn clips_are_summed_up() {
 
 #[test]
 fn a_quad_is_two_triangles() {
-    let (kept, raw) = (Arc::new(mesh()), Arc::new(mesh()));
-    let input = Input {
-        name: String::new(),
-        raw,
-        kept,
-        packed: None,
-        clips: vec![],
-        rig: None,
-        normalise: None,
-        origin: String::new(),
-        out: None,
-    };
+    let input = Input { kept: Arc::new(mesh()), ..Input::default() };
     assert_eq!(input.info().triangles, 3);
 }

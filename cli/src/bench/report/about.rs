@@ -10,21 +10,16 @@ use std::slice::from_ref;
 /// Most names that are listed; of more, only their number.
 const MOST_NAMES: usize = 8;
 
-/// The measurement in a sentence, and details with headings.
-pub struct About {
-    pub sentence: String,
-    pub facts: Vec<(&'static str, Vec<String>)>,
-}
-
-/// The description for the runs of `suite`, or for all.
-pub fn about(report: &Report, suite: Option<&SuiteRecord>) -> About {
+/// What was measured, of `suite` or in all: in a sentence, and details with headings.
+pub fn about(report: &Report, suite: Option<&SuiteRecord>) -> (String, Vec<(&'static str, Vec<String>)>) {
     let runs: Vec<&RunRecord> = report.runs_of(suite).collect();
     let sentence = format!(
         "How long does it take to give a face its next expression? Measured is the time per frame to move the points \
-         (vertices) of {}, in {}, on {}. A morph target says how far each point moves in one expression; weights mix \
-         the targets.",
+         (vertices) of {}, in {} configuration{}, on {}. A morph target says how far each point moves in one expression; \
+         weights mix the targets.",
         meshes(report, &runs),
-        configurations(&runs),
+        thousands(runs.len()),
+        if runs.len() == 1 { "" } else { "s" },
         device(&report.device),
     );
     let own = if report.meshes.is_empty() { from_ref(&report.input) } else { &report.meshes };
@@ -36,11 +31,11 @@ pub fn about(report: &Report, suite: Option<&SuiteRecord>) -> About {
         ("Meshes", own.iter().map(mesh).collect()),
         ("Memory bandwidth", bandwidth(&report.bandwidth)),
     ];
-    About { sentence, facts }
+    (sentence, facts)
 }
 
 /// The machine in words: device and driver if there is one, and the processor.
-pub fn device(device: &DeviceInfo) -> String {
+fn device(device: &DeviceInfo) -> String {
     let cpu = match (device.cpu.as_str(), device.threads) {
         ("", _) => String::new(),
         (cpu, 0) => format!("the processor {cpu}"),
@@ -99,13 +94,6 @@ fn changes(runs: &[&RunRecord]) -> Vec<String> {
         _ => format!("what the clips {} change", listed(clips)),
     });
     random.into_iter().chain(clip).collect()
-}
-
-fn configurations(runs: &[&RunRecord]) -> String {
-    match runs.len() {
-        1 => "1 configuration".into(),
-        n => format!("{} configurations", thousands(n)),
-    }
 }
 
 fn frames(runs: &[&RunRecord]) -> String {
@@ -193,7 +181,7 @@ mod tests {
     #[test]
     fn a_stranger_learns_what_was_measured() {
         let text = |report: &Report, suite| {
-            let About { sentence, facts } = about(report, suite);
+            let (sentence, facts) = about(report, suite);
             facts
                 .into_iter()
                 .fold(sentence, |text, (heading, facts)| format!("{text}\n{heading}: {}", facts.join("; ")))

@@ -1,6 +1,6 @@
 //! The report folder: report.json, runs.csv, the plots and index.html.
 
-pub mod about;
+mod about;
 mod figures;
 mod page;
 pub mod sentences;

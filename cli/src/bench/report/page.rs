@@ -1,7 +1,7 @@
 //! Self-contained pages: index.html, and one for each suite.
 
 use super::FACE;
-use super::about::{self, About};
+use super::about::about;
 use super::sentences::{of_suite, sentences, title};
 use super::tables;
 use crate::bench::record::{Face, Report, RunRecord, SuiteRecord, fastest};
@@ -19,7 +19,7 @@ pub fn page(report: &Report, suite: Option<&SuiteRecord>, drawn: &[Drawn]) -> St
     let day = report.created.split('T').next().unwrap_or_default();
     let name = suite.map_or(report.input.name.as_str(), title);
     let found = suite.map_or_else(|| sentences(report), |suite| vec![of_suite(suite)]);
-    let About { sentence, facts } = about::about(report, suite);
+    let (sentence, facts) = about(report, suite);
     let body = html! {
         header {
             p.kicker {
