@@ -65,9 +65,6 @@
 /// In blocks, 8 bytes a vertex.
 #define DM_DELTAS_PAIR 6
 
-/// In blocks, 12 bytes a vertex.
-#define DM_DELTAS_TOY 7
-
 /// Six float32.
 #define DM_POSE_FLOAT32 1
 

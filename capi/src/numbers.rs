@@ -24,8 +24,6 @@ pub const DM_DELTAS_FAST: u32 = 4;
 pub const DM_DELTAS_SMALL: u32 = 5;
 /// In blocks, 8 bytes a vertex.
 pub const DM_DELTAS_PAIR: u32 = 6;
-/// In blocks, 12 bytes a vertex.
-pub const DM_DELTAS_TOY: u32 = 7;
 
 /// Six float32.
 pub const DM_POSE_FLOAT32: u32 = 1;
@@ -98,7 +96,6 @@ const DELTAS: &[(u32, DeltaFormat)] = &[
     (DM_DELTAS_FAST, DeltaFormat::Fast),
     (DM_DELTAS_SMALL, DeltaFormat::Small),
     (DM_DELTAS_PAIR, DeltaFormat::Pair),
-    (DM_DELTAS_TOY, DeltaFormat::Toy),
 ];
 
 const POSES: &[(u32, PoseFormat)] = &[

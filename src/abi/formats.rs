@@ -52,11 +52,6 @@ macro_rules! delta_formats {
                 /// 0.77° (`fast`: 1.0e-5 and 0.63°), in 89% of the bytes of `fast`.
                 /// [`BlockIndex::error`](crate::pack::blocks::BlockIndex::error) is the error measured for a mesh.
                 Pair pair { id: 4, integers: true }
-
-                /// In blocks, 12 bytes per vertex and entry: a toy.
-                ///
-                /// 16 bits per component, in three adjacent words.
-                Toy toy { id: 5, integers: true }
             }
         }
     };

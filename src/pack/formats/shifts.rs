@@ -92,7 +92,7 @@ pub(super) fn field(word: u32, at: u32, bits: u32) -> i32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pack::formats::{fast::Fast, pair::Pair, toy::Toy};
+    use crate::pack::formats::{fast::Fast, pair::Pair};
     use proptest::prelude::*;
 
     /// Random blocks of 32 vertices, integers truncated to the format's width.
@@ -110,7 +110,6 @@ mod tests {
         fn deltas_come_back(block in prop::collection::vec(any::<[i32; POSE_FLOATS]>(), 32)) {
             comes_back::<Fast>(&block);
             comes_back::<Pair>(&block);
-            comes_back::<Toy>(&block);
         }
     }
 }
