@@ -14,7 +14,6 @@ mod direct;
 mod draws;
 mod scatter;
 mod texture;
-mod toy;
 mod vertex_store;
 
 pub use texture::file as textures;
@@ -49,7 +48,6 @@ fn make(context: Context<'_>) -> Result<Box<dyn Technique>> {
         UpdatePath::Scatter => Box::new(scatter::ScatterTechnique::new(context)?),
         UpdatePath::Direct => Box::new(draws::DrawTechnique::<direct::DirectDraws>::new(context)?),
         UpdatePath::DirectAttributes => Box::new(draws::DrawTechnique::<attributes::AttributeDraws>::new(context)?),
-        UpdatePath::Toy => Box::new(DenseTechnique::<toy::ToyPasses>::new(context)?),
         UpdatePath::Texture => Box::new(texture::TextureTechnique::new(context)?),
         path => return Err(Error::invalid(format!("update path '{}'", path.name()), "it is one of the library's own")),
     })

@@ -305,7 +305,6 @@ const OTHERS: &[KernelRow] = &[
         ..COMPUTE
     },
     KernelRow { name: "vertex_store", bindings: &[(0, PAIRS)], baseline: true, ..ATTRIBUTES },
-    KernelRow { name: "toy", bindings: &[(0, PAIRS)], baseline: true, ..ATTRIBUTES },
     KernelRow { name: "direct_attributes", baseline: true, ..ATTRIBUTES },
     DIRECT,
     // The same draw with its result captured, in the two ways that devices support.

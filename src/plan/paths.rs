@@ -151,8 +151,6 @@ update_paths! {
         Texture "texture" {
             needs: Needs::FloatBlending, has_own_upload: true, evaluates_in_draws: true
         };
-        /// Baseline: a toy, the passes of vertex-store with a kernel of its own
-        Toy "toy" { needs: Needs::VertexStores, batch: Batch::Attributes };
     }
 }
 

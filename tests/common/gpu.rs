@@ -154,7 +154,7 @@ pub fn update_descs(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc
         descs.extend(fixed().into_iter().filter(|_| format.has_integers()));
         return descs;
     }
-    for path in [UpdatePath::Feedback, UpdatePath::Compute, UpdatePath::VertexStore, UpdatePath::Toy] {
+    for path in [UpdatePath::Feedback, UpdatePath::Compute, UpdatePath::VertexStore] {
         if engine.caps().check_path(path).is_err() {
             continue;
         }

@@ -289,7 +289,7 @@ fn vertex_modules_capture_what_a_pose_has_and_draws_do_nothing_else() {
     for module in MODULES.iter().filter(|module| module.kernel.stage == Stage::Vertex) {
         let (name, kernel, code) = (module.name, module.kernel, spirv(module));
         let captures = kernel.name == "feedback" || kernel.suffix == "feedback";
-        let stores = ["vertex_store", "toy"].contains(&kernel.name) || kernel.suffix == "store";
+        let stores = kernel.name == "vertex_store" || kernel.suffix == "store";
         let captured = |what| decorations(&code, what);
         if captures {
             assert_eq!(captured(buffer).iter().filter(|b| **b == 0).count(), captured(buffer).len(), "{name}");

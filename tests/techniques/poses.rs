@@ -170,9 +170,7 @@ fn bytes_are_those_that_kernels_load_and_store() {
             }
             let (moved, floor) = match desc.path {
                 // Each pass: a pose in, a pose out, and its deltas.
-                UpdatePath::VertexStore | UpdatePath::Toy => {
-                    (vertices * (48 * passes + 3 * stride), vertices * (48 + 3 * stride))
-                }
+                UpdatePath::VertexStore => (vertices * (48 * passes + 3 * stride), vertices * (48 + 3 * stride)),
                 // Clear, six atomics a record, resolve.
                 UpdatePath::Scatter => (vertices * (24 + 72) + deltas * (16 + 48), vertices * 48 + deltas * 16),
                 // Deltas, and displacements blended; rectangles have texels besides that the target does not move, and

@@ -91,11 +91,6 @@ pub const ROWS: [Row; UpdatePath::ALL.len()] = [
         missing: Some((|caps| caps.float_blending = false, &["needs blending of R32G32B32A32"])),
         ..row(UpdatePath::Texture, Batches::All)
     },
-    Row {
-        seen: Some((1, Float32, BatchSize::Targets(4))),
-        missing: Some((|caps| caps.vertex_stores = false, &["needs the feature vertexPipelineStoresAndAtomics"])),
-        ..row(UpdatePath::Toy, Batches::Spread)
-    },
 ];
 const _: () = {
     let mut i = 0;
