@@ -29,7 +29,10 @@
 //!     let mesh = PackedMesh::pack(&source, &engine.pack_desc(DeltaFormat::Fast))?;
 //!     let mut uploaded = None;
 //!     // SAFETY: `cmd` is recording and runs once; the mesh outlives what the device does with it.
-//!     run(&mut |cmd| Ok(uploaded = Some(unsafe { engine.upload(cmd, &mesh) }?)))?;
+//!     run(&mut |cmd| {
+//!         uploaded = Some(unsafe { engine.upload(cmd, &mesh) }?);
+//!         Ok(())
+//!     })?;
 //!     let uploaded = uploaded.expect("`run` has called the function");
 //!     let mut crowd = engine.create_crowd(&uploaded, &CrowdDesc::new(UpdateDesc::blocks().slots(2)))?;
 //!     let mut weights = vec![0.0; uploaded.layout().targets.len()];
