@@ -37,7 +37,7 @@ fn descriptions_that_ask_for_what_a_technique_does_not_do() {
             assert!(good.slots(1).check().is_ok(), "{name}");
         } else {
             refused(good.slots(1), &["2 to 64 slots"]);
-            refused(good.batch(BatchSize::All), &["name a number"]);
+            refused(good.batch(BatchSize::All), &["use a number"]);
         }
     }
 }

@@ -108,7 +108,12 @@ impl Row {
             return vec![];
         }
         match self.batches {
-            Batches::Spread => gpu::update_descs(engine, format).into_iter().filter(|desc| desc.path == path).collect(),
+            Batches::Spread => {
+                let descs = gpu::update_descs(engine, format).into_iter().filter(|desc| desc.path == path);
+                let descs: Vec<UpdateDesc> = descs.collect();
+                assert!(!descs.is_empty(), "update_descs has no row for {path:?} with {format:?}");
+                descs
+            }
             Batches::Most | Batches::All => vec![UpdateDesc::new(path, self.batch(engine, format))],
             Batches::Host => vec![],
         }
