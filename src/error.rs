@@ -145,11 +145,11 @@ fn io_remedy(kind: io::ErrorKind) -> &'static str {
     }
 }
 
-/// What to do where there is no memory for a buffer.
+/// The remedy if a buffer cannot be allocated.
 pub(crate) const LESS: &str = "free memory, or use fewer instances, slots or frames in flight, 16-bit poses (fixed16) or \
                                the format 'small'";
 
-/// What to do about a call that returned `result`.
+/// The remedy for a call that returned `result`.
 fn remedy(call: &str, result: vk::Result) -> &'static str {
     use vk::Result as Vk;
     match result {
@@ -169,7 +169,7 @@ fn remedy(call: &str, result: vk::Result) -> &'static str {
             "vkCreateImage" | "vkBindImageMemory" | "vkCreateImageView" | "vkCreateSwapchainKHR" => {
                 "free memory, or use smaller images"
             }
-            // What is asked for is small, whatever the host does.
+            // The request is small in any case.
             _ => "free memory: end other programs, or destroy what is no longer needed",
         },
         Vk::ERROR_TOO_MANY_OBJECTS => "destroy what is no longer needed",

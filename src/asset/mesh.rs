@@ -205,7 +205,7 @@ impl MorphMesh {
         }
     }
 
-    /// What a target changes of a stream: vertices, and the numbers of one after the other.
+    /// The deltas of a target in a stream: its vertices, and the components of each.
     pub(crate) fn deltas<'a>(&self, target: &'a MorphTarget, semantic: Semantic) -> (&'a [u32], &'a [f32]) {
         match semantic {
             Semantic::Position => (&target.vertices, bytemuck::cast_slice(&target.positions)),

@@ -17,11 +17,11 @@ pub unsafe fn record(device: &ash::Device, cmd: vk::CommandBuffer, barrier: &Bar
     unsafe { device.cmd_pipeline_barrier(cmd, stages(before), stages(after), flags, &[memory], &[], &[]) };
 }
 
-/// Record the barrier after copies to host memory: the host sees them, and stages of `writers` wait before they write
-/// what was copied.
+/// Records the barrier after copies to host memory: makes them visible to the host, and has the stages of `writers` wait
+/// before they overwrite the source.
 ///
 /// # Safety
-/// As [`record`].
+/// See [`record`].
 pub unsafe fn record_read_back(device: &ash::Device, cmd: vk::CommandBuffer, writers: Scope) {
     use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
     let memory =

@@ -288,7 +288,7 @@ impl DeviceCaps {
         self.tuning.texels && self.int64 && views && format.row().texels
     }
 
-    /// What a family of queues can do.
+    /// The capabilities of a queue family.
     ///
     /// # Errors
     /// [`Error::Invalid`] for a family that does not exist.

@@ -22,12 +22,12 @@ const ASSET_USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
         | vk::BufferUsageFlags::TRANSFER_DST.as_raw(),
 );
 
-/// What a technique keeps with a mesh that was uploaded for it alone.
+/// Data of a technique that keeps its own upload of a mesh.
 pub type Private = Box<dyn Any + Send + Sync>;
 
 /// The device-local part of a group of a mesh.
 pub struct MeshBuffers {
-    /// Where everything is in it.
+    /// The layout of its data.
     pub layout: PackedLayout,
     /// The base pose (dense formats).
     pub base: Buffer,

@@ -14,7 +14,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Objects of one update path; destroyed together. Dropped only when the device no longer uses them.
 pub struct Objects {
-    /// What they are made on.
+    /// The device of the objects.
     pub device: Arc<Device>,
     bindings: Vec<Binding>,
     /// The kernel, or the first of several.

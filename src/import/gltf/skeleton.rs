@@ -6,8 +6,8 @@ use super::scene::{Node, Skin, world_matrices};
 use glam::DMat4;
 use std::collections::BTreeMap;
 
-/// What moves the vertices of [`Gltf::into_skinned`](super::Gltf::into_skinned)'s mesh besides its targets. Vertices of
-/// meshes without a skin follow one joint each, the node that draws them.
+/// Joints that move the vertices of the mesh of [`Gltf::into_skinned`](super::Gltf::into_skinned), beside its targets.
+/// Vertices of meshes without a skin follow one joint each, the node that draws them.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Skeleton {
@@ -24,10 +24,10 @@ pub struct Skeleton {
 type Joint = (Option<usize>, DMat4);
 
 impl Skeleton {
-    /// What a vertex takes: 8 joints and weights.
+    /// Memory of 8 joints and weights.
     pub(super) const VERTEX_BYTES: u64 = 48;
 
-    /// Of no vertices yet; the first joint never moves.
+    /// A skeleton without vertices. The first joint never moves.
     pub(super) fn new(nodes: Vec<Node>, order: Vec<usize>, animations: Vec<Animation>) -> Self {
         let influences = Influences { per_vertex: 8, ..Influences::default() };
         Self { influences, animations, joints: vec![(None, DMat4::IDENTITY)], nodes, order }
@@ -69,7 +69,7 @@ impl Skeleton {
                 }
             }
         } else {
-            // What has a skin and names no joints stays where it is.
+            // A mesh with a skin whose vertices name no joints does not move.
             let node = node.filter(|_| skin.is_none());
             let joint = if node.is_some() { all.len() as u16 } else { 0 };
             all.extend(node.map(|_| (node, undo)));

@@ -44,7 +44,7 @@ fn set_target(file: &mut Written, accessor: usize) {
 }
 
 proptest! {
-    /// Whatever holds them, the same deltas are read.
+    /// The same deltas are read from accessors of every kind.
     #[test]
     fn accessors_of_every_kind_say_the_same(
         values in prop::collection::vec(prop::array::uniform3(prop_oneof![2 => Just(0i8), 1 => -127i8..=127]), 1..40),

@@ -52,7 +52,7 @@ impl Playback {
     }
 }
 
-/// What an instance plays, and its place, in the layout of `glsl/animate.comp` and `glsl/level.comp`.
+/// Playback state and place of an instance, in the layout of `glsl/animate.comp` and `glsl/level.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct HeadRecord {

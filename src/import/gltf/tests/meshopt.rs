@@ -95,7 +95,7 @@ proptest! {
         }
     }
 
-    /// Whatever the bytes are: an answer, and no panic.
+    /// Random bytes never panic.
     #[test]
     fn noise_is_decoded_or_refused(
         data in prop::collection::vec(any::<u8>(), 0..400), count in 0usize..2000, which in 0usize..4,
