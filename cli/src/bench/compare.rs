@@ -3,7 +3,7 @@
 use super::record::{CellRecord, Comparison, Round, RunRecord, fastest};
 use super::stats::Stats;
 
-/// The technique that the others are compared with.
+/// The technique to compare the others with.
 pub const OURS: &str = "blocks";
 /// The technique that evaluates all targets in every draw.
 const DIRECT: &str = "direct";
@@ -22,7 +22,7 @@ impl CellRecord {
     /// Sums up the runs of a cell. Only those on a device compete.
     pub fn of(name: &str, [mesh, change]: [&str; 2], heads: u32, runs: &[RunRecord]) -> Self {
         let on_device = || runs.iter().filter(|r| r.counts() && r.gpu_ms.is_some());
-        // Without those of `blocks` in other pose formats.
+        // Other techniques only: not `blocks` in other pose formats.
         let others = || on_device().filter(|r| r.path != OURS);
         let named = |technique: &str| on_device().find(|r| r.technique == technique);
         let (ours, other) = (named(OURS), fastest(others()));
@@ -73,7 +73,7 @@ mod tests {
     fn ratios_are_those_of_rounds() {
         let (ours, other) = (run("blocks", &[1.0, 10.0, 1.0]), run("compute", &[2.0, 20.0, 3.0]));
         assert_eq!(ratio(&ours, &other, |r| r.ms), Some(0.5), "not the third that medians give, nor what means do");
-        // The rounds that both took part in.
+        // Only rounds that both have.
         assert_eq!(ratio(&run("direct", &[40.0, 500.0]), &ours, |r| r.ms), Some(45.0));
         let alone = RunRecord { alone: true, ..other };
         assert_eq!(ratio(&ours, &alone, |r| r.ms), Some(1.0 / 3.0), "medians, where there are no common rounds");

@@ -1,4 +1,4 @@
-//! Configurations: combinations of paths, formats, modes, poses and batch sizes that are supported.
+//! Supported combinations of paths, formats, modes, poses and batch sizes.
 
 use super::record::Skipped;
 use crate::args::bench::BenchArgs;
@@ -6,7 +6,7 @@ use crate::args::values::{BatchSpec, expand_batches, format_on};
 use crate::runner::Gpu;
 use deltamorph::{BatchSize, DeltaFormat, PoseFormat, UpdateDesc, UpdateMode, UpdatePath};
 
-/// How to update, and in which format.
+/// An update description and a delta format.
 #[derive(Clone, Debug)]
 pub struct Config {
     /// Path, batch size, mode, slots.
@@ -14,7 +14,7 @@ pub struct Config {
     pub format: DeltaFormat,
     /// The largest batch that path and format allow.
     pub batch_max: Option<u32>,
-    /// A crowd for each head, all of them in one submission.
+    /// One crowd per instance, all in one submission.
     pub separate: bool,
 }
 
@@ -29,7 +29,7 @@ pub struct Wanted<'a> {
     pub modes: &'a [UpdateMode],
     /// Targets per pass.
     pub sizes: &'a [BatchSpec],
-    /// A length; for block formats.
+    /// In input units; for block formats.
     pub error_budget: f32,
 }
 
@@ -55,7 +55,7 @@ pub fn configurations(wanted: &Wanted<'_>, args: &BenchArgs, gpu: Option<&Gpu>) 
         for format in formats.iter().filter_map(|f| format_on(path, *f)) {
             let batch_max = gpu.and_then(|gpu| gpu.caps().batch_max(path, format));
             let max = batch_max.unwrap_or(0);
-            // A draw takes the active targets, whatever their number, so there are no batch sizes.
+            // A draw evaluates all active targets: there are no batch sizes.
             let direct = path == UpdatePath::DirectAttributes && !sizes_named;
             let (batches, refused) = expand_batches(if direct { &[BatchSpec::Max] } else { wanted.sizes }, path, max);
             // Formats that only blocks support are not reported if all were requested.
@@ -76,7 +76,7 @@ pub fn configurations(wanted: &Wanted<'_>, args: &BenchArgs, gpu: Option<&Gpu>) 
                         .weight_max(update.pack.weight_max)
                         .error_budget(if format.is_blocks() { wanted.error_budget } else { 0.0 });
                     match desc.check() {
-                        // Two names for one format are one configuration.
+                        // Two names of one format are one configuration.
                         Ok(()) if configs.iter().any(|c| (c.desc, c.format) == (desc, format)) => {}
                         Ok(()) => configs.push(Config { desc, format, batch_max, separate: false }),
                         Err(e) => {

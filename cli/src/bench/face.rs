@@ -1,4 +1,4 @@
-//! The picture of a report: the mesh, and next to it the part that one frame of a workload changes.
+//! The picture of a report: the mesh, and the part of it that one frame of a workload changes.
 
 use super::machine::Machine;
 use super::record::Face;
@@ -17,8 +17,8 @@ use glam::Mat4;
 const SIZE: [u32; 2] = [400, 440];
 const BACKGROUND: Background = Background(Some([0x23, 0x26, 0x2d]));
 
-/// Draws `input` in a frame of `workload` in which as many targets change as in half of those that change any. `None`
-/// if the report has no folder, if there is no device to draw on, or if nothing ever changes.
+/// Draws `input` in a frame of `workload` with the median number of changed targets. `None` without a report folder, a
+/// device, faces, or any change.
 pub fn draw(machine: &Machine<'_>, input: &Input, workload: &Workload) -> Result<Option<Face>, Failure> {
     let (args, mesh) = (machine.args, &input.kept);
     let Some(gpu) = machine.gpu.as_ref().filter(|_| args.folder().is_some() && !mesh.faces.sizes.is_empty()) else {
@@ -34,7 +34,8 @@ pub fn draw(machine: &Machine<'_>, input: &Input, workload: &Workload) -> Result
     frames.sort_unstable();
     let Some(&(changed_targets, frame)) = frames.get(frames.len() / 2) else { return Ok(None) };
     let (mut now, mut before) = (workload.weights(0, frame), workload.weights(0, frame - 1));
-    // Random weights of all targets at once make no face: unchanged targets are drawn at rest, which changes as little.
+    // Random weights of all targets at once distort the face: unchanged targets are drawn at rest, which changes the
+    // same blocks.
     let whole = workload.changed.is_none();
     if !whole {
         before.fill(0.0);

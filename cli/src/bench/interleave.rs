@@ -16,21 +16,20 @@ pub struct Schedule {
     pub frames: usize,
     /// Rounds that they are divided into.
     pub rounds: usize,
-    /// Time for each configuration; at least three frames are timed however long they take.
+    /// Time for each configuration; at least three frames are timed, regardless of the limit.
     pub limit: Option<Duration>,
-    /// How frames of the configurations are matched.
     pub common: Common,
 }
 
-/// How frames of interleaved configurations are matched.
+/// Matching of frames among interleaved configurations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Common {
     /// Each runs one frame after the other, as many as it can.
     Nothing,
     /// The same frames, spread over the workload, for workloads whose frames differ.
     Frames,
-    /// The same time for a frame: faster configurations wait for the slowest. A machine that waits cools down, its
-    /// caches fill with other data and its cores go to sleep, and a frame after a pause takes longer.
+    /// The same time per frame: faster configurations wait for the slowest. A frame after a pause takes longer: the
+    /// machine cools down, caches fill with other data, cores go to sleep.
     FrameRate,
 }
 
@@ -42,7 +41,7 @@ impl Schedule {
         self.limit.map(|limit| limit / self.rounds as u32)
     }
 
-    /// Frames of a round if each has to take the same time, and the slowest takes `slowest` for one.
+    /// Frames per round if every frame has to take as long as the slowest configuration's, `slowest`.
     fn frames_together(&self, slowest: Duration) -> usize {
         let most = self.frames.div_ceil(self.rounds);
         let fit = |share: Duration| (share.as_secs_f64() / slowest.as_secs_f64()) as usize;
@@ -106,7 +105,7 @@ fn refusal<T>(result: deltamorph::Result<T>) -> deltamorph::Result<Result<T, Str
 
 pub type Outcome = Result<RunRecord, Skipped>;
 
-/// Measures `candidates` interleaved, and those without room in memory after the others; returns them in their order.
+/// Measures `candidates` interleaved, and those that lack memory after the others; returns them in their order.
 pub fn interleave(
     machine: &Machine<'_>,
     subject: &mut Subject,
@@ -126,7 +125,7 @@ pub fn interleave(
             Err(reason) => Err(Skipped { what: candidate.what.clone(), reason }),
         });
     }
-    // After the others have freed their memory, there may be room for the rest.
+    // The others have freed their memory: there may be room for the rest.
     if begun.contains(&true) {
         for (place, candidate) in candidates.iter().enumerate().filter(|(place, _)| !begun[*place]) {
             let outcome = interleave(machine, subject, std::slice::from_ref(candidate), schedule)?.remove(0);
@@ -136,7 +135,7 @@ pub fn interleave(
     Ok(outcomes)
 }
 
-/// A verified trial, or why there is none.
+/// A verified trial, or the reason why there is none.
 fn begin<'a>(
     machine: &'a Machine<'_>,
     subject: &mut Subject,
@@ -144,7 +143,7 @@ fn begin<'a>(
 ) -> Result<Running<'a>, Failure> {
     let Candidate { config, setting, .. } = candidate;
     let mesh = subject.mesh(machine, config.format)?;
-    // The path `cpu` has a device only for its draws.
+    // The path `cpu` needs a device only to draw.
     let gpu = machine.gpu.as_ref().filter(|_| setting.drawn || config.desc.path != UpdatePath::Cpu);
     let runner = match (config.separate, gpu) {
         (true, Some(gpu)) => Runner::crowds(gpu, &mesh, config.desc, 1, setting.updated() as usize),
@@ -156,7 +155,7 @@ fn begin<'a>(
     }
 }
 
-/// As [`refusal`], for failures at allocation: if memory is short, smaller candidates may fit.
+/// Like [`refusal`], for failures at allocation: if memory is short, smaller candidates may fit.
 fn too_large<T>(result: deltamorph::Result<T>) -> deltamorph::Result<Result<T, String>> {
     match result {
         Err(e) if e.kind() == ErrorKind::OutOfMemory => Ok(Err(e.to_string())),

@@ -14,13 +14,13 @@ use std::time::Instant;
 /// The measuring devices, and the options.
 pub struct Machine<'a> {
     pub args: &'a BenchArgs,
-    /// The device, if there is one.
+    /// `None` without a device.
     pub gpu: Option<Gpu>,
     pub bandwidth: Bandwidth,
 }
 
 impl<'a> Machine<'a> {
-    /// Sets up the device, and measures bandwidth over as many bytes as the deltas of `input` have, so that caches help
+    /// Opens the device, and measures bandwidth over as many bytes as the deltas of `input` have, so that caches help
     /// it as much as a configuration.
     pub fn open(
         args: &'a BenchArgs,
@@ -44,7 +44,7 @@ impl<'a> Machine<'a> {
 
     /// A report without results.
     pub fn report(&self, input: &Input) -> Report {
-        // The program without its folder, which means nothing elsewhere.
+        // The program's folder is omitted: it is specific to this machine.
         let add = |line: String, argument: std::ffi::OsString| line + " " + &quoted(&argument.to_string_lossy());
         Report {
             schema: 1,

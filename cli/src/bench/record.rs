@@ -28,13 +28,13 @@ pub struct Report {
     /// Clips that were requested by name and that no configuration could play.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub unplayed: Vec<String>,
-    /// Update paths that `--paths` names and of which nothing could run; `skipped` says why.
+    /// Update paths named by `--paths` of which no configuration could run; `skipped` has the reasons.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub unmeasured: Vec<String>,
     /// The suites requested by `--suite`, in the order that they ran; empty for an ordinary run.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub suites: Vec<SuiteRecord>,
-    /// The meshes of the suites, by the name that runs give; empty for an ordinary run, which has one.
+    /// The meshes of the suites, by the names in runs; empty for an ordinary run, which has one mesh.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub meshes: Vec<MeshInfo>,
     /// Describes the picture in the report, if there is one.
@@ -42,7 +42,7 @@ pub struct Report {
     pub face: Option<Face>,
 }
 
-/// A picture of the mesh, and of the part that the path `blocks` changes in a frame of a workload.
+/// A picture of the mesh, and of the part that path `blocks` changes in a frame of a workload.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Face {
     pub workload: String,
@@ -50,7 +50,7 @@ pub struct Face {
     pub frame: usize,
     /// Targets that change in that frame.
     pub changed: usize,
-    /// Whether unchanged targets are drawn with their weights of that frame, or at rest.
+    /// Whether unchanged targets are drawn with their weights in that frame, instead of at rest.
     pub whole: bool,
     /// Blocks that change, the number of all blocks, and vertices of a block.
     pub blocks: usize,
@@ -76,7 +76,7 @@ pub struct DeviceInfo {
     /// "discrete", "integrated", "virtual", "cpu" (a software driver) or "none".
     pub kind: String,
     pub driver: String,
-    /// The driver's version as the driver states it.
+    /// The driver's version, as reported by the driver.
     pub driver_info: String,
     /// Vulkan version of the device.
     pub api_version: String,
@@ -106,7 +106,7 @@ pub struct Skipped {
 }
 
 impl Skipped {
-    /// Whether it is of the update path called `path`.
+    /// Whether it belongs to the update path called `path`.
     pub fn is_of(&self, path: &str) -> bool {
         self.what.split([' ', ':', ',']).next() == Some(path)
     }
@@ -134,13 +134,13 @@ pub struct CellRecord {
     pub heads: u32,
     /// The fastest technique with a device.
     pub fastest: Option<String>,
-    /// The path `blocks`, with the format that did best.
+    /// The path `blocks`, with its fastest format.
     pub blocks: Option<String>,
-    /// The fastest of the others.
+    /// The fastest other technique.
     pub best_other: Option<String>,
     /// Time of `blocks` over that of the best other: below 1, `blocks` is the faster one.
     pub blocks_to_best_other: Option<f64>,
-    /// The same with means: if many frames of a clip change nothing, their median is that of a draw.
+    /// The same ratio of means: if many frames of a clip change nothing, the median is that of a draw.
     #[serde(default)]
     pub blocks_to_best_other_mean: Option<f64>,
     /// Time of `direct` over that of `blocks`: above 1, `blocks` is the faster one.
@@ -191,19 +191,19 @@ pub struct RunRecord {
     pub batch_max: Option<u32>,
     /// "random", or the clip that was replayed.
     pub workload: String,
-    /// Targets whose weight changed, per frame and head: counted (a mean, for clips).
+    /// Targets with a changed weight, per frame and instance: counted (for clips, a mean).
     #[serde(serialize_with = "whole")]
     pub changed: f64,
-    /// Coefficients applied per frame and head: with two slots, the union of two frames' changes.
+    /// Coefficients applied per frame and instance: with two slots, the union of two frames' changes.
     #[serde(serialize_with = "whole")]
     pub coefficients: f64,
-    /// Targets with a weight other than 0, per frame and head.
+    /// Targets with a weight other than 0, per frame and instance.
     #[serde(serialize_with = "whole")]
     pub active: f64,
     pub heads: u32,
     /// One animation, drawn many times.
     pub shared: bool,
-    /// Crowds that the heads are divided into; all are updated in one submission.
+    /// Crowds that the instances are divided into; all are updated in one submission.
     #[serde(default = "one")]
     pub crowds: u32,
     /// Whether it was measured after the others, for lack of memory: its ratios are of medians, not of rounds.
@@ -211,51 +211,52 @@ pub struct RunRecord {
     pub alone: bool,
     /// "float" or "exact".
     pub accumulate: String,
-    /// How poses are stored; empty in reports of versions that stored float32 alone.
+    /// Pose format; empty in reports of versions that had only float32.
     #[serde(default)]
     pub pose: String,
     /// Changes too small to move a vertex this far were deferred; in input units, 0 if none were.
     #[serde(default)]
     pub error_budget: f32,
-    /// Blocks written per frame and head (block formats).
+    /// Blocks written per frame and instance (block formats).
     #[serde(default, serialize_with = "whole")]
     pub dirty_blocks: f64,
-    /// Of these, the ones that started from the base pose.
+    /// Those of them that were rebuilt from the base pose.
     #[serde(default, serialize_with = "whole")]
     pub rebuilt_blocks: f64,
     pub format: String,
-    /// Pose buffers per head.
+    /// Pose buffers per instance.
     pub slots: u32,
-    /// Passes per frame and head: `coefficients` over `batch_size`, rounded up in each frame.
+    /// Passes per frame and instance: `coefficients` over `batch_size`, rounded up in each frame.
     #[serde(serialize_with = "whole")]
     pub passes: f64,
-    /// Bytes that the kernels load and store per frame, of all heads.
+    /// Bytes that the kernels load and store per frame, for all instances.
     #[serde(serialize_with = "whole")]
     pub bytes_moved: f64,
-    /// Bytes that any method has to move, for all instances: each delta of a changed target, the pose in and out, once.
+    /// Bytes that any method has to move, for all instances: each delta of a changed target, and the pose in and out,
+    /// once.
     #[serde(serialize_with = "whole")]
     pub bytes_floor: f64,
-    /// Time of the update on the device; `None` for paths without one, or when it was not timed.
+    /// Time of the update on the device; `None` for paths without a device, or if it was not timed.
     pub gpu_ms: Option<Stats>,
     /// Round trip from weights to fence.
     pub cpu_ms: Option<Stats>,
     /// One draw that reads the pose and rasterizes nothing.
     pub draw_ms: Option<f64>,
-    /// Time of the update and of one draw for each head, on the device; `None` if frames had no draws.
+    /// Time of the update and one draw per instance, on the device; `None` if frames had no draws.
     #[serde(default)]
     pub update_and_draw_ms: Option<Stats>,
-    /// Time from poses in main memory to the device, waited for: the path `cpu`, if it is drawn. Not part of any other
-    /// time.
+    /// Time to upload poses from main memory to the device, waited for: the path `cpu`, if it is drawn. Not part of any
+    /// other time.
     #[serde(default)]
     pub upload_ms: Option<Stats>,
     /// The timed frames in up to ten parts, in the order they ran: in suites, rounds that alternated with those of
-    /// other configurations, otherwise consecutive parts of one run. Empty if there were too few frames, and in reports
+    /// other configurations; otherwise consecutive parts of one run. Empty if there were too few frames, and in reports
     /// of versions without parts.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rounds: Vec<Round>,
-    /// The time that moving the least bytes takes at the best bandwidth measured, as a share of the time that the
-    /// update takes, both as medians of the frames: 1 is the best possible, except for data in caches. `None` for paths
-    /// that evaluate in draws, and if most frames change nothing.
+    /// The time to move the fewest possible bytes at the best measured bandwidth, as a share of the time of the update,
+    /// both medians of frames: 1 is the best possible, except for data in caches. `None` for paths that evaluate in
+    /// draws, and if most frames change nothing.
     pub floor_fraction: Option<f64>,
     /// Largest position error against the float64 reference, in input units.
     pub max_error: Option<f64>,
@@ -264,9 +265,9 @@ pub struct RunRecord {
     pub normal_error_deg: Option<f64>,
     /// Largest position error against the raw files, dropped deltas included, as a fraction of the diagonal.
     pub raw_error_rel: Option<f64>,
-    /// The result stayed within the path's bound, before and after timing.
+    /// Whether the result stayed within the path's bound, before and after timing.
     pub verified: bool,
-    /// The errors found, if it did not.
+    /// The errors found if `verified` is false.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub problem: Option<String>,
 }
@@ -282,7 +283,7 @@ impl RunRecord {
         self.time().map_or(f64::INFINITY, |t| t.median)
     }
 
-    /// Whether it was right, and timed.
+    /// Whether the run was right, and timed.
     pub fn counts(&self) -> bool {
         self.verified && self.time().is_some_and(|t| t.median > 0.0)
     }
@@ -296,17 +297,17 @@ impl RunRecord {
         }
     }
 
-    /// Whether its rounds alternated with those of others.
+    /// Whether its rounds alternated with those of other runs.
     pub fn interleaved(&self) -> bool {
         !self.suite.is_empty() && !self.alone
     }
 
-    /// Its formats, those of deltas and of poses: "fast", "fast fixed32".
+    /// Its delta format and pose format: "fast", "fast fixed32".
     pub fn formats(&self) -> String {
         format!("{} {}", self.format, self.sums()).trim_end().into()
     }
 
-    /// Its technique and the format that it ran with: "blocks fast".
+    /// Its technique and format: "blocks fast".
     pub fn label(&self) -> String {
         format!("{} {}", self.technique, self.format)
     }
@@ -344,7 +345,7 @@ fn one() -> u32 {
     1
 }
 
-/// Medians of a few frames that were timed one after the other, in ms.
+/// Medians of a few consecutive frames, in ms.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Round {
     /// The time that [`RunRecord::time`] returns.

@@ -1,4 +1,4 @@
-//! The common part of the ordinary run and the suites: the machine, and the record of results.
+//! The common part of the ordinary run and the suites: the machine, and the results.
 
 use super::interleave::{Common, Schedule, interleave};
 use super::machine::Machine;
@@ -20,12 +20,12 @@ pub struct Session<'a> {
     pub bar: ProgressBar,
     /// The results of the running suite.
     pub suite: SuiteRecord,
-    /// The results before it, and every run.
+    /// Earlier results, and every run.
     report: Report,
 }
 
 impl<'a> Session<'a> {
-    /// Sets up the machine for `input`, without results.
+    /// Opens the machine for `input`, without results.
     pub fn open(
         args: &'a BenchArgs,
         device: Option<&DeviceChoice>,
@@ -37,7 +37,6 @@ impl<'a> Session<'a> {
         Ok(Self { args, machine, out, bar: out.bar(0), suite: SuiteRecord::default(), report })
     }
 
-    /// Run the suite called `name`.
     pub fn suite(&mut self, name: &str, run: impl FnOnce(&mut Self) -> Result<(), Failure>) -> Result<(), Failure> {
         self.suite.name = name.into();
         run(self)?;
@@ -45,7 +44,7 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// The mesh of a suite; the report will describe it.
+    /// The mesh of a suite; adds it to the report.
     pub fn subject(&mut self, input: Input) -> Subject {
         let meshes = &mut self.report.meshes;
         if meshes.iter().all(|mesh| mesh.name != input.name) {
@@ -54,7 +53,6 @@ impl<'a> Session<'a> {
         Subject::new(input)
     }
 
-    /// The report, with all results.
     pub fn report(self) -> Report {
         self.bar.finish_and_clear();
         let Report { runs, skipped, meshes, input, .. } = &self.report;
@@ -65,13 +63,13 @@ impl<'a> Session<'a> {
         Report { unmeasured, input, ..self.report }
     }
 
-    /// The frames of a configuration, in rounds.
+    /// Frames and rounds of a configuration.
     pub fn schedule(&self, common: Common) -> Schedule {
         let frames = self.args.frames;
         Schedule { frames, rounds: ROUNDS.min(frames), limit: Some(self.args.time_limit()), common }
     }
 
-    /// Measure `candidates` on `subject`, interleaved, and put the runs into the report under `cell` and their names.
+    /// Measures `candidates` on `subject`, interleaved, and adds the runs to the report under `cell` and their names.
     pub fn measure(
         &mut self,
         subject: &mut Subject,
@@ -91,7 +89,7 @@ impl<'a> Session<'a> {
         Ok(runs.collect())
     }
 
-    /// Measure two candidates, and compare the times of their updates.
+    /// Measures two candidates, and compares the times of their updates.
     pub fn compare_updates(
         &mut self,
         subject: &mut Subject,
@@ -107,7 +105,7 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Put a run into the report.
+    /// Adds a run to the report.
     pub fn keep(&mut self, cell: &str, technique: &str, run: RunRecord) -> RunRecord {
         let suite = self.suite.name.clone();
         let run = RunRecord { suite, cell: cell.into(), technique: technique.into(), ..run };

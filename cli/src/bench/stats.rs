@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// Median, mean and spread of a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Stats {
-    /// Half of the values are below it. One late interrupt does not move it, so it is what the plots show.
+    /// Half of the values are below it. Plots show it, since one late interrupt does not move it.
     pub median: f64,
     pub mean: f64,
     /// Standard error of the mean; 0 for a single value, whose spread is unknown.
@@ -16,7 +16,7 @@ pub struct Stats {
 }
 
 impl Stats {
-    /// Sum up `values`; `None` when there are none, or one is not finite.
+    /// Statistics of `values`; `None` if there are none, or one is not finite.
     pub fn of(values: &[f64]) -> Option<Self> {
         if values.is_empty() || values.iter().any(|v| !v.is_finite()) {
             return None;
@@ -27,7 +27,7 @@ impl Stats {
         let (min, max) = (sorted[0], sorted[n - 1]);
         let median = if n % 2 == 1 { sorted[n / 2] } else { sorted[n / 2 - 1].midpoint(sorted[n / 2]) };
         let count = n as f64;
-        // Dividing first keeps the sum within range; rounding may leave the mean just outside the values.
+        // Dividing first avoids overflow; rounding may leave the mean just outside the values.
         let mean = sorted.iter().map(|v| v / count).sum::<f64>().clamp(min, max);
         let variance = match n {
             1 => 0.0,

@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 pub struct Subject {
     pub input: Input,
-    /// Whether it comes from a packed file, which does not hold the original deltas.
+    /// Whether it comes from a packed file, which lacks the original deltas.
     pub was_packed: bool,
     meshes: HashMap<DeltaFormat, Arc<PackedMesh>>,
     /// By format and the bits of the weights.
@@ -25,7 +25,7 @@ pub struct Reference {
     pub raw: Vec<f64>,
 }
 
-/// Enough for one workload at its checkpoints in every format; more would only take memory.
+/// Enough for one workload at its checkpoints in every format.
 const REFERENCES_MAX: usize = 64;
 
 impl Subject {
@@ -33,7 +33,7 @@ impl Subject {
         Self { was_packed: input.packed.is_some(), input, meshes: HashMap::new(), references: HashMap::new() }
     }
 
-    /// The first `targets` of the mesh.
+    /// The mesh with its first `targets` targets.
     pub fn first_targets(&self, targets: usize) -> Self {
         let first = |mesh: &MorphMesh| {
             let mut mesh = mesh.clone();
@@ -59,7 +59,7 @@ impl Subject {
         })
     }
 
-    /// The references of the pose of `mesh`, which was made here, at `weights`.
+    /// The references of the pose of `mesh`, made by [`mesh`](Self::mesh), at `weights`.
     pub fn reference(&mut self, mesh: &PackedMesh, weights: &[f32]) -> &Reference {
         let key = (mesh.layout().format, weights.iter().map(|w| w.to_bits()).collect());
         if self.references.len() >= REFERENCES_MAX && !self.references.contains_key(&key) {

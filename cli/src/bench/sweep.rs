@@ -19,14 +19,13 @@ use deltamorph_headless::DeviceChoice;
 /// Default batch sizes.
 const FULL_SWEEP: [BatchSpec; 2] = [BatchSpec::Range(1, None), BatchSpec::All];
 const BRIEF_SWEEP: [BatchSpec; 3] = [BatchSpec::Size(8), BatchSpec::Max, BatchSpec::All];
-/// Default paths. The techniques of others have a suite of their own.
+/// Default paths. Baselines have a suite of their own.
 const PATHS: [UpdatePath; 4] = [UpdatePath::Feedback, UpdatePath::Compute, UpdatePath::Blocks, UpdatePath::Cpu];
-/// Default formats. The float32 of `cpu` is the dense one; that in blocks runs on request.
+/// Default formats. Float32 is dense on `cpu`; in blocks it runs only on request.
 const FORMATS: [DeltaFormat; 4] = [DeltaFormat::Float32, DeltaFormat::Snorm16, DeltaFormat::Fast, DeltaFormat::Small];
 /// Default pose formats.
 const POSES: [PoseFormat; 2] = [PoseFormat::Float32, PoseFormat::Fixed32];
 
-/// Runs everything that `args` request.
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<Report, Failure> {
     let input = input::load(&args.input, true, out)?;
     let counts = expand_changed(&args.changed, input.kept.targets.len()).map_err(Failure::Usage)?;
@@ -40,13 +39,13 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
 
     let random = |&n: &usize| Workload::random(input.kept.targets.len(), n, args.input.seed);
     let workloads: Vec<Workload> = counts.iter().map(random).chain(clips.iter().map(Workload::clip)).collect();
-    // If a path evaluates in draws, draws are compared.
+    // If a path evaluates in draws, all configurations draw.
     let drawn = full.iter().any(|config| config.desc.path.evaluates_in_draws());
     let setting = |heads, workload| Setting { workload, heads, shared: args.shared, drawn, brief: false };
     let heads = args.heads_or(&[1]).into_iter();
     let settings: Vec<_> = heads.flat_map(|n| workloads.iter().map(move |workload| setting(n, workload))).collect();
 
-    // Every batch size for the most changes; elsewhere a few, for the plot against changed targets.
+    // Every batch size for the most changes; otherwise a few, for the plot against changed targets.
     let configs = |setting: &Setting<'_>| match setting.workload.changed {
         Some(n) if Some(&n) != counts.last() => &brief,
         _ => &full,

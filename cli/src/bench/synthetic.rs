@@ -7,7 +7,7 @@ use deltamorph::BatchSize::{self, All, Targets};
 
 const TARGETS: f64 = 72.0;
 
-/// A run, where a coefficient and a pass take so many ms.
+/// A run in which each coefficient and each pass take the given number of ms.
 fn run(path: &str, format: &str, batch: BatchSize, changed: f64, [coefficient, pass]: [f64; 2]) -> RunRecord {
     let coefficients = (2.0 * changed).min(TARGETS);
     let passes = match batch {
@@ -81,7 +81,7 @@ pub fn report() -> Report {
     }
 }
 
-/// A run of `technique` in a suite that took these times in its rounds.
+/// A run of `technique` in a suite, with these times in its rounds.
 pub fn technique(technique: &str, rounds: &[f64]) -> RunRecord {
     let times = Stats::of(rounds);
     RunRecord {
@@ -95,7 +95,7 @@ pub fn technique(technique: &str, rounds: &[f64]) -> RunRecord {
     }
 }
 
-/// The report of a suite with one cell, in which a run is wrong.
+/// The report of a suite with one cell, with one wrong run.
 pub fn suite() -> Report {
     let mut wrong = technique("feedback", &[0.1]);
     wrong.verified = false;

@@ -1,4 +1,4 @@
-//! One configuration: verified, then timed in one stretch or in several, then verified again.
+//! One configuration: verified, timed in one or several rounds, then verified again.
 
 use super::configs::Config;
 use super::machine::Machine;
@@ -16,14 +16,14 @@ use deltamorph::{PackedMesh, Result, UpdateStats};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Draws that are timed for `draw_ms` where the frames themselves have none.
+/// Draws that are timed for `draw_ms` if frames have none.
 const DRAWS: usize = 9;
 /// Frames before the first comparison of a brief setting: each of two slots has been source and destination.
 const BRIEF_CHECK: usize = 2;
 
-/// A configuration, and what it is measured on.
+/// A configuration, and the setting to measure it in.
 pub struct Candidate<'a> {
-    /// Its name, should it be refused.
+    /// Its name, if it is refused.
     pub what: String,
     pub config: Config,
     pub setting: &'a Setting<'a>,
@@ -34,7 +34,7 @@ impl<'a> Candidate<'a> {
         Self { what: what.into(), config: config.clone(), setting }
     }
 
-    /// The record of it before it was measured.
+    /// Its record before measurement.
     fn record(&self, input: &Input) -> RunRecord {
         let Self { config: Config { desc, format, batch_max, separate }, setting, .. } = self;
         RunRecord {
@@ -72,15 +72,15 @@ pub struct Trial<'a> {
     /// The last frame that ran.
     frame: usize,
     timed: Vec<Timed>,
-    /// What the timed rounds took, all in all.
+    /// Total duration of the timed rounds.
     spent: Duration,
 }
 
-/// A timed frame: its number, and what it took.
+/// Number and measurements of a timed frame.
 type Timed = (usize, Frame);
 
 impl<'a> Trial<'a> {
-    /// Run to the checkpoints, and compare with the reference there.
+    /// Runs to the checkpoints, and compares with the reference there.
     pub fn begin(
         machine: &'a Machine<'a>,
         candidate: &'a Candidate<'a>,
@@ -113,28 +113,28 @@ impl<'a> Trial<'a> {
         Ok(trial)
     }
 
-    /// Whether the result was right so far: what is wrong is not worth timing.
+    /// Whether all results were right so far: wrong ones are not timed.
     pub fn is_right(&self) -> bool {
         self.promise.kept(&self.found)
     }
 
-    /// Timed frames, and what they took.
+    /// Number of timed frames, and their total duration.
     pub fn timed(&self) -> (usize, Duration) {
         (self.timed.len(), self.spent)
     }
 
-    /// Run frames as they will be timed; returns what the last of them took.
+    /// Runs untimed frames like timed ones; returns the duration of the last.
     pub fn warm_up(&mut self, limit: Option<Duration>) -> Result<Duration> {
         Ok(self.run(self.machine.args.warmup, limit, Duration::ZERO)?.1)
     }
 
-    /// Go on from this part of the workload. The first frames are not timed: as many as there are slots to replace.
+    /// Continues at this part of the workload. As many frames as there are slots to replace are not timed.
     pub fn jump(&mut self, part: usize, parts: usize) -> Result<()> {
         let frame = self.candidate.setting.workload.period() * part / parts;
         (0..self.record.slots as usize).try_for_each(|i| self.step(frame + i, 0).map(drop))
     }
 
-    /// Time `frames` more, as [`run`](Self::run) runs them.
+    /// Times `frames` more.
     pub fn round(&mut self, frames: usize, limit: Option<Duration>, least: Duration) -> Result<()> {
         let begun = Instant::now();
         let (timed, _) = self.run(frames, limit, least)?;
@@ -144,7 +144,8 @@ impl<'a> Trial<'a> {
         Ok(())
     }
 
-    /// Run frames, up to `limit` (but one at least), each for `least`; and what the last took before it waited.
+    /// Runs frames up to `limit`, at least one, each padded to `least`; also returns the last one's duration without
+    /// padding.
     fn run(&mut self, frames: usize, limit: Option<Duration>, least: Duration) -> Result<(Vec<Timed>, Duration)> {
         let setting = self.candidate.setting;
         let draws = if setting.drawn { setting.copies() } else { 0 };
@@ -156,7 +157,7 @@ impl<'a> Trial<'a> {
             let start = Instant::now();
             let frame = self.step(self.frame + 1, draws)?;
             last = start.elapsed();
-            // Not for no time at all: that gives the processor away as well, and the next frame begins in cold caches.
+            // A sleep of zero would yield the processor too, and the next frame would begin with cold caches.
             if last < least {
                 std::thread::sleep(least - last);
             }
@@ -173,7 +174,7 @@ impl<'a> Trial<'a> {
         Ok(step)
     }
 
-    /// Compare the first and the last head with the reference.
+    /// Compares the first and the last instance with the reference.
     fn verify(&mut self, subject: &mut Subject) -> Result<()> {
         let setting = self.candidate.setting;
         let last = setting.updated() - 1;
@@ -188,11 +189,11 @@ impl<'a> Trial<'a> {
         Ok(())
     }
 
-    /// Verify once more, and sum up.
+    /// Verifies once more, and completes the record.
     pub fn finish(mut self, subject: &mut Subject) -> Result<RunRecord> {
         if !self.timed.is_empty() {
             self.verify(subject)?;
-            // What is wrong has no times worth telling.
+            // Wrong results have no times.
             if self.is_right() {
                 self.sum_up()?;
             }
@@ -242,7 +243,8 @@ impl<'a> Trial<'a> {
             }
         }
         .map(|s| s.median);
-        // One go, in parts: how much these differ says more than frames do, each of which is much like the one before.
+        // One run, divided into parts: their spread says more than that of frames, each of which resembles the one
+        // before.
         if record.rounds.len() == 1 {
             let part = timed.len().div_ceil(ROUNDS);
             record.rounds = timed.chunks(part).filter_map(summary).collect();
@@ -256,7 +258,7 @@ impl<'a> Trial<'a> {
             Some(_) => [b.device_read_gb_s, b.device_copy_gb_s],
         };
         let best = rates.into_iter().flatten().reduce(f64::max);
-        // Medians, as the time that is shown beside it. Where most frames of a clip change nothing, there is no share.
+        // Medians, like the time shown beside it. No share if most frames of a clip change nothing.
         let seconds = record.gpu_ms.or(record.cpu_ms).map(|t| t.median * 1e-3).filter(|t| *t > 0.0);
         let update = best.zip(seconds).filter(|_| !self.candidate.config.desc.path.evaluates_in_draws());
         let floor = times(timed, |frame| Some(frame.stats.bytes_floor as f64)).map(|bytes| bytes.median);
@@ -266,19 +268,19 @@ impl<'a> Trial<'a> {
     }
 }
 
-/// The medians of frames that ran one after the other.
+/// Medians of consecutive frames.
 fn summary(timed: &[Timed]) -> Option<Round> {
     let update = |frame: &Frame| frame.gpu_ms.or(Some(frame.cpu_ms));
     let medians = times(timed, |frame| both(frame).or(update(frame))).zip(times(timed, update));
     medians.map(|(a, b)| Round { ms: a.median, update_ms: b.median })
 }
 
-/// Update and draws, on the device.
+/// Time of update and draws, on the device.
 fn both(frame: &Frame) -> Option<f64> {
     frame.gpu_ms.zip(frame.draw_ms).map(|(update, draw)| update + draw)
 }
 
-/// What `of` says of those frames of which it says something.
+/// Statistics of the frames for which `of` returns a value.
 fn times(frames: &[Timed], of: impl Fn(&Frame) -> Option<f64>) -> Option<Stats> {
     Stats::of(&frames.iter().filter_map(|(_, frame)| of(frame)).collect::<Vec<_>>())
 }

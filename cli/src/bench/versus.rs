@@ -1,8 +1,8 @@
 //! `bench --compare`: reports of earlier runs, configuration by configuration.
 //!
-//! A time is the median of the rounds of a run, or of its frames in reports without rounds; its spread is the least and
-//! the greatest of these. Configurations whose spreads overlap count as no different: a run repeated with the same
-//! program differs as well.
+//! A time is the median of a run's rounds, or of its frames in reports without rounds; its spread is their minimum and
+//! maximum. Configurations with overlapping spreads count as no different: a repeated run of the same program differs
+//! as well.
 
 use super::record::{DeviceInfo, Report, RunRecord};
 use super::report;
@@ -16,14 +16,14 @@ use serde_json::{Map, Value};
 use std::iter::once;
 use std::path::PathBuf;
 
-/// The fields of a run that say which configuration it is: words, which tables align left, and numbers.
+/// Fields that identify a configuration: words, which tables align left, and numbers.
 const WORDS: &str = "suite cell technique mesh path mode format pose accumulate workload shared";
 const NUMBERS: &str = "targets batch_size changed heads crowds slots error_budget";
-/// Fewer times have no spread that tells anything.
+/// Fewest times with a meaningful spread.
 const LEAST: usize = 4;
 
 type Key = Map<String, Value>;
-/// A run, with which configuration it is.
+/// A run, and the key of its configuration.
 type Keyed<'a> = (Key, &'a RunRecord);
 
 /// The JSON of `bench --compare`.
@@ -31,14 +31,14 @@ type Keyed<'a> = (Key, &'a RunRecord);
 struct Comparison {
     schema: u32,
     version: &'static str,
-    /// "A", "B", … in the order given; the first is what the others are compared with.
+    /// "A", "B", … in the order given; the others are compared with the first.
     reports: Vec<Source>,
-    /// What differs besides the program.
+    /// Differences besides the program.
     warnings: Vec<String>,
     comparisons: Vec<Against>,
 }
 
-/// What is said of a report that is compared.
+/// A compared report.
 #[derive(Debug, Serialize)]
 struct Source {
     name: String,
@@ -51,7 +51,7 @@ struct Source {
     runs: usize,
 }
 
-/// A report against the first.
+/// A report, compared with the first.
 #[derive(Debug, Serialize)]
 struct Against {
     name: String,
@@ -68,7 +68,7 @@ struct Against {
     only_here: Vec<Key>,
 }
 
-/// A configuration that is in both.
+/// A configuration in both reports.
 #[derive(Debug, Serialize)]
 struct Pair {
     #[serde(flatten)]
@@ -78,14 +78,14 @@ struct Pair {
     time: &'static str,
     baseline_ms: Option<f64>,
     ms: Option<f64>,
-    /// The least and the greatest of the times that the medians are of.
+    /// Minimum and maximum of the times that the medians are of.
     baseline_spread: Option<[f64; 2]>,
     spread: Option<[f64; 2]>,
-    /// How many times these are.
+    /// Number of these times.
     n: [usize; 2],
     /// Time over that of the baseline.
     ratio: Option<f64>,
-    /// What was wrong, and in which report.
+    /// The errors of wrong runs, and their reports.
     #[serde(skip_serializing_if = "Option::is_none")]
     problem: Option<String>,
 }
@@ -103,7 +103,7 @@ enum Verdict {
 }
 
 impl Verdict {
-    /// As tables have it: "within spread".
+    /// The verdict in tables: "within spread".
     fn word(self) -> String {
         plain(&serde_json::to_value(self).unwrap_or_default()).replace('_', " ")
     }
@@ -118,7 +118,6 @@ impl Verdict {
     }
 }
 
-/// Compare the reports that `args` name.
 pub fn run(args: &BenchArgs, out: &Output) -> Result<(), Failure> {
     let read = |path: &PathBuf| Ok((path.display().to_string(), report::read(path)?));
     let reports: Vec<(String, Report)> = args.compare.iter().map(read).collect::<Result<_, Failure>>()?;
@@ -129,7 +128,7 @@ pub fn run(args: &BenchArgs, out: &Output) -> Result<(), Failure> {
 }
 
 impl Comparison {
-    /// Of the first of `reports`, which come with their files, with each of the others.
+    /// Compares the first of `reports`, which come with their files, with each of the others.
     fn new(reports: Vec<(String, Report)>) -> Result<Self, Failure> {
         let names: Vec<String> = (0..reports.len()).map(name).collect();
         let keyed: Vec<Vec<Keyed<'_>>> = reports.iter().map(|(_, report)| keyed(report)).collect();
@@ -173,7 +172,7 @@ impl Comparison {
     }
 }
 
-/// The fields that tell configurations apart.
+/// Names of the fields that identify a configuration.
 fn names() -> impl Iterator<Item = &'static str> {
     WORDS.split(' ').chain(NUMBERS.split(' '))
 }
@@ -184,12 +183,12 @@ fn name(i: usize) -> String {
     if i < 26 { letter.into() } else { format!("{letter}{}", i / 26 + 1) }
 }
 
-/// The runs of a report with what tells them apart.
+/// The runs of a report with their keys.
 fn keyed(report: &Report) -> Vec<Keyed<'_>> {
     let mut all: Vec<Keyed<'_>> = vec![];
     for run in &report.runs {
         let mut fields = serde_json::to_value(run).unwrap_or_default();
-        // Reports of versions that did not have them.
+        // Defaults of fields that earlier versions did not have.
         let mut default = |field: &str, value: Value| {
             if fields[field] == "" || fields[field] == 0 {
                 fields[field] = value;
@@ -198,12 +197,12 @@ fn keyed(report: &Report) -> Vec<Keyed<'_>> {
         default("mesh", report.input.name.clone().into());
         default("targets", report.input.targets.into());
         default("pose", "float32".into());
-        // Of a clip a mean over the frames that were timed: what changes is what the clip says.
+        // For clips, a mean over the timed frames: not part of the configuration.
         if run.workload != "random" {
             fields["changed"] = Value::Null;
         }
         let mut key: Key = names().map(|field| (field.into(), fields[field].take())).collect();
-        // The same work twice in a report: the first is compared with the first.
+        // The same configuration several times in a report: they are paired in order.
         let same = all.iter().filter(|(other, _)| names().all(|field| other[field] == key[field])).count();
         if same > 0 {
             key.insert("occurrence".into(), (same + 1).into());
@@ -267,7 +266,7 @@ impl Against {
         text + "."
     }
 
-    /// A row for each configuration; fields that all have the same are left out.
+    /// A row for each configuration; fields that are the same in all are left out.
     fn table(&self) -> Table {
         let pairs = &self.configurations;
         let differs = |field: &&str| {
@@ -330,7 +329,7 @@ impl Pair {
     }
 }
 
-/// The time that both have, in the order in which runs are judged by them: of rounds where both have some.
+/// The first time in order of preference that both runs have; of rounds if both have them.
 fn times(runs: [&RunRecord; 2]) -> (&'static str, Option<[Stats; 2]>) {
     type Time = fn(&RunRecord) -> Option<Stats>;
     let all: [(&str, Time); 3] = [
@@ -342,12 +341,12 @@ fn times(runs: [&RunRecord; 2]) -> (&'static str, Option<[Stats; 2]>) {
     let had = all.into_iter().find_map(|(name, of)| Some((name, both(&of)?)));
     let Some((name, frames)) = had else { return ("round trip", None) };
     let rounds = both(&|run| Stats::of(&run.rounds.iter().map(|round| round.ms).collect::<Vec<_>>()));
-    // Rounds have the time that a run is judged by: not one that only the other has.
+    // Rounds hold each run's preferred time, which the other run may lack.
     let judged = runs.map(RunRecord::time) == frames.map(Some);
     (name, Some(rounds.filter(|_| judged).unwrap_or(frames)))
 }
 
-/// A value of a key as tables have it.
+/// A value of a key, as in tables.
 fn plain(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),
@@ -357,7 +356,7 @@ fn plain(value: &Value) -> String {
     }
 }
 
-/// Where runs of two reports that have nothing in common differ throughout.
+/// A field without a value in common, for reports that share no configuration.
 fn difference(a: &[Keyed<'_>], b: &[Keyed<'_>]) -> Option<String> {
     let values = |runs: &[Keyed<'_>], field: &str| {
         let mut values: Vec<String> = runs.iter().map(|(key, _)| plain(&key[field])).collect();
@@ -373,7 +372,7 @@ fn difference(a: &[Keyed<'_>], b: &[Keyed<'_>]) -> Option<String> {
     Some(format!("{field}: {a} in the one, {b} in the other"))
 }
 
-/// What differs besides the program.
+/// Differences besides the program.
 fn differences(a: &Report, b: &Report, [first, second]: [&str; 2]) -> Vec<String> {
     let device =
         |d: &DeviceInfo| [&d.name, &d.driver, &d.driver_info, &d.api_version].map(|part| part.trim()).join(" ");

@@ -1,35 +1,35 @@
-//! What moves while a configuration is verified and timed: random changes or a captured clip, on how many heads.
+//! Weights while a configuration is verified and timed: random changes or a captured clip, on any number of instances.
 
 use deltamorph::BoundClip;
 
-/// Weights of every head in every frame. The same whatever path, batch size or format they are applied with.
+/// Weights of every instance in every frame. Independent of path, batch size and format.
 pub struct Workload {
     /// "random", "few", or the clip's name.
     pub name: String,
-    /// Targets that change per frame and head, as asked for; `None` for clips.
+    /// Targets that change per frame and instance, as requested; `None` for clips.
     pub changed: Option<usize>,
     /// Frames after which the result is compared with the reference.
     pub checkpoints: Vec<usize>,
-    /// `[frame][target]` of the first head, over and over.
+    /// `[frame][target]` of the first instance, repeated.
     frames: Vec<Vec<f32>>,
-    /// How many frames a head is ahead of the one before it, so that no two do the same.
+    /// Frames that an instance is ahead of the one before it, so that no two are in step.
     ahead: usize,
-    /// How many targets the weights of a head are turned by, from those of the one before it.
+    /// Targets that the weights of an instance are rotated by, relative to the one before it.
     turned: usize,
 }
 
 /// Frames of random weights before they repeat.
 const RANDOM_FRAMES: usize = 128;
-/// Frames before the first comparison with the reference: enough for each slot to have been source and target.
+/// Frames before the first comparisons with the reference: each slot has been source and target.
 const RANDOM_CHECKS: [usize; 2] = [2, 9];
 /// Frames of a clip at which the result is compared with the reference, the last one among them.
 const CLIP_CHECKS: usize = 16;
-/// How far the few targets of a head are from those of the head before it; prime to most numbers of targets.
+/// Distance of the few targets of an instance from those of the one before it; coprime to most numbers of targets.
 const HEAD_STRIDE: usize = 13;
 
 impl Workload {
-    /// In each frame `changed` of `targets`, drawn afresh from `seed`, get a new weight in (0, 1]; the others keep
-    /// theirs. The last frame is followed by the first, which is no exception.
+    /// A cycle of frames: each gives `changed` targets, drawn from `seed`, a new weight in (0, 1]; the others keep
+    /// theirs. This includes the first frame, which follows the last.
     pub fn random(targets: usize, changed: usize, seed: u64) -> Self {
         let mut pick = seed.rotate_left(17) ^ 0xD1B5_4A32_D192_ED03;
         let mut order: Vec<usize> = (0..targets).collect();
@@ -39,16 +39,16 @@ impl Workload {
             }
             order[..changed.min(targets)].to_vec()
         };
-        // Each set comes twice: a target that changed once per round would come back to the weight it has.
+        // Each set comes twice: a target that changed once per round would return to its own weight.
         let sets: Vec<Vec<usize>> = (0..RANDOM_FRAMES / 2).map(&mut draw).collect();
-        // No two frames share a weight, so a new one is always a change.
+        // No two frames share a weight: a new one is always a change.
         let weight = |state: &mut u64, frame: usize| {
             ((next(state) % 8192) as usize * RANDOM_FRAMES + frame + 1) as f32 / (8192 * RANDOM_FRAMES) as f32
         };
         let seed = seed ^ 0x9E37_79B9_7F4A_7C15;
         let mut state = seed.rotate_left(32);
         let mut now: Vec<f32> = (0..targets).map(|_| weight(&mut state, 0)).collect();
-        // The first round only leaves behind the weights that the second one starts from, and ends with.
+        // The first round determines the weights that the second one starts and ends with.
         let mut frames = vec![];
         for _ in 0..2 {
             frames.clear();
@@ -64,7 +64,7 @@ impl Workload {
         Self { name: "random".into(), changed: Some(changed), checkpoints, frames, ahead: 37, turned: 0 }
     }
 
-    /// `active` of `targets`, others for each head, get a new weight in every frame, while the rest are 0.
+    /// `active` of `targets`, different ones for each instance, get a new weight in every frame; the others are 0.
     pub fn few(targets: usize, active: usize, seed: u64) -> Self {
         let active = active.min(targets);
         let mut state = seed ^ 0xA076_1D64_78BD_642F;
@@ -73,7 +73,7 @@ impl Workload {
         for frame in &mut few.frames {
             let mut all = vec![0.0; targets];
             for (i, weight) in frame.iter().enumerate() {
-                // Spread over the face: neighbours in the list move neighbouring vertices.
+                // Spread over the face: targets next to each other in the list move neighbouring vertices.
                 all[(first + i * targets / active) % targets] = *weight;
             }
             *frame = all;
@@ -81,7 +81,7 @@ impl Workload {
         few
     }
 
-    /// `clip`, which has at least one frame, from beginning to end.
+    /// All frames of `clip`, at least one.
     pub fn clip(clip: &BoundClip) -> Self {
         let last = clip.frame_count() - 1;
         let mut checkpoints: Vec<usize> = (1..=CLIP_CHECKS).map(|i| last * i / CLIP_CHECKS).collect();
@@ -90,7 +90,6 @@ impl Workload {
         Self { name, changed: None, checkpoints, frames, ahead: 7, turned: 0 }
     }
 
-    /// The weights of `head` in `frame`.
     pub fn weights(&self, head: u32, frame: usize) -> Vec<f32> {
         let mut weights = self.frames[(frame + head as usize * self.ahead) % self.frames.len()].clone();
         let turned = head as usize * self.turned % weights.len().max(1);
@@ -98,50 +97,49 @@ impl Workload {
         weights
     }
 
-    /// Frames after which it starts over; timing runs on from there.
+    /// Frames before it repeats; timing continues past the end.
     pub fn period(&self) -> usize {
         self.frames.len()
     }
 }
 
-/// PCG-like step: a number for each call, the same on every machine.
+/// PCG-like generator: the same numbers on every machine.
 fn next(state: &mut u64) -> u64 {
     *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
     let x = *state ^ (*state >> 33);
     x.wrapping_mul(0xff51_afd7_ed55_8ccd) >> 20
 }
 
-/// What is measured, but for how it is updated.
+/// The conditions of a measurement, except the configuration.
 #[derive(Clone, Copy)]
 pub struct Setting<'a> {
     pub workload: &'a Workload,
-    /// Heads: each with weights of its own, unless `shared`.
+    /// Number of instances: each with its own weights, unless `shared`.
     pub heads: u32,
-    /// One animation: one head is updated, and its pose drawn for each.
+    /// One animation: one instance is updated, and its pose drawn for each.
     pub shared: bool,
-    /// Every frame draws each head once, without rasterizing, after the update.
+    /// Every frame draws each instance once after the update, without rasterizing.
     pub drawn: bool,
-    /// Compare with the reference after a few frames, not at all checkpoints of the workload: where frames take long.
+    /// Compares with the reference after a few frames instead of all checkpoints of the workload, if frames take long.
     pub brief: bool,
 }
 
 impl<'a> Setting<'a> {
-    /// What suites measure: heads each with weights of their own, drawn, checked after a few frames.
+    /// The setting of suites: instances with their own weights, drawn, checked after a few frames.
     pub fn of_suite(workload: &'a Workload, heads: u32) -> Self {
         Self { workload, heads, shared: false, drawn: true, brief: true }
     }
 
-    /// Heads that are updated.
     pub fn updated(&self) -> u32 {
         if self.shared { 1 } else { self.heads }
     }
 
-    /// Draws of each head that is updated.
+    /// Draws per updated instance.
     pub fn copies(&self) -> u32 {
         if self.shared { self.heads } else { 1 }
     }
 
-    /// The weights of each head that is updated.
+    /// The weights of each updated instance.
     pub fn weights(&self, frame: usize) -> Vec<Vec<f32>> {
         (0..self.updated()).map(|h| self.workload.weights(h, frame)).collect()
     }
@@ -158,7 +156,7 @@ mod tests {
         let few = |targets, active: usize| (Workload::few(targets, 4, 3), active, active);
         let cases = [all(0), all(1), all(8), all(72), few(72, 4), few(12, 4), few(3, 3), few(4, 4)];
         for (work, changed, active) in cases {
-            // Two rounds: across the seam, wherever a head starts.
+            // Two rounds: across the seam for every instance.
             for (head, frame) in [0, 1, 5, 7].into_iter().flat_map(|h| (1..2 * RANDOM_FRAMES).map(move |f| (h, f))) {
                 let (a, b) = (work.weights(head, frame - 1), work.weights(head, frame));
                 let found = a.iter().zip(&b).filter(|(a, b)| a != b).count();

@@ -7,10 +7,10 @@ use crate::table::{count, listed, percent, sig3, thousands};
 use deltamorph::BatchSize;
 use std::slice::from_ref;
 
-/// Most names that are listed; of more, only their number.
+/// Longest list of names; above, only their number is given.
 const MOST_NAMES: usize = 8;
 
-/// What was measured, of `suite` or in all: in a sentence, and details with headings.
+/// Describes the measurements of `suite`, or of all: a sentence, and details with headings.
 pub fn about(report: &Report, suite: Option<&SuiteRecord>) -> (String, Vec<(&'static str, Vec<String>)>) {
     let runs: Vec<&RunRecord> = report.runs_of(suite).collect();
     let sentence = format!(

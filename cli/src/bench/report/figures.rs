@@ -1,4 +1,4 @@
-//! Figures from runs: the comparisons that they draw.
+//! Figures from runs.
 
 use crate::bench::record::{Report, RunRecord, SuiteRecord, batch_words, fastest, heads_words, unused};
 use crate::bench::stats::Stats;
@@ -103,7 +103,7 @@ impl Kind {
     }
 }
 
-/// All figures that the runs of `suite`, or of an ordinary run, suffice for.
+/// All figures that there are enough runs for, of `suite` or of an ordinary run.
 pub fn figures(report: &Report, suite: Option<&SuiteRecord>) -> Vec<Figure> {
     let runs: Vec<&RunRecord> = report.runs_of(suite).filter(|run| run.counts()).collect();
     let mut figures = match suite {
@@ -124,7 +124,8 @@ pub fn figures(report: &Report, suite: Option<&SuiteRecord>) -> Vec<Figure> {
     figures
 }
 
-/// Those of an ordinary run: a set for each workload and number of heads, and for each workload one against heads.
+/// Figures of an ordinary run: a set for each workload and number of instances, and one against instances for each
+/// workload.
 fn sweep(report: &Report, runs: &[&RunRecord]) -> Vec<Figure> {
     let workloads = partition(runs, |run| run.workload.clone());
     let mut figures = vec![];
@@ -145,8 +146,8 @@ fn sweep(report: &Report, runs: &[&RunRecord]) -> Vec<Figure> {
             figures.extend(floor(&suffix, most, &hardest));
             every.extend(hardest);
         }
-        // The hardest of each group: instances play a clip from different frames on, so the mean depends on their
-        // number.
+        // Instances play a clip from different frames on, so the mean depends on their number: take the hardest of each
+        // group.
         let work = clip.strip_suffix(": ").map_or_else(|| change(every[0]), Into::into);
         figures.extend(TIME_VS_HEADS.figure(&of_workload, &[work, mesh(report, runs)], &every));
     }
@@ -220,7 +221,7 @@ fn floor(suffix: &str, subtitle: [String; 2], runs: &[&RunRecord]) -> Option<Fig
             .into(),
         title: "How near the memory-bandwidth floor, in %".into(),
         subtitle,
-        // A path can beat a floor measured with a copy: the axis grows with it.
+        // A path can beat a floor measured with a copy: the axis extends to include it.
         chart: Chart::Bars { least: 100.0, bars },
     })
 }
@@ -271,7 +272,7 @@ fn mean(time: Stats) -> Value {
 }
 
 /// A family of configurations, which differ only in the parameter along an axis: path, format, mode, poses, slots, and
-/// whether instances share an animation, each as in names.
+/// whether instances share an animation, each as it is named.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Family([String; 6]);
 

@@ -11,7 +11,7 @@ use crate::output::{self, Failure, publish, write_file};
 use serde_json::Value;
 use std::path::Path;
 
-/// Writes everything into `dir`, replacing the files of an earlier run when all is drawn.
+/// Writes everything into `dir`; replaces the files of an earlier run once all is drawn.
 pub fn write(report: &Report, dir: &Path) -> Result<(), Failure> {
     publish(dir, is_drawn, |dir| {
         write_file(&dir.join("report.json"), output::to_json(report)?)?;
@@ -31,7 +31,7 @@ pub fn write(report: &Report, dir: &Path) -> Result<(), Failure> {
 /// The picture, in the page's folder.
 pub const FACE: &str = "face.png";
 
-/// Prefixes of the names of a report's files, besides report.json, runs.csv and index.html.
+/// Prefixes of the names of a report's files, except report.json, runs.csv and index.html.
 const STEMS: [&str; 9] =
     ["face", "time-vs-", "relative-performance", "floor", "suite-", "chapter-", "crowd-", "techniques-", "clips-"];
 
@@ -40,7 +40,7 @@ fn is_drawn(name: &str) -> bool {
     STEMS.iter().any(|stem| name.starts_with(stem)) && [".svg", ".png", ".html"].iter().any(|end| name.ends_with(end))
 }
 
-/// Ensures that `dir` may be written: new, empty, or with an earlier report.
+/// Ensures that `dir` may be written: it is new, empty, or has an earlier report.
 pub fn claim(dir: &Path) -> Result<(), Failure> {
     let complaint = "holds something else than a report; name another one with --report";
     output::claim(dir, complaint, || read(&dir.join("report.json")).is_ok())
@@ -61,7 +61,7 @@ pub fn read(path: &Path) -> Result<Report, Failure> {
         }
         _ => {
             let report: Report = serde_json::from_str(&text).map_err(|e| unreadable(format!("{e}; {REMEDY}")))?;
-            // A report that was moved without its picture has none.
+            // A report that was moved may lack its picture.
             let png = std::fs::read(path.with_file_name(FACE)).ok();
             let face = report.face.zip(png).map(|(face, png)| Face { png, ..face });
             Ok(Report { face, ..report })
@@ -69,7 +69,7 @@ pub fn read(path: &Path) -> Result<Report, Failure> {
     }
 }
 
-/// The command that wrote a JSON file that is no report.
+/// The command that wrote a JSON file that is not a report.
 fn writer(value: &Value) -> Option<&'static str> {
     let commands: [(&str, &[&str]); 5] = [
         ("bench --compare", &["comparisons", "reports"]),
@@ -107,7 +107,7 @@ fn cell(run: &Value, column: &str) -> String {
     match run.get(column).or_else(nested) {
         None | Some(Value::Null) => String::new(),
         Some(Value::String(text)) => text.clone(),
-        // JSON writes small numbers with exponents, which not every reader of CSV takes.
+        // JSON writes small numbers with exponents, which not every reader of CSV accepts.
         Some(Value::Number(number)) => number.as_f64().unwrap_or(f64::NAN).to_string(),
         Some(other) => other.to_string(),
     }

@@ -68,7 +68,7 @@ pub fn page(report: &Report, suite: Option<&SuiteRecord>, drawn: &[Drawn]) -> St
     document(&format!("{name} · deltamorph bench"), &body)
 }
 
-/// The mesh, and the part that a frame changes.
+/// The mesh, and the part of it that a frame changes.
 fn pictured(face: &Face, report: &Report) -> Markup {
     let Face { workload, frame, changed, whole, blocks, all_blocks, block_size, size: [width, height], .. } = face;
     let (name, targets) = (&report.input.name, report.input.targets);

@@ -15,7 +15,7 @@ pub fn title(suite: &SuiteRecord) -> &str {
     }
 }
 
-/// The most telling numbers, the first of which is the heading.
+/// The most telling numbers; the first sentence is the heading.
 pub fn sentences(report: &Report) -> Vec<String> {
     let runs: Vec<&RunRecord> = report.runs.iter().filter(|r| r.counts()).collect();
     let mut out: Vec<String> = match report.suites.is_empty() {
@@ -43,7 +43,7 @@ pub fn sentences(report: &Report) -> Vec<String> {
     out
 }
 
-/// The most telling numbers of a suite: the largest ratio that was found, or how often `blocks` is the fastest.
+/// The most telling numbers of a suite: the largest ratio found, or how often `blocks` is the fastest.
 pub fn of_suite(suite: &SuiteRecord) -> String {
     let ratios: Vec<f64> = suite.cells.iter().filter_map(|c| c.blocks_to_best_other).collect();
     let (title, wins) = (title(suite), ratios.iter().filter(|r| **r <= 1.0).count());
@@ -75,7 +75,7 @@ fn of_runs(runs: &[&RunRecord]) -> Vec<String> {
 fn batching(hardest: &[&RunRecord]) -> Option<String> {
     let gains = by_family(hardest).into_iter().flat_map(|(_, own)| {
         let single = own.iter().find(|r| r.batch_size == BatchSize::Targets(1)).map_or(0.0, |r| r.passes);
-        // The same number of passes as with batch 1: a difference is noise.
+        // With as many passes as batch 1, a difference is noise.
         let several = |r: &&RunRecord| r.batch_size != BatchSize::All && r.passes < single;
         let gain = |run| relative(run, &own).map(|(gain, error)| (gain, error, run));
         own.iter().copied().filter(several).filter_map(gain).collect::<Vec<_>>()

@@ -11,7 +11,7 @@ const NONE: &str = "–";
 /// Heading and cell of a column about runs.
 type Column = (&'static str, fn(&RunRecord) -> String);
 
-/// The columns of words, then those of numbers.
+/// Columns of words, then columns of numbers.
 const WORDS: [Column; 6] = [
     ("cell", |run| run.cell.clone()),
     ("technique", |run| run.technique.clone()),
@@ -42,10 +42,10 @@ const NUMBERS: [Column; 16] = [
     ("of floor", |run| run.floor_fraction.map_or(NONE.into(), percent)),
     ("error / diagonal", |run| optional(run.max_error_rel)),
 ];
-/// The columns of pages only, which are wider than terminals.
+/// Columns on pages only, which are wider than terminals.
 const PAGES_ONLY: [&str; 6] = ["mean", "n", "update ms", "draw ms", "round trip ms", "upload ms"];
 
-/// A row for each run; without columns that are empty in every run, and on a terminal without some more.
+/// A row for each run. Columns that are empty in every run are left out, on a terminal also those of `PAGES_ONLY`.
 pub fn runs<'a>(runs: impl IntoIterator<Item = &'a RunRecord>, terminal: bool) -> Table {
     let runs: Vec<&RunRecord> = runs.into_iter().collect();
     let told = |(heading, cell): &&Column| {
@@ -102,7 +102,7 @@ fn cells(suite: &SuiteRecord, report: &Report) -> Table {
     table
 }
 
-/// Milliseconds of every technique, a row for each cell: medians, but in the suite crowd means, as in its figures.
+/// Milliseconds of every technique, a row for each cell: medians, or means in the suite crowd, as in its figures.
 fn matrix(suite: &SuiteRecord, report: &Report) -> Option<Table> {
     let competes = |run: &&RunRecord| match suite.cells.is_empty() {
         true => run.cell.ends_with(" targets"),

@@ -52,7 +52,7 @@ fn heads_get_a_figure_of_their_own() {
     let work = |r: &RunRecord| r.workload == "random" && r.changed == 4.0;
     let slugs = slugs(&report(work, |run| RunRecord { heads: 16, ..run }));
     assert!(slugs.contains(&"time-vs-heads".into()) && slugs.contains(&"floor-16heads".into()), "{slugs:?}");
-    // A clip has a point for each number of instances, though the mean of changed targets depends on their number.
+    // A clip has a point for each number of instances, even though the mean of changed targets depends on their number.
     let clip = |r: &RunRecord| r.workload == "speech_30fps" && r.verified;
     for line in lines(&report(clip, |run| RunRecord { heads: 16, changed: 2.5, ..run }), "time-vs-heads") {
         assert_eq!(line.points.iter().map(|p| p.x).collect::<Vec<_>>(), [1.0, 16.0]);
@@ -170,7 +170,7 @@ fn the_folder_is_complete_and_its_pages_need_nothing_else() {
         {
             assert!(!page.contains(outside), "{outside}");
         }
-        // The picture is beside the first page, and told in words as well.
+        // The picture is beside the first page, and described in words as well.
         let index = std::fs::read_to_string(folder.join("index.html")).expect("read");
         let image = index.matches(" src=").count();
         assert_eq!((image, folder.join(FACE).is_file()), (usize::from(report.face.is_some()), report.face.is_some()));
@@ -179,7 +179,7 @@ fn the_folder_is_complete_and_its_pages_need_nothing_else() {
             let told =
                 "213 of 685 blocks of 64 vertices. It is frame 64 of “random”, in which 4 of 72 targets change, which";
             assert!(index.contains(told), "{index}");
-            // It is there again when the report is drawn again.
+            // Drawing the report again keeps the picture.
             assert_eq!(read(&folder.join("report.json")).expect("read").face.expect("a picture").png, face.png);
             std::fs::remove_file(folder.join(FACE)).expect("removed");
             assert!(read(&folder.join("report.json")).expect("read").face.is_none());
@@ -202,7 +202,7 @@ fn number(element: &str, name: &str) -> f64 {
     value.and_then(|(value, _)| value.parse().ok()).unwrap_or_else(|| panic!("{name}: {element}"))
 }
 
-/// On a phone of 390 pixels plots have 356; on a page of two columns, the wide ones have 598.
+/// Plots are 356 pixels wide on a phone of 390; wide ones are 598 on a page of two columns.
 #[test]
 fn text_in_plots_is_large_enough_and_within_them() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -217,7 +217,7 @@ fn text_in_plots_is_large_enough_and_within_them() {
                 let (size, x, y) = (number(text, "font-size"), number(text, "x"), number(text, "y"));
                 assert!(size * pixels / width >= 11.0, "{size} of {width}: {text}");
                 let words = text.split_once('>').and_then(|(_, rest)| rest.split_once('<')).expect("words").0.trim();
-                // About as wide as fonts without serifs set it.
+                // Approximate width in sans-serif fonts.
                 let length = 0.55 * size * words.chars().count() as f64;
                 let turned = text.contains("rotate");
                 let start = match () {
@@ -241,7 +241,7 @@ fn tables_can_be_sorted() {
     assert_eq!(page.matches("<table class=\"sortable\">").count(), 1);
     let headings = page.matches("<th scope=\"col\"").count();
     assert!(headings > 10 && page.contains("aria-sort"), "{headings}");
-    // A number has a value to sort by, whatever its unit; a wrong run has none.
+    // A number has a value to sort by, in any unit; a wrong run has none.
     for part in ["<td data-n=\"Infinity\">all</td>", "<td data-n=\"72\">72</td>", "<td>WRONG</td>"] {
         assert!(page.contains(part), "{part}");
     }
@@ -264,7 +264,7 @@ fn other_files_are_refused() {
         (r#"{"schema":1,"frames":[],"summary":{}}"#, "was written by `deltamorph play`"),
         (r#"{"schema":1,"comparisons":[],"reports":[]}"#, "was written by `deltamorph bench --compare`"),
         (r#"{"schema":1,"runs":[]}"#, "missing field `version`"),
-        // Another schema is refused, whatever else it has.
+        // Another schema is refused, even with the same fields.
         (r#"{"schema":3,"runs":{}}"#, "schema 3"),
         (&other, "schema 2"),
     ] {

@@ -11,7 +11,7 @@ use crate::input::Input;
 use crate::output::Failure;
 use deltamorph::{BatchSize, PoseFormat, UpdateMode, UpdatePath};
 
-/// Targets changed per frame, next to all of them.
+/// Targets changed per frame in the case of few changes; the other case is all of them.
 pub const FEW: usize = 8;
 
 /// Every batch size of every dense path and format.
@@ -27,7 +27,7 @@ pub fn run(session: &mut Session<'_>, input: Input) -> Result<(), Failure> {
     };
     let (configs, skipped) = configurations(&wanted, session.args, session.machine.gpu.as_ref());
     skipped.into_iter().for_each(|s| session.skip(s));
-    // Only paths with batches.
+    // Paths without batches are left out.
     let configs: Vec<Config> = configs.into_iter().filter(|c| c.batch_max.is_some()).collect();
     if configs.is_empty() {
         let reason = "takes --paths and --formats that have batches: compute, feedback, vertex-store; float32, snorm16";
@@ -54,7 +54,7 @@ pub fn run(session: &mut Session<'_>, input: Input) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Compares batch 1 with the fastest.
+/// Compares batch 1 with the fastest batch size.
 fn gain(cell: &str, runs: &[Option<RunRecord>]) -> Option<Comparison> {
     let right = || runs.iter().flatten().filter(|r| r.counts());
     let one = right().find(|r| r.batch_size == BatchSize::Targets(1))?;

@@ -14,19 +14,20 @@ use deltamorph::PoseFormat;
 
 /// Points along the axis of targets.
 const POINTS: usize = 6;
-/// Heads of the crowd, unless told otherwise.
+/// Default crowd sizes.
 const HEADS: [u32; 2] = [1, 100];
 /// Targets changed per frame in the case of few changes.
 const FEW: usize = 8;
-/// The expected ratio of an update for many copies to one for one, and the conditions of its timing: in continuous
-/// frames, the single copy has no pause between its updates, while the draws of the many are one. So both are also
-/// timed at the frame rate of the many, where nothing but the copies differs.
+/// Conditions of timing, and the expected ratio of an update for many copies to an update for one. In consecutive
+/// frames, a single copy has no pause between updates, while the draws of many copies are one. Both are therefore also
+/// timed at the frame rate of the many, where only the number of copies differs.
 const SHARED: [(Common, &str, &str); 2] =
     [(Common::FrameRate, "at one frame rate", "0.9 to 1.1"), (Common::Nothing, "frame after frame", "")];
 /// The expected gain of one crowd.
 const CROWD_GOAL: &str = "3 or more";
 
-/// Time against the number of targets kept, for one instance, many, and many copies of one; and the gain of a crowd.
+/// Time against the number of targets kept, for one instance, many instances, and many copies of one; and the gain of a
+/// crowd.
 pub fn run(session: &mut Session<'_>) -> Result<(), Failure> {
     let heads = session.args.heads_or(&HEADS);
     let (one, many) = (heads[0], heads[heads.len() - 1]);
@@ -65,7 +66,7 @@ pub fn run(session: &mut Session<'_>) -> Result<(), Failure> {
         session.bar.inc(1);
     }
 
-    // One crowd against as many crowds of one head each, recorded into one submission.
+    // One crowd against as many crowds of one instance each, recorded into one submission.
     let Some((_, config)) = chosen.into_iter().find(|(name, _)| name == OURS) else { return Ok(()) };
     for (subject, changed) in [(subjects.len() - 1, FEW.min(total)), (0, total)] {
         let subject = &mut subjects[subject];

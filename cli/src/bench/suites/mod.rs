@@ -1,6 +1,6 @@
-//! `bench --suite`: ready-made comparisons, each with its own page. Configurations are measured interleaved, and where
-//! techniques are compared each frame draws every instance once after the update: time that a technique saves in one it
-//! may lose in the other.
+//! `bench --suite`: ready-made comparisons, each with its own page. Configurations are measured interleaved. If
+//! techniques are compared, each frame draws every instance once after the update: a technique may save time in one and
+//! lose it in the other.
 
 mod chapter;
 mod crowd;
@@ -16,12 +16,11 @@ use crate::output::{Failure, Output};
 use deltamorph::PoseFormat;
 use deltamorph_headless::DeviceChoice;
 
-/// Runs the suites that `args` request.
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<Report, Failure> {
     let input = input::load(&args.input, true, out)?;
     let mut session = Session::open(args, device, &input, out)?;
     let asked = |suite| args.suites.contains(&suite) || args.suites.contains(&SuiteChoice::All);
-    // Checked before anything is measured: an unusable data set must not cost the earlier measurements.
+    // Checked before anything is measured: an unusable data set must not cost earlier measurements.
     let clips = if asked(SuiteChoice::Clips) { techniques::captured(&mut session)? } else { vec![] };
     let mut face = None;
     if asked(SuiteChoice::Chapter) {

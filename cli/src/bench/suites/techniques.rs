@@ -1,5 +1,5 @@
-//! The techniques that compete: every update path in its best configuration, and two that rebuild every frame; and each
-//! against every other, on made-up workloads and on captured clips.
+//! The competing techniques, each against every other on made-up workloads and captured clips: every update path in its
+//! best configuration, and two that rebuild every frame.
 
 use crate::args::InputArgs;
 use crate::args::values::BatchSpec;
@@ -15,22 +15,22 @@ use crate::output::Failure;
 use deltamorph::{PoseFormat, UpdateMode, UpdatePath};
 use std::path::PathBuf;
 
-/// The name of a technique, which is the path, with the mode if that is not the path's default and the pose format if
-/// that is not float32; and the configurations to choose the best from.
+/// A technique's name and the configurations to choose the best from. The name is the path, with the mode if it is not
+/// the path's default and the pose format if it is not float32.
 pub type Technique = (String, Vec<Config>);
 /// The name of a technique, and its fastest configuration.
 pub type Chosen = (String, Config);
 
-/// All of `chosen` in one setting.
+/// Candidates of all of `chosen` in one setting.
 pub fn candidates<'a>(chosen: &[Chosen], setting: &'a Setting<'a>) -> Vec<Candidate<'a>> {
     chosen.iter().map(|(name, config)| Candidate::new(name, config, setting)).collect()
 }
 
-/// Batch sizes to choose from: few are enough, since beyond 8 the gain is small.
+/// Batch sizes to choose from; few, since beyond 8 the gain is small.
 const SIZES: [BatchSpec; 3] = [BatchSpec::Size(8), BatchSpec::Size(16), BatchSpec::All];
 
-/// Every technique that can run, on each of `poses` that its path supports; those that cannot run are added to the
-/// skipped ones.
+/// Every technique that can run, in each of `poses` that its path supports; adds those that cannot run to the skipped
+/// ones.
 pub fn all(session: &mut Session<'_>, poses: &[PoseFormat]) -> Vec<Technique> {
     let (mut techniques, float) = (vec![], PoseFormat::Float32);
     for path in session.args.update.paths_or(&UpdatePath::ALL) {
@@ -40,7 +40,7 @@ pub fn all(session: &mut Session<'_>, poses: &[PoseFormat]) -> Vec<Technique> {
             false => (path.default_mode(), sizes, pose, String::new()),
         });
         let mut ways: Vec<_> = own.collect();
-        // Rebuilding every frame is a separate technique on two paths: in compute passes (Godot, PlayCanvas), and in
+        // Two paths have rebuilding every frame as a separate technique: in compute passes (Godot, PlayCanvas), and in
         // vertex passes one target after the other (Godot's compatibility renderer).
         match path {
             UpdatePath::Compute => ways.push((UpdateMode::Rebuild, sizes, float, " rebuild".into())),
@@ -93,7 +93,7 @@ pub fn choose(
             match outcome {
                 Ok(run) if run.counts() && run.median() < best => (best, fastest) = (run.median(), Some(rival)),
                 Ok(run) if run.verified => {}
-                // A wrong result has to be reported, whatever the others do.
+                // A wrong result has to be reported, regardless of the others.
                 Ok(run) => drop(session.keep("choice", name, run)),
                 Err(refused) => session.skip(refused),
             }
@@ -103,10 +103,10 @@ pub fn choose(
     Ok(chosen)
 }
 
-/// Mean fraction of the vertices that a target of the sparse head moves, by default.
+/// Default mean fraction of the vertices that a target of the sparse head moves.
 const SPARSE: f32 = 0.08;
 
-/// The built-in head, dense and sparse; or INPUT alone.
+/// The built-in head, dense and sparse; or only INPUT, if given.
 pub fn dense_and_sparse(session: &Session<'_>) -> Result<Vec<Input>, Failure> {
     let args = &session.args.input;
     if args.input.is_some() {
@@ -122,16 +122,16 @@ pub fn dense_and_sparse(session: &Session<'_>) -> Result<Vec<Input>, Failure> {
     heads.into_iter().map(load).collect()
 }
 
-/// Configurations are chosen with at most this many heads: with more the choice is the same, and takes longer.
+/// Most instances for choosing configurations: with more the choice is the same, and takes longer.
 const CHOICE_HEADS: u32 = 10;
-/// Changed targets of the workload in which the others keep their weights, and of that in which the others are 0.
+/// Changed targets in two workloads: the others keep their weights in one, and are 0 in the other.
 const FEW: usize = 8;
 const ACTIVE: usize = 4;
 
 /// A mesh, and its workloads, each with a description.
 pub type Workloads = (Input, Vec<(Workload, String)>);
 
-/// All, few, and few active targets × dense and sparse.
+/// Workloads with all targets changed, with few, and with few active, each on a dense and a sparse mesh.
 pub fn made_up(session: &Session<'_>) -> Result<Vec<Workloads>, Failure> {
     let workloads = |input: Input| {
         let (n, seed) = (input.kept.targets.len(), session.args.input.seed);
@@ -161,7 +161,7 @@ pub fn captured(session: &mut Session<'_>) -> Result<Vec<Workloads>, Failure> {
     Ok(list)
 }
 
-/// Measures every technique, with `poses`, on each of `list`, for one instance and many: a cell each.
+/// Measures every technique, with `poses`, on each of `list`, for one instance and for many: a cell each.
 pub fn run(
     session: &mut Session<'_>,
     list: Vec<Workloads>,

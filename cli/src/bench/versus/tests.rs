@@ -5,7 +5,7 @@ use crate::bench::record::Round;
 use crate::bench::synthetic;
 use deltamorph::BatchSize;
 
-/// A report with a run for each batch size from 1, which takes so many ms: ten rounds within 3% of them.
+/// A report with a run for each batch size from 1, which takes the given number of ms: ten rounds within 3% of it.
 fn report(times: &[f64]) -> Report {
     let [run, ..] = &synthetic::report().runs[..] else { panic!("it has runs") };
     let run = |(i, ms): (usize, &f64)| {
@@ -47,7 +47,7 @@ fn differences_beyond_the_spread_are_told_and_others_marked() {
     assert!(text.contains("of 4 configurations in both 1 are faster, 1 slower, 2 within the spread"), "{text}");
     // A report is no different from itself.
     assert_eq!(verdicts(&compared(&[&before, &before]).comparisons[0]), [WithinSpread; 4]);
-    // Without rounds frames tell; too few tell nothing.
+    // Without rounds, frames decide; too few are undecided.
     let bare = |values: &[f64]| {
         let mut report = report(&[10.0]);
         (report.runs[0].rounds, report.runs[0].gpu_ms) = (vec![], Stats::of(values));
@@ -84,14 +84,14 @@ fn only_the_same_work_is_compared() {
         change(&mut other.runs[0]);
         assert_eq!(compared(&[&before, &other]).comparisons[0].configurations.len(), 2);
     }
-    // Versions without pose formats had float32 alone; of a clip, frames may change as many as they like.
+    // Versions without pose formats had only float32; for clips, the number of changed targets may differ.
     let mut old = before.clone();
     old.runs[0].pose.clear();
     let mut clip = before.clone();
     clip.runs.iter_mut().for_each(|run| run.workload = "speech".into());
     let mut other = clip.clone();
     other.runs[0].changed = 2.5;
-    // The same work twice: each has its own.
+    // Repeated configurations are paired in order.
     let mut twice = before.clone();
     twice.runs.extend(before.runs.clone());
     for (a, b, common) in [(&before, &old, 3), (&clip, &other, 3), (&twice, &twice, 6), (&before, &twice, 3)] {
@@ -103,7 +103,7 @@ fn only_the_same_work_is_compared() {
         Comparison::new(vec![("a".into(), before.clone()), ("b".into(), foreign.clone())]).expect_err("nothing");
     let text = error.to_string();
     assert!(text.contains("path: feedback in the one, blocks in the other") && text.contains("same INPUT"), "{text}");
-    // Of three, one may be of no use.
+    // One of three reports may be unusable.
     let found = compared(&[&before, &before, &foreign]);
     assert!(
         found.warnings.iter().any(|warning| warning.starts_with("C (2/report.json) has no configuration in common"))
@@ -142,7 +142,7 @@ fn wrong_runs_are_told_and_not_compared() {
     assert!(text.contains("1 wrong") && text.contains("B: vertex 17 is off"), "{text}");
 }
 
-/// A time that one of them lacks is no reason to compare two different times.
+/// If one run lacks a time, two different times are not compared.
 #[test]
 fn the_same_times_are_compared() {
     let before = report(&[10.0]);
