@@ -1,4 +1,4 @@
-//! What can be done in the window: by a hand on the panel, or by a line of a script.
+//! Commands of the window, from the panel or from a script.
 
 use crate::args::render;
 use crate::args::values::{self, name};
@@ -9,18 +9,18 @@ use deltamorph::{DeltaFormat, PoseFormat, UpdatePath};
 use std::path::PathBuf;
 use values::BudgetSpec;
 
-/// What a hand and a script can do.
+/// A command that the panel and scripts have.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Command {
     Set(String, f32),
     Reset,
     Random(u64),
-    /// The settings as they stand, as `--set` takes them: to the clipboard, of a script to stdout.
+    /// Copies the current settings, as `--set` takes them, to the clipboard; in a script, prints them to stdout.
     Copy,
     Clip(PathBuf),
     Play,
     Pause,
-    /// To a frame of the clip, counted from 0.
+    /// Goes to a frame of the clip, counted from 0.
     Scrub(f64),
     Speed(f32),
     Path(UpdatePath),
@@ -31,23 +31,23 @@ pub enum Command {
     Detail(Detail),
     Show(Look),
     Camera([f32; 2]),
-    /// How near the camera is: 1 fits all.
+    /// Distance of the camera: at 1 everything fits.
     Zoom(f32),
     Search(String),
-    /// Left and right move together.
+    /// Whether left and right targets move together.
     Twins(bool),
     Panel(bool),
-    /// What was said is read.
+    /// Closes the notice.
     Dismiss,
-    /// A file or folder, as if it were dropped on the window: a mesh, or a clip. What is wrong with it is shown.
+    /// Opens a mesh or a clip like a file or folder dropped on the window. Errors are shown in the window.
     Drop(PathBuf),
 }
 
-/// What only a script does.
+/// A step of a script.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
     Do(Command),
-    /// Draw so many frames.
+    /// Draws this many frames.
     Frames(u64),
     Resize([u32; 2]),
     Screenshot(PathBuf),
@@ -75,9 +75,9 @@ pub enum Look {
     Wrinkles,
 }
 
-/// A line of a script; nothing where it is empty or a remark. What is wrong comes with its remedy.
+/// Parses a line of a script; `None` if it is empty or a comment. Errors state a remedy.
 pub fn parse(line: &str) -> Result<Option<Step>, String> {
-    // A name may have a # in it: only one behind a space begins a remark.
+    // Names may contain a #: only one after a space begins a comment.
     let line = line.trim();
     let line = if line.starts_with('#') { "" } else { line.split(" #").next().unwrap_or_default().trim() };
     let (word, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
@@ -152,7 +152,7 @@ fn one_of<T: Copy>(all: &[T], name: fn(T) -> String, given: &str) -> Result<T, S
     at.map(|at| all[at]).ok_or_else(|| format!("give one of: {}", names.join(", ")))
 }
 
-/// A script: its steps, and the line that each is on, counted from 1.
+/// Parses a script: its steps with their lines, counted from 1.
 pub fn script(text: &str) -> Result<Vec<(usize, Step)>, String> {
     let step = |(line, text)| match parse(text) {
         Ok(step) => step.map(|step| Ok((line, step))),

@@ -1,4 +1,5 @@
-//! Instance, device and queue as an engine has them that links deltamorph: a window to show in, and the engine on top.
+//! Instance, device and queue as in a host that links deltamorph: with a window to present to, and the engine on
+//! top.
 
 use crate::output::Failure;
 use ash_window::{create_surface, enumerate_required_extensions};
@@ -13,7 +14,8 @@ use std::sync::Arc;
 use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle, RawDisplayHandle, RawWindowHandle};
 use winit::window::Window;
 
-/// A device that shows in a window. All that is made on it goes before it does; the engine's own keeps it alive.
+/// A device that presents to a window. Everything created on it is dropped before it; the engine's share keeps it
+/// alive.
 pub struct Device {
     pub engine: MorphEngine,
     pub queue: vk::Queue,
@@ -29,13 +31,13 @@ struct Owned {
     surface: vk::SurfaceKHR,
     surfaces: khr::surface::Instance,
     instance: Instance,
-    // A surface goes before its window.
+    // The surface is destroyed before its window.
     _window: Arc<Window>,
 }
 
 impl Drop for Owned {
     fn drop(&mut self) {
-        // SAFETY: made in `Device::new`, destroyed once; all that was made on the device is gone: see `Device`.
+        // SAFETY: created in `Device::new`, destroyed once; everything created on the device is gone: see `Device`.
         unsafe {
             self.device.destroy_device(None);
             self.surfaces.destroy_surface(self.surface, None);
@@ -43,7 +45,7 @@ impl Drop for Owned {
     }
 }
 
-/// Turns what a Vulkan call returned into a failure that names it.
+/// Turns a Vulkan result into a failure that names the call.
 pub fn failed(call: &'static str) -> impl Fn(vk::Result) -> Failure {
     move |result| failure(Error::vulkan(call)(result))
 }
@@ -59,7 +61,7 @@ fn failure(error: Error) -> Failure {
     }
 }
 
-/// That no device shows in a window here.
+/// The failure if no device can present to a window here.
 fn no_window(names: &[String]) -> Failure {
     match names {
         [] => cannot_show("no Vulkan driver does"),
@@ -74,14 +76,14 @@ fn cannot_show(why: &str) -> Failure {
 }
 
 impl Device {
-    /// The device that is chosen, or else a GPU before a software driver, of those that can show in the window.
+    /// The chosen device, or else a GPU rather than a software driver, among those that can present to the window.
     pub fn new(window: &Arc<Window>, choice: Option<&DeviceChoice>, validation: bool) -> Result<Self, Failure> {
         let handles = (window.display_handle(), window.window_handle());
         let (Ok(display), Ok(handle)) = (handles.0.map(|h| h.as_raw()), handles.1.map(|h| h.as_raw())) else {
             return Err(no_window(&[]));
         };
         let extensions = enumerate_required_extensions(display).map_err(|_| no_window(&[]))?;
-        // SAFETY: names of extensions, which are constants.
+        // SAFETY: the names are constants, terminated by NUL.
         let extensions: Vec<&CStr> = extensions.iter().map(|name| unsafe { CStr::from_ptr(*name) }).collect();
         let instance = Instance::new(&extensions, validation).map_err(failure)?;
         let surfaces = khr::surface::Instance::new(&instance.entry, &instance.raw);
@@ -103,12 +105,12 @@ impl Device {
                 let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_features(&features);
                 let info = info.enabled_extension_names(&extensions[..1 + usize::from(feedback)]);
                 let info = if feedback { info.push_next(&mut captures) } else { info };
-                // SAFETY: the physical device is the instance's; extensions and features are there as queried.
+                // SAFETY: the physical device is the instance's; extensions and features were queried.
                 let device = unsafe { instance.raw.create_device(physical, &info, None) };
                 Ok((device.map_err(failed("vkCreateDevice"))?, physical, family, caps, features))
             });
         let (device, physical, family, caps, features) = chosen.inspect_err(|_| {
-            // SAFETY: made above, and used by nobody.
+            // SAFETY: created above, and not in use.
             unsafe { surfaces.destroy_surface(surface, None) }
         })?;
         let owned = Arc::new(Owned { device, physical, surface, surfaces, instance, _window: window.clone() });
@@ -118,7 +120,7 @@ impl Device {
             .enabled_features(features)
             .debug_names(validation)
             .owner(Some(owned.clone()));
-        // SAFETY: the handles belong together, and the engine and all it makes keep them alive.
+        // SAFETY: the handles belong together; the engine and everything created with it keep them alive.
         let engine = unsafe { MorphEngine::new(&desc) }?;
         let swapchains = khr::swapchain::Device::new(&owned.instance.raw, &owned.device);
         // SAFETY: the device was created with this queue.
@@ -142,13 +144,13 @@ impl Device {
         (&self.owned.surfaces, self.owned.surface)
     }
 
-    /// Wait until nothing runs. A device that is lost runs nothing.
+    /// Waits until the device is idle. A lost device counts as idle.
     pub fn wait_idle(&self) {
-        // SAFETY: one thread uses the queue.
+        // SAFETY: only one thread uses the queue.
         let _ = unsafe { headless::wait_idle(self.raw()) };
     }
 
-    /// Record with `f`, submit and wait.
+    /// Records with `f`, submits and waits.
     pub fn run<R>(
         &self,
         pool: vk::CommandPool,
@@ -169,7 +171,7 @@ impl Device {
                 let submitted = device.queue_submit(self.queue, from_ref(&submit), vk::Fence::null());
                 submitted.map_err(failed("vkQueueSubmit"))?;
                 let waited = device.queue_wait_idle(self.queue).map_err(failed("vkQueueWaitIdle"));
-                // What was recorded runs on where the wait lacked memory, and may be dropped only behind it.
+                // If the wait fails for lack of memory, the work still runs: it may be dropped only once idle.
                 waited.inspect_err(|_| self.wait_idle())?;
                 Ok(result)
             });
@@ -178,14 +180,14 @@ impl Device {
         }
     }
 
-    /// What the validation layers say, also when the device goes.
+    /// Messages of the validation layers, including those from dropping the device.
     pub fn messages(&self) -> Arc<Messages> {
         self.owned.instance.messages.clone()
     }
 }
 
-/// Whether a driver knows the window system at all. One that does not must not be asked about a surface: loaders
-/// (1.3.239) hand it a handle that it crashes on, as SwiftShader does, which has XCB alone.
+/// Whether a driver supports the window system at all. If not, it must not be queried about a surface: loaders
+/// (1.3.239) pass it a handle that crashes it, as with SwiftShader, which supports only XCB.
 fn presents(
     instance: &Instance,
     physical: vk::PhysicalDevice,
@@ -213,7 +215,7 @@ fn presents(
     }
 }
 
-/// Physical device, queue family with graphics and compute that shows in the surface, and limits.
+/// Physical device, queue family with graphics and compute that can present to the surface, and limits.
 fn choose(
     with_entry: &Instance,
     surfaces: &khr::surface::Instance,
@@ -229,11 +231,11 @@ fn choose(
     let names: Vec<String> = matching.iter().map(|(_, caps)| caps.name.clone()).collect();
     let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
     let family = |physical| {
-        // SAFETY: the device is the instance's own.
+        // SAFETY: the device belongs to the instance.
         let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
         for (i, family) in (0u32..).zip(families) {
             if family.queue_flags.contains(wanted) && presents(with_entry, physical, i, window) {
-                // SAFETY: as above; the driver knows surfaces of this kind.
+                // SAFETY: as above; the driver supports surfaces of this kind.
                 let shows = unsafe { surfaces.get_physical_device_surface_support(physical, i, surface) };
                 if shows.map_err(failed("vkGetPhysicalDeviceSurfaceSupportKHR"))? {
                     return Ok(Some(i));

@@ -1,4 +1,4 @@
-//! Frames in flight: the update, the heads, the panel over them, the time each took, and pixels for files.
+//! Frames in flight: the update, the instances, the panel over them, timings, and pixels for files.
 
 use super::device::{Device, failed};
 use super::heads::{Full, Heads, IN_FLIGHT};
@@ -14,37 +14,37 @@ use std::path::PathBuf;
 use std::rc::Rc;
 use std::slice::from_ref;
 
-/// Timestamps of a frame: its beginning, behind the update, its end, behind the full evaluation.
+/// Timestamps of a frame: its beginning, after the update, its end, after the full evaluation.
 const STAMPS: u32 = 4;
 
-/// What a frame took.
+/// Measurements of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sample {
     pub stats: UpdateStats,
-    /// On the processor: planning and recording, or the update on the path `cpu`.
+    /// Processor time: planning and recording, or the update on the path `cpu`.
     pub cpu_ms: f64,
-    /// On the device: the update, and all of the frame. `None` without timestamps.
+    /// Device time of the update, and of the whole frame. `None` without timestamps.
     pub update_ms: Option<f64>,
     pub frame_ms: Option<f64>,
-    /// A full evaluation of one head, in frames that measure one: bytes, and time on the device.
+    /// A full evaluation of one instance, if the frame measured one: bytes, and device time.
     pub full: Option<(u64, Option<f64>)>,
 }
 
-/// What is to be drawn.
+/// Contents of a frame.
 pub struct Wanted<'a> {
     pub weights: &'a [Vec<f32>],
     pub scene: &'a Scene,
     pub background: [f32; 4],
     pub panel: Picture,
-    /// Measure a full evaluation behind the frame.
+    /// Measures a full evaluation after the frame.
     pub full: Option<&'a mut Full>,
     pub screenshot: &'a mut Option<PathBuf>,
 }
 
-/// What became of a frame.
+/// The outcome of drawing a frame.
 pub enum Drawn {
     Shown,
-    /// The window has another size by now: what was drawn, if anything, is the last of this size.
+    /// The window has another size now: the frame, if one was drawn, is the last of the old size.
     Outgrown,
 }
 
@@ -52,13 +52,13 @@ pub enum Drawn {
 pub struct Frames {
     device: Rc<Device>,
     pub pool: vk::CommandPool,
-    /// Whether pixels are blue, green, red.
+    /// Whether pixels are in the order blue, green, red.
     blue_first: bool,
     queries: vk::QueryPool,
     mask: u64,
     frames: Vec<Frame>,
     next: usize,
-    /// Frames that have finished, and not been asked for.
+    /// Finished frames that [`Frames::take_samples`] has not returned.
     samples: Vec<Sample>,
 }
 
@@ -67,7 +67,7 @@ struct Frame {
     fence: vk::Fence,
     acquired: vk::Semaphore,
     running: Option<Sample>,
-    /// Textures that go when the frame has finished.
+    /// Textures to free when the frame has finished.
     textures: Vec<TextureId>,
     picture: Option<(Buffer, vk::Extent2D, PathBuf)>,
 }
@@ -79,7 +79,7 @@ impl Frames {
         let pool = pool.flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
         let queries = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP);
         let queries = queries.query_count(STAMPS * IN_FLIGHT as u32);
-        // SAFETY: the device has this family; all is destroyed by `drop`.
+        // SAFETY: the device has this queue family; `drop` destroys everything.
         unsafe {
             let families = device.instance().get_physical_device_queue_family_properties(device.physical());
             let bits = families[device.family as usize].timestamp_valid_bits;
@@ -96,7 +96,7 @@ impl Frames {
                 let cmd = raw.allocate_command_buffers(&info).map_err(failed("vkAllocateCommandBuffers"))?[0];
                 let fence = raw.create_fence(&vk::FenceCreateInfo::default(), None).map_err(failed("vkCreateFence"))?;
                 let (acquired, textures, picture) = (vk::Semaphore::null(), vec![], None);
-                // From here on `drop` destroys what there is of it.
+                // From here on `drop` destroys whatever has been created.
                 let frame = this.frames.push_mut(Frame { cmd, fence, acquired, running: None, textures, picture });
                 let acquired = raw.create_semaphore(&vk::SemaphoreCreateInfo::default(), None);
                 frame.acquired = acquired.map_err(failed("vkCreateSemaphore"))?;
@@ -105,22 +105,22 @@ impl Frames {
         }
     }
 
-    /// What frames took that have finished since this was asked last.
+    /// Measurements of the frames that have finished since the last call.
     pub fn take_samples(&mut self) -> Vec<Sample> {
         std::mem::take(&mut self.samples)
     }
 
-    /// Wait for all frames.
+    /// Waits for all frames.
     pub fn finish(&mut self, painter: &mut Painter) -> Result<(), Failure> {
         let first = self.next;
         (0..IN_FLIGHT).try_for_each(|i| self.wait((first + i) % IN_FLIGHT, painter))
     }
 
-    /// Wait for a frame, and take what it left.
+    /// Waits for a frame, and collects its results.
     fn wait(&mut self, slot: usize, painter: &mut Painter) -> Result<(), Failure> {
         let (raw, frame) = (self.device.raw(), &mut self.frames[slot]);
         let Some(mut sample) = frame.running.take() else { return Ok(()) };
-        // SAFETY: the fence was submitted, and its queries were written in front of it.
+        // SAFETY: the fence was submitted, and the queries were written before it.
         unsafe {
             raw.wait_for_fences(&[frame.fence], true, u64::MAX).map_err(failed("vkWaitForFences"))?;
             raw.reset_fences(&[frame.fence]).map_err(failed("vkResetFences"))?;
@@ -147,7 +147,7 @@ impl Frames {
         Canvas::from(deltamorph_render::Picture { size, rgba }).save(&path)
     }
 
-    /// Draw a frame, and show it.
+    /// Draws a frame, and presents it.
     pub fn draw(
         &mut self,
         heads: &mut Heads,
@@ -157,14 +157,14 @@ impl Frames {
     ) -> Result<Drawn, Failure> {
         let slot = self.next;
         self.wait(slot, painter)?;
-        // Also where nothing is drawn: what is new is handed out once.
+        // Even if nothing is drawn: egui hands out new textures only once.
         painter.set_textures(self.pool, &wanted.panel)?;
         self.frames[slot].textures.extend(&wanted.panel.free);
         let acquired = self.frames[slot].acquired;
         let Some(index) = swapchain.acquire(acquired)? else {
             return Ok(Drawn::Outgrown);
         };
-        // What the image was drawn with last is written anew.
+        // The frame that last used the image must have finished: its semaphore and target are reused.
         if let Some(last) = swapchain.images[index].frame.replace(slot).filter(|last| *last != slot) {
             self.wait(last, painter)?;
         }
@@ -202,7 +202,7 @@ impl Frames {
         let (device, cmd) = (self.device.clone(), self.frames[slot].cmd);
         let raw = device.raw();
         if self.queries != vk::QueryPool::null() {
-            // SAFETY: the buffer is recording; the queries are this frame's, and were read.
+            // SAFETY: the buffer is recording; the queries belong to this frame, and were read.
             unsafe { raw.cmd_reset_query_pool(cmd, self.queries, slot as u32 * STAMPS, STAMPS) };
         }
         self.stamp(slot, 0);
@@ -211,10 +211,10 @@ impl Frames {
         let (extent, readable) = (swapchain.extent, swapchain.readable);
         let shown = &mut swapchain.images[index];
         let drawn = heads.drawn(slot, &mut shown.target, scene.show)?;
-        // SAFETY: the buffer is recording; model and target are the renderer's, the target's last frame was waited for;
-        // the poses are of the mesh, ready behind the update, and alive as long as the heads.
+        // SAFETY: the buffer is recording; model and target belong to the renderer, and the target's last frame was
+        // waited for; the poses belong to the mesh, are ready after the update, and live as long as the instances.
         unsafe { heads.renderer.record(cmd, &mut shown.target, &heads.model, &drawn, scene, background) }?;
-        // SAFETY: as above; the framebuffer is the image's.
+        // SAFETY: as above; the framebuffer belongs to the image.
         unsafe { painter.record(cmd, shown.framebuffer, extent, &panel) }?;
         if let Some(path) = screenshot.take() {
             if !readable {
@@ -222,7 +222,7 @@ impl Frames {
                 return Err(Failure::Failed(format!("{}: {text}", path.display())));
             }
             let bytes = extent.width as usize * extent.height as usize * 4;
-            // SAFETY: it is dropped when its frame was waited for.
+            // SAFETY: it is dropped after its frame was waited for.
             let pixels = unsafe { heads.renderer.buffer(bytes, vk::BufferUsageFlags::TRANSFER_DST) }?;
             copy(&device, cmd, shown.image, extent, &pixels);
             self.frames[slot].picture = Some((pixels, extent, path));
@@ -234,7 +234,7 @@ impl Frames {
         Ok(Sample { stats: took.stats, cpu_ms: took.cpu_ms, update_ms: None, frame_ms: None, full })
     }
 
-    /// A timestamp when everything before it is done, and nothing after it has begun.
+    /// Writes a timestamp when everything before it has finished, and nothing after it has begun.
     fn stamp(&self, slot: usize, number: u32) {
         if self.queries == vk::QueryPool::null() {
             return;
@@ -253,7 +253,7 @@ impl Frames {
     }
 }
 
-/// Record a copy of an image that is to be shown into `pixels`.
+/// Records a copy of an image to present into `pixels`.
 fn copy(device: &Device, cmd: vk::CommandBuffer, image: vk::Image, extent: vk::Extent2D, pixels: &Buffer) {
     use vk::{AccessFlags as Access, ImageLayout as Layout, PipelineStageFlags as Stage};
     let range = vk::ImageSubresourceRange::default().aspect_mask(vk::ImageAspectFlags::COLOR);
@@ -268,8 +268,8 @@ fn copy(device: &Device, cmd: vk::CommandBuffer, image: vk::Image, extent: vk::E
         [vk::MemoryBarrier::default().src_access_mask(Access::TRANSFER_WRITE).dst_access_mask(Access::HOST_READ)];
     let (raw, none) = (device.raw(), vk::DependencyFlags::empty());
     let (shown, copied) = (Layout::PRESENT_SRC_KHR, Layout::TRANSFER_SRC_OPTIMAL);
-    // SAFETY: the buffer is recording, outside a render pass; the panel's pass makes the image ready for transfers, in
-    // the layout to be shown in; the buffer has room for its pixels.
+    // SAFETY: the buffer is recording, outside a render pass; the panel's pass makes the image available to transfers,
+    // in the layout for presenting; the buffer has room for its pixels.
     unsafe {
         let begin = [change(shown, copied, Access::TRANSFER_READ)];
         raw.cmd_pipeline_barrier(cmd, Stage::TRANSFER, Stage::TRANSFER, none, &[], &[], &begin);
@@ -282,7 +282,7 @@ fn copy(device: &Device, cmd: vk::CommandBuffer, image: vk::Image, extent: vk::E
 impl Drop for Frames {
     fn drop(&mut self) {
         let raw = self.device.raw();
-        // SAFETY: ours, destroyed once; the window waited until nothing runs.
+        // SAFETY: ours, destroyed once; the device is idle.
         unsafe {
             for frame in &self.frames {
                 raw.destroy_fence(frame.fence, None);

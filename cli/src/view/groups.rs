@@ -1,8 +1,8 @@
-//! What the names of targets say: which part of a face they move, beside their twins.
+//! Groups of targets by the part of a face in their names, with twins next to each other.
 
 use crate::lod::twins::twin;
 
-/// Parts of a face, in the order that they are listed in, and words that names of their targets have.
+/// Parts of a face in the order listed, and words in the names of their targets.
 const PARTS: [(&str, &[&str]); 7] = [
     ("Brows", &["brow"]),
     ("Eyes", &["eye", "blink", "lid", "look", "pupil", "gaze"]),
@@ -20,7 +20,7 @@ pub struct Group {
     pub targets: Vec<usize>,
 }
 
-/// Groups that have a target, each with its targets in the order of the mesh, twins beside each other.
+/// Groups with at least one target. Targets are in the order of the mesh, with twins next to each other.
 pub fn groups(names: &[String]) -> Vec<Group> {
     let part = |name: &String| {
         let name = name.to_lowercase();

@@ -1,4 +1,4 @@
-//! The heads in the window: their mesh on the device, and whoever makes their poses.
+//! The instances in the window: their mesh on the device, and the crowd that updates their poses.
 
 use super::device::Device;
 use crate::output::Failure;
@@ -16,16 +16,16 @@ use glam::Mat4;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Frames that are worked on at once.
+/// Frames in flight.
 pub const IN_FLIGHT: usize = 2;
-/// Share of its brightness that each frame leaves of a block that was written.
+/// Share of the glow of a written block that remains after each frame.
 const AFTERGLOW: f32 = 0.88;
-/// Frames from one full evaluation that is measured to the next, while a clip plays.
+/// Frames between measured full evaluations while a clip plays.
 const FULL_EVERY: u32 = 24;
-/// Deltas of a full evaluation that are worth their memory.
+/// Most bytes of deltas for a full evaluation.
 const FULL_BYTES: usize = 1 << 30;
 
-/// Heads that are updated in one way.
+/// The instances, all updated in the same way.
 pub struct Heads {
     pub mesh: Arc<PackedMesh>,
     pub desc: UpdateDesc,
@@ -34,37 +34,37 @@ pub struct Heads {
     pub model: Model,
     who: Who,
     glow: Vec<Glow>,
-    /// Of the poses, where there are several heads, and of each head in this frame.
+    /// With several instances, bounds of poses, and of each instance in this frame.
     bounds: Option<(PoseBounds, Vec<Bounds>)>,
-    /// Where stored poses have wrinkle masks, where these are shown.
+    /// Location of wrinkle masks in stored poses, if they are shown.
     masks: Option<MaskPlace>,
-    // What the model reads, after the model.
+    // Read by the model, so dropped after it.
     _uploaded: GpuMesh,
 }
 
-/// Who makes the poses.
+/// The crowd that updates the poses.
 enum Who {
     Device(Box<Crowd>),
-    /// The path `cpu`: its poses go to a buffer for each frame in flight, behind them those of the frame before, and
-    /// the group that has the masks, if any.
+    /// The path `cpu`. A buffer for each frame in flight holds its poses, then those of the frame before, then the
+    /// group with the masks, if any.
     Processor {
         crowd: Box<CpuCrowd>,
         buffers: Vec<Buffer>,
         last: Vec<u8>,
-        /// Of positions and normals, and of the group that has the masks.
+        /// Units of positions and normals, and of the group with the masks.
         units: ([f32; 2], [f32; 2]),
     },
 }
 
-/// What an update took on the processor.
+/// Cost of an update.
 pub struct Took {
     pub stats: UpdateStats,
-    /// Weights, plan and recording; on the path `cpu` the update itself.
+    /// Processor time of weights, plan and recording; on the path `cpu`, of the whole update.
     pub cpu_ms: f64,
 }
 
 impl Heads {
-    /// A head at each of `places`, drawn into images of `format`.
+    /// Creates an instance at each of `places`, drawn into images of `format`.
     pub fn new(
         device: &Device,
         pool: vk::CommandPool,
@@ -83,15 +83,15 @@ impl Heads {
         let layout = vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL;
         let masks = MaskPlace::of(&packed);
         let renderer = RendererDesc { format, layout, pose: desc.pose, masks: masks.is_some() };
-        // SAFETY: the handles belong together; the window drops its heads before its device, and waits before that.
+        // SAFETY: the handles belong together; the window waits, and drops the instances before the device.
         let renderer = unsafe { Renderer::new(device.instance(), device.physical(), device.raw(), &renderer) }?;
-        // SAFETY: fields drop in order, the model before what was uploaded.
+        // SAFETY: fields drop in order, the model before the mesh that it reads.
         let model = unsafe { Model::new(&renderer, mesh, packed.layout(), &uploaded, parts) }?;
         let who = if desc.path == UpdatePath::Cpu {
             let crowd = Box::new(CpuCrowd::new(packed.clone(), desc, places.len() as u32, threads)?);
             let poses = 2 + usize::from(masks.is_some());
             let bytes = places.len() * crowd.stored_pose(0, 0)?.len();
-            // SAFETY: a buffer is written when its frame was waited for, and dropped when all were.
+            // SAFETY: a buffer is written after its frame was waited for, and dropped after all were.
             let buffer = |_| unsafe { renderer.buffer(poses * bytes, vk::BufferUsageFlags::VERTEX_BUFFER) };
             let buffers = (0..IN_FLIGHT).map(buffer).collect::<deltamorph::Result<_>>()?;
             let units = StoredPose::new(&crowd, 0, (&packed, &desc), &[])?;
@@ -106,7 +106,7 @@ impl Heads {
         Ok(Self { mesh: packed, desc, renderer, places, model, who, glow, bounds, masks, _uploaded: uploaded })
     }
 
-    /// Bring every head to `weights[head]`. Of the frames in flight `frame` is recorded into `cmd`; it was waited for.
+    /// Updates every instance to `weights[head]`. Records into `cmd` for frame in flight `frame`, which was waited for.
     pub fn update(
         &mut self,
         device: &Device,
@@ -121,7 +121,7 @@ impl Heads {
                     crowd.set_weights(head, weights)?;
                 }
                 // SAFETY: `cmd` is recording on the engine's device, outside a render pass; frames are submitted once,
-                // in order, after a wait for the one `IN_FLIGHT` ago. Where one is not, the window closes.
+                // in order, after a wait for the one `IN_FLIGHT` ago. If submission fails, the window closes.
                 unsafe { device.engine.record_update(cmd, &mut **crowd) }?.stats
             }
             Who::Processor { crowd, .. } => {
@@ -162,7 +162,7 @@ impl Heads {
         Ok(Took { stats, cpu_ms })
     }
 
-    /// The heads as `frame` draws them, into a target whose last frame was waited for.
+    /// The instances to draw in frame in flight `frame`, into a target whose last frame was waited for.
     pub fn drawn(&self, frame: usize, target: &mut Target, show: Show) -> Result<Vec<Head>, Failure> {
         if show == Show::Blocks {
             for (head, glow) in self.glow.iter().enumerate() {
@@ -193,16 +193,16 @@ impl Heads {
     }
 }
 
-/// A head that is evaluated as a whole, all active targets from the base pose, in float32: what others do each frame.
+/// Evaluates one instance in full, all active targets from the base pose in float32, as other engines do each frame.
 pub struct Full {
     crowd: Crowd,
-    /// The weights that were evaluated last, and frames since then.
+    /// Weights of the last evaluation, and frames since then.
     last: (Vec<f32>, u32),
     _uploaded: GpuMesh,
 }
 
 impl Full {
-    /// `None` where the device lacks the path, or the deltas are too many to have them twice.
+    /// `None` if the device lacks the path, or the deltas are too large to hold twice.
     pub fn new(device: &Device, pool: vk::CommandPool, mesh: &MorphMesh) -> Result<Option<Self>, Failure> {
         let bytes = mesh.vertex_count().saturating_mul(mesh.targets.len()).saturating_mul(24);
         let path = UpdatePath::Compute;
@@ -223,7 +223,7 @@ impl Full {
         Ok(Some(Self { crowd, last: (vec![], 0), _uploaded: uploaded }))
     }
 
-    /// Whether it is time to measure one: where weights have changed, once, and now and then while they go on changing.
+    /// Whether to measure an evaluation: if weights have changed; while a clip plays, only every `FULL_EVERY` frames.
     pub fn is_due(&mut self, weights: &[f32], playing: bool) -> bool {
         let (last, frames) = &mut self.last;
         *frames += 1;
@@ -235,7 +235,7 @@ impl Full {
         due
     }
 
-    /// Evaluate; under the same conditions as [`Heads::update`].
+    /// Evaluates, under the same conditions as [`Heads::update`].
     pub fn update(&mut self, device: &Device, cmd: vk::CommandBuffer, weights: &[f32]) -> Result<UpdateStats, Failure> {
         self.crowd.set_weights(0, weights)?;
         // SAFETY: as in `Heads::update`.
@@ -244,9 +244,9 @@ impl Full {
 }
 
 fn upload(device: &Device, pool: vk::CommandPool, packed: &PackedMesh) -> Result<GpuMesh, Failure> {
-    // SAFETY: `run` hands out a recording buffer of the engine's device, and waits for it.
+    // SAFETY: `run` passes a recording buffer of the engine's device, and waits for it.
     let mut uploaded = device.run(pool, |cmd| unsafe { device.engine.upload(cmd, packed) })?;
-    // SAFETY: the upload has run.
+    // SAFETY: the upload has finished.
     unsafe { uploaded.release_staging() };
     Ok(uploaded)
 }

@@ -1,4 +1,4 @@
-//! What updates and frames have taken: for the plot, the panel, and `stats`.
+//! Measurements of updates and frames: for the plot, the panel, and `stats`.
 
 use super::frame::Sample;
 use crate::bench::stats::Stats;
@@ -12,49 +12,49 @@ const KEPT: usize = 1024;
 #[derive(Clone, Copy, Debug)]
 pub struct Row {
     pub sample: Sample,
-    /// Milliseconds from the frame before to this one.
+    /// Milliseconds since the frame before.
     pub wall_ms: f64,
 }
 
-/// The last frames that were updated in one way.
+/// Recent frames, all updated in the same way.
 #[derive(Default)]
 pub struct Measured {
     pub rows: VecDeque<Row>,
-    /// Frames since the last change of what is measured.
+    /// Frames since the measurements were cleared.
     pub frames: u64,
-    /// A full evaluation of one head: bytes, and milliseconds on the device.
+    /// A full evaluation of one instance: bytes, and milliseconds on the device.
     pub full: Option<(u64, Option<f64>)>,
 }
 
-/// What `stats` writes. Fields may be added, never renamed.
+/// Contents of a `stats` file. Fields may be added, never renamed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Summary {
     pub schema: u32,
     pub device: String,
-    /// Path, format and poses, as `render` and `play` say them.
+    /// Path, format and poses, worded as in `render` and `play`.
     pub setup: String,
     pub heads: u32,
     pub width: u32,
     pub height: u32,
-    /// Frames drawn, and those of the last 1,024 whose weights changed: what follows is about them.
+    /// All frames drawn, and those of the last 1,024 with changed weights, which the following fields are about.
     pub frames: u64,
     pub updates: usize,
-    /// Means of an update of all heads.
+    /// Means over updates of all instances.
     pub changed_mean: f64,
     pub bytes_moved_mean: f64,
     pub dirty_blocks_mean: f64,
     /// Medians, in milliseconds: the update on the device, and on the processor (planning and recording).
     pub update_gpu_ms: Option<f64>,
     pub update_cpu_ms: Option<f64>,
-    /// Of the frame on the device, and from frame to frame.
+    /// Medians of the frame on the device, and of the time between frames.
     pub frame_gpu_ms: Option<f64>,
     pub frame_wall_ms: Option<f64>,
-    /// The update's share of the frame: on the device, or of the path cpu from frame to frame.
+    /// The update's share of the frame on the device; on the path cpu, of the time between frames.
     pub update_share: Option<f64>,
-    /// A full evaluation of one head, on the path compute in float32.
+    /// A full evaluation of one instance, on the path compute in float32.
     pub full_bytes: Option<u64>,
     pub full_gpu_ms: Option<f64>,
-    /// Memory of the process; `None` where the system does not say.
+    /// Memory of the process; `None` if the system does not report it.
     pub resident_bytes: Option<u64>,
 }
 
@@ -68,12 +68,12 @@ impl Measured {
         self.full = sample.full.or(self.full);
     }
 
-    /// What is measured is another thing from now on; a full evaluation is the same, of the same mesh.
+    /// Discards the measurements; a full evaluation is kept if the mesh is the same.
     pub fn clear(&mut self, same_mesh: bool) {
         *self = Self { full: self.full.filter(|_| same_mesh), ..Self::default() };
     }
 
-    /// Medians and means of the frames whose weights changed. On the path `cpu` the update is on the processor.
+    /// Medians and means of the frames with changed weights. On the path `cpu` the update is on the processor.
     pub fn summary(&self, on_device: bool) -> Summary {
         let rows: Vec<&Row> = self.rows.iter().filter(|row| row.sample.stats.bytes_moved > 0).collect();
         let median = |value: &dyn Fn(&Row) -> Option<f64>| {
@@ -104,7 +104,7 @@ impl Measured {
     }
 }
 
-/// As Linux says it.
+/// Resident memory, as reported by Linux.
 fn resident() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;

@@ -1,4 +1,4 @@
-//! `view`: a window with a slider for each target. Data flows one way: events and scripts come to commands, commands
+//! `view`: a window with a slider for each target. Data flows one way: events and scripts become commands, commands
 //! change the state, frames are drawn from the state.
 
 mod command;

@@ -1,4 +1,4 @@
-//! The panel, drawn over the heads.
+//! The panel, drawn over the instances.
 
 use super::device::Device;
 use super::heads::IN_FLIGHT;
@@ -11,17 +11,17 @@ use egui_ash_renderer::{Options, RenderMode, Renderer};
 use std::rc::Rc;
 use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
 
-/// What egui hands out for a frame.
+/// egui's output for a frame.
 pub struct Picture {
     pub primitives: Vec<ClippedPrimitive>,
-    /// Textures that are new or have changed, in order; and those that are over after the frame.
+    /// New or changed textures, in order, and those to free after the frame.
     pub set: Vec<(TextureId, ImageDelta)>,
     pub free: Vec<TextureId>,
     pub pixels_per_point: f32,
 }
 
 impl Picture {
-    /// What is to be drawn of a frame of egui's.
+    /// Tessellates a frame of egui.
     pub fn new(context: &egui::Context, output: FullOutput) -> Self {
         let FullOutput { shapes, pixels_per_point, mut textures_delta, .. } = output;
         let set = textures_delta.set.drain();
@@ -31,7 +31,7 @@ impl Picture {
     }
 }
 
-/// Draws what egui hands out into images that have been drawn into.
+/// Draws egui's output over images.
 pub struct Painter {
     renderer: Option<Renderer<DefaultAllocator>>,
     pub pass: vk::RenderPass,
@@ -43,7 +43,7 @@ fn failed(error: impl std::fmt::Display) -> Failure {
 }
 
 impl Painter {
-    /// For images of this format, which are shown next.
+    /// A painter for images of this format, which are presented next.
     pub fn new(device: &Rc<Device>, format: vk::Format) -> Result<Self, Failure> {
         let drawn = vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL;
         let attachments = [vk::AttachmentDescription::default()
@@ -55,7 +55,7 @@ impl Painter {
             .final_layout(vk::ImageLayout::PRESENT_SRC_KHR)];
         let colour = [vk::AttachmentReference { attachment: 0, layout: drawn }];
         let subpasses = [vk::SubpassDescription::default().color_attachments(&colour)];
-        // Over what was drawn; before it is copied to a file. What shows it waits for a semaphore.
+        // After earlier drawing, and before copying to a file. Presenting waits for a semaphore.
         let written = vk::SubpassDependency::default()
             .src_stage_mask(Stage::COLOR_ATTACHMENT_OUTPUT)
             .src_access_mask(Access::COLOR_ATTACHMENT_WRITE);
@@ -82,23 +82,23 @@ impl Painter {
         Ok(this)
     }
 
-    /// Textures that are new or changed, before the frame is recorded. Waits for the queue where there are any.
+    /// Uploads new or changed textures, before the frame is recorded. Waits for the queue if there are any.
     pub fn set_textures(&mut self, pool: vk::CommandPool, picture: &Picture) -> Result<(), Failure> {
         let Some(renderer) = &mut self.renderer else { return Ok(()) };
         let mut set = picture.set.iter();
         set.try_for_each(|(id, delta)| renderer.set_texture(self.device.queue, pool, *id, delta).map_err(failed))
     }
 
-    /// Textures that no frame uses any longer.
+    /// Frees textures that no frame uses any longer.
     pub fn free_textures(&mut self, ids: &[TextureId]) -> Result<(), Failure> {
         let Some(renderer) = &mut self.renderer else { return Ok(()) };
         ids.iter().try_for_each(|id| renderer.free_texture(*id).map_err(failed))
     }
 
-    /// Record the pass over an image that was drawn into.
+    /// Records the pass over an image.
     ///
     /// # Safety
-    /// `cmd` is recording, outside a render pass; the framebuffer is of this pass and extent.
+    /// `cmd` is recording, outside a render pass; the framebuffer matches this pass and extent.
     pub unsafe fn record(
         &mut self,
         cmd: vk::CommandBuffer,
@@ -123,7 +123,7 @@ impl Painter {
 impl Drop for Painter {
     fn drop(&mut self) {
         self.renderer = None;
-        // SAFETY: ours, destroyed once; whoever drops it waited until nothing uses it.
+        // SAFETY: ours, destroyed once; the owner waited until nothing uses it.
         unsafe { self.device.raw().destroy_render_pass(self.pass, None) };
     }
 }

@@ -1,4 +1,4 @@
-//! The panel: what it shows of the state, and the commands that a hand on it comes to.
+//! The panel: shows the state, and turns input into commands.
 
 use super::command::{Command, Look};
 use super::measured::{Measured, Row};
@@ -20,23 +20,23 @@ const BUDGETS: [f32; 5] = [0.0, 1e-5, 1e-4, 5e-4, 2e-3];
 /// Height of the plots.
 const PLOTS: f32 = 104.0;
 
-/// What the panel tells of the device and the update.
+/// Facts about the device and the update, for the panel.
 pub struct About<'a> {
     pub device: &'a str,
-    /// Paths that the device has.
+    /// Paths that the device supports.
     pub paths: &'a [UpdatePath],
     pub desc: UpdateDesc,
     pub format: DeltaFormat,
-    /// Targets of all, and how many of them a head keeps, the fewest and the most, where some may be left out.
+    /// If some targets are left out, the number of all targets, and the fewest and most that an instance keeps.
     pub kept: Option<(usize, [usize; 2])>,
 }
 
-/// Show all of it; returns what is left for the heads, in points, and what the user did.
+/// Shows the panel; returns the rest of the window, in points, and the user's commands.
 pub fn show(ui: &mut Ui, state: &State, measured: &Measured, about: &About<'_>) -> (Rect, Vec<Command>) {
     let mut done = vec![];
     keys(ui, state, &mut done);
     let room = ui.available_size();
-    // In a small window the heads are what is left.
+    // A small window shows only the instances.
     if state.panel && room.x > WIDTH + 120.0 {
         let frame = Frame::new().fill(PANEL).inner_margin(Margin::symmetric(14, 12));
         Panel::left("panel").exact_size(WIDTH).resizable(false).frame(frame).show(ui, |ui| {
@@ -77,7 +77,7 @@ fn keys(ui: &Ui, state: &State, done: &mut Vec<Command>) {
     }
 }
 
-/// A hand on the heads turns them; a wheel brings them nearer.
+/// Dragging turns the instances; the wheel zooms.
 fn orbit(ui: &mut Ui, free: Rect, state: &State, done: &mut Vec<Command>) {
     let response = ui.allocate_rect(free, Sense::click_and_drag());
     let (moved, [yaw, pitch]) = (response.drag_delta(), state.camera);

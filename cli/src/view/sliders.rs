@@ -1,4 +1,4 @@
-//! A slider for each target, in groups, and what is done to all of them.
+//! Sliders for the targets, in groups, and tools for all of them.
 
 use super::command::Command;
 use super::groups::Group;
@@ -13,7 +13,7 @@ use egui::{
 const ROW: f32 = 22.0;
 const NAME: f32 = 132.0;
 
-/// Search, reset, random, copy, and whether left and right go together.
+/// Search, reset, random, copy, and whether left and right targets move together.
 pub fn tools(ui: &mut Ui, state: &State, done: &mut Vec<Command>) {
     ui.horizontal(|ui| {
         let mut search = state.search.clone();
@@ -33,7 +33,7 @@ pub fn tools(ui: &mut Ui, state: &State, done: &mut Vec<Command>) {
             done.push(Command::Reset);
         }
         if button("Random", "a few targets, some way") {
-            // Another seed for each click, without a clock: what is set now decides.
+            // A new seed for each click, without a clock: derived from the current weights.
             let seed =
                 state.values.iter().fold(1u64, |seed, v| seed.wrapping_mul(31).wrapping_add(u64::from(v.to_bits())));
             done.push(Command::Random(seed));
@@ -44,7 +44,6 @@ pub fn tools(ui: &mut Ui, state: &State, done: &mut Vec<Command>) {
     });
 }
 
-/// The groups.
 pub fn list(ui: &mut Ui, state: &State, done: &mut Vec<Command>) {
     let wanted = state.search.to_lowercase();
     let found = |target: &&usize| state.names[**target].to_lowercase().contains(&wanted);
@@ -60,7 +59,7 @@ pub fn list(ui: &mut Ui, state: &State, done: &mut Vec<Command>) {
     }
 }
 
-/// Name, slider, number.
+/// Name, slider and number of a target.
 fn row(ui: &mut Ui, state: &State, target: usize, done: &mut Vec<Command>) {
     let (name, value) = (&state.names[target], state.values[target]);
     let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), ROW), Sense::hover());

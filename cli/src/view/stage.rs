@@ -1,4 +1,4 @@
-//! What is in the window: device, heads, panel, and a frame of it all.
+//! The contents of the window: device, instances, panel, and drawing a frame of them.
 
 use super::command::Look;
 use super::device::{Device, Messages};
@@ -29,27 +29,27 @@ use std::sync::Arc;
 use std::time::Instant;
 use winit::window::Window;
 
-/// Paths whose poses can be drawn, of those the panel offers what the device has.
+/// Paths whose poses can be drawn; the panel offers those that the device supports.
 const PATHS: [UpdatePath; 4] = [UpdatePath::Blocks, UpdatePath::Compute, UpdatePath::Feedback, UpdatePath::Cpu];
-/// Share of the free space that stays empty at each edge.
+/// Share of the free space left empty at each edge.
 const MARGIN: f32 = 0.1;
 
-/// All that is made on the device, in the order in which it goes.
+/// Everything created on the device, in the order of dropping.
 pub struct Stage {
     painter: Painter,
     swapchain: Option<Swapchain>,
     heads: Heads,
     full: Option<Full>,
-    /// Of the heads' mesh, once targets are to be left out.
+    /// Levels of detail, created when targets are first left out.
     kept: Option<Kept>,
     frames: Frames,
     ui: egui_winit::State,
     subject: Subject,
-    /// How far a single target takes a vertex at most.
+    /// Longest distance that a single target moves a vertex.
     reach: f32,
     pub measured: Measured,
     format: vk::SurfaceFormatKHR,
-    /// The panel leaves this to the heads: left, top, width, height, in shares of the window.
+    /// The part of the window that the panel leaves free: left, top, width, height, as shares of the window.
     free: [f32; 4],
     last: Instant,
     device: Rc<Device>,
@@ -103,7 +103,7 @@ impl Stage {
         &self.device.engine.caps().name
     }
 
-    /// Path, format and poses, for people.
+    /// Path, format and poses, in words.
     pub fn setup(&self) -> String {
         let desc = self.heads.desc;
         let [path, format, pose] = [desc.path.name(), self.heads.mesh.layout().format.name(), desc.pose.name()];
@@ -114,7 +114,7 @@ impl Stage {
         self.heads.desc.path != UpdatePath::Cpu
     }
 
-    /// Size of what is drawn; none of a minimised window.
+    /// Size of the window; `None` if minimised.
     pub fn size(&self) -> Option<[u32; 2]> {
         self.swapchain.as_ref().map(|swapchain| [swapchain.extent.width, swapchain.extent.height])
     }
@@ -123,7 +123,7 @@ impl Stage {
         self.device.messages()
     }
 
-    /// An event of the window; whether the panel wants to be drawn anew.
+    /// Handles an event of the window; returns whether the panel has to be redrawn.
     pub fn event(&mut self, event: &winit::event::WindowEvent) -> bool {
         self.ui.on_window_event(&self.window, event).repaint
     }
@@ -132,7 +132,7 @@ impl Stage {
         self.ui.egui_ctx().copy_text(text);
     }
 
-    /// Images of the window's present size.
+    /// Recreates the images at the window's present size.
     pub fn resize(&mut self) -> Result<(), Failure> {
         self.frames.finish(&mut self.painter)?;
         self.device.wait_idle();
@@ -143,18 +143,18 @@ impl Stage {
         Ok(())
     }
 
-    /// Make the heads anew, as the state says. After an error they are as they were.
+    /// Recreates the instances as the state requires. After an error the old ones stay.
     pub fn rebuild(&mut self, state: &State, other_mesh: bool, out: &Output) -> Result<(), Failure> {
         let subject = other_mesh.then(|| Subject::new(state.run.input.input.as_deref(), &state.input));
         let heads =
             heads(&self.device, &self.frames, self.format, state, subject.as_ref().unwrap_or(&self.subject), out)?;
-        // A full evaluation has masks to sum where the heads have.
+        // A full evaluation sums masks if the instances have them.
         let other_streams = heads.mesh.groups().len() != self.heads.mesh.groups().len();
         let full = (other_mesh || other_streams).then(|| Full::new(&self.device, self.frames.pool, &state.input.kept));
         let full = full.transpose()?;
         self.frames.finish(&mut self.painter)?;
         self.device.wait_idle();
-        // Targets of the swapchain are the renderer's: they go first.
+        // Targets of the swapchain belong to the renderer: they are dropped first.
         self.swapchain = None;
         self.heads = heads;
         if let Some(full) = full {
@@ -169,8 +169,8 @@ impl Stage {
         self.resize()
     }
 
-    /// Draw a frame; returns what a hand did to the panel, and whether the panel moves by itself. Takes `screenshot`
-    /// where it is drawn.
+    /// Draws a frame; returns the user's commands in the panel, and whether the panel is animated. Takes `screenshot`
+    /// if it is drawn.
     pub fn draw(
         &mut self,
         state: &mut State,
@@ -207,7 +207,7 @@ impl Stage {
         Ok((done, moves))
     }
 
-    /// Wait until what was drawn is there, files included.
+    /// Waits until all frames have finished, and their files are written.
     pub fn finish(&mut self) -> Result<(), Failure> {
         self.frames.finish(&mut self.painter)?;
         self.frames.take_samples().into_iter().for_each(|sample| self.measured.add(sample, 0.0));
@@ -242,7 +242,7 @@ impl Stage {
         (Picture::new(&context, output), done, moves)
     }
 
-    /// Take away what heads do not keep of `weights`; whether that goes on by itself.
+    /// Removes the weights of targets that an instance leaves out; returns whether targets are still fading.
     fn leave_out(
         &mut self,
         state: &State,

@@ -1,4 +1,4 @@
-//! What the user has chosen, and what commands make of it. No window and no device.
+//! The user's choices, and the effects of commands on them. Independent of window and device.
 
 use super::command::{Command, Look};
 use super::groups::{Group, groups};
@@ -12,45 +12,45 @@ use deltamorph::BoundClip;
 use deltamorph_head::Rng;
 use std::path::{Path, PathBuf};
 
-/// Weights that `random` sets.
+/// Number of weights that `random` sets.
 const RANDOM: usize = 6;
 
-/// The mesh, the weights, the clip, the way of updating, and what is looked at.
+/// The mesh, weights, clip, update description, and view.
 pub struct State {
-    /// The mesh, and how it is updated, as the command line would name them.
+    /// The mesh, and the options of its updates, as on the command line.
     pub run: RunArgs,
     pub input: Input,
-    /// What sliders are for: targets, or controls of the rig.
+    /// Names of the sliders: targets, or controls of the rig.
     pub names: Vec<String>,
     pub values: Vec<f32>,
     pub groups: Vec<Group>,
     pub clip: Option<BoundClip>,
-    /// The clip says what the weights are, until a slider does.
+    /// Whether weights come from the clip; until a slider is moved.
     pub follows: bool,
     pub playing: bool,
-    /// Frame of the clip, from 0, and how fast it plays.
+    /// Frame of the clip, from 0, and playback speed.
     pub at: f64,
     pub speed: f32,
     pub heads: u32,
     pub detail: Detail,
     pub look: Look,
-    /// While wrinkles are shown the mesh without their masks; else, once they were, that with them.
+    /// While wrinkles are shown, the mesh without masks; afterwards, the mesh with them.
     unshown: Option<Meshes>,
     pub camera: [f32; 2],
     pub zoom: f32,
     pub search: String,
     pub twins: bool,
     pub panel: bool,
-    /// What is to be said in the window, and whether it is an error.
+    /// A notice in the window, and whether it is an error.
     pub notice: Option<(String, bool)>,
 }
 
-/// What a command asks of the window.
+/// The window's part in executing a command.
 pub enum Effect {
     None,
-    /// Heads are made anew: packed or updated in another way, or more of them.
+    /// Recreate the instances: they are packed or updated differently, or their number changed.
     Heads,
-    /// Another mesh: the state to go on with, where heads can be made of it.
+    /// Another mesh: the new state, if instances of it can be created.
     Mesh(Box<State>),
     /// A text for the clipboard.
     Copy(String),
@@ -69,7 +69,7 @@ impl State {
         Ok(this)
     }
 
-    /// A mesh at rest.
+    /// The state of a mesh at rest.
     fn of(run: RunArgs, input: Input, clip: Option<BoundClip>) -> Self {
         let names: Vec<String> = input.controls().into_iter().map(str::to_owned).collect();
         Self {
@@ -96,7 +96,7 @@ impl State {
         }
     }
 
-    /// What a command makes of it. After an error all is as it was before.
+    /// Applies a command. After an error nothing has changed.
     pub fn apply(&mut self, command: Command, out: &Output) -> Result<Effect, Failure> {
         use Command::{Budget, Format, Heads, Path, Pose};
         let anew = matches!(command, Budget(_) | Format(_) | Heads(_) | Path(_) | Pose(_));
@@ -136,7 +136,7 @@ impl State {
             }
             Command::Speed(speed) => self.speed = speed,
             Command::Path(path) => {
-                // What the path does not take is left to its defaults.
+                // Options that the path does not support get their defaults.
                 let takes = |format: &_| crate::args::values::format_on(path, *format).is_some();
                 self.run.update.formats.retain(takes);
                 self.run.update.poses.retain(|pose| path.poses().contains(pose));
@@ -162,8 +162,7 @@ impl State {
         Ok(if anew { Effect::Heads } else { Effect::None })
     }
 
-    /// Look at the heads in another way. Masks of wrinkles are a stream of the mesh while they are shown, and only
-    /// then.
+    /// Changes the view of the instances. Wrinkle masks are a stream of the mesh only while they are shown.
     pub fn show(&mut self, look: Look) -> Result<Effect, Failure> {
         if (self.look == Look::Wrinkles) != (look == Look::Wrinkles) {
             let shown = self.input.meshes();
@@ -178,7 +177,7 @@ impl State {
         Ok(Effect::None)
     }
 
-    /// Sliders say what the weights are from now on.
+    /// From now on, weights come from the sliders.
     fn stop(&mut self) {
         (self.playing, self.follows) = (false, false);
     }
@@ -208,7 +207,7 @@ impl State {
         Ok(())
     }
 
-    /// What was dropped on the window. Where it cannot be read the window says so, and keeps what it has.
+    /// Opens a dropped file or folder. If it cannot be read, the window says so, and nothing changes.
     fn take(&mut self, path: PathBuf, out: &Output) -> Effect {
         let name = path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into());
         let mut run = self.run.clone();
@@ -242,14 +241,14 @@ impl State {
         }
     }
 
-    /// Let time pass, in seconds.
+    /// Advances the clip by this time, in seconds.
     pub fn advance(&mut self, seconds: f64) {
         if let Some(clip) = self.clip.as_ref().filter(|_| self.playing) {
             self.at = (self.at + seconds * f64::from(clip.fps * self.speed)) % clip.frame_count() as f64;
         }
     }
 
-    /// Weights of the targets, for each head: each a little further in the clip.
+    /// Weights of the targets, for each instance: each starts a little later in the clip.
     pub fn weights(&mut self) -> Result<Vec<Vec<f32>>, Failure> {
         let heads = self.heads as usize;
         let Some(clip) = self.clip.as_ref().filter(|_| self.follows) else {
@@ -265,14 +264,14 @@ impl State {
             Ok(from.iter().zip(&to).map(|(a, b)| a + (b - a) * share).collect::<Vec<f32>>())
         };
         let weights = (0..heads).map(frame).collect::<deltamorph::Result<Vec<_>>>()?;
-        // Sliders follow, where they are for targets.
+        // Sliders follow the clip if they stand for targets.
         if self.input.rig.is_none() {
             self.values.clone_from(&weights[0]);
         }
         Ok(weights)
     }
 
-    /// What is set, as `--set` takes it.
+    /// The weights, as `--set` takes them.
     pub fn settings(&self) -> String {
         let set = self.names.iter().zip(&self.values).filter(|(_, value)| **value != 0.0);
         let set: Vec<String> = set.map(|(name, value)| format!("{name}={}", (value * 1e4).round() / 1e4)).collect();
@@ -280,7 +279,7 @@ impl State {
     }
 }
 
-/// The clip at `named`, or the first that the input has.
+/// The clip at `named`, or the first one of the input.
 fn first_clip(named: Option<&Path>, run: &RunArgs, input: &Input) -> Result<Option<BoundClip>, Failure> {
     match (named, input.clips.first()) {
         (None, Some(first)) => input::clip(first, &run.input, input, &[]).map(Some),

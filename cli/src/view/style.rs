@@ -1,4 +1,4 @@
-//! Colours and sizes: dark and calm, so that the face is what one looks at.
+//! Colours and sizes: dark and calm, so that the face stands out.
 
 use egui::{Color32, Context, CornerRadius, FontFamily, FontId, Margin, Stroke, TextStyle, Theme, Visuals, vec2};
 
@@ -8,15 +8,15 @@ pub const GRID: Color32 = Color32::from_rgb(0x33, 0x38, 0x41);
 pub const INK: Color32 = Color32::from_rgb(0xd9, 0xdd, 0xe4);
 pub const DIM: Color32 = Color32::from_rgb(0x8c, 0x94, 0xa1);
 pub const ACCENT: Color32 = Color32::from_rgb(0x5c, 0xb8, 0xa7);
-/// A full evaluation, beside what is measured.
+/// Colour of the full evaluation in plots.
 pub const FULL: Color32 = Color32::from_rgb(0xd0, 0x9a, 0x5b);
 pub const ERROR: Color32 = Color32::from_rgb(0xe5, 0x7b, 0x6e);
-/// Behind the heads, in sRGB.
+/// Background of the instances, in sRGB.
 pub const BEHIND: [u8; 3] = [0x23, 0x26, 0x2d];
 /// Width of the panel.
 pub const WIDTH: f32 = 332.0;
 
-/// Make everything look so. `still`: nothing is animated, so that scripts see the same in each run.
+/// Applies the style. `still`: without animation, so that every run of a script looks the same.
 pub fn apply(context: &Context, still: bool) {
     context.set_theme(Theme::Dark);
     context.style_mut_of(Theme::Dark, |style| {

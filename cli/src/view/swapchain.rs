@@ -1,4 +1,4 @@
-//! The images of the window, and what is drawn into each.
+//! The images of the window, and the objects to draw into each.
 
 use super::device::{Device, failed};
 use crate::output::Failure;
@@ -7,7 +7,7 @@ use deltamorph_render::{Renderer, Target};
 use std::rc::Rc;
 use std::slice::from_ref;
 
-/// Linear colours go in, sRGB is shown.
+/// Shaders write linear colours, displayed as sRGB.
 pub const FORMATS: [vk::Format; 2] = [vk::Format::B8G8R8A8_SRGB, vk::Format::R8G8B8A8_SRGB];
 
 /// The images of the window at one size.
@@ -26,11 +26,11 @@ pub struct Shown {
     pub target: Target,
     pub image: vk::Image,
     view: vk::ImageView,
-    /// Of the pass that draws the panel over the heads.
+    /// Framebuffer of the pass that draws the panel over the instances.
     pub framebuffer: vk::Framebuffer,
-    /// Signalled when the image is drawn: one an image, since it is known to be free again when the image is.
+    /// Signalled when the image is drawn. One per image: it is free again when the image is.
     pub drawn: vk::Semaphore,
-    /// The frame in flight that was drawn into the image last.
+    /// The frame in flight that was last drawn into the image.
     pub frame: Option<usize>,
 }
 
@@ -48,7 +48,7 @@ pub fn format(device: &Device) -> Result<vk::SurfaceFormatKHR, Failure> {
 }
 
 impl Swapchain {
-    /// For a window of this size; none where it has no area, as a minimised one.
+    /// Creates images for a window of this size; `None` if it has no area, as when minimised.
     pub fn new(
         device: &Rc<Device>,
         format: vk::SurfaceFormatKHR,
@@ -81,7 +81,8 @@ impl Swapchain {
             .present_mode(vk::PresentModeKHR::FIFO)
             .clipped(true)
             .old_swapchain(old.as_ref().map_or(vk::SwapchainKHR::null(), |old| old.raw));
-        // SAFETY: as the surface can; the caller waited until nothing uses the old one, which goes here.
+        // SAFETY: the surface supports the parameters; the caller waited until nothing uses the old one, which is
+        // dropped here.
         let raw = unsafe { device.swapchains.create_swapchain(&info, None) }.map_err(failed("vkCreateSwapchainKHR"))?;
         drop(old);
         let mut this = Self { device: device.clone(), raw, extent, images: vec![], readable };
@@ -93,7 +94,7 @@ impl Swapchain {
         Ok(Some(this))
     }
 
-    /// The next image to draw into; none where the window has another size by now.
+    /// The next image to draw into; `None` if the window has another size now.
     pub fn acquire(&self, signal: vk::Semaphore) -> Result<Option<usize>, Failure> {
         // SAFETY: the semaphore is unsignalled, and nothing waits for it: its frame has finished.
         let next = unsafe { self.device.swapchains.acquire_next_image(self.raw, u64::MAX, signal, vk::Fence::null()) };
@@ -104,12 +105,12 @@ impl Swapchain {
         }
     }
 
-    /// Show an image that is being drawn; whether the window still has this size.
+    /// Presents an image that is being drawn; returns whether the window still has this size.
     pub fn present(&self, index: usize) -> Result<bool, Failure> {
         let (at, waited) = (index as u32, self.images[index].drawn);
         let info = vk::PresentInfoKHR::default().wait_semaphores(from_ref(&waited));
         let info = info.swapchains(from_ref(&self.raw)).image_indices(from_ref(&at));
-        // SAFETY: the image was acquired, and what signals the semaphore was submitted.
+        // SAFETY: the image was acquired, and the work that signals the semaphore was submitted.
         match unsafe { self.device.swapchains.queue_present(self.device.queue, &info) } {
             Ok(outgrown) => Ok(!outgrown),
             Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => Ok(false),
@@ -118,7 +119,7 @@ impl Swapchain {
     }
 }
 
-/// The size of images: the surface's, or the window's where the surface leaves that to us.
+/// The size of images: the surface's, or the window's if the surface leaves it open.
 fn extent(can: &vk::SurfaceCapabilitiesKHR, [width, height]: [u32; 2]) -> Option<vk::Extent2D> {
     let (low, high) = (can.min_image_extent, can.max_image_extent);
     let extent = if can.current_extent.width != u32::MAX {
@@ -134,7 +135,7 @@ fn extent(can: &vk::SurfaceCapabilitiesKHR, [width, height]: [u32; 2]) -> Option
 impl Drop for Swapchain {
     fn drop(&mut self) {
         self.images.clear();
-        // SAFETY: ours, destroyed once; whoever drops it waited until nothing uses it.
+        // SAFETY: ours, destroyed once; the owner waited until nothing uses it.
         unsafe { self.device.swapchains.destroy_swapchain(self.raw, None) };
     }
 }
@@ -152,7 +153,7 @@ impl Shown {
         let range = vk::ImageSubresourceRange::default().aspect_mask(vk::ImageAspectFlags::COLOR);
         let info = vk::ImageViewCreateInfo::default().image(image).format(format).view_type(vk::ImageViewType::TYPE_2D);
         let info = info.subresource_range(range.level_count(1).layer_count(1));
-        // SAFETY: the image is the swapchain's, and the pass of this format; what is made is destroyed by `drop`.
+        // SAFETY: the image belongs to the swapchain, and the pass has its format; `drop` destroys what is created.
         unsafe {
             let raw = device.raw();
             let view = raw.create_image_view(&info, None).map_err(failed("vkCreateImageView"))?;

@@ -1,4 +1,4 @@
-//! The window's events, and the script: both come to commands.
+//! The window's events, and the script: both become commands.
 
 use super::command::{Command, Step};
 use super::stage::Stage;
@@ -17,15 +17,15 @@ use winit::event::WindowEvent;
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
 use winit::window::{Window, WindowId};
 
-/// Time from frame to frame, at least, where people look; and what scripts take it for.
+/// Least time between frames in an interactive window; scripts use it as the time of a frame.
 const FRAME: Duration = Duration::from_micros(16_667);
-/// Frames that are drawn after the last event: blocks go out, and panels settle.
+/// Frames drawn after the last event, until glowing blocks have faded and the panel has settled.
 const AWAKE: u32 = 60;
-/// How long a window system may take to give a window another size.
+/// Longest wait for the window system to resize a window.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// That the window system opens none. Of winit's errors the last part says why; what is before is a place in its
-/// source.
+/// The failure if the window system opens no window. The last part of winit's errors is the reason; the rest is a place
+/// in its source.
 fn no_window(error: impl Display) -> Failure {
     let text = error.to_string();
     let why = text.rsplit(": ").next().unwrap_or_default().trim_end_matches('.');
@@ -45,13 +45,13 @@ pub struct App<'a> {
     awake: u32,
 }
 
-/// What is still to be done without a hand.
+/// The rest of a script.
 struct Script {
     name: String,
     steps: VecDeque<(usize, Step)>,
-    /// Of the step that is done.
+    /// Line of the current step.
     line: usize,
-    /// Frames to draw first, and a file for what the last of them shows.
+    /// Frames to draw first, and a file for the last of them.
     frames: u64,
     screenshot: Option<PathBuf>,
     size: Option<([u32; 2], Instant)>,
@@ -72,7 +72,7 @@ impl<'a> App<'a> {
         Ok(Self { args, choice, out, state, script, stage: None, failure: None, next, awake: AWAKE })
     }
 
-    /// Show the window until it is closed.
+    /// Shows the window until it is closed.
     pub fn run(mut self) -> Result<(), Failure> {
         let events = EventLoop::new().map_err(no_window)?;
         events.run_app(&mut self).map_err(no_window)?;
@@ -80,7 +80,7 @@ impl<'a> App<'a> {
             self.failure = stage.finish().err();
         }
         let messages = self.stage.as_ref().map(Stage::messages);
-        // Layers complain of what is left when the device goes.
+        // Validation layers report objects that outlive the device.
         self.stage = None;
         let said = messages.map(|messages| messages.lock().unwrap_or_else(PoisonError::into_inner).clone());
         let said = said.unwrap_or_default();
@@ -107,7 +107,7 @@ impl<'a> App<'a> {
         Ok(())
     }
 
-    /// Do what a hand or a script says.
+    /// Applies a command of the user or a script.
     fn apply(&mut self, command: Command) -> Result<(), Failure> {
         let (before, look) = ((self.state.run.clone(), self.state.heads), self.state.look);
         let effect = self.state.apply(command, self.out)?;
@@ -131,13 +131,13 @@ impl<'a> App<'a> {
             }
             Effect::Heads => stage.rebuild(&self.state, false, self.out).inspect_err(|_| {
                 (self.state.run, self.state.heads) = before;
-                // Goes back to the mesh that the heads have.
+                // Restores the mesh that the instances have.
                 let _ = self.state.show(look);
             }),
         }
     }
 
-    /// Take steps of the script until one needs a frame; whether there is anything left to do.
+    /// Executes steps of the script until one needs a frame; returns whether anything is left to do.
     fn steps(&mut self) -> Result<bool, Failure> {
         loop {
             let (Some(script), Some(stage)) = (&mut self.script, &mut self.stage) else { return Ok(true) };
@@ -162,7 +162,7 @@ impl<'a> App<'a> {
             match step {
                 Step::Quit => return Ok(false),
                 Step::Frames(frames) => script.frames = frames,
-                // A frame to settle the panel, and one to keep.
+                // One frame to settle the panel, and one to save.
                 Step::Screenshot(path) => (script.frames, script.screenshot) = (2, Some(path)),
                 Step::Resize([width, height]) => {
                     script.size = Some(([width, height], Instant::now()));
@@ -195,7 +195,7 @@ impl<'a> App<'a> {
             _ => &mut None,
         };
         let (done, moves) = stage.draw(&mut self.state, screenshot)?;
-        // Nothing was drawn where the window had just been resized: the next frame is written then.
+        // If the window was just resized, nothing was drawn: the next frame is saved.
         if let Some(script) = self.script.as_mut().filter(|script| script.frames == 0 && script.screenshot.is_some()) {
             script.frames = 1;
         }
@@ -203,7 +203,7 @@ impl<'a> App<'a> {
         let still = done.is_empty() && !self.state.playing && !moves;
         self.awake = if still { self.awake.saturating_sub(1) } else { AWAKE };
         for command in done {
-            // What a hand does wrong is said in the window.
+            // Errors of user commands are shown in the window.
             if let Err(failure) = self.apply(command) {
                 self.state.notice = Some((failure.to_string(), true));
             }
@@ -211,7 +211,7 @@ impl<'a> App<'a> {
         Ok(true)
     }
 
-    /// After an error the window closes; of a script it names the line.
+    /// Closes the window after an error, which in a script names the line.
     fn keep(&mut self, events: &ActiveEventLoop, result: Result<bool, Failure>) {
         match result {
             Ok(true) => {}
