@@ -1,4 +1,4 @@
-//! The plot of `lod`: errors against the share of targets kept, in order and in random orders.
+//! The plot of `lod`: errors against the share of targets kept, in ranked and in random orders.
 
 use super::Point;
 use super::gauge::Gauge;
@@ -6,8 +6,8 @@ use super::order::Order;
 use crate::args::lod::Metric;
 use crate::plots::{Axes, Chart, Figure, Look, Point as Mark, Series};
 
-/// Of vertices, at every twentieth of the targets; where the one order is by a metric of pictures, of these, at every
-/// quarter.
+/// Plots errors of vertices, at every twentieth of the targets; for a single order by a metric of pictures, differences
+/// of pictures, at every quarter.
 pub fn figure(
     gauge: &Gauge<'_>,
     metrics: &[Metric],
@@ -64,7 +64,7 @@ fn of_vertices(gauge: &Gauge<'_>, orders: &[Order]) -> Vec<Series> {
 }
 
 fn line(metric: &str, hue: usize, points: Vec<Mark>) -> Series {
-    // The dark variants: light ones are for random orders.
+    // The dark variants: random orders have the light ones.
     let dark = [0, 2, 5, 7][hue % 4];
     Series { label: format!("by {metric}"), look: Look::new(hue + usize::from(hue >= 5), dark), points }
 }

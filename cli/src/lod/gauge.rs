@@ -1,4 +1,4 @@
-//! What errors are measured with: scores of targets, and what a clip loses where only the first of an order are kept.
+//! Measures for `lod`: scores of targets, and errors of clips that keep only the first targets of an order.
 
 use super::Point;
 use super::geometry::{Loss, hausdorff, lips, tree};
@@ -18,7 +18,7 @@ pub struct Gauge<'a> {
     pub vertices: Loss,
     lips: Option<Loss>,
     shots: Option<Shots<'a>>,
-    /// Targets, the most important first, in orders that are random but for the pins.
+    /// Random orders of targets, pins first, for comparison.
     pub random: Vec<Vec<usize>>,
 }
 
@@ -48,7 +48,7 @@ impl<'a> Gauge<'a> {
         }
     }
 
-    /// A list for each metric, with a number for each target.
+    /// A list of scores for each metric, with a number for each target.
     pub fn scores(&mut self, metrics: &[Metric]) -> Result<Vec<Vec<f64>>, Failure> {
         let mesh = &self.input.kept;
         let base = tree(&mesh.positions);
@@ -66,7 +66,7 @@ impl<'a> Gauge<'a> {
         Ok(metrics.iter().map(list).collect())
     }
 
-    /// A curve for each of `metrics`, whose orders are `orders`.
+    /// A curve for each of `metrics`, along its order in `orders`.
     pub fn curves(&mut self, metrics: &[Metric], orders: &[Order]) -> Result<Vec<Vec<Point>>, Failure> {
         let targets = &self.input.kept.targets;
         let names: Vec<&str> = targets.iter().map(|t| t.name.as_str()).collect();
@@ -102,7 +102,7 @@ impl<'a> Gauge<'a> {
     }
 }
 
-/// Which targets are among the first `kept` of an order.
+/// Whether each target is among the first `kept` of an order.
 pub fn first(order: &[usize], kept: usize) -> Vec<bool> {
     let mut keeps = vec![false; order.len()];
     order[..kept].iter().for_each(|t| keeps[*t] = true);

@@ -1,4 +1,4 @@
-//! How far targets move vertices: Hausdorff distances, and what dropping some of them costs a clip.
+//! Movement of vertices by targets: Hausdorff distances, and the error of a clip that drops some targets.
 
 use deltamorph::{BoundClip, MorphMesh, MorphTarget};
 use glam::Vec3;
@@ -14,33 +14,33 @@ pub fn hausdorff(mesh: &MorphMesh, base: &Tree, target: &MorphTarget) -> f64 {
     let nearest = |tree: &Tree, to: Vec3| {
         tree.nearest_neighbor(to.to_array()).map_or(f32::INFINITY, |at| to.distance_squared(Vec3::from(*at.geom())))
     };
-    // A vertex that does not move is in both.
+    // Unmoved vertices are in both.
     let there = |&v: &u32| nearest(base, pose[v as usize]);
     let back = |&v: &u32| nearest(&moved, mesh.positions[v as usize]);
     let farthest = target.vertices.iter().map(|v| there(v).max(back(v))).fold(0.0, f32::max);
     f64::from(farthest).sqrt()
 }
 
-/// Points, each with its number.
+/// Points with their numbers.
 pub type Tree = RTree<GeomWithData<[f32; 3], u32>>;
 
 pub fn tree(points: &[Vec3]) -> Tree {
     RTree::bulk_load(points.iter().zip(0..).map(|(p, i)| GeomWithData::new(p.to_array(), i)).collect())
 }
 
-/// What dropping targets costs a clip, for any choice of them. A frame with weights w that goes without the targets D
-/// has a mean squared error of Σ w_t w_u (d_t · d_u) over t, u in D; of a clip, only the mean of w_t w_u matters.
+/// The error of a clip for any set D of dropped targets. A frame with weights w has a mean squared error of Σ w_t w_u
+/// (d_t · d_u) over t, u in D; for a clip, only the mean of w_t w_u matters.
 pub struct Loss {
     targets: usize,
     /// Mean of w_t w_u over the frames.
     weights: Vec<f64>,
-    /// Mean of d_t · d_u over the vertices, where a frame has both.
+    /// Mean of d_t · d_u over the vertices, for pairs that share a frame.
     products: Vec<f64>,
 }
 
 impl Loss {
-    /// For the frames of `clips`, on the vertices that are `inside`; where there is no frame, for each target by
-    /// itself.
+    /// Sums over the frames of `clips` and the vertices `inside`; without frames, over each target by itself at weight
+    /// 1.
     pub fn new(mesh: &MorphMesh, clips: &[BoundClip], inside: &[bool]) -> Self {
         let targets = mesh.targets.len();
         let (mut weights, mut frames) = (vec![0.0; targets * targets], 0);
@@ -73,12 +73,12 @@ impl Loss {
         Self { targets, weights, products }
     }
 
-    /// Root of the mean squared error over vertices and frames, in input units, where only `kept` targets are applied.
+    /// Root mean square error over vertices and frames, in input units, if only `kept` targets are applied.
     pub fn of(&self, kept: &[bool]) -> f64 {
         self.root(kept, |t, u| self.weights[t * self.targets + u])
     }
 
-    /// The same over the vertices of one frame of the clips, with these weights.
+    /// Root mean square error over the vertices in one frame of the clips, with these weights.
     pub fn of_frame(&self, frame: &[f32], kept: &[bool]) -> f64 {
         self.root(kept, |t, u| f64::from(frame[t]) * f64::from(frame[u]))
     }
@@ -91,8 +91,8 @@ impl Loss {
     }
 }
 
-/// The vertices of the lips: those that puckering or a funnel moves by more than half of what it moves the farthest
-/// one; `None` where no target is called so.
+/// The vertices of the lips: moved by `mouthPucker` or `mouthFunnel` more than half as far as the farthest one; `None`
+/// if there is no such target.
 pub fn lips(mesh: &MorphMesh) -> Option<Vec<bool>> {
     let named = |t: &&MorphTarget| ["mouthPucker", "mouthFunnel"].contains(&t.name.as_str());
     let mut inside = vec![false; mesh.vertex_count()];

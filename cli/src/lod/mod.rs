@@ -1,4 +1,4 @@
-//! `lod`: targets in their order of importance, and what is lost where fewer are kept.
+//! `lod`: ranks targets by importance, and measures the error if fewer are kept.
 
 mod chart;
 mod gauge;
@@ -26,12 +26,12 @@ use serde::Serialize;
 use shots::Shots;
 use twins::{Twins, pairs, twins};
 
-/// The JSON of `lod`, or, with `--metric all`, what it has of each metric. Fields may be added, never renamed.
+/// The JSON of `lod`; with `--metric all`, its part for each metric. Fields may be added, never renamed.
 #[derive(Serialize)]
 struct Lod {
     #[serde(flatten)]
     order: Order,
-    /// Ascending in what is kept.
+    /// Ascending in the number of targets kept.
     curve: Vec<Point>,
     /// Targets that mirror each other.
     twins: Twins,
@@ -43,22 +43,22 @@ struct All<'a> {
     schema: u32,
     metric: &'static str,
     rankings: &'a [Lod],
-    /// Of each pair of metrics.
+    /// One for each pair of metrics.
     agreement: &'a [Agreement],
 }
 
-/// What is lost where so many targets are kept.
+/// Errors with the first `kept` targets.
 #[derive(Clone, Debug, Serialize)]
 struct Point {
     kept: usize,
-    /// By metrics of vertices, the root of the mean squared error over vertices and frames, as a fraction of the
-    /// diagonal; by metrics of pictures, the mean of their differences.
+    /// For metrics of vertices, the root mean square error over vertices and frames, as a fraction of the diagonal; for
+    /// metrics of pictures, their mean difference.
     error_rel: f64,
-    /// The mean of the same over random orders, which have the pins in front too.
+    /// Mean of `error_rel` over random orders, with the pins first.
     error_random_rel: f64,
-    /// The error of vertices, whatever the metric.
+    /// The error of vertices, for any metric.
     vertex_rel: f64,
-    /// The same on the lips alone; absent where no target tells them.
+    /// The error of the vertices of the lips; absent if no target identifies them.
     #[serde(skip_serializing_if = "Option::is_none")]
     lips_rel: Option<f64>,
 }

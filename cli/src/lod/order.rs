@@ -1,4 +1,4 @@
-//! Orders of importance: pins before all, then scores; agreement between them; and the file that keeps one.
+//! Orders of importance: pins first, then by score; their agreement; and their file.
 
 use crate::output::Failure;
 use deltamorph::lod::{is_pinned, ranked};
@@ -9,13 +9,13 @@ use std::path::Path;
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub struct Ranked {
     pub name: String,
-    /// In the unit of the metric; the larger, the more the target changes.
+    /// In the unit of the metric; higher is more important.
     pub score: f64,
-    /// Kept whatever its score is.
+    /// Ranked first, regardless of its score.
     pub pinned: bool,
 }
 
-/// What `lod --out` writes beside an asset: names of targets, the most important first.
+/// The file of `lod --out`, kept beside an asset: names of targets, the most important first.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub struct Order {
     pub schema: u32,
@@ -24,8 +24,7 @@ pub struct Order {
 }
 
 impl Order {
-    /// Targets by their scores, the largest first, those that `pins` name before all others; equals as the mesh has
-    /// them.
+    /// Ranks targets by score, the largest first, after those that `pins` name; ties keep the order of the mesh.
     pub fn new(metric: &str, names: &[&str], scores: &[f64], pins: &[String]) -> Self {
         let pinned: Vec<bool> = names.iter().map(|name| is_pinned(name, pins)).collect();
         let place = |t: usize| Ranked { name: names[t].into(), score: scores[t], pinned: pinned[t] };
@@ -33,7 +32,7 @@ impl Order {
         Self { schema: 1, metric: metric.into(), ranking }
     }
 
-    /// The one at `path`, which has to rank the targets `names`, each once.
+    /// Reads the order at `path`, which has to rank each of the targets `names` once.
     pub fn read(path: &Path, names: &[&str]) -> Result<Self, Failure> {
         let text = std::fs::read_to_string(path).map_err(|e| Failure::io(path, "read", e))?;
         let refuse = |why: String| Failure::Failed(format!("{}: {why}; write it anew with lod --out", path.display()));
@@ -52,7 +51,7 @@ impl Order {
         }
     }
 
-    /// Which of the targets `names` are among the first `kept`.
+    /// Whether each of the targets `names` is among the first `kept`.
     pub fn keeps(&self, names: &[&str], kept: usize) -> Vec<bool> {
         let first: Vec<&str> = self.ranking[..kept].iter().map(|r| r.name.as_str()).collect();
         names.iter().map(|name| first.contains(name)).collect()
@@ -69,8 +68,8 @@ pub struct Agreement {
     pub spearman: f64,
 }
 
-/// Kendall's tau-b: pairs in the same order less pairs in opposite orders, of those that are not equal in either list.
-/// 0 where a list has only equals.
+/// Kendall's tau-b: pairs in the same order minus pairs in opposite orders, over the geometric mean of the pairs
+/// without ties in each list. 0 if all values of a list are equal.
 pub fn kendall(a: &[f64], b: &[f64]) -> f64 {
     let (mut agree, mut pairs) = (0.0, [0.0; 2]);
     for i in 0..a.len() {
@@ -84,7 +83,7 @@ pub fn kendall(a: &[f64], b: &[f64]) -> f64 {
     if all > 0.0 { agree / all } else { 0.0 }
 }
 
-/// Spearman's rho: the correlation of ranks, equals having the mean of theirs. 0 where a list has only equals.
+/// Spearman's rho: the correlation of ranks; ties have their mean rank. 0 if all values of a list are equal.
 pub fn spearman(a: &[f64], b: &[f64]) -> f64 {
     let ranks = |list: &[f64]| -> Vec<f64> {
         let rank = |v: &f64| {

@@ -1,4 +1,4 @@
-//! How pictures differ: the metrics of `lod` that compare pixels.
+//! Metrics of `lod` that compare pictures.
 
 use nv_flip::{DEFAULT_PIXELS_PER_DEGREE, FlipImageRgb8, FlipPool, flip};
 
@@ -9,20 +9,20 @@ pub struct Pixels {
     pub rgb: Vec<u8>,
 }
 
-/// Mean of the squared differences of sRGB values, which go from 0 to 1.
+/// Mean squared difference of sRGB values, from 0 to 1.
 pub fn mean_square(a: &Pixels, b: &Pixels) -> f64 {
     let squares = a.rgb.iter().zip(&b.rgb).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2));
     squares.sum::<f64>() / (a.rgb.len().max(1) as f64 * 255.0 * 255.0)
 }
 
-/// Mean difference that people see, 0 to 1: FLIP (Andersson et al. 2020), at its usual 67 pixels per degree.
+/// Mean visible difference, 0 to 1: FLIP (Andersson et al. 2020), at its usual 67 pixels per degree.
 pub fn perceptual(a: &Pixels, b: &Pixels) -> f64 {
     let image = |p: &Pixels| FlipImageRgb8::with_data(p.size[0], p.size[1], &p.rgb);
     FlipPool::from_image(&flip(image(a), image(b), DEFAULT_PIXELS_PER_DEGREE)).mean().into()
 }
 
 /// Mean structural similarity of luma, at most 1 (Wang et al. 2004: Gaussian window of 11 × 11 pixels, σ = 1.5, K =
-/// 0.01 and 0.03). Windows are cut at the edges of the picture.
+/// 0.01 and 0.03). Windows are cut off at the edges of the picture.
 pub fn ssim(a: &Pixels, b: &Pixels) -> f64 {
     let luma = |p: &Pixels| -> Vec<f64> {
         let of = |c: &[u8]| 0.299 * f64::from(c[0]) + 0.587 * f64::from(c[1]) + 0.114 * f64::from(c[2]);
@@ -42,13 +42,14 @@ pub fn ssim(a: &Pixels, b: &Pixels) -> f64 {
     (0..x.len()).map(at).sum::<f64>() / x.len().max(1) as f64
 }
 
-/// Means around each pixel, weighted, of pixels `step` apart: over those that there are, or with edges that go on.
+/// Weighted means around each pixel, of pixels `step` apart. Beyond the edges, pixels are left out if `cut`, else the
+/// edge is repeated.
 pub fn blurred<const N: usize>(values: &[f64], width: usize, weights: [f64; N], step: usize, cut: bool) -> Vec<f64> {
     let along = |values: &[f64], stride: usize, place: &dyn Fn(usize) -> usize, most: usize| -> Vec<f64> {
         let at = |i: usize| {
             let (here, mut sum, mut all) = (place(i), 0.0, 0.0);
             for (tap, weight) in weights.iter().enumerate() {
-                // Counted from where the first tap of the first pixel is.
+                // Relative to the first tap of the first pixel.
                 let (there, first) = (here + tap * step, N / 2 * step);
                 if !cut || (first..first + most).contains(&there) {
                     let there = there.saturating_sub(first).min(most - 1);

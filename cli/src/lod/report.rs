@@ -1,4 +1,4 @@
-//! What `lod` says to people.
+//! The output of `lod` in words.
 
 use super::order::{Agreement, Ranked};
 use super::twins::{Apart, Twins};
@@ -54,7 +54,7 @@ pub fn text_of_all(lods: &[Lod], agreement: &[Agreement], measured: &str) -> Str
     format!("half of the targets kept, errors over {measured}:\n{halves}\n\nagreement of orders:\n{pairs}")
 }
 
-/// Nothing, where no target has a twin.
+/// Describes pairs of mirrored targets; empty if there are none.
 fn twins(lod: &Lod) -> String {
     let Twins { pairs, side_by_side, apart } = &lod.twins;
     if *pairs == 0 {

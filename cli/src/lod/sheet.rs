@@ -1,4 +1,4 @@
-//! The contact sheet of `lod`: frames with fewer and fewer targets.
+//! The contact sheet of `lod`: frames with decreasing numbers of targets.
 
 use super::gauge::Gauge;
 use super::order::Order;
@@ -17,14 +17,14 @@ use std::path::Path;
 const CELL: u32 = 256;
 const CAPTION: u32 = 30;
 const TEXT: f32 = 17.0;
-/// Frames on a sheet of one order.
+/// Frames on the sheet of one order.
 const FRAMES: usize = 3;
 const BACKGROUND: Background = Background(Some([0x23, 0x26, 0x2d]));
-/// Quarters of the targets, a column each.
+/// Shares of the targets kept, in quarters: a column each.
 const QUARTERS: [usize; 4] = [4, 3, 2, 1];
 
-/// Draw, into the PNG `file`, a row for each of the frames that `orders` lose most in by half of their targets (or for
-/// `frame`, where it is given); of several orders one such frame, with a row for each. The mesh was read at `path`.
+/// Draws into the PNG `file` a row for each of the frames with the largest errors if `orders` keep half of the targets,
+/// or for `frame` if given; with several orders, one such frame with a row for each order. The mesh was read at `path`.
 pub fn draw(
     gpu: &Gpu,
     gauge: &Gauge<'_>,
@@ -74,8 +74,8 @@ pub fn draw(
     sheet.save(file)
 }
 
-/// The `count` frames that lose most where `orders` keep half of the targets, the worst first: of those that are near
-/// each other (within a twentieth of all) the worst one.
+/// The `count` frames with the largest errors if `orders` keep half of the targets, the worst first. Of frames closer
+/// than a twentieth of all, only the worst one.
 fn worst(gauge: &Gauge<'_>, frames: &[Vec<f32>], orders: &[Order], names: &[&str], count: usize) -> Vec<usize> {
     let halves: Vec<Vec<bool>> = orders.iter().map(|order| order.keeps(names, names.len().div_ceil(2))).collect();
     let loss = |frame: &Vec<f32>| halves.iter().map(|keeps| gauge.vertices.of_frame(frame, keeps)).sum::<f64>();
@@ -91,8 +91,8 @@ fn worst(gauge: &Gauge<'_>, frames: &[Vec<f32>], orders: &[Order], names: &[&str
     chosen
 }
 
-/// Where the face moves: vertices, in the base pose and where a target takes them, by a tenth or more of what it does
-/// at most.
+/// The moving part of the face: vertices that a target moves by at least a tenth of the largest delta, in the base pose
+/// and moved.
 fn moving(mesh: &MorphMesh) -> Vec<Vec3> {
     let deltas = || mesh.targets.iter().flat_map(|target| target.vertices.iter().zip(&target.positions));
     let most = deltas().map(|(_, d)| d.length_squared()).fold(0.0, f32::max);

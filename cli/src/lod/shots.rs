@@ -1,6 +1,6 @@
-//! Pictures to compare poses by: from the front, of the mesh and of its mirror image, in the same light. So the face is
-//! seen with the light from either side, and of two targets that mirror each other the same two pictures are drawn,
-//! sample by sample: the four samples of a pixel and those of shadows lie in no symmetric pattern.
+//! Pictures that poses are compared by: of the mesh and of its mirror image, from the front, in the same light. The
+//! face is thus lit from either side, and two targets that mirror each other give the same two pictures, sample by
+//! sample, even though the four samples of a pixel and those of shadows are not symmetric.
 
 use super::picture::{Pixels, mean_square, perceptual, ssim};
 use super::twins::{align_faces, middle, mirrored};
@@ -18,15 +18,15 @@ use std::path::Path;
 
 /// Pixels of a picture: enough to see a lip move.
 pub const SIZE: [u32; 2] = [256; 2];
-/// Linear grey behind the head.
+/// Linear grey.
 const BACKGROUND: [f32; 4] = [0.02, 0.02, 0.02, 1.0];
 /// Frames of clips that are drawn.
 pub const FRAMES: usize = 8;
 
-/// What a pose looks like: the mesh, and its mirror image.
+/// Pictures of a pose: of the mesh, and of its mirror image.
 type Look = [Pixels; 2];
 
-/// Draws deltas as they are, in poses that do not depend on those before them.
+/// A studio with exact deltas, whose poses do not depend on earlier ones.
 pub fn studio<'a>(gpu: &'a Gpu, mesh: &MorphMesh, parts: &[Part], size: [u32; 2]) -> Result<Studio<'a>, Failure> {
     let packed = PackedMesh::pack(mesh, &gpu.engine().pack_desc(DeltaFormat::BlockFloat32))?;
     let update = UpdateDesc::new(UpdatePath::Blocks, BatchSize::All).mode(UpdateMode::Rebuild);
@@ -39,7 +39,7 @@ pub fn studio<'a>(gpu: &'a Gpu, mesh: &MorphMesh, parts: &[Part], size: [u32; 2]
     )?)
 }
 
-/// Where pictures are taken, and those of whole frames that others are compared with.
+/// The studios, and the pictures of complete frames to compare with.
 pub struct Shots<'a> {
     studios: [Studio<'a>; 2],
     scene: Scene,
@@ -47,7 +47,7 @@ pub struct Shots<'a> {
 }
 
 impl<'a> Shots<'a> {
-    /// Of the mesh that was read at `path`, or else the built-in head; frames are spread evenly over `clips`.
+    /// For the mesh that was read at `path`, or the built-in head; frames are spread evenly over `clips`.
     pub fn new(gpu: &'a Gpu, input: &Input, path: Option<&Path>, clips: &[BoundClip]) -> Result<Self, Failure> {
         let middle = middle(&input.kept);
         let mut straight = MorphMesh::clone(&input.kept);
@@ -67,7 +67,7 @@ impl<'a> Shots<'a> {
         Ok(shots)
     }
 
-    /// What each pose looks like.
+    /// Draws each pose.
     fn take(&mut self, poses: &[Vec<f32>]) -> Result<Vec<Look>, Failure> {
         let mut taken: [Vec<Pixels>; 2] = [vec![], vec![]];
         let rgb = |p: &Picture| p.rgba.chunks_exact(4).flat_map(|c| [c[0], c[1], c[2]]).collect();
@@ -84,8 +84,8 @@ impl<'a> Shots<'a> {
         Ok(straight.into_iter().zip(mirrored).map(|(a, b)| [a, b]).collect())
     }
 
-    /// What each target changes by itself, at weight 1, in the base pose: a list for each of `metrics`, of pictures
-    /// all.
+    /// The difference that each target makes by itself, at weight 1, from the base pose: a list for each of `metrics`,
+    /// all of them metrics of pictures.
     pub fn scores(&mut self, metrics: &[Metric], targets: usize) -> Result<Vec<Vec<f64>>, Failure> {
         let mut poses = vec![vec![0.0; targets]; targets + 1];
         (0..targets).for_each(|t| poses[t][t] = 1.0);
@@ -95,7 +95,8 @@ impl<'a> Shots<'a> {
         Ok(metrics.iter().map(of_metric).collect())
     }
 
-    /// Mean difference of frames with only the `kept` targets from whole ones, by each of `metrics`, of pictures all.
+    /// Mean difference between frames with only the `kept` targets and complete ones, by each of `metrics`, all of them
+    /// metrics of pictures.
     pub fn loss(&mut self, metrics: &[Metric], kept: &[bool]) -> Result<Vec<f64>, Failure> {
         let without = |w: &Vec<f32>| w.iter().zip(kept).map(|(w, kept)| if *kept { *w } else { 0.0 }).collect();
         let poses: Vec<Vec<f32>> = self.frames.iter().map(|(weights, _)| without(weights)).collect();
@@ -108,7 +109,7 @@ impl<'a> Shots<'a> {
     }
 }
 
-/// 0 of equal pictures; the larger, the more they differ. The mean of both pictures, whichever comes first.
+/// 0 for equal pictures, larger the more they differ; the mean of both pictures. Symmetric in `a` and `b`.
 fn difference(metric: Metric, a: &Look, b: &Look) -> f64 {
     let of = |a: &Pixels, b: &Pixels| match metric {
         Metric::ImageMse => mean_square(a, b),
@@ -120,7 +121,7 @@ fn difference(metric: Metric, a: &Look, b: &Look) -> f64 {
     (of(&a[0], &b[0]) + of(&a[1], &b[1])) / 2.0
 }
 
-/// A part of the mirror image: outsides stay outsides.
+/// A part of the mirror image, with its front faces kept.
 fn mirrored_part(part: &Part, middle: f32) -> Part {
     let mut part = part.clone();
     part.triangles.iter_mut().for_each(|corners| corners.swap(1, 2));

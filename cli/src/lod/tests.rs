@@ -7,7 +7,7 @@ use deltamorph::{MorphMesh, Tolerance, WeightClip};
 use deltamorph_head::{HeadDesc, head};
 use glam::Vec3;
 
-/// A small head whose first target moves every vertex by `shift`, and whose second does so twice as far.
+/// A small head; its first target moves every vertex by `shift`, its second one twice as far.
 fn shifted(shift: Vec3) -> MorphMesh {
     let source = head(&HeadDesc::default().vertices(1200).targets(6));
     let mut mesh = source.to_mesh(Tolerance::ZERO).expect("a mesh");
@@ -22,7 +22,7 @@ fn shifted(shift: Vec3) -> MorphMesh {
 #[test]
 fn known_shifts_have_known_scores_and_twice_as_far_ranks_higher() {
     let mesh = shifted(Vec3::X * 1000.0);
-    // As far as all vertices of the head are from each other: the nearest of the extreme ones is known.
+    // Farther than the size of the head: the nearest of the extreme vertices is known.
     let base = tree(&mesh.positions);
     let brute = |target: usize| {
         let pose: Vec<Vec3> = mesh.positions.iter().map(|p| *p + mesh.targets[target].positions[0]).collect();
@@ -36,7 +36,7 @@ fn known_shifts_have_known_scores_and_twice_as_far_ranks_higher() {
     }
     let scores: Vec<f64> = mesh.targets.iter().map(|t| mean_square(&mesh, t)).collect();
     assert!((scores[0] - 1e6).abs() < 1e-3 && (scores[1] - 4e6).abs() < 1e-3, "{scores:?}");
-    // Shorter than half of the way to any other vertex: every vertex stays nearest to where it was.
+    // Less than half of the distance between any two vertices: every vertex stays nearest to its origin.
     let gap = (mesh.positions.iter().enumerate())
         .flat_map(|(i, p)| mesh.positions[..i].iter().map(move |q| p.distance(*q)).filter(|d| *d > 0.0))
         .fold(f32::INFINITY, f32::min);
@@ -95,7 +95,7 @@ fn equal_pictures_are_equal_to_every_metric_and_known_differences_are_found() {
     let (a, b) = (noise(1), noise(2));
     assert!((ssim(&a, &a) - 1.0).abs() < 1e-12 && picture_mse(&a, &a) == 0.0 && perceptual(&a, &a) == 0.0);
     assert!(ssim(&a, &b) < 0.2 && picture_mse(&a, &b) > 0.1 && perceptual(&a, &b) > 0.1);
-    // Of constant pictures only the luminance term is left: (2 x y + c) / (x² + y² + c).
+    // For constant pictures, only the luminance term remains: (2 x y + c) / (x² + y² + c).
     let flat = |v: u8| Pixels { size, rgb: vec![v; 32 * 24 * 3] };
     let c = (0.01f64 * 255.0).powi(2);
     let exact = (2.0 * 50.0 * 200.0 + c) / (50.0f64.powi(2) + 200.0f64.powi(2) + c);
@@ -110,7 +110,7 @@ fn orders_agree_as_far_as_they_do() {
     assert_eq!((kendall(&up, &up), spearman(&up, &up)), (1.0, 1.0));
     assert_eq!((kendall(&up, &down), spearman(&up, &down)), (-1.0, -1.0));
     assert_eq!((kendall(&up, &[7.0; 4]), spearman(&up, &[7.0; 4])), (0.0, 0.0));
-    // One neighbouring pair of six the other way round: (5 - 1) / 6; 1 - 6 · 2 / (4 · 15).
+    // One of six pairs is swapped: (5 - 1) / 6; 1 - 6 · 2 / (4 · 15).
     let swapped = [2.0, 1.0, 3.0, 4.0];
     assert!((kendall(&up, &swapped) - 4.0 / 6.0).abs() < 1e-12 && (spearman(&up, &swapped) - 0.8).abs() < 1e-12);
 }

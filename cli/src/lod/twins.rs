@@ -1,4 +1,4 @@
-//! Targets that mirror each other, by their names: whether they do, and whether an order has them side by side.
+//! Twins, targets that mirror each other by name: their symmetry, and their positions in an order.
 
 use super::geometry::tree;
 use super::order::Order;
@@ -7,11 +7,11 @@ use deltamorph::MorphMesh;
 use glam::Vec3;
 use serde::Serialize;
 
-/// Where the targets of each pair are in an order.
+/// Positions of twins in an order.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Twins {
     pub pairs: usize,
-    /// Pairs with no other target between the two.
+    /// Pairs with no other target between them.
     pub side_by_side: usize,
     /// The other pairs.
     pub apart: Vec<Apart>,
@@ -23,26 +23,26 @@ pub struct Apart {
     pub names: [String; 2],
     /// Targets between the two.
     pub between: usize,
-    /// The larger score over the smaller one, less 1: infinite (in JSON null) where the smaller is 0.
+    /// The larger score over the smaller one, minus 1: infinite (in JSON null) if the smaller is 0.
     pub scores_differ: f64,
     /// [`asymmetry`] of the two.
     pub deltas_differ: f64,
 }
 
-/// Two targets of one mesh, and how far they are from mirroring each other.
+/// Two targets of a mesh, and their deviation from mirror symmetry.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pair {
     pub targets: [usize; 2],
     pub asymmetry: f64,
 }
 
-/// The x of the plane that a face is symmetric about: the middle of the base pose.
+/// The x of the face's plane of symmetry: the middle of the base pose.
 pub fn middle(mesh: &MorphMesh) -> f32 {
     let (low, high) = bounds(mesh.positions.iter().copied());
     if low.x <= high.x { (low.x + high.x) / 2.0 } else { 0.0 }
 }
 
-/// The target on the other side of the face: jawLeft of jawRight, brow_L of brow_R.
+/// The target on the other side of the face: jawLeft for jawRight, brow_L for brow_R.
 pub fn twin(names: &[String], target: usize) -> Option<usize> {
     const SIDES: [[&str; 2]; 4] = [["Left", "Right"], ["left", "right"], ["LEFT", "RIGHT"], ["_l_", "_r_"]];
     const ENDS: [[&str; 2]; 4] = [["_L", "_R"], ["_l", "_r"], [".L", ".R"], [".l", ".r"]];
@@ -61,11 +61,11 @@ pub fn twin(names: &[String], target: usize) -> Option<usize> {
     both(&SIDES, false).or_else(|| both(&ENDS, true))
 }
 
-/// Pairs of `mesh` by their names: …Left and …Right, …_L and …_R.
+/// Pairs of `mesh` by name: …Left and …Right, …_L and …_R.
 pub fn pairs(mesh: &MorphMesh) -> Vec<Pair> {
     let middle = middle(mesh);
     let names: Vec<String> = mesh.targets.iter().map(|target| target.name.clone()).collect();
-    // Of each pair once: the left one comes first in the alphabet.
+    // Each pair once: the left one comes first alphabetically.
     let found = (0..names.len()).filter_map(|t| twin(&names, t).map(|other| [t, other]));
     let found: Vec<[usize; 2]> = found.filter(|[left, right]| names[*left] < names[*right]).collect();
     let mut partner = vec![];
@@ -78,8 +78,8 @@ pub fn pairs(mesh: &MorphMesh) -> Vec<Pair> {
     found.into_iter().map(pair).collect()
 }
 
-/// How far the deltas of two targets are from mirroring each other: the root of the mean squared difference over that
-/// of the deltas, 0 where they do exactly. `partner` of a vertex: the nearest one to its mirror image.
+/// Deviation of two targets from mirror symmetry: the root mean square of the difference over that of the deltas; 0 if
+/// they mirror each other exactly. `partner` of a vertex: the vertex nearest to its mirror image.
 fn asymmetry(mesh: &MorphMesh, [left, right]: [usize; 2], partner: &[u32]) -> f64 {
     let dense = |target: usize| {
         let mut deltas = vec![Vec3::ZERO; mesh.vertex_count()];
@@ -95,7 +95,7 @@ fn asymmetry(mesh: &MorphMesh, [left, right]: [usize; 2], partner: &[u32]) -> f6
     if all > 0.0 { (2.0 * off / all).sqrt() } else { 0.0 }
 }
 
-/// Where the `pairs` of `mesh` are in `order`.
+/// Positions of the `pairs` of `mesh` in `order`.
 pub fn twins(mesh: &MorphMesh, pairs: &[Pair], order: &Order) -> Twins {
     let place = |name: &str| order.ranking.iter().position(|ranked| ranked.name == name);
     let apart = |pair: &Pair| {
@@ -110,8 +110,8 @@ pub fn twins(mesh: &MorphMesh, pairs: &[Pair], order: &Order) -> Twins {
     Twins { pairs: pairs.len(), side_by_side: pairs.len() - apart.len(), apart }
 }
 
-/// The mirror image of `mesh` at the plane x = `middle`. Faces keep their corners in order: who draws it turns them
-/// around.
+/// The mirror image of `mesh` at the plane x = `middle`. Corners of faces keep their order: drawing has to reverse
+/// them.
 pub fn mirrored(mesh: &MorphMesh, middle: f32) -> MorphMesh {
     let mut mesh = mesh.clone();
     let turned = |vectors: &mut Vec<Vec3>| vectors.iter_mut().for_each(|v| v.x = -v.x);
@@ -124,8 +124,8 @@ pub fn mirrored(mesh: &MorphMesh, middle: f32) -> MorphMesh {
     mesh
 }
 
-/// Begin each face at the corner that is nearest to the plane x = `middle`, of equals at the lowest and hindmost: the
-/// mirror image of a fan of triangles is then the fan of the mirror image.
+/// Rotates each face to begin at the corner nearest to the plane x = `middle`, of several at the lowest and hindmost.
+/// The mirror image of a fan of triangles is then the fan of the mirror image.
 pub fn align_faces(mesh: &mut MorphMesh, middle: f32) {
     let positions = &mesh.positions;
     let key = |v: u32| {

@@ -1,53 +1,53 @@
-//! Which pixels of two pictures visibly differ: Hector Yee, "A Perceptual Metric for Production Testing", Journal of
-//! Graphics Tools 9(4), 2004, written from its formulas and those that it names. (No crate has them: `perceptualdiff`
-//! is a program.)
+//! Visible differences between two pictures, per pixel: Hector Yee, "A Perceptual Metric for Production Testing",
+//! Journal of Graphics Tools 9(4), 2004, written from its formulas and those that it cites. (No crate implements it:
+//! `perceptualdiff` is a program.)
 //!
-//! A pixel differs visibly where its luminances differ by more than what can be told apart at the luminance around it
-//! (TVI), times what contrast in its neighbourhood hides; or where its colours do. Contrast is looked at in bands of an
-//! octave each, which eyes are more or less sensitive to (CSF), and which mask differences within themselves.
+//! A pixel differs visibly if its luminances differ by more than the threshold at the surrounding luminance (TVI) times
+//! the masking by contrast in its neighbourhood, or if its colours do. Contrast is evaluated in bands of an octave
+//! each; the eye's sensitivity depends on the band (CSF), and a band masks differences in itself.
 
 use super::picture::{Pixels, blurred};
 use nv_flip::DEFAULT_PIXELS_PER_DEGREE;
 
 /// Luminance of white, in cd/m².
 const WHITE: f64 = 100.0;
-/// Levels of the pyramid; a band lies between each and the next, and is compared with the one after that.
+/// Levels of the pyramid; a band is the difference of two adjacent levels, relative to the next one.
 const LEVELS: usize = 8;
 const BANDS: usize = LEVELS - 2;
-/// Luminances below are taken for it.
+/// Lower luminances are clamped to it.
 const DARK: f64 = 1e-5;
-/// Contrast hides at most so many times the threshold, and never makes it smaller.
+/// Most that contrast raises the threshold; it never lowers it.
 const MOST_HIDDEN: f64 = 10.0;
 
-/// How two pictures differ.
+/// The result of a comparison.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Seen {
     /// Pixels in all.
     pub pixels: usize,
     /// Pixels that visibly differ.
     pub visible: usize,
-    /// Of the others, how close to visible the difference is, on average: 0 to 1.
+    /// How close the differences of other pixels are to visible, on average: 0 to 1.
     pub below: f64,
 }
 
 impl Seen {
-    /// Share of the pixels that visibly differ. As a count has many equals, what is below the threshold adds to it,
-    /// less than half a pixel in all.
+    /// Share of the pixels that visibly differ, plus less than half a pixel in all for differences below the threshold,
+    /// which breaks ties.
     pub fn graded(&self) -> f64 {
         (self.visible as f64 + self.below / 2.0) / self.pixels.max(1) as f64
     }
 }
 
-/// Compare two pictures of one size, which are looked at as FLIP has it: 67 pixels per degree.
+/// Compares two pictures of one size, viewed like FLIP: at 67 pixels per degree.
 pub fn yee(a: &Pixels, b: &Pixels) -> Seen {
     let [from, to] = [a, b].map(Layers::new);
     let pixels_per_degree = f64::from(DEFAULT_PIXELS_PER_DEGREE);
-    // Cycles per degree of each band: two pixels a cycle are the finest.
+    // Cycles per degree of each band; the finest has two pixels per cycle.
     let frequencies: [f64; BANDS] = std::array::from_fn(|i| 0.5 * pixels_per_degree / f64::from(1u32 << i));
-    // The peak of the sensitivity: what a band shows less than that by, it hides.
+    // The peak sensitivity: a band masks more, the less sensitive the eye is to it.
     let peak = (1..400).map(|i| sensitivity(f64::from(i) * 0.05, WHITE)).fold(0.0, f64::max);
     let elevations = frequencies.map(|f| peak / sensitivity(f, WHITE));
-    // Eyes adapt to the mean of about a degree: level i reaches 2^i pixels either way.
+    // Eyes adapt to the mean over about a degree: level i extends 2^i pixels in each direction.
     let adapted = (0..LEVELS - 1).find(|i| f64::from(2u32 << i) >= pixels_per_degree).unwrap_or(LEVELS - 1);
     let (mut visible, mut below) = (0, 0.0);
     let pixels = from.levels[0].len();
@@ -64,7 +64,7 @@ pub fn yee(a: &Pixels, b: &Pixels) -> Seen {
         let factor = if sum > DARK { (hidden / sum).clamp(1.0, MOST_HIDDEN) } else { 1.0 };
         let light = (from.levels[0][i] - to.levels[0][i]).abs() / (factor * threshold(around));
         let [[a0, b0], [a1, b1]] = [from.colours[i], to.colours[i]];
-        // In the dark colours are told apart less well.
+        // In the dark, colours are harder to tell apart.
         let seen = if around < 10.0 { (around / 10.0).powi(2) } else { 1.0 };
         let colour = ((a0 - a1).powi(2) + (b0 - b1).powi(2)) * seen / factor;
         let ratio = light.max(colour);
@@ -77,21 +77,21 @@ pub fn yee(a: &Pixels, b: &Pixels) -> Seen {
     Seen { pixels, visible, below: below / (pixels - visible).max(1) as f64 }
 }
 
-/// Contrast sensitivity at so many cycles per degree, adapted to a luminance in cd/m²: Barten 1989, equation 4 of
-/// Yee's.
+/// Contrast sensitivity at a number of cycles per degree, adapted to a luminance in cd/m²: Barten 1989, Yee's equation
+/// 4.
 fn sensitivity(frequency: f64, luminance: f64) -> f64 {
     let a = 440.0 * (1.0 + 0.7 / luminance).powf(-0.2);
     let b = 0.3 * (1.0 + 100.0 / luminance).powf(0.15);
     a * frequency * (-b * frequency).exp() * (1.0 + 0.06 * (b * frequency).exp()).sqrt()
 }
 
-/// How many times larger a difference has to be among contrasts that are so many times the threshold: Daly 1993.
+/// Elevation of the threshold by a contrast, given in multiples of the threshold: Daly 1993.
 fn masking(contrast: f64) -> f64 {
     (1.0 + (0.0153 * (392.498 * contrast).powf(0.7)).powf(4.0)).powf(0.25)
 }
 
-/// Threshold versus intensity: the difference of luminance that can just be seen, in cd/m², on a field of a luminance
-/// in cd/m² (Ward Larson, Rushmeier and Piatko 1997, after Ferwerda).
+/// Threshold versus intensity: the smallest visible difference of luminance, in cd/m², on a field of a luminance in
+/// cd/m² (Ward Larson, Rushmeier and Piatko 1997, after Ferwerda).
 fn threshold(luminance: f64) -> f64 {
     let l = luminance.log10();
     let log = match l {
@@ -104,9 +104,9 @@ fn threshold(luminance: f64) -> f64 {
     10f64.powf(log)
 }
 
-/// A picture as eyes take it.
+/// A picture as perceived.
 struct Layers {
-    /// Luminances in cd/m², each level blurred by an octave more than the one before.
+    /// Luminances in cd/m², each level blurred by an octave more than the previous one.
     levels: [Vec<f64>; LEVELS],
     /// a* and b* of CIE L*a*b*.
     colours: Vec<[f64; 2]>,
@@ -120,7 +120,7 @@ impl Layers {
         });
         let xyz = |c: &[u8]| {
             let [r, g, b] = [c[0], c[1], c[2]].map(|v| linear[v as usize]);
-            // sRGB, IEC 61966-2-1; each row over the white point (D65), so that white is 1, 1, 1.
+            // sRGB, IEC 61966-2-1; each row divided by the white point (D65), so that white is 1, 1, 1.
             [
                 (0.4124 * r + 0.3576 * g + 0.1805 * b) / 0.9505,
                 0.2126 * r + 0.7152 * g + 0.0722 * b,
@@ -132,7 +132,7 @@ impl Layers {
         let colours = picture.rgb.chunks_exact(3).map(|c| colour(xyz(c))).collect();
         let mut level: Vec<f64> = picture.rgb.chunks_exact(3).map(|c| xyz(c)[1] * WHITE).collect();
         let levels = std::array::from_fn(|i| {
-            // The next level of a pyramid (Burt and Adelson 1983, a = 0.4) that keeps all pixels.
+            // The next level of a pyramid (Burt and Adelson 1983, a = 0.4) at full resolution.
             let next = blurred(&level, picture.size[0] as usize, [0.05, 0.25, 0.4, 0.25, 0.05], 1 << i, false);
             std::mem::replace(&mut level, next)
         });
@@ -152,7 +152,7 @@ mod tests {
 
     #[test]
     fn formulas_have_the_values_that_papers_plot() {
-        // At 100 cd/m² the eye tells about 6% apart, and is most sensitive near 3 to 4 cycles per degree.
+        // At 100 cd/m², the eye distinguishes about 6%, and is most sensitive near 3 to 4 cycles per degree.
         assert!((threshold(100.0) - 10f64.powf(0.745)).abs() < 1e-12);
         assert!((threshold(1e-5) - 10f64.powf(-2.86)).abs() < 1e-12);
         // Branches of the threshold meet.
@@ -170,7 +170,7 @@ mod tests {
         let plain = flat(128, |_, _| 0);
         let (equal, pixels) = (yee(&plain, &plain), 48 * 40);
         assert_eq!((equal, equal.graded()), (Seen { pixels, visible: 0, below: 0.0 }, 0.0));
-        // Luminance 21.6; without contrast the threshold alone decides: 2.0 cd/m², which is 6 steps of sRGB.
+        // Luminance 21.6; without contrast only the threshold decides: 2.0 cd/m², which is 6 steps of sRGB.
         let luminance = |v: f64| 100.0 * ((v / 255.0 + 0.055) / 1.055).powf(2.4);
         for step in [1u8, 4, 8, 40] {
             let seen = yee(&plain, &flat(128 + step, |_, _| 0));
@@ -179,12 +179,12 @@ mod tests {
             assert_eq!((seen.visible, over > 1.0), (if over > 1.0 { pixels } else { 0 }, step > 5), "{step}: {over}");
             assert!(over > 1.0 || (seen.below - over).abs() < 1e-3 * over, "{step}: {seen:?} {over}");
         }
-        // A bright square is counted, about as large as it is, whichever picture comes first.
+        // A bright square counts about as many pixels as it has, in either order of the pictures.
         let square = flat(60, |x, y| if (10..26).contains(&x) && (8..24).contains(&y) { 120 } else { 0 });
         let base = flat(60, |_, _| 0);
         let seen = yee(&base, &square);
         assert_eq!((seen.visible, seen), (256, yee(&square, &base)));
-        // The more pixels, the higher; of equally many the one that is nearer to being seen.
+        // More pixels score higher; of equally many, those closer to visible.
         let faint = |step: u8| yee(&plain, &flat(128, |x, _| if x < 20 { step } else { 0 })).graded();
         assert!(faint(0) < faint(1) && faint(1) < faint(2) && faint(2) < seen.graded());
         assert!(faint(2) * (pixels as f64) < 0.5);
