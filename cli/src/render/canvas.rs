@@ -1,4 +1,4 @@
-//! Pixels: pictures put side by side, text, and PNG files.
+//! Pixels: pictures side by side, text, and PNG files.
 
 use crate::args::render::Background;
 use crate::output::{Failure, write_file};
@@ -6,14 +6,14 @@ use ab_glyph::{Font, FontRef, Glyph, PxScale, ScaleFont, point};
 use deltamorph_render::Picture;
 use std::path::Path;
 
-/// Where a text has its place.
+/// Horizontal alignment of text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Align {
     Left,
     Middle,
 }
 
-/// A picture in sRGB, whose colours are not multiplied by the opacity: as PNG has them.
+/// A picture in sRGB with straight alpha, like PNG.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Canvas {
     pub size: [u32; 2],
@@ -32,10 +32,10 @@ impl Background {
         self.0.map_or([0; 4], |[r, g, b]| [r, g, b, 255])
     }
 
-    /// An ink that can be read on it.
+    /// A readable ink on this background.
     pub fn ink(self) -> [u8; 3] {
         let bright = |[r, g, b]: [u8; 3]| 3 * u32::from(r) + 6 * u32::from(g) + u32::from(b) > 1300;
-        // In front of nothing: a grey that can be read on black and on white.
+        // Without a background: a grey that is readable on black and on white.
         self.0.map_or([0x80; 3], |colour| if bright(colour) { [0x22, 0x26, 0x2e] } else { [0xd6, 0xda, 0xe2] })
     }
 }
@@ -76,7 +76,7 @@ impl Canvas {
         inside.then(|| &mut self.rgba[((y * width + x) * 4) as usize..][..4])
     }
 
-    /// Put a picture there; what lies outside is cut off.
+    /// Copies a picture to this position, clipped to the canvas.
     pub fn put(&mut self, picture: &Self, [left, top]: [u32; 2]) {
         for (y, row) in (0..).zip(picture.rgba.chunks_exact(picture.size[0] as usize * 4)) {
             for (x, pixel) in (0..).zip(row.chunks_exact(4)) {
@@ -87,7 +87,6 @@ impl Canvas {
         }
     }
 
-    /// Fill a rectangle.
     pub fn fill(&mut self, [left, top]: [u32; 2], [width, height]: [u32; 2], colour: [u8; 3]) {
         for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (left + x, top + y))) {
             if let Some(place) = self.at(x.into(), y.into()) {
@@ -96,8 +95,8 @@ impl Canvas {
         }
     }
 
-    /// Write a line of text, `size` pixels high, from, around or up to `x`, with its base line at `y`. What is wider
-    /// than `most` is set smaller, down to a half, and then cut.
+    /// Writes a line of text, `size` pixels high, aligned at `x`, with its baseline at `y`. Text wider than `most` is
+    /// set smaller, down to half the size, and then cut off.
     pub fn text(&mut self, text: &str, (x, y): (f32, f32), size: f32, ink: [u8; 3], align: Align, most: f32) {
         let Ok(font) = FontRef::try_from_slice(epaint_default_fonts::UBUNTU_LIGHT) else { return };
         let width = |text: &str, size: f32| {
@@ -133,7 +132,6 @@ impl Canvas {
         }
     }
 
-    /// A PNG file of it.
     pub fn png(&self) -> Result<Vec<u8>, Failure> {
         let mut file = vec![];
         let mut encoder = encoder(&mut file, self.size);
@@ -143,13 +141,12 @@ impl Canvas {
         Ok(file)
     }
 
-    /// Write it as PNG.
     pub fn save(&self, path: &Path) -> Result<(), Failure> {
         write_file(path, self.png()?)
     }
 }
 
-/// An encoder of pictures like ours.
+/// A PNG encoder for 8-bit RGBA in sRGB.
 pub fn encoder<W: std::io::Write>(out: W, [width, height]: [u32; 2]) -> png::Encoder<'static, W> {
     let mut encoder = png::Encoder::new(out, width, height);
     encoder.set_color(png::ColorType::Rgba);
@@ -158,7 +155,7 @@ pub fn encoder<W: std::io::Write>(out: W, [width, height]: [u32; 2]) -> png::Enc
     encoder
 }
 
-/// Ink over a pixel.
+/// Blends ink over a pixel.
 fn blend(pixel: &mut [u8], ink: [u8; 3], share: f32) {
     let behind = f32::from(pixel[3]) / 255.0;
     let opacity = share + behind * (1.0 - share);

@@ -1,4 +1,4 @@
-//! A whole clip: the device draws ahead while other threads encode.
+//! A whole clip: other threads encode while the device draws ahead.
 
 use super::canvas::{Canvas, encoder};
 use super::easel::Easel;
@@ -12,12 +12,12 @@ use std::io::Write;
 use std::path::Path;
 use std::sync::mpsc::sync_channel;
 
-/// Pixels of a frame where no size is given.
+/// Default size of a frame, in pixels.
 const SIZE: [u32; 2] = [512; 2];
-/// Frames that wait to be encoded.
+/// Most frames waiting to be encoded.
 const WAITING: usize = 4;
 
-/// Whether a clip goes into one file, an animated PNG; else into a folder.
+/// Whether a clip is written as one file, an animated PNG, rather than into a folder.
 pub fn is_one_file(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png") || e.eq_ignore_ascii_case("apng"))
 }
@@ -66,7 +66,7 @@ pub fn draw(scenery: &Scenery<'_>, output: &Path) -> Result<Done, Failure> {
 
 type All<'a> = dyn FnMut(&mut dyn FnMut(Canvas) -> bool) -> Result<(), Failure> + 'a;
 
-/// One file, encoded on a thread of its own.
+/// Writes one file, encoded on its own thread.
 fn animated(path: &Path, size: [u32; 2], count: usize, fps: f32, all: &mut All<'_>) -> Result<(), Failure> {
     let failed = |e: png::EncodingError| Failure::Failed(format!("{}: cannot be encoded: {e}", path.display()));
     std::thread::scope(|scope| {
@@ -76,7 +76,7 @@ fn animated(path: &Path, size: [u32; 2], count: usize, fps: f32, all: &mut All<'
             let mut encoder = encoder(&mut file, size);
             encoder.set_compression(png::Compression::Fast);
             encoder.set_animated(count as u32, 0)?;
-            // A fraction of 16 bits each.
+            // A fraction of two 16-bit numbers.
             encoder.set_frame_delay((1000.0 / fps.max(0.016)).round() as u16, 1000)?;
             let mut writer = encoder.write_header()?;
             for frame in frames {
@@ -94,7 +94,7 @@ fn animated(path: &Path, size: [u32; 2], count: usize, fps: f32, all: &mut All<'
     })
 }
 
-/// A file for each frame, encoded on threads of their own.
+/// Writes a file for each frame, encoded on several threads.
 fn numbered(folder: &Path, all: &mut All<'_>) -> Result<(), Failure> {
     std::thread::scope(|scope| {
         let (sender, frames) = sync_channel::<(usize, Canvas)>(WAITING);
@@ -110,7 +110,7 @@ fn numbered(folder: &Path, all: &mut All<'_>) -> Result<(), Failure> {
     })
 }
 
-/// Whether a file of the folder is one of ours.
+/// Whether a file of the folder was written by an earlier run.
 fn is_frame(name: &str) -> bool {
     let number = name.strip_prefix("frame_").and_then(|rest| rest.strip_suffix(".png"));
     number.is_some_and(|number| number.len() >= 5 && number.bytes().all(|b| b.is_ascii_digit()))

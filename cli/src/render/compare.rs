@@ -1,4 +1,4 @@
-//! Before and after: the mesh as it was imported, and what packing makes of it.
+//! Before and after: the imported mesh, and its pose in the path and formats chosen.
 
 use super::canvas::{Align, Canvas};
 use super::easel::Easel;
@@ -8,7 +8,7 @@ use crate::output::Failure;
 use deltamorph::reference::evaluate_unpacked;
 use std::path::Path;
 
-/// The mesh as it was imported, and beside it what path and format make of it, `factor` times as far off as it is.
+/// Draws the pose of the imported mesh, and next to it that of path and formats, with its error multiplied by `factor`.
 pub fn draw(scenery: &Scenery<'_>, factor: f32, output: &Path) -> Result<Done, Failure> {
     let (stage, [weights, _]) = (scenery.stage, scenery.weights()?);
     let [width, height] = scenery.args.size.unwrap_or([2 * SIZE[0], SIZE[1]]);

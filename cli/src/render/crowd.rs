@@ -1,4 +1,4 @@
-//! A crowd, each head with an expression of its own.
+//! A crowd, each instance with its own expression.
 
 use super::easel::Easel;
 use super::heat;
@@ -9,10 +9,10 @@ use deltamorph_head::Rng;
 use glam::{Mat4, Vec3};
 use std::path::Path;
 
-/// Weights of each head, those before, and which frames of the clip they are.
+/// Weights of each instance, those of the frame before, and the frames of the clip that they show.
 type Expressions = ([Vec<Vec<f32>>; 2], Vec<Option<usize>>);
 
-/// Pixels of a picture where no size is given.
+/// Default size of a picture, in pixels.
 const SIZE: [u32; 2] = [1280, 720];
 
 pub fn draw(scenery: &Scenery<'_>, heads: u32, output: &Path) -> Result<Done, Failure> {
@@ -42,8 +42,8 @@ pub fn draw(scenery: &Scenery<'_>, heads: u32, output: &Path) -> Result<Done, Fa
     Ok(Done { what, size, frames: 1, scale, kept: easel.kept() })
 }
 
-/// Frames of the clip that lie far from each other, the frame before each, and their numbers; without a clip a few
-/// targets each, by the seed, and the base pose.
+/// Frames spread over the clip, the frame before each, and their numbers; without a clip, a few random targets each,
+/// and the base pose.
 fn expressions(scenery: &Scenery<'_>, heads: usize) -> Result<Expressions, Failure> {
     let args = scenery.args;
     let named = args.weights.is_some() || !args.layers.layers.is_empty();
@@ -59,7 +59,7 @@ fn expressions(scenery: &Scenery<'_>, heads: usize) -> Result<Expressions, Failu
         let mut settings = args.set.clone();
         for _ in 0..controls.len().min(5) {
             let (name, weight) = (controls[rng.below(controls.len())], 0.2 + 0.6 * rng.unit());
-            // What is asked for stands.
+            // `--set` takes precedence.
             if !args.set.iter().any(|(set, _)| set == name) {
                 settings.retain(|(set, _)| set != name);
                 settings.push((name.to_owned(), weight));
@@ -71,12 +71,13 @@ fn expressions(scenery: &Scenery<'_>, heads: usize) -> Result<Expressions, Failu
     Ok(([poses?, vec![vec![0.0; scenery.input.kept.targets.len()]; heads]], vec![None; heads]))
 }
 
-/// Rows of as many heads as can be, behind each other, each a little higher; heads turn a little towards the middle.
+/// Places in rows that fill the picture, each row behind and slightly above the one in front; instances turn slightly
+/// towards the middle.
 pub fn places(focus: &[Vec3], heads: u32, [width, height]: [u32; 2]) -> Vec<Mat4> {
     let (low, high) = bounds(focus.iter().copied());
     let (middle, extent) = ((low + high) / 2.0, (high - low).max(Vec3::splat(f32::MIN_POSITIVE)));
     let (across, behind, up) = (extent.x * 1.12, extent.z * 0.95, extent.y * 0.66);
-    // Heads in a row, so that rows are as wide as all of them are high.
+    // Ratio of instances per row to rows if the rows fill the picture.
     let wide = width as f32 / height as f32 * up / across;
     let rows = ((heads as f32 / wide).sqrt().round() as u32).clamp(1, heads);
     let place = |i: u32| {

@@ -1,4 +1,4 @@
-//! What every picture needs: the mesh, packed and uploaded, a camera that fits it, and heads on whatever path.
+//! The base of every picture: the mesh, packed and uploaded, a camera that fits it, and instances on the chosen path.
 
 use super::canvas::Canvas;
 use super::joints::Joints;
@@ -14,41 +14,41 @@ use deltamorph_render::{Camera, Light, Poses, Scene, Show, Step, StoredPose, Stu
 use glam::{Mat4, Vec3};
 use std::sync::Arc;
 
-/// Pictures that are drawn at a time: the processor encodes and plans while the device draws.
+/// Pictures in flight: the processor encodes and plans while the device draws.
 const IN_FLIGHT: u32 = 3;
-/// What a frame of a clip leaves of the brightness of what an update changed.
+/// Share of the glow of changed blocks that remains after each frame of a clip.
 const AFTERGLOW: f32 = 0.8;
-/// Share of a picture that stays free at each edge, for what poses add.
+/// Share of a picture that stays free at each edge, since poses extend beyond the base pose.
 const MARGIN: f32 = 0.08;
 
-/// A studio, heads, and how they are looked at.
+/// A studio, instances, and a view of them.
 pub struct Easel<'a> {
     studio: Studio<'a>,
     heads: Heads,
     places: Vec<Mat4>,
-    /// Which frame of the clip each head shows, for its joints; `None`: they are at rest.
+    /// Frame of the clip that each instance shows, for its joints; `None`: at rest.
     pub frames: Vec<Option<usize>>,
     joints: Option<&'a Joints>,
     pub scene: Scene,
     background: [f32; 4],
-    /// How many targets heads keep, where not all.
+    /// Number of targets that instances keep.
     detail: Detail,
     kept: Option<Kept>,
     camera: lod::Camera,
 }
 
-/// Who makes the poses.
+/// The source of the poses.
 enum Heads {
     /// The studio's crowd.
     Device,
-    /// The path `cpu`: the heads, of this mesh, updated so.
+    /// A crowd on the path `cpu`, its mesh and its update description.
     Processor(Box<CpuCrowd>, Arc<PackedMesh>, UpdateDesc),
-    /// Whoever calls, in float32.
+    /// Poses given by the caller, in float32.
     Given,
 }
 
 impl<'a> Easel<'a> {
-    /// For pictures of this size, with a head at each of `places`, on the path of the command line.
+    /// For pictures of this size, with an instance at each of `places`, on the path of the command line.
     pub fn new(scenery: &'a Scenery<'_>, size: [u32; 2], places: Vec<Mat4>) -> Result<Self, Failure> {
         let stage = scenery.stage;
         let heads = if stage.desc.path == UpdatePath::Cpu {
@@ -60,7 +60,7 @@ impl<'a> Easel<'a> {
         Self::with(scenery, size, places, stage.desc, heads)
     }
 
-    /// For pictures of poses that are handed in.
+    /// For pictures of poses given by the caller.
     pub fn of_given_poses(scenery: &'a Scenery<'_>, size: [u32; 2]) -> Result<Self, Failure> {
         let update = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
         Self::with(scenery, size, vec![Mat4::IDENTITY], update, Heads::Given)
@@ -97,7 +97,7 @@ impl<'a> Easel<'a> {
             (Some(Shown::Normals), _) => Show::Normals,
             (Some(Shown::Blocks), _) => Show::Blocks,
             (Some(Shown::Wrinkles), _) => Show::Wrinkles,
-            // `heat::prepare` knows where the scale of motion ends.
+            // `heat::prepare` sets motion, whose scale it computes.
             (Some(Shown::Motion) | None, None) => Show::Shaded,
             (_, Some(squares)) => Show::Checker(squares as f32),
         };
@@ -113,7 +113,7 @@ impl<'a> Easel<'a> {
         Ok(Self { studio, heads, places, frames, joints, scene, background, detail, kept, camera: seen })
     }
 
-    /// Begin a picture of the heads with these weights; returns the oldest that is ready, when it had to be waited for.
+    /// Begins a picture of the instances with these weights. Returns the oldest picture if it had to wait for it.
     pub fn draw(&mut self, weights: &[&[f32]]) -> Result<Option<Canvas>, Failure> {
         let Self { studio, heads, places, frames, joints, scene, background, detail, kept, camera } = self;
         let mut with: Vec<Vec<f32>>;
@@ -146,7 +146,7 @@ impl<'a> Easel<'a> {
         Ok(finished.map(Canvas::from))
     }
 
-    /// A picture of a pose of six numbers a vertex, in the order of the mesh.
+    /// Draws a pose of six numbers per vertex, in the order of the mesh.
     pub fn picture_of(&mut self, stage: &Stage, pose: &[f32]) -> Result<Canvas, Failure> {
         let layout = stage.mesh.layout();
         let mut places: Vec<u32> = (0..layout.vertex_count as u32).collect();
@@ -161,12 +161,12 @@ impl<'a> Easel<'a> {
         self.last()
     }
 
-    /// Wait for the pictures that are not ready.
+    /// Waits for the remaining pictures.
     pub fn finish(&mut self) -> Result<Vec<Canvas>, Failure> {
         Ok(self.studio.finish()?.into_iter().map(Canvas::from).collect())
     }
 
-    /// One picture.
+    /// Draws one picture, and waits for it.
     pub fn picture(&mut self, weights: &[&[f32]]) -> Result<Canvas, Failure> {
         self.draw(weights)?;
         self.last()
@@ -176,17 +176,17 @@ impl<'a> Easel<'a> {
         self.finish()?.pop().ok_or_else(|| Failure::Failed("no picture was drawn; report this".into()))
     }
 
-    /// How many draws the last picture has, and how many it was spared of heads that are not in it.
+    /// Number of draws in the last picture, and of draws culled because their instances are outside it.
     pub fn draws(&self) -> [usize; 2] {
         self.studio.draws()
     }
 
-    /// Targets of all, and how many of them a head kept in the last picture, the fewest and the most; `None`: all.
+    /// The number of all targets, and the fewest and most that an instance kept in the last picture; `None`: all.
     pub fn kept(&self) -> Option<(usize, [usize; 2])> {
         self.kept.as_ref().map(Kept::of_all)
     }
 
-    /// Show these values, one a vertex, with the end of their scale.
+    /// Shows these values, one per vertex, on a scale that ends at `end`.
     pub fn show_values(&mut self, values: &[f32], end: f32) -> Result<(), Failure> {
         self.studio.set_values(values)?;
         self.scene.show = Show::Values(end);

@@ -9,8 +9,7 @@ use crate::args::values::name;
 use crate::output::Failure;
 use deltamorph_render::{Show, heat};
 
-/// Prepare a heat map for poses of these weights, each of which comes from one of `before`; returns the end of its
-/// scale, in input units.
+/// Prepares a heat map for poses, each with the weights before it; returns the end of its scale, in input units.
 pub fn prepare<'p>(
     scenery: &Scenery<'_>,
     easel: &mut Easel<'_>,
@@ -40,7 +39,7 @@ pub fn prepare<'p>(
         Some(end) => end,
         None => poses.map(of_pose).try_fold(0.0, |a, b| Ok::<_, Failure>(f32::max(a, b?)))?,
     };
-    // All where it should be: the scale ends where float32 does.
+    // If nothing deviates, the scale ends at float32 precision.
     let end = if end > 0.0 { end } else { scenery.diagonal().max(1.0) * f32::EPSILON };
     easel.scene.show = match kind {
         Some(Heat::Distance) => Show::Distance(end),
@@ -50,12 +49,12 @@ pub fn prepare<'p>(
     Ok(Some(end))
 }
 
-/// Poses, each of which comes from the one before it; the first from itself.
+/// Consecutive poses, each with the one before it; the first one with itself.
 pub fn one_after_the_other(poses: &[Vec<f32>]) -> impl Iterator<Item = (&[f32], &[f32])> {
     poses.iter().zip(poses.first().into_iter().chain(poses)).map(|(now, before)| (&now[..], &before[..]))
 }
 
-/// Draw the scale of a heat map, and what it stands for.
+/// Draws the scale of a heat map, and its meaning.
 pub fn draw_scale(scenery: &Scenery<'_>, canvas: &mut Canvas, end: f32) {
     let [width, height] = canvas.size;
     let (ink, text) = (scenery.args.background.ink(), (width.min(height) as f32 / 36.0).max(11.0));

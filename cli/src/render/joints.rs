@@ -1,4 +1,4 @@
-//! Joints of a glTF file, which move its mesh at each frame of a clip of the same file.
+//! Joints of a glTF file, which move its mesh in each frame of a clip of the same file.
 
 use super::scenery::bounds;
 use crate::args::render::{Normals, RenderArgs, Shown};
@@ -11,20 +11,20 @@ use deltamorph::import::{animation_of, is_gltf};
 use glam::{DMat4, DVec3, Vec3};
 use std::path::PathBuf;
 
-/// Points that say how far frames reach.
+/// Most points to determine the extent of frames from.
 const POINTS: usize = 100_000;
 
 pub struct Joints {
     skeleton: Skeleton,
-    /// The animation that the weights are of, and when its frames are.
+    /// The animation that the weights belong to, and the times of its frames.
     playing: Option<(usize, Vec<f64>)>,
-    /// What positions of the mesh are relative to.
+    /// Origin of the mesh's positions.
     origin: DVec3,
 }
 
 impl Joints {
-    /// Those of INPUT, where it has any; none where what is shown is of the targets alone: distances, errors, motion,
-    /// wrinkles, normals of the morphed surface.
+    /// The joints of INPUT, if it has any; `None` for pictures of targets alone: distances, errors, motion, wrinkles,
+    /// normals of the morphed surface.
     pub fn of(args: &RenderArgs, input: &Input) -> Result<Option<Self>, Failure> {
         let is_of_targets = matches!(args.show, Some(Shown::Motion | Shown::Wrinkles))
             || args.heat.is_some()
@@ -57,7 +57,7 @@ impl Joints {
         SkinDesc::new(influences.per_vertex as u32, count, &influences.joints, &influences.weights)
     }
 
-    /// Matrices at a frame of the clip; without one, at rest.
+    /// Matrices at a frame of the clip; without a frame, at rest.
     fn matrices(&self, frame: Option<usize>) -> Vec<DMat4> {
         let time =
             |(number, times): &(usize, Vec<f64>)| Some((&self.skeleton.animations[*number], *times.get(frame?)?));
@@ -66,14 +66,14 @@ impl Joints {
         matrices.into_iter().map(|matrix| from * matrix * to).collect()
     }
 
-    /// The first three rows of each.
+    /// The first three rows of each matrix.
     pub fn at(&self, frame: Option<usize>) -> Vec<f32> {
         let rows = |matrix: DMat4| matrix.transpose().to_cols_array().map(|number| number as f32);
         self.matrices(frame).into_iter().flat_map(|matrix| rows(matrix).into_iter().take(12)).collect()
     }
 
-    /// Where joints take what lies within `focus`, in this frame, or in all: base positions, and where single targets
-    /// take them.
+    /// Positions of points within `focus` after skinning, in this frame or in all: of base positions, and of vertices
+    /// moved by single targets.
     pub fn reach(&self, mesh: &MorphMesh, focus: &[Vec3], frame: Option<usize>, all: bool) -> Vec<Vec3> {
         let (low, high) = bounds(focus.iter().copied());
         let moved = mesh.targets.iter().flat_map(|target| target.vertices.iter().zip(&target.positions));

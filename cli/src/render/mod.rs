@@ -40,7 +40,7 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
             format!("--path {}: evaluates in draws of its own, and has no pose to draw; use blocks", path.name());
         return Err(Failure::Usage(text));
     }
-    // One of the two is there: clap sees to it.
+    // clap ensures that one of the two is given.
     let output = args.output.as_deref().or(args.clip.as_deref()).unwrap_or(Path::new(""));
     let read = input::files_of(&args.run.input, &args.layers.files(args.weights.as_ref()));
     if args.clip.is_some() && !clip::is_one_file(output) {
@@ -53,7 +53,7 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
         input.add_masks()?;
     }
     check_texcoords(args, &input)?;
-    // The path cpu needs no device; a picture does.
+    // The path cpu needs no device, but drawing does.
     let gpu = open(device, out)?.map(Rc::new).ok_or_else(|| {
         Failure::Failed("a picture is drawn on a Vulkan device, and there is none; ./with-vulkan installs one".into())
     })?;
@@ -91,7 +91,7 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
     out.json(&With { fields: stage.setup(), more })
 }
 
-/// A checker needs texture coordinates, and one for each vertex.
+/// Checks that a checker has a texture coordinate for each vertex.
 fn check_texcoords(args: &RenderArgs, input: &Input) -> Result<(), Failure> {
     let mesh = &input.kept;
     if args.checker.is_none() {
@@ -111,7 +111,6 @@ fn check_texcoords(args: &RenderArgs, input: &Input) -> Result<(), Failure> {
     Ok(())
 }
 
-/// One pose.
 fn single(scenery: &Scenery<'_>, output: &Path) -> Result<Done, Failure> {
     let (size, [weights, before]) = (scenery.args.size.unwrap_or(SIZE), scenery.weights()?);
     let mut easel = Easel::new(scenery, size, vec![Mat4::IDENTITY])?;

@@ -1,10 +1,10 @@
-//! What the faces of a mesh are called: importers keep neither groups nor materials.
+//! Names of a mesh's faces, since importers keep neither groups nor materials.
 
 use deltamorph::{Corner, MorphMesh};
 use std::path::Path;
 
-/// A name for each face: of a folder, that of the material in its `neutral.obj`, or of the group where no face has a
-/// material; of the built-in head, what its part is. None at all where the input is of another kind, or names nothing.
+/// A name for each face: in a folder, its material in `neutral.obj`, or its group if no face has a material; in the
+/// built-in head, its part. Empty for other kinds of input, or without names.
 pub fn of_faces(input: Option<&Path>, mesh: &MorphMesh) -> Vec<String> {
     match input {
         Some(folder) => {
@@ -14,7 +14,7 @@ pub fn of_faces(input: Option<&Path>, mesh: &MorphMesh) -> Vec<String> {
     }
 }
 
-/// The tiles of its texture coordinates tell the parts of the built-in head apart.
+/// Parts of the built-in head have separate tiles of texture coordinates.
 fn of_head(mesh: &MorphMesh) -> Vec<String> {
     const PARTS: [&str; 4] = ["skin", "eye", "teeth", "mouth"];
     let u = |corner: &Corner| corner.texcoord.map_or(0.0, |t| mesh.texcoords[t as usize].x);
@@ -28,7 +28,7 @@ fn of_head(mesh: &MorphMesh) -> Vec<String> {
 fn of_obj(text: &str) -> Vec<String> {
     let (mut group, mut material) = (String::new(), String::new());
     let (mut groups, mut materials) = (vec![], vec![]);
-    // A line that ends in a backslash goes on; only faces are as long.
+    // A backslash at the end continues a line; only faces are that long.
     let text = text.replace("\\\r\n", " ").replace("\\\n", " ");
     for line in text.split(['\n', '\r']) {
         let (keyword, rest) = line.trim_start().split_once(char::is_whitespace).unwrap_or((line, ""));

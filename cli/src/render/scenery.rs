@@ -1,4 +1,4 @@
-//! What pictures are made from: the mesh and its parts, where it is updated and drawn, the weights asked for.
+//! The inputs of pictures: the mesh and its parts, the device and update description, the requested weights.
 
 use super::joints::Joints;
 use super::names;
@@ -12,10 +12,10 @@ use glam::Vec3;
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Pixels of a picture where no size is given.
+/// Default size of a picture, in pixels.
 pub const SIZE: [u32; 2] = [768; 2];
 
-/// What a picture is made from.
+/// Inputs of a picture.
 pub struct Scenery<'a> {
     pub args: &'a RenderArgs,
     pub input: &'a Input,
@@ -26,39 +26,39 @@ pub struct Scenery<'a> {
     pub out: &'a Output,
 }
 
-/// What was written.
+/// Describes the files written.
 pub struct Done {
-    /// For people: what is in the picture.
+    /// Describes the picture in words.
     pub what: String,
     pub size: [u32; 2],
     pub frames: usize,
-    /// The end of the scale, where colours stand for values.
+    /// The end of the scale, if colours stand for values.
     pub scale: Option<f32>,
-    /// Targets of all, and how many of them a head keeps, the fewest and the most; `None`: all.
+    /// The number of all targets, and the fewest and most that an instance keeps; `None`: all.
     pub kept: Option<(usize, [usize; 2])>,
 }
 
-/// The parts of a mesh, and the positions that a picture of it has to show.
+/// The parts of a mesh, and the positions that have to be in the picture.
 pub struct Subject {
     pub parts: Vec<Part>,
     pub focus: Vec<Vec3>,
 }
 
 impl Subject {
-    /// Of the mesh that was read from `path`, or of the built-in head.
+    /// The subject of the mesh that was read from `path`, or of the built-in head.
     pub fn new(path: Option<&Path>, input: &Input) -> Self {
         Self::of_mesh(path, &input.kept)
     }
 
-    /// Of a mesh that has the faces of that one.
+    /// The subject of a mesh with the same faces as the one at `path`.
     pub fn of_mesh(path: Option<&Path>, mesh: &MorphMesh) -> Self {
         let parts = parts(mesh, &names::of_faces(path, mesh));
         Self { focus: focus(mesh, &parts), parts }
     }
 }
 
-/// Positions of what is drawn, and where single targets take it furthest; of a whole body that only has a face to move,
-/// of that and what is around it.
+/// Positions of drawn vertices, and their furthest positions by single targets; if only a small part of a body moves,
+/// only that part and its surroundings.
 fn focus(mesh: &MorphMesh, parts: &[Part]) -> Vec<Vec3> {
     let mut drawn = vec![false; mesh.vertex_count()];
     parts.iter().flat_map(|part| part.triangles.iter().flatten()).for_each(|&v| drawn[v as usize] = true);
@@ -77,13 +77,13 @@ fn focus(mesh: &MorphMesh, parts: &[Part]) -> Vec<Vec3> {
     inside.chain(furthest.iter().map(|(&v, delta)| mesh.positions[v as usize] + *delta)).collect()
 }
 
-/// The lowest and the highest corner of the box around points; the wrong way round where there are none.
+/// Lowest and highest corner of the bounding box of points; `MAX` and `MIN` without points.
 pub fn bounds(points: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
     points.fold((Vec3::MAX, Vec3::MIN), |(low, high), p| (low.min(p), high.max(p)))
 }
 
 impl Scenery<'_> {
-    /// The weights of the frame and settings asked for, and those of the frame before (of the first, and of settings
+    /// Weights of the requested frame and settings, and those of the frame before (for the first frame or settings
     /// alone, the base pose).
     pub fn weights(&self) -> Result<[Vec<f32>; 2], Failure> {
         let args = self.args;
@@ -100,7 +100,7 @@ impl Scenery<'_> {
         Ok([clip.frame(frame)?, if frame > 0 { clip.frame(frame - 1)? } else { rest() }])
     }
 
-    /// The frames of the clip that is asked for, or of the only one there is, with the settings on top; and their rate.
+    /// Frames of the requested clip, or of the only one, with the settings applied; and their rate.
     pub fn frames(&self) -> Result<(Vec<Vec<f32>>, f32), Failure> {
         let args = self.args;
         let clip = self.layered(input::one_clip(args.weights.as_deref(), &args.run.input, self.input, &args.set)?)?;

@@ -10,10 +10,10 @@ use crate::output::Failure;
 use glam::Mat4;
 use std::path::Path;
 
-/// Pixels of a cell where no size is given.
+/// Default size of a cell, in pixels.
 const CELL: [u32; 2] = [224; 2];
 
-/// The base pose and each target at weight 1.
+/// Draws the base pose, and each target at weight 1.
 pub fn draw(scenery: &Scenery<'_>, output: &Path) -> Result<Done, Failure> {
     let (args, mesh) = (scenery.args, &scenery.input.kept);
     if let Some(show) = args.show.filter(|show| show.is_of_changes()) {
@@ -28,7 +28,7 @@ pub fn draw(scenery: &Scenery<'_>, output: &Path) -> Result<Done, Failure> {
 
     let text = (cell[1] as f32 / 14.0).max(11.0);
     let caption = (text * 1.8) as u32;
-    // A little wider than high.
+    // Somewhat wider than high.
     let columns = ((poses.len() as f32 * 1.5).sqrt().ceil() as u32).min(poses.len() as u32);
     let rows = (poses.len() as u32).div_ceil(columns);
     let size = [columns * cell[0], rows * (cell[1] + caption)];
