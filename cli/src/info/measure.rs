@@ -1,4 +1,4 @@
-//! What formats cost: bytes, errors of deltas, and errors of whole poses.
+//! Costs of delta formats: bytes, errors of deltas, and errors of whole poses.
 
 use super::pose_formats::{PoseCost, pose_costs};
 use crate::input::Input;
@@ -13,14 +13,14 @@ use glam::DVec3;
 use serde::Serialize;
 use std::sync::Arc;
 
-/// The blocks of the format `small`, in the order in which packing lays the vertices out.
+/// The blocks of the format `small`, with vertices in packed order.
 #[derive(Debug, Default, PartialEq, Serialize)]
 pub struct Blocks {
     pub size: usize,
     pub count: usize,
     /// Pairs of a block and a target that moves some of its vertices.
     pub incidence: usize,
-    /// Deltas per vertex of these pairs: 1 when a target moves all of each block that it touches.
+    /// Deltas per vertex of these pairs: 1 if each target moves all vertices of the blocks it touches.
     pub fill: f64,
 }
 
@@ -28,7 +28,7 @@ pub struct Blocks {
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Cost {
     pub delta_bytes: u64,
-    /// Bytes that say which vertices they belong to (dense formats have none).
+    /// Bytes of vertex indices (dense formats have none).
     pub index_bytes: u64,
     /// Bytes of all vertices' deltas as six floats.
     pub dense_f32_bytes: u64,
@@ -52,13 +52,13 @@ impl Cost {
     }
 }
 
-/// A packed mesh, and what it costs: in the JSON of `info`, the row of its format.
+/// A packed mesh and its cost: in the JSON of `info`, the row of its format.
 #[derive(Serialize)]
 pub struct Measured {
     pub name: &'static str,
     #[serde(flatten)]
     pub cost: Cost,
-    /// What each pose format costs and loses with these deltas.
+    /// Costs and errors of each pose format with these deltas.
     pub pose_formats: Vec<PoseCost>,
     #[serde(skip)]
     pub packed: Arc<PackedMesh>,
@@ -71,8 +71,8 @@ impl Measured {
     }
 }
 
-/// `mesh` in every format; `held`, where it comes from a packed file, as the file has it, with the error that was
-/// measured when it was packed. The others pack what the file holds, and their errors are against that.
+/// Packs `mesh` in every format. `held`: the mesh of a packed file, used as it is for its own format, with the error
+/// measured when it was packed. The other formats pack the deltas of the file, and their errors are relative to those.
 pub fn measure_all(mesh: &MorphMesh, held: Option<&Arc<PackedMesh>>) -> Result<Vec<Measured>, Failure> {
     let one = |format| match held.map(|held| (held, &held.layout().blocks)) {
         Some((held, Some(blocks))) if held.layout().format == format => Ok(Measured::new(held.clone(), blocks.error())),
@@ -82,14 +82,14 @@ pub fn measure_all(mesh: &MorphMesh, held: Option<&Arc<PackedMesh>>) -> Result<V
 }
 
 pub fn measure(mesh: &MorphMesh, format: DeltaFormat, blocks: BlockDesc) -> Result<Measured, Failure> {
-    // One chunk, whatever a device would bind: chunks change neither bytes nor values.
+    // One chunk, regardless of devices: chunks change neither bytes nor values.
     let desc = PackDesc::new(format).max_chunk_bytes(u64::MAX).max_chunk_vertices(u64::MAX).blocks(blocks);
     let packed = Arc::new(PackedMesh::pack(mesh, &desc)?);
     let error = packed.measure_error(mesh);
     Ok(Measured::new(packed, error))
 }
 
-/// How tightly the targets fill the blocks of `packed`; nothing for a dense format.
+/// Block statistics of `packed`; zeros for a dense format.
 pub fn blocks(packed: &PackedMesh) -> Blocks {
     let Some(index) = &packed.layout().blocks else { return Blocks::default() };
     let mut deltas = 0usize;
@@ -105,17 +105,17 @@ pub fn blocks(packed: &PackedMesh) -> Blocks {
     }
 }
 
-/// A way to pack, and what it costs.
+/// Options of packing, and their cost.
 #[derive(Debug, Serialize)]
 pub struct SweepRow {
     pub format: &'static str,
     /// Vertices per block; `None` for dense formats.
     pub block_size: Option<usize>,
-    /// Position error allowed, as a fraction of the diagonal; `None` where it is not chosen.
+    /// Position error allowed, as a fraction of the diagonal; `None` if the format has no such choice.
     pub position_allowed_rel: Option<f32>,
     /// Normal error allowed, in degrees.
     pub normal_allowed_deg: Option<f32>,
-    /// Bytes of deltas and of what says where they belong.
+    /// Bytes of deltas and indices.
     pub bytes: u64,
     /// The same as a share of all vertices' deltas as six floats.
     pub share: f64,
@@ -131,7 +131,7 @@ pub struct PoseRow {
     pub format: &'static str,
     /// Largest position error, as a fraction of the diagonal.
     pub position_error_rel: f64,
-    /// Largest angle between normals, in degrees: where targets fold a normal to almost nothing, a small error turns it
+    /// Largest angle between normals, in degrees. If targets fold a normal to almost nothing, a small error turns it
     /// far.
     pub normal_error_deg: f64,
     /// The angle that 999 of 1000 normals do not exceed, in degrees.
@@ -140,10 +140,10 @@ pub struct PoseRow {
 
 /// Steps of √10 from 1e-3 to 1e-6 of the diagonal.
 const STEPS: i32 = 7;
-/// Frames of a clip that are looked at.
+/// Most frames of a clip to evaluate.
 const FRAMES: usize = 32;
 
-/// The format `small` over the errors allowed and the block sizes, then every format as it is by default.
+/// The format `small` over a range of allowed errors and block sizes, then every format with its defaults.
 pub fn sweep(mesh: &MorphMesh, formats: &[Measured], out: &Output) -> Result<Vec<SweepRow>, Failure> {
     let bar = out.bar(STEPS as u64 * BLOCK_SIZES.len() as u64);
     let default = BlockDesc::default();
@@ -151,7 +151,7 @@ pub fn sweep(mesh: &MorphMesh, formats: &[Measured], out: &Output) -> Result<Vec
     for size in BLOCK_SIZES {
         for step in 0..STEPS {
             let position_error = 10f32.powf(-3.0 - 0.5 * step as f32);
-            // In the proportion of the defaults.
+            // Proportional to the defaults.
             let normal_error_degrees = default.normal_error_degrees * position_error / default.position_error;
             let desc =
                 default.size(Some(size)).position_error(position_error).normal_error_degrees(normal_error_degrees);
@@ -178,7 +178,7 @@ fn row(measured: &Measured, desc: Option<BlockDesc>) -> SweepRow {
     }
 }
 
-/// The largest error of poses of each clip in each format, against the raw files.
+/// The largest errors of poses of each clip in each format, against the raw files.
 pub fn poses(input: &Input, formats: &[Measured], clips: &[BoundClip], out: &Output) -> Vec<PoseRow> {
     let bar = out.bar(clips.iter().map(|c| c.frame_count().min(FRAMES) as u64).sum());
     let mut rows = vec![];
@@ -210,7 +210,7 @@ pub fn poses(input: &Input, formats: &[Measured], clips: &[BoundClip], out: &Out
 #[derive(Clone, Default)]
 struct Errors {
     largest: PoseError,
-    /// Of every normal that has a direction.
+    /// Angles of all normals with a direction.
     angles: Vec<f32>,
 }
 
@@ -224,14 +224,14 @@ impl Errors {
         self.angles.extend(pairs.map(|(a, b)| angle_degrees(a, b) as f32));
     }
 
-    /// The angle that 999 of 1000 do not exceed.
+    /// The angle that 999 of 1000 normals do not exceed.
     fn usual_angle(mut self) -> f32 {
         let at = self.angles.len() * 999 / 1000;
         if at == self.angles.len() { 0.0 } else { *self.angles.select_nth_unstable_by(at, f32::total_cmp).1 }
     }
 }
 
-/// Up to [`FRAMES`] of `count` frames, the last one among them.
+/// Up to [`FRAMES`] of `count` frames, including the last one.
 fn spread(count: usize) -> Vec<usize> {
     let n = count.min(FRAMES);
     (1..=n).map(|i| count * i / n - 1).collect()
@@ -264,7 +264,7 @@ mod tests {
         let found =
             |mesh: &MorphMesh, format| blocks(&measure(mesh, format, BlockDesc::default()).expect("packed").packed);
         let small = found(&mesh, DeltaFormat::Small);
-        // Vertices that move together lie together: 64 of one target take two blocks, three of another at most three.
+        // Vertices that move together are adjacent: 64 of one target take two blocks, three of another at most three.
         assert_eq!((small.size, small.count), (32, 6));
         assert!((3..=5).contains(&small.incidence), "{small:?}");
         assert_eq!(small.fill, 67.0 / (small.incidence * 32) as f64);

@@ -1,4 +1,4 @@
-//! What pose formats cost and lose on a packed mesh, in `info` and `pack`.
+//! Costs and errors of pose formats on a packed mesh, in `info` and `pack`.
 
 use crate::table::{Table, sig3};
 use crate::verify::scale;
@@ -11,28 +11,28 @@ pub struct PoseCost {
     pub name: &'static str,
     /// Bytes of a vertex in each pose buffer.
     pub vertex_bytes: usize,
-    /// Where poses are integers, what these are multiples of; else `None`.
+    /// The unit of fixed-point poses; `None` for others.
     pub grid: Option<Grid>,
-    /// Why the mesh cannot be updated in it; else `None`.
+    /// The reason if the mesh cannot be updated in it; else `None`.
     pub refused: Option<String>,
 }
 
-/// The grid of weights and poses, with the largest weight where none is named.
+/// The grid of weights and poses, at the default largest weight.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Grid {
     /// Weights are whole multiples of 2^-bits.
     pub weight_bits: u32,
-    /// The largest weight, either sign.
+    /// The largest absolute weight.
     pub weight_max: f32,
-    /// What the integers of positions are multiples of, in input units and as a fraction of the diagonal.
+    /// Unit of fixed-point positions, in input units and as a fraction of the diagonal.
     pub position_unit: f32,
     pub position_unit_rel: f64,
-    /// What the integers of normals are multiples of.
+    /// Unit of fixed-point normals.
     pub normal_unit: f32,
-    /// Most targets that touch a block, or, of dense deltas, move a vertex.
+    /// Most targets that touch a block; for dense deltas, that move a vertex.
     pub targets_most: usize,
-    /// How far rounding may move a vertex when all of them are active, in input units and as a fraction of the
-    /// diagonal; 0 where poses are not rounded. Packing and the rounding of weights come on top.
+    /// Largest distance that rounding moves a vertex if all of them are active, in input units and as a fraction of the
+    /// diagonal; 0 if poses are not rounded. Errors of packing and of rounding weights are extra.
     pub rounding_error: f32,
     pub rounding_error_rel: f64,
 }
@@ -62,7 +62,7 @@ pub fn pose_costs(layout: &PackedLayout) -> Vec<PoseCost> {
     PoseFormat::ALL.into_iter().map(cost).collect()
 }
 
-/// The same for people, beside the error of packing.
+/// The same as a table, next to the error of packing.
 pub fn pose_table(costs: &[PoseCost], packing_rel: f64) -> String {
     let headings = ["poses", "bytes/vertex", "unit", "rounding at most", "packing", "normals' unit", "weights up to"];
     let (mut table, mut refused) = (Table::new(&headings, 1), String::new());

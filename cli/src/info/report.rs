@@ -9,14 +9,14 @@ use crate::table::{Column, Table, bytes, percent, sig3, thousands};
 use maud::{Markup, html};
 use std::path::Path;
 
-/// Make sure that `dir` is ours to write to: new, empty, or with an earlier report.
+/// Ensures that `dir` may be written: it is new, empty, or has an earlier report.
 pub fn claim(dir: &Path) -> Result<(), Failure> {
     let complaint = "holds something else than a report of info; name another one with --report";
     let sweep = |text: String| serde_json::from_str::<serde_json::Value>(&text).ok()?.get("sweep").cloned();
     output::claim(dir, complaint, || std::fs::read_to_string(dir.join("info.json")).ok().and_then(sweep).is_some())
 }
 
-/// Write everything into `dir`, replacing what an earlier run left there when all is drawn.
+/// Writes everything into `dir`; replaces the files of an earlier run once all is drawn.
 pub fn write(info: &Info, dir: &Path) -> Result<(), Failure> {
     let write = |dir: &Path| {
         write_file(&dir.join("info.json"), to_json(info)?)?;

@@ -5,7 +5,7 @@ use deltamorph::internals::diagonal;
 use deltamorph::{Corner, Faces, Tolerance, WeightClip};
 use std::sync::Arc;
 
-/// 130 vertices in a row; one target moves 0..64 (a whole block), one moves 63, 64 and 129, one nothing.
+/// 130 vertices in a row; one target moves 0..64 (a whole block), one moves 63, 64 and 129, one moves none.
 pub fn mesh() -> MorphMesh {
     let positions: Vec<Vec3> = (0..130).map(|i| Vec3::new(i as f32, 0.0, 0.0)).collect();
     let target = |name: &str, vertices: Vec<u32>| MorphTarget {

@@ -1,4 +1,4 @@
-//! Axes: which values are marked, and where they stand.
+//! Axes: ticks, labels, and positions of values.
 
 use super::ALL;
 use crate::table::sig3;
@@ -9,30 +9,31 @@ use std::ops::Range;
 /// An axis over a range of values.
 #[derive(Clone, Debug)]
 pub struct Axis {
-    /// Equal steps for equal ratios; else for equal differences.
+    /// Logarithmic; else linear.
     log: bool,
     lo: f64,
     hi: f64,
-    /// Where the numbers end: 1, or before "all".
+    /// Position where numbers end: 1, or before "all".
     end: f64,
-    /// What is marked, and with which label; an empty one where there is no room.
+    /// Ticks with their labels; a label is empty if there is no room for it.
     ticks: Vec<(f64, String)>,
 }
 
-/// Most ticks that stand beside each other without crowding.
+/// Most ticks of measures.
 const MOST_TICKS: usize = 9;
-/// Most of them where they are counts, with one or two digits.
+/// Most ticks of counts, which have one or two digits.
 const MOST_COUNTS: usize = 21;
-/// From these ratios on, small values and counts need a log axis to be seen.
+/// Ratios above which small values and counts are legible only on a log axis.
 const LOG_RATIO: f64 = 6.0;
 const LOG_RATIO_OF_COUNTS: f64 = 30.0;
-/// Where numbers end that "all" follows.
+/// Position where numbers end if "all" follows.
 const END: f64 = 0.92;
-/// How wide a character of a label is, in points, and a gap between labels.
+/// Width of a character of a label, in points, and of a gap between labels.
 const CHARACTER: f64 = 7.2;
 
 impl Axis {
-    /// An axis for measures: logarithmic when those above 0 span much, so that 0 stands at the start; else from 0.
+    /// An axis for measures: logarithmic if the values above 0 span a large ratio, with 0 at the start; else linear
+    /// from 0.
     pub fn values(values: impl IntoIterator<Item = f64>) -> Self {
         let (lo, hi) = span(values.into_iter().filter(|v| *v > 0.0));
         if lo <= 0.0 || hi / lo < LOG_RATIO {
@@ -48,7 +49,8 @@ impl Axis {
         Self::new(false, 0.0, hi, 1.0, &marks(0.0, hi, MOST_TICKS))
     }
 
-    /// An axis for counts: marks few values themselves, logarithmic when they span much; [`ALL`] stands at "all".
+    /// An axis for counts: ticks at the values if they are few; logarithmic if they span a large ratio; [`ALL`] is
+    /// labelled "all".
     pub fn counts(values: impl IntoIterator<Item = f64>) -> Self {
         let (mut own, beyond): (Vec<f64>, Vec<f64>) = values.into_iter().partition(|v| v.is_finite());
         own.sort_by(f64::total_cmp);
@@ -74,8 +76,8 @@ impl Axis {
         Self { log, lo, hi, end, ticks }
     }
 
-    /// With the labels that have room beside each other on a horizontal axis of `length` points: the last one, and
-    /// before it those that leave a gap.
+    /// Keeps the labels that fit on a horizontal axis of `length` points: the last one, and earlier ones that leave a
+    /// gap.
     pub fn fitting(mut self, length: f64) -> Self {
         let mut start = f64::INFINITY;
         let places: Vec<f64> = self.ticks.iter().map(|(tick, _)| length * self.at(*tick)).collect();
@@ -90,12 +92,12 @@ impl Axis {
         self
     }
 
-    /// Where `value` stands: 0 at the start, 1 at the end.
+    /// Position of `value`: 0 at the start, 1 at the end.
     fn at(&self, value: f64) -> f64 {
         if value == ALL {
             return 1.0 - 0.3 * (1.0 - self.end);
         }
-        // A value that a logarithm cannot show stands at the start.
+        // Values without a logarithm are at the start.
         let part = if self.log {
             (value.max(self.lo) / self.lo).ln() / (self.hi / self.lo).ln()
         } else {
@@ -104,7 +106,7 @@ impl Axis {
         self.end * part
     }
 
-    /// The label of a tick; empty where there is no room for one.
+    /// The label of a tick; empty if there is no room for one.
     pub fn label(&self, value: f64) -> String {
         self.ticks.iter().find(|(tick, _)| *tick == value).map_or(String::new(), |(_, label)| label.clone())
     }
@@ -127,7 +129,7 @@ impl Ranged for Axis {
     }
 }
 
-/// No more digits than it needs.
+/// Formats `value` without superfluous digits.
 fn label(value: f64) -> String {
     let text = if value.abs() >= 100.0 { format!("{value:.0}") } else { sig3(value) };
     match text.contains('.') && !text.contains('e') {
@@ -141,12 +143,12 @@ fn span(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
     if lo <= hi { (lo, hi) } else { (0.0, 1.0) }
 }
 
-/// At most so many multiples of 1, 2 or 5 in a range.
+/// Multiples of 1, 2 or 5 times a power of ten in a range, at most `most`.
 fn marks(lo: f64, hi: f64, most: usize) -> Vec<f64> {
     RangedCoordf64::from(lo..hi).key_points(most)
 }
 
-/// As many marks in each decade as there is room for.
+/// Ticks in each decade, as many as fit.
 fn log_ticks(lo: f64, hi: f64) -> Vec<f64> {
     let sets: [&[f64]; 4] = [&[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0], &[1.0, 2.0, 3.0, 5.0], &[1.0, 2.0, 5.0], &[1.0]];
     let marks = |set: &[f64]| -> Vec<f64> {

@@ -1,5 +1,5 @@
-//! Drawing figures with plotters, as SVG and PNG: its axes, labels and grids; the legend outside the data, the "all" at
-//! the end of an axis, and the markers are drawn here.
+//! Draws figures with plotters, as SVG and PNG. Axes, labels and grids are its own; the legend outside the data, the
+//! "all" at the end of an axis, and the markers are drawn here.
 
 use super::axis::Axis;
 use super::plan::{BAR, DATA, ENTRY, GAP, LEADING, MARGIN, Plan, SAMPLE, TEXT, TICKS, TITLE, width};
@@ -12,16 +12,16 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::f64::consts::TAU;
 use std::path::Path;
 
-/// The family that text is set in: the browser's own in SVG, the built-in font in PNG.
+/// Font family of text: in SVG the browser's own, in PNG the built-in font.
 const FONT: &str = "sans-serif";
-/// Widths in points: for a column of a wide page, and for a phone, which shows it about as wide as it is.
+/// Widths in points: of a column of a wide page, and of a phone.
 const WIDE: f64 = 640.0;
 const NARROW: f64 = 360.0;
-/// Space for the labels of the axis that measures, and for its name.
+/// Space for the labels and the name of the vertical axis.
 const LABELS: f64 = 52.0;
 
 const INK: RGBColor = RGBColor(0x22, 0x26, 0x2e);
-/// Ink of what explains.
+/// Ink of explanations.
 const MUTED: RGBColor = RGBColor(0x66, 0x6d, 0x7a);
 /// Ink of axes.
 const AXIS: RGBColor = RGBColor(0x9a, 0xa1, 0xad);
@@ -32,12 +32,12 @@ type Error<DB> = DrawingAreaErrorKind<<DB as DrawingBackend>::ErrorType>;
 
 /// Pixels per point in the files: sharp on dense screens.
 const SCALE: f64 = 2.0;
-/// PNGs are drawn this much larger and averaged: the bitmaps of plotters have no smooth polygons.
+/// PNGs are drawn this much larger and averaged: plotters does not antialias polygons in bitmaps.
 const SUPERSAMPLE: u32 = 2;
-/// plotters centres text in bitmaps by a height that leaves the descenders out.
+/// In bitmaps, plotters centres text by a height without descenders.
 const BITMAP_LIFT: f64 = 0.2;
 
-/// A figure as it was drawn: as SVG for pages that are wide, and for those that are not.
+/// A drawn figure, as SVG for wide and for narrow pages.
 pub struct Drawn {
     pub figure: Figure,
     pub wide: String,
@@ -45,7 +45,7 @@ pub struct Drawn {
 }
 
 impl Figure {
-    /// Draw the figure, and write it into `dir` as SVG and as PNG, both wide.
+    /// Draws the figure, and writes it into `dir` as SVG and as PNG, both wide.
     pub fn write(self, dir: &Path) -> Result<Drawn, Failure> {
         register_font()?;
         let [wide, narrow] = [WIDE, NARROW].map(|width| self.svg(width));
@@ -66,13 +66,13 @@ impl Figure {
         Ok(Drawn { wide, narrow: narrow?, figure: self })
     }
 
-    /// Draw the figure, and write it as SVG, wide.
+    /// Draws the figure, and writes it as SVG, wide.
     pub fn save_svg(&self, path: &Path) -> Result<(), Failure> {
         register_font()?;
         write_file(path, self.svg(WIDE)?)
     }
 
-    /// The figure as SVG, so many points wide.
+    /// The figure as SVG, `width` points wide.
     fn svg(&self, width: f64) -> Result<String, Failure> {
         let (plan, mut svg) = (Plan::new(self, width), String::new());
         let area = SVGBackend::with_string(&mut svg, plan.size(SCALE)).into_drawing_area();
@@ -82,7 +82,7 @@ impl Figure {
     }
 }
 
-/// The font comes along, so that no machine needs fonts of its own.
+/// Registers the built-in font, so that no machine needs its own.
 fn register_font() -> Result<(), Failure> {
     let registered = plotters::style::register_font(FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT);
     registered.map_err(|_| failed("the built-in font is damaged"))
@@ -97,7 +97,7 @@ struct Sheet<'a, DB: DrawingBackend> {
     area: &'a DrawingArea<DB, Shift>,
     /// Pixels per point.
     scale: f64,
-    /// How far the area sets text too high, as a part of its size.
+    /// Offset by which the backend sets text too high, as a fraction of the text size.
     lift: f64,
     plan: Plan,
 }
@@ -128,18 +128,18 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
     }
 
     fn style(&self, size: f64, color: RGBColor) -> TextStyle<'static> {
-        // plotters sizes a font by its line height, 1.24 of what everyone else calls its size.
+        // plotters sizes a font by its line height, 1.24 times the usual size.
         (FONT, size * 1.24 * self.scale).into_font().color(&color)
     }
 
-    /// A line of text, centred on `at` vertically.
+    /// Writes a line of text, vertically centred on `at`.
     fn text(&self, text: &str, at: (f64, f64), size: f64, color: RGBColor, side: HPos) -> Result<(), Error<DB>> {
         let style = self.style(size, color).pos(Pos::new(side, VPos::Center));
         self.area.draw_text(text, &style, (self.px(at.0), self.px(at.1 + self.lift * size)))
     }
 
-    /// Draw axes with their labels between `left` and the right margin, down to `height` below the heading, and a grid
-    /// across the one that values are read from: y where it has a name, else x.
+    /// Draws axes with their labels between `left` and the right margin, down to `height` below the heading, and a grid
+    /// for one axis: y if it has a name, else x.
     fn axes(
         &self,
         [x, y]: [Axis; 2],
@@ -174,7 +174,7 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
 
     fn lines(&self, name: &str, axes: Axes, all: &[Series]) -> Result<(), Error<DB>> {
         let points = || all.iter().flat_map(|series| &series.points);
-        // Error bars belong to the data: the axis makes room for them.
+        // Error bars belong to the data: the axis includes them.
         let values = points().flat_map(|p| [p.low, p.high]);
         let numbers = points().map(|p| p.x);
         let (x, y) = match axes {
@@ -190,7 +190,7 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
             let (numbers, beyond): (Vec<Point>, Vec<Point>) = series.points.iter().partition(|p| p.x.is_finite());
             self.area.draw(&PathElement::new(numbers.iter().map(at).collect::<Vec<_>>(), self.pen(color, 2.0)))?;
             if let Some(beyond) = beyond.first() {
-                // A path without batches: a level to compare the others with.
+                // A path without batches: a horizontal line to compare the others with.
                 let ends = [numbers.last().map_or((start, at(beyond).1), at), at(beyond)];
                 self.area.draw(&DashedPathElement::new(ends, self.px(5.0), self.px(4.0), self.pen(color, 1.5)))?;
             }
@@ -200,7 +200,7 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
                 self.marker(series.look, at(p))?;
             }
         }
-        // What x counts, then the legend, in columns as there is room for.
+        // The name of x, then the legend, in as many columns as fit.
         let (plan, mut y) = (&self.plan, self.plan.top + DATA + TICKS);
         for line in &plan.counted {
             y += LEADING * TEXT;
@@ -233,12 +233,12 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
         let (left, right) = plan.beside.unwrap_or((MARGIN, MARGIN + 4.0));
         let chart = self.axes([x, Axis::from_zero(1.0)], "", left, right, row * bars.len() as f64)?;
         for (i, bar) in bars.iter().enumerate() {
-            // The bar at the foot of its row, where its words do not stand beside it.
+            // If its text is not beside it, the bar is at the bottom of its row.
             let y = plan.top + row * (i as f64 + 1.0) - (GAP + BAR) / 2.0;
             let [start, end] = [0.0, bar.length].map(|x| chart.plotting_area().map_coordinate(&(x, 0.0)).0);
             let [top, bottom] = [y - BAR / 2.0, y + BAR / 2.0].map(|y| self.px(y));
             self.area.draw(&Rectangle::new([(start, top), (end.max(start + 1), bottom)], bar.look.color().filled()))?;
-            // Words stand on paper, so that the grid does not cross them.
+            // A background for text, so that the grid does not cross it.
             let paper = |x: f64, y: f64, text: &str| {
                 let [x, end] = [x - 3.0, x + width(text, TEXT) + 3.0].map(|x| self.px(x));
                 let corners = [(x, self.px(y - 8.0)), (end, self.px(y + 8.0))];

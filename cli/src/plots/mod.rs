@@ -1,4 +1,4 @@
-//! The figures of a report: what they show.
+//! The figures of a report: their contents.
 
 mod axis;
 mod draw;
@@ -12,10 +12,10 @@ use plotters::prelude::RGBColor;
 pub struct Figure {
     /// File name without extension.
     pub slug: String,
-    /// What a reader should know.
+    /// An explanation for readers.
     pub caption: String,
     pub title: String,
-    /// What is constant.
+    /// Constants of the measurements.
     pub subtitle: [String; 2],
     pub chart: Chart,
 }
@@ -23,7 +23,7 @@ pub struct Figure {
 #[derive(Clone, Debug)]
 pub enum Chart {
     Lines {
-        /// What x counts and what y measures.
+        /// Names of the x axis and the y axis.
         labels: [&'static str; 2],
         axes: Axes,
         series: Vec<Series>,
@@ -32,14 +32,14 @@ pub enum Chart {
     Bars { least: f64, bars: Vec<Bar> },
 }
 
-/// How the axes of a line chart are laid out.
+/// Types of the axes of a line chart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axes {
-    /// Counts along x; y logarithmic when the values span much.
+    /// Counts along x; y is logarithmic if the values span a large ratio.
     Counts,
-    /// Counts along x; y starts at 0, whatever the values span: where proportions matter.
+    /// Counts along x; y starts at 0 for any values, to show proportions.
     CountsFromZero,
-    /// No counts: both are logarithmic when the values span much.
+    /// Measures; both axes are logarithmic if the values span a large ratio.
     Values,
 }
 
@@ -62,19 +62,19 @@ pub struct Point {
 }
 
 impl Point {
-    /// With the same error either way; downwards at most half of `y`, which a logarithmic axis can show.
+    /// With the same error in both directions; downwards at most half of `y`, for logarithmic axes.
     pub fn new(x: f64, y: f64, error: f64) -> Self {
         Self { x, y, low: (y - error).max(y / 2.0), high: y + error }
     }
 }
 
-/// The place after all numbers on the x axis: every target in one pass.
+/// Position after all numbers on the x axis: every target in one pass.
 pub const ALL: f64 = f64::INFINITY;
 
 #[derive(Clone, Debug)]
 pub struct Bar {
     pub label: String,
-    /// What is written at its end.
+    /// Text at its end.
     pub remark: String,
     pub length: f64,
     pub look: Look,
@@ -87,11 +87,11 @@ pub struct Look {
     variant: usize,
 }
 
-/// Hues that people who see few colours can tell apart (after Okabe and Ito).
+/// Hues that colour-blind people can tell apart (after Okabe and Ito).
 const HUES: [u32; 9] = [0x005f9e, 0xc44e00, 0xa84b86, 0x007a5a, 0x5b4bb0, 0x4a4f59, 0x8c6a00, 0x007f86, 0xa12a2a];
 
 impl Look {
-    /// For what the others are compared with.
+    /// For series that others are compared with.
     pub const PLAIN: Self = Self { hue: 5, variant: 1 };
 
     /// The `variant` of a hue: eight of them differ in shade or marker.
@@ -107,7 +107,7 @@ impl Look {
         RGBColor(r, g, b)
     }
 
-    /// Corners of the marker, and its turn in parts of the angle between two: circle, triangle, square, diamond.
+    /// Corners of the marker, and its rotation as a share of the angle between two: circle, triangle, square, diamond.
     pub fn marker(self) -> (usize, f64) {
         [(24, 0.0), (3, 0.0), (4, 0.5), (4, 0.0)][self.variant % 4]
     }

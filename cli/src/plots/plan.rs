@@ -1,4 +1,4 @@
-//! Where the parts of a figure stand, for a width: nothing is cut off, whatever the width is.
+//! Layout of a figure for a given width: nothing is cut off at any width.
 
 use super::{Chart, Figure};
 use textwrap::WordSplitter;
@@ -6,7 +6,7 @@ use textwrap::WordSplitter;
 /// Sizes of text.
 pub const TITLE: f64 = 18.0;
 pub const TEXT: f64 = 12.5;
-/// Lines stand so many sizes of their text apart.
+/// Line spacing, as a multiple of the text size.
 pub const LEADING: f64 = 1.35;
 /// Height of the data of a line chart.
 pub const DATA: f64 = 280.0;
@@ -20,7 +20,7 @@ pub const ENTRY: f64 = 22.0;
 /// Line and marker of an entry of the legend, before its label.
 pub const SAMPLE: f64 = 32.0;
 pub const MARGIN: f64 = 14.0;
-/// Bars have at least this much of the width; where words beside them would leave less, they stand above.
+/// Least share of the width for bars; if text beside them would leave less, it is placed above.
 const BARS: f64 = 0.3;
 
 /// The parts of a figure, in points.
@@ -30,15 +30,15 @@ pub struct Plan {
     pub height: f64,
     pub title: Vec<String>,
     pub subtitle: Vec<String>,
-    /// Where the data begins.
+    /// Top of the data.
     pub top: f64,
-    /// What x counts.
+    /// The name of the x axis, in lines.
     pub counted: Vec<String>,
     /// Columns of the legend.
     pub columns: usize,
-    /// Height of a bar with its words and the gap below.
+    /// Height of a bar with its text and the gap below.
     pub row: f64,
-    /// The space for words before and after bars; `None` where they stand above.
+    /// Space for text before and after bars; `None` if it is above them.
     pub beside: Option<(f64, f64)>,
 }
 
@@ -87,17 +87,16 @@ impl Plan {
     }
 }
 
-/// About how wide a text is, and rather more: browsers set SVG in fonts of theirs.
+/// Approximate width of a text, rounded up generously: browsers set SVG in their own fonts.
 pub fn width(text: &str, size: f64) -> f64 {
     0.58 * size * text.chars().count() as f64
 }
 
-/// The widest of texts.
 fn widest<'a>(texts: impl Iterator<Item = &'a String>) -> f64 {
     texts.map(|text| width(text, TEXT)).fold(0.0, f64::max)
 }
 
-/// `text` in lines of at most `room`; a word that is longer stands in parts.
+/// Breaks `text` into lines of at most `room`; longer words are split.
 fn wrapped(text: &str, size: f64, room: f64) -> Vec<String> {
     let most = ((room / width("x", size)) as usize).max(1);
     let lines = textwrap::wrap(text, textwrap::Options::new(most).word_splitter(WordSplitter::NoHyphenation));
