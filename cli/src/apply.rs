@@ -33,14 +33,14 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
         passes += runner.step(&[weights], 0)?.stats.passes;
     }
     let pose = runner.pose(0)?;
-    // There is at least one frame: `frames` ensures it.
+    // `frames` ensures at least one frame.
     let weights = frames.last().map_or(&[][..], Vec::as_slice);
     let promise = Promise::new(&stage.desc, stage.mesh.layout());
     let applied = promise.applied(weights);
     let Found { error, turned, .. } = promise.find(&pose, &evaluate(&stage.mesh, &applied), &applied);
     let diagonal = f64::from(input.kept.diagonal);
     let relative = error.position / promise.scale;
-    // Rounding grows with the weights added on the way, as well as with the final ones.
+    // Rounding grows with the weights of all steps, including the last.
     let reach = |weights: &Vec<f32>| weights.iter().map(|w| f64::from(w.abs())).sum::<f64>();
     let added = frames.iter().map(reach).fold(1.0, f64::max);
     let right = error.position <= 1e-5 * diagonal * added + promise.rounding(&applied)[0] && turned <= 0.1 * added;
@@ -77,7 +77,7 @@ fn frames(args: &ApplyArgs, input: &Input) -> Result<Vec<Vec<f32>>, Failure> {
                     path.display()
                 )));
             }
-            // Backwards is fine, too: a delta weight may be negative.
+            // Backwards is allowed, too: a delta weight may be negative.
             let frames = (first.min(last)..=first.max(last)).map(|f| all.frame(f));
             let mut frames = frames.collect::<deltamorph::Result<Vec<_>>>()?;
             if first > last {
@@ -89,11 +89,11 @@ fn frames(args: &ApplyArgs, input: &Input) -> Result<Vec<Vec<f32>>, Failure> {
     }
 }
 
-/// Writes the pose: nine digits, the input's coordinates and vertex order, normals normalised; texture coordinates from
-/// the bottom up, as in OBJ (`down`: those of the mesh go down).
+/// Writes the pose with nine digits, in the input's coordinates and vertex order, with normalised normals. OBJ texture
+/// coordinates go up; `down`: those of the mesh go down, and are flipped.
 fn write(path: &Path, mesh: &MorphMesh, down: bool, pose: &[f32]) -> Result<(), Failure> {
     let vertices = pose.chunks_exact(POSE_FLOATS).take(mesh.vertex_count());
-    // In double precision, so that numbers are rounded once, when written.
+    // In double precision: numbers are rounded once, when written.
     let absolute = |v: &[f32]| (Vec3::from_slice(&v[..3]).as_dvec3() + mesh.origin.as_dvec3()).as_vec3();
     let positions: Vec<Vec3> = vertices.clone().map(absolute).collect();
     let normals: Vec<Vec3> = vertices

@@ -199,7 +199,7 @@ pub struct SoakArgs {
 }
 
 impl SoakArgs {
-    /// Frames from one comparison to the next.
+    /// Frames between comparisons.
     pub fn every(&self) -> usize {
         self.every.unwrap_or(self.frames / 64).max(1)
     }
@@ -262,7 +262,7 @@ pub struct InputArgs {
 }
 
 impl InputArgs {
-    /// The tolerance to keep deltas by. A tolerance of 0 keeps every delta, those of the normals too.
+    /// The tolerance for dropping deltas. A tolerance of 0 keeps every delta, including those of normals.
     pub fn tolerance(&self) -> Tolerance {
         if self.tolerance == 0.0 { Tolerance::ZERO } else { Tolerance::default().position(self.tolerance) }
     }
@@ -284,7 +284,7 @@ pub struct HeadArgs {
 }
 
 impl HeadArgs {
-    /// What the built-in head is made from.
+    /// The description of the built-in head.
     pub fn desc(&self, seed: u64) -> HeadDesc {
         let d = HeadDesc::default();
         HeadDesc::default()
@@ -358,7 +358,7 @@ pub struct PackArgs {
 }
 
 impl PackArgs {
-    /// What the library calls it.
+    /// The library's description of packing.
     pub fn desc(&self) -> BlockDesc {
         let default = BlockDesc::default();
         default
@@ -369,20 +369,19 @@ impl PackArgs {
     }
 }
 
-/// The values given, or else `default`: each once, at its first position.
+/// The values given, or `default`: each once, at its first position.
 pub fn distinct_or<T: Copy + PartialEq>(given: &[T], default: &[T]) -> Vec<T> {
     let list = if given.is_empty() { default } else { given };
     list.iter().enumerate().filter(|(i, one)| !list[..*i].contains(one)).map(|(_, one)| *one).collect()
 }
 
 impl UpdateArgs {
-    /// The paths given, each once, or else `default`.
+    /// The paths given, each once, or `default`.
     pub fn paths_or(&self, default: &[UpdatePath]) -> Vec<UpdatePath> {
         distinct_or(&self.paths, default)
     }
 
-    /// The options for the command called `command`, which takes one path, mode, format, and kind of poses: refuses
-    /// several.
+    /// Checks the options of `command`, which takes one path, mode, format and kind of poses: refuses several.
     pub fn check_single(&self, command: &str) -> Result<(), String> {
         let given = [
             ("--path", self.paths.len()),

@@ -1,23 +1,23 @@
-//! How many targets heads keep: so many, or after the camera.
+//! Levels of detail: a fixed number of targets per instance, or one that depends on the camera.
 
 use crate::output::Failure;
 use deltamorph::MorphMesh;
 use deltamorph::lod::{Camera, Importance, Level, LevelDesc, Place};
 use glam::{Mat4, Vec3};
 
-/// How many targets heads keep, in the order of their importance.
+/// Number of targets that instances keep, in order of importance.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Detail {
     #[default]
     All,
-    /// This share of them.
+    /// This share of all targets.
     Share(f32),
-    /// As many as it takes for no vertex to be further off than so many pixels, wherever the camera is.
+    /// As many as are needed for position errors up to this many pixels, at any camera distance.
     Pixels(f32),
 }
 
 impl Detail {
-    /// Those to choose from.
+    /// The choices in the panel.
     #[cfg(feature = "viewer")]
     pub const ALL: [Self; 6] =
         [Self::All, Self::Share(0.75), Self::Share(0.5), Self::Share(0.25), Self::Pixels(0.5), Self::Pixels(2.0)];
@@ -41,31 +41,30 @@ impl std::fmt::Display for Detail {
     }
 }
 
-/// The targets of a mesh by their importance, and how many of them each head keeps.
+/// The targets of a mesh by importance, and the number that each instance keeps.
 pub struct Kept {
     importance: Importance,
-    /// What levels are chosen by, and those of the heads.
+    /// The choice that the levels were made for, and a level for each instance.
     levels: (Detail, Vec<Level>),
-    /// Targets of each head in the last frame, and how many it is about to keep.
+    /// Targets of each instance in the last frame, and the number that it is fading to.
     now: Vec<(f32, f32)>,
-    /// What a head takes up in the base pose.
+    /// Bounding sphere of an instance in the base pose.
     ball: Place,
 }
 
 impl Kept {
-    /// Of a mesh of which `focus` is in the picture.
+    /// For a mesh of which `focus` is in the picture.
     pub fn new(mesh: &MorphMesh, focus: &[Vec3]) -> Result<Self, Failure> {
         let importance = Importance::of(mesh, &[])?;
         Ok(Self { importance, levels: (Detail::All, vec![]), now: vec![], ball: Place::around(focus) })
     }
 
-    /// Pixels that an input unit takes up at the nearest point of a head that `place` moves.
+    /// Pixels per input unit at the nearest point of an instance placed by `place`.
     pub fn unit(&self, camera: &Camera, place: &Mat4) -> f32 {
         camera.pixels_per_unit(&self.ball.moved(place))
     }
 
-    /// Take away what heads do not keep of `weights`, one list for each; `units`: pixels that an input unit takes up
-    /// there.
+    /// Removes left-out targets from `weights`, one list per instance; `units`: its pixels per input unit.
     pub fn apply(&mut self, detail: Detail, units: &[f32], weights: &mut [Vec<f32>]) -> Result<(), Failure> {
         let Self { importance, levels, .. } = self;
         let all = importance.target_count() as f32;
@@ -74,8 +73,7 @@ impl Kept {
             Detail::Share(share) => vec![((share * all).ceil(), (share * all).ceil()); weights.len()],
             Detail::Pixels(pixels) => {
                 if levels.0 != detail || levels.1.len() != weights.len() {
-                    // Half of what a level is given is for changes that an error budget defers, which has a choice of
-                    // its own.
+                    // A level assigns half of its pixels to error budgets, which are a separate option here.
                     let level = Level::new(LevelDesc::default().pixels(2.0 * pixels));
                     *levels = (detail, vec![level; weights.len()]);
                 }
@@ -93,14 +91,14 @@ impl Kept {
         Ok(())
     }
 
-    /// Targets of all, and how many of them a head keeps: the fewest, and the most.
+    /// The number of all targets, and the fewest and most that an instance keeps.
     pub fn of_all(&self) -> (usize, [usize; 2]) {
         let all = self.importance.target_count();
         let kept = self.now.iter().map(|(now, _)| now.ceil() as usize);
         (all, [kept.clone().min().unwrap_or(all), kept.max().unwrap_or(all)])
     }
 
-    /// Whether some head is still on its way to the number of targets that it is about to keep.
+    /// Whether an instance is still fading to its number of targets.
     #[cfg(feature = "viewer")]
     pub fn fades(&self) -> bool {
         self.now.iter().any(|(now, goal)| now != goal)

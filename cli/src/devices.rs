@@ -1,4 +1,4 @@
-//! `devices`: what there is, which update paths it can run, and the limits that matter.
+//! `devices`: lists the devices, the update paths that each supports, and the relevant limits.
 
 use crate::output::{Failure, Output};
 use crate::table::{Table, bytes};
@@ -7,7 +7,7 @@ use deltamorph_headless::{DeviceChoice, Headless};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-/// A path of a device, in the JSON of `devices`. Fields may be added, never renamed.
+/// An update path of a device, in the JSON of `devices`. Fields may be added, never renamed.
 #[derive(Serialize)]
 struct PathRow {
     path: &'static str,
@@ -19,7 +19,7 @@ struct PathRow {
     needs: Vec<String>,
 }
 
-/// Name in the JSON, heading, value, and how people read it.
+/// Name in the JSON, heading, value, and format of the value in words.
 type Limit = (&'static str, &'static str, fn(&DeviceCaps) -> u64, fn(u64) -> String);
 
 const LIMITS: [Limit; 7] = [
@@ -48,7 +48,7 @@ pub fn run(device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     out.json(&json!({ "schema": 1, "devices": devices }))
 }
 
-/// A device for people, and for programs.
+/// Describes a device in words and in JSON.
 fn describe(index: usize, caps: &DeviceCaps) -> (String, Value) {
     let DeviceCaps { name, driver, driver_info, api_version: (major, minor, patch), .. } = caps;
     let version = format!("{major}.{minor}.{patch}");

@@ -1,4 +1,4 @@
-//! `info`: what a mesh is made of, and what each format makes of it.
+//! `info`: describes a mesh, and the cost of each format.
 
 pub mod measure;
 pub mod pose_formats;
@@ -21,22 +21,22 @@ struct Info {
     input: MeshInfo,
     /// The targets, in the order of the input.
     targets: Vec<TargetRow>,
-    /// What a vertex has besides position and normal.
+    /// Vertex streams besides position and normal.
     streams: Vec<String>,
     overlap: Overlap,
-    /// How tightly they fill the blocks of the format `small`.
+    /// Block statistics of the format `small`.
     blocks: Blocks,
     formats: Vec<Measured>,
-    /// What each pose format costs and loses, with deltas as the packed file has them, else in the format `small`.
+    /// Costs and errors of each pose format, with the deltas of the packed file, or else of the format `small`.
     pose_formats: Vec<PoseCost>,
-    /// The format that these deltas are in.
+    /// The format of these deltas.
     pose_deltas: &'static str,
-    /// What clips and settings name in place of targets, where there is a rig.
+    /// Controls that clips and settings name instead of targets, if there is a rig.
     #[serde(skip_serializing_if = "Option::is_none")]
     controls: Option<Vec<String>>,
-    /// The weight clips that lie beside the mesh.
+    /// The weight clips beside the mesh.
     clips: Vec<ClipRow>,
-    /// With `--report`: bytes against error, of `small` over a range of errors allowed and of the other formats.
+    /// With `--report`: bytes and errors of `small` over a range of allowed errors, and of the other formats.
     #[serde(skip_serializing_if = "Option::is_none")]
     sweep: Option<Vec<SweepRow>>,
     /// With `--report`: errors of whole poses.
@@ -49,9 +49,9 @@ struct TargetRow {
     name: String,
     /// Fraction of the vertices with a delta that was kept.
     moved: f64,
-    /// Fraction of the vertices with a delta, of position or normal, that is not exactly zero.
+    /// Fraction of the vertices with a nonzero delta of position or normal.
     moved_raw: f64,
-    /// Fraction of the vertices whose position in the file differs at all.
+    /// Fraction of the vertices with a different position in the file.
     moved_raw_positions: f64,
     /// Length of the longest position delta, in input units.
     max_delta: f32,
@@ -61,11 +61,11 @@ struct TargetRow {
 
 #[derive(Debug, Serialize)]
 struct Overlap {
-    /// Fraction of the vertices that some target moves.
+    /// Fraction of the vertices that any target moves.
     union: f64,
-    /// Targets that move such a vertex, on average.
+    /// Mean number of targets that move such a vertex.
     mean: f64,
-    /// And at most.
+    /// Largest number of targets that move a vertex.
     max: u32,
 }
 
@@ -75,18 +75,18 @@ struct ClipRow {
     frames: usize,
     fps: f32,
     columns: usize,
-    /// Targets whose weight differs from the frame before, on average.
+    /// Mean number of targets with a weight that differs from the frame before.
     changed_mean: f64,
-    /// And at most.
+    /// Largest such number.
     changed_max: usize,
-    /// Targets with a weight other than 0, on average.
+    /// Mean number of targets with a weight other than 0.
     active_mean: f64,
     /// Fraction of the frames that change nothing.
     still: f64,
 }
 
 pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
-    // Before seconds are spent on what then cannot be written.
+    // Checked before seconds are spent on results that could not be written.
     out.check(&input::files_of(&args.input, &[]), &[], args.report.as_deref())?;
     if let Some(dir) = &args.report {
         report::claim(dir)?;
@@ -95,7 +95,7 @@ pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
     let spinner = out.spinner("packing");
     let formats = measure::measure_all(&input.kept, input.packed.as_ref())?;
     let clips = input::clips(None, &args.input, &input, &[])?;
-    // That of the built-in head lies beside no mesh.
+    // The built-in head's clip does not lie beside a mesh.
     let mut info = describe(&input, formats, if input.clips.is_empty() { &[] } else { &clips });
     spinner.finish_and_clear();
     if let Some(dir) = &args.report {
@@ -159,7 +159,7 @@ fn overlap(mesh: &MorphMesh) -> Overlap {
     }
 }
 
-/// How busy a clip is. The first frame has none before it and counts for `active` only.
+/// Statistics of a clip. The first frame has no predecessor: it counts only for `active`.
 fn clip_row(clip: &BoundClip) -> ClipRow {
     let frames: Vec<_> = clip.frames().collect();
     let active = frames.iter().flatten().filter(|weight| **weight != 0.0).count();
@@ -178,7 +178,7 @@ fn clip_row(clip: &BoundClip) -> ClipRow {
     }
 }
 
-/// The same for people.
+/// The result in words.
 fn text(info: &Info) -> String {
     let i = &info.input;
     let MeshInfo { name, origin, targets, .. } = i;
@@ -222,7 +222,7 @@ fn text(info: &Info) -> String {
     ];
     parts.push(Table::of(&info.formats, formats).to_string());
     let held = info.formats.iter().find(|f| f.name == info.pose_deltas);
-    // Of `blocks`, and of `compute`.
+    // For `blocks`, and for `compute`.
     for f in held.into_iter().chain(info.formats.iter().find(|f| f.name == DeltaFormat::Snorm16.name())) {
         let table = pose_table(&f.pose_formats, f.cost.position_error_rel);
         parts.push(format!("deltas in {}:\n{table}", f.name));

@@ -1,4 +1,4 @@
-//! Reading INPUT: a folder, a glTF file, a packed file, or the built-in head; and the weight clips that a command runs.
+//! Reads INPUT (a folder, a glTF file, a packed file, or the built-in head), and the weight clips of a command.
 
 use crate::args::InputArgs;
 use crate::args::reading::Reading;
@@ -19,29 +19,29 @@ use std::sync::Arc;
 /// Frames of the built-in head's clip, as `sample` writes them.
 const HEAD_FRAMES: usize = 300;
 
-/// A mesh: what its files state, and what the tolerance keeps of it.
+/// A mesh, before and after dropping deltas by the tolerance.
 #[derive(Debug, Default)]
 pub struct Input {
     pub name: String,
-    /// Every delta that is not exactly zero: what errors "against the raw files" are measured with. Both are recentred.
+    /// Every nonzero delta: the reference for errors "against the raw files". Both meshes are recentred.
     pub raw: Arc<MorphMesh>,
-    /// The deltas above the tolerance: what is packed and uploaded.
+    /// The deltas above the tolerance: packed and uploaded.
     pub kept: Arc<MorphMesh>,
-    /// The mesh of a packed file, as the file has it. The two above are then what it decodes to.
+    /// The packed mesh of a packed file; `raw` and `kept` are decoded from it.
     pub packed: Option<Arc<PackedMesh>>,
     /// The weight clips in INPUT/weights, by name; of a glTF file its animations of weights, as FILE#NAME.
     pub clips: Vec<PathBuf>,
-    /// The controls that clips and settings name in place of targets, where there is a rig.
+    /// The rig, with controls that clips and settings name instead of targets.
     pub rig: Option<BoundRig>,
-    /// Whether weights of clips and settings are those of absolute poses.
+    /// Whether weights of clips and settings belong to absolute poses.
     pub normalise: Option<Reading>,
     /// The folder, or "built-in head": for reports.
     pub origin: String,
-    /// Where remarks on clips go.
+    /// Prints notes on clips.
     pub out: Option<Output>,
 }
 
-/// What reports say about a mesh. Fields may be added, never renamed.
+/// Facts about a mesh in reports. Fields may be added, never renamed.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct MeshInfo {
     pub name: String,
@@ -49,7 +49,7 @@ pub struct MeshInfo {
     pub origin: String,
     pub vertices: usize,
     pub targets: usize,
-    /// Polygons are cut into fans.
+    /// Polygons count as fans of triangles.
     pub triangles: usize,
     /// Length of the bounding-box diagonal, in input units.
     pub diagonal: f32,
@@ -60,12 +60,12 @@ pub struct MeshInfo {
     pub tolerance_normal: f32,
     /// Mean fraction of the vertices that a target moves.
     pub moved_mean: f64,
-    /// What poses are relative to, in input units: the middle of a mesh that is far from 0.
+    /// Origin of poses, in input units: the middle of a mesh that is far from 0.
     #[serde(default)]
     pub pose_origin: [f32; 3],
 }
 
-/// What is packed, and what a packed file has, of an [`Input`].
+/// [`Input::kept`] and [`Input::packed`].
 #[cfg(feature = "viewer")]
 pub type Meshes = (Arc<MorphMesh>, Option<Arc<PackedMesh>>);
 
@@ -75,7 +75,7 @@ impl Input {
         (self.kept.clone(), self.packed.clone())
     }
 
-    /// Give the mesh wrinkle masks, if it has none. That of a packed file is packed again, in its format.
+    /// Adds wrinkle masks to the mesh, if it has none. A packed mesh is packed again, in its format.
     pub fn add_masks(&mut self) -> Result<(), Failure> {
         if self.kept.streams.iter().any(|stream| stream.semantic == Semantic::Mask) {
             return Ok(());
@@ -109,13 +109,14 @@ impl Input {
     }
 }
 
-/// Read what `args` name. Commands that measure nothing against the raw files take no memory for them: where
-/// `with_raw` is false, `raw` is what is kept.
+/// Reads the input that `args` name. Without `with_raw`, `raw` is `kept`, which saves memory in commands that do not
+/// compare with the raw files.
 pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Failure> {
     read(args, with_raw, &ImportDesc::default(), out)
 }
 
-/// Read what `args` name for drawing: a vertex has one texture coordinate, but in a packed file, which stays as it is.
+/// Reads the input that `args` name for drawing, with one texture coordinate per vertex; packed files are used as they
+/// are.
 pub fn load_split(args: &InputArgs, out: &Output) -> Result<Input, Failure> {
     read(args, false, &ImportDesc::default().split(true), out)
 }
@@ -145,7 +146,7 @@ fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Re
         ImportedMesh::Packed(mut asset) => {
             asset.mesh.recentre();
             let kept = Arc::new(asset.to_mesh()?);
-            // What was dropped before packing is not there to be kept, and a packed mesh is taken as it is.
+            // Deltas dropped before packing are lost, and a packed mesh is used as it is.
             if ![Tolerance::default(), kept.tolerance].contains(&args.tolerance()) {
                 return Err(Failure::Usage(format!(
                     "--tolerance {}: {origin} was packed with a tolerance of {}; leave it out, or give the folder that \
@@ -193,8 +194,8 @@ fn names(mesh: &MorphMesh) -> Vec<&str> {
 /// Weights of controls by name, as `--set` states them.
 pub type Settings = [(String, f32)];
 
-/// The weight clip at `path`, for the targets of `input`, with `settings` on top; at least one frame. Where INPUT is a
-/// glTF file and there is no file at `path`, it may be the name of an animation.
+/// Reads the weight clip at `path`, at least one frame, for the targets of `input`, with `settings` applied. If INPUT
+/// is a glTF file and there is no file at `path`, it may be the name of an animation.
 pub fn clip(path: &Path, args: &InputArgs, input: &Input, settings: &Settings) -> Result<BoundClip, Failure> {
     let of_input = args.input.as_ref().map(|input| PathBuf::from(format!("{}#{}", input.display(), path.display())));
     let of_input = of_input.filter(|_| !path.exists() && import::animation_of(path).is_none());
@@ -208,7 +209,7 @@ pub fn clip(path: &Path, args: &InputArgs, input: &Input, settings: &Settings) -
     input.bind(&clip).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))
 }
 
-/// The clip at `named`, or the only one that `input` has, with `settings` on top.
+/// The clip at `named`, or the only one of `input`, with `settings` applied.
 pub fn one_clip(
     named: Option<&Path>,
     args: &InputArgs,
@@ -230,7 +231,7 @@ pub fn one_clip(
     })
 }
 
-/// The clip at `named`, or all that `input` has, with `settings` on top.
+/// The clip at `named`, or all of `input`, with `settings` applied.
 pub fn clips(
     named: Option<&Path>,
     args: &InputArgs,
@@ -238,7 +239,7 @@ pub fn clips(
     settings: &Settings,
 ) -> Result<Vec<BoundClip>, Failure> {
     if named.is_none() && args.input.is_none() {
-        // Without a target there is none.
+        // Without targets there are no clips.
         if input.kept.targets.is_empty() {
             return Ok(vec![]);
         }
@@ -249,7 +250,7 @@ pub fn clips(
     paths.iter().map(|path| clip(path, args, input, settings)).collect()
 }
 
-/// `clip` with `layers` over each of its frames, at the same time, as a clip of all targets.
+/// Applies `layers` to each frame of `clip`, at the same time; returns a clip of all targets.
 pub fn layered(clip: BoundClip, layers: &[Layer], args: &InputArgs, input: &Input) -> Result<BoundClip, Failure> {
     if layers.is_empty() {
         return Ok(clip);
@@ -270,12 +271,12 @@ pub fn layered(clip: BoundClip, layers: &[Layer], args: &InputArgs, input: &Inpu
 }
 
 impl Input {
-    /// What clips and settings name: the controls of the rig, or the targets.
+    /// Names for clips and settings: the controls of the rig, or the targets.
     pub fn controls(&self) -> Vec<&str> {
         self.rig.as_ref().map_or_else(|| names(&self.kept), |rig| rig.controls().collect())
     }
 
-    /// Weights of the targets where `settings` are all that is set.
+    /// Weights of the targets with only `settings`.
     pub fn pose(&self, settings: &Settings) -> Result<Vec<f32>, Failure> {
         let still = WeightClip { name: "--set".into(), fps: csv::DEFAULT_FPS, ..WeightClip::default() };
         let clip = self.with_settings(still, settings)?;
@@ -283,12 +284,12 @@ impl Input {
         Ok(frames.unwrap_or_else(|| vec![0.0; self.kept.targets.len()]))
     }
 
-    /// A clip in the names of targets or controls, where its columns have other names for the same: ARKit's, action
-    /// units of FACS, units of MakeHuman. A note says what became of them.
+    /// Renames the columns of a clip to targets or controls if they follow another convention: ARKit, FACS action
+    /// units, MakeHuman units. Prints a note on the mapping.
     fn retargeted(&self, clip: &WeightClip) -> deltamorph::Result<WeightClip> {
         let there = retarget(clip, &self.controls())?;
-        // A target that the rig drives is no name of another face: it is refused, by name. So are all columns where
-        // nothing is left of them.
+        // A column named like a target that the rig drives is not renamed: binding refuses it by name. Likewise if no
+        // column is left.
         let driven = |(name, _): &(String, _)| names(&self.kept).contains(&name.as_str());
         if there.clip.names.is_empty() || there.columns.iter().any(driven) {
             return Ok(clip.clone());
@@ -313,12 +314,12 @@ impl Input {
         Ok(there.clip)
     }
 
-    /// A clip for the targets, which the rig makes of one for its controls.
+    /// Binds a clip to the targets, through the rig if there is one.
     fn bind(&self, clip: &WeightClip) -> deltamorph::Result<BoundClip> {
         let baked = self.rig.as_ref().map(|rig| rig.bake(clip, clip.fps)).transpose()?;
         let clip = baked.as_ref().unwrap_or(clip);
         match self.normalise {
-            // What is not finite is for `bind` to refuse, where it is.
+            // `bind` refuses values that are not finite.
             Some(Reading::Text) if clip.values.iter().all(|weight| weight.is_finite()) => {
                 let mut clip = clip.clone();
                 let columns = clip.names.len().max(1);
@@ -329,7 +330,7 @@ impl Input {
         }
     }
 
-    /// A clip whose columns are as `settings` say in each frame; one frame where it has no column.
+    /// A clip with `settings` in each frame; one frame if it has no columns.
     fn with_settings(&self, clip: WeightClip, settings: &Settings) -> Result<WeightClip, Failure> {
         let (known, name_of_mesh) = (self.controls(), &self.kept.name);
         for (i, (name, _)) in settings.iter().enumerate() {
@@ -361,14 +362,14 @@ impl Input {
     }
 }
 
-/// The files that `args` and `others` may have read: none of them is to be written over.
+/// The files that `args` and `others` may have read, which must not be overwritten.
 pub fn files_of(args: &InputArgs, others: &[PathBuf]) -> Vec<PathBuf> {
     let file_of = |path: &PathBuf| import::animation_of(path).map_or_else(|| path.clone(), |(file, _)| file);
     let mut read: Vec<PathBuf> = others.iter().map(file_of).collect();
     read.extend(args.textures.clone());
     if let Some(input) = &args.input {
         for folder in [input.clone(), input.join("targets"), input.join("weights")] {
-            // A folder that cannot be listed is for the importer to complain about.
+            // The importer reports folders that cannot be listed.
             read.extend(std::fs::read_dir(&folder).into_iter().flatten().flatten().map(|entry| entry.path()));
         }
         // Buffers of a glTF file lie beside it.

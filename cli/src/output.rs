@@ -1,4 +1,4 @@
-//! What the program prints and where: results on stdout, remarks and progress on stderr.
+//! The program's output: results on stdout, notes and progress on stderr.
 
 use deltamorph::internals::write_replacing;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::Duration;
 
-/// Why a command ended early. Printed after "error: ", on one line.
+/// The reason why a command ended early. Printed after "error: ", on one line.
 #[derive(Debug)]
 pub enum Failure {
     /// The arguments contradict each other or the input (exit code 2).
@@ -20,7 +20,7 @@ pub enum Failure {
 }
 
 impl Failure {
-    /// Any failure of the work. The errors of the library and of serde quote their causes themselves.
+    /// A failure of the work. Errors of the library and of serde include their causes.
     pub fn failed(error: impl fmt::Display) -> Self {
         Self::Failed(error.to_string())
     }
@@ -34,7 +34,7 @@ impl Failure {
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (Self::Usage(text) | Self::Failed(text)) = self;
-        // One line, whatever a file name or a driver put into the message.
+        // One line, even if a file name or a driver message has several.
         f.write_str(&text.lines().map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" "))
     }
 }
@@ -45,12 +45,12 @@ impl From<deltamorph::Error> for Failure {
     }
 }
 
-/// Where the output of a command goes.
+/// The output of a command.
 #[derive(Clone, Debug)]
 pub struct Output {
     quiet: bool,
     json: Option<PathBuf>,
-    /// Why stdout did not take what was said.
+    /// The error of writing to stdout.
     lost: OnceLock<io::ErrorKind>,
 }
 
@@ -59,12 +59,12 @@ impl Output {
         Self { quiet, json, lost: OnceLock::new() }
     }
 
-    /// Whether stdout is for JSON alone.
+    /// Whether stdout is reserved for JSON.
     pub fn json_to_stdout(&self) -> bool {
         self.json.as_deref() == Some(Path::new("-"))
     }
 
-    /// Print the human-readable result. With `--json -` stdout is the JSON's alone.
+    /// Prints the result in words; with `--json -`, nothing, since stdout is reserved for JSON.
     pub fn say(&self, text: impl fmt::Display) {
         if !self.quiet && !self.json_to_stdout() {
             self.print(&format!("{text}\n"));
@@ -74,13 +74,13 @@ impl Output {
     fn print(&self, text: &str) {
         let mut stdout = io::stdout().lock();
         match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
-            // A reader that has seen enough (`| head`) is not a failure.
+            // A reader that stops early (`| head`) is not a failure.
             Err(e) if e.kind() != io::ErrorKind::BrokenPipe => drop(self.lost.set(e.kind())),
             _ => {}
         }
     }
 
-    /// Whether stdout took what was said.
+    /// Fails if writing to stdout has failed.
     pub fn finish(&self) -> Result<(), Failure> {
         self.lost.get().map_or(Ok(()), |kind| Err(Failure::io("stdout".as_ref(), "write", (*kind).into())))
     }
@@ -91,7 +91,7 @@ impl Output {
         }
     }
 
-    /// Write the JSON, if `--json` was given.
+    /// Writes the JSON, if `--json` was given.
     pub fn json(&self, value: &impl Serialize) -> Result<(), Failure> {
         match self.json.as_deref() {
             None => {}
@@ -101,8 +101,8 @@ impl Output {
         Ok(())
     }
 
-    /// Before work begins: whether the JSON file of `--json` can be written, and whether nothing is written over that
-    /// is `read`, or is another of the outputs: `files`, and what is in `folder`.
+    /// Checks, before work begins, that the JSON file of `--json` can be written, and that no output (the JSON,
+    /// `files`, or the contents of `folder`) overwrites a file that is `read` or another output.
     pub fn check(&self, read: &[PathBuf], files: &[&Path], folder: Option<&Path>) -> Result<(), Failure> {
         let json = self.json.as_deref().filter(|_| !self.json_to_stdout());
         let outputs: Vec<(&Path, PathBuf)> = json.iter().chain(files).map(|path| (*path, place_of(path))).collect();
@@ -130,7 +130,8 @@ impl Output {
         json.map_or(Ok(()), can_write)
     }
 
-    /// A spinner for work of unknown length. As a bar hidden where stderr is no terminal, and gone when it is dropped.
+    /// A spinner for work of unknown length. Like a bar, it is hidden if stderr is not a terminal, and removed when
+    /// dropped.
     pub fn spinner(&self, message: impl Into<String>) -> ProgressBar {
         let bar = if self.quiet { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
         let bar = bar.with_message(message.into());
@@ -140,7 +141,7 @@ impl Output {
         bar
     }
 
-    /// A bar for `steps` of work.
+    /// A progress bar of `steps` steps.
     pub fn bar(&self, steps: u64) -> ProgressBar {
         let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {eta:>5} left  {wide_msg}");
         let bar = if self.quiet { ProgressBar::hidden() } else { ProgressBar::new(steps) };
@@ -148,7 +149,7 @@ impl Output {
     }
 }
 
-/// JSON of both, in one object.
+/// Merges the JSON of both into one object.
 #[derive(Serialize)]
 pub struct With<T> {
     #[serde(flatten)]
@@ -163,7 +164,7 @@ pub fn to_json(value: &impl Serialize) -> Result<String, Failure> {
     Ok(text)
 }
 
-/// Where `path` is or would be, without links.
+/// Canonical path of `path`, which need not exist.
 fn place_of(path: &Path) -> PathBuf {
     let path = std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
     let there =
@@ -171,7 +172,7 @@ fn place_of(path: &Path) -> PathBuf {
     there.unwrap_or(path)
 }
 
-/// Try to write at `path`, and leave everything as it is.
+/// Checks that `path` can be written, without changing anything.
 fn can_write(path: &Path) -> Result<(), Failure> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let tried = match path.exists() {
@@ -181,18 +182,18 @@ fn can_write(path: &Path) -> Result<(), Failure> {
     tried.map_err(|e| Failure::io(path, "write", e))
 }
 
-/// Write a file, naming it when that fails. What was there stays until the new one is complete.
+/// Writes a file; errors name it. The old contents stay until the new ones are complete.
 pub fn write_file(path: &Path, contents: impl AsRef<[u8]>) -> Result<(), Failure> {
     Ok(write_replacing(path, |out| out.write_all(contents.as_ref()))?)
 }
 
-/// How the names of folders begin that [`publish`] prepares files in.
+/// Prefix of the folders that [`publish`] prepares files in.
 const PREPARED: &str = ".deltamorph-";
-/// How long nothing has been added to a folder that was left behind: reports are written within seconds.
+/// Age at which such a folder counts as abandoned: reports are written within seconds.
 const LEFT_BEHIND: Duration = Duration::from_secs(3600);
 
-/// Write files into `folder` with `write`, which is given a folder beside: what was there stays until all are complete.
-/// Then those of the earlier files that are `ours`, and not among the new ones, are deleted.
+/// Writes files into `folder` through `write`, which gets a temporary folder: old files stay until all new ones are
+/// complete. Then the old files that are `ours`, and were not replaced, are deleted.
 pub fn publish(
     folder: &Path,
     ours: impl Fn(&str) -> bool,
@@ -200,7 +201,7 @@ pub fn publish(
 ) -> Result<(), Failure> {
     create_folder(folder)?;
     let failed = |e| Failure::io(folder, "write", e);
-    // Those left behind when the program was stopped; another run may be at work in one that was touched lately.
+    // Removes folders of interrupted runs; a recent one may belong to a running program.
     for name in names_in(folder)?.iter().filter(|name| name.starts_with(PREPARED)) {
         let path = folder.join(name);
         let age = path.metadata().and_then(|of| of.modified()).map(|touched| touched.elapsed().unwrap_or_default());
@@ -220,18 +221,17 @@ pub fn publish(
     Ok(())
 }
 
-/// The names in `folder`. One that is not UTF-8 comes with U+FFFD in it, as none of ours does.
+/// The names in `folder`. Names that are not UTF-8 contain U+FFFD, which none of ours does.
 fn names_in(folder: &Path) -> Result<Vec<String>, Failure> {
     let io = |e| Failure::io(folder, "read the folder", e);
     let entries = std::fs::read_dir(folder).map_err(io)?.collect::<Result<Vec<_>, _>>().map_err(io)?;
     Ok(entries.iter().map(|entry| entry.file_name().to_string_lossy().into_owned()).collect())
 }
 
-/// Make sure that `folder` is there, and empty or `ours` to write to; `complaint` says what it is instead, and the
-/// remedy.
+/// Ensures that `folder` exists, and is empty or `ours`; otherwise the error's text is `complaint`, with the remedy.
 pub fn claim(folder: &Path, complaint: &str, ours: impl FnOnce() -> bool) -> Result<(), Failure> {
     create_folder(folder)?;
-    // What `publish` may have left behind does not count.
+    // Ignores folders left by `publish`.
     if names_in(folder)?.iter().all(|name| name.starts_with(PREPARED)) || ours() {
         return Ok(());
     }

@@ -1,4 +1,4 @@
-//! `pack`: a mesh as a file that loads without packing again.
+//! `pack`: writes a mesh as a file that loads without packing again.
 
 use crate::args::PackFileArgs;
 use crate::info::measure::Cost;
@@ -20,7 +20,7 @@ struct Packed {
     targets: usize,
     block_size: usize,
     blocks: usize,
-    /// Blocks that some target moves.
+    /// Blocks that any target moves.
     blocks_moved: usize,
     /// Pairs of a block and a target that moves some of its vertices.
     entries: usize,
@@ -30,7 +30,7 @@ struct Packed {
     /// The grid of weights for exact sums, fixed32 poses, or why there is none.
     exact: Option<Exact>,
     exact_reason: Option<String>,
-    /// What each pose format costs and loses.
+    /// Costs and errors of each pose format.
     pose_formats: Vec<PoseCost>,
 }
 
@@ -89,7 +89,7 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     out.json(&packed)
 }
 
-/// The same for people.
+/// The result in words.
 fn text(p: &Packed) -> String {
     let Packed { output, targets, format, block_size, cost, .. } = p;
     let deltas = cost.delta_bytes + cost.index_bytes;

@@ -1,4 +1,4 @@
-//! Pages that need nothing but themselves: what the reports of `bench` and `info` share.
+//! Self-contained pages: the common part of the reports of `bench` and `info`.
 
 use crate::plots::Drawn;
 use crate::table::{Table, amount};
@@ -24,7 +24,7 @@ pub fn document(title: &str, body: &Markup) -> String {
     page.into_string()
 }
 
-/// What a page is about, and the facts that go with it, with their headings.
+/// The subject of a page, and facts with headings.
 pub fn about(sentence: &str, facts: &[(&str, Vec<String>)]) -> Markup {
     html! {
         p.about { (sentence) }
@@ -34,8 +34,8 @@ pub fn about(sentence: &str, facts: &[(&str, Vec<String>)]) -> Markup {
     }
 }
 
-/// Figures with their captions, and links to the files beside the page. Each is there twice, and shown once: for
-/// pages that are wide, and for phones.
+/// Figures with their captions, and links to the files beside the page. Each is included twice and shown once: for wide
+/// pages, and for phones.
 pub fn figures(drawn: &[Drawn]) -> Markup {
     html! {
         section.figures {
@@ -43,7 +43,7 @@ pub fn figures(drawn: &[Drawn]) -> Markup {
                 figure id=(figure.slug) {
                     @for (class, svg) in [("plot wide", wide), ("plot narrow", narrow)] {
                         div class=(class) role="img" aria-label=(figure.title) {
-                            // Without its XML declaration.
+                            // The XML declaration is removed.
                             (PreEscaped(&svg[svg.find("<svg").unwrap_or(0)..]))
                         }
                     }
@@ -58,14 +58,14 @@ pub fn figures(drawn: &[Drawn]) -> Markup {
     }
 }
 
-/// A table called `label`, which the page's script sorts by a column; `mark` gives the class of a row by its number,
-/// and a remark below it, which is too wide for a column. Cells that are no plain number say what they amount to.
+/// A table called `label`, which the page's script sorts by a column. `mark` gives the class of a row by its number,
+/// and a remark to show below it, too wide for a column. Cells other than plain numbers state their value.
 pub fn table<'a>(label: &str, table: &Table, mark: impl Fn(usize) -> (Option<&'a str>, Option<&'a str>)) -> Markup {
     let word = |column: usize| (column < table.left).then_some("word");
-    // As JavaScript reads it.
+    // In JavaScript's notation.
     let number = |n: f64| if n.is_infinite() { "Infinity".to_owned() } else { n.to_string() };
     html! {
-        // Boxes that scroll take the focus, so that arrow keys scroll them.
+        // Boxes that scroll are focusable, so that arrow keys scroll them.
         div.scroll tabindex="0" role="region" aria-label=(label) {
             table.sortable {
                 thead {

@@ -1,4 +1,4 @@
-//! `play`: a whole clip, one update per frame: what each moved, what it took, and how far the pose is off.
+//! `play`: runs a whole clip, one update per frame, and reports bytes, times and errors.
 
 use crate::args::reading::Reading;
 use crate::args::{PlayArgs, distinct_or};
@@ -19,28 +19,28 @@ struct Played {
     schema: u32,
     /// The Vulkan device's name, or "none".
     device: String,
-    /// Where the mesh came from: a folder, or "built-in head".
+    /// The source of the mesh: a folder, or "built-in head".
     input: String,
     clip: String,
     frames: Vec<FrameRow>,
     summary: Summary,
 }
 
-/// What a frame took.
+/// Measurements of a frame.
 #[derive(Debug, Serialize)]
 struct FrameRow {
     frame: usize,
-    /// Targets whose weight differs from the frame before; in the first one, from 0.
+    /// Targets whose weight differs from the frame before; in the first frame, from 0.
     changed: usize,
-    /// Weights of the clip that differ from the frame before, where they are normalised: one of them may change the
-    /// factors of all that are active, which `changed` counts.
+    /// If weights are normalised, weights of the clip that differ from the frame before: one change may change the
+    /// factors of all active targets, which `changed` counts.
     #[serde(skip_serializing_if = "Option::is_none")]
     weights_changed: Option<usize>,
     /// Targets with a weight other than 0.
     active: usize,
-    /// Blocks written (block formats); this and the next three are `None` where the device plans.
+    /// Blocks written (block formats); this and the next three are `None` if the device plans.
     dirty_blocks: Option<usize>,
-    /// Of these, the ones that started from the base pose.
+    /// Those of them that were rebuilt from the base pose.
     rebuilt_blocks: Option<usize>,
     passes: Option<usize>,
     /// Bytes loaded and stored.
@@ -49,7 +49,7 @@ struct FrameRow {
     gpu_ms: Option<f64>,
     /// Round trip from weights to result, in microseconds.
     cpu_us: f64,
-    /// Largest position error against the float64 reference, in input units; `None` where it was not measured.
+    /// Largest position error against the float64 reference, in input units; `None` if it was not measured.
     max_error: Option<f64>,
 }
 
@@ -58,22 +58,22 @@ struct Summary {
     frames: usize,
     /// Animated and planned on the device.
     animated: bool,
-    /// The reading of normalised blending, where weights are those of absolute poses.
+    /// The reading of normalised blending, if weights belong to absolute poses.
     #[serde(skip_serializing_if = "Option::is_none")]
     normalise: Option<Reading>,
-    /// Weights of the clip that changed, per frame, where they are normalised.
+    /// If weights are normalised, weights of the clip that changed, per frame.
     #[serde(skip_serializing_if = "Option::is_none")]
     weights_changed_mean: Option<f64>,
-    /// Amplitude of the noise that was added to the weights.
+    /// Amplitude of the noise added to the weights.
     noise: f32,
     /// Targets changed, per frame.
     changed_mean: f64,
     /// Bytes loaded and stored, per frame.
     bytes_moved_mean: Option<f64>,
-    /// What incremental updates of whole float32 poses would move: per frame with a change, each vertex's pose in and
-    /// out, and its delta for each changed target.
+    /// Bytes that incremental updates of whole float32 poses would move, per frame with a change: each vertex's pose in
+    /// and out, and its delta for each changed target.
     dense_bytes_mean: f64,
-    /// `bytes_moved_mean` as a share of `dense_bytes_mean`; `None` where nothing moved.
+    /// `bytes_moved_mean` as a share of `dense_bytes_mean`; `None` if nothing changed.
     bytes_share: Option<f64>,
     gpu_ms_median: Option<f64>,
     gpu_ms_mean: Option<f64>,
@@ -85,8 +85,8 @@ struct Summary {
     normal_error_deg: f64,
     /// Against the requested weights, as a fraction of the diagonal.
     request_error_rel: f64,
-    /// Against the raw files: dropped deltas, packing, sums and what waits, as a fraction of the diagonal. `None` where
-    /// INPUT is a packed file, which does not say what it was packed from.
+    /// Against the raw files, as a fraction of the diagonal: from dropped deltas, packing, sums and deferred changes.
+    /// `None` if INPUT is a packed file, which lacks the original deltas.
     raw_error_rel: Option<f64>,
 }
 
@@ -102,13 +102,13 @@ pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     let mut input = input::load(&run.input, true, out)?;
     let clip = input::one_clip(weights.as_deref(), &run.input, &input, &[])?;
     let clip = input::layered(clip, &args.layers.layers, &run.input, &input)?;
-    // What the clip itself says, once more; remarks have been made.
+    // Reads the clip again without normalisation; notes have already been printed.
     (input.normalise, input.out) = (None, None);
     let plain = || input::one_clip(weights.as_deref(), &run.input, &input, &[]);
     let plain = run.input.normalise.map(|_| plain()).transpose()?;
     let stage = Stage::new(&run, &input, device, out)?;
     let (raw, origin) = (input.packed.is_none().then(|| input.raw.clone()), input.origin.clone());
-    // From here on the packed mesh is enough, and the raw mesh where errors against it can be measured.
+    // Frees all but the packed mesh, and the raw mesh if it is compared with.
     drop(input);
     let mut checks = Checks::new(&stage, raw, true);
     let mut frames = play(args, &mut checks, &clip, out)?;
@@ -117,11 +117,11 @@ pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     let summary = summary(args, &frames, &checks);
     out.say(text(&clip.name, &frames, &summary, &checks));
     out.json(&Played { schema: 1, device: stage.device(), input: origin, clip: clip.name, frames, summary })?;
-    // Everything is written first.
+    // After all output is written.
     checks.verdict()
 }
 
-/// The frames of a clip, with noise added to every weight where there is any.
+/// The frames of a clip, with noise added to every weight if requested.
 fn shaken(frames: impl Iterator<Item = Vec<f32>>, amount: Option<f32>, seed: u64) -> impl Iterator<Item = Vec<f32>> {
     let mut rng = Rng::new(seed, 0x006e_6f69_7365);
     frames.map(move |mut weights| {
@@ -132,7 +132,7 @@ fn shaken(frames: impl Iterator<Item = Vec<f32>>, amount: Option<f32>, seed: u64
     })
 }
 
-/// How many weights differ from the frame before; in the first frame, from 0.
+/// The number of weights that differ from the frame before; in the first frame, from 0.
 fn changes(frames: impl Iterator<Item = Vec<f32>>) -> Vec<usize> {
     let mut before = vec![];
     let count = |weights: Vec<f32>| {
@@ -212,7 +212,7 @@ fn summary(args: &PlayArgs, frames: &[FrameRow], checks: &Checks<'_>) -> Summary
     }
 }
 
-/// The same for people: what frames took on average and at most, and the errors.
+/// The result in words: means and maxima over frames, and the errors.
 fn text(clip: &str, frames: &[FrameRow], s: &Summary, checks: &Checks<'_>) -> String {
     let mut table = Table::new(&["per frame", "mean", "least", "median", "most"], 1);
     let mut row = |name: &str, value: &dyn Fn(&FrameRow) -> Option<f64>, show: &dyn Fn(f64) -> String| {

@@ -1,5 +1,5 @@
-//! One interface to the GPU paths and the cpu path, for every command that updates poses; and the set-up of those that
-//! update one head.
+//! One interface to the GPU paths and the cpu path, for every command that updates poses; and the setup of commands
+//! that update one instance.
 
 use crate::args::poses::Sums;
 use crate::args::values::{BatchSpec, expand_batches, format_on, name};
@@ -18,7 +18,7 @@ use std::slice::from_ref;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Set up the device chosen on the command line. `None`, with a note, where there is none and none was chosen.
+/// Opens the device chosen on the command line. `None`, with a note, if there is none and none was chosen.
 pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>, Failure> {
     let desc = HeadlessDesc::default().device(choice.cloned().unwrap_or_default());
     let gpu = if_any(Gpu::new(&desc), choice, out)?;
@@ -32,7 +32,7 @@ pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>, 
     Ok(gpu)
 }
 
-/// Tells that there is no device, and none was chosen, from one that cannot be set up.
+/// `None`, with a note, if there is no device and none was chosen; other errors are failures.
 fn if_any<T>(opened: deltamorph::Result<T>, choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<T>, Failure> {
     match opened {
         Err(error @ Error::NoDevice { .. }) if choice.is_none() => {
@@ -43,7 +43,7 @@ fn if_any<T>(opened: deltamorph::Result<T>, choice: Option<&DeviceChoice>, out: 
     }
 }
 
-/// The device that `args` take: none for the path `cpu`, and none that has to be there where no path is named.
+/// The device for `args`: none for the path `cpu`; optional if no path is named.
 fn open_for(args: &RunArgs, choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>, Failure> {
     match args.update.paths.first() {
         Some(UpdatePath::Cpu) => Ok(None),
@@ -59,7 +59,7 @@ fn no_device(path: UpdatePath) -> Error {
     }
 }
 
-/// The mesh of `input` in `format`: as a packed file has it where it is the file's, else packed now.
+/// The mesh of `input` in `format`: the packed file's own if it has this format, else packed now.
 pub fn packed(
     input: &Input,
     engine: Option<&MorphEngine>,
@@ -70,7 +70,7 @@ pub fn packed(
         let desc = engine.map_or(PackDesc::new(format), |engine| engine.pack_desc(format));
         return Ok(Arc::new(PackedMesh::pack(&input.kept, &desc.blocks(args.desc()))?));
     };
-    // The largest weight is for poses to hold, however the mesh was packed.
+    // The largest weight applies to poses, independent of packing.
     if (PackArgs { weight_max: None, ..args.clone() }).desc() == BlockDesc::default() {
         return Ok(held.clone());
     }
@@ -81,31 +81,31 @@ pub fn packed(
     )))
 }
 
-/// Heads that are updated by one path.
+/// Instances updated by one path.
 pub enum Runner<'a> {
-    /// On a device: a crowd, or one for each head.
+    /// On a device: a crowd, or one per instance.
     Gpu(Vec<HeadlessCrowd<'a>>),
-    /// On a device, which plays a clip: a frame each step.
+    /// On a device that plays a clip, a frame per step.
     Animated { crowd: Box<HeadlessCrowd<'a, AnimatedCrowd>>, fps: f32, frames: u32 },
-    /// On the processor; with a way to the device, where poses are to be drawn there.
+    /// On the processor; with an upload to the device, if poses are drawn.
     Cpu(Box<CpuCrowd>, Option<Box<PoseUpload<'a>>>),
 }
 
-/// What a frame took.
+/// Measurements of a frame.
 pub struct Frame {
     pub stats: UpdateStats,
-    /// Device time of the update in milliseconds, where there is one.
+    /// Device time of the update in milliseconds, if measured.
     pub gpu_ms: Option<f64>,
     /// Device time of the draws that follow it, in milliseconds; `None` without draws or timestamps.
     pub draw_ms: Option<f64>,
-    /// From a result in main memory to the device, in milliseconds: the path `cpu`, where it is drawn.
+    /// Time to upload the result from main memory to the device, in milliseconds: the path `cpu`, if it is drawn.
     pub upload_ms: Option<f64>,
     /// From weights to result, draws on a device included, in milliseconds.
     pub cpu_ms: f64,
 }
 
 impl<'a> Runner<'a> {
-    /// `heads` instances of `mesh`, updated as `desc` says. On the path `cpu`, a `gpu` is where poses are drawn.
+    /// `heads` instances of `mesh` with the description `desc`. The path `cpu` uses `gpu` only to draw.
     pub fn new(
         gpu: Option<&'a Gpu>,
         mesh: &Arc<PackedMesh>,
@@ -124,7 +124,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// `count` crowds (≥ 1) of `heads` each on a device, updated in one submission.
+    /// `count` crowds (≥ 1) of `heads` instances each on a device, updated in one submission.
     pub fn crowds(
         gpu: &'a Gpu,
         mesh: &Arc<PackedMesh>,
@@ -132,7 +132,7 @@ impl<'a> Runner<'a> {
         heads: u32,
         count: usize,
     ) -> deltamorph::Result<Self> {
-        // One update at a time is recorded and waited for.
+        // Each update is waited for.
         let desc = CrowdDesc::new(desc).instances(heads).frames_in_flight(1);
         let mut crowds = vec![HeadlessCrowd::new(gpu, mesh, &desc)?];
         for _ in 1..count {
@@ -141,7 +141,7 @@ impl<'a> Runner<'a> {
         Ok(Self::Gpu(crowds))
     }
 
-    /// Update every head to `weights[head]`, draw it `copies` times where there is a device, and wait.
+    /// Updates every instance to `weights[head]`, draws it `copies` times if there is a device, and waits.
     pub fn step(&mut self, weights: &[impl AsRef<[f32]>], copies: u32) -> deltamorph::Result<Frame> {
         let Step { update, gpu_ms, draw_ms, cpu_ms } = match self {
             Self::Gpu(crowds) => {
@@ -173,7 +173,7 @@ impl<'a> Runner<'a> {
         Ok(Frame { stats: update.stats, gpu_ms, draw_ms, upload_ms: None, cpu_ms })
     }
 
-    /// The pose of a head, six floats a vertex, in the user's order.
+    /// The pose of an instance, six floats per vertex, in input order.
     pub fn pose(&mut self, head: u32) -> deltamorph::Result<Vec<f32>> {
         match self {
             Self::Gpu(crowds) => {
@@ -185,12 +185,12 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// The weights that a device has chosen for the first head, where it animates, in steps of the grid.
+    /// The weights of the first instance if a device animates it, in units of the grid.
     pub fn played(&mut self) -> deltamorph::Result<Option<Vec<i32>>> {
         if let Self::Animated { crowd, .. } = self { crowd.read_weights(0).map(Some) } else { Ok(None) }
     }
 
-    /// The next pose of the first head has no predecessor.
+    /// Marks a cut: the next pose of the first instance has no predecessor.
     pub fn cut(&mut self) -> deltamorph::Result<()> {
         match self {
             Self::Gpu(crowds) => crowds[0].cut(0),
@@ -199,8 +199,8 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// The integers of the first head: those of its pose, which is stored as `format` says, or else the sums that its
-    /// path has instead; `None` where all is float32.
+    /// The integers of the first instance: those of its pose, stored in `format`, or the integer sums of its path;
+    /// `None` if all is float32.
     pub fn integers(&mut self, format: PoseFormat) -> deltamorph::Result<Option<Vec<i32>>> {
         let stored = match self {
             Self::Gpu(crowds) if !format.has_integers() => return crowds[0].read_sums(0),
@@ -212,7 +212,7 @@ impl<'a> Runner<'a> {
         Ok(Some(format.integers(&stored)))
     }
 
-    /// Device time of `copies` draws of every head; `None` without a device.
+    /// Device time of `copies` draws of every instance; `None` without a device.
     pub fn draw_ms(&mut self, copies: u32) -> deltamorph::Result<Option<f64>> {
         match self {
             Self::Gpu(crowds) => crowds.iter().map(|crowd| crowd.draw(copies)).sum(),
@@ -222,7 +222,7 @@ impl<'a> Runner<'a> {
     }
 }
 
-/// The packed mesh, how it is updated, and where.
+/// The packed mesh, its update description, and the device.
 pub struct Stage {
     gpu: Option<Rc<Gpu>>,
     threads: usize,
@@ -230,7 +230,7 @@ pub struct Stage {
     pub desc: UpdateDesc,
 }
 
-/// How poses were updated, in the JSON of each command. Fields may be added, never renamed.
+/// The update options, in the JSON of each command. Fields may be added, never renamed.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Setup {
     path: &'static str,
@@ -240,17 +240,17 @@ pub struct Setup {
     accumulate: Sums,
     pose: &'static str,
     slots: u32,
-    /// In input units; 0 where nothing waits.
+    /// In input units; 0 if nothing is deferred.
     error_budget: f32,
 }
 
 impl Stage {
-    /// On the path named, or else the best that there is: `blocks` where there is a device, or `cpu`.
+    /// Sets up the path named, or else `blocks`, or `cpu` without a device.
     pub fn new(args: &RunArgs, input: &Input, device: Option<&DeviceChoice>, out: &Output) -> Result<Self, Failure> {
         Self::on(open_for(args, device, out)?.map(Rc::new), args, input, out)
     }
 
-    /// As [`new`](Self::new), with a device that is open already. On the path `cpu` it is left alone.
+    /// Like [`new`](Self::new), with a device that is already open. The path `cpu` does not use it.
     pub fn on(gpu: Option<Rc<Gpu>>, args: &RunArgs, input: &Input, out: &Output) -> Result<Self, Failure> {
         let gpu = gpu.filter(|gpu| match args.update.paths.first() {
             Some(path) => *path != UpdatePath::Cpu,
@@ -264,7 +264,7 @@ impl Stage {
         Runner::new(self.gpu.as_deref(), &self.mesh, desc, 1, self.threads)
     }
 
-    /// Threads of the path `cpu`; 0: one a core.
+    /// Threads of the path `cpu`; 0: one per core.
     pub fn threads(&self) -> usize {
         self.threads
     }
@@ -273,7 +273,7 @@ impl Stage {
         self.gpu.as_deref().map_or("none".into(), |gpu| gpu.caps().name.clone())
     }
 
-    /// A head that plays `clip` from its beginning, planned on the device.
+    /// An instance that plays `clip` from its beginning, planned on the device.
     pub fn animated(&self, clip: &WeightClip) -> Result<Runner<'_>, Failure> {
         let gpu = self.gpu.as_deref().filter(|_| self.desc.path == UpdatePath::Blocks);
         let gpu = gpu.ok_or_else(|| Failure::Usage("--animated plans on a Vulkan device: use --path blocks".into()))?;
@@ -295,27 +295,26 @@ impl Stage {
         }
     }
 
-    /// "fast", "fast in fixed16 poses": what rounds.
+    /// The formats that cause rounding: "fast", "fast in fixed16 poses".
     pub fn formats(&self) -> String {
         let (format, pose) = (self.mesh.layout().format.name(), self.desc.pose);
         if pose.has_integers() { format!("{format} in {} poses", pose.name()) } else { format.to_owned() }
     }
 
-    /// "blocks fast exact fixed32, 2 slots, on llvmpipe": for people.
+    /// In words: "blocks fast exact fixed32, 2 slots, on llvmpipe".
     pub fn describe(&self) -> String {
         let UpdateDesc { path, pose, slots, .. } = self.desc;
         let device = if path == UpdatePath::Cpu { "the processor".to_owned() } else { self.device() };
         let format = self.mesh.layout().format.name();
-        // Draws that evaluate have no pose buffers.
+        // Paths that evaluate in draws have no pose buffers.
         let slots = if path.evaluates_in_draws() { String::new() } else { format!(", {slots} slots") };
         let pose = if pose.has_integers() { format!(" {}", pose.name()) } else { String::new() };
         format!("{} {format} {}{pose}{slots}, on {device}", path.name(), name(Sums::of(&self.desc)))
     }
 }
 
-/// The packed mesh and how one head of it is updated, as asked for: on the path named, or else `blocks` where there is
-/// an `engine`, or `cpu`. The format is the one named, or that of the packed file that is read, or the default of the
-/// path.
+/// The packed mesh and the update description of one instance. The path is the one named, or else `blocks` with an
+/// `engine`, `cpu` without. The format is the one named, that of the packed file, or the path's default.
 pub fn prepare(
     args: &RunArgs,
     input: &Input,
@@ -327,7 +326,7 @@ pub fn prepare(
     let (named, pose) = (update.paths.first().copied(), poses.first().copied());
     let path = named.unwrap_or(if engine.is_some() { UpdatePath::Blocks } else { UpdatePath::Cpu });
     let (fits, held) = (|format| format_on(path, format), input.packed.as_ref().map(|mesh| mesh.layout().format));
-    // Poses of integers are sums of integers.
+    // Fixed-point poses are sums of integers.
     let holds = |format: &DeltaFormat| !pose.is_some_and(PoseFormat::has_integers) || format.has_integers();
     let defaults = [DeltaFormat::Fast, DeltaFormat::Float32, DeltaFormat::Small, DeltaFormat::Snorm16];
     let mut defaults = held.into_iter().chain(defaults.into_iter().filter(holds));
@@ -358,7 +357,7 @@ pub fn prepare(
     Ok((mesh, desc))
 }
 
-/// The batch size that `spec` means on `path`.
+/// The batch size for `spec` on `path`.
 fn batch_size(
     spec: BatchSpec,
     path: UpdatePath,

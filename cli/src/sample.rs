@@ -1,4 +1,4 @@
-//! `sample`: the built-in head as a folder that any morph-target tool can read.
+//! `sample`: writes the built-in head as a folder that any morph-target tool can read.
 
 use crate::args::SampleArgs;
 use crate::output::{Failure, Output, claim, create_folder, write_file};
@@ -22,9 +22,9 @@ pub fn run(args: &SampleArgs, out: &Output) -> Result<(), Failure> {
     spinner.finish_and_clear();
 
     let bar = out.bar(source.targets.len() as u64 + 1);
-    // The rate is in the name: the file itself has no place for it, and readers look there.
+    // Readers take the rate from the name, since the file has no place for it.
     clip.name = format!("{}_{}fps", if clip.name.is_empty() { "clip" } else { &clip.name }, args.fps);
-    // Without a target there is no column, and so no clip.
+    // Without targets there is no column, and so no clip.
     if !source.targets.is_empty() {
         create_folder(&args.dir.join("weights"))?;
         csv::write(&args.dir.join("weights").join(format!("{}.csv", clip.name)), &clip)?;
@@ -44,7 +44,7 @@ pub fn run(args: &SampleArgs, out: &Output) -> Result<(), Failure> {
     }))
 }
 
-/// A rig as `deltamorph_rig::read` takes it: what the built-in head's has of it.
+/// The JSON of a rig for `deltamorph_rig::read`, with the parts that the built-in head's rig uses.
 fn rig_text(rig: &Rig) -> serde_json::Value {
     let key = |key: &Key| serde_json::json!({"at": key.at, "target": key.target});
     let control = |control: &Control| {
@@ -54,8 +54,8 @@ fn rig_text(rig: &Rig) -> serde_json::Value {
     serde_json::json!({"controls": rig.controls.iter().map(control).collect::<Vec<_>>()})
 }
 
-/// Write `targets/*.obj` and at last `neutral.obj`, so that no folder is taken for whole before it is, calling `step`
-/// after each file. Nine digits per number: every position and normal reads back as the float that was written.
+/// Writes `targets/*.obj` and then `neutral.obj`, so that an incomplete folder is recognisable, calling `step` after
+/// each file. With nine digits per number, every position and normal is read back exactly.
 fn write_folder(source: &MorphSource, dir: &Path, mut step: impl FnMut()) -> Result<(), Failure> {
     let targets = dir.join("targets");
     create_folder(&targets)?;
@@ -69,7 +69,7 @@ fn write_folder(source: &MorphSource, dir: &Path, mut step: impl FnMut()) -> Res
         let mut normals = base_normals.to_vec();
         match &target.normals {
             Some(deltas) if !normals.is_empty() => add(&mut normals, deltas),
-            // Normals "computed from the surface": stating the base's would say that they don't turn.
+            // Normals "computed from the surface": writing the base's would state that they do not change.
             _ => normals.clear(),
         }
         file(&positions, &normals, &targets.join(format!("{}.obj", target.name)))?;
@@ -116,11 +116,11 @@ mod tests {
         let (a, b) = (a.expect("the head"), b.expect("the folder"));
         assert_eq!(a.targets.len(), b.targets.len());
         for target in &a.targets {
-            // Files come back sorted by name.
+            // Files are read back sorted by name.
             let other = &b.targets[b.target_index(&target.name).expect("same names")];
             assert_eq!(other.vertices, target.vertices, "{}", target.name);
-            // A file holds base + delta as floats: the delta comes back to within their rounding, and the
-            // normals to within what that turns the surface.
+            // A file holds base + delta as floats: the delta is read back to within their rounding, and normals to
+            // within the rotation that this causes.
             let near = |a: &[Vec3], b: &[Vec3], by: f32| a.iter().zip(b).all(|(a, b)| a.distance(*b) <= by);
             assert!(near(&other.positions, &target.positions, a.diagonal * f32::EPSILON), "{}", target.name);
             assert!(near(&other.normals, &target.normals, 1e-4), "{}", target.name);

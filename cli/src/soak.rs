@@ -20,10 +20,10 @@ pub fn run(args: &SoakArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     let clips = input::clips(weights.as_deref(), &run.input, &input, &[])?;
     let stage = Stage::new(run, &input, device, out)?;
     let origin = input.origin.clone();
-    // From here on the packed mesh is enough.
+    // Only the packed mesh is needed from here on.
     drop(input);
     let start = Instant::now();
-    // Random weights fold normals to nothing here and there, where an angle says little: positions only.
+    // Positions only: random weights fold some normals to nothing, and angles are then meaningless.
     let mut checks = Checks::new(&stage, None, false);
     let sums = soak(args, &clips, &mut checks, out)?;
     let (seconds, bit_exact) = (start.elapsed().as_secs_f64(), sums.as_ref().map(|sums| sums.right));
@@ -36,7 +36,8 @@ pub fn run(args: &SoakArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     let (frames, setup, found) = (thousands(args.frames), stage.describe(), checks.text());
     out.say(format_args!("{frames} frames, {setup}, {} s\n{found}{exact}", sig3(seconds)));
     let clips: Vec<&str> = clips.iter().map(|clip| clip.name.as_str()).collect();
-    // Both `None` for float sums. The hash is the same on every driver; the seconds are of updates and comparisons.
+    // Both are `None` for float sums. The hash is the same on every driver; the seconds include updates and
+    // comparisons.
     let more = json!({
         "schema": 1, "frames": args.frames, "bit_exact": bit_exact, "sums_hash": hash, "device": stage.device(),
         "input": origin, "clips": clips, "seed": run.input.seed, "seconds": seconds,
@@ -45,11 +46,11 @@ pub fn run(args: &SoakArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     verdict(&checks, bit_exact)
 }
 
-/// The sums of integers, where there are any: poses, or what `scatter` has instead.
+/// Integer sums, if there are any: of fixed-point poses, or of `scatter`.
 struct Sums {
-    /// They and the poses were those of full evaluations whenever they were compared.
+    /// Whether all compared sums and poses equalled those of full evaluations.
     right: bool,
-    /// Of the last ones compared.
+    /// Hash of the last compared sums.
     hash: u64,
 }
 
@@ -77,10 +78,10 @@ fn soak(args: &SoakArgs, clips: &[BoundClip], checks: &mut Checks<'_>, out: &Out
 }
 
 impl Sums {
-    /// Hold integers and pose to those of a head that never had other weights.
+    /// Compares integers and pose with those of an instance that never had other weights.
     fn against_fresh(&mut self, runner: &mut Runner<'_>, stage: &Stage, weights: &[f32]) -> Result<(), Failure> {
         if stage.desc.error_budget > 0.0 {
-            // What waits is settled when the face is still.
+            // An update without changes applies deferred changes.
             runner.step(&[weights], 0)?;
         }
         let mut fresh = stage.runner(stage.desc.error_budget(0.0))?;
@@ -117,20 +118,20 @@ fn verdict(checks: &Checks<'_>, bit_exact: Option<bool>) -> Result<(), Failure> 
     Ok(())
 }
 
-/// Frames of a stretch, at least and at most.
+/// Fewest and most frames of a stretch.
 const STRETCH: [usize; 2] = [32, 256];
-/// Of a hundred random frames, this many …
+/// Numbers of frames among a hundred random ones.
 const NEUTRAL: usize = 4;
 const CUTS: usize = 3;
 const STILL: usize = 10;
-/// Random weights, as people exaggerate and as trackers overshoot.
+/// Range of random weights, with exaggeration and tracker overshoot.
 const WEIGHTS: [f32; 2] = [-0.5, 1.5];
 
-/// Frames without end, the same for a seed.
+/// Endless frames, determined by a seed.
 struct Script<'a> {
     rng: Rng,
     clips: &'a [BoundClip],
-    /// Between which random weights lie.
+    /// Range of random weights.
     range: [f32; 2],
     now: Vec<f32>,
     /// Frames left of this stretch.
@@ -140,10 +141,10 @@ struct Script<'a> {
 }
 
 impl<'a> Script<'a> {
-    /// No random weight is larger than `most`, either sign.
+    /// No random weight exceeds `most` in absolute value.
     fn new(targets: usize, clips: &'a [BoundClip], most: f32, seed: u64) -> Self {
         let (rng, range) = (Rng::new(seed, 0x736f_616b), WEIGHTS.map(|weight| weight.clamp(-most, most)));
-        // An empty random stretch: captured frames come first, where there are any.
+        // An empty random stretch: captured frames, if any, come first.
         Self { rng, clips, range, now: vec![0.0; targets], left: 0, place: None }
     }
 
@@ -166,7 +167,7 @@ impl<'a> Script<'a> {
                 if let Ok(weights) = clip.frame(*frame) {
                     self.now = weights;
                 }
-                // Round and round: the seam is a jump, as between takes.
+                // Clips repeat: the seam is a jump, as between takes.
                 *frame = (*frame + 1) % clip.frame_count();
                 false
             }
@@ -184,7 +185,7 @@ impl<'a> Script<'a> {
             (0..targets).for_each(|t| self.draw(t));
             return true;
         } else if dice >= NEUTRAL + CUTS + STILL && targets > 0 {
-            // Often a few, seldom all: as many as the smaller of two numbers.
+            // The smaller of two random numbers: often a few, seldom all.
             let count = 1 + self.rng.below(targets).min(self.rng.below(targets));
             for _ in 0..count {
                 let target = self.rng.below(targets);
@@ -194,7 +195,7 @@ impl<'a> Script<'a> {
         false
     }
 
-    /// A new weight; every third one comes to rest.
+    /// Draws a new weight; one in three is 0.
     fn draw(&mut self, target: usize) {
         let rest = self.rng.below(3) == 0;
         self.now[target] =

@@ -1,19 +1,19 @@
-//! Text tables, and numbers as people read them.
+//! Text tables, and number formatting.
 
-/// A table, whose columns are as wide as their widest cell.
+/// A table with columns as wide as their widest cell.
 #[derive(Debug)]
 pub struct Table {
     pub headings: Vec<String>,
     pub rows: Vec<Vec<String>>,
-    /// How many columns, from the first on, hold words, which are aligned left.
+    /// Number of leading columns of words, which are aligned left.
     pub left: usize,
 }
 
-/// Its heading, and what a row has in it.
+/// A heading, and the cell of a row.
 pub type Column<'a, R> = (&'a str, &'a dyn Fn(&R) -> String);
 
 impl Table {
-    /// A table with these headings, the first `left` columns of which hold words.
+    /// A table with these headings; the first `left` columns hold words.
     pub fn new(headings: &[&str], left: usize) -> Self {
         Self { headings: headings.iter().map(|h| (*h).to_owned()).collect(), rows: vec![], left }
     }
@@ -48,7 +48,7 @@ impl std::fmt::Display for Table {
     }
 }
 
-/// `value` with three significant digits, without an exponent where people would not use one.
+/// Formats `value` with three significant digits, without an exponent in common ranges.
 pub fn sig3(value: f64) -> String {
     if !value.is_finite() {
         "–".into()
@@ -68,7 +68,7 @@ pub fn optional(value: Option<f64>) -> String {
     value.map_or("–".into(), sig3)
 }
 
-/// A count, or the mean of counts.
+/// Formats a count, or a mean of counts.
 pub fn count(value: f64) -> String {
     if value.fract() == 0.0 { format!("{value:.0}") } else { sig3(value) }
 }
@@ -81,7 +81,7 @@ pub fn bytes(n: f64) -> String {
     indicatif::HumanBytes(n.round() as u64).to_string()
 }
 
-/// A whole number with thousands separators.
+/// Formats a whole number with thousands separators.
 pub fn thousands(n: usize) -> String {
     indicatif::HumanCount(n as u64).to_string()
 }
@@ -95,8 +95,8 @@ pub fn listed(names: impl IntoIterator<Item = String>) -> String {
     }
 }
 
-/// What a cell amounts to, for sorting: of a number its value, in whatever unit it stands, "all" being more than any;
-/// `None` for words.
+/// The value of a cell for sorting: of a number independent of its unit, with "all" above every number; `None` for
+/// words.
 pub fn amount(cell: &str) -> Option<f64> {
     if cell == "all" {
         return Some(f64::INFINITY);
@@ -104,7 +104,7 @@ pub fn amount(cell: &str) -> Option<f64> {
     let digits = |c: char| c.is_ascii_digit() || ",.+-e".contains(c);
     let end = cell.find(|c| !digits(c)).unwrap_or(cell.len());
     let (number, unit) = cell.split_at(end);
-    // A name that begins with digits is none: "3d-scan".
+    // A name that begins with digits is not a number: "3d-scan".
     if !unit.is_empty() && !unit.starts_with([' ', '°', '%', '×']) {
         return None;
     }
@@ -149,7 +149,7 @@ mod tests {
         for cell in ["", "–", "WRONG", "blocks fast", "e", "-", "3d-scan", "face 2", ",5"] {
             assert_eq!(amount(cell), None, "{cell}");
         }
-        // What is written sorts as what it was written from.
+        // Formatted values sort like the originals.
         let sizes = [0.0, 1023.0, 1024.0, 5000.0, 2e6, 3e9].map(|n| amount(&bytes(n)).expect("a size"));
         assert!(sizes.is_sorted(), "{sizes:?}");
     }

@@ -1,4 +1,4 @@
-//! `textures`: the delta textures of a mesh as a KTX2 file, which `--textures` reads again.
+//! `textures`: writes the delta textures of a mesh as a KTX2 file, which `--textures` reads.
 
 use crate::args::TexturesArgs;
 use crate::input;
@@ -19,20 +19,20 @@ struct Written {
     targets: usize,
     half: bool,
     file_bytes: usize,
-    /// Texels of a row, and rows, of a layer.
+    /// Width of a layer in texels, and its height.
     width: u32,
     height: u32,
     layers: u32,
-    /// Texels of a layer that hold deltas, of all groups of streams together.
+    /// Texels of a layer that hold deltas, over all groups of streams.
     texels_covered: usize,
-    /// By stream: positions, normals, and what the mesh has further.
+    /// By stream: positions, normals, and further streams of the mesh.
     rounding: Vec<Rounding>,
 }
 
 #[derive(Serialize)]
 struct Rounding {
     stream: String,
-    /// By how much a number of a delta was rounded, at most, in the units of the stream; 0 for 32-bit floats.
+    /// Largest rounding of a component of a delta, in the units of the stream; 0 for 32-bit floats.
     largest: f64,
 }
 
@@ -48,7 +48,7 @@ pub fn run(args: &TexturesArgs, out: &Output) -> Result<(), Failure> {
     let floats = if args.half { TextureFloats::Half } else { TextureFloats::Single };
     let file = write_ktx2(&packed, floats)?;
     deltamorph::internals::write_replacing(&args.output, |to| to.write_all(&file.bytes))?;
-    // What a reader finds, not what was meant to be written.
+    // Measured on the file as it is read back.
     let rounding = rounding(&packed, &read_ktx2(&args.output, &input.kept)?)?;
     spinner.finish_and_clear();
     let written = Written {
@@ -69,7 +69,7 @@ pub fn run(args: &TexturesArgs, out: &Output) -> Result<(), Failure> {
     out.json(&written)
 }
 
-/// The same for people.
+/// The result in words.
 fn text(w: &Written) -> String {
     let Written { output, targets, width, height, layers, .. } = w;
     let [vertices, covered] = [w.vertices, w.texels_covered].map(thousands);
@@ -83,7 +83,7 @@ fn text(w: &Written) -> String {
     )
 }
 
-/// The largest difference of a number of each stream between the file, as it is read, and what was written.
+/// The largest difference of a component in each stream between the file, as it is read, and the written deltas.
 fn rounding(written: &PackedMesh, read: &MorphMesh) -> Result<Vec<Rounding>, Failure> {
     let read = PackedMesh::pack(read, &PackDesc::new(DeltaFormat::Float32))?;
     let mut found = vec![];

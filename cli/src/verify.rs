@@ -1,4 +1,4 @@
-//! What an update path promises, and whether a pose keeps it: one rule for `bench`, `play` and `soak`.
+//! Bounds on errors of an update path, and checks of poses against them: common to `bench`, `play` and `soak`.
 
 use crate::output::Failure;
 use crate::runner::{Frame, Runner, Setup, Stage};
@@ -9,29 +9,29 @@ use glam::DVec3;
 use serde::Serialize;
 use std::sync::Arc;
 
-/// What to do about a wrong pose.
+/// Remedy for a wrong pose.
 pub const REMEDY: &str = "try another --path, and report this with what `deltamorph devices` prints";
 
-/// A result is right when positions are within this fraction of the diagonal, and what [`Promise::beyond`] allows where
-/// coordinates are larger than that …
+/// Largest position error of a right result, as a fraction of the diagonal; [`Promise::beyond`] adds to it for larger
+/// coordinates.
 const POSITION_BOUND: f64 = 3e-6;
-/// … and normals within this many degrees of the float64 reference on the deltas kept.
+/// Largest angle between its normals and the float64 reference on the kept deltas, in degrees.
 const NORMAL_BOUND_DEGREES: f64 = 0.01;
 
-/// What verification found.
+/// Results of a verification.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Found {
     /// Against the reference on the packed deltas.
     pub error: PoseError,
     /// Against the raw files.
     pub raw: PoseError,
-    /// Largest angle between normals beyond what rounding to the unit of poses may turn them by, in degrees.
+    /// Largest angle between normals, minus the one that rounding to the unit of poses may cause, in degrees.
     pub turned: f64,
-    /// The bound on positions that the path states, in input units: on drift, or on rounding to the unit of poses.
+    /// The path's stated bound on position errors, in input units: from drift, or from rounding to the unit of poses.
     pub bound: f64,
-    /// The largest coordinate of the reference, either sign.
+    /// The largest absolute coordinate of the reference.
     pub reach: f64,
-    /// As [`Promise::additions`] counts them.
+    /// Counted by [`Promise::additions`].
     pub additions: usize,
 }
 
@@ -48,32 +48,32 @@ impl Found {
     }
 }
 
-/// The larger one; NaN, where one is.
+/// The larger one; NaN if either is NaN.
 fn worse(a: f64, b: f64) -> f64 {
     if a.is_nan() || a > b { a } else { b }
 }
 
-/// What errors are stated relative to: the diagonal. A single point has none; its errors stay absolute.
+/// The length that errors are relative to: the diagonal. A single point has none; its errors are absolute.
 pub fn scale(diagonal: f32) -> f64 {
     if diagonal > 0.0 { f64::from(diagonal) } else { 1.0 }
 }
 
-/// What a path promises on a mesh.
+/// The error bounds of a path on a mesh.
 #[derive(Clone, Copy, Debug)]
 pub struct Promise {
-    /// Poses carry a bound on what accumulation may have done.
+    /// Poses carry a bound on accumulated errors.
     tracked: bool,
-    /// A float32 pose is the base pose and one sum: of integers, or of what a draw evaluates.
+    /// A float32 pose is the base pose plus one sum: of integers, or evaluated in a draw.
     once: bool,
     pub grid: Option<PoseGrid>,
     budget: f64,
-    /// The length that errors are stated relative to.
+    /// The length that errors are relative to.
     pub scale: f64,
 }
 
 impl Promise {
     pub fn new(desc: &UpdateDesc, layout: &PackedLayout) -> Self {
-        // Of a mesh that has none, a runner could not be made.
+        // A mesh without a grid fails when the runner is created.
         let grid = desc.grid(layout).ok().flatten();
         Self {
             tracked: layout.blocks.is_some() && grid.is_none(),
@@ -84,19 +84,20 @@ impl Promise {
         }
     }
 
-    /// The weights that the result is compared with: sums of integers take those of their grid.
+    /// The weights to compare the result with: for sums of integers, rounded to their grid.
     pub fn applied(&self, weights: &[f32]) -> Vec<f32> {
         weights.iter().map(|&w| self.grid.map_or(w, |grid| grid.round(w))).collect()
     }
 
-    /// What rounding to the unit of poses may move positions by in a pose of `weights`, and normals, both as lengths.
+    /// Bounds on errors of positions and normals from rounding to the unit of poses in a pose of `weights`, both as
+    /// lengths.
     pub fn rounding(&self, weights: &[f32]) -> [f64; 2] {
-        // What waits may be a weight where none is asked for.
+        // A deferred change may be of a weight that is requested to be 0.
         let active = weights.iter().filter(|w| **w != 0.0 || self.budget > 0.0).count();
         self.grid.map_or([0.0; 2], |grid| [grid.position_error(active), grid.normal_error(active)].map(f64::from))
     }
 
-    /// How far `pose` is from `reference`, the pose of `weights` on the packed deltas.
+    /// Errors of `pose` against `reference`, the pose of `weights` on the packed deltas.
     pub fn find(&self, pose: &[f32], reference: &[f64], weights: &[f32]) -> Found {
         let error = compare(pose, reference);
         let turned = match self.rounding(weights)[1] {
@@ -108,8 +109,8 @@ impl Promise {
         Found { error, turned, reach, ..Found::default() }
     }
 
-    /// How often something was added to float32 poses since they were the base pose: `before` this update of so many
-    /// heads, and with it. Of several heads at most: it counts the passes of all.
+    /// Number of additions to float32 poses since they were the base pose, including this update of `heads` instances;
+    /// `before`: before it. An upper bound for several instances, since it counts the passes of all.
     pub fn additions(&self, before: usize, stats: &UpdateStats, heads: u32) -> usize {
         match self.once {
             true => 1,
@@ -118,19 +119,19 @@ impl Promise {
         }
     }
 
-    /// What rounding may do where coordinates are larger than the diagonal, in input units.
+    /// Bound on rounding errors of coordinates larger than the diagonal, in input units.
     ///
-    /// An addition rounds a coordinate x to nearest, by half a unit in its last place at most: by up to ε/2 · |x|, with
-    /// ε = 2⁻²³. Taken as uniform, that is a standard deviation of ε/2 · |x| / √3 in each of three coordinates, ε/2
-    /// · |x| of the vertex. Of n additions it is √n times as much; five of these are 2.5 · √n · ε · |x|, and more than
-    /// the most that one addition can do, √3 · ε/2 · |x|. Coordinates up to the diagonal are [`POSITION_BOUND`]'s.
+    /// An addition rounds a coordinate x by at most half a unit in its last place, ε/2 · |x| with ε = 2⁻²³. If
+    /// uniformly distributed, the standard deviation is ε/2 · |x| / √3 in each of three coordinates, ε/2 · |x| for the
+    /// vertex, and √n times as much for n additions. Five standard deviations are 2.5 · √n · ε · |x|, more than the
+    /// largest error of one addition, √3 · ε/2 · |x|. [`POSITION_BOUND`] covers coordinates up to the diagonal.
     fn beyond(&self, found: &Found) -> f64 {
         let larger = (found.reach - self.scale).max(0.0);
         2.5 * (found.additions as f64).sqrt() * f64::from(f32::EPSILON) * larger
     }
 
-    /// The position error allowed. A tracked bound comes off the budget before a change may wait; elsewhere the budget
-    /// comes on top.
+    /// The position error allowed. A tracked bound is subtracted from the budget before changes are deferred; otherwise
+    /// the budget is added.
     pub fn allowed(&self, found: &Found) -> f64 {
         match self.tracked {
             true => found.bound.max(self.budget),
@@ -138,14 +139,14 @@ impl Promise {
         }
     }
 
-    /// Whether the promise is kept.
+    /// Whether the errors are within the bounds.
     pub fn kept(&self, found: &Found) -> bool {
-        // A budget bounds positions; what waits turns normals as well.
+        // A budget bounds positions only; deferred changes rotate normals.
         let normals = if self.budget > 0.0 { 180.0 } else { NORMAL_BOUND_DEGREES };
         found.error.position <= self.allowed(found) && found.turned <= normals
     }
 
-    /// What is wrong, where the promise is not kept.
+    /// Describes the errors if they exceed the bounds.
     pub fn complaint(&self, found: &Found) -> String {
         format!(
             "positions are off by {:.3e} of the diagonal ({:.1e} allowed), normals by {:.4}° \
@@ -157,12 +158,12 @@ impl Promise {
     }
 }
 
-/// The largest angle between normals, in degrees, beyond the one that a difference of `length` makes.
+/// The largest angle between normals, in degrees, minus the one that a difference of `length` causes.
 fn turned(pose: &[f32], reference: &[f64], length: f64) -> f64 {
     let vertices = pose.as_chunks::<POSE_FLOATS>().0.iter().zip(reference.as_chunks::<POSE_FLOATS>().0);
     let angles = vertices.map(|(got, want)| {
         let (got, want) = (DVec3::from_slice(&got.map(f64::from)[3..]), DVec3::from_slice(&want[3..]));
-        // Without a direction that means something, `compare` takes lengths instead of angles.
+        // For normals without a meaningful direction, `compare` takes lengths instead of angles.
         match want.length() {
             long if long >= SHORTEST_NORMAL && long > length => {
                 angle_degrees(got, want) - (length / long).asin().to_degrees()
@@ -173,50 +174,50 @@ fn turned(pose: &[f32], reference: &[f64], length: f64) -> f64 {
     angles.fold(0.0, |worst, angle| worse(angle, worst))
 }
 
-/// Poses of one head, each compared with the float64 reference.
+/// Compares poses of one instance with the float64 reference.
 pub struct Checks<'a> {
     pub stage: &'a Stage,
     pub promise: Promise,
-    /// Compare with these deltas, too.
+    /// Compares with these deltas, too.
     pub raw: Option<Arc<MorphMesh>>,
-    /// Compare normals, and also with the requested weights.
+    /// Compares normals, and positions with the requested weights, too.
     full: bool,
     count: usize,
     additions: usize,
     pub found: Found,
     /// Largest position error against the requested weights.
     pub request: f64,
-    /// The first frame that breaks the promise, and how.
+    /// The first frame out of bounds, and a description of its errors.
     wrong: Option<(usize, String)>,
 }
 
-/// How poses were updated, and what comparisons found, in the JSON of `play` and `soak`.
+/// The update options and the errors found, in the JSON of `play` and `soak`.
 #[derive(Debug, Serialize)]
 pub struct Checked {
     #[serde(flatten)]
     setup: Setup,
     /// Frames that were compared with the reference.
     checks: usize,
-    /// Largest position error against the float64 reference, in input units, and as a fraction of the diagonal. Sums of
-    /// integers are held to the weights as their grid rounds them.
+    /// Largest position error against the float64 reference, in input units, and as a fraction of the diagonal. For
+    /// sums of integers, the reference uses weights rounded to their grid.
     max_error: f64,
     max_error_rel: f64,
-    /// The largest bound that the path stated, in input units, on drift or on rounding to the unit of poses; 0 where
-    /// neither happens.
+    /// The largest bound that the path stated, in input units, from drift or from rounding to the unit of poses; 0 if
+    /// neither occurs.
     bound: f64,
     /// The same as a fraction of the diagonal.
     bound_rel: f64,
 }
 
 impl<'a> Checks<'a> {
-    /// Of poses of `stage`; against `raw` as well, where it is given. `full`: also normals, and against the requested
+    /// Checks poses of `stage`; against `raw` as well, if given. `full`: also normals, and against the requested
     /// weights.
     pub fn new(stage: &'a Stage, raw: Option<Arc<MorphMesh>>, full: bool) -> Self {
         let promise = Promise::new(&stage.desc, stage.mesh.layout());
         Self { stage, promise, raw, full, count: 0, additions: 0, found: Found::default(), request: 0.0, wrong: None }
     }
 
-    /// Update the head of `runner`, and compare its pose where that is `due`. Returns the position error, too.
+    /// Updates the instance of `runner`, and if `due` compares its pose. Also returns the position error.
     pub fn step(
         &mut self,
         frame: usize,
@@ -234,7 +235,7 @@ impl<'a> Checks<'a> {
         let (pose, mesh) = (&runner.pose(0)?, &self.stage.mesh);
         let step_of_weights = self.promise.grid.map_or(1.0, |grid| grid.weight_step());
         let played = runner.played()?.map(|steps| steps.into_iter().map(|n| n as f32 * step_of_weights).collect());
-        // Where a device plans, nobody has counted what is active in each block.
+        // If the device plans, the number of active targets in each block is unknown.
         let bound =
             played.as_ref().map_or(step.stats.bound.into(), |weights: &Vec<f32>| self.promise.rounding(weights)[0]);
         let applied = played.unwrap_or_else(|| self.promise.applied(weights));
@@ -267,7 +268,7 @@ impl<'a> Checks<'a> {
         }
     }
 
-    /// The same for people.
+    /// The result in words.
     pub fn text(&self) -> String {
         let relative = |length: f64| sig3(length / self.promise.scale);
         let bound = match self.found.bound {
@@ -280,7 +281,7 @@ impl<'a> Checks<'a> {
         format!("largest error in {count} frames, of the diagonal: {error} against the float64 reference{bound}")
     }
 
-    /// A failure where a frame broke the promise.
+    /// A failure if any frame was out of bounds.
     pub fn verdict(&self) -> Result<(), Failure> {
         let path = self.stage.desc.path.name();
         self.wrong.as_ref().map_or(Ok(()), |(frame, complaint)| {
@@ -312,11 +313,11 @@ mod tests {
         let unbounded = [(float, &dense), (exact, &blocks), (patient(exact), &blocks)];
         let unbounded = unbounded.map(|(desc, layout)| Promise::new(&desc, layout).allowed(&Found::default()));
         assert_eq!(unbounded, [own, own, own + 0.5]);
-        // Coordinates up to the diagonal allow nothing more, however many additions there were.
+        // Coordinates up to the diagonal allow no more, for any number of additions.
         let near = Found { reach: mesh.diagonal.into(), additions: 1_000_000, ..Found::default() };
         assert_eq!(Promise::new(&float, &dense).allowed(&near), own);
         assert_eq!((allowed(float, &blocks), allowed(patient(float), &blocks)), (0.25, 0.5));
-        // What rounding to a unit may do is in the bound; budgets come on top.
+        // The bound includes rounding to a unit; budgets are added.
         assert_eq!((allowed(narrow, &blocks), allowed(patient(narrow), &blocks)), (own + 0.25, own + 0.5 + 0.25));
         let rounding = |desc: UpdateDesc, weights: &[f32]| Promise::new(&desc, &blocks).rounding(weights);
         assert_eq!((rounding(exact, &[1.0, 1.0]), rounding(float, &[1.0, 1.0])), ([0.0; 2], [0.0; 2]));
@@ -339,7 +340,7 @@ mod tests {
         assert!(rounded != 0.3 && (rounded - 0.3).abs() < 0.01, "{rounded}");
     }
 
-    /// A quad of diagonal 0.42 whose 40 targets move it by up to a tenth of that, so far along x.
+    /// A quad of diagonal 0.42 at `x` along the x axis; its 40 targets move it by up to a tenth of the diagonal.
     fn quad(x: f32) -> MorphMesh {
         let corners = [[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.3, 0.3, 0.0], [0.0, 0.3, 0.0]];
         let target = |t: usize| {
@@ -402,7 +403,7 @@ mod tests {
     fn normals_may_turn_as_far_as_their_rounding_reaches() {
         let vertex = |x: f64, z: f64| [0.0, 0.0, 0.0, x, 0.0, z];
         let found = |got: [f64; 6], want: [f64; 6], length| turned(&got.map(|v| v as f32), &want, length);
-        // A right angle, and one of 45 degrees; what reaches beyond the normal itself turns it anywhere.
+        // A right angle, and one of 45 degrees; a difference longer than the normal itself allows any angle.
         assert!((found(vertex(1.0, 0.0), vertex(0.0, 1.0), 0.5) - 60.0).abs() < 1e-4);
         assert!(found(vertex(0.5, 0.5), vertex(0.0, 1.0), 0.8) <= 0.0);
         assert!(found(vertex(0.1, 0.0), vertex(0.0, 0.1), 0.2) <= 0.0);
