@@ -1,7 +1,7 @@
-//! A camera that moves away from 100 heads and back: what a level of detail changes in the pictures from frame to
-//! frame, and the bytes that updates move, as a table and a plot. Run as `./with-vulkan cargo run -p deltamorph-render
-//! --example fly [--bytes] [--frames=N] [--vertices=N] [--supersampling=N] [--fade=PIXELS] [--pixels=PIXELS] [FOLDER]`;
-//! `--bytes`: without pictures.
+//! A camera that moves away from 100 heads and back: how levels of detail change the pictures between frames, and the
+//! bytes that updates move, as a table and a plot. Run as `./with-vulkan cargo run -p deltamorph-render --example fly
+//! [--bytes] [--frames=N] [--vertices=N] [--supersampling=N] [--fade=PIXELS] [--pixels=PIXELS] [FOLDER]`; `--bytes`:
+//! without pictures.
 
 #[path = "../tests/common/fly.rs"]
 mod fly;
@@ -44,11 +44,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Bytes over the distance, which is logarithmic: all targets grey, with the level of detail blue; away solid, back
-/// dashed.
+/// Plots bytes over the distance, which is logarithmic: grey for all targets, blue with the level of detail; solid for
+/// the way out, dashed for the way back.
 fn plot(frames: &[Frame]) -> String {
     let (width, height, edge) = (720.0f64, 400.0f64, 60.0f64);
-    // The first two write all poses.
+    // The first two frames write all poses.
     let counted = &frames[2.min(frames.len() - 1)..];
     let far = counted.iter().map(|f| f.distance).fold(1.0, f32::max);
     let high = counted.iter().flat_map(|f| f.bytes).max().unwrap_or(1) as f64 / 1e6;

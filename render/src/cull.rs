@@ -1,10 +1,10 @@
-//! Heads that are left out of a pass, since nothing of them can be in it.
+//! Culling of heads that are outside the picture of a pass.
 
 use deltamorph::{Bounds, WeightBounds};
 use deltamorph::{PackedMesh, Result, UpdateDesc, UpdateStats};
 use glam::{Mat4, Vec3, Vec4};
 
-/// What is inside of Vulkan's clip volume lies on the positive side of each.
+/// The clip volume of Vulkan lies on the positive side of each plane.
 const PLANES: [Vec4; 6] = [
     Vec4::new(1.0, 0.0, 0.0, 1.0),
     Vec4::new(-1.0, 0.0, 0.0, 1.0),
@@ -13,11 +13,11 @@ const PLANES: [Vec4; 6] = [
     Vec4::new(0.0, 0.0, 1.0, 0.0),
     Vec4::new(0.0, 0.0, -1.0, 1.0),
 ];
-/// Share of its clip coordinates by which a corner has to be outside: for rounding, for lines, which are as wide as a
-/// pixel, and for edges, which face.vert draws a little nearer.
+/// Fraction of the clip coordinates by which a corner has to be outside. Allows for rounding, for lines, which are a
+/// pixel wide, and for edges, which face.vert draws slightly nearer.
 const MARGIN: f32 = 2e-3;
 
-/// Whether `clip` takes all of `bounds` out of the clip volume, to the outer side of one of its planes.
+/// Returns whether all of `bounds` is on the outer side of one plane of the clip volume.
 pub(crate) fn is_outside(clip: &Mat4, bounds: &Bounds) -> bool {
     let (low, high) = (Vec3::from(bounds.min), Vec3::from(bounds.max));
     let corner = |i: u32| Vec3::select(glam::BVec3::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), low, high);
@@ -28,21 +28,21 @@ pub(crate) fn is_outside(clip: &Mat4, bounds: &Bounds) -> bool {
 /// Bounds of the poses of a crowd from their weights, for [`Head::bounds`](crate::Head::bounds).
 pub struct PoseBounds {
     of_weights: WeightBounds,
-    /// How far updates may have taken poses from their weights.
+    /// Upper bound of the distance between an updated pose and the exact pose of its weights.
     drift: f32,
 }
 
 impl PoseBounds {
-    /// For crowds of `mesh` that are updated as `update` says.
+    /// Makes the bounds for crowds of `mesh` with the updates `update`.
     ///
     /// # Errors
     /// Those of [`WeightBounds::new`].
     pub fn new(mesh: &PackedMesh, update: &UpdateDesc) -> Result<Self> {
-        // Of dense poses no update tells.
+        // Dense updates do not report their drift.
         Ok(Self { of_weights: WeightBounds::new(mesh, update)?, drift: 1e-5 * mesh.layout().diagonal })
     }
 
-    /// An update was recorded.
+    /// Notes a recorded update.
     pub fn updated(&mut self, stats: &UpdateStats) {
         self.drift = self.drift.max(stats.bound);
     }
@@ -59,8 +59,8 @@ mod tests {
     use crate::Camera;
     use deltamorph_head::{HeadDesc, Rng, head};
 
-    /// A pose, and its bounds, at places all over the clip volume and around it: where bounds are outside no vertex is
-    /// inside; and in most places where no vertex is, bounds are found to be outside.
+    /// Places a pose and its bounds all over the clip volume and around it: no vertex is inside where the bounds are
+    /// outside, and in most places without a vertex the bounds are outside.
     #[test]
     fn what_is_outside_has_no_vertex_inside() {
         let source = head(&HeadDesc::default().vertices(300).targets(8));

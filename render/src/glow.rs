@@ -3,7 +3,7 @@
 use deltamorph::PackedLayout;
 use std::ops::Range;
 
-/// Vertices that share a brightness: as many as in the smallest blocks. `PIECE` in glsl/scene.glsl.
+/// Vertices that share a brightness: as many as in the smallest block. `PIECE` in glsl/scene.glsl.
 const PIECE: u32 = 32;
 
 /// Brightness of each piece of 32 vertices of a head, in the order of pose buffers: 1 after an update that changed the
@@ -14,7 +14,7 @@ pub struct Glow {
 }
 
 impl Glow {
-    /// Makes the glow of a head of the mesh that was packed as `layout`, all dark.
+    /// Makes the glow of a head of the mesh with this `layout`, all dark.
     pub fn new(layout: &PackedLayout) -> Self {
         Self { pieces: vec![0.0; pieces_of(layout.padded_vertices())] }
     }
@@ -52,7 +52,7 @@ mod tests {
         assert_eq!(glow.pieces(), [1.0, 1.0, 0.0, 0.0, 1.0, 0.0]);
         glow.update(&[32..64, 0..0], 0.5);
         assert_eq!(glow.pieces(), [0.5, 1.0, 0.0, 0.0, 0.5, 0.0]);
-        // Behind the last vertex there is nothing.
+        // There are no pieces after the last vertex.
         glow.update(&[96..u32::MAX, 0..0], 0.0);
         assert_eq!(glow.pieces(), [0.0, 0.0, 0.0, 1.0, 1.0, 1.0]);
         glow.update(&[640..704, 0..0], 1.0);

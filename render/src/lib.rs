@@ -1,5 +1,5 @@
-//! Draws the poses of deltamorph as an engine would: the crowd's own buffer is the vertex buffer, decoded by the shader
-//! that deltamorph provides (`glsl/host/pose.glsl`). Used for pictures from the command line, and for its window.
+//! Draws poses of deltamorph as an engine would: the crowd's pose buffer is the vertex buffer, decoded by the shader
+//! code that deltamorph provides (`glsl/host/pose.glsl`). Used for the command line's pictures and window.
 //!
 //! - [`Renderer`] draws [`Head`]s of a [`Model`] into a [`Target`]: an image view of the host's, for its own image or
 //!   one of a swapchain. It records into the host's command buffer, and never submits or waits.
@@ -9,7 +9,7 @@
 //! - [`Studio`] provides the image as well, on a device of [`headless`](deltamorph_headless), with several frames in
 //!   flight.
 //!
-//! Needs Vulkan 1.1 and four samples a pixel, but no extension or feature.
+//! Needs Vulkan 1.1 and four samples per pixel, but no extension or feature.
 
 mod camera;
 mod cull;

@@ -1,4 +1,5 @@
-//! Buffers and images, each with dedicated memory: there are a dozen, and they live as long as their renderer objects.
+//! Buffers and images, each with dedicated memory: there are about a dozen, which live as long as their renderer
+//! objects.
 
 use deltamorph::ash::{self, vk};
 use deltamorph::{Error, ErrorKind, Result};
@@ -14,7 +15,7 @@ pub(crate) fn failed(call: &'static str) -> impl Fn(vk::Result) -> Error {
     }
 }
 
-/// The device for all objects.
+/// The device, shared by all objects.
 pub(crate) struct Gpu {
     pub(crate) device: ash::Device,
     memory: vk::PhysicalDeviceMemoryProperties,
@@ -79,7 +80,7 @@ impl Buffer {
         let mut this = Self { gpu: gpu.clone(), raw, memory, bytes, mapped };
         let shared = vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT;
         let wished = if cached { vk::MemoryPropertyFlags::HOST_CACHED } else { vk::MemoryPropertyFlags::empty() };
-        // SAFETY: as above; the memory is of a type and size that the buffer asks for, and as many bytes are mapped.
+        // SAFETY: as above; the memory has a type and size that fit the buffer, and `bytes` bytes are mapped.
         unsafe {
             this.memory = gpu.allocate(gpu.device.get_buffer_memory_requirements(raw), shared, wished)?;
             gpu.device.bind_buffer_memory(raw, this.memory, 0).map_err(failed("vkBindBufferMemory"))?;
@@ -114,7 +115,7 @@ impl Buffer {
 
     /// Returns the contents. The caller guarantees that writes by the device have finished.
     pub fn contents(&self) -> &[u8] {
-        // SAFETY: so many bytes are mapped and initialised, and only `&mut` writes them.
+        // SAFETY: `bytes` bytes are mapped and initialised, and only `&mut` writes them.
         unsafe { std::slice::from_raw_parts(self.mapped, self.bytes) }
     }
 }
@@ -151,8 +152,8 @@ impl Image {
         let info = vk::ImageCreateInfo::default().image_type(vk::ImageType::TYPE_2D).format(desc.format);
         let info = info.extent(desc.extent.into()).mip_levels(1).array_layers(1).usage(desc.usage);
         let range = vk::ImageSubresourceRange::default().aspect_mask(desc.aspect).level_count(1).layer_count(1);
-        // SAFETY: the device is alive as long as `gpu`; what is made is destroyed by `drop`; the memory is of a type
-        // and size that the image asks for.
+        // SAFETY: the device is alive as long as `gpu`; what is made is destroyed by `drop`; the memory has a type and
+        // size that fit the image.
         unsafe {
             let raw = gpu.device.create_image(&info.samples(desc.samples), None).map_err(failed("vkCreateImage"))?;
             let (view, memory) = (vk::ImageView::null(), vk::DeviceMemory::null());

@@ -1,4 +1,4 @@
-//! The static data of a mesh that is drawn: indices, texture coordinates, parts.
+//! The static data of a drawn mesh: indices, texture coordinates, parts.
 
 use crate::glow::pieces_of;
 use crate::memory::Buffer;
@@ -11,7 +11,7 @@ use glam::{Vec2, Vec3, Vec4};
 use std::collections::{BTreeSet, HashSet};
 use std::ops::Range;
 
-/// A mesh that was uploaded, as the renderer draws it.
+/// An uploaded mesh, with the data to draw it.
 pub struct Model {
     pub(crate) indices: Buffer,
     /// Two vertices for each edge of a face.
@@ -38,7 +38,7 @@ pub(crate) struct Drawn {
 }
 
 impl Model {
-    /// Makes the model of a `mesh` that was packed as `layout` and uploaded as `uploaded`. `parts` assign materials to
+    /// Makes the model of `mesh`, which was packed as `layout` and uploaded as `uploaded`. `parts` assign materials to
     /// triangles ([`parts`](crate::parts)); triangles in no part are not drawn.
     ///
     /// A vertex has the texture coordinates of its first corner; in a [split](deltamorph::MorphSource::split) source
@@ -124,8 +124,7 @@ pub(crate) fn places_of(mesh: &MorphMesh, layout: &PackedLayout) -> Result<Vec<u
     Ok(places)
 }
 
-/// Returns the edges of the faces that `parts` draw, each once, from the lower vertex to the higher; diagonals of faces
-/// are left out.
+/// Returns the edges of the faces that `parts` draw, without diagonals, each once, from the lower vertex to the higher.
 fn edges(mesh: &MorphMesh, parts: &[Part]) -> Vec<[u32; 2]> {
     let around = |corners: &[u32]| -> Vec<[u32; 2]> {
         let next = corners.iter().cycle().skip(1);

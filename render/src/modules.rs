@@ -1,4 +1,4 @@
-//! The SPIR-V modules, checked in: `UPDATE_SPIRV=1 cargo test -p deltamorph-render --test spirv` compiles them from
+//! The checked-in SPIR-V modules: `UPDATE_SPIRV=1 cargo test -p deltamorph-render --test spirv` compiles them from
 //! glsl/.
 
 use deltamorph::{Error, PoseFormat, Result};
@@ -6,9 +6,9 @@ use deltamorph::{Error, PoseFormat, Result};
 /// The vertex modules for poses of one format.
 pub(crate) struct Modules {
     pub(crate) face: &'static [u8],
-    /// With the previous pose as further input.
+    /// With the previous pose as additional input.
     pub(crate) motion: &'static [u8],
-    /// With wrinkle masks as further input.
+    /// With wrinkle masks as additional input.
     pub(crate) masks: &'static [u8],
     pub(crate) shadow: &'static [u8],
 }

@@ -26,7 +26,7 @@ pub struct RendererDesc {
     pub layout: vk::ImageLayout,
     /// Format of the poses that are drawn.
     pub pose: PoseFormat,
-    /// Whether [`Show::Wrinkles`](crate::Show::Wrinkles) can be drawn, which needs further pipelines.
+    /// Support [`Show::Wrinkles`](crate::Show::Wrinkles), which needs additional pipelines.
     pub masks: bool,
 }
 
@@ -51,7 +51,7 @@ pub(crate) fn shadow(gpu: &Gpu) -> Result<vk::RenderPass> {
     let depth = reference(0, Layout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL);
     let subpass = vk::SubpassDescription::default().depth_stencil_attachment(&depth);
     let dependencies = [
-        // Waits for the draws that have read the map before.
+        // Waits for earlier draws that read the map.
         vk::SubpassDependency::default()
             .src_subpass(OUTSIDE)
             .src_stage_mask(Stage::FRAGMENT_SHADER | Stage::LATE_FRAGMENT_TESTS)
@@ -95,7 +95,7 @@ pub(crate) fn picture(gpu: &Gpu, desc: &RendererDesc, depth_format: vk::Format) 
             .src_access_mask(written)
             .dst_stage_mask(drawing)
             .dst_access_mask(written | read),
-        // Makes later copies of the image, and draws over it, wait.
+        // Later copies of the image, and draws over it, wait for the pass.
         vk::SubpassDependency::default()
             .dst_subpass(OUTSIDE)
             .src_stage_mask(drawing)

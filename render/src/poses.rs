@@ -28,11 +28,11 @@ pub struct StoredPose<'a> {
 }
 
 impl<'a> StoredPose<'a> {
-    /// Takes the pose of a head from a crowd on the path `cpu`, which updates `mesh` as `desc` says. `changed` is
+    /// Takes the pose of a head from a crowd on the path `cpu`, which updates `mesh` with `desc`. `changed` is
     /// [`CpuCrowd::changed`].
     ///
     /// # Errors
-    /// The crowd does not have the head; or poses of the format cannot hold the mesh.
+    /// The crowd does not have the head; or the pose format cannot hold the mesh.
     pub fn new(
         crowd: &'a CpuCrowd,
         head: u32,

@@ -25,8 +25,8 @@ impl Renderer {
     /// [`RendererDesc::layout`](crate::RendererDesc), ready for copies (`TRANSFER`) and for draws over it
     /// (`COLOR_ATTACHMENT_OUTPUT`). Earlier bindings of the command buffer are lost.
     ///
-    /// A pass leaves out heads whose [bounds](Head::bounds) are outside of it, which changes no pixel. Returns how many
-    /// draws there are, and how many more there would be of all heads.
+    /// A pass skips heads whose [bounds](Head::bounds) are outside its picture, which changes no pixel. Returns the
+    /// numbers of recorded and of skipped draws.
     ///
     /// # Errors
     /// [`Error::Invalid`] if there are more heads than the target was made for, or wrinkles are to be shown, and the
@@ -177,7 +177,7 @@ enum What {
 }
 
 impl What {
-    /// What is drawn of a head, draw by draw: indices, the number of the material, and an eyeball.
+    /// Returns the draws of a head: indices, material number, and an eyeball.
     fn drawn(self, model: &Model) -> impl Iterator<Item = (Range<u32>, u32, Vec4)> {
         let edges = (self == Self::Edges).then_some((0..model.edges.1, WIRE, Vec4::ZERO));
         let is_drawn = move |part: &&Drawn| match self {

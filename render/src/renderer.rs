@@ -9,7 +9,7 @@ use deltamorph::ash::{self, vk};
 use std::slice::from_ref;
 use std::sync::Arc;
 
-/// First location of pose inputs, after our own: see glsl/face.vert.
+/// First location of pose inputs, after the inputs of glsl/face.vert.
 const POSE_LOCATION: u32 = 4;
 /// Location of the wrinkle masks, after all others.
 const MASK_LOCATION: u32 = 10;
@@ -43,10 +43,10 @@ pub struct Renderer {
     pub(crate) sampler: vk::Sampler,
     pub(crate) layout: vk::PipelineLayout,
     pub(crate) shadow: vk::Pipeline,
-    /// For front faces, and for back faces. Both are visible, since meshes have openings, but most back faces are
-    /// hidden: drawn last, they are not shaded.
+    /// For front faces, and for back faces. Both are visible, since meshes have openings; but most back faces are
+    /// hidden, and are not shaded because they are drawn last.
     pub(crate) shaded: [vk::Pipeline; 2],
-    /// Like `shaded`, for everything but eyeballs that is not drawn in another way.
+    /// Like `shaded`, for everything but eyeballs, unless drawn in another way.
     pub(crate) plain: [vk::Pipeline; 2],
     /// Like `shaded`, with the previous pose.
     pub(crate) motion: [vk::Pipeline; 2],

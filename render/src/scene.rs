@@ -1,4 +1,4 @@
-//! The data for shaders: the light and the camera, each head, and each part of a mesh.
+//! Shader data: the light and the camera, each head, and each part of a mesh.
 
 use crate::camera::{View, direction};
 use bytemuck::{Pod, Zeroable};
@@ -13,7 +13,7 @@ pub enum Show {
     /// Skin, eyes and teeth.
     #[default]
     Shaded,
-    /// A checker pattern on the texture coordinates; the number is that of squares from side to side of the texture.
+    /// A checker pattern on the texture coordinates; the number is that of squares across the texture.
     Checker(f32),
     /// Distance of each vertex from the base pose, in input units; the number is the end of the scale.
     Distance(f32),
@@ -75,7 +75,7 @@ pub struct Head {
     pub previous: (vk::Buffer, u64),
     /// The wrinkle masks of the pose: for [`Show::Wrinkles`].
     pub masks: Option<Masks>,
-    /// Bounds of the pose, by which a pass leaves out what it cannot show; `None`: it is always drawn.
+    /// Bounds of the pose, for culling; `None`: it is always drawn.
     pub bounds: Option<Bounds>,
 }
 
@@ -87,7 +87,7 @@ pub struct Masks {
     pub buffer: vk::Buffer,
     /// Offset of the first mask in the buffer, in bytes.
     pub offset: u64,
-    /// The unit of each integer; 1 for float32 poses.
+    /// The units of integers; 1 for float32 poses.
     pub units: [f32; 2],
 }
 
@@ -133,7 +133,7 @@ impl Head {
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(crate) struct HeadScene {
     pub(crate) clip: Mat4,
-    /// To x and y from 0 to 1, and not from −1.
+    /// Maps x and y to 0..1 instead of −1..1.
     pub(crate) shadow: Mat4,
     eye: Vec4,
     key: Vec4,
@@ -163,7 +163,7 @@ impl Scene {
         let View { clip, eye, axes, ball: (centre, radius) } = self.view;
         let Light { yaw, pitch, strength } = self.light;
         let back = place.inverse();
-        // Lights are far away: they have directions, of unit length in the head's space as well.
+        // Lights are far away: they are unit directions, also in the head's space.
         let towards =
             |to: Vec3, bright: f32| back.transform_vector3(to).normalize_or(Vec3::Z).extend(bright * strength);
         let key = direction(axes, yaw, pitch);
@@ -231,7 +231,7 @@ mod tests {
             let place = to_map.project_point3(centre + axis * 5.0);
             assert!((place - 0.5).abs().max_element() < 0.5, "{place}");
         }
-        // Nearer to the light is nearer to 0.
+        // Depth decreases towards the light.
         assert!(to_map.project_point3(centre + key).z < to_map.project_point3(centre).z);
     }
 

@@ -1,4 +1,4 @@
-//! Steps after the pose: what they write is drawn in place of the pose.
+//! Steps after the pose, whose outputs are drawn in place of the pose.
 
 use crate::memory::{Buffer, Gpu};
 use crate::scene::Head;
@@ -9,41 +9,41 @@ use deltamorph::{Crowd, PackedMesh, Result};
 use deltamorph_headless::Headless;
 use std::sync::Arc;
 
-/// Bytes of a vertex that a step writes: position and normal in float32.
+/// Bytes per vertex of a step's output: position and normal in float32.
 const VERTEX: usize = 24;
 /// The first three rows of the identity.
 const STILL: [f32; 12] = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
 
-/// What follows a pose before it is drawn.
+/// The step after the pose, before it is drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Step<'a> {
-    /// Nothing.
+    /// No step.
     #[default]
     None,
     /// Linear-blend skinning, with the joints of [`Studio::set_joints`](crate::Studio::set_joints).
     Skin(SkinDesc<'a>),
-    /// Normals of the morphed surface, in place of the sums that the targets state.
+    /// Normals of the morphed surface, instead of sums of the targets' normal deltas.
     Normals(NormalsDesc<'a>),
 }
 
-/// What a step has written of each head, and what it reads.
+/// The inputs and outputs of a step for each head.
 pub(crate) struct Stepped {
     output: Buffer,
-    /// Bytes of a head.
+    /// Output bytes per head.
     size: usize,
     joints: Option<Joints>,
 }
 
-/// Joints of each head, and a place for them for each frame in flight.
+/// Joints of each head, with a copy for each frame in flight.
 struct Joints {
     buffer: Buffer,
-    /// Bytes of those of a head.
+    /// Bytes of a head's joints.
     size: usize,
     numbers: Vec<Vec<f32>>,
 }
 
 impl Stepped {
-    /// Has `step` follow all poses of `crowd`, in so many frames in flight.
+    /// Adds `step` after all poses of `crowd`, with this many frames in flight.
     pub(crate) fn new(
         (headless, gpu): (&Headless, &Arc<Gpu>),
         packed: &PackedMesh,
@@ -61,7 +61,7 @@ impl Stepped {
                 let output = output()?;
                 // SAFETY: the buffer is recording, runs once, and is waited for.
                 let mut skin = headless.run(|cmd| unsafe { engine.upload_skin(cmd, packed, desc) })?;
-                // SAFETY: it has run.
+                // SAFETY: the upload has run.
                 unsafe { skin.release_staging() };
                 let size_of_joints = SkinMethod::Linear.joint_bytes() as usize * desc.joint_count as usize;
                 let buffer = Buffer::new(gpu, frames * heads * size_of_joints, Usage::STORAGE_BUFFER, false)?;
@@ -77,7 +77,7 @@ impl Stepped {
                 let output = output()?;
                 // SAFETY: as above.
                 let mut surface = headless.run(|cmd| unsafe { engine.upload_normals(cmd, packed, desc) })?;
-                // SAFETY: it has run.
+                // SAFETY: the upload has run.
                 unsafe { surface.release_staging() };
                 let (positions, stride) = (DecodeTarget::new(output.raw), VERTEX as u32);
                 for (head, offset) in each {
@@ -94,7 +94,7 @@ impl Stepped {
         }
     }
 
-    /// Sets the joints of a head; whether there are so many.
+    /// Sets the joints of a head; returns whether their number is right.
     pub(crate) fn set_joints(&mut self, head: usize, joints: &[f32]) -> bool {
         let numbers = self.joints.as_mut().and_then(|joints| joints.numbers.get_mut(head));
         let numbers = numbers.filter(|numbers| numbers.len() == joints.len());
@@ -113,8 +113,7 @@ impl Stepped {
         Ok(())
     }
 
-    /// A head with what was written in place of its pose. Bounds are those of poses, and not of what joints make of
-    /// them.
+    /// Returns the head with the step's output instead of its pose. Bounds are those of the pose, before skinning.
     pub(crate) fn head(&self, number: usize, head: Head) -> Head {
         let (buffer, offset) = (self.output.raw, (number * self.size) as u64);
         let bounds = head.bounds.filter(|_| self.joints.is_none());

@@ -1,4 +1,4 @@
-//! Pictures without a window: an image of its own, and several frames in flight.
+//! Pictures without a window: drawn into an image of its own, with several frames in flight.
 
 use crate::cull::PoseBounds;
 use crate::glow::Glow;
@@ -34,22 +34,22 @@ pub struct StudioDesc {
     pub heads: u32,
     /// Most pictures that are drawn at the same time (≥ 1).
     pub in_flight: u32,
-    /// How poses are updated. With the path `cpu`, the host provides poses ([`Poses::Stored`]).
+    /// Updates of the poses. With the path `cpu`, the host provides poses ([`Poses::Stored`]).
     pub update: UpdateDesc,
-    /// For [`Show::Blocks`]: the share of its brightness that a changed vertex keeps from one picture to the next, 0 to
-    /// 1.
+    /// For [`Show::Blocks`]: the fraction of its brightness that a changed vertex keeps from one picture to the next, 0
+    /// to 1.
     pub afterglow: f32,
-    /// Leave out heads that are not in the picture. It takes some memory, and the time that bounds take to find.
+    /// Skip heads that are not in the picture. Takes some memory, and time to compute bounds.
     pub cull: bool,
 }
 
 /// A picture: red, green, blue and opacity of each pixel in sRGB, row by row from the top. Colours are multiplied by
-/// the opacity before they are encoded.
+/// the opacity before encoding.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Picture {
     /// Width and height, in pixels.
     pub size: [u32; 2],
-    /// Four bytes a pixel.
+    /// Four bytes per pixel.
     pub rgba: Vec<u8>,
 }
 
@@ -65,7 +65,7 @@ pub struct Studio<'a> {
     stepped: Option<Stepped>,
     /// The glow of each head.
     glow: Vec<Glow>,
-    /// Of the crowd's poses, where heads are left out by them.
+    /// Bounds of the crowd's poses, for culling.
     bounds: Option<PoseBounds>,
     draws: [usize; 2],
     /// Location of the wrinkle masks in stored poses, if the mesh has masks.
@@ -105,11 +105,11 @@ impl<'a> Studio<'a> {
         Self::with_step(headless, mesh, packed, parts, desc, &Step::None)
     }
 
-    /// Makes a studio where `step` follows the poses.
+    /// Makes a studio with `step` after the poses.
     ///
     /// # Errors
-    /// Those of [`new`](Self::new); a step that the engine refuses, or after poses of the host; wrinkle masks of
-    /// integers beside what a step writes.
+    /// Those of [`new`](Self::new); a step that the engine refuses, or with poses of the host; fixed-point wrinkle
+    /// masks with a step.
     pub fn with_step(
         headless: &'a Headless,
         mesh: &MorphMesh,
@@ -202,8 +202,7 @@ impl<'a> Studio<'a> {
         let usage = vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::TRANSFER_SRC;
         let (samples, aspect) = (vk::SampleCountFlags::TYPE_1, vk::ImageAspectFlags::COLOR);
         let image = Image::new(gpu, &ImageDesc { extent, format: FORMAT, samples, usage, aspect })?;
-        // SAFETY: the view is of an image that lives as long as the target, and has the size and format that are
-        // stated.
+        // SAFETY: the view's image lives as long as the target, and has the stated size and format.
         let target = unsafe { Target::new(&self.renderer, image.view, extent, self.desc.heads) }?;
         let bytes = width as usize * height as usize * 4;
         let pixels = Buffer::new(gpu, bytes, vk::BufferUsageFlags::TRANSFER_DST, true)?;
@@ -283,7 +282,7 @@ impl<'a> Studio<'a> {
     }
 
     /// Sets the joints of a head from the next picture on, in a studio with [`Step::Skin`]: the first three rows of
-    /// each joint's matrix. To begin with they stand still.
+    /// each joint's matrix. Initially they are the identity.
     ///
     /// # Errors
     /// [`Error::Invalid`] if there is no such head, no skin, or another number of joints.
@@ -352,7 +351,7 @@ impl<'a> Studio<'a> {
         let (cmd, device) = (*cmd, &renderer.gpu.device);
         if let Some(crowd) = crowd {
             // SAFETY: `cmd` is recording on the engine's device, outside a render pass; it is submitted once, in order,
-            // or the ticket is discarded; at most `in_flight` of the recorded updates are unfinished; all of it lives
+            // or the ticket is discarded; at most `in_flight` of the recorded updates are unfinished; everything lives
             // until `drop`.
             let update = unsafe { headless.engine().record_update(cmd, crowd) }?;
             *ticket = Some(update.ticket);
@@ -445,7 +444,7 @@ impl<'a> Studio<'a> {
         Ok(Some(Picture { size: self.desc.size, rgba: frame.pixels.contents().to_vec() }))
     }
 
-    /// Returns how many draws the last picture that was begun has, and how many it was spared ([`StudioDesc::cull`]).
+    /// Returns the numbers of draws of the last picture begun: recorded, and skipped by culling ([`StudioDesc::cull`]).
     pub fn draws(&self) -> [usize; 2] {
         self.draws
     }

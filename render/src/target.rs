@@ -27,8 +27,8 @@ pub struct Target {
     /// Bytes from the data of one head to that of the next.
     stride: usize,
     scenes: Buffer,
-    /// Shader data of each head beside the scene: the brightness of its pieces, `[head][piece]`; a single number before
-    /// any is set.
+    /// Shader data of each head besides the scene: the brightness of its pieces, `[head][piece]`; a single number
+    /// before any is set.
     glow: Buffer,
     /// Numbers per head; 0 before any are set.
     numbers: usize,
@@ -182,8 +182,8 @@ impl Target {
         })
     }
 
-    /// Writes the scene for the shaders, and returns whether each head may be in the shadow map, and in the picture. No
-    /// commands recorded with the target before are still to run.
+    /// Writes the scene for the shaders, and returns whether each head may be visible in the shadow map, and in the
+    /// picture. No commands recorded with the target before are still to run.
     pub(crate) fn write(&mut self, scene: &Scene, model: &Model, heads: &[Head]) -> Result<Vec<[bool; 2]>> {
         self.check_heads(heads.len())?;
         let map = Mat4::from_translation(Vec3::new(-1.0, -1.0, 0.0)) * Mat4::from_scale(Vec3::new(2.0, 2.0, 1.0));

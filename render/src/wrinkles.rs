@@ -1,21 +1,19 @@
-//! Wrinkle masks: how far each target compresses or stretches the skin, computed from the edges of faces.
+//! Wrinkle masks: how much each target compresses or stretches the skin, computed from the edges of faces.
 //!
-//! Galanakis ("Texture-based Blendshapes in DX9") keeps a mask beside the deltas of each target, sums masks with the
-//! weights, as deltas are, and blends in a normal map of wrinkles where the sum is large. Here there are two masks and
-//! two maps: skin that is compressed upwards gets lines across it, as a raised brow does, and skin compressed across
-//! gets upright ones.
+//! Galanakis ("Texture-based Blendshapes in DX9") keeps a mask with the deltas of each target, sums the masks by weight
+//! like deltas, and blends in a wrinkle normal map where the sum is large. Here there are two masks and two maps: skin
+//! compressed vertically gets horizontal lines, as with raised brows; skin compressed horizontally gets vertical ones.
 //!
 //! Masks are a stream of the mesh ([`Semantic::Mask`]): [`add`] makes it, packing includes it, and updates sum it on
-//! the device, where only changes are written. A mesh without the stream has no cost.
+//! the device, writing only changes. A mesh without the stream has no cost.
 
 use deltamorph::{MorphMesh, PackedMesh, PoseFormat, Semantic, StreamData, StreamDeltas};
 use glam::Vec3;
 use std::collections::BTreeSet;
 
-/// Adds the stream [`Semantic::Mask`] to `mesh`, if it has none. A mask is the share by which the edges at a vertex get
-/// shorter at weight 1, less than 0 if they get longer: one for edges that go upwards (y of the mesh, along the
-/// surface), one for edges across. An edge between the two directions counts for each by the fourth power of its
-/// cosine.
+/// Adds the stream [`Semantic::Mask`] to `mesh`, if it has none. A mask is the fraction by which the edges at a vertex
+/// get shorter at weight 1, negative if they get longer: one for vertical edges (y of the mesh, along the surface), one
+/// for horizontal edges. An edge in between counts for each by the fourth power of its cosine.
 pub fn add(mesh: &mut MorphMesh) {
     if mesh.streams.iter().any(|stream| stream.semantic == Semantic::Mask) {
         return;
@@ -27,7 +25,7 @@ pub fn add(mesh: &mut MorphMesh) {
         .map(|target| {
             let mut moved = vec![Vec3::ZERO; count];
             target.vertices.iter().zip(&target.positions).for_each(|(&v, &delta)| moved[v as usize] = delta);
-            // Vertices that stay may have edges to vertices that move.
+            // Vertices that do not move may have edges to vertices that do.
             let near: BTreeSet<u32> =
                 target.vertices.iter().flat_map(|&v| edges[v as usize].iter().copied().chain([v])).collect();
             let mask = |v: u32| (v, compressed(mesh, &moved, v as usize, &edges[v as usize]));
@@ -38,7 +36,7 @@ pub fn add(mesh: &mut MorphMesh) {
         .collect();
     let streams = mesh.streams.len();
     for (target, masks) in mesh.targets.iter_mut().zip(masks) {
-        // Streams beyond a target's last one do not change, so missing ones are added empty.
+        // Streams after a target's last one do not change, so missing ones are added empty.
         target.streams.resize(streams, StreamDeltas::default());
         target.streams.push(masks);
     }
@@ -65,7 +63,7 @@ impl MaskPlace {
         masks.next().map(|(group, place)| Self { group, first: place.first })
     }
 
-    /// Returns the bytes from a vertex of the group's pose to its masks.
+    /// Returns the offset in bytes of the masks in a vertex of the group's pose.
     pub fn offset(&self, pose: PoseFormat) -> u64 {
         (self.first * pose.stride() / GROUP_COMPONENTS) as u64
     }
@@ -92,7 +90,7 @@ fn edges_at(mesh: &MorphMesh) -> Vec<Vec<u32>> {
     at.into_iter().map(|others| others.into_iter().collect()).collect()
 }
 
-/// Returns by how much the edges at a vertex get shorter: upwards and across.
+/// Returns how much the edges at a vertex get shorter: vertically and horizontally.
 fn compressed(mesh: &MorphMesh, moved: &[Vec3], vertex: usize, others: &[u32]) -> [f32; 2] {
     let normal = mesh.normals[vertex];
     let up = normal.cross(Vec3::Y).cross(normal).normalize_or_zero();
@@ -120,7 +118,7 @@ mod tests {
 
     const SIDE: u32 = 9;
 
-    /// A square grid that faces forwards, with a target that moves each position as `to` says.
+    /// Makes a square grid that faces forwards, with a target for each function of positions in `to`.
     fn grid(to: &[&dyn Fn(Vec3) -> Vec3]) -> MorphMesh {
         let positions: Vec<Vec3> =
             (0..SIDE * SIDE).map(|i| Vec3::new((i % SIDE) as f32, (i / SIDE) as f32, 0.0)).collect();
@@ -150,7 +148,7 @@ mod tests {
         mesh
     }
 
-    /// The sums in float64: of the added deltas, and of the packed ones.
+    /// Computes the sums in float64, of the added deltas and of the packed ones.
     fn masks(to: &[&dyn Fn(Vec3) -> Vec3], weights: &[f32]) -> Vec<[f32; 2]> {
         let mesh = grid(to);
         let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::BlockFloat32)).expect("a mesh");
@@ -205,7 +203,7 @@ mod tests {
         assert!(texcoords.vertices.is_empty() && *masks == once.targets[0].streams[0]);
         let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Fast)).expect("a mesh");
         let place = MaskPlace::of(&packed).expect("masks");
-        // Behind two texture coordinates, one mask in each triple.
+        // After two texture coordinates, one mask in each triple.
         assert_eq!((place.offset(PoseFormat::Fixed16), place.offset(PoseFormat::Float32)), (4, 8));
         assert_eq!(place.units([0.5, 0.25]), [0.5, 0.25]);
     }

@@ -1,4 +1,4 @@
-//! Pictures from every format of poses, on every driver, under the validation layers.
+//! Pictures of all pose formats, on every driver, under the validation layers.
 
 use deltamorph::after::{NormalsDesc, SkinDesc, SkinMethod};
 use deltamorph::reference::{self, compare_group, evaluate, evaluate_group, evaluate_unpacked_group};
@@ -15,7 +15,7 @@ use glam::{Mat4, Vec3, Vec4};
 const SIZE: [u32; 2] = [160, 128];
 const BLACK: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
 
-/// Run on the drivers that the engine's tests run on. A message of the layers fails.
+/// Runs `test` on the drivers of the engine's tests; fails on validation messages.
 fn on_every_device(test: impl Fn(&Headless)) {
     let list = std::env::var("DELTAMORPH_TEST_DRIVERS").unwrap_or_else(|_| "llvmpipe,SwiftShader".into());
     for driver in list.split(',') {
@@ -35,7 +35,7 @@ fn mesh(source: &MorphSource) -> MorphMesh {
     source.to_mesh(Tolerance::default()).expect("a mesh")
 }
 
-/// Frames of the clip, each a weight a target.
+/// Frames of the clip: a weight per target.
 fn frames(count: usize) -> Vec<Vec<f32>> {
     let clip = head_clip(&HeadDesc::default().vertices(3000).targets(40), count, 10.0);
     clip.values.chunks_exact(clip.names.len()).map(<[f32]>::to_vec).collect()
@@ -50,7 +50,7 @@ fn packed(headless: &Headless, mesh: &MorphMesh, format: DeltaFormat) -> PackedM
     PackedMesh::pack(mesh, &headless.engine().pack_desc(format)).expect("a mesh that packs")
 }
 
-/// Draw each frame with one head.
+/// Draws each frame with one head.
 fn pictures(
     headless: &Headless,
     mesh: &MorphMesh,
@@ -82,7 +82,7 @@ fn pictures(
     drawn
 }
 
-/// Mean difference of two pictures' bytes, and how many differ by more than 8.
+/// Returns the mean difference of two pictures' bytes, and the number that differ by more than 8.
 fn difference(a: &Picture, b: &Picture) -> (f64, usize) {
     let off = || a.rgba.iter().zip(&b.rgba).map(|(a, b)| a.abs_diff(*b));
     (off().map(f64::from).sum::<f64>() / a.rgba.len() as f64, off().filter(|off| *off > 8).count())
@@ -91,14 +91,14 @@ fn difference(a: &Picture, b: &Picture) -> (f64, usize) {
 #[test]
 fn every_format_of_poses_draws_the_same_pictures() {
     let (mesh, mut frames) = (mesh(&source()), frames(5));
-    // A face that is drawn another way, beside those of the clip.
+    // An expression unlike those of the clip.
     frames[3].iter_mut().step_by(3).for_each(|weight| *weight = 0.5);
     let look = (Camera { yaw: 20.0, ..Camera::default() }, Show::Shaded);
     on_every_device(|headless| {
         let packed = packed(headless, &mesh, DeltaFormat::Fast);
         let expected = pictures(headless, &mesh, &packed, UpdateDesc::blocks(), &frames, look);
         assert_eq!(expected.len(), frames.len());
-        // Which pictures can tell: much is drawn, in many shades, and frames differ.
+        // The pictures are meaningful: much is drawn, in many shades, and frames differ.
         let shades = expected[0].rgba.iter().collect::<std::collections::BTreeSet<_>>().len();
         let behind = expected[0].rgba.chunks_exact(4).filter(|pixel| pixel[..3] == [0; 3]).count();
         let (_, moved) = difference(&expected[1], &expected[3]);
@@ -109,7 +109,7 @@ fn every_format_of_poses_draws_the_same_pictures() {
                 let drawn = pictures(headless, &mesh, &packed, update, &frames, look);
                 for (i, (drawn, expected)) in drawn.iter().zip(&expected).enumerate() {
                     let (mean, far) = difference(drawn, expected);
-                    // Rounding decides single comparisons at the edge of a shadow.
+                    // Rounding decides single comparisons at shadow edges.
                     assert!(mean < 0.02 && far <= 12, "{pose:?} {path:?}, frame {i}: {mean} {far}");
                 }
             }
@@ -120,7 +120,7 @@ fn every_format_of_poses_draws_the_same_pictures() {
 #[test]
 fn what_changed_is_lit_and_nothing_else() {
     let (mesh, mut frames) = (mesh(&source()), frames(2));
-    // One corner of the mouth, and then nothing.
+    // One corner of the mouth, then none.
     frames[1] = frames[0].clone();
     let target = mesh.targets.iter().position(|target| target.name == "mouthSmileLeft").expect("a target");
     frames[1][target] += 0.5;
@@ -137,7 +137,7 @@ fn what_changed_is_lit_and_nothing_else() {
                 let drawn = pictures(headless, &mesh, &packed, update, &frames, (Camera::default(), show));
                 let lit = |picture: &Picture| difference(picture, &drawn[2]).1;
                 let [all, some] = [lit(&drawn[0]), lit(&drawn[1])];
-                // The first update writes every block, from the base pose; it has no previous pose, and nothing moves.
+                // The first update writes every block from the base pose; it has no previous pose, and nothing moves.
                 let most = if show == Show::Blocks { SIZE[0] * SIZE[1] } else { 0 } as usize;
                 assert!(some > 200 && some < 20_000, "{show:?} {pose:?} {path:?}: {some}");
                 assert!(if most == 0 { all < 2 * some } else { all > most / 2 }, "{show:?} {pose:?} {path:?}: {all}");
@@ -151,7 +151,7 @@ fn what_changed_is_lit_and_nothing_else() {
 
 #[test]
 fn wrinkles_come_where_skin_is_compressed_and_nowhere_else() {
-    // The brows are the last of ARKit's targets but a few.
+    // The brows are near the end of ARKit's targets.
     let (mesh, update) = (mesh(&head(&HeadDesc::default().vertices(6000).targets(52))), UpdateDesc::blocks());
     let mut raised = vec![0.0; mesh.targets.len()];
     for (target, weight) in mesh.targets.iter().zip(&mut raised) {
@@ -174,13 +174,13 @@ fn wrinkles_come_where_skin_is_compressed_and_nowhere_else() {
         };
         let ((smooth, folded), (rest, plain)) =
             (draw(&masked, update, Show::Wrinkles), draw(&mesh, update, Show::Shaded));
-        // The general variant of a shader may round otherwise.
+        // The general shader variant may round differently.
         assert!(difference(&smooth, &rest).0 < 0.004, "at rest there are none");
         let (mean, lines) = difference(&folded, &plain);
         assert!(mean > 0.02 && lines > 50, "{mean}, {lines}: the forehead folds");
         let unfolded = draw(&without, update, Show::Wrinkles).1;
         assert!(difference(&unfolded, &plain).0 < 0.004, "without masks there are none");
-        // Below the eyes nothing is compressed.
+        // Nothing is compressed below the eyes.
         let below = (SIZE[0] * SIZE[1] * 4) as usize * 2 / 3;
         let (chin, plain) = (&folded.rgba[below..], &plain.rgba[below..]);
         assert!(chin.iter().zip(plain).all(|(a, b)| a.abs_diff(*b) <= 2), "the chin stays smooth");
@@ -206,13 +206,13 @@ fn wrinkles_come_where_skin_is_compressed_and_nowhere_else() {
     });
 }
 
-/// The sums that the engine writes are those of the masks, in float64, on whatever path: what packing may lose apart.
+/// The engine's sums equal those of the masks in float64, on every path, except for packing errors.
 #[test]
 fn the_engine_sums_masks() {
     let mut mesh = mesh(&source());
     wrinkles::add(&mut mesh);
     let mut frames = frames(4);
-    // A face that folds everywhere, and then one of the clip again: sums go up and down.
+    // An expression with folds everywhere, then one of the clip again: sums rise and fall.
     frames[2].iter_mut().step_by(3).for_each(|weight| *weight = 0.5);
     on_every_device(|headless| {
         for (path, format, pose) in [
@@ -231,7 +231,7 @@ fn the_engine_sums_masks() {
             for weights in &frames {
                 crowd.step(&[weights]).expect("a step");
                 let (sums, _) = crowd.read_group(0, group).expect("a pose");
-                // Poses of integers have weights on a grid; those of 16 bits round what each target adds to half a
+                // Fixed-point poses have weights on a grid; 16-bit ones round each target's contribution to half a
                 // unit.
                 let rounded: Vec<f32> = weights.iter().map(|&w| grid.map_or(w, |grid| grid.round(w))).collect();
                 let active = weights.iter().filter(|weight| **weight != 0.0).count() as f64;
@@ -242,7 +242,7 @@ fn the_engine_sums_masks() {
                 let error = |expected: &[f64]| compare_group(streams, &sums, expected).absolute;
                 folds = stated.iter().fold(folds, |most, mask| most.max(mask.abs()));
                 println!("{path:?} {format:?} {pose:?} {:e} {:e} of {folds}", error(&exact), error(&stated));
-                // At weight 1 packing loses 1e-4 of a mask, and more where one is so large that its bits do not reach.
+                // At weight 1 packing loses 1e-4 of a mask, and more where a large one exceeds its bits.
                 let lost = 1e-3 * f64::from(weights.iter().map(|weight| weight.abs()).sum::<f32>());
                 assert!(error(&exact) <= most && error(&stated) <= lost, "{path:?} {format:?} {pose:?}");
             }
@@ -261,7 +261,7 @@ fn edges_are_those_of_faces() {
             let update = UpdateDesc::blocks().pose(pose);
             let of = |show| pictures(headless, &mesh, &packed, update, &frames, (Camera::default(), show)).remove(1);
             let (wire, shaded) = (of(Show::Wire), of(Show::Shaded));
-            // Where there is no head there are no edges, but for those half a pixel wide of its outline.
+            // Outside the head there are no edges but half a pixel of its outline.
             let drawn = |picture: &Picture| picture.rgba.chunks_exact(4).filter(|pixel| pixel[..3] != [0; 3]).count();
             let (lines, head) = (drawn(&wire), drawn(&shaded));
             assert!(lines.abs_diff(head) < head / 20, "{pose:?}: {lines} {head}");
@@ -302,7 +302,7 @@ fn crowds_stand_where_they_are_put() {
         let scene = scene(&mesh, &places, Camera::default(), Show::Shaded);
         assert!(studio.draw(Poses::Weights(&weights), &places, &scene, BLACK).expect("a frame").is_none());
         let picture = studio.finish().expect("a picture").remove(0);
-        // Three heads side by side: columns that are drawn, with black between them.
+        // Three heads side by side: drawn columns, with black between them.
         let column = |x: usize| (0..SIZE[1] as usize).any(|y| picture.rgba[(y * SIZE[0] as usize + x) * 4] > 20);
         let drawn: Vec<bool> = (0..SIZE[0] as usize).map(column).collect();
         let begins = drawn.windows(2).filter(|two| two == &[false, true]).count();
@@ -310,8 +310,8 @@ fn crowds_stand_where_they_are_put() {
     });
 }
 
-/// Draw a frame of a crowd, without heads that are beside it and with them. Returns the picture, the same for both; how
-/// many draws it has, and how many it was spared; and the seconds that each took.
+/// Draws a frame of a crowd, with and without culling. Returns the picture, equal for both; the numbers of recorded and
+/// skipped draws; and the seconds that each took.
 fn culled(
     headless: &Headless,
     (mesh, packed, update): (&MorphMesh, &PackedMesh, UpdateDesc),
@@ -339,7 +339,7 @@ fn culled(
     (culled.0, culled.1, [culled.2, all.2])
 }
 
-/// `cargo test -p deltamorph-render --test draw beside -- --nocapture` prints what it saves.
+/// `cargo test -p deltamorph-render --test draw beside -- --nocapture` prints the savings.
 #[test]
 fn heads_beside_the_picture_are_left_out_and_no_pixel_changes() {
     let mesh = mesh(&source());
@@ -358,7 +358,7 @@ fn heads_beside_the_picture_are_left_out_and_no_pixel_changes() {
             (Show::Shaded, DeltaFormat::Snorm16, dense.pose(PoseFormat::Fixed32)),
         ] {
             let packed = packed(headless, &mesh, format);
-            // A head in the middle, its neighbours cut off.
+            // A head in the middle, with its neighbours cut off.
             let camera = Camera { yaw: 10.0, pitch: 5.0, ..Camera::default() };
             let scene = scene(&mesh, &places[29..30], camera, show);
             let (picture, [drawn, spared], [with, without]) =
@@ -372,17 +372,17 @@ fn heads_beside_the_picture_are_left_out_and_no_pixel_changes() {
     });
 }
 
-/// What reaches into a picture is drawn though the base pose does not: bounds are those of the weights.
+/// Bounds come from the weights: a pose that reaches into the picture is drawn even if the base pose does not.
 #[test]
 fn a_jaw_that_alone_reaches_into_the_picture_is_drawn() {
     let mesh = mesh(&source());
     let jaw = mesh.targets.iter().position(|target| target.name == "jawOpen").expect("a jaw");
     let (shut, mut open) = (vec![0.0; mesh.targets.len()], vec![0.0; mesh.targets.len()]);
-    // As far as it takes for the chin to be lower than the neck.
+    // Far enough that the chin is lower than the neck.
     open[jaw] = 4.0;
-    // From far away, so that perspective does not matter.
+    // From far away, to avoid perspective.
     let scene = scene(&mesh, &[Mat4::IDENTITY], Camera { angle: 2.0, ..Camera::default() }, Show::Shaded);
-    // So high that the base pose is just above the picture.
+    // High enough that the base pose is just above the picture.
     let is_above = |lift: &f32| {
         let above = |p: Vec4| p.y < -1.02 * p.w;
         mesh.positions.iter().all(|p| above(scene.view.clip * (*p + Vec3::Y * *lift).extend(1.0)))
@@ -399,7 +399,7 @@ fn a_jaw_that_alone_reaches_into_the_picture_is_drawn() {
     });
 }
 
-/// Degrees between normals that two pictures show as colours, of each pixel that both have drawn.
+/// Returns the angle in degrees between the normals that two pictures show as colours, for each pixel drawn in both.
 fn degrees(a: &Picture, b: &Picture) -> Vec<f32> {
     let linear = |byte: u8| match f32::from(byte) / 255.0 {
         v if v <= 0.04045 => v / 12.92,
@@ -410,7 +410,7 @@ fn degrees(a: &Picture, b: &Picture) -> Vec<f32> {
     both.map(|(a, b)| normal(a).angle_between(normal(b)).to_degrees()).collect()
 }
 
-/// What a step writes is drawn as the float64 reference says: skinned, or with normals of the surface.
+/// The output of a step is drawn as the float64 reference computes it: skinned, or with normals of the surface.
 #[test]
 fn what_steps_write_is_drawn_as_their_references_say() {
     let (mesh, mut frames) = (mesh(&source()), frames(3));
@@ -551,7 +551,7 @@ fn what_cannot_be_drawn_is_refused() {
         assert!(refuse(Poses::Weights(&[&weights[..3]]), &places).contains('3'));
         let stored = StoredPose { pose: &[0; 24], units: [1.0; 2], changed: &[], masks: None };
         assert!(refuse(Poses::Stored(&[stored]), &places).contains("of another kind"));
-        // Nothing of that is in the way of a picture.
+        // A frame can be drawn after all these errors.
         studio.draw(Poses::Weights(&[weights]), &places, &scene, BLACK).expect("a frame");
         assert_eq!(studio.finish().expect("a picture").len(), 1);
         assert!(studio.set_values(&[0.0; 3]).is_err());

@@ -16,7 +16,7 @@ fn no_pixel_pops_and_bytes_fall_with_the_distance() {
     let most = |of: &dyn Fn(&Frame) -> f32| frames.iter().map(of).fold(0.0, f32::max);
     let [pop, at_once, drift] = [most(&|f| f.pop[0]), most(&|f| f.pop[1]), most(&|f| f.drift)];
     assert!(pop > 0.0 && pop <= 2.0 && at_once > 2.0 * pop && drift > 0.0, "{frames:#?}");
-    // A little after the middle, where the fade has arrived; of all targets, as many bytes move as ever.
+    // Just after the middle, where the fade has caught up; updates of all targets move about as many bytes as before.
     let share = |frame: &Frame| frame.bytes[0] as f64 / frame.bytes[1] as f64;
     let [near, far] = [&frames[3], &frames[23]];
     assert!(share(far) < 0.5 * share(near) && far.bytes[1] * 2 > near.bytes[1], "{near:#?} {far:#?}");

@@ -1,5 +1,5 @@
-//! The modules checked in are what glsl/ compiles to. `UPDATE_SPIRV=1 cargo test -p deltamorph-render --test spirv`
-//! writes them.
+//! Tests that the checked-in modules equal the compiled sources in glsl/. `UPDATE_SPIRV=1 cargo test -p
+//! deltamorph-render --test spirv` writes them.
 
 use glslang::include::{IncludeHandler, IncludeResult, IncludeType};
 use glslang::{
@@ -17,7 +17,7 @@ fn folder(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(name)
 }
 
-/// A source of this folder; poses are decoded by the file that hosts get.
+/// Reads a source of this folder; poses are decoded by the file that hosts get.
 fn source(name: &str) -> String {
     let file = if name == "pose.glsl" { folder("../glsl/host/pose.glsl") } else { folder("glsl").join(name) };
     fs::read_to_string(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display()))
@@ -47,12 +47,12 @@ fn compile(file: &str, stage: ShaderStage, pose: Option<&str>, more: &[&str]) ->
     words.iter().flat_map(|word| word.to_le_bytes()).collect()
 }
 
-/// FNV-1a, 64 bits, as the engine's manifest has it.
+/// FNV-1a, 64 bits, as in the engine's manifest.
 fn hash(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3))
 }
 
-/// Names and contents.
+/// Returns names and contents of the modules.
 fn modules() -> Vec<(String, Vec<u8>)> {
     let mut modules = vec![("face.frag.spv".to_owned(), compile("face.frag", ShaderStage::Fragment, None, &[]))];
     let variants = [
@@ -93,7 +93,7 @@ fn modules_are_what_the_sources_compile_to() {
     expected.push("manifest.txt".into());
     expected.sort();
     assert_eq!(names, expected, "{remedy}");
-    // Another version of glslang makes other modules of the same sources.
+    // Another version of glslang compiles the same sources to other modules.
     if checked_in == manifest {
         for (name, bytes) in modules {
             assert!(fs::read(spirv.join(&name)).expect("a module") == bytes, "{name} is not up to date: {remedy}");

@@ -1,5 +1,5 @@
-//! A camera that moves away from a wall of heads and back, with and without a level of detail: what changes in the
-//! pictures because of it, and what updates move.
+//! A camera that moves away from a wall of heads and back, with and without levels of detail: changes of the pictures,
+//! and bytes that updates move.
 
 use deltamorph::lod::{Importance, Level, LevelDesc, pixels_per_unit};
 use deltamorph::{
@@ -11,44 +11,43 @@ use deltamorph_render::{Camera, Light, Picture, Poses, Scene, Show, Studio, Stud
 use glam::{Mat4, Vec3};
 use std::sync::Arc;
 
-/// What is flown.
+/// A camera flight.
 #[derive(Clone, Copy, Debug)]
 pub struct Fly {
-    /// Heads from left to right, and from top to bottom.
+    /// Heads horizontally and vertically.
     pub wall: [u32; 2],
     pub vertices: usize,
-    /// There and back.
+    /// Frames, out and back.
     pub frames: usize,
-    /// How many times as far away the camera is in the middle.
+    /// Distance of the camera in the middle of the flight, relative to its start.
     pub farthest: f32,
-    /// Pixels of a picture, and how many each is the mean of, across and down; the renderer has four samples in each of
-    /// them.
+    /// Pixels of a picture, and the supersampling in each direction, in addition to the renderer's four samples.
     pub size: [u32; 2],
     pub supersampling: u32,
     pub lod: LevelDesc,
-    /// Draw pictures; else only count bytes.
+    /// Draw pictures; otherwise only count bytes.
     pub draws: bool,
 }
 
-/// What a frame takes and changes.
+/// The measurements of a frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Frame {
-    /// Of the camera, in distances from which the wall fills the picture.
+    /// Distance of the camera, relative to the distance at which the wall fills the picture.
     pub distance: f32,
-    /// Of the head in the middle: pixels from bottom to top.
+    /// Height in pixels of the head in the middle.
     pub head_pixels: f32,
-    /// Mean over the heads: targets kept.
+    /// Kept targets, mean over the heads.
     pub kept: f32,
-    /// How far a vertex of any head may be off for what is not kept, in pixels: more than half of [`LevelDesc::pixels`]
-    /// where the fade is behind.
+    /// Largest position error of a vertex of any head from targets that are not kept, in pixels: above half of
+    /// [`LevelDesc::pixels`] while the fade lags.
     pub behind: f32,
     /// Bytes that the update moves, with the level of detail and with all targets.
     pub bytes: [u64; 2],
-    /// The largest change of any channel of a pixel, in units of 1/255, because the levels are this frame's and not
-    /// those of the frame before; and if they were at their goals at once.
+    /// The largest change of a channel of a pixel, in units of 1/255, from using this frame's levels instead of those
+    /// of the frame before; and from levels that reach their goals at once.
     pub pop: [f32; 2],
-    /// The largest change, in units of 1/255, from the frame before of the difference between pictures with and without
-    /// a level of detail.
+    /// The largest change, in units of 1/255, since the frame before, of the difference between pictures with and
+    /// without levels of detail.
     pub drift: f32,
 }
 
@@ -68,7 +67,7 @@ impl Fly {
         }
     }
 
-    /// Fly. `tell` gets each frame as it is done.
+    /// Runs the flight. Calls `tell` after each frame.
     pub fn run(&self, headless: &Headless, mut tell: impl FnMut(usize, &Frame)) -> Result<Vec<Frame>> {
         let desc = HeadDesc::default().vertices(self.vertices);
         let mesh = head(&desc).to_mesh(Tolerance::default())?;
@@ -97,7 +96,7 @@ impl Fly {
         let cpu = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
         let crowd = || CpuCrowd::new(packed.clone(), cpu, wide * high, 2);
         let mut crowds = [crowd()?, crowd()?];
-        // Poses that depend on their weights alone: what changes in a picture is not rounding.
+        // Poses that depend only on their weights: no change in a picture is rounding.
         let update = UpdateDesc::new(UpdatePath::Blocks, BatchSize::All).mode(UpdateMode::Rebuild);
         let studio = StudioDesc { size, heads: heads as u32, in_flight: 1, update, afterglow: 0.0, cull: false };
         let mut studio = match self.draws {
@@ -177,13 +176,13 @@ fn scene(view: View) -> Scene {
     Scene { view, light: Light::default(), show: Show::Shaded }
 }
 
-/// The largest difference.
+/// Returns the largest difference.
 fn farthest(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
 }
 
-/// Means of `by` × `by` pixels as a display shows them: of light, then encoded, in units of 1/255 and not rounded to
-/// them.
+/// Returns means of `by` × `by` pixels as displays show them: of linear light, then encoded, in units of 1/255, not
+/// rounded.
 fn shrunk(picture: &Picture, by: u32) -> Vec<f32> {
     let decoded: Vec<f32> = (0..256)
         .map(|byte| match byte as f32 / 255.0 {
