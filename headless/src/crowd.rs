@@ -1,4 +1,4 @@
-//! A crowd that is updated, timed, drawn and read back one step at a time.
+//! A crowd that is updated, timed, drawn and read back step by step.
 
 mod after;
 mod read;
@@ -25,19 +25,19 @@ pub struct Step {
     pub update: Update,
     /// Device time of the update in milliseconds, if the device has timestamps.
     pub gpu_ms: Option<f64>,
-    /// Device time of the draws after the update, likewise; `None` without draws.
+    /// Device time in milliseconds of the draws after the update, if the device has timestamps; `None` without draws.
     pub draw_ms: Option<f64>,
     /// Round trip from weights to fence, in milliseconds.
     pub cpu_ms: f64,
 }
 
-/// A recorded update of a [`HeadlessCrowd`], for [`HeadlessCrowd::submit`] of the same crowd, once or never.
+/// A recorded update of a [`HeadlessCrowd`], for one call of [`HeadlessCrowd::submit`] of the same crowd.
 pub struct Recorded {
     cmd: vk::CommandBuffer,
     ticket: Ticket,
 }
 
-/// A mesh and a crowd of either kind on a [`Headless`] device.
+/// A mesh and a crowd, animated on the GPU or not, on a [`Headless`] device.
 pub struct HeadlessCrowd<'a, C = Crowd> {
     headless: &'a Headless,
     mesh: GpuMesh,
@@ -45,7 +45,7 @@ pub struct HeadlessCrowd<'a, C = Crowd> {
     draw: PoseDraw,
     readback: Readback,
     poses: PoseReadback,
-    /// Updates recorded and not yet submitted, in order. Lists of earlier updates may have been overwritten.
+    /// Updates recorded and not yet submitted, in order. Later updates may have overwritten their lists.
     waiting: VecDeque<Ticket>,
 }
 
@@ -74,8 +74,8 @@ impl<'a> HeadlessCrowd<'a> {
 }
 
 impl<'a> HeadlessCrowd<'a, AnimatedCrowd> {
-    /// Uploads `mesh` and makes a crowd that is animated on the GPU. Each [`step`](Self::step), called without weights,
-    /// goes to the time last set.
+    /// Uploads `mesh` and makes a crowd that is animated on the GPU. [`step`](Self::step), called without weights,
+    /// advances it to the time last set.
     ///
     /// # Errors
     /// Those of [`upload`](deltamorph::MorphEngine::upload) and
@@ -138,23 +138,23 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         Ok(Self { headless, mesh, crowd, draw, readback, poses, waiting: VecDeque::new() })
     }
 
-    /// The crowd, read-only: only the methods here change it, so that no crowd of another device can replace it.
+    /// Returns the crowd, read-only: only the methods here change it, so no crowd of another device can replace it.
     pub fn crowd(&self) -> &C {
         &self.crowd
     }
 
-    /// The mesh.
+    /// Returns the mesh.
     pub fn mesh(&self) -> &GpuMesh {
         &self.mesh
     }
 
-    /// The crowd, if its weights are set.
+    /// Returns the crowd, unless it is animated on the GPU.
     fn weighted(&self) -> Option<&Crowd> {
         let any: &dyn Any = &self.crowd;
         any.downcast_ref()
     }
 
-    /// See [`Crowd::set_weights`]; refused by a crowd that is animated on the GPU.
+    /// See [`Crowd::set_weights`]; an error if the crowd is animated on the GPU.
     pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
         let any: &mut dyn Any = &mut self.crowd;
         let Some(crowd) = any.downcast_mut::<Crowd>() else {
@@ -185,10 +185,10 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
     }
 
     /// Discards the update of `ticket` and all recorded after it, which never run: see [`Crowd::discard`].
-    /// [`submit`](Self::submit) refuses them from now on.
+    /// [`submit`](Self::submit) refuses them afterwards.
     ///
     /// # Errors
-    /// The ticket is of another crowd, or of an update that is not waiting to be submitted.
+    /// The ticket belongs to another crowd, or its update is not waiting to be submitted.
     pub fn discard(&mut self, ticket: Ticket) -> Result<()> {
         if let Some(first) = self.waiting.iter().position(|waiting| *waiting == ticket) {
             self.waiting.truncate(first);
@@ -201,21 +201,20 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         self.crowd.base_mut().discard(ticket)
     }
 
-    /// Requests `weights[i]` for instance `i`, updates, and waits. Updates recorded before and not submitted can no
-    /// longer be submitted.
+    /// Requests `weights[i]` for instance `i`, updates, and waits. Updates recorded earlier and not yet submitted can
+    /// no longer be submitted.
     ///
     /// # Errors
-    /// Weights that are refused; the device fails. The update does not run then, and the next one makes up for it.
+    /// Invalid weights; the device fails. The update then does not run, and the next one makes up for it.
     pub fn step(&mut self, weights: &[&[f32]]) -> Result<Step> {
         Self::step_together(std::slice::from_mut(self), weights, 0)
     }
 
-    /// A [`step`](Self::step) of several crowds together, followed by `copies` draws of the pose of every instance, in
+    /// Steps several crowds together ([`step`](Self::step)), then draws the pose of every instance `copies` times, in
     /// one submission. `weights` and the counts refer to the instances of all crowds.
     ///
     /// # Errors
-    /// Those of [`step`](Self::step); an empty list of crowds, crowds on several devices, or more weights than
-    /// instances.
+    /// Those of [`step`](Self::step); no crowds, crowds on several devices, or more weights than instances.
     pub fn step_together(crowds: &mut [Self], weights: &[&[f32]], copies: u32) -> Result<Step> {
         Self::step_all(crowds, weights, copies, |headless, crowds, cmd| {
             // SAFETY: the buffer is recording on the engine's device, on a queue with graphics and compute; it is
@@ -224,8 +223,8 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         })
     }
 
-    /// [`step_together`](Self::step_together) with the recording changed before: lets tests plant faults. Also returns
-    /// the recording as the hazard checker sees it.
+    /// [`step_together`](Self::step_together) with the recorded works changed by `tamper`, for tests that inject
+    /// faults. Also returns the recording as the hazard checker sees it.
     ///
     /// # Errors
     /// Those of [`step_together`](Self::step_together).
@@ -240,7 +239,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
     ) -> Result<(Step, Vec<Event>)> {
         let mut events = vec![];
         let step = Self::step_all(crowds, weights, 0, |headless, crowds, cmd| {
-            // SAFETY: as in `step_together`; tampering is the caller's to answer for.
+            // SAFETY: as in `step_together`; the caller answers for the tampering.
             let (updates, recorded) = unsafe { headless.engine.record_tampered(cmd, crowds, tamper) }?;
             events = recorded;
             Ok(updates)
@@ -289,7 +288,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
             Ok(sum)
         });
         if ran.is_err() {
-            // Nothing ran, whatever was recorded by then.
+            // Nothing ran, whatever has been recorded so far.
             crowds.iter_mut().zip(tickets).try_for_each(|(this, ticket)| this.crowd.base_mut().discard(ticket))?;
         }
         let (update, [gpu_ms, draw_ms]) = ran?;
@@ -297,15 +296,15 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         Ok(Step { update, gpu_ms, draw_ms: draw_ms.filter(|_| copies > 0), cpu_ms })
     }
 
-    /// Records an update, which the caller runs later by [`submit`](Self::submit). Makes delayed, dropped and
-    /// out-of-step submissions possible in tests.
+    /// Records an update that the caller runs later with [`submit`](Self::submit), so that tests can delay, drop and
+    /// reorder submissions.
     ///
     /// # Errors
     /// Those of [`step`](Self::step); more waiting updates than [`CrowdDesc::frames_in_flight`].
     pub fn record(&mut self, weights: &[&[f32]]) -> Result<(Recorded, Update)> {
         let base = self.crowd.base();
         let most = u64::from(base.desc().frames_in_flight);
-        // Crowds that are animated on the GPU have no lists that could be overwritten.
+        // Crowds animated on the GPU have no lists that could be overwritten.
         let has_lists = self.weighted().is_some();
         if has_lists && self.waiting.front().is_some_and(|first| base.recorded_since(*first) >= most) {
             return Err(Error::invalid(
@@ -321,7 +320,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         let mut ticket = None;
         let recorded = submitter.record(cmd, |cmd| {
             // SAFETY: the buffer is recording on the engine's device, on a queue with graphics and compute; `submit`
-            // takes it once, in order, and only while its lists are what they were.
+            // takes it once, in order, and only while its lists are unchanged.
             let update = unsafe { engine.record_update(cmd, crowd) }?;
             ticket = Some(update.ticket);
             Ok(update)
@@ -334,10 +333,10 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         Ok((Recorded { cmd, ticket: update.ticket }, update))
     }
 
-    /// Runs recorded updates of this crowd, the oldest that wait, in the order of their recording, and waits.
+    /// Runs recorded updates of this crowd, which are the oldest waiting ones, in recording order, and waits.
     ///
     /// # Errors
-    /// Updates of another crowd, out of order, discarded, or dropped by a [`step`](Self::step): nothing runs then. The
+    /// Updates of another crowd, out of order, discarded, or dropped by a [`step`](Self::step); nothing runs then. The
     /// device fails.
     pub fn submit(&mut self, recorded: Vec<Recorded>) -> Result<()> {
         let count = recorded.len();
@@ -359,7 +358,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
     }
 
     /// Draws the pose of every instance `copies` times, discarding all primitives; returns device time in milliseconds.
-    /// On a direct path these are the draws that evaluate the pose.
+    /// On a direct path these draws evaluate the pose.
     ///
     /// # Errors
     /// No update recorded yet; the device fails.

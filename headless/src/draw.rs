@@ -1,4 +1,4 @@
-//! Draws that read poses: those of a crowd, and those of the path `cpu`, which come from main memory.
+//! Draws that read poses: those of a crowd, and those of the path `cpu`, uploaded from main memory.
 
 use super::Headless;
 use super::submit::{Readback, full_barrier};
@@ -17,13 +17,13 @@ use std::time::Instant;
 /// A draw that reads poses as vertex attributes and discards every primitive, to measure the cost of reading them.
 pub(super) struct PoseDraw {
     objects: Objects,
-    /// The buffer and offset of the base pose, which fixed-point poses are displacements from.
+    /// The buffer and offset of the base pose, to which fixed-point poses are relative.
     base: Option<(vk::Buffer, u64)>,
     push: ConsumePush,
 }
 
 impl PoseDraw {
-    /// A draw for poses with these units; the base pose may be left out for float32.
+    /// Makes a draw for poses with these units; float32 poses need no base pose.
     pub(super) fn new(
         device: &Arc<Device>,
         pose: PoseFormat,
@@ -34,14 +34,14 @@ impl PoseDraw {
         objects.add_layout(&[CONSUME.row], 0)?;
         objects.add_empty_render_pass()?;
         let (bindings, attributes) = pose.vertex_input(false);
-        // It reads no deltas: the module is the same for each of their formats.
+        // It reads no deltas, so the module is the same for all delta formats.
         let module = CONSUME.module(DeltaFormat::Float32.row(), pose.row(), 0)?;
         objects.add_discarding_vertex(module, &bindings, &attributes)?;
         Ok(Self { objects, base: base.filter(|_| pose.has_integers()), push: ConsumePush { units } })
     }
 
-    /// Draws `vertices` of each pose, given by its buffer and offset. `cmd` is recording outside a render pass, and the
-    /// poses are ready for vertex-attribute reads.
+    /// Draws `vertices` vertices of each pose, given by its buffer and offset. `cmd` is recording outside a render
+    /// pass, and the poses are ready for vertex-attribute reads.
     pub(super) fn record(&self, cmd: vk::CommandBuffer, poses: impl Iterator<Item = (vk::Buffer, u64)>, vertices: u32) {
         let (device, layout) = (&self.objects.device.raw, self.objects.layout);
         // SAFETY: `cmd` is recording (see above); pipeline and render pass are ours; each pose and the base pose have
@@ -67,13 +67,13 @@ impl PoseDraw {
 pub struct Uploaded {
     /// Device time of the copy in milliseconds, if the device has timestamps.
     pub gpu_ms: Option<f64>,
-    /// Milliseconds from poses in main memory to the fence: the write to staging memory, the copy, the wait.
+    /// Milliseconds from poses in main memory to the fence: write to staging memory, copy, wait.
     pub cpu_ms: f64,
-    /// Bytes loaded and stored: read and written to staging memory, and copied from there.
+    /// Bytes loaded and stored: read, written to staging memory, and copied from there.
     pub bytes_moved: u64,
 }
 
-/// Poses of [`CpuCrowd`](deltamorph::CpuCrowd) on their way to a device-local vertex buffer, through staging memory.
+/// Uploads poses of a [`CpuCrowd`](deltamorph::CpuCrowd) to a device-local vertex buffer, through staging memory.
 pub struct PoseUpload<'a> {
     headless: &'a Headless,
     staging: Buffer,
@@ -85,10 +85,10 @@ pub struct PoseUpload<'a> {
 }
 
 impl<'a> PoseUpload<'a> {
-    /// Makes buffers for the poses of `instances` instances of a mesh packed as `layout`.
+    /// Makes buffers for the poses of `instances` instances of a mesh with this `layout`.
     ///
     /// # Errors
-    /// No instance; out of memory.
+    /// No instances; out of memory.
     pub fn new(headless: &'a Headless, layout: &PackedLayout, instances: u32) -> Result<Self> {
         let (pose_bytes, vertices) = (layout.pose_bytes(PoseFormat::Float32), layout.padded_vertices() as u32);
         let bytes = pose_bytes.saturating_mul(instances.into());
@@ -110,11 +110,11 @@ impl<'a> PoseUpload<'a> {
         Ok(Self { headless, staging, poses, draw, pose_bytes, vertices, instances })
     }
 
-    /// Uploads the pose of each instance, as [`CpuCrowd::pose`](deltamorph::CpuCrowd::pose) returns it, makes it ready
+    /// Uploads the pose of each instance, as returned by [`CpuCrowd::pose`](deltamorph::CpuCrowd::pose), makes it ready
     /// for vertex-attribute reads, and waits.
     ///
     /// # Errors
-    /// Too few or too many poses, or one of another size; the device fails.
+    /// Too few or too many poses, or one of the wrong size; the device fails.
     pub fn upload(&mut self, poses: &[&[f32]]) -> Result<Uploaded> {
         let (pose_bytes, start) = (self.pose_bytes as usize, Instant::now());
         if poses.len() != self.instances as usize || poses.iter().any(|pose| size_of_val(*pose) != pose_bytes) {
@@ -130,7 +130,7 @@ impl<'a> PoseUpload<'a> {
         let (submitter, region) = (&self.headless.submitter, [vk::BufferCopy { src_offset: 0, dst_offset: 0, size }]);
         let ((), [gpu_ms, _]) = submitter.run_timed(|cmd, _| {
             // SAFETY: the buffer is recording on this device; the region lies within both buffers, which are alive;
-            // nothing is running: each submission is waited for.
+            // nothing is running, since each submission is waited for.
             unsafe { submitter.device.cmd_copy_buffer(cmd, self.staging.raw, self.poses.raw, &region) };
             full_barrier(&submitter.device, cmd, vk::PipelineStageFlags::ALL_COMMANDS);
             Ok(())
@@ -152,7 +152,7 @@ impl<'a> PoseUpload<'a> {
         Ok(ms)
     }
 
-    /// Reads the last upload back: the poses of all instances, one after the other, as they were passed in.
+    /// Reads the last upload back: the poses of all instances in order, as they were passed in.
     ///
     /// # Errors
     /// The device fails.

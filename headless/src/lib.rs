@@ -1,5 +1,5 @@
 //! A Vulkan instance, device and queue without a window, and crowds that are updated, timed, drawn and read back on
-//! them: for the command line, examples, tests and benches. A host of deltamorph uses its own device instead.
+//! them: for the command line, examples, tests and benches. Hosts of deltamorph use their own device instead.
 
 mod bandwidth;
 mod crowd;
@@ -24,14 +24,14 @@ use std::sync::{Arc, Mutex, PoisonError};
 use submit::Submitter;
 use turn::Turn;
 
-/// Which device to use.
+/// Choice of a device.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum DeviceChoice {
     /// A GPU if there is one, else the most capable software device.
     #[default]
     Best,
-    /// By its index in [`Headless::devices`].
+    /// The device at this index in [`Headless::devices`].
     Index(usize),
     /// The first device whose name or driver contains this, ignoring case.
     Name(String),
@@ -41,12 +41,12 @@ pub enum DeviceChoice {
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct HeadlessDesc {
-    /// Which device.
+    /// Choice of the device.
     pub device: DeviceChoice,
     /// Load the validation layers, synchronization validation included, and collect their messages. Only one thread at
-    /// a time may: others wait in [`Headless::new`] until its `Headless` are dropped.
+    /// a time can: others wait in [`Headless::new`] until its `Headless` are dropped.
     pub validation: bool,
-    /// Limits to keep to if the device's are larger, as in [`DeviceCaps::android_baseline`].
+    /// Limits to use where the device's are larger, such as [`DeviceCaps::android_baseline`].
     pub limits: Option<DeviceCaps>,
 }
 
@@ -74,13 +74,13 @@ struct Owned {
 
 impl Drop for Owned {
     fn drop(&mut self) {
-        // SAFETY: everything made on the device is gone: the submitter went before, and the engine and what it made
-        // share this value.
+        // SAFETY: everything made on the device is gone: the submitter was dropped before, and the engine and its
+        // objects share this value.
         unsafe { self.device.destroy_device(None) };
     }
 }
 
-/// The loader, the instance, and the messenger that collects validation messages: for hosts with a window, too.
+/// The loader, the instance, and the messenger that collects validation messages; also used by hosts with a window.
 #[doc(hidden)]
 pub struct Instance {
     // Keeps the Vulkan library loaded.
@@ -89,11 +89,11 @@ pub struct Instance {
     messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     // Shared with the messenger, which holds its address.
     pub messages: Arc<Messages>,
-    // With the validation layers; drops last.
+    // Held with the validation layers; dropped last.
     _turn: Option<Turn>,
 }
 
-/// What validation layers have said.
+/// Messages of the validation layers.
 #[doc(hidden)]
 pub type Messages = Mutex<Vec<String>>;
 
@@ -121,20 +121,20 @@ unsafe extern "system" fn collect(
     vk::FALSE
 }
 
-/// Whether the validation layers have the setting that synchronization validation needs from 1.3.290 on; older layers
-/// check shaders' accesses without it.
+/// Returns whether the validation layers have the setting that synchronization validation needs since 1.3.290; older
+/// layers check shader accesses without it.
 fn has_layer_settings(entry: &ash::Entry) -> bool {
-    // SAFETY: the loader is there to be asked.
+    // SAFETY: the loader is alive.
     let layers = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
     let modern = |layer: &vk::LayerProperties| layer.spec_version >= vk::make_api_version(0, 1, 3, 290);
     layers.iter().any(|layer| layer.layer_name_as_c_str() == Ok(VALIDATION) && modern(layer))
 }
 
 impl Instance {
-    /// With `extensions`, each the name of one of the loader's, for surfaces.
+    /// Makes an instance with these surface extensions of the loader.
     pub fn new(extensions: &[&CStr], validation: bool) -> Result<Self> {
         let turn = validation.then(Turn::wait);
-        // SAFETY: loading the system's Vulkan loader runs its initialisers, which are made to be run so.
+        // SAFETY: loading the system's Vulkan loader runs its initialisers, which are made for that.
         let entry = unsafe { ash::Entry::load() }.map_err(|e| Error::NoDevice {
             what: format!("the Vulkan loader cannot be loaded: {e}"),
             remedy: "install libvulkan (./with-vulkan does), or use the path 'cpu'",
@@ -152,8 +152,8 @@ impl Instance {
             .user_data(Arc::as_ptr(&messages).cast_mut().cast());
         let enables = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
         let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enables);
-        // The older extension does not reach the second setting; without that, new layers overlook hazards between
-        // shaders' accesses to storage buffers.
+        // The older extension does not have the second setting, without which newer layers miss hazards between shader
+        // accesses to storage buffers.
         let values = vk::TRUE.to_ne_bytes();
         let on = |name| {
             let kind = vk::LayerSettingTypeEXT::BOOL32;
@@ -174,7 +174,7 @@ impl Instance {
             info = info.enabled_layer_names(&layers).push_next(&mut messenger_info);
             info = if has_settings { info.push_next(&mut settings) } else { info.push_next(&mut features) };
         }
-        // SAFETY: all that `info` points to is alive; the messenger's user data outlives the instance.
+        // SAFETY: everything that `info` points to is alive; the messenger's user data outlives the instance.
         let raw = unsafe { entry.create_instance(&info, None) }.map_err(|e| match e {
             vk::Result::ERROR_LAYER_NOT_PRESENT if validation => Error::invalid(
                 "the Vulkan validation layers are missing",
@@ -201,7 +201,7 @@ impl Instance {
     }
 }
 
-/// The devices of an instance that have Vulkan 1.1, and their limits.
+/// Returns the instance's devices with Vulkan 1.1, and their limits.
 ///
 /// # Errors
 /// A Vulkan call fails.
@@ -209,8 +209,8 @@ impl Instance {
 /// # Safety
 /// The instance is alive, and was created for Vulkan 1.1.
 pub unsafe fn devices(instance: &ash::Instance) -> Result<Vec<(vk::PhysicalDevice, DeviceCaps)>> {
-    // SAFETY: the caller's obligation; the devices are the instance's own. Those of Vulkan 1.0 are asked for no more
-    // than it has.
+    // SAFETY: the caller's obligation; the devices are the instance's own. Vulkan 1.0 devices are only asked for Vulkan
+    // 1.0 properties.
     unsafe {
         let mut all = instance.enumerate_physical_devices().map_err(Error::vulkan("vkEnumeratePhysicalDevices"))?;
         all.retain(|device| instance.get_physical_device_properties(*device).api_version >= vk::API_VERSION_1_1);
@@ -220,7 +220,7 @@ pub unsafe fn devices(instance: &ash::Instance) -> Result<Vec<(vk::PhysicalDevic
 
 impl Drop for Instance {
     fn drop(&mut self) {
-        // SAFETY: made in `new`, destroyed once; its device is gone by then (see `Owned`).
+        // SAFETY: made in `new`, destroyed once, after its device (see `Owned`).
         unsafe {
             if let Some((functions, messenger)) = self.messenger.take() {
                 functions.destroy_debug_utils_messenger(messenger, None);
@@ -231,10 +231,10 @@ impl Drop for Instance {
 }
 
 impl Headless {
-    /// Every Vulkan 1.1 device of the system; none if there is no loader or no driver.
+    /// Returns every Vulkan 1.1 device of the system; none without a loader or driver.
     ///
     /// # Errors
-    /// Another call fails.
+    /// Any other call fails.
     pub fn devices() -> Result<Vec<DeviceCaps>> {
         match Instance::new(&[], false) {
             Ok(instance) => Ok(instance.devices()?.into_iter().map(|(_, caps)| caps).collect()),
@@ -246,8 +246,8 @@ impl Headless {
     /// Sets up instance, device and queue.
     ///
     /// # Errors
-    /// [`Error::NoDevice`]: no loader, no driver, or no Vulkan 1.1 device in its list. Otherwise no device as chosen
-    /// (the message lists the existing ones), no validation layers, or a call that fails.
+    /// [`Error::NoDevice`]: no loader, no driver, or no Vulkan 1.1 device. Other errors: no device matches the choice
+    /// (the message lists the devices), no validation layers, or a call fails.
     pub fn new(desc: &HeadlessDesc) -> Result<Self> {
         let instance = Instance::new(&[], desc.validation)?;
         let (physical, mut caps) = choose(instance.devices()?, &desc.device)?;
@@ -275,7 +275,7 @@ impl Headless {
         if feedback_enabled {
             info = info.enabled_extension_names(&extensions).push_next(&mut feedback);
         }
-        // SAFETY: the physical device is the instance's own; extension and features are there as queried.
+        // SAFETY: the physical device is the instance's own; the extension and features were queried.
         let device =
             unsafe { instance.raw.create_device(physical, &info, None) }.map_err(Error::vulkan("vkCreateDevice"))?;
         let owned = Arc::new(Owned { device, physical, instance });
@@ -285,35 +285,35 @@ impl Headless {
             .enabled_features(features)
             .debug_names(desc.validation)
             .owner(Some(owned.clone()));
-        // SAFETY: the handles belong together, and the engine and all it makes keep them alive; the limits are the
-        // device's or lower.
+        // SAFETY: the handles belong together, and the engine and its objects keep them alive; the limits are at most
+        // the device's.
         let engine = unsafe { MorphEngine::new(&engine_desc) }?;
         let submitter = Submitter::new(&owned.device, family, timestamp_bits, nanoseconds)?;
         Ok(Self { submitter, engine, owned })
     }
 
-    /// The engine on this device.
+    /// Returns the engine on this device.
     pub fn engine(&self) -> &MorphEngine {
         &self.engine
     }
 
-    /// Limits and features, clamped if asked for.
+    /// Returns limits and features, clamped to [`HeadlessDesc::limits`].
     pub fn caps(&self) -> &DeviceCaps {
         self.engine().caps()
     }
 
-    /// The messages of the validation layers so far.
+    /// Returns the messages of the validation layers so far.
     pub fn messages(&self) -> Vec<String> {
         self.owned.instance.messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Instance, physical device and device, for callers that draw poses as hosts do.
+    /// Returns instance, physical device and device, for callers that draw poses as hosts do.
     #[doc(hidden)]
     pub fn handles(&self) -> (&ash::Instance, vk::PhysicalDevice, &ash::Device) {
         (&self.owned.instance.raw, self.owned.physical, &self.owned.device)
     }
 
-    /// The queue, which has graphics and compute, and its family, for callers that submit without waiting.
+    /// Returns the queue, which has graphics and compute, and its family, for callers that submit without waiting.
     #[doc(hidden)]
     pub fn queue(&self) -> (vk::Queue, u32) {
         self.submitter.queue
@@ -328,7 +328,7 @@ impl Headless {
         self.submitter.run(f)
     }
 
-    /// Reads ranges of the engine's buffers that are not in use, each given by its offset and size, multiples of 4.
+    /// Reads ranges of engine buffers that are not in use, each given by offset and size, multiples of 4.
     ///
     /// # Errors
     /// Out of memory; the device fails.
@@ -339,7 +339,7 @@ impl Headless {
         ranges.iter().map(|&range| readback.read(&self.submitter, range)).collect()
     }
 
-    /// Runs a recording of a mesh's upload, and waits.
+    /// Runs the recorded upload of a mesh, and waits.
     fn upload(&self, record: impl FnOnce(vk::CommandBuffer) -> Result<GpuMesh>) -> Result<GpuMesh> {
         let mut mesh = self.submitter.run(record)?;
         // SAFETY: `run` has waited for the upload.
@@ -349,7 +349,7 @@ impl Headless {
 }
 
 impl DeviceChoice {
-    /// Whether the device at this index in the list of [`Headless::devices`] matches the choice.
+    /// Returns whether the device at this index in [`Headless::devices`] matches the choice.
     pub fn matches(&self, index: usize, caps: &DeviceCaps) -> bool {
         match self {
             Self::Best => true,
@@ -362,7 +362,7 @@ impl DeviceChoice {
     }
 }
 
-/// The error for a system without a device.
+/// Makes the error for a system without a device.
 fn no_device(what: &str) -> Error {
     Error::NoDevice {
         what: what.into(),

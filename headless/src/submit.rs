@@ -1,4 +1,4 @@
-//! Record, submit, wait: one command buffer, one fence, three timestamps; and buffers read back.
+//! Record, submit, wait: one command buffer, one fence, three timestamps; and readback of buffers.
 
 use super::wait::wait_idle;
 use deltamorph::ash::{self, vk};
@@ -9,14 +9,15 @@ use deltamorph::{Error, Result};
 use std::cell::Cell;
 use std::sync::Arc;
 
-/// Runs command buffers on a queue and waits for them. Queue, pool and fence are used through `&self`, without a lock:
-/// not to be shared between threads, which the cell prevents.
+/// Runs command buffers on a queue and waits for them. Queue, pool and fence are used through `&self` without a lock,
+/// so it must not be shared between threads; the cell prevents that.
 pub(super) struct Submitter {
     pub(super) device: ash::Device,
     /// The queue and its family.
     pub(super) queue: (vk::Queue, u32),
     pool: vk::CommandPool,
-    /// The command buffer that `run` records into; none while it does, so that a nested `run` takes another.
+    /// The command buffer that `run` records into; taken while `run` is recording, so that a nested `run` allocates
+    /// another.
     cmd: Cell<Option<vk::CommandBuffer>>,
     fence: vk::Fence,
     queries: Option<vk::QueryPool>,
@@ -27,12 +28,13 @@ pub(super) struct Submitter {
 }
 
 impl Submitter {
-    /// Timestamps in units of `nanoseconds` with so many bits; none if either is 0.
+    /// Makes a submitter with timestamps of `timestamp_bits` bits, in units of `nanoseconds`; without timestamps if
+    /// either is 0.
     pub(super) fn new(device: &ash::Device, family: u32, timestamp_bits: u32, nanoseconds: f32) -> Result<Self> {
         let info = vk::CommandPoolCreateInfo::default()
             .queue_family_index(family)
             .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
-        // SAFETY: the device has a queue of this family, and is alive here and below.
+        // SAFETY: the device is alive here and below, and has a queue of this family.
         let (queue, pool) = unsafe { (device.get_device_queue(family, 0), device.create_command_pool(&info, None)) };
         let pool = pool.map_err(Error::vulkan("vkCreateCommandPool"))?;
         let (cmd, fence) = (Cell::new(None), vk::Fence::null());
@@ -61,8 +63,8 @@ impl Submitter {
         Ok(made.map_err(Error::vulkan("vkAllocateCommandBuffers"))?[0])
     }
 
-    /// Records a command buffer. Beginning resets it, but not while it is recording: a buffer left so by a panic is not
-    /// used again.
+    /// Records a command buffer. Beginning resets it, unless it is still recording: a buffer left in that state by a
+    /// panic is not used again.
     pub(super) fn record<R>(
         &self,
         cmd: vk::CommandBuffer,
@@ -77,8 +79,8 @@ impl Submitter {
         result
     }
 
-    /// Submits and waits. After an error nothing has run, or the device is lost (or cannot be waited for:
-    /// [`wait_idle`]).
+    /// Submits and waits. After an error nothing has run, or the device is lost or cannot be waited for
+    /// ([`wait_idle`]).
     pub(super) fn submit(&self, cmds: &[vk::CommandBuffer]) -> Result<()> {
         let info = [vk::SubmitInfo::default().command_buffers(cmds)];
         // SAFETY: the buffers were recorded by us and are not pending; the fence is ours and in no queue.
@@ -88,7 +90,7 @@ impl Submitter {
             match self.device.wait_for_fences(&[self.fence], true, u64::MAX) {
                 Ok(()) => Ok(()),
                 Err(lost @ vk::Result::ERROR_DEVICE_LOST) => Err(Error::vulkan("vkWaitForFences")(lost)),
-                // A wait may run out of memory, but the caller relies on all commands having finished.
+                // A wait may run out of memory, but callers rely on all commands having finished.
                 Err(_) => wait_idle(&self.device).map_err(Error::vulkan("vkDeviceWaitIdle")),
             }
         }
@@ -99,15 +101,15 @@ impl Submitter {
         let cmd = self.cmd.take().map_or_else(|| self.allocate(), Ok)?;
         let recorded = self.record(cmd, f);
         if recorded.is_ok() {
-            // After an error it may be pending: it is not used again.
+            // After an error it may be pending, and is not used again.
             self.submit(&[cmd])?;
         }
         self.cmd.set(Some(cmd));
         recorded
     }
 
-    /// [`run`](Self::run) that also returns the milliseconds that the device took, if it has timestamps: for the
-    /// commands that `f` records before it calls its second argument, once at most, and for those after.
+    /// [`run`](Self::run) that also returns device times in milliseconds, if the device has timestamps: of the commands
+    /// that `f` records before it calls its second argument (at most once), and of those after.
     pub(super) fn run_timed<R>(
         &self,
         f: impl FnOnce(vk::CommandBuffer, &dyn Fn()) -> Result<R>,
@@ -131,25 +133,25 @@ impl Submitter {
             let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
             self.device.get_query_pool_results(queries, 0, &mut at, flags)
         };
-        // An error would say that nothing ran.
+        // An error here would claim that nothing ran.
         let ms = |from: u64, to: u64| read.is_ok().then(|| (to.wrapping_sub(from) & self.mask) as f64 * self.tick);
         Ok((result, [ms(at[0], at[1]), ms(at[1], at[2])]))
     }
 
-    /// A timestamp after everything before it is done, and before anything after it begins.
+    /// Writes a timestamp after all earlier commands have finished and before any later one begins.
     fn stamp(&self, cmd: vk::CommandBuffer, query: u32) {
         let Some(queries) = self.queries else { return };
         // SAFETY: the buffer is recording; the query pool is ours and was reset in it.
         unsafe { self.device.cmd_write_timestamp(cmd, vk::PipelineStageFlags::BOTTOM_OF_PIPE, queries, query) };
-        // Without a barrier here Mesa 22.3.6 (lavapipe) leaves the first feedback pass out of the time.
+        // Without this barrier Mesa 22.3.6 (lavapipe) excludes the first feedback pass from the time.
         full_barrier(&self.device, cmd, vk::PipelineStageFlags::ALL_COMMANDS);
     }
 }
 
 impl Drop for Submitter {
     fn drop(&mut self) {
-        // SAFETY: made in `new`, destroyed once; nothing is pending since every submit waits (after a lost
-        // device the wait fails at once, and destroying is allowed).
+        // SAFETY: made in `new`, destroyed once; nothing is pending, since every submit waits (on a lost device the
+        // wait fails at once, and destroying is allowed).
         unsafe {
             let _ = wait_idle(&self.device);
             if let Some(queries) = self.queries {
@@ -161,20 +163,20 @@ impl Drop for Submitter {
     }
 }
 
-/// Host memory that buffers of the device are copied to.
+/// Host memory that device buffers are copied to.
 pub(super) struct Readback {
     buffer: Buffer,
     bytes: u64,
 }
 
 impl Readback {
-    /// Makes room for so many bytes at once, a multiple of 4 (≥ 4).
+    /// Makes memory for `bytes` bytes, a multiple of 4 (≥ 4).
     pub(super) fn new(device: &Arc<Device>, bytes: u64) -> Result<Self> {
         let (usage, location) = (vk::BufferUsageFlags::TRANSFER_DST, MemoryLocation::GpuToCpu);
         Ok(Self { buffer: Buffer::new(device, "readback", bytes, usage, location)?, bytes })
     }
 
-    /// Reads `size` bytes of `buffer`, which is not in use, from `offset` on, as words.
+    /// Reads `size` bytes of `buffer`, which is not in use, from `offset` on.
     pub(super) fn read<T: bytemuck::Pod>(
         &mut self,
         submitter: &Submitter,
@@ -188,7 +190,7 @@ impl Readback {
                 full_barrier(device, cmd, vk::PipelineStageFlags::TRANSFER);
                 // SAFETY: the buffer is recording; the region lies within both buffers, which are alive.
                 unsafe { device.cmd_copy_buffer(cmd, buffer, self.buffer.raw, &region) };
-                // A fence makes nothing visible to the host.
+                // A fence does not make writes visible to the host.
                 full_barrier(device, cmd, vk::PipelineStageFlags::HOST);
                 Ok(())
             })?;
@@ -199,12 +201,12 @@ impl Readback {
     }
 }
 
-/// A barrier from everything before to the stages `next`, for all memory.
+/// Records a global memory barrier from all earlier commands to the stages `next`.
 pub(super) fn full_barrier(device: &ash::Device, cmd: vk::CommandBuffer, next: vk::PipelineStageFlags) {
     let memory = [vk::MemoryBarrier::default()
         .src_access_mask(vk::AccessFlags::MEMORY_WRITE)
         .dst_access_mask(vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE)];
     let (all, none) = (vk::PipelineStageFlags::ALL_COMMANDS, vk::DependencyFlags::empty());
-    // SAFETY: the callers, all in this module's folder, pass a buffer that is recording outside a render pass.
+    // SAFETY: all callers are in this folder, and pass a buffer that is recording outside a render pass.
     unsafe { device.cmd_pipeline_barrier(cmd, all, next, none, &memory, &[], &[]) };
 }

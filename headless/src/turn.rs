@@ -1,7 +1,7 @@
-//! A turn, so that only one thread at a time has the validation layers loaded.
+//! A lock, so that only one thread at a time has the validation layers loaded.
 //!
-//! Each call into the layers looks its device up in a map, without a lock, while other threads may put theirs in
-//! (KhronosGroup/Vulkan-ValidationLayers, issue 4391): a crash, once in hundreds of runs of tests on two threads.
+//! Each call into the layers looks its device up in a map without a lock, while other threads may insert theirs
+//! (KhronosGroup/Vulkan-ValidationLayers, issue 4391). Tests on two threads crashed once in hundreds of runs.
 
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{ThreadId, current};
@@ -10,7 +10,7 @@ use std::thread::{ThreadId, current};
 static OWNER: Mutex<Option<(ThreadId, usize)>> = Mutex::new(None);
 static FREE: Condvar = Condvar::new();
 
-/// The right to have the layers loaded; other threads wait until it is dropped, the thread that holds it does not.
+/// The right to have the layers loaded. Other threads wait until it is dropped; the thread that holds it does not.
 pub(super) struct Turn(());
 
 fn owner() -> MutexGuard<'static, Option<(ThreadId, usize)>> {

@@ -7,11 +7,11 @@ use std::time::Duration;
 const TRIES: usize = 1000;
 const PAUSE: Duration = Duration::from_millis(10);
 
-/// Waits until the device has finished. A wait may fail for want of memory while the device works on; resources in use
-/// must not be destroyed then, so the wait is repeated.
+/// Waits until the device has finished. A wait may run out of memory while the device is still working, when resources
+/// in use must not be destroyed, so it is repeated.
 ///
 /// # Errors
-/// The device is lost, and uses nothing any more; or waits ran out of memory for ten seconds on end.
+/// The device is lost, and uses no resources any more; or waits ran out of memory for ten seconds.
 ///
 /// # Safety
 /// No other thread uses the device's queues meanwhile.

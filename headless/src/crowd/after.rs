@@ -8,7 +8,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     /// See [`MorphEngine::set_decode_target`](deltamorph::MorphEngine::set_decode_target).
     ///
     /// # Safety
-    /// The conditions there. Updates that were stepped or submitted have finished.
+    /// Those of the linked method. Stepped and submitted updates have finished.
     pub unsafe fn set_decode_target(&mut self, instance: u32, target: Option<&DecodeTarget>) -> Result<()> {
         // SAFETY: the caller's obligations.
         unsafe { self.headless.engine.set_decode_target(&mut self.crowd, instance, target) }
@@ -17,7 +17,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     /// See [`MorphEngine::set_skin_target`](deltamorph::MorphEngine::set_skin_target).
     ///
     /// # Safety
-    /// The conditions there. Updates that were stepped or submitted have finished.
+    /// Those of the linked method. Stepped and submitted updates have finished.
     pub unsafe fn set_skin_target(&mut self, instance: u32, target: Option<(&GpuSkin, &SkinTarget)>) -> Result<()> {
         // SAFETY: the caller's obligations.
         unsafe { self.headless.engine.set_skin_target(&mut self.crowd, instance, target) }
@@ -26,7 +26,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     /// See [`MorphEngine::set_normals_target`](deltamorph::MorphEngine::set_normals_target).
     ///
     /// # Safety
-    /// The conditions there. Updates that were stepped or submitted have finished.
+    /// Those of the linked method. Stepped and submitted updates have finished.
     pub unsafe fn set_normals_target(
         &mut self,
         instance: u32,

@@ -1,4 +1,4 @@
-//! Poses, sums and plans of the GPU, read back from the device.
+//! Readback of poses, sums and GPU plans.
 
 use super::HeadlessCrowd;
 use crate::submit::full_barrier;
@@ -7,8 +7,8 @@ use deltamorph::internals::update::animated::PlannedGroup;
 use deltamorph::{AnimatedCrowd, AnyCrowd, PoseView, Result};
 
 impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
-    /// Reads the pose of an instance back: six floats a vertex, in the user's order of vertices, without padding. On a
-    /// direct path it is captured from a draw.
+    /// Reads an instance's pose back: six floats per vertex, in the user's vertex order, without padding. On a direct
+    /// path it is captured from a draw.
     ///
     /// # Errors
     /// Those of [`draw`](Self::draw); a direct path on a device that cannot capture.
@@ -16,7 +16,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
         self.read_current(instance, 0)
     }
 
-    /// Reads the previous pose of an instance back; `None` if the update had to overwrite it.
+    /// Reads an instance's previous pose back; `None` if the update had to overwrite it.
     ///
     /// # Errors
     /// Those of [`draw`](Self::draw).
@@ -25,8 +25,8 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
         view.map(|view| self.read_view(view, 0)).transpose()
     }
 
-    /// Reads the pose and the previous pose of an instance in a [group](deltamorph::PackedMesh::groups) of the mesh
-    /// back, in the layout of [`read_pose`](Self::read_pose).
+    /// Reads the pose and the previous pose of an instance back, in a [group](deltamorph::PackedMesh::groups) of the
+    /// mesh and in the layout of [`read_pose`](Self::read_pose).
     ///
     /// # Errors
     /// Those of [`read_pose`](Self::read_pose); a group out of range.
@@ -36,8 +36,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
         Ok((pose, previous.map(|view| self.read_view(view, group)).transpose()?))
     }
 
-    /// Reads the pose of an instance in a group back as it is stored, in the order and with the padding of pose
-    /// buffers.
+    /// Reads an instance's pose in a group back as stored, in the order and with the padding of pose buffers.
     ///
     /// # Errors
     /// Those of [`draw`](Self::draw); a path without pose buffers; a group out of range.
@@ -46,8 +45,8 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
         self.read((view.buffer, view.offset, view.size))
     }
 
-    /// Reads the integer sums of the path `scatter` for an instance back, in the order of pose buffers; `None` for
-    /// other paths.
+    /// Reads an instance's integer sums on the path `scatter` back, in the order of pose buffers; `None` for other
+    /// paths.
     ///
     /// # Errors
     /// The device fails.
@@ -56,7 +55,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
         self.read((buffer, offset, self.mesh.layout().base_bytes())).map(Some)
     }
 
-    /// The pose of an instance in a group, decoded, in the user's order of vertices.
+    /// Reads an instance's pose in a group back, decoded, in the user's vertex order.
     fn read_current(&mut self, instance: u32, group: usize) -> Result<Vec<f32>> {
         let base = self.crowd.base();
         let view = match base.draws(group) {
@@ -71,11 +70,11 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
         self.read_view(view, group)
     }
 
-    /// The pose of a view in a group, decoded, in the user's order of vertices.
+    /// Reads the pose of a view in a group back, decoded, in the user's vertex order.
     fn read_view(&mut self, view: PoseView, group: usize) -> Result<Vec<f32>> {
         let Self { headless, crowd, poses, .. } = self;
         headless.submitter.run(|cmd| {
-            // For use after an update from which a test removed a barrier, too, and after captures.
+            // Also used after captures, and after updates from which a test removed a barrier.
             full_barrier(&headless.submitter.device, cmd, vk::PipelineStageFlags::ALL_COMMANDS);
             // SAFETY: the buffer is recording on the engine's device; `run` waits.
             unsafe { poses.record_views(cmd, crowd.base(), &[(0, group, view)]) }
@@ -85,7 +84,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
         Ok(read.pop().unwrap_or_default())
     }
 
-    /// Reads `size` bytes of a buffer back from an offset.
+    /// Reads `size` bytes of a buffer back, starting at an offset.
     fn read<T: bytemuck::Pod>(&mut self, range: (vk::Buffer, u64, u64)) -> Result<Vec<T>> {
         self.readback.read(&self.headless.submitter, range)
     }
@@ -95,15 +94,15 @@ impl HeadlessCrowd<'_, AnimatedCrowd> {
     /// Reads back the plan that the GPU made for the last update.
     ///
     /// # Errors
-    /// The device fails; a crowd that is planned on the CPU.
+    /// The device fails; the crowd is planned on the CPU.
     #[doc(hidden)]
     pub fn read_plan(&mut self) -> Result<Vec<PlannedGroup>> {
         let Self { crowd, readback, headless, .. } = self;
         crowd.read_plan(|range| readback.read(&headless.submitter, range))
     }
 
-    /// The level of detail of an instance that follows the camera, as words: targets kept in steps of 2⁻¹⁶, the number
-    /// that it is about to keep, epoch, and the error budget, the lower word first. Empty if no instance of the crowd
+    /// Reads the level of detail of an instance that follows the camera, as words: the kept targets in steps of 2⁻¹⁶,
+    /// the goal of that number, the epoch, and the error budget, lower word first. Empty if no instance of the crowd
     /// follows the camera.
     ///
     /// # Errors
@@ -114,7 +113,7 @@ impl HeadlessCrowd<'_, AnimatedCrowd> {
         range.map_or(Ok(vec![]), |range| self.read(range))
     }
 
-    /// The weights of an instance on the GPU, in steps of the grid.
+    /// Reads an instance's weights on the GPU, in steps of the grid.
     ///
     /// # Errors
     /// Those of [`read_plan`](Self::read_plan).
