@@ -13,7 +13,7 @@ pub fn head_clip(desc: &HeadDesc, frames: usize, fps: f32) -> WeightClip {
     let names = targets::names(desc.targets);
     let count = names.len();
     let mut values = vec![0.0f32; count * frames];
-    // Shared by all columns that they drive: both eyes blink together, and jaw and lips speak together.
+    // Shared by all columns that they drive: both eyes blink together, jaw and lips speak together.
     let blink = blinks(&mut Rng::new(desc.seed, u64::MAX), frames, fps);
     let speech = syllables(&mut Rng::new(desc.seed, u64::MAX - 1), frames, fps);
     let speak = |rng: &mut Rng, height: f32| -> Vec<f32> {
@@ -44,7 +44,7 @@ pub fn head_clip(desc: &HeadDesc, frames: usize, fps: f32) -> WeightClip {
     WeightClip { name: "head".to_owned(), names, fps, values }
 }
 
-/// Noise in [0, 1]: a new value every `period` seconds or so, or with the chance `pause` the old one again.
+/// Returns noise in [0, 1]: every `period` seconds or so a new value, or with probability `pause` the old one.
 fn drift(rng: &mut Rng, frames: usize, fps: f32, period: f32, pause: f32) -> Vec<f32> {
     let mut column = Vec::with_capacity(frames);
     let (mut from, mut to) = (0.0, rng.unit() * rng.unit());
@@ -55,7 +55,7 @@ fn drift(rng: &mut Rng, frames: usize, fps: f32, period: f32, pause: f32) -> Vec
             length = (period * rng.range(0.6, 1.6) * fps).max(1.0);
             from = to;
             if rng.unit() >= pause {
-                // A quarter of the time at rest, otherwise rather low than high.
+                // A quarter of the time at rest, otherwise mostly low.
                 to = if rng.unit() < 0.25 { 0.0 } else { rng.unit() * (0.4 + 0.6 * rng.unit()) };
             }
         }
@@ -64,12 +64,12 @@ fn drift(rng: &mut Rng, frames: usize, fps: f32, period: f32, pause: f32) -> Vec
     column
 }
 
-/// `length` after `time`, but always later: also for times so large that single precision rounds the length away.
+/// Returns a time about `length` after `time`, but always later: float32 rounds the length away at large times.
 fn later(time: f32, length: f32) -> f32 {
     (time + length).max(time.next_up())
 }
 
-/// Blinks of a fifth of a second every 2 to 5 seconds.
+/// Returns blinks of a fifth of a second every 2 to 5 seconds.
 fn blinks(rng: &mut Rng, frames: usize, fps: f32) -> Vec<f32> {
     let mut next = rng.range(0.5, 2.0);
     (0..frames)
@@ -83,7 +83,7 @@ fn blinks(rng: &mut Rng, frames: usize, fps: f32) -> Vec<f32> {
         .collect()
 }
 
-/// How open the mouth is: syllables of an eighth to a third of a second, in bursts with pauses between.
+/// Returns the opening of the mouth: syllables of an eighth to a third of a second, in bursts with pauses between.
 fn syllables(rng: &mut Rng, frames: usize, fps: f32) -> Vec<f32> {
     let mut column = Vec::with_capacity(frames);
     let (mut start, mut length, mut height) = (0.0, rng.range(0.3, 1.0), 0.0);
@@ -119,7 +119,7 @@ mod tests {
             let clip = head_clip(&desc, 3, fps);
             assert_eq!((clip.fps, clip.frame_count()), (taken, 3));
         }
-        // Single precision rounds the length away.
+        // Float32 rounds the length away.
         assert!([1e8, 1e30].into_iter().all(|time: f32| time + 0.1 == time && later(time, 0.1) > time));
     }
 }

@@ -5,11 +5,11 @@
 //! teeth, lower teeth and tongue are closed surfaces of their own behind it.
 //!
 //! A vertex is first a position in a net (`mesh`, `rows`), then a point in space (`shape`, `parts`). Targets of the
-//! lids compute that point with the lids elsewhere; others move points (`motion`).
+//! lids compute that point with other lids; others move points (`motion`).
 //!
-//! Everything is computed by additions, multiplications, divisions and square roots, which IEEE 754 rounds the same
-//! everywhere; `sin` and similar functions of the platform's library are not used, so that the same description gives
-//! the same bits on every machine.
+//! All numbers are computed by additions, multiplications, divisions and square roots, which IEEE 754 rounds the same
+//! everywhere. The platform's `sin` and similar functions are not used, so the same description gives the same bits on
+//! every machine.
 
 #![forbid(unsafe_code)]
 
@@ -41,9 +41,9 @@ pub struct HeadDesc {
     pub sparsity: f32,
     /// Seed.
     pub seed: u64,
-    /// Whether lids lie close to the eyeballs, 0.2 mm in place of 0.5, and have in-betweens to go round them:
-    /// `eyeBlinkLeft_half` and `eyeBlinkRight_half` after the `targets`, for [`head_rig`]. Without a target for a blink
-    /// there is no in-between of it.
+    /// Lids lie close to the eyeballs, at 0.2 mm instead of 0.5, and have in-betweens to go around them:
+    /// `eyeBlinkLeft_half` and `eyeBlinkRight_half` after the `targets`, for [`head_rig`]. A blink without a target has
+    /// no in-between.
     pub in_betweens: bool,
 }
 
@@ -56,7 +56,7 @@ impl Default for HeadDesc {
     }
 }
 
-/// The built-in head as a source: exactly `desc.vertices` vertices and `desc.targets` targets, and the in-betweens.
+/// Makes the built-in head: exactly `desc.vertices` vertices and `desc.targets` targets, and the in-betweens.
 ///
 /// Triangles, with texture coordinates split along a seam at the back, and without normals:
 /// [`to_mesh`](MorphSource::to_mesh) computes them. Fewer than three vertices have no face, fewer than 250 make only
@@ -69,9 +69,8 @@ impl Default for HeadDesc {
 /// the middle of the pupil, 0, over its edge at 0.08 and that of the iris at 0.21, to the back, 1), 2 teeth, 3 tongue
 /// and the inside of the mouth. Vertices are in the order skin, left eye, right eye, upper teeth, lower teeth, tongue.
 ///
-/// Targets are local, with smooth edges; how large their supports are varies between targets around a mean of
-/// `sparsity`. Values of `desc` outside their range are clamped into it (a `sparsity` that is not a number counts as
-/// the default's).
+/// Targets are local, with smooth edges; the sizes of their supports vary around a mean of `sparsity`. Values of `desc`
+/// outside their range are clamped into it (a `sparsity` that is not a number counts as the default's).
 pub fn head(desc: &HeadDesc) -> MorphSource {
     // Vertex numbers and face corners (about six per vertex) are 32-bit.
     let vertices = desc.vertices.clamp(1, 1 << 28);
@@ -82,8 +81,8 @@ pub fn head(desc: &HeadDesc) -> MorphSource {
     MorphSource { name: "head".to_owned(), targets, ..base }
 }
 
-/// The rig of the built-in head with [in-betweens](HeadDesc::in_betweens): `eyeBlinkLeft` and `eyeBlinkRight` pass the
-/// half closed lid at 0.5, so that the lid goes round the eyeball. Every other control drives its own target.
+/// Makes the rig of the built-in head with [in-betweens](HeadDesc::in_betweens): `eyeBlinkLeft` and `eyeBlinkRight`
+/// pass the half closed lid at 0.5, so that the lid goes around the eyeball. Every other control drives its own target.
 ///
 /// A single target moves each point of a lid along a straight line, from open to closed, whose middle lies in the
 /// eyeball (0.19 mm deep in the head of 43,788 vertices); the two lines with an in-between, which meet outside of the
@@ -108,13 +107,13 @@ fn whole(vertices: usize, close: bool) -> (Vec<Spot>, MorphSource) {
 /// The middle of the left eyeball, and its radius.
 const EYE: Vec3 = Vec3::new(3.15, 1.0, 6.55);
 const EYE_RADIUS: f32 = 1.6;
-/// The height of the line between the lips, and how far its ends are from the middle.
+/// The height of the line between the lips, and the distance of its ends from the middle.
 const MOUTH_HEIGHT: f32 = -5.4;
 const HALF_MOUTH: f32 = 2.55;
 /// The height of the middle of the tongue.
 const TONGUE_HEIGHT: f32 = -6.1;
 
-/// The position of a vertex.
+/// Returns the position of a vertex.
 fn place(spot: &Spot, lids: shape::Lids) -> Vec3 {
     let lids = shape::Lids { close: spot.close, ..lids };
     let p = match (spot.part, spot.behind) {
@@ -125,7 +124,7 @@ fn place(spot: &Spot, lids: shape::Lids) -> Vec3 {
     if spot.mirrored { Vec3::new(-p.x, p.y, p.z) } else { p }
 }
 
-/// One to four vertices: points of the face's outline, with one face if there are three or more.
+/// Makes one to four vertices: points of the face's outline, with one face if there are three or more.
 fn few(vertices: usize) -> (Vec<Spot>, MorphSource) {
     let outline =
         [Vec3::new(-5.0, 4.0, 8.0), Vec3::new(0.0, -9.0, 9.0), Vec3::new(5.0, 4.0, 8.0), Vec3::new(0.0, 11.0, 4.0)];
@@ -156,7 +155,7 @@ fn mix(a: f32, b: f32, x: f32) -> f32 {
     a + (b - a) * x
 }
 
-/// 3x² − 2x³ between `low` and `high`, 0 below and 1 above (the other way round where `low > high`).
+/// Returns 3x² − 2x³ between `low` and `high`, 0 below and 1 above (the reverse if `low > high`).
 fn smoothstep(low: f32, high: f32, x: f32) -> f32 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)

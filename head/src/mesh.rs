@@ -1,4 +1,4 @@
-//! The net: rows of vertices from crown to neck that part at eyes, ears and mouth, rings of vertices behind these
+//! The net: rows of vertices from crown to neck that open at eyes, ears and mouth, rings of vertices behind these
 //! openings, and closed surfaces for eyeballs, teeth and tongue.
 
 use super::rows::rows;
@@ -18,7 +18,7 @@ pub(super) enum Part {
     Tongue,
 }
 
-/// An opening of the skin, along which the lower side of a row differs from its upper side.
+/// An opening of the skin, along which a row has a lower and an upper side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Slit {
     Eye,
@@ -27,7 +27,7 @@ pub(super) enum Slit {
 }
 
 impl Slit {
-    /// The section along which it lies.
+    /// Returns the section along which it lies.
     pub(super) const fn row(self) -> f32 {
         match self {
             Self::Eye => 7.0,
@@ -36,7 +36,7 @@ impl Slit {
         }
     }
 
-    /// Its corners, as angles from the front: the one further back first. The mouth has one on each side.
+    /// Returns its corners, as angles from the front, the one further back first. The mouth has one on each side.
     pub(super) fn corners(self) -> Vec<f32> {
         let at = |x: f32| angle_of(|p| p.x - x, self.row(), 0.5 * PI);
         match self {
@@ -48,7 +48,7 @@ impl Slit {
         }
     }
 
-    /// Number of rings behind an opening with `around` vertices at its edge.
+    /// Returns the number of rings behind an opening with `around` vertices at its edge.
     pub(super) fn rings(self, around: usize) -> usize {
         match self {
             Self::Eye => (around / 3).clamp(2, 10),
@@ -58,7 +58,7 @@ impl Slit {
     }
 }
 
-/// The angle from the front, below `end`, at which a row comes to where `passed` is 0.
+/// Returns the angle from the front, below `end`, at which `passed` is 0 along a row.
 fn angle_of(passed: impl Fn(Vec3) -> f32, row: f32, end: f32) -> f32 {
     let (mut low, mut high) = (0.0, end);
     for _ in 0..24 {
@@ -72,7 +72,7 @@ fn angle_of(passed: impl Fn(Vec3) -> f32, row: f32, end: f32) -> f32 {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Spot {
     pub part: Part,
-    /// Whether it is on the head's right side; all other fields describe its mirror image.
+    /// It is on the head's right side; all other fields describe its mirror image.
     pub mirrored: bool,
     /// Skin: the angle from the front. Other parts: the position around the axis.
     pub a: f32,
@@ -80,16 +80,16 @@ pub(super) struct Spot {
     pub t: f32,
     /// The height of its section, before eyes and ears displace rows.
     pub height: f32,
-    /// Whether it is on the lower edge of an opening, or behind that.
+    /// It is on or behind the lower edge of an opening.
     pub lower: bool,
-    /// The opening behind which it lies, and how deep, in (0, 1].
+    /// The opening that it lies behind, and the depth, in (0, 1].
     pub behind: Option<(Slit, f32)>,
-    /// Whether the head's lids lie close to the eyeballs.
+    /// The head's lids lie close to the eyeballs.
     pub close: bool,
 }
 
 impl Spot {
-    /// Whether it is on the outside of the skin.
+    /// Returns a spot on the outside of the skin.
     pub(super) fn skin(a: f32, t: f32) -> Self {
         Self {
             part: Part::Skin,
@@ -112,11 +112,11 @@ pub(super) struct Net {
     pub corners: Vec<Corner>,
 }
 
-/// A row for sewing: vertex, texture coordinate and net position of each of its points, the seam's twice.
+/// A row for sewing: vertex, texture coordinate and net position of each point, those at the seam twice.
 struct Thread(Vec<(u32, u32, f32)>);
 
 impl Net {
-    /// A net of exactly `vertices` vertices (≥ 5).
+    /// Makes a net of exactly `vertices` vertices (≥ 5).
     pub(super) fn new(vertices: usize) -> Self {
         let mut net = Self::default();
         // Smaller heads have only the outline of a face.
@@ -143,7 +143,7 @@ impl Net {
         self.corners.extend(points.map(|(position, texcoord)| Corner { position, texcoord: Some(texcoord) }));
     }
 
-    /// A row that is one vertex, with no edges.
+    /// Adds a row of one vertex, without edges.
     fn pole(&mut self, spot: Spot, u: f32, v: f32) -> Thread {
         Thread(vec![(self.vertex(spot), self.texcoord(u, v), 0.5)])
     }
@@ -189,7 +189,7 @@ impl Net {
         self.sew(&above, &end, false);
     }
 
-    /// Adds the surfaces behind the opening with the vertices `edge`: rings that end in a point.
+    /// Adds the surfaces behind the opening with the edge `edge`: rings that end in a point.
     fn rings(&mut self, slit: Slit, edge: &[u32], strip: usize) {
         let n = edge.len();
         let count = slit.rings(n);
@@ -223,7 +223,7 @@ impl Net {
         }
     }
 
-    /// A closed surface of rows around an axis, with exactly `vertices` (≥ 5) vertices, in its own tile of the texture.
+    /// Adds a closed surface of rows around an axis, with exactly `vertices` (≥ 5) vertices, in its own texture tile.
     fn closed(&mut self, part: Part, mirrored: bool, vertices: usize) {
         let spot =
             |a: f32, t: f32| Spot { part, mirrored, a, t, height: 0.0, lower: false, behind: None, close: false };
@@ -237,7 +237,7 @@ impl Net {
             let t = r as f32 / (count + 1) as f32;
             let mut row: Vec<(u32, u32, f32)> = Vec::with_capacity(n + 1);
             for i in 0..=n {
-                // The two sides mirror each other to the bit.
+                // The two sides mirror each other bit for bit.
                 let half = i.min(n - i) as f32 / n as f32;
                 let place = i as f32 / n as f32;
                 let texcoord = self.texcoord(u0 + place, t);

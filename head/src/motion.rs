@@ -1,17 +1,17 @@
-//! How the parts of a target move the head. All of this describes the head's left side (+X), or its middle; points on
-//! the right are mirrored before and after.
+//! Motions of the head by parts of targets, described for the head's left side (+X) or its middle; points on the right
+//! are mirrored before and after.
 
 use super::mesh::{Part, Slit, Spot};
 use super::shape::{LID_RADIUS, Lids};
 use super::{EYE, EYE_RADIUS, HALF_MOUTH, MOUTH_HEIGHT, TONGUE_HEIGHT, cos, mix, place, sin, smoothstep};
 use deltamorph::glam::Vec3;
 
-/// How a lobe of a target moves the surface; lengths in cm and angles in radians at weight 1.
+/// The motion of a lobe of a target; lengths in cm and angles in radians at weight 1.
 #[derive(Clone, Copy)]
 pub(super) enum Motion {
     /// The same displacement everywhere.
     Shift([f32; 3]),
-    /// The lower jaw: opened by a turn about the axis through both ears, then shifted.
+    /// The lower jaw: rotated about the axis through both ears, then shifted.
     Jaw(f32, [f32; 3]),
     /// Away from a point inside the head.
     Puff(f32),
@@ -27,7 +27,7 @@ pub(super) enum Motion {
 
 use Motion::{Jaw, Look, Puff, Purse, Shift, Tongue};
 
-/// The side of the line between the lips that a lobe is for.
+/// The side of the line between the lips that a lobe applies to.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Lip {
     Both,
@@ -44,13 +44,13 @@ pub(super) struct Lobe {
     pub lip: Lip,
 }
 
-/// A turn of `q` from one axis towards the next.
+/// Rotates `q` from the first axis towards the second.
 fn turned(q: [f32; 2], angle: f32) -> [f32; 2] {
     let (s, c) = (sin(f64::from(angle)) as f32, cos(f64::from(angle)) as f32);
     [q[0] * c - q[1] * s, q[1] * c + q[0] * s]
 }
 
-/// The fraction of the jaw's motion that the skin takes.
+/// Returns the fraction of the jaw's motion that the skin follows.
 fn jaw_share(spot: &Spot, p: Vec3) -> f32 {
     let deep = matches!(spot.behind, Some((Slit::Mouth, _)));
     let depth = spot.behind.map_or(0.0, |b| b.1);
@@ -59,7 +59,7 @@ fn jaw_share(spot: &Spot, p: Vec3) -> f32 {
     let line = MOUTH_HEIGHT + 3.5 * smoothstep(8.0, 1.0, p.z);
     let d = if deep { 0.0 } else { spot.height - line };
     let below = d < 0.0 || (spot.t == Slit::Mouth.row() && spot.lower);
-    // Deep inside, all but the sides moves with the teeth.
+    // Deep inside, everything but the sides moves with the teeth.
     let mouth = x / HALF_MOUTH * if deep { mix(1.0, 0.8, smoothstep(0.2, 0.45, depth)) } else { 1.0 };
     let fourth = mouth * mouth * mouth * mouth;
     let inner = (1.0 - if deep { mix(fourth, fourth * fourth, smoothstep(0.2, 0.45, depth)) } else { fourth }).max(0.0);
@@ -72,7 +72,7 @@ fn jaw_share(spot: &Spot, p: Vec3) -> f32 {
 }
 
 impl Lobe {
-    /// The displacement of the vertex `spot` at `p`.
+    /// Returns the displacement of the vertex `spot` at `p`.
     pub(super) fn displacement(&self, spot: &Spot, p: Vec3) -> Vec3 {
         let skin = spot.part == Part::Skin;
         match self.motion {
@@ -115,7 +115,7 @@ impl Lobe {
         }
     }
 
-    /// 1 at the centre, with a long, faint tail: a real target's influence fades and does not stop at the feature.
+    /// Returns 1 at the centre, with a long, faint tail: a real target's influence fades beyond the feature.
     fn core(&self, spot: &Spot, p: Vec3) -> f32 {
         let q = ((p - self.centre) / self.radii).length_squared();
         let mut core = 1.0 / ((1.0 + q) * (1.0 + q));
@@ -138,13 +138,13 @@ impl Lobe {
     }
 }
 
-/// 1 on the lids, 0 away from them.
+/// Returns 1 on the lids, 0 away from them.
 fn lid_zone(p: Vec3) -> f32 {
     let (x, y) = ((p.x.abs() - EYE.x) / 2.3, (p.y - EYE.y) / 1.9);
     if p.z < EYE.z - 1.0 { 0.0 } else { smoothstep(1.0, 0.35, x * x + y * y) }
 }
 
-/// The displacement `delta` of the skin at `p`, changed if needed to stay out of the eyeballs.
+/// Returns the displacement `delta` of the skin at `p`, changed if needed to stay out of the eyeballs.
 pub(super) fn clear_of_eyes(spot: &Spot, p: Vec3, delta: Vec3) -> Vec3 {
     let eye = if p.x < 0.0 { Vec3::new(-EYE.x, EYE.y, EYE.z) } else { EYE };
     let least = (p - eye).length().min(LID_RADIUS);

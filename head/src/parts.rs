@@ -4,7 +4,7 @@ use super::mesh::Part;
 use super::{EYE, EYE_RADIUS, MOUTH_HEIGHT, TONGUE_HEIGHT, cos, mix, sin, smoothstep};
 use deltamorph::glam::Vec3;
 
-/// The parts of a head of `vertices` vertices, the side and number of vertices of each.
+/// Returns the parts of a head of `vertices` vertices, with the side and number of vertices of each.
 pub(super) fn counts(vertices: usize) -> Vec<(Part, bool, usize)> {
     let all = [
         (Part::Eye, false, 0.03),
@@ -18,7 +18,7 @@ pub(super) fn counts(vertices: usize) -> Vec<(Part, bool, usize)> {
     counted.filter(|part| part.2 >= 8).collect()
 }
 
-/// The texture tile of a part, as an offset of u.
+/// Returns the texture tile of a part, as an offset of u.
 pub(super) const fn tile(part: Part) -> f32 {
     match part {
         Part::Skin => 0.0,
@@ -28,7 +28,7 @@ pub(super) const fn tile(part: Part) -> f32 {
     }
 }
 
-/// Rows per column.
+/// Returns the number of rows per column.
 pub(super) const fn aspect(part: Part) -> f32 {
     match part {
         Part::Skin | Part::Eye => 0.8,
@@ -39,7 +39,7 @@ pub(super) const fn aspect(part: Part) -> f32 {
 
 const TURN: f64 = 2.0 * std::f64::consts::PI;
 
-/// A point of a part, `around` in (−1/2, 1/2] of a turn about its axis, `along` in 0..=1 from pole to pole.
+/// Returns a point of a part, `around` in (−1/2, 1/2] of a turn about its axis, `along` in 0..=1 from pole to pole.
 pub(super) fn point(part: Part, around: f32, along: f32) -> Vec3 {
     let angle = f64::from(around) * TURN;
     let (s, c) = (sin(angle) as f32, cos(angle) as f32);
@@ -52,7 +52,7 @@ pub(super) fn point(part: Part, around: f32, along: f32) -> Vec3 {
     }
 }
 
-/// Iris and pupil are hollows, so that they show without a texture too.
+/// A point of the eyeball. Iris and pupil are hollows, so that they show without a texture too.
 fn eyeball(s: f32, c: f32, along: f32) -> Vec3 {
     // Denser in front.
     let angle = f64::from(along * (0.5 + 0.5 * along)) * TURN * 0.5;
@@ -66,7 +66,7 @@ fn eyeball(s: f32, c: f32, along: f32) -> Vec3 {
 /// Distance to the front of the teeth, half their width, and their depth.
 const ARCH: [f32; 3] = [8.0, 2.6, 3.9];
 
-/// A cup around palate or tongue whose rim is the teeth. `up` is 1 above.
+/// A point of the cup around palate or tongue, whose rim is the teeth. `up` is 1 for the upper teeth.
 fn teeth(s: f32, c: f32, along: f32, up: f32) -> Vec3 {
     // Down the outer side, over the edge, up the inner side.
     let (reach, height): (f32, f32) = if along < 0.25 {
@@ -84,7 +84,7 @@ fn teeth(s: f32, c: f32, along: f32, up: f32) -> Vec3 {
     let ahead = -c;
     let x = s * (1.1 - 0.1 * s * s);
     let arch = Vec3::new(ARCH[1] * x, 0.0, if ahead > 0.0 { ARCH[2] * ahead } else { 0.5 * ahead });
-    // The gap between two teeth, and their crowns.
+    // The gaps between the teeth, and their crowns.
     let turn = (arch.x.abs() * 1.25) % 1.0 - 0.5;
     let crown = if ahead > 0.0 && along < 0.65 { 1.0 - 4.0 * turn * turn } else { 1.0 };
     let behind = smoothstep(-0.1, 0.25, ahead);

@@ -7,7 +7,7 @@ use std::f32::consts::PI;
 
 const SLITS: [Slit; 3] = [Slit::Eye, Slit::Ear, Slit::Mouth];
 
-/// A running length along a parameter from 0 to 1, to position rows and vertices by density.
+/// A cumulative length along a parameter from 0 to 1, to position rows and vertices by density.
 pub(super) struct Gauge(Vec<f32>);
 
 impl Gauge {
@@ -26,21 +26,22 @@ impl Gauge {
         self.0[Self::SAMPLES]
     }
 
-    /// The length at `x`.
+    /// Returns the length at `x`.
     fn length(&self, x: f32) -> f32 {
         let at = x.clamp(0.0, 1.0) * Self::SAMPLES as f32;
         let i = (at as usize).min(Self::SAMPLES - 1);
         self.0[i] + (at - i as f32) * (self.0[i + 1] - self.0[i])
     }
 
-    /// The position at which the length is `wanted`.
+    /// Returns the position at which the length is `wanted`.
     fn at(&self, wanted: f32) -> f32 {
         let i = self.0.partition_point(|&length| length < wanted).clamp(1, Self::SAMPLES) - 1;
         let part = (wanted - self.0[i]) / (self.0[i + 1] - self.0[i]);
         (i as f32 + part.clamp(0.0, 1.0)) / Self::SAMPLES as f32
     }
 
-    /// Indices for the positions `pins` (ascending) if `count` steps, which may end with half of one, make the whole.
+    /// Returns the indices of the positions `pins` (ascending) among `count` steps, the last of which may be half a
+    /// step.
     fn pin(&self, pins: &[f32], count: f32, apart: usize) -> Vec<usize> {
         let (mut last, mut indices) = (0, Vec::new());
         for (k, &x) in pins.iter().enumerate() {
@@ -53,7 +54,7 @@ impl Gauge {
         indices
     }
 
-    /// The position of step `i` of `count`, with the steps `indices` at `pins`.
+    /// Returns the position of step `i` of `count`, with the steps `indices` at `pins`.
     fn place(&self, i: usize, count: f32, pins: &[f32], indices: &[usize]) -> f32 {
         let (mut from, mut to) = ((0.0, 0.0), (count, self.total()));
         for (&x, &index) in pins.iter().zip(indices) {
@@ -71,7 +72,7 @@ impl Gauge {
     }
 }
 
-/// How much denser rows are at a height: eyes, nose and mouth have most of the vertices.
+/// Returns the density of rows at a height: eyes, nose and mouth have most of the vertices.
 fn row_density(y: f32) -> f32 {
     let face = smoothstep(-10.5, -8.0, y) * smoothstep(5.5, 3.0, y);
     let lids = smoothstep(-1.2, 0.4, y) * smoothstep(2.8, 1.6, y);
@@ -80,14 +81,14 @@ fn row_density(y: f32) -> f32 {
     1.0 + 0.8 * face + 1.6 * lids + 1.8 * nostrils + 1.6 * lips
 }
 
-/// How much denser columns are at a height and an angle from the front.
+/// Returns the density of columns at a height and an angle from the front.
 fn column_density(y: f32, a: f32) -> f32 {
     let front = smoothstep(-11.0, -8.5, y) * smoothstep(6.5, 3.5, y) * smoothstep(1.1, 0.7, a);
     let ear = smoothstep(-6.0, -3.0, y) * smoothstep(5.0, 2.5, y) * smoothstep(0.3, 0.15, (a - 1.59).abs());
     1.0 + 1.5 * front + 3.0 * ear
 }
 
-/// Half a row, from the back to the front.
+/// Makes half a row, from the back to the front.
 fn half_row(t: f32) -> Gauge {
     Gauge::new(|from, to| {
         let at = |x: f32| shape::plain(PI * (1.0 - x), t).0;
@@ -114,7 +115,7 @@ impl Row {
         self.slit.map_or_else(Vec::new, |slit| slit.corners().iter().map(|a| 1.0 - a / PI).collect())
     }
 
-    /// How far from the back (0) to the front (1) each vertex is, up to the one in front.
+    /// Returns the position of each vertex between back (0) and front (1), up to the one in front.
     pub(super) fn places(&self) -> Vec<f32> {
         let (half, pins) = (self.count as f32 * 0.5, self.pins());
         let corners = self
@@ -125,7 +126,7 @@ impl Row {
         (0..=self.count / 2).map(place).collect()
     }
 
-    /// Vertices behind its openings and on their lower edges.
+    /// Returns the number of vertices behind its openings and on their lower edges.
     fn extra(&self) -> usize {
         let vertices = |&(slit, from, to): &Span| {
             let around = 2 * (to - from);
@@ -147,7 +148,7 @@ impl Row {
     }
 }
 
-/// The rows of a skin of exactly `vertices` vertices.
+/// Makes the rows of a skin of exactly `vertices` vertices.
 pub(super) fn rows(vertices: usize, features: bool) -> Vec<Row> {
     let last = (SECTIONS.len() - 1) as f32;
     let profile = Gauge::new(|from, to| {
@@ -182,9 +183,9 @@ pub(super) fn rows(vertices: usize, features: bool) -> Vec<Row> {
         row.open();
         rows.push(row);
     }
-    // A few vertices each, the rest by girth. A row has as many vertices as the one above while that is about right:
-    // continuous columns make a smooth surface. The last row takes the remainder.
-    // With an even number there is a vertex both at the back and in front.
+    // Each row gets a few vertices, the rest go by girth. A row keeps the number of the row above while that is about
+    // right: continuous columns make a smooth surface. The last row takes the remainder. With an even number there is a
+    // vertex both at the back and in front.
     let pair = if features { 2 } else { 1 };
     let rest = vertices - 2 - rows.iter().map(|r| r.count + r.extra()).sum::<usize>();
     let sum = weights.iter().sum::<f64>();

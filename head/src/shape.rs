@@ -5,8 +5,8 @@ use super::mesh::{Slit, Spot};
 use super::{EYE, EYE_RADIUS, HALF_MOUTH, MOUTH_HEIGHT, cos, mix, sin, smoothstep};
 use deltamorph::glam::{Vec2, Vec3};
 
-/// Cross-sections from the crown to the end of the neck: height, half width, front, back, and how much flatter than an
-/// ellipse the front is. The rows of eyes, ears and mouth are among them: see [`Slit::row`].
+/// Cross-sections from the crown to the end of the neck: height, half width, front, back, and the flattening of the
+/// front relative to an ellipse. They include the rows of eyes, ears and mouth: see [`Slit::row`].
 pub(super) const SECTIONS: [[f32; 5]; 22] = [
     [12.0, 0.0, -0.9, -0.9, 0.0],
     [11.7, 2.4, 1.9, -4.0, 0.0],
@@ -32,7 +32,8 @@ pub(super) const SECTIONS: [[f32; 5]; 22] = [
     [-16.6, 0.0, -2.6, -2.6, 0.0],
 ];
 
-/// The section at `t` in 0..=21, by a uniform cubic B-spline that begins and ends at the first and last section.
+/// Returns the section at `t` in 0..=21, by a uniform cubic B-spline that begins and ends at the first and last
+/// section.
 pub(super) fn section(t: f32) -> [f32; 5] {
     let last = SECTIONS.len() - 1;
     let i = (t as usize).min(last - 1);
@@ -54,7 +55,8 @@ pub(super) fn section(t: f32) -> [f32; 5] {
     s
 }
 
-/// The plain head at the angle `a` from the front (0..=π) and the row `t`, and how much it faces the front (−1..=1).
+/// Returns the plain head at the angle `a` from the front (0..=π) and the row `t`, and how much it faces the front
+/// (−1..=1).
 pub(super) fn plain(a: f32, t: f32) -> (Vec3, f32) {
     let [y, half, front, back, flat] = section(t);
     // Exactly in the middle at the back, since π is not a float.
@@ -66,26 +68,26 @@ pub(super) fn plain(a: f32, t: f32) -> (Vec3, f32) {
     (Vec3::new(half * s, y, middle + z), c)
 }
 
-/// How far the lids are open, 1 as at rest.
+/// The opening of the lids, 1 at rest.
 #[derive(Clone, Copy)]
 pub(super) struct Lids {
     /// The distance between the edges; 0 is closed.
     pub open: f32,
-    /// How far the edge of the lower lid is below the line between the corners; negative above it.
+    /// Distance of the lower lid's edge below the line between the corners; negative above it.
     pub lower: f32,
-    /// Whether they lie close to the eyeball, and so have to go round it.
+    /// They lie close to the eyeball, and have to go around it.
     pub close: bool,
 }
 
 impl Lids {
     pub const REST: Self = Self { open: 1.0, lower: 1.0, close: false };
 
-    /// The gap between them and the eyeball.
+    /// Returns the gap between the lids and the eyeball.
     fn gap(self) -> f32 {
         if self.close { 0.02 } else { EYE_GAP }
     }
 
-    /// How far the outside is from the middle of the eyeball.
+    /// Returns the distance of their outside from the middle of the eyeball.
     fn radius(self) -> f32 {
         EYE_RADIUS + self.gap() + LID
     }
@@ -94,7 +96,7 @@ impl Lids {
 /// Thickness of the lids, and the gap between them and the eyeball.
 const LID: f32 = 0.16;
 const EYE_GAP: f32 = 0.05;
-/// How far the outside of lids that are not close is from the middle of the eyeball.
+/// Distance of the outside of lids that are not close from the middle of the eyeball.
 pub(super) const LID_RADIUS: f32 = EYE_RADIUS + EYE_GAP + LID;
 /// The gap between closed lids, and between lips that meet.
 const CONTACT: f32 = 0.006;
@@ -103,7 +105,8 @@ pub(super) const HALF_EYE: f32 = 1.4;
 /// The root of the ear on the head: height, depth, half height, half width.
 pub(super) const EAR: [f32; 4] = [-0.6, -1.25, 2.1, 1.15];
 
-/// Height of the lids' edges above the line of the eye, at `c` from the inner corner (−1) to the outer (1).
+/// Returns the heights of the lids' edges above the line of the eye, at `c` from the inner corner (−1) to the outer
+/// (1).
 fn edges(c: f32, lids: Lids) -> (f32, f32) {
     let w = dome(c);
     let (upper, lower) = (0.5 * (w * w.sqrt()).sqrt() * (1.0 - 0.12 * c), 0.46 * w * (1.0 + 0.2 * c));
@@ -111,36 +114,36 @@ fn edges(c: f32, lids: Lids) -> (f32, f32) {
     (below + (upper + lower) * lids.open + CONTACT, below - CONTACT)
 }
 
-/// A smooth bump: 1 at the centre, 0 from an ellipse on that is a little larger than that of the given radii.
+/// Returns a smooth bump: 1 at the centre, 0 outside an ellipse slightly larger than that of the given radii.
 fn bump(x: f32, y: f32, centre: [f32; 2], radii: [f32; 2]) -> f32 {
     let (dx, dy) = ((x - centre[0]) / radii[0], (y - centre[1]) / radii[1]);
     let q = (1.0 - 0.8 * (dx * dx + dy * dy)).max(0.0);
     q * q * q
 }
 
-/// 1 − x² between −1 and 1, 0 beyond.
+/// Returns 1 − x² between −1 and 1, 0 beyond.
 fn dome(x: f32) -> f32 {
     (1.0 - x * x).max(0.0)
 }
 
-/// Direction of a slit's edge: 1 is up.
+/// Returns the direction of a slit's edge: 1 is up.
 fn side(lower: bool) -> f32 {
     if lower { -1.0 } else { 1.0 }
 }
 
-/// The larger of two numbers, with a smooth change between them over about `k`.
+/// Returns the larger of two numbers, with a smooth transition over about `k`.
 fn smooth_max(a: f32, b: f32, k: f32) -> f32 {
     let h = (1.0 - (a - b).abs() / k).max(0.0);
     a.max(b) + 0.25 * k * h * h
 }
 
-/// How far a row at the distance `d` from a slit is moved when the slit's edge moves by 1, up to the distance `reach`.
+/// Returns the motion of a row at the distance `d` from a slit whose edge moves by 1, up to the distance `reach`.
 fn along(d: f32, reach: f32) -> f32 {
     let q = (1.0 - d.abs() / reach).max(0.0);
     q * q
 }
 
-/// A point of the skin, on the head's left side. At a slit, `lower` is the lower edge.
+/// Returns a point of the skin, on the head's left side. At a slit, `lower` is the lower edge.
 pub(super) fn skin(a: f32, t: f32, lower: bool, lids: Lids) -> Vec3 {
     let (mut p, facing) = plain(a, t);
     let below = |slit: Slit| t > slit.row() || (t == slit.row() && lower);
@@ -169,7 +172,7 @@ pub(super) fn skin(a: f32, t: f32, lower: bool, lids: Lids) -> Vec3 {
 }
 
 /// Pushes the features of a face out of the plain head. `lip` is the distance above the line between the lips, `lid`
-/// that of the lids from the middle of the eyeball.
+/// the distance of the lids from the middle of the eyeball.
 fn features(mut p: Vec3, lip: f32, lower_lip: bool, front: f32, lid: f32) -> Vec3 {
     let (x, y) = (p.x, p.y);
     let at = |centre: [f32; 2], radii: [f32; 2]| bump(x, y, centre, radii);
@@ -223,7 +226,7 @@ fn features(mut p: Vec3, lip: f32, lower_lip: bool, front: f32, lid: f32) -> Vec
     p
 }
 
-/// How far the lips stand out at `mouth` from the middle (0) to the corner (1), `d` from the line between them.
+/// Returns how far the lips stand out at `mouth` from the middle (0) to the corner (1), `d` from the line between them.
 fn lips(mouth: f32, d: f32, lower: bool) -> f32 {
     let full = dome(mouth);
     let bow = if lower { 0.0 } else { 0.2 * bump(mouth, 0.0, [0.27, 0.0], [0.28, 1.0]) };
@@ -234,7 +237,7 @@ fn lips(mouth: f32, d: f32, lower: bool) -> f32 {
     (if lower { 0.5 } else { 0.42 } * out + roll) * smoothstep(1.02, 0.6, mouth)
 }
 
-/// A point behind an opening, `depth` of the way (0 at the edge, 1 at the end) from the edge's point `edge`.
+/// Returns a point behind an opening, at `depth` from the edge's point `edge` (0) to the end (1).
 pub(super) fn behind(slit: Slit, spot: &Spot, depth: f32, lids: Lids) -> Vec3 {
     let edge = skin(spot.a, spot.t, spot.lower, lids);
     match slit {
@@ -246,7 +249,7 @@ pub(super) fn behind(slit: Slit, spot: &Spot, depth: f32, lids: Lids) -> Vec3 {
     }
 }
 
-/// A curve through `knots` of `(depth, values)`.
+/// Evaluates a curve through `knots` of `(depth, values)`.
 fn curve<const N: usize>(knots: &[(f32, [f32; N])], depth: f32) -> [f32; N] {
     let i = knots.partition_point(|k| k.0 < depth).clamp(1, knots.len() - 1);
     let ((from, a), (to, b)) = (knots[i - 1], knots[i]);
@@ -254,8 +257,8 @@ fn curve<const N: usize>(knots: &[(f32, [f32; N])], depth: f32) -> [f32; N] {
     std::array::from_fn(|k| mix(a[k], b[k], x))
 }
 
-/// The edge of a lid, then the socket around the eyeball, from the opening to the point behind it. `edge` is the
-/// current position of the lid, `rest` that at rest.
+/// Returns a point of the lid's edge or of the socket around the eyeball, from the opening to the point behind it.
+/// `edge` is the current position of the lid, `rest` that at rest.
 fn socket(edge: Vec3, rest: Vec3, depth: f32, lids: Lids) -> Vec3 {
     const MARGIN: f32 = 0.15;
     if depth >= 1.0 {
@@ -273,8 +276,8 @@ fn socket(edge: Vec3, rest: Vec3, depth: f32, lids: Lids) -> Vec3 {
     let lining = Vec3::new(sideways.x, sideways.y, cosine);
     // The surface behind a lid slides with it, less and less.
     let direction = mix3(toward, lining, smoothstep(MARGIN, 0.6, depth)).normalize_or(Vec3::Z);
-    // Behind the widest part of the eyeball there is room, so that a few rings enclose it too.
-    // Sliding lids need room as well: they move in a straight line unless they lie close and have in-betweens.
+    // Behind the widest part of the eyeball there is room, so that even a few rings enclose it. Sliding lids need room
+    // as well: they move in a straight line unless they lie close and have in-betweens.
     let slack = if lids.close { 0.0 } else { 0.12 * (toward - at_rest).length() };
     let room = EYE_RADIUS + lids.gap() + 0.6 * smoothstep(1.0, -0.6, direction.z) + slack;
     EYE + direction * mix((edge - EYE).length(), room, (depth / MARGIN).min(1.0))
@@ -284,10 +287,10 @@ fn mix3(a: Vec3, b: Vec3, x: f32) -> Vec3 {
     a + (b - a) * x
 }
 
-/// The inner side of the lips, then the hollow of the mouth.
+/// Returns a point of the inner side of the lips or of the hollow of the mouth.
 fn cavity(edge: Vec3, above: f32, depth: f32) -> Vec3 {
-    // Fractions of the width and half height, and the distance behind the lips' edge, which at the end is the same for
-    // all.
+    // Fractions of the width and half height, and the distance behind the lips' edge, which is the same for all at the
+    // end.
     const WAY: [(f32, [f32; 4]); 7] = [
         (0.0, [1.0, 0.0, 0.0, 0.0]),
         (0.12, [1.0, 0.03, 0.25, 0.0]),
@@ -305,7 +308,8 @@ fn cavity(edge: Vec3, above: f32, depth: f32) -> Vec3 {
     Vec3::new(edge.x * width, y + above * height * round, z)
 }
 
-/// The ear: up from the head behind it, over the rim, and down into the hollow in front of the ear canal.
+/// Returns a point of the ear: up from the head behind it, over the rim, and down into the hollow in front of the ear
+/// canal.
 fn shell(edge: Vec3, depth: f32) -> Vec3 {
     // Distance from the middle relative to the root's, and out of the head, at the back and at the front.
     const WAY: [(f32, [f32; 4]); 12] = [

@@ -21,7 +21,7 @@ enum Side {
 
 use Side::{Both, Each, Middle};
 
-/// Name, sides, the size of its support relative to others, and the lobes on the left side or in the middle.
+/// Name, sides, relative size of the support, and the lobes on the left side or in the middle.
 type Row = (&'static str, Side, f32, &'static [Lobe]);
 
 const fn at(centre: [f32; 3], radii: [f32; 3], motion: Motion) -> Lobe {
@@ -36,7 +36,7 @@ const fn lower(centre: [f32; 3], radii: [f32; 3], motion: Motion) -> Lobe {
     Lobe { lip: Lip::Lower, ..at(centre, radii, motion) }
 }
 
-/// A lobe whose motion defines its own position.
+/// Makes a lobe whose motion defines its own position.
 const fn lids(open: f32, lower: f32) -> Lobe {
     at([3.15, 1.0, 8.3], [1.5, 0.8, 1.5], Motion::Lids(open, lower))
 }
@@ -54,7 +54,7 @@ const CORNER: [f32; 3] = [2.6, -5.4, 8.4];
 const UPPER_LIP: [f32; 3] = [0.0, -4.9, 9.8];
 const LOWER_LIP: [f32; 3] = [0.0, -5.9, 9.8];
 
-/// Rows about the eyes.
+/// Number of rows for the eyes.
 const EYES: usize = 7;
 
 /// Apple's blend shape locations, beginning with those of the eyes.
@@ -118,7 +118,7 @@ const HALF_BLINK: &[Lobe] = &[lids(0.5, 0.875)];
 struct Expression {
     name: String,
     lobes: Vec<Lobe>,
-    /// Whether the lobes apply to the left side, and to the right side.
+    /// The lobes apply to the left side, and to the right side.
     sides: [bool; 2],
     support: f32,
     /// Seed of its random numbers; the targets of a left and right pair share it.
@@ -138,20 +138,20 @@ fn arkit() -> Vec<Expression> {
     eyes.chain(rest).collect()
 }
 
-/// The names of the first `count` targets.
+/// Returns the names of the first `count` targets.
 pub(super) fn names(count: usize) -> Vec<String> {
     let arkit = arkit();
     let details = (arkit.len()..count).map(|i| format!("detail_{:03}", i + 1));
     arkit.iter().map(|e| e.name.clone()).chain(details).take(count).collect()
 }
 
-/// The in-betweens, and the targets that they belong to.
+/// Returns the in-betweens, and the targets that they belong to.
 pub(super) fn in_betweens(desc: &HeadDesc) -> Vec<(String, String)> {
     let ends = names(desc.targets).into_iter().filter(|name| desc.in_betweens && name.starts_with("eyeBlink"));
     ends.map(|end| (format!("{end}_half"), end)).collect()
 }
 
-/// A bump at a random place of the skin, mostly outwards or inwards.
+/// Makes a bump at a random place of the skin, mostly outwards or inwards.
 fn detail(seed: u64, i: usize, spots: &[Spot], positions: &[Vec3]) -> Expression {
     let rng = &mut Rng::new(seed, i as u64);
     let mut v = rng.below(positions.len());
@@ -174,13 +174,13 @@ fn detail(seed: u64, i: usize, spots: &[Spot], positions: &[Vec3]) -> Expression
     }
 }
 
-/// All targets of the head with the base pose `positions`.
+/// Makes all targets of the head with the base pose `positions`.
 pub(super) fn targets(desc: &HeadDesc, spots: &[Spot], positions: &[Vec3]) -> Vec<SourceTarget> {
     let mut arkit = arkit().into_iter();
     let part = |(i, name): (usize, String)| {
         // A random stream for each target, so that it does not depend on the number of others.
         let found = arkit.next().unwrap_or_else(|| detail(desc.seed, i, spots, positions));
-        // Heads of different seeds differ a little in the size of every support.
+        // Heads of different seeds differ slightly in the size of every support.
         let support = found.support * Rng::new(desc.seed, found.stream).range(0.9, 1.1);
         Expression { name, support, ..found }
     };
@@ -207,7 +207,7 @@ pub(super) fn targets(desc: &HeadDesc, spots: &[Spot], positions: &[Vec3]) -> Ve
     parts.map(target).collect()
 }
 
-/// Fractions in the ratio of `factors`, none above 1, with the mean `wanted` (or as near as that allows).
+/// Returns fractions in the ratio of `factors`, none above 1, with the mean `wanted` (or as near as that allows).
 fn fractions(factors: &[f32], wanted: f32) -> Vec<f32> {
     if wanted >= 1.0 {
         return vec![1.0; factors.len()];
@@ -225,12 +225,13 @@ fn fractions(factors: &[f32], wanted: f32) -> Vec<f32> {
     factors.iter().map(|f| (f * scale).min(1.0)).collect()
 }
 
-/// Smallest displacement of a vertex inside a support: 20 µm, some 500 times less than the target's, but more than
-/// noise.
+/// Smallest displacement of a vertex inside a support: 20 µm, about 500 times less than the target's largest, but more
+/// than noise.
 const LEAST: f32 = 2e-3;
 
 impl Expression {
-    /// The displacement of a vertex without regard to the support, and its closeness to the moving lobes, in (0, 1].
+    /// Returns the displacement of a vertex regardless of the support, and its closeness to the moving lobes, in (0,
+    /// 1].
     fn displacement(&self, spot: &Spot, p: Vec3) -> (Vec3, f32) {
         let (mut sum, mut near) = (Vec3::ZERO, f32::INFINITY);
         for (mirrored, _) in [false, true].into_iter().zip(self.sides).filter(|(_, is)| *is) {
@@ -245,12 +246,12 @@ impl Expression {
         (clear_of_eyes(spot, p, sum), tail / (1.0 + 0.1 * near))
     }
 
-    /// The deltas of the `fraction` of the vertices that move most.
+    /// Returns the deltas of the `fraction` of the vertices that move most.
     fn moved(&self, fraction: f32, spots: &[Spot], positions: &[Vec3]) -> Vec<(u32, Vec3)> {
         let count = positions.len();
         let wanted = ((f64::from(fraction) * count as f64).ceil() as usize).clamp(1, count);
         let full: Vec<(Vec3, f32)> = spots.iter().zip(positions).map(|(s, p)| self.displacement(s, *p)).collect();
-        // After the vertices that the lobes move, the nearest.
+        // The vertices nearest to the lobes follow those that the lobes move.
         let mut most: Vec<(f32, u32)> = full.iter().map(|(d, near)| d.length() + LEAST * near).zip(0..).collect();
         // The index breaks ties, so that the choice is the same everywhere.
         let by_motion = |a: &(f32, u32), b: &(f32, u32)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
@@ -273,8 +274,8 @@ impl Expression {
     }
 }
 
-/// `delta` as read back from a file that states `base + delta`: a head that was written out and imported is the
-/// built-in one, bit for bit.
+/// Returns `delta` as read back from a file that states `base + delta`, so that an exported and imported head equals
+/// the built-in one bit for bit.
 fn snapped(base: Vec3, delta: Vec3) -> Vec3 {
     // The difference is rounded too; if that changes the sum, it is computed once more.
     (0..5).fold(delta, |delta, _| (base + delta) - base)
