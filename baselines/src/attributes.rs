@@ -1,5 +1,5 @@
-//! The `direct-attributes` path (Gerdelan): the draw itself has the active targets as vertex attributes, next to the
-//! base pose, and their weights as push constants. As many targets can be active as the device has attributes for.
+//! The `direct-attributes` path (Gerdelan): draws read the active targets as vertex attributes, next to the base pose,
+//! and their weights as push constants. The device's attributes limit the number of active targets.
 
 use crate::draws::{Capture, Draws};
 use crate::vertex_store::store_sets;
@@ -16,7 +16,7 @@ use deltamorph::internals::weights::delta::{Coefficient, active_targets};
 use deltamorph::{Error, Result};
 use std::sync::Arc;
 
-/// Instances of a crowd that keeps no poses: each takes host memory and its own draws.
+/// Most instances of a crowd without pose buffers: each takes host memory and its own draws.
 const INSTANCES_MAX: u32 = 1 << 20;
 
 /// The draws of a crowd on the path `direct-attributes`: the active targets of each instance.
@@ -32,7 +32,6 @@ pub(crate) struct AttributeDraws {
 }
 
 impl AttributeDraws {
-    /// The evaluation of an instance.
     fn pass(&self, instance: u32) -> DensePass<'_> {
         DensePass {
             layout: &self.mesh.layout,
@@ -94,8 +93,8 @@ impl Draws for AttributeDraws {
             Some(_) | None => (&self.kernel, None),
         };
         let stores = stores.map_or(&[][..], |stores| stores.get(0));
-        // SAFETY: the caller's obligations; the base pose is another buffer than the one written, and `check_weights`
-        // has seen to the length of each list.
+        // SAFETY: the caller's obligations; the base pose and the written buffer differ, and `check_weights` has
+        // checked the length of each list.
         unsafe { pipelines.record(cmd, passes, stores) };
     }
 }

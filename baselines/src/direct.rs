@@ -1,5 +1,5 @@
-//! The `direct` path: the vertex shader of the draw evaluates all active targets in every draw, from deltas in a
-//! storage buffer (Costigan et al., Algorithm 1; Bevy, three.js and Filament do so with textures instead of buffers).
+//! The `direct` path: the vertex shader evaluates all active targets in every draw, from deltas in a storage buffer
+//! (Costigan et al., Algorithm 1; Bevy, three.js and Filament use textures instead of buffers).
 
 use crate::draws::{Capture, Draws};
 use bytemuck::bytes_of;
@@ -42,7 +42,7 @@ struct Direct {
     capture: Option<Capture>,
 }
 
-/// Data that one instance's draw reads.
+/// Inputs of one instance's draw.
 #[derive(Clone, Copy, Default)]
 struct DirectDraw {
     /// Dynamic offset of its weights.
@@ -82,7 +82,7 @@ pub(crate) struct DirectDraws {
     /// Bytes of one instance's weights.
     stride: u64,
     sets: Sets,
-    /// The position of each instance's weights, as written last.
+    /// The weights of each instance, as last written.
     draws: Vec<DirectDraw>,
     /// A buffer for one captured pose.
     pose: vk::Buffer,
@@ -134,7 +134,7 @@ impl Draws for DirectDraws {
         Ok(())
     }
 
-    /// The weights up to the last active target.
+    /// Bytes of the weights up to the last active target.
     fn weight_bytes(&self, weights: &[f32]) -> u64 {
         weights.iter().rposition(|w| *w != 0.0).map_or(0, |last| (WEIGHT_BYTES * (last + 1)) as u64)
     }
@@ -160,8 +160,7 @@ impl Draws for DirectDraws {
                 first_vertex: first as u32,
             };
             // SAFETY: as above; vertices and rows are within their buffers, dynamic offsets are multiples of 64 × 12
-            // bytes and of a list's 256; the push constants fill the layout's range; as much is captured as the pose
-            // has room for.
+            // bytes and of a list's 256; the push constants fill the layout's range; the capture fits the pose.
             unsafe {
                 device.cmd_bind_vertex_buffers(cmd, 0, &[self.mesh.base.raw], &[at]);
                 device.cmd_bind_descriptor_sets(cmd, point, layout, 0, &[self.sets.get(0)], &[row, draw.weights]);

@@ -17,13 +17,13 @@ use std::sync::Arc;
 
 /// Draws that evaluate the pose from weights.
 pub(crate) trait Draws: Send + Sync + 'static {
-    /// The arguments for a crowd's draws.
+    /// Makes the arguments for a crowd's draws.
     fn new(context: Context<'_>) -> Result<Self>
     where
         Self: Sized;
 
-    /// Writes the weights of all instances for the draws to read; none for an instance without a pose. A hidden
-    /// instance's draws keep their weights, whatever is requested of it meanwhile.
+    /// Writes the weights of all instances for the draws to read; none for an instance without a pose. Draws of a
+    /// hidden instance keep its weights, even if others are requested meanwhile.
     fn write(&mut self, planner: &DensePlanner, frame: u64) -> Result<()>;
 
     /// See [`Technique::check_weights`].
@@ -31,15 +31,15 @@ pub(crate) trait Draws: Send + Sync + 'static {
         Ok(())
     }
 
-    /// Bytes that a draw with these weights loads in addition to the base pose and the deltas of the active targets.
+    /// Bytes that a draw with these weights loads besides the base pose and the deltas of the active targets.
     fn weight_bytes(&self, _weights: &[f32]) -> u64 {
         0
     }
 
-    /// Records the draws of these instances, captured in the device's way if requested.
+    /// Records the draws of these instances, captured if requested.
     ///
     /// # Safety
-    /// The conditions of [`PoseDraws::record`]; captures have barriers around them.
+    /// Those of [`PoseDraws::record`]; captures have barriers around them.
     unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>, captured: bool);
 }
 
@@ -52,7 +52,7 @@ pub(crate) struct DrawTechnique<D> {
     planner: DensePlanner,
     /// The last update that wrote weights.
     written: u64,
-    /// Whether that update never ran, so that the next one takes its part of the ring.
+    /// The update `written` never ran, so the next one takes its part of the ring.
     stale: bool,
 }
 
@@ -65,8 +65,8 @@ impl<D: Draws> DrawTechnique<D> {
 }
 
 impl<D: Draws> Technique for DrawTechnique<D> {
-    /// A step without works: the draws read the weights where they were written. Bytes are those of one draw of every
-    /// shown instance: draws evaluate whether weights have changed or not.
+    /// A step without works: draws read the weights from where the host wrote them. Bytes are those of one draw of
+    /// every shown instance, since draws evaluate even unchanged weights.
     fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         self.planner.plan(instances, id.update);
         if has_changed(&self.planner) || self.stale {
@@ -119,7 +119,7 @@ impl<D: Draws> PoseDraws for DrawTechnique<D> {
     }
 }
 
-/// How a device captures a pose that a draw evaluates.
+/// Ways to capture a pose that a draw evaluates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Capture {
     Feedback,
@@ -127,7 +127,7 @@ pub(crate) enum Capture {
 }
 
 impl Capture {
-    /// The device's way, if any, to capture a pose that only the draws of `path` evaluate.
+    /// Returns the device's way to capture poses that only the draws of `path` evaluate, if any.
     pub(crate) fn of(device: &Device, path: UpdatePath) -> Result<Self> {
         match device.caps.check_path(UpdatePath::Feedback) {
             Ok(()) => Ok(Self::Feedback),
@@ -157,7 +157,7 @@ impl Capture {
         }
     }
 
-    /// The commands of a capture: a work, with the barriers around it.
+    /// Returns the commands of a capture: a work, with the barriers around it.
     fn schedule(self) -> Schedule {
         const FEEDBACK: &[Use] = &[Use::new(Resource::Poses, Stage::TransformFeedback, Access::FeedbackWrite)];
         const STORE: &[Use] = &[Use::new(Resource::Poses, Stage::VertexShader, Access::ShaderWrite)];
@@ -172,12 +172,12 @@ impl Capture {
     }
 }
 
-/// Whether the last update changes a pose.
+/// Returns whether the last update changes a pose.
 pub(crate) fn has_changed(planner: &DensePlanner) -> bool {
     planner.plans().iter().any(|plan| !plan.passes.is_empty())
 }
 
-/// A planner whose plans are one pass from base, or none, whatever number of targets a draw takes.
+/// Makes a planner whose plans are one pass from base, or none, regardless of how many targets a draw takes.
 pub(crate) fn one_pass(desc: &CrowdDesc) -> Result<DensePlanner> {
     let batch = match desc.update.path.takes_all_targets() {
         true => BatchSize::All,
@@ -193,7 +193,7 @@ mod tests {
     use deltamorph::internals::plan::schedule::asset_uploaded;
     use deltamorph::internals::plan::steps::{Access, Stage, Use};
 
-    /// Captures with draws between them: each barrier is needed.
+    /// Captures with draws between them need each barrier.
     #[test]
     fn captures_are_ordered() {
         for (capture, stage, access) in [

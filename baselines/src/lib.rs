@@ -1,13 +1,13 @@
-//! Published techniques of others, for comparison with those of [`deltamorph`]: a file per technique, each of which
-//! implements `Technique` as the library's own do.
+//! Published techniques of others, for comparison with those of [`deltamorph`]: one file per technique, which
+//! implements `Technique` like those of the library.
 //!
 //! `vertex-store` is a dense path with another kernel, `scatter` adds into integer sums, the direct paths evaluate the
 //! pose in every draw (`draws`), and `texture` blends displacements into textures that draws fetch. An engine takes
 //! them from [`TECHNIQUES`]; [`textures`] writes and reads delta textures as KTX2 files.
 //!
-//! They use what the library marks as unstable (its feature `internals`): a technique has to access all that the
-//! library's techniques do. Their kernels are rows of the library's table, linked by its feature `baselines`: they
-//! share headers, formats and build script with the library's.
+//! They use items that the library marks as unstable (its feature `internals`), since a technique needs the access that
+//! the library's own have. Their kernels are rows of the library's table, linked by its feature `baselines`, and share
+//! the library's headers, formats and build script.
 
 mod attributes;
 mod direct;
@@ -54,7 +54,7 @@ fn make(context: Context<'_>) -> Result<Box<dyn Technique>> {
 }
 
 /// # Safety
-/// The conditions of [`UploadFor`](deltamorph::internals::update::technique::UploadFor).
+/// Those of [`UploadFor`](deltamorph::internals::update::technique::UploadFor).
 unsafe fn upload(
     device: &Arc<Device>,
     cmd: vk::CommandBuffer,
@@ -68,7 +68,7 @@ unsafe fn upload(
     }
 }
 
-/// Refuses a mesh with a pose, or `words` of the technique's own, larger than a descriptor covers.
+/// Refuses a mesh whose pose, or whose `words` of the technique, exceed a descriptor's range.
 fn check_storage(device: &Device, mesh: &deltamorph::PackedLayout, what: &str, words: &[u32]) -> Result<()> {
     let bytes = size_of_val(words) as u64;
     [("a pose takes", mesh.base_bytes()), (what, bytes)].into_iter().try_for_each(|(what, bytes)| {

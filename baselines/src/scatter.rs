@@ -1,9 +1,9 @@
-//! The `scatter` path (O3DE Atom, Unity): a thread for each delta adds to the sums of its vertex by integer atomics,
+//! The `scatter` path (O3DE Atom, Unity): one thread per delta adds to the sums of its vertex with integer atomics,
 //! then a pass makes the pose from the sums.
 //!
 //! Weights and deltas are integers on the grid of 32-bit fixed-point poses ([`PoseGrid`]): nothing overflows, and the
-//! sums equal such poses of `blocks`, bit for bit. The error is the same, too: that of packing, and at most ½ · weight
-//! step · Σ |delta| for weights that are not on the grid.
+//! sums equal such poses of `blocks` bit for bit. So does the error: that of packing, and at most ½ · weight step · Σ
+//! |delta| for weights that are not on the grid.
 
 use crate::draws::{has_changed, one_pass};
 use crate::{check_storage, private};
@@ -56,8 +56,8 @@ shader_structure! {
 /// Words of a record: the vertex, then three words of a position component (18 bits) and a normal component (14 bits).
 const RECORD_WORDS: usize = 4;
 
-/// Deltas as `scatter.comp` reads them, target after target; and the index of the first record of each target, then the
-/// number of all. The mesh is packed as `small`: its components fit the bits of a record.
+/// Makes the deltas in the layout of `scatter.comp`, target after target, and the index of the first record of each
+/// target, followed by the number of records. The mesh is packed as `small`, whose components fit a record.
 fn records(group: &PackedGroup, index: &BlockIndex) -> (Vec<u32>, Vec<u32>) {
     let (mut words, mut first) = (vec![], vec![0]);
     let (steps, packed) = (index.steps().map(f64::from), index.packed_vertices());
@@ -74,8 +74,8 @@ fn records(group: &PackedGroup, index: &BlockIndex) -> (Vec<u32>, Vec<u32>) {
     (words, first)
 }
 
-/// Creates and fills the buffers of a mesh, which was checked for the path: records of a vertex and its delta, 16 bytes
-/// each, and no blocks.
+/// Creates and fills the buffers of a mesh that was checked for the path: 16-byte records of a vertex and its delta,
+/// and no blocks.
 ///
 /// # Errors
 /// Sums that could overflow; more records than a descriptor covers; out of memory.
@@ -89,7 +89,7 @@ pub(crate) fn upload(device: &Arc<Device>, mesh: &PackedMesh) -> Result<(Vec<Mes
     Ok((vec![buffers], vec![upload]))
 }
 
-/// The index of the first record of each target, then the number of all.
+/// The index of the first record of each target, followed by the number of records.
 struct FirstRecords(Vec<u32>);
 
 impl FirstRecords {
@@ -112,9 +112,9 @@ impl PipelineKey for Scatter {
     }
 }
 
-/// Binds the pipeline that adds, or the one that resolves; then dispatches, for each of `runs`, so many invocations, in
-/// as many dispatches as the device's workgroup count requires. A run makes the push constants of a dispatch from its
-/// first invocation and their number.
+/// Binds the pipeline that adds, or the one that resolves; then dispatches each of `runs` (a number of invocations),
+/// split by the device's workgroup count. A run makes the push constants of a dispatch from its first invocation and
+/// their number.
 ///
 /// # Safety
 /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
@@ -274,7 +274,7 @@ impl Technique for ScatterTechnique {
         Some((self.sums.raw, u64::from(instance) * self.poses.bytes))
     }
 
-    /// Atomics commute: those of a work need no order among themselves.
+    /// Atomics commute: those of one work need no order.
     fn accesses(&self, works: &[Work]) -> Vec<deltamorph::internals::plan::hazards::Accesses> {
         use deltamorph::internals::plan::hazards::{Accesses, Memory};
         let of = |work: &Work| {

@@ -1,6 +1,6 @@
-//! The `vertex-store` path: the passes of `feedback`, for devices without transform feedback whose vertex shaders may
-//! write storage buffers. It binds targets as vertex attributes, discards all primitives, and alternates between slots
-//! as `feedback` does: a pass must not store into a slot whose other vertices are still to be fetched.
+//! The `vertex-store` path: the passes of `feedback`, for devices without transform feedback whose vertex shaders can
+//! write storage buffers. Like `feedback` it binds targets as vertex attributes, discards all primitives, and
+//! alternates between slots: a pass must not store into a slot whose other vertices are still to be fetched.
 
 use deltamorph::Result;
 use deltamorph::ash::vk;
@@ -37,13 +37,13 @@ impl Passes for StorePasses {
 
     unsafe fn record(&self, cmd: vk::CommandBuffer, _frame: u64, work: &Work, pass: &DensePass<'_>) {
         let sets = self.stores.get(work.instance * self.slots + work.destination);
-        // SAFETY: the caller's obligations; source and destination are different slots: the plan alternates; the sets
-        // were written for this mesh and crowd.
+        // SAFETY: the caller's obligations; source and destination are different slots, since the plan alternates; the
+        // sets were written for this mesh and crowd.
         unsafe { self.kernel.record(cmd, [*pass], sets) };
     }
 }
 
-/// Descriptor sets of the destinations of passes: the `count` poses in `poses`.
+/// Makes descriptor sets for the destinations of passes: the `count` poses in `poses`.
 pub(crate) fn store_sets(objects: &Objects, layout: &PackedLayout, poses: vk::Buffer, count: u32) -> Result<ChunkSets> {
     let (stride, bytes) = (PoseFormat::Float32.stride(), layout.pose_bytes(PoseFormat::Float32));
     let bound = (0..u64::from(count)).map(|pose| {

@@ -1,12 +1,12 @@
-//! The blending pipeline of a baseline that sums colours.
+//! A blending pipeline for baselines that sum colours.
 
 use deltamorph::Result;
 use deltamorph::ash::vk;
 use deltamorph::internals::abi::modules::Module;
 use deltamorph::internals::gpu::pipelines::{Objects, with_stage};
 
-/// A pipeline that adds the output of a vertex and a fragment module to two colours, in strips of triangles without
-/// vertex attributes. Viewport and scissor are dynamic. The render pass exists already.
+/// Adds a pipeline that blends the output of a vertex and a fragment module into two colours, in triangle strips
+/// without vertex attributes. Viewport and scissor are dynamic. The render pass exists already.
 pub(super) fn add_blending(objects: &mut Objects, [vertex, fragment]: [&Module; 2]) -> Result<()> {
     let input = vk::PipelineVertexInputStateCreateInfo::default();
     let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(vk::PrimitiveTopology::TRIANGLE_STRIP);

@@ -1,4 +1,4 @@
-//! The container KTX 2.0 (Khronos), as far as delta textures need it: one mip level of a two-dimensional array of
+//! The container KTX 2.0 (Khronos), limited to delta textures: one mip level of a two-dimensional array of
 //! four-component floats, without supercompression.
 //!
 //! Checked by reading, section by section, against Khronos' KTX File Format Specification 2.0 (ktxspec.adoc of
@@ -16,7 +16,7 @@
 use std::ops::Range;
 
 const IDENTIFIER: [u8; 12] = *b"\xABKTX 20\xBB\r\n\x1A\n";
-/// Identifier, nine numbers, the index, and one level.
+/// Offset of the descriptor: after identifier, nine numbers, the index, and one level.
 const DESCRIPTOR_AT: usize = 12 + 9 * 4 + 4 * 4 + 2 * 8 + 3 * 8;
 const REMEDY: &str = "write the file anew";
 
@@ -25,13 +25,13 @@ pub(super) type Refused = (&'static str, String, &'static str);
 
 /// An array of images, and the keys written with it.
 pub(super) struct Container<'a> {
-    /// Whether the numbers are half floats, otherwise float32.
+    /// Numbers are half floats; otherwise float32.
     pub(super) half: bool,
     pub(super) size: [u32; 2],
     pub(super) layers: u32,
     /// Keys, ascending, and values.
     pub(super) values: Vec<(&'a str, &'a [u8])>,
-    /// Layer after layer, row by row.
+    /// Texels by layer, then row by row.
     pub(super) texels: &'a [u8],
 }
 
@@ -65,7 +65,7 @@ impl<'a> Container<'a> {
         bytes
     }
 
-    /// Reads such a file; nothing is copied.
+    /// Reads a file without copying.
     pub(super) fn read(bytes: &'a [u8]) -> Result<Self, Refused> {
         let header = |what: String| (": header", what, REMEDY);
         if !bytes.starts_with(&IDENTIFIER) || bytes.len() < DESCRIPTOR_AT {
@@ -114,7 +114,7 @@ impl<'a> Container<'a> {
     }
 }
 
-/// Keys and values.
+/// Reads keys and values.
 fn values(mut rest: &[u8]) -> Result<Vec<(&str, &[u8])>, Refused> {
     let bad = || (": keys", "a key or its value ends early, or keys do not ascend".to_owned(), REMEDY);
     let mut found = vec![];
@@ -129,7 +129,7 @@ fn values(mut rest: &[u8]) -> Result<Vec<(&str, &[u8])>, Refused> {
     if rest.is_empty() && ascending { Ok(found) } else { Err(bad()) }
 }
 
-/// Khronos' basic data format descriptor: RGBA, BT.709 primaries, linear, signed floats.
+/// Makes Khronos' basic data format descriptor: RGBA, BT.709 primaries, linear, signed floats.
 fn descriptor(half: bool) -> Vec<u8> {
     let (bits, texel) = if half { (16, 8) } else { (32, 16) };
     let mut words = vec![4 + 24 + 4 * 16, 0, 2 | (24 + 4 * 16) << 16, 0x01_01_01, 0, texel, 0];

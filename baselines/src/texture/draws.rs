@@ -1,4 +1,4 @@
-//! The draws of `texture`, which fetch displacements.
+//! The draws of `texture`, which fetch texels of displacements.
 
 use super::images::write_image;
 use super::{Textures, words_of};
@@ -63,7 +63,7 @@ pub(crate) struct TextureDraws {
 }
 
 impl TextureDraws {
-    /// Makes draws that fetch these displacement textures, by instance.
+    /// Makes draws that fetch these displacement textures, one per instance.
     pub(super) fn new(context: Context<'_>, displacements: Vec<vk::ImageView>) -> Result<Self> {
         let (mesh, pose) = (context.mesh, context.poses);
         let capture = Capture::of(context.device, UpdatePath::Texture).ok();
@@ -96,10 +96,10 @@ impl PoseDraws for TextureDraws {
 }
 
 impl TextureDraws {
-    /// Records the draws of these instances, captured in the device's way if requested.
+    /// Records the draws of these instances, captured if requested.
     ///
     /// # Safety
-    /// The conditions of [`PoseDraws::record`]; captures have barriers around them.
+    /// Those of [`PoseDraws::record`]; captures have barriers around them.
     unsafe fn record(&self, cmd: vk::CommandBuffer, instances: &mut dyn Iterator<Item = u32>, captured: bool) {
         let (objects, capture) = (&self.kernel.objects, self.kernel.key.capture.filter(|_| captured));
         let (device, textures) = (&objects.device.raw, Textures::of(&self.mesh));
@@ -116,7 +116,7 @@ impl TextureDraws {
         }
         for instance in instances {
             let (set, vertices) = (self.sets.get(instance as usize), self.mesh.layout.padded_vertices());
-            // SAFETY: as above; there is a texel for each vertex; as much is captured as the pose has room for.
+            // SAFETY: as above; there is a texel for each vertex; the capture fits the pose.
             unsafe {
                 device.cmd_bind_descriptor_sets(cmd, point, layout, 0, &[set], &[]);
                 objects.draw(cmd, vertices, (capture == Some(Capture::Feedback)).then_some((self.pose, 0)));

@@ -1,4 +1,4 @@
-//! Delta textures as files: KTX 2.0, which other tools open, with the data for making targets of them again.
+//! Delta textures as files: KTX 2.0, which other tools can open, with the data to restore targets from them.
 //!
 //! The images are an array of layers, R32G32B32A32_SFLOAT or R16G16B16A16_SFLOAT: two for each group of streams
 //! ([`PackedGroup`](deltamorph::PackedGroup)), of its first three numbers (positions in group 0) and of its last
@@ -52,11 +52,11 @@ pub enum TextureFloats {
 pub struct TextureFile {
     /// The file's contents.
     pub bytes: Vec<u8>,
-    /// Texels of a row, and rows, of each layer.
+    /// Columns and rows of each layer, in texels.
     pub size: [u32; 2],
     /// Two for each group of streams.
     pub layers: u32,
-    /// Texels of a layer that rectangles of targets cover, of all groups together.
+    /// Texels of a layer covered by rectangles of targets, for all groups together.
     pub covered: usize,
 }
 
@@ -106,8 +106,8 @@ pub fn write_ktx2(mesh: &PackedMesh, floats: TextureFloats) -> Result<TextureFil
     Ok(TextureFile { bytes, size, layers, covered })
 }
 
-/// Copies `base` with the targets of a KTX2 file instead of its own. Besides the copy of `base`, it takes 100 bytes of
-/// memory at most for each byte of the file, and 1 MiB, whatever counts the file states.
+/// Copies `base` with the targets of a KTX2 file instead of its own. Besides the copy of `base`, it takes at most 100
+/// bytes of memory per byte of the file, and 1 MiB, regardless of the counts in the file.
 ///
 /// # Errors
 /// The file cannot be read, does not match the [module](self)'s description, or is of a mesh with other vertices or
@@ -123,8 +123,8 @@ fn stream_words(streams: &[StreamPlace]) -> Vec<u32> {
     [streams.len() as u32].into_iter().chain(places).collect()
 }
 
-/// The kind of a stream in files, from its number in packed files: 1 to 3 for positions, normals and tangents; 4 for
-/// texture coordinates, 5 for colours, with the set × 256; 6 for wrinkle masks.
+/// Returns the kind of a stream in files, from its number in packed files: 1 to 3 for positions, normals and tangents;
+/// 4 for texture coordinates, 5 for colours, with the set × 256; 6 for wrinkle masks.
 fn kind(semantic: Semantic) -> u32 {
     match (semantic.id() & 0xff, semantic.id() >> 8) {
         (id @ 1..=3, _) => id - 1,
@@ -132,7 +132,7 @@ fn kind(semantic: Semantic) -> u32 {
     }
 }
 
-/// The numbers under the key, from the front.
+/// Reads the numbers of the key in order.
 struct Words<'a>(&'a [[u8; 4]]);
 
 impl Words<'_> {
@@ -146,7 +146,7 @@ fn refused(what: impl Into<String>) -> Refused {
     (": key 'deltamorph.textures'", what.into(), "write the file anew, from the same mesh")
 }
 
-/// The targets of a file for `base`.
+/// Reads the targets of a file for `base`.
 pub(super) fn targets(bytes: &[u8], base: &MorphMesh) -> Result<Vec<MorphTarget>, Refused> {
     let file = Container::read(bytes)?;
     let no_key = |key| move || (": keys", format!("no key '{key}'"), "use a file that deltamorph wrote");
@@ -228,7 +228,7 @@ pub(super) fn targets(bytes: &[u8], base: &MorphMesh) -> Result<Vec<MorphTarget>
     Ok(targets)
 }
 
-/// Reads a group, and passes each delta to `keep`: ascending by vertex in each target.
+/// Reads a group, and passes each delta to `keep`, ascending by vertex in each target.
 fn read_group(
     file: &Container<'_>,
     words: &mut Words<'_>,
@@ -263,7 +263,7 @@ fn read_group(
             let [x, y, width, height, at] = r.map(u64::from);
             let number: u32 = number.next().unwrap_or_default();
             let inside = x + width <= size[0].into() && y + height <= size[1].into() && width * height > 0;
-            // Rectangles follow each other, so all of them together are no more work than the image is large.
+            // Rectangles follow each other, so all of them together take no more work than the image's size.
             if !inside || at != next || u128::from(at) + u128::from(width) * u128::from(height) > u128::from(held) {
                 return Err(refused(format!("group {group}: rectangle {number} {r:?} is outside, or out of order")));
             }
@@ -294,7 +294,7 @@ fn read_group(
     Ok(())
 }
 
-/// Both triples at a texel of a group's layers.
+/// Reads both triples at a texel of a group's layers.
 fn delta(file: &Container<'_>, group: usize, texel: u64) -> [f32; POSE_FLOATS] {
     let (layer, stride) = (file.size[0] as usize * file.size[1] as usize, file.texel_bytes());
     std::array::from_fn(|c| {

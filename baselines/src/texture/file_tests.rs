@@ -11,7 +11,7 @@ fn read(bytes: &[u8], base: &MorphMesh) -> Vec<MorphTarget> {
     targets(bytes, base).expect("a file of the mesh")
 }
 
-/// Six numbers of each vertex in each group and target, as packed.
+/// The six numbers of each vertex in each group and target, as packed.
 fn deltas(mesh: &MorphMesh) -> Vec<u32> {
     let packed = PackedMesh::pack(mesh, &PackDesc::new(DeltaFormat::Float32)).expect("a mesh");
     packed.groups().iter().flat_map(|group| group.deltas().to_vec()).collect()
@@ -65,7 +65,7 @@ fn the_container_is_as_the_specification_says() {
     }
 }
 
-/// Headers, descriptors, keys and texels as read by another implementation.
+/// Another implementation reads headers, descriptors, keys and texels.
 #[test]
 fn others_read_what_is_written() {
     let mesh = testing::with_streams(testing::mesh(300, 7));
@@ -120,7 +120,7 @@ fn wrinkle_masks_are_a_stream_like_others() {
     assert!(without.1.contains("2 groups"), "{without:?}");
 }
 
-/// A file in which `change` has changed the values of the two keys.
+/// Returns the file with the values of its two keys changed by `change`.
 fn forged(file: &[u8], change: impl FnOnce(&mut Vec<u8>, &mut Vec<u8>)) -> Vec<u8> {
     let mut held = Container::read(file).expect("a file");
     let [mut names, mut words] = [NAMES, TEXELS].map(|key| held.value(key).expect("the key").to_vec());
@@ -137,7 +137,8 @@ fn numbers_that_lie_are_refused_before_memory_is_taken_for_them() {
         words[4 * at..4 * at + 4].copy_from_slice(&number.to_le_bytes());
     };
     let refused = |file: &[u8]| targets(file, &mesh).expect_err("refused").1;
-    // Names are one byte each, as many as stated, and more than a mesh may have: 30 MB of file, 16 GB of targets.
+    // Names are one byte each, as many as stated, but more than a mesh may have: 30 MB of file would make 16 GB of
+    // targets.
     let many = 30_000_000;
     let text = refused(&forged(&file, |names, words| {
         *names = vec![0; many];
@@ -150,7 +151,7 @@ fn numbers_that_lie_are_refused_before_memory_is_taken_for_them() {
     for count in [u32::MAX, 1 << 16, 4] {
         assert!(targets(&forged(&file, |_, words| put(words, 2, count)), &mesh).is_err(), "{count}");
     }
-    // Streams of group 0 take five words behind the head, then two for the size; then rectangles by target.
+    // Streams of group 0 take five words after the head, then two for the size; then rectangles by target.
     let text = refused(&forged(&file, |_, words| put(words, 4 + 5 + 2 + 3, u32::MAX)));
     assert!(text.contains("the list ends early"), "{text}");
     let text = refused(&forged(&file, |_, words| {

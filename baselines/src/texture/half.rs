@@ -3,13 +3,14 @@
 /// The largest number that a half float holds.
 pub(super) const LARGEST: f32 = 65504.0;
 
-/// The nearest half float, ties to even; infinite from 65520 on. NaN stays NaN.
+/// Rounds to the nearest half float, ties to even; infinite from 65520 on. NaN stays NaN.
 pub(super) fn from_f32(value: f32) -> u16 {
     let (sign, size) = ((value.to_bits() >> 16 & 0x8000) as u16, value.to_bits() & 0x7fff_ffff);
     sign | match size {
         0x7f80_0001.. => 0x7e00,
         0x477f_f000.. => 0x7c00,
-        // Normal: the exponent's bias goes from 127 to 15, 13 bits are rounded away; a carry is right in the exponent.
+        // Normal: the exponent's bias goes from 127 to 15, and 13 bits are rounded away; a carry correctly increments
+        // the exponent.
         0x3880_0000.. => ((size - 0x3800_0000 + 0xfff + (size >> 13 & 1)) >> 13) as u16,
         // Below 2^-14 steps are 2^-24. Multiplying by a power of two is exact, and double precision has room for
         // halves.
@@ -17,7 +18,7 @@ pub(super) fn from_f32(value: f32) -> u16 {
     }
 }
 
-/// The same number as float32.
+/// Converts to float32, exactly.
 pub(super) fn to_f32(half: u16) -> f32 {
     let (sign, size) = (u32::from(half & 0x8000) << 16, u32::from(half & 0x7fff));
     f32::from_bits(match size {
@@ -27,7 +28,7 @@ pub(super) fn to_f32(half: u16) -> f32 {
     })
 }
 
-/// Whether a half float represents this number exactly, the sign of zero included.
+/// Returns whether a half float represents this number exactly, the sign of zero included.
 pub(super) fn is_half(value: f32) -> bool {
     to_f32(from_f32(value)).to_bits() == value.to_bits()
 }

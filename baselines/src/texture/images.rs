@@ -1,4 +1,4 @@
-//! Images that are textures and colour attachments, each with its memory and its views.
+//! Images used as textures and colour attachments, each with its memory and its views.
 
 use deltamorph::ash::vk;
 use deltamorph::gpu_allocator::MemoryLocation;
@@ -21,7 +21,7 @@ pub(super) struct Image {
 }
 
 impl Image {
-    /// An image of `size` texels and so many layers, whose contents and layout are undefined.
+    /// Makes an image of `size` texels with this many layers, undefined contents and undefined layout.
     pub(super) fn new(
         device: &Arc<Device>,
         name: &str,
@@ -45,9 +45,9 @@ impl Image {
         // for these usages, or caps say so (checked by whoever names them).
         let raw = unsafe { device.raw.create_image(&info, None) }.map_err(Error::vulkan("vkCreateImage"))?;
         device.name(raw, || name.to_owned());
-        // From here on dropping `image` destroys what was made so far.
+        // From here on, dropping `image` destroys the objects made so far.
         let mut image = Self { device: device.clone(), raw, size, format, allocation: None, views: vec![] };
-        // SAFETY: created just now.
+        // SAFETY: created above.
         let requirements = unsafe { device.raw.get_image_memory_requirements(raw) };
         let (own, location) = (AllocationScheme::DedicatedImage(raw), MemoryLocation::GpuOnly);
         let allocation = device.allocate(name, requirements, own, location);
@@ -59,7 +59,7 @@ impl Image {
         Ok(image)
     }
 
-    /// A view of these layers, as an array where `is_array`. It lives as long as the image.
+    /// Makes a view of these layers, as an array if `is_array`. It lives as long as the image.
     pub(super) fn view(&mut self, layers: Range<u32>, is_array: bool) -> Result<vk::ImageView> {
         let range = vk::ImageSubresourceRange {
             aspect_mask: vk::ImageAspectFlags::COLOR,
@@ -82,8 +82,8 @@ impl Image {
     }
 }
 
-/// Records the copy of all texels of a new image of this size from a buffer, and the layout changes around it:
-/// afterwards shaders load the image.
+/// Records the copy of all texels of a new image from a buffer, with layout changes around it; afterwards shaders can
+/// load the image.
 ///
 /// # Safety
 /// - `cmd` is in the recording state on the image's device, outside a render pass.
@@ -127,7 +127,7 @@ pub(super) unsafe fn record_filling(
     }
 }
 
-/// Staging memory with these bytes.
+/// Makes staging memory with these bytes.
 pub(super) fn staging(device: &Arc<Device>, bytes: &[u8]) -> Result<Buffer> {
     let (size, usage) = (bytes.len() as u64, vk::BufferUsageFlags::TRANSFER_SRC);
     let mut staging = Buffer::new(device, "deltamorph upload", size, usage, STAGING)?;
@@ -135,13 +135,13 @@ pub(super) fn staging(device: &Arc<Device>, bytes: &[u8]) -> Result<Buffer> {
     Ok(staging)
 }
 
-/// Binds an image that shaders load, in the layout SHADER_READ_ONLY_OPTIMAL, in a set that is not in use yet.
+/// Binds an image that shaders load, in the layout SHADER_READ_ONLY_OPTIMAL, to a set that is not in use yet.
 pub(super) fn write_image(device: &Device, set: vk::DescriptorSet, binding: u32, view: vk::ImageView) {
     let layout = vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL;
     let info = [vk::DescriptorImageInfo::default().image_view(view).image_layout(layout)];
     let write = vk::WriteDescriptorSet::default().dst_set(set).dst_binding(binding);
     let write = write.descriptor_type(vk::DescriptorType::SAMPLED_IMAGE).image_info(&info);
-    // SAFETY: the set is not in use yet; the view is that of whoever owns the sets.
+    // SAFETY: the set is not in use yet; its owner keeps the view alive.
     unsafe { device.raw.update_descriptor_sets(&[write], &[]) };
 }
 
@@ -152,7 +152,7 @@ impl Drop for Image {
             self.views.iter().for_each(|&view| self.device.raw.destroy_image_view(view, None));
             self.device.raw.destroy_image(self.raw, None);
         }
-        // Freed last: the allocator may be the host's, and hand the memory out again at once.
+        // Freed last: the allocator may be the host's, and reuse the memory at once.
         if let Some(allocation) = self.allocation.take() {
             self.device.free(allocation);
         }

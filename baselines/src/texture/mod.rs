@@ -1,5 +1,5 @@
-//! The `texture` path (Galanakis, "Texture-based Blendshapes in DX9"): deltas in textures, blended into textures of
-//! displacements, which draws fetch.
+//! The `texture` path (Galanakis, "Texture-based Blendshapes in DX9"): deltas in textures, blended into displacement
+//! textures, which draws fetch.
 //!
 //! Each target is a few rectangles of texels (`texels`). A pass draws those of the targets that it applies, and
 //! blending adds coefficient · delta to the displacement textures of an instance, positions and normals at once
@@ -57,14 +57,14 @@ const BLEND: &[Use] = &[
     Use::new(Resource::Asset, Stage::FragmentShader, Access::ShaderRead),
     Use::new(Resource::Poses, Stage::ColourOutput, Access::Blend),
 ];
-/// Reads by draws, whatever the other consumers are.
+/// Reads by draws, for all consumers.
 const FETCH: &[Use] = &[Use::new(Resource::Poses, Stage::VertexShader, Access::ShaderRead)];
 
 /// The delta textures of a group, and their layout on the host.
 struct Textures {
-    /// First rectangle and first texel of the deltas of each target, then the numbers of all.
+    /// First rectangle and first texel of the deltas of each target, then their total numbers.
     first: Vec<[u32; 2]>,
-    /// Texels of a row, and rows, of the displacement textures.
+    /// Columns and rows of the displacement textures.
     size: [u32; 2],
     /// Bytes of a texel of both delta textures.
     delta: u64,
@@ -90,23 +90,23 @@ impl Textures {
         self.first[target as usize][which]..self.first[target as usize + 1][which]
     }
 
-    /// The rectangles of a target.
+    /// Returns the rectangles of a target.
     fn rectangles(&self, target: u32) -> Range<u32> {
         self.range(target, 0)
     }
 
-    /// Texels that a target moves, including those between them.
+    /// Returns the number of texels drawn for a target, including unmoved ones within its rectangles.
     fn texels(&self, target: u32) -> u32 {
         self.range(target, 1).len() as u32
     }
 
-    /// The offset in words of the texels of vertices, which follow all rectangles.
+    /// Returns the offset in words of the texels of vertices, which follow all rectangles.
     fn texels_at(&self) -> u32 {
         self.first.last().map_or(0, |[rectangles, _]| *rectangles) * RECTANGLE_WORDS as u32
     }
 }
 
-/// The rectangles, followed by the texels of vertices.
+/// Returns the rectangles, followed by the texels of vertices.
 fn words_of(mesh: &MeshBuffers) -> BufferRange {
     let words = u64::from(Textures::of(mesh).texels_at()) + mesh.layout.padded_vertices() as u64;
     BufferRange::new(mesh.deltas.raw, 0, 4 * words)
@@ -168,7 +168,7 @@ struct Group {
     draws: TextureDraws,
 }
 
-/// A crowd with displacement textures for each instance.
+/// A crowd with displacement textures per instance.
 pub(crate) struct TextureTechnique {
     planner: DensePlanner,
     groups: Vec<Group>,
@@ -187,8 +187,8 @@ impl TextureTechnique {
 
 impl Technique for TextureTechnique {
     /// Bytes of an update: for each coefficient the texels of its deltas, and as many texels of displacements loaded
-    /// and stored; for each rebuilt instance all texels cleared. In the floor, each texel of displacements is loaded
-    /// and stored once at most. Draws are not counted, just as they are not with pose buffers.
+    /// and stored; for each rebuilt instance all texels cleared. In the floor, each displacement texel is loaded and
+    /// stored at most once. Draws are not counted, as with pose buffers.
     fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         self.planner.plan(instances, id.update);
         self.planner.fill(self.groups.len(), BLEND, steps);
@@ -224,7 +224,7 @@ impl Technique for TextureTechnique {
         self.groups.get(group).map(|group| &group.draws as &dyn PoseDraws)
     }
 
-    /// The displacement textures are the pose of an instance, whatever its number of slots.
+    /// The displacement textures are an instance's pose, for any number of slots.
     fn accesses(&self, works: &[Work]) -> Vec<deltamorph::internals::plan::hazards::Accesses> {
         use deltamorph::internals::plan::hazards::{Accesses, Memory};
         let of = |work: &Work| {

@@ -46,8 +46,8 @@ impl PipelineKey for Blend {
     }
 }
 
-/// A render pass over both displacement textures, which draws find in SHADER_READ_ONLY_OPTIMAL: it clears them,
-/// whatever their contents, or loads the result of an earlier such pass.
+/// Makes a render pass over both displacement textures, which draws find in SHADER_READ_ONLY_OPTIMAL. It clears them,
+/// or loads the result of an earlier such pass.
 fn render_pass(device: &Device, clears: bool) -> Result<vk::RenderPass> {
     use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
     let (load, layout) = match clears {
@@ -70,7 +70,7 @@ fn render_pass(device: &Device, clears: bool) -> Result<vk::RenderPass> {
         .color_attachments(&colours)];
     let blend = Access::COLOR_ATTACHMENT_READ | Access::COLOR_ATTACHMENT_WRITE;
     // Layouts change between the barriers before the pass, which end in this stage, and those after it, which begin
-    // with this stage or with the stages that draws read in.
+    // with this stage or with the stages of draws.
     let dependencies = [
         vk::SubpassDependency::default()
             .src_subpass(vk::SUBPASS_EXTERNAL)
@@ -87,7 +87,7 @@ fn render_pass(device: &Device, clears: bool) -> Result<vk::RenderPass> {
     let attachments = [attachment; 2];
     let info =
         vk::RenderPassCreateInfo::default().attachments(&attachments).subpasses(&subpasses).dependencies(&dependencies);
-    // SAFETY: the device is alive; what is referred to is in `info`.
+    // SAFETY: the device is alive; everything referred to is in `info`.
     unsafe { device.raw.create_render_pass(&info, None) }.map_err(Error::vulkan("vkCreateRenderPass"))
 }
 
@@ -116,7 +116,7 @@ impl BlendPasses {
         let sets = kernel.objects.sets(&[[words_of(mesh)]])?;
         let images = &Textures::of(mesh).images;
         (1..).zip(images).for_each(|(binding, image)| write_image(device, sets.get(0), binding, image.views[0]));
-        // From here on dropping `passes` destroys what was made so far.
+        // From here on, dropping `passes` destroys the objects made so far.
         let mut passes =
             Self { loading: render_pass(device, false)?, kernel, mesh: mesh.clone(), displacements: vec![], sets };
         let (name, size) =
@@ -139,7 +139,7 @@ impl BlendPasses {
         Ok(passes)
     }
 
-    /// The displacement textures by instance, for draws to fetch.
+    /// Returns the displacement textures by instance, for draws to fetch.
     pub(super) fn displacements(&self) -> Vec<vk::ImageView> {
         self.displacements.iter().map(|displacements| displacements.view).collect()
     }

@@ -8,7 +8,7 @@ fn packed(targets: usize, format: DeltaFormat) -> PackedMesh {
     PackedMesh::pack(&testing::mesh(1000, targets), &PackDesc::new(format)).expect("a mesh")
 }
 
-/// The number at a texel of a texture, as a shader loads it.
+/// Loads the number at a texel of a texture as a shader does.
 fn load(bytes: &[u8], format: DeltaFormat, texel: u32, component: usize) -> f64 {
     let at = texel as usize * 4 + component;
     match format {
@@ -51,7 +51,7 @@ fn textures_hold_the_deltas_of_each_target_where_its_rectangles_are() {
 
 #[test]
 fn vertices_that_nothing_moves_share_the_first_texel_and_others_have_one_each() {
-    // Every third vertex stays where it is.
+    // Every third vertex does not move.
     let mesh = packed(1, DeltaFormat::Float32);
     let baked = DeltaTexels::bake(&mesh.groups()[0], SIDE).expect("textures");
     let mut moved = vec![false; baked.texels.len()];

@@ -1,5 +1,5 @@
-//! The images of delta textures: the texel of each vertex, and the deltas of each target, as numbers that are loaded
-//! and multiplied without decoding.
+//! The images of delta textures: the texel of each vertex, and the deltas of each target, as numbers that shaders load
+//! and multiply without decoding.
 //!
 //! Each vertex that any target moves has its own texel in the displacement textures of an instance; all others share
 //! the first one, which no pass draws to. Vertices that the same targets move are neighbours, so that a target is a few
@@ -11,7 +11,7 @@ use deltamorph::internals::pack::{DeltaFormat, POSE_FLOATS, PackedGroup};
 use deltamorph::{Error, Result};
 use std::ops::Range;
 
-/// Runs of texels with at most so many others between them are drawn as one: a texel costs less than a rectangle.
+/// Runs of texels with at most this many others between them are drawn as one: a texel costs less than a rectangle.
 const GAP: u32 = 8;
 
 /// Words of a rectangle.
@@ -53,9 +53,9 @@ pub(super) struct Rectangle {
 /// The delta textures of a group of a mesh, and the positions of its vertices and targets in them.
 #[derive(Clone, Debug)]
 pub(super) struct DeltaTexels {
-    /// Texels of a row, a power of two, and rows of the displacement textures.
+    /// Columns, a power of two, and rows of the displacement textures.
     pub(super) size: [u32; 2],
-    /// Texels of a row, a power of two, and rows of the delta textures.
+    /// Columns, a power of two, and rows of the delta textures.
     pub(super) image: [u32; 2],
     /// Texel of the displacement textures for each vertex, counted row by row; 0 if no target moves it.
     pub(super) texels: Vec<u32>,
@@ -125,13 +125,13 @@ impl DeltaTexels {
         Ok(Self { size, image, texels, rectangles, first, format: layout.format, deltas })
     }
 
-    /// Texels that the rectangles of all targets cover.
+    /// Returns the number of texels that the rectangles of all targets cover.
     pub(super) fn covered(&self) -> usize {
         self.deltas.len()
     }
 
-    /// The numbers of a delta texture, row by row: of positions, or of normals. The fourth component is 0, as are the
-    /// texels after the last delta.
+    /// Iterates over the numbers of a delta texture, row by row: of positions, or of normals. The fourth component and
+    /// the texels after the last delta are 0.
     pub(super) fn numbers(&self, normals: bool) -> impl Iterator<Item = f32> {
         let texels = self.image[0] as usize * self.image[1] as usize;
         let first = if normals { 3 } else { 0 };
@@ -148,7 +148,7 @@ impl DeltaTexels {
         }
     }
 
-    /// The bytes of a delta texture with such texels.
+    /// Returns the bytes of a delta texture in this texel format.
     pub(super) fn bytes(&self, normals: bool, texel: Texel) -> Vec<u8> {
         let numbers = self.numbers(normals);
         match texel {
@@ -158,7 +158,7 @@ impl DeltaTexels {
         }
     }
 
-    /// Rectangles, then the texels of `vertices` vertices, padding included, as shaders read them.
+    /// Returns the rectangles, followed by the texels of `vertices` vertices, padding included, as shaders read them.
     pub(super) fn words(&self, vertices: usize) -> Vec<u32> {
         let mut words: Vec<u32> = self.rectangles.iter().flat_map(|r| [r.x, r.y, r.width, r.height, r.first]).collect();
         let texels_at = words.len();
@@ -169,14 +169,14 @@ impl DeltaTexels {
 }
 
 impl Rectangle {
-    /// Texel of the delta textures for a texel of the displacement textures, if it is within.
+    /// Returns the texel of the delta textures for a texel of the displacement textures, if it is within.
     fn index(&self, texel: u32, width: u32) -> Option<u32> {
         let (x, y) = ((texel % width).checked_sub(self.x)?, (texel / width).checked_sub(self.y)?);
         (x < self.width && y < self.height).then(|| self.first + y * self.width + x)
     }
 }
 
-/// Columns and rows for so many texels: about square, a power of two wide.
+/// Returns columns, a power of two, and rows for this many texels, about square.
 fn size(texels: usize, side: u32, name: &str) -> Result<[u32; 2]> {
     let width = ((texels as f64).sqrt().ceil() as u32).next_power_of_two().clamp(1, side.max(1));
     match u32::try_from(texels.div_ceil(width as usize).max(1)) {
@@ -188,7 +188,7 @@ fn size(texels: usize, side: u32, name: &str) -> Result<[u32; 2]> {
     }
 }
 
-/// Runs of ascending texels, with inner gaps of at most [`GAP`].
+/// Returns runs of ascending texels, with inner gaps of at most [`GAP`].
 fn runs(texels: impl Iterator<Item = u32>) -> Vec<Range<u32>> {
     let mut runs: Vec<Range<u32>> = vec![];
     for texel in texels {
@@ -200,7 +200,7 @@ fn runs(texels: impl Iterator<Item = u32>) -> Vec<Range<u32>> {
     runs
 }
 
-/// A run as rectangles: the rest of its first row, whole rows, the beginning of its last row.
+/// Splits a run into rectangles: the rest of its first row, whole rows, the beginning of its last row.
 fn rows(run: Range<u32>, width: u32) -> impl Iterator<Item = Rectangle> {
     let head = run.start..run.end.min(run.start.next_multiple_of(width));
     let whole = head.end..(run.end - run.end % width).max(head.end);
