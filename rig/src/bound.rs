@@ -1,12 +1,12 @@
-//! A rig bound to the targets of a mesh: turns weights of controls into weights of targets.
+//! A rig bound to the targets of a mesh, which converts weights of controls to weights of targets.
 
 use super::Control;
 use deltamorph::internals::weights::names::unknown;
 use deltamorph::{BoundClip, ClipLayer, Error, Repeat, Result, WeightClip};
 use std::collections::HashSet;
 
-/// [`BoundRig::smooth`] takes the wanted value once it is nearer than this: an exponential approach has no end, and
-/// each change of a weight costs an update.
+/// [`BoundRig::smooth`] takes the wanted value once it is this near: an exponential approach has no end, and each
+/// change of a weight costs an update.
 const THERE: f32 = 1e-4;
 
 /// A [`Rig`](super::Rig) bound to the targets of a mesh.
@@ -107,7 +107,7 @@ impl BoundRig {
         }
         for ((control, current), wanted) in self.controls.iter().zip(current).zip(wanted) {
             let wanted = control.limited(*wanted);
-            // In no time no change, not even without smoothing.
+            // No time, no change, even without smoothing.
             let part = if seconds == 0.0 { 0.0 } else { 1.0 - (-seconds / control.smoothing).exp() };
             let next = *current + (wanted - *current) * part;
             *current = if (wanted - next).abs() <= THERE && part > 0.0 { wanted } else { next };

@@ -56,11 +56,11 @@ struct Product {
 ///
 /// All properties but names and targets are optional. [`Rig`] explains them. `"sequence"` is [`Control::sequence`].
 ///
-/// Takes 300 bytes of memory at most for each byte of the file, and 1 MiB, whatever it counts.
+/// Takes at most 300 bytes of memory per byte of the file, and 1 MiB, regardless of the counts in it.
 ///
 /// # Errors
-/// [`Error::Io`] for a file that cannot be read; [`Error::Input`] for other JSON than this, or an unknown property,
-/// which is probably a misspelt one. [`Rig::bind`] checks that names are those of targets.
+/// [`Error::Io`] for a file that cannot be read; [`Error::Input`] for JSON of another form, including unknown
+/// properties, which are probably misspelt. [`Rig::bind`] checks that names are those of targets.
 pub fn read(path: &Path) -> Result<Rig> {
     let text = read_bounded(path, TEXT_MAX, "a rig is a few kilobytes of JSON: give that file")?;
     parse(path, &text)

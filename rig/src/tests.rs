@@ -46,7 +46,7 @@ fn a_control_goes_through_its_keys_without_a_jump() {
 fn keys_lie_on_both_sides_and_limits_hold() {
     let jaw = Control::new("jaw").keys(keys(&[(-1.0, "frown"), (2.0, "full"), (-0.5, "half")])).limits([-0.75, 1.0]);
     let rig = Rig { controls: vec![jaw], correctives: vec![] };
-    // Limits first, then keys; the others are controls of their own.
+    // Limits come before keys; other targets are controls of their own.
     for (value, frown, half, full) in
         [(-0.5, 0.0, 1.0, 0.0), (-9.0, 0.5, 0.5, 0.0), (0.5, 0.0, 0.0, 0.25), (9.0, 0.0, 0.0, 0.5)]
     {
@@ -117,7 +117,7 @@ fn a_baked_clip_is_the_rig_frame_by_frame() {
     assert_eq!(baked.names, ["smile", "half", "full", "mend"], "what the clip has a part in");
     let rows = [[0.5, 0.0, 0.0, 0.0], [0.5, 0.0, 1.0, 0.5], [0.0, 0.5, 0.0, 0.0]];
     assert_eq!((baked.values.as_flattened_rows(4), baked.fps), (rows.map(Vec::from).to_vec(), 10.0));
-    // At twice the rate, the key between two frames is there.
+    // At twice the rate, a frame falls on the key between two frames.
     let fine = bound.bake(&clip, 20.0).unwrap();
     assert_eq!((fine.frame_count(), &fine.values[4..8]), (5, &[0.5, 1.0, 0.0, 0.25][..]));
     assert_eq!(bound.bake(&clip, 15.0).unwrap().frame_count(), 4);
@@ -131,7 +131,7 @@ fn a_baked_clip_is_the_rig_frame_by_frame() {
     assert!(baked.values.iter().zip([1.0, e, e * e]).all(|(a, b)| (a - b).abs() < 1e-6), "{:?}", baked.values);
 }
 
-/// Rows of so many values.
+/// Rows of a fixed number of values.
 trait Rows {
     fn as_flattened_rows(&self, columns: usize) -> Vec<Vec<f32>>;
 }
@@ -149,7 +149,7 @@ fn without_a_rig_each_target_is_its_own_control_bit_for_bit() {
     bound.evaluate(&controls, &mut weights).unwrap();
     assert_eq!((weights, bound.controls().collect::<Vec<_>>()), (controls, TARGETS.to_vec()));
     assert_eq!(Rig::default().bind(&[]).unwrap().controls().len(), 0);
-    // Of two targets of one name, clips mean the first.
+    // Of two targets of one name, clips use the first.
     assert_eq!(Rig::default().bind(&["a", "a"]).unwrap().controls().collect::<Vec<_>>(), ["a"]);
 }
 

@@ -15,18 +15,18 @@ pub(super) enum Side {
 pub(super) enum Scheme {
     Arkit(usize),
     Facs(u8),
-    /// Row, and index of the ancestry.
+    /// Row of the table, and index of the ancestry.
     MakeHuman(usize, usize),
 }
 
-/// A name that was understood.
+/// The meaning of a name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Name {
     pub scheme: Scheme,
     pub side: Side,
 }
 
-/// Prefixes of MakeHuman's units, which are made for each ancestry.
+/// Prefixes of MakeHuman's units, which exist for each ancestry.
 pub(super) const ANCESTRIES: [&str; 4] = ["", "caucasian_", "asian_", "african_"];
 
 const ENDS: [(&str, Side); 8] = [

@@ -4,7 +4,7 @@
 pub(super) struct Row {
     /// ARKit's name without the side.
     pub arkit: &'static str,
-    /// Whether ARKit has a shape for each side.
+    /// ARKit has a shape for each side.
     pub sided: bool,
     /// Numbers of FACS action units, for the left side and for the right one; 0: none. The first that the mesh has is
     /// used.

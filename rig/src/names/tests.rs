@@ -12,7 +12,7 @@ fn clip(names: &[&str], values: &[f32]) -> WeightClip {
     WeightClip { name: "clip".into(), names, fps: 30.0, values: values.to_vec() }
 }
 
-/// A row of weights, by the names of what it comes out as.
+/// Retargets a row of weights; returns names and weights of the result.
 fn out(columns: &[(&str, f32)], targets: &[&str]) -> Vec<(String, f32)> {
     let (names, values): (Vec<&str>, Vec<f32>) = columns.iter().copied().unzip();
     let there = retarget(&clip(&names, &values), targets).unwrap().clip;
@@ -31,7 +31,7 @@ fn the_table_has_the_52_shapes_and_no_name_twice() {
     let units: Vec<_> = TABLE.iter().filter_map(|row| row.makehuman).collect();
     assert_eq!(units.iter().map(|unit| unit.0).collect::<HashSet<_>>().len(), units.len());
     assert!(units.iter().all(|(_, to, from)| (0.0..=1.0).contains(to) && (0.0..=1.0).contains(from)));
-    // The built-in head has the same.
+    // The built-in head has the same names.
     let desc = deltamorph_head::HeadDesc::default().vertices(4).targets(52);
     let head: HashSet<String> = deltamorph_head::head(&desc).targets.into_iter().map(|t| t.name).collect();
     assert_eq!(names.into_iter().collect::<HashSet<_>>(), head);
@@ -55,10 +55,10 @@ fn spellings_and_sides_of_arkit() {
     let wanted =
         [("eyeBlink_L", 0.5), ("eyeBlink_R", 0.75), ("jawLeft", 1.0), ("browInnerUp_L", 0.25), ("browInnerUp_R", 0.25)];
     assert_eq!(out(&columns, &targets), named(&wanted));
-    // And back: each side gives half.
+    // The reverse: each side gives half.
     let back = out(&[("browInnerUp_L", 1.0), ("browInnerUp_R", 0.5)], &["browInnerUp"]);
     assert_eq!(back, named(&[("browInnerUp", 0.75)]));
-    // A target with a column of its own gets nothing else.
+    // Only its own column drives a target that has one.
     let both = out(&[("browInnerUp", 0.5), ("browInnerUp_L", 1.0)], &["browInnerUp"]);
     assert_eq!(both, named(&[("browInnerUp", 0.5)]));
 }
@@ -70,7 +70,7 @@ fn action_units_to_arkit_and_back() {
     assert_eq!(out(&[("AU12", 0.5)], &targets), named(&[("mouthSmileLeft", 0.5), ("mouthSmileRight", 0.5)]));
     assert_eq!(out(&[("AU06_R", 0.5)], &targets), named(&[("cheekSquintRight", 0.5)]));
     assert_eq!(out(&[("AU1L", 0.5)], &targets), named(&[("browInnerUp", 0.25)]));
-    // The eyes turn to the left, and the left jaw is no right one.
+    // The eyes turn to the left, and the jaw's left is not its right.
     assert_eq!(out(&[("AU61", 1.0)], &targets), named(&[("eyeLookInRight", 1.0), ("eyeLookOutLeft", 1.0)]));
     assert_eq!(out(&[("AU30_L", 1.0)], &targets), named(&[("jawLeft", 1.0)]));
     assert!(retarget(&clip(&["AU30"], &[1.0]), &targets).unwrap().lost().eq(["AU30"]));
@@ -81,7 +81,7 @@ fn action_units_to_arkit_and_back() {
     assert_eq!(rolls, named(&[("mouthRollLower", 1.0), ("mouthRollUpper", 1.0)]));
     assert_eq!(out(&[("mouthRollLower", 1.0), ("mouthRollUpper", 0.5)], &["AU28"]), named(&[("AU28", 0.75)]));
     assert_eq!(out(&[("AU27", 0.5)], &["AU26"]), named(&[("AU26", 0.5)]));
-    // Not FACS, or nothing that ARKit has.
+    // Names of other schemes, or without an equivalent in ARKit.
     for other in ["AU12_r", "AU", "AU999", "AU0", "AU99", "au12", "AU12_L_x"] {
         assert_eq!(read(other), None, "{other}");
     }
