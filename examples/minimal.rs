@@ -1,10 +1,10 @@
-//! What a host engine does to have a head morphed: start here to link deltamorph.
+//! A minimal host engine that morphs a head: start here to link deltamorph.
 //!
 //!     cargo run --example minimal [PART OF A DEVICE'S NAME]
 //!
-//! Instance, device, queue, command buffers, fences and the copy at the end are the host's, as in an engine that has
-//! them anyway; deltamorph records into the command buffers that it is handed. Two seconds of a clip are played with
-//! two frames in flight, and every pose is read back and compared with the float64 reference.
+//! Instance, device, queue, command buffers, fences and the copy at the end belong to the host, as in any engine;
+//! deltamorph records into the host's command buffers. The example plays two seconds of a clip with two frames in
+//! flight, reads every pose back, and compares it with the float64 reference.
 
 use deltamorph::ash::{self, vk};
 use deltamorph::reference::{compare, evaluate};
@@ -18,7 +18,7 @@ use std::time::Duration;
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 const FRAMES_IN_FLIGHT: usize = 2;
 
-/// The host's own: what every Vulkan program has. Each part goes by itself, also where the next cannot be made.
+/// The objects of any Vulkan program. Each is destroyed separately, so that a partly made host cleans up too.
 struct Host {
     queue: vk::Queue,
     pool: vk::CommandPool,
@@ -35,15 +35,15 @@ struct Instance {
 impl Host {
     fn new(wanted: &str) -> Result<Self> {
         let app = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_1);
-        // SAFETY: the system's loader is there to be loaded, and queries are about the instance's own devices; the
-        // queue is one that the device was created with.
+        // SAFETY: the system's loader is meant to be loaded, and queries are about the instance's own devices; the
+        // device was created with the queue.
         unsafe {
             let entry = ash::Entry::load()?;
             let raw = entry.create_instance(&vk::InstanceCreateInfo::default().application_info(&app), None);
             let instance = Instance { raw: raw.map_err(Error::vulkan("vkCreateInstance"))?, _entry: entry };
             let devices =
                 instance.raw.enumerate_physical_devices().map_err(Error::vulkan("vkEnumeratePhysicalDevices"))?;
-            // Before they are asked for more than Vulkan 1.0 can say.
+            // Checked before queries that Vulkan 1.0 does not have.
             let version = |d: &vk::PhysicalDevice| instance.raw.get_physical_device_properties(*d).api_version;
             let devices = devices.into_iter().filter(|d| version(d) >= vk::API_VERSION_1_1);
             let caps = devices.map(|d| Ok((d, DeviceCaps::query(&instance.raw, d)?))).collect::<Result<Vec<_>>>()?;
@@ -53,7 +53,7 @@ impl Host {
             let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
             let family = families.iter().position(|f| f.queue_flags.contains(wanted)).ok_or("no queue")? as u32;
             let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&[1.0])];
-            // No extension, no feature: `deltamorph::requirements` says so for UpdatePath::Blocks.
+            // No extensions or features: `deltamorph::requirements` lists none for UpdatePath::Blocks.
             let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues);
             let device = instance.raw.create_device(physical, &info, None).map_err(Error::vulkan("vkCreateDevice"))?;
             let (queue, pool) = (device.get_device_queue(family, 0), vk::CommandPool::null());
@@ -65,8 +65,8 @@ impl Host {
         }
     }
 
-    /// Wait until the device does nothing, or is lost. A wait may lack memory while the device works on, and what it
-    /// uses must not be dropped then: try again, though not for ever.
+    /// Waits until the device is idle or lost. A wait may run out of memory while the device is still working, when its
+    /// resources must not be dropped: it is repeated, within limits.
     fn wait_idle(&self) {
         for _ in 0..1000 {
             // SAFETY: waiting is always allowed.
@@ -80,7 +80,7 @@ impl Host {
 
 impl Drop for Host {
     fn drop(&mut self) {
-        // SAFETY: destroyed once, after what was made on the device.
+        // SAFETY: destroyed once, after the objects made on the device.
         unsafe {
             self.device.destroy_command_pool(self.pool, None);
             self.device.destroy_device(None);
@@ -95,7 +95,7 @@ impl Drop for Instance {
     }
 }
 
-/// A frame in flight of the host, with host-visible memory that its pose is copied to.
+/// A frame in flight of the host, with host-visible memory for a copy of its pose.
 struct Frame<'a> {
     host: &'a Host,
     cmd: vk::CommandBuffer,
@@ -108,11 +108,11 @@ struct Frame<'a> {
 impl<'a> Frame<'a> {
     fn new(host: &'a Host, bytes: u64) -> Result<Self> {
         let Host { instance, physical, device, pool, .. } = host;
-        // What is null yet may be destroyed, too.
+        // Null handles may be destroyed, too.
         let (cmd, fence, readback) = (vk::CommandBuffer::null(), vk::Fence::null(), vk::Buffer::null());
         let mut this = Self { host, cmd, fence, readback, memory: vk::DeviceMemory::null(), mapped: std::ptr::null() };
         let buffer = vk::BufferCreateInfo::default().size(bytes).usage(vk::BufferUsageFlags::TRANSFER_DST);
-        // SAFETY: all is created on one device; the memory is of a type and size that the buffer asks for.
+        // SAFETY: everything is created on one device; the memory has a type and size that fit the buffer.
         unsafe {
             let cmds = vk::CommandBufferAllocateInfo::default().command_pool(*pool).command_buffer_count(1);
             this.cmd = device.allocate_command_buffers(&cmds).map_err(Error::vulkan("vkAllocateCommandBuffers"))?[0];
@@ -133,7 +133,7 @@ impl<'a> Frame<'a> {
         }
     }
 
-    /// Record with `f`, and submit. The device has finished with this frame: `wait` comes between two of these.
+    /// Records with `f`, and submits. The device has finished with this frame: `wait` comes between two submits.
     fn submit<R>(&self, f: impl FnOnce(vk::CommandBuffer) -> Result<R>) -> Result<R> {
         let (device, cmd) = (&self.host.device, self.cmd);
         let once = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
@@ -149,7 +149,7 @@ impl<'a> Frame<'a> {
         }
     }
 
-    /// Wait for what was submitted. After an error, too, the device no longer uses it: the caller may drop it.
+    /// Waits for the submission. Even after an error the device no longer uses it: the caller may drop it.
     fn wait(&self) -> Result<()> {
         let device = &self.host.device;
         // SAFETY: the fence was handed to `submit`, and no other thread uses it.
@@ -160,8 +160,8 @@ impl<'a> Frame<'a> {
         }
     }
 
-    /// Copy a pose to the readback memory: `Consumers::COPIES` has made it ready. A host that draws it needs none of
-    /// this.
+    /// Copies a pose to the readback memory, for which `Consumers::COPIES` has made it ready. A host that draws the
+    /// pose does not need this.
     fn record_readback(&self, pose: &PoseView) {
         use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
         let device = &self.host.device;
@@ -180,7 +180,7 @@ impl<'a> Frame<'a> {
 impl Drop for Frame<'_> {
     fn drop(&mut self) {
         let device = &self.host.device;
-        // SAFETY: destroyed once; whoever drops it has waited.
+        // SAFETY: destroyed once; the owner has waited.
         unsafe {
             device.destroy_buffer(self.readback, None);
             device.free_memory(self.memory, None);
@@ -197,10 +197,10 @@ fn main() {
 }
 
 fn run(wanted: &str) -> Result<()> {
-    // Rust drops what is declared last first: crowd, mesh, frames, engine, host.
+    // Rust drops the last declared first: crowd, mesh, frames, engine, host.
     let host = Host::new(wanted)?;
     let desc = DeviceDesc::new(&host.instance.raw, host.physical, &host.device);
-    // SAFETY: the handles belong together, and are destroyed after the engine and all it made.
+    // SAFETY: the handles belong together, and are destroyed after the engine and its objects.
     let engine = unsafe { MorphEngine::new(&desc) }?;
     let head_desc = head::HeadDesc::default().vertices(5_000).targets(52);
     let source = head::head(&head_desc);
@@ -236,16 +236,16 @@ fn run(wanted: &str) -> Result<()> {
         crowd.set_weights(0, weights)?;
         let update = frame.submit(|cmd| {
             // SAFETY: `cmd` is recording on the engine's device, outside a render pass, and is submitted once, in
-            // order, after the wait for the frame FRAMES_IN_FLIGHT ago. Were it dropped: crowd.discard(update.ticket).
+            // order, after the wait for the frame FRAMES_IN_FLIGHT ago. If dropped: crowd.discard(update.ticket).
             let update = unsafe { engine.record_update(cmd, &mut crowd) }?;
-            // Draws go here. For motion vectors: `crowd.previous_pose(0)?`, after a cut (`crowd.cut(0)?`) this pose.
+            // Draws go here. For motion vectors: `crowd.previous_pose(0)?`, this pose after `crowd.cut(0)?`.
             frame.record_readback(&crowd.pose(0)?);
             Ok(update)
         })?;
         (applied, blocks) = (applied + update.stats.coefficients, blocks + update.stats.dirty_blocks);
         Ok(())
     });
-    // Also after an error, so that nothing that is dropped below is still in use.
+    // Also after an error, so that nothing dropped below is still in use.
     host.wait_idle();
     played?;
     let (error, angle) = (worst.position / f64::from(mesh.layout().diagonal), worst.normal_degrees);

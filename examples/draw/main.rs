@@ -1,11 +1,10 @@
-//! What a host does to draw a head from poses of 16-bit integers: vertex attributes, `glsl/host/pose.glsl`, no more.
+//! How a host draws a head from 16-bit fixed-point poses, with vertex attributes and `glsl/host/pose.glsl` only.
 //!
 //!     cargo run --example draw [PART OF A DEVICE'S NAME]
 //!
 //! Such poses take half the bytes of float32 ones: a draw binds the base pose as a second vertex buffer, and decodes in
-//! its vertex shader. Here an expression is drawn into `head.ppm`; `tests/after/pictures.rs` compares pictures with
-//! those of float32 poses. The device is that of the package `headless`; `examples/minimal.rs` is a host that brings
-//! one.
+//! its vertex shader. The example draws an expression into `head.ppm`; `tests/after/pictures.rs` compares pictures with
+//! those of float32 poses. The device comes from the package `headless`; `examples/minimal.rs` is a host with its own.
 
 pub(crate) mod offscreen;
 
@@ -19,7 +18,7 @@ use offscreen::{Offscreen, Result};
 /// Red, green, blue, opacity.
 pub type Pixel = [u8; 4];
 
-/// The shader is the same for all formats of poses.
+/// The shader is the same for all pose formats.
 const VERTEX: &str = "
     layout(push_constant) uniform Push { mat4 view; vec2 units; };
     layout(location = 0) out vec3 normal;
@@ -36,7 +35,7 @@ const FRAGMENT: &str = "#version 450
     }";
 const BACKGROUND: [f32; 4] = [0.5, 0.39, 0.33, 1.0];
 
-/// Draw the built-in head from poses in a format, once for each list of weights, into `edge` × `edge` pixels.
+/// Draws the built-in head from poses in a format, once for each list of weights, into `edge` × `edge` pixels.
 pub fn pictures(headless: &Headless, format: PoseFormat, frames: &[Vec<f32>], edge: u32) -> Result<Vec<Vec<Pixel>>> {
     let (engine, source) = (headless.engine(), head::head(&head::HeadDesc::default()));
     let mesh = PackedMesh::pack(&source.to_mesh(Tolerance::default())?, &engine.pack_desc(DeltaFormat::Fast))?;
@@ -51,7 +50,7 @@ pub fn pictures(headless: &Headless, format: PoseFormat, frames: &[Vec<f32>], ed
     let mut triangles = source.faces.triangles().concat();
     mesh.layout().remap_indices(&mut triangles)?; // packing reorders the vertices that draws name
     let indices = host.filled(&triangles)?;
-    // What `pose.glsl` declares for the format, and the bindings and attributes that go with it.
+    // The declarations of `pose.glsl` for the format, and the matching bindings and attributes.
     let version = format!("#version 450\n#define POSE_{}\n", format.name().to_uppercase());
     let vertex = version + include_str!("../../glsl/host/pose.glsl") + VERTEX;
     let input = format.vertex_input(false);
@@ -61,14 +60,14 @@ pub fn pictures(headless: &Headless, format: PoseFormat, frames: &[Vec<f32>], ed
     let drawn = frames.iter().map(|weights| {
         crowd.set_weights(0, weights)?;
         headless.run(|cmd| {
-            // SAFETY: `cmd` is recording on the engine's device, outside a render pass, and runs once, here and now.
+            // SAFETY: `cmd` is recording on the engine's device, outside a render pass, and runs once.
             unsafe { engine.record_update(cmd, &mut crowd) }?;
-            // Binding 0: the pose. Binding 1: the base pose, which float32 poses do without.
+            // Binding 0: the pose. Binding 1: the base pose, which float32 poses do not need.
             let bound = &[crowd.pose(0)?, uploaded.base_pose()][..input.0.len()];
             let (buffers, offsets): (Vec<_>, Vec<_>) = bound.iter().map(|view| (view.buffer, view.offset)).unzip();
             let push: Vec<u8> = view.into_iter().chain(bound[0].units).flat_map(f32::to_ne_bytes).collect();
-            // SAFETY: `cmd` is in a render pass; all that is bound is alive, and what the pipeline was made for. The
-            // update has made the pose ready for vertex attributes.
+            // SAFETY: `cmd` is in a render pass; all bound objects are alive, and match the pipeline. The update has
+            // made the pose ready for vertex attributes.
             host.record(cmd, BACKGROUND, &pixels, || unsafe {
                 host.device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, pipeline);
                 host.device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::VERTEX, 0, &push);
@@ -83,7 +82,7 @@ pub fn pictures(headless: &Headless, format: PoseFormat, frames: &[Vec<f32>], ed
     drawn.collect()
 }
 
-/// All of these positions, from the front and a little from above.
+/// Returns a view of all these positions, from the front and slightly above.
 fn view(positions: &[Vec3]) -> Mat4 {
     let (low, high) = positions.iter().fold((Vec3::MAX, Vec3::MIN), |(low, high), p| (low.min(*p), high.max(*p)));
     let scale = Mat4::from_scale(Vec3::new(1.8, -1.8, -0.5) / (high - low).max_element());

@@ -1,4 +1,4 @@
-//! What a host that draws has anyway: an image to draw into, pipelines, and buffers that it shares with the device.
+//! The parts that any host with draws has: an image to draw into, pipelines, and buffers shared with the device.
 
 use deltamorph::ash::{self, vk};
 use deltamorph_headless::Headless;
@@ -19,7 +19,7 @@ pub struct Shared {
     mapped: *mut u8,
 }
 
-/// An image with depth, and all that is made to draw into it: destroyed together.
+/// An image with depth, and the objects to draw into it, destroyed together.
 pub struct Offscreen<'a> {
     headless: &'a Headless,
     pub device: &'a ash::Device,
@@ -33,7 +33,7 @@ pub struct Offscreen<'a> {
 }
 
 impl<'a> Offscreen<'a> {
-    /// `edge` × `edge` pixels of a colour format.
+    /// Makes an image of `edge` × `edge` pixels in a colour format.
     pub fn new(headless: &'a Headless, edge: u32, format: vk::Format) -> Result<Self> {
         use vk::{AccessFlags as Access, ImageLayout as Layout, ImageUsageFlags as Usage, PipelineStageFlags as Stage};
         let device = headless.handles().2;
@@ -66,14 +66,14 @@ impl<'a> Offscreen<'a> {
         let dependency = |before, after| {
             vk::SubpassDependency::default().src_stage_mask(before).dst_stage_mask(after).src_access_mask(written)
         };
-        // After what was drawn and copied before; and before the copy.
+        // After earlier draws and copies; and before the copy.
         let (outside, copy) = (vk::SUBPASS_EXTERNAL, Stage::TRANSFER);
         let dependencies = [
             dependency(drawing | copy, drawing).src_subpass(outside).dst_access_mask(written | read),
             dependency(drawing, copy).dst_subpass(outside).dst_access_mask(Access::TRANSFER_READ),
         ];
         let pass = vk::RenderPassCreateInfo::default().attachments(&attachments).subpasses(&subpass);
-        // SAFETY: all that is made here is made on one device, which is alive, and destroyed by `drop`.
+        // SAFETY: all objects are made on one device, which is alive, and are destroyed by `drop`.
         this.pass = unsafe { device.create_render_pass(&pass.dependencies(&dependencies), None) }?;
         let views = [
             this.image(format, Usage::COLOR_ATTACHMENT | Usage::TRANSFER_SRC, vk::ImageAspectFlags::COLOR)?,
@@ -120,7 +120,7 @@ impl<'a> Offscreen<'a> {
         Ok(memory)
     }
 
-    /// A buffer of so many bytes.
+    /// Makes a buffer of `bytes` bytes.
     pub fn shared(&self, bytes: usize, usage: vk::BufferUsageFlags) -> Result<Shared> {
         let flags = vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT;
         // SAFETY: as in `image`.
@@ -135,26 +135,26 @@ impl<'a> Offscreen<'a> {
         }
     }
 
-    /// A buffer with these contents, of vertex attributes or indices.
+    /// Makes a buffer with these contents, of vertex attributes or indices.
     pub fn filled<T: bytemuck::NoUninit>(&self, contents: &[T]) -> Result<vk::Buffer> {
         let bytes: &[u8] = bytemuck::cast_slice(contents);
         let usage = vk::BufferUsageFlags::VERTEX_BUFFER | vk::BufferUsageFlags::INDEX_BUFFER;
         let shared = self.shared(bytes.len(), usage)?;
-        // SAFETY: as many bytes are mapped, and nobody else knows of them yet.
+        // SAFETY: as many bytes are mapped, and nothing else uses them yet.
         unsafe { shared.mapped.copy_from_nonoverlapping(bytes.as_ptr(), bytes.len()) };
         Ok(shared.buffer)
     }
 
-    /// What is in `shared`. Whatever wrote it has finished.
+    /// Returns the contents of `shared`, whose writes have finished.
     pub fn contents<T: bytemuck::AnyBitPattern + bytemuck::NoUninit>(&self, shared: &Shared) -> Vec<T> {
         let mut out = vec![T::zeroed(); shared.bytes / size_of::<T>()];
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(&mut out);
-        // SAFETY: as many bytes are mapped; the device is done with them, since `Headless::run` waits.
+        // SAFETY: as many bytes are mapped; the device has finished with them, since `Headless::run` waits.
         unsafe { shared.mapped.copy_to_nonoverlapping(bytes.as_mut_ptr(), bytes.len()) };
         out
     }
 
-    /// A pipeline of two shaders, of which the first takes `push` bytes of push constants.
+    /// Makes a pipeline of two shaders, of which the first takes `push` bytes of push constants.
     pub fn pipeline(
         &self,
         shaders: [&str; 2],
@@ -191,7 +191,7 @@ impl<'a> Offscreen<'a> {
         let info = vk::GraphicsPipelineCreateInfo::default().stages(&stages).vertex_input_state(&input);
         let info = info.input_assembly_state(&assembly).viewport_state(&viewport).rasterization_state(&rasterization);
         let info = info.multisample_state(&samples).depth_stencil_state(&depth).color_blend_state(&blend);
-        // SAFETY: as in `new`; all that `info` points to is alive.
+        // SAFETY: as in `new`; everything that `info` points to is alive.
         unsafe {
             let layout = self.device.create_pipeline_layout(&layout, None)?;
             let info = [info.render_pass(self.pass).layout(layout)];
@@ -203,7 +203,7 @@ impl<'a> Offscreen<'a> {
         }
     }
 
-    /// Record what `draws` records, in front of a background, and a copy of the image to `pixels`.
+    /// Records `draws` in front of a background, and a copy of the image to `pixels`.
     pub fn record(&self, cmd: vk::CommandBuffer, background: [f32; 4], pixels: &Shared, draws: impl FnOnce()) {
         let behind = vk::ClearValue { color: vk::ClearColorValue { float32: background } };
         let far = vk::ClearValue { depth_stencil: vk::ClearDepthStencilValue { depth: 1.0, stencil: 0 } };
@@ -225,7 +225,7 @@ impl<'a> Offscreen<'a> {
         self.barrier(cmd, (copy, written), (vk::PipelineStageFlags::HOST, vk::AccessFlags::HOST_READ));
     }
 
-    /// Record a memory barrier.
+    /// Records a memory barrier.
     pub fn barrier(
         &self,
         cmd: vk::CommandBuffer,
