@@ -1,4 +1,4 @@
-//! The data that the render world extracts in each frame: which entities show which mesh, with which weights.
+//! The data that the render world extracts each frame: the entities that show each mesh, with their weights.
 
 use crate::{DeltamorphSettings, Wanted};
 use bevy::camera::visibility::ViewVisibility;
@@ -14,15 +14,15 @@ use std::ops::Range;
 /// The state of the main world in this frame.
 #[derive(Resource, Default)]
 pub(crate) struct Frame {
-    /// The meshes to be morphed here, each with the number of entities to make room for.
+    /// The meshes to morph here, each with the number of entities to make room for.
     pub rooms: HashMap<AssetId<Mesh>, u32>,
     pub settings: DeltamorphSettings,
     /// The entities that show these meshes.
     pub shown: HashMap<MainEntity, Shown>,
     /// The weights of all entities.
     pub weights: Vec<f32>,
-    /// The meshes whose vertices may hold a pose: one entity shows the mesh, and no camera asks for motion vectors,
-    /// which need the previous pose, too.
+    /// The meshes whose vertices may hold a pose: a single entity shows the mesh, and no camera needs motion vectors,
+    /// which require the previous pose.
     pub alone: HashSet<AssetId<Mesh>>,
 }
 

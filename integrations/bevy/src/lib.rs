@@ -50,8 +50,8 @@ use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, Render
 #[derive(Clone, Copy, Debug, Default)]
 pub struct DeltamorphPlugin;
 
-/// Whether and how deltamorph morphs. May be changed at any time: meshes are then prepared again, which takes as long
-/// as at loading.
+/// Settings of the morphing. May be changed at any time: meshes are then prepared again, which takes as long as at
+/// loading.
 #[derive(Resource, Clone, Copy, Debug, PartialEq)]
 pub struct DeltamorphSettings {
     /// `false`: Bevy morphs all meshes itself.
@@ -70,11 +70,11 @@ impl Default for DeltamorphSettings {
     }
 }
 
-/// On an entity: Bevy itself morphs its mesh, for all entities that show the same [`Mesh`].
+/// Marks an entity: Bevy itself morphs its mesh, for all entities that show the same [`Mesh`].
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct BevyMorphing;
 
-/// The meshes to be morphed here.
+/// The meshes to morph here.
 #[derive(Resource, Default)]
 struct Wanted {
     /// The number of entities that each mesh has room for.
@@ -107,7 +107,7 @@ impl Plugin for DeltamorphPlugin {
     }
 }
 
-/// Chooses the meshes to be morphed here, and has them extracted again if that changes.
+/// Chooses the meshes to morph here, and has them extracted again if that changes.
 fn choose(
     settings: Res<DeltamorphSettings>,
     shown: Query<(&Mesh3d, Has<BevyMorphing>), With<MeshMorphWeights>>,

@@ -1,4 +1,4 @@
-//! A mesh of Bevy's that is morphed here: its packed targets, and the poses of the entities that show it.
+//! A Bevy mesh that is morphed here: its packed targets, and the poses of the entities that show it.
 
 use crate::DeltamorphSettings;
 use crate::frame::{Frame, Shown};
@@ -15,7 +15,7 @@ use deltamorph::{
 };
 use deltamorph_wgpu::{Crowd, Morph};
 
-/// Targets of an entity in Bevy's buffer, used in turn for the new pose and the previous one.
+/// Targets of an entity in Bevy's buffer, used alternately for the new pose and the previous one.
 const SLOTS: u32 = 2;
 
 /// A mesh that is morphed here.
@@ -29,15 +29,15 @@ pub(crate) struct Morphed {
     pub constants: wgpu::Buffer,
     /// `None` if poses cannot be written over the vertices.
     pub vertices_of_bevy: Option<Vertices>,
-    /// Whether poses are written over the vertices of the mesh, or otherwise as targets.
+    /// Poses are written over the vertices of the mesh; otherwise as targets.
     pub in_place: bool,
-    /// Whether the vertices hold a pose other than the base pose.
+    /// The vertices hold a pose other than the base pose.
     pub is_posed: bool,
     poses: HashMap<MainEntity, EntityPose>,
     free: Vec<u32>,
     targets: usize,
     instances: u32,
-    /// Whether the log has reported refused weights.
+    /// The log has reported refused weights.
     complained: bool,
 }
 
@@ -46,18 +46,19 @@ pub(crate) struct EntityPose {
     pub instance: u32,
     /// The target that has its pose.
     pub slot: u32,
-    /// The target that had it in the last frame.
+    /// The target that had it in the previous frame.
     pub previous: u32,
-    /// Weights of the pose in `slot`, or in the vertices of the mesh; `None` if there is none yet, or an old one.
+    /// Weights of the pose in `slot`, or in the vertices of the mesh; `None` if there is none yet, or only an outdated
+    /// one.
     weights: Option<Vec<f32>>,
-    /// Whether no target has its pose of the frame before.
+    /// No target has its pose of the previous frame.
     is_new: bool,
-    /// Whether its pose was last written to the other destination (vertices or a target) than the one that is read now.
+    /// Its pose was last written to the other destination (vertices or a target) than the one now read.
     is_elsewhere: bool,
 }
 
 impl Morphed {
-    /// Takes over the targets of `mesh`, for `instances` entities, and replaces them by room for their poses.
+    /// Takes over the targets of `mesh`, for `instances` entities, and replaces them with room for their poses.
     ///
     /// # Errors
     /// deltamorph does not accept the mesh, or the device has no room for it.
@@ -72,7 +73,7 @@ impl Morphed {
         check_vertices(vertices, device.limits().max_compute_workgroups_per_dimension)?;
         let elements = vertices as u64 * u64::from(instances * SLOTS);
         let most = device.limits().max_storage_buffer_binding_size;
-        // Bevy binds its whole buffers, which it enlarges by half at a time.
+        // Bevy binds its whole buffers, which grow by half at a time.
         let bytes = elements * ATTRIBUTES * 3 / 2;
         if bytes > most {
             let text = format!("{instances} poses take {bytes} bytes, the device binds {most}");
@@ -131,7 +132,7 @@ impl Morphed {
         u64::from(self.vertices) * u64::from(instance * SLOTS + slot)
     }
 
-    /// Switches between writing poses over the vertices and writing them as targets; a change makes all of them again.
+    /// Switches between writing poses over the vertices and writing them as targets; a change invalidates all of them.
     pub fn write_in_place(&mut self, in_place: bool) {
         if self.in_place != in_place {
             self.in_place = in_place;
@@ -184,7 +185,7 @@ impl Morphed {
         changed
     }
 
-    /// Returns the instances of these entities, and for each the target that is not in use.
+    /// Returns the instances of these entities, each with its unused target.
     pub fn next(&self, changed: &[MainEntity]) -> Vec<(u32, u32)> {
         changed.iter().map(|entity| &self.poses[entity]).map(|pose| (pose.instance, 1 - pose.slot)).collect()
     }
@@ -244,7 +245,7 @@ fn source(mesh: &Mesh) -> Result<MorphSource> {
     };
     let normals = match mesh.attribute(Mesh::ATTRIBUTE_NORMAL) {
         Some(VertexAttributeValues::Float32x3(values)) => values.clone(),
-        // Any normals do: they are not read, and targets do not change them.
+        // Any normals will do: they are not read, and targets do not change them.
         None => vec![[0.0, 0.0, 1.0]; count],
         Some(_) => return Err(floats(Mesh::ATTRIBUTE_NORMAL)),
     };

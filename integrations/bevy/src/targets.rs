@@ -5,7 +5,7 @@ use deltamorph::{Result, Semantic};
 use std::num::NonZero;
 use wgpu::util::DeviceExt;
 
-/// Vertices of a workgroup.
+/// Vertices per workgroup.
 pub(crate) const WORKGROUP: u32 = 64;
 /// Offsets of storage-buffer bindings must be multiples of this on some devices.
 pub(crate) const ALIGNMENT: u64 = 256;
@@ -54,7 +54,7 @@ impl TargetWriter {
         instances.chunks(most).try_for_each(|instances| self.dispatch(pass, device, mesh, room, instances))
     }
 
-    /// Dispatches as many instances as one dispatch can take.
+    /// Dispatches as many instances at a time as one dispatch can take.
     fn dispatch(
         &self,
         pass: &mut wgpu::ComputePass<'_>,

@@ -1,4 +1,4 @@
-//! The work of the render world in each frame: taking over meshes, making poses, and pointing Bevy's shaders to them.
+//! The work of the render world each frame: taking over meshes, making poses, and pointing Bevy's shaders to them.
 
 use crate::frame::Frame;
 use crate::mesh::{EntityPose, Morphed};
@@ -101,7 +101,7 @@ pub(crate) fn update(
         engine.meshes.get_mut(id).into_iter().for_each(|mesh| mesh.turn(changed, is_written));
     }
 
-    // Of the weights 1 0 1, two values from the first on select target 0, from the second on target 1.
+    // Weights are read in pairs from 1 0 1: at the first, they select target 0; at the second, target 1.
     let MorphUniforms { current_buffer: weights, descriptors_buffer, .. } = &mut *uniforms;
     let begin = weights.len() as u32;
     [1.0, 0.0, 1.0].into_iter().for_each(|weight| _ = weights.push(weight));

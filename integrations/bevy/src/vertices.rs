@@ -1,5 +1,5 @@
-//! The pass that writes a pose over the vertices of a mesh that one entity alone shows: Bevy's shaders then have no
-//! target to add.
+//! The pass that writes a pose over the vertices of a mesh that a single entity shows, so that Bevy's shaders have no
+//! targets to add.
 
 use crate::mesh::Morphed;
 use crate::targets::{ALIGNMENT, WORKGROUP, filled};
@@ -35,10 +35,10 @@ pub(crate) struct VertexRoom<'a> {
 }
 
 impl Vertices {
-    /// Makes the vertices of `mesh`, for poses with these units of integers; `None` if their size is not a multiple of
-    /// 4 bytes.
+    /// Describes the vertices of `mesh`, for poses with these units; `None` if a vertex's size is not a multiple of 4
+    /// bytes.
     pub fn new(device: &wgpu::Device, mesh: &Mesh, units: [f32; 3]) -> Option<Self> {
-        // In the order in which Bevy interleaves them.
+        // In Bevy's interleaving order.
         let (mut stride, mut offsets) = (0, [NONE; 3]);
         let attributes = [Mesh::ATTRIBUTE_POSITION, Mesh::ATTRIBUTE_NORMAL, Mesh::ATTRIBUTE_TANGENT];
         for (attribute, _) in mesh.attributes() {
@@ -91,7 +91,8 @@ impl VertexWriter {
         Self { pipeline }
     }
 
-    /// Records the pass that writes the pose of an instance over the vertices of the mesh; the base pose without one.
+    /// Records the pass that writes the pose of an instance over the vertices of the mesh, or the base pose without an
+    /// instance.
     ///
     /// # Errors
     /// The mesh has no poses.

@@ -1,11 +1,11 @@
-//! Heads in Bevy, morphed by Bevy, by deltamorph, and not at all, in turns, without a window.
+//! Heads in Bevy, morphed by Bevy, by deltamorph, and not at all, in turn, without a window.
 //!
 //!     cargo run --example heads -- [--heads N] [--vertices N] [--mesh FOLDER] [--edge PIXELS] [--frames N]
 //!                                  [--rounds N] [--screenshot OUT.png] [--window]
 //!
-//! Prints what a frame takes and what morphing takes of it, a frame less the same frame without targets; and fails
-//! where the pictures differ by more than a few units in 255. `--window` shows them in a window in place of that: key M
-//! has the other morph, and the title says what frames take with either.
+//! Prints the frame times and the share of morphing (a frame minus the same frame without targets), and fails if the
+//! pictures differ by more than a few units in 255. `--window` shows them in a window instead: key M switches the
+//! morphing, and the title shows the frame times of both.
 
 mod scene;
 mod window;
@@ -20,7 +20,7 @@ use scene::{Face, Scene, SceneDesc, difference};
 use std::path::Path;
 use std::time::Instant;
 
-/// How much a channel may differ, and in how many pixels more: outlines and edges of shadows.
+/// Allowed difference of a channel, and fraction of pixels that may exceed it: outlines and edges of shadows.
 const ALLOWED: (u8, f64) = (2, 0.001);
 
 /// Who morphs.
@@ -51,7 +51,7 @@ fn main() -> Result {
     }
     let face = match &mesh {
         Some(path) => folder(Path::new(path))?,
-        // One that Bevy's buffers have room for on software drivers, which bind 128 MiB; smaller ones for a crowd.
+        // Few enough vertices for Bevy's buffers on software drivers, which bind 128 MiB; fewer for a crowd.
         None => Face::head(vertices.unwrap_or(if heads == 1 { 20_000 } else { 2_000 }), 72, 1.0)?,
     };
     let (count, targets) = (face.morphs.vertex_count(), face.morphs.targets.len());
@@ -90,7 +90,7 @@ fn main() -> Result {
         ("all change".to_owned(), random(targets, targets, rows)),
         ("none changes".to_owned(), random(targets, 0, rows)),
     ];
-    // Milliseconds of each round, by work and who.
+    // Milliseconds of each round, by work and by who morphs.
     let mut times = vec![[const { vec![] }; WHO.len()]; works.len()];
     for round in 0..rounds {
         for who in 0..WHO.len() {
@@ -104,7 +104,7 @@ fn main() -> Result {
     for ((name, _), times) in works.iter().zip(&times) {
         let [bevys, ours, none] = times.each_ref().map(|times| median(times));
         let morphing = [bevys - none, ours - none];
-        // Noise decides the ratio where morphing takes next to nothing of a frame.
+        // Noise decides the ratio if morphing takes next to nothing of a frame.
         let ratio = match morphing[1] > 0.01 * none {
             true => format!("{:.1} times as fast", morphing[0] / morphing[1]),
             false => "too little to compare".to_owned(),
@@ -126,7 +126,7 @@ fn main() -> Result {
     Ok(())
 }
 
-/// A folder with a mesh, its targets and a clip, the last by name.
+/// Reads a folder with a mesh, its targets and a clip, the last by name.
 fn folder(path: &Path) -> Result<Face> {
     let found = import::open(path, &ImportDesc::default().split(true))?;
     let ImportedMesh::Source(source) = found.mesh else { return Err("a packed file has no attributes".into()) };
@@ -140,17 +140,17 @@ fn choose(scene: &mut Scene, who: usize) {
     scene.settle();
 }
 
-/// Rows of weights, all at work, of which `changing` change from each to the next.
+/// Makes random rows of weights, all nonzero, of which `changing` change from each row to the next.
 fn random(targets: usize, changing: usize, rows: usize) -> Vec<Vec<f32>> {
     let mut state = 1_u64;
-    // A linear congruential generator (Knuth, MMIX), of which the upper bits are taken.
+    // A linear congruential generator (Knuth, MMIX), of which the upper bits are used.
     let mut unit = || {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 40) as f32 / (1 << 24) as f32
     };
     let mut row: Vec<f32> = (0..targets).map(|_| 0.1 * (0.1 + unit())).collect();
     let mut next = |row: &mut Vec<f32>| {
-        // Distinct ones: as many as are changed, of those that are left.
+        // Distinct ones, drawn without replacement.
         let mut left: Vec<usize> = (0..targets).collect();
         for _ in 0..changing.min(targets) {
             let target = left.swap_remove((unit() * left.len() as f32) as usize);
@@ -165,7 +165,7 @@ fn random(targets: usize, changing: usize, rows: usize) -> Vec<Vec<f32>> {
         .collect()
 }
 
-/// Milliseconds of a frame: the mean of `frames` from `first` on.
+/// Returns milliseconds per frame: the mean of `frames` frames from `first` on.
 fn time(scene: &mut Scene, first: usize, frames: usize) -> f64 {
     scene.show(first);
     scene.settle();

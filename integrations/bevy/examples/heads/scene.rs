@@ -1,4 +1,4 @@
-//! Heads of Bevy's, lit, with shadows, without a window.
+//! Lit heads in Bevy, with shadows, without a window.
 
 use bevy::app::PluginsState;
 use bevy::asset::{AssetPlugin, RenderAssetUsages, UnapprovedPathMode};
@@ -21,40 +21,40 @@ use deltamorph_bevy::deltamorph::{MorphMesh, Tolerance, WeightClip};
 use deltamorph_bevy::{DeltamorphPlugin, DeltamorphSettings};
 use deltamorph_head as sample;
 
-/// Frames until what was set is drawn, and read back: the render world is a frame behind, and so is the GPU.
+/// Frames until a change is drawn and read back: the render world is a frame behind, and so is the GPU.
 const SETTLE: usize = 5;
 
-/// What is shown.
+/// Description of a scene.
 #[derive(Clone, Copy, Debug)]
 pub struct SceneDesc {
     pub heads: usize,
-    /// Width and height of the picture: a multiple of 64, as rows are read back.
+    /// Width and height of the picture: a multiple of 64, for reading rows back.
     pub edge: u32,
-    /// A normal map, with tangents that morph.
+    /// Use a normal map, with tangents that morph.
     pub tangents: bool,
-    /// A prepass with motion vectors.
+    /// Add a prepass with motion vectors.
     pub motion: bool,
-    /// Drawn into a window in place of a picture: for [`App::run`].
+    /// Draw into a window instead of a picture, for [`App::run`].
     pub window: bool,
-    /// Whether there are validation layers.
+    /// Validation layers or not.
     pub flags: InstanceFlags,
 }
 
-/// A face, and rows of weights that it plays.
+/// A face, and the rows of weights that it plays.
 pub struct Face {
     pub morphs: MorphMesh,
     pub clip: Vec<Vec<f32>>,
 }
 
 impl Face {
-    /// The built-in head, with its clip. `sparsity`: the mean fraction of the vertices that a target moves.
+    /// Makes the built-in head with its clip. `sparsity`: the mean fraction of the vertices that a target moves.
     pub fn head(vertices: usize, targets: usize, sparsity: f32) -> Result<Self> {
         let head = sample::HeadDesc::default().vertices(vertices).targets(targets).sparsity(sparsity);
         let morphs = sample::head(&head).split()?.to_mesh(Tolerance::default())?;
         Self::new(morphs, &sample::head_clip(&head, 120, 30.0))
     }
 
-    /// A face, and a clip for its targets.
+    /// Makes a face, and binds a clip to its targets.
     pub fn new(morphs: MorphMesh, clip: &WeightClip) -> Result<Self> {
         let names: Vec<&str> = morphs.targets.iter().map(|target| target.name.as_str()).collect();
         let clip = clip.bind(&names)?.frames().collect();
@@ -62,14 +62,14 @@ impl Face {
     }
 }
 
-/// An application with heads.
+/// A Bevy application with heads.
 pub struct Scene {
     pub app: App,
     pub heads: Vec<Entity>,
     pub mesh: Handle<Mesh>,
-    /// It without targets.
+    /// The mesh without targets.
     still: Handle<Mesh>,
-    /// A row of weights for each frame.
+    /// A row of weights per frame.
     pub clip: Vec<Vec<f32>>,
     picture: Handle<Image>,
 }
@@ -79,7 +79,7 @@ pub struct Scene {
 struct Picture(Vec<u8>);
 
 impl Scene {
-    /// With plugins of the caller's own, after Bevy's.
+    /// Makes the scene. `add` adds the caller's plugins after Bevy's.
     pub fn new(desc: &SceneDesc, face: &Face, add: impl FnOnce(&mut App)) -> Result<Self> {
         let windows = match desc.window {
             true => WindowPlugin::default(),
@@ -89,7 +89,7 @@ impl Scene {
         let render =
             RenderPlugin { render_creation: settings.into(), synchronous_pipeline_compilation: true, ..default() };
         let mut app = App::new();
-        // A logger is the caller's. Tests load files from folders of their own.
+        // Logging is left to the caller. Tests load files from their own folders.
         let assets = AssetPlugin { unapproved_path_mode: UnapprovedPathMode::Allow, ..default() };
         let plugins = DefaultPlugins.set(windows).set(render).set(assets).disable::<LogPlugin>();
         app.add_plugins(if desc.window { plugins } else { plugins.disable::<WinitPlugin>() });
@@ -152,7 +152,7 @@ impl Scene {
                 Transform::from_translation(place).with_rotation(turn),
             );
             let weights = vec![0.0; morphs.targets.len()];
-            // Both ways that Bevy has.
+            // Both ways to attach weights in Bevy.
             let head = if i % 2 == 0 {
                 world.spawn((drawn, MeshMorphWeights::Value { weights })).id()
             } else {
@@ -163,7 +163,7 @@ impl Scene {
             };
             self.heads.push(head);
         }
-        // Something for the shadows to fall on, around the corners of the picture, too.
+        // A background for the shadows, which also fills the picture's corners.
         let extent = (columns as f32 * step[0]).max(rows as f32 * step[1]);
         let wall = world.resource_mut::<Assets<Mesh>>().add(Rectangle::new(3.0 * extent, 3.0 * extent));
         world.spawn((
@@ -194,7 +194,7 @@ impl Scene {
         }
     }
 
-    /// Set the weights of a frame of the clip, each head a little later than the one before.
+    /// Sets the weights of a frame of the clip, each head slightly later than the one before.
     pub fn show(&mut self, frame: usize) {
         for (i, head) in self.heads.iter().enumerate() {
             let row = &self.clip[(frame + 7 * i) % self.clip.len()];
@@ -207,12 +207,12 @@ impl Scene {
         }
     }
 
-    /// Who morphs.
+    /// Chooses who morphs.
     pub fn morph_by_bevy(&mut self, is_bevys: bool) {
         self.app.world_mut().resource_mut::<DeltamorphSettings>().enabled = !is_bevys;
     }
 
-    /// Show the mesh with its targets, or without.
+    /// Shows the mesh with or without its targets.
     pub fn with_targets(&mut self, with: bool) {
         let mesh = if with { &self.mesh } else { &self.still };
         for head in &self.heads {
@@ -220,18 +220,18 @@ impl Scene {
         }
     }
 
-    /// Run until everything that was set is on the screen.
+    /// Runs until all changes are on the screen.
     pub fn settle(&mut self) {
         (0..SETTLE).for_each(|_| self.app.update());
         self.wait();
     }
 
-    /// Wait for the GPU.
+    /// Waits for the GPU.
     pub fn wait(&self) {
         let _ = self.app.world().resource::<RenderDevice>().poll(PollType::wait_indefinitely());
     }
 
-    /// What is shown: red, green, blue and opacity of each pixel.
+    /// Returns the picture: red, green, blue and opacity of each pixel.
     pub fn picture(&mut self) -> Result<Vec<u8>> {
         self.settle();
         let take = |complete: On<ReadbackComplete>, mut picture: ResMut<Picture>| picture.0.clone_from(&complete.data);
@@ -246,14 +246,14 @@ impl Scene {
     }
 }
 
-/// An image to draw into.
+/// Makes an image to draw into.
 fn target(world: &mut World, edge: u32) -> Handle<Image> {
     let mut image = Image::new_target_texture(edge, edge, TextureFormat::Rgba8UnormSrgb, None);
     image.texture_descriptor.usage |= TextureUsages::COPY_SRC;
     world.resource_mut::<Assets<Image>>().add(image)
 }
 
-/// A normal map.
+/// Makes a normal map.
 fn bumps() -> Image {
     const EDGE: u32 = 64;
     let texel = |i: u32| {
@@ -265,14 +265,14 @@ fn bumps() -> Image {
     Image::new(size, TextureDimension::D2, texels, TextureFormat::Rgba8Unorm, RenderAssetUsages::default())
 }
 
-/// As Bevy has them: all attributes of all vertices, for each target.
+/// Returns targets in Bevy's form: all attributes of all vertices, for each target.
 fn targets(morphs: &MorphMesh, tangents: bool) -> Vec<MorphAttributes> {
     let count = morphs.vertex_count();
     let mut attributes = vec![MorphAttributes::default(); count * morphs.targets.len()];
     for (all, target) in attributes.chunks_exact_mut(count).zip(&morphs.targets) {
         for (i, v) in target.vertices.iter().enumerate() {
             let [position, normal] = [target.positions[i], target.normals[i]].map(|d| Vec3::from(d.to_array()));
-            // Not those of a surface, but as different from target to target.
+            // Not tangents of a surface, but as different between targets.
             let tangent = if tangents { Vec3::new(normal.z, 2.0 * normal.x, normal.y) } else { Vec3::ZERO };
             all[*v as usize] = MorphAttributes::new(position, normal, tangent);
         }
@@ -280,7 +280,7 @@ fn targets(morphs: &MorphMesh, tangents: bool) -> Vec<MorphAttributes> {
     attributes
 }
 
-/// A mesh without its targets.
+/// Makes a mesh without targets.
 fn bevys(morphs: &MorphMesh, tangents: bool) -> Mesh {
     let count = morphs.vertex_count();
     let mut uvs = vec![[0.0; 2]; count];
@@ -306,8 +306,8 @@ fn bevys(morphs: &MorphMesh, tangents: bool) -> Mesh {
     mesh
 }
 
-/// How two pictures differ: the largest difference of a channel, in units of 255, and the pixels that differ by more
-/// than `allowed`, as a fraction.
+/// Returns the difference of two pictures: the largest difference of a channel, in units of 1/255, and the fraction of
+/// pixels that differ by more than `allowed`.
 pub fn difference(a: &[u8], b: &[u8], allowed: u8) -> (u8, f64) {
     let pixels = a.as_chunks::<4>().0.iter().zip(b.as_chunks::<4>().0);
     let largest = pixels.map(|(a, b)| a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0));

@@ -5,19 +5,19 @@ use bevy::mesh::morph::{MeshMorphWeights, MorphWeights};
 use bevy::prelude::*;
 use deltamorph_bevy::DeltamorphSettings;
 
-/// Of a new frame time in the mean that the title shows.
+/// Share of a new frame time in the mean that the title shows.
 const SHARE: f32 = 0.1;
 
-/// What is played, and what frames take.
+/// The animation, and its frame times.
 #[derive(Resource)]
 struct Player {
     heads: Vec<Entity>,
     clip: Vec<Vec<f32>>,
-    /// Mean seconds of a frame with deltamorph and with Bevy's own morphing; `None`: not seen yet.
+    /// Mean seconds of a frame with deltamorph and with Bevy's own morphing; `None`: not measured yet.
     means: [Option<f32>; 2],
 }
 
-/// Play until the window is closed.
+/// Plays until the window is closed.
 pub fn run(scene: Scene) -> Result {
     let Scene { mut app, heads, clip, .. } = scene;
     app.insert_resource(Player { heads, clip, means: [None; 2] }).add_systems(Update, (play, toggle, title).chain());

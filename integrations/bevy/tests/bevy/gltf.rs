@@ -16,8 +16,7 @@ use std::sync::PoisonError;
 
 const TARGETS: usize = 4;
 
-/// A binary glTF file of the built-in head: each target in turn goes from 0 to 1 and back, one after the other, in a
-/// second each.
+/// Writes a binary glTF file of the built-in head: each target in turn goes from 0 to 1 and back, in a second each.
 fn write(path: &Path) {
     let face = Face::head(900, TARGETS, 0.8).expect("a head");
     let mesh = &face.morphs;
@@ -47,7 +46,7 @@ fn write(path: &Path) {
     for target in &mesh.targets {
         let mut dense = [vec![[0.0; 3]; count], vec![[0.0; 3]; count]];
         for (i, &v) in target.vertices.iter().enumerate() {
-            // Thirty times as far, so that it shows in a small picture.
+            // Enlarged thirty times, to be visible in a small picture.
             dense[0][v as usize] = (30.0 * target.positions[i]).to_array();
             dense[1][v as usize] = target.normals[i].to_array();
         }
@@ -115,7 +114,8 @@ fn play(
     }
 }
 
-/// The types of which such a scene is made; `reflect_auto_register`, on by default in applications, does this for all.
+/// Registers the types of such a scene; `reflect_auto_register`, on by default in applications, does this for all
+/// types.
 fn register(app: &mut App) {
     app.register_type::<Transform>().register_type::<GlobalTransform>().register_type::<TransformTreeChanged>();
     app.register_type::<Visibility>().register_type::<InheritedVisibility>().register_type::<ViewVisibility>();
@@ -135,7 +135,7 @@ fn a_gltf_file_that_bevy_loads_and_animates_is_morphed_alike() {
     write(&path);
     let probe = Probe::default();
     let (mut scene, _) = crate::scene(&probe);
-    // In place of the head in the middle.
+    // Replaces the head in the middle.
     let head = scene.heads.remove(0);
     register(&mut scene.app);
     let world = scene.app.world_mut();

@@ -18,10 +18,11 @@ use probe::Probe;
 use scene::{Face, Scene, SceneDesc, difference};
 use std::sync::{Mutex, PoisonError};
 
-/// One at a time: messages of the layers belong to a test.
+/// One test at a time, so that layer messages can be assigned to a test.
 static TURN: Mutex<()> = Mutex::new(());
 
-/// What a channel may differ by, in units of 255, and in how many pixels more: outlines, and edges of shadows.
+/// Allowed difference of a channel, in units of 1/255, and fraction of pixels that may exceed it: outlines, and edges
+/// of shadows.
 const ALLOWED: (u8, f64) = (2, 0.0003);
 
 const TARGETS: u64 = 30;
@@ -35,7 +36,7 @@ const DESC: SceneDesc = SceneDesc {
     flags: InstanceFlags::VALIDATION.union(InstanceFlags::DEBUG),
 };
 
-/// A scene that is looked into, and the elements of the mesh's targets as Bevy has them.
+/// Makes a scene with a probe; also returns the number of elements of the mesh's targets in Bevy.
 fn scene(probe: &Probe) -> (Scene, u64) {
     scene_of(probe, &DESC)
 }
@@ -78,7 +79,7 @@ fn pictures_are_bevys_and_targets_leave_the_device() {
         assert_eq!(ours.len() as u32, 4 * DESC.edge * DESC.edge);
         let (largest, beyond) = difference(&ours, &bevys, ALLOWED.0);
         assert!(beyond <= ALLOWED.1, "frame {frame}: {largest} of 255, {beyond} of the pixels beyond {}", ALLOWED.0);
-        // Or it would say nothing: faces move.
+        // Otherwise the comparison would be meaningless: faces move.
         if let Some(before) = before.replace(ours) {
             let (_, moved) = difference(&before, &bevys, ALLOWED.0);
             assert!(moved > 10.0 * ALLOWED.1, "frame {frame}: {moved} of the pixels differ");
@@ -88,7 +89,7 @@ fn pictures_are_bevys_and_targets_leave_the_device() {
     scene.settle();
     assert_eq!(probe.lock().elements, room(3));
 
-    // More heads of the same mesh, each with the weights of the first: the room grows.
+    // More heads of the same mesh, each with the weights of the first, so that the room grows.
     let first = scene.heads[0];
     for i in 0..2 {
         let mut copy = scene.app.world_mut().entity_mut(first);
@@ -99,7 +100,7 @@ fn pictures_are_bevys_and_targets_leave_the_device() {
     scene.show(33);
     let ours = scene.picture().expect("a picture");
     assert_eq!(probe.lock().elements, room(6), "twice as much as before");
-    // A head goes, another one comes: its place is used again.
+    // A head is removed, another one added, which reuses its place.
     let gone = scene.heads.remove(1);
     scene.app.world_mut().despawn(gone);
     let mut other = scene.app.world_mut().entity_mut(first);
@@ -109,7 +110,7 @@ fn pictures_are_bevys_and_targets_leave_the_device() {
     let again = scene.picture().expect("a picture");
     assert_eq!(probe.lock().elements, room(6));
 
-    // One that is to be morphed by Bevy takes all of the mesh along.
+    // One head to be morphed by Bevy switches the whole mesh.
     scene.app.world_mut().entity_mut(first).insert(BevyMorphing);
     let bevys = scene.picture().expect("a picture");
     assert_eq!(probe.lock().elements, all);
@@ -149,7 +150,7 @@ fn a_head_alone_has_its_pose_in_the_vertices_of_its_mesh() {
     look(&mut scene, 10, true);
     look(&mut scene, 25, true);
 
-    // One beside it that has no weights shows the base pose.
+    // A head without weights beside it shows the base pose.
     let world = scene.app.world_mut();
     let other = world.entity_mut(scene.heads[0]).clone_and_spawn();
     world.entity_mut(other).remove::<MeshMorphWeights>().insert(Transform::from_xyz(0.4, 0.0, -0.5));
@@ -157,7 +158,7 @@ fn a_head_alone_has_its_pose_in_the_vertices_of_its_mesh() {
     scene.app.world_mut().despawn(other);
     look(&mut scene, 33, true);
 
-    // Motion vectors take the pose before, too.
+    // Motion vectors also read the previous pose.
     let world = scene.app.world_mut();
     let camera = world.query_filtered::<Entity, With<Camera3d>>().single(world).expect("a camera");
     world.entity_mut(camera).insert(MotionVectorPrepass);

@@ -1,4 +1,4 @@
-//! What the render world has, for tests.
+//! A view into the render world, for tests.
 
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::prelude::*;
@@ -7,20 +7,20 @@ use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::{Render, RenderApp, RenderSystems};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// What was seen in the render world.
+/// Observations in the render world.
 #[derive(Default)]
 pub struct Probed {
-    /// The mesh to look at.
+    /// The mesh to observe.
     pub mesh: Option<AssetId<Mesh>>,
-    /// Elements of `MorphAttributes` that it has on the device.
+    /// The number of its `MorphAttributes` elements on the device.
     pub elements: u64,
-    /// Its vertices on the device, as Bevy packs them: as many bytes as were there before.
+    /// Its vertices on the device, as packed by Bevy; the number of bytes is that of the vector's old contents.
     pub vertices: Vec<u8>,
-    /// Motion vectors of each pixel, in each frame in which anything moved.
+    /// Motion vectors of each pixel, for each frame with motion.
     pub motion: Vec<Vec<[f32; 2]>>,
 }
 
-/// Looks into the render world.
+/// Observes the render world.
 #[derive(Resource, Clone, Default)]
 pub struct Probe(Arc<Mutex<Probed>>);
 
@@ -59,7 +59,7 @@ fn probe(
     }
 }
 
-/// The texels of a texture that can be bound, and no more.
+/// Reads the texels of a texture that can be bound, and nothing else.
 fn read(
     device: &wgpu::Device,
     queue: &wgpu::Queue,
@@ -115,7 +115,7 @@ fn empty(device: &wgpu::Device, size: u64, usage: wgpu::BufferUsages) -> wgpu::B
     device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
 }
 
-/// The bytes of a part of a buffer.
+/// Reads a range of a buffer.
 fn copied(device: &wgpu::Device, queue: &wgpu::Queue, buffer: &wgpu::Buffer, begin: u64, size: u64) -> Vec<u8> {
     if size == 0 {
         return vec![];
