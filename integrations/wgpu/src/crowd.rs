@@ -20,12 +20,12 @@ pub struct Crowd {
     device: wgpu::Device,
 }
 
-/// A pose in a buffer: `view` says how it is stored in `buffer`, which is a vertex, storage and copy-source buffer.
+/// A pose in a vertex, storage and copy-source buffer, laid out as described by `view`.
 #[derive(Clone, Copy, Debug)]
 pub struct Pose<'a> {
     /// The buffer of all poses of the crowd.
     pub buffer: &'a wgpu::Buffer,
-    /// Offset, bytes, format, and units of integers.
+    /// Offset, bytes, format, and units.
     pub view: PoseView,
 }
 
@@ -34,7 +34,7 @@ pub struct Pose<'a> {
 pub struct Stream<'a> {
     /// The buffer with the stream: a vertex, storage and copy-source buffer.
     pub buffer: &'a wgpu::Buffer,
-    /// Offset of its first component, stride, format, and units of integers.
+    /// Offset of its first component, stride, format, and units.
     pub view: StreamView,
 }
 
@@ -118,7 +118,7 @@ impl Crowd {
         lock(&self.shared).remove(instance)
     }
 
-    /// Returns the pose of `instance` as it is once the updates made so far have run.
+    /// Returns the pose of `instance` after the updates made so far.
     ///
     /// # Errors
     /// The instance does not exist or has no pose: those of [`deltamorph::Crowd::pose`].
@@ -178,10 +178,10 @@ impl Crowd {
 
     /// Waits until another update may be recorded, and discards updates that were lost.
     pub(crate) fn make_room(&mut self) -> Result<()> {
-        /// How long a queue must be idle before an unfinished update counts as not submitted: another thread may have
+        /// Time that a queue must be idle before an unfinished update counts as not submitted: another thread may have
         /// fetched the callbacks, and not called them yet.
         const IDLE: Duration = Duration::from_millis(100);
-        /// How long the GPU may take for the updates that are unfinished.
+        /// Longest time that the GPU may take for the unfinished updates.
         const STUCK: Duration = Duration::from_secs(60);
         let begin = Instant::now();
         let mut busy = begin;
@@ -206,12 +206,12 @@ impl Crowd {
 
     /// Processes the results of earlier updates. Returns whether another may be recorded.
     fn settle(&mut self) -> Result<bool> {
-        // The newest first: command buffers submitted in order end in order, so none ends before one that is asked
+        // The newest first: command buffers submitted in order end in order, so none ends before one that is checked
         // later.
         let mut fates: Vec<Fate> = self.pending.iter().rev().map(|(_, submission)| submission.fate()).collect();
         fates.reverse();
         if let Some(astray) = first_astray(&fates) {
-            // The lists of discarded updates are written again, so none of these updates may still be running.
+            // The lists of discarded updates are overwritten, so none of these updates may still be running.
             if fates[astray..].contains(&Fate::Waiting) {
                 return Ok(false);
             }

@@ -4,7 +4,7 @@ use super::invalid;
 use deltamorph::ash::vk;
 use deltamorph::{PoseFormat, Result};
 
-/// WGSL functions that decode poses, to put before a shader of your own; comments in the text describe them.
+/// WGSL functions that decode poses, to be placed before your own shader; comments in the text describe them.
 pub const POSE_WGSL: &str = include_str!("../wgsl/pose.wgsl");
 
 /// Input of a pipeline that draws poses: vertex buffers, and the WGSL that goes with them.
@@ -20,10 +20,10 @@ pub struct VertexInput {
 }
 
 impl VertexInput {
-    /// Describes poses of a format, in locations from `location` on; with `previous`, the previous pose, too.
+    /// Describes poses of a format, in locations from `location` on; with `previous`, also the previous pose.
     ///
     /// # Errors
-    /// wgpu has no vertex attributes for the format: no format of today.
+    /// wgpu has no vertex attributes for the format, which no current format causes.
     pub fn new(format: PoseFormat, location: u32, previous: bool) -> Result<Self> {
         let (bindings, attributes) = format.vertex_input(previous);
         let attribute = |a: &vk::VertexInputAttributeDescription| {

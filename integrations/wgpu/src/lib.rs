@@ -23,7 +23,7 @@
 //! # What the caller does
 //! - Submit the command buffer of [`Morph::update`] before the draws that read the new poses, in the same submit or an
 //!   earlier one, and submit updates of a crowd in the order they were made. It may be dropped instead: the next update
-//!   then writes all poses anew. The next update does so as well if an earlier one was submitted out of order, or in a
+//!   then rewrites all poses. The next update does so as well if an earlier one was submitted out of order, or in a
 //!   submit that failed. That is known only when the GPU has finished the work submitted before it; poses drawn until
 //!   then are wrong.
 //! - Nothing else. Resources of an update live until the GPU has finished with it, whatever is dropped before. If
@@ -35,7 +35,7 @@
 //! wgpu does not track the commands of an update, and treats pose buffers as never written. The update has its own
 //! barriers, on both sides, for draws (vertex attributes, and storage buffers in vertex and fragment shaders), compute
 //! passes and copies. Only updates may write poses. The buffer of a mesh ([`Mesh::base_pose`]), which also holds the
-//! deltas and the indices of kernels, must never be written: use both for read-only bindings, though wgpu would allow
+//! deltas and the indices of kernels, must never be written. Use both for read-only bindings only, though wgpu allows
 //! others.
 
 mod crowd;
@@ -78,7 +78,7 @@ impl Morph {
     /// The device has another backend than Vulkan, or less than Vulkan 1.1; its queue lacks graphics or compute; or
     /// [`MorphEngine::new`] fails.
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Self> {
-        // SAFETY: nothing that is taken from it is destroyed here; wgpu does that.
+        // SAFETY: nothing taken from it is destroyed here; wgpu does that.
         let Some(hal) = (unsafe { device.as_hal::<Vulkan>() }) else {
             return Err(invalid("the device is not on Vulkan", "ask for wgpu::Backends::VULKAN"));
         };
@@ -107,7 +107,7 @@ impl Morph {
         Ok(Self { engine, queue: queue.clone(), device: device.clone() })
     }
 
-    /// Returns how to pack a mesh for this device.
+    /// Returns the packing of meshes for this device.
     pub fn pack_desc(&self, format: DeltaFormat) -> PackDesc {
         self.engine.pack_desc(format)
     }
@@ -141,8 +141,8 @@ impl Morph {
     }
 
     /// Makes pose buffers and pipelines for the instances of a mesh, with all weights 0: see
-    /// [`MorphEngine::create_crowd`]. Consumers are always draws, compute passes and copies, whatever the description
-    /// says.
+    /// [`MorphEngine::create_crowd`]. Consumers are always draws, compute passes and copies, regardless of the
+    /// description.
     ///
     /// # Errors
     /// Those of [`MorphEngine::create_crowd`]; poses in the host's own vertices, which wgpu does not support.
@@ -184,8 +184,8 @@ impl Morph {
         Ok(())
     }
 
-    /// Records an update of these crowds to the requested weights, with common barriers: put all crowds that are
-    /// updated in a frame in one call. Returns `None` if nothing changed; then there is nothing to submit.
+    /// Records an update of these crowds to the requested weights, with common barriers: pass all crowds of a frame in
+    /// one call. Returns `None` if nothing changed; then there is nothing to submit.
     ///
     /// [What the caller does](crate#what-the-caller-does) explains when to submit it. From now on, [`Crowd::pose`]
     /// returns the poses after the update.
@@ -199,7 +199,7 @@ impl Morph {
     pub fn update<'a>(&self, crowds: impl IntoIterator<Item = &'a mut Crowd>) -> Result<Option<wgpu::CommandBuffer>> {
         let record = |cmd, crowds: &mut [&mut dyn AnyCrowd]| {
             // SAFETY: the command buffer is recording, on a queue with graphics and compute, with nothing else in it.
-            // If it never runs, or not in order, `Crowd::make_room` discards the update before another is recorded. The
+            // If it never runs, or out of order, `Crowd::make_room` discards the update before another is recorded. The
             // `Flight` keeps everything that it uses alive.
             unsafe { self.engine.record_updates(cmd, crowds) }
         };
@@ -239,7 +239,7 @@ impl Morph {
         record: impl FnOnce(vk::CommandBuffer, &mut [&mut dyn AnyCrowd]) -> Result<Vec<Update>>,
     ) -> Result<Option<wgpu::CommandBuffer>> {
         let mut crowds: Vec<&mut Crowd> = crowds.into_iter().collect();
-        // This runs the callbacks that report finished work. Its result says no more.
+        // Runs the callbacks that report finished work. The result is of no further use.
         let _ = self.device.poll(wgpu::PollType::Poll);
         crowds.iter_mut().try_for_each(|crowd| crowd.make_room())?;
         let (encoder, cmd) = self.encoder("deltamorph update")?;
@@ -275,7 +275,7 @@ impl Morph {
 }
 
 impl Mesh {
-    /// Returns the base pose, for draws from [fixed-point poses](VertexInput). It is a vertex and storage buffer.
+    /// Returns the base pose, for draws from [fixed-point poses](VertexInput), in a vertex and storage buffer.
     pub fn base_pose(&self) -> Pose<'_> {
         Pose { buffer: &self.base, view: lock(&self.gpu).base_pose() }
     }
@@ -287,7 +287,7 @@ impl Mesh {
     }
 }
 
-/// All uses that wgpu can make of a pose.
+/// Returns all uses that wgpu can make of a pose.
 fn consumers() -> Consumers {
     let draws = Consumers::VERTEX_ATTRIBUTES | Consumers::VERTEX_SHADERS | Consumers::FRAGMENT_SHADERS;
     draws | Consumers::COMPUTE_SHADERS | Consumers::COPIES
@@ -321,7 +321,7 @@ fn raw_device(device: &wgpu::Device) -> Result<ash::Device> {
 }
 
 fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
-    // A poisoned lock is taken all the same: an update that panics rolls back its plan.
+    // A poisoned lock is still used: an update that panics rolls back its plan.
     shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 

@@ -8,8 +8,8 @@ use std::sync::{Arc, Mutex};
 
 /// A command buffer with updates.
 ///
-/// wgpu does not tell whether a command buffer was submitted: it calls back when the work has finished, but also if the
-/// submit failed. So the last command sets an event, which proves that the GPU has run it.
+/// wgpu does not report whether a command buffer was submitted: its callback comes when the work has finished, but also
+/// if the submit failed. So the last command sets an event, which proves that the GPU has run it.
 pub(crate) struct Submission {
     raw: ash::Device,
     event: vk::Event,
@@ -24,9 +24,9 @@ static OVER: AtomicU64 = AtomicU64::new(0);
 /// The state of a command buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Fate {
-    /// It is held by the caller, or running on the GPU.
+    /// Held by the caller, or running on the GPU.
     Waiting,
-    /// It ran, and was the n-th command buffer to end.
+    /// It ran, as the n-th command buffer to end.
     Ran(u64),
     /// It did not run, and never will.
     Lost,

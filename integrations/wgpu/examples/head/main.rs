@@ -1,10 +1,10 @@
-//! A head that wgpu draws and deltamorph morphs, without a window.
+//! A head drawn by wgpu and morphed by deltamorph, without a window.
 //!
 //!     cargo run --example head [PART OF AN ADAPTER'S NAME]
 //!
-//! Part of a clip is played, with poses of each format. The last one is compared with the float64 reference, and its
-//! picture with one drawn from vertices that the reference computed; `head.png` is the picture of `fixed16`, the format
-//! of half the bytes. What it takes is in `play.rs`; `scene.rs` is what a host has anyway.
+//! Plays part of a clip in each pose format. The last pose is compared with the float64 reference, and its picture with
+//! one drawn from the reference's vertices; `head.png` is the picture of `fixed16`, the format with half the bytes.
+//! `play.rs` is the part about morphing; `scene.rs` is what any host has.
 
 mod play;
 mod scene;

@@ -1,4 +1,4 @@
-//! The built-in head, played and drawn, and what came out of it.
+//! The built-in head, played and drawn, with the results.
 
 use crate::scene::{EDGE, Host, Result, Scene, framed};
 use deltamorph::reference::{compare, evaluate};
@@ -6,16 +6,16 @@ use deltamorph::{CrowdDesc, DeltaFormat, PackedMesh, PoseError, PoseFormat, Pose
 use deltamorph_head as head;
 use deltamorph_wgpu::Morph;
 
-/// What came out, for poses of one format.
+/// Results for poses of one format.
 pub struct Played {
-    /// Of the last pose, against the reference; positions as fractions of the diagonal.
+    /// Error of the last pose against the reference; positions as fractions of the diagonal.
     pub error: PoseError,
     pub picture: Vec<u8>,
-    /// The same head, drawn from the vertices of the reference.
+    /// The same head, drawn from the reference's vertices.
     pub reference: Vec<u8>,
 }
 
-/// Play frames of the built-in head's clip with poses of a format, and draw them.
+/// Plays frames of the built-in head's clip with poses of a format, and draws them.
 pub fn play(host: &Host, format: PoseFormat, vertices: usize, frames: std::ops::Range<usize>) -> Result<Played> {
     let head_desc = head::HeadDesc::default().vertices(vertices);
     let source = head::head(&head_desc);
@@ -44,7 +44,7 @@ pub fn play(host: &Host, format: PoseFormat, vertices: usize, frames: std::ops::
             none => none.insert(Scene::new(host, format, pose.view.units, frame)?),
         };
         let mut encoder = host.device.create_command_encoder(&Default::default());
-        // Formats of integers take the base pose as a second vertex buffer.
+        // Fixed-point formats need the base pose as a second vertex buffer.
         let bound = [pose.slice(), uploaded.base_pose().slice()];
         scene.draw(&mut encoder, &bound[..1 + usize::from(format.has_integers())], &packed);
         let copy = host.readback(pose.view.size);
@@ -58,7 +58,7 @@ pub fn play(host: &Host, format: PoseFormat, vertices: usize, frames: std::ops::
     let mut error = compare(&mesh.layout().to_user_order(&decoded(&pose, &view, mesh.base())), &expected);
     error.position /= f64::from(mesh.layout().diagonal);
 
-    // The same picture from the vertices of the reference, which are in the order of the source.
+    // The same picture from the vertices of the reference, in the order of the source.
     let vertices: Vec<u8> = expected.iter().flat_map(|&number| (number as f32).to_ne_bytes()).collect();
     let vertices = host.filled(&vertices, wgpu::BufferUsages::VERTEX);
     let scene = Scene::new(host, PoseFormat::Float32, [1.0; 2], frame)?;
@@ -69,7 +69,7 @@ pub fn play(host: &Host, format: PoseFormat, vertices: usize, frames: std::ops::
     Ok(Played { error, picture, reference: host.read(&reference)? })
 }
 
-/// The numbers of a pose: what `POSE_WGSL` does, on the CPU.
+/// Decodes the numbers of a pose, as `POSE_WGSL` does, on the CPU.
 pub fn decoded(pose: &[u8], view: &PoseView, base: &[f32]) -> Vec<f32> {
     let floats = pose.as_chunks().0.iter().map(|word| f32::from_ne_bytes(*word));
     let integers: Vec<f32> = match (view.format.has_integers(), view.stride) {
@@ -81,7 +81,7 @@ pub fn decoded(pose: &[u8], view: &PoseView, base: &[f32]) -> Vec<f32> {
     base.iter().zip(integers).enumerate().map(displaced).collect()
 }
 
-/// Of two pictures: the fraction of pixels that differ by more than 2 of 255 in a channel.
+/// Returns the fraction of pixels of two pictures that differ by more than 2 of 255 in a channel.
 pub fn difference(a: &[u8], b: &[u8]) -> f64 {
     let pixels = a.as_chunks::<4>().0.iter().zip(b.as_chunks::<4>().0);
     let differ = pixels.filter(|(a, b)| a.iter().zip(*b).any(|(a, b)| a.abs_diff(*b) > 2)).count();

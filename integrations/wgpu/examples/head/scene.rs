@@ -1,4 +1,4 @@
-//! What any host of wgpu has, without a window: a device, a pipeline, a picture.
+//! The parts of any wgpu host, without a window: a device, a pipeline, a picture.
 
 use deltamorph::PoseFormat;
 use deltamorph_wgpu::VertexInput;
@@ -7,7 +7,7 @@ use wgpu::util::DeviceExt as _;
 
 pub type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 
-/// Pixels of a picture from side to side, and from top to bottom.
+/// Width and height of a picture in pixels.
 pub const EDGE: u32 = 512;
 
 /// A device and its queue.
@@ -16,7 +16,7 @@ pub struct Host {
     pub queue: wgpu::Queue,
 }
 
-/// What a future of wgpu gives that is ready at once: all are, but those of browsers.
+/// Returns the result of a wgpu future that is ready at once, as all are outside browsers.
 pub fn now<F: Future>(future: F) -> F::Output {
     match std::pin::pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
         Poll::Ready(output) => output,
@@ -25,7 +25,7 @@ pub fn now<F: Future>(future: F) -> F::Output {
 }
 
 impl Host {
-    /// The Vulkan adapters whose name contains `wanted`.
+    /// Returns the Vulkan adapters whose name contains `wanted`.
     pub fn adapters(wanted: &str, flags: wgpu::InstanceFlags) -> Vec<wgpu::Adapter> {
         let desc = wgpu::InstanceDescriptor::new_without_display_handle();
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor { flags, ..desc });
@@ -34,25 +34,25 @@ impl Host {
     }
 
     pub fn new(adapter: &wgpu::Adapter) -> Result<Self> {
-        // Nothing that deltamorph could not do without; software drivers are faster with it.
+        // Optional for deltamorph, but faster on software drivers.
         let required_features = adapter.features() & wgpu::Features::SHADER_INT64;
         let desc = wgpu::DeviceDescriptor { required_features, ..Default::default() };
         let (device, queue) = now(adapter.request_device(&desc))?;
         Ok(Self { device, queue })
     }
 
-    /// A buffer with contents.
+    /// Makes a buffer with these contents.
     pub fn filled(&self, contents: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
         self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: None, contents, usage })
     }
 
-    /// A buffer that is copied to, and read.
+    /// Makes a buffer for copies that the host reads.
     pub fn readback(&self, size: u64) -> wgpu::Buffer {
         let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ;
         self.device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
     }
 
-    /// What is in such a buffer, once all that was submitted has finished.
+    /// Reads such a buffer, after all submitted work has finished.
     pub fn read(&self, buffer: &wgpu::Buffer) -> Result<Vec<u8>> {
         let (sender, receiver) = std::sync::mpsc::channel();
         buffer.map_async(wgpu::MapMode::Read, .., move |mapped| drop(sender.send(mapped)));
@@ -64,7 +64,7 @@ impl Host {
     }
 }
 
-/// Draws a head in poses of one format.
+/// Draws a head from poses of one format.
 pub struct Scene<'a> {
     host: &'a Host,
     pipeline: wgpu::RenderPipeline,
@@ -73,7 +73,7 @@ pub struct Scene<'a> {
     depth: wgpu::TextureView,
 }
 
-/// The box around the positions: its middle, and its longest side.
+/// Returns middle and longest side of the box around the positions.
 pub fn framed(positions: impl Iterator<Item = [f32; 3]>) -> ([f32; 3], f32) {
     let (mut low, mut high) = ([f32::MAX; 3], [f32::MIN; 3]);
     for position in positions {
@@ -102,7 +102,7 @@ const SHADER: &str = "
     }";
 
 impl<'a> Scene<'a> {
-    /// For poses with these units, of a mesh that is [`framed`] like this.
+    /// Makes a scene for poses with these units, of a mesh with these [`framed`] positions.
     pub fn new(host: &'a Host, format: PoseFormat, units: [f32; 2], framed: ([f32; 3], f32)) -> Result<Self> {
         let device = &host.device;
         let input = VertexInput::new(format, 0, false)?;
@@ -162,7 +162,7 @@ impl<'a> Scene<'a> {
         Ok(Self { host, pipeline, bindings, pixels, depth })
     }
 
-    /// Draw indexed triangles from vertex buffers that the format asks for.
+    /// Draws indexed triangles from the vertex buffers of the format.
     pub fn draw(&self, encoder: &mut wgpu::CommandEncoder, vertices: &[wgpu::BufferSlice<'_>], indices: &wgpu::Buffer) {
         let background = wgpu::Color { r: 0.5, g: 0.39, b: 0.33, a: 1.0 };
         let view = self.pixels.create_view(&Default::default());
@@ -187,7 +187,7 @@ impl<'a> Scene<'a> {
         pass.draw_indexed(0..indices.size() as u32 / 4, 0, 0..1);
     }
 
-    /// Copy the picture; [`Host::read`] has its rows then, four bytes a pixel.
+    /// Copies the picture into a buffer for [`Host::read`], four bytes per pixel.
     pub fn copy(&self, encoder: &mut wgpu::CommandEncoder) -> wgpu::Buffer {
         let buffer = self.host.readback(u64::from(EDGE * EDGE * 4));
         let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(EDGE * 4), rows_per_image: None };

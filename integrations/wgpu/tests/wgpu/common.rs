@@ -1,4 +1,4 @@
-//! Adapters under the validation layers, random weights, and readers of every kind.
+//! Adapters under the validation layers, random weights, and readers of all kinds.
 
 use crate::layers::listen;
 pub use crate::layers::messages;
@@ -13,7 +13,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Whether the validation layers are those of 1.4 or later. That they are there at all is seen by what they see.
+/// Returns whether the validation layers have version 1.4 or later. Tests of planted faults show that they are active.
 pub fn layers_are_new() -> bool {
     // SAFETY: the loader is the one that wgpu loads.
     let layers = unsafe { ash::Entry::load() }.map(|entry| {
@@ -27,17 +27,16 @@ pub fn layers_are_new() -> bool {
     layers.is_ok_and(|layers| layers.iter().any(is_new))
 }
 
-/// Run `test` on each driver, one test at a time. A missing driver fails, and so does every message of the layers.
+/// Runs `test` on each driver, one test at a time. A missing driver fails, and so does every message of the layers.
 pub fn on_every_adapter(test: impl Fn(Host)) {
     static TURN: Mutex<()> = Mutex::new(());
     static LISTEN: Once = Once::new();
     let _turn = locked(&TURN);
     LISTEN.call_once(|| {
-        // Updates and draws are in command buffers of their own. New layers compare these at a submit without being
-        // asked.
+        // Updates and draws are in separate command buffers. Newer layers compare these at a submit by default.
         if !layers_are_new() {
             let enable = "VALIDATION_CHECK_ENABLE_SYNCHRONIZATION_VALIDATION_QUEUE_SUBMIT";
-            // SAFETY: no other thread looks at the environment: other tests wait for their turn.
+            // SAFETY: no other thread reads the environment: other tests wait for their turn.
             unsafe { std::env::set_var("VK_LAYER_ENABLES", enable) };
         }
     });
@@ -64,7 +63,7 @@ impl Random {
         (self.0 >> 33) % n
     }
 
-    /// Weights of which one in three changes.
+    /// Changes one weight in three.
     pub fn change(&mut self, weights: &mut [f32]) {
         for weight in weights {
             if self.below(3) == 0 {
@@ -74,14 +73,14 @@ impl Random {
     }
 }
 
-/// A small mesh, and weights for it that are all 0.
+/// Makes a small mesh, and weights for it, all 0.
 pub fn packed(morph: &Morph, format: DeltaFormat) -> (PackedMesh, Vec<f32>) {
     let mesh = PackedMesh::pack(&testing::mesh(300, 23), &morph.pack_desc(format)).expect("a mesh that fits");
     let weights = vec![0.0; mesh.layout().targets.len()];
     (mesh, weights)
 }
 
-/// The pose that these float32 numbers are is that of the weights.
+/// Asserts that these float32 numbers are the pose of the weights.
 pub fn assert_right(pose: &[f32], mesh: &PackedMesh, weights: &[f32], format: PoseFormat, what: &str) {
     let error = compare(&mesh.layout().to_user_order(pose), &evaluate(mesh, weights));
     let relative = if format == PoseFormat::Fixed16 { 2e-4 } else { 3e-6 };
@@ -89,14 +88,14 @@ pub fn assert_right(pose: &[f32], mesh: &PackedMesh, weights: &[f32], format: Po
     assert!(error.within(relative * f64::from(mesh.layout().diagonal), degrees), "{what}: {error:?}");
 }
 
-/// Copy a pose in `encoder`; [`Host::read`] has it then.
+/// Copies a pose in `encoder`, for [`Host::read`].
 pub fn copy(host: &Host, encoder: &mut wgpu::CommandEncoder, pose: &Pose<'_>) -> wgpu::Buffer {
     let copy = host.readback(pose.view.size);
     encoder.copy_buffer_to_buffer(pose.buffer, pose.view.offset, &copy, 0, pose.view.size);
     copy
 }
 
-/// Submit an update, and read the pose that it makes.
+/// Submits an update, and reads the resulting pose.
 pub fn submit_and_read(host: &Host, update: Option<wgpu::CommandBuffer>, crowd: &Crowd) -> Vec<u8> {
     let mut encoder = host.device.create_command_encoder(&Default::default());
     let copy = copy(host, &mut encoder, &crowd.pose(0).expect("a pose"));
@@ -104,12 +103,12 @@ pub fn submit_and_read(host: &Host, update: Option<wgpu::CommandBuffer>, crowd: 
     host.read(&copy).expect("a copy")
 }
 
-/// Wait until all that was submitted has finished.
+/// Waits until all submitted work has finished.
 pub fn wait(host: &Host) {
     host.device.poll(wgpu::PollType::wait_indefinitely()).expect("a device that is not lost");
 }
 
-/// A submit that fails, with `commands` in it.
+/// Makes a submit that fails, with `commands` in it.
 pub fn submit_in_vain(host: &Host, commands: Option<wgpu::CommandBuffer>) {
     let [from, to] = [0, 1].map(|_| host.filled(&[0; 4], wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST));
     let mut encoder = host.device.create_command_encoder(&Default::default());
@@ -185,7 +184,7 @@ impl ComputeReader {
         }
     }
 
-    /// Decode a pose; [`Host::read`] has it then, in float32.
+    /// Decodes a pose, in float32, for [`Host::read`].
     pub fn record(&self, host: &Host, encoder: &mut wgpu::CommandEncoder, pose: &Pose<'_>) -> wgpu::Buffer {
         let entries = [
             pose.binding(),
@@ -210,14 +209,14 @@ impl ComputeReader {
     }
 }
 
-/// Draws from vertex attributes, or from a storage buffer in the vertex shader, into a picture that nobody looks at.
+/// Draws from vertex attributes, or from a storage buffer in the vertex shader, into a picture that is not read.
 pub struct DrawReader {
     pipeline: wgpu::RenderPipeline,
     target: wgpu::TextureView,
 }
 
 impl DrawReader {
-    /// `input`: the body of `fn vertex`, its inputs, and bindings; `buffers`: what its attributes are fetched from.
+    /// `input`: the body of `fn vertex`, its inputs, and bindings; `buffers`: the layouts of its attributes.
     pub fn new(host: &Host, vertex: &str, buffers: &[Option<wgpu::VertexBufferLayout<'_>>]) -> Self {
         let source = format!("{vertex}\n@fragment fn fragment() -> @location(0) vec4f {{ return vec4f(1.0); }}");
         let source = wgpu::ShaderSource::Wgsl(source.into());
@@ -257,7 +256,7 @@ impl DrawReader {
         Self { pipeline, target: target.create_view(&Default::default()) }
     }
 
-    /// One that reads words of poses in the vertex shader.
+    /// Makes a reader that reads words of poses in the vertex shader.
     pub fn of_storage(host: &Host) -> Self {
         let vertex = "
             @group(0) @binding(0) var<storage, read> words: array<u32>;
@@ -268,7 +267,7 @@ impl DrawReader {
         Self::new(host, vertex, &[])
     }
 
-    /// Draw all vertices, as far as they are triangles; `storage` is bound where the shader has a binding.
+    /// Draws all vertices that form triangles; `storage` is bound if the shader has a binding.
     pub fn record(
         &self,
         host: &Host,

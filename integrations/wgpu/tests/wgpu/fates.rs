@@ -1,4 +1,4 @@
-//! What becomes of command buffers: submitted, dropped, in a submit that fails, out of order, kept.
+//! Fates of command buffers: submitted, dropped, in a failed submit, out of order, kept.
 
 use crate::common::{Random, assert_right, on_every_adapter, packed, submit_and_read, submit_in_vain, wait};
 use crate::play::decoded;
@@ -7,7 +7,7 @@ use crate::scene::Host;
 use deltamorph::{CrowdDesc, DeltaFormat, PackedMesh, PoseFormat, UpdateDesc};
 use deltamorph_wgpu::{Crowd, Morph};
 
-/// A head, and what is asked of it.
+/// A head, and its requested weights.
 struct Head {
     morph: Morph,
     mesh: PackedMesh,
@@ -24,7 +24,7 @@ impl Head {
         Self { morph, mesh, crowd, weights, random: Random(11) }
     }
 
-    /// Other weights, and the update to them.
+    /// Changes the weights, and returns the update to them.
     fn update(&mut self) -> deltamorph::Result<Option<wgpu::CommandBuffer>> {
         self.random.change(&mut self.weights);
         self.crowd.set_weights(0, &self.weights)?;
@@ -36,7 +36,7 @@ impl Head {
         assert_right(&decoded(pose, &view, self.mesh.base()), &self.mesh, &self.weights, view.format, what);
     }
 
-    /// The next update makes the right pose.
+    /// Asserts that the next update makes the right pose.
     fn assert_goes_on(&mut self, host: &Host, what: &str) {
         for _ in 0..3 {
             let update = self.update().unwrap_or_else(|e| panic!("{what}: {e}"));
@@ -57,7 +57,7 @@ fn updates_that_are_dropped_or_fail_are_made_again() {
     on_every_adapter(|host| {
         for (format, desc) in descs() {
             let mut head = Head::new(&host, format, &desc);
-            // While the GPU is busy: what is drawn before it has finished may be wrong.
+            // While the GPU is busy: pictures drawn before it has finished may be wrong.
             host.queue.submit(head.update().expect("an update"));
             submit_in_vain(&host, head.update().expect("an update"));
             host.queue.submit(head.update().expect("an update"));
@@ -69,7 +69,7 @@ fn updates_that_are_dropped_or_fail_are_made_again() {
                 match fates.below(4) {
                     0 => drop(update),
                     1 => {
-                        // It is known when the GPU has finished what was submitted before.
+                        // Known once the GPU has finished all earlier submits.
                         submit_in_vain(&host, update);
                         wait(&host);
                     }
@@ -130,7 +130,7 @@ fn no_more_updates_are_unfinished_than_there_are_lists() {
                     host.queue.submit(update);
                 }
                 head.assert_goes_on(&host, "after thirty updates without a wait");
-                // Kept, all of them: the next one has no list.
+                // All are kept: the next update has no list.
                 let kept: Vec<_> = (0..frames_in_flight).map(|_| head.update().expect("an update")).collect();
                 let refused = head.update().expect_err("no list is free").to_string();
                 assert!(refused.contains("not submitted"), "{refused}");
@@ -145,7 +145,7 @@ fn no_more_updates_are_unfinished_than_there_are_lists() {
 fn instances_come_and_go() {
     on_every_adapter(|host| {
         let mut head = Head::new(&host, DeltaFormat::Fast, &CrowdDesc::new(UpdateDesc::blocks()).instances(2));
-        // With nobody shown there is nothing to record.
+        // Without a visible instance there is nothing to record.
         head.crowd.set_hidden(0, true).expect("an instance");
         head.crowd.remove(1).expect("an instance");
         assert!(head.update().expect("an update").is_none());

@@ -1,11 +1,11 @@
-//! What the validation layers say, which wgpu logs. The tests of `integrations/bevy` listen by this file, too.
+//! Messages of the validation layers, as logged by wgpu. The tests of `integrations/bevy` use this file, too.
 
 use std::sync::{Mutex, Once, PoisonError};
 
-/// What the layers have said.
+/// Messages so far.
 static MESSAGES: Mutex<Vec<String>> = Mutex::new(vec![]);
 
-/// wgpu logs the messages of the layers, each at least in one line.
+/// wgpu logs each message of the layers in at least one line.
 struct Listener;
 
 impl log::Log for Listener {
@@ -22,7 +22,7 @@ impl log::Log for Listener {
     fn flush(&self) {}
 }
 
-/// Listen to the layers.
+/// Starts collecting messages.
 pub fn listen() {
     static LISTEN: Once = Once::new();
     LISTEN.call_once(|| {
@@ -31,18 +31,18 @@ pub fn listen() {
     });
 }
 
-/// What the validation layers said since the last call, without what is known to be wrong.
+/// Returns the messages since the last call, without known false ones.
 pub fn messages() -> Vec<String> {
     let mut messages = std::mem::take(&mut *MESSAGES.lock().unwrap_or_else(PoisonError::into_inner));
     messages.retain(|message| {
-        // Lines that follow a message name labels and objects; general messages are those of drivers and of the loader.
+        // Lines that follow a message name labels and objects; general messages come from drivers and the loader.
         let of_layers = !message.starts_with('\t') && !message.starts_with("GENERAL");
-        // Layers of 1.4.363 report two dispatches that write different places of a buffer: `complaints` in
-        // tests/common/gpu.rs of deltamorph says more.
+        // Layers of 1.4.363 report two dispatches that write different ranges of a buffer: see `complaints` in
+        // tests/common/gpu.rs of deltamorph.
         let disjoint = message.contains("SYNC-HAZARD-WRITE-AFTER-WRITE")
             && message.contains("previously written by another vkCmdDispatch");
-        // Those of 1.3.239 do not know that SPIR-V may be compiled from WGSL, and find hazards where wgpu moves its own
-        // attachments from one layout to another in the next command buffer; later ones do not.
+        // Layers of 1.3.239 do not know WGSL as a source language of SPIR-V, and find hazards where wgpu changes the
+        // layout of its own attachments in the next command buffer; later ones do not.
         let wgsl = message.contains("Invalid source language operand: 10");
         let attachment = message.contains("recorded_usage: SYNC_IMAGE_LAYOUT_TRANSITION");
         of_layers && !disjoint && !wgsl && !attachment

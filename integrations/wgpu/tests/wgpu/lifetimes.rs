@@ -1,4 +1,4 @@
-//! Whatever is dropped first: nothing is destroyed that is in use, and nothing is left over.
+//! In any order of drops, nothing in use is destroyed, and nothing leaks.
 
 use crate::common::{Random, assert_right, copy, on_every_adapter, packed, wait};
 use crate::play::decoded;
@@ -35,7 +35,7 @@ fn everything_may_be_dropped_in_any_order_while_the_gpu_works() {
 fn an_update_keeps_what_it_uses_until_the_gpu_has_finished() {
     on_every_adapter(|host| {
         let morph = Morph::new(&host.device, &host.queue).expect("a device with compute");
-        // Enough that it takes the GPU longer than what follows the submit takes us.
+        // Large enough that the GPU takes longer than the code after the submit.
         let source = sample::head(&sample::HeadDesc::default().vertices(20_000));
         let mesh = source.to_mesh(Tolerance::default()).expect("a mesh");
         let mesh = PackedMesh::pack(&mesh, &morph.pack_desc(DeltaFormat::Fast)).expect("a mesh that fits");
@@ -72,7 +72,7 @@ fn a_buffer_keeps_its_poses() {
     });
 }
 
-/// wgpu lets shaders and copies read all of a buffer: what an earlier crowd left in the memory is not there.
+/// wgpu lets shaders and copies read whole buffers: they must not show memory of an earlier crowd.
 #[test]
 fn slots_that_no_update_has_written_are_zeros() {
     on_every_adapter(|host| {
@@ -102,7 +102,7 @@ fn slots_that_no_update_has_written_are_zeros() {
     });
 }
 
-/// One of each, with updates and draws that were submitted and ones that were not.
+/// Makes one of each object, with updates and draws, some submitted and some not.
 fn in_use(host: &Host) -> Vec<Box<dyn Any>> {
     let morph = Morph::new(&host.device, &host.queue).expect("a device with compute");
     let (mesh, mut weights) = packed(&morph, DeltaFormat::Fast);

@@ -1,4 +1,4 @@
-//! Poses in wgpu's hands, under the validation layers: `../../with-vulkan cargo test`.
+//! Poses used through wgpu, under the validation layers: `../../with-vulkan cargo test`.
 
 mod common;
 mod fates;

@@ -1,4 +1,4 @@
-//! Poses are right and ready for whoever reads them.
+//! Poses are right, and ready for every kind of reader.
 
 use crate::common::{
     ComputeReader, DrawReader, Random, assert_right, copy, layers_are_new, messages, on_every_adapter, packed,
@@ -21,7 +21,7 @@ fn the_example_draws_what_the_reference_says() {
             assert!(error.within(position, degrees), "{format:?}: {error:?}");
             let differ = difference(&picture, &reference);
             assert!(differ < 5e-4, "{format:?}: {differ} of the pixels differ");
-            // Neither is an empty picture, or one of a head that does not move.
+            // Neither picture is empty, and the head moves.
             assert!(difference(&picture, &neutral) > 0.02);
             assert_eq!(picture.len(), (EDGE * EDGE * 4) as usize);
         }
@@ -37,7 +37,7 @@ fn draws_copies_and_compute_passes_of_one_submit_read_the_pose() {
         for (format, slots) in PoseFormat::ALL.into_iter().flat_map(|format| [(format, 1), (format, 2)]) {
             let desc = CrowdDesc::new(UpdateDesc::blocks().pose(format).slots(slots));
             let mut crowd = morph.create_crowd(&uploaded, &desc).expect("a crowd");
-            // With the previous pose, and behind attributes of the host's own.
+            // With the previous pose, and after attributes of the host's own.
             let input = VertexInput::new(format, 3, slots > 1).expect("attributes");
             let second = if slots > 1 { "previous_input(in, vec2f(1.0)).normal" } else { "pose.normal" };
             let vertex = format!(
@@ -50,7 +50,7 @@ fn draws_copies_and_compute_passes_of_one_submit_read_the_pose() {
             let attributes = DrawReader::new(&host, &vertex, &input.layouts());
             let storage = DrawReader::of_storage(&host);
             let (mut random, mut compute, mut read) = (Random(7), None, vec![]);
-            // No wait from frame to frame but those of `update`.
+            // No waits between frames but those of `update`.
             for _ in 0..8 {
                 random.change(&mut weights);
                 crowd.set_weights(0, &weights).expect("weights");
@@ -102,7 +102,7 @@ fn the_layers_see_a_barrier_that_is_left_out_whoever_reads() {
             }";
         let attributes = DrawReader::new(&host, &(input.wgsl() + vertex), &input.layouts());
         let storage = DrawReader::of_storage(&host);
-        // Those of 1.3.239 do not look into render passes where they compare command buffers.
+        // Layers of 1.3.239 do not look into render passes when they compare command buffers.
         let new = layers_are_new();
         type Read<'a> = &'a dyn Fn(&mut wgpu::CommandEncoder, &Pose<'_>);
         let readers: [(&str, bool, Read<'_>); 4] = [
@@ -120,7 +120,7 @@ fn the_layers_see_a_barrier_that_is_left_out_whoever_reads() {
                     Random(1).change(&mut weights);
                     weights[0] = 1.0 - weights[0];
                     crowd.set_weights(0, &weights).expect("weights");
-                    // SAFETY: a pose that is read before it is written is no more than wrong, and nobody looks at it.
+                    // SAFETY: a pose that is read before it is written is merely wrong, and its values are not used.
                     let update = unsafe {
                         morph.update_tampered([&mut crowd], |entries| {
                             let last = if left_out { entries.pop() } else { None };
@@ -171,7 +171,7 @@ fn crowds_are_updated_together_and_nothing_is_recorded_where_nothing_changed() {
     });
 }
 
-/// Dense passes with poses of their own technique.
+/// Returns dense passes with poses of their own technique.
 pub fn dense() -> UpdateDesc {
     UpdateDesc::new(UpdatePath::Compute, BatchSize::All)
 }
@@ -189,7 +189,7 @@ fn streams_have_buffers_of_their_own() {
         let tangents = crowd.stream(0, Semantic::Tangent).expect("tangents");
         assert_ne!(tangents.buffer, crowd.pose(0).expect("a pose").buffer);
         assert!(crowd.previous_stream(0, Semantic::Tangent).expect("tangents").is_some());
-        // All weights are 0: what is there is the base pose.
+        // All weights are 0, so the pose is the base pose.
         let mut encoder = host.device.create_command_encoder(&Default::default());
         let (first, size) = (tangents.view.offset, tangents.buffer.size());
         let copy = host.readback(size);
@@ -210,7 +210,7 @@ fn streams_have_buffers_of_their_own() {
 
 #[test]
 fn what_cannot_be_used_is_refused() {
-    // A device that is not Vulkan's.
+    // A device of another backend than Vulkan.
     let mut desc = wgpu::InstanceDescriptor::new_without_display_handle();
     desc.backends = wgpu::Backends::NOOP;
     desc.backend_options.noop.enable = true;
@@ -230,7 +230,7 @@ fn what_cannot_be_used_is_refused() {
         assert!(crowd.pose(0).is_err(), "no update was made");
         assert!(other.update([&mut crowd]).is_err());
         assert!(crowd.set_weights(0, &[0.0]).is_err());
-        // None of that did any harm.
+        // None of these errors did any harm.
         let update = morph.update([&mut crowd]).expect("an update");
         submit_and_read(&host, update, &crowd);
     });
