@@ -18,7 +18,7 @@ pub enum Poses<'a> {
 pub struct StoredPose<'a> {
     /// The bytes of the pose in its format.
     pub pose: &'a [u8],
-    /// The units of integers: [`PoseView::units`](deltamorph::PoseView::units); 1 for float32 poses.
+    /// The units of fixed-point poses: [`PoseView::units`](deltamorph::PoseView::units); 1 for float32 poses.
     pub units: [f32; 2],
     /// The vertices that changed.
     pub changed: &'a [Range<u32>],

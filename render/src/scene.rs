@@ -67,7 +67,7 @@ pub struct Head {
     pub buffer: vk::Buffer,
     /// Offset of the pose in the buffer, in bytes.
     pub offset: u64,
-    /// The units of integers: [`PoseView::units`]; 1 for float32 poses.
+    /// The units of fixed-point poses: [`PoseView::units`]; 1 for float32 poses.
     pub units: [f32; 2],
     /// Its transform: rotation, translation and a uniform scale.
     pub place: Mat4,
@@ -87,7 +87,7 @@ pub struct Masks {
     pub buffer: vk::Buffer,
     /// Offset of the first mask in the buffer, in bytes.
     pub offset: u64,
-    /// The units of integers; 1 for float32 poses.
+    /// The units of fixed-point poses; 1 for float32 poses.
     pub units: [f32; 2],
 }
 
