@@ -42,7 +42,7 @@ impl Image {
             .sharing_mode(sharing)
             .queue_family_indices(families);
         // SAFETY: the device is alive (Device::borrow); the size is within its limits, and every device has the formats
-        // for these usages, or caps say so (checked by whoever names them).
+        // for these usages, or caps say so (checked by the callers).
         let raw = unsafe { device.raw.create_image(&info, None) }.map_err(Error::vulkan("vkCreateImage"))?;
         device.name(raw, || name.to_owned());
         // From here on, dropping `image` destroys the objects made so far.
