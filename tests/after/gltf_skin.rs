@@ -1,5 +1,5 @@
 //! glTF with a skin and morph targets: read, packed, updated and skinned on the device, read back, and compared with
-//! what the numbers of the file say in float64.
+//! the file's numbers evaluated in float64.
 
 use crate::character::{Character, Stored};
 use crate::gpu;
@@ -26,7 +26,7 @@ fn write(character: &Character, folder: &Path) -> PathBuf {
     path
 }
 
-/// Joints as the skinning step takes them.
+/// Returns joints in the layout of the skinning step.
 fn packed_joints(matrices: &[DMat4], method: SkinMethod) -> Vec<f32> {
     let rows = |m: &DMat4| m.transpose().to_cols_array()[..12].iter().map(|x| *x as f32).collect::<Vec<f32>>();
     let quaternions = |m: &DMat4| {
@@ -40,7 +40,7 @@ fn packed_joints(matrices: &[DMat4], method: SkinMethod) -> Vec<f32> {
     }
 }
 
-/// Weights and joint matrices as the reader has them, of the node that draws the mesh.
+/// Returns weights and joint matrices from the reader, of the node that draws the mesh.
 fn at(gltf: &Gltf, playing: Playing) -> (Vec<f32>, Vec<DMat4>) {
     let playing = playing.map(|(clip, time)| (&gltf.animations[clip], time));
     let number = gltf.nodes.iter().position(|node| node.skin.is_some()).expect("a node with a skin");
@@ -55,7 +55,7 @@ fn at(gltf: &Gltf, playing: Playing) -> (Vec<f32>, Vec<DMat4>) {
     (weights, gltf.joint_matrices(&gltf.skins[node.skin.unwrap()], &gltf.world_matrices(playing)))
 }
 
-/// Positions as the reader has them, skinned without a device.
+/// Returns positions from the reader, skinned without a device.
 fn positions(gltf: &Gltf, mesh: &MorphMesh, playing: Playing) -> Vec<DVec3> {
     let (weights, matrices) = at(gltf, playing);
     let influences = gltf.meshes[0].influences.as_ref().expect("a skin");
@@ -67,17 +67,17 @@ fn positions(gltf: &Gltf, mesh: &MorphMesh, playing: Playing) -> Vec<DVec3> {
     pose.chunks_exact(6).map(DVec3::from_slice).collect()
 }
 
-/// At rest; and before, at, between and after the keys of each clip.
+/// Returns the rest pose, and moments before, at, between and after the keys of each clip.
 fn moments() -> Vec<Playing> {
     let times = [0.0, 0.25, 0.4, 0.5, 0.9, 1.3, 1.5, 2.0];
     let clips = (0..3).flat_map(|clip| times.map(|time| Some((clip, time))));
     std::iter::once(None).chain(clips).collect()
 }
 
-/// Largest distance over the diagonal, degrees between normals, degrees between tangents.
+/// Largest distance relative to the diagonal, degrees between normals, degrees between tangents.
 type Off = (f64, f64, f64);
 
-/// Play all clips of a character on the device: the mesh of the file, or the one that its meshes become.
+/// Plays all clips of a character on the device: with the mesh of the file, or the merged mesh.
 fn play(
     headless: &Headless,
     character: &Character,
@@ -152,7 +152,7 @@ fn a_skinned_morphing_character_is_what_its_file_says() {
         let exact = UpdateDesc::blocks();
         let dense = UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(2));
         let (linear, dual) = (SkinMethod::Linear, SkinMethod::DualQuaternion);
-        // Positions as a share of the diagonal, and degrees. What packing loses is in them: `fast` has 9 bits for a
+        // Positions as a fraction of the diagonal, and degrees. They include packing errors: `fast` has 9 bits per
         // component of normals, whose sums are short here.
         let (all, fast) = ((2e-6, 0.01, 0.01), (5e-5, 3.0, 3.0));
         for (stored, influences, method, format, update, limits, is_merged) in [
@@ -176,9 +176,8 @@ fn a_skinned_morphing_character_is_what_its_file_says() {
     });
 }
 
-/// What gltf-transform makes of the character: joints, targets and clips are the same, vertices are quantised,
-/// compressed, and in another order. `DELTAMORPH_GLTF_TOOLS` names the folder in which `npm install
-/// @gltf-transform/cli` was run.
+/// Characters processed by gltf-transform: joints, targets and clips are the same, vertices are quantised, compressed,
+/// and reordered. `DELTAMORPH_GLTF_TOOLS` names the folder in which `npm install @gltf-transform/cli` was run.
 #[test]
 fn what_tools_make_of_a_character_is_the_same_character() {
     let Some(tools) = std::env::var_os("DELTAMORPH_GLTF_TOOLS").map(PathBuf::from) else {
@@ -187,7 +186,7 @@ fn what_tools_make_of_a_character_is_the_same_character() {
     };
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().join("made.glb");
-    // Off by this share of the diagonal at most: quantised positions have 14 bits, weights of joints 8.
+    // Largest errors as fractions of the diagonal: quantised positions have 14 bits, joint weights 8.
     let (exact, quantised) = (1e-6, 5e-3);
     for (arguments, limit) in [
         ("copy", exact),

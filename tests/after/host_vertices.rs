@@ -1,5 +1,5 @@
-//! Poses in interleaved vertices of the host's own: bit for bit those of our own buffers, in as many passes and
-//! barriers, and nothing else of a vertex is written.
+//! Poses in interleaved host vertices: bit for bit equal to those in the engine's buffers, with as many passes and
+//! barriers; nothing else of a vertex is written.
 
 use crate::gpu;
 use crate::offscreen::{Offscreen, Shared};
@@ -12,9 +12,9 @@ use deltamorph_head::{HeadDesc, head, head_clip};
 use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::sync::Arc;
 
-/// What is in the host's buffer where nothing was written.
+/// Initial bytes of the host's buffer.
 const POISON: u8 = 0xff;
-/// Bytes of the host's behind the poses.
+/// The host's bytes after the poses.
 const BEHIND: usize = 52;
 fn head_desc() -> HeadDesc {
     HeadDesc::default().vertices(500).targets(37).sparsity(0.15).seed(3)
@@ -30,8 +30,8 @@ fn weights(mesh: &PackedMesh, frame: u32, seed: u32) -> Vec<f32> {
     gpu::weights(mesh, frame, seed).iter().map(|weight| weight / 2.0).collect()
 }
 
-/// Vertices of 4-byte numbers: that of the issue, normals first and an odd stride, positions alone, and five streams in
-/// a vertex of 80 bytes, of which one is left out.
+/// Vertices of 4-byte numbers: that of the issue, normals first with an odd stride, positions alone, and five streams
+/// in a vertex of 80 bytes, of which one is left out.
 fn vertices(with_streams: bool) -> Vec<(VertexLayout, u64)> {
     use Semantic::*;
     let wide = VertexLayout::new(48).stream(Position, 0).stream(Normal, 12);
@@ -48,7 +48,7 @@ fn vertices(with_streams: bool) -> Vec<(VertexLayout, u64)> {
     }
 }
 
-/// Vertices of the numbers of `fixed16`, which stay together.
+/// Vertices of `fixed16` numbers, which stay together.
 fn vertices_of_halves(with_streams: bool) -> Vec<(VertexLayout, u64)> {
     use Semantic::*;
     let wide = VertexLayout::new(48).stream(Position, 4).stream(Normal, 10);
@@ -81,7 +81,7 @@ impl<'a> Host<'a> {
             Ok(())
         });
         filled.expect("a fill");
-        // SAFETY: it is large enough, lives as long as all crowds here, and nobody else uses it while an update runs.
+        // SAFETY: it is large enough, lives as long as all crowds here, and nothing else uses it while an update runs.
         let poses = unsafe { HostPoses::new(shared.buffer, offset, vertex) };
         Self { headless, host, shared, poses }
     }
@@ -97,7 +97,7 @@ impl<'a> Host<'a> {
         self.host.contents(&self.shared)
     }
 
-    /// What is between streams and around poses is the host's; of `fixed16` groups are written whole.
+    /// Asserts that bytes between streams and around poses are unchanged; `fixed16` groups are written whole.
     fn assert_guarded(&self, mut bytes: Vec<u8>, mesh: &PackedMesh, pose: PoseFormat, what: &str) {
         let (vertex, offset) = (self.poses.vertex(), self.poses.offset() as usize);
         let end = bytes.len() - BEHIND;
@@ -118,7 +118,7 @@ impl<'a> Host<'a> {
     }
 }
 
-/// The numbers of a stream of a pose, decoded as a host would.
+/// Returns the numbers of a stream of a pose, decoded as a host would.
 fn numbers(bytes: &[u8], view: &StreamView, base: impl Iterator<Item = f32>) -> Vec<u32> {
     let components = view.components as usize;
     let size = if view.format == PoseFormat::Fixed16 { 2 } else { 4 };
@@ -135,7 +135,7 @@ fn numbers(bytes: &[u8], view: &StreamView, base: impl Iterator<Item = f32>) -> 
     base.enumerate().map(|of| number(of).to_bits()).collect()
 }
 
-/// The streams of a crowd's pose in the host's buffer are those of a crowd with buffers of ours.
+/// Asserts that the streams of a crowd's pose in the host's buffer equal those of a crowd with the engine's buffers.
 fn assert_equal<C: AnyCrowd + 'static>(
     mesh: &PackedMesh,
     (host, bytes, pose_format): (&Host<'_>, &[u8], PoseFormat),
@@ -151,7 +151,7 @@ fn assert_equal<C: AnyCrowd + 'static>(
             let (view, before) = views(place.semantic);
             let vertex = host.poses.vertex();
             let is_named = |semantic| vertex.offset(semantic).is_some();
-            // The numbers of `fixed16` stay together.
+            // `fixed16` numbers stay together.
             let together =
                 pose_format == PoseFormat::Fixed16 && group.layout().streams.iter().any(|p| is_named(p.semantic));
             if !is_named(place.semantic) && !together {
@@ -184,7 +184,8 @@ fn assert_equal<C: AnyCrowd + 'static>(
     }
 }
 
-/// Devices without texels, whose sums are in another order: with masks for single heads; clamped, without them.
+/// Runs `test` on devices without texels, whose sums have another order: with masks for single instances; clamped,
+/// without them.
 fn on_devices(test: impl Fn(&Headless)) {
     for driver in gpu::drivers() {
         let plain = gpu::limited(gpu::caps(&driver), |caps| caps.int64 = false);

@@ -1,4 +1,4 @@
-//! Steps after the pose, and what hosts draw from it.
+//! Steps after the pose, and hosts' draws of their outputs.
 
 #[path = "../common/character.rs"]
 mod character;

@@ -1,4 +1,4 @@
-//! Recomputed normals, and how far morphed ones are from them.
+//! Recomputed normals, and their distance from morphed ones.
 
 use crate::data;
 use deltamorph::after::NormalsDesc;
@@ -7,21 +7,21 @@ use deltamorph::reference::{angle_degrees, evaluate_unpacked, normals};
 use deltamorph::{MorphMesh, Tolerance};
 use glam::DVec3;
 
-/// Vertices of the corners of all faces.
+/// Returns the vertices at the corners of all faces.
 pub fn corners(mesh: &MorphMesh) -> Vec<u32> {
     mesh.faces.corners.iter().map(|corner| corner.position).collect()
 }
 
-/// The largest angle between normals, in degrees; `f` is handed each, too.
+/// Returns the largest angle between normals, in degrees; passes each to `f`.
 pub fn compare(found: &[DVec3], expected: &[f64], mut f: impl FnMut(f64)) -> f64 {
     let expected = expected.as_chunks::<3>().0.iter().map(|n| DVec3::from_array(*n));
     let angles = found.iter().zip(expected).filter(|(_, expected)| expected.length() > 0.5);
     angles.map(|(found, expected)| angle_degrees(*found, expected)).inspect(|angle| f(*angle)).fold(0.0, f64::max)
 }
 
-/// Prints how far the normals that targets add up to are from those of the surface that they make, on captured clips:
-/// with the normals of the files, and with normals that are computed on import, which are those of the surface at rest
-/// and in each target.
+/// Prints the angles between sums of the targets' normals and the normals of the resulting surface, on captured clips:
+/// with the normals of the files, and with normals computed on import, which are those of the surface at rest and in
+/// each target.
 #[test]
 fn morphed_normals_against_those_of_the_surface_on_real_sets() {
     for set in ["ict_facekit", "makehuman_face", "facecap_head_glb"] {

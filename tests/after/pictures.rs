@@ -1,5 +1,5 @@
-//! Pictures that a host draws from integer poses, with nothing but vertex attributes and `glsl/host/pose.glsl`: those
-//! of float32 poses.
+//! Pictures that a host draws from fixed-point poses, with vertex attributes and `glsl/host/pose.glsl` only, equal
+//! those of float32 poses.
 
 use crate::offscreen::Offscreen;
 use crate::{draw, gpu};
@@ -8,13 +8,13 @@ use deltamorph::{CrowdDesc, DeltaFormat, POSE_FLOATS, PoseFormat, Semantic, Tole
 use deltamorph_head::{HeadDesc, head, head_clip};
 use deltamorph_headless::HeadlessCrowd;
 
-/// Pixels of an edge, of what is compared.
+/// Width and height of the compared pictures, in pixels.
 const EDGE: usize = 256;
-/// Samples of a pixel, across and down. An edge of the head that moves by less than a pixel moves the share of samples
-/// that show it: with one sample, a pixel would show either what is before it or what is behind.
+/// Samples per pixel, across and down. An edge of the head that moves by less than a pixel changes the fraction of
+/// samples that show it: with one sample, a pixel would show either the foreground or the background.
 const SAMPLES: usize = 16;
 
-/// Red, green and blue from 0 to 255, averaged over the samples of each pixel.
+/// Returns red, green and blue from 0 to 255, averaged over the samples of each pixel.
 fn averaged(picture: &[draw::Pixel]) -> Vec<u8> {
     let mut sums = vec![[0u32; 3]; EDGE * EDGE];
     for (i, sample) in picture.iter().enumerate() {
@@ -25,12 +25,12 @@ fn averaged(picture: &[draw::Pixel]) -> Vec<u8> {
     sums.into_iter().flatten().map(|sum| ((sum + samples / 2) / samples) as u8).collect()
 }
 
-/// How far two pictures differ anywhere.
+/// Returns the largest difference of two pictures.
 fn largest_difference(a: &[u8], b: &[u8]) -> u8 {
     a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)).max().expect("pixels")
 }
 
-/// Where two pictures differ by more than rounding.
+/// Counts the differences of two pictures beyond rounding.
 fn differences(a: &[u8], b: &[u8]) -> usize {
     a.iter().zip(b).filter(|(a, b)| a.abs_diff(**b) > 1).count()
 }
@@ -39,7 +39,7 @@ fn differences(a: &[u8], b: &[u8]) -> usize {
 fn pictures_from_integer_poses_are_those_from_float32_poses() {
     let clip = head_clip(&HeadDesc::default(), 60, 30.0);
     let frame = |at: usize| clip.values[at * clip.names.len()..][..clip.names.len()].to_vec();
-    // Expressions of the clip, all targets a little, and weights that differ by little from the first's.
+    // Expressions of the clip, all targets slightly active, and weights slightly different from the first's.
     let mut frames = vec![frame(18), frame(45), vec![0.1; clip.names.len()]];
     frames.push(frames[0].iter().map(|weight| weight * 0.9).collect());
     for driver in gpu::drivers() {
@@ -49,7 +49,7 @@ fn pictures_from_integer_poses_are_those_from_float32_poses() {
                 pictures.iter().map(|picture| averaged(picture)).collect::<Vec<_>>()
             };
             let expected = draw(PoseFormat::Float32);
-            // Which pictures can tell.
+            // The pictures are meaningful.
             let shown = expected[0].iter().collect::<std::collections::BTreeSet<_>>().len();
             let changed = differences(&expected[0], &expected[3]);
             assert!(shown > 100 && 1_000 * changed > expected[0].len(), "{driver}: {shown} shades, {changed} changed");
@@ -67,7 +67,7 @@ fn pictures_from_integer_poses_are_those_from_float32_poses() {
     }
 }
 
-/// A head from poses at locations from 3 on: the pose, or the previous one.
+/// Draws a head from poses at locations from 3 on: the pose, or the previous one.
 const VERTEX: &str = "
     layout(push_constant) uniform Push { vec2 units; };
     layout(location = 0) out vec3 normal;
@@ -119,7 +119,7 @@ fn the_previous_pose_is_drawn_from_attributes_of_its_own() {
                     let (buffers, offsets): (Vec<_>, Vec<_>) =
                         bound.into_iter().flatten().map(|view| (view.buffer, view.offset)).unzip();
                     let drawn = headless.run(|cmd| {
-                        // SAFETY: `cmd` is in a render pass; all that is bound is alive, and what the pipeline reads.
+                        // SAFETY: `cmd` is in a render pass; all bound objects are alive, and match the pipeline.
                         host.record(cmd, [0.0; 4], &pixels, || unsafe {
                             let push = pose.units.map(f32::to_ne_bytes).concat();
                             host.device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, pipeline);
@@ -168,7 +168,7 @@ fn views_say_what_streams_of_integer_poses_are() {
                 assert_eq!((view.format, view.stride, view.buffer), (PoseFormat::Fixed16, 12, first.buffer));
                 let expected = place.components().map(|component| units[component / 3]);
                 assert!(view.units[..view.components as usize].iter().copied().eq(expected), "{view:?}");
-                // The components of vertex 7, as a host would read them.
+                // The components of vertex 7, read as a host would.
                 let at = (view.offset - first.offset) as usize + 7 * view.stride as usize;
                 let read = stored[at..][..2 * view.components as usize].chunks(2);
                 let read = read.map(|bytes| i32::from(i16::from_ne_bytes([bytes[0], bytes[1]])));

@@ -1,4 +1,4 @@
-//! Every step after the pose, held to the same: a rig for each, and a test for each column of the table that they make.
+//! Every step after the pose, under the same tests: a rig per step, and a test for each column of the resulting table.
 //! A step without a rig does not compile.
 
 use crate::gpu::{self, recorded};
@@ -21,8 +21,8 @@ use deltamorph_headless::{Headless, HeadlessCrowd};
 use glam::DVec3;
 use std::sync::Arc;
 
-/// What skinned positions may be off by, as a share of the diagonal, and their normals, in degrees; and what recomputed
-/// normals may.
+/// Largest errors of skinned positions, as a fraction of the diagonal, and of their normals, in degrees; and of
+/// recomputed normals.
 const SKINNED: (f64, f64) = (1e-5, 0.01);
 const RECOMPUTED: f64 = 0.5;
 
@@ -30,7 +30,7 @@ fn head_desc() -> HeadDesc {
     HeadDesc::default().vertices(900).targets(37).sparsity(0.05).seed(3)
 }
 
-/// A head with a seam in its texture coordinates, whose vertices are doubled there.
+/// Makes a head with a seam in its texture coordinates, at which vertices are doubled.
 fn mesh() -> MorphMesh {
     let source = head(&head_desc());
     let split = source.split().expect("a split head");
@@ -38,13 +38,13 @@ fn mesh() -> MorphMesh {
     split.to_mesh(Tolerance::default()).expect("a mesh")
 }
 
-/// Weights up to 1, of which few change from frame to frame.
+/// Returns weights up to 1, of which few change between frames.
 fn weights(mesh: &PackedMesh, frame: u32, seed: u32) -> Vec<f32> {
     let all = gpu::weights(mesh, frame, seed).into_iter().enumerate();
     all.map(|(t, weight)| if t % 5 == 0 { weight / 2.0 } else { 0.2 }).collect()
 }
 
-/// Joints and weights of every vertex: from one joint to all influences, in no order.
+/// Returns joints and weights of every vertex: from one joint to all influences, unordered.
 fn influences(vertices: usize, influences: u32) -> (Vec<u16>, Vec<f32>) {
     let mut rng = Rng::new(influences.into(), 0);
     let (mut joints, mut weights) = (vec![], vec![]);
@@ -56,7 +56,7 @@ fn influences(vertices: usize, influences: u32) -> (Vec<u16>, Vec<f32>) {
             weights.push(if is_used { rng.range(1e-3, 3.0) } else { 0.0 });
         }
         if vertex % 37 == 0 {
-            // Alone: what a mirrored joint and another make together may have no volume, and no normals.
+            // Alone: a mirrored joint combined with another may leave no volume, and no normals.
             let first = joints.len() - influences as usize;
             joints[first] = MIRRORED;
             weights[first..].fill(0.0);
@@ -77,35 +77,35 @@ enum Target {
     Normals(NormalsTarget),
 }
 
-/// What a skin is made of, and the joints that move it.
+/// The inputs of a skin, and the joints that move it.
 struct Skinned<'a> {
     skin: GpuSkin,
     per_vertex: u32,
     influences: (Vec<u16>, Vec<f32>),
     method: SkinMethod,
     joints: Joints<'a>,
-    /// The pose before.
+    /// The previous pose.
     before: Vec<f32>,
 }
 
-/// A step of an instance: its target, and what it wrote.
+/// A step of an instance: its target, and its outputs.
 struct Rig<'a> {
     headless: &'a Headless,
     mesh: Arc<PackedMesh>,
     source: &'a MorphMesh,
     target: Target,
-    /// Written in turn, where there are two.
+    /// Written in turn, if there are two.
     outputs: Vec<Written<'a>>,
-    /// What is there, in the order of the packed mesh.
+    /// The current contents, in the order of the packed mesh.
     held: Vec<Vec<f32>>,
     skinned: Option<Skinned<'a>>,
     surface: Option<GpuNormals>,
-    /// How far off: as a share of the diagonal, and degrees.
+    /// Largest errors: as a fraction of the diagonal, and degrees.
     worst: (f64, f64),
 }
 
 impl<'a> Rig<'a> {
-    /// One of two targets of a step, which differ in all that it has a choice of.
+    /// Makes one of two targets of a step, which differ in all options.
     fn new(
         kind: Kind,
         which: usize,
@@ -137,7 +137,7 @@ impl<'a> Rig<'a> {
                 // SAFETY: it has run.
                 unsafe { skin.release_staging() };
                 let joints = Joints::new(headless, host, method, mesh.layout().diagonal);
-                // Two places of the same stride in turn, or one.
+                // Two buffers of the same stride in turn, or one.
                 let mut outputs = vec![written(place)];
                 if which == 0 {
                     outputs.push(written((offset + 4, stride, normals)));
@@ -204,10 +204,10 @@ impl<'a> Rig<'a> {
         unset.expect("an instance");
     }
 
-    /// Has joints move, where there are any, in some frames; whether all vertices are to be written then.
+    /// Moves the joints, if any, in some frames; returns whether all vertices are then to be written.
     fn move_joints(&mut self, crowd: &mut HeadlessCrowd<'_>, instance: u32, frame: u32) -> bool {
         let Some(skinned) = self.skinned.as_mut().filter(|_| [3, 11, 13].contains(&frame)) else { return false };
-        // In one of them they are told to, and stay.
+        // In one of them the same joints are set again.
         if frame != 11 {
             skinned.joints.turn(self.headless, frame.into());
         }
@@ -215,7 +215,7 @@ impl<'a> Rig<'a> {
         true
     }
 
-    /// How many vertices were written, by output; what was is held.
+    /// Takes the written vertices into `held`, and counts them by output.
     fn take(&mut self) -> Vec<usize> {
         let outputs = self.outputs.iter().zip(&mut self.held);
         let taken = outputs.map(|(output, held)| {
@@ -230,7 +230,7 @@ impl<'a> Rig<'a> {
         taken.collect()
     }
 
-    /// Holds what is there to the pose, as numbers in the order of the packed mesh, and to that of the reference.
+    /// Asserts that the output matches the pose, given as numbers in the order of the packed mesh, and the reference.
     fn assert_right(&mut self, output: usize, pose: &[f32], reference: &[f64], what: &str) {
         let (held, layout) = (&self.held[output], self.mesh.layout());
         let (position, degrees) = match (&self.target, &self.skinned) {
@@ -270,8 +270,8 @@ impl<'a> Rig<'a> {
         self.worst = (self.worst.0.max(position), self.worst.1.max(degrees));
     }
 
-    /// Checks where a skinned pose and the one before are, the former being in the output that is returned: 0 of the
-    /// other steps. `is_first`: there is no pose before it.
+    /// Checks the views of a skinned pose and the previous one, the former in the output that is returned; 0 for other
+    /// steps. `is_first`: there is no previous pose.
     fn assert_view(&mut self, crowd: &Crowd, instance: u32, counts: &[usize], is_first: bool, what: &str) -> usize {
         let Some(skinned) = &mut self.skinned else { return 0 };
         let view = crowd.skinned(instance).expect("a skinned pose");
@@ -303,7 +303,7 @@ fn each_writes_the_reference_and_only_what_changed() {
             let consumers = Consumers::VERTEX_ATTRIBUTES | Consumers::COPIES;
             let desc = CrowdDesc::new(update).instances(3).consumers(consumers);
             let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
-            // The twin's bits of float32 poses may differ: there, the device's own are taken.
+            // Float32 poses may differ in bits from the twin's: compared with the device's own.
             let integers = update.pose.has_integers();
             let mut twin = CpuCrowd::new(mesh.clone(), update.path(UpdatePath::Cpu), 3, 1).expect("a crowd");
             let mut rigs =
@@ -312,10 +312,10 @@ fn each_writes_the_reference_and_only_what_changed() {
             for frame in 0..16 {
                 let what = format!("{} {kind:?} {format:?} {update:?}, frame {frame}", headless.caps().name);
                 match frame {
-                    // A frame without targets, then the first with them, in which all is still.
+                    // A frame without targets, then the first with them, in which nothing moves.
                     1 => rigs.iter().for_each(|(instance, rig)| rig.set(&mut crowd, *instance)),
                     5 => {
-                        // Whatever was recorded never runs.
+                        // The recorded update never runs.
                         let (_, dropped) = crowd.record(&[&[0.1; 37][..]; 3]).expect("a record");
                         crowd.discard(dropped.ticket).expect("a ticket");
                         assert!(crowd.crowd().skinned(0).is_err());
@@ -406,14 +406,14 @@ fn each_follows_heads_that_play_clips() {
     });
 }
 
-/// With one output or two in turn, where a step has a choice, and joints that move where it has joints.
+/// With one output or two in turn, if a step has the choice, and with moving joints, if it has joints.
 #[test]
 fn a_missing_barrier_around_each_is_found() {
     let source = mesh();
     gpu::on_every_device(|headless, engine| {
         let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
         for (kind, which) in Kind::ALL.into_iter().flat_map(|kind| [0, 1].map(|which| (kind, which))) {
-            // The step that reads poses of every kind alike is tried with each.
+            // The step that reads all kinds of poses is tested with each.
             let updates = match kind {
                 Kind::Decode => gpu::updates(headless),
                 Kind::Skin | Kind::Normals => vec![(DeltaFormat::Fast, UpdateDesc::blocks())],
@@ -423,8 +423,8 @@ fn a_missing_barrier_around_each_is_found() {
                 let mut rig = Rig::new(kind, which, headless, &host, (&source, &mesh));
                 let mut crowd = gpu::crowd(headless, &mesh, update);
                 let (mut updates, mut read) = (vec![], vec![]);
-                // The target comes when there is a pose: the next update carries out the step, and does nothing else;
-                // so does one in which joints alone move.
+                // The target is set when there is a pose: the next update runs only the step; so does one in which only
+                // joints move.
                 for frame in [0, 0, 1, 2, 2, 3] {
                     match updates.len() {
                         1 => rig.set(&mut crowd, 0),
@@ -452,7 +452,7 @@ fn a_missing_barrier_around_each_is_found() {
                     }
                     checker.finish().is_ok()
                 };
-                // Of two outputs, what the third update writes, a slot and a place, nobody has read before.
+                // With two outputs, the slot and the output that the third update writes have not been read before.
                 let (which, least) = match rig.outputs.len() {
                     1 => (vec![1, 2, 3, 4, 5], 10),
                     _ => (vec![1, 3, 4, 5], 9),
