@@ -11,7 +11,7 @@ use deltamorph::{
 use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::sync::Arc;
 
-/// Numbers below `n`, the same everywhere.
+/// Returns numbers below `n`, the same everywhere.
 fn dice(state: &mut u32, n: u32) -> u32 {
     *state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
     (*state >> 16) % n
@@ -25,7 +25,8 @@ fn some_playback(state: &mut u32, now: f64) -> Playback {
         .repeat(if dice(state, 2) == 0 { Repeat::Loop } else { Repeat::Once })
 }
 
-/// Heads that play, are hidden, shown and cut at random. How many blocks were rebuilt, added to, and only caught up.
+/// Plays, hides, shows and cuts instances at random. Returns the numbers of blocks rebuilt, added to, and only brought
+/// up to date.
 fn play_around(
     headless: &Headless,
     mesh: &Arc<PackedMesh>,
@@ -46,7 +47,7 @@ fn play_around(
                 scene.hide(instance, !scene.is_hidden(instance));
             }
         }
-        // Now and then an update is lost, or two run at once.
+        // Sometimes an update is lost, or two run at once.
         if dice(&mut state, 5) == 0 {
             scene.drop_one(now + 0.3);
         }
@@ -87,7 +88,7 @@ fn the_gpu_plans_as_the_cpu_does() {
     });
 }
 
-/// All groups of a mesh follow one animation: sampled and decided once, planned and updated group by group.
+/// All groups of a mesh follow one animation: sampled and decided once, planned and updated per group.
 #[test]
 fn every_stream_is_animated() {
     gpu::on_every_device(|headless, _| {
@@ -107,7 +108,7 @@ fn every_stream_is_animated() {
     });
 }
 
-/// With an error budget, the GPU defers the changes that the CPU defers, and no vertex is further off than the budget.
+/// With an error budget, the GPU defers the same changes as the CPU, and no vertex exceeds the budget.
 #[test]
 fn small_changes_are_deferred_as_on_the_cpu() {
     gpu::on_every_device(|headless, _| {
@@ -128,7 +129,7 @@ fn small_changes_are_deferred_as_on_the_cpu() {
     });
 }
 
-/// Nine heads play a captured clip, each at a place and a speed of its own.
+/// Plays a captured clip on nine instances, each at its own time and speed.
 fn captured(set: &str, clip: &str, format: DeltaFormat, pose: PoseFormat, keys: KeyFormat) {
     let Some(folder) = data::set(set) else { return };
     let mesh = obj::import_folder(&folder).expect("a folder").to_mesh(Tolerance::default()).expect("a mesh");
@@ -171,7 +172,7 @@ fn captured_clips_are_planned_alike() {
 #[test]
 fn small_limits_split_the_crowd() {
     let mesh = packed(DeltaFormat::Fast, 32);
-    // Sixteen instances in two slots, or a little more; four items in a dispatch.
+    // Sixteen instances in two slots, plus some; four items in a dispatch.
     let range = 2 * 17 * mesh.layout().base_bytes();
     let limits = gpu::baseline(|caps| (caps.max_storage_range, caps.max_workgroups) = (range, 4));
     for (driver, limits) in gpu::with_and_without_texels(&limits) {
@@ -192,7 +193,7 @@ fn small_limits_split_the_crowd() {
     });
 }
 
-/// Devices whose kernels take fewer instances at once.
+/// Devices whose kernels process fewer instances at once.
 #[test]
 fn narrow_tiles_give_the_same_poses() {
     let mesh = packed(DeltaFormat::Small, 32);
@@ -205,7 +206,7 @@ fn narrow_tiles_give_the_same_poses() {
     }
 }
 
-/// More heads than one command sends the records of, and more invocations than workgroups in a row.
+/// More instances than one command can send records for, and more invocations than workgroups in a row.
 #[test]
 fn thousands_of_heads_start_at_once() {
     let mesh = packed(DeltaFormat::Small, 128);
@@ -224,7 +225,7 @@ fn thousands_of_heads_start_at_once() {
     });
 }
 
-/// The least there is: a mesh of one block, no head that is shown, no head at all.
+/// The minimum: a mesh of one block, no visible instance, no instances.
 #[test]
 fn one_block_and_no_head_that_is_shown() {
     let mesh = PackedMesh::pack(&testing::mesh(7, 4), &PackDesc::new(DeltaFormat::Fast)).expect("a mesh");
@@ -256,7 +257,7 @@ fn one_block_and_no_head_that_is_shown() {
     });
 }
 
-/// What is recorded depends on the slots, and on whether anything is played anew: not on what changes.
+/// Recorded commands depend on the slots, and on whether playback changes, but not on the values.
 #[test]
 fn the_same_is_recorded_whatever_changes_and_an_idle_crowd_is_no_work() {
     let mesh = packed(DeltaFormat::Fast, 64);

@@ -1,4 +1,4 @@
-//! Levels of detail that the GPU chooses, after the camera.
+//! Levels of detail that the GPU chooses from the camera.
 
 use crate::gpu::on_every_device;
 use crate::scene::{self, Scene};
@@ -7,9 +7,8 @@ use deltamorph::{AnimationDesc, DeltaFormat, Playback};
 use deltamorph_headless::HeadlessCrowd;
 use glam::{Mat4, Vec3};
 
-/// The GPU chooses levels itself, from the camera and the places of heads: those of the CPU, goals equal, levels within
-/// what float32 and steps of 2⁻¹⁶ leave; what they make of weights, plans and poses is that of the reference, bit for
-/// bit.
+/// The GPU chooses levels from the camera and the places of instances: goals equal those of the CPU, levels up to
+/// float32 rounding and steps of 2⁻¹⁶; the resulting weights, plans and poses equal the reference bit for bit.
 #[test]
 fn levels_follow_the_camera_on_the_gpu() {
     on_every_device(|headless, _| {
@@ -28,7 +27,8 @@ fn levels_follow_the_camera_on_the_gpu() {
                 let playback = Playback::new(head % 2).start(-0.3 * f64::from(head));
                 [&mut whole, &mut kept].into_iter().for_each(|scene| scene.play(head, playback));
             }
-            // A row of heads, each half as far again and half as large again as the one before; the last has no place.
+            // A row of instances, each half as far again and half as large again as the one before; the last has no
+            // place.
             let diagonal = mesh.layout().diagonal;
             let ball = Place { centre: Vec3::new(0.1, 0.2, 0.0) * diagonal, radius: 0.5 * diagonal, scale: 1.0 };
             let mut places: Vec<Place> = (0..8)
@@ -38,7 +38,7 @@ fn levels_follow_the_camera_on_the_gpu() {
                 })
                 .collect();
             places.iter().zip(0..).for_each(|(place, head)| kept.set_place(head, place));
-            // No more than so many, however near.
+            // A limit on the targets, however near.
             kept.set_level(1, 4.5);
             let mut levels = vec![Level::new(desc); 8];
             let steps = f64::from(mesh.layout().blocks.as_ref().expect("blocks").steps()[0])
@@ -107,7 +107,7 @@ fn levels_follow_the_camera_on_the_gpu() {
                 [0, 2, 4, 7, 8].into_iter().for_each(|head| kept.assert_fresh(head));
             }
             assert!(fades > 20, "{fades} levels between two targets");
-            // A camera that moves is push constants alone: records come with cuts, hiding and places.
+            // A moving camera takes push constants only: records come with cuts, hiding and places.
             let (records, plain): (Vec<_>, Vec<_>) =
                 commands.into_iter().partition(|(frame, _)| [5, 6, 8, 9].contains(frame));
             assert!(plain.iter().all(|(_, count)| *count == plain[0].1), "{plain:?}");
@@ -116,7 +116,7 @@ fn levels_follow_the_camera_on_the_gpu() {
     });
 }
 
-/// What cannot be followed is refused, with what to do.
+/// Invalid cameras and places are refused, with a remedy.
 #[test]
 fn cameras_and_places_that_cannot_be_are_refused() {
     on_every_device(|headless, _| {

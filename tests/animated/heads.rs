@@ -1,4 +1,4 @@
-//! Heads that are animated on the GPU: time, slots, coming and going, misuse, and planted faults.
+//! Instances animated on the GPU: time, slots, adding and removing, misuse, and planted faults.
 
 use crate::gpu;
 use crate::scene::{FIXED, Scene, clips, crowd, fixed, head_desc, packed};
@@ -10,7 +10,7 @@ use deltamorph::{
 use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::sync::Arc;
 
-/// Days of playing: records are started anew, and nobody sees it.
+/// Days of playback: records are restarted without a visible effect.
 #[test]
 fn the_clock_may_run_for_days() {
     let mesh = packed(DeltaFormat::Small, 64);
@@ -30,7 +30,7 @@ fn the_clock_may_run_for_days() {
     });
 }
 
-/// Two heads that play the clip in which all weights change.
+/// Two instances that play the clip in which all weights change.
 fn two_heads<'a>(headless: &'a Headless, mesh: &Arc<PackedMesh>, update: UpdateDesc) -> Scene<'a> {
     let clips = clips();
     let animation = AnimationDesc::new(&clips);
@@ -86,7 +86,7 @@ fn poses_and_previous_poses_follow_the_slots() {
     });
 }
 
-/// A head that is hidden, or shown, by an update that never runs has the pose that it had.
+/// An instance hidden or shown by an update that never runs keeps its pose.
 #[test]
 fn a_discarded_update_takes_no_pose_away() {
     let mesh = packed(DeltaFormat::Small, 64);
@@ -127,7 +127,7 @@ fn heads_come_and_go() {
         assert!(scene.crowd.play(4, &Playback::new(0)).is_err());
         let (plan, _) = scene.step(0.4);
         assert!(plan.keys().all(|(instance, _)| ![4, 9].contains(instance)));
-        // One comes back before the next update, one after.
+        // One is added before the next update, one after.
         assert_eq!(scene.add(), 4);
         deltamorph::testing::says(scene.crowd.crowd().pose(4), &["no pose yet"]);
         scene.step(0.5);
@@ -177,14 +177,14 @@ fn misuse_is_an_error_that_says_what_to_do() {
     });
 }
 
-/// Synchronization validation sees a barrier that is left out in the real command buffer (those within an update: it
-/// does not look across submissions).
+/// Synchronization validation detects a missing barrier in the real command buffer (within an update: it does not look
+/// across submissions).
 #[test]
 fn validation_sees_a_dropped_barrier() {
     let mesh = packed(DeltaFormat::Small, 64);
     let clips = clips();
     let animation = AnimationDesc::new(&clips);
-    // Behind the records, between two kernels, before the indirect dispatches.
+    // After the records, between two kernels, before the indirect dispatches.
     let wanted: [fn(&Scope, &Scope) -> bool; 3] = [
         |before, _| before.has_access(Access::TransferWrite),
         |before, after| before.has_access(Access::ShaderWrite) && after.has_access(Access::ShaderRead),

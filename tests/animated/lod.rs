@@ -1,5 +1,5 @@
-//! Levels of detail on every path: what is dropped and faded is what the float64 reference makes of the weights that
-//! remain.
+//! Levels of detail on every path: poses with dropped and faded targets equal the float64 reference of the remaining
+//! weights.
 
 use crate::gpu::{self, NORMAL, POSITION, on_every_device};
 use crate::scene::{self, Scene};
@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 const TARGETS: usize = 12;
 
-/// A description for each path, and each kind of pose.
+/// Returns an update of each path and each kind of pose.
 fn paths(engine: &MorphEngine) -> Vec<(DeltaFormat, UpdateDesc)> {
     let [fixed32, fixed16] = gpu::fixed();
     let compute = UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(4));
@@ -31,16 +31,16 @@ fn paths(engine: &MorphEngine) -> Vec<(DeltaFormat, UpdateDesc)> {
     list
 }
 
-/// The weights of a frame, as an animation has them.
+/// Returns the weights of a frame, as from an animation.
 fn weights(frame: usize) -> Vec<f32> {
     (0..TARGETS).map(|t| ((t * 13 + frame * 5) % 17) as f32 / 16.0 - 0.4).collect()
 }
 
-/// Away and back, and a while at rest: pixels a unit.
+/// Moves away and back, and rests for a while: pixels per unit.
 const CAMERA: [f32; 10] = [30.0, 8.0, 2.0, 0.5, 0.1, 0.1, 0.4, 3.0, 10.0, 30.0];
 
 fn level() -> Level {
-    // Wide fades, so that they come and go in a few frames.
+    // Wide fades, so that they take only a few frames.
     Level::new(LevelDesc::default().pixels(8.0).fade(6.0))
 }
 
@@ -59,7 +59,7 @@ fn what_is_kept_is_applied_on_every_path() {
                 levels.push(level.step(&importance, pixels_per_unit, Some(&whole)));
                 importance.apply(levels[frame], &mut kept).expect("as many weights");
                 crowd.step(&[&kept]).expect("a step");
-                // Of what the level says, target by target: not by `apply`.
+                // Computed target by target from the level, not by `apply`.
                 let expected: Vec<f32> = (0..TARGETS).map(|t| whole[t] * importance.factor(t, levels[frame])).collect();
                 let error = compare(&crowd.read_pose(0).expect("a pose"), &gpu::reference(&packed, &desc, &expected));
                 let bound = POSITION * f64::from(packed.layout().diagonal);
@@ -72,7 +72,7 @@ fn what_is_kept_is_applied_on_every_path() {
     });
 }
 
-/// On the path cpu, of every format; and how far the pose is from that of all weights.
+/// On the path `cpu`, in every format; also bounds the distance from the pose of all weights.
 #[test]
 fn poses_on_the_cpu_are_off_by_no_more_than_the_pixels() {
     let mesh = testing::mesh(700, TARGETS);
@@ -94,14 +94,14 @@ fn poses_on_the_cpu_are_off_by_no_more_than_the_pixels() {
             let rounding = 1e-3 * f64::from(mesh.diagonal);
             let off = compare(&pose, &evaluate_unpacked(&mesh, &whole)).position;
             assert!(off * f64::from(pixels_per_unit) <= 4.0 + rounding, "{format:?} frame {frame}: {off}");
-            // Something is dropped, and that can be seen.
+            // Dropping targets has a visible effect.
             assert!(at >= 11.0 || off > rounding, "{format:?} frame {frame}: {off}, {at} kept");
         }
     }
 }
 
-/// Dropping a target is one more delta weight, and once it is dropped, it costs nothing; nor does a camera that stands
-/// still, or trembles.
+/// Dropping a target is one more delta weight; a dropped target costs nothing, nor does a camera that rests or
+/// trembles.
 #[test]
 fn a_target_that_is_dropped_is_a_delta_weight() {
     let mesh = testing::mesh(700, TARGETS);
@@ -121,7 +121,7 @@ fn a_target_that_is_dropped_is_a_delta_weight() {
     assert_eq!(coefficients(8.0, &whole).0, 4);
     assert_eq!(coefficients(7.75, &whole).0, 1);
     assert_eq!(coefficients(7.75, &whole), (0, 0));
-    // All weights move; those of dropped targets are of no concern.
+    // All weights change; those of dropped targets have no effect.
     whole.fill(0.6);
     assert_eq!(coefficients(7.0, &whole).0, 8);
     whole.fill(0.7);
@@ -135,8 +135,8 @@ fn a_target_that_is_dropped_is_a_delta_weight() {
     assert!(still[2..].iter().all(|did| *did == (0, 0)), "{still:?}");
 }
 
-/// The same pixels give each head an error budget of its own, which follows it: what is deferred stays within the
-/// budget of now, and is applied where that has become smaller.
+/// The same pixel tolerance gives each instance its own error budget: deferred changes stay within the current budget,
+/// and are applied when it shrinks.
 #[test]
 fn one_number_of_pixels_steers_the_error_budget_too() {
     let mesh = testing::mesh(700, TARGETS);
@@ -146,7 +146,7 @@ fn one_number_of_pixels_steers_the_error_budget_too() {
     let mut crowd = CpuCrowd::new(packed.clone(), update, 2, 1).expect("a crowd");
     let mut written = [0; 2];
     for frame in 0..60 {
-        // Away and back; the other head stays where it is, and defers nothing.
+        // Away and back; the other instance stays in place, and defers nothing.
         let pixels_per_unit = [2.0, 0.5, 0.1, 0.5, 2.0, 20.0][frame / 10];
         let budgets = [desc.error_budget(pixels_per_unit), 0.0];
         let whole: Vec<f32> = (0..TARGETS).map(|t| 0.02 * ((frame * (t + 1)) % 9) as f32 + 0.3).collect();
@@ -181,8 +181,8 @@ fn one_number_of_pixels_steers_the_error_budget_too() {
     });
 }
 
-/// Crowds that the GPU animates: weights and plans are those of the CPU reference, bit for bit, and weights those of
-/// clips times the factors of each head's own level. The commands are the same but for the records that bring levels.
+/// Crowds animated on the GPU: weights and plans equal the CPU reference bit for bit, and weights are those of clips
+/// times the factors of each instance's level. The commands are the same except for the records that carry levels.
 #[test]
 fn levels_are_applied_on_the_gpu() {
     on_every_device(|headless, _| {
@@ -206,12 +206,12 @@ fn levels_are_applied_on_the_gpu() {
             let mut levels = vec![Level::new(desc); 9];
             let mut elements = vec![];
             for frame in 0..12u32 {
-                // Away, back, and at rest; the last head stays where it is.
+                // Away, back, and at rest; the last instance stays in place.
                 let pixels =
                     [900.0, 300.0, 60.0, 10.0, 1.0, 1.0, 5.0, 30.0, 200.0, 900.0, 900.0, 900.0][frame as usize];
                 let now = f64::from(frame) / 10.0;
                 let mut at = vec![];
-                // The camera cuts to the last one.
+                // The camera cuts to the last instance.
                 levels.iter_mut().filter(|_| frame == 11).for_each(Level::cut);
                 for (head, level) in (0..9).zip(&mut levels) {
                     let pixels = if head == 8 { f32::INFINITY } else { pixels * (1.0 + head as f32 / 4.0) };
@@ -229,7 +229,7 @@ fn levels_are_applied_on_the_gpu() {
                     for (t, (all, some)) in all.iter().zip(&some).enumerate() {
                         let factor = f64::from(importance.factor(t, at[head as usize]));
                         let expected = f64::from(*all) * factor;
-                        // Levels are rounded to steps of their own, weights to theirs.
+                        // Levels and weights are rounded to different steps.
                         let most = 0.5 + f64::from(all.abs()) * 0.6 / 65_536.0;
                         let off = (f64::from(*some) - expected).abs();
                         assert!(off <= most, "frame {frame}, head {head}, target {t}: {some}, not {expected} ({step})");
@@ -239,7 +239,7 @@ fn levels_are_applied_on_the_gpu() {
             }
             assert!(levels[8].level() == Some(targets as f32), "{levels:?}");
             assert!(elements[5] * 3 < elements[1] && elements[11] > 3 * elements[5], "{elements:?}");
-            // What stands still brings nothing to the device: the clock goes on, with the same commands.
+            // An idle crowd uploads nothing: the clock goes on, with the same commands.
             let [first, second] = [2.0, 2.1].map(|now| {
                 (0..9).for_each(|head| kept.set_level(head, 4.5));
                 kept.step(now).1
