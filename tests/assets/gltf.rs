@@ -1,4 +1,4 @@
-//! glTF files of the data sets against what their folders say, and a textured head with seams.
+//! glTF files of the data sets against their folders, and a textured head with seams.
 
 use crate::data;
 use deltamorph::import::gltf::{self, Gltf, Mesh, Property, Transform};
@@ -59,7 +59,7 @@ fn facecap_has_the_poses_of_its_folder() {
         }
         let expected_normals = normals(&expected, &of_folder);
         for (n, e) in normals(&own, &weights).iter().zip(&expected_normals) {
-            // The folder's base normals are the 8-bit ones, which differ from unit length by less than 1%.
+            // The folder's base normals are the 8-bit ones, whose length differs from 1 by less than 1%.
             assert!((turn(*n) - *e).length() < 2e-3, "{n} {e}");
         }
     }
@@ -107,7 +107,7 @@ fn facecap_plays_its_own_clip() {
         assert!(off < 1e-5, "frame {frame}: {off}");
     }
     let mesh = source.to_mesh(Tolerance::default()).unwrap();
-    // As the scene has it: a tenth of the node's own scale.
+    // In the scene's scale: a tenth of the node's.
     assert!((mesh.diagonal / 3.826 - 1.0).abs() < 0.1, "{}", mesh.diagonal);
 }
 

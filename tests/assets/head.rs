@@ -19,7 +19,7 @@ fn hash(words: impl Iterator<Item = u32>) -> u64 {
     words.fold(0xcbf2_9ce4_8422_2325, |h, x| (h ^ u64::from(x)).wrapping_mul(0x100_0000_01b3))
 }
 
-/// A hash over the bits of the surface and the targets.
+/// Hashes the bits of the surface and the targets.
 fn fingerprint(source: &MorphSource) -> u64 {
     let base = source.positions.iter().flat_map(|p| p.to_array()).map(f32::to_bits);
     let faces = source.faces.corners.iter().map(|c| c.position);
@@ -42,7 +42,7 @@ fn the_number_of_vertices_is_exact() {
     }
 }
 
-/// For each vertex the first one of the surface that it belongs to. The skin is the surface of vertex 0.
+/// Returns, for each vertex, the first vertex of its surface. The skin is the surface of vertex 0.
 fn pieces(source: &MorphSource) -> Vec<u32> {
     fn root(of: &mut [u32], mut v: u32) -> u32 {
         while of[v as usize] != v {
@@ -85,7 +85,7 @@ fn the_surfaces_are_closed_and_face_outwards() {
 
 #[test]
 fn the_same_description_gives_the_same_bits() {
-    // These numbers hold on every machine. When the head is changed on purpose, they change with it.
+    // The same on every machine. A deliberate change of the head changes these numbers.
     let d = desc(3000, 60, 0.12);
     assert_eq!(fingerprint(&head(&d)), fingerprint(&head(&d)));
     assert_eq!(format!("{:016x}", fingerprint(&head(&d))), FINGERPRINT);

@@ -1,4 +1,4 @@
-//! OBJ folders: what is kept of them, and what is said about those that cannot be used.
+//! OBJ folders: imported data, and errors for unusable ones.
 
 use deltamorph::import::obj::{ObjFile, ObjMesh, import_folder, write_obj, write_obj_to};
 use deltamorph::{MorphSource, Tolerance};
@@ -56,8 +56,8 @@ fn targets_come_in_the_order_of_their_names_and_hold_what_differs() {
 
 #[test]
 fn the_order_of_the_file_is_kept_whatever_faces_and_groups_say() {
-    // Faces backwards, an unreferenced vertex (2), groups and materials between them, CR LF, a byte order mark,
-    // a line that goes on, colours on one line only, comments in Latin-1.
+    // Reversed faces, an unreferenced vertex (2), groups and materials between them, CR LF, a byte order mark, a
+    // continued line, colours on one line only, comments in Latin-1.
     let mut text =
         b"\xef\xbb\xbf# caf\xe9 \\\r\nmtllib none.mtl\r\no one\r\nv 5 0 0 1 0 0\r\nv 9 9 9\r\nv 6 \\\r\n 0 0\r\n"
             .to_vec();
@@ -209,7 +209,7 @@ fn a_polygon_of_many_corners_takes_no_longer_than_many_polygons() {
     let seconds = start.elapsed().as_secs_f64();
     assert!(mesh.normals.iter().all(|n| (*n - Vec3::Z).length() < 1e-5));
     assert!(mesh.targets[0].vertices.len() == corners && mesh.targets[0].normals[7].x < -0.5);
-    // Some 0.1 s; recomputing the polygon at each of its corners takes most of a minute.
+    // About 0.1 s; recomputing the polygon at each of its corners takes most of a minute.
     assert!(seconds < 2.0, "{seconds} s");
 }
 
@@ -237,7 +237,7 @@ fn bad_lines_are_named() {
     says(&parse_error("v 0 0 0\nvn 0 inf 1\n"), &["line 2", "'inf'"]);
     says(&parse_error("v 0 0 0\nvt 1\n"), &["line 2", "texture coordinate with 1 numbers, 2 expected"]);
     says(&parse_error(*b"v 0 0 0\nv 1 \xff 0\n"), &["line 2", "UTF-8"]);
-    // The line that a continued statement starts on, and the count after it.
+    // The first line of a continued statement, and the line count after it.
     says(&parse_error("v 0 \\\n 0 \\\n 0\nv 0\n"), &["line 4"]);
 }
 
@@ -297,7 +297,7 @@ fn noise_is_dropped_and_does_not_come_back_in_the_normals() {
     assert_eq!(mesh.targets[0].vertices, [3]);
     let mesh = source.to_mesh(Tolerance::default()).unwrap();
     let target = &mesh.targets[0];
-    // Vertex 1 stays for its normal only, so its position delta is exactly zero.
+    // Vertex 1 stays only for its normal, so its position delta is exactly zero.
     assert_eq!(target.vertices, [0, 1, 2, 3]);
     assert_eq!(target.positions[1], Vec3::ZERO);
     let exact = import(NEUTRAL, &[("a.obj", &NEUTRAL.replace("v 0 0 1", "v 0.2 0.1 1.5"))]);
@@ -348,7 +348,7 @@ proptest! {
             let source = MorphSource {
                 positions: file.positions, texcoords: file.texcoords, faces: file.faces, ..Default::default()
             };
-            // What is accepted is whole: every index within its list.
+            // Accepted sources are valid: every index is within its list.
             prop_assert!(source.to_mesh(Tolerance::default()).is_ok());
         }
     }

@@ -1,4 +1,4 @@
-//! Import of real heads: what meta.json and README.txt of the sets say.
+//! Import of real heads, against meta.json and README.txt of the sets.
 
 use crate::data;
 use deltamorph::import::csv;
@@ -22,7 +22,7 @@ fn pose(mesh: &MorphMesh, weights: &[f32]) -> Vec<DVec3> {
     pose
 }
 
-/// The largest error that the default tolerance makes over a clip, as a fraction of the diagonal.
+/// Returns the largest error of the default tolerance over a clip, as a fraction of the diagonal.
 fn error_over_clip(source: &MorphSource, folder: &Path, clip: &str) -> f64 {
     let clip = csv::read(&folder.join("weights").join(clip), None).unwrap();
     assert_eq!(clip.fps, if clip.name.contains("24fps") { 24.0 } else { 30.0 });
@@ -48,7 +48,7 @@ fn ict_facekit() {
     let stated: usize = source.targets.iter().map(|t| t.positions.len()).sum();
     let stated = stated as f64 / (57.0 * 26_719.0);
     assert!((stated - 0.4371).abs() < 1e-3, "{stated}");
-    // 0.302 by positions alone: the normals hardly add to it.
+    // 0.302 by positions alone; normals add little.
     assert!((0.29..0.31).contains(&kept(&mesh)), "{}", kept(&mesh));
     for clip in ["facecap_30fps.csv", "facegood_2_01_mapped_30fps.csv"] {
         let error = error_over_clip(&source, &folder, clip);
@@ -75,7 +75,7 @@ fn morph_stress_test() {
     let source = import_folder(&folder).unwrap();
     let mesh = source.to_mesh(Tolerance::default()).unwrap();
     assert_eq!((mesh.vertex_count(), mesh.targets.len()), (1504, 8));
-    // 6.25% moved; the normals around them turn, and rounding in the rest is dropped.
+    // 6.25% are moved; the normals around them turn, and rounding elsewhere is dropped.
     assert!((0.0625..0.08).contains(&kept(&mesh)), "{}", kept(&mesh));
     assert!(error_over_clip(&source, &folder, "TheWave_24fps.csv") <= 5e-5);
 }

@@ -1,4 +1,4 @@
-//! What files are read as, and the built-in head.
+//! File import, and the built-in head.
 
 #[path = "../common/data.rs"]
 mod data;

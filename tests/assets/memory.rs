@@ -1,5 +1,5 @@
-//! Memory that readers take for files of text and textures, whatever these count: what the documentation of each
-//! states. glTF and packed files have such tests beside their readers (src/import/gltf/tests, src/pack/file/tests).
+//! Memory of readers of text files and textures, regardless of the counts in a file, against the documented limits.
+//! glTF and packed files have such tests beside their readers (src/import/gltf/tests, src/pack/file/tests).
 
 use deltamorph::import::csv;
 use deltamorph::import::obj::ObjFile;
@@ -9,7 +9,7 @@ use proptest::prelude::*;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// Read a file of `size` bytes in `each` bytes of memory for each of them, and 1 MiB.
+/// Reads a file of `size` bytes within `each` bytes of memory per byte, plus 1 MiB.
 fn within<T>(size: usize, each: usize, read: impl FnOnce() -> T) -> T {
     let mut result = None;
     let memory = allocation_counter::measure(|| result = Some(read()));
@@ -25,22 +25,22 @@ fn written(name: &str, bytes: &[u8]) -> (TempDir, PathBuf) {
     (folder, path)
 }
 
-/// Few or many.
+/// A count, small or large.
 fn size() -> impl Strategy<Value = usize> {
     prop_oneof![2 => 0usize..20, 1 => 0usize..50_000]
 }
 
-/// Of a name.
+/// The length of a name.
 fn length() -> impl Strategy<Value = usize> {
     prop_oneof![3 => 0usize..9, 1 => 0usize..9000]
 }
 
-/// Of a word: in the header and the keys, or anywhere.
+/// The place of a word: in the header and the keys, or anywhere.
 fn place() -> impl Strategy<Value = usize> {
     prop_oneof![3 => 0usize..400, 1 => any::<usize>()]
 }
 
-/// As many as make half a megabyte of text at most, where each takes `each` bytes.
+/// Limits `count` to half a megabyte of text, at `each` bytes per item.
 fn room(count: usize, each: usize) -> usize {
     count.min((1 << 19) / each.max(1))
 }
@@ -89,7 +89,7 @@ proptest! {
         counts in ([size(), size(), size(), size()], size(), prop::collection::vec(0usize..5, 1..4), 0usize..4),
     ) {
         let text = obj(counts);
-        // A corner that names the last of what is listed before is right in every form.
+        // A corner that refers to the last listed items is valid in every form.
         prop_assert!(within(text.len(), 300, || ObjFile::from_bytes(Path::new("a.obj"), text.clone().into())).is_ok());
     }
 

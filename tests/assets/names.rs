@@ -1,4 +1,4 @@
-//! One table of names: a captured ARKit clip plays on each of the faces, and what does not map is said.
+//! The table of names: a captured ARKit clip plays on each of the faces, and unmapped names are reported.
 
 use crate::data;
 use deltamorph::import::{ImportDesc, ImportedMesh, csv, open};
@@ -39,7 +39,7 @@ fn a_captured_arkit_clip_plays_on_every_face() {
         assert!(there.lost().eq(lost.iter().copied()), "{name}");
         let bound = there.clip.bind(&names(&source)).unwrap();
         assert_eq!(bound.frame_count(), clip.frame_count());
-        // Every weight of the capture is there, under the name that the face has for it.
+        // Every weight of the capture is present, under the face's own name.
         for (column, weight) in clip.names.iter().zip(&clip.values[100 * 52..]) {
             let own = vec![(column.clone(), 1.0)];
             let found = there.columns.iter().find(|(name, _)| name == column).map_or(&own, |(_, targets)| targets);
@@ -52,7 +52,7 @@ fn a_captured_arkit_clip_plays_on_every_face() {
     }
 }
 
-/// The clips that were made by hand for these faces are what the table makes of the capture.
+/// The table converts the capture to the same clips as those made by hand for these faces.
 #[test]
 fn the_tables_clips_are_those_made_by_hand() {
     let Some(clip) = captured() else { return };
@@ -65,7 +65,7 @@ fn the_tables_clips_are_those_made_by_hand() {
     }
 }
 
-/// Every unit of MakeHuman that the table names is there, in the set and on its own, and drives ARKit's shapes.
+/// Every MakeHuman unit of the table is in the set, and alone drives ARKit's shapes.
 #[test]
 fn makehumans_units_are_those_of_the_set() {
     let Some(source) = mesh("makehuman_face") else { return };

@@ -1,4 +1,4 @@
-//! A blink: how far the lids stay from the eyeball on the way, with the target alone and with an in-between.
+//! A blink: the distance of the lids from the eyeball on the way, with the target alone and with an in-between.
 
 use super::{desc, pieces};
 use deltamorph::MorphSource;
@@ -9,7 +9,7 @@ use deltamorph_rig::{BoundRig, Rig};
 /// Steps from open to closed.
 const STEPS: u16 = 64;
 
-/// The skin within reach of an eyeball, what moves it, and the eyeball as a sphere.
+/// The skin near an eyeball, its targets, and the eyeball as a sphere.
 struct Lids<'a> {
     source: &'a MorphSource,
     near: Vec<usize>,
@@ -18,7 +18,7 @@ struct Lids<'a> {
 }
 
 impl<'a> Lids<'a> {
-    /// Of the head's own left (+X) or right.
+    /// Makes the lids of the head's own left (+X) or right side.
     fn new(source: &'a MorphSource, sign: f64) -> Self {
         let piece = pieces(source);
         let at = |v: usize| source.positions[v].as_dvec3();
@@ -29,14 +29,14 @@ impl<'a> Lids<'a> {
         let eye = names[1..3].iter().copied().find(|name| at(*name as usize).x * sign > 0.0).unwrap();
         let ball: Vec<DVec3> = (0..piece.len()).filter(|v| piece[*v] == eye).map(at).collect();
         let (low, high) = ball.iter().fold((DVec3::MAX, DVec3::MIN), |(low, high), p| (low.min(*p), high.max(*p)));
-        // Iris and pupil are hollow: what is widest, and what is farthest back, says where the sphere is.
+        // Iris and pupil are hollow: the widest and the farthest points at the back define the sphere.
         let radius = (high.x - low.x) / 2.0;
         let centre = DVec3::new((low.x + high.x) / 2.0, (low.y + high.y) / 2.0, low.z + radius);
         let skin = (0..piece.len()).filter(|v| piece[*v] == piece[0] && at(*v).distance(centre) < 2.0 * radius);
         Self { source, near: skin.collect(), centre, radius }
     }
 
-    /// The smallest distance of the lids from the eyeball; negative inside of it.
+    /// Returns the smallest distance of the lids from the eyeball; negative inside.
     fn clearance(&self, weights: &[f32]) -> f64 {
         let mut positions: Vec<DVec3> = self.source.positions.iter().map(|p| p.as_dvec3()).collect();
         for (target, weight) in self.source.targets.iter().zip(weights).filter(|(_, w)| **w != 0.0) {
@@ -48,7 +48,7 @@ impl<'a> Lids<'a> {
         distances.fold(f64::INFINITY, f64::min) - self.radius
     }
 
-    /// The least of a whole blink, and where on the way.
+    /// Returns the smallest distance during a whole blink, and its position on the way.
     fn least(&self, rig: &BoundRig, control: &str) -> (f64, f32) {
         let index = rig.controls().position(|name| name == control).unwrap();
         let mut controls = vec![0.0; rig.controls().len()];
@@ -75,7 +75,7 @@ fn a_blink_with_an_in_between_goes_round_the_eyeball_and_without_goes_through_it
     for (sign, control) in [(1.0, "eyeBlinkLeft"), (-1.0, "eyeBlinkRight")] {
         let lids = Lids::new(&source, sign);
         assert!(lids.near.len() > 1000, "{} vertices near an eyeball", lids.near.len());
-        // Of the others, none at weight 1 pushes a lid into the eyeball.
+        // No other target at weight 1 pushes a lid into the eyeball.
         for (index, target) in source.targets.iter().enumerate() {
             let mut weights = vec![0.0; source.targets.len()];
             weights[index] = 1.0;
@@ -101,7 +101,7 @@ fn in_betweens_are_two_more_targets() {
     let names: Vec<&str> = more.targets[60..].iter().map(|target| target.name.as_str()).collect();
     assert_eq!(names, ["eyeBlinkLeft_half", "eyeBlinkRight_half"]);
     assert_eq!(head_rig(&with).controls.len(), 2);
-    // What is not there is not named.
+    // Missing in-betweens are not named.
     assert_eq!(head_rig(&desc(3000, 60, 0.12)), Rig::default());
     let few = desc(3000, 1, 0.12).in_betweens(true);
     assert_eq!(head(&few).targets.len(), 2);

@@ -1,5 +1,4 @@
-//! What the targets of the built-in head do: lids close, lips meet and open, left mirrors right, nothing goes through
-//! anything else.
+//! Targets of the built-in head: lids close, lips meet and open, left mirrors right, no part penetrates another.
 
 use super::{desc, pieces};
 use deltamorph::MorphSource;
@@ -7,7 +6,7 @@ use deltamorph_head::head;
 use glam::Vec3;
 use std::collections::{HashMap, HashSet};
 
-/// The positions with target `name` at weight 1.
+/// Returns the positions with target `name` at weight 1.
 fn posed(source: &MorphSource, name: &str) -> Vec<Vec3> {
     let mut positions = source.positions.clone();
     let target = source.targets.iter().find(|t| t.name == name).unwrap();
@@ -15,8 +14,8 @@ fn posed(source: &MorphSource, name: &str) -> Vec<Vec3> {
     positions
 }
 
-/// The upper and the lower vertices that face each other across the openings of the skin, which share a texture
-/// coordinate: those of the left eye, of the right eye, of the mouth.
+/// Returns the upper and lower vertices that face each other across the openings of the skin, which share a texture
+/// coordinate: of the left eye, the right eye, the mouth.
 fn edges(source: &MorphSource) -> [Vec<(usize, usize)>; 3] {
     let mut first = HashMap::new();
     let mut pairs = [vec![], vec![], vec![]];
@@ -62,8 +61,8 @@ fn lids_close_and_lips_meet_and_open() {
     }
 }
 
-/// Of `points` those inside the closed surface `triangles`: how often it is crossed on the way towards +Z, outwards
-/// less inwards.
+/// Returns the `points` inside the closed surface `triangles`, by its crossings on the way towards +Z, outward minus
+/// inward.
 fn inside(points: &[usize], triangles: &[[u32; 3]], positions: &[Vec3]) -> Vec<usize> {
     const CELL: f64 = 0.4;
     let cell = |x: f64| (x / CELL).floor() as i32;
@@ -79,7 +78,7 @@ fn inside(points: &[usize], triangles: &[[u32; 3]], positions: &[Vec3]) -> Vec<u
         }
     }
     let is_inside = |v: &usize| {
-        // Beside the vertices of the other side, which mirror each other, and their edges.
+        // Offset from the mirrored vertices of the other side, and from their edges.
         let p = at(*v) + glam::DVec3::new(1.3e-5, 2.1e-5, 0.0);
         let mut winding = 0;
         for triangle in cells.get(&(cell(p.x), cell(p.y))).into_iter().flatten() {
@@ -112,7 +111,7 @@ fn no_target_pushes_a_part_through_another() {
         let all = eye.iter().map(|v| source.positions[*v]);
         all.fold((Vec3::MAX, Vec3::MIN), |(low, high), p| (low.min(p), high.max(p)))
     };
-    // The test sees what is inside: an eye behind the forehead is.
+    // The test detects penetration: an eye behind the forehead is inside.
     let raised: Vec<Vec3> = source
         .positions
         .iter()
@@ -133,7 +132,7 @@ fn no_target_pushes_a_part_through_another() {
         for (a, b) in [(&upper, &lower), (&lower, &upper), (&tongue, &upper), (&tongue, &lower), (&lower, &tongue)] {
             assert!(inside(&a.0, &b.1, &p).is_empty(), "{name}: teeth or tongue");
         }
-        // The skin against itself: just outside of it there is nothing, but in the sharpest folds.
+        // The skin against itself: nothing is just outside of it, except in the sharpest folds.
         let mut around = vec![Vec3::ZERO; p.len()];
         for triangle in &skin.1 {
             let [a, b, c] = triangle.map(|v| p[v as usize]);
@@ -144,7 +143,7 @@ fn no_target_pushes_a_part_through_another() {
         let outside: Vec<usize> = skin.0.iter().map(|v| v + p.len()).collect();
         let stuck = inside(&outside, &skin.1, &with_outside).len();
         assert!(stuck <= skin.0.len() / 200, "{name}: {stuck} vertices of the skin are in the skin");
-        // Lids against the eyeball as the sphere it is, between its vertices too.
+        // Lids against the eyeball as a sphere, also between its vertices.
         for eye in [&left.0, &right.0] {
             let (low, high) = bounds(eye);
             let (centre, radius) = ((low + high) * 0.5, (high.x - low.x) * 0.5);
@@ -174,7 +173,7 @@ fn left_and_right_mirror_each_other() {
             let (left, right) = (deltas(&left.name), deltas(&name));
             for (v, d) in &left {
                 let other = right.get(&mirror(*v).unwrap()).copied().unwrap_or_default();
-                // 20 µm: where a support ends, one side may have a vertex more.
+                // 20 µm: at the edge of a support, one side may have a vertex more.
                 assert!((*d - other * flip).length() < 2.5e-3, "{name}, vertex {v}: {d} and {other}");
             }
         }
