@@ -1,8 +1,8 @@
-//! Has the driver of a GPU compile pipelines, and prints what it says of them: in a process of its own, whose
-//! environment shows that driver alone. There is no such GPU: nothing is bound, recorded or run.
+//! Makes a GPU driver compile pipelines, and prints its statistics, in a process of its own whose environment shows
+//! only that driver. No GPU is needed: nothing is bound, recorded or run.
 //!
-//! All goes to standard error, in lines: some drivers print statistics there while they compile, and so the order tells
-//! which pipeline they belong to. `statistics.rs` reads them.
+//! All output goes to standard error, in lines: some drivers print statistics there while they compile, so the order
+//! assigns them to pipelines. `statistics.rs` reads them.
 
 use crate::engine::Pipeline;
 use deltamorph::DeviceCaps;
@@ -14,16 +14,16 @@ use std::ffi::CStr;
 use std::io::{BufRead, Write};
 use std::process::{Command, Output, Stdio};
 
-/// Starts the lines that are ours.
+/// Prefix of lines printed by this program.
 pub const MARK: &str = "budgets: ";
 
-/// The vendor whose listings alone tell of arrays in memory.
+/// The vendor for which only listings show arrays in memory.
 const ARM: u32 = 0x13b5;
 
-/// Run [`compile`] by way of `launcher`, a command that is given this program and its arguments: what it prints.
+/// Runs [`compile`] through `launcher`, a command that gets this program and its arguments; returns its output.
 pub fn compile_apart(mut launcher: Command, pipelines: &[Pipeline]) -> Output {
     launcher.args(["--exact", "compiles_what_it_is_told", "--ignored", "--nocapture"]);
-    // Of ./with-vulkan: the launcher's choice of a driver stands alone.
+    // Variables of ./with-vulkan: only the launcher chooses the driver.
     launcher.env_remove("VK_ADD_DRIVER_FILES").env_remove("VK_INSTANCE_LAYERS");
     launcher.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = launcher.spawn().unwrap_or_else(|e| panic!("{launcher:?}: {e}"));
@@ -32,16 +32,16 @@ pub fn compile_apart(mut launcher: Command, pipelines: &[Pipeline]) -> Output {
         let words = constants.iter().map(|constant| format!(" {constant}"));
         format!("{module}{}\n", words.collect::<String>())
     });
-    // Where it ends early, its output tells why.
+    // If it ends early, its output has the reason.
     let _ = input.write_all(lines.collect::<String>().as_bytes());
     drop(input);
     child.wait_with_output().expect("its output")
 }
 
-/// Compile the pipelines that standard input lists: a module and its specialization constants in a line.
+/// Compiles the pipelines that standard input lists: a module and its specialization constants per line.
 pub fn compile() {
     let app = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_1);
-    // SAFETY: a device of our own, which goes with the process: v3dv crashes where it is destroyed.
+    // SAFETY: a device of its own, left to the end of the process: v3dv crashes when it is destroyed.
     unsafe {
         let entry = ash::Entry::load().expect("the Vulkan loader");
         let info = vk::InstanceCreateInfo::default().application_info(&app);
@@ -94,8 +94,8 @@ unsafe fn compile_one(
     if listings {
         flags |= vk::PipelineCreateFlags::CAPTURE_INTERNAL_REPRESENTATIONS_KHR;
     }
-    // SAFETY: the caller's obligation; the layout is what the table of kernels says of the module, and
-    // tests/project/spirv.rs compares them. All is destroyed once.
+    // SAFETY: the caller's obligation; the layout matches the table of kernels, which tests/project/spirv.rs compares
+    // with the modules. Everything is destroyed once.
     unsafe {
         let (set_layout, layout) = layouts(device, module.kernel);
         let info = vk::ShaderModuleCreateInfo::default().code(&words);
@@ -157,7 +157,7 @@ unsafe fn print_statistics(device: &ash::Device, executables: &Executables, pipe
         for statistic in &statistics {
             use vk::PipelineExecutableStatisticFormatKHR as Format;
             let name = statistic.name_as_c_str().expect("a name").to_string_lossy();
-            // SAFETY: the format says which it is.
+            // SAFETY: the format selects the field.
             let value = unsafe {
                 match statistic.format {
                     Format::UINT64 => statistic.value.u64 as f64,
@@ -171,7 +171,7 @@ unsafe fn print_statistics(device: &ash::Device, executables: &Executables, pipe
         if listings {
             // SAFETY: as above.
             let text = unsafe { assembly(device, executables, &info) };
-            // Memory of a thread, as Valhall and Bifrost call it.
+            // Per-thread memory, in the terms of Valhall and Bifrost.
             let bifrost = |word: &&str| word.ends_with(".tl") || word.contains(".tl.");
             let accesses =
                 text.matches("thread_local_pointer").count() + text.split_ascii_whitespace().filter(bifrost).count();
@@ -189,8 +189,8 @@ unsafe fn assembly(
 ) -> String {
     let get = executables.fp().get_pipeline_executable_internal_representations_khr;
     let (mut count, mut texts) = (0, vec![]);
-    // SAFETY: the caller's obligation; their number is asked for, then their sizes, then their bytes. ash's own
-    // function does not hand out the bytes.
+    // SAFETY: the caller's obligation; their number is queried, then their sizes, then their bytes. ash's own function
+    // does not return the bytes.
     let listings = unsafe {
         let _ = get(device.handle(), info, &mut count, std::ptr::null_mut());
         let mut all = vec![vk::PipelineExecutableInternalRepresentationKHR::default(); count as usize];

@@ -1,9 +1,8 @@
-//! Which compute pipelines the engine makes, with which specialization constants.
+//! The compute pipelines that the engine makes, with their specialization constants.
 //!
-//! It is handed a device whose functions for shader modules and compute pipelines are ours: they write down what is
-//! made, and call the driver's. So modules and constants are those of crowds as a host makes them, and nobody lists
-//! them a second time. The driver is lavapipe; its tuning is that of the GPU. Nothing is
-//! submitted.
+//! The engine gets a device with wrapped functions for shader modules and compute pipelines, which log their calls and
+//! call the driver's. So modules and constants are those of crowds as a host makes them, without a second list. The
+//! driver is lavapipe; the tuning is that of the GPU. Nothing is submitted.
 
 use deltamorph::after::{NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::{self, vk};
@@ -20,23 +19,23 @@ use std::sync::Mutex;
 /// A pipeline: its module's name under spirv/, and specialization constants 0, 1, …
 pub type Pipeline = (String, Vec<u32>);
 
-/// What our functions call: the functions of the device that there is now. The next may be elsewhere in memory.
+/// The functions of the current device, which the wrappers call. The next device may have others.
 static DRIVER: Mutex<Option<ash::DeviceFnV1_0>> = Mutex::new(None);
-/// The module made last, which the engine makes pipelines of next; and the pipelines.
+/// The last module made, from which the engine makes pipelines next; and the pipelines.
 static MADE: Mutex<(String, Vec<Pipeline>)> = Mutex::new((String::new(), vec![]));
 
 fn driver() -> ash::DeviceFnV1_0 {
     DRIVER.lock().expect("no panic before").clone().expect("set before the engine is made")
 }
 
-/// vkCreateShaderModule.
+/// Wraps vkCreateShaderModule.
 unsafe extern "system" fn create_shader_module(
     device: vk::Device,
     info: *const vk::ShaderModuleCreateInfo<'_>,
     allocator: *const vk::AllocationCallbacks<'_>,
     module: *mut vk::ShaderModule,
 ) -> vk::Result {
-    // SAFETY: the engine's call is valid, and is passed on as it is.
+    // SAFETY: the engine's call is valid, and is passed on unchanged.
     unsafe {
         let words = std::slice::from_raw_parts((*info).p_code, (*info).code_size / 4);
         let known = MODULES.iter().find(|module| module.words() == words).expect("a module of the table");
@@ -45,7 +44,7 @@ unsafe extern "system" fn create_shader_module(
     }
 }
 
-/// vkCreateComputePipelines.
+/// Wraps vkCreateComputePipelines.
 unsafe extern "system" fn create_compute_pipelines(
     device: vk::Device,
     cache: vk::PipelineCache,
@@ -54,7 +53,7 @@ unsafe extern "system" fn create_compute_pipelines(
     allocator: *const vk::AllocationCallbacks<'_>,
     pipelines: *mut vk::Pipeline,
 ) -> vk::Result {
-    // SAFETY: the engine's call is valid, and is passed on as it is.
+    // SAFETY: the engine's call is valid, and is passed on unchanged.
     unsafe {
         let (module, made) = &mut *MADE.lock().expect("no panic before");
         for info in std::slice::from_raw_parts(infos, count as usize) {
@@ -64,7 +63,7 @@ unsafe extern "system" fn create_compute_pipelines(
     }
 }
 
-/// The specialization constants of a stage, which are numbered from 0.
+/// Returns the specialization constants of a stage, which are numbered from 0.
 ///
 /// # Safety
 /// The stage's specialization is valid, or null.
@@ -82,10 +81,10 @@ unsafe fn constants(stage: &vk::PipelineShaderStageCreateInfo<'_>) -> Vec<u32> {
     }
 }
 
-/// The pipelines that crowds take on devices that a tuning suits, each once.
+/// Returns the pipelines of crowds on devices with this tuning, each once.
 pub fn pipelines(tuning: DeviceTuning) -> Vec<Pipeline> {
     static KNOWN: Mutex<Vec<(DeviceTuning, Vec<Pipeline>)>> = Mutex::new(vec![]);
-    // Tests run at the same time, and our functions do not know whose call it is: held until all is made.
+    // Tests run concurrently, and the wrappers cannot tell calls apart: held until all pipelines are made.
     let mut known = KNOWN.lock().expect("no panic before");
     if let Some((_, pipelines)) = known.iter().find(|(of, _)| *of == tuning) {
         return pipelines.clone();
@@ -98,10 +97,10 @@ pub fn pipelines(tuning: DeviceTuning) -> Vec<Pipeline> {
     made
 }
 
-/// Make crowds on a device of lavapipe's that takes itself for one that this suits.
+/// Makes crowds on a lavapipe device with this tuning.
 fn make(tuning: DeviceTuning) {
     let app = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_1);
-    // SAFETY: a device of our own; all is destroyed once, after what was made from it.
+    // SAFETY: a device of its own; everything is destroyed once, after the objects made from it.
     unsafe {
         let entry = ash::Entry::load().expect("the Vulkan loader; run the tests as ./with-vulkan cargo test");
         let info = vk::InstanceCreateInfo::default().application_info(&app);
@@ -140,7 +139,7 @@ fn make(tuning: DeviceTuning) {
     }
 }
 
-/// Crowds of one instance and of the widest tile, of every format, path and kind of poses that go together.
+/// Makes crowds of one instance and of the widest tile, in every supported combination of format, path and pose format.
 ///
 /// # Safety
 /// `cmd` is recording, and is never submitted; `output` is a storage buffer of the engine's device.
@@ -158,7 +157,7 @@ unsafe fn make_crowds(engine: &MorphEngine, cmd: vk::CommandBuffer, output: vk::
             let uploaded = unsafe { engine.upload_for(cmd, &packed, update.path) }.expect("an upload");
             for (instances, animation) in [(1, plain), (TILE as u32, followed)] {
                 let desc = CrowdDesc::new(update).instances(instances);
-                // What does not go together is refused; main.rs sees that every module has a pipeline in the end.
+                // Unsupported combinations are refused; main.rs checks that every module has a pipeline in the end.
                 if let Ok(mut crowd) = engine.create_crowd(&uploaded, &desc) {
                     // SAFETY: as above.
                     unsafe { follow(engine, cmd, &packed, &mut crowd, output) };
@@ -170,10 +169,10 @@ unsafe fn make_crowds(engine: &MorphEngine, cmd: vk::CommandBuffer, output: vk::
     }
 }
 
-/// Every step after the pose, of every kind.
+/// Makes every kind of every step after the pose.
 ///
 /// # Safety
-/// As [`make_crowds`].
+/// Those of [`make_crowds`].
 unsafe fn follow(
     engine: &MorphEngine,
     cmd: vk::CommandBuffer,
@@ -201,8 +200,8 @@ unsafe fn follow(
     }
 }
 
-/// How poses may be updated from a format by compute shaders. Paths whose passes are draws need extensions or features
-/// that the device was not created with.
+/// Returns the updates of a format by compute shaders. Paths whose passes are draws need extensions or features that
+/// the device was not created with.
 fn updates(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc> {
     let mut updates = vec![];
     for path in UpdatePath::ALL {
@@ -210,7 +209,7 @@ fn updates(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc> {
         if !takes || engine.caps().check_path(path).is_err() {
             continue;
         }
-        // Batches up to four stand for all sixteen.
+        // Batches up to four represent all sixteen.
         for batch in [BatchSize::All, BatchSize::Targets(4)] {
             for pose in PoseFormat::ALL {
                 updates.push(UpdateDesc::new(path, batch).pose(pose));

@@ -1,9 +1,9 @@
-//! Budgets of kernels: what compilers of GPUs make of every compute pipeline that the engine makes; no GPU is needed.
+//! Budgets of kernels: GPU compilers' statistics of every compute pipeline that the engine makes; no GPU is needed.
 //!
-//! tests/budgets/GPU.csv has instructions, registers, occupancy, spills, memory of a lane and cycles. A change that
-//! loses occupancy, spills or keeps more in memory fails until it is mended, or the table says why; what changed
-//! otherwise is written down anew by UPDATE_BUDGETS=1. AMD's compiler is in the package mesa-vulkan-drivers, and these
-//! tests ask it. The others are built by a tool that `.ci/budgets` gets.
+//! tests/budgets/GPU.csv has instructions, registers, occupancy, spills, memory per lane and cycles. A change that
+//! loses occupancy, spills or keeps more in memory fails until it is fixed, or the table has a reason; UPDATE_BUDGETS=1
+//! writes other changes to the table. AMD's compiler is in the package mesa-vulkan-drivers, and these tests use it. The
+//! others are built by a tool that `.ci/budgets` gets.
 
 mod compiler;
 mod engine;
@@ -23,14 +23,13 @@ use std::process::Command;
 use std::sync::{Mutex, PoisonError};
 use table::{Row, Table};
 
-/// AMD's, whose driver pretends to have any by its name there; Mesa 25 has another one for the last.
+/// AMD GPUs by their driver names, which select the pretended GPU; Mesa 25 has another name for the last.
 const AMD: [&[&str]; 4] = [&["polaris10"], &["raven"], &["navi21"], &["gfx1100", "navi31"]];
 
-/// Held while files are read or written: tests run at the same time.
+/// Held while files are read or written, since tests run concurrently.
 static FILES: Mutex<()> = Mutex::new(());
 
-/// What suits a GPU, by its name in the table. Vendor, and the fewest invocations of a subgroup; the driver is asked,
-/// too.
+/// Returns the tuning of a GPU, by its name in the table: vendor, and smallest subgroup; compared with the driver's.
 fn tuning(gpu: &str) -> DeviceTuning {
     let (vendor, narrowest) = match gpu.split_once('-').unwrap_or_default() {
         ("adreno", _) => (0x5143, 64),
@@ -43,7 +42,7 @@ fn tuning(gpu: &str) -> DeviceTuning {
     DeviceClass::of_vendor(vendor).tuning().for_gpu(vendor, narrowest)
 }
 
-/// Specialization constants by the names that the shader has for them.
+/// Names specialization constants as the shader does.
 fn named(module: &str, constants: &[u32]) -> String {
     let file = Path::new(env!("OUT_DIR")).join(format!("{module}.spv"));
     let code = std::fs::read(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
@@ -54,14 +53,14 @@ fn named(module: &str, constants: &[u32]) -> String {
             Variable::SpecConstant { spec_id, name, .. } if *spec_id == id => name.clone(),
             _ => None,
         });
-        // The size of a workgroup has none.
+        // The workgroup size has no name.
         names.next().unwrap_or_else(|| if id == 0 { "LANES".into() } else { id.to_string() })
     };
     let words = (0..).zip(constants).map(|(id, value)| format!("{} {value}", name(id)));
     words.collect::<Vec<_>>().join(" ")
 }
 
-/// What the driver that one of `launchers` shows says of the pipelines that suit it: the first that works.
+/// Collects the statistics of the pipelines for a GPU, from the first of `launchers` that works.
 fn collected(gpu: &str, launchers: impl IntoIterator<Item = Command>) -> Result<Table, String> {
     let pipelines: Vec<Pipeline> = engine::pipelines(tuning(gpu));
     let parsed = launchers.into_iter().map(|launcher| {
@@ -84,7 +83,7 @@ fn is_update() -> bool {
     std::env::var_os("UPDATE_BUDGETS").is_some()
 }
 
-/// Hold what was collected against the table, or write it down where UPDATE_BUDGETS is set.
+/// Compares collected tables with the checked-in ones, or writes them if UPDATE_BUDGETS is set.
 fn check(tables: Vec<Table>, command: &str) {
     let _files = FILES.lock().unwrap_or_else(PoisonError::into_inner);
     let mut breaches = vec![];
@@ -107,7 +106,7 @@ fn check(tables: Vec<Table>, command: &str) {
     );
 }
 
-/// RADV, which pretends to have this GPU.
+/// Makes a command with RADV pretending to have this GPU.
 fn radv(family: &str) -> Command {
     let folders =
         ["/etc", "/usr/local/etc", "/usr/local/share", "/usr/share"].map(|f| PathBuf::from(f).join("vulkan/icd.d"));
@@ -122,7 +121,7 @@ fn radv(family: &str) -> Command {
         )
     });
     let mut command = Command::new(std::env::current_exe().expect("a path to this test"));
-    // Loaders before 1.3.207 know the second name only.
+    // Loaders before 1.3.207 know only the second name.
     command.env("VK_DRIVER_FILES", &manifest).env("VK_ICD_FILENAMES", &manifest);
     command.env("RADV_FORCE_FAMILY", family).env("MESA_SHADER_CACHE_DISABLE", "1");
     command
@@ -144,7 +143,7 @@ fn kernels_keep_their_budgets_on_amd() {
     check(tables.into(), "./with-vulkan cargo test --test budgets");
 }
 
-/// Of the tool that `.ci/budgets` gets: its path and the folder that it built in, in the environment.
+/// The tool from `.ci/budgets`: its path and build folder are in the environment.
 #[test]
 #[ignore = "needs compilers that .ci/budgets gets and tells of"]
 fn kernels_keep_their_budgets_on_every_gpu() {

@@ -1,26 +1,26 @@
-//! What drivers say of pipelines, as the figures of the table.
+//! Converts drivers' statistics of pipelines to the figures of the table.
 
 use crate::compiler::MARK;
 use crate::engine::Pipeline;
 use crate::table::Figures;
 use std::collections::HashMap;
 
-/// By name.
+/// Statistics by name.
 type Statistics = HashMap<String, f64>;
 
-/// What a driver says.
+/// The report of a driver.
 pub struct Said {
     /// Its version.
     pub driver: String,
-    /// What the engine makes of its device.
+    /// The engine's tuning for its device.
     pub tuning: String,
     pub figures: Vec<(Pipeline, Figures)>,
 }
 
-/// What the driver of `gpu` says, of what a run of `compiler::compile` printed.
+/// Parses the output of `compiler::compile` for `gpu`.
 ///
 /// # Errors
-/// It ended early, or something is missing: with its last lines.
+/// It ended early, or something is missing; with the last lines of the output.
 pub fn parse(gpu: &str, output: &str) -> Result<Said, String> {
     let failed = |why: &str| {
         let lines: Vec<&str> = output.lines().collect();
@@ -41,7 +41,7 @@ pub fn parse(gpu: &str, output: &str) -> Result<Said, String> {
         } else if let Some((_, statistics)) = found.last_mut() {
             match ours.and_then(|text| text.split_once(" = ")) {
                 Some((name, value)) => _ = statistics.insert(name.to_owned(), value.parse().expect("a number")),
-                // Mali and VideoCore: the last of such lines is of what the driver chose.
+                // Mali and VideoCore: the last of these lines belongs to the driver's final choice.
                 None if line.contains("SHADER-DB") => statistics.extend(shader_db(line)),
                 None => done |= ours == Some("done"),
             }
@@ -58,7 +58,7 @@ pub fn parse(gpu: &str, output: &str) -> Result<Said, String> {
     Ok(Said { driver, tuning, figures: figures.collect::<Result<_, String>>()? })
 }
 
-/// `… shader: 100 inst, 30.000000 ls, 2 threads, 0:0 spills:fills`: numbers, then names.
+/// Parses `… shader: 100 inst, 30.000000 ls, 2 threads, 0:0 spills:fills`: numbers, then names.
 fn shader_db(line: &str) -> Statistics {
     let (_, text) = line.rsplit_once("shader: ").unwrap_or_default();
     let mut statistics = Statistics::new();
@@ -73,7 +73,7 @@ fn shader_db(line: &str) -> Statistics {
     statistics
 }
 
-/// What figures count, by vendor.
+/// Units of the figures, by vendor.
 pub const UNITS: [(&str, &str); 5] = [
     (
         "amd",
@@ -99,13 +99,13 @@ pub const UNITS: [(&str, &str); 5] = [
     ("v3d", "Occupancy is threads of a QPU, registers are the most that live at once. Memory is words of a lane."),
 ];
 
-/// The occupancy that a kernel of one head should have, in what [`figures`] counts.
+/// Returns the occupancy that a kernel of one instance should have, in the units of [`figures`].
 pub fn full_occupancy(gpu: &str) -> f64 {
     match gpu.split_once('-').unwrap_or_default() {
-        // 48 registers a lane: the 8 that leave full occupancy on the next larger ones leave 6 waves.
+        // 48 registers per lane: the 8 for full occupancy on the next larger ones leave 6 waves.
         ("adreno", "610") => 6.0,
         ("adreno" | "intel", _) => 16.0,
-        // It has 64 registers a thread in any case.
+        // It has 64 registers per thread in any case.
         ("mali", "g72") => 1.0,
         ("mali", _) => 2.0,
         ("v3d", _) => 4.0,
@@ -115,7 +115,7 @@ pub fn full_occupancy(gpu: &str) -> f64 {
     }
 }
 
-/// Each vendor has names of its own. `Err`: one that is missing.
+/// Converts statistics, whose names depend on the vendor. `Err`: a missing name.
 fn figures(gpu: &str, statistics: &Statistics) -> Result<Figures, &'static str> {
     let get = |name: &'static str| statistics.get(name).copied().ok_or(name);
     let sum = |names: [&'static str; 2]| Ok(get(names[0])? + get(names[1])?);
@@ -138,7 +138,7 @@ fn figures(gpu: &str, statistics: &Statistics) -> Result<Figures, &'static str> 
             cycles: Some(get("Cycle Count")?),
             latency: None,
         },
-        // Private memory has no other name for spills. The latency is what it stalls.
+        // Spills only appear as private memory. The latency is the stall count.
         "adreno" => Figures {
             instructions: get("Instruction Count")?,
             registers: Some(get("Registers used")?),
@@ -148,7 +148,7 @@ fn figures(gpu: &str, statistics: &Statistics) -> Result<Figures, &'static str> 
             cycles: None,
             latency: Some(sum(["Estimated cycles stalled on SS", "Estimated cycles stalled on SY"])?),
         },
-        // Arrays in memory are not among the spills, but the listing has their loads and stores.
+        // Arrays in memory are not counted as spills, but the listing has their loads and stores.
         "mali" => Figures {
             instructions: get("inst")?,
             registers: None,

@@ -1,4 +1,4 @@
-//! docs/results/kernels.md: the table for readers, a section for each vendor.
+//! docs/results/kernels.md: the table for readers, with a section per vendor.
 
 use crate::statistics::{UNITS, full_occupancy};
 use crate::table::{self, Figures, Row, Table};
@@ -8,7 +8,7 @@ use std::path::Path;
 
 const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/results/kernels.md");
 
-/// All that are checked in, by name.
+/// Reads all checked-in tables, by name.
 pub fn tables() -> Vec<Table> {
     let folder = table::file("").parent().expect("a folder").to_owned();
     let entries = std::fs::read_dir(&folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display()));
@@ -74,7 +74,7 @@ fn cell(row: &Row) -> String {
     text
 }
 
-/// Why kernels fall short: by reason and kernel, the GPUs.
+/// Lists the reasons for shortfalls: by reason and kernel, the GPUs.
 fn reasons(tables: &[Table]) -> String {
     let mut reasons = BTreeMap::<&str, BTreeMap<String, Vec<&str>>>::new();
     for table in tables {

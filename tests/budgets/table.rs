@@ -1,25 +1,25 @@
-//! The table of what compilers make of kernels: a file for each GPU, GPU.csv beside this one, with a row for each
-//! pipeline; and what may change in it.
+//! The table of compiler statistics of kernels: a file GPU.csv per GPU in this folder, with a row per pipeline; and the
+//! allowed changes.
 
 use crate::statistics::full_occupancy;
 use std::path::PathBuf;
 
-/// Of a pipeline. What a GPU's driver does not tell is `None`; `statistics.rs` has the units.
+/// Figures of a pipeline; `None` if a GPU's driver does not report them. `statistics.rs` has the units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figures {
-    /// As they lie there: a loop counts once.
+    /// Static count: a loop counts once.
     pub instructions: f64,
-    /// That a lane has.
+    /// Registers per lane.
     pub registers: Option<f64>,
-    /// Waves, threads or lanes that run at once, as far as registers allow.
+    /// Waves, threads or lanes that run at once, limited by registers.
     pub occupancy: f64,
-    /// Stores and loads of registers that did not suffice.
+    /// Stores and loads of spilled registers.
     pub spills: f64,
-    /// What a lane keeps in memory: arrays, mostly.
+    /// Memory per lane, mostly arrays.
     pub scratch: f64,
-    /// Of the unit that bounds it.
+    /// Cycles of the limiting unit.
     pub cycles: Option<f64>,
-    /// Cycles from end to end, or spent waiting.
+    /// Cycles from start to end, or spent waiting.
     pub latency: Option<f64>,
 }
 
@@ -31,12 +31,12 @@ pub struct Row {
     /// Specialization constants by name.
     pub constants: String,
     pub figures: Figures,
-    /// Why it may fall short of what the GPU has.
+    /// The reason for a shortfall.
     pub why: String,
 }
 
 const COLUMNS: &str = "constants,instructions,registers,occupancy,spills,scratch,cycles,latency,why";
-/// How a reason starts that is still to be given.
+/// Prefix of a reason that is still to be given.
 const ASKED: &str = "? ";
 
 pub fn file(gpu: &str) -> PathBuf {
@@ -49,24 +49,24 @@ impl Row {
         format!("{}{space}{}", self.kernel, self.constants)
     }
 
-    /// Whether it should leave the GPU's occupancy as it is. A tile of several heads, or a batch of several targets,
-    /// has their numbers in registers, which is to pay by fewer loads.
+    /// Returns whether it should have the GPU's full occupancy. A tile of several instances, or a batch of several
+    /// targets, keeps more numbers in registers, in exchange for fewer loads.
     fn is_single(&self) -> bool {
         let mut words = self.constants.split(' ').skip_while(|word| !["HEADS", "BATCH"].contains(word)).skip(1);
         words.next().is_none_or(|many| many == "0" || many == "1")
     }
 
-    /// Whether it keeps in memory what others keep in registers.
+    /// Returns whether it keeps in memory what should be in registers.
     pub fn spills(&self) -> bool {
         self.figures.spills > 0.0 || self.figures.scratch > 0.0
     }
 
-    /// Whether it needs a reason.
+    /// Returns whether it needs a reason.
     fn falls_short(&self, gpu: &str) -> bool {
         self.spills() || self.is_single() && self.figures.occupancy < full_occupancy(gpu)
     }
 
-    /// What is worse than in `old`, in words; empty: nothing. Versions of a driver do not count occupancy alike.
+    /// Describes regressions since `old`; empty if there are none. Driver versions count occupancy differently.
     fn worse_than(&self, old: &Self, gpu: &str, same_driver: bool) -> String {
         let (now, was, full) = (&self.figures, &old.figures, full_occupancy(gpu));
         let mut worse = vec![];
@@ -111,7 +111,7 @@ impl Row {
     }
 }
 
-/// What is known of a GPU.
+/// The statistics of a GPU.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     pub gpu: String,
@@ -121,7 +121,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// As it is checked in; empty where there is no file.
+    /// Reads the checked-in table; empty if there is no file.
     pub fn read(gpu: &str) -> Self {
         let mut table = Self { gpu: gpu.to_owned(), driver: String::new(), rows: vec![] };
         let path = file(gpu);
@@ -145,7 +145,7 @@ impl Table {
         self.rows.iter().find(|row| row.kernel == like.kernel && row.constants == like.constants)
     }
 
-    /// This one with the reasons of `old`, as far as they are needed still; where it got worse, one is asked for.
+    /// Returns this table with the reasons of `old` that are still needed; regressions without one are marked.
     pub fn with_reasons(mut self, old: &Self) -> Self {
         for i in 0..self.rows.len() {
             let Some(was) = old.row(&self.rows[i]) else { continue };
@@ -161,8 +161,8 @@ impl Table {
         self
     }
 
-    /// What does not hold any more of `budget`, a line each. Of another version of the driver only spills and memory
-    /// are compared: the other figures differ from one to the next.
+    /// Returns the violations of `budget`, one per line. For another driver version only spills and memory are
+    /// compared, since the other figures differ between versions.
     pub fn breaches(&self, budget: &Self) -> Vec<String> {
         let (gpu, same_driver) = (&self.gpu, self.driver == budget.driver);
         let (mut breaches, mut stale) = (vec![], vec![]);
@@ -186,7 +186,7 @@ impl Table {
         breaches
     }
 
-    /// Rows that fall short without a reason, a line each.
+    /// Returns the rows that fall short without a reason, one per line.
     pub fn unexplained(&self) -> Vec<String> {
         let gpu = &self.gpu;
         let open = |row: &&Row| row.why.starts_with(ASKED) || row.why.is_empty() && row.falls_short(gpu);
@@ -227,7 +227,7 @@ mod tests {
         ] {
             let now = table(&[line, "plan,,10,,2,0,0,9,,"]);
             assert_eq!(now.breaches(&budget), [format!("crowd HEADS 1 on mali-g52: {said}")]);
-            // Taken over, it is asked for; given, it stays as long as it is needed.
+            // A missing reason is marked; a given one stays as long as it is needed.
             let mut taken = now.clone().with_reasons(&budget);
             assert_eq!((taken.breaches(&taken).len(), taken.unexplained().len()), (0, 1));
             assert_eq!(taken.rows[0].why, format!("? {said}"));
@@ -244,7 +244,7 @@ mod tests {
             table(&["crowd,HEADS 1,300,,1,0,0,51,,", "crowd,HEADS 2,300,,1,0,0,51,,", "crowd,HEADS 4,300,,1,0,1,51,,"]);
         let unexplained = now.unexplained();
         assert!(unexplained[0].starts_with("crowd HEADS 1 on mali-g52: occupancy 1 of 2"), "{unexplained:?}");
-        // Tiles may take more registers, and nothing else.
+        // Tiles may use more registers, but nothing else.
         assert!(unexplained[1].starts_with("crowd HEADS 4"), "{unexplained:?}");
         assert_eq!(unexplained.len(), 2);
         assert_eq!(now.breaches(&table(&[])).len(), 3);
