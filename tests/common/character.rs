@@ -1,5 +1,5 @@
-//! A character that is written as glTF: a tube of rings with three morph targets, four joints below a scaled and turned
-//! rig, three animations. `skinned.rs` evaluates the same numbers.
+//! A character written as glTF: a tube of rings with three morph targets, four joints below a scaled and turned rig,
+//! three animations. `skinned.rs` evaluates the same numbers.
 
 use crate::file::{I8, I16, U8, U16, Written, bytes};
 use crate::numbers::Numbers;
@@ -7,7 +7,7 @@ use crate::skinned::{inverse, matrix_of, product};
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
 
-/// How a node is placed.
+/// The transform of a node.
 #[derive(Clone)]
 pub enum Place {
     Parts {
@@ -15,7 +15,7 @@ pub enum Place {
         rotation: [f32; 4],
         scale: [f32; 3],
     },
-    /// Column by column.
+    /// In column-major order.
     Matrix([f32; 16]),
 }
 
@@ -39,13 +39,13 @@ pub struct Morphed {
     pub targets: Vec<Numbers>,
 }
 
-/// How a character is stored.
+/// The storage of a character.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Stored {
     Floats,
-    /// KHR_mesh_quantization; the inverse bind matrices undo it, as nodes of skinned meshes count for nothing.
+    /// KHR_mesh_quantization; the inverse bind matrices undo it, since nodes of skinned meshes have no effect.
     Quantised,
-    /// The same, compressed by this extension, whose attributes have this version.
+    /// Quantised and compressed by this extension, whose attributes have this version.
     Compressed(&'static str, u32),
 }
 
@@ -54,7 +54,7 @@ pub struct Character {
     pub positions: Morphed,
     pub normals: Morphed,
     pub tangents: Morphed,
-    /// Sets of four joints and weights a vertex.
+    /// Sets of four joints and weights per vertex.
     pub joints: Vec<Numbers>,
     pub weights: Vec<Numbers>,
     pub indices: Vec<u16>,
@@ -62,7 +62,7 @@ pub struct Character {
     /// The nodes that are joints.
     pub skin: Vec<usize>,
     pub inverse_bind: Numbers,
-    /// Of the node that draws the mesh.
+    /// Weights of the node that draws the mesh.
     pub node_weights: Vec<f32>,
     pub animations: Vec<Vec<Keys>>,
 }
@@ -72,7 +72,7 @@ pub const MESH_NODE: usize = 0;
 const RINGS: usize = 25;
 const AROUND: usize = 16;
 
-/// Vertices, each as place along the tube and angle.
+/// Iterates over vertices: position along the tube, and angle.
 fn tube() -> impl Iterator<Item = (f64, f64)> {
     (0..RINGS * AROUND).map(|v| ((v / AROUND) as f64 / (RINGS - 1) as f64, (v % AROUND) as f64 / AROUND as f64 * TAU))
 }
@@ -88,7 +88,8 @@ fn turn(axis: [f64; 3], angle: f64) -> [f64; 4] {
 }
 
 impl Character {
-    /// With 4 or 8 influences. `is_rigid`: joints do not scale, so that dual quaternions can say what they do.
+    /// Makes a character with 4 or 8 influences. `is_rigid`: joints do not scale, so that dual quaternions can
+    /// represent them.
     pub fn new(stored: Stored, influences: usize, is_rigid: bool) -> Self {
         let is_quantised = stored != Stored::Floats;
         // A quantised position is the number × step + least.
@@ -137,7 +138,7 @@ impl Character {
         };
         let (joints, weights) = Self::influences(is_quantised, influences);
 
-        // The rig and a joint come after nodes that are below them. What places the mesh's own node counts for nothing.
+        // The rig and a joint come after their child nodes. The transform of the mesh's own node has no effect.
         let parts = |translation: [f32; 3], axis, angle, scale: [f32; 3]| Place::Parts {
             translation,
             rotation: turn(axis, angle).map(|x| x as f32),
@@ -171,7 +172,7 @@ impl Character {
             node_weights: vec![0.25, -0.5, 0.75],
             animations: animations(is_quantised, is_rigid),
         };
-        // As it was bound: where the joints are at rest, but for a turn, so that the rest pose is deformed as well.
+        // The bind pose: joints at rest, except for a turn, so that the rest pose is deformed as well.
         let worlds = character.worlds(None);
         let undo = matrix_of(&[least; 3], &[0.0, 0.0, 0.0, 1.0], &[step; 3]);
         let bind = |&joint: &usize| {
@@ -182,7 +183,7 @@ impl Character {
         character
     }
 
-    /// Joints and weights of each vertex, by where it is along the tube.
+    /// Returns joints and weights of each vertex, by its position along the tube.
     fn influences(is_quantised: bool, influences: usize) -> (Vec<Numbers>, Vec<Numbers>) {
         let set = |set: usize| {
             let joint = move |(u, _): (f64, f64)| [0, 1, 2, 3].map(|i| ((i + set + (u * 3.0) as usize) % 4) as f64);
@@ -206,7 +207,7 @@ impl Character {
         (joints.collect(), weights.collect())
     }
 
-    /// The file.
+    /// Writes the file.
     pub fn write(&self) -> Written {
         let mut file = Written::default();
         let mut attributes = json!({
@@ -267,7 +268,7 @@ impl Character {
         file
     }
 
-    /// An accessor of these numbers, in a view of its own.
+    /// Adds an accessor of these numbers, in a view of its own.
     fn add(&self, file: &mut Written, numbers: &Numbers) -> usize {
         let kind = match numbers.width {
             1 => "SCALAR",
@@ -324,7 +325,7 @@ fn compressed(data: &[u8], stride: usize, version: i32) -> Vec<u8> {
     }
 }
 
-/// Three clips: each interpolation for weights and for joints.
+/// Makes three clips: each interpolation for weights and for joints.
 fn animations(is_quantised: bool, is_rigid: bool) -> Vec<Vec<Keys>> {
     let keys = |node, path, interpolation, times: &[f32], width, values: Vec<f64>| {
         let short = is_quantised && (path == "rotation" || path == "weights" && interpolation != "CUBICSPLINE");
@@ -338,9 +339,9 @@ fn animations(is_quantised: bool, is_rigid: bool) -> Vec<Vec<Keys>> {
     };
     let times = [0.25, 0.5, 1.25, 1.5];
     let wave = |n: usize, by: f64| (0..n).map(|i| by * (i as f64 * 1.7).sin()).collect::<Vec<f64>>();
-    // Rotations; the third is beyond half a turn from the second, so that the shorter arc is the other way round.
+    // Rotations; the third is more than half a turn from the second, so that the shorter arc goes the other way.
     let turns = |axis: [f64; 3]| [0.1, 0.8, 4.5, -0.6].map(|angle| turn(axis, angle));
-    // Tangent in, value, tangent out of each.
+    // In-tangent, value and out-tangent of each key.
     let spline = |values: Vec<Vec<f64>>, by: f64| {
         let key =
             |(i, v): (usize, Vec<f64>)| [wave(v.len(), by), v.clone(), wave(v.len() + i, -by)[i..].to_vec()].concat();

@@ -11,28 +11,28 @@ use deltamorph::{
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, Step};
 use std::slice::from_mut;
 
-/// What the project promises after whole clips: positions within this share of the diagonal…
+/// The project's error limits after whole clips: positions, as a fraction of the diagonal…
 pub const POSITION: f64 = 3e-6;
-/// … and normals within these degrees.
+/// … and normals, in degrees.
 pub const NORMAL: f64 = 0.01;
 
-/// `mesh`, packed for the device.
+/// Packs `mesh` for the device.
 pub fn packed(engine: &MorphEngine, mesh: &MorphMesh, format: DeltaFormat) -> PackedMesh {
     PackedMesh::pack(mesh, &engine.pack_desc(format)).expect("a mesh that fits")
 }
 
-/// Whether `error` is within what the project promises, for a mesh of `diagonal`.
+/// Returns whether `error` is within the project's limits, for a mesh of `diagonal`.
 pub fn is_kept(error: &PoseError, diagonal: f32) -> bool {
     error.within(POSITION * f64::from(diagonal), NORMAL)
 }
 
-/// Substrings of the device names that have to be there. `DELTAMORPH_TEST_DRIVERS` (comma list) replaces them.
+/// Substrings of the names of required devices. `DELTAMORPH_TEST_DRIVERS` (comma list) replaces them.
 pub fn drivers() -> Vec<String> {
     let list = std::env::var("DELTAMORPH_TEST_DRIVERS").unwrap_or_else(|_| "llvmpipe,SwiftShader".into());
     list.split(',').map(str::to_owned).collect()
 }
 
-/// Updates of all kinds that a device can do and that leave a pose on it, with the format of deltas that each takes.
+/// Returns all kinds of updates that a device supports and that leave a pose on it, each with a delta format.
 pub fn updates(headless: &Headless) -> Vec<(DeltaFormat, UpdateDesc)> {
     let blocks = |format, pose| (format, UpdateDesc::blocks().pose(pose));
     let dense = |path| (DeltaFormat::Float32, UpdateDesc::new(path, BatchSize::Targets(3)));
@@ -47,11 +47,11 @@ pub fn updates(headless: &Headless) -> Vec<(DeltaFormat, UpdateDesc)> {
     all
 }
 
-/// Run `test` on every driver as it is, and on the first clamped to the Android baseline, too. A missing driver fails,
-/// and so does every message of the validation layers.
+/// Runs `test` on every driver unchanged, and on the first also clamped to the Android baseline. A missing driver
+/// fails, and so does every message of the validation layers.
 ///
-/// The baseline changes what is planned and recorded, which one driver shows. The second, SwiftShader, takes most of
-/// the tests' time to compile pipelines: tests of limits name what they need there.
+/// The baseline changes plans and recordings, which one driver shows. The second, SwiftShader, spends most of the
+/// tests' time compiling pipelines: tests of limits name the limits they need there.
 pub fn on_every_device(test: impl Fn(&Headless, &MorphEngine)) {
     for (index, driver) in drivers().iter().enumerate() {
         on_device(driver, false, &test);
@@ -61,30 +61,30 @@ pub fn on_every_device(test: impl Fn(&Headless, &MorphEngine)) {
     }
 }
 
-/// What a driver offers.
+/// Returns the capabilities of a driver.
 pub fn caps(driver: &str) -> DeviceCaps {
     let found = Headless::devices().ok().and_then(|all| all.into_iter().find(|caps| caps.name.contains(driver)));
     found.unwrap_or_else(|| panic!("{driver} is missing\nrun the tests as ./with-vulkan cargo test"))
 }
 
-/// `caps` with something changed.
+/// Returns `caps`, changed.
 pub fn limited(mut caps: DeviceCaps, change: impl FnOnce(&mut DeviceCaps)) -> DeviceCaps {
     change(&mut caps);
     caps
 }
 
-/// The Android baseline with something changed.
+/// Returns the Android baseline, changed.
 pub fn baseline(change: impl FnOnce(&mut DeviceCaps)) -> DeviceCaps {
     limited(DeviceCaps::android_baseline(), change)
 }
 
-/// `limits`, and the same with texel buffers and 64-bit integers, for every driver.
+/// Returns `limits` without and with texel buffers and 64-bit integers, for every driver.
 pub fn with_and_without_texels(limits: &DeviceCaps) -> Vec<(String, DeviceCaps)> {
     let roomy = limited(limits.clone(), |caps| (caps.max_texels, caps.int64) = (u32::MAX, true));
     drivers().into_iter().flat_map(|driver| [(driver.clone(), roomy.clone()), (driver, limits.clone())]).collect()
 }
 
-/// A device whose name has `driver` in it.
+/// Opens a device whose name contains `driver`.
 pub fn device(driver: &str, validation: bool, limits: Option<DeviceCaps>) -> Headless {
     let desc = HeadlessDesc::default().device(DeviceChoice::Name(driver.to_owned()));
     let headless = Headless::new(&desc.validation(validation).limits(limits))
@@ -93,13 +93,13 @@ pub fn device(driver: &str, validation: bool, limits: Option<DeviceCaps>) -> Hea
     headless
 }
 
-/// Run `test` on one device.
+/// Runs `test` on one device.
 pub fn on_device<R>(driver: &str, android_baseline: bool, test: impl FnOnce(&Headless, &MorphEngine) -> R) -> R {
     let limits = android_baseline.then(DeviceCaps::android_baseline);
     on_device_within(driver, limits, test)
 }
 
-/// Run `test` on one device within limits.
+/// Runs `test` on one device within limits.
 pub fn on_device_within<R>(
     driver: &str,
     limits: Option<DeviceCaps>,
@@ -113,11 +113,11 @@ pub fn on_device_within<R>(
     result
 }
 
-/// What the validation layers have said, without what is known to be wrong.
+/// Returns the messages of the validation layers, without known false ones.
 ///
-/// Layers of 1.4.363 report two dispatches that write one buffer without a barrier between them. They know a dispatch
-/// by its whole descriptor; ours write different instances, chunks or blocks of it. `HazardChecker` knows these, and
-/// refuses two that write the same place. A barrier that is missing has a read after a write as well, which stays.
+/// Layers of 1.4.363 report two dispatches that write one buffer without a barrier between them. They track a dispatch
+/// by whole descriptors, but these dispatches write different instances, chunks or blocks. `HazardChecker` tracks
+/// those, and rejects two that write the same place. A missing barrier also causes a read after a write, which is kept.
 pub fn complaints(headless: &Headless) -> Vec<String> {
     let disjoint = |m: &String| {
         m.contains("SYNC-HAZARD-WRITE-AFTER-WRITE") && m.contains("previously written by another vkCmdDispatch")
@@ -125,8 +125,8 @@ pub fn complaints(headless: &Headless) -> Vec<String> {
     headless.messages().into_iter().filter(|message| !disjoint(message)).collect()
 }
 
-/// Synchronization validation of lavapipe reports a barrier that an update leaves out: `make` makes a crowd and has
-/// shown something with it, `leave_out` says which.
+/// Asserts that synchronization validation of lavapipe reports a missing barrier of an update: `make` makes a crowd
+/// that has shown a pose, `leave_out` selects the barrier.
 pub fn assert_validation_sees_dropped<C: AnyCrowd + 'static>(
     what: &str,
     weights: &[&[f32]],
@@ -140,13 +140,13 @@ pub fn assert_validation_sees_dropped<C: AnyCrowd + 'static>(
         let at = entries.iter().position(|entry| matches!(entry, Entry::Barrier(barrier) if leave_out(barrier)));
         entries.remove(at.expect("such a barrier"));
     };
-    // SAFETY: a barrier less; the driver is software, and runs commands one after the other all the same.
+    // SAFETY: a barrier less; the driver is a software one, which runs commands in order.
     unsafe { HeadlessCrowd::step_tampered(from_mut(&mut crowd), weights, drop_one) }.expect("a step");
     let messages = complaints(&headless);
     assert!(messages.iter().any(|m| m.contains("SYNC-HAZARD")), "{what}: {messages:?}");
 }
 
-/// Every path and a spread of batch sizes that the device offers for `format`.
+/// Returns every path with several batch sizes that the device supports for `format`.
 pub fn update_descs(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc> {
     let mut descs = vec![];
     if format.is_blocks() {
@@ -174,19 +174,19 @@ pub fn update_descs(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc
     descs
 }
 
-/// The path on a device that takes meshes in a format, with poses of integers.
+/// Returns the device path for a format that has fixed-point poses.
 pub fn path_of(format: DeltaFormat) -> UpdatePath {
     if format.is_blocks() { UpdatePath::Blocks } else { UpdatePath::Compute }
 }
 
-/// Poses of integers, in 32 and in 16 bits, with room for what [`weights`] gives.
+/// Returns updates with fixed-point poses, of 32 and 16 bits, that can hold the [`weights`].
 pub fn fixed() -> [UpdateDesc; 2] {
     let desc = UpdateDesc::blocks().weight_max(Some(4.0));
     [PoseFormat::Fixed32, PoseFormat::Fixed16].map(|pose| desc.pose(pose))
 }
 
-/// The integers that poses on `grid` hold for `weights`, in the user's order: products in float64, which has them
-/// exactly, each rounded to the unit.
+/// Returns the integers that poses on `grid` hold for `weights`, in the user's vertex order: exact products in float64,
+/// each rounded to the unit.
 pub fn integers(group: &PackedGroup, grid: &PoseGrid, weights: &[f32]) -> Vec<f64> {
     let mut sums = vec![0.0; group.layout().vertex_count * POSE_FLOATS];
     for (target, &weight) in weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
@@ -200,7 +200,7 @@ pub fn integers(group: &PackedGroup, grid: &PoseGrid, weights: &[f32]) -> Vec<f6
     sums
 }
 
-/// Whether a pose as it is stored has the [`integers`] of `weights`, vertex by vertex.
+/// Asserts that a stored pose has the [`integers`] of `weights`, vertex by vertex.
 pub fn assert_integers(group: &PackedGroup, desc: &UpdateDesc, stored: &[u8], weights: &[f32]) {
     let grid = desc.grid(group.layout()).expect("a grid").expect("poses of integers");
     let (sums, numbers) = (integers(group, &grid, weights), desc.pose.integers(stored));
@@ -212,12 +212,12 @@ pub fn assert_integers(group: &PackedGroup, desc: &UpdateDesc, stored: &[u8], we
     }
 }
 
-/// What the poses of `desc` are compared with: full evaluation in float64, on the grid of integers where it has one.
+/// Returns the reference for poses of `desc`: full evaluation in float64, on the fixed-point grid if it has one.
 pub fn reference(mesh: &PackedMesh, desc: &UpdateDesc, weights: &[f32]) -> Vec<f64> {
     reference_group(&mesh.groups()[0], desc, weights)
 }
 
-/// [`reference`] of a group.
+/// Returns the [`reference`] of a group.
 pub fn reference_group(group: &PackedGroup, desc: &UpdateDesc, weights: &[f32]) -> Vec<f64> {
     let Some(grid) = desc.grid(group.layout()).expect("a grid for this mesh") else {
         return evaluate_group(group, weights);
@@ -227,30 +227,30 @@ pub fn reference_group(group: &PackedGroup, desc: &UpdateDesc, weights: &[f32]) 
     base.zip(moved).map(|(base, (i, number))| base + number * f64::from(grid.units[i % POSE_FLOATS / 3])).collect()
 }
 
-/// One instance, two frames in flight.
+/// Describes a crowd of one instance, with two frames in flight.
 pub fn single(update: UpdateDesc) -> CrowdDesc {
     CrowdDesc::new(update)
 }
 
-/// A crowd of one instance.
+/// Makes a crowd of one instance.
 pub fn crowd<'a>(headless: &'a Headless, mesh: &PackedMesh, update: UpdateDesc) -> HeadlessCrowd<'a> {
     HeadlessCrowd::new(headless, mesh, &single(update)).expect("a crowd")
 }
 
-/// How far the pose of an instance is from the reference.
+/// Returns the error of an instance's pose against the reference.
 pub fn error(crowd: &mut HeadlessCrowd<'_>, instance: u32, mesh: &PackedMesh, weights: &[f32]) -> PoseError {
     let update = crowd.crowd().desc().update;
     compare(&crowd.read_pose(instance).expect("a pose"), &reference(mesh, &update, weights))
 }
 
-/// Hold the pose of an instance to what the project promises.
+/// Asserts that an instance's pose is within the project's limits.
 pub fn assert_right(crowd: &mut HeadlessCrowd<'_>, instance: u32, mesh: &PackedMesh, weights: &[f32]) {
     let error = error(crowd, instance, mesh, weights);
     let desc = crowd.crowd().desc();
     assert!(is_kept(&error, mesh.layout().diagonal), "{:?}, {desc:?}, {instance}: {error:?}", mesh.layout().format);
 }
 
-/// A step, what it recorded, and that as the hazard checker sees it.
+/// Steps a crowd; also returns the recording as the hazard checker sees it.
 pub fn recorded<C: AnyCrowd + 'static>(
     crowd: &mut HeadlessCrowd<'_, C>,
     weights: &[&[f32]],
@@ -262,7 +262,7 @@ pub fn recorded<C: AnyCrowd + 'static>(
     (step, list, events)
 }
 
-/// `mesh` of 1000 vertices and 37 targets as a device would need it that reaches 128 vertices.
+/// Packs `mesh`, of 1000 vertices and 37 targets, for a device whose descriptors cover 128 vertices.
 pub fn in_eight_chunks(mesh: &MorphMesh, format: DeltaFormat) -> PackedMesh {
     let max_chunk_bytes = 128 * 37 * format.stride() as u64;
     let desc = PackDesc::new(format).max_chunk_bytes(max_chunk_bytes);
@@ -271,7 +271,7 @@ pub fn in_eight_chunks(mesh: &MorphMesh, format: DeltaFormat) -> PackedMesh {
     mesh
 }
 
-/// Weights that change here and there from frame to frame: negative, above one, zero.
+/// Returns weights of which some change in each frame: negative, above one, zero.
 pub fn weights(mesh: &PackedMesh, frame: u32, seed: u32) -> Vec<f32> {
     (0..mesh.layout().targets.len() as u32)
         .map(|t| {
@@ -284,8 +284,8 @@ pub fn weights(mesh: &PackedMesh, frame: u32, seed: u32) -> Vec<f32> {
         .collect()
 }
 
-/// What the hazard checker says of updates of one instance after an upload: each as it was recorded, and the slot that
-/// is drawn after it, where it changed something.
+/// Runs the hazard checker over updates of one instance after an upload: each as recorded, with the slot that is drawn
+/// after it, if it changed anything.
 pub fn hazards(frames: &[(Vec<Event>, u32)]) -> Result<(), Vec<Violation>> {
     let mut checker = HazardChecker::default();
     checker.upload(asset_uploaded());

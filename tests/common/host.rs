@@ -1,4 +1,4 @@
-//! What a host that makes its own device has: the device, its queue, and an allocator.
+//! The parts of a host with its own device: the device, its queue, and an allocator.
 
 use deltamorph::ash::{self, vk};
 use deltamorph::gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
@@ -7,7 +7,7 @@ use deltamorph::{GpuMesh, MorphEngine, PackedMesh, SharedAllocator};
 use deltamorph_headless::Headless;
 use std::sync::{Arc, Mutex};
 
-/// A device of the host's own, and its queue, which one thread at a time may submit to.
+/// A device of the host's, and its queue, which one thread at a time may submit to.
 pub struct Host {
     pub device: ash::Device,
     queue: Mutex<vk::Queue>,
@@ -41,7 +41,7 @@ impl Host {
     /// Records a command buffer with `f`, submits it, and waits. Any thread may call it.
     pub fn run<R>(&self, f: impl FnOnce(vk::CommandBuffer) -> R) -> R {
         let device = &self.device;
-        // SAFETY: all but the queue is this call's own, destroyed once, and not in use after the wait.
+        // SAFETY: everything but the queue is this call's own, destroyed once, and not in use after the wait.
         unsafe {
             let pool = device.create_command_pool(&vk::CommandPoolCreateInfo::default(), None).expect("a pool");
             let fence = device.create_fence(&vk::FenceCreateInfo::default(), None).expect("a fence");
@@ -59,11 +59,11 @@ impl Host {
         }
     }
 
-    /// Uploads a mesh, and gives its staging memory back.
+    /// Uploads a mesh, and releases its staging memory.
     pub fn upload(&self, engine: &MorphEngine, mesh: &PackedMesh) -> GpuMesh {
         // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
         let mut uploaded = self.run(|cmd| unsafe { engine.upload(cmd, mesh) }).expect("an upload");
-        // SAFETY: it has run.
+        // SAFETY: the upload has run.
         unsafe { uploaded.release_staging() };
         uploaded
     }
@@ -71,7 +71,7 @@ impl Host {
 
 impl Drop for Host {
     fn drop(&mut self) {
-        // SAFETY: all that was made on the device keeps this value alive.
+        // SAFETY: everything made on the device keeps this value alive.
         unsafe { self.device.destroy_device(None) };
     }
 }

@@ -1,4 +1,4 @@
-//! A skeleton at random, and the buffer that its joints are in.
+//! A random skeleton, and the buffer of its joints.
 
 use crate::offscreen::{Offscreen, Shared};
 use deltamorph::after::SkinMethod;
@@ -14,8 +14,8 @@ fn random(rng: &mut Rng) -> f32 {
     rng.range(-1.0, 1.0)
 }
 
-/// A pose of the skeleton, as a method has it: turned by up to 0.6 radians, moved by up to a fifth of the diagonal;
-/// matrices are scaled unevenly, too, and one is mirrored. Half of the quaternions are the negatives of their
+/// Returns a pose of the skeleton for a method: rotated by up to 0.6 radians, moved by up to a fifth of the diagonal;
+/// matrices are also scaled unevenly, and one is mirrored. Half of the quaternions are negated relative to their
 /// neighbours.
 fn skeleton(method: SkinMethod, diagonal: f32, seed: u64) -> Vec<f32> {
     let mut rng = Rng::new(seed, 1);
@@ -42,7 +42,7 @@ fn skeleton(method: SkinMethod, diagonal: f32, seed: u64) -> Vec<f32> {
     numbers
 }
 
-/// The joints of an instance, at two places of a buffer.
+/// The joints of an instance, at two alternating places of a buffer.
 pub struct Joints<'a> {
     host: &'a Offscreen<'a>,
     pub shared: Shared,
@@ -53,7 +53,7 @@ pub struct Joints<'a> {
 }
 
 impl<'a> Joints<'a> {
-    /// Bytes from one place to the other, before the first, and behind the second.
+    /// Bytes from one place to the other, before the first, and after the second.
     pub const STRIDE: u64 = 16 * 72;
 
     pub fn new(headless: &Headless, host: &'a Offscreen<'a>, method: SkinMethod, diagonal: f32) -> Self {
@@ -64,12 +64,12 @@ impl<'a> Joints<'a> {
         this
     }
 
-    /// Others, at the other place.
+    /// Writes other joints to the other place.
     pub fn turn(&mut self, headless: &Headless, seed: u64) {
         self.set(headless, skeleton(self.method, self.diagonal, seed));
     }
 
-    /// These, at the other place.
+    /// Writes these joints to the other place.
     pub fn set(&mut self, headless: &Headless, numbers: Vec<f32>) {
         use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
         self.turn = 1 - self.turn;

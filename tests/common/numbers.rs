@@ -1,8 +1,8 @@
-//! Numbers as glTF stores them.
+//! Numbers as stored in glTF.
 
 use crate::file::{F32, I8, I16, U8, bytes};
 
-/// An array as the file has it, and what its numbers are: integers that are normalised, after glTF 2.0, 3.11.
+/// An array in the file's format, and its values: normalised integers, by glTF 2.0, 3.11.
 #[derive(Clone)]
 pub struct Numbers {
     pub component: u32,
@@ -19,7 +19,7 @@ impl Numbers {
         Self { component: F32, normalised: false, width, bytes: bytes(&values), values: exact }
     }
 
-    /// Each of `values` divided by what 1 of the numbers comes to, and rounded.
+    /// Makes integers: each of `values` divided by the value of 1, and rounded.
     pub fn integers(component: u32, normalised: bool, width: usize, values: impl IntoIterator<Item = f64>) -> Self {
         let one = match (normalised, component) {
             (false, _) => 1.0,
@@ -30,7 +30,7 @@ impl Numbers {
         };
         let whole: Vec<i64> = values.into_iter().map(|x| (x * one).round() as i64).collect();
         let size = size_of_component(component);
-        // Vectors begin at multiples of four bytes, as vertices have to.
+        // Vectors begin at multiples of four bytes, as required for vertices.
         let padding = if width == 1 { 0 } else { (width * size).next_multiple_of(4) - width * size };
         let element = |e: &[i64]| {
             let numbers = e.iter().flat_map(|x| x.to_le_bytes().into_iter().take(size));
@@ -41,17 +41,17 @@ impl Numbers {
         Self { component, normalised, width, bytes, values }
     }
 
-    /// The same numbers as elements of another width.
+    /// Returns the same numbers as elements of another width.
     pub fn with_width(&self, width: usize) -> Self {
         Self { width, ..self.clone() }
     }
 
-    /// Bytes from element to element.
+    /// Returns the bytes from element to element.
     pub fn stride(&self) -> usize {
         self.bytes.len() / self.count()
     }
 
-    /// Whether there are bytes between elements.
+    /// Returns whether there is padding between elements.
     pub fn is_padded(&self) -> bool {
         self.stride() > self.width * size_of_component(self.component)
     }

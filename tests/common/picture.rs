@@ -8,9 +8,9 @@ use deltamorph_headless::Headless;
 use glam::Mat4;
 use std::ops::Deref;
 
-/// Pixels of an edge of the picture.
+/// Width and height of the picture in pixels.
 pub const EDGE: u32 = 256;
-/// A pixel: u, v, light, and 1 where anything is drawn; the bits of float32.
+/// A pixel: u, v, light, and 1 if anything was drawn; the bits of float32.
 pub type Pixel = [u32; 4];
 
 const VERTEX: &str = "
@@ -26,16 +26,16 @@ const FRAGMENT: &str = "#version 450
     layout(location = 0) out vec4 pixel;
     void main() { pixel = vec4(shown, 1); }";
 
-/// What is drawn: triangles, of an index buffer or one vertex after the other.
+/// Triangles to draw, with or without an index buffer.
 pub struct Triangles<'a> {
-    /// Buffers and offsets of the pose and, where it is of integers, of the base pose.
+    /// Buffers and offsets of the pose and, for fixed-point poses, of the base pose.
     pub poses: &'a [(vk::Buffer, u64)],
-    /// Of the pose.
+    /// Units of the pose.
     pub units: [f32; 2],
     /// Texture coordinates of the vertices.
     pub texcoords: vk::Buffer,
     pub indices: Option<vk::Buffer>,
-    /// Corners of all triangles.
+    /// Number of corners of all triangles.
     pub count: u32,
 }
 
@@ -70,13 +70,14 @@ impl<'a> Picture<'a> {
         Self { offscreen, pipeline, pixels }
     }
 
-    /// Draw with nothing behind. `cmd` is recording outside a render pass, and the pose is ready for vertex attributes.
+    /// Draws in front of nothing. `cmd` is recording outside a render pass, and the pose is ready for vertex
+    /// attributes.
     pub fn draw(&self, cmd: vk::CommandBuffer, triangles: &Triangles<'_>, view: &Mat4) {
         let Triangles { poses, units, texcoords, indices, count } = *triangles;
         let (device, (pipeline, layout)) = (self.device, self.pipeline);
         let push: Vec<u8> = view.to_cols_array().into_iter().chain(units).flat_map(f32::to_ne_bytes).collect();
         let (buffers, offsets): (Vec<_>, Vec<_>) = poses.iter().copied().chain([(texcoords, 0)]).unzip();
-        // SAFETY: `cmd` is recording in a render pass, and all else is ours or the caller's, alive, and large enough.
+        // SAFETY: `cmd` is recording in a render pass; all other objects are alive, and large enough.
         self.record(cmd, [0.0; 4], &self.pixels, || unsafe {
             device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, pipeline);
             device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::VERTEX, 0, &push);
@@ -91,7 +92,8 @@ impl<'a> Picture<'a> {
         });
     }
 
-    /// Copy a pose that compute passes or transform feedback have written. `cmd` is recording outside a render pass.
+    /// Records a copy of a pose written by compute passes or transform feedback. `cmd` is recording outside a render
+    /// pass.
     pub fn record_pose_copy(&self, cmd: vk::CommandBuffer, pose: &PoseView, to: &Shared) {
         use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
         let copies = Stage::TRANSFER;
@@ -104,12 +106,12 @@ impl<'a> Picture<'a> {
         self.barrier(cmd, (copies, Access::TRANSFER_WRITE), after);
     }
 
-    /// The numbers of a pose that was copied; `base` is the base pose of the mesh.
+    /// Decodes a copied pose; `base` is the base pose of the mesh.
     pub fn pose(&self, copied: &Shared, view: &PoseView, base: &[f32]) -> Vec<f32> {
         view.format.decode(&self.contents::<u8>(copied), base, view.units)
     }
 
-    /// What was drawn last, row by row.
+    /// Returns the last picture, row by row.
     pub fn pixels(&self) -> Vec<Pixel> {
         self.contents(&self.pixels)
     }

@@ -1,4 +1,4 @@
-//! A crowd that is animated on the GPU and its CPU reference: both get the same calls, and what they plan is compared.
+//! A crowd animated on the GPU and its CPU reference: both get the same calls, and their plans are compared.
 #![allow(dead_code)] // each test file uses some of this
 
 use crate::gpu;
@@ -27,7 +27,7 @@ pub fn packed(format: DeltaFormat, size: u32) -> Arc<PackedMesh> {
     Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format).blocks(blocks)).expect("a mesh that packs"))
 }
 
-/// The same head with tangents, texture coordinates and colours.
+/// Packs the same head with tangents, texture coordinates and colours.
 pub fn packed_streams(format: DeltaFormat, size: u32) -> Arc<PackedMesh> {
     let mesh = testing::with_streams(head(&head_desc()).to_mesh(Tolerance::default()).expect("a mesh"));
     let blocks = BlockDesc::default().size(Some(size));
@@ -36,7 +36,7 @@ pub fn packed_streams(format: DeltaFormat, size: u32) -> Arc<PackedMesh> {
     Arc::new(packed)
 }
 
-/// A captured-like clip, a short one in which all weights change, and one that is still.
+/// Returns a captured-like clip, a short one in which all weights change, and a constant one.
 pub fn clips() -> Vec<WeightClip> {
     let clip = head_clip(&head_desc(), 40, 30.0);
     let noise = |i: usize| ((i as u32).wrapping_mul(0x9E37_79B9) >> 12) as f32 / (1 << 20) as f32 - 0.3;
@@ -54,25 +54,25 @@ pub fn blocks(mesh: &PackedMesh) -> usize {
     mesh.layout().blocks.as_ref().expect("blocks").count()
 }
 
-/// The poses that can be animated.
+/// Pose formats of animated crowds.
 pub const FIXED: [PoseFormat; 2] = [PoseFormat::Fixed32, PoseFormat::Fixed16];
 
 pub fn fixed(pose: PoseFormat, slots: u32) -> UpdateDesc {
     UpdateDesc::blocks().pose(pose).slots(slots)
 }
 
-/// The grid of what `desc` animates.
+/// Returns the grid of an animated crowd with the update `desc`.
 pub fn grid(mesh: &PackedMesh, desc: &UpdateDesc) -> PoseGrid {
     desc.grid(mesh.layout()).expect("a grid").expect("poses of integers")
 }
 
-/// What is done with a block of an instance: whether it starts from the base pose, slots, entries and coefficients.
+/// The work on a block of an instance: whether it starts from the base pose, slots, entries and coefficients.
 type Work = (bool, u32, u32, Vec<(u32, i32)>);
-/// By instance and block.
+/// Work by instance and block.
 pub type Plan = BTreeMap<(u32, u32), Work>;
 
 pub struct Scene<'a> {
-    /// Instances of a tile, at most.
+    /// Most instances in a tile.
     widest: u32,
     pub crowd: HeadlessCrowd<'a, AnimatedCrowd>,
     pub mesh: Arc<PackedMesh>,
@@ -80,7 +80,7 @@ pub struct Scene<'a> {
     heads: Playbacks,
     clips: Clips,
     reference: AnimatedReference,
-    /// Full evaluations, one at a time.
+    /// A crowd for full evaluations, one at a time.
     fresh: CpuCrowd,
     hidden: Vec<bool>,
 }
@@ -126,8 +126,8 @@ impl<'a> Scene<'a> {
         self.heads.cut(instance);
     }
 
-    /// The level of detail that the GPU chose: targets kept, in steps of 2⁻¹⁶, how many it is about to keep, and the
-    /// error budget. `None` of a head that does not follow the camera.
+    /// Returns the level of detail that the GPU chose: targets kept, in steps of 2⁻¹⁶, the goal of that number, and the
+    /// error budget. `None` if the instance does not follow the camera.
     pub fn followed(&mut self, instance: u32) -> Option<(u32, u32, u64)> {
         let follows = self.heads.records()[instance as usize].has(HeadRecord::FOLLOWS);
         let words = follows.then(|| self.crowd.read_level(instance).expect("a level"))?;
@@ -153,7 +153,7 @@ impl<'a> Scene<'a> {
         instance
     }
 
-    /// Update both at `seconds`, and compare plan and weights.
+    /// Updates both to the time `seconds`, and compares plan and weights.
     pub fn step(&mut self, seconds: f64) -> (Plan, Vec<Entry>) {
         self.crowd.set_time(seconds).expect("a time");
         self.heads.set_time(seconds).expect("a time");
@@ -168,7 +168,7 @@ impl<'a> Scene<'a> {
             }
         }
         let expected = of_list(self.reference.update(&self.clips, &self.heads, update));
-        // A few of many.
+        // A sample of many instances.
         let some = (0..self.desc.instances).step_by(1 + self.desc.instances as usize / 50);
         for instance in some.filter(|&i| !self.hidden[i as usize]) {
             let weights = self.crowd.read_weights(instance).expect("weights");
@@ -179,15 +179,14 @@ impl<'a> Scene<'a> {
         (plan, commands)
     }
 
-    /// Record an update at `seconds` that never runs. The reference is not updated.
+    /// Records an update at `seconds` that never runs. The reference is not updated.
     pub fn drop_one(&mut self, seconds: f64) {
         self.crowd.set_time(seconds).expect("a time");
         let (_, update) = self.crowd.record(&[]).expect("a recording");
         self.crowd.discard(update.ticket).expect("a ticket of this crowd");
     }
 
-    /// Record updates at these times, then run them all at once; the last plan is compared with the one of the
-    /// reference.
+    /// Records updates at these times, then runs them all at once; compares the last plan with the reference's.
     pub fn step_together(&mut self, seconds: &[f64]) {
         let (mut recorded, mut expected) = (vec![], Plan::new());
         for &seconds in seconds {
@@ -202,7 +201,7 @@ impl<'a> Scene<'a> {
         assert_eq!(plan, expected, "{:?} at {seconds:?}", self.desc);
     }
 
-    /// The poses of an instance are those of a full evaluation, bit for bit, as they are stored and decoded.
+    /// Asserts that an instance's stored and decoded poses equal a full evaluation bit for bit.
     pub fn assert_fresh(&mut self, instance: u32) {
         let grid = grid(&self.mesh, &self.desc.update);
         let steps = self.reference.weights(instance as usize);
@@ -219,7 +218,7 @@ impl<'a> Scene<'a> {
             assert!(pose == expected, "{what}");
         }
         let pose = self.crowd.read_pose(instance).expect("a pose");
-        // The pose of the weights requested is no further off than the budget, and what rounding may add.
+        // The error against the requested weights is at most the budget plus rounding.
         let error = compare(&pose, &evaluate(&self.mesh, &to_weights(self.reference.requested(instance as usize))));
         let rounding = grid.position_error(weights.iter().filter(|w| **w != 0.0).count());
         let float = 1e-6 * f64::from(self.mesh.layout().diagonal);
@@ -236,7 +235,7 @@ impl<'a> Scene<'a> {
     }
 }
 
-/// The CPU planner's list. Coefficients of 0 are not listed.
+/// Converts the CPU planner's list. Coefficients of 0 are not listed.
 fn of_list(list: &WorkList) -> Plan {
     let mut plan = Plan::new();
     for item in &list.items {
@@ -248,10 +247,10 @@ fn of_list(list: &WorkList) -> Plan {
     plan
 }
 
-/// The plan that the GPU's lists hold; their form is checked on the way.
+/// Converts the plan in the GPU's lists, and checks their form.
 fn of_groups(groups: &[PlannedGroup], slots: u32, widest: u32, mesh: &PackedMesh) -> Plan {
     let (mut plan, mut tiles) = (Plan::new(), BTreeSet::new());
-    // Lists are of all blocks, and of each once.
+    // Lists contain every block exactly once.
     let mut planned: Vec<_> = groups.iter().filter(|group| group.instances.0 == 0).map(|group| &group.blocks).collect();
     planned.sort_by_key(|blocks| blocks.start);
     assert!(planned.windows(2).all(|two| two[0].end == two[1].start) && planned[0].start == 0);
@@ -267,7 +266,7 @@ fn of_groups(groups: &[PlannedGroup], slots: u32, widest: u32, mesh: &PackedMesh
                 let rows = group.words[first..][..rows * stride].chunks_exact(stride);
                 let rows: Vec<&[u32]> = rows.map(|row| &row[..=width]).collect();
                 assert!(rows.iter().all(|row| group.entries.contains(&(row[0] as usize))), "entries that are bound");
-                // There is one at least.
+                // There is at least one.
                 let idle = rows.len() == 1 && rows[0][1..].iter().all(|c| *c == 0);
                 let rows = &rows[usize::from(idle)..];
                 assert!(idle || !rows.is_empty());

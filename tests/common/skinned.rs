@@ -1,16 +1,16 @@
-//! What a character's file says of its pose at a time, in float64, by the formulas of glTF 2.0 and of Kavan et
-//! al. 2008. Nothing here is of the reader, or of the library.
+//! Evaluates a character's file at a time, in float64, by the formulas of glTF 2.0 and of Kavan et al. 2008. Uses no
+//! code of the reader or of the library.
 
 use crate::character::{Character, Keys, MESH_NODE, Morphed, Place};
 
-/// Row by row.
+/// In row-major order.
 pub type Matrix = [[f64; 4]; 4];
 
 pub fn product(a: &Matrix, b: &Matrix) -> Matrix {
     std::array::from_fn(|i| std::array::from_fn(|j| (0..4).map(|k| a[i][k] * b[k][j]).sum()))
 }
 
-/// Translation · rotation · scale: the rotation is a quaternion x y z w of any length but 0.
+/// Returns translation · rotation · scale; the rotation is a quaternion x y z w of any length but 0.
 pub fn matrix_of(translation: &[f64], rotation: &[f64], scale: &[f64]) -> Matrix {
     let length = rotation.iter().map(|x| x * x).sum::<f64>().sqrt();
     let [x, y, z, w] = std::array::from_fn(|i| rotation[i] / length);
@@ -31,7 +31,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// The inverse transpose of the upper three rows and columns: rows are cross products of the others, by the
+/// Returns the inverse transpose of the upper three rows and columns: cross products of the other rows, divided by the
 /// determinant.
 fn normal_matrix(m: &Matrix) -> [[f64; 3]; 3] {
     let [a, b, c] = [0, 1, 2].map(|i| [m[i][0], m[i][1], m[i][2]]);
@@ -39,7 +39,7 @@ fn normal_matrix(m: &Matrix) -> [[f64; 3]; 3] {
     [cross(b, c), cross(c, a), cross(a, b)].map(|row| row.map(|x| x / determinant))
 }
 
-/// Of an affine matrix.
+/// Returns the inverse of an affine matrix.
 pub fn inverse(m: &Matrix) -> Matrix {
     let turned = normal_matrix(m);
     let row = |i: usize| {
@@ -50,7 +50,7 @@ pub fn inverse(m: &Matrix) -> Matrix {
 }
 
 impl Keys {
-    /// glTF 2.0, appendix C.
+    /// Samples a track, by glTF 2.0, appendix C.
     fn sample(&self, time: f64) -> Vec<f64> {
         let time = time.clamp(self.times[0].into(), self.times[self.times.len() - 1].into());
         let is_spline = self.interpolation == "CUBICSPLINE";
@@ -88,7 +88,7 @@ impl Keys {
 }
 
 impl Morphed {
-    /// The first three numbers of vertex `v`.
+    /// Returns the first three numbers of vertex `v`.
     fn at(&self, v: usize, weights: &[f64]) -> [f64; 3] {
         let base = self.base.at(v);
         let moved = |i: usize| self.targets.iter().zip(weights).map(|(t, w)| w * t.at(v)[i]).sum::<f64>();
@@ -96,11 +96,11 @@ impl Morphed {
     }
 }
 
-/// What a pose is compared with.
+/// The reference for a pose.
 pub struct Pose {
-    /// Six numbers a vertex: position, and normal of unit length.
+    /// Six numbers per vertex: position, and normal of unit length.
     pub surface: Vec<f64>,
-    /// Morphed, and not skinned: of unit length.
+    /// Morphed but not skinned, of unit length.
     pub tangents: Vec<[f64; 3]>,
 }
 
@@ -138,7 +138,7 @@ impl Character {
         self.playing(playing, MESH_NODE, "weights").unwrap_or_else(rest)
     }
 
-    /// The pose: blended linearly, or by dual quaternions.
+    /// Returns the pose, blended linearly or by dual quaternions.
     pub fn pose(&self, playing: Playing, by_dual_quaternions: bool) -> Pose {
         let (worlds, weights) = (self.worlds(playing), self.weights_at(playing));
         let joint = |(i, &node): (usize, &usize)| {
@@ -186,7 +186,7 @@ fn quaternion_product(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
     ]
 }
 
-/// The quaternion of a rotation: the column of 4 q qᵀ with the largest diagonal.
+/// Returns the quaternion of a rotation: the column of 4 q qᵀ with the largest diagonal.
 pub fn quaternion_of(m: &Matrix) -> [f64; 4] {
     let (x, y, z) = (m[0][0], m[1][1], m[2][2]);
     let columns = [

@@ -1,13 +1,13 @@
-//! What a step after the pose wrote of each vertex, in a buffer of the host's.
+//! The output of a step after the pose for each vertex, in a buffer of the host's.
 
 use crate::offscreen::{Offscreen, Shared};
 use deltamorph::ash::vk;
 use deltamorph_headless::Headless;
 
-/// What is in a buffer where nothing was written: no number of a pose.
+/// Initial words of a buffer: no number of a pose.
 const POISON: u32 = 0xffff_ffff;
 
-/// A buffer, and where vertices are in it: offset, stride, and bytes from a position to its normal.
+/// A buffer, and the layout of vertices in it: offset, stride, and bytes from a position to its normal.
 pub struct Written<'a> {
     host: &'a Offscreen<'a>,
     pub buffer: vk::Buffer,
@@ -42,8 +42,8 @@ impl<'a> Written<'a> {
         poison.expect("a fill");
     }
 
-    /// What is there, vertex by vertex, as positions and normals: `None` where nothing was written since the last time.
-    /// Nothing between is written.
+    /// Takes the written vertices as positions and normals: `None` if not written since the last time. Asserts that
+    /// bytes in between are unchanged.
     pub fn take(&self, headless: &Headless) -> Vec<Option<Vec<u32>>> {
         use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
         let all = (Stage::ALL_COMMANDS, Access::MEMORY_READ | Access::MEMORY_WRITE);
