@@ -1,4 +1,4 @@
-//! What the host and the engine have of each other is dropped in any order that compiles.
+//! Objects of host and engine that refer to each other are dropped in any order that compiles.
 
 use crate::gpu::{self, drivers, on_device, packed};
 use crate::host::Host;
@@ -7,7 +7,7 @@ use deltamorph_headless::Headless;
 use std::any::Any;
 use std::sync::Arc;
 
-/// Every order of so many things.
+/// Returns every order of `things` items.
 fn orders(things: usize) -> Vec<Vec<usize>> {
     let longer = |order: &Vec<usize>| {
         let order = order.clone();
@@ -21,9 +21,9 @@ fn engine_mesh_crowds_allocator_and_device_are_dropped_in_any_order() {
     let test = |headless: &Headless, engine: &MorphEngine| {
         let (instance, physical, _) = headless.handles();
         let mesh = packed(engine, &testing::mesh(64, 3), DeltaFormat::Snorm16);
-        // One pipeline: what takes the time here is the drivers' making them.
+        // One pipeline, since drivers spend most of this test's time making them.
         let desc = CrowdDesc::new(UpdateDesc::new(UpdatePath::Compute, BatchSize::All));
-        // The allocator of the host's, then one of the engine's own.
+        // With the host's allocator, then with the engine's own.
         for (shares, things) in [(true, 5), (false, 4)] {
             for order in orders(things) {
                 let host = Host::new(headless);
@@ -57,8 +57,8 @@ fn engine_mesh_crowds_allocator_and_device_are_dropped_in_any_order() {
     drivers().iter().for_each(|driver| on_device(driver, false, test));
 }
 
-/// What is left when the device goes, the layers list by its name: all of a crowd and its mesh, but for what the names
-/// of others have in them.
+/// The layers list the names of objects left when the device is destroyed: all objects of a crowd and its mesh, unless
+/// their names are contained in others.
 #[test]
 fn what_the_engine_makes_has_names_where_the_host_wants_them() {
     for driver in drivers() {

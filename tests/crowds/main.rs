@@ -1,4 +1,4 @@
-//! Crowds: what instances, sets and poses of several meshes are to each other.
+//! Crowds: instances, sets, and poses of several meshes.
 
 #[path = "../common/data.rs"]
 mod data;

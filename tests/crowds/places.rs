@@ -1,4 +1,5 @@
-//! Crowds while they run: heads are hidden and shown, removed and added; tiles of any width; several descriptor ranges.
+//! Changes of a running crowd: instances are hidden and shown, removed and added; tiles of any width; several
+//! descriptor ranges.
 
 use crate::gpu::{self, on_every_device};
 use deltamorph::reference::compare;
@@ -7,7 +8,7 @@ use deltamorph_headless::{Headless, HeadlessCrowd};
 
 const TARGETS: usize = 12;
 
-/// A description for each kernel there is.
+/// Returns an update for each kernel.
 fn kernels(engine: &MorphEngine) -> Vec<(DeltaFormat, UpdateDesc)> {
     let blocks = UpdateDesc::blocks();
     let [fixed32, fixed16] = gpu::fixed();
@@ -34,13 +35,13 @@ fn packed(engine: &MorphEngine, format: DeltaFormat) -> PackedMesh {
     PackedMesh::pack(&testing::mesh(700, TARGETS), &engine.pack_desc(format)).expect("a mesh that fits")
 }
 
-/// Weights of a head in a frame: about half of them change from frame to frame.
+/// Returns the weights of an instance in a frame: about half of them change between frames.
 fn weights(head: u32, frame: u32) -> Vec<f32> {
     let weight = |t: u32| ((head * 7 + t * 13 + (frame + t % 2) / 2 * 5) % 17) as f32 / 8.0 - 0.5;
     (0..TARGETS as u32).map(weight).collect()
 }
 
-/// Whether the pose of `instance` is that of `weights`.
+/// Asserts that the pose of `instance` is that of `weights`.
 fn assert_pose(crowd: &mut HeadlessCrowd<'_>, mesh: &PackedMesh, desc: &UpdateDesc, instance: u32, weights: &[f32]) {
     assert_is(&crowd.read_pose(instance).expect("a pose"), mesh, desc, instance, weights);
 }
@@ -56,7 +57,7 @@ fn crowd<'a>(headless: &'a Headless, mesh: &PackedMesh, update: UpdateDesc, inst
         .expect("a crowd")
 }
 
-/// 13 heads: tiles of 8, 4 and 1, and others where only some change.
+/// 13 instances: tiles of 8, 4 and 1, and others if only some change.
 #[test]
 fn heads_come_and_go() {
     on_every_device(|headless, engine| {
@@ -65,7 +66,7 @@ fn heads_come_and_go() {
             let mut crowd = crowd(headless, &mesh, desc, 13);
             let mut asked: Vec<Vec<f32>> = (0..13).map(|i| weights(i, 0)).collect();
             for frame in 0..6u32 {
-                // Every head moves in even frames, every third in odd ones; 3 is hidden from frame 2 to 3.
+                // Every instance moves in even frames, every third in odd ones; 3 is hidden in frames 2 and 3.
                 for head in (0..13).filter(|h| frame % 2 == 0 || h % 3 == 0) {
                     asked[head as usize] = weights(head, frame);
                     crowd.set_weights(head, &asked[head as usize]).expect("weights that fit");
@@ -103,7 +104,7 @@ fn heads_come_and_go() {
     });
 }
 
-/// Heads come, go, hide and are shown between updates of one submission.
+/// Instances are added, removed, hidden and shown between updates of one submission.
 #[test]
 fn heads_come_and_go_within_a_submission() {
     on_every_device(|headless, engine| {
@@ -134,7 +135,7 @@ fn heads_come_and_go_within_a_submission() {
                 }
             });
             updates.expect("updates");
-            // The frame whose weights each head has: 2 is hidden in the second update.
+            // The frame whose weights each instance has: 2 is hidden in the second update.
             for (readback, frames) in readbacks.iter_mut().zip([[0, 9, 0, 9], [0, 1, 0, 1], [0, 1, 1, 1]]) {
                 // SAFETY: `run` has waited.
                 for pose in unsafe { readback.poses() }.expect("poses") {
@@ -165,8 +166,8 @@ fn an_idle_crowd_is_no_work() {
     });
 }
 
-/// Two small blocks a workgroup, and one: the same bits, for odd and even numbers of blocks, in dispatches of three
-/// workgroups. In place, a block done twice would be off.
+/// Two small blocks per workgroup, and one: the same bits, for odd and even numbers of blocks, in dispatches of three
+/// workgroups. In place, a block processed twice would be wrong.
 #[test]
 fn small_blocks_share_workgroups() {
     for driver in gpu::drivers() {
@@ -181,7 +182,7 @@ fn small_blocks_share_workgroups() {
                     let mut crowd = crowd(headless, &mesh, desc, instances);
                     let mut asked = vec![vec![0.0; TARGETS]; instances as usize];
                     for frame in 0..6 {
-                        // A target of each head: other blocks, and other numbers of them, in each frame.
+                        // A target per instance: other blocks, and other numbers of them, in each frame.
                         for (head, asked) in (0..instances).zip(&mut asked) {
                             let target = ((frame + head) % TARGETS as u32) as usize;
                             asked[target] = weights(head, frame)[target];
@@ -206,10 +207,10 @@ fn small_blocks_share_workgroups() {
     }
 }
 
-/// Descriptors that reach only a few heads: tiles stay within them.
+/// Descriptors that cover only a few instances: tiles stay within them.
 #[test]
 fn a_crowd_in_several_descriptor_ranges() {
-    // Poses of 704 vertices: seven heads of two slots each.
+    // Poses of 704 vertices: seven instances of two slots each.
     let limits = gpu::baseline(|caps| caps.max_storage_range = 704 * 24 * 15);
     for (driver, limits) in gpu::with_and_without_texels(&limits) {
         let texels = limits.int64 && driver == "llvmpipe";

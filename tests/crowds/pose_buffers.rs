@@ -1,4 +1,4 @@
-//! Where poses are, known before the first update; usages that the host adds; what is refused.
+//! Places of poses, known before the first update; additional usages; refused calls.
 
 use crate::gpu::{self, on_device, on_every_device, weights};
 use crate::offscreen::Offscreen;
@@ -57,7 +57,7 @@ fn where_poses_are_is_known_before_the_first_update() {
     });
 }
 
-/// A storage buffer of the host's.
+/// Makes a storage buffer of the host's.
 fn with_buffer(headless: &Headless, test: impl FnOnce(vk::Buffer)) {
     let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
     test(host.shared(1 << 20, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer").buffer);
@@ -140,7 +140,7 @@ fn usages_that_the_device_was_not_said_to_allow_are_refused() {
             let text = HeadlessCrowd::new(headless, &mesh, &desc.pose_usage(usage)).err().expect(words).to_string();
             assert!(text.contains(words), "{text}");
         }
-        // More than one buffer of the device: its own limit says so.
+        // More than the device's largest buffer: its own limit is in the message.
         let most = engine.caps().max_allocation.min(engine.caps().max_buffer);
         let instances = (most / mesh.layout().pose_bytes(PoseFormat::Float32) + 1).min(u32::MAX.into()) as u32;
         testing::says(
@@ -150,7 +150,7 @@ fn usages_that_the_device_was_not_said_to_allow_are_refused() {
     });
 }
 
-/// Poses of ours with device addresses, from an allocator of ours and from the host's.
+/// Pose buffers with device addresses, from the engine's allocator and from the host's.
 #[test]
 fn pose_buffers_have_addresses_where_the_host_enabled_them() {
     for driver in gpu::drivers() {

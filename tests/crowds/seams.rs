@@ -1,4 +1,4 @@
-//! Split meshes: what is doubled at a seam in the texture coordinates stays together bit for bit in every pose, and is
+//! Split meshes: vertices doubled at a seam of the texture coordinates stay together bit for bit in every pose, and are
 //! drawn from one index buffer.
 
 use crate::gpu;
@@ -15,7 +15,7 @@ use glam::{Mat4, Quat, Vec2, Vec3};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// The built-in head with a texture in many charts: every eighth face is one of its own.
+/// Makes the built-in head with a texture of many charts: every eighth face is its own chart.
 fn charts() -> MorphSource {
     let mut source = head(&HeadDesc::default().vertices(3000).targets(40));
     let before = source.texcoords.clone();
@@ -32,7 +32,7 @@ fn split(source: &MorphSource) -> MorphMesh {
     source.split().unwrap().to_mesh(Tolerance::default()).unwrap()
 }
 
-/// With tangents, which move where positions do.
+/// Adds tangents, which move with the positions.
 fn with_tangents(mut source: MorphSource) -> MorphSource {
     let tangent = |p: &Vec3| Vec3::Y.cross(*p).try_normalize().unwrap_or(Vec3::X).extend(1.0).to_array();
     let values = source.positions.iter().flat_map(tangent).collect();
@@ -45,13 +45,13 @@ fn with_tangents(mut source: MorphSource) -> MorphSource {
     source
 }
 
-/// The corners of all triangles, as the faces state them.
+/// Returns the corners of all triangles, as stated by the faces.
 fn corners(source: &MorphSource) -> Vec<Corner> {
     let fan = |face: &[Corner]| (1..face.len() - 1).flat_map(|i| [face[0], face[i], face[i + 1]]).collect::<Vec<_>>();
     source.faces.iter().flat_map(fan).collect()
 }
 
-/// Doubled vertices, and the ones that they double.
+/// Returns doubled vertices, and their originals.
 fn doubled(mesh: &MorphMesh) -> Vec<(usize, usize)> {
     let pairs: Vec<(usize, usize)> =
         (0..).zip(&mesh.welds).map(|(v, &of)| (v, of as usize)).filter(|(v, of)| v != of).collect();
@@ -59,13 +59,13 @@ fn doubled(mesh: &MorphMesh) -> Vec<(usize, usize)> {
     pairs
 }
 
-/// The first of `pairs` that is not equal bit for bit in `pose`.
+/// Returns the first of `pairs` that is not equal bit for bit in `pose`.
 fn parted(pose: &[f32], pairs: &[(usize, usize)]) -> Option<(usize, usize)> {
     let bits = |v: usize| pose[v * POSE_FLOATS..][..POSE_FLOATS].iter().map(|x| x.to_bits());
     pairs.iter().copied().find(|(v, of)| !bits(*v).eq(bits(*of)))
 }
 
-/// In every format, and with blocks of every size.
+/// Packs in every format, and with blocks of every size.
 fn pack(mesh: &MorphMesh) -> impl Iterator<Item = Arc<PackedMesh>> {
     let sizes = |format: DeltaFormat| if format.is_blocks() { &BLOCK_SIZES[..] } else { &[64] };
     let all =
@@ -94,7 +94,7 @@ fn doubled_vertices_are_equal_bit_for_bit_in_every_pose() {
                 let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).pose(pose).tolerance(tolerance);
                 let desc = desc.error_budget(error_budget);
                 let Ok(mut crowd) = CpuCrowd::new(packed.clone(), desc, 1, 1) else {
-                    // Dense formats have no budgets, float32 deltas no integers.
+                    // Dense formats have no budgets, float32 deltas no fixed-point poses.
                     let dense = what.1.is_none() && error_budget > 0.0;
                     assert!(dense || pose.has_integers() && !what.0.has_integers(), "{what:?} {desc:?}");
                     continue;
@@ -169,7 +169,7 @@ fn doubled_vertices_are_equal_bit_for_bit_in_every_pose_of_the_gpu() {
     }
 }
 
-/// The paths of a device, block formats with poses of each kind, and with blocks that may lag behind.
+/// Returns the paths of a device, block formats with each pose format, and with error budgets.
 fn updates(headless: &Headless, format: DeltaFormat) -> Vec<UpdateDesc> {
     if format.is_blocks() {
         let updates = gpu::update_descs(headless.engine(), format);
@@ -190,7 +190,7 @@ fn further_streams_are_equal_at_doubled_vertices() {
         for target in 0..mesh.targets.len() {
             let mut deltas = HashMap::new();
             group.for_each_delta(target, |v, delta| _ = deltas.insert(v, delta.map(f64::to_bits)));
-            // What is not there does not move.
+            // Missing deltas are zero.
             let of = |v: usize| deltas.get(&v).copied().unwrap_or_default();
             assert!(pairs.iter().all(|&(v, first)| of(v) == of(first)), "{:?} {target}", packed.layout().format);
             moved += pairs.iter().filter(|(v, _)| of(*v) != [0; POSE_FLOATS]).count();
@@ -201,18 +201,18 @@ fn further_streams_are_equal_at_doubled_vertices() {
     }
 }
 
-/// What a host draws of a mesh: texture coordinates in the order of pose buffers, and indices.
+/// Returns a host's data for drawing a mesh: texture coordinates in the order of pose buffers, and indices.
 fn drawn(packed: &PackedMesh, mesh: &MorphMesh) -> (Vec<Vec2>, Vec<u32>) {
     let mut render = packed.layout().render_vertices(&mesh.faces, &mesh.texcoords).unwrap();
-    // Without a split: whatever is the first at a position.
+    // Without a split: the first vertex at a position.
     render.indices.iter_mut().for_each(|index| *index = render.pose_vertices[*index as usize]);
     render.texcoords.truncate(mesh.vertex_count());
     (render.texcoords, render.indices)
 }
 
-/// Draw `mesh` from its pose buffer, one buffer of texture coordinates and one of indices, in poses of a few frames
-/// from all sides; and draw each corner of the faces of `source` from the same pose. Returns the largest number of
-/// pixels that differ.
+/// Draws `mesh` from its pose buffer, one buffer of texture coordinates and one of indices, in poses of a few frames
+/// from all sides; and draws each corner of the faces of `source` from the same pose. Returns the largest number of
+/// differing pixels.
 fn compare_pictures(
     headless: &Headless,
     source: &MorphSource,
@@ -237,7 +237,7 @@ fn compare_pictures(
     let (low, high) = source.positions.iter().fold((Vec3::MAX, Vec3::MIN), |(a, b), p| (a.min(*p), b.max(*p)));
     let mut most = 0;
     for frame in 0..6 {
-        // Depth from 0 to 1, and some room for what moves.
+        // Depth from 0 to 1, with some room for motion.
         let scale = Mat4::from_scale(Vec3::new(2.0, -2.0, 0.5) / (high - low).length());
         let turn = Mat4::from_quat(Quat::from_rotation_x(0.4) * Quat::from_rotation_y(frame as f32));
         let view = Mat4::from_translation(Vec3::Z * 0.5) * scale * turn * Mat4::from_translation(-(low + high) / 2.0);
@@ -285,7 +285,7 @@ fn one_index_buffer_draws_what_the_corners_of_the_file_draw() {
     let charts = charts();
     let mesh = split(&charts);
     let kept = charts.positions.len() as u32;
-    // What is doubled stays where it is, as when only the base pose is split.
+    // Doubles do not move, as if only the base pose were split.
     let mut torn = mesh.clone();
     for target in &mut torn.targets {
         let first = target.vertices.partition_point(|v| *v < kept);
@@ -308,7 +308,7 @@ fn one_index_buffer_draws_what_the_corners_of_the_file_draw() {
                     assert_eq!(differ, 0, "{driver} {format:?} {update:?}");
                 }
             }
-            // The pictures tell faults: one texture coordinate per position, and doubles that stay behind.
+            // The pictures reveal faults: one texture coordinate per position, and doubles that do not move.
             let unsplit = |source: &MorphSource| source.to_mesh(Tolerance::default()).unwrap();
             for (source, mesh) in [(&charts, unsplit(&charts)), (&plain, unsplit(&plain)), (&charts, torn.clone())] {
                 let differ = compare_pictures(headless, source, &mesh, fixed16, DeltaFormat::Fast);

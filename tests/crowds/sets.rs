@@ -24,7 +24,7 @@ fn crowd(headless: &Headless, engine: &MorphEngine, mesh: &PackedMesh, desc: &Cr
     engine.create_crowd(&uploaded, desc).expect("a crowd")
 }
 
-/// Updates crowds by one call, and reads their poses of an instance back.
+/// Updates crowds in one call, and reads their poses of an instance back.
 fn step(headless: &Headless, engine: &MorphEngine, crowds: &mut [Crowd], instance: u32) -> (Vec<Vec<f32>>, usize) {
     let mut readbacks: Vec<_> = crowds.iter().map(|_| engine.readback()).collect();
     let barriers = headless.run(|cmd| {
@@ -42,7 +42,7 @@ fn step(headless: &Headless, engine: &MorphEngine, crowds: &mut [Crowd], instanc
     (readbacks.iter_mut().map(pose).collect(), barriers.expect("an update"))
 }
 
-/// A map of the crowds' meshes.
+/// Makes a weight map of the crowds' meshes.
 fn map(crowds: &[Crowd]) -> WeightMap {
     let names = |crowd: &Crowd| crowd.layout().targets.iter().map(|target| target.name.clone()).collect();
     WeightMap::new(crowds.iter().map(names).collect())
@@ -102,7 +102,7 @@ fn a_weight_that_makes_too_many_active_is_refused_alone() {
     });
 }
 
-/// What `written` has of every vertex, six numbers each.
+/// Returns the floats of every vertex in `written`, six each.
 fn floats(headless: &Headless, written: &Written<'_>, mesh: &PackedMesh) -> Vec<f32> {
     let vertices = written.take(headless).into_iter();
     let mut all: Vec<f32> = vertices.flat_map(|words| words.expect("all is written")).map(f32::from_bits).collect();
@@ -110,7 +110,7 @@ fn floats(headless: &Headless, written: &Written<'_>, mesh: &PackedMesh) -> Vec<
     mesh.layout().to_user_order(&all)
 }
 
-/// Each mesh by its own joints, which turn and are cut together; the second one is decoded, too.
+/// Each mesh with its own joints, which turn and are cut together; the second one is also decoded.
 #[test]
 fn several_crowds_are_skinned_decoded_and_cut_in_one_update() {
     on_every_device(|headless, engine| {
@@ -173,7 +173,7 @@ fn several_crowds_are_skinned_decoded_and_cut_in_one_update() {
     });
 }
 
-/// The part of a mesh that these vertices make, with the targets that move any of them.
+/// Returns the part of a mesh with these vertices, with the targets that move any of them.
 fn part(mesh: &MorphMesh, name: &str, vertices: &[u32]) -> MorphMesh {
     let new: HashMap<u32, u32> = vertices.iter().copied().zip(0..).collect();
     let at = |v: &u32| *v as usize;
@@ -205,7 +205,7 @@ fn part(mesh: &MorphMesh, name: &str, vertices: &[u32]) -> MorphMesh {
 fn a_face_in_three_meshes_moves_as_the_whole_one() {
     let Some(folder) = data::set("makehuman_face") else { return };
     let whole = obj::import_folder(&folder).expect("a folder").to_mesh(Tolerance::default()).expect("a mesh");
-    // The file says which faces are of which group.
+    // The file has the groups of faces.
     let text = std::fs::read_to_string(folder.join("neutral.obj")).expect("a file");
     let (mut group, mut groups) = (0, vec![0; whole.vertex_count()]);
     for line in text.lines() {

@@ -1,4 +1,4 @@
-//! Several crowds of one mesh in one submission, and the draws behind the updates.
+//! Several crowds of one mesh in one submission, and the draws after the updates.
 
 use crate::gpu::{self, on_every_device, update_descs, weights};
 use crate::picture::Picture;
@@ -28,7 +28,7 @@ fn crowds_side_by_side_do_what_one_crowd_does() {
                     let heads: Vec<&[f32]> = heads.iter().map(Vec::as_slice).collect();
                     let one = whole.step(&heads).expect("a step");
                     let two = HeadlessCrowd::step_together(&mut halves, &heads, 3).expect("a step");
-                    // Passes and bytes may differ: a crowd shares what it can.
+                    // Passes and bytes may differ, since a crowd shares work.
                     let work = |step: &Step| (step.update.stats.coefficients, step.update.stats.dirty_blocks);
                     assert_eq!(work(&one), work(&two), "{update:?} frame {frame}");
                     assert_eq!((one.draw_ms, one.gpu_ms.is_some()), (None, two.gpu_ms.is_some()));
@@ -50,8 +50,8 @@ fn crowds_side_by_side_do_what_one_crowd_does() {
     });
 }
 
-/// Crowds that are updated by one call share their barriers: as many as the one with the most passes needs, and each of
-/// them is needed.
+/// Crowds updated by one call share their barriers: as many as the crowd with the most passes needs, and each is
+/// needed.
 #[test]
 fn crowds_of_one_call_share_their_barriers() {
     on_every_device(|headless, engine| {
@@ -61,7 +61,7 @@ fn crowds_of_one_call_share_their_barriers() {
         let mut crowds = [first.another(&CrowdDesc::new(update)).expect("another"), first];
         let mut frames = vec![];
         for frame in 0..4u8 {
-            // Eleven targets change in the first crowd, three passes; one in the second.
+            // Eleven targets change in the first crowd, in three passes; one in the second.
             let many: Vec<f32> = (1..12u8).map(|t| f32::from(frame + 1) + f32::from(t) / 8.0).collect();
             let mut one = [1.0; 11];
             one[3] = f32::from(frame) / 4.0;
@@ -95,15 +95,15 @@ fn crowds_of_one_call_share_their_barriers() {
     });
 }
 
-/// One call updates crowds of both kinds. Where it ends before all is recorded, nothing of it counts as done: poses
-/// whose weights are the CPU's are written anew by the next call, and those that the GPU animates are the ones before.
+/// One call updates both kinds of crowds. If it fails before everything is recorded, nothing counts as done: the next
+/// call rewrites poses with the CPU's weights, and poses animated on the GPU are the previous ones.
 #[test]
 fn crowds_of_both_kinds_are_updated_by_one_call() {
     on_every_device(|headless, engine| {
         let mesh = gpu::packed(engine, &testing::mesh(200, 5), DeltaFormat::Small);
         let layout = mesh.layout();
         let desc = CrowdDesc::new(gpu::fixed()[1]);
-        // On the grid of weights: a frame a second.
+        // On the grid of weights: a frame per second.
         let weights = |frame: usize| (0..5).map(|t| (frame * t + 1) as f32 / 8.0).collect::<Vec<f32>>();
         let names = layout.targets.iter().map(|target| target.name.clone()).collect();
         let clip = WeightClip { name: "clip".into(), names, fps: 1.0, values: (0..4).flat_map(weights).collect() };
