@@ -1,6 +1,5 @@
-//! Every Vulkan call of every operation of the library fails, one at a time, with each error that it may return: there
-//! is an error that names the call and what to do, nothing is left behind, the same operation succeeds afterwards, and
-//! poses are right.
+//! Every Vulkan call of every operation of the library fails, one at a time, with each error that it may return: the
+//! error names the call and a remedy, nothing leaks, the same operation succeeds afterwards, and poses are right.
 
 #[path = "common/gpu.rs"]
 mod gpu;
@@ -27,7 +26,7 @@ use vk::Result as Vk;
 const TARGETS: usize = 8;
 const VERTICES: usize = 300;
 
-/// Run a test in a process of its own in which the layer is loaded.
+/// Runs a test in a process of its own in which the layer is loaded.
 fn with_layer(test: &str, body: impl FnOnce()) {
     if std::env::var("VK_INSTANCE_LAYERS").is_ok_and(|layers| layers == NAME) {
         return body();
@@ -40,7 +39,7 @@ fn with_layer(test: &str, body: impl FnOnce()) {
     println!("{out}");
 }
 
-/// Lavapipe, and the layer above it.
+/// Opens lavapipe with the layer above it.
 fn device(validation: bool) -> (Headless, Control) {
     let headless = gpu::device("llvmpipe", validation, None);
     let (instance, _, device) = headless.handles();
@@ -49,13 +48,13 @@ fn device(validation: bool) -> (Headless, Control) {
     (headless, control)
 }
 
-/// What is wrong with an error about a call that returned `result`.
+/// Returns the defect of an error about a call that returned `result`.
 fn wrong_with(error: &Error, call: &str, result: Vk) -> Option<String> {
     let (text, kind) = (error.to_string(), error.kind());
-    // The allocator does not say which call it was; we say what the memory was for.
+    // The allocator does not report the call; the engine reports the purpose of the memory.
     let names = text.contains(call)
         || (["vkAllocateMemory", "vkMapMemory"].contains(&call) && text.starts_with("no memory for '"))
-        // Who does without a time learns of the loss from the next call.
+        // If a missing time is tolerated, the next call reports the loss.
         || (call == "vkGetQueryPoolResults" && result == Vk::ERROR_DEVICE_LOST && text.contains("vkQueueSubmit failed"));
     let memory =
         [Vk::ERROR_OUT_OF_HOST_MEMORY, Vk::ERROR_OUT_OF_DEVICE_MEMORY, Vk::ERROR_OUT_OF_POOL_MEMORY].contains(&result);
@@ -67,7 +66,7 @@ fn wrong_with(error: &Error, call: &str, result: Vk) -> Option<String> {
     (!names || !fits || !text.contains("; ")).then(|| format!("{kind:?}: {text}"))
 }
 
-/// Operations that fail, and what they work on.
+/// Operations that fail, and their objects.
 struct Lab<'a> {
     headless: &'a Headless,
     control: &'a Control,
@@ -76,8 +75,8 @@ struct Lab<'a> {
 }
 
 impl Lab<'_> {
-    /// Have each call of `operation`, on what `prepare` makes, fail with each error. The same operation follows in the
-    /// same command buffer, and `check` looks at what it made when it has run.
+    /// Makes each call of `operation`, on the objects of `prepare`, fail with each error. The same operation follows in
+    /// the same command buffer, and `check` verifies its result after it has run.
     fn each<S, T>(
         &self,
         name: &str,
@@ -103,12 +102,12 @@ impl Lab<'_> {
                             self.failures.set(self.failures.get() + 1);
                             let wrong = wrong_with(&e, counts.call(), error).map(|wrong| format!("{what}: {wrong}"));
                             self.wrong.borrow_mut().extend(wrong);
-                            // Kernels that were made stay with the engine, for the next crowd.
+                            // Finished kernels stay with the engine, for the next crowd.
                             let kernels = name.starts_with("create") || name.starts_with("set");
                             assert!(kernels || counts.alive == alive, "{what}: {alive} objects, then {}", counts.alive);
                             operation(&mut state, cmd)
                         }
-                        // Lists that prefer the device's memory may be in the host's.
+                        // Lists that prefer device memory may be in host memory.
                         Ok(_) if failed => {
                             assert!(["vkAllocateMemory", "vkMapMemory"].contains(&counts.call()), "{what}: nothing");
                             tried
@@ -132,12 +131,12 @@ impl Lab<'_> {
     fn upload(&self, engine: &MorphEngine, mesh: &PackedMesh) -> GpuMesh {
         // SAFETY: the buffer is recording, runs once, and is waited for.
         let mut gpu = self.headless.run(|cmd| unsafe { engine.upload(cmd, mesh) }).expect("an upload");
-        // SAFETY: it has run.
+        // SAFETY: the upload has run.
         unsafe { gpu.release_staging() };
         gpu
     }
 
-    /// Update a crowd, and compare its poses with the reference.
+    /// Updates a crowd, and compares its poses with the reference.
     fn verify(&self, engine: &MorphEngine, crowd: &mut impl AnyCrowd, mesh: &PackedMesh, asked: &[Vec<f32>]) {
         let mut readback = engine.readback();
         let all: Vec<u32> = (0..asked.len() as u32).collect();
@@ -151,7 +150,7 @@ impl Lab<'_> {
         assert_right(unsafe { readback.poses() }.expect("poses"), mesh, asked);
     }
 
-    /// Ask each instance for something else, and verify.
+    /// Requests other weights for each instance, and verifies.
     fn pose(&self, engine: &MorphEngine, crowd: &mut Crowd, mesh: &PackedMesh, frame: usize) {
         let asked: Vec<_> = crowd.shown().map(|i| weights(frame + i as usize)).collect();
         (0..).zip(&asked).for_each(|(i, weights)| crowd.set_weights(i, weights).expect("weights"));
@@ -184,7 +183,7 @@ fn packed(engine: &MorphEngine, format: DeltaFormat) -> PackedMesh {
     gpu::packed(engine, &testing::mesh(VERTICES, TARGETS), format)
 }
 
-/// Names, formats and updates of all kinds of crowds.
+/// Returns names, formats and updates of all kinds of crowds.
 fn kinds() -> [(&'static str, DeltaFormat, UpdateDesc); 4] {
     let dense = |path| UpdateDesc::new(path, BatchSize::Targets(3));
     [
@@ -195,7 +194,7 @@ fn kinds() -> [(&'static str, DeltaFormat, UpdateDesc); 4] {
     ]
 }
 
-/// Run `test` with the validation layer beneath, and see that nothing is left.
+/// Runs `test` with the validation layer below, and checks that nothing leaks.
 fn in_lab(test: impl Fn(&Lab<'_>)) {
     let (headless, control) = device(true);
     let bare = control.counts().alive;
@@ -270,7 +269,7 @@ fn crowds(lab: &Lab<'_>, kind: &str, format: DeltaFormat, update: UpdateDesc) {
             assert_right(poses, mesh, &[weights(3), weights(4), weights(5)]);
         },
     );
-    // Updates need nothing that may fail, of several crowds together either.
+    // Updates, even of several crowds together, make no calls that may fail.
     let none = lab.failures.get();
     lab.each(
         &format!("record_updates, {kind}"),
@@ -315,7 +314,7 @@ fn steps(lab: &Lab<'_>, kind: &str, format: DeltaFormat, update: UpdateDesc) {
         lab.each(
             &format!("{name}, {kind}"),
             || {
-                // A new engine, which has no kernels yet, for the step that needs nothing of another.
+                // A new engine, without kernels, for the step that needs no objects of another engine.
                 let own = (name == "set_decode_target").then(|| lab.engine());
                 let engine = own.as_ref().unwrap_or(engine);
                 let gpu = lab.upload(engine, mesh);
@@ -331,7 +330,7 @@ fn steps(lab: &Lab<'_>, kind: &str, format: DeltaFormat, update: UpdateDesc) {
             },
         );
     };
-    // SAFETY: the buffer is large enough, and goes after the crowds; nothing is running. So below.
+    // SAFETY: the buffer is large enough, and dropped after the crowds; nothing is running. So below.
     set("set_decode_target", &|e, crowd| unsafe { e.set_decode_target(crowd, 0, Some(&DecodeTarget::new(buffer))) });
     let target = NormalsTarget::new(buffer);
     // SAFETY: as above.
@@ -374,7 +373,7 @@ fn animated(lab: &Lab<'_>) {
     );
 }
 
-/// A crowd is made, stepped and read, with one call failing; what failed is tried again, until the device is lost.
+/// Makes, steps and reads a crowd, with one call failing; failed operations are retried, until the device is lost.
 fn headless_run(
     (headless, control): &(Headless, Control),
     mesh: &PackedMesh,
@@ -438,7 +437,7 @@ fn headless_crowds_are_made_stepped_and_read_or_not() {
                 }
             }
         }
-        // What is left of the last device is seen when it goes, by the next.
+        // The next device reports leaks of the last one.
         assert_eq!(device(false).1.counts().leaked, 0);
         assert_none(wrong);
         println!("{failures} failures");

@@ -1,4 +1,4 @@
-//! The loader unloads layers with the last instance: the layer stays, so that it counts on with the next.
+//! The loader unloads layers with the last instance; this layer stays loaded, so that its counts continue.
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");

@@ -20,7 +20,7 @@ const SURFACE: vk::Result = vk::Result::ERROR_SURFACE_LOST_KHR;
 const WINDOW: vk::Result = vk::Result::ERROR_NATIVE_WINDOW_IN_USE_KHR;
 const DATE: vk::Result = vk::Result::ERROR_OUT_OF_DATE_KHR;
 
-/// All of them.
+/// All errors.
 pub const ERRORS: [vk::Result; 17] = [
     HOST,
     DEVICE,
@@ -41,8 +41,8 @@ pub const ERRORS: [vk::Result; 17] = [
     DATE,
 ];
 
-/// What `call` may return, of the calls that the layer sees. Without what only extensions that deltamorph does not use
-/// bring.
+/// Returns the errors of `call`, for calls that the layer sees, without those of extensions that deltamorph does not
+/// use.
 pub fn errors(call: &str) -> &'static [vk::Result] {
     match call {
         "vkCreateInstance" => &[HOST, DEVICE, INITIALIZATION, LAYER, EXTENSION, INCOMPATIBLE],
@@ -50,7 +50,7 @@ pub fn errors(call: &str) -> &'static [vk::Result] {
         "vkEnumerateDeviceExtensionProperties" => &[HOST, DEVICE, LAYER],
         "vkGetPhysicalDeviceImageFormatProperties" => &[HOST, DEVICE, FORMAT],
         "vkCreateDevice" => &[HOST, DEVICE, INITIALIZATION, EXTENSION, FEATURE, TOO_MANY, LOST],
-        // The text of both speaks of TOO_MANY_OBJECTS, though newer lists of their errors leave it out.
+        // The text of both includes TOO_MANY_OBJECTS, though newer lists of their errors omit it.
         "vkAllocateMemory" | "vkCreateSampler" => &[HOST, DEVICE, TOO_MANY],
         "vkMapMemory" => &[HOST, DEVICE, MAP],
         "vkCreateDescriptorPool" => &[HOST, DEVICE, FRAGMENTATION],
@@ -79,7 +79,7 @@ mod tests {
 
     /// The registry that comes with the Vulkan headers.
     const REGISTRY: &str = "/usr/share/vulkan/registry/vk.xml";
-    /// Of extensions that deltamorph does not use, and of layers.
+    /// Errors of extensions that deltamorph does not use, and of layers.
     const LEFT_OUT: [&str; 7] = [
         "VK_ERROR_INVALID_EXTERNAL_HANDLE",
         "VK_ERROR_INVALID_OPAQUE_CAPTURE_ADDRESS",
@@ -90,7 +90,7 @@ mod tests {
         "VK_ERROR_TOO_MANY_OBJECTS",
     ];
 
-    /// `errorcodes` of a command in the registry.
+    /// Returns `errorcodes` of a command in the registry.
     fn listed<'a>(registry: &'a str, call: &str) -> Vec<&'a str> {
         let name = registry.find(&format!("<name>{call}</name>")).unwrap_or_else(|| panic!("{call}: not a command"));
         let tag = &registry[registry[..name].rfind("<command ").expect("its tag")..name];

@@ -1,4 +1,4 @@
-//! What the layer and the tests that link this crate have in common.
+//! The interface between the layer and the tests that link this crate.
 
 use crate::state::{Function, state};
 use ash::vk;
@@ -10,7 +10,7 @@ use std::process::Command;
 /// The layer's name.
 pub const NAME: &str = "VK_LAYER_deltamorph_failing";
 
-/// What the layer has counted.
+/// Counts of the layer.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Counts {
@@ -18,9 +18,9 @@ pub struct Counts {
     pub calls: u64,
     /// Calls that failed since the last [`Control::arm`].
     pub failed: u64,
-    /// Handles that were destroyed, and were not alive.
+    /// Destroyed handles that were not alive.
     pub unknown: u64,
-    /// Objects that are alive, without instances, devices, command buffers and descriptor sets.
+    /// Live objects, without instances, devices, command buffers and descriptor sets.
     pub alive: u64,
     /// Objects that were alive when their device or instance was destroyed.
     pub leaked: u64,
@@ -41,7 +41,7 @@ impl Counts {
     }
 }
 
-/// The layer below an instance, to be told what fails.
+/// Controls the failures of the layer below an instance.
 pub struct Control {
     arm: Arm,
     read: Read,
@@ -51,7 +51,7 @@ type Arm = unsafe extern "system" fn(*const c_char);
 type Read = unsafe extern "system" fn(*mut Counts);
 
 impl Control {
-    /// Of the layer that a device was made through.
+    /// Returns the control of the layer that a device was made through.
     ///
     /// # Panics
     /// The layer is not there: see [`enable`].
@@ -60,10 +60,10 @@ impl Control {
     /// The device is of this instance, and both are alive.
     pub unsafe fn of(instance: &ash::Instance, device: vk::Device) -> Self {
         let get = |name: &CStr| {
-            // SAFETY: as the caller says.
+            // SAFETY: the caller's obligation.
             unsafe { instance.get_device_proc_addr(device, name.as_ptr()) }.expect("the layer, which is not there")
         };
-        // SAFETY: functions of these names, of this crate, have these types.
+        // SAFETY: functions of these names, from this crate, have these types.
         unsafe {
             Self {
                 arm: transmute::<Function, Arm>(get(c"failingArm")),
@@ -72,14 +72,14 @@ impl Control {
         }
     }
 
-    /// From now on `CALL:N:ERROR[:TIMES]` fails, counted from here; with an empty text nothing.
+    /// Sets the failure `CALL:N:ERROR[:TIMES]`, counted from now; an empty text sets none.
     pub fn arm(&self, plan: &str) {
         let plan = CString::new(plan).expect("no zeros");
         // SAFETY: the layer stays loaded (build.rs); the text ends with a zero.
         unsafe { (self.arm)(plan.as_ptr()) }
     }
 
-    /// What it has counted so far.
+    /// Returns the counts so far.
     pub fn counts(&self) -> Counts {
         let mut counts = Counts::default();
         // SAFETY: as above; there is room for the counts.
@@ -91,7 +91,7 @@ impl Control {
 /// # Safety
 /// A text that ends with a zero.
 unsafe extern "system" fn arm(plan: *const c_char) {
-    // SAFETY: as the caller says.
+    // SAFETY: the caller's obligation.
     let plan = unsafe { CStr::from_ptr(plan) };
     state().arm(plan.to_str().expect("ASCII"));
 }
@@ -99,23 +99,23 @@ unsafe extern "system" fn arm(plan: *const c_char) {
 /// # Safety
 /// There is room for the counts.
 unsafe extern "system" fn counts(room: *mut Counts) {
-    // SAFETY: as the caller says.
+    // SAFETY: the caller's obligation.
     unsafe { *room = state().counts() }
 }
 
-/// The functions that [`Control::of`] asks for.
+/// Returns the functions that [`Control::of`] queries.
 pub(crate) fn function(name: &CStr) -> vk::PFN_vkVoidFunction {
     let function = match name.to_bytes() {
         b"failingArm" => arm as *const (),
         b"failingCounts" => counts as *const (),
         _ => return None,
     };
-    // SAFETY: it is a function's address; who asks knows its type.
+    // SAFETY: it is a function's address; the caller knows its type.
     Some(unsafe { transmute::<*const (), Function>(function) })
 }
 
-/// Have a command run with the layer loaded, whose manifest is written to `folder`, for a test program: cargo puts the
-/// layer beside it.
+/// Makes a command load the layer, and writes the layer's manifest to `folder`, for a test program: cargo puts the
+/// layer next to it.
 pub fn enable<'a>(command: &'a mut Command, folder: &Path) -> &'a mut Command {
     let test = std::env::current_exe().expect("a path to this test");
     let library = test.with_file_name("libdeltamorph_failing.so");

@@ -1,4 +1,4 @@
-//! The Vulkan functions of the layer, and how the loader finds them.
+//! The Vulkan functions of the layer, and their lookup by the loader.
 #![allow(non_snake_case)] // functions have the names of their types
 
 use crate::control::function as control;
@@ -7,7 +7,7 @@ use ash::vk::{self, Handle as _};
 use std::ffi::{CStr, c_char, c_void};
 use std::mem::transmute;
 
-/// `PFN_vkCall` and a zero → `vkCall`.
+/// Converts `PFN_vkCall` to `vkCall`, null-terminated.
 const fn name(pfn: &'static str) -> &'static CStr {
     match CStr::from_bytes_with_nul(pfn.as_bytes().split_at(4).1) {
         Ok(name) => name,
@@ -21,7 +21,7 @@ macro_rules! name {
     };
 }
 
-/// Functions by name, and a list of them.
+/// Defines functions, and a list of their names.
 macro_rules! functions {
     ($find:ident, $names:ident: $($pfn:ident)*) => {
         fn $find(name: &CStr) -> Option<*const ()> {
@@ -34,12 +34,13 @@ macro_rules! functions {
     };
 }
 
-/// Calls that make nothing: counted, and passed on unless they fail. Named by their types, which the compiler checks.
+/// Defines calls that make no objects: counted, and passed on unless they fail. Named by their types, which the
+/// compiler checks.
 macro_rules! calls {
     ($($pfn:ident($handle:ident: $of:ty $(, $more:ident: $type:ty)*);)*) => {
         $(
             unsafe extern "system" fn $pfn($handle: $of $(, $more: $type)*) -> vk::Result {
-                // SAFETY: who calls keeps to the specification, and so the handle is alive; the function below has this
+                // SAFETY: the caller follows the specification, so the handle is alive; the function below has this
                 // type.
                 unsafe {
                     match enter(name!($pfn), $handle.as_raw()) {
@@ -100,7 +101,7 @@ calls! {
     PFN_vkQueuePresentKHR(queue: vk::Queue, info: *const vk::PresentInfoKHR<'_>);
 }
 
-/// Calls that make an object (memory, too), and those that destroy it.
+/// Defines calls that make an object (memory, too), and those that destroy it.
 macro_rules! objects {
     ($($object:ident of $owner:ident: $destroy:ident $(, $create:ident $info:ident)*;)*) => {
         $(
@@ -110,7 +111,7 @@ macro_rules! objects {
                 allocator: *const vk::AllocationCallbacks<'_>,
                 object: *mut vk::$object,
             ) -> vk::Result {
-                // SAFETY: as of `calls`; after success there is an object.
+                // SAFETY: as in `calls`; after success there is an object.
                 unsafe {
                     let below = match enter(name!($create), owner.as_raw()) {
                         Ok(below) => transmute::<Function, vk::$create>(below),
@@ -129,9 +130,9 @@ macro_rules! objects {
                 object: vk::$object,
                 allocator: *const vk::AllocationCallbacks<'_>,
             ) {
-                // What is not alive is not passed on, null included.
+                // Handles that are not alive are not passed on, null included.
                 if state().gone(stringify!($object), object.as_raw()) {
-                    // SAFETY: as of `calls`.
+                    // SAFETY: as in `calls`.
                     unsafe {
                         let below = below(name!($destroy), owner.as_raw());
                         transmute::<Function, vk::$destroy>(below)(owner, object, allocator);
@@ -169,7 +170,7 @@ objects! {
         PFN_vkCreateXcbSurfaceKHR XcbSurfaceCreateInfoKHR;
 }
 
-/// Pipelines are made several at once.
+/// Defines calls that make several pipelines at once.
 macro_rules! pipelines {
     ($($create:ident as $info:ident;)*) => {
         $(
@@ -181,10 +182,10 @@ macro_rules! pipelines {
                 allocator: *const vk::AllocationCallbacks<'_>,
                 pipelines: *mut vk::Pipeline,
             ) -> vk::Result {
-                // SAFETY: as of all calls; there is room for so many pipelines.
+                // SAFETY: as in `calls`; there is room for this many pipelines.
                 unsafe {
                     let all = std::slice::from_raw_parts_mut(pipelines, count as usize);
-                    // Those that could not be made are null.
+                    // Pipelines that could not be made are null.
                     all.fill(vk::Pipeline::null());
                     let below = match enter(name!($create), device.as_raw()) {
                         Ok(below) => transmute::<Function, vk::$create>(below),
@@ -207,13 +208,13 @@ pipelines! {
     PFN_vkCreateComputePipelines as ComputePipelineCreateInfo;
 }
 
-/// What the loader hands each layer with the information that instances and devices are made of: the next layer's
+/// The loader's structure in the creation information of instances and devices for each layer: the next layer's
 /// functions.
 #[repr(C)]
 struct LoaderInfo<L> {
     kind: vk::StructureType,
     next: *mut Self,
-    /// 0: of these.
+    /// 0 for this kind.
     function: u32,
     link: *mut L,
 }
@@ -231,13 +232,13 @@ struct DeviceLink {
     get: vk::PFN_vkGetDeviceProcAddr,
 }
 
-/// Where the link for this layer is, to be read and moved on to that of the next.
+/// Finds the pointer to this layer's link, to be read and advanced to the next.
 ///
 /// # Safety
-/// `chain` is of what the loader hands a layer, of this kind, which has links `L`.
+/// `chain` is the loader's chain for a layer, of this kind, with links `L`.
 unsafe fn link<'a, L>(chain: *const c_void, kind: vk::StructureType) -> &'a mut *mut L {
     let mut info = chain.cast_mut().cast::<LoaderInfo<L>>();
-    // SAFETY: all in the chain begin with a kind and the next; one of them is what is looked for.
+    // SAFETY: all elements of the chain begin with a kind and a next pointer; one of them is the one looked for.
     unsafe {
         while (*info).kind != kind || (*info).function != 0 {
             info = (*info).next;
@@ -251,7 +252,7 @@ unsafe extern "system" fn PFN_vkCreateInstance(
     allocator: *const vk::AllocationCallbacks<'_>,
     instance: *mut vk::Instance,
 ) -> vk::Result {
-    // SAFETY: the loader keeps to its interface; the function below has this type.
+    // SAFETY: the loader follows its interface; the function below has this type.
     unsafe {
         if let Some(error) = fails(name!(PFN_vkCreateInstance), 0) {
             return error;
@@ -274,7 +275,7 @@ unsafe extern "system" fn PFN_vkCreateDevice(
     allocator: *const vk::AllocationCallbacks<'_>,
     device: *mut vk::Device,
 ) -> vk::Result {
-    // SAFETY: as of `PFN_vkCreateInstance`; a physical device is of an instance.
+    // SAFETY: as for `PFN_vkCreateInstance`; a physical device belongs to an instance.
     unsafe {
         if let Some(error) = fails(name!(PFN_vkCreateDevice), physical.as_raw()) {
             return error;
@@ -294,12 +295,12 @@ unsafe extern "system" fn PFN_vkCreateDevice(
     }
 }
 
-/// What has children: they are counted before it goes.
+/// Defines the destruction of parents: their children are counted before.
 macro_rules! parents {
     ($($parent:ident: $destroy:ident;)*) => {
         $(unsafe extern "system" fn $destroy(parent: vk::$parent, allocator: *const vk::AllocationCallbacks<'_>) {
             if !parent.is_null() {
-                // SAFETY: as of `calls`.
+                // SAFETY: as in `calls`.
                 unsafe {
                     let below = below(name!($destroy), parent.as_raw());
                     state().unmade(parent.as_raw());
@@ -318,19 +319,19 @@ parents! {
 functions!(parent, PARENTS: PFN_vkCreateInstance PFN_vkCreateDevice);
 functions!(entry, ENTRIES: PFN_vkDestroyInstance PFN_vkDestroyDevice PFN_vkGetInstanceProcAddr PFN_vkGetDeviceProcAddr);
 
-/// All that the layer has.
+/// All functions of the layer.
 pub(crate) const ALL: [&[&CStr]; 6] = [CALLS, OBJECTS, DESTROYED, PIPELINES, PARENTS, ENTRIES];
 
-/// The layer's function where it has one, unless those below lack it: extensions that are not enabled.
+/// Returns the layer's function, if it has one, unless the layers below lack it: extensions that are not enabled.
 ///
 /// # Safety
-/// `handle` is a dispatchable handle that is alive, or 0; `name` a text that ends with a zero.
+/// `handle` is a live dispatchable handle, or 0; `name` is null-terminated.
 unsafe fn find(handle: u64, name: *const c_char) -> vk::PFN_vkVoidFunction {
-    // SAFETY: as the caller says.
+    // SAFETY: the caller's obligation.
     let (name, next) = unsafe { (CStr::from_ptr(name), if handle == 0 { None } else { next(handle) }) };
     let all = [call, object, destroyed, pipeline, parent, entry];
     let ours = all.iter().find_map(|find| find(name));
-    // SAFETY: it is a function's address, and who asks knows its type by its name.
+    // SAFETY: it is a function's address, and the caller knows its type by its name.
     let ours = ours.map(|ours| unsafe { transmute::<*const (), Function>(ours) });
     match next {
         Some(next) => control(name).or_else(|| next.function(name).map(|below| ours.unwrap_or(below))),
@@ -342,16 +343,16 @@ unsafe extern "system" fn PFN_vkGetInstanceProcAddr(
     instance: vk::Instance,
     name: *const c_char,
 ) -> vk::PFN_vkVoidFunction {
-    // SAFETY: as of `calls`.
+    // SAFETY: as in `calls`.
     unsafe { find(instance.as_raw(), name) }
 }
 
 unsafe extern "system" fn PFN_vkGetDeviceProcAddr(device: vk::Device, name: *const c_char) -> vk::PFN_vkVoidFunction {
-    // SAFETY: as of `calls`.
+    // SAFETY: as in `calls`.
     unsafe { find(device.as_raw(), name) }
 }
 
-/// What the loader and the layer tell each other.
+/// The interface negotiation of loader and layer.
 #[repr(C)]
 pub struct Negotiation {
     kind: i32,
@@ -362,13 +363,13 @@ pub struct Negotiation {
     physical: Option<vk::PFN_vkGetInstanceProcAddr>,
 }
 
-/// Where the loader begins.
+/// The loader's entry point.
 ///
 /// # Safety
-/// Called by the loader, with what it says.
+/// Called by the loader, with valid arguments.
 #[unsafe(no_mangle)]
 pub unsafe extern "system" fn vkNegotiateLoaderLayerInterfaceVersion(with: *mut Negotiation) -> vk::Result {
-    // SAFETY: as the caller says.
+    // SAFETY: the caller's obligation.
     let with = unsafe { &mut *with };
     (with.version, with.physical) = (2, None);
     (with.instance, with.device) = (PFN_vkGetInstanceProcAddr, PFN_vkGetDeviceProcAddr);

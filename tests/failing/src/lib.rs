@@ -1,15 +1,16 @@
 //! A Vulkan layer that makes one call fail, or several in a row, with an error that the specification allows for it,
 //! and counts what is alive on each device.
 //!
-//! - `DELTAMORPH_FAIL=CALL:N:ERROR[:TIMES]`: which one. `vkCreateFence:2:ERROR_OUT_OF_HOST_MEMORY` is the second call
-//!   of `vkCreateFence`; with `*` as the call, the Nth of all calls that may return this error. `TIMES` in a row (1).
-//! - `DELTAMORPH_FAIL_LOG=FILE`: where to write what happens, each call included, with a number for the place that
-//!   calls. Without it all but the calls goes to stderr.
+//! - `DELTAMORPH_FAIL=CALL:N:ERROR[:TIMES]`: the failing call. `vkCreateFence:2:ERROR_OUT_OF_HOST_MEMORY` is the second
+//!   call of `vkCreateFence`; with `*` as the call, the Nth of all calls that may return this error. `TIMES` in a row
+//!   (1).
+//! - `DELTAMORPH_FAIL_LOG=FILE`: the log of events, including each call, with a number for its call site. Without it
+//!   everything but the calls goes to stderr.
 //!
 //! Programs may choose at run time, with a [`Control`].
 //!
-//! A lost device stays lost until it is destroyed; what it had to do is waited for first. Where a wait fails for lack
-//! of memory the work goes on, as it may on any driver. Calls that need no instance never fail: layers do not see them.
+//! A lost device stays lost until it is destroyed; its work is waited for first. If a wait fails for lack of memory,
+//! the work goes on, as on any driver. Calls that need no instance never fail: layers do not see them.
 
 pub mod calls;
 mod control;

@@ -1,4 +1,4 @@
-//! What is to fail, and what is alive: one state for the whole process.
+//! Planned failures and live objects: one state for the whole process.
 
 use crate::calls::errors;
 use crate::control::Counts;
@@ -21,7 +21,7 @@ pub(crate) enum Next {
 impl Next {
     pub(crate) fn function(self, name: &CStr) -> vk::PFN_vkVoidFunction {
         // SAFETY: the loader gave the functions for these handles, which are alive: they leave the state before they
-        // go.
+        // are destroyed.
         unsafe {
             match self {
                 Self::Instance(instance, get) => get(instance, name.as_ptr()),
@@ -31,9 +31,9 @@ impl Next {
     }
 }
 
-/// What fails: the calls from the `at`th on, so many.
+/// Failing calls, from the `at`th on.
 struct Plan {
-    /// Empty: any that may return the error.
+    /// Name of the call; if empty, any call that may return the error.
     call: String,
     at: u64,
     times: u64,
@@ -42,7 +42,7 @@ struct Plan {
 }
 
 impl Plan {
-    /// As the text of [`Control::arm`](crate::Control::arm) says.
+    /// Parses the text of [`Control::arm`](crate::Control::arm).
     fn parse(text: &str) -> Option<Self> {
         let mut parts = text.split(':');
         let call = parts.next()?.trim_start_matches('*').to_owned();
@@ -62,17 +62,18 @@ impl Plan {
     }
 }
 
-/// Of one dispatch table, which instance or device and all handles dispatched through them share.
+/// A dispatch table, which an instance or device shares with all handles dispatched through it.
 type Key = usize;
 
 pub(crate) struct State {
     plan: Option<Plan>,
     counts: Counts,
     next: BTreeMap<Key, Next>,
-    /// Below the layer, asked for when the instance or device was made: later the loader gives instances our own.
+    /// Functions below the layer, queried when the instance or device was made: later the loader returns the layer's
+    /// own for instances.
     below: BTreeMap<(Key, &'static CStr), Function>,
     lost: Vec<Key>,
-    /// Type and handle: what it was made of, and after how many calls.
+    /// Type and handle: the parent, and the number of calls before its creation.
     alive: BTreeMap<(&'static str, u64), (Key, u64)>,
     log: Option<File>,
 }
@@ -91,43 +92,43 @@ pub(crate) fn state() -> MutexGuard<'static, State> {
 }
 
 /// # Safety
-/// `handle` is a dispatchable handle that is alive.
+/// `handle` is a live dispatchable handle.
 unsafe fn key(handle: u64) -> Key {
-    // SAFETY: it points to what begins with the address of its dispatch table.
+    // SAFETY: a dispatchable handle points to the address of its dispatch table.
     unsafe { *(handle as *const Key) }
 }
 
-/// What is below the layer for a handle, if it was made through the layer.
+/// Returns the functions below the layer for a handle, if it was made through the layer.
 ///
 /// # Safety
-/// `handle` is a dispatchable handle that is alive.
+/// `handle` is a live dispatchable handle.
 pub(crate) unsafe fn next(handle: u64) -> Option<Next> {
-    // SAFETY: as the caller says.
+    // SAFETY: the caller's obligation.
     let key = unsafe { key(handle) };
     state().next.get(&key).copied()
 }
 
-/// The function `call` below the layer.
+/// Returns the function `call` below the layer.
 ///
 /// # Safety
-/// `handle` is a dispatchable handle that is alive, made through the layer.
+/// `handle` is a live dispatchable handle, made through the layer.
 pub(crate) unsafe fn below(call: &'static CStr, handle: u64) -> Function {
-    // SAFETY: as the caller says.
+    // SAFETY: the caller's obligation.
     let key = unsafe { key(handle) };
     *state().below.get(&(key, call)).expect("a function that the program was given")
 }
 
-/// The same, unless the call fails.
+/// Returns the function `call` below the layer, unless the call fails.
 ///
 /// # Safety
-/// As of [`below`].
+/// Those of [`below`].
 pub(crate) unsafe fn enter(call: &'static CStr, handle: u64) -> Result<Function, vk::Result> {
-    // SAFETY: as the caller says; a function of this name has this type; of the device no more is used than by the
-    // program, whose call this is.
+    // SAFETY: the caller's obligation; a function of this name has this type; the device is used no more than by the
+    // program's own call.
     unsafe {
         let Some(error) = fails(call, handle) else { return Ok(below(call, handle)) };
         if let (vk::Result::ERROR_DEVICE_LOST, Some(Next::Device(device, _))) = (error, next(handle)) {
-            // What it had to do is over once it is lost.
+            // A lost device has finished its work.
             let wait = below(c"vkDeviceWaitIdle", handle);
             let _ = std::mem::transmute::<Function, vk::PFN_vkDeviceWaitIdle>(wait)(device);
         }
@@ -135,12 +136,12 @@ pub(crate) unsafe fn enter(call: &'static CStr, handle: u64) -> Result<Function,
     }
 }
 
-/// Count a call, and say what it returns without being made; `handle` is 0 where there is none yet.
+/// Counts a call, and returns its planned error, if any; `handle` is 0 if there is none yet.
 ///
 /// # Safety
-/// `handle` is a dispatchable handle that is alive, or 0.
+/// `handle` is a live dispatchable handle, or 0.
 pub(crate) unsafe fn fails(call: &'static CStr, handle: u64) -> Option<vk::Result> {
-    // SAFETY: as the caller says.
+    // SAFETY: the caller's obligation.
     let key = if handle == 0 { 0 } else { unsafe { key(handle) } };
     let call = call.to_str().expect("ASCII");
     let mut state = state();
@@ -166,7 +167,7 @@ pub(crate) unsafe fn fails(call: &'static CStr, handle: u64) -> Option<vk::Resul
 
 impl State {
     fn say(&mut self, line: &str) {
-        // At once, so that a crash loses nothing. There is nobody to tell of an error here.
+        // Written at once, so that a crash loses nothing. An error cannot be reported here.
         let _ = match &mut self.log {
             Some(file) => writeln!(file, "{line}"),
             None => writeln!(std::io::stderr(), "deltamorph-failing: {line}"),
@@ -186,7 +187,7 @@ impl State {
     /// # Safety
     /// `handle` is a dispatchable handle that is alive, as is that of `next`.
     pub(crate) unsafe fn made(&mut self, handle: u64, next: Next) {
-        // SAFETY: as the caller says.
+        // SAFETY: the caller's obligation.
         let key = unsafe { key(handle) };
         self.next.insert(key, next);
         for name in crate::layer::ALL.concat() {
@@ -195,12 +196,12 @@ impl State {
         self.say("MADE an instance or device");
     }
 
-    /// An instance or device is about to go: say what is left of it, which goes too.
+    /// Reports the objects left in an instance or device that is about to be destroyed, and removes them.
     ///
     /// # Safety
-    /// As of [`made`](Self::made).
+    /// Those of [`made`](Self::made).
     pub(crate) unsafe fn unmade(&mut self, handle: u64) {
-        // SAFETY: as the caller says.
+        // SAFETY: the caller's obligation.
         let key = unsafe { key(handle) };
         self.next.remove(&key);
         self.below.retain(|(of, _), _| *of != key);
@@ -217,11 +218,11 @@ impl State {
     /// # Safety
     /// `owner` is a dispatchable handle that is alive.
     pub(crate) unsafe fn born(&mut self, kind: &'static str, handle: u64, owner: u64) {
-        // SAFETY: as the caller says.
+        // SAFETY: the caller's obligation.
         self.alive.insert((kind, handle), (unsafe { key(owner) }, self.counts.calls));
     }
 
-    /// Whether it was alive: what was not is not passed on. Null never is.
+    /// Removes an object; returns whether it was alive, since others are not passed on. Null never is.
     pub(crate) fn gone(&mut self, kind: &'static str, handle: u64) -> bool {
         let known = self.alive.remove(&(kind, handle)).is_some();
         if !known && handle != 0 {
@@ -245,11 +246,11 @@ unsafe extern "C" {
     fn dladdr(address: *const c_void, module: *mut Module) -> c_int;
 }
 
-/// A number for the place in the program that calls, the same in each run: of the return addresses, each relative to
-/// the module that it is in.
+/// Returns a number for the call site, the same in each run: computed from the return addresses, each relative to its
+/// module.
 fn place() -> u64 {
     let mut frames = [std::ptr::null_mut(); 48];
-    // SAFETY: there is room for so many.
+    // SAFETY: there is room for this many.
     let count = unsafe { backtrace(frames.as_mut_ptr(), frames.len() as c_int) } as usize;
     frames[..count].iter().fold(0xcbf2_9ce4_8422_2325, |hash: u64, frame| {
         let mut module = Module {
@@ -258,7 +259,7 @@ fn place() -> u64 {
             symbol: std::ptr::null(),
             at: std::ptr::null(),
         };
-        // SAFETY: any address may be asked for.
+        // SAFETY: any address may be queried.
         let found = unsafe { dladdr(*frame, &mut module) } != 0;
         let offset = if found { *frame as u64 - module.base as u64 } else { 0 };
         (hash ^ offset).wrapping_mul(0x0000_0100_0000_01b3)

@@ -1,4 +1,4 @@
-//! Runs of a program in which calls fail.
+//! Runs of a program with failing calls.
 
 use crate::calls::errors;
 use crate::enable;
@@ -9,33 +9,33 @@ use std::path::Path;
 use std::process::{Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-/// No run takes so long: a program that does hangs.
+/// Longest time of a run; after that it counts as hanging.
 const MOST: Duration = Duration::from_secs(300);
 
-/// A call that is to fail: the `at`th of its name.
+/// A failing call: the `at`th of its name.
 #[derive(Clone, Debug)]
 pub struct Fault {
     /// The call.
     pub call: String,
-    /// Which one, from 1 on.
+    /// Its number, from 1.
     pub at: usize,
-    /// What it returns.
+    /// Its result.
     pub error: vk::Result,
 }
 
-/// How a run ended.
+/// The result of a run.
 pub struct Run {
-    /// None: it was killed, for it took too long.
+    /// `None`: it was killed after a timeout.
     pub status: Option<ExitStatus>,
-    /// What it said on stderr.
+    /// Its stderr.
     pub said: String,
-    /// What it made: the files in its folder, without those of the run itself.
+    /// Its output: the files in its folder, without those of the run itself.
     pub files: BTreeMap<String, Vec<u8>>,
     log: String,
 }
 
 impl Run {
-    /// Run `command`, made for a folder of its own that is empty, with the layer, and with `fault` if there is one.
+    /// Runs `command`, made for an empty folder of its own, with the layer, and with `fault`, if any.
     pub fn new(folder: &Path, command: impl FnOnce(&Path) -> Command, fault: Option<&Fault>) -> Self {
         let (own, log, said) = (folder.join("own"), folder.join("log"), folder.join("said"));
         std::fs::create_dir_all(&own).expect("a folder");
@@ -73,12 +73,12 @@ impl Run {
         self.log.lines().filter_map(move |line| line.strip_prefix(first)?.strip_prefix(' '))
     }
 
-    /// Whether a call failed as it was to.
+    /// Returns whether the planned call failed.
     pub fn failed(&self) -> bool {
         self.lines("FAILED").next().is_some()
     }
 
-    /// What no run may do, whatever fails.
+    /// Returns a defect that no run may have, whatever fails.
     pub fn defect(&self) -> Option<&'static str> {
         match self.status {
             None => Some("hangs"),
@@ -90,12 +90,12 @@ impl Run {
         }
     }
 
-    /// Instances and devices that were not destroyed.
+    /// Returns the number of instances and devices that were not destroyed.
     pub fn left(&self) -> usize {
         self.lines("MADE").count() - self.lines("UNMADE").count()
     }
 
-    /// Calls at the places that make them, each the first and the last time: name, and the how manyth of this name.
+    /// Returns calls by call site, the first and the last of each: name, and number among the calls of this name.
     pub fn places(&self) -> Vec<(String, usize)> {
         let (mut named, mut at) = (BTreeMap::<&str, usize>::new(), BTreeMap::<(&str, &str), [usize; 2]>::new());
         for (call, place) in self.lines("CALL").filter_map(|line| line.split_once(' ')) {
@@ -110,7 +110,7 @@ impl Run {
     }
 }
 
-/// Each of some calls with each error that it may return.
+/// Returns each of these calls with each error that it may return.
 pub fn faults(places: &[(String, usize)]) -> Vec<Fault> {
     let each = |(call, at): &(String, usize)| {
         let (call, at) = (call.clone(), *at);
