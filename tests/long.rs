@@ -1,8 +1,8 @@
-//! A day of frames: crowds that come and go, hide, cut, lose updates and change levels of detail. Poses
-//! stay exact and memory flat, and counters cross their wraps.
+//! A day of frames: crowds are made and dropped, hide, cut, lose updates and change levels of detail. Poses stay exact
+//! and memory constant, and counters wrap.
 //!
-//! `DELTAMORPH_FRAMES` says how many; 5,184,000 are 24 hours at 60 a second. Without it a short run goes under the
-//! validation layers.
+//! `DELTAMORPH_FRAMES` sets the number of frames; 5,184,000 are 24 hours at 60 per second. Without it a short run uses
+//! the validation layers.
 
 #[path = "long/crowds.rs"]
 mod crowds;
@@ -17,17 +17,17 @@ use std::collections::BTreeMap;
 use std::hash::{DefaultHasher, Hasher};
 use std::time::Instant;
 
-/// Frames of a submission: updates in flight.
+/// Frames per submission: updates in flight.
 const BATCH: u32 = 16;
-/// Submissions from one comparison of all poses to the next.
+/// Submissions between comparisons of all poses.
 const COMPARED: u32 = 8;
-/// The clock of updates, in steps of 2⁻¹⁶ s, wraps here; a run has this second in its middle.
+/// The clock of updates, in steps of 2⁻¹⁶ s, wraps here, in the middle of a run.
 const CLOCK_WRAPS: f64 = 65_536.0;
 const RATE: f64 = 60.0;
-/// A tenth of so many frames sees all that may happen to crowds many times.
+/// From this many frames on, a tenth of them covers all events many times.
 const SETTLED: u32 = 200_000;
 
-/// How often what happened.
+/// Counts of events.
 type Counts = BTreeMap<&'static str, u64>;
 
 #[test]
@@ -39,19 +39,19 @@ fn crowds_live_through_a_day() {
             let headless = Headless::new(&HeadlessDesc::default().device(device)).expect("lavapipe");
             live(&headless, frames.parse().expect("a number of frames"), near_the_wrap());
         }
-        // Numbers of updates and cuts beyond 32 bits change nothing.
+        // Numbers of updates and cuts beyond 32 bits have no effect.
         Err(_) => gpu::on_device(lavapipe, false, |headless, _| {
             assert_eq!(live(headless, 1_200, 0), live(headless, 1_200, near_the_wrap()));
         }),
     }
 }
 
-/// Updates and epochs of a crowd that are begun at this cross 32 bits soon.
+/// Returns a start for numbers of updates and epochs that soon exceeds 32 bits.
 fn near_the_wrap() -> u64 {
     u64::from(u32::MAX) - 100
 }
 
-/// Resident memory of the process, and what the engine's allocator has from the driver, in KiB.
+/// Returns the resident memory of the process, and the memory that the engine's allocator holds, in KiB.
 fn memory(headless: &Headless) -> [u64; 2] {
     let status = std::fs::read_to_string("/proc/self/status").expect("Linux");
     let resident = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).expect("a line of memory");
@@ -59,7 +59,7 @@ fn memory(headless: &Headless) -> [u64; 2] {
     [resident, headless.engine().allocated_bytes() / 1024]
 }
 
-/// Animate all crowds for so many frames, whose numbers of updates begin at `begin`; a digest of the poses compared.
+/// Animates all crowds for `frames` frames, with update numbers from `begin`; returns a digest of the compared poses.
 fn live(headless: &Headless, frames: u32, begin: u64) -> u64 {
     let mut rng = Rng::new(11, 0);
     let fixed = |pose, slots| UpdateDesc::blocks().pose(pose).slots(slots).weight_max(Some(4.0));
@@ -111,7 +111,7 @@ fn live(headless: &Headless, frames: u32, begin: u64) -> u64 {
     }
     counts.iter().for_each(|(what, times)| println!("{what}: {times}"));
     println!("digest of poses and levels: {:016x}", digest.finish());
-    // What comes and goes changes what is in use, and lavapipe and the C library keep some of what was freed.
+    // Changing objects change the memory in use, and lavapipe and the C library keep some freed memory.
     let [resident, of_device] = [0, 1].map(|i| last[i].saturating_sub(early[i]));
     assert!(
         frames < SETTLED || resident <= 8 * 1024 && of_device <= 4 * 1024,
@@ -120,7 +120,7 @@ fn live(headless: &Headless, frames: u32, begin: u64) -> u64 {
     digest.finish()
 }
 
-/// Record the updates of all crowds.
+/// Records the updates of all crowds.
 fn record(
     headless: &Headless,
     cmd: deltamorph::ash::vk::CommandBuffer,
@@ -134,7 +134,7 @@ fn record(
     unsafe { headless.engine().record_updates(cmd, &mut all) }
 }
 
-/// A submission that is never made: all its updates are discarded.
+/// Loses a submission: all its updates are discarded.
 fn lose(
     headless: &Headless,
     rng: &mut Rng,

@@ -1,4 +1,4 @@
-//! The crowds of the long run: what happens to them, and what their poses have to be.
+//! The crowds of the long run: their events, and their expected poses.
 
 use crate::{Counts, gpu};
 use deltamorph::ash::vk;
@@ -16,12 +16,12 @@ use std::hash::{DefaultHasher, Hasher};
 use std::sync::Arc;
 
 const TARGETS: usize = 12;
-/// Places of a crowd, at least (and at first) and at most.
+/// Least (and initial) and most places of a crowd.
 const PLACES: [u32; 2] = [2, 6];
-/// One frame of so many makes a crowd anew, with any number of places.
+/// One frame in this many replaces a crowd, with any number of places.
 const MADE_ANEW: usize = 512;
 
-/// What the commands of a batch use, and the host has no other use for.
+/// Objects that the commands of a batch use, and the host no longer needs.
 #[derive(Default)]
 pub struct Loose {
     _crowds: Vec<Crowd>,
@@ -32,12 +32,12 @@ fn count(counts: &mut Counts, what: &'static str) {
     *counts.entry(what).or_default() += 1;
 }
 
-/// Now and then, the places of a crowd that takes the place of another.
+/// Returns, occasionally, the places of a crowd that replaces another.
 fn places(rng: &mut Rng) -> Option<u32> {
     (rng.below(MADE_ANEW) == 0).then(|| PLACES[0] + rng.below((PLACES[1] - PLACES[0]) as usize + 1) as u32)
 }
 
-/// Another update of a crowd that began at a number.
+/// Counts an update of a crowd that began at `begin`.
 fn crosses(begin: u64, updates: &mut u64, counts: &mut Counts) {
     *updates += 1;
     if begin + *updates == 1 << 32 {
@@ -55,12 +55,12 @@ fn upload(headless: &Headless, mesh: &PackedMesh) -> GpuMesh {
     // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
     let uploaded = headless.run(|cmd| unsafe { headless.engine().upload(cmd, mesh) });
     let mut uploaded = uploaded.expect("an upload");
-    // SAFETY: it has run.
+    // SAFETY: the upload has run.
     unsafe { uploaded.release_staging() };
     uploaded
 }
 
-/// Full evaluations on the CPU, one at a time.
+/// Makes a crowd for full evaluations on the CPU, one at a time.
 fn evaluations(mesh: &Arc<PackedMesh>, update: UpdateDesc) -> CpuCrowd {
     let update = update.path(UpdatePath::Cpu).mode(UpdateMode::Rebuild).slots(1);
     CpuCrowd::new(mesh.clone(), update, 1, 1).expect("a crowd")
@@ -76,18 +76,18 @@ fn range(view: PoseView) -> (vk::Buffer, u64, u64) {
     (view.buffer, view.offset, view.size)
 }
 
-/// A crowd whose weights are set.
+/// A crowd whose weights are set by the host.
 pub struct Weighted<'a> {
     headless: &'a Headless,
     pub crowd: Crowd,
     mesh: GpuMesh,
     source: Arc<PackedMesh>,
     importance: Importance,
-    /// The weights that poses have.
+    /// The weights of its poses.
     posed: Vec<Vec<f32>>,
     fresh: CpuCrowd,
     begin: u64,
-    /// Updates since then that ran.
+    /// Number of updates since then that ran.
     updates: u64,
 }
 
@@ -108,7 +108,7 @@ impl<'a> Weighted<'a> {
         crowd
     }
 
-    /// Now and then another crowd takes the place of this one.
+    /// Occasionally replaces this crowd with another.
     pub fn come_and_go(&mut self, rng: &mut Rng, counts: &mut Counts, loose: &mut Loose) {
         if let Some(places) = places(rng) {
             count(counts, "crowds dropped and made");
@@ -118,7 +118,7 @@ impl<'a> Weighted<'a> {
         }
     }
 
-    /// Hide, show, cut, remove or add an instance, or request other weights.
+    /// Hides, shows, cuts, removes or adds an instance, or requests other weights.
     pub fn change(&mut self, rng: &mut Rng, counts: &mut Counts) -> Result<()> {
         let crowd = &mut self.crowd;
         let instance = rng.below(crowd.desc().instances as usize) as u32;
@@ -155,7 +155,7 @@ impl<'a> Weighted<'a> {
         crowd.set_weights(instance, &weights)
     }
 
-    /// An update of the weights requested was recorded that runs.
+    /// Notes that an update of the requested weights was recorded and will run.
     pub fn ran(&mut self, counts: &mut Counts) {
         crosses(self.begin, &mut self.updates, counts);
         for instance in self.crowd.shown() {
@@ -165,7 +165,7 @@ impl<'a> Weighted<'a> {
         }
     }
 
-    /// Poses, of hidden instances too, are those of full evaluations: of integers bit for bit.
+    /// Compares poses, of hidden instances too, with full evaluations: bit for bit if fixed-point.
     pub fn compare(&mut self, counts: &mut Counts, digest: &mut DefaultHasher) {
         let crowd = &self.crowd;
         let (instances, views): (Vec<_>, Vec<_>) =
@@ -247,7 +247,7 @@ impl<'a> Animated<'a> {
         this
     }
 
-    /// A new crowd, which sees something and counts on.
+    /// Begins with a new crowd, which shows a pose and continues the counts.
     fn begin(&mut self) {
         self.updates = 0;
         self.crowd.begin_at(self.begin);
@@ -260,7 +260,7 @@ impl<'a> Animated<'a> {
         self.heads.set_camera(&camera, &self.on_grid).expect("a camera");
     }
 
-    /// As [`Weighted::come_and_go`].
+    /// See [`Weighted::come_and_go`].
     pub fn come_and_go(
         &mut self,
         cmd: vk::CommandBuffer,
@@ -272,8 +272,8 @@ impl<'a> Animated<'a> {
             count(counts, "animated crowds dropped and made");
             let animation = AnimationDesc::new(&self.clips).importance(Some(&self.importance));
             let (animation, desc) = (animation.level(Some(LevelDesc::default())), self.crowd.desc().instances(places));
-            // SAFETY: the buffer records on the engine's device and is waited for; what it takes the place of is kept
-            // until then.
+            // SAFETY: the buffer records on the engine's device and is waited for; the replaced crowd is kept until
+            // then.
             let crowd = unsafe { self.headless.engine().create_animated_crowd(cmd, &self.mesh, &desc, &animation) }?;
             loose._animated.push(std::mem::replace(&mut self.crowd, crowd));
             self.heads = Playbacks::new(places);
@@ -282,7 +282,7 @@ impl<'a> Animated<'a> {
         Ok(())
     }
 
-    /// As [`Weighted::change`], and what clips, places and the camera do, up to a time.
+    /// See [`Weighted::change`]; also changes clips, places and the camera, up to a time.
     pub fn change(&mut self, rng: &mut Rng, counts: &mut Counts, second: f64) -> Result<()> {
         self.now = second;
         self.crowd.set_time(second)?;
@@ -346,32 +346,32 @@ impl<'a> Animated<'a> {
         Ok(())
     }
 
-    /// An update was recorded that runs.
+    /// Notes that an update was recorded and will run.
     pub fn ran(&mut self, counts: &mut Counts) {
         crosses(self.begin, &mut self.updates, counts);
         self.heads.update(&self.on_grid);
     }
 
-    /// What was recorded has run.
+    /// Releases staging memory after the recorded commands have run.
     pub fn release(&mut self) {
         // SAFETY: the callers have waited.
         unsafe { self.crowd.release_staging() };
     }
 
-    /// Poses are those of full evaluations of the weights that the CPU samples, bit for bit.
+    /// Compares poses with full evaluations of the weights that the CPU samples, bit for bit.
     pub fn compare(&mut self, counts: &mut Counts, digest: &mut DefaultHasher) {
         let Self { headless, crowd, source, heads, .. } = self;
         let shown: Vec<u32> = crowd.shown().collect();
         let mut twin =
             AnimatedReference::new(crowd.desc().update, source.layout(), crowd.desc().instances).expect("a twin");
-        // Levels are floating-point sums of the GPU's: the twin takes them.
+        // Levels are floating-point sums of the GPU: the twin takes them.
         let follows = |i: &&u32| heads.records()[**i as usize].has(HeadRecord::FOLLOWS);
         let following: Vec<u32> = shown.iter().filter(follows).copied().collect();
         let levels: Vec<_> = following.iter().map(|&i| crowd.level_of(i).expect("levels that follow")).collect();
         for (instance, level) in following.iter().zip(headless.read(&levels).expect("levels")) {
             let words: Vec<u32> = level.as_chunks().0.iter().map(|bytes| u32::from_ne_bytes(*bytes)).collect();
             count(counts, "levels chosen on the GPU");
-            // Without the epoch, which begins where the run says.
+            // Without the epoch, which depends on the run.
             digest.write_u64(u64::from(words[0]) << 32 | u64::from(words[1]));
             twin.follow(*instance as usize, words[0], u64::from(words[3]) | u64::from(words[4]) << 32);
         }
