@@ -1,4 +1,4 @@
-//! Sources of the project, with shuttle's locks and threads in the place of the standard library's.
+//! Copies sources of the project, with shuttle's locks and threads instead of the standard library's.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ fn main() {
         println!("cargo::rerun-if-changed={path}");
         let text = std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{path}: {e}"));
         let text = text.split("#[cfg(test)]").next().expect("what is before the tests");
-        // Documentation of the module cannot be included in another.
+        // Module documentation cannot be included in another module.
         let lines = text.lines().filter(|line| !line.starts_with("//!"));
         let text: String = lines.flat_map(|line| [line, "\n"]).collect();
         let modelled = text.replace("std::sync::", "shuttle::sync::").replace("std::thread::", "shuttle::thread::");

@@ -1,12 +1,12 @@
-//! The project's own locks, in orders of their threads that shuttle chooses: at random, and by probabilistic
-//! concurrency testing (Burckhardt et al., "A Randomized Scheduler with Probabilistic Guarantees of Finding Bugs",
-//! ASPLOS 2010). What is tried are the sources themselves, with shuttle's locks for those of the standard library
-//! (build.rs); a deadlock, and a lost wake-up, is an error there.
+//! The project's own locks, in thread schedules chosen by shuttle: at random, and by probabilistic concurrency testing
+//! (Burckhardt et al., "A Randomized Scheduler with Probabilistic Guarantees of Finding Bugs", ASPLOS 2010). The tested
+//! code is the project's own, with shuttle's locks instead of the standard library's (build.rs); shuttle reports
+//! deadlocks and lost wake-ups as errors.
 #![cfg(test)]
 
 const ORDERS: usize = 5000;
 
-/// `threads` in orders of both kinds; a change of order at `DEPTH` places finds most defects.
+/// Runs `threads` in schedules of both kinds; schedule changes at `DEPTH` places find most defects.
 fn model(threads: impl Fn() + Send + Sync + Copy + 'static) {
     const DEPTH: usize = 3;
     shuttle::check_random(threads, ORDERS);
@@ -40,12 +40,12 @@ mod turn {
     }
 }
 
-/// What the handles need of the C API.
+/// The items of the C API that the handles need.
 mod kinds {
     pub const KINDS: &[&str] = &["", "an object", "another"];
 }
 
-/// The same.
+/// The items of the C API that the handles need.
 mod result {
     #[derive(Debug)]
     pub struct Failure;
@@ -104,7 +104,7 @@ mod handles {
             let bits = owned.insert(7).unwrap();
             let owner = owners.insert(Owner(&owned, bits)).unwrap();
             shuttle::thread::scope(|scope| {
-                // Destroyed where nothing of it is counted, as an engine is: one lock inside another.
+                // Destroyed without references to its objects, as an engine is: one lock inside another.
                 scope.spawn(|| {
                     owners
                         .remove(owner, |_| owned.count(|object| *object == 8).eq(&0).then_some(()).ok_or(Failure))
