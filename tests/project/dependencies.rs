@@ -1,12 +1,12 @@
-//! What a program that links the library takes in, held against docs/dependencies.md: a crate that is new, or another
-//! version of one, is looked at by a person before it is written there.
+//! Dependencies of a program that links the library, compared with docs/dependencies.md: a person reviews new crates
+//! and versions before they are listed there.
 
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
 
-/// What engines may switch on; tools of the project are not among them.
+/// Features for engines; the project's tools are not among them.
 const FEATURES: &str = "csv,gltf,threads,baselines";
 const PAGE: &str = include_str!("../../docs/dependencies.md");
 
@@ -18,7 +18,7 @@ fn cargo(args: &[&str]) -> String {
     String::from_utf8(output.stdout).expect("UTF-8")
 }
 
-/// Name and version of each crate that is built for the library with `features`, but for itself.
+/// Returns name and version of each crate that is built for the library with `features`, except itself.
 fn crates(features: &str) -> BTreeMap<String, String> {
     let tree = cargo(&[
         "tree",
@@ -37,7 +37,7 @@ fn crates(features: &str) -> BTreeMap<String, String> {
     pairs.filter(|(name, _)| name != "deltamorph").collect()
 }
 
-/// Lines of sources with the word `unsafe`, comments apart.
+/// Counts the lines of sources with the word `unsafe`, outside comments.
 fn unsafe_lines(folder: &Path) -> usize {
     let entries = std::fs::read_dir(folder).into_iter().flatten().map(|entry| entry.expect("an entry").path());
     let count = |path: &Path| -> usize {
@@ -56,7 +56,7 @@ fn unsafe_lines(folder: &Path) -> usize {
         .sum()
 }
 
-/// The columns of a crate that a machine can tell, as a line of the table begins.
+/// Returns the computed columns of a crate, which begin its line of the table.
 fn line(name: &str, version: &str, always: bool, packages: &[Value]) -> String {
     let package = packages.iter().find(|package| package["name"] == name && package["version"] == version);
     let package = package.expect("a package of the tree");
@@ -86,7 +86,7 @@ fn every_crate_that_an_engine_links_was_looked_at() {
     for (name, version) in &all {
         let line = line(name, version, always.contains_key(name), packages);
         let found = listed.iter().find(|listed| listed.starts_with(&format!("| {name} |")));
-        // Two columns more: who keeps it, and what it is for.
+        // Two more columns: maintainer and purpose.
         let is_filled = |listed: &&&str| {
             let rest = listed.strip_prefix(&line).unwrap_or_default();
             rest.split('|').filter(|cell| !cell.trim().is_empty()).count() == 2

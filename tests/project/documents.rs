@@ -1,4 +1,4 @@
-//! The documents: links that lead somewhere, lengths, and the table of environment variables.
+//! The documents: valid links, lengths, and the table of environment variables.
 
 use std::collections::{BTreeSet, HashMap};
 use std::path::{Component, Path, PathBuf};
@@ -6,7 +6,7 @@ use std::process::Command;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
-/// Tracked files, relative to the root of the repository.
+/// Returns the tracked files, relative to the root of the repository.
 fn tracked() -> Vec<PathBuf> {
     let output = Command::new("git").args(["ls-files", "-z"]).current_dir(ROOT).output().expect("git");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -18,7 +18,7 @@ fn read(path: &Path) -> String {
     std::fs::read_to_string(Path::new(ROOT).join(path)).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }
 
-/// The text without fenced code and code spans, in which brackets are no links.
+/// Returns the text without fenced code and code spans, in which brackets are not links.
 fn prose(text: &str) -> String {
     let mut fenced = false;
     let mut lines = String::new();
@@ -33,7 +33,7 @@ fn prose(text: &str) -> String {
     lines
 }
 
-/// What the text links to, inline (`[text](target)`) or by a definition (`[text]: target`).
+/// Returns the targets of links, inline (`[text](target)`) or by a definition (`[text]: target`).
 fn links(text: &str) -> Vec<String> {
     let prose = prose(text);
     let inline = prose.split("](").skip(1).filter_map(|rest| rest.split([')', ' ', '\n']).next());
@@ -41,7 +41,7 @@ fn links(text: &str) -> Vec<String> {
     inline.chain(defined.map(|(_, target)| target)).map(str::to_owned).collect()
 }
 
-/// The anchors that GitHub gives headings.
+/// Returns the anchors that GitHub gives headings.
 fn anchors(text: &str) -> BTreeSet<String> {
     let mut seen = HashMap::<String, u32>::new();
     let mut fenced = false;
@@ -60,7 +60,7 @@ fn anchors(text: &str) -> BTreeSet<String> {
     anchors
 }
 
-/// `base` with `relative` after it, without `.` and `..`.
+/// Returns `base` joined with `relative`, without `.` and `..`.
 fn joined(base: &Path, relative: &str) -> PathBuf {
     let mut path = base.to_path_buf();
     for part in Path::new(relative).components() {
@@ -109,7 +109,7 @@ fn documents_stay_short() {
     }
 }
 
-/// Environment variables of the project that `text` names.
+/// Returns the project's environment variables named in `text`.
 fn variables(text: &str) -> BTreeSet<&str> {
     let words = text.split(|c: char| !c.is_ascii_alphanumeric() && c != '_');
     let ours = |word: &&str| ["UPDATE_", "DELTAMORPH_"].iter().any(|p| word.len() > p.len() && word.starts_with(p));

@@ -1,4 +1,4 @@
-//! The example that hosts copy from, run as they would run it: a process of its own, under the validation layer.
+//! The example for hosts, run as a host would: in a process of its own, under the validation layer.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -6,7 +6,7 @@ use std::process::{Command, Output};
 const LAYER: &str = "VK_LAYER_KHRONOS_validation";
 const SOURCE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/minimal.rs");
 
-/// `cargo test` builds the example, and puts it beside the folder of the tests; with `--test` it does not.
+/// Returns the path of the example: `cargo test` builds it next to the tests' folder; with `--test` it does not.
 fn example() -> PathBuf {
     let test = std::env::current_exe().expect("a path to this test");
     let path = test.ancestors().nth(2).expect("target/PROFILE").join("examples/minimal");
@@ -17,10 +17,10 @@ fn example() -> PathBuf {
     path
 }
 
-/// Run the example on the device called `name` with the layer switched on from outside.
+/// Runs the example on the device called `name` with the layer enabled from outside.
 fn run(name: &str) -> Output {
-    // Without a messenger the layer prints to stdout, and errors only unless told otherwise. 1.3.239 knows
-    // synchronization validation by its old name only, of which 1.4.363 warns.
+    // Without a messenger the layer prints to stdout, and only errors by default. 1.3.239 knows synchronization
+    // validation only by its old name, of which 1.4.363 warns.
     let settings = tempfile::tempdir().expect("a folder");
     let text = "khronos_validation.debug_action = VK_DBG_LAYER_ACTION_LOG_MSG\n\
                 khronos_validation.report_flags = error,warn,perf\n\
@@ -36,7 +36,7 @@ fn run(name: &str) -> Output {
         .expect("the example starts")
 }
 
-/// What the layer has said.
+/// Returns the layer's messages.
 fn validation_lines(output: &str) -> Vec<&str> {
     let marks = ["Validation", "VUID", "SYNC-HAZARD", "UNASSIGNED", "ERROR", "WARNING"];
     output.lines().filter(|line| marks.iter().any(|mark| line.contains(mark))).collect()
@@ -57,7 +57,7 @@ fn is_right_and_valid(name: &str) {
     let mut lines = stdout.lines();
     assert!(lines.next().is_some_and(|l| l.starts_with(name) && l.contains("60 poses")), "{name}: {stdout}");
     assert_eq!(lines.next(), None, "{name}: one line of result");
-    // The silence above counts only if the layer was there. The loader, too, says what it does on stderr.
+    // The lack of messages above only counts if the layer was loaded. The loader logs to stderr as well.
     for level in ["instance", "device"] {
         let layer = format!("{level} layer \"{LAYER}\"");
         let inserted = stderr.lines().any(|line| line.contains("Insert") && line.contains(&layer));
@@ -67,7 +67,7 @@ fn is_right_and_valid(name: &str) {
 
 #[test]
 fn messages_of_the_layer_are_recognised() {
-    // As 1.3.239 prints them: the first with the barrier before the example's copy taken out.
+    // Messages of 1.3.239: the first from the example without the barrier before its copy.
     let said = "SYNC-HAZARD-READ-AFTER-WRITE(ERROR / SPEC): msgNum: -455515022 - Validation Error: [ SYNC-HAZARD-READ-\
                 AFTER-WRITE ] Object 0\n    Objects: 1\nUNASSIGNED-BestPractices(WARN / PERF): msgNum: 1\n";
     assert_eq!(validation_lines(said).len(), 2);

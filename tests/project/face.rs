@@ -1,8 +1,8 @@
-//! The public items of the crate with the features that versions speak of (docs/versions.md), each with its signature,
-//! held against tests/face.txt: what a version changes is seen in that file.
+//! The public items of the crate with the features covered by versions (docs/versions.md), each with its signature,
+//! compared with tests/face.txt, which shows the changes of a version.
 //!
-//! Whether a change breaks a host is for a person to say. The list does not show what functions do, default values,
-//! sizes, `Send`, `Sync` and other traits that the compiler derives, nor what rustdoc hides.
+//! A person decides whether a change breaks hosts. The list does not show behaviour, default values, sizes, `Send`,
+//! `Sync` and other traits that the compiler derives, nor items hidden from rustdoc.
 
 use std::collections::BTreeSet;
 use std::os::unix::fs::PermissionsExt;
@@ -11,10 +11,10 @@ use std::process::Command;
 use std::sync::OnceLock;
 
 const FEATURES: &str = "csv,gltf,threads,baselines";
-/// Types, constants, functions and modules at the root, at most.
+/// Most types, constants, functions and modules at the root.
 const MOST: usize = 86;
 
-/// A line for each item; `None` where the compiler is another than the one that the description of items is known of.
+/// Returns a line per item; `None` if the compiler differs from the one whose item description is known.
 fn face() -> Option<&'static str> {
     static FACE: OnceLock<Option<String>> = OnceLock::new();
     FACE.get_or_init(describe).as_deref()
@@ -28,7 +28,7 @@ fn describe() -> Option<String> {
         return None;
     }
     let dir = tempfile::tempdir().expect("a folder");
-    // The description is unstable: rustdoc alone is told to give it, so that nothing is built anew.
+    // The description is unstable: only rustdoc gets the flag, so that nothing is rebuilt.
     let rustdoc = dir.path().join("rustdoc");
     std::fs::write(&rustdoc, "#!/bin/sh\nRUSTC_BOOTSTRAP=1 exec rustdoc \"$@\"\n").expect("a script");
     std::fs::set_permissions(&rustdoc, PermissionsExt::from_mode(0o755)).expect("a script");
@@ -75,14 +75,14 @@ fn the_root_stays_small() {
         let mut words = line.split(' ').skip_while(|word| !kinds.contains(word)).skip(1);
         let path = words.next()?.strip_prefix("deltamorph::")?;
         let end = path.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(path.len());
-        // A function of a type with parameters names the type again.
+        // A function of a type with parameters repeats the type's name.
         (!path[end..].starts_with("::")).then_some(&path[..end])
     };
     let count = found.lines().filter_map(at_root).collect::<BTreeSet<&str>>().len();
     assert!((50..=MOST).contains(&count), "{count} names at the root, {MOST} at most");
 }
 
-/// What the README of the C API says that Rust has.
+/// The Rust items in the README of the C API exist.
 #[test]
 fn the_readme_of_the_c_api_names_what_there_is() {
     let Some(found) = face() else { return };

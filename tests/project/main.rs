@@ -1,4 +1,4 @@
-//! The repository itself: its face, dependencies, documents, modules, examples and set-up.
+//! The repository: its public items, dependencies, documents, modules, examples and set-up.
 
 mod dependencies;
 mod documents;

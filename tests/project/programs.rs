@@ -1,5 +1,4 @@
-//! Test programs of several files: cargo finds `main.rs` alone, and a file that this does not declare would test
-//! nothing.
+//! Test programs of several files: cargo only finds `main.rs`, and a file that it does not declare would test nothing.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +7,7 @@ fn entries(folder: &Path) -> Vec<PathBuf> {
     entries.map(|entry| entry.expect("an entry").path()).collect()
 }
 
-/// Check that the file `root` declares each file in `folder`, and so on below it; how many there are.
+/// Checks that the file `root` declares each file in `folder`, recursively; returns their number.
 fn declared(root: &Path, folder: &Path) -> usize {
     let text = std::fs::read_to_string(root).unwrap_or_else(|e| panic!("{}: {e}", root.display()));
     let mut count = 0;

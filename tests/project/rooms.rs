@@ -1,5 +1,5 @@
-//! Which room of src/ may use which: the table below is the rule, from the ground up. A room uses rooms above its own
-//! line only, so that no arrow runs upward or in a circle; tests may use what they like.
+//! Allowed uses between the rooms of src/, listed below from the bottom up: a room only uses rooms above its own line,
+//! so there are no cycles; tests may use anything.
 
 use std::collections::BTreeSet;
 use std::fs::{read_dir, read_to_string};
@@ -27,7 +27,7 @@ const ROOMS: &[(&str, &str)] = &[
     ("engine", "error asset abi pack lod plan crowd gpu update after"),
 ];
 
-/// Sources below a folder, tests apart.
+/// Collects the sources below a folder, without tests.
 fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in read_dir(folder).expect("a folder of src/") {
         let path = entry.expect("an entry").path();
@@ -50,7 +50,7 @@ fn rooms_use_those_below_them() {
     for path in found {
         let place = path.strip_prefix(&src).expect("below src/");
         let room = place.iter().next().expect("a room").to_string_lossy().trim_end_matches(".rs").to_owned();
-        // The root of the crate, and what only tests see, use anything.
+        // The root of the crate and test-only rooms may use anything.
         if ["lib", "testing"].contains(&&*room) {
             continue;
         }

@@ -1,5 +1,4 @@
-//! The SPIR-V modules: checked in and compiled are the same, and declare what the table of kernels and the host's
-//! structures say.
+//! The checked-in SPIR-V modules equal the compiled ones, and match the table of kernels and the host's structures.
 
 use deltamorph::internals::abi::formats::{FORMATS, POSE_FORMATS};
 use deltamorph::internals::abi::kernels::{Buffer, Stage, Takes};
@@ -14,20 +13,20 @@ use spirq::ty::StructType;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// Bytes that the modules may take in a library without baselines.
+/// Most bytes of the modules in a library without baselines.
 const EMBEDDED_MAX: usize = 200_000;
 
 fn words(bytes: &[u8]) -> Vec<u32> {
     bytes.chunks_exact(4).map(|w| u32::from_le_bytes(w.try_into().unwrap())).collect()
 }
 
-/// A module as built, with its debug names.
+/// Returns a module as built, with its debug names.
 fn spirv(module: &Module) -> Vec<u32> {
     let file = Path::new(env!("OUT_DIR")).join(format!("{}.spv", module.name));
     words(&std::fs::read(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display())))
 }
 
-/// Instructions behind the header: opcode, operands.
+/// Returns the instructions after the header: opcode, operands.
 fn instructions(words: &[u32]) -> Vec<(u32, &[u32])> {
     let (mut at, mut instructions) = (5, vec![]);
     while at < words.len() {
@@ -38,7 +37,7 @@ fn instructions(words: &[u32]) -> Vec<(u32, &[u32])> {
     instructions
 }
 
-/// A literal operand of an execution mode: reflection hands it out as bytes.
+/// Returns a literal operand of an execution mode, which reflection returns as bytes.
 fn operand(value: &ConstantValue) -> u32 {
     match value {
         ConstantValue::Typeless(bytes) => u32::from_le_bytes(bytes[..4].try_into().unwrap()),
@@ -53,7 +52,7 @@ fn reflect(module: &Module) -> EntryPoint {
     entries.remove(0)
 }
 
-/// What is bound in set 0, as far as a module tells: offsets are given when a set is bound, or not.
+/// A binding in set 0, as far as it follows from a module: offsets depend on how a set is bound.
 #[derive(Debug, PartialEq)]
 enum Bound {
     /// Elements of this many bytes.
@@ -74,7 +73,7 @@ fn bound(entry: &EntryPoint) -> BTreeMap<u32, Bound> {
                 DescriptorType::SampledImage() => Bound::Image,
                 DescriptorType::StorageBuffer(_) => {
                     let member = &ty.as_struct().expect("a block").members[0].ty;
-                    // Of an array the elements, otherwise all there is.
+                    // For an array the element's size, otherwise the whole size.
                     let bytes = member.as_array().map_or_else(|| member.nbyte(), |array| array.stride);
                     Bound::Elements(bytes.unwrap())
                 }
@@ -94,14 +93,14 @@ fn push_constants(entry: &EntryPoint) -> Option<StructType> {
     })
 }
 
-/// `(name, offset)` of each member, and bytes in all.
+/// Returns `(name, offset)` of each member, and the total bytes.
 fn members(ty: &StructType) -> (Vec<(&str, usize)>, usize) {
     let members: Vec<_> = ty.members.iter().map(|m| (m.name.as_deref().unwrap(), m.offset.unwrap())).collect();
     let last = ty.members.last().unwrap();
     (members, last.offset.unwrap() + last.ty.nbyte().unwrap())
 }
 
-/// Specialization constants, ascending.
+/// Returns the specialization constants, ascending.
 fn constants(entry: &EntryPoint) -> Vec<u32> {
     let ids = entry.vars.iter().filter_map(|v| match v {
         Variable::SpecConstant { spec_id, .. } => Some(*spec_id),
@@ -112,7 +111,7 @@ fn constants(entry: &EntryPoint) -> Vec<u32> {
     ids
 }
 
-/// `(location, elements)` of a vertex module's inputs.
+/// Returns `(location, elements)` of a vertex module's inputs.
 fn inputs(entry: &EntryPoint) -> Vec<(u32, usize)> {
     let inputs = entry.vars.iter().filter_map(|v| match v {
         Variable::Input { location, ty, .. } => {
@@ -125,7 +124,7 @@ fn inputs(entry: &EntryPoint) -> Vec<(u32, usize)> {
     inputs
 }
 
-/// Values of a decoration of a module's variables: reflection does not know those of capture.
+/// Returns the values of a decoration of a module's variables: reflection does not know those of capture.
 fn decorations(words: &[u32], decoration: u32) -> Vec<u32> {
     let decorate = 71;
     let all = instructions(words).into_iter().filter(|(op, o)| *op == decorate && o[1] == decoration);
@@ -134,7 +133,7 @@ fn decorations(words: &[u32], decoration: u32) -> Vec<u32> {
     values
 }
 
-/// Bindings of variables that are decorated Aliased.
+/// Returns the bindings of variables decorated Aliased.
 fn aliased(words: &[u32]) -> Vec<u32> {
     let (decorate, aliased, binding) = (71, 20, 33);
     let all = instructions(words);
@@ -146,7 +145,7 @@ fn aliased(words: &[u32]) -> Vec<u32> {
     bindings
 }
 
-/// Whether workgroups share memory.
+/// Returns whether workgroups share memory.
 fn shares_memory(words: &[u32]) -> bool {
     let (variable, workgroup) = (59, 4);
     instructions(words).iter().any(|(op, o)| *op == variable && o[2] == workgroup)
@@ -170,7 +169,7 @@ fn what_is_checked_in_is_what_the_sources_compile_to() {
     let how = "regenerate spirv/ with: UPDATE_SPIRV=1 cargo test --test project spirv";
     let manifest = std::fs::read_to_string(folder.join("manifest.txt")).unwrap_or_else(|e| panic!("{e}; {how}"));
     let compiler = |text: &str| text.lines().next().unwrap_or_default().to_owned();
-    // Another version of glslang writes other bytes for the same source.
+    // Another version of glslang compiles the same source to other bytes.
     let same_compiler = compiler(&manifest) == compiler(MANIFEST);
     for line in MANIFEST.lines().filter(|l| same_compiler || l.starts_with("source")) {
         assert!(manifest.lines().any(|l| l == line), "spirv/manifest.txt lacks '{line}'; {how}");
@@ -248,7 +247,7 @@ fn modules_declare_what_the_table_says() {
             }
             _ => assert_eq!((declared.as_slice(), bytes), kernel.push_members(), "{name}"),
         }
-        // Modules for more than 16 attributes are for devices that have more push constants, too.
+        // Modules for more than 16 attributes are for devices with more push constants.
         assert!(bytes <= 128 || module.batch > 25, "{name}: what Vulkan promises");
         assert_eq!(constants(&entry), (0..kernel.all_constants()).collect::<Vec<_>>(), "{name}");
 
@@ -259,10 +258,10 @@ fn modules_declare_what_the_table_says() {
             Stage::Vertex => {
                 assert!(sizes.is_empty(), "{name}");
                 let deltas = module.batch as usize * format.map_or(0, |format| format.attributes.len());
-                // Behind the pose: the base pose of integers, or deltas.
+                // After the pose: the base pose of fixed-point formats, or deltas.
                 let displaced = kernel.poses && name != kernel.name;
                 let base = displaced.then_some([(2, 1), (3, 1)]).into_iter().flatten();
-                // Rectangles are in a buffer.
+                // Rectangles come from a buffer.
                 let pose = [(0, 1), (1, 1)].into_iter().filter(|_| kernel.name != "rectangles");
                 let behind = (deltas > 0).then_some((2, deltas)).into_iter().chain(base);
                 assert_eq!(inputs(&entry), pose.chain(behind).collect::<Vec<_>>(), "{name}");
@@ -270,7 +269,7 @@ fn modules_declare_what_the_table_says() {
             // A rectangle.
             Stage::Fragment => assert_eq!((sizes.len(), inputs(&entry)), (0, vec![(0, 1)]), "{name}"),
             Stage::Compute => assert_eq!(sizes, [[WORKGROUP, 1, 1]], "{name}"),
-            // Constant 0 is the size in x, whatever is written there.
+            // Constant 0 is the workgroup size in x, regardless of the source.
             Stage::ComputeSized => {
                 let (builtin, workgroup_size) = (11, 25);
                 assert!(decorations(&code, builtin).contains(&workgroup_size), "{name}");
@@ -279,7 +278,7 @@ fn modules_declare_what_the_table_says() {
         }
     }
     const { assert!(WORKGROUP <= 128) };
-    // The largest block has as many lanes as a phone promises.
+    // The largest block has as many lanes as phones guarantee.
     assert_eq!(BLOCK_SIZES.iter().max(), Some(&128));
 }
 
@@ -323,7 +322,7 @@ fn structures_in_buffers_are_the_hosts() {
         assert_eq!(members(element.as_struct().unwrap()), expected, "{}", module.name);
         seen += 1;
     }
-    // Float32 poses of both dense formats, poses of integers of snorm16.
+    // Float32 poses of both dense formats, fixed-point poses of snorm16.
     assert_eq!(seen, DeltaFormat::DENSE.len() + 2);
     assert_eq!(size_of::<HeadRecord>(), 4 * RECORD_WORDS as usize);
 }

@@ -1,5 +1,5 @@
-//! The script `with-vulkan`, run on systems made up for it: a folder that stands for the root of the file system and a
-//! `PATH` that leads to nothing but what the script may need. Nothing is installed and no driver is loaded.
+//! The script `with-vulkan`, run on simulated systems: a folder as the root of the file system, and a `PATH` with only
+//! the tools that the script may need. Nothing is installed and no driver is loaded.
 #![cfg(unix)]
 
 use std::{
@@ -12,13 +12,13 @@ use std::{
 
 use tempfile::TempDir;
 
-/// A made-up system. Everything the script looks at lies in its folder.
+/// A simulated system. The script looks only into its folder.
 struct System {
     dir: TempDir,
 }
 
 impl System {
-    /// A system with neither loader nor driver nor package manager; its `PATH` leads to `tools` alone.
+    /// Makes a system with neither loader nor driver nor package manager; its `PATH` has only `tools`.
     fn bare(tools: &[&str]) -> Self {
         let dir = tempfile::tempdir().unwrap();
         let system = Self { dir };
@@ -30,14 +30,14 @@ impl System {
         system
     }
 
-    /// Puts this machine's `tool` into the system's `PATH` under another name.
+    /// Adds this machine's `tool` to the system's `PATH` under another name.
     fn tool(&self, tool: &str, name: &str) {
         let real = ["/usr/bin", "/bin", "/usr/local/bin"].map(|dir| Path::new(dir).join(tool));
         let real = real.iter().find(|path| path.exists()).unwrap_or_else(|| panic!("no {tool} on this machine"));
         symlink(real, self.path("bin").join(name)).unwrap();
     }
 
-    /// A system with a loader, lavapipe, the validation layers and a SwiftShader in the cache.
+    /// Makes a system with a loader, lavapipe, the validation layers and a SwiftShader in the cache.
     fn complete() -> Self {
         let system =
             Self::bare(&["bash", "env", "grep", "uname", "mkdir", "mktemp", "chmod", "mv", "cat", "cksum", "tr"]);
@@ -58,7 +58,7 @@ impl System {
         fs::write(path, content).unwrap();
     }
 
-    /// The script's command, told not to install.
+    /// Returns the script's command, without installation.
     fn with_vulkan(&self, args: &[&str]) -> Command {
         let mut command = Command::new("bash");
         command
@@ -77,7 +77,7 @@ impl System {
         self.with_vulkan(args).output().unwrap()
     }
 
-    /// The environment that a command started by the script sees.
+    /// Returns the environment of a command started by the script.
     fn environment(&self, args: &[&str]) -> BTreeMap<String, String> {
         environment(self.with_vulkan(args).arg("env").output().unwrap())
     }
@@ -142,7 +142,7 @@ fn driver_lavapipe_leaves_only_lavapipe() {
     assert_eq!(variable(&environment, "VK_ADD_DRIVER_FILES"), None);
 }
 
-/// Without it, newer validation layers see no hazard in what shaders do, whatever fault is planted.
+/// Without it, newer validation layers see no hazards between shader accesses.
 #[test]
 fn synchronization_validation_looks_into_shaders() {
     const NAME: &str = "VK_LAYER_SYNCVAL_SHADER_ACCESSES_HEURISTIC";
@@ -233,7 +233,7 @@ fn on_an_unknown_system_it_says_what_is_needed() {
     for word in ["no package manager", "libvulkan.so.1", "lavapipe", "C++ compiler", "validation layers"] {
         assert!(message.contains(word), "no '{word}' in: {message}");
     }
-    // What tests of the C API and of the window need, and nothing else does.
+    // Only tests of the C API and of the window need these.
     let run = stderr(&system.run(&["cargo", "run"]));
     for word in ["Vulkan headers", "valgrind", "pkg-config", "Xvfb", "X libraries"] {
         assert!(message.contains(word) && !run.contains(word), "'{word}' in: {message}\n{run}");
@@ -248,12 +248,12 @@ fn only_what_the_command_cannot_do_without_stops_it() {
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     assert!(stderr(&output).contains("validation layers"), "{}", stderr(&output));
 
-    // Any driver does for a plain run; the tests want lavapipe.
+    // Any driver will do for a plain run; the tests want lavapipe.
     let system = System::complete();
     fs::remove_file(system.lavapipe()).unwrap();
     system.file("usr/share/vulkan/icd.d/gpu_icd.json", "{}");
     system.tool("true", "cargo");
-    // The program links the modules that are checked in; the tests compile theirs.
+    // The program links the checked-in modules; the tests compile theirs.
     system.tool("true", "cc");
     assert_eq!(system.run(&["cargo", "run", "--release", "--", "test"]).status.code(), Some(0));
     for args in [&["cargo", "test"][..], &["cargo", "bench"], &["cargo", "clippy", "--all-targets"]] {
