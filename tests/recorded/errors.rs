@@ -1,4 +1,4 @@
-//! Documented errors of the public face that no other test provokes: the message says what is wrong, and what to do.
+//! Documented errors of the public API that no other test causes: messages name the problem and a remedy.
 
 use crate::gpu;
 use deltamorph::after::{GpuNormals, GpuSkin, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
@@ -133,7 +133,7 @@ fn what_does_not_suit_the_packed_mesh_is_refused() {
     }
 }
 
-/// A mesh, two crowds' worth of what comes after it, and a crowd, all of one engine.
+/// A mesh, a crowd, and the uploads of steps after the pose, all of one engine.
 struct Made {
     mesh: GpuMesh,
     crowd: Crowd,
@@ -157,12 +157,12 @@ fn make(headless: &Headless, packed: &PackedMesh) -> Made {
     Made { mesh, crowd, skin, surface }
 }
 
-/// Everything that is told of an instance.
+/// Asserts that every call for an instance is refused.
 fn refused_everywhere(headless: &Headless, made: &mut Made, instance: u32, words: &str) {
     let engine = headless.engine();
     let Made { crowd, skin, surface, .. } = made;
     let null = vk::Buffer::null();
-    // SAFETY: all is refused, so that no buffer is used.
+    // SAFETY: everything is refused, so no buffer is used.
     unsafe {
         says(engine.set_decode_target(crowd, instance, Some(&DecodeTarget::new(null))), words);
         let target = SkinTarget::new(null, null, 48);
@@ -204,13 +204,13 @@ fn instances_that_are_not_there_and_other_engines_are_refused() {
         says(made.crowd.pose_buffer(Semantic::Color(3)), "color 3");
         says(made.mesh.base_stream(Semantic::Color(3)), "color 3");
 
-        // A second engine, on a device of its own.
+        // A second engine, on its own device.
         let other = gpu::device(&headless.caps().name, false, None);
         let mut of_other = make(&other, &packed);
         let words = "another MorphEngine";
         refused_everywhere(&other, &mut made, 0, words);
         let null = vk::Buffer::null();
-        // SAFETY: all is refused, so that no buffer is used, and nothing is recorded.
+        // SAFETY: everything is refused, so no buffer is used, and nothing is recorded.
         unsafe {
             let target = SkinTarget::new(null, null, 48);
             let upload = "upload it with the crowd's engine";
@@ -225,7 +225,7 @@ fn instances_that_are_not_there_and_other_engines_are_refused() {
         says(crowd.set_hidden(2, true), words);
         says(crowd.remove(2), words);
         says(crowd.add(), "all taken");
-        // What went before is as it was.
+        // The state is unchanged.
         // SAFETY: as above.
         headless.run(|cmd| unsafe { engine.record_update(cmd, &mut made.crowd) }).expect("an update");
         assert!(made.crowd.pose(0).is_ok());
@@ -236,7 +236,7 @@ fn instances_that_are_not_there_and_other_engines_are_refused() {
 fn meshes_without_vertices_are_refused() {
     gpu::on_every_device(|headless, engine| {
         let empty = PackedMesh::pack(&MorphMesh::default(), &PackDesc::new(DeltaFormat::Fast)).expect("nothing");
-        // SAFETY: all is refused: nothing is recorded.
+        // SAFETY: everything is refused: nothing is recorded.
         unsafe {
             says(headless.run(|cmd| engine.upload(cmd, &empty)), "has no vertices; leave it out");
             let skin = SkinDesc::new(4, 1, &[], &[]);
@@ -253,7 +253,7 @@ fn what_exceeds_the_device_is_refused_with_the_numbers() {
     gpu::on_device_within("llvmpipe", Some(limits), |headless, engine| {
         let packed = packed(DeltaFormat::Fast);
         let (joints, weights, corners) = (vec![0; 800], vec![1.0; 800], [0, 1, 2].repeat(400));
-        // SAFETY: all is refused: nothing is recorded.
+        // SAFETY: everything is refused: nothing is recorded.
         unsafe {
             let skin = SkinDesc::new(8, 1, &joints, &weights);
             says(headless.run(|cmd| engine.upload_skin(cmd, &packed, &skin)), "allows 4096");
@@ -265,7 +265,7 @@ fn what_exceeds_the_device_is_refused_with_the_numbers() {
     gpu::on_device_within("llvmpipe", Some(limits), |headless, engine| {
         let Made { mut crowd, skin, .. } = make(headless, &packed(DeltaFormat::Fast));
         let target = SkinTarget::new(vk::Buffer::null(), vk::Buffer::null(), 48);
-        // SAFETY: it is refused, so that no buffer is used.
+        // SAFETY: it is refused, so no buffer is used.
         let refused = unsafe { engine.set_skin_target(&mut crowd, 0, Some((&skin, &target))) };
         says(refused, "takes 4 texels");
     });
@@ -290,7 +290,7 @@ fn a_direct_path_has_no_poses_for_what_comes_after() {
     });
 }
 
-/// Vulkan tells how much memory a buffer needs, and so how large it is at most.
+/// Vulkan reports the memory that a buffer needs, and so its largest size.
 #[test]
 fn buffers_that_are_too_small_are_refused_with_both_sizes() {
     gpu::on_every_device(|headless, engine| {
@@ -304,7 +304,7 @@ fn buffers_that_are_too_small_are_refused_with_both_sizes() {
         };
         let (small, large) = (buffer(1000), buffer(1 << 14));
         let end = |bytes: u32| format!("to byte {bytes} of a host buffer of at most 10");
-        // SAFETY: all is refused, so that no buffer is used.
+        // SAFETY: everything is refused, so no buffer is used.
         unsafe {
             says(engine.set_decode_target(&mut crowd, 0, Some(&DecodeTarget::new(small))), &end(1200));
             says(engine.set_normals_target(&mut crowd, 0, Some((&surface, &NormalsTarget::new(small)))), &end(1200));

@@ -1,4 +1,4 @@
-//! What is recorded, and what is refused instead.
+//! Recorded commands, and refused calls.
 
 #[path = "../common/gpu.rs"]
 mod gpu;

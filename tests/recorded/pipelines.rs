@@ -1,11 +1,11 @@
-//! Pipelines are made with the cache of the host.
+//! Pipelines are made with the host's cache.
 
 use crate::gpu::{self, on_every_device, single, update_descs, weights};
 use deltamorph::ash::{self, vk};
 use deltamorph::{DeltaFormat, DeviceDesc, MorphEngine, testing};
 use std::sync::Mutex;
 
-/// The caches that [`seen_compute`] and [`seen_graphics`] were handed.
+/// The caches passed to [`seen_compute`] and [`seen_graphics`].
 static CACHES: Mutex<Vec<vk::PipelineCache>> = Mutex::new(vec![]);
 /// The driver's own functions.
 static CREATE: Mutex<Option<(vk::PFN_vkCreateComputePipelines, vk::PFN_vkCreateGraphicsPipelines)>> = Mutex::new(None);
@@ -22,7 +22,7 @@ macro_rules! seen {
         ) -> vk::Result {
             CACHES.lock().unwrap().push(cache);
             let create = CREATE.lock().unwrap().expect("set before").$which;
-            // SAFETY: handed on as it came.
+            // SAFETY: passed on unchanged.
             unsafe { create(device, cache, count, infos, allocator, pipelines) }
         }
     };
@@ -30,8 +30,7 @@ macro_rules! seen {
 seen!(seen_compute, ComputePipelineCreateInfo, 0);
 seen!(seen_graphics, GraphicsPipelineCreateInfo, 1);
 
-/// Software drivers keep nothing in a cache that would show in its data, so that the calls are looked at on their way
-/// to the driver.
+/// Software drivers keep nothing in a cache that would show in its data, so the calls to the driver are intercepted.
 #[test]
 fn every_pipeline_is_made_with_the_cache_of_the_host() {
     on_every_device(|headless, _| {
@@ -42,7 +41,7 @@ fn every_pipeline_is_made_with_the_cache_of_the_host() {
         let (v1, v2, v3) = (device.fp_v1_1().clone(), device.fp_v1_2().clone(), device.fp_v1_3().clone());
         let device = ash::Device::from_parts_1_3(device.handle(), functions, v1, v2, v3);
         let mut data = vec![];
-        // Once more with what the first run left in its cache.
+        // Again with the first run's cache data.
         for _ in 0..2 {
             let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);
             // SAFETY: the device is alive, and the data are none or the driver's own.
@@ -67,7 +66,7 @@ fn every_pipeline_is_made_with_the_cache_of_the_host() {
             drop(engine);
             let caches = std::mem::take(&mut *CACHES.lock().unwrap());
             assert!(caches.len() > 3 && caches.iter().all(|cache| *cache == pipeline_cache), "{caches:?}");
-            // SAFETY: the engine, which made pipelines with it, is gone.
+            // SAFETY: the engine, which made pipelines with it, has been dropped.
             unsafe {
                 data = device.get_pipeline_cache_data(pipeline_cache).expect("data");
                 device.destroy_pipeline_cache(pipeline_cache, None);

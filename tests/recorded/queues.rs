@@ -1,5 +1,5 @@
-//! Updates on a queue without graphics, with semaphores between them and the draws. Drivers that run on the CPU have
-//! one family of queues: here it is taken for one without graphics, and draws are submissions of their own.
+//! Updates on a queue without graphics, with semaphores between them and the draws. CPU drivers have one queue family:
+//! here it is treated as one without graphics, and draws are separate submissions.
 
 use crate::gpu::{self, NORMAL, baseline, caps, drivers, is_kept, limited, on_device_within, weights};
 use crate::offscreen::{Offscreen, Shared};
@@ -16,10 +16,10 @@ use deltamorph_headless::Headless;
 
 const FRAMES: usize = 6;
 const INSTANCES: u32 = 2;
-/// How many frames before an update the draw is that it waits for, where draws run beside the update of the next frame.
+/// Number of frames between an update and the draw it waits for, if draws run concurrently with the next update.
 const BESIDE: usize = 2;
 
-/// Run `test` on every driver, as it is and clamped, whose queues can do no more than `flags`.
+/// Runs `test` on every driver, unchanged and clamped, with queues limited to `flags`.
 fn on_queues_with(flags: vk::QueueFlags, test: impl Fn(&Headless, &MorphEngine)) {
     for driver in drivers() {
         for limits in [caps(&driver), baseline(|_| ())] {
@@ -28,7 +28,7 @@ fn on_queues_with(flags: vk::QueueFlags, test: impl Fn(&Headless, &MorphEngine))
     }
 }
 
-/// Every barrier names stages that a queue with compute alone has.
+/// Asserts that every barrier names only stages of compute-only queues.
 fn assert_no_graphics(events: &[Event], what: &str) {
     let allowed = [Stage::Transfer, Stage::Compute, Stage::Indirect].iter().fold(0, |all, stage| all | *stage as u16);
     for event in events {
@@ -38,11 +38,11 @@ fn assert_no_graphics(events: &[Event], what: &str) {
     }
 }
 
-/// Command buffers and semaphores of a host with two queues, of which there is one.
+/// Command buffers and semaphores of a host with two queues, represented by one.
 struct Host<'a> {
     device: &'a ash::Device,
     pool: vk::CommandPool,
-    /// Signalled by the update of each frame, and by its draw.
+    /// Semaphores signalled by the update of each frame, and by its draw.
     updated: Vec<vk::Semaphore>,
     drawn: Vec<vk::Semaphore>,
 }
@@ -50,7 +50,7 @@ struct Host<'a> {
 impl<'a> Host<'a> {
     fn new(headless: &'a Headless) -> Self {
         let (_, _, device) = headless.handles();
-        // SAFETY: the device is alive, and has a family of queues; so in all that follows.
+        // SAFETY: the device is alive, and has a queue family; so in all that follows.
         let pool = unsafe { device.create_command_pool(&vk::CommandPoolCreateInfo::default(), None) }.expect("a pool");
         // SAFETY: as above.
         let semaphore = |_| unsafe { device.create_semaphore(&vk::SemaphoreCreateInfo::default(), None) };
@@ -83,12 +83,12 @@ impl<'a> Host<'a> {
             .wait_semaphores(&waits)
             .wait_dst_stage_mask(&stages)
             .signal_semaphores(&signals);
-        // SAFETY: as above; what is waited for was submitted before.
+        // SAFETY: as above; awaited work was submitted before.
         unsafe { self.device.queue_submit(self.device.get_device_queue(0, 0), &[info], vk::Fence::null()) }
             .expect("submitted");
     }
 
-    /// Submit the draw of a frame, which waits for its update alone.
+    /// Submits the draw of a frame, which waits only for its update.
     fn draw(&self, n: usize, cmd: vk::CommandBuffer) {
         self.submit(cmd, Some((self.updated[n], vk::PipelineStageFlags::TRANSFER)), self.drawn[n]);
     }
@@ -96,7 +96,7 @@ impl<'a> Host<'a> {
 
 impl Drop for Host<'_> {
     fn drop(&mut self) {
-        // SAFETY: all of it is ours, and not in use after the wait.
+        // SAFETY: everything is this value's, and not in use after the wait.
         unsafe {
             self.device.device_wait_idle().expect("finished");
             self.updated
@@ -108,15 +108,15 @@ impl Drop for Host<'_> {
     }
 }
 
-/// What was recorded of a frame, and what its draw read.
+/// The recording of a frame, and the poses that its draw read.
 struct Frame {
     events: Vec<Event>,
     /// By instance: the pose and its copy.
     poses: Vec<(PoseView, Shared)>,
 }
 
-/// Update and draw (copies, without any barrier) frames, each in a submission of its own, with no more order between
-/// them than semaphores make: an update waits for the draw of so many frames before.
+/// Updates and draws (copies, without barriers) frames, each in its own submission, ordered only by semaphores: an
+/// update waits for the draw `behind` frames earlier.
 fn frames(
     headless: &Headless,
     host: &Offscreen<'_>,
@@ -130,11 +130,11 @@ fn frames(
     for (n, asked) in asked.iter().enumerate() {
         asked.iter().zip(0..).for_each(|(weights, i)| crowd.set_weights(i, weights).expect("weights"));
         let (update, (_, events)) = queues.record(|cmd| {
-            // SAFETY: the buffer is recording, and runs once and in order; nothing is changed; crowd and engine live
-            // on.
+            // SAFETY: the buffer is recording, and runs once and in order; nothing is changed; crowd and engine outlive
+            // it.
             unsafe { engine.record_tampered(cmd, &mut [crowd as &mut dyn AnyCrowd], |_| {}) }.expect("an update")
         });
-        // Draws are submitted as late as they can be.
+        // Draws are submitted as late as possible.
         let wait = n.checked_sub(behind).map(|before| {
             queues.draw(before, draws[before]);
             (queues.drawn[before], At::COMPUTE_SHADER)
@@ -148,7 +148,7 @@ fn frames(
         let (draw, ()) = queues.record(|cmd| {
             for (view, copy) in &poses {
                 let region = vk::BufferCopy { src_offset: view.offset, dst_offset: 0, size: view.size };
-                // SAFETY: the buffer is recording; the region lies within both buffers, which live on.
+                // SAFETY: the buffer is recording; the region lies within both buffers, which outlive it.
                 unsafe { queues.device.cmd_copy_buffer(cmd, view.buffer, copy.buffer, &[region]) };
             }
             host.barrier(cmd, (At::TRANSFER, vk::AccessFlags::TRANSFER_WRITE), (At::HOST, vk::AccessFlags::HOST_READ));
@@ -168,9 +168,9 @@ fn uploaded(headless: &Headless, format: DeltaFormat) -> (PackedMesh, GpuMesh) {
     (mesh, uploaded)
 }
 
-/// What the hazard checker says of these frames, where a draw runs beside the next update: of the semaphores from
-/// update to draw and from draw to update, one is left out. Draws read the pose, and as many slots before it as
-/// `previous`.
+/// Returns whether the hazard checker finds hazards in these frames, if a draw runs concurrently with the next update
+/// and one semaphore, from update to draw or from draw to update, is left out. Draws read the pose, and `previous`
+/// slots before it.
 fn has_hazards(frames: &[Frame], slots: u32, previous: u32, left_out: Option<(usize, bool)>) -> bool {
     let mut checker = HazardChecker::default();
     checker.upload(asset_uploaded());
@@ -181,7 +181,7 @@ fn has_hazards(frames: &[Frame], slots: u32, previous: u32, left_out: Option<(us
     };
     for (n, frame) in frames.iter().enumerate() {
         checker.update(&frame.events);
-        // What this update signals comes too late for the draw of the frame before.
+        // This update's signal comes too late for the draw of the frame before.
         n.checked_sub(1).into_iter().for_each(|before| draw(&mut checker, before));
         if left_out != Some((n, false)) {
             checker.semaphore(&[Stage::VertexInput, Stage::VertexShader]);
@@ -209,15 +209,16 @@ fn updates_run_on_a_queue_without_graphics() {
             let (mesh, uploaded) = uploaded(headless, format);
             for slots in 2..if format == DeltaFormat::Fast { 4 } else { 3 } {
                 let what = format!("{format:?} {update:?}, {slots} slots");
-                // The consumers are those of any crowd: they are on the other queue.
+                // The consumers are those of any crowd, but on the other queue.
                 let desc = CrowdDesc::new(update.slots(slots)).instances(INSTANCES).queue_family(Some(0));
                 let desc = desc.frames_in_flight(FRAMES as u32);
                 let mut crowd = engine.create_crowd(&uploaded, &desc).expect("a crowd");
                 let asked: Vec<Vec<Vec<f32>>> = (0..FRAMES as u32)
                     .map(|frame| (0..INSTANCES).map(|i| weights(&mesh, 2 * frame, i)).collect())
                     .collect();
-                // Newer layers know a dispatch by its whole descriptors. In blocks these hold all slots, so that draws
-                // beside updates would be hazards to them; the checker below, which knows slots, tells those that are.
+                // Newer layers track a dispatch by whole descriptors. In blocks these cover all slots, so draws
+                // concurrent with updates would be reported as hazards; the checker below tracks slots, and finds the
+                // real ones.
                 let behind = if format.is_blocks() { 1 } else { BESIDE };
                 let frames = frames(headless, &host, &mut crowd, behind, &asked);
                 for (frame, asked) in frames.iter().zip(&asked) {
@@ -232,7 +233,7 @@ fn updates_run_on_a_queue_without_graphics() {
                         assert!(kept, "{what}: {error:?}");
                     }
                 }
-                // What the documentation says of semaphores is enough, and needed: with previous poses, three slots.
+                // The documented semaphores are sufficient, and necessary: with previous poses, three slots.
                 for previous in [0, 1] {
                     let found = has_hazards(&frames, slots, previous, None);
                     assert_eq!(found, slots < 2 + previous, "{what}, {previous} previous poses");
@@ -251,7 +252,7 @@ fn updates_run_on_a_queue_without_graphics() {
     });
 }
 
-/// Whatever is recorded for such a queue names none of its stages: steps after the pose, and crowds that play clips.
+/// Commands for such a queue name none of its missing stages: steps after the pose, and animated crowds.
 #[test]
 fn what_follows_and_what_is_animated_names_no_graphics() {
     on_queues_with(vk::QueueFlags::COMPUTE | vk::QueueFlags::TRANSFER, |headless, engine| {
@@ -269,7 +270,7 @@ fn what_follows_and_what_is_animated_names_no_graphics() {
         animated.play(0, &Playback::new(0)).expect("a clip");
         let words =
             host.shared(mesh.layout().vertex_count * 12, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer");
-        // SAFETY: the buffer is large enough, and lives on; nothing is running.
+        // SAFETY: the buffer is large enough, and outlives the crowd; nothing is running.
         unsafe { engine.set_decode_target(&mut crowd, 0, Some(&DecodeTarget::new(words.buffer))) }.expect("a target");
         for frame in 0..4 {
             animated.set_time(f64::from(frame) / 30.0).expect("a time");
@@ -281,7 +282,7 @@ fn what_follows_and_what_is_animated_names_no_graphics() {
             let (_, events) = recorded.expect("updates");
             assert!(events.len() > 4);
             assert_no_graphics(&events, "both kinds of crowds");
-            // Nobody on this queue reads: nothing follows the last step.
+            // This queue has no readers: no barrier follows the last step.
             assert!(matches!(events.last(), Some(Event::Step { .. })), "{events:?}");
         }
     });
@@ -323,7 +324,7 @@ fn queues_that_cannot_run_updates_are_refused() {
     refuse(vk::QueueFlags::TRANSFER, &[0], 0, UpdatePath::Blocks, "has no compute");
 }
 
-/// Families of which the second is not there: nothing is recorded for it.
+/// Two families, of which the second does not exist: nothing is recorded for it.
 #[test]
 fn updates_for_queues_of_several_families_are_not_recorded_together() {
     let all = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE | vk::QueueFlags::TRANSFER;
@@ -351,8 +352,7 @@ fn updates_for_queues_of_several_families_are_not_recorded_together() {
                 ([None, Some(1)], Some("a queue of family 1 and of one with graphics and compute")),
             ] {
                 let [mut one, mut other] = families.map(crowd);
-                // SAFETY: as above. The barriers that are recorded for a queue without graphics are allowed on one
-                // with.
+                // SAFETY: as above. Barriers recorded for a queue without graphics are allowed on one with graphics.
                 let recorded = headless.run(|cmd| unsafe { engine.record_updates(cmd, &mut [&mut one, &mut other]) });
                 match words {
                     None => drop(recorded.expect("updates")),

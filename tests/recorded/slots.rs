@@ -1,5 +1,5 @@
-//! Where updates write that follow discarded ones: hosts that count frames rely on the rule that the documentation of
-//! `MorphEngine` has for several queues.
+//! The slots of updates that follow discarded ones: hosts that count frames rely on the rule for several queues in the
+//! documentation of `MorphEngine`.
 
 use crate::gpu::{self, drivers, on_device};
 use crate::offscreen::Offscreen;
@@ -13,18 +13,18 @@ use deltamorph_head::Rng;
 use deltamorph_headless::{Headless, HeadlessCrowd};
 
 const INSTANCES: u32 = 3;
-/// Updates that wait to be submitted, at most: as many as may be discarded at once.
+/// Most updates waiting to be submitted, all of which may be discarded at once.
 const UNFINISHED: usize = 3;
 const TARGETS: usize = 5;
 
-/// Where the poses of all instances are: slots of pose and previous pose, and of the first where it is skinned.
+/// Places of all instances: slots of pose and previous pose, and the output of the first if it is skinned.
 #[derive(Clone, Default)]
 struct Places {
     poses: Vec<[Option<u32>; 2]>,
     skinned: Option<(vk::Buffer, u64)>,
 }
 
-/// Those of a crowd of either kind.
+/// Returns the places of either kind of crowd.
 macro_rules! places {
     ($crowd:ty) => {
         |crowd: &$crowd| {
@@ -36,7 +36,8 @@ macro_rules! places {
     };
 }
 
-/// What updates write must not be what draws read that the rule lets run beside them: `drawn`, the last frame first.
+/// Asserts that updates write nothing that draws running concurrently by the rule may read: `drawn`, the last frame
+/// first.
 fn assert_waits_for_enough(slots: usize, before: &Places, now: &Places, drawn: &[Places], what: &str) {
     for (i, ([old, _], [slot, _])) in before.poses.iter().zip(&now.poses).enumerate() {
         if slot.is_none() || old == slot {
@@ -59,7 +60,8 @@ fn assert_waits_for_enough(slots: usize, before: &Places, now: &Places, drawn: &
     );
 }
 
-/// Any history of updates, several of which are discarded at once, and of heads that hide, show, cut, come and go.
+/// Runs a random history of updates, of which several are discarded at once, with instances hidden, shown, cut, added
+/// and removed.
 fn follow<C: AnyCrowd + 'static>(
     mut crowd: HeadlessCrowd<'_, C>,
     slots: usize,
@@ -78,7 +80,7 @@ fn follow<C: AnyCrowd + 'static>(
                 hidden.push(one);
             }
             3..6 => hidden.drain(..).for_each(|i| crowd.set_hidden(i, false).expect("an instance")),
-            // The first keeps its target.
+            // The first instance keeps its target.
             6 if !hidden.contains(&2) => {
                 crowd.remove(2).expect("an instance");
                 assert_eq!(crowd.add().expect("a place"), 2);
@@ -93,7 +95,7 @@ fn follow<C: AnyCrowd + 'static>(
         let (recorded, update) = crowd.record(&[]).expect("an update");
         let mut now = places(crowd.crowd());
         assert_waits_for_enough(slots, &before, &now, &drawn, what);
-        // What is hidden is not drawn.
+        // Hidden instances are not drawn.
         hidden.iter().for_each(|&i| now.poses[i as usize] = [None; 2]);
         now.skinned = now.skinned.filter(|_| !hidden.contains(&0));
         drawn.insert(0, now);

@@ -1,5 +1,4 @@
-//! What safe code may do without harm: threads, tickets, recorded updates, steps that fail, and how much memory is
-//! taken.
+//! Safe code without undefined behaviour: threads, tickets, recorded updates, failing steps, and memory limits.
 
 use crate::gpu::{self, drivers, on_every_device, single, update_descs, weights};
 use deltamorph::reference::{evaluate, evaluate_unpacked};
@@ -20,7 +19,7 @@ fn what_may_be_shared_between_threads_and_what_may_not() {
     sent::<Crowd>();
     sent::<Headless>();
 
-    /// Ambiguous, and so an error, for a type that is `Sync`.
+    /// Ambiguous, and so a compile error, for a type that is `Sync`.
     trait NotSync<Which> {
         fn check() {}
     }
@@ -30,7 +29,7 @@ fn what_may_be_shared_between_threads_and_what_may_not() {
     <HeadlessCrowd<'static> as NotSync<_>>::check();
 }
 
-/// Two devices of the same driver, and a crowd on each.
+/// Two devices of the same driver, with a crowd on each.
 #[test]
 fn a_step_that_fails_half_way_leaves_every_crowd_as_it_was() {
     for driver in drivers() {
@@ -53,7 +52,7 @@ fn a_panic_between_planning_and_recording_takes_the_update_back() {
         let mut crowd = gpu::crowd(headless, &mesh, UpdateDesc::blocks());
         crowd.step(&[&[0.0; 8]]).expect("a step");
         let asked = [0.7; 8];
-        // SAFETY: the commands are not changed; what unwinds is caught by the caller.
+        // SAFETY: the commands are not changed; the caller catches the panic.
         let failed = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| unsafe {
             HeadlessCrowd::step_tampered(from_mut(&mut crowd), &[&asked], |_| panic!("between planning and recording"))
         }));
@@ -113,7 +112,8 @@ fn many_buffers_share_blocks() {
     });
 }
 
-/// Every target moves vertex 0 of a box of diagonal 1 along x: amounts of very different size wait in one block.
+/// Every target moves vertex 0 of a box of diagonal 1 along x: changes of very different sizes are deferred in one
+/// block.
 #[test]
 fn an_error_budget_holds_after_a_large_change() {
     let n = 57;
@@ -163,14 +163,14 @@ fn an_error_budget_holds_after_a_large_change() {
         let pose = mesh.layout().to_user_order(&crowd.pose(0).expect("an instance"));
         worst = worst.max((f64::from(pose[0]) - evaluate(&mesh, &asked)[0]).abs());
     }
-    // Decoding a pose to float32 is allowed for by its own bound.
+    // Decoding a pose to float32 has its own error bound.
     assert!(worst <= f64::from(budget) * 1.007, "{worst:e} of {budget:e}");
 }
 
 #[test]
 fn running_out_of_memory_is_an_error_of_its_own() {
     let mesh = PackedMesh::pack(&testing::mesh(1000, 4), &PackDesc::new(DeltaFormat::Fast)).expect("a mesh");
-    // More than there are addresses.
+    // More than the address space.
     let desc = UpdateDesc::blocks().path(UpdatePath::Cpu).slots(64);
     let error = CpuCrowd::new(Arc::new(mesh), desc, u32::MAX, 1).err().expect("no memory");
     assert_eq!(error.kind(), ErrorKind::OutOfMemory, "{error}");
@@ -228,7 +228,7 @@ fn what_does_not_fit_is_refused_or_comes_out_as_nan() {
     assert!(text.contains("which has 1; count groups from 0") && crowd.read_stored(0, 1).is_err(), "{text}");
 }
 
-/// A command buffer that is recorded within another's recording is another.
+/// A command buffer recorded while another is being recorded is a different one.
 #[test]
 fn runs_may_be_nested() {
     on_every_device(|headless, _| {
