@@ -1,4 +1,4 @@
-//! Planted faults: the harness has to catch each, or it proves nothing.
+//! Planted faults, each of which the harness has to detect.
 
 use crate::gpu::{self, hazards, on_every_device, packed, weights};
 use crate::table::{ROWS, can_read, for_every_update, updates, variants};
@@ -15,7 +15,7 @@ use std::slice::from_mut;
 fn what_is_recorded_has_no_hazard_and_a_dropped_barrier_has_one() {
     for_every_update(&[Float32, Fast, Small], &testing::mesh(500, 20), |headless, mesh, desc| {
         let row = &ROWS[desc.path as usize];
-        // Modes and slots of baselines, too; those of ours are in src/update/tests.rs.
+        // Modes and slots of baselines, too; those of the library are in src/update/tests.rs.
         let descs: Vec<_> = if desc.path.is_baseline() { variants(desc).collect() } else { vec![desc] };
         for desc in descs.into_iter().filter(|_| row.records) {
             let mut crowd = gpu::crowd(headless, mesh, desc);
@@ -27,10 +27,12 @@ fn what_is_recorded_has_no_hazard_and_a_dropped_barrier_has_one() {
                 })
                 .collect();
             assert_eq!(hazards(&lists), Ok(()), "{desc:?}");
-            // All barriers of the fourth update, one at a time; more than one pass, or there is none between.
+            // All barriers of the fourth update, one at a time; with several passes, since otherwise there are none
+            // between passes.
             for at in 0..lists[3].0.len() {
-                // With two slots in one pass each, the barrier before is covered by that of the frame before unless the
-                // previous pose is drawn too; that case is in src/plan/tests.rs. Sums and textures are always in use.
+                // With two slots and one pass each, the barrier before is covered by that of the previous frame unless
+                // the previous pose is drawn too; that case is in src/plan/tests.rs. Sums and textures are always in
+                // use.
                 let is_covered = at == 0 && !matches!(desc.path, UpdatePath::Scatter | UpdatePath::Texture);
                 if is_covered || !matches!(lists[3].0[at], Event::Barrier(_)) {
                     continue;
@@ -43,7 +45,7 @@ fn what_is_recorded_has_no_hazard_and_a_dropped_barrier_has_one() {
     });
 }
 
-/// Synchronization validation sees the same fault in the real command buffer.
+/// Synchronization validation detects the same fault in the real command buffer.
 #[test]
 fn validation_sees_a_dropped_barrier() {
     for row in &ROWS {
@@ -60,7 +62,7 @@ fn validation_sees_a_dropped_barrier() {
     }
 }
 
-/// Every path that names its slots in commands. Blocks name theirs in the work list, which is not tampered with.
+/// Every path whose commands name slots. Blocks name them in the work list, which is not tampered with.
 #[test]
 fn a_swapped_slot_gives_a_wrong_pose() {
     for_every_update(&DeltaFormat::DENSE, &testing::mesh(500, 20), |headless, mesh, desc| {
@@ -86,7 +88,7 @@ fn a_swapped_slot_gives_a_wrong_pose() {
                     }
                 }
             };
-            // SAFETY: the slots are there, and every one of them was written: a valid recording.
+            // SAFETY: the slots exist and have all been written: a valid recording.
             unsafe { HeadlessCrowd::step_tampered(from_mut(&mut crowd), &[&weights], swap) }.expect("a step");
             assert!(swapped > 0, "{desc:?}: nothing to swap");
             let error = compare(&crowd.read_pose(0).expect("a pose"), &evaluate(mesh, &weights));
@@ -128,7 +130,7 @@ fn an_altered_delta_gives_a_wrong_pose() {
         for format in DeltaFormat::ALL {
             let [right, wrong] = [&right, &wrong].map(|mesh| packed(engine, mesh, format));
             for desc in updates(engine, format).into_iter().filter(|desc| can_read(headless, desc)) {
-                // None more than a draw may have attributes for, of those that take few.
+                // At most as many as a draw has attributes for, on paths with few.
                 let mut weights = [1.0; 20];
                 if desc.path == UpdatePath::DirectAttributes {
                     weights = std::array::from_fn(|t| if t == 13 { 1.0 } else { 0.0 });
@@ -145,7 +147,7 @@ fn an_altered_delta_gives_a_wrong_pose() {
     });
 }
 
-/// What Godot's compatibility renderer does: from base, a pass for each active target.
+/// Updates of Godot's compatibility renderer: from base, a pass for each active target.
 #[test]
 fn feedback_rebuilt_at_batch_one_is_a_pass_per_active_target_from_base() {
     gpu::on_device("llvmpipe", false, |headless, engine| {

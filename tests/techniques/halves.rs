@@ -1,4 +1,4 @@
-//! Delta textures of half floats: those of a file that has them, kept as such on the device.
+//! Delta textures of half floats, read from a file and kept as half floats on the device.
 
 use super::poses::{check, real};
 use crate::gpu::{NORMAL, POSITION, on_every_device, packed, single};
@@ -11,7 +11,7 @@ use deltamorph_baselines::textures::{TextureFloats, read_ktx2, write_ktx2};
 use deltamorph_headless::HeadlessCrowd;
 use glam::Vec3;
 
-/// `mesh` as a file of half floats has it.
+/// Returns `mesh` with its deltas rounded to half floats by a file.
 fn of_halves(mesh: &MorphMesh) -> MorphMesh {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("half.ktx2");
@@ -21,11 +21,11 @@ fn of_halves(mesh: &MorphMesh) -> MorphMesh {
     read_ktx2(&path, mesh).expect("a file of the mesh")
 }
 
-/// That of a mesh with a first target that moves each vertex.
+/// Returns a mesh with a first target that moves each vertex.
 fn reaching(mut mesh: MorphMesh) -> MorphMesh {
     let vertices = mesh.vertex_count() as u32;
     mesh.targets[0].vertices = (0..vertices).collect();
-    // Below 2^-14 half floats have fewer bits; hardware that took those for 0 would be seen.
+    // Below 2^-14 half floats have fewer bits; this detects hardware that flushes them to 0.
     mesh.targets[0].positions =
         (0..vertices).map(|v| Vec3::new(0.125, (v + 1) as f32 * 2f32.powi(-24), -0.01)).collect();
     mesh.targets[0].normals = vec![Vec3::Y; vertices as usize];
@@ -36,7 +36,7 @@ fn reaching(mut mesh: MorphMesh) -> MorphMesh {
 fn half_floats_are_kept_as_such_and_give_the_same_poses() {
     let half = reaching(testing::with_streams(testing::mesh(400, 9)));
     let mut wide = half.clone();
-    // A target that no weight applies, with a delta in each group that is no half float: all are kept in 32 bits.
+    // A target without a weight, with a delta in each group that is no half float: all are kept in 32 bits.
     let third = 1.0 / 3.0;
     let streams = half
         .streams
@@ -67,8 +67,8 @@ fn half_floats_are_kept_as_such_and_give_the_same_poses() {
             wide.step(&[&[&weights[..], &[0.0]].concat()]).expect("a step");
             assert!(bits(&mut kept) == bits(&mut wide), "{}: {weights:?}", headless.caps().name);
         }
-        // The first target alone, in each group, whose texels are loaded once: 8 bytes for each in place of 16 from
-        // each of two textures, and 32 blended twice.
+        // Only the first target, in each group, whose texels are loaded once: 8 bytes each instead of 16 from each of
+        // two textures, and 32 blended twice.
         let mut weights = vec![0.0; 10];
         kept.step(&[&weights[..9]]).expect("a step");
         wide.step(&[&weights]).expect("a step");
@@ -96,7 +96,7 @@ fn real_sets_in_half_floats() {
                 let pose = crowd.read_pose(0).expect("a pose");
                 let error = compare(&pose, &evaluate(&mesh, weights));
                 assert!(error.within(bound, NORMAL), "{set}, half floats: {error:?}");
-                // 2^-11 of each delta is what rounding costs.
+                // Rounding costs 2^-11 of each delta.
                 let reach = kept.targets.iter().zip(weights).map(|(target, weight)| {
                     let longest = target.positions.iter().map(|d| f64::from(d.length())).fold(0.0, f64::max);
                     longest * f64::from(weight.abs())

@@ -1,4 +1,4 @@
-//! Every update technique, ours and those of others, held to the same: a table of paths, and a test for each column.
+//! Every update technique, of the library and of others, under the same tests: a table of paths, and a test per column.
 
 #[path = "../common/data.rs"]
 mod data;

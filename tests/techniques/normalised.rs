@@ -1,5 +1,4 @@
-//! Normalised blending on the device: poses of weights of absolute poses are those of A. Gerdelan's formula, in
-//! float64.
+//! Normalised blending on the device: poses of absolute-pose weights equal A. Gerdelan's formula, in float64.
 
 use crate::gpu::{on_every_device, packed};
 use crate::table::{can_read, updates};
@@ -7,7 +6,7 @@ use deltamorph::{CrowdDesc, DeltaFormat, MorphMesh, POSE_FLOATS, UpdatePath, nor
 use deltamorph_head::Rng;
 use deltamorph_headless::HeadlessCrowd;
 
-/// Base and targets as whole meshes, as OBJ files of a folder state them: position and normal of each vertex.
+/// Returns base and targets as whole meshes, as in the OBJ files of a folder: position and normal of each vertex.
 fn whole_meshes(mesh: &MorphMesh) -> Vec<Vec<f64>> {
     let numbers = |(p, n): (&deltamorph::glam::Vec3, &deltamorph::glam::Vec3)| {
         let [p, n] = [p.as_dvec3().to_array(), n.as_dvec3().to_array()];
@@ -25,7 +24,7 @@ fn whole_meshes(mesh: &MorphMesh) -> Vec<Vec<f64>> {
     std::iter::once(base.clone()).chain(mesh.targets.iter().map(target)).collect()
 }
 
-/// (w₀ base + Σ wᵢ poseᵢ) / (w₀ + Σ wᵢ), where w₀ is 1 − Σ wᵢ, in his text at least 0.
+/// Returns (w₀ base + Σ wᵢ poseᵢ) / (w₀ + Σ wᵢ), where w₀ is 1 − Σ wᵢ, or at least 0 for `text`, as in his text.
 fn gerdelan(meshes: &[Vec<f64>], weights: &[f32], text: bool) -> Vec<f64> {
     let sum: f64 = weights.iter().map(|w| f64::from(*w)).sum();
     let of_base = if text { (1.0 - sum).clamp(0.0, 1.0) } else { 1.0 - sum };
@@ -48,10 +47,10 @@ fn poses_are_those_of_gerdelans_formula_in_both_readings() {
         let (mut worst, mut between, mut above) = (0.0f64, f64::INFINITY, 0);
         for format in [DeltaFormat::Float32, DeltaFormat::BlockFloat32] {
             let mesh = packed(engine, &mesh, format);
-            // One of each path; every batch size adds the same numbers.
+            // One update per path, since every batch size adds the same numbers.
             let mut updates = updates(engine, format);
             updates.dedup_by_key(|update| update.path);
-            // Whose draws take few targets at a time.
+            // Its draws take few targets at a time.
             updates.retain(|update| can_read(headless, update) && update.path != UpdatePath::DirectAttributes);
             for update in updates {
                 let name = update.path.name();

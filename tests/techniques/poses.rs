@@ -1,5 +1,5 @@
-//! Poses of every technique, batch size and format against the float64 reference, on real drivers; what is counted of
-//! an update, and what a still face records.
+//! Poses of every technique, batch size and format against the float64 reference, on real drivers; statistics of
+//! updates; and idle instances.
 
 use crate::data;
 use crate::gpu::{self, NORMAL, POSITION, in_eight_chunks, on_every_device, packed, weights};
@@ -14,7 +14,7 @@ use deltamorph::{
 use deltamorph_headless::{Headless, HeadlessCrowd, PoseUpload};
 use std::sync::Arc;
 
-/// Play `frames` frames of a history and compare every pose and previous pose with the reference.
+/// Plays `frames` frames of a history and compares every pose and previous pose with the reference.
 pub fn check(headless: &Headless, mesh: &PackedMesh, desc: UpdateDesc, frames: usize) {
     let mut crowd = gpu::crowd(headless, mesh, desc);
     let bound = POSITION * f64::from(mesh.layout().diagonal.max(1.0));
@@ -46,7 +46,7 @@ pub fn check(headless: &Headless, mesh: &PackedMesh, desc: UpdateDesc, frames: u
 
 #[test]
 fn every_technique_batch_and_format_equals_the_reference() {
-    // No multiple of a workgroup, and more targets than any batch.
+    // Not a multiple of a workgroup, and more targets than any batch.
     for_every_update(&DeltaFormat::ALL, &testing::mesh(1000, 37), |headless, mesh, desc| {
         check(headless, mesh, desc, 8);
     });
@@ -81,7 +81,7 @@ fn meshes_beyond_the_storage_range_are_cut_into_chunks() {
     });
 }
 
-/// One thread a record of `scatter`, of which there are hundreds a target.
+/// One thread per record of `scatter`, of which a target has hundreds.
 #[test]
 fn more_workgroups_than_a_dispatch_has() {
     for driver in gpu::drivers() {
@@ -96,8 +96,8 @@ fn more_workgroups_than_a_dispatch_has() {
     }
 }
 
-/// The sums that atomics add up in any order are the integers of fixed32 poses, and rounding weights to the grid moves
-/// no component further than half a weight step times Σ |delta|.
+/// The sums that atomics add up in any order equal the integers of fixed32 poses, and rounding weights to the grid
+/// moves no component further than half a weight step times Σ |delta|.
 #[test]
 fn scattered_sums_are_those_of_fixed32_poses() {
     on_every_device(|headless, engine| {
@@ -169,12 +169,12 @@ fn bytes_are_those_that_kernels_load_and_store() {
                 mesh.for_each_delta(target, |_, delta| deltas += u64::from(delta != [0.0; 6]));
             }
             let (moved, floor) = match desc.path {
-                // Each pass: a pose in, a pose out, and its deltas.
+                // Each pass: a pose read, a pose written, and its deltas.
                 UpdatePath::VertexStore => (vertices * (48 * passes + 3 * stride), vertices * (48 + 3 * stride)),
-                // Clear, six atomics a record, resolve.
+                // Clear, six atomics per record, resolve.
                 UpdatePath::Scatter => (vertices * (24 + 72) + deltas * (16 + 48), vertices * 48 + deltas * 16),
-                // Deltas, and displacements blended; rectangles have texels besides that the target does not move, and
-                // all texels are cleared, of which there are as many as vertices at least. Draws are not counted.
+                // Deltas, and displacements blended; rectangles also have texels that the target does not move, and all
+                // texels are cleared, of which there are at least as many as vertices. Draws are not counted.
                 UpdatePath::Texture => {
                     let (delta, texels) = (if stride == 12 { 16 } else { 32 }, deltas..=deltas + vertices);
                     let of = |texels: u64| texels * (delta + 64);
@@ -195,7 +195,7 @@ fn bytes_are_those_that_kernels_load_and_store() {
                     }
                     continue;
                 }
-                // Of one draw, which looks no further than the last active target.
+                // One draw, which reads targets up to the last active one.
                 UpdatePath::Direct => (vertices * (24 + 3 * stride) + 5 * 8, vertices * (24 + 3 * stride)),
                 _ => (vertices * (24 + 3 * stride), vertices * (24 + 3 * stride)),
             };
@@ -208,7 +208,7 @@ fn bytes_are_those_that_kernels_load_and_store() {
     });
 }
 
-/// A face that stops: once what waited has settled, nothing is recorded, and there is no motion left to blur.
+/// A face that stops: once deferred changes have settled, nothing is recorded, and there is no motion blur.
 #[test]
 fn a_face_that_stops_has_its_pose_as_previous_pose() {
     for_every_update(&[Small], &testing::mesh(300, 11), |headless, mesh, desc| {
@@ -261,12 +261,12 @@ fn the_same_poses_on_every_driver() {
 #[test]
 fn timestamps_cover_the_whole_update() {
     gpu::on_device("llvmpipe", false, |headless, engine| {
-        // Large enough for the update to dwarf a submit.
+        // Large enough for the update to take far longer than a submit.
         let mesh = packed(engine, &testing::mesh(40_000, 8), Float32);
         for path in [UpdatePath::Feedback, UpdatePath::Compute] {
             let mut crowd = gpu::crowd(headless, &mesh, UpdateDesc::new(path, BatchSize::Targets(1)));
-            // Where nothing separates it from the timestamp, Mesa 22.3 skips the first pass of transform feedback: an
-            // update of one pass then seems to take no time. The device's own times alone, the best of a few.
+            // Without a barrier between it and the timestamp, Mesa 22.3 excludes the first pass of transform feedback,
+            // so an update of one pass seems to take no time. Device times only, the best of a few.
             let mut weights = [0.0; 8];
             let mut best = |targets: usize| {
                 let times = (0..8).map(|_| {
@@ -284,7 +284,7 @@ fn timestamps_cover_the_whole_update() {
     });
 }
 
-/// Any sequence of weights through any path of ours, batch size, format and slot count.
+/// Any sequence of weights through any path of the library, batch size, format and number of slots.
 #[test]
 fn any_sequence_of_weights_equals_the_reference() {
     use proptest::prelude::*;
@@ -309,8 +309,7 @@ fn any_sequence_of_weights_equals_the_reference() {
     });
 }
 
-/// Poses of integers, as they are stored and decoded: the same bits on every driver, on the CPU, and after a fresh
-/// rebuild.
+/// Fixed-point poses, stored and decoded: the same bits on every driver, on the CPU, and after a rebuild.
 #[test]
 fn poses_of_integers_are_the_same_bits_everywhere() {
     let formats = DeltaFormat::ALL.into_iter().filter(|format| format.has_integers());
@@ -365,7 +364,7 @@ fn poses_of_the_cpu_path_are_uploaded_as_they_are() {
     });
 }
 
-/// Real meshes with a few frames of a captured clip: name, mesh, and weights.
+/// Returns real meshes with a few frames of a captured clip: name, mesh, and weights.
 pub fn real() -> impl Iterator<Item = (&'static str, MorphMesh, Vec<Vec<f32>>)> {
     let sets = [
         ("facecap_head_glb", "facecap_30fps.csv"),
@@ -384,8 +383,7 @@ pub fn real() -> impl Iterator<Item = (&'static str, MorphMesh, Vec<Vec<f32>>)> 
     })
 }
 
-/// Meshes of many vertices through the techniques of others alone: tests/updates/real_data.rs plays whole clips through
-/// ours.
+/// Large meshes on techniques of others only: tests/updates/real_data.rs plays whole clips on the library's own.
 #[test]
 fn real_sets() {
     for (set, kept, frames) in real() {

@@ -1,4 +1,4 @@
-//! Record, not submit: updates that are delayed, dropped, reset, or recorded twice before they run.
+//! Recording without submitting: updates that are delayed, dropped, reset, or recorded twice before they run.
 
 use crate::gpu::{self, assert_right};
 use crate::table::{can_read, for_every_update, keep_supported, variants};
@@ -6,8 +6,8 @@ use deltamorph::DeltaFormat::{Fast, Float32, Small, Snorm16};
 use deltamorph::{PackedMesh, UpdateDesc, UpdateMode, UpdateStats, testing};
 use deltamorph_headless::{Headless, HeadlessCrowd};
 
-/// Run `test` for every technique and batch size of every device, on fresh crowds that have shown two frames; those of
-/// others in every mode, with one to three slots.
+/// Runs `test` for every technique and batch size of every device, on fresh crowds that have shown two frames;
+/// techniques of others in every mode, with one to three slots.
 fn with_crowds(test: impl for<'a> Fn(&'a Headless, &dyn Fn() -> HeadlessCrowd<'a>, &PackedMesh, UpdateDesc)) {
     for_every_update(&[Float32, Snorm16, Fast, Small], &testing::mesh(300, 23), |headless, mesh, desc| {
         let of_others = desc.path.is_baseline();
@@ -23,7 +23,7 @@ fn with_crowds(test: impl for<'a> Fn(&'a Headless, &dyn Fn() -> HeadlessCrowd<'a
     });
 }
 
-/// Those of a frame, up to 9; plus 10: of one target more; plus 20: of two.
+/// Returns the weights of a frame, up to 9; plus 10: with one more target; plus 20: with two.
 fn weights(mesh: &PackedMesh, desc: &UpdateDesc, frame: u32) -> Vec<f32> {
     let mut weights = gpu::weights(mesh, frame % 10, 9);
     weights[5..].iter_mut().zip([0.5, 0.25]).take(frame as usize / 10).for_each(|(weight, more)| *weight += more);
@@ -31,24 +31,24 @@ fn weights(mesh: &PackedMesh, desc: &UpdateDesc, frame: u32) -> Vec<f32> {
     weights
 }
 
-/// What a host does, and what is to be seen then. `record 2`: with the weights of frame 2, as `step`; `submit 0 1`,
-/// `discard 0`: the updates recorded first and second; `right 3`, `wrong 3`: the pose is that of frame 3, or is not, since
-/// an update was taken to have run; `no pose`: draws say so; `rebuilt`: the last step began with the base pose; `empty`:
-/// the update recorded last does nothing.
+/// Actions of a host, and expected results. `record 2`: with the weights of frame 2, as `step`; `submit 0 1`, `discard
+/// 0`: the updates recorded first and second; `right 3`, `wrong 3`: the pose is that of frame 3, or is not, since an
+/// update was assumed to have run; `no pose`: draws are refused; `rebuilt`: the last step began with the base pose;
+/// `empty`: the last recorded update does nothing.
 const HISTORIES: [(&str, &str); 9] = [
     ("a discarded update is rebuilt", "record 2, discard 0, no pose, step 3, rebuilt, right 3, step 4, right 4"),
     ("without the discard the pose would be wrong", "record 13, step 23, wrong 23"),
     ("of two updates the second is discarded", "record 2, record 3, submit 0, discard 1, step 4, right 4"),
-    // The same weights once more, as a host would that recreates its swapchain and starts the frame again.
+    // The same weights again, as after recreating the swapchain and restarting the frame.
     ("a reset command buffer is recorded again", "record 2, discard 0, record 2, submit 1, right 2"),
-    // In one submission, and the coefficients of the first are still what they were.
+    // In one submission, with the coefficients of the first unchanged.
     ("two are recorded before either is submitted", "record 2, record 3, submit 0 1, right 3"),
     (
         "submission lags one frame behind recording: always two updates recorded and not finished",
         "record 2, record 3, submit 0, record 4, submit 1, record 5, submit 2, record 6, submit 3, record 7, submit 4, \
          submit 5, right 7",
     ),
-    // Once more, while the second may be running: its poses and its part of the ring stay what they are.
+    // Again, while the second may be running: its poses and its part of the ring are unchanged.
     ("a ticket is good for one discard", "record 2, discard 0, record 3, discard 0, submit 1, right 3"),
     (
         "updates are discarded in any order, and tickets stay spent, that of an update that did nothing as well",
@@ -56,9 +56,9 @@ const HISTORIES: [(&str, &str); 9] = [
          record 4, empty, discard 2, record 5, discard 2, submit 3, right 5",
     ),
     (
-        // One update is pending, then one is dropped; the pending one finds its own coefficients. Then one is pending and
-        // one records nothing: had the last overwritten the list of the first, which is incremental, target 5 would be
-        // off.
+        // One update is pending, then one is dropped; the pending one finds its own coefficients. Then one is pending
+        // and one records nothing: if the last had overwritten the list of the first, which is incremental, target 5
+        // would be wrong.
         "a discarded or empty update does not turn the ring of coefficients",
         "record 2, record 3, discard 1, no pose, record 3, submit 0, submit 2, right 3, \
          record 13, record 13, empty, record 23, submit 3 4 5, right 23",
@@ -91,7 +91,7 @@ fn histories_of_updates_that_are_delayed_discarded_and_recorded_again() {
                     "step" => stats = crowd.step(&[&asked]).expect(&context).update.stats,
                     "right" if can_read(headless, &desc) => assert_right(&mut crowd, 0, mesh, &asked),
                     "wrong" if desc.mode == UpdateMode::Incremental && !draws => {
-                        // What was never written may be no number.
+                        // Unwritten memory may be NaN.
                         let error = gpu::error(&mut crowd, 0, mesh, &asked);
                         assert!(!error.within(1e-3, f64::INFINITY), "{context}: proves nothing");
                     }
@@ -148,7 +148,7 @@ fn recorded_updates_run_in_their_crowd_and_while_their_lists_are_theirs() {
 
         let (first, _) = crowd.record(&[&weights(mesh, &desc, 2)]).expect("a recording");
         let (second, _) = crowd.record(&[&weights(mesh, &desc, 3)]).expect("a recording");
-        // Two frames in flight: a third would write the list of the first.
+        // Two frames in flight: a third would overwrite the list of the first.
         testing::says(crowd.record(&[&weights(mesh, &desc, 4)]), &["2 updates wait"]);
         testing::says(crowd.submit(vec![second, first]), &["the oldest ones that wait"]);
 

@@ -1,4 +1,4 @@
-//! What a technique cannot do is refused: the message names the technique, and what to do.
+//! Unsupported uses of a technique are refused: the message names the technique, and a remedy.
 
 use crate::gpu::{self, on_every_device, packed, single};
 use crate::table::ROWS;
@@ -10,7 +10,7 @@ use deltamorph::{
 };
 use deltamorph_headless::{Headless, HeadlessCrowd};
 
-/// Run `test` on every driver with one limit.
+/// Runs `test` on every driver with one limit.
 fn within(limit: fn(&mut DeviceCaps), test: impl Fn(&Headless, &MorphEngine)) {
     for driver in gpu::drivers() {
         gpu::on_device_within(&driver, Some(gpu::limited(gpu::caps(&driver), limit)), &test);
@@ -57,7 +57,7 @@ fn devices_that_lack_what_a_technique_needs() {
             says(HeadlessCrowd::new(headless, &mesh, &desc), &[words, &[device]].concat());
         });
     }
-    // What drivers have, and the clamp takes away.
+    // Drivers have this feature, which the clamp removes.
     gpu::on_device("llvmpipe", false, |_, engine| assert!(engine.caps().vertex_stores));
     gpu::on_device("llvmpipe", true, |_, engine| assert!(!engine.caps().vertex_stores));
 }
@@ -119,7 +119,7 @@ fn more_active_targets_than_vertex_attributes() {
     });
 }
 
-/// What one path was uploaded for, another does not take.
+/// A path refuses a mesh that was uploaded for another one.
 #[test]
 fn uploads_of_another_technique() {
     gpu::on_device("llvmpipe", false, |headless, engine| {
@@ -155,14 +155,14 @@ fn misuse_is_an_error_that_says_what_to_do() {
             says(crowd.step(&[weights]), &[words]);
         }
         says(crowd.set_weights(1, &[0.0, 0.0]), &["instance 1 of a crowd of 1"]);
-        // A refused call leaves everything as it was.
+        // A refused call changes nothing.
         crowd.step(&[&[0.25, 0.5]]).expect("a step");
         gpu::assert_right(&mut crowd, 0, &mesh, &[0.25, 0.5]);
 
-        // A second engine, on a device of its own.
+        // A second engine, on its own device.
         let other = gpu::device(&headless.caps().name, false, None);
         let mut own = engine.create_crowd(crowd.mesh(), &single(desc)).expect("a crowd");
-        // SAFETY: nothing is recorded, as the crowd is another engine's.
+        // SAFETY: nothing is recorded, as the crowd belongs to another engine.
         let recorded = headless.run(|cmd| unsafe { other.engine().record_update(cmd, &mut own) });
         let made = other.engine().create_crowd(crowd.mesh(), &single(desc));
         says(recorded, &["another MorphEngine"]);

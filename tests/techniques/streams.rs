@@ -1,4 +1,4 @@
-//! Streams beside positions and normals: tangents, texture coordinates and colours through every technique, on real
+//! Streams besides positions and normals: tangents, texture coordinates and colours with every technique, on real
 //! drivers and on the CPU, against the float64 reference.
 
 use crate::gpu::{self, NORMAL, POSITION, on_every_device, update_descs, weights};
@@ -15,7 +15,7 @@ use std::sync::Arc;
 const TARGETS: usize = 11;
 const HEADS: usize = 3;
 
-/// A source with every kind of stream; target 2 moves nothing, and the last one nothing but tangents.
+/// Makes a source with every kind of stream; target 2 moves nothing, and the last one only tangents.
 fn source() -> MorphSource {
     let mesh = testing::with_streams(testing::mesh(300, TARGETS));
     let targets = mesh.targets.iter().enumerate().map(|(t, target)| {
@@ -45,12 +45,12 @@ fn packed(desc: &PackDesc) -> PackedMesh {
     packed
 }
 
-/// Hold a pose of a group against the reference, within what the project promises.
+/// Asserts that a pose of a group is within the project's error limits.
 fn assert_pose(group: &PackedGroup, desc: &UpdateDesc, pose: &[f32], weights: &[f32], what: &str) {
     let (layout, reference) = (group.layout(), gpu::reference_group(group, desc, weights));
     let error = compare_group(&layout.streams, pose, &reference);
     let length = POSITION * f64::from(layout.diagonal) + f64::from(desc.error_budget);
-    // The budget is one of positions; normals wait with them.
+    // The budget is one of positions; normals are deferred with them.
     let degrees =
         if desc.error_budget > 0.0 && layout.streams[0].semantic == Semantic::Position { 180.0 } else { NORMAL };
     assert!(error.within(length, degrees) && error.absolute <= 1e-5, "{what}: {error:?}");
@@ -66,7 +66,7 @@ fn bits(pose: &[f32]) -> Vec<u32> {
     pose.iter().map(|v| v.to_bits()).collect()
 }
 
-/// What heads are asked for in a frame; only tangents move in every fifth, nothing in every seventh.
+/// Returns the weights of an instance in a frame; only tangents move in every fifth frame, nothing in every seventh.
 fn requested(mesh: &PackedMesh, desc: &UpdateDesc, frame: u32, head: usize) -> Vec<f32> {
     let held = frame - u32::from(frame % 7 == 6);
     let mut weights = weights(mesh, held - u32::from(held % 5 == 4), 3 + head as u32);
@@ -75,8 +75,8 @@ fn requested(mesh: &PackedMesh, desc: &UpdateDesc, frame: u32, head: usize) -> V
     weights
 }
 
-/// Random weights; a head that is hidden for a while, and drawn with what was asked meanwhile when it is shown; an
-/// update that is lost.
+/// Random weights; an instance that is hidden for a while, and shown with the weights requested meanwhile; a lost
+/// update.
 fn check(headless: &Headless, mesh: &PackedMesh, desc: UpdateDesc, frames: u32) {
     let crowd_desc = CrowdDesc::new(desc).instances(HEADS as u32);
     let mut crowd = HeadlessCrowd::new(headless, mesh, &crowd_desc).expect("a crowd");
@@ -135,7 +135,7 @@ fn check(headless: &Headless, mesh: &PackedMesh, desc: UpdateDesc, frames: u32) 
     }
 }
 
-/// Every stream, of techniques that know but positions and normals these.
+/// Every stream, or positions and normals on techniques that support only these.
 #[test]
 fn every_technique_updates_every_stream_of_a_crowd() {
     let streams = source().to_mesh(Tolerance::ZERO).expect("a mesh that is right");
@@ -161,7 +161,7 @@ fn an_error_budget_holds_back_positions_and_nothing_else() {
     });
 }
 
-/// Groups take no barrier of their own, and their memory is ordered as that of the first.
+/// Groups need no barriers of their own, and their memory is ordered like that of the first.
 #[test]
 fn groups_share_steps_and_barriers() {
     on_every_device(|headless, engine| {
@@ -188,7 +188,8 @@ fn groups_share_steps_and_barriers() {
                     checker.finish().unwrap_or_else(|found| panic!("{desc:?}: {}", found[0]));
                     shape
                 };
-                // As texels each dispatch is a step, and a group whose blocks start from the base pose in part has two.
+                // With texels each dispatch is a step, and a group whose blocks partly start from the base pose has
+                // two.
                 if desc.path != UpdatePath::Blocks || !engine.caps().takes_texels(format) {
                     assert_eq!(shape(&mesh), shape(&plain), "{desc:?}");
                 }
@@ -274,8 +275,8 @@ fn the_cpu_updates_every_stream() {
     }
 }
 
-/// A target stretches a sheet to twice its width, and its texture coordinates with it: the picture on it keeps its
-/// size, at each weight.
+/// A target stretches a sheet to twice its width, and its texture coordinates with it: the picture on it keeps its size
+/// at every weight.
 #[test]
 fn texture_coordinates_follow_a_target_that_stretches() {
     use deltamorph::{StreamData, StreamDeltas};

@@ -1,4 +1,4 @@
-//! The table: a row for each update path. Tests take what they try from it, and what they expect.
+//! The table: a row per update path, with the variants to test and the expected results.
 
 use crate::gpu;
 use deltamorph::DeltaFormat::{Float32, Small};
@@ -7,15 +7,15 @@ use deltamorph::{
 };
 use deltamorph_headless::Headless;
 
-/// Batch sizes that are tried.
+/// Tested batch sizes.
 #[derive(Clone, Copy, PartialEq)]
 enum Batches {
-    /// Those of [`gpu::update_descs`], and poses of integers.
+    /// Those of [`gpu::update_descs`], and fixed-point poses.
     Spread,
     /// As many as there are vertex attributes for.
     Most,
     All,
-    /// No device carries it out: src/cpu/tests.rs holds it to the reference.
+    /// Not on a device: src/cpu/tests.rs compares it with the reference.
     Host,
 }
 
@@ -24,16 +24,16 @@ type Change = fn(&mut DeviceCaps);
 pub struct Row {
     pub path: UpdatePath,
     batches: Batches,
-    /// Whether its updates are commands, with barriers that can be left out; draws evaluate the others.
+    /// Its updates are commands, with barriers that can be left out; otherwise draws evaluate the pose.
     pub records: bool,
-    /// A barrier that synchronization validation misses, of an update in a format and a batch size. Layers see no
-    /// hazards of transform feedback, and the blocks of an update are one dispatch.
+    /// A barrier whose absence synchronization validation reports, of an update in a format and a batch size. Layers
+    /// see no hazards of transform feedback, and the blocks of an update are one dispatch.
     pub seen: Option<(usize, DeltaFormat, BatchSize)>,
-    /// What a device can be without, and how such a device refuses the path.
+    /// A feature that a device may lack, and words of the refusal there.
     pub missing: Option<(Change, &'static [&'static str])>,
-    /// Limits of a device, and how a mesh of 1,024 padded vertices and five targets is refused there.
+    /// Limits of a device, and words of the refusal of a mesh of 1,024 padded vertices and five targets there.
     pub limits: &'static [(Change, &'static [&'static str])],
-    /// Whether it updates tangents, texture coordinates and colours.
+    /// It updates tangents, texture coordinates and colours.
     pub streams: bool,
 }
 
@@ -45,7 +45,7 @@ const fn row(path: UpdatePath, batches: Batches) -> Row {
     Row { path, batches, records: true, seen: None, missing: Some(NO_WORKGROUPS), limits: &[], streams: true }
 }
 
-/// One without a row, or out of order, does not compile.
+/// A missing or misplaced row does not compile.
 pub const ROWS: [Row; UpdatePath::ALL.len()] = [
     Row {
         missing: Some((
@@ -79,7 +79,7 @@ pub const ROWS: [Row; UpdatePath::ALL.len()] = [
         ..row(UpdatePath::VertexStore, Batches::Spread)
     },
     Row {
-        // Layers of 1.3.239 do not see it between atomics and the reads of the next dispatch.
+        // Layers of 1.3.239 do not report it between atomics and the reads of the next dispatch.
         seen: Some((1, Small, BatchSize::All)),
         limits: &[(|caps| caps.max_storage_range = 30_000, &["the records of 'scatter' take", "allows 30000"])],
         streams: false,
@@ -101,7 +101,7 @@ const _: () = {
 };
 
 impl Row {
-    /// Updates that a device can do with meshes in `format`.
+    /// Returns the updates that a device supports for meshes in `format`.
     pub fn updates(&self, engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc> {
         let (path, caps) = (self.path, engine.caps());
         if !path.formats().contains(&format) || caps.check_path(path).is_err() {
@@ -119,7 +119,7 @@ impl Row {
         }
     }
 
-    /// One of the batch sizes.
+    /// Returns one of the batch sizes.
     pub fn batch(&self, engine: &MorphEngine, format: DeltaFormat) -> BatchSize {
         match self.batches {
             Batches::Most => BatchSize::Targets(engine.caps().batch_max(self.path, format).expect("a limit")),
@@ -129,12 +129,12 @@ impl Row {
     }
 }
 
-/// Updates of every technique that a device can do with meshes in `format`.
+/// Returns the updates of every technique that a device supports for meshes in `format`.
 pub fn updates(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc> {
     ROWS.iter().flat_map(|row| row.updates(engine, format)).collect()
 }
 
-/// Run `test` on every device with `mesh` in each format, and every update of it.
+/// Runs `test` on every device with `mesh` in each format, and every update of it.
 pub fn for_every_update(formats: &[DeltaFormat], mesh: &MorphMesh, test: impl Fn(&Headless, &PackedMesh, UpdateDesc)) {
     gpu::on_every_device(|headless, engine| {
         for &format in formats {
@@ -144,21 +144,21 @@ pub fn for_every_update(formats: &[DeltaFormat], mesh: &MorphMesh, test: impl Fn
     });
 }
 
-/// In every mode that the technique has, with one to three slots.
+/// Returns every mode of the technique, with one to three slots.
 pub fn variants(desc: UpdateDesc) -> impl Iterator<Item = UpdateDesc> {
     let modes = [UpdateMode::Incremental, UpdateMode::Rebuild].into_iter();
     let all = modes.flat_map(move |mode| (1..4).map(move |slots| desc.mode(mode).slots(slots)));
     all.filter(|desc| desc.check().is_ok())
 }
 
-/// Whether the device can tell what a draw of a direct path evaluates.
+/// Returns whether the device can read poses that draws of a direct path evaluate.
 pub fn can_read(headless: &Headless, desc: &UpdateDesc) -> bool {
     let caps = headless.caps();
     !desc.path.evaluates_in_draws() || caps.transform_feedback.is_some() || caps.vertex_stores
 }
 
-/// Weights of a face that rests, moves, moves a little, stays, moves all over, exaggerates, and rests again; no more
-/// active than the path takes.
+/// Returns the weights of a face that rests, moves, moves slightly, stays, moves all over, exaggerates, and rests
+/// again; with at most as many active as the path takes.
 pub fn history(mesh: &PackedMesh, desc: &UpdateDesc, seed: u32) -> Vec<Vec<f32>> {
     let targets = mesh.layout().targets.len();
     let (a, b) = (gpu::weights(mesh, 1, seed), gpu::weights(mesh, 9, seed + 1));
@@ -172,7 +172,7 @@ pub fn history(mesh: &PackedMesh, desc: &UpdateDesc, seed: u32) -> Vec<Vec<f32>>
     frames
 }
 
-/// Clear the weights beyond those that the path takes at a time.
+/// Clears the weights beyond those that the path takes at a time.
 pub fn keep_supported(weights: &mut [f32], desc: &UpdateDesc) {
     if let (UpdatePath::DirectAttributes, BatchSize::Targets(most)) = (desc.path, desc.batch) {
         weights.iter_mut().filter(|w| **w != 0.0).skip(most as usize).for_each(|w| *w = 0.0);
