@@ -1,4 +1,4 @@
-//! Real meshes and captured clips through the block formats: errors, bits, bytes and memory that the project promises.
+//! Real meshes and captured clips in the block formats: the project's limits of errors, bits, bytes and memory.
 
 use crate::data;
 use crate::gpu;
@@ -28,9 +28,8 @@ fn pack(mesh: &MorphMesh, format: DeltaFormat) -> Arc<PackedMesh> {
     Arc::new(PackedMesh::pack(mesh, &PackDesc::new(format)).expect("a mesh that packs"))
 }
 
-/// Formats of deltas and of poses that go together, with a number of slots each: whole clips of all 30 take minutes
-/// (`.ci/deep` plays them); proptests in src/cpu, tests/techniques/poses.rs and tests/updates/integers.rs go
-/// through the rest.
+/// Combinations of delta formats, pose formats and numbers of slots. Whole clips of all 30 take minutes (`.ci/deep`
+/// plays them); proptests in src/cpu, tests/techniques/poses.rs and tests/updates/integers.rs cover the rest.
 const VARIANTS: [(DeltaFormat, PoseFormat, u32); 8] = [
     (DeltaFormat::BlockFloat32, PoseFormat::Float32, 1),
     (DeltaFormat::Fast, PoseFormat::Float32, 2),
@@ -42,7 +41,7 @@ const VARIANTS: [(DeltaFormat, PoseFormat, u32); 8] = [
     (DeltaFormat::Pair, PoseFormat::Fixed32, 2),
 ];
 
-/// Play a whole clip on lavapipe and on the CPU: every 20th frame and the last within what the path promises.
+/// Plays a whole clip on lavapipe and on the CPU: every 20th frame and the last are within the path's error limits.
 fn whole_clip(set: &str, clip: &str) {
     let Some((mesh, frames)) = load(set, clip) else { return };
     let diagonal = f64::from(mesh.diagonal);
@@ -56,8 +55,8 @@ fn whole_clip(set: &str, clip: &str) {
             for (i, weights) in frames.iter().enumerate() {
                 let stats = crowd.step(&[weights]).expect("a step").update.stats;
                 cpu.set_weights(0, weights).expect("weights that fit");
-                // Tiles count other bytes than items with masks. On a software driver `fast` goes in tiles whatever
-                // poses are, of whole blocks, and so other blocks are rebuilt; poses of integers are whole blocks
+                // Tiles count other bytes than items with masks. On a software driver `fast` uses tiles of whole blocks
+                // for all pose formats, and so rebuilds other blocks; fixed-point poses are updated in whole blocks
                 // anyway.
                 let masks = format != DeltaFormat::Fast && !desc.pose.has_integers();
                 let alike = masks || desc.pose.has_integers();
@@ -116,8 +115,8 @@ fn the_stress_test_plays_a_clip() {
     whole_clip("morph_stress_test", "TheWave_24fps.csv");
 }
 
-/// Bytes that the fast and the small format move over a whole clip, and the small one for poses of 16 bits, as shares
-/// of a dense update in float32: the targets that changed, and a pose read and written, all vertices of each.
+/// Checks the bytes that the formats `fast` and `small`, and `small` with 16-bit poses, move over a whole clip, as
+/// fractions of a dense update in float32: the changed targets, and a pose read and written, all vertices of each.
 fn bytes(set: &str, clip: &str, fast: f64, small: f64, fixed16: f64) {
     let Some((mesh, frames)) = load(set, clip) else { return };
     let rest = vec![0.0; mesh.targets.len()];
@@ -175,7 +174,7 @@ fn the_small_format_is_small() {
     }
 }
 
-/// Numbers in -1..1, the same everywhere.
+/// Returns numbers in -1..1, the same everywhere.
 fn noise(state: &mut u64) -> f32 {
     *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
     (*state >> 40) as f32 / (1u64 << 23) as f32 - 1.0

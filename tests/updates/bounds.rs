@@ -1,4 +1,4 @@
-//! Bounds from weights hold the poses of every path, and those of real sets.
+//! Bounds from weights contain the poses of every path, and those of real sets.
 
 use crate::{data, gpu};
 use deltamorph::import::{csv, obj};
@@ -8,7 +8,7 @@ use deltamorph_head::{HeadDesc, head};
 use deltamorph_headless::HeadlessCrowd;
 use std::time::Instant;
 
-/// Least and greatest coordinates of a pose of six numbers a vertex.
+/// Returns the least and greatest coordinates of a pose of six numbers per vertex.
 fn extent<T: Copy + PartialOrd>(pose: &[T]) -> [T; 6] {
     let first = [pose[0], pose[1], pose[2], pose[0], pose[1], pose[2]];
     pose.chunks_exact(6).fold(first, |mut all, vertex| {
@@ -49,7 +49,7 @@ fn bounds_from_weights_hold_poses_of_the_device() {
     });
 }
 
-/// Prints how much larger bounds from weights are than the least, and what they cost, on captured clips.
+/// Prints the sizes of bounds from weights relative to the least bounds, and their costs, on captured clips.
 #[test]
 fn bounds_from_weights_hold_on_real_sets() {
     for set in ["ict_facekit", "makehuman_face", "facecap_head_glb"] {

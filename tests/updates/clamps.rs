@@ -1,5 +1,5 @@
-//! The limits of weak devices, on real drivers: an engine that is told them keeps to them in every call, which
-//! functions in front of the driver's look at, and its poses and steps are those of the float64 reference.
+//! The limits of weak devices, on real drivers: an engine with these limits keeps to them in every call, which wrappers
+//! of the driver's functions check, and its poses and steps match the float64 reference.
 
 use crate::gpu::{self, NORMAL, baseline};
 use crate::offscreen::Offscreen;
@@ -17,22 +17,22 @@ use deltamorph_headless::Headless;
 use std::ffi::{CStr, c_void};
 use std::sync::{Mutex, MutexGuard};
 
-/// What a phone may ask of offsets in storage buffers (`minStorageBufferOffsetAlignment`).
+/// Largest alignment of storage-buffer offsets on phones (`minStorageBufferOffsetAlignment`).
 const ALIGNMENT: u64 = 256;
-/// Allocations alive at a time; Vulkan promises 4,096 (`maxMemoryAllocationCount`), which the host needs, too.
+/// Most allocations alive at a time; Vulkan guarantees 4,096 (`maxMemoryAllocationCount`), which the host needs, too.
 const ALLOCATIONS: usize = 48;
 
-/// Limits, by who states them.
+/// Limits, by source.
 fn clamps() -> [(&'static str, DeviceCaps); 4] {
     [
-        // Where they speak of what is looked at here, both say the same.
+        // They agree on the checked limits.
         ("VP_ANDROID_baseline_2021 and _2022", baseline(|_| {})),
         (
             "VP_ANDROID_vulkan_profile_2025",
             baseline(|caps| (caps.max_storage_buffers, caps.max_workgroup_invocations) = (35, 256)),
         ),
         ("allocations of 64 MiB", baseline(|caps| (caps.max_allocation, caps.max_buffer) = (64 << 20, 64 << 20))),
-        // As small for this head as the others are for a large one: deltas are cut into parts or chunks.
+        // As small for this head as the others are for a large one: deltas are split into parts or chunks.
         (
             "small",
             baseline(|caps| {
@@ -43,7 +43,7 @@ fn clamps() -> [(&'static str, DeviceCaps); 4] {
     ]
 }
 
-/// The device whose calls are looked at, and what they are held to.
+/// The device whose calls are checked, and their limits.
 struct Watched {
     device: ash::Device,
     limits: DeviceCaps,
@@ -55,7 +55,7 @@ struct Watched {
 
 static WATCHED: Mutex<Option<Watched>> = Mutex::new(None);
 
-/// Look at a call: `is_kept` of the limits; and the device to call.
+/// Checks a call with `is_kept`; returns the device to call.
 fn look(call: &str, is_kept: impl FnOnce(&mut Watched) -> bool) -> ash::Device {
     let mut watched: MutexGuard<'_, Option<Watched>> = WATCHED.lock().expect("no panic meanwhile");
     let watched = watched.as_mut().expect("a device");
@@ -71,7 +71,7 @@ const BUFFERS: [vk::DescriptorType; 2] =
 
 type Callbacks = *const vk::AllocationCallbacks<'static>;
 
-/// Functions in front of the driver's: what looks at a call, and the function that then gets it as it is.
+/// Defines wrappers of the driver's functions: a check of the call, and the function that then gets it unchanged.
 macro_rules! in_front {
     ($(fn $name:ident($($of:ident: $type:ty),* $(,)?) $(-> $result:ty)? $look:block => $driver:ident;)*) => {$(
         unsafe extern "system" fn $name($($of: $type),*) $(-> $result)? {
@@ -164,7 +164,7 @@ in_front! {
     } => cmd_push_constants;
 }
 
-/// An engine within limits whose calls are looked at.
+/// Makes an engine within limits whose calls are checked.
 fn engine(headless: &Headless, limits: &DeviceCaps) -> MorphEngine {
     let (instance, physical, device) = headless.handles();
     let limits = gpu::limited(headless.caps().clone(), |caps| caps.clamp_to(limits));
@@ -191,7 +191,7 @@ fn engine(headless: &Headless, limits: &DeviceCaps) -> MorphEngine {
     }
 }
 
-/// Normals of the triangles of a pose of six numbers a vertex, as to_mesh computes them.
+/// Returns the normals of the triangles of a pose of six numbers per vertex, as to_mesh computes them.
 fn normals(pose: &[f64], triangles: &[u32]) -> Vec<DVec3> {
     let at = |v: u32| DVec3::from_slice(&pose[6 * v as usize..]);
     let mut sums = vec![DVec3::ZERO; pose.len() / 6];
@@ -202,7 +202,7 @@ fn normals(pose: &[f64], triangles: &[u32]) -> Vec<DVec3> {
     sums
 }
 
-/// Put what a step wrote into `held`, as numbers in the user's order of vertices: it writes what changed.
+/// Updates `held`, numbers in the user's vertex order, with the output of a step, which contains only changes.
 fn take(headless: &Headless, layout: &PackedLayout, written: &Written<'_>, held: &mut Vec<f32>) {
     for (v, words) in written.take(headless).into_iter().enumerate() {
         let Some(words) = words else { continue };
@@ -213,7 +213,7 @@ fn take(headless: &Headless, layout: &PackedLayout, written: &Written<'_>, held:
     }
 }
 
-/// Two heads, with steps after the pose: decoded; skinned, and normals of the surface.
+/// Two instances, with steps after the pose: decoded; skinned, and normals of the surface.
 fn check(headless: &Headless, engine: &MorphEngine, mesh: &MorphMesh, (format, update): (DeltaFormat, UpdateDesc)) {
     let what = format!("{} {format:?} {update:?}", headless.caps().name);
     let packed = gpu::packed(engine, mesh, format);
@@ -226,7 +226,7 @@ fn check(headless: &Headless, engine: &MorphEngine, mesh: &MorphMesh, (format, u
     let places = [(268, 40, Some(16)), (0, 24, Some(12)), (4, 12, None)];
     let outputs = places.map(|place| Written::new(headless, &host, vertices, place));
     let (names, shares) = (vec![0u16; 4 * vertices], [1.0f32, 0.0, 0.0, 0.0].repeat(vertices));
-    // SAFETY: buffers are recording, run once and are waited for; what they use lives until then.
+    // SAFETY: buffers are recording, run once and are waited for; everything they use lives until then.
     unsafe {
         let (mut uploaded, mut skin, mut surface) = headless
             .run(|cmd| {
@@ -272,7 +272,7 @@ fn check(headless: &Headless, engine: &MorphEngine, mesh: &MorphMesh, (format, u
             let mut moved = references[1].clone();
             moved.iter_mut().step_by(6).for_each(|x| *x += 7.0);
             right(skinned, &moved, "skinned");
-            // Where the surface hardly has a normal, rounding turns it.
+            // Rounding rotates normals of nearly degenerate surface.
             let normals = normals(&references[1], &triangles);
             let clear = |v: &usize| normals[*v].length() > 1e-8 * diagonal * diagonal;
             for v in (0..vertices).filter(clear) {
@@ -283,7 +283,7 @@ fn check(headless: &Headless, engine: &MorphEngine, mesh: &MorphMesh, (format, u
     }
 }
 
-/// One test, since there is one device to look at at a time.
+/// One test, since only one device can be checked at a time.
 #[test]
 fn every_call_keeps_to_the_limits_and_poses_and_steps_are_right() {
     let mesh = head(&HeadDesc::default().vertices(900).targets(37).sparsity(0.15).seed(3));
@@ -298,7 +298,7 @@ fn every_call_keeps_to_the_limits_and_poses_and_steps_are_right() {
     for (index, driver) in gpu::drivers().iter().enumerate() {
         let headless = gpu::device(driver, true, None);
         for (clamp, limits) in clamps() {
-            // The limits decide what is recorded, which one driver shows.
+            // The limits decide the recorded commands, which one driver shows.
             if index > 0 && clamp != "small" {
                 continue;
             }

@@ -1,4 +1,4 @@
-//! Poses of 16 bits: how far from float64 on captured clips, how much memory, which weights, and unusual meshes.
+//! 16-bit poses: distance from float64 on captured clips, memory, largest weights, and unusual meshes.
 
 use crate::data;
 use crate::gpu;
@@ -16,8 +16,8 @@ fn on_cpu(pose: PoseFormat) -> UpdateDesc {
     UpdateDesc::blocks().path(UpdatePath::Cpu).pose(pose)
 }
 
-/// Every so many-th frame of a clip: how far positions are from those of the requested weights at most, as a share of
-/// the diagonal, and normals in degrees, of 99 in 100 vertices. Never beyond the bound that is stated.
+/// Returns, for every `every`-th frame of a clip, the largest position error against the requested weights, as a
+/// fraction of the diagonal, and the normal error in degrees of 99 in 100 vertices. Asserts the stated bound.
 fn errors(set: &str, clip: &str, every: usize) -> Option<(f64, f64)> {
     let folder = data::set(set)?;
     let mesh = obj::import_folder(&folder).expect("a folder").to_mesh(Tolerance::default()).expect("a mesh");
@@ -73,7 +73,7 @@ fn captured_clips_stay_within_a_ten_thousandth_of_the_diagonal_and_a_third_of_a_
     }
 }
 
-/// Two slots of 12 bytes a vertex for each head, and nothing else that grows with vertices but lists.
+/// Two slots of 12 bytes per vertex for each instance; besides them, only lists grow with vertices.
 #[test]
 fn a_crowd_takes_24_bytes_a_vertex_for_two_slots() {
     const HEADS: u32 = 100;
@@ -88,7 +88,7 @@ fn a_crowd_takes_24_bytes_a_vertex_for_two_slots() {
             crowd.step(&[]).expect("a step");
             let view = crowd.crowd().pose(HEADS - 1).expect("a pose");
             assert_eq!((u64::from(view.stride), view.size), (pose.stride() as u64, 6400 * pose.stride() as u64));
-            // The crowd's own, and the mesh's, which has three numbers of 8 bytes a vertex, once.
+            // Memory of the crowd, and of the mesh, which has three numbers of 8 bytes per vertex, once.
             (engine.allocated_bytes(), Crowd::pose_bytes(&mesh, &desc))
         };
         let (of_16, poses_of_16) = made(PoseFormat::Fixed16);
@@ -145,7 +145,7 @@ fn weights_beyond_the_largest_are_refused_with_the_remedy() {
     });
 }
 
-/// A target that moves one vertex, in all three components.
+/// Makes a target that moves one vertex, in all three components.
 fn one_vertex(mesh: &MorphMesh, name: &str, vertex: u32) -> MorphTarget {
     let part = |v: glam::Vec3| vec![v * 0.25 + 0.01];
     let (position, normal) = (mesh.positions[vertex as usize], mesh.normals[vertex as usize]);
@@ -158,7 +158,7 @@ fn one_vertex(mesh: &MorphMesh, name: &str, vertex: u32) -> MorphTarget {
     }
 }
 
-/// 300 targets, each of one vertex among the first forty, or of none; blocks that no target touches.
+/// 300 targets, each of one vertex among the first forty, or of none; blocks without targets.
 #[test]
 fn hundreds_of_targets_of_one_vertex_and_blocks_that_nothing_moves() {
     let mut mesh = testing::mesh(500, 300);
@@ -191,7 +191,7 @@ fn hundreds_of_targets_of_one_vertex_and_blocks_that_nothing_moves() {
     });
 }
 
-/// Targets that move nothing at all: poses are the base pose, and follow the slots.
+/// Targets that move nothing: poses are the base pose, in every slot.
 #[test]
 fn targets_that_move_nothing_leave_the_base_pose() {
     let empty = testing::degenerate().pop().expect("a mesh of empty targets");

@@ -1,5 +1,5 @@
-//! Poses of integers do not depend on their history: whatever came before, a pose has the bits of a fresh full
-//! evaluation of its weights, on every driver and on the CPU, and the previous pose those of the pose before.
+//! Fixed-point poses do not depend on their history: a pose has the bits of a full evaluation of its weights, on every
+//! driver and on the CPU, and the previous pose those of the pose before.
 
 use crate::data;
 use crate::gpu;
@@ -18,8 +18,8 @@ use std::sync::Arc;
 const TARGETS: usize = 9;
 const HEADS: usize = 9;
 
-/// A head of which every target moves a part, with blocks that nothing moves; with and without further streams. Blocks
-/// have so many vertices, or chunks of a dense format.
+/// Packs a head of which every target moves a part, with blocks that nothing moves; with or without further streams.
+/// `size` is the number of vertices of blocks, or of chunks of a dense format.
 fn packed(format: DeltaFormat, size: u32, streams: bool) -> Arc<PackedMesh> {
     let source = head(&HeadDesc::default().vertices(700).targets(TARGETS).sparsity(0.15).seed(5));
     let plain = source.to_mesh(Tolerance::default()).expect("a mesh");
@@ -30,7 +30,7 @@ fn packed(format: DeltaFormat, size: u32, streams: bool) -> Arc<PackedMesh> {
     Arc::new(PackedMesh::pack(&mesh, &desc).expect("a mesh that packs"))
 }
 
-/// What happens to a head between two updates.
+/// An event of an instance between two updates.
 #[derive(Clone, Debug)]
 enum Event {
     Weights(Vec<(usize, f32)>),
@@ -38,20 +38,20 @@ enum Event {
     HideOrShow,
 }
 
-/// How a frame is updated.
+/// The updates of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Frame {
     Once,
     /// After an update that was recorded and never runs.
     AfterALostOne,
-    /// By two updates that run together, the second with nothing changed of every other head.
+    /// By two updates that run together, the second without changes of every other instance.
     Twice,
 }
 
 type Frames = Vec<(Frame, Vec<(usize, Event)>)>;
 
 fn frames() -> impl Strategy<Value = Frames> {
-    // On the grid and off it, none, and the largest, as shares of the largest weight.
+    // On the grid and off it, none, and the largest, as fractions of the largest weight.
     let weight =
         prop_oneof![Just(0.0f32), Just(1.0), Just(-1.0), -1.0f32..=1.0, (-8i8..=8).prop_map(|w| f32::from(w) / 8.0)];
     let weights = prop::collection::vec((0..TARGETS, weight), 1..5).prop_map(Event::Weights);
@@ -60,10 +60,10 @@ fn frames() -> impl Strategy<Value = Frames> {
     prop::collection::vec((frame, prop::collection::vec((0..HEADS, event), 0..12)), 1..8)
 }
 
-/// A pose of each group, as it is stored, and decoded.
+/// A pose of each group, stored and decoded.
 type Poses = Vec<(Vec<u8>, Vec<f32>)>;
 
-/// What a head is expected to hold.
+/// The expected state of an instance.
 #[derive(Clone)]
 struct Head {
     asked: Vec<f32>,
@@ -74,7 +74,7 @@ struct Head {
     cut: bool,
 }
 
-/// Full evaluations, and heads that follow them.
+/// Full evaluations, and instances compared with them.
 struct Expected {
     mesh: Arc<PackedMesh>,
     fresh: CpuCrowd,
@@ -114,7 +114,7 @@ impl Expected {
         }
     }
 
-    /// Those that an update wrote which never runs have no pose.
+    /// Drops the poses of an update that never runs.
     fn lose(&mut self) {
         self.heads.iter_mut().filter(|head| !head.hidden).for_each(|head| head.pose = None);
     }
@@ -134,7 +134,7 @@ impl Expected {
     }
 }
 
-/// A crowd on a device, and what is asked of both kinds of crowds.
+/// A crowd on a device, with the calls common to both kinds of crowds.
 struct Device<'a> {
     crowd: HeadlessCrowd<'a>,
     groups: usize,
@@ -158,7 +158,7 @@ fn previous(mesh: &PackedMesh, crowd: &CpuCrowd, i: u32) -> Vec<Option<Vec<f32>>
     (0..mesh.groups().len()).map(group).collect()
 }
 
-/// Play `frames` on a device and on the CPU.
+/// Plays `frames` on a device and on the CPU.
 fn play(headless: &Headless, mesh: &Arc<PackedMesh>, desc: UpdateDesc, heads: usize, frames: &Frames) {
     let crowd = HeadlessCrowd::new(headless, mesh, &CrowdDesc::new(desc).instances(heads as u32)).expect("a crowd");
     let mut device = Device { crowd, groups: mesh.groups().len() };
@@ -216,14 +216,14 @@ fn play(headless: &Headless, mesh: &Arc<PackedMesh>, desc: UpdateDesc, heads: us
         for i in (0..heads).filter(|&i| expected.heads[i].pose.is_some()) {
             let (pose, before) = device.poses(i);
             expected.assert_head(i, desc.slots, &pose, &before, &what);
-            // What was lost on the device ran here: there is another pose before.
+            // Updates lost on the device ran here, so the previous pose differs.
             if *frame != Frame::AfterALostOne {
                 let before = previous(mesh, &cpu, i as u32);
                 expected.assert_head(i, desc.slots, &poses(mesh, &cpu, i as u32), &before, &format!("cpu of {what}"));
             }
         }
     }
-    // The full evaluations are those of the definition.
+    // The full evaluations match the definition.
     for head in expected.heads.iter().filter(|head| !head.hidden) {
         for (group, (stored, _)) in mesh.groups().iter().zip(head.pose.iter().flatten()) {
             gpu::assert_integers(group, &desc, stored, &head.asked);
@@ -240,7 +240,7 @@ const MESHES: [(DeltaFormat, u32, bool); 6] = [
     (DeltaFormat::Snorm16, 128, true),
 ];
 
-/// Run `test` on every device with every mesh of these and every pose format.
+/// Runs `test` on every device with each of these meshes and every pose format.
 fn for_all(
     meshes: &[(DeltaFormat, u32, bool)],
     cases: u32,
@@ -250,12 +250,12 @@ fn for_all(
     gpu::on_every_device(|headless, _| {
         for (mesh, desc) in meshes.iter().flat_map(|mesh| gpu::fixed().map(|desc| (mesh, desc))) {
             let desc = desc.path(gpu::path_of(mesh.layout().format));
-            // Of blocks, all.
+            // All batch sizes of blocks.
             let batch = prop_oneof![Just(BatchSize::All), (1..=TARGETS as u32).prop_map(BatchSize::Targets)];
             let strategy = (1u32..=4, batch, 1..=HEADS, any::<bool>(), frames());
             let config = Config { cases, failure_persistence: None, ..Config::default() };
             let run = TestRunner::new(config).run(&strategy, |(slots, batch, heads, default, frames)| {
-                // 1 in 16 bits, 4 in 32; or 4.
+                // 1 for 16 bits, 4 for 32; or 4.
                 let weight_max = desc.weight_max.filter(|_| !default);
                 let desc = desc.slots(slots).batch(batch).weight_max(weight_max);
                 test(headless, mesh, desc, heads, frames);
@@ -271,8 +271,8 @@ fn any_history_leaves_the_bits_of_a_full_evaluation() {
     for_all(&MESHES, 5, |headless, mesh, desc, heads, frames| play(headless, mesh, desc, heads, &frames));
 }
 
-/// With an error budget, which blocks have: the same bits on devices and the CPU, no vertex further off than allowed,
-/// and, once the same is asked again, the bits of a full evaluation.
+/// With an error budget, which blocks have: the same bits on devices and the CPU, no vertex beyond the budget, and,
+/// once the same weights are requested again, the bits of a full evaluation.
 #[test]
 fn what_is_deferred_settles_to_the_bits_of_a_full_evaluation() {
     for_all(&MESHES[..4], 3, |headless, mesh, desc, heads, frames| {
@@ -309,7 +309,7 @@ fn what_is_deferred_settles_to_the_bits_of_a_full_evaluation() {
                 assert!(error.position <= allowed, "{desc:?}: {error:?} of {allowed:e}");
             }
         }
-        // Settled, and then still.
+        // Settled, and then idle.
         step(&mut device, &mut cpu);
         step(&mut device, &mut cpu);
         for i in 0..heads {
@@ -320,8 +320,8 @@ fn what_is_deferred_settles_to_the_bits_of_a_full_evaluation() {
     });
 }
 
-/// So many frames on the CPU, in each of which a few random weights change, or are what they were; now and then it is
-/// cut, or hidden for a frame. Each of `checked` is compared with a full evaluation.
+/// Plays `frames` frames on the CPU, in each of which a few random weights change, or return to earlier values;
+/// occasionally the instance is cut, or hidden for a frame. Compares `checked` of the frames with a full evaluation.
 fn long_run(mesh: &Arc<PackedMesh>, desc: UpdateDesc, frames: usize, checked: usize) {
     let targets = mesh.layout().targets.len();
     let mut crowd = CpuCrowd::new(mesh.clone(), desc.path(UpdatePath::Cpu), 1, 2).expect("a crowd");
@@ -347,7 +347,7 @@ fn long_run(mesh: &Arc<PackedMesh>, desc: UpdateDesc, frames: usize, checked: us
     }
 }
 
-/// The program's `soak` goes on for a million.
+/// The program's `soak` runs a million.
 #[test]
 fn twenty_thousand_frames_leave_the_bits_of_a_full_evaluation() {
     for (format, size, streams) in

@@ -1,5 +1,5 @@
-//! Meshes in blocks whose deltas exceed what a descriptor covers, on real drivers: the asset is cut into parts, and
-//! poses are those of a device that takes it whole.
+//! Meshes in blocks whose deltas exceed a descriptor's range, on real drivers: the asset is split into parts, and poses
+//! equal those of a device that takes it whole.
 
 use crate::gpu::{self, drivers};
 use crate::scene::{Scene, crowd, fixed};
@@ -12,7 +12,7 @@ use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// Run `test` on what the devices here offer, with at most so many bytes to a descriptor.
+/// Runs `test` on a device with descriptors of at most `range` bytes.
 fn within<R>(driver: &str, texels: bool, range: u64, test: impl FnOnce(&Headless) -> R) -> R {
     let limits = gpu::baseline(|caps| {
         if texels {
@@ -29,8 +29,8 @@ fn frame(targets: usize, frame: usize, instance: usize) -> Vec<f32> {
     (0..targets).map(weight).collect()
 }
 
-/// 3,000 vertices × 96 targets: more than a megabyte in every format; then vertices that nothing
-/// moves, whose blocks have no entry.
+/// Makes 3,000 vertices × 96 targets: more than a megabyte in every format; then vertices without targets, whose blocks
+/// have no entry.
 fn mesh() -> MorphMesh {
     let mut mesh = testing::mesh(6000, 96);
     for target in &mut mesh.targets {
@@ -42,7 +42,7 @@ fn mesh() -> MorphMesh {
     mesh
 }
 
-/// Whether a driver's kernels for a format are not those of another driver or format.
+/// Returns whether to test a format on a driver: its kernels are not those of another driver or format.
 fn is_tried(driver: &str, texels: bool, format: DeltaFormat) -> bool {
     match texels {
         true => format == DeltaFormat::Fast,
@@ -81,7 +81,7 @@ fn an_asset_beyond_the_storage_range_runs_in_parts() {
                         (0..instances).map(|i| crowd.read_stored(i, 0).expect("a pose")).collect::<Vec<_>>()
                     })
                 });
-                // Several heads may be in narrower tiles, whose float32 sums round otherwise.
+                // Several instances may use narrower tiles, whose float32 sums round differently.
                 let comparable = pose.has_integers() || instances == 1;
                 assert!(!comparable || poses[0] == poses[1], "{driver} {format:?} {pose:?} of {instances}");
             }
@@ -89,8 +89,8 @@ fn an_asset_beyond_the_storage_range_runs_in_parts() {
     }
 }
 
-/// Heads of a crowd that is animated on the GPU play, are hidden and shown; updates are lost, or run together. Plans
-/// and poses are compared with the CPU's on the way. The poses at the end, and of which entries each work list is.
+/// Plays, hides and shows instances of a crowd animated on the GPU; updates are lost, or run together. Compares plans
+/// and poses with the CPU's. Returns the final poses, and the index of the part of each work list.
 fn animated(headless: &Headless, packed: &Arc<PackedMesh>, desc: CrowdDesc) -> (Vec<Vec<u8>>, Vec<usize>) {
     let names = packed.layout().targets.iter().map(|target| target.name.clone()).collect();
     let values = (0..5).flat_map(|f| frame(packed.layout().targets.len(), f, 0)).collect();
@@ -154,7 +154,7 @@ fn what_cannot_be_cut_is_refused() {
     within(&drivers()[0], false, 6016 * 24, |headless| {
         let made = HeadlessCrowd::new(headless, &large, &CrowdDesc::new(UpdateDesc::blocks()));
         testing::says(made, &["a block takes"]);
-        // The poses of one head have to be within reach of a descriptor.
+        // The poses of one instance have to fit a descriptor's range.
         let desc = |slots| crowd(2, fixed(PoseFormat::Fixed32, slots));
         let (clips, words) = ([], ["the slots of one instance", "288768 bytes", "use fewer slots, or split the mesh"]);
         let animated = |slots| HeadlessCrowd::animated(headless, &packed, &desc(slots), &AnimationDesc::new(&clips));

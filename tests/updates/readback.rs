@@ -1,10 +1,11 @@
-//! Poses read back by the engine's own type: every technique, streams, integers, several instances, hosts' barriers.
+//! Poses read back by the engine's own type: every technique, streams, fixed-point poses, several instances, hosts'
+//! barriers.
 
 use crate::gpu::{self, NORMAL, is_kept, on_every_device, update_descs, weights};
 use deltamorph::reference::{compare, compare_group};
 use deltamorph::{CrowdDesc, DeltaFormat, PackedMesh, UpdateDesc, testing};
 
-/// The update, the read-back, the next update: in one submission each, so that nothing but barriers orders them.
+/// Update, readback and next update are in one submission each, so only barriers order them.
 #[test]
 fn poses_are_read_back_between_updates_in_one_submission() {
     on_every_device(|headless, engine| {
@@ -103,7 +104,7 @@ fn streams_come_with_the_pose_and_memory_is_used_again() {
     });
 }
 
-/// Memory for more is refused by a limit here, before any is asked for; the same lines answer a driver that has none.
+/// A limit refuses more memory here, before the driver is asked; the same code handles a driver without memory.
 #[test]
 fn what_was_read_back_stays_where_there_is_no_memory_for_more() {
     let limits = gpu::baseline(|caps| caps.max_allocation = 1 << 20);

@@ -1,4 +1,4 @@
-//! Real meshes and captured clips, whole, through every path: the errors that the project promises.
+//! Real meshes and captured clips, whole, on every path: the project's error limits.
 
 use crate::data;
 use crate::gpu;
@@ -18,15 +18,15 @@ fn clip(folder: &Path, name: &str, mesh: &MorphMesh) -> Vec<Vec<f32>> {
     clip.bind(&names).expect("columns that name targets").frames().collect()
 }
 
-/// The frames at which poses are compared: every 20th, and the last.
+/// Returns whether a frame's poses are compared: every 20th, and the last.
 fn is_checked(frame: usize, frames: usize) -> bool {
     frame.is_multiple_of(20) || frame + 1 == frames
 }
 
 struct Errors {
-    /// Against the deltas kept.
+    /// Error against the kept deltas.
     kept: PoseError,
-    /// Against the raw files.
+    /// Error against the raw files.
     raw: PoseError,
 }
 
@@ -55,7 +55,7 @@ fn assert_kept(errors: &Errors, diagonal: f64, what: &str) {
     );
 }
 
-/// Play a whole clip through the GPU paths at their smallest and largest batch, and through the cpu path.
+/// Plays a whole clip on the GPU paths at their smallest and largest batch, and on the path `cpu`.
 fn whole_clip(set: &str, clip_name: &str) {
     let Some(folder) = data::set(set) else { return };
     let source = obj::import_folder(&folder).expect("a folder that imports");
@@ -125,7 +125,7 @@ fn timed<T>(f: impl FnOnce() -> T) -> (T, Duration) {
     (result, start.elapsed())
 }
 
-/// What was packed comes back equal. How fast is for `.ci/deep` to show: it depends on the machine.
+/// A packed file loads equal. `.ci/deep` measures the speed, which depends on the machine.
 #[test]
 fn a_packed_file_loads_as_it_was_packed() {
     let Some(folder) = data::set("ict_facekit") else { return };
