@@ -1,4 +1,4 @@
-//! Planning a frame allocates nothing: an engine calls it in its frame loop.
+//! Planning a frame allocates nothing, since engines do it in their frame loop.
 
 use deltamorph::internals::plan::instances::Instances;
 use deltamorph::internals::plan::schedule::Schedule;
@@ -29,7 +29,7 @@ fn planning_in_blocks_allocates_nothing_after_the_first_frames() {
                     planner.plan(&mut instances, number);
                     planner.stats().dirty_blocks
                 };
-                // The first two frames size what is kept.
+                // The first two frames size the buffers.
                 (1..3).for_each(|number| {
                     weights[0] += 0.5;
                     frame(number, &weights);

@@ -15,10 +15,10 @@ use host::Host;
 use std::sync::Arc;
 
 const ROUNDS: u32 = 12;
-/// Threads of an engine.
+/// Threads per engine.
 const RECORDERS: u32 = 2;
 
-/// A crowd that lives for a few updates, whose poses are right.
+/// Makes a crowd, runs a few updates, and checks its poses.
 fn animate(
     host: &Host,
     engine: &MorphEngine,
@@ -51,7 +51,7 @@ fn animate(
 #[test]
 fn threads_share_an_allocator_engines_and_meshes() {
     for driver in gpu::drivers() {
-        // Validation layers are not instrumented, and their locks not seen.
+        // Validation layers are not instrumented, so their locks are invisible.
         let validation = std::env::var_os("TSAN_OPTIONS").is_none();
         let headless = gpu::device(&driver, validation, None);
         let host = Host::new(&headless);
@@ -73,7 +73,7 @@ fn threads_share_an_allocator_engines_and_meshes() {
                     scope.spawn(move || {
                         for round in 0..ROUNDS {
                             let seed = round + ROUNDS * (recorder + RECORDERS * e);
-                            // Which pipelines there are is found out by whoever comes first.
+                            // The first thread finds out which pipelines exist.
                             let update = [gpu::fixed()[0], gpu::fixed()[1], UpdateDesc::blocks().tolerance(1e-2)];
                             animate(host, engine, (&shared, mesh), update[round as usize % 3], seed);
                             let own = packed(engine, source, DeltaFormat::Fast);

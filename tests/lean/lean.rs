@@ -1,4 +1,4 @@
-//! A host that takes deltamorph with its default features: `cargo test --package deltamorph-lean`.
+//! A host of deltamorph with default features: `cargo test --package deltamorph-lean`.
 #![cfg(test)]
 
 use deltamorph::reference::{compare, evaluate};

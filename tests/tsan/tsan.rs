@@ -1,1 +1,1 @@
-//! Nothing: the test is `tests/threads.rs`.
+//! Empty: the test is `tests/threads.rs`.
