@@ -1,10 +1,10 @@
-//! The program and the examples when Vulkan calls fail: each place that calls, with each error that the specification
-//! allows there. A run ends with a message that names the call and exit code 1, or nothing was lost and its result is
-//! that of a run in which nothing fails; it never crashes, hangs, leaks or destroys twice.
+//! The program and the examples with failing Vulkan calls: each call site, with each error that the specification
+//! allows there. A run ends with a message that names the call and exit code 1, or its result is that of a run without
+//! failures; it never crashes, hangs, leaks or destroys twice.
 //!
-//! `DELTAMORPH_FAILING=N` takes N failures of each command, spread evenly over its calls, `DELTAMORPH_FAILING=all` all
-//! of them, an hour on two cores; both write docs/results/failing.md. Without it there are a few, and no C. Those that
-//! were found wrong once are always among them.
+//! `DELTAMORPH_FAILING=N` takes N failures of each command, spread evenly over its calls; `DELTAMORPH_FAILING=all`
+//! takes all of them, an hour on two cores; both write docs/results/failing.md. Otherwise there are a few, and no C.
+//! Defects found earlier are always included.
 #![cfg(feature = "viewer")]
 
 #[path = "common/cli.rs"]
@@ -24,31 +24,31 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
-/// What was found wrong once: the first call of this name in a command.
+/// Defects found earlier: the first call of this name in a command.
 const FOUND: [(&str, &str, Vk); 5] = [
-    // It went on with the path cpu, as if there were no device.
+    // Fell back to the path `cpu`, as if there were no device.
     ("play", "vkCreateDevice", Vk::ERROR_DEVICE_LOST),
-    // Bad arguments.
+    // Reported bad arguments.
     ("play feedback", "vkCreateFence", Vk::ERROR_OUT_OF_HOST_MEMORY),
-    // A device without extensions.
+    // Reported a device without extensions.
     ("devices", "vkEnumerateDeviceExtensionProperties", Vk::ERROR_OUT_OF_HOST_MEMORY),
-    // A fence was left.
+    // Leaked a fence.
     ("view", "vkCreateSemaphore", Vk::ERROR_OUT_OF_HOST_MEMORY),
-    // The mesh was dropped under its running upload.
+    // Dropped the mesh during its upload.
     ("minimal.rs", "vkWaitForFences", Vk::ERROR_OUT_OF_HOST_MEMORY),
 ];
 
-/// A command, which runs in the folder for what it makes.
+/// A command, run in the folder of its output.
 struct Case {
     name: &'static str,
     program: PathBuf,
     args: Vec<String>,
     environment: Vec<(&'static str, String)>,
-    /// No path is named, so that where there is no driver the cpu is right.
+    /// No path is named, so falling back to the CPU is right without a driver.
     any_path: bool,
-    /// Ends where a call fails, without tearing down.
+    /// Exits at a failed call, without cleaning up.
     ends_at_once: bool,
-    /// What lacks memory while it is set up may be skipped, as long as each path ran.
+    /// Configurations that lack memory during set-up may be skipped, as long as each path ran.
     may_skip: bool,
 }
 
@@ -72,7 +72,7 @@ impl Case {
     }
 }
 
-/// The folder of the profile, with examples and libraries.
+/// Returns the folder of the profile, with examples and libraries.
 fn built() -> PathBuf {
     let test = std::env::current_exe().expect("a path to this test");
     test.ancestors().nth(2).expect("target/PROFILE").to_path_buf()
@@ -84,7 +84,7 @@ fn cases(folder: &Path, display: &Display, with_c: bool) -> Vec<Case> {
     cli::ok(&["sample", head, "--vertices", "300", "--targets", "8", "--frames", "3", "--quiet"]);
     let mut clips = std::fs::read_dir(Path::new(head).join("weights")).expect("clips");
     std::fs::copy(clips.next().expect("a clip").expect("a file").path(), &clip).expect("a copy");
-    // The panel shows times, which the picture that is compared must not have.
+    // The panel shows times, which must not be in the compared picture.
     let text = "set eyeBlinkLeft 1\nframes 2\npath cpu\nframes 2\npath blocks\nheads 2\nframes 2\npanel off\nscreenshot a.png\n";
     std::fs::write(&script, text).expect("a script");
     let (clip, on) = (clip.to_str().expect("UTF-8"), "--device llvmpipe --quiet");
@@ -141,7 +141,7 @@ fn c_program(folder: &Path) -> PathBuf {
     program
 }
 
-/// What a run made, as far as each run makes the same: of JSON which paths ran, and on which device.
+/// Returns the reproducible output of a run: from JSON only the paths that ran, and their device.
 fn result(run: &Run) -> BTreeMap<&str, BTreeSet<&[u8]>> {
     fn is_kept(line: &&[u8]) -> bool {
         let kept = ["\"path\"", "\"device\"", "\"driver\"", "\"name\"", "\"transform_feedback\""];
@@ -158,13 +158,13 @@ fn result(run: &Run) -> BTreeMap<&str, BTreeSet<&[u8]>> {
     result
 }
 
-/// Failures that a run gets over, with the same result.
+/// Returns whether a run may tolerate a failure, with the same result.
 fn may_be_absorbed(Fault { call, error, .. }: &Fault) -> bool {
     match call.as_str() {
         // Another way to wait, or to the same memory.
         "vkWaitForFences" | "vkQueueWaitIdle" => *error != Vk::ERROR_DEVICE_LOST,
         "vkAllocateMemory" | "vkMapMemory" => true,
-        // Times that are not known; the last wait, when all is done.
+        // Unknown times; the last wait, after all work.
         "vkGetQueryPoolResults" | "vkDeviceWaitIdle" => true,
         // The next frame has a new swapchain; another format.
         "vkAcquireNextImageKHR" | "vkQueuePresentKHR" => *error == Vk::ERROR_OUT_OF_DATE_KHR,
@@ -173,12 +173,12 @@ fn may_be_absorbed(Fault { call, error, .. }: &Fault) -> bool {
     }
 }
 
-/// How it ended, if that is right: `e` with an error, `p` with one of the panel's, `=` with the same result, `-` the
-/// call did not come.
+/// Returns the outcome, if it is right: `e` an error, `p` an error of the panel, `=` the same result, `-` the call was
+/// not made.
 fn judge(case: &Case, clean: &Run, run: &Run, fault: &Fault) -> Result<char, String> {
     let said = run.said.trim_end();
     let last = said.lines().rfind(|line| !line.starts_with("note")).unwrap_or("nothing");
-    // The panel of the window is drawn by a crate, whose errors name no call, and which leaks what it was making.
+    // A crate draws the window's panel; its errors name no call, and it leaks unfinished objects.
     let of_panel = case.name == "view" && said.contains("the panel cannot be drawn: A Vulkan error");
     if let Some(defect) = run.defect().filter(|defect| !(of_panel && *defect == "leaks")) {
         return Err(format!("{defect}: {last}"));
@@ -199,9 +199,9 @@ fn judge(case: &Case, clean: &Run, run: &Run, fault: &Fault) -> Result<char, Str
         Some(1) => {
             let memory = ["vkAllocateMemory", "vkMapMemory"].contains(&fault.call.as_str());
             let lost = fault.error == Vk::ERROR_DEVICE_LOST;
-            // Who gets over one call learns of a lost device from the next.
+            // If one call's failure is tolerated, the next reports a lost device.
             let next = lost && may_be_absorbed(fault) && said.contains("failed: ERROR_DEVICE_LOST");
-            // The loader asks for extensions when it makes a device, too; C prints the call with its arguments.
+            // The loader also queries extensions when it makes a device; C prints the call with its arguments.
             let makes = said.contains("vkCreateDevice failed") || said.contains("vkCreateDevice(");
             let asks = fault.call == "vkEnumerateDeviceExtensionProperties" && makes;
             let names = said.contains(&fault.call) || next || asks || memory && said.contains("no memory for '");
@@ -217,7 +217,7 @@ fn judge(case: &Case, clean: &Run, run: &Run, fault: &Fault) -> Result<char, Str
     }
 }
 
-/// `most` of them, as evenly as can be.
+/// Returns `most` of them, as evenly spread as possible.
 fn spread(all: Vec<Fault>, most: usize) -> Vec<Fault> {
     let (count, most) = (all.len(), most.min(all.len()));
     (0..most).map(|i| all[(2 * i + 1) * count / (2 * most)].clone()).collect()

@@ -1,5 +1,5 @@
-//! `view` in an X server without a screen, under the validation layers: what a script does to the window, what the
-//! window shows, what it says, and that neither resizes nor frames take memory.
+//! `view` in an X server without a screen, under the validation layers: effects of scripts on the window, its pictures
+//! and messages, and constant memory over resizes and frames.
 //!
 //! `DELTAMORPH_VIEW_SOAK=1` makes it 1,000 resizes and 10,000 frames.
 #![cfg(feature = "viewer")]
@@ -17,11 +17,11 @@ use std::fs::File;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// A small head that has the targets of ARKit.
+/// A small head with ARKit's targets.
 const MESH: [&str; 4] = ["--vertices", "2500", "--targets", "52"];
 
 impl Display {
-    /// The program in a window here, on lavapipe: SwiftShader has no surfaces of the kind that windows are.
+    /// Runs the program in a window here, on lavapipe: SwiftShader lacks the surfaces of windows.
     fn command(&self, args: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_deltamorph"));
         command.arg("view").args(args).env("DISPLAY", &self.name).env_remove("WAYLAND_DISPLAY");
@@ -32,7 +32,7 @@ impl Display {
         self.command(&[&["--device", "llvmpipe", "--validation"], args].concat()).output().expect("it starts")
     }
 
-    /// Do what a script says; nothing may be said.
+    /// Runs a script; there must be no messages.
     fn script(&self, folder: &Path, name: &str, args: &[&str], script: &str) -> String {
         let file = folder.join(name);
         std::fs::write(&file, script).expect("a script");
@@ -43,7 +43,7 @@ impl Display {
     }
 }
 
-/// What it said, without remarks: that the driver is a slow one.
+/// Returns its messages, without the remark that the driver is slow.
 fn error_lines(out: &Output) -> String {
     let said = String::from_utf8_lossy(&out.stderr);
     said.lines().filter(|line| !line.starts_with("note: ")).collect::<Vec<_>>().join("\n")
@@ -55,7 +55,7 @@ fn error_of(out: &Output) -> (Option<i32>, String) {
     (out.status.code(), said)
 }
 
-/// Width, height and pixels.
+/// Returns width, height and pixels.
 fn pixels(path: &Path) -> ([u32; 2], Vec<u8>) {
     let file = File::open(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     let mut reader = png::Decoder::new(file).read_info().expect("a PNG");
@@ -64,7 +64,7 @@ fn pixels(path: &Path) -> ([u32; 2], Vec<u8>) {
     ([info.width, info.height], bytes)
 }
 
-/// Share of the pixels of two pictures of the same size that differ by more than a level or two, which is rounding.
+/// Returns the fraction of the pixels of two pictures of the same size that differ by more than rounding.
 fn differing(a: &Path, b: &Path) -> f64 {
     let ((size, a), (other, b)) = (pixels(a), pixels(b));
     assert_eq!(size, other);
@@ -108,7 +108,7 @@ fn a_script_does_what_a_hand_can_and_the_window_shows_it() {
     for look in ["wire", "normals", "heat", "motion", "wrinkles", "shaded"] {
         shot(&format!("show {look}"), look);
     }
-    // Masks come and go with the heads; on the path cpu they are the host's to draw.
+    // Masks are added and removed with the heads; on the path `cpu` the host provides them.
     shot("show wrinkles\nreset\nset browInnerUp 1\nset browOuterUpLeft 1", "folded");
     shot("path cpu", "folded-cpu");
     shot("show shaded", "unfolded-cpu");
@@ -153,13 +153,13 @@ fn a_script_does_what_a_hand_can_and_the_window_shows_it() {
         println!("{path:?} differ in {share}");
         assert!(share < 0.002, "{path:?} differ in {share} of the pixels");
     }
-    // Paths and formats make the same pose; packing rounds, and shading shows some of that at edges.
+    // Paths and formats make the same pose; shading shows some packing errors at edges.
     for path in ["clip-cpu", "clip-compute", "clip-feedback", "clip-small", "clip-again"] {
         let share = differ("clip", path);
         println!("clip and {path} differ in {share}");
         assert!(share < 0.02, "{path} differs in {share} of the pixels");
     }
-    // Without targets the head rests; at a hundredth of a pixel, and with all of them, it is as it was.
+    // Without targets the head rests; at a hundredth of a pixel, and with all of them, it is unchanged.
     assert!(differ("none-kept", "rest") < 0.001 && differ("far", "rest") < 0.001, "no target is kept");
     assert!(differ("quarter", "clip") > 0.001 || differ("quarter", "rest") > 0.001, "some targets are kept");
     assert!(
@@ -198,7 +198,7 @@ fn resizes_and_frames_take_no_memory() {
         (0..count).map(|i| sizes[i % 4]).map(|[w, h]| format!("resize {w} {h}\nframes 2\n")).collect::<String>()
     };
     let stats = |name: &str| format!("stats {}\n", file(name).display());
-    // What drivers and allocators keep is there after the first ones.
+    // Memory that drivers and allocators keep is allocated by the first ones.
     let script = [
         "play\n".into(),
         resized(24 + resizes / 5),
@@ -223,7 +223,7 @@ fn what_validation_layers_say_is_an_error() {
     let shot = folder.path().join("shot.png");
     let args = [&MESH[..], &["--size", "64x64", "--screenshot", shot.to_str().expect("UTF-8")]].concat();
     let args = [&["--device", "llvmpipe", "--validation"], &args[..]].concat();
-    // Advice on best practices, which nothing of ours follows in full.
+    // Best-practice messages, which the program does not fully follow.
     let mut command = display.command(&args);
     let out = command.env("VK_LAYER_ENABLES", "VK_VALIDATION_FEATURE_ENABLE_BEST_PRACTICES_EXT").output();
     let (code, said) = error_of(&out.expect("it starts"));

@@ -1,16 +1,16 @@
-//! The program as a process: what it prints and returns.
+//! The program as a process: output and exit code.
 #![allow(dead_code)] // each test file uses some of this
 
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// Run it.
+/// Runs the program.
 pub fn deltamorph(args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_deltamorph")).args(args).output().expect("the program starts")
 }
 
-/// What it prints when it succeeds.
+/// Returns its output on success.
 pub fn ok(args: &[&str]) -> String {
     let out = deltamorph(args);
     let stderr = String::from_utf8_lossy(&out.stderr);
@@ -18,12 +18,12 @@ pub fn ok(args: &[&str]) -> String {
     String::from_utf8(out.stdout).expect("text")
 }
 
-/// The JSON that it prints when it succeeds.
+/// Returns its JSON output on success.
 pub fn json(args: &[&str]) -> Value {
     serde_json::from_str(&ok(args)).expect("JSON alone on stdout")
 }
 
-/// Exit code and the error line.
+/// Returns exit code and error line.
 pub fn fails(args: &[&str]) -> (i32, String) {
     let out = deltamorph(args);
     assert!(!out.status.success(), "{args:?} succeeded");
@@ -32,28 +32,28 @@ pub fn fails(args: &[&str]) -> (i32, String) {
     (out.status.code().expect("no signal"), text)
 }
 
-/// It ends with this exit code, and an error that has these words.
+/// Asserts this exit code, and an error with these words.
 pub fn refused(args: &[&str], code: i32, words: &str) {
     let (found, text) = fails(args);
     assert!(found == code && text.contains(words), "{args:?}: {found}, {text}");
 }
 
-/// A small built-in head: quick.
+/// A small built-in head, for speed.
 pub const HEAD: [&str; 4] = ["--vertices", "1200", "--targets", "12"];
 
-/// The small head as a folder with a clip of 24 frames.
+/// Writes the small head as a folder with a clip of 24 frames.
 pub fn sample(folder: &Path) -> String {
     let dir = folder.join("head").to_str().expect("UTF-8").to_owned();
     ok(&[&["sample", &dir, "--frames", "24"], &HEAD[..]].concat());
     dir
 }
 
-/// The clip of a head that `sample` wrote.
+/// Returns the clip of a head that `sample` wrote.
 pub fn clip(dir: &str) -> String {
     format!("{dir}/weights/head_30fps.csv")
 }
 
-/// Every link of the pages in a folder leads to a file that is there, or to a place on the page.
+/// Asserts that every link of the pages in a folder leads to an existing file, or to an anchor on the page.
 pub fn links_hold(folder: &Path) {
     let mut links = 0;
     for page in std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path()) {

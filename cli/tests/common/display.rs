@@ -3,7 +3,7 @@
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
 
-/// An X server of our own, on a display that was free.
+/// An X server of the test's own, on a free display.
 pub struct Display {
     server: Child,
     pub name: String,

@@ -1,4 +1,4 @@
-//! `bench`: it verifies before it measures, replays clips, and does without a Vulkan device.
+//! `bench`: verification before measurement, replayed clips, and runs without a Vulkan device.
 
 use crate::cli::{HEAD, deltamorph, json, sample};
 use serde_json::Value;
@@ -21,7 +21,7 @@ fn bench_verifies_measures_and_draws() {
         assert!(runs.iter().all(|r| paths.contains(&r["path"].as_str().unwrap())), "baselines are named, or left out");
         assert_eq!(of("feedback", 1.into()), if device == "llvmpipe" { 2 } else { 0 });
         assert_eq!(of("compute", 16.into()), 2 * 2, "two formats, two counts of changed targets");
-        // Beside float32 deltas, those of integers with float32 and fixed32 poses.
+        // Besides float32 deltas, integer deltas with float32 and fixed32 poses.
         assert_eq!(of("compute", "all".into()), 2 * 3);
         assert_eq!((of("blocks", "all".into()), of("cpu", "all".into())), (10, 14));
         for run in runs {
@@ -31,7 +31,7 @@ fn bench_verifies_measures_and_draws() {
             assert!(run["bytes_moved"].as_f64() >= run["bytes_floor"].as_f64(), "{run}");
             assert!(run["max_error_rel"].as_f64().unwrap() <= 3e-6 && run["raw_error_rel"].as_f64().unwrap() <= 5e-5);
             assert_eq!(run["cpu_ms"]["n"], 3);
-            // Dense incremental updates move as many bytes in each frame: the share goes with the median time.
+            // Dense incremental updates move as many bytes in each frame, so the share follows from the median time.
             let median = run["gpu_ms"]["median"].as_f64().filter(|_| run["path"] == "compute");
             if let Some(median) = median {
                 let rates = ["device_read_gb_s", "device_copy_gb_s"].map(|name| out["bandwidth"][name].as_f64());

@@ -1,4 +1,4 @@
-//! The command line: what it prints, writes and returns.
+//! The command line: printed output, written files and exit codes.
 
 use crate::cli::{HEAD, clip, deltamorph, fails, json, ok, refused, sample};
 use serde_json::Value;
@@ -22,7 +22,7 @@ fn devices_lists_both_drivers_and_why_a_path_is_missing() {
     assert_eq!(path(&find("SwiftShader"), "compute")["available"], true);
 }
 
-/// Each baseline in each command that updates poses, where it is named; `bench` leaves them out otherwise.
+/// Each command that updates poses accepts baselines by name; by default, `bench` omits them.
 #[test]
 fn baselines_are_paths_like_others() {
     let folder = tempfile::tempdir().unwrap();
@@ -85,7 +85,7 @@ fn baselines_are_paths_like_others() {
     assert_eq!(rows, 9, "a line for each path");
 }
 
-/// The `v` and `vn` lines of an OBJ file.
+/// Returns the `v` and `vn` lines of an OBJ file.
 fn vertices(path: &Path) -> Vec<(String, Vec<f64>)> {
     let text = std::fs::read_to_string(path).unwrap();
     let lines = text.lines().filter(|l| l.starts_with("v ") || l.starts_with("vn "));
@@ -126,7 +126,7 @@ fn apply_writes_the_same_pose_through_every_path() {
     assert!(distance(&poses[0], &neutral) > 0.1, "the pose is the neutral one");
     for pose in &poses[1..] {
         assert_eq!(pose.len(), poses[0].len());
-        // Lengths are centimetres: a head of 24.
+        // Lengths are centimetres: the head has 24.
         assert!(distance(pose, &poses[0]) < 1e-4, "{}", distance(pose, &poses[0]));
     }
 }
@@ -149,12 +149,12 @@ fn a_rig_beside_the_targets_gives_clips_and_settings_its_controls() {
     std::fs::write(&rig, text).unwrap();
     let set = ["--set", "wink=0.75,eyeSquintLeft=0.25"];
     assert!(apply("set.obj", &set) == plain, "0.75 lies between the two keys; the corrective is the product");
-    // A clip names controls, too, and settings go before the rig.
+    // A clip also names controls, and settings come before the rig.
     let clip = folder.path().join("wink.csv");
     std::fs::write(&clip, "wink,eyeSquintLeft\n0,1\n0.75,1\n").unwrap();
     let clip = ["--weights", clip.to_str().unwrap(), "--frame", "1"];
     assert!(apply("clip.obj", &[&clip[..], &["--set", "eyeSquintLeft=0.25"]].concat()) == plain);
-    // The clip that lies beside the mesh names targets that are no controls now.
+    // The clip beside the mesh names targets that are no longer controls.
     let (_, message) = fails(&["info", &dir]);
     assert!(message.contains("column 'eyeBlinkLeft' names no control of the rig; use 'eye"), "{message}");
     std::fs::remove_dir_all(Path::new(&dir).join("weights")).unwrap();
@@ -252,7 +252,7 @@ fn a_packed_file_is_an_input_everywhere() {
     let error = packed["position_error_rel"].as_f64().unwrap();
     assert!(error > 0.0 && error <= 1e-5, "{packed}");
     assert!(!Path::new(&path("head.dmorph.part")).exists());
-    // What pose formats cost and lose: poses of half the size, rounded.
+    // Costs and errors of pose formats: poses of half the size, rounded.
     let poses = packed["pose_formats"].as_array().unwrap();
     assert_eq!(poses.iter().map(|p| &p["name"]).collect::<Vec<_>>(), ["float32", "fixed32", "fixed16"]);
     assert_eq!(poses.iter().map(|p| &p["vertex_bytes"]).collect::<Vec<_>>(), [24, 24, 12]);
@@ -265,14 +265,14 @@ fn a_packed_file_is_an_input_everywhere() {
     assert!((number("rounding_error_rel") / most - 1.0).abs() < 1e-6 && most < 1e-4, "{packed}");
     assert!(number("position_unit_rel") > fixed32["position_unit_rel"].as_f64().unwrap(), "{packed}");
 
-    // `info` shows the error that was measured against the files.
+    // `info` shows the error measured against the files.
     let info = json(&["info", &file, "--json", "-"]);
     let small = info["formats"].as_array().unwrap().iter().find(|f| f["name"] == "small").unwrap();
     assert_eq!(small["position_error_rel"], packed["position_error_rel"]);
     assert_eq!(small["delta_bytes"], packed["delta_bytes"]);
     assert_eq!(info["input"]["vertices"], 1200);
     assert_eq!((&info["pose_formats"], &info["pose_deltas"]), (&packed["pose_formats"], &"small".into()));
-    // The largest weight is for poses to hold, whatever the file was packed for.
+    // The largest weight is an option of poses, independent of the packed file.
     let soak =
         |more: &[&str]| json(&[&["soak", &file, "--frames", "9", "--path", "cpu", "--json", "-"], more].concat());
     assert_eq!(soak(&["--pose", "fixed16", "--weight-max", "2"])["bit_exact"], true);
@@ -286,10 +286,10 @@ fn a_packed_file_is_an_input_everywhere() {
     json(&[&["apply", &dir, "-o", &b, "--format", "small"], &weights[..]].concat());
     assert_eq!(std::fs::read_to_string(&a).unwrap(), std::fs::read_to_string(&b).unwrap());
     assert!(std::fs::read_to_string(&a).unwrap().contains("\nf "));
-    // Dense paths take what it decodes to.
+    // Dense paths use its decoded deltas.
     let on_compute = ["apply", &file, "-o", &a, "--path", "compute", "--device", "llvmpipe"];
     assert_eq!(json(&[&on_compute[..], &weights[..]].concat())["format"], "float32");
-    // Another format packs what it decodes to; on the path blocks, float32 is that of blocks.
+    // Another format packs the decoded deltas; on the path `blocks`, float32 is block-float32.
     for (format, held) in [("fast", "fast"), ("float32", "block-float32")] {
         let on_blocks = ["apply", &file, "-o", &a, "--path", "blocks", "--device", "llvmpipe", "--format", format];
         assert_eq!(json(&[&on_blocks[..], &weights[..]].concat())["format"], held);
@@ -302,7 +302,7 @@ fn a_packed_file_is_an_input_everywhere() {
     let runs = report["runs"].as_array().unwrap();
     assert!(!runs.is_empty() && runs.iter().all(|r| r["verified"] == true && r["raw_error_rel"].is_null()), "{report}");
 
-    // A damaged file, and what would lose something.
+    // A damaged file, and conversions that would lose data.
     let bytes = std::fs::read(&file).unwrap();
     let (bad, empty) = (path("bad.dmorph"), path("empty.DMORPH"));
     std::fs::write(&bad, &bytes[..bytes.len() / 2]).unwrap();
@@ -325,7 +325,7 @@ fn a_packed_file_is_an_input_everywhere() {
     }
     assert_eq!(std::fs::read(&file).unwrap(), bytes);
 
-    // A packed file may be packed again, in another format.
+    // A packed file can be packed again, in another format.
     let again = path("again.dmorph");
     let text = ok(&["pack", &file, "-o", &again, "--format", "fast", "--block-size", "128"]);
     assert!(text.contains("again.dmorph: 1,200 vertices") && text.contains("4 in steps of 2^-"), "{text}");

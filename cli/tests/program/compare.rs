@@ -1,8 +1,8 @@
-//! `bench --compare`: reports of earlier runs, compared; what is no report is refused with a reason.
+//! `bench --compare`: comparison of reports of earlier runs; other files are refused with a reason.
 
 use crate::cli::{json, ok, refused};
 
-/// A bench of a moment.
+/// A short bench.
 const BENCH: [&str; 11] =
     ["bench", "--vertices", "200", "--targets", "4", "--paths", "cpu", "--changed", "all", "--quiet", "--frames"];
 

@@ -1,4 +1,4 @@
-//! Meshes far from the origin: poses are as exact as at the origin, and come out where the mesh is.
+//! Meshes far from the origin: poses are as exact as at the origin, and written at the mesh's position.
 
 use crate::cli::{deltamorph, json, ok};
 use serde_json::Value;
@@ -6,7 +6,7 @@ use std::path::Path;
 
 const TARGETS: usize = 40;
 
-/// A position as the files state it: a quad of diagonal 0.42, so far along x; moved by a target, if any.
+/// Returns a position in the files: a quad of diagonal 0.42, at `far` along x, moved by a target, if any.
 fn position(far: f32, vertex: usize, target: Option<usize>) -> [f32; 3] {
     let [x, y] = [[0.0, 0.0], [0.3, 0.0], [0.3, 0.3], [0.0, 0.3]][vertex];
     let by = target.map_or([0.0; 3], |t| {
@@ -16,7 +16,7 @@ fn position(far: f32, vertex: usize, target: Option<usize>) -> [f32; 3] {
     [far + x + by[0], y + by[1], by[2]]
 }
 
-/// The quad and its targets as a folder.
+/// Writes the quad and its targets as a folder.
 fn quad(folder: &Path, far: f32) -> String {
     let write = |path: &Path, target| {
         let line = |vertex| {
@@ -33,7 +33,7 @@ fn quad(folder: &Path, far: f32) -> String {
     folder.to_str().unwrap().to_owned()
 }
 
-/// What a command prints as JSON, without a note on drift.
+/// Returns a command's JSON output, without a note on drift.
 fn run(args: &[&str]) -> Value {
     let out = deltamorph(&[args, &["--json", "-"]].concat());
     let said = String::from_utf8(out.stderr).unwrap();
@@ -44,7 +44,7 @@ fn run(args: &[&str]) -> Value {
 #[test]
 fn bench_and_soak_are_right_and_as_exact_as_at_the_origin() {
     let folder = tempfile::tempdir().unwrap();
-    // The largest error of each kind of work, of the diagonal.
+    // The largest error of each kind of work, relative to the diagonal.
     let errors = |far: f32| {
         let quad = quad(folder.path(), far);
         let formats = ["--formats", "float32,snorm16,fast"];
@@ -87,7 +87,7 @@ fn poses_come_out_in_the_coordinates_of_the_input() {
     assert!((origin[0].as_f64().unwrap() - 50.15).abs() < 1e-5 && origin[1] == 0.0, "{origin}");
     ok(&["pack", &quad, "-o", &packed, "--position-error", "1e-7"]);
     let settings: Vec<String> = (0..TARGETS).map(|t| format!("t{t:02}={}", 0.01 * t as f32)).collect();
-    // One unit in the last place of a coordinate; as much again for what packing loses.
+    // One unit in the last place of a coordinate, and as much again for packing errors.
     let ulp = f64::from(f32::EPSILON) * 32.0;
     for (input, more, allowed) in
         [(&quad, &["--format", "float32", "--tolerance", "0"][..], ulp), (&packed, &[][..], 2.0 * ulp)]

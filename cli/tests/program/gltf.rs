@@ -12,7 +12,7 @@ fn accessor(view: usize, kind: &str, count: usize) -> Value {
     json!({"bufferView": view, "componentType": 5126, "type": kind, "count": count})
 }
 
-/// Write a file whose buffer has a view for each of `parts`.
+/// Writes a file whose buffer has a view for each of `parts`.
 fn write(folder: &Path, parts: &[Vec<u8>], mut file: Value) -> String {
     let (mut views, mut offset) = (vec![], 0);
     for part in parts {
@@ -28,7 +28,7 @@ fn write(folder: &Path, parts: &[Vec<u8>], mut file: Value) -> String {
     path.to_str().unwrap().to_owned()
 }
 
-/// A triangle with two targets, and an animation of them that has a key each second.
+/// Writes a triangle with two targets, and an animation of them with a key per second.
 fn gltf_triangle(folder: &Path) -> String {
     let parts = [
         floats(&[0., 0., 0., 1., 0., 0., 0., 1., 0.]),
@@ -58,7 +58,7 @@ fn a_gltf_file_is_an_input_and_its_animations_are_clips() {
     assert_eq!((&info["input"]["vertices"], &info["input"]["targets"]), (&3.into(), &2.into()));
     let [out, buffer] = ["pose.obj", "buffer.bin"].map(|name| dir.path().join(name).to_str().unwrap().to_owned());
     let (out, buffer) = (out.as_str(), buffer.as_str());
-    // Of the file by name, of a file named, and the only one there is.
+    // Of the input by name, of a named file, and the only one of a file.
     for weights in ["nod #1".to_owned(), format!("{face}#nod #1"), face.clone()] {
         ok(&["apply", &face, "--weights", &weights, "--frame", "1", "--path", "cpu", "-o", out]);
         let text = std::fs::read_to_string(out).unwrap();
@@ -88,8 +88,8 @@ fn a_gltf_file_is_an_input_and_its_animations_are_clips() {
     }
 }
 
-/// A strip of triangles from x = 0 to 4 that bulges by a target, and bends by the joint of its upper end. Of the three
-/// frames of its clip, joints alone tell the first two apart, and the weight the last two.
+/// Writes a strip of triangles from x = 0 to 4 that bulges by a target, and bends by the joint of its upper end. Of the
+/// three frames of its clip, the first two differ only in joints, the last two only in the weight.
 fn gltf_arm(folder: &Path) -> String {
     let corners: Vec<[f32; 3]> = (0..8u8)
         .flat_map(|i| [(i, 0u8), (i + 1, 0), (i, 1), (i + 1, 0), (i + 1, 1), (i, 1)])
@@ -124,7 +124,7 @@ fn gltf_arm(folder: &Path) -> String {
     write(folder, &parts, file)
 }
 
-/// Joints move with the face: at the frame of the clip they are taken from, and at rest without one.
+/// Joints move with the face: taken from the frame of the clip, and at rest without one.
 #[test]
 fn a_character_is_drawn_as_its_joints_stand() {
     let dir = tempfile::tempdir().unwrap();
@@ -141,11 +141,11 @@ fn a_character_is_drawn_as_its_joints_stand() {
     let at = |frame: &str, more: &[&str]| drawn(&[&["--weights", "wave", "--frame", frame], more].concat());
     let [first, second, third] = ["0", "1", "2"].map(|frame| at(frame, &[]).0);
     assert!(first != second && second != third, "joints alone tell the first two apart");
-    // At its first frame joints are at rest; so they are with the same weight and no clip.
+    // Joints are at rest at its first frame; and with the same weight and no clip.
     assert!(drawn(&["--set", "up=0.25"]).0 == first);
     assert!(drawn(&["--set", "up=0.25", "--weights", &arm, "--frame", "1"]).0 == second);
     assert!(at("1", &["--pose", "fixed16", "--path", "compute", "--format", "snorm16"]).0 != first);
-    // The path cpu says that it leaves joints out.
+    // The path `cpu` reports that it ignores joints.
     let [(on_cpu, said), (second_on_cpu, _)] = ["0", "1"].map(|frame| at(frame, &["--path", "cpu"]));
     assert!(on_cpu == second_on_cpu && said.contains("the path 'cpu' skins nothing"), "{said}");
     for of_targets in [["--heat", "distance"], ["--normals", "recomputed"]] {

@@ -38,7 +38,7 @@ fn the_report_states_error_against_bytes() {
     let names: Vec<&str> = plain["formats"].as_array().unwrap().iter().map(|f| f["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["float32", "snorm16", "block-float32", "fast", "small", "pair"]);
 
-    // Twice: a report takes the place of an earlier one.
+    // Twice: a report replaces an earlier one.
     let report = ["--report", dir.to_str().unwrap()];
     let (_, out) = (info(&report), info(&report));
     let sweep = out["sweep"].as_array().unwrap();
@@ -69,7 +69,7 @@ fn the_report_states_error_against_bytes() {
 
     links_hold(&dir);
 
-    // A folder of something else is left alone, whatever its files are called.
+    // A folder of another kind is left alone, whatever the names of its files.
     std::fs::write(dir.join("info.json"), "{}").unwrap();
     let (code, text) = fails(&["info", "--vertices", "100", "--targets", "3", "--report", dir.to_str().unwrap()]);
     assert!(code == 2 && text.contains("something else") && text.contains("--report"), "{text}");

@@ -1,4 +1,4 @@
-//! `lod`: its JSON, pins, the file of an order, and errors.
+//! `lod`: its JSON, pinned targets, the order's file, and errors.
 
 use crate::cli::{HEAD, fails, json, ok, refused, sample};
 use crate::data;
@@ -24,7 +24,7 @@ fn an_order_loses_less_than_random_ones_and_is_kept_with_its_pins() {
         assert!(scores.len() == 12 && scores.windows(2).all(|w| w[0] >= w[1]), "{scores:?}");
         let curve = out["curve"].as_array().unwrap();
         assert_eq!(curve.iter().map(|p| p["kept"].as_u64().unwrap()).collect::<Vec<_>>(), [3, 6, 9, 12]);
-        // An order knows nothing of the clip: a few targets may happen to be those that it hardly uses.
+        // An order does not depend on the clip: some of its targets may be hardly used.
         for p in &curve[1..3] {
             assert!(p["error_random_rel"].as_f64() > p["error_rel"].as_f64(), "{metric}: {p}");
         }
@@ -52,8 +52,8 @@ fn an_order_loses_less_than_random_ones_and_is_kept_with_its_pins() {
     assert!(text.contains("head.lod.json: does not rank the target"), "{text}");
 }
 
-/// The built-in head as a folder, each half the mirror image of the other: rings of its faces are cut into triangles
-/// the same way round on both sides, so those of the left half are put in place of those of the right one.
+/// Writes the built-in head as a folder, with mirrored halves: rings of its faces are cut into triangles in the same
+/// direction on both sides, so those of the left half replace those of the right one.
 fn symmetric_head(folder: &Path) -> String {
     let dir = folder.join("symmetric").to_str().expect("UTF-8").to_owned();
     ok(&["sample", &dir, "--vertices", "3000", "--targets", "52", "--frames", "24"]);
@@ -63,7 +63,7 @@ fn symmetric_head(folder: &Path) -> String {
     let bits = |[x, y, z]: [f32; 3]| [x + 0.0, y, z].map(f32::to_bits);
     let numbers = |row: &str| -> Vec<f32> { row.split_whitespace().map(|n| n.parse().expect("a number")).collect() };
     let vertices: Vec<[f32; 3]> = rows("v ").map(|row| numbers(row).try_into().expect("three")).collect();
-    // Vertices of several parts may be at one place: the nth there goes with the nth at its mirror image.
+    // Vertices of several parts may coincide: the nth one is paired with the nth at its mirror image.
     let mut places: HashMap<[u32; 3], Vec<usize>> = HashMap::new();
     (0..vertices.len()).for_each(|v| places.entry(bits(vertices[v])).or_default().push(v));
     let across = |v: usize| {
@@ -107,7 +107,7 @@ fn twins_of_a_symmetric_face_are_side_by_side_in_pictures() {
     };
     for left in listed(&out).iter().filter(|name| name.ends_with("Left")) {
         let (a, b) = (score(left), score(&left.replace("Left", "Right")));
-        // Sums in another order: a pixel may be rounded the other way.
+        // Sums in another order: a pixel may round differently.
         assert!((a - b).abs() <= 1e-3 * a, "{left}: {a} {b}");
     }
 }

@@ -1,11 +1,11 @@
-//! What the program writes: nothing of the user's is lost, whatever goes wrong.
+//! Output files: nothing of the user's is lost, whatever fails.
 
 use crate::cli::{deltamorph, fails, json, ok, refused, sample};
 use crate::data;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// A bench of a moment.
+/// A short bench.
 const BENCH: [&str; 9] = ["bench", "--vertices", "100", "--targets", "3", "--frames", "2", "--paths", "cpu"];
 
 /// A folder with the small head in it.
@@ -22,7 +22,7 @@ impl Home {
         Self { folder, dir }
     }
 
-    /// A path in it.
+    /// Returns a path in it.
     fn at(&self, name: &str) -> String {
         self.folder.path().join(name).to_str().unwrap().to_owned()
     }
@@ -32,7 +32,7 @@ impl Home {
     }
 }
 
-/// Every file below `folder`, and what is in it.
+/// Returns every file below `folder`, with its contents.
 fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let mut all = vec![];
     for entry in std::fs::read_dir(folder).unwrap() {
@@ -94,7 +94,7 @@ fn no_two_outputs_are_one_file() {
         refused(args, 2, "would be written over; name another file");
         assert!(home.contents() == before, "{args:?}");
     }
-    // Devices and pipes are no files that could be lost.
+    // Devices and pipes are not files that could be lost.
     ok(&["info", &dir, "--json", "/dev/null"]);
 }
 
@@ -112,7 +112,7 @@ fn what_fails_leaves_files_as_they_were() {
     assert_eq!(std::fs::read_to_string(&old).unwrap(), "mine");
     assert!(!Path::new(&new).exists());
 
-    // A folder that is not a report's, and JSON that cannot be written, are noticed before anything is measured.
+    // A folder that is not a report's, and unwritable JSON, are detected before measuring.
     let foreign = home.folder.path().join("site");
     std::fs::create_dir(&foreign).unwrap();
     std::fs::write(foreign.join("index.html"), "mine").unwrap();
@@ -137,7 +137,7 @@ fn a_report_is_replaced_when_the_new_one_is_complete() {
     let names = |files: Vec<(PathBuf, Vec<u8>)>| files.into_iter().map(|(path, _)| path).collect::<Vec<_>>();
     let before = contents(folder.path());
     assert!(before.iter().any(|(path, _)| path.ends_with("time-vs-changed.svg")), "{:?}", names(before));
-    // Nothing can run.
+    // A selection of which nothing can run.
     let none = ["bench", "--vertices", "100", "--targets", "3", "--paths", "direct", "--formats", "fast"];
     refused(
         &[&none[..], &["--report", dir, "--json", file]].concat(),
@@ -145,16 +145,16 @@ fn a_report_is_replaced_when_the_new_one_is_complete() {
         "no configuration could run; direct: takes --formats",
     );
     assert!(contents(folder.path()) == before);
-    // One that was stopped while it drew leaves a folder, which does not stand in the way.
+    // A run stopped while drawing leaves a folder, which does not block the next.
     let left = report.join(".deltamorph-1");
     std::fs::create_dir(&left).unwrap();
     std::fs::write(left.join("time-vs-changed.svg"), "half").unwrap();
     let hours_ago = std::time::SystemTime::now() - std::time::Duration::from_secs(7200);
     std::fs::File::open(&left).unwrap().set_modified(hours_ago).unwrap();
-    // That of a run at work is left alone.
+    // The folder of an active run is left alone.
     let at_work = report.join(".deltamorph-2");
     std::fs::create_dir(&at_work).unwrap();
-    // A workload less: figures that are no longer drawn go.
+    // One workload less: figures that are no longer drawn are removed.
     ok(&[&more(&["--formats", "float32", "--changed", "2"])[..], &["--report", dir]].concat());
     let after = names(contents(&report));
     assert!(after.contains(&report.join("index.html")), "{after:?}");
@@ -162,7 +162,7 @@ fn a_report_is_replaced_when_the_new_one_is_complete() {
     assert!(!after.iter().any(|path| path.ends_with("time-vs-changed.svg")), "{after:?}");
 }
 
-/// Suites look at all that they will read before they measure.
+/// Suites check all their inputs before they measure.
 #[test]
 fn a_clip_that_cannot_be_read_costs_no_measurement() {
     let suites = ["bench", "--suite", "techniques,clips", "--vertices", "100", "--targets", "3", "--no-report"];
@@ -190,7 +190,7 @@ fn a_full_disk_behind_stdout_is_told_and_a_reader_that_leaves_is_not() {
     }
 }
 
-/// Where float sums would drift beyond the default, commands that take one kind of sums take exact ones, and say so.
+/// If float sums would drift beyond the default, commands with a single kind of sums use exact ones, and report it.
 #[test]
 fn a_mesh_with_a_thousand_targets_runs_as_it_is() {
     let many = ["soak", "--vertices", "300", "--targets", "1000", "--frames", "4", "--path", "cpu"];
@@ -201,7 +201,7 @@ fn a_mesh_with_a_thousand_targets_runs_as_it_is() {
     assert!(text.contains("allow more drift") && text.contains("--drift"), "{text}");
 }
 
-/// What a sweep says of time counts the draws where a path evaluates in them, and no configuration comes twice.
+/// Times of a sweep include the draws on paths that evaluate in them, and no configuration is repeated.
 #[test]
 fn sweeps_compare_like_with_like() {
     let base =
@@ -222,7 +222,8 @@ fn sweeps_compare_like_with_like() {
     assert!(text.contains(" ms, changing 4 "), "{text}");
 }
 
-/// What the command says and what a reader finds: `input` as a file, read again, within `bound` of a number's size.
+/// Writes `input` as a file and reads it again, checking the reported and the actual errors within `bound` relative to
+/// a number's size.
 fn round_trip(input: &str, half: bool) -> serde_json::Value {
     use deltamorph::{DeltaFormat, MorphMesh, PackDesc, PackedMesh, Tolerance, import::obj};
     use deltamorph_baselines::textures::read_ktx2;
@@ -254,7 +255,7 @@ fn round_trip(input: &str, half: bool) -> serde_json::Value {
     let stated = rounding.iter().map(|stream| stream["largest"].as_f64().unwrap()).fold(0.0, f64::max);
     assert_eq!((stated, stated > 0.0), (largest, half), "{said}");
 
-    // The file's targets take the place of the input's, with the same names.
+    // The file's targets replace the input's, with the same names.
     let info = |more: &[&str]| json(&[&["info", input, "--json", "-"], more].concat())["targets"].clone();
     let (names, of_file) = (info(&[]), info(&["--textures", &file]));
     let name = |targets: &serde_json::Value| {
@@ -274,7 +275,7 @@ fn round_trip(input: &str, half: bool) -> serde_json::Value {
     let (plain, of_file) = (apply(&[]), apply(&["--textures", &file]));
     assert_eq!(plain.len(), of_file.len());
     let off = plain.iter().zip(&of_file).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    // Poses are written with so many digits.
+    // Poses are written with limited digits.
     let bound = if half { 0.7 * rounding[0]["largest"].as_f64().unwrap() + 1e-5 } else { 0.0 };
     assert!((off > 0.0) == half && off <= bound && bound < 0.01, "{off}, {bound} allowed");
     said

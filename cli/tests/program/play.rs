@@ -57,8 +57,8 @@ fn play_keeps_its_contract_on_every_path() {
     assert!(moved[6] < 0.85 * moved[0], "poses of half the size move less: {moved:?}");
 }
 
-/// Each pose format says what it loses: float32 by drift, fixed16 by rounding to its unit, fixed32 nothing, or next to
-/// nothing where targets have steps of their own.
+/// Each pose format reports its loss: float32 drift, fixed16 rounding to its unit, fixed32 none, or next to none if
+/// targets have their own steps.
 #[test]
 fn poses_are_within_the_bound_that_is_stated_beside_their_error() {
     for (device, format, more) in [
@@ -89,7 +89,7 @@ fn poses_are_within_the_bound_that_is_stated_beside_their_error() {
     assert!(text.contains("cpu fast exact fixed16, 2 slots") && text.contains("by rounding poses"), "{text}");
 }
 
-/// Integers have a largest weight: random ones stay within it, and what is asked for beyond it is refused.
+/// Fixed-point poses have a largest weight: random weights stay within it, and larger requests are refused.
 #[test]
 fn weights_are_held_up_to_the_largest() {
     let run = |command: &[&'static str], more: &[&'static str]| {
@@ -102,7 +102,7 @@ fn weights_are_held_up_to_the_largest() {
     };
     let [narrow, wide] = ["1", "8"].map(error);
     assert!(narrow[1] < wide[1] && narrow[0] < wide[0], "the smaller the weights, the finer: {narrow:?} {wide:?}");
-    // The clip reaches beyond.
+    // The clip exceeds it.
     refused(&run(&["play"], &["0.125"]), 1, "use a larger weight_max");
     for most in ["300", "1e30"] {
         let (code, text) = fails(&run(&["soak", "--frames", "2"], &[most]));
@@ -130,7 +130,7 @@ fn a_device_plays_and_plans_a_clip() {
         let (summary, told) = (&out["summary"], &told["summary"]);
         assert_eq!((&summary["animated"], &told["animated"]), (&true.into(), &false.into()));
         assert_eq!((&summary["path"], &summary["accumulate"]), (&"blocks".into(), &"exact".into()));
-        // It shows the frames that were asked for, but for what its clock rounds.
+        // The requested frames are shown, up to rounding of the clock.
         let request = |summary: &Value| summary["request_error_rel"].as_f64().unwrap();
         assert!(request(summary) < request(told) + 2e-6, "{summary} {told}");
     }
@@ -176,7 +176,7 @@ fn soak_keeps_its_contract_and_its_promises() {
         hashes.push(exact["sums_hash"].as_str().unwrap().to_owned());
     }
     assert!(hashes.iter().all(|h| *h == hashes[0] && h.len() == 16), "the same sums on every driver: {hashes:?}");
-    // Poses of 16 bits do not depend on the driver or the history either.
+    // 16-bit poses do not depend on the driver or the history either.
     let mut narrow = vec![];
     for how in [
         &["--path", "cpu", "--slots", "1"][..],
@@ -204,7 +204,7 @@ fn soak_keeps_its_contract_and_its_promises() {
     }
 }
 
-/// The integers of a long soak, as every version so far has summed them.
+/// The integers of a long soak, equal to those of all earlier versions.
 #[test]
 fn exact_sums_are_those_of_earlier_versions() {
     let long = ["soak", "--vertices", "4000", "--targets", "16", "--frames", "20000", "--path", "cpu", "--json", "-"];
@@ -283,7 +283,7 @@ fn a_path_that_is_named_fails_where_there_is_no_device() {
     }
 }
 
-/// Clips in layers give the weights that a float64 sum gives: the same updates, and the same picture.
+/// Layered clips give the weights of a float64 sum: the same updates, and the same picture.
 #[test]
 fn layers_of_clips_are_the_sum_of_their_weights() {
     let folder = tempfile::tempdir().unwrap();
@@ -291,9 +291,8 @@ fn layers_of_clips_are_the_sum_of_their_weights() {
     let dir = sample(folder.path());
     let info = json(&["info", &dir, "--json", "-"]);
     let [first, second] = [0, 1].map(|i| info["targets"][i]["name"].as_str().unwrap().to_owned());
-    // Parts of two, so that a CSV file says each sum exactly. The last is what the first comes to, with half of the
-    // second added and then a quarter of the way towards the third; the second is over after two frames, and begins
-    // again.
+    // Multiples of powers of two, so that a CSV file holds each sum exactly. The last clip is the first with half of
+    // the second added, and then blended a quarter towards the third; the second is over after two frames, and repeats.
     let (a, b, c): ([f64; 4], [[f64; 2]; 2], f64) = ([0.0, 0.25, 0.5, 1.0], [[0.5, 0.25], [1.0, 0.0]], 0.5);
     let added = |frame: usize, target: usize| [a[frame], 0.0][target] + 0.5 * b[frame % 2][target];
     let sum = |frame: usize| [0.75 * added(frame, 0) + 0.25 * c, added(frame, 1)];

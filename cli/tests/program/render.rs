@@ -1,19 +1,19 @@
-//! `render`: pictures against those that were looked at, on every driver; what it refuses; clips.
+//! `render`: pictures against reviewed ones, on every driver; refused arguments; clips.
 //!
-//! `UPDATE_PICTURES=1 ./with-vulkan cargo test -p deltamorph-cli --test program render` draws the pictures anew, where
-//! the built-in head or the light has changed: look at each of them before it is committed.
+//! `UPDATE_PICTURES=1 ./with-vulkan cargo test -p deltamorph-cli --test program render` redraws the pictures after a
+//! change of the built-in head or the light: review each of them before committing.
 
 use crate::cli::{HEAD, clip, fails, json, ok, sample};
 use nv_flip::{DEFAULT_PIXELS_PER_DEGREE, FlipImageRgb8, FlipPool, flip};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-/// Mean difference that people may see, 0 to 1 (FLIP): drivers round edges and shadows differently.
+/// Allowed visible mean difference, 0 to 1 (FLIP): drivers round edges and shadows differently.
 const SEEN: f32 = 0.015;
-/// What the built-in head is drawn with.
+/// Options of the built-in head.
 const MESH: [&str; 6] = ["--vertices", "6000", "--targets", "52", "--size", "256x256"];
 
-/// The pictures: names, and what is drawn.
+/// The pictures: names, and options.
 const PICTURES: [(&str, &[&str]); 11] = [
     ("neutral", &["--camera", "25,5"]),
     ("expression", &["--set", "jawOpen=0.7,mouthSmileLeft=0.8,browInnerUp=1,eyeBlinkRight=1", "--pose", "fixed16"]),
@@ -43,19 +43,20 @@ fn drivers() -> Vec<String> {
     list.split(',').map(str::to_owned).collect()
 }
 
-/// Vulkan leaves open which samples a line covers: of those each driver has a picture of its own.
+/// Returns the path of a reviewed picture. Vulkan does not define which samples a line covers, so pictures with lines
+/// are per driver.
 fn golden(name: &str, driver: &str) -> PathBuf {
     let name = if name == "wire" { format!("wire_{driver}") } else { name.to_owned() };
     Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/pictures/{name}.png"))
 }
 
-/// Draw one of the pictures.
+/// Draws one of the pictures.
 fn draw(args: &[&str], driver: &str, out: &Path) {
     let out = out.to_str().expect("UTF-8");
     ok(&[&["render", "--quiet", "--device", driver, "-o", out], &MESH[..], args].concat());
 }
 
-/// Width, height, and four bytes a pixel.
+/// Returns width, height, and four bytes per pixel.
 fn pixels(path: &Path) -> ([u32; 2], Vec<u8>) {
     let file = File::open(path).unwrap_or_else(|e| panic!("{}: {e}; UPDATE_PICTURES=1 draws it", path.display()));
     let mut reader = png::Decoder::new(file).read_info().expect("a PNG");
@@ -65,7 +66,7 @@ fn pixels(path: &Path) -> ([u32; 2], Vec<u8>) {
     ([info.width, info.height], bytes)
 }
 
-/// In front of grey.
+/// Reads a picture, in front of grey.
 fn image(path: &Path) -> FlipImageRgb8 {
     let ([width, height], rgba) = pixels(path);
     let mix = |c: u8, opacity: u8| ((u32::from(c) * u32::from(opacity) + 128 * (255 - u32::from(opacity))) / 255) as u8;
@@ -95,7 +96,7 @@ fn pictures_are_those_that_were_looked_at() {
             assert!(off < SEEN, "{driver}: {name} is {off} off what was looked at; {remedy}");
         }
     }
-    // A bound that tells one picture from the other, and an expression from its neighbour.
+    // The bound distinguishes one picture from another, and an expression from its neighbour.
     for (i, (name, _)) in PICTURES.iter().enumerate() {
         for (other, _) in &PICTURES[..i] {
             let [a, b] = [name, other].map(|name| golden(name, &drivers()[0]));
@@ -176,7 +177,7 @@ fn clips_are_their_frames() {
     let (animated, frames, one) = (at("clip.apng"), at("frames"), at("one.png"));
     let args = ["render", &head, "--size", "96x96", "--quiet"];
     ok(&[&args[..], &["--clip", &animated]].concat());
-    // Of an earlier, longer clip.
+    // Left from an earlier, longer clip.
     std::fs::create_dir(&frames).expect("a folder");
     std::fs::write(Path::new(&frames).join("frame_00024.png"), "old").expect("a file");
     ok(&[&args[..], &["--clip", &frames]].concat());
@@ -193,7 +194,7 @@ fn clips_are_their_frames() {
         let mut bytes = vec![0; reader.output_buffer_size()];
         reader.next_frame(&mut bytes).expect("a frame");
         assert!(bytes == pixels(&Path::new(&frames).join(name)).1, "frame {i}");
-        // Updates have brought the pose there: rounding may have moved an edge.
+        // The pose results from updates: rounding may have moved an edge.
         if i == 17 {
             let alone = pixels(Path::new(&one)).1;
             assert!(bytes.iter().zip(&alone).filter(|(a, b)| a.abs_diff(**b) > 4).count() < 20);
@@ -201,8 +202,7 @@ fn clips_are_their_frames() {
     }
 }
 
-/// What a level of detail keeps is drawn as ever, what it drops as if it had no weight; the larger the picture, the
-/// more is kept.
+/// Kept targets are drawn as before, dropped ones as with weight 0; larger pictures keep more.
 #[test]
 fn targets_are_dropped_by_their_importance() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -229,12 +229,12 @@ fn targets_are_dropped_by_their_importance() {
         [0, 1].map(|i| told["kept"][i].as_u64().expect("a number"))
     };
     let [near, far] = [kept("160x90"), kept("80x45")];
-    // Rows of heads lie behind each other.
+    // Rows of heads are behind each other.
     assert!(near[0] < near[1] && far[1] < near[0] && far[0] > 0, "{near:?}, {far:?}");
 }
 
-/// From near, most of a crowd is not in the picture: it is left out, and no pixel tells. Heads of the path cpu are all
-/// drawn; its poses are those of the device, bit for bit.
+/// From near, most of a crowd is outside the picture: it is culled without changing a pixel. Instances on the path
+/// `cpu` are all drawn; their poses equal those of the device bit for bit.
 #[test]
 fn heads_beside_the_picture_are_left_out() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -288,7 +288,7 @@ fn what_cannot_be_drawn_says_why() {
     refused(&["-o", "-"], 2, "name a file");
     refused(&["-o", out, "--device", "no such"], 1, "no such");
     refused(&["-o", &format!("{head}/nowhere/out.png")], 1, "nowhere");
-    // A packed mesh has one texture coordinate a vertex only where its source was split.
+    // A packed mesh has one texture coordinate per vertex only if its source was split.
     let packed = folder.path().join("head.dmorph");
     let packed = packed.to_str().expect("UTF-8");
     ok(&["pack", &head, "-o", packed, "--quiet"]);

@@ -1,4 +1,4 @@
-//! `bench`: every cell of a suite and every configuration of a sweep is there, verified, in the JSON and on its page.
+//! `bench`: every cell of a suite and every configuration of a sweep is present, verified, in the JSON and on its page.
 
 use crate::cli::{HEAD, json, links_hold, ok, refused, sample};
 use crate::data;
@@ -6,13 +6,13 @@ use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Small enough for seconds.
+/// Options small enough for seconds.
 fn small() -> Vec<&'static str> {
     let args = "--device llvmpipe --vertices 2000 --targets 12 --frames 5 --time-limit 0.2 --heads 1,3 --quiet";
     args.split(' ').collect()
 }
 
-/// The report of a suite, after what holds for all of them was checked.
+/// Returns the report of a suite, after the checks common to all suites.
 fn suite(name: &str, args: &[&str], folder: &Path) -> Value {
     let out = json(&[&["bench", "--suite", name, "--json", "-", "--report", folder.to_str().unwrap()], args].concat());
     assert_eq!(out["suites"][0]["name"], name);
@@ -29,10 +29,10 @@ fn suite(name: &str, args: &[&str], folder: &Path) -> Value {
         assert!((3..=5).contains(&n) && rounds.len() as u64 <= n && !rounds.is_empty(), "{run}");
         let mesh = out["meshes"].as_array().unwrap().iter().find(|mesh| mesh["name"] == run["mesh"]);
         assert!(mesh.is_some_and(|mesh| run["targets"].as_u64() <= mesh["targets"].as_u64()), "{run}");
-        // What the path cpu makes is brought to the device to be drawn; what others make is there.
+        // Poses of the path `cpu` are uploaded to be drawn; those of others are on the device.
         let drawn = run["update_and_draw_ms"].is_object() || (run["path"] == "cpu" && run["draw_ms"].is_number());
         assert_eq!(run["upload_ms"]["median"].is_number(), drawn && run["path"] == "cpu", "{run}");
-        // Where frames draw, what counts is both, and it is the sum of both.
+        // If frames draw, the relevant time is the sum of update and draw.
         if let Some(both) = run["update_and_draw_ms"]["median"].as_f64() {
             let update = run["gpu_ms"]["min"].as_f64().unwrap();
             assert!(both > update && run["draw_ms"].as_f64().unwrap() > 0.0, "{run}");
@@ -86,7 +86,7 @@ fn chapter_runs_every_batch_size_of_the_dense_paths() {
             }
         }
     }
-    // Faster with larger batches: by passes alone, whatever the machine does.
+    // Faster with larger batches: compared by passes, independent of the machine.
     let comparisons = out["suites"][0]["comparisons"].as_array().unwrap();
     assert!(comparisons.len() >= 8);
     for c in comparisons {
@@ -117,7 +117,7 @@ fn crowd_counts_targets_for_one_head_and_many() {
             }
         }
     }
-    // One animation moves as many bytes for three copies as for one; three animations move three times as many.
+    // One animation moves the same bytes for three copies as for one; three animations move three times as many.
     let bytes = |heads: u64, shared: bool| {
         let at = |r: &&Value| r["technique"] == "compute" && r["targets"] == 12 && r["heads"] == heads;
         let run =
@@ -176,7 +176,7 @@ fn techniques_compete_in_every_cell() {
             assert_eq!((changed, active), expected, "{run}");
             assert!(run["alone"] == false && run["heads"] == cell["heads"], "{run}");
         }
-        // The ratio is the median of the rounds' own.
+        // The ratio is the median of the rounds' ratios.
         let of = |name: &Value| {
             let label = |r: &Value| format!("{} {}", r["technique"].as_str().unwrap(), r["format"].as_str().unwrap());
             let run = own.iter().find(|r| label(r) == name.as_str().unwrap()).unwrap();
@@ -192,7 +192,7 @@ fn techniques_compete_in_every_cell() {
         assert!((told - median).abs() < 1e-9 * median, "{told} {median}");
         assert!(cell["fastest"] == cell["blocks"] || cell["fastest"] == cell["best_other"], "{cell}");
     }
-    // A report draws itself again: the same pages from report.json alone.
+    // A report can be redrawn: the same pages from report.json alone.
     let again = folder.path().join("again");
     let (report, again) = (folder.path().join("report.json"), again.to_str().unwrap());
     ok(&["bench", "--redraw", report.to_str().unwrap(), "--report", again, "--quiet"]);
@@ -225,7 +225,7 @@ fn clips_come_from_the_input_or_from_the_data_sets() {
     };
     assert_eq!((changed(1), changed(2)), (1, 1));
 
-    // Nothing to run is a failure that says what to do.
+    // An empty selection is an error with a remedy.
     let empty = folder.path().join("none");
     std::fs::create_dir(&empty).unwrap();
     let nothing = std::process::Command::new(env!("CARGO_BIN_EXE_deltamorph"))
@@ -258,7 +258,7 @@ fn the_ordinary_run_shares_an_animation_too() {
     assert_eq!(own, one.iter().map(|b| 4 * b).collect::<Vec<_>>());
 }
 
-/// Poses are a dimension of the sweep, as formats are.
+/// Pose formats are a dimension of the sweep, like delta formats.
 #[test]
 fn bench_compares_pose_formats() {
     let base = ["bench", "--frames", "2", "--changed", "4", "--paths", "blocks,cpu", "--formats", "small,float32"];
@@ -278,7 +278,7 @@ fn bench_compares_pose_formats() {
     assert!(csv.lines().next().unwrap().ends_with(",pose") && csv.contains(",fixed16\n"), "{csv}");
     let page = std::fs::read_to_string(report.join("index.html")).unwrap();
     assert!(page.contains("small fixed16"), "tables and lines tell them apart");
-    // What is left out names what ran so far: float32, and fixed32 for exact sums.
+    // The default is the formats used so far: float32, and fixed32 for exact sums.
     let default = out(&[]);
     assert_eq!(default.iter().filter(|name| name.ends_with("fixed32 exact")).count(), 2, "{default:?}");
     assert_eq!(default, out(&["--accumulate", "float,exact"]));

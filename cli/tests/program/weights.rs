@@ -1,10 +1,9 @@
-//! What clips say and what targets get: names of other faces, weights of absolute poses, in-betweens of the built-in
-//! head.
+//! From clips to weights of targets: names of other faces, weights of absolute poses, in-betweens of the built-in head.
 
 use crate::cli::{HEAD, deltamorph, fails, json, ok};
 use std::path::Path;
 
-/// `text` as a clip in `folder`.
+/// Writes `text` as a clip in `folder`.
 fn clip(folder: &Path, text: &str) -> String {
     let path = folder.join("clip.csv");
     std::fs::write(&path, text).unwrap();
@@ -30,7 +29,7 @@ fn a_clip_in_other_names_plays_and_what_is_left_over_is_said() {
     assert_eq!(own["frames"][1]["bytes_moved"], other["frames"][1]["bytes_moved"]);
     let (played, _, said) = play("AU45,noSuchShape\n0.5,1\n");
     assert!(!played && said.contains("column 'noSuchShape' names no target"), "{said}");
-    // Names that are known, for which the head has nothing.
+    // Known names without a target on the head.
     let (played, _, said) = play("tongueOut,noseSneer_L\n0.5,1\n");
     assert!(
         !played && said.contains("'tongueOut' names no target of the mesh (nor does any of the other 1)"),
@@ -41,7 +40,7 @@ fn a_clip_in_other_names_plays_and_what_is_left_over_is_said() {
 #[test]
 fn weights_of_absolute_poses_are_normalised_and_what_that_changes_is_counted() {
     let folder = tempfile::tempdir().unwrap();
-    // From the second frame on one weight changes; above a sum of one that changes every factor that is not 0.
+    // From the second frame on one weight changes; above a sum of one that changes every nonzero factor.
     let clip =
         clip(folder.path(), "eyeBlinkLeft,eyeBlinkRight,eyeWideLeft\n0.75,0.5,0.75\n0.75,0.5,0.25\n0.25,0.5,0.25\n");
     let play = |more: &[&str]| {
@@ -53,7 +52,7 @@ fn weights_of_absolute_poses_are_normalised_and_what_that_changes_is_counted() {
     assert_eq!(play(&[]), ([three, one, one], [None; 3], serde_json::Value::Null));
     assert_eq!(play(&["--normalise"]), ([three; 3], [three, one, one], "text".into()));
     assert_eq!(play(&["--normalise=shader"]), ([three, one, one], [three, one, one], "shader".into()));
-    // What is set is normalised, too: two poses, half of each.
+    // Set weights are normalised, too: two poses, half of each.
     let pose = |set: &str, more: &[&str]| {
         let out = folder.path().join(format!("{}.obj", more.len()));
         let args = ["apply", "--path", "cpu", "--set", set, "-o", out.to_str().unwrap()];
@@ -73,7 +72,7 @@ fn a_head_with_in_betweens_has_a_rig_that_goes_through_them() {
     ok(&[&["sample", &dir, "--frames", "24", "--in-betweens"], &HEAD[..]].concat());
     let out = folder.path().join("half.json").to_str().unwrap().to_owned();
     let obj = folder.path().join("half.obj").to_str().unwrap().to_owned();
-    // Half of the way is the in-between alone; three quarters of it, both targets.
+    // Halfway, only the in-between is active; at three quarters, both targets.
     for (at, active) in [("0.5", 1), ("0.75", 2), ("1", 1)] {
         let set = format!("eyeBlinkLeft={at}");
         ok(&["apply", &dir, "--path", "cpu", "--set", &set, "-o", &obj, "--json", &out]);
