@@ -1,5 +1,5 @@
-//! The programs in C and C++, built against the library as a host builds them, and run as processes: under the
-//! validation layer from outside, and under valgrind.
+//! The programs in C and C++, built against the library as a host builds them, and run as processes: with the
+//! validation layer enabled from outside, and under valgrind.
 
 use deltamorph::{Asset, DeltaFormat, PackDesc, Tolerance};
 use deltamorph_head::{HeadDesc, head};
@@ -19,8 +19,8 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the repository").to_path_buf()
 }
 
-/// Where the libraries are: built here, since cargo builds a library that Rust cannot link for no test. No cargo holds
-/// the target folder while tests run.
+/// Returns the folder of the libraries: built here, since cargo does not build a library that Rust cannot link for a
+/// test. No cargo process holds the target folder while tests run.
 fn libraries() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     FOLDER.get_or_init(|| {
@@ -42,7 +42,7 @@ fn libraries() -> &'static Path {
             "--target-dir",
         ]);
         ran(cargo.arg(folder.parent().expect("target")).current_dir(root()));
-        // As capi/install does: programs look for this name when they start.
+        // As in capi/install: programs look up this name at start.
         ran(Command::new("ln").args(["-sf", "libdeltamorph_c.so"]).arg(folder.join(SONAME)));
         assert!(folder.join("libdeltamorph_c.so").is_file(), "{}: no libdeltamorph_c.so", folder.display());
         folder
@@ -59,10 +59,10 @@ fn ran(command: &mut Command) -> Output {
     output
 }
 
-/// A program, and the folder that it goes with.
+/// A program, and its folder.
 struct Program(TempDir, PathBuf);
 
-/// Compile `source` (a path from the root of the repository) as a host does; its text changed by `change`.
+/// Compiles `source` (a path from the root of the repository) as a host does, with its text changed by `change`.
 fn build(source: &str, change: impl FnOnce(String) -> String) -> Program {
     let dir = tempfile::tempdir().expect("a folder");
     let (from, program) = (root().join(source), dir.path().join("program"));
@@ -95,8 +95,8 @@ impl Program {
         command
     }
 
-    /// Run it with the layer switched on from outside, which prints to stdout then. 1.3.239 knows synchronization
-    /// validation by its old name only, of which 1.4.363 warns.
+    /// Runs it with the layer enabled from outside, which then prints to stdout. 1.3.239 knows synchronization
+    /// validation only by its old name, of which 1.4.363 warns.
     fn validated(&self, args: &[&OsStr]) -> Output {
         let settings = "khronos_validation.debug_action = VK_DBG_LAYER_ACTION_LOG_MSG\n\
                         khronos_validation.report_flags = error,warn,perf\n\
@@ -108,7 +108,7 @@ impl Program {
         command.env("VK_LOADER_DEBUG", "layer").output().expect("the program starts")
     }
 
-    /// Run it under valgrind, which ends with 9 where it found something.
+    /// Runs it under valgrind, which exits with 9 if it finds an error.
     fn under_valgrind(&self, args: &[&str]) -> Output {
         let suppressions = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/valgrind.supp");
         let mut command = Command::new("valgrind");
@@ -119,14 +119,14 @@ impl Program {
     }
 }
 
-/// What the layer has said.
+/// Returns the layer's messages.
 fn messages(output: &Output) -> Vec<String> {
     let marks = ["Validation", "VUID", "SYNC-HAZARD", "UNASSIGNED", "ERROR", "WARNING"];
     let said = text(&output.stdout);
     said.lines().filter(|line| marks.iter().any(|mark| line.contains(mark))).map(str::to_owned).collect()
 }
 
-/// Its silence counts only if the layer was there; the loader says on stderr what it inserts.
+/// Asserts that the layer was loaded, which the loader logs to stderr, and has no messages.
 fn assert_silent(output: &Output) {
     assert_eq!(messages(output), [""; 0]);
     for level in ["instance", "device"] {
@@ -175,7 +175,7 @@ fn the_c_program_finds_a_wrong_pose_and_the_layer_a_missing_barrier() {
     assert!(messages(&output).iter().any(|line| line.contains("SYNC-HAZARD")), "{}", text(&output.stdout));
 }
 
-/// A set, the host's own vertices, and all that follows the pose; the face from arrays, and from a .glb.
+/// A set, the host's own vertices, and all steps after the pose; the face from arrays, and from a .glb.
 #[test]
 fn a_scene_is_what_c_computes_in_double_precision() {
     let program = build("capi/tests/scene.c", unchanged);
@@ -192,7 +192,7 @@ fn a_scene_is_what_c_computes_in_double_precision() {
     }
 }
 
-/// Layers of clips, an instance that comes, bounds from weights.
+/// Layers of clips, an added instance, bounds from weights.
 #[test]
 fn a_head_that_plays_layers_is_what_the_reference_says() {
     let program = build("capi/tests/layers.c", unchanged);
@@ -228,7 +228,7 @@ fn a_head_that_plays_layers_is_what_the_reference_says() {
 fn a_scene_that_is_wrong_is_found() {
     let differs = "the scene: differs from what it should be";
     for (from, to, says) in [
-        // The joints of the first frame in all frames; a weight that the set never saw; no normals.
+        // The joints of the first frame in all frames; a weight missing from the set; no normals.
         ("DM(dm_crowd_set_joints(crowds[0], 0, frame * 192));", "", differs),
         (
             "patch_evaluate(&face, weights, exact);",
@@ -273,13 +273,13 @@ fn valgrind_finds_nothing_on_a_device() {
     }
 }
 
-/// Room that is not there: the only thing that the library cannot check, and what valgrind is here for.
+/// A buffer that is too small: the only error that the library cannot check, and the reason for valgrind.
 #[test]
 fn valgrind_finds_what_is_written_behind_the_end() {
     let overrun =
         "WORKS(dm_mesh_evaluate(mesh, NULL, 0, room_for(1198, sizeof(double)), 1200)); WORKS(dm_mesh_destroy(mesh));";
     let program = build("capi/tests/misuse.c", |source| {
-        // In the first function of the program, where it destroys its mesh.
+        // In the first function of the program, at the destruction of its mesh.
         source.replacen("WORKS(dm_mesh_destroy(mesh));", overrun, 1)
     });
     let output = program.under_valgrind(&["cpu"]);
@@ -295,8 +295,8 @@ fn cpp_owners_are_right_and_lose_nothing() {
     assert!(output.status.success(), "{}", text(&output.stderr));
 }
 
-/// The commands of README.md as printed, from a home of their own, end in a program that runs. Only the first is left
-/// out, which takes minutes: its folder is there, named as hosts name it that build elsewhere.
+/// The commands of README.md as printed, in a home folder of their own, produce a program that runs. Only the first is
+/// left out, since it takes minutes: its folder exists, with the name used by hosts that build elsewhere.
 #[test]
 fn the_commands_of_the_readme_end_in_a_program_that_runs() {
     let readme = std::fs::read_to_string(root().join("capi/README.md")).expect("the README");
@@ -319,7 +319,7 @@ fn the_commands_of_the_readme_end_in_a_program_that_runs() {
     assert!(needed.contains(&format!("{SONAME} => {}", home.path().display())), "{needed}");
 }
 
-/// As README.md of this package installs it; pkg-config and CMake then find it.
+/// Installed as in README.md of this package; pkg-config and CMake then find it.
 #[test]
 fn an_installed_library_is_found_and_linked_in_both_forms() {
     let dir = tempfile::tempdir().expect("a folder");
@@ -331,7 +331,7 @@ fn an_installed_library_is_found_and_linked_in_both_forms() {
         ask.args(["--cflags", "--libs", "deltamorph = 0.1.0"]).env("PKG_CONFIG_PATH", &config);
         let flags = text(&ran(ask.args((form == "static").then_some("--static"))).stdout);
         let program = dir.path().join(form);
-        // The linker takes the shared one of two.
+        // The linker prefers the shared library.
         let flags = if form == "static" { flags.replace("-ldeltamorph_c", "-l:libdeltamorph_c.a") } else { flags };
         ran(Command::new("c++").arg("-std=c++17").arg(&source).args(flags.split_whitespace()).arg("-o").arg(&program));
         let mut run = Command::new(&program);
