@@ -29,7 +29,7 @@ fn planning_in_blocks_allocates_nothing_after_the_first_frames() {
                     planner.plan(&mut instances, number);
                     planner.stats().dirty_blocks
                 };
-                // The first two frames size the buffers.
+                // The first two frames size the retained buffers.
                 (1..3).for_each(|number| {
                     weights[0] += 0.5;
                     frame(number, &weights);

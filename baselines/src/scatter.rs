@@ -2,8 +2,8 @@
 //! then a pass makes the pose from the sums.
 //!
 //! Weights and deltas are integers on the grid of 32-bit fixed-point poses ([`PoseGrid`]): nothing overflows, and the
-//! sums equal such poses of `blocks` bit for bit. So does the error: that of packing, and at most ½ · weight step · Σ
-//! |delta| for weights that are not on the grid.
+//! sums equal such poses of `blocks` bit for bit. The error is the same, too: that of packing, and at most ½ · weight
+//! step · Σ |delta| for weights that are not on the grid.
 
 use crate::draws::{has_changed, one_pass};
 use crate::{check_storage, private};

@@ -147,7 +147,7 @@ fn sphere(mesh: &MorphMesh, triangles: &[[u32; 3]]) -> Option<Vec4> {
     (triangles.len() >= 12 && centre.is_finite() && radius.is_finite()).then(|| (origin + centre).extend(radius))
 }
 
-/// Whether the corners lie on the sphere and cover most of it, and the sphere is as large as an eye.
+/// Returns whether the corners lie on the sphere and cover most of it, and the sphere is as large as an eye.
 fn is_eyeball(mesh: &MorphMesh, triangles: &[[u32; 3]], ball: &Vec4) -> bool {
     let (centre, radius) = (ball.truncate(), ball.w);
     // The cornea bulges by an eighth.

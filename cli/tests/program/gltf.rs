@@ -58,7 +58,7 @@ fn a_gltf_file_is_an_input_and_its_animations_are_clips() {
     assert_eq!((&info["input"]["vertices"], &info["input"]["targets"]), (&3.into(), &2.into()));
     let [out, buffer] = ["pose.obj", "buffer.bin"].map(|name| dir.path().join(name).to_str().unwrap().to_owned());
     let (out, buffer) = (out.as_str(), buffer.as_str());
-    // Of the input by name, of a named file, and the only one of a file.
+    // Clips: of the input by name, of a named file by name, and the only one of a file.
     for weights in ["nod #1".to_owned(), format!("{face}#nod #1"), face.clone()] {
         ok(&["apply", &face, "--weights", &weights, "--frame", "1", "--path", "cpu", "-o", out]);
         let text = std::fs::read_to_string(out).unwrap();

@@ -101,7 +101,7 @@ pub(crate) fn update(
         engine.meshes.get_mut(id).into_iter().for_each(|mesh| mesh.turn(changed, is_written));
     }
 
-    // Weights are read in pairs from 1 0 1: at the first, they select target 0; at the second, target 1.
+    // Of the weights 1 0 1, the pair from the first on selects target 0, the pair from the second on target 1.
     let MorphUniforms { current_buffer: weights, descriptors_buffer, .. } = &mut *uniforms;
     let begin = weights.len() as u32;
     [1.0, 0.0, 1.0].into_iter().for_each(|weight| _ = weights.push(weight));
