@@ -8,7 +8,7 @@ mod picture;
 mod report;
 mod sheet;
 mod shots;
-pub mod twins;
+mod twins;
 mod yee;
 
 use crate::args::lod::{LodArgs, Metric};

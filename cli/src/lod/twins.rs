@@ -42,32 +42,23 @@ pub fn middle(mesh: &MorphMesh) -> f32 {
     if low.x <= high.x { (low.x + high.x) / 2.0 } else { 0.0 }
 }
 
-/// The target on the other side of the face: jawLeft for jawRight, brow_L for brow_R.
-pub fn twin(names: &[String], target: usize) -> Option<usize> {
-    const SIDES: [[&str; 2]; 4] = [["Left", "Right"], ["left", "right"], ["LEFT", "RIGHT"], ["_l_", "_r_"]];
-    const ENDS: [[&str; 2]; 4] = [["_L", "_R"], ["_l", "_r"], [".L", ".R"], [".l", ".r"]];
-    let name = &names[target];
-    let other = |from: &str, to: &str, end: bool| {
-        let changed = if end {
-            name.strip_suffix(from).map(|stem| format!("{stem}{to}"))
-        } else {
-            name.rfind(from).map(|at| format!("{}{to}{}", &name[..at], &name[at + from.len()..]))
-        };
-        changed.and_then(|changed| names.iter().position(|name| *name == changed))
-    };
-    let both = |sides: &[[&str; 2]], end| {
-        sides.iter().find_map(|[left, right]| other(left, right, end).or_else(|| other(right, left, end)))
-    };
-    both(&SIDES, false).or_else(|| both(&ENDS, true))
+/// The name of the target on the other side of the face, for names with a side.
+fn twin_of(name: &str) -> Option<String> {
+    let swap = |from: &str, to: &str| name.ends_with(from).then(|| format!("{}{to}", &name[..name.len() - from.len()]));
+    let inside = || name.contains("Left").then(|| name.replacen("Left", "Right", 1));
+    swap("Left", "Right")
+        .or_else(|| swap("_L", "_R"))
+        .or_else(|| swap("_l", "_r"))
+        .or_else(|| swap(".L", ".R"))
+        .or_else(inside)
 }
 
 /// Pairs of `mesh` by name: …Left and …Right, …_L and …_R.
 pub fn pairs(mesh: &MorphMesh) -> Vec<Pair> {
     let middle = middle(mesh);
-    let names: Vec<String> = mesh.targets.iter().map(|target| target.name.clone()).collect();
-    // Each pair once: the left one comes first alphabetically.
-    let found = (0..names.len()).filter_map(|t| twin(&names, t).map(|other| [t, other]));
-    let found: Vec<[usize; 2]> = found.filter(|[left, right]| names[*left] < names[*right]).collect();
+    let named =
+        |(left, target): (usize, &deltamorph::MorphTarget)| Some([left, mesh.target_index(&twin_of(&target.name)?)?]);
+    let found: Vec<[usize; 2]> = mesh.targets.iter().enumerate().filter_map(named).collect();
     let mut partner = vec![];
     if !found.is_empty() {
         let tree = tree(&mesh.positions);

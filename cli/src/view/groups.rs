@@ -1,6 +1,4 @@
-//! Groups of targets by the part of a face in their names, with twins next to each other.
-
-use crate::lod::twins::twin;
+//! Groups of targets by the part of a face in their names, and pairs of left and right.
 
 /// Parts of a face in the order listed, and words in the names of their targets.
 const PARTS: [(&str, &[&str]); 7] = [
@@ -37,6 +35,25 @@ pub fn groups(names: &[String]) -> Vec<Group> {
     }
     groups.retain(|group| !group.targets.is_empty());
     groups
+}
+
+/// The target on the other side of the face: jawLeft of jawRight, brow_L of brow_R.
+pub fn twin(names: &[String], target: usize) -> Option<usize> {
+    const SIDES: [[&str; 2]; 4] = [["Left", "Right"], ["left", "right"], ["LEFT", "RIGHT"], ["_l_", "_r_"]];
+    const ENDS: [[&str; 2]; 4] = [["_L", "_R"], ["_l", "_r"], [".L", ".R"], [".l", ".r"]];
+    let name = &names[target];
+    let other = |from: &str, to: &str, end: bool| {
+        let changed = if end {
+            name.strip_suffix(from).map(|stem| format!("{stem}{to}"))
+        } else {
+            name.rfind(from).map(|at| format!("{}{to}{}", &name[..at], &name[at + from.len()..]))
+        };
+        changed.and_then(|changed| names.iter().position(|name| *name == changed))
+    };
+    let both = |sides: &[[&str; 2]], end| {
+        sides.iter().find_map(|[left, right]| other(left, right, end).or_else(|| other(right, left, end)))
+    };
+    both(&SIDES, false).or_else(|| both(&ENDS, true))
 }
 
 #[cfg(test)]

@@ -1,12 +1,11 @@
 //! The user's choices, and the effects of commands on them. Independent of window and device.
 
 use super::command::{Command, Look};
-use super::groups::{Group, groups};
+use super::groups::{Group, groups, twin};
 use crate::args::RunArgs;
 use crate::args::view::ViewArgs;
 use crate::detail::Detail;
 use crate::input::{self, Input, Meshes};
-use crate::lod::twins::twin;
 use crate::output::{Failure, Output};
 use deltamorph::BoundClip;
 use deltamorph_head::Rng;
