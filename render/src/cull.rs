@@ -1,7 +1,6 @@
 //! Culling of heads that are outside the picture of a pass.
 
-use deltamorph::{Bounds, WeightBounds};
-use deltamorph::{PackedMesh, Result, UpdateDesc, UpdateStats};
+use deltamorph::{Bounds, PackedMesh, Result, UpdateDesc, UpdateStats, WeightBounds};
 use glam::{Mat4, Vec3, Vec4};
 
 /// The clip volume of Vulkan lies on the positive side of each plane.
