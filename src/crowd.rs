@@ -1,8 +1,10 @@
 //! `CrowdBase`: instances and their requested weights, for crowds of all kinds. Independent of devices.
 
-use crate::error::Result;
+use crate::calls::{Call, CallLog};
+use crate::error::{Error, Result};
 use crate::pack::PackedLayout;
 use crate::pack::blocks::PoseGrid;
+use crate::plan::UpdateDesc;
 use crate::plan::instances::{Instances, check_weight, check_weights, target_named};
 use std::ops::Range;
 
@@ -15,6 +17,8 @@ pub struct CrowdBase<K: ?Sized> {
     pub(crate) instances: Instances,
     /// Updates planned so far.
     pub(crate) updates: u64,
+    /// Calls, while they are logged.
+    pub(crate) log: Option<CallLog>,
     pub(crate) kind: K,
 }
 
@@ -45,6 +49,9 @@ pub trait Kind {
 
 /// A kind of crowd whose weights the host sets.
 pub trait TakesWeights: Kind {
+    /// The description that the crowd was created with.
+    fn update_desc(&self) -> &UpdateDesc;
+
     /// Checks weights against limits of the technique beyond those of the mesh.
     ///
     /// # Errors
@@ -75,6 +82,7 @@ impl<K: Kind + ?Sized> CrowdBase<K> {
     pub fn cut(&mut self, instance: u32) -> Result<()> {
         self.instances.cut(instance)?;
         self.kind.cut(instance);
+        self.log(|| Call::Cut(instance));
         Ok(())
     }
 
@@ -86,6 +94,7 @@ impl<K: Kind + ?Sized> CrowdBase<K> {
     pub fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<()> {
         if self.instances.set_hidden(instance, hidden)? {
             self.kind.set_hidden(instance, hidden);
+            self.log(|| Call::Hidden(instance, hidden));
         }
         Ok(())
     }
@@ -99,6 +108,7 @@ impl<K: Kind + ?Sized> CrowdBase<K> {
     pub fn add(&mut self) -> Result<u32> {
         let instance = self.instances.add()?;
         self.kind.add(instance);
+        self.log(|| Call::Add);
         Ok(instance)
     }
 
@@ -109,7 +119,14 @@ impl<K: Kind + ?Sized> CrowdBase<K> {
     pub fn remove(&mut self, instance: u32) -> Result<()> {
         self.instances.remove(instance)?;
         self.kind.remove(instance);
+        self.log(|| Call::Remove(instance));
         Ok(())
+    }
+
+    pub(crate) fn log(&mut self, call: impl FnOnce() -> Call) {
+        if let Some(log) = &mut self.log {
+            log.add(&call());
+        }
     }
 
     /// The instances that are shown, ascending.
@@ -127,6 +144,9 @@ impl<K: TakesWeights> CrowdBase<K> {
     /// more active targets than a draw of `direct-attributes` supports. Nothing changes then.
     pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
         self.check_weights(instance, weights)?;
+        if let Some(log) = &mut self.log {
+            log.add_weights(instance, self.instances.weights(instance)?, weights);
+        }
         self.instances.set_weights(instance, weights)
     }
 
@@ -152,6 +172,8 @@ impl<K: TakesWeights> CrowdBase<K> {
         };
         if checked.is_err() {
             self.instances.set_weight(instance, target, before)?;
+        } else if before.to_bits() != weight.to_bits() {
+            self.log(|| Call::Weights(instance, vec![(target as u32, weight)]));
         }
         checked
     }
@@ -176,7 +198,57 @@ impl<K: TakesWeights> CrowdBase<K> {
     /// error budgets.
     pub fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()> {
         self.instances.check(instance)?;
-        self.kind.set_error_budget(instance, budget)
+        self.kind.set_error_budget(instance, budget)?;
+        self.log(|| Call::ErrorBudget(instance, budget));
+        Ok(())
+    }
+
+    /// Starts to log calls on this crowd that decide its poses, such as for a bug report: `deltamorph replay` makes
+    /// the same calls on another driver, where fixed-point poses are the same bit for bit. A frame takes some 10 bytes
+    /// for each weight that changes. A log that is begun after updates starts with the weights of that time; error
+    /// budgets of instances set before are not in it.
+    pub fn log_calls(&mut self) {
+        let (instances, layout) = (self.instances.count(), self.kind.layout());
+        let mut log = CallLog::new(self.kind.update_desc(), instances, layout, self.updates);
+        let zero = vec![0.0; layout.targets.len()];
+        for (instance, requested) in (0..).zip(self.instances.requested()) {
+            match (requested, self.instances.weights(instance)) {
+                (None, Err(_)) => log.add(&Call::Remove(instance)),
+                (None, Ok(weights)) => {
+                    log.add_weights(instance, &zero, weights);
+                    log.add(&Call::Hidden(instance, true));
+                }
+                (Some(weights), _) => log.add_weights(instance, &zero, weights),
+            }
+        }
+        self.log = Some(log);
+    }
+
+    /// The text logged since [`log_calls`](Self::log_calls) or since it was last taken, to be added to the end of a
+    /// file that [`Calls::read`](crate::calls::Calls::read) reads; empty if nothing is logged.
+    pub fn take_calls(&mut self) -> String {
+        self.log.as_mut().map(CallLog::take).unwrap_or_default()
+    }
+
+    /// Makes a logged call.
+    ///
+    /// # Errors
+    /// Those of the method that it names. [`Call::Update`], which is for the caller to do, and [`Call::Discard`].
+    pub fn repeat(&mut self, call: &Call) -> Result<()> {
+        match call {
+            Call::Weights(instance, weights) => {
+                let set = |(target, weight): &(u32, f32)| self.set_weight(*instance, *target as usize, *weight);
+                weights.iter().try_for_each(set)
+            }
+            Call::Cut(instance) => self.cut(*instance),
+            Call::Hidden(instance, hidden) => self.set_hidden(*instance, *hidden),
+            Call::Add => self.add().map(|_| ()),
+            Call::Remove(instance) => self.remove(*instance),
+            Call::ErrorBudget(instance, budget) => self.set_error_budget(*instance, *budget),
+            Call::Update | Call::Discard(_) => {
+                Err(Error::invalid(format!("the call '{call}' to be repeated"), "update the crowd in its place"))
+            }
+        }
     }
 
     /// The requested weights of `instance`, one per target in the mesh's order, as they were set. Applied weights may

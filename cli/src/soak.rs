@@ -96,7 +96,7 @@ impl Sums {
 }
 
 /// FNV-1a over the bytes of `sums`, least significant first.
-fn fnv(sums: &[i32]) -> u64 {
+pub fn fnv(sums: &[i32]) -> u64 {
     let bytes = sums.iter().flat_map(|s| s.to_le_bytes());
     bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }

@@ -7,6 +7,7 @@ mod simd;
 mod sums;
 mod workers;
 
+use crate::calls::Call;
 use crate::crowd::{CrowdBase, Kind, TakesWeights};
 use crate::error::{Error, Result};
 use crate::pack::blocks::PoseGrid;
@@ -32,6 +33,7 @@ pub type CpuCrowd = CrowdBase<OnCpu>;
 
 /// The kind of crowd behind [`CpuCrowd`].
 pub struct OnCpu {
+    desc: UpdateDesc,
     mesh: Arc<PackedMesh>,
     /// By group.
     memory: Vec<Memory>,
@@ -128,6 +130,10 @@ impl Kind for OnCpu {
 }
 
 impl TakesWeights for OnCpu {
+    fn update_desc(&self) -> &UpdateDesc {
+        &self.desc
+    }
+
     fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()> {
         self.planner.set_error_budget(instance, budget)
     }
@@ -178,13 +184,14 @@ impl CpuCrowd {
         };
         let memory = mesh.groups().iter().map(|group| Memory::new(group, desc, count));
         let memory = memory.collect::<Result<_>>()?;
-        Ok(Self { instances, updates: 0, kind: OnCpu { mesh, memory, workers, planner } })
+        Ok(Self { instances, updates: 0, log: None, kind: OnCpu { desc, mesh, memory, workers, planner } })
     }
 
     /// Updates all poses to the requested weights.
     pub fn update(&mut self) -> UpdateStats {
         self.updates += 1;
-        let OnCpu { mesh, memory, workers, planner } = &mut self.kind;
+        self.log(|| Call::Update);
+        let OnCpu { mesh, memory, workers, planner, .. } = &mut self.kind;
         planner.plan(&mut self.instances, self.updates);
         for (number, (group, memory)) in mesh.groups().iter().zip(memory).enumerate() {
             planner.run(number, group, memory, workers);

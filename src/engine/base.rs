@@ -5,6 +5,7 @@ use super::upload::GpuMesh;
 use super::views::{self, PoseView};
 use crate::after::{After, TargetContext};
 use crate::asset::streams::{Semantic, StreamPlace};
+use crate::calls::Call;
 use crate::crowd::{CrowdBase, Kind};
 use crate::error::{Error, Result};
 use crate::gpu::device::Device;
@@ -173,7 +174,8 @@ impl<U: Updater> CrowdBase<OnDevice<U>> {
             recorded: 0,
             discarded: vec![],
         };
-        Ok(Self { instances: Instances::new(instances as usize, targets, slots, frames), updates: 0, kind })
+        let instances = Instances::new(instances as usize, targets, slots, frames);
+        Ok(Self { instances, updates: 0, log: None, kind })
     }
 }
 
@@ -223,6 +225,9 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
         kind.updater.technique_mut().discard_from(ticket.id);
         kind.after.discard_from(update);
         kind.recorded = kind.recorded.min(ticket.id.recorded);
+        if let Some(log) = &mut self.log {
+            log.discard_from(update);
+        }
         Ok(())
     }
 
@@ -353,6 +358,7 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
     /// Plans an update and advances the state. If it fails, call [`discard_last`](Self::discard_last).
     pub(super) fn plan(&mut self) -> Result<Update> {
         self.updates += 1;
+        self.log(|| Call::Update);
         let OnDevice { updater, after, steps, wrote, last, desc, recorded, .. } = &mut self.kind;
         steps.clear();
         // Reuses the lists of the update `frames_in_flight` before it.

@@ -11,6 +11,7 @@ use crate::error::Result;
 use crate::gpu::memory::Buffer;
 use crate::lod::{Camera, Place};
 use crate::pack::PackedMesh;
+use crate::plan::UpdateDesc;
 use crate::update::animated::{Animated, Clips, Playback};
 use crate::update::crowd::CrowdDesc;
 use crate::update::technique::Technique;
@@ -70,6 +71,10 @@ impl Updater for Playing {
 }
 
 impl TakesWeights for OnDevice<Weighted> {
+    fn update_desc(&self) -> &UpdateDesc {
+        &self.desc.update
+    }
+
     fn check_weights(&self, weights: &[f32]) -> Result<()> {
         self.updater.technique.check_weights(weights)
     }

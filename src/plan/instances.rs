@@ -38,6 +38,11 @@ impl Instances {
         Self { places: vec![place; places] }
     }
 
+    /// Number of places.
+    pub fn count(&self) -> usize {
+        self.places.len()
+    }
+
     fn place(&mut self, instance: u32) -> Result<&mut Place> {
         let i = self.check(instance)?;
         Ok(&mut self.places[i])

@@ -6,6 +6,7 @@ mod gpu;
 #[path = "../../examples/draw/offscreen.rs"]
 mod offscreen;
 
+mod calls;
 mod errors;
 mod pipelines;
 mod queues;
