@@ -1,15 +1,20 @@
-//! How a host draws a head from 16-bit fixed-point poses, with vertex attributes and `glsl/host/pose.glsl` only.
+//! How a host draws a head from 16-bit fixed-point poses in its own vertex buffer, with vertex attributes and
+//! `glsl/host/pose.glsl` only.
 //!
 //!     cargo run --example draw [PART OF A DEVICE'S NAME]
 //!
-//! Such poses take half the bytes of float32 ones: a draw binds the base pose as a second vertex buffer, and decodes in
-//! its vertex shader. The example draws an expression into `head.ppm`; `tests/after/pictures.rs` compares pictures with
-//! those of float32 poses. The device comes from the package `headless`; `examples/minimal.rs` is a host with its own.
+//! Updates write each pose into the host's interleaved vertices, beside a colour that is the host's alone. Such poses
+//! take half the bytes of float32 ones: a draw binds the base pose as a second vertex buffer, and decodes in its vertex
+//! shader. The example draws an expression into `head.ppm`; `tests/after/pictures.rs` compares pictures with those of
+//! float32 poses. The device comes from the package `headless`; `examples/minimal.rs` is a host with its own.
 
 pub(crate) mod offscreen;
 
 use deltamorph::ash::vk;
-use deltamorph::{CrowdDesc, DeltaFormat, PackedMesh, PoseFormat, Tolerance, UpdateDesc};
+use deltamorph::{
+    CrowdDesc, DeltaFormat, HostPoses, MorphSource, PackedLayout, PackedMesh, PoseFormat, Semantic, Tolerance,
+    UpdateDesc, VertexLayout,
+};
 use deltamorph_head as head;
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
 use glam::{Mat4, Vec3};
@@ -18,21 +23,27 @@ use offscreen::{Offscreen, Result};
 /// Red, green, blue, opacity.
 pub type Pixel = [u8; 4];
 
-/// The shader is the same for all pose formats.
+/// The shader is the same for all pose formats, whose attributes are at locations 0 to 3.
 const VERTEX: &str = "
     layout(push_constant) uniform Push { mat4 view; vec2 units; };
+    layout(location = 4) in vec4 colour;
     layout(location = 0) out vec3 normal;
+    layout(location = 1) out vec3 albedo;
     void main() {
         gl_Position = view * vec4(pose_position(units), 1.0);
         normal = pose_normal(units);
+        albedo = colour.rgb;
     }";
 const FRAGMENT: &str = "#version 450
     layout(location = 0) in vec3 normal;
+    layout(location = 1) in vec3 albedo;
     layout(location = 0) out vec4 pixel;
     void main() {
         float light = 0.5 + 0.5 * dot(normalize(normal), vec3(0.36, 0.48, 0.8));
-        pixel = vec4(vec3(0.9, 0.7, 0.6) * light, 1.0);
+        pixel = vec4(albedo * light, 1.0);
     }";
+/// Colours of skin, eyes, teeth and mouth.
+const COLOURS: [Pixel; 4] = [[230, 179, 153, 255], [235, 235, 230, 255], [240, 236, 220, 255], [166, 84, 84, 255]];
 const BACKGROUND: [f32; 4] = [0.5, 0.39, 0.33, 1.0];
 
 /// Draws the built-in head from poses in a format, once for each list of weights, into `edge` × `edge` pixels.
@@ -43,18 +54,29 @@ pub fn pictures(headless: &Headless, format: PoseFormat, frames: &[Vec<f32>], ed
     let mut uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) })?;
     // SAFETY: the upload has run.
     unsafe { uploaded.release_staging() };
-    let mut crowd = engine.create_crowd(&uploaded, &CrowdDesc::new(UpdateDesc::blocks().pose(format)))?;
 
     let host = Offscreen::new(headless, edge, vk::Format::R8G8B8A8_UNORM)?;
+    let (update, at) = (UpdateDesc::blocks().pose(format), format.stride());
+    let vertex = VertexLayout::new(at as u32 + 4).stream(Semantic::Position, 0).stream(Semantic::Normal, at as u32 / 2);
+    // A pose for each slot; all that updates write of a vertex is the pose.
+    let colours = colours(&source, mesh.layout())?.repeat(update.slots as usize);
+    let vertices: Vec<u8> = colours.into_iter().flat_map(|colour| [&vec![0; at][..], &colour].concat()).collect();
+    // SAFETY: the buffer is large enough, is dropped after the crowd, and only the draws below read it.
+    let poses = unsafe { HostPoses::new(host.filled(&vertices)?, 0, vertex) };
+    let mut crowd = engine.create_crowd(&uploaded, &CrowdDesc::new(update).poses(Some(poses)))?;
+
     let pixels = host.shared((edge * edge) as usize * size_of::<Pixel>(), vk::BufferUsageFlags::TRANSFER_DST)?;
     let mut triangles = source.faces.triangles().concat();
     mesh.layout().remap_indices(&mut triangles)?; // packing reorders the vertices that draws name
     let indices = host.filled(&triangles)?;
     // The declarations of `pose.glsl` for the format, and the matching bindings and attributes.
     let version = format!("#version 450\n#define POSE_{}\n", format.name().to_uppercase());
-    let vertex = version + include_str!("../../glsl/host/pose.glsl") + VERTEX;
-    let input = format.vertex_input(false);
-    let (pipeline, layout) = host.pipeline([&vertex, FRAGMENT], &input, 72)?;
+    let shader = version + include_str!("../../glsl/host/pose.glsl") + VERTEX;
+    let mut input = format.vertex_input(false);
+    input.0[0].stride = vertex.stride();
+    let colour = vk::VertexInputAttributeDescription::default().location(4).format(vk::Format::R8G8B8A8_UNORM);
+    input.1.push(colour.offset(at as u32));
+    let (pipeline, layout) = host.pipeline([&shader, FRAGMENT], &input, 72)?;
     let view = view(&source.positions).to_cols_array();
 
     let drawn = frames.iter().map(|weights| {
@@ -80,6 +102,19 @@ pub fn pictures(headless: &Headless, format: PoseFormat, frames: &[Vec<f32>], ed
         Ok(host.contents(&pixels))
     });
     drawn.collect()
+}
+
+/// Returns a colour for each vertex, in pose-buffer order. Parts of the head have tiles of texture coordinates.
+fn colours(source: &MorphSource, layout: &PackedLayout) -> deltamorph::Result<Vec<Pixel>> {
+    let mut places: Vec<u32> = (0..layout.vertex_count as u32).collect();
+    layout.remap_indices(&mut places)?;
+    let mut colours = vec![COLOURS[0]; layout.padded_vertices()];
+    for face in source.faces.iter() {
+        let u = face.iter().filter_map(|corner| Some(source.texcoords[corner.texcoord? as usize].x)).sum::<f32>();
+        let part = (u / face.len() as f32) as usize;
+        face.iter().for_each(|corner| colours[places[corner.position as usize] as usize] = COLOURS[part.min(3)]);
+    }
+    Ok(colours)
 }
 
 /// Returns a view of all these positions, from the front and slightly above.

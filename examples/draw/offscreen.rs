@@ -135,11 +135,11 @@ impl<'a> Offscreen<'a> {
         }
     }
 
-    /// Makes a buffer with these contents, of vertex attributes or indices.
+    /// Makes a buffer with these contents: vertices, which shaders may write, or indices.
     pub fn filled<T: bytemuck::NoUninit>(&self, contents: &[T]) -> Result<vk::Buffer> {
         let bytes: &[u8] = bytemuck::cast_slice(contents);
         let usage = vk::BufferUsageFlags::VERTEX_BUFFER | vk::BufferUsageFlags::INDEX_BUFFER;
-        let shared = self.shared(bytes.len(), usage)?;
+        let shared = self.shared(bytes.len(), usage | vk::BufferUsageFlags::STORAGE_BUFFER)?;
         // SAFETY: as many bytes are mapped, and nothing else uses them yet.
         unsafe { shared.mapped.copy_from_nonoverlapping(bytes.as_ptr(), bytes.len()) };
         Ok(shared.buffer)
