@@ -10,15 +10,16 @@ use super::stats::Stats;
 use crate::args::bench::BenchArgs;
 use crate::input::MeshInfo;
 use crate::output::{Failure, Output};
-use crate::table::{Table, count, listed, optional, percent, sig3};
+use crate::table::{Table, count, optional, sig3};
 use serde::Serialize;
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 use std::iter::once;
 use std::path::PathBuf;
 
 /// Fields that identify a configuration: words, which tables align left, and numbers.
-const WORDS: &str = "suite cell technique mesh path mode format pose accumulate workload shared";
-const NUMBERS: &str = "targets batch_size changed heads crowds slots error_budget";
+const WORDS: [&str; 11] =
+    ["suite", "cell", "technique", "mesh", "path", "mode", "format", "pose", "accumulate", "workload", "shared"];
+const NUMBERS: [&str; 7] = ["targets", "batch_size", "changed", "heads", "crowds", "slots", "error_budget"];
 /// Fewest times with a meaningful spread.
 const LEAST: usize = 4;
 
@@ -30,39 +31,17 @@ type Keyed<'a> = (Key, &'a RunRecord);
 #[derive(Debug, Serialize)]
 struct Comparison {
     schema: u32,
-    version: &'static str,
-    /// "A", "B", … in the order given; the others are compared with the first.
-    reports: Vec<Source>,
+    /// Name ('A', 'B', …), file and number of runs, in the order given; the others are compared with the first.
+    reports: Vec<Value>,
     /// Differences besides the program.
     warnings: Vec<String>,
     comparisons: Vec<Against>,
 }
 
-/// A compared report.
-#[derive(Debug, Serialize)]
-struct Source {
-    name: String,
-    file: String,
-    version: String,
-    created: String,
-    command: String,
-    device: DeviceInfo,
-    input: MeshInfo,
-    runs: usize,
-}
-
 /// A report, compared with the first.
 #[derive(Debug, Serialize)]
 struct Against {
-    name: String,
-    baseline: String,
-    faster: usize,
-    slower: usize,
-    within_spread: usize,
-    undecided: usize,
-    wrong: usize,
-    /// Geometric mean of the ratios.
-    ratio_mean: Option<f64>,
+    name: char,
     configurations: Vec<Pair>,
     only_in_baseline: Vec<Key>,
     only_here: Vec<Key>,
@@ -73,7 +52,9 @@ struct Against {
 struct Pair {
     #[serde(flatten)]
     key: Key,
-    verdict: Verdict,
+    /// "faster", "slower", "within_spread" (the spreads overlap), "undecided" (fewer than [`LEAST`] times, or times of
+    /// different kinds) or "wrong".
+    verdict: &'static str,
     /// "update", "update and draws", or "round trip".
     time: &'static str,
     baseline_ms: Option<f64>,
@@ -90,38 +71,10 @@ struct Pair {
     problem: Option<String>,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-enum Verdict {
-    Faster,
-    Slower,
-    /// The spreads overlap.
-    WithinSpread,
-    /// Fewer than [`LEAST`] times.
-    Undecided,
-    Wrong,
-}
-
-impl Verdict {
-    /// The verdict in tables: "within spread".
-    fn word(self) -> String {
-        plain(&serde_json::to_value(self).unwrap_or_default()).replace('_', " ")
-    }
-
-    fn of([before, after]: [Stats; 2]) -> Self {
-        match before.n.min(after.n) < LEAST {
-            true => Self::Undecided,
-            false if after.max < before.min => Self::Faster,
-            false if after.min > before.max => Self::Slower,
-            false => Self::WithinSpread,
-        }
-    }
-}
-
 pub fn run(args: &BenchArgs, out: &Output) -> Result<(), Failure> {
     let read = |path: &PathBuf| Ok((path.display().to_string(), report::read(path)?));
     let reports: Vec<(String, Report)> = args.compare.iter().map(read).collect::<Result<_, Failure>>()?;
-    let found = Comparison::new(reports)?;
+    let found = Comparison::new(&reports)?;
     out.say(found.text());
     found.warnings.iter().for_each(|warning| out.note(warning));
     out.json(&found)
@@ -129,165 +82,97 @@ pub fn run(args: &BenchArgs, out: &Output) -> Result<(), Failure> {
 
 impl Comparison {
     /// Compares the first of `reports`, which come with their files, with each of the others.
-    fn new(reports: Vec<(String, Report)>) -> Result<Self, Failure> {
-        let names: Vec<String> = (0..reports.len()).map(name).collect();
+    fn new(reports: &[(String, Report)]) -> Result<Self, Failure> {
         let keyed: Vec<Vec<Keyed<'_>>> = reports.iter().map(|(_, report)| keyed(report)).collect();
-        let others = || keyed.iter().zip(&names).skip(1);
-        let comparisons: Vec<Against> =
-            others().map(|(runs, name)| Against::new(&keyed[0], runs, [&names[0], name])).collect();
+        let others = keyed.iter().zip('A'..).skip(1);
+        let comparisons: Vec<Against> = others.map(|(runs, name)| Against::new(&keyed[0], runs, name)).collect();
         if comparisons.iter().all(|found| found.configurations.is_empty()) {
+            let files: Vec<&str> = reports.iter().map(|(file, _)| file.as_str()).collect();
             return Err(Failure::Failed(format!(
-                "{} and {}: no configuration is in both{}; measure both with the same INPUT and options",
-                reports[0].0,
-                reports[1].0,
-                difference(&keyed[0], &keyed[1]).map_or(String::new(), |why| format!(" ({why})")),
+                "{}: no configuration is in the first and in another; measure both with the same INPUT and options",
+                files.join(", ")
             )));
         }
-        let mut warnings: Vec<String> = vec![];
-        for (((file, report), name), found) in reports.iter().zip(&names).skip(1).zip(&comparisons) {
-            warnings.extend(differences(&reports[0].1, report, [&names[0], name]));
-            if found.configurations.is_empty() {
-                warnings.push(format!("{name} ({file}) has no configuration in common with {}.", names[0]));
-            }
-        }
-        let source = |((file, report), name): ((String, Report), String)| {
-            let Report { version, created, command, device, input, runs, .. } = report;
-            Source { name, file, version, created, command, device, input, runs: runs.len() }
-        };
-        let reports = reports.into_iter().zip(names).map(source).collect();
-        Ok(Self { schema: 1, version: env!("CARGO_PKG_VERSION"), reports, warnings, comparisons })
+        let warnings = reports.iter().zip('A'..).skip(1);
+        let warnings = warnings.flat_map(|((_, report), name)| differences(&reports[0].1, report, name)).collect();
+        let reports = reports.iter().zip('A'..);
+        let reports =
+            reports.map(|((file, report), name)| json!({"name": name, "file": file, "runs": report.runs.len()}));
+        Ok(Self { schema: 1, reports: reports.collect(), warnings, comparisons })
     }
 
     fn text(&self) -> String {
         let of = |against: &Against| format!("{}\n\n{}", against.table(), against.summary());
-        let reports: Vec<_> = self.reports.iter().map(|source| format!("{}: {}", source.name, source.file)).collect();
+        let report = |report: &Value| format!("{}: {}", plain(&report["name"]), plain(&report["file"]));
+        let reports = self.reports.iter().map(report).collect::<Vec<_>>().join("\n");
         let limits = "Spread: the least and the greatest time of a run. What differed during the whole of one run, such as \
                       another program at work or a warmer processor, counts as a difference of the program's: compare \
                       two runs of one program to learn how far apart they are.";
-        once(reports.join("\n"))
-            .chain(self.comparisons.iter().map(of))
-            .chain([limits.to_owned()])
-            .collect::<Vec<_>>()
-            .join("\n\n")
+        let parts = once(reports).chain(self.comparisons.iter().map(of)).chain([limits.to_owned()]);
+        parts.collect::<Vec<_>>().join("\n\n")
     }
 }
 
-/// Names of the fields that identify a configuration.
-fn names() -> impl Iterator<Item = &'static str> {
-    WORDS.split(' ').chain(NUMBERS.split(' '))
-}
-
-/// A, B, … Z, A2, B2, …
-fn name(i: usize) -> String {
-    let letter = char::from(b'A' + (i % 26) as u8);
-    if i < 26 { letter.into() } else { format!("{letter}{}", i / 26 + 1) }
-}
-
-/// The runs of a report with their keys.
+/// The runs of a report with their keys. The changed targets of a clip are a mean over the timed frames, and not part
+/// of its key.
 fn keyed(report: &Report) -> Vec<Keyed<'_>> {
-    let mut all: Vec<Keyed<'_>> = vec![];
-    for run in &report.runs {
+    let key = |run: &RunRecord| {
         let mut fields = serde_json::to_value(run).unwrap_or_default();
-        // Defaults of fields that earlier versions did not have.
-        let mut default = |field: &str, value: Value| {
-            if fields[field] == "" || fields[field] == 0 {
-                fields[field] = value;
-            }
-        };
-        default("mesh", report.input.name.clone().into());
-        default("targets", report.input.targets.into());
-        default("pose", "float32".into());
-        // For clips, a mean over the timed frames: not part of the configuration.
         if run.workload != "random" {
             fields["changed"] = Value::Null;
         }
-        let mut key: Key = names().map(|field| (field.into(), fields[field].take())).collect();
-        // The same configuration several times in a report: they are paired in order.
-        let same = all.iter().filter(|(other, _)| names().all(|field| other[field] == key[field])).count();
-        if same > 0 {
-            key.insert("occurrence".into(), (same + 1).into());
-        }
-        all.push((key, run));
-    }
-    all
+        WORDS.into_iter().chain(NUMBERS).map(|field| (field.into(), fields[field].take())).collect()
+    };
+    report.runs.iter().map(|run| (key(run), run)).collect()
 }
 
 impl Against {
-    fn new(before: &[Keyed<'_>], after: &[Keyed<'_>], [baseline, name]: [&str; 2]) -> Self {
-        let other = |key: &Key, runs: &[Keyed<'_>]| runs.iter().position(|(other, _)| other == key);
-        let pair = |(key, run): &Keyed<'_>| {
-            let (_, other) = after[other(key, after)?];
-            Some(Pair::new(key.clone(), [(baseline, run), (name, other)]))
-        };
-        let pairs: Vec<Pair> = before.iter().filter_map(pair).collect();
-        let count = |verdict: Verdict| pairs.iter().filter(|pair| pair.verdict == verdict).count();
-        let only = |own: &[Keyed<'_>], others: &[Keyed<'_>]| {
-            own.iter().filter(|(key, _)| other(key, others).is_none()).map(|(key, _)| key.clone()).collect()
-        };
-        let logs: Vec<f64> = pairs.iter().filter_map(|pair| Some(pair.ratio?.ln())).collect();
-        Self {
-            name: name.into(),
-            baseline: baseline.into(),
-            faster: count(Verdict::Faster),
-            slower: count(Verdict::Slower),
-            within_spread: count(Verdict::WithinSpread),
-            undecided: count(Verdict::Undecided),
-            wrong: count(Verdict::Wrong),
-            ratio_mean: Stats::of(&logs).map(|s| s.mean.exp()),
-            only_in_baseline: only(before, after),
-            only_here: only(after, before),
-            configurations: pairs,
+    fn new(before: &[Keyed<'_>], after: &[Keyed<'_>], name: char) -> Self {
+        fn find<'a>(key: &Key, runs: &[Keyed<'a>]) -> Option<&'a RunRecord> {
+            runs.iter().find(|(other, _)| other == key).map(|(_, run)| *run)
         }
+        let pair = |(key, run): &Keyed<'_>| Some(Pair::new(key, [('A', run), (name, find(key, after)?)]));
+        let only = |own: &[Keyed<'_>], others: &[Keyed<'_>]| {
+            own.iter().filter(|(key, _)| find(key, others).is_none()).map(|(key, _)| key.clone()).collect()
+        };
+        let configurations = before.iter().filter_map(pair).collect();
+        Self { name, configurations, only_in_baseline: only(before, after), only_here: only(after, before) }
     }
 
     /// "B against A: of 120 configurations in both 3 are faster, …".
     fn summary(&self) -> String {
-        let Self { name, baseline, faster, slower, within_spread, .. } = self;
-        let mut text = format!(
-            "{name} against {baseline}: of {} configurations in both {faster} are faster, {slower} slower, \
-             {within_spread} within the spread",
-            self.configurations.len()
-        );
-        for (count, what) in [
-            (self.undecided, "timed too briefly to tell".into()),
-            (self.wrong, "wrong".into()),
-            (self.only_in_baseline.len(), format!("only in {baseline}")),
+        let (name, all) = (self.name, self.configurations.len());
+        let number = |verdict: &str| self.configurations.iter().filter(|pair| pair.verdict == verdict).count();
+        let [faster, slower, within] = ["faster", "slower", "within_spread"].map(number);
+        let others = [
+            (number("undecided"), "undecided".to_owned()),
+            (number("wrong"), "wrong".into()),
+            (self.only_in_baseline.len(), "only in A".into()),
             (self.only_here.len(), format!("only in {name}")),
-        ] {
-            if count > 0 {
-                text += &format!(", {count} {what}");
-            }
-        }
-        if let Some(mean) = self.ratio_mean {
-            let less_or_more = if mean < 1.0 { "less" } else { "more" };
-            let change = percent((mean - 1.0).abs());
-            text += &format!(". On geometric average {name} takes {change} {less_or_more} time");
-        }
-        text + "."
+        ];
+        let others = others.into_iter().filter(|(number, _)| *number > 0);
+        let others: String = others.map(|(number, what)| format!(", {number} {what}")).collect();
+        format!(
+            "{name} against A: of {all} configurations in both {faster} are faster, {slower} slower, {within} within the \
+             spread{others}."
+        )
     }
 
     /// A row for each configuration; fields that are the same in all are left out.
     fn table(&self) -> Table {
         let pairs = &self.configurations;
-        let differs = |field: &&str| {
-            let mut values = pairs.iter().map(|pair| pair.key.get(*field));
-            let first = values.next();
-            values.any(|value| Some(value) != first)
-        };
-        let fields: Vec<&str> = names().chain(["occurrence"]).filter(differs).collect();
-        let words = fields.iter().filter(|field| WORDS.split(' ').any(|word| word == **field)).count();
-        let own = |what: &str| [&self.baseline, &self.name].map(|name| format!("{name} {what}"));
-        let ([ms_a, ms_b], [spread_a, spread_b]) = (own("ms"), own("spread"));
-        let (ratio, first) = (format!("{} / {}", self.name, self.baseline), format!("{} is", self.name));
-        let headings: Vec<&str> = once(first.as_str())
-            .chain(fields.iter().copied())
-            .chain([&ms_a, &spread_a, &ms_b, &spread_b, &ratio].map(String::as_str))
-            .chain(["time of"])
-            .collect();
-        let mut table = Table::new(&headings, 1 + words);
+        let differs = |field: &&str| pairs.iter().any(|pair| pair.key.get(*field) != pairs[0].key.get(*field));
+        let (words, numbers) = (WORDS.into_iter().filter(differs), NUMBERS.into_iter().filter(differs));
+        let left = 1 + words.clone().count();
+        let fields: Vec<&str> = words.chain(numbers).collect();
+        let name = self.name;
+        let own = [format!("{name} is"), format!("{name} ms"), format!("{name} spread"), format!("{name} / A")];
+        let [first, measures @ ..] = own.each_ref().map(String::as_str);
+        let headings = once(first).chain(fields.iter().copied()).chain(["A ms", "A spread"]).chain(measures);
+        let mut table = Table::new(&headings.chain(["time of"]).collect::<Vec<_>>(), left);
+        let spread = |of: Option<[f64; 2]>| of.map_or("–".into(), |of| of.map(sig3).join("–"));
         for pair in pairs {
             let keys = fields.iter().map(|field| plain(pair.key.get(*field).unwrap_or(&Value::Null)));
-            let spread = |of: Option<[f64; 2]>| of.map_or("–".into(), |of| of.map(sig3).join("–"));
             let measures = [
                 optional(pair.baseline_ms),
                 spread(pair.baseline_spread),
@@ -296,7 +181,7 @@ impl Against {
                 optional(pair.ratio),
                 pair.problem.clone().unwrap_or_else(|| pair.time.into()),
             ];
-            table.row(once(pair.verdict.word()).chain(keys).chain(measures));
+            table.row(once(pair.verdict.replace('_', " ")).chain(keys).chain(measures));
         }
         table
     }
@@ -304,46 +189,46 @@ impl Against {
 
 impl Pair {
     /// A configuration in the baseline and in another report, each with its name.
-    fn new(key: Key, runs: [(&str, &RunRecord); 2]) -> Self {
-        let wrong = |(name, run): (&str, &RunRecord)| {
+    fn new(key: &Key, runs: [(char, &RunRecord); 2]) -> Self {
+        let wrong = |(name, run): (char, &RunRecord)| {
             let why = run.problem.as_deref().unwrap_or("it has no times");
             (!run.counts()).then(|| format!("{name}: {why}"))
         };
         let problems: Vec<String> = runs.into_iter().filter_map(wrong).collect();
-        let (time, times) = times(runs.map(|(_, run)| run));
-        let times = times.filter(|_| problems.is_empty());
-        let stats = |i: usize| times.map(|times| times[i]);
-        let [before, after] = [stats(0), stats(1)];
+        let [(time, before), (other, after)] = runs.map(|(_, run)| time(run));
+        let times = before.zip(after).filter(|_| problems.is_empty() && time == other);
+        let verdict = match times {
+            _ if !problems.is_empty() => "wrong",
+            Some((a, b)) if a.n.min(b.n) >= LEAST && b.max < a.min => "faster",
+            Some((a, b)) if a.n.min(b.n) >= LEAST && b.min > a.max => "slower",
+            Some((a, b)) if a.n.min(b.n) >= LEAST => "within_spread",
+            _ => "undecided",
+        };
+        let spread = |of: Stats| [of.min, of.max];
+        let (before, after) = times.unzip();
         Self {
-            key,
-            verdict: if problems.is_empty() { times.map_or(Verdict::Undecided, Verdict::of) } else { Verdict::Wrong },
+            key: key.clone(),
+            verdict,
             time,
-            ratio: times.map(|[before, after]| after.median / before.median),
+            ratio: times.map(|(a, b)| b.median / a.median),
             baseline_ms: before.map(|s| s.median),
             ms: after.map(|s| s.median),
-            baseline_spread: before.map(|s| [s.min, s.max]),
-            spread: after.map(|s| [s.min, s.max]),
+            baseline_spread: before.map(spread),
+            spread: after.map(spread),
             n: [before, after].map(|of| of.map_or(0, |s| s.n)),
             problem: (!problems.is_empty()).then(|| problems.join("; ")),
         }
     }
 }
 
-/// The first time in order of preference that both runs have; of rounds if both have them.
-fn times(runs: [&RunRecord; 2]) -> (&'static str, Option<[Stats; 2]>) {
-    type Time = fn(&RunRecord) -> Option<Stats>;
-    let all: [(&str, Time); 3] = [
-        ("update and draws", |run| run.update_and_draw_ms),
-        ("update", |run| run.gpu_ms),
-        ("round trip", |run| run.cpu_ms),
-    ];
-    let both = |of: &dyn Fn(&RunRecord) -> Option<Stats>| Some([of(runs[0])?, of(runs[1])?]);
-    let had = all.into_iter().find_map(|(name, of)| Some((name, both(&of)?)));
-    let Some((name, frames)) = had else { return ("round trip", None) };
-    let rounds = both(&|run| Stats::of(&run.rounds.iter().map(|round| round.ms).collect::<Vec<_>>()));
-    // Rounds hold each run's preferred time, which the other run may lack.
-    let judged = runs.map(RunRecord::time) == frames.map(Some);
-    (name, Some(rounds.filter(|_| judged).unwrap_or(frames)))
+/// The kind of time that a run is judged by, and its statistics: of rounds if it has any, otherwise of frames.
+fn time(run: &RunRecord) -> (&'static str, Option<Stats>) {
+    let kind = match (run.update_and_draw_ms, run.gpu_ms) {
+        (Some(_), _) => "update and draws",
+        (None, Some(_)) => "update",
+        (None, None) => "round trip",
+    };
+    (kind, Stats::of(&run.rounds.iter().map(|round| round.ms).collect::<Vec<_>>()).or(run.time()))
 }
 
 /// A value of a key, as in tables.
@@ -356,51 +241,23 @@ fn plain(value: &Value) -> String {
     }
 }
 
-/// A field without a value in common, for reports that share no configuration.
-fn difference(a: &[Keyed<'_>], b: &[Keyed<'_>]) -> Option<String> {
-    let values = |runs: &[Keyed<'_>], field: &str| {
-        let mut values: Vec<String> = runs.iter().map(|(key, _)| plain(&key[field])).collect();
-        values.sort();
-        values.dedup();
-        values
+/// Differences besides the program: devices, processors, and meshes of the same name.
+fn differences(a: &Report, b: &Report, name: char) -> Vec<String> {
+    let of_device = |d: &DeviceInfo| {
+        [&d.name, &d.driver, &d.driver_info, &d.api_version].map(|part| part.trim()).join(" ").trim_end().to_owned()
     };
-    let field = names().find(|field| {
-        let (a, b) = (values(a, field), values(b, field));
-        !a.is_empty() && !b.is_empty() && a.iter().all(|value| !b.contains(value))
-    })?;
-    let [a, b] = [a, b].map(|runs| listed(values(runs, field).into_iter().take(4)));
-    Some(format!("{field}: {a} in the one, {b} in the other"))
-}
-
-/// Differences besides the program.
-fn differences(a: &Report, b: &Report, [first, second]: [&str; 2]) -> Vec<String> {
-    let device =
-        |d: &DeviceInfo| [&d.name, &d.driver, &d.driver_info, &d.api_version].map(|part| part.trim()).join(" ");
-    let cpu = |d: &DeviceInfo| format!("{}, {} threads", d.cpu, d.threads);
-    let size = |m: &MeshInfo| {
-        let MeshInfo { vertices, targets, triangles, diagonal, tolerance, .. } = m;
-        let moved = percent(m.moved_mean);
-        format!(
-            "{vertices} vertices, {triangles} triangles, {targets} targets, each moving {moved}, diagonal {diagonal}, \
-             tolerance {tolerance}"
-        )
-    };
-    let mut pairs = vec![
-        ("device".to_owned(), device(&a.device), device(&b.device)),
-        ("processor".to_owned(), cpu(&a.device), cpu(&b.device)),
-    ];
-    let meshes =
-        |report: &Report| if report.meshes.is_empty() { vec![report.input.clone()] } else { report.meshes.clone() };
-    let others = meshes(b);
-    for mesh in meshes(a) {
-        let other = others.iter().find(|other| other.name == mesh.name);
-        pairs.extend(other.map(|other| (format!("mesh '{}'", mesh.name), size(&mesh), size(other))));
-    }
-    pairs.retain(|(_, a, b)| a != b);
-    let told = |(what, a, b): (String, String, String)| {
-        format!("The {what} differs: {} in {first}, {} in {second}. Ratios compare that as well.", a.trim(), b.trim())
-    };
-    pairs.into_iter().map(told).collect()
+    let of_cpu = |d: &DeviceInfo| format!("{}, {} threads", d.cpu, d.threads);
+    let of_mesh = |m: &MeshInfo| format!("'{}' of {} vertices and {} targets", m.name, m.vertices, m.targets);
+    let meshes = |report: &Report| once(report.input.clone()).chain(report.meshes.clone()).collect::<Vec<_>>();
+    let (own, others) = (meshes(a), meshes(b));
+    let same = own.iter().filter_map(|mesh| Some((mesh, others.iter().find(|other| other.name == mesh.name)?)));
+    let pairs = same.map(|(mesh, other)| ("mesh", of_mesh(mesh), of_mesh(other)));
+    let pairs = pairs.chain([
+        ("device", of_device(&a.device), of_device(&b.device)),
+        ("processor", of_cpu(&a.device), of_cpu(&b.device)),
+    ]);
+    let told = |(what, a, b)| format!("The {what} differs: {a} in A, {b} in {name}. Ratios compare that as well.");
+    pairs.filter(|(_, a, b)| a != b).map(told).collect()
 }
 
 #[cfg(test)]

@@ -10,67 +10,61 @@ fn report(times: &[f64]) -> Report {
     let [run, ..] = &synthetic::report().runs[..] else { panic!("it has runs") };
     let run = |(i, ms): (usize, &f64)| {
         let rounds = (0..10).map(|i| ms * (0.97 + 0.006 * f64::from(i)));
-        let rounds: Vec<Round> = rounds.map(|ms| Round { ms, update_ms: ms }).collect();
-        let gpu_ms = Stats::of(&rounds.iter().map(|round| round.ms).collect::<Vec<_>>());
-        RunRecord { batch_size: BatchSize::Targets(i as u32 + 1), gpu_ms, rounds, ..run.clone() }
+        let rounds = rounds.map(|ms| Round { ms, update_ms: ms }).collect();
+        RunRecord { batch_size: BatchSize::Targets(i as u32 + 1), rounds, ..run.clone() }
     };
     Report { runs: times.iter().enumerate().map(run).collect(), ..synthetic::report() }
 }
 
-fn compared(reports: &[&Report]) -> Comparison {
-    let named: Vec<_> =
-        reports.iter().enumerate().map(|(i, report)| (format!("{i}/report.json"), (*report).clone())).collect();
-    Comparison::new(named).expect("some in common")
+/// A report with one run, changed.
+fn changed(change: impl FnOnce(&mut RunRecord)) -> Report {
+    let mut report = report(&[10.0]);
+    change(&mut report.runs[0]);
+    report
 }
 
-fn verdicts(found: &Against) -> Vec<Verdict> {
-    found.configurations.iter().map(|pair| pair.verdict).collect()
+fn compare(a: &Report, b: &Report) -> Result<Comparison, Failure> {
+    Comparison::new(&[("a.json".into(), a.clone()), ("b.json".into(), b.clone())])
+}
+
+fn verdicts(a: &Report, b: &Report) -> Vec<&'static str> {
+    let found = compare(a, b).expect("some in common");
+    found.comparisons[0].configurations.iter().map(|pair| pair.verdict).collect()
 }
 
 #[test]
 fn differences_beyond_the_spread_are_told_and_others_marked() {
-    use Verdict::{Faster, Slower, WithinSpread};
-    let before = report(&[10.0, 10.0, 10.0, 10.0]);
-    let found = compared(&[&before, &report(&[8.0, 10.4, 12.0, 10.0])]);
-    let [against] = &found.comparisons[..] else { panic!("one other") };
-    assert_eq!(verdicts(against), [Faster, WithinSpread, Slower, WithinSpread]);
-    assert_eq!((against.faster, against.within_spread, against.slower), (1, 2, 1));
-    for (pair, ms) in against.configurations.iter().zip([8.0, 10.4, 12.0, 10.0]) {
+    let before = report(&[10.0; 4]);
+    let found = compare(&before, &report(&[8.0, 10.4, 12.0, 10.0])).expect("all in common");
+    let pairs = &found.comparisons[0].configurations;
+    for (pair, (ms, verdict)) in
+        pairs.iter().zip([(8.0, "faster"), (10.4, "within_spread"), (12.0, "slower"), (10.0, "within_spread")])
+    {
         let Pair { ratio: Some(ratio), spread: Some(spread), time, n, .. } = pair else { panic!("{pair:?}") };
-        assert!((ratio - ms / 10.0).abs() < 1e-12 && (*time, *n) == ("update", [10, 10]), "{pair:?}");
+        assert_eq!((pair.verdict, *time, *n), (verdict, "update", [10, 10]));
+        assert!((ratio - ms / 10.0).abs() < 1e-12, "{pair:?}");
         assert!((spread[0] / ms - 0.97).abs() < 1e-12 && (spread[1] / ms - 1.024).abs() < 1e-12, "{pair:?}");
     }
-    let mean = (0.8f64 * 1.04 * 1.2).powf(0.25);
-    assert!(against.ratio_mean.is_some_and(|m| (m - mean).abs() < 1e-12));
     assert!(found.warnings.is_empty(), "{:?}", found.warnings);
     let text = found.text();
-    assert!(text.contains("of 4 configurations in both 1 are faster, 1 slower, 2 within the spread"), "{text}");
+    assert!(text.contains("B against A: of 4 configurations in both 1 are faster, 1 slower, 2 within"), "{text}");
     // A report is no different from itself.
-    assert_eq!(verdicts(&compared(&[&before, &before]).comparisons[0]), [WithinSpread; 4]);
+    assert_eq!(verdicts(&before, &before), ["within_spread"; 4]);
     // Without rounds, frames decide; too few are undecided.
-    let bare = |values: &[f64]| {
-        let mut report = report(&[10.0]);
-        (report.runs[0].rounds, report.runs[0].gpu_ms) = (vec![], Stats::of(values));
-        report
-    };
-    let found = compared(&[&bare(&[1.0; 4]), &bare(&[5.0; 4]), &bare(&[5.0])]);
-    let of = |against: &Against| (verdicts(against)[0], against.configurations[0].ratio);
-    assert_eq!(of(&found.comparisons[0]), (Slower, Some(5.0)));
-    assert_eq!(of(&found.comparisons[1]), (Verdict::Undecided, Some(5.0)));
+    let bare = |values: &[f64]| changed(|run| (run.rounds, run.gpu_ms) = (vec![], Stats::of(values)));
+    assert_eq!(verdicts(&bare(&[1.0; 4]), &bare(&[5.0; 4])), ["slower"]);
+    assert_eq!(verdicts(&bare(&[1.0; 4]), &bare(&[5.0])), ["undecided"]);
+    // If one run lacks a time, two different times are not compared.
+    assert_eq!(verdicts(&before, &changed(|run| run.gpu_ms = None)), ["undecided"]);
 }
 
 #[test]
 fn only_the_same_work_is_compared() {
-    let before = report(&[10.0, 10.0, 10.0]);
-    let mut after = report(&[10.0, 10.0]);
-    after.runs[1].format = "fast".into();
-    let found = compared(&[&before, &after]);
-    let against = &found.comparisons[0];
-    assert_eq!((against.configurations.len(), against.only_in_baseline.len(), against.only_here.len()), (1, 2, 1));
-    assert_eq!((&against.only_here[0]["format"], &against.only_here[0]["batch_size"]), (&"fast".into(), &2.into()));
+    let one = report(&[10.0]);
     for change in [
         |run: &mut RunRecord| run.path = "blocks".into(),
         |run: &mut RunRecord| run.mode = "rebuild".into(),
+        |run: &mut RunRecord| run.format = "fast".into(),
         |run: &mut RunRecord| run.pose = "fixed32".into(),
         |run: &mut RunRecord| run.changed = 3.0,
         |run: &mut RunRecord| run.heads = 7,
@@ -80,48 +74,29 @@ fn only_the_same_work_is_compared() {
         |run: &mut RunRecord| run.workload = "speech".into(),
         |run: &mut RunRecord| run.cell = "dense".into(),
     ] {
-        let mut other = before.clone();
-        change(&mut other.runs[0]);
-        assert_eq!(compared(&[&before, &other]).comparisons[0].configurations.len(), 2);
+        let other = changed(change);
+        let error = compare(&one, &other).expect_err("nothing in common").to_string();
+        assert!(error.starts_with("a.json, b.json: no configuration") && error.contains("same INPUT"), "{error}");
+        let more = Report { runs: [&one.runs[..], &other.runs].concat(), ..one.clone() };
+        let found = compare(&one, &more).expect("one in common");
+        let Against { configurations, only_in_baseline, only_here, .. } = &found.comparisons[0];
+        assert_eq!((configurations.len(), only_in_baseline.len(), only_here.len()), (1, 0, 1));
+        assert!(found.text().contains("1 only in B"));
     }
-    // Versions without pose formats had only float32; for clips, the number of changed targets may differ.
-    let mut old = before.clone();
-    old.runs[0].pose.clear();
-    let mut clip = before.clone();
-    clip.runs.iter_mut().for_each(|run| run.workload = "speech".into());
-    let mut other = clip.clone();
-    other.runs[0].changed = 2.5;
-    // Repeated configurations are paired in order.
-    let mut twice = before.clone();
-    twice.runs.extend(before.runs.clone());
-    for (a, b, common) in [(&before, &old, 3), (&clip, &other, 3), (&twice, &twice, 6), (&before, &twice, 3)] {
-        assert_eq!(compared(&[a, b]).comparisons[0].configurations.len(), common);
-    }
-    let mut foreign = before.clone();
-    foreign.runs.iter_mut().for_each(|run| run.path = "blocks".into());
-    let error =
-        Comparison::new(vec![("a".into(), before.clone()), ("b".into(), foreign.clone())]).expect_err("nothing");
-    let text = error.to_string();
-    assert!(text.contains("path: feedback in the one, blocks in the other") && text.contains("same INPUT"), "{text}");
-    // One of three reports may be unusable.
-    let found = compared(&[&before, &before, &foreign]);
-    assert!(
-        found.warnings.iter().any(|warning| warning.starts_with("C (2/report.json) has no configuration in common"))
-    );
-    assert!(found.text().contains("3 only in C"));
+    // For clips, the number of changed targets may differ.
+    let clip = |targets| changed(|run| (run.workload, run.changed) = ("speech".into(), targets));
+    assert_eq!(verdicts(&clip(2.0), &clip(2.5)), ["within_spread"]);
 }
 
 #[test]
 fn other_machines_and_meshes_are_told() {
     let before = report(&[10.0]);
     let mut after = before.clone();
-    after.device.name = "Another".into();
-    after.device.threads = 64;
-    after.input.vertices = 12;
-    let warnings = compared(&[&before, &after]).warnings;
+    (after.device.name, after.device.threads, after.input.vertices) = ("Another".into(), 64, 12);
+    let warnings = compare(&before, &after).expect("one in common").warnings;
     assert_eq!(warnings.len(), 3, "{warnings:?}");
     for (warning, words) in
-        warnings.iter().zip(["Example GPU <1> in A, Another in B", "64 threads in B", "12 vertices"])
+        warnings.iter().zip(["12 vertices", "Example GPU <1> in A, Another in B", "64 threads in B"])
     {
         assert!(warning.contains(words), "{warning}");
     }
@@ -129,25 +104,10 @@ fn other_machines_and_meshes_are_told() {
 
 #[test]
 fn wrong_runs_are_told_and_not_compared() {
-    let before = report(&[10.0, 10.0]);
-    let mut after = report(&[10.0, 10.0]);
-    let run = &mut after.runs[1];
-    (run.verified, run.gpu_ms, run.problem) = (false, None, Some("vertex 17 is off".into()));
-    let found = compared(&[&before, &after]);
-    let against = &found.comparisons[0];
-    assert_eq!(verdicts(against), [Verdict::WithinSpread, Verdict::Wrong]);
-    let wrong = &against.configurations[1];
-    assert_eq!((wrong.ratio, wrong.spread, wrong.problem.as_deref()), (None, None, Some("B: vertex 17 is off")));
+    let wrong = changed(|run| (run.verified, run.gpu_ms, run.problem) = (false, None, Some("vertex 17 is off".into())));
+    let found = compare(&report(&[10.0]), &wrong).expect("one in common");
+    let pair = &found.comparisons[0].configurations[0];
+    assert_eq!((pair.verdict, pair.ratio, pair.spread, pair.n), ("wrong", None, None, [0, 0]));
     let text = found.text();
     assert!(text.contains("1 wrong") && text.contains("B: vertex 17 is off"), "{text}");
-}
-
-/// If one run lacks a time, two different times are not compared.
-#[test]
-fn the_same_times_are_compared() {
-    let before = report(&[10.0]);
-    let mut after = report(&[10.0]);
-    after.runs[0].gpu_ms = None;
-    let pair = &compared(&[&before, &after]).comparisons[0].configurations[0];
-    assert_eq!((pair.time, pair.ms), ("round trip", after.runs[0].cpu_ms.map(|time| time.median)));
 }
