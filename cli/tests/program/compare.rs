@@ -49,7 +49,7 @@ fn what_is_no_report_is_refused() {
     ok(&["info", "--vertices", "200", "--targets", "4", "--quiet", "--json", &info]);
     std::fs::write(&other, std::fs::read_to_string(&a).unwrap().replace("\"schema\": 1", "\"schema\": 7")).unwrap();
     for (args, code, words) in [
-        (&["--compare", &a, &info][..], 1, "info.json: was written by `deltamorph info`; give a report.json"),
+        (&["--compare", &a, &info][..], 1, "info.json: has no 'runs'; give a report.json"),
         (&["--compare", &a, &other], 1, "other.json: schema 7, this version reads schema 1"),
         (&["--compare", &a, &at("none.json")], 1, "none.json: cannot read"),
         (&["--compare", &at("a/runs.csv"), &a], 1, "runs.csv: is no JSON"),

@@ -51,9 +51,6 @@ pub fn read(path: &Path) -> Result<Report, Failure> {
     let text = std::fs::read_to_string(path).map_err(|e| Failure::io(path, "read", e))?;
     let unreadable = |why: String| Failure::Failed(format!("{}: {why}", path.display()));
     let value: Value = serde_json::from_str(&text).map_err(|e| unreadable(format!("is no JSON: {e}; {REMEDY}")))?;
-    if let Some(command) = writer(&value) {
-        return Err(unreadable(format!("was written by `deltamorph {command}`; {REMEDY}")));
-    }
     match value.get("schema") {
         _ if value.get("runs").is_none() => Err(unreadable(format!("has no 'runs'; {REMEDY}"))),
         Some(schema) if *schema != 1 => {
@@ -67,19 +64,6 @@ pub fn read(path: &Path) -> Result<Report, Failure> {
             Ok(Report { face, ..report })
         }
     }
-}
-
-/// The command that wrote a JSON file that is not a report.
-fn writer(value: &Value) -> Option<&'static str> {
-    let commands: [(&str, &[&str]); 5] = [
-        ("bench --compare", &["comparisons", "reports"]),
-        ("info", &["formats", "targets"]),
-        ("play", &["frames", "summary"]),
-        ("soak", &["frames", "bit_exact"]),
-        ("devices", &["devices"]),
-    ];
-    let has = |fields: &[&str]| fields.iter().all(|field| value.get(field).is_some());
-    commands.iter().find(|(_, fields)| has(fields)).map(|(command, _)| *command)
 }
 
 /// The columns of runs.csv: the fields of a run; `gpu_ms_median` is the field `median` of `gpu_ms`.

@@ -260,9 +260,6 @@ fn other_files_are_refused() {
     for (text, words) in [
         ("{}", "has no 'runs'; give a report.json that `deltamorph bench` wrote"),
         ("vertices", "is no JSON: expected value at line 1"),
-        (r#"{"schema":1,"formats":[],"targets":[]}"#, "was written by `deltamorph info`"),
-        (r#"{"schema":1,"frames":[],"summary":{}}"#, "was written by `deltamorph play`"),
-        (r#"{"schema":1,"comparisons":[],"reports":[]}"#, "was written by `deltamorph bench --compare`"),
         (r#"{"schema":1,"runs":[]}"#, "missing field `version`"),
         // Another schema is refused, even with the same fields.
         (r#"{"schema":3,"runs":{}}"#, "schema 3"),
