@@ -297,11 +297,6 @@ impl RunRecord {
         }
     }
 
-    /// Whether its rounds alternated with those of other runs.
-    pub fn interleaved(&self) -> bool {
-        !self.suite.is_empty() && !self.alone
-    }
-
     /// Its delta format and pose format: "fast", "fast fixed32".
     pub fn formats(&self) -> String {
         format!("{} {}", self.format, self.sums()).trim_end().into()
