@@ -2,7 +2,6 @@
 
 mod compare;
 mod configs;
-mod face;
 mod interleave;
 mod machine;
 mod record;

@@ -37,29 +37,6 @@ pub struct Report {
     /// The meshes of the suites, by the names in runs; empty for an ordinary run, which has one mesh.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub meshes: Vec<MeshInfo>,
-    /// Describes the picture in the report, if there is one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub face: Option<Face>,
-}
-
-/// A picture of the mesh, and of the part that path `blocks` changes in a frame of a workload.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Face {
-    pub workload: String,
-    /// Counted from 0.
-    pub frame: usize,
-    /// Targets that change in that frame.
-    pub changed: usize,
-    /// Whether unchanged targets are drawn with their weights in that frame, instead of at rest.
-    pub whole: bool,
-    /// Blocks that change, the number of all blocks, and vertices of a block.
-    pub blocks: usize,
-    pub all_blocks: usize,
-    pub block_size: usize,
-    pub size: [u32; 2],
-    /// The file, in the report's folder.
-    #[serde(skip)]
-    pub png: Vec<u8>,
 }
 
 impl Report {

@@ -1,7 +1,6 @@
 //! The ordinary run: every requested configuration, one after the other.
 
 use super::configs::{Config, Wanted, configurations};
-use super::face;
 use super::interleave::{Common, Schedule, interleave};
 use super::record::{Report, Skipped, unused};
 use super::session::Session;
@@ -51,8 +50,6 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
         _ => &full,
     };
     session.bar.inc_length(settings.iter().map(|s| configs(s).len() as u64).sum());
-    let pictured = workloads.iter().rev().find(|workload| workload.changed.is_none()).or(workloads.first());
-    let face = pictured.map(|workload| face::draw(&session.machine, &input, workload)).transpose()?.flatten();
     let mut subject = Subject::new(input);
     let whole = Schedule { frames: args.frames, rounds: 1, limit: None, common: Common::Nothing };
     for setting in &settings {
@@ -78,7 +75,7 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let report = session.report();
     let named = clips.iter().filter(|_| !args.weights.is_empty()).map(|clip| clip.name.clone());
     let unplayed = named.filter(|name| report.runs.iter().all(|run| run.workload != *name)).collect();
-    Ok(Report { unplayed, face, ..report })
+    Ok(Report { unplayed, ..report })
 }
 
 /// The clips given with `--weights`; without any, those of the input.

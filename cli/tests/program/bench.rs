@@ -44,20 +44,16 @@ fn bench_verifies_measures_and_draws() {
             let skipped = out["skipped"][0]["reason"].as_str().unwrap();
             assert!(skipped.contains("no VK_EXT_transform_feedback") && skipped.contains("'compute'"), "{skipped}");
         }
-        for file in ["report.json", "runs.csv", "index.html", "face.png"] {
+        for file in ["report.json", "runs.csv", "index.html"] {
             assert!(dir.join(file).metadata().unwrap().len() > 500, "{file}");
         }
-        let face = &out["face"];
-        assert_eq!((&face["changed"], &face["workload"]), (&4.into(), &"random".into()), "{face}");
-        let [some, all] = ["blocks", "all_blocks"].map(|field| face[field].as_u64().unwrap());
-        assert!(0 < some && some < all, "{face}");
         let plots = |end: &str| {
             std::fs::read_dir(&dir)
                 .unwrap()
                 .filter(|e| e.as_ref().unwrap().path().extension().unwrap_or_default() == end)
                 .count()
         };
-        assert!(plots("svg") >= 3 && plots("svg") + 1 == plots("png"), "{} SVG, {} PNG", plots("svg"), plots("png"));
+        assert!(plots("svg") >= 3 && plots("svg") == plots("png"), "{} SVG, {} PNG", plots("svg"), plots("png"));
     }
 }
 

@@ -6,7 +6,7 @@ mod page;
 pub mod sentences;
 pub mod tables;
 
-use super::record::{Face, Report, RunRecord};
+use super::record::{Report, RunRecord};
 use crate::output::{self, Failure, publish, write_file};
 use serde_json::Value;
 use std::path::Path;
@@ -16,9 +16,6 @@ pub fn write(report: &Report, dir: &Path) -> Result<(), Failure> {
     publish(dir, is_drawn, |dir| {
         write_file(&dir.join("report.json"), output::to_json(report)?)?;
         write_file(&dir.join("runs.csv"), csv(&report.runs)?)?;
-        if let Some(face) = &report.face {
-            write_file(&dir.join(FACE), &face.png)?;
-        }
         for suite in report.suites.iter().map(Some).chain([None]) {
             let drawn = figures::figures(report, suite).into_iter().map(|figure| figure.write(dir));
             let page = page::page(report, suite, &drawn.collect::<Result<Vec<_>, _>>()?);
@@ -28,12 +25,9 @@ pub fn write(report: &Report, dir: &Path) -> Result<(), Failure> {
     })
 }
 
-/// The picture, in the page's folder.
-pub const FACE: &str = "face.png";
-
 /// Prefixes of the names of a report's files, except report.json, runs.csv and index.html.
-const STEMS: [&str; 9] =
-    ["face", "time-vs-", "relative-performance", "floor", "suite-", "chapter-", "crowd-", "techniques-", "clips-"];
+const STEMS: [&str; 8] =
+    ["time-vs-", "relative-performance", "floor", "suite-", "chapter-", "crowd-", "techniques-", "clips-"];
 
 /// Whether a file is a figure or a page of a report.
 fn is_drawn(name: &str) -> bool {
@@ -56,13 +50,7 @@ pub fn read(path: &Path) -> Result<Report, Failure> {
         Some(schema) if *schema != 1 => {
             Err(unreadable(format!("schema {schema}, this version reads schema 1; use the version that wrote it")))
         }
-        _ => {
-            let report: Report = serde_json::from_str(&text).map_err(|e| unreadable(format!("{e}; {REMEDY}")))?;
-            // A report that was moved may lack its picture.
-            let png = std::fs::read(path.with_file_name(FACE)).ok();
-            let face = report.face.zip(png).map(|(face, png)| Face { png, ..face });
-            Ok(Report { face, ..report })
-        }
+        _ => serde_json::from_str(&text).map_err(|e| unreadable(format!("{e}; {REMEDY}"))),
     }
 }
 

@@ -1,13 +1,11 @@
 //! Self-contained pages: index.html, and one for each suite.
 
-use super::FACE;
 use super::about::about;
 use super::sentences::{of_suite, sentences, title};
 use super::tables;
-use crate::bench::record::{Face, Report, RunRecord, SuiteRecord, fastest};
+use crate::bench::record::{Report, RunRecord, SuiteRecord, fastest};
 use crate::page::{self, document, figures, table};
 use crate::plots::Drawn;
-use crate::table::thousands;
 use maud::{Markup, html};
 
 pub fn file_name(suite: Option<&SuiteRecord>) -> String {
@@ -27,7 +25,6 @@ pub fn page(report: &Report, suite: Option<&SuiteRecord>, drawn: &[Drawn]) -> St
                 @else { "deltamorph bench · " (day) }
             }
             h1 { @if suite.is_some() { (name) } @else { "Time to update “" (name) "”" } }
-            // A picture of the input comes first, before the text about it.
             (page::about(&sentence, &facts))
             ul.found { @for sentence in &found { li { (sentence.trim_end_matches('.')) "." } } }
         }
@@ -37,7 +34,6 @@ pub fn page(report: &Report, suite: Option<&SuiteRecord>, drawn: &[Drawn]) -> St
                  other; the times say little about any GPU."
             }
         }
-        @if let (None, Some(face)) = (suite, &report.face) { (pictured(face, report)) }
         @if suite.is_none() && !report.suites.is_empty() {
             section {
                 h2 { "Suites" }
@@ -66,26 +62,6 @@ pub fn page(report: &Report, suite: Option<&SuiteRecord>, drawn: &[Drawn]) -> St
         }
     };
     document(&format!("{name} · deltamorph bench"), &body)
-}
-
-/// The mesh, and the part of it that a frame changes.
-fn pictured(face: &Face, report: &Report) -> Markup {
-    let Face { workload, frame, changed, whole, blocks, all_blocks, block_size, size: [width, height], .. } = face;
-    let (name, targets) = (&report.input.name, report.input.targets);
-    let [blocks, all_blocks] = [blocks, all_blocks].map(|n| thousands(*n));
-    let rest = if *whole { "" } else { ", which are drawn with the others at rest" };
-    let caption = format!(
-        "“{name}”, and lit beside it what one update writes on the path “blocks”: {blocks} of {all_blocks} blocks of \
-         {block_size} vertices. It is frame {frame} of “{workload}”, in which {changed} of {targets} targets \
-         change{rest}. What is dark keeps the pose that it has."
-    );
-    const ALT: &str = "A head, twice: shaded, and with the blocks lit that an update writes";
-    html! {
-        figure.face {
-            img src=(FACE) width=(width) height=(height) alt=(ALT);
-            figcaption { (caption) }
-        }
-    }
 }
 
 fn all_runs(runs: &[&RunRecord]) -> Markup {

@@ -12,7 +12,7 @@ use crate::output::Failure;
 use deltamorph::{BatchSize, PoseFormat, UpdateMode, UpdatePath};
 
 /// Targets changed per frame in the case of few changes; the other case is all of them.
-pub const FEW: usize = 8;
+const FEW: usize = 8;
 
 /// Every batch size of every dense path and format.
 pub fn run(session: &mut Session<'_>, input: Input) -> Result<(), Failure> {

@@ -6,10 +6,8 @@ mod chapter;
 mod crowd;
 mod techniques;
 
-use super::face;
 use super::record::Report;
 use super::session::Session;
-use super::workload::Workload;
 use crate::args::bench::{BenchArgs, SuiteChoice};
 use crate::input;
 use crate::output::{Failure, Output};
@@ -22,10 +20,7 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let asked = |suite| args.suites.contains(&suite) || args.suites.contains(&SuiteChoice::All);
     // Checked before anything is measured: an unusable data set must not cost earlier measurements.
     let clips = if asked(SuiteChoice::Clips) { techniques::captured(&mut session)? } else { vec![] };
-    let mut face = None;
     if asked(SuiteChoice::Chapter) {
-        let few = Workload::random(input.kept.targets.len(), chapter::FEW, args.input.seed);
-        face = face::draw(&session.machine, &input, &few)?;
         session.suite("chapter", |session| chapter::run(session, input))?;
     }
     if asked(SuiteChoice::Crowd) {
@@ -40,5 +35,5 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
         let poses = [PoseFormat::Float32, PoseFormat::Fixed16];
         session.suite("clips", |session| techniques::run(session, clips, &[1], &poses))?;
     }
-    Ok(Report { face, ..session.report() })
+    Ok(session.report())
 }
