@@ -189,8 +189,6 @@ pub fn write_file(path: &Path, contents: impl AsRef<[u8]>) -> Result<(), Failure
 
 /// Prefix of the folders that [`publish`] prepares files in.
 const PREPARED: &str = ".deltamorph-";
-/// Age at which such a folder counts as abandoned: reports are written within seconds.
-const LEFT_BEHIND: Duration = Duration::from_secs(3600);
 
 /// Writes files into `folder` through `write`, which gets a temporary folder: old files stay until all new ones are
 /// complete. Then the old files that are `ours`, and were not replaced, are deleted.
@@ -201,14 +199,6 @@ pub fn publish(
 ) -> Result<(), Failure> {
     create_folder(folder)?;
     let failed = |e| Failure::io(folder, "write", e);
-    // Removes folders of interrupted runs; a recent one may belong to a running program.
-    for name in names_in(folder)?.iter().filter(|name| name.starts_with(PREPARED)) {
-        let path = folder.join(name);
-        let age = path.metadata().and_then(|of| of.modified()).map(|touched| touched.elapsed().unwrap_or_default());
-        if age.is_ok_and(|age| age >= LEFT_BEHIND) {
-            std::fs::remove_dir_all(path).map_err(failed)?;
-        }
-    }
     let prepared = tempfile::Builder::new().prefix(PREPARED).tempdir_in(folder).map_err(failed)?;
     write(prepared.path())?;
     let new = names_in(prepared.path())?;

@@ -148,17 +148,11 @@ fn a_report_is_replaced_when_the_new_one_is_complete() {
     // A run stopped while drawing leaves a folder, which does not block the next.
     let left = report.join(".deltamorph-1");
     std::fs::create_dir(&left).unwrap();
-    std::fs::write(left.join("time-vs-changed.svg"), "half").unwrap();
-    let hours_ago = std::time::SystemTime::now() - std::time::Duration::from_secs(7200);
-    std::fs::File::open(&left).unwrap().set_modified(hours_ago).unwrap();
-    // The folder of an active run is left alone.
-    let at_work = report.join(".deltamorph-2");
-    std::fs::create_dir(&at_work).unwrap();
     // One workload less: figures that are no longer drawn are removed.
     ok(&[&more(&["--formats", "float32", "--changed", "2"])[..], &["--report", dir]].concat());
     let after = names(contents(&report));
     assert!(after.contains(&report.join("index.html")), "{after:?}");
-    assert!(at_work.exists() && !left.exists());
+    assert!(left.exists(), "it may belong to an active run");
     assert!(!after.iter().any(|path| path.ends_with("time-vs-changed.svg")), "{after:?}");
 }
 
