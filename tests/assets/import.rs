@@ -334,11 +334,6 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn random_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
-        let _ = ObjFile::from_bytes(Path::new("x.obj"), bytes);
-    }
-
-    #[test]
     fn obj_like_text_never_panics(words in prop::collection::vec(prop::sample::select(vec![
         "v", "vt", "vn", "f", "l", "o", "usemtl", "s", "#", "\n", "\n", "\nv 1 2 3\n", "\nvn 0 0 1\n", "\nvt 0 1\n",
         "\nf 1 2 3\n", "\nf 1/1/1 -1/-1/-1 1//1\n", "0", "1", "-1", "1.5", "1e39", "nan", "1/1", "1//", "/", "\\\n",

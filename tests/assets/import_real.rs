@@ -2,7 +2,7 @@
 
 use crate::data;
 use deltamorph::import::csv;
-use deltamorph::import::obj::{ObjFile, ObjMesh, import_folder, write_obj_to};
+use deltamorph::import::obj::import_folder;
 use deltamorph::{MorphMesh, MorphSource, Tolerance};
 use glam::DVec3;
 use std::path::Path;
@@ -78,21 +78,4 @@ fn morph_stress_test() {
     // 6.25% are moved; the normals around them turn, and rounding elsewhere is dropped.
     assert!((0.0625..0.08).contains(&kept(&mesh)), "{}", kept(&mesh));
     assert!(error_over_clip(&source, &folder, "TheWave_24fps.csv") <= 5e-5);
-}
-
-#[test]
-fn a_written_head_reads_back() {
-    let Some(folder) = data::set("ict_facekit") else { return };
-    let neutral = ObjFile::read(&folder.join("neutral.obj")).unwrap();
-    let mut out = Vec::new();
-    let mesh = ObjMesh {
-        positions: &neutral.positions,
-        normals: &neutral.normals,
-        texcoords: &neutral.texcoords,
-        faces: &neutral.faces,
-    };
-    write_obj_to(&mut out, mesh).unwrap();
-    let again = ObjFile::from_bytes(Path::new("x.obj"), out).unwrap();
-    assert!(again.positions == neutral.positions && again.texcoords == neutral.texcoords);
-    assert!(again.faces == neutral.faces);
 }

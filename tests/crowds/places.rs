@@ -147,25 +147,6 @@ fn heads_come_and_go_within_a_submission() {
     });
 }
 
-/// An idle crowd records nothing.
-#[test]
-fn an_idle_crowd_is_no_work() {
-    on_every_device(|headless, engine| {
-        for (format, desc) in kernels(engine) {
-            let mesh = packed(engine, format);
-            let mut crowd = crowd(headless, &mesh, desc, 3);
-            for head in 0..3 {
-                crowd.set_weights(head, &weights(head, 1)).expect("weights that fit");
-            }
-            assert!(crowd.step(&[]).expect("a step").update.stats.bytes_moved > 0);
-            let (idle, entries, _) = gpu::recorded(&mut crowd, &[]);
-            assert_eq!(entries, []);
-            let stats = idle.update.stats;
-            assert_eq!((stats.bytes_moved, stats.dirty_blocks, stats.passes), (0, 0, 0), "{desc:?}");
-        }
-    });
-}
-
 /// Two small blocks per workgroup, and one: the same bits, for odd and even numbers of blocks, in dispatches of three
 /// workgroups. In place, a block processed twice would be wrong.
 #[test]

@@ -107,6 +107,7 @@ fn what_does_not_suit_the_packed_mesh_is_refused() {
     says(dense.layout().grid(PoseFormat::Fixed32, None), "fixed32 poses of float32 deltas");
     says(packed(DeltaFormat::Fast).layout().grid(PoseFormat::Float32, None), "float32");
     let pose = evaluate(&dense, &[0.0; 4]);
+    assert_eq!(pose, evaluate(&dense, &[]), "targets without a weight");
     says(reference::normals(&pose, &NormalsDesc::new(&[0, 1, 100])), "names vertex 100");
     let (joints, weights) = (vec![0; 400], vec![1.0; 400]);
     let skin = |influences, of_joints: &[f32], method| {
@@ -125,7 +126,13 @@ fn what_does_not_suit_the_packed_mesh_is_refused() {
         crowd.remove(1).expect("an instance");
         says(crowd.remove(1), "instance 1 was removed");
         says(crowd.set_hidden(1, true), "instance 1 was removed");
-        says(crowd.cut(1), "instance 1 was removed");
+        for (instance, words) in [(1, "instance 1 was removed"), (u32::MAX, "instance 4294967295 of a crowd of 2")] {
+            says(crowd.cut(instance), words);
+            says(crowd.set_weights(instance, &[0.0; 4]), words);
+            says(crowd.pose(instance), words);
+            says(crowd.previous_pose(instance), words);
+            says(crowd.stored_pose(instance, 0), words);
+        }
         crowd.update();
         says(crowd.group_pose(0, 1), "count groups from 0");
         says(crowd.previous_group_pose(0, 1), "count groups from 0");

@@ -3,8 +3,8 @@
 use crate::gpu::{self, drivers, on_every_device, single, update_descs, weights};
 use deltamorph::reference::{evaluate, evaluate_unpacked};
 use deltamorph::{
-    BatchSize, BlockDesc, CpuCrowd, Crowd, DeltaFormat, ErrorKind, GpuMesh, MorphEngine, MorphSource, PackDesc,
-    PackedMesh, PoseFormat, SourceTarget, Tolerance, UpdateDesc, UpdatePath, testing,
+    BlockDesc, CpuCrowd, Crowd, DeltaFormat, ErrorKind, GpuMesh, MorphEngine, MorphSource, PackDesc, PackedMesh,
+    PoseFormat, SourceTarget, Tolerance, UpdateDesc, UpdatePath, testing,
 };
 use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::slice::from_mut;
@@ -174,27 +174,6 @@ fn running_out_of_memory_is_an_error_of_its_own() {
     let desc = UpdateDesc::blocks().path(UpdatePath::Cpu).slots(64);
     let error = CpuCrowd::new(Arc::new(mesh), desc, u32::MAX, 1).err().expect("no memory");
     assert_eq!(error.kind(), ErrorKind::OutOfMemory, "{error}");
-}
-
-#[test]
-fn an_instance_that_is_not_there_is_an_error() {
-    for format in [DeltaFormat::Float32, DeltaFormat::Fast] {
-        let mesh = PackedMesh::pack(&testing::mesh(100, 4), &PackDesc::new(format)).expect("a mesh");
-        let mesh = Arc::new(mesh);
-        let blocks = UpdateDesc::blocks().path(UpdatePath::Cpu);
-        let dense = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
-        let desc = if format.is_blocks() { blocks } else { dense };
-        let mut crowd = CpuCrowd::new(mesh.clone(), desc, 2, 1).expect("a crowd");
-        crowd.update();
-        crowd.remove(1).expect("an instance");
-        for instance in [1, 2, u32::MAX] {
-            assert!(crowd.pose(instance).is_err() && crowd.previous_pose(instance).is_err());
-            assert!(crowd.stored_pose(instance, 0).is_err() && crowd.cut(instance).is_err());
-            assert!(crowd.set_weights(instance, &[0.0; 4]).is_err());
-        }
-        assert!(crowd.pose(0).is_ok());
-        assert_eq!(evaluate(&mesh, &[]), evaluate(&mesh, &[0.0; 4]), "targets without a weight");
-    }
 }
 
 #[test]
