@@ -4,9 +4,8 @@ use super::bench::SuiteChoice;
 use super::poses::Sums;
 use super::values::*;
 use super::*;
-use clap::{CommandFactory, ValueEnum};
+use clap::CommandFactory;
 use deltamorph::UpdateDesc;
-use proptest::prelude::*;
 
 fn parse(line: &str) -> Result<Cli, clap::Error> {
     Cli::try_parse_from(format!("deltamorph {line}").split_whitespace())
@@ -79,7 +78,8 @@ fn bad_values_are_refused_with_exit_code_2_and_what_would_be_right() {
         ("bench", "--tolerance -1e-6|--tolerance inf|--batch-sizes 0|--batch-sizes 7..1|--batch-sizes 1..|--heads 0"),
         ("bench", "--paths vulkan|--formats half|--mode both|--report a --no-report|face --redraw report.json"),
         ("bench", "--suite x|--time-limit 1|face --vertices 3|face --sparsity 0.5"),
-        ("bench --suite all", "--changed 3|--shared|--mode rebuild|--poses fixed16|--accumulate exact"),
+        ("bench --compare a.json", "|b.json --changed 3|b.json --redraw a.json|b.json --report folder"),
+        ("bench --suite all", "--time-limit 0|--changed 3|--shared|--mode rebuild|--poses fixed16|--accumulate exact"),
         ("apply", "--set jawOpen -o a.obj|--set =1 -o a.obj|--set jawOpen=nan -o a.obj|face --set a=1"),
         ("apply face -o a.obj", "--weights a.csv|--frame 3|--batch-size 1..3 --set a=1"),
         ("play", "face --noise 0|face --noise nan|face --every 0|--path gpu|--batch-size 1..3"),
@@ -99,6 +99,7 @@ fn bad_values_are_refused_with_exit_code_2_and_what_would_be_right() {
         ("bench --vertices 0", "from 1 to"),
         ("bench --batch-sizes 7..1", "write 1..7"),
         ("bench --sparsity 2", "above 0 and at most 1"),
+        ("bench --suite crowd --time-limit 0", "seconds above 0"),
     ] {
         let message = parse(line).expect_err(line).to_string();
         assert!(message.contains(words), "{message}");
@@ -141,35 +142,6 @@ fn sums_name_poses_too() {
     assert_eq!((scatter("--pose float32", Float32), scatter("--pose fixed32", Fixed32)), (Some(Float32), None));
     assert_eq!(scatter("--accumulate float", Float32), None);
     assert_eq!(Sums::of(&UpdateDesc::new(UpdatePath::Scatter, Default::default())), Sums::Exact);
-}
-
-proptest! {
-    /// For all names: each pose format once, at its first position, and a contradiction if a kind of sums is named that
-    /// no pose format has, or left out although one has it.
-    #[test]
-    fn poses_and_sums_agree_or_are_refused(
-        poses in prop::collection::vec(prop::sample::select(&PoseFormat::ALL[..]), 0..4),
-        sums in prop::collection::vec(prop::sample::select(Sums::value_variants()), 0..4),
-    ) {
-        let list = |option: &str, names: Vec<&str>| match names.is_empty() {
-            true => String::new(),
-            false => format!(" --{option} {}", names.join(",")),
-        };
-        let named = list("poses", poses.iter().map(|pose| pose.name()).collect());
-        let kind = |sums: &Sums| if *sums == Sums::Exact { "exact" } else { "float" };
-        let kinds = list("accumulate", sums.iter().map(kind).collect());
-        let found = update(&format!("{named}{kinds}")).named_poses();
-        let agrees = |exact: bool| {
-            let kind = if exact { Sums::Exact } else { Sums::Float };
-            poses.iter().any(|pose| pose.has_integers() == exact) == sums.contains(&kind)
-        };
-        let right = poses.is_empty() || sums.is_empty() || agrees(true) && agrees(false);
-        prop_assert_eq!(found.is_ok(), right);
-        let Ok(found) = found else { return Ok(()) };
-        prop_assert!((1..found.len()).all(|i| !found[..i].contains(&found[i])));
-        prop_assert!(poses.iter().all(|pose| found.contains(pose)));
-        prop_assert_eq!(found.is_empty(), poses.is_empty() && sums.is_empty());
-    }
 }
 
 #[test]

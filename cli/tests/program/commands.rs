@@ -199,7 +199,6 @@ fn bad_arguments_exit_with_2_and_failures_with_1() {
     let out = out.to_str().unwrap();
     for (args, code, words) in [
         (&["bench", "--changed", "99", "--targets", "12", "--vertices", "50"][..], 2, "the mesh has 12 targets"),
-        (&["bench", "--sparsity", "0"], 2, "sparsity"),
         (&["apply", &dir, "-o", out, "--set", "nose=1"], 2, "--set nose: 'head' has no such target"),
         (&["apply", &dir, "-o", out], 2, "nothing to apply"),
         (&["bench", "no/such/folder"], 1, "no/such/folder"),
@@ -207,19 +206,12 @@ fn bad_arguments_exit_with_2_and_failures_with_1() {
         (&["apply", &dir, "-o", "-", "--set", "eyeBlinkLeft=1"], 2, "name a file"),
         (&["apply", &dir, "-o", out, "--set", "eyeBlinkLeft=1,eyeBlinkLeft=0"], 2, "set twice"),
         (
-            &["play", &dir, "--format", "block-float32", "--accumulate", "exact"],
-            2,
-            "pack as 'fast', 'small' or, dense, 'snorm16'",
-        ),
-        (&["soak", &dir, "--frames", "3", "--drift", "1e-9", "--accumulate", "float"], 2, "allow more drift"),
-        (
             &["bench", &dir, "--no-report", "--paths", "direct", "--formats", "fast"],
             1,
             "direct: takes --formats float32,",
         ),
         (&["bench", &dir, "--no-report", "--suite", "chapter", "--paths", "blocks"], 1, "that have batches: compute,"),
         (&["bench", &dir, "--no-report", "--paths", "feedback", "--poses", "fixed16"], 1, "and --poses float32"),
-        (&["bench", &dir, "--no-report", "--accumulate", "exact", "--poses", "fixed16,float32"], 2, "contradict"),
         (&["bench", "--device", "GeForce", "--vertices", "50"], 1, "no Vulkan device called 'GeForce'"),
         (
             &["apply", &dir, "-o", out, "--set", "eyeBlinkLeft=1", "--path", "feedback", "--device", "SwiftShader"],

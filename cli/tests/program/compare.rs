@@ -53,10 +53,6 @@ fn what_is_no_report_is_refused() {
         (&["--compare", &a, &other], 1, "other.json: schema 7, this version reads schema 1"),
         (&["--compare", &a, &at("none.json")], 1, "none.json: cannot read"),
         (&["--compare", &at("a/runs.csv"), &a], 1, "runs.csv: is no JSON"),
-        (&["--compare", &a], 2, "2 values"),
-        (&["--compare", &a, &a, "--changed", "3"], 2, "--changed"),
-        (&["--compare", &a, &a, "--redraw", &a], 2, "--redraw"),
-        (&["--compare", &a, &a, "--report", "folder"], 2, "--report"),
     ] {
         refused(&[&["bench"], args].concat(), code, words);
     }

@@ -1,6 +1,6 @@
 //! `bench`: every cell of a suite and every configuration of a sweep is present, verified, in the JSON and on its page.
 
-use crate::cli::{HEAD, json, links_hold, ok, refused, sample};
+use crate::cli::{HEAD, json, links_hold, ok, sample};
 use crate::data;
 use serde_json::Value;
 use std::collections::BTreeSet;
@@ -37,10 +37,6 @@ fn suite(name: &str, args: &[&str], folder: &Path) -> Value {
             let update = run["gpu_ms"]["min"].as_f64().unwrap();
             assert!(both > update && run["draw_ms"].as_f64().unwrap() > 0.0, "{run}");
         }
-    }
-    for tag in ["section", "figure", "table", "tr", "td", "div", "main"] {
-        let opened = page.matches(&format!("<{tag}>")).count() + page.matches(&format!("<{tag} ")).count();
-        assert_eq!(opened, page.matches(&format!("</{tag}>")).count(), "{tag}");
     }
     assert!(!page.contains("src=") && page.contains("software driver"));
     links_hold(folder);
@@ -279,17 +275,4 @@ fn bench_compares_pose_formats() {
     assert_eq!(default.iter().filter(|name| name.ends_with("fixed32 exact")).count(), 2, "{default:?}");
     assert_eq!(default, out(&["--accumulate", "float,exact"]));
     assert_eq!(out(&["--accumulate", "exact"]), out(&["--poses", "fixed32"]));
-}
-
-#[test]
-fn options_that_contradict_a_suite_are_refused() {
-    for (args, words) in [
-        (&["--suite", "crowd", "--changed", "3"][..], "--changed"),
-        (&["--suite", "crowd", "--poses", "fixed16"], "--poses"),
-        (&["--suite", "everything"], "chapter"),
-        (&["--time-limit", "3"], "--suite"),
-        (&["--suite", "crowd", "--time-limit", "0"], "seconds above 0"),
-    ] {
-        refused(&[&["bench"], args].concat(), 2, words);
-    }
 }
