@@ -345,13 +345,10 @@ pub struct UpdateArgs {
     /// How far rounding may move a vertex of a float32 pose, as a fraction of the diagonal
     #[arg(long, value_name = "FRACTION", default_value_t = 1e-5, value_parser = values::positive)]
     pub drift: f32,
-    /// Changes too small to move a vertex this far wait (block formats): a length in input units, "1e-4d" of the
-    /// diagonal, or "0.5px" with --projection
+    /// Changes too small to move a vertex this far wait (block formats): a length in input units, or "1e-4d" of the
+    /// diagonal
     #[arg(long, value_name = "LENGTH", value_parser = values::budget)]
     pub error_budget: Option<BudgetSpec>,
-    /// What a pixel of --error-budget is: degrees of view from bottom to top, pixels of height, distance of the face
-    #[arg(long, value_name = "DEGREES,PIXELS,DISTANCE", value_parser = values::projection)]
-    pub projection: Option<f32>,
     #[command(flatten)]
     pub pack: PackArgs,
     /// Threads of the cpu path [default: one per core]
@@ -415,16 +412,11 @@ impl UpdateArgs {
     }
 
     /// The error budget as a length.
-    pub fn budget(&self, diagonal: f32) -> Result<f32, String> {
-        match (self.error_budget, self.projection) {
-            (Some(BudgetSpec::Pixels(n)), Some(pixel)) => Ok(n * pixel),
-            (Some(BudgetSpec::Pixels(_)), None) => {
-                Err("--error-budget in pixels needs --projection DEGREES,PIXELS,DISTANCE".into())
-            }
-            (_, Some(_)) => Err("--projection is for an --error-budget in pixels, as in \"0.5px\"".into()),
-            (Some(BudgetSpec::Length(length)), None) => Ok(length),
-            (Some(BudgetSpec::Diagonal(fraction)), None) => Ok(fraction * diagonal),
-            (None, None) => Ok(0.0),
+    pub fn budget(&self, diagonal: f32) -> f32 {
+        match self.error_budget {
+            Some(BudgetSpec::Length(length)) => length,
+            Some(BudgetSpec::Diagonal(fraction)) => fraction * diagonal,
+            None => 0.0,
         }
     }
 }

@@ -400,7 +400,7 @@ pub fn prepare(
         .pose(update.pose_on(path, pose.unwrap_or(default.pose)).map_err(Failure::Usage)?)
         .tolerance(update.drift)
         .weight_max(update.pack.weight_max)
-        .error_budget(update.budget(input.kept.diagonal).map_err(Failure::Usage)?);
+        .error_budget(update.budget(input.kept.diagonal));
     desc.check().map_err(|e| Failure::Usage(e.to_string()))?;
     let mesh = packed(input, engine, format, &update.pack)?;
     let exact = desc.pose(PoseFormat::Fixed32);

@@ -56,7 +56,7 @@ pub struct BenchArgs {
         value_delimiter = ',',
         value_enum,
         conflicts_with_all = [
-            "batch_sizes", "changed", "weights", "shared", "modes", "poses", "accumulate", "error_budget", "projection"
+            "batch_sizes", "changed", "weights", "shared", "modes", "poses", "accumulate", "error_budget"
         ]
     )]
     pub suites: Vec<SuiteChoice>,

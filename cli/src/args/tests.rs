@@ -60,7 +60,7 @@ fn lists_and_aliases() {
     let args = args!(Apply, "apply face --set a=b=0.5,c=-1 --set d=2 -o out.obj");
     assert_eq!(args.set, [("a=b".into(), 0.5), ("c".into(), -1.0), ("d".into(), 2.0)]);
     let args = args!(Play, "play face --weights a.csv --noise 0.001 --every 3 --error-budget 1e-4d");
-    assert_eq!((args.every, args.noise, args.run.update.budget(2.0)), (3, Some(0.001), Ok(2e-4)));
+    assert_eq!((args.every, args.noise, args.run.update.budget(2.0)), (3, Some(0.001), 2e-4));
     let global = parse("--device 1 devices").expect("global before").global;
     assert_eq!(global.device, Some(DeviceChoice::Index(1)));
     let global = parse("info --device llvmpipe --json -").expect("global after").global;
@@ -83,7 +83,7 @@ fn bad_values_are_refused_with_exit_code_2_and_what_would_be_right() {
         ("apply", "--set jawOpen -o a.obj|--set =1 -o a.obj|--set jawOpen=nan -o a.obj|face --set a=1"),
         ("apply face -o a.obj", "--weights a.csv|--frame 3|--batch-size 1..3 --set a=1"),
         ("play", "face --noise 0|face --noise nan|face --every 0|--path gpu|--batch-size 1..3"),
-        ("play", "--block-size 33|--projection 30,1000|--pose fixed8|--accumulate int|--weight-max 0|--weight-max -1"),
+        ("play", "--block-size 33|--error-budget 1px|--pose fixed8|--accumulate int|--weight-max 0|--weight-max -1"),
         ("soak", "|--frames 0|--frames 5 --every 0"),
         ("sample", ""),
         ("lod face", "--metric half|--from a.json --pin eyeBlink|--random 0|--set jawOpen=1"),

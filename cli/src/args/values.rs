@@ -52,8 +52,6 @@ pub enum BudgetSpec {
     Length(f32),
     /// A fraction of the bounding-box diagonal.
     Diagonal(f32),
-    /// Pixels, through the projection given with it.
-    Pixels(f32),
 }
 
 /// An entry of `--batch-sizes`.
@@ -115,29 +113,10 @@ pub fn block_size(s: &str) -> Result<u32, &'static str> {
 }
 
 pub fn budget(s: &str) -> Result<BudgetSpec, String> {
-    let length = number(
-        "a length in input units, or a number with \"d\" (of the diagonal) or \"px\" (pixels, with --projection)",
-        |v| v >= 0.0,
-    );
-    let s = s.trim();
-    match (s.strip_suffix("px"), s.strip_suffix('d')) {
-        (Some(s), _) => length(s).map(BudgetSpec::Pixels),
-        (_, Some(s)) => length(s).map(BudgetSpec::Diagonal),
-        _ => length(s).map(BudgetSpec::Length),
-    }
-}
-
-/// Parse `--projection` into the length that a pixel shows at the distance of the face.
-pub fn projection(s: &str) -> Result<f32, String> {
-    let numbers: Vec<f32> = s.split(',').map(positive).collect::<Result<_, _>>()?;
-    match numbers[..] {
-        [degrees, height, distance] if degrees < 180.0 => {
-            Ok(2.0 * distance * (degrees.to_radians() / 2.0).tan() / height)
-        }
-        _ => {
-            Err("give three numbers: degrees of view from bottom to top, pixels of height, distance in input units"
-                .into())
-        }
+    let length = number("a length in input units, or a number with \"d\" (of the diagonal)", |v| v >= 0.0);
+    match s.trim().strip_suffix('d') {
+        Some(s) => length(s).map(BudgetSpec::Diagonal),
+        None => length(s).map(BudgetSpec::Length),
     }
 }
 
@@ -148,7 +127,7 @@ pub fn batch(s: &str) -> Result<BatchSpec, String> {
         ("all", _) => Ok(BatchSpec::All),
         ("max", _) => Ok(BatchSpec::Max),
         (s, None) => size(s).map(BatchSpec::Size),
-        (_, Some((lo, hi))) => match (size(lo)?, hi.strip_prefix('=').unwrap_or(hi).trim()) {
+        (_, Some((lo, hi))) => match (size(lo)?, hi.trim()) {
             (lo, "max") => Ok(BatchSpec::Range(lo, None)),
             (lo, hi) => match size(hi)? {
                 hi if hi < lo => Err(format!("the range runs backwards; write {hi}..{lo}")),

@@ -29,7 +29,7 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let input = input::load(&args.input, true, out)?;
     let counts = expand_changed(&args.changed, input.kept.targets.len()).map_err(Failure::Usage)?;
     let clips = clips(args, &input)?;
-    let budget = args.update.budget(input.kept.diagonal).map_err(Failure::Usage)?;
+    let budget = args.update.budget(input.kept.diagonal);
     let poses = distinct_or(&args.update.named_poses().map_err(Failure::Usage)?, &POSES);
     let mut session = Session::open(args, device, &input, out)?;
     let (full, skipped) = wanted(&session, &poses, budget, &FULL_SWEEP);
