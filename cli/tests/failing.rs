@@ -79,15 +79,13 @@ fn built() -> PathBuf {
 }
 
 fn cases(folder: &Path, display: &Display, with_c: bool) -> Vec<Case> {
-    let (head, clip, script) = (folder.join("head"), folder.join("clip.csv"), folder.join("script"));
+    let (head, script) = (folder.join("head"), folder.join("script"));
     let head = head.to_str().expect("UTF-8");
     cli::ok(&["sample", head, "--vertices", "300", "--targets", "8", "--frames", "3", "--quiet"]);
-    let mut clips = std::fs::read_dir(Path::new(head).join("weights")).expect("clips");
-    std::fs::copy(clips.next().expect("a clip").expect("a file").path(), &clip).expect("a copy");
     // The panel shows times, which must not be in the compared picture.
     let text = "set eyeBlinkLeft 1\nframes 2\npath cpu\nframes 2\npath blocks\nheads 2\nframes 2\npanel off\nscreenshot a.png\n";
     std::fs::write(&script, text).expect("a script");
-    let (clip, on) = (clip.to_str().expect("UTF-8"), "--device llvmpipe --quiet");
+    let (clip, on) = (cli::clip(head), "--device llvmpipe --quiet");
     let play = |name, rest: &str| {
         Case::new(name, format!("play {head} --weights {clip} --json a.json {on} {rest}").trim_end())
     };

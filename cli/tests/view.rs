@@ -9,11 +9,10 @@ mod cli;
 #[path = "common/display.rs"]
 mod display;
 
-use cli::sample;
+use cli::{pixels, sample};
 use display::Display;
 use serde_json::Value;
 use std::fmt::Write as _;
-use std::fs::File;
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -53,15 +52,6 @@ fn error_of(out: &Output) -> (Option<i32>, String) {
     let said = error_lines(out);
     assert!(!out.status.success() && !said.contains("panicked"), "{said}");
     (out.status.code(), said)
-}
-
-/// Returns width, height and pixels.
-fn pixels(path: &Path) -> ([u32; 2], Vec<u8>) {
-    let file = File::open(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-    let mut reader = png::Decoder::new(file).read_info().expect("a PNG");
-    let mut bytes = vec![0; reader.output_buffer_size()];
-    let info = reader.next_frame(&mut bytes).expect("a picture");
-    ([info.width, info.height], bytes)
 }
 
 /// Returns the fraction of the pixels of two pictures of the same size that differ by more than rounding.

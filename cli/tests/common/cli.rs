@@ -2,12 +2,24 @@
 #![allow(dead_code)] // each test file uses some of this
 
 use serde_json::Value;
+use std::fs::File;
 use std::path::Path;
 use std::process::{Command, Output};
 
 /// Runs the program.
 pub fn deltamorph(args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_deltamorph")).args(args).output().expect("the program starts")
+}
+
+/// Runs the program where there is no Vulkan driver.
+pub fn without_drivers(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_deltamorph"))
+        .args(args)
+        .env("VK_DRIVER_FILES", "/nonexistent.json")
+        .env("VK_ICD_FILENAMES", "/nonexistent.json")
+        .env_remove("VK_ADD_DRIVER_FILES")
+        .output()
+        .expect("the program starts")
 }
 
 /// Returns its output on success.
@@ -51,6 +63,16 @@ pub fn sample(folder: &Path) -> String {
 /// Returns the clip of a head that `sample` wrote.
 pub fn clip(dir: &str) -> String {
     format!("{dir}/weights/head_30fps.csv")
+}
+
+/// Returns width, height, and four bytes per pixel.
+pub fn pixels(path: &Path) -> ([u32; 2], Vec<u8>) {
+    let file = File::open(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    let mut reader = png::Decoder::new(file).read_info().expect("a PNG");
+    let mut bytes = vec![0; reader.output_buffer_size()];
+    let info = reader.next_frame(&mut bytes).expect("a picture");
+    assert_eq!((info.color_type, info.bit_depth), (png::ColorType::Rgba, png::BitDepth::Eight));
+    ([info.width, info.height], bytes)
 }
 
 /// Asserts that every link of the pages in a folder leads to an existing file, or to an anchor on the page.

@@ -1,8 +1,7 @@
 //! `bench`: verification before measurement, replayed clips, and runs without a Vulkan device.
 
-use crate::cli::{HEAD, deltamorph, json, sample};
+use crate::cli::{HEAD, deltamorph, json, sample, without_drivers};
 use serde_json::Value;
-use std::process::Command;
 
 #[test]
 fn bench_verifies_measures_and_draws() {
@@ -69,14 +68,7 @@ fn bench_replays_a_clip() {
 
 #[test]
 fn without_a_vulkan_device_the_cpu_path_takes_over_and_says_so() {
-    let out = Command::new(env!("CARGO_BIN_EXE_deltamorph"))
-        .args(["bench", "--frames", "2", "--no-report", "--json", "-"])
-        .args(HEAD)
-        .env("VK_DRIVER_FILES", "/nonexistent.json")
-        .env("VK_ICD_FILENAMES", "/nonexistent.json")
-        .env_remove("VK_ADD_DRIVER_FILES")
-        .output()
-        .unwrap();
+    let out = without_drivers(&[&["bench", "--frames", "2", "--no-report", "--json", "-"], &HEAD[..]].concat());
     let notes = String::from_utf8(out.stderr).unwrap();
     assert!(out.status.success(), "{notes}");
     assert!(notes.contains("carrying on with the path 'cpu'"), "{notes}");

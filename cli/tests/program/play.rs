@@ -1,9 +1,8 @@
 //! The commands that run many frames: `play` and `soak`.
 
-use crate::cli::{HEAD, fails, json, ok, refused, sample};
+use crate::cli::{HEAD, fails, json, ok, refused, sample, without_drivers};
 use serde_json::Value;
 use std::fs;
-use std::process::Command;
 
 fn has(object: &Value, fields: &str) {
     fields.split_whitespace().for_each(|f| assert!(object.get(f).is_some(), "{f} in {object}"));
@@ -267,14 +266,7 @@ fn a_path_that_is_named_fails_where_there_is_no_device() {
     let folder = tempfile::tempdir().unwrap();
     let dir = sample(folder.path());
     for args in [&["--path", "blocks"][..], &["--path", "feedback", "--format", "float32"], &["--animated"]] {
-        let out = Command::new(env!("CARGO_BIN_EXE_deltamorph"))
-            .args(["play", &dir, "--quiet"])
-            .args(args)
-            .env("VK_DRIVER_FILES", "/nonexistent.json")
-            .env("VK_ICD_FILENAMES", "/nonexistent.json")
-            .env_remove("VK_ADD_DRIVER_FILES")
-            .output()
-            .unwrap();
+        let out = without_drivers(&[&["play", &dir, "--quiet"], args].concat());
         let errors = String::from_utf8(out.stderr).unwrap();
         assert_eq!(out.status.code(), Some(1), "{args:?}: {errors}");
         assert!(errors.contains("needs a Vulkan device and there is none; install a driver"), "{args:?}: {errors}");

@@ -3,7 +3,7 @@
 //! `UPDATE_PICTURES=1 ./with-vulkan cargo test -p deltamorph-cli --test program render` redraws the pictures after a
 //! change of the built-in head or the light: review each of them before committing.
 
-use crate::cli::{HEAD, clip, fails, json, ok, sample};
+use crate::cli::{HEAD, clip, fails, json, ok, pixels, sample};
 use nv_flip::{DEFAULT_PIXELS_PER_DEGREE, FlipImageRgb8, FlipPool, flip};
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -54,16 +54,6 @@ fn golden(name: &str, driver: &str) -> PathBuf {
 fn draw(args: &[&str], driver: &str, out: &Path) {
     let out = out.to_str().expect("UTF-8");
     ok(&[&["render", "--quiet", "--device", driver, "-o", out], &MESH[..], args].concat());
-}
-
-/// Returns width, height, and four bytes per pixel.
-fn pixels(path: &Path) -> ([u32; 2], Vec<u8>) {
-    let file = File::open(path).unwrap_or_else(|e| panic!("{}: {e}; UPDATE_PICTURES=1 draws it", path.display()));
-    let mut reader = png::Decoder::new(file).read_info().expect("a PNG");
-    let mut bytes = vec![0; reader.output_buffer_size()];
-    let info = reader.next_frame(&mut bytes).expect("a picture");
-    assert_eq!((info.color_type, info.bit_depth), (png::ColorType::Rgba, png::BitDepth::Eight));
-    ([info.width, info.height], bytes)
 }
 
 /// Reads a picture, in front of grey.
