@@ -168,8 +168,18 @@ impl Instance {
         let layers = [VALIDATION.as_ptr()];
         let control = if has_settings { ash::ext::layer_settings::NAME } else { ash::ext::validation_features::NAME };
         let own = if validation { &[ash::ext::debug_utils::NAME, control][..] } else { &[] };
-        let extensions: Vec<_> = extensions.iter().chain(own).map(|name| name.as_ptr()).collect();
-        let mut info = vk::InstanceCreateInfo::default().application_info(&app).enabled_extension_names(&extensions);
+        // Drivers on other APIs, such as MoltenVK, are only listed for hosts that ask for them.
+        let portability = ash::khr::portability_enumeration::NAME;
+        // SAFETY: the loader is alive.
+        let all = unsafe { entry.enumerate_instance_extension_properties(None) }.unwrap_or_default();
+        let portability = all.iter().any(|e| e.extension_name_as_c_str() == Ok(portability)).then_some(portability);
+        let extensions: Vec<_> = extensions.iter().chain(own).chain(&portability).map(|name| name.as_ptr()).collect();
+        let flags = match portability {
+            Some(_) => vk::InstanceCreateFlags::ENUMERATE_PORTABILITY_KHR,
+            None => vk::InstanceCreateFlags::empty(),
+        };
+        let mut info = vk::InstanceCreateInfo::default().flags(flags).application_info(&app);
+        info = info.enabled_extension_names(&extensions);
         if validation {
             info = info.enabled_layer_names(&layers).push_next(&mut messenger_info);
             info = if has_settings { info.push_next(&mut settings) } else { info.push_next(&mut features) };
@@ -266,14 +276,17 @@ impl Headless {
         let (timestamp_bits, nanoseconds) = (families[family as usize].timestamp_valid_bits, caps.timestamp_period);
         let feedback_enabled = caps.transform_feedback.is_some();
         let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&[1.0])];
-        let extensions = [ash::ext::transform_feedback::NAME.as_ptr()];
+        let feedback_extension = feedback_enabled.then_some(ash::ext::transform_feedback::NAME.as_ptr());
+        let portability = caps.portability.then_some(ash::khr::portability_subset::NAME.as_ptr());
+        let extensions: Vec<_> = feedback_extension.into_iter().chain(portability).collect();
         let mut feedback = vk::PhysicalDeviceTransformFeedbackFeaturesEXT::default().transform_feedback(true);
         let features = vk::PhysicalDeviceFeatures::default()
             .vertex_pipeline_stores_and_atomics(caps.vertex_stores)
             .shader_int64(caps.int64);
         let mut info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_features(&features);
+        info = info.enabled_extension_names(&extensions);
         if feedback_enabled {
-            info = info.enabled_extension_names(&extensions).push_next(&mut feedback);
+            info = info.push_next(&mut feedback);
         }
         // SAFETY: the physical device is the instance's own; the extension and features were queried.
         let device =

@@ -96,6 +96,9 @@ pub struct DeviceCaps {
     pub max_image_side: u32,
     /// Whether shaders may use 64-bit integers (the feature `shaderInt64`).
     pub int64: bool,
+    /// Whether the driver stands on another API, as MoltenVK does: VK_KHR_portability_subset has to be enabled when the
+    /// device is created. Nothing that it leaves out is needed here.
+    pub portability: bool,
     /// Flags of each queue family, by its index.
     pub queue_families: Vec<vk::QueueFlags>,
 }
@@ -217,6 +220,7 @@ impl DeviceCaps {
                 .contains(vk::FormatFeatureFlags::COLOR_ATTACHMENT_BLEND | vk::FormatFeatureFlags::SAMPLED_IMAGE),
             max_image_side: limits.max_image_dimension2_d,
             int64: core_features.shader_int64 == vk::TRUE,
+            portability: has(ash::khr::portability_subset::NAME),
             queue_families: families.iter().map(|family| family.queue_flags).collect(),
         })
     }
@@ -247,6 +251,7 @@ impl DeviceCaps {
             float_blending: false,
             max_image_side: 4096,
             int64: false,
+            portability: false,
             queue_families: vec![],
         }
     }

@@ -97,13 +97,15 @@ impl Device {
         }))?;
         let chosen =
             choose(&instance, &surfaces, surface, (display, handle), choice).and_then(|(physical, family, caps)| {
-                let extensions = [khr::swapchain::NAME.as_ptr(), ext::transform_feedback::NAME.as_ptr()];
                 let feedback = caps.transform_feedback.is_some();
+                let mut extensions = vec![khr::swapchain::NAME.as_ptr()];
+                extensions.extend(feedback.then_some(ext::transform_feedback::NAME.as_ptr()));
+                extensions.extend(caps.portability.then_some(khr::portability_subset::NAME.as_ptr()));
                 let mut captures = vk::PhysicalDeviceTransformFeedbackFeaturesEXT::default().transform_feedback(true);
                 let features = vk::PhysicalDeviceFeatures::default().shader_int64(caps.int64);
                 let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&[1.0])];
                 let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_features(&features);
-                let info = info.enabled_extension_names(&extensions[..1 + usize::from(feedback)]);
+                let info = info.enabled_extension_names(&extensions);
                 let info = if feedback { info.push_next(&mut captures) } else { info };
                 // SAFETY: the physical device is the instance's; extensions and features were queried.
                 let device = unsafe { instance.raw.create_device(physical, &info, None) };

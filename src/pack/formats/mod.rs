@@ -222,6 +222,27 @@ fn quantise(value: f32, step: f64) -> i32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pack::PoseFormat;
+    use ash::vk;
+
+    /// VK_KHR_portability_subset leaves out other strides and offsets, and attributes beyond the stride.
+    #[test]
+    fn vertex_attributes_are_those_of_portable_drivers() {
+        let deltas = DeltaFormat::ALL.into_iter().map(|format| (format.stride(), format.row().attributes));
+        let poses = PoseFormat::ALL.into_iter().map(|format| (format.stride(), format.row().attributes));
+        for (stride, attributes) in deltas.chain(poses) {
+            assert_eq!(stride % 4, 0);
+            for &(format, offset) in attributes {
+                let size = match vk::Format::from_raw(format as i32) {
+                    vk::Format::R32G32B32_SFLOAT | vk::Format::R32G32B32_SINT | vk::Format::R32G32B32_UINT => 12,
+                    vk::Format::R16G16B16A16_SINT => 8,
+                    vk::Format::R16G16_SINT => 4,
+                    other => panic!("{other:?}: a format of unknown size"),
+                };
+                assert!(offset % 4 == 0 && offset as usize + size <= stride, "{offset} + {size} of {stride}");
+            }
+        }
+    }
 
     #[test]
     fn every_format_is_in_the_list_under_a_name_and_a_number_of_its_own() {
