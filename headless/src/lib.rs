@@ -154,15 +154,20 @@ impl Instance {
         let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enables);
         // The older extension does not have the second setting, without which newer layers miss hazards between shader
         // accesses to storage buffers.
-        let values = vk::TRUE.to_ne_bytes();
-        let on = |name| {
+        let (on, off) = (vk::TRUE.to_ne_bytes(), vk::FALSE.to_ne_bytes());
+        fn set<'a>(name: &'a CStr, values: &'a [u8]) -> vk::LayerSettingEXT<'a> {
             let kind = vk::LayerSettingTypeEXT::BOOL32;
             let mut setting =
-                vk::LayerSettingEXT::default().layer_name(VALIDATION).setting_name(name).ty(kind).values(&values);
+                vk::LayerSettingEXT::default().layer_name(VALIDATION).setting_name(name).ty(kind).values(values);
             setting.value_count = 1; // `values` counts bytes
             setting
-        };
-        let settings = [on(c"validate_sync"), on(c"syncval_shader_accesses_heuristic")];
+        }
+        // They stop after ten messages of one kind otherwise.
+        let settings = [
+            set(c"validate_sync", &on),
+            set(c"syncval_shader_accesses_heuristic", &on),
+            set(c"enable_message_limit", &off),
+        ];
         let mut settings = vk::LayerSettingsCreateInfoEXT::default().settings(&settings);
         let has_settings = validation && has_layer_settings(&entry);
         let layers = [VALIDATION.as_ptr()];
