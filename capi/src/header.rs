@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 const CRATE: &str = env!("CARGO_MANIFEST_DIR");
+const INCLUDES: [&str; 3] = ["stddef.h", "stdint.h", "vulkan/vulkan_core.h"];
 const UPDATE: &str = "UPDATE_HEADER=1 cargo test -p deltamorph-c header";
 
 fn root() -> PathBuf {
@@ -110,6 +111,30 @@ fn assertions() -> String {
 }
 
 fn generate() -> String {
+    let head = std::fs::read_to_string(Path::new(CRATE).join("header.txt")).expect("capi/header.txt");
+    let text = generate_as(Config {
+        trailer: Some(assertions()),
+        // cbindgen's would end before the trailer.
+        header: Some(format!("{}\n\n#ifndef DELTAMORPH_H\n#define DELTAMORPH_H", head.trim_end())),
+        sys_includes: INCLUDES.map(Into::into).into(),
+        cpp_compat: true,
+        documentation_style: DocumentationStyle::Cxx,
+        ..Default::default()
+    });
+    // Some compilers decode files by their locale.
+    let text = text.replace('…', "...").replace('×', "x").replace("/// # Safety\n", "/// Safety:\n");
+    assert!(text.is_ascii(), "{:?}", text.lines().find(|line| !line.is_ascii()));
+    text
+}
+
+/// The declarations of the header, each in a line, without comments.
+fn declarations() -> Vec<String> {
+    let text = generate_as(Config { documentation: false, ..Default::default() });
+    let one_line = |lines: &str| lines.split_whitespace().collect::<Vec<_>>().join(" ");
+    text.split("\n\n").map(one_line).filter(|line| !line.is_empty()).collect()
+}
+
+fn generate_as(config: Config) -> String {
     let names = [
         ("Instance", "VkInstance"),
         ("PhysicalDevice", "VkPhysicalDevice"),
@@ -124,22 +149,15 @@ fn generate() -> String {
         ("GetDeviceProcAddr", "PFN_vkGetDeviceProcAddr"),
     ];
     let rename: HashMap<String, String> = names.map(|(from, to)| (from.to_owned(), to.to_owned())).into();
-    let head = std::fs::read_to_string(Path::new(CRATE).join("header.txt")).expect("capi/header.txt");
     let config = Config {
         language: Language::C,
         style: Style::Both,
-        trailer: Some(assertions()),
-        // cbindgen's would end before the trailer.
-        header: Some(format!("{}\n\n#ifndef DELTAMORPH_H\n#define DELTAMORPH_H", head.trim_end())),
-        sys_includes: ["stddef.h", "stdint.h", "vulkan/vulkan_core.h"].map(Into::into).into(),
         no_includes: true,
-        cpp_compat: true,
         line_length: 120,
         tab_width: 4,
-        documentation_style: DocumentationStyle::Cxx,
         usize_is_size_t: true,
         export: ExportConfig { rename, ..Default::default() },
-        ..Default::default()
+        ..config
     };
     let mut builder = Builder::new().with_config(config);
     let files = [
@@ -173,14 +191,7 @@ fn generate() -> String {
     }
     let mut text = Vec::new();
     builder.generate().expect("a header").write(&mut text);
-    // Some compilers decode files by their locale.
-    let text = String::from_utf8(text)
-        .expect("UTF-8")
-        .replace('…', "...")
-        .replace('×', "x")
-        .replace("/// # Safety\n", "/// Safety:\n");
-    assert!(text.is_ascii(), "{:?}", text.lines().find(|line| !line.is_ascii()));
-    text
+    String::from_utf8(text).expect("UTF-8")
 }
 
 #[test]
@@ -192,6 +203,31 @@ fn the_header_is_what_the_crate_says() {
     let there = std::fs::read_to_string(&path).unwrap_or_default();
     let stale = there.lines().zip(fresh.lines()).position(|(a, b)| a != b).map_or(0, |at| at + 1);
     assert!(there == fresh, "{} is out of date from line {stale} on: {UPDATE}", path.display());
+}
+
+/// What programs were built against stays within a minor version, as the SONAME says: structures that state their size
+/// get fields at their end, everything else is as it was. `tests/programs.rs` runs programs built against that header.
+#[test]
+fn what_the_first_header_of_this_version_declares_is_still_there() {
+    let version = concat!(env!("CARGO_PKG_VERSION_MAJOR"), ".", env!("CARGO_PKG_VERSION_MINOR"));
+    let head =
+        format!("/* What deltamorph.h of the first {version} declares: UPDATE_FIRST_HEADER=1 before its release. */\n");
+    let (path, now) = (Path::new(CRATE).join("tests/first/deltamorph.h"), declarations());
+    if std::env::var_os("UPDATE_FIRST_HEADER").is_some() {
+        let includes = INCLUDES.map(|file| format!("#include <{file}>\n")).concat();
+        std::fs::write(&path, format!("{head}#pragma once\n{includes}{}\n", now.join("\n"))).expect("the header");
+    }
+    let first = std::fs::read_to_string(&path).unwrap_or_default();
+    let lines = first.strip_prefix(&head).unwrap_or_else(|| panic!("{} is not of {version}", path.display())).lines();
+    let is_there = |line: &str| {
+        let grows = line.split_once(" }").filter(|(fields, _)| fields.contains("{ uint32_t struct_size;"));
+        now.iter().any(|new| new == line || grows.is_some_and(|(fields, _)| new.starts_with(fields)))
+    };
+    let declared: Vec<&str> = lines.skip(1 + INCLUDES.len()).collect();
+    assert!(declared.len() > 150, "{declared:?}");
+    let gone: Vec<&&str> =
+        declared.iter().filter(|line| !is_there(line) && !line.contains("_VERSION_PATCH ")).collect();
+    assert!(gone.is_empty(), "programs that were built with {version} rely on what is gone or another:\n{gone:#?}");
 }
 
 /// A comment without its beginning is useless.

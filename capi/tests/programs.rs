@@ -64,6 +64,11 @@ struct Program(TempDir, PathBuf);
 
 /// Compiles `source` (a path from the root of the repository) as a host does, with its text changed by `change`.
 fn build(source: &str, change: impl FnOnce(String) -> String) -> Program {
+    build_with("include", source, change)
+}
+
+/// [`build`], with the header of a folder.
+fn build_with(headers: &str, source: &str, change: impl FnOnce(String) -> String) -> Program {
     let dir = tempfile::tempdir().expect("a folder");
     let (from, program) = (root().join(source), dir.path().join("program"));
     let copy = dir.path().join(from.file_name().expect("a file"));
@@ -71,7 +76,7 @@ fn build(source: &str, change: impl FnOnce(String) -> String) -> Program {
     let (compiler, standard) = if source.ends_with(".cpp") { ("c++", "-std=c++17") } else { ("cc", "-std=c99") };
     let quoted = format!("-iquote{}", from.parent().expect("a folder").display());
     let mut command = Command::new(compiler);
-    command.arg(standard).args(STRICT).arg("-pthread").arg(quoted).arg("-I").arg(root().join("include")).arg(&copy);
+    command.arg(standard).args(STRICT).arg("-pthread").arg(quoted).arg("-I").arg(root().join(headers)).arg(&copy);
     command.arg("-L").arg(libraries()).args(["-ldeltamorph_c", "-lvulkan", "-lm", "-o"]).arg(&program);
     ran(&mut command);
     Program(dir, program)
@@ -162,6 +167,18 @@ fn the_c_program_is_right_and_valid_on_every_driver() {
     }
     let refused = program.command().arg("/no/such/mesh").output().expect("the program starts");
     assert!(!refused.status.success() && text(&refused.stderr).contains("cannot read"));
+}
+
+/// Programs that were there before this library.
+#[test]
+fn programs_built_with_the_first_header_of_this_version_run() {
+    for (source, args) in [
+        ("examples/c/minimal.c", &["-", DRIVERS[0]][..]),
+        ("capi/tests/scene.c", &DRIVERS[..1]),
+        ("capi/tests/layers.c", &DRIVERS[..1]),
+    ] {
+        ran(build_with("capi/tests/first", source, unchanged).command().args(args));
+    }
 }
 
 #[test]
@@ -325,6 +342,8 @@ fn an_installed_library_is_found_and_linked_in_both_forms() {
     let dir = tempfile::tempdir().expect("a folder");
     let (prefix, source) = (dir.path().join("prefix"), root().join("examples/c/raii.cpp"));
     ran(Command::new(root().join("capi/install")).arg(&prefix).arg(libraries()));
+    let version = concat!("\"version\": \"", env!("CARGO_PKG_VERSION"), "\"");
+    assert!(include_str!("../package/vcpkg/vcpkg.json").contains(version), "capi/package/vcpkg/vcpkg.json: {version}");
     let config = prefix.join("lib/pkgconfig");
     for (form, environment) in [("shared", true), ("static", false)] {
         let mut ask = Command::new("pkg-config");
