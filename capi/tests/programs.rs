@@ -41,7 +41,9 @@ fn libraries() -> &'static Path {
             profile,
             "--target-dir",
         ]);
-        ran(cargo.arg(folder.parent().expect("target")).current_dir(root()));
+        // target/TRIPLE/PROFILE where another processor is built for.
+        let above = 1 + usize::from(std::env::var_os("CARGO_BUILD_TARGET").is_some());
+        ran(cargo.arg(folder.ancestors().nth(above).expect("target")).current_dir(root()));
         // As in capi/install: programs look up this name at start.
         ran(Command::new("ln").args(["-sf", "libdeltamorph_c.so"]).arg(folder.join(SONAME)));
         assert!(folder.join("libdeltamorph_c.so").is_file(), "{}: no libdeltamorph_c.so", folder.display());
