@@ -44,6 +44,9 @@ pub struct Update {
     /// Statistics; all zero except the bound if nothing changed and nothing was recorded. Direct paths: of the draws,
     /// even if nothing changed.
     pub stats: UpdateStats,
+    /// Timestamps that it writes, into the first queries of [`DeviceCrowd::set_queries`]: one more than
+    /// [steps](DeviceCrowd::step_names), 0 if nothing was recorded or no queries were set.
+    pub timestamps: u32,
 }
 
 /// The kind of crowds with poses on a device, updated by `U`.
@@ -64,6 +67,8 @@ pub struct OnDevice<U: ?Sized> {
     pub(super) recorded: u64,
     /// Discarded updates, ascending: a ticket can be discarded once.
     discarded: Vec<RangeInclusive<u64>>,
+    /// The host's queries that are left for the next update: pool, first and number.
+    pub(super) queries: Option<(vk::QueryPool, u32, u32)>,
     pub(super) updater: U,
 }
 
@@ -173,6 +178,7 @@ impl<U: Updater> CrowdBase<OnDevice<U>> {
             number: CROWDS.fetch_add(1, Ordering::Relaxed),
             recorded: 0,
             discarded: vec![],
+            queries: None,
         };
         let instances = Instances::new(instances as usize, targets, slots, frames);
         Ok(Self { instances, updates: 0, log: None, kind })
@@ -333,6 +339,69 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
         Ok(())
     }
 
+    /// Names of the steps of the update recorded last, in order: of its path (`blocks`, `compute`, …; crowds animated
+    /// on the GPU have a name for each step), then of [steps after the pose](crate::after). None if nothing was
+    /// recorded. Labels ([`DeviceDesc::debug_names`](field@crate::DeviceDesc::debug_names)) have these names.
+    pub fn step_names(&self) -> impl Iterator<Item = &'static str> {
+        self.kind.steps.firsts().map(|work| self.step_name(work))
+    }
+
+    /// Has the next recording call write timestamps of this crowd's update into queries of the host's: query `first`
+    /// when the commands before the update have finished, the following ones after each of its
+    /// [steps](Self::step_names), at BOTTOM_OF_PIPE. [`Update::timestamps`] says how many. Steps of crowds that are
+    /// recorded by one call may run at the same time. No barriers are added: drivers may begin a step before the one
+    /// that was timed has ended, where it needs nothing of it.
+    ///
+    /// The call fails before anything is recorded if `count` is too small. It uses up the setting either way.
+    ///
+    /// # Safety
+    /// - Queries `first` to `first + count` are of a pool of timestamps on the engine's device, which lives until the
+    ///   device has finished, are reset before the update runs, and are in no other use until then.
+    /// - The queue of the update has timestamps (`timestampValidBits` of its family is not 0).
+    pub unsafe fn set_queries(&mut self, pool: vk::QueryPool, first: u32, count: u32) {
+        self.kind.queries = Some((pool, first, count));
+    }
+
+    /// Writes a timestamp into the next query, if there are any.
+    ///
+    /// # Safety
+    /// See [`set_queries`](Self::set_queries); `cmd` is in the recording state on the crowd's device.
+    pub(super) unsafe fn write_timestamp(&mut self, cmd: vk::CommandBuffer) {
+        let OnDevice { queries: Some((pool, next, left)), device, .. } = &mut self.kind else { return };
+        // Tests record more works than were planned.
+        if *left > 0 {
+            // SAFETY: the caller's obligations.
+            unsafe { device.raw.cmd_write_timestamp(cmd, vk::PipelineStageFlags::BOTTOM_OF_PIPE, *pool, *next) };
+            (*next, *left) = (*next + 1, *left - 1);
+        }
+    }
+
+    /// Timestamps of the update planned last, for which there have to be queries.
+    fn timestamps(&mut self) -> Result<u32> {
+        let written = match self.kind.steps.firsts().count() as u32 {
+            0 => 0,
+            steps => steps + 1,
+        };
+        match &mut self.kind.queries {
+            None => Ok(0),
+            Some((.., count)) if *count < written => Err(Error::invalid(
+                format!("{count} queries for the {written} timestamps of an update"),
+                "hand in one more than the update has steps",
+            )),
+            Some((.., count)) => {
+                *count = written;
+                Ok(written)
+            }
+        }
+    }
+
+    pub(super) fn step_name(&self, work: &Work) -> &'static str {
+        match work.owner {
+            Owner::Technique => self.technique().step_name(work).unwrap_or(self.kind.desc.update.path.name()),
+            Owner::Step(kind) => kind.name(),
+        }
+    }
+
     /// Records a work of the update planned last.
     ///
     /// # Safety
@@ -372,6 +441,6 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
         }
         after.plan(updater.technique(), &self.instances, id, wrote, steps)?;
         *recorded += u64::from(!steps.is_empty());
-        Ok(Update { ticket: Ticket { crowd: self.kind.number, id }, stats })
+        Ok(Update { ticket: Ticket { crowd: self.kind.number, id }, stats, timestamps: self.timestamps()? })
     }
 }

@@ -41,7 +41,7 @@ impl MorphEngine {
         let accesses = |crowd: u32, works: &[_]| planned.crowds[crowd as usize].accesses(works);
         let events = trace(&planned.schedule.entries, accesses);
         // SAFETY: the caller's obligations.
-        unsafe { planned.record(&self.device.raw, cmd) };
+        unsafe { planned.record(&self.device, cmd) };
         Ok((updates, events))
     }
 }

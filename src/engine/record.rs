@@ -5,6 +5,7 @@ use super::base::{AnyCrowd, DeviceCrowd, Update};
 use crate::error::{Error, Result};
 use crate::gpu::barriers;
 use crate::gpu::caps::DeviceCaps;
+use crate::gpu::device::Device;
 use crate::plan::schedule::{Entry, Schedule};
 use ash::vk;
 
@@ -29,7 +30,8 @@ impl MorphEngine {
     /// restoring its own bindings; barriers of its own if other stages than the consumers' read poses.
     ///
     /// # Errors
-    /// A crowd of another engine. Nothing is recorded then.
+    /// A crowd of another engine; fewer [queries](crate::DeviceCrowd::set_queries) than timestamps. Nothing is recorded
+    /// then.
     ///
     /// # Safety
     /// - `cmd` is a primary command buffer in the recording state on the engine's device, outside a render pass and
@@ -50,7 +52,7 @@ impl MorphEngine {
         let (mut crowds, mut update) = ([crowd.base_mut()], None);
         let planned = self.plan(&mut crowds, |planned| update = Some(planned))?;
         // SAFETY: the caller's obligations.
-        unsafe { planned.record(&self.device.raw, cmd) };
+        unsafe { planned.record(&self.device, cmd) };
         update.ok_or_else(|| Error::invalid("an update of an empty list of crowds", "pass at least one"))
     }
 
@@ -74,7 +76,7 @@ impl MorphEngine {
         let mut updates = Vec::with_capacity(crowds.len());
         let planned = self.plan(&mut crowds, |update| updates.push(update))?;
         // SAFETY: the caller's obligations.
-        unsafe { planned.record(&self.device.raw, cmd) };
+        unsafe { planned.record(&self.device, cmd) };
         Ok(updates)
     }
 
@@ -127,15 +129,31 @@ impl Planned<'_, '_> {
     ///
     /// # Safety
     /// See [`MorphEngine::record_updates`].
-    pub(super) unsafe fn record(mut self, device: &ash::Device, cmd: vk::CommandBuffer) {
-        for entry in &self.schedule.entries {
-            match entry {
-                // SAFETY: the caller's obligations; techniques use only stages that their device has.
-                Entry::Barrier(barrier) => unsafe { barriers::record(device, cmd, barrier) },
-                Entry::Work { crowd, work, .. } => {
-                    // SAFETY: the caller's obligations.
-                    unsafe { self.crowds[*crowd as usize].record(cmd, work) };
+    pub(super) unsafe fn record(mut self, device: &Device, cmd: vk::CommandBuffer) {
+        let Self { crowds, schedule, .. } = &mut self;
+        // SAFETY: the caller's obligations; techniques use only stages that their device has; each label is ended.
+        unsafe {
+            if !schedule.entries.is_empty() {
+                device.begin_label(cmd, "deltamorph update");
+            }
+            crowds.iter_mut().for_each(|crowd| crowd.write_timestamp(cmd));
+            for run in schedule.entries.chunk_by(|a, b| a.step() == b.step()) {
+                if let Entry::Work { crowd, work, .. } = &run[0] {
+                    device.begin_label(cmd, crowds[*crowd as usize].step_name(work));
                 }
+                for entry in run {
+                    match entry {
+                        Entry::Barrier(barrier) => barriers::record(&device.raw, cmd, barrier),
+                        Entry::Work { crowd, work, .. } => crowds[*crowd as usize].record(cmd, work),
+                    }
+                }
+                if let Some((crowd, _)) = run[0].step() {
+                    device.end_label(cmd);
+                    crowds[crowd as usize].write_timestamp(cmd);
+                }
+            }
+            if !schedule.entries.is_empty() {
+                device.end_label(cmd);
             }
         }
         self.begun = 0;
@@ -145,6 +163,7 @@ impl Planned<'_, '_> {
 impl Drop for Planned<'_, '_> {
     fn drop(&mut self) {
         self.crowds[..self.begun].iter_mut().for_each(|crowd| crowd.discard_last());
+        self.crowds.iter_mut().for_each(|crowd| crowd.kind.queries = None);
         if let Some(first) = self.crowds.first_mut() {
             first.kind.schedule = std::mem::take(&mut self.schedule);
         }

@@ -73,7 +73,8 @@ pub struct DeviceDesc<'a> {
     /// pose buffers can then have addresses ([`CrowdDesc::pose_usage`](field@crate::CrowdDesc::pose_usage)).
     pub buffer_device_address: bool,
     /// Whether the instance was created with VK_EXT_debug_utils: buffers, pipelines and descriptor sets then get names,
-    /// which layers and debuggers show.
+    /// and updates labels (one around each call that records any, in it one around each
+    /// [step](crate::DeviceCrowd::step_names)), which layers, debuggers and profilers show.
     pub debug_names: bool,
     /// Families of the queues that use the engine's objects: those that upload, update and draw. With two or more, all
     /// of the engine's buffers are shared by them (`VK_SHARING_MODE_CONCURRENT`), and ownership is never transferred.
@@ -214,6 +215,26 @@ impl Device {
         // SAFETY: the host states that the extension is enabled; the object is of this device, and no other thread has
         // it yet. A failure to set the name does no harm.
         let _ = unsafe { functions.set_debug_utils_object_name(&info) };
+    }
+
+    /// Begins a label in `cmd`, if the host wants names.
+    ///
+    /// # Safety
+    /// `cmd` is in the recording state on this device, and [`end_label`](Self::end_label) follows.
+    pub unsafe fn begin_label(&self, cmd: vk::CommandBuffer, name: &str) {
+        let Some(functions) = &self.names else { return };
+        let name = CString::new(name).unwrap_or_default();
+        // SAFETY: the host states that the extension is enabled; and the caller's obligations.
+        unsafe { functions.cmd_begin_debug_utils_label(cmd, &vk::DebugUtilsLabelEXT::default().label_name(&name)) };
+    }
+
+    /// Ends the label begun last.
+    ///
+    /// # Safety
+    /// See [`begin_label`](Self::begin_label), which was called.
+    pub unsafe fn end_label(&self, cmd: vk::CommandBuffer) {
+        // SAFETY: as there.
+        self.names.iter().for_each(|functions| unsafe { functions.cmd_end_debug_utils_label(cmd) });
     }
 
     /// Memory for a buffer.

@@ -20,6 +20,13 @@ macro_rules! kinds {
             /// Every step.
             pub const ALL: [Self; [$(Self::$kind),*].len()] = [$(Self::$kind),*];
 
+            /// Its name.
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$kind => stringify!($module),)*
+                }
+            }
+
             /// The memory uses of its dispatch.
             pub const fn uses(self) -> &'static [Use] {
                 match self {

@@ -48,6 +48,16 @@ pub enum Entry {
     },
 }
 
+impl Entry {
+    /// Crowd and step of a work.
+    pub fn step(&self) -> Option<(u32, u32)> {
+        match self {
+            Self::Barrier(_) => None,
+            Self::Work { crowd, step, .. } => Some((*crowd, *step)),
+        }
+    }
+}
+
 /// The schedule of an update of one crowd or several, with reusable storage.
 #[derive(Clone, Debug, Default)]
 pub struct Schedule {

@@ -374,6 +374,11 @@ impl Steps {
         &self.works
     }
 
+    /// The first work of each step that has any.
+    pub fn firsts(&self) -> impl Iterator<Item = &Work> {
+        (0..self.len()).filter_map(|step| self.works_of(step).first())
+    }
+
     pub(super) fn works_of(&self, step: usize) -> &[Work] {
         let first = step.checked_sub(1).map_or(0, |before| self.steps[before].end);
         &self.works[first..self.steps[step].end]

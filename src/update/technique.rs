@@ -39,6 +39,11 @@ pub trait Technique: Any + Send + Sync {
     /// - The barriers that the steps' uses need are recorded between them.
     unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work);
 
+    /// The name of a work's step, if steps differ.
+    fn step_name(&self, _work: &Work) -> Option<&'static str> {
+        None
+    }
+
     /// Slots of an instance's pose and previous pose; `None` while it has no pose.
     fn slots_of(&self, instances: &Instances, instance: usize) -> Option<(u32, Option<u32>)> {
         instances.slots_of(instance)

@@ -12,3 +12,4 @@ mod pipelines;
 mod queues;
 mod slots;
 mod soundness;
+mod watched;

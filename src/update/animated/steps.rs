@@ -5,9 +5,9 @@ use crate::plan::steps::{Access, Resource as R, Source, Stage, Steps, Use, Work}
 use AnimatedKernel as K;
 use std::ops::Range;
 
-/// The list of kernels: documentation, name, whether one dispatch serves all groups of the mesh, and memory uses.
+/// The list of kernels: documentation, name, name of the step, whether one dispatch serves all groups of the mesh, and memory uses.
 macro_rules! kernels {
-    ($($(#[doc = $doc:literal])* $kernel:ident $common:literal $uses:expr;)*) => {
+    ($($(#[doc = $doc:literal])* $kernel:ident $name:literal $common:literal $uses:expr;)*) => {
         /// The kernel or command of a work.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub(super) enum AnimatedKernel {
@@ -17,6 +17,13 @@ macro_rules! kernels {
         impl AnimatedKernel {
             /// All kernels, in the order of [`Work::kernel`].
             pub(super) const ALL: [Self; [$(Self::$kernel),*].len()] = [$(Self::$kernel),*];
+
+            /// The name of its step.
+            pub(super) const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$kernel => $name,)*
+                }
+            }
 
             const fn uses(self) -> (bool, &'static [Use]) {
                 match self {
@@ -29,21 +36,21 @@ macro_rules! kernels {
 
 kernels! {
     /// Samples the clips that instances play.
-    Sample true SAMPLE;
+    Sample "sample" true SAMPLE;
     /// With an error budget: decides which changes to apply.
-    Budget true SAMPLE;
+    Budget "budget" true SAMPLE;
     /// With an error budget: applies them.
-    Commit true SAMPLE;
+    Commit "commit" true SAMPLE;
     /// Writes the work lists.
-    Plan false PLAN;
+    Plan "plan" false PLAN;
     /// Turns their lengths into dispatch arguments.
-    Arguments false &[Use::read(R::Control), Use::write(R::Control), Use::write(R::WorkList)];
+    Arguments "arguments" false &[Use::read(R::Control), Use::write(R::Control), Use::write(R::WorkList)];
     /// Chooses levels of detail that follow the camera.
-    Level true SAMPLE;
+    Level "level" true SAMPLE;
     /// Copies changed records to the device.
-    Records true &[Use::copy(R::State)];
+    Records "records" true &[Use::copy(R::State)];
     /// Updates the blocks of the work lists.
-    Blocks false BLOCKS;
+    Blocks "blocks" false BLOCKS;
 }
 
 const SAMPLE: &[Use] = &[Use::read(R::Tables), Use::read(R::State), Use::write(R::State)];

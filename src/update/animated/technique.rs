@@ -244,6 +244,10 @@ impl Technique for Animated {
         Ok(UpdateStats { passes: 1, ..UpdateStats::default() })
     }
 
+    fn step_name(&self, work: &Work) -> Option<&'static str> {
+        Some(AnimatedKernel::ALL[work.kernel as usize].name())
+    }
+
     unsafe fn record(&self, cmd: vk::CommandBuffer, _frame: u64, work: &Work) {
         let (group, what) = (&self.groups[work.group as usize], AnimatedKernel::ALL[work.kernel as usize]);
         let (layout, push, caps) = (&group.layout, &group.layout.push, &self.device.caps);

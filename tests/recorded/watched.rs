@@ -1,0 +1,274 @@
+//! What a host can watch of an update's commands: the labels around its steps, and timestamps between them. Commands go
+//! to the driver through functions that write them down.
+
+use crate::gpu::{self, drivers, on_device};
+use crate::offscreen::Offscreen;
+use deltamorph::ash::{self, vk};
+use deltamorph::{
+    AnimationDesc, AnyCrowd, BatchSize, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCrowd, DeviceDesc, MorphEngine,
+    Playback, UpdateDesc, UpdatePath, WeightClip, testing,
+};
+use deltamorph_headless::Headless;
+use std::cell::{Cell, RefCell};
+use std::collections::HashMap;
+use std::ffi::{CStr, c_char, c_void};
+
+type Function = unsafe extern "system" fn();
+
+thread_local! {
+    static LOG: RefCell<Vec<String>> = const { RefCell::new(vec![]) };
+    static REAL: RefCell<HashMap<&'static str, Function>> = RefCell::default();
+    static LOOK_UP: Cell<Option<vk::PFN_vkGetDeviceProcAddr>> = const { Cell::new(None) };
+}
+
+/// Functions that write a line and call the driver's, by name; and the function that looks them up.
+macro_rules! watched {
+    ($($name:ident: $type:ty = |$cmd:ident $(, $argument:ident: $of:ty)*| $line:expr;)*) => {
+        $(
+            #[allow(non_snake_case)]
+            unsafe extern "system" fn $name($cmd: vk::CommandBuffer $(, $argument: $of)*) {
+                LOG.with_borrow_mut(|log| log.push($line));
+                let real = REAL.with_borrow(|real| real[stringify!($name)]);
+                // SAFETY: the driver's function of this name, and what it was called with.
+                unsafe { std::mem::transmute::<Function, $type>(real)($cmd $(, $argument)*) }
+            }
+        )*
+
+        /// # Safety
+        /// Those of vkGetDeviceProcAddr.
+        unsafe extern "system" fn look_up(device: vk::Device, name: *const c_char) -> vk::PFN_vkVoidFunction {
+            // SAFETY: the caller's obligations.
+            let (name, real) = unsafe { (CStr::from_ptr(name), LOOK_UP.get()?(device, name)?) };
+            match name.to_str().ok()? {
+                $(stringify!($name) => {
+                    REAL.with_borrow_mut(|all| all.insert(stringify!($name), real));
+                    // SAFETY: called as its own type.
+                    Some(unsafe { std::mem::transmute::<$type, Function>($name) })
+                })*
+                _ => Some(real),
+            }
+        }
+    };
+}
+
+watched! {
+    vkCmdBeginDebugUtilsLabelEXT: vk::PFN_vkCmdBeginDebugUtilsLabelEXT = |
+        cmd, info: *const vk::DebugUtilsLabelEXT<'_>
+    | {
+        // SAFETY: a label whose name is a string.
+        format!("begin {}", unsafe { CStr::from_ptr((*info).p_label_name) }.to_str().expect("UTF-8"))
+    };
+    vkCmdEndDebugUtilsLabelEXT: vk::PFN_vkCmdEndDebugUtilsLabelEXT = |cmd| "end".to_owned();
+    vkCmdDispatch: vk::PFN_vkCmdDispatch = |cmd, x: u32, y: u32, z: u32| format!("dispatch {x} {y} {z}");
+    vkCmdDispatchIndirect: vk::PFN_vkCmdDispatchIndirect = |
+        cmd, buffer: vk::Buffer, at: u64
+    | format!("dispatch at {at}");
+    vkCmdBindPipeline: vk::PFN_vkCmdBindPipeline = |cmd, point: vk::PipelineBindPoint, pipeline: vk::Pipeline| {
+        format!("bind to {point:?}")
+    };
+    vkCmdWriteTimestamp: vk::PFN_vkCmdWriteTimestamp = |
+        cmd, stage: vk::PipelineStageFlags, pool: vk::QueryPool, query: u32
+    | format!("timestamp {query}");
+    vkCmdPushConstants: vk::PFN_vkCmdPushConstants = |
+        cmd, layout: vk::PipelineLayout, stages: vk::ShaderStageFlags, at: u32, size: u32, values: *const c_void
+    | {
+        // SAFETY: as many bytes are there.
+        format!("push {:?}", unsafe { std::slice::from_raw_parts(values.cast::<u8>(), size as usize) })
+    };
+    vkCmdPipelineBarrier: vk::PFN_vkCmdPipelineBarrier = |
+        cmd, before: vk::PipelineStageFlags, after: vk::PipelineStageFlags, flags: vk::DependencyFlags,
+        memories: u32, memory: *const vk::MemoryBarrier<'_>, buffers: u32, buffer: *const vk::BufferMemoryBarrier<'_>,
+        images: u32, image: *const vk::ImageMemoryBarrier<'_>
+    | format!("barrier {before:?} {after:?}");
+}
+
+/// An engine on the device of `headless`, whose commands are written down.
+fn watched(headless: &Headless, names: bool) -> MorphEngine {
+    let (instance, physical, device) = headless.handles();
+    LOOK_UP.set(Some(instance.fp_v1_0().get_device_proc_addr));
+    let functions = ash::InstanceFnV1_0 { get_device_proc_addr: look_up, ..instance.fp_v1_0().clone() };
+    let (v1_1, v1_3) = (instance.fp_v1_1().clone(), instance.fp_v1_3().clone());
+    let instance = ash::Instance::from_parts_1_3(instance.handle(), functions, v1_1, v1_3);
+    // SAFETY: the handles are of one device, which outlives the engine; the validation layers are on, and with them
+    // the extension.
+    unsafe {
+        let device = ash::Device::load(instance.fp_v1_0(), device.handle());
+        MorphEngine::new(&DeviceDesc::new(&instance, physical, &device).debug_names(names)).expect("an engine")
+    }
+}
+
+/// A pose of each crowd after an update, the recorded commands, and the number of timestamps and the steps of each
+/// update.
+type Frame = (Vec<Vec<f32>>, Vec<String>, Vec<(u32, Vec<&'static str>)>);
+
+/// Queries for each crowd.
+const QUERIES: u32 = 10;
+
+/// Records four updates, the last without a change, of three crowds in one call: in blocks with a decoded instance, in
+/// dense passes, and animated on the GPU (which is not among them in the last). `with_queries` may set queries before.
+fn frames(
+    headless: &Headless,
+    engine: &MorphEngine,
+    mut with_queries: impl FnMut(vk::CommandBuffer, [&mut DeviceCrowd; 3]),
+) -> Vec<Frame> {
+    let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+    let decoded = host.shared(300 * 12, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer").buffer;
+    let [mesh, dense] =
+        [DeltaFormat::Fast, DeltaFormat::Snorm16].map(|format| gpu::packed(engine, &testing::mesh(300, 7), format));
+    // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
+    let upload = |mesh| headless.run(|cmd| unsafe { engine.upload(cmd, mesh) }).expect("an upload");
+    let (uploaded, passes) = (upload(&mesh), UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(3)));
+    let desc = CrowdDesc::new(gpu::fixed()[1]);
+    let mut blocks = engine.create_crowd(&uploaded, &desc).expect("a crowd");
+    let mut dense = engine.create_crowd(&upload(&dense), &CrowdDesc::new(passes)).expect("a crowd");
+    // SAFETY: the buffer is large enough, and outlives the crowd; nothing is running.
+    unsafe { engine.set_decode_target(&mut blocks, 0, Some(&DecodeTarget::new(decoded))) }.expect("a target");
+    let names = mesh.layout().targets.iter().map(|target| target.name.clone()).collect();
+    let clips =
+        [WeightClip { name: "clip".into(), names, fps: 30.0, values: (0..70).map(|i| i as f32 / 80.0).collect() }];
+    let animation = AnimationDesc::new(&clips);
+    // SAFETY: as above.
+    let made = headless.run(|cmd| unsafe { engine.create_animated_crowd(cmd, &uploaded, &desc, &animation) });
+    let mut animated = made.expect("a crowd");
+    animated.play(0, &Playback::new(0)).expect("a clip");
+    let mut readback = [0; 3].map(|_| engine.readback());
+    let frame = |frame: u32| {
+        for crowd in [&mut blocks, &mut dense] {
+            crowd.set_weights(0, &[(1 + frame.min(2)) as f32 / 4.0; 7]).expect("weights");
+        }
+        animated.set_time(f64::from(frame) / 30.0).expect("a time");
+        let log = headless.run(|cmd| {
+            with_queries(cmd, [&mut blocks, &mut dense, &mut animated]);
+            LOG.take();
+            let mut all: [&mut dyn AnyCrowd; 3] = [&mut blocks, &mut dense, &mut animated];
+            // SAFETY: as above.
+            let updates = unsafe { engine.record_updates(cmd, if frame < 3 { &mut all } else { &mut all[..2] }) }?;
+            let log = LOG.take();
+            let steps = [blocks.step_names().collect(), dense.step_names().collect(), animated.step_names().collect()];
+            let steps = updates.iter().map(|update| update.timestamps).zip(steps).collect();
+            let all: [&dyn AnyCrowd; 3] = [&blocks, &dense, &animated];
+            // SAFETY: as above, and after the updates.
+            readback.iter_mut().zip(all).try_for_each(|(copy, crowd)| unsafe { copy.record(cmd, crowd, &[0]) })?;
+            Ok((log, steps))
+        });
+        // SAFETY: `run` has waited.
+        let poses = readback.iter_mut().flat_map(|copy| unsafe { copy.poses() }.expect("a pose"));
+        let (log, steps) = log.expect("an update");
+        (poses.map(|pose| pose.vertices).collect(), log, steps)
+    };
+    (0..4).map(frame).collect()
+}
+
+#[test]
+fn labels_are_around_updates_and_steps_and_change_nothing_else() {
+    for driver in drivers() {
+        on_device(&driver, false, |headless, _| {
+            let [named, plain] = [true, false].map(|names| frames(headless, &watched(headless, names), |_, _| ()));
+            for (number, ((poses, log, steps), plain)) in named.into_iter().zip(plain).enumerate() {
+                let (mut open, mut labels, mut commands) = (0, Vec::<String>::new(), vec![]);
+                for line in log {
+                    match (line.strip_prefix("begin "), line.as_str()) {
+                        (Some(name), _) => {
+                            assert_eq!(open, i32::from(name != "deltamorph update"), "{name}");
+                            labels.push(name.to_owned());
+                            open += 1;
+                        }
+                        (None, "end") => open -= 1,
+                        (None, command) => {
+                            // Barriers are between steps, everything else is within one.
+                            assert_eq!(open, if command.starts_with("barrier") { 1 } else { 2 }, "{command}");
+                            commands.push(line);
+                        }
+                    }
+                }
+                assert_eq!(open, 0, "labels are ended");
+                assert_eq!((poses, commands, steps), plain, "{driver}: what is recorded without labels");
+                let expected = match number {
+                    0 => "blocks, compute, records, decode, compute, sample, compute, plan, arguments, blocks",
+                    1 | 2 => "blocks, compute, sample, decode, compute, plan, compute, arguments, blocks",
+                    _ => "",
+                };
+                let update = if number < 3 { "deltamorph update, " } else { "" };
+                assert_eq!(labels.join(", "), format!("{update}{expected}"), "{driver}, update {number}");
+            }
+        });
+    }
+}
+
+#[test]
+fn timestamps_are_written_between_the_steps_of_each_update() {
+    for driver in drivers() {
+        on_device(&driver, false, |headless, _| {
+            let (_, _, device) = headless.handles();
+            let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(3 * QUERIES);
+            // SAFETY: the device is alive, and the pool is destroyed below.
+            let pool = unsafe { device.create_query_pool(&info, None) }.expect("a pool");
+            let plain = frames(headless, &watched(headless, false), |_, _| ());
+            let mut number = 0;
+            let timed = frames(headless, &watched(headless, false), |cmd, crowds| {
+                // What the update before wrote, which has finished.
+                for first in (0..3).map(|crowd| crowd * QUERIES).filter(|_| (1..4).contains(&number)) {
+                    let written = plain[number - 1].2[first as usize / QUERIES as usize].1.len() + 1;
+                    let mut at = vec![0u64; written];
+                    // SAFETY: as many queries were written.
+                    unsafe { device.get_query_pool_results(pool, first, &mut at, vk::QueryResultFlags::TYPE_64) }
+                        .expect("all written");
+                    assert!(at[0] > 0 && at.is_sorted(), "{driver}, crowd {first}: {at:?}");
+                }
+                number += 1;
+                // SAFETY: the queries are reset here; the drivers have timestamps, and the pool outlives the updates.
+                unsafe { device.cmd_reset_query_pool(cmd, pool, 0, 3 * QUERIES) };
+                for (crowd, first) in crowds.into_iter().zip([0, QUERIES, 2 * QUERIES]) {
+                    // SAFETY: as above.
+                    unsafe { crowd.set_queries(pool, first, QUERIES) };
+                }
+            });
+            for (number, ((poses, log, steps), plain)) in timed.into_iter().zip(plain).enumerate() {
+                let (stamps, commands): (Vec<_>, Vec<_>) =
+                    log.into_iter().partition(|line| line.starts_with("timestamp"));
+                assert_eq!((poses, commands), (plain.0, plain.1), "{driver}: what is recorded without timestamps");
+                let numbers: Vec<usize> = steps.iter().map(|(timestamps, _)| *timestamps as usize).collect();
+                let names: Vec<_> = steps.into_iter().map(|(_, names)| names.join(" ")).collect();
+                if number == 3 {
+                    assert_eq!(
+                        (numbers, names, stamps),
+                        (vec![0; 2], vec![String::new(); 2], vec![]),
+                        "nothing changed"
+                    );
+                    continue;
+                }
+                let (records, count) = if number == 0 { ("records ", 6) } else { ("", 5) };
+                let animated = format!("{records}sample plan arguments blocks");
+                assert_eq!(names, ["blocks decode", "compute compute compute", &animated]);
+                assert_eq!(numbers, [3, 4, count]);
+                assert_eq!(stamps.len(), 7 + count, "{stamps:?}");
+                assert_eq!(stamps[..3], ["timestamp 0", "timestamp 10", "timestamp 20"], "all begin together");
+            }
+            // SAFETY: `run` has waited for all updates.
+            unsafe { device.destroy_query_pool(pool, None) };
+        });
+    }
+}
+
+#[test]
+fn too_few_queries_are_refused_before_anything_is_recorded() {
+    on_device(&drivers()[0], false, |headless, _| {
+        let engine = watched(headless, true);
+        let mesh = gpu::packed(&engine, &testing::mesh(300, 7), DeltaFormat::Fast);
+        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
+        let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+        let mut crowd = engine.create_crowd(&uploaded, &CrowdDesc::new(UpdateDesc::blocks())).expect("a crowd");
+        crowd.set_weights(0, &[0.5; 7]).expect("weights");
+        LOG.take();
+        // SAFETY: nothing is written to the pool, which is null.
+        unsafe { crowd.set_queries(vk::QueryPool::null(), 0, 1) };
+        // SAFETY: as above.
+        let refused = headless.run(|cmd| unsafe { engine.record_update(cmd, &mut crowd) });
+        testing::says(refused, &["1 queries for the 2 timestamps"]);
+        assert_eq!(LOG.take(), [""; 0]);
+        // SAFETY: as above.
+        let update = headless.run(|cmd| unsafe { engine.record_update(cmd, &mut crowd) }).expect("an update");
+        assert_eq!((update.timestamps, crowd.step_names().collect()), (0, vec!["blocks"]));
+        assert!(LOG.take().contains(&"begin blocks".to_owned()), "the setting was used up");
+    });
+}
