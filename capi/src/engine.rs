@@ -2,7 +2,7 @@
 
 use crate::arguments::check_reserved;
 use crate::handles::{DmCrowd, DmEngine, DmGpuMesh, DmReadback, DmSkin, DmSurface, Handle};
-use crate::memory::{Place, Versioned, check_place, read, slice};
+use crate::memory::{Place, Versioned, characters, check_place, read, slice};
 use crate::result::{DmResult, Failure, Result, enter};
 use crate::structs::{DmEngineDesc, DmEngineInfo};
 use deltamorph::ash::vk::{self, Handle as _};
@@ -97,17 +97,13 @@ pub unsafe extern "C" fn dm_engine_info(engine: DmEngine, info: *mut DmEngineInf
         let place = unsafe { Place::new(info) }?;
         let engine = engine.get()?;
         let caps = engine.morph.caps();
-        let mut info = DmEngineInfo {
+        place.write(DmEngineInfo {
             is_software: caps.is_software().into(),
             max_storage_range: caps.max_storage_range,
             allocated_bytes: engine.morph.allocated_bytes(),
+            device_name: characters(&caps.name),
             ..DmEngineInfo::zeroed()
-        };
-        let room = info.device_name.len() - 1;
-        for (to, from) in info.device_name[..room].iter_mut().zip(caps.name.bytes()) {
-            *to = from.cast_signed() as _;
-        }
-        place.write(info);
+        });
         Ok(())
     })
 }

@@ -81,7 +81,9 @@ fn layouts() -> Vec<Layout> {
         DmTicket { crowd number }
         DmUpdate {
             struct_size bound ticket coefficients passes rebuilt dirty_blocks rebuilt_blocks bytes_moved bytes_floor
+            timestamps
         }
+        DmStepName { name }
         DmPoseView { struct_size stride buffer offset size format slot units }
         DmStreamView { struct_size stride buffer offset components format units slot reserved }
         DmDecodeTarget { struct_size stride buffer offset normals reserved }
@@ -142,6 +144,7 @@ fn generate_as(config: Config) -> String {
         ("CommandBuffer", "VkCommandBuffer"),
         ("Buffer", "VkBuffer"),
         ("PipelineCache", "VkPipelineCache"),
+        ("QueryPool", "VkQueryPool"),
         ("PhysicalDeviceFeatures", "VkPhysicalDeviceFeatures"),
         ("VertexInputBindingDescription", "VkVertexInputBindingDescription"),
         ("VertexInputAttributeDescription", "VkVertexInputAttributeDescription"),

@@ -234,6 +234,13 @@ pub unsafe fn list<T: Copy>(count: *mut u32, items: *mut T, values: &[T], what: 
     Ok(())
 }
 
+/// The beginning of a text, ended by a zero.
+pub fn characters<const N: usize>(text: &str) -> [c_char; N] {
+    let mut all = [0; N];
+    all[..N - 1].iter_mut().zip(text.bytes()).for_each(|(to, from)| *to = from.cast_signed() as _);
+    all
+}
+
 /// A string of the caller's; `what` names it in messages.
 ///
 /// # Safety

@@ -100,12 +100,54 @@ static void levels(DmCrowd crowd, DmCrowd animated) {
     WORKS(dm_crowd_set_level(animated, 0, 2));
 }
 
+/* An engine of its own: timestamps and names of steps. */
+static void handed_over(const Host *host, const DmEngineDesc *device, DmMesh mesh) {
+    const VkQueryPoolCreateInfo info = {.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO,
+                                        .queryType = VK_QUERY_TYPE_TIMESTAMP, .queryCount = 2};
+    const VkQueryResultFlags wide = VK_QUERY_RESULT_64_BIT;
+    VkQueryPool pool;
+    DmEngine engine;
+    DmGpuMesh uploaded;
+    DmCrowd crowd;
+    DmUpdate update = {.struct_size = sizeof update};
+    uint32_t count = 0;
+    uint64_t at[2];
+    DmStepName step;
+    VK(vkCreateQueryPool(host->device, &info, NULL, &pool));
+    WORKS(dm_engine_create(device, &engine));
+    host_begin(host);
+    WORKS(dm_mesh_upload(engine, host->cmd, mesh, &uploaded));
+    host_submit_and_wait(host);
+    WORKS(dm_gpu_mesh_release_staging(uploaded));
+    WORKS(dm_crowd_create(uploaded, NULL, &crowd));
+    host_begin(host);
+    vkCmdResetQueryPool(host->cmd, pool, 0, 2);
+    WORKS(dm_crowd_set_queries(crowd, pool, 0, 1));
+    INVALID("1 queries for the 2 timestamps", dm_record_update(host->cmd, crowd, &update));
+    HOLDS(update.timestamps == 0);
+    WORKS(dm_crowd_set_queries(crowd, pool, 0, 2));
+    WORKS(dm_record_update(host->cmd, crowd, &update));
+    host_submit_and_wait(host);
+    VK(vkGetQueryPoolResults(host->device, pool, 0, 2, sizeof at, at, sizeof *at, wide));
+    HOLDS(update.timestamps == 2 && at[0] > 0 && at[0] <= at[1]);
+    INVALID("'count' is a null pointer", dm_crowd_step_names(crowd, NULL, NULL));
+    WORKS(dm_crowd_step_names(crowd, &count, NULL));
+    HOLDS(count == 1);
+    WORKS(dm_crowd_step_names(crowd, &count, &step));
+    HOLDS(strcmp(step.name, "blocks") == 0);
+    WORKS(dm_crowd_destroy(crowd));
+    WORKS(dm_gpu_mesh_destroy(uploaded));
+    WORKS(dm_engine_destroy(engine));
+    vkDestroyQueryPool(host->device, pool, NULL);
+}
+
 /* As `steps`. */
 static void more(const Host *host, DmMesh mesh, DmGpuMesh uploaded, DmCrowd crowd, DmCrowd animated) {
     const DmEngineDesc device = {.struct_size = sizeof device, .instance = host->instance,
                                  .physical_device = host->physical, .device = host->device,
                                  .get_instance_proc_addr = vkGetInstanceProcAddr};
     families(&device, uploaded);
+    handed_over(host, &device, mesh);
     layers(mesh, crowd);
     weight_bounds(mesh);
     levels(crowd, animated);

@@ -43,7 +43,8 @@ pub struct DmEngineDesc {
     pub clamp_to_android_baseline: u32,
     /// Zero.
     pub reserved: u32,
-    /// Not 0: `instance` was created with VK_EXT_debug_utils; then buffers, pipelines and descriptor sets get names.
+    /// Not 0: `instance` was created with VK_EXT_debug_utils; then buffers, pipelines and descriptor sets get names, and
+    /// updates labels: one around each call that records any, in it one around each step.
     pub debug_names: u32,
     /// Not 0: `device` was created with the feature `bufferDeviceAddress`; DmCrowdDesc::pose_usage may ask for
     /// addresses.

@@ -40,7 +40,7 @@ versioned! {
     DmCamera;
     DmPlace;
     DmPlayback;
-    DmUpdate;
+    DmUpdate 80;
     DmPoseView;
     DmStreamView;
     DmDecodeTarget;
