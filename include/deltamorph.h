@@ -430,8 +430,8 @@ typedef struct DmEngineDesc {
     uint32_t clamp_to_android_baseline;
     /// Zero.
     uint32_t reserved;
-    /// Not 0: `instance` was created with VK_EXT_debug_utils; then buffers, pipelines and descriptor sets get names, and
-    /// updates labels: one around each call that records any, in it one around each step.
+    /// Not 0: `instance` was created with VK_EXT_debug_utils; then buffers, pipelines and descriptor sets get names,
+    /// and updates labels: one around each call that records any, in it one around each step.
     uint32_t debug_names;
     /// Not 0: `device` was created with the feature `bufferDeviceAddress`; DmCrowdDesc::pose_usage may ask for
     /// addresses.
@@ -457,6 +457,36 @@ typedef struct DmEngineInfo {
     /// The device's name, ended by a zero.
     char device_name[256];
 } DmEngineInfo;
+
+/// Memory of one kind: bytes, and how many buffers they are.
+typedef struct DmMemoryUse {
+    /// Bytes, as allocated.
+    uint64_t bytes;
+    /// Buffers.
+    uint64_t allocations;
+} DmMemoryUse;
+
+/// The memory of an engine and all objects made with it, by what it is for. Buffers of the host's are not counted.
+typedef struct DmMemory {
+    /// sizeof(DmMemory).
+    uint32_t struct_size;
+    /// Zero.
+    uint32_t reserved;
+    /// Bytes allocated from the driver, including unused parts of blocks.
+    uint64_t allocated;
+    /// Base poses, deltas, skins and surfaces.
+    struct DmMemoryUse meshes;
+    /// Poses, but for those in buffers of the host's.
+    struct DmMemoryUse poses;
+    /// Clips of crowds that play them, their weights and plans.
+    struct DmMemoryUse animation;
+    /// Lists that are written for updates, for each frame in flight.
+    struct DmMemoryUse lists;
+    /// Staging memory of uploads, until it is released.
+    struct DmMemoryUse staging;
+    /// Poses read back.
+    struct DmMemoryUse readback;
+} DmMemory;
 
 /// A mesh on the device. All zero: none.
 typedef struct DmGpuMesh {
@@ -669,8 +699,8 @@ typedef struct DmUpdate {
     uint64_t bytes_moved;
     /// Lower bound of the bytes that any update could move.
     uint64_t bytes_floor;
-    /// Timestamps that it writes into the first queries of `dm_crowd_set_queries`: one more than steps, 0 if nothing was
-    /// recorded or no queries were set.
+    /// Timestamps that it writes into the first queries of `dm_crowd_set_queries`: one more than steps, 0 if nothing
+    /// was recorded or no queries were set.
     uint64_t timestamps;
 } DmUpdate;
 
@@ -1125,6 +1155,22 @@ DmResult dm_engine_create(const struct DmEngineDesc *desc, struct DmEngine *engi
 /// `info` is a structure that can be written.
 DmResult dm_engine_info(struct DmEngine engine, struct DmEngineInfo *info);
 
+/// Write how much memory the engine and all objects made with it take, by what it is for.
+///
+/// Safety:
+/// `memory` is a structure that can be written.
+DmResult dm_engine_memory(struct DmEngine engine, struct DmMemory *memory);
+
+/// Write what `dm_engine_memory` tells as JSON, ended by a zero: an object with a member for each field.
+///
+/// With `text` null, `count` becomes the number of bytes, the zero included. Otherwise `count` is the room in `text`.
+///
+/// Errors: DM_ERROR_INVALID for too little room.
+///
+/// Safety:
+/// `count` can be read and written; `text` is null or has room for that many bytes.
+DmResult dm_engine_memory_json(struct DmEngine engine, uint32_t *count, char *text);
+
 /// Destroy an engine. All objects made with it have to be destroyed first: DmGpuMesh, DmCrowd, DmReadback, DmSkin,
 /// DmSurface. The device may be destroyed afterwards.
 ///
@@ -1364,23 +1410,20 @@ DmResult dm_record_update(VkCommandBuffer cmd, struct DmCrowd crowd, struct DmUp
 ///   size.
 DmResult dm_record_updates(VkCommandBuffer cmd, uint32_t count, const struct DmCrowd *crowds, struct DmUpdate *updates);
 
-/// Have the next call that records an update of the crowd write timestamps into queries of the host's: query `first` when
-/// the commands before the update have finished, the following ones after each of its steps (`dm_crowd_step_names`), at
-/// BOTTOM_OF_PIPE. DmUpdate::timestamps says how many. That call fails before anything is recorded if `count` is too
-/// small, with both numbers, and uses up the setting either way. Steps of crowds that are recorded by one call may run at
-/// the same time.
+/// Have the next call that records an update of the crowd write timestamps into queries of the host's: query `first`
+/// when the commands before the update have finished, the following ones after each of its steps
+/// (`dm_crowd_step_names`), at BOTTOM_OF_PIPE. DmUpdate::timestamps says how many. That call fails before anything is
+/// recorded if `count` is too small, with both numbers, and uses up the setting either way. Steps of crowds that are
+/// recorded by one call may run at the same time.
 ///
 /// Safety:
-/// - The queries are of a pool of timestamps on the engine's device, which lives until the device has finished, are reset
-///   before the update runs, and are in no other use until then.
+/// - The queries are of a pool of timestamps on the engine's device, which lives until the device has finished, are
+///   reset before the update runs, and are in no other use until then.
 /// - The queue of the update has timestamps: `timestampValidBits` of its family is not 0.
-DmResult dm_crowd_set_queries(struct DmCrowd crowd,
-                              VkQueryPool pool,
-                              uint32_t first,
-                              uint32_t count);
+DmResult dm_crowd_set_queries(struct DmCrowd crowd, VkQueryPool pool, uint32_t first, uint32_t count);
 
-/// List the names of the steps of the crowd's last recorded update, in order: of its path, then of steps after the pose.
-/// Labels (DmEngineDesc::debug_names) have the same names.
+/// List the names of the steps of the crowd's last recorded update, in order: of its path, then of steps after the
+/// pose. Labels (DmEngineDesc::debug_names) have the same names.
 ///
 /// With `names` null, `count` becomes their number. Otherwise `count` is the room in `names`.
 ///
@@ -1388,9 +1431,7 @@ DmResult dm_crowd_set_queries(struct DmCrowd crowd,
 ///
 /// Safety:
 /// `count` can be read and written; `names` is null or has room for that many.
-DmResult dm_crowd_step_names(struct DmCrowd crowd,
-                             uint32_t *count,
-                             struct DmStepName *names);
+DmResult dm_crowd_step_names(struct DmCrowd crowd, uint32_t *count, struct DmStepName *names);
 
 /// Tell that the update of a ticket and all later ones of the crowd will never run: the contents of the poses that they
 /// would have written are unknown, and the next update writes them again. An update that was discarded before stays
@@ -1697,6 +1738,19 @@ typedef char DmEngineInfo_is_software[offsetof(DmEngineInfo, is_software) == 4 ?
 typedef char DmEngineInfo_max_storage_range[offsetof(DmEngineInfo, max_storage_range) == 8 ? 1 : -1];
 typedef char DmEngineInfo_allocated_bytes[offsetof(DmEngineInfo, allocated_bytes) == 16 ? 1 : -1];
 typedef char DmEngineInfo_device_name[offsetof(DmEngineInfo, device_name) == 24 ? 1 : -1];
+typedef char DmMemoryUse_sizeof[sizeof(DmMemoryUse) == 16 ? 1 : -1];
+typedef char DmMemoryUse_bytes[offsetof(DmMemoryUse, bytes) == 0 ? 1 : -1];
+typedef char DmMemoryUse_allocations[offsetof(DmMemoryUse, allocations) == 8 ? 1 : -1];
+typedef char DmMemory_sizeof[sizeof(DmMemory) == 112 ? 1 : -1];
+typedef char DmMemory_struct_size[offsetof(DmMemory, struct_size) == 0 ? 1 : -1];
+typedef char DmMemory_reserved[offsetof(DmMemory, reserved) == 4 ? 1 : -1];
+typedef char DmMemory_allocated[offsetof(DmMemory, allocated) == 8 ? 1 : -1];
+typedef char DmMemory_meshes[offsetof(DmMemory, meshes) == 16 ? 1 : -1];
+typedef char DmMemory_poses[offsetof(DmMemory, poses) == 32 ? 1 : -1];
+typedef char DmMemory_animation[offsetof(DmMemory, animation) == 48 ? 1 : -1];
+typedef char DmMemory_lists[offsetof(DmMemory, lists) == 64 ? 1 : -1];
+typedef char DmMemory_staging[offsetof(DmMemory, staging) == 80 ? 1 : -1];
+typedef char DmMemory_readback[offsetof(DmMemory, readback) == 96 ? 1 : -1];
 typedef char DmRequirement_sizeof[sizeof(DmRequirement) == 24 ? 1 : -1];
 typedef char DmRequirement_extension[offsetof(DmRequirement, extension) == 0 ? 1 : -1];
 typedef char DmRequirement_feature[offsetof(DmRequirement, feature) == 8 ? 1 : -1];

@@ -105,7 +105,7 @@ pub use engine::{
 };
 pub use error::{Error, ErrorKind, Result};
 pub use gpu::caps::{DeviceCaps, DeviceKind, Requirement, TransformFeedbackCaps};
-pub use gpu::device::{DeviceDesc, SharedAllocator};
+pub use gpu::device::DeviceDesc;
 pub use gpu::tuning::{DeviceClass, DeviceTuning};
 pub use pack::blocks::{BLOCK_SIZES, BlockDesc, BlockIndex, PoseGrid};
 pub use pack::file::Asset;
@@ -120,6 +120,12 @@ pub use update::crowd::{CrowdDesc, HostPoses};
 pub use update::requirements;
 pub use weights::{BoundClip, ClipLayer, LayerBlend, Repeat, WeightClip, WeightMap, normalise_weights};
 pub use {ash, glam, gpu_allocator};
+
+/// Device memory: allocators, and what the engine takes of it.
+pub mod memory {
+    pub use crate::gpu::device::SharedAllocator;
+    pub use crate::gpu::statistics::{MemoryStats, MemoryUse};
+}
 
 /// Items that packages of this repository, their tests and techniques from outside use; no part of the API.
 #[cfg(feature = "internals")]

@@ -10,7 +10,6 @@ use crate::{check_storage, private};
 use bytemuck::bytes_of;
 use deltamorph::Result;
 use deltamorph::ash::vk;
-use deltamorph::gpu_allocator::MemoryLocation;
 use deltamorph::internals::abi::modules::{RESOLVE, SCATTER};
 use deltamorph::internals::abi::numbers::WORKGROUP;
 use deltamorph::internals::asset::streams::TRIPLE;
@@ -19,6 +18,7 @@ use deltamorph::internals::gpu::device::Device;
 use deltamorph::internals::gpu::memory::Buffer;
 use deltamorph::internals::gpu::mesh::{MeshBuffers, Upload};
 use deltamorph::internals::gpu::pipelines::{Objects, PipelineKey, Pipelines};
+use deltamorph::internals::gpu::statistics::MemoryKind;
 use deltamorph::internals::pack::blocks::{BlockIndex, PoseGrid};
 use deltamorph::internals::pack::{DeltaFormat, POSE_FLOATS, PackedGroup, PackedMesh, PoseFormat};
 use deltamorph::internals::plan::UpdateStats;
@@ -183,7 +183,7 @@ impl ScatterTechnique {
             | vk::BufferUsageFlags::TRANSFER_DST
             | vk::BufferUsageFlags::TRANSFER_SRC;
         let bytes = poses.bytes.saturating_mul(desc.instances.into());
-        let sums = Buffer::new(device, "deltamorph scattered sums", bytes, usage, MemoryLocation::GpuOnly)?;
+        let sums = Buffer::new(device, "deltamorph scattered sums", bytes, usage, MemoryKind::Poses)?;
         let records = u64::from(FirstRecords::of(mesh).last().copied().unwrap_or(0)) * (RECORD_WORDS * 4) as u64;
         let all = (0..desc.instances).flat_map(|instance| (0..poses.slots).map(move |slot| (instance, slot)));
         let bound = |(instance, slot): (u32, u32)| {

@@ -51,6 +51,8 @@ fn layouts() -> Vec<Layout> {
             queue_families queue_family_count
         }
         DmEngineInfo { struct_size is_software max_storage_range allocated_bytes device_name }
+        DmMemoryUse { bytes allocations }
+        DmMemory { struct_size reserved allocated meshes poses animation lists staging readback }
         DmRequirement { extension feature reason }
         DmMeshDesc {
             struct_size flags engine position_tolerance normal_tolerance delta_format block_size position_error

@@ -124,15 +124,15 @@ unsafe fn places(updates: *mut DmUpdate, count: u32) -> Result<Vec<Option<Place<
     Ok(all)
 }
 
-/// Have the next call that records an update of the crowd write timestamps into queries of the host's: query `first` when
-/// the commands before the update have finished, the following ones after each of its steps (`dm_crowd_step_names`), at
-/// BOTTOM_OF_PIPE. DmUpdate::timestamps says how many. That call fails before anything is recorded if `count` is too
-/// small, with both numbers, and uses up the setting either way. Steps of crowds that are recorded by one call may run at
-/// the same time.
+/// Have the next call that records an update of the crowd write timestamps into queries of the host's: query `first`
+/// when the commands before the update have finished, the following ones after each of its steps
+/// (`dm_crowd_step_names`), at BOTTOM_OF_PIPE. DmUpdate::timestamps says how many. That call fails before anything is
+/// recorded if `count` is too small, with both numbers, and uses up the setting either way. Steps of crowds that are
+/// recorded by one call may run at the same time.
 ///
 /// # Safety
-/// - The queries are of a pool of timestamps on the engine's device, which lives until the device has finished, are reset
-///   before the update runs, and are in no other use until then.
+/// - The queries are of a pool of timestamps on the engine's device, which lives until the device has finished, are
+///   reset before the update runs, and are in no other use until then.
 /// - The queue of the update has timestamps: `timestampValidBits` of its family is not 0.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_crowd_set_queries(crowd: DmCrowd, pool: vk::QueryPool, first: u32, count: u32) -> DmResult {
@@ -145,8 +145,8 @@ pub unsafe extern "C" fn dm_crowd_set_queries(crowd: DmCrowd, pool: vk::QueryPoo
     })
 }
 
-/// List the names of the steps of the crowd's last recorded update, in order: of its path, then of steps after the pose.
-/// Labels (DmEngineDesc::debug_names) have the same names.
+/// List the names of the steps of the crowd's last recorded update, in order: of its path, then of steps after the
+/// pose. Labels (DmEngineDesc::debug_names) have the same names.
 ///
 /// With `names` null, `count` becomes their number. Otherwise `count` is the room in `names`.
 ///

@@ -100,7 +100,7 @@ static void levels(DmCrowd crowd, DmCrowd animated) {
     WORKS(dm_crowd_set_level(animated, 0, 2));
 }
 
-/* An engine of its own: timestamps and names of steps. */
+/* An engine of its own: timestamps, names of steps, statistics of memory. */
 static void handed_over(const Host *host, const DmEngineDesc *device, DmMesh mesh) {
     const VkQueryPoolCreateInfo info = {.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO,
                                         .queryType = VK_QUERY_TYPE_TIMESTAMP, .queryCount = 2};
@@ -135,6 +135,20 @@ static void handed_over(const Host *host, const DmEngineDesc *device, DmMesh mes
     HOLDS(count == 1);
     WORKS(dm_crowd_step_names(crowd, &count, &step));
     HOLDS(strcmp(step.name, "blocks") == 0);
+
+    DmMemory memory = {.struct_size = sizeof memory};
+    char json[600] = "", poses[80];
+    WORKS(dm_engine_memory(engine, &memory));
+    HOLDS(memory.meshes.bytes > 0 && memory.staging.bytes == 0 && memory.allocated >= memory.poses.bytes);
+    WORKS(dm_engine_memory_json(engine, &count, NULL));
+    HOLDS(count > 100 && count < sizeof json);
+    count--;
+    INVALID("'text' has room for", dm_engine_memory_json(engine, &count, json));
+    count = sizeof json;
+    WORKS(dm_engine_memory_json(engine, &count, json));
+    snprintf(poses, sizeof poses, "\"poses\": {\"bytes\": %llu, \"allocations\": 1}",
+             (unsigned long long)memory.poses.bytes);
+    HOLDS(count == strlen(json) + 1 && strstr(json, poses));
     WORKS(dm_crowd_destroy(crowd));
     WORKS(dm_gpu_mesh_destroy(uploaded));
     WORKS(dm_engine_destroy(engine));

@@ -7,9 +7,12 @@ static void null_handles(void) {
     DmPoseView pose = {.struct_size = sizeof pose};
     DmStreamView stream = {.struct_size = sizeof stream};
     DmEngineInfo info = {.struct_size = sizeof info};
+    DmMemory memory = {.struct_size = sizeof memory};
     DmRenderVertices vertices = {.struct_size = sizeof vertices};
     HANDLE("null handle in place of a mesh", dm_mesh_render_vertices(no_mesh, &vertices));
     HANDLE("null handle in place of an engine", dm_engine_info((DmEngine){0}, &info));
+    HANDLE("null handle in place of an engine", dm_engine_memory((DmEngine){0}, &memory));
+    HANDLE("null handle in place of an engine", dm_engine_memory_json((DmEngine){0}, NULL, NULL));
     HANDLE("null handle in place of a mesh on the device", dm_gpu_mesh_release_staging((DmGpuMesh){0}));
     HANDLE("null handle in place of a mesh on the device", dm_gpu_mesh_base_pose((DmGpuMesh){0}, &pose));
     HANDLE("null handle in place of a mesh on the device", dm_gpu_mesh_destroy((DmGpuMesh){0}));

@@ -4,13 +4,13 @@ use super::Headless;
 use super::submit::full_barrier;
 use deltamorph::Result;
 use deltamorph::ash::vk;
-use deltamorph::gpu_allocator::MemoryLocation;
 use deltamorph::internals::abi::modules::READ;
 use deltamorph::internals::abi::numbers::WORKGROUP;
 use deltamorph::internals::abi::push::ReadPush;
 use deltamorph::internals::gpu::descriptors::BufferRange;
 use deltamorph::internals::gpu::memory::Buffer;
 use deltamorph::internals::gpu::pipelines::{Objects, Workgroups};
+use deltamorph::internals::gpu::statistics::MemoryKind;
 
 /// Bandwidth in GB/s (10⁹ bytes).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,7 +37,7 @@ impl Headless {
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::TRANSFER_SRC
             | vk::BufferUsageFlags::TRANSFER_DST;
-        let buffer = |name| Buffer::new(device, name, bytes, usage, MemoryLocation::GpuOnly);
+        let buffer = |name| Buffer::new(device, name, bytes, usage, MemoryKind::Poses);
         let (from, to) = (buffer("bandwidth source")?, buffer("bandwidth target")?);
 
         let mut objects = Objects::none(device);

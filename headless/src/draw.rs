@@ -4,12 +4,12 @@ use super::Headless;
 use super::submit::{Readback, full_barrier};
 use bytemuck::bytes_of;
 use deltamorph::ash::vk;
-use deltamorph::gpu_allocator::MemoryLocation;
 use deltamorph::internals::abi::modules::CONSUME;
 use deltamorph::internals::abi::push::ConsumePush;
 use deltamorph::internals::gpu::device::Device;
-use deltamorph::internals::gpu::memory::{Buffer, STAGING};
+use deltamorph::internals::gpu::memory::Buffer;
 use deltamorph::internals::gpu::pipelines::Objects;
+use deltamorph::internals::gpu::statistics::MemoryKind;
 use deltamorph::{DeltaFormat, Error, PackedLayout, PoseFormat, Result};
 use std::sync::Arc;
 use std::time::Instant;
@@ -99,13 +99,13 @@ impl<'a> PoseUpload<'a> {
             ));
         }
         let device = headless.engine.device();
-        let buffer = |name, usage, location| Buffer::new(device, name, bytes, usage, location);
-        let mut staging = buffer("poses to upload", vk::BufferUsageFlags::TRANSFER_SRC, STAGING)?;
+        let buffer = |name, usage, kind| Buffer::new(device, name, bytes, usage, kind);
+        let mut staging = buffer("poses to upload", vk::BufferUsageFlags::TRANSFER_SRC, MemoryKind::Staging)?;
         staging.mapped()?;
         let usage = vk::BufferUsageFlags::VERTEX_BUFFER
             | vk::BufferUsageFlags::TRANSFER_DST
             | vk::BufferUsageFlags::TRANSFER_SRC;
-        let poses = buffer("uploaded poses", usage, MemoryLocation::GpuOnly)?;
+        let poses = buffer("uploaded poses", usage, MemoryKind::Poses)?;
         let draw = PoseDraw::new(device, PoseFormat::Float32, [1.0; 2], None)?;
         Ok(Self { headless, staging, poses, draw, pose_bytes, vertices, instances })
     }

@@ -2,9 +2,9 @@
 
 use super::wait::wait_idle;
 use deltamorph::ash::{self, vk};
-use deltamorph::gpu_allocator::MemoryLocation;
 use deltamorph::internals::gpu::device::Device;
 use deltamorph::internals::gpu::memory::Buffer;
+use deltamorph::internals::gpu::statistics::MemoryKind;
 use deltamorph::{Error, Result};
 use std::cell::Cell;
 use std::sync::Arc;
@@ -172,8 +172,8 @@ pub(super) struct Readback {
 impl Readback {
     /// Makes memory for `bytes` bytes, a multiple of 4 (≥ 4).
     pub(super) fn new(device: &Arc<Device>, bytes: u64) -> Result<Self> {
-        let (usage, location) = (vk::BufferUsageFlags::TRANSFER_DST, MemoryLocation::GpuToCpu);
-        Ok(Self { buffer: Buffer::new(device, "readback", bytes, usage, location)?, bytes })
+        let (usage, kind) = (vk::BufferUsageFlags::TRANSFER_DST, MemoryKind::Readback);
+        Ok(Self { buffer: Buffer::new(device, "readback", bytes, usage, kind)?, bytes })
     }
 
     /// Reads `size` bytes of `buffer`, which is not in use, from `offset` on.

@@ -23,6 +23,7 @@ use crate::error::{Error, Result};
 use crate::gpu::caps::{CAPTURE_STRIDE, DeviceCaps};
 use crate::gpu::device::{Device, DeviceDesc};
 use crate::gpu::pipelines::Kernels;
+use crate::gpu::statistics::MemoryStats;
 use crate::pack::blocks::BlockDesc;
 use crate::pack::{DeltaFormat, PackDesc};
 use crate::update::Runner;
@@ -142,6 +143,11 @@ impl MorphEngine {
     /// allocator, if one was passed in.
     pub fn allocated_bytes(&self) -> u64 {
         self.device.allocator().capacity()
+    }
+
+    /// Memory of the engine's objects, by what it is for. Host buffers are not counted.
+    pub fn memory(&self) -> MemoryStats {
+        MemoryStats { allocated: self.allocated_bytes(), ..self.device.used() }
     }
 
     /// Creates pose buffers and pipelines for instances of a mesh, all weights 0. The first update writes base poses.

@@ -6,12 +6,12 @@ use crate::gpu::descriptors::BufferRange;
 use crate::gpu::device::Device;
 use crate::gpu::memory::Buffer;
 use crate::gpu::mesh::MeshBuffers;
+use crate::gpu::statistics::MemoryKind;
 use crate::pack::PackedLayout;
 use crate::pack::vertex::Places;
 use crate::update::crowd::{CrowdDesc, HostPoses};
 use crate::update::technique::{PoseGroup, Poses};
 use ash::vk;
-use gpu_allocator::MemoryLocation;
 use std::sync::Arc;
 
 /// Largest alignment of storage-buffer offsets of any device.
@@ -48,7 +48,7 @@ fn poses_of_ours(device: &Arc<Device>, layout: &PackedLayout, desc: &CrowdDesc) 
         usage |= vk::BufferUsageFlags::TRANSFORM_FEEDBACK_BUFFER_EXT;
     }
     let bytes = bytes_of(layout, desc);
-    let buffer = Buffer::new(device, "deltamorph poses", bytes, usage, MemoryLocation::GpuOnly)?;
+    let buffer = Buffer::new(device, "deltamorph poses", bytes, usage, MemoryKind::Poses)?;
     let (format, slots) = (desc.update.pose, desc.update.slots);
     let poses = Poses {
         buffer: buffer.raw,

@@ -9,11 +9,11 @@ use crate::gpu::barriers;
 use crate::gpu::device::Device;
 use crate::gpu::memory::Buffer;
 use crate::gpu::mesh::MeshBuffers;
+use crate::gpu::statistics::MemoryKind;
 use crate::pack::POSE_FLOATS;
 use crate::plan::schedule::Barrier;
 use crate::plan::steps::{Access, Resource, Stage, Use};
 use ash::vk;
-use gpu_allocator::MemoryLocation;
 use std::sync::Arc;
 
 /// Host memory to which poses are copied: for tools, picking, collision, export, tests. Reusable once the copies
@@ -125,7 +125,7 @@ impl PoseReadback {
         if bytes > self.bytes || self.buffer.is_none() {
             // The old buffer is freed after success: it stays if there is no memory for both.
             let usage = vk::BufferUsageFlags::TRANSFER_DST;
-            let buffer = Buffer::new(&self.device, "deltamorph read-back", bytes, usage, MemoryLocation::GpuToCpu)?;
+            let buffer = Buffer::new(&self.device, "deltamorph read-back", bytes, usage, MemoryKind::Readback)?;
             (self.buffer, self.bytes) = (Some(buffer), bytes);
         }
         self.copies = copies;

@@ -1,10 +1,10 @@
 //! The host's device, borrowed: handles, limits, allocator.
 
 use super::caps::DeviceCaps;
+use super::statistics::{MemoryKind, MemoryStats};
 use crate::error::{Error, LESS, Result};
 use crate::setters::setters;
 use ash::vk;
-use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationError, AllocationSizes};
 use std::any::Any;
@@ -151,6 +151,7 @@ pub struct Device {
     /// Number of buffers with dedicated memory, at most `DEDICATED_MOST`; none with a host's allocator.
     dedicated: AtomicU32,
     dedicated_most: u32,
+    used: Mutex<MemoryStats>,
     /// The owner of the handles. Dropped last.
     _owner: Option<Owner>,
 }
@@ -202,6 +203,7 @@ impl Device {
             allocator,
             dedicated: AtomicU32::new(0),
             dedicated_most,
+            used: Mutex::default(),
             _owner: desc.owner.clone(),
         })
     }
@@ -240,11 +242,12 @@ impl Device {
     /// Memory for a buffer.
     pub fn allocate(
         &self,
+        kind: MemoryKind,
         name: &str,
         requirements: vk::MemoryRequirements,
         own: AllocationScheme,
-        location: MemoryLocation,
     ) -> Result<Allocation, AllocationError> {
+        let location = kind.location();
         // Images have optimal tiling.
         let linear = !matches!(own, AllocationScheme::DedicatedImage(_));
         let allocate = |allocation_scheme| {
@@ -259,11 +262,28 @@ impl Device {
         if allocation.is_dedicated() {
             self.dedicated.fetch_add(1, Ordering::Relaxed);
         }
+        let mut used = self.lock_used();
+        let used = used.of(kind);
+        (used.bytes, used.allocations) = (used.bytes + allocation.size(), used.allocations + 1);
         Ok(allocation)
     }
 
-    /// Give memory back.
-    pub fn free(&self, allocation: Allocation) {
+    fn lock_used(&self) -> MutexGuard<'_, MemoryStats> {
+        self.used.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Memory by kind, but for what the allocator knows.
+    pub(crate) fn used(&self) -> MemoryStats {
+        *self.lock_used()
+    }
+
+    /// Give memory of a kind back.
+    pub fn free(&self, kind: MemoryKind, allocation: Allocation) {
+        {
+            let mut used = self.lock_used();
+            let used = used.of(kind);
+            (used.bytes, used.allocations) = (used.bytes - allocation.size(), used.allocations - 1);
+        }
         if allocation.is_dedicated() {
             self.dedicated.fetch_sub(1, Ordering::Relaxed);
         }

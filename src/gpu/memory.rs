@@ -3,19 +3,16 @@
 use super::descriptors::BufferRange;
 use super::device::{Device, allocation_failed};
 use super::failed;
+use super::statistics::MemoryKind;
 use crate::error::{Error, Result};
 use ash::vk;
-use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationScheme};
 use std::sync::Arc;
-
-/// Location of staging memory: the host's memory. `CpuToGpu` prefers the small part of a graphics card's memory that
-/// the host can write to, which is better left to lists that change every frame.
-pub const STAGING: MemoryLocation = MemoryLocation::GpuToCpu;
 
 /// A buffer and its memory. The owner of its mesh or crowd must drop it only when the device no longer uses it.
 pub struct Buffer {
     device: Arc<Device>,
+    kind: MemoryKind,
     /// The handle.
     pub raw: vk::Buffer,
     allocation: Option<Allocation>,
@@ -28,7 +25,7 @@ impl Buffer {
         name: &str,
         bytes: u64,
         usage: vk::BufferUsageFlags,
-        location: MemoryLocation,
+        kind: MemoryKind,
     ) -> Result<Self> {
         let bytes = bytes.max(16);
         let most = device.caps.max_allocation.min(device.caps.max_buffer);
@@ -43,10 +40,10 @@ impl Buffer {
         let raw = unsafe { device.raw.create_buffer(&info, None) }.map_err(failed("vkCreateBuffer"))?;
         device.name(raw, || name.to_owned());
         // From here on, dropping `buffer` destroys everything that was made.
-        let mut buffer = Self { device: device.clone(), raw, allocation: None };
+        let mut buffer = Self { device: device.clone(), kind, raw, allocation: None };
         // SAFETY: created just now.
         let requirements = unsafe { device.raw.get_buffer_memory_requirements(raw) };
-        let allocation = device.allocate(name, requirements, AllocationScheme::DedicatedBuffer(raw), location);
+        let allocation = device.allocate(kind, name, requirements, AllocationScheme::DedicatedBuffer(raw));
         let allocation = buffer.allocation.insert(allocation.map_err(|e| allocation_failed(name, bytes, &e))?);
         // SAFETY: the allocation was made for this buffer's requirements and is bound once.
         unsafe { device.raw.bind_buffer_memory(raw, allocation.memory(), allocation.offset()) }
@@ -88,7 +85,7 @@ impl Drop for Buffer {
         unsafe { self.device.raw.destroy_buffer(self.raw, None) };
         // Freed last: the allocator may be the host's, and reuse the memory at once.
         if let Some(allocation) = self.allocation.take() {
-            self.device.free(allocation);
+            self.device.free(self.kind, allocation);
         }
     }
 }
@@ -109,7 +106,7 @@ impl Ring {
     /// `frames` parts of [`part_bytes`](Self::part_bytes).
     pub fn new(device: &Arc<Device>, name: &str, part: u64, frames: u32, usage: vk::BufferUsageFlags) -> Result<Self> {
         let bytes = part.saturating_mul(frames.into());
-        let mut buffer = Buffer::new(device, name, bytes, usage, MemoryLocation::CpuToGpu)?;
+        let mut buffer = Buffer::new(device, name, bytes, usage, MemoryKind::Lists)?;
         buffer.mapped()?;
         Ok(Self { buffer, part })
     }

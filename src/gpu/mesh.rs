@@ -3,13 +3,13 @@
 use super::barriers;
 use super::descriptors::BufferRange;
 use super::device::Device;
-use super::memory::{Buffer, STAGING};
+use super::memory::Buffer;
 use super::parts::AssetPart;
+use super::statistics::MemoryKind;
 use crate::error::Result;
 use crate::pack::PackedLayout;
 use crate::plan::schedule::asset_uploaded;
 use ash::vk;
-use gpu_allocator::MemoryLocation;
 use std::any::Any;
 use std::sync::Arc;
 
@@ -68,10 +68,10 @@ impl MeshBuffers {
             None => delta_bytes.len() as u64,
         };
         let name = |what: &str| format!("deltamorph {what} of mesh '{}'", layout.name);
-        let base = Buffer::new(device, &name("base pose"), base_size, ASSET_USAGE, MemoryLocation::GpuOnly)?;
-        let deltas = Buffer::new(device, &name("deltas"), deltas_size, ASSET_USAGE, MemoryLocation::GpuOnly)?;
+        let base = Buffer::new(device, &name("base pose"), base_size, ASSET_USAGE, MemoryKind::Meshes)?;
+        let deltas = Buffer::new(device, &name("deltas"), deltas_size, ASSET_USAGE, MemoryKind::Meshes)?;
         let (bytes, usage) = ((base_bytes.len() + delta_bytes.len()) as u64, vk::BufferUsageFlags::TRANSFER_SRC);
-        let mut staging = Buffer::new(device, &name("upload"), bytes, usage, STAGING)?;
+        let mut staging = Buffer::new(device, &name("upload"), bytes, usage, MemoryKind::Staging)?;
         let mapped = staging.mapped()?;
         mapped[..base_bytes.len()].copy_from_slice(base_bytes);
         mapped[base_bytes.len()..][..delta_bytes.len()].copy_from_slice(delta_bytes);
@@ -110,9 +110,9 @@ impl Upload {
     pub(crate) fn of(device: &Arc<Device>, name: &str, lists: &[&[u8]]) -> Result<(Buffer, Self)> {
         let bytes = lists.iter().map(|list| list.len() as u64).sum();
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_DST;
-        let buffer = Buffer::new(device, name, bytes, usage, MemoryLocation::GpuOnly)?;
+        let buffer = Buffer::new(device, name, bytes, usage, MemoryKind::Meshes)?;
         let usage = vk::BufferUsageFlags::TRANSFER_SRC;
-        let mut staging = Buffer::new(device, "deltamorph upload", bytes, usage, STAGING)?;
+        let mut staging = Buffer::new(device, "deltamorph upload", bytes, usage, MemoryKind::Staging)?;
         let mut mapped = staging.mapped()?;
         for list in lists {
             let (here, rest) = mapped.split_at_mut(list.len());

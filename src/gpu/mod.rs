@@ -2,7 +2,7 @@
 //!
 //! Files by Vulkan concern: [`caps`] (limits and features of a device), `tuning` (kernel choices that suit it),
 //! [`device`] (the host's device, borrowed), `memory` (buffers, rings of lists), `mesh` (an uploaded mesh), `parts`
-//! (parts of an asset that is too large for one descriptor), `descriptors`, `pipelines`, `barriers`; for baselines
+//! (parts of an asset that is too large for one descriptor), `statistics` (memory by kind), `descriptors`, `pipelines`, `barriers`; for baselines
 //! `images` and `blending`. No file here knows a technique.
 
 pub mod barriers;
@@ -13,6 +13,7 @@ pub mod memory;
 pub mod mesh;
 pub(crate) mod parts;
 pub mod pipelines;
+pub mod statistics;
 pub(crate) mod tuning;
 
 use crate::error::Error;

@@ -3,7 +3,8 @@
 use deltamorph::ash::{self, vk};
 use deltamorph::gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use deltamorph::gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
-use deltamorph::{GpuMesh, MorphEngine, PackedMesh, SharedAllocator};
+use deltamorph::memory::SharedAllocator;
+use deltamorph::{GpuMesh, MorphEngine, PackedMesh};
 use deltamorph_headless::Headless;
 use std::sync::{Arc, Mutex};
 

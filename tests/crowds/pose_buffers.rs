@@ -5,9 +5,10 @@ use crate::offscreen::Offscreen;
 use deltamorph::ash::{self, vk};
 use deltamorph::gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use deltamorph::gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
+use deltamorph::memory::SharedAllocator;
 use deltamorph::{
     BatchSize, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, HostPoses, MorphEngine, MorphMesh, PackedMesh,
-    PoseFormat, Semantic, SharedAllocator, UpdateDesc, UpdatePath, VertexLayout, testing,
+    PoseFormat, Semantic, UpdateDesc, UpdatePath, VertexLayout, testing,
 };
 use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::sync::{Arc, Mutex};

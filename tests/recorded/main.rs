@@ -8,6 +8,7 @@ mod offscreen;
 
 mod calls;
 mod errors;
+mod memory;
 mod pipelines;
 mod queues;
 mod slots;

@@ -1,10 +1,10 @@
 //! Images used as textures and colour attachments, each with its memory and its views.
 
 use deltamorph::ash::vk;
-use deltamorph::gpu_allocator::MemoryLocation;
 use deltamorph::gpu_allocator::vulkan::{Allocation, AllocationScheme};
 use deltamorph::internals::gpu::device::{Device, allocation_failed};
-use deltamorph::internals::gpu::memory::{Buffer, STAGING, sharing};
+use deltamorph::internals::gpu::memory::{Buffer, sharing};
+use deltamorph::internals::gpu::statistics::MemoryKind;
 use deltamorph::{Error, Result};
 use std::ops::Range;
 use std::sync::Arc;
@@ -49,8 +49,8 @@ impl Image {
         let mut image = Self { device: device.clone(), raw, size, format, allocation: None, views: vec![] };
         // SAFETY: created above.
         let requirements = unsafe { device.raw.get_image_memory_requirements(raw) };
-        let (own, location) = (AllocationScheme::DedicatedImage(raw), MemoryLocation::GpuOnly);
-        let allocation = device.allocate(name, requirements, own, location);
+        let own = AllocationScheme::DedicatedImage(raw);
+        let allocation = device.allocate(MemoryKind::Meshes, name, requirements, own);
         let allocation =
             image.allocation.insert(allocation.map_err(|e| allocation_failed(name, requirements.size, &e))?);
         // SAFETY: the allocation was made for this image's requirements and is bound once.
@@ -130,7 +130,7 @@ pub(super) unsafe fn record_filling(
 /// Makes staging memory with these bytes.
 pub(super) fn staging(device: &Arc<Device>, bytes: &[u8]) -> Result<Buffer> {
     let (size, usage) = (bytes.len() as u64, vk::BufferUsageFlags::TRANSFER_SRC);
-    let mut staging = Buffer::new(device, "deltamorph upload", size, usage, STAGING)?;
+    let mut staging = Buffer::new(device, "deltamorph upload", size, usage, MemoryKind::Staging)?;
     staging.mapped()?[..bytes.len()].copy_from_slice(bytes);
     Ok(staging)
 }
@@ -154,7 +154,7 @@ impl Drop for Image {
         }
         // Freed last: the allocator may be the host's, and reuse the memory at once.
         if let Some(allocation) = self.allocation.take() {
-            self.device.free(allocation);
+            self.device.free(MemoryKind::Meshes, allocation);
         }
     }
 }

@@ -204,8 +204,8 @@ pub struct DmUpdate {
     pub bytes_moved: u64,
     /// Lower bound of the bytes that any update could move.
     pub bytes_floor: u64,
-    /// Timestamps that it writes into the first queries of `dm_crowd_set_queries`: one more than steps, 0 if nothing was
-    /// recorded or no queries were set.
+    /// Timestamps that it writes into the first queries of `dm_crowd_set_queries`: one more than steps, 0 if nothing
+    /// was recorded or no queries were set.
     pub timestamps: u64,
 }
 

@@ -43,8 +43,8 @@ pub struct DmEngineDesc {
     pub clamp_to_android_baseline: u32,
     /// Zero.
     pub reserved: u32,
-    /// Not 0: `instance` was created with VK_EXT_debug_utils; then buffers, pipelines and descriptor sets get names, and
-    /// updates labels: one around each call that records any, in it one around each step.
+    /// Not 0: `instance` was created with VK_EXT_debug_utils; then buffers, pipelines and descriptor sets get names,
+    /// and updates labels: one around each call that records any, in it one around each step.
     pub debug_names: u32,
     /// Not 0: `device` was created with the feature `bufferDeviceAddress`; DmCrowdDesc::pose_usage may ask for
     /// addresses.
@@ -71,6 +71,40 @@ pub struct DmEngineInfo {
     pub allocated_bytes: u64,
     /// The device's name, ended by a zero.
     pub device_name: [c_char; 256],
+}
+
+/// Memory of one kind: bytes, and how many buffers they are.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmMemoryUse {
+    /// Bytes, as allocated.
+    pub bytes: u64,
+    /// Buffers.
+    pub allocations: u64,
+}
+
+/// The memory of an engine and all objects made with it, by what it is for. Buffers of the host's are not counted.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmMemory {
+    /// sizeof(DmMemory).
+    pub struct_size: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// Bytes allocated from the driver, including unused parts of blocks.
+    pub allocated: u64,
+    /// Base poses, deltas, skins and surfaces.
+    pub meshes: DmMemoryUse,
+    /// Poses, but for those in buffers of the host's.
+    pub poses: DmMemoryUse,
+    /// Clips of crowds that play them, their weights and plans.
+    pub animation: DmMemoryUse,
+    /// Lists that are written for updates, for each frame in flight.
+    pub lists: DmMemoryUse,
+    /// Staging memory of uploads, until it is released.
+    pub staging: DmMemoryUse,
+    /// Poses read back.
+    pub readback: DmMemoryUse,
 }
 
 /// An extension or feature that a path needs. Strings live as long as the library is loaded.

@@ -27,6 +27,7 @@ macro_rules! versioned {
 versioned! {
     DmEngineDesc 72;
     DmEngineInfo;
+    DmMemory;
     DmMeshDesc;
     DmMeshArrays;
     DmTargetArrays;

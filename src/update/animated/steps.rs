@@ -5,7 +5,8 @@ use crate::plan::steps::{Access, Resource as R, Source, Stage, Steps, Use, Work}
 use AnimatedKernel as K;
 use std::ops::Range;
 
-/// The list of kernels: documentation, name, name of the step, whether one dispatch serves all groups of the mesh, and memory uses.
+/// The list of kernels: documentation, name, name of the step, whether one dispatch serves all groups of the mesh, and
+/// memory uses.
 macro_rules! kernels {
     ($($(#[doc = $doc:literal])* $kernel:ident $name:literal $common:literal $uses:expr;)*) => {
         /// The kernel or command of a work.

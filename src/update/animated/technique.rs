@@ -14,8 +14,9 @@ use crate::error::Result;
 use crate::gpu::barriers;
 use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::device::Device;
-use crate::gpu::memory::{Buffer, STAGING};
+use crate::gpu::memory::Buffer;
 use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
+use crate::gpu::statistics::MemoryKind;
 use crate::plan::UpdateStats;
 use crate::plan::instances::Instances;
 use crate::plan::schedule::Barrier;
@@ -24,7 +25,6 @@ use crate::update::blocks::gpu::{BlocksKernels, Bound, GroupBlocks, LIST_USAGE};
 use crate::update::technique::{Context, Technique, UpdateId};
 use ash::vk;
 use bytemuck::bytes_of;
-use gpu_allocator::MemoryLocation;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -81,7 +81,7 @@ pub(super) struct Group {
 fn on_device(device: &Arc<Device>, name: &'static str, bytes: u64, usage: vk::BufferUsageFlags) -> Result<Buffer> {
     use vk::BufferUsageFlags as U;
     let usage = usage | U::STORAGE_BUFFER | U::TRANSFER_SRC | U::TRANSFER_DST;
-    Buffer::new(device, name, bytes, usage, MemoryLocation::GpuOnly)
+    Buffer::new(device, name, bytes, usage, MemoryKind::Animation)
 }
 
 impl Group {
@@ -129,7 +129,7 @@ impl Animated {
         let tables = on_device(device, "deltamorph clips", table_bytes, none)?;
         let state = on_device(device, "deltamorph animated weights", layout.state_bytes, none)?;
         let usage = vk::BufferUsageFlags::TRANSFER_SRC;
-        let mut staging = Buffer::new(device, "deltamorph clip upload", table_bytes, usage, STAGING)?;
+        let mut staging = Buffer::new(device, "deltamorph clip upload", table_bytes, usage, MemoryKind::Staging)?;
         let indices = context.groups().filter_map(|group| group.layout().blocks.as_deref());
         let words = layout.tables(indices, &clips, budget.as_ref());
         staging.mapped()?[..table_bytes as usize].copy_from_slice(bytemuck::cast_slice(&words));

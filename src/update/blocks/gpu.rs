@@ -11,12 +11,12 @@ use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::memory::Buffer;
 use crate::gpu::parts::AssetPart;
 use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
+use crate::gpu::statistics::MemoryKind;
 use crate::pack::POSE_FLOATS;
 use crate::pack::vertex::PlaceConstants;
 use crate::update::technique::{Context, Poses};
 use ash::vk;
 use bytemuck::bytes_of;
-use gpu_allocator::MemoryLocation;
 use std::sync::Arc;
 
 /// A work list is loaded from a storage buffer or as texels.
@@ -173,8 +173,8 @@ impl GroupBlocks {
         // Zeros, as many words as the largest entry has.
         let no_entry = || {
             let (bytes, usage) = (index.size() * POSE_FLOATS * size_of::<f32>(), vk::BufferUsageFlags::STORAGE_BUFFER);
-            let location = MemoryLocation::CpuToGpu;
-            let mut buffer = Buffer::new(context.device, "deltamorph no entry", bytes as u64, usage, location)?;
+            let mut buffer =
+                Buffer::new(context.device, "deltamorph no entry", bytes as u64, usage, MemoryKind::Lists)?;
             buffer.mapped()?.fill(0);
             Ok::<_, Error>(buffer)
         };
