@@ -121,8 +121,9 @@ pub use update::requirements;
 pub use weights::{BoundClip, ClipLayer, LayerBlend, Repeat, WeightClip, WeightMap, normalise_weights};
 pub use {ash, glam, gpu_allocator};
 
-/// Device memory: allocators, and what the engine takes of it.
+/// Device memory: allocators, functions of the host's in their place, and what the engine takes.
 pub mod memory {
+    pub use crate::gpu::allocation::{HostMemory, MemoryRequest, MemorySource};
     pub use crate::gpu::device::SharedAllocator;
     pub use crate::gpu::statistics::{MemoryStats, MemoryUse};
 }

@@ -142,12 +142,12 @@ impl MorphEngine {
     /// Bytes that the allocator has allocated from the driver, including unused parts of blocks; of the host's
     /// allocator, if one was passed in.
     pub fn allocated_bytes(&self) -> u64 {
-        self.device.allocator().capacity()
+        self.device.used().allocated
     }
 
     /// Memory of the engine's objects, by what it is for. Host buffers are not counted.
     pub fn memory(&self) -> MemoryStats {
-        MemoryStats { allocated: self.allocated_bytes(), ..self.device.used() }
+        self.device.used()
     }
 
     /// Creates pose buffers and pipelines for instances of a mesh, all weights 0. The first update writes base poses.

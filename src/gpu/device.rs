@@ -1,11 +1,12 @@
 //! The host's device, borrowed: handles, limits, allocator.
 
+use super::allocation::{Memory, MemoryRequest, MemorySource, Source, properties};
 use super::caps::DeviceCaps;
 use super::statistics::{MemoryKind, MemoryStats};
 use crate::error::{Error, LESS, Result};
 use crate::setters::setters;
 use ash::vk;
-use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
+use gpu_allocator::vulkan::{AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationError, AllocationSizes};
 use std::any::Any;
 use std::ffi::CString;
@@ -69,6 +70,9 @@ pub struct DeviceDesc<'a> {
     /// of which one is kept for each type of memory. A host with many meshes, or near the device's limit of allocations
     /// (`maxMemoryAllocationCount`), should pass its own.
     pub allocator: Option<SharedAllocator>,
+    /// The host's functions for device memory, for hosts whose allocator is another: each buffer then has memory of its
+    /// own from them, and `allocator` is not used. `None`: an allocator.
+    pub memory: Option<Arc<dyn MemorySource>>,
     /// Whether `device` was created with the feature `bufferDeviceAddress`, and `allocator`, if given, was made for it:
     /// pose buffers can then have addresses ([`CrowdDesc::pose_usage`](field@crate::CrowdDesc::pose_usage)).
     pub buffer_device_address: bool,
@@ -93,6 +97,7 @@ setters!(DeviceDesc<'a> {
     enabled_features: vk::PhysicalDeviceFeatures,
     pipeline_cache: vk::PipelineCache,
     allocator: Option<SharedAllocator>,
+    memory: Option<Arc<dyn MemorySource>>,
     buffer_device_address: bool,
     debug_names: bool,
     queue_families: &'a [u32],
@@ -112,6 +117,7 @@ impl<'a> DeviceDesc<'a> {
             enabled_features: vk::PhysicalDeviceFeatures::default(),
             pipeline_cache: vk::PipelineCache::null(),
             allocator: None,
+            memory: None,
             buffer_device_address: false,
             debug_names: false,
             queue_families: &[],
@@ -132,6 +138,12 @@ pub(super) fn distinct(families: &[u32]) -> Vec<u32> {
 /// that every device allows, but enough that a host with a few faces allocates no more than it needs.
 const DEDICATED_MOST: u32 = 128;
 
+/// Where memory comes from.
+enum Allocators {
+    Shared(SharedAllocator),
+    Host(Arc<dyn MemorySource>),
+}
+
 /// Device functions and limits, shared by everything that the engine creates.
 pub struct Device {
     /// The handle and its functions.
@@ -147,7 +159,7 @@ pub struct Device {
     /// The queue families that the host named, each once.
     pub families: Vec<u32>,
     names: Option<ash::ext::debug_utils::Device>,
-    allocator: SharedAllocator,
+    memory: Allocators,
     /// Number of buffers with dedicated memory, at most `DEDICATED_MOST`; none with a host's allocator.
     dedicated: AtomicU32,
     dedicated_most: u32,
@@ -175,9 +187,10 @@ impl Device {
         let extension = |_| ash::ext::transform_feedback::Device::new(desc.instance, desc.device);
         let feedback = caps.transform_feedback.map(extension);
         let dedicated_most = if desc.allocator.is_none() { DEDICATED_MOST } else { 0 };
-        let allocator = match &desc.allocator {
-            Some(allocator) => allocator.clone(),
-            None => {
+        let memory = match (&desc.memory, &desc.allocator) {
+            (Some(memory), _) => Allocators::Host(memory.clone()),
+            (None, Some(allocator)) => Allocators::Shared(allocator.clone()),
+            (None, None) => {
                 let allocator = Allocator::new(&AllocatorCreateDesc {
                     instance: desc.instance.clone(),
                     device: desc.device.clone(),
@@ -189,7 +202,7 @@ impl Device {
                         .with_max_host_memblock_size(64 << 20),
                 })
                 .map_err(|e| allocation_failed("the allocator", 0, &e))?;
-                SharedAllocator::new(Arc::new(Mutex::new(allocator)), desc.owner.clone())
+                Allocators::Shared(SharedAllocator::new(Arc::new(Mutex::new(allocator)), desc.owner.clone()))
             }
         };
         Ok(Self {
@@ -200,7 +213,7 @@ impl Device {
             device_address: desc.buffer_device_address,
             families: distinct(desc.queue_families),
             names: desc.debug_names.then(|| ash::ext::debug_utils::Device::new(desc.instance, desc.device)),
-            allocator,
+            memory,
             dedicated: AtomicU32::new(0),
             dedicated_most,
             used: Mutex::default(),
@@ -239,60 +252,84 @@ impl Device {
         self.names.iter().for_each(|functions| unsafe { functions.cmd_end_debug_utils_label(cmd) });
     }
 
-    /// Memory for a buffer.
+    /// Memory for a buffer or an image.
+    ///
+    /// # Errors
+    /// There is none; memory of the host's that is not mapped.
     pub fn allocate(
         &self,
         kind: MemoryKind,
         name: &str,
         requirements: vk::MemoryRequirements,
         own: AllocationScheme,
-    ) -> Result<Allocation, AllocationError> {
-        let location = kind.location();
-        // Images have optimal tiling.
-        let linear = !matches!(own, AllocationScheme::DedicatedImage(_));
-        let allocate = |allocation_scheme| {
-            let desc = AllocationCreateDesc { name, requirements, location, linear, allocation_scheme };
-            self.allocator().allocate(&desc)
+    ) -> Result<Memory> {
+        let vk::MemoryRequirements { size, alignment, memory_type_bits: type_bits } = requirements;
+        let memory = match &self.memory {
+            Allocators::Host(source) => {
+                let (required, preferred) = properties(kind.location());
+                let request = MemoryRequest { size, alignment, type_bits, required, preferred };
+                let host = source.allocate(&request).map_err(Error::vulkan("vkAllocateMemory"))?;
+                let memory = Memory { kind, bytes: size, source: Source::Host(host) };
+                if !required.is_empty() && host.mapped.is_null() {
+                    source.free(host);
+                    let text = format!("memory of the host's for '{name}' is not mapped");
+                    return Err(Error::invalid(text, "map what is asked for with HOST_VISIBLE"));
+                }
+                memory
+            }
+            Allocators::Shared(allocator) => {
+                // Images have optimal tiling.
+                let (linear, location) = (!matches!(own, AllocationScheme::DedicatedImage(_)), kind.location());
+                let allocate = |allocation_scheme| {
+                    let desc = AllocationCreateDesc { name, requirements, location, linear, allocation_scheme };
+                    allocator.lock().allocate(&desc)
+                };
+                let allocation = match self.dedicated.load(Ordering::Relaxed) < self.dedicated_most {
+                    true => allocate(own),
+                    // If there is no room for another block, there may be for this buffer alone.
+                    false => allocate(AllocationScheme::GpuAllocatorManaged).or_else(|_| allocate(own)),
+                };
+                let allocation = allocation.map_err(|e| allocation_failed(name, size, &e))?;
+                self.dedicated.fetch_add(allocation.is_dedicated().into(), Ordering::Relaxed);
+                Memory { kind, bytes: allocation.size(), source: Source::Allocator(allocation) }
+            }
         };
-        let allocation = match self.dedicated.load(Ordering::Relaxed) < self.dedicated_most {
-            true => allocate(own)?,
-            // If there is no room for another block, there may be for this buffer alone.
-            false => allocate(AllocationScheme::GpuAllocatorManaged).or_else(|_| allocate(own))?,
-        };
-        if allocation.is_dedicated() {
-            self.dedicated.fetch_add(1, Ordering::Relaxed);
-        }
         let mut used = self.lock_used();
         let used = used.of(kind);
-        (used.bytes, used.allocations) = (used.bytes + allocation.size(), used.allocations + 1);
-        Ok(allocation)
+        (used.bytes, used.allocations) = (used.bytes + memory.bytes, used.allocations + 1);
+        Ok(memory)
+    }
+
+    /// Gives memory back.
+    pub fn free(&self, memory: Memory) {
+        {
+            let mut used = self.lock_used();
+            let used = used.of(memory.kind);
+            (used.bytes, used.allocations) = (used.bytes - memory.bytes, used.allocations - 1);
+        }
+        match (&self.memory, memory.source) {
+            (Allocators::Shared(allocator), Source::Allocator(allocation)) => {
+                self.dedicated.fetch_sub(allocation.is_dedicated().into(), Ordering::Relaxed);
+                // An error here means that the allocator lost track of the memory; there is no caller to report it to.
+                let _ = allocator.lock().free(allocation);
+            }
+            (Allocators::Host(source), Source::Host(memory)) => source.free(memory),
+            _ => unreachable!("memory comes from where it goes to"),
+        }
     }
 
     fn lock_used(&self) -> MutexGuard<'_, MemoryStats> {
         self.used.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Memory by kind, but for what the allocator knows.
+    /// Memory by kind, and in all.
     pub(crate) fn used(&self) -> MemoryStats {
-        *self.lock_used()
-    }
-
-    /// Give memory of a kind back.
-    pub fn free(&self, kind: MemoryKind, allocation: Allocation) {
-        {
-            let mut used = self.lock_used();
-            let used = used.of(kind);
-            (used.bytes, used.allocations) = (used.bytes - allocation.size(), used.allocations - 1);
-        }
-        if allocation.is_dedicated() {
-            self.dedicated.fetch_sub(1, Ordering::Relaxed);
-        }
-        // An error here means that the allocator lost track of the memory; there is no caller to report it to.
-        let _ = self.allocator().free(allocation);
-    }
-
-    pub(crate) fn allocator(&self) -> MutexGuard<'_, Allocator> {
-        self.allocator.lock()
+        let used = *self.lock_used();
+        let allocated = match &self.memory {
+            Allocators::Shared(allocator) => allocator.lock().capacity(),
+            Allocators::Host(_) => used.total(),
+        };
+        MemoryStats { allocated, ..used }
     }
 }
 

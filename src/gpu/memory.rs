@@ -1,21 +1,21 @@
 //! Buffers, each with a name, a checked size and its memory; and rings of lists that the host writes.
 
+use super::allocation::Memory;
 use super::descriptors::BufferRange;
-use super::device::{Device, allocation_failed};
+use super::device::Device;
 use super::failed;
 use super::statistics::MemoryKind;
 use crate::error::{Error, Result};
 use ash::vk;
-use gpu_allocator::vulkan::{Allocation, AllocationScheme};
+use gpu_allocator::vulkan::AllocationScheme;
 use std::sync::Arc;
 
 /// A buffer and its memory. The owner of its mesh or crowd must drop it only when the device no longer uses it.
 pub struct Buffer {
     device: Arc<Device>,
-    kind: MemoryKind,
     /// The handle.
     pub raw: vk::Buffer,
-    allocation: Option<Allocation>,
+    memory: Option<Memory>,
 }
 
 impl Buffer {
@@ -40,14 +40,13 @@ impl Buffer {
         let raw = unsafe { device.raw.create_buffer(&info, None) }.map_err(failed("vkCreateBuffer"))?;
         device.name(raw, || name.to_owned());
         // From here on, dropping `buffer` destroys everything that was made.
-        let mut buffer = Self { device: device.clone(), kind, raw, allocation: None };
+        let mut buffer = Self { device: device.clone(), raw, memory: None };
         // SAFETY: created just now.
         let requirements = unsafe { device.raw.get_buffer_memory_requirements(raw) };
-        let allocation = device.allocate(kind, name, requirements, AllocationScheme::DedicatedBuffer(raw));
-        let allocation = buffer.allocation.insert(allocation.map_err(|e| allocation_failed(name, bytes, &e))?);
-        // SAFETY: the allocation was made for this buffer's requirements and is bound once.
-        unsafe { device.raw.bind_buffer_memory(raw, allocation.memory(), allocation.offset()) }
-            .map_err(failed("vkBindBufferMemory"))?;
+        let own = AllocationScheme::DedicatedBuffer(raw);
+        let (memory, offset) = buffer.memory.insert(device.allocate(kind, name, requirements, own)?).place();
+        // SAFETY: the memory was allocated for this buffer's requirements and is bound once.
+        unsafe { device.raw.bind_buffer_memory(raw, memory, offset) }.map_err(failed("vkBindBufferMemory"))?;
         Ok(buffer)
     }
 
@@ -58,9 +57,9 @@ impl Buffer {
 
     /// Returns the buffer's bytes, for host-visible locations.
     pub fn mapped(&mut self) -> Result<&mut [u8]> {
-        self.allocation
+        self.memory
             .as_mut()
-            .and_then(Allocation::mapped_slice_mut)
+            .and_then(Memory::mapped)
             .ok_or_else(|| Error::invalid("a host-visible buffer was not mapped", "report this with the device's name"))
     }
 }
@@ -84,8 +83,8 @@ impl Drop for Buffer {
         // SAFETY: created in `new`, destroyed once, and no longer used by the device (see the type).
         unsafe { self.device.raw.destroy_buffer(self.raw, None) };
         // Freed last: the allocator may be the host's, and reuse the memory at once.
-        if let Some(allocation) = self.allocation.take() {
-            self.device.free(self.kind, allocation);
+        if let Some(memory) = self.memory.take() {
+            self.device.free(memory);
         }
     }
 }

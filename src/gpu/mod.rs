@@ -1,10 +1,12 @@
 //! The GPU layer: all code that calls Vulkan.
 //!
 //! Files by Vulkan concern: [`caps`] (limits and features of a device), `tuning` (kernel choices that suit it),
-//! [`device`] (the host's device, borrowed), `memory` (buffers, rings of lists), `mesh` (an uploaded mesh), `parts`
-//! (parts of an asset that is too large for one descriptor), `statistics` (memory by kind), `descriptors`, `pipelines`, `barriers`; for baselines
-//! `images` and `blending`. No file here knows a technique.
+//! [`device`] (the host's device, borrowed), `allocation` (its memory), `statistics` (memory by kind), `memory`
+//! (buffers, rings of lists), `mesh` (an uploaded mesh), `parts` (parts of an asset that is too large for one
+//! descriptor), `descriptors`, `pipelines`, `barriers`; for baselines `images` and `blending`. No file here knows a
+//! technique.
 
+pub mod allocation;
 pub mod barriers;
 pub mod caps;
 pub mod descriptors;

@@ -31,8 +31,8 @@ macro_rules! kinds {
             }
         }
 
-        /// Memory of an engine and everything made by it ([`MorphEngine::memory`](crate::MorphEngine::memory)). Displays
-        /// as JSON: an object with a member for each field.
+        /// Memory of an engine and everything made by it ([`MorphEngine::memory`](crate::MorphEngine::memory)).
+        /// Displays as JSON: an object with a member for each field.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
         #[non_exhaustive]
         pub struct MemoryStats {
@@ -43,6 +43,11 @@ macro_rules! kinds {
         }
 
         impl MemoryStats {
+            /// Bytes of all kinds.
+            pub(super) fn total(&self) -> u64 {
+                [$(self.$name.bytes),*].iter().sum()
+            }
+
             pub(super) fn of(&mut self, kind: MemoryKind) -> &mut MemoryUse {
                 match kind {
                     $(MemoryKind::$kind => &mut self.$name,)*

@@ -1,8 +1,9 @@
 //! Images used as textures and colour attachments, each with its memory and its views.
 
 use deltamorph::ash::vk;
-use deltamorph::gpu_allocator::vulkan::{Allocation, AllocationScheme};
-use deltamorph::internals::gpu::device::{Device, allocation_failed};
+use deltamorph::gpu_allocator::vulkan::AllocationScheme;
+use deltamorph::internals::gpu::allocation::Memory;
+use deltamorph::internals::gpu::device::Device;
 use deltamorph::internals::gpu::memory::{Buffer, sharing};
 use deltamorph::internals::gpu::statistics::MemoryKind;
 use deltamorph::{Error, Result};
@@ -15,7 +16,7 @@ pub(super) struct Image {
     pub(super) raw: vk::Image,
     pub(super) size: [u32; 2],
     format: vk::Format,
-    allocation: Option<Allocation>,
+    memory: Option<Memory>,
     /// The views that were made, in order.
     pub(super) views: Vec<vk::ImageView>,
 }
@@ -46,16 +47,14 @@ impl Image {
         let raw = unsafe { device.raw.create_image(&info, None) }.map_err(Error::vulkan("vkCreateImage"))?;
         device.name(raw, || name.to_owned());
         // From here on, dropping `image` destroys the objects made so far.
-        let mut image = Self { device: device.clone(), raw, size, format, allocation: None, views: vec![] };
+        let mut image = Self { device: device.clone(), raw, size, format, memory: None, views: vec![] };
         // SAFETY: created above.
         let requirements = unsafe { device.raw.get_image_memory_requirements(raw) };
         let own = AllocationScheme::DedicatedImage(raw);
-        let allocation = device.allocate(MemoryKind::Meshes, name, requirements, own);
-        let allocation =
-            image.allocation.insert(allocation.map_err(|e| allocation_failed(name, requirements.size, &e))?);
-        // SAFETY: the allocation was made for this image's requirements and is bound once.
-        unsafe { device.raw.bind_image_memory(raw, allocation.memory(), allocation.offset()) }
-            .map_err(Error::vulkan("vkBindImageMemory"))?;
+        let memory = device.allocate(MemoryKind::Meshes, name, requirements, own)?;
+        let (memory, offset) = image.memory.insert(memory).place();
+        // SAFETY: the memory was allocated for this image's requirements and is bound once.
+        unsafe { device.raw.bind_image_memory(raw, memory, offset) }.map_err(Error::vulkan("vkBindImageMemory"))?;
         Ok(image)
     }
 
@@ -153,8 +152,8 @@ impl Drop for Image {
             self.device.raw.destroy_image(self.raw, None);
         }
         // Freed last: the allocator may be the host's, and reuse the memory at once.
-        if let Some(allocation) = self.allocation.take() {
-            self.device.free(MemoryKind::Meshes, allocation);
+        if let Some(memory) = self.memory.take() {
+            self.device.free(memory);
         }
     }
 }
