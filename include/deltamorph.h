@@ -402,6 +402,41 @@ typedef struct DmPlace {
     float centre[3];
 } DmPlace;
 
+/// What memory a buffer needs.
+typedef struct DmMemoryRequest {
+    /// Bytes.
+    uint64_t size;
+    /// The offset is a multiple of it.
+    uint64_t alignment;
+    /// Types of memory that will do (VkMemoryRequirements::memoryTypeBits).
+    uint32_t type_bits;
+    /// VkMemoryPropertyFlags that it has to have: HOST_VISIBLE and HOST_COHERENT where the host reads or writes.
+    uint32_t required;
+    /// VkMemoryPropertyFlags that make updates faster.
+    uint32_t preferred;
+    /// Zero.
+    uint32_t reserved;
+} DmMemoryRequest;
+
+/// Memory for a buffer.
+typedef struct DmHostMemory {
+    /// The memory, allocated for addresses if DmEngineDesc::buffer_device_address is set.
+    VkDeviceMemory memory;
+    /// Offset of the first byte.
+    uint64_t offset;
+    /// Where the first byte is mapped, until it is freed; null if HOST_VISIBLE was not required.
+    void *mapped;
+    /// Anything of the host's, to know it again.
+    uint64_t token;
+} DmHostMemory;
+
+/// Allocates memory that meets the request, and overlaps nothing that was not freed. Returns VK_SUCCESS or an error,
+/// such as VK_ERROR_OUT_OF_DEVICE_MEMORY, which becomes that of the call.
+typedef int32_t (*DmAllocateMemory)(void *user, const struct DmMemoryRequest *request, struct DmHostMemory *memory);
+
+/// Frees memory, which the device no longer uses.
+typedef void (*DmFreeMemory)(void *user, const struct DmHostMemory *memory);
+
 /// The device that an engine is made on. All handles are alive, belong together, and live until the engine and all
 /// objects made with it are destroyed. The device has the extensions and features of `dm_requirements` enabled for the
 /// paths to be used.
@@ -442,6 +477,14 @@ typedef struct DmEngineDesc {
     const uint32_t *queue_families;
     /// Families.
     uint64_t queue_family_count;
+    /// The host's functions for device memory, both or neither: each buffer of the library's then has memory of its own
+    /// from them. Called within calls of the library, on any thread, also on several at once; they call nothing of it.
+    /// Null: the library allocates. Feature `memory`.
+    DmAllocateMemory allocate_memory;
+    /// Takes back what `allocate_memory` handed out.
+    DmFreeMemory free_memory;
+    /// Handed to both functions.
+    void *memory_user;
 } DmEngineDesc;
 
 /// Properties of an engine's device.
@@ -1716,7 +1759,7 @@ DmResult dm_cpu_crowd_destroy(struct DmCpuCrowd crowd);
 
 /* The layout of structures in the library. */
 #if UINTPTR_MAX == UINT64_MAX
-typedef char DmEngineDesc_sizeof[sizeof(DmEngineDesc) == 96 ? 1 : -1];
+typedef char DmEngineDesc_sizeof[sizeof(DmEngineDesc) == 120 ? 1 : -1];
 typedef char DmEngineDesc_struct_size[offsetof(DmEngineDesc, struct_size) == 0 ? 1 : -1];
 typedef char DmEngineDesc_transform_feedback[offsetof(DmEngineDesc, transform_feedback) == 4 ? 1 : -1];
 typedef char DmEngineDesc_instance[offsetof(DmEngineDesc, instance) == 8 ? 1 : -1];
@@ -1732,12 +1775,27 @@ typedef char DmEngineDesc_debug_names[offsetof(DmEngineDesc, debug_names) == 72 
 typedef char DmEngineDesc_buffer_device_address[offsetof(DmEngineDesc, buffer_device_address) == 76 ? 1 : -1];
 typedef char DmEngineDesc_queue_families[offsetof(DmEngineDesc, queue_families) == 80 ? 1 : -1];
 typedef char DmEngineDesc_queue_family_count[offsetof(DmEngineDesc, queue_family_count) == 88 ? 1 : -1];
+typedef char DmEngineDesc_allocate_memory[offsetof(DmEngineDesc, allocate_memory) == 96 ? 1 : -1];
+typedef char DmEngineDesc_free_memory[offsetof(DmEngineDesc, free_memory) == 104 ? 1 : -1];
+typedef char DmEngineDesc_memory_user[offsetof(DmEngineDesc, memory_user) == 112 ? 1 : -1];
 typedef char DmEngineInfo_sizeof[sizeof(DmEngineInfo) == 280 ? 1 : -1];
 typedef char DmEngineInfo_struct_size[offsetof(DmEngineInfo, struct_size) == 0 ? 1 : -1];
 typedef char DmEngineInfo_is_software[offsetof(DmEngineInfo, is_software) == 4 ? 1 : -1];
 typedef char DmEngineInfo_max_storage_range[offsetof(DmEngineInfo, max_storage_range) == 8 ? 1 : -1];
 typedef char DmEngineInfo_allocated_bytes[offsetof(DmEngineInfo, allocated_bytes) == 16 ? 1 : -1];
 typedef char DmEngineInfo_device_name[offsetof(DmEngineInfo, device_name) == 24 ? 1 : -1];
+typedef char DmMemoryRequest_sizeof[sizeof(DmMemoryRequest) == 32 ? 1 : -1];
+typedef char DmMemoryRequest_size[offsetof(DmMemoryRequest, size) == 0 ? 1 : -1];
+typedef char DmMemoryRequest_alignment[offsetof(DmMemoryRequest, alignment) == 8 ? 1 : -1];
+typedef char DmMemoryRequest_type_bits[offsetof(DmMemoryRequest, type_bits) == 16 ? 1 : -1];
+typedef char DmMemoryRequest_required[offsetof(DmMemoryRequest, required) == 20 ? 1 : -1];
+typedef char DmMemoryRequest_preferred[offsetof(DmMemoryRequest, preferred) == 24 ? 1 : -1];
+typedef char DmMemoryRequest_reserved[offsetof(DmMemoryRequest, reserved) == 28 ? 1 : -1];
+typedef char DmHostMemory_sizeof[sizeof(DmHostMemory) == 32 ? 1 : -1];
+typedef char DmHostMemory_memory[offsetof(DmHostMemory, memory) == 0 ? 1 : -1];
+typedef char DmHostMemory_offset[offsetof(DmHostMemory, offset) == 8 ? 1 : -1];
+typedef char DmHostMemory_mapped[offsetof(DmHostMemory, mapped) == 16 ? 1 : -1];
+typedef char DmHostMemory_token[offsetof(DmHostMemory, token) == 24 ? 1 : -1];
 typedef char DmMemoryUse_sizeof[sizeof(DmMemoryUse) == 16 ? 1 : -1];
 typedef char DmMemoryUse_bytes[offsetof(DmMemoryUse, bytes) == 0 ? 1 : -1];
 typedef char DmMemoryUse_allocations[offsetof(DmMemoryUse, allocations) == 8 ? 1 : -1];

@@ -46,10 +46,10 @@ pub fn not_built(feature: &str, what: &str) -> Failure {
 
 #[cfg(test)]
 mod tests {
-    use crate::handles::{DmClip, DmCrowd, DmSkin, DmSurface, DmWeightBounds};
+    use crate::handles::{DmClip, DmCrowd, DmEngine, DmSkin, DmSurface, DmWeightBounds};
     use crate::result::{DM_ERROR_HANDLE, DM_ERROR_INVALID, DM_ERROR_UNSUPPORTED, dm_last_error};
     use crate::structs::DmSampleDesc;
-    use crate::{after, bounds, clip, level, memory::Versioned, skin};
+    use crate::{after, bounds, clip, engine, level, memory::Versioned, skin};
     use std::ffi::CStr;
     use std::ptr::null;
 
@@ -87,6 +87,12 @@ mod tests {
                 ("level", DM_ERROR_HANDLE, level::dm_crowd_set_level(crowd, 0, 1.0), said()),
                 ("level", DM_ERROR_HANDLE, level::dm_crowd_cut_camera(crowd), said()),
                 (
+                    "memory",
+                    DM_ERROR_INVALID,
+                    engine::dm_engine_memory(DmEngine { bits: 0 }, std::ptr::null_mut()),
+                    said(),
+                ),
+                (
                     "sample",
                     DM_ERROR_INVALID,
                     clip::dm_clip_sample_head(&raw const sample, 1, 30.0, &raw mut clip),
@@ -97,6 +103,7 @@ mod tests {
         let built = [
             ("after", cfg!(feature = "after")),
             ("level", cfg!(feature = "level")),
+            ("memory", cfg!(feature = "memory")),
             ("sample", cfg!(feature = "sample")),
         ];
         for (feature, otherwise, code, said) in results {

@@ -1,12 +1,13 @@
 //! The engine on a device of the host's.
 
-use crate::arguments::check_reserved;
+use crate::allocate::Functions;
+use crate::arguments::{built, check_reserved};
 use crate::handles::{DmCrowd, DmEngine, DmGpuMesh, DmReadback, DmSkin, DmSurface, Handle};
 use crate::memory::{Place, Versioned, characters, check_place, list, read, slice};
 use crate::result::{DmResult, Failure, Result, enter};
 use crate::structs::{DmEngineDesc, DmEngineInfo, DmMemory, DmMemoryUse};
 use deltamorph::ash::vk::{self, Handle as _};
-use deltamorph::memory::MemoryUse;
+use deltamorph::memory::{MemorySource, MemoryUse};
 use deltamorph::{DeviceCaps, DeviceDesc, MorphEngine, ash};
 use std::ffi::{CStr, c_char, c_void};
 use std::sync::Arc;
@@ -79,11 +80,24 @@ unsafe fn morph_engine(desc: &DmEngineDesc) -> Result<MorphEngine> {
             .debug_names(desc.debug_names != 0)
             .buffer_device_address(desc.buffer_device_address != 0)
             .queue_families(families);
+        let memory = memory(desc)?;
         let mut caps = DeviceCaps::query(&instance, desc.physical_device)?;
         if desc.clamp_to_android_baseline != 0 {
             caps.clamp_to(&DeviceCaps::android_baseline());
         }
-        Ok(MorphEngine::new(&device_desc.caps(Some(caps)))?)
+        Ok(MorphEngine::new(&device_desc.memory(memory).caps(Some(caps)))?)
+    }
+}
+
+/// The host's functions for memory.
+fn memory(desc: &DmEngineDesc) -> Result<Option<Arc<dyn MemorySource>>> {
+    match (desc.allocate_memory, desc.free_memory) {
+        (None, None) => Ok(None),
+        (Some(allocate), Some(free)) => {
+            built!("memory", "memory of the host's");
+            Ok(Some(Arc::new(Functions { allocate, free, user: desc.memory_user })))
+        }
+        _ => Err(Failure::invalid("'allocate_memory' without 'free_memory', or the reverse; set both or neither")),
     }
 }
 
@@ -116,6 +130,7 @@ pub unsafe extern "C" fn dm_engine_info(engine: DmEngine, info: *mut DmEngineInf
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_engine_memory(engine: DmEngine, memory: *mut DmMemory) -> DmResult {
     enter("dm_engine_memory", || {
+        built!("memory", "statistics of memory");
         // SAFETY: the caller's obligation.
         let place = unsafe { Place::new(memory) }?;
         let found = engine.get()?.morph.memory();
@@ -145,6 +160,7 @@ pub unsafe extern "C" fn dm_engine_memory(engine: DmEngine, memory: *mut DmMemor
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_engine_memory_json(engine: DmEngine, count: *mut u32, text: *mut c_char) -> DmResult {
     enter("dm_engine_memory_json", || {
+        built!("memory", "statistics of memory");
         let json = format!("{}\0", engine.get()?.morph.memory());
         // SAFETY: the caller's obligations; characters have the size of bytes.
         unsafe { list(count, text.cast(), json.as_bytes(), "text") }

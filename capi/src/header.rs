@@ -48,9 +48,11 @@ fn layouts() -> Vec<Layout> {
         DmEngineDesc {
             struct_size transform_feedback instance physical_device device get_instance_proc_addr get_device_proc_addr
             enabled_features pipeline_cache clamp_to_android_baseline reserved debug_names buffer_device_address
-            queue_families queue_family_count
+            queue_families queue_family_count allocate_memory free_memory memory_user
         }
         DmEngineInfo { struct_size is_software max_storage_range allocated_bytes device_name }
+        DmMemoryRequest { size alignment type_bits required preferred reserved }
+        DmHostMemory { memory offset mapped token }
         DmMemoryUse { bytes allocations }
         DmMemory { struct_size reserved allocated meshes poses animation lists staging readback }
         DmRequirement { extension feature reason }
@@ -147,6 +149,7 @@ fn generate_as(config: Config) -> String {
         ("Buffer", "VkBuffer"),
         ("PipelineCache", "VkPipelineCache"),
         ("QueryPool", "VkQueryPool"),
+        ("DeviceMemory", "VkDeviceMemory"),
         ("PhysicalDeviceFeatures", "VkPhysicalDeviceFeatures"),
         ("VertexInputBindingDescription", "VkVertexInputBindingDescription"),
         ("VertexInputAttributeDescription", "VkVertexInputAttributeDescription"),

@@ -6,6 +6,7 @@
 //! enumerations ([`numbers`]); every entry turns errors and panics into a code and a message ([`result`]).
 
 pub mod after;
+pub mod allocate;
 pub mod arguments;
 pub mod attached;
 pub mod bounds;

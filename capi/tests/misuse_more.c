@@ -100,7 +100,32 @@ static void levels(DmCrowd crowd, DmCrowd animated) {
     WORKS(dm_crowd_set_level(animated, 0, 2));
 }
 
-/* An engine of its own: timestamps, names of steps, statistics of memory. */
+/* As a host does that has an allocator: memory of its own for each buffer. */
+typedef struct { const Host *host; uint32_t live, most; } Memories;
+
+static int32_t allocate_memory(void *user, const DmMemoryRequest *request, DmHostMemory *memory) {
+    Memories *memories = user;
+    const VkDevice device = memories->host->device;
+    VkPhysicalDeviceMemoryProperties types;
+    VkMemoryAllocateInfo info = {.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, .allocationSize = request->size};
+    if (memories->live == memories->most) return VK_ERROR_OUT_OF_DEVICE_MEMORY;
+    vkGetPhysicalDeviceMemoryProperties(memories->host->physical, &types);
+    while (!(request->type_bits >> info.memoryTypeIndex & 1) ||
+           request->required & ~types.memoryTypes[info.memoryTypeIndex].propertyFlags) info.memoryTypeIndex++;
+    VK(vkAllocateMemory(device, &info, NULL, &memory->memory));
+    if (request->required) VK(vkMapMemory(device, memory->memory, 0, VK_WHOLE_SIZE, 0, &memory->mapped));
+    memory->token = ++memories->live;
+    return VK_SUCCESS;
+}
+
+static void free_memory(void *user, const DmHostMemory *memory) {
+    Memories *memories = user;
+    HOLDS(memory->token > 0);
+    memories->live--;
+    vkFreeMemory(memories->host->device, memory->memory, NULL);
+}
+
+/* An engine of its own, with memory of the host's: timestamps, names of steps, statistics of memory. */
 static void handed_over(const Host *host, const DmEngineDesc *device, DmMesh mesh) {
     const VkQueryPoolCreateInfo info = {.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO,
                                         .queryType = VK_QUERY_TYPE_TIMESTAMP, .queryCount = 2};
@@ -114,8 +139,15 @@ static void handed_over(const Host *host, const DmEngineDesc *device, DmMesh mes
     uint64_t at[2];
     DmStepName step;
     VK(vkCreateQueryPool(host->device, &info, NULL, &pool));
-    WORKS(dm_engine_create(device, &engine));
+    Memories memories = {host, 0, 1};
+    DmEngineDesc own = *device;
+    own.allocate_memory = allocate_memory, own.memory_user = &memories;
+    INVALID("'allocate_memory' without 'free_memory'", dm_engine_create(&own, &engine));
+    own.free_memory = free_memory;
+    WORKS(dm_engine_create(&own, &engine));
     host_begin(host);
+    REFUSED(DM_ERROR_OUT_OF_MEMORY, "vkAllocateMemory", dm_mesh_upload(engine, host->cmd, mesh, &uploaded));
+    memories.most = 100;
     WORKS(dm_mesh_upload(engine, host->cmd, mesh, &uploaded));
     host_submit_and_wait(host);
     WORKS(dm_gpu_mesh_release_staging(uploaded));
@@ -139,6 +171,7 @@ static void handed_over(const Host *host, const DmEngineDesc *device, DmMesh mes
     DmMemory memory = {.struct_size = sizeof memory};
     char json[600] = "", poses[80];
     WORKS(dm_engine_memory(engine, &memory));
+    HOLDS(memory.meshes.allocations + memory.poses.allocations + memory.lists.allocations == memories.live);
     HOLDS(memory.meshes.bytes > 0 && memory.staging.bytes == 0 && memory.allocated >= memory.poses.bytes);
     WORKS(dm_engine_memory_json(engine, &count, NULL));
     HOLDS(count > 100 && count < sizeof json);
@@ -151,6 +184,7 @@ static void handed_over(const Host *host, const DmEngineDesc *device, DmMesh mes
     HOLDS(count == strlen(json) + 1 && strstr(json, poses));
     WORKS(dm_crowd_destroy(crowd));
     WORKS(dm_gpu_mesh_destroy(uploaded));
+    HOLDS(memories.live == 0);
     WORKS(dm_engine_destroy(engine));
     vkDestroyQueryPool(host->device, pool, NULL);
 }

@@ -1,7 +1,7 @@
 //! Structures for the device.
 
 use deltamorph::ash::vk;
-use std::ffi::c_char;
+use std::ffi::{c_char, c_void};
 
 /// cbindgen:ignore
 #[repr(transparent)]
@@ -55,7 +55,55 @@ pub struct DmEngineDesc {
     pub queue_families: *const u32,
     /// Families.
     pub queue_family_count: u64,
+    /// The host's functions for device memory, both or neither: each buffer of the library's then has memory of its own
+    /// from them. Called within calls of the library, on any thread, also on several at once; they call nothing of it.
+    /// Null: the library allocates. Feature `memory`.
+    pub allocate_memory: DmAllocateMemory,
+    /// Takes back what `allocate_memory` handed out.
+    pub free_memory: DmFreeMemory,
+    /// Handed to both functions.
+    pub memory_user: *mut c_void,
 }
+
+/// What memory a buffer needs.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmMemoryRequest {
+    /// Bytes.
+    pub size: u64,
+    /// The offset is a multiple of it.
+    pub alignment: u64,
+    /// Types of memory that will do (VkMemoryRequirements::memoryTypeBits).
+    pub type_bits: u32,
+    /// VkMemoryPropertyFlags that it has to have: HOST_VISIBLE and HOST_COHERENT where the host reads or writes.
+    pub required: u32,
+    /// VkMemoryPropertyFlags that make updates faster.
+    pub preferred: u32,
+    /// Zero.
+    pub reserved: u32,
+}
+
+/// Memory for a buffer.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct DmHostMemory {
+    /// The memory, allocated for addresses if DmEngineDesc::buffer_device_address is set.
+    pub memory: vk::DeviceMemory,
+    /// Offset of the first byte.
+    pub offset: u64,
+    /// Where the first byte is mapped, until it is freed; null if HOST_VISIBLE was not required.
+    pub mapped: *mut c_void,
+    /// Anything of the host's, to know it again.
+    pub token: u64,
+}
+
+/// Allocates memory that meets the request, and overlaps nothing that was not freed. Returns VK_SUCCESS or an error,
+/// such as VK_ERROR_OUT_OF_DEVICE_MEMORY, which becomes that of the call.
+pub type DmAllocateMemory =
+    Option<unsafe extern "C" fn(user: *mut c_void, request: *const DmMemoryRequest, memory: *mut DmHostMemory) -> i32>;
+
+/// Frees memory, which the device no longer uses.
+pub type DmFreeMemory = Option<unsafe extern "C" fn(user: *mut c_void, memory: *const DmHostMemory)>;
 
 /// Properties of an engine's device.
 #[repr(C)]
