@@ -1376,6 +1376,24 @@ DmResult dm_crowd_set_weight_by_name(struct DmCrowd crowd, uint32_t instance, co
 /// There is room for `count` weights.
 DmResult dm_crowd_weights(struct DmCrowd crowd, uint32_t instance, float *weights, uint32_t count);
 
+/// Start to log the calls on a crowd that decide its poses: weights, cuts, instances hidden, added and removed, error
+/// budgets, updates, discards. `dm_crowd_write_calls` writes them to a file, for a report: `deltamorph replay` makes the
+/// same calls on another driver, where fixed-point poses are the same bit for bit. A frame takes some 10 bytes for each
+/// weight that changes.
+///
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `calls`; DM_ERROR_INVALID for a crowd that
+/// plays clips.
+DmResult dm_crowd_log_calls(struct DmCrowd crowd);
+
+/// Append the calls logged since `dm_crowd_log_calls`, or since they were last written, to the file at `path`. Begin
+/// with a file that does not exist.
+///
+/// Errors: DM_ERROR_IO, and the calls are lost then; those of `dm_crowd_log_calls`.
+///
+/// Safety:
+/// `path` is a UTF-8 string.
+DmResult dm_crowd_write_calls(struct DmCrowd crowd, const char *path);
+
 /// Make a set of `count` crowds whose weights are set by one vector: each weight goes, by its name, to the targets of
 /// that name in every mesh. Instance i of the set is instance i of each crowd. At first the weights are those of all
 /// targets: each name once, in the order of the crowds and of their targets.
