@@ -5,8 +5,8 @@
 
 use deltamorph::after::DecodeTarget;
 use deltamorph::ash::{self, khr, vk};
-use deltamorph::gpu_allocator::MemoryLocation;
 use deltamorph::internals::gpu::memory::Buffer;
+use deltamorph::internals::gpu::statistics::MemoryKind;
 use deltamorph::{Consumers, CrowdDesc, DeltaFormat, PackedMesh, PoseFormat, Tolerance, UpdateDesc};
 use deltamorph_head::{HeadDesc, head, head_clip};
 use deltamorph_headless::{Headless, HeadlessDesc};
@@ -33,9 +33,9 @@ struct Gpu<'a> {
 impl Gpu<'_> {
     /// Makes a buffer and takes its address. With contents, the host writes them. Any allocator of a host will do.
     fn buffer(&self, bytes: u64, usage: Usage, contents: &[u8]) -> Result<(Buffer, vk::DeviceAddress)> {
-        let location = if contents.is_empty() { MemoryLocation::GpuOnly } else { MemoryLocation::CpuToGpu };
+        let kind = if contents.is_empty() { MemoryKind::Poses } else { MemoryKind::Staging };
         let usage = usage | Usage::SHADER_DEVICE_ADDRESS;
-        let mut buffer = Buffer::new(self.headless.engine().device(), "rays", bytes, usage, location)?;
+        let mut buffer = Buffer::new(self.headless.engine().device(), "rays", bytes, usage, kind)?;
         if !contents.is_empty() {
             buffer.mapped()?[..contents.len()].copy_from_slice(contents);
         }
