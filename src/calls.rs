@@ -181,8 +181,21 @@ fn number(layout: &PackedLayout) -> u32 {
     hash.finalize()
 }
 
+/// Where a crowd logs its calls. As a trait, what writes text is left out of programs that never log.
+pub(crate) trait LogCalls: Send + Sync {
+    fn add(&mut self, call: &Call);
+
+    /// Adds weights if they differ from those before.
+    fn add_weights(&mut self, instance: u32, before: &[f32], weights: &[f32]);
+
+    /// Logs that update number `first` of the crowd and later ones never run.
+    fn discard_from(&mut self, first: u64);
+
+    /// The text since it was last taken.
+    fn take(&mut self) -> String;
+}
+
 /// The text of calls, as it is collected.
-#[derive(Debug)]
 pub(crate) struct CallLog {
     text: String,
     /// Updates before the first that is logged.
@@ -201,18 +214,14 @@ impl CallLog {
         );
         Self { text, before }
     }
+}
 
-    /// Logs that update number `first` of the crowd and later ones never run.
-    pub fn discard_from(&mut self, first: u64) {
-        self.add(&Call::Discard(first.saturating_sub(self.before)));
-    }
-
-    pub fn add(&mut self, call: &Call) {
+impl LogCalls for CallLog {
+    fn add(&mut self, call: &Call) {
         self.text += &format!("{call}\n");
     }
 
-    /// Adds weights if they differ from those before.
-    pub fn add_weights(&mut self, instance: u32, before: &[f32], weights: &[f32]) {
+    fn add_weights(&mut self, instance: u32, before: &[f32], weights: &[f32]) {
         let differs = |(before, after): &(&f32, &f32)| before.to_bits() != after.to_bits();
         let changed = (0..).zip(before.iter().zip(weights)).filter(|(_, pair)| differs(pair));
         let changed: Vec<_> = changed.map(|(target, (_, weight))| (target, *weight)).collect();
@@ -221,7 +230,11 @@ impl CallLog {
         }
     }
 
-    pub fn take(&mut self) -> String {
+    fn discard_from(&mut self, first: u64) {
+        self.add(&Call::Discard(first.saturating_sub(self.before)));
+    }
+
+    fn take(&mut self) -> String {
         std::mem::take(&mut self.text)
     }
 }

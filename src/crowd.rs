@@ -1,6 +1,6 @@
 //! `CrowdBase`: instances and their requested weights, for crowds of all kinds. Independent of devices.
 
-use crate::calls::{Call, CallLog};
+use crate::calls::{Call, CallLog, LogCalls};
 use crate::error::{Error, Result};
 use crate::pack::PackedLayout;
 use crate::pack::blocks::PoseGrid;
@@ -18,7 +18,7 @@ pub struct CrowdBase<K: ?Sized> {
     /// Updates planned so far.
     pub(crate) updates: u64,
     /// Calls, while they are logged.
-    pub(crate) log: Option<CallLog>,
+    pub(crate) log: Option<Box<dyn LogCalls>>,
     pub(crate) kind: K,
 }
 
@@ -221,13 +221,13 @@ impl<K: TakesWeights> CrowdBase<K> {
                 (Some(weights), _) => log.add_weights(instance, &zero, weights),
             }
         }
-        self.log = Some(log);
+        self.log = Some(Box::new(log));
     }
 
     /// The text logged since [`log_calls`](Self::log_calls) or since it was last taken, to be added to the end of a
     /// file that [`Calls::read`](crate::calls::Calls::read) reads; empty if nothing is logged.
     pub fn take_calls(&mut self) -> String {
-        self.log.as_mut().map(CallLog::take).unwrap_or_default()
+        self.log.as_mut().map(|log| log.take()).unwrap_or_default()
     }
 
     /// Makes a logged call.
