@@ -8,8 +8,9 @@ use crate::pack::grid::Term;
 
 const MAX: f64 = 32767.0;
 
-/// Two vertices at a time: twelve values are three vectors of four.
-const PAIR: usize = 2 * POSE_FLOATS;
+/// Vertices at a time, so many that the compiler keeps a loop of them, which it makes vectors of; it unrolls loops of a
+/// few, and then finds none. What is left at the end of a run is added by vertex.
+const WIDE: usize = 16 * POSE_FLOATS;
 
 pub(crate) struct Snorm16;
 
@@ -39,45 +40,58 @@ impl DenseFormat for Snorm16 {
 
     #[inline(always)]
     fn add<const N: usize>(&self, factors: [[f32; TRIPLES]; N], rows: [&[u32]; N], sums: &mut [f32]) {
-        let patterns = factors.map(|f| std::array::from_fn::<f32, PAIR, _>(|i| f[i / TRIPLE % TRIPLES]));
-        let rows: [&[[i16; PAIR]]; N] =
-            rows.map(|row| bytemuck::cast_slice::<_, i16>(row)[..sums.len()].as_chunks::<PAIR>().0);
-        // Runs end at multiples of the vertex padding: an even number of vertices.
-        for (i, sum) in sums.as_chunks_mut::<PAIR>().0.iter_mut().enumerate() {
-            let mut s = *sum;
-            for (row, pattern) in rows.iter().zip(&patterns) {
-                for ((s, d), p) in s.iter_mut().zip(&row[i]).zip(pattern) {
-                    *s += p * f32::from(*d);
-                }
-            }
-            *sum = s;
-        }
+        let rows: [&[i16]; N] = rows.map(bytemuck::cast_slice);
+        let (wide, rest) = sums.as_chunks_mut::<WIDE>();
+        let after = wide.len() * WIDE;
+        add_chunks(factors, rows, wide);
+        add_chunks(factors, rows.map(|row| &row[after..]), rest.as_chunks_mut::<POSE_FLOATS>().0);
     }
 
     #[inline(always)]
     fn add_terms(&self, terms: [Term; TRIPLES], row: &[u32], sums: &mut [i32]) {
+        let row: &[i16] = bytemuck::cast_slice(row);
+        let (wide, rest) = sums.as_chunks_mut::<WIDE>();
+        let after = wide.len() * WIDE;
         // From the base pose no weight is applied: one product is enough.
         match terms.iter().all(|term| term.old == 0) {
-            true => add_rounded(terms, row, sums, |Term { new, dropped, .. }, delta| rounded(new, delta, dropped)),
-            false => add_rounded(terms, row, sums, |Term { new, old, dropped }, delta| {
-                rounded(new, delta, dropped) - rounded(old, delta, dropped)
-            }),
+            true => add_rounded::<WIDE, true>(terms, row, wide),
+            false => add_rounded::<WIDE, false>(terms, row, wide),
         }
+        add_rounded::<POSE_FLOATS, false>(terms, &row[after..], rest.as_chunks_mut().0);
     }
 }
 
 #[inline(always)]
-fn rounded(weight: i32, delta: i32, dropped: u32) -> i32 {
-    (weight * delta + (1u32 << dropped >> 1) as i32) >> dropped
+fn add_chunks<const N: usize, const C: usize>(factors: [[f32; TRIPLES]; N], rows: [&[i16]; N], sums: &mut [[f32; C]]) {
+    let patterns = factors.map(|f| std::array::from_fn::<f32, C, _>(|i| f[i / TRIPLE % TRIPLES]));
+    let rows = rows.map(|row| &row.as_chunks::<C>().0[..sums.len()]);
+    for (i, sum) in sums.iter_mut().enumerate() {
+        // A copy, which nothing else can alias.
+        let mut s = *sum;
+        for (row, pattern) in rows.iter().zip(&patterns) {
+            let deltas = &row[i];
+            for j in 0..C {
+                s[j] += pattern[j] * f32::from(deltas[j]);
+            }
+        }
+        *sum = s;
+    }
 }
 
 #[inline(always)]
-fn add_rounded(terms: [Term; TRIPLES], row: &[u32], sums: &mut [i32], rounded: impl Fn(Term, i32) -> i32) {
-    let pattern = std::array::from_fn::<Term, PAIR, _>(|i| terms[i / TRIPLE % TRIPLES]);
-    let row = bytemuck::cast_slice::<_, i16>(row)[..sums.len()].as_chunks::<PAIR>().0;
-    for (sums, deltas) in sums.as_chunks_mut::<PAIR>().0.iter_mut().zip(row) {
-        for ((sum, delta), term) in sums.iter_mut().zip(deltas).zip(pattern) {
-            *sum = sum.wrapping_add(rounded(term, i32::from(*delta)));
+fn add_rounded<const C: usize, const NEW: bool>(terms: [Term; TRIPLES], row: &[i16], sums: &mut [[i32; C]]) {
+    let term = |i: usize| terms[i / TRIPLE % TRIPLES];
+    let [new, old] = [std::array::from_fn::<i32, C, _>(|i| term(i).new), std::array::from_fn(|i| term(i).old)];
+    let dropped: [u32; C] = std::array::from_fn(|i| term(i).dropped);
+    let half = dropped.map(|dropped| (1u32 << dropped >> 1) as i32);
+    for (sum, deltas) in sums.iter_mut().zip(row.as_chunks::<C>().0) {
+        let mut s = *sum;
+        for i in 0..C {
+            let delta = i32::from(deltas[i]);
+            let rounded = |weight: i32| (weight * delta + half[i]) >> dropped[i];
+            let before = if NEW { 0 } else { rounded(old[i]) };
+            s[i] = s[i].wrapping_add(rounded(new[i]) - before);
         }
+        *sum = s;
     }
 }
