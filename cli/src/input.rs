@@ -115,10 +115,10 @@ pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Fai
     read(args, with_raw, &ImportDesc::default(), out)
 }
 
-/// Reads the input that `args` name for drawing, with one texture coordinate per vertex; packed files are used as they
-/// are.
-pub fn load_split(args: &InputArgs, out: &Output) -> Result<Input, Failure> {
-    read(args, false, &ImportDesc::default().split(true), out)
+/// Reads the input that `args` name for drawing, with one texture coordinate per vertex; `unposed`, if joints are to
+/// move it. Packed files are used as they are.
+pub fn load_split(args: &InputArgs, unposed: bool, out: &Output) -> Result<Input, Failure> {
+    read(args, false, &ImportDesc::default().split(true).unposed(unposed), out)
 }
 
 fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Result<Input, Failure> {

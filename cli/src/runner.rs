@@ -20,6 +20,14 @@ use std::slice::from_ref;
 use std::sync::Arc;
 use std::time::Instant;
 
+/// Whether poses are updated on the device, by the first path of `args`.
+pub fn updates(gpu: &Gpu, args: &RunArgs) -> bool {
+    match args.update.paths.first() {
+        Some(path) => *path != UpdatePath::Cpu,
+        None => gpu.caps().check_path(UpdatePath::Blocks).is_ok(),
+    }
+}
+
 /// Opens the device chosen on the command line. `None`, with a note, if there is none and none was chosen.
 pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>, Failure> {
     let desc = HeadlessDesc::default().device(choice.cloned().unwrap_or_default());
@@ -306,10 +314,7 @@ impl Stage {
 
     /// Like [`new`](Self::new), with a device that is already open. The path `cpu` does not use it.
     pub fn on(gpu: Option<Rc<Gpu>>, args: &RunArgs, input: &Input, out: &Output) -> Result<Self, Failure> {
-        let gpu = gpu.filter(|gpu| match args.update.paths.first() {
-            Some(path) => *path != UpdatePath::Cpu,
-            None => gpu.caps().check_path(UpdatePath::Blocks).is_ok(),
-        });
+        let gpu = gpu.filter(|gpu| updates(gpu, args));
         let (mesh, desc) = prepare(args, input, gpu.as_deref().map(Gpu::engine), out)?;
         Ok(Self { gpu, threads: args.update.threads.unwrap_or(0), mesh, desc })
     }

@@ -26,9 +26,12 @@ pub struct ImportDesc {
     /// Give each vertex one texture coordinate ([`MorphSource::split`]). Packed files are not changed. `false` by
     /// default.
     pub split: bool,
+    /// Leave meshes of a glTF file unposed, for joints to move: the mesh is that of `gltf::Gltf::into_skinned`. `false`
+    /// by default.
+    pub unposed: bool,
 }
 
-setters!(ImportDesc { split: bool });
+setters!(ImportDesc { split: bool, unposed: bool });
 
 /// The result of [`open`]: the mesh, and the paths of clips and of a rig, which are not read yet.
 #[derive(Debug)]
@@ -86,7 +89,7 @@ pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
     } else if has_extension(path, "dmorph") {
         Imported { mesh: ImportedMesh::Packed(Asset::read(path)?), clips: vec![], rig: None }
     } else if is_gltf(path) {
-        open_gltf(path)?
+        open_gltf(path, desc)?
     } else {
         return refuse("a file of a kind that is not read");
     };
@@ -133,7 +136,7 @@ pub fn animation_of(path: &Path) -> Option<(PathBuf, String)> {
 }
 
 #[cfg(feature = "gltf")]
-fn open_gltf(path: &Path) -> Result<Imported> {
+fn open_gltf(path: &Path, desc: &ImportDesc) -> Result<Imported> {
     let gltf = gltf::read(path)?;
     let clip = |name: &str| {
         let mut clip = path.as_os_str().to_owned();
@@ -142,7 +145,8 @@ fn open_gltf(path: &Path) -> Result<Imported> {
         clip.into()
     };
     let clips = gltf.weight_animations().map(|animation| clip(&animation.name)).collect();
-    Ok(Imported { mesh: ImportedMesh::Source(gltf.into_source()?), clips, rig: None })
+    let source = if desc.unposed { gltf.into_skinned()?.0 } else { gltf.into_source()? };
+    Ok(Imported { mesh: ImportedMesh::Source(source), clips, rig: None })
 }
 
 #[cfg(feature = "gltf")]
@@ -171,7 +175,7 @@ fn gltf_clip(path: &Path, name: Option<&str>, fps: Option<f32>) -> Result<Weight
 }
 
 #[cfg(not(feature = "gltf"))]
-fn open_gltf(path: &Path) -> Result<Imported> {
+fn open_gltf(path: &Path, _: &ImportDesc) -> Result<Imported> {
     Err(Error::input(path, "", "glTF files are not read", "build with the feature 'gltf'"))
 }
 

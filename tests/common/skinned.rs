@@ -102,6 +102,8 @@ pub struct Pose {
     pub surface: Vec<f64>,
     /// Morphed but not skinned, of unit length.
     pub tangents: Vec<[f64; 3]>,
+    /// Morphed and skinned, of unit length.
+    pub skinned_tangents: Vec<[f64; 3]>,
 }
 
 /// A clip of the character, and a time.
@@ -146,7 +148,7 @@ impl Character {
             product(&worlds[node], &std::array::from_fn(|i| std::array::from_fn(|j| bind[4 * j + i])))
         };
         let joints: Vec<Matrix> = self.skin.iter().enumerate().map(joint).collect();
-        let mut pose = Pose { surface: vec![], tangents: vec![] };
+        let mut pose = Pose { surface: vec![], tangents: vec![], skinned_tangents: vec![] };
         for v in 0..self.positions.base.count() {
             let sets = self.joints.iter().zip(&self.weights);
             let influences: Vec<(usize, f64)> = sets
@@ -165,8 +167,10 @@ impl Character {
             pose.surface.extend([0, 1, 2].map(|i| dot(&blended[i][..3], &p) + blended[i][3]));
             pose.surface.extend(turned.map(|x| x / length));
             let tangent = self.tangents.at(v, &weights);
-            let length = dot(&tangent, &tangent).sqrt();
-            pose.tangents.push(tangent.map(|x| x / length));
+            let skinned = [0, 1, 2].map(|i| dot(&blended[i][..3], &tangent));
+            let unit = |v: [f64; 3]| v.map(|x| x / dot(&v, &v).sqrt());
+            pose.tangents.push(unit(tangent));
+            pose.skinned_tangents.push(unit(skinned));
         }
         pose
     }

@@ -22,16 +22,20 @@ pub struct Joints {
     origin: DVec3,
 }
 
+/// The file whose joints move the mesh; `None` for pictures of targets alone: distances, errors, motion, wrinkles,
+/// normals of the morphed surface.
+pub fn file(args: &RenderArgs) -> Option<&PathBuf> {
+    let is_of_targets = matches!(args.show, Some(Shown::Motion | Shown::Wrinkles))
+        || args.heat.is_some()
+        || args.magnify.is_some()
+        || args.normals == Normals::Recomputed;
+    args.run.input.input.as_ref().filter(|path| is_gltf(path) && !is_of_targets)
+}
+
 impl Joints {
-    /// The joints of INPUT, if it has any; `None` for pictures of targets alone: distances, errors, motion, wrinkles,
-    /// normals of the morphed surface.
+    /// The joints of INPUT, if it has any.
     pub fn of(args: &RenderArgs, input: &Input) -> Result<Option<Self>, Failure> {
-        let is_of_targets = matches!(args.show, Some(Shown::Motion | Shown::Wrinkles))
-            || args.heat.is_some()
-            || args.magnify.is_some()
-            || args.normals == Normals::Recomputed;
-        let path = args.run.input.input.as_ref().filter(|path| is_gltf(path) && !is_of_targets);
-        let Some(path) = path else { return Ok(None) };
+        let Some(path) = file(args) else { return Ok(None) };
         let Some(skeleton) = gltf::read(path)?.into_skinned()?.1 else { return Ok(None) };
         let clip = match (&args.weights, &input.clips[..]) {
             (None, [only]) => Some(only),

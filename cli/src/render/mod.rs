@@ -15,7 +15,7 @@ mod sheet;
 use crate::args::render::{Heat, RenderArgs, Shown};
 use crate::input::{self, Input};
 use crate::output::{Failure, Output, With};
-use crate::runner::{Stage, open};
+use crate::runner::{Stage, open, updates};
 use deltamorph::UpdatePath;
 use deltamorph_headless::DeviceChoice;
 use easel::Easel;
@@ -48,15 +48,15 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
     } else {
         out.check(&read, &[output], None)?;
     }
-    let mut input = input::load_split(&args.run.input, out)?;
-    if args.show == Some(Shown::Wrinkles) {
-        input.add_masks()?;
-    }
-    check_texcoords(args, &input)?;
     // The path cpu needs no device, but drawing does.
     let gpu = open(device, out)?.map(Rc::new).ok_or_else(|| {
         Failure::Failed("a picture is drawn on a Vulkan device, and there is none; ./with-vulkan installs one".into())
     })?;
+    let mut input = input::load_split(&args.run.input, joints::file(args).is_some() && updates(&gpu, &args.run), out)?;
+    if args.show == Some(Shown::Wrinkles) {
+        input.add_masks()?;
+    }
+    check_texcoords(args, &input)?;
     let stage = Stage::on(Some(gpu.clone()), &args.run, &input, out)?;
     let mut subject = Subject::new(args.run.input.input.as_deref(), &input);
     let joints = Joints::of(args, &input)?.filter(|_| {

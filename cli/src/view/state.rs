@@ -57,7 +57,7 @@ pub enum Effect {
 
 impl State {
     pub fn new(args: &ViewArgs, out: &Output) -> Result<Self, Failure> {
-        let input = input::load_split(&args.run.input, out)?;
+        let input = input::load_split(&args.run.input, false, out)?;
         let clip = first_clip(args.weights.as_deref(), &args.run, &input)?;
         let clip = clip.map(|clip| input::layered(clip, &args.layers.layers, &args.run.input, &input)).transpose()?;
         let mut this = Self { heads: args.heads, camera: args.camera, ..Self::of(args.run.clone(), input, clip) };
@@ -218,7 +218,7 @@ impl State {
         let taken = if is_clip {
             self.take_clip(&path).map(|()| Effect::None)
         } else {
-            input::load_split(&run.input, out).and_then(|input| {
+            input::load_split(&run.input, false, out).and_then(|input| {
                 let clip = first_clip(None, &run, &input)?;
                 let Self { heads, detail, look, camera, zoom, speed, twins, panel, .. } = *self;
                 let notice = Some((format!("{name} is here"), false));

@@ -1,8 +1,8 @@
-//! Merges several meshes into one, and transforms meshes as nodes place them. Vertices have one texture coordinate or
-//! none.
+//! Merges several meshes into one, and transforms meshes as nodes and joints place them. Vertices have one texture
+//! coordinate or none.
 
 use crate::asset::{Corner, MorphSource, Semantic, SourceTarget, StreamData, StreamDeltas};
-use glam::{BVec3, DMat3, DMat4, DVec3, Vec2, Vec3};
+use glam::{DMat3, DMat4, DVec3, Vec2, Vec3};
 use std::collections::{BTreeSet, HashMap, HashSet};
 
 /// The value of a stream for vertices of parts without it.
@@ -88,57 +88,63 @@ pub fn merge(name: String, parts: Vec<MorphSource>) -> MorphSource {
     all
 }
 
-/// Returns the common value of these matrices, if they agree within 1e-4 of the extent of the positions.
-pub fn common(matrices: &[DMat4], positions: &[Vec3]) -> Option<DMat4> {
-    let low = positions.iter().copied().reduce(Vec3::min)?.as_dvec3();
-    let high = positions.iter().copied().reduce(Vec3::max)?.as_dvec3();
-    let corner = |i: u32| DVec3::select(BVec3::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), low, high);
-    let (first, others) = matrices.split_first()?;
-    let extent = first.transform_point3(low).distance(first.transform_point3(high));
-    let is_near =
-        |matrix: &DMat4, p: DVec3| first.transform_point3(p).distance(matrix.transform_point3(p)) <= 1e-4 * extent;
-    others.iter().all(|matrix| (0..8).all(|i| is_near(matrix, corner(i)))).then_some(*first)
+/// Whether there is no way back from `matrix`: it flattens a mesh, or leaves the range of numbers.
+pub fn flattens(matrix: &DMat4) -> bool {
+    let determinant = DMat3::from_mat4(*matrix).determinant();
+    !(determinant != 0.0 && determinant.is_finite() && matrix.is_finite())
 }
 
-/// Transforms a mesh of triangles by `matrix`: normals by the inverse transpose, brought to unit length again; if it
-/// mirrors the mesh, triangles are turned. Returns `false`, and changes nothing, if `matrix` flattens the mesh.
-pub fn transform(source: &mut MorphSource, matrix: &DMat4) -> bool {
-    let linear = DMat3::from_mat4(*matrix);
-    let determinant = linear.determinant();
-    if !(determinant != 0.0 && determinant.is_finite() && matrix.is_finite()) {
-        return false;
+/// Transforms a mesh of triangles, each vertex by its own matrix: normals by the inverse transpose, brought to unit
+/// length again; where a matrix mirrors, triangles are turned. Returns the first vertex whose matrix is flat: a normal
+/// across what is left of it stays as it was.
+pub fn transform(source: &mut MorphSource, matrix: impl Fn(usize) -> DMat4) -> Option<usize> {
+    let count = source.positions.len();
+    if (0..count).all(|v| matrix(v) == DMat4::IDENTITY) {
+        return None;
     }
-    let turned = linear.inverse().transpose();
-    let apply = |by: &DMat3, v: Vec3| (*by * v.as_dvec3()).as_vec3();
-    source.positions.iter_mut().for_each(|p| *p = matrix.transform_point3(p.as_dvec3()).as_vec3());
+    let linear = |v: usize| DMat3::from_mat4(matrix(v));
+    // The inverse transpose times the size of the determinant, which need not be other than 0.
+    let turned = |v: usize| {
+        let DMat3 { x_axis: x, y_axis: y, z_axis: z } = linear(v);
+        let sign = if linear(v).determinant() < 0.0 { -1.0 } else { 1.0 };
+        DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * sign
+    };
+    // A direction of unit length, and the factor that brought it there; 0 if it is lost.
+    let unit = |before: DVec3, moved: DVec3| match moved.length().recip() {
+        scale if scale > 0.0 && scale.is_finite() => (moved * scale, scale),
+        _ => (before, 0.0),
+    };
+    for (v, p) in source.positions.iter_mut().enumerate() {
+        *p = matrix(v).transform_point3(p.as_dvec3()).as_vec3();
+    }
     let mut scales = vec![];
-    for normal in source.normals.iter_mut().flatten() {
-        let moved = turned * normal.as_dvec3();
-        scales.push(moved.length().recip());
-        *normal = (moved * moved.length().recip()).as_vec3();
+    for (v, normal) in source.normals.iter_mut().flatten().enumerate() {
+        let (moved, scale) = unit(normal.as_dvec3(), turned(v) * normal.as_dvec3());
+        scales.push(scale);
+        *normal = moved.as_vec3();
     }
     for target in &mut source.targets {
-        target.positions.iter_mut().for_each(|(_, d)| *d = apply(&linear, *d));
-        let normals = target.normals.iter_mut().flatten();
-        normals.for_each(|(v, d)| *d = (turned * d.as_dvec3() * scales[*v as usize]).as_vec3());
+        target.positions.iter_mut().for_each(|(v, d)| *d = (linear(*v as usize) * d.as_dvec3()).as_vec3());
+        let normals = target.normals.iter_mut().flatten().map(|(v, d)| (*v as usize, d));
+        normals.for_each(|(v, d)| *d = (turned(v) * d.as_dvec3() * scales[v]).as_vec3());
     }
     if let Some(tangents) = source.streams.iter().position(|s| s.semantic == Semantic::Tangent) {
         let mut scales = vec![];
-        for tangent in source.streams[tangents].values.chunks_exact_mut(4) {
-            let moved = linear * Vec3::from_slice(tangent).as_dvec3();
-            scales.push(moved.length().recip());
-            tangent[..3].copy_from_slice(&(moved * moved.length().recip()).as_vec3().to_array());
-            tangent[3] *= determinant.signum() as f32;
+        for (v, tangent) in source.streams[tangents].values.chunks_exact_mut(4).enumerate() {
+            let stated = Vec3::from_slice(tangent).as_dvec3();
+            let (moved, scale) = unit(stated, linear(v) * stated);
+            scales.push(scale);
+            tangent[..3].copy_from_slice(&moved.as_vec3().to_array());
+            tangent[3] *= if linear(v).determinant() < 0.0 { -1.0 } else { 1.0 };
         }
         for StreamDeltas { vertices, deltas } in source.targets.iter_mut().filter_map(|t| t.streams.get_mut(tangents)) {
-            for (v, delta) in vertices.iter().zip(deltas.chunks_exact_mut(3)) {
-                let moved = linear * Vec3::from_slice(delta).as_dvec3() * scales[*v as usize];
+            for (v, delta) in vertices.iter().map(|v| *v as usize).zip(deltas.chunks_exact_mut(3)) {
+                let moved = linear(v) * Vec3::from_slice(delta).as_dvec3() * scales[v];
                 delta.copy_from_slice(&moved.as_vec3().to_array());
             }
         }
     }
-    if determinant < 0.0 {
-        source.faces.corners.chunks_exact_mut(3).for_each(|corners| corners.swap(1, 2));
-    }
-    true
+    let mirrored = |corners: &&mut [Corner]| linear(corners[0].position as usize).determinant() < 0.0;
+    source.faces.corners.chunks_exact_mut(3).filter(mirrored).for_each(|corners| corners.swap(1, 2));
+    (0..count).find(|v| flattens(&matrix(*v)))
 }

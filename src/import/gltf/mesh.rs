@@ -1,14 +1,14 @@
 //! Meshes: primitives with their streams, targets, joints and weights.
 
-use super::assemble::{merge, merged_size};
+use super::assemble::{flattens, merge, merged_size};
 use super::container::Container;
 use super::json::At;
 use crate::asset::normals::unit_normals;
 use crate::asset::{Corner, Faces, MorphSource, Semantic, SourceTarget, StreamData, StreamDeltas};
 use crate::error::{Error, Result};
-use glam::{Vec2, Vec3};
+use glam::{DMat4, Vec2, Vec3};
 use serde_json::Value;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 
 /// A mesh of the file, in its own space; nodes place it.
@@ -358,9 +358,35 @@ fn influences(file: &Container, attributes: &At<'_>, count: usize) -> Result<Opt
 }
 
 impl Influences {
-    /// Iterates over the joints that vertices follow; a joint may come many times.
-    pub(super) fn followed(&self) -> impl Iterator<Item = usize> {
-        self.joints.iter().zip(&self.weights).filter(|(_, weight)| **weight > 0.0).map(|(joint, _)| usize::from(*joint))
+    /// Iterates over the joints that a vertex follows, and their weights.
+    pub(super) fn of(&self, vertex: usize) -> impl Iterator<Item = (usize, f32)> {
+        let range = vertex * self.per_vertex..(vertex + 1) * self.per_vertex;
+        let all = self.joints[range.clone()].iter().zip(&self.weights[range]);
+        all.filter(|(_, weight)| **weight > 0.0).map(|(joint, weight)| (usize::from(*joint), *weight))
+    }
+
+    /// Iterates over the joints that vertices follow, and their weights; a joint may come many times.
+    pub(super) fn followed(&self) -> impl Iterator<Item = (usize, f32)> {
+        (0..self.weights.len() / self.per_vertex.max(1)).flat_map(|vertex| self.of(vertex))
+    }
+
+    /// Returns the matrix of a vertex where joints have these; the identity if it follows none.
+    pub(super) fn blend(&self, vertex: usize, joints: &[DMat4]) -> DMat4 {
+        let (mut sum, mut total) = (DMat4::ZERO, 0.0);
+        for (joint, weight) in self.of(vertex).map(|(joint, weight)| (joint, f64::from(weight))) {
+            sum += joints[joint] * weight;
+            total += weight;
+        }
+        // Rounded weights do not sum to 1 exactly.
+        if total > 0.0 { sum / total } else { DMat4::IDENTITY }
+    }
+
+    /// Returns the matrix of the joint that most of the weight follows, of those that can be undone.
+    pub(super) fn foremost(&self, joints: &[DMat4]) -> DMat4 {
+        let mut shares = BTreeMap::new();
+        self.followed().for_each(|(joint, weight)| *shares.entry(joint).or_insert(0.0) += f64::from(weight));
+        let shares = shares.into_iter().filter(|(joint, _)| !flattens(&joints[*joint]));
+        shares.max_by(|a, b| a.1.total_cmp(&b.1)).map_or(DMat4::IDENTITY, |(joint, _)| joints[joint])
     }
 }
 

@@ -43,7 +43,7 @@ use crate::weights::WeightClip;
 use animation::NEAR;
 use container::Container;
 use glam::DMat4;
-use std::collections::{BTreeSet, HashMap, HashSet};
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 /// The content of a file, in its order; indices are the file's.
@@ -100,7 +100,7 @@ fn gltf(file: &Container) -> Result<Gltf> {
         file.charge(at, found.len(), 1)?;
         let name = if found.is_empty() { format!("mesh {i}") } else { found.to_owned() };
         let mesh = mesh::mesh(file, at, name)?;
-        largest.push(mesh.influences.iter().flat_map(Influences::followed).max());
+        largest.push(mesh.influences.iter().flat_map(Influences::followed).map(|(joint, _)| joint).max());
         gltf.meshes.push(mesh);
     }
     for (i, node) in gltf.nodes.iter_mut().enumerate() {
@@ -238,19 +238,21 @@ impl Gltf {
 
     /// Makes one mesh of the file. It takes all meshes that have targets and are in the default scene, at rest, each at
     /// the transform of the first node that draws it. If the file has no targets, it takes all meshes in the scene; if
-    /// none is in the scene, all of the file. Targets of one name move together. A mesh with a skin is placed as the
-    /// joints stand that its vertices follow, or as it was bound if these have moved apart since. The notes state what
-    /// was left out or merged, and the weights at rest, which a mesh cannot hold.
+    /// none is in the scene, all of the file. Targets of one name move together. A mesh with a skin is posed by its joints
+    /// at rest: base and targets by the blend of matrices that each vertex follows. The notes state what was left out or
+    /// merged, and the weights at rest, which a mesh cannot hold.
     ///
     /// # Errors
-    /// [`Error::Input`] if no mesh has triangles, a node flattens its mesh, or the mesh would be larger than a file of
-    /// this size can hold.
+    /// [`Error::Input`] if no mesh has triangles, a node flattens its mesh, joints move a vertex out of the range of
+    /// single precision, or the mesh would be larger than a file of this size can hold.
     pub fn into_source(self) -> Result<MorphSource> {
         Ok(self.assembled(false)?.0)
     }
 
     /// Makes one mesh of the file, as [`into_source`](Self::into_source) does, and says which joints its vertices
-    /// follow; `None` where nothing moves but targets: no mesh has a skin, and no animation moves a node.
+    /// follow; `None` where nothing moves but targets: no mesh has a skin, and no animation moves a node. A mesh with a
+    /// skin is not posed: it stands whole, where the joint is that most of its weight follows. The joints at rest bring
+    /// it to the pose of `into_source`.
     ///
     /// # Errors
     /// Those of `into_source`; [`Error::Input`] if vertices follow more than 65,535 joints in all.
@@ -263,6 +265,7 @@ impl Gltf {
 
     fn assembled(mut self, with_joints: bool) -> Result<(MorphSource, Option<Skeleton>)> {
         let worlds = self.world_matrices(None);
+        let joints: Vec<_> = self.skins.iter().map(|skin| self.joint_matrices(skin, &worlds)).collect();
         // For each mesh, the nodes in the scene that draw it.
         let mut drawn = vec![vec![]; self.meshes.len()];
         for (i, node) in self.nodes.iter().enumerate().filter(|(_, node)| node.is_shown) {
@@ -302,28 +305,33 @@ impl Gltf {
                 let text = at_rest.join(", ");
                 source.notes.push(format!("mesh '{}' has weights at rest, which are left out: {text}", source.name));
             }
-            let place = match node {
-                Some((_, Node { skin: Some(skin), .. })) => {
-                    let Skin { joints, inverse_bind, .. } = &self.skins[*skin];
-                    let followed = self.meshes[mesh].influences.iter().flat_map(Influences::followed);
-                    let followed: BTreeSet<usize> = followed.collect();
-                    let matrix = |i: usize| worlds[joints[i]] * inverse_bind[i].as_dmat4();
-                    let joints: Vec<DMat4> = followed.into_iter().map(matrix).collect();
-                    let place = assemble::common(&joints, &source.positions);
-                    let how = if place.is_some() { "as its joints stand" } else { "as it was bound" };
-                    source.notes.push(format!("mesh '{}' has a skin: {how}", source.name));
-                    place
-                }
-                Some((number, _)) => Some(worlds[number]),
-                None => None,
+            let skin = node.and_then(|(_, node)| node.skin);
+            let influences = self.meshes[mesh].influences.as_ref().zip(skin.map(|skin| &joints[skin][..]));
+            let place = match (node, influences) {
+                (_, Some((influences, joints))) if with_joints => influences.foremost(joints),
+                (Some((number, _)), None) if skin.is_none() => worlds[number],
+                _ => DMat4::IDENTITY,
             };
-            if let (Some((number, node)), Some(place)) = (node, place)
-                && !assemble::transform(&mut source, &place)
-            {
+            if let (Some((number, node)), true) = (node, assemble::flattens(&place)) {
                 let what = format!("the transform of node {number} '{}' flattens its mesh", node.name);
                 return Err(Error::input(&self.path, "", what, "give the node a scale other than 0"));
             }
-            placed.push((mesh, node.map(|(number, _)| number), place.unwrap_or(DMat4::IDENTITY)));
+            match influences.filter(|_| !with_joints) {
+                None => _ = assemble::transform(&mut source, |_| place),
+                Some((influences, joints)) => {
+                    if let Some(v) = assemble::transform(&mut source, |v| influences.blend(v, joints)) {
+                        let name = &source.name;
+                        source.notes.push(format!("mesh '{name}': joints of scale 0 flatten it, as at vertex {v}"));
+                    }
+                    // Joints may part what was at one place, or bring it there.
+                    source.welds.clear();
+                    source.weld().map_err(|e| {
+                        let Error::Invalid { what, remedy } = e else { return e };
+                        Error::input(&self.path, "", what, &remedy)
+                    })?;
+                }
+            }
+            placed.push((mesh, node.map(|(number, _)| number), place));
             parts.push(source);
         }
         self.notes.extend(left_out);

@@ -27,10 +27,10 @@ impl Skeleton {
     /// Memory of 8 joints and weights.
     pub(super) const VERTEX_BYTES: u64 = 48;
 
-    /// A skeleton without vertices. The first joint never moves.
+    /// A skeleton without vertices.
     pub(super) fn new(nodes: Vec<Node>, order: Vec<usize>, animations: Vec<Animation>) -> Self {
         let influences = Influences { per_vertex: 8, ..Influences::default() };
-        Self { influences, animations, joints: vec![(None, DMat4::IDENTITY)], nodes, order }
+        Self { influences, animations, joints: vec![], nodes, order }
     }
 
     /// Adds the vertices of a mesh that `node` draws and `place` has put there. Returns `false` if joints are too many.
@@ -49,31 +49,25 @@ impl Skeleton {
         joints.resize(first + 8 * count, 0);
         weights.resize(first + 8 * count, 0.0);
         let slots = joints[first..].chunks_exact_mut(8).zip(weights[first..].chunks_exact_mut(8));
-        if let (Some(skin), Some(influences)) = (skin, &mesh.influences) {
-            let n = influences.per_vertex;
-            let of_file = influences.joints.chunks_exact(n).zip(influences.weights.chunks_exact(n));
-            let mut numbers = BTreeMap::new();
-            for ((joints, weights), (of_file, shares)) in slots.zip(of_file) {
-                for (i, (joint, share)) in
-                    of_file.iter().zip(shares).enumerate().filter(|(_, (_, share))| **share > 0.0)
-                {
-                    joints[i] = *numbers.entry(*joint).or_insert_with(|| {
-                        let joint = usize::from(*joint);
-                        all.push((Some(skin.joints[joint]), skin.inverse_bind[joint].as_dmat4() * undo));
-                        (all.len() - 1) as u16
-                    });
-                    weights[i] = *share;
-                }
-                if shares.iter().all(|share| *share == 0.0) {
-                    weights[0] = 1.0;
-                }
+        let mut numbers = BTreeMap::new();
+        // What a vertex without a joint follows is the node, unless a skin takes its place: then nothing moves it.
+        let mut number = |joint: Option<usize>| {
+            *numbers.entry(joint).or_insert_with(|| {
+                all.push(match (skin, joint) {
+                    (Some(skin), Some(i)) => (Some(skin.joints[i]), skin.inverse_bind[i].as_dmat4() * undo),
+                    _ => (node.filter(|_| skin.is_none()), undo),
+                });
+                (all.len() - 1) as u16
+            })
+        };
+        for (v, (joints, weights)) in slots.enumerate() {
+            let influences = mesh.influences.iter().filter(|_| skin.is_some());
+            for (i, (joint, weight)) in influences.flat_map(|influences| influences.of(v)).enumerate() {
+                (joints[i], weights[i]) = (number(Some(joint)), weight);
             }
-        } else {
-            // A mesh with a skin whose vertices name no joints does not move.
-            let node = node.filter(|_| skin.is_none());
-            let joint = if node.is_some() { all.len() as u16 } else { 0 };
-            all.extend(node.map(|_| (node, undo)));
-            slots.for_each(|(joints, weights)| (joints[0], weights[0]) = (joint, 1.0));
+            if weights[0] == 0.0 {
+                (joints[0], weights[0]) = (number(None), 1.0);
+            }
         }
         all.len() <= 1 << 16
     }

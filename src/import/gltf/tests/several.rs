@@ -2,7 +2,7 @@
 
 use super::written::{F32, U8, Written, bytes};
 use super::*;
-use glam::{DMat4, DVec3};
+use glam::{DMat4, DQuat, DVec3, Mat4};
 
 const CORNERS: [[f32; 3]; 3] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 
@@ -204,13 +204,107 @@ fn each_skin_has_its_own_joints_wherever_its_skeleton_is() {
     assert_eq!(moved(1, 0).transform_point3(at(0.5, 0.0, 0.0)), at(1.0, 0.0, 4.0));
     assert_eq!(read.meshes[1].influences.as_ref().unwrap().joints[..2], [1, 0]);
     let source = read.into_source().unwrap();
-    assert_noted(&source, &["mesh 'head' has a skin: as it was bound", "mesh 'coat' has a skin: as its joints stand"]);
-    assert_eq!((source.positions[1], source.positions[4]), (Vec3::X, Vec3::new(2.0, 0.0, 4.0)));
+    assert_eq!((source.positions[1], source.positions[4]), (Vec3::new(1.0, 0.25, 0.0), Vec3::new(2.0, 0.0, 4.0)));
     assert_eq!(source.targets[1].positions, [(3, Vec3::Z * 2.0)]);
 }
 
-/// A coat that stands as its joints do, a head as it was bound, and an eye without a skin, below a joint: as one mesh
-/// they move as each would by itself.
+/// The positions that glTF says: of each vertex, the sum of what its joints make of it.
+fn blended(influences: &Influences, v: usize, matrices: &[DMat4], p: DVec3) -> DVec3 {
+    let of_vertex = v * influences.per_vertex..(v + 1) * influences.per_vertex;
+    let joints = influences.joints[of_vertex.clone()].iter().zip(&influences.weights[of_vertex]);
+    joints.map(|(j, w)| matrices[usize::from(*j)].transform_point3(p) * f64::from(*w)).sum()
+}
+
+/// Avatars that tools quantise: the inverse bind matrices of each mesh hold its own scale and origin.
+#[test]
+fn meshes_of_skins_stand_in_one_space_however_they_are_stored() {
+    let mut file = Written::default();
+    let (size, origin) = (Vec3::new(2e-4, 3e-4, 1e-3), Vec3::new(-1.0, 0.5, 7.0));
+    let undo = Mat4::from_translation(origin) * Mat4::from_scale(size);
+    let mut meshes = ["head", "teeth"].map(|name| triangle(&mut file, name, &[("jaw", 0.5)]));
+    meshes.iter_mut().for_each(|mesh| bind(&mut file, mesh, 1));
+    let stored = |points: &[[f32; 3]], from: Vec3| -> Vec<[f32; 3]> {
+        points.iter().map(|p| ((Vec3::from(*p) - from) / size).to_array()).collect()
+    };
+    let (along, across) = (file.floats(&[[1.0, 0.0, 0.0, 1.0]; 3]), file.floats(&[[0.0, 0.5, 0.0]; 3]));
+    for mesh in &mut meshes {
+        let primitive = &mut mesh["primitives"][0];
+        (primitive["attributes"]["TANGENT"], primitive["targets"][0]["TANGENT"]) = (json!(along), json!(across));
+    }
+    let primitive = &mut meshes[1]["primitives"][0];
+    primitive["attributes"]["POSITION"] = json!(file.floats(&stored(&CORNERS, origin)));
+    primitive["targets"][0]["POSITION"] =
+        json!(file.floats(&stored(&[[0.0, 0.0, 0.5], [0.0; 3], [0.0; 3]], Vec3::ZERO)));
+    file.json["meshes"] = json!(meshes);
+    let binds = [
+        Mat4::from_rotation_x(0.3) * Mat4::from_translation(Vec3::new(0.25, -1.0, 0.0)),
+        Mat4::from_scale(Vec3::new(-1.0, 2.0, 0.5)),
+    ];
+    let mut skin = |undo: Mat4| {
+        let binds = file.floats(&binds.map(|bind| (bind * undo).to_cols_array()));
+        json!({"joints": [2, 3], "inverseBindMatrices": binds})
+    };
+    let skins = [skin(Mat4::IDENTITY), skin(undo)];
+    file.json["skins"] = json!(skins);
+    file.json["nodes"] = json!([
+        {"mesh": 0, "skin": 0, "translation": [9, 9, 9]}, {"mesh": 1, "skin": 1, "scale": [0, 0, 0]},
+        {"translation": [1, 2, 3], "rotation": [0.0, 0.6, 0.0, 0.8], "scale": [1, 3, 2], "children": [3]},
+        {"translation": [0, 0.5, 0], "rotation": [0.6, 0.0, 0.0, 0.8]},
+    ]);
+    let world =
+        |rotation: DQuat, scale, t: [f64; 3]| DMat4::from_scale_rotation_translation(scale, rotation, DVec3::from(t));
+    let root = world(DQuat::from_xyzw(0.0, 0.6, 0.0, 0.8), DVec3::new(1.0, 3.0, 2.0), [1.0, 2.0, 3.0]);
+    let child = root * world(DQuat::from_xyzw(0.6, 0.0, 0.0, 0.8), DVec3::ONE, [0.0, 0.5, 0.0]);
+    let joints = [root * binds[0].as_dmat4(), child * binds[1].as_dmat4()];
+    let read = file.read().unwrap();
+    let source = read.clone().into_source().unwrap();
+    assert_eq!(
+        (source.positions.len(), &source.notes[..]),
+        (
+            6,
+            &["merged, targets of one name moved together: 'head', \
+        'teeth'"
+                .to_owned()][..]
+        )
+    );
+    let influences = read.meshes[0].influences.as_ref().unwrap();
+    let expected = |v: usize, w: f64| {
+        blended(
+            influences,
+            v,
+            &joints,
+            Vec3::from(CORNERS[v]).as_dvec3() + DVec3::Z * if v == 0 { 0.5 * w } else { 0.0 },
+        )
+    };
+    let rest = [0, 1, 2].map(|v| expected(v, 0.0));
+    let diagonal =
+        rest.iter().copied().reduce(DVec3::max).unwrap().distance(rest.iter().copied().reduce(DVec3::min).unwrap());
+    let mesh = source.to_mesh(Tolerance::ZERO).unwrap();
+    for weight in [0.0, 1.0, -0.5] {
+        let pose = evaluate_unpacked(&mesh, &[weight as f32]);
+        for (v, found) in pose.chunks_exact(6).enumerate() {
+            let off = expected(v % 3, weight).distance(DVec3::from_slice(found)) / diagonal;
+            assert!(off < 5e-6, "{v} {weight}: {off:e}");
+        }
+    }
+    // Tangents of the one that is stored as it is; the other ones are along quantised axes.
+    let blend = joints[1] * 0.75 + joints[0] * 0.25;
+    let (base, delta) = (&source.streams[0].values[..4], &source.targets[0].streams[0].deltas[..3]);
+    let found = (Vec3::from_slice(base) - Vec3::from_slice(delta) * 0.5).as_dvec3().normalize();
+    let expected = blend.transform_vector3(DVec3::new(1.0, -0.25, 0.0)).normalize();
+    assert!(found.distance(expected) < 1e-6 && base[3] == blend.determinant().signum() as f32, "{found} {expected}");
+    // A joint of scale 0 flattens what it alone moves, and a huge one moves it out of range.
+    file.json["nodes"][2]["scale"] = json!([0, 0, 0]);
+    let source = file.read().unwrap().into_source().unwrap();
+    assert_noted(&source, &["mesh 'head': joints of scale 0 flatten it, as at vertex 0"]);
+    assert_eq!(source.positions, [Vec3::new(1.0, 2.0, 3.0); 6]);
+    source.to_mesh(Tolerance::ZERO).unwrap();
+    file.json["nodes"][2]["scale"] = json!([3e38, 3e38, 3e38]);
+    crate::testing::says(file.read().unwrap().into_source(), &["a.glb: head: the position of vertex 2 is [inf, "]);
+}
+
+/// A coat that stands as its joints do, a head whose joints have moved apart, and an eye without a skin, below a joint:
+/// as one mesh they move as each would by itself.
 #[test]
 fn the_one_mesh_of_a_file_moves_as_its_meshes_do() {
     let mut file = dressed();
@@ -234,13 +328,8 @@ fn the_one_mesh_of_a_file_moves_as_its_meshes_do() {
     let read = file.read().unwrap();
     let (source, skeleton) = read.clone().into_skinned().unwrap();
     let skeleton = skeleton.expect("joints");
-    assert_eq!(source.positions, read.clone().into_source().unwrap().positions);
+    let posed = read.clone().into_source().unwrap().positions;
     let shape = |mesh: usize| read.meshes[mesh].source.positions.iter().map(|p| p.as_dvec3());
-    let blended = |influences: &Influences, v: usize, matrices: &[DMat4], p: DVec3| -> DVec3 {
-        let of_vertex = v * influences.per_vertex..(v + 1) * influences.per_vertex;
-        let joints = influences.joints[of_vertex.clone()].iter().zip(&influences.weights[of_vertex]);
-        joints.map(|(j, w)| matrices[usize::from(*j)].transform_point3(p) * f64::from(*w)).sum()
-    };
     let animation = &read.animations[0];
     // Frames at three a second lie between the keys, but for the first and the last.
     let times: Vec<f64> = animation.frame_times(Some(3.0)).collect();
@@ -259,6 +348,7 @@ fn the_one_mesh_of_a_file_moves_as_its_meshes_do() {
         for (v, (p, expected)) in source.positions.iter().zip(expected).enumerate() {
             let found = blended(&skeleton.influences, v, &matrices, p.as_dvec3());
             assert!(found.distance(expected) < 1e-6, "{v} at {:?}: {found}, {expected}", playing.map(|(_, time)| time));
+            assert!(playing.is_some() || posed[v].as_dvec3().distance(expected) < 1e-6, "{v}: {}", posed[v]);
         }
     }
     assert!(skeleton.joint_count() > 3 && skeleton.animations.len() == 1);
