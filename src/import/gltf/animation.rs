@@ -122,6 +122,13 @@ impl Channel {
             + length * (t3 - t2) * into
     }
 
+    /// Whether number `i` plays as number `j` of another channel.
+    pub(super) fn is_as(&self, i: usize, other: &Self, j: usize) -> bool {
+        let (n, m) = (self.width(), other.width());
+        (self.interpolation, &self.times) == (other.interpolation, &other.times)
+            && (0..self.values.len() / n).all(|key| self.values[key * n + i] == other.values[key * m + j])
+    }
+
     /// Returns number `i` of a key's value: its only one (0); for splines the tangent in (0), the value (1) or the
     /// tangent out (2).
     fn value(&self, key: usize, which: usize, i: usize) -> f64 {

@@ -58,10 +58,10 @@ pub struct Influences {
 
 const AGAIN: &str = "export the file again";
 
-/// Reads a mesh; `name` is for reports.
-pub fn mesh(file: &Container, at: &At<'_>, name: String) -> Result<Mesh> {
+/// Reads a mesh; `name` is for reports. Names of targets that have none begin with `prefix`.
+pub fn mesh(file: &Container, at: &At<'_>, name: String, prefix: &str) -> Result<Mesh> {
     let primitives = at.items("primitives")?;
-    let names = target_names(at, &primitives)?;
+    let names = target_names(file, at, &primitives, prefix)?;
     let stated = at.get("weights").map(|w| w.floats()).transpose()?.unwrap_or_default();
     let mut mesh = Mesh { weights: fitted(file, at, stated, names.len())?, ..Mesh::default() };
     let (mut parts, mut influences) = (vec![], vec![]);
@@ -112,9 +112,22 @@ pub fn fitted(file: &Container, at: &At<'_>, mut weights: Vec<f32>, targets: usi
     Ok(weights)
 }
 
-/// The names of the targets: extras.targetNames of the mesh, or of its first primitive (UniVRM), otherwise numbers. A
-/// repeated name gets a number.
-fn target_names(at: &At<'_>, primitives: &[At<'_>]) -> Result<Vec<String>> {
+/// The name that a mesh states for its target `i`: in its own extras.targetNames, or those of its first primitive
+/// (UniVRM).
+fn target_name<'a>(at: &At<'a>, i: usize) -> Option<&'a str> {
+    let primitive = || at.value.get("primitives")?.get(0);
+    let listed = extras_names(at.value).or_else(|| extras_names(primitive()?))?;
+    listed.get(i)?.as_str().filter(|name| !name.is_empty())
+}
+
+/// Whether a mesh has targets without names.
+pub fn has_unnamed(at: &At<'_>) -> bool {
+    let targets = at.value.get("primitives").and_then(|list| list.get(0)?.get("targets")?.as_array());
+    (0..targets.map_or(0, Vec::len)).any(|i| target_name(at, i).is_none())
+}
+
+/// The names of the targets, numbers for those without. A repeated name gets a number.
+fn target_names(file: &Container, at: &At<'_>, primitives: &[At<'_>], prefix: &str) -> Result<Vec<String>> {
     let mut count = None;
     for primitive in primitives {
         let found = primitive.items("targets")?.len();
@@ -123,13 +136,11 @@ fn target_names(at: &At<'_>, primitives: &[At<'_>]) -> Result<Vec<String>> {
             return Err(primitive.refuse(what, "give all primitives of a mesh the same targets"));
         }
     }
-    let listed = extras_names(at.value).or_else(|| extras_names(primitives.first()?.value)).unwrap_or_default();
+    let count = count.unwrap_or(0);
+    file.charge(at, count, prefix.len())?;
     let mut taken = HashMap::new();
-    let name = |i: usize| {
-        let stated = listed.get(i).and_then(|name| name.as_str()).filter(|name| !name.is_empty());
-        unique(stated.map_or_else(|| format!("target {i}"), str::to_owned), &mut taken)
-    };
-    Ok((0..count.unwrap_or(0)).map(name).collect())
+    let name = |i| unique(target_name(at, i).map_or_else(|| format!("{prefix}target {i}"), str::to_owned), &mut taken);
+    Ok((0..count).map(name).collect())
 }
 
 fn extras_names(value: &Value) -> Option<&[Value]> {

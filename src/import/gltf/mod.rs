@@ -92,6 +92,9 @@ fn gltf(file: &Container) -> Result<Gltf> {
     let mut gltf = Gltf { name, nodes, order, skins, path: file.path.clone(), ..Gltf::default() };
     let listed = root.items("meshes")?;
     let namesakes = namesakes(&gltf.nodes, &gltf.order, listed.len());
+    // Targets without names are those of one mesh alone.
+    let is_prefixed = listed.iter().filter(|at| mesh::has_unnamed(at)).count() > 1;
+    let mut prefixes = HashMap::new();
     // For each mesh, the largest joint that one of its vertices follows.
     let mut largest = vec![];
     for (i, at) in listed.iter().enumerate() {
@@ -99,7 +102,8 @@ fn gltf(file: &Container) -> Result<Gltf> {
         let found = namesakes[i].filter(|_| stated.is_empty()).map_or(stated, |node| gltf.nodes[node].name.as_str());
         file.charge(at, found.len(), 1)?;
         let name = if found.is_empty() { format!("mesh {i}") } else { found.to_owned() };
-        let mesh = mesh::mesh(file, at, name)?;
+        let prefix = if is_prefixed { mesh::unique(name.clone(), &mut prefixes) + " " } else { String::new() };
+        let mesh = mesh::mesh(file, at, name, &prefix)?;
         largest.push(mesh.influences.iter().flat_map(Influences::followed).map(|(joint, _)| joint).max());
         gltf.meshes.push(mesh);
     }
@@ -125,6 +129,7 @@ fn gltf(file: &Container) -> Result<Gltf> {
         let name = if stated.is_empty() { format!("animation {i}") } else { stated.to_owned() };
         let name = mesh::unique(name, &mut taken);
         let animation = animation::animation(file, at, name, &targets, &mut gltf.notes)?;
+        gltf.notes.extend(gltf.overruled(&animation));
         gltf.animations.push(animation);
     }
     gltf.budget = file.budget();
@@ -183,6 +188,34 @@ impl Gltf {
         skin.joints.iter().zip(&skin.inverse_bind).map(|(&joint, bind)| worlds[joint] * bind.as_dmat4()).collect()
     }
 
+    /// Iterates over the targets that a channel of weights animates, and their names.
+    fn targets_of(&self, channel: &Channel) -> impl Iterator<Item = (usize, &str)> {
+        let targets = self.nodes[channel.node].mesh.map_or(&[][..], |mesh| &self.meshes[mesh].source.targets);
+        targets.iter().map(|target| target.name.as_str()).enumerate()
+    }
+
+    /// Names the first of the weights that [`clip`](Self::clip) leaves out, since an earlier channel has others for a
+    /// target of that name.
+    fn overruled(&self, animation: &Animation) -> Option<String> {
+        let (mut first, mut count, mut note) = (HashMap::new(), 0, None);
+        for channel in animation.weight_channels() {
+            for (i, name) in self.targets_of(channel) {
+                let (other, j): (&Channel, usize) = *first.entry(name).or_insert((channel, i));
+                if !channel.is_as(i, other, j) {
+                    let node = |number: usize| {
+                        format!("node {number} '{}'", self.nodes[number].name.chars().take(40).collect::<String>())
+                    };
+                    let name: String = name.chars().take(40).collect();
+                    let text = || format!("{}, '{name}', which {} animates, too", node(channel.node), node(other.node));
+                    note.get_or_insert_with(text);
+                    count += 1;
+                }
+            }
+        }
+        let name: String = animation.name.chars().take(40).collect();
+        note.map(|note| format!("animation '{name}': weights left out: {count}, first of {note}"))
+    }
+
     /// Iterates over the animations that have weights, for [`clip`](Self::clip).
     pub(super) fn weight_animations(&self) -> impl Iterator<Item = &Animation> {
         self.animations.iter().filter(|animation| animation.weight_channels().next().is_some())
@@ -213,9 +246,7 @@ impl Gltf {
         }
         let (mut names, mut columns, mut seen) = (vec![], vec![], HashSet::new());
         for channel in &channels {
-            let targets = self.nodes[channel.node].mesh.map_or(&[][..], |mesh| &self.meshes[mesh].source.targets);
-            let named = targets.iter().map(|target| target.name.as_str()).enumerate();
-            let own: Vec<(usize, &str)> = named.filter(|(_, name)| seen.insert(*name)).collect();
+            let own: Vec<(usize, &str)> = self.targets_of(channel).filter(|(_, name)| seen.insert(*name)).collect();
             names.extend(own.iter().map(|(_, name)| (*name).to_owned()));
             columns.push((*channel, own.iter().map(|(i, _)| *i).collect::<Vec<usize>>()));
         }

@@ -142,6 +142,39 @@ fn a_mesh_of_targets_of_nothing_alone_is_a_mesh() {
 }
 
 #[test]
+fn targets_without_names_belong_to_one_mesh_and_what_a_clip_leaves_out_is_said() {
+    let mut file = Written::default();
+    let mut meshes = ["head", "eye", "eye"].map(|name| triangle(&mut file, name, &[("jaw", 1.0), ("blink", 2.0)]));
+    file.json["nodes"] = json!([{"mesh": 0, "name": "A"}, {"mesh": 1, "name": "B"}]);
+    file.json["meshes"] = json!(meshes);
+    let mut animation = clip(&mut file, "walk", 0, &[0.0, 0.5], &[1.0, 0.5]);
+    let other = clip(&mut file, "", 1, &[0.0, 0.5], &[1.0, 0.75]);
+    animation["samplers"].as_array_mut().unwrap().push(other["samplers"][0].clone());
+    animation["channels"].as_array_mut().unwrap().push(json!({"sampler": 1, "target": {"node": 1, "path": "weights"}}));
+    file.json["animations"] = json!([animation]);
+    // Of one name, with other weights of the second target alone.
+    let said = "animation 'walk': weights left out: 1, first of node 1 'B', 'blink', which node 0 'A' animates, too";
+    assert_eq!(file.read().unwrap().notes, [said]);
+    let named = meshes[1].clone();
+    meshes.iter_mut().for_each(|mesh| mesh["extras"] = json!({}));
+    meshes[1]["extras"] = json!({"targetNames": ["jaw"]});
+    file.json["meshes"] = json!(meshes);
+    let read = file.read().unwrap();
+    assert!(read.notes.is_empty(), "{:?}", read.notes);
+    let clip = read.clip(&read.animations[0], Some(1.0)).unwrap();
+    assert_eq!(
+        (clip.names.join(", ").as_str(), &clip.values[4..]),
+        ("head target 0, head target 1, jaw, eye target 1", &[1.0, 0.5, 1.0, 0.75][..])
+    );
+    assert_eq!(names(&read.meshes[2].source), ["eye 2 target 0", "eye 2 target 1"]);
+    let all = read.into_source().unwrap();
+    assert_eq!(names(&all), ["head target 0", "head target 1", "jaw", "eye target 1"]);
+    // Those of a single mesh have no need of its name.
+    file.json["meshes"] = json!([meshes[0], named]);
+    assert_eq!(names(&file.read().unwrap().meshes[0].source), ["target 0", "target 1"]);
+}
+
+#[test]
 fn weights_of_a_node_come_before_those_of_its_mesh() {
     let mut file = Written::default();
     let mut mesh = triangle(&mut file, "head", &[("jaw", 1.0), ("blink", 2.0)]);
