@@ -269,13 +269,14 @@ impl Gltf {
 
     /// Makes one mesh of the file. It takes all meshes that have targets and are in the default scene, at rest, each at
     /// the transform of the first node that draws it. If the file has no targets, it takes all meshes in the scene; if
-    /// none is in the scene, all of the file. Targets of one name move together. A mesh with a skin is posed by its joints
-    /// at rest: base and targets by the blend of matrices that each vertex follows. The notes state what was left out or
-    /// merged, and the weights at rest, which a mesh cannot hold.
+    /// none is in the scene, all of the file. Targets of one name move together. A mesh with a skin is posed by its
+    /// joints at rest: base and targets by the blend of matrices that each vertex follows. The notes state what was
+    /// left out or merged, and the weights at rest, which a mesh cannot hold. A node that a scale of 0 flattens is
+    /// taken for not in the scene.
     ///
     /// # Errors
-    /// [`Error::Input`] if no mesh has triangles, a node flattens its mesh, joints move a vertex out of the range of
-    /// single precision, or the mesh would be larger than a file of this size can hold.
+    /// [`Error::Input`] if no mesh has triangles, joints move a vertex out of the range of single precision, or the
+    /// mesh would be larger than a file of this size can hold.
     pub fn into_source(self) -> Result<MorphSource> {
         Ok(self.assembled(false)?.0)
     }
@@ -298,11 +299,16 @@ impl Gltf {
         let worlds = self.world_matrices(None);
         let joints: Vec<_> = self.skins.iter().map(|skin| self.joint_matrices(skin, &worlds)).collect();
         // For each mesh, the nodes in the scene that draw it.
-        let mut drawn = vec![vec![]; self.meshes.len()];
+        let (mut drawn, mut flat) = (vec![vec![]; self.meshes.len()], vec![]);
         for (i, node) in self.nodes.iter().enumerate().filter(|(_, node)| node.is_shown) {
-            if let Some(mesh) = node.mesh {
-                drawn[mesh].push(i);
+            match node.mesh {
+                Some(_) if node.skin.is_none() && assemble::flattens(&worlds[i]) => flat.push(node.name.as_str()),
+                Some(mesh) => drawn[mesh].push(i),
+                None => {}
             }
+        }
+        if !flat.is_empty() {
+            self.notes.push(format!("nodes that a scale of 0 flattens are left out: '{}'", flat.join("', '")));
         }
         let mut taken: Vec<usize> = (0..self.meshes.len()).collect();
         taken.retain(|mesh| !self.meshes[*mesh].source.positions.is_empty());
@@ -343,10 +349,6 @@ impl Gltf {
                 (Some((number, _)), None) if skin.is_none() => worlds[number],
                 _ => DMat4::IDENTITY,
             };
-            if let (Some((number, node)), true) = (node, assemble::flattens(&place)) {
-                let what = format!("the transform of node {number} '{}' flattens its mesh", node.name);
-                return Err(Error::input(&self.path, "", what, "give the node a scale other than 0"));
-            }
             match influences.filter(|_| !with_joints) {
                 None => _ = assemble::transform(&mut source, |_| place),
                 Some((influences, joints)) => {

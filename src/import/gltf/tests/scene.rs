@@ -245,7 +245,12 @@ fn meshes_with_targets_are_merged_where_they_stand() {
     assert_eq!(source.welds, [0, 1, 2, 3, 4, 5]);
     source.to_mesh(Tolerance::default()).unwrap();
     file.json["nodes"][0]["scale"] = json!([1, 0, 1]);
-    crate::testing::says(file.read().unwrap().into_source(), &["the transform of node 0 '' flattens its mesh; "]);
+    file.json["nodes"][0]["name"] = json!("hid");
+    let source = file.read().unwrap().into_source().unwrap();
+    assert_eq!((source.positions.len(), source.positions[0], source.targets.len()), (3, Vec3::Z * 5.0, 1));
+    for note in ["nodes that a scale of 0 flattens are left out: 'hid'", "not in the scene, and left out: 'head'"] {
+        assert!(source.notes.iter().any(|n| n == note), "{note}: {:?}", source.notes);
+    }
     file.json["meshes"] = json!([mesh("eye", &[])]);
     file.json["nodes"] = json!([]);
     assert_eq!(file.read().unwrap().into_source().unwrap().positions.len(), 3);
