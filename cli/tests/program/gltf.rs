@@ -28,13 +28,13 @@ fn write(folder: &Path, parts: &[Vec<u8>], mut file: Value) -> String {
     path.to_str().unwrap().to_owned()
 }
 
-/// Writes a triangle with two targets, and an animation of them with a key per second.
+/// Writes a triangle with two targets, and an animation of them with 25 keys a second.
 fn gltf_triangle(folder: &Path) -> String {
     let parts = [
         floats(&[0., 0., 0., 1., 0., 0., 0., 1., 0.]),
         floats(&[0., 0., 1., 0., 0., 0., 0., 0., 0.]),
         floats(&[0., 0., 0., 0., 2., 0., 0., 0., 0.]),
-        floats(&[0., 1., 2.]),
+        floats(&[0., 0.04, 0.08]),
         floats(&[0., 0., 1., 0.5, 0.25, 1.]),
         floats(&[0., 0., 1., 0.25, 0., 1.]),
     ];
@@ -104,7 +104,7 @@ fn gltf_arm(folder: &Path) -> String {
         [0u8, 1, 0, 0].repeat(count),
         each(&|x| vec![1.0 - x / 4.0, x / 4.0, 0.0, 0.0]),
         floats(&[column(0.0), column(-2.0)].concat()),
-        floats(&[0.0, 1.0, 2.0]),
+        floats(&[0.0, 0.04, 0.08]),
         floats(&[0.25, 0.25, 1.0]),
         floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, half, half, 0.0, 0.0, half, half]),
     ];

@@ -150,7 +150,7 @@ impl Animation {
         self.channels.iter().filter(|channel| channel.property == Property::Weights)
     }
 
-    /// Frames per second of evenly spaced keys of weights (within 2% of a frame); otherwise 30.
+    /// Frames per second of evenly spaced keys of weights (within 2% of a frame), 20 or more; otherwise 30.
     pub(super) fn frame_rate(&self) -> f32 {
         let longest = self.weight_channels().max_by_key(|channel| channel.times.len());
         let times = longest.map_or(&[][..], |channel| &channel.times);
@@ -162,7 +162,9 @@ impl Animation {
             return DEFAULT_FPS;
         }
         // Undo rounding to single precision: 29.999998 means 30.
-        if (fps - fps.round()).abs() < 1e-3 * fps { fps.round() as f32 } else { fps as f32 }
+        let fps = if (fps - fps.round()).abs() < 1e-3 * fps { fps.round() } else { fps };
+        // Keys that are further apart are no frames.
+        if fps < 20.0 { DEFAULT_FPS } else { fps as f32 }
     }
 
     /// The times of frames from the first to the last key of its weights.

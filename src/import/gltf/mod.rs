@@ -223,7 +223,7 @@ impl Gltf {
 
     /// Samples the weights of an animation from its first to its last key. The clip has a column for each target that
     /// the animation moves; if several meshes have targets of one name, the first animated one counts. `fps` is the
-    /// frame rate. `None`: evenly spaced keys become the frames, at their own rate; otherwise 30.
+    /// frame rate. `None`: evenly spaced keys, 20 a second or more, become the frames, at their own rate; otherwise 30.
     ///
     /// # Errors
     /// [`Error::Input`] if the animation has no weights, or the clip would have more than 2²⁴; [`Error::Invalid`] if

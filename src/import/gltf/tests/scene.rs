@@ -188,12 +188,15 @@ fn clips_are_sampled_at_a_frame_rate_or_at_their_keys() {
     let gltf = file.read().unwrap();
     let clip = |fps| gltf.clip(&gltf.animations[0], fps).unwrap();
     // Two keys, a second apart.
-    let keys = clip(None);
+    let keys = clip(Some(1.0));
     assert_eq!(
         (keys.fps, &keys.names[..], &keys.values[..]),
         (1.0, &["a".to_owned(), "b".to_owned()][..], &[0.0, 1.0, 1.0, 0.0][..])
     );
     assert_eq!(clip(Some(4.0)).values, [0.0, 1.0, 0.25, 0.75, 0.5, 0.5, 0.75, 0.25, 1.0, 0.0]);
+    // They are no frames: what is between them is.
+    let frames = clip(None);
+    assert_eq!((frames.fps, frames.frame_count(), frames.values[30]), (30.0, 31, 0.5));
     // The last key is there, also between two frames.
     assert_eq!(clip(Some(1.5)).values[4..], [1.0, 0.0]);
     for fps in [0.0, f32::NAN, -1.0] {
@@ -210,6 +213,11 @@ fn clips_are_sampled_at_a_frame_rate_or_at_their_keys() {
     steps.animations[0].channels = vec![channel(Property::Weights, Interpolation::Step, &times, &values)];
     let clip = steps.clip(&steps.animations[0], None).unwrap();
     assert_eq!((clip.fps, &clip.values), (30.0, &values));
+    for (step, expected) in [(0.05, 20.0), (0.0505, 30.0), (0.01, 100.0)] {
+        let times: Vec<f32> = (0..200).map(|i| i as f32 * step).collect();
+        steps.animations[0].channels = vec![channel(Property::Weights, Interpolation::Step, &times, &values)];
+        assert_eq!(steps.clip(&steps.animations[0], None).unwrap().fps, expected);
+    }
     let uneven = channel(Property::Weights, Interpolation::Step, &[0.0, 0.1, 0.5], &values[..6]);
     steps.animations[0].channels = vec![uneven];
     assert_eq!(steps.clip(&steps.animations[0], None).unwrap().fps, crate::import::DEFAULT_FPS);
