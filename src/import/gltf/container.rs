@@ -197,7 +197,10 @@ fn check_version(root: &At<'_>) -> Result<()> {
     for name in root.items("extensionsRequired")? {
         let required = name.text()?;
         if !UNDERSTOOD.contains(&required) && !NOT_LOOKED_AT.iter().any(|prefix| required.starts_with(prefix)) {
-            let remedy = "export the file without it (gltfpack and gltf-transform can take such extensions out)";
+            let remedy = match required {
+                "KHR_draco_mesh_compression" => "decompress the file: `gltf-transform copy IN.glb OUT.glb` does",
+                _ => "export the file without it (gltfpack and gltf-transform can take such extensions out)",
+            };
             return Err(name.refuse(format!("the extension {required} is required, and not read"), remedy));
         }
     }

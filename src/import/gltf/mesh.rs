@@ -190,12 +190,16 @@ fn streams<'a>(at: &At<'a>) -> Vec<(Semantic, At<'a>)> {
 
 /// Reads a primitive as a separate mesh, with the joints that its vertices follow.
 fn part(file: &Container, at: &At<'_>, mode: usize, names: &[String]) -> Result<(MorphSource, Option<Influences>)> {
-    if at.get("extensions").is_some_and(|e| e.get("KHR_draco_mesh_compression").is_some()) {
+    let attributes = at.need("attributes")?;
+    let positions = attributes.need("POSITION")?;
+    // The same values may be there uncompressed, too.
+    if at.get("extensions").is_some_and(|e| e.get("KHR_draco_mesh_compression").is_some())
+        && file.root().item("accessors", &positions)?.get("bufferView").is_none()
+    {
         let remedy = "decompress the file (gltf-transform copy does), or compress it by KHR_meshopt_compression";
         return Err(at.refuse("compressed by Draco, which is not read", remedy));
     }
-    let attributes = at.need("attributes")?;
-    let positions = file.accessor(&attributes.need("POSITION")?)?.floats::<3>()?;
+    let positions = file.accessor(&positions)?.floats::<3>()?;
     let count = positions.len();
     let read = |index: &At<'_>| file.accessor(index)?.of_count(count, "vertices (POSITION)");
     let mut source = MorphSource { faces: faces(file, at, mode, count)?, ..MorphSource::default() };

@@ -14,7 +14,7 @@
 //!   no normals, they are computed from the deformed surface; glTF itself keeps those of the base pose, as does a
 //!   target whose [`normals`](crate::SourceTarget::normals) are `Some(vec![])`.
 //! - Tangents are those of the file; none are computed.
-//! - Draco, points and lines, materials, textures and cameras are not read.
+//! - Draco, points and lines, materials, textures and cameras are not read. What is there uncompressed beside Draco is.
 //!
 //! Files may be hostile: nothing outside their folder is read. Reading a file and making one mesh of it takes at most
 //! 960 bytes of memory per byte of the file and of the files that it names, plus 3 MiB. Time is bounded in the same
