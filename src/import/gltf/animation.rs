@@ -196,7 +196,7 @@ pub fn animation(
     notes: &mut Vec<String>,
 ) -> Result<Animation> {
     let mut found = Animation { name, channels: vec![] };
-    let mut left_out = 0;
+    let (mut left_out, mut why) = (0, "");
     for stated in at.items("channels")? {
         let target = stated.need("target")?;
         let path = target.text_or_empty("path");
@@ -209,6 +209,9 @@ pub fn animation(
         };
         let (Some((property, width)), Some(node)) = (property, target.get("node")) else {
             left_out += 1;
+            if path == "pointer" {
+                why = " (KHR_animation_pointer is not read)";
+            }
             continue;
         };
         file.root().item("nodes", &node)?;
@@ -224,7 +227,8 @@ pub fn animation(
         found.channels.push(channel(file, at, &stated, node, property, width)?);
     }
     if left_out > 0 {
-        notes.push(format!("animation '{}': {left_out} channels of no morph target or node are left out", found.name));
+        let what = format!("{left_out} channels of no morph target or node are left out{why}");
+        notes.push(format!("animation '{}': {what}", found.name));
     }
     Ok(found)
 }
