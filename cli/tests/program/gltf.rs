@@ -1,6 +1,6 @@
 //! glTF files as INPUT and as weight clips.
 
-use crate::cli::{deltamorph, fails, json, ok};
+use crate::cli::{deltamorph, fails, json, ok, pixels};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -151,6 +151,16 @@ fn a_character_is_drawn_as_its_joints_stand() {
     for of_targets in [["--heat", "distance"], ["--normals", "recomputed"]] {
         assert!(at("0", &of_targets).0 == at("1", &of_targets).0, "{of_targets:?} is of the targets alone");
     }
+    // At rest, joints have the mesh where the path `cpu` has it, which is posed as it is read.
+    let mut bent: Value = serde_json::from_slice(&std::fs::read(&arm).unwrap()).unwrap();
+    bent["nodes"][2]["rotation"] = json!([0.0, 0.0, 0.6, 0.8]);
+    std::fs::write(&arm, bent.to_string()).unwrap();
+    let [moved, posed] = ["blocks", "cpu"].map(|path| {
+        assert!(drawn(&["--set", "up=0.5", "--path", path]).0 != first);
+        pixels(&out).1
+    });
+    let differing = moved.iter().zip(&posed).filter(|(a, b)| a.abs_diff(**b) > 8).count();
+    assert!(differing * 1000 < moved.len(), "{differing} of {}", moved.len());
     let (clip, crowd) = (dir.path().join("clip"), dir.path().join("crowd.png"));
     ok(&["render", &arm, "--clip", clip.to_str().unwrap(), "--size", "128x96"]);
     let [first, second] = ["frame_00000.png", "frame_00001.png"].map(|name| std::fs::read(clip.join(name)).unwrap());
