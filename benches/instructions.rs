@@ -105,9 +105,12 @@ fn plain_sparse(pose: &mut [[f32; 8]], vertices: &[u32], deltas: &[[f32; 8]], we
         #[inline(always)]
         || {
             for (&vertex, delta) in vertices.iter().zip(deltas) {
-                for (p, d) in pose[vertex as usize].iter_mut().zip(delta) {
-                    *p += weight * d;
+                // A copy, so that the compiler makes vectors of it.
+                let mut sum = pose[vertex as usize];
+                for i in 0..8 {
+                    sum[i] += weight * delta[i];
                 }
+                pose[vertex as usize] = sum;
             }
         },
     );
