@@ -1477,6 +1477,8 @@ DmResult dm_record_updates(VkCommandBuffer cmd, uint32_t count, const struct DmC
 /// recorded if `count` is too small, with both numbers, and uses up the setting either way. Steps of crowds that are
 /// recorded by one call may run at the same time.
 ///
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `queries`.
+///
 /// Safety:
 /// - The queries are of a pool of timestamps on the engine's device, which lives until the device has finished, are
 ///   reset before the update runs, and are in no other use until then.
@@ -1488,7 +1490,8 @@ DmResult dm_crowd_set_queries(struct DmCrowd crowd, VkQueryPool pool, uint32_t f
 ///
 /// With `names` null, `count` becomes their number. Otherwise `count` is the room in `names`.
 ///
-/// Errors: DM_ERROR_INVALID for too little room.
+/// Errors: DM_ERROR_INVALID for too little room; DM_ERROR_UNSUPPORTED if the library was built without the feature
+/// `queries`.
 ///
 /// Safety:
 /// `count` can be read and written; `names` is null or has room for that many.

@@ -1,6 +1,6 @@
 //! Updates into the host's command buffer, and their tickets.
 
-use crate::arguments::check_command_buffer;
+use crate::arguments::{built, check_command_buffer};
 use crate::crowd::{Crowd, lock_all, with};
 use crate::handles::{DmCrowd, Handle};
 use crate::memory::{Place, Versioned, characters, list, slice};
@@ -130,6 +130,8 @@ unsafe fn places(updates: *mut DmUpdate, count: u32) -> Result<Vec<Option<Place<
 /// recorded if `count` is too small, with both numbers, and uses up the setting either way. Steps of crowds that are
 /// recorded by one call may run at the same time.
 ///
+/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `queries`.
+///
 /// # Safety
 /// - The queries are of a pool of timestamps on the engine's device, which lives until the device has finished, are
 ///   reset before the update runs, and are in no other use until then.
@@ -137,6 +139,7 @@ unsafe fn places(updates: *mut DmUpdate, count: u32) -> Result<Vec<Option<Place<
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_crowd_set_queries(crowd: DmCrowd, pool: vk::QueryPool, first: u32, count: u32) -> DmResult {
     enter("dm_crowd_set_queries", || {
+        built!("queries", "timestamps of steps");
         with(crowd, |state| {
             // SAFETY: the caller's obligations.
             unsafe { state.crowd().set_queries(pool, first, count) };
@@ -150,13 +153,15 @@ pub unsafe extern "C" fn dm_crowd_set_queries(crowd: DmCrowd, pool: vk::QueryPoo
 ///
 /// With `names` null, `count` becomes their number. Otherwise `count` is the room in `names`.
 ///
-/// Errors: DM_ERROR_INVALID for too little room.
+/// Errors: DM_ERROR_INVALID for too little room; DM_ERROR_UNSUPPORTED if the library was built without the feature
+/// `queries`.
 ///
 /// # Safety
 /// `count` can be read and written; `names` is null or has room for that many.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_crowd_step_names(crowd: DmCrowd, count: *mut u32, names: *mut DmStepName) -> DmResult {
     enter("dm_crowd_step_names", || {
+        built!("queries", "timestamps of steps");
         let name = |step: &str| DmStepName { name: characters(step) };
         let steps: Vec<_> = with(crowd, |state| Ok(state.crowd().step_names().map(name).collect()))?;
         // SAFETY: the caller's obligations.
