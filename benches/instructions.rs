@@ -1,6 +1,6 @@
 //! One format of the `cpu` path, for `.ci/instructions`, which counts the instructions that its loops execute:
-//! `instructions FORMAT POSE FRAMES`. The pose `plain` is a plain Rust loop over float32 deltas instead, of all vertices
-//! for dense formats and of those that a target moves for block formats.
+//! `instructions FORMAT POSE FRAMES`. The pose `plain` is a plain Rust loop over float32 deltas instead, of all
+//! vertices for dense formats and of those that a target moves for block formats.
 //!
 //! Prints how many deltas (targets changed × vertices that they move, all vertices in dense formats) a frame applies.
 

@@ -133,20 +133,16 @@ impl Calls {
         let mut words = line.strip_prefix("crowd ")?.split(' ');
         let mut value = |name: &str| words.next()?.strip_prefix(name)?.strip_prefix('=');
         let mesh = u32::from_str_radix(value("mesh")?, 16).ok()?;
-        let format = value("format")?;
-        let format = DeltaFormat::ALL.into_iter().find(|f| f.name() == format)?;
+        let format = value("format")?.parse().ok()?;
         let instances = value("instances")?.parse().ok()?;
-        let path = value("path")?;
-        let path = UpdatePath::ALL.into_iter().find(|p| p.name() == path)?;
+        let path = named(&UpdatePath::ALL, UpdatePath::name, value("path")?)?;
         let batch = match value("batch")? {
             "all" => BatchSize::All,
             number => BatchSize::Targets(number.parse().ok()?),
         };
-        let mode = value("mode")?;
-        let mode = [UpdateMode::Incremental, UpdateMode::Rebuild].into_iter().find(|m| m.name() == mode)?;
+        let mode = named(&[UpdateMode::Incremental, UpdateMode::Rebuild], UpdateMode::name, value("mode")?)?;
         let slots = value("slots")?.parse().ok()?;
-        let pose = value("pose")?;
-        let pose = PoseFormat::ALL.into_iter().find(|p| p.name() == pose)?;
+        let pose = named(&PoseFormat::ALL, PoseFormat::name, value("pose")?)?;
         let tolerance = value("tolerance")?.parse().ok()?;
         let weight_max = match value("weight_max")? {
             "default" => None,
@@ -168,6 +164,11 @@ impl Calls {
         let text = format!("the calls are of another mesh than '{}', or of one packed in another way", layout.name);
         Err(Error::invalid(text, "give the packed file that the crowd was made from"))
     }
+}
+
+/// The one of `all` with this name.
+fn named<T: Copy>(all: &[T], name: fn(T) -> &'static str, value: &str) -> Option<T> {
+    all.iter().copied().find(|one| name(*one) == value)
 }
 
 /// A number that meshes of different targets, sizes or formats hardly share.
@@ -209,8 +210,8 @@ impl CallLog {
         let (mesh, format, path, mode, pose) =
             (number(layout), layout.format.name(), path.name(), mode.name(), pose.name());
         let text = format!(
-            "{FORMAT}\ncrowd mesh={mesh:08x} format={format} instances={instances} path={path} batch={batch} mode={mode} slots={slots} \
-             pose={pose} tolerance={tolerance} weight_max={weight_max} error_budget={error_budget}\n"
+            "{FORMAT}\ncrowd mesh={mesh:08x} format={format} instances={instances} path={path} batch={batch} mode={mode} \
+             slots={slots} pose={pose} tolerance={tolerance} weight_max={weight_max} error_budget={error_budget}\n"
         );
         Self { text, before }
     }

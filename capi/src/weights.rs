@@ -80,9 +80,9 @@ pub unsafe extern "C" fn dm_crowd_weights(crowd: DmCrowd, instance: u32, weights
 }
 
 /// Start to log the calls on a crowd that decide its poses: weights, cuts, instances hidden, added and removed, error
-/// budgets, updates, discards. `dm_crowd_write_calls` writes them to a file, for a report: `deltamorph replay` makes the
-/// same calls on another driver, where fixed-point poses are the same bit for bit. A frame takes some 10 bytes for each
-/// weight that changes.
+/// budgets, updates, discards. `dm_crowd_write_calls` writes them to a file, for a report: `deltamorph replay` makes
+/// the same calls on another driver, where fixed-point poses are the same bit for bit. A frame takes some 10 bytes
+/// for each weight that changes.
 ///
 /// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `calls`; DM_ERROR_INVALID for a crowd that
 /// plays clips.

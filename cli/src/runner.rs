@@ -6,7 +6,6 @@ use crate::args::values::{BatchSpec, expand_batches, format_on, name};
 use crate::args::{PackArgs, RunArgs};
 use crate::input::Input;
 use crate::output::{Failure, Output};
-use crate::soak::fnv;
 use deltamorph::calls::Call;
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, Error, MorphEngine, PackDesc,
@@ -284,6 +283,12 @@ impl<'a> Runner<'a> {
     }
 }
 
+/// FNV-1a over the bytes of numbers, least significant first.
+pub fn fnv(numbers: &[i32]) -> u64 {
+    let bytes = numbers.iter().flat_map(|s| s.to_le_bytes());
+    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
+}
+
 /// The packed mesh, its update description, and the device.
 pub struct Stage {
     gpu: Option<Rc<Gpu>>,
@@ -320,11 +325,7 @@ impl Stage {
     }
 
     pub fn runner(&self, desc: UpdateDesc) -> deltamorph::Result<Runner<'_>> {
-        self.runner_of(desc, 1)
-    }
-
-    pub fn runner_of(&self, desc: UpdateDesc, instances: u32) -> deltamorph::Result<Runner<'_>> {
-        Runner::new(self.gpu.as_deref(), &self.mesh, desc, instances, self.threads)
+        Runner::new(self.gpu.as_deref(), &self.mesh, desc, 1, self.threads)
     }
 
     /// Threads of the path `cpu`; 0: one per core.

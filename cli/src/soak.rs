@@ -3,7 +3,7 @@
 use crate::args::SoakArgs;
 use crate::input;
 use crate::output::{Failure, Output, With};
-use crate::runner::{Runner, Stage};
+use crate::runner::{Runner, Stage, fnv};
 use crate::table::{sig3, thousands};
 use crate::verify::{Checks, REMEDY};
 use deltamorph::BoundClip;
@@ -93,12 +93,6 @@ impl Sums {
         self.hash = sums.as_deref().map_or(0, fnv);
         Ok(())
     }
-}
-
-/// FNV-1a over the bytes of `sums`, least significant first.
-pub fn fnv(sums: &[i32]) -> u64 {
-    let bytes = sums.iter().flat_map(|s| s.to_le_bytes());
-    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
 fn verdict(checks: &Checks<'_>, bit_exact: Option<bool>) -> Result<(), Failure> {
