@@ -80,11 +80,12 @@ mod tests {
     /// The registry that comes with the Vulkan headers.
     const REGISTRY: &str = "/usr/share/vulkan/registry/vk.xml";
     /// Errors of extensions that deltamorph does not use, and of layers.
-    const LEFT_OUT: [&str; 7] = [
+    const LEFT_OUT: [&str; 8] = [
         "VK_ERROR_INVALID_EXTERNAL_HANDLE",
         "VK_ERROR_INVALID_OPAQUE_CAPTURE_ADDRESS",
         "VK_ERROR_INVALID_OPAQUE_CAPTURE_ADDRESS_KHR",
         "VK_ERROR_INVALID_SHADER_NV",
+        "VK_ERROR_INVALID_VIDEO_STD_PARAMETERS_KHR",
         "VK_ERROR_COMPRESSION_EXHAUSTED_EXT",
         "VK_ERROR_FULL_SCREEN_EXCLUSIVE_MODE_LOST_EXT",
         "VK_ERROR_TOO_MANY_OBJECTS",
