@@ -12,7 +12,9 @@ use glam::DQuat;
 pub struct Animation {
     /// Its name, unique in the file: an animation without a name gets a number, and a repeated name is followed by one.
     pub name: String,
-    /// Its channels. Channels without a node, or of a property other than the four of glTF 2.0, are left out.
+    /// Its channels. Channels without a node, or of a property other than the four of glTF 2.0, are left out. One that
+    /// KHR_animation_pointer lets drive the weights of a mesh is there for each node that draws the mesh and states no
+    /// weights of its own.
     pub channels: Vec<Channel>,
 }
 
@@ -25,7 +27,7 @@ pub enum Property {
     Rotation,
     /// The node's scale: 3 numbers.
     Scale,
-    /// A weight for each target of the node's mesh.
+    /// A weight for each target of the node's mesh, or for [`Channel::target`] alone.
     Weights,
 }
 
@@ -48,6 +50,8 @@ pub struct Channel {
     pub node: usize,
     /// The property that it animates.
     pub property: Property,
+    /// The only target whose weight it animates (KHR_animation_pointer); `None`: those of all targets.
+    pub target: Option<usize>,
     /// The interpolation between keys.
     pub interpolation: Interpolation,
     /// The times of the keys in seconds, ascending; at least one.
@@ -187,44 +191,105 @@ impl Animation {
     }
 }
 
-/// Reads an animation. `targets` are the morph targets of the mesh of each node. Remarks are added to `notes`.
+/// What a channel drives.
+#[derive(Clone, Copy)]
+struct Driven {
+    property: Property,
+    target: Option<usize>,
+    of: Of,
+}
+
+/// A node, or all nodes that take the weights of a mesh.
+#[derive(Clone, Copy)]
+enum Of {
+    Node(usize),
+    Mesh(usize),
+}
+
+impl Property {
+    fn of(path: &str) -> Option<Self> {
+        Some(match path {
+            "translation" => Self::Translation,
+            "rotation" => Self::Rotation,
+            "scale" => Self::Scale,
+            "weights" => Self::Weights,
+            _ => return None,
+        })
+    }
+}
+
+/// Returns what the target of a channel names; `None` if it is none of the four properties, or of no node.
+fn driven(file: &Container, target: &At<'_>) -> Result<Option<Driven>> {
+    if target.text_or_empty("path") == "pointer" {
+        let extension = target.get("extensions").and_then(|all| all.get("KHR_animation_pointer"));
+        return Ok(extension.and_then(|pointer| pointed(pointer.text_or_empty("pointer"))));
+    }
+    let (Some(property), Some(node)) = (Property::of(target.text_or_empty("path")), target.get("node")) else {
+        return Ok(None);
+    };
+    file.root().item("nodes", &node)?;
+    Ok(Some(Driven { property, target: None, of: Of::Node(node.whole()?) }))
+}
+
+/// Returns what a JSON pointer names: `/nodes/N/PROPERTY`, `/meshes/N/weights`, or `/weights/K` of either.
+fn pointed(pointer: &str) -> Option<Driven> {
+    let parts: Vec<&str> = pointer.strip_prefix('/')?.split('/').collect();
+    let (&[list, number, property], element) = parts.split_first_chunk()?;
+    let (number, property) = (number.parse().ok()?, Property::of(property)?);
+    let of = if list == "meshes" { Of::Mesh(number) } else { Of::Node(number) };
+    let target = match element {
+        [] => None,
+        [target] => Some(target.parse().ok()?),
+        _ => return None,
+    };
+    let is_whole = list == "nodes" && target.is_none();
+    let is_known = is_whole || property == Property::Weights && ["nodes", "meshes"].contains(&list);
+    is_known.then_some(Driven { property, target, of })
+}
+
+/// Reads an animation. `targets` are the morph targets of the mesh of each node; `taking` are the nodes that take the
+/// weights of each mesh. Remarks are added to `notes`.
 pub fn animation(
     file: &Container,
     at: &At<'_>,
     name: String,
-    targets: &[Option<usize>],
+    (targets, taking): (&[Option<usize>], &[Vec<usize>]),
     notes: &mut Vec<String>,
 ) -> Result<Animation> {
     let mut found = Animation { name, channels: vec![] };
     let (mut left_out, mut why) = (0, "");
     for stated in at.items("channels")? {
         let target = stated.need("target")?;
-        let path = target.text_or_empty("path");
-        let property = match path {
-            "translation" => Some((Property::Translation, 3)),
-            "rotation" => Some((Property::Rotation, 4)),
-            "scale" => Some((Property::Scale, 3)),
-            "weights" => Some((Property::Weights, 0)),
-            _ => None,
+        let driven = driven(file, &target)?;
+        let of = match driven.map(|driven| driven.of) {
+            None => vec![],
+            Some(Of::Node(node)) => vec![node],
+            Some(Of::Mesh(mesh)) => {
+                let nodes = taking.get(mesh).map_or(&[][..], Vec::as_slice);
+                file.charge(&stated, nodes.len(), 2 * size_of::<Channel>())?;
+                nodes.to_vec()
+            }
         };
-        let (Some((property, width)), Some(node)) = (property, target.get("node")) else {
+        let before = found.channels.len();
+        for node in of {
+            let Some(Driven { property, target, .. }) = driven else { continue };
+            let all = targets.get(node).copied().flatten().unwrap_or(0);
+            let width = match property {
+                Property::Translation | Property::Scale => 3,
+                Property::Rotation => 4,
+                Property::Weights if target.is_some_and(|target| target >= all) => 0,
+                Property::Weights => target.map_or(all, |_| 1),
+            };
+            if width > 0 && node < targets.len() {
+                found.channels.push(channel(file, at, &stated, (node, property, target), width)?);
+            }
+        }
+        if found.channels.len() == before {
             left_out += 1;
-            if path == "pointer" {
-                why = " (KHR_animation_pointer is not read)";
+            if target.text_or_empty("path") == "pointer" {
+                why = " (KHR_animation_pointer is read for weights and for transforms of nodes)";
             }
-            continue;
-        };
-        file.root().item("nodes", &node)?;
-        let node = node.whole()?;
-        let width = match (property, targets[node]) {
-            (Property::Weights, Some(0) | None) => {
-                left_out += 1;
-                continue;
-            }
-            (Property::Weights, Some(targets)) => targets,
-            (Property::Translation | Property::Rotation | Property::Scale, _) => width,
-        };
-        found.channels.push(channel(file, at, &stated, node, property, width)?);
+        }
     }
     if left_out > 0 {
         let what = format!("{left_out} channels of no morph target or node are left out{why}");
@@ -237,8 +302,7 @@ fn channel(
     file: &Container,
     at: &At<'_>,
     stated: &At<'_>,
-    node: usize,
-    property: Property,
+    (node, property, target): (usize, Property, Option<usize>),
     width: usize,
 ) -> Result<Channel> {
     let sampler = at.item("samplers", &stated.need("sampler")?)?;
@@ -264,5 +328,5 @@ fn channel(
         Property::Translation | Property::Scale => output.floats::<3>()?.into_flattened(),
         Property::Rotation => output.floats::<4>()?.into_flattened(),
     };
-    Ok(Channel { node, property, interpolation, times, values })
+    Ok(Channel { node, property, target, interpolation, times, values })
 }

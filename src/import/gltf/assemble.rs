@@ -15,17 +15,44 @@ fn default_of(semantic: Semantic) -> &'static [f32] {
     }
 }
 
+/// Bytes of a vertex with these streams.
+pub fn vertex_size(semantics: &BTreeSet<Semantic>) -> usize {
+    let numbers: usize = semantics.iter().map(|semantic| semantic.components()).sum();
+    2 * size_of::<Vec3>() + size_of::<Vec2>() + size_of::<u32>() + numbers * size_of::<f32>()
+}
+
+pub fn semantics<'a>(parts: impl Iterator<Item = &'a MorphSource>) -> BTreeSet<Semantic> {
+    parts.flat_map(|part| &part.streams).map(|stream| stream.semantic).collect()
+}
+
+fn faces_size(part: &MorphSource) -> usize {
+    size_of_val(&*part.faces.corners) + size_of_val(&*part.faces.sizes)
+}
+
 /// Returns the bytes that [`merge`] takes for `parts`: a vertex whose part lacks a stream of another part gets it, and
 /// each target has deltas of all streams, if only empty ones.
-pub fn merged_size(parts: &[MorphSource]) -> u64 {
-    let semantics: BTreeSet<Semantic> = parts.iter().flat_map(|part| &part.streams).map(|s| s.semantic).collect();
-    let numbers: usize = semantics.iter().map(|semantic| semantic.components()).sum();
-    let names: HashSet<&str> = parts.iter().flat_map(|part| &part.targets).map(|target| target.name.as_str()).collect();
-    let vertex = 2 * size_of::<Vec3>() + size_of::<Vec2>() + size_of::<u32>() + numbers * size_of::<f32>();
-    let target = size_of::<SourceTarget>() + semantics.len() * size_of::<StreamDeltas>();
-    let faces = |part: &MorphSource| size_of_val(&*part.faces.corners) + size_of_val(&*part.faces.sizes);
-    let of_parts = parts.iter().map(|part| part.positions.len() as u64 * vertex as u64 + faces(part) as u64);
+pub fn merged_size<'a>(parts: impl Iterator<Item = &'a MorphSource> + Clone) -> u64 {
+    let semantics = semantics(parts.clone());
+    let names: HashSet<&str> =
+        parts.clone().flat_map(|part| &part.targets).map(|target| target.name.as_str()).collect();
+    let (vertex, target) =
+        (vertex_size(&semantics), size_of::<SourceTarget>() + semantics.len() * size_of::<StreamDeltas>());
+    let of_parts = parts.map(|part| part.positions.len() as u64 * vertex as u64 + faces_size(part) as u64);
     of_parts.chain(names.iter().map(|name| (target + 2 * name.len()) as u64)).sum()
+}
+
+/// Returns the bytes of one more copy of `part`, and those that [`merge`] takes for it, with `vertex` bytes each.
+pub fn copied_size(part: &MorphSource, vertex: usize) -> u64 {
+    let of_target = |target: &SourceTarget| {
+        let normals = target.normals.as_deref().unwrap_or_default();
+        let streams = target.streams.iter();
+        let streams: usize = streams.map(|s| size_of_val(&*s.vertices) + size_of_val(&*s.deltas)).sum();
+        let lists = target.streams.len() * size_of::<StreamDeltas>();
+        (size_of_val(&*target.positions) + size_of_val(normals) + streams, size_of::<SourceTarget>() + lists)
+    };
+    let (deltas, lists) = part.targets.iter().map(of_target).fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
+    let names: usize = part.targets.iter().map(|target| target.name.len()).sum();
+    2 * (part.positions.len() * vertex + faces_size(part) + deltas) as u64 + (lists + names) as u64
 }
 
 /// Merges `parts` into one mesh: their vertices one after the other; targets of one name move together. If a part has
@@ -33,7 +60,7 @@ pub fn merged_size(parts: &[MorphSource]) -> u64 {
 pub fn merge(name: String, parts: Vec<MorphSource>) -> MorphSource {
     let with_normals = parts.iter().all(|part| part.normals.is_some());
     let with_texcoords = parts.iter().any(|part| !part.texcoords.is_empty());
-    let semantics: BTreeSet<Semantic> = parts.iter().flat_map(|part| &part.streams).map(|s| s.semantic).collect();
+    let semantics = semantics(parts.iter());
     let mut all = MorphSource { name, normals: with_normals.then(Vec::new), ..MorphSource::default() };
     if !with_normals && parts.iter().any(|part| part.normals.is_some()) {
         all.notes.push("normals are there for some primitives or meshes only: computed for all".to_owned());

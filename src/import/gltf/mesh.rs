@@ -83,7 +83,7 @@ pub fn mesh(file: &Container, at: &At<'_>, name: String, prefix: &str) -> Result
         influences.push(bound);
     }
     let notes = std::mem::take(&mut mesh.source.notes);
-    file.charge(at, usize::try_from(merged_size(&parts)).unwrap_or(usize::MAX), 1)?;
+    file.charge(at, usize::try_from(merged_size(parts.iter())).unwrap_or(usize::MAX), 1)?;
     mesh.influences = joined(file, at, &parts, influences)?;
     mesh.source = merge(name, parts);
     mesh.source.notes.splice(0..0, notes);

@@ -34,6 +34,7 @@ mod tests;
 
 pub use animation::{Animation, Channel, Interpolation, Property};
 pub use mesh::{Influences, Mesh, Primitive};
+use scene::Hierarchy;
 pub use scene::{Node, Skin, Transform};
 pub use skeleton::Skeleton;
 
@@ -63,8 +64,7 @@ pub struct Gltf {
     /// Remarks for the user; those on a mesh are in its source.
     pub notes: Vec<String>,
     path: PathBuf,
-    /// Nodes, parents before their children.
-    order: Vec<usize>,
+    hierarchy: Hierarchy,
     /// Bytes that may still be allocated for the file.
     budget: u64,
 }
@@ -87,11 +87,11 @@ fn from_bytes(path: &Path, bytes: Vec<u8>) -> Result<Gltf> {
 fn gltf(file: &Container) -> Result<Gltf> {
     let root = file.root();
     let name = file.path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-    let (nodes, order) = scene::nodes(file)?;
+    let (nodes, hierarchy) = scene::nodes(file)?;
     let skins = root.items("skins")?.iter().map(|at| scene::skin(file, at)).collect::<Result<Vec<Skin>>>()?;
-    let mut gltf = Gltf { name, nodes, order, skins, path: file.path.clone(), ..Gltf::default() };
+    let mut gltf = Gltf { name, nodes, hierarchy, skins, path: file.path.clone(), ..Gltf::default() };
     let listed = root.items("meshes")?;
-    let namesakes = namesakes(&gltf.nodes, &gltf.order, listed.len());
+    let namesakes = namesakes(&gltf.nodes, &gltf.hierarchy.order, listed.len());
     // Targets without names are those of one mesh alone.
     let is_prefixed = listed.iter().filter(|at| mesh::has_unnamed(at)).count() > 1;
     let mut prefixes = HashMap::new();
@@ -123,12 +123,16 @@ fn gltf(file: &Container) -> Result<Gltf> {
     }
     let targets = |node: &Node| node.mesh.map(|mesh| gltf.meshes[mesh].source.targets.len());
     let targets: Vec<_> = gltf.nodes.iter().map(targets).collect();
+    let mut taking = vec![vec![]; gltf.meshes.len()];
+    for (i, node) in gltf.nodes.iter().enumerate().filter(|(_, node)| node.weights.is_empty()) {
+        node.mesh.into_iter().for_each(|mesh| taking[mesh].push(i));
+    }
     let mut taken = HashMap::new();
     for (i, at) in root.items("animations")?.iter().enumerate() {
         let stated = at.text_or_empty("name");
         let name = if stated.is_empty() { format!("animation {i}") } else { stated.to_owned() };
         let name = mesh::unique(name, &mut taken);
-        let animation = animation::animation(file, at, name, &targets, &mut gltf.notes)?;
+        let animation = animation::animation(file, at, name, (&targets, &taking), &mut gltf.notes)?;
         gltf.notes.extend(gltf.overruled(&animation));
         gltf.animations.push(animation);
     }
@@ -156,10 +160,10 @@ fn namesakes(nodes: &[Node], order: &[usize], meshes: usize) -> Vec<Option<usize
 
 impl Gltf {
     /// Returns the matrix of each node, from its own space to the scene's: at rest, or at a time of an animation, in
-    /// seconds.
+    /// seconds. An avatar of VRM 0, which looks along −z, is turned by 180° about y, so that it looks along +z.
     #[must_use]
     pub fn world_matrices(&self, playing: Option<(&Animation, f64)>) -> Vec<DMat4> {
-        scene::world_matrices(&self.nodes, &self.order, playing)
+        scene::world_matrices(&self.nodes, &self.hierarchy, playing)
     }
 
     /// Returns the skinning matrices, one for each joint of `skin`: from the bind space of the mesh to the space of the
@@ -188,9 +192,10 @@ impl Gltf {
         skin.joints.iter().zip(&skin.inverse_bind).map(|(&joint, bind)| worlds[joint] * bind.as_dmat4()).collect()
     }
 
-    /// Iterates over the targets that a channel of weights animates, and their names.
+    /// Iterates over the targets that a channel of weights animates: their places in its values, and their names.
     fn targets_of(&self, channel: &Channel) -> impl Iterator<Item = (usize, &str)> {
         let targets = self.nodes[channel.node].mesh.map_or(&[][..], |mesh| &self.meshes[mesh].source.targets);
+        let targets = channel.target.map_or(targets, |target| targets.get(target..=target).unwrap_or_default());
         targets.iter().map(|target| target.name.as_str()).enumerate()
     }
 
@@ -267,9 +272,9 @@ impl Gltf {
         Ok(WeightClip { name: animation.name.clone(), names, fps, values })
     }
 
-    /// Makes one mesh of the file. It takes all meshes that have targets and are in the default scene, at rest, each at
-    /// the transform of the first node that draws it. If the file has no targets, it takes all meshes in the scene; if
-    /// none is in the scene, all of the file. Targets of one name move together. A mesh with a skin is posed by its
+    /// Makes one mesh of the file. It takes all meshes that have targets and are in the default scene, at rest, at the
+    /// transform of each node that draws them. If the file has no targets, it takes all meshes in the scene; if none is
+    /// in the scene, all of the file. Targets of one name move together. A mesh with a skin is posed by its
     /// joints at rest: base and targets by the blend of matrices that each vertex follows. The notes state what was
     /// left out or merged, and the weights at rest, which a mesh cannot hold. A node that a scale of 0 flattens is
     /// taken for not in the scene.
@@ -326,70 +331,68 @@ impl Gltf {
                 }
             }
         }
-        let (mut parts, mut placed) = (vec![], vec![]);
-        for mesh in taken {
-            let mut source = std::mem::take(&mut self.meshes[mesh].source);
-            let nodes = &drawn[mesh];
-            if nodes.len() > 1 {
-                source.notes.push(format!("mesh '{}' is drawn by {} nodes: taken once", source.name, nodes.len()));
-            }
-            let node = nodes.first().map(|number| (*number, &self.nodes[*number]));
-            let stated = node.map(|(_, node)| &node.weights).filter(|weights| !weights.is_empty());
-            let weights = stated.unwrap_or(&self.meshes[mesh].weights);
-            let at_rest = weights.iter().zip(&source.targets).filter(|(weight, _)| **weight != 0.0);
-            let at_rest: Vec<String> = at_rest.map(|(weight, target)| format!("{} {weight}", target.name)).collect();
-            if !at_rest.is_empty() {
-                let text = at_rest.join(", ");
-                source.notes.push(format!("mesh '{}' has weights at rest, which are left out: {text}", source.name));
-            }
-            let skin = node.and_then(|(_, node)| node.skin);
-            let influences = self.meshes[mesh].influences.as_ref().zip(skin.map(|skin| &joints[skin][..]));
-            let place = match (node, influences) {
-                (_, Some((influences, joints))) if with_joints => influences.foremost(joints),
-                (Some((number, _)), None) if skin.is_none() => worlds[number],
-                _ => DMat4::IDENTITY,
-            };
-            match influences.filter(|_| !with_joints) {
-                None => _ = assemble::transform(&mut source, |_| place),
-                Some((influences, joints)) => {
-                    if let Some(v) = assemble::transform(&mut source, |v| influences.blend(v, joints)) {
-                        let name = &source.name;
-                        source.notes.push(format!("mesh '{name}': joints of scale 0 flatten it, as at vertex {v}"));
-                    }
-                    // Joints may part what was at one place, or bring it there.
-                    source.welds.clear();
-                    source.weld().map_err(|e| {
-                        let Error::Invalid { what, remedy } = e else { return e };
-                        Error::input(&self.path, "", what, &remedy)
-                    })?;
-                }
-            }
-            placed.push((mesh, node.map(|(number, _)| number), place));
-            parts.push(source);
-        }
         self.notes.extend(left_out);
-        if parts.is_empty() {
+        if taken.is_empty() {
             let remedy = "give a file with a mesh of triangles";
             return Err(Error::input(&self.path, "", "no mesh has triangles", remedy));
         }
-        if parts.len() > 1 {
-            let merged: Vec<&str> = parts.iter().map(|part| part.name.as_str()).collect();
+        if taken.len() > 1 {
+            let merged: Vec<&str> = taken.iter().map(|mesh| self.meshes[*mesh].source.name.as_str()).collect();
             self.notes.push(format!("merged, targets of one name moved together: '{}'", merged.join("', '")));
         }
-        let counts: Vec<usize> = parts.iter().map(|part| part.positions.len()).collect();
-        let of_joints = if with_joints { Skeleton::VERTEX_BYTES * counts.iter().sum::<usize>() as u64 } else { 0 };
-        let size = assemble::merged_size(&parts) + of_joints;
-        if size > self.budget {
-            let mib = size.div_ceil(1 << 20);
-            let what = format!("its meshes as one take {mib} MiB, which is more than a file of this size can hold");
-            return Err(Error::input(
-                &self.path,
-                "",
-                what,
-                "export fewer of them, or without what only some of them have",
-            ));
+        let copies = self.copies(&taken, &drawn, if with_joints { Skeleton::VERTEX_BYTES } else { 0 })?;
+        let (mut parts, mut placed) = (vec![], vec![]);
+        for (mesh, copies) in taken.into_iter().zip(copies) {
+            let mut left = std::mem::take(&mut self.meshes[mesh].source);
+            let nodes = &drawn[mesh];
+            if copies < nodes.len() {
+                let (name, count) = (&left.name, nodes.len());
+                let why = "since the file is small, copies are fewer";
+                let text = format!("mesh '{name}' is drawn by {count} nodes; {why}: {copies}");
+                left.notes.push(text);
+            }
+            let stated = nodes.first().map(|number| &self.nodes[*number].weights).filter(|weights| !weights.is_empty());
+            let weights = stated.unwrap_or(&self.meshes[mesh].weights);
+            let at_rest = weights.iter().zip(&left.targets).filter(|(weight, _)| **weight != 0.0);
+            let at_rest: Vec<String> = at_rest.map(|(weight, target)| format!("{} {weight}", target.name)).collect();
+            if !at_rest.is_empty() {
+                let text = at_rest.join(", ");
+                left.notes.push(format!("mesh '{}' has weights at rest, which are left out: {text}", left.name));
+            }
+            for copy in 0..copies {
+                let mut source = match copy + 1 == copies {
+                    true => std::mem::take(&mut left),
+                    false => MorphSource { notes: vec![], ..left.clone() },
+                };
+                let node = nodes.get(copy).copied();
+                let skin = node.and_then(|number| self.nodes[number].skin);
+                let influences = self.meshes[mesh].influences.as_ref().zip(skin.map(|skin| &joints[skin][..]));
+                let place = match (node, influences) {
+                    (_, Some((influences, joints))) if with_joints => influences.foremost(joints),
+                    (Some(number), None) if skin.is_none() => worlds[number],
+                    _ => DMat4::IDENTITY,
+                };
+                match influences.filter(|_| !with_joints) {
+                    None => _ = assemble::transform(&mut source, |_| place),
+                    Some((influences, joints)) => {
+                        if let Some(v) = assemble::transform(&mut source, |v| influences.blend(v, joints)) {
+                            let name = &source.name;
+                            source.notes.push(format!("mesh '{name}': joints of scale 0 flatten it, as at vertex {v}"));
+                        }
+                        // Joints may part what was at one place, or bring it there.
+                        source.welds.clear();
+                        source.weld().map_err(|e| {
+                            let Error::Invalid { what, remedy } = e else { return e };
+                            Error::input(&self.path, "", what, &remedy)
+                        })?;
+                    }
+                }
+                placed.push((mesh, node, place));
+                parts.push(source);
+            }
         }
-        let mut skeleton = with_joints.then(|| Skeleton::new(self.nodes, self.order, self.animations));
+        let counts: Vec<usize> = parts.iter().map(|part| part.positions.len()).collect();
+        let mut skeleton = with_joints.then(|| Skeleton::new(self.nodes, self.hierarchy, self.animations));
         for ((mesh, node, place), count) in placed.iter().zip(counts) {
             let mut add = |all: &mut Skeleton| all.add(count, *node, &self.meshes[*mesh], &self.skins, place);
             if !skeleton.as_mut().is_none_or(&mut add) {
@@ -400,5 +403,28 @@ impl Gltf {
         let mut source = assemble::merge(self.name, parts);
         self.notes.append(&mut source.notes);
         Ok((MorphSource { notes: self.notes, ..source }, skeleton))
+    }
+
+    /// Returns how many times each mesh of `taken` is made part of one mesh: once for each node that draws it, as far
+    /// as the file is large enough for so much. `more` are the bytes of a vertex besides.
+    fn copies(&self, taken: &[usize], drawn: &[Vec<usize>], more: u64) -> Result<Vec<usize>> {
+        let sources = || taken.iter().map(|mesh| &self.meshes[*mesh].source);
+        let of_vertices = |source: &MorphSource| more * source.positions.len() as u64;
+        let size = assemble::merged_size(sources()) + sources().map(of_vertices).sum::<u64>();
+        let mut left = self.budget.checked_sub(size).ok_or_else(|| {
+            let mib = size.div_ceil(1 << 20);
+            let what = format!("its meshes as one take {mib} MiB, which is more than a file of this size can hold");
+            let remedy = "export fewer of them, or without what only some of them have";
+            Error::input(&self.path, "", what, remedy)
+        })?;
+        let vertex = assemble::vertex_size(&assemble::semantics(sources()));
+        let copies = taken.iter().zip(sources()).map(|(mesh, source)| {
+            let others = drawn[*mesh].len().saturating_sub(1) as u64;
+            let size = assemble::copied_size(source, vertex) + of_vertices(source);
+            let others = others.min(left / size.max(1));
+            left -= others * size;
+            others as usize + 1
+        });
+        Ok(copies.collect())
     }
 }

@@ -4,7 +4,7 @@ use super::animation::{Animation, Property};
 use super::container::Container;
 use super::json::At;
 use crate::error::Result;
-use glam::{DMat4, DQuat, DVec3, Mat4, Quat, Vec3};
+use glam::{DMat4, DQuat, DVec3, DVec4, Mat4, Quat, Vec3};
 
 /// A node: its transform relative to its parent, and the mesh that it draws.
 #[derive(Clone, Debug)]
@@ -56,8 +56,17 @@ pub struct Skin {
     pub inverse_bind: Vec<Mat4>,
 }
 
-/// Reads all nodes, in the order of the file, and an order in which parents come before their children.
-pub fn nodes(file: &Container) -> Result<(Vec<Node>, Vec<usize>)> {
+/// How transforms of nodes add up.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Hierarchy {
+    /// Nodes, parents before their children.
+    pub(super) order: Vec<usize>,
+    /// What roots stand in.
+    space: DMat4,
+}
+
+/// Reads all nodes, in the order of the file, and their hierarchy.
+pub fn nodes(file: &Container) -> Result<(Vec<Node>, Hierarchy)> {
     let root = file.root();
     let list = root.items("nodes")?;
     let mut nodes = list.iter().map(|at| node(&root, at)).collect::<Result<Vec<Node>>>()?;
@@ -100,7 +109,10 @@ pub fn nodes(file: &Container) -> Result<(Vec<Node>, Vec<usize>)> {
             nodes[node].is_shown |= nodes[node].parent.is_some_and(|parent| nodes[parent].is_shown);
         }
     }
-    Ok((nodes, order))
+    // Avatars of VRM 0 look along -z, those of VRM 1 along +z, as glTF has it.
+    let looks_back = root.get("extensions").is_some_and(|extensions| extensions.get("VRM").is_some());
+    let space = if looks_back { DMat4::from_diagonal(DVec4::new(-1.0, 1.0, -1.0, 1.0)) } else { DMat4::IDENTITY };
+    Ok((nodes, Hierarchy { order, space }))
 }
 
 fn node(root: &At<'_>, at: &At<'_>) -> Result<Node> {
@@ -169,7 +181,7 @@ impl Transform {
 }
 
 /// Returns the matrix of each node, from its own space to the scene's.
-pub fn world_matrices(nodes: &[Node], order: &[usize], playing: Option<(&Animation, f64)>) -> Vec<DMat4> {
+pub fn world_matrices(nodes: &[Node], hierarchy: &Hierarchy, playing: Option<(&Animation, f64)>) -> Vec<DMat4> {
     let mut parts: Vec<Vec<(Property, Vec<f64>)>> = vec![vec![]; nodes.len()];
     for (channel, time) in
         playing.iter().flat_map(|(animation, time)| animation.channels.iter().map(move |c| (c, *time)))
@@ -177,8 +189,8 @@ pub fn world_matrices(nodes: &[Node], order: &[usize], playing: Option<(&Animati
         parts[channel.node].push((channel.property, channel.sample(time)));
     }
     let mut worlds = vec![DMat4::IDENTITY; nodes.len()];
-    for &node in order {
-        let parent = nodes[node].parent.map_or(DMat4::IDENTITY, |parent| worlds[parent]);
+    for &node in &hierarchy.order {
+        let parent = nodes[node].parent.map_or(hierarchy.space, |parent| worlds[parent]);
         worlds[node] = parent * nodes[node].local.matrix(&parts[node]);
     }
     worlds

@@ -11,7 +11,7 @@ use proptest::prelude::*;
 use serde_json::json;
 
 fn channel(property: Property, interpolation: Interpolation, times: &[f32], values: &[f32]) -> Channel {
-    Channel { node: 0, property, interpolation, times: times.to_vec(), values: values.to_vec() }
+    Channel { node: 0, property, target: None, interpolation, times: times.to_vec(), values: values.to_vec() }
 }
 
 #[test]
@@ -178,7 +178,8 @@ fn joints_move_as_the_hierarchy_says() {
     assert_eq!((&gltf.nodes[0].weights[..], gltf.nodes[2].parent), (&[0.25, 0.5][..], Some(1)));
     assert_eq!((animation.name.as_str(), animation.channels.len()), ("animation 0", 2));
     assert!(
-        gltf.notes[0].contains("2 channels of no morph target or node are left out (KHR_animation_pointer is"),
+        gltf.notes[0]
+            .contains("2 channels of no morph target or node are left out (KHR_animation_pointer is read for weights"),
         "{:?}",
         gltf.notes
     );
@@ -241,29 +242,162 @@ fn meshes_with_targets_are_merged_where_they_stand() {
     file.json["nodes"] =
         json!([{"mesh": 0, "scale": [2, 2, 2]}, {"mesh": 1}, {"mesh": 2, "translation": [0, 0, 5]}, {"mesh": 2}]);
     let source = file.read().unwrap().into_source().unwrap();
+    // The teeth are there twice.
     assert_eq!((source.positions[1], source.positions[3]), (Vec3::X * 2.0, Vec3::Z * 5.0));
+    assert_eq!((source.positions[6], source.faces.triangles()[2]), (Vec3::ZERO, [6, 7, 8]));
     assert_eq!(
         source.targets.iter().map(|t| (t.name.as_str(), t.positions.len())).collect::<Vec<_>>(),
-        [("jaw", 6), ("blink", 3)]
+        [("jaw", 9), ("blink", 3)]
     );
     assert_eq!((source.targets[0].positions[0].1, source.targets[0].positions[3]), (Vec3::Z * 2.0, (3, Vec3::Z)));
-    for note in [
-        "without targets, and left out: 'eye'",
-        "merged, targets of one name moved together: 'head', 'teeth'",
-        "'teeth' is drawn by 2 nodes",
-    ] {
+    for note in ["without targets, and left out: 'eye'", "merged, targets of one name moved together: 'head', 'teeth'"]
+    {
         assert!(source.notes.iter().any(|n| n.contains(note)), "{note}: {:?}", source.notes);
     }
-    assert_eq!(source.welds, [0, 1, 2, 3, 4, 5]);
+    assert!(!source.notes.iter().any(|note| note.contains("drawn by")), "{:?}", source.notes);
+    assert_eq!(source.welds, [0, 1, 2, 3, 4, 5, 6, 7, 8]);
     source.to_mesh(Tolerance::default()).unwrap();
     file.json["nodes"][0]["scale"] = json!([1, 0, 1]);
     file.json["nodes"][0]["name"] = json!("hid");
     let source = file.read().unwrap().into_source().unwrap();
-    assert_eq!((source.positions.len(), source.positions[0], source.targets.len()), (3, Vec3::Z * 5.0, 1));
+    assert_eq!((source.positions.len(), source.positions[0], source.targets.len()), (6, Vec3::Z * 5.0, 1));
     for note in ["nodes that a scale of 0 flattens are left out: 'hid'", "not in the scene, and left out: 'head'"] {
         assert!(source.notes.iter().any(|n| n == note), "{note}: {:?}", source.notes);
     }
     file.json["meshes"] = json!([mesh("eye", &[])]);
     file.json["nodes"] = json!([]);
     assert_eq!(file.read().unwrap().into_source().unwrap().positions.len(), 3);
+}
+
+/// Pointers drive weights as other channels do: of a node, of all nodes that take those of a mesh, and one of several.
+#[test]
+fn pointers_to_weights_are_channels() {
+    let mut file = arm();
+    let pointer = |sampler: usize, to: &str| {
+        json!({"sampler": sampler, "target": {"path": "pointer",
+            "extensions": {"KHR_animation_pointer": {"pointer": to}}}})
+    };
+    let times = file.json["animations"][0]["samplers"][0]["input"].clone();
+    let one = file.floats(&[[0.25], [0.75]]);
+    let sampler = json!({"input": times, "output": one});
+    file.json["animations"][0]["samplers"].as_array_mut().unwrap().push(sampler);
+    file.json["nodes"].as_array_mut().unwrap().extend([json!({"mesh": 0}), json!({"mesh": 0})]);
+    let mut driven = |pointers: &[(usize, &str)]| {
+        let channels: Vec<_> = pointers.iter().map(|(sampler, to)| pointer(*sampler, to)).collect();
+        file.json["animations"][0]["channels"] = json!(channels);
+        let gltf = file.read().unwrap();
+        let channels = &gltf.animations[0].channels;
+        let driven: Vec<_> = channels.iter().map(|c| (c.node, c.property, c.target, c.sample(1.0))).collect();
+        let clip = gltf.clip(&gltf.animations[0], Some(1.0)).ok().map(|clip| (clip.names, clip.values));
+        (driven, clip, gltf.notes)
+    };
+    let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
+    let half = vec![0.5, 0.5];
+    let (channels, clip, notes) = driven(&[(0, "/nodes/0/weights"), (1, "/nodes/1/rotation")]);
+    assert_eq!(channels[0], (0, Property::Weights, None, half.clone()));
+    assert_eq!((channels[1].0, channels[1].1, notes), (1, Property::Rotation, vec![]));
+    assert_eq!(clip, Some((names(&["a", "b"]), vec![0.0, 1.0, 1.0, 0.0])));
+    let (channels, ..) = driven(&[(0, "/meshes/0/weights")]);
+    assert_eq!(channels, [3, 4].map(|node| (node, Property::Weights, None, half.clone())));
+    let (channels, clip, _) = driven(&[(2, "/nodes/0/weights/1"), (2, "/meshes/0/weights/0")]);
+    assert_eq!(channels[0], (0, Property::Weights, Some(1), vec![0.5]));
+    assert_eq!(channels[2], (4, Property::Weights, Some(0), vec![0.5]));
+    assert_eq!(clip, Some((names(&["b", "a"]), vec![0.25, 0.25, 0.75, 0.75])));
+    let others = [
+        "/nodes/0/weights/2",
+        "/nodes/9/weights",
+        "/meshes/7/weights",
+        "/nodes/0/weights/0/0",
+        "/nodes/0",
+        "/nodes/0/rotation/1",
+        "/meshes/0/rotation",
+        "/materials/0/weights",
+        "nodes/0/weights",
+        "/nodes/x/weights",
+        "",
+    ];
+    for other in others {
+        let (channels, clip, notes) = driven(&[(0, other)]);
+        assert_eq!((channels.len(), clip, notes.len()), (0, None, 1), "{other}");
+    }
+}
+
+#[test]
+fn avatars_of_vrm_0_are_turned_to_look_forwards() {
+    let mut file = arm();
+    file.json["nodes"].as_array_mut().unwrap().push(json!({"mesh": 1, "translation": [1, 2, 3]}));
+    let position = file.floats(&[[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    let face = json!({"primitives": [{"attributes": {"POSITION": position}, "targets": [{"POSITION": position}]}]});
+    file.json["meshes"].as_array_mut().unwrap().push(face);
+    let mut read = |extension: &str| {
+        file.json["extensions"] = json!({extension: {}});
+        file.read().unwrap()
+    };
+    let (as_is, turned) = (read("VRMC_vrm"), read("VRM"));
+    let back = DMat4::from_rotation_y(std::f64::consts::PI);
+    let is_near = |a: Vec3, b: Vec3| back.transform_point3(a.as_dvec3()).distance(b.as_dvec3()) < 1e-6;
+    for playing in [None, Some((&as_is.animations[0], 1.2))] {
+        for (a, b) in as_is.world_matrices(playing).into_iter().zip(turned.world_matrices(playing)) {
+            assert!((back * a).abs_diff_eq(b, 1e-12), "{a} {b}");
+        }
+    }
+    let [(as_is, joints), (turned, moved)] = [as_is, turned].map(|gltf| {
+        (gltf.clone().into_source().unwrap(), gltf.into_skinned().unwrap().1.unwrap().joint_matrices(None))
+    });
+    assert_eq!((as_is.positions.len(), joints.len()), (6, moved.len()));
+    assert!(as_is.positions.iter().zip(&turned.positions).all(|(a, b)| is_near(*a, *b)), "{:?}", turned.positions);
+    let deltas = as_is.targets.iter().zip(&turned.targets).flat_map(|(a, b)| a.positions.iter().zip(&b.positions));
+    assert!(deltas.fold(true, |all, (a, b)| all && a.0 == b.0 && is_near(a.1, b.1)));
+}
+
+/// Nodes that draw a mesh each have a copy, also with skins of their own; where the file is too small for all copies,
+/// that is said.
+#[test]
+fn each_node_draws_its_own_copy() {
+    let mut file = arm();
+    let bind = file.floats(&[Mat4::IDENTITY, Mat4::from_translation(Vec3::Z)].map(|m| m.to_cols_array()));
+    file.json["skins"].as_array_mut().unwrap().push(json!({"joints": [2, 1], "inverseBindMatrices": bind}));
+    let nodes = file.json["nodes"].as_array_mut().unwrap();
+    nodes.extend([json!({"mesh": 0, "skin": 1}), json!({"mesh": 0, "scale": [-2, 3, 1], "translation": [0, 0, 4]})]);
+    let gltf = file.read().unwrap();
+    let (shape, influences) = (gltf.meshes[0].source.clone(), gltf.meshes[0].influences.clone().unwrap());
+    let animation = &gltf.animations[0];
+    let (posed, (unposed, skeleton)) = (gltf.clone().into_source().unwrap(), gltf.clone().into_skinned().unwrap());
+    let skeleton = skeleton.unwrap();
+    assert_eq!((posed.positions.len(), posed.targets.len(), posed.targets[0].positions.len()), (9, 2, 9));
+    // The one that is mirrored.
+    assert_eq!(posed.faces.triangles(), [[0, 1, 2], [3, 4, 5], [6, 8, 7]]);
+    let diagonal = 10.0;
+    for playing in [None, Some((animation, 0.5)), Some((animation, 0.8)), Some((animation, 1.5))] {
+        let worlds = gltf.world_matrices(playing);
+        let joints = [0, 1].map(|skin| gltf.joint_matrices(&gltf.skins[skin], &worlds));
+        let of_copy = |copy: usize, v: usize| match copy {
+            2 => worlds[4],
+            skin => influences.blend(v, &joints[skin]),
+        };
+        let matrices = skeleton.joint_matrices(playing);
+        for v in 0..9 {
+            let matrix = of_copy(v / 3, v % 3);
+            for weight in [0.0, 0.5] {
+                let morphed = |source: &MorphSource, v: usize| {
+                    let moved = source.targets[0].positions.iter().filter(|(of, _)| *of as usize == v);
+                    source.positions[v].as_dvec3() + moved.map(|(_, d)| d.as_dvec3()).sum::<DVec3>() * weight
+                };
+                let expected = matrix.transform_point3(morphed(&shape, v % 3));
+                let found = skeleton.influences.blend(v, &matrices).transform_point3(morphed(&unposed, v));
+                assert!(found.distance(expected) < 5e-6 * diagonal, "{v}: {found} {expected}");
+                let found = morphed(&posed, v);
+                assert!(playing.is_some() || found.distance(expected) < 5e-6 * diagonal, "{v}: {found} {expected}");
+            }
+        }
+    }
+    let lots = file.floats(&vec![[1.0f32, 2.0, 3.0]; 2001]);
+    file.json["meshes"] = json!([{"name": "grass", "primitives": [{"attributes": {"POSITION": lots}}]}]);
+    file.json["nodes"] = json!(vec![json!({"mesh": 0}); 3000]);
+    (file.json["skins"], file.json["animations"]) = (json!([]), json!([]));
+    let source = file.read().unwrap().into_source().unwrap();
+    let copies = source.positions.len() / 2001;
+    assert!((10..3000).contains(&copies), "{copies}");
+    let said = format!("mesh 'grass' is drawn by 3000 nodes; since the file is small, copies are fewer: {copies}");
+    assert!(source.notes.contains(&said), "{:?}", source.notes);
 }
