@@ -82,6 +82,11 @@ fn a_script_does_what_a_hand_can_and_the_window_shows_it() {
     shot("", "rest");
     shot("set jawOpen 1", "jaw");
     shot("reset", "rest-again");
+    shot("undo", "undone");
+    shot("undo", "rest-undone");
+    shot("pan 0.2,0.1", "panned");
+    shot("focus", "focused");
+    shot("home", "home");
     shot(&format!("clip {}\nscrub 11", clip.display()), "clip");
     shot("path cpu", "clip-cpu");
     shot("path compute", "clip-compute");
@@ -119,6 +124,9 @@ fn a_script_does_what_a_hand_can_and_the_window_shows_it() {
     for (a, b, least) in [
         ("rest", "jaw", 0.005),
         ("rest", "clip", 0.001),
+        ("rest", "panned", 0.05),
+        ("panned", "focused", 0.05),
+        ("rest", "focused", 0.05),
         ("clip", "played", 0.001),
         ("rest", "side", 0.1),
         ("rest", "heads", 0.1),
@@ -137,6 +145,8 @@ fn a_script_does_what_a_hand_can_and_the_window_shows_it() {
         assert!(share > least, "{a} and {b} differ in {share} of their pixels");
     }
     assert_eq!(differ("rest", "rest-again"), 0.0, "after a reset all is as it was");
+    assert_eq!((differ("jaw", "undone"), differ("rest", "rest-undone")), (0.0, 0.0), "changes are taken back");
+    assert_eq!(differ("rest", "home"), 0.0, "the camera is where it was");
     assert_eq!(differ("resized", "kept"), 0.0, "what is no mesh changes nothing");
     for path in [("folded", "folded-cpu"), ("unfolded", "unfolded-cpu")] {
         let share = differ(path.0, path.1);
@@ -160,6 +170,34 @@ fn a_script_does_what_a_hand_can_and_the_window_shows_it() {
     let stats = json(&at("stats"));
     assert_eq!((stats["schema"].as_u64(), stats["width"].as_u64()), (Some(1), Some(560)));
     assert!(stats["setup"].as_str().is_some_and(|setup| setup.starts_with("blocks fast")), "{stats}");
+}
+
+#[test]
+fn a_screen_with_a_scale_shows_as_much() {
+    let (folder, display) = (tempfile::tempdir().expect("a folder"), Display::new());
+    for scale in [1, 2] {
+        let at = |name: &str| folder.path().join(format!("{name}{scale}.png"));
+        let mut script = String::new();
+        for (name, steps) in
+            [("low", ""), ("help", "help on"), ("bare", "help off\npanel off"), ("tall", "panel on\nresize 300 500")]
+        {
+            writeln!(script, "{steps}\nscreenshot {}", at(name).display()).expect("text");
+        }
+        let file = folder.path().join("script.txt");
+        std::fs::write(&file, &script).expect("a script");
+        let args =
+            ["--size", "640x400", "--script", file.to_str().expect("UTF-8"), "--device", "llvmpipe", "--validation"];
+        let mut command = display.command(&[&MESH[..], &args].concat());
+        let out = command.env("WINIT_X11_SCALE_FACTOR", scale.to_string()).output().expect("it starts");
+        assert!(out.status.success() && error_lines(&out).is_empty(), "{}", error_lines(&out));
+        assert_eq!(pixels(&at("low")).0, [640 * scale, 400 * scale]);
+        assert_eq!(pixels(&at("tall")).0, [300 * scale, 500 * scale]);
+        // The panel and the list of keys are there at any scale.
+        for (a, b) in [("low", "bare"), ("low", "help")] {
+            let share = differing(&at(a), &at(b));
+            assert!(share > 0.2, "{a} and {b} differ in {share} of their pixels at scale {scale}");
+        }
+    }
 }
 
 #[test]

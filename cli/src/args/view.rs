@@ -18,7 +18,7 @@ pub struct ViewArgs {
     /// Weights by name to begin with (repeatable)
     #[arg(long, value_name = "NAME=WEIGHT,…", value_delimiter = ',', value_parser = values::setting)]
     pub set: Vec<(String, f32)>,
-    /// Pixels of the window
+    /// Size of the window, in pixels of a screen without scaling
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
     pub size: [u32; 2],
     /// Where the camera is, in degrees: around the head (0: in front, 90: at its left, 180: behind), and up
@@ -46,6 +46,7 @@ pub const HELP: &str = "\
 Commands of scripts, one a line; what follows # is a remark:
   set NAME WEIGHT           a weight, of a target or of a control of the rig
   reset | random SEED       all weights 0; a few of them at random
+  undo | redo               take back the last change of weights; make it again
   copy                      print the weights as --set takes them
   clip FILE                 take a clip: a CSV file, or a glTF file's animation as FILE or FILE#NAME
   play | pause              play the clip; every frame is a 60th of a second
@@ -56,10 +57,14 @@ Commands of scripts, one a line; what follows # is a remark:
   detail all | N% | Npx     keep all targets; a share, the most important ones; or what N pixels take
   show LOOK                 shaded, wire, normals, heat, motion, blocks or wrinkles
   camera YAW,PITCH | zoom X where the camera is, and how near
-  search TEXT | twins on|off | panel on|off
-                            the panel: what is listed, left and right together, whether it is there
+  pan X,Y                   move the picture to the right and down, in shares of the room for it
+  focus | home              fill the window with what the active targets move; the camera as at the beginning
+  search TEXT | active on|off | twins on|off
+                            the panel: what is listed, only active targets, left and right together
+  panel on|off | width N    whether it is there, and its width
+  help on|off               what keys and mouse do
   drop FILE                 a mesh or a clip, as if it were dropped on the window; what is wrong with it is shown
-  dismiss                   put away what is shown of that
+  dismiss                   put away what is shown of that, which leaves by itself after some seconds
   frames N                  draw N frames
   resize W H                another size of the window
   screenshot OUT.png        write what the next frame shows

@@ -13,6 +13,10 @@ use values::BudgetSpec;
 #[derive(Clone, Debug, PartialEq)]
 pub enum Command {
     Set(String, f32),
+    /// Ends a row of `Set` of one target, which are undone together.
+    Settled,
+    Undo,
+    Redo,
     Reset,
     Random(u64),
     /// Copies the current settings, as `--set` takes them, to the clipboard; in a script, prints them to stdout.
@@ -31,12 +35,24 @@ pub enum Command {
     Detail(Detail),
     Show(Look),
     Camera([f32; 2]),
+    /// How far the picture is moved to the right and down, in shares of the room for it at zoom 1.
+    Pan([f32; 2]),
+    /// Fills the window with what the active targets move; at rest, with the face.
+    Focus,
+    /// The camera as at the beginning.
+    Home,
     /// Distance of the camera: at 1 everything fits.
     Zoom(f32),
     Search(String),
+    /// Whether only sliders of active targets are listed.
+    Active(bool),
     /// Whether left and right targets move together.
     Twins(bool),
     Panel(bool),
+    /// Width of the panel in points; its height where it is below the heads.
+    Width(f32),
+    /// Whether keys and mouse are explained.
+    Help(bool),
     /// Closes the notice.
     Dismiss,
     /// Opens a mesh or a clip like a file or folder dropped on the window. Errors are shown in the window.
@@ -97,6 +113,10 @@ pub fn parse(line: &str) -> Result<Option<Step>, String> {
     let alone = match word {
         "" => return Ok(None),
         "reset" => Some(Step::Do(Command::Reset)),
+        "undo" => Some(Step::Do(Command::Undo)),
+        "redo" => Some(Step::Do(Command::Redo)),
+        "focus" => Some(Step::Do(Command::Focus)),
+        "home" => Some(Step::Do(Command::Home)),
         "copy" => Some(Step::Do(Command::Copy)),
         "play" => Some(Step::Do(Command::Play)),
         "dismiss" => Some(Step::Do(Command::Dismiss)),
@@ -131,7 +151,11 @@ pub fn parse(line: &str) -> Result<Option<Step>, String> {
         "heads" => Command::Heads(values::whole(1, MAX_HEADS)(rest).map_err(say)?),
         "camera" => Command::Camera(render::camera(rest).map_err(say)?),
         "zoom" => Command::Zoom(values::zoom(rest).map_err(say)?),
+        "pan" => Command::Pan(pan(rest).ok_or_else(|| say("write `pan X,Y`, as in `pan 0.2,-0.1`".into()))?),
         "search" => Command::Search(rest.to_owned()),
+        "active" => Command::Active(switch()?),
+        "width" => Command::Width(number("a number of points from 100 to 4000", |v| (100.0..=4000.0).contains(&v))?),
+        "help" => Command::Help(switch()?),
         "twins" => Command::Twins(switch()?),
         "panel" => Command::Panel(switch()?),
         "frames" => return Ok(Some(Step::Frames(values::whole(1, 1_000_000_000)(rest).map_err(say)?))),
@@ -144,6 +168,12 @@ pub fn parse(line: &str) -> Result<Option<Step>, String> {
         unknown => return Err(format!("'{unknown}' is no command; `deltamorph view --help` lists them")),
     };
     Ok(Some(Step::Do(command)))
+}
+
+fn pan(text: &str) -> Option<[f32; 2]> {
+    let (x, y) = text.split_once(',')?;
+    let number = |text: &str| text.trim().parse().ok().filter(|v: &f32| v.abs() <= 100.0);
+    Some([number(x)?, number(y)?])
 }
 
 fn one_of<T: Copy>(all: &[T], name: fn(T) -> String, given: &str) -> Result<T, String> {
@@ -170,15 +200,15 @@ mod tests {
     fn every_command_of_the_help_is_read() {
         let lines = "set jaw open 0.5\nreset\nrandom 7\ncopy\nclip a b.csv\nplay\npause\nscrub 12.5\nspeed 2\npath blocks\n\
                      format small\npose fixed16\nbudget 1e-4d\nheads 3\ndetail all\ndetail 50%\ndetail 0.5px\nshow heat\ncamera -20,5\nzoom 2\nsearch jaw\n\
-                     twins off\npanel on\ndismiss\ndrop x#y.glb # a remark\nframes 3\nresize 640 480\nresize 640x480\n\
+                     twins off\npanel on\nundo\nredo\npan 0.5,-1\nfocus\nhome\nactive on\nwidth 400\nhelp off\ndismiss\ndrop x#y.glb # a remark\nframes 3\nresize 640 480\nresize 640x480\n\
                      screenshot a.png\nstats s.json\nquit\n\n# nothing\n";
         let steps = script(lines).expect("commands");
-        assert_eq!(steps.len(), 31);
+        assert_eq!(steps.len(), 39);
         assert_eq!(steps[0], (1, Step::Do(Command::Set("jaw open".into(), 0.5))));
         let details = [Detail::All, Detail::Share(0.5), Detail::Pixels(0.5)];
         assert_eq!([14, 15, 16].map(|i| steps[i].1.clone()), details.map(|detail| Step::Do(Command::Detail(detail))));
-        assert_eq!(steps[24].1, Step::Do(Command::Drop("x#y.glb".into())));
-        assert_eq!((&steps[26].1, &steps[27].1), (&Step::Resize([640, 480]), &Step::Resize([640, 480])));
+        assert_eq!(steps[32].1, Step::Do(Command::Drop("x#y.glb".into())));
+        assert_eq!((&steps[34].1, &steps[35].1), (&Step::Resize([640, 480]), &Step::Resize([640, 480])));
         for word in lines.lines().filter_map(|line| line.split_whitespace().next()).filter(|word| *word != "#") {
             assert!(HELP.contains(&format!("{word} ")) || HELP.contains(&format!("{word}\n")), "{word}");
         }
@@ -202,6 +232,8 @@ mod tests {
             ("detail 120%", "a share as 50%"),
             ("detail -1px", "pixels as 0.5px"),
             ("speed 99", "from 0.05 to 8"),
+            ("pan 1", "write `pan X,Y`"),
+            ("width 9", "from 100 to 4000"),
         ] {
             let error = script(text).expect_err(text);
             assert!(error.starts_with("line ") && error.contains(says), "{text}: {error}");

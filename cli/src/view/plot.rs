@@ -1,24 +1,34 @@
 //! Small plots of the last frames.
 
+use super::measured::{Measured, Row};
+use super::panel::{About, called};
+use super::state::State;
 use super::style::{ACCENT, DIM, FULL, GRID, INK, PLATE};
+use crate::table::{bytes, percent, sig3, thousands};
+use deltamorph::UpdatePath;
 use egui::{Align2, CornerRadius, FontId, Pos2, Rect, Sense, Stroke, Ui, Vec2, pos2, vec2};
 
 /// Frames in a plot.
-pub const FRAMES: usize = 180;
+const FRAMES: usize = 180;
+
+/// Height of a plot.
+pub const HEIGHT: f32 = 104.0;
 
 /// A line of values, oldest first, and a value to compare it with.
-pub struct Plot<'a> {
-    pub title: &'a str,
-    pub values: Vec<f64>,
+struct Plot {
+    title: &'static str,
+    about: &'static str,
+    values: Vec<f64>,
     /// A horizontal line, and its label.
-    pub mark: Option<(f64, String)>,
+    mark: Option<(f64, String)>,
     /// The last value, formatted.
-    pub now: String,
+    now: String,
 }
 
 /// Draws the plot into a space of this size.
-pub fn show(ui: &mut Ui, size: Vec2, plot: &Plot<'_>) {
-    let (rect, _) = ui.allocate_exact_size(size, Sense::hover());
+fn show(ui: &mut Ui, size: Vec2, plot: &Plot) {
+    let (rect, response) = ui.allocate_exact_size(size, Sense::hover());
+    called(&response, plot.title).on_hover_text(plot.about);
     let painter = ui.painter_at(rect);
     painter.rect_filled(rect, CornerRadius::same(6), PLATE);
     let small = FontId::proportional(11.5);
@@ -44,4 +54,58 @@ pub fn show(ui: &mut Ui, size: Vec2, plot: &Plot<'_>) {
     let points: Vec<Pos2> =
         (first..).zip(&plot.values).map(|(i, value)| pos2(area.left() + i as f32 * step, y(*value))).collect();
     painter.line(points, Stroke::new(1.4, ACCENT));
+}
+
+/// Draws all plots in so many columns.
+pub fn all(ui: &mut Ui, columns: usize, state: &State, measured: &Measured, about: &About<'_>) {
+    let rows: Vec<&Row> = measured.rows.iter().rev().take(FRAMES).collect();
+    let line = |value: &dyn Fn(&Row) -> f64| rows.iter().rev().map(|row| value(row)).collect::<Vec<f64>>();
+    let (on_device, heads) = (about.desc.path != UpdatePath::Cpu, f64::from(state.heads));
+    let update = |row: &Row| if on_device { row.sample.update_ms.unwrap_or(0.0) } else { row.sample.cpu_ms };
+    let frame = |row: &Row| if on_device { row.sample.frame_ms.unwrap_or(0.0) } else { row.wall_ms };
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
+    let last = |values: &[f64]| values.last().copied().unwrap_or(0.0);
+    let (changed, moved) =
+        (line(&|row| row.sample.stats.coefficients as f64), line(&|row| row.sample.stats.bytes_moved as f64));
+    let (updates, frames) = (line(&update), line(&frame));
+    let shares: Vec<f64> =
+        updates.iter().zip(&frames).map(|(u, f)| if *f > 0.0 { 100.0 * u / f } else { 0.0 }).collect();
+    let full_bytes = measured.full.map(|(b, _)| b as f64 * heads);
+    let full_ms = measured.full.and_then(|(_, ms)| ms).map(|ms| ms * heads);
+    let share = measured.summary(on_device).update_share;
+    let plots = [
+        Plot {
+            title: "targets changed",
+            about: "weights that differ from the frame before, of all instances; only these are updated",
+            now: thousands(last(&changed) as usize),
+            mark: Some(((state.input.kept.targets.len() as f64) * heads, "all".into())),
+            values: changed,
+        },
+        Plot {
+            title: "bytes moved",
+            about: "loaded and stored by the update of a frame; the line: by an update from the base pose in float32",
+            now: bytes(last(&moved)),
+            mark: full_bytes.map(|full| (full, format!("full evaluation {}", bytes(full)))),
+            values: moved,
+        },
+        Plot {
+            title: if on_device { "device time" } else { "CPU time" },
+            about: "what the update of a frame takes; the line: an update from the base pose in float32",
+            now: format!("{} ms", sig3(last(&updates))),
+            mark: full_ms.map(|full| (full, format!("full evaluation {} ms", sig3(full)))),
+            values: updates,
+        },
+        Plot {
+            title: "of the frame",
+            about: "the update's share of the time of the whole frame: its median, and each frame",
+            now: share.map_or("–".into(), percent),
+            mark: Some(mean(&frames)).filter(|ms| *ms > 0.0).map(|ms| (5.0, format!("5% of {} ms", sig3(ms)))),
+            values: shares,
+        },
+    ];
+    let gap = ui.spacing().item_spacing.x;
+    let wide = (ui.available_width() + gap) / columns as f32 - gap;
+    for row in plots.chunks(columns) {
+        ui.horizontal(|ui| row.iter().for_each(|plot| show(ui, vec2(wide, HEIGHT), plot)));
+    }
 }

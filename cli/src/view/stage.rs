@@ -6,27 +6,28 @@ use super::frame::{Drawn, Frames, Wanted};
 use super::heads::{Full, Heads};
 use super::measured::Measured;
 use super::painter::{Painter, Picture};
-use super::panel::{self, About};
+use super::panel::{self, About, ZOOM};
 use super::state::State;
 use super::swapchain::{self, Swapchain};
-use super::{command::Command, style};
+use super::{command::Command, legend, style};
 use crate::args::render::Background;
 use crate::detail::{Detail, Kept};
 use crate::output::{Failure, Output};
 use crate::render::crowd::places;
-use crate::render::scenery::Subject;
+use crate::render::scenery::{Subject, bounds};
 use crate::runner::prepare;
 use deltamorph::UpdatePath;
 use deltamorph::ash::vk;
 use deltamorph::lod;
 use deltamorph_headless::DeviceChoice;
-use deltamorph_render::{Camera, Light, Scene, Show};
+use deltamorph_render::{Camera, Light, Scene, Show, View};
 use egui::Context;
 use glam::{Mat4, Vec3};
 use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
+use winit::dpi::LogicalSize;
 use winit::window::Window;
 
 /// Paths whose poses can be drawn; the panel offers those that the device supports.
@@ -121,6 +122,11 @@ impl Stage {
 
     pub fn messages(&self) -> Arc<Messages> {
         self.device.messages()
+    }
+
+    /// Pixels of a size stated without the scale of the screen.
+    pub fn pixels(&self, [width, height]: [u32; 2]) -> [u32; 2] {
+        LogicalSize::new(width, height).to_physical::<u32>(self.window.scale_factor()).into()
     }
 
     /// Handles an event of the window; returns whether the panel has to be redrawn.
@@ -220,7 +226,8 @@ impl Stage {
         let paths: Vec<UpdatePath> = PATHS.into_iter().filter(|path| caps.check_path(*path).is_ok()).collect();
         let format = self.heads.mesh.layout().format;
         let kept = self.kept.as_ref().filter(|_| state.detail != Detail::All).map(Kept::of_all);
-        let about = About { device: &caps.name, paths: &paths, desc: self.heads.desc, format, kept };
+        let (device, desc, reach) = (&*caps.name, self.heads.desc, self.reach);
+        let about = About { device, paths: &paths, desc, format, kept, reach };
         let (context, mut done, mut free) = (self.ui.egui_ctx().clone(), vec![], egui::Rect::ZERO);
         let mut output = context.run_ui(input, |ui| {
             let (rect, commands) = panel::show(ui, state, &self.measured, &about);
@@ -265,23 +272,43 @@ impl Stage {
         Ok(kept.fades())
     }
 
-    fn scene(&self, state: &State, extent: vk::Extent2D) -> Scene {
-        let [left, top, width, height] = self.free;
+    /// A view of all instances, from where the camera is.
+    fn all(&self, state: &State, extent: vk::Extent2D) -> View {
+        let [_, _, width, height] = self.free;
         let aspect = extent.width as f32 * width / (extent.height as f32 * height).max(1.0);
         let camera = Camera { yaw: state.camera[0], pitch: state.camera[1], ..Camera::default() };
         let all =
             self.heads.places.iter().flat_map(|place| self.subject.focus.iter().map(|p| place.transform_point3(*p)));
-        let mut view = camera.fit(all, aspect.max(0.05), MARGIN);
+        camera.fit(all, aspect.max(0.05), MARGIN)
+    }
+
+    /// Zoom and pan that fill the room with these vertices of the first instance.
+    pub fn focus(&self, state: &State, vertices: &[u32]) -> (f32, [f32; 2]) {
+        let Some(swapchain) = self.swapchain.as_ref().filter(|_| !vertices.is_empty()) else { return (1.0, [0.0; 2]) };
+        let to_clip = self.all(state, swapchain.extent).clip * self.heads.places[0];
+        let positions = &state.input.kept.positions;
+        let (low, high) = bounds(vertices.iter().map(|&v| to_clip.project_point3(positions[v as usize])));
+        let (size, middle) = ((high - low).truncate().max_element(), (low + high).truncate() / 2.0);
+        let zoom = (2.0 * (1.0 - 2.0 * MARGIN) / size.max(f32::MIN_POSITIVE)).clamp(ZOOM[0], ZOOM[1]);
+        (zoom, (-middle / 2.0).to_array())
+    }
+
+    fn scene(&self, state: &State, extent: vk::Extent2D) -> Scene {
+        let [left, top, width, height] = self.free;
+        let ([right, down], zoom) = (state.pan, state.zoom);
+        let mut view = self.all(state, extent);
         // Into the part of the window that the panel leaves free.
-        let middle = Vec3::new(2.0 * left + width - 1.0, 2.0 * top + height - 1.0, 0.0);
-        let size = Vec3::new(width * state.zoom, height * state.zoom, 1.0);
+        let middle = [(left, width, right), (top, height, down)];
+        let [x, y] = middle.map(|(first, size, pan)| 2.0 * first + size * (1.0 + 2.0 * pan * zoom) - 1.0);
+        let middle = Vec3::new(x, y, 0.0);
+        let size = Vec3::new(width * zoom, height * zoom, 1.0);
         view.clip = Mat4::from_translation(middle) * Mat4::from_scale(size) * view.clip;
         let show = match state.look {
             Look::Shaded => Show::Shaded,
             Look::Wire => Show::Wire,
             Look::Normals => Show::Normals,
             Look::Heat => Show::Distance(self.reach),
-            Look::Motion => Show::Motion(self.reach * 0.1),
+            Look::Motion => Show::Motion(legend::motion_end(self.reach)),
             Look::Blocks => Show::Blocks,
             Look::Wrinkles => Show::Wrinkles,
         };

@@ -1,7 +1,7 @@
 //! The user's choices, and the effects of commands on them. Independent of window and device.
 
 use super::command::{Command, Look};
-use super::groups::{Group, groups, twin};
+use super::groups::{Group, groups, of_face, twin};
 use crate::args::RunArgs;
 use crate::args::view::ViewArgs;
 use crate::detail::Detail;
@@ -14,6 +14,14 @@ use std::path::{Path, PathBuf};
 /// Number of weights that `random` sets.
 const RANDOM: usize = 6;
 
+/// Seconds that a notice stays; errors are read twice.
+const STAYS: f64 = 5.0;
+const ERROR_STAYS: f64 = 20.0;
+/// Changes of weights that can be taken back.
+const UNDONE: usize = 200;
+/// Width of the panel at first, in points.
+pub const WIDTH: f32 = 332.0;
+
 /// The mesh, weights, clip, update description, and view.
 pub struct State {
     /// The mesh, and the options of its updates, as on the command line.
@@ -22,8 +30,15 @@ pub struct State {
     /// Names of the sliders: targets, or controls of the rig.
     pub names: Vec<String>,
     pub values: Vec<f32>,
+    /// Weights before changes that can be taken back, and before those that were.
+    undone: [Vec<Vec<f32>>; 2],
+    /// The slider whose changes are undone together.
+    pub moving: Option<usize>,
     pub groups: Vec<Group>,
     pub clip: Option<BoundClip>,
+    /// Clips to choose from, and the chosen one.
+    pub clips: Vec<PathBuf>,
+    pub chosen: Option<PathBuf>,
     /// Whether weights come from the clip; until a slider is moved.
     pub follows: bool,
     pub playing: bool,
@@ -36,12 +51,25 @@ pub struct State {
     /// While wrinkles are shown, the mesh without masks; afterwards, the mesh with them.
     unshown: Option<Meshes>,
     pub camera: [f32; 2],
+    /// The camera at the beginning.
+    home: [f32; 2],
     pub zoom: f32,
+    pub pan: [f32; 2],
     pub search: String,
+    pub only_active: bool,
     pub twins: bool,
     pub panel: bool,
-    /// A notice in the window, and whether it is an error.
-    pub notice: Option<(String, bool)>,
+    pub width: f32,
+    pub help: bool,
+    pub notice: Option<Notice>,
+}
+
+/// A text in the window, which leaves by itself.
+pub struct Notice {
+    pub text: String,
+    pub is_error: bool,
+    /// Seconds it stays.
+    left: f64,
 }
 
 /// The window's part in executing a command.
@@ -49,6 +77,8 @@ pub enum Effect {
     None,
     /// Recreate the instances: they are packed or updated differently, or their number changed.
     Heads,
+    /// Turn the camera's zoom and pan to these vertices.
+    Focus(Vec<u32>),
     /// Another mesh: the new state, if instances of it can be created.
     Mesh(Box<State>),
     /// A text for the clipboard.
@@ -60,24 +90,33 @@ impl State {
         let input = input::load_split(&args.run.input, false, out)?;
         let clip = first_clip(args.weights.as_deref(), &args.run, &input)?;
         let clip = clip.map(|clip| input::layered(clip, &args.layers.layers, &args.run.input, &input)).transpose()?;
-        let mut this = Self { heads: args.heads, camera: args.camera, ..Self::of(args.run.clone(), input, clip) };
+        let at_rest = Self::of(args.run.clone(), input, clip, args.weights.clone());
+        let mut this = Self { heads: args.heads, camera: args.camera, home: args.camera, ..at_rest };
         this.input.pose(&args.set)?; // refuses names that there are not
         for (name, weight) in &args.set {
             this.set(name, *weight, false)?;
         }
+        this.undone = Default::default();
         Ok(this)
     }
 
-    /// The state of a mesh at rest.
-    fn of(run: RunArgs, input: Input, clip: Option<BoundClip>) -> Self {
+    /// The state of a mesh at rest. `named`: the clip, if it is none of the input's.
+    fn of(run: RunArgs, input: Input, clip: Option<BoundClip>, named: Option<PathBuf>) -> Self {
         let names: Vec<String> = input.controls().into_iter().map(str::to_owned).collect();
+        let mut clips = input.clips.clone();
+        let chosen = named.or_else(|| clips.first().cloned());
+        clips.extend(chosen.clone().filter(|chosen| !clips.contains(chosen)));
         Self {
             run,
             values: vec![0.0; names.len()],
+            undone: Default::default(),
+            moving: None,
             groups: groups(&names),
             names,
             input,
             clip,
+            clips,
+            chosen,
             follows: false,
             playing: false,
             at: 0.0,
@@ -87,10 +126,15 @@ impl State {
             look: Look::Shaded,
             unshown: None,
             camera: [0.0; 2],
+            home: [0.0; 2],
             zoom: 1.0,
+            pan: [0.0; 2],
             search: String::new(),
+            only_active: false,
             twins: true,
             panel: true,
+            width: WIDTH,
+            help: false,
             notice: None,
         }
     }
@@ -101,12 +145,15 @@ impl State {
         let anew = matches!(command, Budget(_) | Format(_) | Heads(_) | Path(_) | Pose(_));
         match command {
             Command::Set(name, weight) => self.set(&name, weight, self.twins)?,
+            Command::Settled => self.moving = None,
+            Command::Undo => self.take_back(0),
+            Command::Redo => self.take_back(1),
             Command::Reset => {
-                self.stop();
+                self.changes(None);
                 self.values.fill(0.0);
             }
             Command::Random(seed) => {
-                self.stop();
+                self.changes(None);
                 self.values.fill(0.0);
                 let mut rng = Rng::new(seed, 0);
                 for _ in 0..RANDOM.min(self.names.len()) {
@@ -151,10 +198,16 @@ impl State {
             Command::Detail(detail) => self.detail = detail,
             Command::Show(look) => return self.show(look),
             Command::Camera(camera) => self.camera = camera,
+            Command::Pan(pan) => self.pan = pan,
+            Command::Focus => return Ok(Effect::Focus(self.in_focus())),
+            Command::Home => (self.camera, self.zoom, self.pan) = (self.home, 1.0, [0.0; 2]),
             Command::Zoom(zoom) => self.zoom = zoom,
             Command::Search(text) => self.search = text,
+            Command::Active(on) => self.only_active = on,
             Command::Twins(on) => self.twins = on,
             Command::Panel(on) => self.panel = on,
+            Command::Width(width) => self.width = width,
+            Command::Help(on) => self.help = on,
             Command::Dismiss => self.notice = None,
             Command::Drop(path) => return Ok(self.take(path, out)),
         }
@@ -176,9 +229,57 @@ impl State {
         Ok(Effect::None)
     }
 
-    /// From now on, weights come from the sliders.
-    fn stop(&mut self) {
+    pub fn say(&mut self, text: String, is_error: bool) {
+        let left = if is_error { ERROR_STAYS } else { STAYS };
+        self.notice = Some(Notice { text, is_error, left });
+    }
+
+    /// From now on, weights come from the sliders, and those there are can be had again. `slider`: the one that moves.
+    fn changes(&mut self, slider: Option<usize>) {
         (self.playing, self.follows) = (false, false);
+        if slider.is_none() || self.moving != slider {
+            let [before, after] = &mut self.undone;
+            before.push(self.values.clone());
+            before.drain(..before.len().saturating_sub(UNDONE));
+            after.clear();
+        }
+        self.moving = slider;
+    }
+
+    /// Takes a change of weights back; with 1, takes that back.
+    fn take_back(&mut self, from: usize) {
+        self.moving = None;
+        if let Some(values) = self.undone[from].pop() {
+            (self.playing, self.follows) = (false, false);
+            let now = std::mem::replace(&mut self.values, values);
+            self.undone[1 - from].push(now);
+        }
+    }
+
+    /// Whether there is something to undo and to redo.
+    pub fn undoable(&self) -> [bool; 2] {
+        self.undone.each_ref().map(|list| !list.is_empty())
+    }
+
+    /// Vertices that the active targets move a good part of their way; at rest, those that targets of the face do.
+    fn in_focus(&self) -> Vec<u32> {
+        let mesh = &self.input.kept;
+        let names = || mesh.targets.iter().map(|target| target.name.as_str());
+        let settings: Vec<_> = self.names.iter().cloned().zip(self.values.iter().copied()).collect();
+        let pose = self.input.pose(&settings).unwrap_or_default();
+        let ways = [
+            pose.iter().map(|weight| *weight != 0.0).collect(),
+            names().map(of_face).collect(),
+            vec![true; mesh.targets.len()],
+        ];
+        let wanted = ways.into_iter().find(|wanted: &Vec<bool>| wanted.contains(&true)).unwrap_or_default();
+        let mut vertices = vec![];
+        for (target, _) in mesh.targets.iter().zip(wanted).filter(|(_, wanted)| *wanted) {
+            let furthest = target.positions.iter().map(|d| d.length_squared()).fold(0.0, f32::max);
+            let moved = target.vertices.iter().zip(&target.positions);
+            vertices.extend(moved.filter(|(_, d)| d.length_squared() > 0.1 * furthest).map(|(v, _)| *v));
+        }
+        vertices
     }
 
     fn set(&mut self, name: &str, weight: f32, twins: bool) -> Result<(), Failure> {
@@ -188,7 +289,7 @@ impl State {
                 "set {name}: {origin} has no such target or control; `deltamorph info` lists the {count} there are"
             ))
         })?;
-        self.stop();
+        self.changes(Some(target));
         self.put(target, weight, twins);
         Ok(())
     }
@@ -202,7 +303,10 @@ impl State {
 
     fn take_clip(&mut self, path: &Path) -> Result<(), Failure> {
         self.clip = Some(input::clip(path, &self.run.input, &self.input, &[])?);
-        (self.at, self.follows) = (0.0, true);
+        (self.at, self.follows, self.chosen) = (0.0, true, Some(path.to_owned()));
+        if !self.clips.iter().any(|clip| clip == path) {
+            self.clips.push(path.to_owned());
+        }
         Ok(())
     }
 
@@ -220,28 +324,30 @@ impl State {
         } else {
             input::load_split(&run.input, false, out).and_then(|input| {
                 let clip = first_clip(None, &run, &input)?;
-                let Self { heads, detail, look, camera, zoom, speed, twins, panel, .. } = *self;
-                let notice = Some((format!("{name} is here"), false));
-                let at_rest = Self::of(run.clone(), input, clip);
-                let mut other = Self { heads, detail, camera, zoom, speed, twins, panel, notice, ..at_rest };
+                let Self { heads, detail, look, camera, home, speed, twins, panel, width, .. } = *self;
+                let at_rest = Self::of(run.clone(), input, clip, None);
+                let mut other = Self { heads, detail, camera, home, speed, twins, panel, width, ..at_rest };
+                other.say(format!("{name} is here"), false);
                 other.show(look)?;
                 Ok(Effect::Mesh(Box::new(other)))
             })
         };
         match taken {
             Ok(effect) => {
-                self.notice = Some((format!("{name} is here"), false));
+                self.say(format!("{name} is here"), false);
                 effect
             }
             Err(failure) => {
-                self.notice = Some((failure.to_string(), true));
+                self.say(failure.to_string(), true);
                 Effect::None
             }
         }
     }
 
-    /// Advances the clip by this time, in seconds.
+    /// Advances the clip by this time, in seconds, and the end of a notice.
     pub fn advance(&mut self, seconds: f64) {
+        self.notice = self.notice.take().map(|notice| Notice { left: notice.left - seconds, ..notice });
+        self.notice.take_if(|notice| notice.left <= 0.0);
         if let Some(clip) = self.clip.as_ref().filter(|_| self.playing) {
             self.at = (self.at + seconds * f64::from(clip.fps * self.speed)) % clip.frame_count() as f64;
         }

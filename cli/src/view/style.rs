@@ -13,8 +13,6 @@ pub const FULL: Color32 = Color32::from_rgb(0xd0, 0x9a, 0x5b);
 pub const ERROR: Color32 = Color32::from_rgb(0xe5, 0x7b, 0x6e);
 /// Background of the instances, in sRGB.
 pub const BEHIND: [u8; 3] = [0x23, 0x26, 0x2d];
-/// Width of the panel.
-pub const WIDTH: f32 = 332.0;
 
 /// Applies the style. `still`: without animation, so that every run of a script looks the same.
 pub fn apply(context: &Context, still: bool) {

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
-use winit::dpi::PhysicalSize;
+use winit::dpi::LogicalSize;
 use winit::event::WindowEvent;
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
 use winit::window::{Window, WindowId};
@@ -96,7 +96,7 @@ impl<'a> App<'a> {
         let [width, height] = self.args.size;
         let title = format!("deltamorph – {}", self.state.input.name);
         let attributes = Window::default_attributes().with_title(title);
-        let attributes = attributes.with_inner_size(PhysicalSize::new(width, height));
+        let attributes = attributes.with_inner_size(LogicalSize::new(width, height));
         let window = events.create_window(attributes).map_err(no_window)?;
         let (window, still) = (Arc::new(window), self.script.is_some());
         let stage = Stage::new(window, &self.state, self.choice, self.args.validation, still, self.out)?;
@@ -119,13 +119,18 @@ impl<'a> App<'a> {
                 Ok(())
             }
             Effect::Copy(text) => {
+                self.state.say(format!("copied: {text}"), false);
                 stage.copy(text);
+                Ok(())
+            }
+            Effect::Focus(vertices) => {
+                (self.state.zoom, self.state.pan) = stage.focus(&self.state, &vertices);
                 Ok(())
             }
             Effect::Mesh(other) => {
                 match stage.rebuild(&other, true, self.out) {
                     Ok(()) => self.state = *other,
-                    Err(failure) => self.state.notice = Some((failure.to_string(), true)),
+                    Err(failure) => self.state.say(failure.to_string(), true),
                 }
                 Ok(())
             }
@@ -142,7 +147,7 @@ impl<'a> App<'a> {
         loop {
             let (Some(script), Some(stage)) = (&mut self.script, &mut self.stage) else { return Ok(true) };
             if let Some((size, since)) = script.size {
-                if stage.size() != Some(size) {
+                if stage.size() != Some(stage.pixels(size)) {
                     if since.elapsed() > PATIENCE {
                         let [width, height] = size;
                         return Err(Failure::Failed(format!(
@@ -166,7 +171,7 @@ impl<'a> App<'a> {
                 Step::Screenshot(path) => (script.frames, script.screenshot) = (2, Some(path)),
                 Step::Resize([width, height]) => {
                     script.size = Some(([width, height], Instant::now()));
-                    let _ = stage.window.request_inner_size(PhysicalSize::new(width, height));
+                    let _ = stage.window.request_inner_size(LogicalSize::new(width, height));
                 }
                 Step::Stats(path) => {
                     stage.finish()?;
@@ -200,12 +205,12 @@ impl<'a> App<'a> {
             script.frames = 1;
         }
         self.state.advance(FRAME.as_secs_f64());
-        let still = done.is_empty() && !self.state.playing && !moves;
+        let still = done.is_empty() && !self.state.playing && !moves && self.state.notice.is_none();
         self.awake = if still { self.awake.saturating_sub(1) } else { AWAKE };
         for command in done {
             // Errors of user commands are shown in the window.
             if let Err(failure) = self.apply(command) {
-                self.state.notice = Some((failure.to_string(), true));
+                self.state.say(failure.to_string(), true);
             }
         }
         Ok(true)
@@ -252,7 +257,7 @@ impl ApplicationHandler for App<'_> {
             WindowEvent::DroppedFile(path) => {
                 self.awake = AWAKE;
                 if let Err(failure) = self.apply(Command::Drop(path)) {
-                    self.state.notice = Some((failure.to_string(), true));
+                    self.state.say(failure.to_string(), true);
                 }
             }
             WindowEvent::RedrawRequested if !events.exiting() => {

@@ -1,0 +1,440 @@
+//! The panel without a window: each control is reached by the mouse and by the keyboard, in windows of all shapes.
+
+use super::*;
+use crate::args::{Cli, Command as Program};
+use crate::output::Output;
+use clap::Parser;
+use egui::accesskit::{Node, NodeId, Role};
+use egui::{Context, Event, Modifiers, MouseWheelUnit, PointerButton, Pos2, RawInput, TouchPhase, Vec2, pos2};
+
+/// Windows, in points, and the scale of the screen.
+const WINDOWS: [([f32; 2], f32); 6] = [
+    ([640.0, 400.0], 1.0),
+    ([1280.0, 800.0], 1.0),
+    ([400.0, 900.0], 1.0),
+    ([640.0, 400.0], 2.0),
+    ([1280.0, 800.0], 2.0),
+    ([400.0, 900.0], 2.0),
+];
+
+/// How a control is used, and what is chosen.
+#[derive(Clone, Copy, Debug)]
+enum Use {
+    Press,
+    Choose(&'static str),
+    Slide,
+    Type(&'static str),
+}
+use Use::{Choose, Press, Slide, Type};
+
+/// Each control: its name, how it is used, and how the command begins that follows.
+const CONTROLS: &[(&str, Use, &str)] = &[
+    ("hide the panel (P)", Press, "Panel(false)"),
+    ("keys and mouse (?)", Press, "Help(true)"),
+    ("Clip", Choose("second"), "Clip("),
+    ("Play", Press, "Play"),
+    ("Frame", Slide, "Scrub("),
+    ("Speed", Choose("2×"), "Speed(2.0)"),
+    ("Path", Choose("cpu"), "Path(Cpu)"),
+    ("Deltas", Choose("small"), "Format("),
+    ("Poses", Choose("fixed32"), "Pose(Fixed32)"),
+    ("Budget", Choose("1e-4 of the diagonal"), "Budget("),
+    ("Heads", Choose("5"), "Heads(5)"),
+    ("Detail", Choose("50% of the targets"), "Detail("),
+    ("heat", Press, "Show(Heat)"),
+    ("wrinkles", Press, "Show(Wrinkles)"),
+    ("Search", Type("jaw"), "Search(\"jaw"),
+    ("only active", Press, "Active(true)"),
+    ("L = R", Press, "Twins(false)"),
+    ("Reset", Press, "Reset"),
+    ("Random", Press, "Random("),
+    ("Copy", Press, "Copy"),
+    ("Undo", Press, "Undo"),
+    ("Redo", Press, "Redo"),
+    ("browInnerUp", Slide, "Set(\"browInnerUp\""),
+    ("tongueOut", Slide, "Set(\"tongueOut\""),
+];
+
+/// A panel, and hands at mouse and keyboard.
+struct Hands {
+    context: Context,
+    state: State,
+    out: Output,
+    measured: Measured,
+    size: [f32; 2],
+    scale: f32,
+    time: f64,
+    nodes: Vec<(NodeId, Node)>,
+    focus: NodeId,
+    free: Rect,
+    done: Vec<Command>,
+}
+
+impl Hands {
+    fn new([width, height]: [f32; 2], scale: f32, targets: &str) -> Self {
+        let out = Output::new(true, None);
+        let args = ["deltamorph", "view", "--vertices", "600", "--targets", targets];
+        let Program::View(args) = Cli::parse_from(args).command else { unreachable!("it is `view`") };
+        let state = State::new(&args, &out).expect("the built-in head");
+        let context = Context::default();
+        super::super::style::apply(&context, true);
+        context.enable_accesskit();
+        let (size, measured) = ([width, height], Measured::default());
+        let (nodes, done, focus) = (vec![], vec![], NodeId(0));
+        let mut this =
+            Self { context, state, out, measured, size, scale, time: 0.0, nodes, focus, free: Rect::ZERO, done };
+        (0..3).for_each(|_| this.frame(vec![], Modifiers::NONE));
+        this
+    }
+
+    /// A frame with these events, whose commands are done.
+    fn frame(&mut self, events: Vec<Event>, modifiers: Modifiers) {
+        self.time += 0.1;
+        let rect = Rect::from_min_size(Pos2::ZERO, self.size.into());
+        let events = [vec![Event::ModifiersChanged(modifiers)], events].concat();
+        let mut input = RawInput { screen_rect: Some(rect), time: Some(self.time), events, ..RawInput::default() };
+        for viewport in input.viewports.values_mut() {
+            viewport.native_pixels_per_point = Some(self.scale);
+        }
+        let paths = [UpdatePath::Blocks, UpdatePath::Cpu];
+        let (desc, format) = (UpdateDesc::blocks(), DeltaFormat::Fast);
+        let about = About { device: "none", paths: &paths, desc, format, kept: None, reach: 1.0 };
+        let (state, measured, mut shown) = (&self.state, &self.measured, None);
+        let mut output = self.context.run_ui(input, |ui| shown = Some(super::show(ui, state, measured, &about)));
+        let tree = output.platform_output.accesskit_update.take().expect("nodes");
+        output.drop_without_applying_deltas();
+        (self.nodes, self.focus) = (tree.nodes, tree.focus);
+        let (free, done) = shown.expect("a panel");
+        self.free = free;
+        for command in done {
+            let changes_the_device = matches!(command, Command::Path(_) | Command::Show(_) | Command::Panel(_));
+            if !changes_the_device {
+                let _ = self.state.apply(command.clone(), &self.out);
+            }
+            self.done.push(command);
+        }
+    }
+
+    fn key_with(&mut self, modifiers: Modifiers, key: Key) {
+        for pressed in [true, false] {
+            self.frame(vec![Event::Key { key, physical_key: None, pressed, repeat: false, modifiers }], modifiers);
+        }
+    }
+
+    fn key(&mut self, key: Key) {
+        self.key_with(Modifiers::NONE, key);
+    }
+
+    fn text(&mut self, text: &str) {
+        self.frame(vec![Event::Text(text.into())], Modifiers::NONE);
+        self.frame(vec![], Modifiers::NONE);
+    }
+
+    /// Where the control of this name is, if it is anywhere.
+    fn find(&self, name: &str) -> Option<Rect> {
+        let named = |node: &Node| node.label() == Some(name) && !matches!(node.role(), Role::Label);
+        let found = self.nodes.iter().find(|(_, node)| named(node))?;
+        let bounds = found.1.bounds()?;
+        Some(Rect::from_min_max(pos2(bounds.x0 as f32, bounds.y0 as f32), pos2(bounds.x1 as f32, bounds.y1 as f32)))
+    }
+
+    fn drag(&mut self, button: PointerButton, modifiers: Modifiers, from: Pos2, way: Vec2) {
+        let press = |pos, pressed| Event::PointerButton { pos, button, pressed, modifiers };
+        self.frame(vec![Event::PointerMoved(from)], modifiers);
+        self.frame(vec![press(from, true)], modifiers);
+        let to = from + way;
+        if way != Vec2::ZERO {
+            self.frame(vec![Event::PointerMoved(from + way / 2.0)], modifiers);
+            self.frame(vec![Event::PointerMoved(to)], modifiers);
+        }
+        self.frame(vec![press(to, false)], modifiers);
+        self.frame(vec![], modifiers);
+    }
+
+    fn click(&mut self, at: Pos2) {
+        self.drag(PointerButton::Primary, Modifiers::NONE, at, Vec2::ZERO);
+    }
+
+    fn wheel(&mut self, at: Pos2, way: f32) {
+        let (unit, delta, phase, modifiers) =
+            (MouseWheelUnit::Point, vec2(0.0, way), TouchPhase::Move, Modifiers::NONE);
+        self.frame(vec![Event::PointerMoved(at), Event::MouseWheel { unit, delta, phase, modifiers }], modifiers);
+        (0..12).for_each(|_| self.frame(vec![], Modifiers::NONE));
+    }
+
+    /// Where the part of the window is that the panel has.
+    fn panel(&self) -> Rect {
+        let [width, height] = self.size;
+        match self.free.left() > 0.0 {
+            true => Rect::from_min_max(Pos2::ZERO, pos2(self.free.left(), height)),
+            false => Rect::from_min_max(pos2(0.0, self.free.bottom()), pos2(width, height)),
+        }
+    }
+
+    /// Scrolls to a control, and says where it is.
+    fn scroll_to(&mut self, name: &str) -> Pos2 {
+        for _ in 0..60 {
+            let panel = self.panel().shrink(12.0);
+            let way = match self.find(name) {
+                Some(rect) if panel.y_range().contains(rect.center().y) => return rect.center(),
+                Some(rect) if rect.center().y < panel.top() => 120.0,
+                _ => -120.0,
+            };
+            self.wheel(panel.center(), way);
+        }
+        panic!("{name} is not to be found in {:?}", self.size);
+    }
+
+    fn by_mouse(&mut self, name: &str, how: Use) {
+        let at = self.scroll_to(name);
+        match how {
+            Press => self.click(at),
+            Choose(one) => {
+                self.click(at);
+                let at = self.find(one).unwrap_or_else(|| panic!("{name} has no {one}")).center();
+                self.click(at);
+            }
+            Slide => self.drag(PointerButton::Primary, Modifiers::NONE, at, vec2(20.0, 0.0)),
+            Type(text) => {
+                self.click(at);
+                self.text(text);
+            }
+        }
+    }
+
+    /// Goes on by Tab to the control of this name.
+    fn tab_to(&mut self, name: &str) {
+        for _ in 0..400 {
+            self.key(Key::Tab);
+            let focus = self.focus;
+            let reached = self.nodes.iter().any(|(id, node)| *id == focus && node.label() == Some(name));
+            if reached {
+                return;
+            }
+        }
+        panic!("Tab does not reach {name} in {:?}", self.size);
+    }
+
+    fn by_keyboard(&mut self, name: &str, how: Use) {
+        self.tab_to(name);
+        match how {
+            Press => self.key(Key::Space),
+            Choose(one) => {
+                self.key(Key::Space);
+                self.tab_to(one);
+                self.key(Key::Space);
+            }
+            Slide => self.key(Key::ArrowRight),
+            Type(text) => self.text(text),
+        }
+    }
+}
+
+/// Writes clips, so that there is a choice.
+fn clips() -> (tempfile::TempDir, Vec<std::path::PathBuf>) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let clips = ["first.csv", "second.csv"].map(|name| folder.path().join(name));
+    clips.iter().for_each(|clip| std::fs::write(clip, "jawOpen\n0\n1\n0.5\n").expect("a clip"));
+    (folder, clips.into())
+}
+
+fn each_control(reach: fn(&mut Hands, &str, Use)) {
+    let (_folder, clips) = clips();
+    for (size, scale) in WINDOWS {
+        let mut hands = Hands::new(size, scale, "52");
+        hands.state.clips.clone_from(&clips);
+        for (name, how, says) in CONTROLS {
+            hands.done.clear();
+            hands.state.help = false;
+            // Something to undo and to redo.
+            for command in [Command::Reset, Command::Reset, Command::Undo] {
+                hands.state.apply(command, &hands.out).expect("a command");
+            }
+            hands.frame(vec![], Modifiers::NONE);
+            reach(&mut hands, name, *how);
+            let done = hands.done.iter().any(|command| format!("{command:?}").starts_with(says));
+            assert!(done, "{name} in {size:?} at {scale}: {:?}", hands.done);
+            if matches!(how, Type(_)) {
+                hands.key(Key::Escape);
+                hands.key(Key::Escape);
+                assert_eq!(hands.state.search, "", "Escape clears the search");
+            }
+            hands.state.only_active = false;
+            hands.state.playing = false;
+        }
+    }
+}
+
+#[test]
+fn each_control_is_reached_by_mouse_in_windows_of_all_shapes() {
+    each_control(Hands::by_mouse);
+}
+
+#[test]
+fn each_control_is_reached_by_keyboard_in_windows_of_all_shapes() {
+    each_control(Hands::by_keyboard);
+}
+
+#[test]
+fn nothing_is_wider_than_the_panel_and_the_face_keeps_its_room() {
+    for (size, scale) in WINDOWS {
+        for width in [180.0, 332.0, 2000.0] {
+            let mut hands = Hands::new(size, scale, "52");
+            hands.state.width = width;
+            (0..3).for_each(|_| hands.frame(vec![], Modifiers::NONE));
+            let (panel, free) = (hands.panel(), hands.free);
+            assert!(free.area() > 0.3 * size[0] * size[1], "{size:?}, {width}: {free}");
+            assert!(panel.area() > 1e4, "{size:?}, {width}: {panel}");
+            for name in CONTROLS.iter().map(|(name, ..)| name).filter(|name| hands.find(name).is_some()) {
+                let rect = hands.find(name).expect("it is there");
+                let inside = width < 300.0 || panel.left() - 1.0 <= rect.left() && rect.right() <= panel.right() + 1.0;
+                assert!(inside, "{name} in {size:?}, {width}: {rect} of {panel}");
+            }
+        }
+    }
+    // Too small for anything but the face.
+    let hands = Hands::new([200.0, 150.0], 1.0, "52");
+    assert_eq!(hands.free.size(), vec2(200.0, 150.0));
+}
+
+#[test]
+fn keys_do_what_the_list_says() {
+    let (_folder, clips) = clips();
+    let mut hands = Hands::new([1280.0, 800.0], 1.0, "52");
+    hands.state.apply(Command::Clip(clips[0].clone()), &hands.out).expect("a clip");
+    let shift = Modifiers::SHIFT;
+    for (modifiers, key, says) in [
+        (Modifiers::NONE, Key::Space, "Play"),
+        (Modifiers::NONE, Key::Space, "Pause"),
+        (Modifiers::NONE, Key::Comma, "Scrub(2.0)"),
+        (Modifiers::NONE, Key::Period, "Scrub(0.0)"),
+        (Modifiers::NONE, Key::ArrowLeft, "Camera("),
+        (Modifiers::NONE, Key::ArrowUp, "Camera("),
+        (shift, Key::ArrowRight, "Pan("),
+        (shift, Key::ArrowDown, "Pan("),
+        (Modifiers::NONE, Key::Plus, "Zoom(1.15"),
+        (Modifiers::NONE, Key::Minus, "Zoom("),
+        (Modifiers::NONE, Key::F, "Focus"),
+        (Modifiers::NONE, Key::H, "Home"),
+        (Modifiers::NONE, Key::A, "Active(true)"),
+        (Modifiers::NONE, Key::Escape, "Active(false)"),
+        (Modifiers::NONE, Key::P, "Panel(false)"),
+        (Modifiers::NONE, Key::OpenBracket, "Width(308.0)"),
+        (Modifiers::NONE, Key::CloseBracket, "Width(332.0)"),
+        (Modifiers::COMMAND, Key::Z, "Undo"),
+        (Modifiers::COMMAND, Key::Y, "Redo"),
+        (Modifiers::COMMAND | shift, Key::Z, "Redo"),
+        (Modifiers::NONE, Key::Questionmark, "Help(true)"),
+        (Modifiers::NONE, Key::Escape, "Help(false)"),
+        (Modifiers::NONE, Key::F1, "Help(true)"),
+        (Modifiers::NONE, Key::F1, "Help(false)"),
+    ] {
+        hands.done.clear();
+        hands.key_with(modifiers, key);
+        let done: Vec<String> = hands.done.iter().map(|command| format!("{command:?}")).collect();
+        assert!(done.len() == 1 && done[0].starts_with(says), "{key:?}: {done:?}, not {says}");
+    }
+    // Letters that are typed are no commands.
+    hands.key_with(Modifiers::COMMAND, Key::F);
+    hands.done.clear();
+    hands.key(Key::P);
+    hands.text("p");
+    assert_eq!(hands.done, [Command::Search("p".into())]);
+}
+
+#[test]
+fn the_mouse_turns_moves_and_zooms_to_where_it_points() {
+    let mut hands = Hands::new([1280.0, 800.0], 1.0, "4");
+    let (middle, way) = (hands.free.center(), vec2(40.0, 20.0));
+    hands.drag(PointerButton::Primary, Modifiers::NONE, middle, way);
+    assert!(hands.state.camera != [18.0, 4.0] && hands.state.pan == [0.0; 2], "{:?}", hands.state.pan);
+    for (button, modifiers) in [
+        (PointerButton::Primary, Modifiers::SHIFT),
+        (PointerButton::Secondary, Modifiers::NONE),
+        (PointerButton::Middle, Modifiers::NONE),
+    ] {
+        let (camera, _) = (hands.state.camera, hands.state.pan = [0.0; 2]);
+        hands.drag(button, modifiers, middle, way);
+        let Vec2 { x, y } = way / hands.free.size();
+        let [right, down] = hands.state.pan;
+        assert!((right - x).abs() < 1e-4 && (down - y).abs() < 1e-4 && hands.state.camera == camera);
+    }
+    hands.state.pan = [0.0; 2];
+    hands.wheel(middle + 0.25 * hands.free.size(), 100.0);
+    // A quarter of the room from the middle stays there.
+    let ([right, _], zoom) = (hands.state.pan, hands.state.zoom);
+    assert!(zoom > 1.1 && ((0.25 + right) * zoom - 0.25).abs() < 1e-3, "{right}, {zoom}");
+    hands.click(middle);
+    hands.click(middle);
+    let edge = pos2(hands.free.left(), 400.0);
+    hands.drag(PointerButton::Primary, Modifiers::NONE, edge, vec2(60.0, 0.0));
+    assert!((hands.state.width - 392.0).abs() < 1.0, "{}", hands.state.width);
+    assert!((hands.free.left() - 392.0).abs() < 2.0, "{}", hands.free);
+}
+
+#[test]
+fn what_is_empty_says_so_and_what_is_hidden_comes_back() {
+    let mut hands = Hands::new([1280.0, 800.0], 1.0, "52");
+    let says = |hands: &Hands, text: &str| {
+        let said = |node: &Node| [node.label(), node.value()].into_iter().flatten().any(|said| said.contains(text));
+        assert!(hands.nodes.iter().any(|(_, node)| said(node)), "{text}");
+    };
+    hands.state.search = "nose of a dog".into();
+    hands.frame(vec![], Modifiers::NONE);
+    says(&hands, "No target has 'nose of a dog' in its name.");
+    hands.state.search.clear();
+    hands.state.only_active = true;
+    hands.frame(vec![], Modifiers::NONE);
+    says(&hands, "No target is active");
+    hands.state.apply(Command::Set("jawOpen".into(), 0.5), &hands.out).expect("a target");
+    hands.frame(vec![], Modifiers::NONE);
+    assert!(hands.find("jawOpen").is_some() && hands.find("tongueOut").is_none());
+    hands.state.panel = false;
+    (0..3).for_each(|_| hands.frame(vec![], Modifiers::NONE));
+    assert_eq!(hands.free.left(), 0.0);
+    hands.done.clear();
+    let at = hands.find("show the panel (P)").expect("a way back").center();
+    hands.click(at);
+    assert_eq!(hands.done, [Command::Panel(true)]);
+    let bare = Hands::new([1280.0, 800.0], 1.0, "0");
+    says(&bare, "This mesh has no morph targets.");
+}
+
+#[test]
+fn changes_of_weights_are_taken_back_one_by_one() {
+    let mut hands = Hands::new([1280.0, 800.0], 1.0, "52");
+    let weight = |hands: &Hands| {
+        let target = hands.state.names.iter().position(|name| name == "browInnerUp").expect("a target");
+        hands.state.values[target]
+    };
+    // A drag of several frames is one change.
+    hands.by_mouse("browInnerUp", Slide);
+    let first = weight(&hands);
+    hands.by_mouse("browInnerUp", Slide);
+    assert!(first > 0.0);
+    hands.key_with(Modifiers::COMMAND, Key::Z);
+    assert_eq!(weight(&hands), first);
+    hands.key_with(Modifiers::COMMAND, Key::Z);
+    assert_eq!(weight(&hands), 0.0);
+    hands.key_with(Modifiers::COMMAND, Key::Y);
+    assert_eq!(weight(&hands), first);
+    hands.state.apply(Command::Random(3), &hands.out).expect("a command");
+    hands.key_with(Modifiers::COMMAND, Key::Z);
+    assert_eq!((weight(&hands), hands.state.undoable()), (first, [true, true]));
+}
+
+#[test]
+fn notices_leave_by_themselves_and_errors_later() {
+    let mut hands = Hands::new([640.0, 400.0], 1.0, "4");
+    for (is_error, seconds) in [(false, 5), (true, 20)] {
+        hands.state.say("words".into(), is_error);
+        (1..seconds).for_each(|_| hands.state.advance(1.0));
+        assert!(hands.state.notice.is_some());
+        hands.frame(vec![], Modifiers::NONE);
+        hands.state.advance(1.0);
+        assert!(hands.state.notice.is_none());
+    }
+    hands.state.say("words".into(), true);
+    hands.key(Key::Escape);
+    assert!(hands.state.notice.is_none());
+}
