@@ -1,6 +1,7 @@
 //! The command line, as clap sees it.
 
 pub mod bench;
+pub mod encoding;
 pub mod lod;
 pub mod poses;
 pub mod reading;
@@ -14,6 +15,7 @@ use clap::{Args, Parser, Subcommand};
 use deltamorph::{BlockDesc, DeltaFormat, PoseFormat, Tolerance, UpdateMode, UpdatePath};
 use deltamorph_head::HeadDesc;
 use deltamorph_headless::DeviceChoice;
+use encoding::Encoding;
 use lod::LodArgs;
 use poses::Sums;
 use reading::Reading;
@@ -102,14 +104,17 @@ pub struct SampleArgs {
 pub struct PackFileArgs {
     #[command(flatten)]
     pub input: InputArgs,
-    /// Storage of the deltas: a format in blocks
-    #[arg(long, value_name = "FORMAT", default_value = "small")]
+    /// Storage of the deltas in a .dmorph file: a format in blocks [default: small]
+    #[arg(long, value_name = "FORMAT")]
     #[arg(value_parser = values::named(&DeltaFormat::ALL, DeltaFormat::name, DeltaFormat::summary))]
-    pub format: DeltaFormat,
+    pub format: Option<DeltaFormat>,
+    /// Storage of numbers in a .glb file [default: float]
+    #[arg(long, value_name = "ENCODING", value_enum)]
+    pub encoding: Option<Encoding>,
     #[command(flatten)]
     pub pack: PackArgs,
-    /// File to write
-    #[arg(short, long, value_name = "OUT.dmorph")]
+    /// File to write: OUT.dmorph, or OUT.glb for programs that read glTF
+    #[arg(short, long, value_name = "OUT")]
     pub output: PathBuf,
 }
 

@@ -1,4 +1,6 @@
-//! `pack`: writes a mesh as a file that loads without packing again.
+//! `pack`: writes a mesh as a file that loads without packing again, or as glTF.
+
+mod glb;
 
 use crate::args::PackFileArgs;
 use crate::info::measure::Cost;
@@ -42,14 +44,22 @@ struct Exact {
 }
 
 pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
-    let format = Some(args.format).filter(|f| f.is_blocks()).ok_or_else(|| {
+    let name = args.output.display();
+    let is = |ending| args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
+    if is("glb") {
+        return glb::run(args, out);
+    }
+    if !is("dmorph") {
+        let text = "name it *.dmorph or *.glb, so that it is known for what it is";
+        return Err(Failure::Usage(format!("-o {name}: {text}")));
+    }
+    if args.encoding.is_some() {
+        return Err(Failure::Usage(format!("--encoding: is that of *.glb files; -o {name} takes --format")));
+    }
+    let format = Some(args.format.unwrap_or(DeltaFormat::Small)).filter(|f| f.is_blocks()).ok_or_else(|| {
         let names = DeltaFormat::BLOCKS.map(DeltaFormat::name).join(", ");
         Failure::Usage(format!("--format: packed files hold blocks; name one of {names}"))
     })?;
-    if !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("dmorph")) {
-        let name = args.output.display();
-        return Err(Failure::Usage(format!("-o {name}: name it *.dmorph, so that it is known for what it is")));
-    }
     out.check(&input::files_of(&args.input, &[]), &[&args.output], None)?;
     let input = input::load(&args.input, false, out)?;
     if let Some(mesh) = &input.packed {

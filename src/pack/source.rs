@@ -88,7 +88,7 @@ pub(crate) fn largest(deltas: &[Lane]) -> [f32; TRIPLES] {
 }
 
 /// Checks the lengths of normals, targets and streams, and the welds, so that no index is out of range.
-fn check(mesh: &MorphMesh) -> Result<(), String> {
+pub(crate) fn check(mesh: &MorphMesh) -> Result<(), String> {
     let vertices = mesh.vertex_count();
     check_welds(&mesh.welds, vertices)?;
     if !mesh.origin.is_finite() {

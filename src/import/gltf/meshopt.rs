@@ -60,13 +60,19 @@ pub fn decode(data: &[u8], count: usize, size: usize, mode: &str, filter: &str) 
 }
 
 /// Elements in a group.
-const GROUP: usize = 16;
+pub const GROUP: usize = 16;
 /// First bytes of the attribute stream, by version.
-const VERSION_0: u8 = 0xa0;
+pub const VERSION_0: u8 = 0xa0;
 const VERSION_1: u8 = 0xa1;
 /// Bits of the deltas of a group, by the control mode of the byte: 0 is no delta, 8 is whole bytes.
 const BITS_VERSION_0: [u8; 4] = [0, 2, 4, 8];
 const BITS_CONTROL: [[u8; 4]; 2] = [[0, 1, 2, 4], [1, 2, 4, 8]];
+
+/// Elements of `size` bytes in a block.
+pub const fn block_of(size: usize) -> usize {
+    let whole = 8192 / size / GROUP * GROUP;
+    if whole < 256 { whole } else { 256 }
+}
 
 fn attributes(data: &[u8], count: usize, size: usize) -> Option<Vec<u8>> {
     let (&version, rest) = data.split_first()?;
@@ -81,8 +87,7 @@ fn attributes(data: &[u8], count: usize, size: usize) -> Option<Vec<u8>> {
     let mut before: Vec<u8> = before.to_vec();
     let modes = if version == VERSION_0 { &[0; 64][..size / 4] } else { modes };
     let mut out = vec![0; count * size];
-    let block = (8192 / size / GROUP * GROUP).min(256);
-    for elements in out.chunks_mut(block * size) {
+    for elements in out.chunks_mut(block_of(size) * size) {
         let control = if version == VERSION_0 { &[] } else { rest.split_off(..size / 4)? };
         for byte in 0..size {
             let control = control.get(byte / 4).map(|control| control >> (byte % 4 * 2) & 3);
@@ -168,15 +173,15 @@ fn undo_delta(mode: u8, delta: [u8; 4], before: [u8; 4]) -> Option<[u8; 4]> {
 }
 
 /// A queue of 16; index 0 is the last value pushed.
-struct Recent<T>([T; 16], usize);
+pub struct Recent<T>(pub [T; 16], pub usize);
 
 impl<T: Copy> Recent<T> {
-    fn push(&mut self, value: T) {
+    pub fn push(&mut self, value: T) {
         self.0[self.1 % 16] = value;
         self.1 = (self.1 + 1) % 16;
     }
 
-    fn get(&self, back: usize) -> T {
+    pub fn get(&self, back: usize) -> T {
         self.0[(self.1 + 31 - back) % 16]
     }
 }
