@@ -1,5 +1,6 @@
 //! Names of shapes: those of ARKit, with the spellings of Face Cap, ICT-FaceKit and Live Link Face; action units of
-//! FACS; expression units of MakeHuman. [`retarget`] lets a clip with one kind of names play on a mesh with another.
+//! FACS; expression units of MakeHuman; face tracking of OpenXR and MHR; Unified Expressions; visemes; VRM presets.
+//! [`retarget`] lets a clip with one kind of names play on a mesh with another.
 
 mod spelling;
 mod table;
@@ -7,7 +8,7 @@ mod table;
 mod tests;
 
 use deltamorph::{Result, WeightClip};
-use spelling::{Name, Scheme, Side, read};
+use spelling::{Name, Scheme, Side, parts, read};
 use std::collections::{HashMap, HashSet};
 use table::TABLE;
 
@@ -43,11 +44,19 @@ impl Retargeted {
 ///   matter;
 /// - FACS: `AU12`, `AU1`, `AU01`, with `_L`, `_R`, `L`, `R`, `Left` or `Right` for one side. Intensities go from 0 to
 ///   1;
-/// - MakeHuman: `eye-left-closure`, also with its prefixes `caucasian_`, `asian_` and `african_`.
+/// - MakeHuman: `eye-left-closure`, also with its prefixes `caucasian_`, `asian_` and `african_`;
+/// - OpenXR: `XR_FACE_EXPRESSION_JAW_DROP_FB`, `XR_FACE_PARAMETER_INDICES_JAW_DROP_ANDROID`, `JAW_DROP`; Meta's MHR:
+///   `jawDrop`; Unified Expressions (VRCFaceTracking): `MouthCornerPullLeft`;
+/// - visemes of Oculus: `PP`, `viseme_PP`, `vrc.v_pp`; presets of VRM 0 and VRM 1: `A`, `Blink_L`, `Joy`, `aa`,
+///   `blinkLeft`, `happy`.
+///
+/// Of names of Maya and Unreal the last part counts, for columns and for targets: `face_shapes.ai_browDown_L`,
+/// `blendShape1.eyeBlink_L`, `rig:jawOpen`. If parts of several nodes have one name, all of them are driven.
 ///
 /// A shape of both sides drives the targets of both. If a mesh has one target for both sides, each side gives it half
 /// of its weight. A shape drives the targets of the same ARKit meaning; without one, an action unit; without one, a
-/// unit of MakeHuman, of the first ancestry that the mesh has. If several columns drive one target, their weights add
+/// unit of MakeHuman, of the first ancestry that the mesh has; without one, the targets of one of the other lists. A
+/// viseme for which the mesh has no target drives a mixture of ARKit shapes. If several columns drive one target, their weights add
 /// up. A target that has a column of its name is driven by no other.
 ///
 /// A column that neither names a target nor is in the table stays in the clip; [`WeightClip::bind`] refuses it by name.
@@ -102,28 +111,49 @@ pub fn retarget(clip: &WeightClip, targets: &[&str]) -> Result<Retargeted> {
     Ok(Retargeted { clip: WeightClip { names, values, ..clip.clone() }, columns })
 }
 
-/// The targets of a mesh by the meaning of their names.
-struct Targets<'a>(HashMap<Name, &'a str>);
+/// The targets of a mesh by the meaning of their names, and by the last part of those that have several.
+struct Targets<'a> {
+    known: HashMap<Name, Vec<&'a str>>,
+    by_part: HashMap<&'a str, Vec<&'a str>>,
+}
 
 /// A row of the table, and the side of it.
 type Shape = (usize, Side);
 
 impl<'a> Targets<'a> {
     fn new(targets: &[&'a str]) -> Self {
-        let mut known = HashMap::new();
+        let mut this = Self { known: HashMap::new(), by_part: HashMap::new() };
         for target in targets {
+            let (before, last) = parts(target);
+            this.by_part.entry(last).or_default().push(target);
             if let Some(name) = read(target) {
-                known.entry(name).or_insert(*target);
+                let same = this.known.entry(name).or_default();
+                // Of one node, the first target of a meaning.
+                if same.iter().all(|other| parts(other).0 != before) {
+                    same.push(target);
+                }
             }
         }
-        Self(known)
+        this
     }
 
-    /// Returns the targets that a column drives, with factors; `None` if it is not in the table.
+    /// Returns the targets that a column drives, with factors; `None` if nothing is known of its name.
     fn of(&self, column: &str) -> Option<Vec<(&'a str, f32)>> {
+        if let Some(same) = self.by_part.get(parts(column).1) {
+            return Some(same.iter().map(|target| (*target, 1.0)).collect());
+        }
         let mut all: Vec<(&'a str, f32)> = vec![];
-        for (shape, factor) in shapes(read(column)?) {
-            for (target, share) in self.targets(shape) {
+        for ((row, side), factor) in shapes(read(column)?) {
+            let mut found = self.targets((row, side));
+            if found.is_empty() {
+                let parts = TABLE[row]
+                    .made_of
+                    .iter()
+                    .filter_map(|(arkit, share, _)| Some((TABLE.iter().position(|row| row.arkit == *arkit)?, *share)));
+                let parts = parts.map(|(part, share)| (self.targets((part, side)), share));
+                found = parts.flat_map(|(found, share)| found.into_iter().map(move |(t, f)| (t, f * share))).collect();
+            }
+            for (target, share) in found {
                 // FACS has one unit for both lips that roll in: of several shapes that lead to one target, one counts.
                 match all.iter_mut().find(|(name, _)| *name == target) {
                     Some((_, sum)) => *sum = sum.max(share * factor),
@@ -144,9 +174,35 @@ impl<'a> Targets<'a> {
             return found;
         }
         let factor = TABLE[row].makehuman.map_or(0.0, |(_, to, _)| to);
-        let found = (0..spelling::ANCESTRIES.len()).map(|from| self.sides(Scheme::MakeHuman(row, from), side));
-        let found = found.into_iter().find(|found| !found.is_empty()).unwrap_or_default();
-        found.into_iter().map(|(target, share)| (target, share * factor)).collect()
+        let units = (0..spelling::ANCESTRIES.len()).map(|from| self.sides(Scheme::MakeHuman(row, from), side));
+        if let Some(found) = units.into_iter().find(|found| !found.is_empty()) {
+            return found.into_iter().map(|(target, share)| (target, share * factor)).collect();
+        }
+        let found = self.others((row, side));
+        if !found.is_empty() {
+            return found;
+        }
+        let arkit = TABLE[row].arkit;
+        let parts = TABLE.iter().enumerate().flat_map(|(i, row)| row.made_of.iter().map(move |part| (i, part)));
+        let parts = parts.filter(|(_, (of, _, to))| *of == arkit && *to > 0.0);
+        let found = parts.map(|(i, (_, _, to))| (self.others((i, side)), *to));
+        found.flat_map(|(found, to)| found.into_iter().map(move |(target, share)| (target, share * to))).collect()
+    }
+
+    /// Returns the targets of the first of the other vocabularies that the mesh has for a row.
+    fn others(&self, (row, side): Shape) -> Vec<(&'a str, f32)> {
+        let mut of = None;
+        let mut all = vec![];
+        for other in TABLE[row].others.iter() {
+            let fits = other.side.is_none_or(|fixed| side == fixed || side == Side::Both);
+            if fits && of.is_none_or(|of| of == other.of) {
+                let side = if other.name.contains('*') { side } else { Side::Both };
+                let found = self.sides(Scheme::Other(other.of, other.name), side);
+                of = of.or((!found.is_empty()).then_some(other.of));
+                all.extend(found);
+            }
+        }
+        all
     }
 
     /// Returns the action units for a shape; the two sides may have different ones.
@@ -163,11 +219,7 @@ impl<'a> Targets<'a> {
             // The jaw moves to one side at a time: half of each side would be no movement.
             (false, Side::Both) if !sided => {
                 let (number, side) = if left == 0 { (right, Side::Right) } else { (left, Side::Left) };
-                self.0
-                    .get(&Name { scheme: Scheme::Facs(number), side })
-                    .map(|target| (*target, 1.0))
-                    .into_iter()
-                    .collect()
+                self.at(Scheme::Facs(number), side).map(|target| (target, 1.0)).collect()
             }
             (false, Side::Both) => [(left, Side::Left), (right, Side::Right)]
                 .into_iter()
@@ -178,12 +230,20 @@ impl<'a> Targets<'a> {
 
     /// Returns the targets of `scheme` for one or both sides.
     fn sides(&self, scheme: Scheme, side: Side) -> Vec<(&'a str, f32)> {
-        let at = |side| self.0.get(&Name { scheme, side }).copied();
-        match (at(side), side) {
-            (Some(target), _) => vec![(target, 1.0)],
-            (None, Side::Both) => [Side::Left, Side::Right].into_iter().filter_map(at).map(|t| (t, 1.0)).collect(),
-            (None, _) => at(Side::Both).map(|target| (target, 0.5)).into_iter().collect(),
+        let whole: Vec<_> = self.at(scheme, side).map(|target| (target, 1.0)).collect();
+        if !whole.is_empty() {
+            return whole;
         }
+        match side {
+            Side::Both => {
+                [Side::Left, Side::Right].into_iter().flat_map(|s| self.at(scheme, s)).map(|t| (t, 1.0)).collect()
+            }
+            Side::Left | Side::Right => self.at(scheme, Side::Both).map(|target| (target, 0.5)).collect(),
+        }
+    }
+
+    fn at(&self, scheme: Scheme, side: Side) -> impl Iterator<Item = &'a str> {
+        self.known.get(&Name { scheme, side }).into_iter().flatten().copied()
     }
 }
 
@@ -192,6 +252,11 @@ fn shapes(name: Name) -> Vec<(Shape, f32)> {
     match name.scheme {
         Scheme::Arkit(row) => vec![((row, name.side), 1.0)],
         Scheme::MakeHuman(row, _) => vec![((row, name.side), TABLE[row].makehuman.map_or(0.0, |(_, _, from)| from))],
+        Scheme::Other(of, other) => {
+            let rows = TABLE.iter().enumerate().flat_map(|(i, row)| row.others.iter().map(move |other| (i, other)));
+            let rows = rows.filter(|(_, found)| (found.of, found.name) == (of, other));
+            rows.map(|(i, found)| ((i, found.side.unwrap_or(name.side)), 1.0)).collect()
+        }
         Scheme::Facs(number) => {
             TABLE.iter().enumerate().flat_map(|(i, row)| meant(number, name.side, i, row)).collect()
         }

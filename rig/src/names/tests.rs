@@ -4,7 +4,8 @@ use std::collections::HashSet;
 /// ARKit's names.
 fn arkit() -> Vec<String> {
     let sides = |row: &table::Row| if row.sided { &["Left", "Right"][..] } else { &[""] };
-    TABLE.iter().flat_map(|row| sides(row).iter().map(|side| format!("{}{side}", row.arkit))).collect()
+    let rows = TABLE.iter().filter(|row| !row.arkit.is_empty());
+    rows.flat_map(|row| sides(row).iter().map(|side| format!("{}{side}", row.arkit))).collect()
 }
 
 fn clip(names: &[&str], values: &[f32]) -> WeightClip {
@@ -94,6 +95,120 @@ fn units_of_makehuman_by_the_first_ancestry() {
     assert_eq!(there, named(&[("caucasian_eye-left-closure", 0.5), ("mouth-corner-puller", 0.375)]));
     let back = out(&[("african_eye-right-closure", 0.5)], &["eyeBlinkRight"]);
     assert_eq!(back, named(&[("eyeBlinkRight", 0.2)]));
+}
+
+/// The controls of MHR, with sides and lips as `|`; those of XR_FB_face_tracking but for five.
+const MHR: &str = "browLowerer_| cheekPuff_| cheekRaiser_| cheekSuck_| chinRaiser_B chinRaiser_T dimpler_| eyesClosed_| \
+    eyesLookDown_| eyesLookLeft_| eyesLookRight_| eyesLookUp_| innerBrowRaiser_| jawDrop jawSidewaysLeft \
+    jawSidewaysRight jawThrust lidTightener_| lipCornerDepressor_| lipCornerPuller_| lipFunneler_|B lipFunneler_|T \
+    lipPressor_| lipPucker_| lipStretcher_| lipSuck_|B lipSuck_|T lipTightener_| lipsToward_|B lipsToward_|T \
+    lowerLipDepressor_| mouthLeft mouthRight nasolabialFurrow_| noseWrinkler_| nostrilCompressor_| nostrilDilator_| \
+    outerBrowRaiser_| upperLidRaiser_| upperLipRaiser_|";
+const UNIFIED: &str = "EyeLookOut| EyeLookIn| EyeLookUp| EyeLookDown| EyeClosed| EyeDilation| EyeConstrict| EyeSquint| \
+    EyeWide| BrowPinch| BrowLowerer| BrowInnerUp| BrowOuterUp| NasalDilation| NasalConstrict| CheekSquint| CheekPuff| \
+    CheekSuck| JawOpen JawRight JawLeft JawForward JawBackward JawClench JawMandibleRaise MouthClosed LipSuckUpper| \
+    LipSuckLower| LipSuckCorner| LipFunnelUpper| LipFunnelLower| LipPuckerUpper| LipPuckerLower| MouthUpperUp| \
+    MouthUpperDeepen| NoseSneer| MouthLowerDown| MouthUpperRight MouthUpperLeft MouthLowerRight MouthLowerLeft \
+    MouthCornerPull| MouthCornerSlant| MouthFrown| MouthStretch| MouthDimple| MouthRaiserUpper MouthRaiserLower \
+    MouthPress| MouthTightener| TongueOut TongueUp TongueDown TongueRight TongueLeft TongueRoll TongueBendDown \
+    TongueCurlUp TongueSquish TongueFlat TongueTwist| SoftPalateClose ThroatSwallow NeckFlex|";
+const SIMPLE: &str = "BrowUp| BrowDown| MouthSmile| MouthSad|";
+const VISEMES: &str = "sil PP FF TH DD kk CH SS nn RR aa E ih oh ou";
+const VRM: [&str; 2] = [
+    "neutral a i u e o blink joy angry sorrow fun lookup lookdown lookleft lookright blink_l blink_r",
+    "happy angry sad relaxed surprised aa ih ou ee oh blink blinkLeft blinkRight lookUp lookDown lookLeft lookRight \
+     neutral",
+];
+
+fn all_of(list: &str, sides: [&str; 2]) -> Vec<String> {
+    let each = list.split_whitespace().map(|name| match name.contains('|') {
+        true => sides.map(|side| name.replace('|', side)).to_vec(),
+        false => vec![name.to_owned()],
+    });
+    each.flatten().collect()
+}
+
+#[test]
+fn every_name_of_the_other_vocabularies_is_known() {
+    let mhr = all_of(MHR, ["L", "R"]);
+    let screaming = |name: &String| {
+        let split = name.chars().flat_map(|c| [c.is_uppercase().then_some('_'), Some(c.to_ascii_uppercase())]);
+        split.flatten().collect::<String>().replace("__", "_").replace("_L_B", "_LB").replace("_L_T", "_LT")
+    };
+    let is_fb = |name: &&String| !["nasolabial", "nostril", "lipsToward"].iter().any(|start| name.starts_with(start));
+    let fb: Vec<String> = mhr.iter().filter(is_fb).map(screaming).chain(["LIPS_TOWARD".to_owned()]).collect();
+    assert_eq!((mhr.len(), fb.len()), (72, 63));
+    let named = |start: &str, end: &str| fb.iter().map(|name| format!("{start}{name}{end}")).collect::<Vec<_>>();
+    let android = named("XR_FACE_PARAMETER_INDICES_", "_ANDROID").into_iter();
+    let tongues = ["OUT", "LEFT", "RIGHT", "UP", "DOWN"].map(|way| format!("TONGUE_{way}"));
+    let visemes = |start: &str| VISEMES.split(' ').map(|name| format!("{start}{name}")).collect::<Vec<_>>();
+    for list in [
+        mhr.clone(),
+        named("XR_FACE_EXPRESSION_", "_FB"),
+        named("XR_FACE_EXPRESSION2_", "_FB"),
+        android.chain(tongues).collect(),
+        all_of(UNIFIED, ["Left", "Right"]),
+        all_of(SIMPLE, ["Left", "Right"]),
+        visemes(""),
+        visemes("viseme_"),
+        visemes("vrc.v_"),
+        all_of(VRM[0], [""; 2]),
+        all_of(VRM[1], [""; 2]),
+    ] {
+        let meanings: HashSet<Name> = list.iter().map(|name| read(name).unwrap_or_else(|| panic!("{name}"))).collect();
+        assert_eq!(meanings.len(), list.len(), "{list:?}");
+    }
+    // All shapes of ARKit come from each full list, and go to it, but for the tongue.
+    let arkit = arkit();
+    for list in [mhr, all_of(UNIFIED, ["Left", "Right"])] {
+        let [from, to] = [(&list, &arkit), (&arkit, &list)].map(|(from, to)| {
+            let targets: Vec<&str> = to.iter().map(String::as_str).collect();
+            let columns: Vec<(&str, f32)> = from.iter().map(|name| (name.as_str(), 1.0)).collect();
+            out(&columns, &targets).into_iter().filter(|(name, _)| targets.contains(&name.as_str())).collect::<Vec<_>>()
+        });
+        let missing: Vec<&String> = arkit.iter().filter(|name| !from.iter().any(|(found, _)| found == *name)).collect();
+        assert!(missing.iter().all(|name| *name == "tongueOut"), "{missing:?}");
+        assert!(from.iter().all(|(_, weight)| (0.99..=1.01).contains(weight)), "{from:?}");
+        assert!(to.len() >= 60 && to.iter().all(|(_, weight)| (0.3..=1.01).contains(weight)), "{to:?}");
+    }
+}
+
+#[test]
+fn other_vocabularies_by_meaning_and_side() {
+    let both = ["eyeLookOutLeft", "eyeLookInRight", "eyeLookInLeft", "eyeLookOutRight"];
+    assert_eq!(out(&[("EYES_LOOK_LEFT_L", 0.5)], &both), named(&[("eyeLookOutLeft", 0.5)]));
+    assert_eq!(out(&[("eyesLookLeft_R", 0.5)], &both), named(&[("eyeLookInRight", 0.5)]));
+    let left = [("eyeLookInRight", 0.5), ("eyeLookOutLeft", 0.5)];
+    assert_eq!(out(&[("lookLeft", 0.5)], &both), named(&left));
+    assert_eq!(out(&left, &["LookLeft", "LookRight"]), named(&[("LookLeft", 1.0)]));
+    // The same name, and another meaning.
+    assert_eq!(out(&[("browLowerer_L", 1.0)], &["browDownLeft"]), named(&[("browDownLeft", 1.0)]));
+    assert_eq!(out(&[("BrowLowererLeft", 1.0)], &["browDownLeft"]), named(&[("browDownLeft", 0.75)]));
+    let slanted = ["MouthCornerPullRight", "MouthCornerSlantRight"];
+    assert_eq!(out(&[("mouthSmileRight", 0.5)], &slanted), named(&[(slanted[0], 0.5), (slanted[1], 0.5)]));
+    assert_eq!(out(&[("lipFunneler_LB", 1.0)], &["LipFunnelLowerLeft"]), named(&[("LipFunnelLowerLeft", 1.0)]));
+    // Both ways between VRM 0, VRM 1 and visemes, and a mixture where there is no such target.
+    assert_eq!(out(&[("joy", 1.0), ("A", 0.5)], &["happy", "aa"]), named(&[("happy", 1.0), ("aa", 0.5)]));
+    assert_eq!(out(&[("viseme_ih", 0.5)], &["Fcl.I", "jawOpen"]), named(&[("Fcl.I", 0.5)]));
+    assert_eq!(out(&[("viseme_SS", 1.0)], &["mouthLowerDown", "mouthSmile"]), {
+        named(&[("mouthLowerDown", 0.8), ("mouthSmile", 0.3)])
+    });
+    assert_eq!(
+        out(&[("jawOpen", 0.5), ("eyeBlinkLeft", 1.0)], &["A", "Blink_L"]),
+        named(&[("A", 0.5), ("Blink_L", 1.0)])
+    );
+}
+
+#[test]
+fn the_last_part_of_a_name_counts() {
+    let columns = [("face_shapes.ai_browDown_L", 0.5), ("blendShape1.eyeBlink_L", 1.0), ("rig:AU26", 0.25)];
+    let wanted = [("browDownLeft", 0.5), ("eyeBlink.L", 1.0), ("jawOpen", 0.25)];
+    assert_eq!(out(&columns, &wanted.map(|(name, _)| name)), named(&wanted));
+    // Names that are in no table, and several nodes.
+    let nodes = ["head.jawOpen", "teeth.jawOpen", "head.grumpy_2"];
+    let driven = [("head.jawOpen", 0.5), ("teeth.jawOpen", 0.5), ("head.grumpy_2", 1.0)];
+    assert_eq!(out(&[("jawOpen", 0.5), ("grumpy_2", 1.0)], &nodes), named(&driven));
+    assert_eq!(out(&[("JawDrop", 0.5)], &nodes), named(&driven[..2]));
 }
 
 #[test]
