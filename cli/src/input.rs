@@ -5,6 +5,7 @@ use crate::args::reading::Reading;
 use crate::args::values::Layer;
 use crate::output::{Failure, Output};
 use deltamorph::import::{ImportDesc, Imported, ImportedMesh, csv};
+use deltamorph::internals::weights::names::closest;
 use deltamorph::{
     BlockDesc, BoundClip, ClipLayer, MorphMesh, PackDesc, PackedMesh, Semantic, Tolerance, WeightClip, import,
     normalise_weights,
@@ -18,6 +19,9 @@ use std::sync::Arc;
 
 /// Frames of the built-in head's clip, as `sample` writes them.
 const HEAD_FRAMES: usize = 300;
+
+/// Most columns for which similar names are searched.
+const NEAR: usize = 64;
 
 /// A mesh, before and after dropping deltas by the tolerance.
 #[derive(Debug, Default)]
@@ -205,6 +209,25 @@ pub fn clip(path: &Path, args: &InputArgs, input: &Input, settings: &Settings) -
     if clip.frame_count() == 0 {
         return Err(Failure::Failed(format!("{}: has no frames; add one row per frame", path.display())));
     }
+    let known = input.controls();
+    if !clip.names.is_empty() && clip.names.iter().all(|name| !known.contains(&name.as_str())) {
+        let of = if input.rig.is_some() { "control of the rig" } else { "target" };
+        let few = |names: &[&str]| {
+            let more = if names.len() > 5 { ", …" } else { "" };
+            format!("'{}'{more}", names[..names.len().min(5)].join("', '"))
+        };
+        let columns: Vec<&str> = clip.names.iter().map(String::as_str).collect();
+        let near = columns.iter().take(NEAR).filter_map(|name| Some(format!("{} for {name}", closest(name, &known)?)));
+        let near: Vec<String> = near.take(3).collect();
+        let near = if near.is_empty() { String::new() } else { format!("; did you mean {}?", near.join(", ")) };
+        return Err(Failure::Failed(format!(
+            "{}: none of its columns ({}) is a {of} of '{}' ({}){near}; rename columns",
+            path.display(),
+            few(&columns),
+            input.kept.name,
+            few(&known),
+        )));
+    }
     let clip = input.with_settings(clip, settings)?;
     input.bind(&clip).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))
 }
@@ -276,6 +299,17 @@ impl Input {
         self.rig.as_ref().map_or_else(|| names(&self.kept), |rig| rig.controls().collect())
     }
 
+    /// Why no target or control is called `name`, and which one may be meant.
+    pub fn unknown(&self, name: &str) -> String {
+        let known = self.controls();
+        let near = closest(name, &known).map_or_else(String::new, |near| format!("; did you mean '{near}'?"));
+        let mesh = &self.kept.name;
+        match self.rig {
+            None => format!("'{mesh}' has no such target; `deltamorph info` lists the {} there are{near}", known.len()),
+            Some(_) => format!("the rig of '{mesh}' has no such control; it has {}{near}", known.join(", ")),
+        }
+    }
+
     /// Weights of the targets with only `settings`.
     pub fn pose(&self, settings: &Settings) -> Result<Vec<f32>, Failure> {
         let still = WeightClip { name: "--set".into(), fps: csv::DEFAULT_FPS, ..WeightClip::default() };
@@ -332,20 +366,14 @@ impl Input {
 
     /// A clip with `settings` in each frame; one frame if it has no columns.
     fn with_settings(&self, clip: WeightClip, settings: &Settings) -> Result<WeightClip, Failure> {
-        let (known, name_of_mesh) = (self.controls(), &self.kept.name);
+        let known = self.controls();
         for (i, (name, _)) in settings.iter().enumerate() {
             let refuse = |why: String| Err(Failure::Usage(format!("--set {name}: {why}")));
             if settings[..i].iter().any(|(other, _)| other == name) {
                 return refuse("set twice; leave one of them out".into());
             }
             if !known.contains(&name.as_str()) {
-                let (count, rig) = (known.len(), self.rig.is_some());
-                return refuse(match rig {
-                    false => {
-                        format!("'{name_of_mesh}' has no such target; `deltamorph info` lists the {count} there are")
-                    }
-                    true => format!("the rig of '{name_of_mesh}' has no such control; it has {}", known.join(", ")),
-                });
+                return refuse(self.unknown(name));
             }
         }
         let set = |name: &String| settings.iter().find(|(other, _)| other == name).map(|(_, weight)| *weight);

@@ -14,7 +14,7 @@ pub fn unknown(what: String, name: &str, of: &str, known: &[&str]) -> Error {
 }
 
 /// The target nearest to `name` by edit distance, if it is close enough.
-pub(super) fn closest<'a>(name: &str, targets: &[&'a str]) -> Option<&'a str> {
+pub fn closest<'a>(name: &str, targets: &[&'a str]) -> Option<&'a str> {
     // Naming schemes differ in case and separators.
     let plain = |s: &str| s.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect::<Vec<_>>();
     let wanted = plain(name);

@@ -17,6 +17,7 @@ use crate::input;
 use crate::output::{Failure, Output, to_json, write_file};
 use crate::runner::{Gpu, open};
 use deltamorph::BoundClip;
+use deltamorph::internals::weights::names::closest;
 use deltamorph::lod::is_pinned;
 use deltamorph_headless::DeviceChoice;
 use gauge::Gauge;
@@ -74,7 +75,8 @@ pub fn run(args: &LodArgs, device: Option<&DeviceChoice>, out: &Output) -> Resul
     let names: Vec<&str> = input.kept.targets.iter().map(|t| t.name.as_str()).collect();
     if let Some(pin) = args.pin.iter().find(|pin| !names.iter().any(|name| is_pinned(name, std::slice::from_ref(pin))))
     {
-        let text = format!("--pin {pin}: no target of '{}' begins so; `deltamorph info` lists them", input.name);
+        let near = closest(pin, &names).map_or_else(String::new, |near| format!("; did you mean '{near}'?"));
+        let text = format!("--pin {pin}: no target of '{}' begins so{near}; `deltamorph info` lists them", input.name);
         return Err(Failure::Usage(text));
     }
     let clips = input::clips(args.weights.as_deref(), &args.input, &input, &[])?;

@@ -283,12 +283,9 @@ impl State {
     }
 
     fn set(&mut self, name: &str, weight: f32, twins: bool) -> Result<(), Failure> {
-        let target = self.names.iter().position(|other| other == name).ok_or_else(|| {
-            let (origin, count) = (&self.input.origin, self.names.len());
-            Failure::Usage(format!(
-                "set {name}: {origin} has no such target or control; `deltamorph info` lists the {count} there are"
-            ))
-        })?;
+        let target = self.names.iter().position(|other| other == name);
+        let unknown = || Failure::Usage(format!("set {name}: {}", self.input.unknown(name)));
+        let target = target.ok_or_else(unknown)?;
         self.changes(Some(target));
         self.put(target, weight, twins);
         Ok(())

@@ -31,10 +31,15 @@ fn a_clip_in_other_names_plays_and_what_is_left_over_is_said() {
     assert!(!played && said.contains("column 'noSuchShape' names no target"), "{said}");
     // Known names without a target on the head.
     let (played, _, said) = play("tongueOut,noseSneer_L\n0.5,1\n");
-    assert!(
-        !played && said.contains("'tongueOut' names no target of the mesh (nor does any of the other 1)"),
-        "{said}"
-    );
+    let none = "clip.csv: none of its columns ('tongueOut', 'noseSneer_L') is a target of 'head' ('";
+    assert!(!played && said.contains(none), "{said}");
+    let (played, _, said) = play("eyeBlnkLeft,x\n0.5,1\n");
+    assert!(!played && said.contains("; did you mean eyeBlinkLeft for eyeBlnkLeft?; rename columns"), "{said}");
+    // Prefixes of Maya and Unreal.
+    let (played, _, said) = play("face_shapes.ai_eyeWide_L,blendShape1.eyeBlink_L,rig:AU45_R\n0.5,1,0.25\n");
+    assert!(played && said.contains("3 of 3 columns play under other names; nothing is left over"), "{said}");
+    let apply = |set: &str| fails(&[&["apply", "--path", "cpu", "--set", set, "-o", "x.obj"], &HEAD[..]].concat());
+    assert!(apply("eyeblinkleft=1").1.contains("lists the 12 there are; did you mean 'eyeBlinkLeft'?"));
 }
 
 #[test]
