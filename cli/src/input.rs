@@ -4,7 +4,7 @@ use crate::args::InputArgs;
 use crate::args::reading::Reading;
 use crate::args::values::Layer;
 use crate::output::{Failure, Output};
-use deltamorph::import::{ImportDesc, Imported, ImportedMesh, csv};
+use deltamorph::import::{ImportDesc, Imported, ImportedMesh, csv, gltf};
 use deltamorph::internals::weights::names::closest;
 use deltamorph::{
     BlockDesc, BoundClip, ClipLayer, MorphMesh, PackDesc, PackedMesh, Semantic, Tolerance, WeightClip, import,
@@ -198,13 +198,49 @@ fn names(mesh: &MorphMesh) -> Vec<&str> {
 /// Weights of controls by name, as `--set` states them.
 pub type Settings = [(String, f32)];
 
+/// The clip that `path` names, as FILE#NAME if it is an animation of a glTF file, or in a packed file: the only one of
+/// such a file, or one of INPUT by its name.
+pub fn named(path: &Path, args: &InputArgs) -> Result<PathBuf, Failure> {
+    if import::animation_of(path).is_some() {
+        return Ok(path.to_path_buf());
+    }
+    let of = |file: &Path, name: &str| PathBuf::from(format!("{}#{name}", file.display()));
+    if path.exists() {
+        if import::is_gltf(path) {
+            let all = gltf::read(path)?.animations;
+            let (joints, weights): (Vec<_>, Vec<_>) = all.iter().partition(|animation| animation.moves_joints_alone());
+            if let ([only], _) | ([], [only]) = (&weights[..], &joints[..]) {
+                return Ok(of(path, &only.name));
+            }
+        }
+        return Ok(path.to_path_buf());
+    }
+    let of_input = args.input.as_ref().map(|input| of(input, &path.display().to_string()));
+    Ok(of_input.filter(|clip| import::animation_of(clip).is_some()).unwrap_or_else(|| path.to_path_buf()))
+}
+
+/// The clip of an animation that moves joints alone, while all weights are 0.
+fn still(path: &Path, args: &InputArgs, input: &Input) -> Result<Option<WeightClip>, Failure> {
+    let Some((file, name)) = import::animation_of(path).filter(|(file, _)| import::is_gltf(file)) else {
+        return Ok(None);
+    };
+    let all = gltf::read(&file)?.animations;
+    let animation = all.iter().find(|animation| animation.name == name && animation.moves_joints_alone());
+    let (Some(animation), Some(first)) = (animation, input.controls().first().copied()) else { return Ok(None) };
+    let fps = args.fps.unwrap_or_else(|| animation.frame_rate());
+    let values = vec![0.0; animation.frame_times(args.fps).len()];
+    input.out.iter().for_each(|out| out.note(format_args!("clip '{name}' moves joints alone: all weights are 0")));
+    Ok(Some(WeightClip { name, names: vec![first.to_owned()], fps, values }))
+}
+
 /// Reads the weight clip at `path`, at least one frame, for the targets of `input`, with `settings` applied. If INPUT
 /// is a glTF file and there is no file at `path`, it may be the name of an animation.
 pub fn clip(path: &Path, args: &InputArgs, input: &Input, settings: &Settings) -> Result<BoundClip, Failure> {
-    let of_input = args.input.as_ref().map(|input| PathBuf::from(format!("{}#{}", input.display(), path.display())));
-    let of_input = of_input.filter(|_| !path.exists() && import::animation_of(path).is_none());
-    let path = of_input.as_deref().filter(|named| import::animation_of(named).is_some()).unwrap_or(path);
-    let clip = import::open_clip(path, args.fps)?;
+    let path = &named(path, args)?;
+    let clip = match still(path, args, input)? {
+        Some(clip) => clip,
+        None => import::open_clip(path, args.fps)?,
+    };
     let clip = input.retargeted(&clip).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))?;
     if clip.frame_count() == 0 {
         return Err(Failure::Failed(format!("{}: has no frames; add one row per frame", path.display())));

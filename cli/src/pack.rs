@@ -8,6 +8,7 @@ use crate::info::pose_formats::{PoseCost, pose_costs, pose_table};
 use crate::input;
 use crate::output::{Failure, Output};
 use crate::table::{bytes, sig3, thousands};
+use deltamorph::import::{self, packed};
 use deltamorph::{Asset, DeltaFormat, PackDesc, PoseFormat};
 use serde::Serialize;
 
@@ -27,6 +28,8 @@ struct Packed {
     /// Pairs of a block and a target that moves some of its vertices.
     entries: usize,
     file_bytes: u64,
+    /// Weight clips in the file: those of a glTF file.
+    clips: usize,
     #[serde(flatten)]
     cost: Cost,
     /// The grid of weights for exact sums, fixed32 poses, or why there is none.
@@ -72,13 +75,16 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     let asset = Asset::pack(&input.kept, &desc);
     spinner.finish_and_clear();
     let asset = asset?;
-    asset.write(&args.output)?;
+    // Clips of a folder stay files of their own.
+    let kept = input.clips.iter().filter(|clip| import::animation_of(clip).is_some());
+    let clips = kept.map(|clip| import::open_clip(clip, args.input.fps)).collect::<deltamorph::Result<Vec<_>>>()?;
+    packed::write(&args.output, &asset, &clips)?;
     let file_bytes = args.output.metadata().map_err(|e| Failure::io(&args.output, "read", e))?.len();
     let layout = asset.mesh.layout();
     let Some(index) = &layout.blocks else { return Ok(()) }; // `Asset::pack` takes no other format
     let pose_formats = pose_costs(layout);
     let exact = pose_formats.iter().find(|cost| cost.name == PoseFormat::Fixed32.name());
-    let packed = Packed {
+    let facts = Packed {
         schema: 1,
         origin: input.origin,
         output: args.output.display().to_string(),
@@ -90,13 +96,14 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
         blocks_moved: index.touched(),
         entries: index.entry_count(),
         file_bytes,
+        clips: clips.len(),
         cost: Cost::of(layout, index.error()),
         exact_reason: exact.and_then(|cost| cost.refused.clone()),
         exact: exact.and_then(|cost| cost.grid).map(|g| Exact { weight_bits: g.weight_bits, weight_max: g.weight_max }),
         pose_formats,
     };
-    out.say(text(&packed));
-    out.json(&packed)
+    out.say(text(&facts));
+    out.json(&facts)
 }
 
 /// The result in words.
@@ -110,9 +117,14 @@ fn text(p: &Packed) -> String {
     let [file, deltas, dense] = [p.file_bytes, deltas, cost.dense_f32_bytes].map(|n| bytes(n as f64));
     let [vertices, entries, moved, blocks] = [p.vertices, p.entries, p.blocks_moved, p.blocks].map(thousands);
     let [position, normal] = [cost.position_error_rel, cost.normal_error_deg].map(sig3);
+    let clips = match p.clips {
+        0 => String::new(),
+        1 => "; a weight clip".to_owned(),
+        n => format!("; {n} weight clips"),
+    };
     let poses = pose_table(&p.pose_formats, cost.position_error_rel);
     format!(
-        "{output}: {vertices} vertices, {targets} targets as {format}, {file}\n\
+        "{output}: {vertices} vertices, {targets} targets as {format}, {file}{clips}\n\
          deltas: {deltas} in {entries} entries, {moved} of {blocks} blocks of {block_size} vertices; \
          as dense float32: {dense}{times}\n\
          largest error: {position} of the diagonal, normals {normal}°\n\

@@ -4,6 +4,8 @@
 //! `DELTAMORPH_VIEW_SOAK=1` makes it 1,000 resizes and 10,000 frames.
 #![cfg(feature = "viewer")]
 
+#[path = "common/arm.rs"]
+mod arm;
 #[path = "common/cli.rs"]
 mod cli;
 #[path = "common/display.rs"]
@@ -170,6 +172,41 @@ fn a_script_does_what_a_hand_can_and_the_window_shows_it() {
     let stats = json(&at("stats"));
     assert_eq!((stats["schema"].as_u64(), stats["width"].as_u64()), (Some(1), Some(560)));
     assert!(stats["setup"].as_str().is_some_and(|setup| setup.starts_with("blocks fast")), "{stats}");
+}
+
+/// Of the clip's three frames, the first two differ only in joints.
+#[test]
+fn joints_move_with_the_clip() {
+    let (folder, display) = (tempfile::tempdir().expect("a folder"), Display::new());
+    let arm = arm::gltf_arm(folder.path());
+    let at = |name: &str| folder.path().join(format!("{name}.png"));
+    let mut script = String::from("panel off\nframes 2\n");
+    let mut shot = |steps: &str, name: &str| {
+        writeln!(script, "{steps}\nscreenshot {}", at(name).display()).expect("text");
+    };
+    shot("scrub 0", "first");
+    shot("scrub 1", "second");
+    shot("scrub 0.5", "between");
+    shot("scrub 2", "third");
+    shot("pose fixed16\nscrub 1", "fixed");
+    shot("show heat\nscrub 0", "heat-first");
+    shot("scrub 1", "heat-second");
+    shot("show shaded", "second-again");
+    shot("set up 0.25", "at-rest");
+    shot("clip nod\nscrub 1", "nod");
+    shot("path cpu\ndismiss\nclip wave\nscrub 1", "cpu");
+    display.script(folder.path(), "script.txt", &[&arm, "--size", "200x150", "--camera", "0,0"], &script);
+    let differ = |a: &str, b: &str| differing(&at(a), &at(b));
+    for (a, b) in
+        [("first", "second"), ("first", "between"), ("second", "between"), ("second", "third"), ("nod", "second")]
+    {
+        assert!(differ(a, b) > 0.005, "{a} and {b}");
+    }
+    for (a, b) in [("second", "fixed"), ("second", "second-again"), ("first", "at-rest"), ("heat-first", "heat-second")]
+    {
+        assert!(differ(a, b) < 0.002, "{a} and {b}: {}", differ(a, b));
+    }
+    assert!(differ("cpu", "second") > 0.005);
 }
 
 #[test]

@@ -38,6 +38,6 @@ pub use passes::RendererDesc;
 pub use poses::{Poses, StoredPose};
 pub use renderer::Renderer;
 pub use scene::{Head, Light, Masks, Scene, Show, heat};
-pub use step::Step;
+pub use step::{Step, Stepped};
 pub use studio::{Picture, Studio, StudioDesc};
 pub use target::Target;

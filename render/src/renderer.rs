@@ -4,8 +4,9 @@ use crate::memory::{Gpu, failed};
 use crate::modules;
 use crate::passes::{self, RendererDesc, SAMPLES};
 use crate::scene::PartPush;
-use deltamorph::Result;
+use deltamorph::after::GpuSkin;
 use deltamorph::ash::{self, vk};
+use deltamorph::{Crowd, MorphEngine, PackedMesh, Result};
 use std::slice::from_ref;
 use std::sync::Arc;
 
@@ -115,6 +116,26 @@ impl Renderer {
     /// The buffer is written and dropped only when no commands recorded with it are still to run.
     pub unsafe fn buffer(&self, bytes: usize, usage: vk::BufferUsageFlags) -> Result<crate::Buffer> {
         crate::Buffer::new(&self.gpu, bytes, usage, true)
+    }
+
+    /// Skins the poses of `crowd`, to draw [`Stepped::head`](crate::Stepped::head) in place of them: `skin` has run its
+    /// upload and has this many joints, and this many frames are in flight.
+    ///
+    /// # Errors
+    /// The engine refuses the skin, or there is no memory.
+    ///
+    /// # Safety
+    /// No update of the crowd is running; the result is dropped only when none that was recorded after this is.
+    pub unsafe fn skinned(
+        &self,
+        engine: &MorphEngine,
+        packed: &PackedMesh,
+        crowd: &mut Crowd,
+        skin: (&GpuSkin, u32),
+        frames: usize,
+    ) -> Result<crate::Stepped> {
+        // SAFETY: the caller's obligations.
+        unsafe { crate::Stepped::skinned(&self.gpu, engine, packed, crowd, skin, frames) }
     }
 
     fn make_layouts(&mut self) -> Result<()> {

@@ -3,9 +3,9 @@
 use crate::memory::{Buffer, Gpu};
 use crate::scene::Head;
 use bytemuck::cast_slice;
-use deltamorph::after::{DecodeTarget, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
+use deltamorph::after::{DecodeTarget, GpuSkin, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::vk::BufferUsageFlags as Usage;
-use deltamorph::{Crowd, PackedMesh, Result};
+use deltamorph::{Crowd, MorphEngine, PackedMesh, Result};
 use deltamorph_headless::Headless;
 use std::sync::Arc;
 
@@ -27,7 +27,7 @@ pub enum Step<'a> {
 }
 
 /// The inputs and outputs of a step for each head.
-pub(crate) struct Stepped {
+pub struct Stepped {
     output: Buffer,
     /// Output bytes per head.
     size: usize,
@@ -58,20 +58,12 @@ impl Stepped {
         match step {
             Step::None => Ok(None),
             Step::Skin(desc) => {
-                let output = output()?;
                 // SAFETY: the buffer is recording, runs once, and is waited for.
                 let mut skin = headless.run(|cmd| unsafe { engine.upload_skin(cmd, packed, desc) })?;
                 // SAFETY: the upload has run.
                 unsafe { skin.release_staging() };
-                let size_of_joints = SkinMethod::Linear.joint_bytes() as usize * desc.joint_count as usize;
-                let buffer = Buffer::new(gpu, frames * heads * size_of_joints, Usage::STORAGE_BUFFER, false)?;
-                let target = SkinTarget::new(output.raw, buffer.raw, (frames * heads * size_of_joints) as u64);
-                for (head, offset) in each {
-                    // SAFETY: the buffers are large enough and live as long as the crowd; nothing is running.
-                    unsafe { engine.set_skin_target(crowd, head, Some((&skin, &target.offset(offset)))) }?;
-                }
-                let numbers = vec![STILL.repeat(desc.joint_count as usize); heads];
-                Ok(Some(Self { output, size, joints: Some(Joints { buffer, size: size_of_joints, numbers }) }))
+                // SAFETY: nothing is running; the studio waits before it drops its parts.
+                unsafe { Self::skinned(gpu, engine, packed, crowd, (&skin, desc.joint_count), frames) }.map(Some)
             }
             Step::Normals(desc) => {
                 let output = output()?;
@@ -94,15 +86,41 @@ impl Stepped {
         }
     }
 
+    /// [`Renderer::skinned`](crate::Renderer::skinned), under its conditions.
+    pub(crate) unsafe fn skinned(
+        gpu: &Arc<Gpu>,
+        engine: &MorphEngine,
+        packed: &PackedMesh,
+        crowd: &mut Crowd,
+        (skin, joint_count): (&GpuSkin, u32),
+        frames: usize,
+    ) -> Result<Self> {
+        let (heads, size) = (crowd.desc().instances as usize, VERTEX * packed.layout().vertex_count);
+        let output = Buffer::new(gpu, heads * size.max(4), Usage::STORAGE_BUFFER | Usage::VERTEX_BUFFER, false)?;
+        let size_of_joints = SkinMethod::Linear.joint_bytes() as usize * joint_count as usize;
+        let buffer = Buffer::new(gpu, frames * heads * size_of_joints, Usage::STORAGE_BUFFER, false)?;
+        let target = SkinTarget::new(output.raw, buffer.raw, (frames * heads * size_of_joints) as u64);
+        for head in 0..heads {
+            let target = target.offset((head * size) as u64);
+            // SAFETY: the buffers are large enough, and live as long as the crowd's updates: the caller's obligation.
+            unsafe { engine.set_skin_target(crowd, head as u32, Some((skin, &target))) }?;
+        }
+        let numbers = vec![STILL.repeat(joint_count as usize); heads];
+        Ok(Self { output, size, joints: Some(Joints { buffer, size: size_of_joints, numbers }) })
+    }
+
     /// Sets the joints of a head; returns whether their number is right.
-    pub(crate) fn set_joints(&mut self, head: usize, joints: &[f32]) -> bool {
+    pub fn set_joints(&mut self, head: usize, joints: &[f32]) -> bool {
         let numbers = self.joints.as_mut().and_then(|joints| joints.numbers.get_mut(head));
         let numbers = numbers.filter(|numbers| numbers.len() == joints.len());
         numbers.map(|numbers| numbers.copy_from_slice(joints)).is_some()
     }
 
     /// Writes the joints of the next update, for a frame that is not in flight.
-    pub(crate) fn write(&mut self, frame: usize, crowd: &mut Crowd) -> Result<()> {
+    ///
+    /// # Errors
+    /// The crowd has no skin.
+    pub fn write(&mut self, frame: usize, crowd: &mut Crowd) -> Result<()> {
         let Some(Joints { buffer, size, numbers }) = &mut self.joints else { return Ok(()) };
         let first = frame * numbers.len();
         for (head, joints) in numbers.iter().enumerate() {
@@ -114,7 +132,8 @@ impl Stepped {
     }
 
     /// Returns the head with the step's output instead of its pose. Bounds are those of the pose, before skinning.
-    pub(crate) fn head(&self, number: usize, head: Head) -> Head {
+    #[must_use]
+    pub fn head(&self, number: usize, head: Head) -> Head {
         let (buffer, offset) = (self.output.raw, (number * self.size) as u64);
         let bounds = head.bounds.filter(|_| self.joints.is_none());
         Head { buffer, offset, units: [1.0; 2], previous: (buffer, offset), bounds, ..head }

@@ -7,11 +7,12 @@ pub mod csv;
 #[cfg(feature = "gltf")]
 pub mod gltf;
 pub mod obj;
+pub mod packed;
 
 use crate::asset::MorphSource;
 use crate::error::{Error, Result};
 use crate::io::{has_extension, list};
-use crate::pack::file::Asset;
+use crate::pack::file::{self, Asset};
 use crate::setters::setters;
 use crate::weights::WeightClip;
 use std::path::{Path, PathBuf};
@@ -40,7 +41,8 @@ pub struct Imported {
     /// The mesh.
     pub mesh: ImportedMesh,
     /// Weight clips that belong to the mesh: read them with [`open_clip`]. For a glTF file, `FILE#NAME` for each
-    /// animation of weights, in the order of the file; for a folder, files sorted by name.
+    /// animation of weights, in the order of the file; for a packed file, `FILE#NAME` for each clip, if the library reads
+    /// clips of any kind (feature `csv` or `gltf`); for a folder, files sorted by name.
     pub clips: Vec<PathBuf>,
     /// The rig that belongs to the mesh: `rig.json` in a folder, `NAME.rig.json` beside `NAME.glb` or `NAME.dmorph`.
     /// The package deltamorph-rig reads it.
@@ -86,8 +88,11 @@ pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
     };
     let mut imported = if std::fs::metadata(path).map_err(Error::io(path, "read"))?.is_dir() {
         open_folder(path)?
-    } else if has_extension(path, "dmorph") {
-        Imported { mesh: ImportedMesh::Packed(Asset::read(path)?), clips: vec![], rig: None }
+    } else if is_packed(path) {
+        let bytes = file::bytes(path)?;
+        let mesh = ImportedMesh::Packed(Asset::from_bytes(path, &bytes)?);
+        let clips = if HAS_CLIPS { packed::clips_from_bytes(path, &bytes)? } else { vec![] };
+        Imported { mesh, clips: clips.iter().map(|clip| named(path, &clip.name)).collect(), rig: None }
     } else if is_gltf(path) {
         open_gltf(path, desc)?
     } else {
@@ -101,24 +106,36 @@ pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
     Ok(imported)
 }
 
-/// Reads a weight clip: a CSV file (feature `csv`), the only animation of weights of a glTF file (feature `gltf`), or
-/// its animation NAME as `FILE#NAME`. `fps` is the frame rate; `None` takes the one stated by the file or by its name,
-/// or else [`DEFAULT_FPS`].
+/// Reads a weight clip: a CSV file (feature `csv`), the only animation of weights of a glTF file (feature `gltf`) or the
+/// only clip of a packed file, or one of several as `FILE#NAME`. `fps` is the frame rate; `None` takes the one stated by
+/// the file or by its name, or else [`DEFAULT_FPS`]. A clip of a packed file keeps its frames, and plays them at `fps`.
 ///
 /// # Errors
 /// The file cannot be used, has no such animation, or has several and none is named; `fps` is not a positive number; or
 /// the library was built without the feature that reads the file.
 pub fn open_clip(path: &Path, fps: Option<f32>) -> Result<WeightClip> {
-    if let Some((file, name)) = animation_of(path) {
-        return gltf_clip(&file, Some(&name), fps);
+    let (file, name) = animation_of(path).map_or((path.to_path_buf(), None), |(file, name)| (file, Some(name)));
+    if is_gltf(&file) {
+        return gltf_clip(&file, name.as_deref(), fps);
     }
-    if is_gltf(path) {
-        return gltf_clip(path, None, fps);
+    if HAS_CLIPS && is_packed(&file) {
+        return packed_clip(&file, name.as_deref(), fps);
     }
     #[cfg(feature = "csv")]
     return csv::read(path, fps);
     #[cfg(not(feature = "csv"))]
     Err(Error::input(path, "", format!("no weight clips are read (fps {fps:?})"), "build with the feature 'csv'"))
+}
+
+/// Whether clips are read at all; else nothing of packed files' clips is linked.
+const HAS_CLIPS: bool = cfg!(any(feature = "csv", feature = "gltf"));
+
+/// `FILE#NAME`.
+fn named(path: &Path, name: &str) -> PathBuf {
+    let mut clip = path.as_os_str().to_owned();
+    clip.push("#");
+    clip.push(name);
+    clip.into()
 }
 
 /// Whether the name is that of a glTF file, or of a VRM avatar, which is a GLB file. Texture coordinates of glTF begin
@@ -127,24 +144,22 @@ pub fn is_gltf(path: &Path) -> bool {
     ["glb", "gltf", "vrm"].iter().any(|end| has_extension(path, end))
 }
 
-/// Splits `FILE#NAME` into the path of the glTF file and the name of the animation. A `#` may be part of either: the
-/// path ends at the first one that follows the name of a glTF file. `None` if there is no such `#`.
+fn is_packed(path: &Path) -> bool {
+    has_extension(path, "dmorph")
+}
+
+/// Splits `FILE#NAME` into the path of the glTF file or packed file, and the name of the animation. A `#` may be part of
+/// either: the path ends at the first one that follows the name of such a file. `None` if there is no such `#`.
 pub fn animation_of(path: &Path) -> Option<(PathBuf, String)> {
     let text = path.to_str()?;
     let mut parts = text.match_indices('#').map(|(at, _)| (Path::new(&text[..at]), &text[at + 1..]));
-    parts.find(|(file, _)| is_gltf(file)).map(|(file, name)| (file.to_path_buf(), name.to_owned()))
+    parts.find(|(file, _)| is_gltf(file) || is_packed(file)).map(|(file, name)| (file.to_path_buf(), name.to_owned()))
 }
 
 #[cfg(feature = "gltf")]
 fn open_gltf(path: &Path, desc: &ImportDesc) -> Result<Imported> {
     let gltf = gltf::read(path)?;
-    let clip = |name: &str| {
-        let mut clip = path.as_os_str().to_owned();
-        clip.push("#");
-        clip.push(name);
-        clip.into()
-    };
-    let clips = gltf.weight_animations().map(|animation| clip(&animation.name)).collect();
+    let clips = gltf.weight_animations().map(|animation| named(path, &animation.name)).collect();
     let source = if desc.unposed { gltf.into_skinned()?.0 } else { gltf.into_source()? };
     Ok(Imported { mesh: ImportedMesh::Source(source), clips, rig: None })
 }
@@ -153,25 +168,49 @@ fn open_gltf(path: &Path, desc: &ImportDesc) -> Result<Imported> {
 fn gltf_clip(path: &Path, name: Option<&str>, fps: Option<f32>) -> Result<WeightClip> {
     let gltf = gltf::read(path)?;
     let all: Vec<_> = gltf.weight_animations().collect();
-    let found = match (name, &all[..]) {
-        (Some(name), all) => all.iter().find(|animation| animation.name == name),
-        (None, [only]) => Some(only),
+    let names: Vec<&str> = all.iter().map(|animation| animation.name.as_str()).collect();
+    let still = gltf.animations.iter().filter(|animation| animation.moves_joints_alone());
+    let still: Vec<String> = still.map(|animation| format!("'{}'", animation.name)).collect();
+    let still = if still.is_empty() { String::new() } else { format!(" (joints alone move in {})", still.join(", ")) };
+    gltf.clip(
+        all[choose(path, ["glTF file", "animation of weights", "animations of weights"], &names, name, &still)?],
+        fps,
+    )
+}
+
+fn packed_clip(path: &Path, name: Option<&str>, fps: Option<f32>) -> Result<WeightClip> {
+    let mut clips = packed::clips(path)?;
+    let all: Vec<&str> = clips.iter().map(|clip| clip.name.as_str()).collect();
+    let mut clip = clips.swap_remove(choose(path, ["packed file", "clip", "clips"], &all, name, "")?);
+    clip.fps = fps.unwrap_or(clip.fps);
+    if !(clip.fps > 0.0 && clip.fps.is_finite()) {
+        return Err(Error::invalid(
+            format!("the frame rate is {}", clip.fps),
+            "give a positive number of frames per second",
+        ));
+    }
+    Ok(clip)
+}
+
+/// The index of the clip called `name`, or of the only one.
+fn choose(path: &Path, of: [&str; 3], all: &[&str], name: Option<&str>, more: &str) -> Result<usize> {
+    let found = match (name, all.len()) {
+        (Some(name), _) => all.iter().position(|other| *other == name),
+        (None, 1) => Some(0),
         (None, _) => None,
     };
-    if let Some(animation) = found {
-        return gltf.clip(animation, fps);
-    }
+    let [file, one, several] = of;
     let what = match name {
-        Some(name) => format!("no animation of weights is called '{name}'"),
-        None => format!("a glTF file with {} animations of weights where one clip is wanted", all.len()),
+        Some(name) => format!("no {one} is called '{name}'"),
+        None => format!("a {file} with {} {several} where one clip is wanted", all.len()),
     };
-    let names: Vec<String> = all.iter().map(|animation| format!("'{}'", animation.name)).collect();
-    let remedy = match (&names[..], name) {
-        ([], _) => "it has none: give a CSV file".to_owned(),
-        (names, Some(_)) => format!("name one of: {}", names.join(", ")),
-        (names, None) => format!("name one as FILE#NAME: {}", names.join(", ")),
+    let names = all.iter().map(|name| format!("'{name}'")).collect::<Vec<_>>().join(", ");
+    let remedy = match (all.len(), name) {
+        (0, _) => format!("it has none: give a CSV file{more}"),
+        (_, Some(_)) => format!("name one of: {names}{more}"),
+        (_, None) => format!("name one as FILE#NAME: {names}{more}"),
     };
-    Err(Error::input(path, "", what, &remedy))
+    found.ok_or_else(|| Error::input(path, "", what, &remedy))
 }
 
 #[cfg(not(feature = "gltf"))]

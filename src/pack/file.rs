@@ -4,7 +4,7 @@
 //! padded with zeros to a multiple of 8 bytes, without gaps.
 //!
 //! ```text
-//! header    magic "DMORPH\r\n"   version u32 = 4   sections u32
+//! header    magic "DMORPH\r\n"   version u32 = 4, or 5 with clips   sections u32
 //! table     [section][id u32, checksum u32, offset u64, length u64]
 //!           checksum of header and table u32   zero u32
 //!
@@ -19,6 +19,7 @@
 //! 10  corner texcoords    [corner] u32, 0xffffffff: none; empty if no corner has one
 //! 11  texcoords           [texcoord][u v] f32
 //! 13  welds               [user's vertex] the first vertex at its position (or itself) u32; empty if none is welded
+//! 14  clips               version 5: weight clips, see `import::packed`; meshes are read without them
 //!
 //! then for each group g of streams, with 256 g added to the id:
 //! 12  group               streams u32   blocks u32   entries u32   words u32   steps of both triples f32 f32
@@ -31,9 +32,9 @@
 //!  7  words               [word] u32: headers and deltas, see blocks
 //! ```
 //!
-//! Versions 2 and 3 are read too, except meshes in format `small`, whose words have changed. Version 2 has sections 1
-//! to 11 once each, in the order of their ids, for position and normal. Its section 'meta' also holds the numbers of
-//! 'group': blocks, entries and words after targets, the steps before the diagonal, the errors at the end.
+//! Versions 2 to 4 are read too, except meshes in format `small` of versions 2 and 3, whose words have changed. Version 2
+//! has sections 1 to 11 once each, in the order of their ids, for position and normal. Its section 'meta' also holds the
+//! numbers of 'group': blocks, entries and words after targets, the steps before the diagonal, the errors at the end.
 //!
 //! Checksums are CRC-32 (as in zlib). Reading any file takes at most 24 times its size in memory for each group of
 //! streams (at most 16), plus 16 KiB: counts are checked against section lengths, and those against the file, before
@@ -53,6 +54,16 @@ use std::io::Write;
 use std::path::Path;
 
 const MAX_BYTES: u64 = 4 << 30;
+
+/// The bytes of a file.
+pub(crate) fn bytes(path: &Path) -> Result<Vec<u8>> {
+    read_bounded(path, MAX_BYTES, "split the mesh")
+}
+
+/// Section 'clips' of a file; empty if it has none.
+pub(crate) fn clips<'a>(path: &Path, bytes: &'a [u8]) -> Result<&'a [u8]> {
+    Ok(table::split(path, bytes)?.get((table::CLIPS, 0)))
+}
 
 /// A mesh packed in blocks, with its faces and texture coordinates.
 #[derive(Clone, Debug, PartialEq)]
@@ -95,7 +106,7 @@ impl Asset {
     /// [`Error::Io`] if the file cannot be read; [`Error::Input`], naming the section, if it is invalid or larger than
     /// 4 GiB.
     pub fn read(path: &Path) -> Result<Self> {
-        contents::read(path, &read_bounded(path, MAX_BYTES, "split the mesh")?)
+        contents::read(path, &bytes(path)?)
     }
 
     /// Reads a file from memory; `path` is used only in messages.
@@ -121,13 +132,18 @@ impl Asset {
     /// [`Error::Invalid`]: a dense format; no vertices; invalid faces, texture coordinates, welds, tolerance or names;
     /// more data than a file can hold.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
+        self.to_bytes_with(None)
+    }
+
+    /// The bytes of the file, with the content of section 'clips'.
+    pub(crate) fn to_bytes_with(&self, clips: Option<Vec<u8>>) -> Result<Vec<u8>> {
         self.check().map_err(|what| {
             Error::invalid(
                 format!("mesh '{}' cannot be written as .dmorph: {what}", self.mesh.layout().name),
                 "write a mesh that to_mesh() has accepted",
             )
         })?;
-        contents::write(self)
+        contents::write(self, clips)
     }
 
     /// Decodes the mesh, in the user's vertex order: to pack it in a dense format, or for the reference.

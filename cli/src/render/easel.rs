@@ -126,7 +126,10 @@ impl<'a> Easel<'a> {
             weights = &refs;
         }
         if let Some(joints) = joints {
-            frames.iter().enumerate().try_for_each(|(head, frame)| studio.set_joints(head, &joints.at(*frame)))?;
+            frames
+                .iter()
+                .enumerate()
+                .try_for_each(|(head, frame)| studio.set_joints(head, &joints.at(frame.map(|frame| frame as f64))))?;
         }
         let finished = match heads {
             Heads::Device => studio.draw(Poses::Weights(weights), places, scene, *background)?,

@@ -1,23 +1,27 @@
 //! Joints of a glTF file, which move its mesh in each frame of a clip of the same file.
 
 use super::scenery::bounds;
+use crate::args::InputArgs;
 use crate::args::render::{Normals, RenderArgs, Shown};
 use crate::input::Input;
 use crate::output::Failure;
 use deltamorph::MorphMesh;
 use deltamorph::after::SkinDesc;
-use deltamorph::import::gltf::{self, Animation, Property, Skeleton};
+use deltamorph::import::gltf::{self, Animation, Skeleton};
 use deltamorph::import::{animation_of, is_gltf};
 use glam::{DMat4, DVec3, Vec3};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Most points to determine the extent of frames from.
 const POINTS: usize = 100_000;
 
 pub struct Joints {
+    file: PathBuf,
     skeleton: Skeleton,
     /// The animation that the weights belong to, and the times of its frames.
     playing: Option<(usize, Vec<f64>)>,
+    /// Frames per second of clips, if stated.
+    fps: Option<f32>,
     /// Origin of the mesh's positions.
     origin: DVec3,
 }
@@ -33,26 +37,27 @@ pub fn file(args: &RenderArgs) -> Option<&PathBuf> {
 }
 
 impl Joints {
-    /// The joints of INPUT, if it has any.
-    pub fn of(args: &RenderArgs, input: &Input) -> Result<Option<Self>, Failure> {
-        let Some(path) = file(args) else { return Ok(None) };
-        let Some(skeleton) = gltf::read(path)?.into_skinned()?.1 else { return Ok(None) };
-        let clip = match (&args.weights, &input.clips[..]) {
-            (None, [only]) => Some(only),
-            (named, _) => named.as_ref(),
-        };
-        let has_weights = |animation: &Animation| animation.channels.iter().any(|c| c.property == Property::Weights);
-        let is_playing = |animation: &Animation| -> bool {
-            clip.is_some_and(|clip: &PathBuf| match animation_of(clip) {
-                Some((file, name)) => file == *path && animation.name == name,
-                None if clip == path => has_weights(animation),
-                None => !clip.exists() && clip.to_str() == Some(&animation.name),
-            })
-        };
-        let playing = skeleton.animations.iter().position(is_playing);
-        let times = |number: usize| skeleton.animations[number].frame_times(args.run.input.fps).collect();
-        let playing = playing.map(|number| (number, times(number)));
-        Ok(Some(Self { skeleton, playing, origin: input.kept.origin.as_dvec3() }))
+    /// The joints of INPUT, if it is a file that has any, at rest.
+    pub fn of(args: &InputArgs, input: &Input) -> Result<Option<Self>, Failure> {
+        let Some(file) = args.input.as_ref().filter(|path| is_gltf(path)) else { return Ok(None) };
+        let Some(skeleton) = gltf::read(file)?.into_skinned()?.1 else { return Ok(None) };
+        let (file, origin) = (file.clone(), input.kept.origin.as_dvec3());
+        Ok(Some(Self { file, skeleton, playing: None, fps: args.fps, origin }))
+    }
+
+    /// Animations that move joints alone, as FILE#NAME.
+    pub fn alone(&self) -> impl Iterator<Item = PathBuf> {
+        let alone = self.skeleton.animations.iter().filter(|animation| animation.moves_joints_alone());
+        alone.map(|animation| PathBuf::from(format!("{}#{}", self.file.display(), animation.name)))
+    }
+
+    /// Takes the animation that `clip` is, FILE#NAME; joints rest while it is another file's.
+    pub fn play(&mut self, clip: &Path) {
+        let named = animation_of(clip).filter(|(file, _)| *file == self.file);
+        let is_named = |animation: &Animation| named.as_ref().is_some_and(|(_, name)| animation.name == *name);
+        let playing = self.skeleton.animations.iter().position(is_named);
+        let times = |number: usize| self.skeleton.animations[number].frame_times(self.fps).collect();
+        self.playing = playing.map(|number| (number, times(number)));
     }
 
     pub fn skin(&self) -> SkinDesc<'_> {
@@ -61,36 +66,39 @@ impl Joints {
         SkinDesc::new(influences.per_vertex as u32, count, &influences.joints, &influences.weights)
     }
 
-    /// Matrices at a frame of the clip; without a frame, at rest.
-    fn matrices(&self, frame: Option<usize>) -> Vec<DMat4> {
-        let time =
-            |(number, times): &(usize, Vec<f64>)| Some((&self.skeleton.animations[*number], *times.get(frame?)?));
+    /// Matrices at a frame of the clip, or between two; without a frame, at rest.
+    fn matrices(&self, frame: Option<f64>) -> Vec<DMat4> {
+        let time = |(number, times): &(usize, Vec<f64>)| {
+            let (frame, last) = (frame?, times.len().checked_sub(1)?);
+            let (before, after) = ((frame as usize).min(last), (frame as usize + 1).min(last));
+            Some((&self.skeleton.animations[*number], times[before] + (times[after] - times[before]) * frame.fract()))
+        };
         let matrices = self.skeleton.joint_matrices(self.playing.as_ref().and_then(time));
         let [to, from] = [self.origin, -self.origin].map(DMat4::from_translation);
         matrices.into_iter().map(|matrix| from * matrix * to).collect()
     }
 
     /// The first three rows of each matrix.
-    pub fn at(&self, frame: Option<usize>) -> Vec<f32> {
+    pub fn at(&self, frame: Option<f64>) -> Vec<f32> {
         let rows = |matrix: DMat4| matrix.transpose().to_cols_array().map(|number| number as f32);
         self.matrices(frame).into_iter().flat_map(|matrix| rows(matrix).into_iter().take(12)).collect()
     }
 
     /// Positions of points within `focus` after skinning, in this frame or in all: of base positions, and of vertices
     /// moved by single targets.
-    pub fn reach(&self, mesh: &MorphMesh, focus: &[Vec3], frame: Option<usize>, all: bool) -> Vec<Vec3> {
+    pub fn reach(&self, mesh: &MorphMesh, focus: &[Vec3], frame: Option<f64>, all: bool) -> Vec<Vec3> {
         let (low, high) = bounds(focus.iter().copied());
         let moved = mesh.targets.iter().flat_map(|target| target.vertices.iter().zip(&target.positions));
         let moved = moved.map(|(v, delta)| (*v as usize, mesh.positions[*v as usize] + *delta));
         let points = mesh.positions.iter().copied().enumerate().chain(moved);
         let points: Vec<_> = points.filter(|(_, p)| p.cmpge(low).all() && p.cmple(high).all()).collect();
-        let frames: Vec<Option<usize>> = match &self.playing {
-            Some((_, times)) if all => (0..times.len()).map(Some).collect(),
+        let frames: Vec<Option<f64>> = match &self.playing {
+            Some((_, times)) if all => (0..times.len()).map(|frame| Some(frame as f64)).collect(),
             _ => vec![frame],
         };
         let (step, influences) = ((points.len() * frames.len()).div_ceil(POINTS).max(1), &self.skeleton.influences);
         let n = influences.per_vertex;
-        let at = |frame: &Option<usize>| {
+        let at = |frame: &Option<f64>| {
             let matrices = self.matrices(*frame);
             let skinned = |(v, p): &(usize, Vec3)| {
                 let joints = influences.joints[v * n..].iter().zip(&influences.weights[v * n..]).take(n);

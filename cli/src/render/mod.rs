@@ -7,7 +7,7 @@ pub mod crowd;
 mod easel;
 mod errors;
 mod heat;
-mod joints;
+pub mod joints;
 mod names;
 pub mod scenery;
 mod sheet;
@@ -59,15 +59,20 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
     check_texcoords(args, &input)?;
     let stage = Stage::on(Some(gpu.clone()), &args.run, &input, out)?;
     let mut subject = Subject::new(args.run.input.input.as_deref(), &input);
-    let joints = Joints::of(args, &input)?.filter(|_| {
-        let on_device = stage.desc.path != UpdatePath::Cpu;
-        if !on_device {
-            out.note("the path 'cpu' skins nothing: joints move on the paths of the device");
-        }
-        on_device
-    });
+    let mut joints = if joints::file(args).is_some() { Joints::of(&args.run.input, &input)? } else { None };
+    if joints.is_some() && stage.desc.path == UpdatePath::Cpu {
+        out.note("the path 'cpu' skins nothing: joints move on the paths of the device");
+        joints = None;
+    }
+    let clip = match (&args.weights, &input.clips[..]) {
+        (None, [only]) => Some(only),
+        (named, _) => named.as_ref(),
+    };
+    if let (Some(joints), Some(clip)) = (&mut joints, clip) {
+        joints.play(&input::named(clip, &args.run.input)?);
+    }
     if let Some(joints) = &joints {
-        subject.focus = joints.reach(&input.kept, &subject.focus, args.frame, !one_pose);
+        subject.focus = joints.reach(&input.kept, &subject.focus, args.frame.map(|frame| frame as f64), !one_pose);
     }
     let scenery = Scenery { args, input: &input, stage: &stage, gpu: &gpu, subject, joints, out };
     let Done { mut what, size, frames, scale, kept } = match (args.sheet, args.crowd, args.magnify) {

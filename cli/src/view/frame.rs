@@ -33,6 +33,8 @@ pub struct Sample {
 /// Contents of a frame.
 pub struct Wanted<'a> {
     pub weights: &'a [Vec<f32>],
+    /// Joints of each instance, if its mesh has any.
+    pub joints: &'a [Vec<f32>],
     pub scene: &'a Scene,
     pub background: [f32; 4],
     pub panel: Picture,
@@ -198,7 +200,7 @@ impl Frames {
         painter: &mut Painter,
         wanted: Wanted<'_>,
     ) -> Result<Sample, Failure> {
-        let Wanted { weights, scene, background, panel, full, screenshot } = wanted;
+        let Wanted { weights, joints, scene, background, panel, full, screenshot } = wanted;
         let (device, cmd) = (self.device.clone(), self.frames[slot].cmd);
         let raw = device.raw();
         if self.queries != vk::QueryPool::null() {
@@ -206,7 +208,7 @@ impl Frames {
             unsafe { raw.cmd_reset_query_pool(cmd, self.queries, slot as u32 * STAMPS, STAMPS) };
         }
         self.stamp(slot, 0);
-        let took = heads.update(&device, cmd, slot, weights)?;
+        let took = heads.update(&device, cmd, slot, (weights, joints))?;
         self.stamp(slot, 1);
         let (extent, readable) = (swapchain.extent, swapchain.readable);
         let shown = &mut swapchain.images[index];

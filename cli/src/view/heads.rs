@@ -3,14 +3,15 @@
 use super::device::Device;
 use crate::output::Failure;
 use deltamorph::Bounds;
+use deltamorph::after::SkinDesc;
 use deltamorph::ash::vk;
 use deltamorph::{
-    BatchSize, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, GpuMesh, MorphMesh, PackedMesh, Semantic, UpdateDesc,
-    UpdateMode, UpdatePath, UpdateStats,
+    BatchSize, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, GpuMesh, MorphMesh, PackedMesh, PoseFormat, Semantic,
+    UpdateDesc, UpdateMode, UpdatePath, UpdateStats,
 };
 use deltamorph_render::wrinkles::MaskPlace;
 use deltamorph_render::{
-    Buffer, Glow, Head, Masks, Model, Part, PoseBounds, Renderer, RendererDesc, Show, StoredPose, Target,
+    Buffer, Glow, Head, Masks, Model, Part, PoseBounds, Renderer, RendererDesc, Show, Stepped, StoredPose, Target,
 };
 use glam::Mat4;
 use std::sync::Arc;
@@ -33,6 +34,8 @@ pub struct Heads {
     pub places: Vec<Mat4>,
     pub model: Model,
     who: Who,
+    /// The skin of poses on the device.
+    skin: Option<Stepped>,
     glow: Vec<Glow>,
     /// With several instances, bounds of poses, and of each instance in this frame.
     bounds: Option<(PoseBounds, Vec<Bounds>)>,
@@ -64,13 +67,13 @@ pub struct Took {
 }
 
 impl Heads {
-    /// Creates an instance at each of `places`, drawn into images of `format`.
+    /// Creates an instance at each of `places`, drawn into images of `format`; `skin` moves poses that are on the device.
     pub fn new(
         device: &Device,
         pool: vk::CommandPool,
         format: vk::Format,
         (mesh, parts): (&MorphMesh, &[Part]),
-        (packed, desc): (Arc<PackedMesh>, UpdateDesc),
+        (packed, desc, skin): (Arc<PackedMesh>, UpdateDesc, Option<SkinDesc<'_>>),
         threads: usize,
         places: Vec<Mat4>,
     ) -> Result<Self, Failure> {
@@ -81,12 +84,16 @@ impl Heads {
         }
         let uploaded = upload(device, pool, &packed)?;
         let layout = vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL;
-        let masks = MaskPlace::of(&packed);
-        let renderer = RendererDesc { format, layout, pose: desc.pose, masks: masks.is_some() };
+        let skin = skin.filter(|_| desc.path != UpdatePath::Cpu);
+        let masks = MaskPlace::of(&packed).filter(|_| skin.is_none());
+        // Skinning writes float32.
+        let pose = if skin.is_some() { PoseFormat::Float32 } else { desc.pose };
+        let renderer = RendererDesc { format, layout, pose, masks: masks.is_some() };
         // SAFETY: the handles belong together; the window waits, and drops the instances before the device.
         let renderer = unsafe { Renderer::new(device.instance(), device.physical(), device.raw(), &renderer) }?;
         // SAFETY: fields drop in order, the model before the mesh that it reads.
         let model = unsafe { Model::new(&renderer, mesh, packed.layout(), &uploaded, parts) }?;
+        let mut skinned = None;
         let who = if desc.path == UpdatePath::Cpu {
             let crowd = Box::new(CpuCrowd::new(packed.clone(), desc, places.len() as u32, threads)?);
             let poses = 2 + usize::from(masks.is_some());
@@ -99,24 +106,41 @@ impl Heads {
             Who::Processor { crowd, buffers, last: vec![], units }
         } else {
             let crowd = CrowdDesc::new(desc).instances(places.len() as u32).frames_in_flight(IN_FLIGHT as u32);
-            Who::Device(Box::new(device.engine.create_crowd(&uploaded, &crowd)?))
+            let mut crowd = Box::new(device.engine.create_crowd(&uploaded, &crowd)?);
+            if let Some(desc) = skin {
+                // SAFETY: `run` passes a recording buffer of the engine's device, and waits for it.
+                let mut skin = device.run(pool, |cmd| unsafe { device.engine.upload_skin(cmd, &packed, &desc) })?;
+                let joints = desc.joint_count;
+                // SAFETY: the upload has finished; no update is running, and the window waits before it drops heads.
+                skinned = Some(unsafe {
+                    skin.release_staging();
+                    renderer.skinned(&device.engine, &packed, &mut crowd, (&skin, joints), IN_FLIGHT)
+                }?);
+            }
+            Who::Device(crowd)
         };
         let glow = vec![Glow::new(packed.layout()); places.len()];
         let bounds = if places.len() > 1 { Some((PoseBounds::new(&packed, &desc)?, vec![])) } else { None };
-        Ok(Self { mesh: packed, desc, renderer, places, model, who, glow, bounds, masks, _uploaded: uploaded })
+        let skin = skinned;
+        Ok(Self { mesh: packed, desc, renderer, places, model, who, skin, glow, bounds, masks, _uploaded: uploaded })
     }
 
-    /// Updates every instance to `weights[head]`. Records into `cmd` for frame in flight `frame`, which was waited for.
+    /// Updates every instance to `weights[head]`, and `joints[head]` if poses are skinned. Records into `cmd` for frame in
+    /// flight `frame`, which was waited for.
     pub fn update(
         &mut self,
         device: &Device,
         cmd: vk::CommandBuffer,
         frame: usize,
-        weights: &[Vec<f32>],
+        (weights, joints): (&[Vec<f32>], &[Vec<f32>]),
     ) -> Result<Took, Failure> {
         let start = Instant::now();
         let stats = match &mut self.who {
             Who::Device(crowd) => {
+                if let Some(skin) = &mut self.skin {
+                    joints.iter().enumerate().for_each(|(head, joints)| _ = skin.set_joints(head, joints));
+                    skin.write(frame, crowd)?;
+                }
                 for (head, weights) in (0..).zip(weights) {
                     crowd.set_weights(head, weights)?;
                 }
@@ -176,7 +200,8 @@ impl Heads {
                 let previous = crowd.previous_pose(i as u32)?;
                 let masks = self.masks.map(|_| crowd.stream(i as u32, Semantic::Mask)).transpose()?;
                 let head = Head::new(&crowd.pose(i as u32)?, *place).previous(previous.as_ref());
-                Ok(head.masks(masks.as_ref().map(Masks::new)).bounds(bounds(i)))
+                let head = head.masks(masks.as_ref().map(Masks::new)).bounds(bounds(i));
+                Ok(self.skin.as_ref().map_or(head, |skin| skin.head(i, head)))
             }
             Who::Processor { buffers, last, units: (units, mask_units), .. } => {
                 let (buffer, stride) = (buffers[frame].raw(), last.len() / self.places.len());

@@ -14,6 +14,7 @@ use crate::args::render::Background;
 use crate::detail::{Detail, Kept};
 use crate::output::{Failure, Output};
 use crate::render::crowd::places;
+use crate::render::joints::Joints;
 use crate::render::scenery::{Subject, bounds};
 use crate::runner::prepare;
 use deltamorph::UpdatePath;
@@ -70,7 +71,7 @@ impl Stage {
         let format = swapchain::format(&device)?;
         let frames = Frames::new(&device, format.format)?;
         let painter = Painter::new(&device, format.format)?;
-        let subject = Subject::new(state.run.input.input.as_deref(), &state.input);
+        let subject = subject(state);
         let heads = heads(&device, &frames, format, state, &subject, out)?;
         let full = Full::new(&device, frames.pool, &state.input.kept)?;
         let context = Context::default();
@@ -151,7 +152,7 @@ impl Stage {
 
     /// Recreates the instances as the state requires. After an error the old ones stay.
     pub fn rebuild(&mut self, state: &State, other_mesh: bool, out: &Output) -> Result<(), Failure> {
-        let subject = other_mesh.then(|| Subject::new(state.run.input.input.as_deref(), &state.input));
+        let subject = other_mesh.then(|| subject(state));
         let heads =
             heads(&self.device, &self.frames, self.format, state, subject.as_ref().unwrap_or(&self.subject), out)?;
         // A full evaluation sums masks if the instances have them.
@@ -190,10 +191,12 @@ impl Stage {
         };
         let (panel, done, moves) = self.panel(state);
         let mut weights = state.weights()?;
+        let joints = state.joints();
         let scene = self.scene(state, extent);
         let moves = moves | self.leave_out(state, &scene, extent, &mut weights)?;
         let wanted = Wanted {
             weights: &weights,
+            joints: &joints,
             scene: &scene,
             background: Background(Some(style::BEHIND)).linear(),
             panel,
@@ -337,7 +340,16 @@ fn heads(
         heads => places(&subject.focus, heads, [1280, 860]),
     };
     let threads = state.run.update.threads.unwrap_or(0);
-    Heads::new(device, frames.pool, format.format, (mesh, &subject.parts), (packed, desc), threads, places)
+    let skin = state.skeleton().map(Joints::skin);
+    Heads::new(device, frames.pool, format.format, (mesh, &subject.parts), (packed, desc, skin), threads, places)
+}
+
+fn subject(state: &State) -> Subject {
+    let mut subject = Subject::new(state.run.input.input.as_deref(), &state.input);
+    if let Some(joints) = state.skeleton() {
+        subject.focus = joints.reach(&state.input.kept, &subject.focus, None, true);
+    }
+    subject
 }
 
 fn reach(state: &State) -> f32 {

@@ -7,7 +7,8 @@ use crate::args::view::ViewArgs;
 use crate::detail::Detail;
 use crate::input::{self, Input, Meshes};
 use crate::output::{Failure, Output};
-use deltamorph::BoundClip;
+use crate::render::joints::Joints;
+use deltamorph::{BoundClip, UpdatePath};
 use deltamorph_head::Rng;
 use std::path::{Path, PathBuf};
 
@@ -39,6 +40,8 @@ pub struct State {
     /// Clips to choose from, and the chosen one.
     pub clips: Vec<PathBuf>,
     pub chosen: Option<PathBuf>,
+    /// Joints that move the mesh, in the frame of the clip.
+    joints: Option<Joints>,
     /// Whether weights come from the clip; until a slider is moved.
     pub follows: bool,
     pub playing: bool,
@@ -87,17 +90,38 @@ pub enum Effect {
 
 impl State {
     pub fn new(args: &ViewArgs, out: &Output) -> Result<Self, Failure> {
-        let input = input::load_split(&args.run.input, false, out)?;
-        let clip = first_clip(args.weights.as_deref(), &args.run, &input)?;
-        let clip = clip.map(|clip| input::layered(clip, &args.layers.layers, &args.run.input, &input)).transpose()?;
-        let at_rest = Self::of(args.run.clone(), input, clip, args.weights.clone());
-        let mut this = Self { heads: args.heads, camera: args.camera, home: args.camera, ..at_rest };
+        let mut this = Self::read(args.run.clone(), args.weights.as_deref(), out)?;
+        (this.heads, this.camera, this.home) = (args.heads, args.camera, args.camera);
+        let layered = |clip| input::layered(clip, &args.layers.layers, &args.run.input, &this.input);
+        this.clip = this.clip.take().map(layered).transpose()?;
         this.input.pose(&args.set)?; // refuses names that there are not
         for (name, weight) in &args.set {
             this.set(name, *weight, false)?;
         }
         this.undone = Default::default();
         Ok(this)
+    }
+
+    /// The state of INPUT at rest, with the clip at `named` or its first one.
+    fn read(run: RunArgs, named: Option<&Path>, out: &Output) -> Result<Self, Failure> {
+        let skins = run.update.paths.first() != Some(&UpdatePath::Cpu);
+        let input = input::load_split(&run.input, skins, out)?;
+        let joints = if skins { Joints::of(&run.input, &input)? } else { None };
+        let first = named.or(input.clips.first().map(PathBuf::as_path));
+        let clip = input::clips(first, &run.input, &input, &[])?.pop();
+        let mut this = Self::of(run, input, clip, named.map(Path::to_path_buf));
+        this.clips.extend(joints.iter().flat_map(Joints::alone));
+        this.joints = joints;
+        this.play_joints()?;
+        Ok(this)
+    }
+
+    /// Joints move in the frames of the chosen clip if it is one of theirs.
+    fn play_joints(&mut self) -> Result<(), Failure> {
+        if let (Some(joints), Some(path)) = (&mut self.joints, &self.chosen) {
+            joints.play(&input::named(path, &self.run.input)?);
+        }
+        Ok(())
     }
 
     /// The state of a mesh at rest. `named`: the clip, if it is none of the input's.
@@ -117,6 +141,7 @@ impl State {
             clip,
             clips,
             chosen,
+            joints: None,
             follows: false,
             playing: false,
             at: 0.0,
@@ -187,6 +212,10 @@ impl State {
                 self.run.update.formats.retain(takes);
                 self.run.update.poses.retain(|pose| path.poses().contains(pose));
                 self.run.update.paths = vec![path];
+                if path == UpdatePath::Cpu && self.joints.is_some() {
+                    let text = "the path 'cpu' skins nothing: joints move on the paths of the device";
+                    self.say(text.into(), false);
+                }
             }
             Command::Format(format) => self.run.update.formats = vec![format],
             Command::Pose(pose) => {
@@ -225,8 +254,27 @@ impl State {
             (self.unshown, self.look) = (Some(shown), look);
             return Ok(Effect::Heads);
         }
+        let skinned = self.skeleton().is_some();
         self.look = look;
-        Ok(Effect::None)
+        Ok(if skinned == self.skeleton().is_some() { Effect::None } else { Effect::Heads })
+    }
+
+    /// The joints that move the mesh; `None` for looks of targets alone.
+    pub fn skeleton(&self) -> Option<&Joints> {
+        self.joints.as_ref().filter(|_| !matches!(self.look, Look::Heat | Look::Motion | Look::Wrinkles))
+    }
+
+    /// Joints of each instance: at rest, unless weights come from the clip.
+    pub fn joints(&self) -> Vec<Vec<f32>> {
+        let Some(joints) = self.skeleton() else { return vec![] };
+        let frame = |head| self.clip.as_ref().filter(|_| self.follows).map(|clip| self.frame(clip, head));
+        (0..self.heads as usize).map(|head| joints.at(frame(head))).collect()
+    }
+
+    /// The frame of the clip that an instance shows.
+    fn frame(&self, clip: &BoundClip, head: usize) -> f64 {
+        let count = clip.frame_count();
+        (self.at + (head * count) as f64 / f64::from(self.heads)) % count as f64
     }
 
     pub fn say(&mut self, text: String, is_error: bool) {
@@ -304,7 +352,7 @@ impl State {
         if !self.clips.iter().any(|clip| clip == path) {
             self.clips.push(path.to_owned());
         }
-        Ok(())
+        self.play_joints()
     }
 
     /// Opens a dropped file or folder. If it cannot be read, the window says so, and nothing changes.
@@ -319,10 +367,8 @@ impl State {
         let taken = if is_clip {
             self.take_clip(&path).map(|()| Effect::None)
         } else {
-            input::load_split(&run.input, false, out).and_then(|input| {
-                let clip = first_clip(None, &run, &input)?;
+            Self::read(run, None, out).and_then(|at_rest| {
                 let Self { heads, detail, look, camera, home, speed, twins, panel, width, .. } = *self;
-                let at_rest = Self::of(run.clone(), input, clip, None);
                 let mut other = Self { heads, detail, camera, home, speed, twins, panel, width, ..at_rest };
                 other.say(format!("{name} is here"), false);
                 other.show(look)?;
@@ -360,8 +406,8 @@ impl State {
         };
         let count = clip.frame_count();
         let frame = |head: usize| {
-            let at = self.at + (head * count) as f64 / heads as f64;
-            let (before, share) = (at as usize % count, at.fract() as f32);
+            let at = self.frame(clip, head);
+            let (before, share) = (at as usize, at.fract() as f32);
             let (from, to) = (clip.frame(before)?, clip.frame((before + 1).min(count - 1))?);
             Ok(from.iter().zip(&to).map(|(a, b)| a + (b - a) * share).collect::<Vec<f32>>())
         };
@@ -378,13 +424,5 @@ impl State {
         let set = self.names.iter().zip(&self.values).filter(|(_, value)| **value != 0.0);
         let set: Vec<String> = set.map(|(name, value)| format!("{name}={}", (value * 1e4).round() / 1e4)).collect();
         format!("--set {}", set.join(","))
-    }
-}
-
-/// The clip at `named`, or the first one of the input.
-fn first_clip(named: Option<&Path>, run: &RunArgs, input: &Input) -> Result<Option<BoundClip>, Failure> {
-    match (named, input.clips.first()) {
-        (None, Some(first)) => input::clip(first, &run.input, input, &[]).map(Some),
-        _ => Ok(input::clips(named, &run.input, input, &[])?.pop()),
     }
 }

@@ -1,32 +1,9 @@
 //! glTF files as INPUT and as weight clips.
 
+use crate::arm::{accessor, floats, gltf_arm, write};
 use crate::cli::{HEAD, deltamorph, fails, json, ok, pixels, refused};
 use serde_json::{Value, json};
 use std::path::Path;
-
-fn floats(values: &[f32]) -> Vec<u8> {
-    values.iter().flat_map(|x| x.to_le_bytes()).collect()
-}
-
-fn accessor(view: usize, kind: &str, count: usize) -> Value {
-    json!({"bufferView": view, "componentType": 5126, "type": kind, "count": count})
-}
-
-/// Writes a file whose buffer has a view for each of `parts`.
-fn write(folder: &Path, parts: &[Vec<u8>], mut file: Value) -> String {
-    let (mut views, mut offset) = (vec![], 0);
-    for part in parts {
-        views.push(json!({"buffer": 0, "byteOffset": offset, "byteLength": part.len()}));
-        offset += part.len();
-    }
-    file["asset"] = json!({"version": "2.0"});
-    file["buffers"] = json!([{"byteLength": offset, "uri": "buffer.bin"}]);
-    file["bufferViews"] = json!(views);
-    std::fs::write(folder.join("buffer.bin"), parts.concat()).unwrap();
-    let path = folder.join("face.gltf");
-    std::fs::write(&path, file.to_string()).unwrap();
-    path.to_str().unwrap().to_owned()
-}
 
 /// Writes a triangle with two targets, and an animation of them with 25 keys a second.
 fn gltf_triangle(folder: &Path) -> String {
@@ -74,54 +51,32 @@ fn a_gltf_file_is_an_input_and_its_animations_are_clips() {
     assert_eq!((played["clip"].as_str(), &played["summary"]["frames"]), (Some("nod #1"), &3.into()));
     let packed = dir.path().join("face.dmorph");
     ok(&["pack", &face, "-o", packed.to_str().unwrap()]);
-    ok(&["play", packed.to_str().unwrap(), "--weights", &format!("{face}#nod #1"), "--path", "cpu"]);
+    let packed = packed.to_str().unwrap();
+    let again = dir.path().join("again.dmorph");
+    let again = again.to_str().unwrap();
+    ok(&["pack", packed, "-o", again]);
+    // Clips of packed files: the only one, by name, and by the name of the file.
+    let its = format!("{packed}#nod #1");
+    for args in [&[packed][..], &[again], &[packed, "--weights", "nod #1"], &[again, "--weights", &its]] {
+        let again = json(&[&["play", "--path", "cpu", "--every", "1", "--json", "-"], args].concat());
+        assert_eq!((&again["clip"], &again["frames"][1]["active"]), (&"nod #1".into(), &2.into()));
+    }
+    ok(&["play", packed, "--weights", &format!("{face}#nod #1"), "--path", "cpu"]);
     for (args, expected) in [
         (
             ["apply", &face, "--weights", "shake", "--frame", "1", "-o", out],
             "no animation of weights is called 'shake'; name one of: 'nod #1'",
         ),
         (["apply", &face, "--weights", "nod #1", "--frame", "3", "-o", out], "has 3 frames, counted from 0"),
+        (
+            ["apply", packed, "--weights", "shake", "--frame", "1", "-o", out],
+            "no clip is called 'shake'; name one of: 'nod #1'",
+        ),
         (["apply", &face, "--weights", "nod #1", "--frame", "1", "-o", buffer], "is part of what is read"),
     ] {
         let (_, text) = fails(&args);
         assert!(text.contains(expected), "{text}");
     }
-}
-
-/// Writes a strip of triangles from x = 0 to 4 that bulges by a target, and bends by the joint of its upper end. Of the
-/// three frames of its clip, the first two differ only in joints, the last two only in the weight.
-fn gltf_arm(folder: &Path) -> String {
-    let corners: Vec<[f32; 3]> = (0..8u8)
-        .flat_map(|i| [(i, 0u8), (i + 1, 0), (i, 1), (i + 1, 0), (i + 1, 1), (i, 1)])
-        .map(|(x, y)| [f32::from(x) / 2.0, f32::from(y), 0.0])
-        .collect();
-    let count = corners.len();
-    let each = |f: &dyn Fn(f32) -> Vec<f32>| floats(&corners.iter().flat_map(|p| f(p[0])).collect::<Vec<f32>>());
-    let (half, column) = (0.5f32.sqrt(), |x: f32| [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., x, 0., 0., 1.]);
-    let parts = [
-        floats(corners.as_flattened()),
-        each(&|x| vec![0.0, 0.5 * x, 0.0]),
-        [0u8, 1, 0, 0].repeat(count),
-        each(&|x| vec![1.0 - x / 4.0, x / 4.0, 0.0, 0.0]),
-        floats(&[column(0.0), column(-2.0)].concat()),
-        floats(&[0.0, 0.04, 0.08]),
-        floats(&[0.25, 0.25, 1.0]),
-        floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, half, half, 0.0, 0.0, half, half]),
-    ];
-    let mut joints = accessor(2, "VEC4", count);
-    joints["componentType"] = json!(5121);
-    let file = json!({
-        "accessors": [accessor(0, "VEC3", count), accessor(1, "VEC3", count), joints, accessor(3, "VEC4", count),
-            accessor(4, "MAT4", 2), accessor(5, "SCALAR", 3), accessor(6, "SCALAR", 3), accessor(7, "VEC4", 3)],
-        "meshes": [{"extras": {"targetNames": ["up"]}, "primitives": [{"targets": [{"POSITION": 1}],
-            "attributes": {"POSITION": 0, "JOINTS_0": 2, "WEIGHTS_0": 3}}]}],
-        "skins": [{"joints": [1, 2], "inverseBindMatrices": 4}],
-        "nodes": [{"mesh": 0, "skin": 0}, {"children": [2]}, {"translation": [2, 0, 0]}],
-        "animations": [{"name": "wave", "samplers": [{"input": 5, "output": 6}, {"input": 5, "output": 7}],
-            "channels": [{"sampler": 0, "target": {"node": 0, "path": "weights"}},
-                {"sampler": 1, "target": {"node": 2, "path": "rotation"}}]}],
-    });
-    write(folder, &parts, file)
 }
 
 /// Joints move with the face: taken from the frame of the clip, and at rest without one.
@@ -144,6 +99,8 @@ fn a_character_is_drawn_as_its_joints_stand() {
     // Joints are at rest at its first frame; and with the same weight and no clip.
     assert!(drawn(&["--set", "up=0.25"]).0 == first);
     assert!(drawn(&["--set", "up=0.25", "--weights", &arm, "--frame", "1"]).0 == second);
+    let nod = ["0", "1"].map(|frame| drawn(&["--weights", "nod", "--frame", frame]));
+    assert!(nod[0].0 != nod[1].0 && nod[0].1.contains("clip 'nod' moves joints alone: all weights are 0"));
     assert!(at("1", &["--pose", "fixed16", "--path", "compute", "--format", "snorm16"]).0 != first);
     // The path `cpu` reports that it ignores joints.
     let [(on_cpu, said), (second_on_cpu, _)] = ["0", "1"].map(|frame| at(frame, &["--path", "cpu"]));

@@ -1,5 +1,7 @@
 //! The program as users start it, each command in a process of its own.
 
+#[path = "../common/arm.rs"]
+mod arm;
 #[path = "../common/cli.rs"]
 mod cli;
 #[path = "../../../tests/common/data.rs"]

@@ -1,7 +1,10 @@
 //! Packed files with valid checksums: sections are mutated one at a time, and accepted files are used.
 
 use crate::{Memory, Random, Target, bounded, check_error, update};
-use deltamorph::{Asset, BatchSize, DeltaFormat, PackDesc, Tolerance, UpdateDesc, UpdatePath, WeightBounds, testing};
+use deltamorph::import::packed;
+use deltamorph::{
+    Asset, BatchSize, DeltaFormat, PackDesc, Tolerance, UpdateDesc, UpdatePath, WeightBounds, WeightClip, testing,
+};
 use deltamorph_head::{HeadDesc, head};
 use std::path::Path;
 use std::sync::Arc;
@@ -19,8 +22,14 @@ fn run(data: &[u8]) {
         Ok(asset) => asset,
         Err(error) => return check_error(error),
     };
+    let clips = bounded("packed::clips_from_bytes", bytes.len(), MEMORY, || packed::clips_from_bytes(path, &bytes));
+    let clips = clips.unwrap_or_else(|error| {
+        check_error(error);
+        vec![]
+    });
     // An accepted file is written back unchanged.
-    let again = asset.to_bytes().expect("it was accepted");
+    let again = packed::to_bytes(&asset, &clips).expect("it was accepted");
+    assert!(packed::clips_from_bytes(path, &again).expect("they were written") == clips);
     assert!(Asset::from_bytes(path, &again).expect("it was written") == asset);
     let decoded = asset.to_mesh().expect("blocks");
     assert!(decoded.targets.iter().all(|target| target.vertices.is_sorted_by(|a, b| a < b)));
@@ -117,6 +126,11 @@ fn seeds() -> Vec<(String, Vec<u8>)> {
         for (name, mesh) in [("head", &head), ("streams", &streams)] {
             let asset = Asset::pack(mesh, &PackDesc::new(format)).expect("a mesh for tests");
             seeds.push((format!("{name}-{}", format.name()), asset.to_bytes().expect("it was packed")));
+            if format == DeltaFormat::Fast {
+                let names = vec!["jawOpen".to_owned(), "x".to_owned()];
+                let clip = WeightClip { name: "clip".into(), names, fps: 30.0, values: vec![0.5; 6] };
+                seeds.push((format!("{name}-clip"), packed::to_bytes(&asset, &[clip]).expect("it was packed")));
+            }
         }
     }
     seeds

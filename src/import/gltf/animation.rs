@@ -154,9 +154,21 @@ impl Animation {
         self.channels.iter().filter(|channel| channel.property == Property::Weights)
     }
 
-    /// Frames per second of evenly spaced keys of weights (within 2% of a frame), 20 or more; otherwise 30.
-    pub(super) fn frame_rate(&self) -> f32 {
-        let longest = self.weight_channels().max_by_key(|channel| channel.times.len());
+    /// Whether it moves nodes, and no weights.
+    pub fn moves_joints_alone(&self) -> bool {
+        !self.channels.is_empty() && self.weight_channels().next().is_none()
+    }
+
+    /// The channels that frames follow: those of weights or, if it has none, all.
+    fn timed(&self) -> impl Iterator<Item = &Channel> {
+        let all = self.moves_joints_alone();
+        self.channels.iter().filter(move |channel| all || channel.property == Property::Weights)
+    }
+
+    /// Returns the frames per second of evenly spaced keys (within 2% of a frame), 20 or more; otherwise 30. Keys of
+    /// weights count or, if it moves joints alone, those of joints.
+    pub fn frame_rate(&self) -> f32 {
+        let longest = self.timed().max_by_key(|channel| channel.times.len());
         let times = longest.map_or(&[][..], |channel| &channel.times);
         let (Some(&first), Some(&last)) = (times.first(), times.last()) else { return DEFAULT_FPS };
         let (first, frames) = (f64::from(first), times.len() as f64 - 1.0);
@@ -171,9 +183,9 @@ impl Animation {
         if fps < 20.0 { DEFAULT_FPS } else { fps as f32 }
     }
 
-    /// The times of frames from the first to the last key of its weights.
+    /// The times of frames from the first to the last key that counts.
     pub(super) fn frames(&self, fps: f32) -> impl ExactSizeIterator<Item = f64> + use<> {
-        let spans = self.weight_channels().map(Channel::span);
+        let spans = self.timed().map(Channel::span);
         let [start, end] = spans.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or_default();
         let frames = ((end - start) * f64::from(fps) - NEAR).ceil().max(0.0) + 1.0;
         (0..frames as usize).map(move |frame| (start + frame as f64 / f64::from(fps)).min(end))

@@ -17,8 +17,8 @@ use std::sync::Arc;
 /// Remedy for a file with valid checksums and invalid contents.
 const INCONSISTENT: &str = "the program that wrote it is at fault: pack the mesh again";
 
-/// The file of `asset`, which is in a block format.
-pub(super) fn write(asset: &Asset) -> Result<Vec<u8>> {
+/// The file of `asset`, which is in a block format, with the content of section 'clips' if there are any.
+pub(super) fn write(asset: &Asset, clips: Option<Vec<u8>>) -> Result<Vec<u8>> {
     let (layout, faces) = (asset.mesh.layout(), &asset.faces);
     let (index, groups) = (layout.index()?, asset.mesh.groups());
     if groups.len() > GROUPS_MAX {
@@ -61,6 +61,7 @@ pub(super) fn write(asset: &Asset) -> Result<Vec<u8>> {
         ((TEXCOORDS, 0), bytes_of(asset.texcoords.iter().flat_map(|t| t.to_array().map(f32::to_bits)))),
         ((WELDS, 0), bytes_of(asset.welds.iter().copied())),
     ];
+    contents.extend(clips.map(|clips| ((CLIPS, 0), clips)));
     for (i, group) in groups.iter().enumerate() {
         let (streams, index) = (&group.layout().streams, group.layout().index()?);
         let mut head = counts(&[streams.len(), index.count(), index.entry_count(), group.deltas().len()])?;

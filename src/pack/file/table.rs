@@ -5,8 +5,9 @@ use std::path::Path;
 
 /// Magic bytes. A transfer in text mode changes the line end, and is detected.
 const MAGIC: [u8; 8] = *b"DMORPH\r\n";
-/// The version written, and the oldest one read.
-pub(super) const VERSION: u32 = 4;
+/// The version written without clips, with clips, and the oldest one read.
+const VERSION: u32 = 4;
+const WITH_CLIPS: u32 = 5;
 pub(super) const OLDEST_VERSION: u32 = 2;
 /// Most groups of a file, since some data is kept per target and group.
 pub(super) const GROUPS_MAX: usize = 16;
@@ -39,9 +40,10 @@ pub(super) const CORNER_TEXCOORDS: Section = Section(10, "corner texcoords");
 pub(super) const TEXCOORDS: Section = Section(11, "texcoords");
 pub(super) const GROUP: Section = Section(12, "group");
 pub(super) const WELDS: Section = Section(13, "welds");
+pub(super) const CLIPS: Section = Section(14, "clips");
 
-/// Sections that occur once, in file order.
-const ONCE: [Section; 8] = [META, NAMES, ORDER, FACES, CORNERS, CORNER_TEXCOORDS, TEXCOORDS, WELDS];
+/// Sections that occur once, in file order; the last one since version 5.
+const ONCE: [Section; 9] = [META, NAMES, ORDER, FACES, CORNERS, CORNER_TEXCOORDS, TEXCOORDS, WELDS, CLIPS];
 /// Sections of each group, which follow.
 const EACH: [Section; 5] = [GROUP, BASE, FIRST_ENTRIES, ENTRY_TARGETS, WORDS];
 /// Sections of version 2.
@@ -53,7 +55,11 @@ pub(super) type Place = (Section, usize);
 
 /// The sections of a file in order; `None` if no file has this many.
 pub(super) fn places(version: u32, sections: usize) -> Option<Vec<Place>> {
-    let (once, each) = if version > OLDEST_VERSION { (&ONCE[..], &EACH[..]) } else { (&OLD[..], &[][..]) };
+    let (once, each) = match version {
+        OLDEST_VERSION => (&OLD[..], &[][..]),
+        WITH_CLIPS => (&ONCE[..], &EACH[..]),
+        _ => (&ONCE[..8], &EACH[..]),
+    };
     let rest = sections.checked_sub(once.len())?;
     let groups = rest.checked_div(each.len()).unwrap_or(0);
     if rest != groups * each.len() || groups > GROUPS_MAX || (groups == 0) != each.is_empty() {
@@ -103,7 +109,8 @@ pub(super) fn join(contents: &[(Place, Vec<u8>)]) -> Vec<u8> {
     let total = contents.iter().fold(start, |at, (_, c)| at + c.len().next_multiple_of(ALIGNMENT));
     let mut out = Vec::with_capacity(total);
     out.extend(MAGIC);
-    out.extend(VERSION.to_le_bytes());
+    let has_clips = contents.iter().any(|(place, _)| place.0 == CLIPS);
+    out.extend(if has_clips { WITH_CLIPS } else { VERSION }.to_le_bytes());
     out.extend((contents.len() as u32).to_le_bytes());
     let mut at = start;
     for (place, content) in contents {
@@ -131,9 +138,11 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
         return refuse("does not begin as a packed mesh does".into(), "give a file written by `deltamorph pack`");
     }
     let (Some(version), Some(count)) = (u32_at(bytes, 8), u32_at(bytes, 12)) else { return ends("the header") };
-    if !(OLDEST_VERSION..=VERSION).contains(&version) {
+    if !(OLDEST_VERSION..=WITH_CLIPS).contains(&version) {
         return refuse(
-            format!("has version {version} of the format; this program reads versions {OLDEST_VERSION} to {VERSION}"),
+            format!(
+                "has version {version} of the format; this program reads versions {OLDEST_VERSION} to {WITH_CLIPS}"
+            ),
             OUTDATED,
         );
     }
