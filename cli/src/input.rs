@@ -14,6 +14,7 @@ use deltamorph_head as head;
 use deltamorph_rig::BoundRig;
 use deltamorph_rig::names::retarget;
 use serde::{Deserialize, Serialize};
+use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -43,6 +44,8 @@ pub struct Input {
     pub origin: String,
     /// Prints notes on clips.
     pub out: Option<Output>,
+    /// The largest absolute weight of clips and settings that have been read: fixed-point poses have to hold it.
+    pub largest: Cell<f32>,
 }
 
 /// Facts about a mesh in reports. Fields may be added, never renamed.
@@ -188,6 +191,7 @@ fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Re
         normalise: args.normalise,
         origin,
         out: Some(out.clone()),
+        largest: Cell::new(0.0),
     })
 }
 
@@ -326,6 +330,7 @@ pub fn layered(clip: BoundClip, layers: &[Layer], args: &InputArgs, input: &Inpu
     }
     let targets = names(&input.kept);
     let names = targets.iter().map(|name| (*name).to_owned()).collect();
+    input.holds(&values);
     Ok(WeightClip { name: clip.name, names, fps: clip.fps, values }.bind(&targets)?)
 }
 
@@ -388,16 +393,25 @@ impl Input {
     fn bind(&self, clip: &WeightClip) -> deltamorph::Result<BoundClip> {
         let baked = self.rig.as_ref().map(|rig| rig.bake(clip, clip.fps)).transpose()?;
         let clip = baked.as_ref().unwrap_or(clip);
-        match self.normalise {
+        let normalised;
+        let clip = match self.normalise {
             // `bind` refuses values that are not finite.
             Some(Reading::Text) if clip.values.iter().all(|weight| weight.is_finite()) => {
                 let mut clip = clip.clone();
                 let columns = clip.names.len().max(1);
                 clip.values.chunks_mut(columns).for_each(normalise_weights);
-                clip.bind(&names(&self.kept))
+                normalised = clip;
+                &normalised
             }
-            Some(Reading::Text | Reading::Shader) | None => clip.bind(&names(&self.kept)),
-        }
+            Some(Reading::Text | Reading::Shader) | None => clip,
+        };
+        self.holds(&clip.values);
+        clip.bind(&names(&self.kept))
+    }
+
+    /// Fixed-point poses have to hold these weights.
+    fn holds(&self, weights: &[f32]) {
+        self.largest.set(weights.iter().fold(self.largest.get(), |most, weight| most.max(weight.abs())));
     }
 
     /// A clip with `settings` in each frame; one frame if it has no columns.

@@ -110,6 +110,7 @@ pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     (input.normalise, input.out) = (None, None);
     let plain = || input::one_clip(weights.as_deref(), &run.input, &input, &[]);
     let plain = run.input.normalise.map(|_| plain()).transpose()?;
+    input.largest.set(input.largest.get() + args.noise.unwrap_or(0.0));
     let stage = Stage::new(&run, &input, device, out)?;
     let (raw, origin) = (input.packed.is_none().then(|| input.raw.clone()), input.origin.clone());
     // Frees all but the packed mesh, and the raw mesh if it is compared with.

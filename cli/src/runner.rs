@@ -9,7 +9,7 @@ use crate::output::{Failure, Output};
 use deltamorph::calls::Call;
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, Error, MorphEngine, PackDesc,
-    PackedMesh, Playback, PoseFormat, Repeat, UpdateDesc, UpdatePath, UpdateStats, WeightClip,
+    PackedLayout, PackedMesh, Playback, PoseFormat, Repeat, UpdateDesc, UpdatePath, UpdateStats, WeightClip,
 };
 pub use deltamorph_headless::Headless as Gpu;
 use deltamorph_headless::{DeviceChoice, HeadlessCrowd, HeadlessDesc, PoseUpload, Step};
@@ -409,6 +409,7 @@ pub fn prepare(
         .error_budget(update.budget(input.kept.diagonal));
     desc.check().map_err(|e| Failure::Usage(e.to_string()))?;
     let mesh = packed(input, engine, format, &update.pack)?;
+    let desc = reaching(desc, input.largest.get(), mesh.layout(), out);
     let exact = desc.pose(PoseFormat::Fixed32);
     let desc = match desc.check_for(mesh.layout()) {
         Ok(()) => desc,
@@ -419,6 +420,21 @@ pub fn prepare(
         Err(e) => return Err(Failure::Usage(format!("{e}; see --drift, --pose and --weight-max"))),
     };
     Ok((mesh, desc))
+}
+
+/// `desc` with poses that hold weights up to `largest`, unless it states what they hold.
+fn reaching(desc: UpdateDesc, largest: f32, layout: &PackedLayout, out: &Output) -> UpdateDesc {
+    let wider = desc.weight_max(Some(largest));
+    let (Ok(Some(default)), None, Ok(Some(grid))) = (desc.grid(layout), desc.weight_max, wider.grid(layout)) else {
+        return desc;
+    };
+    if largest <= default.weight_max {
+        return desc;
+    }
+    let (pose, by) = (desc.pose.name(), grid.units[0] / default.units[0]);
+    let steps = if by == 1.0 { String::new() } else { format!(" in steps {by} times as long") };
+    out.note(format_args!("weights up to {largest}: {pose} poses hold them{steps}"));
+    wider
 }
 
 /// The batch size for `spec` on `path`.

@@ -57,6 +57,16 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
         input.add_masks()?;
     }
     check_texcoords(args, &input)?;
+    if args.run.update.named_poses().map_err(Failure::Usage)?.iter().any(|pose| pose.has_integers()) {
+        // Poses have to hold the weights of the clip. Its notes are printed when it is drawn.
+        let notes = input.out.take();
+        let clips = input::clips(args.weights.as_deref(), &args.run.input, &input, &args.set)?;
+        clips
+            .into_iter()
+            .try_for_each(|clip| input::layered(clip, &args.layers.layers, &args.run.input, &input).map(|_| ()))?;
+        input.pose(&args.set)?;
+        input.out = notes;
+    }
     let stage = Stage::on(Some(gpu.clone()), &args.run, &input, out)?;
     let mut subject = Subject::new(args.run.input.input.as_deref(), &input);
     let mut joints = if joints::file(args).is_some() { Joints::of(&args.run.input, &input)? } else { None };

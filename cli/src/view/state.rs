@@ -168,8 +168,12 @@ impl State {
     pub fn apply(&mut self, command: Command, out: &Output) -> Result<Effect, Failure> {
         use Command::{Budget, Format, Heads, Path, Pose};
         let anew = matches!(command, Budget(_) | Format(_) | Heads(_) | Path(_) | Pose(_));
+        let (held, is_fixed) = (self.input.largest.get(), self.run.update.poses.iter().any(|pose| pose.has_integers()));
         match command {
-            Command::Set(name, weight) => self.set(&name, weight, self.twins)?,
+            Command::Set(name, weight) => {
+                self.set(&name, weight, self.twins)?;
+                self.input.largest.set(self.input.largest.get().max(weight.abs()));
+            }
             Command::Settled => self.moving = None,
             Command::Undo => self.take_back(0),
             Command::Redo => self.take_back(1),
@@ -240,7 +244,9 @@ impl State {
             Command::Dismiss => self.notice = None,
             Command::Drop(path) => return Ok(self.take(path, out)),
         }
-        Ok(if anew { Effect::Heads } else { Effect::None })
+        // Fixed-point poses that have to hold larger weights are others.
+        let outgrown = is_fixed && self.input.largest.get() > held.max(1.0);
+        Ok(if anew || outgrown { Effect::Heads } else { Effect::None })
     }
 
     /// Changes the view of the instances. Wrinkle masks are a stream of the mesh only while they are shown.

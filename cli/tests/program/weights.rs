@@ -88,3 +88,23 @@ fn a_head_with_in_betweens_has_a_rig_that_goes_through_them() {
     let played = json(&["play", &dir, "--path", "cpu", "--json", "-"]);
     assert_eq!(played["summary"]["frames"], 24);
 }
+
+#[test]
+fn fixed_point_poses_hold_the_weights_of_the_clip() {
+    let folder = tempfile::tempdir().unwrap();
+    let clip = clip(folder.path(), "eyeBlinkLeft,eyeWideRight\n1.25,0.5\n-1.75,0.5\n");
+    let play = |more: &[&str]| {
+        let args = ["play", "--path", "cpu", "--format", "small", "--pose", "fixed16", "--weights", &clip];
+        let out = deltamorph(&[&args[..], &HEAD[..], more].concat());
+        (out.status.success(), String::from_utf8(out.stderr).unwrap())
+    };
+    let (played, said) = play(&[]);
+    assert!(played && said.contains("weights up to 1.75: fixed16 poses hold them"), "{said}");
+    let (played, said) = play(&["--noise", "0.5"]);
+    assert!(played && said.contains("weights up to 2.25: fixed16"), "{said}");
+    let (played, said) = play(&["--weight-max", "1"]);
+    assert!(!played && said.contains("use a larger weight_max"), "{said}");
+    let out = folder.path().join("out.obj");
+    let set = ["apply", "--path", "cpu", "--pose", "fixed16", "--set", "eyeBlinkLeft=1.5", "-o", out.to_str().unwrap()];
+    ok(&[&set[..], &HEAD[..]].concat());
+}
