@@ -131,12 +131,15 @@ pub fn load_split(args: &InputArgs, unposed: bool, out: &Output) -> Result<Input
 fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Result<Input, Failure> {
     let origin = args.input.as_ref().map_or("built-in head".into(), |path| path.display().to_string());
     let spinner = out.spinner(format!("reading {origin}"));
-    let (mesh, clips, rig) = match &args.input {
+    let (mesh, clips, rig, expressions) = match &args.input {
         None => {
             let source = head::head(&args.head.desc(args.seed));
-            (ImportedMesh::Source(if desc.split { source.split()? } else { source }), vec![], None)
+            (ImportedMesh::Source(if desc.split { source.split()? } else { source }), vec![], None, vec![])
         }
-        Some(path) => import::open(path, desc).map(|Imported { mesh, clips, rig, .. }| (mesh, clips, rig))?,
+        Some(path) => {
+            let Imported { mesh, clips, rig, expressions, .. } = import::open(path, desc)?;
+            (mesh, clips, rig, expressions)
+        }
     };
     let (raw, kept, packed) = match mesh {
         ImportedMesh::Source(source) => {
@@ -177,17 +180,21 @@ fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Re
         let what = "errors are against what it holds; those against the raw files cannot be told";
         out.note(format_args!("{origin} is packed: {what}"));
     }
-    let rig = args.rig.as_ref().or(rig.as_ref()).map(|path| {
-        let bound = deltamorph_rig::read(path)?.bind(&names(&kept));
-        bound.map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))
-    });
+    let targets = names(&kept);
+    let rig = match args.rig.as_ref().or(rig.as_ref()) {
+        Some(path) => {
+            let bound = deltamorph_rig::read(path)?.bind(&targets);
+            Some(bound.map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))?)
+        }
+        None => deltamorph_rig::vrm::rig(&expressions, &targets).map(|rig| rig.bind(&targets)).transpose()?,
+    };
     Ok(Input {
         name: kept.name.clone(),
         raw,
         kept,
         packed,
         clips,
-        rig: rig.transpose()?,
+        rig,
         normalise: args.normalise,
         origin,
         out: Some(out.clone()),

@@ -93,7 +93,7 @@ pub fn head_rig(desc: &HeadDesc) -> Rig {
         let keys = vec![Key::new(0.5, half), Key::new(1.0, name.as_str())];
         Control::new(name).keys(keys)
     };
-    Rig { controls: pairs.map(control).collect(), correctives: vec![] }
+    Rig { controls: pairs.map(control).collect(), ..Rig::default() }
 }
 
 fn whole(vertices: usize, close: bool) -> (Vec<Spot>, MorphSource) {

@@ -25,6 +25,11 @@ struct Drive {
     smoothing: f32,
     /// Keys below 0 and above it: their distances from 0 and their targets, the nearest first.
     sides: [Vec<(f32, usize)>; 2],
+    /// Targets in proportion, and their weights at the value 1.
+    parts: Vec<(usize, f32)>,
+    is_binary: bool,
+    /// Indices of the controls that suppress it, and whether each blocks it or attenuates it.
+    suppressed_by: Vec<(usize, bool)>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -39,16 +44,21 @@ impl BoundRig {
         Self { targets: targets.iter().map(|&name| name.to_owned()).collect(), ..Self::default() }
     }
 
-    pub(super) fn add_control(&mut self, control: &Control, keys: Vec<(f32, usize)>) {
+    pub(super) fn add_control(&mut self, control: &Control, keys: Vec<(f32, usize)>, parts: Vec<(usize, f32)>) {
         let side = |sign: f32| {
             let keys = keys.iter().map(|(at, target)| (at * sign, *target)).filter(|(at, _)| *at > 0.0);
             let mut keys: Vec<_> = keys.collect();
             keys.sort_by(|(a, _), (b, _)| a.total_cmp(b));
             keys
         };
-        let Control { name, limits, smoothing, .. } = control;
-        let sides = [side(-1.0), side(1.0)];
-        self.controls.push(Drive { name: name.clone(), limits: *limits, smoothing: *smoothing, sides });
+        let (name, sides) = (control.name.clone(), [side(-1.0), side(1.0)]);
+        let &Control { limits, smoothing, is_binary, .. } = control;
+        self.controls.push(Drive { name, limits, smoothing, sides, parts, is_binary, suppressed_by: vec![] });
+    }
+
+    /// Adds for each a control, the one that suppresses it, and whether that blocks it.
+    pub(super) fn add_suppressed(&mut self, all: Vec<(usize, usize, bool)>) {
+        all.into_iter().for_each(|(control, by, blocks)| self.controls[control].suppressed_by.push((by, blocks)));
     }
 
     pub(super) fn add_correctives(&mut self, correctives: impl Iterator<Item = (usize, Vec<usize>)>) {
@@ -80,14 +90,30 @@ impl BoundRig {
             return Err(Error::invalid(what, "give one per target of the mesh that the rig is bound to"));
         }
         weights.fill(0.0);
-        for (control, value) in self.controls.iter().zip(controls) {
-            control.add(control.limited(*value), weights);
+        for (i, control) in self.controls.iter().enumerate() {
+            control.add(self.value(i, controls), weights);
         }
         for Product { target, factors } in &self.correctives {
-            let factor = |&i: &usize| self.controls[i].limited(controls[i]).max(0.0);
+            let factor = |&i: &usize| self.value(i, controls).max(0.0);
             weights[*target] += factors.iter().map(factor).product::<f32>();
         }
         Ok(())
+    }
+
+    /// The value of a control that its targets follow: within its limits, 0 or 1 if it is binary, less what suppresses it.
+    fn value(&self, control: usize, controls: &[f32]) -> f32 {
+        let own = |i: usize| {
+            let value = self.controls[i].limited(controls[i]);
+            if self.controls[i].is_binary { f32::from(value > 0.5) } else { value }
+        };
+        let Drive { suppressed_by, is_binary, .. } = &self.controls[control];
+        let mut left = 1.0f32;
+        for &(by, blocks) in suppressed_by {
+            let value = own(by).max(0.0);
+            left = if blocks && value > 0.0 { 0.0 } else { left - value };
+        }
+        let left = if *is_binary && left < 1.0 { 0.0 } else { left.max(0.0) };
+        own(control) * left
     }
 
     /// Moves `current`, weights of the controls, towards `wanted`, which is clamped to the limits first. Each control
@@ -190,7 +216,7 @@ impl BoundRig {
 
 impl Drive {
     fn driven(&self) -> impl Iterator<Item = usize> {
-        self.sides.iter().flatten().map(|(_, target)| *target)
+        self.sides.iter().flatten().map(|(_, target)| *target).chain(self.parts.iter().map(|(target, _)| *target))
     }
 
     fn limited(&self, value: f32) -> f32 {
@@ -198,6 +224,7 @@ impl Drive {
     }
 
     fn add(&self, value: f32, weights: &mut [f32]) {
+        self.parts.iter().for_each(|(target, weight)| weights[*target] += value * weight);
         let [below, above] = &self.sides;
         let (side, other) = if value < 0.0 { (below, above) } else { (above, below) };
         let distance = value.abs();

@@ -1,6 +1,6 @@
 //! Rigs from JSON files.
 
-use super::{Control, Corrective, Key, Rig};
+use super::{Control, Corrective, Key, Part, Rig};
 use deltamorph::internals::{TEXT_MAX, read_bounded};
 use deltamorph::{Error, Result};
 use serde::Deserialize;
@@ -13,6 +13,8 @@ struct File {
     controls: Vec<ControlText>,
     #[serde(default)]
     correctives: Vec<Product>,
+    #[serde(default)]
+    keep_targets: bool,
 }
 
 #[derive(Deserialize)]
@@ -24,6 +26,21 @@ struct ControlText {
     smoothing: f32,
     keys: Option<Vec<KeyText>>,
     sequence: Option<Vec<String>>,
+    #[serde(default)]
+    parts: Vec<PartText>,
+    #[serde(default)]
+    binary: bool,
+    #[serde(default)]
+    blocks: Vec<String>,
+    #[serde(default)]
+    attenuates: Vec<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PartText {
+    target: String,
+    weight: f32,
 }
 
 #[derive(Deserialize)]
@@ -48,9 +65,12 @@ struct Product {
 ///     {"name": "eyeBlinkLeft", "limits": [0, 1], "smoothing": 0.05, "keys": [
 ///       {"at": 0.5, "target": "eyeBlinkLeft_half"}, {"at": 1, "target": "eyeBlinkLeft"}]},
 ///     {"name": "turn", "sequence": ["turn_1", "turn_2", "turn_3"]},
-///     {"name": "jawOpen", "limits": [0, 1]}
+///     {"name": "jawOpen", "limits": [0, 1]},
+///     {"name": "happy", "limits": [0, 1], "binary": true, "attenuates": ["eyeBlinkLeft"], "blocks": ["jawOpen"],
+///      "parts": [{"target": "smile", "weight": 1}, {"target": "cheeks", "weight": 0.5}]}
 ///   ],
-///   "correctives": [{"target": "jawOpen_smile", "controls": ["jawOpen", "mouthSmile"]}]
+///   "correctives": [{"target": "jawOpen_smile", "controls": ["jawOpen", "mouthSmile"]}],
+///   "keep_targets": false
 /// }
 /// ```
 ///
@@ -79,13 +99,15 @@ fn parse(path: &Path, text: &[u8]) -> Result<Rig> {
     })?;
     let controls = file.controls.into_iter().map(|control| control.read(path)).collect::<Result<_>>()?;
     let correctives = file.correctives.into_iter().map(|p| Corrective { target: p.target, controls: p.controls });
-    Ok(Rig { controls, correctives: correctives.collect() })
+    Ok(Rig { controls, correctives: correctives.collect(), keep_targets: file.keep_targets })
 }
 
 impl ControlText {
     fn read(self, path: &Path) -> Result<Control> {
-        let Self { name, limits, smoothing, keys, sequence } = self;
-        let control = Control::new(name).smoothing(smoothing);
+        let Self { name, limits, smoothing, keys, sequence, parts, binary, blocks, attenuates } = self;
+        let parts = parts.into_iter().map(|part| Part::new(part.target, part.weight)).collect();
+        let control = Control::new(name).smoothing(smoothing).parts(parts).is_binary(binary);
+        let control = control.blocks(blocks).attenuates(attenuates);
         let control = match limits {
             Some(limits) => control.limits(limits),
             None => control,
@@ -116,16 +138,24 @@ mod tests {
             r#"{"controls": [
                 {"name": "blink", "limits": [0, 1], "smoothing": 0.05,
                  "keys": [{"at": 0.5, "target": "half"}, {"at": 1, "target": "full"}]},
-                {"name": "turn", "sequence": ["a", "b"]}, {"name": "jaw"}],
-               "correctives": [{"target": "c", "controls": ["blink", "jaw"]}]}"#,
+                {"name": "turn", "sequence": ["a", "b"]}, {"name": "jaw"},
+                {"name": "happy", "parts": [{"target": "up", "weight": 0.5}], "binary": true, "blocks": ["jaw"],
+                 "attenuates": ["blink"]}],
+               "keep_targets": true, "correctives": [{"target": "c", "controls": ["blink", "jaw"]}]}"#,
         );
         let blink = Control::new("blink").limits([0.0, 1.0]).smoothing(0.05);
         let controls = vec![
             blink.keys(vec![Key::new(0.5, "half"), Key::new(1.0, "full")]),
             Control::new("turn").keys(vec![Key::new(0.5, "a"), Key::new(1.0, "b")]),
             Control::new("jaw"),
+            Control::new("happy")
+                .parts(vec![Part::new("up", 0.5)])
+                .is_binary(true)
+                .blocks(vec!["jaw".into()])
+                .attenuates(vec!["blink".into()]),
         ];
-        assert_eq!(rig.unwrap(), Rig { controls, correctives: vec![Corrective::new("c", &["blink", "jaw"])] });
+        let correctives = vec![Corrective::new("c", &["blink", "jaw"])];
+        assert_eq!(rig.unwrap(), Rig { controls, correctives, keep_targets: true });
         assert_eq!(parsed("{}").unwrap(), Rig::default());
     }
 
@@ -135,7 +165,7 @@ mod tests {
             ("{\n\"controls\": 3}", "rig.json: line 2: invalid type: integer `3`, expected a sequence; see the doc"),
             (
                 "{\"control\": []}",
-                "rig.json: line 1: unknown field `control`, expected `controls` or `correctives`; see",
+                "rig.json: line 1: unknown field `control`, expected one of `controls`, `correctives`, `keep_targets`; see",
             ),
             ("{\"controls\": [{}]}", "missing field `name`"),
             ("{\"controls\": [{\"name\": \"a\", \"keys\": [{\"at\": 1}]}]}", "missing field `target`"),

@@ -7,6 +7,8 @@ mod json;
 pub mod names;
 #[cfg(test)]
 mod tests;
+#[cfg(feature = "gltf")]
+pub mod vrm;
 
 pub use bound::BoundRig;
 pub use json::read;
@@ -31,7 +33,8 @@ use std::collections::{HashMap, HashSet};
 ///
 /// // Half closed, the lid lies on the eyeball: a separate target.
 /// let blink = Control::new("blink").keys(vec![Key::new(0.5, "blinkHalf"), Key::new(1.0, "blinkFull")]);
-/// let rig = Rig { controls: vec![blink], correctives: vec![Corrective::new("squint", &["blink", "smile"])] };
+/// let squint = Corrective::new("squint", &["blink", "smile"]);
+/// let rig = Rig { controls: vec![blink], correctives: vec![squint], ..Rig::default() };
 /// let rig = rig.bind(&["smile", "blinkHalf", "blinkFull", "squint"])?;
 /// // Targets that the rig does not name become controls.
 /// assert_eq!(rig.controls().collect::<Vec<_>>(), ["blink", "smile"]);
@@ -47,6 +50,9 @@ pub struct Rig {
     pub controls: Vec<Control>,
     /// Targets that several controls drive together.
     pub correctives: Vec<Corrective>,
+    /// Targets that controls drive are controls as well, unless a control has their name, and weights add up. `false` by
+    /// default.
+    pub keep_targets: bool,
 }
 
 /// A control and the targets that it drives.
@@ -74,14 +80,40 @@ pub struct Control {
     /// Targets driven by the control, in any order. Without keys, the control drives the target of the same name, with
     /// limits and smoothing.
     pub keys: Vec<Key>,
+    /// Targets that follow the control in proportion, beside those of the keys.
+    pub parts: Vec<Part>,
+    /// Values above 0.5 count as 1, all others as 0. `false` by default.
+    pub is_binary: bool,
+    /// Controls that count as 0 while this one is above 0.
+    pub blocks: Vec<String>,
+    /// Controls that are multiplied by 1 − c, at least 0, where c is the sum of the controls that attenuate them. One
+    /// that [is binary](Self::is_binary) counts as 0 while c is above 0.
+    pub attenuates: Vec<String>,
 }
 
-setters!(Control { limits: [f32; 2], smoothing: f32, keys: Vec<Key> });
+setters!(Control {
+    limits: [f32; 2],
+    smoothing: f32,
+    keys: Vec<Key>,
+    parts: Vec<Part>,
+    is_binary: bool,
+    blocks: Vec<String>,
+    attenuates: Vec<String>,
+});
 
 impl Control {
     /// Makes a control without keys, limits and smoothing.
     pub fn new(name: impl Into<String>) -> Self {
-        Self { name: name.into(), limits: [f32::NEG_INFINITY, f32::INFINITY], smoothing: 0.0, keys: vec![] }
+        Self {
+            name: name.into(),
+            limits: [f32::NEG_INFINITY, f32::INFINITY],
+            smoothing: 0.0,
+            keys: vec![],
+            parts: vec![],
+            is_binary: false,
+            blocks: vec![],
+            attenuates: vec![],
+        }
     }
 
     /// Sets key-frame meshes as targets at equal steps: the control goes from the neutral, at 0, through all of them,
@@ -111,6 +143,23 @@ impl Key {
     }
 }
 
+/// A target that follows a control in proportion.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Part {
+    /// The target's name.
+    pub target: String,
+    /// Its weight at the control's value 1.
+    pub weight: f32,
+}
+
+impl Part {
+    /// Makes a part: a target with its weight at the control's value 1.
+    pub fn new(target: impl Into<String>, weight: f32) -> Self {
+        Self { target: target.into(), weight }
+    }
+}
+
 /// A target whose weight is the product of controls, each clamped to its limits and to at least 0. It corrects a
 /// combination of shapes, and has no effect if one of the controls is at rest.
 #[derive(Clone, Debug, PartialEq)]
@@ -131,14 +180,14 @@ impl Corrective {
 
 impl Rig {
     /// Binds the rig to a mesh with the targets `targets`. The bound rig has the rig's
-    /// [`controls`](field@Self::controls), followed by each target that no key and no corrective names, in the mesh's
-    /// order.
+    /// [`controls`](field@Self::controls), followed by each target that no key, part and corrective names (with
+    /// [`keep_targets`](Self::keep_targets), that no control is called after), in the mesh's order.
     ///
     /// # Errors
     /// [`Error::Invalid`] for: a key or corrective that names no target or control; a control without keys whose name
     /// is no target; two controls of one name; two keys of a control at one value, or one at 0; values that are not
     /// finite; a least limit above the greatest; a smoothing below 0; a corrective without controls, or with one
-    /// control twice.
+    /// control twice; a control that blocks or attenuates one that there is not.
     pub fn bind(&self, targets: &[&str]) -> Result<BoundRig> {
         // Reversed, so that the first of several targets of one name is found, as in clips.
         let indices: HashMap<&str, usize> = targets.iter().enumerate().rev().map(|(i, target)| (*target, i)).collect();
@@ -151,22 +200,29 @@ impl Rig {
             let of = format!("control '{}' of the rig", control.name);
             control.check(&of)?;
             let alone = [Key::new(1.0, control.name.as_str())];
-            let keys = if control.keys.is_empty() { &alone[..] } else { &control.keys };
+            let is_alone = control.keys.is_empty() && control.parts.is_empty();
+            let keys = if is_alone { &alone[..] } else { &control.keys };
             let keys = keys.iter().map(|key| Ok((key.at, target(&of, &key.target)?))).collect::<Result<Vec<_>>>()?;
-            bound.add_control(control, keys);
+            let parts = control.parts.iter().map(|part| Ok((target(&of, &part.target)?, part.weight)));
+            bound.add_control(control, keys, parts.collect::<Result<Vec<_>>>()?);
         }
         let corrected = |corrective: &Corrective| {
             target(&format!("corrective '{}' of the rig", corrective.target), &corrective.target)
         };
         let corrected = self.correctives.iter().map(corrected).collect::<Result<Vec<_>>>()?;
         let mut driven: HashSet<usize> = bound.driven().chain(corrected.iter().copied()).collect();
+        if self.keep_targets {
+            let named = self.controls.iter().filter_map(|control| indices.get(control.name.as_str()).copied());
+            driven = named.collect();
+        }
         for (index, name) in targets.iter().enumerate() {
             // A second target of the same name cannot be driven: a name finds the first one.
             if indices[name] == index && driven.insert(index) {
-                bound.add_control(&Control::new(*name), vec![(1.0, index)]);
+                bound.add_control(&Control::new(*name), vec![(1.0, index)], vec![]);
             }
         }
-        let names: Vec<&str> = bound.controls().collect();
+        let names: Vec<String> = bound.controls().map(str::to_owned).collect();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
         let places: HashMap<&str, usize> = names.iter().enumerate().map(|(i, name)| (*name, i)).collect();
         if let Some((i, name)) = names.iter().enumerate().find(|(i, name)| places[*name] != *i) {
             let remedy = "rename or remove one of them; a control with the name of a target has to drive that target";
@@ -177,6 +233,17 @@ impl Rig {
         }
         let factors = self.correctives.iter().map(|corrective| corrective.factors(&places, &names));
         let factors = factors.collect::<Result<Vec<_>>>()?;
+        let mut suppressed = vec![];
+        for (by, control) in self.controls.iter().enumerate() {
+            let of =
+                |names: &[String], blocks: bool| names.iter().map(|name| (name.clone(), blocks)).collect::<Vec<_>>();
+            for (name, blocks) in [of(&control.blocks, true), of(&control.attenuates, false)].concat() {
+                let what = || format!("control '{}' of the rig: '{name}' is no control", control.name);
+                let no_control = || unknown(what(), &name, "control of the rig", &names);
+                suppressed.push((*places.get(name.as_str()).ok_or_else(no_control)?, by, blocks));
+            }
+        }
+        bound.add_suppressed(suppressed);
         bound.add_correctives(corrected.into_iter().zip(factors));
         Ok(bound)
     }
@@ -192,6 +259,10 @@ impl Control {
         }
         if !(self.smoothing.is_finite() && self.smoothing >= 0.0) {
             return refuse(format!("a smoothing of {} seconds", self.smoothing), "use a finite number, 0 or more");
+        }
+        if let Some(part) = self.parts.iter().find(|part| !part.weight.is_finite()) {
+            let what = format!("target '{}' with the weight {}", part.target, part.weight);
+            return refuse(what, "use a finite number");
         }
         let mut taken = HashMap::new();
         for key in &self.keys {

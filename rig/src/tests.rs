@@ -9,7 +9,7 @@ fn keys(keys: &[(f32, &str)]) -> Vec<Key> {
 
 fn rig() -> Rig {
     let blink = Control::new("blink").keys(keys(&[(1.0, "full"), (0.5, "half")]));
-    Rig { controls: vec![blink], correctives: vec![Corrective::new("mend", &["blink", "smile"])] }
+    Rig { controls: vec![blink], correctives: vec![Corrective::new("mend", &["blink", "smile"])], ..Rig::default() }
 }
 
 fn evaluated(rig: &Rig, controls: &[f32]) -> [f32; 5] {
@@ -45,7 +45,7 @@ fn a_control_goes_through_its_keys_without_a_jump() {
 #[test]
 fn keys_lie_on_both_sides_and_limits_hold() {
     let jaw = Control::new("jaw").keys(keys(&[(-1.0, "frown"), (2.0, "full"), (-0.5, "half")])).limits([-0.75, 1.0]);
-    let rig = Rig { controls: vec![jaw], correctives: vec![] };
+    let rig = Rig { controls: vec![jaw], correctives: vec![], ..Rig::default() };
     // Limits come before keys; other targets are controls of their own.
     for (value, frown, half, full) in
         [(-0.5, 0.0, 1.0, 0.0), (-9.0, 0.5, 0.5, 0.0), (0.5, 0.0, 0.0, 0.25), (9.0, 0.0, 0.0, 0.5)]
@@ -58,7 +58,7 @@ fn keys_lie_on_both_sides_and_limits_hold() {
 fn a_sequence_of_shapes_follows_an_arc() {
     // A point on a quarter circle: with n shapes the chords are off by 1 - cos(90° / 2n).
     let off = |names: &[&str]| {
-        let rig = Rig { controls: vec![Control::new("turn").sequence(names)], correctives: vec![] };
+        let rig = Rig { controls: vec![Control::new("turn").sequence(names)], correctives: vec![], ..Rig::default() };
         let rig = rig.bind(names).unwrap();
         let arc = |t: f64| (t * std::f64::consts::FRAC_PI_2).sin_cos();
         let mut weights = vec![0.0; names.len()];
@@ -85,14 +85,17 @@ fn correctives_are_products_that_no_negative_factor_turns_round() {
     assert_eq!((mend(-1.0, 1.0), mend(-1.0, -1.0)), (0.0, 0.0));
     // Weights from several controls add up.
     let twice = [Control::new("a").keys(keys(&[(1.0, "smile")])), Control::new("b").keys(keys(&[(2.0, "smile")]))];
-    let rig = Rig { controls: twice.into(), correctives: vec![Corrective::new("smile", &["a", "b"])] };
+    let rig =
+        Rig { controls: twice.into(), correctives: vec![Corrective::new("smile", &["a", "b"])], ..Rig::default() };
     assert_eq!(evaluated(&rig, &[0.5, 0.5, 0.0, 0.0, 0.0, 0.0])[0], 0.5 + 0.25 + 0.25);
 }
 
 #[test]
 fn smoothing_depends_on_time_and_not_on_frames_and_ends() {
     let slow = Control::new("smile").smoothing(0.1).limits([0.0, 1.0]);
-    let rig = Rig { controls: vec![slow, Control::new("frown")], correctives: vec![] }.bind(&TARGETS).unwrap();
+    let rig = Rig { controls: vec![slow, Control::new("frown")], correctives: vec![], ..Rig::default() }
+        .bind(&TARGETS)
+        .unwrap();
     let wanted = [5.0, 0.5, 0.0, 0.0, 0.0]; // held at 1
     let after = |frames: u32, seconds: f32| {
         let mut current = [0.0; 5];
@@ -124,8 +127,9 @@ fn a_baked_clip_is_the_rig_frame_by_frame() {
     let none = WeightClip { values: vec![], ..clip.clone() };
     assert_eq!(bound.bake(&none, 10.0).unwrap().frame_count(), 0);
     // Smoothed from the first frame on.
-    let slow =
-        Rig { controls: vec![Control::new("smile").smoothing(0.1)], correctives: vec![] }.bind(&TARGETS).unwrap();
+    let slow = Rig { controls: vec![Control::new("smile").smoothing(0.1)], correctives: vec![], ..Rig::default() }
+        .bind(&TARGETS)
+        .unwrap();
     let clip = WeightClip { names: vec!["smile".into()], values: vec![1.0, 0.0, 0.0], ..clip };
     let (baked, e) = (slow.bake(&clip, 10.0).unwrap(), (-1.0f32).exp());
     assert!(baked.values.iter().zip([1.0, e, e * e]).all(|(a, b)| (a - b).abs() < 1e-6), "{:?}", baked.values);
@@ -156,7 +160,7 @@ fn without_a_rig_each_target_is_its_own_control_bit_for_bit() {
 #[test]
 fn what_cannot_be_bound_is_refused_with_a_remedy() {
     let control = |name: &str, of: &[(f32, &str)]| Control::new(name).keys(keys(of));
-    let one = |control: Control| Rig { controls: vec![control], correctives: vec![] };
+    let one = |control: Control| Rig { controls: vec![control], correctives: vec![], ..Rig::default() };
     let mend = |of: &[&str]| Rig { correctives: vec![Corrective::new("mend", of)], ..rig() };
     for (rig, words) in [
         (
@@ -227,15 +231,16 @@ fn many_keys_columns_and_factors_take_no_search_through_all_others() {
     let keys: Vec<Key> = (1..).zip(&targets).map(|(i, target)| Key::new(i as f32, *target)).collect();
     let controls = vec![Control::new("all").keys(keys.clone())];
     let started = std::time::Instant::now();
-    let bound = Rig { controls, correctives: vec![] }.bind(&targets).unwrap();
+    let bound = Rig { controls, correctives: vec![], ..Rig::default() }.bind(&targets).unwrap();
     assert_eq!(bound.controls().len(), 1);
-    let all = Rig { controls: vec![], correctives: vec![Corrective::new("t0", &targets[1..])] };
+    let all = Rig { controls: vec![], correctives: vec![Corrective::new("t0", &targets[1..])], ..Rig::default() };
     let bound = all.bind(&targets).unwrap();
     let columns: Vec<String> = bound.controls().map(str::to_owned).collect();
     let clip = WeightClip { name: "clip".into(), values: vec![0.0; columns.len()], names: columns, fps: 10.0 };
     assert_eq!(bound.bake(&clip, 10.0).unwrap().names.len(), many);
     assert!(started.elapsed().as_secs() < 30, "{:?}", started.elapsed());
     let twice = keys.iter().chain([&Key::new(7.0, "t9")]).cloned().collect();
-    let text = Rig { controls: vec![Control::new("all").keys(twice)], correctives: vec![] }.bind(&targets);
+    let text =
+        Rig { controls: vec![Control::new("all").keys(twice)], correctives: vec![], ..Rig::default() }.bind(&targets);
     assert!(text.unwrap_err().to_string().contains("targets 't6' and 't9' are both at 7;"));
 }

@@ -47,6 +47,21 @@ pub struct Imported {
     /// The rig that belongs to the mesh: `rig.json` in a folder, `NAME.rig.json` beside `NAME.glb` or `NAME.dmorph`.
     /// The package deltamorph-rig reads it.
     pub rig: Option<PathBuf>,
+    /// The expressions of a VRM file, of which the package deltamorph-rig makes a rig.
+    #[cfg(feature = "gltf")]
+    pub expressions: Vec<gltf::Expression>,
+}
+
+impl Imported {
+    fn new(mesh: ImportedMesh, clips: Vec<PathBuf>) -> Self {
+        Self {
+            mesh,
+            clips,
+            rig: None,
+            #[cfg(feature = "gltf")]
+            expressions: vec![],
+        }
+    }
 }
 
 /// A mesh to pack, or one that is packed already: [`open`] shows how to handle both.
@@ -92,7 +107,7 @@ pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
         let bytes = file::bytes(path)?;
         let mesh = ImportedMesh::Packed(Asset::from_bytes(path, &bytes)?);
         let clips = if HAS_CLIPS { packed::clips_from_bytes(path, &bytes)? } else { vec![] };
-        Imported { mesh, clips: clips.iter().map(|clip| named(path, &clip.name)).collect(), rig: None }
+        Imported::new(mesh, clips.iter().map(|clip| named(path, &clip.name)).collect())
     } else if is_gltf(path) {
         open_gltf(path, desc)?
     } else {
@@ -158,10 +173,11 @@ pub fn animation_of(path: &Path) -> Option<(PathBuf, String)> {
 
 #[cfg(feature = "gltf")]
 fn open_gltf(path: &Path, desc: &ImportDesc) -> Result<Imported> {
-    let gltf = gltf::read(path)?;
+    let mut gltf = gltf::read(path)?;
     let clips = gltf.weight_animations().map(|animation| named(path, &animation.name)).collect();
+    let expressions = std::mem::take(&mut gltf.expressions);
     let source = if desc.unposed { gltf.into_skinned()?.0 } else { gltf.into_source()? };
-    Ok(Imported { mesh: ImportedMesh::Source(source), clips, rig: None })
+    Ok(Imported { expressions, ..Imported::new(ImportedMesh::Source(source), clips) })
 }
 
 #[cfg(feature = "gltf")]
@@ -228,7 +244,7 @@ fn open_folder(path: &Path) -> Result<Imported> {
     let weights = path.join("weights");
     let mut clips = if weights.is_dir() { list(&weights)? } else { vec![] };
     clips.retain(|path| has_extension(path, "csv") && path.is_file());
-    Ok(Imported { mesh, clips, rig: None })
+    Ok(Imported::new(mesh, clips))
 }
 
 #[cfg(test)]
