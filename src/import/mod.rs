@@ -259,7 +259,7 @@ mod tests {
         std::fs::create_dir(dir.path().join("targets")).unwrap();
         std::fs::write(dir.path().join("neutral.obj"), triangle).unwrap();
         let found = |desc: ImportDesc| match open(dir.path(), &desc).unwrap() {
-            Imported { mesh: ImportedMesh::Source(source), clips, rig } => (source.positions.len(), clips, rig),
+            Imported { mesh: ImportedMesh::Source(source), clips, rig, .. } => (source.positions.len(), clips, rig),
             Imported { mesh: ImportedMesh::Packed(_), .. } => panic!("nothing is packed"),
         };
         assert_eq!(found(ImportDesc::default()), (3, vec![], None));
