@@ -28,6 +28,8 @@ pub struct Sample {
     pub frame_ms: Option<f64>,
     /// A full evaluation of one instance, if the frame measured one: bytes, and device time.
     pub full: Option<(u64, Option<f64>)>,
+    /// See [`Took::budget`](super::heads::Took::budget).
+    pub budget: Option<[u64; 2]>,
 }
 
 /// Contents of a frame.
@@ -233,7 +235,8 @@ impl Frames {
         let measured = full.zip(weights.first()).map(|(full, weights)| full.update(&device, cmd, weights));
         self.stamp(slot, 3);
         let full = measured.transpose()?.filter(|stats| stats.bytes_moved > 0).map(|stats| (stats.bytes_moved, None));
-        Ok(Sample { stats: took.stats, cpu_ms: took.cpu_ms, update_ms: None, frame_ms: None, full })
+        let (cpu_ms, budget) = (took.cpu_ms, took.budget);
+        Ok(Sample { stats: took.stats, cpu_ms, update_ms: None, frame_ms: None, full, budget })
     }
 
     /// Writes a timestamp when everything before it has finished, and nothing after it has begun.

@@ -5,8 +5,8 @@ use super::panel::ZOOM;
 use super::state::State;
 use super::style::{ACCENT, DIM, INK};
 use egui::{
-    Align, Align2, CursorIcon, Key, Label, Layout, Modifiers, PointerButton, Rect, RichText, ScrollArea, Sense, Ui,
-    Vec2, vec2,
+    Align, Align2, CursorIcon, Key, Label, Layout, Modifiers, PointerButton, Popup, Rect, RichText, ScrollArea, Sense,
+    Ui, Vec2, vec2,
 };
 
 /// What [`help`] lists.
@@ -34,7 +34,7 @@ const STEP: f32 = 24.0;
 
 pub fn keys(ui: &Ui, state: &State, done: &mut Vec<Command>) {
     let context = ui.ctx();
-    if context.input(|input| input.key_pressed(Key::Escape)) && !context.any_popup_open() {
+    if context.input(|input| input.key_pressed(Key::Escape)) && !Popup::is_any_open(context) {
         done.extend(closed(state));
     }
     if context.text_edit_focused() {
@@ -158,6 +158,7 @@ pub fn help(ui: &Ui, state: &State, done: &mut Vec<Command>) {
     let (room, mut open) = (ui.ctx().content_rect(), true);
     let wide = (room.width() - 72.0).min(560.0);
     let window = egui::Window::new("Keys and mouse").open(&mut open).collapsible(false).resizable(false);
+    let window = window.default_height(room.height());
     window.pivot(Align2::CENTER_CENTER).fixed_pos(room.center()).show(ui.ctx(), |ui| {
         ScrollArea::vertical().max_height(room.height() - 110.0).show(ui, |ui| {
             for (keys, what) in KEYS {

@@ -32,6 +32,8 @@ pub struct Heads {
     pub desc: UpdateDesc,
     pub renderer: Renderer,
     pub places: Vec<Mat4>,
+    /// The largest weight that updates take, either sign.
+    pub weight_max: f32,
     pub model: Model,
     who: Who,
     /// The skin of poses on the device.
@@ -39,6 +41,8 @@ pub struct Heads {
     glow: Vec<Glow>,
     /// With several instances, bounds of poses, and of each instance in this frame.
     bounds: Option<(PoseBounds, Vec<Bounds>)>,
+    /// With an error budget, the first instance on the processor, with it and without: what it saves.
+    saving: Option<[Box<CpuCrowd>; 2]>,
     /// Location of wrinkle masks in stored poses, if they are shown.
     masks: Option<MaskPlace>,
     // Read by the model, so dropped after it.
@@ -64,6 +68,8 @@ pub struct Took {
     pub stats: UpdateStats,
     /// Processor time of weights, plan and recording; on the path `cpu`, of the whole update.
     pub cpu_ms: f64,
+    /// With an error budget, bytes that an update of the first instance moves on the path `cpu`, with it and without.
+    pub budget: Option<[u64; 2]>,
 }
 
 impl Heads {
@@ -121,8 +127,29 @@ impl Heads {
         };
         let glow = vec![Glow::new(packed.layout()); places.len()];
         let bounds = if places.len() > 1 { Some((PoseBounds::new(&packed, &desc)?, vec![])) } else { None };
-        let skin = skinned;
-        Ok(Self { mesh: packed, desc, renderer, places, model, who, skin, glow, bounds, masks, _uploaded: uploaded })
+        let twin = |budget| {
+            let desc = desc.path(UpdatePath::Cpu).error_budget(budget);
+            CpuCrowd::new(packed.clone(), desc, 1, threads).map(Box::new)
+        };
+        let saving = (desc.error_budget > 0.0).then(|| Ok::<_, Failure>([twin(desc.error_budget)?, twin(0.0)?]));
+        let saving = saving.transpose()?;
+        // Poses of floats have no grid, and take what the library takes.
+        let weight_max = packed.layout().grid(desc.pose, desc.weight_max).map_or(1e6, |grid| grid.weight_max);
+        Ok(Self {
+            saving,
+            weight_max,
+            mesh: packed,
+            desc,
+            renderer,
+            places,
+            model,
+            who,
+            skin: skinned,
+            glow,
+            bounds,
+            masks,
+            _uploaded: uploaded,
+        })
     }
 
     /// Updates every instance to `weights[head]`, and `joints[head]` if poses are skinned. Records into `cmd` for frame in
@@ -183,7 +210,12 @@ impl Heads {
             buffers[frame].write(2 * poses.len(), &masks);
             *last = poses;
         }
-        Ok(Took { stats, cpu_ms })
+        let moved = |crowd: &mut Box<CpuCrowd>| -> Result<u64, Failure> {
+            crowd.set_weights(0, &weights[0])?;
+            Ok(crowd.update().bytes_moved)
+        };
+        let budget = self.saving.as_mut().map(|[with, without]| Ok::<_, Failure>([moved(with)?, moved(without)?]));
+        Ok(Took { stats, cpu_ms, budget: budget.transpose()? })
     }
 
     /// The instances to draw in frame in flight `frame`, into a target whose last frame was waited for.

@@ -54,6 +54,9 @@ pub struct Summary {
     /// A full evaluation of one instance, on the path compute in float32.
     pub full_bytes: Option<u64>,
     pub full_gpu_ms: Option<f64>,
+    /// With an error budget, means over all frames of the bytes that an update of the first instance moves on the path
+    /// cpu, with it and without.
+    pub budget_bytes_mean: Option<[f64; 2]>,
     /// Memory of the process; `None` if the system does not report it.
     pub resident_bytes: Option<u64>,
 }
@@ -71,6 +74,13 @@ impl Measured {
     /// Discards the measurements; a full evaluation is kept if the mesh is the same.
     pub fn clear(&mut self, same_mesh: bool) {
         *self = Self { full: self.full.filter(|_| same_mesh), ..Self::default() };
+    }
+
+    /// Mean bytes of an instance with the error budget and without, over so many frames at most.
+    pub fn budget(&self, frames: usize) -> Option<[f64; 2]> {
+        let rows: Vec<[u64; 2]> = self.rows.iter().rev().take(frames).filter_map(|row| row.sample.budget).collect();
+        let mean = |which: usize| rows.iter().map(|row| row[which] as f64).sum::<f64>() / rows.len() as f64;
+        (!rows.is_empty()).then(|| [mean(0), mean(1)])
     }
 
     /// Medians and means of the frames with changed weights. On the path `cpu` the update is on the processor.
@@ -98,6 +108,7 @@ impl Measured {
             update_share: share.filter(|(_, frame)| *frame > 0.0).map(|(update, frame)| update / frame),
             full_bytes: self.full.map(|(bytes, _)| bytes),
             full_gpu_ms: self.full.and_then(|(_, ms)| ms),
+            budget_bytes_mean: self.budget(KEPT),
             resident_bytes: resident(),
             ..Summary::default()
         }
@@ -123,7 +134,10 @@ mod tests {
             let mut stats = UpdateStats::default();
             stats.bytes_moved = (i % 2) * 1000;
             let full = (i == 10).then_some((9000, Some(4.0)));
-            measured.add(Sample { stats, cpu_ms: 0.5, update_ms: Some(1.0), frame_ms: Some(50.0), full }, 60.0);
+            measured.add(
+                Sample { stats, cpu_ms: 0.5, update_ms: Some(1.0), frame_ms: Some(50.0), full, budget: None },
+                60.0,
+            );
         }
         assert_eq!((measured.rows.len(), measured.frames), (KEPT, 5000));
         let summary = measured.summary(true);

@@ -3,11 +3,12 @@
 use super::command::{Command, Look};
 use super::measured::Measured;
 use super::state::{Notice, State};
-use super::style::{DIM, ERROR, INK, PANEL};
+use super::style::{ACCENT, DIM, ERROR, INK, PANEL};
 use super::{hands, legend, plot, sliders};
 use crate::args::values::{BudgetSpec, format_on, name, summary};
 use crate::detail::Detail;
-use crate::table::thousands;
+use crate::live::Live;
+use crate::table::{bytes, percent, sig3, thousands};
 use clap::ValueEnum;
 use deltamorph::import;
 use deltamorph::{DeltaFormat, PoseFormat, UpdateDesc, UpdatePath};
@@ -37,6 +38,10 @@ pub struct About<'a> {
     pub kept: Option<(usize, [usize; 2])>,
     /// Longest distance that a single target moves a vertex.
     pub reach: f32,
+    /// Pixels of an input unit at the nearest point of the first instance.
+    pub unit: f32,
+    /// What arrives, and rows of it that are recorded.
+    pub live: Option<(&'a Live, Option<u64>)>,
 }
 
 /// Shows the panel; returns the rest of the window, in points, and the user's commands. The panel is at the left, in an
@@ -59,8 +64,10 @@ pub fn show(ui: &mut Ui, state: &State, measured: &Measured, about: &About<'_>) 
                 title(ui, state, about, &mut done);
                 ui.add_space(4.0);
                 clip(ui, state, &mut done);
+                live(ui, about);
                 ui.add_space(4.0);
                 ways(ui, state, about, &mut done);
+                saved(ui, measured);
                 looks(ui, state, &mut done);
                 ui.add_space(2.0);
                 ui.separator();
@@ -184,14 +191,9 @@ fn clip(ui: &mut Ui, state: &State, done: &mut Vec<Command>) {
     let name = state.chosen.as_deref().map_or_else(|| clip.name.clone(), clip_name);
     if state.clips.len() > 1 {
         let combo = ComboBox::from_id_salt("clips").width(ui.available_width()).truncate().selected_text(&name);
-        let combo = combo.show_ui(ui, |ui| {
-            for path in &state.clips {
-                if ui.selectable_label(state.chosen.as_ref() == Some(path), clip_name(path)).clicked() {
-                    done.push(Command::Clip(path.clone()));
-                }
-            }
-        });
-        called(&combo.response, "Clip").on_hover_text("the clip: those of the mesh, and those that were dropped here");
+        let clips = state.clips.iter().map(|path| (path, clip_name(path), "", state.chosen.as_ref() == Some(path)));
+        let about = ("Clip", "the clip: those of the mesh, and those that were dropped here");
+        done.extend(pick(ui, combo, about, clips).map(|path| Command::Clip(path.clone())));
     } else {
         ui.add(egui::Label::new(RichText::new(&name).color(INK)).truncate()).on_hover_text(&clip.name);
     }
@@ -212,14 +214,10 @@ fn clip(ui: &mut Ui, state: &State, done: &mut Vec<Command>) {
             done.push(Command::Scrub(at));
         }
         ui.spacing_mut().combo_width = 62.0;
-        let speed = ComboBox::from_id_salt("speed").selected_text(format!("{}×", state.speed)).show_ui(ui, |ui| {
-            for speed in [0.1, 0.25, 0.5, 1.0, 2.0, 4.0] {
-                if ui.selectable_label(state.speed == speed, format!("{speed}×")).clicked() {
-                    done.push(Command::Speed(speed));
-                }
-            }
-        });
-        called(&speed.response, "Speed").on_hover_text("how fast the clip plays");
+        let combo = ComboBox::from_id_salt("speed").selected_text(format!("{}×", state.speed));
+        let speeds =
+            [0.1, 0.25, 0.5, 1.0, 2.0, 4.0].map(|speed| (speed, format!("{speed}×"), "", speed == state.speed));
+        done.extend(pick(ui, combo, ("Speed", "how fast the clip plays"), speeds).map(Command::Speed));
     });
     let (fps, count) = (f64::from(clip.fps), clip.frame_count());
     let [now, end] = [state.at, count as f64].map(|frame| frame / fps);
@@ -227,10 +225,75 @@ fn clip(ui: &mut Ui, state: &State, done: &mut Vec<Command>) {
     ui.add(egui::Label::new(RichText::new(text).small().color(DIM)).truncate());
 }
 
+/// What arrives over UDP.
+fn live(ui: &mut Ui, about: &About<'_>) {
+    let Some((live, recorded)) = about.live else { return };
+    let (known, lost) = live.names();
+    let counts = live.counts;
+    let state = match live.last.map(|last| last.elapsed().as_secs()) {
+        None => "nothing yet".into(),
+        Some(0) => format!("{:.0} a second", live.rate),
+        Some(_) => "silent".into(),
+    };
+    let colour = if state.ends_with("second") { ACCENT } else { INK };
+    ui.label(RichText::new(format!("live at {}: {state}", live.address)).color(colour));
+    let mut text = format!("{known} names move something here");
+    if !lost.is_empty() {
+        text += &format!(", {} do not", lost.len());
+    }
+    if counts.bad > 0 {
+        text += &format!(" · {} packets not understood", thousands(counts.bad as usize));
+    }
+    if let Some(rows) = recorded {
+        text += &format!(" · {} rows recorded", thousands(rows as usize));
+    }
+    let label = ui.add(egui::Label::new(RichText::new(text).small().color(DIM)).wrap());
+    if !lost.is_empty() {
+        let more = if lost.len() > 20 { ", …" } else { "" };
+        label.on_hover_text(format!("no target is called {}{more}", lost[..lost.len().min(20)].join(", ")));
+    }
+}
+
+/// What the error budget saves.
+fn saved(ui: &mut Ui, measured: &Measured) {
+    let Some([with, without]) = measured.budget(plot::FRAMES).filter(|[_, without]| *without > 0.0) else { return };
+    let (saved, [with, without]) = (percent(1.0 - with / without), [with, without].map(bytes));
+    let text = format!("the budget saves {saved}: {with} a frame, {without} without");
+    let about = "bytes that an update of one instance moves, on the path cpu; means of the frames in the plots";
+    ui.label(RichText::new(text).small().color(ACCENT)).on_hover_text(about);
+}
+
 /// Names a control for those who cannot see what is beside it, and for tests.
 pub fn called(response: &Response, name: &str) -> Response {
     response.ctx.accesskit_node_builder(response.id, |node| node.set_label(name));
     response.clone()
+}
+
+/// A list to choose from, with its name and what it is about: each item with its text, a hint, and whether it is chosen
+/// now. Returns what the user has chosen.
+fn pick<T>(
+    ui: &mut Ui,
+    combo: ComboBox,
+    (name, about): (&str, &str),
+    items: impl IntoIterator<Item = (T, String, &'static str, bool)>,
+) -> Option<T> {
+    let mut chosen = None;
+    let combo = combo.show_ui(ui, |ui| {
+        for (item, text, hint, is_chosen) in items {
+            let label = ui.selectable_label(is_chosen, text);
+            let label = if hint.is_empty() { label } else { label.on_hover_text(hint) };
+            if label.clicked() {
+                chosen = Some(item);
+                // The mouse closes it, the keyboard does not, and goes on from here.
+                ui.close();
+            }
+        }
+    });
+    let response = called(&combo.response, name).on_hover_text(about);
+    if chosen.is_some() && !ui.input(|input| input.pointer.any_click()) {
+        response.request_focus();
+    }
+    chosen
 }
 
 /// A choice in a row of the grid: its name and what it is about.
@@ -243,16 +306,9 @@ fn choice<T: Copy + PartialEq>(
     hint: impl Fn(T) -> &'static str,
 ) -> Option<T> {
     ui.label(RichText::new(title).color(DIM)).on_hover_text(about);
-    let mut chosen = None;
     let combo = ComboBox::from_id_salt(title).width(ui.available_width()).truncate().selected_text(name(now));
-    let combo = combo.show_ui(ui, |ui| {
-        for &one in all {
-            if ui.selectable_label(one == now, name(one)).on_hover_text(hint(one)).clicked() {
-                chosen = Some(one);
-            }
-        }
-    });
-    called(&combo.response, title).on_hover_text(about);
+    let items = all.iter().map(|&one| (one, name(one), hint(one), one == now));
+    let chosen = pick(ui, combo, (title, about), items);
     ui.end_row();
     chosen.filter(|one| *one != now)
 }
@@ -278,7 +334,17 @@ fn ways(ui: &mut Ui, state: &State, about: &About<'_>, done: &mut Vec<Command>) 
     let diagonal = state.input.kept.diagonal;
     let near = |a: f32, b: f32| (a - b).abs() <= 1e-3 * a.max(b);
     let budget = BUDGETS.into_iter().find(|b| near(b * diagonal, error_budget)).unwrap_or(error_budget / diagonal);
-    let budget_name = |b: f32| if b == 0.0 { "none".to_owned() } else { format!("{b:e} of the diagonal") };
+    // Half a pixel from where the camera is, in steps, so that it does not change with every movement.
+    let half = 2f32.powf((0.5 / (about.unit * diagonal)).log2().round());
+    let budget_name = |b: f32| match b {
+        0.0 => "none".to_owned(),
+        b => {
+            let from_here = if near(b, half) { "half a pixel from here: " } else { "" };
+            let share = if BUDGETS.contains(&b) { format!("{b:e}") } else { sig3(f64::from(b)) };
+            format!("{from_here}{share} of the diagonal")
+        }
+    };
+    let budgets: Vec<f32> = BUDGETS.into_iter().chain(half.is_finite().then_some(half)).collect();
     egui::Grid::new("ways").num_columns(2).min_col_width(62.0).spacing([10.0, 6.0]).show(ui, |ui| {
         let chosen = choice(ui, PATH, path, about.paths, |p| p.name().into(), UpdatePath::summary);
         done.extend(chosen.map(Command::Path));
@@ -287,7 +353,7 @@ fn ways(ui: &mut Ui, state: &State, about: &About<'_>, done: &mut Vec<Command>) 
         let chosen = choice(ui, POSES, pose, path.poses(), |p| p.name().into(), PoseFormat::summary);
         done.extend(chosen.map(Command::Pose));
         let hint = |_| "they wait until they add up to this";
-        let chosen = choice(ui, BUDGET, budget, &BUDGETS, budget_name, hint);
+        let chosen = choice(ui, BUDGET, budget, &budgets, budget_name, hint);
         done.extend(chosen.map(|b| Command::Budget(BudgetSpec::Diagonal(b))));
         let chosen = choice(ui, HEADS, state.heads, &[1, 2, 5, 12, 40], |n| n.to_string(), |_| "heads in the window");
         done.extend(chosen.map(Command::Heads));

@@ -9,7 +9,7 @@ use deltamorph::UpdatePath;
 use egui::{Align2, CornerRadius, FontId, Pos2, Rect, Sense, Stroke, Ui, Vec2, pos2, vec2};
 
 /// Frames in a plot.
-const FRAMES: usize = 180;
+pub const FRAMES: usize = 180;
 
 /// Height of a plot.
 pub const HEIGHT: f32 = 104.0;

@@ -12,6 +12,7 @@ use super::swapchain::{self, Swapchain};
 use super::{command::Command, legend, style};
 use crate::args::render::Background;
 use crate::detail::{Detail, Kept};
+use crate::live::Live;
 use crate::output::{Failure, Output};
 use crate::render::crowd::places;
 use crate::render::joints::Joints;
@@ -19,7 +20,7 @@ use crate::render::scenery::{Subject, bounds};
 use crate::runner::prepare;
 use deltamorph::UpdatePath;
 use deltamorph::ash::vk;
-use deltamorph::lod;
+use deltamorph::lod::{self, Place};
 use deltamorph_headless::DeviceChoice;
 use deltamorph_render::{Camera, Light, Scene, Show, View};
 use egui::Context;
@@ -47,6 +48,8 @@ pub struct Stage {
     frames: Frames,
     ui: egui_winit::State,
     subject: Subject,
+    /// Bounding sphere of an instance in the base pose.
+    ball: Place,
     /// Longest distance that a single target moves a vertex.
     reach: f32,
     pub measured: Measured,
@@ -54,6 +57,8 @@ pub struct Stage {
     /// The part of the window that the panel leaves free: left, top, width, height, as shares of the window.
     free: [f32; 4],
     last: Instant,
+    /// Whether a weight is larger than updates take.
+    held: bool,
     device: Rc<Device>,
     pub window: Arc<Window>,
 }
@@ -89,11 +94,13 @@ impl Stage {
             frames,
             ui,
             reach: reach(state),
+            ball: Place::around(&subject.focus),
             subject,
             measured: Measured::default(),
             format,
             free: [0.0, 0.0, 1.0, 1.0],
             last: Instant::now(),
+            held: false,
             device,
             window,
         };
@@ -168,6 +175,7 @@ impl Stage {
             self.full = full;
         }
         if let Some(subject) = subject {
+            self.ball = Place::around(&subject.focus);
             (self.subject, self.kept) = (subject, None);
         }
         self.reach = reach(state);
@@ -181,6 +189,7 @@ impl Stage {
     pub fn draw(
         &mut self,
         state: &mut State,
+        live: Option<(&Live, Option<u64>)>,
         screenshot: &mut Option<PathBuf>,
     ) -> Result<(Vec<Command>, bool), Failure> {
         if self.swapchain.is_none() {
@@ -189,9 +198,10 @@ impl Stage {
         let Some(extent) = self.swapchain.as_ref().map(|swapchain| swapchain.extent) else {
             return Ok((vec![], false));
         };
-        let (panel, done, moves) = self.panel(state);
+        let (panel, done, moves) = self.panel(state, live, extent);
         let mut weights = state.weights()?;
         let joints = state.joints();
+        self.hold(state, &mut weights);
         let scene = self.scene(state, extent);
         let moves = moves | self.leave_out(state, &scene, extent, &mut weights)?;
         let wanted = Wanted {
@@ -216,6 +226,21 @@ impl Stage {
         Ok((done, moves))
     }
 
+    /// Holds weights at the largest one that updates take; the window says so once.
+    fn hold(&mut self, state: &mut State, weights: &mut [Vec<f32>]) {
+        let most = self.heads.weight_max;
+        let beyond = weights.iter_mut().flatten().filter(|weight| weight.abs() > most);
+        let held = beyond.map(|weight| *weight = weight.clamp(-most, most)).count() > 0;
+        if held && !self.held {
+            let pose = self.heads.desc.pose.name();
+            state.say(
+                format!("weights beyond {most} are held there, as far as {pose} poses go: see --weight-max"),
+                true,
+            );
+        }
+        self.held = held;
+    }
+
     /// Waits until all frames have finished, and their files are written.
     pub fn finish(&mut self) -> Result<(), Failure> {
         self.frames.finish(&mut self.painter)?;
@@ -223,14 +248,20 @@ impl Stage {
         Ok(())
     }
 
-    fn panel(&mut self, state: &State) -> (Picture, Vec<Command>, bool) {
+    fn panel(
+        &mut self,
+        state: &State,
+        live: Option<(&Live, Option<u64>)>,
+        extent: vk::Extent2D,
+    ) -> (Picture, Vec<Command>, bool) {
         let input = self.ui.take_egui_input(&self.window);
         let caps = self.device.engine.caps();
         let paths: Vec<UpdatePath> = PATHS.into_iter().filter(|path| caps.check_path(*path).is_ok()).collect();
         let format = self.heads.mesh.layout().format;
         let kept = self.kept.as_ref().filter(|_| state.detail != Detail::All).map(Kept::of_all);
         let (device, desc, reach) = (&*caps.name, self.heads.desc, self.reach);
-        let about = About { device, paths: &paths, desc, format, kept, reach };
+        let unit = self.camera(state, &self.all(state, extent), extent).pixels_per_unit(&self.ball);
+        let about = About { device, paths: &paths, desc, format, kept, reach, unit, live };
         let (context, mut done, mut free) = (self.ui.egui_ctx().clone(), vec![], egui::Rect::ZERO);
         let mut output = context.run_ui(input, |ui| {
             let (rect, commands) = panel::show(ui, state, &self.measured, &about);
@@ -263,12 +294,11 @@ impl Stage {
         if state.detail == Detail::All && self.kept.is_none() {
             return Ok(false);
         }
+        let camera = self.camera(state, &scene.view, extent);
         let kept = match &mut self.kept {
             Some(kept) => kept,
             none @ None => none.insert(Kept::new(&state.input.kept, &self.subject.focus)?),
         };
-        let (height, angle) = (extent.height as f32 * self.free[3] * state.zoom, Camera::default().angle.to_radians());
-        let camera = lod::Camera { eye: scene.view.eye, height, angle };
         let unit = |place: &Mat4| kept.unit(&camera, place);
         let units: Vec<f32> = self.heads.places.iter().map(unit).collect();
         kept.apply(state.detail, &units, weights)?;
@@ -294,6 +324,12 @@ impl Stage {
         let (size, middle) = ((high - low).truncate().max_element(), (low + high).truncate() / 2.0);
         let zoom = (2.0 * (1.0 - 2.0 * MARGIN) / size.max(f32::MIN_POSITIVE)).clamp(ZOOM[0], ZOOM[1]);
         (zoom, (-middle / 2.0).to_array())
+    }
+
+    /// A camera of levels of detail for a view.
+    fn camera(&self, state: &State, view: &View, extent: vk::Extent2D) -> lod::Camera {
+        let height = extent.height as f32 * self.free[3] * state.zoom;
+        lod::Camera { eye: view.eye, height, angle: Camera::default().angle.to_radians() }
     }
 
     fn scene(&self, state: &State, extent: vk::Extent2D) -> Scene {

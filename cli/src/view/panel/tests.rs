@@ -1,11 +1,12 @@
 //! The panel without a window: each control is reached by the mouse and by the keyboard, in windows of all shapes.
 
+use super::super::frame::Sample;
 use super::*;
 use crate::args::{Cli, Command as Program};
 use crate::output::Output;
 use clap::Parser;
 use egui::accesskit::{Node, NodeId, Role};
-use egui::{Context, Event, Modifiers, MouseWheelUnit, PointerButton, Pos2, RawInput, TouchPhase, Vec2, pos2};
+use egui::{Context, Event, Modifiers, MouseWheelUnit, PointerButton, Popup, Pos2, RawInput, TouchPhase, Vec2, pos2};
 
 /// Windows, in points, and the scale of the screen.
 const WINDOWS: [([f32; 2], f32); 6] = [
@@ -39,6 +40,7 @@ const CONTROLS: &[(&str, Use, &str)] = &[
     ("Deltas", Choose("small"), "Format("),
     ("Poses", Choose("fixed32"), "Pose(Fixed32)"),
     ("Budget", Choose("1e-4 of the diagonal"), "Budget("),
+    ("Budget", Choose("half a pixel from here: 0.0156 of the diagonal"), "Budget(Diagonal(0.015625))"),
     ("Heads", Choose("5"), "Heads(5)"),
     ("Detail", Choose("50% of the targets"), "Detail("),
     ("heat", Press, "Show(Heat)"),
@@ -61,6 +63,7 @@ struct Hands {
     state: State,
     out: Output,
     measured: Measured,
+    live: Option<Live>,
     size: [f32; 2],
     scale: f32,
     time: f64,
@@ -81,8 +84,20 @@ impl Hands {
         context.enable_accesskit();
         let (size, measured) = ([width, height], Measured::default());
         let (nodes, done, focus) = (vec![], vec![], NodeId(0));
-        let mut this =
-            Self { context, state, out, measured, size, scale, time: 0.0, nodes, focus, free: Rect::ZERO, done };
+        let mut this = Self {
+            context,
+            state,
+            out,
+            measured,
+            live: None,
+            size,
+            scale,
+            time: 0.0,
+            nodes,
+            focus,
+            free: Rect::ZERO,
+            done,
+        };
         (0..3).for_each(|_| this.frame(vec![], Modifiers::NONE));
         this
     }
@@ -97,8 +112,9 @@ impl Hands {
             viewport.native_pixels_per_point = Some(self.scale);
         }
         let paths = [UpdatePath::Blocks, UpdatePath::Cpu];
+        let live = self.live.as_ref().map(|live| (live, Some(1234)));
         let (desc, format) = (UpdateDesc::blocks(), DeltaFormat::Fast);
-        let about = About { device: "none", paths: &paths, desc, format, kept: None, reach: 1.0 };
+        let about = About { device: "none", paths: &paths, desc, format, kept: None, reach: 1.0, unit: 1.0, live };
         let (state, measured, mut shown) = (&self.state, &self.measured, None);
         let mut output = self.context.run_ui(input, |ui| shown = Some(super::show(ui, state, measured, &about)));
         let tree = output.platform_output.accesskit_update.take().expect("nodes");
@@ -223,6 +239,7 @@ impl Hands {
                 self.key(Key::Space);
                 self.tab_to(one);
                 self.key(Key::Space);
+                assert!(!Popup::is_any_open(&self.context), "{name} is closed again");
             }
             Slide => self.key(Key::ArrowRight),
             Type(text) => self.text(text),
@@ -340,6 +357,13 @@ fn keys_do_what_the_list_says() {
     hands.key(Key::P);
     hands.text("p");
     assert_eq!(hands.done, [Command::Search("p".into())]);
+    // Escape closes an open list, and nothing else.
+    hands.tab_to("Path");
+    hands.key(Key::Space);
+    assert!(Popup::is_any_open(&hands.context));
+    hands.done.clear();
+    hands.key(Key::Escape);
+    assert!(!Popup::is_any_open(&hands.context) && hands.done.is_empty(), "{:?}", hands.done);
 }
 
 #[test]
@@ -372,13 +396,15 @@ fn the_mouse_turns_moves_and_zooms_to_where_it_points() {
     assert!((hands.free.left() - 392.0).abs() < 2.0, "{}", hands.free);
 }
 
+/// Asserts that a text of the window has these words.
+fn says(hands: &Hands, text: &str) {
+    let said = |node: &Node| [node.label(), node.value()].into_iter().flatten().any(|said| said.contains(text));
+    assert!(hands.nodes.iter().any(|(_, node)| said(node)), "{text}");
+}
+
 #[test]
 fn what_is_empty_says_so_and_what_is_hidden_comes_back() {
     let mut hands = Hands::new([1280.0, 800.0], 1.0, "52");
-    let says = |hands: &Hands, text: &str| {
-        let said = |node: &Node| [node.label(), node.value()].into_iter().flatten().any(|said| said.contains(text));
-        assert!(hands.nodes.iter().any(|(_, node)| said(node)), "{text}");
-    };
     hands.state.search = "nose of a dog".into();
     hands.frame(vec![], Modifiers::NONE);
     says(&hands, "No target has 'nose of a dog' in its name.");
@@ -398,6 +424,18 @@ fn what_is_empty_says_so_and_what_is_hidden_comes_back() {
     assert_eq!(hands.done, [Command::Panel(true)]);
     let bare = Hands::new([1280.0, 800.0], 1.0, "0");
     says(&bare, "This mesh has no morph targets.");
+}
+
+#[test]
+fn what_arrives_and_what_the_budget_saves_are_said() {
+    let mut hands = Hands::new([640.0, 400.0], 1.0, "4");
+    hands.live = Some(Live::new("127.0.0.1:0".parse().expect("an address")).expect("a socket"));
+    hands.measured.add(Sample { budget: Some([1024, 4096]), ..Sample::default() }, 16.0);
+    hands.frame(vec![], Modifiers::NONE);
+    for text in ["live at 127.0.0.1:", "nothing yet", "1,234 rows recorded", "the budget saves 75", "4.00 KiB without"]
+    {
+        says(&hands, text);
+    }
 }
 
 #[test]
