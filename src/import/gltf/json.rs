@@ -111,13 +111,24 @@ impl<'a> At<'a> {
         numbers.try_into().map_err(|_| list.refuse(format!("{count} numbers, {N} expected"), REPAIR))
     }
 
+    /// The finite number of the property `key`; `default` if there is none.
+    pub fn number(&self, key: &str, default: f32) -> Result<f32> {
+        self.get(key).map_or(Ok(default), |at| at.float())
+    }
+
+    /// Whether the property `key` is `true`.
+    pub fn flag(&self, key: &str) -> bool {
+        self.value.get(key).and_then(Value::as_bool).unwrap_or_default()
+    }
+
+    fn float(&self) -> Result<f32> {
+        let found = self.value.as_f64().map(|x| x as f32).filter(|x| x.is_finite());
+        found.ok_or_else(|| self.refuse(format!("{} is no number that single precision holds", self.short()), REPAIR))
+    }
+
     /// An array of finite numbers.
     pub fn floats(&self) -> Result<Vec<f32>> {
-        let number = |at: &At<'_>| {
-            let found = at.value.as_f64().map(|x| x as f32).filter(|x| x.is_finite());
-            found.ok_or_else(|| at.refuse(format!("{} is no number that single precision holds", at.short()), REPAIR))
-        };
-        self.elements()?.iter().map(number).collect()
+        self.elements()?.iter().map(At::float).collect()
     }
 
     /// Text.

@@ -15,7 +15,8 @@
 //!   no normals, they are computed from the deformed surface; glTF itself keeps those of the base pose, as does a
 //!   target whose [`normals`](crate::SourceTarget::normals) are `Some(vec![])`.
 //! - Tangents are those of the file; none are computed.
-//! - Draco, points and lines, materials, textures and cameras are not read. What is there uncompressed beside Draco is.
+//! - Draco, points and lines, and cameras are not read. What is there uncompressed beside Draco is. Of materials, base
+//!   colours and their images are, by [`read_materials`], for hosts that draw.
 //!
 //! Files may be hostile: nothing outside their folder is read. Reading a file and making one mesh of it takes at most
 //! 960 bytes of memory per byte of the file and of the files that it names, plus 3 MiB. Time is bounded in the same
@@ -26,6 +27,7 @@ mod animation;
 mod assemble;
 mod container;
 mod json;
+mod material;
 mod mesh;
 mod meshopt;
 mod scene;
@@ -36,6 +38,7 @@ mod vrm;
 mod write;
 
 pub use animation::{Animation, Channel, Interpolation, Property};
+pub use material::{Alpha, Material, Materials, Texture, Wrap, read_materials};
 pub use mesh::{Influences, Mesh, Primitive};
 use scene::Hierarchy;
 pub use scene::{Node, Skin, Transform};
@@ -50,6 +53,7 @@ use animation::NEAR;
 use container::Container;
 use glam::DMat4;
 use std::collections::{HashMap, HashSet};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// The content of a file, in its order; indices are the file's.
@@ -74,6 +78,41 @@ pub struct Gltf {
     hierarchy: Hierarchy,
     /// Bytes that may still be allocated for the file.
     budget: u64,
+}
+
+/// What a file draws: [`Gltf::into_scene`].
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Scene {
+    /// The mesh that targets move: that of [`Gltf::into_source`], or of [`Gltf::into_skinned`].
+    pub mesh: Drawn,
+    /// The meshes that no target moves, as one: it needs no pose and no update. `None` if there are none, or if all
+    /// meshes are: they are the mesh then.
+    pub still: Option<Drawn>,
+}
+
+/// One mesh of several, and what it is drawn with.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Drawn {
+    /// The mesh.
+    pub source: MorphSource,
+    /// The joints that move it, in a scene without a pose.
+    pub skeleton: Option<Skeleton>,
+    /// Its faces, in parts of one material each.
+    pub parts: Vec<DrawnPart>,
+}
+
+/// Faces of a [`Drawn`] mesh.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct DrawnPart {
+    /// The name of the mesh that they are of.
+    pub name: String,
+    /// Their range in the mesh's faces, all of them triangles.
+    pub faces: Range<usize>,
+    /// Index of the material ([`Materials::materials`]).
+    pub material: Option<usize>,
 }
 
 /// Reads a file and the buffers beside it.
@@ -291,7 +330,7 @@ impl Gltf {
     /// [`Error::Input`] if no mesh has triangles, joints move a vertex out of the range of single precision, or the
     /// mesh would be larger than a file of this size can hold.
     pub fn into_source(self) -> Result<MorphSource> {
-        Ok(self.assembled(false)?.0)
+        Ok(self.scene(false, false)?.mesh.source)
     }
 
     /// Makes one mesh of the file, as [`into_source`](Self::into_source) does, and says which joints its vertices
@@ -302,15 +341,25 @@ impl Gltf {
     /// # Errors
     /// Those of `into_source`; [`Error::Input`] if vertices follow more than 65,535 joints in all.
     pub fn into_skinned(self) -> Result<(MorphSource, Option<Skeleton>)> {
+        let Drawn { source, skeleton, .. } = self.scene(true, false)?.mesh;
+        Ok((source, skeleton))
+    }
+
+    /// Makes two meshes of the file: the one that targets move, which is the mesh of [`into_source`](Self::into_source)
+    /// or, `unposed`, of [`into_skinned`](Self::into_skinned); and the one of everything else in the scene, which
+    /// stands in the same space, and has joints in the same way.
+    ///
+    /// # Errors
+    /// Those of `into_source` and `into_skinned`.
+    pub fn into_scene(self, unposed: bool) -> Result<Scene> {
+        self.scene(unposed, true)
+    }
+
+    fn scene(mut self, unposed: bool, with_still: bool) -> Result<Scene> {
         let has_skin = self.nodes.iter().any(|node| node.skin.is_some());
         let mut channels = self.animations.iter().flat_map(|animation| &animation.channels);
         let moves = has_skin || channels.any(|channel| channel.property != Property::Weights);
-        self.assembled(moves)
-    }
-
-    fn assembled(mut self, with_joints: bool) -> Result<(MorphSource, Option<Skeleton>)> {
         let worlds = self.world_matrices(None);
-        let joints: Vec<_> = self.skins.iter().map(|skin| self.joint_matrices(skin, &worlds)).collect();
         // For each mesh, the nodes in the scene that draw it.
         let (mut drawn, mut flat) = (vec![vec![]; self.meshes.len()], vec![]);
         for (i, node) in self.nodes.iter().enumerate().filter(|(_, node)| node.is_shown) {
@@ -325,18 +374,20 @@ impl Gltf {
         }
         let mut taken: Vec<usize> = (0..self.meshes.len()).collect();
         taken.retain(|mesh| !self.meshes[*mesh].source.positions.is_empty());
-        let mut left_out = vec![];
+        let (mut left_out, mut still) = (vec![], vec![]);
         let has_targets = |mesh: &usize| !self.meshes[*mesh].source.targets.is_empty();
         let is_drawn = |mesh: &usize| !drawn[*mesh].is_empty();
-        for (why, is_wanted) in
-            [("without targets", &has_targets as &dyn Fn(&usize) -> bool), ("not in the scene", &is_drawn)]
-        {
+        for (why, is_wanted) in [
+            ("without targets, and no part of the mesh", &has_targets as &dyn Fn(&usize) -> bool),
+            ("not in the scene, and left out", &is_drawn),
+        ] {
             if taken.iter().any(is_wanted) {
-                let names = taken.extract_if(.., |mesh| !is_wanted(mesh)).map(|i| self.meshes[i].source.name.as_str());
-                let names: Vec<&str> = names.collect();
+                let others: Vec<usize> = taken.extract_if(.., |mesh| !is_wanted(mesh)).collect();
+                let names: Vec<&str> = others.iter().map(|i| self.meshes[*i].source.name.as_str()).collect();
                 if !names.is_empty() {
-                    left_out.push(format!("{why}, and left out: '{}'", names.join("', '")));
+                    left_out.push(format!("{why}: '{}'", names.join("', '")));
                 }
+                still.extend(others.into_iter().filter(|mesh| with_still && is_drawn(mesh)));
             }
         }
         self.notes.extend(left_out);
@@ -348,7 +399,26 @@ impl Gltf {
             let merged: Vec<&str> = taken.iter().map(|mesh| self.meshes[*mesh].source.name.as_str()).collect();
             self.notes.push(format!("merged, targets of one name moved together: '{}'", merged.join("', '")));
         }
-        let copies = self.copies(&taken, &drawn, if with_joints { Skeleton::VERTEX_BYTES } else { 0 })?;
+        let mut mesh = self.assembled(taken, &drawn, &worlds, unposed && moves)?;
+        let still = match still.is_empty() {
+            true => None,
+            false => Some(self.assembled(still, &drawn, &worlds, unposed && moves)?),
+        };
+        self.notes.append(&mut mesh.source.notes);
+        mesh.source.notes = self.notes;
+        Ok(Scene { mesh, still })
+    }
+
+    /// Makes one mesh of those of `taken`, each as often as `drawn` has it.
+    fn assembled(
+        &mut self,
+        taken: Vec<usize>,
+        drawn: &[Vec<usize>],
+        worlds: &[DMat4],
+        with_joints: bool,
+    ) -> Result<Drawn> {
+        let joints: Vec<_> = self.skins.iter().map(|skin| self.joint_matrices(skin, worlds)).collect();
+        let copies = self.copies(&taken, drawn, if with_joints { Skeleton::VERTEX_BYTES } else { 0 })?;
         let (mut parts, mut placed) = (vec![], vec![]);
         for (mesh, copies) in taken.into_iter().zip(copies) {
             let mut left = std::mem::take(&mut self.meshes[mesh].source);
@@ -400,7 +470,9 @@ impl Gltf {
             }
         }
         let counts: Vec<usize> = parts.iter().map(|part| part.positions.len()).collect();
-        let mut skeleton = with_joints.then(|| Skeleton::new(self.nodes, self.hierarchy, self.animations));
+        let skeleton = || Skeleton::new(self.nodes.clone(), self.hierarchy.clone(), self.animations.clone());
+        let mut skeleton = with_joints.then(skeleton);
+        let (mut drawn, mut first) = (vec![], 0);
         for ((mesh, node, place), count) in placed.iter().zip(counts) {
             let mut add = |all: &mut Skeleton| all.add(count, *node, &self.meshes[*mesh], &self.skins, place);
             if !skeleton.as_mut().is_none_or(&mut add) {
@@ -408,14 +480,20 @@ impl Gltf {
                 return Err(Error::input(&self.path, "", "vertices follow more than 65535 joints", remedy));
             }
         }
-        let mut source = assemble::merge(self.name, parts);
-        self.notes.append(&mut source.notes);
-        Ok((MorphSource { notes: self.notes, ..source }, skeleton))
+        for ((mesh, ..), part) in placed.iter().zip(&parts) {
+            drawn.extend(self.meshes[*mesh].primitives.iter().map(|primitive| DrawnPart {
+                name: part.name.clone(),
+                faces: primitive.triangles.start + first..primitive.triangles.end + first,
+                material: primitive.material,
+            }));
+            first += part.faces.sizes.len();
+        }
+        Ok(Drawn { source: assemble::merge(self.name.clone(), parts), skeleton, parts: drawn })
     }
 
     /// Returns how many times each mesh of `taken` is made part of one mesh: once for each node that draws it, as far
     /// as the file is large enough for so much. `more` are the bytes of a vertex besides.
-    fn copies(&self, taken: &[usize], drawn: &[Vec<usize>], more: u64) -> Result<Vec<usize>> {
+    fn copies(&mut self, taken: &[usize], drawn: &[Vec<usize>], more: u64) -> Result<Vec<usize>> {
         let sources = || taken.iter().map(|mesh| &self.meshes[*mesh].source);
         let of_vertices = |source: &MorphSource| more * source.positions.len() as u64;
         let size = assemble::merged_size(sources()) + sources().map(of_vertices).sum::<u64>();
@@ -426,13 +504,18 @@ impl Gltf {
             Error::input(&self.path, "", what, remedy)
         })?;
         let vertex = assemble::vertex_size(&assemble::semantics(sources()));
-        let copies = taken.iter().zip(sources()).map(|(mesh, source)| {
-            let others = drawn[*mesh].len().saturating_sub(1) as u64;
-            let size = assemble::copied_size(source, vertex) + of_vertices(source);
-            let others = others.min(left / size.max(1));
-            left -= others * size;
-            others as usize + 1
-        });
-        Ok(copies.collect())
+        let copies: Vec<usize> = taken
+            .iter()
+            .zip(sources())
+            .map(|(mesh, source)| {
+                let others = drawn[*mesh].len().saturating_sub(1) as u64;
+                let size = assemble::copied_size(source, vertex) + of_vertices(source);
+                let others = others.min(left / size.max(1));
+                left -= others * size;
+                others as usize + 1
+            })
+            .collect();
+        self.budget = left;
+        Ok(copies)
     }
 }
