@@ -25,7 +25,9 @@ use formats::with_format;
 use glam::Vec3;
 pub use group::{PackedGroup, PackedLayout, PackedTarget};
 pub use poses::PoseFormat;
-pub(crate) use source::{Source, check};
+pub(crate) use source::Source;
+#[cfg(feature = "gltf")]
+pub(crate) use source::check;
 use std::sync::Arc;
 pub use vertex::VertexLayout;
 
@@ -100,6 +102,7 @@ pub struct PackedMesh {
 }
 
 /// The vertices of a mesh in an order in which those that the same targets move are adjacent.
+#[cfg(feature = "gltf")]
 pub(crate) fn vertex_order(mesh: &MorphMesh) -> Vec<u32> {
     let members: Vec<Vec<u32>> = mesh.targets.iter().map(|target| target.vertices.clone()).collect();
     order::order(mesh.vertex_count(), &members)

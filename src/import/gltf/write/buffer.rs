@@ -3,6 +3,7 @@
 use super::{GlbEncoding, encode};
 use crate::error::{Error, Result};
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 
 /// How numbers are stored.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -137,12 +138,21 @@ pub struct Buffer {
     decompressed: usize,
     /// The last list of sparse indices, and its view: positions and normals share them.
     listed: (Vec<u32>, usize),
+    /// Elements of dense accessors of targets by their stride, and the view that will have them: one is enough for all.
+    pooled: BTreeMap<usize, (Vec<u8>, usize)>,
 }
 
 impl Buffer {
     pub fn new(encoding: GlbEncoding) -> Self {
-        let listed = (vec![], 0);
-        Self { encoding, bytes: vec![], views: vec![], accessors: vec![], decompressed: 0, listed }
+        Self {
+            encoding,
+            bytes: vec![],
+            views: vec![],
+            accessors: vec![],
+            decompressed: 0,
+            listed: (vec![], 0),
+            pooled: BTreeMap::new(),
+        }
     }
 
     fn push(&mut self, accessor: Value) -> Value {
@@ -243,7 +253,13 @@ impl Buffer {
                 "indices": {"bufferView": self.listed.1, "componentType": component.properties().0},
             });
         } else {
-            accessor["bufferView"] = json!(self.view(&dense, stride, Use::Attribute));
+            let Self { pooled, views, .. } = self;
+            let (pool, view) = pooled.entry(stride).or_insert_with(|| {
+                views.push(Value::Null);
+                (vec![], views.len() - 1)
+            });
+            (accessor["bufferView"], accessor["byteOffset"]) = (json!(view), json!(pool.len()));
+            pool.extend(dense);
         }
         self.push(accessor)
     }
@@ -263,6 +279,11 @@ impl Buffer {
             bytes.resize(bytes.len().next_multiple_of(4), with);
             bytes
         };
+        for (stride, (pool, view)) in std::mem::take(&mut self.pooled) {
+            let at = self.view(&pool, stride, Use::Attribute);
+            self.views.swap(view, at);
+            self.views.truncate(at);
+        }
         let bytes = padded(std::mem::take(&mut self.bytes), 0);
         let mut buffers = vec![json!({"byteLength": bytes.len()})];
         let mut extensions = vec![];

@@ -1,5 +1,5 @@
-//! Encoders of EXT_meshopt_compression, from the text of the extension: the bitstream that `meshopt.rs` decodes, version
-//! 0 of attributes and version 1 of triangles.
+//! Encoders of EXT_meshopt_compression, from the text of the extension: the bitstream that `meshopt.rs` decodes,
+//! version 0 of attributes and version 1 of triangles.
 
 use super::super::meshopt::{GROUP, Recent, VERSION_0, block_of};
 

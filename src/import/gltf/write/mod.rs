@@ -37,7 +37,8 @@ pub struct GlbDesc {
     /// Largest error of a base position and of a position delta (a length), as a fraction of the bounding-box diagonal;
     /// positive.
     pub position_error: f32,
-    /// Largest error of a base normal or tangent, and what that of a target adds to it, in degrees; positive.
+    /// Largest error of a normal or tangent with one target, in degrees; positive. Where a target turns one right
+    /// round, as in folds, it may be larger.
     pub normal_error_degrees: f32,
     /// Texture coordinates of the faces begin at the bottom left, as in OBJ files: v becomes 1 − v, since those of glTF
     /// begin at the top left. `false` by default.
@@ -60,8 +61,8 @@ impl Default for GlbDesc {
 pub struct Glb {
     /// The file.
     pub bytes: Vec<u8>,
-    /// The vertex of the mesh that each vertex of the file is: those of the mesh in their order, then those that seams of
-    /// texture coordinates double; in another order with [`GlbEncoding::Meshopt`].
+    /// The vertex of the mesh that each vertex of the file is: those of the mesh in their order, then those that seams
+    /// of texture coordinates double; in another order with [`GlbEncoding::Meshopt`].
     pub vertices: Vec<u32>,
     /// What the file does not hold, for the user.
     pub notes: Vec<String>,
@@ -207,37 +208,32 @@ impl File<'_> {
         node
     }
 
-    /// Adds normals or tangents: bytes, or 16-bit integers where bytes would turn them further than is allowed.
+    /// Adds normals or tangents: what targets add in bytes, or 16 bits where bytes would turn them further than is
+    /// allowed.
     fn directions(&mut self, semantic: Semantic, name: &str, attributes: &mut Attributes, targets: &mut [Attributes]) {
         let mesh = self.mesh;
         let width = semantic.components();
         let all = mesh.values(semantic);
         let base: Vec<DVec3> = self.vertices.iter().map(|&v| vector(&all[v as usize * width..])).collect();
-        let allowed = f64::from(self.desc.normal_error_degrees);
-        // The first component type that keeps the angle between what is added to and to what it adds up.
-        let fitting = |values: &[(u32, DVec3)], before: &dyn Fn(u32) -> [DVec3; 2]| {
-            [Component::Unit8, Component::Unit16].into_iter().find(|component| {
-                values.iter().all(|(v, d)| {
-                    let [stated, held] = before(*v);
-                    let rounded = d.map(|x| component.rounded(x));
-                    d.abs().max_element() < 1.0 + 1e-6 && angle_degrees(stated + d, held + rounded) <= allowed
-                })
-            })
-        };
-        let quantized = self.is_quantized();
-        let chosen = |found: Option<Component>| found.filter(|_| quantized).unwrap_or(Component::F32);
-        let numbered: Vec<(u32, DVec3)> = (0..).zip(base.iter().copied()).collect();
-        let component = chosen(fitting(&numbered, &|_| [DVec3::ZERO; 2]));
-        let held: Vec<DVec3> = base.iter().map(|n| n.map(|x| component.rounded(x))).collect();
+        // 16 bits for the base: where a target turns it round, little is left of the two to be off.
+        let [component, finest] =
+            if self.is_quantized() { [Component::Unit8, Component::Unit16] } else { [Component::F32; 2] };
         let stored: Vec<f32> =
             self.vertices.iter().flat_map(|&v| &all[v as usize * width..][..width]).copied().collect();
-        let elements = Elements::of(&stored, width, component);
-        attributes.insert(name.into(), self.buffer.dense(&elements, Use::Attribute));
+        attributes.insert(name.into(), self.buffer.dense(&Elements::of(&stored, width, finest), Use::Attribute));
         for (target, attributes) in targets.iter_mut().enumerate() {
-            let (moved, deltas) = self.deltas::<3>(target, semantic);
-            let numbered: Vec<(u32, DVec3)> =
-                moved.iter().copied().zip(deltas.iter().map(|d| Vec3::from(*d).as_dvec3())).collect();
-            let component = chosen(fitting(&numbered, &|v| [base[v as usize], held[v as usize]]));
+            let (moved, mut deltas) = self.deltas::<3>(target, semantic);
+            let mut worst = 0.0f64;
+            for (v, d) in moved.iter().zip(&mut deltas).filter(|_| component != Component::F32) {
+                let before = base[*v as usize];
+                let delta = shortened(before, Vec3::from(*d).as_dvec3());
+                worst = worst.max(angle_degrees(before + delta, before + delta.map(|x| component.rounded(x))));
+                *d = delta.as_vec3().to_array();
+            }
+            let component = if worst <= f64::from(self.desc.normal_error_degrees) { component } else { finest };
+            let kept = moved.into_iter().zip(deltas);
+            let kept = kept.filter(|(_, d)| d.iter().any(|x| component.rounded(f64::from(*x)) != 0.0));
+            let (moved, deltas): (Vec<u32>, Vec<[f32; 3]>) = kept.unzip();
             let elements = Elements::of(deltas.as_flattened(), 3, component);
             attributes.insert(name.into(), self.buffer.sparse(&elements, &moved, self.vertices.len()));
         }
@@ -295,4 +291,13 @@ impl File<'_> {
 
 fn vector(numbers: &[f32]) -> DVec3 {
     Vec3::from_slice(numbers).as_dvec3()
+}
+
+/// What `delta` makes of the direction `base`, in the same direction but not as long, so that no component of the delta
+/// is beyond 1: normalised integers end there.
+fn shortened(base: DVec3, delta: DVec3) -> DVec3 {
+    let sum = base + delta;
+    let limit = |c: usize| if delta[c].abs() > 1.0 { (base[c] + delta[c].signum()) / sum[c] } else { 1.0 };
+    let scale = (0..3).map(limit).fold(1.0, f64::min);
+    if scale < 1.0 { sum * scale - base } else { delta }
 }
