@@ -231,9 +231,12 @@ pub struct RunRecord {
     /// of versions without parts.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rounds: Vec<Round>,
-    /// The time to move the fewest possible bytes at the best measured bandwidth, as a share of the time of the update,
-    /// both medians of frames: 1 is the best possible, except for data in caches. `None` for paths that evaluate in
-    /// draws, and if most frames change nothing.
+    /// The time to move the fewest possible bytes at the best measured bandwidth: the median of frames. `None` for paths
+    /// that evaluate in draws, and if most frames change nothing.
+    #[serde(default)]
+    pub floor_ms: Option<f64>,
+    /// That as a share of the median time of the update (`gpu_ms`, else `cpu_ms`): 1 is the best possible, except for
+    /// data in caches.
     pub floor_fraction: Option<f64>,
     /// Largest position error against the float64 reference, in input units.
     pub max_error: Option<f64>,
@@ -366,7 +369,7 @@ mod tests {
                 "/runs/0",
                 "path mode batch_size changed coefficients active heads shared accumulate pose format passes \
                  bytes_moved bytes_floor gpu_ms cpu_ms draw_ms max_error verified workload max_error_rel \
-                 normal_error_deg raw_error_rel floor_fraction slots batch_max",
+                 normal_error_deg raw_error_rel floor_ms floor_fraction slots batch_max",
             ),
         ] {
             let object = json.pointer(place).expect(place);

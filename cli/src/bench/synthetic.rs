@@ -37,6 +37,7 @@ fn run(path: &str, format: &str, batch: BatchSize, changed: f64, [coefficient, p
         gpu_ms: stats(ms).filter(|_| path != "cpu"),
         cpu_ms: stats(ms + 0.4),
         draw_ms: (path != "cpu").then_some(0.8),
+        floor_ms: Some(0.1),
         floor_fraction: Some(0.1 / ms),
         max_error_rel: Some(1.2e-7),
         verified: true,

@@ -259,11 +259,11 @@ impl<'a> Trial<'a> {
         };
         let best = rates.into_iter().flatten().reduce(f64::max);
         // Medians, like the time shown beside it. No share if most frames of a clip change nothing.
-        let seconds = record.gpu_ms.or(record.cpu_ms).map(|t| t.median * 1e-3).filter(|t| *t > 0.0);
-        let update = best.zip(seconds).filter(|_| !self.candidate.config.desc.path.evaluates_in_draws());
-        let floor = times(timed, |frame| Some(frame.stats.bytes_floor as f64)).map(|bytes| bytes.median);
-        let floor = floor.filter(|bytes| *bytes > 0.0);
-        record.floor_fraction = floor.zip(update).map(|(bytes, (gb_s, s))| bytes / (gb_s * 1e9) / s);
+        let best = best.filter(|_| !self.candidate.config.desc.path.evaluates_in_draws());
+        let bytes = times(timed, |frame| Some(frame.stats.bytes_floor as f64)).map(|bytes| bytes.median);
+        record.floor_ms = bytes.filter(|bytes| *bytes > 0.0).zip(best).map(|(bytes, gb_s)| bytes / (gb_s * 1e6));
+        let update = record.gpu_ms.or(record.cpu_ms).map(|t| t.median).filter(|t| *t > 0.0);
+        record.floor_fraction = record.floor_ms.zip(update).map(|(floor, update)| floor / update);
         Ok(())
     }
 }

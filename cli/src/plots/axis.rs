@@ -1,6 +1,6 @@
 //! Axes: ticks, labels, and positions of values.
 
-use super::ALL;
+use super::{ALL, Axes, Series};
 use crate::table::sig3;
 use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
 use plotters::coord::types::RangedCoordf64;
@@ -32,6 +32,27 @@ const END: f64 = 0.92;
 const CHARACTER: f64 = 7.2;
 
 impl Axis {
+    /// The axes of a line chart. Error bars that reach far beyond all points are cut off at their ends.
+    pub fn of_lines(axes: Axes, all: &[Series]) -> [Self; 2] {
+        let points = || all.iter().flat_map(|series| &series.points);
+        let (x, y) = (points().map(|p| p.x), points().map(|p| p.y));
+        match axes {
+            Axes::Counts => [Self::counts(x), Self::values(y)],
+            Axes::CountsFromZero => [Self::counts(x), Self::from_zero(y.fold(0.0, f64::max))],
+            Axes::Values => [Self::values(x), Self::values(y)],
+        }
+    }
+
+    /// The name of the axis, which says whether it is logarithmic.
+    pub fn named(&self, name: &str) -> String {
+        if self.log { format!("{name} (log scale)") } else { name.to_owned() }
+    }
+
+    /// `value`, or the end of the axis that it is beyond.
+    pub fn within(&self, value: f64) -> f64 {
+        value.clamp(self.lo, self.hi)
+    }
+
     /// An axis for measures: logarithmic if the values above 0 span a large ratio, with 0 at the start; else linear
     /// from 0.
     pub fn values(values: impl IntoIterator<Item = f64>) -> Self {

@@ -173,16 +173,8 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
     }
 
     fn lines(&self, name: &str, axes: Axes, all: &[Series]) -> Result<(), Error<DB>> {
-        let points = || all.iter().flat_map(|series| &series.points);
-        // Error bars belong to the data: the axis includes them.
-        let values = points().flat_map(|p| [p.low, p.high]);
-        let numbers = points().map(|p| p.x);
-        let (x, y) = match axes {
-            Axes::Counts => (Axis::counts(numbers), Axis::values(values)),
-            Axes::CountsFromZero => (Axis::counts(numbers), Axis::from_zero(values.fold(0.0, f64::max))),
-            Axes::Values => (Axis::values(numbers), Axis::values(values)),
-        };
-        let chart = self.axes([x, y], name, MARGIN / 2.0, MARGIN + 4.0, DATA)?;
+        let [x, y] = Axis::of_lines(axes, all);
+        let chart = self.axes([x, y.clone()], &y.named(name), MARGIN / 2.0, MARGIN + 4.0, DATA)?;
         let place = |x: f64, y: f64| chart.plotting_area().map_coordinate(&(x, y));
         let start = chart.plotting_area().get_pixel_range().0.start;
         for series in all {
@@ -195,21 +187,21 @@ impl<DB: DrawingBackend> Sheet<'_, DB> {
                 self.area.draw(&DashedPathElement::new(ends, self.px(5.0), self.px(4.0), self.pen(color, 1.5)))?;
             }
             for p in &series.points {
-                let ends = [p.low, p.high].map(|value| place(p.x, value));
+                let ends = [p.low, p.high].map(|value| place(p.x, y.within(value)));
                 self.area.draw(&PathElement::new(ends, self.pen(color, 1.2)))?;
                 self.marker(series.look, at(p))?;
             }
         }
         // The name of x, then the legend, in as many columns as fit.
-        let (plan, mut y) = (&self.plan, self.plan.top + DATA + TICKS);
+        let (plan, mut down) = (&self.plan, self.plan.top + DATA + TICKS);
         for line in &plan.counted {
-            y += LEADING * TEXT;
-            self.text(line, (plan.width / 2.0, y - LEADING / 2.0 * TEXT), TEXT, MUTED, HPos::Center)?;
+            down += LEADING * TEXT;
+            self.text(line, (plan.width / 2.0, down - LEADING / 2.0 * TEXT), TEXT, MUTED, HPos::Center)?;
         }
         for (i, series) in all.iter().enumerate() {
             let (column, row) = (i % plan.columns, i / plan.columns);
             let left = MARGIN + column as f64 * (plan.width - 2.0 * MARGIN) / plan.columns as f64;
-            let y = y + GAP + ENTRY * (row as f64 + 0.5);
+            let y = down + GAP + ENTRY * (row as f64 + 0.5);
             let ends = [left, left + 24.0].map(|x| (self.px(x), self.px(y)));
             self.area.draw(&PathElement::new(ends, self.pen(series.look.color(), 2.0)))?;
             self.marker(series.look, (self.px(left + 12.0), self.px(y)))?;

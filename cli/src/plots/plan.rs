@@ -1,5 +1,6 @@
 //! Layout of a figure for a given width: nothing is cut off at any width.
 
+use super::axis::Axis;
 use super::{Chart, Figure};
 use textwrap::WordSplitter;
 
@@ -60,9 +61,10 @@ impl Plan {
             beside: None,
         };
         let below = match &figure.chart {
-            Chart::Lines { labels, series, .. } => {
+            Chart::Lines { labels, axes, series } => {
                 let entry = SAMPLE + widest(series.iter().map(|series| &series.label)) + 12.0;
-                plan.counted = wrapped(labels[0], TEXT, room);
+                let [x, _] = Axis::of_lines(*axes, series);
+                plan.counted = wrapped(&x.named(labels[0]), TEXT, room);
                 plan.columns = ((room / entry) as usize).clamp(1, series.len().max(1));
                 let legend = ENTRY * series.len().div_ceil(plan.columns) as f64;
                 DATA + LEADING * TEXT * plan.counted.len() as f64 + GAP + legend

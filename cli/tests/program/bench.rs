@@ -39,6 +39,7 @@ fn bench_verifies_measures_and_draws() {
                 assert!((run["floor_fraction"].as_f64().unwrap() / share - 1.0).abs() < 1e-9, "{share}: {run}");
             }
         }
+        shares_follow_from_the_csv(&dir.join("runs.csv"));
         if device == "SwiftShader" {
             let skipped = out["skipped"][0]["reason"].as_str().unwrap();
             assert!(skipped.contains("no VK_EXT_transform_feedback") && skipped.contains("'compute'"), "{skipped}");
@@ -53,6 +54,26 @@ fn bench_verifies_measures_and_draws() {
                 .count()
         };
         assert!(plots("svg") >= 3 && plots("svg") == plots("png"), "{} SVG, {} PNG", plots("svg"), plots("png"));
+    }
+}
+
+/// Each share of the floor is that of the median beside it: of those with one floor, the slower has the smaller share.
+fn shares_follow_from_the_csv(path: &std::path::Path) {
+    let mut csv = csv::Reader::from_path(path).unwrap();
+    let headings = csv.headers().unwrap().clone();
+    let mut found = vec![];
+    for row in csv.records().map(Result::unwrap) {
+        let number =
+            |name: &str| row[headings.iter().position(|heading| heading == name).expect(name)].parse::<f64>().ok();
+        let median = number("gpu_ms_median").or(number("cpu_ms_median"));
+        if let (Some(floor), Some(median), Some(share)) = (number("floor_ms"), median, number("floor_fraction")) {
+            assert!((share * median / floor - 1.0).abs() < 1e-9, "{row:?}");
+            found.push((floor, median, share));
+        }
+    }
+    assert!(found.len() > 20, "{found:?}");
+    for (a, b) in found.iter().flat_map(|a| found.iter().map(move |b| (a, b))).filter(|(a, b)| a.0 == b.0) {
+        assert!(a.1 < b.1 || a.2 <= b.2 * (1.0 + 1e-9), "{a:?} {b:?}");
     }
 }
 

@@ -47,7 +47,6 @@ const TIME_VS_CHANGED: Kind = Kind {
     slug: "time-vs-changed",
     title: "Time per frame against changed targets",
     labels: ["targets changed per frame", "ms per frame"],
-    axes: Axes::CountsFromZero,
     caption: "Each point is the fastest batch size of its path. An incremental update pays for what changed.",
     x: |run| run.changed,
     ..TIME_VS_BATCH

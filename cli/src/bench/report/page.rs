@@ -46,6 +46,7 @@ pub fn page(report: &Report, suite: Option<&SuiteRecord>, drawn: &[Drawn]) -> St
         (figures(drawn))
         section {
             h2 { "All configurations" }
+            @if let Some(same) = tables::of_all(report.runs_of(suite)) { p.note { (same) } }
             (all_runs(&report.runs_of(suite).collect::<Vec<_>>()))
             @if !report.skipped.is_empty() {
                 h3 { "Not run" }

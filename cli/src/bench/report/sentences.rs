@@ -48,12 +48,11 @@ pub fn of_suite(suite: &SuiteRecord) -> String {
     let ratios: Vec<f64> = suite.cells.iter().filter_map(|c| c.blocks_to_best_other).collect();
     let (title, wins) = (title(suite), ratios.iter().filter(|r| **r <= 1.0).count());
     if let Some(worst) = ratios.iter().copied().reduce(f64::max) {
-        return format!(
-            "{title}: blocks is the fastest GPU path in {wins} of {} cells; in the worst it takes {} times what the best \
-             other takes.",
-            ratios.len(),
-            sig3(worst)
-        );
+        let worst = match worst > 1.0 {
+            true => format!("in the worst the best other is {} times as fast", sig3(worst)),
+            false => format!("in the closest it is {} times as fast as the best other", sig3(1.0 / worst)),
+        };
+        return format!("{title}: blocks is the fastest GPU path in {wins} of {} cells; {worst}.", ratios.len());
     }
     match suite.comparisons.iter().max_by(|a, b| a.ratio.total_cmp(&b.ratio)) {
         Some(c) => format!("{title}: {} is {} times as fast as {} ({}).", c.second, sig3(c.ratio), c.first, c.name),

@@ -21,15 +21,17 @@ const WORDS: [Column; 6] = [
     ("workload", |run| run.workload.clone()),
 ];
 const NUMBERS: [Column; 16] = [
+    ("ms/frame", |run| if run.verified { optional(run.time().map(|t| t.median)) } else { "WRONG".into() }),
+    ("of floor", |run| run.floor_fraction.map_or(NONE.into(), percent)),
     ("heads", |run| run.heads.to_string()),
     ("changed", |run| count(run.changed)),
     ("batch", |run| run.batch_size.to_string()),
     ("passes", |run| count(run.passes)),
-    ("ms/frame", |run| if run.verified { optional(run.time().map(|t| t.median)) } else { "WRONG".into() }),
     ("mean", |run| optional(run.time().map(|t| t.mean))),
     ("±", |run| optional(run.time().map(|t| t.stderr))),
     ("n", |run| run.time().map_or(NONE.into(), |t| t.n.to_string())),
-    ("update ms", |run| optional(run.gpu_ms.map(|t| t.median))),
+    // Where nothing is drawn, the update is what ms/frame says.
+    ("update ms", |run| optional(run.gpu_ms.filter(|_| run.update_and_draw_ms.is_some()).map(|t| t.median))),
     ("draw ms", |run| optional(run.draw_ms)),
     ("round trip ms", |run| optional(run.cpu_ms.map(|t| t.median))),
     ("upload ms", |run| optional(run.upload_ms.map(|t| t.median))),
@@ -39,18 +41,39 @@ const NUMBERS: [Column; 16] = [
         (false, false) => "interleaved".into(),
     }),
     ("moved", |run| bytes(run.bytes_moved)),
-    ("of floor", |run| run.floor_fraction.map_or(NONE.into(), percent)),
     ("error / diagonal", |run| optional(run.max_error_rel)),
 ];
 /// Columns on pages only, which are wider than terminals.
 const PAGES_ONLY: [&str; 6] = ["mean", "n", "update ms", "draw ms", "round trip ms", "upload ms"];
 
-/// A row for each run. Columns that are empty in every run are left out, on a terminal also those of `PAGES_ONLY`.
+/// Columns that are there even if all runs have the same in them.
+const KEYS: [&str; 4] = ["path", "format", "ms/frame", "of floor"];
+
+/// What all of several runs have, a column with its cell; it is no column of [`runs`].
+fn common<'a>(runs: &'a [&RunRecord]) -> impl Iterator<Item = (&'static str, String)> + 'a {
+    let same = |(heading, cell): &Column| {
+        let first = runs.first().map(|run| cell(run)).filter(|_| runs.len() > 1 && !KEYS.contains(heading))?;
+        runs.iter().all(|run| cell(run) == first).then_some((*heading, first))
+    };
+    WORDS.iter().chain(&NUMBERS).filter_map(same)
+}
+
+/// What all of these runs have, in words: "In all of them: mode incremental, heads 1."
+pub fn of_all<'a>(runs: impl IntoIterator<Item = &'a RunRecord>) -> Option<String> {
+    let runs: Vec<&RunRecord> = runs.into_iter().collect();
+    let told = common(&runs).filter(|(_, cell)| ![String::new(), NONE.into()].contains(cell));
+    let told = told.map(|(heading, cell)| format!("{heading} {cell}")).collect::<Vec<_>>().join(", ");
+    (!told.is_empty()).then(|| format!("In all of them: {told}."))
+}
+
+/// A row for each run. Columns that are empty or the same in every run are left out, on a terminal also those of
+/// `PAGES_ONLY`.
 pub fn runs<'a>(runs: impl IntoIterator<Item = &'a RunRecord>, terminal: bool) -> Table {
     let runs: Vec<&RunRecord> = runs.into_iter().collect();
+    let same: Vec<&str> = common(&runs).map(|(heading, _)| heading).collect();
     let told = |(heading, cell): &&Column| {
         let empty = |run: &&RunRecord| [String::new(), NONE.into()].contains(&cell(run));
-        !(runs.iter().all(empty) || terminal && PAGES_ONLY.contains(heading))
+        !(runs.iter().all(empty) || same.contains(heading) || terminal && PAGES_ONLY.contains(heading))
     };
     let words: Vec<&Column> = WORDS.iter().filter(told).collect();
     let columns: Vec<&Column> = words.iter().copied().chain(NUMBERS.iter().filter(told)).collect();
@@ -67,25 +90,27 @@ pub fn of_suite(suite: &SuiteRecord, report: &Report) -> Vec<(&'static str, Tabl
         tables.push(("Compared", comparisons(&suite.comparisons)));
     }
     if !suite.cells.is_empty() {
-        tables.push(("Who is fastest", cells(suite, report)));
+        tables.push(("Who is fastest on the device", cells(suite, report)));
     }
     tables.extend(matrix(suite, report).map(|times| ("Milliseconds of every technique", times)));
     tables
 }
 
 fn comparisons(comparisons: &[Comparison]) -> Table {
-    let headings = "comparison|first|its ms|second|its ms|first / second, median of rounds|should be|n";
-    let mut table = Table::new(&headings.split('|').collect::<Vec<_>>(), 2);
+    let headings = "comparison|second is … times as fast|should be|first|its ms|second|its ms|n";
+    let mut table = Table::new(&headings.split('|').collect::<Vec<_>>(), 1);
     for Comparison { name, first, second, first_ms, second_ms, ratio, n: [a, b], goal } in comparisons {
         let [first_ms, second_ms, ratio] = [first_ms, second_ms, ratio].map(|value| sig3(*value));
         let [name, first, second, goal] = [name, first, second, goal].map(String::clone);
-        table.row([name, first, first_ms, second, second_ms, ratio, goal, format!("{a}, {b}")]);
+        table.row([name, ratio, goal, first, first_ms, second, second_ms, format!("{a}, {b}")]);
     }
     table
 }
 
 fn cells(suite: &SuiteRecord, report: &Report) -> Table {
-    let headings = "cell|fastest|its ms|blocks|its ms|best other|its ms|blocks / best other|by means|direct / blocks";
+    // How many times as fast `blocks` is.
+    let headings = "cell|fastest|its ms|blocks is … times as fast as the best other|by means|as direct|blocks|its ms|\
+                    best other|its ms";
     let mut table = Table::new(&headings.split('|').collect::<Vec<_>>(), 2);
     for cell in &suite.cells {
         let of_cell = || report.runs_of(Some(suite)).filter(|run| run.cell == cell.name);
@@ -95,9 +120,11 @@ fn cells(suite: &SuiteRecord, report: &Report) -> Table {
         };
         let CellRecord { blocks_to_best_other, blocks_to_best_other_mean, direct_to_blocks, .. } = cell;
         let who = [&cell.fastest, &cell.blocks, &cell.best_other];
-        let who = who.into_iter().flat_map(|name| [name.clone().unwrap_or(NONE.into()), time(name)]);
-        let ratios = [blocks_to_best_other, blocks_to_best_other_mean, direct_to_blocks];
-        table.row(once(cell.name.clone()).chain(who).chain(ratios.map(|ratio| optional(*ratio))));
+        let mut who = who.into_iter().flat_map(|name| [name.clone().unwrap_or(NONE.into()), time(name)]);
+        let fastest: Vec<String> = once(cell.name.clone()).chain(who.by_ref().take(2)).collect();
+        let [other, by_means] = [blocks_to_best_other, blocks_to_best_other_mean].map(|ratio| ratio.map(|r| 1.0 / r));
+        let speeds = [other, by_means, *direct_to_blocks].map(optional);
+        table.row(fastest.into_iter().chain(speeds).chain(who));
     }
     table
 }

@@ -127,7 +127,7 @@ fn tables_have_a_line_per_run_and_name_what_is_wrong() {
     }
     let report = synthetic::suite();
     let [(who, cells), (ms, times)] = &tables::of_suite(&report.suites[0], &report)[..] else { panic!("two tables") };
-    assert_eq!([*who, *ms], ["Who is fastest", "Milliseconds of every technique"]);
+    assert_eq!([*who, *ms], ["Who is fastest on the device", "Milliseconds of every technique"]);
     let (cells, times) = (cells.to_string(), times.to_string());
     assert!(cells.contains("45.0") && times.contains("WRONG"), "{cells}\n{times}");
 }
@@ -151,7 +151,7 @@ fn the_folder_is_complete_and_its_pages_need_nothing_else() {
         assert_eq!(read(&folder.join("report.json")).expect("read").runs.len(), n);
         let mut csv = csv::Reader::from_path(folder.join("runs.csv")).expect("read");
         let rows: Vec<csv::StringRecord> = csv.records().collect::<Result<_, _>>().expect("a cell for every column");
-        assert_eq!((rows.len(), rows[0].len()), (n, 55));
+        assert_eq!((rows.len(), rows[0].len()), (n, 56));
         assert_eq!((&rows[0][5], &rows[0][10]), (first.path.as_str(), first.batch_size.to_string().as_str()));
 
         let page = std::fs::read_to_string(folder.join(file_name(report.suites.first()))).expect("read");
