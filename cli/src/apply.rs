@@ -2,7 +2,7 @@
 
 use crate::args::ApplyArgs;
 use crate::input::{self, Input};
-use crate::output::{Failure, Output, With};
+use crate::output::{Failure, Output, With, check_ending};
 use crate::runner::Stage;
 use crate::verify::{Found, Promise, REMEDY};
 use deltamorph::import::is_gltf;
@@ -22,6 +22,9 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
         return Err(Failure::Usage(text.into()));
     }
     out.check(&input::files_of(&run.input, weights.as_slice()), &[output], None)?;
+    if output.extension().is_some() {
+        check_ending(output, "an OBJ file", &["obj"])?;
+    }
     let input = input::load(&run.input, false, out)?;
     let frames = frames(args, &input)?;
 

@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod encoding;
+pub mod groups;
 pub mod lod;
 pub mod poses;
 pub mod reading;
@@ -27,7 +28,7 @@ use values::{BatchSpec, BudgetSpec};
 
 /// Morph targets (blend shapes) on the GPU: applies only the weights that changed.
 #[derive(Debug, Parser)]
-#[command(name = "deltamorph", version, propagate_version = true)]
+#[command(name = "deltamorph", version, propagate_version = true, max_term_width = 100)]
 pub struct Cli {
     #[command(flatten)]
     pub global: GlobalArgs,
@@ -37,6 +38,7 @@ pub struct Cli {
 
 /// Options of every command.
 #[derive(Args, Clone, Debug, Default)]
+#[command(next_help_heading = "Options of every command")]
 pub struct GlobalArgs {
     /// Vulkan device: its index in `deltamorph devices`, or a part of its name
     #[arg(long, global = true, value_name = "INDEX|NAME", value_parser = values::device)]
@@ -79,6 +81,24 @@ pub enum Command {
     View(Box<view::ViewArgs>),
     /// Rank targets by importance, and say what is lost where fewer are kept
     Lod(Box<LodArgs>),
+    /// Print a script that completes commands and options in a shell
+    Completions(CompletionsArgs),
+    /// Write man pages: of the program, and of each command
+    Man(ManArgs),
+}
+
+#[derive(Args, Clone, Debug)]
+pub struct CompletionsArgs {
+    /// The shell, which loads the script as its manual says
+    #[arg(value_name = "SHELL")]
+    pub shell: clap_complete::Shell,
+}
+
+#[derive(Args, Clone, Debug)]
+pub struct ManArgs {
+    /// Folder to write, as ~/.local/share/man/man1
+    #[arg(value_name = "DIR")]
+    pub dir: PathBuf,
 }
 
 #[derive(Args, Clone, Debug)]
@@ -302,13 +322,13 @@ impl InputArgs {
 /// Size of the built-in head.
 #[derive(Args, Clone, Debug, Default)]
 pub struct HeadArgs {
-    /// Built-in head: number of vertices [default: 43788]
+    /// Number of vertices [default: 43788]
     #[arg(long, value_name = "N", value_parser = values::whole(1usize, 10_000_000))]
     pub vertices: Option<usize>,
-    /// Built-in head: number of morph targets [default: 72]
+    /// Number of morph targets [default: 72]
     #[arg(long, value_name = "N", value_parser = values::whole(0, values::MAX_TARGETS))]
     pub targets: Option<usize>,
-    /// Built-in head: mean fraction of the vertices that a target moves, above 0, at most 1 [default: 0.12]
+    /// Mean fraction of the vertices that a target moves, above 0, at most 1 [default: 0.12]
     #[arg(long, value_name = "FRACTION")]
     #[arg(value_parser = values::number("a fraction above 0 and at most 1", |v| v > 0.0 && v <= 1.0))]
     pub sparsity: Option<f32>,

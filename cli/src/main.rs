@@ -18,6 +18,7 @@ mod render;
 mod replay;
 mod runner;
 mod sample;
+mod shell;
 mod soak;
 mod table;
 mod textures;
@@ -25,13 +26,16 @@ mod verify;
 #[cfg(feature = "viewer")]
 mod view;
 
+use args::groups::grouped;
 use args::{Cli, Command};
-use clap::Parser;
+use clap::{CommandFactory, FromArgMatches};
 use output::{Failure, Output};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let matches = grouped(Cli::command()).get_matches();
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    table::fit_terminal();
     let out = Output::new(cli.global.quiet, cli.global.json.clone());
     match run(&cli, &out).and_then(|()| out.finish()) {
         Ok(()) => ExitCode::SUCCESS,
@@ -59,5 +63,10 @@ fn run(cli: &Cli, out: &Output) -> Result<(), Failure> {
         #[cfg(feature = "viewer")]
         Command::View(args) => view::run(args, device, out),
         Command::Lod(args) => lod::run(args, device, out),
+        Command::Completions(args) => {
+            shell::completions(args, out);
+            Ok(())
+        }
+        Command::Man(args) => shell::man(args, out),
     }
 }

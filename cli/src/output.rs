@@ -164,6 +164,20 @@ pub fn to_json(value: &impl Serialize) -> Result<String, Failure> {
     Ok(text)
 }
 
+/// Refuses an output whose name says that it is something else than what is written: `what`, which ends in one of
+/// `endings`. Devices and pipes may have any name.
+pub fn check_ending(path: &Path, what: &str, endings: &[&str]) -> Result<(), Failure> {
+    // What cannot be written at all is refused elsewhere.
+    if path == Path::new("-")
+        || endings.iter().any(|ending| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending)))
+        || path.metadata().is_ok_and(|m| !m.is_file() && !m.is_dir())
+    {
+        return Ok(());
+    }
+    let names = endings.iter().map(|ending| format!("*.{ending}")).collect::<Vec<_>>().join(" or ");
+    Err(Failure::Usage(format!("-o {}: {what} is written; name it {names}", path.display())))
+}
+
 /// Canonical path of `path`, which need not exist.
 fn place_of(path: &Path) -> PathBuf {
     let path = std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());

@@ -6,7 +6,7 @@ use crate::args::PackFileArgs;
 use crate::info::measure::Cost;
 use crate::info::pose_formats::{PoseCost, pose_costs, pose_table};
 use crate::input;
-use crate::output::{Failure, Output};
+use crate::output::{Failure, Output, check_ending};
 use crate::table::{bytes, sig3, thousands};
 use deltamorph::import::{self, packed};
 use deltamorph::{Asset, DeltaFormat, PackDesc, PoseFormat};
@@ -48,14 +48,10 @@ struct Exact {
 
 pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     let name = args.output.display();
-    let is = |ending| args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
-    if is("glb") {
+    if args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb")) {
         return glb::run(args, out);
     }
-    if !is("dmorph") {
-        let text = "name it *.dmorph or *.glb, so that it is known for what it is";
-        return Err(Failure::Usage(format!("-o {name}: {text}")));
-    }
+    check_ending(&args.output, "a packed mesh or a glTF file", &["dmorph", "glb"])?;
     if args.encoding.is_some() {
         return Err(Failure::Usage(format!("--encoding: is that of *.glb files; -o {name} takes --format")));
     }

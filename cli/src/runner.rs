@@ -36,7 +36,7 @@ pub fn open(choice: Option<&DeviceChoice>, out: &Output) -> Result<Option<Gpu>, 
     }
     if let Some(caps) = gpu.as_ref().map(Gpu::caps).filter(|caps| caps.is_software()) {
         let name = &caps.name;
-        out.note(format_args!("{name} is a software driver: without a GPU the path 'cpu' is the one to use"));
+        out.note(format_args!("{name} is a software driver: the processor plays the GPU"));
     }
     Ok(gpu)
 }

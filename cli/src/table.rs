@@ -1,5 +1,19 @@
 //! Text tables, and number formatting.
 
+use std::sync::OnceLock;
+
+/// Columns of the terminal; unset where there is none.
+static COLUMNS: OnceLock<usize> = OnceLock::new();
+
+/// Has tables fit the terminal, if stdout is one, or what the environment says.
+pub fn fit_terminal() {
+    let terminal = console::Term::stdout().size_checked().map(|(_, columns)| columns.into());
+    let stated = || std::env::var("COLUMNS").ok()?.parse().ok();
+    if let Some(columns) = terminal.or_else(stated) {
+        let _ = COLUMNS.set(columns);
+    }
+}
+
 /// A table with columns as wide as their widest cell.
 #[derive(Debug)]
 pub struct Table {
@@ -35,17 +49,39 @@ impl std::fmt::Display for Table {
         let lines: Vec<&Vec<String>> = std::iter::once(&self.headings).chain(&self.rows).collect();
         let width = |c: usize| lines.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count()).max().unwrap_or(0);
         let widths: Vec<usize> = (0..self.headings.len()).map(width).collect();
-        for (i, row) in lines.into_iter().enumerate() {
-            let cells = row
-                .iter()
-                .zip(&widths)
-                .enumerate()
-                .map(|(c, (cell, &w))| if c < self.left { format!("{cell:<w$}") } else { format!("{cell:>w$}") });
-            let line = cells.collect::<Vec<_>>().join("  ");
-            write!(f, "{}{}", if i > 0 { "\n" } else { "" }, line.trim_end())?;
+        for (part, columns) in parts(&widths, self.left, COLUMNS.get().copied()).into_iter().enumerate() {
+            for (i, row) in lines.iter().enumerate() {
+                let cells = columns.iter().filter_map(|&c| Some((c, row.get(c)?, widths[c])));
+                let cells =
+                    cells.map(|(c, cell, w)| if c < self.left { format!("{cell:<w$}") } else { format!("{cell:>w$}") });
+                let line = cells.collect::<Vec<_>>().join("  ");
+                let above = match (part, i) {
+                    (0, 0) => "",
+                    (_, 0) => "\n\n",
+                    _ => "\n",
+                };
+                write!(f, "{above}{}", line.trim_end())?;
+            }
         }
         Ok(())
     }
+}
+
+/// The columns of a table, in parts that fit `room`: each begins with the columns of words, `left` of them, and has at
+/// least one more.
+fn parts(widths: &[usize], left: usize, room: Option<usize>) -> Vec<Vec<usize>> {
+    let words: Vec<usize> = (0..left.min(widths.len())).collect();
+    let width = |columns: &[usize]| columns.iter().map(|c| widths[*c] + 2).sum::<usize>() - 2;
+    let mut parts = vec![words.clone()];
+    for column in words.len()..widths.len() {
+        let Some(part) = parts.last_mut() else { break };
+        part.push(column);
+        if part.len() > words.len() + 1 && room.is_some_and(|room| width(part) > room) {
+            part.pop();
+            parts.push(words.iter().copied().chain([column]).collect());
+        }
+    }
+    parts
 }
 
 /// Formats `value` with three significant digits, without an exponent in common ranges.
@@ -152,6 +188,15 @@ mod tests {
         // Formatted values sort like the originals.
         let sizes = [0.0, 1023.0, 1024.0, 5000.0, 2e6, 3e9].map(|n| amount(&bytes(n)).expect("a size"));
         assert!(sizes.is_sorted(), "{sizes:?}");
+    }
+
+    #[test]
+    fn wide_tables_are_cut_between_columns() {
+        assert_eq!(parts(&[4, 6, 6, 6], 1, None), [[0, 1, 2, 3]]);
+        assert_eq!(parts(&[4, 6, 6, 6], 1, Some(28)), [[0, 1, 2, 3]]);
+        assert_eq!(parts(&[4, 6, 6, 6], 1, Some(27)), [vec![0, 1, 2], vec![0, 3]]);
+        assert_eq!(parts(&[40, 6, 6], 1, Some(20)), [[0, 1], [0, 2]], "a column at least");
+        assert_eq!(parts(&[9], 1, Some(5)), [[0]]);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use crate::args::TexturesArgs;
 use crate::input;
-use crate::output::{Failure, Output};
+use crate::output::{Failure, Output, check_ending};
 use crate::table::{bytes, sig3, thousands};
 use deltamorph::{DeltaFormat, MorphMesh, POSE_FLOATS, PackDesc, PackedMesh};
 use deltamorph_baselines::textures::{TextureFloats, read_ktx2, write_ktx2};
@@ -37,11 +37,8 @@ struct Rounding {
 }
 
 pub fn run(args: &TexturesArgs, out: &Output) -> Result<(), Failure> {
-    if !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("ktx2")) {
-        let name = args.output.display();
-        return Err(Failure::Usage(format!("-o {name}: name it *.ktx2, so that it is known for what it is")));
-    }
     out.check(&input::files_of(&args.input, &[]), &[&args.output], None)?;
+    check_ending(&args.output, "a KTX2 file", &["ktx2"])?;
     let input = input::load(&args.input, false, out)?;
     let spinner = out.spinner("writing textures");
     let packed = PackedMesh::pack(&input.kept, &PackDesc::new(DeltaFormat::Float32))?;

@@ -152,7 +152,7 @@ impl UpdateDesc {
         }
         if !self.pose.has_integers() {
             let what = format!("{} poses", self.pose.name());
-            return refuse(what, "use PoseFormat::Fixed16 or Fixed32: sums of integers do not drift");
+            return refuse(what, "use fixed16 or fixed32 poses: sums of integers do not drift");
         }
         if self.slots > ANIMATED_SLOTS_MAX {
             return refuse(format!("{} slots", self.slots), "use at most 32");

@@ -156,7 +156,7 @@ fn misuse_is_an_error_that_says_what_to_do() {
             let text = HeadlessCrowd::animated(headless, &mesh, &crowd(2, update), &animation).err().expect("refused");
             assert!(text.to_string().contains(words), "{text}");
         };
-        refuse(UpdateDesc::blocks(), "use PoseFormat::Fixed16 or Fixed32");
+        refuse(UpdateDesc::blocks(), "use fixed16 or fixed32 poses");
         refuse(fixed(PoseFormat::Fixed16, 40), "at most 32");
         refuse(UpdateDesc::new(UpdatePath::Compute, BatchSize::All), "pack the mesh as");
         let mut animated =

@@ -7,8 +7,9 @@ use serde::Serialize;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Reading {
-    /// As he writes: each weight is divided by the sum, so that the base pose has no part. Negative ones count as 0
+    /// As Gerdelan writes ("Animating Blend Shapes"): each weight is divided by the sum, so that the base pose has no
+    /// part. Negative ones count as 0
     Text,
-    /// As his shader has it: the base pose takes 1 less the sum, negative too, which is what deltas do as they are
+    /// As Gerdelan's shader has it: the base pose takes 1 less the sum, negative too, which is what deltas do as they are
     Shader,
 }

@@ -14,7 +14,7 @@ mod sheet;
 
 use crate::args::render::{Heat, RenderArgs, Shown};
 use crate::input::{self, Input};
-use crate::output::{Failure, Output, With};
+use crate::output::{Failure, Output, With, check_ending};
 use crate::runner::{Stage, open, updates};
 use deltamorph::UpdatePath;
 use deltamorph_headless::DeviceChoice;
@@ -47,6 +47,9 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
         out.check(&read, &[], Some(output))?;
     } else {
         out.check(&read, &[output], None)?;
+    }
+    if args.clip.is_none() && output.extension().is_some() {
+        check_ending(output, "a PNG", &["png"])?;
     }
     // The path cpu needs no device, but drawing does.
     let gpu = open(device, out)?.map(Rc::new).ok_or_else(|| {

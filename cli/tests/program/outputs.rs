@@ -1,6 +1,6 @@
 //! Output files: nothing of the user's is lost, whatever fails.
 
-use crate::cli::{deltamorph, fails, json, ok, refused, sample};
+use crate::cli::{HEAD, deltamorph, fails, json, ok, refused, sample};
 use crate::data;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -306,4 +306,56 @@ fn textures_that_do_not_fit_the_mesh_are_refused() {
     refused(&["textures", &home.dir, "--textures", &file, "-o", &file], 2, "face.ktx2");
     assert_eq!(std::fs::read(&file).unwrap(), before);
     refused(&["textures", &home.dir, "-o", &home.at("face.png")], 2, "*.ktx2");
+}
+
+/// What fits 80 columns is what is in sight: tables are cut between columns, and help is in groups.
+#[test]
+fn terminals_of_80_columns_are_enough() {
+    let run = |args: &[&str]| {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_deltamorph"));
+        let out = program.args(args).env("COLUMNS", "80").output().expect("it runs");
+        assert!(out.status.success(), "{args:?}: {}", String::from_utf8_lossy(&out.stderr));
+        String::from_utf8(out.stdout).expect("text")
+    };
+    let fits = |text: &str| {
+        let wide = text.lines().find(|line| line.chars().count() > 80);
+        assert_eq!(wide, None, "{text}");
+    };
+    let bench = ["bench", "--frames", "2", "--path", "cpu,blocks", "--no-report"];
+    let text = run(&[&bench[..], &HEAD].concat());
+    fits(text.split("\n\nIn all of them: ").next().unwrap());
+    assert!(text.matches("ms/frame").count() == 1 && text.matches("\npath ").count() >= 1, "{text}");
+    for args in [&["--help"][..], &["play", "--help"], &["bench", "--help"]] {
+        fits(&run(args));
+    }
+    let help = run(&["play", "--help"]);
+    for heading in
+        ["Options:", "What is read:", "The built-in head:", "How poses are updated:", "How deltas are packed:"]
+    {
+        assert!(help.contains(&format!("\n{heading}\n")), "{heading}: {help}");
+    }
+}
+
+#[test]
+fn shells_and_manuals_know_the_commands() {
+    let folder = tempfile::tempdir().unwrap();
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        let script = ok(&["completions", shell]);
+        assert!(script.contains("error-budget") && script.contains("bench"), "{shell}");
+    }
+    ok(&["man", folder.path().to_str().unwrap()]);
+    for page in ["deltamorph.1", "deltamorph-pack.1", "deltamorph-bench.1"] {
+        assert!(std::fs::read_to_string(folder.path().join(page)).expect(page).contains(".TH deltamorph"), "{page}");
+    }
+}
+
+/// A name that says that a file is something else than what is written is refused.
+#[test]
+fn files_are_what_their_names_say() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    refused(&["render", "-o", &path("a.jpg")], 2, "a PNG is written; name it *.png");
+    refused(&["apply", "--set", "jawOpen=1", "-o", &path("a.glb")], 2, "an OBJ file is written; name it *.obj");
+    refused(&["textures", "-o", &path("a.png")], 2, "a KTX2 file is written; name it *.ktx2");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }

@@ -225,6 +225,6 @@ pub(crate) fn check_tolerance(tolerance: f32, layout: &PackedLayout, index: &Blo
             "a drift of at most {tolerance:.1e} of the diagonal: rounding alone may move a vertex by {least:.1e} when all \
              weights are 1"
         ),
-        "allow more drift, or use fixed-point poses (PoseFormat::Fixed32)",
+        "allow more drift, or use fixed32 poses",
     ))
 }
