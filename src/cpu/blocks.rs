@@ -14,7 +14,7 @@ use crate::pack::poses::sums::Sum;
 use crate::pack::poses::{PoseStorage, with_pose};
 use crate::pack::{POSE_FLOATS, PackedGroup};
 use crate::update::blocks::{GroupPlan, Item};
-use bytemuck::{AnyBitPattern, NoUninit, Zeroable, cast_slice, cast_slice_mut};
+use bytemuck::{Pod, Zeroable, cast_slice, cast_slice_mut};
 use std::ops::Range;
 
 /// Work pieces per thread.
@@ -116,6 +116,7 @@ fn run_blocks<P: PoseStorage, const S: usize>(
     let mut tile: Vec<InstanceBlock<'_, P::Sum>> = Vec::with_capacity(runs.len().min(TILE));
     let zero = [[P::Sum::default(); S]; POSE_FLOATS];
     let mut sums = vec![zero; runs.len().min(TILE)];
+    let mut turned = Turned { pairs: [[0; S]; POSE_FLOATS / 2], vertices: [[0; POSE_FLOATS / 2]; S] };
     for block in blocks {
         let mut runs = runs.iter_mut();
         loop {
@@ -145,7 +146,7 @@ fn run_blocks<P: PoseStorage, const S: usize>(
                 _ => while add_batch(packed, plan, &mut tile, &mut sums, &mut decoded, meter) {},
             }
             for (InstanceBlock { block, destination, .. }, sums) in tile.iter_mut().zip(&sums) {
-                write::<P, S>(sums, block, destination);
+                write::<P, S>(sums, &mut turned, block, destination);
             }
         }
     }
@@ -164,7 +165,9 @@ fn add_alone<T: Sum, const S: usize>(
             let (header, deltas) = index.locate(format, words, element.entry as usize);
             meter(4 * (header.len() + deltas.len()));
             let factors = factors::<T>(element, index.steps(), format.shifts(header));
-            sums::add_decoded(format, header, &words[deltas], factors, dropped, sums);
+            let lanes = index.costs[element.entry as usize].lanes.map(usize::from);
+            let entry = (header, &words[deltas.start..], lanes[0]..lanes[1]);
+            sums::add_decoded(format, entry, factors, dropped, sums);
         }
     });
 }
@@ -175,7 +178,7 @@ fn dropped(plan: &GroupPlan) -> [u32; TRIPLES] {
 }
 
 fn factors<T: Sum>(element: &Element, steps: [f32; TRIPLES], shifts: [u32; TRIPLES]) -> [T::Factor; TRIPLES] {
-    std::array::from_fn(|triple| T::factor(element.coefficient, steps[triple], shifts[triple]))
+    [0, 1].map(|triple| T::factor(element.coefficient, steps[triple], shifts[triple]))
 }
 
 /// Decodes the next entries once each, and adds them to the instances that need them. Returns whether any remain.
@@ -193,7 +196,7 @@ fn add_batch<T: Sum, const S: usize>(
         let Some(entry) = next else { break };
         let (bytes, shifts) = with_format!(index.parts.format, dense _f => (0, [0; TRIPLES]), blocks format => {
             let (header, deltas) = index.locate(format, words, entry as usize);
-            sums::decode::<T, _, S>(format, header, &words[deltas.clone()], decoded);
+            sums::decode::<T, _, S>(format, header, &words[deltas.start..], decoded);
             (4 * (header.len() + deltas.len()), format.shifts(header))
         });
         for instance in &mut *tile {
@@ -212,43 +215,49 @@ fn add_batch<T: Sum, const S: usize>(
     tile.iter().any(|instance| !instance.elements.is_empty())
 }
 
-fn write<P: PoseStorage, const S: usize>(sums: &Planes<P::Sum, S>, block: &Block<'_>, destination: &mut [u32]) {
-    let plus = |old: P::Number, lane: usize, c: usize| P::plus(old, sums[c][lane]);
-    if block.plan.pose().has_integers() {
-        return match block.item.source {
-            Some(_) => store(destination, block.source, plus),
-            // The base pose has zero displacement.
-            None => store(destination, None, |_, lane, c| plus(P::Number::zeroed(), lane, c)),
-        };
-    }
-    let from = if block.item.source.is_none() { Some(cast_slice(block.base)) } else { block.source };
-    if block.masks.iter().all(|mask| *mask == u32::MAX) {
-        return store(destination, from, plus);
-    }
-    let destination = cast_slice_mut(destination);
-    match from.map(cast_slice::<u32, P::Number>) {
-        Some(from) => block.apply::<_, S>(destination, |lane, c, _| plus(from[lane * POSE_FLOATS + c], lane, c)),
-        None => block.apply::<_, S>(destination, |lane, c, old| plus(old, lane, c)),
+/// Numbers of a block on their way from planes to vertices: pairs of components, then vertices of three pairs. The
+/// compiler makes vectors of these two steps; six components at once it takes one by one.
+struct Turned<const S: usize> {
+    pairs: [[u64; S]; POSE_FLOATS / 2],
+    vertices: [[u64; POSE_FLOATS / 2]; S],
+}
+
+impl<const S: usize> Turned<S> {
+    #[inline(always)]
+    fn turn<T: Pod>(&mut self, planes: &Planes<T, S>) -> &[T] {
+        for (pairs, [even, odd]) in self.pairs.iter_mut().zip(planes.as_chunks().0) {
+            let pairs = &mut cast_slice_mut(pairs)[..S];
+            for lane in 0..S {
+                pairs[lane] = [even[lane], odd[lane]];
+            }
+        }
+        for (lane, vertex) in self.vertices.iter_mut().enumerate() {
+            *vertex = [self.pairs[0][lane], self.pairs[1][lane], self.pairs[2][lane]];
+        }
+        cast_slice(self.vertices.as_flattened())
     }
 }
 
-/// Stores all of a block: `value(old, vertex, component)`, where `old` is read from `from`, or else from `destination`.
-fn store<T: AnyBitPattern + NoUninit>(
+/// Stores a block: `destination = source + sums`, whole vertices: slots are equal where the masks have no component.
+fn write<P: PoseStorage, const S: usize>(
+    sums: &Planes<P::Sum, S>,
+    turned: &mut Turned<S>,
+    block: &Block<'_>,
     destination: &mut [u32],
-    from: Option<&[u32]>,
-    value: impl Fn(T, usize, usize) -> T,
 ) {
+    let base = block.item.source.is_none();
     widest(
         #[inline(always)]
         || {
-            let (destination, _) = cast_slice_mut::<u32, T>(destination).as_chunks_mut::<POSE_FLOATS>();
-            let vertices = destination.iter_mut().enumerate();
-            match from {
-                None => vertices.for_each(|(lane, v)| *v = std::array::from_fn(|c| value(v[c], lane, c))),
-                Some(from) => {
-                    let (from, _) = cast_slice::<u32, T>(from).as_chunks::<POSE_FLOATS>();
-                    vertices.zip(from).for_each(|((i, v), s)| *v = std::array::from_fn(|c| value(s[c], i, c)));
+            let out = cast_slice_mut::<u32, P::Number>(destination).iter_mut().zip(turned.turn(sums));
+            match block.source {
+                // The base pose has zero displacement.
+                _ if base && block.plan.pose().has_integers() => {
+                    out.for_each(|(out, sum)| *out = P::plus(P::Number::zeroed(), *sum));
                 }
+                _ if base => out.zip(cast_slice(block.base)).for_each(|((out, sum), base)| *out = P::plus(*base, *sum)),
+                Some(from) => out.zip(cast_slice(from)).for_each(|((out, sum), old)| *out = P::plus(*old, *sum)),
+                None => out.for_each(|(out, sum)| *out = P::plus(*out, *sum)),
             }
         },
     );
@@ -277,29 +286,6 @@ impl<'a> Block<'a> {
         match self.plan.pose().has_integers() {
             true => 4 * block_words(self.plan) * if self.item.source.is_some() { 2 } else { 1 },
             false => 8 * self.masks.iter().map(|mask| mask.count_ones() as usize).sum::<usize>(),
-        }
-    }
-
-    /// Stores `value(lane, component, old)` for every component in the masks.
-    #[inline(always)]
-    fn apply<T: Copy, const S: usize>(&self, destination: &mut [T], mut value: impl FnMut(usize, usize, T) -> T) {
-        let (vertices, words) = (&mut destination.as_chunks_mut::<POSE_FLOATS>().0[..S], S / 32);
-        for word in 0..words {
-            let masks: [u32; POSE_FLOATS] = std::array::from_fn(|c| self.masks[c * words + word]);
-            let (whole, some) = (masks.iter().fold(u32::MAX, |a, m| a & m), masks.iter().fold(0, |a, m| a | m));
-            if some == 0 {
-                continue;
-            }
-            for (bit, vertex) in vertices[32 * word..][..32].iter_mut().enumerate() {
-                let lane = 32 * word + bit;
-                if whole >> bit & 1 != 0 {
-                    *vertex = std::array::from_fn(|c| value(lane, c, vertex[c]));
-                } else if some >> bit & 1 != 0 {
-                    for c in (0..POSE_FLOATS).filter(|&c| masks[c] >> bit & 1 != 0) {
-                        vertex[c] = value(lane, c, vertex[c]);
-                    }
-                }
-            }
         }
     }
 }

@@ -5,6 +5,7 @@ use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::pack::POSE_FLOATS;
 use crate::pack::formats::BlockFormat;
 use crate::pack::poses::sums::{Number, Sum};
+use std::ops::Range;
 
 /// Numbers of a block of `S` vertices, by component.
 pub(super) type Planes<T, const S: usize> = [[T; S]; POSE_FLOATS];
@@ -14,6 +15,9 @@ const LANES: usize = 32;
 
 /// Entries decoded at a time: in blocks of 64 they take 12 KiB and stay in the first-level cache.
 pub(super) const BATCH: usize = 8;
+
+/// Header and deltas of an entry, and the vertices that it moves.
+pub(super) type Entry<'a> = (&'a [u32], &'a [u32], Range<usize>);
 
 /// An entry to add: index of its decoded deltas, and factors.
 pub(super) type Added<T> = (usize, [<T as Sum>::Factor; TRIPLES]);
@@ -28,11 +32,9 @@ pub(super) fn decode<T: Sum, F: BlockFormat<Component: Number>, const S: usize>(
     widest(
         #[inline(always)]
         || {
-            if format.is_sparse() {
-                *out = [[T::Delta::default(); S]; POSE_FLOATS];
-            }
             format.decode(
                 S,
+                0..S,
                 header,
                 deltas,
                 #[inline(always)]
@@ -45,24 +47,21 @@ pub(super) fn decode<T: Sum, F: BlockFormat<Component: Number>, const S: usize>(
 /// Adds an entry to `sums` while decoding it.
 pub(super) fn add_decoded<T: Sum, F: BlockFormat<Component: Number>, const S: usize>(
     format: &F,
-    header: &[u32],
-    deltas: &[u32],
+    (header, deltas, lanes): Entry<'_>,
     factors: [T::Factor; TRIPLES],
     dropped: [u32; TRIPLES],
     sums: &mut Planes<T, S>,
 ) {
-    let entry = (header, deltas, factors);
-    match (format.is_sparse(), T::is_new(&factors)) {
-        // Vertex by vertex: does not vectorize.
-        (true, true) => add_numbers::<T, F, S, true>(format, entry, dropped, sums),
-        (true, false) => add_numbers::<T, F, S, false>(format, entry, dropped, sums),
-        (false, true) => widest(
+    // A limit that the compiler knows.
+    let entry = (header, deltas, lanes.start..lanes.end.min(S));
+    match T::is_new(&factors) {
+        true => widest(
             #[inline(always)]
-            || add_numbers::<T, F, S, true>(format, entry, dropped, sums),
+            || add_numbers::<T, F, S, true>(format, entry, factors, dropped, sums),
         ),
-        (false, false) => widest(
+        false => widest(
             #[inline(always)]
-            || add_numbers::<T, F, S, false>(format, entry, dropped, sums),
+            || add_numbers::<T, F, S, false>(format, entry, factors, dropped, sums),
         ),
     }
 }
@@ -70,12 +69,14 @@ pub(super) fn add_decoded<T: Sum, F: BlockFormat<Component: Number>, const S: us
 #[inline(always)]
 fn add_numbers<T: Sum, F: BlockFormat<Component: Number>, const S: usize, const NEW: bool>(
     format: &F,
-    (header, deltas, factors): (&[u32], &[u32], [T::Factor; TRIPLES]),
+    (header, deltas, lanes): Entry<'_>,
+    factors: [T::Factor; TRIPLES],
     dropped: [u32; TRIPLES],
     sums: &mut Planes<T, S>,
 ) {
     format.decode(
         S,
+        lanes,
         header,
         deltas,
         #[inline(always)]

@@ -145,11 +145,15 @@ impl BlockIndex {
             sums.fill([0.0; POSE_FLOATS]);
             for entry in self.entries(block) {
                 let mask = &mut masks[entry * POSE_FLOATS * w..][..POSE_FLOATS * w];
-                let mut reach = 0.0f64;
+                let (mut reach, mut lanes) = (0.0f64, [u8::MAX, 0]);
                 self.for_each_lane(words, entry, |lane, delta| {
                     for (c, value) in delta.iter().enumerate() {
                         mask[c * w + lane / 32] |= u32::from(*value != 0.0) << (lane % 32);
                         sums[lane][c] += value.abs();
+                    }
+                    if delta != [0.0; POSE_FLOATS] {
+                        let first = lane as u8 & !7;
+                        lanes = [lanes[0].min(first), first + 8];
                     }
                     reach = reach.max(delta[lengths.clone()].iter().map(|d| d * d).sum::<f64>());
                 });
@@ -160,7 +164,7 @@ impl BlockIndex {
                 let reach = if lengths.is_empty() { 0.0 } else { (reach.sqrt() as f32).next_up() };
                 let (header, deltas) = self.locate(format, words, entry);
                 let bytes = 4 * (header.len() + deltas.len()) as u32;
-                costs.push(EntryCost { bytes, reach });
+                costs.push(EntryCost { bytes, reach, lanes });
                 self.block_reach[block] += reach;
             }
             for (c, sum) in sums.iter().flat_map(|sums| sums.iter().enumerate()) {

@@ -79,6 +79,8 @@ pub(crate) struct EntryCost {
     pub bytes: u32,
     /// Length of its longest position delta, in input units; 0 in groups without positions.
     pub reach: f32,
+    /// The vertices that it moves, and some between them; whole vectors of 8.
+    pub lanes: [u8; 2],
 }
 
 /// The blocks of a mesh: the targets that touch them, and the layout of their deltas.
@@ -219,7 +221,7 @@ impl BlockIndex {
             let steps = if self.parts.format.has_integers() { self.parts.steps } else { [1.0; TRIPLES] };
             let units = [0, 1].map(|triple| f64::from(steps[triple]) * f64::from(1u32 << shifts[triple]));
             let mut lanes = [None; BLOCK_SIZES[2] as usize];
-            format.decode(self.size(), header, &words[deltas], |lane, c, number| {
+            format.decode(self.size(), 0..self.size(), header, &words[deltas], |lane, c, number| {
                 lanes[lane].get_or_insert([0.0; POSE_FLOATS])[c] = f64::from(number) * units[c / TRIPLE];
             });
             for (lane, delta) in lanes.into_iter().enumerate().filter_map(|(lane, delta)| Some((lane, delta?))) {

@@ -49,10 +49,18 @@ impl BlockFormat for BlockFloat32 {
 
     // Plane by plane, in memory order: vertex by vertex takes 1.4 times as long when few targets change.
     #[inline(always)]
-    fn decode(&self, size: usize, _: &[u32], deltas: &[u32], mut f: impl FnMut(usize, usize, f32)) {
+    fn decode(
+        &self,
+        size: usize,
+        lanes: Range<usize>,
+        _: &[u32],
+        deltas: &[u32],
+        mut f: impl FnMut(usize, usize, f32),
+    ) {
         for (c, plane) in deltas.chunks_exact(size).enumerate().take(POSE_FLOATS) {
-            for (lane, word) in plane.iter().enumerate() {
-                f(lane, c, f32::from_bits(*word));
+            let plane = &plane[..lanes.end];
+            for lane in lanes.clone() {
+                f(lane, c, f32::from_bits(plane[lane]));
             }
         }
     }

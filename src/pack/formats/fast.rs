@@ -8,6 +8,7 @@
 use super::shifts::{Shifted, field};
 use crate::asset::streams::TRIPLES;
 use crate::pack::POSE_FLOATS;
+use std::ops::Range;
 
 pub(crate) struct Fast;
 
@@ -26,12 +27,12 @@ impl Shifted for Fast {
     }
 
     #[inline(always)]
-    fn for_each(size: usize, deltas: &[u32], mut f: impl FnMut(usize, [i32; POSE_FLOATS])) {
+    fn for_each(size: usize, lanes: Range<usize>, deltas: &[u32], mut f: impl FnMut(usize, [i32; POSE_FLOATS])) {
         let (a, rest) = deltas.split_at(size);
         let (b, c) = rest.split_at(size);
         let c: &[i8] = bytemuck::cast_slice(c);
-        let (a, b, c) = (&a[..size], &b[..size], &c[..size]);
-        for lane in 0..size {
+        let (a, b, c) = (&a[..lanes.end], &b[..lanes.end], &c[..lanes.end]);
+        for lane in lanes {
             let (a, b) = (a[lane], b[lane]);
             let ny = ((b as i32) >> 24) << 1 | ((a >> 30) & 1) as i32;
             let nz = i32::from(c[lane]) << 1 | (a >> 31) as i32;

@@ -169,11 +169,6 @@ pub(crate) trait BlockFormat {
         false
     }
 
-    /// Whether an entry may omit vertices of its block.
-    fn is_sparse(&self) -> bool {
-        false
-    }
-
     fn header_words(&self) -> usize;
 
     /// Range of the words of entry `entry` in `deltas`, for blocks of `size` vertices. May be out of bounds before the
@@ -202,9 +197,16 @@ pub(crate) trait BlockFormat {
     where
         Self: Sized;
 
-    /// Calls `f(lane, component, number)` for each number of an entry.
-    fn decode(&self, size: usize, header: &[u32], deltas: &[u32], f: impl FnMut(usize, usize, Self::Component))
-    where
+    /// Calls `f(lane, component, number)` for each number of an entry, at least for these vertices; 0 for those that it
+    /// leaves out. `deltas` begins with the entry's words, and may go on behind them.
+    fn decode(
+        &self,
+        size: usize,
+        lanes: Range<usize>,
+        header: &[u32],
+        deltas: &[u32],
+        f: impl FnMut(usize, usize, Self::Component),
+    ) where
         Self: Sized;
 }
 

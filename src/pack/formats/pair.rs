@@ -8,6 +8,7 @@
 use super::shifts::{Shifted, field};
 use crate::asset::streams::TRIPLES;
 use crate::pack::POSE_FLOATS;
+use std::ops::Range;
 
 pub(crate) struct Pair;
 
@@ -32,8 +33,10 @@ impl Shifted for Pair {
     }
 
     #[inline(always)]
-    fn for_each(size: usize, deltas: &[u32], mut f: impl FnMut(usize, [i32; POSE_FLOATS])) {
-        for (lane, &[a, b]) in deltas.as_chunks().0[..size].iter().enumerate() {
+    fn for_each(_: usize, lanes: Range<usize>, deltas: &[u32], mut f: impl FnMut(usize, [i32; POSE_FLOATS])) {
+        let pairs = &deltas.as_chunks().0[..lanes.end];
+        for lane in lanes {
+            let [a, b] = pairs[lane];
             let nz = field(b, 29, 3) << 5 | (a >> 26) as i32;
             f(lane, [field(a, 0, 13), field(a, 13, 13), field(b, 0, 13), field(b, 13, 8), field(b, 21, 8), nz]);
         }

@@ -21,8 +21,8 @@ pub(crate) trait Shifted {
         Ok(())
     }
 
-    /// Calls `f(lane, integers)` for each vertex of an entry.
-    fn for_each(size: usize, deltas: &[u32], f: impl FnMut(usize, [i32; POSE_FLOATS]));
+    /// Calls `f(lane, integers)` for these vertices of an entry.
+    fn for_each(size: usize, lanes: Range<usize>, deltas: &[u32], f: impl FnMut(usize, [i32; POSE_FLOATS]));
 }
 
 impl<F: Shifted> BlockFormat for F {
@@ -74,12 +74,25 @@ impl<F: Shifted> BlockFormat for F {
     type Component = i32;
 
     #[inline(always)]
-    fn decode(&self, size: usize, _: &[u32], deltas: &[u32], mut f: impl FnMut(usize, usize, i32)) {
-        F::for_each(size, deltas, |lane, delta| {
-            for (c, number) in delta.into_iter().enumerate() {
-                f(lane, c, number);
-            }
-        });
+    fn decode(
+        &self,
+        size: usize,
+        lanes: Range<usize>,
+        _: &[u32],
+        deltas: &[u32],
+        mut f: impl FnMut(usize, usize, i32),
+    ) {
+        F::for_each(
+            size,
+            lanes,
+            deltas,
+            #[inline(always)]
+            |lane, delta| {
+                for (c, number) in delta.into_iter().enumerate() {
+                    f(lane, c, number);
+                }
+            },
+        );
     }
 }
 
@@ -101,7 +114,7 @@ mod tests {
         let expected: Vec<_> = block.iter().map(cut).enumerate().collect();
         let (mut words, mut found) = (vec![0; F::entry_words(32)], vec![]);
         expected.iter().for_each(|(lane, delta)| F::put(32, *lane, *delta, &mut words));
-        F::for_each(32, &words, |lane, delta| found.push((lane, delta)));
+        F::for_each(32, 0..32, &words, |lane, delta| found.push((lane, delta)));
         assert_eq!((found, F::check_deltas(&words)), (expected, Ok(())));
     }
 

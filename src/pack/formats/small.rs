@@ -14,12 +14,18 @@
 use super::{BlockFormat, INTEGER_BITS, Lane, quantise};
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::pack::POSE_FLOATS;
+use bytemuck::cast_slice;
 use std::ops::Range;
 
 pub(crate) struct Small;
 
 /// Bit of the first triple's word: only vertices in the mask have a record.
 const MASKED: u32 = 1 << 31;
+
+/// Vertices decoded at a time, those of a word of the mask.
+const LANES: usize = u32::BITS as usize;
+/// Where their records begin at most, or more: a power of two costs one instruction to check.
+const BYTES: usize = 512;
 
 /// Bits of a width and of an offset.
 const BITS: u32 = 5;
@@ -59,45 +65,19 @@ impl Field {
     }
 }
 
-/// Bit positions in a record.
-struct Record {
-    /// By component: first bit within its triple, mask, least value.
-    fields: [(u32, u64, i32); POSE_FLOATS],
-    /// Bits of the first triple, and of both.
-    bits: [u32; TRIPLES],
+/// Bits of a record.
+#[inline(always)]
+fn record_bits(header: &[u32]) -> u32 {
+    (0..POSE_FLOATS).map(|c| Field::of(header[1 + c / TRIPLE], c % TRIPLE).width).sum()
 }
 
-impl Record {
-    #[inline(always)]
-    fn new(header: &[u32]) -> Self {
-        let mut bits = [0; TRIPLES];
-        let fields = std::array::from_fn(|c| {
-            let triple = c / TRIPLE;
-            let Field { width, least } = Field::of(header[1 + triple], c % TRIPLE);
-            bits[triple] += width;
-            (bits[triple] - width, (1 << width) - 1, least)
-        });
-        Self { fields, bits: [bits[0], bits[0] + bits[1]] }
-    }
-
-    /// Reads the record at bit `at` of `words`. Branchless: branches on bit counts would be mispredicted.
-    #[inline(always)]
-    fn read(&self, words: &[u32], at: usize) -> [i32; POSE_FLOATS] {
-        let (word, shift) = (at / 32, at % 32);
-        let four = match words.get(word..word + 4) {
-            Some(&[a, b, c, d]) => [a, b, c, d],
-            _ => std::array::from_fn(|i| words.get(word + i).copied().unwrap_or(0)),
-        };
-        let [low, high] = [0, 2].map(|i| u64::from(four[i]) | u64::from(four[i + 1]) << 32);
-        // Two shifts: a single shift by 64 would overflow. A triple has at most 54 bits.
-        let first = low >> shift | high << 1 << (63 - shift);
-        let half = self.bits[0];
-        let triples = [first, first >> half | high >> shift << 1 << (63 - half)];
-        std::array::from_fn(|c| {
-            let (at, mask, least) = self.fields[c];
-            least + (triples[c / TRIPLE] >> at & mask) as i32
-        })
-    }
+/// The bytes from which the last records of a mesh are read, with zeros behind them.
+#[cold]
+#[inline(never)]
+fn at_end(records: &[u8]) -> [u8; BYTES + 8] {
+    let mut bytes = [0; BYTES + 8];
+    bytes[..records.len()].copy_from_slice(records);
+    bytes
 }
 
 impl BlockFormat for Small {
@@ -109,23 +89,20 @@ impl BlockFormat for Small {
         true
     }
 
-    fn is_sparse(&self) -> bool {
-        true
-    }
-
     fn header_words(&self) -> usize {
         1 + TRIPLES
     }
 
+    #[inline(always)]
     fn words(&self, _: usize, header: &[u32], deltas: &[u32], size: usize) -> Range<usize> {
         let first = header[0] as usize;
         let (masks, vertices) = if header[1] & MASKED == 0 {
             (0, size)
         } else {
-            let mask = deltas.iter().skip(first).take(size / 32);
-            (size / 32, mask.map(|m| m.count_ones() as usize).sum())
+            let masks = deltas.get(first..first + size / LANES).unwrap_or_default();
+            (size / LANES, masks.iter().map(|mask| mask.count_ones() as usize).sum())
         };
-        let bits = Record::new(header).bits[1] as usize * vertices;
+        let bits = record_bits(header) as usize * vertices;
         first..first.saturating_add(masks + bits.div_ceil(32))
     }
 
@@ -176,25 +153,55 @@ impl BlockFormat for Small {
 
     type Component = i32;
 
+    // Of all vertices first the 32 bits in which there are the next components, then these components, in loops that
+    // vectorize.
     #[inline(always)]
-    fn decode(&self, size: usize, header: &[u32], deltas: &[u32], mut f: impl FnMut(usize, usize, i32)) {
-        let record = Record::new(header);
-        let bits = record.bits[1] as usize;
-        let mut put = |lane: usize, components: [i32; POSE_FLOATS]| {
-            components.into_iter().enumerate().for_each(|(c, component)| f(lane, c, component));
-        };
-        if header[1] & MASKED == 0 {
-            return (0..size).for_each(|lane| put(lane, record.read(deltas, lane * bits)));
-        }
-        let (masks, records) = deltas.split_at(size / 32);
-        let mut at = 0;
-        for (word, &mask) in masks.iter().enumerate() {
-            let mut rest = mask;
-            while rest != 0 {
-                put(32 * word + rest.trailing_zeros() as usize, record.read(records, at));
-                rest &= rest - 1;
-                at += bits;
+    fn decode(
+        &self,
+        size: usize,
+        _: Range<usize>,
+        header: &[u32],
+        deltas: &[u32],
+        mut f: impl FnMut(usize, usize, i32),
+    ) {
+        let (masks, records) = deltas.split_at(if header[1] & MASKED == 0 { 0 } else { size / LANES });
+        let (records, bits, mut from) = (cast_slice::<u32, u8>(records), record_bits(header), 0);
+        for word in 0..size / LANES {
+            let mask = masks.get(word).copied().unwrap_or(u32::MAX);
+            let (last, rest) = (&mut None, &records[from / 8..]);
+            let bytes = rest.first_chunk().unwrap_or_else(|| last.insert(at_end(rest)));
+            let read = |at: u32| {
+                let bytes = bytes[at as usize / 8 % BYTES..].first_chunk().unwrap_or(&[0; 8]);
+                (u64::from_le_bytes(*bytes) >> (at % 8)) as u32
+            };
+            let mut moves = [0; LANES];
+            (0..LANES).for_each(|lane| moves[lane] = -((mask >> lane & 1) as i32));
+            let (mut windows, mut begin, mut end) = ([0; LANES], 0, 0);
+            for c in 0..POSE_FLOATS {
+                let fields = header[1 + c / TRIPLE] >> (BITS * (c % TRIPLE) as u32);
+                let Field { width, least } = Field::of(fields, 0);
+                if c == 0 || end + width - begin > u32::BITS {
+                    begin = end;
+                    let mut at = from as u32 % 8 + begin;
+                    if mask == u32::MAX {
+                        (0..LANES).for_each(|lane| windows[lane] = read(at + lane as u32 * bits));
+                    } else {
+                        let mut rest = mask;
+                        while rest != 0 {
+                            windows[rest.trailing_zeros() as usize % LANES] = read(at);
+                            rest &= rest - 1;
+                            at += bits;
+                        }
+                    }
+                }
+                let (shift, largest) = ((end - begin) % u32::BITS, (1 << width) - 1);
+                end += width;
+                for lane in 0..LANES {
+                    let integer = windows[lane] >> shift & largest;
+                    f(word * LANES + lane, c, (least + integer as i32) & moves[lane]);
+                }
             }
+            from += (mask.count_ones() * bits) as usize;
         }
     }
 }
@@ -258,12 +265,16 @@ mod tests {
             prop_assert_eq!(range.clone(), 3..end);
             let bits = Small.check_header(&headers).unwrap();
             let mut found = vec![];
-            Small.decode(size, &headers, &deltas[range], |lane, c, component| {
+            Small.decode(size, 0..size, &headers, &deltas[range], |lane, c, component| {
                 assert!(component.unsigned_abs() < 1 << bits[c / TRIPLE]);
                 found.push((lane, c, component));
             });
-            let all = lanes.iter().flat_map(|(lane, delta)| delta.iter().enumerate().map(move |(c, n)| (lane, c, n)));
-            let expected: Vec<_> = all.map(|(lane, c, number)| (*lane as usize, c, *number as i32)).collect();
+            // Vertices without a record do not move.
+            let mut expected: Vec<_> = (0..size * POSE_FLOATS).map(|i| (i / POSE_FLOATS, i % POSE_FLOATS, 0)).collect();
+            for (lane, delta) in &lanes {
+                delta.iter().enumerate().for_each(|(c, n)| expected[*lane as usize * POSE_FLOATS + c].2 = *n as i32);
+            }
+            found.sort_unstable();
             prop_assert_eq!(found, expected);
         }
     }

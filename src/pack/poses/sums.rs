@@ -1,6 +1,7 @@
 //! The CPU's sums for poses: float32, or wrapping integers.
 
 use crate::asset::streams::TRIPLES;
+use bytemuck::{Pod, Zeroable};
 
 /// A component of a delta.
 pub(crate) trait Number: Copy {
@@ -35,7 +36,7 @@ impl Number for i32 {
 }
 
 /// A sum of factor · delta over the entries of a component.
-pub(crate) trait Sum: Copy + Default + Send {
+pub(crate) trait Sum: Pod + Default + Send {
     /// The delta operand.
     type Delta: Copy + Default;
     /// The coefficient operand.
@@ -105,7 +106,8 @@ impl Sum for i32 {
 }
 
 /// A sum of rounded products, each a function of a weight.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, Default, Pod, Zeroable)]
+#[repr(transparent)]
 pub(crate) struct Rounded(pub i32);
 
 impl Sum for Rounded {
