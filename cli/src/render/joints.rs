@@ -46,6 +46,7 @@ impl Joints {
     }
 
     /// Animations that move joints alone, as FILE#NAME.
+    #[cfg(feature = "viewer")]
     pub fn alone(&self) -> impl Iterator<Item = PathBuf> {
         let alone = self.skeleton.animations.iter().filter(|animation| animation.moves_joints_alone());
         alone.map(|animation| PathBuf::from(format!("{}#{}", self.file.display(), animation.name)))
