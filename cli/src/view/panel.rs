@@ -54,7 +54,7 @@ pub fn show(ui: &mut Ui, state: &State, measured: &Measured, about: &About<'_>) 
     let below = room.y > room.x && room.x < 2.0 * state.width;
     let size = state.width.min(SHARE * if below { room.y } else { room.x });
     // Where there is room, plots have a strip of their own.
-    let strip = shown && !below && room.x > size + 360.0 && room.y > 3.0 * plot::HEIGHT;
+    let strip = shown && !below && room.x > size + 560.0 && room.y > 3.0 * plot::HEIGHT;
     if shown {
         let panel = if below { Panel::bottom("panel") } else { Panel::left("panel") };
         let frame = Frame::new().fill(PANEL).inner_margin(Margin { left: 14, right: 2, top: 12, bottom: 6 });
