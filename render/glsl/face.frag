@@ -8,11 +8,13 @@
 layout(constant_id = 0) const bool GENERAL = true;
 
 layout(set = 0, binding = 1) uniform sampler2DShadow depths;
+layout(set = 1, binding = 0) uniform sampler2D painting; // of what is painted
 
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
 layout(location = 2) in vec3 rest;
 layout(location = 3) in vec3 shown;
+layout(location = 4) in vec2 uv;
 
 layout(location = 0) out vec4 pixel;
 
@@ -137,6 +139,8 @@ Surface surface_of(uint kind) {
     switch (kind) {
         case TEETH: return Surface(vec3(0.60, 0.55, 0.45), vec3(0.4), 0.38, 0.04, 0.5);
         case MOUTH: return Surface(vec3(0.36, 0.10, 0.09), vec3(0.4, 0.2, 0.2), 0.35, 0.04, 0.4);
+        case PAINTED:
+        case SHEET: return Surface(vec3(1.0), vec3(0.2), 0.60, 0.02, 1.0);
         case WIRE: return Surface(vec3(0.42, 0.60, 0.66), vec3(0.5), 0.7, 0.01, 1.0);
         default: return Surface(vec3(0.53, 0.28, 0.19), vec3(0.42, 0.24, 0.17), 0.50, 0.026, 1.0);
     }
@@ -167,13 +171,20 @@ void main() {
     float outside = 1.0;
     if (!gl_FrontFacing) {
         n = -n;
-        outside = 0.35;
+        if (material != SHEET) outside = 0.35;
     }
     if (GENERAL && show.x == SHOW_NORMALS) {
         pixel = vec4((0.5 + 0.5 * n) * outside, 1.0);
         return;
     }
     Surface s = surface_of(material);
+    float opacity = 1.0;
+    if (material >= PAINTED) {
+        vec4 paint = colour * texture(painting, uv);
+        if (GENERAL && cutoff > 0.0 && paint.a < cutoff) discard;
+        s.albedo = paint.rgb;
+        if (cutoff < 0.0) opacity = paint.a;
+    }
     if (GENERAL) s = shown_as(s);
     if (GENERAL && show.x == SHOW_WRINKLES && material == SKIN) n = wrinkled(n, s);
 
@@ -205,5 +216,5 @@ void main() {
     // Bright parts are rolled off, not cut, and keep most of their hue.
     float most = max(max(light.r, light.g), max(light.b, 1e-4));
     vec3 rolled = mix(light * (1.0 - exp(-1.3 * most)) / most, 1.0 - exp(-1.3 * light), 0.4);
-    pixel = vec4(clamp(rolled * 1.06, 0.0, 1.0), 1.0);
+    pixel = vec4(clamp(rolled * 1.06, 0.0, 1.0) * opacity, opacity);
 }

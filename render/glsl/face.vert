@@ -24,6 +24,7 @@ layout(location = 10) in ivec2 masks;
 layout(location = 0) out vec3 position;
 layout(location = 1) out vec3 normal;
 layout(location = 2) out vec3 rest;
+layout(location = 4) out vec2 uv;
 layout(location = 3) out vec3 shown; // texture coordinates (or a number of the block, or wrinkle masks), and a value from 0 to 1
 
 void main() {
@@ -37,7 +38,7 @@ void main() {
     float measured = show.x == SHOW_VALUES ? value : distance(position, rest_position);
     vec2 where = texcoord;
     if (show.x == SHOW_BLOCKS) {
-        measured = told[first_told + uint(gl_VertexIndex) / PIECE];
+        measured = first_told == NONE_TOLD ? 0.0 : told[first_told + uint(gl_VertexIndex) / PIECE];
         // A number for each block, 0 to 1, unlike that of its neighbours.
         where.x = fract(float(uint(gl_VertexIndex) / block) * 0.618034);
     }
@@ -48,6 +49,7 @@ void main() {
     measured = distance(position, previous_position(units));
 #endif
     shown = vec3(where, measured / show.y);
+    uv = mat2(uv_axes.xy, uv_axes.zw) * texcoord + uv_origin;
     // Edges lie in front of the faces that they belong to.
     if (material == WIRE) gl_Position.z -= 3e-4 * gl_Position.w;
 }

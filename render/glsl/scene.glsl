@@ -32,11 +32,15 @@ const uint PIECE = 32u; // vertices
 // What is drawn with one material: `PartPush` in src/scene.rs.
 layout(push_constant) uniform Part {
     vec4 ball;    // an eyeball in the base pose: middle and radius; radius 0: none
+    vec4 colour;  // of what is painted: factor of the texture, linear
+    vec4 uv_axes; // transform of texture coordinates: columns, and what is added
+    vec2 uv_origin;
     vec2 units;   // of the pose
     vec2 mask_units; // of its wrinkle masks
     uint material;
-    uint first_told;  // of the head, in `told`
+    uint first_told;  // of the head, in `told`; NONE_TOLD: nothing is told of what stands still
     uint block;       // vertices of a block, or of the mesh where there are none
+    float cutoff;     // above 0: less opacity is not drawn; below: what is behind shows through; 0: opaque
 };
 
 const uint SKIN = 0u;
@@ -44,3 +48,6 @@ const uint EYE = 1u;
 const uint TEETH = 2u;
 const uint MOUTH = 3u;
 const uint WIRE = 4u; // edges of faces: lines
+const uint PAINTED = 5u; // a surface that the file states
+const uint SHEET = 6u; // the same, with two sides
+const uint NONE_TOLD = 0xffffffffu;

@@ -32,6 +32,27 @@ pub struct View {
     pub ball: (Vec3, f32),
 }
 
+impl View {
+    /// Extends the depth of the view to these points as well, which need not be within its frame.
+    pub fn reach(&mut self, points: impl Iterator<Item = Vec3>) {
+        let [.., back] = self.axes;
+        let away = |p: Vec3| back.dot(self.eye - p);
+        let (nearest, furthest) =
+            points.filter(|p| p.is_finite()).map(away).fold((f32::MAX, 0.0f32), |(n, f), a| (n.min(a), f.max(a)));
+        let (distance, radius) = (away(self.ball.0), self.ball.1);
+        let least = distance * 0.02;
+        let (near, far) = ((distance - 1.5 * radius).max(least), distance + 1.5 * radius);
+        if nearest >= near && furthest <= far {
+            return;
+        }
+        let (near, far) = ((nearest - 0.1 * radius).clamp(least, near), far.max(furthest + 0.1 * radius));
+        let deep = far / (near - far);
+        let row = (back * deep).extend(near * deep - deep * back.dot(self.eye));
+        let transposed = self.clip.transpose();
+        self.clip = Mat4::from_cols(transposed.x_axis, transposed.y_axis, row, transposed.w_axis).transpose();
+    }
+}
+
 /// Returns a direction in the system of `axes`: degrees to the right and up, from the direction towards the camera.
 pub(crate) fn direction(axes: [Vec3; 3], yaw: f32, pitch: f32) -> Vec3 {
     let ((sin, cos), (up, level)) = (yaw.to_radians().sin_cos(), pitch.to_radians().sin_cos());

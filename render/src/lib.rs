@@ -5,7 +5,8 @@
 //!   one of a swapchain. It records into the host's command buffer, and never submits or waits.
 //! - [`Scene`] describes the picture: a [`Camera`] that fits the scene, a [`Light`], and what to [`Show`].
 //! - [`wrinkles`] appear where a pose compresses the skin.
-//! - [`parts`] separates skin from eyes and teeth.
+//! - [`parts`] separates skin from eyes and teeth; [`painted`] parts have the [`Surface`] that their file states. Parts
+//!   that nothing moves are drawn with a model, without a pose ([`Model::set_still`]).
 //! - [`Studio`] provides the image as well, on a device of [`headless`](deltamorph_headless), with several frames in
 //!   flight.
 //!
@@ -25,6 +26,7 @@ mod renderer;
 mod scene;
 mod step;
 mod studio;
+mod surface;
 mod target;
 pub mod wrinkles;
 
@@ -33,11 +35,12 @@ pub use cull::PoseBounds;
 pub use glow::Glow;
 pub use memory::Buffer;
 pub use model::Model;
-pub use parts::{Material, Part, parts};
+pub use parts::{Material, Part, painted, parts};
 pub use passes::RendererDesc;
 pub use poses::{Poses, StoredPose};
 pub use renderer::Renderer;
 pub use scene::{Head, Light, Masks, Scene, Show, heat};
 pub use step::{Step, Stepped};
 pub use studio::{Picture, Studio, StudioDesc};
+pub use surface::{Alpha, Pixels, Surface, Wrap};
 pub use target::Target;

@@ -4,12 +4,15 @@ use crate::glow::pieces_of;
 use crate::memory::Buffer;
 use crate::parts::Part;
 use crate::renderer::Renderer;
+use crate::scene::{Head, Masks};
+use crate::surface::{Alpha, Surface, Textures};
 use bytemuck::cast_slice;
 use deltamorph::ash::vk;
 use deltamorph::{Error, GpuMesh, MorphMesh, PackedLayout, Result};
-use glam::{Vec2, Vec3, Vec4};
+use glam::{Affine2, Vec2, Vec3, Vec4};
 use std::collections::{BTreeSet, HashSet};
 use std::ops::Range;
+use std::sync::Arc;
 
 /// An uploaded mesh, with the data to draw it.
 pub struct Model {
@@ -26,6 +29,11 @@ pub struct Model {
     pub(crate) pieces: usize,
     /// Vertices per block; for dense formats, of the mesh.
     pub(crate) block: u32,
+    pub(crate) textures: Textures,
+    /// Parts that nothing moves.
+    pub(crate) still: Option<Box<Model>>,
+    /// Vertices that stand: base pose, and zeros.
+    stands: Option<[Buffer; 2]>,
     /// For each vertex of the mesh, its index in pose buffers.
     places: Vec<u32>,
 }
@@ -35,6 +43,13 @@ pub(crate) struct Drawn {
     pub(crate) indices: Range<u32>,
     pub(crate) material: crate::Material,
     pub(crate) ball: Option<Vec4>,
+    pub(crate) colour: [f32; 4],
+    pub(crate) uv: Affine2,
+    /// 0: opaque; above: less opacity is not drawn; below: what is behind shows through.
+    pub(crate) cutoff: f32,
+    pub(crate) double_sided: bool,
+    /// Index of the texture's set.
+    pub(crate) texture: usize,
 }
 
 impl Model {
@@ -56,36 +71,99 @@ impl Model {
         uploaded: &GpuMesh,
         parts: &[Part],
     ) -> Result<Self> {
-        let (count, places) = (mesh.vertex_count(), places_of(mesh, layout)?);
+        let places = places_of(mesh, layout)?;
+        let (base, padded) = (uploaded.base_pose(), uploaded.base_pose().size as usize / 24);
+        let block = layout.blocks.as_ref().map_or(padded.max(1), |blocks| blocks.size()) as u32;
+        Self::placed(renderer, mesh, parts, places, ((base.buffer, base.offset), padded, block))
+    }
+
+    /// Draws `mesh`, made of `parts`, with each head: it stands as it is, relative to the head, without a pose.
+    ///
+    /// # Errors
+    /// There is no memory.
+    pub fn set_still(&mut self, renderer: &Renderer, mesh: &MorphMesh, parts: &[Part]) -> Result<()> {
+        let (gpu, vertices) = (&renderer.gpu, vk::BufferUsageFlags::VERTEX_BUFFER);
+        let base: Vec<Vec3> = mesh.positions.iter().zip(&mesh.normals).flat_map(|(p, n)| [*p, *n]).collect();
+        let stands = [&base, &vec![Vec3::ZERO; base.len()]].map(|all| Buffer::filled(gpu, cast_slice(all), vertices));
+        let [base, zeros] = stands;
+        let stands = [base?, zeros?];
+        let (count, base) = (mesh.vertex_count(), (stands[0].raw, 0));
+        let places = (0..count as u32).collect();
+        let still = Self::placed(renderer, mesh, parts, places, (base, count, count.max(1) as u32))?;
+        self.still = Some(Box::new(Self { stands: Some(stands), ..still }));
+        Ok(())
+    }
+
+    /// Returns a head as it is drawn with this model, of still parts.
+    pub(crate) fn standing(&self, renderer: &Renderer, head: &Head) -> Option<Head> {
+        let [base, zeros] = self.stands.as_ref()?;
+        // Integers are the displacement from the base pose.
+        let pose = if renderer.desc.pose.has_integers() { zeros } else { base };
+        let (buffer, offset) = head.still.unwrap_or((pose.raw, 0));
+        let masks = head.masks.map(|_| Masks { buffer: zeros.raw, offset: 0, units: [1.0; 2] });
+        Some(Head { buffer, offset, units: [1.0; 2], previous: (buffer, offset), masks, ..*head })
+    }
+
+    /// Returns the vertices of still parts as they stand.
+    pub(crate) fn standing_vertices(&self) -> Vec<f32> {
+        self.stands.as_ref().map_or(vec![], |[base, _]| cast_slice(&base.contents()[..24 * self.places.len()]).to_vec())
+    }
+
+    fn placed(
+        renderer: &Renderer,
+        mesh: &MorphMesh,
+        parts: &[Part],
+        places: Vec<u32>,
+        (base, padded, block): ((vk::Buffer, u64), usize, u32),
+    ) -> Result<Self> {
+        let count = mesh.vertex_count();
+        let surfaces: Vec<Arc<Surface>> = parts.iter().filter_map(|part| part.surface.clone()).collect();
+        let (textures, sets) = Textures::new(renderer, &surfaces)?;
+        let mut sets = sets.into_iter();
         let render = mesh.faces.render_vertices(count, &mesh.texcoords)?;
         let (mut indices, mut drawn) = (vec![], vec![]);
         for part in parts {
             let begin = indices.len() as u32;
             indices.extend(part.triangles.iter().flatten().map(|&v| places[v as usize]));
             let range = begin..indices.len() as u32;
-            drawn.push(Drawn { indices: range, material: part.material, ball: part.ball });
+            let (material, ball, surface) = (part.material, part.ball, part.surface.as_ref());
+            drawn.push(Drawn {
+                indices: range,
+                material,
+                ball,
+                colour: surface.map_or([1.0; 4], |surface| surface.colour),
+                uv: surface.map_or(Affine2::IDENTITY, |surface| surface.place),
+                cutoff: surface.map_or(0.0, |surface| match surface.alpha {
+                    Alpha::Opaque => 0.0,
+                    Alpha::Mask(cutoff) => cutoff.max(0.0),
+                    Alpha::Blend => -1.0,
+                }),
+                double_sided: surface.is_none_or(|surface| surface.double_sided),
+                texture: surface.and_then(|_| sets.next()).unwrap_or(0),
+            });
         }
         let edges: Vec<u32> = edges(mesh, parts).into_iter().flatten().map(|v| places[v as usize]).collect();
         let corners = parts.iter().flat_map(|part| part.triangles.iter().flatten());
         let (low, high) = corners
             .map(|&v| mesh.positions[v as usize])
             .fold((Vec3::MAX, Vec3::MIN), |(low, high), p| (low.min(p), high.max(p)));
-        let padded = uploaded.base_pose().size as usize / 24;
         let mut texcoords = vec![Vec2::ZERO; padded];
         places.iter().zip(&render.texcoords).for_each(|(&place, &texcoord)| texcoords[place as usize] = texcoord);
         let (gpu, vertices) = (&renderer.gpu, vk::BufferUsageFlags::VERTEX_BUFFER);
-        let base = uploaded.base_pose();
         let filled = |indices: &[u32]| Buffer::filled(gpu, cast_slice(indices), vk::BufferUsageFlags::INDEX_BUFFER);
         Ok(Self {
             indices: filled(&indices)?,
             edges: (filled(&edges)?, edges.len() as u32),
             texcoords: Buffer::filled(gpu, cast_slice(&texcoords), vertices)?,
             values: Buffer::new(gpu, 4 * padded.max(1), vertices, false)?,
-            base: (base.buffer, base.offset),
+            base,
             parts: drawn,
             middle: ((low + high) / 2.0).extend((low.distance(high) / 2.0).max(f32::MIN_POSITIVE)),
             pieces: pieces_of(padded),
-            block: layout.blocks.as_ref().map_or(padded.max(1), |blocks| blocks.size()) as u32,
+            block,
+            textures,
+            still: None,
+            stands: None,
             places,
         })
     }

@@ -1,9 +1,11 @@
 //! The materials of a mesh: skin, eyes, teeth. They follow from the names of groups or materials in the file; without
 //! names, eyeballs are recognised by their shape.
 
+use crate::surface::Surface;
 use deltamorph::MorphMesh;
 use glam::{Mat3, Vec3, Vec4};
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// The material of a part. The numbers are those of glsl/scene.glsl.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -17,6 +19,8 @@ pub enum Material {
     Teeth = 2,
     /// Tongue, gums, the inside of the mouth.
     Mouth = 3,
+    /// A surface that the file states ([`Part::surface`]).
+    Painted = 5,
 }
 
 impl Material {
@@ -47,26 +51,50 @@ pub struct Part {
     pub triangles: Vec<[u32; 3]>,
     /// Middle and radius of an eyeball in the base pose; `None` for other parts.
     pub ball: Option<Vec4>,
+    /// The surface, for [`Material::Painted`]; without one it is white.
+    pub surface: Option<Arc<Surface>>,
 }
 
 /// Returns the parts of a mesh. `names` has a name for each face, or is empty: eyeballs are then recognised by their
 /// shape, and everything else is skin.
 pub fn parts(mesh: &MorphMesh, names: &[impl AsRef<str>]) -> Vec<Part> {
+    painted(mesh, names, &[])
+}
+
+/// Returns the parts of a mesh whose file states `surfaces`, one for each face or `None`; faces without one are those of
+/// [`parts`].
+pub fn painted(mesh: &MorphMesh, names: &[impl AsRef<str>], surfaces: &[Option<Arc<Surface>>]) -> Vec<Part> {
     let mut kinds: HashMap<&str, Option<Material>> = HashMap::new();
     let mut faces: Vec<(Option<Material>, [u32; 3])> = vec![];
+    let (mut of_surface, mut stated): (HashMap<_, usize>, Vec<Part>) = Default::default();
     for (i, face) in mesh.faces.iter().enumerate() {
         let material = match names.get(i).map(AsRef::as_ref) {
             Some(name) => *kinds.entry(name).or_insert_with(|| Material::from_name(name)),
             None => Some(Material::Skin),
         };
         let corner = |i: usize| face[i].position;
-        faces.extend((2..face.len()).map(|i| (material, [corner(0), corner(i - 1), corner(i)])));
+        let triangles = (2..face.len()).map(|i| [corner(0), corner(i - 1), corner(i)]);
+        if let Some(surface) = surfaces.get(i).and_then(Option::as_ref) {
+            let at = *of_surface.entry(Arc::as_ptr(surface)).or_insert(stated.len());
+            if at == stated.len() {
+                let surface = Some(surface.clone());
+                stated.push(Part { material: Material::Painted, triangles: vec![], ball: None, surface });
+            }
+            stated[at].triangles.extend(triangles);
+            continue;
+        }
+        faces.extend(triangles.map(|triangle| (material, triangle)));
     }
     let named = faces.iter().any(|(material, _)| *material != Some(Material::Skin));
     let pieces = pieces(mesh, &faces);
     let mut parts: Vec<Part> = vec![];
+    let eyeball = |triangles: &Vec<[u32; 3]>| sphere(mesh, triangles).filter(|ball| is_eyeball(mesh, triangles, ball));
+    let is_eye = |material: &Option<Material>| *material == Some(Material::Eye);
+    let some_are_whole = pieces.iter().any(|(material, triangles)| is_eye(material) && eyeball(triangles).is_some());
     for (material, triangles) in &pieces {
-        let ball = sphere(mesh, triangles).filter(|ball| is_eyeball(mesh, triangles, ball));
+        // If no eye is whole, what is called one may be the part that is seen, or all of a mesh of eyes.
+        let cap = || sphere(mesh, triangles).filter(|ball| roughness(mesh, triangles, ball) < 0.15);
+        let ball = eyeball(triangles).or_else(|| cap().filter(|_| is_eye(material) && !some_are_whole));
         let (material, ball) = match (material, ball) {
             (None, _) => continue,
             (Some(Material::Skin), Some(ball)) if !named => (Material::Eye, Some(ball)),
@@ -75,7 +103,7 @@ pub fn parts(mesh: &MorphMesh, names: &[impl AsRef<str>]) -> Vec<Part> {
         };
         match parts.iter_mut().find(|part| part.material == material && part.ball == ball) {
             Some(part) => part.triangles.extend(triangles),
-            None => parts.push(Part { material, triangles: triangles.clone(), ball }),
+            None => parts.push(Part { material, triangles: triangles.clone(), ball, surface: None }),
         }
     }
     // A piece in front of an eyeball, such as a separate iris, belongs to the nearest eyeball.
@@ -90,6 +118,7 @@ pub fn parts(mesh: &MorphMesh, names: &[impl AsRef<str>]) -> Vec<Part> {
     if !named && balls.len() < 2 {
         parts.iter_mut().for_each(|part| (part.material, part.ball) = (Material::Skin, None));
     }
+    parts.extend(stated);
     parts
 }
 
@@ -147,19 +176,25 @@ fn sphere(mesh: &MorphMesh, triangles: &[[u32; 3]]) -> Option<Vec4> {
     (triangles.len() >= 12 && centre.is_finite() && radius.is_finite()).then(|| (origin + centre).extend(radius))
 }
 
+/// Returns the mean distance of corners from a sphere, as a share of its radius.
+fn roughness(mesh: &MorphMesh, triangles: &[[u32; 3]], ball: &Vec4) -> f32 {
+    let off = positions(mesh, triangles).map(|p| (p.distance(ball.truncate()) / ball.w - 1.0).abs());
+    off.sum::<f32>() / (3 * triangles.len()).max(1) as f32
+}
+
 /// Returns whether the corners lie on the sphere and cover most of it, and the sphere is as large as an eye.
 fn is_eyeball(mesh: &MorphMesh, triangles: &[[u32; 3]], ball: &Vec4) -> bool {
-    let (centre, radius) = (ball.truncate(), ball.w);
-    // The cornea bulges by an eighth.
-    let mean = positions(mesh, triangles).map(|p| (p.distance(centre) / radius - 1.0).abs()).sum::<f32>();
+    let radius = ball.w;
     let (low, high) = positions(mesh, triangles).fold((Vec3::MAX, Vec3::MIN), |(l, h), p| (l.min(p), h.max(p)));
     let size = (high - low).min_element() / radius;
-    mean / (3.0 * triangles.len() as f32) < 0.06 && size > 0.9 && radius < 0.1 * mesh.diagonal
+    // The cornea bulges by an eighth.
+    roughness(mesh, triangles, ball) < 0.06 && size > 0.9 && radius < 0.1 * mesh.diagonal
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use deltamorph_head::{HeadDesc, head};
 
     #[test]
     fn names_say_what_a_part_is_made_of() {
@@ -178,5 +213,23 @@ mod tests {
         ] {
             assert_eq!(of(name), expected, "{name}");
         }
+    }
+
+    #[test]
+    fn painted_faces_are_parts_of_their_surfaces() {
+        let mesh = head(&HeadDesc::default().vertices(600).targets(1)).to_mesh(Default::default()).expect("a mesh");
+        let surface = |double_sided| {
+            let (texture, place) = (None, Default::default());
+            Arc::new(Surface { colour: [1.0; 4], texture, place, alpha: crate::Alpha::Opaque, double_sided })
+        };
+        let (one, other) = (surface(false), surface(true));
+        let mut surfaces = vec![None; mesh.faces.sizes.len()];
+        (surfaces[3], surfaces[5], surfaces[7]) = (Some(one.clone()), Some(other.clone()), Some(one.clone()));
+        let (all, found) = (parts(&mesh, &[""; 0]), painted(&mesh, &[""; 0], &surfaces));
+        let painted: Vec<&Part> = found.iter().filter(|part| part.material == Material::Painted).collect();
+        assert_eq!(painted.iter().map(|part| part.surface.clone()).collect::<Vec<_>>(), [Some(one), Some(other)]);
+        let triangles = |parts: &[Part]| parts.iter().map(|part| part.triangles.len()).sum::<usize>();
+        assert_eq!(triangles(&all), triangles(&found));
+        assert!(painted[0].triangles.len() >= 2 && painted[1].ball.is_none());
     }
 }

@@ -9,12 +9,12 @@ use crate::target::Target;
 use bytemuck::bytes_of;
 use deltamorph::ash::vk;
 use deltamorph::{Error, Result};
-use glam::Vec4;
+use glam::Affine2;
 use std::ops::Range;
 use std::slice::from_ref;
 
 /// The material number of edges: `WIRE` in glsl/scene.glsl, which also has the numbers of
-/// [`Material`](crate::Material).
+/// [`Material`](crate::Material). That of a painted part is one more if it has two sides.
 const WIRE: u32 = 4;
 
 impl Renderer {
@@ -55,19 +55,34 @@ impl Renderer {
         let far = vk::ClearValue { depth_stencil: vk::ClearDepthStencilValue { depth: 1.0, stencil: 0 } };
         let behind = vk::ClearValue { color: vk::ClearColorValue { float32: background } };
         let edge = vk::Extent2D { width: SHADOW_EDGE, height: SHADOW_EDGE };
-        let ([front, back], [plain_front, plain_back]) = (self.shaded, self.plain);
-        let pictured = match scene.show {
+        // Front faces, then back faces.
+        let sides = |pipelines: [vk::Pipeline; 2], what| {
+            pipelines
+                .into_iter()
+                .zip([What::is_front as fn(&Drawn) -> bool, What::is_back])
+                .map(move |(pipeline, side)| (pipeline, what, side))
+        };
+        let any: fn(&Drawn) -> bool = |_| true;
+        let mut pictured: Vec<Draw> = match scene.show {
             Show::Shaded => {
-                vec![(plain_front, What::Rest), (front, What::Eyes), (plain_back, What::Rest), (back, What::Eyes)]
+                let (rest, special) = (sides(self.plain, What::Rest), sides(self.shaded, What::Special));
+                rest.zip(special).flat_map(|(rest, special)| [rest, special]).collect()
             }
-            Show::Motion(_) => self.motion.map(|pipeline| (pipeline, What::Faces)).to_vec(),
-            Show::Wire => vec![(front, What::Faces), (back, What::Faces), (self.lines, What::Edges)],
-            Show::Wrinkles => self.wrinkled.map(|pipeline| (pipeline, What::Faces)).to_vec(),
+            Show::Motion(_) => sides(self.motion, What::Faces).collect(),
+            Show::Wire => sides(self.shaded, What::Faces).chain([(self.lines, What::Edges, any)]).collect(),
+            Show::Wrinkles => sides(self.wrinkled, What::Opaque).collect(),
             Show::Blocks | Show::Checker(_) | Show::Distance(_) | Show::Values(_) | Show::Normals => {
-                vec![(front, What::Faces), (back, What::Faces)]
+                sides(self.shaded, What::Faces).collect()
             }
         };
-        let shadows = vec![(self.shadow, What::Shadows)];
+        if matches!(scene.show, Show::Shaded | Show::Wrinkles) {
+            // What lies behind is drawn first.
+            pictured.extend(sides(self.blended, What::Blended).rev());
+        }
+        let shadows: Vec<Draw> = vec![(self.shadow, What::Shadows, any)];
+        let models: Vec<&Model> = std::iter::once(model).chain(model.still.as_deref()).collect();
+        // SAFETY: `cmd` is recording, outside a render pass (the caller's obligations).
+        models.iter().for_each(|model| unsafe { model.textures.upload(cmd) });
         let passes = [
             (self.shadow_pass, target.shadow_framebuffer, edge, &[far][..], shadows),
             (self.pass, target.framebuffer, target.extent, &[behind, far], pictured),
@@ -88,15 +103,18 @@ impl Renderer {
                 device.cmd_set_viewport(cmd, 0, from_ref(&viewport));
                 device.cmd_set_scissor(cmd, 0, from_ref(&area));
             }
-            for (pipeline, what) in pictured {
+            for (pipeline, what, side) in pictured {
                 // SAFETY: as above.
                 unsafe { device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, pipeline) };
-                for (i, head) in heads.iter().enumerate() {
-                    draws[usize::from(!seen[i][number])] += what.drawn(model).count();
-                    if seen[i][number] {
+                for (i, (head, model)) in
+                    heads.iter().enumerate().flat_map(|(i, head)| models.iter().map(move |model| (i, (head, *model))))
+                {
+                    let parts: Vec<Part> = what.drawn(model, side).collect();
+                    draws[usize::from(!seen[i][number])] += parts.len();
+                    if seen[i][number] && !parts.is_empty() {
                         // SAFETY: as above; the target has room for the data of this number of heads, and the poses are
                         // those of the mesh.
-                        unsafe { self.record_head(cmd, target, model, head, i, what) };
+                        unsafe { self.record_head(cmd, target, model, head, (i, what, parts)) };
                     }
                 }
             }
@@ -129,10 +147,11 @@ impl Renderer {
         target: &Target,
         model: &Model,
         head: &Head,
-        number: usize,
-        what: What,
+        (number, what, parts): (usize, What, Vec<Part>),
     ) {
         let device = &self.gpu.device;
+        let standing = model.standing(self, head);
+        let head = standing.as_ref().unwrap_or(head);
         let (base, both) = (&model.base, vk::ShaderStageFlags::VERTEX | vk::ShaderStageFlags::FRAGMENT);
         let masks = head.masks.map_or((head.buffer, head.offset), |masks| (masks.buffer, masks.offset));
         let buffers = [head.buffer, base.0, model.texcoords.raw, model.values.raw, head.previous.0, masks.0];
@@ -150,13 +169,21 @@ impl Renderer {
             device.cmd_bind_vertex_buffers(cmd, 0, &buffers[..bound], &offsets[..bound]);
             device.cmd_bind_index_buffer(cmd, indices.raw, 0, vk::IndexType::UINT32);
         }
-        for (indices, material, ball) in what.drawn(model) {
-            let first_told = (number * target.glow_numbers()) as u32;
-            let (ball, units, block) = (ball.to_array(), head.units, model.block);
-            let mask_units = head.masks.map_or([1.0; 2], |masks| masks.units);
-            let push = PartPush { ball, units, mask_units, material, first_told, block };
+        for (indices, material, part) in parts {
+            let first_told = if standing.is_some() { u32::MAX } else { (number * target.glow_numbers()) as u32 };
+            let (ball, units, block) = (part.and_then(|part| part.ball), head.units, model.block);
+            let (ball, mask_units) =
+                (ball.unwrap_or_default().to_array(), head.masks.map_or([1.0; 2], |masks| masks.units));
+            let (colour, cutoff) = part.map_or(([1.0; 4], 0.0), |part| (part.colour, part.cutoff));
+            let uv = part.map_or(Affine2::IDENTITY, |part| part.uv);
+            let (uv_axes, uv_origin) = (uv.matrix2.to_cols_array(), uv.translation.to_array());
+            let push =
+                PartPush { ball, colour, uv_axes, uv_origin, units, mask_units, material, first_told, block, cutoff };
+            let texture = model.textures.sets[part.map_or(0, |part| part.texture)];
             // SAFETY: as above; the indices are in the buffer.
             unsafe {
+                let point = vk::PipelineBindPoint::GRAPHICS;
+                device.cmd_bind_descriptor_sets(cmd, point, self.layout, 1, &[texture], &[]);
                 device.cmd_push_constants(cmd, self.layout, both, 0, bytes_of(&push));
                 device.cmd_draw_indexed(cmd, indices.len() as u32, 1, indices.start, 0, 0);
             }
@@ -164,29 +191,58 @@ impl Renderer {
     }
 }
 
+/// A pipeline, what it draws, and which of those parts.
+type Draw = (vk::Pipeline, What, fn(&Drawn) -> bool);
+
+/// A draw of a head: indices, material number, and what is drawn, but for edges.
+type Part<'a> = (Range<u32>, u32, Option<&'a Drawn>);
+
 /// The part of a head that is drawn.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum What {
     Shadows,
     Faces,
-    /// Faces of eyeballs.
-    Eyes,
-    /// Other faces.
+    /// All but what is blended.
+    Opaque,
+    /// Eyeballs, and what has holes.
+    Special,
+    /// What is neither special nor blended.
     Rest,
+    Blended,
     Edges,
 }
 
 impl What {
-    /// Returns the draws of a head: indices, material number, and an eyeball.
-    fn drawn(self, model: &Model) -> impl Iterator<Item = (Range<u32>, u32, Vec4)> {
-        let edges = (self == Self::Edges).then_some((0..model.edges.1, WIRE, Vec4::ZERO));
-        let is_drawn = move |part: &&Drawn| match self {
-            Self::Eyes => part.material == Material::Eye,
-            Self::Rest => part.material != Material::Eye,
-            Self::Shadows | Self::Faces => true,
-            Self::Edges => false,
+    fn is_front(_: &Drawn) -> bool {
+        true
+    }
+
+    /// Whether the part has a back.
+    fn is_back(part: &Drawn) -> bool {
+        part.double_sided
+    }
+
+    /// Returns the draws of a head.
+    fn drawn(self, model: &Model, side: fn(&Drawn) -> bool) -> impl Iterator<Item = Part<'_>> {
+        let edges = (self == Self::Edges).then_some((0..model.edges.1, WIRE, None));
+        let is_drawn = move |part: &&Drawn| {
+            let is_special = part.material == Material::Eye || part.cutoff > 0.0;
+            side(part)
+                && match self {
+                    Self::Special => is_special,
+                    Self::Rest => !is_special && part.cutoff == 0.0,
+                    Self::Blended => part.cutoff < 0.0,
+                    Self::Opaque => part.cutoff >= 0.0,
+                    Self::Shadows => part.cutoff == 0.0,
+                    Self::Faces => true,
+                    Self::Edges => false,
+                }
         };
-        let part = |part: &Drawn| (part.indices.clone(), part.material as u32, part.ball.unwrap_or_default());
+        fn part(part: &Drawn) -> Part<'_> {
+            let Drawn { indices, material, double_sided, .. } = part;
+            let sides = u32::from(*material == Material::Painted && *double_sided);
+            (indices.clone(), *material as u32 + sides, Some(part))
+        }
         edges.into_iter().chain(model.parts.iter().filter(is_drawn).map(part))
     }
 }

@@ -77,6 +77,9 @@ pub struct Head {
     pub masks: Option<Masks>,
     /// Bounds of the pose, for culling; `None`: it is always drawn.
     pub bounds: Option<Bounds>,
+    /// The buffer with the vertices of still parts that joints have moved, and the offset there, in float32, which has to
+    /// be the renderer's pose format; `None`: as they stand.
+    pub still: Option<(vk::Buffer, u64)>,
 }
 
 /// The wrinkle masks of a head's pose. The engine sums them like any stream of the mesh
@@ -102,7 +105,7 @@ impl Head {
     /// Makes a head of a crowd's pose, without a previous pose.
     pub fn new(pose: &PoseView, place: Mat4) -> Self {
         let (buffer, offset, units) = (pose.buffer, pose.offset, pose.units);
-        Self { buffer, offset, units, place, previous: (buffer, offset), masks: None, bounds: None }
+        Self { buffer, offset, units, place, previous: (buffer, offset), masks: None, bounds: None, still: None }
     }
 
     /// Sets the previous pose, as returned by [`Crowd::previous_pose`](deltamorph::Crowd::previous_pose); without one
@@ -148,12 +151,16 @@ pub(crate) struct HeadScene {
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(crate) struct PartPush {
     pub(crate) ball: [f32; 4],
+    pub(crate) colour: [f32; 4],
+    pub(crate) uv_axes: [f32; 4],
+    pub(crate) uv_origin: [f32; 2],
     pub(crate) units: [f32; 2],
     pub(crate) mask_units: [f32; 2],
     pub(crate) material: u32,
-    /// Index of the head's first number in `told`.
+    /// Index of the head's first number in `told`; the largest number: there are none.
     pub(crate) first_told: u32,
     pub(crate) block: u32,
+    pub(crate) cutoff: f32,
 }
 
 impl Scene {
@@ -261,11 +268,15 @@ mod tests {
         let part = offsets(&|v| matches!(v, Variable::PushConstant { .. }));
         let expected = [
             offset_of!(PartPush, ball),
+            offset_of!(PartPush, colour),
+            offset_of!(PartPush, uv_axes),
+            offset_of!(PartPush, uv_origin),
             offset_of!(PartPush, units),
             offset_of!(PartPush, mask_units),
             offset_of!(PartPush, material),
             offset_of!(PartPush, first_told),
             offset_of!(PartPush, block),
+            offset_of!(PartPush, cutoff),
         ];
         assert_eq!(part, expected);
     }

@@ -12,6 +12,7 @@ use crate::scene::{Head, Masks, Scene, Show};
 use crate::step::{Step, Stepped};
 use crate::target::Target;
 use crate::wrinkles::MaskPlace;
+use bytemuck::cast_slice;
 use deltamorph::ash::vk;
 use deltamorph::{
     Crowd, CrowdDesc, Error, GpuMesh, MorphMesh, PackedMesh, PoseFormat, Result, Semantic, Ticket, UpdateDesc,
@@ -63,6 +64,8 @@ pub struct Studio<'a> {
     pool: vk::CommandPool,
     crowd: Option<Crowd>,
     stepped: Option<Stepped>,
+    /// Vertices of still parts that joints move.
+    still: Option<StillPoses>,
     /// The glow of each head.
     glow: Vec<Glow>,
     /// Bounds of the crowd's poses, for culling.
@@ -76,6 +79,12 @@ pub struct Studio<'a> {
     renderer: Renderer,
     // Declared after the model, which reads it.
     _uploaded: GpuMesh,
+}
+
+/// Vertices of still parts where joints have them: those of each head, and a buffer for each frame.
+struct StillPoses {
+    vertices: Vec<Vec<f32>>,
+    buffers: Vec<Buffer>,
 }
 
 /// The resources of a picture.
@@ -180,6 +189,7 @@ impl<'a> Studio<'a> {
             pool,
             crowd,
             stepped,
+            still: None,
             glow,
             bounds,
             draws: [0; 2],
@@ -201,7 +211,7 @@ impl<'a> Studio<'a> {
         let (extent, device) = (vk::Extent2D { width, height }, &gpu.device);
         let usage = vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::TRANSFER_SRC;
         let (samples, aspect) = (vk::SampleCountFlags::TYPE_1, vk::ImageAspectFlags::COLOR);
-        let image = Image::new(gpu, &ImageDesc { extent, format: FORMAT, samples, usage, aspect })?;
+        let image = Image::new(gpu, &ImageDesc { extent, format: FORMAT, samples, levels: 1, usage, aspect })?;
         // SAFETY: the view's image lives as long as the target, and has the stated size and format.
         let target = unsafe { Target::new(&self.renderer, image.view, extent, self.desc.heads) }?;
         let bytes = width as usize * height as usize * 4;
@@ -294,9 +304,50 @@ impl<'a> Studio<'a> {
         Err(Error::Invalid { what, remedy: "give twelve for each joint of the skin".into() })
     }
 
+    /// Draws `mesh`, made of `parts`, with each head: it stands as it is, relative to the head, without a pose.
+    ///
+    /// # Errors
+    /// There is no memory.
+    pub fn set_still(&mut self, mesh: &MorphMesh, parts: &[Part]) -> Result<()> {
+        self.finish()?;
+        self.still = None;
+        self.model.set_still(&self.renderer, mesh, parts)
+    }
+
+    /// Sets where joints have the still parts of a head from the next picture on, in a studio with [`Step::Skin`]:
+    /// position and normal of each vertex. Heads for which none are set have them as they stand.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if there is no such head, no skin, or another number of vertices; there is no memory.
+    pub fn set_still_vertices(&mut self, head: usize, vertices: &[f32]) -> Result<()> {
+        let expected = self.model.still.as_ref().zip(self.stepped.as_ref()).map(|(still, _)| still.standing_vertices());
+        let Some(expected) = expected.filter(|all| all.len() == vertices.len() && head < self.desc.heads as usize)
+        else {
+            let what = format!("{} numbers for still vertices of head {head}", vertices.len());
+            return Err(Error::Invalid { what, remedy: "give six for each vertex of the still parts".into() });
+        };
+        if self.still.is_none() {
+            let heads = self.desc.heads as usize;
+            let buffer = |_: &Frame| {
+                let bytes = (heads * expected.len() * size_of::<f32>()).max(4);
+                Buffer::new(&self.renderer.gpu, bytes, vk::BufferUsageFlags::VERTEX_BUFFER, false)
+            };
+            let buffers = self.frames.iter().map(buffer).collect::<Result<_>>()?;
+            self.still = Some(StillPoses { vertices: vec![expected; heads], buffers });
+        }
+        if let Some(still) = &mut self.still {
+            still.vertices[head].copy_from_slice(vertices);
+        }
+        Ok(())
+    }
+
     fn set_poses(&mut self, slot: usize, poses: Poses<'_>) -> Result<()> {
         if let (Some(stepped), Some(crowd)) = (&mut self.stepped, &mut self.crowd) {
             stepped.write(slot, crowd)?;
+        }
+        if let Some(StillPoses { vertices, buffers }) = &mut self.still {
+            let size = size_of_val(&*vertices[0]);
+            vertices.iter().enumerate().for_each(|(i, head)| buffers[slot].write(i * size, cast_slice(head)));
         }
         match (poses, &mut self.crowd, &mut self.frames[slot].poses) {
             (Poses::Weights(weights), Some(crowd), _) => {
@@ -346,7 +397,7 @@ impl<'a> Studio<'a> {
         background: [f32; 4],
         ticket: &mut Option<Ticket>,
     ) -> Result<()> {
-        let Self { headless, frames, crowd, stepped, glow, bounds, masks, model, renderer, desc, .. } = self;
+        let Self { headless, frames, crowd, stepped, still, glow, bounds, masks, model, renderer, desc, .. } = self;
         let Frame { target, image, pixels, poses: stored, cmd, .. } = &mut frames[slot];
         let (cmd, device) = (*cmd, &renderer.gpu.device);
         if let Some(crowd) = crowd {
@@ -387,6 +438,8 @@ impl<'a> Studio<'a> {
                 let head = Head::new(&crowd.pose(i as u32)?, *place).previous(previous.as_ref());
                 let bounds = bounds.as_ref().map(|bounds| Ok::<_, Error>(bounds.of(crowd.weights(i as u32)?)));
                 let head = head.masks(masks.as_ref().map(Masks::new)).bounds(bounds.transpose()?);
+                let still = still.as_ref().map(|still| (still.buffers[slot].raw, i * size_of_val(&*still.vertices[0])));
+                let head = Head { still: still.map(|(buffer, offset)| (buffer, offset as u64)), ..head };
                 Ok(stepped.as_ref().map_or(head, |stepped| stepped.head(i, head)))
             }
             (None, Some(buffer), Poses::Stored(stored)) => {
@@ -398,7 +451,7 @@ impl<'a> Studio<'a> {
                     Masks { buffer, offset, units: place.units(units) }
                 });
                 let previous = (buffer, offset + all);
-                Ok(Head { buffer, offset, units, place: *place, previous, masks, bounds: None })
+                Ok(Head { buffer, offset, units, place: *place, previous, masks, bounds: None, still: None })
             }
             (None, ..) => Err(Error::Invalid { what: "no poses".into(), remedy: "give stored poses".into() }),
         };

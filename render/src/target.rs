@@ -48,7 +48,7 @@ impl Target {
         use vk::ImageUsageFlags as Usage;
         let (gpu, heads) = (renderer.gpu.clone(), heads.max(1) as usize);
         let of = |extent, format, samples, usage, aspect| {
-            Image::new(&gpu, &ImageDesc { extent, format, samples, usage, aspect })
+            Image::new(&gpu, &ImageDesc { extent, format, samples, levels: 1, usage, aspect })
         };
         let (depth, passing) = (Usage::DEPTH_STENCIL_ATTACHMENT, Usage::TRANSIENT_ATTACHMENT);
         let (format, one) = (renderer.desc.format, vk::SampleCountFlags::TYPE_1);
@@ -190,7 +190,9 @@ impl Target {
         let write = |(i, head): (usize, &Head)| {
             let data = scene.head(&head.place, model.middle, 1.0 / SHADOW_EDGE as f32);
             self.scenes.write(i * self.stride, bytes_of(&data));
-            [map * data.shadow, data.clip].map(|clip| !head.bounds.is_some_and(|bounds| is_outside(&clip, &bounds)))
+            // Still parts may reach beyond the pose.
+            let bounds = head.bounds.filter(|_| model.still.is_none());
+            [map * data.shadow, data.clip].map(|clip| !bounds.is_some_and(|bounds| is_outside(&clip, &bounds)))
         };
         Ok(heads.iter().enumerate().map(write).collect())
     }

@@ -33,6 +33,9 @@ pub struct RenderArgs {
     /// How near the camera is: at 2 there is a quarter of the picture in twice the size
     #[arg(long, value_name = "X", default_value = "1", value_parser = values::zoom)]
     pub zoom: f32,
+    /// Show all of the scene, not only what targets move
+    #[arg(long)]
+    pub whole: bool,
     /// Where the key light is, in degrees from the camera: to the right, and up; how bright it is [default: 1]
     #[arg(long, value_name = "YAW,PITCH[,STRENGTH]", default_value = "-38,34", value_parser = light)]
     #[arg(allow_hyphen_values = true)]

@@ -68,6 +68,7 @@ Commands of scripts, one a line; what follows # is a remark:
   show LOOK                 shaded, wire, normals, heat, motion, blocks or wrinkles
   camera YAW,PITCH | zoom X where the camera is, and how near
   pan X,Y                   move the picture to the right and down, in shares of the room for it
+  whole on|off              all of the scene, or what targets move (key W)
   focus | home              fill the window with what the active targets move; the camera as at the beginning
   search TEXT | active on|off | twins on|off
                             the panel: what is listed, only active targets, left and right together

@@ -47,7 +47,7 @@ pub fn draw(
     };
     let rows: Vec<(&Order, usize)> = shown.iter().flat_map(|f| orders.iter().map(move |order| (order, *f))).collect();
 
-    let subject = Subject::new(path, gauge.input);
+    let subject = Subject::of_mesh(path, mesh);
     let mut studio = studio(gpu, mesh, &subject.parts, [CELL; 2])?;
     let view = Camera::default().fit(moving(mesh).into_iter(), 1.0, 0.1);
     let scene = Scene { view, light: Light::default(), show: Show::Shaded };

@@ -2,6 +2,7 @@
 
 use super::canvas::Canvas;
 use super::joints::Joints;
+use super::painted::Still;
 use super::scenery::Scenery;
 use crate::args::render::{Normals, Shown};
 use crate::detail::{Detail, Kept};
@@ -29,6 +30,7 @@ pub struct Easel<'a> {
     /// Frame of the clip that each instance shows, for its joints; `None`: at rest.
     pub frames: Vec<Option<usize>>,
     joints: Option<&'a Joints>,
+    still: Option<&'a Still>,
     pub scene: Scene,
     background: [f32; 4],
     /// Number of targets that instances keep.
@@ -86,10 +88,14 @@ impl<'a> Easel<'a> {
             (None, Normals::Recomputed) => Step::Normals(surface),
             (None, Normals::Summed) => Step::None,
         };
-        let studio = Studio::with_step(scenery.gpu, mesh, &stage.mesh, &subject.parts, desc, &step)?;
+        let mut studio = Studio::with_step(scenery.gpu, mesh, &stage.mesh, &subject.parts, desc, &step)?;
+        if let Some(still) = &subject.still {
+            studio.set_still(&still.mesh, &still.parts)?;
+        }
         let camera = Camera { yaw: args.camera[0], pitch: args.camera[1], ..Camera::default() };
         let all = places.iter().flat_map(|place| subject.focus.iter().map(|p| place.transform_point3(*p)));
         let mut view = camera.fit(all, size[0] as f32 / size[1] as f32, MARGIN);
+        view.reach(places.iter().flat_map(|place| subject.whole.iter().map(|p| place.transform_point3(*p))));
         view.clip = Mat4::from_scale(Vec3::new(args.zoom, args.zoom, 1.0)) * view.clip;
         let [yaw, pitch, strength] = args.light;
         let show = match (args.show, args.checker) {
@@ -110,12 +116,13 @@ impl<'a> Easel<'a> {
         let seen = lod::Camera { eye: scene.view.eye, height, angle };
         let background = args.background.linear();
         let (frames, detail) = (vec![None; places.len()], args.detail);
-        Ok(Self { studio, heads, places, frames, joints, scene, background, detail, kept, camera: seen })
+        let still = subject.still.as_ref();
+        Ok(Self { studio, heads, places, frames, joints, still, scene, background, detail, kept, camera: seen })
     }
 
     /// Begins a picture of the instances with these weights. Returns the oldest picture if it had to wait for it.
     pub fn draw(&mut self, weights: &[&[f32]]) -> Result<Option<Canvas>, Failure> {
-        let Self { studio, heads, places, frames, joints, scene, background, detail, kept, camera } = self;
+        let Self { studio, heads, places, frames, joints, still, scene, background, detail, kept, camera } = self;
         let mut with: Vec<Vec<f32>>;
         let (mut refs, mut weights) = (vec![], weights);
         if let Some(kept) = kept {
@@ -126,10 +133,13 @@ impl<'a> Easel<'a> {
             weights = &refs;
         }
         if let Some(joints) = joints {
-            frames
-                .iter()
-                .enumerate()
-                .try_for_each(|(head, frame)| studio.set_joints(head, &joints.at(frame.map(|frame| frame as f64))))?;
+            for (head, frame) in frames.iter().enumerate() {
+                let frame = frame.map(|frame| frame as f64);
+                studio.set_joints(head, &joints.at(frame))?;
+                if let Some(vertices) = still.and_then(|still| joints.still_at(still, frame)) {
+                    studio.set_still_vertices(head, &vertices)?;
+                }
+            }
         }
         let finished = match heads {
             Heads::Device => studio.draw(Poses::Weights(weights), places, scene, *background)?,

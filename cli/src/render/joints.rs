@@ -1,5 +1,6 @@
 //! Joints of a glTF file, which move its mesh in each frame of a clip of the same file.
 
+use super::painted::Still;
 use super::scenery::bounds;
 use crate::args::InputArgs;
 use crate::args::render::{Normals, RenderArgs, Shown};
@@ -20,6 +21,8 @@ pub struct Joints {
     skeleton: Skeleton,
     /// The animation that the weights belong to, and the times of its frames.
     playing: Option<(usize, Vec<f64>)>,
+    /// The joints of the still parts.
+    of_still: Option<Skeleton>,
     /// Frames per second of clips, if stated.
     fps: Option<f32>,
     /// Origin of the mesh's positions.
@@ -42,7 +45,12 @@ impl Joints {
         let Some(file) = args.input.as_ref().filter(|path| is_gltf(path)) else { return Ok(None) };
         let Some(skeleton) = gltf::read(file)?.into_skinned()?.1 else { return Ok(None) };
         let (file, origin) = (file.clone(), input.kept.origin.as_dvec3());
-        Ok(Some(Self { file, skeleton, playing: None, fps: args.fps, origin }))
+        Ok(Some(Self { file, skeleton, of_still: None, playing: None, fps: args.fps, origin }))
+    }
+
+    /// Takes the joints of still parts, which move with those of the mesh.
+    pub fn take_still(&mut self, still: Option<&mut Still>) {
+        self.of_still = still.and_then(|still| still.skeleton.take());
     }
 
     /// Animations that move joints alone, as FILE#NAME.
@@ -68,13 +76,13 @@ impl Joints {
     }
 
     /// Matrices at a frame of the clip, or between two; without a frame, at rest.
-    fn matrices(&self, frame: Option<f64>) -> Vec<DMat4> {
+    fn matrices(&self, skeleton: &Skeleton, frame: Option<f64>) -> Vec<DMat4> {
         let time = |(number, times): &(usize, Vec<f64>)| {
             let (frame, last) = (frame?, times.len().checked_sub(1)?);
             let (before, after) = ((frame as usize).min(last), (frame as usize + 1).min(last));
             Some((&self.skeleton.animations[*number], times[before] + (times[after] - times[before]) * frame.fract()))
         };
-        let matrices = self.skeleton.joint_matrices(self.playing.as_ref().and_then(time));
+        let matrices = skeleton.joint_matrices(self.playing.as_ref().and_then(time));
         let [to, from] = [self.origin, -self.origin].map(DMat4::from_translation);
         matrices.into_iter().map(|matrix| from * matrix * to).collect()
     }
@@ -82,7 +90,30 @@ impl Joints {
     /// The first three rows of each matrix.
     pub fn at(&self, frame: Option<f64>) -> Vec<f32> {
         let rows = |matrix: DMat4| matrix.transpose().to_cols_array().map(|number| number as f32);
-        self.matrices(frame).into_iter().flat_map(|matrix| rows(matrix).into_iter().take(12)).collect()
+        self.matrices(&self.skeleton, frame).into_iter().flat_map(|matrix| rows(matrix).into_iter().take(12)).collect()
+    }
+
+    /// Vertices of still parts at a frame.
+    pub fn still_at(&self, still: &Still, frame: Option<f64>) -> Option<Vec<f32>> {
+        let skeleton = self.of_still.as_ref()?;
+        Some(still.skinned(skeleton, &self.matrices(skeleton, frame)))
+    }
+
+    /// Positions of still parts in this frame or in all.
+    pub fn reach_of_still(&self, still: &Still, frame: Option<f64>, all: bool) -> Vec<Vec3> {
+        let frames = self.frames(frame, all);
+        let step = (still.mesh.vertex_count() * frames.len()).div_ceil(POINTS).max(1);
+        let at = |frame: &Option<f64>| self.still_at(still, *frame).unwrap_or_default();
+        let vertices = frames.iter().step_by(step).map(at);
+        vertices.flat_map(|all| all.chunks_exact(6).map(Vec3::from_slice).collect::<Vec<_>>()).collect()
+    }
+
+    /// This frame, or all of the clip.
+    fn frames(&self, frame: Option<f64>, all: bool) -> Vec<Option<f64>> {
+        match &self.playing {
+            Some((_, times)) if all => (0..times.len()).map(|frame| Some(frame as f64)).collect(),
+            _ => vec![frame],
+        }
     }
 
     /// Positions of points within `focus` after skinning, in this frame or in all: of base positions, and of vertices
@@ -93,14 +124,11 @@ impl Joints {
         let moved = moved.map(|(v, delta)| (*v as usize, mesh.positions[*v as usize] + *delta));
         let points = mesh.positions.iter().copied().enumerate().chain(moved);
         let points: Vec<_> = points.filter(|(_, p)| p.cmpge(low).all() && p.cmple(high).all()).collect();
-        let frames: Vec<Option<f64>> = match &self.playing {
-            Some((_, times)) if all => (0..times.len()).map(|frame| Some(frame as f64)).collect(),
-            _ => vec![frame],
-        };
+        let frames = self.frames(frame, all);
         let (step, influences) = ((points.len() * frames.len()).div_ceil(POINTS).max(1), &self.skeleton.influences);
         let n = influences.per_vertex;
         let at = |frame: &Option<f64>| {
-            let matrices = self.matrices(*frame);
+            let matrices = self.matrices(&self.skeleton, *frame);
             let skinned = |(v, p): &(usize, Vec3)| {
                 let joints = influences.joints[v * n..].iter().zip(&influences.weights[v * n..]).take(n);
                 let moved = joints.map(|(joint, weight)| {

@@ -9,6 +9,7 @@ mod errors;
 mod heat;
 pub mod joints;
 mod names;
+pub mod painted;
 pub mod scenery;
 mod sheet;
 
@@ -55,7 +56,8 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
     let gpu = open(device, out)?.map(Rc::new).ok_or_else(|| {
         Failure::Failed("a picture is drawn on a Vulkan device, and there is none; ./with-vulkan installs one".into())
     })?;
-    let mut input = input::load_split(&args.run.input, joints::file(args).is_some() && updates(&gpu, &args.run), out)?;
+    let unposed = joints::file(args).is_some() && updates(&gpu, &args.run);
+    let mut input = input::load_split(&args.run.input, unposed, out)?;
     if args.show == Some(Shown::Wrinkles) {
         input.add_masks()?;
     }
@@ -71,21 +73,24 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
         input.out = notes;
     }
     let stage = Stage::on(Some(gpu.clone()), &args.run, &input, out)?;
-    let mut subject = Subject::new(args.run.input.input.as_deref(), &input);
-    let mut joints = if joints::file(args).is_some() { Joints::of(&args.run.input, &input)? } else { None };
-    if joints.is_some() && stage.desc.path == UpdatePath::Cpu {
+    let mut subject = Subject::new(args.run.input.input.as_deref(), &input, unposed, out)?;
+    if subject.has_joints && joints::file(args).is_some() && stage.desc.path == UpdatePath::Cpu {
         out.note("the path 'cpu' skins nothing: joints move on the paths of the device");
-        joints = None;
     }
+    let mut joints = if unposed { Joints::of(&args.run.input, &input)? } else { None };
     let clip = match (&args.weights, &input.clips[..]) {
         (None, [only]) => Some(only),
         (named, _) => named.as_ref(),
     };
-    if let (Some(joints), Some(clip)) = (&mut joints, clip) {
-        joints.play(&input::named(clip, &args.run.input)?);
+    if let Some(joints) = &mut joints {
+        joints.take_still(subject.still.as_mut());
+        if let Some(clip) = clip {
+            joints.play(&input::named(clip, &args.run.input)?);
+        }
+        subject.reach(joints, &input.kept, args.frame.map(|frame| frame as f64), !one_pose);
     }
-    if let Some(joints) = &joints {
-        subject.focus = joints.reach(&input.kept, &subject.focus, args.frame.map(|frame| frame as f64), !one_pose);
+    if args.whole {
+        subject.focus.clone_from(&subject.whole);
     }
     let scenery = Scenery { args, input: &input, stage: &stage, gpu: &gpu, subject, joints, out };
     let Done { mut what, size, frames, scale, kept } = match (args.sheet, args.crowd, args.magnify) {

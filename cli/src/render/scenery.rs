@@ -2,10 +2,12 @@
 
 use super::joints::Joints;
 use super::names;
+use super::painted::{self, Painted, Still};
 use crate::args::render::RenderArgs;
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
 use crate::runner::{Gpu, Stage};
+use deltamorph::import::is_gltf;
 use deltamorph::{BoundClip, MorphMesh};
 use deltamorph_render::{Part, parts};
 use glam::Vec3;
@@ -38,31 +40,61 @@ pub struct Done {
     pub kept: Option<(usize, [usize; 2])>,
 }
 
-/// The parts of a mesh, and the positions that have to be in the picture.
+/// The parts of a mesh, and those beside it.
 pub struct Subject {
     pub parts: Vec<Part>,
+    /// Positions that have to be in the picture: of what targets move, and of everything.
     pub focus: Vec<Vec3>,
+    pub whole: Vec<Vec3>,
+    pub still: Option<Still>,
+    /// Whether its file has joints, or nodes that move.
+    pub has_joints: bool,
 }
 
 impl Subject {
-    /// The subject of the mesh that was read from `path`, or of the built-in head.
-    pub fn new(path: Option<&Path>, input: &Input) -> Self {
-        Self::of_mesh(path, &input.kept)
+    /// The subject of the mesh that was read from `path`, or of the built-in head; `unposed`, if joints are to move it.
+    pub fn new(path: Option<&Path>, input: &Input, unposed: bool, out: &Output) -> Result<Self, Failure> {
+        let mesh = &input.kept;
+        let Some(path) = path.filter(|path| is_gltf(path) && path.is_file() && input.packed.is_none()) else {
+            return Ok(Self::of_mesh(path, mesh));
+        };
+        let Painted { parts, has_joints, still } = painted::of_file(path, mesh, unposed, out)?;
+        let (focus, whole) = views(mesh, &parts, still.as_ref());
+        Ok(Self { parts, focus, whole, still, has_joints })
     }
 
-    /// The subject of a mesh with the same faces as the one at `path`.
+    /// The subject of a mesh with the same faces as the one at `path`, by itself.
     pub fn of_mesh(path: Option<&Path>, mesh: &MorphMesh) -> Self {
         let parts = parts(mesh, &names::of_faces(path, mesh));
-        Self { focus: focus(mesh, &parts), parts }
+        let (focus, whole) = views(mesh, &parts, None);
+        Self { parts, focus, whole, still: None, has_joints: false }
+    }
+
+    /// Takes what joints move in this frame, or in all, in place of what is there without them.
+    pub fn reach(&mut self, joints: &Joints, mesh: &MorphMesh, frame: Option<f64>, all: bool) {
+        let mut whole = joints.reach(mesh, &self.whole, frame, all);
+        whole.extend(self.still.iter().flat_map(|still| joints.reach_of_still(still, frame, all)));
+        self.whole = whole;
+        self.focus = joints.reach(mesh, &self.focus, frame, all);
     }
 }
 
-/// Positions of drawn vertices, and their furthest positions by single targets; if only a small part of a body moves,
-/// only that part and its surroundings.
-fn focus(mesh: &MorphMesh, parts: &[Part]) -> Vec<Vec3> {
-    let mut drawn = vec![false; mesh.vertex_count()];
-    parts.iter().flat_map(|part| part.triangles.iter().flatten()).for_each(|&v| drawn[v as usize] = true);
-    let all: Vec<Vec3> = mesh.positions.iter().zip(&drawn).filter(|(_, drawn)| **drawn).map(|(p, _)| *p).collect();
+/// What a picture shows at least, as a share of the whole.
+const LEAST: f32 = 0.12;
+/// Fewer vertices than these show nothing by themselves.
+const FEW: usize = 24;
+
+/// Positions of drawn vertices and their furthest positions by single targets: if only a small part of a body moves,
+/// those of that part and its surroundings; and all.
+fn views(mesh: &MorphMesh, parts: &[Part], still: Option<&Still>) -> (Vec<Vec3>, Vec<Vec3>) {
+    let of_parts = |mesh: &MorphMesh, parts: &[Part]| {
+        let mut drawn = vec![false; mesh.vertex_count()];
+        parts.iter().flat_map(|part| part.triangles.iter().flatten()).for_each(|&v| drawn[v as usize] = true);
+        let all = mesh.positions.iter().zip(&drawn).filter(|(_, drawn)| **drawn).map(|(p, _)| *p);
+        (all.collect::<Vec<Vec3>>(), drawn)
+    };
+    let (mut all, drawn) = of_parts(mesh, parts);
+    all.extend(still.map(|still| of_parts(&still.mesh, &still.parts).0).unwrap_or_default());
     let mut furthest: HashMap<u32, Vec3> = HashMap::new();
     for (&v, delta) in mesh.targets.iter().flat_map(|target| target.vertices.iter().zip(&target.positions)) {
         let far = furthest.entry(v).or_insert(*delta);
@@ -70,11 +102,20 @@ fn focus(mesh: &MorphMesh, parts: &[Part]) -> Vec<Vec3> {
     }
     furthest.retain(|v, _| drawn[*v as usize]);
     let (low, high) = bounds(furthest.keys().map(|&v| mesh.positions[v as usize]));
-    let ((all_low, all_high), size) = (bounds(all.iter().copied()), (high - low).max_element());
-    let whole = low.x > high.x || size > 0.4 * (all_high - all_low).max_element();
-    let (low, high) = if whole { (all_low, all_high) } else { (low - 0.2 * size, high + 0.2 * size) };
-    let inside = all.into_iter().filter(|p| p.cmpge(low).all() && p.cmple(high).all());
-    inside.chain(furthest.iter().map(|(&v, delta)| mesh.positions[v as usize] + *delta)).collect()
+    let (all_low, all_high) = bounds(all.iter().copied());
+    let (size, most) = ((high - low).max_element(), (all_high - all_low).max_element());
+    let reached = || furthest.iter().map(|(&v, delta)| mesh.positions[v as usize] + *delta);
+    let whole: Vec<Vec3> = all.iter().copied().chain(reached()).collect();
+    // A single vertex has no size: there is room around it.
+    let room = (0.2 * size).max((LEAST * most - size) / 2.0);
+    let (low, high) = (low - room, high + room);
+    let inside: Vec<Vec3> = all.into_iter().filter(|p| p.cmpge(low).all() && p.cmple(high).all()).collect();
+    if furthest.is_empty() || size > 0.4 * most || inside.len() < FEW {
+        return (whole.clone(), whole);
+    }
+    // What is around it, empty as it may be, has the least size.
+    let corners = if size < LEAST * most { vec![low, high] } else { vec![] };
+    (inside.into_iter().chain(reached()).chain(corners).collect(), whole)
 }
 
 /// Lowest and highest corner of the bounding box of points; `MAX` and `MIN` without points.

@@ -43,6 +43,8 @@ pub enum Command {
     Home,
     /// Distance of the camera: at 1 everything fits.
     Zoom(f32),
+    /// Whether the camera shows all of the scene, not only what targets move.
+    Whole(bool),
     Search(String),
     /// Whether only sliders of active targets are listed.
     Active(bool),
@@ -157,6 +159,7 @@ pub fn parse(line: &str) -> Result<Option<Step>, String> {
         "width" => Command::Width(number("a number of points from 100 to 4000", |v| (100.0..=4000.0).contains(&v))?),
         "help" => Command::Help(switch()?),
         "twins" => Command::Twins(switch()?),
+        "whole" => Command::Whole(switch()?),
         "panel" => Command::Panel(switch()?),
         "frames" => return Ok(Some(Step::Frames(values::whole(1, 1_000_000_000)(rest).map_err(say)?))),
         "resize" => {
@@ -201,9 +204,9 @@ mod tests {
         let lines = "set jaw open 0.5\nreset\nrandom 7\ncopy\nclip a b.csv\nplay\npause\nscrub 12.5\nspeed 2\npath blocks\n\
                      format small\npose fixed16\nbudget 1e-4d\nheads 3\ndetail all\ndetail 50%\ndetail 0.5px\nshow heat\ncamera -20,5\nzoom 2\nsearch jaw\n\
                      twins off\npanel on\nundo\nredo\npan 0.5,-1\nfocus\nhome\nactive on\nwidth 400\nhelp off\ndismiss\ndrop x#y.glb # a remark\nframes 3\nresize 640 480\nresize 640x480\n\
-                     screenshot a.png\nstats s.json\nquit\n\n# nothing\n";
+                     screenshot a.png\nstats s.json\nwhole on\nquit\n\n# nothing\n";
         let steps = script(lines).expect("commands");
-        assert_eq!(steps.len(), 39);
+        assert_eq!(steps.len(), 40);
         assert_eq!(steps[0], (1, Step::Do(Command::Set("jaw open".into(), 0.5))));
         let details = [Detail::All, Detail::Share(0.5), Detail::Pixels(0.5)];
         assert_eq!([14, 15, 16].map(|i| steps[i].1.clone()), details.map(|detail| Step::Do(Command::Detail(detail))));

@@ -16,6 +16,7 @@ const KEYS: [(&str, &str); 16] = [
     ("wheel · + −", "nearer, further"),
     ("F", "fill the window with what the active targets move, or the face"),
     ("H · double click", "the camera as at the beginning"),
+    ("W", "all of the scene, or what targets move"),
     ("space", "play, pause"),
     (", · .", "a frame back, a frame on"),
     ("Ctrl Z · Ctrl Y", "undo, redo changes of weights"),
@@ -55,6 +56,7 @@ pub fn keys(ui: &Ui, state: &State, done: &mut Vec<Command>) {
     when(&[Key::P], Command::Panel(!state.panel));
     when(&[Key::F], Command::Focus);
     when(&[Key::H], Command::Home);
+    when(&[Key::W], Command::Whole(!state.whole));
     when(&[Key::A], Command::Active(!state.only_active));
     when(&[Key::Questionmark, Key::F1], Command::Help(!state.help));
     when(&[Key::OpenBracket], Command::Width((state.width - STEP).max(180.0)));

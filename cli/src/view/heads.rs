@@ -2,6 +2,7 @@
 
 use super::device::Device;
 use crate::output::Failure;
+use crate::render::scenery::Subject;
 use deltamorph::Bounds;
 use deltamorph::after::SkinDesc;
 use deltamorph::ash::vk;
@@ -11,7 +12,7 @@ use deltamorph::{
 };
 use deltamorph_render::wrinkles::MaskPlace;
 use deltamorph_render::{
-    Buffer, Glow, Head, Masks, Model, Part, PoseBounds, Renderer, RendererDesc, Show, Stepped, StoredPose, Target,
+    Buffer, Glow, Head, Masks, Model, PoseBounds, Renderer, RendererDesc, Show, Stepped, StoredPose, Target,
 };
 use glam::Mat4;
 use std::sync::Arc;
@@ -78,7 +79,7 @@ impl Heads {
         device: &Device,
         pool: vk::CommandPool,
         format: vk::Format,
-        (mesh, parts): (&MorphMesh, &[Part]),
+        (mesh, subject): (&MorphMesh, &Subject),
         (packed, desc, skin): (Arc<PackedMesh>, UpdateDesc, Option<SkinDesc<'_>>),
         threads: usize,
         places: Vec<Mat4>,
@@ -98,7 +99,10 @@ impl Heads {
         // SAFETY: the handles belong together; the window waits, and drops the instances before the device.
         let renderer = unsafe { Renderer::new(device.instance(), device.physical(), device.raw(), &renderer) }?;
         // SAFETY: fields drop in order, the model before the mesh that it reads.
-        let model = unsafe { Model::new(&renderer, mesh, packed.layout(), &uploaded, parts) }?;
+        let mut model = unsafe { Model::new(&renderer, mesh, packed.layout(), &uploaded, &subject.parts) }?;
+        if let Some(still) = &subject.still {
+            model.set_still(&renderer, &still.mesh, &still.parts)?;
+        }
         let mut skinned = None;
         let who = if desc.path == UpdatePath::Cpu {
             let crowd = Box::new(CpuCrowd::new(packed.clone(), desc, places.len() as u32, threads)?);
@@ -243,7 +247,7 @@ impl Heads {
                     Masks { buffer, offset, units: place.units(*mask_units) }
                 });
                 let (previous, bounds) = ((buffer, previous), bounds(i));
-                Ok(Head { buffer, offset, units: *units, place: *place, previous, masks, bounds })
+                Ok(Head { buffer, offset, units: *units, place: *place, previous, masks, bounds, still: None })
             }
         };
         self.places.iter().enumerate().map(head).collect()

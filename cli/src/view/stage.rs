@@ -76,7 +76,7 @@ impl Stage {
         let format = swapchain::format(&device)?;
         let frames = Frames::new(&device, format.format)?;
         let painter = Painter::new(&device, format.format)?;
-        let subject = subject(state);
+        let subject = subject(state, out)?;
         let heads = heads(&device, &frames, format, state, &subject, out)?;
         let full = Full::new(&device, frames.pool, &state.input.kept)?;
         let context = Context::default();
@@ -159,7 +159,7 @@ impl Stage {
 
     /// Recreates the instances as the state requires. After an error the old ones stay.
     pub fn rebuild(&mut self, state: &State, other_mesh: bool, out: &Output) -> Result<(), Failure> {
-        let subject = other_mesh.then(|| subject(state));
+        let subject = other_mesh.then(|| subject(state, out)).transpose()?;
         let heads =
             heads(&self.device, &self.frames, self.format, state, subject.as_ref().unwrap_or(&self.subject), out)?;
         // A full evaluation sums masks if the instances have them.
@@ -310,9 +310,15 @@ impl Stage {
         let [_, _, width, height] = self.free;
         let aspect = extent.width as f32 * width / (extent.height as f32 * height).max(1.0);
         let camera = Camera { yaw: state.camera[0], pitch: state.camera[1], ..Camera::default() };
-        let all =
-            self.heads.places.iter().flat_map(|place| self.subject.focus.iter().map(|p| place.transform_point3(*p)));
-        camera.fit(all, aspect.max(0.05), MARGIN)
+        let shown = if state.whole { &self.subject.whole } else { &self.subject.focus };
+        let everywhere = |points: &'_ [Vec3]| -> Vec<Vec3> {
+            self.heads.places.iter().flat_map(|place| points.iter().map(|p| place.transform_point3(*p))).collect()
+        };
+        let mut view = camera.fit(everywhere(shown).into_iter(), aspect.max(0.05), MARGIN);
+        if !state.whole {
+            view.reach(everywhere(&self.subject.whole).into_iter());
+        }
+        view
     }
 
     /// Zoom and pan that fill the room with these vertices of the first instance.
@@ -373,19 +379,20 @@ fn heads(
     let (packed, desc) = prepare(&state.run, &state.input, Some(&device.engine), out)?;
     let places = match state.heads {
         1 => vec![Mat4::IDENTITY],
+        heads if state.whole => places(&subject.whole, heads, [1280, 860]),
         heads => places(&subject.focus, heads, [1280, 860]),
     };
     let threads = state.run.update.threads.unwrap_or(0);
     let skin = state.skeleton().map(Joints::skin);
-    Heads::new(device, frames.pool, format.format, (mesh, &subject.parts), (packed, desc, skin), threads, places)
+    Heads::new(device, frames.pool, format.format, (mesh, subject), (packed, desc, skin), threads, places)
 }
 
-fn subject(state: &State) -> Subject {
-    let mut subject = Subject::new(state.run.input.input.as_deref(), &state.input);
+fn subject(state: &State, out: &Output) -> Result<Subject, Failure> {
+    let mut subject = Subject::new(state.run.input.input.as_deref(), &state.input, false, out)?;
     if let Some(joints) = state.skeleton() {
-        subject.focus = joints.reach(&state.input.kept, &subject.focus, None, true);
+        subject.reach(joints, &state.input.kept, None, true);
     }
-    subject
+    Ok(subject)
 }
 
 fn reach(state: &State) -> f32 {

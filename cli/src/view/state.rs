@@ -58,6 +58,8 @@ pub struct State {
     home: [f32; 2],
     pub zoom: f32,
     pub pan: [f32; 2],
+    /// Whether the camera shows all of the scene, not only what targets move.
+    pub whole: bool,
     pub search: String,
     pub only_active: bool,
     pub twins: bool,
@@ -154,6 +156,7 @@ impl State {
             home: [0.0; 2],
             zoom: 1.0,
             pan: [0.0; 2],
+            whole: false,
             search: String::new(),
             only_active: false,
             twins: true,
@@ -235,6 +238,11 @@ impl State {
             Command::Focus => return Ok(Effect::Focus(self.in_focus())),
             Command::Home => (self.camera, self.zoom, self.pan) = (self.home, 1.0, [0.0; 2]),
             Command::Zoom(zoom) => self.zoom = zoom,
+            Command::Whole(on) => {
+                self.whole = on;
+                // Several stand further apart.
+                return Ok(if self.heads > 1 { Effect::Heads } else { Effect::None });
+            }
             Command::Search(text) => self.search = text,
             Command::Active(on) => self.only_active = on,
             Command::Twins(on) => self.twins = on,
@@ -379,8 +387,8 @@ impl State {
             self.take_clip(&path).map(|()| Effect::None)
         } else {
             Self::read(run, None, out).and_then(|at_rest| {
-                let Self { heads, detail, look, camera, home, speed, twins, panel, width, .. } = *self;
-                let mut other = Self { heads, detail, camera, home, speed, twins, panel, width, ..at_rest };
+                let Self { heads, detail, look, camera, home, whole, speed, twins, panel, width, .. } = *self;
+                let mut other = Self { heads, detail, camera, home, whole, speed, twins, panel, width, ..at_rest };
                 other.say(format!("{name} is here"), false);
                 other.show(look)?;
                 Ok(Effect::Mesh(Box::new(other)))

@@ -190,3 +190,34 @@ fn pack_writes_gltf_and_says_how_far_it_is_off() {
     refused(&["pack", &face, "-o", &again, "--format", "fast"], 2, "takes --encoding");
     refused(&["pack", &face, "-o", &path("a.dmorph"), "--encoding", "float"], 2, "takes --format");
 }
+
+/// A part that no target moves is drawn in the colour of its material, where the node that its joint moves has it; and
+/// all of it is in the picture of the whole.
+#[test]
+fn still_parts_are_drawn_in_their_colours() {
+    let dir = tempfile::tempdir().unwrap();
+    let arm = gltf_arm(dir.path());
+    let mut file: Value = serde_json::from_slice(&std::fs::read(&arm).unwrap()).unwrap();
+    let flag = json!({"name": "flag", "primitives": [{"attributes": {"POSITION": 0}, "material": 0}]});
+    file["meshes"].as_array_mut().unwrap().push(flag);
+    file["nodes"].as_array_mut().unwrap().push(json!({"mesh": 1, "translation": [1, 2, 0]}));
+    file["nodes"][2]["children"] = json!([3]);
+    file["materials"] = json!([{"doubleSided": true, "pbrMetallicRoughness": {"baseColorFactor": [0, 1, 0, 1]}}]);
+    std::fs::write(&arm, file.to_string()).unwrap();
+    let out = dir.path().join("out.png");
+    let drawn = |args: &[&str]| {
+        let fixed = ["render", &arm, "--whole", "-o", out.to_str().unwrap(), "--size", "128x96", "--camera", "0,0"];
+        ok(&[&fixed, args].concat());
+        let ([width, _], picture) = pixels(&out);
+        let is_green = |pixel: &[u8]| pixel[1] > 80 && pixel[0] < 50;
+        let green = picture.chunks_exact(4).enumerate().filter(|(_, pixel)| is_green(pixel));
+        let places: Vec<[usize; 2]> = green.map(|(i, _)| [i % width as usize, i / width as usize]).collect();
+        let middle = |axis: usize| places.iter().map(|at| at[axis]).sum::<usize>() / places.len().max(1);
+        (places.len(), [middle(0), middle(1)])
+    };
+    let [lying, standing] = ["0", "1"].map(|frame| drawn(&["--weights", "wave", "--frame", frame]));
+    assert!(lying.0 > 100 && standing.0 > 100 && lying.1 != standing.1, "{lying:?} {standing:?}");
+    let (posed, moved) = (drawn(&["--path", "cpu"]), drawn(&[]));
+    let off = [0, 1].map(|axis| posed.1[axis].abs_diff(moved.1[axis]));
+    assert!(posed.0.abs_diff(moved.0) < 20 && off.iter().all(|off| *off <= 1), "{posed:?} {moved:?}");
+}
