@@ -61,7 +61,7 @@ pub fn parts(mesh: &MorphMesh, names: &[impl AsRef<str>]) -> Vec<Part> {
     painted(mesh, names, &[])
 }
 
-/// Returns the parts of a mesh whose file states `surfaces`, one for each face or `None`; faces without one are those of
+/// Returns the parts of a mesh whose file states `surfaces`, one for each face or `None`; faces without one are as in
 /// [`parts`].
 pub fn painted(mesh: &MorphMesh, names: &[impl AsRef<str>], surfaces: &[Option<Arc<Surface>>]) -> Vec<Part> {
     let mut kinds: HashMap<&str, Option<Material>> = HashMap::new();

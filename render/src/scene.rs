@@ -77,8 +77,8 @@ pub struct Head {
     pub masks: Option<Masks>,
     /// Bounds of the pose, for culling; `None`: it is always drawn.
     pub bounds: Option<Bounds>,
-    /// The buffer with the vertices of still parts that joints have moved, and the offset there, in float32, which has to
-    /// be the renderer's pose format; `None`: as they stand.
+    /// The buffer with the vertices of still parts that joints have moved, and the offset there, in float32, which has
+    /// to be the renderer's pose format; `None`: as they stand.
     pub still: Option<(vk::Buffer, u64)>,
 }
 
