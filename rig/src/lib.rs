@@ -77,8 +77,8 @@ pub struct Control {
     /// Seconds in which [`BoundRig::smooth`] covers 63% (1 − 1/e) of the way to a new value. At 0, the default, the new
     /// value is taken at once.
     pub smoothing: f32,
-    /// Targets driven by the control, in any order. Without keys, the control drives the target of the same name, with
-    /// limits and smoothing.
+    /// Targets driven by the control, in any order. Without keys and parts, the control drives the target of the same
+    /// name, with limits and smoothing.
     pub keys: Vec<Key>,
     /// Targets that follow the control in proportion, beside those of the keys.
     pub parts: Vec<Part>,
@@ -87,7 +87,7 @@ pub struct Control {
     /// Controls that count as 0 while this one is above 0.
     pub blocks: Vec<String>,
     /// Controls that are multiplied by 1 − c, at least 0, where c is the sum of the controls that attenuate them. One
-    /// that [is binary](Self::is_binary) counts as 0 while c is above 0.
+    /// that [is binary](field@Self::is_binary) counts as 0 while c is above 0.
     pub attenuates: Vec<String>,
 }
 
@@ -181,7 +181,7 @@ impl Corrective {
 impl Rig {
     /// Binds the rig to a mesh with the targets `targets`. The bound rig has the rig's
     /// [`controls`](field@Self::controls), followed by each target that no key, part and corrective names (with
-    /// [`keep_targets`](Self::keep_targets), that no control is called after), in the mesh's order.
+    /// [`keep_targets`](field@Self::keep_targets), that no control is called after), in the mesh's order.
     ///
     /// # Errors
     /// [`Error::Invalid`] for: a key or corrective that names no target or control; a control without keys whose name

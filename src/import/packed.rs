@@ -28,10 +28,10 @@ pub fn write(path: &Path, asset: &Asset, clips: &[WeightClip]) -> Result<()> {
     write_replacing(path, |out| out.write_all(&bytes))
 }
 
-/// Returns the bytes of the file that [`write`] writes.
+/// Returns the bytes of the file that [`write()`] writes.
 ///
 /// # Errors
-/// Those of [`Asset::to_bytes`]; [`Error::Invalid`] for a clip, as in [`write`].
+/// Those of [`Asset::to_bytes`]; [`Error::Invalid`] for a clip, as in [`write()`].
 pub fn to_bytes(asset: &Asset, clips: &[WeightClip]) -> Result<Vec<u8>> {
     asset.to_bytes_with(section(clips)?)
 }
