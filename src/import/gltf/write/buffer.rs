@@ -228,10 +228,11 @@ impl Buffer {
     /// Adds an accessor of `count` elements, of which those at `places` are not zero: sparse, or with zeros between
     /// them, whichever takes less.
     pub fn sparse(&mut self, elements: &Elements<'_>, places: &[u32], count: usize) -> Value {
-        let mut accessor = elements.accessor(count);
+        // An accessor without bytes is all zero, but the crate `gltf`, and so Bevy, refuses files that have one.
         if places.is_empty() {
-            return self.push(accessor);
+            return self.sparse(&Elements { values: &[0.0; 4][..elements.width], ..elements.clone() }, &[0], count);
         }
+        let mut accessor = elements.accessor(count);
         let stride = elements.size().next_multiple_of(4);
         let dense = elements.bytes(stride, Some((places, count)));
         let values = elements.bytes(elements.size(), None);

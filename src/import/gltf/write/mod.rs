@@ -70,7 +70,7 @@ pub struct Glb {
 
 /// Writes a mesh as a binary glTF 2.0 file of one node, with the names of the targets in `extras.targetNames`.
 ///
-/// A target that moves nothing takes no bytes. [`MorphMesh::origin`] becomes the translation of the node; quantised
+/// A target that moves nothing has one delta of zero. [`MorphMesh::origin`] becomes the translation of the node; quantised
 /// positions are whole multiples of a step, the scale of the node. Wrinkle masks are left out.
 ///
 /// # Errors
