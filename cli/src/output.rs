@@ -1,5 +1,6 @@
 //! The program's output: results on stdout, notes and progress on stderr.
 
+use crate::table::fitted;
 use deltamorph::internals::write_replacing;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
@@ -67,8 +68,13 @@ impl Output {
     /// Prints the result in words; with `--json -`, nothing, since stdout is reserved for JSON.
     pub fn say(&self, text: impl fmt::Display) {
         if !self.quiet && !self.json_to_stdout() {
-            self.print(&format!("{text}\n"));
+            self.print(&(fitted(&text.to_string()) + "\n"));
         }
+    }
+
+    /// Prints text for another program, which is as wide as it is.
+    pub fn pass_on(&self, text: &str) {
+        self.print(text);
     }
 
     fn print(&self, text: &str) {
@@ -87,7 +93,7 @@ impl Output {
 
     pub fn note(&self, text: impl fmt::Display) {
         if !self.quiet {
-            let _ = writeln!(std::io::stderr().lock(), "note: {text}");
+            let _ = writeln!(std::io::stderr().lock(), "{}", fitted(&format!("note: {text}")));
         }
     }
 

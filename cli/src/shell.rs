@@ -8,7 +8,7 @@ use clap::CommandFactory;
 pub fn completions(args: &CompletionsArgs, out: &Output) {
     let mut script = vec![];
     clap_complete::generate(args.shell, &mut grouped(Cli::command()), "deltamorph", &mut script);
-    out.say(String::from_utf8_lossy(&script).trim_end());
+    out.pass_on(&String::from_utf8_lossy(&script));
 }
 
 pub fn man(args: &ManArgs, out: &Output) -> Result<(), Failure> {

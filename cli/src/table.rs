@@ -5,7 +5,18 @@ use std::sync::OnceLock;
 /// Columns of the terminal; unset where there is none.
 static COLUMNS: OnceLock<usize> = OnceLock::new();
 
-/// Has tables fit the terminal, if stdout is one, or what the environment says.
+/// Breaks lines that are wider than the terminal between words; what follows is indented as the line is.
+pub fn fitted(text: &str) -> String {
+    let Some(&columns) = COLUMNS.get() else { return text.to_owned() };
+    let line = |line: &str| {
+        let indent = &line[..line.len() - line.trim_start().len()];
+        let options = textwrap::Options::new(columns).break_words(false).subsequent_indent(indent);
+        textwrap::fill(line, options.word_splitter(textwrap::WordSplitter::NoHyphenation))
+    };
+    text.split('\n').map(line).collect::<Vec<_>>().join("\n")
+}
+
+/// Has text fit the terminal, if stdout is one, or what the environment says.
 pub fn fit_terminal() {
     let terminal = console::Term::stdout().size_checked().map(|(_, columns)| columns.into());
     let stated = || std::env::var("COLUMNS").ok()?.parse().ok();
