@@ -249,7 +249,7 @@ fn bad_arguments_exit_with_2_and_failures_with_1() {
     check(&dense, 2, &["of float32 deltas", "'snorm16'"]);
     check(&["play", &dir, "--path", "scatter", "--pose", "fixed32"], 2, &["'scatter' takes float32"]);
     check(&["play", &dir, "--path", "scatter", "--accumulate", "float"], 2, &["'scatter' adds integers"]);
-    check(&["play", &dir, "--animated", "--pose", "float32"], 1, &["float32 poses", "Fixed16"]);
+    check(&["play", &dir, "--animated", "--pose", "float32"], 1, &["float32 poses", "use fixed16 or fixed32"]);
     let exact = ["play", &dir, "--path", "cpu", "--format", "block-float32", "--pose", "fixed16"];
     check(&exact, 2, &["pack as 'fast', 'small' or, dense, 'snorm16'"]);
     check(&["play", &dir, "--path", "cpu", "--json", "/nonexistent/x.json"], 1, &["/nonexistent/x.json"]);
