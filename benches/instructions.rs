@@ -1,6 +1,7 @@
 //! One format of the `cpu` path, for `.ci/instructions`, which counts the instructions that its loops execute:
-//! `instructions FORMAT POSE FRAMES`. The pose `plain` is a plain Rust loop over float32 deltas instead, of all
-//! vertices for dense formats and of those that a target moves for block formats.
+//! `instructions FORMAT POSE VERTICES TARGETS CHANGED FRAMES`, CHANGED of the targets in each frame. The pose `plain` is a
+//! plain Rust loop over float32 deltas instead, of all vertices for dense formats and of those that a target moves for
+//! block formats.
 //!
 //! Prints how many deltas (targets changed × vertices that they move, all vertices in dense formats) a frame applies.
 
@@ -13,21 +14,18 @@ use glam::Vec3;
 use std::hint::black_box;
 use std::sync::Arc;
 
-const TARGETS: usize = 16;
-/// Targets that change in a frame.
-const CHANGED: usize = 8;
-
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [format, pose, frames] = &arguments[..] else {
-        println!("instructions FORMAT POSE FRAMES; .ci/instructions runs it");
+    let [format, pose, numbers @ ..] = &arguments[..] else {
+        println!("instructions FORMAT POSE VERTICES TARGETS CHANGED FRAMES; .ci/instructions runs it");
         return;
     };
+    let numbers: Vec<usize> = numbers.iter().map(|number| number.parse().expect("a number")).collect();
+    let [vertices, targets, changed, frames] = numbers[..] else { panic!("four numbers") };
     let format = DeltaFormat::ALL.into_iter().find(|f| f.name() == format).expect("a delta format");
-    let frames: usize = frames.parse().expect("frames");
-    let mesh = head(&HeadDesc::default().vertices(1500).targets(TARGETS));
+    let mesh = head(&HeadDesc::default().vertices(vertices).targets(targets));
     let mesh = mesh.to_mesh(Tolerance::default()).expect("the built-in head");
-    let frame = |f: usize| (0..CHANGED).map(move |i| ((f * CHANGED + i) % TARGETS, 0.25 + ((f + i) % 8) as f32 / 16.0));
+    let frame = |f: usize| (0..changed).map(move |i| ((f * changed + i) % targets, 0.25 + ((f + i) % 8) as f32 / 16.0));
     let moved = |target: usize| match format.is_blocks() {
         true => mesh.targets[target].vertices.len(),
         false => mesh.vertex_count(),
@@ -39,13 +37,13 @@ fn main() {
         let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format)).expect("targets that fit"));
         let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).pose(pose);
         let mut crowd = CpuCrowd::new(packed, desc, 1, 1).expect("one thread");
-        let mut weights = vec![0.125; TARGETS];
+        let mut weights = vec![0.125; targets];
         crowd.set_weights(0, &weights).expect("finite weights");
         crowd.update(); // from base
         for f in 0..frames {
             frame(f).for_each(|(target, weight)| weights[target] = weight);
             crowd.set_weights(0, &weights).expect("finite weights");
-            assert_eq!(crowd.update().coefficients, CHANGED);
+            assert_eq!(crowd.update().coefficients, changed);
         }
     }
     println!("{}", (0..frames).flat_map(frame).map(|(target, _)| moved(target)).sum::<usize>());
@@ -68,7 +66,7 @@ fn plain<I: Iterator<Item = (usize, f32)>>(mesh: &MorphMesh, sparse: bool, frame
     let padded = |[p, n]: &[Vec3; 2]| [p.x, p.y, p.z, 0.0, n.x, n.y, n.z, 0.0];
     let padded: Vec<Vec<[f32; 8]>> = moved.iter().map(|moved| moved.iter().map(padded).collect()).collect();
     let (mut pose, mut pose8) = (vec![0.0; vertices * 6], vec![[0.0; 8]; vertices]);
-    let mut applied = [0.0; TARGETS];
+    let mut applied = vec![0.0; mesh.targets.len()];
     for frame in frames {
         let changed: Vec<(usize, f32)> = frame.map(|(t, w)| (t, w - std::mem::replace(&mut applied[t], w))).collect();
         if sparse {
