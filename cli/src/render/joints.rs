@@ -43,14 +43,11 @@ impl Joints {
     /// The joints of INPUT, if it is a file that has any, at rest.
     pub fn of(args: &InputArgs, input: &Input) -> Result<Option<Self>, Failure> {
         let Some(file) = args.input.as_ref().filter(|path| is_gltf(path)) else { return Ok(None) };
-        let Some(skeleton) = gltf::read(file)?.into_skinned()?.1 else { return Ok(None) };
+        let scene = gltf::read(file)?.into_scene(true)?;
+        let Some(skeleton) = scene.mesh.skeleton else { return Ok(None) };
+        let of_still = scene.still.and_then(|still| still.skeleton);
         let (file, origin) = (file.clone(), input.kept.origin.as_dvec3());
-        Ok(Some(Self { file, skeleton, of_still: None, playing: None, fps: args.fps, origin }))
-    }
-
-    /// Takes the joints of still parts, which move with those of the mesh.
-    pub fn take_still(&mut self, still: Option<&mut Still>) {
-        self.of_still = still.and_then(|still| still.skeleton.take());
+        Ok(Some(Self { file, skeleton, of_still, playing: None, fps: args.fps, origin }))
     }
 
     /// Animations that move joints alone, as FILE#NAME.

@@ -83,7 +83,6 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
         (named, _) => named.as_ref(),
     };
     if let Some(joints) = &mut joints {
-        joints.take_still(subject.still.as_mut());
         if let Some(clip) = clip {
             joints.play(&input::named(clip, &args.run.input)?);
         }

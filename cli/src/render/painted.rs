@@ -21,7 +21,6 @@ pub struct Still {
     /// Relative to the origin of the mesh that targets move.
     pub mesh: MorphMesh,
     pub parts: Vec<Part>,
-    pub skeleton: Option<Skeleton>,
 }
 
 /// What the file says of a material.
@@ -67,7 +66,7 @@ pub fn of_file(path: &Path, mesh: &MorphMesh, unposed: bool, out: &Output) -> Re
     let still = still.map(|mut still| -> Result<Still, Failure> {
         let mut stands = std::mem::take(&mut still.source).to_mesh(Tolerance::ZERO)?;
         stands.positions.iter_mut().for_each(|p| *p = (p.as_dvec3() - mesh.origin.as_dvec3()).as_vec3());
-        Ok(Still { parts: of(&still, &stands), mesh: stands, skeleton: still.skeleton })
+        Ok(Still { parts: of(&still, &stands), mesh: stands })
     });
     Ok(Painted { parts, has_joints, still: still.transpose()? })
 }

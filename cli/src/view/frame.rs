@@ -37,6 +37,8 @@ pub struct Wanted<'a> {
     pub weights: &'a [Vec<f32>],
     /// Joints of each instance, if its mesh has any.
     pub joints: &'a [Vec<f32>],
+    /// Vertices of the still parts of each instance, if joints move them.
+    pub still: &'a [Vec<f32>],
     pub scene: &'a Scene,
     pub background: [f32; 4],
     pub panel: Picture,
@@ -202,7 +204,7 @@ impl Frames {
         painter: &mut Painter,
         wanted: Wanted<'_>,
     ) -> Result<Sample, Failure> {
-        let Wanted { weights, joints, scene, background, panel, full, screenshot } = wanted;
+        let Wanted { weights, joints, still, scene, background, panel, full, screenshot } = wanted;
         let (device, cmd) = (self.device.clone(), self.frames[slot].cmd);
         let raw = device.raw();
         if self.queries != vk::QueryPool::null() {
@@ -210,7 +212,7 @@ impl Frames {
             unsafe { raw.cmd_reset_query_pool(cmd, self.queries, slot as u32 * STAMPS, STAMPS) };
         }
         self.stamp(slot, 0);
-        let took = heads.update(&device, cmd, slot, (weights, joints))?;
+        let took = heads.update(&device, cmd, slot, [weights, joints, still])?;
         self.stamp(slot, 1);
         let (extent, readable) = (swapchain.extent, swapchain.readable);
         let shown = &mut swapchain.images[index];

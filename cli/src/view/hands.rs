@@ -10,7 +10,7 @@ use egui::{
 };
 
 /// What [`help`] lists.
-const KEYS: [(&str, &str); 16] = [
+const KEYS: [(&str, &str); 17] = [
     ("drag · arrows", "turn"),
     ("shift or right drag · shift arrows", "move the picture"),
     ("wheel · + −", "nearer, further"),

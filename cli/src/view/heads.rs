@@ -26,6 +26,8 @@ const AFTERGLOW: f32 = 0.88;
 const FULL_EVERY: u32 = 24;
 /// Most bytes of deltas for a full evaluation.
 const FULL_BYTES: usize = 1 << 30;
+/// Bytes of a vertex of still parts: position and normal.
+const STILL_BYTES: usize = 24;
 
 /// The instances, all updated in the same way.
 pub struct Heads {
@@ -39,6 +41,9 @@ pub struct Heads {
     who: Who,
     /// The skin of poses on the device.
     skin: Option<Stepped>,
+    /// Vertices of the still parts of each instance that joints move, by frame in flight; the bytes of an instance.
+    still: Vec<Buffer>,
+    moved: usize,
     glow: Vec<Glow>,
     /// With several instances, bounds of poses, and of each instance in this frame.
     bounds: Option<(PoseBounds, Vec<Bounds>)>,
@@ -103,7 +108,7 @@ impl Heads {
         if let Some(still) = &subject.still {
             model.set_still(&renderer, &still.mesh, &still.parts)?;
         }
-        let mut skinned = None;
+        let (mut skinned, mut still) = (None, vec![]);
         let who = if desc.path == UpdatePath::Cpu {
             let crowd = Box::new(CpuCrowd::new(packed.clone(), desc, places.len() as u32, threads)?);
             let poses = 2 + usize::from(masks.is_some());
@@ -126,6 +131,11 @@ impl Heads {
                     skin.release_staging();
                     renderer.skinned(&device.engine, &packed, &mut crowd, (&skin, joints), IN_FLIGHT)
                 }?);
+                let vertices = subject.still.as_ref().map_or(0, |still| still.mesh.vertex_count());
+                let bytes = (places.len() * vertices * STILL_BYTES).max(4);
+                // SAFETY: a buffer is written after its frame was waited for, and dropped after all were.
+                let buffer = |_| unsafe { renderer.buffer(bytes, vk::BufferUsageFlags::VERTEX_BUFFER) };
+                still = (0..IN_FLIGHT).map(buffer).collect::<deltamorph::Result<_>>()?;
             }
             Who::Device(crowd)
         };
@@ -149,6 +159,8 @@ impl Heads {
             model,
             who,
             skin: skinned,
+            still,
+            moved: 0,
             glow,
             bounds,
             masks,
@@ -156,14 +168,15 @@ impl Heads {
         })
     }
 
-    /// Updates every instance to `weights[head]`, and `joints[head]` if poses are skinned. Records into `cmd` for frame in
+    /// Updates every instance to `weights[head]`; if poses are skinned, to `joints[head]`, with still parts at
+    /// `still[head]`. Records into `cmd` for frame in
     /// flight `frame`, which was waited for.
     pub fn update(
         &mut self,
         device: &Device,
         cmd: vk::CommandBuffer,
         frame: usize,
-        (weights, joints): (&[Vec<f32>], &[Vec<f32>]),
+        [weights, joints, still]: [&[Vec<f32>]; 3],
     ) -> Result<Took, Failure> {
         let start = Instant::now();
         let stats = match &mut self.who {
@@ -171,6 +184,11 @@ impl Heads {
                 if let Some(skin) = &mut self.skin {
                     joints.iter().enumerate().for_each(|(head, joints)| _ = skin.set_joints(head, joints));
                     skin.write(frame, crowd)?;
+                    self.moved = still.first().map_or(0, |vertices| size_of_val(&**vertices));
+                    for (head, vertices) in still.iter().enumerate() {
+                        let bytes: Vec<u8> = vertices.iter().flat_map(|number| number.to_ne_bytes()).collect();
+                        self.still[frame].write(head * self.moved, &bytes);
+                    }
                 }
                 for (head, weights) in (0..).zip(weights) {
                     crowd.set_weights(head, weights)?;
@@ -237,6 +255,8 @@ impl Heads {
                 let masks = self.masks.map(|_| crowd.stream(i as u32, Semantic::Mask)).transpose()?;
                 let head = Head::new(&crowd.pose(i as u32)?, *place).previous(previous.as_ref());
                 let head = head.masks(masks.as_ref().map(Masks::new)).bounds(bounds(i));
+                let still = self.still.get(frame).filter(|_| self.moved > 0);
+                let head = Head { still: still.map(|buffer| (buffer.raw(), (i * self.moved) as u64)), ..head };
                 Ok(self.skin.as_ref().map_or(head, |skin| skin.head(i, head)))
             }
             Who::Processor { buffers, last, units: (units, mask_units), .. } => {

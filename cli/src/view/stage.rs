@@ -201,12 +201,14 @@ impl Stage {
         let (panel, done, moves) = self.panel(state, live, extent);
         let mut weights = state.weights()?;
         let joints = state.joints();
+        let still = state.still(self.subject.still.as_ref());
         self.hold(state, &mut weights);
         let scene = self.scene(state, extent);
         let moves = moves | self.leave_out(state, &scene, extent, &mut weights)?;
         let wanted = Wanted {
             weights: &weights,
             joints: &joints,
+            still: &still,
             scene: &scene,
             background: Background(Some(style::BEHIND)).linear(),
             panel,
@@ -388,7 +390,7 @@ fn heads(
 }
 
 fn subject(state: &State, out: &Output) -> Result<Subject, Failure> {
-    let mut subject = Subject::new(state.run.input.input.as_deref(), &state.input, false, out)?;
+    let mut subject = Subject::new(state.run.input.input.as_deref(), &state.input, state.is_unposed(), out)?;
     if let Some(joints) = state.skeleton() {
         subject.reach(joints, &state.input.kept, None, true);
     }

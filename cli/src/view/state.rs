@@ -8,6 +8,7 @@ use crate::detail::Detail;
 use crate::input::{self, Input, Meshes};
 use crate::output::{Failure, Output};
 use crate::render::joints::Joints;
+use crate::render::painted::Still;
 use deltamorph::{BoundClip, UpdatePath};
 use deltamorph_head::Rng;
 use std::path::{Path, PathBuf};
@@ -283,6 +284,18 @@ impl State {
         let Some(joints) = self.skeleton() else { return vec![] };
         let frame = |head| self.clip.as_ref().filter(|_| self.follows).map(|clip| self.frame(clip, head));
         (0..self.heads as usize).map(|head| joints.at(frame(head))).collect()
+    }
+
+    /// Vertices of still parts of each instance, where joints have them.
+    pub fn still(&self, still: Option<&Still>) -> Vec<Vec<f32>> {
+        let (Some(joints), Some(still)) = (self.skeleton(), still) else { return vec![] };
+        let frame = |head| self.clip.as_ref().filter(|_| self.follows).map(|clip| self.frame(clip, head));
+        (0..self.heads as usize).filter_map(|head| joints.still_at(still, frame(head))).collect()
+    }
+
+    /// Whether joints are to move the mesh, which stands as it is without them.
+    pub fn is_unposed(&self) -> bool {
+        self.joints.is_some()
     }
 
     /// The frame of the clip that an instance shows.
