@@ -56,7 +56,7 @@ impl PackedGroup {
         if let Some(blocks) = &layout.blocks {
             for incidence in blocks.incidence(target) {
                 let first = incidence.block as usize * blocks.size();
-                blocks.for_each_lane(&self.words, incidence.entry as usize, |lane, delta| {
+                blocks.for_each_lane(&self.words, incidence.entry as usize, &mut |lane, delta| {
                     if let Some(&user) = blocks.order().get(first + lane) {
                         f(user as usize, delta);
                     }

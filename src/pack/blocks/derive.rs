@@ -146,7 +146,7 @@ impl BlockIndex {
             for entry in self.entries(block) {
                 let mask = &mut masks[entry * POSE_FLOATS * w..][..POSE_FLOATS * w];
                 let (mut reach, mut lanes) = (0.0f64, [u8::MAX, 0]);
-                self.for_each_lane(words, entry, |lane, delta| {
+                self.for_each_lane(words, entry, &mut |lane, delta| {
                     for (c, value) in delta.iter().enumerate() {
                         mask[c * w + lane / 32] |= u32::from(*value != 0.0) << (lane % 32);
                         sums[lane][c] += value.abs();

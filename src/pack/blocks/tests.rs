@@ -40,7 +40,7 @@ fn deltas_come_back_within_the_error_allowed_and_masks_say_what_changes() {
         let w = index.mask_words();
         for (entry, mask) in index.masks.chunks_exact(6 * w).enumerate() {
             let mut found = vec![0u32; 6 * w];
-            index.for_each_lane(packed.deltas(), entry, |lane, delta| {
+            index.for_each_lane(packed.deltas(), entry, &mut |lane, delta| {
                 (0..6).for_each(|c| found[c * w + lane / 32] |= u32::from(delta[c] != 0.0) << (lane % 32));
             });
             assert_eq!(mask, found);
