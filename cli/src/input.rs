@@ -231,7 +231,7 @@ pub fn named(path: &Path, args: &InputArgs) -> Result<PathBuf, Failure> {
 }
 
 /// The clip of an animation that moves joints alone, while all weights are 0.
-fn still(path: &Path, args: &InputArgs, input: &Input) -> Result<Option<WeightClip>, Failure> {
+fn of_joints_alone(path: &Path, args: &InputArgs, input: &Input) -> Result<Option<WeightClip>, Failure> {
     let Some((file, name)) = import::animation_of(path).filter(|(file, _)| import::is_gltf(file)) else {
         return Ok(None);
     };
@@ -248,7 +248,7 @@ fn still(path: &Path, args: &InputArgs, input: &Input) -> Result<Option<WeightCl
 /// is a glTF file and there is no file at `path`, it may be the name of an animation.
 pub fn clip(path: &Path, args: &InputArgs, input: &Input, settings: &Settings) -> Result<BoundClip, Failure> {
     let path = &named(path, args)?;
-    let clip = match still(path, args, input)? {
+    let clip = match of_joints_alone(path, args, input)? {
         Some(clip) => clip,
         None => import::open_clip(path, args.fps)?,
     };

@@ -1,6 +1,7 @@
 //! Shader data: the light and the camera, each head, and each part of a mesh.
 
 use crate::camera::{View, direction};
+use crate::srgb::encoded;
 use bytemuck::{Pod, Zeroable};
 use deltamorph::Bounds;
 use deltamorph::ash::vk;
@@ -221,9 +222,7 @@ pub fn heat(value: f32) -> [u8; 3] {
     let at = value.clamp(0.0, 1.0) * 5.0;
     let i = (at as usize).min(4);
     let (low, high) = (Vec3::from(STOPS[i]), Vec3::from(STOPS[i + 1]));
-    let encoded =
-        |linear: f32| if linear < 0.0031308 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
-    low.lerp(high, at - i as f32).to_array().map(|linear| (encoded(linear) * 255.0).round() as u8)
+    low.lerp(high, at - i as f32).to_array().map(encoded)
 }
 
 #[cfg(test)]

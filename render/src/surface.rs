@@ -2,8 +2,10 @@
 
 use crate::memory::{Buffer, Gpu, Image, ImageDesc, failed};
 use crate::renderer::Renderer;
+use crate::srgb::{decoded, encoded};
 use deltamorph::Result;
 use deltamorph::ash::vk;
+use deltamorph::import::gltf::{Alpha, Wrap};
 use glam::Affine2;
 use std::collections::HashMap;
 use std::slice::from_ref;
@@ -20,7 +22,8 @@ pub struct Surface {
     pub texture: Option<(Arc<Pixels>, [Wrap; 2])>,
     /// The transform of texture coordinates before that.
     pub place: Affine2,
-    /// The meaning of opacity.
+    /// The meaning of opacity. What is masked (above 0) or blended casts no shadow; blended parts are drawn in their order,
+    /// after all others.
     pub alpha: Alpha,
     /// Whether back faces are drawn, too, lit from their own side.
     pub double_sided: bool,
@@ -35,39 +38,10 @@ pub struct Pixels {
     pub rgba: Vec<u8>,
 }
 
-/// What a texture shows beyond its edges.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Wrap {
-    /// The texture again.
-    Repeat,
-    /// Its mirror image.
-    Mirror,
-    /// The pixels at the edge.
-    Clamp,
-}
-
-/// The meaning of opacity.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Alpha {
-    /// None.
-    Opaque,
-    /// Only what has at least this opacity (above 0) is drawn, opaque. It casts no shadow.
-    Mask(f32),
-    /// What is behind shows through. Parts are drawn in their order, after all others; they cast no shadow.
-    Blend,
-}
-
 impl Pixels {
     /// Returns the picture in half the size, colours averaged as light is.
     fn halved(&self) -> Self {
-        let linear: [f32; 256] = std::array::from_fn(|i| match i as f32 / 255.0 {
-            encoded if encoded < 0.04045 => encoded / 12.92,
-            encoded => ((encoded + 0.055) / 1.055).powf(2.4),
-        });
-        let encoded = |linear: f32| {
-            let encoded = if linear < 0.0031308 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
-            (encoded * 255.0).round() as u8
-        };
+        let linear: [f32; 256] = std::array::from_fn(|i| decoded(i as u8));
         let [width, height] = self.size;
         let size = self.size.map(|edge| (edge / 2).max(1));
         let mut rgba = Vec::with_capacity(size[0] as usize * size[1] as usize * 4);

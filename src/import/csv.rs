@@ -24,10 +24,7 @@ use std::path::Path;
 pub fn read(path: &Path, fps: Option<f32>) -> Result<WeightClip> {
     let bytes = read_bounded(path, TEXT_MAX, "split the clip")?;
     let name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-    let fps = fps.or_else(|| fps_of_name(path)).unwrap_or(DEFAULT_FPS);
-    if !(fps > 0.0 && fps.is_finite()) {
-        return Err(Error::invalid(format!("the frame rate is {fps}"), "give a positive number of frames per second"));
-    }
+    let fps = super::frame_rate(fps.or_else(|| fps_of_name(path)).unwrap_or(DEFAULT_FPS))?;
     let (names, values) = parse(path, bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes))?;
     Ok(WeightClip { name, names, fps, values })
 }

@@ -198,14 +198,16 @@ fn packed_clip(path: &Path, name: Option<&str>, fps: Option<f32>) -> Result<Weig
     let mut clips = packed::clips(path)?;
     let all: Vec<&str> = clips.iter().map(|clip| clip.name.as_str()).collect();
     let mut clip = clips.swap_remove(choose(path, ["packed file", "clip", "clips"], &all, name, "")?);
-    clip.fps = fps.unwrap_or(clip.fps);
-    if !(clip.fps > 0.0 && clip.fps.is_finite()) {
-        return Err(Error::invalid(
-            format!("the frame rate is {}", clip.fps),
-            "give a positive number of frames per second",
-        ));
-    }
+    clip.fps = frame_rate(fps.unwrap_or(clip.fps))?;
     Ok(clip)
+}
+
+/// Checks a number of frames per second.
+fn frame_rate(fps: f32) -> Result<f32> {
+    if fps > 0.0 && fps.is_finite() {
+        return Ok(fps);
+    }
+    Err(Error::invalid(format!("the frame rate is {fps}"), "give a positive number of frames per second"))
 }
 
 /// The index of the clip called `name`, or of the only one.

@@ -4,6 +4,7 @@ use crate::args::render::Background;
 use crate::output::{Failure, write_file};
 use ab_glyph::{Font, FontRef, Glyph, PxScale, ScaleFont, point};
 use deltamorph_render::Picture;
+use deltamorph_render::srgb::{decoded, encoded};
 use std::path::Path;
 
 /// Horizontal alignment of text.
@@ -38,17 +39,6 @@ impl Background {
         // Without a background: a grey that is readable on black and on white.
         self.0.map_or([0x80; 3], |colour| if bright(colour) { [0x22, 0x26, 0x2e] } else { [0xd6, 0xda, 0xe2] })
     }
-}
-
-fn decoded(srgb: u8) -> f32 {
-    let v = f32::from(srgb) / 255.0;
-    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
-}
-
-fn encoded(linear: f32) -> u8 {
-    let v = linear.clamp(0.0, 1.0);
-    let srgb = if v < 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
-    (srgb * 255.0).round() as u8
 }
 
 impl From<Picture> for Canvas {

@@ -123,16 +123,10 @@ impl Joints {
         let points: Vec<_> = points.filter(|(_, p)| p.cmpge(low).all() && p.cmple(high).all()).collect();
         let frames = self.frames(frame, all);
         let (step, influences) = ((points.len() * frames.len()).div_ceil(POINTS).max(1), &self.skeleton.influences);
-        let n = influences.per_vertex;
         let at = |frame: &Option<f64>| {
             let matrices = self.matrices(&self.skeleton, *frame);
-            let skinned = |(v, p): &(usize, Vec3)| {
-                let joints = influences.joints[v * n..].iter().zip(&influences.weights[v * n..]).take(n);
-                let moved = joints.map(|(joint, weight)| {
-                    matrices[usize::from(*joint)].transform_point3(p.as_dvec3()) * f64::from(*weight)
-                });
-                moved.sum::<DVec3>().as_vec3()
-            };
+            let skinned =
+                |(v, p): &(usize, Vec3)| influences.blend(*v, &matrices).transform_point3(p.as_dvec3()).as_vec3();
             points.iter().step_by(step).map(skinned).collect::<Vec<_>>()
         };
         frames.iter().flat_map(at).collect()

@@ -3,7 +3,7 @@
 use crate::output::{Failure, Output};
 use deltamorph::import::gltf::{self, Drawn, Property, Skeleton};
 use deltamorph::{MorphMesh, Tolerance};
-use deltamorph_render::{Alpha, Material, Part, Pixels, Surface, Wrap, painted};
+use deltamorph_render::{Material, Part, Pixels, Surface, painted};
 use glam::DVec3;
 use std::path::Path;
 use std::sync::Arc;
@@ -92,11 +92,6 @@ fn paints(path: &Path, out: &Output) -> Result<Vec<(String, Paint)>, Failure> {
     };
     let images: Vec<Option<Arc<Pixels>>> = read.images.iter().enumerate().map(decode).collect();
     let paint = |material: &gltf::Material| {
-        let alpha = match material.alpha {
-            gltf::Alpha::Opaque => Alpha::Opaque,
-            gltf::Alpha::Mask(cutoff) => Alpha::Mask(cutoff),
-            gltf::Alpha::Blend => Alpha::Blend,
-        };
         let mut place = Default::default();
         let texture = match &material.texture {
             None => None,
@@ -108,18 +103,13 @@ fn paints(path: &Path, out: &Output) -> Result<Vec<(String, Paint)>, Failure> {
                         let name = &material.name;
                         out.note(format_args!("material '{name}': its texture is on further coordinates: left out"));
                     }
-                    return Paint::Lost { covers: alpha == Alpha::Opaque };
+                    return Paint::Lost { covers: material.alpha == gltf::Alpha::Opaque };
                 };
                 place = texture.transform;
-                let wrap = texture.wrap.map(|wrap| match wrap {
-                    gltf::Wrap::Repeat => Wrap::Repeat,
-                    gltf::Wrap::Mirror => Wrap::Mirror,
-                    gltf::Wrap::Clamp => Wrap::Clamp,
-                });
-                Some((pixels, wrap))
+                Some((pixels, texture.wrap))
             }
         };
-        let (colour, double_sided) = (material.base_color, material.double_sided);
+        let gltf::Material { base_color: colour, alpha, double_sided, .. } = *material;
         Paint::Stated(Arc::new(Surface { colour, texture, place, alpha, double_sided }))
     };
     Ok(read.materials.iter().map(|material| (material.name.clone(), paint(material))).collect())
@@ -130,10 +120,7 @@ impl Still {
     pub fn skinned(&self, skeleton: &Skeleton, matrices: &[glam::DMat4]) -> Vec<f32> {
         let (influences, mut vertices) = (&skeleton.influences, Vec::with_capacity(6 * self.mesh.vertex_count()));
         for (v, (p, n)) in self.mesh.positions.iter().zip(&self.mesh.normals).enumerate() {
-            let of_vertex = v * influences.per_vertex..(v + 1) * influences.per_vertex;
-            let joints = influences.joints[of_vertex.clone()].iter().zip(&influences.weights[of_vertex]);
-            let matrix: glam::DMat4 =
-                joints.map(|(joint, weight)| matrices[usize::from(*joint)] * f64::from(*weight)).sum();
+            let matrix = influences.blend(v, matrices);
             let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(|axis| axis.truncate());
             // The inverse transpose, but for its scale.
             let sign = if x.cross(y).dot(z) < 0.0 { -1.0 } else { 1.0 };

@@ -282,15 +282,19 @@ impl State {
     /// Joints of each instance: at rest, unless weights come from the clip.
     pub fn joints(&self) -> Vec<Vec<f32>> {
         let Some(joints) = self.skeleton() else { return vec![] };
-        let frame = |head| self.clip.as_ref().filter(|_| self.follows).map(|clip| self.frame(clip, head));
-        (0..self.heads as usize).map(|head| joints.at(frame(head))).collect()
+        self.frames().map(|frame| joints.at(frame)).collect()
     }
 
     /// Vertices of still parts of each instance, where joints have them.
     pub fn still(&self, still: Option<&Still>) -> Vec<Vec<f32>> {
         let (Some(joints), Some(still)) = (self.skeleton(), still) else { return vec![] };
-        let frame = |head| self.clip.as_ref().filter(|_| self.follows).map(|clip| self.frame(clip, head));
-        (0..self.heads as usize).filter_map(|head| joints.still_at(still, frame(head))).collect()
+        self.frames().filter_map(|frame| joints.still_at(still, frame)).collect()
+    }
+
+    /// The frame of the clip that each instance shows; `None` if weights come from elsewhere.
+    fn frames(&self) -> impl Iterator<Item = Option<f64>> {
+        let clip = self.clip.as_ref().filter(|_| self.follows);
+        (0..self.heads as usize).map(move |head| clip.map(|clip| self.frame(clip, head)))
     }
 
     /// Whether joints are to move the mesh, which stands as it is without them.

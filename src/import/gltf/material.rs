@@ -50,7 +50,7 @@ pub struct Texture {
 }
 
 /// What a texture shows beyond its edges.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Wrap {
     /// The texture again.
     Repeat,

@@ -386,7 +386,8 @@ impl Influences {
     }
 
     /// Returns the matrix of a vertex where joints have these; the identity if it follows none.
-    pub(super) fn blend(&self, vertex: usize, joints: &[DMat4]) -> DMat4 {
+    #[must_use]
+    pub fn blend(&self, vertex: usize, joints: &[DMat4]) -> DMat4 {
         let (mut sum, mut total) = (DMat4::ZERO, 0.0);
         for (joint, weight) in self.of(vertex).map(|(joint, weight)| (joint, f64::from(weight))) {
             sum += joints[joint] * weight;

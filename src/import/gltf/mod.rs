@@ -289,13 +289,7 @@ impl Gltf {
         if channels.is_empty() {
             return refuse("no weights of morph targets", "name another animation");
         }
-        let fps = fps.unwrap_or_else(|| animation.frame_rate());
-        if !(fps > 0.0 && fps.is_finite()) {
-            return Err(Error::invalid(
-                format!("the frame rate is {fps}"),
-                "give a positive number of frames per second",
-            ));
-        }
+        let fps = super::frame_rate(fps.unwrap_or_else(|| animation.frame_rate()))?;
         let (mut names, mut columns, mut seen) = (vec![], vec![], HashSet::new());
         for channel in &channels {
             let own: Vec<(usize, &str)> = self.targets_of(channel).filter(|(_, name)| seen.insert(*name)).collect();
