@@ -193,7 +193,9 @@ impl DeviceCaps {
                 _ => DeviceKind::Other,
             },
             tuning: match core.device_type {
-                vk::PhysicalDeviceType::CPU => DeviceClass::Software.tuning(),
+                vk::PhysicalDeviceType::CPU => {
+                    DeviceClass::Software.tuning().for_software(core.vendor_id, core.api_version)
+                }
                 _ => DeviceClass::of_vendor(core.vendor_id).tuning().for_gpu(core.vendor_id, narrowest),
             },
             api_version: version(core.api_version),

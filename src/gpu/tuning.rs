@@ -1,5 +1,7 @@
 //! Tuning by kind of device: how work is divided, and which variants of kernels run.
 
+use ash::vk;
+
 use crate::abi::numbers::TILE;
 use crate::error::{Error, Result};
 
@@ -58,6 +60,17 @@ impl DeviceTuning {
         Self { lanes: if wide { SHARED } else { self.lanes }, few_registers: wide || vendor == BROADCOM, ..self }
     }
 
+    /// Adjusts the tuning to a software driver, by its vendor and its version of Vulkan, the one number from which
+    /// lavapipe's own follows. Mesa 25.0.7 with LLVM 19 crashes now and then in kernels that read texels: the results of
+    /// its fetches are misaligned on the stack. Mesa 22.3 and 26.2 do not; those in between are taken for alike.
+    #[must_use]
+    pub(crate) fn for_software(self, vendor: u32, api_version: u32) -> Self {
+        const MESA: u32 = 0x10005;
+        let (mesa_22_3, mesa_26_2) = (vk::make_api_version(0, 1, 3, 230), vk::make_api_version(0, 1, 4, 354));
+        let crashes = vendor == MESA && mesa_22_3 < api_version && api_version < mesa_26_2;
+        Self { texels: self.texels && !crashes, ..self }
+    }
+
     /// Checks that there are kernels for these values.
     pub(crate) fn check(&self) -> Result<()> {
         let Self { widest_tile, load_cost, lanes, .. } = *self;
@@ -101,5 +114,21 @@ impl DeviceClass {
             BROADCOM | 0x13b5 | 0x1010 | 0x144d | 0x5143 | 0x19e5 => Self::Phone,
             _ => Self::Desktop,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn versions_of_lavapipe_that_crash_read_no_texels() {
+        const MESA: u32 = 0x10005;
+        let texels = |vendor, minor, patch| {
+            DeviceClass::Software.tuning().for_software(vendor, vk::make_api_version(0, 1, minor, patch)).texels
+        };
+        assert!(texels(MESA, 3, 230) && texels(MESA, 4, 354), "Mesa 22.3 and 26.2");
+        assert!(!texels(MESA, 4, 305), "Mesa 25.0");
+        assert!(texels(0x1ae0, 3, 280), "SwiftShader");
     }
 }

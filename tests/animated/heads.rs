@@ -14,7 +14,7 @@ use std::sync::Arc;
 #[test]
 fn the_clock_may_run_for_days() {
     let mesh = packed(DeltaFormat::Small, 64);
-    gpu::on_device("llvmpipe", false, |headless, _| {
+    gpu::on_device(&gpu::one(), false, |headless, _| {
         let clips = clips();
         let animation = AnimationDesc::new(&clips);
         let mut scene = Scene::new(headless, &mesh, crowd(3, fixed(PoseFormat::Fixed16, 2)), &animation);
@@ -149,7 +149,7 @@ fn heads_come_and_go() {
 #[test]
 fn misuse_is_an_error_that_says_what_to_do() {
     let mesh = packed(DeltaFormat::Small, 64);
-    gpu::on_device("llvmpipe", false, |headless, _| {
+    gpu::on_device(&gpu::one(), false, |headless, _| {
         let clips = clips();
         let animation = AnimationDesc::new(&clips);
         let refuse = |update: UpdateDesc, words: &str| {

@@ -32,6 +32,11 @@ pub fn drivers() -> Vec<String> {
     list.split(',').map(str::to_owned).collect()
 }
 
+/// Returns the first of `drivers`, for what is the same on every driver.
+pub fn one() -> String {
+    drivers().swap_remove(0)
+}
+
 /// Returns all kinds of updates that a device supports and that leave a pose on it, each with a delta format.
 pub fn updates(headless: &Headless) -> Vec<(DeltaFormat, UpdateDesc)> {
     let blocks = |format, pose| (format, UpdateDesc::blocks().pose(pose));

@@ -67,7 +67,7 @@ fn with_buffer(headless: &Headless, test: impl FnOnce(vk::Buffer)) {
 #[test]
 fn vertices_that_do_not_suit_are_refused() {
     use Semantic::*;
-    on_device("llvmpipe", false, |headless, engine| {
+    on_device(&gpu::one(), false, |headless, engine| {
         with_buffer(headless, |buffer| {
             let plain = VertexLayout::new(48).stream(Position, 0).stream(Normal, 12);
             let blocks = UpdateDesc::blocks();
@@ -107,7 +107,7 @@ fn vertices_that_do_not_suit_are_refused() {
 
 #[test]
 fn what_the_hosts_vertices_do_not_have_is_refused_later() {
-    on_device("llvmpipe", false, |headless, engine| {
+    on_device(&gpu::one(), false, |headless, engine| {
         with_buffer(headless, |buffer| {
             let mesh = packed(engine, DeltaFormat::Fast, false);
             let vertex = VertexLayout::new(16).stream(Semantic::Position, 0);
@@ -130,7 +130,7 @@ fn what_the_hosts_vertices_do_not_have_is_refused_later() {
 #[test]
 fn usages_that_the_device_was_not_said_to_allow_are_refused() {
     use vk::BufferUsageFlags as Usage;
-    on_device("llvmpipe", false, |headless, engine| {
+    on_device(&gpu::one(), false, |headless, engine| {
         let mesh = packed(engine, DeltaFormat::Fast, false);
         let desc = CrowdDesc::new(UpdateDesc::blocks());
         for (usage, words) in [

@@ -257,7 +257,7 @@ fn meshes_without_vertices_are_refused() {
 #[test]
 fn what_exceeds_the_device_is_refused_with_the_numbers() {
     let limits = gpu::baseline(|caps| (caps.max_texels, caps.max_storage_range) = (2, 4096));
-    gpu::on_device_within("llvmpipe", Some(limits), |headless, engine| {
+    gpu::on_device_within(&gpu::one(), Some(limits), |headless, engine| {
         let packed = packed(DeltaFormat::Fast);
         let (joints, weights, corners) = (vec![0; 800], vec![1.0; 800], [0, 1, 2].repeat(400));
         // SAFETY: everything is refused: nothing is recorded.
@@ -269,7 +269,7 @@ fn what_exceeds_the_device_is_refused_with_the_numbers() {
         }
     });
     let limits = gpu::baseline(|caps| caps.max_texels = 2);
-    gpu::on_device_within("llvmpipe", Some(limits), |headless, engine| {
+    gpu::on_device_within(&gpu::one(), Some(limits), |headless, engine| {
         let Made { mut crowd, skin, .. } = make(headless, &packed(DeltaFormat::Fast));
         let target = SkinTarget::new(vk::Buffer::null(), vk::Buffer::null(), 48);
         // SAFETY: it is refused, so no buffer is used.
@@ -334,7 +334,7 @@ fn buffers_that_are_too_small_are_refused_with_both_sizes() {
 
 #[test]
 fn numbers_of_a_tuning_that_there_are_no_kernels_for_are_refused() {
-    gpu::on_device("llvmpipe", false, |headless, _| {
+    gpu::on_device(&gpu::one(), false, |headless, _| {
         let (instance, physical, device) = headless.handles();
         let made = |change: &dyn Fn(&mut DeviceTuning)| {
             let caps = gpu::limited(headless.caps().clone(), |caps| change(&mut caps.tuning));

@@ -122,7 +122,7 @@ fn more_active_targets_than_vertex_attributes() {
 /// A path refuses a mesh that was uploaded for another one.
 #[test]
 fn uploads_of_another_technique() {
-    gpu::on_device("llvmpipe", false, |headless, engine| {
+    gpu::on_device(&gpu::one(), false, |headless, engine| {
         let [scatter, texture, compute] =
             [UpdatePath::Scatter, UpdatePath::Texture, UpdatePath::Compute].map(|p| UpdateDesc::new(p, BatchSize::All));
         for (format, uploaded, wanted) in

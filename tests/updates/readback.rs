@@ -108,7 +108,7 @@ fn streams_come_with_the_pose_and_memory_is_used_again() {
 #[test]
 fn what_was_read_back_stays_where_there_is_no_memory_for_more() {
     let limits = gpu::baseline(|caps| caps.max_allocation = 1 << 20);
-    gpu::on_device_within("llvmpipe", Some(limits), |headless, engine| {
+    gpu::on_device_within(&gpu::one(), Some(limits), |headless, engine| {
         let mesh = gpu::packed(engine, &testing::mesh(300, 11), DeltaFormat::Fast);
         // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
         let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
