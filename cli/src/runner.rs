@@ -409,7 +409,15 @@ pub fn prepare(
         .error_budget(update.budget(input.kept.diagonal));
     desc.check().map_err(|e| Failure::Usage(e.to_string()))?;
     let mesh = packed(input, engine, format, &update.pack)?;
-    let desc = reaching(desc, input.largest.get(), mesh.layout(), out);
+    let (narrow, largest) = (desc, input.largest.get());
+    let desc = reaching(narrow, largest, mesh.layout());
+    if let (Ok(Some(before)), Ok(Some(after))) = (narrow.grid(mesh.layout()), desc.grid(mesh.layout()))
+        && before.weight_max != after.weight_max
+    {
+        let (pose, by) = (desc.pose.name(), after.units[0] / before.units[0]);
+        let steps = if by == 1.0 { String::new() } else { format!(" in steps {by} times as long") };
+        out.note(format_args!("weights up to {largest}: {pose} poses hold them{steps}"));
+    }
     let exact = desc.pose(PoseFormat::Fixed32);
     let desc = match desc.check_for(mesh.layout()) {
         Ok(()) => desc,
@@ -423,18 +431,12 @@ pub fn prepare(
 }
 
 /// `desc` with poses that hold weights up to `largest`, unless it states what they hold.
-fn reaching(desc: UpdateDesc, largest: f32, layout: &PackedLayout, out: &Output) -> UpdateDesc {
+pub fn reaching(desc: UpdateDesc, largest: f32, layout: &PackedLayout) -> UpdateDesc {
     let wider = desc.weight_max(Some(largest));
-    let (Ok(Some(default)), None, Ok(Some(grid))) = (desc.grid(layout), desc.weight_max, wider.grid(layout)) else {
-        return desc;
-    };
-    if largest <= default.weight_max {
-        return desc;
+    match (desc.grid(layout), desc.weight_max, wider.grid(layout)) {
+        (Ok(Some(default)), None, Ok(Some(_))) if largest > default.weight_max => wider,
+        _ => desc,
     }
-    let (pose, by) = (desc.pose.name(), grid.units[0] / default.units[0]);
-    let steps = if by == 1.0 { String::new() } else { format!(" in steps {by} times as long") };
-    out.note(format_args!("weights up to {largest}: {pose} poses hold them{steps}"));
-    wider
 }
 
 /// The batch size for `spec` on `path`.

@@ -5,7 +5,7 @@ use super::record::{RunRecord, Skipped};
 use super::subject::Subject;
 use super::trial::{Candidate, Trial};
 use crate::output::Failure;
-use crate::runner::Runner;
+use crate::runner::{Runner, reaching};
 use deltamorph::{Error, ErrorKind, UpdatePath};
 use std::time::Duration;
 
@@ -145,12 +145,13 @@ fn begin<'a>(
     let mesh = subject.mesh(machine, config.format)?;
     // The path `cpu` needs a device only to draw.
     let gpu = machine.gpu.as_ref().filter(|_| setting.drawn || config.desc.path != UpdatePath::Cpu);
+    let desc = reaching(config.desc, setting.workload.largest(), mesh.layout());
     let runner = match (config.separate, gpu) {
-        (true, Some(gpu)) => Runner::crowds(gpu, &mesh, config.desc, 1, setting.updated() as usize),
-        _ => Runner::new(gpu, &mesh, config.desc, setting.updated(), machine.args.update.threads.unwrap_or(0)),
+        (true, Some(gpu)) => Runner::crowds(gpu, &mesh, desc, 1, setting.updated() as usize),
+        _ => Runner::new(gpu, &mesh, desc, setting.updated(), machine.args.update.threads.unwrap_or(0)),
     };
     match too_large(runner)? {
-        Ok(runner) => Ok(refusal(Trial::begin(machine, candidate, subject, mesh, runner))?),
+        Ok(runner) => Ok(refusal(Trial::begin(machine, candidate, subject, mesh, runner, &desc))?),
         Err(reason) => Ok(Err(reason)),
     }
 }

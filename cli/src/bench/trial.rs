@@ -12,7 +12,7 @@ use crate::input::Input;
 use crate::runner::{Frame, Runner};
 use crate::verify::{Found, Promise};
 use deltamorph::reference::compare;
-use deltamorph::{PackedMesh, Result, UpdateStats};
+use deltamorph::{PackedMesh, Result, UpdateDesc, UpdateStats};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -80,18 +80,19 @@ pub struct Trial<'a> {
 type Timed = (usize, Frame);
 
 impl<'a> Trial<'a> {
-    /// Runs to the checkpoints, and compares with the reference there.
+    /// Runs to the checkpoints, and compares with the reference there. `desc`: what the runner was made with.
     pub fn begin(
         machine: &'a Machine<'a>,
         candidate: &'a Candidate<'a>,
         subject: &mut Subject,
         mesh: Arc<PackedMesh>,
         runner: Runner<'a>,
+        desc: &UpdateDesc,
     ) -> Result<Self> {
         let mut trial = Self {
             machine,
             candidate,
-            promise: Promise::new(&candidate.config.desc, mesh.layout()),
+            promise: Promise::new(desc, mesh.layout()),
             mesh,
             runner,
             found: Found::default(),

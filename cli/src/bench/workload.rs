@@ -97,6 +97,11 @@ impl Workload {
         weights
     }
 
+    /// The largest absolute weight.
+    pub fn largest(&self) -> f32 {
+        self.frames.iter().flatten().fold(0.0, |most, weight| most.max(weight.abs()))
+    }
+
     /// Frames before it repeats; timing continues past the end.
     pub fn period(&self) -> usize {
         self.frames.len()
