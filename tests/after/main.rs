@@ -21,10 +21,12 @@ mod skinned;
 #[path = "../common/written.rs"]
 mod written;
 
+mod formulas;
 mod gltf_skin;
 mod host_vertices;
 mod normals;
 mod pictures;
+mod scenes;
 mod steps;
 
 use draw::offscreen;

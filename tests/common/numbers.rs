@@ -19,6 +19,11 @@ impl Numbers {
         Self { component: F32, normalised: false, width, bytes: bytes(&values), values: exact }
     }
 
+    /// Makes numbers that are in no file.
+    pub fn exact(width: usize, values: Vec<f64>) -> Self {
+        Self { component: F32, normalised: false, width, bytes: vec![], values }
+    }
+
     /// Makes integers: each of `values` divided by the value of 1, and rounded.
     pub fn integers(component: u32, normalised: bool, width: usize, values: impl IntoIterator<Item = f64>) -> Self {
         let one = match (normalised, component) {

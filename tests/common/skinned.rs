@@ -51,7 +51,7 @@ pub fn inverse(m: &Matrix) -> Matrix {
 
 impl Keys {
     /// Samples a track, by glTF 2.0, appendix C.
-    fn sample(&self, time: f64) -> Vec<f64> {
+    pub fn sample(&self, time: f64) -> Vec<f64> {
         let time = time.clamp(self.times[0].into(), self.times[self.times.len() - 1].into());
         let is_spline = self.interpolation == "CUBICSPLINE";
         let value = |key: usize| self.values.at(if is_spline { 3 * key + 1 } else { key });

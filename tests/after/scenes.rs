@@ -1,0 +1,335 @@
+//! Whole scenes of glTF files, posed as `apply`, `render` and `view` do, against `formulas.rs`.
+
+use crate::character::{Character, Stored};
+use crate::file::{F32, I16, U16, Written, bytes};
+use crate::formulas::{Drawn, File};
+use crate::skinned::Playing;
+use deltamorph::after::{SkinDesc, SkinMethod};
+use deltamorph::import::gltf::{self, GlbDesc, GlbEncoding, Gltf, to_glb};
+use deltamorph::{
+    BatchSize, CpuCrowd, DeltaFormat, MorphMesh, PackDesc, PackedMesh, Result, Tolerance, UpdateDesc, UpdatePath,
+    reference,
+};
+use deltamorph_head::{HeadDesc, head};
+use glam::{DMat4, DVec3, Mat4, Quat, Vec3};
+use serde_json::json;
+use std::collections::HashMap;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// The largest error of a position, as a fraction of the diagonal of the scene at rest.
+const ALLOWED: f64 = 5e-6;
+
+/// Weights by the names of targets.
+type Weights = HashMap<String, f64>;
+
+/// A mesh of a scene in float32 on the path `cpu`, and its skeleton.
+struct Posed {
+    mesh: MorphMesh,
+    crowd: CpuCrowd,
+    skeleton: Option<gltf::Skeleton>,
+}
+
+impl Posed {
+    fn new(drawn: gltf::Drawn) -> Result<Self> {
+        let mut mesh = drawn.source.to_mesh(Tolerance::ZERO)?;
+        if drawn.skeleton.is_none() {
+            mesh.recentre();
+        }
+        let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Float32))?);
+        let crowd = CpuCrowd::new(packed, UpdateDesc::new(UpdatePath::Cpu, BatchSize::All), 1, 1)?;
+        Ok(Self { mesh, crowd, skeleton: drawn.skeleton })
+    }
+
+    fn positions(&mut self, weights: &Weights, playing: Playing) -> Vec<DVec3> {
+        let weight = |name: &String| weights.get(name).map_or(0.0, |weight| *weight as f32);
+        let weights: Vec<f32> = self.mesh.targets.iter().map(|target| weight(&target.name)).collect();
+        self.crowd.set_weights(0, &weights).expect("weights");
+        self.crowd.update();
+        let pose = self.crowd.layout().to_user_order(&self.crowd.pose(0).expect("a pose"));
+        let mut pose: Vec<f64> = pose[..6 * self.mesh.vertex_count()].iter().map(|x| f64::from(*x)).collect();
+        if let Some(skeleton) = &self.skeleton {
+            let playing = playing.map(|(clip, time)| (&skeleton.animations[clip], time));
+            let rows = |m: DMat4| m.transpose().to_cols_array().into_iter().take(12).map(|x| x as f32);
+            let joints: Vec<f32> = skeleton.joint_matrices(playing).into_iter().flat_map(rows).collect();
+            let (of, count) = (&skeleton.influences, skeleton.joint_count() as u32);
+            let desc = SkinDesc::new(of.per_vertex as u32, count, &of.joints, &of.weights);
+            pose = reference::skin(&pose, &desc, SkinMethod::Linear, &joints).expect("a skinned pose");
+        }
+        pose.chunks_exact(6).map(|v| DVec3::from_slice(v) + self.mesh.origin.as_dvec3()).collect()
+    }
+}
+
+/// A file beside its scene, joints at rest (0) and joints apart (1).
+struct Compared {
+    gltf: Gltf,
+    file: File,
+    scenes: [Vec<Posed>; 2],
+    order: Vec<Drawn>,
+    diagonal: f64,
+    /// Poses that the one mesh cannot take: weights of one name that differ.
+    differing: usize,
+}
+
+impl Compared {
+    fn new(path: &Path) -> Result<Self> {
+        let gltf = gltf::read(path)?;
+        let scene = |joints: bool| -> Result<Vec<Posed>> {
+            let scene = gltf.clone().into_scene(joints)?;
+            std::iter::once(scene.mesh).chain(scene.still).map(Posed::new).collect()
+        };
+        let scenes = [scene(false)?, scene(true)?];
+        let file = File::read(path);
+        let order = [file.drawn(true), file.drawn(false)].concat();
+        let mut this = Self { gltf, file, scenes, order, diagonal: 1.0, differing: 0 };
+        let rest = this.expected(&|drawn| this.file.weights(drawn, None), None);
+        let [low, high] = [DVec3::min, DVec3::max].map(|f| rest.iter().copied().reduce(f).unwrap_or_default());
+        this.diagonal = (high - low).length();
+        Ok(this)
+    }
+
+    fn expected(&self, weights: &dyn Fn(Drawn) -> Vec<f64>, joints: Playing) -> Vec<DVec3> {
+        let worlds = self.file.worlds(joints);
+        let positions = |drawn: &Drawn| self.file.positions(*drawn, &weights(*drawn), &worlds);
+        self.order.iter().flat_map(positions).map(DVec3::from_array).collect()
+    }
+
+    fn names(&self, mesh: usize) -> impl Iterator<Item = &String> {
+        self.gltf.meshes[mesh].source.targets.iter().map(|target| &target.name)
+    }
+
+    /// The largest error with `weights`, of which `stated` replace what the file says; as a fraction of the diagonal.
+    fn off(&mut self, stated: &Weights, weights: &dyn Fn(&Self, Drawn) -> Vec<f64>, playing: Playing) -> f64 {
+        let mut all = Weights::new();
+        for drawn in self.order.clone() {
+            let named: Vec<_> = self.names(drawn.0).cloned().zip(weights(self, drawn)).collect();
+            if named.iter().any(|(name, weight)| all.get(name).is_some_and(|other| other != weight)) {
+                self.differing += 1;
+                return 0.0;
+            }
+            all.extend(named);
+        }
+        all.extend(stated.iter().map(|(name, weight)| (name.clone(), *weight)));
+        let mut worst = 0.0f64;
+        for (scene, joints) in [None, playing].into_iter().enumerate() {
+            let expected = self.expected(&|drawn| weights(self, drawn), joints);
+            let found: Vec<DVec3> =
+                self.scenes[scene].iter_mut().flat_map(|posed| posed.positions(&all, joints)).collect();
+            assert_eq!(found.len(), expected.len(), "the same vertices, once for each node that draws them");
+            worst = found.iter().zip(&expected).map(|(a, b)| a.distance(*b)).fold(worst, f64::max);
+        }
+        worst / self.diagonal
+    }
+
+    /// At rest, with three sets of random weights, and at three times of each clip.
+    fn errors(&mut self) -> [f64; 3] {
+        let file = |this: &Self, drawn: Drawn| this.file.weights(drawn, None);
+        let rest = self.off(&Weights::new(), &file, None);
+        let random = |salt: u32| {
+            move |this: &Self, drawn: Drawn| -> Vec<f64> {
+                let hash =
+                    |name: &String| name.bytes().fold(salt, |hash, b| (hash ^ u32::from(b)).wrapping_mul(16777619));
+                this.names(drawn.0).map(|name| f64::from(hash(name) >> 8) / f64::from(1 << 24)).collect()
+            }
+        };
+        let weights = [1, 2, 3].map(|salt| self.off(&Weights::new(), &random(salt), None));
+        let mut clips = 0.0f64;
+        for clip in 0..self.gltf.animations.len() {
+            let animation = &self.gltf.animations[clip];
+            let times: Vec<f64> = animation.frame_times(None).collect();
+            let frames = self.gltf.clip(animation, None).ok();
+            for frame in [1, 3, 5].map(|sixth| times.len() * sixth / 6) {
+                let values = frames.iter().flat_map(|f| f.names.iter().zip(&f.values[frame * f.names.len()..]));
+                let stated = values.map(|(name, weight)| (name.clone(), f64::from(*weight))).collect();
+                let playing = Some((clip, times[frame]));
+                let file = |this: &Self, drawn: Drawn| this.file.weights(drawn, playing);
+                clips = clips.max(self.off(&stated, &file, playing));
+            }
+        }
+        [rest, weights.into_iter().fold(0.0, f64::max), clips]
+    }
+}
+
+/// Prints a row for each file, and returns those that are further off than allowed.
+fn table(files: &[(String, PathBuf)]) -> Vec<String> {
+    println!("| file | vertices | targets | joints | clips | at rest | weights | clips |");
+    println!("|---|---|---|---|---|---|---|---|");
+    let (mut wrong, mut others) = (vec![], (0, 0.0f64));
+    for (name, path) in files {
+        let mut compared = match Compared::new(path) {
+            Ok(compared) => compared,
+            Err(e) => {
+                let text = e.to_string().replace(&path.display().to_string(), "").replace('|', "/");
+                println!("| {name} | not read{text} |");
+                continue;
+            }
+        };
+        let [rest, weights, clips] = compared.errors();
+        let joints = |posed: &Posed| posed.skeleton.as_ref().map_or(0, gltf::Skeleton::joint_count);
+        let [mesh, still] = [0, 1].map(|i| compared.scenes[1].get(i));
+        let vertices = |posed: Option<&Posed>| posed.map_or(0, |posed| posed.mesh.vertex_count());
+        // Also false of what is not a number.
+        if !(rest <= ALLOWED && weights <= ALLOWED && clips <= ALLOWED) {
+            wrong.push(name.clone());
+        }
+        let targets = mesh.map_or(0, |posed| posed.mesh.targets.len());
+        let joints: usize = compared.scenes[1].iter().map(joints).sum();
+        if targets + joints == 0 {
+            others = (others.0 + 1, others.1.max(rest));
+            continue;
+        }
+        println!(
+            "| {name} | {} + {} | {targets} | {joints} | {} | {rest:.1e} | {weights:.1e} | {} |",
+            vertices(mesh),
+            vertices(still),
+            compared.gltf.animations.len(),
+            match (compared.gltf.animations.len(), compared.differing) {
+                (0, _) => String::new(),
+                (_, 0) => format!("{clips:.1e}"),
+                (_, some) => format!("{clips:.1e}, {some} poses left out: weights of one name differ"),
+            },
+        );
+    }
+    println!(
+        "\n{} more files have neither targets nor joints; at rest they are off by {:.1e} at most.",
+        others.0, others.1
+    );
+    wrong
+}
+
+/// All glTF files below a folder, by their paths in it.
+fn below(folder: &Path, root: &Path, found: &mut Vec<(String, PathBuf)>) {
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let path = entry.path();
+        if path.is_dir() {
+            below(&path, root, found);
+        } else if deltamorph::import::is_gltf(&path) {
+            found.push((path.strip_prefix(root).unwrap().display().to_string(), path));
+        }
+    }
+    found.sort();
+}
+
+/// Two skins of one skeleton, the second of a quantised mesh; a mesh that three nodes draw, mirrored and stretched, with
+/// targets without names; a still mesh on a joint. Targets are dense, sparse and integers; clips are splines, steps,
+/// lines and a pointer.
+fn several() -> Written {
+    let mut file = Written::default();
+    let point = |v: usize, k: f32| [0.0, 1.7, 3.4].map(|c| (v as f32 * 1.3 + c + k).sin());
+    let points = |n: usize, k: f32| (0..n).map(|v| point(v, k)).collect::<Vec<[f32; 3]>>();
+    let corners = file.accessor(U16, "SCALAR", 12, &bytes(&[0u16, 1, 2, 1, 3, 2, 2, 3, 4, 4, 3, 5]));
+    let [face, button, hat] = [0.0, 1.0, 2.0].map(|k| file.floats(&points(6, k)));
+    let [jaw, first, second] = [3.0, 4.0, 5.0].map(|k| file.floats(&points(6, k)));
+    let (places, deltas) = (file.view(&bytes(&[1u16, 4])), file.view(&bytes(points(2, 6.0).as_flattened())));
+    let sparse = json!({"componentType": F32, "type": "VEC3", "count": 6, "sparse": {"count": 2,
+        "indices": {"bufferView": places, "componentType": U16}, "values": {"bufferView": deltas}}});
+    file.json["accessors"].as_array_mut().unwrap().push(sparse);
+    let brow = file.json["accessors"].as_array().unwrap().len() - 1;
+    let short = |n: usize, k: f32| -> Vec<i16> {
+        points(n, k).iter().flat_map(|p| [p[0], p[1], p[2], 0.0].map(|x| (x * 9000.0) as i16)).collect()
+    };
+    let [teeth, pulled] = [7.0, 3.0].map(|k| {
+        let accessor = file.accessor(I16, "VEC3", 6, &bytes(&short(6, k)));
+        let view = file.json["accessors"][accessor]["bufferView"].as_u64().unwrap() as usize;
+        file.json["bufferViews"][view]["byteStride"] = json!(8);
+        accessor
+    });
+    let joints = file.accessor(U16, "VEC4", 6, &bytes([[0u16, 1, 0, 0]; 6].as_flattened()));
+    let shares: Vec<[f32; 4]> = (0..6).map(|v| [1.0 - v as f32 / 5.0, v as f32 / 5.0, 0.0, 0.0]).collect();
+    let shares = file.floats(&shares);
+    let turned = Mat4::from_rotation_x(0.4) * Mat4::from_translation(Vec3::new(-1.0, 0.5, 0.0));
+    let small = turned * Mat4::from_scale(Vec3::splat(1.0 / 9000.0));
+    let [bind, other] = [[Mat4::IDENTITY, turned], [small, Mat4::from_rotation_z(0.2) * small]]
+        .map(|m| file.floats(&m.map(|m| m.to_cols_array())));
+    let mesh = |attributes: serde_json::Value, targets: &[usize], names: &[&str]| {
+        let targets: Vec<_> = targets.iter().map(|target| json!({"POSITION": target})).collect();
+        json!({"primitives": [{"attributes": attributes, "indices": corners, "targets": targets}],
+            "extras": {"targetNames": names}})
+    };
+    let skinned = |positions: usize| json!({"POSITION": positions, "JOINTS_0": joints, "WEIGHTS_0": shares});
+    file.json["meshes"] = json!([
+        mesh(skinned(face), &[jaw, brow], &["jaw", "brow"]),
+        mesh(skinned(teeth), &[pulled], &["teeth"]),
+        mesh(json!({"POSITION": button}), &[first, second], &[]),
+        mesh(json!({"POSITION": hat}), &[], &[])
+    ]);
+    file.json["skins"] = json!([{"joints": [1, 2], "inverseBindMatrices": bind},
+        {"joints": [2, 1], "inverseBindMatrices": other}]);
+    let by = |q: Quat| json!(q.to_array());
+    file.json["nodes"] = json!([
+        {"mesh": 0, "skin": 0, "translation": [5, 5, 5]},
+        {"translation": [0, 1, 0], "rotation": by(Quat::from_rotation_y(0.5)), "children": [2]},
+        {"translation": [0.5, 0, 0.25], "scale": [1, 1.5, 0.75], "children": [6, 7]},
+        {"mesh": 1, "skin": 1},
+        {"mesh": 2, "translation": [2, 0, 0], "scale": [-1, 2, 0.5], "rotation": by(Quat::from_rotation_z(1.0))},
+        {"mesh": 2, "matrix": Mat4::from_axis_angle(Vec3::ONE.normalize(), 2.0).to_cols_array()},
+        {"mesh": 2, "translation": [0, 0, 3]},
+        {"mesh": 3, "scale": [0.5, 0.5, 0.5]}]);
+    let times = file.floats(&[[0.0], [0.4], [1.1]]);
+    let spline = file.floats([0.1, 0.3, -0.2, 0.9, 0.6, 0.4, -0.5, 0.2, 0.8].map(|x| [[x], [x * 0.5]]).as_flattened());
+    let turns = [0.1, 2.9, -1.0].map(|a| Quat::from_rotation_x(a).to_array());
+    let turns = file.floats(&turns);
+    let steps = file.floats(&[[0.0], [1.0], [0.5], [0.25], [1.0], [0.0]]);
+    let moves = file.floats(&points(9, 8.0));
+    let pointer = json!({"path": "pointer",
+        "extensions": {"KHR_animation_pointer": {"pointer": "/meshes/2/weights"}}});
+    file.json["animations"] = json!([{
+        "channels": [
+            {"sampler": 0, "target": {"node": 0, "path": "weights"}},
+            {"sampler": 1, "target": {"node": 2, "path": "rotation"}},
+            {"sampler": 2, "target": pointer},
+            {"sampler": 3, "target": {"node": 1, "path": "translation"}}],
+        "samplers": [
+            {"input": times, "output": spline, "interpolation": "CUBICSPLINE"},
+            {"input": times, "output": turns},
+            {"input": times, "output": steps, "interpolation": "STEP"},
+            {"input": times, "output": moves, "interpolation": "CUBICSPLINE"}]}]);
+    file
+}
+
+#[test]
+fn files_of_every_kind_stand_as_gltf_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut files = vec![];
+    let mut add = |name: &str, bytes: Vec<u8>| {
+        let path = folder.path().join(format!("{name}.glb"));
+        std::fs::write(&path, bytes).unwrap();
+        files.push((name.to_owned(), path));
+    };
+    let compressed = |name, version| Stored::Compressed(name, version);
+    for (name, stored, influences) in [
+        ("a character", Stored::Floats, 4),
+        ("8 influences", Stored::Floats, 8),
+        ("quantised", Stored::Quantised, 4),
+        ("EXT_meshopt_compression", compressed("EXT_meshopt_compression", 0), 8),
+        ("KHR_meshopt_compression", compressed("KHR_meshopt_compression", 1), 4),
+    ] {
+        add(name, Character::new(stored, influences, false).write().glb());
+    }
+    add("several skins, copies, sparse, splines, a pointer", several().glb());
+    let mesh = head(&HeadDesc::default().vertices(3000)).to_mesh(Tolerance::default()).unwrap();
+    for (name, encoding) in
+        [("float", GlbEncoding::Float), ("quantized", GlbEncoding::Quantized), ("meshopt", GlbEncoding::Meshopt)]
+    {
+        add(
+            &format!("the head by `to_glb`, {name}"),
+            to_glb(&mesh, &GlbDesc::default().encoding(encoding)).unwrap().bytes,
+        );
+    }
+    let wrong = table(&files);
+    assert!(wrong.is_empty(), "{wrong:?}");
+}
+
+/// `DELTAMORPH_DATA` may name any folder.
+#[test]
+fn files_in_the_folder_of_the_data_sets_stand_as_gltf_says() {
+    let Some(folder) = std::env::var_os("DELTAMORPH_DATA").map(PathBuf::from) else {
+        std::io::stderr().write_all(b"LEFT OUT: DELTAMORPH_DATA names no folder of glTF files\n").unwrap();
+        return;
+    };
+    let mut files = vec![];
+    below(&folder, &folder, &mut files);
+    let wrong = table(&files);
+    assert!(wrong.is_empty(), "{wrong:?}");
+}
