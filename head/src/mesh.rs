@@ -52,7 +52,7 @@ impl Slit {
     pub(super) fn rings(self, around: usize) -> usize {
         match self {
             Self::Eye => (around / 3).clamp(2, 10),
-            Self::Ear => (around / 3).max(2),
+            Self::Ear => (around / 2).max(2),
             Self::Mouth => (around / 6).max(3),
         }
     }

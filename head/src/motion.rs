@@ -63,6 +63,8 @@ fn jaw_share(spot: &Spot, p: Vec3) -> f32 {
     let mouth = x / HALF_MOUTH * if deep { mix(1.0, 0.8, smoothstep(0.2, 0.45, depth)) } else { 1.0 };
     let fourth = mouth * mouth * mouth * mouth;
     let inner = (1.0 - if deep { mix(fourth, fourth * fourth, smoothstep(0.2, 0.45, depth)) } else { fourth }).max(0.0);
+    // The opening is round at its corners.
+    let inner = inner.sqrt();
     let apart = inner.max(smoothstep(0.0, 1.9 + 0.5 * (x - HALF_MOUTH).max(0.0), d.abs()));
     let share = 0.5 + 0.5 * if below { apart } else { -apart };
     if deep {

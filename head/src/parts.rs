@@ -9,8 +9,8 @@ pub(super) fn counts(vertices: usize) -> Vec<(Part, bool, usize)> {
     let all = [
         (Part::Eye, false, 0.03),
         (Part::Eye, true, 0.03),
-        (Part::UpperTeeth, false, 0.025),
-        (Part::LowerTeeth, false, 0.025),
+        (Part::UpperTeeth, false, 0.035),
+        (Part::LowerTeeth, false, 0.03),
         (Part::Tongue, false, 0.01),
     ];
     let counted = all.into_iter().map(|(part, side, share)| (part, side, (vertices as f32 * share) as usize));
@@ -32,7 +32,7 @@ pub(super) const fn tile(part: Part) -> f32 {
 pub(super) const fn aspect(part: Part) -> f32 {
     match part {
         Part::Skin | Part::Eye => 0.8,
-        Part::UpperTeeth | Part::LowerTeeth => 0.25,
+        Part::UpperTeeth | Part::LowerTeeth => 0.12,
         Part::Tongue => 1.2,
     }
 }
@@ -46,8 +46,8 @@ pub(super) fn point(part: Part, around: f32, along: f32) -> Vec3 {
     match part {
         Part::Skin => Vec3::ZERO,
         Part::Eye => eyeball(s, c, along),
-        Part::UpperTeeth => teeth(s, c, along, 1.0),
-        Part::LowerTeeth => teeth(s, c, along, -1.0),
+        Part::UpperTeeth => teeth(around, along, 1.0),
+        Part::LowerTeeth => teeth(around, along, -1.0),
         Part::Tongue => tongue(s, c, along),
     }
 }
@@ -64,10 +64,17 @@ fn eyeball(s: f32, c: f32, along: f32) -> Vec3 {
 }
 
 /// Distance to the front of the teeth, half their width, and their depth.
-const ARCH: [f32; 3] = [8.0, 2.6, 3.9];
+const ARCH: [f32; 3] = [8.0, 2.6, 4.5];
+/// Number of teeth in a whole turn, of which the front half has some.
+const TEETH: f32 = 26.0;
 
 /// A point of the cup around palate or tongue, whose rim is the teeth. `up` is 1 for the upper teeth.
-fn teeth(s: f32, c: f32, along: f32, up: f32) -> Vec3 {
+fn teeth(around: f32, along: f32, up: f32) -> Vec3 {
+    // The angle from the front in turns: denser there.
+    let back = 1.0 - 2.0 * around.abs();
+    let turn = 0.5 * back * (0.6 + 0.4 * back);
+    let angle = f64::from(turn) * TURN;
+    let (s, ahead) = (1f32.copysign(around) * sin(angle) as f32, cos(angle) as f32);
     // Down the outer side, over the edge, up the inner side.
     let (reach, height): (f32, f32) = if along < 0.25 {
         (along * 4.0, 1.0)
@@ -81,19 +88,18 @@ fn teeth(s: f32, c: f32, along: f32, up: f32) -> Vec3 {
         ((1.0 - along) * 4.1, mix(0.8, 0.9, smoothstep(0.8, 0.9, along)))
     };
     // Squarer than an ellipse, and cut off behind.
-    let ahead = -c;
     let x = s * (1.1 - 0.1 * s * s);
     let arch = Vec3::new(ARCH[1] * x, 0.0, if ahead > 0.0 { ARCH[2] * ahead } else { 0.5 * ahead });
     // The gaps between the teeth, and their crowns.
-    let turn = (arch.x.abs() * 1.25) % 1.0 - 0.5;
-    let crown = if ahead > 0.0 && along < 0.65 { 1.0 - 4.0 * turn * turn } else { 1.0 };
-    let behind = smoothstep(-0.1, 0.25, ahead);
+    let gap = (TEETH * turn) % 1.0 * 2.0 - 1.0;
+    let crown = if ahead > 0.0 && along < 0.65 { 1.0 - gap * gap * gap * gap } else { 1.0 };
+    let behind = smoothstep(-0.1, 0.4, ahead);
     let small = if up > 0.0 { 0.0 } else { -0.18 };
     let scale = reach * (1.0 + (small - 0.12 * (1.0 - crown)) / 2.7);
-    let edge = MOUTH_HEIGHT + if up > 0.0 { -0.3 } else { -0.36 };
-    let tall = if up > 0.0 { 1.15 } else { 0.95 } * mix(0.3, 1.0, behind);
+    let edge = MOUTH_HEIGHT + if up > 0.0 { -0.42 } else { -0.48 };
+    let tall = if up > 0.0 { 1.3 } else { 0.95 } * mix(0.3, 1.0, behind);
     let drop = if behind < 1.0 { (1.0 - behind) * 0.6 } else { 0.0 };
-    let y = edge + up * (drop + tall * height + 0.05 * (1.0 - crown) * (1.0 - height));
+    let y = edge + up * (drop + tall * height + 0.12 * (1.0 - crown) * (1.0 - height));
     Vec3::new(arch.x * scale, y, ARCH[0] - ARCH[2] + arch.z * scale)
 }
 

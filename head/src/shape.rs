@@ -10,38 +10,45 @@ use deltamorph::glam::{Vec2, Vec3};
 pub(super) const SECTIONS: [[f32; 5]; 22] = [
     [12.0, 0.0, -0.9, -0.9, 0.0],
     [11.7, 2.4, 1.9, -4.0, 0.0],
-    [10.8, 4.5, 4.5, -6.7, 0.1],
-    [9.2, 6.0, 6.6, -8.7, 0.2],
-    [7.2, 6.9, 7.9, -9.9, 0.3],
-    [5.0, 7.3, 8.5, -10.4, 0.45],
-    [2.6, 7.3, 8.6, -10.3, 0.6],
-    [1.0, 7.1, 8.2, -9.7, 0.65],
-    [-0.6, 6.9, 8.2, -9.0, 0.65],
-    [-2.2, 6.7, 8.3, -8.2, 0.6],
-    [-3.8, 6.3, 8.5, -7.4, 0.5],
-    [-5.4, 5.75, 8.6, -6.8, 0.4],
-    [-7.0, 5.15, 8.3, -6.3, 0.3],
-    [-8.5, 4.45, 8.2, -6.1, 0.25],
-    [-9.7, 3.95, 7.5, -6.0, 0.2],
-    [-10.5, 4.0, 5.6, -6.1, 0.1],
-    [-11.2, 4.1, 3.4, -6.2, 0.0],
-    [-12.4, 4.3, 2.2, -6.3, 0.0],
-    [-14.0, 4.6, 1.9, -6.6, 0.0],
+    [10.8, 4.3, 4.5, -6.7, 0.1],
+    [9.2, 5.7, 6.6, -8.6, 0.2],
+    [7.2, 6.6, 7.9, -9.7, 0.3],
+    [5.0, 7.05, 8.5, -10.1, 0.4],
+    [2.6, 7.2, 8.6, -9.9, 0.5],
+    [1.0, 7.1, 8.3, -9.4, 0.55],
+    [-0.6, 7.0, 8.2, -8.6, 0.55],
+    [-2.2, 6.85, 8.3, -7.8, 0.5],
+    [-3.8, 6.6, 8.45, -7.1, 0.45],
+    [-5.4, 6.25, 8.5, -6.6, 0.4],
+    [-7.0, 5.7, 8.4, -6.2, 0.3],
+    [-8.5, 4.9, 8.2, -6.0, 0.2],
+    [-9.7, 4.2, 7.5, -5.9, 0.1],
+    [-10.5, 4.0, 5.6, -5.9, 0.05],
+    [-11.2, 4.0, 3.4, -6.0, 0.0],
+    [-12.4, 4.1, 2.1, -6.2, 0.0],
+    [-14.0, 4.4, 1.8, -6.5, 0.0],
     [-16.0, 5.2, 2.1, -7.2, 0.0],
-    [-16.5, 4.6, 1.4, -6.6, 0.0],
+    [-16.5, 4.7, 1.5, -6.7, 0.0],
     [-16.6, 0.0, -2.6, -2.6, 0.0],
 ];
 
-/// Returns the section at `t` in 0..=21, by a uniform cubic B-spline that begins and ends at the first and last
-/// section.
+/// Returns the section at `t` in 0..=21.
 pub(super) fn section(t: f32) -> [f32; 5] {
-    let last = SECTIONS.len() - 1;
+    let mut s = spline(&SECTIONS, t);
+    s[1] = s[1].max(0.0);
+    s
+}
+
+/// Evaluates the uniform cubic B-spline that begins and ends at the first and last of `knots`, at `t` between their
+/// indices.
+fn spline<const N: usize>(knots: &[[f32; N]], t: f32) -> [f32; N] {
+    let last = knots.len() - 1;
     let i = (t as usize).min(last - 1);
     let x = t - i as f32;
-    let (b, c) = (SECTIONS[i], SECTIONS[i + 1]);
-    let beyond = |near: [f32; 5], far: [f32; 5]| std::array::from_fn(|k| 2.0 * near[k] - far[k]);
-    let a = if i > 0 { SECTIONS[i - 1] } else { beyond(b, c) };
-    let d = if i + 2 <= last { SECTIONS[i + 2] } else { beyond(c, b) };
+    let (b, c) = (knots[i], knots[i + 1]);
+    let beyond = |near: [f32; N], far: [f32; N]| std::array::from_fn(|k| 2.0 * near[k] - far[k]);
+    let a = if i > 0 { knots[i - 1] } else { beyond(b, c) };
+    let d = if i + 2 <= last { knots[i + 2] } else { beyond(c, b) };
     let rest = 1.0 - x;
     let weights = [
         rest * rest * rest,
@@ -49,10 +56,7 @@ pub(super) fn section(t: f32) -> [f32; 5] {
         3.0 * rest * rest * rest - 6.0 * rest * rest + 4.0,
         x * x * x,
     ];
-    let mut s: [f32; 5] =
-        std::array::from_fn(|k| (weights[0] * a[k] + weights[1] * b[k] + weights[2] * c[k] + weights[3] * d[k]) / 6.0);
-    s[1] = s[1].max(0.0);
-    s
+    std::array::from_fn(|k| (weights[0] * a[k] + weights[1] * b[k] + weights[2] * c[k] + weights[3] * d[k]) / 6.0)
 }
 
 /// Returns the plain head at the angle `a` from the front (0..=π) and the row `t`, and how much it faces the front
@@ -104,6 +108,28 @@ const CONTACT: f32 = 0.006;
 pub(super) const HALF_EYE: f32 = 1.4;
 /// The root of the ear on the head: height, depth, half height, half width.
 pub(super) const EAR: [f32; 4] = [-0.6, -1.25, 2.1, 1.15];
+/// Distance of the ear's hollow from the middle of the head.
+const EAR_ROOT: f32 = 6.8;
+
+/// The ridge of the nose from the brows down, every half centimetre: how far it stands out, and half its width.
+const NOSE: [[f32; 2]; 16] = [
+    [0.0, 1.6],
+    [0.03, 1.5],
+    [0.1, 1.3],
+    [0.25, 1.1],
+    [0.5, 1.0],
+    [0.75, 1.0],
+    [1.0, 1.1],
+    [1.25, 1.2],
+    [1.52, 1.35],
+    [1.82, 1.45],
+    [2.05, 1.55],
+    [2.15, 1.6],
+    [1.75, 1.5],
+    [0.5, 1.1],
+    [0.05, 1.0],
+    [0.0, 1.0],
+];
 
 /// Returns the heights of the lids' edges above the line of the eye, at `c` from the inner corner (−1) to the outer
 /// (1).
@@ -178,44 +204,38 @@ fn features(mut p: Vec3, lip: f32, lower_lip: bool, front: f32, lid: f32) -> Vec
     let at = |centre: [f32; 2], radii: [f32; 2]| bump(x, y, centre, radii);
     let mut z = 0.0;
 
-    // Forehead, brow ridge, eyebrows, cheekbones and the hollow under them.
-    z += 0.35 * at([2.6, 6.2], [3.4, 3.0]) + 0.3 * at([0.0, 2.7], [2.0, 1.6]);
-    z += 0.5 * at([2.8, 2.85], [3.2, 1.5]) + 0.75 * at([5.1, 0.8], [1.9, 2.8]);
+    // Forehead, brow ridge, eyebrows, temples, cheekbones and the hollow under them.
+    z += 0.3 * at([0.0, 6.2], [6.0, 3.2]) + 0.2 * at([0.0, 3.1], [2.2, 1.8]);
+    z += 0.4 * at([3.1, 2.9], [3.2, 1.6]) + 0.7 * at([5.1, 0.8], [2.0, 2.8]);
     let brow = (x - 1.0) / 3.8;
-    let arch = 2.45 + 1.15 * brow - 0.95 * brow * brow;
-    z += 0.2 * at([x, arch], [1.0, mix(0.42, 0.22, brow)]) * smoothstep(0.0, 0.2, brow) * smoothstep(1.02, 0.75, brow);
-    z += 0.45 * at([4.3, -1.5], [2.8, 2.2]) - 0.35 * at([4.6, -5.0], [2.2, 2.6]);
+    let arch = 2.9 + 0.8 * brow - 1.05 * brow * brow;
+    z += 0.15 * at([x, arch], [1.0, mix(0.5, 0.3, brow)]) * smoothstep(-0.1, 0.25, brow) * smoothstep(1.02, 0.7, brow);
+    z += 0.5 * at([4.2, -1.4], [3.0, 2.4]) - 0.2 * at([4.4, -4.8], [2.2, 2.6]);
     // Sockets, deepest beside the nose.
-    z -= 0.6 * at([3.0, 1.3], [2.6, 1.5]) + 0.45 * at([1.5, 1.3], [1.1, 1.5]);
-    z += 0.35 * at([3.3, -0.7], [2.6, 1.5]);
+    z -= 0.5 * at([3.2, 1.3], [2.6, 1.5]) + 0.12 * at([1.5, 1.4], [1.2, 1.6]);
+    z += 0.25 * at([3.3, -0.7], [2.8, 1.8]);
 
-    // Nose: a ridge that grows from the bridge to the tip and is round below, and the wings.
-    let down = ((2.8 - y) / 5.1).clamp(0.0, 1.0);
-    let under = ((-2.35 - y) / 0.95).clamp(0.0, 1.0);
-    let width = mix(0.9, 1.3, down * down) + 0.8 * smoothstep(0.7, 0.0, down);
+    // Nose: the ridge, the tip, the wings, and the nostrils.
+    let [ridge, width] = spline(&NOSE, ((3.0 - y) * 2.0).clamp(0.0, (NOSE.len() - 1) as f32));
     let across = dome(x / width);
-    let height = mix(0.1, 2.15, down * (0.55 + 0.45 * down)) + 0.2 * at([0.0, -2.2], [1.0, 0.9]);
-    let ridge = height * across * across.sqrt() * dome(under).sqrt();
-    z += ridge + 0.95 * at([1.02, -2.62], [0.72, 0.68]) * dome(under).sqrt();
-    z += 0.3 * at([0.0, -3.2], [0.5, 0.6]);
+    z += ridge * across * across + 0.2 * at([0.0, -2.5], [1.0, 0.9]);
+    z += 0.75 * at([1.2, -2.7], [0.75, 0.8]) * smoothstep(-3.4, -2.9, y);
+    z -= 0.55 * at([0.6, -3.1], [0.42, 0.3]);
 
     // Mouth: the muzzle, the groove under the nose, lips, the fold under them, the chin.
     let mouth = (x / HALF_MOUTH).min(1.5);
     z += 0.65 * at([0.0, -5.2], [4.4, 3.3]);
-    z -= 0.16 * at([0.0, -4.05], [0.45, 0.7]);
+    z -= 0.14 * at([0.0, -4.1], [0.5, 0.8]);
     z += lips(mouth, lip.abs(), lower_lip);
-    z -= 0.22 * at([2.8, -5.4], [1.3, 1.3]);
-    z -= 0.4 * at([0.0, -7.2], [2.4, 0.8]);
-    z += 0.75 * at([0.0, -8.9], [2.3, 1.7]);
+    z -= 0.2 * at([2.8, -5.4], [1.3, 1.3]);
+    z -= 0.3 * at([0.0, -7.2], [2.6, 1.0]);
+    z += 0.7 * at([0.0, -8.9], [2.6, 1.8]);
     p.z += z * front;
     // The corners of the mouth are a little higher.
     if lip == 0.0 {
         p.y += CONTACT * dome(mouth) * side(lower_lip);
     }
     p.y += 0.1 * mouth * mouth * along(lip, 2.5) * front * smoothstep(1.5, 1.0, mouth);
-
-    // Nostrils, from below.
-    p.y += 0.42 * at([0.58, -3.0], [0.4, 0.3]) * front;
 
     // Lids lie on the eyeball, at points where the socket is deeper.
     let from = Vec2::new(x - EYE.x, y - EYE.y);
@@ -230,11 +250,12 @@ fn features(mut p: Vec3, lip: f32, lower_lip: bool, front: f32, lid: f32) -> Vec
 fn lips(mouth: f32, d: f32, lower: bool) -> f32 {
     let full = dome(mouth);
     let bow = if lower { 0.0 } else { 0.2 * bump(mouth, 0.0, [0.27, 0.0], [0.28, 1.0]) };
-    let height = (if lower { 1.0 } else { 0.75 } + bow) * (0.15 + 0.85 * full);
-    let s = d / height;
-    let out = if s < 1.0 { 2.6 * s.sqrt() * (1.0 - s) } else { 0.0 };
-    let roll = -0.24 * along(d, 0.4);
-    (if lower { 0.5 } else { 0.42 } * out + roll) * smoothstep(1.02, 0.6, mouth)
+    let height = (if lower { 1.2 } else { 0.95 } + bow) * (0.25 + 0.75 * full);
+    let s = (d / height).min(1.0);
+    // Round where the lips meet, then a slope to the edge of the red.
+    let (round, most) = (1.0 - s / 0.4, if lower { 0.45 } else { 0.36 });
+    let out = if round > 0.0 { mix(0.26, most, (1.0 - round * round).sqrt()) } else { most * smoothstep(1.1, 0.3, s) };
+    (out - 0.1 * along(d, 0.2)) * smoothstep(1.05, 0.5, mouth)
 }
 
 /// Returns a point behind an opening, at `depth` from the edge's point `edge` (0) to the end (1).
@@ -295,7 +316,7 @@ fn cavity(edge: Vec3, above: f32, depth: f32) -> Vec3 {
         (0.0, [1.0, 0.0, 0.0, 0.0]),
         (0.12, [1.0, 0.03, 0.25, 0.0]),
         (0.25, [1.03, 0.25, 0.55, 0.0]),
-        (0.4, [1.15, 1.45, 0.75, 0.0]),
+        (0.4, [1.15, 1.45, 0.95, 0.0]),
         (0.55, [1.3, 2.0, 2.2, 0.2]),
         (0.85, [1.3, 1.9, 6.0, 1.0]),
         (1.0, [0.0, 0.0, 6.5, 1.0]),
@@ -308,34 +329,43 @@ fn cavity(edge: Vec3, above: f32, depth: f32) -> Vec3 {
     Vec3::new(edge.x * width, y + above * height * round, z)
 }
 
-/// Returns a point of the ear: up from the head behind it, over the rim, and down into the hollow in front of the ear
-/// canal.
+/// Returns a point of the ear: up from the head behind it, over the rim (helix), across a groove and a second ridge
+/// (antihelix), and down into the hollow in front of the ear canal.
 fn shell(edge: Vec3, depth: f32) -> Vec3 {
-    // Distance from the middle relative to the root's, and out of the head, at the back and at the front.
-    const WAY: [(f32, [f32; 4]); 12] = [
-        (0.0, [1.0, 0.0, 1.0, 0.0]),
-        (0.12, [1.02, 0.4, 1.0, 0.1]),
-        (0.24, [1.18, 0.65, 0.98, 0.18]),
-        (0.33, [1.36, 0.9, 0.96, 0.25]),
-        (0.4, [1.46, 1.15, 0.93, 0.32]),
-        (0.46, [1.46, 1.4, 0.88, 0.38]),
-        (0.52, [1.38, 1.5, 0.82, 0.38]),
-        (0.58, [1.26, 1.4, 0.76, 0.34]),
-        (0.64, [1.18, 1.15, 0.72, 0.3]),
-        (0.74, [0.96, 1.12, 0.64, 0.25]),
-        (0.84, [0.68, 0.5, 0.54, 0.12]),
-        (1.0, [0.0, 0.0, 0.0, 0.0]),
+    // Distance from the middle relative to the outline's, and out of the head: at the back and the top, at the front
+    // (tragus), at the lobe.
+    const WAY: [[f32; 6]; 17] = [
+        [0.62, 0.0, 1.0, 0.0, 0.55, 0.0],
+        [0.60, 0.3, 1.0, 0.0, 0.66, 0.1],
+        [0.62, 0.65, 1.0, 0.0, 0.78, 0.2],
+        [0.72, 0.95, 0.99, 0.02, 0.88, 0.3],
+        [0.90, 1.15, 0.98, 0.05, 0.97, 0.4],
+        [1.03, 1.3, 0.96, 0.1, 1.03, 0.55],
+        [1.07, 1.55, 0.93, 0.18, 1.05, 0.75],
+        [1.0, 1.75, 0.89, 0.28, 1.0, 0.9],
+        [0.90, 1.68, 0.84, 0.4, 0.90, 0.95],
+        [0.82, 1.3, 0.78, 0.52, 0.80, 0.9],
+        [0.74, 1.22, 0.71, 0.62, 0.70, 0.85],
+        [0.64, 1.5, 0.63, 0.66, 0.60, 0.9],
+        [0.54, 1.5, 0.54, 0.5, 0.50, 0.95],
+        [0.46, 1.0, 0.45, 0.2, 0.42, 0.6],
+        [0.38, 0.45, 0.36, 0.1, 0.34, 0.3],
+        [0.22, 0.2, 0.20, 0.1, 0.20, 0.2],
+        [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
     ];
-    let [back, out_back, front, out_front] = curve(&WAY, depth);
+    let [back, out_back, front, out_front, low, out_low] = spline(&WAY, depth * (WAY.len() - 1) as f32);
     let arm = Vec2::new((edge.z - EAR[1]) / EAR[3], (edge.y - EAR[0]) / EAR[2]);
-    let ahead = smoothstep(0.1, 1.0, arm.x);
-    let lobe = smoothstep(-0.5, -1.0, arm.y);
-    let (scale, out) = (mix(back, front, ahead), mix(out_back, out_front, ahead) * (1.0 - 0.5 * lobe));
-    let centre = Vec3::new(6.8, EAR[0], EAR[1]);
-    let x = mix(centre.x, edge.x, scale.min(1.0));
-    let tall = mix(1.0, 1.05, smoothstep(0.0, 0.3, depth));
-    // It leans back, and stands off.
-    let (dy, dz) = ((edge.y - centre.y) * scale * tall, (edge.z - centre.z) * scale);
-    let out = out * (1.0 - 0.3 * smoothstep(0.5, 1.0, arm.y));
-    Vec3::new(x + out * 0.7, centre.y + dy + 0.25 * out, centre.z + dz - 0.35 * out)
+    let above = arm.y.max(0.0);
+    let ahead = smoothstep(-0.1, 0.95, arm.x - 0.3 * above);
+    let lobe = smoothstep(-0.3, -1.0, arm.y);
+    let scale = mix(mix(back, low, lobe), front, ahead);
+    let out = mix(mix(out_back, out_low, lobe), out_front, ahead)
+        * (1.0 + 0.45 * above - 0.95 * above * above - 0.15 * arm.y * arm.y);
+    // The outline is an egg, wider above and round below, that leans back; in front it is that of the root.
+    let round = 1.0 + 0.4 * arm.x * arm.x * arm.y * arm.y;
+    let tall = arm.y * mix(if arm.y > 0.0 { 2.85 } else { 2.65 }, EAR[2], ahead) * round;
+    let wide = arm.x * if arm.x > 0.0 { EAR[3] } else { 1.95 + 0.2 * arm.y } * round;
+    let x = mix(EAR_ROOT, edge.x, scale.min(1.0)) + out;
+    let place = Vec3::new(x, EAR[0] + scale * tall, EAR[1] + scale * (wide - 0.16 * tall * (1.0 - ahead)));
+    mix3(edge, place, (depth * 8.0).min(1.0))
 }
