@@ -4,17 +4,19 @@
 //! `meter` receives the bytes of each load and store of a workgroup with a single instance; a test compares the
 //! planner's count with their sum.
 
+use super::records::{self, Row, RowSum};
 use super::simd::widest;
 use super::sums::{self, Added, BATCH, Planes};
 use super::workers::Workers;
 use crate::abi::worklist::{ELEMENT_BYTES, Element, ITEM_WORDS};
 use crate::asset::streams::TRIPLES;
+use crate::pack::formats::small::Records;
 use crate::pack::formats::{BlockFormat, with_format};
 use crate::pack::poses::sums::Sum;
 use crate::pack::poses::{PoseStorage, with_pose};
 use crate::pack::{POSE_FLOATS, PackedGroup};
 use crate::update::blocks::{GroupPlan, Item};
-use bytemuck::{Pod, Zeroable, cast_slice, cast_slice_mut};
+use bytemuck::{Pod, Zeroable, cast, cast_slice, cast_slice_mut};
 use std::ops::Range;
 
 /// Work pieces per thread.
@@ -79,7 +81,7 @@ pub(crate) fn run_piece(
     with_pose!(plan.pose(), P => run_sums::<P>(packed, plan, blocks, runs, meter));
 }
 
-fn run_sums<P: PoseStorage>(
+fn run_sums<P: PoseStorage<Sum: RowSum>>(
     packed: &PackedGroup,
     plan: &GroupPlan,
     blocks: Range<usize>,
@@ -104,7 +106,7 @@ struct InstanceBlock<'a, T: Sum> {
     count: usize,
 }
 
-fn run_blocks<P: PoseStorage, const S: usize>(
+fn run_blocks<P: PoseStorage<Sum: RowSum>, const S: usize>(
     packed: &PackedGroup,
     plan: &GroupPlan,
     blocks: Range<usize>,
@@ -116,6 +118,7 @@ fn run_blocks<P: PoseStorage, const S: usize>(
     let mut tile: Vec<InstanceBlock<'_, P::Sum>> = Vec::with_capacity(runs.len().min(TILE));
     let zero = [[P::Sum::default(); S]; POSE_FLOATS];
     let mut sums = vec![zero; runs.len().min(TILE)];
+    let mut rows = [Row::<P::Sum>::default(); S];
     let mut turned = Turned { pairs: [[0; S]; POSE_FLOATS / 2], vertices: [[0; POSE_FLOATS / 2]; S] };
     for block in blocks {
         let mut runs = runs.iter_mut();
@@ -139,37 +142,66 @@ fn run_blocks<P: PoseStorage, const S: usize>(
             if tile.is_empty() {
                 break;
             }
-            sums[..tile.len()].fill(zero);
             // With a single instance, adds while decoding; storing decoded deltas would only cost time.
-            match &*tile {
-                [instance] => add_alone(packed, plan, instance.elements, &mut sums[0], meter),
-                _ => while add_batch(packed, plan, &mut tile, &mut sums, &mut decoded, meter) {},
+            if let [InstanceBlock { block, destination, elements, .. }] = &mut *tile {
+                match add_alone(packed, plan, elements, &mut sums[0], &mut rows, meter) {
+                    true => turned.take(&rows),
+                    false => turned.turn(&sums[0]),
+                }
+                write::<P, S>(&turned, block, destination);
+                continue;
             }
+            sums[..tile.len()].fill(zero);
+            while add_batch(packed, plan, &mut tile, &mut sums, &mut decoded, meter) {}
             for (InstanceBlock { block, destination, .. }, sums) in tile.iter_mut().zip(&sums) {
-                write::<P, S>(sums, &mut turned, block, destination);
+                turned.turn(sums);
+                write::<P, S>(&turned, block, destination);
             }
         }
     }
 }
 
-fn add_alone<T: Sum, const S: usize>(
+/// Adds the entries of an instance to `rows`, if the format has records, otherwise to `sums`; says whether it has.
+fn add_alone<T: RowSum, const S: usize>(
     packed: &PackedGroup,
     plan: &GroupPlan,
     elements: &[Element],
     sums: &mut Planes<T, S>,
+    rows: &mut [Row<T>; S],
     meter: &mut impl FnMut(usize),
-) {
+) -> bool {
     let (index, words, dropped) = (&*plan.index, packed.deltas(), dropped(plan));
-    with_format!(index.parts.format, dense _f => {}, blocks format => {
-        for element in elements {
+    let mut in_rows = false;
+    with_format!(index.parts.format, dense _f => {}, blocks format => widest!(simd => {
+        let entries = elements.iter().map(|element| {
             let (header, deltas) = index.locate(format, words, element.entry as usize);
             meter(4 * (header.len() + deltas.len()));
             let factors = factors::<T>(element, index.steps(), format.shifts(header));
-            let lanes = index.costs[element.entry as usize].lanes.map(usize::from);
-            let entry = (header, &words[deltas.start..], lanes[0]..lanes[1]);
-            sums::add_decoded(format, entry, factors, dropped, sums);
+            (header, &words[deltas.start..], factors, T::is_new(&factors), element)
+        });
+        in_rows = format.has_records();
+        if in_rows {
+            rows.fill([T::default(); _]);
+            for (header, deltas, factors, new, _) in entries {
+                let records = Records::new(S, header, deltas);
+                match new {
+                    true => records::add::<_, T, true>(simd, &records, factors, dropped, rows),
+                    false => records::add::<_, T, false>(simd, &records, factors, dropped, rows),
+                }
+            }
+        } else {
+            *sums = [[T::default(); S]; POSE_FLOATS];
+            for (header, deltas, factors, new, element) in entries {
+                let lanes = index.costs[element.entry as usize].lanes.map(usize::from);
+                let entry = (header, deltas, lanes[0]..lanes[1]);
+                match new {
+                    true => sums::add_decoded::<T, _, S, true>(format, entry, factors, dropped, sums),
+                    false => sums::add_decoded::<T, _, S, false>(format, entry, factors, dropped, sums),
+                }
+            }
         }
-    });
+    }));
+    in_rows
 }
 
 /// Low bits dropped from products, by triple.
@@ -223,44 +255,44 @@ struct Turned<const S: usize> {
 }
 
 impl<const S: usize> Turned<S> {
-    #[inline(always)]
-    fn turn<T: Pod>(&mut self, planes: &Planes<T, S>) -> &[T] {
-        for (pairs, [even, odd]) in self.pairs.iter_mut().zip(planes.as_chunks().0) {
-            let pairs = &mut cast_slice_mut(pairs)[..S];
-            for lane in 0..S {
-                pairs[lane] = [even[lane], odd[lane]];
+    fn turn<T: Pod>(&mut self, planes: &Planes<T, S>) {
+        widest!(_simd => {
+            for (pairs, [even, odd]) in self.pairs.iter_mut().zip(planes.as_chunks().0) {
+                let pairs = &mut cast_slice_mut(pairs)[..S];
+                for lane in 0..S {
+                    pairs[lane] = [even[lane], odd[lane]];
+                }
             }
+            for (lane, vertex) in self.vertices.iter_mut().enumerate() {
+                *vertex = [self.pairs[0][lane], self.pairs[1][lane], self.pairs[2][lane]];
+            }
+        });
+    }
+
+    fn take<T: Pod>(&mut self, rows: &[Row<T>; S]) {
+        for (vertex, row) in self.vertices.iter_mut().zip(rows) {
+            let [a, b, c, _] = cast(*row);
+            *vertex = [a, b, c];
         }
-        for (lane, vertex) in self.vertices.iter_mut().enumerate() {
-            *vertex = [self.pairs[0][lane], self.pairs[1][lane], self.pairs[2][lane]];
-        }
-        cast_slice(self.vertices.as_flattened())
     }
 }
 
 /// Stores a block: `destination = source + sums`, whole vertices: slots are equal where the masks have no component.
-fn write<P: PoseStorage, const S: usize>(
-    sums: &Planes<P::Sum, S>,
-    turned: &mut Turned<S>,
-    block: &Block<'_>,
-    destination: &mut [u32],
-) {
+fn write<P: PoseStorage, const S: usize>(sums: &Turned<S>, block: &Block<'_>, destination: &mut [u32]) {
     let base = block.item.source.is_none();
-    widest(
-        #[inline(always)]
-        || {
-            let out = cast_slice_mut::<u32, P::Number>(destination).iter_mut().zip(turned.turn(sums));
-            match block.source {
-                // The base pose has zero displacement.
-                _ if base && block.plan.pose().has_integers() => {
-                    out.for_each(|(out, sum)| *out = P::plus(P::Number::zeroed(), *sum));
-                }
-                _ if base => out.zip(cast_slice(block.base)).for_each(|((out, sum), base)| *out = P::plus(*base, *sum)),
-                Some(from) => out.zip(cast_slice(from)).for_each(|((out, sum), old)| *out = P::plus(*old, *sum)),
-                None => out.for_each(|(out, sum)| *out = P::plus(*out, *sum)),
+    widest!(_simd => {
+        let sums: &[P::Sum] = cast_slice(sums.vertices.as_flattened());
+        let out = cast_slice_mut::<u32, P::Number>(destination).iter_mut().zip(sums);
+        match block.source {
+            // The base pose has zero displacement.
+            _ if base && block.plan.pose().has_integers() => {
+                out.for_each(|(out, sum)| *out = P::plus(P::Number::zeroed(), *sum));
             }
-        },
-    );
+            _ if base => out.zip(cast_slice(block.base)).for_each(|((out, sum), base)| *out = P::plus(*base, *sum)),
+            Some(from) => out.zip(cast_slice(from)).for_each(|((out, sum), old)| *out = P::plus(*old, *sum)),
+            None => out.for_each(|(out, sum)| *out = P::plus(*out, *sum)),
+        }
+    });
 }
 
 /// The output of one workgroup.

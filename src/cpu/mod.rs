@@ -3,6 +3,7 @@
 
 mod blocks;
 mod kernel;
+mod records;
 mod simd;
 mod sums;
 mod workers;

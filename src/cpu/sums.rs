@@ -16,9 +16,6 @@ const LANES: usize = 32;
 /// Entries decoded at a time: in blocks of 64 they take 12 KiB and stay in the first-level cache.
 pub(super) const BATCH: usize = 8;
 
-/// Header and deltas of an entry, and the vertices that it moves.
-pub(super) type Entry<'a> = (&'a [u32], &'a [u32], Range<usize>);
-
 /// An entry to add: index of its decoded deltas, and factors.
 pub(super) type Added<T> = (usize, [<T as Sum>::Factor; TRIPLES]);
 
@@ -29,54 +26,29 @@ pub(super) fn decode<T: Sum, F: BlockFormat<Component: Number>, const S: usize>(
     deltas: &[u32],
     out: &mut Planes<T::Delta, S>,
 ) {
-    widest(
+    widest!(_simd => format.decode(
+        S,
+        0..S,
+        header,
+        deltas,
         #[inline(always)]
-        || {
-            format.decode(
-                S,
-                0..S,
-                header,
-                deltas,
-                #[inline(always)]
-                |lane, c, number| out[c][lane] = T::delta(number),
-            );
-        },
-    );
+        |lane, c, number| out[c][lane] = T::delta(number),
+    ));
 }
 
-/// Adds an entry to `sums` while decoding it.
-pub(super) fn add_decoded<T: Sum, F: BlockFormat<Component: Number>, const S: usize>(
-    format: &F,
-    (header, deltas, lanes): Entry<'_>,
-    factors: [T::Factor; TRIPLES],
-    dropped: [u32; TRIPLES],
-    sums: &mut Planes<T, S>,
-) {
-    // A limit that the compiler knows.
-    let entry = (header, deltas, lanes.start..lanes.end.min(S));
-    match T::is_new(&factors) {
-        true => widest(
-            #[inline(always)]
-            || add_numbers::<T, F, S, true>(format, entry, factors, dropped, sums),
-        ),
-        false => widest(
-            #[inline(always)]
-            || add_numbers::<T, F, S, false>(format, entry, factors, dropped, sums),
-        ),
-    }
-}
-
+/// Adds an entry to `sums` while decoding it: the deltas of `lanes`, which are all that it moves.
 #[inline(always)]
-fn add_numbers<T: Sum, F: BlockFormat<Component: Number>, const S: usize, const NEW: bool>(
+pub(super) fn add_decoded<T: Sum, F: BlockFormat<Component: Number>, const S: usize, const NEW: bool>(
     format: &F,
-    (header, deltas, lanes): Entry<'_>,
+    (header, deltas, lanes): (&[u32], &[u32], Range<usize>),
     factors: [T::Factor; TRIPLES],
     dropped: [u32; TRIPLES],
     sums: &mut Planes<T, S>,
 ) {
     format.decode(
         S,
-        lanes,
+        // A limit that the compiler knows.
+        lanes.start..lanes.end.min(S),
         header,
         deltas,
         #[inline(always)]
@@ -94,14 +66,8 @@ pub(super) fn add<T: Sum, const S: usize>(
     dropped: [u32; TRIPLES],
 ) {
     match entries.iter().all(|(_, factors)| T::is_new(factors)) {
-        true => widest(
-            #[inline(always)]
-            || add_planes::<T, S, true>(sums, entries, decoded, dropped),
-        ),
-        false => widest(
-            #[inline(always)]
-            || add_planes::<T, S, false>(sums, entries, decoded, dropped),
-        ),
+        true => widest!(_simd => add_planes::<T, S, true>(sums, entries, decoded, dropped)),
+        false => widest!(_simd => add_planes::<T, S, false>(sums, entries, decoded, dropped)),
     }
 }
 

@@ -3,7 +3,6 @@
 use super::DenseFormat;
 use crate::asset::streams::TRIPLES;
 use crate::pack::POSE_FLOATS;
-use crate::pack::grid::Term;
 
 pub(crate) struct Float32;
 
@@ -32,5 +31,7 @@ impl DenseFormat for Float32 {
         }
     }
 
-    fn add_terms(&self, _: [Term; TRIPLES], _: &[u32], _: &mut [i32]) {}
+    fn integers<'a>(&self, _: &'a [u32]) -> &'a [i16] {
+        &[]
+    }
 }

@@ -3,7 +3,6 @@
 mod shifts;
 
 use super::POSE_FLOATS;
-use super::grid::Term;
 use crate::abi::formats::{FORMATS, FormatRow, delta_formats};
 use crate::asset::streams::TRIPLES;
 use crate::error::{Error, Result};
@@ -140,8 +139,8 @@ pub(crate) trait DenseFormat {
     /// include the steps.
     fn add<const N: usize>(&self, factors: [[f32; TRIPLES]; N], rows: [&[u32]; N], sums: &mut [f32]);
 
-    /// Adds a target's terms to fixed-point sums; never called for float32 deltas, which have no grid.
-    fn add_terms(&self, terms: [Term; TRIPLES], row: &[u32], sums: &mut [i32]);
+    /// The integers of a row, for fixed-point sums; never called for float32 deltas, which have no grid.
+    fn integers<'a>(&self, row: &'a [u32]) -> &'a [i16];
 }
 
 /// A vertex's index (in its block, or the user's) and delta.
@@ -190,6 +189,12 @@ pub(crate) trait BlockFormat {
     /// Left shifts of an entry's integers, by triple.
     fn shifts(&self, _header: &[u32]) -> [u32; TRIPLES] {
         [0; TRIPLES]
+    }
+
+    /// Whether it is `small`, whose entries are [`Records`](small::Records).
+    #[inline(always)]
+    fn has_records(&self) -> bool {
+        false
     }
 
     /// Decoded component: an integer to shift and multiply by the step, or input units.

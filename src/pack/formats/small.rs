@@ -23,19 +23,21 @@ pub(crate) struct Small;
 const MASKED: u32 = 1 << 31;
 
 /// Vertices decoded at a time, those of a word of the mask.
-const LANES: usize = u32::BITS as usize;
+pub(crate) const LANES: usize = u32::BITS as usize;
 /// Where their records begin at most, or more: a power of two costs one instruction to check.
-const BYTES: usize = 512;
+pub(crate) const BYTES: usize = 512;
+/// Their bytes, and those that are read with the last record.
+const WINDOW: usize = BYTES + 16;
 
 /// Bits of a width and of an offset.
 const BITS: u32 = 5;
 
 /// Encoding of a component in an entry.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Field {
-    width: u32,
+pub(crate) struct Field {
+    pub width: u32,
     /// Component value of integer 0.
-    least: i32,
+    pub least: i32,
 }
 
 impl Field {
@@ -65,17 +67,51 @@ impl Field {
     }
 }
 
+/// The components of a record.
+#[inline(always)]
+fn fields(header: &[u32]) -> [Field; POSE_FLOATS] {
+    std::array::from_fn(|c| Field::of(header[1 + c / TRIPLE], c % TRIPLE))
+}
+
 /// Bits of a record.
 #[inline(always)]
 fn record_bits(header: &[u32]) -> u32 {
-    (0..POSE_FLOATS).map(|c| Field::of(header[1 + c / TRIPLE], c % TRIPLE).width).sum()
+    fields(header).iter().map(|field| field.width).sum()
 }
 
-/// The bytes from which the last records of a mesh are read, with zeros behind them.
+/// The records of an entry.
+pub(crate) struct Records<'a> {
+    pub fields: [Field; POSE_FLOATS],
+    /// Empty: all vertices have one.
+    masks: &'a [u32],
+    bytes: &'a [u8],
+}
+
+impl<'a> Records<'a> {
+    #[inline(always)]
+    pub fn new(size: usize, header: &[u32], deltas: &'a [u32]) -> Self {
+        let (masks, records) = deltas.split_at(if header[1] & MASKED == 0 { 0 } else { size / LANES });
+        Self { fields: fields(header), masks, bytes: cast_slice(records) }
+    }
+
+    /// Which of the vertices from `word` · 32 on have a record.
+    #[inline(always)]
+    pub fn mask(&self, word: usize) -> u32 {
+        self.masks.get(word).copied().unwrap_or(u32::MAX)
+    }
+
+    /// The bytes from that of bit `from` on; `last` is for the last ones of a mesh, with zeros behind them.
+    #[inline(always)]
+    pub fn window<'b>(&'b self, from: u32, last: &'b mut Option<[u8; WINDOW]>) -> &'b [u8; WINDOW] {
+        let rest = &self.bytes[from as usize / 8..];
+        rest.first_chunk().unwrap_or_else(|| last.insert(at_end(rest)))
+    }
+}
+
 #[cold]
 #[inline(never)]
-fn at_end(records: &[u8]) -> [u8; BYTES + 8] {
-    let mut bytes = [0; BYTES + 8];
+fn at_end(records: &[u8]) -> [u8; WINDOW] {
+    let mut bytes = [0; WINDOW];
     bytes[..records.len()].copy_from_slice(records);
     bytes
 }
@@ -139,7 +175,7 @@ impl BlockFormat for Small {
     }
 
     fn check_header(&self, header: &[u32]) -> Result<[u32; TRIPLES], String> {
-        let fields: [Field; POSE_FLOATS] = std::array::from_fn(|c| Field::of(header[1 + c / TRIPLE], c % TRIPLE));
+        let fields = fields(header);
         let widths = fields.map(|field| field.width);
         let spare = (header[1] & !MASKED | header[2]) >> (2 * TRIPLE as u32 * BITS);
         if spare != 0 || widths.iter().enumerate().any(|(c, w)| *w > INTEGER_BITS[c / TRIPLE]) {
@@ -149,6 +185,11 @@ impl BlockFormat for Small {
             |field: &Field| field.least.unsigned_abs().max((field.least + (1 << field.width) - 1).unsigned_abs());
         let bits = |triple: &[Field]| triple.iter().map(|field| 32 - largest(field).leading_zeros()).max();
         Ok(std::array::from_fn(|triple| bits(&fields[TRIPLE * triple..][..TRIPLE]).unwrap_or(0)))
+    }
+
+    #[inline(always)]
+    fn has_records(&self) -> bool {
+        true
     }
 
     type Component = i32;
@@ -164,12 +205,10 @@ impl BlockFormat for Small {
         deltas: &[u32],
         mut f: impl FnMut(usize, usize, i32),
     ) {
-        let (masks, records) = deltas.split_at(if header[1] & MASKED == 0 { 0 } else { size / LANES });
-        let (records, bits, mut from) = (cast_slice::<u32, u8>(records), record_bits(header), 0);
+        let (records, bits, mut from) = (Records::new(size, header, deltas), record_bits(header), 0);
         for word in 0..size / LANES {
-            let mask = masks.get(word).copied().unwrap_or(u32::MAX);
-            let (last, rest) = (&mut None, &records[from / 8..]);
-            let bytes = rest.first_chunk().unwrap_or_else(|| last.insert(at_end(rest)));
+            let (mask, last) = (records.mask(word), &mut None);
+            let bytes = records.window(from, last);
             let read = |at: u32| {
                 let bytes = bytes[at as usize / 8 % BYTES..].first_chunk().unwrap_or(&[0; 8]);
                 (u64::from_le_bytes(*bytes) >> (at % 8)) as u32
@@ -178,11 +217,10 @@ impl BlockFormat for Small {
             (0..LANES).for_each(|lane| moves[lane] = -((mask >> lane & 1) as i32));
             let (mut windows, mut begin, mut end) = ([0; LANES], 0, 0);
             for c in 0..POSE_FLOATS {
-                let fields = header[1 + c / TRIPLE] >> (BITS * (c % TRIPLE) as u32);
-                let Field { width, least } = Field::of(fields, 0);
+                let Field { width, least } = records.fields[c];
                 if c == 0 || end + width - begin > u32::BITS {
                     begin = end;
-                    let mut at = from as u32 % 8 + begin;
+                    let mut at = from % 8 + begin;
                     if mask == u32::MAX {
                         (0..LANES).for_each(|lane| windows[lane] = read(at + lane as u32 * bits));
                     } else {
@@ -201,7 +239,7 @@ impl BlockFormat for Small {
                     f(word * LANES + lane, c, (least + integer as i32) & moves[lane]);
                 }
             }
-            from += (mask.count_ones() * bits) as usize;
+            from += mask.count_ones() * bits;
         }
     }
 }

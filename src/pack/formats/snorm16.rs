@@ -4,7 +4,6 @@ use super::DenseFormat;
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::math::power_of_two_above;
 use crate::pack::POSE_FLOATS;
-use crate::pack::grid::Term;
 
 const MAX: f64 = 32767.0;
 
@@ -48,16 +47,8 @@ impl DenseFormat for Snorm16 {
     }
 
     #[inline(always)]
-    fn add_terms(&self, terms: [Term; TRIPLES], row: &[u32], sums: &mut [i32]) {
-        let row: &[i16] = bytemuck::cast_slice(row);
-        let (wide, rest) = sums.as_chunks_mut::<WIDE>();
-        let after = wide.len() * WIDE;
-        // From the base pose no weight is applied: one product is enough.
-        match terms.iter().all(|term| term.old == 0) {
-            true => add_rounded::<WIDE, true>(terms, row, wide),
-            false => add_rounded::<WIDE, false>(terms, row, wide),
-        }
-        add_rounded::<POSE_FLOATS, false>(terms, &row[after..], rest.as_chunks_mut().0);
+    fn integers<'a>(&self, row: &'a [u32]) -> &'a [i16] {
+        bytemuck::cast_slice(row)
     }
 }
 
@@ -73,24 +64,6 @@ fn add_chunks<const N: usize, const C: usize>(factors: [[f32; TRIPLES]; N], rows
             for j in 0..C {
                 s[j] += pattern[j] * f32::from(deltas[j]);
             }
-        }
-        *sum = s;
-    }
-}
-
-#[inline(always)]
-fn add_rounded<const C: usize, const NEW: bool>(terms: [Term; TRIPLES], row: &[i16], sums: &mut [[i32; C]]) {
-    let term = |i: usize| terms[i / TRIPLE % TRIPLES];
-    let [new, old] = [std::array::from_fn::<i32, C, _>(|i| term(i).new), std::array::from_fn(|i| term(i).old)];
-    let dropped: [u32; C] = std::array::from_fn(|i| term(i).dropped);
-    let half = dropped.map(|dropped| (1u32 << dropped >> 1) as i32);
-    for (sum, deltas) in sums.iter_mut().zip(row.as_chunks::<C>().0) {
-        let mut s = *sum;
-        for i in 0..C {
-            let delta = i32::from(deltas[i]);
-            let rounded = |weight: i32| (weight * delta + half[i]) >> dropped[i];
-            let before = if NEW { 0 } else { rounded(old[i]) };
-            s[i] = s[i].wrapping_add(rounded(new[i]) - before);
         }
         *sum = s;
     }
