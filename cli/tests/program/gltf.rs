@@ -111,6 +111,13 @@ fn expressions_of_vrm_files_are_controls() {
     assert_eq!(pose(&one, "blink=0.5,out=0.25"), pose(&one, "out=0.75"));
     // Its own clip still names targets, and presets of VRM 0 are those of VRM 1.
     assert_eq!(json(&["play", &one, "--path", "cpu", "--json", "-"])["frames"][1]["active"], 2);
+    for file in ["face.dmorph", "out.glb"] {
+        let file = dir.path().join(file);
+        let said = deltamorph(&["pack", &one, "-o", file.to_str().unwrap()]).stderr;
+        let rig = file.with_extension("rig.json");
+        let said = String::from_utf8(said).unwrap();
+        assert!(said.contains(&format!("not its rig (expressions of VRM, or *.rig.json); a rig in {}", rig.display())));
+    }
     let group = json!({"name": "Joy!", "presetName": "joy", "binds": [{"mesh": 0, "index": 1, "weight": 50}]});
     let zero = vrm(json!({"VRM": {"blendShapeMaster": {"blendShapeGroups": [group]}}}));
     assert_eq!(pose(&zero, "Joy!=1"), pose(&zero, "out=0.5"));
