@@ -245,7 +245,8 @@ fn main() {
         };
         let linked = !kernel.baseline || cfg!(feature = "baselines");
         let mut places = vec![[(0, 0); FORMATS.len()]; POSE_FORMATS.len()];
-        for (pose, places) in POSE_FORMATS.iter().zip(&mut places).filter(|_| linked) {
+        let own = |pose: &PoseRow| linked && pose.modules == pose.file;
+        for (pose, places) in POSE_FORMATS.iter().zip(&mut places).filter(|(pose, _)| own(pose)) {
             // A kernel that reads no deltas has the same module for each format.
             if kernel.takes(None, pose) {
                 places.fill(add(None, pose));

@@ -54,10 +54,11 @@ layout(push_constant) uniform Push {
 #ifdef ROUNDED_PRODUCTS
 #include "rounded.glsl"
 #define FACTOR ivec2
-#define FACTOR_OF(bits, unit, shift) (two_weights(bits) << (shift))
+#define FACTOR_OF(bits, unit, shift) ((ROUNDED_SUMS ? ivec2(bits) : two_weights(bits)) << (shift))
 // Sums that start from the base pose replace no weight: one product is enough.
 #define TIMES(factor, delta, dropped) \
-    (REBUILT_ITEMS ? rounded_term((factor).x, delta, dropped) : rounded_product(factor, delta, dropped))
+    (ROUNDED_SUMS ? (factor).x * (delta) \
+        : ALL_REBUILT ? rounded_term((factor).x, delta, dropped) : rounded_product(factor, delta, dropped))
 #else
 #define FACTOR ADDEND
 #ifdef INTEGER_POSES

@@ -7,8 +7,11 @@
 #include "abi.glsl"
 
 layout(constant_id = 2) const uint HEADS = 1;
-// All instances of all items start from the base pose, which is loaded once, or not at all if poses are displacements.
-layout(constant_id = 3) const bool REBUILT_ITEMS = false;
+// 1: all instances of all items start from the base pose, which is loaded once, or not if poses are displacements.
+// Plus 2: sums are rounded to the pose's unit, and not each product (ROUNDED_PRODUCTS).
+layout(constant_id = 3) const uint REBUILT_ITEMS = 0;
+const bool ALL_REBUILT = (REBUILT_ITEMS & 1u) != 0u;
+const bool ROUNDED_SUMS = (REBUILT_ITEMS & 2u) != 0u;
 // Entries are decoded in few registers, at the price of some instructions.
 layout(constant_id = 4) const bool FEW_REGISTERS = false;
 #define HAS_FEW_REGISTERS
@@ -37,6 +40,13 @@ Head plus_entry(Head head, uint coefficient, DELTA position, DELTA normal, uvec2
     head.normal += TIMES(FACTOR_OF(coefficient, normal_unit, shifts.y), normal, normal_dropped);
     return head;
 }
+
+#ifdef ROUNDED_PRODUCTS
+// A sum over the entries of an instance that starts from the base pose; that of a copy is 0, and stays 0.
+Head rounded_sum(Head head) {
+    return Head(ROUNDED(head.position, position_dropped), ROUNDED(head.normal, normal_dropped));
+}
+#endif
 
 // Adds the pose that the instance starts from.
 Head plus_source(Head head, uint slots, uint at, uint rebuilt) {
@@ -85,12 +95,19 @@ void main() {
         next += ROW_WORDS(HEADS);
     } while (next < end);
 
+#ifdef ROUNDED_PRODUCTS
+    if (ROUNDED_SUMS) {
+#define ROUND(h) heads[h] = rounded_sum(heads[h]);
+        EACH_HEAD(ROUND)
+    }
+#endif
+
     // Sources are loaded after the loop, so that they do not take registers in it; and all of them before the first is
     // stored, since a tile may have an instance several times (plan.comp fills tiles up).
     uint slots[TILE];
 #define SLOTS(h) slots[h] = work[item + 4u + h];
     EACH_HEAD(SLOTS)
-    if (REBUILT_ITEMS) {
+    if (ALL_REBUILT) {
 #ifndef INTEGER_POSES
         uint from = base_at + vertex * 6u;
         vec3 position = uintBitsToFloat(uvec3(asset[from], asset[from + 1u], asset[from + 2u]));

@@ -9,8 +9,11 @@
 #include "tiles.glsl"
 
 layout(constant_id = 2) const uint HEADS = 1;
-// All instances of all items start from the base pose, which is loaded once, or not at all if poses are displacements.
-layout(constant_id = 3) const bool REBUILT_ITEMS = false;
+// 1: all instances of all items start from the base pose, which is loaded once, or not if poses are displacements.
+// Plus 2: sums are rounded to the pose's unit, and not each product (ROUNDED_PRODUCTS).
+layout(constant_id = 3) const uint REBUILT_ITEMS = 0;
+const bool ALL_REBUILT = (REBUILT_ITEMS & 1u) != 0u;
+const bool ROUNDED_SUMS = (REBUILT_ITEMS & 2u) != 0u;
 
 // Rows per iteration. With several instances their sums live in memory; two rows at a time load and store them half as
 // often.
@@ -82,9 +85,19 @@ void main() {
         }
     } while (next < end);
 
+#ifdef ROUNDED_PRODUCTS
+    if (ROUNDED_SUMS) {
+        [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
+            [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) {
+                added[h][i] = ROUNDED(added[h][i], i % 6u < 3u ? position_dropped : normal_dropped);
+            }
+        }
+    }
+#endif
+
     // Sources are loaded after the loop, so that they do not take registers in it; and all of them before the first is
     // stored, since a tile may have an instance several times (plan.comp fills tiles up).
-    if (REBUILT_ITEMS) {
+    if (ALL_REBUILT) {
 #ifndef INTEGER_POSES
         uint base[NUMBERS];
         LOAD_WORDS(base, NUMBERS, asset, base_at + at)

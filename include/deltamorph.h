@@ -74,6 +74,10 @@
 /// Six integers of 16 bits: displacements from the base pose, without drift.
 #define DM_POSE_FIXED16 3
 
+/// As `DM_POSE_FIXED16`, which vertex shaders decode it as; rounded once, for rigs with many overlapping targets
+/// (`DM_PATH_BLOCKS`, `DM_PATH_CPU`, block formats).
+#define DM_POSE_REBUILT16 4
+
 /// Compute, only for the blocks of vertices that changed targets move (block formats).
 #define DM_PATH_BLOCKS 1
 

@@ -31,6 +31,9 @@ pub const DM_POSE_FLOAT32: u32 = 1;
 pub const DM_POSE_FIXED32: u32 = 2;
 /// Six integers of 16 bits: displacements from the base pose, without drift.
 pub const DM_POSE_FIXED16: u32 = 3;
+/// As `DM_POSE_FIXED16`, which vertex shaders decode it as; rounded once, for rigs with many overlapping targets
+/// (`DM_PATH_BLOCKS`, `DM_PATH_CPU`, block formats).
+pub const DM_POSE_REBUILT16: u32 = 4;
 
 /// Compute, only for the blocks of vertices that changed targets move (block formats).
 pub const DM_PATH_BLOCKS: u32 = 1;
@@ -102,6 +105,7 @@ const POSES: &[(u32, PoseFormat)] = &[
     (DM_POSE_FLOAT32, PoseFormat::Float32),
     (DM_POSE_FIXED32, PoseFormat::Fixed32),
     (DM_POSE_FIXED16, PoseFormat::Fixed16),
+    (DM_POSE_REBUILT16, PoseFormat::Rebuilt16),
 ];
 
 const PATHS: &[(u32, UpdatePath)] = &[
@@ -241,7 +245,7 @@ mod tests {
     fn unknown_numbers_are_refused() {
         let refused = [
             delta_format(7).map(drop),
-            pose_format(4, PoseFormat::Float32).map(drop),
+            pose_format(5, PoseFormat::Float32).map(drop),
             path(5, UpdatePath::Cpu).map(drop),
             mode(3, UpdateMode::Rebuild).map(drop),
             skin_method(3).map(drop),

@@ -400,7 +400,7 @@ pub struct PackArgs {
     #[arg(long, value_name = "DEGREES", default_value_t = 0.5, value_parser = values::positive)]
     pub normal_error: f32,
     /// The largest weight, either sign, that poses of integers have to hold; the smaller, the finer their unit
-    /// [default: 1 in fixed16; in fixed32 4, or what a .dmorph file was packed with]
+    /// [default: 1 in fixed16 and rebuilt16; in fixed32 4, or what a .dmorph file was packed with]
     #[arg(long, value_name = "WEIGHT", value_parser = values::positive)]
     pub weight_max: Option<f32>,
 }

@@ -391,7 +391,7 @@ pub fn prepare(
     let path = named.unwrap_or(if engine.is_some() { UpdatePath::Blocks } else { UpdatePath::Cpu });
     let (fits, held) = (|format| format_on(path, format), input.packed.as_ref().map(|mesh| mesh.layout().format));
     // Fixed-point poses are sums of integers.
-    let holds = |format: &DeltaFormat| !pose.is_some_and(PoseFormat::has_integers) || format.has_integers();
+    let holds = |format: &DeltaFormat| pose.is_none_or(|pose| pose.takes(*format));
     let defaults = [DeltaFormat::Fast, DeltaFormat::Float32, DeltaFormat::Small, DeltaFormat::Snorm16];
     let mut defaults = held.into_iter().chain(defaults.into_iter().filter(holds));
     let format = update.formats.first().map_or_else(|| defaults.find_map(fits), |format| fits(*format));

@@ -1,7 +1,7 @@
 // Decodes poses of deltamorph in your vertex shader, from vertex attributes alone. Copy this file, or include it: it
 // only needs GLSL 4.40 or later. Before it, define
 //
-//     POSE_FLOAT32, POSE_FIXED32 or POSE_FIXED16   the crowd's PoseFormat
+//     POSE_FLOAT32, POSE_FIXED32 or POSE_FIXED16   the crowd's PoseFormat::decoder
 //     POSE_LOCATION                                the first of its locations, if that is not 0
 //     POSE_PREVIOUS                                for motion vectors: the previous pose, too
 //

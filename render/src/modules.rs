@@ -31,7 +31,7 @@ const MODULES: [(&str, Modules); 3] =
 
 /// Returns the modules for poses of a format.
 pub(crate) fn of(pose: PoseFormat) -> Result<&'static Modules> {
-    MODULES.iter().find(|(name, _)| *name == pose.name()).map(|(_, modules)| modules).ok_or_else(|| Error::Invalid {
+    MODULES.iter().find(|(name, _)| *name == pose.decoder()).map(|(_, modules)| modules).ok_or_else(|| Error::Invalid {
         what: format!("there are no shaders that draw {} poses", pose.name()),
         remedy: "add the format to src/modules.rs of deltamorph-render".into(),
     })

@@ -62,6 +62,7 @@ pub(crate) use delta_formats;
 ///
 /// An item is the documentation of a `PoseFormat` (the first line is its summary in the command line's help), its name,
 /// its file name, which is also its name on the command line, and the [`PoseRow`] fields that differ from float32's.
+/// Append items: reports and tables use this order.
 macro_rules! pose_formats {
     ($expanded:ident $arguments:tt) => {
         $expanded! { $arguments
@@ -83,6 +84,17 @@ macro_rules! pose_formats {
             /// and independent of earlier poses. A vertex attribute of four integers at 0 (position, first component of
             /// the normal) and one of two at 8. Needs integer deltas.
             Fixed16 fixed16 { stride: 12, bits: 16, attributes: &[(R16G16B16A16_SINT, 0), (R16G16_SINT, 8)] }
+
+            /// As fixed16, 12 bytes per vertex, rounded once: for rigs with many overlapping targets.
+            ///
+            /// The sum of all targets is rounded to the step, not each contribution: off by half a step, however many
+            /// targets are active. So a block that a changed target touches is evaluated in full, from the base pose,
+            /// in any [`UpdateMode`](crate::UpdateMode). Stored, drawn and decoded as `Fixed16`
+            /// (`POSE_FIXED16` in shaders). Needs integer deltas in blocks.
+            Rebuilt16 rebuilt16 {
+                stride: 12, bits: 16, attributes: &[(R16G16B16A16_SINT, 0), (R16G16_SINT, 8)],
+                modules: "fixed16", rounds_sums: true
+            }
         }
     };
 }
@@ -108,11 +120,23 @@ pub struct PoseRow {
     pub bits: u32,
     /// Vertex attributes of a draw, from location 0 on: `VkFormat` and offset.
     pub attributes: &'static [(u32, u32)],
+    /// The format whose GLSL and SPIR-V modules it uses, by `file`: itself, or an earlier one with the same numbers.
+    pub modules: &'static str,
+    /// Sums are rounded to the unit, and not each target's contribution; blocks always start from the base pose.
+    pub rounds_sums: bool,
 }
 
 impl PoseRow {
     const fn float32(file: &'static str, summary: &'static str) -> Self {
-        Self { file, summary: summary.trim_ascii(), stride: 24, bits: 0, attributes: &[] }
+        Self {
+            file,
+            summary: summary.trim_ascii(),
+            stride: 24,
+            bits: 0,
+            attributes: &[],
+            modules: file,
+            rounds_sums: false,
+        }
     }
 }
 

@@ -187,8 +187,8 @@ const BLOCKS: KernelRow = KernelRow {
     places: true,
     ..COMPUTE
 };
-/// Further specialization constants: instances per tile, whether all start from the base pose, whether decoding should
-/// use few registers.
+/// Further specialization constants: instances per tile, whether all start from the base pose (plus 2: and whether sums
+/// are rounded), whether decoding should use few registers.
 const CROWD: KernelRow = KernelRow { name: "crowd", poses: true, constants: 5, ..BLOCKS };
 /// A draw of baseline `direct`: deltas, weights.
 const DIRECT: KernelRow = KernelRow {

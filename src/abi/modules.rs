@@ -56,7 +56,8 @@ impl Kernel {
     /// Its modules for a pair of formats; kernels that read no deltas accept any delta format. Empty if the pair is
     /// unsupported, or the library was built without the technique.
     pub fn modules(&self, format: &FormatRow, pose: &PoseRow) -> &'static [Module] {
-        let formats = FORMATS.iter().position(|row| row == format).zip(POSE_FORMATS.iter().position(|row| row == pose));
+        let pose = POSE_FORMATS.iter().position(|row| row.file == pose.modules);
+        let formats = FORMATS.iter().position(|row| row == format).zip(pose);
         let modules = formats.and_then(|(format, pose)| {
             let (first, count) = self.modules[pose][format];
             MODULES.get(first..first + count)

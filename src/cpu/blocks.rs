@@ -9,7 +9,7 @@ use super::simd::widest;
 use super::sums::{self, Added, BATCH, Planes};
 use super::workers::Workers;
 use crate::abi::worklist::{ELEMENT_BYTES, Element, ITEM_WORDS};
-use crate::asset::streams::TRIPLES;
+use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::pack::formats::small::Records;
 use crate::pack::formats::{BlockFormat, with_format};
 use crate::pack::poses::sums::Sum;
@@ -148,14 +148,14 @@ fn run_blocks<P: PoseStorage<Sum: RowSum>, const S: usize>(
                     true => turned.take(&rows),
                     false => turned.turn(&sums[0]),
                 }
-                write::<P, S>(&turned, block, destination);
+                write::<P, S>(&mut turned, block, destination);
                 continue;
             }
             sums[..tile.len()].fill(zero);
             while add_batch(packed, plan, &mut tile, &mut sums, &mut decoded, meter) {}
             for (InstanceBlock { block, destination, .. }, sums) in tile.iter_mut().zip(&sums) {
                 turned.turn(sums);
-                write::<P, S>(&turned, block, destination);
+                write::<P, S>(&mut turned, block, destination);
             }
         }
     }
@@ -278,11 +278,16 @@ impl<const S: usize> Turned<S> {
 }
 
 /// Stores a block: `destination = source + sums`, whole vertices: slots are equal where the masks have no component.
-fn write<P: PoseStorage, const S: usize>(sums: &Turned<S>, block: &Block<'_>, destination: &mut [u32]) {
-    let base = block.item.source.is_none();
+fn write<P: PoseStorage, const S: usize>(turned: &mut Turned<S>, block: &Block<'_>, destination: &mut [u32]) {
+    let (base, dropped) = (block.item.source.is_none(), dropped(block.plan));
     widest!(_simd => {
-        let sums: &[P::Sum] = cast_slice(sums.vertices.as_flattened());
-        let out = cast_slice_mut::<u32, P::Number>(destination).iter_mut().zip(sums);
+        let sums: &mut [P::Sum] = cast_slice_mut(turned.vertices.as_flattened_mut());
+        for vertex in sums.as_chunks_mut::<POSE_FLOATS>().0 {
+            for (c, sum) in vertex.iter_mut().enumerate() {
+                *sum = P::rounded(*sum, dropped[c / TRIPLE]);
+            }
+        }
+        let out = cast_slice_mut::<u32, P::Number>(destination).iter_mut().zip(&*sums);
         match block.source {
             // The base pose has zero displacement.
             _ if base && block.plan.pose().has_integers() => {

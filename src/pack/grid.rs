@@ -7,15 +7,19 @@ use crate::error::{Error, Result};
 /// Fewer bits are too coarse to animate; steps finer than 2^-16 make no visible difference.
 const WEIGHT_BITS: std::ops::RangeInclusive<u32> = 7..=16;
 
+/// How far rounding three components moves a vertex, in units: √3/2, rounded up.
+const HALF_A_DIAGONAL: f32 = 0.866_025_5;
+
 /// Bits reserved in 32-bit products for the half unit that rounding adds.
 const HALF_BITS: u32 = 16;
 
 /// The grid of weights and fixed-point poses. No sum overflows for weights up to `weight_max`.
 ///
 /// A pose is Σ round(weight · delta / unit) over the targets, in integers, so it depends neither on their order nor on
-/// earlier poses. Rounding weights moves a component by at most ½·[`weight_step`](Self::weight_step)·Σ|delta|, on top
-/// of the packing error ([`BlockIndex::error`](super::blocks::BlockIndex::error), for each target at weight 1);
-/// rounding terms, by [`position_error`](Self::position_error).
+/// earlier poses; in [`Rebuilt16`](PoseFormat::Rebuilt16) round(Σ weight · delta / unit). Rounding weights moves a
+/// component by at most ½·[`weight_step`](Self::weight_step)·Σ|delta|, on top of the packing error
+/// ([`BlockIndex::error`](super::blocks::BlockIndex::error), for each target at weight 1); rounding to units, by
+/// [`position_error`](Self::position_error).
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct PoseGrid {
@@ -25,8 +29,10 @@ pub struct PoseGrid {
     pub weight_max: f32,
     /// Input units per integer of a pose, by triple of the group (positions, normals). Powers of two.
     pub units: [f32; TRIPLES],
-    /// Low bits that rounding drops from the product of integer weight and integer delta. Dense formats: for the target
-    /// with the finest step; see [`terms`](Self::terms).
+    /// Sums are rounded to units, and not the term of each target ([`Rebuilt16`](PoseFormat::Rebuilt16)).
+    pub rounds_sums: bool,
+    /// Low bits that rounding drops from the product of integer weight and integer delta, or from their sum. Dense
+    /// formats: for the target with the finest step; see [`terms`](Self::terms).
     pub(crate) dropped: [u32; TRIPLES],
 }
 
@@ -79,7 +85,7 @@ impl PoseGrid {
     }
 
     /// Bound on the position error of a vertex that `targets` targets move, from rounding each of their terms by half a
-    /// unit. In input units; 0 if nothing is rounded.
+    /// unit, or their sum. In input units; 0 if nothing is rounded.
     pub fn position_error(&self, targets: usize) -> f32 {
         self.rounding(0, targets)
     }
@@ -102,20 +108,25 @@ impl PoseGrid {
     }
 
     fn rounding(&self, triple: usize, targets: usize) -> f32 {
-        if self.dropped[triple] == 0 { 0.0 } else { 0.75f32.sqrt() * self.units[triple] * targets as f32 }
+        let roundings = if self.rounds_sums { targets.min(1) } else { targets };
+        if self.dropped[triple] == 0 { 0.0 } else { HALF_A_DIAGONAL * self.units[triple] * roundings as f32 }
     }
 }
 
-/// The error for a float32 delta or pose format.
+/// The error for formats of which one is float32, or for sums of dense deltas that would be rounded once.
 pub(super) fn refused(deltas: DeltaFormat, pose: PoseFormat) -> Error {
     let text = format!("{} poses of {} deltas as integer sums", pose.name(), deltas.name());
-    Error::invalid(text, "pack as 'fast', 'small' or, dense, 'snorm16', and use fixed32 or fixed16 poses")
+    let remedy = match pose.row().rounds_sums {
+        true => "pack in blocks, as 'fast' or 'small'",
+        false => "pack as 'fast', 'small' or, dense, 'snorm16', and use fixed32 or fixed16 poses",
+    };
+    Error::invalid(text, remedy)
 }
 
 impl Sums {
     pub(super) fn grid(&self, pose: PoseFormat, weight_max: Option<f32>) -> Result<PoseGrid> {
-        let (bits, name) = (pose.row().bits, pose.name());
-        if !self.format.has_integers() || bits == 0 {
+        let (bits, name, rounds_sums) = (pose.row().bits, pose.name(), pose.row().rounds_sums);
+        if bits == 0 || !pose.takes(self.format) {
             return Err(refused(self.format, pose));
         }
         let narrow = bits < i32::BITS;
@@ -124,10 +135,11 @@ impl Sums {
         let rounds = narrow || dense;
         // Limits on weights and products. With rounding, products leave room for the half unit: dense deltas have 16
         // bits, so a product with 2^15 has one spare bit. All groups of a mesh use one grid of weights.
-        let (most_steps, most) = match (dense, narrow) {
+        let half = if narrow { f64::from(1u32 << HALF_BITS) } else { 0.0 };
+        let (most_steps, most) = match (dense, pose.rounds_products()) {
             (true, _) => (32768.0, f64::INFINITY),
-            (false, true) => (f64::from(i16::MAX), f64::from(i32::MAX) - f64::from(1u32 << HALF_BITS)),
-            (false, false) => (f64::INFINITY, f64::from(i32::MAX)),
+            (false, true) => (f64::from(i16::MAX), f64::from(i32::MAX) - half),
+            (false, false) => (f64::INFINITY, f64::from(i32::MAX) - half),
         };
         let steps = |bits: u32| (f64::from(weight_max) * f64::from(1u32 << bits)).ceil();
         if !(weight_max > 0.0 && steps(*WEIGHT_BITS.start()) <= most_steps) {
@@ -138,10 +150,11 @@ impl Sums {
         let fits = |bits: &u32| steps(*bits) <= most_steps && self.largest_of_mesh * steps(*bits) <= most;
         let weight_bits = WEIGHT_BITS.rev().find(fits).ok_or_else(|| self.overflow(weight_max, most))?;
         // Each target that moves a component may round it by half a unit. A unit is at least as coarse as a product.
+        let roundings = if rounds_sums { 1 } else { self.targets };
         let most = f64::from(u32::MAX >> (u32::BITS - bits + 1));
         let dropped = |triple: usize| {
             let sum = self.largest[triple] * steps(weight_bits);
-            let fits = |dropped: &u32| sum / f64::from(*dropped).exp2() + self.targets as f64 / 2.0 <= most;
+            let fits = |dropped: &u32| sum / f64::from(*dropped).exp2() + roundings as f64 / 2.0 <= most;
             // In blocks, more bits are needed only if more than 32,767 targets move a vertex.
             let (least, all) = self.coarsest.map_or((0, HALF_BITS + 1), |coarsest| (coarsest[triple], u8::MAX.into()));
             if rounds { (least..=least + all).find(fits) } else { Some(0) }
@@ -153,7 +166,8 @@ impl Sums {
         let dropped = [first, second];
         let weight_step = f64::from(1u32 << weight_bits).recip();
         let unit = |triple: usize| f64::from(self.steps[triple]) * weight_step * f64::from(dropped[triple]).exp2();
-        Ok(PoseGrid { weight_bits, weight_max, units: [0, 1].map(|triple| unit(triple) as f32), dropped })
+        let units = [0, 1].map(|triple| unit(triple) as f32);
+        Ok(PoseGrid { weight_bits, weight_max, units, rounds_sums, dropped })
     }
 
     /// The error for sums, at weights up to `weight_max`, above `most`.

@@ -79,7 +79,9 @@ fn every_group_decodes_to_what_was_packed_within_the_error_measured_in_every_for
                 let lengths = streams[0].semantic == Semantic::Position;
                 assert!(blocks.costs.iter().all(|cost| (cost.reach > 0.0) == lengths));
                 assert!(blocks.block_base.iter().all(|base| lengths || *base == 0.0));
-                assert_eq!(blocks.grid(PoseFormat::Fixed16, None).is_ok(), format.has_integers());
+                for pose in [PoseFormat::Fixed16, PoseFormat::Rebuilt16] {
+                    assert_eq!(blocks.grid(pose, None).is_ok(), format.has_integers());
+                }
             }
         }
     }
@@ -152,6 +154,7 @@ fn dense_sums_fit_the_integers_of_a_pose() {
         (DeltaFormat::Snorm16, PoseFormat::Float32, None, "use fixed32 or fixed16"),
         (DeltaFormat::Snorm16, PoseFormat::Fixed32, Some(300.0), "deltas in blocks"),
         (DeltaFormat::Snorm16, PoseFormat::Fixed16, Some(f32::NAN), "above 0"),
+        (DeltaFormat::Snorm16, PoseFormat::Rebuilt16, None, "in blocks"),
     ] {
         let packed = PackedMesh::pack(&mesh, &PackDesc::new(format)).unwrap();
         testing::says(packed.layout().grid(pose, weight_max), &[part]);
@@ -163,7 +166,8 @@ fn dense_sums_fit_the_integers_of_a_pose() {
     }
 }
 
-/// For any number of targets: products with rounding fit 32 bits, and sums of rounded terms fit 16.
+/// For any number of targets: products with rounding fit 32 bits, and sums of rounded terms fit 16; the same of sums that
+/// are rounded once.
 #[test]
 fn narrow_poses_have_room_for_what_rounding_adds() {
     for (targets, is_taken) in [(1, true), (32_767, true), (32_768, false), (33_000, false), (65_536, false)] {
@@ -178,15 +182,20 @@ fn narrow_poses_have_room_for_what_rounding_adds() {
                 targets,
                 weight_max: 8.0,
             };
-            let grid = sums.grid(PoseFormat::Fixed16, None);
-            // A mesh with short deltas has more room.
-            assert!(!is_taken || grid.is_ok(), "{targets} targets, {largest} steps: {grid:?}");
-            let Ok(grid) = grid else { continue };
-            for (largest, dropped) in all.into_iter().zip(grid.dropped) {
-                let (product, half) = (largest * f64::from(1u32 << grid.weight_bits), f64::from(1u32 << dropped >> 1));
-                assert!(product + half <= f64::from(i32::MAX), "{targets} targets, {largest} steps: {grid:?}");
-                let sum = product / f64::from(1u32 << dropped) + targets as f64 / 2.0;
-                assert!(sum <= f64::from(i16::MAX), "{targets} targets, {largest} steps: {grid:?}");
+            for (pose, is_taken, roundings) in
+                [(PoseFormat::Fixed16, is_taken, targets), (PoseFormat::Rebuilt16, true, 1)]
+            {
+                let grid = sums.grid(pose, None);
+                // A mesh with short deltas has more room.
+                assert!(!is_taken || grid.is_ok(), "{targets} targets, {largest} steps: {grid:?}");
+                let Ok(grid) = grid else { continue };
+                for (largest, dropped) in all.into_iter().zip(grid.dropped) {
+                    let product = largest * f64::from(1u32 << grid.weight_bits);
+                    let fits = product + f64::from(1u32 << dropped >> 1) <= f64::from(i32::MAX);
+                    assert!(fits, "{targets} targets, {largest} steps: {grid:?}");
+                    let sum = product / f64::from(1u32 << dropped) + roundings as f64 / 2.0;
+                    assert!(sum <= f64::from(i16::MAX), "{targets} targets, {largest} steps: {grid:?}");
+                }
             }
         }
     }

@@ -79,7 +79,7 @@ pub struct UpdateDesc {
     /// The pose format. Float32 accumulates rounding errors. Fixed-point poses are exact sums on a grid of weights and
     /// deltas ([`PoseGrid`](crate::pack::blocks::PoseGrid)), bit for bit equal to a full evaluation after any number of
     /// updates, in any order, on any driver; they need a delta format with integer deltas, and `blocks`, `compute` or
-    /// `cpu`.
+    /// `cpu` ([`PoseFormat::takes`]).
     pub pose: PoseFormat,
     /// Largest position error from float32 accumulation, as a fraction of the bounding-box diagonal (block formats). A
     /// block whose tracked bound would exceed it restarts from the base pose. Bounds positions and normals only: for
@@ -129,6 +129,11 @@ impl UpdateDesc {
             false if self.pose.has_integers() => Some(self.pose),
             false => None,
         }
+    }
+
+    /// Whether what changes is evaluated from the base pose every time: the mode, or sums that are rounded once.
+    pub(crate) const fn rebuilds(&self) -> bool {
+        matches!(self.mode, UpdateMode::Rebuild) || self.pose.row().rounds_sums
     }
 
     /// Incremental updates on path `blocks`, in two slots.

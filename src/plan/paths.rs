@@ -111,7 +111,10 @@ update_paths! {
         /// Compute passes
         ///
         /// The first pass reads the current slot and writes the next; the others run in place.
-        Compute "compute" { batch: Batch::PushConstants, poses: &PoseFormat::ALL };
+        Compute "compute" {
+            batch: Batch::PushConstants,
+            poses: &[PoseFormat::Float32, PoseFormat::Fixed32, PoseFormat::Fixed16]
+        };
         /// Compute, for the blocks of vertices that a changed target touches, and no others
         ///
         /// One workgroup per block. Takes block formats. The default choice on a GPU.

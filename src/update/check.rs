@@ -47,7 +47,9 @@ impl UpdateDesc {
         }
         if !path.poses().contains(&self.pose) {
             let names: Vec<&str> = path.poses().iter().map(|pose| pose.name()).collect();
-            let remedy = format!("use {} poses here, or the path 'blocks', 'compute' or 'cpu'", names.join(" or "));
+            let takes = UpdatePath::ALL.into_iter().filter(|path| path.poses().contains(&self.pose));
+            let paths: Vec<String> = takes.map(|path| format!("'{}'", path.name())).collect();
+            let remedy = format!("use {} poses here, or the path {}", names.join(" or "), paths.join(" or "));
             return refuse(format!("{} poses with '{name}'", self.pose.name()), remedy);
         }
         if path.rebuilds_only() && self.mode == UpdateMode::Incremental {

@@ -16,12 +16,13 @@ const TARGETS: usize = 12;
 
 /// Returns an update of each path and each kind of pose.
 fn paths(engine: &MorphEngine) -> Vec<(DeltaFormat, UpdateDesc)> {
-    let [fixed32, fixed16] = gpu::fixed();
+    let [fixed32, fixed16, rebuilt16] = gpu::fixed();
     let compute = UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(4));
     let mut list = vec![
         (DeltaFormat::Small, UpdateDesc::blocks()),
         (DeltaFormat::Fast, fixed32),
         (DeltaFormat::Fast, fixed16.slots(3)),
+        (DeltaFormat::Small, rebuilt16),
         (DeltaFormat::Small, UpdateDesc::blocks().mode(UpdateMode::Rebuild)),
         (DeltaFormat::Float32, compute),
     ];

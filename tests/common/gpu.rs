@@ -156,7 +156,7 @@ pub fn update_descs(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc
     let mut descs = vec![];
     if format.is_blocks() {
         descs.push(UpdateDesc::blocks().tolerance(1e-2));
-        descs.extend(fixed().into_iter().filter(|_| format.has_integers()));
+        descs.extend(fixed().into_iter().filter(|desc| desc.pose.takes(format)));
         return descs;
     }
     for path in [UpdatePath::Feedback, UpdatePath::Compute, UpdatePath::VertexStore] {
@@ -173,7 +173,7 @@ pub fn update_descs(engine: &MorphEngine, format: DeltaFormat) -> Vec<UpdateDesc
             descs.push(UpdateDesc::new(path, BatchSize::All));
             let passes = [BatchSize::All, BatchSize::Targets(1), BatchSize::Targets(3)];
             let poses = passes.into_iter().flat_map(|batch| fixed().map(|desc| desc.path(path).batch(batch)));
-            descs.extend(poses.filter(|_| format.has_integers()));
+            descs.extend(poses.filter(|desc| desc.pose.takes(format)));
         }
     }
     descs
@@ -184,25 +184,27 @@ pub fn path_of(format: DeltaFormat) -> UpdatePath {
     if format.is_blocks() { UpdatePath::Blocks } else { UpdatePath::Compute }
 }
 
-/// Returns updates with fixed-point poses, of 32 and 16 bits, that can hold the [`weights`].
-pub fn fixed() -> [UpdateDesc; 2] {
+/// Returns updates with fixed-point poses, in each format, that can hold the [`weights`].
+pub fn fixed() -> [UpdateDesc; 3] {
     let desc = UpdateDesc::blocks().weight_max(Some(4.0));
-    [PoseFormat::Fixed32, PoseFormat::Fixed16].map(|pose| desc.pose(pose))
+    [PoseFormat::Fixed32, PoseFormat::Fixed16, PoseFormat::Rebuilt16].map(|pose| desc.pose(pose))
 }
 
 /// Returns the integers that poses on `grid` hold for `weights`, in the user's vertex order: exact products in float64,
-/// each rounded to the unit.
+/// each rounded to the unit, or their sum.
 pub fn integers(group: &PackedGroup, grid: &PoseGrid, weights: &[f32]) -> Vec<f64> {
     let mut sums = vec![0.0; group.layout().vertex_count * POSE_FLOATS];
     for (target, &weight) in weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
         let weight = f64::from(grid.round(weight));
         group.for_each_delta(target, |vertex, delta| {
             for (c, delta) in delta.into_iter().enumerate() {
-                sums[vertex * POSE_FLOATS + c] += (weight * delta / f64::from(grid.units[c / 3]) + 0.5).floor();
+                let term = weight * delta / f64::from(grid.units[c / 3]);
+                sums[vertex * POSE_FLOATS + c] += if grid.rounds_sums { term } else { (term + 0.5).floor() };
             }
         });
     }
-    sums
+    // Sums of products of integers and powers of two are exact.
+    sums.into_iter().map(|sum| if grid.rounds_sums { (sum + 0.5).floor() } else { sum }).collect()
 }
 
 /// Asserts that a stored pose has the [`integers`] of `weights`, vertex by vertex.

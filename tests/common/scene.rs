@@ -55,7 +55,7 @@ pub fn blocks(mesh: &PackedMesh) -> usize {
 }
 
 /// Pose formats of animated crowds.
-pub const FIXED: [PoseFormat; 2] = [PoseFormat::Fixed32, PoseFormat::Fixed16];
+pub const FIXED: [PoseFormat; 3] = [PoseFormat::Fixed32, PoseFormat::Fixed16, PoseFormat::Rebuilt16];
 
 pub fn fixed(pose: PoseFormat, slots: u32) -> UpdateDesc {
     UpdateDesc::blocks().pose(pose).slots(slots)

@@ -11,16 +11,18 @@ const TARGETS: usize = 12;
 /// Returns an update for each kernel.
 fn kernels(engine: &MorphEngine) -> Vec<(DeltaFormat, UpdateDesc)> {
     let blocks = UpdateDesc::blocks();
-    let [fixed32, fixed16] = gpu::fixed();
+    let [fixed32, fixed16, rebuilt16] = gpu::fixed();
     let mut list = vec![
         (DeltaFormat::Float32, UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(8))),
         (DeltaFormat::BlockFloat32, blocks),
         (DeltaFormat::Fast, blocks),
         (DeltaFormat::Fast, fixed32),
         (DeltaFormat::Fast, fixed16),
+        (DeltaFormat::Fast, rebuilt16),
         (DeltaFormat::Small, blocks.slots(3)),
         (DeltaFormat::Small, fixed32.slots(1)),
         (DeltaFormat::Small, fixed16.slots(3)),
+        (DeltaFormat::Small, rebuilt16.slots(1)),
         (DeltaFormat::Pair, blocks.slots(1)),
         (DeltaFormat::Pair, fixed32.slots(3)),
         (DeltaFormat::Pair, fixed16.slots(1)),

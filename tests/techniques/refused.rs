@@ -31,7 +31,9 @@ fn descriptions_that_ask_for_what_a_technique_does_not_do() {
         }
         for pose in PoseFormat::ALL.into_iter().filter(|pose| !path.poses().contains(pose)) {
             let what = format!("{} poses with {name}", pose.name());
-            refused(good.pose(pose), &[&what, "use float32 poses here"]);
+            let taken: Vec<&str> = path.poses().iter().map(|pose| pose.name()).collect();
+            let remedy = format!("use {} poses here, or the path", taken.join(" or "));
+            refused(good.pose(pose), &[&what, &remedy, "'blocks' or 'cpu'"]);
         }
         if path.works_in_place() {
             assert!(good.slots(1).check().is_ok(), "{name}");

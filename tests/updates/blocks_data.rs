@@ -30,7 +30,7 @@ fn pack(mesh: &MorphMesh, format: DeltaFormat) -> Arc<PackedMesh> {
 
 /// Combinations of delta formats, pose formats and numbers of slots. Whole clips of all 30 take minutes (`.ci/deep`
 /// plays them); proptests in src/cpu, tests/techniques/poses.rs and tests/updates/integers.rs cover the rest.
-const VARIANTS: [(DeltaFormat, PoseFormat, u32); 8] = [
+const VARIANTS: [(DeltaFormat, PoseFormat, u32); 9] = [
     (DeltaFormat::BlockFloat32, PoseFormat::Float32, 1),
     (DeltaFormat::Fast, PoseFormat::Float32, 2),
     (DeltaFormat::Fast, PoseFormat::Fixed32, 3),
@@ -39,14 +39,22 @@ const VARIANTS: [(DeltaFormat, PoseFormat, u32); 8] = [
     (DeltaFormat::Small, PoseFormat::Fixed32, 1),
     (DeltaFormat::Small, PoseFormat::Fixed16, 2),
     (DeltaFormat::Pair, PoseFormat::Fixed32, 2),
+    REBUILT,
 ];
+const REBUILT: (DeltaFormat, PoseFormat, u32) = (DeltaFormat::Small, PoseFormat::Rebuilt16, 2);
 
-/// Plays a whole clip on lavapipe and on the CPU: every 20th frame and the last are within the path's error limits.
 fn whole_clip(set: &str, clip: &str) {
+    clip_in(&VARIANTS, set, clip, 1);
+}
+
+/// Plays each `every`-th frame of a clip on lavapipe and on the CPU: every 20th of these and the last are within the
+/// path's error limits.
+fn clip_in(variants: &[(DeltaFormat, PoseFormat, u32)], set: &str, clip: &str, every: usize) {
     let Some((mesh, frames)) = load(set, clip) else { return };
+    let frames: Vec<_> = frames.into_iter().step_by(every).collect();
     let diagonal = f64::from(mesh.diagonal);
     gpu::on_device("llvmpipe", false, |headless, _| {
-        for (format, pose, slots) in VARIANTS {
+        for &(format, pose, slots) in variants {
             let packed = pack(&mesh, format);
             let desc = UpdateDesc::blocks().pose(pose).slots(slots);
             let on_cpu = desc.path(UpdatePath::Cpu);
@@ -108,6 +116,11 @@ fn ict_facekit_plays_the_captured_take() {
 #[test]
 fn makehuman_plays_the_captured_take() {
     whole_clip("makehuman_face", "facecap_30fps.csv");
+}
+
+#[test]
+fn aura_rebuilt_plays_its_clip_in_poses_that_are_rounded_once() {
+    clip_in(&[REBUILT], "aura_rebuilt", "compskin_30fps.csv", 40);
 }
 
 #[test]

@@ -69,7 +69,9 @@ impl UpdateArgs {
             return Ok(pose);
         }
         let takes = path.poses().iter().map(|pose| pose.name()).collect::<Vec<_>>().join(", ");
-        let asked = pose.name();
-        Err(format!("--pose {asked}: the path '{name}' takes {takes}; use the path 'blocks', 'compute' or 'cpu'"))
+        let others = UpdatePath::ALL.into_iter().filter(|path| path.poses().contains(&pose));
+        let others: Vec<String> = others.map(|path| format!("'{}'", path.name())).collect();
+        let (asked, others) = (pose.name(), others.join(" or "));
+        Err(format!("--pose {asked}: the path '{name}' takes {takes}; use the path {others}"))
     }
 }

@@ -59,7 +59,7 @@ pub fn configurations(wanted: &Wanted<'_>, args: &BenchArgs, gpu: Option<&Gpu>) 
             let direct = path == UpdatePath::DirectAttributes && !sizes_named;
             let (batches, refused) = expand_batches(if direct { &[BatchSpec::Max] } else { wanted.sizes }, path, max);
             // Formats that only blocks support are not reported if all were requested.
-            let held = |pose: &&PoseFormat| !pose.has_integers() || format.has_integers();
+            let held = |pose: &&PoseFormat| pose.takes(format);
             let on_path = |pose: &PoseFormat| update.pose_on(path, *pose).ok();
             let poses: Vec<PoseFormat> = wanted.poses.iter().filter(held).filter_map(on_path).collect();
             for batch in batches {
@@ -102,7 +102,7 @@ pub fn configurations(wanted: &Wanted<'_>, args: &BenchArgs, gpu: Option<&Gpu>) 
             let poses = match path {
                 UpdatePath::Scatter => "--accumulate exact",
                 UpdatePath::Blocks | UpdatePath::Cpu | UpdatePath::Compute => {
-                    "--poses float32 (snorm16, fast, small and pair also fixed32 and fixed16)"
+                    "--poses float32 (snorm16, fast, small and pair also fixed32, fixed16; all but snorm16 rebuilt16)"
                 }
                 _ => "--poses float32",
             };

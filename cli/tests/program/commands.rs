@@ -246,8 +246,8 @@ fn a_packed_file_is_an_input_everywhere() {
     assert!(!Path::new(&path("head.dmorph.part")).exists());
     // Costs and errors of pose formats: poses of half the size, rounded.
     let poses = packed["pose_formats"].as_array().unwrap();
-    assert_eq!(poses.iter().map(|p| &p["name"]).collect::<Vec<_>>(), ["float32", "fixed32", "fixed16"]);
-    assert_eq!(poses.iter().map(|p| &p["vertex_bytes"]).collect::<Vec<_>>(), [24, 24, 12]);
+    assert_eq!(poses.iter().map(|p| &p["name"]).collect::<Vec<_>>(), ["float32", "fixed32", "fixed16", "rebuilt16"]);
+    assert_eq!(poses.iter().map(|p| &p["vertex_bytes"]).collect::<Vec<_>>(), [24, 24, 12, 12]);
     let (fixed32, fixed16) = (&poses[1]["grid"], &poses[2]["grid"]);
     assert!(poses[0]["grid"].is_null() && poses[0]["refused"].is_null(), "{packed}");
     assert_eq!((fixed32["weight_max"].as_f64(), fixed16["weight_max"].as_f64()), (Some(4.0), Some(1.0)));
@@ -255,6 +255,8 @@ fn a_packed_file_is_an_input_everywhere() {
     let number = |field: &str| fixed16[field].as_f64().unwrap();
     let most = number("targets_most") * 0.75f64.sqrt() * number("position_unit_rel");
     assert!((number("rounding_error_rel") / most - 1.0).abs() < 1e-6 && most < 1e-4, "{packed}");
+    let rebuilt16 = poses[3]["grid"]["rounding_error_rel"].as_f64().unwrap();
+    assert!((rebuilt16 * number("targets_most") / most - 1.0).abs() < 1e-6, "rounded once: {packed}");
     assert!(number("position_unit_rel") > fixed32["position_unit_rel"].as_f64().unwrap(), "{packed}");
 
     // `info` shows the error measured against the files.

@@ -67,7 +67,7 @@ impl VertexInput {
                 fields += &format!("    @location({location}) {name}_{i}: {ty},\n");
             }
             if name != "base" {
-                let decode = format!("pose_{}(in.{name}_0, in.{name}_1, {base})", self.format.name());
+                let decode = format!("pose_{}(in.{name}_0, in.{name}_1, {base})", self.format.decoder());
                 let function = format!("fn {name}_input(in: PoseInput, units: vec2f) -> PoseVertex");
                 functions += &format!("{function} {{\n    return {decode};\n}}\n");
             }

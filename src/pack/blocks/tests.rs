@@ -94,7 +94,11 @@ fn a_grid_is_refused_where_sums_could_overflow() {
 fn the_largest_sums_fit_the_integers_of_a_pose_and_half_of_them_would_not_be_needed() {
     let (mesh, packed) = packed(DeltaFormat::Small, 64);
     let index = packed.layout().blocks.clone().unwrap();
-    for (pose, most) in [(PoseFormat::Fixed16, f64::from(i16::MAX)), (PoseFormat::Fixed32, f64::from(i32::MAX))] {
+    for (pose, most) in [
+        (PoseFormat::Fixed16, f64::from(i16::MAX)),
+        (PoseFormat::Fixed32, f64::from(i32::MAX)),
+        (PoseFormat::Rebuilt16, f64::from(i16::MAX)),
+    ] {
         for weight_max in [0.3, 1.0, 1.5, 4.0] {
             let grid = index.grid(pose, Some(weight_max)).unwrap();
             let steps = f64::from(grid.steps(weight_max));
@@ -106,10 +110,14 @@ fn the_largest_sums_fit_the_integers_of_a_pose_and_half_of_them_would_not_be_nee
                         for c in (0..POSE_FLOATS).filter(|_| v == vertex) {
                             let product = steps * delta[c].abs() / f64::from(index.steps()[c / 3]);
                             let unit = f64::from(1u32 << grid.dropped[c / 3]);
-                            sums[c] += (product / unit + 0.5).floor();
+                            sums[c] += if grid.rounds_sums { product } else { (product / unit + 0.5).floor() };
                             assert!(product <= f64::from(i32::MAX) - 65536.0);
                         }
                     });
+                }
+                for (c, sum) in sums.iter_mut().enumerate().filter(|_| grid.rounds_sums) {
+                    assert!(*sum <= f64::from(i32::MAX) - 65536.0);
+                    *sum = (*sum / f64::from(1u32 << grid.dropped[c / 3]) + 0.5).floor();
                 }
                 (0..POSE_FLOATS).for_each(|c| largest[c / 3] = largest[c / 3].max(sums[c]));
             }

@@ -3,7 +3,7 @@
 
 pub(crate) mod sums;
 
-use super::POSE_FLOATS;
+use super::{DeltaFormat, POSE_FLOATS};
 use crate::abi::formats::{POSE_FORMATS, PoseRow, pose_formats};
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use bytemuck::Pod;
@@ -56,6 +56,12 @@ pub(crate) trait PoseStorage {
     /// Adds a block format's sum. Integers wrap.
     fn plus(number: Self::Number, sum: Self::Sum) -> Self::Number;
 
+    /// A block format's sum to add: without its `dropped` lowest bits, if sums are rounded.
+    #[inline(always)]
+    fn rounded(sum: Self::Sum, _dropped: u32) -> Self::Sum {
+        sum
+    }
+
     /// Adds a dense format's integer sum; never called for float32 poses.
     fn plus_integer(number: Self::Number, sum: i32) -> Self::Number;
 }
@@ -77,6 +83,12 @@ impl PoseFormat {
         self.row().summary
     }
 
+    /// The name of the format in shaders, which is that of another with the same numbers: `rebuilt16` is decoded as
+    /// `fixed16`. `glsl/host/pose.glsl` takes it as `POSE_FIXED16`, the WGSL of deltamorph-wgpu as `pose_fixed16`.
+    pub const fn decoder(self) -> &'static str {
+        self.row().modules
+    }
+
     /// Bytes per vertex.
     pub const fn stride(self) -> usize {
         self.row().stride as usize
@@ -87,9 +99,15 @@ impl PoseFormat {
         self.row().bits > 0
     }
 
+    /// Whether poses of this format can be sums of `deltas`: fixed-point poses need integers, in blocks for
+    /// [`Rebuilt16`](Self::Rebuilt16).
+    pub fn takes(self, deltas: DeltaFormat) -> bool {
+        !self.has_integers() || deltas.has_integers() && (deltas.is_blocks() || !self.row().rounds_sums)
+    }
+
     /// Whether a target's contribution is rounded to the unit, so that work lists hold applied and new weights.
     pub(crate) const fn rounds_products(self) -> bool {
-        self.has_integers() && self.row().bits < i32::BITS
+        self.has_integers() && self.row().bits < i32::BITS && !self.row().rounds_sums
     }
 
     pub(crate) const fn number_bytes(self) -> usize {
@@ -154,6 +172,7 @@ mod tests {
         assert_eq!(PoseFormat::Fixed32.decode(bytemuck::cast_slice(&integers), &base, units), decoded);
         assert_eq!(PoseFormat::Fixed16.decode(bytemuck::cast_slice(&halves), &base, units), decoded);
         assert_eq!(PoseFormat::Fixed16.integers(bytemuck::cast_slice(&halves)), integers);
-        assert_eq!(PoseFormat::ALL.map(|format| format.offset(3)), [12, 12, 6]);
+        assert_eq!(PoseFormat::Rebuilt16.decode(bytemuck::cast_slice(&halves), &base, units), decoded);
+        assert_eq!(PoseFormat::ALL.map(|format| format.offset(3)), [12, 12, 6, 6]);
     }
 }

@@ -140,5 +140,11 @@ impl Sum for Rounded {
 /// A target's rounded contribution at this weight.
 #[inline(always)]
 fn rounded(weight: i32, delta: i32, dropped: u32) -> i32 {
-    weight.wrapping_mul(delta).wrapping_add((1u32 << dropped >> 1) as i32) >> dropped
+    without(weight.wrapping_mul(delta), dropped)
+}
+
+/// `sum` without its `dropped` lowest bits, rounded.
+#[inline(always)]
+pub(super) fn without(sum: i32, dropped: u32) -> i32 {
+    sum.wrapping_add((1u32 << dropped >> 1) as i32) >> dropped
 }

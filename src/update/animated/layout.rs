@@ -7,7 +7,6 @@ use crate::abi::worklist::{ITEMS_MAX, TILE_WORDS, WIDTHS, row_words};
 use crate::error::Result;
 use crate::gpu::parts::AssetPart;
 use crate::pack::blocks::BlockIndex;
-use crate::plan::UpdateMode;
 use crate::update::blocks::gpu::{set_size, workgroup};
 use crate::update::technique::Context;
 use std::ops::Range;
@@ -224,7 +223,7 @@ impl Layout {
             history_mask: ((1u64 << (context.poses.slots - 1)) - 1) as u32,
             slots: context.poses.slots,
             pairs: context.poses.format.rounds_products().into(),
-            always_rebuild: (context.desc.update.mode == UpdateMode::Rebuild).into(),
+            always_rebuild: context.desc.update.rebuilds().into(),
             chunk_workgroups: context.caps().max_workgroups,
             ..AnimationPush::default()
         };

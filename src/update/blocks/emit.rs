@@ -8,7 +8,6 @@
 use super::group::{GroupPlan, Item, rounding};
 use super::plan::BlockState;
 use crate::abi::worklist::{ELEMENT_BYTES, ITEM_WORDS};
-use crate::plan::UpdateMode;
 
 impl BlockState {
     /// Lists the blocks that bring the second slot to the committed weights. The first slot is current, and matches
@@ -73,7 +72,7 @@ impl BlockState {
             let rebuilt = !known
                 || touched
                     && (exceeded
-                        || desc.mode == UpdateMode::Rebuild
+                        || desc.rebuilds()
                         || match *whole_blocks {
                             // All components either way; fixed-point poses load no base pose.
                             true => active.active_bytes <= deltas + *source_bytes,

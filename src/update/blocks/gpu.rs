@@ -79,15 +79,18 @@ struct BlocksKey {
     lanes: u32,
     width: u32,
     few_registers: bool,
+    /// Rounds sums, and not products.
+    rounds_sums: bool,
     /// Component offsets in host vertices.
     places: Option<PlaceConstants>,
 }
 
 impl PipelineKey for BlocksKey {
     fn make(self, objects: &mut Objects) -> Result<()> {
-        let Self { module, size, lanes, width, few_registers, places } = self;
+        let Self { module, size, lanes, width, few_registers, rounds_sums, places } = self;
         objects.add_layout(&[module.kernel], 0)?;
-        let own = [0, 1].map(|rebuilt| [lanes, size, 1 << width, rebuilt, few_registers.into()]);
+        let sums = 2 * u32::from(rounds_sums);
+        let own = [0, 1].map(|rebuilt| [lanes, size, 1 << width, rebuilt + sums, few_registers.into()]);
         let count = module.kernel.constants as usize;
         // Kernels of items with masks have no width and none of these constants.
         let own = if count > 2 { &own[..] } else { &own[..1] };
@@ -119,7 +122,9 @@ impl BlocksKernels {
         let widths = if tiles { instances.clamp(1, tuning.widest_tile).ilog2() + 1 } else { 0 };
         let (module, size) = (kernel.module(format.row(), pose.row(), 0)?, context.layout().index()?.size() as u32);
         let (few_registers, places) = (tuning.few_registers, context.poses.place_constants());
-        let kernel = |width| context.kernels.get(BlocksKey { module, size, lanes, width, few_registers, places });
+        let rounds_sums = pose.row().rounds_sums;
+        let key = |width| BlocksKey { module, size, lanes, width, few_registers, rounds_sums, places };
+        let kernel = |width| context.kernels.get(key(width));
         let how = Dispatching { group, widths, tuning, most: context.caps().max_workgroups, items, texels };
         Ok(Self { how, kernels: (0..widths.max(1)).map(kernel).collect::<Result<_>>()? })
     }

@@ -96,7 +96,7 @@ proptest! {
         format in 0..DeltaFormat::BLOCKS.len(), size in prop::sample::select(vec![32u32, 64]), pose in poses(),
         rebuild in any::<bool>(), slots in 1u32..5, budget in any::<bool>(), whole in any::<bool>(), events in events(TARGETS),
     ) {
-        let pose = if DeltaFormat::BLOCKS[format].has_integers() { pose } else { PoseFormat::Float32 };
+        let pose = if pose.takes(DeltaFormat::BLOCKS[format]) { pose } else { PoseFormat::Float32 };
         let mode = if rebuild { UpdateMode::Rebuild } else { UpdateMode::Incremental };
         let error_budget = if budget { 0.5 } else { 0.0 };
         let desc = UpdateDesc { mode, slots, pose, error_budget, ..float(1e-4) };
@@ -204,7 +204,7 @@ proptest! {
     ) {
         let mesh = packed(DeltaFormat::BLOCKS[format], size);
         let index = mesh.layout().blocks.clone().unwrap();
-        let pose = if DeltaFormat::BLOCKS[format].has_integers() { pose } else { PoseFormat::Float32 };
+        let pose = if pose.takes(DeltaFormat::BLOCKS[format]) { pose } else { PoseFormat::Float32 };
         let desc = UpdateDesc { slots, pose, ..float(1e-5) };
         let mut planner = Planner::new(desc, [mesh.layout()], instances).unwrap();
         planner.groups[0].whole_blocks = true;

@@ -83,8 +83,8 @@ pub fn packed(morph: &Morph, format: DeltaFormat) -> (PackedMesh, Vec<f32>) {
 /// Asserts that these float32 numbers are the pose of the weights.
 pub fn assert_right(pose: &[f32], mesh: &PackedMesh, weights: &[f32], format: PoseFormat, what: &str) {
     let error = compare(&mesh.layout().to_user_order(pose), &evaluate(mesh, weights));
-    let relative = if format == PoseFormat::Fixed16 { 2e-4 } else { 3e-6 };
-    let degrees = if format == PoseFormat::Fixed16 { 0.2 } else { 0.01 };
+    let relative = if format.stride() == 12 { 2e-4 } else { 3e-6 };
+    let degrees = if format.stride() == 12 { 0.2 } else { 0.01 };
     assert!(error.within(relative * f64::from(mesh.layout().diagonal), degrees), "{what}: {error:?}");
 }
 

@@ -17,7 +17,7 @@ fn the_example_draws_what_the_reference_says() {
         let neutral = play(&host, PoseFormat::Float32, 5_000, 0..1).expect("a picture").picture;
         for format in PoseFormat::ALL {
             let Played { error, picture, reference } = play(&host, format, 5_000, 38..43).expect("a picture");
-            let (position, degrees) = if format == PoseFormat::Fixed16 { (3e-5, 0.1) } else { (1e-6, 0.01) };
+            let (position, degrees) = if format.stride() == 12 { (3e-5, 0.1) } else { (1e-6, 0.01) };
             assert!(error.within(position, degrees), "{format:?}: {error:?}");
             let differ = difference(&picture, &reference);
             assert!(differ < 5e-4, "{format:?}: {differ} of the pixels differ");

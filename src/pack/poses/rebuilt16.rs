@@ -1,0 +1,31 @@
+//! Rebuilt16: fixed16's numbers, as sums that are rounded once. GLSL: `glsl/poses/fixed16.glsl`.
+
+use super::PoseStorage;
+use super::fixed16::Fixed16;
+use super::sums::without;
+
+pub(crate) struct Rebuilt16;
+
+impl PoseStorage for Rebuilt16 {
+    type Number = i16;
+    type Sum = i32;
+
+    fn integer(number: i16) -> Option<i32> {
+        Fixed16::integer(number)
+    }
+
+    #[inline(always)]
+    fn plus(number: i16, sum: i32) -> i16 {
+        Self::plus_integer(number, sum)
+    }
+
+    #[inline(always)]
+    fn plus_integer(number: i16, sum: i32) -> i16 {
+        Fixed16::plus_integer(number, sum)
+    }
+
+    #[inline(always)]
+    fn rounded(sum: i32, dropped: u32) -> i32 {
+        without(sum, dropped)
+    }
+}
