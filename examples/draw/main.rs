@@ -70,7 +70,7 @@ pub fn pictures(headless: &Headless, format: PoseFormat, frames: &[Vec<f32>], ed
     mesh.layout().remap_indices(&mut triangles)?; // packing reorders the vertices that draws name
     let indices = host.filled(&triangles)?;
     // The declarations of `pose.glsl` for the format, and the matching bindings and attributes.
-    let version = format!("#version 450\n#define POSE_{}\n", format.name().to_uppercase());
+    let version = format!("#version 450\n#define POSE_{}\n", format.decoder().to_uppercase());
     let shader = version + include_str!("../../glsl/host/pose.glsl") + VERTEX;
     let mut input = format.vertex_input(false);
     input.0[0].stride = vertex.stride();

@@ -103,7 +103,7 @@ fn the_previous_pose_is_drawn_from_attributes_of_its_own() {
                 let bytes = (edge * edge) as usize * size_of::<draw::Pixel>();
                 let pixels = host.shared(bytes, vk::BufferUsageFlags::TRANSFER_DST).expect("a buffer");
                 let pipeline = |previous: bool| {
-                    let defines = format!("#version 450\n#define POSE_{}\n", format.name().to_uppercase());
+                    let defines = format!("#version 450\n#define POSE_{}\n", format.decoder().to_uppercase());
                     let defines =
                         defines + "#define POSE_LOCATION 3\n" + if previous { "#define POSE_PREVIOUS\n" } else { "" };
                     let vertex = defines + include_str!("../../glsl/host/pose.glsl") + VERTEX;

@@ -62,7 +62,7 @@ impl<'a> Picture<'a> {
         bindings.push(vk::VertexInputBindingDescription::default().binding(binding).stride(8));
         let format = vk::Format::R32G32_SFLOAT;
         attributes.push(vk::VertexInputAttributeDescription { location: 8, binding, format, offset: 0 });
-        let version = format!("#version 450\n#define POSE_{}\n", pose.name().to_uppercase());
+        let version = format!("#version 450\n#define POSE_{}\n", pose.decoder().to_uppercase());
         let vertex = version + include_str!("../../glsl/host/pose.glsl") + VERTEX;
         let pipeline = offscreen.pipeline([&vertex, FRAGMENT], &(bindings, attributes), 72).unwrap();
         let bytes = (EDGE * EDGE) as usize * size_of::<Pixel>();

@@ -74,10 +74,10 @@ impl Planned for Blocks {
         let weights = one.instances.requested().next().flatten().unwrap();
         let pose = one.memory.decode(mesh.surface(), one.instances.slots_of(0).unwrap().0 as usize);
         let pose = mesh.layout().to_user_order(&pose);
-        // Multiples of 1/4 lie on any grid.
+        // Multiples of 1/4 lie on any grid. The bound is that of integers: decoding rounds to float32.
         let error = reference::compare(&pose, &reference::evaluate(mesh, weights));
         let bound = one.desc.error_budget.max(stats.bound);
-        let most = f64::from(bound).max(1e-6 * f64::from(mesh.layout().diagonal));
+        let most = f64::from(bound) + 1e-6 * f64::from(mesh.layout().diagonal);
         assert!(error.position <= most, "{error:?} of {stats:?}");
         let commands = recorded(group.clone());
         assert_eq!(commands.is_empty(), list.items.is_empty());
