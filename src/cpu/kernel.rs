@@ -10,6 +10,7 @@ use crate::pack::blocks::PoseGrid;
 use crate::pack::formats::{DenseFormat, with_format};
 use crate::pack::grid::Term;
 use crate::pack::poses::PoseStorage;
+use crate::pack::poses::sums::half;
 use crate::pack::{POSE_FLOATS, PackedGroup};
 use crate::weights::delta::Coefficient;
 use fearless_simd::prelude::*;
@@ -141,7 +142,7 @@ impl<V: Simd> Lanes<V> {
             new: old == 0,
             old: i32x8::splat(simd, old),
             change: i32x8::splat(simd, new - old),
-            half: lanes(|dropped| (1u32 << dropped >> 1) as i32),
+            half: lanes(half),
             low: lanes(|dropped| ((1u32 << dropped) - 1) as i32),
             dropped: lanes(|dropped| dropped as i32),
         }
@@ -152,9 +153,9 @@ impl<V: Simd> Lanes<V> {
 #[inline(always)]
 fn add_rounded<V: Simd, const NEW: bool>(simd: V, lanes: &Lanes<V>, row: &[i16], sums: &mut [i32]) {
     for (sums, row) in sums.as_chunks_mut::<EIGHT>().0.iter_mut().zip(row.as_chunks::<EIGHT>().0) {
-        for (half, row) in row.as_chunks::<16>().0.iter().enumerate() {
+        for (i, row) in row.as_chunks::<16>().0.iter().enumerate() {
             let (low, high) = i16x16::simd_from(simd, *row).widen();
-            for (at, delta) in [(2 * half, low), (2 * half + 1, high)] {
+            for (at, delta) in [(2 * i, low), (2 * i + 1, high)] {
                 let (sum, of) = (&mut sums[8 * at..][..8], at % 3);
                 let left = if NEW { lanes.half[of] } else { (delta * lanes.old + lanes.half[of]) & lanes.low[of] };
                 (i32x8::from_slice(simd, sum) + ((delta * lanes.change + left) >> lanes.dropped[of])).store_slice(sum);

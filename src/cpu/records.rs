@@ -4,7 +4,7 @@
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::pack::POSE_FLOATS;
 use crate::pack::formats::small::{BYTES, LANES, Records};
-use crate::pack::poses::sums::{Rounded, Sum};
+use crate::pack::poses::sums::{Rounded, Sum, half};
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x8, i32x8, u8x16, u8x32, u32x8};
 
@@ -64,7 +64,7 @@ impl RowSum for Rounded {
     #[inline(always)]
     fn factors<V: Simd>(simd: V, factors: [[i32; 2]; TRIPLES], dropped: [u32; TRIPLES]) -> Self::Factors<V> {
         let [new, old] = [0, 1].map(|weight| factors.map(|of| of[weight]));
-        let half = dropped.map(|dropped| (1u32 << dropped >> 1) as i32);
+        let half = dropped.map(half);
         [new, old, half, dropped.map(|dropped| dropped as i32)].map(|triples| by_lane(triples).simd_into(simd))
     }
 

@@ -65,7 +65,6 @@ impl DeviceTuning {
     /// its fetches are misaligned on the stack. Mesa 22.3 and 26.2 do not; those in between are taken for alike.
     #[must_use]
     pub(crate) fn for_software(self, vendor: u32, api_version: u32) -> Self {
-        const MESA: u32 = 0x10005;
         let (mesa_22_3, mesa_26_2) = (vk::make_api_version(0, 1, 3, 230), vk::make_api_version(0, 1, 4, 354));
         let crashes = vendor == MESA && mesa_22_3 < api_version && api_version < mesa_26_2;
         Self { texels: self.texels && !crashes, ..self }
@@ -88,6 +87,7 @@ impl DeviceTuning {
 }
 
 const BROADCOM: u32 = 0x14e4;
+const MESA: u32 = 0x10005;
 const LOAD_COST_MAX: u32 = 1000;
 /// A workgroup size that every device supports.
 const LANES_MAX: u32 = 128;
@@ -123,7 +123,6 @@ mod tests {
 
     #[test]
     fn versions_of_lavapipe_that_crash_read_no_texels() {
-        const MESA: u32 = 0x10005;
         let texels = |vendor, minor, patch| {
             DeviceClass::Software.tuning().for_software(vendor, vk::make_api_version(0, 1, minor, patch)).texels
         };

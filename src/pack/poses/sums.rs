@@ -146,5 +146,11 @@ fn rounded(weight: i32, delta: i32, dropped: u32) -> i32 {
 /// `sum` without its `dropped` lowest bits, rounded.
 #[inline(always)]
 pub(super) fn without(sum: i32, dropped: u32) -> i32 {
-    sum.wrapping_add((1u32 << dropped >> 1) as i32) >> dropped
+    sum.wrapping_add(half(dropped)) >> dropped
+}
+
+/// Half of the unit that rounding leaves when it drops `dropped` low bits; 0 if it drops none.
+#[inline(always)]
+pub(crate) const fn half(dropped: u32) -> i32 {
+    (1u32 << dropped >> 1) as i32
 }
