@@ -32,6 +32,8 @@ pub(crate) struct Run<'a> {
     pub items: Range<usize>,
     /// The source slot; `None`: in place.
     pub source: Option<&'a [u32]>,
+    /// The pose of the instance's base, if an item starts from it.
+    pub base: Option<&'a [u32]>,
     /// The destination slot, from the first block to be processed on.
     pub destination: &'a mut [u32],
 }
@@ -42,7 +44,7 @@ impl<'a> Run<'a> {
         let start = self.items.start;
         self.items.start += items[self.items.clone()].partition_point(|item| (item.block as usize) < block);
         let destination = self.destination.split_off_mut(..words).unwrap_or_default();
-        Self { items: start..self.items.start, source: self.source, destination }
+        Self { items: start..self.items.start, source: self.source, base: self.base, destination }
     }
 }
 
@@ -129,7 +131,9 @@ fn run_blocks<P: PoseStorage<Sum: RowSum>, const S: usize>(
                 let i = run.items.start;
                 if !run.items.is_empty() && items[i].block as usize == block {
                     run.items.start += 1;
-                    let block = Block::new(packed, plan, i, run.source.map(|source| &source[block * words..][..words]));
+                    let own = items[i].source.is_none_or(|source| source.instance == items[i].instance);
+                    let source = if own { run.source } else { run.base };
+                    let block = Block::new(packed, plan, i, source.map(|source| &source[block * words..][..words]));
                     let elements = plan.list.elements_of(block.item);
                     meter(4 * (ITEM_WORDS + block.masks.len()) + ELEMENT_BYTES * elements.len() + block.moved());
                     let batch = [Added::<P::Sum>::default(); BATCH];

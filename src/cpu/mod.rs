@@ -15,11 +15,12 @@ use crate::pack::blocks::PoseGrid;
 use crate::pack::poses::{PoseStorage, with_pose};
 use crate::pack::{POSE_FLOATS, PackedGroup, PackedLayout, PackedMesh, PoseFormat};
 use crate::plan::instances::Instances;
-use crate::plan::steps::{Source, Work};
+use crate::plan::steps::{Source as PassSource, Work};
 use crate::plan::{UpdateDesc, UpdateStats};
 use crate::update::Runner;
-use crate::update::blocks::{GroupPlan, Item, Planner};
+use crate::update::blocks::{GroupPlan, Item, Planner, Source};
 use crate::update::dense::{DensePlanner, Plan};
+use crate::update::technique::no_bases;
 use crate::weights::delta::Coefficient;
 use bytemuck::Pod;
 use std::any::Any;
@@ -61,6 +62,14 @@ trait CpuPlanner: Any + Send + Sync {
     fn set_error_budget(&mut self, _instance: u32, budget: f32) -> Result<()> {
         let what = format!("an error budget of {budget} for a mesh in a dense format");
         Err(Error::invalid(what, "pack it in a block format"))
+    }
+
+    /// See [`TakesWeights::set_base`].
+    ///
+    /// # Errors
+    /// The same.
+    fn set_base(&mut self, _instance: u32, _base: Option<u32>) -> Result<()> {
+        Err(no_bases())
     }
 
     /// See [`Kind::changed`].
@@ -107,6 +116,10 @@ impl CpuPlanner for Planner {
         Planner::set_error_budget(self, instance as usize, budget)
     }
 
+    fn set_base(&mut self, instance: u32, base: Option<u32>) -> Result<()> {
+        Planner::set_base(self, instance, base)
+    }
+
     fn changed(&self, _instances: &Instances, _update: u64, instance: u32, out: &mut Vec<Range<u32>>) {
         self.groups[0].changed(instance, out);
     }
@@ -137,6 +150,10 @@ impl TakesWeights for OnCpu {
 
     fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()> {
         self.planner.set_error_budget(instance, budget)
+    }
+
+    fn set_base(&mut self, instance: u32, base: Option<u32>) -> Result<()> {
+        self.planner.set_base(instance, base)
     }
 }
 
@@ -309,9 +326,9 @@ impl Memory {
         let places: Vec<_> = changed().map(|(at, _, pass)| at + pass.destination as usize).collect();
         let mut poses: Vec<_> = places.iter().map(|&place| std::mem::take(&mut self.poses[place])).collect();
         let source = |at: usize, pass: &Work| match pass.source {
-            Source::Base => base,
-            Source::Slot(slot) if slot == pass.destination => None,
-            Source::Slot(slot) => Some(bytemuck::cast_slice(&self.poses[at + slot as usize])),
+            PassSource::Base => base,
+            PassSource::Slot(slot) if slot == pass.destination => None,
+            PassSource::Slot(slot) => Some(bytemuck::cast_slice(&self.poses[at + slot as usize])),
         };
         let updates: Vec<_> = changed().map(|(at, plan, pass)| (plan, source(at, pass))).collect();
         let piece = workers.piece_vertices(mesh.layout().padded_vertices(), updates.len());
@@ -347,12 +364,19 @@ impl Memory {
         let mut poses: Vec<_> = places.iter().map(|&place| std::mem::take(&mut self.poses[place])).collect();
         let mut end = 0;
         let runs = instances().zip(&mut poses).map(|(items, destination)| {
-            // All items of an instance read the same slot, or the base pose.
-            let from = items.iter().find_map(|item| item.source).filter(|&slot| slot != items[0].destination);
-            let source = from.map(|slot| self.poses[first(items) + slot as usize].as_slice());
+            // All items of an instance read the same slot of its own, the same pose of its base, or the base pose.
+            let own = |source: &Source| source.instance == items[0].instance;
+            let pose = |is_own: bool| {
+                let mut sources = items.iter().filter_map(|item| item.source);
+                let from = sources.find(|source| own(source) == is_own)?;
+                let place = from.instance as usize * self.slots + from.slot as usize;
+                // In place: the pose was taken as a destination.
+                (!is_own || from.slot != items[0].destination).then(|| self.poses[place].as_slice())
+            };
+            let (source, base) = (pose(true), pose(false));
             let start = end;
             end += items.len();
-            blocks::Run { items: start..end, source, destination }
+            blocks::Run { items: start..end, source, base, destination }
         });
         blocks::run(workers, mesh, plan, runs.collect());
         places.into_iter().zip(poses).for_each(|(place, pose)| self.poses[place] = pose);

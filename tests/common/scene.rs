@@ -240,7 +240,7 @@ fn of_list(list: &WorkList) -> Plan {
     let mut plan = Plan::new();
     for item in &list.items {
         let elements = list.elements_of(item).iter().map(|e| (e.entry, e.coefficient as i32)).collect();
-        let source = item.source.unwrap_or_default();
+        let source = item.source.map_or(0, |source| source.slot);
         let work = (item.source.is_none(), source, item.destination, elements);
         assert!(plan.insert((item.instance, item.block), work).is_none());
     }

@@ -75,7 +75,7 @@ impl AnimatedReference {
             let weights: Vec<f32> = weights.committed.iter().map(|&steps| steps as f32 * step).collect();
             state.commit(&mut self.group, i, &weights, known);
             // Slots rotate in every update, even without changes.
-            state.emit(&mut self.group, i, slots, known);
+            state.emit(&mut self.group, i, slots, known, None);
         }
         &self.group.list
     }

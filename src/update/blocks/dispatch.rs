@@ -4,7 +4,7 @@
 //! rows are the entries that any of them needs, each with a coefficient per instance. The rows of a tile start at a
 //! multiple of [`ALIGN`], so that kernels can load several words at once.
 
-use super::group::{GroupPlan, Item, WorkList};
+use super::group::{GroupPlan, Item, Source, WorkList};
 use crate::abi::worklist::{ALIGN, TILE, WIDTHS, row_words};
 use crate::gpu::tuning::DeviceTuning;
 use crate::pack::PoseFormat;
@@ -156,9 +156,10 @@ impl Dispatches {
                 }
             };
             for item in items.into_iter().map(|i| &list.items[i as usize]) {
-                let pose = |slot| Memory::Pose { instance: item.instance, slot };
-                let source = item.source.map_or(Memory::Base, pose);
-                uses.extend(Accesses::compute([Memory::Deltas, source], [pose(item.destination)]).uses);
+                let from = |Source { instance, slot }: Source| Memory::Pose { instance, slot };
+                let source = item.source.map_or(Memory::Base, from);
+                let pose = Memory::Pose { instance: item.instance, slot: item.destination };
+                uses.extend(Accesses::compute([Memory::Deltas, source], [pose]).uses);
             }
         }
         Accesses { group: self.group, in_place: true, uses: uses.into_iter().collect() }

@@ -2,25 +2,32 @@
 //!
 //! A block is written if a changed target touches it, or if it is stale in the next slot; a stale block is copied and
 //! updated at once. Only components that changed are loaded and stored. Each block of each instance starts from the
-//! current pose or the base pose, whichever moves fewer bytes (the base pose if equal), or from the base pose if the
-//! bound on accumulated [`rounding`] would exceed the tolerance.
+//! current pose, the base pose or the pose of the instance's base, whichever moves fewest bytes (the base pose if
+//! equal), or from the base pose if the bound on accumulated [`rounding`] would exceed the tolerance.
 
-use super::group::{GroupPlan, Item, rounding};
+use super::group::{GroupPlan, Item, Source, rounding};
 use super::plan::BlockState;
 use crate::abi::worklist::{ELEMENT_BYTES, ITEM_WORDS};
 
 impl BlockState {
     /// Lists the blocks that bring the second slot to the committed weights. The first slot is current, and matches
-    /// this state if `known`.
-    pub(crate) fn emit(&mut self, group: &mut GroupPlan, instance: usize, slots: [u32; 2], known: bool) {
+    /// this state if `known`. `base`: pose and state of the instance's base.
+    pub(crate) fn emit(
+        &mut self,
+        group: &mut GroupPlan,
+        instance: usize,
+        slots: [u32; 2],
+        known: bool,
+        base: Option<(Source, &Self)>,
+    ) {
         if !known {
             self.forget_slots();
         }
         let (first_item, first_mask) = (group.list.items.len(), group.list.masks.len());
         match group.index.mask_words() {
-            1 => self.emit_blocks::<6>(group, instance, slots, known),
-            2 => self.emit_blocks::<12>(group, instance, slots, known),
-            _ => self.emit_blocks::<24>(group, instance, slots, known),
+            1 => self.emit_blocks::<6>(group, instance, slots, known, base),
+            2 => self.emit_blocks::<12>(group, instance, slots, known, base),
+            _ => self.emit_blocks::<24>(group, instance, slots, known, base),
         }
         let (items, masks) = (&group.list.items[first_item..], &group.list.masks[first_mask..]);
         let poses = match group.grid() {
@@ -43,6 +50,7 @@ impl BlockState {
         instance: usize,
         [current, destination]: [u32; 2],
         known: bool,
+        base: Option<(Source, &Self)>,
     ) {
         let GroupPlan { index, list, stats, whole_blocks, source_bytes, desc, unit, tolerance, scratch, .. } = group;
         let (count, costs) = (index.count(), &index.costs);
@@ -69,19 +77,31 @@ impl BlockState {
                 (index.block_base[block] + self.largest_weight * index.block_reach[block], self.blocks[block]);
             let bound = active.bound + rounding(magnitude, listed, sum);
             let exceeded = touched && bound > active.limit;
+            // What the block loads from the base pose, or from the pose of the instance's base, if that is less.
+            let mut fresh = (active.active_bytes, None);
+            if let Some((source, base)) = base.filter(|(_, base)| !exceeded && base.blocks[block].active > 0) {
+                let bytes: u32 = self.apart(index, block, Some(base)).map(|(entry, ..)| costs[entry].bytes).sum();
+                // Fixed-point poses load no base pose.
+                if bytes + *source_bytes < fresh.0 {
+                    fresh = (bytes + *source_bytes, Some((source, base)));
+                }
+            }
             let rebuilt = !known
                 || touched
                     && (exceeded
                         || desc.rebuilds()
                         || match *whole_blocks {
-                            // All components either way; fixed-point poses load no base pose.
-                            true => active.active_bytes <= deltas + *source_bytes,
-                            false => no_more_bytes_from_base(active.active_bytes, deltas, all, &changed),
+                            // All components either way.
+                            true => fresh.0 <= deltas + *source_bytes,
+                            false => no_more_bytes_from_base(fresh.0, deltas, all, &changed),
                         });
             if rebuilt {
-                let (entries, sum) = self.list_active(index, *unit, block, &mut list.elements[first..]);
-                (listed, deltas, changed) = (entries, active.active_bytes, *all);
-                self.blocks[block].bound = rounding(magnitude, listed, sum);
+                let from = fresh.1.map(|(_, base)| base);
+                let (entries, sum) = self.list_apart(index, *unit, block, from, &mut list.elements[first..]);
+                deltas = fresh.0 - from.map_or(0, |_| *source_bytes);
+                (listed, changed) = (entries, *all);
+                self.blocks[block].bound =
+                    from.map_or(0.0, |base| base.blocks[block].bound) + rounding(magnitude, listed, sum);
                 if exceeded {
                     self.blocks[block].limit = *tolerance;
                 }
@@ -108,7 +128,10 @@ impl BlockState {
             list.items.push(Item {
                 instance: instance as u32,
                 block: block as u32,
-                source: (!rebuilt).then_some(current),
+                source: match rebuilt {
+                    true => fresh.1.map(|(source, _)| source),
+                    false => Some(Source { instance: instance as u32, slot: current }),
+                },
                 destination,
                 first: first as u32,
                 count: listed,

@@ -16,14 +16,23 @@ pub struct Item {
     pub instance: u32,
     /// The block.
     pub block: u32,
-    /// The source slot; `None`: the base pose.
-    pub source: Option<u32>,
+    /// The source; `None`: the base pose.
+    pub source: Option<Source>,
     /// The destination slot.
     pub destination: u32,
     /// Its first element in [`WorkList::elements`].
     pub first: u32,
     /// Number of elements.
     pub count: u32,
+}
+
+/// A pose that an item starts from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Source {
+    /// The instance: the item's own, or its base.
+    pub instance: u32,
+    /// The slot.
+    pub slot: u32,
 }
 
 /// The work of one update, for GPU or CPU.
@@ -127,8 +136,9 @@ impl GroupPlan {
     pub fn changed(&self, instance: u32, out: &mut Vec<Range<u32>>) {
         let first = self.list.items.partition_point(|item| item.instance < instance);
         let items = self.list.items[first..].iter().take_while(|item| item.instance == instance);
-        // An item with a source slot and no elements is an unchanged copy.
-        let changed = items.filter(|item| item.count > 0 || item.source.is_none());
+        // An item that starts from the instance's own pose, without elements, is an unchanged copy.
+        let changed =
+            items.filter(|item| item.count > 0 || item.source.is_none_or(|source| source.instance != item.instance));
         let size = self.index.size() as u32;
         out.extend(changed.map(|item| item.block * size..(item.block + 1) * size));
     }

@@ -1,7 +1,7 @@
 //! Plans the instances of a crowd together, for GPU or CPU, and keeps the state of their poses by block. `commit` and
 //! `emit` are the two phases of an update.
 
-use super::group::{GroupPlan, Unit};
+use super::group::{GroupPlan, Source, Unit};
 use crate::abi::worklist::Element;
 use crate::error::{Error, Result};
 use crate::pack::blocks::BlockIndex;
@@ -18,6 +18,10 @@ pub struct Planner {
     states: Vec<Vec<BlockState>>,
     /// The crowd's error budget, the upper limit of each instance's.
     budget_most: f32,
+    /// By instance: the instance that is its base, with a higher number.
+    bases: Vec<Option<u32>>,
+    /// By instance: the pose of its base before the update, if there is one.
+    sources: Vec<Option<Source>>,
 }
 
 impl Planner {
@@ -33,12 +37,39 @@ impl Planner {
         let groups = groups.into_iter().map(|layout| GroupPlan::new(desc, layout, instances));
         let groups = groups.collect::<Result<Vec<_>>>()?;
         let states = groups.iter().map(|group| vec![BlockState::new(group); instances]).collect();
-        Ok(Self { states, groups, budget_most: desc.error_budget })
+        let (bases, sources) = (vec![None; instances], vec![None; instances]);
+        Ok(Self { states, groups, budget_most: desc.error_budget, bases, sources })
+    }
+
+    /// Makes the pose of `base` what `instance` starts from in place of the base pose, or the base pose again.
+    ///
+    /// # Errors
+    /// See [`CrowdBase::set_base`](crate::CrowdBase::set_base).
+    pub fn set_base(&mut self, instance: u32, base: Option<u32>) -> Result<()> {
+        let desc = &self.groups[0].desc;
+        let wrong = |what: String, remedy: &str| Err(Error::invalid(what, remedy));
+        if desc.slots < 2 {
+            return wrong("an instance as base in a crowd of one slot".into(), "use two slots");
+        }
+        if desc.pose.row().rounds_sums {
+            let what = format!("an instance as base in {} poses, which round sums", desc.pose.name());
+            return wrong(what, "use fixed32 or fixed16 poses");
+        }
+        if let Some(base) = base.filter(|base| *base <= instance) {
+            let what = format!("instance {base} as base of instance {instance}");
+            return wrong(what, "use a base whose number is higher");
+        }
+        self.bases[instance as usize] = base;
+        Ok(())
     }
 
     /// Plans update `update` of every instance that is shown.
     pub fn plan(&mut self, instances: &mut Instances, update: u64) {
         self.groups.iter_mut().for_each(GroupPlan::clear);
+        for (source, base) in self.sources.iter_mut().zip(&self.bases) {
+            let slot = |base: u32| instances.slots_of(instances.check(base).ok()?).map(|(slot, _)| slot);
+            *source = base.and_then(|instance| Some(Source { instance, slot: slot(instance)? }));
+        }
         for (i, weights, history) in instances.shown() {
             let (known, mut changed) = (history.current().is_some(), false);
             for (group, states) in self.groups.iter_mut().zip(&mut self.states) {
@@ -46,8 +77,11 @@ impl Planner {
             }
             let slots = [history.after(0), history.after(1)];
             for (group, states) in self.groups.iter_mut().zip(&mut self.states) {
+                // Bases have higher numbers: their states are still those of the poses in their sources.
+                let (states, later) = states.split_at_mut(i + 1);
+                let base = self.sources[i].map(|source| (source, &later[source.instance as usize - i - 1]));
                 match changed {
-                    true => states[i].emit(group, i, slots, known),
+                    true => states[i].emit(group, i, slots, known, base),
                     false => states[i].count(group),
                 }
             }
@@ -72,8 +106,9 @@ impl Planner {
         Ok(())
     }
 
-    /// Gives an instance added to a free place the crowd's error budget.
+    /// Gives an instance added to a free place the crowd's error budget, and the base pose as base.
     pub fn add(&mut self, instance: usize) {
+        self.bases[instance] = None;
         for (group, states) in self.groups.iter().zip(&mut self.states) {
             states[instance].set_budget(group.desc.error_budget);
         }
@@ -189,16 +224,34 @@ impl BlockState {
         group.stats.bound = group.stats.bound.max(bound);
     }
 
-    /// Lists the active entries of a block. Returns their number, and Σ |weight| · reach.
-    pub(super) fn list_active(&self, index: &BlockIndex, unit: Unit, block: usize, out: &mut [Element]) -> (u32, f32) {
+    /// Entries of a block whose weight differs from that of `base` (`None`: 0), with both weights.
+    pub(super) fn apart<'a>(
+        &'a self,
+        index: &'a BlockIndex,
+        block: usize,
+        base: Option<&'a Self>,
+    ) -> impl Iterator<Item = (usize, u32, u32)> {
+        let entries = index.entries(block).map(move |entry| {
+            let at = if self.per_entry { entry } else { index.parts.entry_target[entry] as usize };
+            (entry, self.committed[at], base.map_or(0, |base| base.committed[at]))
+        });
+        entries.filter(|(_, weight, from)| weight != from)
+    }
+
+    /// Lists the entries of [`apart`](Self::apart). Returns their number, and Σ |coefficient| · reach.
+    pub(super) fn list_apart(
+        &self,
+        index: &BlockIndex,
+        unit: Unit,
+        block: usize,
+        base: Option<&Self>,
+        out: &mut [Element],
+    ) -> (u32, f32) {
         let (mut count, mut sum) = (0, 0.0);
-        for entry in index.entries(block) {
-            let weight = self.committed[if self.per_entry { entry } else { index.parts.entry_target[entry] as usize }];
-            if weight != 0 {
-                out[count] = Element { entry: entry as u32, coefficient: unit.coefficient(weight, 0) };
-                count += 1;
-                sum += unit.size(out[count - 1].coefficient) * index.costs[entry].reach;
-            }
+        for (entry, weight, from) in self.apart(index, block, base) {
+            out[count] = Element { entry: entry as u32, coefficient: unit.coefficient(weight, from) };
+            count += 1;
+            sum += unit.size(out[count - 1].coefficient) * index.costs[entry].reach;
         }
         (count as u32, sum)
     }

@@ -2,10 +2,10 @@
 
 use super::dispatch::{BlockPart, Dispatches, KERNELS, Tiles};
 use super::gpu::{BlocksKernels, Bound, GroupBlocks, LIST_USAGE, set_size};
-use super::group::{GroupPlan, Item, WorkList};
+use super::group::{GroupPlan, Item, Source, WorkList};
 use super::plan::Planner;
 use crate::abi::worklist::{self, ELEMENT_BYTES, ITEM_WORDS, TILE_WORDS};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::memory::Ring;
 use crate::gpu::pipelines::Workgroups;
 use crate::pack::POSE_FLOATS;
@@ -84,9 +84,10 @@ impl Group {
         let items = items.chunks_exact_mut(self.item_words);
         // Pose numbers are relative to the first instance of a set.
         let (reach, slots) = (self.blocks.how.group, self.blocks.poses.slots);
-        let pose = |item: &Item, slot: u32| item.instance % reach * slots + slot;
+        let pose = |Source { instance, slot }: Source| instance % reach * slots + slot;
         let poses = |item: &Item| {
-            worklist::poses(pose(item, item.source.unwrap_or(item.destination)), pose(item, item.destination))
+            let destination = Source { instance: item.instance, slot: item.destination };
+            worklist::poses(pose(item.source.unwrap_or(destination)), pose(destination))
         };
         if let Some(tiles) = &self.dispatches.tiles {
             rest[..tiles.rows.len()].copy_from_slice(&tiles.rows);
@@ -113,6 +114,15 @@ impl Group {
 impl Technique for BlocksTechnique {
     fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()> {
         self.planner.set_error_budget(instance as usize, budget)
+    }
+
+    fn set_base(&mut self, instance: u32, base: Option<u32>) -> Result<()> {
+        let reach = self.groups.iter().map(|group| group.blocks.how.group).min().unwrap_or(u32::MAX);
+        if let Some(base) = base.filter(|base| base / reach != instance / reach) {
+            let what = format!("instance {base} as base of instance {instance}, which no kernel reaches together");
+            return Err(Error::invalid(what, format!("use two of the same {reach}, counted from 0")));
+        }
+        self.planner.set_base(instance, base)
     }
 
     fn add(&mut self, instance: u32) {

@@ -161,6 +161,62 @@ fn a_cut_to_neutral_is_cheaper_from_base() {
 }
 
 #[test]
+fn an_instance_that_starts_from_another_loads_what_they_differ_by() {
+    for pose in [PoseFormat::Float32, PoseFormat::Fixed32, PoseFormat::Fixed16] {
+        let mesh = packed(DeltaFormat::Fast, 32);
+        let desc = UpdateDesc { pose, mode: UpdateMode::Rebuild, ..float(1e-4) };
+        // Seven of nine weights are constant, and in instance 1, which the second instance starts from.
+        let run = |base: Option<u32>| {
+            let mut planner = Planner::new(desc, [mesh.layout()], 2).unwrap();
+            planner.set_base(0, base).unwrap();
+            let mut memory = Memory::new(mesh.surface(), desc, 2).unwrap();
+            let (mut instances, mut bytes) = (Instances::new(2, TARGETS, desc.slots, 1), 0);
+            let mut weights = [0.75; TARGETS];
+            instances.set_weights(1, &weights).unwrap();
+            let poses = [1u64, 2, 3, 4, 5].map(|update| {
+                weights[0] = 0.25 * update as f32;
+                // A slider moves: the base follows in the next update.
+                weights[4] = if update < 4 { 0.75 } else { 0.5 };
+                instances.set_weights(0, &weights).unwrap();
+                planner.plan(&mut instances, update);
+                memory.run_list(mesh.surface(), &Workers::new(1).unwrap(), &planner.groups[0]);
+                let mut changed = vec![];
+                planner.groups[0].changed(0, &mut changed);
+                assert!(!changed.is_empty(), "{pose:?}: update {update}");
+                // The base is still in this one.
+                if update == 3 {
+                    bytes = planner.groups[0].stats.bytes_floor;
+                }
+                instances.set_weights(1, &weights.map(|w| w.clamp(0.5, 0.75))).unwrap();
+                let slot = instances.slots_of(0).unwrap().0 as usize;
+                let pose = mesh.layout().to_user_order(&memory.decode(mesh.surface(), slot));
+                let error = reference::compare(&pose, &reference::evaluate(&mesh, &weights));
+                let most = planner.groups[0].stats.bound + 1e-6 * mesh.layout().diagonal;
+                assert!(error.position <= f64::from(most), "{error:?} of {most}");
+                memory.poses[slot].clone()
+            });
+            (poses, bytes)
+        };
+        let ((own, all), (based, less)) = (run(None), run(Some(1)));
+        assert!(pose == PoseFormat::Float32 || own == based, "{pose:?}: the bits of a full evaluation");
+        assert!(less * 4 < all * 3, "{pose:?}: {less} of {all} bytes");
+    }
+}
+
+#[test]
+fn bases_that_cannot_be_read_are_refused() {
+    let mesh = packed(DeltaFormat::Fast, 32);
+    let refused = |desc: UpdateDesc, instance: u32, base: Option<u32>| {
+        let mut planner = Planner::new(desc, [mesh.layout()], 3).unwrap();
+        planner.set_base(instance, base).err().map(|e| e.to_string()).unwrap_or_default()
+    };
+    assert_eq!(refused(float(1e-4), 0, Some(2)), "");
+    assert!(refused(float(1e-4), 1, Some(1)).contains("higher"));
+    assert!(refused(UpdateDesc { slots: 1, ..float(1e-4) }, 0, Some(1)).contains("two slots"));
+    assert!(refused(UpdateDesc { pose: PoseFormat::Rebuilt16, ..float(1e-4) }, 0, Some(1)).contains("fixed16"));
+}
+
+#[test]
 fn blocks_are_refreshed_before_their_bound_passes_the_tolerance_and_not_all_at_once() {
     let tolerance = 2e-5;
     let mut one = one(packed(DeltaFormat::Fast, 32), float(tolerance));
