@@ -47,6 +47,10 @@
 /// Keep all deltas except zeros.
 #define DM_MESH_KEEP_ALL 4
 
+/// What the mesh has otherwise than its file: left out, merged, averaged, computed. Later versions may have further
+/// severities; greater ones are worse.
+#define DM_MESSAGE_NOTE 1
+
 /// Dense, six float32.
 #define DM_DELTAS_FLOAT32 1
 
@@ -230,6 +234,11 @@ typedef struct DmEngine {
     uint64_t bits;
 } DmEngine;
 
+/// Takes a message: `DM_MESSAGE_...`, and a text in UTF-8, ended by a zero, valid until the function returns. The library
+/// calls it only while the call that it was handed to runs, and on that thread; it may call the library. No exception,
+/// panic or longjmp may leave it.
+typedef void (*DmMessage)(void *user, uint32_t severity, const char *text);
+
 /// How to import and pack a mesh. Zeros are the defaults.
 typedef struct DmMeshDesc {
     /// sizeof(DmMeshDesc).
@@ -254,6 +263,10 @@ typedef struct DmMeshDesc {
     float absolute_error;
     /// Largest absolute weight that 32-bit fixed-point poses accept; 0: 4 (block formats).
     float weight_max;
+    /// Called with each message on the mesh; null: nobody is told. Packed files have none, errors are results.
+    DmMessage message;
+    /// Handed to `message`.
+    void *message_user;
 } DmMeshDesc;
 
 /// A target of `DmMeshArrays`; a null array changes nothing.
@@ -1018,6 +1031,8 @@ DmResult dm_mesh_evaluate(struct DmMesh mesh, const float *weights, uint32_t wei
 /// the vertex. A polygon counts with its whole area vector at each of its corners, so the result differs from that of
 /// the triangles that it is drawn as. If the sum is zero (no face, or faces without area), the normal is (0, 0, 1). The
 /// normal delta of a target is the difference of two such normals; 0 if the deformed surface has none.
+///
+/// What of the file was left out, merged, averaged or computed is told to DmMeshDesc::message.
 ///
 /// Errors: DM_ERROR_IO if nothing is at `path`, or it cannot be read; DM_ERROR_INPUT with the file, the position in it
 /// and a remedy; DM_ERROR_INVALID for invalid fields of `desc`.
@@ -1838,7 +1853,7 @@ typedef char DmRequirement_sizeof[sizeof(DmRequirement) == 24 ? 1 : -1];
 typedef char DmRequirement_extension[offsetof(DmRequirement, extension) == 0 ? 1 : -1];
 typedef char DmRequirement_feature[offsetof(DmRequirement, feature) == 8 ? 1 : -1];
 typedef char DmRequirement_reason[offsetof(DmRequirement, reason) == 16 ? 1 : -1];
-typedef char DmMeshDesc_sizeof[sizeof(DmMeshDesc) == 48 ? 1 : -1];
+typedef char DmMeshDesc_sizeof[sizeof(DmMeshDesc) == 64 ? 1 : -1];
 typedef char DmMeshDesc_struct_size[offsetof(DmMeshDesc, struct_size) == 0 ? 1 : -1];
 typedef char DmMeshDesc_flags[offsetof(DmMeshDesc, flags) == 4 ? 1 : -1];
 typedef char DmMeshDesc_engine[offsetof(DmMeshDesc, engine) == 8 ? 1 : -1];
@@ -1850,6 +1865,8 @@ typedef char DmMeshDesc_position_error[offsetof(DmMeshDesc, position_error) == 3
 typedef char DmMeshDesc_normal_error_degrees[offsetof(DmMeshDesc, normal_error_degrees) == 36 ? 1 : -1];
 typedef char DmMeshDesc_absolute_error[offsetof(DmMeshDesc, absolute_error) == 40 ? 1 : -1];
 typedef char DmMeshDesc_weight_max[offsetof(DmMeshDesc, weight_max) == 44 ? 1 : -1];
+typedef char DmMeshDesc_message[offsetof(DmMeshDesc, message) == 48 ? 1 : -1];
+typedef char DmMeshDesc_message_user[offsetof(DmMeshDesc, message_user) == 56 ? 1 : -1];
 typedef char DmMeshArrays_sizeof[sizeof(DmMeshArrays) == 80 ? 1 : -1];
 typedef char DmMeshArrays_struct_size[offsetof(DmMeshArrays, struct_size) == 0 ? 1 : -1];
 typedef char DmMeshArrays_vertex_count[offsetof(DmMeshArrays, vertex_count) == 4 ? 1 : -1];

@@ -58,7 +58,7 @@ fn layouts() -> Vec<Layout> {
         DmRequirement { extension feature reason }
         DmMeshDesc {
             struct_size flags engine position_tolerance normal_tolerance delta_format block_size position_error
-            normal_error_degrees absolute_error weight_max
+            normal_error_degrees absolute_error weight_max message message_user
         }
         DmMeshArrays {
             struct_size vertex_count name positions normals tangents texcoords indices targets index_count target_count

@@ -3,8 +3,8 @@
 use crate::arguments::{built, check_reserved, or};
 use crate::handles::{DmMesh, Handle};
 use crate::memory::{array, check_place, read, read_or_default, slice, text, text_or_empty};
-use crate::numbers::{DM_MESH_KEEP_ALL, DM_MESH_SPLIT, DM_MESH_WELD, delta_format};
-use crate::result::{DmResult, Failure, Result, enter};
+use crate::numbers::{DM_MESH_KEEP_ALL, DM_MESH_SPLIT, DM_MESH_WELD, DM_MESSAGE_NOTE, delta_format};
+use crate::result::{DmResult, Failure, Result, c_string, enter};
 use crate::structs::{DmMeshArrays, DmMeshDesc, DmSampleDesc};
 use deltamorph::import::{ImportDesc, Imported, ImportedMesh, open};
 use deltamorph::{
@@ -58,10 +58,21 @@ impl DmMeshDesc {
             .weight_max(or(self.weight_max, default.weight_max));
         Ok(desc.blocks(blocks))
     }
+
+    /// Tells the host what an importer noted.
+    fn tell(&self, notes: &[String]) {
+        let Some(message) = self.message else { return };
+        for note in notes {
+            let text = c_string(note);
+            // SAFETY: the host's function, with what it is to be called with.
+            unsafe { message(self.message_user, DM_MESSAGE_NOTE, text.as_ptr()) };
+        }
+    }
 }
 
 impl Mesh {
     fn of_source(mut source: MorphSource, desc: &DmMeshDesc) -> Result<Self> {
+        desc.tell(&source.notes);
         if desc.has(DM_MESH_SPLIT)? {
             source = source.split()?;
         }
@@ -86,8 +97,7 @@ impl Mesh {
     }
 
     fn of_asset(asset: Asset) -> Self {
-        let name = |name: &str| CString::new(name.replace('\0', "\u{fffd}")).unwrap_or_default();
-        let names = asset.mesh.layout().targets.iter().map(|target| name(&target.name)).collect();
+        let names = asset.mesh.layout().targets.iter().map(|target| c_string(&target.name)).collect();
         Self { asset, names }
     }
 
@@ -147,6 +157,8 @@ unsafe fn create(
 /// the vertex. A polygon counts with its whole area vector at each of its corners, so the result differs from that of
 /// the triangles that it is drawn as. If the sum is zero (no face, or faces without area), the normal is (0, 0, 1). The
 /// normal delta of a target is the difference of two such normals; 0 if the deformed surface has none.
+///
+/// What of the file was left out, merged, averaged or computed is told to DmMeshDesc::message.
 ///
 /// Errors: DM_ERROR_IO if nothing is at `path`, or it cannot be read; DM_ERROR_INPUT with the file, the position in it
 /// and a remedy; DM_ERROR_INVALID for invalid fields of `desc`.

@@ -12,6 +12,10 @@ pub const DM_MESH_WELD: u32 = 2;
 /// Keep all deltas except zeros.
 pub const DM_MESH_KEEP_ALL: u32 = 4;
 
+/// What the mesh has otherwise than its file: left out, merged, averaged, computed. Later versions may have further
+/// severities; greater ones are worse.
+pub const DM_MESSAGE_NOTE: u32 = 1;
+
 /// Dense, six float32.
 pub const DM_DELTAS_FLOAT32: u32 = 1;
 /// Dense, six integers of 16 bits.

@@ -118,10 +118,15 @@ fn panicked(payload: Box<dyn Any + Send>) -> Failure {
 #[cold]
 #[inline(never)]
 fn failed(function: &str, failure: Failure) -> DmResult {
-    let message = format!("{function}: {}", failure.message).replace('\0', "\u{fffd}");
+    let message = c_string(&format!("{function}: {}", failure.message));
     // A thread that is ending may have no storage for a message.
-    let _ = LAST.try_with(|last| *last.borrow_mut() = CString::new(message).unwrap_or_default());
+    let _ = LAST.try_with(|last| *last.borrow_mut() = message);
     failure.code
+}
+
+/// A text for C; zeros in it are replaced.
+pub fn c_string(text: &str) -> CString {
+    CString::new(text.replace('\0', "\u{fffd}")).unwrap_or_default()
 }
 
 /// Locks an object's state, which a call that panicked may have left half changed.

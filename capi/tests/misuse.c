@@ -8,6 +8,7 @@
 
 #include <math.h>
 #include <pthread.h>
+#include <sys/stat.h>
 
 static int failures = 0;
 
@@ -403,7 +404,7 @@ int main(int argc, char **argv) {
     if (argc < 2) fail("usage", "misuse cpu|device [PART OF A DEVICE'S NAME]");
     snprintf(calls_file, sizeof calls_file, "%s.calls", argv[0]);
     if (strcmp(argv[1], "cpu") == 0) {
-        handles(), null_handles(), pointers_and_sizes(), meshes_and_clips(), cpu_crowds(), threads();
+        handles(), null_handles(), pointers_and_sizes(), meshes_and_clips(), messages(), cpu_crowds(), threads();
     } else {
         const Host host = host_create(argc > 2 ? argv[2] : "");
         DmEngine engine = {0}, other = {0};

@@ -1,5 +1,5 @@
 /*
- * Invalid use of queue families, layers of clips, and bounds from weights.
+ * Invalid use of queue families, layers of clips, and bounds from weights; messages on a mesh.
  * Included by misuse.c, which says what it expects.
  */
 
@@ -76,6 +76,33 @@ static void weight_bounds(DmMesh mesh) {
     HOLDS(box[0] < box[3]);
     WORKS(dm_weight_bounds_destroy(bounds));
     HANDLE("was destroyed", dm_weight_bounds_destroy(bounds));
+}
+
+/* A host that is told something calls the library, and gets errors of its own. */
+static void told(void *user, uint32_t severity, const char *text) {
+    HOLDS(severity == DM_MESSAGE_NOTE && strstr(text, "the folder 'targets' has no .obj file"));
+    HANDLE("null handle in place of a mesh", dm_mesh_destroy(no_mesh));
+    ++*(int *)user;
+}
+
+static void messages(void) {
+    char folder[1100], targets[1200], neutral[1200];
+    snprintf(folder, sizeof folder, "%s.face", calls_file);
+    snprintf(targets, sizeof targets, "%s/targets", folder);
+    snprintf(neutral, sizeof neutral, "%s/neutral.obj", folder);
+    HOLDS(mkdir(folder, 0777) == 0 && mkdir(targets, 0777) == 0);
+    FILE *file = fopen(neutral, "w");
+    HOLDS(file && fputs("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", file) >= 0 && fclose(file) == 0);
+    int count = 0;
+    DmMeshDesc desc = {.struct_size = sizeof desc, .message = told, .message_user = &count};
+    DmMesh mesh = {0};
+    WORKS(dm_mesh_open(folder, &desc, &mesh));
+    HOLDS(count == 1);
+    WORKS(dm_mesh_destroy(mesh));
+    desc.struct_size = offsetof(DmMeshDesc, message); /* of a program that was built before there were messages */
+    WORKS(dm_mesh_open(folder, &desc, &mesh));
+    HOLDS(count == 1);
+    WORKS(dm_mesh_destroy(mesh));
 }
 
 static void levels(DmCrowd crowd, DmCrowd animated) {

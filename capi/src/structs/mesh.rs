@@ -1,7 +1,7 @@
 //! Structures for meshes in memory, and for clips.
 
 use crate::handles::{DmBoundClip, DmEngine};
-use std::ffi::c_char;
+use std::ffi::{c_char, c_void};
 
 /// How to import and pack a mesh. Zeros are the defaults.
 #[repr(C)]
@@ -29,7 +29,16 @@ pub struct DmMeshDesc {
     pub absolute_error: f32,
     /// Largest absolute weight that 32-bit fixed-point poses accept; 0: 4 (block formats).
     pub weight_max: f32,
+    /// Called with each message on the mesh; null: nobody is told. Packed files have none, errors are results.
+    pub message: DmMessage,
+    /// Handed to `message`.
+    pub message_user: *mut c_void,
 }
+
+/// Takes a message: `DM_MESSAGE_…`, and a text in UTF-8, ended by a zero, valid until the function returns. The library
+/// calls it only while the call that it was handed to runs, and on that thread; it may call the library. No exception,
+/// panic or longjmp may leave it.
+pub type DmMessage = Option<unsafe extern "C" fn(user: *mut c_void, severity: u32, text: *const c_char)>;
 
 /// A base pose and its targets: arrays with one element per vertex, or null for missing data.
 #[repr(C)]

@@ -28,7 +28,7 @@ versioned! {
     DmEngineDesc 72;
     DmEngineInfo;
     DmMemory;
-    DmMeshDesc;
+    DmMeshDesc 48;
     DmMeshArrays;
     DmTargetArrays;
     DmSampleDesc;
