@@ -6,12 +6,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "abi.glsl"
 
-layout(constant_id = 2) const uint HEADS = 1;
-// 1: all instances of all items start from the base pose, which is loaded once, or not if poses are displacements.
-// Plus 2: sums are rounded to the pose's unit, and not each product (ROUNDED_PRODUCTS).
-layout(constant_id = 3) const uint REBUILT_ITEMS = 0;
-const bool ALL_REBUILT = (REBUILT_ITEMS & 1u) != 0u;
-const bool ROUNDED_SUMS = (REBUILT_ITEMS & 2u) != 0u;
+#include "heads.glsl"
 // Entries are decoded in few registers, at the price of some instructions.
 layout(constant_id = 4) const bool FEW_REGISTERS = false;
 #define HAS_FEW_REGISTERS
