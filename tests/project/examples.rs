@@ -1,19 +1,23 @@
-//! The example for hosts, run as a host would: in a process of its own, under the validation layer.
+//! The examples, run as a host would: in processes of their own, the one with its own device under the validation layer.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 const LAYER: &str = "VK_LAYER_KHRONOS_validation";
-const SOURCE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/minimal.rs");
 
-/// Returns the path of the example: `cargo test` builds it next to the tests' folder; with `--test` it does not.
-fn example() -> PathBuf {
+/// Returns the source of an example.
+fn source(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("examples").join(name).with_extension("rs")
+}
+
+/// Returns the path of an example: `cargo test` builds it next to the tests' folder; with `--test` it does not.
+fn example(name: &str) -> PathBuf {
     let test = std::env::current_exe().expect("a path to this test");
-    let path = test.ancestors().nth(2).expect("target/PROFILE").join("examples/minimal");
+    let path = test.ancestors().nth(2).expect("target/PROFILE").join("examples").join(name);
     let path = path.with_extension(std::env::consts::EXE_EXTENSION);
     let time = |path: &Path| std::fs::metadata(path).and_then(|m| m.modified()).ok();
-    let source = time(Path::new(SOURCE));
-    assert!(source.is_some() && time(&path) >= source, "{}: run cargo build --example minimal", path.display());
+    let source = time(&source(name));
+    assert!(source.is_some() && time(&path) >= source, "{}: run cargo build --example {name}", path.display());
     path
 }
 
@@ -27,7 +31,7 @@ fn run(name: &str) -> Output {
                 khronos_validation.enables = VK_VALIDATION_FEATURE_ENABLE_SYNCHRONIZATION_VALIDATION_EXT\n\
                 khronos_validation.message_id_filter = VALIDATION-SETTINGS\n";
     std::fs::write(settings.path().join("vk_layer_settings.txt"), text).expect("a file");
-    Command::new(example())
+    Command::new(example("minimal"))
         .arg(name)
         .env("VK_INSTANCE_LAYERS", LAYER)
         .env("VK_LAYER_SETTINGS_PATH", settings.path())
@@ -65,6 +69,15 @@ fn is_right_and_valid(name: &str) {
     }
 }
 
+/// It compares poses with the reference, and bits with bits.
+#[test]
+fn characters_have_the_same_poses_from_bases() {
+    let output = Command::new(example("creator")).arg("llvmpipe").output().expect("the example starts");
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{said}{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(said.lines().last(), Some("all poses are equal, bit for bit"));
+}
+
 #[test]
 fn messages_of_the_layer_are_recognised() {
     // Messages of 1.3.239: the first from the example without the barrier before its copy.
@@ -79,7 +92,7 @@ fn a_device_that_is_not_there_is_a_failure() {
     let output = run("no such device");
     assert!(!output.status.success());
     assert!(String::from_utf8_lossy(&output.stderr).contains("error: no such Vulkan 1.1 device\n"));
-    let alone = Command::new(example())
+    let alone = Command::new(example("minimal"))
         .env("VK_DRIVER_FILES", "/nonexistent.json")
         .env("VK_ICD_FILENAMES", "/nonexistent.json")
         .env_remove("VK_ADD_DRIVER_FILES")
@@ -92,7 +105,7 @@ fn a_device_that_is_not_there_is_a_failure() {
 
 #[test]
 fn the_example_stays_short() {
-    let text = std::fs::read_to_string(SOURCE).expect("the example");
+    let text = std::fs::read_to_string(source("minimal")).expect("the example");
     assert!(text.lines().count() < 260, "{} lines", text.lines().count());
     assert!(!text.contains("headless"), "the host brings its own device");
 }
