@@ -2,7 +2,7 @@
 
 use super::{UpdateArgs, distinct_or, values};
 use clap::ValueEnum;
-use deltamorph::{PoseFormat, UpdateDesc, UpdatePath};
+use deltamorph::{BatchSize, PoseFormat, UpdateDesc, UpdatePath};
 use serde::Serialize;
 
 /// How poses add up, as named by `--accumulate` and reports.
@@ -58,20 +58,14 @@ impl UpdateArgs {
     /// The pose format for updating `path` if `pose` is requested, or why there is none. The sums of `scatter` are the
     /// integers of fixed32, and its poses float32.
     pub fn pose_on(&self, path: UpdatePath, pose: PoseFormat) -> Result<PoseFormat, String> {
-        let name = path.name();
         if path == UpdatePath::Scatter && self.poses.is_empty() && pose == PoseFormat::Fixed32 {
             return Ok(PoseFormat::Float32);
         }
         if path == UpdatePath::Scatter && self.accumulate == [Sums::Float] {
+            let name = path.name();
             return Err(format!("--accumulate float: the path '{name}' adds integers; leave --accumulate out"));
         }
-        if path.poses().contains(&pose) {
-            return Ok(pose);
-        }
-        let takes = path.poses().iter().map(|pose| pose.name()).collect::<Vec<_>>().join(", ");
-        let others = UpdatePath::ALL.into_iter().filter(|path| path.poses().contains(&pose));
-        let others: Vec<String> = others.map(|path| format!("'{}'", path.name())).collect();
-        let (asked, others) = (pose.name(), others.join(" or "));
-        Err(format!("--pose {asked}: the path '{name}' takes {takes}; use the path {others}"))
+        let checked = UpdateDesc::new(path, BatchSize::Targets(1)).pose(pose).check();
+        checked.map(|()| pose).map_err(|error| format!("--pose {}: {error}", pose.name()))
     }
 }

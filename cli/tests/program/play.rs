@@ -245,10 +245,11 @@ fn bad_arguments_exit_with_2_and_failures_with_1() {
     check(&["play", &dir, "--path", "cpu", "--format", "float32", "--accumulate", "exact"], 2, &["fixed32", "'fast'"]);
     check(&["play", &dir, "--path", "compute", "--format", "small"], 2, &["--format", "float32 or snorm16"]);
     check(&["play", &dir, "--accumulate", "float", "--pose", "fixed16"], 2, &["contradict each other", "fixed16"]);
-    check(&["play", &dir, "--path", "feedback", "--pose", "fixed16"], 2, &["'feedback' takes float32", "'compute'"]);
+    let taken = ["--pose fixed16: fixed16 poses with 'feedback'; use float32 poses here", "'compute'"];
+    check(&["play", &dir, "--path", "feedback", "--pose", "fixed16"], 2, &taken);
     let dense = ["play", &dir, "--path", "compute", "--format", "float32", "--pose", "fixed16"];
     check(&dense, 2, &["of float32 deltas", "'snorm16'"]);
-    check(&["play", &dir, "--path", "scatter", "--pose", "fixed32"], 2, &["'scatter' takes float32"]);
+    check(&["play", &dir, "--path", "scatter", "--pose", "fixed32"], 2, &["'scatter'; use float32 poses"]);
     check(&["play", &dir, "--path", "scatter", "--accumulate", "float"], 2, &["'scatter' adds integers"]);
     check(&["play", &dir, "--animated", "--pose", "float32"], 1, &["float32 poses", "use fixed16 or fixed32"]);
     let exact = ["play", &dir, "--path", "cpu", "--format", "block-float32", "--pose", "fixed16"];
