@@ -89,6 +89,8 @@ fn main() -> Result {
         (format!("8 of {targets} change"), random(targets, 8, rows)),
         ("all change".to_owned(), random(targets, targets, rows)),
         ("none changes".to_owned(), random(targets, 0, rows)),
+        // A smile that stays, or a character's sliders.
+        ("28 active, none changes".to_owned(), vec![(0..targets).map(|k| if k < 28 { 0.3 } else { 0.0 }).collect()]),
     ];
     // Milliseconds of each round, by work and by who morphs.
     let mut times = vec![[const { vec![] }; WHO.len()]; works.len()];
