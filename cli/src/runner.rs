@@ -92,7 +92,7 @@ pub fn packed(
 
 /// Instances updated by one path.
 pub enum Runner<'a> {
-    /// On a device: a crowd, or one per instance.
+    /// On a device: a crowd, one per instance, or one per mesh of a scene; all with as many instances.
     Gpu(Vec<HeadlessCrowd<'a>>),
     /// On a device that plays a clip, a frame per step.
     Animated { crowd: Box<HeadlessCrowd<'a, AnimatedCrowd>>, fps: f32, frames: u32 },
@@ -148,6 +148,19 @@ impl<'a> Runner<'a> {
             crowds.push(crowds[0].another(&desc)?);
         }
         Ok(Self::Gpu(crowds))
+    }
+
+    /// A crowd of `heads` instances of each of `parts` on a device, updated in one submission.
+    pub fn scene(
+        gpu: Option<&'a Gpu>,
+        parts: &[(Arc<PackedMesh>, UpdateDesc)],
+        heads: u32,
+    ) -> deltamorph::Result<Self> {
+        let crowd = |(mesh, desc): &(Arc<PackedMesh>, UpdateDesc)| {
+            let gpu = gpu.filter(|_| desc.path != UpdatePath::Cpu).ok_or_else(|| no_device(desc.path))?;
+            HeadlessCrowd::new(gpu, mesh, &CrowdDesc::new(*desc).instances(heads).frames_in_flight(1))
+        };
+        Ok(Self::Gpu(parts.iter().map(crowd).collect::<deltamorph::Result<_>>()?))
     }
 
     /// Updates every instance to `weights[head]`, draws it `copies` times if there is a device, and waits.

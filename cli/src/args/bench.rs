@@ -15,6 +15,10 @@ pub enum SuiteChoice {
     Crowd,
     /// Every technique, with all, few and still targets, dense and sparse, for one head and many
     Techniques,
+    /// Every technique with weights that never change (sliders of a character, poses held) beside animated ones
+    Constant,
+    /// Forty faces of four rigs of up to 23,735 vertices and 319 targets, each at its own frame of a clip
+    Faces,
     /// Every technique on captured clips: those of INPUT, or of the data sets under DELTAMORPH_DATA
     Clips,
     /// All of these
@@ -37,7 +41,8 @@ pub struct BenchArgs {
     /// Replay this weight clip as a workload, next to the random one (repeatable)
     #[arg(long, value_name = "CSV")]
     pub weights: Vec<PathBuf>,
-    /// Numbers of heads, each with its own weights [default: 1; suites: 1 and 100, techniques: 1,10,100]
+    /// Numbers of heads, each with its own weights [default: 1; suites: 1 and 100, techniques: 1,10,100,
+    /// constant and clips: 1, faces: 40]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::whole(1u32, 1_000_000))]
     pub heads: Vec<u32>,
     /// One animation for all heads: one is updated, and its pose drawn for each
@@ -60,7 +65,7 @@ pub struct BenchArgs {
         ]
     )]
     pub suites: Vec<SuiteChoice>,
-    /// Suites: seconds to time each configuration for, where --frames take longer [default: 5]
+    /// Suites: seconds to time each configuration for, where --frames take longer [default: 5; constant: 0.5]
     #[arg(long, value_name = "SECONDS", requires = "suites")]
     #[arg(value_parser = values::number("a number of seconds above 0, at most a day", |v| v > 0.0 && v <= 86_400.0))]
     pub time_limit: Option<f32>,
@@ -98,8 +103,8 @@ impl BenchArgs {
         (!self.no_report).then(|| self.report.as_deref().unwrap_or(Path::new("bench-report")))
     }
 
-    /// How long suites time a configuration.
-    pub fn time_limit(&self) -> Duration {
-        Duration::from_secs_f32(self.time_limit.unwrap_or(5.0))
+    /// How long a suite times a configuration, unless told otherwise `default` seconds.
+    pub fn time_limit(&self, default: f32) -> Duration {
+        Duration::from_secs_f32(self.time_limit.unwrap_or(default))
     }
 }

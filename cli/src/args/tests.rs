@@ -30,7 +30,7 @@ fn the_definition_is_consistent() {
 fn defaults() {
     let args = args!(Bench, "bench");
     assert!(args.batch_sizes.is_empty() && args.changed.is_empty() && args.suites.is_empty() && !args.shared);
-    assert_eq!((args.heads_or(&[1]), args.frames, args.warmup, args.time_limit().as_secs()), (vec![1], 100, 5, 5));
+    assert_eq!((args.heads_or(&[1]), args.frames, args.warmup, args.time_limit(5.0).as_secs()), (vec![1], 100, 5, 5));
     assert_eq!((args.update.slots, args.input.tolerance), (2, 1e-6));
     assert!(args.update.formats.is_empty() && args.update.paths.is_empty());
     assert_eq!(args.folder(), Some("bench-report".as_ref()));
@@ -56,7 +56,7 @@ fn lists_and_aliases() {
     assert_eq!((args.weights.len(), args.heads.as_slice()), (2, &[1, 16][..]));
     let args = args!(Bench, "bench --suite crowd,clips --time-limit 0.2 --heads 1,3 --paths blocks,compute");
     assert_eq!(args.suites, [SuiteChoice::Crowd, SuiteChoice::Clips]);
-    assert_eq!((args.heads_or(&[7]), args.time_limit().as_millis()), (vec![1, 3], 200));
+    assert_eq!((args.heads_or(&[7]), args.time_limit(5.0).as_millis()), (vec![1, 3], 200));
     let args = args!(Apply, "apply face --set a=b=0.5,c=-1 --set d=2 -o out.obj");
     assert_eq!(args.set, [("a=b".into(), 0.5), ("c".into(), -1.0), ("d".into(), 2.0)]);
     let args = args!(Play, "play face --weights a.csv --noise 0.001 --every 3 --error-budget 1e-4d");

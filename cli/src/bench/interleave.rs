@@ -4,9 +4,11 @@ use super::machine::Machine;
 use super::record::{RunRecord, Skipped};
 use super::subject::Subject;
 use super::trial::{Candidate, Trial};
+use super::workload::Workload;
 use crate::output::Failure;
 use crate::runner::{Runner, reaching};
-use deltamorph::{Error, ErrorKind, UpdatePath};
+use deltamorph::{Error, ErrorKind, PackedMesh, UpdatePath};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// The time and the number of rounds of a configuration.
@@ -142,16 +144,22 @@ fn begin<'a>(
     candidate: &'a Candidate<'_>,
 ) -> Result<Running<'a>, Failure> {
     let Candidate { config, setting, .. } = candidate;
-    let mesh = subject.mesh(machine, config.format)?;
+    let meshes = subject.meshes(machine, config.format)?;
     // The path `cpu` needs a device only to draw.
     let gpu = machine.gpu.as_ref().filter(|_| setting.drawn || config.desc.path != UpdatePath::Cpu);
-    let desc = reaching(config.desc, setting.workload.largest(), mesh.layout());
-    let runner = match (config.separate, gpu) {
-        (true, Some(gpu)) => Runner::crowds(gpu, &mesh, desc, 1, setting.updated() as usize),
-        _ => Runner::new(gpu, &mesh, desc, setting.updated(), machine.args.update.threads.unwrap_or(0)),
+    let reach = |(mesh, workload): (&Arc<PackedMesh>, &Workload)| {
+        (mesh.clone(), reaching(config.desc, workload.largest(), mesh.layout()))
+    };
+    let parts: Vec<_> = meshes.iter().zip(setting.workloads()).map(reach).collect();
+    let runner = match (&parts[..], config.separate, gpu) {
+        ([(mesh, desc)], true, Some(gpu)) => Runner::crowds(gpu, mesh, *desc, 1, setting.updated() as usize),
+        ([(mesh, desc)], ..) => {
+            Runner::new(gpu, mesh, *desc, setting.updated(), machine.args.update.threads.unwrap_or(0))
+        }
+        (_, _, gpu) => Runner::scene(gpu, &parts, setting.each()),
     };
     match too_large(runner)? {
-        Ok(runner) => Ok(refusal(Trial::begin(machine, candidate, subject, mesh, runner, &desc))?),
+        Ok(runner) => Ok(refusal(Trial::begin(machine, candidate, subject, parts, runner))?),
         Err(reason) => Ok(Err(reason)),
     }
 }

@@ -92,7 +92,7 @@ impl Skipped {
 /// The findings of a suite, in addition to its runs.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct SuiteRecord {
-    /// "chapter", "crowd", "techniques" or "clips".
+    /// "chapter", "crowd", "techniques", "constant", "faces" or "clips".
     pub name: String,
     /// The categories that techniques compete in, in the order measured.
     pub cells: Vec<CellRecord>,
@@ -166,7 +166,7 @@ pub struct RunRecord {
     pub batch_size: BatchSize,
     /// The largest batch that this path and format allow on this device.
     pub batch_max: Option<u32>,
-    /// "random", or the clip that was replayed.
+    /// "random", "few", "constant", or the clip that was replayed.
     pub workload: String,
     /// Targets with a changed weight, per frame and instance: counted (for clips, a mean).
     #[serde(serialize_with = "whole")]
@@ -284,7 +284,10 @@ impl RunRecord {
 
     /// Its technique and format: "blocks fast".
     pub fn label(&self) -> String {
-        format!("{} {}", self.technique, self.format)
+        match self.technique.ends_with(&self.format) {
+            true => self.technique.clone(),
+            false => format!("{} {}", self.technique, self.format),
+        }
     }
 }
 

@@ -10,6 +10,7 @@ use crate::input::Input;
 use crate::output::{Failure, Output};
 use deltamorph_headless::DeviceChoice;
 use indicatif::ProgressBar;
+use std::time::Duration;
 
 /// The machine, and the results on it so far.
 pub struct Session<'a> {
@@ -20,6 +21,8 @@ pub struct Session<'a> {
     pub bar: ProgressBar,
     /// The results of the running suite.
     pub suite: SuiteRecord,
+    /// How long it times a configuration.
+    pub limit: Duration,
     /// Earlier results, and every run.
     report: Report,
 }
@@ -34,11 +37,18 @@ impl<'a> Session<'a> {
     ) -> Result<Self, Failure> {
         let machine = Machine::open(args, device, input, out)?;
         let report = machine.report(input);
-        Ok(Self { args, machine, out, bar: out.bar(0), suite: SuiteRecord::default(), report })
+        Ok(Self { args, machine, out, bar: out.bar(0), suite: SuiteRecord::default(), limit: Duration::MAX, report })
     }
 
-    pub fn suite(&mut self, name: &str, run: impl FnOnce(&mut Self) -> Result<(), Failure>) -> Result<(), Failure> {
+    /// Runs a suite, which times each configuration for `seconds` by default.
+    pub fn suite(
+        &mut self,
+        name: &str,
+        seconds: f32,
+        run: impl FnOnce(&mut Self) -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
         self.suite.name = name.into();
+        self.limit = self.args.time_limit(seconds);
         run(self)?;
         self.report.suites.push(std::mem::take(&mut self.suite));
         Ok(())
@@ -46,11 +56,21 @@ impl<'a> Session<'a> {
 
     /// The mesh of a suite; adds it to the report.
     pub fn subject(&mut self, input: Input) -> Subject {
+        self.scene(vec![input])
+    }
+
+    /// The meshes of a scene, at least one; adds them to the report.
+    pub fn scene(&mut self, mut inputs: Vec<Input>) -> Subject {
+        let own: Vec<_> = inputs.iter().map(Input::info).collect();
+        let mut subject = Subject::new(inputs.remove(0));
+        subject.others = inputs.into_iter().map(Subject::new).collect();
         let meshes = &mut self.report.meshes;
-        if meshes.iter().all(|mesh| mesh.name != input.name) {
-            meshes.push(input.info());
+        for mesh in std::iter::once(subject.info()).chain(own) {
+            if meshes.iter().all(|known| known.name != mesh.name) {
+                meshes.push(mesh);
+            }
         }
-        Subject::new(input)
+        subject
     }
 
     pub fn report(self) -> Report {
@@ -66,7 +86,7 @@ impl<'a> Session<'a> {
     /// Frames and rounds of a configuration.
     pub fn schedule(&self, common: Common) -> Schedule {
         let frames = self.args.frames;
-        Schedule { frames, rounds: ROUNDS.min(frames), limit: Some(self.args.time_limit()), common }
+        Schedule { frames, rounds: ROUNDS.min(frames), limit: Some(self.limit), common }
     }
 
     /// Measures `candidates` on `subject`, interleaved, and adds the runs to the report under `cell` and their names.

@@ -1,7 +1,7 @@
 //! A mesh, and data computed once for all configurations: packed meshes, and float64 references.
 
 use super::machine::Machine;
-use crate::input::Input;
+use crate::input::{Input, MeshInfo};
 use crate::output::Failure;
 use crate::runner::{Gpu, packed};
 use deltamorph::reference::{evaluate, evaluate_unpacked};
@@ -12,6 +12,8 @@ use std::sync::Arc;
 
 pub struct Subject {
     pub input: Input,
+    /// The other meshes of a scene, which are updated together with this one.
+    pub others: Vec<Self>,
     /// Whether it comes from a packed file, which lacks the original deltas.
     pub was_packed: bool,
     meshes: HashMap<DeltaFormat, Arc<PackedMesh>>,
@@ -30,7 +32,23 @@ const REFERENCES_MAX: usize = 64;
 
 impl Subject {
     pub fn new(input: Input) -> Self {
-        Self { was_packed: input.packed.is_some(), input, meshes: HashMap::new(), references: HashMap::new() }
+        let (meshes, references) = (HashMap::new(), HashMap::new());
+        Self { was_packed: input.packed.is_some(), input, others: vec![], meshes, references }
+    }
+
+    /// What reports say of the mesh, or of all meshes of a scene together.
+    pub fn info(&self) -> MeshInfo {
+        let mut sum = self.input.info();
+        for (n, other) in (2..).zip(self.others.iter().map(|other| other.input.info())) {
+            sum.name = format!("{n} rigs");
+            let deltas = |mesh: &MeshInfo| (mesh.vertices * mesh.targets) as f64;
+            let moved = sum.moved_mean * deltas(&sum) + other.moved_mean * deltas(&other);
+            sum.moved_mean = moved / (deltas(&sum) + deltas(&other)).max(1.0);
+            sum.vertices += other.vertices;
+            sum.targets += other.targets;
+            sum.triangles += other.triangles;
+        }
+        sum
     }
 
     /// The mesh with its first `targets` targets.
@@ -50,17 +68,25 @@ impl Subject {
         self.input.kept.targets.len()
     }
 
-    /// The mesh in `format`.
-    pub fn mesh(&mut self, machine: &Machine<'_>, format: DeltaFormat) -> Result<Arc<PackedMesh>, Failure> {
+    /// The mesh in `format`, and after it those of a scene.
+    pub fn meshes(&mut self, machine: &Machine<'_>, format: DeltaFormat) -> Result<Vec<Arc<PackedMesh>>, Failure> {
         let pack = || packed(&self.input, machine.gpu.as_ref().map(Gpu::engine), format, &machine.args.update.pack);
-        Ok(match self.meshes.entry(format) {
+        let own = match self.meshes.entry(format) {
             Entry::Occupied(known) => known.get().clone(),
             Entry::Vacant(place) => place.insert(pack()?).clone(),
-        })
+        };
+        let mut all = vec![own];
+        for other in &mut self.others {
+            all.extend(other.meshes(machine, format)?);
+        }
+        Ok(all)
     }
 
-    /// The references of the pose of `mesh`, made by [`mesh`](Self::mesh), at `weights`.
-    pub fn reference(&mut self, mesh: &PackedMesh, weights: &[f32]) -> &Reference {
+    /// The references of the pose of `mesh`, number `part` of [`meshes`](Self::meshes), at `weights`.
+    pub fn reference(&mut self, part: usize, mesh: &PackedMesh, weights: &[f32]) -> &Reference {
+        if let Some(other) = part.checked_sub(1) {
+            return self.others[other].reference(0, mesh, weights);
+        }
         let key = (mesh.layout().format, weights.iter().map(|w| w.to_bits()).collect());
         if self.references.len() >= REFERENCES_MAX && !self.references.contains_key(&key) {
             self.references.clear();

@@ -40,7 +40,7 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let workloads: Vec<Workload> = counts.iter().map(random).chain(clips.iter().map(Workload::clip)).collect();
     // If a path evaluates in draws, all configurations draw.
     let drawn = full.iter().any(|config| config.desc.path.evaluates_in_draws());
-    let setting = |heads, workload| Setting { workload, heads, shared: args.shared, drawn, brief: false };
+    let setting = |heads, workload| Setting { workload, others: &[], heads, shared: args.shared, drawn, brief: false };
     let heads = args.heads_or(&[1]).into_iter();
     let settings: Vec<_> = heads.flat_map(|n| workloads.iter().map(move |workload| setting(n, workload))).collect();
 

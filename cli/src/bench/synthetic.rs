@@ -39,6 +39,7 @@ fn run(path: &str, format: &str, batch: BatchSize, changed: f64, [coefficient, p
         draw_ms: (path != "cpu").then_some(0.8),
         floor_ms: Some(0.1),
         floor_fraction: Some(0.1 / ms),
+        bytes_moved: 1024.0,
         max_error_rel: Some(1.2e-7),
         verified: true,
         ..RunRecord::default()

@@ -8,7 +8,6 @@ use super::subject::Subject;
 use super::workload::Setting;
 use crate::args::poses::Sums;
 use crate::args::values::name;
-use crate::input::Input;
 use crate::runner::{Frame, Runner};
 use crate::verify::{Found, Promise};
 use deltamorph::reference::compare;
@@ -35,11 +34,12 @@ impl<'a> Candidate<'a> {
     }
 
     /// Its record before measurement.
-    fn record(&self, input: &Input) -> RunRecord {
+    fn record(&self, subject: &Subject) -> RunRecord {
+        let mesh = subject.info();
         let Self { config: Config { desc, format, batch_max, separate }, setting, .. } = self;
         RunRecord {
-            mesh: input.name.clone(),
-            targets: input.kept.targets.len(),
+            mesh: mesh.name,
+            targets: mesh.targets,
             path: desc.path.name().into(),
             mode: desc.mode.name().into(),
             batch_size: desc.batch,
@@ -63,8 +63,10 @@ impl<'a> Candidate<'a> {
 pub struct Trial<'a> {
     machine: &'a Machine<'a>,
     candidate: &'a Candidate<'a>,
-    mesh: Arc<PackedMesh>,
+    /// The meshes, each with what its path promises.
+    parts: Vec<(Arc<PackedMesh>, Promise)>,
     runner: Runner<'a>,
+    /// That of the first mesh: those of a scene are of one size.
     promise: Promise,
     found: Found,
     additions: usize,
@@ -80,24 +82,28 @@ pub struct Trial<'a> {
 type Timed = (usize, Frame);
 
 impl<'a> Trial<'a> {
-    /// Runs to the checkpoints, and compares with the reference there. `desc`: what the runner was made with.
+    /// Runs to the checkpoints, and compares with the reference there. `parts`: what the runner was made with.
     pub fn begin(
         machine: &'a Machine<'a>,
         candidate: &'a Candidate<'a>,
         subject: &mut Subject,
-        mesh: Arc<PackedMesh>,
+        parts: Vec<(Arc<PackedMesh>, UpdateDesc)>,
         runner: Runner<'a>,
-        desc: &UpdateDesc,
     ) -> Result<Self> {
+        let promise = |(mesh, desc): (Arc<PackedMesh>, _)| {
+            let promise = Promise::new(&desc, mesh.layout());
+            (mesh, promise)
+        };
+        let parts: Vec<_> = parts.into_iter().map(promise).collect();
         let mut trial = Self {
             machine,
             candidate,
-            promise: Promise::new(desc, mesh.layout()),
-            mesh,
+            promise: parts[0].1,
+            parts,
             runner,
             found: Found::default(),
             additions: 0,
-            record: candidate.record(&subject.input),
+            record: candidate.record(subject),
             frame: 0,
             timed: vec![],
             spent: Duration::ZERO,
@@ -175,17 +181,21 @@ impl<'a> Trial<'a> {
         Ok(step)
     }
 
-    /// Compares the first and the last instance with the reference.
+    /// Compares the first and the last instance of each mesh with the reference.
     fn verify(&mut self, subject: &mut Subject) -> Result<()> {
         let setting = self.candidate.setting;
-        let last = setting.updated() - 1;
-        for head in if last == 0 { vec![0] } else { vec![0, last] } {
-            let pose = self.runner.pose(head)?;
-            let weights = self.promise.applied(&setting.workload.weights(head, self.frame));
-            let reference = subject.reference(&self.mesh, &weights);
-            let found = self.promise.find(&pose, &reference.packed, &weights);
-            let raw = compare(&pose, &reference.raw);
-            self.found = self.found.max(Found { raw, additions: self.additions, ..found });
+        let (each, all) = (setting.each(), setting.weights(self.frame));
+        for (part, (mesh, promise)) in self.parts.iter().enumerate() {
+            let first = part as u32 * each;
+            let last = first + each - 1;
+            for head in if first == last { vec![first] } else { vec![first, last] } {
+                let pose = self.runner.pose(head)?;
+                let weights = promise.applied(&all[head as usize]);
+                let reference = subject.reference(part, mesh, &weights);
+                let found = promise.find(&pose, &reference.packed, &weights);
+                let raw = compare(&pose, &reference.raw);
+                self.found = self.found.max(Found { raw, additions: self.additions, ..found });
+            }
         }
         Ok(())
     }

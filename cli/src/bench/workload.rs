@@ -4,7 +4,7 @@ use deltamorph::BoundClip;
 
 /// Weights of every instance in every frame. Independent of path, batch size and format.
 pub struct Workload {
-    /// "random", "few", or the clip's name.
+    /// "random", "few", "constant", or the clip's name.
     pub name: String,
     /// Targets that change per frame and instance, as requested; `None` for clips.
     pub changed: Option<usize>,
@@ -66,19 +66,27 @@ impl Workload {
 
     /// `active` of `targets`, different ones for each instance, get a new weight in every frame; the others are 0.
     pub fn few(targets: usize, active: usize, seed: u64) -> Self {
+        Self { name: "few".into(), ..Self::constant(targets, 0, active, seed) }
+    }
+
+    /// Like [`few`](Self::few), with `held` of the other targets at a weight in (0, 1] that never changes.
+    pub fn constant(targets: usize, held: usize, active: usize, seed: u64) -> Self {
         let active = active.min(targets);
         let mut state = seed ^ 0xA076_1D64_78BD_642F;
         let first = next(&mut state) as usize % targets.max(1);
-        let mut few = Self { name: "few".into(), turned: HEAD_STRIDE, ..Self::random(active, active, seed) };
-        for frame in &mut few.frames {
-            let mut all = vec![0.0; targets];
-            for (i, weight) in frame.iter().enumerate() {
-                // Spread over the face: targets next to each other in the list move neighbouring vertices.
-                all[(first + i * targets / active) % targets] = *weight;
-            }
-            *frame = all;
-        }
-        few
+        let (name, moving) = ("constant".into(), Self::random(active, active, seed));
+        // Spread over the face: targets next to each other in the list move neighbouring vertices.
+        let places: Vec<usize> = (0..active).map(|i| (first + i * targets / active) % targets).collect();
+        let free: Vec<usize> = (0..targets).filter(|target| !places.contains(target)).collect();
+        let held = held.min(free.len());
+        let mut still = vec![0.0; targets];
+        (0..held).for_each(|i| still[free[i * free.len() / held]] = (next(&mut state) % 8192 + 1) as f32 / 8192.0);
+        let all = |frame: &Vec<f32>| {
+            let mut all = still.clone();
+            places.iter().zip(frame).for_each(|(&place, weight)| all[place] = *weight);
+            all
+        };
+        Self { name, turned: HEAD_STRIDE, frames: moving.frames.iter().map(all).collect(), ..moving }
     }
 
     /// All frames of `clip`, at least one.
@@ -119,7 +127,9 @@ fn next(state: &mut u64) -> u64 {
 #[derive(Clone, Copy)]
 pub struct Setting<'a> {
     pub workload: &'a Workload,
-    /// Number of instances: each with its own weights, unless `shared`.
+    /// Those of the other meshes of a scene, each for as many instances.
+    pub others: &'a [Workload],
+    /// Number of instances, of all meshes together: each with its own weights, unless `shared`.
     pub heads: u32,
     /// One animation: one instance is updated, and its pose drawn for each.
     pub shared: bool,
@@ -132,7 +142,13 @@ pub struct Setting<'a> {
 impl<'a> Setting<'a> {
     /// The setting of suites: instances with their own weights, drawn, checked after a few frames.
     pub fn of_suite(workload: &'a Workload, heads: u32) -> Self {
-        Self { workload, heads, shared: false, drawn: true, brief: true }
+        Self::of_scene(std::slice::from_ref(workload), heads)
+    }
+
+    /// Like [`of_suite`](Self::of_suite), with a workload for each mesh of a scene, and as many instances of each.
+    pub fn of_scene(workloads: &'a [Workload], heads: u32) -> Self {
+        let heads = heads.next_multiple_of(workloads.len() as u32);
+        Self { workload: &workloads[0], others: &workloads[1..], heads, shared: false, drawn: true, brief: true }
     }
 
     pub fn updated(&self) -> u32 {
@@ -144,9 +160,23 @@ impl<'a> Setting<'a> {
         if self.shared { self.heads } else { 1 }
     }
 
-    /// The weights of each updated instance.
+    /// The workload of each mesh.
+    pub fn workloads(&self) -> impl Iterator<Item = &Workload> {
+        std::iter::once(self.workload).chain(self.others)
+    }
+
+    /// Updated instances of each mesh.
+    pub fn each(&self) -> u32 {
+        self.updated() / (1 + self.others.len() as u32)
+    }
+
+    /// The weights of each updated instance: those of the first mesh, then those of the next.
     pub fn weights(&self, frame: usize) -> Vec<Vec<f32>> {
-        (0..self.updated()).map(|h| self.workload.weights(h, frame)).collect()
+        let each = self.each();
+        let of_mesh = |(part, own): (u32, &Workload)| -> Vec<_> {
+            (part * each..(part + 1) * each).map(|head| own.weights(head, frame)).collect()
+        };
+        (0..).zip(self.workloads()).flat_map(of_mesh).collect()
     }
 }
 
@@ -159,7 +189,10 @@ mod tests {
     fn just_as_many_targets_change_and_are_active_as_asked_for() {
         let all = |changed| (Workload::random(72, changed, 3), changed, 72);
         let few = |targets, active: usize| (Workload::few(targets, 4, 3), active, active);
-        let cases = [all(0), all(1), all(8), all(72), few(72, 4), few(12, 4), few(3, 3), few(4, 4)];
+        let held = |targets, held, changed, all| (Workload::constant(targets, held, changed, 3), changed, all);
+        let few = [few(72, 4), few(12, 4), few(3, 3), few(4, 4)];
+        let held = [held(72, 28, 4, 32), held(72, 28, 0, 28), held(72, 0, 0, 0), held(12, 28, 4, 12), held(3, 2, 3, 3)];
+        let cases = [all(0), all(1), all(8), all(72)].into_iter().chain(few).chain(held);
         for (work, changed, active) in cases {
             // Two rounds: across the seam for every instance.
             for (head, frame) in [0, 1, 5, 7].into_iter().flat_map(|h| (1..2 * RANDOM_FRAMES).map(move |f| (h, f))) {

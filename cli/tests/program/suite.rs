@@ -193,6 +193,50 @@ fn techniques_compete_in_every_cell() {
 }
 
 #[test]
+fn updates_pay_for_animated_weights_and_rebuilds_for_constant_ones_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let sizes = "--device llvmpipe --vertices 300 --targets 6 --frames 3 --time-limit 0.01 --quiet";
+    let paths = ["--paths", "blocks,compute", "--formats", "fast,float32"];
+    let out = suite("constant", &[&sizes.split(' ').collect::<Vec<_>>(), &paths[..]].concat(), folder.path());
+    let cells = out["suites"][0]["cells"].as_array().unwrap();
+    let counts = [(0, 0), (6, 0), (0, 4), (2, 4), (0, 6)];
+    assert_eq!(cells.len(), 2 * counts.len());
+    for (cell, (held, animated)) in cells.iter().zip([counts, counts].concat()) {
+        assert_eq!(cell["change"], format!("{held} constant, {animated} animated"));
+        let bytes = |technique: &str| {
+            let own = |r: &&Value| r["cell"] == cell["name"] && r["technique"] == technique;
+            let run = out["runs"].as_array().unwrap().iter().find(own).unwrap();
+            assert!(run["changed"] == animated && run["active"] == held + animated, "{run}");
+            run["bytes_moved"].as_f64().unwrap()
+        };
+        let [compute, rebuild] = ["compute", "compute rebuild"].map(bytes);
+        let blocks = ["blocks", "blocks fixed32"].map(bytes);
+        assert!([compute, rebuild].iter().chain(&blocks).all(|bytes| (*bytes > 0.0) == (animated > 0)), "{cell}");
+        assert_eq!(rebuild > compute, held > 0 && animated > 0, "{cell}: {rebuild} {compute}");
+    }
+}
+
+#[test]
+fn faces_of_four_rigs_are_one_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let sizes = "--device llvmpipe --vertices 800 --targets 20 --frames 3 --time-limit 0.01 --heads 5 --quiet";
+    let out = suite("faces", &sizes.split(' ').collect::<Vec<_>>(), folder.path());
+    let cells = out["suites"][0]["cells"].as_array().unwrap();
+    assert_eq!(cells.len(), 1);
+    assert_eq!((&cells[0]["mesh"], &cells[0]["heads"]), (&"4 rigs".into(), &8.into()), "as many of each rig");
+    assert_eq!(
+        names(&out, "technique"),
+        ["blocks fixed16 fast", "blocks fixed16 small", "compute rebuild", "direct"].map(String::from).into()
+    );
+    let sizes: Vec<_> = out["meshes"].as_array().unwrap().iter().map(|m| (&m["vertices"], &m["targets"])).collect();
+    let expected = [(2000, 68), (200, 16), (200, 20), (800, 17), (800, 15)].map(|(v, t)| (v.into(), t.into()));
+    assert_eq!(sizes, expected.iter().map(|(v, t): &(Value, Value)| (v, t)).collect::<Vec<_>>());
+    // All run the same frames, and every rebuild reads what is active of each face.
+    let runs = out["runs"].as_array().unwrap();
+    assert!(runs.iter().all(|run| run["active"] == runs[0]["active"] && run["targets"] == 68), "{out}");
+}
+
+#[test]
 fn clips_come_from_the_input_or_from_the_data_sets() {
     let folder = tempfile::tempdir().unwrap();
     let dir = sample(folder.path());

@@ -26,8 +26,18 @@ pub fn write(report: &Report, dir: &Path) -> Result<(), Failure> {
 }
 
 /// Prefixes of the names of a report's files, except report.json, runs.csv and index.html.
-const STEMS: [&str; 8] =
-    ["time-vs-", "relative-performance", "floor", "suite-", "chapter-", "crowd-", "techniques-", "clips-"];
+const STEMS: [&str; 10] = [
+    "time-vs-",
+    "relative-performance",
+    "floor",
+    "suite-",
+    "chapter-",
+    "crowd-",
+    "techniques-",
+    "constant-",
+    "faces-",
+    "clips-",
+];
 
 /// Whether a file is a figure or a page of a report.
 fn is_drawn(name: &str) -> bool {

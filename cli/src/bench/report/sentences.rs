@@ -10,6 +10,8 @@ pub fn title(suite: &SuiteRecord) -> &str {
         "chapter" => "What batching gains",
         "crowd" => "One head and many",
         "techniques" => "Every technique, side by side",
+        "constant" => "Constant weights beside animated ones",
+        "faces" => "A scene of faces of four rigs",
         "clips" => "Every technique on captured clips",
         other => other,
     }

@@ -92,7 +92,12 @@ pub fn of_suite(suite: &SuiteRecord, report: &Report) -> Vec<(&'static str, Tabl
     if !suite.cells.is_empty() {
         tables.push(("Who is fastest on the device", cells(suite, report)));
     }
-    tables.extend(matrix(suite, report).map(|times| ("Milliseconds of every technique", times)));
+    // Means in the suite crowd, as in its figures.
+    let time =
+        |run: &RunRecord| run.time().map(|time| sig3(if suite.cells.is_empty() { time.mean } else { time.median }));
+    tables.extend(matrix(suite, report, "ms", time).map(|times| ("Milliseconds of every technique", times)));
+    let moved = matrix(suite, report, "bytes", |run| Some(bytes(run.bytes_moved)));
+    tables.extend(moved.map(|moved| ("Bytes that an update of every technique moves", moved)));
     tables
 }
 
@@ -129,23 +134,27 @@ fn cells(suite: &SuiteRecord, report: &Report) -> Table {
     table
 }
 
-/// Milliseconds of every technique, a row for each cell: medians, or means in the suite crowd, as in its figures.
-fn matrix(suite: &SuiteRecord, report: &Report) -> Option<Table> {
+/// What `of` says of every technique, a row for each cell.
+fn matrix(
+    suite: &SuiteRecord,
+    report: &Report,
+    what: &str,
+    of: impl Fn(&RunRecord) -> Option<String>,
+) -> Option<Table> {
     let competes = |run: &&RunRecord| match suite.cells.is_empty() {
         true => run.cell.ends_with(" targets"),
         false => suite.cells.iter().any(|cell| cell.name == run.cell),
     };
     let runs: Vec<&RunRecord> = report.runs_of(Some(suite)).filter(competes).collect();
     let techniques = partition(&runs, |run| run.technique.clone());
-    let headings: Vec<&str> = once("ms").chain(techniques.iter().map(|(name, _)| name.as_str())).collect();
+    let headings: Vec<&str> = once(what).chain(techniques.iter().map(|(name, _)| name.as_str())).collect();
     let mut table = Table::new(&headings, 1);
     for (cell, runs) in partition(&runs, |run| run.cell.clone()) {
-        let time = |name: &str| match runs.iter().find(|run| run.technique == name).map(|run| (run, run.time())) {
-            Some((run, _)) if !run.verified => "WRONG".into(),
-            Some((_, Some(time))) => sig3(if suite.cells.is_empty() { time.mean } else { time.median }),
-            _ => NONE.to_owned(),
+        let value = |name: &str| match runs.iter().find(|run| run.technique == name) {
+            Some(run) if !run.verified => "WRONG".into(),
+            run => run.and_then(|run| of(run)).unwrap_or(NONE.into()),
         };
-        table.row(once(cell).chain(headings[1..].iter().map(|name| time(name))));
+        table.row(once(cell).chain(headings[1..].iter().map(|name| value(name))));
     }
     (!runs.is_empty()).then_some(table)
 }

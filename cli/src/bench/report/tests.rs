@@ -126,10 +126,13 @@ fn tables_have_a_line_per_run_and_name_what_is_wrong() {
         assert_eq!((text.contains("round trip ms"), text.contains("technique")), (!terminal, false));
     }
     let report = synthetic::suite();
-    let [(who, cells), (ms, times)] = &tables::of_suite(&report.suites[0], &report)[..] else { panic!("two tables") };
-    assert_eq!([*who, *ms], ["Who is fastest on the device", "Milliseconds of every technique"]);
-    let (cells, times) = (cells.to_string(), times.to_string());
+    let found = tables::of_suite(&report.suites[0], &report);
+    let [(who, cells), (ms, times), (moved, bytes)] = &found[..] else { panic!("three tables") };
+    let moves = "Bytes that an update of every technique moves";
+    assert_eq!([*who, *ms, *moved], ["Who is fastest on the device", "Milliseconds of every technique", moves]);
+    let [cells, times, bytes] = [cells, times, bytes].map(ToString::to_string);
     assert!(cells.contains("45.0") && times.contains("WRONG"), "{cells}\n{times}");
+    assert!(bytes.contains("1.00 KiB") && bytes.contains("WRONG"), "{bytes}");
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! One instance and many, after Costigan et al. (MIG 2016), figures 5 and 6.
 
+use super::FLOAT;
 use super::techniques::{self, candidates, dense_and_sparse};
 use crate::bench::compare::OURS;
 use crate::bench::configs::Config;
@@ -10,7 +11,7 @@ use crate::bench::subject::Subject;
 use crate::bench::trial::Candidate;
 use crate::bench::workload::{Setting, Workload};
 use crate::output::Failure;
-use deltamorph::PoseFormat;
+use deltamorph::UpdatePath;
 
 /// Points along the axis of targets.
 const POINTS: usize = 6;
@@ -31,9 +32,9 @@ const CROWD_GOAL: &str = "3 or more";
 pub fn run(session: &mut Session<'_>) -> Result<(), Failure> {
     let heads = session.args.heads_or(&HEADS);
     let (one, many) = (heads[0], heads[heads.len() - 1]);
-    let inputs = dense_and_sparse(session)?;
+    let inputs = dense_and_sparse(session, &session.args.input)?;
     let mut subjects: Vec<Subject> = inputs.into_iter().map(|input| session.subject(input)).collect();
-    let all = techniques::all(session, &[PoseFormat::Float32]);
+    let all = techniques::all(session, &UpdatePath::ALL, &FLOAT);
     let Some(main) = subjects.last_mut() else { return Ok(()) };
     let total = main.targets();
     let mut counts: Vec<usize> = (1..=POINTS).map(|i| (total * i / POINTS).max(1.min(total))).collect();

@@ -4,6 +4,7 @@
 
 mod chapter;
 mod crowd;
+mod faces;
 mod techniques;
 
 use super::record::Report;
@@ -11,8 +12,11 @@ use super::session::Session;
 use crate::args::bench::{BenchArgs, SuiteChoice};
 use crate::input;
 use crate::output::{Failure, Output};
-use deltamorph::PoseFormat;
+use deltamorph::{PoseFormat, UpdatePath};
 use deltamorph_headless::DeviceChoice;
+
+/// The pose format of most suites.
+const FLOAT: [PoseFormat; 1] = [PoseFormat::Float32];
 
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<Report, Failure> {
     let input = input::load(&args.input, true, out)?;
@@ -21,19 +25,36 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     // Checked before anything is measured: an unusable data set must not cost earlier measurements.
     let clips = if asked(SuiteChoice::Clips) { techniques::captured(&mut session)? } else { vec![] };
     if asked(SuiteChoice::Chapter) {
-        session.suite("chapter", |session| chapter::run(session, input))?;
+        session.suite("chapter", 5.0, |session| chapter::run(session, input))?;
     }
     if asked(SuiteChoice::Crowd) {
-        session.suite("crowd", crowd::run)?;
+        session.suite("crowd", 5.0, crowd::run)?;
     }
     if asked(SuiteChoice::Techniques) {
         let made_up = techniques::made_up(&session)?;
-        session
-            .suite("techniques", |session| techniques::run(session, made_up, &[1, 10, 100], &[PoseFormat::Float32]))?;
+        session.suite("techniques", 5.0, |session| {
+            let all = techniques::all(session, &UpdatePath::ALL, &FLOAT);
+            techniques::run(session, made_up, &[1, 10, 100], &all)
+        })?;
+    }
+    if asked(SuiteChoice::Constant) {
+        let constant = techniques::constant(&session)?;
+        session.suite("constant", 0.5, |session| {
+            // Float32 poses of so many dense targets at once would drift too far, and are refused.
+            let poses = [PoseFormat::Float32, PoseFormat::Fixed32];
+            let all = techniques::all(session, &UpdatePath::ALL, &poses);
+            techniques::run(session, constant, &[1], &all)
+        })?;
+    }
+    if asked(SuiteChoice::Faces) {
+        session.suite("faces", 5.0, faces::run)?;
     }
     if asked(SuiteChoice::Clips) {
         let poses = [PoseFormat::Float32, PoseFormat::Fixed16];
-        session.suite("clips", |session| techniques::run(session, clips, &[1], &poses))?;
+        session.suite("clips", 5.0, |session| {
+            let all = techniques::all(session, &UpdatePath::ALL, &poses);
+            techniques::run(session, clips, &[1], &all)
+        })?;
     }
     Ok(session.report())
 }

@@ -29,11 +29,11 @@ pub fn candidates<'a>(chosen: &[Chosen], setting: &'a Setting<'a>) -> Vec<Candid
 /// Batch sizes to choose from; few, since beyond 8 the gain is small.
 const SIZES: [BatchSpec; 3] = [BatchSpec::Size(8), BatchSpec::Size(16), BatchSpec::All];
 
-/// Every technique that can run, in each of `poses` that its path supports; adds those that cannot run to the skipped
-/// ones.
-pub fn all(session: &mut Session<'_>, poses: &[PoseFormat]) -> Vec<Technique> {
+/// Every technique of `paths`, unless others are named, that can run, in each of `poses` that its path supports; adds
+/// those that cannot run to the skipped ones.
+pub fn all(session: &mut Session<'_>, paths: &[UpdatePath], poses: &[PoseFormat]) -> Vec<Technique> {
     let (mut techniques, float) = (vec![], PoseFormat::Float32);
-    for path in session.args.update.paths_or(&UpdatePath::ALL) {
+    for path in session.args.update.paths_or(paths) {
         let sizes = if path.takes_all_targets() { &SIZES[..] } else { &[BatchSpec::Max] };
         let own = poses.iter().filter(|pose| path.poses().contains(pose)).map(|&pose| match pose.has_integers() {
             true => (path.default_mode(), sizes, pose, format!(" {}", pose.name())),
@@ -76,8 +76,7 @@ pub fn choose(
     setting: &Setting<'_>,
     techniques: &[Technique],
 ) -> Result<Vec<Chosen>, Failure> {
-    let schedule =
-        Schedule { frames: 6, rounds: 3, limit: Some(session.args.time_limit() / 20), common: Common::Nothing };
+    let schedule = Schedule { frames: 6, rounds: 3, limit: Some(session.limit / 20), common: Common::Nothing };
     let mut chosen = vec![];
     for (name, configs) in techniques {
         session.bar.set_message(format!("choosing the best {name}"));
@@ -104,11 +103,10 @@ pub fn choose(
 }
 
 /// Default mean fraction of the vertices that a target of the sparse head moves.
-const SPARSE: f32 = 0.08;
+pub const SPARSE: f32 = 0.08;
 
-/// The built-in head, dense and sparse; or only INPUT, if given.
-pub fn dense_and_sparse(session: &Session<'_>) -> Result<Vec<Input>, Failure> {
-    let args = &session.args.input;
+/// The built-in head of `args`, dense and sparse; or only INPUT, if given.
+pub fn dense_and_sparse(session: &Session<'_>, args: &InputArgs) -> Result<Vec<Input>, Failure> {
     if args.input.is_some() {
         return Ok(vec![input::load(args, true, session.out)?]);
     }
@@ -128,8 +126,8 @@ const CHOICE_HEADS: u32 = 10;
 const FEW: usize = 8;
 const ACTIVE: usize = 4;
 
-/// A mesh, and its workloads, each with a description.
-pub type Workloads = (Input, Vec<(Workload, String)>);
+/// A mesh and its workloads, each with a description; or those of a scene, and in each workload one for each of them.
+pub type Workloads = (Vec<Input>, Vec<(Vec<Workload>, String)>);
 
 /// Workloads with all targets changed, with few, and with few active, each on a dense and a sparse mesh.
 pub fn made_up(session: &Session<'_>) -> Result<Vec<Workloads>, Failure> {
@@ -137,13 +135,42 @@ pub fn made_up(session: &Session<'_>) -> Result<Vec<Workloads>, Failure> {
         let (n, seed) = (input.kept.targets.len(), session.args.input.seed);
         let (few, active) = (FEW.min(n), ACTIVE.min(n));
         let works = vec![
-            (Workload::random(n, n, seed), format!("all {n} changed")),
-            (Workload::random(n, few, seed), format!("{few} of {n} changed")),
-            (Workload::few(n, active, seed), format!("{active} non-zero of {n}")),
+            (vec![Workload::random(n, n, seed)], format!("all {n} changed")),
+            (vec![Workload::random(n, few, seed)], format!("{few} of {n} changed")),
+            (vec![Workload::few(n, active, seed)], format!("{active} non-zero of {n}")),
         ];
-        (input, works)
+        (vec![input], works)
     };
-    Ok(dense_and_sparse(session)?.into_iter().map(workloads).collect())
+    Ok(dense_and_sparse(session, &session.args.input)?.into_iter().map(workloads).collect())
+}
+
+/// Targets with constant weights beside animated ones: none, poses held by clips of public game avatars, and sliders of
+/// a character creator.
+const CONSTANT: [usize; 4] = [0, 28, 100, 200];
+const ANIMATED: [usize; 3] = [0, ACTIVE, 12];
+/// Default number of vertices of that head, since it has three times as many targets as others.
+const CONSTANT_VERTICES: usize = 10_000;
+
+/// Workloads of constant weights beside animated ones, each on a dense and a sparse mesh; the other weights are 0.
+pub fn constant(session: &Session<'_>) -> Result<Vec<Workloads>, Failure> {
+    let mut args = session.args.input.clone();
+    args.head.vertices.get_or_insert(CONSTANT_VERTICES);
+    args.head.targets.get_or_insert(CONSTANT[CONSTANT.len() - 1] + ANIMATED[ANIMATED.len() - 1]);
+    let workloads = |input: Input| {
+        let n = input.kept.targets.len();
+        let mut counts: Vec<_> = ANIMATED.iter().flat_map(|&animated| CONSTANT.map(|held| (held, animated))).collect();
+        counts.iter_mut().for_each(|(held, animated)| {
+            *animated = n.min(*animated);
+            *held = (n - *animated).min(*held);
+        });
+        counts.dedup();
+        let work = |(held, animated)| {
+            let workload = Workload::constant(n, held, animated, session.args.input.seed);
+            (vec![workload], format!("{held} constant, {animated} animated"))
+        };
+        (vec![input], counts.into_iter().map(work).collect())
+    };
+    Ok(dense_and_sparse(session, &args)?.into_iter().map(workloads).collect())
 }
 
 /// The clips of INPUT; without INPUT, those of each set under DELTAMORPH_DATA.
@@ -153,37 +180,34 @@ pub fn captured(session: &mut Session<'_>) -> Result<Vec<Workloads>, Failure> {
         let args = InputArgs { input: Some(set), head: Default::default(), ..session.args.input.clone() };
         let input = input::load(&args, true, session.out)?;
         let read = |path: &PathBuf| {
-            input::clip(path, &args, &input, &[]).map(|clip| (Workload::clip(&clip), clip.name.clone()))
+            input::clip(path, &args, &input, &[]).map(|clip| (vec![Workload::clip(&clip)], clip.name.clone()))
         };
         let works = input.clips.iter().map(read).collect::<Result<_, _>>()?;
-        list.push((input, works));
+        list.push((vec![input], works));
     }
     Ok(list)
 }
 
-/// Measures every technique, with `poses`, on each of `list`, for one instance and for many: a cell each.
-pub fn run(
-    session: &mut Session<'_>,
-    list: Vec<Workloads>,
-    heads: &[u32],
-    poses: &[PoseFormat],
-) -> Result<(), Failure> {
-    let (all, heads) = (all(session, poses), session.args.heads_or(heads));
-    for (input, works) in list {
-        let mut subject = session.subject(input);
+/// Measures `all` techniques on each of `list`, for one instance and for many: a cell each.
+pub fn run(session: &mut Session<'_>, list: Vec<Workloads>, heads: &[u32], all: &[Technique]) -> Result<(), Failure> {
+    let heads = session.args.heads_or(heads);
+    for (inputs, works) in list {
+        let mut subject = session.scene(inputs);
+        let mesh = subject.info().name;
         session.bar.inc_length((works.len() * heads.len()) as u64);
-        for (workload, change) in &works {
-            let schedule = session.schedule(if workload.changed.is_none() { Common::Frames } else { Common::Nothing });
+        for (workloads, change) in &works {
+            let clips = workloads.iter().any(|workload| workload.changed.is_none());
+            let schedule = session.schedule(if clips { Common::Frames } else { Common::Nothing });
             let (mut chosen_with, mut chosen) = (0, vec![]);
             for &heads in &heads {
                 let some = heads.min(CHOICE_HEADS);
                 if some != chosen_with {
-                    let setting = Setting::of_suite(workload, some);
-                    (chosen_with, chosen) = (some, choose(session, &mut subject, &setting, &all)?);
+                    let setting = Setting::of_scene(workloads, some);
+                    (chosen_with, chosen) = (some, choose(session, &mut subject, &setting, all)?);
                 }
-                let (mesh, plural) = (subject.input.name.clone(), if heads == 1 { "" } else { "s" });
+                let setting = Setting::of_scene(workloads, heads);
+                let (heads, plural) = (setting.heads, if setting.heads == 1 { "" } else { "s" });
                 let cell = format!("{mesh}, {change}, {heads} head{plural}");
-                let setting = Setting::of_suite(workload, heads);
                 let runs = session.measure(&mut subject, &cell, &candidates(&chosen, &setting), &schedule)?;
                 let runs: Vec<RunRecord> = runs.into_iter().flatten().collect();
                 session.suite.cells.push(CellRecord::of(&cell, [&mesh, change], heads, &runs));
