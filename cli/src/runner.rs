@@ -94,8 +94,8 @@ pub fn packed(
 pub enum Runner<'a> {
     /// On a device: a crowd, one per instance, or one per mesh of a scene; all with as many instances.
     Gpu(Vec<HeadlessCrowd<'a>>),
-    /// On a device that plays a clip, a frame per step.
-    Animated { crowd: Box<HeadlessCrowd<'a, AnimatedCrowd>>, fps: f32, frames: u32 },
+    /// On a device that plays a clip for each mesh, a frame per step.
+    Animated { crowds: Vec<HeadlessCrowd<'a, AnimatedCrowd>>, fps: f32, frame: usize },
     /// On the processor; with an upload to the device, if poses are drawn.
     Cpu(Box<CpuCrowd>, Option<Box<PoseUpload<'a>>>),
 }
@@ -163,6 +163,37 @@ impl<'a> Runner<'a> {
         Ok(Self::Gpu(parts.iter().map(crowd).collect::<deltamorph::Result<_>>()?))
     }
 
+    /// Like [`scene`](Self::scene), animated on the device: each crowd plays its clip, whose columns are the targets in
+    /// their order, and each instance is `ahead` frames ahead of the one before it.
+    pub fn animated(
+        gpu: &'a Gpu,
+        parts: &[(Arc<PackedMesh>, UpdateDesc)],
+        clips: &[WeightClip],
+        heads: u32,
+        ahead: usize,
+    ) -> deltamorph::Result<Self> {
+        let (mut crowds, fps) = (vec![], clips[0].fps);
+        for (part, ((mesh, desc), clip)) in (0..).zip(parts.iter().zip(clips)) {
+            let names = mesh.layout().targets.iter().map(|target| target.name.clone()).collect();
+            let clip = WeightClip { names, ..clip.clone() };
+            let desc = CrowdDesc::new(*desc).instances(heads).frames_in_flight(1);
+            let mut crowd = HeadlessCrowd::animated(gpu, mesh, &desc, &AnimationDesc::new(from_ref(&clip)))?;
+            for head in 0..heads {
+                let frames = f64::from(part * heads + head) * ahead as f64;
+                crowd.play(head, &Playback::new(0).start(-frames / f64::from(fps)))?;
+            }
+            crowds.push(crowd);
+        }
+        Ok(Self::Animated { crowds, fps, frame: 0 })
+    }
+
+    /// The next step of clips that the device plays is `frame`.
+    pub fn seek(&mut self, to: usize) {
+        if let Self::Animated { frame, .. } = self {
+            *frame = to;
+        }
+    }
+
     /// Updates every instance to `weights[head]`, draws it `copies` times if there is a device, and waits.
     pub fn step(&mut self, weights: &[impl AsRef<[f32]>], copies: u32) -> deltamorph::Result<Frame> {
         let Step { update, gpu_ms, draw_ms, cpu_ms } = match self {
@@ -170,10 +201,10 @@ impl<'a> Runner<'a> {
                 let weights: Vec<&[f32]> = weights.iter().map(AsRef::as_ref).collect();
                 HeadlessCrowd::step_together(crowds, &weights, copies)?
             }
-            Self::Animated { crowd, fps, frames } => {
-                crowd.set_time(f64::from(*frames) / f64::from(*fps))?;
-                *frames += 1;
-                HeadlessCrowd::step_together(std::slice::from_mut(&mut **crowd), &[], copies)?
+            Self::Animated { crowds, fps, frame } => {
+                crowds.iter_mut().try_for_each(|crowd| crowd.set_time(*frame as f64 / f64::from(*fps)))?;
+                *frame += 1;
+                HeadlessCrowd::step_together(crowds, &[], copies)?
             }
             Self::Cpu(crowd, upload) => {
                 let start = Instant::now();
@@ -202,21 +233,24 @@ impl<'a> Runner<'a> {
                 let instances = crowds[0].crowd().desc().instances;
                 crowds[(head / instances) as usize].read_pose(head % instances)
             }
-            Self::Animated { crowd, .. } => crowd.read_pose(head),
+            Self::Animated { crowds, .. } => {
+                let instances = crowds[0].crowd().desc().instances;
+                crowds[(head / instances) as usize].read_pose(head % instances)
+            }
             Self::Cpu(crowd, _) => Ok(crowd.layout().to_user_order(&crowd.pose(head)?)),
         }
     }
 
     /// The weights of the first instance if a device animates it, in units of the grid.
     pub fn played(&mut self) -> deltamorph::Result<Option<Vec<i32>>> {
-        if let Self::Animated { crowd, .. } = self { crowd.read_weights(0).map(Some) } else { Ok(None) }
+        if let Self::Animated { crowds, .. } = self { crowds[0].read_weights(0).map(Some) } else { Ok(None) }
     }
 
     /// Marks a cut: the next pose of the first instance has no predecessor.
     pub fn cut(&mut self) -> deltamorph::Result<()> {
         match self {
             Self::Gpu(crowds) => crowds[0].cut(0),
-            Self::Animated { crowd, .. } => crowd.cut(0),
+            Self::Animated { crowds, .. } => crowds[0].cut(0),
             Self::Cpu(crowd, _) => crowd.cut(0),
         }
     }
@@ -225,7 +259,7 @@ impl<'a> Runner<'a> {
     fn stored(&mut self, instance: u32, format: PoseFormat) -> deltamorph::Result<Vec<i32>> {
         let stored = match self {
             Self::Gpu(crowds) => crowds[0].read_stored(instance, 0)?,
-            Self::Animated { crowd, .. } => crowd.read_stored(instance, 0)?,
+            Self::Animated { crowds, .. } => crowds[0].read_stored(instance, 0)?,
             Self::Cpu(crowd, _) => crowd.stored_pose(instance, 0)?.to_vec(),
         };
         match format.has_integers() {
@@ -256,7 +290,7 @@ impl<'a> Runner<'a> {
     pub fn hash(&mut self, format: PoseFormat) -> deltamorph::Result<(u64, usize)> {
         let shown: Vec<u32> = match self {
             Self::Gpu(crowds) => crowds[0].crowd().shown().collect(),
-            Self::Animated { crowd, .. } => crowd.crowd().shown().collect(),
+            Self::Animated { crowds, .. } => crowds[0].crowd().shown().collect(),
             Self::Cpu(crowd, _) => crowd.shown().collect(),
         };
         let mut all = vec![];
@@ -290,7 +324,7 @@ impl<'a> Runner<'a> {
     pub fn draw_ms(&mut self, copies: u32) -> deltamorph::Result<Option<f64>> {
         match self {
             Self::Gpu(crowds) => crowds.iter().map(|crowd| crowd.draw(copies)).sum(),
-            Self::Animated { crowd, .. } => crowd.draw(copies),
+            Self::Animated { crowds, .. } => crowds.iter().map(|crowd| crowd.draw(copies)).sum(),
             Self::Cpu(..) => Ok(None),
         }
     }
@@ -357,7 +391,7 @@ impl Stage {
         let (desc, clips) = (CrowdDesc::new(self.desc).frames_in_flight(1), AnimationDesc::new(from_ref(clip)));
         let mut crowd = HeadlessCrowd::animated(gpu, &self.mesh, &desc, &clips)?;
         crowd.play(0, &Playback::new(0).repeat(Repeat::Once))?;
-        Ok(Runner::Animated { crowd: Box::new(crowd), fps: clip.fps, frames: 0 })
+        Ok(Runner::Animated { crowds: vec![crowd], fps: clip.fps, frame: 0 })
     }
 
     pub fn setup(&self) -> Setup {

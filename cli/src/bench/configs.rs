@@ -16,6 +16,8 @@ pub struct Config {
     pub batch_max: Option<u32>,
     /// One crowd per instance, all in one submission.
     pub separate: bool,
+    /// Each instance plays its weights as a clip, sampled and planned on the device.
+    pub animated: bool,
 }
 
 /// The values to combine; each path takes the delta formats and pose formats that it supports.
@@ -78,7 +80,7 @@ pub fn configurations(wanted: &Wanted<'_>, args: &BenchArgs, gpu: Option<&Gpu>) 
                     match desc.check() {
                         // Two names of one format are one configuration.
                         Ok(()) if configs.iter().any(|c| (c.desc, c.format) == (desc, format)) => {}
-                        Ok(()) => configs.push(Config { desc, format, batch_max, separate: false }),
+                        Ok(()) => configs.push(Config { desc, format, batch_max, separate: false, animated: false }),
                         Err(e) => {
                             let what = format!("{} batch {batch}", path.name());
                             skipped.push(Skipped { what, reason: e.to_string() });

@@ -152,6 +152,10 @@ fn begin<'a>(
     };
     let parts: Vec<_> = meshes.iter().zip(setting.workloads()).map(reach).collect();
     let runner = match (&parts[..], config.separate, gpu) {
+        (_, _, Some(gpu)) if config.animated => {
+            let clips: Vec<_> = setting.workloads().map(Workload::as_clip).collect();
+            Runner::animated(gpu, &parts, &clips, setting.each(), setting.workload.ahead())
+        }
         ([(mesh, desc)], true, Some(gpu)) => Runner::crowds(gpu, mesh, *desc, 1, setting.updated() as usize),
         ([(mesh, desc)], ..) => {
             Runner::new(gpu, mesh, *desc, setting.updated(), machine.args.update.threads.unwrap_or(0))

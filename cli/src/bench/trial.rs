@@ -36,7 +36,7 @@ impl<'a> Candidate<'a> {
     /// Its record before measurement.
     fn record(&self, subject: &Subject) -> RunRecord {
         let mesh = subject.info();
-        let Self { config: Config { desc, format, batch_max, separate }, setting, .. } = self;
+        let Self { config: Config { desc, format, batch_max, separate, .. }, setting, .. } = self;
         RunRecord {
             mesh: mesh.name,
             targets: mesh.targets,
@@ -174,6 +174,7 @@ impl<'a> Trial<'a> {
     }
 
     fn step(&mut self, frame: usize, copies: u32) -> Result<Frame> {
+        self.runner.seek(frame);
         let step = self.runner.step(&self.candidate.setting.weights(frame), copies)?;
         self.frame = frame;
         self.found.bound = self.found.bound.max(f64::from(step.stats.bound));
@@ -194,7 +195,9 @@ impl<'a> Trial<'a> {
                 let reference = subject.reference(part, mesh, &weights);
                 let found = promise.find(&pose, &reference.packed, &weights);
                 let raw = compare(&pose, &reference.raw);
-                self.found = self.found.max(Found { raw, additions: self.additions, ..found });
+                // If the device plans, the number of active targets in each block is unknown.
+                let bound = if self.candidate.config.animated { promise.rounding(&weights)[0] } else { 0.0 };
+                self.found = self.found.max(Found { raw, bound, additions: self.additions, ..found });
             }
         }
         Ok(())

@@ -1,6 +1,6 @@
 //! Weights while a configuration is verified and timed: random changes or a captured clip, on any number of instances.
 
-use deltamorph::BoundClip;
+use deltamorph::{BoundClip, WeightClip};
 
 /// Weights of every instance in every frame. Independent of path, batch size and format.
 pub struct Workload {
@@ -24,6 +24,8 @@ const RANDOM_FRAMES: usize = 128;
 const RANDOM_CHECKS: [usize; 2] = [2, 9];
 /// Frames of a clip at which the result is compared with the reference, the last one among them.
 const CLIP_CHECKS: usize = 16;
+/// Frames per second of a clip that the device plays: a power of two, so that frames lie on ticks of its clock.
+const CLIP_FPS: f32 = 32.0;
 /// Distance of the few targets of an instance from those of the one before it; coprime to most numbers of targets.
 const HEAD_STRIDE: usize = 13;
 
@@ -110,6 +112,17 @@ impl Workload {
         self.frames.iter().flatten().fold(0.0, |most, weight| most.max(weight.abs()))
     }
 
+    /// Its frames as a clip of all targets, without their names.
+    pub fn as_clip(&self) -> WeightClip {
+        let (name, values) = (self.name.clone(), self.frames.concat());
+        WeightClip { name, names: vec![], fps: CLIP_FPS, values }
+    }
+
+    /// Frames that an instance is ahead of the one before it.
+    pub fn ahead(&self) -> usize {
+        self.ahead
+    }
+
     /// Frames before it repeats; timing continues past the end.
     pub fn period(&self) -> usize {
         self.frames.len()
@@ -183,7 +196,6 @@ impl<'a> Setting<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use deltamorph::WeightClip;
 
     #[test]
     fn just_as_many_targets_change_and_are_active_as_asked_for() {

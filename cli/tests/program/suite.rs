@@ -226,7 +226,9 @@ fn faces_of_four_rigs_are_one_scene() {
     assert_eq!((&cells[0]["mesh"], &cells[0]["heads"]), (&"4 rigs".into(), &8.into()), "as many of each rig");
     assert_eq!(
         names(&out, "technique"),
-        ["blocks fixed16 fast", "blocks fixed16 small", "compute rebuild", "direct"].map(String::from).into()
+        ["blocks fixed16 animated", "blocks fixed16 fast", "blocks fixed16 small", "compute rebuild", "direct"]
+            .map(String::from)
+            .into()
     );
     let sizes: Vec<_> = out["meshes"].as_array().unwrap().iter().map(|m| (&m["vertices"], &m["targets"])).collect();
     let expected = [(2000, 68), (200, 16), (200, 20), (800, 17), (800, 15)].map(|(v, t)| (v.into(), t.into()));

@@ -96,7 +96,10 @@ pub fn of_suite(suite: &SuiteRecord, report: &Report) -> Vec<(&'static str, Tabl
     let time =
         |run: &RunRecord| run.time().map(|time| sig3(if suite.cells.is_empty() { time.mean } else { time.median }));
     tables.extend(matrix(suite, report, "ms", time).map(|times| ("Milliseconds of every technique", times)));
-    let moved = matrix(suite, report, "bytes", |run| Some(bytes(run.bytes_moved)));
+    let moved = matrix(suite, report, "bytes", |run| {
+        // What a device plans is not counted.
+        (run.bytes_moved > 0.0 || run.changed == 0.0).then(|| bytes(run.bytes_moved))
+    });
     tables.extend(moved.map(|moved| ("Bytes that an update of every technique moves", moved)));
     tables
 }

@@ -17,7 +17,7 @@ const FACES: u32 = 40;
 /// The targets that the clip animates; the others, correctives in the paper's rigs, stay at 0.
 const ANIMATED: usize = 72;
 const FRAMES: usize = 300;
-/// Ours, a rebuild in compute passes, and every active target evaluated in each draw, as Unity does.
+/// Ours, a rebuild in compute passes, and every active target evaluated in each draw.
 const PATHS: [UpdatePath; 3] = [UpdatePath::Blocks, UpdatePath::Compute, UpdatePath::Direct];
 /// Formats of `blocks`, each a technique of its own. Poses are fixed point: float32 ones of so many targets would drift
 /// too far, and are refused.
@@ -57,6 +57,8 @@ pub fn run(session: &mut Session<'_>) -> Result<(), Failure> {
         let configs: Vec<Config> = configs.into_iter().filter(keep).collect();
         match configs.first().map(|config| config.desc.path) {
             Some(UpdatePath::Blocks) => {
+                let animated = configs.iter().take(1).map(|c| Config { animated: true, ..c.clone() });
+                all.extend(animated.map(|config| (format!("{name} animated"), vec![config])));
                 all.extend(configs.into_iter().map(|c| (format!("{name} {}", c.format.name()), vec![c])));
             }
             Some(_) => all.push((name, configs)),
