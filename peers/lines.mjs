@@ -15,7 +15,7 @@ if (who === 'ours') {
     print({ peer, device: device.name, work, ms: cpu_ms.median, without: 0, check: { off, right } });
 } else {
   const frame = /^(.*): a frame ([\d.]+) ms by Bevy, ([\d.]+) by deltamorph .*, ([\d.]+) by nobody;/gm;
-  const [, off] = text.match(/pictures differ by (\d+) of 255/) ?? [], [device] = text.split(': heads');
+  const [, off] = text.match(/pictures differ by (\d+) of 255/) ?? [], [, device] = text.match(/^(.*): heads: \d/m) ?? [];
   const works = { 'its clip': 'clip', 'all change': 'all', '28 active, none changes': 'constant' };
   for (const [, name, bevy, ours, without] of text.matchAll(frame))
     for (const [peer, ms] of [['Bevy 0.20.1', bevy], ['deltamorph in Bevy', ours]])

@@ -15,6 +15,8 @@ export async function start(canvas, gpu) {
     scene.stopAllAnimations();
     const mesh = scene.meshes.find(mesh => mesh.getTotalVertices());
     const targets = mesh.morphTargetManager;
+    // One shader whatever is active, and nothing for weights of zero.
+    if (targets) Object.assign(targets, { numMaxInfluencers: targets.numTargets, optimizeInfluencers: true });
     mesh.alwaysSelectAsActiveMesh = true;
     scene.activeCamera = camera;
     await scene.whenReadyAsync();
