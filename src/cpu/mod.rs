@@ -15,10 +15,10 @@ use crate::pack::blocks::PoseGrid;
 use crate::pack::poses::{PoseStorage, with_pose};
 use crate::pack::{POSE_FLOATS, PackedGroup, PackedLayout, PackedMesh, PoseFormat};
 use crate::plan::instances::Instances;
-use crate::plan::steps::{Source as PassSource, Work};
+use crate::plan::steps::{Source, Work};
 use crate::plan::{UpdateDesc, UpdateStats};
 use crate::update::Runner;
-use crate::update::blocks::{GroupPlan, Item, Planner, Source};
+use crate::update::blocks::{GroupPlan, Item, Planner};
 use crate::update::dense::{DensePlanner, Plan};
 use crate::update::technique::no_bases;
 use crate::weights::delta::Coefficient;
@@ -326,9 +326,9 @@ impl Memory {
         let places: Vec<_> = changed().map(|(at, _, pass)| at + pass.destination as usize).collect();
         let mut poses: Vec<_> = places.iter().map(|&place| std::mem::take(&mut self.poses[place])).collect();
         let source = |at: usize, pass: &Work| match pass.source {
-            PassSource::Base => base,
-            PassSource::Slot(slot) if slot == pass.destination => None,
-            PassSource::Slot(slot) => Some(bytemuck::cast_slice(&self.poses[at + slot as usize])),
+            Source::Base => base,
+            Source::Slot(slot) if slot == pass.destination => None,
+            Source::Slot(slot) => Some(bytemuck::cast_slice(&self.poses[at + slot as usize])),
         };
         let updates: Vec<_> = changed().map(|(at, plan, pass)| (plan, source(at, pass))).collect();
         let piece = workers.piece_vertices(mesh.layout().padded_vertices(), updates.len());
@@ -365,13 +365,12 @@ impl Memory {
         let mut end = 0;
         let runs = instances().zip(&mut poses).map(|(items, destination)| {
             // All items of an instance read the same slot of its own, the same pose of its base, or the base pose.
-            let own = |source: &Source| source.instance == items[0].instance;
             let pose = |is_own: bool| {
                 let mut sources = items.iter().filter_map(|item| item.source);
-                let from = sources.find(|source| own(source) == is_own)?;
-                let place = from.instance as usize * self.slots + from.slot as usize;
+                let from = sources.find(|source| (source.instance == items[0].instance) == is_own)?;
                 // In place: the pose was taken as a destination.
-                (!is_own || from.slot != items[0].destination).then(|| self.poses[place].as_slice())
+                let in_place = is_own && from.slot == items[0].destination;
+                (!in_place).then(|| self.poses[from.instance as usize * self.slots + from.slot as usize].as_slice())
             };
             let (source, base) = (pose(true), pose(false));
             let start = end;

@@ -4,7 +4,7 @@
 //! rows are the entries that any of them needs, each with a coefficient per instance. The rows of a tile start at a
 //! multiple of [`ALIGN`], so that kernels can load several words at once.
 
-use super::group::{GroupPlan, Item, Source, WorkList};
+use super::group::{GroupPlan, Item, PoseSlot, WorkList};
 use crate::abi::worklist::{ALIGN, TILE, WIDTHS, row_words};
 use crate::gpu::tuning::DeviceTuning;
 use crate::pack::PoseFormat;
@@ -156,7 +156,7 @@ impl Dispatches {
                 }
             };
             for item in items.into_iter().map(|i| &list.items[i as usize]) {
-                let from = |Source { instance, slot }: Source| Memory::Pose { instance, slot };
+                let from = |PoseSlot { instance, slot }: PoseSlot| Memory::Pose { instance, slot };
                 let source = item.source.map_or(Memory::Base, from);
                 let pose = Memory::Pose { instance: item.instance, slot: item.destination };
                 uses.extend(Accesses::compute([Memory::Deltas, source], [pose]).uses);
@@ -350,7 +350,7 @@ impl Tiles {
         let (mut moved, mut floor) = (0, 0);
         for (width, tile) in self.iter().filter(|(_, tile)| tile.count > 0) {
             let (instances, stride) = (1u64 << width, row_words(width));
-            // Source poses: each instance's own, or the base pose; fixed-point poses load none for the base pose.
+            // PoseSlot poses: each instance's own, or the base pose; fixed-point poses load none for the base pose.
             let sources = if pose.has_integers() && tile.rebuilt != 0 { 0 } else { instances };
             let rows = &self.rows[tile.first as usize..][..tile.count as usize * stride];
             // A mesh without entries has rows that name none.

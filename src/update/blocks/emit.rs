@@ -5,7 +5,7 @@
 //! current pose, the base pose or the pose of the instance's base, whichever moves fewest bytes (the base pose if
 //! equal), or from the base pose if the bound on accumulated [`rounding`] would exceed the tolerance.
 
-use super::group::{GroupPlan, Item, Source, rounding};
+use super::group::{GroupPlan, Item, PoseSlot, rounding};
 use super::plan::BlockState;
 use crate::abi::worklist::{ELEMENT_BYTES, ITEM_WORDS};
 
@@ -18,7 +18,7 @@ impl BlockState {
         instance: usize,
         slots: [u32; 2],
         known: bool,
-        base: Option<(Source, &Self)>,
+        base: Option<(PoseSlot, &Self)>,
     ) {
         if !known {
             self.forget_slots();
@@ -50,7 +50,7 @@ impl BlockState {
         instance: usize,
         [current, destination]: [u32; 2],
         known: bool,
-        base: Option<(Source, &Self)>,
+        base: Option<(PoseSlot, &Self)>,
     ) {
         let GroupPlan { index, list, stats, whole_blocks, source_bytes, desc, unit, tolerance, scratch, .. } = group;
         let (count, costs) = (index.count(), &index.costs);
@@ -77,31 +77,31 @@ impl BlockState {
                 (index.block_base[block] + self.largest_weight * index.block_reach[block], self.blocks[block]);
             let bound = active.bound + rounding(magnitude, listed, sum);
             let exceeded = touched && bound > active.limit;
-            // What the block loads from the base pose, or from the pose of the instance's base, if that is less.
-            let mut fresh = (active.active_bytes, None);
-            if let Some((source, base)) = base.filter(|(_, base)| !exceeded && base.blocks[block].active > 0) {
-                let bytes: u32 = self.apart(index, block, Some(base)).map(|(entry, ..)| costs[entry].bytes).sum();
-                // Fixed-point poses load no base pose.
-                if bytes + *source_bytes < fresh.0 {
-                    fresh = (bytes + *source_bytes, Some((source, base)));
-                }
-            }
+            // The instance's base, with the deltas that it differs by, if the block then loads less than from the base
+            // pose, which fixed-point poses do not load.
+            let nearer = base.filter(|(_, base)| (touched || !known) && !exceeded && base.blocks[block].active > 0);
+            let nearer = nearer.map(|(source, base)| {
+                let bytes = self.apart(index, block, Some(base)).map(|(entry, ..)| costs[entry].bytes).sum::<u32>();
+                (bytes, source, base)
+            });
+            let nearer = nearer.filter(|(bytes, ..)| bytes + *source_bytes < active.active_bytes);
+            let anew = nearer.map_or(active.active_bytes, |(bytes, ..)| bytes + *source_bytes);
             let rebuilt = !known
                 || touched
                     && (exceeded
                         || desc.rebuilds()
                         || match *whole_blocks {
                             // All components either way.
-                            true => fresh.0 <= deltas + *source_bytes,
-                            false => no_more_bytes_from_base(fresh.0, deltas, all, &changed),
+                            true => anew <= deltas + *source_bytes,
+                            false => no_more_bytes_from_base(anew, deltas, all, &changed),
                         });
             if rebuilt {
-                let from = fresh.1.map(|(_, base)| base);
+                let from = nearer.map(|(.., base)| base);
                 let (entries, sum) = self.list_apart(index, *unit, block, from, &mut list.elements[first..]);
-                deltas = fresh.0 - from.map_or(0, |_| *source_bytes);
+                deltas = nearer.map_or(active.active_bytes, |(bytes, ..)| bytes);
                 (listed, changed) = (entries, *all);
-                self.blocks[block].bound =
-                    from.map_or(0.0, |base| base.blocks[block].bound) + rounding(magnitude, listed, sum);
+                let before = from.map_or(0.0, |base| base.blocks[block].bound);
+                self.blocks[block].bound = before + rounding(magnitude, listed, sum);
                 if exceeded {
                     self.blocks[block].limit = *tolerance;
                 }
@@ -129,8 +129,8 @@ impl BlockState {
                 instance: instance as u32,
                 block: block as u32,
                 source: match rebuilt {
-                    true => fresh.1.map(|(source, _)| source),
-                    false => Some(Source { instance: instance as u32, slot: current }),
+                    true => nearer.map(|(_, source, _)| source),
+                    false => Some(PoseSlot { instance: instance as u32, slot: current }),
                 },
                 destination,
                 first: first as u32,

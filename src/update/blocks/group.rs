@@ -16,8 +16,8 @@ pub struct Item {
     pub instance: u32,
     /// The block.
     pub block: u32,
-    /// The source; `None`: the base pose.
-    pub source: Option<Source>,
+    /// The pose that it starts from, the instance's own or that of its base; `None`: the base pose.
+    pub source: Option<PoseSlot>,
     /// The destination slot.
     pub destination: u32,
     /// Its first element in [`WorkList::elements`].
@@ -26,10 +26,10 @@ pub struct Item {
     pub count: u32,
 }
 
-/// A pose that an item starts from.
+/// A pose in a crowd.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Source {
-    /// The instance: the item's own, or its base.
+pub struct PoseSlot {
+    /// The instance.
     pub instance: u32,
     /// The slot.
     pub slot: u32,

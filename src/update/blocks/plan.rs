@@ -1,7 +1,7 @@
 //! Plans the instances of a crowd together, for GPU or CPU, and keeps the state of their poses by block. `commit` and
 //! `emit` are the two phases of an update.
 
-use super::group::{GroupPlan, Source, Unit};
+use super::group::{GroupPlan, PoseSlot, Unit};
 use crate::abi::worklist::Element;
 use crate::error::{Error, Result};
 use crate::pack::blocks::BlockIndex;
@@ -21,7 +21,7 @@ pub struct Planner {
     /// By instance: the instance that is its base, with a higher number.
     bases: Vec<Option<u32>>,
     /// By instance: the pose of its base before the update, if there is one.
-    sources: Vec<Option<Source>>,
+    sources: Vec<Option<PoseSlot>>,
 }
 
 impl Planner {
@@ -68,7 +68,7 @@ impl Planner {
         self.groups.iter_mut().for_each(GroupPlan::clear);
         for (source, base) in self.sources.iter_mut().zip(&self.bases) {
             let slot = |base: u32| instances.slots_of(instances.check(base).ok()?).map(|(slot, _)| slot);
-            *source = base.and_then(|instance| Some(Source { instance, slot: slot(instance)? }));
+            *source = base.and_then(|instance| Some(PoseSlot { instance, slot: slot(instance)? }));
         }
         for (i, weights, history) in instances.shown() {
             let (known, mut changed) = (history.current().is_some(), false);

@@ -2,7 +2,7 @@
 
 use super::dispatch::{BlockPart, Dispatches, KERNELS, Tiles};
 use super::gpu::{BlocksKernels, Bound, GroupBlocks, LIST_USAGE, set_size};
-use super::group::{GroupPlan, Item, Source, WorkList};
+use super::group::{GroupPlan, Item, PoseSlot, WorkList};
 use super::plan::Planner;
 use crate::abi::worklist::{self, ELEMENT_BYTES, ITEM_WORDS, TILE_WORDS};
 use crate::error::{Error, Result};
@@ -84,9 +84,9 @@ impl Group {
         let items = items.chunks_exact_mut(self.item_words);
         // Pose numbers are relative to the first instance of a set.
         let (reach, slots) = (self.blocks.how.group, self.blocks.poses.slots);
-        let pose = |Source { instance, slot }: Source| instance % reach * slots + slot;
+        let pose = |PoseSlot { instance, slot }: PoseSlot| instance % reach * slots + slot;
         let poses = |item: &Item| {
-            let destination = Source { instance: item.instance, slot: item.destination };
+            let destination = PoseSlot { instance: item.instance, slot: item.destination };
             worklist::poses(pose(item.source.unwrap_or(destination)), pose(destination))
         };
         if let Some(tiles) = &self.dispatches.tiles {
