@@ -8,8 +8,8 @@ use crate::input::Input;
 use crate::output::{Failure, Output};
 use deltamorph::calls::Call;
 use deltamorph::{
-    AnimatedCrowd, AnimationDesc, BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, Error, MorphEngine, PackDesc,
-    PackedLayout, PackedMesh, Playback, PoseFormat, Repeat, UpdateDesc, UpdatePath, UpdateStats, WeightClip,
+    AnimatedCrowd, AnimationDesc, AnyCrowd, BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, Error, MorphEngine,
+    PackDesc, PackedLayout, PackedMesh, Playback, PoseFormat, Repeat, UpdateDesc, UpdatePath, UpdateStats, WeightClip,
 };
 pub use deltamorph_headless::Headless as Gpu;
 use deltamorph_headless::{DeviceChoice, HeadlessCrowd, HeadlessDesc, PoseUpload, Step};
@@ -88,6 +88,15 @@ pub fn packed(
          or give the folder that it was packed from",
         input.origin
     )))
+}
+
+/// The pose of instance `head`, counted over crowds of `instances` each.
+fn read_pose<C: AnyCrowd + 'static>(
+    instances: u32,
+    crowds: &mut [HeadlessCrowd<'_, C>],
+    head: u32,
+) -> deltamorph::Result<Vec<f32>> {
+    crowds[(head / instances) as usize].read_pose(head % instances)
 }
 
 /// Instances updated by one path.
@@ -229,14 +238,8 @@ impl<'a> Runner<'a> {
     /// The pose of an instance, six floats per vertex, in input order.
     pub fn pose(&mut self, head: u32) -> deltamorph::Result<Vec<f32>> {
         match self {
-            Self::Gpu(crowds) => {
-                let instances = crowds[0].crowd().desc().instances;
-                crowds[(head / instances) as usize].read_pose(head % instances)
-            }
-            Self::Animated { crowds, .. } => {
-                let instances = crowds[0].crowd().desc().instances;
-                crowds[(head / instances) as usize].read_pose(head % instances)
-            }
+            Self::Gpu(crowds) => read_pose(crowds[0].crowd().desc().instances, crowds, head),
+            Self::Animated { crowds, .. } => read_pose(crowds[0].crowd().desc().instances, crowds, head),
             Self::Cpu(crowd, _) => Ok(crowd.layout().to_user_order(&crowd.pose(head)?)),
         }
     }

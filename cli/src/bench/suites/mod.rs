@@ -15,6 +15,9 @@ use crate::output::{Failure, Output};
 use deltamorph::{PoseFormat, UpdatePath};
 use deltamorph_headless::DeviceChoice;
 
+/// Seconds to time a configuration for, by default, in most suites.
+const SECONDS: f32 = 5.0;
+
 /// The pose format of most suites.
 const FLOAT: [PoseFormat; 1] = [PoseFormat::Float32];
 
@@ -25,14 +28,14 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     // Checked before anything is measured: an unusable data set must not cost earlier measurements.
     let clips = if asked(SuiteChoice::Clips) { techniques::captured(&mut session)? } else { vec![] };
     if asked(SuiteChoice::Chapter) {
-        session.suite("chapter", 5.0, |session| chapter::run(session, input))?;
+        session.suite("chapter", SECONDS, |session| chapter::run(session, input))?;
     }
     if asked(SuiteChoice::Crowd) {
-        session.suite("crowd", 5.0, crowd::run)?;
+        session.suite("crowd", SECONDS, crowd::run)?;
     }
     if asked(SuiteChoice::Techniques) {
         let made_up = techniques::made_up(&session)?;
-        session.suite("techniques", 5.0, |session| {
+        session.suite("techniques", SECONDS, |session| {
             let all = techniques::all(session, &UpdatePath::ALL, &FLOAT);
             techniques::run(session, made_up, &[1, 10, 100], &all)
         })?;
@@ -47,11 +50,11 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
         })?;
     }
     if asked(SuiteChoice::Faces) {
-        session.suite("faces", 5.0, faces::run)?;
+        session.suite("faces", SECONDS, faces::run)?;
     }
     if asked(SuiteChoice::Clips) {
         let poses = [PoseFormat::Float32, PoseFormat::Fixed16];
-        session.suite("clips", 5.0, |session| {
+        session.suite("clips", SECONDS, |session| {
             let all = techniques::all(session, &UpdatePath::ALL, &poses);
             techniques::run(session, clips, &[1], &all)
         })?;
