@@ -9,18 +9,12 @@
 
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{CrowdDesc, DeltaFormat, PackedMesh, PoseFormat, Result, Tolerance, UpdateDesc, UpdateMode};
-use deltamorph_head::{HeadDesc, head};
+use deltamorph_head::{HeadDesc, Rng, head};
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 
 const CHARACTERS: u32 = 40;
 const EXPRESSIONS: usize = 12;
 const SLIDERS: usize = 200;
-
-/// A number in -1..1, the same everywhere.
-fn noise(i: usize) -> f32 {
-    let x = (i as u32).wrapping_mul(0x9E37_79B9);
-    ((x ^ x >> 15).wrapping_mul(0x85EB_CA6B) >> 8) as f32 / (1 << 23) as f32 - 1.0
-}
 
 /// The characters, and from number `CHARACTERS` on their bases.
 struct Creator<'a> {
@@ -28,6 +22,7 @@ struct Creator<'a> {
     /// By character: expression, then sliders.
     weights: Vec<Vec<f32>>,
     bases: bool,
+    rng: Rng,
 }
 
 impl<'a> Creator<'a> {
@@ -35,12 +30,12 @@ impl<'a> Creator<'a> {
         let instances = if bases { 2 * CHARACTERS } else { CHARACTERS };
         let update = UpdateDesc::blocks().pose(PoseFormat::Fixed16).mode(mode);
         let crowd = HeadlessCrowd::new(headless, mesh, &CrowdDesc::new(update).instances(instances))?;
-        let slider = |character: usize, t: usize| 0.4 * noise(character * SLIDERS + t);
-        let weights = (0..CHARACTERS as usize).map(|character| {
-            let sliders = (0..SLIDERS).map(|t| slider(character, t));
+        let mut rng = Rng::new(1, 0);
+        let weights = (0..CHARACTERS).map(|_| {
+            let sliders = (0..SLIDERS).map(|_| rng.range(-0.4, 0.4));
             [0.0; EXPRESSIONS].into_iter().chain(sliders).collect()
         });
-        let mut creator = Self { crowd, weights: weights.collect(), bases };
+        let mut creator = Self { crowd, weights: weights.collect(), bases, rng };
         for character in (0..CHARACTERS).filter(|_| bases) {
             creator.crowd.crowd_mut().set_base(character, Some(CHARACTERS + character))?;
             creator.crowd.set_weights(CHARACTERS + character, &creator.weights[character as usize])?;
@@ -58,7 +53,7 @@ impl<'a> Creator<'a> {
         for (character, weights) in (0..).zip(&mut self.weights) {
             for (t, weight) in weights[..EXPRESSIONS].iter_mut().enumerate() {
                 let is_active = t % 3 == number % 3;
-                *weight = if is_active { noise(number * 100 + t + character as usize).abs() } else { 0.0 };
+                *weight = if is_active { self.rng.unit() } else { 0.0 };
             }
             self.crowd.set_weights(character, weights)?;
         }
