@@ -18,6 +18,9 @@ use std::{env, fs};
 #[allow(dead_code, unused_imports, reason = "the library needs more of it")]
 #[path = "src/abi/formats.rs"]
 mod formats;
+#[allow(dead_code, reason = "the library undoes it")]
+#[path = "src/abi/ids.rs"]
+mod ids;
 #[allow(dead_code, reason = "the library needs more of it")]
 #[path = "src/abi/kernels.rs"]
 mod kernels;
@@ -135,20 +138,22 @@ fn compile(module: &Module, glsl: &Path) -> Vec<u8> {
     words.iter().flat_map(|w| w.to_le_bytes()).collect()
 }
 
-/// A module as it is embedded, before compression: without names and other debug instructions.
+/// A module as it is embedded, before compression: without names and other debug instructions, and with differences
+/// between ids.
 fn embedded(spirv: &[u8]) -> Vec<u8> {
     /// OpSourceContinued to OpLine, OpNoLine, OpModuleProcessed.
     const DEBUG: [u32; 9] = [2, 3, 4, 5, 6, 7, 8, 317, 330];
-    let (mut kept, mut rest) = (spirv[..20].to_vec(), &spirv[20..]);
-    while let [a, b, c, d, ..] = *rest {
-        let first = u32::from_le_bytes([a, b, c, d]);
-        let (instruction, after) = rest.split_at((first >> 16) as usize * 4);
+    let words: Vec<u32> = spirv.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word)).collect();
+    let (mut kept, mut rest) = (words[..5].to_vec(), &words[5..]);
+    while let [first, ..] = *rest {
+        let (instruction, after) = rest.split_at((first >> 16) as usize);
         if !DEBUG.contains(&(first & 0xffff)) {
             kept.extend_from_slice(instruction);
         }
         rest = after;
     }
-    kept
+    ids::to_differences(&mut kept);
+    kept.iter().flat_map(|word| word.to_le_bytes()).collect()
 }
 
 /// A `.lzma` file of words.
@@ -207,7 +212,7 @@ fn main() {
     println!("cargo::rerun-if-changed=build.rs");
     println!("cargo::rerun-if-changed=glsl");
     println!("cargo::rerun-if-changed=spirv");
-    for file in ["formats", "kernels", "numbers", "steps"] {
+    for file in ["formats", "ids", "kernels", "numbers", "steps"] {
         println!("cargo::rerun-if-changed=src/abi/{file}.rs");
     }
     let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("set by cargo"));
@@ -216,7 +221,7 @@ fn main() {
     let mut manifest = source_manifest(&glsl);
     let mut table = Table::default();
     for (row, kernel) in KERNELS.iter().enumerate() {
-        // Modules of a kernel are alike: compressed together, they take a seventh of what they are.
+        // Modules of a kernel are alike: compressed together, they take a tenth of what they are.
         let (mut embedded_modules, kernel_file) = (vec![], out.join([kernel.name, kernel.suffix].join("_")));
         let mut add = |format, pose| {
             let (first, modules) = (table.count, modules(kernel, format, pose));

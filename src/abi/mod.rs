@@ -2,12 +2,13 @@
 //!
 //! - [`formats`], [`kernels`], [`steps`] and [`numbers`] are plain data that build.rs includes too: it compiles the
 //!   modules of the kernel table, and writes the numbers into the shaders' `abi.glsl`.
-//! - [`modules`]: the SPIR-V.
+//! - [`modules`]: the SPIR-V, whose [`ids`] build.rs has replaced by differences.
 //! - [`push`] and [`worklist`]: push constants and buffer contents, word by word.
 //!
 //! `tests/project/spirv.rs` compares all of it with the reflection of every module.
 
 pub mod formats;
+pub mod ids;
 pub mod kernels;
 pub mod modules;
 pub mod numbers;

@@ -1,6 +1,7 @@
 //! The SPIR-V modules embedded by build.rs: a `static` for each row of [`KERNELS`].
 
 use super::formats::{FORMATS, FormatRow, POSE_FORMATS, PoseRow};
+use super::ids::from_differences;
 use super::kernels::{KERNELS, KernelRow};
 use crate::error::{Error, Result};
 use lzma_rust2::LzmaReader;
@@ -23,7 +24,7 @@ pub struct Module {
     pub format: Option<&'static FormatRow>,
     /// Number of targets that are vertex attributes.
     pub batch: u32,
-    /// All modules of the kernel, `.lzma`-compressed little-endian words.
+    /// All modules of the kernel, `.lzma`-compressed little-endian words with differences between ids.
     pub modules: &'static [u8],
     /// Its byte range in the decompressed `modules`.
     pub bytes: Range<usize>,
@@ -39,7 +40,9 @@ impl Module {
         let read =
             LzmaReader::new_mem_limit(self.modules, u32::MAX, None).and_then(|mut all| all.read_exact(&mut modules));
         let code = if read.is_ok() { &modules[start..] } else { &[] };
-        code.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])).collect()
+        let mut words = code.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word)).collect::<Vec<_>>();
+        from_differences(&mut words);
+        words
     }
 }
 
