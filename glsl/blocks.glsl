@@ -3,17 +3,17 @@
 
 #extension GL_EXT_control_flow_attributes : require
 
+layout(local_size_x_id = 0) in;   // BLOCK_SIZE / VERTICES
+layout(constant_id = 1) const uint BLOCK_SIZE = 64;
+
 // Vertices per lane.
 #ifdef TEXELS
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
-#define VERTICES 8
+const uint VERTICES = BLOCK_SIZE / 8u - BLOCK_SIZE / 128u * 8u; // 4 of 32, 8 of 64 and 128
 #else
 #define VERTICES 1
 #endif
 const uint NUMBERS = 6u * VERTICES;
-
-layout(local_size_x_id = 0) in;   // BLOCK_SIZE / VERTICES
-layout(constant_id = 1) const uint BLOCK_SIZE = 64;
 
 #ifdef TEXELS
 #include "aliased.glsl"
@@ -43,11 +43,27 @@ layout(push_constant) uniform Push {
     uint normal_dropped;
 };
 
+#ifdef TEXELS
+// Read once: software drivers load push constants lane by lane, in a loop again and again.
+uvec2 origins_once = uvec2(headers_at, deltas_at);
+vec2 units_once = vec2(position_unit, normal_unit);
+uvec2 dropped_once = uvec2(position_dropped, normal_dropped);
+#define headers_at origins_once.x
+#define deltas_at origins_once.y
+#define position_unit units_once.x
+#define normal_unit units_once.y
+#define position_dropped dropped_once.x
+#define normal_dropped dropped_once.y
+#endif
+
 // The entries of the format: build.rs resolves `format.glsl` to the module's file under formats/. It defines DELTA,
 // INTEGERS if deltas are integers in steps, and
 //     load_entry(entry, lane, position, normal, shifts)
 // which returns what an entry adds to a lane's vertices at weight 1, in steps or input units, and the number of bits by
-// which to shift both.
+// which to shift both. With TEXELS it may define PARTS instead, and
+//     load_part(entry, lane, part, position, normal, shifts)
+// which returns the components of one part of the entry, and zeros; the first part is 0. `part` becomes the next one, or
+// 0 behind the last.
 #include "format.glsl"
 
 // The factors of an entry, from the coefficient in the work list, and their product with a delta.

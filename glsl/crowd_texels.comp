@@ -1,6 +1,6 @@
 // crowd.comp for software drivers, where each access costs time per lane, and each subgroup of a workgroup as well: a
-// lane has eight vertices (so a block is one subgroup), loads four words at once from texel buffers and stores two at
-// once as a 64-bit integer. Loops over arrays are unrolled: an array indexed by a variable would live in memory.
+// lane has eight vertices, or four of a block of 32 (so a block is one subgroup), loads four words at once from texel
+// buffers and stores two at once as a 64-bit integer. Loops over arrays are unrolled: an array indexed by a variable would live in memory.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #define TEXELS
@@ -8,6 +8,10 @@
 #include "blocks.glsl"
 #include "tiles.glsl"
 #include "heads.glsl"
+
+#ifndef PARTS
+#define load_part(entry, lane, part, position, normal, shifts) load_entry(entry, lane, position, normal, shifts)
+#endif
 
 // Rows per iteration. With several instances their sums live in memory; two rows at a time load and store them half as
 // often.
@@ -44,6 +48,7 @@ void main() {
     }
 
     // There is at least one row: a loop that tests first would run its body once more, for no lane.
+    uint part = 0u; // what is next of the row's entry
     do {
         uint row[2][ROW_WORDS(TILE)];
         DELTA dp[2][VERTICES], dn[2][VERTICES];
@@ -55,8 +60,10 @@ void main() {
             if (r == 1u) {
                 [[unroll]] for (uint h = 0u; h < HEADS; ++h) row[r][1u + h] = again ? 0u : row[r][1u + h];
             }
-            load_entry(row[r][0], lane, dp[r], dn[r], shifts[r]);
-            next += again ? 0u : ROW_WORDS(HEADS);
+            uint later = part;
+            load_part(row[r][0], lane, later, dp[r], dn[r], shifts[r]);
+            part = again ? 0u : later;
+            next += again || part != 0u ? 0u : ROW_WORDS(HEADS);
         }
         [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
             FACTOR p[2], n[2];

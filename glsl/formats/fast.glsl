@@ -15,15 +15,17 @@ void load_entry(uint entry, uint lane, out DELTA position[VERTICES], out DELTA n
 #ifdef TEXELS
     uint header_at = headers_at + entry;
     uint header = texelFetch(asset, int(header_at / 4u))[header_at & 3u];
-    // Two words of bytes for eight vertices, so that lanes share texels.
-    uvec4 bytes = texelFetch(asset, int((at + 2u * BLOCK_SIZE) / 4u + lane / 2u));
-    uvec2 c = (lane & 1u) == 0u ? bytes.xy : bytes.zw;
-    [[unroll]] for (int q = 0; q < VERTICES / 4; ++q) {
-        int l = int(lane) * (VERTICES / 4) + q;
-        uvec4 a = texelFetch(asset, int(at / 4u) + l), b = texelFetch(asset, int((at + BLOCK_SIZE) / 4u) + l);
-        [[unroll]] for (int i = 0; i < 4; ++i) {
-            int k = bitfieldExtract(int(c[q]), 8 * i, 8);
-            decode_fast(a[i], b[i], k, position[4 * q + i], normal[4 * q + i]);
+    // A word of bytes for four vertices, so that lanes share texels.
+    uint first = lane * (VERTICES / 4u);
+    uvec4 bytes = texelFetch(asset, int((at + 2u * BLOCK_SIZE + first) / 4u));
+    uvec2 c = (first & 2u) == 0u ? bytes.xy : bytes.zw;
+    if (VERTICES == 4u) c.x = (first & 1u) == 0u ? c.x : c.y;
+    [[unroll]] for (uint q = 0u; q < VERTICES / 4u; ++q) {
+        uint l = at / 4u + first + q;
+        uvec4 a = texelFetch(asset, int(l)), b = texelFetch(asset, int(l + BLOCK_SIZE / 4u));
+        [[unroll]] for (uint i = 0u; i < 4u; ++i) {
+            int k = bitfieldExtract(int(c[q]), 8 * int(i), 8);
+            decode_fast(a[i], b[i], k, position[4u * q + i], normal[4u * q + i]);
         }
     }
 #else

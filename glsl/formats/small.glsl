@@ -2,6 +2,84 @@
 
 #define INTEGERS
 #define DELTA ivec3
+#ifdef TEXELS
+
+// Three words from word `at` on.
+uvec3 three_words(uint at) {
+    uvec4 a = texelFetch(asset, int(at / 4u)), b = texelFetch(asset, int(at / 4u) + 1);
+    uvec4 even = (at & 2u) == 0u ? a : uvec4(a.zw, b.xy);
+    return (at & 1u) == 0u ? even.xyz : even.yzw;
+}
+
+uint one_word(uint at) {
+    uvec4 a = texelFetch(asset, int(at / 4u));
+    uvec2 two = (at & 2u) == 0u ? a.xy : a.zw;
+    return (at & 1u) == 0u ? two.x : two.y;
+}
+
+// The 32 bits from bit `at` of two texels on, as far as they are in these.
+uint bits_at(uvec4 a, uvec4 b, uint at) {
+    uvec4 four = (at & 128u) == 0u ? a : b;
+    uvec3 two = (at & 64u) == 0u ? four.xyz : uvec3(four.zw, b.x);
+    uvec2 one = (at & 32u) == 0u ? two.xy : two.yz;
+    return (one.x >> (at & 31u)) | ((one.y << 1) << (~at & 31u));
+}
+
+// A part is the components that lie within 32 bits of a record: mostly all. A loop over parts in here would store and
+// mask each component once more.
+#define PARTS
+void load_part(uint entry, uint lane, inout uint part, out DELTA position[VERTICES], out DELTA normal[VERTICES],
+               out uvec2 shifts) {
+    shifts = uvec2(0u);
+    uvec3 header = three_words(headers_at + 3u * entry);
+    uint at = deltas_at + header.x, size = 0u, end = 0u;
+    // Components of the part end behind its first bit, `part`, and 32 bits from it at most. Those without bits that are
+    // the first of a record end at its bit 0.
+    uint low = part == 0u ? 0u : part + 1u, span = part + 32u - low;
+    uint begins[6], masks[6];
+    int least[6];
+    [[unroll]] for (uint c = 0u; c < 6u; ++c) {
+        uint word = (c < 3u ? header.y : header.z) >> (5u * (c % 3u));
+        uint width = word & 31u;
+        begins[c] = size - part & 31u;
+        size += width;
+        bool is_in = size - low <= span;
+        masks[c] = is_in ? ~(~0u << width) : 0u;
+        least[c] = is_in ? bitfieldExtract(int(word), 15, 5) << width >> 3 : 0;
+        if (is_in) end = size;
+    }
+    // Without a mask each vertex has a record; a vertex without a record reads that of another.
+    bool masked = int(header.y) < 0;
+    uint first = lane * VERTICES, rank = 0u, mask = 0u;
+    [[unroll]] for (uint i = 0u; i < BLOCK_SIZE / 32u; ++i) {
+        uint word = masked ? one_word(at + i) : ~0u;
+        uint before = i < first / 32u ? ~0u : i == first / 32u ? (1u << (first & 31u)) - 1u : 0u;
+        rank += uint(bitCount(word & before));
+        if (i == first / 32u) mask = word >> (first & 31u);
+    }
+    if (masked) at += BLOCK_SIZE / 32u;
+    // From the beginning of the texel that has word `at`. Two texels have two records, whatever their size.
+    uint bit = (at & 3u) * 32u + rank * size + part;
+    [[unroll]] for (uint v = 0u; v < VERTICES; v += 2u) {
+        int texel = int(at / 4u + bit / 128u);
+        uvec4 a = texelFetch(asset, texel), b = texelFetch(asset, texel + 1);
+        uint place = bit & 127u;
+        [[unroll]] for (uint w = 0u; w < 2u; ++w) {
+            uint bits = bits_at(a, b, place);
+            int moves = bitfieldExtract(int(mask), int(v + w), 1);
+            [[unroll]] for (uint c = 0u; c < 3u; ++c) {
+                position[v + w][c] = (int((bits >> begins[c]) & masks[c]) + least[c]) & moves;
+                normal[v + w][c] = (int((bits >> begins[3u + c]) & masks[3u + c]) + least[3u + c]) & moves;
+            }
+            place += uint(moves) & size;
+            bit += uint(moves) & size;
+        }
+    }
+    part = end == size ? 0u : end;
+}
+
+#else
+
 #ifndef HAS_FEW_REGISTERS
 const bool FEW_REGISTERS = false;
 #endif
@@ -56,3 +134,5 @@ void load_entry(uint entry, uint lane, out DELTA position[VERTICES], out DELTA n
         words.x >>= 5;
     }
 }
+
+#endif

@@ -41,7 +41,7 @@ macro_rules! delta_formats {
                 /// In blocks, as few bits as the error allows, for the vertices that move only: the fewest bytes.
                 ///
                 /// Bit widths per entry and component.
-                Small small { id: 3, since: 4, integers: true }
+                Small small { id: 3, since: 4, integers: true, texels: true }
 
                 /// In blocks, 8 bytes per vertex and entry.
                 ///

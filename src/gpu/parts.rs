@@ -46,7 +46,7 @@ impl AssetPart {
             [entries.start * header..entries.end * header, delta[0]..delta[1], blocks.start * base..blocks.end * base];
         let [headers, deltas, bases] = sources.each_ref().map(Range::len);
         let deltas_at = headers.next_multiple_of(4);
-        let places = [0, deltas_at, deltas_at + deltas];
+        let places = [0, deltas_at, (deltas_at + deltas).next_multiple_of(4)];
         let origins = std::array::from_fn(|i| (places[i] as u32).wrapping_sub(sources[i].start as u32));
         Ok(Self { blocks, entries, offset, size: 4 * (places[2] + bases) as u64, origins, sources })
     }

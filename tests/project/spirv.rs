@@ -334,5 +334,5 @@ fn every_device_class_has_tiles_that_kernels_take() {
         assert!(tuning.widest_tile.is_power_of_two() && tuning.widest_tile <= TILE as u32, "{tuning:?}");
     }
     let texels = FORMATS.iter().filter(|format| !CROWD_TEXELS.modules(format, &POSE_FORMATS[0]).is_empty());
-    assert_eq!(texels.map(|format| format.name).collect::<Vec<_>>(), ["fast"]);
+    assert_eq!(texels.map(|format| format.name).collect::<Vec<_>>(), ["fast", "small"]);
 }

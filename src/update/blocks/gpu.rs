@@ -67,8 +67,8 @@ pub(crate) fn workgroup(context: &Context<'_>, instances: u32) -> Result<Workgro
     let integers = context.desc.update.pose.has_integers();
     let tiles = entries && (texels || instances > 1 || !caps.tuning.masks) || integers;
     let items = if tiles && !texels { (caps.tuning.lanes / size).clamp(1, ITEMS_MAX) } else { 1 };
-    // With texels, an invocation processes eight vertices.
-    Ok(Workgroup { tiles, texels, lanes: if texels { size / 8 } else { size * items }, items })
+    // With texels, an invocation processes eight vertices, or four of a block of 32.
+    Ok(Workgroup { tiles, texels, lanes: if texels { (size / 8).max(8) } else { size * items }, items })
 }
 
 /// Key of the pipeline of a module and block size; two pipelines if tiles that start from the base pose differ.
