@@ -1,5 +1,6 @@
 //! Packing: base pose and deltas in the 32-bit words that kernels read.
 
+mod alike;
 pub mod blocks;
 mod dense;
 mod error;

@@ -9,7 +9,8 @@
 //! base    [vertex][px py pz nx ny nz]                      in the packed order, padded to whole blocks
 //! ```
 //!
-//! Integers are rounded to nearest; zero stays zero. A delta within the error limit of its stream is dropped.
+//! Integers are rounded to nearest, in `small` to any within the error limit; zero stays zero. A delta within the error
+//! limit of its stream is dropped.
 
 mod derive;
 mod pack;

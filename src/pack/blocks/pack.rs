@@ -5,7 +5,8 @@ use super::{BLOCK_SIZES, BlockDesc, BlockIndex, Parts};
 use crate::asset::streams::{Measure, StreamPlace, TRIPLE, TRIPLES};
 use crate::error::{Error, Result};
 use crate::math::angle_degrees;
-use crate::pack::formats::{BlockFormat, INTEGER_BITS, Lane};
+use crate::pack::alike;
+use crate::pack::formats::{BlockFormat, INTEGER_BITS, Lane, quantise, small};
 use crate::pack::order::{inverse, keep_welded, order_groups};
 use crate::pack::source::{largest, sort};
 use crate::pack::{POSE_FLOATS, PackDesc, PackedGroup, PackedLayout, PackedTarget, PoseError, Source, VERTEX_PADDING};
@@ -117,14 +118,46 @@ pub(in crate::pack) fn pack(
     let vertices = |target: &Vec<Lane>| target.iter().map(|(vertex, _)| *vertex).collect();
     let members: Vec<Vec<Vec<u32>>> = kept.iter().map(|group| group.targets.iter().map(vertices).collect()).collect();
     let mesh = sources[0].mesh;
-    let order = keep_welded(order_groups(mesh.vertex_count(), &members), &mesh.welds, size as usize);
-    let order: Arc<[u32]> = order.into();
+    let steps = |(source, kept): (&Source<'_>, &Kept)| steps(source, kept.largest, &desc.blocks, format);
+    let mut order = order_groups(mesh.vertex_count(), &members);
+    if format.has_records() {
+        let steps: Vec<_> = sources.iter().zip(&kept).map(steps).collect();
+        order_alike(&mut order, &kept, &steps, size as usize);
+    }
+    let order: Arc<[u32]> = keep_welded(order, &mesh.welds, size as usize).into();
     let packed = inverse(&order);
+    let cut = cut(&mesh.welds, &packed, size);
     let groups = sources.iter().zip(&kept).map(|(source, kept)| {
-        let packing = Packing { source, kept, desc, format, size, order: &order, packed: &packed };
-        packing.refined(steps(source, kept.largest, &desc.blocks, format))
+        let packing = Packing { source, kept, desc, format, size, order: &order, packed: &packed, cut: &cut };
+        packing.refined(steps((source, kept)))
     });
     groups.collect()
+}
+
+/// Steps of a group, by triple.
+type Steps = [f32; TRIPLES];
+
+/// Rearranges the order of vertices, of all groups and their steps, so that entries of `small` are smaller.
+fn order_alike(order: &mut [u32], kept: &[Kept], steps: &[Steps], size: usize) {
+    let mut moves = vec![vec![]; order.len()];
+    let all = kept.iter().zip(steps).flat_map(|(kept, steps)| kept.targets.iter().map(move |target| (target, steps)));
+    for (number, (target, steps)) in all.enumerate() {
+        for (vertex, delta) in target {
+            let rounded = std::array::from_fn(|c| quantise(delta[c], f64::from(steps[c / TRIPLE])));
+            moves[*vertex as usize].push((number, rounded));
+        }
+    }
+    alike::regroup(order, &moves, size, |vertices, low, high| small::entry_bits(size, vertices, low, high));
+}
+
+/// Whether a vertex is of a welded set that is in several blocks.
+fn cut(welds: &[u32], packed: &[u32], size: u32) -> Vec<bool> {
+    let mut cut = vec![false; packed.len()];
+    for (vertex, first) in welds.iter().enumerate() {
+        cut[*first as usize] |= packed[vertex] / size != packed[*first as usize] / size;
+    }
+    welds.iter().enumerate().for_each(|(vertex, first)| cut[vertex] = cut[*first as usize]);
+    cut
 }
 
 struct Packing<'a> {
@@ -136,6 +169,8 @@ struct Packing<'a> {
     /// Packed → user order, and its inverse.
     order: &'a Arc<[u32]>,
     packed: &'a [u32],
+    /// Vertices of welded sets that are in several blocks.
+    cut: &'a [bool],
 }
 
 impl Packing<'_> {
@@ -159,6 +194,27 @@ impl Packing<'_> {
         Ok(packed)
     }
 
+    /// By how much a delta may be off, by triple. Vertices that are welded round alike: those of one block because
+    /// their deltas are equal, others to nearest.
+    fn slack(&self, (at, delta): &Lane) -> [f64; TRIPLES] {
+        let vertex = self.order[*at as usize] as usize;
+        let mut slack = [0.0; TRIPLES];
+        for place in self.source.streams.iter().filter(|_| !self.cut[vertex]) {
+            slack[place.first / TRIPLE] = match place.semantic.measure() {
+                Measure::Length => f64::from(self.desc.blocks.position_error) * f64::from(self.source.mesh.diagonal),
+                // As far from the tip of the direction as its side of this angle.
+                Measure::Angle => {
+                    let (base, numbers) = (self.source.base(vertex), place.morphing_components());
+                    let length =
+                        numbers.map(|c| (f64::from(base[c]) + f64::from(delta[c])).powi(2)).sum::<f64>().sqrt();
+                    f64::from(self.desc.blocks.normal_error_degrees).to_radians().sin() * length.min(1.0)
+                }
+                Measure::Absolute => 0.0,
+            } * (1.0 - 1e-6);
+        }
+        slack
+    }
+
     fn with(&self, steps: [f32; TRIPLES]) -> Result<PackedGroup> {
         let (mesh, size) = (self.source.mesh, self.size);
         let padded = self.order.len().next_multiple_of((size as usize).max(VERTEX_PADDING));
@@ -169,7 +225,12 @@ impl Packing<'_> {
             let mut deltas: Vec<Lane> = deltas.iter().map(|(v, d)| (self.packed[*v as usize], *d)).collect();
             sort(&mut deltas);
             for run in deltas.chunk_by(|a, b| a.0 / size == b.0 / size) {
-                entries.push((run[0].0 / size, t as u32, run.iter().map(|(at, d)| (at % size, *d)).collect()));
+                let mut lanes: Vec<Lane> = run.iter().map(|(at, d)| (at % size, *d)).collect();
+                if self.format.has_records() {
+                    let slack: Vec<_> = run.iter().map(|lane| self.slack(lane)).collect();
+                    small::narrow(steps, &mut lanes, &slack);
+                }
+                entries.push((run[0].0 / size, t as u32, lanes));
             }
         }
         entries.sort_by_key(|(block, ..)| *block);

@@ -146,6 +146,9 @@ pub(crate) trait DenseFormat {
 /// A vertex's index (in its block, or the user's) and delta.
 pub(crate) type Lane = (u32, [f32; POSE_FLOATS]);
 
+/// A delta in steps.
+pub(crate) type Integers = [i32; POSE_FLOATS];
+
 /// Most bits of an integer in any format, by triple.
 pub(crate) const INTEGER_BITS: [u32; TRIPLES] = [18, 14];
 
@@ -222,7 +225,7 @@ fn fixed(entry: usize, length: usize) -> Range<usize> {
 }
 
 /// The integer nearest to `value / step`.
-fn quantise(value: f32, step: f64) -> i32 {
+pub(super) fn quantise(value: f32, step: f64) -> i32 {
     (f64::from(value) / step).round() as i32
 }
 

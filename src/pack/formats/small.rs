@@ -11,7 +11,7 @@
 //! A target mostly moves the vertices of a block alike; the offset keeps their common part out of the records. Offsets
 //! in eighths of an integer's range cost no more integer bits than exact minima would.
 
-use super::{BlockFormat, INTEGER_BITS, Lane, quantise};
+use super::{BlockFormat, INTEGER_BITS, Integers, Lane, quantise};
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::pack::POSE_FLOATS;
 use bytemuck::cast_slice;
@@ -63,7 +63,49 @@ impl Field {
             (offset >= -most - 1 && high < reached).then_some((width, offset))
         };
         // At full width, every valid component fits.
-        (0..INTEGER_BITS[0]).find_map(fits).unwrap_or((INTEGER_BITS[0], low >> (INTEGER_BITS[0] - 3)))
+        let least = 32 - (high - low).max(0).leading_zeros();
+        (least..INTEGER_BITS[0]).find_map(fits).unwrap_or((INTEGER_BITS[0], low >> (INTEGER_BITS[0] - 3)))
+    }
+}
+
+/// The fewest bits of an entry of `vertices` records, with components from `low` to `high`.
+pub(in crate::pack) fn entry_bits(size: usize, vertices: usize, low: &Integers, high: &Integers) -> usize {
+    let record: u32 = low.iter().zip(high).map(|(low, high)| Field::fitting(*low, *high).0).sum();
+    let mask = if vertices < size { size / LANES } else { 0 };
+    32 * (Small.header_words() + mask + (record as usize * vertices).div_ceil(32))
+}
+
+/// Rounds the deltas of an entry to steps, not always to the nearest: where records then have fewer bits, and no delta
+/// is off by more than its `slack`, by triple. Zero stays zero.
+pub(in crate::pack) fn narrow(steps: [f32; TRIPLES], lanes: &mut [Lane], slack: &[[f64; TRIPLES]]) {
+    for (triple, step) in steps.map(f64::from).into_iter().enumerate() {
+        let exact = |(_, delta): &Lane| -> [f64; TRIPLE] {
+            std::array::from_fn(|i| f64::from(delta[TRIPLE * triple + i]) / step)
+        };
+        let mut rounded: Vec<[i32; TRIPLE]> = lanes.iter().map(|lane| exact(lane).map(|d| d.round() as i32)).collect();
+        for c in 0..TRIPLE {
+            let bounds = lanes.iter().zip(slack).zip(&rounded).map(|((lane, slack), rounded)| {
+                let (exact, nearest) = (exact(lane), rounded[c]);
+                let off = |i: usize| (exact[i] - f64::from(rounded[i])).powi(2);
+                let others: f64 = (0..TRIPLE).filter(|i| *i != c).map(off).sum();
+                let reach = ((slack[triple] / step).powi(2) - others).max(0.0).sqrt();
+                let [low, high] = [(exact[c] - reach).ceil() as i32, (exact[c] + reach).floor() as i32];
+                if exact[c] == 0.0 { (0, 0) } else { (low.min(nearest), high.max(nearest)) }
+            });
+            // From where the last one may begin to where the first one has to end.
+            let (low, high) = bounds.fold((i32::MAX, i32::MIN), |(a, b), (low, high)| (a.min(high), b.max(low)));
+            let components = || rounded.iter().map(|q| q[c]);
+            let widest = Field::fitting(components().min().unwrap_or(0), components().max().unwrap_or(0)).0;
+            let (width, offset) = Field::fitting(low, high);
+            if width < widest {
+                let least = Field::new(width, offset).least;
+                rounded.iter_mut().for_each(|q| q[c] = q[c].clamp(least, least + (1 << width) - 1));
+            }
+        }
+        for ((_, delta), rounded) in lanes.iter_mut().zip(rounded) {
+            let delta = delta[TRIPLE * triple..].iter_mut();
+            delta.zip(rounded).for_each(|(delta, rounded)| *delta = (f64::from(rounded) * step) as f32);
+        }
     }
 }
 
@@ -144,7 +186,7 @@ impl BlockFormat for Small {
 
     fn encode(&self, size: usize, steps: [f32; TRIPLES], lanes: &[Lane], [headers, deltas]: [&mut Vec<u32>; 2]) {
         let mut mask = vec![0u32; size / 32];
-        let mut kept: Vec<[i32; POSE_FLOATS]> = vec![];
+        let mut kept: Vec<Integers> = vec![];
         for (lane, delta) in lanes {
             let q = std::array::from_fn(|i| quantise(delta[i], f64::from(steps[i / TRIPLE])));
             if q != [0; POSE_FLOATS] {
