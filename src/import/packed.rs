@@ -160,11 +160,11 @@ mod tests {
         write(&path, &asset, &clips).unwrap();
         assert_eq!((Asset::read(&path).unwrap(), super::clips(&path).unwrap()), (asset.clone(), clips.to_vec()));
         let bytes = std::fs::read(&path).unwrap();
-        assert_eq!(bytes[8], 5);
-        // Files without clips are those of version 4.
+        assert_eq!(bytes[8], 7);
+        // Files without clips are those of version 6.
         write(&path, &asset, &[]).unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), asset.to_bytes().unwrap());
-        assert_eq!((asset.to_bytes().unwrap()[8], super::clips(&path).unwrap()), (4, vec![]));
+        assert_eq!((asset.to_bytes().unwrap()[8], super::clips(&path).unwrap()), (6, vec![]));
         let opened = super::super::open(&path, &Default::default()).unwrap();
         assert!(opened.clips.is_empty());
         for (clip, part) in [

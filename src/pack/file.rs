@@ -4,7 +4,7 @@
 //! padded with zeros to a multiple of 8 bytes, without gaps.
 //!
 //! ```text
-//! header    magic "DMORPH\r\n"   version u32 = 4, or 5 with clips   sections u32
+//! header    magic "DMORPH\r\n"   version u32 = 6, or 7 with clips   sections u32
 //! table     [section][id u32, checksum u32, offset u64, length u64]
 //!           checksum of header and table u32   zero u32
 //!
@@ -19,7 +19,7 @@
 //! 10  corner texcoords    [corner] u32, 0xffffffff: none; empty if no corner has one
 //! 11  texcoords           [texcoord][u v] f32
 //! 13  welds               [user's vertex] the first vertex at its position (or itself) u32; empty if none is welded
-//! 14  clips               version 5: weight clips, see `import::packed`; meshes are read without them
+//! 14  clips               version 7: weight clips, see `import::packed`; meshes are read without them
 //!
 //! then for each group g of streams, with 256 g added to the id:
 //! 12  group               streams u32   blocks u32   entries u32   words u32   steps of both triples f32 f32
@@ -28,13 +28,14 @@
 //!                         6 masks; errors in input units, degrees, degrees, and absolute)
 //!  3  base pose           [packed vertex][six f32], without padding; positions as in the input, even if recentred
 //!  5  first entries       [block + 1] u32
-//!  6  entry targets       [entry] u32
+//!  6  entry targets       [entry] u16
 //!  7  words               [word] u32: headers and deltas, see blocks
 //! ```
 //!
-//! Versions 2 to 4 are read too, except meshes in format `small` of versions 2 and 3, whose words have changed. Version 2
-//! has sections 1 to 11 once each, in the order of their ids, for position and normal. Its section 'meta' also holds the
-//! numbers of 'group': blocks, entries and words after targets, the steps before the diagonal, the errors at the end.
+//! Versions 2 to 5 are read too, except meshes in format `small` of versions 2 and 3, whose words have changed. Their
+//! entry targets are u32; versions 2 to 4 have no clips. Version 2 has sections 1 to 11 once each, in the order of
+//! their ids, for position and normal. Its section 'meta' also holds the numbers of 'group': blocks, entries and words
+//! after targets, the steps before the diagonal, the errors at the end.
 //!
 //! Checksums are CRC-32 (as in zlib). Reading any file takes at most 24 times its size in memory for each group of
 //! streams (at most 16), plus 16 KiB: counts are checked against section lengths, and those against the file, before

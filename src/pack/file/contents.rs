@@ -80,7 +80,8 @@ pub(super) fn write(asset: &Asset, clips: Option<Vec<u8>>) -> Result<Vec<u8>> {
             ((GROUP, i), bytes_of(head)),
             ((BASE, i), bytes_of(base.map(f32::to_bits))),
             ((FIRST_ENTRIES, i), bytes_of(index.parts.first_entry.iter().copied())),
-            ((ENTRY_TARGETS, i), bytes_of(index.parts.entry_target.iter().copied())),
+            // Of fewer than `TARGETS_MAX`.
+            ((ENTRY_TARGETS, i), index.parts.entry_target.iter().flat_map(|t| (*t as u16).to_le_bytes()).collect()),
             ((WORDS, i), bytes_of(group.deltas().iter().copied())),
         ]);
     }
@@ -93,11 +94,21 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
     let sections = split(path, bytes)?;
     let refuse = |place: Place, what: String| malformed(path, Some(place), what, INCONSISTENT);
     // Counts are checked against section lengths before allocation.
-    let checked = |place: Place, count: usize, stride: usize, of: &str| {
+    let sized = |place: Place, count: usize, stride: usize, of: &str| {
         let bytes = sections.get(place);
         let needed = count as u64 * stride as u64;
         let what = || format!("has {} bytes; {count} {of} take {needed}", bytes.len());
-        if bytes.len() as u64 == needed { Ok(words_of(bytes)) } else { Err(refuse(place, what())) }
+        if bytes.len() as u64 == needed { Ok(bytes) } else { Err(refuse(place, what())) }
+    };
+    let checked = |place, count, stride, of: &str| sized(place, count, stride, of).map(words_of);
+    let targets_of = |place, entries| match sections.are_wide() {
+        true => checked(place, entries, 4, "entries"),
+        false => Ok(sized(place, entries, 2, "entries")?
+            .as_chunks()
+            .0
+            .iter()
+            .map(|b| u16::from_le_bytes(*b).into())
+            .collect()),
     };
     let optional = |section, count, of| match sections.get((section, 0)).is_empty() {
         true => Ok(vec![]),
@@ -157,7 +168,7 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
             weight_max,
             error: head.error,
             first_entry: checked((FIRST_ENTRIES, i), head.blocks.saturating_add(1), 4, "blocks and one")?,
-            entry_target: checked((ENTRY_TARGETS, i), head.entries, 4, "entries")?,
+            entry_target: targets_of((ENTRY_TARGETS, i), head.entries)?,
         };
         let targets = targets.iter().copied();
         let group = PackedGroup::in_blocks(name, diagonal, targets, streams.clone(), parts, base, words);

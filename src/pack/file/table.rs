@@ -6,8 +6,10 @@ use std::path::Path;
 /// Magic bytes. A transfer in text mode changes the line end, and is detected.
 const MAGIC: [u8; 8] = *b"DMORPH\r\n";
 /// The version written without clips, with clips, and the oldest one read.
-const VERSION: u32 = 4;
-const WITH_CLIPS: u32 = 5;
+const VERSION: u32 = 6;
+const WITH_CLIPS: u32 = 7;
+/// The last version whose entry targets have 32 bits; with clips.
+const WIDE_WITH_CLIPS: u32 = 5;
 pub(super) const OLDEST_VERSION: u32 = 2;
 /// Most groups of a file, since some data is kept per target and group.
 pub(super) const GROUPS_MAX: usize = 16;
@@ -42,7 +44,7 @@ pub(super) const GROUP: Section = Section(12, "group");
 pub(super) const WELDS: Section = Section(13, "welds");
 pub(super) const CLIPS: Section = Section(14, "clips");
 
-/// Sections that occur once, in file order; the last one since version 5.
+/// Sections that occur once, in file order; the last one in files with clips.
 const ONCE: [Section; 9] = [META, NAMES, ORDER, FACES, CORNERS, CORNER_TEXCOORDS, TEXCOORDS, WELDS, CLIPS];
 /// Sections of each group, which follow.
 const EACH: [Section; 5] = [GROUP, BASE, FIRST_ENTRIES, ENTRY_TARGETS, WORDS];
@@ -57,7 +59,7 @@ pub(super) type Place = (Section, usize);
 pub(super) fn places(version: u32, sections: usize) -> Option<Vec<Place>> {
     let (once, each) = match version {
         OLDEST_VERSION => (&OLD[..], &[][..]),
-        WITH_CLIPS => (&ONCE[..], &EACH[..]),
+        WIDE_WITH_CLIPS | WITH_CLIPS => (&ONCE[..], &EACH[..]),
         _ => (&ONCE[..8], &EACH[..]),
     };
     let rest = sections.checked_sub(once.len())?;
@@ -79,6 +81,11 @@ pub(super) struct Sections<'a> {
 }
 
 impl<'a> Sections<'a> {
+    /// Whether entry targets have 32 bits.
+    pub fn are_wide(&self) -> bool {
+        self.version <= WIDE_WITH_CLIPS
+    }
+
     pub fn get(&self, place: Place) -> &'a [u8] {
         self.contents.iter().find(|(at, _)| *at == place).map_or(&[], |(_, bytes)| bytes)
     }

@@ -2,7 +2,7 @@
 
 mod hostile;
 
-use super::table::{OLDEST_VERSION, repair};
+use super::table::{ENTRY_TARGETS, OLDEST_VERSION, join, places, repair, split};
 use super::*;
 use crate::asset::Corner;
 use crate::cpu::CpuCrowd;
@@ -130,6 +130,23 @@ fn what_was_packed_comes_back() {
     assert!(Asset::read(&dir.path().join("none")).unwrap_err().to_string().contains("cannot read"));
 }
 
+/// A file in a version before 6.
+fn wide(bytes: &[u8], version: u8) -> Vec<u8> {
+    let sections = split(Path::new("head.dmorph"), bytes).unwrap();
+    let content = |place| {
+        let content = sections.get(place).to_vec();
+        match place.0 == ENTRY_TARGETS {
+            true => content.chunks(2).flat_map(|target| [target[0], target[1], 0, 0]).collect(),
+            false => content,
+        }
+    };
+    let places = places(6, bytes[12].into()).unwrap();
+    let mut bytes = join(&places.into_iter().map(|place| (place, content(place))).collect::<Vec<_>>());
+    bytes[8] = version;
+    repair(&mut bytes);
+    bytes
+}
+
 #[test]
 fn files_of_older_versions_are_read_as_they_were_packed() {
     // The source: the built-in head of that version.
@@ -140,12 +157,10 @@ fn files_of_older_versions_are_read_as_they_were_packed() {
         let bytes = std::fs::read(&path).unwrap();
         assert_eq!(bytes[8..12], OLDEST_VERSION.to_le_bytes());
         let asset = Asset::pack(&kept, &PackDesc::new(format)).unwrap();
-        // Version 3 has today's sections.
-        let mut bytes_3 = asset.to_bytes().unwrap();
-        bytes_3[8] = 3;
-        repair(&mut bytes_3);
-        for (version, bytes) in [(2, &bytes), (3, &bytes_3)] {
-            if format == DeltaFormat::Small {
+        // Versions 3 and 4 have today's sections, with entry targets of 32 bits.
+        let [bytes_3, bytes_4] = [3, 4].map(|version| wide(&asset.to_bytes().unwrap(), version));
+        for (version, bytes) in [(2, &bytes), (3, &bytes_3), (4, &bytes_4)] {
+            if format == DeltaFormat::Small && version < 4 {
                 let text = message(bytes);
                 let part = format!("'small' deltas as version {version} has them");
                 assert!(text.contains(&part) && text.contains("pack the mesh again"), "{text}");
