@@ -100,11 +100,14 @@ fn pictures_are_bevys_and_targets_leave_the_device() {
     scene.show(33);
     let ours = scene.picture().expect("a picture");
     assert_eq!(probe.lock().elements, room(6), "twice as much as before");
-    // A head is removed, another one added, which reuses its place.
+    // A head is removed, another one added, which reuses its instance. It stands elsewhere than the first: where two
+    // surfaces coincide, rounding decides which of them is seen.
     let gone = scene.heads.remove(1);
+    let place = *scene.app.world().get::<Transform>(gone).expect("a place");
     scene.app.world_mut().despawn(gone);
     let mut other = scene.app.world_mut().entity_mut(first);
     let other = other.clone_and_spawn();
+    scene.app.world_mut().entity_mut(other).insert(place);
     scene.heads.push(other);
     scene.show(47);
     let again = scene.picture().expect("a picture");
