@@ -61,12 +61,16 @@ pub struct DeltamorphSettings {
     /// Largest absolute weight (above 0, up to 255): entities with a larger one keep their current shape. A smaller
     /// limit makes the grid of displacements finer.
     pub weight_max: f32,
+    /// Largest error of a normal or tangent by one target at weight 1, in degrees (above 0; entries of
+    /// [`DeltaFormat::Fast`] and [`DeltaFormat::Pair`] may exceed it). Errors of targets add up, so a face with many
+    /// large weights may show them: a smaller one takes more memory.
+    pub normal_error_degrees: f32,
 }
 
 impl Default for DeltamorphSettings {
-    /// Enabled, in the format `fast`, weights up to 4.
+    /// Enabled, in the format `fast`, weights up to 4, normals within 0.5°.
     fn default() -> Self {
-        Self { enabled: true, format: DeltaFormat::Fast, weight_max: 4.0 }
+        Self { enabled: true, format: DeltaFormat::Fast, weight_max: 4.0, normal_error_degrees: 0.5 }
     }
 }
 

@@ -80,7 +80,7 @@ impl Morphed {
             return Err(invalid(text, "show fewer of the mesh, or one with fewer vertices"));
         }
         let mut desc = morph.pack_desc(settings.format);
-        desc.blocks = desc.blocks.weight_max(settings.weight_max);
+        desc.blocks = desc.blocks.weight_max(settings.weight_max).normal_error_degrees(settings.normal_error_degrees);
         let packed = PackedMesh::pack(&source(mesh)?.to_mesh(Tolerance::default())?, &desc)?;
         let layout = packed.layout();
         let mut order: Vec<u32> = (0..vertices as u32).collect();

@@ -12,7 +12,8 @@ use bevy::mesh::morph::MeshMorphWeights;
 use bevy::mesh::{MeshAttributeCompressionFlags, MeshCompressionArgs};
 use bevy::prelude::*;
 use bevy::render::settings::InstanceFlags;
-use deltamorph_bevy::BevyMorphing;
+use deltamorph_bevy::deltamorph::glam;
+use deltamorph_bevy::{BevyMorphing, DeltamorphSettings};
 use layers::{listen, messages};
 use probe::Probe;
 use scene::{Face, Scene, SceneDesc, difference};
@@ -42,10 +43,13 @@ fn scene(probe: &Probe) -> (Scene, u64) {
 }
 
 fn scene_of(probe: &Probe, desc: &SceneDesc) -> (Scene, u64) {
+    scene_with(probe, desc, &Face::head(1_500, TARGETS as usize, 0.12).expect("a head"))
+}
+
+fn scene_with(probe: &Probe, desc: &SceneDesc, face: &Face) -> (Scene, u64) {
     listen();
     drop(messages());
-    let face = Face::head(1_500, TARGETS as usize, 0.12).expect("a head");
-    let mut scene = Scene::new(desc, &face, |app| probe.add_to(app)).expect("a scene");
+    let mut scene = Scene::new(desc, face, |app| probe.add_to(app)).expect("a scene");
     probe.lock().mesh = Some(scene.mesh.id());
     let world = scene.app.world();
     let mesh = world.resource::<Assets<Mesh>>().get(&scene.mesh).expect("a mesh");
@@ -187,6 +191,30 @@ fn without_targets_a_head_is_as_at_rest() {
     assert!(beyond <= ALLOWED.1, "{largest} of 255, {beyond} of the pixels");
     let (_, moved) = difference(&moved, &none, ALLOWED.0);
     assert!(moved > 10.0 * ALLOWED.1, "{moved}");
+    silent();
+}
+
+#[test]
+fn normal_errors_of_targets_add_up_and_can_be_set() {
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let probe = Probe::default();
+    let mut face = Face::head(1_500, TARGETS as usize, 0.8).expect("a head");
+    // Each target turns normals by less than the default error, all of them by 12° in the same direction.
+    for target in &mut face.morphs.targets {
+        target.normals.fill(glam::Vec3::X * 0.4_f32.to_radians());
+    }
+    face.clip = vec![vec![1.0; TARGETS as usize]];
+    let (mut scene, _) = scene_with(&probe, &SceneDesc { heads: 1, tangents: false, motion: false, ..DESC }, &face);
+    let mut look = |is_bevys, degrees| {
+        scene.morph_by_bevy(is_bevys);
+        scene.app.world_mut().resource_mut::<DeltamorphSettings>().normal_error_degrees = degrees;
+        scene.picture().expect("a picture")
+    };
+    let (bevys, coarse, fine) = (look(true, 0.5), look(false, 0.5), look(false, 0.02));
+    let (largest, beyond) = difference(&fine, &bevys, ALLOWED.0);
+    assert!(beyond <= ALLOWED.1, "{largest} of 255, {beyond} of the pixels beyond {}", ALLOWED.0);
+    let (_, turned) = difference(&coarse, &bevys, ALLOWED.0);
+    assert!(turned > 10.0 * ALLOWED.1, "{turned}");
     silent();
 }
 
