@@ -185,7 +185,7 @@ fn add_alone<T: RowSum, const S: usize>(
         });
         in_rows = format.has_records();
         if in_rows {
-            rows.fill([T::default(); _]);
+            rows.fill(Row::default());
             for (header, deltas, factors, new, _) in entries {
                 let records = Records::new(S, header, deltas);
                 match new {
@@ -275,7 +275,7 @@ impl<const S: usize> Turned<S> {
 
     fn take<T: Pod>(&mut self, rows: &[Row<T>; S]) {
         for (vertex, row) in self.vertices.iter_mut().zip(rows) {
-            let [a, b, c, _] = cast(*row);
+            let [a, b, c, _] = cast(row.0);
             *vertex = [a, b, c];
         }
     }

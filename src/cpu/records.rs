@@ -2,16 +2,22 @@
 //! components.
 
 use crate::asset::streams::{TRIPLE, TRIPLES};
-use crate::pack::POSE_FLOATS;
 use crate::pack::formats::small::{BYTES, LANES, Records};
 use crate::pack::poses::sums::{Rounded, Sum, half};
 use fearless_simd::prelude::*;
-use fearless_simd::{f32x8, i32x8, u8x16, u8x32, u32x8};
+use fearless_simd::{f32x8, i32x8, u8x16, u8x32, u32x8, u64x4};
 
 const ROW: usize = 8;
 
-/// Sums of a vertex; the last two mean nothing.
-pub(super) type Row<T> = [T; ROW];
+/// Records that take whole bytes, as many as one takes bits.
+const EIGHT: usize = 8;
+/// Numbers in memory, from where one instruction fills a vector.
+static NUMBERS: [u32; 8] = [0, 1, 2, 3, 4, 5, 6, 7];
+
+/// Sums of a vertex, in one cache line; the last two mean nothing.
+#[derive(Clone, Copy, Default)]
+#[repr(align(32))]
+pub(super) struct Row<T>(pub [T; ROW]);
 
 /// [`Sum::add`] for a row.
 pub(super) trait RowSum: Sum {
@@ -37,8 +43,8 @@ impl RowSum for f32 {
 
     #[inline(always)]
     fn add_row<V: Simd, const NEW: bool>(row: &mut Row<f32>, factors: f32x8<V>, delta: i32x8<V>) {
-        let sum = f32x8::load_array(factors.token(), *row) + factors * f32x8::float_from(delta);
-        sum.store_array(row);
+        let sum = f32x8::load_array(factors.token(), row.0) + factors * f32x8::float_from(delta);
+        sum.store_array(&mut row.0);
     }
 }
 
@@ -52,8 +58,8 @@ impl RowSum for i32 {
 
     #[inline(always)]
     fn add_row<V: Simd, const NEW: bool>(row: &mut Row<i32>, factors: i32x8<V>, delta: i32x8<V>) {
-        let sum = i32x8::load_array(factors.token(), *row) + factors * delta;
-        sum.store_array(row);
+        let sum = i32x8::load_array(factors.token(), row.0) + factors * delta;
+        sum.store_array(&mut row.0);
     }
 }
 
@@ -71,7 +77,7 @@ impl RowSum for Rounded {
     #[inline(always)]
     fn add_row<V: Simd, const NEW: bool>(row: &mut Row<Self>, factors: Self::Factors<V>, delta: i32x8<V>) {
         let [new, old, half, dropped] = factors;
-        let row = bytemuck::cast_mut::<_, [i32; ROW]>(row);
+        let row = bytemuck::cast_mut::<_, [i32; ROW]>(&mut row.0);
         let sum = i32x8::load_array(new.token(), *row) + ((new * delta + half) >> dropped);
         let sum = if NEW { sum } else { sum - ((old * delta + half) >> dropped) };
         sum.store_array(row);
@@ -88,28 +94,44 @@ pub(super) fn add<V: Simd, T: RowSum, const NEW: bool>(
     rows: &mut [Row<T>],
 ) {
     let factors = T::factors(simd, factors, dropped);
-    let (mut begins, mut largest, mut least, mut bits) = ([0; ROW], [0; ROW], [0; ROW], 0);
-    for (c, field) in records.fields.iter().enumerate().take(POSE_FLOATS) {
-        (begins[c], largest[c], least[c]) = (bits, (1 << field.width) - 1, field.least);
-        bits += field.width;
-    }
+    let bits = (records.begins >> 56) as u32;
     // Of each component the four bytes from its first one on: at most 7 bits before it, 7 before the record, 18 of it.
-    let (begins, largest, least) =
-        (u32x8::simd_from(simd, begins), u32x8::simd_from(simd, largest), i32x8::simd_from(simd, least));
-    let bytes: u8x32<V> = ((begins >> 3) * 0x0101_0101 + 0x0302_0100).bitcast();
+    let each: u8x32<V> = (u32x8::simd_from(simd, NUMBERS) * 0x0101_0101).bitcast();
+    let begins: u8x32<V> = u64x4::splat(simd, records.begins).bitcast();
+    let begins: u32x8<V> = begins.swizzle_dyn_within_blocks(each).bitcast();
+    let bytes: u8x32<V> = (((begins >> 3) & 0x1f1f_1f1f) + 0x0302_0100).bitcast();
     let begins = begins & 7;
+    let (largest, least) = records.fields(simd);
+    let add = |row: &mut Row<T>, record: &[u8; 16], begins: u32x8<V>| {
+        let record = u8x32::block_splat(u8x16::load_array(simd, *record));
+        let words: u32x8<V> = record.swizzle_dyn_within_blocks(bytes).bitcast();
+        let integers: i32x8<V> = ((words >> begins) & largest).bitcast();
+        T::add_row::<V, NEW>(row, factors, integers + least);
+    };
     let mut from = 0;
     for (word, rows) in rows.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
         let mut mask = records.mask(word);
         let (last, mut at) = (&mut None, from % 8);
         let window = records.window(from, last);
         from += mask.count_ones() * bits;
+        if mask == u32::MAX {
+            let (mut starts, mut shifts) = ([0; EIGHT], [begins; EIGHT]);
+            for i in 0..EIGHT {
+                starts[i] = at as usize / 8;
+                shifts[i] = begins + NUMBERS[at as usize % 8];
+                at += bits;
+            }
+            for (eight, rows) in rows.as_chunks_mut::<EIGHT>().0.iter_mut().enumerate() {
+                let bytes = window[eight * bits as usize % BYTES..].first_chunk().unwrap_or(&[0; 128 + 16]);
+                for (i, row) in rows.iter_mut().enumerate() {
+                    add(row, bytes[starts[i] % 128..].first_chunk().unwrap_or(&[0; 16]), shifts[i]);
+                }
+            }
+            continue;
+        }
         while mask != 0 {
-            let record = window[at as usize / 8 % BYTES..].first_chunk().unwrap_or(&[0; 16]);
-            let words: u32x8<V> =
-                u8x32::block_splat(u8x16::load_array(simd, *record)).swizzle_dyn_within_blocks(bytes).bitcast();
-            let integers: i32x8<V> = ((words >> (at % 8) >> begins) & largest).bitcast();
-            T::add_row::<V, NEW>(&mut rows[mask.trailing_zeros() as usize % LANES], factors, integers + least);
+            let row = &mut rows[mask.trailing_zeros() as usize % LANES];
+            add(row, window[at as usize / 8 % BYTES..].first_chunk().unwrap_or(&[0; 16]), begins + at % 8);
             mask &= mask - 1;
             at += bits;
         }

@@ -15,6 +15,8 @@ use super::{BlockFormat, INTEGER_BITS, Integers, Lane, quantise};
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::pack::POSE_FLOATS;
 use bytemuck::cast_slice;
+use fearless_simd::prelude::*;
+use fearless_simd::{i32x8, u32x8};
 use std::ops::Range;
 
 pub(crate) struct Small;
@@ -34,10 +36,10 @@ const BITS: u32 = 5;
 
 /// Encoding of a component in an entry.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Field {
-    pub width: u32,
+struct Field {
+    width: u32,
     /// Component value of integer 0.
-    pub least: i32,
+    least: i32,
 }
 
 impl Field {
@@ -115,15 +117,20 @@ fn fields(header: &[u32]) -> [Field; POSE_FLOATS] {
     std::array::from_fn(|c| Field::of(header[1 + c / TRIPLE], c % TRIPLE))
 }
 
-/// Bits of a record.
+/// Where the components of a record begin, and in the last two bytes where it ends, a byte each.
 #[inline(always)]
-fn record_bits(header: &[u32]) -> u32 {
-    fields(header).iter().map(|field| field.width).sum()
+fn begins(header: &[u32]) -> u64 {
+    // The widths, five bits each, of a triple from bits 0 and 24 on; then from that of their byte on.
+    let fives = u64::from(header[1] & 0x7fff) | u64::from(header[2]) << 24;
+    let widths = fives & 0x1f_00001f | (fives & 0x3e0_0003e0) << 3 | (fives & 0x7c00_007c00) << 6;
+    widths.wrapping_mul(0x0101_0101_0101_0100)
 }
 
 /// The records of an entry.
 pub(crate) struct Records<'a> {
-    pub fields: [Field; POSE_FLOATS],
+    /// A byte for each component, and two for their end.
+    pub begins: u64,
+    words: [u32; TRIPLES],
     /// Empty: all vertices have one.
     masks: &'a [u32],
     bytes: &'a [u8],
@@ -133,7 +140,19 @@ impl<'a> Records<'a> {
     #[inline(always)]
     pub fn new(size: usize, header: &[u32], deltas: &'a [u32]) -> Self {
         let (masks, records) = deltas.split_at(if header[1] & MASKED == 0 { 0 } else { size / LANES });
-        Self { fields: fields(header), masks, bytes: cast_slice(records) }
+        Self { begins: begins(header), words: [header[1], header[2]], masks, bytes: cast_slice(records) }
+    }
+
+    /// Of each component the largest integer, and the value of integer 0: a [`Field`] in a lane, the last two of which
+    /// mean nothing.
+    #[inline(always)]
+    pub fn fields<V: Simd>(&self, simd: V) -> (u32x8<V>, i32x8<V>) {
+        let [first, second] = self.words;
+        let words = u32x8::simd_from(simd, [first, first, first, second, second, second, second, second]);
+        let widths = (words >> u32x8::simd_from(simd, [0, 5, 10, 0, 5, 10, 0, 0])) & ((1 << BITS) - 1);
+        let offsets: i32x8<V> = (words << u32x8::simd_from(simd, [12, 7, 2, 12, 7, 2, 0, 0])).bitcast();
+        let least = ((offsets >> (32 - BITS)) << widths.bitcast::<i32x8<V>>()) >> 3;
+        (!(u32x8::splat(simd, u32::MAX) << widths), least)
     }
 
     /// Which of the vertices from `word` · 32 on have a record.
@@ -180,7 +199,7 @@ impl BlockFormat for Small {
             let masks = deltas.get(first..first + size / LANES).unwrap_or_default();
             (size / LANES, masks.iter().map(|mask| mask.count_ones() as usize).sum())
         };
-        let bits = record_bits(header) as usize * vertices;
+        let bits = (begins(header) >> 56) as usize * vertices;
         first..first.saturating_add(masks + bits.div_ceil(32))
     }
 
@@ -247,7 +266,8 @@ impl BlockFormat for Small {
         deltas: &[u32],
         mut f: impl FnMut(usize, usize, i32),
     ) {
-        let (records, bits, mut from) = (Records::new(size, header, deltas), record_bits(header), 0);
+        let (records, fields, mut from) = (Records::new(size, header, deltas), fields(header), 0);
+        let bits = (begins(header) >> 56) as u32;
         for word in 0..size / LANES {
             let (mask, last) = (records.mask(word), &mut None);
             let bytes = records.window(from, last);
@@ -258,8 +278,7 @@ impl BlockFormat for Small {
             let mut moves = [0; LANES];
             (0..LANES).for_each(|lane| moves[lane] = -((mask >> lane & 1) as i32));
             let (mut windows, mut begin, mut end) = ([0; LANES], 0, 0);
-            for c in 0..POSE_FLOATS {
-                let Field { width, least } = records.fields[c];
+            for (c, Field { width, least }) in fields.into_iter().enumerate() {
                 if c == 0 || end + width - begin > u32::BITS {
                     begin = end;
                     let mut at = from % 8 + begin;
