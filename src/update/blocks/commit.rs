@@ -50,6 +50,7 @@ impl BlockState {
             }
             if (old != 0) != (new != 0) {
                 for i in incidence {
+                    self.active[i.entry as usize / 64] ^= 1 << (i.entry % 64);
                     self.blocks[i.block as usize].activate(index.costs[i.entry as usize].bytes, old, new);
                 }
             }
@@ -124,6 +125,7 @@ impl BlockState {
                 list.elements[first + *end as usize] =
                     Element { entry: entry as u32, coefficient: unit.coefficient(new, old) };
                 *end += 1;
+                self.active[entry / 64] ^= u64::from((old != 0) != (new != 0)) << (entry % 64);
                 self.blocks[block].activate(index.costs[entry].bytes, old, new);
                 dirty = true;
             }

@@ -71,7 +71,7 @@ impl BlockState {
                 let entry = element.entry as usize;
                 deltas += costs[entry].bytes;
                 sum += unit.size(element.coefficient) * costs[entry].reach;
-                changed.iter_mut().zip(&entry_masks[entry]).for_each(|(c, e)| *c |= e);
+                changed = std::array::from_fn(|i| changed[i] | entry_masks[entry][i]);
             }
             let (magnitude, active) =
                 (index.block_base[block] + self.largest_weight * index.block_reach[block], self.blocks[block]);
@@ -81,7 +81,8 @@ impl BlockState {
             // pose, which fixed-point poses do not load.
             let nearer = base.filter(|(_, base)| (touched || !known) && !exceeded && base.blocks[block].active > 0);
             let nearer = nearer.map(|(source, base)| {
-                let bytes = self.apart(index, block, Some(base)).map(|(entry, ..)| costs[entry].bytes).sum::<u32>();
+                let mut bytes = 0;
+                self.apart(index, block, Some(base), |entry, _, _| bytes += costs[entry].bytes);
                 (bytes, source, base)
             });
             let nearer = nearer.filter(|(bytes, ..)| bytes + *source_bytes < active.active_bytes);

@@ -134,6 +134,8 @@ pub(crate) struct BlockState {
     pub(super) committed: Vec<u32>,
     /// There is an error budget.
     pub(super) per_entry: bool,
+    /// Entries whose committed weight is not 0, a bit each.
+    pub(super) active: Vec<u64>,
     /// The error budget, at most the crowd's.
     budget: f32,
     /// The budget was lowered: all deferred changes have to be checked.
@@ -183,6 +185,7 @@ impl BlockState {
             requested: vec![0; targets],
             committed: vec![0; if per_entry { index.entry_count() } else { targets }],
             per_entry,
+            active: vec![0; index.entry_count().div_ceil(64)],
             budget: group.desc.error_budget,
             lowered: false,
             deferred: false,
@@ -224,18 +227,29 @@ impl BlockState {
         group.stats.bound = group.stats.bound.max(bound);
     }
 
-    /// Entries of a block whose weight differs from that of `base` (`None`: 0), with both weights.
-    pub(super) fn apart<'a>(
-        &'a self,
-        index: &'a BlockIndex,
+    /// Calls `f` with the entries of a block whose weight differs from that of `base` (`None`: 0), and both weights.
+    pub(super) fn apart(
+        &self,
+        index: &BlockIndex,
         block: usize,
-        base: Option<&'a Self>,
-    ) -> impl Iterator<Item = (usize, u32, u32)> {
-        let entries = index.entries(block).map(move |entry| {
-            let at = if self.per_entry { entry } else { index.parts.entry_target[entry] as usize };
-            (entry, self.committed[at], base.map_or(0, |base| base.committed[at]))
-        });
-        entries.filter(|(_, weight, from)| weight != from)
+        base: Option<&Self>,
+        mut f: impl FnMut(usize, u32, u32),
+    ) {
+        let entries = index.entries(block);
+        for word in entries.start / 64..entries.end.div_ceil(64) {
+            let (from, end) = (entries.start.saturating_sub(64 * word), (entries.end - 64 * word).min(64));
+            let mut active = self.active[word] | base.map_or(0, |base| base.active[word]);
+            active &= u64::MAX << from & u64::MAX >> (64 - end);
+            while active != 0 {
+                let entry = 64 * word + active.trailing_zeros() as usize;
+                active &= active - 1;
+                let at = if self.per_entry { entry } else { index.parts.entry_target[entry] as usize };
+                let (weight, from) = (self.committed[at], base.map_or(0, |base| base.committed[at]));
+                if weight != from {
+                    f(entry, weight, from);
+                }
+            }
+        }
     }
 
     /// Lists the entries of [`apart`](Self::apart). Returns their number, and Σ |coefficient| · reach.
@@ -248,11 +262,11 @@ impl BlockState {
         out: &mut [Element],
     ) -> (u32, f32) {
         let (mut count, mut sum) = (0, 0.0);
-        for (entry, weight, from) in self.apart(index, block, base) {
+        self.apart(index, block, base, |entry, weight, from| {
             out[count] = Element { entry: entry as u32, coefficient: unit.coefficient(weight, from) };
             count += 1;
             sum += unit.size(out[count - 1].coefficient) * index.costs[entry].reach;
-        }
+        });
         (count as u32, sum)
     }
 }
