@@ -5,7 +5,7 @@
 /// first word of an instruction is larger; any other number in between comes back as well.
 const IDS: std::ops::Range<u32> = 192..1 << 14;
 
-/// Replaces each id of a module by its difference to the one before, modulo the number of [`IDS`].
+/// Replaces each id of a module by its difference to the one before, modulo the number of `IDS`.
 pub fn to_differences(words: &mut [u32]) {
     let mut before = IDS.start;
     for word in words.iter_mut().filter(|word| IDS.contains(word)) {
