@@ -254,84 +254,81 @@ fn fixed(mesh: &PackedMesh) -> impl Iterator<Item = UpdateDesc> {
     gpu::fixed().into_iter().filter(move |desc| desc.pose.takes(format))
 }
 
-/// Runs `test` on every device with each of these meshes and every pose format.
-fn for_all(
-    meshes: &[(DeltaFormat, u32, bool)],
-    cases: u32,
-    test: impl Fn(&Headless, &Arc<PackedMesh>, UpdateDesc, usize, Frames),
-) {
-    let meshes: Vec<_> = meshes.iter().map(|&(format, size, streams)| packed(format, size, streams)).collect();
+/// What is checked of frames played by a number of heads.
+type Check = fn(&Headless, &Arc<PackedMesh>, UpdateDesc, usize, &Frames);
+
+/// On every device, with each mesh and pose format. Both checks in one test: most of its time the driver compiles their
+/// kernels.
+#[test]
+fn any_history_leaves_the_bits_of_a_full_evaluation() {
+    let meshes = MESHES.map(|(format, size, streams)| packed(format, size, streams));
     gpu::on_every_device(|headless, _| {
         for (mesh, desc) in meshes.iter().flat_map(|mesh| fixed(mesh).map(move |desc| (mesh, desc))) {
-            let desc = desc.path(gpu::path_of(mesh.layout().format));
+            let format = mesh.layout().format;
+            let desc = desc.path(gpu::path_of(format));
             // All batch sizes of blocks.
             let batch = prop_oneof![Just(BatchSize::All), (1..=TARGETS as u32).prop_map(BatchSize::Targets)];
             let strategy = (1u32..=4, batch, 1..=HEADS, any::<bool>(), frames());
-            let config = Config { cases, failure_persistence: None, ..Config::default() };
-            let run = TestRunner::new(config).run(&strategy, |(slots, batch, heads, default, frames)| {
-                // 1 for 16 bits, 4 for 32; or 4.
-                let weight_max = desc.weight_max.filter(|_| !default);
-                let desc = desc.slots(slots).batch(batch).weight_max(weight_max);
-                test(headless, mesh, desc, heads, frames);
-                Ok(())
-            });
-            run.unwrap_or_else(|e| panic!("{}: {e}", headless.caps().name));
+            let checks: [(u32, Check); 2] = [(5, play), (3, play_with_a_budget)];
+            for (cases, check) in checks.into_iter().take(if format.is_blocks() { 2 } else { 1 }) {
+                let config = Config { cases, failure_persistence: None, ..Config::default() };
+                let run = TestRunner::new(config).run(&strategy, |(slots, batch, heads, default, frames)| {
+                    // 1 for 16 bits, 4 for 32; or 4.
+                    let weight_max = desc.weight_max.filter(|_| !default);
+                    let desc = desc.slots(slots).batch(batch).weight_max(weight_max);
+                    check(headless, mesh, desc, heads, &frames);
+                    Ok(())
+                });
+                run.unwrap_or_else(|e| panic!("{}: {e}", headless.caps().name));
+            }
         }
     });
-}
-
-#[test]
-fn any_history_leaves_the_bits_of_a_full_evaluation() {
-    for_all(&MESHES, 5, |headless, mesh, desc, heads, frames| play(headless, mesh, desc, heads, &frames));
 }
 
 /// With an error budget, which blocks have: the same bits on devices and the CPU, no vertex beyond the budget, and,
 /// once the same weights are requested again, the bits of a full evaluation.
-#[test]
-fn what_is_deferred_settles_to_the_bits_of_a_full_evaluation() {
-    for_all(&MESHES[..4], 3, |headless, mesh, desc, heads, frames| {
-        let budget = 0.02 * mesh.layout().diagonal;
-        let desc = desc.error_budget(budget);
-        let grid = desc.grid(mesh.layout()).expect("a grid").expect("integers");
-        let allowed = f64::from(budget + grid.position_error(TARGETS) + 1e-6 * mesh.layout().diagonal);
-        let crowd = CrowdDesc::new(desc).instances(heads as u32);
-        let crowd = HeadlessCrowd::new(headless, mesh, &crowd).expect("a crowd");
-        let mut device = Device { crowd, groups: mesh.groups().len() };
-        let mut cpu = CpuCrowd::new(mesh.clone(), desc.path(UpdatePath::Cpu), heads as u32, 2).expect("a crowd");
-        let mut expected = Expected::new(mesh, desc, heads);
-        let step = |device: &mut Device<'_>, cpu: &mut CpuCrowd| {
-            device.crowd.step(&[]).expect("a step");
-            cpu.update();
-        };
-        for (_, events) in &frames {
-            for (i, event) in events {
-                if let Event::Weights(weights) = event {
-                    let i = i % heads;
-                    let asked = &mut expected.heads[i].asked;
-                    // Small changes, too.
-                    weights.iter().for_each(|(t, w)| asked[*t] = asked[*t] * 0.95 + 0.05 * w * expected.most);
-                    device.crowd.set_weights(i as u32, asked).expect("weights");
-                    cpu.set_weights(i as u32, asked).expect("weights");
-                }
-            }
-            step(&mut device, &mut cpu);
-            for i in 0..heads {
-                let pose = device.poses(i).0;
-                assert!(pose == poses(mesh, &cpu, i as u32), "{} {desc:?}: head {i}", headless.caps().name);
-                let asked: Vec<f32> = expected.heads[i].asked.iter().map(|w| grid.round(*w)).collect();
-                let error = compare(&pose[0].1, &evaluate(mesh, &asked));
-                assert!(error.position <= allowed, "{desc:?}: {error:?} of {allowed:e}");
+fn play_with_a_budget(headless: &Headless, mesh: &Arc<PackedMesh>, desc: UpdateDesc, heads: usize, frames: &Frames) {
+    let budget = 0.02 * mesh.layout().diagonal;
+    let desc = desc.error_budget(budget);
+    let grid = desc.grid(mesh.layout()).expect("a grid").expect("integers");
+    let allowed = f64::from(budget + grid.position_error(TARGETS) + 1e-6 * mesh.layout().diagonal);
+    let crowd = CrowdDesc::new(desc).instances(heads as u32);
+    let crowd = HeadlessCrowd::new(headless, mesh, &crowd).expect("a crowd");
+    let mut device = Device { crowd, groups: mesh.groups().len() };
+    let mut cpu = CpuCrowd::new(mesh.clone(), desc.path(UpdatePath::Cpu), heads as u32, 2).expect("a crowd");
+    let mut expected = Expected::new(mesh, desc, heads);
+    let step = |device: &mut Device<'_>, cpu: &mut CpuCrowd| {
+        device.crowd.step(&[]).expect("a step");
+        cpu.update();
+    };
+    for (_, events) in frames {
+        for (i, event) in events {
+            if let Event::Weights(weights) = event {
+                let i = i % heads;
+                let asked = &mut expected.heads[i].asked;
+                // Small changes, too.
+                weights.iter().for_each(|(t, w)| asked[*t] = asked[*t] * 0.95 + 0.05 * w * expected.most);
+                device.crowd.set_weights(i as u32, asked).expect("weights");
+                cpu.set_weights(i as u32, asked).expect("weights");
             }
         }
-        // Settled, and then idle.
-        step(&mut device, &mut cpu);
         step(&mut device, &mut cpu);
         for i in 0..heads {
-            let (pose, before) = device.poses(i);
-            assert!(pose == expected.evaluate(&expected.heads[i].asked.clone()), "{desc:?}: head {i} has not settled");
-            assert!(before.iter().zip(&pose).all(|(before, pose)| before.as_ref() == Some(&pose.1)), "{desc:?}: still");
+            let pose = device.poses(i).0;
+            assert!(pose == poses(mesh, &cpu, i as u32), "{} {desc:?}: head {i}", headless.caps().name);
+            let asked: Vec<f32> = expected.heads[i].asked.iter().map(|w| grid.round(*w)).collect();
+            let error = compare(&pose[0].1, &evaluate(mesh, &asked));
+            assert!(error.position <= allowed, "{desc:?}: {error:?} of {allowed:e}");
         }
-    });
+    }
+    // Settled, and then idle.
+    step(&mut device, &mut cpu);
+    step(&mut device, &mut cpu);
+    for i in 0..heads {
+        let (pose, before) = device.poses(i);
+        assert!(pose == expected.evaluate(&expected.heads[i].asked.clone()), "{desc:?}: head {i} has not settled");
+        assert!(before.iter().zip(&pose).all(|(before, pose)| before.as_ref() == Some(&pose.1)), "{desc:?}: still");
+    }
 }
 
 /// Plays `frames` frames on the CPU, in each of which a few random weights change, or return to earlier values;
