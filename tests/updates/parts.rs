@@ -62,12 +62,7 @@ fn an_asset_beyond_the_storage_range_runs_in_parts() {
                 (PoseFormat::Fixed32, 1),
                 (PoseFormat::Fixed16, 5),
             ];
-            // As texels, several instances have the kernels of one.
-            let has = |pose: PoseFormat, instances| match pose {
-                PoseFormat::Float32 => !texels || instances == 1,
-                _ => format.has_integers(),
-            };
-            for (pose, instances) in all.into_iter().filter(|(pose, instances)| has(*pose, *instances)) {
+            for (pose, instances) in all.into_iter().filter(|(pose, _)| format.has_integers() || !pose.has_integers()) {
                 let poses = [1 << 20, u64::MAX].map(|range| {
                     within(&driver, texels, range, |headless| {
                         let whole = MorphEngine::mesh_bytes(&packed) <= headless.caps().max_storage_range;

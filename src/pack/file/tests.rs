@@ -140,7 +140,7 @@ fn wide(bytes: &[u8], version: u8) -> Vec<u8> {
             false => content,
         }
     };
-    let places = places(6, bytes[12].into()).unwrap();
+    let places = places(bytes[8].into(), bytes[12].into()).unwrap();
     let mut bytes = join(&places.into_iter().map(|place| (place, content(place))).collect::<Vec<_>>());
     bytes[8] = version;
     repair(&mut bytes);
@@ -157,9 +157,10 @@ fn files_of_older_versions_are_read_as_they_were_packed() {
         let bytes = std::fs::read(&path).unwrap();
         assert_eq!(bytes[8..12], OLDEST_VERSION.to_le_bytes());
         let asset = Asset::pack(&kept, &PackDesc::new(format)).unwrap();
-        // Versions 3 and 4 have today's sections, with entry targets of 32 bits.
+        // Versions 3 to 5 have today's sections, with entry targets of 32 bits.
         let [bytes_3, bytes_4] = [3, 4].map(|version| wide(&asset.to_bytes().unwrap(), version));
-        for (version, bytes) in [(2, &bytes), (3, &bytes_3), (4, &bytes_4)] {
+        let bytes_5 = wide(&asset.to_bytes_with(Some(b"clips".to_vec())).unwrap(), 5);
+        for (version, bytes) in [(2, &bytes), (3, &bytes_3), (4, &bytes_4), (5, &bytes_5)] {
             if format == DeltaFormat::Small && version < 4 {
                 let text = message(bytes);
                 let part = format!("'small' deltas as version {version} has them");
