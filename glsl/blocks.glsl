@@ -62,8 +62,8 @@ uvec2 dropped_once = uvec2(position_dropped, normal_dropped);
 // which returns what an entry adds to a lane's vertices at weight 1, in steps or input units, and the number of bits by
 // which to shift both. With TEXELS it may define PARTS instead, and
 //     load_part(entry, lane, part, position, normal, shifts)
-// which returns the components of one part of the entry, and zeros; the first part is 0. `part` becomes the next one, or
-// 0 behind the last.
+// which returns the components of one part of the entry, and zeros; the first part is 0. `part` becomes the next one,
+// or 0 behind the last.
 #include "format.glsl"
 
 // The factors of an entry, from the coefficient in the work list, and their product with a delta.

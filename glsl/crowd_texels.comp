@@ -1,6 +1,7 @@
 // crowd.comp for software drivers, where each access costs time per lane, and each subgroup of a workgroup as well: a
 // lane has eight vertices, or four of a block of 32 (so a block is one subgroup), loads four words at once from texel
-// buffers and stores two at once as a 64-bit integer. Loops over arrays are unrolled: an array indexed by a variable would live in memory.
+// buffers and stores two at once as a 64-bit integer. Loops over arrays are unrolled: an array indexed by a variable
+// would live in memory.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #define TEXELS

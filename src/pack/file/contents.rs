@@ -80,7 +80,7 @@ pub(super) fn write(asset: &Asset, clips: Option<Vec<u8>>) -> Result<Vec<u8>> {
             ((GROUP, i), bytes_of(head)),
             ((BASE, i), bytes_of(base.map(f32::to_bits))),
             ((FIRST_ENTRIES, i), bytes_of(index.parts.first_entry.iter().copied())),
-            // Of fewer than `TARGETS_MAX`.
+            // Numbers below `TARGETS_MAX`, which is 65,536.
             ((ENTRY_TARGETS, i), index.parts.entry_target.iter().flat_map(|t| (*t as u16).to_le_bytes()).collect()),
             ((WORDS, i), bytes_of(group.deltas().iter().copied())),
         ]);

@@ -350,7 +350,7 @@ impl Tiles {
         let (mut moved, mut floor) = (0, 0);
         for (width, tile) in self.iter().filter(|(_, tile)| tile.count > 0) {
             let (instances, stride) = (1u64 << width, row_words(width));
-            // PoseSlot poses: each instance's own, or the base pose; fixed-point poses load none for the base pose.
+            // Source poses: each instance's own, or the base pose; fixed-point poses load none for the base pose.
             let sources = if pose.has_integers() && tile.rebuilt != 0 { 0 } else { instances };
             let rows = &self.rows[tile.first as usize..][..tile.count as usize * stride];
             // A mesh without entries has rows that name none.
