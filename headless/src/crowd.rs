@@ -2,6 +2,7 @@
 
 mod after;
 mod read;
+mod times;
 
 use super::Headless;
 use super::draw::PoseDraw;
@@ -297,7 +298,8 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
             crowds.iter_mut().zip(tickets).try_for_each(|(this, ticket)| this.crowd.base_mut().discard(ticket))?;
         }
         let (update, [gpu_ms, draw_ms]) = ran?;
-        let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
+        let load_ms = headless.submitter.load.get().map_or(0.0, |load| load.ms.get());
+        let cpu_ms = start.elapsed().as_secs_f64() * 1e3 - load_ms;
         Ok(Step { update, gpu_ms, draw_ms: draw_ms.filter(|_| copies > 0), cpu_ms })
     }
 

@@ -17,7 +17,7 @@ pub use draw::{PoseUpload, Uploaded};
 pub use wait::wait_idle;
 
 use deltamorph::ash::{self, vk};
-use deltamorph::{DeviceCaps, DeviceDesc, Error, GpuMesh, MorphEngine, Result, setters};
+use deltamorph::{DeviceCaps, DeviceDesc, DeviceTuning, Error, GpuMesh, MorphEngine, Result, setters};
 use std::borrow::Cow;
 use std::ffi::{CStr, c_void};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -48,11 +48,19 @@ pub struct HeadlessDesc {
     pub validation: bool,
     /// Limits to use where the device's are larger, such as [`DeviceCaps::android_baseline`].
     pub limits: Option<DeviceCaps>,
+    /// Tuning to use in place of the device's own, to measure another.
+    pub tuning: Option<DeviceTuning>,
     /// Enable ray queries: VK_KHR_ray_query and what it needs, with buffer device addresses.
     pub ray_queries: bool,
 }
 
-setters!(HeadlessDesc { device: DeviceChoice, validation: bool, limits: Option<DeviceCaps>, ray_queries: bool });
+setters!(HeadlessDesc {
+    device: DeviceChoice,
+    validation: bool,
+    limits: Option<DeviceCaps>,
+    tuning: Option<DeviceTuning>,
+    ray_queries: bool,
+});
 
 /// VK_KHR_ray_query, and what it needs on Vulkan 1.1.
 const RAY_QUERIES: [&CStr; 7] = [
@@ -282,6 +290,7 @@ impl Headless {
         if let Some(limits) = &desc.limits {
             caps.clamp_to(limits);
         }
+        caps.tuning = desc.tuning.unwrap_or(caps.tuning);
         // SAFETY: the physical device is the instance's own.
         let families = unsafe { instance.raw.get_physical_device_queue_family_properties(physical) };
         let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;

@@ -1,13 +1,17 @@
 //! Record, submit, wait: one command buffer, one fence, three timestamps; and readback of buffers.
 
+use super::bandwidth::Load;
 use super::wait::wait_idle;
 use deltamorph::ash::{self, vk};
 use deltamorph::internals::gpu::device::Device;
 use deltamorph::internals::gpu::memory::Buffer;
 use deltamorph::internals::gpu::statistics::MemoryKind;
 use deltamorph::{Error, Result};
-use std::cell::Cell;
+use std::cell::{Cell, OnceCell};
 use std::sync::Arc;
+
+/// Timestamps: before, between and after two parts, and before the load.
+const QUERIES: u32 = 4;
 
 /// Runs command buffers on a queue and waits for them. Queue, pool and fence are used through `&self` without a lock,
 /// so it must not be shared between threads; the cell prevents that.
@@ -20,6 +24,8 @@ pub(super) struct Submitter {
     /// another.
     cmd: Cell<Option<vk::CommandBuffer>>,
     fence: vk::Fence,
+    /// Work before what is timed.
+    pub(super) load: OnceCell<Load>,
     queries: Option<vk::QueryPool>,
     /// Valid bits of a timestamp.
     mask: u64,
@@ -40,13 +46,13 @@ impl Submitter {
         let (cmd, fence) = (Cell::new(None), vk::Fence::null());
         let mask = u64::MAX.checked_shr(64 - timestamp_bits).unwrap_or(0);
         let (tick, queries) = (f64::from(nanoseconds) * 1e-6, None);
-        let queue = (queue, family);
-        let mut this = Self { device: device.clone(), queue, pool, cmd, fence, queries, mask, tick };
+        let (queue, load) = ((queue, family), OnceCell::new());
+        let mut this = Self { device: device.clone(), queue, pool, cmd, fence, load, queries, mask, tick };
         // SAFETY: as above.
         this.fence = unsafe { device.create_fence(&vk::FenceCreateInfo::default(), None) }
             .map_err(Error::vulkan("vkCreateFence"))?;
         if timestamp_bits > 0 && nanoseconds > 0.0 {
-            let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(3);
+            let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(QUERIES);
             // SAFETY: as above; the queue family has timestamps.
             let queries =
                 unsafe { device.create_query_pool(&info, None) }.map_err(Error::vulkan("vkCreateQueryPool"))?;
@@ -117,7 +123,11 @@ impl Submitter {
         let result = self.run(|cmd| {
             if let Some(queries) = self.queries {
                 // SAFETY: the buffer is recording; the query pool is ours and not in use.
-                unsafe { self.device.cmd_reset_query_pool(cmd, queries, 0, 3) };
+                unsafe { self.device.cmd_reset_query_pool(cmd, queries, 0, QUERIES) };
+            }
+            self.stamp(cmd, 3);
+            if let Some(load) = self.load.get() {
+                load.record(cmd);
             }
             let written = Cell::new(0);
             let stamp = || self.stamp(cmd, written.replace(written.get() + 1));
@@ -127,15 +137,23 @@ impl Submitter {
             Ok(result)
         })?;
         let Some(queries) = self.queries else { return Ok((result, [None; 2])) };
-        let mut at = [0u64; 3];
+        let mut at = [0u64; QUERIES as usize];
         // SAFETY: the queries were written by the commands that have finished.
         let read = unsafe {
             let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
             self.device.get_query_pool_results(queries, 0, &mut at, flags)
         };
         // An error here would claim that nothing ran.
-        let ms = |from: u64, to: u64| read.is_ok().then(|| (to.wrapping_sub(from) & self.mask) as f64 * self.tick);
+        let ms = |from, to| read.is_ok().then(|| self.ms(from, to));
+        if let Some(load) = self.load.get() {
+            load.end(ms(at[3], at[0]).unwrap_or(0.0));
+        }
         Ok((result, [ms(at[0], at[1]), ms(at[1], at[2])]))
+    }
+
+    /// Milliseconds from one timestamp to another.
+    pub(super) fn ms(&self, from: u64, to: u64) -> f64 {
+        (to.wrapping_sub(from) & self.mask) as f64 * self.tick
     }
 
     /// Writes a timestamp after all earlier commands have finished and before any later one begins.
