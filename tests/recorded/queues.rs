@@ -318,8 +318,9 @@ fn queues_that_cannot_run_updates_are_refused() {
         });
     };
     let compute = vk::QueueFlags::COMPUTE;
-    refuse(compute, &[0, 7], 0, UpdatePath::Blocks, "queue family 7 of ");
-    refuse(compute, &[], 3, UpdatePath::Blocks, "queue family 3 of ");
+    // No device has that many.
+    refuse(compute, &[0, 97], 0, UpdatePath::Blocks, "queue family 97 of ");
+    refuse(compute, &[], 97, UpdatePath::Blocks, "queue family 97 of ");
     refuse(compute, &[0], 0, UpdatePath::Feedback, "has no graphics, which the passes of this path need");
     refuse(vk::QueueFlags::TRANSFER, &[0], 0, UpdatePath::Blocks, "has no compute");
 }

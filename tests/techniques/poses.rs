@@ -241,7 +241,7 @@ fn a_face_that_stops_has_its_pose_as_previous_pose() {
 
 #[test]
 fn timestamps_cover_the_whole_update() {
-    gpu::on_device("llvmpipe", false, |headless, engine| {
+    gpu::on_device(&gpu::one(), false, |headless, engine| {
         // Large enough for the update to take far longer than a submit.
         let mesh = packed(engine, &testing::mesh(40_000, 8), Float32);
         for path in [UpdatePath::Feedback, UpdatePath::Compute] {

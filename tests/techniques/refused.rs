@@ -60,8 +60,8 @@ fn devices_that_lack_what_a_technique_needs() {
         });
     }
     // Drivers have this feature, which the clamp removes.
-    gpu::on_device("llvmpipe", false, |_, engine| assert!(engine.caps().vertex_stores));
-    gpu::on_device("llvmpipe", true, |_, engine| assert!(!engine.caps().vertex_stores));
+    gpu::on_device(&gpu::one(), false, |_, engine| assert!(engine.caps().vertex_stores));
+    gpu::on_device(&gpu::one(), true, |_, engine| assert!(!engine.caps().vertex_stores));
 }
 
 #[test]

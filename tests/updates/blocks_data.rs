@@ -54,7 +54,7 @@ fn clip_in(variants: &[(DeltaFormat, PoseFormat, u32)], set: &str, clip: &str, e
     let Some((mesh, frames)) = load(set, clip) else { return };
     let frames: Vec<_> = frames.into_iter().step_by(every).collect();
     let diagonal = f64::from(mesh.diagonal);
-    gpu::on_device("llvmpipe", false, |headless, _| {
+    gpu::on_device(&gpu::one(), false, |headless, _| {
         // Each format once: it takes longer than to play some of the frames.
         let mut packed_in = HashMap::new();
         for &(format, pose, slots) in variants {

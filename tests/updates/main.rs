@@ -20,3 +20,4 @@ mod integers;
 mod parts;
 mod readback;
 mod real_data;
+mod tunings;

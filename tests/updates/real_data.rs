@@ -64,7 +64,7 @@ fn whole_clip(set: &str, clip_name: &str) {
     let frames = clip(&folder, clip_name, &kept);
     let diagonal = f64::from(kept.diagonal);
 
-    gpu::on_device("llvmpipe", false, |headless, engine| {
+    gpu::on_device(&gpu::one(), false, |headless, engine| {
         for format in DeltaFormat::DENSE {
             let packed = gpu::packed(engine, &kept, format);
             let most = |path| BatchSize::Targets(engine.caps().batch_max(path, format).expect("a largest batch"));

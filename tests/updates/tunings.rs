@@ -1,0 +1,69 @@
+//! Tuning affects speed only: whatever it is, poses are right, and those of integers are the same.
+
+use crate::gpu;
+use deltamorph::{CrowdDesc, DeltaFormat, DeviceTuning, PackedMesh, PoseFormat, UpdateDesc, testing};
+use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
+
+const HEADS: u32 = 3;
+const TARGETS: usize = 12;
+
+fn weights(head: u32, frame: u32) -> Vec<f32> {
+    (0..TARGETS as u32).map(|t| ((head * 7 + t * 13 + frame * 5) % 17) as f32 / 8.0 - 0.5).collect()
+}
+
+/// Each value of a field on its own, and those for GPUs with wide subgroups together.
+fn tunings(own: DeviceTuning) -> Vec<DeviceTuning> {
+    let plain = |change: &dyn Fn(&mut DeviceTuning)| {
+        let mut tuning = own;
+        (tuning.texels, tuning.masks, tuning.lanes, tuning.few_registers) = (false, false, 1, false);
+        change(&mut tuning);
+        tuning
+    };
+    vec![
+        own,
+        plain(&|_| ()),
+        plain(&|tuning| tuning.widest_tile = 1),
+        plain(&|tuning| tuning.lanes = 64),
+        plain(&|tuning| tuning.few_registers = true),
+        plain(&|tuning| (tuning.lanes, tuning.few_registers) = (64, true)),
+    ]
+}
+
+#[test]
+fn poses_are_the_same_whatever_the_tuning() {
+    let updates = [
+        (DeltaFormat::Small, PoseFormat::Float32),
+        (DeltaFormat::Small, PoseFormat::Fixed32),
+        (DeltaFormat::Small, PoseFormat::Fixed16),
+        (DeltaFormat::Fast, PoseFormat::Fixed16),
+    ];
+    let desc = HeadlessDesc::default().device(DeviceChoice::Name(gpu::one())).validation(true);
+    let own = Headless::new(&desc).expect("a device").caps().tuning;
+    let (mut wrong, mut bits) = (vec![], vec![None; updates.len()]);
+    for tuning in tunings(own) {
+        let headless = Headless::new(&desc.clone().tuning(Some(tuning))).expect("a device");
+        for (&(format, pose), bits) in updates.iter().zip(&mut bits) {
+            let update = UpdateDesc::blocks().pose(pose).weight_max(Some(4.0)).tolerance(1e-2);
+            let mesh = PackedMesh::pack(&testing::mesh(700, TARGETS), &headless.engine().pack_desc(format))
+                .expect("a mesh that fits");
+            let crowd = CrowdDesc::new(update).instances(HEADS).frames_in_flight(1);
+            let mut crowd = HeadlessCrowd::new(&headless, &mesh, &crowd).expect("a crowd");
+            for frame in 0..3 {
+                let weights: Vec<_> = (0..HEADS).map(|head| weights(head, frame)).collect();
+                crowd.step(&weights.iter().map(Vec::as_slice).collect::<Vec<_>>()).expect("a step");
+                for (head, weights) in weights.iter().enumerate() {
+                    let error = gpu::error(&mut crowd, head as u32, &mesh, weights);
+                    if !error.within(1e-5 * f64::from(mesh.layout().diagonal), 0.02) {
+                        wrong.push(format!("{tuning:?} {format:?} {pose:?} frame {frame} head {head}: {error:?}"));
+                    }
+                }
+            }
+            let stored = crowd.read_stored(0, 0).expect("a pose");
+            if pose.has_integers() && *bits.get_or_insert_with(|| stored.clone()) != stored {
+                wrong.push(format!("{tuning:?} {format:?} {pose:?}: other bits"));
+            }
+        }
+        assert_eq!(gpu::complaints(&headless), Vec::<String>::new());
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
