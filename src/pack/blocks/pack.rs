@@ -21,6 +21,11 @@ struct Kept {
     largest: [f32; TRIPLES],
 }
 
+/// How far the tip of a unit vector is from a direction that it is at this angle to, or any larger one.
+fn side(degrees: f64) -> f64 {
+    degrees.min(90.0).to_radians().sin()
+}
+
 fn kept(source: &Source<'_>, desc: &PackDesc) -> Kept {
     let blocks = &desc.blocks;
     let degrees = f64::from(blocks.normal_error_degrees);
@@ -42,7 +47,7 @@ fn kept(source: &Source<'_>, desc: &PackDesc) -> Kept {
                         Measure::Angle => {
                             let base = vector(&source.base(*vertex as usize)[numbers.clone()]);
                             let delta = vector(&delta[numbers.clone()]);
-                            delta.length() <= degrees.to_radians().sin() && angle_degrees(base, base + delta) <= degrees
+                            delta.length() <= side(degrees) && angle_degrees(base, base + delta) <= degrees
                         }
                         Measure::Absolute => delta[numbers.clone()].iter().all(|d| f64::from(d.abs()) <= absolute),
                     };
@@ -78,7 +83,7 @@ fn steps(source: &Source<'_>, largest: [f32; TRIPLES], desc: &BlockDesc, format:
                 };
                 cell * f64::from(desc.position_error) * scale
             }
-            Measure::Angle => cell * f64::from(desc.normal_error_degrees).to_radians().sin(),
+            Measure::Angle => cell * side(desc.normal_error_degrees.into()),
             Measure::Absolute => 2.0 * f64::from(desc.absolute_error),
         };
         for c in place.morphing_components() {
@@ -207,7 +212,7 @@ impl Packing<'_> {
                     let (base, numbers) = (self.source.base(vertex), place.morphing_components());
                     let length =
                         numbers.map(|c| (f64::from(base[c]) + f64::from(delta[c])).powi(2)).sum::<f64>().sqrt();
-                    f64::from(self.desc.blocks.normal_error_degrees).to_radians().sin() * length.min(1.0)
+                    side(self.desc.blocks.normal_error_degrees.into()) * length.min(1.0)
                 }
                 Measure::Absolute => 0.0,
             } * (1.0 - 1e-6);
