@@ -4,6 +4,7 @@
 mod bandwidth;
 mod crowd;
 mod draw;
+mod load;
 mod submit;
 mod turn;
 mod wait;

@@ -1,6 +1,6 @@
 //! Record, submit, wait: one command buffer, one fence, three timestamps; and readback of buffers.
 
-use super::bandwidth::Load;
+use super::load::Load;
 use super::wait::wait_idle;
 use deltamorph::ash::{self, vk};
 use deltamorph::internals::gpu::device::Device;

@@ -239,6 +239,27 @@ fn a_face_that_stops_has_its_pose_as_previous_pose() {
     });
 }
 
+/// A device that is kept busy between timed updates, as GPUs are whose clocks fall, computes the same.
+#[test]
+fn poses_are_those_of_a_device_that_works_between_updates() {
+    gpu::on_device(&gpu::one(), false, |headless, engine| {
+        let mesh = packed(engine, &testing::mesh(300, 8), Fast);
+        let mut crowd = gpu::crowd(headless, &mesh, UpdateDesc::blocks());
+        headless.keep_busy().expect("a load");
+        let times = [0.25, 0.5, 0.75, 1.0, 0.25].map(|weight| {
+            let step = crowd.step(&[&[weight; 8]]).expect("a step");
+            gpu::assert_right(&mut crowd, 0, &mesh, &[weight; 8]);
+            step.gpu_ms.expect("timestamps")
+        });
+        let least = times.into_iter().fold(f64::INFINITY, f64::min);
+        assert!(least < 2.0, "{times:?} ms: the two milliseconds before are not among them");
+        crowd.set_weights(0, &[0.5; 8]).expect("weights");
+        let steps = crowd.step_times().expect("times");
+        assert!(matches!(&steps[..], [("blocks", ms)] if *ms > 0.0), "{steps:?}");
+        gpu::assert_right(&mut crowd, 0, &mesh, &[0.5; 8]);
+    });
+}
+
 #[test]
 fn timestamps_cover_the_whole_update() {
     gpu::on_device(&gpu::one(), false, |headless, engine| {
