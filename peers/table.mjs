@@ -50,7 +50,7 @@ console.log(`# Other engines
 What morphing takes in other engines, and in deltamorph in the same run: milliseconds of a frame less the same frame
 without targets, each waited for (medians of a run's frames, least to most over the runs of a scene, all on one
 machine). In brackets how many times deltamorph's own, run by run. [peers/README.md](../../peers/README.md) has the
-commands, and says how poses are checked: what is timed was right. Software drivers on two cores: no GPU was at hand.
+commands, and says how poses are checked: what is timed was right. Software drivers on two cores.
 
 ${devices.join('\n')}
 `);
