@@ -151,6 +151,9 @@ fn an_altered_delta_gives_a_wrong_pose() {
 #[test]
 fn feedback_rebuilt_at_batch_one_is_a_pass_per_active_target_from_base() {
     gpu::on_device(&gpu::one(), false, |headless, engine| {
+        if engine.caps().check_path(UpdatePath::Feedback).is_err() {
+            return;
+        }
         let mesh = packed(engine, &testing::mesh(200, 9), Float32);
         let desc = UpdateDesc::new(UpdatePath::Feedback, BatchSize::Targets(1)).mode(UpdateMode::Rebuild);
         let mut crowd = gpu::crowd(headless, &mesh, desc);
