@@ -3,6 +3,9 @@
 //!
 //! `./with-vulkan cargo bench --bench crowds [-- DEVICE]`
 
+mod common;
+
+use common::{median, noise};
 use deltamorph::lod::{Camera, Importance, LevelDesc, Place};
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, CrowdDesc, DeltaFormat, PackedMesh, Playback, PoseFormat, Tolerance, UpdateDesc,
@@ -12,17 +15,6 @@ use deltamorph_head::{HeadDesc, head};
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, Step};
 use glam::Vec3;
 use std::time::Instant;
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
-}
-
-/// Numbers in 0..1, the same everywhere.
-fn noise(i: usize) -> f32 {
-    let x = (i as u32).wrapping_mul(0x9E37_79B9);
-    ((x ^ x >> 15).wrapping_mul(0x85EB_CA6B) >> 8) as f32 / (1 << 24) as f32
-}
 
 fn packed(headless: &Headless, desc: &HeadDesc) -> PackedMesh {
     let mesh = head(desc).to_mesh(Tolerance::default()).expect("the built-in head");

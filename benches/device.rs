@@ -5,11 +5,14 @@
 //! the built-in head. Without a list: 1,10,100,1000,10000 heads, which takes a GPU a minute; 1,4 are for a software
 //! driver.
 
+mod common;
+
+use common::{median, noise};
 use deltamorph::import::obj;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    AnimationDesc, BlockDesc, CrowdDesc, DeltaFormat, DeviceTuning, MorphMesh, PackDesc, PackedMesh, Playback,
-    PoseFormat, Result, Tolerance, UpdateDesc, WeightClip,
+    AnimationDesc, BlockDesc, CrowdDesc, DeltaFormat, DeviceTuning, MorphMesh, PackedMesh, Playback, PoseFormat,
+    Result, Tolerance, UpdateDesc, WeightClip,
 };
 use deltamorph_head::{HeadDesc, head};
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
@@ -17,21 +20,10 @@ use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 const WARMUP: usize = 3;
 /// Heads of crowds whose kernels are compared.
 const MANY: usize = 300;
-/// Most heads whose weights come from the host, which plans more more slowly than they run.
+/// Most heads whose weights come from the host, which takes longer to plan more of them than they take to run.
 const PLANNED: usize = 1000;
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
-}
-
-/// Numbers in 0..1, the same everywhere.
-fn noise(i: usize) -> f32 {
-    let x = (i as u32).wrapping_mul(0x9E37_79B9);
-    ((x ^ x >> 15).wrapping_mul(0x85EB_CA6B) >> 8) as f32 / (1 << 24) as f32
-}
-
-/// Weights of a head in a frame: the first `changed` of each run of `targets` numbers change, the others stay.
+/// Weights of a head in a frame: `changed` of them are others in each frame.
 fn weights(frame: usize, head: usize, targets: usize, changed: usize) -> Vec<f32> {
     let is_moving = |t: usize| (t * 7 + head) % targets < changed;
     (0..targets).map(|t| noise(head * 977 + t + if is_moving(t) { (frame + 1) * 7_919_993 } else { 0 })).collect()
@@ -65,7 +57,7 @@ impl Bench {
     }
 
     fn pack(&self, headless: &Headless, format: DeltaFormat, size: Option<u32>) -> PackedMesh {
-        let desc: PackDesc = headless.engine().pack_desc(format);
+        let desc = headless.engine().pack_desc(format);
         PackedMesh::pack(&self.mesh, &desc.blocks(BlockDesc::default().size(size))).expect("a mesh that packs")
     }
 
@@ -103,7 +95,8 @@ impl Bench {
         }
     }
 
-    /// As [`time`](Self::time), of a crowd that plays a clip on the GPU, from which all weights change.
+    /// Median device time in milliseconds of a crowd that plays a clip on the GPU, in each frame of which `changed`
+    /// weights are others, and the times of the steps of one update.
     fn animated(&self, headless: &Headless, packed: &PackedMesh, case: Case) -> Result<(f64, String)> {
         let Case { update, heads, changed, frames } = case;
         let names: Vec<String> = packed.layout().targets.iter().map(|t| t.name.clone()).collect();

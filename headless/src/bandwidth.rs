@@ -8,11 +8,9 @@ use deltamorph::internals::abi::modules::READ;
 use deltamorph::internals::abi::numbers::WORKGROUP;
 use deltamorph::internals::abi::push::ReadPush;
 use deltamorph::internals::gpu::descriptors::{BufferRange, Sets};
-use deltamorph::internals::gpu::device::Device;
 use deltamorph::internals::gpu::memory::Buffer;
 use deltamorph::internals::gpu::pipelines::{Objects, Workgroups};
 use deltamorph::internals::gpu::statistics::MemoryKind;
-use std::sync::Arc;
 
 /// Bandwidth in GB/s (10⁹ bytes).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,7 +34,9 @@ pub(super) struct Reading {
 }
 
 impl Reading {
-    pub(super) fn new(device: &Arc<Device>, bytes: u64) -> Result<Self> {
+    /// Makes the buffers, of which the first is written.
+    pub(super) fn new(headless: &Headless, bytes: u64) -> Result<Self> {
+        let device = headless.engine.device();
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::TRANSFER_SRC
             | vk::BufferUsageFlags::TRANSFER_DST;
@@ -47,15 +47,13 @@ impl Reading {
         objects.add_compute(READ, &[&[]])?;
         let bound = [&from, &to].map(|buffer| BufferRange::new(buffer.raw, 0, bytes));
         let sets = objects.sets(&[bound])?;
+        headless.submitter.run(|cmd| {
+            // SAFETY: recording; the fill covers the buffer.
+            unsafe { device.raw.cmd_fill_buffer(cmd, from.raw, 0, bytes, 0x3f7f_1234) };
+            full_barrier(&device.raw, cmd, vk::PipelineStageFlags::ALL_COMMANDS);
+            Ok(())
+        })?;
         Ok(Self { objects, sets, from, to, bytes })
-    }
-
-    /// Records the first write of the buffer.
-    pub(super) fn fill(&self, cmd: vk::CommandBuffer) {
-        let device = &self.objects.device.raw;
-        // SAFETY: recording; the fill covers the buffer.
-        unsafe { device.cmd_fill_buffer(cmd, self.from.raw, 0, self.bytes, 0x3f7f_1234) };
-        full_barrier(device, cmd, vk::PipelineStageFlags::ALL_COMMANDS);
     }
 
     /// Records the pass.
@@ -74,16 +72,11 @@ impl Headless {
     /// # Errors
     /// Out of memory; the device fails.
     pub fn bandwidth(&self, bytes: u64) -> Result<Option<Bandwidth>> {
-        let device = self.engine.device();
         let most = self.caps().max_storage_range.min(self.caps().max_allocation);
         let bytes = bytes.clamp(16, most) & !15;
-        let reading = Reading::new(device, bytes)?;
-        let (device, submitter) = (&device.raw, &self.submitter);
+        let reading = Reading::new(self, bytes)?;
+        let (device, submitter) = (&self.engine.device().raw, &self.submitter);
         let region = [vk::BufferCopy { src_offset: 0, dst_offset: 0, size: bytes }];
-        submitter.run(|cmd| {
-            reading.fill(cmd);
-            Ok(())
-        })?;
         let mut best = [f64::INFINITY; 2];
         for _ in 0..6 {
             let ((), [copy, read]) = submitter.run_timed(|cmd, next_part| {

@@ -62,11 +62,7 @@ impl Headless {
     #[doc(hidden)]
     pub fn keep_busy(&self) -> Result<()> {
         const PASSES: u32 = 100;
-        let reading = Reading::new(self.engine.device(), LOAD_BYTES)?;
-        self.submitter.run(|cmd| {
-            reading.fill(cmd);
-            Ok(())
-        })?;
+        let reading = Reading::new(self, LOAD_BYTES)?;
         let (begun, mut pass) = (Instant::now(), Duration::MAX);
         while begun.elapsed() < SETTLING {
             let start = Instant::now();

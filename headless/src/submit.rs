@@ -10,8 +10,9 @@ use deltamorph::{Error, Result};
 use std::cell::{Cell, OnceCell};
 use std::sync::Arc;
 
-/// Timestamps: before, between and after two parts, and before the load.
-const QUERIES: u32 = 4;
+/// Timestamps: before, between and after two parts, and before the load, if there is one.
+const QUERIES: u32 = BEFORE_LOAD + 1;
+const BEFORE_LOAD: u32 = 3;
 
 /// Runs command buffers on a queue and waits for them. Queue, pool and fence are used through `&self` without a lock,
 /// so it must not be shared between threads; the cell prevents that.
@@ -125,30 +126,35 @@ impl Submitter {
                 // SAFETY: the buffer is recording; the query pool is ours and not in use.
                 unsafe { self.device.cmd_reset_query_pool(cmd, queries, 0, QUERIES) };
             }
-            self.stamp(cmd, 3);
             if let Some(load) = self.load.get() {
+                self.stamp(cmd, BEFORE_LOAD);
                 load.record(cmd);
             }
             let written = Cell::new(0);
             let stamp = || self.stamp(cmd, written.replace(written.get() + 1));
             stamp();
             let result = f(cmd, &stamp)?;
-            (written.get()..3).for_each(|_| stamp());
+            (written.get()..BEFORE_LOAD).for_each(|_| stamp());
             Ok(result)
         })?;
         let Some(queries) = self.queries else { return Ok((result, [None; 2])) };
         let mut at = [0u64; QUERIES as usize];
+        let written = if self.load.get().is_some() { QUERIES } else { BEFORE_LOAD } as usize;
         // SAFETY: the queries were written by the commands that have finished.
         let read = unsafe {
             let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
-            self.device.get_query_pool_results(queries, 0, &mut at, flags)
+            self.device.get_query_pool_results(queries, 0, &mut at[..written], flags)
         };
         // An error here would claim that nothing ran.
         let ms = |from, to| read.is_ok().then(|| self.ms(from, to));
         if let Some(load) = self.load.get() {
-            load.end(ms(at[3], at[0]).unwrap_or(0.0));
+            load.end(ms(at[BEFORE_LOAD as usize], at[0]).unwrap_or(0.0));
         }
         Ok((result, [ms(at[0], at[1]), ms(at[1], at[2])]))
+    }
+
+    pub(super) fn has_timestamps(&self) -> bool {
+        self.queries.is_some()
     }
 
     /// Milliseconds from one timestamp to another.

@@ -35,7 +35,9 @@ impl<'a> Machine<'a> {
         let spinner = out.spinner("measuring memory bandwidth");
         let largest = (input.kept.vertex_count() * input.kept.targets.len() * DeltaFormat::Float32.stride()) as u64;
         let (cpu_read_gb_s, cpu_copy_gb_s) = bandwidth(largest, args.update.threads.unwrap_or(0)).unzip();
-        gpu.as_ref().map_or(Ok(()), |gpu| gpu.keep_clocks_up())?;
+        if let Some(gpu) = &gpu {
+            gpu.keep_clocks_up()?;
+        }
         let on_device = gpu.as_ref().map_or(Ok(None), |gpu| gpu.bandwidth(largest.max(1 << 20)))?;
         let (device_copy_gb_s, device_read_gb_s) = on_device.map(|b| (b.copy, b.read)).unzip();
         spinner.finish_and_clear();

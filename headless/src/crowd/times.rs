@@ -3,6 +3,7 @@
 use super::HeadlessCrowd;
 use deltamorph::ash::vk;
 use deltamorph::{AnyCrowd, Error, Result};
+use std::slice::from_mut;
 
 /// More than any update has steps.
 const QUERIES: u32 = 256;
@@ -14,32 +15,34 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
     /// # Errors
     /// Those of [`step`](Self::step); more than 255 steps.
     pub fn step_times(&mut self) -> Result<Vec<(&'static str, f64)>> {
-        let Self { headless, crowd, .. } = self;
+        let headless = self.headless;
+        if !headless.submitter.has_timestamps() {
+            return self.step(&[]).map(|_| vec![]);
+        }
         let device = &headless.owned.device;
         let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(QUERIES);
         // SAFETY: the device is alive.
         let pool = unsafe { device.create_query_pool(&info, None) }.map_err(Error::vulkan("vkCreateQueryPool"))?;
-        let ran = headless.submitter.run_timed(|cmd, _| {
-            // SAFETY: recording on the engine's device, on a queue whose timestamps `run_timed` uses too; submitted
-            // once, and waited for, before anything else happens. The pool is reset before its only use.
+        let step = Self::step_all(from_mut(self), &[], 0, |headless, crowds, cmd| {
+            // SAFETY: as in `step_together`; the queue has timestamps, and the pool is reset before its only use and
+            // lives until that has ended.
             unsafe {
                 device.cmd_reset_query_pool(cmd, pool, 0, QUERIES);
-                crowd.base_mut().set_queries(pool, 0, QUERIES);
-                headless.engine.record_update(cmd, crowd)
+                crowds[0].base_mut().set_queries(pool, 0, QUERIES);
+                headless.engine.record_updates(cmd, crowds)
             }
         });
-        let times = ran.and_then(|(update, [total, _])| {
-            let mut at = vec![0u64; update.timestamps as usize];
-            if total.is_none() || at.is_empty() {
-                return Ok(vec![]);
+        let times = step.and_then(|step| {
+            let mut at = vec![0u64; step.update.timestamps as usize];
+            if !at.is_empty() {
+                // SAFETY: as many queries were written by commands that have finished.
+                unsafe { device.get_query_pool_results(pool, 0, &mut at, vk::QueryResultFlags::TYPE_64) }
+                    .map_err(Error::vulkan("vkGetQueryPoolResults"))?;
             }
-            // SAFETY: as many queries were written by commands that have finished.
-            unsafe { device.get_query_pool_results(pool, 0, &mut at, vk::QueryResultFlags::TYPE_64) }
-                .map_err(Error::vulkan("vkGetQueryPoolResults"))?;
-            let names = crowd.base().step_names();
+            let names = self.crowd.base().step_names();
             Ok(names.zip(at.windows(2)).map(|(name, at)| (name, headless.submitter.ms(at[0], at[1]))).collect())
         });
-        // SAFETY: `run_timed` has waited for the only use.
+        // SAFETY: the step has waited for the only use.
         unsafe { device.destroy_query_pool(pool, None) };
         times
     }
