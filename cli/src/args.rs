@@ -156,9 +156,6 @@ pub struct TexturesArgs {
 pub struct InfoArgs {
     #[command(flatten)]
     pub input: InputArgs,
-    /// Write index.html and plots there: error against bytes, and the errors of whole poses (takes seconds)
-    #[arg(long, value_name = "DIR")]
-    pub report: Option<PathBuf>,
 }
 
 /// What `play`, `soak` and `apply` have in common: they update one head.

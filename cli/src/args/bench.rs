@@ -75,21 +75,6 @@ pub struct BenchArgs {
     /// Write no report folder
     #[arg(long, conflicts_with = "report")]
     pub no_report: bool,
-    /// Measure nothing: draw the report of an earlier report.json again
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["input", "weights", "no_report", "suites"])]
-    pub redraw: Option<PathBuf>,
-    /// Measure nothing: compare the report.json of earlier runs with the first of them, configuration by configuration:
-    /// ratios of medians, with the spread of both
-    #[arg(
-        long,
-        value_name = "FILE",
-        num_args = 2..,
-        conflicts_with_all = [
-            "input", "vertices", "targets", "sparsity", "weights", "suites", "redraw", "batch_sizes", "changed", "heads",
-            "shared", "frames", "warmup", "paths", "formats", "modes", "poses", "accumulate", "slots", "device", "report"
-        ]
-    )]
-    pub compare: Vec<PathBuf>,
 }
 
 impl BenchArgs {

@@ -14,7 +14,6 @@ mod sweep;
 #[cfg(test)]
 mod synthetic;
 mod trial;
-mod versus;
 mod workload;
 
 use crate::args::bench::BenchArgs;
@@ -26,19 +25,15 @@ use record::Report;
 use report::{sentences, tables};
 
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
-    if !args.compare.is_empty() {
-        out.check(&args.compare, &[], None)?;
-        return versus::run(args, out);
-    }
     // Checked before minutes are spent on results that could not be written.
     let folder = args.folder();
     out.check(&input::files_of(&args.input, &args.weights), &[], folder)?;
     folder.map_or(Ok(()), report::claim)?;
-    match &args.redraw {
-        Some(path) => finish(&report::read(path)?, args, out),
-        None if args.suites.is_empty() => finish(&sweep::run(args, device, out)?, args, out),
-        None => finish(&suites::run(args, device, out)?, args, out),
-    }
+    let report = match args.suites.is_empty() {
+        true => sweep::run(args, device, out)?,
+        false => suites::run(args, device, out)?,
+    };
+    finish(&report, args, out)
 }
 
 /// Prints the result, and writes the JSON and the report folder.

@@ -88,7 +88,6 @@ fn no_two_outputs_are_one_file() {
         &["pack", &dir, "-o", &file, "--json", &other],
         &["apply", &dir, "--set", "eyeBlinkLeft=1", "-o", &file, "--json", &other],
         &[&BENCH[..], &["--report", &report, "--json", &at("report/index.html")]].concat(),
-        &["info", &dir, "--report", &report, "--json", &at("report/info.json")],
         &["sample", &at("new"), "--json", &at("new/neutral.obj")],
     ] {
         refused(args, 2, "would be written over; name another file");
