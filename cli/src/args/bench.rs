@@ -54,7 +54,7 @@ pub struct BenchArgs {
     /// Frames to run before timing starts
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = values::whole(0usize, 1_000_000))]
     pub warmup: usize,
-    /// Run ready-made comparisons instead, each with a page of its own in the report
+    /// Run ready-made comparisons instead
     #[arg(
         long = "suite",
         value_name = "NAME,…",
@@ -69,7 +69,7 @@ pub struct BenchArgs {
     #[arg(long, value_name = "SECONDS", requires = "suites")]
     #[arg(value_parser = values::number("a number of seconds above 0, at most a day", |v| v > 0.0 && v <= 86_400.0))]
     pub time_limit: Option<f32>,
-    /// Folder for report.json, runs.csv, the plots and index.html [default: bench-report]
+    /// Folder for report.json, runs.csv and index.html [default: bench-report]
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
     /// Write no report folder

@@ -33,9 +33,6 @@ pub struct LodArgs {
     /// Frame to draw in their place, counted from 0, through all clips
     #[arg(long, value_name = "N", requires = "sheet")]
     pub frame: Option<usize>,
-    /// Plot the error against the share of targets kept, beside that of random orders
-    #[arg(long, value_name = "OUT.svg")]
-    pub plot: Option<PathBuf>,
     /// Random orders that the order is compared with
     #[arg(long, value_name = "N", default_value_t = 50, value_parser = values::whole(1usize, 10_000))]
     pub random: usize,

@@ -2,10 +2,13 @@
 
 mod compare;
 mod configs;
+mod group;
 mod interleave;
 mod machine;
+mod page;
 mod record;
 mod report;
+mod sentences;
 mod session;
 pub mod stats;
 mod subject;
@@ -13,6 +16,7 @@ mod suites;
 mod sweep;
 #[cfg(test)]
 mod synthetic;
+mod tables;
 mod trial;
 mod workload;
 
@@ -22,7 +26,6 @@ use crate::output::{Failure, Output};
 use crate::table::count;
 use deltamorph_headless::DeviceChoice;
 use record::Report;
-use report::{sentences, tables};
 
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     // Checked before minutes are spent on results that could not be written.
@@ -103,31 +106,4 @@ fn verdict(report: &Report) -> Result<(), Failure> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn wrong_runs_fail_the_command() {
-        let mut report = synthetic::report();
-        let message = verdict(&report).expect_err("two are wrong").to_string();
-        assert!(message.starts_with("2 of ") && message.contains("feedback float32 batch 8"), "{message}");
-        report.runs.retain(|r| r.verified);
-        assert!(verdict(&report).is_ok());
-        assert!(!sentences::sentences(&report).join(" ").contains("could run"));
-        report.unmeasured.push("feedback".into());
-        let said = sentences::sentences(&report).join(" ");
-        assert!(
-            said.contains("configurations that could run match") && said.contains("could run: feedback."),
-            "{said}"
-        );
-        let message = verdict(&report).expect_err("feedback was named").to_string();
-        assert!(
-            message.starts_with("--paths: feedback: nothing of it") && message.contains("16 attributes"),
-            "{message}"
-        );
-        report.unplayed.push("speech".into());
-        assert!(verdict(&report).is_err_and(|e| e.to_string().starts_with("clip 'speech': no configuration could")));
-        report.runs.clear();
-        assert!(verdict(&report).is_err_and(|e| e.to_string().starts_with("no configuration could run; feedback")));
-    }
-}
+mod tests;

@@ -2,7 +2,7 @@
 
 use super::configs::{Config, Wanted, configurations};
 use super::interleave::{Common, Schedule, interleave};
-use super::record::{Report, Skipped, unused};
+use super::record::{Report, Skipped};
 use super::session::Session;
 use super::subject::Subject;
 use super::trial::Candidate;
@@ -86,7 +86,9 @@ fn clips(args: &BenchArgs, input: &Input) -> Result<Vec<BoundClip>, Failure> {
         let mut clip = input::clip(path, &args.input, input, &[])?;
         // Reports tell workloads apart by name.
         let taken = |name: &str| name == "random" || clips.iter().any(|c| c.name == name);
-        clip.name = unused(&clip.name, " ", taken);
+        let numbered = (2u32..).map(|n| format!("{} {n}", clip.name));
+        let free = std::iter::once(clip.name.clone()).chain(numbered).find(|name| !taken(name));
+        clip.name = free.unwrap_or_default();
         clips.push(clip);
     }
     Ok(clips)

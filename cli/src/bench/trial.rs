@@ -218,6 +218,7 @@ impl<'a> Trial<'a> {
         record.max_error_rel = Some(found.error.position / diagonal);
         record.normal_error_deg = Some(found.error.normal_degrees);
         record.raw_error_rel = (!subject.was_packed).then_some(found.raw.position / diagonal);
+        record.rounds_ratio = record.spread();
         record.verified = self.promise.kept(found);
         if !record.verified {
             record.rounds.clear();

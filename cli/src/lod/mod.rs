@@ -1,6 +1,5 @@
 //! `lod`: ranks targets by importance, and measures the error if fewer are kept.
 
-mod chart;
 mod gauge;
 mod geometry;
 mod order;
@@ -66,7 +65,7 @@ struct Point {
 
 pub fn run(args: &LodArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     let others: Vec<_> = args.weights.iter().chain(&args.from).cloned().collect();
-    let files: Vec<_> = args.out.iter().chain(&args.sheet).chain(&args.plot).map(|path| path.as_path()).collect();
+    let files: Vec<_> = args.out.iter().chain(&args.sheet).map(|path| path.as_path()).collect();
     out.check(&input::files_of(&args.input, &others), &files, None)?;
     if args.out.is_some() && args.metric == Metric::All {
         return Err(Failure::Usage("--out keeps one order; name one --metric".into()));
@@ -116,9 +115,6 @@ pub fn run(args: &LodArgs, device: Option<&DeviceChoice>, out: &Output) -> Resul
         0 => "each target by itself, since there is no clip".to_owned(),
         frames => format!("{frames} frames"),
     };
-    if let Some(path) = &args.plot {
-        chart::figure(&gauge, &metrics, &orders, &curves, &measured).save_svg(path)?;
-    }
     if let (Some(file), Some(gpu)) = (&args.sheet, &opened) {
         sheet::draw(gpu, &gauge, path, &clips, &orders, args.frame, file)?;
     }
