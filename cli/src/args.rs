@@ -11,7 +11,6 @@ pub mod values;
 #[cfg(feature = "viewer")]
 pub mod view;
 
-use crate::live::ADDRESS;
 use bench::BenchArgs;
 use clap::{Args, Parser, Subcommand};
 use deltamorph::{BlockDesc, DeltaFormat, PoseFormat, Tolerance, UpdateMode, UpdatePath};
@@ -22,7 +21,6 @@ use lod::LodArgs;
 use poses::Sums;
 use reading::Reading;
 use render::RenderArgs;
-use std::net::SocketAddr;
 use std::path::PathBuf;
 use values::{BatchSpec, BudgetSpec};
 
@@ -206,10 +204,6 @@ pub struct PlayArgs {
     /// Add noise up to ±AMOUNT to every weight in every frame, as a tracker does that is never quite still
     #[arg(long, value_name = "AMOUNT", value_parser = values::positive)]
     pub noise: Option<f32>,
-    /// Send the clip over UDP at its rate, as VMC for `view --listen` and others, in place of playing it
-    #[arg(long, value_name = "ADDRESS:PORT", value_parser = values::address, num_args = 0..=1, require_equals = true)]
-    #[arg(default_missing_value = ADDRESS, conflicts_with_all = ["animated", "calls"])]
-    pub send: Option<SocketAddr>,
     /// Write the calls on the crowd to FILE, for `deltamorph replay`
     #[arg(long, value_name = "FILE", conflicts_with = "animated")]
     pub calls: Option<PathBuf>,

@@ -7,7 +7,6 @@ mod detail;
 mod devices;
 mod info;
 mod input;
-mod live;
 mod lod;
 mod output;
 mod pack;
