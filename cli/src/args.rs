@@ -79,24 +79,6 @@ pub enum Command {
     View(Box<view::ViewArgs>),
     /// Rank targets by importance, and say what is lost where fewer are kept
     Lod(Box<LodArgs>),
-    /// Print a script that completes commands and options in a shell
-    Completions(CompletionsArgs),
-    /// Write man pages: of the program, and of each command
-    Man(ManArgs),
-}
-
-#[derive(Args, Clone, Debug)]
-pub struct CompletionsArgs {
-    /// The shell, which loads the script as its manual says
-    #[arg(value_name = "SHELL")]
-    pub shell: clap_complete::Shell,
-}
-
-#[derive(Args, Clone, Debug)]
-pub struct ManArgs {
-    /// Folder to write, as ~/.local/share/man/man1
-    #[arg(value_name = "DIR")]
-    pub dir: PathBuf,
 }
 
 #[derive(Args, Clone, Debug)]
@@ -340,8 +322,8 @@ impl HeadArgs {
 /// Options of the commands that update poses.
 #[derive(Args, Clone, Debug)]
 pub struct UpdateArgs {
-    /// Update paths, separated by commas [default: bench: all that the device can run, without the baselines; others:
-    /// blocks, or cpu where there is no GPU]
+    /// Update paths, separated by commas [default: bench: feedback, compute, blocks and cpu; others: blocks, or cpu
+    /// without a GPU]
     #[arg(long = "paths", visible_alias = "path", value_name = "PATH,…", value_delimiter = ',')]
     #[arg(value_parser = values::named(&UpdatePath::ALL, UpdatePath::name, UpdatePath::summary))]
     pub paths: Vec<UpdatePath>,
@@ -353,11 +335,12 @@ pub struct UpdateArgs {
     /// Pose buffers per head; 2 keeps the previous pose for motion vectors
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = values::whole(1u32, 64))]
     pub slots: u32,
-    /// Delta formats, separated by commas [default: bench: all; others: fast, or what a .dmorph file holds]
+    /// Delta formats, separated by commas [default: bench: float32, snorm16, fast and small; others: fast, or what a
+    /// .dmorph file holds]
     #[arg(long = "formats", visible_alias = "format", value_name = "FORMAT,…", value_delimiter = ',')]
     #[arg(value_parser = values::named(&DeltaFormat::ALL, DeltaFormat::name, DeltaFormat::summary))]
     pub formats: Vec<DeltaFormat>,
-    /// How poses are stored, separated by commas [default: bench: float32 and fixed32; others: float32]
+    /// How poses are stored, separated by commas [default: float32; bench --full: float32 and fixed32]
     #[arg(long = "poses", visible_alias = "pose", value_name = "FORMAT,…", value_delimiter = ',')]
     #[arg(value_parser = values::named(&PoseFormat::ALL, PoseFormat::name, PoseFormat::summary))]
     pub poses: Vec<PoseFormat>,

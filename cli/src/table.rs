@@ -8,17 +8,29 @@ static COLUMNS: OnceLock<usize> = OnceLock::new();
 /// Breaks lines that are wider than the terminal between words; what follows is indented as the line is.
 pub fn fitted(text: &str) -> String {
     let Some(&columns) = COLUMNS.get() else { return text.to_owned() };
-    let line = |line: &str| {
-        let indent = &line[..line.len() - line.trim_start().len()];
-        let options = textwrap::Options::new(columns).break_words(false).subsequent_indent(indent);
-        textwrap::fill(line, options.word_splitter(textwrap::WordSplitter::NoHyphenation))
-    };
-    text.split('\n').map(line).collect::<Vec<_>>().join("\n")
+    text.split('\n').map(|line| wrapped(line, columns)).collect::<Vec<_>>().join("\n")
 }
 
-/// Has text fit the terminal, if stdout is one, or what the environment says.
+fn wrapped(line: &str, columns: usize) -> String {
+    let length = |text: &str| text.chars().count();
+    if length(line) <= columns {
+        return line.to_owned();
+    }
+    let indent = &line[..line.len() - line.trim_start().len()];
+    let mut lines = vec![indent.to_owned()];
+    for word in line.split_whitespace() {
+        match lines.last_mut() {
+            Some(last) if last.as_str() == indent => last.push_str(word),
+            Some(last) if length(last) + 1 + length(word) <= columns => *last += &format!(" {word}"),
+            _ => lines.push(format!("{indent}{word}")),
+        }
+    }
+    lines.join("\n")
+}
+
+/// Wraps output at the terminal's width, or at $COLUMNS.
 pub fn fit_terminal() {
-    let terminal = console::Term::stdout().size_checked().map(|(_, columns)| columns.into());
+    let terminal = terminal_size::terminal_size_of(std::io::stdout()).map(|(columns, _)| columns.0.into());
     let stated = || std::env::var("COLUMNS").ok()?.parse().ok();
     if let Some(columns) = terminal.or_else(stated) {
         let _ = COLUMNS.set(columns);
@@ -125,12 +137,18 @@ pub fn percent(fraction: f64) -> String {
 }
 
 pub fn bytes(n: f64) -> String {
-    indicatif::HumanBytes(n.round() as u64).to_string()
+    let units = ["B", "KiB", "MiB", "GiB", "TiB"];
+    let power = (0..4).find(|power| n.round() < 1024f64.powi(power + 1)).unwrap_or(4);
+    let value = n.round() / 1024f64.powi(power);
+    if power == 0 { format!("{value} B") } else { format!("{value:.2} {}", units[power as usize]) }
 }
 
 /// Formats a whole number with thousands separators.
 pub fn thousands(n: usize) -> String {
-    indicatif::HumanCount(n as u64).to_string()
+    let digits = n.to_string();
+    let comma = |place: usize| place > 0 && (digits.len() - place).is_multiple_of(3);
+    let pairs = digits.char_indices().flat_map(|(place, digit)| [comma(place).then_some(','), Some(digit)]);
+    pairs.flatten().collect()
 }
 
 #[cfg(test)]

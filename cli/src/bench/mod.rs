@@ -41,10 +41,7 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
 
 /// Prints the result, and writes the JSON and the report folder.
 fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Failure> {
-    if report.suites.is_empty() {
-        out.say(tables::runs(&report.runs, true));
-        tables::of_all(&report.runs).iter().for_each(|same| out.say(format_args!("\n{same}")));
-    }
+    tables::of_all(&report.runs).iter().for_each(|same| out.say(same));
     for suite in &report.suites {
         out.say(format_args!("{} (suite {})\n", sentences::title(suite), suite.name));
         for (_, table) in tables::of_suite(suite, report) {

@@ -333,19 +333,6 @@ fn terminals_of_80_columns_are_enough() {
     }
 }
 
-#[test]
-fn shells_and_manuals_know_the_commands() {
-    let folder = tempfile::tempdir().unwrap();
-    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
-        let script = ok(&["completions", shell]);
-        assert!(script.contains("error-budget") && script.contains("bench"), "{shell}");
-    }
-    ok(&["man", folder.path().to_str().unwrap()]);
-    for page in ["deltamorph.1", "deltamorph-pack.1", "deltamorph-bench.1"] {
-        assert!(std::fs::read_to_string(folder.path().join(page)).expect(page).contains(".TH deltamorph"), "{page}");
-    }
-}
-
 /// A name that says that a file is something else than what is written is refused.
 #[test]
 fn files_are_what_their_names_say() {

@@ -303,8 +303,8 @@ fn bench_compares_pose_formats() {
     assert!(csv.lines().next().unwrap().ends_with(",pose") && csv.contains(",fixed16\n"), "{csv}");
     let page = std::fs::read_to_string(report.join("index.html")).unwrap();
     assert!(page.contains("small fixed16"), "tables and lines tell them apart");
-    // The default is the formats used so far: float32, and fixed32 for exact sums.
-    let default = out(&[]);
+    // With --full the default is float32, and fixed32 for exact sums.
+    let default = out(&["--full"]);
     assert_eq!(default.iter().filter(|name| name.ends_with("fixed32 exact")).count(), 2, "{default:?}");
     assert_eq!(default, out(&["--accumulate", "float,exact"]));
     assert_eq!(out(&["--accumulate", "exact"]), out(&["--poses", "fixed32"]));
