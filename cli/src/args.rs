@@ -63,21 +63,21 @@ pub enum Command {
     Info(InfoArgs),
     /// Measure the time per frame of the update paths, and write a report
     Bench(Box<BenchArgs>),
-    /// Run a whole weight clip, one update per frame, and say what each moved and how far it is off
+    /// Play a weight clip, one update per frame: bytes, times and errors
     Play(Box<PlayArgs>),
     /// Make the calls that a host logged on a crowd (`CrowdBase::log_calls`, `play --calls`), and hash the poses
     Replay(Box<ReplayArgs>),
-    /// Run any number of frames, random and captured, and say how far poses drift
+    /// Measure the drift of poses over any number of random and captured frames
     Soak(Box<SoakArgs>),
     /// Write one pose as OBJ
     Apply(Box<ApplyArgs>),
-    /// Draw a pose as PNG: lit, as a heat map, every target on a sheet, a crowd, or a whole clip
+    /// Draw a pose, a crowd or a whole clip as PNG
     Render(Box<RenderArgs>),
-    /// Open a window: a slider for each target, clips, paths and formats to switch, and what each update takes
+    /// Open a window with a slider for each target, clips, and paths and formats to switch
     #[cfg(feature = "viewer")]
     #[command(after_help = view::HELP)]
     View(Box<view::ViewArgs>),
-    /// Rank targets by importance, and say what is lost where fewer are kept
+    /// Rank targets by importance, with the error when fewer are kept
     Lod(Box<LodArgs>),
 }
 
@@ -179,11 +179,11 @@ pub struct PlayArgs {
     /// Compare every Nth pose with the float64 reference, and the last one
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = values::whole(1usize, 1_000_000))]
     pub every: usize,
-    /// Animate and plan on the device: it samples the clip, finds what changed and makes its own work list. Takes the
-    /// path blocks and poses of integers, and says nothing of what it planned
+    /// Animate and plan on the device, which samples the clip, finds the changed targets and writes its own work list.
+    /// Needs the path blocks and fixed-point poses, and prints no plan
     #[arg(long)]
     pub animated: bool,
-    /// Add noise up to ±AMOUNT to every weight in every frame, as a tracker does that is never quite still
+    /// Add noise up to ±AMOUNT to every weight in every frame, like that of a face tracker
     #[arg(long, value_name = "AMOUNT", value_parser = values::positive)]
     pub noise: Option<f32>,
     /// Write the calls on the crowd to FILE, for `deltamorph replay`
@@ -275,8 +275,7 @@ pub struct InputArgs {
     /// or NAME.rig.json beside NAME.glb or NAME.dmorph]
     #[arg(long, value_name = "JSON")]
     pub rig: Option<PathBuf>,
-    /// Take weights of clips and --set for weights of absolute poses: an average, of which the base pose takes what is
-    /// left
+    /// Weights are of whole poses: the pose is their weighted average; the base pose gets the remaining weight
     #[arg(long, value_name = "READING", value_enum, num_args = 0..=1, require_equals = true)]
     #[arg(default_missing_value = "text")]
     pub normalise: Option<Reading>,
@@ -327,8 +326,8 @@ pub struct UpdateArgs {
     #[arg(long = "paths", visible_alias = "path", value_name = "PATH,…", value_delimiter = ',')]
     #[arg(value_parser = values::named(&UpdatePath::ALL, UpdatePath::name, UpdatePath::summary))]
     pub paths: Vec<UpdatePath>,
-    /// Add what changed to the last pose, or rebuild from the base pose every frame [default: incremental; rebuild for
-    /// scatter and the direct paths, which know nothing else]
+    /// Update the last pose, or rebuild from the base pose every frame [default: incremental; scatter and the direct
+    /// paths always rebuild]
     #[arg(long = "mode", visible_alias = "modes", value_name = "MODE,…", value_delimiter = ',')]
     #[arg(value_parser = values::mode())]
     pub modes: Vec<UpdateMode>,
@@ -344,14 +343,14 @@ pub struct UpdateArgs {
     #[arg(long = "poses", visible_alias = "pose", value_name = "FORMAT,…", value_delimiter = ',')]
     #[arg(value_parser = values::named(&PoseFormat::ALL, PoseFormat::name, PoseFormat::summary))]
     pub poses: Vec<PoseFormat>,
-    /// How poses add up: another way to name float32 or fixed32 poses; scatter, whose poses are float32, is exact
+    /// Kind of sums: float names float32 poses, exact names fixed32 poses (and the integer sums of scatter)
     #[arg(long, value_name = "SUMS,…", value_delimiter = ',')]
     pub accumulate: Vec<Sums>,
-    /// How far rounding may move a vertex of a float32 pose, as a fraction of the diagonal
+    /// Largest error from rounding in float32 poses, as a fraction of the diagonal
     #[arg(long, value_name = "FRACTION", default_value_t = 1e-5, value_parser = values::positive)]
     pub drift: f32,
-    /// Changes too small to move a vertex this far wait (block formats): a length in input units, or "1e-4d" of the
-    /// diagonal
+    /// Defer changes until they would move a vertex this far (block formats): a length in input units, or a fraction
+    /// of the diagonal such as "1e-4d"
     #[arg(long, value_name = "LENGTH", value_parser = values::budget)]
     pub error_budget: Option<BudgetSpec>,
     #[command(flatten)]
@@ -367,13 +366,13 @@ pub struct PackArgs {
     /// Vertices of a block: 32, 64 or 128 [default: 32 for small, else 64]
     #[arg(long, value_name = "N", value_parser = values::block_size)]
     pub block_size: Option<u32>,
-    /// Error allowed to a packed position delta, as a fraction of the diagonal
+    /// Largest error of a packed position delta, as a fraction of the diagonal
     #[arg(long, value_name = "FRACTION", default_value_t = 1e-5, value_parser = values::positive)]
     pub position_error: f32,
-    /// Error allowed to a packed normal at weight 1, in degrees
+    /// Largest error of a packed normal at weight 1, in degrees
     #[arg(long, value_name = "DEGREES", default_value_t = 0.5, value_parser = values::positive)]
     pub normal_error: f32,
-    /// The largest weight, either sign, that poses of integers have to hold; the smaller, the finer their unit
+    /// Largest absolute weight that fixed-point poses must hold; a smaller one gives finer steps
     /// [default: 1 in fixed16 and rebuilt16; in fixed32 4, or what a .dmorph file was packed with]
     #[arg(long, value_name = "WEIGHT", value_parser = values::positive)]
     pub weight_max: Option<f32>,

@@ -27,20 +27,20 @@ pub struct RenderArgs {
     /// Pixels of the picture, of each cell with --sheet [default: 768x768; cells: 224x224; clips: 512x512]
     #[arg(long, value_name = "WxH", value_parser = size)]
     pub size: Option<[u32; 2]>,
-    /// Where the camera is, in degrees: around the head (0: in front, 90: at its left, 180: behind), and up
+    /// Direction of the camera in degrees: around the head (0: in front, 90: at its left, 180: behind), and up
     #[arg(long, value_name = "YAW,PITCH", default_value = "18,4", value_parser = camera, allow_hyphen_values = true)]
     pub camera: [f32; 2],
-    /// How near the camera is: at 2 there is a quarter of the picture in twice the size
+    /// Zoom: 2 shows the middle half of the picture at twice the size
     #[arg(long, value_name = "X", default_value = "1", value_parser = values::zoom)]
     pub zoom: f32,
     /// Show all of the scene, not only what targets move
     #[arg(long)]
     pub whole: bool,
-    /// Where the key light is, in degrees from the camera: to the right, and up; how bright it is [default: 1]
+    /// Direction of the key light in degrees from the camera, to the right and up, and its strength [default: 1]
     #[arg(long, value_name = "YAW,PITCH[,STRENGTH]", default_value = "-38,34", value_parser = light)]
     #[arg(allow_hyphen_values = true)]
     pub light: [f32; 3],
-    /// What is behind: a colour, or "none" for a picture that can be put on anything
+    /// Background: a colour, or "none" for a transparent one
     #[arg(long, value_name = "RRGGBB|none", default_value = "23262d", value_parser = background)]
     pub background: Background,
     /// Contact sheet: every target by itself at weight 1, with its name
@@ -60,14 +60,13 @@ pub struct RenderArgs {
     /// since the frame before, or since the base pose where there is none), or wrinkles where skin is compressed
     #[arg(long, value_name = "WHAT", conflicts_with_all = ["heat", "checker", "magnify"])]
     pub show: Option<Shown>,
-    /// Normals of poses: as updates sum them, or those of the morphed surface, whose joints then stay at rest
+    /// Normals: summed from those of the targets, or recomputed from the morphed surface (skinning is then off)
     #[arg(long, value_name = "WHICH", default_value = "summed", conflicts_with = "magnify")]
     pub normals: Normals,
-    /// Where the colours of --heat and of --show motion end, in input units [default: at the largest value]
+    /// Largest value in the colour scale of --heat and --show motion, in input units [default: the largest that occurs]
     #[arg(long, value_name = "LENGTH", value_parser = values::positive)]
     pub scale: Option<f32>,
-    /// How many targets heads keep, in the order of their importance: all, a share as 50%, or as many as it takes for
-    /// no vertex to be further off than so many pixels, as 0.5px
+    /// Level of detail: all targets, a share of them (50%), or the fewest whose error stays below N pixels (0.5px)
     #[arg(long, value_name = "all|N%|Npx", default_value = "all", value_parser = Detail::parse)]
     #[arg(conflicts_with_all = ["sheet", "heat", "magnify"])]
     pub detail: Detail,
@@ -93,9 +92,9 @@ pub enum Heat {
 /// Normals of poses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Normals {
-    /// The base normal and what each target adds to it, which is right for each by itself
+    /// The base normal plus the normal deltas of the targets
     Summed,
-    /// Those of the morphed surface, on the paths of the device
+    /// Computed from the morphed triangles, on the paths of the device
     Recomputed,
 }
 

@@ -244,14 +244,13 @@ pub struct RunRecord {
 }
 
 impl RunRecord {
-    /// Time of a slow round over that of a fast one. Where there are five or more, the slowest and the fastest do not
-    /// count, since the median is not moved by one of them.
+    /// Time of a slow round over that of a fast one, if there are five or more: without the slowest and the fastest,
+    /// since one of them does not move the median.
     pub fn spread(&self) -> Option<f64> {
         let mut times: Vec<f64> = self.rounds.iter().map(|round| round.ms).collect();
         times.sort_unstable_by(f64::total_cmp);
-        let inner = if times.len() < 5 { &times[..] } else { &times[1..times.len() - 1] };
-        let (fast, slow) = (inner.first()?, inner.last()?);
-        (*fast > 0.0).then_some(slow / fast)
+        let [_, fast, .., slow, _] = times[..] else { return None };
+        (times.len() > 4 && fast > 0.0).then_some(slow / fast)
     }
 
     /// Whether its rounds disagree, so that its time says little.

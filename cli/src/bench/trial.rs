@@ -226,7 +226,7 @@ impl<'a> Trial<'a> {
         record.normal_error_deg = Some(found.error.normal_degrees);
         record.raw_error_rel = (!subject.was_packed).then_some(found.raw.position / diagonal);
         record.verified = self.promise.kept(found);
-        record.rounds_ratio = record.spread().filter(|_| record.rounds.len() > 1 && record.verified);
+        record.rounds_ratio = record.spread().filter(|_| record.verified);
         if !record.verified {
             record.rounds.clear();
             record.problem = Some(self.promise.complaint(found));
