@@ -390,7 +390,7 @@ fn heads(
 }
 
 fn subject(state: &State, out: &Output) -> Result<Subject, Failure> {
-    let mut subject = Subject::new(state.run.input.input.as_deref(), &state.input, state.is_unposed(), out)?;
+    let mut subject = Subject::new(state.run.input.input.as_deref(), &state.input, state.is_unposed())?;
     if let Some(joints) = state.skeleton() {
         subject.reach(joints, &state.input.kept, None, true);
     }

@@ -111,11 +111,6 @@ impl<'a> At<'a> {
         numbers.try_into().map_err(|_| list.refuse(format!("{count} numbers, {N} expected"), REPAIR))
     }
 
-    /// The finite number of the property `key`; `default` if there is none.
-    pub fn number(&self, key: &str, default: f32) -> Result<f32> {
-        self.get(key).map_or(Ok(default), |at| at.float())
-    }
-
     /// Whether the property `key` is `true`.
     pub fn flag(&self, key: &str) -> bool {
         self.value.get(key).and_then(Value::as_bool).unwrap_or_default()

@@ -16,7 +16,7 @@
 //!   target whose [`normals`](crate::SourceTarget::normals) are `Some(vec![])`.
 //! - Tangents are those of the file; none are computed.
 //! - Draco, points and lines, and cameras are not read. What is there uncompressed beside Draco is. Of materials, base
-//!   colours and their images are, by [`read_materials`], for hosts that draw.
+//!   colours are, by [`read_materials`], for hosts that draw; textures are not.
 //!
 //! Files may be hostile: nothing outside their folder is read. Reading a file and making one mesh of it takes at most
 //! 960 bytes of memory per byte of the file and of the files that it names, plus 3 MiB. Time is bounded in the same
@@ -38,7 +38,7 @@ mod vrm;
 mod write;
 
 pub use animation::{Animation, Channel, Interpolation, Property};
-pub use material::{Alpha, Material, Materials, Texture, Wrap, read_materials};
+pub use material::{Material, read_materials};
 pub use mesh::{Influences, Mesh, Primitive};
 use scene::Hierarchy;
 pub use scene::{Node, Skin, Transform};
@@ -111,7 +111,7 @@ pub struct DrawnPart {
     pub name: String,
     /// Their range in the mesh's faces, all of them triangles.
     pub faces: Range<usize>,
-    /// Index of the material ([`Materials::materials`]).
+    /// Index of the material ([`read_materials`]).
     pub material: Option<usize>,
 }
 
