@@ -11,7 +11,6 @@ pub mod values;
 #[cfg(feature = "viewer")]
 pub mod view;
 
-use crate::live::ADDRESS;
 use bench::BenchArgs;
 use clap::{Args, Parser, Subcommand};
 use deltamorph::{BlockDesc, DeltaFormat, PoseFormat, Tolerance, UpdateMode, UpdatePath};
@@ -22,7 +21,6 @@ use lod::LodArgs;
 use poses::Sums;
 use reading::Reading;
 use render::RenderArgs;
-use std::net::SocketAddr;
 use std::path::PathBuf;
 use values::{BatchSpec, BudgetSpec};
 
@@ -81,24 +79,6 @@ pub enum Command {
     View(Box<view::ViewArgs>),
     /// Rank targets by importance, and say what is lost where fewer are kept
     Lod(Box<LodArgs>),
-    /// Print a script that completes commands and options in a shell
-    Completions(CompletionsArgs),
-    /// Write man pages: of the program, and of each command
-    Man(ManArgs),
-}
-
-#[derive(Args, Clone, Debug)]
-pub struct CompletionsArgs {
-    /// The shell, which loads the script as its manual says
-    #[arg(value_name = "SHELL")]
-    pub shell: clap_complete::Shell,
-}
-
-#[derive(Args, Clone, Debug)]
-pub struct ManArgs {
-    /// Folder to write, as ~/.local/share/man/man1
-    #[arg(value_name = "DIR")]
-    pub dir: PathBuf,
 }
 
 #[derive(Args, Clone, Debug)]
@@ -156,9 +136,6 @@ pub struct TexturesArgs {
 pub struct InfoArgs {
     #[command(flatten)]
     pub input: InputArgs,
-    /// Write index.html and plots there: error against bytes, and the errors of whole poses (takes seconds)
-    #[arg(long, value_name = "DIR")]
-    pub report: Option<PathBuf>,
 }
 
 /// What `play`, `soak` and `apply` have in common: they update one head.
@@ -209,10 +186,6 @@ pub struct PlayArgs {
     /// Add noise up to ±AMOUNT to every weight in every frame, as a tracker does that is never quite still
     #[arg(long, value_name = "AMOUNT", value_parser = values::positive)]
     pub noise: Option<f32>,
-    /// Send the clip over UDP at its rate, as VMC for `view --listen` and others, in place of playing it
-    #[arg(long, value_name = "ADDRESS:PORT", value_parser = values::address, num_args = 0..=1, require_equals = true)]
-    #[arg(default_missing_value = ADDRESS, conflicts_with_all = ["animated", "calls"])]
-    pub send: Option<SocketAddr>,
     /// Write the calls on the crowd to FILE, for `deltamorph replay`
     #[arg(long, value_name = "FILE", conflicts_with = "animated")]
     pub calls: Option<PathBuf>,
@@ -349,8 +322,8 @@ impl HeadArgs {
 /// Options of the commands that update poses.
 #[derive(Args, Clone, Debug)]
 pub struct UpdateArgs {
-    /// Update paths, separated by commas [default: bench: all that the device can run, without the baselines; others:
-    /// blocks, or cpu where there is no GPU]
+    /// Update paths, separated by commas [default: bench: feedback, compute, blocks and cpu; others: blocks, or cpu
+    /// without a GPU]
     #[arg(long = "paths", visible_alias = "path", value_name = "PATH,…", value_delimiter = ',')]
     #[arg(value_parser = values::named(&UpdatePath::ALL, UpdatePath::name, UpdatePath::summary))]
     pub paths: Vec<UpdatePath>,
@@ -362,11 +335,12 @@ pub struct UpdateArgs {
     /// Pose buffers per head; 2 keeps the previous pose for motion vectors
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = values::whole(1u32, 64))]
     pub slots: u32,
-    /// Delta formats, separated by commas [default: bench: all; others: fast, or what a .dmorph file holds]
+    /// Delta formats, separated by commas [default: bench: float32, snorm16, fast and small; others: fast, or what a
+    /// .dmorph file holds]
     #[arg(long = "formats", visible_alias = "format", value_name = "FORMAT,…", value_delimiter = ',')]
     #[arg(value_parser = values::named(&DeltaFormat::ALL, DeltaFormat::name, DeltaFormat::summary))]
     pub formats: Vec<DeltaFormat>,
-    /// How poses are stored, separated by commas [default: bench: float32 and fixed32; others: float32]
+    /// How poses are stored, separated by commas [default: float32; bench --full: float32 and fixed32]
     #[arg(long = "poses", visible_alias = "pose", value_name = "FORMAT,…", value_delimiter = ',')]
     #[arg(value_parser = values::named(&PoseFormat::ALL, PoseFormat::name, PoseFormat::summary))]
     pub poses: Vec<PoseFormat>,

@@ -2,7 +2,6 @@
 
 pub mod measure;
 pub mod pose_formats;
-mod report;
 
 use crate::args::InfoArgs;
 use crate::input::{self, Input, MeshInfo};
@@ -10,7 +9,7 @@ use crate::output::{Failure, Output};
 use crate::table::{Column, Table, bytes, percent, sig3, thousands};
 use deltamorph::{BoundClip, DeltaFormat, MorphMesh, MorphTarget};
 use glam::Vec3;
-use measure::{Blocks, Measured, PoseRow, SweepRow};
+use measure::{Blocks, Measured};
 use pose_formats::{PoseCost, pose_table};
 use serde::Serialize;
 
@@ -36,12 +35,6 @@ struct Info {
     controls: Option<Vec<String>>,
     /// The weight clips beside the mesh.
     clips: Vec<ClipRow>,
-    /// With `--report`: bytes and errors of `small` over a range of allowed errors, and of the other formats.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    sweep: Option<Vec<SweepRow>>,
-    /// With `--report`: errors of whole poses.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    poses: Option<Vec<PoseRow>>,
 }
 
 #[derive(Debug, Serialize)]
@@ -86,27 +79,18 @@ struct ClipRow {
 }
 
 pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
-    // Checked before seconds are spent on results that could not be written.
-    out.check(&input::files_of(&args.input, &[]), &[], args.report.as_deref())?;
-    if let Some(dir) = &args.report {
-        report::claim(dir)?;
-    }
+    out.check(&input::files_of(&args.input, &[]), &[], None)?;
     let input = input::load(&args.input, true, out)?;
     let spinner = out.spinner("packing");
     let formats = measure::measure_all(&input.kept, input.packed.as_ref())?;
-    let clips = input::clips(None, &args.input, &input, &[])?;
-    // The built-in head's clip does not lie beside a mesh.
-    let mut info = describe(&input, formats, if input.clips.is_empty() { &[] } else { &clips });
+    let clips = match input.clips.is_empty() {
+        // The built-in head's clip does not lie beside a mesh.
+        true => vec![],
+        false => input::clips(None, &args.input, &input, &[])?,
+    };
+    let info = describe(&input, formats, &clips);
     spinner.finish_and_clear();
-    if let Some(dir) = &args.report {
-        info.sweep = Some(measure::sweep(&input.kept, &info.formats, out)?);
-        info.poses = Some(measure::poses(&input, &info.formats, &clips, out));
-        report::write(&info, dir)?;
-    }
     out.say(text(&info));
-    if let Some(dir) = &args.report {
-        out.say(format_args!("\nreport: {}", dir.join("index.html").display()));
-    }
     out.json(&info)
 }
 
@@ -140,8 +124,6 @@ fn describe(input: &Input, formats: Vec<Measured>, clips: &[BoundClip]) -> Info 
         formats,
         controls: input.rig.as_ref().map(|rig| rig.controls().map(str::to_owned).collect()),
         clips: clips.iter().map(clip_row).collect(),
-        sweep: None,
-        poses: None,
     }
 }
 

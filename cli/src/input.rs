@@ -13,7 +13,7 @@ use deltamorph::{
 use deltamorph_head as head;
 use deltamorph_rig::BoundRig;
 use deltamorph_rig::names::retarget;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -49,7 +49,7 @@ pub struct Input {
 }
 
 /// Facts about a mesh in reports. Fields may be added, never renamed.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct MeshInfo {
     pub name: String,
     /// A folder, a file, or "built-in head".
@@ -63,12 +63,10 @@ pub struct MeshInfo {
     /// Position deltas up to this fraction of the diagonal were dropped.
     pub tolerance: f32,
     /// Normal deltas up to this length were dropped.
-    #[serde(default)]
     pub tolerance_normal: f32,
     /// Mean fraction of the vertices that a target moves.
     pub moved_mean: f64,
     /// Origin of poses, in input units: the middle of a mesh that is far from 0.
-    #[serde(default)]
     pub pose_origin: [f32; 3],
 }
 

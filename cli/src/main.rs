@@ -7,18 +7,15 @@ mod detail;
 mod devices;
 mod info;
 mod input;
-mod live;
 mod lod;
 mod output;
 mod pack;
-mod page;
 mod play;
-mod plots;
+mod progress;
 mod render;
 mod replay;
 mod runner;
 mod sample;
-mod shell;
 mod soak;
 mod table;
 mod textures;
@@ -63,10 +60,5 @@ fn run(cli: &Cli, out: &Output) -> Result<(), Failure> {
         #[cfg(feature = "viewer")]
         Command::View(args) => view::run(args, device, out),
         Command::Lod(args) => lod::run(args, device, out),
-        Command::Completions(args) => {
-            shell::completions(args, out);
-            Ok(())
-        }
-        Command::Man(args) => shell::man(args, out),
     }
 }

@@ -4,7 +4,6 @@ use crate::args::reading::Reading;
 use crate::args::{PlayArgs, distinct_or};
 use crate::bench::stats::Stats;
 use crate::input;
-use crate::live;
 use crate::output::{Failure, Output, write_file};
 use crate::runner::Stage;
 use crate::table::{Table, bytes, percent, sig3, thousands};
@@ -107,11 +106,6 @@ pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     let mut input = input::load(&run.input, true, out)?;
     let clip = input::one_clip(weights.as_deref(), &run.input, &input, &[])?;
     let clip = input::layered(clip, &args.layers.layers, &run.input, &input)?;
-    if let Some(to) = args.send {
-        let names: Vec<&str> = input.kept.targets.iter().map(|target| target.name.as_str()).collect();
-        let frames = shaken(clip.frames(), args.noise, args.run.input.seed);
-        return live::send(to, &names, frames, clip.fps, out);
-    }
     // Reads the clip again without normalisation; notes have already been printed.
     (input.normalise, input.out) = (None, None);
     let plain = || input::one_clip(weights.as_deref(), &run.input, &input, &[]);

@@ -159,6 +159,13 @@ impl<'a> Runner<'a> {
         Ok(Self::Gpu(crowds))
     }
 
+    /// `heads` instances more of the same mesh, which is not uploaded again; `None` unless it is updated on a device.
+    pub fn another(&self, desc: UpdateDesc, heads: u32) -> Option<deltamorph::Result<Self>> {
+        let Self::Gpu(crowds) = self else { return None };
+        let desc = CrowdDesc::new(desc).instances(heads).frames_in_flight(1);
+        Some(crowds[0].another(&desc).map(|crowd| Self::Gpu(vec![crowd])))
+    }
+
     /// A crowd of `heads` instances of each of `parts` on a device, updated in one submission.
     pub fn scene(
         gpu: Option<&'a Gpu>,

@@ -5,7 +5,6 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use deltamorph::{BatchSize, DeltaFormat, LayerBlend, UpdateMode, UpdatePath};
 use deltamorph_headless::DeviceChoice;
 use std::collections::BTreeSet;
-use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 
 /// Largest number of targets of the built-in head.
@@ -96,13 +95,6 @@ pub fn positive(s: &str) -> Result<f32, String> {
 
 pub fn zoom(s: &str) -> Result<f32, String> {
     number("a number from 0.2 to 20", |v| (0.2..=20.0).contains(&v))(s)
-}
-
-/// Where packets are sent to or received: an address and a port, or a port of this computer.
-pub fn address(s: &str) -> Result<SocketAddr, &'static str> {
-    let here = |port| SocketAddr::from((Ipv4Addr::LOCALHOST, port));
-    let port = || s.trim().parse().map(here);
-    s.trim().parse().or_else(|_| port()).map_err(|_| "give an IP address and a port, as in 127.0.0.1:39539, or a port")
 }
 
 pub fn fps(s: &str) -> Result<f32, String> {

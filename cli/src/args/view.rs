@@ -2,9 +2,7 @@
 
 use super::render::{camera, size};
 use super::{LayerArgs, RunArgs, values};
-use crate::live::ADDRESS;
 use clap::Args;
-use std::net::SocketAddr;
 use std::path::PathBuf;
 
 #[derive(Args, Clone, Debug)]
@@ -29,14 +27,6 @@ pub struct ViewArgs {
     /// Number of heads, each a little further in the clip
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = values::whole(1u32, MAX_HEADS))]
     pub heads: u32,
-    /// Take weights that arrive over UDP: VMC (/VMC/Ext/Blend/Val and Apply) or packets of Live Link Face, whose port is
-    /// 11111. 0.0.0.0:PORT is heard from other computers, too
-    #[arg(long, value_name = "ADDRESS:PORT", value_parser = values::address, num_args = 0..=1, require_equals = true)]
-    #[arg(default_missing_value = ADDRESS)]
-    pub listen: Option<SocketAddr>,
-    /// Write the weights of --listen as a clip, at the rate of --fps or of its name ("…_60fps.csv"), else 30 a second
-    #[arg(long, value_name = "OUT.csv", requires = "listen")]
-    pub record: Option<PathBuf>,
     /// Do what a file says, a command a line, then close the window; the commands are listed below
     #[arg(long, value_name = "FILE")]
     pub script: Option<PathBuf>,

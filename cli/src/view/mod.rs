@@ -36,8 +36,7 @@ pub fn run(args: &ViewArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
         }
     };
     steps.extend(args.screenshot.iter().map(|path| (0, Step::Screenshot(path.clone()))));
-    let mut files: Vec<&Path> = steps.iter().filter_map(|(_, step)| written(step)).collect();
-    files.extend(args.record.as_deref());
+    let files: Vec<&Path> = steps.iter().filter_map(|(_, step)| written(step)).collect();
     let mut read = input::files_of(&args.run.input, &args.layers.files(args.weights.as_ref()));
     read.extend(args.script.clone());
     out.check(&read, &files, None)?;

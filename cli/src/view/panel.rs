@@ -7,7 +7,6 @@ use super::style::{ACCENT, DIM, ERROR, INK, PANEL};
 use super::{hands, legend, plot, sliders};
 use crate::args::values::{BudgetSpec, format_on, name, summary};
 use crate::detail::Detail;
-use crate::live::Live;
 use crate::table::{bytes, percent, sig3, thousands};
 use clap::ValueEnum;
 use deltamorph::import;
@@ -40,8 +39,6 @@ pub struct About<'a> {
     pub reach: f32,
     /// Pixels of an input unit at the nearest point of the first instance.
     pub unit: f32,
-    /// What arrives, and rows of it that are recorded.
-    pub live: Option<(&'a Live, Option<u64>)>,
 }
 
 /// Shows the panel; returns the rest of the window, in points, and the user's commands. The panel is at the left, in an
@@ -64,7 +61,6 @@ pub fn show(ui: &mut Ui, state: &State, measured: &Measured, about: &About<'_>) 
                 title(ui, state, about, &mut done);
                 ui.add_space(4.0);
                 clip(ui, state, &mut done);
-                live(ui, about);
                 ui.add_space(4.0);
                 ways(ui, state, about, &mut done);
                 saved(ui, measured);
@@ -223,35 +219,6 @@ fn clip(ui: &mut Ui, state: &State, done: &mut Vec<Command>) {
     let [now, end] = [state.at, count as f64].map(|frame| frame / fps);
     let text = format!("frame {} of {count} · {now:.2} of {end:.2} s · {fps} a second", state.at as usize);
     ui.add(egui::Label::new(RichText::new(text).small().color(DIM)).truncate());
-}
-
-/// What arrives over UDP.
-fn live(ui: &mut Ui, about: &About<'_>) {
-    let Some((live, recorded)) = about.live else { return };
-    let (known, lost) = live.names();
-    let counts = live.counts;
-    let state = match live.last.map(|last| last.elapsed().as_secs()) {
-        None => "nothing yet".into(),
-        Some(0) => format!("{:.0} a second", live.rate),
-        Some(_) => "silent".into(),
-    };
-    let colour = if state.ends_with("second") { ACCENT } else { INK };
-    ui.label(RichText::new(format!("live at {}: {state}", live.address)).color(colour));
-    let mut text = format!("{known} names move something here");
-    if !lost.is_empty() {
-        text += &format!(", {} do not", lost.len());
-    }
-    if counts.bad > 0 {
-        text += &format!(" · {} packets not understood", thousands(counts.bad as usize));
-    }
-    if let Some(rows) = recorded {
-        text += &format!(" · {} rows recorded", thousands(rows as usize));
-    }
-    let label = ui.add(egui::Label::new(RichText::new(text).small().color(DIM)).wrap());
-    if !lost.is_empty() {
-        let more = if lost.len() > 20 { ", …" } else { "" };
-        label.on_hover_text(format!("no target is called {}{more}", lost[..lost.len().min(20)].join(", ")));
-    }
 }
 
 /// What the error budget saves.

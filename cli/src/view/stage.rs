@@ -12,7 +12,6 @@ use super::swapchain::{self, Swapchain};
 use super::{command::Command, legend, style};
 use crate::args::render::Background;
 use crate::detail::{Detail, Kept};
-use crate::live::Live;
 use crate::output::{Failure, Output};
 use crate::render::crowd::places;
 use crate::render::joints::Joints;
@@ -189,7 +188,6 @@ impl Stage {
     pub fn draw(
         &mut self,
         state: &mut State,
-        live: Option<(&Live, Option<u64>)>,
         screenshot: &mut Option<PathBuf>,
     ) -> Result<(Vec<Command>, bool), Failure> {
         if self.swapchain.is_none() {
@@ -198,7 +196,7 @@ impl Stage {
         let Some(extent) = self.swapchain.as_ref().map(|swapchain| swapchain.extent) else {
             return Ok((vec![], false));
         };
-        let (panel, done, moves) = self.panel(state, live, extent);
+        let (panel, done, moves) = self.panel(state, extent);
         let mut weights = state.weights()?;
         let joints = state.joints();
         let still = state.still(self.subject.still.as_ref());
@@ -250,12 +248,7 @@ impl Stage {
         Ok(())
     }
 
-    fn panel(
-        &mut self,
-        state: &State,
-        live: Option<(&Live, Option<u64>)>,
-        extent: vk::Extent2D,
-    ) -> (Picture, Vec<Command>, bool) {
+    fn panel(&mut self, state: &State, extent: vk::Extent2D) -> (Picture, Vec<Command>, bool) {
         let input = self.ui.take_egui_input(&self.window);
         let caps = self.device.engine.caps();
         let paths: Vec<UpdatePath> = PATHS.into_iter().filter(|path| caps.check_path(*path).is_ok()).collect();
@@ -263,7 +256,7 @@ impl Stage {
         let kept = self.kept.as_ref().filter(|_| state.detail != Detail::All).map(Kept::of_all);
         let (device, desc, reach) = (&*caps.name, self.heads.desc, self.reach);
         let unit = self.camera(state, &self.all(state, extent), extent).pixels_per_unit(&self.ball);
-        let about = About { device, paths: &paths, desc, format, kept, reach, unit, live };
+        let about = About { device, paths: &paths, desc, format, kept, reach, unit };
         let (context, mut done, mut free) = (self.ui.egui_ctx().clone(), vec![], egui::Rect::ZERO);
         let mut output = context.run_ui(input, |ui| {
             let (rect, commands) = panel::show(ui, state, &self.measured, &about);

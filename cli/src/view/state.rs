@@ -313,11 +313,6 @@ impl State {
         self.notice = Some(Notice { text, is_error, left });
     }
 
-    /// From now on, weights come from elsewhere: those of the sliders are set.
-    pub fn hears(&mut self) {
-        (self.playing, self.follows, self.moving) = (false, false, None);
-    }
-
     /// From now on, weights come from the sliders, and those there are can be had again. `slider`: the one that moves.
     fn changes(&mut self, slider: Option<usize>) {
         (self.playing, self.follows) = (false, false);

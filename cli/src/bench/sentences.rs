@@ -1,7 +1,7 @@
 //! The sentences that summarise a report, with numbers from its runs.
 
-use super::figures::{by_family, hardest, relative};
-use crate::bench::record::{Report, RunRecord, SuiteRecord, batch_words, fastest};
+use super::group::{by_family, gain, hardest};
+use super::record::{Report, RunRecord, SuiteRecord, UNEVEN, batch_words, fastest};
 use crate::table::{count, percent, sig3, thousands};
 use deltamorph::BatchSize;
 
@@ -37,6 +37,13 @@ pub fn sentences(report: &Report) -> Vec<String> {
             "All {} configurations{ran} match the float64 reference; the largest error is {} of the diagonal.",
             thousands(all),
             sig3(worst)
+        ));
+    }
+    let uneven = report.runs.iter().filter(|run| run.uneven()).count();
+    if uneven > 0 {
+        out.push(format!(
+            "The rounds of {uneven} of {all} configurations disagree by more than {UNEVEN} times (UNEVEN): other work ran \
+             beside them; measure these again."
         ));
     }
     if !report.unmeasured.is_empty() {
@@ -75,14 +82,14 @@ fn of_runs(runs: &[&RunRecord]) -> Vec<String> {
 /// The gain of batching in the case with the largest one.
 fn batching(hardest: &[&RunRecord]) -> Option<String> {
     let gains = by_family(hardest).into_iter().flat_map(|(_, own)| {
-        let single = own.iter().find(|r| r.batch_size == BatchSize::Targets(1)).map_or(0.0, |r| r.passes);
-        // With as many passes as batch 1, a difference is noise.
-        let several = |r: &&RunRecord| r.batch_size != BatchSize::All && r.passes < single;
-        let gain = |run| relative(run, &own).map(|(gain, error)| (gain, error, run));
+        let single = own.iter().find(|r| r.batch_size == BatchSize::Targets(1) && !r.uneven());
+        let passes = single.map_or(0.0, |r| r.passes);
+        // With as many passes as batch 1, a difference is noise; rounds that disagree say nothing.
+        let several = |r: &&RunRecord| r.batch_size != BatchSize::All && r.passes < passes && !r.uneven();
+        let gain = |run| gain(run, &own).map(|gain| (gain.median, run));
         own.iter().copied().filter(several).filter_map(gain).collect::<Vec<_>>()
     });
-    let (gain, _, run) =
-        gains.filter(|(gain, error, _)| gain - 2.0 * error > 1.0).max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let (gain, run) = gains.filter(|(gain, _)| *gain > 1.0).max_by(|a, b| a.0.total_cmp(&b.0))?;
     Some(format!("Batch {} is {gain:.1}× as fast as batch 1 on {} ({})", run.batch_size, run.path, run.formats()))
 }
 

@@ -1,7 +1,7 @@
-//! The tables of a report, for the terminal and for its pages.
+//! The tables of a report, for the terminal and for its page.
 
-use super::figures::partition;
-use crate::bench::record::{CellRecord, Comparison, Report, RunRecord, SuiteRecord};
+use super::group::partition;
+use super::record::{CellRecord, Comparison, Report, RunRecord, SuiteRecord};
 use crate::table::{Table, bytes, count, optional, percent, sig3};
 use std::iter::once;
 
@@ -20,8 +20,13 @@ const WORDS: [Column; 6] = [
     ("mode", |run| run.mode.clone()),
     ("workload", |run| run.workload.clone()),
 ];
-const NUMBERS: [Column; 16] = [
+const NUMBERS: [Column; 17] = [
     ("ms/frame", |run| if run.verified { optional(run.time().map(|t| t.median)) } else { "WRONG".into() }),
+    ("rounds", |run| match run.rounds_ratio {
+        Some(ratio) if run.uneven() => format!("{ratio:.2}× UNEVEN"),
+        Some(ratio) => format!("{ratio:.2}×"),
+        None => NONE.into(),
+    }),
     ("of floor", |run| run.floor_fraction.map_or(NONE.into(), percent)),
     ("heads", |run| run.heads.to_string()),
     ("changed", |run| count(run.changed)),
@@ -47,7 +52,7 @@ const NUMBERS: [Column; 16] = [
 const PAGES_ONLY: [&str; 6] = ["mean", "n", "update ms", "draw ms", "round trip ms", "upload ms"];
 
 /// Columns that are there even if all runs have the same in them.
-const KEYS: [&str; 4] = ["path", "format", "ms/frame", "of floor"];
+const KEYS: [&str; 5] = ["path", "format", "ms/frame", "rounds", "of floor"];
 
 /// What all of several runs have, a column with its cell; it is no column of [`runs`].
 fn common<'a>(runs: &'a [&RunRecord]) -> impl Iterator<Item = (&'static str, String)> + 'a {
@@ -92,9 +97,7 @@ pub fn of_suite(suite: &SuiteRecord, report: &Report) -> Vec<(&'static str, Tabl
     if !suite.cells.is_empty() {
         tables.push(("Who is fastest on the device", cells(suite, report)));
     }
-    // Means in the suite crowd, as in its figures.
-    let time =
-        |run: &RunRecord| run.time().map(|time| sig3(if suite.cells.is_empty() { time.mean } else { time.median }));
+    let time = |run: &RunRecord| run.time().map(|time| sig3(time.median));
     tables.extend(matrix(suite, report, "ms", time).map(|times| ("Milliseconds of every technique", times)));
     let moved = matrix(suite, report, "bytes", |run| {
         // What a device plans is not counted.
