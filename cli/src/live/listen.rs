@@ -3,7 +3,6 @@
 use super::packets::{self, Heard};
 use crate::output::Failure;
 use deltamorph::WeightClip;
-use deltamorph_rig::names::retarget;
 use std::collections::HashMap;
 use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
@@ -152,22 +151,17 @@ impl Live {
     }
 }
 
-/// The sliders that each name moves, with factors: by its own name, or by one of another convention.
+/// The sliders that each name moves, with factors, in any spelling of the name.
 fn bind(names: &HashMap<String, usize>, count: usize, controls: &[String]) -> Vec<Vec<(usize, f32)>> {
-    let mut ordered = vec![""; count];
-    names.iter().for_each(|(name, at)| ordered[*at] = name);
-    let names = ordered.iter().map(|name| (*name).to_owned()).collect();
-    let clip = WeightClip { name: "live".into(), names, fps: 60.0, values: vec![] };
     let controls: Vec<&str> = controls.iter().map(String::as_str).collect();
-    let there = retarget(&clip, &controls).map(|there| there.columns).unwrap_or_default();
-    let there: HashMap<String, Vec<(String, f32)>> = there.into_iter().collect();
-    let place: HashMap<&str, usize> = controls.iter().zip(0..).map(|(name, at)| (*name, at)).collect();
-    let own = |name: &str| place.get(name).map(|at| vec![(*at, 1.0)]);
-    let other = |name: &str| {
-        let targets = there.get(name).into_iter().flatten();
-        targets.filter_map(|(target, factor)| Some((*place.get(target.as_str())?, *factor))).collect()
-    };
-    ordered.iter().map(|name| own(name).unwrap_or_else(|| other(name))).collect()
+    let mut sliders = vec![vec![]; count];
+    for (name, at) in names {
+        let clip = WeightClip { names: vec![name.clone()], ..WeightClip::default() };
+        let (found, _) = clip.renamed(&controls);
+        let place = |name: &String| Some((controls.iter().position(|control| control == name)?, 1.0));
+        sliders[*at] = found.names.iter().filter_map(place).collect();
+    }
+    sliders
 }
 
 /// Sets the sliders that names move, to [`MOST`] at most: strangers may send any number.
