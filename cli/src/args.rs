@@ -88,9 +88,6 @@ pub struct SampleArgs {
     pub dir: PathBuf,
     #[command(flatten)]
     pub head: HeadArgs,
-    /// Lids that lie close to the eyeballs, two targets for half of a blink, and a rig.json that goes through them
-    #[arg(long)]
-    pub in_betweens: bool,
     /// Seed of everything that is random
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
@@ -271,10 +268,6 @@ pub struct InputArgs {
     /// else 30]
     #[arg(long, value_name = "F", value_parser = values::fps)]
     pub fps: Option<f32>,
-    /// A rig, JSON: controls that drive the targets; --set and clips then name them [default: rig.json in the folder,
-    /// or NAME.rig.json beside NAME.glb or NAME.dmorph]
-    #[arg(long, value_name = "JSON")]
-    pub rig: Option<PathBuf>,
     /// Take weights of clips and --set for weights of absolute poses: an average, of which the base pose takes what is
     /// left
     #[arg(long, value_name = "READING", value_enum, num_args = 0..=1, require_equals = true)]

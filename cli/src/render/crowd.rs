@@ -46,7 +46,7 @@ fn expressions(scenery: &Scenery<'_>, heads: usize) -> Result<Expressions, Failu
         let before = (0..heads).map(|head| frames[at(head).saturating_sub(1)].clone());
         return Ok(([now.collect(), before.collect()], (0..heads).map(|head| Some(at(head))).collect()));
     }
-    let (mut rng, controls) = (Rng::new(args.run.input.seed, 0), scenery.input.controls());
+    let (mut rng, controls) = (Rng::new(args.run.input.seed, 0), scenery.input.targets());
     let mut expression = |_| {
         let mut settings = args.set.clone();
         for _ in 0..controls.len().min(5) {

@@ -34,7 +34,6 @@ mod scene;
 mod skeleton;
 #[cfg(test)]
 mod tests;
-mod vrm;
 mod write;
 
 pub use animation::{Animation, Channel, Interpolation, Property};
@@ -43,7 +42,6 @@ pub use mesh::{Influences, Mesh, Primitive};
 use scene::Hierarchy;
 pub use scene::{Node, Skin, Transform};
 pub use skeleton::Skeleton;
-pub use vrm::{Expression, Procedural, Suppression};
 pub use write::{Glb, GlbDesc, GlbEncoding, to_glb};
 
 use crate::asset::MorphSource;
@@ -70,8 +68,6 @@ pub struct Gltf {
     pub skins: Vec<Skin>,
     /// The animations.
     pub animations: Vec<Animation>,
-    /// The expressions of a VRM file.
-    pub expressions: Vec<Expression>,
     /// Remarks for the user; those on a mesh are in its source.
     pub notes: Vec<String>,
     path: PathBuf,
@@ -182,7 +178,6 @@ fn gltf(file: &Container) -> Result<Gltf> {
         gltf.notes.extend(gltf.overruled(&animation));
         gltf.animations.push(animation);
     }
-    gltf.expressions = vrm::expressions(file, &gltf.meshes, &gltf.nodes, &mut gltf.notes)?;
     gltf.budget = file.budget();
     Ok(gltf)
 }
