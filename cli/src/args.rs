@@ -77,8 +77,19 @@ pub enum Command {
     #[cfg(feature = "viewer")]
     #[command(after_help = view::HELP)]
     View(Box<view::ViewArgs>),
+    /// Open a window, if the program was built with --features viewer
+    #[cfg(not(feature = "viewer"))]
+    View(NoViewArgs),
     /// Rank targets by importance, and say what is lost where fewer are kept
     Lod(Box<LodArgs>),
+}
+
+/// Whatever `view` takes.
+#[cfg(not(feature = "viewer"))]
+#[derive(Args, Clone, Debug)]
+pub struct NoViewArgs {
+    #[arg(hide = true, trailing_var_arg = true, allow_hyphen_values = true)]
+    args: Vec<std::ffi::OsString>,
 }
 
 #[derive(Args, Clone, Debug)]
