@@ -9,8 +9,8 @@
 //! 3. [`MorphEngine::upload`] the mesh, [`MorphEngine::create_crowd`].
 //! 4. Each frame: [`Crowd::set_weights`], [`MorphEngine::record_update`], and draw from [`Crowd::pose`]; motion vectors
 //!    take [`Crowd::previous_pose`]. Steps after the pose (skinning, normals of the surface, float32 of any pose) are in
-//!    [`after`]; [`WeightBounds`] are for culling. [`ClipLayer::mix`] makes weights of clips, the package
-//!    deltamorph-rig those of targets from those of controls; [`WeightMap`] applies them to several meshes;
+//!    [`after`]; [`WeightBounds`] are for culling. [`ClipLayer::mix`] makes weights of clips; [`WeightMap`]
+//!    applies them to several meshes;
 //!    [`MorphEngine::readback`] reads poses back.
 //!
 //! ```no_run

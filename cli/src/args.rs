@@ -77,8 +77,19 @@ pub enum Command {
     #[cfg(feature = "viewer")]
     #[command(after_help = view::HELP)]
     View(Box<view::ViewArgs>),
-    /// Rank targets by importance, with the error when fewer are kept
+    /// Open a window, if the program was built with --features viewer
+    #[cfg(not(feature = "viewer"))]
+    View(NoViewArgs),
+    /// Rank targets by importance, and say what is lost where fewer are kept
     Lod(Box<LodArgs>),
+}
+
+/// Whatever `view` takes.
+#[cfg(not(feature = "viewer"))]
+#[derive(Args, Clone, Debug)]
+pub struct NoViewArgs {
+    #[arg(hide = true, trailing_var_arg = true, allow_hyphen_values = true)]
+    args: Vec<std::ffi::OsString>,
 }
 
 #[derive(Args, Clone, Debug)]
@@ -88,9 +99,6 @@ pub struct SampleArgs {
     pub dir: PathBuf,
     #[command(flatten)]
     pub head: HeadArgs,
-    /// Lids that lie close to the eyeballs, two targets for half of a blink, and a rig.json that goes through them
-    #[arg(long)]
-    pub in_betweens: bool,
     /// Seed of everything that is random
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
@@ -271,10 +279,6 @@ pub struct InputArgs {
     /// else 30]
     #[arg(long, value_name = "F", value_parser = values::fps)]
     pub fps: Option<f32>,
-    /// A rig, JSON: controls that drive the targets; --set and clips then name them [default: rig.json in the folder,
-    /// or NAME.rig.json beside NAME.glb or NAME.dmorph]
-    #[arg(long, value_name = "JSON")]
-    pub rig: Option<PathBuf>,
     /// Weights are of whole poses: the pose is their weighted average; the base pose gets the remaining weight
     #[arg(long, value_name = "READING", value_enum, num_args = 0..=1, require_equals = true)]
     #[arg(default_missing_value = "text")]

@@ -30,9 +30,6 @@ struct Info {
     pose_formats: Vec<PoseCost>,
     /// The format of these deltas.
     pose_deltas: &'static str,
-    /// Controls that clips and settings name instead of targets, if there is a rig.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    controls: Option<Vec<String>>,
     /// The weight clips beside the mesh.
     clips: Vec<ClipRow>,
 }
@@ -122,7 +119,6 @@ fn describe(input: &Input, formats: Vec<Measured>, clips: &[BoundClip]) -> Info 
         pose_deltas: held.name(),
         pose_formats: held_formats.unwrap_or_default(),
         formats,
-        controls: input.rig.as_ref().map(|rig| rig.controls().map(str::to_owned).collect()),
         clips: clips.iter().map(clip_row).collect(),
     }
 }
@@ -208,13 +204,6 @@ fn text(info: &Info) -> String {
     for f in held.into_iter().chain(info.formats.iter().find(|f| f.name == DeltaFormat::Snorm16.name())) {
         let table = pose_table(&f.pose_formats, f.cost.position_error_rel);
         parts.push(format!("deltas in {}:\n{table}", f.name));
-    }
-    if let Some(controls) = &info.controls {
-        parts.push(format!(
-            "{} controls of the rig, which clips and --set name: {}",
-            controls.len(),
-            controls.join(", ")
-        ));
     }
     let clips: &[Column<'_, ClipRow>] = &[
         ("clip", &|c| c.name.clone()),

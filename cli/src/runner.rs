@@ -416,12 +416,6 @@ impl Stage {
         }
     }
 
-    /// The formats that cause rounding: "fast", "fast in fixed16 poses".
-    pub fn formats(&self) -> String {
-        let (format, pose) = (self.mesh.layout().format.name(), self.desc.pose);
-        if pose.has_integers() { format!("{format} in {} poses", pose.name()) } else { format.to_owned() }
-    }
-
     /// In words: "blocks fast exact fixed32, 2 slots, on llvmpipe".
     pub fn describe(&self) -> String {
         let UpdateDesc { path, pose, slots, .. } = self.desc;

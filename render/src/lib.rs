@@ -5,8 +5,8 @@
 //!   one of a swapchain. It records into the host's command buffer, and never submits or waits.
 //! - [`Scene`] describes the picture: a [`Camera`] that fits the scene, a [`Light`], and what to [`Show`].
 //! - [`wrinkles`] appear where a pose compresses the skin.
-//! - [`parts`] separates skin from eyes and teeth; [`painted`] parts have the [`Surface`] that their file states. Parts
-//!   that nothing moves are drawn with a model, without a pose ([`Model::set_still`]).
+//! - [`parts`] separates skin from eyes and teeth, and takes the [`Surface`] that a file states. Parts that nothing moves
+//!   are drawn with a model, without a pose ([`Model::set_still`]).
 //! - [`Studio`] provides the image as well, on a device of [`headless`](deltamorph_headless), with several frames in
 //!   flight.
 //!
@@ -27,22 +27,19 @@ mod scene;
 pub mod srgb;
 mod step;
 mod studio;
-mod surface;
 mod target;
 pub mod wrinkles;
 
 pub use camera::{Camera, View};
 pub use cull::PoseBounds;
-pub use deltamorph::import::gltf::{Alpha, Wrap};
 pub use glow::Glow;
 pub use memory::Buffer;
 pub use model::Model;
-pub use parts::{Material, Part, painted, parts};
+pub use parts::{Face, Material, Part, Surface, parts};
 pub use passes::RendererDesc;
 pub use poses::{Poses, StoredPose};
 pub use renderer::Renderer;
 pub use scene::{Head, Light, Masks, Scene, Show, heat};
 pub use step::{Step, Stepped};
 pub use studio::{Picture, Studio, StudioDesc};
-pub use surface::{Pixels, Surface};
 pub use target::Target;

@@ -18,8 +18,6 @@ pub enum Show {
     Checker(f32),
     /// Distance of each vertex from the base pose, in input units; the number is the end of the scale.
     Distance(f32),
-    /// The values of [`Model::set_values`](crate::Model::set_values); the number is the end of the scale.
-    Values(f32),
     /// Normals as colours.
     Normals,
     /// The visible edges of faces, without the diagonals of faces that have more than three corners.
@@ -153,15 +151,13 @@ pub(crate) struct HeadScene {
 pub(crate) struct PartPush {
     pub(crate) ball: [f32; 4],
     pub(crate) colour: [f32; 4],
-    pub(crate) uv_axes: [f32; 4],
-    pub(crate) uv_origin: [f32; 2],
     pub(crate) units: [f32; 2],
     pub(crate) mask_units: [f32; 2],
     pub(crate) material: u32,
     /// Index of the head's first number in `told`; the largest number: there are none.
     pub(crate) first_told: u32,
     pub(crate) block: u32,
-    pub(crate) cutoff: f32,
+    pub(crate) unused: u32,
 }
 
 impl Scene {
@@ -179,12 +175,11 @@ impl Scene {
             Show::Shaded => (0.0, 1.0),
             Show::Checker(_) => (1.0, 1.0),
             Show::Distance(end) => (2.0, end),
-            Show::Values(end) => (3.0, end),
-            Show::Normals => (4.0, 1.0),
-            Show::Wire => (5.0, 1.0),
-            Show::Motion(end) => (6.0, end),
-            Show::Blocks => (7.0, 1.0),
-            Show::Wrinkles => (8.0, 1.0),
+            Show::Normals => (3.0, 1.0),
+            Show::Wire => (4.0, 1.0),
+            Show::Motion(end) => (5.0, end),
+            Show::Blocks => (6.0, 1.0),
+            Show::Wrinkles => (7.0, 1.0),
         };
         let squares = if let Show::Checker(squares) = self.show { squares } else { 0.0 };
         HeadScene {
@@ -268,14 +263,11 @@ mod tests {
         let expected = [
             offset_of!(PartPush, ball),
             offset_of!(PartPush, colour),
-            offset_of!(PartPush, uv_axes),
-            offset_of!(PartPush, uv_origin),
             offset_of!(PartPush, units),
             offset_of!(PartPush, mask_units),
             offset_of!(PartPush, material),
             offset_of!(PartPush, first_told),
             offset_of!(PartPush, block),
-            offset_of!(PartPush, cutoff),
         ];
         assert_eq!(part, expected);
     }

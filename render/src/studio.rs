@@ -211,7 +211,7 @@ impl<'a> Studio<'a> {
         let (extent, device) = (vk::Extent2D { width, height }, &gpu.device);
         let usage = vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::TRANSFER_SRC;
         let (samples, aspect) = (vk::SampleCountFlags::TYPE_1, vk::ImageAspectFlags::COLOR);
-        let image = Image::new(gpu, &ImageDesc { extent, format: FORMAT, samples, levels: 1, usage, aspect })?;
+        let image = Image::new(gpu, &ImageDesc { extent, format: FORMAT, samples, usage, aspect })?;
         // SAFETY: the view's image lives as long as the target, and has the stated size and format.
         let target = unsafe { Target::new(&self.renderer, image.view, extent, self.desc.heads) }?;
         let bytes = width as usize * height as usize * 4;
@@ -232,17 +232,6 @@ impl<'a> Studio<'a> {
             (cmd, fence)
         };
         Ok(Frame { target, image, pixels, poses, cmd, fence })
-    }
-
-    /// Sets values for [`Show::Values`](crate::Show::Values), one for each vertex of the mesh. Waits for the pictures
-    /// that are being drawn, and returns them.
-    ///
-    /// # Errors
-    /// Those of [`Model::set_values`]; the device fails.
-    pub fn set_values(&mut self, values: &[f32]) -> Result<Vec<Picture>> {
-        let finished = self.finish()?;
-        self.model.set_values(values)?;
-        Ok(finished)
     }
 
     /// Begins a picture of all heads, at `places`, in front of `background` (linear red, green, blue, and opacity;

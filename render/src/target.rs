@@ -48,7 +48,7 @@ impl Target {
         use vk::ImageUsageFlags as Usage;
         let (gpu, heads) = (renderer.gpu.clone(), heads.max(1) as usize);
         let of = |extent, format, samples, usage, aspect| {
-            Image::new(&gpu, &ImageDesc { extent, format, samples, levels: 1, usage, aspect })
+            Image::new(&gpu, &ImageDesc { extent, format, samples, usage, aspect })
         };
         let (depth, passing) = (Usage::DEPTH_STENCIL_ATTACHMENT, Usage::TRANSIENT_ATTACHMENT);
         let (format, one) = (renderer.desc.format, vk::SampleCountFlags::TYPE_1);

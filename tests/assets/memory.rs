@@ -63,24 +63,6 @@ fn table((columns, rows, long, cell): (usize, usize, usize, usize)) -> String {
     names.join(",") + "\n" + &row.repeat(room(rows, row.len()))
 }
 
-fn rig_of((counts, long, is_sequence): ([usize; 4], usize, bool)) -> String {
-    let [controls, keys, correctives, factors] = counts;
-    let name = "x".repeat(long);
-    let keys = match is_sequence {
-        true => format!("\"sequence\":[{}]", vec![format!("\"{name}\""); room(keys, long + 3)].join(",")),
-        false => format!(
-            "\"keys\":[{}]",
-            vec![format!("{{\"at\":1,\"target\":\"{name}\"}}"); room(keys, long + 20)].join(",")
-        ),
-    };
-    let control = format!("{{\"name\":\"{name}\",{keys}}}");
-    let factors = vec![format!("\"{name}\""); room(factors, long + 3)].join(",");
-    let corrective = format!("{{\"target\":\"\",\"controls\":[{factors}]}}");
-    let (controls, correctives) = (room(controls, control.len()), room(correctives, corrective.len()));
-    let lists = [vec![control; controls].join(","), vec![corrective; correctives].join(",")];
-    format!("{{\"controls\":[{}],\"correctives\":[{}]}}", lists[0], lists[1])
-}
-
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(100))]
 
@@ -99,13 +81,6 @@ proptest! {
         let (_folder, path) = written("a.csv", text.as_bytes());
         let clip = within(text.len(), 200, || csv::read(&path, None)).unwrap();
         prop_assert_eq!(clip.values.len() + clip.names.len(), text.lines().count() * clip.names.len());
-    }
-
-    #[test]
-    fn of_rigs(counts in ([size(), size(), size(), size()], length(), any::<bool>())) {
-        let text = rig_of(counts);
-        let (_folder, path) = written("a.json", text.as_bytes());
-        prop_assert!(within(text.len(), 300, || deltamorph_rig::read(&path)).is_ok());
     }
 
     #[test]

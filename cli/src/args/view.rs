@@ -44,7 +44,7 @@ pub const MAX_HEADS: u32 = 100;
 /// The commands of scripts, for people.
 pub const HELP: &str = "\
 Commands of scripts, one a line; what follows # is a remark:
-  set NAME WEIGHT           a weight, of a target or of a control of the rig
+  set NAME WEIGHT           the weight of a target
   reset | random SEED       all weights 0; a few of them at random
   undo | redo               take back the last change of weights; make it again
   copy                      print the weights as --set takes them

@@ -52,7 +52,6 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     out.check(&input::files_of(&args.input, &[]), &[output], None)?;
     // Errors are against the raw files, what the tolerance drops included.
     let input = input::load(&args.input, true, out)?;
-    super::without_rig(&input, args, out);
     let spinner = out.spinner("writing glTF");
     let encoding = args.encoding.unwrap_or_default();
     let desc = GlbDesc::default()

@@ -4,13 +4,12 @@ use super::canvas::Canvas;
 use super::joints::Joints;
 use super::painted::Still;
 use super::scenery::Scenery;
-use crate::args::render::{Normals, Shown};
+use crate::args::render::Normals;
 use crate::detail::{Detail, Kept};
 use crate::output::Failure;
-use crate::runner::Stage;
 use deltamorph::after::NormalsDesc;
 use deltamorph::lod;
-use deltamorph::{BatchSize, CpuCrowd, POSE_FLOATS, PackedMesh, UpdateDesc, UpdatePath};
+use deltamorph::{CpuCrowd, PackedMesh, UpdateDesc, UpdatePath};
 use deltamorph_render::{Camera, Light, Poses, Scene, Show, Step, StoredPose, Studio, StudioDesc};
 use glam::{Mat4, Vec3};
 use std::sync::Arc;
@@ -45,8 +44,6 @@ enum Heads {
     Device,
     /// A crowd on the path `cpu`, its mesh and its update description.
     Processor(Box<CpuCrowd>, Arc<PackedMesh>, UpdateDesc),
-    /// Poses given by the caller, in float32.
-    Given,
 }
 
 impl<'a> Easel<'a> {
@@ -59,23 +56,8 @@ impl<'a> Easel<'a> {
         } else {
             Heads::Device
         };
-        Self::with(scenery, size, places, stage.desc, heads)
-    }
-
-    /// For pictures of poses given by the caller.
-    pub fn of_given_poses(scenery: &'a Scenery<'_>, size: [u32; 2]) -> Result<Self, Failure> {
-        let update = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
-        Self::with(scenery, size, vec![Mat4::IDENTITY], update, Heads::Given)
-    }
-
-    fn with(
-        scenery: &'a Scenery<'_>,
-        size: [u32; 2],
-        places: Vec<Mat4>,
-        update: UpdateDesc,
-        heads: Heads,
-    ) -> Result<Self, Failure> {
         let Scenery { args, stage, subject, .. } = scenery;
+        let update = stage.desc;
         let afterglow = if args.clip.is_some() { AFTERGLOW } else { 0.0 };
         let (heads_count, cull) = (places.len() as u32, places.len() > 1);
         let desc = StudioDesc { size, heads: heads_count, in_flight: IN_FLIGHT, update, afterglow, cull };
@@ -98,15 +80,8 @@ impl<'a> Easel<'a> {
         view.reach(places.iter().flat_map(|place| subject.whole.iter().map(|p| place.transform_point3(*p))));
         view.clip = Mat4::from_scale(Vec3::new(args.zoom, args.zoom, 1.0)) * view.clip;
         let [yaw, pitch, strength] = args.light;
-        let show = match (args.show, args.checker) {
-            (Some(Shown::Wire), _) => Show::Wire,
-            (Some(Shown::Normals), _) => Show::Normals,
-            (Some(Shown::Blocks), _) => Show::Blocks,
-            (Some(Shown::Wrinkles), _) => Show::Wrinkles,
-            // `heat::prepare` sets motion, whose scale it computes.
-            (Some(Shown::Motion) | None, None) => Show::Shaded,
-            (_, Some(squares)) => Show::Checker(squares as f32),
-        };
+        // `heat::prepare` sets the end of a scale.
+        let show = args.checker.map_or(args.look().show(1.0), |squares| Show::Checker(squares as f32));
         let scene = Scene { view, light: Light { yaw, pitch, strength }, show };
         let kept = match args.detail {
             Detail::All => None,
@@ -154,24 +129,8 @@ impl<'a> Easel<'a> {
                 let stored: Vec<_> = stored.collect::<deltamorph::Result<_>>()?;
                 studio.draw(Poses::Stored(&stored), places, scene, *background)?
             }
-            Heads::Given => return Err(Failure::Failed("poses are handed in here; report this".into())),
         };
         Ok(finished.map(Canvas::from))
-    }
-
-    /// Draws a pose of six numbers per vertex, in the order of the mesh.
-    pub fn picture_of(&mut self, stage: &Stage, pose: &[f32]) -> Result<Canvas, Failure> {
-        let layout = stage.mesh.layout();
-        let mut places: Vec<u32> = (0..layout.vertex_count as u32).collect();
-        layout.remap_indices(&mut places)?;
-        let mut bytes = vec![0; layout.base_bytes() as usize];
-        for (vertex, place) in pose.chunks_exact(POSE_FLOATS).zip(places) {
-            let numbers = vertex.iter().flat_map(|number| number.to_ne_bytes());
-            bytes[place as usize * POSE_FLOATS * 4..].iter_mut().zip(numbers).for_each(|(to, from)| *to = from);
-        }
-        let pose = StoredPose { pose: &bytes, units: [1.0; 2], changed: &[], masks: None };
-        self.studio.draw(Poses::Stored(&[pose]), &self.places, &self.scene, self.background)?;
-        self.last()
     }
 
     /// Waits for the remaining pictures.
@@ -197,12 +156,5 @@ impl<'a> Easel<'a> {
     /// The number of all targets, and the fewest and most that an instance kept in the last picture; `None`: all.
     pub fn kept(&self) -> Option<(usize, [usize; 2])> {
         self.kept.as_ref().map(Kept::of_all)
-    }
-
-    /// Shows these values, one per vertex, on a scale that ends at `end`.
-    pub fn show_values(&mut self, values: &[f32], end: f32) -> Result<(), Failure> {
-        self.studio.set_values(values)?;
-        self.scene.show = Show::Values(end);
-        Ok(())
     }
 }

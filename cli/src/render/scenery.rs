@@ -9,7 +9,7 @@ use crate::output::{Failure, Output};
 use crate::runner::{Gpu, Stage};
 use deltamorph::import::is_gltf;
 use deltamorph::{BoundClip, MorphMesh};
-use deltamorph_render::{Part, parts};
+use deltamorph_render::{Face, Part, parts};
 use glam::Vec3;
 use std::collections::HashMap;
 use std::path::Path;
@@ -53,19 +53,21 @@ pub struct Subject {
 
 impl Subject {
     /// The subject of the mesh that was read from `path`, or of the built-in head; `unposed`, if joints are to move it.
-    pub fn new(path: Option<&Path>, input: &Input, unposed: bool, out: &Output) -> Result<Self, Failure> {
+    pub fn new(path: Option<&Path>, input: &Input, unposed: bool) -> Result<Self, Failure> {
         let mesh = &input.kept;
         let Some(path) = path.filter(|path| is_gltf(path) && path.is_file() && input.packed.is_none()) else {
             return Ok(Self::of_mesh(path, mesh));
         };
-        let Painted { parts, has_joints, still } = painted::of_file(path, mesh, unposed, out)?;
+        let Painted { parts, has_joints, still } = painted::of_file(path, mesh, unposed)?;
         let (focus, whole) = views(mesh, &parts, still.as_ref());
         Ok(Self { parts, focus, whole, still, has_joints })
     }
 
     /// The subject of a mesh with the same faces as the one at `path`, by itself.
     pub fn of_mesh(path: Option<&Path>, mesh: &MorphMesh) -> Self {
-        let parts = parts(mesh, &names::of_faces(path, mesh));
+        let names = names::of_faces(path, mesh);
+        let said: Vec<Face<'_>> = names.iter().map(|name| Face::Named(name)).collect();
+        let parts = parts(mesh, &said);
         let (focus, whole) = views(mesh, &parts, None);
         Self { parts, focus, whole, still: None, has_joints: false }
     }

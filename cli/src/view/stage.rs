@@ -75,7 +75,7 @@ impl Stage {
         let format = swapchain::format(&device)?;
         let frames = Frames::new(&device, format.format)?;
         let painter = Painter::new(&device, format.format)?;
-        let subject = subject(state, out)?;
+        let subject = subject(state)?;
         let heads = heads(&device, &frames, format, state, &subject, out)?;
         let full = Full::new(&device, frames.pool, &state.input.kept)?;
         let context = Context::default();
@@ -158,7 +158,7 @@ impl Stage {
 
     /// Recreates the instances as the state requires. After an error the old ones stay.
     pub fn rebuild(&mut self, state: &State, other_mesh: bool, out: &Output) -> Result<(), Failure> {
-        let subject = other_mesh.then(|| subject(state, out)).transpose()?;
+        let subject = other_mesh.then(|| subject(state)).transpose()?;
         let heads =
             heads(&self.device, &self.frames, self.format, state, subject.as_ref().unwrap_or(&self.subject), out)?;
         // A full evaluation sums masks if the instances have them.
@@ -382,8 +382,8 @@ fn heads(
     Heads::new(device, frames.pool, format.format, (mesh, subject), (packed, desc, skin), threads, places)
 }
 
-fn subject(state: &State, out: &Output) -> Result<Subject, Failure> {
-    let mut subject = Subject::new(state.run.input.input.as_deref(), &state.input, state.is_unposed(), out)?;
+fn subject(state: &State) -> Result<Subject, Failure> {
+    let mut subject = Subject::new(state.run.input.input.as_deref(), &state.input, state.is_unposed())?;
     if let Some(joints) = state.skeleton() {
         subject.reach(joints, &state.input.kept, None, true);
     }

@@ -29,7 +29,7 @@ pub struct State {
     /// The mesh, and the options of its updates, as on the command line.
     pub run: RunArgs,
     pub input: Input,
-    /// Names of the sliders: targets, or controls of the rig.
+    /// Names of the sliders: targets.
     pub names: Vec<String>,
     pub values: Vec<f32>,
     /// Weights before changes that can be taken back, and before those that were.
@@ -129,7 +129,7 @@ impl State {
 
     /// The state of a mesh at rest. `named`: the clip, if it is none of the input's.
     fn of(run: RunArgs, input: Input, clip: Option<BoundClip>, named: Option<PathBuf>) -> Self {
-        let names: Vec<String> = input.controls().into_iter().map(str::to_owned).collect();
+        let names: Vec<String> = input.targets().into_iter().map(str::to_owned).collect();
         let mut clips = input.clips.clone();
         let chosen = named.or_else(|| clips.first().cloned());
         clips.extend(chosen.clone().filter(|chosen| !clips.contains(chosen)));
@@ -392,7 +392,6 @@ impl State {
         let mut run = self.run.clone();
         run.input.input = Some(path.clone());
         run.input.head = Default::default();
-        run.input.rig = None;
         run.update.formats.clear();
         let is_clip = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("csv"));
         let taken = if is_clip {
@@ -431,9 +430,7 @@ impl State {
     pub fn weights(&mut self) -> Result<Vec<Vec<f32>>, Failure> {
         let heads = self.heads as usize;
         let Some(clip) = self.clip.as_ref().filter(|_| self.follows) else {
-            let settings: Vec<_> = self.names.iter().cloned().zip(self.values.iter().copied()).collect();
-            let weights = if self.input.rig.is_some() { self.input.pose(&settings)? } else { self.values.clone() };
-            return Ok(vec![weights; heads]);
+            return Ok(vec![self.values.clone(); heads]);
         };
         let count = clip.frame_count();
         let frame = |head: usize| {
@@ -443,10 +440,8 @@ impl State {
             Ok(from.iter().zip(&to).map(|(a, b)| a + (b - a) * share).collect::<Vec<f32>>())
         };
         let weights = (0..heads).map(frame).collect::<deltamorph::Result<Vec<_>>>()?;
-        // Sliders follow the clip if they stand for targets.
-        if self.input.rig.is_none() {
-            self.values.clone_from(&weights[0]);
-        }
+        // Sliders follow the clip.
+        self.values.clone_from(&weights[0]);
         Ok(weights)
     }
 

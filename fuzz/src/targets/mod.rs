@@ -8,17 +8,15 @@ mod ktx2;
 mod meshopt;
 mod obj;
 mod planner;
-mod rig;
 
 use crate::Target;
 
 /// All of them.
-pub const TARGETS: [Target; 9] = [
+pub const TARGETS: [Target; 8] = [
     gltf::TARGET,
     dmorph::TARGET,
     obj::TARGET,
     csv::TARGET,
-    rig::TARGET,
     ktx2::TARGET,
     meshopt::TARGET,
     planner::TARGET,

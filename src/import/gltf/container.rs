@@ -140,11 +140,6 @@ impl Container {
         Ok(View { bytes: slot.get_or_init(|| decoded), stride })
     }
 
-    /// Returns the bytes of a URI: a data URI, or a file beside or below this one.
-    pub fn beside(&self, uri: &At<'_>) -> Result<Vec<u8>> {
-        uri_bytes(&self.path, uri, &mut HashMap::new()).map(Rc::unwrap_or_clone)
-    }
-
     /// Returns the byteLength bytes from byteOffset on of the buffer that `at` names.
     fn bytes(&self, at: &At<'_>) -> Result<&[u8]> {
         let index = at.need("buffer")?;

@@ -16,7 +16,7 @@
 //!   target whose [`normals`](crate::SourceTarget::normals) are `Some(vec![])`.
 //! - Tangents are those of the file; none are computed.
 //! - Draco, points and lines, and cameras are not read. What is there uncompressed beside Draco is. Of materials, base
-//!   colours and their images are, by [`read_materials`], for hosts that draw.
+//!   colours are, by [`read_materials`], for hosts that draw; textures are not.
 //!
 //! Files may be hostile: nothing outside their folder is read. Reading a file and making one mesh of it takes at most
 //! 960 bytes of memory per byte of the file and of the files that it names, plus 3 MiB. Time is bounded in the same
@@ -34,16 +34,14 @@ mod scene;
 mod skeleton;
 #[cfg(test)]
 mod tests;
-mod vrm;
 mod write;
 
 pub use animation::{Animation, Channel, Interpolation, Property};
-pub use material::{Alpha, Material, Materials, Texture, Wrap, read_materials};
+pub use material::{Material, read_materials};
 pub use mesh::{Influences, Mesh, Primitive};
 use scene::Hierarchy;
 pub use scene::{Node, Skin, Transform};
 pub use skeleton::Skeleton;
-pub use vrm::{Expression, Procedural, Suppression};
 pub use write::{Glb, GlbDesc, GlbEncoding, to_glb};
 
 use crate::asset::MorphSource;
@@ -70,8 +68,6 @@ pub struct Gltf {
     pub skins: Vec<Skin>,
     /// The animations.
     pub animations: Vec<Animation>,
-    /// The expressions of a VRM file.
-    pub expressions: Vec<Expression>,
     /// Remarks for the user; those on a mesh are in its source.
     pub notes: Vec<String>,
     path: PathBuf,
@@ -111,7 +107,7 @@ pub struct DrawnPart {
     pub name: String,
     /// Their range in the mesh's faces, all of them triangles.
     pub faces: Range<usize>,
-    /// Index of the material ([`Materials::materials`]).
+    /// Index of the material ([`read_materials`]).
     pub material: Option<usize>,
 }
 
@@ -182,7 +178,6 @@ fn gltf(file: &Container) -> Result<Gltf> {
         gltf.notes.extend(gltf.overruled(&animation));
         gltf.animations.push(animation);
     }
-    gltf.expressions = vrm::expressions(file, &gltf.meshes, &gltf.nodes, &mut gltf.notes)?;
     gltf.budget = file.budget();
     Ok(gltf)
 }
