@@ -1,7 +1,6 @@
 //! The command line, as clap sees it.
 
 pub mod bench;
-pub mod encoding;
 pub mod groups;
 pub mod lod;
 pub mod poses;
@@ -17,7 +16,6 @@ use clap::{Args, Parser, Subcommand};
 use deltamorph::{BlockDesc, DeltaFormat, PoseFormat, Tolerance, UpdateMode, UpdatePath};
 use deltamorph_head::HeadDesc;
 use deltamorph_headless::DeviceChoice;
-use encoding::Encoding;
 use lod::LodArgs;
 use poses::Sums;
 use reading::Reading;
@@ -123,17 +121,14 @@ pub struct SampleArgs {
 pub struct PackFileArgs {
     #[command(flatten)]
     pub input: InputArgs,
-    /// Storage of the deltas in a .dmorph file: a format in blocks [default: small]
+    /// Storage of the deltas: a format in blocks [default: small]
     #[arg(long, value_name = "FORMAT")]
     #[arg(value_parser = values::named(&DeltaFormat::ALL, DeltaFormat::name, DeltaFormat::summary))]
     pub format: Option<DeltaFormat>,
-    /// Storage of numbers in a .glb file [default: float]
-    #[arg(long, value_name = "ENCODING", value_enum)]
-    pub encoding: Option<Encoding>,
     #[command(flatten)]
     pub pack: PackArgs,
-    /// File to write: OUT.dmorph, or OUT.glb for programs that read glTF
-    #[arg(short, long, value_name = "OUT")]
+    /// File to write
+    #[arg(short, long, value_name = "OUT.dmorph")]
     pub output: PathBuf,
 }
 
