@@ -165,22 +165,6 @@ pub struct RunArgs {
     pub batch_size: BatchSpec,
 }
 
-/// Clips over the one that `play`, `render` and `view` take.
-#[derive(Args, Clone, Debug)]
-pub struct LayerArgs {
-    /// Another clip over that of --weights and --set, over and over from its first frame (repeatable): CSV@WEIGHT to go
-    /// so far towards it (1 where no weight is stated), CSV+WEIGHT to add so much of it
-    #[arg(long = "layer", value_name = "CSV[@WEIGHT]", value_parser = values::layer, conflicts_with = "normalise")]
-    pub layers: Vec<values::Layer>,
-}
-
-impl LayerArgs {
-    /// The files of these clips and of `weights`.
-    pub fn files(&self, weights: Option<&PathBuf>) -> Vec<PathBuf> {
-        weights.into_iter().chain(self.layers.iter().map(|layer| &layer.clip)).cloned().collect()
-    }
-}
-
 #[derive(Args, Clone, Debug)]
 pub struct PlayArgs {
     #[command(flatten)]
@@ -189,8 +173,6 @@ pub struct PlayArgs {
     /// the one in INPUT/weights or INPUT, where there is just one]
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,
-    #[command(flatten)]
-    pub layers: LayerArgs,
     /// Compare every Nth pose with the float64 reference, and the last one
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = values::whole(1usize, 1_000_000))]
     pub every: usize,

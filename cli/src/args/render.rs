@@ -1,6 +1,6 @@
 //! The options of `render`.
 
-use super::{LayerArgs, RunArgs, values};
+use super::{RunArgs, values};
 use crate::detail::Detail;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -13,8 +13,6 @@ pub struct RenderArgs {
     /// its name
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,
-    #[command(flatten)]
-    pub layers: LayerArgs,
     /// Frame of the weight clip, counted from 0
     #[arg(long, value_name = "N", requires = "weights", conflicts_with_all = ["sheet", "clip", "crowd"])]
     pub frame: Option<usize>,
