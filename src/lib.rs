@@ -9,8 +9,7 @@
 //! 3. [`MorphEngine::upload`] the mesh, [`MorphEngine::create_crowd`].
 //! 4. Each frame: [`Crowd::set_weights`], [`MorphEngine::record_update`], and draw from [`Crowd::pose`]; motion vectors
 //!    take [`Crowd::previous_pose`]. Steps after the pose (skinning, normals of the surface, float32 of any pose) are in
-//!    [`after`]; [`WeightBounds`] are for culling. [`ClipLayer::mix`] makes weights of clips; [`WeightMap`]
-//!    applies them to several meshes;
+//!    [`after`]; [`WeightBounds`] are for culling.
 //!    [`MorphEngine::readback`] reads poses back.
 //!
 //! ```no_run
@@ -118,7 +117,7 @@ pub use plan::{BatchSize, Consumers, UpdateDesc, UpdateMode, UpdatePath, UpdateS
 pub use update::animated::{AnimationDesc, Clips, KeyFormat, Playback};
 pub use update::crowd::{CrowdDesc, HostPoses};
 pub use update::requirements;
-pub use weights::{BoundClip, ClipLayer, LayerBlend, Repeat, WeightClip, WeightMap, normalise_weights};
+pub use weights::{BoundClip, Repeat, WeightClip, normalise_weights};
 pub use {ash, glam, gpu_allocator};
 
 /// Device memory: allocators, functions of the host's in their place, and what the engine takes.

@@ -60,14 +60,6 @@ pub struct DmCpuCrowd {
     pub bits: u64,
 }
 
-/// Crowds of several meshes (head, teeth, lashes) whose instances take one weight vector. All zero: none.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct DmCrowds {
-    /// Kind, generation and index.
-    pub bits: u64,
-}
-
 /// Host memory that poses are copied to and decoded from. All zero: none.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

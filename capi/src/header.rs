@@ -100,7 +100,6 @@ fn layouts() -> Vec<Layout> {
         DmSkinnedView { struct_size reserved buffer offset previous_buffer previous_offset }
         DmClipInfo { struct_size frame_count column_count fps }
         DmClipArrays { struct_size frame_count column_count fps name names values }
-        DmClipLayer { struct_size blend clip time weight once mask }
     }
 }
 
@@ -179,13 +178,11 @@ fn generate_as(config: Config) -> String {
         "queries",
         "mesh",
         "clip",
-        "layers",
         "level",
         "engine",
         "upload",
         "crowd",
         "weights",
-        "crowds",
         "record",
         "views",
         "readback",

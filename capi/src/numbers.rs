@@ -2,7 +2,7 @@
 
 use crate::result::{Failure, Result};
 use deltamorph::after::SkinMethod;
-use deltamorph::{Consumers, DeltaFormat, LayerBlend, PoseFormat, Semantic, UpdateMode, UpdatePath};
+use deltamorph::{Consumers, DeltaFormat, PoseFormat, Semantic, UpdateMode, UpdatePath};
 
 /// Vertices are doubled at seams, so that one index buffer draws poses as they are.
 pub const DM_MESH_SPLIT: u32 = 1;
@@ -78,11 +78,6 @@ pub const DM_SKIN_LINEAR: u32 = 1;
 /// rotation.
 pub const DM_SKIN_DUAL_QUATERNION: u32 = 2;
 
-/// Blend a layer over the layers below: at the weight 1 it replaces them.
-pub const DM_LAYER_OVERRIDE: u32 = 1;
-/// Add a layer to the layers below.
-pub const DM_LAYER_ADDITIVE: u32 = 2;
-
 /// Position: three components.
 pub const DM_STREAM_POSITION: u32 = 1;
 /// Normal: three components.
@@ -124,9 +119,6 @@ const MODES: &[(u32, UpdateMode)] =
 
 const SKINS: &[(u32, SkinMethod)] =
     &[(DM_SKIN_LINEAR, SkinMethod::Linear), (DM_SKIN_DUAL_QUATERNION, SkinMethod::DualQuaternion)];
-
-const LAYERS: &[(u32, LayerBlend)] =
-    &[(DM_LAYER_OVERRIDE, LayerBlend::Override), (DM_LAYER_ADDITIVE, LayerBlend::Additive)];
 
 /// The value of `number`; `default` for 0.
 fn find<T: Copy>(table: &[(u32, T)], number: u32, what: &str, default: T) -> Result<T> {
@@ -175,11 +167,6 @@ pub fn mode(number: u32, default: UpdateMode) -> Result<UpdateMode> {
 /// `DM_SKIN_…`.
 pub fn skin_method(number: u32) -> Result<SkinMethod> {
     find(SKINS, number, "method of skinning (DM_SKIN_)", SkinMethod::Linear)
-}
-
-/// `DM_LAYER_…`.
-pub fn layer_blend(number: u32) -> Result<LayerBlend> {
-    find(LAYERS, number, "blend of a layer (DM_LAYER_)", LayerBlend::Override)
 }
 
 /// `DM_READ_BY_…`, combined.

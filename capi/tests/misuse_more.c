@@ -1,5 +1,5 @@
 /*
- * Invalid use of queue families, layers of clips, and bounds from weights; messages on a mesh.
+ * Invalid use of queue families, and bounds from weights; messages on a mesh.
  * Included by misuse.c, which says what it expects.
  */
 
@@ -15,44 +15,6 @@ static void families(const DmEngineDesc *good, DmGpuMesh mesh) {
     INVALID("queue family 77 of ", dm_engine_create(&bad, &engine));
     INVALID("queue family 77 of ", dm_crowd_create(mesh, &desc, &crowd));
     HOLDS(engine.bits == 0 && crowd.bits == 0);
-}
-
-static void layers(DmMesh mesh, DmCrowd crowd) {
-    const char *name = NULL;
-    const float values[2] = {0.5f, 1}, mask[3] = {1, 1, NAN};
-    float weights[3] = {0};
-    DmClip clip = {0};
-    DmBoundClip bound = {0};
-    WORKS(dm_mesh_target_name(mesh, 1, &name));
-    const DmClipArrays arrays = {.struct_size = sizeof arrays, .frame_count = 2, .column_count = 1, .fps = 10,
-                                 .names = &name, .values = values};
-    WORKS(dm_clip_from_arrays(&arrays, &clip));
-    INVALID("'names' is a null pointer", dm_clip_bind_names(clip, NULL, 1, &bound));
-    INVALID("'bound' is a null pointer", dm_clip_bind_names(clip, &name, 1, NULL));
-    INVALID("names no target", dm_clip_bind_names(clip, (const char *[]){"none"}, 1, &bound));
-    HANDLE("null handle in place of a clip", dm_clip_bind_names((DmClip){0}, &name, 1, &bound));
-    WORKS(dm_clip_bind(clip, mesh, &bound));
-    DmClipLayer layer = {.struct_size = sizeof layer, .clip = bound, .weight = 1}, bad = layer;
-    INVALID("a null pointer to DmClipLayer", dm_clips_mix(NULL, 1, weights, 3));
-    INVALID("'weights' is a null pointer", dm_clips_mix(&layer, 1, NULL, 3));
-    INVALID("bound to 3 targets, and 2 weights are mixed", dm_clips_mix(&layer, 1, weights, 2));
-    bad.clip = (DmBoundClip){crowd.bits};
-    HANDLE("the handle of a crowd in place of a bound clip", dm_clips_mix(&bad, 1, weights, 3));
-    bad = layer, bad.time = NAN;
-    INVALID("layer 0", dm_clips_mix(&bad, 1, weights, 3));
-    bad = layer, bad.blend = 3;
-    INVALID("blend of a layer (DM_LAYER_)", dm_clips_mix(&bad, 1, weights, 3));
-    bad = layer, bad.mask = mask;
-    INVALID("the mask of target 2", dm_clips_mix(&bad, 1, weights, 3));
-    bad.mask = weights;
-    INVALID("the mask of layer 1 overlaps 'weights'", dm_clips_mix((const DmClipLayer[]){layer, bad}, 2, weights, 3));
-    bad = layer, bad.struct_size = 8;
-    INVALID("DmClipLayer with a struct_size of 8", dm_clips_mix((const DmClipLayer[]){layer, bad}, 2, weights, 3));
-    HOLDS(weights[1] == 0);
-    WORKS(dm_clips_mix(&layer, 1, weights, 3));
-    HOLDS(weights[1] == 0.5f);
-    WORKS(dm_bound_clip_destroy(bound));
-    WORKS(dm_clip_destroy(clip));
 }
 
 static void weight_bounds(DmMesh mesh) {
@@ -248,7 +210,6 @@ static void more(const Host *host, DmMesh mesh, DmGpuMesh uploaded, DmCrowd crow
                                  .get_instance_proc_addr = vkGetInstanceProcAddr};
     families(&device, uploaded);
     handed_over(host, &device, mesh);
-    layers(mesh, crowd);
     weight_bounds(mesh);
     levels(crowd, animated);
     calls(crowd, animated);

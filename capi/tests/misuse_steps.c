@@ -52,49 +52,6 @@ static void single_weights(DmCrowd crowd, DmCrowd animated, const char *name) {
     HOLDS(weights[0] == 0.25f && weights[1] == 0.5f && weights[2] == 0.75f);
 }
 
-static void sets(DmGpuMesh mesh, DmCrowd crowd, DmCrowd animated) {
-    DmCrowd members[2] = {crowd, {0}};
-    DmCrowds set = {0};
-    uint32_t count = 1;
-    const char *names[3] = {NULL}, *twice[2];
-    float weights[3] = {0.5f, 0.25f, NAN}, held[3];
-    WORKS(dm_crowd_create(mesh, NULL, &members[1]));
-    INVALID("a set of no crowd", dm_crowds_create(members, 0, &set));
-    INVALID("'crowds' is a null pointer", dm_crowds_create(NULL, 2, &set));
-    INVALID("'set' is a null pointer", dm_crowds_create(members, 2, NULL));
-    INVALID("named twice", dm_crowds_create((DmCrowd[]){crowd, crowd}, 2, &set));
-    INVALID("the crowd plays clips", dm_crowds_create((DmCrowd[]){crowd, animated}, 2, &set));
-    HANDLE("null handle in place of a crowd", dm_crowds_create(&no_crowd, 1, &set));
-    HANDLE("null handle in place of a set of crowds", dm_crowds_destroy(set));
-    WORKS(dm_crowds_create(members, 2, &set));
-    INVALID("room for 1 elements, and 3", dm_crowds_names(set, &count, names));
-    INVALID("'count' is a null pointer", dm_crowds_names(set, NULL, names));
-    count = 3;
-    WORKS(dm_crowds_names(set, &count, names));
-    HOLDS(count == 3 && names[2] && strlen(names[2]) > 0);
-    WORKS(dm_crowd_weights(crowd, 0, held, 3));
-    const float before = held[0];
-    INVALID("NaN", dm_crowds_set_weights(set, 0, weights, 3));
-    INVALID("2 weights for 3 names", dm_crowds_set_weights(set, 0, weights, 2));
-    INVALID("instance 1", dm_crowds_set_weights(set, 1, weights, 3));
-    WORKS(dm_crowd_remove(members[1], 0));
-    weights[2] = 1;
-    INVALID("instance 0", dm_crowds_set_weights(set, 0, weights, 3)); /* of the second: the first stays as it was */
-    WORKS(dm_crowd_weights(crowd, 0, held, 3));
-    HOLDS(held[0] == before);
-    twice[0] = twice[1] = names[0];
-    INVALID("two weights are called", dm_crowds_bind(set, twice, 2));
-    INVALID("no mesh has a target 'none'", dm_crowds_bind(set, (const char *[]){"none"}, 1));
-    INVALID("'names' is a null pointer", dm_crowds_bind(set, NULL, 1));
-    INVALID("'name of a weight' is a null pointer", dm_crowds_bind(set, (const char *[]){NULL}, 1));
-    WORKS(dm_crowds_bind(set, &names[2], 1));
-    WORKS(dm_crowd_destroy(members[1]));
-    HANDLE("was destroyed", dm_crowds_set_weights(set, 0, weights, 1));
-    HANDLE("was destroyed", dm_crowds_bind(set, &names[0], 0));
-    WORKS(dm_crowds_destroy(set));
-    HANDLE("was destroyed", dm_crowds_names(set, &count, NULL));
-}
-
 static void host_vertices(DmGpuMesh mesh, VkBuffer buffer) {
     DmStreamPlace streams[2] = {{DM_STREAM_POSITION, 0}, {DM_STREAM_NORMAL, 12}};
     DmHostPoses poses = {.struct_size = sizeof poses, .stride = 48, .buffer = buffer, .streams = streams,
@@ -271,7 +228,6 @@ static void steps(const Host *host, DmEngine engine, DmEngine other, DmMesh mesh
     const char *name = NULL;
     WORKS(dm_mesh_target_name(mesh, 2, &name));
     single_weights(crowd, animated, name);
-    sets(uploaded, crowd, animated);
     host_vertices(uploaded, buffer);
     readbacks(host, engine, crowd, elsewhere);
     skins(host, engine, other, mesh, another, crowd, buffer);

@@ -177,7 +177,7 @@ fn programs_built_with_the_first_header_of_this_version_run() {
     for (source, args) in [
         ("examples/c/minimal.c", &["-", DRIVERS[0]][..]),
         ("capi/tests/scene.c", &DRIVERS[..1]),
-        ("capi/tests/layers.c", &DRIVERS[..1]),
+        ("capi/tests/clips.c", &DRIVERS[..1]),
     ] {
         ran(build_with("capi/tests/first", source, unchanged).command().args(args));
     }
@@ -211,10 +211,10 @@ fn a_scene_is_what_c_computes_in_double_precision() {
     }
 }
 
-/// Layers of clips, an added instance, bounds from weights.
+/// Clips, an added instance, bounds from weights.
 #[test]
-fn a_head_that_plays_layers_is_what_the_reference_says() {
-    let program = build("capi/tests/layers.c", unchanged);
+fn a_head_that_plays_clips_is_what_the_reference_says() {
+    let program = build("capi/tests/clips.c", unchanged);
     for driver in DRIVERS {
         let output = program.validated(&[driver.as_ref()]);
         let said = text(&output.stdout);
@@ -223,7 +223,7 @@ fn a_head_that_plays_layers_is_what_the_reference_says() {
         assert!(said.starts_with("14 steps of 2 instances") && said.lines().count() == 1, "{said}");
     }
     for (from, to, says) in [
-        // Weights that an instance never gets; bounds of others; no free place; another mixture.
+        // Weights that an instance never gets; bounds of others; no free place; another time of the clip.
         (
             "DM(dm_crowd_set_weights(crowd, i, weights, TARGETS));",
             "DM(dm_crowd_set_weights(crowd, 0, weights, TARGETS));",
@@ -235,10 +235,10 @@ fn a_head_that_plays_layers_is_what_the_reference_says() {
             "DM(dm_crowd_create(uploaded, &desc, &crowd));",
             "place",
         ),
-        (".weight = 0.5f", ".weight = 0.25f", "are mixed otherwise"),
+        ("10 * seconds, weights, TARGETS", "11 * seconds, weights, TARGETS", "are other weights"),
     ] {
         let output =
-            build("capi/tests/layers.c", replaced(from, to)).command().arg(DRIVERS[0]).output().expect("it starts");
+            build("capi/tests/clips.c", replaced(from, to)).command().arg(DRIVERS[0]).output().expect("it starts");
         assert!(!output.status.success() && text(&output.stderr).contains(says), "{to}: {}", text(&output.stderr));
     }
 }
@@ -247,7 +247,7 @@ fn a_head_that_plays_layers_is_what_the_reference_says() {
 fn a_scene_that_is_wrong_is_found() {
     let differs = "the scene: differs from what it should be";
     for (from, to, says) in [
-        // The joints of the first frame in all frames; a weight missing from the set; no normals.
+        // The joints of the first frame in all frames; a weight missing from the reference; no normals.
         ("DM(dm_crowd_set_joints(crowds[0], 0, frame * 192));", "", differs),
         (
             "patch_evaluate(&face, weights, exact);",
@@ -285,7 +285,7 @@ fn valgrind_finds_nothing_without_a_device() {
 #[ignore = "minutes, since the driver compiles shaders under valgrind: .ci/deep"]
 fn valgrind_finds_nothing_on_a_device() {
     for (source, args) in
-        [("misuse.c", vec!["device", DRIVERS[0]]), ("scene.c", vec![DRIVERS[0]]), ("layers.c", vec![DRIVERS[0]])]
+        [("misuse.c", vec!["device", DRIVERS[0]]), ("scene.c", vec![DRIVERS[0]]), ("clips.c", vec![DRIVERS[0]])]
     {
         let output = build(&format!("capi/tests/{source}"), unchanged).under_valgrind(&args);
         assert!(output.status.success(), "{source}: {}{}", text(&output.stdout), text(&output.stderr));

@@ -1,7 +1,6 @@
 //! The command line, as clap sees it.
 
 pub mod bench;
-pub mod encoding;
 pub mod groups;
 pub mod lod;
 pub mod poses;
@@ -16,7 +15,6 @@ use clap::{Args, Parser, Subcommand};
 use deltamorph::{BlockDesc, DeltaFormat, PoseFormat, Tolerance, UpdateMode, UpdatePath};
 use deltamorph_head::HeadDesc;
 use deltamorph_headless::DeviceChoice;
-use encoding::Encoding;
 use lod::LodArgs;
 use poses::Sums;
 use reading::Reading;
@@ -114,17 +112,14 @@ pub struct SampleArgs {
 pub struct PackFileArgs {
     #[command(flatten)]
     pub input: InputArgs,
-    /// Storage of the deltas in a .dmorph file: a format in blocks [default: small]
+    /// Storage of the deltas: a format in blocks [default: small]
     #[arg(long, value_name = "FORMAT")]
     #[arg(value_parser = values::named(&DeltaFormat::ALL, DeltaFormat::name, DeltaFormat::summary))]
     pub format: Option<DeltaFormat>,
-    /// Storage of numbers in a .glb file [default: float]
-    #[arg(long, value_name = "ENCODING", value_enum)]
-    pub encoding: Option<Encoding>,
     #[command(flatten)]
     pub pack: PackArgs,
-    /// File to write: OUT.dmorph, or OUT.glb for programs that read glTF
-    #[arg(short, long, value_name = "OUT")]
+    /// File to write
+    #[arg(short, long, value_name = "OUT.dmorph")]
     pub output: PathBuf,
 }
 
@@ -158,22 +153,6 @@ pub struct RunArgs {
     pub batch_size: BatchSpec,
 }
 
-/// Clips over the one that `play`, `render` and `view` take.
-#[derive(Args, Clone, Debug)]
-pub struct LayerArgs {
-    /// Another clip over that of --weights and --set, over and over from its first frame (repeatable): CSV@WEIGHT to go
-    /// so far towards it (1 where no weight is stated), CSV+WEIGHT to add so much of it
-    #[arg(long = "layer", value_name = "CSV[@WEIGHT]", value_parser = values::layer, conflicts_with = "normalise")]
-    pub layers: Vec<values::Layer>,
-}
-
-impl LayerArgs {
-    /// The files of these clips and of `weights`.
-    pub fn files(&self, weights: Option<&PathBuf>) -> Vec<PathBuf> {
-        weights.into_iter().chain(self.layers.iter().map(|layer| &layer.clip)).cloned().collect()
-    }
-}
-
 #[derive(Args, Clone, Debug)]
 pub struct PlayArgs {
     #[command(flatten)]
@@ -182,8 +161,6 @@ pub struct PlayArgs {
     /// the one in INPUT/weights or INPUT, where there is just one]
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,
-    #[command(flatten)]
-    pub layers: LayerArgs,
     /// Compare every Nth pose with the float64 reference, and the last one
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = values::whole(1usize, 1_000_000))]
     pub every: usize,

@@ -2,13 +2,11 @@
 
 use crate::args::InputArgs;
 use crate::args::reading::Reading;
-use crate::args::values::Layer;
 use crate::output::{Failure, Output};
 use deltamorph::import::{ImportDesc, Imported, ImportedMesh, csv, gltf};
 use deltamorph::internals::weights::names::{closest, unknown};
 use deltamorph::{
-    BlockDesc, BoundClip, ClipLayer, MorphMesh, PackDesc, PackedMesh, Semantic, Tolerance, WeightClip, import,
-    normalise_weights,
+    BlockDesc, BoundClip, MorphMesh, PackDesc, PackedMesh, Semantic, Tolerance, WeightClip, import, normalise_weights,
 };
 use deltamorph_head as head;
 use serde::Serialize;
@@ -307,27 +305,6 @@ pub fn clips(
     }
     let paths = named.map_or_else(|| input.clips.clone(), |path| vec![path.to_path_buf()]);
     paths.iter().map(|path| clip(path, args, input, settings)).collect()
-}
-
-/// Applies `layers` to each frame of `clip`, at the same time; returns a clip of all targets.
-pub fn layered(clip: BoundClip, layers: &[Layer], args: &InputArgs, input: &Input) -> Result<BoundClip, Failure> {
-    if layers.is_empty() {
-        return Ok(clip);
-    }
-    let bound = layers.iter().map(|layer| self::clip(&layer.clip, args, input, &[]));
-    let bound = bound.collect::<Result<Vec<_>, Failure>>()?;
-    let mut values = vec![];
-    for (frame, mut weights) in clip.frames().enumerate() {
-        let seconds = frame as f64 / f64::from(clip.fps);
-        let over = layers.iter().zip(&bound);
-        let over = over.map(|(layer, clip)| ClipLayer::new(clip, seconds).blend(layer.blend).weight(layer.weight));
-        ClipLayer::mix(&over.collect::<Vec<_>>(), &mut weights)?;
-        values.append(&mut weights);
-    }
-    let targets = input.targets();
-    let names = targets.iter().map(|name| (*name).to_owned()).collect();
-    input.holds(&values);
-    Ok(WeightClip { name: clip.name, names, fps: clip.fps, values }.bind(&targets)?)
 }
 
 impl Input {

@@ -1,6 +1,4 @@
-//! `pack`: writes a mesh as a file that loads without packing again, or as glTF.
-
-mod glb;
+//! `pack`: writes a mesh as a file that loads without packing again.
 
 use crate::args::PackFileArgs;
 use crate::info::measure::Cost;
@@ -47,14 +45,7 @@ struct Exact {
 }
 
 pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
-    let name = args.output.display();
-    if args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb")) {
-        return glb::run(args, out);
-    }
-    check_ending(&args.output, "a packed mesh or a glTF file", &["dmorph", "glb"])?;
-    if args.encoding.is_some() {
-        return Err(Failure::Usage(format!("--encoding: is that of *.glb files; -o {name} takes --format")));
-    }
+    check_ending(&args.output, "a packed mesh", &["dmorph"])?;
     let format = Some(args.format.unwrap_or(DeltaFormat::Small)).filter(|f| f.is_blocks()).ok_or_else(|| {
         let names = DeltaFormat::BLOCKS.map(DeltaFormat::name).join(", ");
         Failure::Usage(format!("--format: packed files hold blocks; name one of {names}"))

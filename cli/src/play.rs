@@ -98,14 +98,9 @@ pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
         let named = run.update.named_poses().map_err(Failure::Usage)?;
         run.update.poses = distinct_or(&named, &[PoseFormat::Fixed32]);
     }
-    out.check(
-        &input::files_of(&run.input, &args.layers.files(weights.as_ref())),
-        args.calls.as_deref().as_slice(),
-        None,
-    )?;
+    out.check(&input::files_of(&run.input, weights.as_slice()), args.calls.as_deref().as_slice(), None)?;
     let mut input = input::load(&run.input, true, out)?;
     let clip = input::one_clip(weights.as_deref(), &run.input, &input, &[])?;
-    let clip = input::layered(clip, &args.layers.layers, &run.input, &input)?;
     // Reads the clip again without normalisation; notes have already been printed.
     (input.normalise, input.out) = (None, None);
     let plain = || input::one_clip(weights.as_deref(), &run.input, &input, &[]);

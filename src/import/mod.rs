@@ -1,4 +1,4 @@
-//! Import of meshes and weight clips from files, and their export.
+//! Import of meshes and weight clips from files.
 //!
 //! To add an importer: a module here, and a branch in [`open`].
 

@@ -27,8 +27,6 @@ use glam::Vec3;
 pub use group::{PackedGroup, PackedLayout, PackedTarget};
 pub use poses::PoseFormat;
 pub(crate) use source::Source;
-#[cfg(feature = "gltf")]
-pub(crate) use source::check;
 use std::sync::Arc;
 pub use vertex::VertexLayout;
 
@@ -100,13 +98,6 @@ impl Default for PackDesc {
 pub struct PackedMesh {
     /// At least one; the first is position and normal.
     groups: Vec<PackedGroup>,
-}
-
-/// The vertices of a mesh in an order in which those that the same targets move are adjacent.
-#[cfg(feature = "gltf")]
-pub(crate) fn vertex_order(mesh: &MorphMesh) -> Vec<u32> {
-    let members: Vec<Vec<u32>> = mesh.targets.iter().map(|target| target.vertices.clone()).collect();
-    order::order(mesh.vertex_count(), &members)
 }
 
 /// Most targets of a mesh: kernels use 16-bit target indices.

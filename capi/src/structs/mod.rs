@@ -51,5 +51,4 @@ versioned! {
     DmSkinnedView;
     DmClipInfo;
     DmClipArrays;
-    DmClipLayer;
 }

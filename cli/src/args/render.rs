@@ -1,6 +1,6 @@
 //! The options of `render`.
 
-use super::{LayerArgs, RunArgs, values};
+use super::{RunArgs, values};
 use crate::detail::Detail;
 use clap::{Args, ValueEnum};
 use deltamorph_render::Show;
@@ -14,8 +14,6 @@ pub struct RenderArgs {
     /// its name
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,
-    #[command(flatten)]
-    pub layers: LayerArgs,
     /// Frame of the weight clip, counted from 0
     #[arg(long, value_name = "N", requires = "weights", conflicts_with_all = ["clip", "crowd"])]
     pub frame: Option<usize>,

@@ -1,7 +1,7 @@
 //! The options of `view`.
 
 use super::render::{camera, size};
-use super::{LayerArgs, RunArgs, values};
+use super::{RunArgs, values};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -13,8 +13,6 @@ pub struct ViewArgs {
     /// the first in INPUT/weights or INPUT, which waits for "play"]
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,
-    #[command(flatten)]
-    pub layers: LayerArgs,
     /// Weights by name to begin with (repeatable)
     #[arg(long, value_name = "NAME=WEIGHT,…", value_delimiter = ',', value_parser = values::setting)]
     pub set: Vec<(String, f32)>,

@@ -38,8 +38,7 @@ pub fn draw(scenery: &Scenery<'_>, heads: u32, output: &Path) -> Result<Done, Fa
 /// and the base pose.
 fn expressions(scenery: &Scenery<'_>, heads: usize) -> Result<Expressions, Failure> {
     let args = scenery.args;
-    let named = args.weights.is_some() || !args.layers.layers.is_empty();
-    if named || scenery.input.clips.len() == 1 || args.run.input.input.is_none() {
+    if args.weights.is_some() || scenery.input.clips.len() == 1 || args.run.input.input.is_none() {
         let (frames, _) = scenery.frames()?;
         let at = |head: usize| head * frames.len() / heads;
         let now = (0..heads).map(|head| frames[at(head)].clone());

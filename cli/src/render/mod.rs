@@ -30,9 +30,6 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
     if one_pose && args.weights.is_some() && args.frame.is_none() {
         return Err(Failure::Usage("--weights: which frame? give --frame N, or --clip OUT for all of them".into()));
     }
-    if one_pose && args.weights.is_none() && !args.layers.layers.is_empty() {
-        return Err(Failure::Usage("--layer: over which clip? give --weights CSV and --frame N, or --clip OUT".into()));
-    }
     if let Some(path) = args.run.update.paths.iter().find(|path| path.evaluates_in_draws()) {
         let text =
             format!("--path {}: evaluates in draws of its own, and has no pose to draw; use blocks", path.name());
@@ -40,7 +37,7 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
     }
     // clap ensures that one of the two is given.
     let output = args.output.as_deref().or(args.clip.as_deref()).unwrap_or(Path::new(""));
-    let read = input::files_of(&args.run.input, &args.layers.files(args.weights.as_ref()));
+    let read = input::files_of(&args.run.input, args.weights.as_slice());
     if args.clip.is_some() && !clip::is_one_file(output) {
         out.check(&read, &[], Some(output))?;
     } else {
@@ -62,10 +59,7 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
     if args.run.update.named_poses().map_err(Failure::Usage)?.iter().any(|pose| pose.has_integers()) {
         // Poses have to hold the weights of the clip. Its notes are printed when it is drawn.
         let notes = input.out.take();
-        let clips = input::clips(args.weights.as_deref(), &args.run.input, &input, &args.set)?;
-        clips
-            .into_iter()
-            .try_for_each(|clip| input::layered(clip, &args.layers.layers, &args.run.input, &input).map(|_| ()))?;
+        input::clips(args.weights.as_deref(), &args.run.input, &input, &args.set)?;
         input.pose(&args.set)?;
         input.out = notes;
     }

@@ -7,8 +7,9 @@ use crate::args::render::RenderArgs;
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
 use crate::runner::{Gpu, Stage};
+use deltamorph::MorphMesh;
 use deltamorph::import::is_gltf;
-use deltamorph::{BoundClip, MorphMesh};
+use deltamorph::BoundClip;
 use deltamorph_render::{Face, Part, parts};
 use glam::Vec3;
 use std::collections::HashMap;
@@ -134,7 +135,7 @@ impl Scenery<'_> {
         let (Some(path), Some(frame)) = (&args.weights, args.frame) else {
             return Ok([self.input.pose(&args.set)?, rest()]);
         };
-        let clip = self.layered(input::clip(path, &args.run.input, self.input, &args.set)?)?;
+        let clip = input::clip(path, &args.run.input, self.input, &args.set)?;
         let count = clip.frame_count();
         if frame >= count {
             let text = format!("has {count} frames, counted from 0; there is no frame {frame}");
@@ -146,12 +147,8 @@ impl Scenery<'_> {
     /// Frames of the requested clip, or of the only one, with the settings applied; and their rate.
     pub fn frames(&self) -> Result<(Vec<Vec<f32>>, f32), Failure> {
         let args = self.args;
-        let clip = self.layered(input::one_clip(args.weights.as_deref(), &args.run.input, self.input, &args.set)?)?;
+        let clip = input::one_clip(args.weights.as_deref(), &args.run.input, self.input, &args.set)?;
         Ok((clip.frames().collect(), clip.fps))
-    }
-
-    fn layered(&self, clip: BoundClip) -> Result<BoundClip, Failure> {
-        input::layered(clip, &self.args.layers.layers, &self.args.run.input, self.input)
     }
 
     pub fn diagonal(&self) -> f32 {

@@ -95,8 +95,6 @@ impl State {
     pub fn new(args: &ViewArgs, out: &Output) -> Result<Self, Failure> {
         let mut this = Self::read(args.run.clone(), args.weights.as_deref(), out)?;
         (this.heads, this.camera, this.home) = (args.heads, args.camera, args.camera);
-        let layered = |clip| input::layered(clip, &args.layers.layers, &args.run.input, &this.input);
-        this.clip = this.clip.take().map(layered).transpose()?;
         this.input.pose(&args.set)?; // refuses names that there are not
         for (name, weight) in &args.set {
             this.set(name, *weight, false)?;

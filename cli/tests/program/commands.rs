@@ -1,6 +1,6 @@
 //! The command line: printed output, written files and exit codes.
 
-use crate::cli::{HEAD, clip, deltamorph, fails, json, ok, refused, sample};
+use crate::cli::{HEAD, clip, deltamorph, json, ok, refused, sample};
 use serde_json::Value;
 use std::path::Path;
 
@@ -257,7 +257,7 @@ fn a_packed_file_is_an_input_everywhere() {
         (&["info", &empty], 1, "empty.DMORPH: does not begin as a packed mesh does; give a file written by"),
         (&["info", "none.dmorph"], 1, "none.dmorph: cannot read: No such file"),
         (&["pack", &file, "-o", &file], 2, "would be written over"),
-        (&["pack", &dir, "-o", &path("head.bin")], 2, "name it *.dmorph"),
+        (&["pack", &dir, "-o", &path("head.glb")], 2, "name it *.dmorph"),
         (&["pack", &dir, "-o", &file, "--format", "snorm16"], 2, "name one of block-float32, fast, small, pair"),
         (&["pack", &dir, "-o", "/nonexistent/a.dmorph"], 1, "/nonexistent/a.dmorph"),
         (&["info", &file, "--tolerance", "0.1"], 2, "was packed with a tolerance of 0.000001"),

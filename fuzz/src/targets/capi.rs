@@ -10,7 +10,7 @@ use deltamorph_c::memory::Versioned;
 use deltamorph_c::result::{DM_ERROR_OUT_OF_MEMORY, DM_ERROR_PANIC, DM_OK, DmResult, dm_last_error};
 use deltamorph_c::structs::*;
 use deltamorph_c::{
-    after, bounds, clip, cpu, crowd, engine, layers, level, mesh, queries, readback, record, skin, upload,
+    after, bounds, clip, cpu, crowd, engine, level, mesh, queries, readback, record, skin, upload,
 };
 use std::ffi::{CStr, CString, c_char};
 use std::ptr::{null, null_mut};
@@ -192,8 +192,7 @@ impl Calls<'_> {
             4 | 5 => self.queries(),
             6 | 7 => self.poses(),
             8..=10 => self.cpu_crowd(),
-            11 | 12 => self.clip(),
-            13 => self.mix(),
+            11..=13 => self.clip(),
             14 => self.weight_bounds(),
             15 => self.open(),
             16 => self.without_engine(),
@@ -404,14 +403,10 @@ impl Calls<'_> {
         self.made(CLIP, code, out.bits);
         let (of, mesh) = (DmClip { bits: self.handle(CLIP)? }, DmMesh { bits: self.handle(MESH)? });
         let mut info = self.stated(DmClipInfo::zeroed())?;
-        // SAFETY: as above; names are strings.
+        // SAFETY: as above.
         let code = unsafe {
             check(clip::dm_clip_info(of, info.at()));
-            let list: Vec<*const c_char> = names.iter().map(|name| name.as_ptr()).collect();
-            match self.input.arbitrary()? {
-                true => clip::dm_clip_bind(of, mesh, &raw mut bound),
-                false => clip::dm_clip_bind_names(of, list.as_ptr(), columns as u32, &raw mut bound),
-            }
+            clip::dm_clip_bind(of, mesh, &raw mut bound)
         };
         self.made(BOUND_CLIP, code, bound.bits);
         let mut room = vec![0.0; self.input.int_in_range(0..=60usize)?];
@@ -419,28 +414,6 @@ impl Calls<'_> {
         let bound = DmBoundClip { bits: self.handle(BOUND_CLIP)? };
         // SAFETY: there is as much room.
         check(unsafe { clip::dm_bound_clip_sample(bound, frame, room.as_mut_ptr(), room.len() as u32) });
-        Ok(())
-    }
-
-    fn mix(&mut self) -> Result<()> {
-        let count = self.input.int_in_range(0..=8usize)?;
-        let mut mask = self.floats(count)?;
-        let mut list = vec![];
-        for _ in 0..self.input.int_in_range(0..=3u8)? {
-            let mut layer = DmClipLayer::zeroed();
-            (layer.blend, layer.once) = (self.input.int_in_range(0..=3)?, self.input.int_in_range(0..=1)?);
-            (layer.clip.bits, layer.weight) = (self.handle(BOUND_CLIP)?, self.float()?);
-            layer.time = *self.input.choose(&[0.0, 0.1, -0.3, f64::NAN, f64::MAX, -f64::MAX])?;
-            layer.mask = self.or_null(mask.as_mut_ptr())?;
-            list.push(layer);
-        }
-        let mut weights = self.floats(count)?;
-        let bits = |weights: &[f32]| weights.iter().map(|weight| weight.to_bits()).collect::<Vec<_>>();
-        let before = bits(&weights);
-        // SAFETY: masks and weights have as many numbers.
-        let code =
-            unsafe { layers::dm_clips_mix(list.as_ptr(), list.len() as u32, weights.as_mut_ptr(), count as u32) };
-        assert!(check(code) || bits(&weights) == before, "weights are changed by a call that failed");
         Ok(())
     }
 

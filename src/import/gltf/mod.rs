@@ -1,5 +1,4 @@
-//! glTF 2.0: meshes with morph targets, their weight animations, skins and nodes (`*.glb`, `*.gltf`, `*.vrm`);
-//! [`to_glb`] writes a mesh.
+//! glTF 2.0: meshes with morph targets, their weight animations, skins and nodes (`*.glb`, `*.gltf`, `*.vrm`).
 //!
 //! [`read`] returns everything as plain arrays, in the order of the file, for an engine with its own scene.
 //! [`import::open`](super::open) makes one mesh of the file, as described at [`Gltf::into_source`].
@@ -34,7 +33,6 @@ mod scene;
 mod skeleton;
 #[cfg(test)]
 mod tests;
-mod write;
 
 pub use animation::{Animation, Channel, Interpolation, Property};
 pub use material::{Material, read_materials};
@@ -42,7 +40,6 @@ pub use mesh::{Influences, Mesh, Primitive};
 use scene::Hierarchy;
 pub use scene::{Node, Skin, Transform};
 pub use skeleton::Skeleton;
-pub use write::{Glb, GlbDesc, GlbEncoding, to_glb};
 
 use crate::asset::MorphSource;
 use crate::error::{Error, Result};

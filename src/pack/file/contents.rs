@@ -101,47 +101,30 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
         if bytes.len() as u64 == needed { Ok(bytes) } else { Err(refuse(place, what())) }
     };
     let checked = |place, count, stride, of: &str| sized(place, count, stride, of).map(words_of);
-    let targets_of = |place, entries| match sections.are_wide() {
-        true => checked(place, entries, 4, "entries"),
-        false => Ok(sized(place, entries, 2, "entries")?
-            .as_chunks()
-            .0
-            .iter()
-            .map(|b| u16::from_le_bytes(*b).into())
-            .collect()),
+    let targets_of = |place, entries| {
+        let bytes = sized(place, entries, 2, "entries")?;
+        Ok(bytes.as_chunks().0.iter().map(|b| u16::from_le_bytes(*b).into()).collect())
     };
     let optional = |section, count, of| match sections.get((section, 0)).is_empty() {
         true => Ok(vec![]),
         false => checked((section, 0), count, 4, of),
     };
 
-    // Version 2 stores in 'meta' what later versions store in 'group'.
-    let (old, at_meta) = (sections.version == OLDEST_VERSION, (META, 0));
-    let at_head = |group| if old { at_meta } else { (GROUP, group) };
-    let mut meta = sections.get(at_meta).to_vec();
-    let mut heads: Vec<_> = (0..sections.groups()).map(|group| sections.get(at_head(group)).to_vec()).collect();
-    if old {
-        [meta, heads[0]] = split_old(&meta).map_err(|what| refuse(at_meta, what))?;
-    }
-    let words: Option<[u32; 11]> = words_of(&meta).try_into().ok().filter(|_| meta.len().is_multiple_of(4));
+    let at_meta = (META, 0);
+    let meta = sections.get(at_meta);
+    let words: Option<[u32; 11]> = words_of(meta).try_into().ok().filter(|_| meta.len().is_multiple_of(4));
     let [format, size, counts @ .., diagonal, weight_max, position, normal] =
         words.ok_or_else(|| refuse(at_meta, format!("has {} bytes, 44 expected", meta.len())))?;
     let [vertices, target_count, face_count, corners, texcoords] = counts.map(|n| n as usize);
     let [diagonal, weight_max, position, normal] = [diagonal, weight_max, position, normal].map(f32::from_bits);
     let format = DeltaFormat::from_id(format)
         .ok_or_else(|| refuse(at_meta, format!("names a format {format} that is not known")))?;
-    if sections.version < format.row().since {
-        let (name, version) = (format.name(), sections.version);
-        let what =
-            format!("has '{name}' deltas as version {version} has them, which later versions encode differently");
-        return Err(malformed(path, Some(at_meta), what, OUTDATED));
-    }
     if target_count > TARGETS_MAX {
         let what = format!("names {target_count} targets; the kernels name at most {TARGETS_MAX}");
         return Err(refuse(at_meta, what));
     }
-    let head = |(i, bytes): (usize, &Vec<u8>)| Head::parse(bytes).map_err(|what| refuse(at_head(i), what));
-    let heads = heads.iter().enumerate().map(head).collect::<Result<Vec<_>>>()?;
+    let head = |group| Head::parse(sections.get((GROUP, group))).map_err(|what| refuse((GROUP, group), what));
+    let heads = (0..sections.groups()).map(head).collect::<Result<Vec<_>>>()?;
     let laid_out = group_streams(heads.iter().flat_map(|head| &head.semantics).copied());
 
     let names = names(sections.get((NAMES, 0)), target_count);
@@ -233,18 +216,6 @@ impl Head {
         let [blocks, entries, words] = [blocks, entries, words].map(|n| n as usize);
         Ok(Self { semantics, blocks, entries, words, steps: [first, second].map(f32::from_bits), error })
     }
-}
-
-/// Splits section 'meta' of version 2 into the two sections of later versions.
-fn split_old(bytes: &[u8]) -> Result<[Vec<u8>; 2], String> {
-    if bytes.len() != 80 {
-        return Err(format!("has {} bytes, 80 expected", bytes.len()));
-    }
-    let words = words_of(bytes);
-    let mesh = [&words[..4], &words[7..10], &words[12..16]].concat();
-    let [position, normal] = [Semantic::Position, Semantic::Normal].map(|semantic| [semantic.id(), 0]);
-    let group = [&[2], &words[4..7], &words[10..12], &position, &words[16..18], &normal, &words[18..]].concat();
-    Ok([mesh, group].map(bytes_of))
 }
 
 /// The names of the mesh and of each target.

@@ -1,29 +1,25 @@
 /*
- * A head whose weights are layers of two clips, each with a mask of targets; an instance comes while it plays; bounds from
- * weights hold what is drawn. Poses are compared with the float64 reference. Run by programs.rs:
- * layers PART_OF_A_DEVICE_NAME.
+ * A head whose weights are a clip's, of a few targets at a time; an instance comes while it plays; bounds from weights hold
+ * what is drawn. Poses are compared with the float64 reference. Run by programs.rs: clips PART_OF_A_DEVICE_NAME.
  */
 #define main minimal_main
 #include "../../examples/c/minimal.c"
 #undef main
 
-enum { TARGETS = 12, WINDOW = 3, STEPS = 14, VERTICES = 900, ADDED = 4 };
+enum { TARGETS = 12, WINDOW = 3, STEPS = 14, FRAMES = 8, VERTICES = 900, ADDED = 4 };
 
-/* Weights of a clip: any numbers. */
-static float key(uint32_t clip, uint32_t frame, uint32_t target) {
-    return (float)((7 * target + 5 * frame + 3 * clip) % 9) / 10;
-}
+/* Weights of the clip: any numbers. */
+static float key(uint32_t frame, uint32_t target) { return (float)((7 * target + 5 * frame) % 9) / 10; }
 
-static DmBoundClip clip_bound(DmMesh mesh, uint32_t number, uint32_t frames, const char *const *names, int by_name) {
-    float *values = room_for((size_t)frames * TARGETS, sizeof *values);
-    for (uint32_t i = 0; i < frames * TARGETS; i++) values[i] = key(number, i / TARGETS, i % TARGETS);
-    const DmClipArrays arrays = {.struct_size = sizeof arrays, .frame_count = frames, .column_count = TARGETS,
+static DmBoundClip clip_bound(DmMesh mesh, const char *const *names) {
+    float *values = room_for(FRAMES * TARGETS, sizeof *values);
+    for (uint32_t i = 0; i < FRAMES * TARGETS; i++) values[i] = key(i / TARGETS, i % TARGETS);
+    const DmClipArrays arrays = {.struct_size = sizeof arrays, .frame_count = FRAMES, .column_count = TARGETS,
                                  .fps = 10, .names = names, .values = values};
     DmClip clip;
     DmBoundClip bound;
     DM(dm_clip_from_arrays(&arrays, &clip));
-    if (by_name) DM(dm_clip_bind_names(clip, names, TARGETS, &bound));
-    else DM(dm_clip_bind(clip, mesh, &bound));
+    DM(dm_clip_bind(clip, mesh, &bound));
     DM(dm_clip_destroy(clip));
     free(values);
     return bound;
@@ -34,13 +30,11 @@ static int is_used(uint32_t step, uint32_t target) {
     return (target + TARGETS - 2 * step % TARGETS) % TARGETS < WINDOW;
 }
 
-/* What the layers come to: the first clip over and over, and half of the second on top, whose last frame stays. */
-static double mixed(uint32_t step, uint32_t target, double seconds) {
-    const double at = fmod(seconds * 10, 3), late = fmin(seconds * 10, 1);
-    const uint32_t from = (uint32_t)at;
-    double weight = key(0, from, target) + (at - from) * (key(0, (from + 1) % 3, target) - key(0, from, target));
-    weight += 0.5 * (key(1, 0, target) + late * (key(1, 1, target) - key(1, 0, target)));
-    return is_used(step, target) ? weight : 0;
+/* What the clip says. Its last frame stays. */
+static double sampled(uint32_t target, double seconds) {
+    const double at = fmin(seconds * 10, FRAMES - 1);
+    const uint32_t from = (uint32_t)at, to = from + 1 < FRAMES ? from + 1 : from;
+    return key(from, target) + (at - from) * (key(to, target) - key(from, target));
 }
 
 /* How far positions are from the reference at most, as a fraction of the diagonal; they are within bounds. */
@@ -187,21 +181,18 @@ int main(int argc, char **argv) {
     DM(dm_crowd_remove(crowd, 1));
     DM(dm_weight_bounds_create(mesh, &desc, &bounds));
     DM(dm_readback_create(engine, &readback));
-    const DmBoundClip clips[2] = {clip_bound(mesh, 0, 3, names, 0), clip_bound(mesh, 1, 2, names, 1)};
+    const DmBoundClip clip = clip_bound(mesh, names);
     float *pose = room_for(VERTICES * FLOATS, sizeof *pose);
     double worst = 0;
     uint32_t added = 0;
     for (uint32_t step = 0; step < STEPS; step++) {
         const double seconds = 0.07 * step;
-        float weights[TARGETS] = {0}, mask[TARGETS];
-        for (uint32_t t = 0; t < TARGETS; t++) mask[t] = is_used(step, t) ? 1 : 0;
-        const DmClipLayer layers[2] = {
-            {.struct_size = sizeof *layers, .clip = clips[0], .time = seconds, .weight = 1, .mask = mask},
-            {.struct_size = sizeof *layers, .clip = clips[1], .time = seconds, .weight = 0.5f, .mask = mask,
-             .blend = DM_LAYER_ADDITIVE, .once = 1}};
-        DM(dm_clips_mix(layers, 2, weights, TARGETS));
-        for (uint32_t t = 0; t < TARGETS; t++)
-            if (fabs(weights[t] - mixed(step, t, seconds)) > 1e-6) fail("layers", "are mixed otherwise");
+        float weights[TARGETS];
+        DM(dm_bound_clip_sample(clip, 10 * seconds, weights, TARGETS));
+        for (uint32_t t = 0; t < TARGETS; t++) {
+            if (fabs(weights[t] - sampled(t, seconds)) > 1e-6) fail("a clip", "are other weights");
+            if (!is_used(step, t)) weights[t] = 0;
+        }
         if (step == ADDED) DM(dm_crowd_add(crowd, &added));
         host_begin(&host);
         for (uint32_t i = 0; i <= added; i++) DM(dm_crowd_set_weights(crowd, i, weights, TARGETS));
@@ -216,7 +207,7 @@ int main(int argc, char **argv) {
     follow_the_camera(&host, engine, mesh, readback);
     printf("%d steps of %u instances, within %.1e of the diagonal\n", (int)STEPS, added + 1, worst);
 
-    for (int i = 0; i < 2; i++) DM(dm_bound_clip_destroy(clips[i]));
+    DM(dm_bound_clip_destroy(clip));
     DM(dm_readback_destroy(readback));
     DM(dm_weight_bounds_destroy(bounds));
     DM(dm_crowd_destroy(crowd));
