@@ -79,7 +79,7 @@
 #define DM_POSE_FIXED16 3
 
 /// As `DM_POSE_FIXED16`, which vertex shaders decode it as; rounded once, for rigs with many overlapping targets
-/// (`DM_PATH_BLOCKS`, `DM_PATH_CPU`, block formats).
+/// (`DM_PATH_BLOCKS`, block formats).
 #define DM_POSE_REBUILT16 4
 
 /// Compute, only for the blocks of vertices that changed targets move (block formats).
@@ -90,9 +90,6 @@
 
 /// Vertex passes with transform feedback (dense formats).
 #define DM_PATH_FEEDBACK 3
-
-/// The CPU, for CPU crowds only.
-#define DM_PATH_CPU 4
 
 /// Changed targets are added to the existing pose.
 #define DM_MODE_INCREMENTAL 1
@@ -508,7 +505,7 @@ typedef struct DmEngineDesc {
 typedef struct DmEngineInfo {
     /// sizeof(DmEngineInfo).
     uint32_t struct_size;
-    /// Not 0: a software driver; a CPU crowd is faster there.
+    /// Not 0: a software driver.
     uint32_t is_software;
     /// Bytes that a storage-buffer descriptor may cover.
     uint64_t max_storage_range;
@@ -637,7 +634,7 @@ typedef struct DmCrowdDesc {
     /// Instances, each with its own weights and poses; 0: 1. The number stays as it is: make as many as are needed at
     /// most, and remove or hide the rest.
     uint32_t instances;
-    /// `DM_PATH_...`; 0: blocks, for CPU crowds the CPU.
+    /// `DM_PATH_...`; 0: blocks.
     uint32_t path;
     /// Targets per pass (dense formats); 0: all at once.
     uint32_t batch;
@@ -882,12 +879,6 @@ typedef struct DmWeightBounds {
     /// Kind, generation and index.
     uint64_t bits;
 } DmWeightBounds;
-
-/// Instances of a mesh that are updated on the CPU, without Vulkan. All zero: none.
-typedef struct DmCpuCrowd {
-    /// Kind, generation and index.
-    uint64_t bits;
-} DmCpuCrowd;
 
 /// Success.
 #define DM_OK 0
@@ -1755,43 +1746,6 @@ DmResult dm_weight_bounds_of(struct DmWeightBounds bounds,
 
 /// Destroy an object that computes bounds.
 DmResult dm_weight_bounds_destroy(struct DmWeightBounds bounds);
-
-/// Make instances of a mesh that are updated on the CPU, all weights 0. They keep a copy of the mesh. `threads` 0: one
-/// for each core, if the library was built with the feature `threads`.
-///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `cpu`; DM_ERROR_INVALID for another path
-/// than the CPU's, or options that it does not support; DM_ERROR_OUT_OF_MEMORY.
-///
-/// Safety:
-/// `desc` is null (the defaults) or a structure; `crowd` can be written.
-DmResult dm_cpu_crowd_create(struct DmMesh mesh,
-                             const struct DmCrowdDesc *desc,
-                             uint32_t threads,
-                             struct DmCpuCrowd *crowd);
-
-/// Request these weights for an instance, one per target in the mesh's order, from the next update on.
-///
-/// Errors: DM_ERROR_INVALID for an instance out of range, a wrong number of weights, one that is not finite or out of
-/// range.
-///
-/// Safety:
-/// There are `count` weights.
-DmResult dm_cpu_crowd_set_weights(struct DmCpuCrowd crowd, uint32_t instance, const float *weights, uint32_t count);
-
-/// Update all poses to the requested weights.
-DmResult dm_cpu_crowd_update(struct DmCpuCrowd crowd);
-
-/// Write the pose of an instance after the last update: six floats for each vertex, in the order of pose buffers,
-/// without padding. Fixed-point poses are decoded.
-///
-/// Errors: DM_ERROR_INVALID for an instance out of range, too little room.
-///
-/// Safety:
-/// There is room for `count` numbers at `pose`.
-DmResult dm_cpu_crowd_pose(struct DmCpuCrowd crowd, uint32_t instance, float *pose, size_t count);
-
-/// Destroy a crowd.
-DmResult dm_cpu_crowd_destroy(struct DmCpuCrowd crowd);
 
 #ifdef __cplusplus
 }  // extern "C"

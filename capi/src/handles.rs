@@ -52,14 +52,6 @@ pub struct DmBoundClip {
     pub bits: u64,
 }
 
-/// Instances of a mesh that are updated on the CPU, without Vulkan. All zero: none.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct DmCpuCrowd {
-    /// Kind, generation and index.
-    pub bits: u64,
-}
-
 /// Crowds of several meshes (head, teeth, lashes) whose instances take one weight vector. All zero: none.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -192,7 +192,6 @@ fn generate_as(config: Config) -> String {
         "after",
         "skin",
         "bounds",
-        "cpu",
     ];
     for file in files {
         builder = builder.with_src(Path::new(CRATE).join(format!("src/{file}.rs")));

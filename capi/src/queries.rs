@@ -59,7 +59,7 @@ pub unsafe extern "C" fn dm_requirements(path: u32, count: *mut u32, items: *mut
     static ALL: LazyLock<Vec<(UpdatePath, Requirements)>> =
         LazyLock::new(|| UpdatePath::ALL.map(|path| (path, Requirements::of(path))).into());
     enter("dm_requirements", || {
-        let path = crate::numbers::path(path, UpdatePath::Blocks)?;
+        let path = crate::numbers::path(path)?;
         let found = ALL.iter().find(|(of, _)| *of == path).map(|(_, requirements)| requirements.items());
         // SAFETY: the caller's obligations.
         unsafe { list(count, items, &found.unwrap_or_default(), "items") }

@@ -198,8 +198,8 @@ mod tests {
     #[test]
     fn zeros_describe_the_crowd_that_rust_has_by_default() {
         use crate::structs::DmCrowdDesc;
-        use deltamorph::{PoseFormat, UpdatePath};
-        let desc = DmCrowdDesc::zeroed().crowd(UpdatePath::Blocks, PoseFormat::Float32).unwrap();
+        use deltamorph::PoseFormat;
+        let desc = DmCrowdDesc::zeroed().crowd(PoseFormat::Float32).unwrap();
         assert_eq!(desc, CrowdDesc::new(UpdateDesc::blocks()));
     }
 }

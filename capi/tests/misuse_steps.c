@@ -21,7 +21,6 @@ static void null_handles(void) {
     HANDLE("null handle in place of a crowd", dm_crowd_destroy(no_crowd));
     HANDLE("null handle in place of a crowd", dm_crowd_set_queries(no_crowd, VK_NULL_HANDLE, 0, 0));
     HANDLE("null handle in place of a crowd", dm_crowd_step_names(no_crowd, NULL, NULL));
-    HANDLE("null handle in place of a CPU crowd", dm_cpu_crowd_destroy((DmCpuCrowd){0}));
     HANDLE("null handle in place of a skin", dm_skin_destroy((DmSkin){0}));
     HANDLE("null handle in place of a clip", dm_clip_destroy((DmClip){0}));
     HANDLE("null handle in place of a bound clip", dm_bound_clip_destroy((DmBoundClip){0}));

@@ -13,7 +13,7 @@ pub struct DmCrowdDesc {
     /// Instances, each with its own weights and poses; 0: 1. The number stays as it is: make as many as are needed at
     /// most, and remove or hide the rest.
     pub instances: u32,
-    /// `DM_PATH_…`; 0: blocks, for CPU crowds the CPU.
+    /// `DM_PATH_…`; 0: blocks.
     pub path: u32,
     /// Targets per pass (dense formats); 0: all at once.
     pub batch: u32,
