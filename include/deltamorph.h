@@ -578,7 +578,7 @@ typedef struct DmStreamView {
     uint32_t struct_size;
     /// Bytes from vertex to vertex.
     uint32_t stride;
-    /// The buffer, with the usages of a pose's. Null: there is no such pose.
+    /// The buffer, with the usages of a pose's.
     VkBuffer buffer;
     /// Offset of the first vertex's first component.
     uint64_t offset;
@@ -1064,14 +1064,6 @@ DmResult dm_mesh_from_arrays(const struct DmMeshArrays *arrays, const struct DmM
 /// `sample` and `desc` are null (the defaults) or structures; `mesh` can be written.
 DmResult dm_mesh_sample_head(const struct DmSampleDesc *sample, const struct DmMeshDesc *desc, struct DmMesh *mesh);
 
-/// Write a mesh as a packed file (.dmorph). It replaces a file at `path` once all is written.
-///
-/// Errors: DM_ERROR_IO; DM_ERROR_INVALID for a dense format.
-///
-/// Safety:
-/// `path` is a UTF-8 string.
-DmResult dm_mesh_write(struct DmMesh mesh, const char *path);
-
 /// Destroy a mesh, with the names of its targets. Objects made from it stay.
 DmResult dm_mesh_destroy(struct DmMesh mesh);
 
@@ -1121,15 +1113,6 @@ DmResult dm_clip_destroy(struct DmClip clip);
 /// Safety:
 /// `bound` can be written.
 DmResult dm_clip_bind(struct DmClip clip, struct DmMesh mesh, struct DmBoundClip *bound);
-
-/// Bind the columns of a clip to a list of names: those of a set, for `dm_clips_mix` and `dm_crowds_set_weights`. Names
-/// without a column have the weight 0.
-///
-/// Errors: those of `dm_clip_bind`.
-///
-/// Safety:
-/// There are `count` names, UTF-8 strings; `bound` can be written.
-DmResult dm_clip_bind_names(struct DmClip clip, const char *const *names, uint32_t count, struct DmBoundClip *bound);
 
 /// Write the weights of a bound clip at `frame`, one for each target of the mesh, for `dm_crowd_set_weights`: linearly
 /// interpolated between two frames; the first frame's before it, and the last frame's after it.
@@ -1213,16 +1196,6 @@ DmResult dm_engine_info(struct DmEngine engine, struct DmEngineInfo *info);
 /// Safety:
 /// `memory` is a structure that can be written.
 DmResult dm_engine_memory(struct DmEngine engine, struct DmMemory *memory);
-
-/// Write what `dm_engine_memory` tells as JSON, ended by a zero: an object with a member for each field.
-///
-/// With `text` null, `count` becomes the number of bytes, the zero included. Otherwise `count` is the room in `text`.
-///
-/// Errors: DM_ERROR_INVALID for too little room.
-///
-/// Safety:
-/// `count` can be read and written; `text` is null or has room for that many bytes.
-DmResult dm_engine_memory_json(struct DmEngine engine, uint32_t *count, char *text);
 
 /// Destroy an engine. All objects made with it have to be destroyed first: DmGpuMesh, DmCrowd, DmReadback, DmSkin,
 /// DmSurface. The device may be destroyed afterwards.
@@ -1362,29 +1335,11 @@ DmResult dm_crowd_set_time(struct DmCrowd crowd, double seconds);
 /// There are `count` weights.
 DmResult dm_crowd_set_weights(struct DmCrowd crowd, uint32_t instance, const float *weights, uint32_t count);
 
-/// Request the weight of one target, counted from 0 in the mesh's order, from the next recorded update on; the others
+/// Request the weight of one target, by its number (`dm_mesh_find_target`), from the next recorded update on; the others
 /// keep the requested weights.
 ///
 /// Errors: DM_ERROR_INVALID for a target out of range; those of `dm_crowd_set_weights`. Nothing changes then.
 DmResult dm_crowd_set_weight(struct DmCrowd crowd, uint32_t instance, uint32_t target, float weight);
-
-/// Request the weight of the target called `name`, as `dm_crowd_set_weight` does. The names are searched; of several
-/// equal ones the first is used.
-///
-/// Errors: DM_ERROR_INVALID for a name that the mesh does not have, with the most similar name; those of
-/// `dm_crowd_set_weights`. Nothing changes then.
-///
-/// Safety:
-/// `name` is a UTF-8 string.
-DmResult dm_crowd_set_weight_by_name(struct DmCrowd crowd, uint32_t instance, const char *name, float weight);
-
-/// Get the weights requested of an instance, one per target in the mesh's order.
-///
-/// Errors: DM_ERROR_INVALID for an instance out of range or removed, too little room, a crowd that plays clips.
-///
-/// Safety:
-/// There is room for `count` weights.
-DmResult dm_crowd_weights(struct DmCrowd crowd, uint32_t instance, float *weights, uint32_t count);
 
 /// Start to log the calls on a crowd that decide its poses: weights, cuts, instances hidden, added and removed, error
 /// budgets, updates, discards. `dm_crowd_write_calls` writes them to a file, for a report: `deltamorph replay` makes
@@ -1542,17 +1497,6 @@ DmResult dm_crowd_previous_pose(struct DmCrowd crowd, uint32_t instance, struct 
 /// Safety:
 /// `view` is a structure that can be written.
 DmResult dm_crowd_stream(struct DmCrowd crowd, uint32_t instance, uint32_t stream, struct DmStreamView *view);
-
-/// Get the buffer and layout of a stream (`DM_STREAM_...`) of an instance's previous pose; see `dm_crowd_previous_pose`.
-///
-/// Errors: those of `dm_crowd_stream`.
-///
-/// Safety:
-/// `view` is a structure that can be written.
-DmResult dm_crowd_previous_stream(struct DmCrowd crowd,
-                                  uint32_t instance,
-                                  uint32_t stream,
-                                  struct DmStreamView *view);
 
 /// Make an object for reading poses back. Its memory is allocated when copies are recorded, as much as the poses take.
 ///

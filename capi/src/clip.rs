@@ -156,33 +156,6 @@ pub unsafe extern "C" fn dm_clip_bind(clip: DmClip, mesh: DmMesh, bound: *mut Dm
     })
 }
 
-/// Bind the columns of a clip to a list of names: those of a set, for `dm_clips_mix` and `dm_crowds_set_weights`. Names
-/// without a column have the weight 0.
-///
-/// Errors: those of `dm_clip_bind`.
-///
-/// # Safety
-/// There are `count` names, UTF-8 strings; `bound` can be written.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dm_clip_bind_names(
-    clip: DmClip,
-    names: *const *const c_char,
-    count: u32,
-    bound: *mut DmBoundClip,
-) -> DmResult {
-    enter("dm_clip_bind_names", || {
-        check_place(bound, "bound")?;
-        // SAFETY: the caller's obligations; `bound` was checked.
-        unsafe {
-            let names = slice(names, count as usize, "names")?.iter();
-            let names = names.map(|name| text(*name, "name of a weight")).collect::<Result<Vec<_>>>()?;
-            let made = BoundClip { clip: clip.get()?.clip.bind(&names)? };
-            bound.write(DmBoundClip::insert(made)?);
-        }
-        Ok(())
-    })
-}
-
 /// Write the weights of a bound clip at `frame`, one for each target of the mesh, for `dm_crowd_set_weights`: linearly
 /// interpolated between two frames; the first frame's before it, and the last frame's after it.
 ///

@@ -292,21 +292,6 @@ pub unsafe extern "C" fn dm_mesh_sample_head(
     unsafe { create("dm_mesh_sample_head", desc, mesh, make) }
 }
 
-/// Write a mesh as a packed file (.dmorph). It replaces a file at `path` once all is written.
-///
-/// Errors: DM_ERROR_IO; DM_ERROR_INVALID for a dense format.
-///
-/// # Safety
-/// `path` is a UTF-8 string.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dm_mesh_write(mesh: DmMesh, path: *const c_char) -> DmResult {
-    enter("dm_mesh_write", || {
-        // SAFETY: the caller's obligation.
-        let path = Path::new(unsafe { text(path, "path") }?);
-        Ok(mesh.get()?.asset.write(path)?)
-    })
-}
-
 /// Destroy a mesh, with the names of its targets. Objects made from it stay.
 #[unsafe(no_mangle)]
 pub extern "C" fn dm_mesh_destroy(mesh: DmMesh) -> DmResult {

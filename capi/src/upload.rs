@@ -94,7 +94,7 @@ pub unsafe extern "C" fn dm_gpu_mesh_base_stream(mesh: DmGpuMesh, stream: u32, v
         let place = unsafe { Place::new(view) }?;
         let mesh = mesh.get()?;
         let base = lock(&mesh.mesh)?.base_stream(semantic(stream)?)?;
-        place.write(stream_view(Some(base)));
+        place.write(stream_view(&base));
         Ok(())
     })
 }

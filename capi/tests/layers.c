@@ -14,7 +14,7 @@ static float key(uint32_t clip, uint32_t frame, uint32_t target) {
     return (float)((7 * target + 5 * frame + 3 * clip) % 9) / 10;
 }
 
-static DmBoundClip clip_bound(DmMesh mesh, uint32_t number, uint32_t frames, const char *const *names, int by_name) {
+static DmBoundClip clip_bound(DmMesh mesh, uint32_t number, uint32_t frames, const char *const *names) {
     float *values = room_for((size_t)frames * TARGETS, sizeof *values);
     for (uint32_t i = 0; i < frames * TARGETS; i++) values[i] = key(number, i / TARGETS, i % TARGETS);
     const DmClipArrays arrays = {.struct_size = sizeof arrays, .frame_count = frames, .column_count = TARGETS,
@@ -22,8 +22,7 @@ static DmBoundClip clip_bound(DmMesh mesh, uint32_t number, uint32_t frames, con
     DmClip clip;
     DmBoundClip bound;
     DM(dm_clip_from_arrays(&arrays, &clip));
-    if (by_name) DM(dm_clip_bind_names(clip, names, TARGETS, &bound));
-    else DM(dm_clip_bind(clip, mesh, &bound));
+    DM(dm_clip_bind(clip, mesh, &bound));
     DM(dm_clip_destroy(clip));
     free(values);
     return bound;
@@ -187,7 +186,7 @@ int main(int argc, char **argv) {
     DM(dm_crowd_remove(crowd, 1));
     DM(dm_weight_bounds_create(mesh, &desc, &bounds));
     DM(dm_readback_create(engine, &readback));
-    const DmBoundClip clips[2] = {clip_bound(mesh, 0, 3, names, 0), clip_bound(mesh, 1, 2, names, 1)};
+    const DmBoundClip clips[2] = {clip_bound(mesh, 0, 3, names), clip_bound(mesh, 1, 2, names)};
     float *pose = room_for(VERTICES * FLOATS, sizeof *pose);
     double worst = 0;
     uint32_t added = 0;

@@ -248,7 +248,7 @@ pub struct DmStreamView {
     pub struct_size: u32,
     /// Bytes from vertex to vertex.
     pub stride: u32,
-    /// The buffer, with the usages of a pose's. Null: there is no such pose.
+    /// The buffer, with the usages of a pose's.
     pub buffer: vk::Buffer,
     /// Offset of the first vertex's first component.
     pub offset: u64,

@@ -117,7 +117,6 @@ DmResult dm_mesh_open(const char *path, const struct DmMeshDesc *desc, struct Dm
 DmResult dm_mesh_from_bytes(const void *bytes, size_t size, const char *name, const struct DmMeshDesc *desc, struct DmMesh *mesh);
 DmResult dm_mesh_from_arrays(const struct DmMeshArrays *arrays, const struct DmMeshDesc *desc, struct DmMesh *mesh);
 DmResult dm_mesh_sample_head(const struct DmSampleDesc *sample, const struct DmMeshDesc *desc, struct DmMesh *mesh);
-DmResult dm_mesh_write(struct DmMesh mesh, const char *path);
 DmResult dm_mesh_destroy(struct DmMesh mesh);
 DmResult dm_clip_open(const char *path, float fps, struct DmClip *clip);
 DmResult dm_clip_from_arrays(const struct DmClipArrays *arrays, struct DmClip *clip);
@@ -125,7 +124,6 @@ DmResult dm_clip_sample_head(const struct DmSampleDesc *sample, uint32_t frame_c
 DmResult dm_clip_info(struct DmClip clip, struct DmClipInfo *info);
 DmResult dm_clip_destroy(struct DmClip clip);
 DmResult dm_clip_bind(struct DmClip clip, struct DmMesh mesh, struct DmBoundClip *bound);
-DmResult dm_clip_bind_names(struct DmClip clip, const char *const *names, uint32_t count, struct DmBoundClip *bound);
 DmResult dm_bound_clip_sample(struct DmBoundClip clip, double frame, float *weights, uint32_t count);
 DmResult dm_bound_clip_destroy(struct DmBoundClip clip);
 DmResult dm_clips_mix(const struct DmClipLayer *layers, uint32_t count, float *weights, uint32_t weight_count);
@@ -136,7 +134,6 @@ DmResult dm_crowd_set_place(struct DmCrowd crowd, uint32_t instance, const struc
 DmResult dm_engine_create(const struct DmEngineDesc *desc, struct DmEngine *engine);
 DmResult dm_engine_info(struct DmEngine engine, struct DmEngineInfo *info);
 DmResult dm_engine_memory(struct DmEngine engine, struct DmMemory *memory);
-DmResult dm_engine_memory_json(struct DmEngine engine, uint32_t *count, char *text);
 DmResult dm_engine_destroy(struct DmEngine engine);
 DmResult dm_mesh_upload(struct DmEngine engine, VkCommandBuffer cmd, struct DmMesh mesh, struct DmGpuMesh *gpu_mesh);
 DmResult dm_gpu_mesh_release_staging(struct DmGpuMesh mesh);
@@ -155,8 +152,6 @@ DmResult dm_crowd_play(struct DmCrowd crowd, uint32_t instance, const struct DmP
 DmResult dm_crowd_set_time(struct DmCrowd crowd, double seconds);
 DmResult dm_crowd_set_weights(struct DmCrowd crowd, uint32_t instance, const float *weights, uint32_t count);
 DmResult dm_crowd_set_weight(struct DmCrowd crowd, uint32_t instance, uint32_t target, float weight);
-DmResult dm_crowd_set_weight_by_name(struct DmCrowd crowd, uint32_t instance, const char *name, float weight);
-DmResult dm_crowd_weights(struct DmCrowd crowd, uint32_t instance, float *weights, uint32_t count);
 DmResult dm_crowd_log_calls(struct DmCrowd crowd);
 DmResult dm_crowd_write_calls(struct DmCrowd crowd, const char *path);
 DmResult dm_crowds_create(const struct DmCrowd *crowds, uint32_t count, struct DmCrowds *set);
@@ -172,7 +167,6 @@ DmResult dm_crowd_discard(struct DmCrowd crowd, struct DmTicket ticket);
 DmResult dm_crowd_pose(struct DmCrowd crowd, uint32_t instance, struct DmPoseView *view);
 DmResult dm_crowd_previous_pose(struct DmCrowd crowd, uint32_t instance, struct DmPoseView *view);
 DmResult dm_crowd_stream(struct DmCrowd crowd, uint32_t instance, uint32_t stream, struct DmStreamView *view);
-DmResult dm_crowd_previous_stream(struct DmCrowd crowd, uint32_t instance, uint32_t stream, struct DmStreamView *view);
 DmResult dm_readback_create(struct DmEngine engine, struct DmReadback *readback);
 DmResult dm_readback_record(struct DmReadback readback, VkCommandBuffer cmd, struct DmCrowd crowd, const uint32_t *instances, uint32_t count);
 DmResult dm_readback_pose(struct DmReadback readback, uint32_t at, uint32_t stream, float *values, size_t count);

@@ -4,6 +4,7 @@
 
 use crate::{Memory, Target, bounded, write};
 use arbitrary::{Result, Unstructured};
+use deltamorph::{Asset, DeltaFormat, PackDesc, Tolerance};
 use deltamorph::ash::vk::CommandBuffer;
 use deltamorph_c::handles::*;
 use deltamorph_c::memory::Versioned;
@@ -270,15 +271,12 @@ impl Calls<'_> {
         Ok(())
     }
 
-    /// Writes a mesh, and reads it back, unchanged or damaged.
+    /// Reads a packed mesh, unchanged or damaged.
     fn mesh_from_bytes(&mut self) -> Result<()> {
-        let path = write("c.dmorph", &[]);
-        let name = CString::new(path.to_str().expect("UTF-8")).expect("no zero");
-        // SAFETY: a string.
-        if !check(unsafe { mesh::dm_mesh_write(DmMesh { bits: self.handle(MESH)? }, name.as_ptr()) }) {
-            return Ok(());
-        }
-        let mut bytes = std::fs::read(&path).expect("it was written");
+        let head = deltamorph_head::HeadDesc::default().vertices(self.input.int_in_range(1..=99)?).targets(3);
+        let head = deltamorph_head::head(&head).to_mesh(Tolerance::default()).expect("a mesh");
+        let format = *self.input.choose(&[DeltaFormat::Fast, DeltaFormat::Small, DeltaFormat::Pair])?;
+        let mut bytes = Asset::pack(&head, &PackDesc::new(format)).and_then(|asset| asset.to_bytes()).expect("a file");
         if self.input.arbitrary()? {
             let at = self.input.choose_index(bytes.len())?;
             bytes[at] ^= 1 << self.input.int_in_range(0..=7u8)?;
@@ -381,11 +379,7 @@ impl Calls<'_> {
         // SAFETY: as above; names are strings.
         let code = unsafe {
             check(clip::dm_clip_info(of, info.at()));
-            let list: Vec<*const c_char> = names.iter().map(|name| name.as_ptr()).collect();
-            match self.input.arbitrary()? {
-                true => clip::dm_clip_bind(of, mesh, &raw mut bound),
-                false => clip::dm_clip_bind_names(of, list.as_ptr(), columns as u32, &raw mut bound),
-            }
+            clip::dm_clip_bind(of, mesh, &raw mut bound)
         };
         self.made(BOUND_CLIP, code, bound.bits);
         let mut room = vec![0.0; self.input.int_in_range(0..=60usize)?];
