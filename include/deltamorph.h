@@ -756,16 +756,7 @@ typedef struct DmUpdate {
     uint64_t bytes_moved;
     /// Lower bound of the bytes that any update could move.
     uint64_t bytes_floor;
-    /// Timestamps that it writes into the first queries of `dm_crowd_set_queries`: one more than steps, 0 if nothing
-    /// was recorded or no queries were set.
-    uint64_t timestamps;
 } DmUpdate;
-
-/// The name of a step of an update.
-typedef struct DmStepName {
-    /// The name, ended by a zero.
-    char name[32];
-} DmStepName;
 
 /// Host memory that poses are copied to and decoded from. All zero: none.
 typedef struct DmReadback {
@@ -1339,7 +1330,10 @@ DmResult dm_crowd_set_weights(struct DmCrowd crowd, uint32_t instance, const flo
 /// keep the requested weights.
 ///
 /// Errors: DM_ERROR_INVALID for a target out of range; those of `dm_crowd_set_weights`. Nothing changes then.
-DmResult dm_crowd_set_weight(struct DmCrowd crowd, uint32_t instance, uint32_t target, float weight);
+DmResult dm_crowd_set_weight(struct DmCrowd crowd,
+                             uint32_t instance,
+                             uint32_t target,
+                             float weight);
 
 /// Start to log the calls on a crowd that decide its poses: weights, cuts, instances hidden, added and removed, error
 /// budgets, updates, discards. `dm_crowd_write_calls` writes them to a file, for a report: `deltamorph replay` makes
@@ -1435,32 +1429,6 @@ DmResult dm_record_update(VkCommandBuffer cmd, struct DmCrowd crowd, struct DmUp
 /// - There are `count` crowds; `updates` is null or an array of as many structures that can be written, each with its
 ///   size.
 DmResult dm_record_updates(VkCommandBuffer cmd, uint32_t count, const struct DmCrowd *crowds, struct DmUpdate *updates);
-
-/// Have the next call that records an update of the crowd write timestamps into queries of the host's: query `first`
-/// when the commands before the update have finished, the following ones after each of its steps
-/// (`dm_crowd_step_names`), at BOTTOM_OF_PIPE. DmUpdate::timestamps says how many. That call fails before anything is
-/// recorded if `count` is too small, with both numbers, and uses up the setting either way. Steps of crowds that are
-/// recorded by one call may run at the same time.
-///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `queries`.
-///
-/// Safety:
-/// - The queries are of a pool of timestamps on the engine's device, which lives until the device has finished, are
-///   reset before the update runs, and are in no other use until then.
-/// - The queue of the update has timestamps: `timestampValidBits` of its family is not 0.
-DmResult dm_crowd_set_queries(struct DmCrowd crowd, VkQueryPool pool, uint32_t first, uint32_t count);
-
-/// List the names of the steps of the crowd's last recorded update, in order: of its path, then of steps after the
-/// pose. Labels (DmEngineDesc::debug_names) have the same names.
-///
-/// With `names` null, `count` becomes their number. Otherwise `count` is the room in `names`.
-///
-/// Errors: DM_ERROR_INVALID for too little room; DM_ERROR_UNSUPPORTED if the library was built without the feature
-/// `queries`.
-///
-/// Safety:
-/// `count` can be read and written; `names` is null or has room for that many.
-DmResult dm_crowd_step_names(struct DmCrowd crowd, uint32_t *count, struct DmStepName *names);
 
 /// Tell that the update of a ticket and all later ones of the crowd will never run: the contents of the poses that they
 /// would have written are unknown, and the next update writes them again. An update that was discarded before stays
@@ -1873,7 +1841,7 @@ typedef char DmPlayback_reserved[offsetof(DmPlayback, reserved) == 28 ? 1 : -1];
 typedef char DmTicket_sizeof[sizeof(DmTicket) == 16 ? 1 : -1];
 typedef char DmTicket_crowd[offsetof(DmTicket, crowd) == 0 ? 1 : -1];
 typedef char DmTicket_number[offsetof(DmTicket, number) == 8 ? 1 : -1];
-typedef char DmUpdate_sizeof[sizeof(DmUpdate) == 88 ? 1 : -1];
+typedef char DmUpdate_sizeof[sizeof(DmUpdate) == 80 ? 1 : -1];
 typedef char DmUpdate_struct_size[offsetof(DmUpdate, struct_size) == 0 ? 1 : -1];
 typedef char DmUpdate_bound[offsetof(DmUpdate, bound) == 4 ? 1 : -1];
 typedef char DmUpdate_ticket[offsetof(DmUpdate, ticket) == 8 ? 1 : -1];
@@ -1884,9 +1852,6 @@ typedef char DmUpdate_dirty_blocks[offsetof(DmUpdate, dirty_blocks) == 48 ? 1 : 
 typedef char DmUpdate_rebuilt_blocks[offsetof(DmUpdate, rebuilt_blocks) == 56 ? 1 : -1];
 typedef char DmUpdate_bytes_moved[offsetof(DmUpdate, bytes_moved) == 64 ? 1 : -1];
 typedef char DmUpdate_bytes_floor[offsetof(DmUpdate, bytes_floor) == 72 ? 1 : -1];
-typedef char DmUpdate_timestamps[offsetof(DmUpdate, timestamps) == 80 ? 1 : -1];
-typedef char DmStepName_sizeof[sizeof(DmStepName) == 32 ? 1 : -1];
-typedef char DmStepName_name[offsetof(DmStepName, name) == 0 ? 1 : -1];
 typedef char DmPoseView_sizeof[sizeof(DmPoseView) == 48 ? 1 : -1];
 typedef char DmPoseView_struct_size[offsetof(DmPoseView, struct_size) == 0 ? 1 : -1];
 typedef char DmPoseView_stride[offsetof(DmPoseView, stride) == 4 ? 1 : -1];

@@ -85,9 +85,7 @@ fn layouts() -> Vec<Layout> {
         DmTicket { crowd number }
         DmUpdate {
             struct_size bound ticket coefficients passes rebuilt dirty_blocks rebuilt_blocks bytes_moved bytes_floor
-            timestamps
         }
-        DmStepName { name }
         DmPoseView { struct_size stride buffer offset size format slot units }
         DmStreamView { struct_size stride buffer offset components format units slot reserved }
         DmDecodeTarget { struct_size stride buffer offset normals reserved }
@@ -148,7 +146,6 @@ fn generate_as(config: Config) -> String {
         ("CommandBuffer", "VkCommandBuffer"),
         ("Buffer", "VkBuffer"),
         ("PipelineCache", "VkPipelineCache"),
-        ("QueryPool", "VkQueryPool"),
         ("DeviceMemory", "VkDeviceMemory"),
         ("PhysicalDeviceFeatures", "VkPhysicalDeviceFeatures"),
         ("VertexInputBindingDescription", "VkVertexInputBindingDescription"),
@@ -231,7 +228,7 @@ fn what_the_first_header_of_this_version_declares_is_still_there() {
         now.iter().any(|new| new == line || grows.is_some_and(|(fields, _)| new.starts_with(fields)))
     };
     let declared: Vec<&str> = lines.skip(1 + INCLUDES.len()).collect();
-    assert!(declared.len() > 150, "{declared:?}");
+    assert!(declared.len() > 120, "{declared:?}");
     let gone: Vec<&&str> =
         declared.iter().filter(|line| !is_there(line) && !line.contains("_VERSION_PATCH ")).collect();
     assert!(gone.is_empty(), "programs that were built with {version} rely on what is gone or another:\n{gone:#?}");
@@ -290,7 +287,7 @@ fn every_function_is_used_wrongly_by_a_test() {
     let (text, misuse) = (generate(), read("misuse.c") + &read("misuse_steps.c") + &read("misuse_more.c"));
     let declared = text.lines().filter_map(|line| line.strip_prefix("DmResult ")?.split('(').next());
     let functions: Vec<&str> = declared.collect();
-    assert!(functions.len() > 80, "{functions:?}");
+    assert!(functions.len() > 60, "{functions:?}");
     let is_refused = |name: &str| {
         let uses = misuse.split(&format!("{name}(")).count() - 1;
         uses > misuse.split(&format!("WORKS({name}(")).count() - 1

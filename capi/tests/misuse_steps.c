@@ -16,8 +16,6 @@ static void null_handles(void) {
     HANDLE("null handle in place of a mesh on the device", dm_gpu_mesh_destroy((DmGpuMesh){0}));
     HANDLE("null handle in place of a crowd", dm_crowd_previous_pose(no_crowd, 0, &pose));
     HANDLE("null handle in place of a crowd", dm_crowd_destroy(no_crowd));
-    HANDLE("null handle in place of a crowd", dm_crowd_set_queries(no_crowd, VK_NULL_HANDLE, 0, 0));
-    HANDLE("null handle in place of a crowd", dm_crowd_step_names(no_crowd, NULL, NULL));
     HANDLE("null handle in place of a skin", dm_skin_destroy((DmSkin){0}));
     HANDLE("null handle in place of a clip", dm_clip_destroy((DmClip){0}));
     HANDLE("null handle in place of a bound clip", dm_bound_clip_destroy((DmBoundClip){0}));
@@ -109,10 +107,6 @@ static void host_vertices(DmGpuMesh mesh, VkBuffer buffer) {
     desc.pose_usage = 0, desc.reserved = 4;
     INVALID("DmCrowdDesc: 'reserved' is 4", dm_crowd_create(mesh, &desc, &crowd));
     HOLDS(crowd.bits == 0);
-    /* A program of the first version, whose structure ends before what came since. */
-    desc.struct_size = offsetof(DmCrowdDesc, pose_usage);
-    WORKS(dm_crowd_create(mesh, &desc, &crowd));
-    WORKS(dm_crowd_destroy(crowd));
 }
 
 /* The crowd has a pose. */

@@ -204,17 +204,6 @@ pub struct DmUpdate {
     pub bytes_moved: u64,
     /// Lower bound of the bytes that any update could move.
     pub bytes_floor: u64,
-    /// Timestamps that it writes into the first queries of `dm_crowd_set_queries`: one more than steps, 0 if nothing
-    /// was recorded or no queries were set.
-    pub timestamps: u64,
-}
-
-/// The name of a step of an update.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct DmStepName {
-    /// The name, ended by a zero.
-    pub name: [c_char; 32],
 }
 
 /// Buffer and layout of a pose. Normals are not normalised.

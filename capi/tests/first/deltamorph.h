@@ -81,8 +81,7 @@ typedef struct DmAnimationDesc { uint32_t struct_size; uint32_t clip_count; cons
 typedef struct DmPlayback { uint32_t struct_size; uint32_t clip; double start; double speed; uint32_t once; uint32_t reserved; } DmPlayback;
 typedef struct DmCrowds { uint64_t bits; } DmCrowds;
 typedef struct DmTicket { uint64_t crowd; uint64_t number; } DmTicket;
-typedef struct DmUpdate { uint32_t struct_size; float bound; struct DmTicket ticket; uint64_t coefficients; uint64_t passes; uint64_t rebuilt; uint64_t dirty_blocks; uint64_t rebuilt_blocks; uint64_t bytes_moved; uint64_t bytes_floor; uint64_t timestamps; } DmUpdate;
-typedef struct DmStepName { char name[32]; } DmStepName;
+typedef struct DmUpdate { uint32_t struct_size; float bound; struct DmTicket ticket; uint64_t coefficients; uint64_t passes; uint64_t rebuilt; uint64_t dirty_blocks; uint64_t rebuilt_blocks; uint64_t bytes_moved; uint64_t bytes_floor; } DmUpdate;
 typedef struct DmReadback { uint64_t bits; } DmReadback;
 typedef struct DmDecodeTarget { uint32_t struct_size; uint32_t stride; VkBuffer buffer; uint64_t offset; uint32_t normals; uint32_t reserved; } DmDecodeTarget;
 typedef struct DmSurface { uint64_t bits; } DmSurface;
@@ -161,8 +160,6 @@ DmResult dm_crowds_set_weights(struct DmCrowds set, uint32_t instance, const flo
 DmResult dm_crowds_destroy(struct DmCrowds set);
 DmResult dm_record_update(VkCommandBuffer cmd, struct DmCrowd crowd, struct DmUpdate *update);
 DmResult dm_record_updates(VkCommandBuffer cmd, uint32_t count, const struct DmCrowd *crowds, struct DmUpdate *updates);
-DmResult dm_crowd_set_queries(struct DmCrowd crowd, VkQueryPool pool, uint32_t first, uint32_t count);
-DmResult dm_crowd_step_names(struct DmCrowd crowd, uint32_t *count, struct DmStepName *names);
 DmResult dm_crowd_discard(struct DmCrowd crowd, struct DmTicket ticket);
 DmResult dm_crowd_pose(struct DmCrowd crowd, uint32_t instance, struct DmPoseView *view);
 DmResult dm_crowd_previous_pose(struct DmCrowd crowd, uint32_t instance, struct DmPoseView *view);
