@@ -41,9 +41,7 @@ kinds! {
     DmCrowd crate::crowd::Crowd, "a crowd";
     DmClip crate::clip::Clip, "a clip";
     DmBoundClip crate::clip::BoundClip, "a bound clip";
-    DmCpuCrowd crate::cpu::CpuCrowd, "a CPU crowd";
     DmReadback crate::readback::Readback, "a read-back";
     DmSkin crate::attached::Attached<GpuSkin>, "a skin";
     DmSurface crate::attached::Attached<GpuNormals>, "a surface";
-    DmWeightBounds crate::bounds::WeightBounds, "bounds from weights";
 }

@@ -11,7 +11,6 @@ pub mod arguments;
 pub mod attached;
 pub mod bounds;
 pub mod clip;
-pub mod cpu;
 pub mod crowd;
 pub mod engine;
 pub mod handles;

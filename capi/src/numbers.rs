@@ -36,7 +36,7 @@ pub const DM_POSE_FIXED32: u32 = 2;
 /// Six integers of 16 bits: displacements from the base pose, without drift.
 pub const DM_POSE_FIXED16: u32 = 3;
 /// As `DM_POSE_FIXED16`, which vertex shaders decode it as; rounded once, for rigs with many overlapping targets
-/// (`DM_PATH_BLOCKS`, `DM_PATH_CPU`, block formats).
+/// (`DM_PATH_BLOCKS`, block formats).
 pub const DM_POSE_REBUILT16: u32 = 4;
 
 /// Compute, only for the blocks of vertices that changed targets move (block formats).
@@ -45,8 +45,6 @@ pub const DM_PATH_BLOCKS: u32 = 1;
 pub const DM_PATH_COMPUTE: u32 = 2;
 /// Vertex passes with transform feedback (dense formats).
 pub const DM_PATH_FEEDBACK: u32 = 3;
-/// The CPU, for CPU crowds only.
-pub const DM_PATH_CPU: u32 = 4;
 
 /// Changed targets are added to the existing pose.
 pub const DM_MODE_INCREMENTAL: u32 = 1;
@@ -111,7 +109,6 @@ const PATHS: &[(u32, UpdatePath)] = &[
     (DM_PATH_BLOCKS, UpdatePath::Blocks),
     (DM_PATH_COMPUTE, UpdatePath::Compute),
     (DM_PATH_FEEDBACK, UpdatePath::Feedback),
-    (DM_PATH_CPU, UpdatePath::Cpu),
 ];
 
 const MODES: &[(u32, UpdateMode)] =
@@ -155,8 +152,8 @@ pub fn pose_number(format: PoseFormat) -> u32 {
 }
 
 /// `DM_PATH_…`.
-pub fn path(number: u32, default: UpdatePath) -> Result<UpdatePath> {
-    find(PATHS, number, "update path (DM_PATH_)", default)
+pub fn path(number: u32) -> Result<UpdatePath> {
+    find(PATHS, number, "update path (DM_PATH_)", UpdatePath::Blocks)
 }
 
 /// `DM_MODE_…`.
@@ -214,8 +211,8 @@ mod tests {
     fn every_item_of_the_library_has_a_number_and_zero_is_the_default() {
         check("DM_DELTAS_", DeltaFormat::ALL, DELTAS, delta_format);
         check("DM_POSE_", PoseFormat::ALL, POSES, |n| pose_format(n, PoseFormat::Fixed32));
-        let ours = UpdatePath::ALL.into_iter().filter(|path| !path.is_baseline());
-        check("DM_PATH_", ours, PATHS, |n| path(n, UpdatePath::Feedback));
+        let ours = UpdatePath::ALL.into_iter().filter(|path| !path.is_baseline() && *path != UpdatePath::Cpu);
+        check("DM_PATH_", ours, PATHS, path);
         let bits = (0..32).map(|bit| 1 << bit).filter(|bit| Consumers::from_bits(*bit).is_some());
         assert_eq!(bits.collect::<Vec<u32>>(), constants("DM_READ_BY_"));
         let kinds = (0..256).filter(|kind| Semantic::from_id(*kind).is_some());
@@ -237,7 +234,7 @@ mod tests {
         let refused = [
             delta_format(7).map(drop),
             pose_format(5, PoseFormat::Float32).map(drop),
-            path(5, UpdatePath::Cpu).map(drop),
+            path(4).map(drop),
             mode(3, UpdateMode::Rebuild).map(drop),
             skin_method(3).map(drop),
             consumers(1 << 30).map(drop),

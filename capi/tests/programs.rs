@@ -36,7 +36,7 @@ fn libraries() -> &'static Path {
             "--package",
             env!("CARGO_PKG_NAME"),
             "--features",
-            "after,calls,cpu,csv,gltf,level,memory,queries",
+            "after,calls,csv,gltf,level,memory",
             "--profile",
             profile,
             "--target-dir",
@@ -256,7 +256,7 @@ fn a_scene_that_is_wrong_is_found() {
         ),
         ("DM(dm_crowd_set_normals_target(crowds[0], 0, surface, &normals_target));", "", differs),
         ("{DM_STREAM_NORMAL, 12}", "{DM_STREAM_NORMAL, 24}", "the host's bytes: were written"),
-        ("DM(dm_crowd_set_weight(crowds[1], 0, 0, 0.875f));", "", "single weights: are others"),
+        ("DM(dm_crowd_set_weight(crowds[1], 0, 0, 0.875f));", "", differs),
     ] {
         let output =
             build("capi/tests/scene.c", replaced(from, to)).command().arg(DRIVERS[0]).output().expect("it starts");
@@ -309,7 +309,7 @@ fn valgrind_finds_what_is_written_behind_the_end() {
 #[test]
 fn cpp_owners_are_right_and_lose_nothing() {
     let program = build("examples/c/raii.cpp", unchanged);
-    assert!(text(&ran(&mut program.command()).stdout).starts_with("59 poses within"));
+    assert!(text(&ran(&mut program.command()).stdout).starts_with("59 poses move vertices"));
     let output = program.under_valgrind(&[]);
     assert!(output.status.success(), "{}", text(&output.stderr));
 }

@@ -13,7 +13,7 @@ pub struct DmCrowdDesc {
     /// Instances, each with its own weights and poses; 0: 1. The number stays as it is: make as many as are needed at
     /// most, and remove or hide the rest.
     pub instances: u32,
-    /// `DM_PATH_…`; 0: blocks, for CPU crowds the CPU.
+    /// `DM_PATH_…`; 0: blocks.
     pub path: u32,
     /// Targets per pass (dense formats); 0: all at once.
     pub batch: u32,
@@ -204,17 +204,6 @@ pub struct DmUpdate {
     pub bytes_moved: u64,
     /// Lower bound of the bytes that any update could move.
     pub bytes_floor: u64,
-    /// Timestamps that it writes into the first queries of `dm_crowd_set_queries`: one more than steps, 0 if nothing
-    /// was recorded or no queries were set.
-    pub timestamps: u64,
-}
-
-/// The name of a step of an update.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct DmStepName {
-    /// The name, ended by a zero.
-    pub name: [c_char; 32],
 }
 
 /// Buffer and layout of a pose. Normals are not normalised.
@@ -248,7 +237,7 @@ pub struct DmStreamView {
     pub struct_size: u32,
     /// Bytes from vertex to vertex.
     pub stride: u32,
-    /// The buffer, with the usages of a pose's. Null: there is no such pose.
+    /// The buffer, with the usages of a pose's.
     pub buffer: vk::Buffer,
     /// Offset of the first vertex's first component.
     pub offset: u64,
