@@ -64,9 +64,8 @@ impl From<deltamorph::Error> for Failure {
 }
 
 /// Names in the library's messages, and their names in C. Replaced in this order.
-const NAMES: [(&str, &str); 18] = [
-    ("AnimationDesc::importance", "AnimationDesc::level"),
-    ("AnimationDesc::level", "DmAnimationDesc::level"),
+const NAMES: [(&str, &str); 17] = [
+    ("AnimationDesc::importance", "DmAnimationDesc::level"),
     ("CpuCrowd", "dm_cpu_crowd_create"),
     ("CrowdDesc::pose_usage", "DmCrowdDesc::pose_usage"),
     ("CrowdDesc::poses", "DmCrowdDesc::poses"),

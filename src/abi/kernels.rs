@@ -238,15 +238,10 @@ const OURS: &[KernelRow] = &[
     // Measurements.
     KernelRow { name: "consume", poses: true, push: "ConsumePush", ..VERTEX },
     KernelRow { name: "read", bindings: &[(0, Buffer::Storage(16)), (1, WORDS)], push: "ReadPush", ..COMPUTE },
-    // Animation on the GPU: sampling clips and planning updates. Specialization constant of `budget`: whether levels of
-    // detail follow the camera; of `plan` and `arguments`: the widest tile.
+    // Animation on the GPU: sampling clips and planning updates. Specialization constant: the widest tile.
     KernelRow { name: "animate", ..ANIMATION },
-    KernelRow { name: "budget", constants: 1, ..ANIMATION },
-    KernelRow { name: "commit", ..ANIMATION },
     KernelRow { name: "plan", constants: 1, ..ANIMATION },
     KernelRow { name: "arguments", constants: 1, ..ANIMATION },
-    // Levels of detail, before sampling: tables, state.
-    KernelRow { name: "level", bindings: &[(0, WORDS), (1, WORDS)], push: "LevelPush", ..COMPUTE },
     // Passes over dense deltas.
     DENSE,
     KernelRow {

@@ -157,30 +157,10 @@ after_steps!(structures {
         counters: u32,
         chunks: u32,
         chunk_workgroups: u32,
-        budget_at: u32,
-        requested_at: u32,
         /// Rows hold the applied weight beside the new one, 16 bits each.
         pairs: u32,
         /// Items per workgroup.
         workgroup_items: u32,
-    }
-
-    /// Push constants of `level.comp`, described there.
-    pub struct LevelPush {
-        eye: [f32; 3],
-        unit_at_one: f32,
-        exceeded: f32,
-        wanted: f32,
-        fade: f32,
-        budget: f32,
-        heads: u32,
-        targets: u32,
-        words: u32,
-        phases_at: u32,
-        reaches_at: u32,
-        pinned: u32,
-        budget_at: u32,
-        epoch: u32,
     }
 });
 

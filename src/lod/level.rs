@@ -18,7 +18,7 @@ pub struct LevelDesc {
     /// ([`error_budget`](Self::error_budget)). 1 by default.
     pub pixels: f32,
     /// Largest distance that a vertex may move from one frame to the next because the level changes, in pixels (above
-    /// 0). 0.008 by default; docs/results/fly.md shows its effect in pictures.
+    /// 0). 0.008 by default.
     pub fade: f32,
 }
 

@@ -38,8 +38,6 @@ versioned! {
     DmHostPoses;
     DmAnimationDesc 24;
     DmLevelDesc;
-    DmCamera;
-    DmPlace;
     DmPlayback;
     DmUpdate 80;
     DmPoseView;

@@ -5,11 +5,10 @@ use super::joints::Joints;
 use super::painted::Still;
 use super::scenery::Scenery;
 use crate::args::render::{Normals, Shown};
-use crate::detail::{Detail, Kept};
+use crate::detail::{self, Detail, Kept};
 use crate::output::Failure;
 use crate::runner::Stage;
 use deltamorph::after::NormalsDesc;
-use deltamorph::lod;
 use deltamorph::{BatchSize, CpuCrowd, POSE_FLOATS, PackedMesh, UpdateDesc, UpdatePath};
 use deltamorph_render::{Camera, Light, Poses, Scene, Show, Step, StoredPose, Studio, StudioDesc};
 use glam::{Mat4, Vec3};
@@ -36,7 +35,7 @@ pub struct Easel<'a> {
     /// Number of targets that instances keep.
     detail: Detail,
     kept: Option<Kept>,
-    camera: lod::Camera,
+    camera: detail::Camera,
 }
 
 /// The source of the poses.
@@ -113,7 +112,7 @@ impl<'a> Easel<'a> {
             Detail::Share(_) | Detail::Pixels(_) => Some(Kept::new(&scenery.input.kept, &subject.focus)?),
         };
         let (height, angle) = (size[1] as f32 * args.zoom, camera.angle.to_radians());
-        let seen = lod::Camera { eye: scene.view.eye, height, angle };
+        let seen = detail::Camera { eye: scene.view.eye, height, angle };
         let background = args.background.linear();
         let (frames, detail) = (vec![None; places.len()], args.detail);
         let still = subject.still.as_ref();

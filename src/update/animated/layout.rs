@@ -1,7 +1,7 @@
 //! Buffer layout of an animated crowd: tables, state and planned work lists.
 
-use super::clips::{Budget, Clips};
-use crate::abi::numbers::{BIT_KINDS, BIT_KINDS_BUDGET, LEVEL_WORDS, RECORD_WORDS, WORKGROUP};
+use super::clips::Clips;
+use crate::abi::numbers::{BIT_KINDS, RECORD_WORDS, WORKGROUP};
 use crate::abi::push::AnimationPush;
 use crate::abi::worklist::{ITEMS_MAX, TILE_WORDS, WIDTHS, row_words};
 use crate::error::Result;
@@ -191,7 +191,7 @@ impl Words {
 
 /// Layout of a crowd's buffers.
 pub(super) struct Layout {
-    /// By group; the first one's tables also serve the error budget.
+    /// By group.
     pub(super) groups: Vec<GroupLayout>,
     /// Bytes of clips and tables; never 0.
     pub(super) table_bytes: u64,
@@ -201,25 +201,20 @@ pub(super) struct Layout {
 impl Layout {
     /// # Errors
     /// Sizes beyond the device's storage range.
-    pub(super) fn new(context: &Context<'_>, clips: &Clips, budget: Option<&Budget>) -> Result<Self> {
+    pub(super) fn new(context: &Context<'_>, clips: &Clips) -> Result<Self> {
         let (targets, instances) = (context.layout().targets.len() as u64, u64::from(context.desc.instances));
         let words = targets.div_ceil(32).max(1);
-        // A budget is never at word 0, which means none to kernels.
-        let (mut tables, mut state) = (Words(clips.words().len().max(1) as u64), Words(0));
-        let bit_kinds = if budget.is_some() { BIT_KINDS_BUDGET } else { BIT_KINDS };
+        let mut tables = Words(clips.words().len() as u64);
+        let mut state = Words(0);
         state.add(u64::from(RECORD_WORDS) * instances);
-        // Directly after the records.
-        state.add(clips.following().map_or(0, |_| u64::from(LEVEL_WORDS) * instances));
         let common = AnimationPush {
             heads: context.desc.instances,
             targets: targets as u32,
             words: words as u32,
-            budget_at: budget.map_or(0, |budget| tables.add(2 + budget.reaches.len() as u64)),
             phases_at: state.add(words * instances),
             weights_at: state.add(targets * instances),
             deltas_at: state.add(targets * instances),
-            bits_at: state.add(u64::from(bit_kinds) * words * instances),
-            requested_at: state.add(budget.map_or(0, |_| targets * instances)),
+            bits_at: state.add(u64::from(BIT_KINDS) * words * instances),
             history_mask: ((1u64 << (context.poses.slots - 1)) - 1) as u32,
             slots: context.poses.slots,
             pairs: context.poses.format.rounds_products().into(),
@@ -242,19 +237,9 @@ impl Layout {
     }
 
     /// Contents of the tables; `indices` are the blocks of the groups.
-    pub(super) fn tables<'a>(
-        &self,
-        indices: impl Iterator<Item = &'a BlockIndex>,
-        clips: &Clips,
-        budget: Option<&Budget>,
-    ) -> Vec<u32> {
+    pub(super) fn tables<'a>(&self, indices: impl Iterator<Item = &'a BlockIndex>, clips: &Clips) -> Vec<u32> {
         let mut words = Vec::with_capacity(self.table_bytes as usize / 4);
         words.extend_from_slice(clips.words());
-        words.resize(words.len().max(1), 0);
-        if let Some(budget) = budget {
-            words.extend([budget.most as u32, (budget.most >> 32) as u32]);
-            words.extend_from_slice(&budget.reaches);
-        }
         for (index, group) in indices.zip(&self.groups) {
             for block in 0..index.count() {
                 let first = words.len();

@@ -1,8 +1,6 @@
 //! Reads back plans of the GPU.
 
-use super::sample::HeadRecord;
 use super::technique::{Animated, Group};
-use crate::abi::numbers::LEVEL_WORDS;
 use crate::abi::worklist::{TILE_WORDS, WIDTHS};
 use crate::error::Result;
 use ash::vk;
@@ -49,13 +47,6 @@ impl Animated {
             Ok(PlannedGroup { instances, blocks, entries, counts, capacity, words })
         };
         (0..layout.lists()).map(plan).collect()
-    }
-
-    /// An instance's level of detail that follows the camera, as `glsl/level.comp` writes it: buffer, offset, size.
-    /// `None` if it does not.
-    pub(crate) fn level_of(&self, instance: u32) -> Option<(vk::Buffer, u64, u64)> {
-        let (heads, bytes) = (u64::from(self.level.as_ref()?.heads), 4 * u64::from(LEVEL_WORDS));
-        Some((self.state.raw, heads * size_of::<HeadRecord>() as u64 + u64::from(instance) * bytes, bytes))
     }
 
     /// The weights of an instance: buffer, offset, size.
