@@ -143,5 +143,4 @@ fn main() {
     together(&headless, 100, 1.0, 72);
     let mesh = packed(&headless, &HeadDesc::default().vertices(2_700).targets(52).sparsity(0.17));
     planned_on_the_gpu(&headless, &mesh);
-    followed(&headless, &mesh);
 }

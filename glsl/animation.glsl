@@ -48,7 +48,6 @@ layout(push_constant) uniform Push {
     uint first_block;      // of the run that is planned for
     uint run_blocks;
     uint run_entries;
-    uint any_entry;        // an entry in the run's part of the asset, for rows that add nothing
     uint first_counter;
     uint counters;
     uint chunks;           // dispatches of a width

@@ -39,4 +39,3 @@ pub extern "C" fn dm_crowd_set_level(crowd: DmCrowd, instance: u32, level: f32) 
         with(crowd, |state| Ok(state.animated()?.set_level(instance, level)?))
     })
 }
-

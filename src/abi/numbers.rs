@@ -20,10 +20,6 @@ shared! {
     /// Vertices of a piece, the unit in which steps after the pose list changes: the smallest block size.
     PIECE: u32 = 32;
 
-    /// Words of a work-list item, before its masks.
-    ITEM_WORDS: usize = 4;
-    /// Flag in an item's first word: starts from the base pose.
-    REBUILT: u32 = 1 << 31;
     /// Most instances of a tile.
     TILE: usize = 8;
     /// Number of tile widths: 1, 2, 4, 8.

@@ -89,17 +89,13 @@ after_steps!(structures {
         dropped: u32,
     }
 
-    /// Push constants of `blocks.comp` and `crowd.comp`.
+    /// Push constants of `crowd.comp`.
     pub struct BlocksPush {
         /// First word of the first item in the work list.
         first_item: u32,
-        /// First word of the first element in the work list (`blocks.comp`).
-        elements_at: u32,
-        /// Word offset of headers in the bound part of the asset, as if it held those of all blocks.
-        headers_at: u32,
-        /// Word offset of deltas, likewise.
+        /// Word offset of deltas in the asset, which begins with headers.
         deltas_at: u32,
-        /// Word offset of the base pose, likewise.
+        /// Word offset of the base pose.
         base_at: u32,
         /// Numbers per pose; six per vertex, padding included, in engine-owned poses.
         pose_floats: u32,
@@ -152,7 +148,6 @@ after_steps!(structures {
         first_block: u32,
         run_blocks: u32,
         run_entries: u32,
-        any_entry: u32,
         first_counter: u32,
         counters: u32,
         chunks: u32,

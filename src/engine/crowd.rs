@@ -81,10 +81,6 @@ impl TakesWeights for OnDevice<Weighted> {
     fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()> {
         self.updater.technique.set_error_budget(instance, budget)
     }
-
-    fn set_base(&mut self, instance: u32, base: Option<u32>) -> Result<()> {
-        self.updater.technique.set_base(instance, base)
-    }
 }
 
 /// Methods of [`Crowd`] and [`AnimatedCrowd`].

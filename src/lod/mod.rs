@@ -190,11 +190,6 @@ impl Importance {
         self.reaches.get(target).copied().unwrap_or(0.0)
     }
 
-    /// Returns how many of the first targets are always kept.
-    pub(crate) fn pinned(&self) -> usize {
-        self.pinned
-    }
-
     /// Returns the fewest targets to keep so that no vertex is off by more than `pixels`, if an input unit takes up
     /// `pixels_per_unit`: at least the pinned ones; all of them if an argument is NaN.
     pub fn level_for(&self, pixels_per_unit: f32, pixels: f32) -> usize {

@@ -8,7 +8,6 @@ use deltamorph::after::{NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTa
 use deltamorph::ash::{self, vk};
 use deltamorph::internals::abi::modules::MODULES;
 use deltamorph::internals::abi::worklist::TILE;
-use deltamorph::lod::{Importance, LevelDesc};
 use deltamorph::{
     AnimationDesc, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCaps, DeviceDesc, DeviceTuning,
     MorphEngine, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,

@@ -2,8 +2,7 @@
 
 use crate::{Counts, gpu};
 use deltamorph::ash::vk;
-use deltamorph::glam::Vec3;
-use deltamorph::internals::update::animated::{AnimatedReference, HeadRecord, Playbacks};
+use deltamorph::internals::update::animated::{AnimatedReference, Playbacks};
 use deltamorph::lod::Importance;
 use deltamorph::reference::compare;
 use deltamorph::{

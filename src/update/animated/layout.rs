@@ -5,40 +5,37 @@ use crate::abi::numbers::{BIT_KINDS, RECORD_WORDS, WORKGROUP};
 use crate::abi::push::AnimationPush;
 use crate::abi::worklist::{ITEMS_MAX, TILE_WORDS, WIDTHS, row_words};
 use crate::error::Result;
-use crate::gpu::parts::AssetPart;
 use crate::pack::blocks::BlockIndex;
 use crate::update::blocks::gpu::{set_size, workgroup};
 use crate::update::technique::Context;
 use std::ops::Range;
 
-/// Blocks planned and dispatched together: in one part of the asset, with a work list that fits a descriptor.
+/// Blocks planned and dispatched together: as many as have a work list that fits a descriptor.
 pub(super) struct Run {
-    /// Index of the asset part.
-    pub(super) part: usize,
     pub(super) blocks: Range<usize>,
     /// Number of their entries.
     entries: usize,
-    /// Entries of the part.
-    pub(super) bound: Range<usize>,
     /// Byte offset of its work list among those of a set.
     offset: u64,
 }
 
 impl Run {
     /// Cuts a mesh into runs, for descriptors of at most `most` bytes.
-    fn cut(index: &BlockIndex, parts: &[AssetPart], most: u64) -> Vec<Self> {
+    fn cut(index: &BlockIndex, most: u64) -> Vec<Self> {
+        let run = |blocks: Range<usize>| {
+            let entries = index.entries(blocks.end - 1).end - index.entries(blocks.start).start;
+            Self { blocks, entries, offset: 0 }
+        };
         let mut runs: Vec<Self> = vec![];
-        for (part, asset) in parts.iter().enumerate() {
-            for block in asset.blocks.clone() {
-                let run = |first: usize| {
-                    let entries = index.entries(block).end - index.entries(first).start;
-                    Self { part, blocks: first..block + 1, entries, bound: asset.entries.clone(), offset: 0 }
-                };
-                match runs.last_mut().map(|last| (run(last.blocks.start), last)) {
-                    Some((longer, last)) if last.part == part && longer.list_bytes(1) <= most => *last = longer,
-                    Some(_) | None => runs.push(run(block)),
+        for block in 0..index.count() {
+            if let Some(last) = runs.last_mut() {
+                let longer = run(last.blocks.start..block + 1);
+                if longer.list_bytes(1) <= most {
+                    *last = longer;
+                    continue;
                 }
             }
+            runs.push(run(block..block + 1));
         }
         runs
     }
@@ -75,7 +72,7 @@ impl GroupLayout {
     fn new(context: &Context<'_>, push: AnimationPush, tables: &mut Words, state: &mut Words) -> Result<Self> {
         let (caps, instances, index) = (context.caps(), context.desc.instances, context.layout().index()?);
         let (blocks, entries) = (index.count() as u64, index.entry_count() as u64);
-        let mut runs = Run::cut(index, &context.mesh.parts, caps.max_storage_range);
+        let mut runs = Run::cut(index, caps.max_storage_range);
         let list = runs.iter().map(|run| run.list_bytes(1)).max().unwrap_or(0);
         context.check_range("the work lists of eight instances", list, "split the mesh")?;
         let planning = blocks.div_ceil(WORKGROUP.into());
@@ -91,7 +88,7 @@ impl GroupLayout {
             stride += run.list_bytes(tiles);
         }
         let items = runs.iter().map(|run| run.capacity(tiles)).max().unwrap_or(0);
-        let workgroup = workgroup(context, instances)?;
+        let workgroup = workgroup(context)?;
         // `Layout::new` rejects offsets beyond 32 bits.
         let push = AnimationPush {
             blocks: blocks as u32,
@@ -158,7 +155,6 @@ impl GroupLayout {
             first_block: run.blocks.start as u32,
             run_blocks: run.blocks.len() as u32,
             run_entries: run.entries as u32,
-            any_entry: run.bound.start as u32,
             first_counter: list * WIDTHS as u32,
             ..self.push
         };
@@ -262,24 +258,20 @@ mod tests {
     use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
     use crate::testing;
 
-    /// Work lists may exceed the asset parts if entries are small: runs are cut to fit.
+    /// Work lists may be larger than the asset if entries are small: runs are cut to fit.
     #[test]
-    fn runs_are_cut_at_parts_and_where_their_lists_exceed_the_range() {
+    fn runs_are_cut_where_their_lists_exceed_the_range() {
         let mesh = PackedMesh::pack(&testing::mesh(3000, 20), &PackDesc::new(DeltaFormat::Small)).unwrap();
-        let (layout, group) = (mesh.layout(), &mesh.groups()[0]);
-        let index = layout.index().unwrap();
-        let parts = AssetPart::cut(layout, group.deltas(), 60_000).unwrap();
-        assert!(parts.len() > 2);
-        let whole = Run::cut(index, &parts, u64::MAX);
-        assert!(whole.iter().map(|run| run.part).eq(0..parts.len()), "a run for each part");
+        let index = mesh.layout().index().unwrap();
+        let whole = Run::cut(index, u64::MAX);
+        assert_eq!(whole.len(), 1);
         let most = whole[0].list_bytes(1) / 3;
-        let runs = Run::cut(index, &parts, most);
-        assert!(runs.len() > 2 * parts.len());
+        let runs = Run::cut(index, most);
+        assert!(runs.len() > 3);
         let mut next = 0;
         for run in &runs {
-            let part = &parts[run.part];
-            assert!(run.blocks.start == next && part.blocks.start <= next && run.blocks.end <= part.blocks.end);
-            assert!(run.list_bytes(1) <= most && run.bound == part.entries);
+            assert_eq!(run.blocks.start, next);
+            assert!(run.list_bytes(1) <= most);
             assert_eq!(run.entries, run.blocks.clone().map(|block| index.entries(block).len()).sum::<usize>());
             next = run.blocks.end;
         }

@@ -13,8 +13,6 @@ pub struct PlannedGroup {
     pub instances: (u32, u32),
     /// The blocks.
     pub blocks: Range<usize>,
-    /// Entries that rows may name: those of the bound part of the asset.
-    pub entries: Range<usize>,
     /// Number of items by width: 1, 2, 4, 8 instances.
     pub counts: [u32; WIDTHS],
     /// Capacity per width in items: the distance between the lists of two widths.
@@ -43,8 +41,7 @@ impl Animated {
                 let items = 0..workgroups * layout.push.workgroup_items;
                 *count = items.end - items.rev().take_while(|item| rows(*item) == 0).count() as u32;
             }
-            let (instances, blocks, entries) = (layout.instances(set), run.blocks.clone(), run.bound.clone());
-            Ok(PlannedGroup { instances, blocks, entries, counts, capacity, words })
+            Ok(PlannedGroup { instances: layout.instances(set), blocks: run.blocks.clone(), counts, capacity, words })
         };
         (0..layout.lists()).map(plan).collect()
     }

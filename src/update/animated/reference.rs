@@ -6,7 +6,6 @@ use super::playback::Playbacks;
 use super::sample::HeadRecord;
 use crate::error::Result;
 use crate::pack::PackedLayout;
-use crate::pack::blocks::BlockIndex;
 use crate::plan::UpdateDesc;
 use crate::update::Runner;
 use crate::update::blocks::{BlockState, GroupPlan, WorkList};
@@ -60,7 +59,7 @@ impl AnimatedReference {
             let weights: Vec<f32> = weights.iter().map(|&steps| steps as f32 * step).collect();
             state.commit(&mut self.group, i, &weights, known);
             // Slots rotate in every update, even without changes.
-            state.emit(&mut self.group, i, slots, known, None);
+            state.emit(&mut self.group, i, slots, known);
         }
         &self.group.list
     }

@@ -84,14 +84,15 @@ impl Group {
         let control = on_device(device, "deltamorph dispatches", layout.control_bytes(), arguments)?;
         let (mut planned, mut bound) = (vec![], vec![]);
         for list in 0..layout.lists() {
-            let ((set, run), (offset, size)) = (layout.get(list), layout.place(list));
+            let (set, _) = layout.get(list);
+            let (offset, size) = layout.place(list);
             let list = BufferRange::new(work.raw, offset, size);
             planned.push([common[0], common[1], list, BufferRange::new(control.raw, 0, layout.control_bytes())]);
-            bound.push(Bound { part: run.part, list, instances: layout.instances(set) });
+            bound.push(Bound { list, instances: layout.instances(set) });
         }
         Ok(Self {
             sets: planning.sets(&planned)?,
-            blocks: GroupBlocks::new(&context, kernels, &bound, 0)?,
+            blocks: GroupBlocks::new(&context, kernels, &bound)?,
             layout,
             work,
             control,

@@ -7,8 +7,8 @@ use crate::pack::{DeltaFormat, PackDesc, PackedMesh, PoseFormat};
 use crate::plan::steps::Steps;
 use crate::plan::tests::{assert_barriers_needed, scheduled};
 use crate::plan::{Consumers, UpdateDesc, UpdatePath};
+use crate::testing;
 use crate::weights::{Repeat, WeightClip};
-use crate::{reference, testing};
 use proptest::prelude::*;
 
 const TARGETS: usize = 5;
