@@ -29,8 +29,6 @@ pub enum Call {
     Remove(u32),
     /// [`set_error_budget`](crate::CrowdBase::set_error_budget).
     ErrorBudget(u32, f32),
-    /// [`set_base`](crate::CrowdBase::set_base).
-    Base(u32, Option<u32>),
     /// An update was recorded, or carried out by a [`CpuCrowd`](crate::CpuCrowd).
     Update,
     /// [`discard`](crate::DeviceCrowd::discard): this update, counted from 1 in the log, and later ones never ran.
@@ -50,8 +48,6 @@ impl Display for Call {
             Self::Add => f.write_str("add"),
             Self::Remove(instance) => write!(f, "remove {instance}"),
             Self::ErrorBudget(instance, budget) => write!(f, "budget {instance} {budget}"),
-            Self::Base(instance, Some(base)) => write!(f, "base {instance} {base}"),
-            Self::Base(instance, None) => write!(f, "base {instance} none"),
             Self::Update => f.write_str("update"),
             Self::Discard(update) => write!(f, "discard {update}"),
         }
@@ -79,10 +75,6 @@ impl Call {
             "add" => Self::Add,
             "remove" => Self::Remove(next(words)?),
             "budget" => Self::ErrorBudget(next(words)?, next(words)?),
-            "base" => match (next(words)?, words.next()?) {
-                (instance, "none") => Self::Base(instance, None),
-                (instance, base) => Self::Base(instance, Some(base.parse().ok()?)),
-            },
             "update" => Self::Update,
             "discard" => Self::Discard(next(words)?),
             _ => return None,

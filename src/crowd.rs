@@ -65,12 +65,6 @@ pub trait TakesWeights: Kind {
     /// # Errors
     /// No budgets; a budget outside 0 to the crowd's.
     fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()>;
-
-    /// Sets or removes the base of an instance; see [`CrowdBase::set_base`].
-    ///
-    /// # Errors
-    /// No such bases, or one that does not fit.
-    fn set_base(&mut self, instance: u32, base: Option<u32>) -> Result<()>;
 }
 
 /// Methods of every crowd.
@@ -209,26 +203,6 @@ impl<K: TakesWeights> CrowdBase<K> {
         Ok(())
     }
 
-    /// Lets blocks of `instance` that start anew start from the pose of the instance `base`, where that loads less than
-    /// the base pose and all active targets, from the next update on; `None`: from the base pose alone, which is also
-    /// what [`add`](Self::add) does. They then load the targets whose weights differ between the two: with the weights
-    /// of a character's sliders in `base` (shown until an update has written it), and of sliders and expression in
-    /// `instance`, a jump from one expression to another does not load the sliders' targets. An incremental update
-    /// loads none of them either way. Fixed-point poses have the same bits, and float32 poses the same bound.
-    ///
-    /// A base takes the memory of an instance, and several instances may have it in common.
-    ///
-    /// # Errors
-    /// An instance out of range or removed; a base whose number is not higher, or so much higher that one descriptor
-    /// does not reach both; a crowd of one slot; poses that round sums; a path or a delta format without blocks.
-    pub fn set_base(&mut self, instance: u32, base: Option<u32>) -> Result<()> {
-        self.instances.check(instance)?;
-        base.map(|base| self.instances.check(base)).transpose()?;
-        self.kind.set_base(instance, base)?;
-        self.log(|| Call::Base(instance, base));
-        Ok(())
-    }
-
     /// Starts to log calls on this crowd that decide its poses, such as for a bug report: `deltamorph replay` makes
     /// the same calls on another driver, where fixed-point poses are the same bit for bit. A frame takes some 10 bytes
     /// for each weight that changes. A log that is begun after updates starts with the weights of that time; error
@@ -271,7 +245,6 @@ impl<K: TakesWeights> CrowdBase<K> {
             Call::Add => self.add().map(|_| ()),
             Call::Remove(instance) => self.remove(*instance),
             Call::ErrorBudget(instance, budget) => self.set_error_budget(*instance, *budget),
-            Call::Base(instance, base) => self.set_base(*instance, *base),
             Call::Update | Call::Discard(_) => {
                 Err(Error::invalid(format!("the call '{call}' to be repeated"), "update the crowd in its place"))
             }

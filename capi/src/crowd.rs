@@ -208,10 +208,8 @@ pub unsafe extern "C" fn dm_crowd_create_animated(
             bits => return Err(Failure::invalid(format!("keys of {bits} bits; use 32 or 16"))),
         };
         // SAFETY: as above.
-        let level = unsafe { level(animation.level) }?;
-        let animation = AnimationDesc::new(&clips).key_format(keys);
-        let animation = animation.importance(level.as_ref().map(|(importance, _)| importance));
-        let animation = animation.level(level.as_ref().map(|(_, level)| *level));
+        let importance = unsafe { level(animation.level) }?;
+        let animation = AnimationDesc::new(&clips).key_format(keys).importance(importance.as_ref());
         // SAFETY: the caller's obligations; `crowd` was checked.
         unsafe {
             let made = mesh.engine.morph.create_animated_crowd(cmd, &*lock(&mesh.mesh)?, &desc, &animation)?;

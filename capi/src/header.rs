@@ -78,9 +78,7 @@ fn layouts() -> Vec<Layout> {
         DmHostPoses { struct_size stride buffer offset streams stream_count reserved }
         DmStreamPlace { stream offset }
         DmAnimationDesc { struct_size clip_count clips key_bits reserved level }
-        DmLevelDesc { struct_size pin_count mesh pins pixels fade }
-        DmCamera { struct_size height angle eye }
-        DmPlace { struct_size radius scale centre }
+        DmLevelDesc { struct_size pin_count mesh pins }
         DmPlayback { struct_size clip start speed once reserved }
         DmTicket { crowd number }
         DmUpdate {

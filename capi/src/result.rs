@@ -64,9 +64,8 @@ impl From<deltamorph::Error> for Failure {
 }
 
 /// Names in the library's messages, and their names in C. Replaced in this order.
-const NAMES: [(&str, &str); 16] = [
-    ("AnimationDesc::importance", "AnimationDesc::level"),
-    ("AnimationDesc::level", "DmAnimationDesc::level"),
+const NAMES: [(&str, &str); 15] = [
+    ("AnimationDesc::importance", "DmAnimationDesc::level"),
     ("CrowdDesc::pose_usage", "DmCrowdDesc::pose_usage"),
     ("CrowdDesc::poses", "DmCrowdDesc::poses"),
     ("DeviceDesc::buffer_device_address", "DmEngineDesc::buffer_device_address"),

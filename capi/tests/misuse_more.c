@@ -64,24 +64,8 @@ static void messages(void) {
 }
 
 static void levels(DmCrowd crowd, DmCrowd animated) {
-    const DmCamera camera = {.struct_size = sizeof camera, .height = 100, .angle = 0.5f};
-    const DmPlace place = {.struct_size = sizeof place, .radius = 1};
-    DmCamera no_camera = camera;
-    DmPlace no_place = place;
-    no_camera.angle = 4, no_place.radius = -1;
     INVALID("plays no clips", dm_crowd_set_level(crowd, 0, 1));
     INVALID("a level of -1 targets", dm_crowd_set_level(animated, 0, -1));
-    INVALID("plays no clips", dm_crowd_set_camera(crowd, &camera));
-    INVALID("a null pointer to DmCamera", dm_crowd_set_camera(animated, NULL));
-    INVALID("a camera at", dm_crowd_set_camera(animated, &no_camera));
-    INVALID("plays no clips", dm_crowd_cut_camera(crowd));
-    INVALID("plays no clips", dm_crowd_set_place(crowd, 0, &place));
-    INVALID("a null pointer to DmPlace", dm_crowd_set_place(animated, 0, NULL));
-    INVALID("an instance at", dm_crowd_set_place(animated, 0, &no_place));
-    INVALID("instance 1", dm_crowd_set_place(animated, 1, &place));
-    WORKS(dm_crowd_set_camera(animated, &camera));
-    WORKS(dm_crowd_cut_camera(animated));
-    WORKS(dm_crowd_set_place(animated, 0, &place));
     WORKS(dm_crowd_set_level(animated, 0, 2));
 }
 

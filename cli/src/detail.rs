@@ -2,7 +2,7 @@
 
 use crate::output::Failure;
 use deltamorph::MorphMesh;
-use deltamorph::lod::{Camera, Importance, Level, LevelDesc, Place};
+use deltamorph::lod::{Importance, Level, LevelDesc, pixels_per_unit};
 use glam::{Mat4, Vec3};
 
 /// Number of targets that instances keep, in order of importance.
@@ -41,6 +41,43 @@ impl std::fmt::Display for Detail {
     }
 }
 
+/// A camera in perspective.
+#[derive(Clone, Copy, Debug)]
+pub struct Camera {
+    /// Position, in world units.
+    pub eye: Vec3,
+    /// Height of the picture, in pixels.
+    pub height: f32,
+    /// Angle of view from bottom to top, in radians.
+    pub angle: f32,
+}
+
+/// A ball around the base pose, where input units are world units.
+#[derive(Clone, Copy, Debug)]
+pub struct Ball {
+    centre: Vec3,
+    radius: f32,
+}
+
+impl Ball {
+    /// The ball around points, whose middle is their mean.
+    pub fn around(points: &[Vec3]) -> Self {
+        let centre = points.iter().sum::<Vec3>() / points.len().max(1) as f32;
+        let radius = points.iter().map(|point| point.distance(centre)).fold(0.0, f32::max);
+        Self { centre, radius }
+    }
+
+    /// Pixels per input unit at the nearest point of the ball, moved by a matrix that rotates, translates and scales.
+    /// The distance is at least a thousandth of the radius, also inside the ball.
+    pub fn pixels_per_unit(&self, camera: &Camera, place: &Mat4) -> f32 {
+        let axes = [place.x_axis, place.y_axis, place.z_axis];
+        let scale = axes.into_iter().map(|axis| axis.truncate().length()).fold(0.0, f32::max);
+        let radius = self.radius * scale;
+        let distance = camera.eye.distance(place.transform_point3(self.centre)) - radius;
+        pixels_per_unit(camera.height, camera.angle, distance.max(radius * 1e-3)) * scale
+    }
+}
+
 /// The targets of a mesh by importance, and the number that each instance keeps.
 pub struct Kept {
     importance: Importance,
@@ -49,19 +86,19 @@ pub struct Kept {
     /// Targets of each instance in the last frame, and the number that it is fading to.
     now: Vec<(f32, f32)>,
     /// Bounding sphere of an instance in the base pose.
-    ball: Place,
+    ball: Ball,
 }
 
 impl Kept {
     /// For a mesh of which `focus` is in the picture.
     pub fn new(mesh: &MorphMesh, focus: &[Vec3]) -> Result<Self, Failure> {
         let importance = Importance::of(mesh, &[])?;
-        Ok(Self { importance, levels: (Detail::All, vec![]), now: vec![], ball: Place::around(focus) })
+        Ok(Self { importance, levels: (Detail::All, vec![]), now: vec![], ball: Ball::around(focus) })
     }
 
     /// Pixels per input unit at the nearest point of an instance placed by `place`.
     pub fn unit(&self, camera: &Camera, place: &Mat4) -> f32 {
-        camera.pixels_per_unit(&self.ball.moved(place))
+        self.ball.pixels_per_unit(camera, place)
     }
 
     /// Removes left-out targets from `weights`, one list per instance; `units`: its pixels per input unit.

@@ -31,7 +31,7 @@ uint bits_at(uvec4 a, uvec4 b, uint at) {
 void load_part(uint entry, uint lane, inout uint part, out DELTA position[VERTICES], out DELTA normal[VERTICES],
                out uvec2 shifts) {
     shifts = uvec2(0u);
-    uvec3 header = three_words(headers_at + 3u * entry);
+    uvec3 header = three_words(3u * entry);
     uint at = deltas_at + header.x, size = 0u, end = 0u;
     // Components of the part end behind its first bit, `part`, and 32 bits from it at most. Those without bits that are
     // the first of a record end at its bit 0.
@@ -97,7 +97,7 @@ int next_component(inout uvec3 record, uint word) {
 
 void load_entry(uint entry, uint lane, out DELTA position[VERTICES], out DELTA normal[VERTICES], out uvec2 shifts) {
     shifts = uvec2(0u);
-    uint header = headers_at + 3u * entry;
+    uint header = 3u * entry;
     uint at = deltas_at + asset[header];
     uvec2 words = uvec2(asset[header + 1u], asset[header + 2u]);
     // The widths of all components, added up three at a time.

@@ -20,7 +20,6 @@ use crate::plan::{UpdateDesc, UpdateStats};
 use crate::update::Runner;
 use crate::update::blocks::{GroupPlan, Item, Planner};
 use crate::update::dense::{DensePlanner, Plan};
-use crate::update::technique::no_bases;
 use crate::weights::delta::Coefficient;
 use bytemuck::Pod;
 use std::any::Any;
@@ -62,14 +61,6 @@ trait CpuPlanner: Any + Send + Sync {
     fn set_error_budget(&mut self, _instance: u32, budget: f32) -> Result<()> {
         let what = format!("an error budget of {budget} for a mesh in a dense format");
         Err(Error::invalid(what, "pack it in a block format"))
-    }
-
-    /// See [`TakesWeights::set_base`].
-    ///
-    /// # Errors
-    /// The same.
-    fn set_base(&mut self, _instance: u32, _base: Option<u32>) -> Result<()> {
-        Err(no_bases())
     }
 
     /// See [`Kind::changed`].
@@ -116,10 +107,6 @@ impl CpuPlanner for Planner {
         Planner::set_error_budget(self, instance as usize, budget)
     }
 
-    fn set_base(&mut self, instance: u32, base: Option<u32>) -> Result<()> {
-        Planner::set_base(self, instance, base)
-    }
-
     fn changed(&self, _instances: &Instances, _update: u64, instance: u32, out: &mut Vec<Range<u32>>) {
         self.groups[0].changed(instance, out);
     }
@@ -150,10 +137,6 @@ impl TakesWeights for OnCpu {
 
     fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()> {
         self.planner.set_error_budget(instance, budget)
-    }
-
-    fn set_base(&mut self, instance: u32, base: Option<u32>) -> Result<()> {
-        self.planner.set_base(instance, base)
     }
 }
 
@@ -364,18 +347,13 @@ impl Memory {
         let mut poses: Vec<_> = places.iter().map(|&place| std::mem::take(&mut self.poses[place])).collect();
         let mut end = 0;
         let runs = instances().zip(&mut poses).map(|(items, destination)| {
-            // All items of an instance read the same slot of its own, the same pose of its base, or the base pose.
-            let pose = |is_own: bool| {
-                let mut sources = items.iter().filter_map(|item| item.source);
-                let from = sources.find(|source| (source.instance == items[0].instance) == is_own)?;
-                // In place: the pose was taken as a destination.
-                let in_place = is_own && from.slot == items[0].destination;
-                (!in_place).then(|| self.poses[from.instance as usize * self.slots + from.slot as usize].as_slice())
-            };
-            let (source, base) = (pose(true), pose(false));
+            // All items of an instance read the same slot, or the base pose. In place, the pose was taken as a
+            // destination.
+            let source = items.iter().find_map(|item| item.source).filter(|slot| *slot != items[0].destination);
+            let source = source.map(|slot| self.poses[first(items) + slot as usize].as_slice());
             let start = end;
             end += items.len();
-            blocks::Run { items: start..end, source, base, destination }
+            blocks::Run { items: start..end, source, destination }
         });
         blocks::run(workers, mesh, plan, runs.collect());
         places.into_iter().zip(poses).for_each(|(place, pose)| self.poses[place] = pose);

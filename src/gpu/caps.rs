@@ -259,11 +259,10 @@ impl DeviceCaps {
     }
 
     /// Reduces each limit to that of `limits` if it is smaller; nothing is raised. Names, versions, timestamps and the
-    /// flags of queue families stay. Of the tuning, only the width of tiles and the masks are changed, and on software
-    /// drivers the fields for small blocks.
+    /// flags of queue families stay. Of the tuning, only the width of tiles is changed, and on software drivers the
+    /// fields for small blocks.
     pub fn clamp_to(&mut self, limits: &Self) {
         self.tuning.widest_tile = self.tuning.widest_tile.min(limits.tuning.widest_tile);
-        self.tuning.masks &= limits.tuning.masks;
         if self.is_software() {
             // A GPU keeps what fits its subgroups: NVIDIA's driver 580 computes other integers with `small` in blocks
             // that share workgroups (docs/results/gpu-h100.md).

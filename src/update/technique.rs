@@ -81,14 +81,6 @@ pub trait Technique: Any + Send + Sync {
         Err(Error::invalid(what, "use the path blocks or cpu, with a mesh in a block format"))
     }
 
-    /// Sets or removes the base of an instance.
-    ///
-    /// # Errors
-    /// The technique has no such bases, or this one does not fit.
-    fn set_base(&mut self, _instance: u32, _base: Option<u32>) -> Result<()> {
-        Err(no_bases())
-    }
-
     /// Checks weights against limits of the technique.
     ///
     /// # Errors
@@ -109,12 +101,6 @@ pub trait Technique: Any + Send + Sync {
 
     /// Reads and writes of the works of a step, for the hazard checker; see [`trace`](crate::plan::hazards::trace).
     fn accesses(&self, works: &[Work]) -> Vec<Accesses>;
-}
-
-/// The error of crowds whose instances all start from the base pose.
-pub(crate) fn no_bases() -> Error {
-    let what = "an instance as base in a crowd whose path has none";
-    Error::invalid(what, "use the path blocks or cpu, with a mesh in a block format")
 }
 
 /// Draws that evaluate poses.

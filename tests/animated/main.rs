@@ -8,6 +8,5 @@ mod gpu;
 mod scene;
 
 mod animation;
-mod followed;
 mod heads;
 mod lod;

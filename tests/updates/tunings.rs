@@ -15,7 +15,7 @@ fn weights(head: u32, frame: u32) -> Vec<f32> {
 fn tunings(own: DeviceTuning) -> Vec<DeviceTuning> {
     let plain = |change: &dyn Fn(&mut DeviceTuning)| {
         let mut tuning = own;
-        (tuning.texels, tuning.masks, tuning.lanes, tuning.few_registers) = (false, false, 1, false);
+        (tuning.texels, tuning.lanes, tuning.few_registers) = (false, 1, false);
         change(&mut tuning);
         tuning
     };

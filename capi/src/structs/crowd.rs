@@ -102,8 +102,7 @@ pub struct DmAnimationDesc {
     pub level: *const DmLevelDesc,
 }
 
-/// Levels of detail: an instance keeps as many targets, in the order of their importance, as its size on the screen
-/// needs.
+/// Levels of detail: an instance keeps as many targets, in the order of their importance, as `dm_crowd_set_level` says.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct DmLevelDesc {
@@ -116,40 +115,6 @@ pub struct DmLevelDesc {
     pub mesh: DmMesh,
     /// Names, or beginnings of names, of targets that are always kept.
     pub pins: *const *const c_char,
-    /// Largest distance of a vertex from its position with all weights, in pixels: half of it for targets that are left
-    /// out, half for changes that an error budget defers; 0: 1.
-    pub pixels: f32,
-    /// Largest distance that a vertex may move from one frame to the next because the level changes, in pixels; 0:
-    /// 0.008.
-    pub fade: f32,
-}
-
-/// A perspective camera.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct DmCamera {
-    /// sizeof(DmCamera).
-    pub struct_size: u32,
-    /// Height of the picture, in pixels.
-    pub height: f32,
-    /// Angle of view from bottom to top, in radians.
-    pub angle: f32,
-    /// Position, in world units.
-    pub eye: [f32; 3],
-}
-
-/// Position of an instance: a ball around all of its poses.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct DmPlace {
-    /// sizeof(DmPlace).
-    pub struct_size: u32,
-    /// Radius of the ball, in world units.
-    pub radius: f32,
-    /// World units per input unit of the mesh; 0: 1.
-    pub scale: f32,
-    /// Middle of the ball, in world units.
-    pub centre: [f32; 3],
 }
 
 /// How an instance plays a clip.

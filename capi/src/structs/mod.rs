@@ -38,8 +38,6 @@ versioned! {
     DmHostPoses;
     DmAnimationDesc;
     DmLevelDesc;
-    DmCamera;
-    DmPlace;
     DmPlayback;
     DmUpdate;
     DmPoseView;

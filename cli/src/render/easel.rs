@@ -8,7 +8,6 @@ use crate::args::render::Normals;
 use crate::detail::{Detail, Kept};
 use crate::output::Failure;
 use deltamorph::after::NormalsDesc;
-use deltamorph::lod;
 use deltamorph::{CpuCrowd, PackedMesh, UpdateDesc, UpdatePath};
 use deltamorph_render::{Camera, Light, Poses, Scene, Show, Step, StoredPose, Studio, StudioDesc};
 use glam::{Mat4, Vec3};
@@ -35,7 +34,7 @@ pub struct Easel<'a> {
     /// Number of targets that instances keep.
     detail: Detail,
     kept: Option<Kept>,
-    camera: lod::Camera,
+    camera: detail::Camera,
 }
 
 /// The source of the poses.
@@ -88,7 +87,7 @@ impl<'a> Easel<'a> {
             Detail::Share(_) | Detail::Pixels(_) => Some(Kept::new(&scenery.input.kept, &subject.focus)?),
         };
         let (height, angle) = (size[1] as f32 * args.zoom, camera.angle.to_radians());
-        let seen = lod::Camera { eye: scene.view.eye, height, angle };
+        let seen = detail::Camera { eye: scene.view.eye, height, angle };
         let background = args.background.linear();
         let (frames, detail) = (vec![None; places.len()], args.detail);
         let still = subject.still.as_ref();

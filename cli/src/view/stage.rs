@@ -11,7 +11,7 @@ use super::state::State;
 use super::swapchain::{self, Swapchain};
 use super::{command::Command, legend, style};
 use crate::args::render::Background;
-use crate::detail::{Detail, Kept};
+use crate::detail::{Ball, Detail, Kept};
 use crate::output::{Failure, Output};
 use crate::render::crowd::places;
 use crate::render::joints::Joints;
@@ -19,7 +19,6 @@ use crate::render::scenery::{Subject, bounds};
 use crate::runner::prepare;
 use deltamorph::UpdatePath;
 use deltamorph::ash::vk;
-use deltamorph::lod::{self, Place};
 use deltamorph_headless::DeviceChoice;
 use deltamorph_render::{Camera, Light, Scene, Show, View};
 use egui::Context;
@@ -48,7 +47,7 @@ pub struct Stage {
     ui: egui_winit::State,
     subject: Subject,
     /// Bounding sphere of an instance in the base pose.
-    ball: Place,
+    ball: Ball,
     /// Longest distance that a single target moves a vertex.
     reach: f32,
     pub measured: Measured,
@@ -93,7 +92,7 @@ impl Stage {
             frames,
             ui,
             reach: reach(state),
-            ball: Place::around(&subject.focus),
+            ball: Ball::around(&subject.focus),
             subject,
             measured: Measured::default(),
             format,
@@ -174,7 +173,7 @@ impl Stage {
             self.full = full;
         }
         if let Some(subject) = subject {
-            self.ball = Place::around(&subject.focus);
+            self.ball = Ball::around(&subject.focus);
             (self.subject, self.kept) = (subject, None);
         }
         self.reach = reach(state);
@@ -255,7 +254,8 @@ impl Stage {
         let format = self.heads.mesh.layout().format;
         let kept = self.kept.as_ref().filter(|_| state.detail != Detail::All).map(Kept::of_all);
         let (device, desc, reach) = (&*caps.name, self.heads.desc, self.reach);
-        let unit = self.camera(state, &self.all(state, extent), extent).pixels_per_unit(&self.ball);
+        let camera = self.camera(state, &self.all(state, extent), extent);
+        let unit = self.ball.pixels_per_unit(&camera, &Mat4::IDENTITY);
         let about = About { device, paths: &paths, desc, format, kept, reach, unit };
         let (context, mut done, mut free) = (self.ui.egui_ctx().clone(), vec![], egui::Rect::ZERO);
         let mut output = context.run_ui(input, |ui| {
@@ -328,9 +328,9 @@ impl Stage {
     }
 
     /// A camera of levels of detail for a view.
-    fn camera(&self, state: &State, view: &View, extent: vk::Extent2D) -> lod::Camera {
+    fn camera(&self, state: &State, view: &View, extent: vk::Extent2D) -> detail::Camera {
         let height = extent.height as f32 * self.free[3] * state.zoom;
-        lod::Camera { eye: view.eye, height, angle: Camera::default().angle.to_radians() }
+        detail::Camera { eye: view.eye, height, angle: Camera::default().angle.to_radians() }
     }
 
     fn scene(&self, state: &State, extent: vk::Extent2D) -> Scene {
