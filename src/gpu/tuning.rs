@@ -43,7 +43,6 @@ pub struct DeviceTuning {
     /// two to three times as many instructions for that as for whole blocks.
     pub masks: bool,
     /// Fewest invocations in a workgroup of tiles, from 1 to 128: smaller blocks share a workgroup, at most two in one.
-    /// Leave it at 1 on NVIDIA, whose driver 580 then computes wrong integers with `small`.
     pub lanes: u32,
     /// Whether deltas are decoded in few registers, at the price of some instructions.
     pub few_registers: bool,
