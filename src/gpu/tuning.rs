@@ -38,7 +38,6 @@ pub struct DeviceTuning {
     /// allows it. On software drivers storage buffers are accessed lane by lane.
     pub texels: bool,
     /// Fewest invocations in a workgroup of tiles, from 1 to 128: smaller blocks share a workgroup, at most two in one.
-    /// Leave it at 1 on NVIDIA, whose driver 580 then computes wrong integers with `small`.
     pub lanes: u32,
     /// Whether deltas are decoded in few registers, at the price of some instructions.
     pub few_registers: bool,
