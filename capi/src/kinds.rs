@@ -44,4 +44,5 @@ kinds! {
     DmReadback crate::readback::Readback, "a read-back";
     DmSkin crate::attached::Attached<GpuSkin>, "a skin";
     DmSurface crate::attached::Attached<GpuNormals>, "a surface";
+    DmWeightBounds crate::bounds::WeightBounds, "bounds from weights";
 }

@@ -5,7 +5,7 @@ use super::joints::Joints;
 use super::painted::Still;
 use super::scenery::Scenery;
 use crate::args::render::Normals;
-use crate::detail::{Detail, Kept};
+use crate::detail::{self, Detail, Kept};
 use crate::output::Failure;
 use deltamorph::after::NormalsDesc;
 use deltamorph::{CpuCrowd, PackedMesh, UpdateDesc, UpdatePath};

@@ -9,7 +9,6 @@ use crate::output::{Failure, Output};
 use crate::runner::{Gpu, Stage};
 use deltamorph::MorphMesh;
 use deltamorph::import::is_gltf;
-use deltamorph::BoundClip;
 use deltamorph_render::{Face, Part, parts};
 use glam::Vec3;
 use std::collections::HashMap;

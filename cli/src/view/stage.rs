@@ -11,7 +11,7 @@ use super::state::State;
 use super::swapchain::{self, Swapchain};
 use super::{command::Command, legend, style};
 use crate::args::render::Background;
-use crate::detail::{Ball, Detail, Kept};
+use crate::detail::{self, Ball, Detail, Kept};
 use crate::output::{Failure, Output};
 use crate::render::crowd::places;
 use crate::render::joints::Joints;
