@@ -6,6 +6,7 @@ mod group;
 mod interleave;
 mod machine;
 mod page;
+mod plot;
 mod record;
 mod report;
 mod sentences;

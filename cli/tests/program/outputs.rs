@@ -317,7 +317,7 @@ fn terminals_of_80_columns_are_enough() {
         let wide = text.lines().find(|line| line.chars().count() > 80);
         assert_eq!(wide, None, "{text}");
     };
-    let bench = ["bench", "--frames", "2", "--path", "cpu,blocks", "--no-report"];
+    let bench = ["bench", "--frames", "10", "--path", "cpu,blocks", "--no-report"];
     let text = run(&[&bench[..], &HEAD].concat());
     fits(&text);
     assert!(text.matches("ms/frame").count() == 2 && text.matches("\npath ").count() > 2, "{text}");
