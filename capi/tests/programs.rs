@@ -36,7 +36,7 @@ fn libraries() -> &'static Path {
             "--package",
             env!("CARGO_PKG_NAME"),
             "--features",
-            "after,calls,cpu,csv,gltf,level,memory,queries",
+            "after,cpu,csv,gltf,level,memory,queries",
             "--profile",
             profile,
             "--target-dir",

@@ -67,8 +67,6 @@ pub enum Command {
     Bench(Box<BenchArgs>),
     /// Run a whole weight clip, one update per frame, and say what each moved and how far it is off
     Play(Box<PlayArgs>),
-    /// Make the calls that a host logged on a crowd (`CrowdBase::log_calls`, `play --calls`), and hash the poses
-    Replay(Box<ReplayArgs>),
     /// Run any number of frames, random and captured, and say how far poses drift
     Soak(Box<SoakArgs>),
     /// Write one pose as OBJ
@@ -211,26 +209,8 @@ pub struct PlayArgs {
     pub noise: Option<f32>,
     /// Send the clip over UDP at its rate, as VMC for `view --listen` and others, in place of playing it
     #[arg(long, value_name = "ADDRESS:PORT", value_parser = values::address, num_args = 0..=1, require_equals = true)]
-    #[arg(default_missing_value = ADDRESS, conflicts_with_all = ["animated", "calls"])]
+    #[arg(default_missing_value = ADDRESS, conflicts_with = "animated")]
     pub send: Option<SocketAddr>,
-    /// Write the calls on the crowd to FILE, for `deltamorph replay`
-    #[arg(long, value_name = "FILE", conflicts_with = "animated")]
-    pub calls: Option<PathBuf>,
-}
-
-#[derive(Args, Clone, Debug)]
-pub struct ReplayArgs {
-    /// File of the calls
-    #[arg(value_name = "CALLS")]
-    pub calls: PathBuf,
-    #[command(flatten)]
-    pub input: InputArgs,
-    #[command(flatten)]
-    pub pack: PackArgs,
-    /// Update path [default: that of the calls]
-    #[arg(long, value_name = "PATH")]
-    #[arg(value_parser = values::named(&UpdatePath::ALL, UpdatePath::name, UpdatePath::summary))]
-    pub path: Option<UpdatePath>,
 }
 
 #[derive(Args, Clone, Debug)]

@@ -15,7 +15,6 @@ mod page;
 mod play;
 mod plots;
 mod render;
-mod replay;
 mod runner;
 mod sample;
 mod shell;
@@ -56,7 +55,6 @@ fn run(cli: &Cli, out: &Output) -> Result<(), Failure> {
         Command::Info(args) => info::run(args, out),
         Command::Bench(args) => bench::run(args, device, out),
         Command::Play(args) => play::run(args, device, out),
-        Command::Replay(args) => replay::run(args, device, out),
         Command::Soak(args) => soak::run(args, device, out),
         Command::Apply(args) => apply::run(args, device, out),
         Command::Render(args) => render::run(args, device, out),
