@@ -69,7 +69,6 @@
 mod abi;
 pub mod after;
 mod asset;
-pub mod calls;
 mod cpu;
 mod crowd;
 #[allow(unsafe_code)]

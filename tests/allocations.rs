@@ -1,6 +1,6 @@
 //! Planning a frame allocates nothing, since engines do it in their frame loop.
 
-use deltamorph::internals::plan::instances::Instances;
+use deltamorph::internals::plan::instances::{InstanceState, Instances};
 use deltamorph::internals::plan::schedule::Schedule;
 use deltamorph::internals::plan::steps::Steps;
 use deltamorph::internals::update::animated::{AnimatedUpdate, Playbacks};

@@ -26,8 +26,8 @@ static void expect(int line, const char *call, DmResult got, DmResult wanted, co
     do { if (!(condition)) fprintf(stderr, "line %d: %s\n", __LINE__, #condition), failures++; } while (0)
 
 static const DmMesh no_mesh = {0};
-/* A file beside the program. */
-static char calls_file[1024];
+/* The path of the program, beside which files are written. */
+static char program[1024];
 static const DmCrowd no_crowd = {0};
 
 #include "misuse_steps.c"
@@ -369,7 +369,7 @@ static void crowds(const Host *host, DmEngine engine, DmEngine other) {
 
 int main(int argc, char **argv) {
     if (argc < 2) fail("usage", "misuse cpu|device [PART OF A DEVICE'S NAME]");
-    snprintf(calls_file, sizeof calls_file, "%s.calls", argv[0]);
+    snprintf(program, sizeof program, "%s", argv[0]);
     if (strcmp(argv[1], "cpu") == 0) {
         handles(), null_handles(), pointers_and_sizes(), meshes_and_clips(), messages(), threads();
     } else {

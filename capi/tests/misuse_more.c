@@ -49,7 +49,7 @@ static void told(void *user, uint32_t severity, const char *text) {
 
 static void messages(void) {
     char folder[1100], targets[1200], neutral[1200];
-    snprintf(folder, sizeof folder, "%s.face", calls_file);
+    snprintf(folder, sizeof folder, "%s.face", program);
     snprintf(targets, sizeof targets, "%s/targets", folder);
     snprintf(neutral, sizeof neutral, "%s/neutral.obj", folder);
     HOLDS(mkdir(folder, 0777) == 0 && mkdir(targets, 0777) == 0);
@@ -67,31 +67,6 @@ static void levels(DmCrowd crowd, DmCrowd animated) {
     INVALID("plays no clips", dm_crowd_set_level(crowd, 0, 1));
     INVALID("a level of -1 targets", dm_crowd_set_level(animated, 0, -1));
     WORKS(dm_crowd_set_level(animated, 0, 2));
-}
-
-static void calls(DmCrowd crowd, DmCrowd animated) {
-    const char *file = calls_file;
-    char text[400] = "";
-    size_t size;
-    FILE *written;
-    remove(file);
-    INVALID("plays clips", dm_crowd_log_calls(animated));
-    INVALID("plays clips", dm_crowd_write_calls(animated, file));
-    INVALID("'path' is a null pointer", dm_crowd_write_calls(crowd, NULL));
-    WORKS(dm_crowd_log_calls(crowd));
-    WORKS(dm_crowd_set_weight(crowd, 0, 1, 0.25f));
-    WORKS(dm_crowd_write_calls(crowd, file));
-    WORKS(dm_crowd_set_weight(crowd, 0, 1, 0.5f));
-    WORKS(dm_crowd_cut(crowd, 0));
-    WORKS(dm_crowd_write_calls(crowd, file));
-    REFUSED(DM_ERROR_IO, "no-folder/calls: cannot write", dm_crowd_write_calls(crowd, "no-folder/calls"));
-    written = fopen(file, "rb");
-    HOLDS(written != NULL);
-    if (written == NULL) return;
-    size = fread(text, 1, sizeof text - 1, written);
-    fclose(written);
-    HOLDS(size > 0 && strncmp(text, "deltamorph calls 1\ncrowd mesh=", 30) == 0);
-    HOLDS(strstr(text, "\nweights 0 1=0.25\nweights 0 1=0.5\ncut 0\n") != NULL);
 }
 
 /* As a host does that has an allocator: memory of its own for each buffer. */
@@ -160,5 +135,4 @@ static void more(const Host *host, DmMesh mesh, DmGpuMesh uploaded, DmCrowd crow
     handed_over(host, &device, mesh);
     weight_bounds(mesh);
     levels(crowd, animated);
-    calls(crowd, animated);
 }

@@ -36,7 +36,7 @@ fn libraries() -> &'static Path {
             "--package",
             env!("CARGO_PKG_NAME"),
             "--features",
-            "after,calls,csv,gltf,level,memory",
+            "after,csv,gltf,level,memory",
             "--profile",
             profile,
             "--target-dir",

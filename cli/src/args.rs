@@ -63,8 +63,6 @@ pub enum Command {
     Bench(Box<BenchArgs>),
     /// Play a weight clip, one update per frame: bytes, times and errors
     Play(Box<PlayArgs>),
-    /// Make the calls that a host logged on a crowd (`CrowdBase::log_calls`, `play --calls`), and hash the poses
-    Replay(Box<ReplayArgs>),
     /// Measure the drift of poses over any number of random and captured frames
     Soak(Box<SoakArgs>),
     /// Write one pose as OBJ
@@ -171,24 +169,6 @@ pub struct PlayArgs {
     /// Add noise up to ±AMOUNT to every weight in every frame, like that of a face tracker
     #[arg(long, value_name = "AMOUNT", value_parser = values::positive)]
     pub noise: Option<f32>,
-    /// Write the calls on the crowd to FILE, for `deltamorph replay`
-    #[arg(long, value_name = "FILE", conflicts_with = "animated")]
-    pub calls: Option<PathBuf>,
-}
-
-#[derive(Args, Clone, Debug)]
-pub struct ReplayArgs {
-    /// File of the calls
-    #[arg(value_name = "CALLS")]
-    pub calls: PathBuf,
-    #[command(flatten)]
-    pub input: InputArgs,
-    #[command(flatten)]
-    pub pack: PackArgs,
-    /// Update path [default: that of the calls]
-    #[arg(long, value_name = "PATH")]
-    #[arg(value_parser = values::named(&UpdatePath::ALL, UpdatePath::name, UpdatePath::summary))]
-    pub path: Option<UpdatePath>,
 }
 
 #[derive(Args, Clone, Debug)]

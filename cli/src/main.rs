@@ -13,7 +13,6 @@ mod pack;
 mod play;
 mod progress;
 mod render;
-mod replay;
 mod runner;
 mod sample;
 mod soak;
@@ -53,7 +52,6 @@ fn run(cli: &Cli, out: &Output) -> Result<(), Failure> {
         Command::Info(args) => info::run(args, out),
         Command::Bench(args) => bench::run(args, device, out),
         Command::Play(args) => play::run(args, device, out),
-        Command::Replay(args) => replay::run(args, device, out),
         Command::Soak(args) => soak::run(args, device, out),
         Command::Apply(args) => apply::run(args, device, out),
         Command::Render(args) => render::run(args, device, out),

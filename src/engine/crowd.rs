@@ -10,7 +10,6 @@ use crate::crowd::{CrowdBase, TakesWeights};
 use crate::error::Result;
 use crate::gpu::memory::Buffer;
 use crate::pack::PackedMesh;
-use crate::plan::UpdateDesc;
 use crate::update::animated::{Animated, Clips, Playback};
 use crate::update::crowd::CrowdDesc;
 use crate::update::technique::Technique;
@@ -69,19 +68,7 @@ impl Updater for Playing {
     }
 }
 
-impl TakesWeights for OnDevice<Weighted> {
-    fn update_desc(&self) -> &UpdateDesc {
-        &self.desc.update
-    }
-
-    fn check_weights(&self, weights: &[f32]) -> Result<()> {
-        self.updater.technique.check_weights(weights)
-    }
-
-    fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()> {
-        self.updater.technique.set_error_budget(instance, budget)
-    }
-}
+impl TakesWeights for OnDevice<Weighted> {}
 
 /// Methods of [`Crowd`] and [`AnimatedCrowd`].
 impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {

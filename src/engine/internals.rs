@@ -60,8 +60,8 @@ impl<K: Kind + ?Sized> CrowdBase<K> {
     #[doc(hidden)]
     pub fn changed(&self, instance: u32) -> Vec<Range<u32>> {
         let mut changed = vec![];
-        if self.instances.check(instance).is_ok() {
-            self.kind.changed(&self.instances, self.updates, instance, &mut changed);
+        if self.updates > 0 && self.instances.check(instance).is_ok() {
+            self.kind.state().changed(&self.instances, self.updates, instance, &mut changed);
         }
         changed
     }

@@ -3,6 +3,7 @@
 
 use crate::gpu;
 use deltamorph::internals::abi::worklist::{TILE, TILE_WORDS, row_words};
+use deltamorph::internals::plan::instances::InstanceState;
 use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::internals::update::animated::{AnimatedReference, Playbacks};
 use deltamorph::internals::update::blocks::WorkList;

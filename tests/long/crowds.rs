@@ -2,6 +2,7 @@
 
 use crate::{Counts, gpu};
 use deltamorph::ash::vk;
+use deltamorph::internals::plan::instances::InstanceState;
 use deltamorph::internals::update::animated::{AnimatedReference, Playbacks};
 use deltamorph::lod::Importance;
 use deltamorph::reference::compare;

@@ -6,7 +6,6 @@ mod gpu;
 #[path = "../../examples/draw/offscreen.rs"]
 mod offscreen;
 
-mod calls;
 mod errors;
 mod memory;
 mod pipelines;

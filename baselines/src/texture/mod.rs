@@ -37,7 +37,7 @@ use deltamorph::internals::gpu::device::Device;
 use deltamorph::internals::gpu::mesh::{MeshBuffers, Upload};
 use deltamorph::internals::pack::PackedMesh;
 use deltamorph::internals::plan::UpdateStats;
-use deltamorph::internals::plan::instances::Instances;
+use deltamorph::internals::plan::instances::{InstanceState, Instances};
 use deltamorph::internals::plan::steps::{Access, Resource, Source, Stage, Steps, Use, Work};
 use deltamorph::internals::update::dense::DensePlanner;
 use deltamorph::internals::update::technique::{Context, PoseDraws, Technique, UpdateId};
@@ -185,7 +185,17 @@ impl TextureTechnique {
     }
 }
 
+impl InstanceState for TextureTechnique {}
+
 impl Technique for TextureTechnique {
+    fn state(&self) -> &dyn InstanceState {
+        self
+    }
+
+    fn state_mut(&mut self) -> &mut dyn InstanceState {
+        self
+    }
+
     /// Bytes of an update: for each coefficient the texels of its deltas, and as many texels of displacements loaded
     /// and stored; for each rebuilt instance all texels cleared. In the floor, each displacement texel is loaded and
     /// stored at most once. Draws are not counted, as with pose buffers.

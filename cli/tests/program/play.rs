@@ -272,34 +272,3 @@ fn a_path_that_is_named_fails_where_there_is_no_device() {
         assert!(errors.contains("needs a Vulkan device and there is none; install a driver"), "{args:?}: {errors}");
     }
 }
-
-/// What a host sends with a report: the calls that it made, for us to make them elsewhere.
-#[test]
-fn logged_calls_are_replayed_on_other_drivers_to_the_same_bits() {
-    let folder = tempfile::tempdir().unwrap();
-    let dir = sample(folder.path());
-    let calls = folder.path().join("calls").display().to_string();
-    let how = ["--format", "small", "--pose", "fixed16", "--device", "llvmpipe", "--calls", &calls];
-    let said = ok(&[&["play", &dir], &how[..]].concat());
-    let replayed = |how: &[&str]| json(&[&["replay", &calls, &dir, "--json", "-"], how].concat());
-    let here = replayed(&["--device", "llvmpipe"]);
-    has(&here, "schema calls input device path pose updates instances poses poses_hash");
-    assert_eq!((&here["updates"], &here["path"], &here["pose"]), (&24.into(), &"blocks".into(), &"fixed16".into()));
-    let hash = here["poses_hash"].as_str().unwrap();
-    assert!(said.contains(hash), "{said}");
-    for how in [&["--device", "SwiftShader"][..], &["--path", "cpu"], &["--path", "compute", "--device", "llvmpipe"]] {
-        if how[1] == "compute" {
-            let (_, error) = fails(&[&["replay", &calls, &dir], how].concat());
-            assert!(error.contains("compute") && error.contains("small"), "{error}");
-        } else {
-            assert_eq!(replayed(how)["poses_hash"], hash, "{how:?}");
-        }
-    }
-    // A frame takes some ten bytes for each weight that changes.
-    assert!(fs::metadata(&calls).unwrap().len() < 24 * 12 * 20);
-    let (_, error) = fails(&["replay", &calls, "--vertices", "400", "--targets", "3"]);
-    assert!(error.contains("another mesh"), "{error}");
-    fs::write(&calls, "deltamorph calls 1\ncrowd\n").unwrap();
-    let (_, error) = fails(&["replay", &calls, &dir]);
-    assert!(error.contains("calls: line 2"), "{error}");
-}

@@ -3,6 +3,7 @@
 use super::clips::Clips;
 use super::sample::{HeadRecord, Playback, TICKS_PER_SECOND};
 use crate::error::{Error, Result};
+use crate::plan::instances::{InstanceState, Instances};
 use crate::weights::Repeat;
 use std::ops::Range;
 
@@ -146,28 +147,6 @@ impl Playbacks {
         Ok(())
     }
 
-    /// Leaves an instance out of updates from the next one on, or includes it again.
-    pub fn set_hidden(&mut self, instance: u32, hidden: bool) {
-        let record = &mut self.records[instance as usize];
-        if record.has(HeadRecord::HIDDEN) != hidden {
-            record.flags ^= HeadRecord::HIDDEN;
-            self.touch(instance).stale = true;
-        }
-    }
-
-    /// Adds an instance in a free place: it plays nothing, and has no pose.
-    pub fn add(&mut self, instance: u32) {
-        self.records[instance as usize] = HeadRecord::default();
-        let state = self.touch(instance);
-        state.changes = [None; CHANGES];
-        state.stale = true;
-    }
-
-    /// Makes the next pose of an instance its own previous pose.
-    pub fn cut(&mut self, instance: u32) {
-        self.touch(instance).cut = true;
-    }
-
     /// The state of an instance, listed as pending.
     fn touch(&mut self, instance: u32) -> &mut State {
         let touched = &mut self.states[instance as usize];
@@ -265,6 +244,33 @@ impl Playbacks {
             // It is not updated any more.
             (since, false) => since.checked_sub(1).map(|update| (update, false)),
         }
+    }
+}
+
+impl InstanceState for Playbacks {
+    fn set_hidden(&mut self, instance: u32, hidden: bool) {
+        let record = &mut self.records[instance as usize];
+        if record.has(HeadRecord::HIDDEN) != hidden {
+            record.flags ^= HeadRecord::HIDDEN;
+            self.touch(instance).stale = true;
+        }
+    }
+
+    /// It plays nothing, and has no pose.
+    fn add(&mut self, instance: u32) {
+        self.records[instance as usize] = HeadRecord::default();
+        let state = self.touch(instance);
+        state.changes = [None; CHANGES];
+        state.stale = true;
+    }
+
+    fn cut(&mut self, instance: u32) {
+        self.touch(instance).cut = true;
+    }
+
+    /// Only the GPU knows which blocks.
+    fn changed(&self, _instances: &Instances, _update: u64, _instance: u32, out: &mut Vec<Range<u32>>) {
+        out.push(0..u32::MAX);
     }
 }
 

@@ -17,14 +17,13 @@ use crate::gpu::memory::Buffer;
 use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
 use crate::gpu::statistics::MemoryKind;
 use crate::plan::UpdateStats;
-use crate::plan::instances::Instances;
+use crate::plan::instances::{InstanceState, Instances};
 use crate::plan::schedule::Barrier;
 use crate::plan::steps::{Steps, Work};
 use crate::update::blocks::gpu::{BlocksKernels, Bound, GroupBlocks, LIST_USAGE};
 use crate::update::technique::{Context, Technique, UpdateId};
 use ash::vk;
 use bytemuck::bytes_of;
-use std::ops::Range;
 use std::sync::Arc;
 
 /// Most records of one update command, which is limited to 65,536 bytes.
@@ -260,21 +259,12 @@ impl Technique for Animated {
         Some((slot, if !has_past { Some(slot) } else { (before != slot).then_some(before) }))
     }
 
-    fn changed(&self, _instances: &Instances, _id: UpdateId, _instance: u32, out: &mut Vec<Range<u32>>) {
-        // Only the GPU knows which blocks.
-        out.push(0..u32::MAX);
+    fn state(&self) -> &dyn InstanceState {
+        &self.playbacks
     }
 
-    fn cut(&mut self, instance: u32) {
-        self.playbacks.cut(instance);
-    }
-
-    fn set_hidden(&mut self, instance: u32, hidden: bool) {
-        self.playbacks.set_hidden(instance, hidden);
-    }
-
-    fn add(&mut self, instance: u32) {
-        self.playbacks.add(instance);
+    fn state_mut(&mut self) -> &mut dyn InstanceState {
+        &mut self.playbacks
     }
 
     /// The GPU has changed nothing: only the host's state is rolled back.

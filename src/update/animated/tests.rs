@@ -4,6 +4,7 @@ use super::steps::accesses;
 use super::*;
 use crate::pack::blocks::PoseGrid;
 use crate::pack::{DeltaFormat, PackDesc, PackedMesh, PoseFormat};
+use crate::plan::instances::InstanceState;
 use crate::plan::steps::Steps;
 use crate::plan::tests::{assert_barriers_needed, scheduled};
 use crate::plan::{Consumers, UpdateDesc, UpdatePath};

@@ -6,8 +6,9 @@ use crate::abi::worklist::Element;
 use crate::error::{Error, Result};
 use crate::pack::PackedLayout;
 use crate::pack::blocks::BlockIndex;
-use crate::plan::instances::Instances;
+use crate::plan::instances::{InstanceState, Instances};
 use crate::plan::{UpdateDesc, UpdateStats};
+use std::ops::Range;
 
 /// Plans the instances of a crowd. Groups have their own block states and lists; the slots of all groups rotate
 /// together.
@@ -56,30 +57,6 @@ impl Planner {
         }
     }
 
-    /// Sets the error budget of an existing instance, from the next update on.
-    ///
-    /// # Errors
-    /// A value outside 0 to the crowd's budget.
-    pub fn set_error_budget(&mut self, instance: usize, budget: f32) -> Result<()> {
-        let most = self.budget_most;
-        if !(0.0..=most).contains(&budget) {
-            let what = format!("an error budget of {budget} for an instance of a crowd that was made with {most}");
-            return Err(Error::invalid(what, "use a number from 0 to that, or make the crowd with a larger one"));
-        }
-        for (group, states) in self.groups.iter().zip(&mut self.states) {
-            // Without lengths there is no budget.
-            states[instance].set_budget(budget.min(group.desc.error_budget));
-        }
-        Ok(())
-    }
-
-    /// Gives an instance added to a free place the crowd's error budget.
-    pub fn add(&mut self, instance: usize) {
-        for (group, states) in self.groups.iter().zip(&mut self.states) {
-            states[instance].set_budget(group.desc.error_budget);
-        }
-    }
-
     /// Statistics of the last update. All groups apply the same coefficients in the same pass.
     pub fn stats(&self) -> UpdateStats {
         let mut sum = UpdateStats::default();
@@ -88,6 +65,32 @@ impl Planner {
             sum.passes = sum.passes.max(usize::from(!group.list.items.is_empty()));
         }
         UpdateStats { coefficients: self.groups.first().map_or(0, |group| group.stats.coefficients), ..sum }
+    }
+}
+
+impl InstanceState for Planner {
+    fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()> {
+        let most = self.budget_most;
+        if !(0.0..=most).contains(&budget) {
+            let what = format!("an error budget of {budget} for an instance of a crowd that was made with {most}");
+            return Err(Error::invalid(what, "use a number from 0 to that, or make the crowd with a larger one"));
+        }
+        for (group, states) in self.groups.iter().zip(&mut self.states) {
+            // Without lengths there is no budget.
+            states[instance as usize].set_budget(budget.min(group.desc.error_budget));
+        }
+        Ok(())
+    }
+
+    /// Gives it the crowd's error budget.
+    fn add(&mut self, instance: u32) {
+        for (group, states) in self.groups.iter().zip(&mut self.states) {
+            states[instance as usize].set_budget(group.desc.error_budget);
+        }
+    }
+
+    fn changed(&self, _instances: &Instances, _update: u64, instance: u32, out: &mut Vec<Range<u32>>) {
+        self.groups[0].changed(instance, out);
     }
 }
 

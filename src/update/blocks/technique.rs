@@ -9,11 +9,10 @@ use crate::error::Result;
 use crate::gpu::memory::Ring;
 use crate::gpu::pipelines::Workgroups;
 use crate::plan::UpdateStats;
-use crate::plan::instances::Instances;
+use crate::plan::instances::{InstanceState, Instances};
 use crate::plan::steps::{Steps, Work};
 use crate::update::technique::{Context, Technique, UpdateId};
 use ash::vk;
-use std::ops::Range;
 
 pub(crate) struct BlocksTechnique {
     planner: Planner,
@@ -89,12 +88,12 @@ impl Group {
 }
 
 impl Technique for BlocksTechnique {
-    fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()> {
-        self.planner.set_error_budget(instance as usize, budget)
+    fn state(&self) -> &dyn InstanceState {
+        &self.planner
     }
 
-    fn add(&mut self, instance: u32) {
-        self.planner.add(instance as usize);
+    fn state_mut(&mut self) -> &mut dyn InstanceState {
+        &mut self.planner
     }
 
     fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
@@ -115,10 +114,6 @@ impl Technique for BlocksTechnique {
         let workgroups = Workgroups::Of([group.blocks.how.workgroups(&work.items), 1]);
         // SAFETY: the caller's obligations; the list was written for this mesh and crowd.
         unsafe { group.blocks.dispatch(cmd, set, work.kernel as usize, first_item, workgroups) };
-    }
-
-    fn changed(&self, _instances: &Instances, _id: UpdateId, instance: u32, out: &mut Vec<Range<u32>>) {
-        self.planner.groups[0].changed(instance, out);
     }
 
     fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
