@@ -26,6 +26,7 @@
 //!     let engine = unsafe { MorphEngine::new(&DeviceDesc::new(instance, physical_device, device)) }?;
 //!     let source = import_folder("face".as_ref())?.to_mesh(Tolerance::default())?; // or import::open
 //!     let mesh = PackedMesh::pack(&source, &engine.pack_desc(DeltaFormat::Fast))?;
+//!     let _indices = &mesh.layout().indices; // for your index buffer: triangles of the vertices of poses
 //!     let mut uploaded = None;
 //!     // SAFETY: `cmd` is recording and runs once; the mesh outlives what the device does with it.
 //!     run(&mut |cmd| {

@@ -116,7 +116,7 @@ pub unsafe extern "C" fn dm_mesh_info(mesh: DmMesh, info: *mut DmMeshInfo) -> Dm
             vertex_count: layout.vertex_count as u32,
             padded_vertex_count: layout.padded_vertices() as u32,
             target_count: layout.targets.len() as u32,
-            index_count: index_count(mesh.asset.faces.triangles().len())?,
+            index_count: index_count(layout.indices.len() / 3)?,
             delta_format: delta_number(layout.format),
             diagonal: layout.diagonal,
             pose_bytes: layout.base_bytes(),
@@ -207,10 +207,8 @@ pub unsafe extern "C" fn dm_mesh_remap_indices(mesh: DmMesh, indices: *mut u32, 
 pub unsafe extern "C" fn dm_mesh_indices(mesh: DmMesh, count: *mut u32, indices: *mut u32) -> DmResult {
     enter("dm_mesh_indices", || {
         let mesh = mesh.get()?;
-        let mut found = mesh.asset.faces.triangles().into_flattened();
-        mesh.layout().remap_indices(&mut found)?;
         // SAFETY: the caller's obligations.
-        unsafe { list(count, indices, &found, "indices") }
+        unsafe { list(count, indices, &mesh.layout().indices, "indices") }
     })
 }
 

@@ -55,7 +55,7 @@ pub enum Command {
     Sample(SampleArgs),
     /// Pack a mesh into a file that loads without packing again
     Pack(PackFileArgs),
-    /// Write the targets of a mesh as textures, a KTX2 file that --textures reads
+    /// Write the targets of a mesh as textures, a KTX2 file
     Textures(TexturesArgs),
     /// Describe a mesh: targets, sparsity, overlap, blocks, size and error of each format
     Info(InfoArgs),
@@ -229,9 +229,6 @@ pub struct InputArgs {
     #[arg(long, value_name = "FRACTION", default_value_t = 1e-6)]
     #[arg(value_parser = values::number("a fraction of the diagonal, 0 or more (0 keeps every delta)", |v| v >= 0.0))]
     pub tolerance: f32,
-    /// Take the targets of a file that `deltamorph textures` wrote, in place of those of INPUT
-    #[arg(long, value_name = "FILE.ktx2")]
-    pub textures: Option<PathBuf>,
     /// Frames per second of weight clips [default: what the file name ("…_24fps.csv") or the keys of the animation say,
     /// else 30]
     #[arg(long, value_name = "F", value_parser = values::fps)]

@@ -159,13 +159,6 @@ fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Re
             (kept.clone(), kept, Some(Arc::new(asset.mesh)))
         }
     };
-    let (raw, kept, packed) = match &args.textures {
-        Some(path) => {
-            let read = Arc::new(deltamorph_baselines::textures::read_ktx2(path, &kept)?);
-            (read.clone(), read, None)
-        }
-        None => (raw, kept, packed),
-    };
     spinner.finish_and_clear();
     kept.notes.iter().for_each(|note| out.note(note));
     if packed.is_some() {
@@ -399,7 +392,6 @@ impl Input {
 pub fn files_of(args: &InputArgs, others: &[PathBuf]) -> Vec<PathBuf> {
     let file_of = |path: &PathBuf| import::animation_of(path).map_or_else(|| path.clone(), |(file, _)| file);
     let mut read: Vec<PathBuf> = others.iter().map(file_of).collect();
-    read.extend(args.textures.clone());
     if let Some(input) = &args.input {
         for folder in [input.clone(), input.join("targets"), input.join("weights")] {
             // The importer reports folders that cannot be listed.

@@ -147,6 +147,9 @@ pub struct PackedLayout {
     pub origin: Vec3,
     /// The targets.
     pub targets: Vec<PackedTarget>,
+    /// The faces as triangles, three vertices of pose buffers each: an index buffer for draws. Empty in all groups but
+    /// the first.
+    pub indices: Arc<[u32]>,
     /// The blocks; `None` in dense formats.
     pub blocks: Option<Arc<BlockIndex>>,
     /// Bounds on integer sums (dense formats with integer deltas).
@@ -234,7 +237,8 @@ impl PackedLayout {
         }
     }
 
-    /// Converts the user's vertex indices (an index buffer) to pose-buffer indices. Unchanged in dense formats.
+    /// Converts the user's vertex indices to pose-buffer indices, for another index buffer than
+    /// [`indices`](field@Self::indices). Unchanged in dense formats.
     ///
     /// # Errors
     /// An index out of range.

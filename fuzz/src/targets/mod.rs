@@ -4,7 +4,6 @@ mod capi;
 mod csv;
 mod dmorph;
 mod gltf;
-mod ktx2;
 mod meshopt;
 mod obj;
 mod planner;
@@ -12,12 +11,11 @@ mod planner;
 use crate::Target;
 
 /// All of them.
-pub const TARGETS: [Target; 8] = [
+pub const TARGETS: [Target; 7] = [
     gltf::TARGET,
     dmorph::TARGET,
     obj::TARGET,
     csv::TARGET,
-    ktx2::TARGET,
     meshopt::TARGET,
     planner::TARGET,
     capi::TARGET,

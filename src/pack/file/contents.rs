@@ -167,7 +167,7 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
         let texcoord = corner_texcoords.get(i).copied().filter(|t| *t != u32::MAX);
         Corner { position, texcoord }
     };
-    let asset = Asset {
+    let mut asset = Asset {
         mesh: PackedMesh::of_groups(groups),
         faces: Faces {
             sizes: checked((FACES, 0), face_count, 4, "faces")?,
@@ -177,10 +177,9 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
         welds: optional(WELDS, vertices, "vertices")?,
         tolerance: Tolerance { position, normal },
     };
-    match asset.check() {
-        Ok(()) => Ok(asset),
-        Err(what) => Err(malformed(path, None, what, INCONSISTENT)),
-    }
+    asset.check().map_err(|what| malformed(path, None, what, INCONSISTENT))?;
+    asset.mesh.take_faces(&asset.faces)?;
+    Ok(asset)
 }
 
 /// Section 'group'.
