@@ -4,7 +4,7 @@
 //! All output goes to standard error, in lines: some drivers print statistics there while they compile, so the order
 //! assigns them to pipelines. `statistics.rs` reads them.
 
-use crate::engine::Pipeline;
+use super::engine::Pipeline;
 use deltamorph::DeviceCaps;
 use deltamorph::ash::khr::pipeline_executable_properties::Device as Executables;
 use deltamorph::ash::{self, vk};
