@@ -1,8 +1,8 @@
 //! Delta textures of half floats, read from a file and kept as half floats on the device.
 
 use super::poses::{check, real};
+use super::table::{can_read, history};
 use crate::gpu::{NORMAL, POSITION, on_every_device, packed, single};
-use crate::table::{can_read, history};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
     BatchSize, DeltaFormat, MorphMesh, MorphTarget, PackDesc, PackedMesh, StreamDeltas, UpdateDesc, UpdatePath, testing,
