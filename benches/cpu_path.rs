@@ -1,7 +1,7 @@
 //! The `cpu` path on the built-in head of 43,788 vertices and 72 targets; throughput counts the bytes that the
 //! update loads and stores.
 //!
-//! `cargo bench --bench cpu_path`
+//! `cargo bench -p deltamorph-benches --bench cpu_path`
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use deltamorph::{BatchSize, CpuCrowd, DeltaFormat, PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdatePath};

@@ -1,15 +1,13 @@
 //! Crowds on a device: one update against many, what the GPU's planning costs, and thousands of heads. Medians, and
 //! ratios of measurements taken in turns.
 //!
-//! `./with-vulkan cargo bench --bench crowds [-- DEVICE]`
+//! `./with-vulkan cargo bench -p deltamorph-benches --bench crowds [-- DEVICE]`
 
-mod common;
-
-use common::{median, noise};
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, CrowdDesc, DeltaFormat, PackedMesh, Playback, PoseFormat, Tolerance, UpdateDesc,
     WeightClip,
 };
+use deltamorph_benches::{median, noise};
 use deltamorph_head::{HeadDesc, head};
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, Step};
 use std::time::Instant;

@@ -1,6 +1,6 @@
 //! What the CPU does for each frame of one head: weights to passes or work lists, and to commands. No GPU.
 //!
-//! `cargo bench --bench planning`; with `DELTAMORPH_DATA`, ict_facekit with its captured clips, too.
+//! `cargo bench -p deltamorph-benches --bench planning`; with `DELTAMORPH_DATA`, ict_facekit with its captured clips, too.
 
 use criterion::{BatchSize as Setup, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use deltamorph::import::{csv, obj};

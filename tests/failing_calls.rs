@@ -1,12 +1,8 @@
 //! Every Vulkan call of every operation of the library fails, one at a time, with each error that it may return: the
 //! error names the call and a remedy, nothing leaks, the same operation succeeds afterwards, and poses are right.
 
-#[path = "common/gpu.rs"]
-mod gpu;
-#[allow(dead_code)] // nothing is drawn
-#[path = "../examples/draw/offscreen.rs"]
-mod offscreen;
-
+use crate::gpu;
+use crate::offscreen::Offscreen;
 use deltamorph::after::{NormalsDesc, NormalsTarget, SkinDesc, SkinTarget};
 use deltamorph::ash::vk;
 use deltamorph::reference::{compare, evaluate};
@@ -17,7 +13,6 @@ use deltamorph::{
 };
 use deltamorph_failing::{Control, NAME, calls::ERRORS, enable};
 use deltamorph_headless::{Headless, HeadlessCrowd};
-use offscreen::Offscreen;
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeSet;
 use std::process::Command;
@@ -33,7 +28,8 @@ fn with_layer(test: &str, body: impl FnOnce()) {
     }
     let folder = tempfile::tempdir().expect("a folder");
     let mut command = Command::new(std::env::current_exe().expect("a path to this test"));
-    let output = enable(command.args([test, "--exact", "--nocapture"]), folder.path()).output().expect("it starts");
+    let test = format!("{}::{test}", module_path!().split_once("::").expect("the program's name").1);
+    let output = enable(command.args([&test, "--exact", "--nocapture"]), folder.path()).output().expect("it starts");
     let [said, out] = [output.stderr, output.stdout].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
     assert!(output.status.success() && out.contains("1 passed"), "{}\n{out}{said}", output.status);
     println!("{out}");

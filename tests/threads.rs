@@ -1,17 +1,12 @@
 //! Two engines on one device, with one allocator, each used by two threads at once: uploads, crowds made and dropped,
 //! updates recorded, poses read back. tests/tsan runs it under ThreadSanitizer.
 
-#[path = "common/gpu.rs"]
-mod gpu;
-#[path = "common/host.rs"]
-mod host;
-
+use crate::gpu::{self, NORMAL, is_kept, packed, reference, weights};
+use crate::host::Host;
 use deltamorph::reference::compare;
 use deltamorph::{
     CpuCrowd, CrowdDesc, DeltaFormat, DeviceDesc, GpuMesh, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing,
 };
-use gpu::{NORMAL, is_kept, packed, reference, weights};
-use host::Host;
 use std::sync::Arc;
 
 const ROUNDS: u32 = 12;

@@ -3,7 +3,7 @@
 //! failures; it never crashes, hangs, leaks or destroys twice.
 //!
 //! `DELTAMORPH_FAILING=N` takes N failures of each command, spread evenly over its calls; `DELTAMORPH_FAILING=all`
-//! takes all of them, an hour on two cores; both write docs/results/failing.md. Otherwise there are a few, and no C.
+//! takes all of them, an hour on two cores; both print a table. Otherwise there are a few, and no C.
 //! Defects found earlier are always included.
 #![cfg(feature = "viewer")]
 
@@ -265,8 +265,7 @@ fn a_call_that_fails_is_an_error_that_names_it() {
     wrong.sort_unstable();
     if asked.is_some() {
         let names: Vec<_> = cases.iter().map(|case| case.name).collect();
-        let text = table(&names, &done, possible, &wrong);
-        std::fs::write(Path::new(ROOT).join("docs/results/failing.md"), text).expect("the table");
+        println!("{}", table(&names, &done, &wrong));
     }
     println!("{} of {possible} failures, {} wrong", done.len(), wrong.len());
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
@@ -274,24 +273,15 @@ fn a_call_that_fails_is_an_error_that_names_it() {
 
 type Done<'a> = [(&'a str, &'a Fault, Result<char, String>)];
 
-fn table(cases: &[&str], done: &Done<'_>, possible: usize, wrong: &[String]) -> String {
+/// `e`: a message that names the call, exit code 1. `p`: the same, of the crate that draws the panel of the window,
+/// which names no call, and leaks. `=`: the result of a run without a failure. `-`: the call did not come. `!`: wrong.
+fn table(cases: &[&str], done: &Done<'_>, wrong: &[String]) -> String {
     let mut cells: BTreeMap<&str, BTreeMap<&str, BTreeMap<char, usize>>> = BTreeMap::new();
     for (case, fault, outcome) in done {
         let outcome = *outcome.as_ref().unwrap_or(&'!');
         *cells.entry(&fault.call).or_default().entry(case).or_default().entry(outcome).or_default() += 1;
     }
-    let mut text = format!(
-        "# Vulkan calls that fail\n\n\
-         Written by `DELTAMORPH_FAILING=all ./with-vulkan cargo test --test failing`: {} of {possible}\n\
-         failures, {} of them wrong. Each place that calls fails the first and the last time that it does, with each error\n\
-         that the specification allows for it. The library's operations, which are tried again afterwards, are in\n\
-         tests/failing_calls.rs.\n\n\
-         `e`: a message that names the call, exit code 1. `p`: the same, of the crate that draws the panel\n\
-         of the window, which names no call, and leaks. `=`: the same result as without a failure, exit code 0. `-`: the call\n\
-         did not come. `!`: wrong. No other run may leak, and none may crash, hang or destroy twice.\n\n",
-        done.len(),
-        wrong.len()
-    );
+    let mut text = String::new();
     writeln!(text, "| call | {} |\n|{}", cases.join(" | "), "---|".repeat(cases.len() + 1)).expect("text");
     for (call, row) in cells {
         let cell = |case: &&str| {

@@ -1,8 +1,8 @@
 //! Whole scenes of glTF files, posed as `apply`, `render` and `view` do, against `formulas.rs`.
 
+use super::formulas::{Drawn, File};
 use crate::character::{Character, Stored};
 use crate::file::{F32, I16, U16, Written, bytes};
-use crate::formulas::{Drawn, File};
 use crate::skinned::Playing;
 use deltamorph::after::{SkinDesc, SkinMethod};
 use deltamorph::import::gltf::{self, Gltf};

@@ -1,9 +1,9 @@
 //! Every step after the pose, under the same tests: a rig per step, and a test for each column of the resulting table.
 //! A step without a rig does not compile.
 
+use super::normals;
 use crate::gpu::{self, recorded};
 use crate::joints::{JOINTS, Joints, MIRRORED};
-use crate::normals;
 use crate::offscreen::Offscreen;
 use crate::written::Written;
 use deltamorph::after::{GpuNormals, GpuSkin, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
@@ -293,7 +293,7 @@ impl<'a> Rig<'a> {
 #[test]
 fn each_writes_the_reference_and_only_what_changed() {
     let source = mesh();
-    gpu::on_every_device(|headless, engine| {
+    gpu::on_every_driver(|headless, engine| {
         let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
         for (kind, (format, update)) in
             Kind::ALL.into_iter().flat_map(|k| gpu::updates(headless).into_iter().map(move |u| (k, u)))

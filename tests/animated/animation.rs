@@ -68,7 +68,7 @@ fn play_around(
 
 #[test]
 fn the_gpu_plans_as_the_cpu_does() {
-    gpu::on_every_device(|headless, _| {
+    gpu::on_every_driver(|headless, _| {
         let formats =
             [(DeltaFormat::Fast, 64), (DeltaFormat::Small, 32), (DeltaFormat::Small, 128), (DeltaFormat::Pair, 64)];
         for (i, instances) in [1, 7, 8, 9, 33].into_iter().enumerate() {

@@ -4,7 +4,7 @@
 //! All output goes to standard error, in lines: some drivers print statistics there while they compile, so the order
 //! assigns them to pipelines. `statistics.rs` reads them.
 
-use crate::engine::Pipeline;
+use super::engine::Pipeline;
 use deltamorph::DeviceCaps;
 use deltamorph::ash::khr::pipeline_executable_properties::Device as Executables;
 use deltamorph::ash::{self, vk};
@@ -22,7 +22,7 @@ const ARM: u32 = 0x13b5;
 
 /// Runs [`compile`] through `launcher`, a command that gets this program and its arguments; returns its output.
 pub fn compile_apart(mut launcher: Command, pipelines: &[Pipeline]) -> Output {
-    launcher.args(["--exact", "compiles_what_it_is_told", "--ignored", "--nocapture"]);
+    launcher.args(["--exact", "budgets::compiles_what_it_is_told", "--ignored", "--nocapture"]);
     // Variables of ./with-vulkan: only the launcher chooses the driver.
     launcher.env_remove("VK_ADD_DRIVER_FILES").env_remove("VK_INSTANCE_LAYERS");
     launcher.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());

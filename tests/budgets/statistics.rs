@@ -1,9 +1,26 @@
-//! Converts drivers' statistics of pipelines to the figures of the table.
+//! Converts drivers' statistics of pipelines to figures that can be compared.
 
-use crate::compiler::MARK;
-use crate::engine::Pipeline;
-use crate::table::Figures;
+use super::compiler::MARK;
+use super::engine::Pipeline;
 use std::collections::HashMap;
+
+/// Figures of a pipeline; `None` if a GPU's driver does not report them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Figures {
+    /// Static count: a loop counts once.
+    pub instructions: f64,
+    /// Registers per lane: VGPRs of AMD, vec4s of Adreno, the most that are live at once of VideoCore.
+    pub registers: Option<f64>,
+    /// Waves (AMD, Adreno), lanes of a subgroup (Intel) or threads (Mali, VideoCore) that run at once, which registers
+    /// limit.
+    pub occupancy: f64,
+    /// Stores and loads of spilled registers.
+    pub spills: f64,
+    /// Memory per lane, mostly arrays. Adreno and Mali: instructions that access it.
+    pub scratch: f64,
+    /// Estimated cycles of the limiting unit.
+    pub cycles: Option<f64>,
+}
 
 /// Statistics by name.
 type Statistics = HashMap<String, f64>;
@@ -73,52 +90,10 @@ fn shader_db(line: &str) -> Statistics {
     statistics
 }
 
-/// Units of the figures, by vendor.
-pub const UNITS: [(&str, &str); 5] = [
-    (
-        "amd",
-        "Registers are VGPRs of a lane; occupancy is \"subgroups per SIMD\"; cycles are the inverse throughput that\n\
-         ACO estimates, with loops weighted.",
-    ),
-    (
-        "intel",
-        "Occupancy is lanes of a subgroup: a kernel that needs many registers is compiled for 8. Cycles are the\n\
-         scheduler's estimate for one subgroup, with loops weighted.",
-    ),
-    (
-        "adreno",
-        "Registers are vec4s of a lane; occupancy is waves of a core. Memory counts the instructions that store and\n\
-         load a lane's own, spills among them.",
-    ),
-    (
-        "mali",
-        "Occupancy 2 is full, with at most 32 registers; 1 is half of it. Cycles are those of the unit that takes\n\
-         longest, which is load and store. Memory counts the instructions that store and load a thread's own, spills\n\
-         among them.",
-    ),
-    ("v3d", "Occupancy is threads of a QPU, registers are the most that live at once. Memory is words of a lane."),
-];
-
-/// Returns the occupancy that a kernel of one instance should have, in the units of [`figures`].
-pub fn full_occupancy(gpu: &str) -> f64 {
-    match gpu.split_once('-').unwrap_or_default() {
-        // 48 registers per lane: the 8 for full occupancy on the next larger ones leave 6 waves.
-        ("adreno", "610") => 6.0,
-        ("adreno" | "intel", _) => 16.0,
-        // It has 64 registers per thread in any case.
-        ("mali", "g72") => 1.0,
-        ("mali", _) => 2.0,
-        ("v3d", _) => 4.0,
-        (_, "polaris10") => 8.0,
-        (_, "raven") => 10.0,
-        _ => 32.0,
-    }
-}
-
 /// Converts statistics, whose names depend on the vendor. `Err`: a missing name.
 fn figures(gpu: &str, statistics: &Statistics) -> Result<Figures, &'static str> {
     let get = |name: &'static str| statistics.get(name).copied().ok_or(name);
-    let sum = |names: [&'static str; 2]| Ok(get(names[0])? + get(names[1])?);
+    let sum = |names: [&'static str; 2]| Ok::<f64, &'static str>(get(names[0])? + get(names[1])?);
     Ok(match gpu.split('-').next().unwrap_or_default() {
         "amd" => Figures {
             instructions: get("Instructions")?,
@@ -127,7 +102,6 @@ fn figures(gpu: &str, statistics: &Statistics) -> Result<Figures, &'static str> 
             spills: sum(["Spilled SGPRs", "Spilled VGPRs"])?,
             scratch: get("Scratch size")?,
             cycles: Some(get("Inverse Throughput")?),
-            latency: Some(get("Latency")?),
         },
         "intel" => Figures {
             instructions: get("Instruction Count")?,
@@ -136,9 +110,8 @@ fn figures(gpu: &str, statistics: &Statistics) -> Result<Figures, &'static str> 
             spills: sum(["Spill Count", "Fill Count"])?,
             scratch: get("Scratch Memory Size")?,
             cycles: Some(get("Cycle Count")?),
-            latency: None,
         },
-        // Spills only appear as private memory. The latency is the stall count.
+        // Spills only appear as private memory.
         "adreno" => Figures {
             instructions: get("Instruction Count")?,
             registers: Some(get("Registers used")?),
@@ -146,7 +119,6 @@ fn figures(gpu: &str, statistics: &Statistics) -> Result<Figures, &'static str> 
             spills: 0.0,
             scratch: sum(["STP Count", "LDP Count"])?,
             cycles: None,
-            latency: Some(sum(["Estimated cycles stalled on SS", "Estimated cycles stalled on SY"])?),
         },
         // Arrays in memory are not counted as spills, but the listing has their loads and stores.
         "mali" => Figures {
@@ -156,7 +128,6 @@ fn figures(gpu: &str, statistics: &Statistics) -> Result<Figures, &'static str> 
             spills: sum(["spills", "fills"])?,
             scratch: get("Scratch accesses")?,
             cycles: Some(get("cycles")?),
-            latency: None,
         },
         // "TMU Spills" is the size of spills and arrays, not their number: 4 bytes for each of 16 lanes.
         "v3d" => Figures {
@@ -166,7 +137,6 @@ fn figures(gpu: &str, statistics: &Statistics) -> Result<Figures, &'static str> 
             spills: sum(["spills", "fills"])?,
             scratch: get("TMU Spills")? / 64.0,
             cycles: None,
-            latency: None,
         },
         _ => return Err("of a vendor that statistics.rs does not know"),
     })

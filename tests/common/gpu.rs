@@ -26,10 +26,15 @@ pub fn is_kept(error: &PoseError, diagonal: f32) -> bool {
     error.within(POSITION * f64::from(diagonal), NORMAL)
 }
 
-/// Substrings of the names of required devices. `DELTAMORPH_TEST_DRIVERS` (comma list) replaces them.
-pub fn drivers() -> Vec<String> {
-    let list = std::env::var("DELTAMORPH_TEST_DRIVERS").unwrap_or_else(|_| "llvmpipe,SwiftShader".into());
+/// Returns `default`, or the list in `DELTAMORPH_TEST_DRIVERS`: parts of the names of required devices.
+fn drivers_or(default: &str) -> Vec<String> {
+    let list = std::env::var("DELTAMORPH_TEST_DRIVERS").unwrap_or_else(|_| default.into());
     list.split(',').map(str::to_owned).collect()
+}
+
+/// Returns parts of the names of the devices that tests run on.
+pub fn drivers() -> Vec<String> {
+    drivers_or("llvmpipe")
 }
 
 /// Returns the first of `drivers`, for what is the same on every driver.
@@ -52,13 +57,21 @@ pub fn updates(headless: &Headless) -> Vec<(DeltaFormat, UpdateDesc)> {
     all
 }
 
-/// Runs `test` on every driver unchanged, and on the first also clamped to the Android baseline. A missing driver
-/// fails, and so does every message of the validation layers.
-///
-/// The baseline changes plans and recordings, which one driver shows. The second, SwiftShader, spends most of the
-/// tests' time compiling pipelines: tests of limits name the limits they need there.
+/// Runs `test` on the drivers of all tests unchanged, and on the first also clamped to the Android baseline. A missing
+/// driver fails, and so does every message of the validation layers.
 pub fn on_every_device(test: impl Fn(&Headless, &MorphEngine)) {
-    for (index, driver) in drivers().iter().enumerate() {
+    on(&drivers(), test);
+}
+
+/// The same on SwiftShader, too, which takes minutes to compile pipelines: for the few tests that together run each
+/// kernel of poses once.
+pub fn on_every_driver(test: impl Fn(&Headless, &MorphEngine)) {
+    on(&drivers_or("llvmpipe,SwiftShader"), test);
+}
+
+/// The baseline changes plans and recordings, which one driver shows; tests of limits name the limits they need.
+fn on(drivers: &[String], test: impl Fn(&Headless, &MorphEngine)) {
+    for (index, driver) in drivers.iter().enumerate() {
         on_device(driver, false, &test);
         if index == 0 {
             on_device(driver, true, &test);

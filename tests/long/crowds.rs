@@ -1,6 +1,7 @@
 //! The crowds of the long run: their events, and their expected poses.
 
-use crate::{Counts, gpu};
+use super::Counts;
+use crate::gpu;
 use deltamorph::ash::vk;
 use deltamorph::internals::plan::instances::InstanceState;
 use deltamorph::internals::update::animated::{AnimatedReference, Playbacks};
@@ -102,7 +103,7 @@ impl<'a> Weighted<'a> {
     }
 
     fn crowd(headless: &Headless, mesh: &GpuMesh, update: UpdateDesc, places: u32, begin: u64) -> Crowd {
-        let desc = CrowdDesc::new(update).instances(places).frames_in_flight(crate::BATCH);
+        let desc = CrowdDesc::new(update).instances(places).frames_in_flight(super::BATCH);
         let mut crowd = headless.engine().create_crowd(mesh, &desc).expect("a crowd");
         crowd.begin_at(begin);
         crowd

@@ -102,7 +102,7 @@ fn every_relative_link_leads_to_a_file_and_a_heading() {
 #[test]
 fn documents_stay_short() {
     let notes = tracked().into_iter().filter(|path| path.starts_with("docs/notes")).map(|path| (path, 150));
-    let others = [("README.md", 150), ("ARCHITECTURE.md", 200), ("CONTRIBUTING.md", 120)];
+    let others = [("README.md", 170), ("ARCHITECTURE.md", 200), ("CONTRIBUTING.md", 120)];
     for (path, most) in others.map(|(path, most)| (PathBuf::from(path), most)).into_iter().chain(notes) {
         let lines = read(&path).lines().count();
         assert!(lines <= most, "{} has {lines} lines; {most} are allowed", path.display());

@@ -27,12 +27,24 @@ fn declared(root: &Path, folder: &Path) -> usize {
 #[test]
 fn every_file_of_a_test_program_is_compiled() {
     let mut count = 0;
-    for tests in ["tests", "cli/tests"].map(|folder| Path::new(env!("CARGO_MANIFEST_DIR")).join(folder)) {
-        for folder in entries(&tests) {
-            let main = folder.join("main.rs");
-            if main.is_file() {
-                count += declared(&main, &folder);
-            }
+    let package = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let tests = package.join("tests");
+    let engine = std::fs::read_to_string(tests.join("engine.rs")).expect("tests/engine.rs");
+    for path in entries(&tests) {
+        let is_file = path.extension().is_some_and(|extension| extension == "rs") && !path.ends_with("engine.rs");
+        let root = path.join("mod.rs");
+        if is_file || root.is_file() {
+            let module = path.file_stem().and_then(|stem| stem.to_str()).expect("a name");
+            assert!(engine.contains(&format!("\nmod {module};\n")), "tests/engine.rs lacks {}", path.display());
+        }
+        if root.is_file() {
+            count += declared(&root, &path);
+        }
+    }
+    for folder in entries(&tests).into_iter().chain(entries(&package.join("cli/tests"))) {
+        let main = folder.join("main.rs");
+        if main.is_file() {
+            count += declared(&main, &folder);
         }
     }
     assert!(count > 50, "{count} files");

@@ -1,7 +1,7 @@
 //! Planted faults, each of which the harness has to detect.
 
+use super::table::{ROWS, can_read, for_every_update, updates, variants};
 use crate::gpu::{self, hazards, on_every_device, packed, weights};
-use crate::table::{ROWS, can_read, for_every_update, updates, variants};
 use deltamorph::DeltaFormat::{Fast, Float32, Small};
 use deltamorph::internals::plan::Source;
 use deltamorph::internals::plan::hazards::Event;

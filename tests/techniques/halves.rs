@@ -1,8 +1,8 @@
 //! Deltas that are half floats are kept as half floats on the device.
 
 use super::poses::{check, real};
+use super::table::{can_read, history};
 use crate::gpu::{NORMAL, POSITION, on_every_device, packed, single};
-use crate::table::{can_read, history};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{BatchSize, DeltaFormat, MorphMesh, MorphTarget, StreamDeltas, UpdateDesc, UpdatePath, testing};
 use deltamorph_headless::HeadlessCrowd;

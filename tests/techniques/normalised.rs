@@ -1,7 +1,7 @@
 //! Normalised blending on the device: poses of absolute-pose weights equal A. Gerdelan's formula, in float64.
 
+use super::table::{can_read, updates};
 use crate::gpu::{on_every_device, packed};
-use crate::table::{can_read, updates};
 use deltamorph::{CrowdDesc, DeltaFormat, MorphMesh, POSE_FLOATS, UpdatePath, normalise_weights, testing};
 use deltamorph_head::Rng;
 use deltamorph_headless::HeadlessCrowd;

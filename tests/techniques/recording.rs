@@ -1,7 +1,7 @@
 //! Recording without submitting: updates that are delayed, dropped, reset, or recorded twice before they run.
 
+use super::table::{can_read, for_every_update, keep_supported, variants};
 use crate::gpu::{self, assert_right};
-use crate::table::{can_read, for_every_update, keep_supported, variants};
 use deltamorph::DeltaFormat::{Fast, Float32, Small, Snorm16};
 use deltamorph::{PackedMesh, UpdateDesc, UpdateMode, UpdateStats, testing};
 use deltamorph_headless::{Headless, HeadlessCrowd};

@@ -1,7 +1,7 @@
 //! Unsupported uses of a technique are refused: the message names the technique, and a remedy.
 
+use super::table::ROWS;
 use crate::gpu::{self, on_every_device, packed, single};
-use crate::table::ROWS;
 use deltamorph::DeltaFormat::{Float32, Small};
 use deltamorph::testing::says;
 use deltamorph::{

@@ -1,8 +1,8 @@
 //! Streams besides positions and normals: tangents, texture coordinates and colours with every technique, on real
 //! drivers and on the CPU, against the float64 reference.
 
+use super::table::{ROWS, can_read, for_every_update, keep_supported, variants};
 use crate::gpu::{self, NORMAL, POSITION, on_every_device, update_descs, weights};
-use crate::table::{ROWS, can_read, for_every_update, keep_supported, variants};
 use deltamorph::internals::plan::hazards::{Event, HazardChecker};
 use deltamorph::reference::compare_group;
 use deltamorph::{

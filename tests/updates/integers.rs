@@ -254,7 +254,7 @@ type Check = fn(&Headless, &Arc<PackedMesh>, UpdateDesc, usize, &Frames);
 #[test]
 fn any_history_leaves_the_bits_of_a_full_evaluation() {
     let meshes = MESHES.map(|(format, size, streams)| packed(format, size, streams));
-    gpu::on_every_device(|headless, _| {
+    gpu::on_every_driver(|headless, _| {
         for (mesh, desc) in meshes.iter().flat_map(|mesh| fixed(mesh).map(move |desc| (mesh, desc))) {
             let format = mesh.layout().format;
             let desc = desc.path(gpu::path_of(format));

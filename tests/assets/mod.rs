@@ -1,8 +1,5 @@
 //! File import, and the built-in head.
 
-#[path = "../common/data.rs"]
-mod data;
-
 mod gltf;
 mod head;
 mod import;

@@ -1,33 +1,26 @@
-//! Budgets of kernels: GPU compilers' statistics of every compute pipeline that the engine makes; no GPU is needed.
+//! Limits of kernels: what GPU compilers say of every compute pipeline that the engine makes; no GPU is needed.
 //!
-//! tests/budgets/GPU.csv has instructions, registers, occupancy, spills, memory per lane and cycles. A change that
-//! loses occupancy, spills or keeps more in memory fails until it is fixed, or the table has a reason; UPDATE_BUDGETS=1
-//! writes other changes to the table. AMD's compiler is in the package mesa-vulkan-drivers, and these tests use it. The
-//! others are built by a tool that `.ci/budgets` gets.
+//! A change that loses occupancy, spills or keeps more in memory than limits.csv allows fails. AMD's compiler is in the
+//! package mesa-vulkan-drivers, and these tests use it. The others are built by a tool that `.ci/budgets` gets.
 
 mod compiler;
 mod engine;
+mod limits;
 mod statistics;
-mod summary;
-mod table;
 
 use deltamorph::internals::abi::kernels::Stage;
 use deltamorph::internals::abi::modules::{MODULES, Module};
 use deltamorph::{DeviceClass, DeviceTuning};
 use engine::Pipeline;
+use limits::{Limits, Row, Table};
 use spirq::prelude::*;
-use statistics::Said;
+use statistics::{Figures, Said};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::{Mutex, PoisonError};
-use table::{Row, Table};
 
 /// AMD GPUs by their driver names, which select the pretended GPU; Mesa 25 has another name for the last.
 const AMD: [&[&str]; 4] = [&["polaris10"], &["raven"], &["navi21"], &["gfx1100", "navi31"]];
-
-/// Held while files are read or written, since tests run concurrently.
-static FILES: Mutex<()> = Mutex::new(());
 
 /// Returns the tuning of a GPU, by its name in the table: vendor, and smallest subgroup; compared with the driver's.
 fn tuning(gpu: &str) -> DeviceTuning {
@@ -74,36 +67,25 @@ fn collected(gpu: &str, launchers: impl IntoIterator<Item = Command>) -> Result<
         constants: named(&module, &constants),
         kernel: module,
         figures,
-        why: String::new(),
     };
     Ok(Table { gpu: gpu.to_owned(), driver, rows: figures.into_iter().map(row).collect() })
 }
 
-fn is_update() -> bool {
-    std::env::var_os("UPDATE_BUDGETS").is_some()
-}
-
-/// Compares collected tables with the checked-in ones, or writes them if UPDATE_BUDGETS is set.
-fn check(tables: Vec<Table>, command: &str) {
-    let _files = FILES.lock().unwrap_or_else(PoisonError::into_inner);
+/// Prints the figures, and compares them with the limits.
+fn check(tables: &[Table]) {
     let mut breaches = vec![];
-    for now in tables {
-        let budget = Table::read(&now.gpu);
-        if is_update() {
-            now.with_reasons(&budget).write();
-        } else {
-            breaches.extend(now.breaches(&budget));
+    for table in tables {
+        println!("{} (driver {}): instructions / registers / occupancy / cycles", table.gpu, table.driver);
+        for Row { kernel, constants, figures } in &table.rows {
+            let Figures { instructions, registers, occupancy, cycles, .. } = *figures;
+            let told = [Some(instructions), registers, Some(occupancy), cycles].into_iter().flatten();
+            let told: Vec<String> = told.map(|figure| format!("{}", (figure * 10.0).round() / 10.0)).collect();
+            println!("  {kernel} {constants}: {}", told.join(" / "));
         }
+        breaches.extend(Limits::read().breaches(table));
     }
-    if is_update() {
-        summary::write();
-    }
-    assert!(
-        breaches.is_empty(),
-        "{}\nMend the kernel. Or take the figures over by UPDATE_BUDGETS=1 {command}; where they are worse, say why in \
-         the last column of tests/budgets/GPU.csv.",
-        breaches.join("\n")
-    );
+    let what = "Mend the kernel, or give its family a row with a reason in tests/budgets/limits.csv.";
+    assert!(breaches.is_empty(), "{}\n{what}", breaches.join("\n"));
 }
 
 /// Makes a command with RADV pretending to have this GPU.
@@ -128,25 +110,25 @@ fn radv(family: &str) -> Command {
 }
 
 #[test]
-fn kernels_keep_their_budgets_on_amd() {
+fn kernels_keep_their_limits_on_amd() {
     let collect = |names: &'static [&'static str]| {
         collected(&format!("amd-{}", names[0]), names.iter().map(|name| radv(name))).unwrap_or_else(|e| {
             panic!(
                 "{e}\nRADV of Mesa 20 to 25 pretends to have a GPU where RADV_FORCE_FAMILY says so; is this another? \
-                 Then leave this test out by its name: cargo test -- --skip kernels_keep_their_budgets_on_amd"
+                 Then leave this test out by its name: cargo test -- --skip kernels_keep_their_limits_on_amd"
             )
         })
     };
     let tables = std::thread::scope(|scope| {
         AMD.map(|names| scope.spawn(move || collect(names))).map(|thread| thread.join().expect("its panic was printed"))
     });
-    check(tables.into(), "./with-vulkan cargo test --test budgets");
+    check(&tables);
 }
 
 /// The tool from `.ci/budgets`: its path and build folder are in the environment.
 #[test]
 #[ignore = "needs compilers that .ci/budgets gets and tells of"]
-fn kernels_keep_their_budgets_on_every_gpu() {
+fn kernels_keep_their_limits_on_every_gpu() {
     let variable = |name| std::env::var_os(name).unwrap_or_else(|| panic!("{name} is not set: run bash .ci/budgets"));
     let (tool, folder) = (variable("DELTAMORPH_SHADER_STATS"), variable("DELTAMORPH_SHADER_STATS_DIR"));
     let gpus = Command::new(&tool).arg("gpus").arg(&folder).output().expect("the tool starts");
@@ -157,7 +139,7 @@ fn kernels_keep_their_budgets_on_every_gpu() {
         command
     };
     let tables = gpus.lines().map(|gpu| collected(gpu, [launcher(gpu)]).unwrap_or_else(|e| panic!("{e}")));
-    check(tables.collect(), "bash .ci/budgets");
+    check(&tables.collect::<Vec<_>>());
 }
 
 #[test]
@@ -167,10 +149,14 @@ fn compiles_what_it_is_told() {
 }
 
 #[test]
-fn every_kernel_that_gpus_run_has_a_pipeline() {
-    let mut made: BTreeSet<String> = BTreeSet::new();
+fn every_kernel_that_gpus_run_has_a_pipeline_and_every_limit_a_kernel() {
+    let (mut made, mut families) = (BTreeSet::new(), BTreeSet::new());
     for gpu in ["adreno-610", "intel-skl"] {
-        made.extend(engine::pipelines(tuning(gpu)).into_iter().map(|(module, _)| module));
+        for (kernel, constants) in engine::pipelines(tuning(gpu)) {
+            let row = Row { constants: named(&kernel, &constants), kernel, figures: Figures::default() };
+            families.insert(row.family());
+            made.insert(row.kernel);
+        }
     }
     // Texels and masks are for software drivers; `read` measures bandwidth.
     let others = ["crowd_texels", "blocks", "read"];
@@ -178,25 +164,5 @@ fn every_kernel_that_gpus_run_has_a_pipeline() {
     let ours = |module: &&Module| !draws.contains(&module.kernel.stage) && !others.contains(&module.kernel.name);
     let all: BTreeSet<String> = MODULES.iter().filter(ours).map(|module| module.name.to_owned()).collect();
     assert_eq!(made, all, "engine.rs makes crowds of every kind; is there a new one?");
-}
-
-#[test]
-fn the_table_says_why_kernels_fall_short() {
-    let _files = FILES.lock().unwrap_or_else(PoisonError::into_inner);
-    let unexplained: Vec<String> = summary::tables().iter().flat_map(Table::unexplained).collect();
-    assert!(
-        unexplained.is_empty(),
-        "{}\nMend the kernel, or say why in the last column of tests/budgets/GPU.csv.",
-        unexplained.join("\n")
-    );
-}
-
-#[test]
-fn the_summary_is_of_the_table() {
-    let _files = FILES.lock().unwrap_or_else(PoisonError::into_inner);
-    if is_update() {
-        summary::write();
-    }
-    let how = "UPDATE_BUDGETS=1 ./with-vulkan cargo test --test budgets";
-    assert!(summary::is_up_to_date(), "docs/results/kernels.md is not what tests/budgets/*.csv come to: {how}");
+    assert_eq!(Limits::read().without_kernel(&families), <[&str; 0]>::default(), "limits.csv");
 }

@@ -1,8 +1,9 @@
-//! The public items of the crate with the features covered by versions (docs/versions.md), each with its signature,
+//! `cargo test -p deltamorph-face`: the public items of the crate with the features covered by versions (docs/versions.md), each with its signature,
 //! compared with tests/face.txt, which shows the changes of a version.
 //!
 //! A person decides whether a change breaks hosts. The list does not show behaviour, default values, sizes, `Send`,
 //! `Sync` and other traits that the compiler derives, nor items hidden from rustdoc.
+#![cfg(test)]
 
 use std::collections::BTreeSet;
 use std::os::unix::fs::PermissionsExt;
@@ -53,7 +54,7 @@ fn describe() -> Option<String> {
 #[test]
 fn items_are_those_of_the_list() {
     let Some(found) = face() else { return };
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/face.txt");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../face.txt");
     if std::env::var_os("UPDATE_FACE").is_some() {
         std::fs::write(&path, found).expect("tests/face.txt can be written");
     }
@@ -64,7 +65,7 @@ fn items_are_those_of_the_list() {
     let changes = lines_beyond(&listed, found, "-") + &lines_beyond(found, &listed, "+");
     assert!(
         found == listed,
-        "public items differ from tests/face.txt; if that is meant: UPDATE_FACE=1 cargo test --test project face, and CHANGELOG.md \
+        "public items differ from tests/face.txt; if that is meant: UPDATE_FACE=1 cargo test -p deltamorph-face, and CHANGELOG.md \
          says what hosts have to change\n{changes}"
     );
 }

@@ -4,11 +4,9 @@
 //! `DELTAMORPH_FRAMES` sets the number of frames; 5,184,000 are 24 hours at 60 per second. Without it a short run uses
 //! the validation layers.
 
-#[path = "long/crowds.rs"]
 mod crowds;
-#[path = "common/gpu.rs"]
-mod gpu;
 
+use crate::gpu;
 use crowds::{Animated, Loose, Weighted};
 use deltamorph::{AnyCrowd, DeltaFormat, Error, PoseFormat, UpdateDesc};
 use deltamorph_head::Rng;

@@ -1,0 +1,43 @@
+//! The engine on devices, one module for each subject. It is one program, since each links the whole engine.
+
+#[path = "common/character.rs"]
+mod character;
+#[path = "common/data.rs"]
+mod data;
+#[allow(dead_code, reason = "its `main` writes a file")]
+#[path = "../examples/draw/main.rs"]
+mod draw;
+#[allow(dead_code, reason = "this program writes less than the tests of the reader do")]
+#[path = "../src/import/gltf/tests/written.rs"]
+mod file;
+#[path = "common/gpu.rs"]
+mod gpu;
+#[path = "common/host.rs"]
+mod host;
+#[path = "common/joints.rs"]
+mod joints;
+#[path = "common/numbers.rs"]
+mod numbers;
+#[path = "common/picture.rs"]
+mod picture;
+#[path = "common/scene.rs"]
+mod scene;
+#[path = "common/skinned.rs"]
+mod skinned;
+#[path = "common/written.rs"]
+mod written;
+
+mod after;
+mod allocations;
+mod animated;
+mod assets;
+mod budgets;
+mod crowds;
+mod failing_calls;
+mod long;
+mod recorded;
+mod techniques;
+mod threads;
+mod updates;
+
+use draw::offscreen;

@@ -1,0 +1,10 @@
+//! Recorded commands, and refused calls.
+
+mod calls;
+mod errors;
+mod memory;
+mod pipelines;
+mod queues;
+mod slots;
+mod soundness;
+mod watched;

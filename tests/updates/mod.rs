@@ -1,0 +1,11 @@
+//! Poses of every path, format and driver, against float64 and each other.
+
+mod blocks_data;
+mod bounds;
+mod clamps;
+mod fixed16;
+mod integers;
+mod parts;
+mod readback;
+mod real_data;
+mod tunings;
