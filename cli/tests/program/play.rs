@@ -2,7 +2,6 @@
 
 use crate::cli::{HEAD, fails, json, ok, refused, sample, without_drivers};
 use serde_json::Value;
-use std::fs;
 
 fn has(object: &Value, fields: &str) {
     fields.split_whitespace().for_each(|f| assert!(object.get(f).is_some(), "{f} in {object}"));
