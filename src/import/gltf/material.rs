@@ -133,7 +133,8 @@ fn texture(root: &At<'_>, stated: &At<'_>) -> Result<Texture> {
     };
     if let Some(at) = transform {
         made.texcoord = at.whole_or("texCoord", made.texcoord)?;
-        let (scale, offset) = (Vec2::from(at.numbers("scale", [1.0; 2])?), Vec2::from(at.numbers("offset", [0.0; 2])?));
+        let scale = Vec2::from(at.numbers("scale", [1.0; 2])?);
+        let offset = Vec2::from(at.numbers("offset", [0.0; 2])?);
         // Counter-clockwise, where y points down.
         made.transform = Affine2::from_scale_angle_translation(scale, -at.number("rotation", 0.0)?, offset);
     }
