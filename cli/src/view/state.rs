@@ -72,7 +72,6 @@ impl State {
         let joints = if skins { Joints::of(&run.input, &input)? } else { None };
         let first = named.or(input.clips.first().map(PathBuf::as_path));
         let clip = input::clips(first, &run.input, &input, &[])?.pop();
-        let clip = clip.map(|clip| input::layered(clip, &args.layers.layers, &run.input, &input)).transpose()?;
         input.pose(&args.set)?; // refuses names that there are not
         let names: Vec<String> = input.targets().into_iter().map(str::to_owned).collect();
         let mut clips = input.clips.clone();
