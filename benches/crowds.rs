@@ -3,7 +3,6 @@
 //!
 //! `./with-vulkan cargo bench -p deltamorph-benches --bench crowds [-- DEVICE]`
 
-use deltamorph::lod::{Camera, Importance, LevelDesc, Place};
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, CrowdDesc, DeltaFormat, PackedMesh, Playback, PoseFormat, Tolerance, UpdateDesc,
     WeightClip,
@@ -11,7 +10,6 @@ use deltamorph::{
 use deltamorph_benches::{median, noise};
 use deltamorph_head::{HeadDesc, head};
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, Step};
-use glam::Vec3;
 use std::time::Instant;
 
 fn packed(headless: &Headless, desc: &HeadDesc) -> PackedMesh {
@@ -78,18 +76,17 @@ fn clips(mesh: &PackedMesh) -> Vec<WeightClip> {
     ]
 }
 
-/// A crowd that plays `clip`, its heads a seventh of a second apart; `follow`: its levels of detail follow the camera.
+/// A crowd that plays `clip`, its heads a seventh of a second apart.
 fn crowd<'a>(
     headless: &'a Headless,
     mesh: &PackedMesh,
     heads: u32,
     slots: u32,
     clip: u32,
-    follow: Option<&Importance>,
 ) -> HeadlessCrowd<'a, AnimatedCrowd> {
     let update = UpdateDesc::blocks().pose(PoseFormat::Fixed16).slots(slots);
     let clips = clips(mesh);
-    let animation = AnimationDesc::new(&clips).importance(follow).level(follow.map(|_| LevelDesc::default()));
+    let animation = AnimationDesc::new(&clips);
     let mut crowd = HeadlessCrowd::animated(headless, mesh, &desc(heads, update), &animation).expect("a crowd");
     for head in 0..heads {
         let start = -f64::from(head) / 7.0;
@@ -110,7 +107,7 @@ fn play(crowd: &mut HeadlessCrowd<'_, AnimatedCrowd>, frames: u32) -> Vec<Step> 
 fn planned_on_the_gpu(headless: &Headless, mesh: &PackedMesh) {
     println!("animated on the GPU, 2,700 vertices, 52 targets, 17% sparse, fixed16 poses:");
     for (clip, what) in ["no weight changes", "a third change", "all change"].into_iter().enumerate() {
-        let mut crowd = crowd(headless, mesh, 1000, 2, clip as u32, None);
+        let mut crowd = crowd(headless, mesh, 1000, 2, clip as u32);
         let gpu = median(play(&mut crowd, 15).iter().filter_map(|s| s.gpu_ms).collect());
         // One behind the other, before any of them runs: what is recorded does not depend on what moves.
         let recorded = (19..60u32).map(|frame| {
@@ -125,47 +122,11 @@ fn planned_on_the_gpu(headless: &Headless, mesh: &PackedMesh) {
         println!("  1,000 heads, {what}: recorded in {record:.1} µs; on the device {gpu:.2} ms, {gpu:.2} µs a head");
     }
     for heads in [100, 300, 1_000, 3_000, 10_000] {
-        let steps = play(&mut crowd(headless, mesh, heads, 1, 1, None), 9);
+        let steps = play(&mut crowd(headless, mesh, heads, 1, 1), 9);
         let gpu = median(steps.iter().filter_map(|s| s.gpu_ms).collect());
         println!(
             "  {heads} heads, a third change, one slot: {gpu:.2} ms, {:.2} µs a head",
             gpu * 1e3 / f64::from(heads)
-        );
-    }
-}
-
-/// A crowd that keeps all targets against one whose levels of detail the GPU chooses, which costs a pass: near, where
-/// it keeps all of them too, and farther away. All weights change.
-fn followed(headless: &Headless, mesh: &PackedMesh) {
-    let clips = clips(mesh);
-    let order = Importance::of_packed(mesh, &[]).expect("an order");
-    let importance = order.over(mesh, clips[2].values.chunks(52).map(<[f32]>::to_vec)).expect("the clip's errors");
-    let mut crowds = [None, Some(&importance)].map(|follow| crowd(headless, mesh, 1000, 2, 2, follow));
-    let diagonal = mesh.layout().diagonal;
-    let place = Place { centre: Vec3::ZERO, radius: diagonal / 2.0, scale: 1.0 };
-    (0..1000).for_each(|head| crowds[1].set_place(head, &place).expect("a place"));
-    println!("levels of detail chosen on the GPU, the same mesh, 1,000 heads, all weights change:");
-    for far in [1.0, 10.0, 30.0, 100.0, 300.0] {
-        let camera = Camera { eye: Vec3::Z * diagonal * far, height: 1080.0, angle: 0.6 };
-        crowds[1].set_camera(&camera).expect("a camera");
-        crowds[1].cut_camera();
-        // So many pixels off, or fewer, lets LevelDesc::default() leave targets out.
-        let kept = importance.level_for(camera.pixels_per_unit(&place), 0.4);
-        let (mut times, mut ratios) = ([vec![], vec![]], vec![]);
-        for frame in 0..19 {
-            let both = [0, 1].map(|i| {
-                crowds[i].set_time(f64::from(frame) / 60.0).expect("a time");
-                crowds[i].step(&[]).expect("a step").gpu_ms.expect("a device with timestamps")
-            });
-            if frame >= 4 {
-                ratios.push(both[1] / both[0]);
-                times.iter_mut().zip(both).for_each(|(times, ms)| times.push(ms));
-            }
-        }
-        let [all, some] = times.map(median);
-        println!(
-            "  {far} diagonals away, {kept} of 52 targets kept: {some:.2} ms, all of them {all:.2} ms, {:.2} of it",
-            median(ratios)
         );
     }
 }
@@ -180,5 +141,4 @@ fn main() {
     together(&headless, 100, 1.0, 72);
     let mesh = packed(&headless, &HeadDesc::default().vertices(2_700).targets(52).sparsity(0.17));
     planned_on_the_gpu(&headless, &mesh);
-    followed(&headless, &mesh);
 }

@@ -183,16 +183,6 @@ fn main() {
         }
     }
 
-    title("One head, float32 poses, by what is loaded (DeviceTuning::masks)");
-    for (what, masks) in [("whole blocks", false), ("components that move", true)] {
-        let headless = bench.open(|tuning| (tuning.masks, tuning.texels) = (masks, false));
-        for changed in [1, 8, targets] {
-            let update = blocks(PoseFormat::Float32);
-            let case = Case { update, heads: 1, changed, frames: 40 };
-            bench.case(&format!("{what}, {changed} change"), &headless, &fast, case);
-        }
-    }
-
     for slots in [1, 2] {
         title(&format!("Scale: fast, fixed16, {slots} slots; weights from the host, and planned on the GPU"));
         for changed in [0, 8, targets] {

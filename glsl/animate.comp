@@ -78,8 +78,8 @@ void main() {
 
     uint first = (i % words) * 32u;
     uint count = min(targets - first, 32u);
-    // Without an error budget: bits of changed and active targets; with one: of requested and pending changes.
-    uint one = 0u, other = 0u;
+    uint changed = 0u;
+    uint active_bits = 0u;
     for (uint t = 0u; t < count; ++t) {
         uint target = first + t;
         uint at = head * targets + target;
@@ -90,14 +90,12 @@ void main() {
             weight = interpolate(key(clip, frame * targets + target), key(clip, next * targets + target), f);
             if (factor != WHOLE) weight = interpolate(0, weight, factor);
         }
-        if (budget_at == 0u) {
-            commit(at, weight, bit, one, other);
-            continue;
-        }
-        if (weight != int(state[requested_at + at])) one |= bit;
-        if (weight != int(state[weights_at + at])) other |= bit;
-        state[requested_at + at] = uint(weight);
+        int delta = weight - int(state[weights_at + at]);
+        state[weights_at + at] = uint(weight);
+        state[deltas_at + at] = uint(delta);
+        if (delta != 0) changed |= bit;
+        if (weight != 0) active_bits |= bit;
     }
-    state[bits(budget_at == 0u ? CHANGED : REQUESTED) + i] = one;
-    state[bits(budget_at == 0u ? ACTIVE : PENDING) + i] = other;
+    state[bits(CHANGED) + i] = changed;
+    state[bits(ACTIVE) + i] = active_bits;
 }

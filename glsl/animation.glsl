@@ -6,16 +6,13 @@
 layout(local_size_x = WORKGROUP) in;
 
 // clips    [clip][first word, frames, shift, bits of a key], keys
-// levels   [target] rank;   if they follow the camera: [rank] reach, [targets kept] error
+// levels   [target] rank
 // blocks   [block][word] bits of the targets that touch it;   [block + 1] first entry;   [entry] target, bytes
-// budget   two words of the budget, the lower first;   [entry] reach in steps
 layout(set = 0, binding = 0, std430) readonly buffer Tables { uint tables[]; };
 
-// records  [instance] RECORD_WORDS words, written by copies; levels that follow the camera by level.comp
-// levels   [instance] LEVEL_WORDS words, if levels follow the camera
+// records  [instance] RECORD_WORDS words, written by copies
 // phases   [instance][word]; the first word of an instance is its phase
 // weights  [instance][target] in steps of the grid;   deltas [instance][target]: what the last update changed
-// requested [instance][target]: the weights requested, with an error budget
 // bits     [CHANGED..][instance][word] of 32 targets, a bit each
 // history  [instance][block]: a bit for each of the last updates that touched it, the last in bit 0
 layout(set = 0, binding = 1, std430) buffer State { uint state[]; };
@@ -51,21 +48,13 @@ layout(push_constant) uniform Push {
     uint first_block;      // of the run that is planned for
     uint run_blocks;
     uint run_entries;
-    uint any_entry;        // an entry in the run's part of the asset, for rows that add nothing
     uint first_counter;
     uint counters;
     uint chunks;           // dispatches of a width
     uint chunk_workgroups; // of a dispatch, at most
-    uint budget_at;        // in Tables; 0: no change is deferred
-    uint requested_at;     // in State
     uint pairs;            // rows have the weight that a pose holds and the new one, 16 bits each
     uint workgroup_items;  // items that a workgroup takes
 };
-
-// Position in State of the level of detail of an instance that follows the camera.
-uint level_of(uint head) {
-    return heads * RECORD_WORDS + head * LEVEL_WORDS;
-}
 
 uint bits(uint kind) {
     return bits_at + kind * heads * words;
@@ -74,13 +63,4 @@ uint bits(uint kind) {
 // Dispatches have two dimensions, since one may not hold all invocations.
 uint flat_invocation() {
     return gl_GlobalInvocationID.x + gl_GlobalInvocationID.y * gl_NumWorkGroups.x * gl_WorkGroupSize.x;
-}
-
-// Notes that poses hold `weight` from this update on.
-void commit(uint at, int weight, uint bit, inout uint changed, inout uint active_bits) {
-    int delta = weight - int(state[weights_at + at]);
-    state[weights_at + at] = uint(weight);
-    state[deltas_at + at] = uint(delta);
-    if (delta != 0) changed |= bit;
-    if (weight != 0) active_bits |= bit;
 }

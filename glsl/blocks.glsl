@@ -30,12 +30,8 @@ layout(set = 0, binding = 1, std430) readonly buffer Work { uint work[]; };
 
 layout(push_constant) uniform Push {
     uint first_item;    // index of the first item's first word
-    uint elements_at;   // index of the first element's first word (blocks.comp)
-    // Positions in the asset at which headers, deltas and base pose would begin if the part that is bound had those of
-    // all blocks.
-    uint headers_at;
-    uint deltas_at;
-    uint base_at;
+    uint deltas_at;     // index of the asset's first delta word; headers begin at 0
+    uint base_at;       // index of the base pose's first number
     uint pose_floats;   // numbers from pose to pose
     float position_unit; // of an integer delta, for float32 sums
     float normal_unit;
@@ -45,11 +41,10 @@ layout(push_constant) uniform Push {
 
 #ifdef TEXELS
 // Read once: software drivers load push constants lane by lane, in a loop again and again.
-uvec2 origins_once = uvec2(headers_at, deltas_at);
+uint deltas_once = deltas_at;
 vec2 units_once = vec2(position_unit, normal_unit);
 uvec2 dropped_once = uvec2(position_dropped, normal_dropped);
-#define headers_at origins_once.x
-#define deltas_at origins_once.y
+#define deltas_at deltas_once
 #define position_unit units_once.x
 #define normal_unit units_once.y
 #define position_dropped dropped_once.x

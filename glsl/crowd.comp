@@ -1,7 +1,7 @@
 // An item of the work list is a block of up to HEADS instances, with all of its vertices: pose = source + Σ coefficient
 // · delta. The deltas of an entry are loaded and decoded once for all instances; rows of the work list have a
 // coefficient for each. A workgroup processes an item, or two if subgroups would have more lanes than a block has
-// vertices. Software drivers run crowd_texels.comp instead. CPU twin: cpu::blocks.
+// vertices. Software drivers that read texels run crowd_texels.comp instead. CPU twin: cpu::blocks.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "abi.glsl"

@@ -117,7 +117,7 @@ void main() {
     uint listed = (row - rows) / row_words;
     if (listed == 0u) {
         listed = 1u;
-        work[rows] = from < to ? from : any_entry;
+        work[rows] = from < to ? from : 0u;
         for (uint place = 0u; place < TILE; ++place) work[rows + 1u + place] = 0u;
     }
 

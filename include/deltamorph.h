@@ -79,7 +79,7 @@
 #define DM_POSE_FIXED16 3
 
 /// As `DM_POSE_FIXED16`, which vertex shaders decode it as; rounded once, for rigs with many overlapping targets
-/// (`DM_PATH_BLOCKS`, `DM_PATH_CPU`, block formats).
+/// (`DM_PATH_BLOCKS`, block formats).
 #define DM_POSE_REBUILT16 4
 
 /// Compute, only for the blocks of vertices that changed targets move (block formats).
@@ -90,9 +90,6 @@
 
 /// Vertex passes with transform feedback (dense formats).
 #define DM_PATH_FEEDBACK 3
-
-/// The CPU, for CPU crowds only.
-#define DM_PATH_CPU 4
 
 /// Changed targets are added to the existing pose.
 #define DM_MODE_INCREMENTAL 1
@@ -131,12 +128,6 @@
 /// Dual quaternions: a joint is eight float32, a unit quaternion (x, y, z, w) and the dual part, half of translation x
 /// rotation.
 #define DM_SKIN_DUAL_QUATERNION 2
-
-/// Blend a layer over the layers below: at the weight 1 it replaces them.
-#define DM_LAYER_OVERRIDE 1
-
-/// Add a layer to the layers below.
-#define DM_LAYER_ADDITIVE 2
 
 /// Position: three components.
 #define DM_STREAM_POSITION 1
@@ -371,24 +362,6 @@ typedef struct DmBoundClip {
     uint64_t bits;
 } DmBoundClip;
 
-/// A clip at a time, in a stack of layers: see `dm_clips_mix`.
-typedef struct DmClipLayer {
-    /// sizeof(DmClipLayer).
-    uint32_t struct_size;
-    /// `DM_LAYER_...`, how it is mixed with the layers below; 0: override.
-    uint32_t blend;
-    /// The clip.
-    struct DmBoundClip clip;
-    /// Seconds since the clip's first frame. Between two frames weights are interpolated in a straight line.
-    double time;
-    /// Weight of the layer, from 0 to 1 for fading it in.
-    float weight;
-    /// Not 0: the first and the last frame are held; 0: the clip repeats.
-    uint32_t once;
-    /// A factor for each target; null: 1 for all.
-    const float *mask;
-} DmClipLayer;
-
 /// Instances of a mesh on the device, whose weights are set, or that play clips. All zero: none.
 typedef struct DmCrowd {
     /// Kind, generation and index.
@@ -508,7 +481,7 @@ typedef struct DmEngineDesc {
 typedef struct DmEngineInfo {
     /// sizeof(DmEngineInfo).
     uint32_t struct_size;
-    /// Not 0: a software driver; a CPU crowd is faster there.
+    /// Not 0: a software driver.
     uint32_t is_software;
     /// Bytes that a storage-buffer descriptor may cover.
     uint64_t max_storage_range;
@@ -581,7 +554,7 @@ typedef struct DmStreamView {
     uint32_t struct_size;
     /// Bytes from vertex to vertex.
     uint32_t stride;
-    /// The buffer, with the usages of a pose's. Null: there is no such pose.
+    /// The buffer, with the usages of a pose's.
     VkBuffer buffer;
     /// Offset of the first vertex's first component.
     uint64_t offset;
@@ -637,7 +610,7 @@ typedef struct DmCrowdDesc {
     /// Instances, each with its own weights and poses; 0: 1. The number stays as it is: make as many as are needed at
     /// most, and remove or hide the rest.
     uint32_t instances;
-    /// `DM_PATH_...`; 0: blocks, for CPU crowds the CPU.
+    /// `DM_PATH_...`; 0: blocks.
     uint32_t path;
     /// Targets per pass (dense formats); 0: all at once.
     uint32_t batch;
@@ -723,12 +696,6 @@ typedef struct DmPlayback {
     uint32_t reserved;
 } DmPlayback;
 
-/// Crowds of several meshes (head, teeth, lashes) whose instances take one weight vector. All zero: none.
-typedef struct DmCrowds {
-    /// Kind, generation and index.
-    uint64_t bits;
-} DmCrowds;
-
 /// Names an update, to discard it.
 typedef struct DmTicket {
     /// Bits of the crowd's handle.
@@ -759,16 +726,7 @@ typedef struct DmUpdate {
     uint64_t bytes_moved;
     /// Lower bound of the bytes that any update could move.
     uint64_t bytes_floor;
-    /// Timestamps that it writes into the first queries of `dm_crowd_set_queries`: one more than steps, 0 if nothing
-    /// was recorded or no queries were set.
-    uint64_t timestamps;
 } DmUpdate;
-
-/// The name of a step of an update.
-typedef struct DmStepName {
-    /// The name, ended by a zero.
-    char name[32];
-} DmStepName;
 
 /// Host memory that poses are copied to and decoded from. All zero: none.
 typedef struct DmReadback {
@@ -882,12 +840,6 @@ typedef struct DmWeightBounds {
     /// Kind, generation and index.
     uint64_t bits;
 } DmWeightBounds;
-
-/// Instances of a mesh that are updated on the CPU, without Vulkan. All zero: none.
-typedef struct DmCpuCrowd {
-    /// Kind, generation and index.
-    uint64_t bits;
-} DmCpuCrowd;
 
 /// Success.
 #define DM_OK 0
@@ -1073,14 +1025,6 @@ DmResult dm_mesh_from_arrays(const struct DmMeshArrays *arrays, const struct DmM
 /// `sample` and `desc` are null (the defaults) or structures; `mesh` can be written.
 DmResult dm_mesh_sample_head(const struct DmSampleDesc *sample, const struct DmMeshDesc *desc, struct DmMesh *mesh);
 
-/// Write a mesh as a packed file (.dmorph). It replaces a file at `path` once all is written.
-///
-/// Errors: DM_ERROR_IO; DM_ERROR_INVALID for a dense format.
-///
-/// Safety:
-/// `path` is a UTF-8 string.
-DmResult dm_mesh_write(struct DmMesh mesh, const char *path);
-
 /// Destroy a mesh, with the names of its targets. Objects made from it stay.
 DmResult dm_mesh_destroy(struct DmMesh mesh);
 
@@ -1131,15 +1075,6 @@ DmResult dm_clip_destroy(struct DmClip clip);
 /// `bound` can be written.
 DmResult dm_clip_bind(struct DmClip clip, struct DmMesh mesh, struct DmBoundClip *bound);
 
-/// Bind the columns of a clip to a list of names: those of a set, for `dm_clips_mix` and `dm_crowds_set_weights`. Names
-/// without a column have the weight 0.
-///
-/// Errors: those of `dm_clip_bind`.
-///
-/// Safety:
-/// There are `count` names, UTF-8 strings; `bound` can be written.
-DmResult dm_clip_bind_names(struct DmClip clip, const char *const *names, uint32_t count, struct DmBoundClip *bound);
-
 /// Write the weights of a bound clip at `frame`, one for each target of the mesh, for `dm_crowd_set_weights`: linearly
 /// interpolated between two frames; the first frame's before it, and the last frame's after it.
 ///
@@ -1151,20 +1086,6 @@ DmResult dm_bound_clip_sample(struct DmBoundClip clip, double frame, float *weig
 
 /// Destroy a bound clip.
 DmResult dm_bound_clip_destroy(struct DmBoundClip clip);
-
-/// Mix layers, the first one lowest, on top of the weights that are in `weights` already: zeros, or a pose of the
-/// host's. The result is for `dm_crowd_set_weights` or, with clips that are bound to the names of a set, for
-/// `dm_crowds_set_weights`. With the weight w of a layer, its mask m of a target and the weight s of the target in its
-/// clip, the weight v of the target becomes v x (1 - w x m) + w x m x s (`DM_LAYER_OVERRIDE`), or v + w x m x s
-/// (`DM_LAYER_ADDITIVE`). A layer does not change targets that its clip has no column for.
-///
-/// Errors: DM_ERROR_INVALID for a clip of another number of targets than `weight_count`, a time, weight or factor of a
-/// mask that is not finite, an unknown blend, a mask that overlaps `weights`. Nothing changes then.
-///
-/// Safety:
-/// There are `count` consecutive structures, whose masks are null or have `weight_count` factors, and `weight_count`
-/// weights, which can be written.
-DmResult dm_clips_mix(const struct DmClipLayer *layers, uint32_t count, float *weights, uint32_t weight_count);
 
 /// Keep only `level` targets of an instance, in the order of their importance, from the next recorded update on; for an
 /// animated crowd made with DmAnimationDesc::level. If the instance has a position (`dm_crowd_set_place`), this is the
@@ -1222,16 +1143,6 @@ DmResult dm_engine_info(struct DmEngine engine, struct DmEngineInfo *info);
 /// Safety:
 /// `memory` is a structure that can be written.
 DmResult dm_engine_memory(struct DmEngine engine, struct DmMemory *memory);
-
-/// Write what `dm_engine_memory` tells as JSON, ended by a zero: an object with a member for each field.
-///
-/// With `text` null, `count` becomes the number of bytes, the zero included. Otherwise `count` is the room in `text`.
-///
-/// Errors: DM_ERROR_INVALID for too little room.
-///
-/// Safety:
-/// `count` can be read and written; `text` is null or has room for that many bytes.
-DmResult dm_engine_memory_json(struct DmEngine engine, uint32_t *count, char *text);
 
 /// Destroy an engine. All objects made with it have to be destroyed first: DmGpuMesh, DmCrowd, DmReadback, DmSkin,
 /// DmSurface. The device may be destroyed afterwards.
@@ -1371,29 +1282,14 @@ DmResult dm_crowd_set_time(struct DmCrowd crowd, double seconds);
 /// There are `count` weights.
 DmResult dm_crowd_set_weights(struct DmCrowd crowd, uint32_t instance, const float *weights, uint32_t count);
 
-/// Request the weight of one target, counted from 0 in the mesh's order, from the next recorded update on; the others
-/// keep the requested weights.
+/// Request the weight of one target, by its number (`dm_mesh_find_target`), from the next recorded update on; the
+/// others keep the requested weights.
 ///
 /// Errors: DM_ERROR_INVALID for a target out of range; those of `dm_crowd_set_weights`. Nothing changes then.
-DmResult dm_crowd_set_weight(struct DmCrowd crowd, uint32_t instance, uint32_t target, float weight);
-
-/// Request the weight of the target called `name`, as `dm_crowd_set_weight` does. The names are searched; of several
-/// equal ones the first is used.
-///
-/// Errors: DM_ERROR_INVALID for a name that the mesh does not have, with the most similar name; those of
-/// `dm_crowd_set_weights`. Nothing changes then.
-///
-/// Safety:
-/// `name` is a UTF-8 string.
-DmResult dm_crowd_set_weight_by_name(struct DmCrowd crowd, uint32_t instance, const char *name, float weight);
-
-/// Get the weights requested of an instance, one per target in the mesh's order.
-///
-/// Errors: DM_ERROR_INVALID for an instance out of range or removed, too little room, a crowd that plays clips.
-///
-/// Safety:
-/// There is room for `count` weights.
-DmResult dm_crowd_weights(struct DmCrowd crowd, uint32_t instance, float *weights, uint32_t count);
+DmResult dm_crowd_set_weight(struct DmCrowd crowd,
+                             uint32_t instance,
+                             uint32_t target,
+                             float weight);
 
 /// Start to log the calls on a crowd that decide its poses: weights, cuts, instances hidden, added and removed, error
 /// budgets, updates, discards. `dm_crowd_write_calls` writes them to a file, for a report: `deltamorph replay` makes
@@ -1412,51 +1308,6 @@ DmResult dm_crowd_log_calls(struct DmCrowd crowd);
 /// Safety:
 /// `path` is a UTF-8 string.
 DmResult dm_crowd_write_calls(struct DmCrowd crowd, const char *path);
-
-/// Make a set of `count` crowds whose weights are set by one vector: each weight goes, by its name, to the targets of
-/// that name in every mesh. Instance i of the set is instance i of each crowd. At first the weights are those of all
-/// targets: each name once, in the order of the crowds and of their targets.
-///
-/// The crowds stay the caller's: `dm_record_updates` records their updates with shared barriers, and each is cut,
-/// hidden, skinned and destroyed by its own handle. After one is destroyed, the set can only be destroyed.
-///
-/// Errors: DM_ERROR_INVALID for an empty list, a crowd that is named twice, or one that plays clips.
-///
-/// Safety:
-/// There are `count` crowds; `set` can be written.
-DmResult dm_crowds_create(const struct DmCrowd *crowds, uint32_t count, struct DmCrowds *set);
-
-/// Set the names, and so the order, of the weights from now on: those of a clip or of a tracker. Targets that are not
-/// among them keep the weights that were requested last.
-///
-/// Errors: DM_ERROR_INVALID for a name that no mesh has, or that comes twice; DM_ERROR_HANDLE if a crowd was destroyed.
-/// Nothing changes then.
-///
-/// Safety:
-/// There are `count` names, UTF-8 strings.
-DmResult dm_crowds_bind(struct DmCrowds set, const char *const *names, uint32_t count);
-
-/// List the names of a set's weights, in their order: UTF-8, valid until the set is bound again, or destroyed.
-///
-/// With `names` null, `count` becomes their number. Otherwise `count` is the room in `names`.
-///
-/// Errors: DM_ERROR_INVALID for too little room.
-///
-/// Safety:
-/// `count` can be read and written; `names` is null or has room for that many.
-DmResult dm_crowds_names(struct DmCrowds set, uint32_t *count, const char **names);
-
-/// Request these weights of an instance in all crowds, one for each name of the set, from the next recorded updates on.
-///
-/// Errors: DM_ERROR_INVALID for a wrong number of weights; those of `dm_crowd_set_weights`; DM_ERROR_HANDLE if a crowd
-/// was destroyed. Nothing changes then, in any crowd.
-///
-/// Safety:
-/// There are `count` weights.
-DmResult dm_crowds_set_weights(struct DmCrowds set, uint32_t instance, const float *weights, uint32_t count);
-
-/// Destroy a set. Its crowds stay.
-DmResult dm_crowds_destroy(struct DmCrowds set);
 
 /// Record the update of all instances of a crowd to the requested weights, or to the time set.
 ///
@@ -1489,32 +1340,6 @@ DmResult dm_record_update(VkCommandBuffer cmd, struct DmCrowd crowd, struct DmUp
 /// - There are `count` crowds; `updates` is null or an array of as many structures that can be written, each with its
 ///   size.
 DmResult dm_record_updates(VkCommandBuffer cmd, uint32_t count, const struct DmCrowd *crowds, struct DmUpdate *updates);
-
-/// Have the next call that records an update of the crowd write timestamps into queries of the host's: query `first`
-/// when the commands before the update have finished, the following ones after each of its steps
-/// (`dm_crowd_step_names`), at BOTTOM_OF_PIPE. DmUpdate::timestamps says how many. That call fails before anything is
-/// recorded if `count` is too small, with both numbers, and uses up the setting either way. Steps of crowds that are
-/// recorded by one call may run at the same time.
-///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `queries`.
-///
-/// Safety:
-/// - The queries are of a pool of timestamps on the engine's device, which lives until the device has finished, are
-///   reset before the update runs, and are in no other use until then.
-/// - The queue of the update has timestamps: `timestampValidBits` of its family is not 0.
-DmResult dm_crowd_set_queries(struct DmCrowd crowd, VkQueryPool pool, uint32_t first, uint32_t count);
-
-/// List the names of the steps of the crowd's last recorded update, in order: of its path, then of steps after the
-/// pose. Labels (DmEngineDesc::debug_names) have the same names.
-///
-/// With `names` null, `count` becomes their number. Otherwise `count` is the room in `names`.
-///
-/// Errors: DM_ERROR_INVALID for too little room; DM_ERROR_UNSUPPORTED if the library was built without the feature
-/// `queries`.
-///
-/// Safety:
-/// `count` can be read and written; `names` is null or has room for that many.
-DmResult dm_crowd_step_names(struct DmCrowd crowd, uint32_t *count, struct DmStepName *names);
 
 /// Tell that the update of a ticket and all later ones of the crowd will never run: the contents of the poses that they
 /// would have written are unknown, and the next update writes them again. An update that was discarded before stays
@@ -1551,17 +1376,6 @@ DmResult dm_crowd_previous_pose(struct DmCrowd crowd, uint32_t instance, struct 
 /// Safety:
 /// `view` is a structure that can be written.
 DmResult dm_crowd_stream(struct DmCrowd crowd, uint32_t instance, uint32_t stream, struct DmStreamView *view);
-
-/// Get the buffer and layout of a stream (`DM_STREAM_...`) of an instance's previous pose; see `dm_crowd_previous_pose`.
-///
-/// Errors: those of `dm_crowd_stream`.
-///
-/// Safety:
-/// `view` is a structure that can be written.
-DmResult dm_crowd_previous_stream(struct DmCrowd crowd,
-                                  uint32_t instance,
-                                  uint32_t stream,
-                                  struct DmStreamView *view);
 
 /// Make an object for reading poses back. Its memory is allocated when copies are recorded, as much as the poses take.
 ///
@@ -1756,43 +1570,6 @@ DmResult dm_weight_bounds_of(struct DmWeightBounds bounds,
 /// Destroy an object that computes bounds.
 DmResult dm_weight_bounds_destroy(struct DmWeightBounds bounds);
 
-/// Make instances of a mesh that are updated on the CPU, all weights 0. They keep a copy of the mesh. `threads` 0: one
-/// for each core, if the library was built with the feature `threads`.
-///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `cpu`; DM_ERROR_INVALID for another path
-/// than the CPU's, or options that it does not support; DM_ERROR_OUT_OF_MEMORY.
-///
-/// Safety:
-/// `desc` is null (the defaults) or a structure; `crowd` can be written.
-DmResult dm_cpu_crowd_create(struct DmMesh mesh,
-                             const struct DmCrowdDesc *desc,
-                             uint32_t threads,
-                             struct DmCpuCrowd *crowd);
-
-/// Request these weights for an instance, one per target in the mesh's order, from the next update on.
-///
-/// Errors: DM_ERROR_INVALID for an instance out of range, a wrong number of weights, one that is not finite or out of
-/// range.
-///
-/// Safety:
-/// There are `count` weights.
-DmResult dm_cpu_crowd_set_weights(struct DmCpuCrowd crowd, uint32_t instance, const float *weights, uint32_t count);
-
-/// Update all poses to the requested weights.
-DmResult dm_cpu_crowd_update(struct DmCpuCrowd crowd);
-
-/// Write the pose of an instance after the last update: six floats for each vertex, in the order of pose buffers,
-/// without padding. Fixed-point poses are decoded.
-///
-/// Errors: DM_ERROR_INVALID for an instance out of range, too little room.
-///
-/// Safety:
-/// There is room for `count` numbers at `pose`.
-DmResult dm_cpu_crowd_pose(struct DmCpuCrowd crowd, uint32_t instance, float *pose, size_t count);
-
-/// Destroy a crowd.
-DmResult dm_cpu_crowd_destroy(struct DmCpuCrowd crowd);
-
 #ifdef __cplusplus
 }  // extern "C"
 #endif  // __cplusplus
@@ -1975,7 +1752,7 @@ typedef char DmPlayback_reserved[offsetof(DmPlayback, reserved) == 28 ? 1 : -1];
 typedef char DmTicket_sizeof[sizeof(DmTicket) == 16 ? 1 : -1];
 typedef char DmTicket_crowd[offsetof(DmTicket, crowd) == 0 ? 1 : -1];
 typedef char DmTicket_number[offsetof(DmTicket, number) == 8 ? 1 : -1];
-typedef char DmUpdate_sizeof[sizeof(DmUpdate) == 88 ? 1 : -1];
+typedef char DmUpdate_sizeof[sizeof(DmUpdate) == 80 ? 1 : -1];
 typedef char DmUpdate_struct_size[offsetof(DmUpdate, struct_size) == 0 ? 1 : -1];
 typedef char DmUpdate_bound[offsetof(DmUpdate, bound) == 4 ? 1 : -1];
 typedef char DmUpdate_ticket[offsetof(DmUpdate, ticket) == 8 ? 1 : -1];
@@ -1986,9 +1763,6 @@ typedef char DmUpdate_dirty_blocks[offsetof(DmUpdate, dirty_blocks) == 48 ? 1 : 
 typedef char DmUpdate_rebuilt_blocks[offsetof(DmUpdate, rebuilt_blocks) == 56 ? 1 : -1];
 typedef char DmUpdate_bytes_moved[offsetof(DmUpdate, bytes_moved) == 64 ? 1 : -1];
 typedef char DmUpdate_bytes_floor[offsetof(DmUpdate, bytes_floor) == 72 ? 1 : -1];
-typedef char DmUpdate_timestamps[offsetof(DmUpdate, timestamps) == 80 ? 1 : -1];
-typedef char DmStepName_sizeof[sizeof(DmStepName) == 32 ? 1 : -1];
-typedef char DmStepName_name[offsetof(DmStepName, name) == 0 ? 1 : -1];
 typedef char DmPoseView_sizeof[sizeof(DmPoseView) == 48 ? 1 : -1];
 typedef char DmPoseView_struct_size[offsetof(DmPoseView, struct_size) == 0 ? 1 : -1];
 typedef char DmPoseView_stride[offsetof(DmPoseView, stride) == 4 ? 1 : -1];
@@ -2059,14 +1833,6 @@ typedef char DmClipArrays_fps[offsetof(DmClipArrays, fps) == 12 ? 1 : -1];
 typedef char DmClipArrays_name[offsetof(DmClipArrays, name) == 16 ? 1 : -1];
 typedef char DmClipArrays_names[offsetof(DmClipArrays, names) == 24 ? 1 : -1];
 typedef char DmClipArrays_values[offsetof(DmClipArrays, values) == 32 ? 1 : -1];
-typedef char DmClipLayer_sizeof[sizeof(DmClipLayer) == 40 ? 1 : -1];
-typedef char DmClipLayer_struct_size[offsetof(DmClipLayer, struct_size) == 0 ? 1 : -1];
-typedef char DmClipLayer_blend[offsetof(DmClipLayer, blend) == 4 ? 1 : -1];
-typedef char DmClipLayer_clip[offsetof(DmClipLayer, clip) == 8 ? 1 : -1];
-typedef char DmClipLayer_time[offsetof(DmClipLayer, time) == 16 ? 1 : -1];
-typedef char DmClipLayer_weight[offsetof(DmClipLayer, weight) == 24 ? 1 : -1];
-typedef char DmClipLayer_once[offsetof(DmClipLayer, once) == 28 ? 1 : -1];
-typedef char DmClipLayer_mask[offsetof(DmClipLayer, mask) == 32 ? 1 : -1];
 #endif
 
 #endif /* DELTAMORPH_H */

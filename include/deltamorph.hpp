@@ -57,6 +57,5 @@ using Skin = Owned<DmSkin, dm_skin_destroy>;
 using Surface = Owned<DmSurface, dm_surface_destroy>;
 using Clip = Owned<DmClip, dm_clip_destroy>;
 using BoundClip = Owned<DmBoundClip, dm_bound_clip_destroy>;
-using CpuCrowd = Owned<DmCpuCrowd, dm_cpu_crowd_destroy>;
 
 } // namespace deltamorph

@@ -1,12 +1,9 @@
 //! `CrowdBase`: instances and their requested weights, for crowds of all kinds. Independent of devices.
 
-use crate::calls::{Call, CallLog, LogCalls};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::pack::PackedLayout;
 use crate::pack::blocks::PoseGrid;
-use crate::plan::UpdateDesc;
-use crate::plan::instances::{Instances, check_weight, check_weights, target_named};
-use std::ops::Range;
+use crate::plan::instances::{InstanceState, Instances, check_weight, check_weights, target_named};
 
 /// Instances of one mesh, updated together: the common type of [`Crowd`](crate::Crowd),
 /// [`AnimatedCrowd`](crate::AnimatedCrowd) and [`CpuCrowd`](crate::CpuCrowd), which differ in `K`. Lists the methods of
@@ -17,8 +14,6 @@ pub struct CrowdBase<K: ?Sized> {
     pub(crate) instances: Instances,
     /// Updates planned so far.
     pub(crate) updates: u64,
-    /// Calls, while they are logged.
-    pub(crate) log: Option<Box<dyn LogCalls>>,
     pub(crate) kind: K,
 }
 
@@ -31,47 +26,24 @@ pub trait Kind {
     /// units.
     fn grid(&self) -> Option<PoseGrid>;
 
-    /// Makes the next pose of an instance its own previous pose.
-    fn cut(&mut self, _instance: u32) {}
+    /// What the planner of updates keeps of each instance.
+    fn state(&self) -> &dyn InstanceState;
 
-    /// Hides or shows an instance.
-    fn set_hidden(&mut self, _instance: u32, _hidden: bool) {}
+    /// The same, mutably.
+    fn state_mut(&mut self) -> &mut dyn InstanceState;
 
-    /// Initializes an instance in a free place.
-    fn add(&mut self, instance: u32);
+    /// Tells steps after the pose that the next output of an instance has no predecessor.
+    fn cut_outputs(&mut self, _instance: u32) {}
 
-    /// Removes an instance.
-    fn remove(&mut self, _instance: u32) {}
+    /// Tells steps after the pose that an instance was hidden or shown: its outputs are written anew.
+    fn renew_outputs(&mut self, _instance: u32) {}
 
-    /// See [`CrowdBase::changed`]; `update` is the number of the last update.
-    fn changed(&self, instances: &Instances, update: u64, instance: u32, out: &mut Vec<Range<u32>>);
+    /// Tells steps after the pose that an instance was removed.
+    fn remove_outputs(&mut self, _instance: u32) {}
 }
 
-/// A kind of crowd whose weights the host sets.
-pub trait TakesWeights: Kind {
-    /// The description that the crowd was created with.
-    fn update_desc(&self) -> &UpdateDesc;
-
-    /// Checks weights against limits of the technique beyond those of the mesh.
-    ///
-    /// # Errors
-    /// A limit is exceeded.
-    fn check_weights(&self, _weights: &[f32]) -> Result<()> {
-        Ok(())
-    }
-
-    /// Sets the error budget of an instance, from the next update on.
-    ///
-    /// # Errors
-    /// No budgets; a budget outside 0 to the crowd's.
-    fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()>;
-
-    /// Sets or removes the base of an instance; see [`CrowdBase::set_base`].
-    ///
-    /// # Errors
-    /// No such bases, or one that does not fit.
-    fn set_base(&mut self, instance: u32, base: Option<u32>) -> Result<()>;
-}
+/// Marks a kind of crowd whose weights the host sets.
+pub trait TakesWeights: Kind {}
 
 /// Methods of every crowd.
 impl<K: Kind + ?Sized> CrowdBase<K> {
@@ -87,8 +59,8 @@ impl<K: Kind + ?Sized> CrowdBase<K> {
     /// An instance out of range or removed.
     pub fn cut(&mut self, instance: u32) -> Result<()> {
         self.instances.cut(instance)?;
-        self.kind.cut(instance);
-        self.log(|| Call::Cut(instance));
+        self.kind.state_mut().cut(instance);
+        self.kind.cut_outputs(instance);
         Ok(())
     }
 
@@ -99,8 +71,8 @@ impl<K: Kind + ?Sized> CrowdBase<K> {
     /// An instance out of range or removed.
     pub fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<()> {
         if self.instances.set_hidden(instance, hidden)? {
-            self.kind.set_hidden(instance, hidden);
-            self.log(|| Call::Hidden(instance, hidden));
+            self.kind.state_mut().set_hidden(instance, hidden);
+            self.kind.renew_outputs(instance);
         }
         Ok(())
     }
@@ -113,8 +85,7 @@ impl<K: Kind + ?Sized> CrowdBase<K> {
     /// No free place.
     pub fn add(&mut self) -> Result<u32> {
         let instance = self.instances.add()?;
-        self.kind.add(instance);
-        self.log(|| Call::Add);
+        self.kind.state_mut().add(instance);
         Ok(instance)
     }
 
@@ -124,15 +95,9 @@ impl<K: Kind + ?Sized> CrowdBase<K> {
     /// An instance out of range or removed.
     pub fn remove(&mut self, instance: u32) -> Result<()> {
         self.instances.remove(instance)?;
-        self.kind.remove(instance);
-        self.log(|| Call::Remove(instance));
+        self.kind.state_mut().set_hidden(instance, true);
+        self.kind.remove_outputs(instance);
         Ok(())
-    }
-
-    pub(crate) fn log(&mut self, call: impl FnOnce() -> Call) {
-        if let Some(log) = &mut self.log {
-            log.add(&call());
-        }
     }
 
     /// The instances that are shown, ascending.
@@ -150,16 +115,13 @@ impl<K: TakesWeights> CrowdBase<K> {
     /// more active targets than a draw of `direct-attributes` supports. Nothing changes then.
     pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
         self.check_weights(instance, weights)?;
-        if let Some(log) = &mut self.log {
-            log.add_weights(instance, self.instances.weights(instance)?, weights);
-        }
         self.instances.set_weights(instance, weights)
     }
 
     pub(crate) fn check_weights(&self, instance: u32, weights: &[f32]) -> Result<()> {
         self.instances.check(instance)?;
         check_weights(weights, self.kind.layout(), self.kind.grid())?;
-        self.kind.check_weights(weights)
+        self.kind.state().check_weights(weights)
     }
 
     /// Sets the requested weight of one target of `instance`, from the next update on. `target` is an index in the
@@ -174,12 +136,10 @@ impl<K: TakesWeights> CrowdBase<K> {
         // A weight of 0 cannot exceed a limit of the technique.
         let checked = match weight == 0.0 {
             true => Ok(()),
-            false => self.kind.check_weights(self.instances.weights(instance)?),
+            false => self.kind.state().check_weights(self.instances.weights(instance)?),
         };
         if checked.is_err() {
             self.instances.set_weight(instance, target, before)?;
-        } else if before.to_bits() != weight.to_bits() {
-            self.log(|| Call::Weights(instance, vec![(target as u32, weight)]));
         }
         checked
     }
@@ -204,78 +164,7 @@ impl<K: TakesWeights> CrowdBase<K> {
     /// error budgets.
     pub fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()> {
         self.instances.check(instance)?;
-        self.kind.set_error_budget(instance, budget)?;
-        self.log(|| Call::ErrorBudget(instance, budget));
-        Ok(())
-    }
-
-    /// Lets blocks of `instance` that start anew start from the pose of the instance `base`, where that loads less than
-    /// the base pose and all active targets, from the next update on; `None`: from the base pose alone, which is also
-    /// what [`add`](Self::add) does. They then load the targets whose weights differ between the two: with the weights
-    /// of a character's sliders in `base` (shown until an update has written it), and of sliders and expression in
-    /// `instance`, a jump from one expression to another does not load the sliders' targets. An incremental update
-    /// loads none of them either way. Fixed-point poses have the same bits, and float32 poses the same bound.
-    ///
-    /// A base takes the memory of an instance, and several instances may have it in common.
-    ///
-    /// # Errors
-    /// An instance out of range or removed; a base whose number is not higher, or so much higher that one descriptor
-    /// does not reach both; a crowd of one slot; poses that round sums; a path or a delta format without blocks.
-    pub fn set_base(&mut self, instance: u32, base: Option<u32>) -> Result<()> {
-        self.instances.check(instance)?;
-        base.map(|base| self.instances.check(base)).transpose()?;
-        self.kind.set_base(instance, base)?;
-        self.log(|| Call::Base(instance, base));
-        Ok(())
-    }
-
-    /// Starts to log calls on this crowd that decide its poses, such as for a bug report: `deltamorph replay` makes
-    /// the same calls on another driver, where fixed-point poses are the same bit for bit. A frame takes some 10 bytes
-    /// for each weight that changes. A log that is begun after updates starts with the weights of that time; error
-    /// budgets and bases of instances set before are not in it.
-    pub fn log_calls(&mut self) {
-        let (instances, layout) = (self.instances.count(), self.kind.layout());
-        let mut log = CallLog::new(self.kind.update_desc(), instances, layout, self.updates);
-        let zero = vec![0.0; layout.targets.len()];
-        for (instance, requested) in (0..).zip(self.instances.requested()) {
-            match (requested, self.instances.weights(instance)) {
-                (None, Err(_)) => log.add(&Call::Remove(instance)),
-                (None, Ok(weights)) => {
-                    log.add_weights(instance, &zero, weights);
-                    log.add(&Call::Hidden(instance, true));
-                }
-                (Some(weights), _) => log.add_weights(instance, &zero, weights),
-            }
-        }
-        self.log = Some(Box::new(log));
-    }
-
-    /// The text logged since [`log_calls`](Self::log_calls) or since it was last taken, to be added to the end of a
-    /// file that [`Calls::read`](crate::calls::Calls::read) reads; empty if nothing is logged.
-    pub fn take_calls(&mut self) -> String {
-        self.log.as_mut().map(|log| log.take()).unwrap_or_default()
-    }
-
-    /// Makes a logged call.
-    ///
-    /// # Errors
-    /// Those of the method that it names. [`Call::Update`], which is for the caller to do, and [`Call::Discard`].
-    pub fn repeat(&mut self, call: &Call) -> Result<()> {
-        match call {
-            Call::Weights(instance, weights) => {
-                let set = |(target, weight): &(u32, f32)| self.set_weight(*instance, *target as usize, *weight);
-                weights.iter().try_for_each(set)
-            }
-            Call::Cut(instance) => self.cut(*instance),
-            Call::Hidden(instance, hidden) => self.set_hidden(*instance, *hidden),
-            Call::Add => self.add().map(|_| ()),
-            Call::Remove(instance) => self.remove(*instance),
-            Call::ErrorBudget(instance, budget) => self.set_error_budget(*instance, *budget),
-            Call::Base(instance, base) => self.set_base(*instance, *base),
-            Call::Update | Call::Discard(_) => {
-                Err(Error::invalid(format!("the call '{call}' to be repeated"), "update the crowd in its place"))
-            }
-        }
+        self.kind.state_mut().set_error_budget(instance, budget)
     }
 
     /// The requested weights of `instance`, one per target in the mesh's order, as they were set. Applied weights may

@@ -9,8 +9,7 @@
 //! 3. [`MorphEngine::upload`] the mesh, [`MorphEngine::create_crowd`].
 //! 4. Each frame: [`Crowd::set_weights`], [`MorphEngine::record_update`], and draw from [`Crowd::pose`]; motion vectors
 //!    take [`Crowd::previous_pose`]. Steps after the pose (skinning, normals of the surface, float32 of any pose) are in
-//!    [`after`]; [`WeightBounds`] are for culling. [`ClipLayer::mix`] makes weights of clips, the package
-//!    deltamorph-rig those of targets from those of controls; [`WeightMap`] applies them to several meshes;
+//!    [`after`]; [`WeightBounds`] are for culling.
 //!    [`MorphEngine::readback`] reads poses back.
 //!
 //! ```no_run
@@ -27,6 +26,7 @@
 //!     let engine = unsafe { MorphEngine::new(&DeviceDesc::new(instance, physical_device, device)) }?;
 //!     let source = import_folder("face".as_ref())?.to_mesh(Tolerance::default())?; // or import::open
 //!     let mesh = PackedMesh::pack(&source, &engine.pack_desc(DeltaFormat::Fast))?;
+//!     let _indices = &mesh.layout().indices; // for your index buffer: triangles of the vertices of poses
 //!     let mut uploaded = None;
 //!     // SAFETY: `cmd` is recording and runs once; the mesh outlives what the device does with it.
 //!     run(&mut |cmd| {
@@ -70,7 +70,6 @@
 mod abi;
 pub mod after;
 mod asset;
-pub mod calls;
 mod cpu;
 mod crowd;
 #[allow(unsafe_code)]
@@ -118,7 +117,7 @@ pub use plan::{BatchSize, Consumers, UpdateDesc, UpdateMode, UpdatePath, UpdateS
 pub use update::animated::{AnimationDesc, Clips, KeyFormat, Playback};
 pub use update::crowd::{CrowdDesc, HostPoses};
 pub use update::requirements;
-pub use weights::{BoundClip, ClipLayer, LayerBlend, Repeat, WeightClip, WeightMap, normalise_weights};
+pub use weights::{BoundClip, Repeat, WeightClip, normalise_weights};
 pub use {ash, glam, gpu_allocator};
 
 /// Device memory: allocators, functions of the host's in their place, and what the engine takes.

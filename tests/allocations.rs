@@ -1,6 +1,6 @@
 //! Planning a frame allocates nothing, since engines do it in their frame loop.
 
-use deltamorph::internals::plan::instances::Instances;
+use deltamorph::internals::plan::instances::{InstanceState, Instances};
 use deltamorph::internals::plan::schedule::Schedule;
 use deltamorph::internals::plan::steps::Steps;
 use deltamorph::internals::update::animated::{AnimatedUpdate, Playbacks};
@@ -66,16 +66,12 @@ fn an_update_that_the_gpu_plans_allocates_nothing_after_the_first() {
             heads.set_hidden((head + 3) % 100, number.is_multiple_of(2));
         }
         let slot = (heads.update(&clips) % 2) as u32;
-        let (records, source) = (!heads.changed().is_empty(), 1 - slot);
-        let (groups, dispatches) = (2, 4);
         let update = AnimatedUpdate {
-            records,
-            level: true,
-            budget: true,
-            source,
+            records: !heads.changed().is_empty(),
+            source: 1 - slot,
             destination: slot,
-            groups,
-            dispatches,
+            groups: 2,
+            dispatches: 4,
             texels: false,
         };
         steps.clear();

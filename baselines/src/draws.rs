@@ -5,7 +5,7 @@ use deltamorph::internals::gpu::barriers;
 use deltamorph::internals::gpu::device::Device;
 use deltamorph::internals::gpu::mesh::MeshBuffers;
 use deltamorph::internals::pack::BASE_STRIDE;
-use deltamorph::internals::plan::instances::Instances;
+use deltamorph::internals::plan::instances::{InstanceState, Instances};
 use deltamorph::internals::plan::schedule::{Entry, Schedule};
 use deltamorph::internals::plan::steps::{Access, Resource, Stage, Steps, Use, Work};
 use deltamorph::internals::plan::{BatchSize, Consumers, UpdatePath, UpdateStats};
@@ -26,7 +26,7 @@ pub(crate) trait Draws: Send + Sync + 'static {
     /// hidden instance keep its weights, even if others are requested meanwhile.
     fn write(&mut self, planner: &DensePlanner, frame: u64) -> Result<()>;
 
-    /// See [`Technique::check_weights`].
+    /// See [`InstanceState::check_weights`].
     fn check_weights(&self, _weights: &[f32]) -> Result<()> {
         Ok(())
     }
@@ -64,7 +64,21 @@ impl<D: Draws> DrawTechnique<D> {
     }
 }
 
+impl<D: Draws> InstanceState for DrawTechnique<D> {
+    fn check_weights(&self, weights: &[f32]) -> Result<()> {
+        self.draws.check_weights(weights)
+    }
+}
+
 impl<D: Draws> Technique for DrawTechnique<D> {
+    fn state(&self) -> &dyn InstanceState {
+        self
+    }
+
+    fn state_mut(&mut self) -> &mut dyn InstanceState {
+        self
+    }
+
     /// A step without works: draws read the weights from where the host wrote them. Bytes are those of one draw of
     /// every shown instance, since draws evaluate even unchanged weights.
     fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
@@ -90,10 +104,6 @@ impl<D: Draws> Technique for DrawTechnique<D> {
 
     fn discard_from(&mut self, id: UpdateId) {
         self.stale |= self.written >= id.update;
-    }
-
-    fn check_weights(&self, weights: &[f32]) -> Result<()> {
-        self.draws.check_weights(weights)
     }
 
     fn draws(&self, group: usize) -> Option<&dyn PoseDraws> {

@@ -22,7 +22,7 @@ use deltamorph::internals::gpu::statistics::MemoryKind;
 use deltamorph::internals::pack::blocks::{BlockIndex, PoseGrid};
 use deltamorph::internals::pack::{DeltaFormat, POSE_FLOATS, PackedGroup, PackedMesh, PoseFormat};
 use deltamorph::internals::plan::UpdateStats;
-use deltamorph::internals::plan::instances::Instances;
+use deltamorph::internals::plan::instances::{InstanceState, Instances};
 use deltamorph::internals::plan::steps::{Resource, Steps, Use, Work};
 use deltamorph::internals::update::dense::DensePlanner;
 use deltamorph::internals::update::technique::{Context, Poses, Technique, UpdateId};
@@ -228,7 +228,17 @@ impl ScatterTechnique {
     }
 }
 
+impl InstanceState for ScatterTechnique {}
+
 impl Technique for ScatterTechnique {
+    fn state(&self) -> &dyn InstanceState {
+        self
+    }
+
+    fn state_mut(&mut self) -> &mut dyn InstanceState {
+        self
+    }
+
     fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         self.planner.plan(instances, id.update);
         let parts = if has_changed(&self.planner) { &PARTS[..] } else { &[] };

@@ -85,7 +85,6 @@ mod tests {
                     said(),
                 ),
                 ("level", DM_ERROR_HANDLE, level::dm_crowd_set_level(crowd, 0, 1.0), said()),
-                ("level", DM_ERROR_HANDLE, level::dm_crowd_cut_camera(crowd), said()),
                 (
                     "memory",
                     DM_ERROR_INVALID,

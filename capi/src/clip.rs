@@ -124,8 +124,12 @@ pub unsafe extern "C" fn dm_clip_info(clip: DmClip, info: *mut DmClipInfo) -> Dm
         // SAFETY: the caller's obligation.
         let place = unsafe { Place::new(info) }?;
         let Clip { clip } = &*clip.get()?;
-        let (frame_count, column_count) = (clip.frame_count() as u32, clip.names.len() as u32);
-        place.write(DmClipInfo { frame_count, column_count, fps: clip.fps, ..DmClipInfo::zeroed() });
+        place.write(DmClipInfo {
+            frame_count: clip.frame_count() as u32,
+            column_count: clip.names.len() as u32,
+            fps: clip.fps,
+            ..DmClipInfo::zeroed()
+        });
         Ok(())
     })
 }
@@ -147,38 +151,12 @@ pub extern "C" fn dm_clip_destroy(clip: DmClip) -> DmResult {
 pub unsafe extern "C" fn dm_clip_bind(clip: DmClip, mesh: DmMesh, bound: *mut DmBoundClip) -> DmResult {
     enter("dm_clip_bind", || {
         check_place(bound, "bound")?;
-        let (clip, mesh) = (clip.get()?, mesh.get()?);
+        let clip = clip.get()?;
+        let mesh = mesh.get()?;
         let names: Vec<&str> = mesh.layout().targets.iter().map(|target| target.name.as_str()).collect();
         let made = BoundClip { clip: clip.clip.bind(&names)? };
         // SAFETY: the caller's obligation; it was checked.
         unsafe { bound.write(DmBoundClip::insert(made)?) };
-        Ok(())
-    })
-}
-
-/// Bind the columns of a clip to a list of names: those of a set, for `dm_clips_mix` and `dm_crowds_set_weights`. Names
-/// without a column have the weight 0.
-///
-/// Errors: those of `dm_clip_bind`.
-///
-/// # Safety
-/// There are `count` names, UTF-8 strings; `bound` can be written.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dm_clip_bind_names(
-    clip: DmClip,
-    names: *const *const c_char,
-    count: u32,
-    bound: *mut DmBoundClip,
-) -> DmResult {
-    enter("dm_clip_bind_names", || {
-        check_place(bound, "bound")?;
-        // SAFETY: the caller's obligations; `bound` was checked.
-        unsafe {
-            let names = slice(names, count as usize, "names")?.iter();
-            let names = names.map(|name| text(*name, "name of a weight")).collect::<Result<Vec<_>>>()?;
-            let made = BoundClip { clip: clip.get()?.clip.bind(&names)? };
-            bound.write(DmBoundClip::insert(made)?);
-        }
         Ok(())
     })
 }
@@ -206,10 +184,13 @@ pub unsafe extern "C" fn dm_bound_clip_sample(
             return Err(Failure::invalid("a frame that is no number; count frames from 0"));
         }
         let at = frame.clamp(0.0, last as f64);
-        let (from, part) = (at as usize, at.fract() as f32);
+        let from = at as usize;
+        let part = at.fract() as f32;
         let mut sampled = clip.frame(from)?;
         if part > 0.0 {
-            sampled.iter_mut().zip(clip.frame(from + 1)?).for_each(|(a, b)| *a += part * (b - *a));
+            for (weight, next) in sampled.iter_mut().zip(clip.frame(from + 1)?) {
+                *weight += part * (next - *weight);
+            }
         }
         // SAFETY: the caller's obligation.
         unsafe { fill(weights, count as usize, &sampled, "weights") }

@@ -12,7 +12,7 @@ use crate::tickets::Tickets;
 use deltamorph::ash::vk::{self, Handle as _};
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, AnyCrowd, BatchSize, CrowdDesc, DeviceCrowd, HostPoses, KeyFormat, Playback,
-    PoseFormat, Repeat, UpdateDesc, UpdatePath, VertexLayout, WeightClip,
+    PoseFormat, Repeat, UpdateDesc, VertexLayout, WeightClip,
 };
 use std::sync::{Arc, Mutex, MutexGuard};
 
@@ -72,10 +72,10 @@ impl State {
 }
 
 impl DmCrowdDesc {
-    /// The description without the host's vertices, with `default_path` and `default_pose` for zeros.
-    pub(crate) fn crowd(&self, default_path: UpdatePath, default_pose: PoseFormat) -> Result<CrowdDesc> {
+    /// The description without the host's vertices, with `default_pose` for zero.
+    pub(crate) fn crowd(&self, default_pose: PoseFormat) -> Result<CrowdDesc> {
         check_reserved("DmCrowdDesc", self.reserved)?;
-        let path = path(self.path, default_path)?;
+        let path = path(self.path)?;
         let batch = if self.batch == 0 { BatchSize::All } else { BatchSize::Targets(self.batch) };
         let default = UpdateDesc::new(path, batch);
         let update = default
@@ -104,7 +104,7 @@ pub(crate) unsafe fn crowd_desc(desc: *const DmCrowdDesc, default_pose: PoseForm
     let asked = unsafe { read_or_default(desc) }?;
     // SAFETY: as above.
     let family = (!asked.queue_family.is_null()).then(|| unsafe { asked.queue_family.read_unaligned() });
-    let desc = asked.crowd(UpdatePath::Blocks, default_pose)?.queue_family(family);
+    let desc = asked.crowd(default_pose)?.queue_family(family);
     if asked.poses.is_null() {
         return Ok(desc);
     }
@@ -195,7 +195,9 @@ pub unsafe extern "C" fn dm_crowd_create_animated(
         let mesh = mesh.get()?;
         check_command_buffer(cmd)?;
         // SAFETY: the caller's obligations.
-        let (desc, animation) = unsafe { (crowd_desc(desc, PoseFormat::Fixed32)?, read(animation)?) };
+        let desc = unsafe { crowd_desc(desc, PoseFormat::Fixed32) }?;
+        // SAFETY: as above.
+        let animation = unsafe { read(animation) }?;
         check_reserved("DmAnimationDesc", animation.reserved)?;
         // SAFETY: as above.
         let clips = unsafe { slice(animation.clips, animation.clip_count as usize, "clips") }?;
@@ -206,10 +208,8 @@ pub unsafe extern "C" fn dm_crowd_create_animated(
             bits => return Err(Failure::invalid(format!("keys of {bits} bits; use 32 or 16"))),
         };
         // SAFETY: as above.
-        let level = unsafe { level(animation.level) }?;
-        let animation = AnimationDesc::new(&clips).key_format(keys);
-        let animation = animation.importance(level.as_ref().map(|(importance, _)| importance));
-        let animation = animation.level(level.as_ref().map(|(_, level)| *level));
+        let importance = unsafe { level(animation.level) }?;
+        let animation = AnimationDesc::new(&clips).key_format(keys).importance(importance.as_ref());
         // SAFETY: the caller's obligations; `crowd` was checked.
         unsafe {
             let made = mesh.engine.morph.create_animated_crowd(cmd, &*lock(&mesh.mesh)?, &desc, &animation)?;

@@ -3,13 +3,13 @@
 use crate::allocate::Functions;
 use crate::arguments::{built, check_reserved};
 use crate::handles::{DmCrowd, DmEngine, DmGpuMesh, DmReadback, DmSkin, DmSurface, Handle};
-use crate::memory::{Place, Versioned, characters, check_place, list, read, slice};
+use crate::memory::{Place, Versioned, characters, check_place, read, slice};
 use crate::result::{DmResult, Failure, Result, enter};
 use crate::structs::{DmEngineDesc, DmEngineInfo, DmMemory, DmMemoryUse};
 use deltamorph::ash::vk::{self, Handle as _};
 use deltamorph::memory::{MemorySource, MemoryUse};
 use deltamorph::{DeviceCaps, DeviceDesc, MorphEngine, ash};
-use std::ffi::{CStr, c_char, c_void};
+use std::ffi::{CStr, c_void};
 use std::sync::Arc;
 
 /// The object of a `DmEngine`. Objects made with it refer to it.
@@ -146,24 +146,6 @@ pub unsafe extern "C" fn dm_engine_memory(engine: DmEngine, memory: *mut DmMemor
             ..DmMemory::zeroed()
         });
         Ok(())
-    })
-}
-
-/// Write what `dm_engine_memory` tells as JSON, ended by a zero: an object with a member for each field.
-///
-/// With `text` null, `count` becomes the number of bytes, the zero included. Otherwise `count` is the room in `text`.
-///
-/// Errors: DM_ERROR_INVALID for too little room.
-///
-/// # Safety
-/// `count` can be read and written; `text` is null or has room for that many bytes.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dm_engine_memory_json(engine: DmEngine, count: *mut u32, text: *mut c_char) -> DmResult {
-    enter("dm_engine_memory_json", || {
-        built!("memory", "statistics of memory");
-        let json = format!("{}\0", engine.get()?.morph.memory());
-        // SAFETY: the caller's obligations; characters have the size of bytes.
-        unsafe { list(count, text.cast(), json.as_bytes(), "text") }
     })
 }
 

@@ -78,16 +78,12 @@ fn layouts() -> Vec<Layout> {
         DmHostPoses { struct_size stride buffer offset streams stream_count reserved }
         DmStreamPlace { stream offset }
         DmAnimationDesc { struct_size clip_count clips key_bits reserved level }
-        DmLevelDesc { struct_size pin_count mesh pins pixels fade }
-        DmCamera { struct_size height angle eye }
-        DmPlace { struct_size radius scale centre }
+        DmLevelDesc { struct_size pin_count mesh pins }
         DmPlayback { struct_size clip start speed once reserved }
         DmTicket { crowd number }
         DmUpdate {
             struct_size bound ticket coefficients passes rebuilt dirty_blocks rebuilt_blocks bytes_moved bytes_floor
-            timestamps
         }
-        DmStepName { name }
         DmPoseView { struct_size stride buffer offset size format slot units }
         DmStreamView { struct_size stride buffer offset components format units slot reserved }
         DmDecodeTarget { struct_size stride buffer offset normals reserved }
@@ -100,7 +96,6 @@ fn layouts() -> Vec<Layout> {
         DmSkinnedView { struct_size reserved buffer offset previous_buffer previous_offset }
         DmClipInfo { struct_size frame_count column_count fps }
         DmClipArrays { struct_size frame_count column_count fps name names values }
-        DmClipLayer { struct_size blend clip time weight once mask }
     }
 }
 
@@ -148,7 +143,6 @@ fn generate_as(config: Config) -> String {
         ("CommandBuffer", "VkCommandBuffer"),
         ("Buffer", "VkBuffer"),
         ("PipelineCache", "VkPipelineCache"),
-        ("QueryPool", "VkQueryPool"),
         ("DeviceMemory", "VkDeviceMemory"),
         ("PhysicalDeviceFeatures", "VkPhysicalDeviceFeatures"),
         ("VertexInputBindingDescription", "VkVertexInputBindingDescription"),
@@ -179,20 +173,17 @@ fn generate_as(config: Config) -> String {
         "queries",
         "mesh",
         "clip",
-        "layers",
         "level",
         "engine",
         "upload",
         "crowd",
         "weights",
-        "crowds",
         "record",
         "views",
         "readback",
         "after",
         "skin",
         "bounds",
-        "cpu",
     ];
     for file in files {
         builder = builder.with_src(Path::new(CRATE).join(format!("src/{file}.rs")));
@@ -204,7 +195,8 @@ fn generate_as(config: Config) -> String {
 
 #[test]
 fn the_header_is_what_the_crate_says() {
-    let (path, fresh) = (root().join("include/deltamorph.h"), generate());
+    let path = root().join("include/deltamorph.h");
+    let fresh = generate();
     if std::env::var_os("UPDATE_HEADER").is_some() {
         std::fs::write(&path, &fresh).expect("the header");
     }
@@ -220,7 +212,8 @@ fn what_the_first_header_of_this_version_declares_is_still_there() {
     let version = concat!(env!("CARGO_PKG_VERSION_MAJOR"), ".", env!("CARGO_PKG_VERSION_MINOR"));
     let head =
         format!("/* What deltamorph.h of the first {version} declares: UPDATE_FIRST_HEADER=1 before its release. */\n");
-    let (path, now) = (Path::new(CRATE).join("tests/first/deltamorph.h"), declarations());
+    let path = Path::new(CRATE).join("tests/first/deltamorph.h");
+    let now = declarations();
     if std::env::var_os("UPDATE_FIRST_HEADER").is_some() {
         let includes = INCLUDES.map(|file| format!("#include <{file}>\n")).concat();
         std::fs::write(&path, format!("{head}#pragma once\n{includes}{}\n", now.join("\n"))).expect("the header");
@@ -232,7 +225,7 @@ fn what_the_first_header_of_this_version_declares_is_still_there() {
         now.iter().any(|new| new == line || grows.is_some_and(|(fields, _)| new.starts_with(fields)))
     };
     let declared: Vec<&str> = lines.skip(1 + INCLUDES.len()).collect();
-    assert!(declared.len() > 150, "{declared:?}");
+    assert!(declared.len() > 120, "{declared:?}");
     let gone: Vec<&&str> =
         declared.iter().filter(|line| !is_there(line) && !line.contains("_VERSION_PATCH ")).collect();
     assert!(gone.is_empty(), "programs that were built with {version} rely on what is gone or another:\n{gone:#?}");
@@ -241,7 +234,8 @@ fn what_the_first_header_of_this_version_declares_is_still_there() {
 /// A comment without its beginning is useless.
 #[test]
 fn comments_begin_as_sentences() {
-    let (text, mut before) = (generate(), "");
+    let text = generate();
+    let mut before = "";
     for line in text.lines().map(str::trim) {
         let first = line.strip_prefix("/// ").filter(|_| !before.starts_with("///"));
         let cut = first.is_some_and(|text| text.starts_with(char::is_lowercase) && !text.starts_with("sizeof("));
@@ -288,10 +282,11 @@ fn compilers_take_the_header_by_itself() {
 #[test]
 fn every_function_is_used_wrongly_by_a_test() {
     let read = |file: &str| std::fs::read_to_string(Path::new(CRATE).join("tests").join(file)).expect(file);
-    let (text, misuse) = (generate(), read("misuse.c") + &read("misuse_steps.c") + &read("misuse_more.c"));
+    let text = generate();
+    let misuse = read("misuse.c") + &read("misuse_steps.c") + &read("misuse_more.c");
     let declared = text.lines().filter_map(|line| line.strip_prefix("DmResult ")?.split('(').next());
     let functions: Vec<&str> = declared.collect();
-    assert!(functions.len() > 80, "{functions:?}");
+    assert!(functions.len() > 60, "{functions:?}");
     let is_refused = |name: &str| {
         let uses = misuse.split(&format!("{name}(")).count() - 1;
         uses > misuse.split(&format!("WORKS({name}(")).count() - 1

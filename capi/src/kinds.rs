@@ -41,8 +41,6 @@ kinds! {
     DmCrowd crate::crowd::Crowd, "a crowd";
     DmClip crate::clip::Clip, "a clip";
     DmBoundClip crate::clip::BoundClip, "a bound clip";
-    DmCpuCrowd crate::cpu::CpuCrowd, "a CPU crowd";
-    DmCrowds crate::crowds::Crowds, "a set of crowds";
     DmReadback crate::readback::Readback, "a read-back";
     DmSkin crate::attached::Attached<GpuSkin>, "a skin";
     DmSurface crate::attached::Attached<GpuNormals>, "a surface";

@@ -11,15 +11,12 @@ pub mod arguments;
 pub mod attached;
 pub mod bounds;
 pub mod clip;
-pub mod cpu;
 pub mod crowd;
-pub mod crowds;
 pub mod engine;
 pub mod handles;
 #[cfg(test)]
 mod header;
 pub mod kinds;
-pub mod layers;
 pub mod level;
 pub mod memory;
 pub mod mesh;

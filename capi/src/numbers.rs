@@ -2,7 +2,7 @@
 
 use crate::result::{Failure, Result};
 use deltamorph::after::SkinMethod;
-use deltamorph::{Consumers, DeltaFormat, LayerBlend, PoseFormat, Semantic, UpdateMode, UpdatePath};
+use deltamorph::{Consumers, DeltaFormat, PoseFormat, Semantic, UpdateMode, UpdatePath};
 
 /// Vertices are doubled at seams, so that one index buffer draws poses as they are.
 pub const DM_MESH_SPLIT: u32 = 1;
@@ -36,7 +36,7 @@ pub const DM_POSE_FIXED32: u32 = 2;
 /// Six integers of 16 bits: displacements from the base pose, without drift.
 pub const DM_POSE_FIXED16: u32 = 3;
 /// As `DM_POSE_FIXED16`, which vertex shaders decode it as; rounded once, for rigs with many overlapping targets
-/// (`DM_PATH_BLOCKS`, `DM_PATH_CPU`, block formats).
+/// (`DM_PATH_BLOCKS`, block formats).
 pub const DM_POSE_REBUILT16: u32 = 4;
 
 /// Compute, only for the blocks of vertices that changed targets move (block formats).
@@ -45,8 +45,6 @@ pub const DM_PATH_BLOCKS: u32 = 1;
 pub const DM_PATH_COMPUTE: u32 = 2;
 /// Vertex passes with transform feedback (dense formats).
 pub const DM_PATH_FEEDBACK: u32 = 3;
-/// The CPU, for CPU crowds only.
-pub const DM_PATH_CPU: u32 = 4;
 
 /// Changed targets are added to the existing pose.
 pub const DM_MODE_INCREMENTAL: u32 = 1;
@@ -77,11 +75,6 @@ pub const DM_SKIN_LINEAR: u32 = 1;
 /// Dual quaternions: a joint is eight float32, a unit quaternion (x, y, z, w) and the dual part, half of translation x
 /// rotation.
 pub const DM_SKIN_DUAL_QUATERNION: u32 = 2;
-
-/// Blend a layer over the layers below: at the weight 1 it replaces them.
-pub const DM_LAYER_OVERRIDE: u32 = 1;
-/// Add a layer to the layers below.
-pub const DM_LAYER_ADDITIVE: u32 = 2;
 
 /// Position: three components.
 pub const DM_STREAM_POSITION: u32 = 1;
@@ -116,7 +109,6 @@ const PATHS: &[(u32, UpdatePath)] = &[
     (DM_PATH_BLOCKS, UpdatePath::Blocks),
     (DM_PATH_COMPUTE, UpdatePath::Compute),
     (DM_PATH_FEEDBACK, UpdatePath::Feedback),
-    (DM_PATH_CPU, UpdatePath::Cpu),
 ];
 
 const MODES: &[(u32, UpdateMode)] =
@@ -124,9 +116,6 @@ const MODES: &[(u32, UpdateMode)] =
 
 const SKINS: &[(u32, SkinMethod)] =
     &[(DM_SKIN_LINEAR, SkinMethod::Linear), (DM_SKIN_DUAL_QUATERNION, SkinMethod::DualQuaternion)];
-
-const LAYERS: &[(u32, LayerBlend)] =
-    &[(DM_LAYER_OVERRIDE, LayerBlend::Override), (DM_LAYER_ADDITIVE, LayerBlend::Additive)];
 
 /// The value of `number`; `default` for 0.
 fn find<T: Copy>(table: &[(u32, T)], number: u32, what: &str, default: T) -> Result<T> {
@@ -163,8 +152,8 @@ pub fn pose_number(format: PoseFormat) -> u32 {
 }
 
 /// `DM_PATH_…`.
-pub fn path(number: u32, default: UpdatePath) -> Result<UpdatePath> {
-    find(PATHS, number, "update path (DM_PATH_)", default)
+pub fn path(number: u32) -> Result<UpdatePath> {
+    find(PATHS, number, "update path (DM_PATH_)", UpdatePath::Blocks)
 }
 
 /// `DM_MODE_…`.
@@ -175,11 +164,6 @@ pub fn mode(number: u32, default: UpdateMode) -> Result<UpdateMode> {
 /// `DM_SKIN_…`.
 pub fn skin_method(number: u32) -> Result<SkinMethod> {
     find(SKINS, number, "method of skinning (DM_SKIN_)", SkinMethod::Linear)
-}
-
-/// `DM_LAYER_…`.
-pub fn layer_blend(number: u32) -> Result<LayerBlend> {
-    find(LAYERS, number, "blend of a layer (DM_LAYER_)", LayerBlend::Override)
 }
 
 /// `DM_READ_BY_…`, combined.
@@ -227,8 +211,8 @@ mod tests {
     fn every_item_of_the_library_has_a_number_and_zero_is_the_default() {
         check("DM_DELTAS_", DeltaFormat::ALL, DELTAS, delta_format);
         check("DM_POSE_", PoseFormat::ALL, POSES, |n| pose_format(n, PoseFormat::Fixed32));
-        let ours = UpdatePath::ALL.into_iter().filter(|path| !path.is_baseline());
-        check("DM_PATH_", ours, PATHS, |n| path(n, UpdatePath::Feedback));
+        let ours = UpdatePath::ALL.into_iter().filter(|path| !path.is_baseline() && *path != UpdatePath::Cpu);
+        check("DM_PATH_", ours, PATHS, path);
         let bits = (0..32).map(|bit| 1 << bit).filter(|bit| Consumers::from_bits(*bit).is_some());
         assert_eq!(bits.collect::<Vec<u32>>(), constants("DM_READ_BY_"));
         let kinds = (0..256).filter(|kind| Semantic::from_id(*kind).is_some());
@@ -250,7 +234,7 @@ mod tests {
         let refused = [
             delta_format(7).map(drop),
             pose_format(5, PoseFormat::Float32).map(drop),
-            path(5, UpdatePath::Cpu).map(drop),
+            path(4).map(drop),
             mode(3, UpdateMode::Rebuild).map(drop),
             skin_method(3).map(drop),
             consumers(1 << 30).map(drop),

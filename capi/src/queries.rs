@@ -59,7 +59,7 @@ pub unsafe extern "C" fn dm_requirements(path: u32, count: *mut u32, items: *mut
     static ALL: LazyLock<Vec<(UpdatePath, Requirements)>> =
         LazyLock::new(|| UpdatePath::ALL.map(|path| (path, Requirements::of(path))).into());
     enter("dm_requirements", || {
-        let path = crate::numbers::path(path, UpdatePath::Blocks)?;
+        let path = crate::numbers::path(path)?;
         let found = ALL.iter().find(|(of, _)| *of == path).map(|(_, requirements)| requirements.items());
         // SAFETY: the caller's obligations.
         unsafe { list(count, items, &found.unwrap_or_default(), "items") }
@@ -86,7 +86,8 @@ pub unsafe extern "C" fn dm_pose_vertex_input(
     enter("dm_pose_vertex_input", || {
         check_place(binding_count, "binding_count")?;
         check_place(attribute_count, "attribute_count")?;
-        let (found, places) = pose_format(format, PoseFormat::Float32)?.vertex_input(previous != 0);
+        let format = pose_format(format, PoseFormat::Float32)?;
+        let (found, places) = format.vertex_input(previous != 0);
         // SAFETY: the caller's obligations; counts were checked.
         unsafe {
             fill(bindings, 3, &found, "bindings")?;
@@ -115,7 +116,7 @@ pub unsafe extern "C" fn dm_mesh_info(mesh: DmMesh, info: *mut DmMeshInfo) -> Dm
             vertex_count: layout.vertex_count as u32,
             padded_vertex_count: layout.padded_vertices() as u32,
             target_count: layout.targets.len() as u32,
-            index_count: index_count(mesh.asset.faces.triangles().len())?,
+            index_count: index_count(layout.indices.len() / 3)?,
             delta_format: delta_number(layout.format),
             diagonal: layout.diagonal,
             pose_bytes: layout.base_bytes(),
@@ -206,10 +207,8 @@ pub unsafe extern "C" fn dm_mesh_remap_indices(mesh: DmMesh, indices: *mut u32, 
 pub unsafe extern "C" fn dm_mesh_indices(mesh: DmMesh, count: *mut u32, indices: *mut u32) -> DmResult {
     enter("dm_mesh_indices", || {
         let mesh = mesh.get()?;
-        let mut found = mesh.asset.faces.triangles().into_flattened();
-        mesh.layout().remap_indices(&mut found)?;
         // SAFETY: the caller's obligations.
-        unsafe { list(count, indices, &found, "indices") }
+        unsafe { list(count, indices, &mesh.layout().indices, "indices") }
     })
 }
 
@@ -225,18 +224,22 @@ pub unsafe extern "C" fn dm_mesh_indices(mesh: DmMesh, count: *mut u32, indices:
 pub unsafe extern "C" fn dm_mesh_render_vertices(mesh: DmMesh, vertices: *mut DmRenderVertices) -> DmResult {
     enter("dm_mesh_render_vertices", || {
         // SAFETY: the caller's obligation.
-        let (mut asked, place) = unsafe { (read(vertices)?, Place::new(vertices)?) };
+        let mut asked = unsafe { read(vertices) }?;
+        // SAFETY: as above.
+        let place = unsafe { Place::new(vertices) }?;
         let mesh = mesh.get()?;
         let found = mesh.layout().render_vertices(&mesh.asset.faces, &mesh.asset.texcoords)?;
         let texcoords: Vec<f32> = found.texcoords.iter().flat_map(|t| t.to_array()).collect();
-        let (room, indices) = (asked.vertex_count as usize, asked.index_count as usize);
+        let vertex_room = asked.vertex_count as usize;
+        let index_room = asked.index_count as usize;
         // SAFETY: as above.
         unsafe {
-            fill_unless_null(asked.pose_vertices, room, &found.pose_vertices, "pose_vertices")?;
-            fill_unless_null(asked.texcoords, room.saturating_mul(2), &texcoords, "texcoords")?;
-            fill_unless_null(asked.indices, indices, &found.indices, "indices")?;
+            fill_unless_null(asked.pose_vertices, vertex_room, &found.pose_vertices, "pose_vertices")?;
+            fill_unless_null(asked.texcoords, vertex_room.saturating_mul(2), &texcoords, "texcoords")?;
+            fill_unless_null(asked.indices, index_room, &found.indices, "indices")?;
         }
-        (asked.vertex_count, asked.index_count) = (found.pose_vertices.len() as u32, found.indices.len() as u32);
+        asked.vertex_count = found.pose_vertices.len() as u32;
+        asked.index_count = found.indices.len() as u32;
         place.write(asked);
         Ok(())
     })

@@ -1,11 +1,11 @@
 //! Updates into the host's command buffer, and their tickets.
 
-use crate::arguments::{built, check_command_buffer};
-use crate::crowd::{Crowd, lock_all, with};
+use crate::arguments::check_command_buffer;
+use crate::crowd::{Crowd, lock_all};
 use crate::handles::{DmCrowd, Handle};
-use crate::memory::{Place, Versioned, characters, list, slice};
+use crate::memory::{Place, Versioned, slice};
 use crate::result::{DmResult, Failure, Result, enter, lock};
-use crate::structs::{DmStepName, DmTicket, DmUpdate};
+use crate::structs::{DmTicket, DmUpdate};
 use deltamorph::ash::vk;
 use deltamorph::{AnyCrowd, Update};
 use std::sync::Arc;
@@ -23,7 +23,6 @@ fn told(crowd: DmCrowd, number: u64, update: &Update) -> DmUpdate {
         rebuilt_blocks: stats.rebuilt_blocks as u64,
         bytes_moved: stats.bytes_moved,
         bytes_floor: stats.bytes_floor,
-        timestamps: update.timestamps.into(),
         ..DmUpdate::zeroed()
     }
 }
@@ -82,8 +81,10 @@ pub unsafe extern "C" fn dm_record_updates(
     updates: *mut DmUpdate,
 ) -> DmResult {
     enter("dm_record_updates", || {
-        // SAFETY: the caller's obligations.
-        let (handles, mut places) = unsafe { (slice(crowds, count as usize, "crowds")?, places(updates, count)?) };
+        // SAFETY: the caller's obligation.
+        let handles = unsafe { slice(crowds, count as usize, "crowds") }?;
+        // SAFETY: as above.
+        let mut places = unsafe { places(updates, count) }?;
         let objects = handles.iter().map(|crowd| crowd.get()).collect::<Result<Vec<Arc<Crowd>>>>()?;
         check_command_buffer(cmd)?;
         let Some(first) = objects.first() else {
@@ -112,7 +113,8 @@ pub unsafe extern "C" fn dm_record_updates(
 /// # Safety
 /// The conditions of [`dm_record_updates`].
 unsafe fn places(updates: *mut DmUpdate, count: u32) -> Result<Vec<Option<Place<DmUpdate>>>> {
-    let (mut all, mut next) = (vec![], updates);
+    let mut all = vec![];
+    let mut next = updates;
     while !updates.is_null() && all.len() < count as usize {
         // SAFETY: the caller's obligation; there is a structure at `next`, and its size is right once `Place` took it.
         unsafe {
@@ -122,51 +124,6 @@ unsafe fn places(updates: *mut DmUpdate, count: u32) -> Result<Vec<Option<Place<
         }
     }
     Ok(all)
-}
-
-/// Have the next call that records an update of the crowd write timestamps into queries of the host's: query `first`
-/// when the commands before the update have finished, the following ones after each of its steps
-/// (`dm_crowd_step_names`), at BOTTOM_OF_PIPE. DmUpdate::timestamps says how many. That call fails before anything is
-/// recorded if `count` is too small, with both numbers, and uses up the setting either way. Steps of crowds that are
-/// recorded by one call may run at the same time.
-///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `queries`.
-///
-/// # Safety
-/// - The queries are of a pool of timestamps on the engine's device, which lives until the device has finished, are
-///   reset before the update runs, and are in no other use until then.
-/// - The queue of the update has timestamps: `timestampValidBits` of its family is not 0.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dm_crowd_set_queries(crowd: DmCrowd, pool: vk::QueryPool, first: u32, count: u32) -> DmResult {
-    enter("dm_crowd_set_queries", || {
-        built!("queries", "timestamps of steps");
-        with(crowd, |state| {
-            // SAFETY: the caller's obligations.
-            unsafe { state.crowd().set_queries(pool, first, count) };
-            Ok(())
-        })
-    })
-}
-
-/// List the names of the steps of the crowd's last recorded update, in order: of its path, then of steps after the
-/// pose. Labels (DmEngineDesc::debug_names) have the same names.
-///
-/// With `names` null, `count` becomes their number. Otherwise `count` is the room in `names`.
-///
-/// Errors: DM_ERROR_INVALID for too little room; DM_ERROR_UNSUPPORTED if the library was built without the feature
-/// `queries`.
-///
-/// # Safety
-/// `count` can be read and written; `names` is null or has room for that many.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dm_crowd_step_names(crowd: DmCrowd, count: *mut u32, names: *mut DmStepName) -> DmResult {
-    enter("dm_crowd_step_names", || {
-        built!("queries", "timestamps of steps");
-        let name = |step: &str| DmStepName { name: characters(step) };
-        let steps: Vec<_> = with(crowd, |state| Ok(state.crowd().step_names().map(name).collect()))?;
-        // SAFETY: the caller's obligations.
-        unsafe { list(count, names, &steps, "names") }
-    })
 }
 
 /// Tell that the update of a ticket and all later ones of the crowd will never run: the contents of the poses that they
@@ -198,8 +155,8 @@ mod tests {
     #[test]
     fn zeros_describe_the_crowd_that_rust_has_by_default() {
         use crate::structs::DmCrowdDesc;
-        use deltamorph::{PoseFormat, UpdatePath};
-        let desc = DmCrowdDesc::zeroed().crowd(UpdatePath::Blocks, PoseFormat::Float32).unwrap();
+        use deltamorph::PoseFormat;
+        let desc = DmCrowdDesc::zeroed().crowd(PoseFormat::Float32).unwrap();
         assert_eq!(desc, CrowdDesc::new(UpdateDesc::blocks()));
     }
 }

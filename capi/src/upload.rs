@@ -39,7 +39,8 @@ pub unsafe extern "C" fn dm_mesh_upload(
 ) -> DmResult {
     enter("dm_mesh_upload", || {
         check_place(gpu_mesh, "gpu_mesh")?;
-        let (engine, mesh) = (engine.get()?, mesh.get()?);
+        let engine = engine.get()?;
+        let mesh = mesh.get()?;
         check_command_buffer(cmd)?;
         // SAFETY: the caller's obligations; `gpu_mesh` was checked.
         unsafe {
@@ -94,7 +95,7 @@ pub unsafe extern "C" fn dm_gpu_mesh_base_stream(mesh: DmGpuMesh, stream: u32, v
         let place = unsafe { Place::new(view) }?;
         let mesh = mesh.get()?;
         let base = lock(&mesh.mesh)?.base_stream(semantic(stream)?)?;
-        place.write(stream_view(Some(base)));
+        place.write(stream_view(&base));
         Ok(())
     })
 }

@@ -23,10 +23,8 @@ pub(crate) fn pose_view(view: Option<PoseView>) -> DmPoseView {
     })
 }
 
-/// A stream; `None`: a null buffer.
-pub(crate) fn stream_view(view: Option<StreamView>) -> DmStreamView {
-    let none = DmStreamView::zeroed();
-    view.map_or(none, |view| DmStreamView {
+pub(crate) fn stream_view(view: &StreamView) -> DmStreamView {
+    DmStreamView {
         stride: view.stride,
         buffer: view.buffer,
         offset: view.offset,
@@ -34,8 +32,8 @@ pub(crate) fn stream_view(view: Option<StreamView>) -> DmStreamView {
         format: pose_number(view.format),
         units: view.units,
         slot: view.slot,
-        ..none
-    })
+        ..DmStreamView::zeroed()
+    }
 }
 
 /// Get the buffer and layout of an instance's pose, which is there once the updates recorded so far have run.
@@ -89,31 +87,10 @@ pub unsafe extern "C" fn dm_crowd_stream(
 ) -> DmResult {
     enter("dm_crowd_stream", || {
         // SAFETY: the caller's obligation.
-        let (place, stream) = (unsafe { Place::new(view) }?, semantic(stream)?);
+        let place = unsafe { Place::new(view) }?;
+        let stream = semantic(stream)?;
         let found = with(crowd, |state| Ok(state.crowd().stream(instance, stream)?))?;
-        place.write(stream_view(Some(found)));
-        Ok(())
-    })
-}
-
-/// Get the buffer and layout of a stream (`DM_STREAM_…`) of an instance's previous pose; see `dm_crowd_previous_pose`.
-///
-/// Errors: those of `dm_crowd_stream`.
-///
-/// # Safety
-/// `view` is a structure that can be written.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dm_crowd_previous_stream(
-    crowd: DmCrowd,
-    instance: u32,
-    stream: u32,
-    view: *mut DmStreamView,
-) -> DmResult {
-    enter("dm_crowd_previous_stream", || {
-        // SAFETY: the caller's obligation.
-        let (place, stream) = (unsafe { Place::new(view) }?, semantic(stream)?);
-        let found = with(crowd, |state| Ok(state.crowd().previous_stream(instance, stream)?))?;
-        place.write(stream_view(found));
+        place.write(stream_view(&found));
         Ok(())
     })
 }

@@ -1,5 +1,5 @@
 /*
- * Invalid use of queue families, layers of clips, and bounds from weights; messages on a mesh.
+ * Invalid use of queue families, and bounds from weights; messages on a mesh.
  * Included by misuse.c, which says what it expects.
  */
 
@@ -15,44 +15,6 @@ static void families(const DmEngineDesc *good, DmGpuMesh mesh) {
     INVALID("queue family 77 of ", dm_engine_create(&bad, &engine));
     INVALID("queue family 77 of ", dm_crowd_create(mesh, &desc, &crowd));
     HOLDS(engine.bits == 0 && crowd.bits == 0);
-}
-
-static void layers(DmMesh mesh, DmCrowd crowd) {
-    const char *name = NULL;
-    const float values[2] = {0.5f, 1}, mask[3] = {1, 1, NAN};
-    float weights[3] = {0};
-    DmClip clip = {0};
-    DmBoundClip bound = {0};
-    WORKS(dm_mesh_target_name(mesh, 1, &name));
-    const DmClipArrays arrays = {.struct_size = sizeof arrays, .frame_count = 2, .column_count = 1, .fps = 10,
-                                 .names = &name, .values = values};
-    WORKS(dm_clip_from_arrays(&arrays, &clip));
-    INVALID("'names' is a null pointer", dm_clip_bind_names(clip, NULL, 1, &bound));
-    INVALID("'bound' is a null pointer", dm_clip_bind_names(clip, &name, 1, NULL));
-    INVALID("names no target", dm_clip_bind_names(clip, (const char *[]){"none"}, 1, &bound));
-    HANDLE("null handle in place of a clip", dm_clip_bind_names((DmClip){0}, &name, 1, &bound));
-    WORKS(dm_clip_bind(clip, mesh, &bound));
-    DmClipLayer layer = {.struct_size = sizeof layer, .clip = bound, .weight = 1}, bad = layer;
-    INVALID("a null pointer to DmClipLayer", dm_clips_mix(NULL, 1, weights, 3));
-    INVALID("'weights' is a null pointer", dm_clips_mix(&layer, 1, NULL, 3));
-    INVALID("bound to 3 targets, and 2 weights are mixed", dm_clips_mix(&layer, 1, weights, 2));
-    bad.clip = (DmBoundClip){crowd.bits};
-    HANDLE("the handle of a crowd in place of a bound clip", dm_clips_mix(&bad, 1, weights, 3));
-    bad = layer, bad.time = NAN;
-    INVALID("layer 0", dm_clips_mix(&bad, 1, weights, 3));
-    bad = layer, bad.blend = 3;
-    INVALID("blend of a layer (DM_LAYER_)", dm_clips_mix(&bad, 1, weights, 3));
-    bad = layer, bad.mask = mask;
-    INVALID("the mask of target 2", dm_clips_mix(&bad, 1, weights, 3));
-    bad.mask = weights;
-    INVALID("the mask of layer 1 overlaps 'weights'", dm_clips_mix((const DmClipLayer[]){layer, bad}, 2, weights, 3));
-    bad = layer, bad.struct_size = 8;
-    INVALID("DmClipLayer with a struct_size of 8", dm_clips_mix((const DmClipLayer[]){layer, bad}, 2, weights, 3));
-    HOLDS(weights[1] == 0);
-    WORKS(dm_clips_mix(&layer, 1, weights, 3));
-    HOLDS(weights[1] == 0.5f);
-    WORKS(dm_bound_clip_destroy(bound));
-    WORKS(dm_clip_destroy(clip));
 }
 
 static void weight_bounds(DmMesh mesh) {
@@ -87,7 +49,7 @@ static void told(void *user, uint32_t severity, const char *text) {
 
 static void messages(void) {
     char folder[1100], targets[1200], neutral[1200];
-    snprintf(folder, sizeof folder, "%s.face", calls_file);
+    snprintf(folder, sizeof folder, "%s.face", program);
     snprintf(targets, sizeof targets, "%s/targets", folder);
     snprintf(neutral, sizeof neutral, "%s/neutral.obj", folder);
     HOLDS(mkdir(folder, 0777) == 0 && mkdir(targets, 0777) == 0);
@@ -99,57 +61,12 @@ static void messages(void) {
     WORKS(dm_mesh_open(folder, &desc, &mesh));
     HOLDS(count == 1);
     WORKS(dm_mesh_destroy(mesh));
-    desc.struct_size = offsetof(DmMeshDesc, message); /* of a program that was built before there were messages */
-    WORKS(dm_mesh_open(folder, &desc, &mesh));
-    HOLDS(count == 1);
-    WORKS(dm_mesh_destroy(mesh));
 }
 
 static void levels(DmCrowd crowd, DmCrowd animated) {
-    const DmCamera camera = {.struct_size = sizeof camera, .height = 100, .angle = 0.5f};
-    const DmPlace place = {.struct_size = sizeof place, .radius = 1};
-    DmCamera no_camera = camera;
-    DmPlace no_place = place;
-    no_camera.angle = 4, no_place.radius = -1;
     INVALID("plays no clips", dm_crowd_set_level(crowd, 0, 1));
     INVALID("a level of -1 targets", dm_crowd_set_level(animated, 0, -1));
-    INVALID("plays no clips", dm_crowd_set_camera(crowd, &camera));
-    INVALID("a null pointer to DmCamera", dm_crowd_set_camera(animated, NULL));
-    INVALID("a camera at", dm_crowd_set_camera(animated, &no_camera));
-    INVALID("plays no clips", dm_crowd_cut_camera(crowd));
-    INVALID("plays no clips", dm_crowd_set_place(crowd, 0, &place));
-    INVALID("a null pointer to DmPlace", dm_crowd_set_place(animated, 0, NULL));
-    INVALID("an instance at", dm_crowd_set_place(animated, 0, &no_place));
-    INVALID("instance 1", dm_crowd_set_place(animated, 1, &place));
-    WORKS(dm_crowd_set_camera(animated, &camera));
-    WORKS(dm_crowd_cut_camera(animated));
-    WORKS(dm_crowd_set_place(animated, 0, &place));
     WORKS(dm_crowd_set_level(animated, 0, 2));
-}
-
-static void calls(DmCrowd crowd, DmCrowd animated) {
-    const char *file = calls_file;
-    char text[400] = "";
-    size_t size;
-    FILE *written;
-    remove(file);
-    INVALID("plays clips", dm_crowd_log_calls(animated));
-    INVALID("plays clips", dm_crowd_write_calls(animated, file));
-    INVALID("'path' is a null pointer", dm_crowd_write_calls(crowd, NULL));
-    WORKS(dm_crowd_log_calls(crowd));
-    WORKS(dm_crowd_set_weight(crowd, 0, 1, 0.25f));
-    WORKS(dm_crowd_write_calls(crowd, file));
-    WORKS(dm_crowd_set_weight(crowd, 0, 1, 0.5f));
-    WORKS(dm_crowd_cut(crowd, 0));
-    WORKS(dm_crowd_write_calls(crowd, file));
-    REFUSED(DM_ERROR_IO, "no-folder/calls: cannot write", dm_crowd_write_calls(crowd, "no-folder/calls"));
-    written = fopen(file, "rb");
-    HOLDS(written != NULL);
-    if (written == NULL) return;
-    size = fread(text, 1, sizeof text - 1, written);
-    fclose(written);
-    HOLDS(size > 0 && strncmp(text, "deltamorph calls 1\ncrowd mesh=", 30) == 0);
-    HOLDS(strstr(text, "\nweights 0 1=0.25\nweights 0 1=0.5\ncut 0\n") != NULL);
 }
 
 /* As a host does that has an allocator: memory of its own for each buffer. */
@@ -177,20 +94,11 @@ static void free_memory(void *user, const DmHostMemory *memory) {
     vkFreeMemory(memories->host->device, memory->memory, NULL);
 }
 
-/* An engine of its own, with memory of the host's: timestamps, names of steps, statistics of memory. */
+/* An engine of its own, with memory of the host's, and statistics of it. */
 static void handed_over(const Host *host, const DmEngineDesc *device, DmMesh mesh) {
-    const VkQueryPoolCreateInfo info = {.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO,
-                                        .queryType = VK_QUERY_TYPE_TIMESTAMP, .queryCount = 2};
-    const VkQueryResultFlags wide = VK_QUERY_RESULT_64_BIT;
-    VkQueryPool pool;
     DmEngine engine;
     DmGpuMesh uploaded;
     DmCrowd crowd;
-    DmUpdate update = {.struct_size = sizeof update};
-    uint32_t count = 0;
-    uint64_t at[2];
-    DmStepName step;
-    VK(vkCreateQueryPool(host->device, &info, NULL, &pool));
     Memories memories = {host, 0, 1};
     DmEngineDesc own = *device;
     own.allocate_memory = allocate_memory, own.memory_user = &memories;
@@ -205,40 +113,17 @@ static void handed_over(const Host *host, const DmEngineDesc *device, DmMesh mes
     WORKS(dm_gpu_mesh_release_staging(uploaded));
     WORKS(dm_crowd_create(uploaded, NULL, &crowd));
     host_begin(host);
-    vkCmdResetQueryPool(host->cmd, pool, 0, 2);
-    WORKS(dm_crowd_set_queries(crowd, pool, 0, 1));
-    INVALID("1 queries for the 2 timestamps", dm_record_update(host->cmd, crowd, &update));
-    HOLDS(update.timestamps == 0);
-    WORKS(dm_crowd_set_queries(crowd, pool, 0, 2));
-    WORKS(dm_record_update(host->cmd, crowd, &update));
+    WORKS(dm_record_update(host->cmd, crowd, NULL));
     host_submit_and_wait(host);
-    VK(vkGetQueryPoolResults(host->device, pool, 0, 2, sizeof at, at, sizeof *at, wide));
-    HOLDS(update.timestamps == 2 && at[0] > 0 && at[0] <= at[1]);
-    INVALID("'count' is a null pointer", dm_crowd_step_names(crowd, NULL, NULL));
-    WORKS(dm_crowd_step_names(crowd, &count, NULL));
-    HOLDS(count == 1);
-    WORKS(dm_crowd_step_names(crowd, &count, &step));
-    HOLDS(strcmp(step.name, "blocks") == 0);
 
     DmMemory memory = {.struct_size = sizeof memory};
-    char json[600] = "", poses[80];
     WORKS(dm_engine_memory(engine, &memory));
     HOLDS(memory.meshes.allocations + memory.poses.allocations + memory.lists.allocations == memories.live);
     HOLDS(memory.meshes.bytes > 0 && memory.staging.bytes == 0 && memory.allocated >= memory.poses.bytes);
-    WORKS(dm_engine_memory_json(engine, &count, NULL));
-    HOLDS(count > 100 && count < sizeof json);
-    count--;
-    INVALID("'text' has room for", dm_engine_memory_json(engine, &count, json));
-    count = sizeof json;
-    WORKS(dm_engine_memory_json(engine, &count, json));
-    snprintf(poses, sizeof poses, "\"poses\": {\"bytes\": %llu, \"allocations\": 1}",
-             (unsigned long long)memory.poses.bytes);
-    HOLDS(count == strlen(json) + 1 && strstr(json, poses));
     WORKS(dm_crowd_destroy(crowd));
     WORKS(dm_gpu_mesh_destroy(uploaded));
     HOLDS(memories.live == 0);
     WORKS(dm_engine_destroy(engine));
-    vkDestroyQueryPool(host->device, pool, NULL);
 }
 
 /* As `steps`. */
@@ -248,8 +133,6 @@ static void more(const Host *host, DmMesh mesh, DmGpuMesh uploaded, DmCrowd crow
                                  .get_instance_proc_addr = vkGetInstanceProcAddr};
     families(&device, uploaded);
     handed_over(host, &device, mesh);
-    layers(mesh, crowd);
     weight_bounds(mesh);
     levels(crowd, animated);
-    calls(crowd, animated);
 }

@@ -5,23 +5,17 @@
 
 static void null_handles(void) {
     DmPoseView pose = {.struct_size = sizeof pose};
-    DmStreamView stream = {.struct_size = sizeof stream};
     DmEngineInfo info = {.struct_size = sizeof info};
     DmMemory memory = {.struct_size = sizeof memory};
     DmRenderVertices vertices = {.struct_size = sizeof vertices};
     HANDLE("null handle in place of a mesh", dm_mesh_render_vertices(no_mesh, &vertices));
     HANDLE("null handle in place of an engine", dm_engine_info((DmEngine){0}, &info));
     HANDLE("null handle in place of an engine", dm_engine_memory((DmEngine){0}, &memory));
-    HANDLE("null handle in place of an engine", dm_engine_memory_json((DmEngine){0}, NULL, NULL));
     HANDLE("null handle in place of a mesh on the device", dm_gpu_mesh_release_staging((DmGpuMesh){0}));
     HANDLE("null handle in place of a mesh on the device", dm_gpu_mesh_base_pose((DmGpuMesh){0}, &pose));
     HANDLE("null handle in place of a mesh on the device", dm_gpu_mesh_destroy((DmGpuMesh){0}));
     HANDLE("null handle in place of a crowd", dm_crowd_previous_pose(no_crowd, 0, &pose));
-    HANDLE("null handle in place of a crowd", dm_crowd_previous_stream(no_crowd, 0, DM_STREAM_NORMAL, &stream));
     HANDLE("null handle in place of a crowd", dm_crowd_destroy(no_crowd));
-    HANDLE("null handle in place of a crowd", dm_crowd_set_queries(no_crowd, VK_NULL_HANDLE, 0, 0));
-    HANDLE("null handle in place of a crowd", dm_crowd_step_names(no_crowd, NULL, NULL));
-    HANDLE("null handle in place of a CPU crowd", dm_cpu_crowd_destroy((DmCpuCrowd){0}));
     HANDLE("null handle in place of a skin", dm_skin_destroy((DmSkin){0}));
     HANDLE("null handle in place of a clip", dm_clip_destroy((DmClip){0}));
     HANDLE("null handle in place of a bound clip", dm_bound_clip_destroy((DmBoundClip){0}));
@@ -34,65 +28,13 @@ static VkBuffer storage_create(const Host *host, uint64_t bytes, VkDeviceMemory 
     return made.buffer;
 }
 
-static void single_weights(DmCrowd crowd, DmCrowd animated, const char *name) {
-    float weights[3] = {0};
+static void single_weights(DmCrowd crowd, DmCrowd animated) {
     INVALID("target 3", dm_crowd_set_weight(crowd, 0, 3, 1));
     INVALID("instance 9", dm_crowd_set_weight(crowd, 9, 0, 1));
     INVALID("NaN", dm_crowd_set_weight(crowd, 0, 0, NAN));
     INVALID("the crowd plays clips", dm_crowd_set_weight(animated, 0, 0, 1));
     HANDLE("null handle in place of a crowd", dm_crowd_set_weight(no_crowd, 0, 0, 1));
-    INVALID("no target 'none'", dm_crowd_set_weight_by_name(crowd, 0, "none", 1));
-    INVALID("'name' is a null pointer", dm_crowd_set_weight_by_name(crowd, 0, NULL, 1));
-    INVALID("room for 2 elements, and 3", dm_crowd_weights(crowd, 0, weights, 2));
-    INVALID("'weights' is a null pointer", dm_crowd_weights(crowd, 0, NULL, 3));
-    INVALID("the crowd plays clips", dm_crowd_weights(animated, 0, weights, 3));
     WORKS(dm_crowd_set_weight(crowd, 0, 0, 0.25f));
-    WORKS(dm_crowd_set_weight_by_name(crowd, 0, name, 0.75f));
-    WORKS(dm_crowd_weights(crowd, 0, weights, 3));
-    HOLDS(weights[0] == 0.25f && weights[1] == 0.5f && weights[2] == 0.75f);
-}
-
-static void sets(DmGpuMesh mesh, DmCrowd crowd, DmCrowd animated) {
-    DmCrowd members[2] = {crowd, {0}};
-    DmCrowds set = {0};
-    uint32_t count = 1;
-    const char *names[3] = {NULL}, *twice[2];
-    float weights[3] = {0.5f, 0.25f, NAN}, held[3];
-    WORKS(dm_crowd_create(mesh, NULL, &members[1]));
-    INVALID("a set of no crowd", dm_crowds_create(members, 0, &set));
-    INVALID("'crowds' is a null pointer", dm_crowds_create(NULL, 2, &set));
-    INVALID("'set' is a null pointer", dm_crowds_create(members, 2, NULL));
-    INVALID("named twice", dm_crowds_create((DmCrowd[]){crowd, crowd}, 2, &set));
-    INVALID("the crowd plays clips", dm_crowds_create((DmCrowd[]){crowd, animated}, 2, &set));
-    HANDLE("null handle in place of a crowd", dm_crowds_create(&no_crowd, 1, &set));
-    HANDLE("null handle in place of a set of crowds", dm_crowds_destroy(set));
-    WORKS(dm_crowds_create(members, 2, &set));
-    INVALID("room for 1 elements, and 3", dm_crowds_names(set, &count, names));
-    INVALID("'count' is a null pointer", dm_crowds_names(set, NULL, names));
-    count = 3;
-    WORKS(dm_crowds_names(set, &count, names));
-    HOLDS(count == 3 && names[2] && strlen(names[2]) > 0);
-    WORKS(dm_crowd_weights(crowd, 0, held, 3));
-    const float before = held[0];
-    INVALID("NaN", dm_crowds_set_weights(set, 0, weights, 3));
-    INVALID("2 weights for 3 names", dm_crowds_set_weights(set, 0, weights, 2));
-    INVALID("instance 1", dm_crowds_set_weights(set, 1, weights, 3));
-    WORKS(dm_crowd_remove(members[1], 0));
-    weights[2] = 1;
-    INVALID("instance 0", dm_crowds_set_weights(set, 0, weights, 3)); /* of the second: the first stays as it was */
-    WORKS(dm_crowd_weights(crowd, 0, held, 3));
-    HOLDS(held[0] == before);
-    twice[0] = twice[1] = names[0];
-    INVALID("two weights are called", dm_crowds_bind(set, twice, 2));
-    INVALID("no mesh has a target 'none'", dm_crowds_bind(set, (const char *[]){"none"}, 1));
-    INVALID("'names' is a null pointer", dm_crowds_bind(set, NULL, 1));
-    INVALID("'name of a weight' is a null pointer", dm_crowds_bind(set, (const char *[]){NULL}, 1));
-    WORKS(dm_crowds_bind(set, &names[2], 1));
-    WORKS(dm_crowd_destroy(members[1]));
-    HANDLE("was destroyed", dm_crowds_set_weights(set, 0, weights, 1));
-    HANDLE("was destroyed", dm_crowds_bind(set, &names[0], 0));
-    WORKS(dm_crowds_destroy(set));
-    HANDLE("was destroyed", dm_crowds_names(set, &count, NULL));
 }
 
 static void host_vertices(DmGpuMesh mesh, VkBuffer buffer) {
@@ -126,10 +68,6 @@ static void host_vertices(DmGpuMesh mesh, VkBuffer buffer) {
     desc.pose_usage = 0, desc.reserved = 4;
     INVALID("DmCrowdDesc: 'reserved' is 4", dm_crowd_create(mesh, &desc, &crowd));
     HOLDS(crowd.bits == 0);
-    /* A program of the first version, whose structure ends before what came since. */
-    desc.struct_size = offsetof(DmCrowdDesc, pose_usage);
-    WORKS(dm_crowd_create(mesh, &desc, &crowd));
-    WORKS(dm_crowd_destroy(crowd));
 }
 
 /* The crowd has a pose. */
@@ -268,10 +206,7 @@ static void steps(const Host *host, DmEngine engine, DmEngine other, DmMesh mesh
                   DmCrowd crowd, DmCrowd animated, DmCrowd elsewhere) {
     VkDeviceMemory memory;
     const VkBuffer buffer = storage_create(host, 1 << 16, &memory);
-    const char *name = NULL;
-    WORKS(dm_mesh_target_name(mesh, 2, &name));
-    single_weights(crowd, animated, name);
-    sets(uploaded, crowd, animated);
+    single_weights(crowd, animated);
     host_vertices(uploaded, buffer);
     readbacks(host, engine, crowd, elsewhere);
     skins(host, engine, other, mesh, another, crowd, buffer);

@@ -1,7 +1,6 @@
 //! The command line, as clap sees it.
 
 pub mod bench;
-pub mod encoding;
 pub mod groups;
 pub mod lod;
 pub mod poses;
@@ -11,18 +10,15 @@ pub mod values;
 #[cfg(feature = "viewer")]
 pub mod view;
 
-use crate::live::ADDRESS;
 use bench::BenchArgs;
 use clap::{Args, Parser, Subcommand};
 use deltamorph::{BlockDesc, DeltaFormat, PoseFormat, Tolerance, UpdateMode, UpdatePath};
 use deltamorph_head::HeadDesc;
 use deltamorph_headless::DeviceChoice;
-use encoding::Encoding;
 use lod::LodArgs;
 use poses::Sums;
 use reading::Reading;
 use render::RenderArgs;
-use std::net::SocketAddr;
 use std::path::PathBuf;
 use values::{BatchSpec, BudgetSpec};
 
@@ -59,46 +55,37 @@ pub enum Command {
     Sample(SampleArgs),
     /// Pack a mesh into a file that loads without packing again
     Pack(PackFileArgs),
-    /// Write the targets of a mesh as textures, a KTX2 file that --textures reads
+    /// Write the targets of a mesh as textures, a KTX2 file
     Textures(TexturesArgs),
     /// Describe a mesh: targets, sparsity, overlap, blocks, size and error of each format
     Info(InfoArgs),
     /// Measure the time per frame of the update paths, and write a report
     Bench(Box<BenchArgs>),
-    /// Run a whole weight clip, one update per frame, and say what each moved and how far it is off
+    /// Play a weight clip, one update per frame: bytes, times and errors
     Play(Box<PlayArgs>),
-    /// Make the calls that a host logged on a crowd (`CrowdBase::log_calls`, `play --calls`), and hash the poses
-    Replay(Box<ReplayArgs>),
-    /// Run any number of frames, random and captured, and say how far poses drift
+    /// Measure the drift of poses over any number of random and captured frames
     Soak(Box<SoakArgs>),
     /// Write one pose as OBJ
     Apply(Box<ApplyArgs>),
-    /// Draw a pose as PNG: lit, as a heat map, every target on a sheet, a crowd, or a whole clip
+    /// Draw a pose, a crowd or a whole clip as PNG
     Render(Box<RenderArgs>),
-    /// Open a window: a slider for each target, clips, paths and formats to switch, and what each update takes
+    /// Open a window with a slider for each target, clips, and paths and formats to switch
     #[cfg(feature = "viewer")]
     #[command(after_help = view::HELP)]
     View(Box<view::ViewArgs>),
+    /// Open a window, if the program was built with --features viewer
+    #[cfg(not(feature = "viewer"))]
+    View(NoViewArgs),
     /// Rank targets by importance, and say what is lost where fewer are kept
     Lod(Box<LodArgs>),
-    /// Print a script that completes commands and options in a shell
-    Completions(CompletionsArgs),
-    /// Write man pages: of the program, and of each command
-    Man(ManArgs),
 }
 
+/// Whatever `view` takes.
+#[cfg(not(feature = "viewer"))]
 #[derive(Args, Clone, Debug)]
-pub struct CompletionsArgs {
-    /// The shell, which loads the script as its manual says
-    #[arg(value_name = "SHELL")]
-    pub shell: clap_complete::Shell,
-}
-
-#[derive(Args, Clone, Debug)]
-pub struct ManArgs {
-    /// Folder to write, as ~/.local/share/man/man1
-    #[arg(value_name = "DIR")]
-    pub dir: PathBuf,
+pub struct NoViewArgs {
+    #[arg(hide = true, trailing_var_arg = true, allow_hyphen_values = true)]
+    args: Vec<std::ffi::OsString>,
 }
 
 #[derive(Args, Clone, Debug)]
@@ -108,9 +95,6 @@ pub struct SampleArgs {
     pub dir: PathBuf,
     #[command(flatten)]
     pub head: HeadArgs,
-    /// Lids that lie close to the eyeballs, two targets for half of a blink, and a rig.json that goes through them
-    #[arg(long)]
-    pub in_betweens: bool,
     /// Seed of everything that is random
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
@@ -126,17 +110,14 @@ pub struct SampleArgs {
 pub struct PackFileArgs {
     #[command(flatten)]
     pub input: InputArgs,
-    /// Storage of the deltas in a .dmorph file: a format in blocks [default: small]
+    /// Storage of the deltas: a format in blocks [default: small]
     #[arg(long, value_name = "FORMAT")]
     #[arg(value_parser = values::named(&DeltaFormat::ALL, DeltaFormat::name, DeltaFormat::summary))]
     pub format: Option<DeltaFormat>,
-    /// Storage of numbers in a .glb file [default: float]
-    #[arg(long, value_name = "ENCODING", value_enum)]
-    pub encoding: Option<Encoding>,
     #[command(flatten)]
     pub pack: PackArgs,
-    /// File to write: OUT.dmorph, or OUT.glb for programs that read glTF
-    #[arg(short, long, value_name = "OUT")]
+    /// File to write
+    #[arg(short, long, value_name = "OUT.dmorph")]
     pub output: PathBuf,
 }
 
@@ -156,9 +137,6 @@ pub struct TexturesArgs {
 pub struct InfoArgs {
     #[command(flatten)]
     pub input: InputArgs,
-    /// Write index.html and plots there: error against bytes, and the errors of whole poses (takes seconds)
-    #[arg(long, value_name = "DIR")]
-    pub report: Option<PathBuf>,
 }
 
 /// What `play`, `soak` and `apply` have in common: they update one head.
@@ -173,22 +151,6 @@ pub struct RunArgs {
     pub batch_size: BatchSpec,
 }
 
-/// Clips over the one that `play`, `render` and `view` take.
-#[derive(Args, Clone, Debug)]
-pub struct LayerArgs {
-    /// Another clip over that of --weights and --set, over and over from its first frame (repeatable): CSV@WEIGHT to go
-    /// so far towards it (1 where no weight is stated), CSV+WEIGHT to add so much of it
-    #[arg(long = "layer", value_name = "CSV[@WEIGHT]", value_parser = values::layer, conflicts_with = "normalise")]
-    pub layers: Vec<values::Layer>,
-}
-
-impl LayerArgs {
-    /// The files of these clips and of `weights`.
-    pub fn files(&self, weights: Option<&PathBuf>) -> Vec<PathBuf> {
-        weights.into_iter().chain(self.layers.iter().map(|layer| &layer.clip)).cloned().collect()
-    }
-}
-
 #[derive(Args, Clone, Debug)]
 pub struct PlayArgs {
     #[command(flatten)]
@@ -197,40 +159,16 @@ pub struct PlayArgs {
     /// the one in INPUT/weights or INPUT, where there is just one]
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,
-    #[command(flatten)]
-    pub layers: LayerArgs,
     /// Compare every Nth pose with the float64 reference, and the last one
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = values::whole(1usize, 1_000_000))]
     pub every: usize,
-    /// Animate and plan on the device: it samples the clip, finds what changed and makes its own work list. Takes the
-    /// path blocks and poses of integers, and says nothing of what it planned
+    /// Animate and plan on the device, which samples the clip, finds the changed targets and writes its own work list.
+    /// Needs the path blocks and fixed-point poses, and prints no plan
     #[arg(long)]
     pub animated: bool,
-    /// Add noise up to ±AMOUNT to every weight in every frame, as a tracker does that is never quite still
+    /// Add noise up to ±AMOUNT to every weight in every frame, like that of a face tracker
     #[arg(long, value_name = "AMOUNT", value_parser = values::positive)]
     pub noise: Option<f32>,
-    /// Send the clip over UDP at its rate, as VMC for `view --listen` and others, in place of playing it
-    #[arg(long, value_name = "ADDRESS:PORT", value_parser = values::address, num_args = 0..=1, require_equals = true)]
-    #[arg(default_missing_value = ADDRESS, conflicts_with_all = ["animated", "calls"])]
-    pub send: Option<SocketAddr>,
-    /// Write the calls on the crowd to FILE, for `deltamorph replay`
-    #[arg(long, value_name = "FILE", conflicts_with = "animated")]
-    pub calls: Option<PathBuf>,
-}
-
-#[derive(Args, Clone, Debug)]
-pub struct ReplayArgs {
-    /// File of the calls
-    #[arg(value_name = "CALLS")]
-    pub calls: PathBuf,
-    #[command(flatten)]
-    pub input: InputArgs,
-    #[command(flatten)]
-    pub pack: PackArgs,
-    /// Update path [default: that of the calls]
-    #[arg(long, value_name = "PATH")]
-    #[arg(value_parser = values::named(&UpdatePath::ALL, UpdatePath::name, UpdatePath::summary))]
-    pub path: Option<UpdatePath>,
 }
 
 #[derive(Args, Clone, Debug)]
@@ -291,19 +229,11 @@ pub struct InputArgs {
     #[arg(long, value_name = "FRACTION", default_value_t = 1e-6)]
     #[arg(value_parser = values::number("a fraction of the diagonal, 0 or more (0 keeps every delta)", |v| v >= 0.0))]
     pub tolerance: f32,
-    /// Take the targets of a file that `deltamorph textures` wrote, in place of those of INPUT
-    #[arg(long, value_name = "FILE.ktx2")]
-    pub textures: Option<PathBuf>,
     /// Frames per second of weight clips [default: what the file name ("…_24fps.csv") or the keys of the animation say,
     /// else 30]
     #[arg(long, value_name = "F", value_parser = values::fps)]
     pub fps: Option<f32>,
-    /// A rig, JSON: controls that drive the targets; --set and clips then name them [default: rig.json in the folder,
-    /// or NAME.rig.json beside NAME.glb or NAME.dmorph]
-    #[arg(long, value_name = "JSON")]
-    pub rig: Option<PathBuf>,
-    /// Take weights of clips and --set for weights of absolute poses: an average, of which the base pose takes what is
-    /// left
+    /// Weights are of whole poses: the pose is their weighted average; the base pose gets the remaining weight
     #[arg(long, value_name = "READING", value_enum, num_args = 0..=1, require_equals = true)]
     #[arg(default_missing_value = "text")]
     pub normalise: Option<Reading>,
@@ -349,35 +279,36 @@ impl HeadArgs {
 /// Options of the commands that update poses.
 #[derive(Args, Clone, Debug)]
 pub struct UpdateArgs {
-    /// Update paths, separated by commas [default: bench: all that the device can run, without the baselines; others:
-    /// blocks, or cpu where there is no GPU]
+    /// Update paths, separated by commas [default: bench: feedback, compute, blocks and cpu; others: blocks, or cpu
+    /// without a GPU]
     #[arg(long = "paths", visible_alias = "path", value_name = "PATH,…", value_delimiter = ',')]
     #[arg(value_parser = values::named(&UpdatePath::ALL, UpdatePath::name, UpdatePath::summary))]
     pub paths: Vec<UpdatePath>,
-    /// Add what changed to the last pose, or rebuild from the base pose every frame [default: incremental; rebuild for
-    /// scatter and the direct paths, which know nothing else]
+    /// Update the last pose, or rebuild from the base pose every frame [default: incremental; scatter and the direct
+    /// paths always rebuild]
     #[arg(long = "mode", visible_alias = "modes", value_name = "MODE,…", value_delimiter = ',')]
     #[arg(value_parser = values::mode())]
     pub modes: Vec<UpdateMode>,
     /// Pose buffers per head; 2 keeps the previous pose for motion vectors
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = values::whole(1u32, 64))]
     pub slots: u32,
-    /// Delta formats, separated by commas [default: bench: all; others: fast, or what a .dmorph file holds]
+    /// Delta formats, separated by commas [default: bench: float32, snorm16, fast and small; others: fast, or what a
+    /// .dmorph file holds]
     #[arg(long = "formats", visible_alias = "format", value_name = "FORMAT,…", value_delimiter = ',')]
     #[arg(value_parser = values::named(&DeltaFormat::ALL, DeltaFormat::name, DeltaFormat::summary))]
     pub formats: Vec<DeltaFormat>,
-    /// How poses are stored, separated by commas [default: bench: float32 and fixed32; others: float32]
+    /// How poses are stored, separated by commas [default: float32; bench --full: float32 and fixed32]
     #[arg(long = "poses", visible_alias = "pose", value_name = "FORMAT,…", value_delimiter = ',')]
     #[arg(value_parser = values::named(&PoseFormat::ALL, PoseFormat::name, PoseFormat::summary))]
     pub poses: Vec<PoseFormat>,
-    /// How poses add up: another way to name float32 or fixed32 poses; scatter, whose poses are float32, is exact
+    /// Kind of sums: float names float32 poses, exact names fixed32 poses (and the integer sums of scatter)
     #[arg(long, value_name = "SUMS,…", value_delimiter = ',')]
     pub accumulate: Vec<Sums>,
-    /// How far rounding may move a vertex of a float32 pose, as a fraction of the diagonal
+    /// Largest error from rounding in float32 poses, as a fraction of the diagonal
     #[arg(long, value_name = "FRACTION", default_value_t = 1e-5, value_parser = values::positive)]
     pub drift: f32,
-    /// Changes too small to move a vertex this far wait (block formats): a length in input units, or "1e-4d" of the
-    /// diagonal
+    /// Defer changes until they would move a vertex this far (block formats): a length in input units, or a fraction
+    /// of the diagonal such as "1e-4d"
     #[arg(long, value_name = "LENGTH", value_parser = values::budget)]
     pub error_budget: Option<BudgetSpec>,
     #[command(flatten)]
@@ -393,13 +324,13 @@ pub struct PackArgs {
     /// Vertices of a block: 32, 64 or 128 [default: 32 for small, else 64]
     #[arg(long, value_name = "N", value_parser = values::block_size)]
     pub block_size: Option<u32>,
-    /// Error allowed to a packed position delta, as a fraction of the diagonal
+    /// Largest error of a packed position delta, as a fraction of the diagonal
     #[arg(long, value_name = "FRACTION", default_value_t = 1e-5, value_parser = values::positive)]
     pub position_error: f32,
-    /// Error allowed to a packed normal at weight 1, in degrees
+    /// Largest error of a packed normal at weight 1, in degrees
     #[arg(long, value_name = "DEGREES", default_value_t = 0.5, value_parser = values::positive)]
     pub normal_error: f32,
-    /// The largest weight, either sign, that poses of integers have to hold; the smaller, the finer their unit
+    /// Largest absolute weight that fixed-point poses must hold; a smaller one gives finer steps
     /// [default: 1 in fixed16 and rebuilt16; in fixed32 4, or what a .dmorph file was packed with]
     #[arg(long, value_name = "WEIGHT", value_parser = values::positive)]
     pub weight_max: Option<f32>,

@@ -2,7 +2,7 @@
 
 use crate::output::Failure;
 use deltamorph::MorphMesh;
-use deltamorph::lod::{Camera, Importance, Level, LevelDesc, Place};
+use deltamorph::lod::{Importance, Level, LevelDesc, pixels_per_unit};
 use glam::{Mat4, Vec3};
 
 /// Number of targets that instances keep, in order of importance.
@@ -17,11 +17,6 @@ pub enum Detail {
 }
 
 impl Detail {
-    /// The choices in the panel.
-    #[cfg(feature = "viewer")]
-    pub const ALL: [Self; 6] =
-        [Self::All, Self::Share(0.75), Self::Share(0.5), Self::Share(0.25), Self::Pixels(0.5), Self::Pixels(2.0)];
-
     pub fn parse(text: &str) -> Result<Self, String> {
         let number = |text: &str, most: f32| text.parse().ok().filter(|v| (0.0..=most).contains(v));
         let share = || text.strip_suffix('%').and_then(|text| number(text, 100.0)).map(|v| Self::Share(v / 100.0));
@@ -31,13 +26,40 @@ impl Detail {
     }
 }
 
-impl std::fmt::Display for Detail {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::All => f.write_str("all targets"),
-            Self::Share(share) => write!(f, "{}% of the targets", share * 100.0),
-            Self::Pixels(pixels) => write!(f, "{pixels} pixels off at most"),
-        }
+/// A camera in perspective.
+#[derive(Clone, Copy, Debug)]
+pub struct Camera {
+    /// Position, in world units.
+    pub eye: Vec3,
+    /// Height of the picture, in pixels.
+    pub height: f32,
+    /// Angle of view from bottom to top, in radians.
+    pub angle: f32,
+}
+
+/// A ball around the base pose, where input units are world units.
+#[derive(Clone, Copy, Debug)]
+pub struct Ball {
+    centre: Vec3,
+    radius: f32,
+}
+
+impl Ball {
+    /// The ball around points, whose middle is their mean.
+    pub fn around(points: &[Vec3]) -> Self {
+        let centre = points.iter().sum::<Vec3>() / points.len().max(1) as f32;
+        let radius = points.iter().map(|point| point.distance(centre)).fold(0.0, f32::max);
+        Self { centre, radius }
+    }
+
+    /// Pixels per input unit at the nearest point of the ball, moved by a matrix that rotates, translates and scales.
+    /// The distance is at least a thousandth of the radius, also inside the ball.
+    pub fn pixels_per_unit(&self, camera: &Camera, place: &Mat4) -> f32 {
+        let axes = [place.x_axis, place.y_axis, place.z_axis];
+        let scale = axes.into_iter().map(|axis| axis.truncate().length()).fold(0.0, f32::max);
+        let radius = self.radius * scale;
+        let distance = camera.eye.distance(place.transform_point3(self.centre)) - radius;
+        pixels_per_unit(camera.height, camera.angle, distance.max(radius * 1e-3)) * scale
     }
 }
 
@@ -46,31 +68,31 @@ pub struct Kept {
     importance: Importance,
     /// The choice that the levels were made for, and a level for each instance.
     levels: (Detail, Vec<Level>),
-    /// Targets of each instance in the last frame, and the number that it is fading to.
-    now: Vec<(f32, f32)>,
+    /// Targets of each instance in the last frame.
+    now: Vec<f32>,
     /// Bounding sphere of an instance in the base pose.
-    ball: Place,
+    ball: Ball,
 }
 
 impl Kept {
     /// For a mesh of which `focus` is in the picture.
     pub fn new(mesh: &MorphMesh, focus: &[Vec3]) -> Result<Self, Failure> {
         let importance = Importance::of(mesh, &[])?;
-        Ok(Self { importance, levels: (Detail::All, vec![]), now: vec![], ball: Place::around(focus) })
+        Ok(Self { importance, levels: (Detail::All, vec![]), now: vec![], ball: Ball::around(focus) })
     }
 
     /// Pixels per input unit at the nearest point of an instance placed by `place`.
     pub fn unit(&self, camera: &Camera, place: &Mat4) -> f32 {
-        camera.pixels_per_unit(&self.ball.moved(place))
+        self.ball.pixels_per_unit(camera, place)
     }
 
     /// Removes left-out targets from `weights`, one list per instance; `units`: its pixels per input unit.
     pub fn apply(&mut self, detail: Detail, units: &[f32], weights: &mut [Vec<f32>]) -> Result<(), Failure> {
         let Self { importance, levels, .. } = self;
         let all = importance.target_count() as f32;
-        let kept: Vec<(f32, f32)> = match detail {
-            Detail::All => vec![(all, all); weights.len()],
-            Detail::Share(share) => vec![((share * all).ceil(), (share * all).ceil()); weights.len()],
+        let kept: Vec<f32> = match detail {
+            Detail::All => vec![all; weights.len()],
+            Detail::Share(share) => vec![(share * all).ceil(); weights.len()],
             Detail::Pixels(pixels) => {
                 if levels.0 != detail || levels.1.len() != weights.len() {
                     // A level assigns half of its pixels to error budgets, which are a separate option here.
@@ -79,12 +101,12 @@ impl Kept {
                 }
                 let heads = levels.1.iter_mut().zip(units).zip(weights.iter());
                 let step = |((level, unit), weights): ((&mut Level, &f32), &Vec<f32>)| {
-                    (level.step(importance, *unit, Some(weights)), level.goal() as f32)
+                    level.step(importance, *unit, Some(weights))
                 };
                 heads.map(step).collect()
             }
         };
-        for (weights, (level, _)) in weights.iter_mut().zip(&kept) {
+        for (weights, level) in weights.iter_mut().zip(&kept) {
             importance.apply(*level, weights)?;
         }
         self.now = kept;
@@ -94,13 +116,7 @@ impl Kept {
     /// The number of all targets, and the fewest and most that an instance keeps.
     pub fn of_all(&self) -> (usize, [usize; 2]) {
         let all = self.importance.target_count();
-        let kept = self.now.iter().map(|(now, _)| now.ceil() as usize);
+        let kept = self.now.iter().map(|now| now.ceil() as usize);
         (all, [kept.clone().min().unwrap_or(all), kept.max().unwrap_or(all)])
-    }
-
-    /// Whether an instance is still fading to its number of targets.
-    #[cfg(feature = "viewer")]
-    pub fn fades(&self) -> bool {
-        self.now.iter().any(|(now, goal)| now != goal)
     }
 }

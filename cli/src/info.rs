@@ -2,7 +2,6 @@
 
 pub mod measure;
 pub mod pose_formats;
-mod report;
 
 use crate::args::InfoArgs;
 use crate::input::{self, Input, MeshInfo};
@@ -10,7 +9,7 @@ use crate::output::{Failure, Output};
 use crate::table::{Column, Table, bytes, percent, sig3, thousands};
 use deltamorph::{BoundClip, DeltaFormat, MorphMesh, MorphTarget};
 use glam::Vec3;
-use measure::{Blocks, Measured, PoseRow, SweepRow};
+use measure::{Blocks, Measured};
 use pose_formats::{PoseCost, pose_table};
 use serde::Serialize;
 
@@ -31,17 +30,8 @@ struct Info {
     pose_formats: Vec<PoseCost>,
     /// The format of these deltas.
     pose_deltas: &'static str,
-    /// Controls that clips and settings name instead of targets, if there is a rig.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    controls: Option<Vec<String>>,
     /// The weight clips beside the mesh.
     clips: Vec<ClipRow>,
-    /// With `--report`: bytes and errors of `small` over a range of allowed errors, and of the other formats.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    sweep: Option<Vec<SweepRow>>,
-    /// With `--report`: errors of whole poses.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    poses: Option<Vec<PoseRow>>,
 }
 
 #[derive(Debug, Serialize)]
@@ -86,27 +76,18 @@ struct ClipRow {
 }
 
 pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
-    // Checked before seconds are spent on results that could not be written.
-    out.check(&input::files_of(&args.input, &[]), &[], args.report.as_deref())?;
-    if let Some(dir) = &args.report {
-        report::claim(dir)?;
-    }
+    out.check(&input::files_of(&args.input, &[]), &[], None)?;
     let input = input::load(&args.input, true, out)?;
     let spinner = out.spinner("packing");
     let formats = measure::measure_all(&input.kept, input.packed.as_ref())?;
-    let clips = input::clips(None, &args.input, &input, &[])?;
-    // The built-in head's clip does not lie beside a mesh.
-    let mut info = describe(&input, formats, if input.clips.is_empty() { &[] } else { &clips });
+    let clips = match input.clips.is_empty() {
+        // The built-in head's clip does not lie beside a mesh.
+        true => vec![],
+        false => input::clips(None, &args.input, &input, &[])?,
+    };
+    let info = describe(&input, formats, &clips);
     spinner.finish_and_clear();
-    if let Some(dir) = &args.report {
-        info.sweep = Some(measure::sweep(&input.kept, &info.formats, out)?);
-        info.poses = Some(measure::poses(&input, &info.formats, &clips, out));
-        report::write(&info, dir)?;
-    }
     out.say(text(&info));
-    if let Some(dir) = &args.report {
-        out.say(format_args!("\nreport: {}", dir.join("index.html").display()));
-    }
     out.json(&info)
 }
 
@@ -138,10 +119,7 @@ fn describe(input: &Input, formats: Vec<Measured>, clips: &[BoundClip]) -> Info 
         pose_deltas: held.name(),
         pose_formats: held_formats.unwrap_or_default(),
         formats,
-        controls: input.rig.as_ref().map(|rig| rig.controls().map(str::to_owned).collect()),
         clips: clips.iter().map(clip_row).collect(),
-        sweep: None,
-        poses: None,
     }
 }
 
@@ -226,13 +204,6 @@ fn text(info: &Info) -> String {
     for f in held.into_iter().chain(info.formats.iter().find(|f| f.name == DeltaFormat::Snorm16.name())) {
         let table = pose_table(&f.pose_formats, f.cost.position_error_rel);
         parts.push(format!("deltas in {}:\n{table}", f.name));
-    }
-    if let Some(controls) = &info.controls {
-        parts.push(format!(
-            "{} controls of the rig, which clips and --set name: {}",
-            controls.len(),
-            controls.join(", ")
-        ));
     }
     let clips: &[Column<'_, ClipRow>] = &[
         ("clip", &|c| c.name.clone()),

@@ -2,18 +2,14 @@
 
 use crate::args::InputArgs;
 use crate::args::reading::Reading;
-use crate::args::values::Layer;
 use crate::output::{Failure, Output};
 use deltamorph::import::{ImportDesc, Imported, ImportedMesh, csv, gltf};
-use deltamorph::internals::weights::names::closest;
+use deltamorph::internals::weights::names::{closest, unknown};
 use deltamorph::{
-    BlockDesc, BoundClip, ClipLayer, MorphMesh, PackDesc, PackedMesh, Semantic, Tolerance, WeightClip, import,
-    normalise_weights,
+    BlockDesc, BoundClip, MorphMesh, PackDesc, PackedMesh, Semantic, Tolerance, WeightClip, import, normalise_weights,
 };
 use deltamorph_head as head;
-use deltamorph_rig::BoundRig;
-use deltamorph_rig::names::retarget;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -36,8 +32,6 @@ pub struct Input {
     pub packed: Option<Arc<PackedMesh>>,
     /// The weight clips in INPUT/weights, by name; of a glTF file its animations of weights, as FILE#NAME.
     pub clips: Vec<PathBuf>,
-    /// The rig, with controls that clips and settings name instead of targets.
-    pub rig: Option<BoundRig>,
     /// Whether weights of clips and settings belong to absolute poses.
     pub normalise: Option<Reading>,
     /// The folder, or "built-in head": for reports.
@@ -49,7 +43,7 @@ pub struct Input {
 }
 
 /// Facts about a mesh in reports. Fields may be added, never renamed.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct MeshInfo {
     pub name: String,
     /// A folder, a file, or "built-in head".
@@ -63,12 +57,10 @@ pub struct MeshInfo {
     /// Position deltas up to this fraction of the diagonal were dropped.
     pub tolerance: f32,
     /// Normal deltas up to this length were dropped.
-    #[serde(default)]
     pub tolerance_normal: f32,
     /// Mean fraction of the vertices that a target moves.
     pub moved_mean: f64,
     /// Origin of poses, in input units: the middle of a mesh that is far from 0.
-    #[serde(default)]
     pub pose_origin: [f32; 3],
 }
 
@@ -131,14 +123,14 @@ pub fn load_split(args: &InputArgs, unposed: bool, out: &Output) -> Result<Input
 fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Result<Input, Failure> {
     let origin = args.input.as_ref().map_or("built-in head".into(), |path| path.display().to_string());
     let spinner = out.spinner(format!("reading {origin}"));
-    let (mesh, clips, rig, expressions) = match &args.input {
+    let (mesh, clips) = match &args.input {
         None => {
             let source = head::head(&args.head.desc(args.seed));
-            (ImportedMesh::Source(if desc.split { source.split()? } else { source }), vec![], None, vec![])
+            (ImportedMesh::Source(if desc.split { source.split()? } else { source }), vec![])
         }
         Some(path) => {
-            let Imported { mesh, clips, rig, expressions, .. } = import::open(path, desc)?;
-            (mesh, clips, rig, expressions)
+            let Imported { mesh, clips, .. } = import::open(path, desc)?;
+            (mesh, clips)
         }
     };
     let (raw, kept, packed) = match mesh {
@@ -167,34 +159,18 @@ fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Re
             (kept.clone(), kept, Some(Arc::new(asset.mesh)))
         }
     };
-    let (raw, kept, packed) = match &args.textures {
-        Some(path) => {
-            let read = Arc::new(deltamorph_baselines::textures::read_ktx2(path, &kept)?);
-            (read.clone(), read, None)
-        }
-        None => (raw, kept, packed),
-    };
     spinner.finish_and_clear();
     kept.notes.iter().for_each(|note| out.note(note));
     if packed.is_some() {
         let what = "errors are against what it holds; those against the raw files cannot be told";
         out.note(format_args!("{origin} is packed: {what}"));
     }
-    let targets = names(&kept);
-    let rig = match args.rig.as_ref().or(rig.as_ref()) {
-        Some(path) => {
-            let bound = deltamorph_rig::read(path)?.bind(&targets);
-            Some(bound.map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))?)
-        }
-        None => deltamorph_rig::vrm::rig(&expressions, &targets).map(|rig| rig.bind(&targets)).transpose()?,
-    };
     Ok(Input {
         name: kept.name.clone(),
         raw,
         kept,
         packed,
         clips,
-        rig,
         normalise: args.normalise,
         origin,
         out: Some(out.clone()),
@@ -202,11 +178,7 @@ fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Re
     })
 }
 
-fn names(mesh: &MorphMesh) -> Vec<&str> {
-    mesh.targets.iter().map(|t| t.name.as_str()).collect()
-}
-
-/// Weights of controls by name, as `--set` states them.
+/// Weights of targets by name, as `--set` states them.
 pub type Settings = [(String, f32)];
 
 /// The clip that `path` names, as FILE#NAME if it is an animation of a glTF file, or in a packed file: the only one of
@@ -237,7 +209,7 @@ fn of_joints_alone(path: &Path, args: &InputArgs, input: &Input) -> Result<Optio
     };
     let all = gltf::read(&file)?.animations;
     let animation = all.iter().find(|animation| animation.name == name && animation.moves_joints_alone());
-    let (Some(animation), Some(first)) = (animation, input.controls().first().copied()) else { return Ok(None) };
+    let (Some(animation), Some(first)) = (animation, input.targets().first().copied()) else { return Ok(None) };
     let fps = args.fps.unwrap_or_else(|| animation.frame_rate());
     let values = vec![0.0; animation.frame_times(args.fps).len()];
     input.out.iter().for_each(|out| out.note(format_args!("clip '{name}' moves joints alone: all weights are 0")));
@@ -252,13 +224,13 @@ pub fn clip(path: &Path, args: &InputArgs, input: &Input, settings: &Settings) -
         Some(clip) => clip,
         None => import::open_clip(path, args.fps)?,
     };
-    let clip = input.retargeted(&clip).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))?;
     if clip.frame_count() == 0 {
         return Err(Failure::Failed(format!("{}: has no frames; add one row per frame", path.display())));
     }
-    let known = input.controls();
-    if !clip.names.is_empty() && clip.names.iter().all(|name| !known.contains(&name.as_str())) {
-        let of = if input.rig.is_some() { "control of the rig" } else { "target" };
+    clip.check().map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))?;
+    let known = input.targets();
+    let (renamed, lost) = clip.renamed(&known);
+    if renamed.names.is_empty() && !lost.is_empty() {
         let few = |names: &[&str]| {
             let more = if names.len() > 5 { ", …" } else { "" };
             format!("'{}'{more}", names[..names.len().min(5)].join("', '"))
@@ -268,14 +240,22 @@ pub fn clip(path: &Path, args: &InputArgs, input: &Input, settings: &Settings) -
         let near: Vec<String> = near.take(3).collect();
         let near = if near.is_empty() { String::new() } else { format!("; did you mean {}?", near.join(", ")) };
         return Err(Failure::Failed(format!(
-            "{}: none of its columns ({}) is a {of} of '{}' ({}){near}; rename columns",
+            "{}: none of its columns ({}) is a target of '{}' ({}){near}; rename columns",
             path.display(),
             few(&columns),
             input.kept.name,
             few(&known),
         )));
     }
-    let clip = input.with_settings(clip, settings)?;
+    // A column that is left out is said; one that looks like a misspelt target is refused.
+    for name in &lost {
+        if closest(name, &known).is_some() {
+            let what = format!("{}: column '{name}' names no target of '{}'", path.display(), input.kept.name);
+            return Err(Failure::Failed(unknown(what, name, "target of the mesh", &known).to_string()));
+        }
+    }
+    input.say_renamed(&clip, &renamed, &lost);
+    let clip = input.with_settings(renamed, settings)?;
     input.bind(&clip).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))
 }
 
@@ -320,42 +300,17 @@ pub fn clips(
     paths.iter().map(|path| clip(path, args, input, settings)).collect()
 }
 
-/// Applies `layers` to each frame of `clip`, at the same time; returns a clip of all targets.
-pub fn layered(clip: BoundClip, layers: &[Layer], args: &InputArgs, input: &Input) -> Result<BoundClip, Failure> {
-    if layers.is_empty() {
-        return Ok(clip);
-    }
-    let bound = layers.iter().map(|layer| self::clip(&layer.clip, args, input, &[]));
-    let bound = bound.collect::<Result<Vec<_>, Failure>>()?;
-    let mut values = vec![];
-    for (frame, mut weights) in clip.frames().enumerate() {
-        let seconds = frame as f64 / f64::from(clip.fps);
-        let over = layers.iter().zip(&bound);
-        let over = over.map(|(layer, clip)| ClipLayer::new(clip, seconds).blend(layer.blend).weight(layer.weight));
-        ClipLayer::mix(&over.collect::<Vec<_>>(), &mut weights)?;
-        values.append(&mut weights);
-    }
-    let targets = names(&input.kept);
-    let names = targets.iter().map(|name| (*name).to_owned()).collect();
-    input.holds(&values);
-    Ok(WeightClip { name: clip.name, names, fps: clip.fps, values }.bind(&targets)?)
-}
-
 impl Input {
-    /// Names for clips and settings: the controls of the rig, or the targets.
-    pub fn controls(&self) -> Vec<&str> {
-        self.rig.as_ref().map_or_else(|| names(&self.kept), |rig| rig.controls().collect())
+    /// Names of the targets.
+    pub fn targets(&self) -> Vec<&str> {
+        self.kept.targets.iter().map(|target| target.name.as_str()).collect()
     }
 
-    /// Why no target or control is called `name`, and which one may be meant.
+    /// Why no target is called `name`, and which one may be meant.
     pub fn unknown(&self, name: &str) -> String {
-        let known = self.controls();
+        let known = self.targets();
         let near = closest(name, &known).map_or_else(String::new, |near| format!("; did you mean '{near}'?"));
-        let mesh = &self.kept.name;
-        match self.rig {
-            None => format!("'{mesh}' has no such target; `deltamorph info` lists the {} there are{near}", known.len()),
-            Some(_) => format!("the rig of '{mesh}' has no such control; it has {}{near}", known.join(", ")),
-        }
+        format!("'{}' has no such target; `deltamorph info` lists the {} there are{near}", self.kept.name, known.len())
     }
 
     /// Weights of the targets with only `settings`.
@@ -366,40 +321,26 @@ impl Input {
         Ok(frames.unwrap_or_else(|| vec![0.0; self.kept.targets.len()]))
     }
 
-    /// Renames the columns of a clip to targets or controls if they follow another convention: ARKit, FACS action
-    /// units, MakeHuman units. Prints a note on the mapping.
-    fn retargeted(&self, clip: &WeightClip) -> deltamorph::Result<WeightClip> {
-        let there = retarget(clip, &self.controls())?;
-        // A column named like a target that the rig drives is not renamed: binding refuses it by name. Likewise if no
-        // column is left.
-        let driven = |(name, _): &(String, _)| names(&self.kept).contains(&name.as_str());
-        if there.clip.names.is_empty() || there.columns.iter().any(driven) {
-            return Ok(clip.clone());
+    /// Prints a note on the columns of a clip that have other names than the targets, and on those that are left out.
+    fn say_renamed(&self, clip: &WeightClip, renamed: &WeightClip, lost: &[String]) {
+        let known = self.targets();
+        let other = clip.names.iter().filter(|name| !known.contains(&name.as_str())).count();
+        if other == 0 {
+            return;
         }
-        if !there.columns.is_empty() {
-            let (mapped, total) = (there.mapped(), clip.names.len());
-            let several = there.columns.iter().filter(|(_, targets)| targets.len() > 1).map(|(name, targets)| {
-                let targets: Vec<&str> = targets.iter().map(|(target, _)| target.as_str()).collect();
-                format!("{name} as {}", targets.join(" and "))
-            });
-            let several: Vec<String> = several.collect();
-            let several = if several.is_empty() { String::new() } else { format!(" ({})", several.join(", ")) };
-            let lost: Vec<&str> = there.lost().collect();
-            let (name, mesh) = (&clip.name, &self.name);
-            let lost = match lost.is_empty() {
-                true => "nothing is left over".to_owned(),
-                false => format!("'{mesh}' has nothing for {}", lost.join(", ")),
-            };
-            let text = format!("clip '{name}': {mapped} of {total} columns play under other names{several}; {lost}");
-            self.out.iter().for_each(|out| out.note(&text));
-        }
-        Ok(there.clip)
+        let play = other - lost.len();
+        let targets = renamed.names.iter().filter(|name| !clip.names.contains(name)).count();
+        let (name, mesh, total) = (&clip.name, &self.name, clip.names.len());
+        let lost = match lost {
+            [] => String::new(),
+            lost => format!("; '{mesh}' has no target for {}", lost.join(", ")),
+        };
+        let text = format!("clip '{name}': {play} of {total} columns move {targets} targets of other names{lost}");
+        self.out.iter().for_each(|out| out.note(&text));
     }
 
-    /// Binds a clip to the targets, through the rig if there is one.
+    /// Binds a clip to the targets.
     fn bind(&self, clip: &WeightClip) -> deltamorph::Result<BoundClip> {
-        let baked = self.rig.as_ref().map(|rig| rig.bake(clip, clip.fps)).transpose()?;
-        let clip = baked.as_ref().unwrap_or(clip);
         let normalised;
         let clip = match self.normalise {
             // `bind` refuses values that are not finite.
@@ -413,7 +354,7 @@ impl Input {
             Some(Reading::Text | Reading::Shader) | None => clip,
         };
         self.holds(&clip.values);
-        clip.bind(&names(&self.kept))
+        clip.bind(&self.targets())
     }
 
     /// Fixed-point poses have to hold these weights.
@@ -423,7 +364,7 @@ impl Input {
 
     /// A clip with `settings` in each frame; one frame if it has no columns.
     fn with_settings(&self, clip: WeightClip, settings: &Settings) -> Result<WeightClip, Failure> {
-        let known = self.controls();
+        let known = self.targets();
         for (i, (name, _)) in settings.iter().enumerate() {
             let refuse = |why: String| Err(Failure::Usage(format!("--set {name}: {why}")));
             if settings[..i].iter().any(|(other, _)| other == name) {
@@ -451,7 +392,6 @@ impl Input {
 pub fn files_of(args: &InputArgs, others: &[PathBuf]) -> Vec<PathBuf> {
     let file_of = |path: &PathBuf| import::animation_of(path).map_or_else(|| path.clone(), |(file, _)| file);
     let mut read: Vec<PathBuf> = others.iter().map(file_of).collect();
-    read.extend(args.textures.clone());
     if let Some(input) = &args.input {
         for folder in [input.clone(), input.join("targets"), input.join("weights")] {
             // The importer reports folders that cannot be listed.
@@ -464,8 +404,6 @@ pub fn files_of(args: &InputArgs, others: &[PathBuf]) -> Vec<PathBuf> {
         });
         read.extend(beside.filter(|path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("bin"))));
         read.push(input.clone());
-        read.push(input.with_extension("rig.json"));
     }
-    read.extend(args.rig.clone());
     read
 }

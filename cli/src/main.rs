@@ -7,18 +7,14 @@ mod detail;
 mod devices;
 mod info;
 mod input;
-mod live;
 mod lod;
 mod output;
 mod pack;
-mod page;
 mod play;
-mod plots;
+mod progress;
 mod render;
-mod replay;
 mod runner;
 mod sample;
-mod shell;
 mod soak;
 mod table;
 mod textures;
@@ -56,17 +52,16 @@ fn run(cli: &Cli, out: &Output) -> Result<(), Failure> {
         Command::Info(args) => info::run(args, out),
         Command::Bench(args) => bench::run(args, device, out),
         Command::Play(args) => play::run(args, device, out),
-        Command::Replay(args) => replay::run(args, device, out),
         Command::Soak(args) => soak::run(args, device, out),
         Command::Apply(args) => apply::run(args, device, out),
         Command::Render(args) => render::run(args, device, out),
         #[cfg(feature = "viewer")]
         Command::View(args) => view::run(args, device, out),
+        #[cfg(not(feature = "viewer"))]
+        Command::View(_) => Err(Failure::Usage(
+            "view: this program was built without its window; build with `cargo build --release --features viewer`"
+                .into(),
+        )),
         Command::Lod(args) => lod::run(args, device, out),
-        Command::Completions(args) => {
-            shell::completions(args, out);
-            Ok(())
-        }
-        Command::Man(args) => shell::man(args, out),
     }
 }

@@ -1,15 +1,14 @@
 //! The program's output: results on stdout, notes and progress on stderr.
 
+use crate::progress::Progress;
 use crate::table::fitted;
 use deltamorph::internals::write_replacing;
-use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use std::collections::HashSet;
 use std::fmt;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
-use std::time::Duration;
 
 /// The reason why a command ended early. Printed after "error: ", on one line.
 #[derive(Debug)]
@@ -72,11 +71,6 @@ impl Output {
         }
     }
 
-    /// Prints text for another program, which is as wide as it is.
-    pub fn pass_on(&self, text: &str) {
-        self.print(text);
-    }
-
     fn print(&self, text: &str) {
         let mut stdout = io::stdout().lock();
         match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
@@ -136,22 +130,14 @@ impl Output {
         json.map_or(Ok(()), can_write)
     }
 
-    /// A spinner for work of unknown length. Like a bar, it is hidden if stderr is not a terminal, and removed when
-    /// dropped.
-    pub fn spinner(&self, message: impl Into<String>) -> ProgressBar {
-        let bar = if self.quiet { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
-        let bar = bar.with_message(message.into());
-        if !bar.is_hidden() {
-            bar.enable_steady_tick(Duration::from_millis(100));
-        }
-        bar
+    /// Shows that work of unknown length is being done.
+    pub fn spinner(&self, message: impl Into<String>) -> Progress {
+        Progress::new(self.quiet, 0, message.into())
     }
 
-    /// A progress bar of `steps` steps.
-    pub fn bar(&self, steps: u64) -> ProgressBar {
-        let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {eta:>5} left  {wide_msg}");
-        let bar = if self.quiet { ProgressBar::hidden() } else { ProgressBar::new(steps) };
-        bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+    /// Shows how much is done of `steps` steps.
+    pub fn bar(&self, steps: u64) -> Progress {
+        Progress::new(self.quiet, steps, String::new())
     }
 }
 

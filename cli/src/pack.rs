@@ -1,11 +1,9 @@
-//! `pack`: writes a mesh as a file that loads without packing again, or as glTF.
-
-mod glb;
+//! `pack`: writes a mesh as a file that loads without packing again.
 
 use crate::args::PackFileArgs;
 use crate::info::measure::Cost;
 use crate::info::pose_formats::{PoseCost, pose_costs, pose_table};
-use crate::input::{self, Input};
+use crate::input;
 use crate::output::{Failure, Output, check_ending};
 use crate::table::{bytes, sig3, thousands};
 use deltamorph::import::{self, packed};
@@ -47,14 +45,7 @@ struct Exact {
 }
 
 pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
-    let name = args.output.display();
-    if args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb")) {
-        return glb::run(args, out);
-    }
-    check_ending(&args.output, "a packed mesh or a glTF file", &["dmorph", "glb"])?;
-    if args.encoding.is_some() {
-        return Err(Failure::Usage(format!("--encoding: is that of *.glb files; -o {name} takes --format")));
-    }
+    check_ending(&args.output, "a packed mesh", &["dmorph"])?;
     let format = Some(args.format.unwrap_or(DeltaFormat::Small)).filter(|f| f.is_blocks()).ok_or_else(|| {
         let names = DeltaFormat::BLOCKS.map(DeltaFormat::name).join(", ");
         Failure::Usage(format!("--format: packed files hold blocks; name one of {names}"))
@@ -66,7 +57,6 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
         let origin = &input.origin;
         out.note(format_args!("{origin} lost {lost} in length when it was packed; the error below is on top of that"));
     }
-    without_rig(&input, args, out);
     let spinner = out.spinner("packing");
     let desc = PackDesc::new(format).blocks(args.pack.desc());
     let asset = Asset::pack(&input.kept, &desc);
@@ -101,19 +91,6 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     };
     out.say(text(&facts));
     out.json(&facts)
-}
-
-/// Says that controls which drive targets are not written.
-fn without_rig(input: &Input, args: &PackFileArgs, out: &Output) {
-    if input.rig.is_some() {
-        let (origin, output, beside) = (&input.origin, &args.output, args.output.with_extension("rig.json"));
-        out.note(format_args!(
-            "{}: has the targets of {origin}, not its rig (expressions of VRM, or *.rig.json); a rig in {} is read \
-             with it",
-            output.display(),
-            beside.display()
-        ));
-    }
 }
 
 /// The result in words.

@@ -4,8 +4,7 @@ use crate::args::reading::Reading;
 use crate::args::{PlayArgs, distinct_or};
 use crate::bench::stats::Stats;
 use crate::input;
-use crate::live;
-use crate::output::{Failure, Output, write_file};
+use crate::output::{Failure, Output};
 use crate::runner::Stage;
 use crate::table::{Table, bytes, percent, sig3, thousands};
 use crate::verify::{Checked, Checks};
@@ -99,19 +98,9 @@ pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
         let named = run.update.named_poses().map_err(Failure::Usage)?;
         run.update.poses = distinct_or(&named, &[PoseFormat::Fixed32]);
     }
-    out.check(
-        &input::files_of(&run.input, &args.layers.files(weights.as_ref())),
-        args.calls.as_deref().as_slice(),
-        None,
-    )?;
+    out.check(&input::files_of(&run.input, weights.as_slice()), &[], None)?;
     let mut input = input::load(&run.input, true, out)?;
     let clip = input::one_clip(weights.as_deref(), &run.input, &input, &[])?;
-    let clip = input::layered(clip, &args.layers.layers, &run.input, &input)?;
-    if let Some(to) = args.send {
-        let names: Vec<&str> = input.kept.targets.iter().map(|target| target.name.as_str()).collect();
-        let frames = shaken(clip.frames(), args.noise, args.run.input.seed);
-        return live::send(to, &names, frames, clip.fps, out);
-    }
     // Reads the clip again without normalisation; notes have already been printed.
     (input.normalise, input.out) = (None, None);
     let plain = || input::one_clip(weights.as_deref(), &run.input, &input, &[]);
@@ -169,9 +158,6 @@ fn play(args: &PlayArgs, checks: &mut Checks<'_>, clip: &BoundClip, out: &Output
     let bar = out.bar(count as u64);
     let mut rows = Vec::with_capacity(count);
     let mut before = vec![0.0; stage.mesh.layout().targets.len()];
-    if args.calls.is_some() {
-        runner.log_calls();
-    }
     for (frame, weights) in frames().enumerate() {
         let due = frame % args.every == 0 || frame + 1 == count;
         let refused = |e| Failure::Failed(format!("clip '{}', {e}", clip.name));
@@ -192,11 +178,6 @@ fn play(args: &PlayArgs, checks: &mut Checks<'_>, clip: &BoundClip, out: &Output
         });
         before = weights;
         bar.inc(1);
-    }
-    if let Some(file) = &args.calls {
-        write_file(file, runner.take_calls())?;
-        let (hash, _) = runner.hash(stage.desc.pose)?;
-        out.say(format_args!("{}: for 'deltamorph replay'; hash {hash:016x} of the pose", file.display()));
     }
     Ok(rows)
 }

@@ -6,7 +6,6 @@ use crate::args::values::{BatchSpec, expand_batches, format_on, name};
 use crate::args::{PackArgs, RunArgs};
 use crate::input::Input;
 use crate::output::{Failure, Output};
-use deltamorph::calls::Call;
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, AnyCrowd, BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, Error, MorphEngine,
     PackDesc, PackedLayout, PackedMesh, Playback, PoseFormat, Repeat, UpdateDesc, UpdatePath, UpdateStats, WeightClip,
@@ -159,6 +158,13 @@ impl<'a> Runner<'a> {
         Ok(Self::Gpu(crowds))
     }
 
+    /// `heads` instances more of the same mesh, which is not uploaded again; `None` unless it is updated on a device.
+    pub fn another(&self, desc: UpdateDesc, heads: u32) -> Option<deltamorph::Result<Self>> {
+        let Self::Gpu(crowds) = self else { return None };
+        let desc = CrowdDesc::new(desc).instances(heads).frames_in_flight(1);
+        Some(crowds[0].another(&desc).map(|crowd| Self::Gpu(vec![crowd])))
+    }
+
     /// A crowd of `heads` instances of each of `parts` on a device, updated in one submission.
     pub fn scene(
         gpu: Option<&'a Gpu>,
@@ -258,69 +264,21 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// The stored pose of an instance, as numbers.
-    fn stored(&mut self, instance: u32, format: PoseFormat) -> deltamorph::Result<Vec<i32>> {
-        let stored = match self {
-            Self::Gpu(crowds) => crowds[0].read_stored(instance, 0)?,
-            Self::Animated { crowds, .. } => crowds[0].read_stored(instance, 0)?,
-            Self::Cpu(crowd, _) => crowd.stored_pose(instance, 0)?.to_vec(),
-        };
-        match format.has_integers() {
-            true => Ok(format.integers(&stored)),
-            false => Ok(stored.as_chunks().0.iter().map(|bytes| i32::from_le_bytes(*bytes)).collect()),
-        }
-    }
-
-    /// Logs the calls on the crowd from now on; those of a crowd animated by the device are not logged.
-    pub fn log_calls(&mut self) {
-        match self {
-            Self::Gpu(crowds) => crowds[0].crowd_mut().log_calls(),
-            Self::Animated { .. } => {}
-            Self::Cpu(crowd, _) => crowd.log_calls(),
-        }
-    }
-
-    /// The text of the calls since then.
-    pub fn take_calls(&mut self) -> String {
-        match self {
-            Self::Gpu(crowds) => crowds[0].crowd_mut().take_calls(),
-            Self::Animated { .. } => String::new(),
-            Self::Cpu(crowd, _) => crowd.take_calls(),
-        }
-    }
-
-    /// Hash of the poses of all instances that are shown, and their number.
-    pub fn hash(&mut self, format: PoseFormat) -> deltamorph::Result<(u64, usize)> {
-        let shown: Vec<u32> = match self {
-            Self::Gpu(crowds) => crowds[0].crowd().shown().collect(),
-            Self::Animated { crowds, .. } => crowds[0].crowd().shown().collect(),
-            Self::Cpu(crowd, _) => crowd.shown().collect(),
-        };
-        let mut all = vec![];
-        for instance in &shown {
-            all.extend(self.stored(*instance, format)?);
-        }
-        Ok((fnv(&all), shown.len()))
-    }
-
-    /// Makes a logged call.
-    pub fn repeat(&mut self, call: &Call) -> deltamorph::Result<()> {
-        match (call, self) {
-            (Call::Update, this) => this.step(&[] as &[&[f32]], 0).map(|_| ()),
-            (call, Self::Gpu(crowds)) => crowds[0].crowd_mut().repeat(call),
-            (call, Self::Cpu(crowd, _)) => crowd.repeat(call),
-            (_, Self::Animated { .. }) => Ok(()),
-        }
-    }
-
     /// The integers of the first instance: those of its pose, stored in `format`, or the integer sums of its path;
     /// `None` if all is float32.
     pub fn integers(&mut self, format: PoseFormat) -> deltamorph::Result<Option<Vec<i32>>> {
-        match self {
-            _ if format.has_integers() => self.stored(0, format).map(Some),
-            Self::Gpu(crowds) => crowds[0].read_sums(0),
-            _ => Ok(None),
+        if !format.has_integers() {
+            return match self {
+                Self::Gpu(crowds) => crowds[0].read_sums(0),
+                Self::Animated { .. } | Self::Cpu(..) => Ok(None),
+            };
         }
+        let stored = match self {
+            Self::Gpu(crowds) => crowds[0].read_stored(0, 0)?,
+            Self::Animated { crowds, .. } => crowds[0].read_stored(0, 0)?,
+            Self::Cpu(crowd, _) => crowd.stored_pose(0, 0)?.to_vec(),
+        };
+        Ok(Some(format.integers(&stored)))
     }
 
     /// Device time of `copies` draws of every instance; `None` without a device.
@@ -407,12 +365,6 @@ impl Stage {
             slots: self.desc.slots,
             error_budget: self.desc.error_budget,
         }
-    }
-
-    /// The formats that cause rounding: "fast", "fast in fixed16 poses".
-    pub fn formats(&self) -> String {
-        let (format, pose) = (self.mesh.layout().format.name(), self.desc.pose);
-        if pose.has_integers() { format!("{format} in {} poses", pose.name()) } else { format.to_owned() }
     }
 
     /// In words: "blocks fast exact fixed32, 2 slots, on llvmpipe".

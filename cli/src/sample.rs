@@ -1,13 +1,12 @@
 //! `sample`: writes the built-in head as a folder that any morph-target tool can read.
 
 use crate::args::SampleArgs;
-use crate::output::{Failure, Output, claim, create_folder, write_file};
+use crate::output::{Failure, Output, claim, create_folder};
 use crate::table::thousands;
 use deltamorph::MorphSource;
 use deltamorph::import::csv;
 use deltamorph::import::obj::{ObjMesh, write_obj};
 use deltamorph_head as head;
-use deltamorph_rig::{Control, Key, Rig};
 use glam::Vec3;
 use std::path::Path;
 
@@ -15,7 +14,7 @@ pub fn run(args: &SampleArgs, out: &Output) -> Result<(), Failure> {
     out.check(&[], &[], Some(&args.dir))?;
     // Files of an earlier run would be read as targets of this one.
     claim(&args.dir, "is not empty; name a new one", || false)?;
-    let desc = args.head.desc(args.seed).in_betweens(args.in_betweens);
+    let desc = args.head.desc(args.seed);
     let spinner = out.spinner("building the head");
     let source = head::head(&desc);
     let mut clip = head::head_clip(&desc, args.frames, args.fps);
@@ -29,10 +28,6 @@ pub fn run(args: &SampleArgs, out: &Output) -> Result<(), Failure> {
         create_folder(&args.dir.join("weights"))?;
         csv::write(&args.dir.join("weights").join(format!("{}.csv", clip.name)), &clip)?;
     }
-    let rig = head::head_rig(&desc);
-    if !rig.controls.is_empty() {
-        write_file(&args.dir.join("rig.json"), format!("{:#}\n", rig_text(&rig)))?;
-    }
     write_folder(&source, &args.dir, || bar.inc(1))?;
 
     let SampleArgs { dir, fps, seed, .. } = args;
@@ -42,16 +37,6 @@ pub fn run(args: &SampleArgs, out: &Output) -> Result<(), Failure> {
     out.json(&serde_json::json!({
         "schema": 1, "folder": dir, "vertices": vertices, "targets": targets, "frames": frames, "fps": fps, "seed": seed,
     }))
-}
-
-/// The JSON of a rig for `deltamorph_rig::read`, with the parts that the built-in head's rig uses.
-fn rig_text(rig: &Rig) -> serde_json::Value {
-    let key = |key: &Key| serde_json::json!({"at": key.at, "target": key.target});
-    let control = |control: &Control| {
-        let keys: Vec<_> = control.keys.iter().map(key).collect();
-        serde_json::json!({"name": control.name, "keys": keys})
-    };
-    serde_json::json!({"controls": rig.controls.iter().map(control).collect::<Vec<_>>()})
 }
 
 /// Writes `targets/*.obj` and then `neutral.obj`, so that an incomplete folder is recognisable, calling `step` after
@@ -92,16 +77,6 @@ mod tests {
     use deltamorph::Tolerance;
     use deltamorph::import::obj;
     use deltamorph_head::HeadDesc;
-
-    #[test]
-    fn the_rig_reads_back_as_the_heads() {
-        let rig = head::head_rig(&HeadDesc::default().vertices(500).in_betweens(true));
-        assert_eq!(rig.controls.len(), 2);
-        let dir = tempfile::tempdir().expect("a folder");
-        let file = dir.path().join("rig.json");
-        std::fs::write(&file, rig_text(&rig).to_string()).expect("written");
-        assert_eq!(deltamorph_rig::read(&file).expect("read"), rig);
-    }
 
     #[test]
     fn the_folder_reads_back_as_the_head() {

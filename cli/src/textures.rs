@@ -1,11 +1,11 @@
-//! `textures`: writes the delta textures of a mesh as a KTX2 file, which `--textures` reads.
+//! `textures`: writes the delta textures of a mesh as a KTX2 file.
 
 use crate::args::TexturesArgs;
 use crate::input;
 use crate::output::{Failure, Output, check_ending};
 use crate::table::{bytes, sig3, thousands};
-use deltamorph::{DeltaFormat, MorphMesh, POSE_FLOATS, PackDesc, PackedMesh};
-use deltamorph_baselines::textures::{TextureFloats, read_ktx2, write_ktx2};
+use deltamorph::{DeltaFormat, PackDesc, PackedMesh};
+use deltamorph_baselines::textures::{TextureFloats, write_ktx2};
 use serde::Serialize;
 use std::io::Write;
 
@@ -45,8 +45,13 @@ pub fn run(args: &TexturesArgs, out: &Output) -> Result<(), Failure> {
     let floats = if args.half { TextureFloats::Half } else { TextureFloats::Single };
     let file = write_ktx2(&packed, floats)?;
     deltamorph::internals::write_replacing(&args.output, |to| to.write_all(&file.bytes))?;
-    // Measured on the file as it is read back.
-    let rounding = rounding(&packed, &read_ktx2(&args.output, &input.kept)?)?;
+    let mut rounding = vec![];
+    for (group, of_group) in packed.groups().iter().zip(&file.rounding) {
+        for place in &group.layout().streams {
+            let largest = of_group[place.morphing_components()].iter().copied().fold(0.0, f64::max);
+            rounding.push(Rounding { stream: place.semantic.to_string(), largest });
+        }
+    }
     spinner.finish_and_clear();
     let written = Written {
         schema: 1,
@@ -78,28 +83,4 @@ fn text(w: &Written) -> String {
          rounded by at most: {}",
         rounding.join(", ")
     )
-}
-
-/// The largest difference of a component in each stream between the file, as it is read, and the written deltas.
-fn rounding(written: &PackedMesh, read: &MorphMesh) -> Result<Vec<Rounding>, Failure> {
-    let read = PackedMesh::pack(read, &PackDesc::new(DeltaFormat::Float32))?;
-    let mut found = vec![];
-    for (written, read) in written.groups().iter().zip(read.groups()) {
-        let mut largest = [0.0f64; POSE_FLOATS];
-        let mut of_target = vec![];
-        for target in 0..written.layout().targets.len() {
-            of_target.clear();
-            of_target.resize(written.layout().vertex_count, [0.0; POSE_FLOATS]);
-            written.for_each_delta(target, |vertex, delta| of_target[vertex] = delta);
-            read.for_each_delta(target, |vertex, delta| {
-                let differences = of_target[vertex].iter().zip(delta).map(|(a, b)| (a - b).abs());
-                largest.iter_mut().zip(differences).for_each(|(largest, d)| *largest = largest.max(d));
-            });
-        }
-        for place in &written.layout().streams {
-            let largest = largest[place.morphing_components()].iter().copied().fold(0.0, f64::max);
-            found.push(Rounding { stream: place.semantic.to_string(), largest });
-        }
-    }
-    Ok(found)
 }

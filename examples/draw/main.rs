@@ -66,9 +66,8 @@ pub fn pictures(headless: &Headless, format: PoseFormat, frames: &[Vec<f32>], ed
     let mut crowd = engine.create_crowd(&uploaded, &CrowdDesc::new(update).poses(Some(poses)))?;
 
     let pixels = host.shared((edge * edge) as usize * size_of::<Pixel>(), vk::BufferUsageFlags::TRANSFER_DST)?;
-    let mut triangles = source.faces.triangles().concat();
-    mesh.layout().remap_indices(&mut triangles)?; // packing reorders the vertices that draws name
-    let indices = host.filled(&triangles)?;
+    let triangles = &mesh.layout().indices;
+    let indices = host.filled(triangles)?;
     // The declarations of `pose.glsl` for the format, and the matching bindings and attributes.
     let version = format!("#version 450\n#define POSE_{}\n", format.decoder().to_uppercase());
     let shader = version + include_str!("../../glsl/host/pose.glsl") + VERTEX;

@@ -13,8 +13,7 @@ void load_entry(uint entry, uint lane, out DELTA position[VERTICES], out DELTA n
     shifts = uvec2(0u);
     uint at = deltas_at + entry * (BLOCK_SIZE / 4u * 9u);
 #ifdef TEXELS
-    uint header_at = headers_at + entry;
-    uint header = texelFetch(asset, int(header_at / 4u))[header_at & 3u];
+    uint header = texelFetch(asset, int(entry / 4u))[entry & 3u];
     // A word of bytes for four vertices, so that lanes share texels.
     uint first = lane * (VERTICES / 4u);
     uvec4 bytes = texelFetch(asset, int((at + 2u * BLOCK_SIZE + first) / 4u));
@@ -29,7 +28,7 @@ void load_entry(uint entry, uint lane, out DELTA position[VERTICES], out DELTA n
         }
     }
 #else
-    uint header = asset[headers_at + entry];
+    uint header = asset[entry];
     int c = bitfieldExtract(int(asset[at + 2u * BLOCK_SIZE + (lane >> 2)]), int(8u * (lane & 3u)), 8);
     decode_fast(asset[at + lane], asset[at + BLOCK_SIZE + lane], c, position[0], normal[0]);
 #endif

@@ -5,7 +5,7 @@
 #define DELTA ivec3
 
 void load_entry(uint entry, uint lane, out DELTA position[VERTICES], out DELTA normal[VERTICES], out uvec2 shifts) {
-    uint header = asset[headers_at + entry];
+    uint header = asset[entry];
     shifts = uvec2(header & 0xffu, (header >> 8) & 0xffu);
     // Deltas begin at a multiple of four words. The expression shows compilers an even index: one aligned load of both
     // words.

@@ -31,7 +31,7 @@ uint bits_at(uvec4 a, uvec4 b, uint at) {
 void load_part(uint entry, uint lane, inout uint part, out DELTA position[VERTICES], out DELTA normal[VERTICES],
                out uvec2 shifts) {
     shifts = uvec2(0u);
-    uvec3 header = three_words(headers_at + 3u * entry);
+    uvec3 header = three_words(3u * entry);
     uint at = deltas_at + header.x, size = 0u, end = 0u;
     // Components of the part end behind its first bit, `part`, and 32 bits from it at most. Those without bits that are
     // the first of a record end at its bit 0.
@@ -66,7 +66,7 @@ void load_part(uint entry, uint lane, inout uint part, out DELTA position[VERTIC
         uint place = bit & 127u;
         [[unroll]] for (uint w = 0u; w < 2u; ++w) {
             uint bits = bits_at(a, b, place);
-            int moves = bitfieldExtract(int(mask), int(v + w), 1);
+            int moves = int(mask << (31u - (v + w))) >> 31;
             [[unroll]] for (uint c = 0u; c < 3u; ++c) {
                 position[v + w][c] = (int((bits >> begins[c]) & masks[c]) + least[c]) & moves;
                 normal[v + w][c] = (int((bits >> begins[3u + c]) & masks[3u + c]) + least[3u + c]) & moves;
@@ -97,7 +97,7 @@ int next_component(inout uvec3 record, uint word) {
 
 void load_entry(uint entry, uint lane, out DELTA position[VERTICES], out DELTA normal[VERTICES], out uvec2 shifts) {
     shifts = uvec2(0u);
-    uint header = headers_at + 3u * entry;
+    uint header = 3u * entry;
     uint at = deltas_at + asset[header];
     uvec2 words = uvec2(asset[header + 1u], asset[header + 2u]);
     // The widths of all components, added up three at a time.
@@ -112,7 +112,9 @@ void load_entry(uint entry, uint lane, out DELTA position[VERTICES], out DELTA n
         if (i <= lane / 32u) rank += masked ? uint(bitCount(asset[mask_at - i])) : 32u;
     }
     if (masked) at += BLOCK_SIZE / 32u;
-    int moves = bitfieldExtract(int(mask), int(bit), 1);
+    // All ones if bit `bit` is set. Not bitfieldExtract: of a mask that is the same for the subgroup, at a bit that differs
+    // by invocation, NVIDIA's driver 580 takes the first invocation's bit for all (docs/results/gpu-h100.md).
+    int moves = int(mask << (31u - bit)) >> 31;
     // The words after a record are loaded with it. After the last record there is the base pose.
     uint from = rank * size;
     at += from >> 5;

@@ -25,7 +25,6 @@ mod targets;
 pub use clip::head_clip;
 use deltamorph::glam::{Vec2, Vec3};
 use deltamorph::{Corner, Faces, MorphSource, setters};
-use deltamorph_rig::{Control, Key, Rig};
 use mesh::{Part, Spot};
 pub use random::Rng;
 
@@ -41,29 +40,25 @@ pub struct HeadDesc {
     pub sparsity: f32,
     /// Seed.
     pub seed: u64,
-    /// Lids lie close to the eyeballs, at 0.2 mm instead of 0.5, and have in-betweens to go around them:
-    /// `eyeBlinkLeft_half` and `eyeBlinkRight_half` after the `targets`, for [`head_rig`]. A blink without a target has
-    /// no in-between.
-    pub in_betweens: bool,
 }
 
-setters!(HeadDesc { vertices: usize, targets: usize, sparsity: f32, seed: u64, in_betweens: bool });
+setters!(HeadDesc { vertices: usize, targets: usize, sparsity: f32, seed: u64 });
 
 impl Default for HeadDesc {
     /// 43,788 vertices and 72 targets, the size in Costigan et al. (MIG 2016).
     fn default() -> Self {
-        Self { vertices: 43_788, targets: 72, sparsity: 0.12, seed: 1, in_betweens: false }
+        Self { vertices: 43_788, targets: 72, sparsity: 0.12, seed: 1 }
     }
 }
 
-/// Makes the built-in head: exactly `desc.vertices` vertices and `desc.targets` targets, and the in-betweens.
+/// Makes the built-in head: exactly `desc.vertices` vertices and `desc.targets` targets.
 ///
 /// Triangles, with texture coordinates split along a seam at the back, and without normals:
 /// [`to_mesh`](MorphSource::to_mesh) computes them. Fewer than three vertices have no face, fewer than 250 make only
 /// the outline of a head, and below 1,000 or so some of teeth and tongue are missing. The shape of the base pose does
 /// not depend on the seed; it is symmetric, and so are targets for the left and the right side, up to the ends of their
 /// supports. The targets follow ARKit's documentation of their names. At weight 1, no target alone pushes a part
-/// through another, given enough vertices to resolve it (10,000 or so); without in-betweens this holds below 1 as well.
+/// through another, given enough vertices to resolve it (10,000 or so); this holds below 1 as well.
 ///
 /// The tile of a part's texture coordinates, the whole part of `u`, identifies it: 0 is skin, 1 eyeballs (`v` goes from
 /// the middle of the pupil, 0, over its edge at 0.08 and that of the iris at 0.21, to the back, 1), 2 teeth, 3 tongue
@@ -76,29 +71,13 @@ pub fn head(desc: &HeadDesc) -> MorphSource {
     let vertices = desc.vertices.clamp(1, 1 << 28);
     let sparsity = if desc.sparsity.is_nan() { HeadDesc::default().sparsity } else { desc.sparsity };
     let desc = desc.clone().sparsity(sparsity.clamp(f32::MIN_POSITIVE, 1.0));
-    let (spots, base) = if vertices < 5 { few(vertices) } else { whole(vertices, desc.in_betweens) };
+    let (spots, base) = if vertices < 5 { few(vertices) } else { whole(vertices) };
     let targets = targets::targets(&desc, &spots, &base.positions);
     MorphSource { name: "head".to_owned(), targets, ..base }
 }
 
-/// Makes the rig of the built-in head with [in-betweens](HeadDesc::in_betweens): `eyeBlinkLeft` and `eyeBlinkRight`
-/// pass the half closed lid at 0.5, so that the lid goes around the eyeball. Every other control drives its own target.
-///
-/// A single target moves each point of a lid along a straight line, from open to closed, whose middle lies in the
-/// eyeball (0.19 mm deep in the head of 43,788 vertices); the two lines with an in-between, which meet outside of the
-/// eyeball, stay at least 0.1 mm away.
-pub fn head_rig(desc: &HeadDesc) -> Rig {
-    let pairs = targets::in_betweens(desc).into_iter();
-    let control = |(half, name): (String, String)| {
-        let keys = vec![Key::new(0.5, half), Key::new(1.0, name.as_str())];
-        Control::new(name).keys(keys)
-    };
-    Rig { controls: pairs.map(control).collect(), ..Rig::default() }
-}
-
-fn whole(vertices: usize, close: bool) -> (Vec<Spot>, MorphSource) {
+fn whole(vertices: usize) -> (Vec<Spot>, MorphSource) {
     let mut net = mesh::Net::new(vertices);
-    net.spots.iter_mut().for_each(|spot| spot.close = close);
     let positions = net.spots.iter().map(|s| place(s, shape::Lids::REST)).collect();
     let faces = net.faces();
     (net.spots, MorphSource { positions, texcoords: net.texcoords, faces, ..Default::default() })
@@ -115,7 +94,6 @@ const TONGUE_HEIGHT: f32 = -6.1;
 
 /// Returns the position of a vertex.
 fn place(spot: &Spot, lids: shape::Lids) -> Vec3 {
-    let lids = shape::Lids { close: spot.close, ..lids };
     let p = match (spot.part, spot.behind) {
         (Part::Skin, None) => shape::skin(spot.a, spot.t, spot.lower, lids),
         (Part::Skin, Some((slit, depth))) => shape::behind(slit, spot, depth, lids),

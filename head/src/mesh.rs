@@ -84,23 +84,12 @@ pub(super) struct Spot {
     pub lower: bool,
     /// The opening that it lies behind, and the depth, in (0, 1].
     pub behind: Option<(Slit, f32)>,
-    /// The head's lids lie close to the eyeballs.
-    pub close: bool,
 }
 
 impl Spot {
     /// Returns a spot on the outside of the skin.
     pub(super) fn skin(a: f32, t: f32) -> Self {
-        Self {
-            part: Part::Skin,
-            mirrored: false,
-            a,
-            t,
-            height: section(t)[0],
-            lower: false,
-            behind: None,
-            close: false,
-        }
+        Self { part: Part::Skin, mirrored: false, a, t, height: section(t)[0], lower: false, behind: None }
     }
 }
 
@@ -225,8 +214,7 @@ impl Net {
 
     /// Adds a closed surface of rows around an axis, with exactly `vertices` (≥ 5) vertices, in its own texture tile.
     fn closed(&mut self, part: Part, mirrored: bool, vertices: usize) {
-        let spot =
-            |a: f32, t: f32| Spot { part, mirrored, a, t, height: 0.0, lower: false, behind: None, close: false };
+        let spot = |a: f32, t: f32| Spot { part, mirrored, a, t, height: 0.0, lower: false, behind: None };
         let u0 = parts::tile(part);
         let flipped = mirrored != matches!(part, Part::Eye | Part::UpperTeeth);
         let rest = vertices - 2;

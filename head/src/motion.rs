@@ -81,7 +81,7 @@ impl Lobe {
             Motion::Lids(open, lower) => {
                 let near = skin && !spot.mirrored && (p - EYE).length_squared() < 16.0;
                 let rest = |lids: Lids| place(spot, lids);
-                if near { rest(Lids { open, lower, ..Lids::REST }) - rest(Lids::REST) } else { Vec3::ZERO }
+                if near { rest(Lids { open, lower }) - rest(Lids::REST) } else { Vec3::ZERO }
             }
             Look(out, up) if spot.part == Part::Eye && !spot.mirrored => {
                 let q = p - EYE;

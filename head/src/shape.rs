@@ -79,28 +79,16 @@ pub(super) struct Lids {
     pub open: f32,
     /// Distance of the lower lid's edge below the line between the corners; negative above it.
     pub lower: f32,
-    /// They lie close to the eyeball, and have to go around it.
-    pub close: bool,
 }
 
 impl Lids {
-    pub const REST: Self = Self { open: 1.0, lower: 1.0, close: false };
-
-    /// Returns the gap between the lids and the eyeball.
-    fn gap(self) -> f32 {
-        if self.close { 0.02 } else { EYE_GAP }
-    }
-
-    /// Returns the distance of their outside from the middle of the eyeball.
-    fn radius(self) -> f32 {
-        EYE_RADIUS + self.gap() + LID
-    }
+    pub const REST: Self = Self { open: 1.0, lower: 1.0 };
 }
 
 /// Thickness of the lids, and the gap between them and the eyeball.
 const LID: f32 = 0.16;
 const EYE_GAP: f32 = 0.05;
-/// Distance of the outside of lids that are not close from the middle of the eyeball.
+/// Distance of the outside of the lids from the middle of the eyeball.
 pub(super) const LID_RADIUS: f32 = EYE_RADIUS + EYE_GAP + LID;
 /// The gap between closed lids, and between lips that meet.
 const CONTACT: f32 = 0.006;
@@ -194,7 +182,7 @@ pub(super) fn skin(a: f32, t: f32, lower: bool, lids: Lids) -> Vec3 {
     let eye = if c.abs() < 1.0 { eye } else { 0.0 };
     let lip = p.y - MOUTH_HEIGHT;
     p.y += (eye + tilt) * front + ear;
-    features(p, lip, below(Slit::Mouth), front, lids.radius())
+    features(p, lip, below(Slit::Mouth), front, LID_RADIUS)
 }
 
 /// Pushes the features of a face out of the plain head. `lip` is the distance above the line between the lips, `lid`
@@ -262,9 +250,7 @@ fn lips(mouth: f32, d: f32, lower: bool) -> f32 {
 pub(super) fn behind(slit: Slit, spot: &Spot, depth: f32, lids: Lids) -> Vec3 {
     let edge = skin(spot.a, spot.t, spot.lower, lids);
     match slit {
-        Slit::Eye => {
-            socket(edge, skin(spot.a, spot.t, spot.lower, Lids { close: lids.close, ..Lids::REST }), depth, lids)
-        }
+        Slit::Eye => socket(edge, skin(spot.a, spot.t, spot.lower, Lids::REST), depth),
         Slit::Mouth => cavity(edge, side(spot.lower), depth),
         Slit::Ear => shell(edge, depth),
     }
@@ -280,7 +266,7 @@ fn curve<const N: usize>(knots: &[(f32, [f32; N])], depth: f32) -> [f32; N] {
 
 /// Returns a point of the lid's edge or of the socket around the eyeball, from the opening to the point behind it.
 /// `edge` is the current position of the lid, `rest` that at rest.
-fn socket(edge: Vec3, rest: Vec3, depth: f32, lids: Lids) -> Vec3 {
+fn socket(edge: Vec3, rest: Vec3, depth: f32) -> Vec3 {
     const MARGIN: f32 = 0.15;
     if depth >= 1.0 {
         return EYE - Vec3::Z * (EYE_RADIUS + 0.65);
@@ -298,9 +284,9 @@ fn socket(edge: Vec3, rest: Vec3, depth: f32, lids: Lids) -> Vec3 {
     // The surface behind a lid slides with it, less and less.
     let direction = mix3(toward, lining, smoothstep(MARGIN, 0.6, depth)).normalize_or(Vec3::Z);
     // Behind the widest part of the eyeball there is room, so that even a few rings enclose it. Sliding lids need room
-    // as well: they move in a straight line unless they lie close and have in-betweens.
-    let slack = if lids.close { 0.0 } else { 0.12 * (toward - at_rest).length() };
-    let room = EYE_RADIUS + lids.gap() + 0.6 * smoothstep(1.0, -0.6, direction.z) + slack;
+    // as well, since they move in a straight line.
+    let slack = 0.12 * (toward - at_rest).length();
+    let room = EYE_RADIUS + EYE_GAP + 0.6 * smoothstep(1.0, -0.6, direction.z) + slack;
     EYE + direction * mix((edge - EYE).length(), room, (depth / MARGIN).min(1.0))
 }
 

@@ -110,11 +110,7 @@ const ARKIT: [Row; 32] = [
     ("tongueOut", Middle, 2.0, &[jaw(0.17, [0.0, 0.0, 0.3]), at(MOUTH, [1.0, 1.0, 1.0], Tongue(4.2, 0.8))]),
 ];
 
-/// Half of a blink, where the lids lie on the eyeball again.
-const HALF_BLINK: &[Lobe] = &[lids(0.5, 0.875)];
-
 /// A target before its support is known.
-#[derive(Clone)]
 struct Expression {
     name: String,
     lobes: Vec<Lobe>,
@@ -143,12 +139,6 @@ pub(super) fn names(count: usize) -> Vec<String> {
     let arkit = arkit();
     let details = (arkit.len()..count).map(|i| format!("detail_{:03}", i + 1));
     arkit.iter().map(|e| e.name.clone()).chain(details).take(count).collect()
-}
-
-/// Returns the in-betweens, and the targets that they belong to.
-pub(super) fn in_betweens(desc: &HeadDesc) -> Vec<(String, String)> {
-    let ends = names(desc.targets).into_iter().filter(|name| desc.in_betweens && name.starts_with("eyeBlink"));
-    ends.map(|end| (format!("{end}_half"), end)).collect()
 }
 
 /// Makes a bump at a random place of the skin, mostly outwards or inwards.
@@ -187,14 +177,7 @@ pub(super) fn targets(desc: &HeadDesc, spots: &[Spot], positions: &[Vec3]) -> Ve
     let parts: Vec<Expression> = names(desc.targets).into_iter().enumerate().map(part).collect();
     let factors: Vec<f32> = parts.iter().map(|part| part.support).collect();
     let fractions = fractions(&factors, desc.sparsity);
-    let mut parts: Vec<(Expression, f32)> = parts.into_iter().zip(fractions).collect();
-    for (half, name) in in_betweens(desc) {
-        // An in-between moves as many vertices as its target.
-        let end = parts.iter().find(|(part, _)| part.name == name).cloned();
-        parts.extend(
-            end.map(|(end, fraction)| (Expression { name: half, lobes: HALF_BLINK.to_vec(), ..end }, fraction)),
-        );
-    }
+    let parts: Vec<(Expression, f32)> = parts.into_iter().zip(fractions).collect();
     let target = |(part, fraction): (Expression, f32)| SourceTarget {
         positions: part.moved(fraction, spots, positions),
         name: part.name,

@@ -10,7 +10,6 @@ use super::submit::Readback;
 use deltamorph::ash::vk;
 use deltamorph::internals::plan::hazards::Event;
 use deltamorph::internals::plan::schedule::Entry;
-use deltamorph::lod::{Camera, Place};
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, AnyCrowd, Crowd, CrowdDesc, Error, GpuMesh, PackedMesh, Playback, PoseReadback,
     Result, Ticket, Update,
@@ -105,21 +104,6 @@ impl<'a> HeadlessCrowd<'a, AnimatedCrowd> {
     /// See [`AnimatedCrowd::set_level`].
     pub fn set_level(&mut self, instance: u32, level: f32) -> Result<()> {
         self.crowd.set_level(instance, level)
-    }
-
-    /// See [`AnimatedCrowd::set_camera`].
-    pub fn set_camera(&mut self, camera: &Camera) -> Result<()> {
-        self.crowd.set_camera(camera)
-    }
-
-    /// See [`AnimatedCrowd::cut_camera`].
-    pub fn cut_camera(&mut self) {
-        self.crowd.cut_camera();
-    }
-
-    /// See [`AnimatedCrowd::set_place`].
-    pub fn set_place(&mut self, instance: u32, place: &Place) -> Result<()> {
-        self.crowd.set_place(instance, place)
     }
 
     /// See [`AnimatedCrowd::set_time`].

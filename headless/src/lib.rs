@@ -51,8 +51,6 @@ pub struct HeadlessDesc {
     pub limits: Option<DeviceCaps>,
     /// Tuning to use in place of the device's own, to measure another.
     pub tuning: Option<DeviceTuning>,
-    /// Enable ray queries: VK_KHR_ray_query and what it needs, with buffer device addresses.
-    pub ray_queries: bool,
 }
 
 setters!(HeadlessDesc {
@@ -60,19 +58,7 @@ setters!(HeadlessDesc {
     validation: bool,
     limits: Option<DeviceCaps>,
     tuning: Option<DeviceTuning>,
-    ray_queries: bool,
 });
-
-/// VK_KHR_ray_query, and what it needs on Vulkan 1.1.
-const RAY_QUERIES: [&CStr; 7] = [
-    ash::khr::ray_query::NAME,
-    ash::khr::acceleration_structure::NAME,
-    ash::khr::buffer_device_address::NAME,
-    ash::khr::deferred_host_operations::NAME,
-    ash::ext::descriptor_indexing::NAME,
-    ash::khr::spirv_1_4::NAME,
-    ash::khr::shader_float_controls::NAME,
-];
 
 /// An instance, a device, a queue, and an engine on it. To be used by one thread at a time:
 ///
@@ -283,8 +269,8 @@ impl Headless {
     /// Sets up instance, device and queue.
     ///
     /// # Errors
-    /// [`Error::NoDevice`]: no loader, no driver, no Vulkan 1.1 device, or one without the ray queries asked for. Other
-    /// errors: no device matches the choice (the message lists the devices), no validation layers, or a call fails.
+    /// [`Error::NoDevice`]: no loader, no driver, or no Vulkan 1.1 device. Other errors: no device matches the choice
+    /// (the message lists the devices), no validation layers, or a call fails.
     pub fn new(desc: &HeadlessDesc) -> Result<Self> {
         let instance = Instance::new(&[], desc.validation)?;
         let (physical, mut caps) = choose(instance.devices()?, &desc.device)?;
@@ -310,29 +296,10 @@ impl Headless {
         let features = vk::PhysicalDeviceFeatures::default()
             .vertex_pipeline_stores_and_atomics(caps.vertex_stores)
             .shader_int64(caps.int64);
-        let mut rays = vk::PhysicalDeviceRayQueryFeaturesKHR::default().ray_query(true);
-        let mut structures = vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default().acceleration_structure(true);
-        let mut addresses = vk::PhysicalDeviceBufferDeviceAddressFeatures::default().buffer_device_address(true);
         let mut info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_features(&features);
         if feedback_enabled {
             extensions.push(ash::ext::transform_feedback::NAME.as_ptr());
             info = info.push_next(&mut feedback);
-        }
-        if desc.ray_queries {
-            // SAFETY: the physical device is the instance's own.
-            let known = unsafe { instance.raw.enumerate_device_extension_properties(physical) }
-                .map_err(Error::vulkan("vkEnumerateDeviceExtensionProperties"))?;
-            let is_known = |name: &CStr| known.iter().any(|known| known.extension_name_as_c_str() == Ok(name));
-            let missing: Vec<_> =
-                RAY_QUERIES.iter().filter(|name| !is_known(name)).map(|name| name.to_string_lossy()).collect();
-            if !missing.is_empty() {
-                return Err(Error::NoDevice {
-                    what: format!("{} ({}) has no {}", caps.name, caps.driver_info, missing.join(", ")),
-                    remedy: "choose a device with ray queries; lavapipe of Mesa 25 has them",
-                });
-            }
-            extensions.extend(RAY_QUERIES.map(CStr::as_ptr));
-            info = info.push_next(&mut rays).push_next(&mut structures).push_next(&mut addresses);
         }
         let info = info.enabled_extension_names(&extensions);
         // SAFETY: the physical device is the instance's own; the extension and features were queried.
@@ -343,7 +310,6 @@ impl Headless {
             .caps(Some(caps))
             .transform_feedback_enabled(feedback_enabled)
             .enabled_features(features)
-            .buffer_device_address(desc.ray_queries)
             .debug_names(desc.validation)
             .owner(Some(owned.clone()));
         // SAFETY: the handles belong together, and the engine and its objects keep them alive; the limits are at most

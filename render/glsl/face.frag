@@ -8,13 +8,11 @@
 layout(constant_id = 0) const bool GENERAL = true;
 
 layout(set = 0, binding = 1) uniform sampler2DShadow depths;
-layout(set = 1, binding = 0) uniform sampler2D painting; // of what is painted
 
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
 layout(location = 2) in vec3 rest;
 layout(location = 3) in vec3 shown;
-layout(location = 4) in vec2 uv;
 
 layout(location = 0) out vec4 pixel;
 
@@ -153,7 +151,7 @@ Surface shown_as(Surface s) {
         float odd = mod(square.x + square.y, 2.0);
         vec3 tint = 0.35 + 0.6 * vec3(fract(shown.x), fract(shown.y), 0.5);
         s.albedo = mix(tint, tint * 0.18, odd);
-    } else if (show.x == SHOW_DISTANCE || show.x == SHOW_VALUES || show.x == SHOW_MOTION) {
+    } else if (show.x == SHOW_DISTANCE || show.x == SHOW_MOTION) {
         s = Surface(heat(shown.z), vec3(0.4), 0.6, 0.02, s.reach);
     } else if (show.x == SHOW_WIRE && material != WIRE) {
         s = Surface(s.albedo * 0.10 + vec3(0.012, 0.016, 0.022), s.wrap, 0.6, 0.015, s.reach);
@@ -178,13 +176,7 @@ void main() {
         return;
     }
     Surface s = surface_of(material);
-    float opacity = 1.0;
-    if (material >= PAINTED) {
-        vec4 paint = colour * texture(painting, uv);
-        if (GENERAL && cutoff > 0.0 && paint.a < cutoff) discard;
-        s.albedo = paint.rgb;
-        if (cutoff < 0.0) opacity = paint.a;
-    }
+    if (material >= PAINTED) s.albedo = colour.rgb;
     if (GENERAL) s = shown_as(s);
     if (GENERAL && show.x == SHOW_WRINKLES && material == SKIN) n = wrinkled(n, s);
 
@@ -216,5 +208,5 @@ void main() {
     // Bright parts are rolled off, not cut, and keep most of their hue.
     float most = max(max(light.r, light.g), max(light.b, 1e-4));
     vec3 rolled = mix(light * (1.0 - exp(-1.3 * most)) / most, 1.0 - exp(-1.3 * light), 0.4);
-    pixel = vec4(clamp(rolled * 1.06, 0.0, 1.0) * opacity, opacity);
+    pixel = vec4(clamp(rolled * 1.06, 0.0, 1.0), 1.0);
 }

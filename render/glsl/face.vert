@@ -1,7 +1,7 @@
 #version 450
 // A vertex of a pose, as pose.glsl finds it in the crowd's own buffer.
 #extension GL_GOOGLE_include_directive : require
-#define POSE_LOCATION 4
+#define POSE_LOCATION 3
 #ifdef MOTION
 #define POSE_PREVIOUS
 #endif
@@ -11,20 +11,18 @@
 layout(location = 0) in vec3 rest_position;
 layout(location = 1) in vec3 rest_normal;
 layout(location = 2) in vec2 texcoord;
-layout(location = 3) in float value;
 #ifdef MASKS
 // The wrinkle masks of the pose, a stream of the mesh. Those of the base pose are 0: of integers the displacement is all.
 #ifdef POSE_FLOAT32
-layout(location = 10) in vec2 masks;
+layout(location = 9) in vec2 masks;
 #else
-layout(location = 10) in ivec2 masks;
+layout(location = 9) in ivec2 masks;
 #endif
 #endif
 
 layout(location = 0) out vec3 position;
 layout(location = 1) out vec3 normal;
 layout(location = 2) out vec3 rest;
-layout(location = 4) out vec2 uv;
 layout(location = 3) out vec3 shown; // texture coordinates (or a number of the block, or wrinkle masks), and a value from 0 to 1
 
 void main() {
@@ -35,7 +33,7 @@ void main() {
     float length_squared = dot(sum, sum);
     normal = length_squared < 1e-6 ? rest_normal : sum * inversesqrt(length_squared);
     rest = rest_position;
-    float measured = show.x == SHOW_VALUES ? value : distance(position, rest_position);
+    float measured = distance(position, rest_position);
     vec2 where = texcoord;
     if (show.x == SHOW_BLOCKS) {
         measured = first_told == NONE_TOLD ? 0.0 : told[first_told + uint(gl_VertexIndex) / PIECE];
@@ -49,7 +47,6 @@ void main() {
     measured = distance(position, previous_position(units));
 #endif
     shown = vec3(where, measured / show.y);
-    uv = mat2(uv_axes.xy, uv_axes.zw) * texcoord + uv_origin;
     // Edges lie in front of the faces that they belong to.
     if (material == WIRE) gl_Position.z -= 3e-4 * gl_Position.w;
 }

@@ -13,14 +13,12 @@ layout(set = 0, binding = 0, std140) uniform Scene {
 
 const float SHOW_SHADED = 0.0;
 const float SHOW_CHECKER = 1.0;
-const float SHOW_DISTANCE = 2.0; // from the base pose, as the shader sees it
-const float SHOW_VALUES = 3.0;   // values of the host's, one a vertex
-const float SHOW_NORMALS = 4.0;
-const float SHOW_WIRE = 5.0;
-const float SHOW_MOTION = 6.0;   // from the previous pose
-const float SHOW_BLOCKS = 7.0;   // pieces that updates have changed, by `told`
-
-const float SHOW_WRINKLES = 8.0; // where the pose compresses the skin, by its masks
+const float SHOW_DISTANCE = 2.0; // from the base pose
+const float SHOW_NORMALS = 3.0;
+const float SHOW_WIRE = 4.0;
+const float SHOW_MOTION = 5.0;   // from the previous pose
+const float SHOW_BLOCKS = 6.0;   // pieces that updates have changed, by `told`
+const float SHOW_WRINKLES = 7.0; // where the pose compresses the skin, by its masks
 
 // What the host tells of each head: how bright each piece of vertices is, from 1 (changed now) down to 0 (`Glow` in
 // src/glow.rs).
@@ -32,15 +30,12 @@ const uint PIECE = 32u; // vertices
 // What is drawn with one material: `PartPush` in src/scene.rs.
 layout(push_constant) uniform Part {
     vec4 ball;    // an eyeball in the base pose: middle and radius; radius 0: none
-    vec4 colour;  // of what is painted: factor of the texture, linear
-    vec4 uv_axes; // transform of texture coordinates: columns, and what is added
-    vec2 uv_origin;
+    vec4 colour;  // of what is painted, linear
     vec2 units;   // of the pose
     vec2 mask_units; // of its wrinkle masks
     uint material;
     uint first_told;  // of the head, in `told`; NONE_TOLD: nothing is told of what stands still
     uint block;       // vertices of a block, or of the mesh where there are none
-    float cutoff;     // above 0: less opacity is not drawn; below: what is behind shows through; 0: opaque
 };
 
 const uint SKIN = 0u;

@@ -135,7 +135,6 @@ pub(crate) struct ImageDesc {
     pub(crate) extent: vk::Extent2D,
     pub(crate) format: vk::Format,
     pub(crate) samples: vk::SampleCountFlags,
-    pub(crate) levels: u32,
     pub(crate) usage: vk::ImageUsageFlags,
     pub(crate) aspect: vk::ImageAspectFlags,
 }
@@ -151,9 +150,8 @@ pub(crate) struct Image {
 impl Image {
     pub(crate) fn new(gpu: &Arc<Gpu>, desc: &ImageDesc) -> Result<Self> {
         let info = vk::ImageCreateInfo::default().image_type(vk::ImageType::TYPE_2D).format(desc.format);
-        let info = info.extent(desc.extent.into()).mip_levels(desc.levels).array_layers(1).usage(desc.usage);
-        let range =
-            vk::ImageSubresourceRange::default().aspect_mask(desc.aspect).level_count(desc.levels).layer_count(1);
+        let info = info.extent(desc.extent.into()).mip_levels(1).array_layers(1).usage(desc.usage);
+        let range = vk::ImageSubresourceRange::default().aspect_mask(desc.aspect).level_count(1).layer_count(1);
         // SAFETY: the device is alive as long as `gpu`; what is made is destroyed by `drop`; the memory has a type and
         // size that fit the image.
         unsafe {

@@ -5,23 +5,19 @@ use crate::memory::Buffer;
 use crate::parts::Part;
 use crate::renderer::Renderer;
 use crate::scene::{Head, Masks};
-use crate::surface::{Surface, Textures};
 use bytemuck::cast_slice;
 use deltamorph::ash::vk;
-use deltamorph::import::gltf::Alpha;
 use deltamorph::{Error, GpuMesh, MorphMesh, PackedLayout, Result};
-use glam::{Affine2, Vec2, Vec3, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 use std::collections::{BTreeSet, HashSet};
 use std::ops::Range;
-use std::sync::Arc;
 
 /// An uploaded mesh, with the data to draw it.
-pub struct Model {
+pub(crate) struct Model {
     pub(crate) indices: Buffer,
     /// Two vertices for each edge of a face.
     pub(crate) edges: (Buffer, u32),
     pub(crate) texcoords: Buffer,
-    pub(crate) values: Buffer,
     pub(crate) base: (vk::Buffer, u64),
     pub(crate) parts: Vec<Drawn>,
     /// Middle of the box around the drawn part of the base pose, and half its diagonal.
@@ -30,13 +26,11 @@ pub struct Model {
     pub(crate) pieces: usize,
     /// Vertices per block; for dense formats, of the mesh.
     pub(crate) block: u32,
-    pub(crate) textures: Textures,
     /// Parts that nothing moves.
     pub(crate) still: Option<Box<Model>>,
     /// Vertices that stand: base pose, and zeros.
     stands: Option<[Buffer; 2]>,
-    /// For each vertex of the mesh, its index in pose buffers.
-    places: Vec<u32>,
+    vertices: usize,
 }
 
 /// A part, as a range of the index buffer.
@@ -44,13 +38,8 @@ pub(crate) struct Drawn {
     pub(crate) indices: Range<u32>,
     pub(crate) material: crate::Material,
     pub(crate) ball: Option<Vec4>,
-    pub(crate) colour: [f32; 4],
-    pub(crate) uv: Affine2,
-    /// 0: opaque; above: less opacity is not drawn; below: what is behind shows through.
-    pub(crate) cutoff: f32,
+    pub(crate) colour: [f32; 3],
     pub(crate) double_sided: bool,
-    /// Index of the texture's set.
-    pub(crate) texture: usize,
 }
 
 impl Model {
@@ -65,7 +54,7 @@ impl Model {
     ///
     /// # Safety
     /// The model is dropped before `uploaded`, and only when no commands recorded with it are still to run.
-    pub unsafe fn new(
+    pub(crate) unsafe fn new(
         renderer: &Renderer,
         mesh: &MorphMesh,
         layout: &PackedLayout,
@@ -82,7 +71,7 @@ impl Model {
     ///
     /// # Errors
     /// There is no memory.
-    pub fn set_still(&mut self, renderer: &Renderer, mesh: &MorphMesh, parts: &[Part]) -> Result<()> {
+    pub(crate) fn set_still(&mut self, renderer: &Renderer, mesh: &MorphMesh, parts: &[Part]) -> Result<()> {
         let (gpu, vertices) = (&renderer.gpu, vk::BufferUsageFlags::VERTEX_BUFFER);
         let base: Vec<Vec3> = mesh.positions.iter().zip(&mesh.normals).flat_map(|(p, n)| [*p, *n]).collect();
         let stands = [&base, &vec![Vec3::ZERO; base.len()]].map(|all| Buffer::filled(gpu, cast_slice(all), vertices));
@@ -107,7 +96,7 @@ impl Model {
 
     /// Returns the vertices of still parts as they stand.
     pub(crate) fn standing_vertices(&self) -> Vec<f32> {
-        self.stands.as_ref().map_or(vec![], |[base, _]| cast_slice(&base.contents()[..24 * self.places.len()]).to_vec())
+        self.stands.as_ref().map_or(vec![], |[base, _]| cast_slice(&base.contents()[..24 * self.vertices]).to_vec())
     }
 
     fn placed(
@@ -118,29 +107,18 @@ impl Model {
         (base, padded, block): ((vk::Buffer, u64), usize, u32),
     ) -> Result<Self> {
         let count = mesh.vertex_count();
-        let surfaces: Vec<Arc<Surface>> = parts.iter().filter_map(|part| part.surface.clone()).collect();
-        let (textures, sets) = Textures::new(renderer, &surfaces)?;
-        let mut sets = sets.into_iter();
         let render = mesh.faces.render_vertices(count, &mesh.texcoords)?;
-        let (mut indices, mut drawn) = (vec![], vec![]);
+        let mut indices = vec![];
+        let mut drawn = vec![];
         for part in parts {
             let begin = indices.len() as u32;
             indices.extend(part.triangles.iter().flatten().map(|&v| places[v as usize]));
-            let range = begin..indices.len() as u32;
-            let (material, ball, surface) = (part.material, part.ball, part.surface.as_ref());
             drawn.push(Drawn {
-                indices: range,
-                material,
-                ball,
-                colour: surface.map_or([1.0; 4], |surface| surface.colour),
-                uv: surface.map_or(Affine2::IDENTITY, |surface| surface.place),
-                cutoff: surface.map_or(0.0, |surface| match surface.alpha {
-                    Alpha::Opaque => 0.0,
-                    Alpha::Mask(cutoff) => cutoff.max(0.0),
-                    Alpha::Blend => -1.0,
-                }),
-                double_sided: surface.is_none_or(|surface| surface.double_sided),
-                texture: surface.and_then(|_| sets.next()).unwrap_or(0),
+                indices: begin..indices.len() as u32,
+                material: part.material,
+                ball: part.ball,
+                colour: part.surface.map_or([1.0; 3], |surface| surface.colour),
+                double_sided: part.surface.is_none_or(|surface| surface.double_sided),
             });
         }
         let edges: Vec<u32> = edges(mesh, parts).into_iter().flatten().map(|v| places[v as usize]).collect();
@@ -156,36 +134,15 @@ impl Model {
             indices: filled(&indices)?,
             edges: (filled(&edges)?, edges.len() as u32),
             texcoords: Buffer::filled(gpu, cast_slice(&texcoords), vertices)?,
-            values: Buffer::new(gpu, 4 * padded.max(1), vertices, false)?,
             base,
             parts: drawn,
             middle: ((low + high) / 2.0).extend((low.distance(high) / 2.0).max(f32::MIN_POSITIVE)),
             pieces: pieces_of(padded),
             block,
-            textures,
             still: None,
             stands: None,
-            places,
+            vertices: count,
         })
-    }
-
-    /// Sets the value of each vertex of the mesh, in the mesh's order, for [`Show::Values`](crate::Show::Values). No
-    /// commands that draw the model may still be pending.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`] if the number of values is not that of vertices.
-    pub fn set_values(&mut self, values: &[f32]) -> Result<()> {
-        if values.len() != self.places.len() {
-            return Err(Error::Invalid {
-                what: format!("{} values for {} vertices", values.len(), self.places.len()),
-                remedy: "give one for each vertex of the mesh".into(),
-            });
-        }
-        let most = self.places.iter().max().map_or(0, |&place| place as usize + 1);
-        let mut placed = vec![0f32; most];
-        self.places.iter().zip(values).for_each(|(&place, &value)| placed[place as usize] = value);
-        self.values.write(0, cast_slice(&placed));
-        Ok(())
     }
 }
 

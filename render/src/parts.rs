@@ -1,11 +1,9 @@
 //! The materials of a mesh: skin, eyes, teeth. They follow from the names of groups or materials in the file; without
 //! names, eyeballs are recognised by their shape.
 
-use crate::surface::Surface;
 use deltamorph::MorphMesh;
 use glam::{Mat3, Vec3, Vec4};
 use std::collections::HashMap;
-use std::sync::Arc;
 
 /// The material of a part. The numbers are those of glsl/scene.glsl.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -42,6 +40,26 @@ impl Material {
     }
 }
 
+/// A surface that a file states.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Surface {
+    /// Linear red, green and blue.
+    pub colour: [f32; 3],
+    /// Whether back faces are drawn, too, lit from their own side.
+    pub double_sided: bool,
+}
+
+/// What a file says of a face.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Face<'a> {
+    /// The name of its group or material, which may be empty ([`Material::from_name`]).
+    Named(&'a str),
+    /// Its surface.
+    Painted(Surface),
+    /// It is transparent, and not drawn.
+    Clear,
+}
+
 /// Triangles of one material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Part {
@@ -52,37 +70,34 @@ pub struct Part {
     /// Middle and radius of an eyeball in the base pose; `None` for other parts.
     pub ball: Option<Vec4>,
     /// The surface, for [`Material::Painted`]; without one it is white.
-    pub surface: Option<Arc<Surface>>,
+    pub surface: Option<Surface>,
 }
 
-/// Returns the parts of a mesh. `names` has a name for each face, or is empty: eyeballs are then recognised by their
-/// shape, and everything else is skin.
-pub fn parts(mesh: &MorphMesh, names: &[impl AsRef<str>]) -> Vec<Part> {
-    painted(mesh, names, &[])
-}
-
-/// Returns the parts of a mesh whose file states `surfaces`, one for each face or `None`; faces without one are as in
-/// [`parts`].
-pub fn painted(mesh: &MorphMesh, names: &[impl AsRef<str>], surfaces: &[Option<Arc<Surface>>]) -> Vec<Part> {
+/// Returns the parts of a mesh. `said` has what the file says of each face, or is empty: eyeballs are then recognised by
+/// their shape, and everything else is skin.
+pub fn parts(mesh: &MorphMesh, said: &[Face<'_>]) -> Vec<Part> {
     let mut kinds: HashMap<&str, Option<Material>> = HashMap::new();
     let mut faces: Vec<(Option<Material>, [u32; 3])> = vec![];
-    let (mut of_surface, mut stated): (HashMap<_, usize>, Vec<Part>) = Default::default();
+    let mut stated: Vec<Part> = vec![];
     for (i, face) in mesh.faces.iter().enumerate() {
-        let material = match names.get(i).map(AsRef::as_ref) {
-            Some(name) => *kinds.entry(name).or_insert_with(|| Material::from_name(name)),
-            None => Some(Material::Skin),
-        };
         let corner = |i: usize| face[i].position;
         let triangles = (2..face.len()).map(|i| [corner(0), corner(i - 1), corner(i)]);
-        if let Some(surface) = surfaces.get(i).and_then(Option::as_ref) {
-            let at = *of_surface.entry(Arc::as_ptr(surface)).or_insert(stated.len());
-            if at == stated.len() {
-                let surface = Some(surface.clone());
-                stated.push(Part { material: Material::Painted, triangles: vec![], ball: None, surface });
+        let material = match said.get(i) {
+            None => Some(Material::Skin),
+            Some(Face::Named(name)) => *kinds.entry(name).or_insert_with(|| Material::from_name(name)),
+            Some(Face::Clear) => continue,
+            Some(Face::Painted(surface)) => {
+                let surface = Some(*surface);
+                match stated.iter_mut().find(|part| part.surface == surface) {
+                    Some(part) => part.triangles.extend(triangles),
+                    None => {
+                        let triangles = triangles.collect();
+                        stated.push(Part { material: Material::Painted, triangles, ball: None, surface });
+                    }
+                }
+                continue;
             }
-            stated[at].triangles.extend(triangles);
-            continue;
-        }
+        };
         faces.extend(triangles.map(|triangle| (material, triangle)));
     }
     let named = faces.iter().any(|(material, _)| *material != Some(Material::Skin));
@@ -218,18 +233,19 @@ mod tests {
     #[test]
     fn painted_faces_are_parts_of_their_surfaces() {
         let mesh = head(&HeadDesc::default().vertices(600).targets(1)).to_mesh(Default::default()).expect("a mesh");
-        let surface = |double_sided| {
-            let (texture, place) = (None, Default::default());
-            Arc::new(Surface { colour: [1.0; 4], texture, place, alpha: crate::Alpha::Opaque, double_sided })
-        };
-        let (one, other) = (surface(false), surface(true));
-        let mut surfaces = vec![None; mesh.faces.sizes.len()];
-        (surfaces[3], surfaces[5], surfaces[7]) = (Some(one.clone()), Some(other.clone()), Some(one.clone()));
-        let (all, found) = (parts(&mesh, &[""; 0]), painted(&mesh, &[""; 0], &surfaces));
+        let [one, other] = [false, true].map(|double_sided| Surface { colour: [1.0; 3], double_sided });
+        let mut said = vec![Face::Named(""); mesh.faces.sizes.len()];
+        said[3] = Face::Painted(one);
+        said[5] = Face::Painted(other);
+        said[7] = Face::Painted(one);
+        let all = parts(&mesh, &[]);
+        let found = parts(&mesh, &said);
         let painted: Vec<&Part> = found.iter().filter(|part| part.material == Material::Painted).collect();
-        assert_eq!(painted.iter().map(|part| part.surface.clone()).collect::<Vec<_>>(), [Some(one), Some(other)]);
+        assert_eq!(painted.iter().map(|part| part.surface).collect::<Vec<_>>(), [Some(one), Some(other)]);
         let triangles = |parts: &[Part]| parts.iter().map(|part| part.triangles.len()).sum::<usize>();
         assert_eq!(triangles(&all), triangles(&found));
         assert!(painted[0].triangles.len() >= 2 && painted[1].ball.is_none());
+        let clear = parts(&mesh, &vec![Face::Clear; mesh.faces.sizes.len()]);
+        assert!(clear.is_empty());
     }
 }

@@ -9,7 +9,6 @@ use crate::target::Target;
 use bytemuck::bytes_of;
 use deltamorph::ash::vk;
 use deltamorph::{Error, Result};
-use glam::Affine2;
 use std::ops::Range;
 use std::slice::from_ref;
 
@@ -39,7 +38,7 @@ impl Renderer {
     ///   Its image view is alive.
     /// - The poses are of the renderer's format and of the model's mesh, tightly packed, ready for vertex-attribute
     ///   reads, and alive until the commands have run.
-    pub unsafe fn record(
+    pub(crate) unsafe fn record(
         &self,
         cmd: vk::CommandBuffer,
         target: &mut Target,
@@ -63,26 +62,21 @@ impl Renderer {
                 .map(move |(pipeline, side)| (pipeline, what, side))
         };
         let any: fn(&Drawn) -> bool = |_| true;
-        let mut pictured: Vec<Draw> = match scene.show {
+        let pictured: Vec<Draw> = match scene.show {
             Show::Shaded => {
-                let (rest, special) = (sides(self.plain, What::Rest), sides(self.shaded, What::Special));
-                rest.zip(special).flat_map(|(rest, special)| [rest, special]).collect()
+                let rest = sides(self.plain, What::Rest);
+                let eyes = sides(self.shaded, What::Eyes);
+                rest.zip(eyes).flat_map(|(rest, eyes)| [rest, eyes]).collect()
             }
             Show::Motion(_) => sides(self.motion, What::Faces).collect(),
             Show::Wire => sides(self.shaded, What::Faces).chain([(self.lines, What::Edges, any)]).collect(),
-            Show::Wrinkles => sides(self.wrinkled, What::Opaque).collect(),
-            Show::Blocks | Show::Checker(_) | Show::Distance(_) | Show::Values(_) | Show::Normals => {
+            Show::Wrinkles => sides(self.wrinkled, What::Faces).collect(),
+            Show::Blocks | Show::Checker(_) | Show::Distance(_) | Show::Normals => {
                 sides(self.shaded, What::Faces).collect()
             }
         };
-        if matches!(scene.show, Show::Shaded | Show::Wrinkles) {
-            // What lies behind is drawn first.
-            pictured.extend(sides(self.blended, What::Blended).rev());
-        }
         let shadows: Vec<Draw> = vec![(self.shadow, What::Shadows, any)];
         let models: Vec<&Model> = std::iter::once(model).chain(model.still.as_deref()).collect();
-        // SAFETY: `cmd` is recording, outside a render pass (the caller's obligations).
-        models.iter().for_each(|model| unsafe { model.textures.upload(cmd) });
         let passes = [
             (self.shadow_pass, target.shadow_framebuffer, edge, &[far][..], shadows),
             (self.pass, target.framebuffer, target.extent, &[behind, far], pictured),
@@ -154,8 +148,8 @@ impl Renderer {
         let head = standing.as_ref().unwrap_or(head);
         let (base, both) = (&model.base, vk::ShaderStageFlags::VERTEX | vk::ShaderStageFlags::FRAGMENT);
         let masks = head.masks.map_or((head.buffer, head.offset), |masks| (masks.buffer, masks.offset));
-        let buffers = [head.buffer, base.0, model.texcoords.raw, model.values.raw, head.previous.0, masks.0];
-        let offsets = [head.offset, base.1, 0, 0, head.previous.1, masks.1];
+        let buffers = [head.buffer, base.0, model.texcoords.raw, head.previous.0, masks.0];
+        let offsets = [head.offset, base.1, 0, head.previous.1, masks.1];
         let bound = match what {
             What::Shadows => self.desc.pose.vertex_input(false).0.len(),
             _ if head.masks.is_none() => MASK_BINDING as usize,
@@ -170,20 +164,19 @@ impl Renderer {
             device.cmd_bind_index_buffer(cmd, indices.raw, 0, vk::IndexType::UINT32);
         }
         for (indices, material, part) in parts {
-            let first_told = if standing.is_some() { u32::MAX } else { (number * target.glow_numbers()) as u32 };
-            let (ball, units, block) = (part.and_then(|part| part.ball), head.units, model.block);
-            let (ball, mask_units) =
-                (ball.unwrap_or_default().to_array(), head.masks.map_or([1.0; 2], |masks| masks.units));
-            let (colour, cutoff) = part.map_or(([1.0; 4], 0.0), |part| (part.colour, part.cutoff));
-            let uv = part.map_or(Affine2::IDENTITY, |part| part.uv);
-            let (uv_axes, uv_origin) = (uv.matrix2.to_cols_array(), uv.translation.to_array());
-            let push =
-                PartPush { ball, colour, uv_axes, uv_origin, units, mask_units, material, first_told, block, cutoff };
-            let texture = model.textures.sets[part.map_or(0, |part| part.texture)];
+            let [red, green, blue] = part.map_or([1.0; 3], |part| part.colour);
+            let push = PartPush {
+                ball: part.and_then(|part| part.ball).unwrap_or_default().to_array(),
+                colour: [red, green, blue, 1.0],
+                units: head.units,
+                mask_units: head.masks.map_or([1.0; 2], |masks| masks.units),
+                material,
+                first_told: if standing.is_some() { u32::MAX } else { (number * target.glow_numbers()) as u32 },
+                block: model.block,
+                unused: 0,
+            };
             // SAFETY: as above; the indices are in the buffer.
             unsafe {
-                let point = vk::PipelineBindPoint::GRAPHICS;
-                device.cmd_bind_descriptor_sets(cmd, point, self.layout, 1, &[texture], &[]);
                 device.cmd_push_constants(cmd, self.layout, both, 0, bytes_of(&push));
                 device.cmd_draw_indexed(cmd, indices.len() as u32, 1, indices.start, 0, 0);
             }
@@ -202,13 +195,9 @@ type Part<'a> = (Range<u32>, u32, Option<&'a Drawn>);
 enum What {
     Shadows,
     Faces,
-    /// All but what is blended.
-    Opaque,
-    /// Eyeballs, and what has holes.
-    Special,
-    /// What is neither special nor blended.
+    Eyes,
+    /// All but eyes.
     Rest,
-    Blended,
     Edges,
 }
 
@@ -226,15 +215,11 @@ impl What {
     fn drawn(self, model: &Model, side: fn(&Drawn) -> bool) -> impl Iterator<Item = Part<'_>> {
         let edges = (self == Self::Edges).then_some((0..model.edges.1, WIRE, None));
         let is_drawn = move |part: &&Drawn| {
-            let is_special = part.material == Material::Eye || part.cutoff > 0.0;
             side(part)
                 && match self {
-                    Self::Special => is_special,
-                    Self::Rest => !is_special && part.cutoff == 0.0,
-                    Self::Blended => part.cutoff < 0.0,
-                    Self::Opaque => part.cutoff >= 0.0,
-                    Self::Shadows => part.cutoff == 0.0,
-                    Self::Faces => true,
+                    Self::Eyes => part.material == Material::Eye,
+                    Self::Rest => part.material != Material::Eye,
+                    Self::Shadows | Self::Faces => true,
                     Self::Edges => false,
                 }
         };

@@ -4,18 +4,17 @@ use crate::memory::{Gpu, failed};
 use crate::modules;
 use crate::passes::{self, RendererDesc, SAMPLES};
 use crate::scene::PartPush;
-use deltamorph::after::GpuSkin;
+use deltamorph::Result;
 use deltamorph::ash::{self, vk};
-use deltamorph::{Crowd, MorphEngine, PackedMesh, Result};
 use std::slice::from_ref;
 use std::sync::Arc;
 
 /// First location of pose inputs, after the inputs of glsl/face.vert.
-const POSE_LOCATION: u32 = 4;
+const POSE_LOCATION: u32 = 3;
 /// Location of the wrinkle masks, after all others.
-const MASK_LOCATION: u32 = 10;
+const MASK_LOCATION: u32 = 9;
 /// The binding of the wrinkle masks.
-pub(crate) const MASK_BINDING: u32 = 5;
+pub(crate) const MASK_BINDING: u32 = 4;
 
 /// The kind of geometry that a pipeline draws.
 #[derive(Clone, Copy)]
@@ -27,26 +26,20 @@ enum Drawn {
         cull: vk::CullModeFlags,
         plain: bool,
     },
-    /// Like plain faces, with what is behind showing through.
-    Blended {
-        cull: vk::CullModeFlags,
-    },
     Lines,
 }
 
 /// Bindings and attributes.
 type Input = (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>);
 
-/// Draws poses of one format. Everything is made on the host's device; [`Renderer::new`] lists the host's obligations.
-pub struct Renderer {
+/// Draws poses of one format.
+pub(crate) struct Renderer {
     pub(crate) gpu: Arc<Gpu>,
     pub(crate) desc: RendererDesc,
     pub(crate) depth_format: vk::Format,
     pub(crate) shadow_pass: vk::RenderPass,
     pub(crate) pass: vk::RenderPass,
     pub(crate) set_layout: vk::DescriptorSetLayout,
-    /// Of a part's texture.
-    pub(crate) texture_layout: vk::DescriptorSetLayout,
     pub(crate) sampler: vk::Sampler,
     pub(crate) layout: vk::PipelineLayout,
     pub(crate) shadow: vk::Pipeline,
@@ -55,8 +48,6 @@ pub struct Renderer {
     pub(crate) shaded: [vk::Pipeline; 2],
     /// Like `shaded`, for everything but eyeballs, unless drawn in another way.
     pub(crate) plain: [vk::Pipeline; 2],
-    /// Like `plain`, for parts that are not opaque.
-    pub(crate) blended: [vk::Pipeline; 2],
     /// Like `shaded`, with the previous pose.
     pub(crate) motion: [vk::Pipeline; 2],
     /// Like `shaded`, with wrinkle masks; null if the renderer was made without them.
@@ -76,7 +67,7 @@ impl Renderer {
     ///   [targets](crate::Target) made with it.
     /// - The device has Vulkan 1.1; images of the format can be drawn into with four samples.
     /// - A renderer, model or target is dropped only when no commands recorded with it are still to run.
-    pub unsafe fn new(
+    pub(crate) unsafe fn new(
         instance: &ash::Instance,
         physical: vk::PhysicalDevice,
         device: &ash::Device,
@@ -99,13 +90,11 @@ impl Renderer {
             shadow_pass: vk::RenderPass::null(),
             pass: vk::RenderPass::null(),
             set_layout: vk::DescriptorSetLayout::null(),
-            texture_layout: vk::DescriptorSetLayout::null(),
             sampler: vk::Sampler::null(),
             layout: vk::PipelineLayout::null(),
             shadow: vk::Pipeline::null(),
             shaded: [vk::Pipeline::null(); 2],
             plain: [vk::Pipeline::null(); 2],
-            blended: [vk::Pipeline::null(); 2],
             motion: [vk::Pipeline::null(); 2],
             wrinkled: [vk::Pipeline::null(); 2],
             lines: vk::Pipeline::null(),
@@ -115,37 +104,6 @@ impl Renderer {
         this.make_layouts()?;
         this.make_pipelines()?;
         Ok(this)
-    }
-
-    /// Makes a buffer of `bytes` (≥ 1), all 0: for poses of the host, or for pixels that are copied.
-    ///
-    /// # Errors
-    /// There is no memory.
-    ///
-    /// # Safety
-    /// The buffer is written and dropped only when no commands recorded with it are still to run.
-    pub unsafe fn buffer(&self, bytes: usize, usage: vk::BufferUsageFlags) -> Result<crate::Buffer> {
-        crate::Buffer::new(&self.gpu, bytes, usage, true)
-    }
-
-    /// Skins the poses of `crowd`, to draw [`Stepped::head`](crate::Stepped::head) in place of them: `skin` has run its
-    /// upload and has this many joints, and this many frames are in flight.
-    ///
-    /// # Errors
-    /// The engine refuses the skin, or there is no memory.
-    ///
-    /// # Safety
-    /// No update of the crowd is running; the result is dropped only when none that was recorded after this is.
-    pub unsafe fn skinned(
-        &self,
-        engine: &MorphEngine,
-        packed: &PackedMesh,
-        crowd: &mut Crowd,
-        skin: (&GpuSkin, u32),
-        frames: usize,
-    ) -> Result<crate::Stepped> {
-        // SAFETY: the caller's obligations.
-        unsafe { crate::Stepped::skinned(&self.gpu, engine, packed, crowd, skin, frames) }
     }
 
     fn make_layouts(&mut self) -> Result<()> {
@@ -170,15 +128,9 @@ impl Renderer {
         unsafe {
             let set_layout = device.create_descriptor_set_layout(&info, None);
             self.set_layout = set_layout.map_err(failed("vkCreateDescriptorSetLayout"))?;
-            let kind = vk::DescriptorType::COMBINED_IMAGE_SAMPLER;
-            let texture = [binding(0, kind, vk::ShaderStageFlags::FRAGMENT)];
-            let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&texture);
-            let texture_layout = device.create_descriptor_set_layout(&info, None);
-            self.texture_layout = texture_layout.map_err(failed("vkCreateDescriptorSetLayout"))?;
             self.sampler = device.create_sampler(&sampler, None).map_err(failed("vkCreateSampler"))?;
             let push = vk::PushConstantRange { stage_flags: both, offset: 0, size: size_of::<PartPush>() as u32 };
-            let layouts = [self.set_layout, self.texture_layout];
-            let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&layouts);
+            let info = vk::PipelineLayoutCreateInfo::default().set_layouts(from_ref(&self.set_layout));
             let layout = device.create_pipeline_layout(&info.push_constant_ranges(from_ref(&push)), None);
             self.layout = layout.map_err(failed("vkCreatePipelineLayout"))?;
         }
@@ -196,7 +148,6 @@ impl Renderer {
             let (faces, plain) = (Drawn::Faces { cull, plain: false }, Drawn::Faces { cull, plain: true });
             self.shaded[side] = self.pictured(modules.face, self.input(false), faces)?;
             self.plain[side] = self.pictured(modules.face, self.input(false), plain)?;
-            self.blended[side] = self.pictured(modules.face, self.input(false), Drawn::Blended { cull })?;
             self.motion[side] = self.pictured(modules.motion, self.input(true), faces)?;
             if self.desc.masks {
                 self.wrinkled[side] = self.pictured(modules.masks, self.masked_input(), faces)?;
@@ -211,21 +162,21 @@ impl Renderer {
     }
 
     /// Returns the inputs of face.vert: binding 0 has the pose, 1 the base pose, whatever the format; 2 texture
-    /// coordinates; 3 values; 4 the previous pose, if any.
+    /// coordinates; 3 the previous pose, if any.
     fn input(&self, previous: bool) -> Input {
         let (mut bindings, mut attributes) = self.desc.pose.vertex_input(previous);
         let last = bindings.len() as u32 - 1;
         let own = |attribute: &mut vk::VertexInputAttributeDescription| {
             attribute.location += POSE_LOCATION;
             if previous && attribute.binding == last {
-                attribute.binding = 4;
+                attribute.binding = 3;
             }
         };
         attributes.iter_mut().for_each(own);
         let per_vertex = |binding, stride| vk::VertexInputBindingDescription::default().binding(binding).stride(stride);
         bindings.truncate(1);
-        bindings.extend([per_vertex(1, 24), per_vertex(2, 8), per_vertex(3, 4)]);
-        bindings.extend(previous.then(|| per_vertex(4, bindings[0].stride)));
+        bindings.extend([per_vertex(1, 24), per_vertex(2, 8)]);
+        bindings.extend(previous.then(|| per_vertex(3, bindings[0].stride)));
         let attribute = |location, binding, format, offset| vk::VertexInputAttributeDescription {
             location,
             binding,
@@ -236,7 +187,6 @@ impl Renderer {
             attribute(0, 1, vk::Format::R32G32B32_SFLOAT, 0),
             attribute(1, 1, vk::Format::R32G32B32_SFLOAT, 12),
             attribute(2, 2, vk::Format::R32G32_SFLOAT, 0),
-            attribute(3, 3, vk::Format::R32_SFLOAT, 0),
         ]);
         (bindings, attributes)
     }
@@ -282,7 +232,6 @@ impl Renderer {
         let (topology, cull, plain) = match drawn {
             Drawn::All => (vk::PrimitiveTopology::TRIANGLE_LIST, vk::CullModeFlags::NONE, false),
             Drawn::Faces { cull, plain } => (vk::PrimitiveTopology::TRIANGLE_LIST, cull, plain),
-            Drawn::Blended { cull } => (vk::PrimitiveTopology::TRIANGLE_LIST, cull, true),
             Drawn::Lines => (vk::PrimitiveTopology::LINE_LIST, vk::CullModeFlags::NONE, false),
         };
         let constant = [vk::SpecializationMapEntry { constant_id: 0, offset: 0, size: 4 }];
@@ -301,15 +250,10 @@ impl Renderer {
         let raster = vk::PipelineRasterizationStateCreateInfo::default().line_width(1.0).cull_mode(cull);
         let samples = if colours { SAMPLES } else { vk::SampleCountFlags::TYPE_1 };
         let samples = vk::PipelineMultisampleStateCreateInfo::default().rasterization_samples(samples);
-        let is_blended = matches!(drawn, Drawn::Blended { .. });
         let depth = vk::PipelineDepthStencilStateCreateInfo::default().depth_test_enable(true);
-        let depth = depth.depth_write_enable(!is_blended);
-        let depth = depth.depth_compare_op(vk::CompareOp::LESS_OR_EQUAL);
-        // Colours are multiplied by their opacity.
-        let (over, under) = (vk::BlendFactor::ONE, vk::BlendFactor::ONE_MINUS_SRC_ALPHA);
-        let written = vk::PipelineColorBlendAttachmentState::default().color_write_mask(vk::ColorComponentFlags::RGBA);
-        let written = written.src_color_blend_factor(over).dst_color_blend_factor(under).blend_enable(is_blended);
-        let written = [written.src_alpha_blend_factor(over).dst_alpha_blend_factor(under)];
+        let depth = depth.depth_write_enable(true).depth_compare_op(vk::CompareOp::LESS_OR_EQUAL);
+        let written =
+            [vk::PipelineColorBlendAttachmentState::default().color_write_mask(vk::ColorComponentFlags::RGBA)];
         let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&written);
         let dynamic = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
         let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
@@ -342,13 +286,12 @@ impl Drop for Renderer {
         let device = &self.gpu.device;
         // SAFETY: ours, destroyed once, and not in use, as the caller of `new` guarantees.
         unsafe {
-            let faces = [self.shaded, self.plain, self.blended, self.motion, self.wrinkled].into_iter().flatten();
+            let faces = [self.shaded, self.plain, self.motion, self.wrinkled].into_iter().flatten();
             let pipelines = [self.shadow, self.lines].into_iter().chain(faces);
             pipelines.for_each(|pipeline| device.destroy_pipeline(pipeline, None));
             device.destroy_pipeline_layout(self.layout, None);
             device.destroy_sampler(self.sampler, None);
             device.destroy_descriptor_set_layout(self.set_layout, None);
-            device.destroy_descriptor_set_layout(self.texture_layout, None);
             device.destroy_render_pass(self.shadow_pass, None);
             device.destroy_render_pass(self.pass, None);
         }

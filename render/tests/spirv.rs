@@ -11,8 +11,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const SOURCES: [&str; 7] =
-    ["face.frag", "face.vert", "heat.glsl", "pose.glsl", "rays.comp", "scene.glsl", "shadow.vert"];
+const SOURCES: [&str; 6] = ["face.frag", "face.vert", "heat.glsl", "pose.glsl", "scene.glsl", "shadow.vert"];
 
 fn folder(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(name)
@@ -32,11 +31,9 @@ impl IncludeHandler for Includes {
 }
 
 fn compile(file: &str, stage: ShaderStage, pose: Option<&str>, more: &[&str]) -> Vec<u8> {
-    // Ray queries need a later version.
-    let spirv_version = if stage == ShaderStage::Compute { SpirvVersion::SPIRV1_4 } else { SpirvVersion::SPIRV1_3 };
     let options = CompilerOptions {
         source_language: SourceLanguage::GLSL,
-        target: Target::Vulkan { version: VulkanVersion::Vulkan1_1, spirv_version },
+        target: Target::Vulkan { version: VulkanVersion::Vulkan1_1, spirv_version: SpirvVersion::SPIRV1_3 },
         ..CompilerOptions::default()
     };
     let define = pose.map(|pose| format!("POSE_{}", pose.to_uppercase()));
@@ -57,9 +54,7 @@ fn hash(bytes: &[u8]) -> u64 {
 
 /// Returns names and contents of the modules.
 fn modules() -> Vec<(String, Vec<u8>)> {
-    let plain = [("face.frag", ShaderStage::Fragment), ("rays.comp", ShaderStage::Compute)];
-    let mut modules: Vec<_> =
-        plain.map(|(file, stage)| (format!("{file}.spv"), compile(file, stage, None, &[]))).into();
+    let mut modules = vec![("face.frag.spv".to_owned(), compile("face.frag", ShaderStage::Fragment, None, &[]))];
     let variants = [
         ("face", "face.vert", &[][..]),
         ("motion", "face.vert", &["MOTION"]),

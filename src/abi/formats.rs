@@ -41,7 +41,7 @@ macro_rules! delta_formats {
                 /// In blocks, as few bits as the error allows, for the vertices that move only: the fewest bytes.
                 ///
                 /// Bit widths per entry and component.
-                Small small { id: 3, since: 4, integers: true, texels: true }
+                Small small { id: 3, integers: true, texels: true }
 
                 /// In blocks, 8 bytes per vertex and entry.
                 ///
@@ -163,8 +163,6 @@ pub struct FormatRow {
     pub file: &'static str,
     /// Id in packed files; 0 for dense formats, which packed files cannot hold.
     pub id: u32,
-    /// The first version of packed files with today's encoding of this format.
-    pub since: u32,
     /// A block format; otherwise dense.
     pub blocks: bool,
     /// Deltas are integers with power-of-two steps, per mesh (block formats) or per target (dense), so that sums can be
@@ -187,7 +185,6 @@ impl FormatRow {
             summary: summary.trim_ascii(),
             file,
             id: 0,
-            since: 0,
             blocks: false,
             integers: false,
             words: 0,

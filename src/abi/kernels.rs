@@ -176,20 +176,19 @@ const DENSE: KernelRow = KernelRow {
     constants: 1,
     ..COMPUTE
 };
-/// Asset, work list, poses. Specialization constants: lanes, vertices per block.
-const BLOCKS: KernelRow = KernelRow {
-    name: "blocks",
+/// Asset, work list, poses. Specialization constants: lanes, vertices per block, instances per tile, two bits (bit 0: all
+/// start from the base pose; bit 1: sums are rounded), whether decoding should use few registers.
+const CROWD: KernelRow = KernelRow {
+    name: "crowd",
     stage: Stage::ComputeSized,
     takes: Takes::Blocks,
+    poses: true,
     bindings: &[(0, WORDS), (1, WORDS), (2, WORDS)],
     push: "BlocksPush",
-    constants: 2,
+    constants: 5,
     places: true,
     ..COMPUTE
 };
-/// Further specialization constants: instances per tile, whether all start from the base pose (plus 2: and whether sums
-/// are rounded), whether decoding should use few registers.
-const CROWD: KernelRow = KernelRow { name: "crowd", poses: true, constants: 5, ..BLOCKS };
 /// A draw of baseline `direct`: deltas, weights.
 const DIRECT: KernelRow = KernelRow {
     name: "direct",
@@ -238,15 +237,10 @@ const OURS: &[KernelRow] = &[
     // Measurements.
     KernelRow { name: "consume", poses: true, push: "ConsumePush", ..VERTEX },
     KernelRow { name: "read", bindings: &[(0, Buffer::Storage(16)), (1, WORDS)], push: "ReadPush", ..COMPUTE },
-    // Animation on the GPU: sampling clips and planning updates. Specialization constant of `budget`: whether levels of
-    // detail follow the camera; of `plan` and `arguments`: the widest tile.
+    // Animation on the GPU: sampling clips and planning updates. Specialization constant: the widest tile.
     KernelRow { name: "animate", ..ANIMATION },
-    KernelRow { name: "budget", constants: 1, ..ANIMATION },
-    KernelRow { name: "commit", ..ANIMATION },
     KernelRow { name: "plan", constants: 1, ..ANIMATION },
     KernelRow { name: "arguments", constants: 1, ..ANIMATION },
-    // Levels of detail, before sampling: tables, state.
-    KernelRow { name: "level", bindings: &[(0, WORDS), (1, WORDS)], push: "LevelPush", ..COMPUTE },
     // Passes over dense deltas.
     DENSE,
     KernelRow {
@@ -258,9 +252,7 @@ const OURS: &[KernelRow] = &[
         ..DENSE
     },
     KernelRow { name: "feedback", ..ATTRIBUTES },
-    // Blocks of one instance, with masks of changed components.
-    BLOCKS,
-    // Whole blocks of several instances at once.
+    // Blocks of several instances at once.
     CROWD,
     // The same for software drivers. Poses are bound twice: as pairs of words for stores, as texels for loads.
     KernelRow {

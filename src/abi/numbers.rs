@@ -20,10 +20,6 @@ shared! {
     /// Vertices of a piece, the unit in which steps after the pose list changes: the smallest block size.
     PIECE: u32 = 32;
 
-    /// Words of a work-list item, before its masks.
-    ITEM_WORDS: usize = 4;
-    /// Flag in an item's first word: starts from the base pose.
-    REBUILT: u32 = 1 << 31;
     /// Most instances of a tile.
     TILE: usize = 8;
     /// Number of tile widths: 1, 2, 4, 8.
@@ -36,8 +32,8 @@ shared! {
     /// Alignment of tiles and their first rows, in words: one texel.
     ALIGN: usize = 4;
 
-    /// Words of an instance's record: what it plays, and where it is.
-    RECORD_WORDS: u32 = 16;
+    /// Words of an instance's record: what it plays, and how many targets it keeps.
+    RECORD_WORDS: u32 = 8;
     /// Record flag: a clip is playing.
     PLAYING: u32 = 1;
     /// Record flag: the clip loops.
@@ -46,10 +42,6 @@ shared! {
     REVERSED: u32 = 4;
     /// Record flag: the instance is not updated.
     HIDDEN: u32 = 8;
-    /// Record flag: the instance's level of detail follows its size on the screen.
-    FOLLOWS: u32 = 16;
-    /// Words of an instance's level of detail: targets kept, goal, epoch, two words of the error budget.
-    LEVEL_WORDS: u32 = 5;
 
     /// Phase of an instance: not written, since it is hidden or was never updated.
     NEW: u32 = 0;
@@ -63,14 +55,6 @@ shared! {
     CHANGED: u32 = 0;
     /// Target bits: the weight is not 0.
     ACTIVE: u32 = 1;
-    /// Number of bit kinds without an error budget.
+    /// Number of bit kinds.
     BIT_KINDS: u32 = 2;
-    /// Target bits, with an error budget: the requested weight changed.
-    REQUESTED: u32 = 2;
-    /// Target bits, with an error budget: the requested weight differs from the applied weight.
-    PENDING: u32 = 3;
-    /// Target bits, with an error budget: the change is applied.
-    APPLIED: u32 = 4;
-    /// Number of bit kinds with an error budget.
-    BIT_KINDS_BUDGET: u32 = 5;
 }

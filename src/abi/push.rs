@@ -89,17 +89,13 @@ after_steps!(structures {
         dropped: u32,
     }
 
-    /// Push constants of `blocks.comp` and `crowd.comp`.
+    /// Push constants of `crowd.comp`.
     pub struct BlocksPush {
         /// First word of the first item in the work list.
         first_item: u32,
-        /// First word of the first element in the work list (`blocks.comp`).
-        elements_at: u32,
-        /// Word offset of headers in the bound part of the asset, as if it held those of all blocks.
-        headers_at: u32,
-        /// Word offset of deltas, likewise.
+        /// Word offset of deltas in the asset, which begins with headers.
         deltas_at: u32,
-        /// Word offset of the base pose, likewise.
+        /// Word offset of the base pose.
         base_at: u32,
         /// Numbers per pose; six per vertex, padding included, in engine-owned poses.
         pose_floats: u32,
@@ -152,35 +148,14 @@ after_steps!(structures {
         first_block: u32,
         run_blocks: u32,
         run_entries: u32,
-        any_entry: u32,
         first_counter: u32,
         counters: u32,
         chunks: u32,
         chunk_workgroups: u32,
-        budget_at: u32,
-        requested_at: u32,
         /// Rows hold the applied weight beside the new one, 16 bits each.
         pairs: u32,
         /// Items per workgroup.
         workgroup_items: u32,
-    }
-
-    /// Push constants of `level.comp`, described there.
-    pub struct LevelPush {
-        eye: [f32; 3],
-        unit_at_one: f32,
-        exceeded: f32,
-        wanted: f32,
-        fade: f32,
-        budget: f32,
-        heads: u32,
-        targets: u32,
-        words: u32,
-        phases_at: u32,
-        reaches_at: u32,
-        pinned: u32,
-        budget_at: u32,
-        epoch: u32,
     }
 });
 

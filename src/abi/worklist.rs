@@ -1,7 +1,6 @@
-//! Layout of work lists: items with masks and elements (blocks.comp), tiles with rows (crowd.comp, plan.comp).
+//! Layout of work lists: tiles with rows (crowd.comp, plan.comp).
 
-use super::numbers::REBUILT;
-pub use super::numbers::{ALIGN, ITEM_WORDS, ITEMS_MAX, TILE, TILE_WORDS, WIDTHS};
+pub use super::numbers::{ALIGN, ITEMS_MAX, TILE, TILE_WORDS, WIDTHS};
 
 /// Bytes of an element.
 pub const ELEMENT_BYTES: usize = size_of::<Element>();
@@ -27,11 +26,6 @@ pub const fn row_words(width: usize) -> usize {
 /// Packs the numbers of the source and destination poses, each below [`POSES_MAX`].
 pub const fn poses(source: u32, destination: u32) -> u32 {
     source | destination << 16
-}
-
-/// An item: a block of one instance, its poses, and its elements from `first` on.
-pub const fn item(block: u32, from_base: bool, poses: u32, first: u32, count: u32) -> [u32; ITEM_WORDS] {
-    [if from_base { block | REBUILT } else { block }, poses, first, count]
 }
 
 /// Writes a tile, a block of several instances: `head` is block, first row word, number of rows and the mask of

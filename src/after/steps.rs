@@ -172,7 +172,7 @@ impl After {
             }
             let Some((slot, _)) = technique.slots_of(instances, instance) else { continue };
             changed.clear();
-            technique.changed(instances, id, target.instance, changed);
+            technique.state().changed(instances, id.update, target.instance, changed);
             target.plan(changed, slot, id)?;
         }
         // If no pose changes: steps without works, for barriers after the earlier update.

@@ -1,14 +1,14 @@
-//! The CPU twin of `glsl/blocks.comp` and, for fixed-point poses, of `glsl/crowd.comp`: block after block, with the
-//! loads and stores of a workgroup for each instance that writes the block. Instances share decoded deltas.
+//! The CPU twin of `glsl/crowd.comp`: block after block, for each instance that writes the block. Instances share decoded
+//! deltas.
 //!
-//! `meter` receives the bytes of each load and store of a workgroup with a single instance; a test compares the
-//! planner's count with their sum.
+//! `meter` receives the bytes of each load and store of a single instance; a test compares the planner's count with
+//! their sum.
 
 use super::records::{self, Row, RowSum};
 use super::simd::widest;
 use super::sums::{self, Added, BATCH, Planes};
 use super::workers::Workers;
-use crate::abi::worklist::{ELEMENT_BYTES, Element, ITEM_WORDS};
+use crate::abi::worklist::{ELEMENT_BYTES, Element};
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::pack::formats::small::Records;
 use crate::pack::formats::{BlockFormat, with_format};
@@ -32,8 +32,6 @@ pub(crate) struct Run<'a> {
     pub items: Range<usize>,
     /// The source slot; `None`: in place.
     pub source: Option<&'a [u32]>,
-    /// The pose of the instance's base, if an item starts from it.
-    pub base: Option<&'a [u32]>,
     /// The destination slot, from the first block to be processed on.
     pub destination: &'a mut [u32],
 }
@@ -44,7 +42,7 @@ impl<'a> Run<'a> {
         let start = self.items.start;
         self.items.start += items[self.items.clone()].partition_point(|item| (item.block as usize) < block);
         let destination = self.destination.split_off_mut(..words).unwrap_or_default();
-        Self { items: start..self.items.start, source: self.source, base: self.base, destination }
+        Self { items: start..self.items.start, source: self.source, destination }
     }
 }
 
@@ -131,11 +129,15 @@ fn run_blocks<P: PoseStorage<Sum: RowSum>, const S: usize>(
                 let i = run.items.start;
                 if !run.items.is_empty() && items[i].block as usize == block {
                     run.items.start += 1;
-                    let own = items[i].source.is_none_or(|source| source.instance == items[i].instance);
-                    let source = if own { run.source } else { run.base };
-                    let block = Block::new(packed, plan, i, source.map(|source| &source[block * words..][..words]));
+                    let floats = S * POSE_FLOATS;
+                    let block = Block {
+                        item: &items[i],
+                        source: run.source.map(|source| &source[block * words..][..words]),
+                        base: &packed.base()[block * floats..][..floats],
+                        plan,
+                    };
                     let elements = plan.list.elements_of(block.item);
-                    meter(4 * (ITEM_WORDS + block.masks.len()) + ELEMENT_BYTES * elements.len() + block.moved());
+                    meter(size_of::<Item>() + ELEMENT_BYTES * elements.len() + block.moved());
                     let batch = [Added::<P::Sum>::default(); BATCH];
                     tile.push(InstanceBlock { block, destination, elements, batch, count: 0 });
                 }
@@ -281,7 +283,7 @@ impl<const S: usize> Turned<S> {
     }
 }
 
-/// Stores a block: `destination = source + sums`, whole vertices: slots are equal where the masks have no component.
+/// Stores a block: `destination = source + sums`.
 fn write<P: PoseStorage, const S: usize>(turned: &mut Turned<S>, block: &Block<'_>, destination: &mut [u32]) {
     let (base, dropped) = (block.item.source.is_none(), dropped(block.plan));
     widest!(_simd => {
@@ -304,29 +306,19 @@ fn write<P: PoseStorage, const S: usize>(turned: &mut Turned<S>, block: &Block<'
     });
 }
 
-/// The output of one workgroup.
+/// A block that an instance writes.
 struct Block<'a> {
     item: &'a Item,
-    masks: &'a [u32],
     /// The block in the source slot; `None`: in place.
     source: Option<&'a [u32]>,
     base: &'a [f32],
     plan: &'a GroupPlan,
 }
 
-impl<'a> Block<'a> {
-    /// Item `i` of the list; `source` is its block in the source slot, `None`: in place.
-    fn new(packed: &'a PackedGroup, plan: &'a GroupPlan, i: usize, source: Option<&'a [u32]>) -> Self {
-        let (floats, words) = (plan.index.size() * POSE_FLOATS, POSE_FLOATS * plan.index.mask_words());
-        let (item, masks) = (&plan.list.items[i], &plan.list.masks[i * words..][..words]);
-        Self { item, masks, source, base: &packed.base()[item.block as usize * floats..][..floats], plan }
-    }
-
-    /// Bytes of the pose that are loaded and stored.
+impl Block<'_> {
+    /// Bytes of the pose that are loaded and stored. The base pose of fixed-point poses is 0, and not loaded.
     fn moved(&self) -> usize {
-        match self.plan.pose().has_integers() {
-            true => 4 * block_words(self.plan) * if self.item.source.is_some() { 2 } else { 1 },
-            false => 8 * self.masks.iter().map(|mask| mask.count_ones() as usize).sum::<usize>(),
-        }
+        let loads = self.item.source.is_some() || !self.plan.pose().has_integers();
+        4 * block_words(self.plan) * (1 + usize::from(loads))
     }
 }

@@ -8,24 +8,21 @@ mod simd;
 mod sums;
 mod workers;
 
-use crate::calls::Call;
 use crate::crowd::{CrowdBase, Kind, TakesWeights};
 use crate::error::{Error, Result};
 use crate::pack::blocks::PoseGrid;
 use crate::pack::poses::{PoseStorage, with_pose};
 use crate::pack::{POSE_FLOATS, PackedGroup, PackedLayout, PackedMesh, PoseFormat};
-use crate::plan::instances::Instances;
+use crate::plan::instances::{InstanceState, Instances};
 use crate::plan::steps::{Source, Work};
 use crate::plan::{UpdateDesc, UpdateStats};
 use crate::update::Runner;
 use crate::update::blocks::{GroupPlan, Item, Planner};
 use crate::update::dense::{DensePlanner, Plan};
-use crate::update::technique::no_bases;
 use crate::weights::delta::Coefficient;
 use bytemuck::Pod;
 use std::any::Any;
 use std::borrow::Cow;
-use std::ops::Range;
 use std::sync::Arc;
 pub(crate) use workers::Workers;
 
@@ -35,7 +32,6 @@ pub type CpuCrowd = CrowdBase<OnCpu>;
 
 /// The kind of crowd behind [`CpuCrowd`].
 pub struct OnCpu {
-    desc: UpdateDesc,
     mesh: Arc<PackedMesh>,
     /// By group.
     memory: Vec<Memory>,
@@ -44,36 +40,13 @@ pub struct OnCpu {
 }
 
 /// Plans updates and executes them, for dense or block formats.
-trait CpuPlanner: Any + Send + Sync {
+trait CpuPlanner: InstanceState + Any + Send + Sync {
     fn plan(&mut self, instances: &mut Instances, update: u64);
 
     /// Executes the plan in group `number`.
     fn run(&self, number: usize, group: &PackedGroup, memory: &mut Memory, workers: &Workers);
 
     fn stats(&self, groups: &[PackedGroup]) -> UpdateStats;
-
-    /// See [`Kind::add`].
-    fn add(&mut self, _instance: u32) {}
-
-    /// See [`TakesWeights::set_error_budget`].
-    ///
-    /// # Errors
-    /// The same.
-    fn set_error_budget(&mut self, _instance: u32, budget: f32) -> Result<()> {
-        let what = format!("an error budget of {budget} for a mesh in a dense format");
-        Err(Error::invalid(what, "pack it in a block format"))
-    }
-
-    /// See [`TakesWeights::set_base`].
-    ///
-    /// # Errors
-    /// The same.
-    fn set_base(&mut self, _instance: u32, _base: Option<u32>) -> Result<()> {
-        Err(no_bases())
-    }
-
-    /// See [`Kind::changed`].
-    fn changed(&self, instances: &Instances, update: u64, instance: u32, out: &mut Vec<Range<u32>>);
 }
 
 impl CpuPlanner for DensePlanner {
@@ -87,11 +60,6 @@ impl CpuPlanner for DensePlanner {
 
     fn stats(&self, groups: &[PackedGroup]) -> UpdateStats {
         DensePlanner::stats(self, groups.iter().map(PackedGroup::layout))
-    }
-
-    fn changed(&self, instances: &Instances, update: u64, instance: u32, out: &mut Vec<Range<u32>>) {
-        let written = instances.written_by(instance as usize);
-        out.extend((written > 0 && written == update).then_some(0..u32::MAX));
     }
 }
 
@@ -107,22 +75,6 @@ impl CpuPlanner for Planner {
     fn stats(&self, _groups: &[PackedGroup]) -> UpdateStats {
         Planner::stats(self)
     }
-
-    fn add(&mut self, instance: u32) {
-        Planner::add(self, instance as usize);
-    }
-
-    fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()> {
-        Planner::set_error_budget(self, instance as usize, budget)
-    }
-
-    fn set_base(&mut self, instance: u32, base: Option<u32>) -> Result<()> {
-        Planner::set_base(self, instance, base)
-    }
-
-    fn changed(&self, _instances: &Instances, _update: u64, instance: u32, out: &mut Vec<Range<u32>>) {
-        self.groups[0].changed(instance, out);
-    }
 }
 
 impl Kind for OnCpu {
@@ -134,28 +86,16 @@ impl Kind for OnCpu {
         self.memory[0].grid
     }
 
-    fn add(&mut self, instance: u32) {
-        self.planner.add(instance);
+    fn state(&self) -> &dyn InstanceState {
+        &*self.planner
     }
 
-    fn changed(&self, instances: &Instances, update: u64, instance: u32, out: &mut Vec<Range<u32>>) {
-        self.planner.changed(instances, update, instance, out);
+    fn state_mut(&mut self) -> &mut dyn InstanceState {
+        &mut *self.planner
     }
 }
 
-impl TakesWeights for OnCpu {
-    fn update_desc(&self) -> &UpdateDesc {
-        &self.desc
-    }
-
-    fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()> {
-        self.planner.set_error_budget(instance, budget)
-    }
-
-    fn set_base(&mut self, instance: u32, base: Option<u32>) -> Result<()> {
-        self.planner.set_base(instance, base)
-    }
-}
+impl TakesWeights for OnCpu {}
 
 /// Poses of a group.
 #[derive(Clone)]
@@ -202,13 +142,12 @@ impl CpuCrowd {
         };
         let memory = mesh.groups().iter().map(|group| Memory::new(group, desc, count));
         let memory = memory.collect::<Result<_>>()?;
-        Ok(Self { instances, updates: 0, log: None, kind: OnCpu { desc, mesh, memory, workers, planner } })
+        Ok(Self { instances, updates: 0, kind: OnCpu { mesh, memory, workers, planner } })
     }
 
     /// Updates all poses to the requested weights.
     pub fn update(&mut self) -> UpdateStats {
         self.updates += 1;
-        self.log(|| Call::Update);
         let OnCpu { mesh, memory, workers, planner, .. } = &mut self.kind;
         planner.plan(&mut self.instances, self.updates);
         for (number, (group, memory)) in mesh.groups().iter().zip(memory).enumerate() {
@@ -364,18 +303,13 @@ impl Memory {
         let mut poses: Vec<_> = places.iter().map(|&place| std::mem::take(&mut self.poses[place])).collect();
         let mut end = 0;
         let runs = instances().zip(&mut poses).map(|(items, destination)| {
-            // All items of an instance read the same slot of its own, the same pose of its base, or the base pose.
-            let pose = |is_own: bool| {
-                let mut sources = items.iter().filter_map(|item| item.source);
-                let from = sources.find(|source| (source.instance == items[0].instance) == is_own)?;
-                // In place: the pose was taken as a destination.
-                let in_place = is_own && from.slot == items[0].destination;
-                (!in_place).then(|| self.poses[from.instance as usize * self.slots + from.slot as usize].as_slice())
-            };
-            let (source, base) = (pose(true), pose(false));
+            // All items of an instance read the same slot, or the base pose. In place, the pose was taken as a
+            // destination.
+            let source = items.iter().find_map(|item| item.source).filter(|slot| *slot != items[0].destination);
+            let source = source.map(|slot| self.poses[first(items) + slot as usize].as_slice());
             let start = end;
             end += items.len();
-            blocks::Run { items: start..end, source, base, destination }
+            blocks::Run { items: start..end, source, destination }
         });
         blocks::run(workers, mesh, plan, runs.collect());
         places.into_iter().zip(poses).for_each(|(place, pose)| self.poses[place] = pose);

@@ -11,10 +11,8 @@ fn metered(mesh: &PackedMesh, planner: &GroupPlan) -> u64 {
     let mut moved = 0u64;
     for (i, item) in planner.list.items.iter().enumerate() {
         let (mut destination, source) = (vec![0; words], vec![0; words * planner.index.count()]);
-        let own = item.source.filter(|source| source.instance == item.instance);
-        let separate = own.is_some_and(|source| source.slot != item.destination).then_some(&source[..]);
-        let base = own.is_none().then_some(&source[..]);
-        let run = blocks::Run { items: i..i + 1, source: separate, base, destination: &mut destination };
+        let separate = item.source.is_some_and(|slot| slot != item.destination).then_some(&source[..]);
+        let run = blocks::Run { items: i..i + 1, source: separate, destination: &mut destination };
         let block = item.block as usize;
         blocks::run_piece(mesh.surface(), planner, block..block + 1, vec![run], &mut |bytes| moved += bytes as u64);
     }
@@ -55,8 +53,6 @@ proptest! {
         let base = far(&reference::evaluate(&packed, &[]));
         let mut crowd = CpuCrowd::new(packed.clone(), desc, 2, threads).unwrap();
         let grid = desc.grid(packed.layout()).unwrap();
-        let takes_base = format.is_blocks() && slots > 1 && !desc.pose.row().rounds_sums;
-        prop_assert_eq!(crowd.set_base(0, (seed % 2 == 0).then_some(1)).is_ok(), takes_base);
         let mut before: [Option<Vec<f32>>; 2] = [None, None];
         for frame in 0..12u32 {
             for instance in 0..2 {

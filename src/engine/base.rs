@@ -5,7 +5,6 @@ use super::upload::GpuMesh;
 use super::views::{self, PoseView};
 use crate::after::{After, TargetContext};
 use crate::asset::streams::{Semantic, StreamPlace};
-use crate::calls::Call;
 use crate::crowd::{CrowdBase, Kind};
 use crate::error::{Error, Result};
 use crate::gpu::device::Device;
@@ -14,7 +13,7 @@ use crate::gpu::pipelines::Kernels;
 use crate::pack::PackedLayout;
 use crate::pack::blocks::PoseGrid;
 use crate::plan::UpdateStats;
-use crate::plan::instances::Instances;
+use crate::plan::instances::{InstanceState, Instances};
 use crate::plan::schedule::Schedule;
 use crate::plan::steps::{Owner, Resource, Steps, Use, Work};
 use crate::update::crowd::CrowdDesc;
@@ -121,29 +120,24 @@ impl<U: Updater + ?Sized> Kind for OnDevice<U> {
         self.groups[0].poses.grid
     }
 
-    fn cut(&mut self, instance: u32) {
-        self.updater.technique_mut().cut(instance);
+    fn state(&self) -> &dyn InstanceState {
+        self.updater.technique().state()
+    }
+
+    fn state_mut(&mut self) -> &mut dyn InstanceState {
+        self.updater.technique_mut().state_mut()
+    }
+
+    fn cut_outputs(&mut self, instance: u32) {
         self.after.cut(instance);
     }
 
-    fn set_hidden(&mut self, instance: u32, hidden: bool) {
-        self.updater.technique_mut().set_hidden(instance, hidden);
+    fn renew_outputs(&mut self, instance: u32) {
         self.after.renew(instance);
     }
 
-    fn add(&mut self, instance: u32) {
-        self.updater.technique_mut().add(instance);
-    }
-
-    fn remove(&mut self, instance: u32) {
-        self.updater.technique_mut().set_hidden(instance, true);
+    fn remove_outputs(&mut self, instance: u32) {
         self.after.remove(instance);
-    }
-
-    fn changed(&self, instances: &Instances, _update: u64, instance: u32, out: &mut Vec<std::ops::Range<u32>>) {
-        if let Some(id) = self.last {
-            self.updater.technique().changed(instances, id, instance, out);
-        }
     }
 }
 
@@ -181,7 +175,7 @@ impl<U: Updater> CrowdBase<OnDevice<U>> {
             queries: None,
         };
         let instances = Instances::new(instances as usize, targets, slots, frames);
-        Ok(Self { instances, updates: 0, log: None, kind })
+        Ok(Self { instances, updates: 0, kind })
     }
 }
 
@@ -231,9 +225,6 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
         kind.updater.technique_mut().discard_from(ticket.id);
         kind.after.discard_from(update);
         kind.recorded = kind.recorded.min(ticket.id.recorded);
-        if let Some(log) = &mut self.log {
-            log.discard_from(update);
-        }
         Ok(())
     }
 
@@ -427,7 +418,6 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
     /// Plans an update and advances the state. If it fails, call [`discard_last`](Self::discard_last).
     pub(super) fn plan(&mut self) -> Result<Update> {
         self.updates += 1;
-        self.log(|| Call::Update);
         let OnDevice { updater, after, steps, wrote, last, desc, recorded, .. } = &mut self.kind;
         steps.clear();
         // Reuses the lists of the update `frames_in_flight` before it.

@@ -9,9 +9,7 @@ use crate::asset::streams::Semantic;
 use crate::crowd::{CrowdBase, TakesWeights};
 use crate::error::Result;
 use crate::gpu::memory::Buffer;
-use crate::lod::{Camera, Place};
 use crate::pack::PackedMesh;
-use crate::plan::UpdateDesc;
 use crate::update::animated::{Animated, Clips, Playback};
 use crate::update::crowd::CrowdDesc;
 use crate::update::technique::Technique;
@@ -70,23 +68,7 @@ impl Updater for Playing {
     }
 }
 
-impl TakesWeights for OnDevice<Weighted> {
-    fn update_desc(&self) -> &UpdateDesc {
-        &self.desc.update
-    }
-
-    fn check_weights(&self, weights: &[f32]) -> Result<()> {
-        self.updater.technique.check_weights(weights)
-    }
-
-    fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()> {
-        self.updater.technique.set_error_budget(instance, budget)
-    }
-
-    fn set_base(&mut self, instance: u32, base: Option<u32>) -> Result<()> {
-        self.updater.technique.set_base(instance, base)
-    }
-}
+impl TakesWeights for OnDevice<Weighted> {}
 
 /// Methods of [`Crowd`] and [`AnimatedCrowd`].
 impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
@@ -192,8 +174,7 @@ impl AnimatedCrowd {
     /// targets' [factors](crate::lod::Importance::factor), in 2⁻¹⁶. The number of targets or more keeps all, which is
     /// the default.
     ///
-    /// A changed level sends 64 bytes to the device, an unchanged one nothing. For an instance that [has a
-    /// place](Self::set_place), `level` is an upper limit.
+    /// A changed level sends 32 bytes to the device, an unchanged one nothing.
     ///
     /// # Errors
     /// An instance out of range; a level that is negative or NaN; a crowd created without an order of importance.
@@ -201,41 +182,6 @@ impl AnimatedCrowd {
         self.instances.check(instance)?;
         let Animated { playbacks, clips, .. } = self.animated_mut();
         playbacks.set_level(instance, level, clips)
-    }
-
-    /// Sets the camera that levels of detail of instances that [have a place](Self::set_place) follow, from the next
-    /// recorded update on. Without a camera they keep all targets.
-    ///
-    /// # Errors
-    /// An invalid camera (non-finite, height or angle out of range); a crowd created without
-    /// [`AnimationDesc::level`](field@crate::AnimationDesc::level).
-    pub fn set_camera(&mut self, camera: &Camera) -> Result<()> {
-        let Animated { playbacks, clips, .. } = self.animated_mut();
-        playbacks.set_camera(camera, clips)
-    }
-
-    /// Camera cut at the next recorded update: levels of detail reach their goals at once, since no popping is visible.
-    pub fn cut_camera(&mut self) {
-        self.animated_mut().playbacks.cut_camera();
-    }
-
-    /// Sets the place of `instance` from the next recorded update on; from its first place on, its level of detail
-    /// follows the camera. In each update the GPU computes the number of targets from the pixels per input unit
-    /// ([`lod::Camera::pixels_per_unit`](crate::lod::Camera::pixels_per_unit)), like
-    /// [`lod::Level::step`](crate::lod::Level::step) without weights, in 2⁻¹⁶ targets. If the crowd has an [error
-    /// budget](field@crate::UpdateDesc::error_budget), the instance's own is that of its pixels
-    /// ([`lod::LevelDesc::error_budget`](crate::lod::LevelDesc::error_budget)), limited by the crowd's.
-    ///
-    /// A changed place sends 64 bytes to the device, a moving camera only push constants; the recorded commands stay
-    /// the same. [`cut`](Self::cut) moves the level to its goal at once.
-    ///
-    /// # Errors
-    /// An instance out of range; an invalid place (non-finite); a crowd created without
-    /// [`AnimationDesc::level`](field@crate::AnimationDesc::level).
-    pub fn set_place(&mut self, instance: u32, place: &Place) -> Result<()> {
-        self.instances.check(instance)?;
-        let Animated { playbacks, clips, .. } = self.animated_mut();
-        playbacks.set_place(instance, place, clips)
     }
 
     /// Sets the clock of the next recorded update.

@@ -60,16 +60,16 @@ impl<K: Kind + ?Sized> CrowdBase<K> {
     #[doc(hidden)]
     pub fn changed(&self, instance: u32) -> Vec<Range<u32>> {
         let mut changed = vec![];
-        if self.instances.check(instance).is_ok() {
-            self.kind.changed(&self.instances, self.updates, instance, &mut changed);
+        if self.updates > 0 && self.instances.check(instance).is_ok() {
+            self.kind.state().changed(&self.instances, self.updates, instance, &mut changed);
         }
         changed
     }
 }
 
 impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
-    /// Starts as if `updates` updates had been recorded and had finished; epochs start at the low 32 bits. For tests of
-    /// counter wraparound, before the first update.
+    /// Starts as if `updates` updates had been recorded and had finished. For tests of counter
+    /// wraparound, before the first update.
     #[doc(hidden)]
     pub fn begin_at(&mut self, updates: u64) {
         (self.updates, self.kind.recorded) = (updates, updates);
@@ -91,12 +91,6 @@ impl AnimatedCrowd {
     #[doc(hidden)]
     pub fn read_plan(&self, read: impl FnMut((vk::Buffer, u64, u64)) -> Result<Vec<u32>>) -> Result<Vec<PlannedGroup>> {
         self.animated().read_plan(read)
-    }
-
-    /// An instance's level of detail that follows the camera, as `glsl/level.comp` writes it: buffer, offset, size.
-    #[doc(hidden)]
-    pub fn level_of(&self, instance: u32) -> Option<(vk::Buffer, u64, u64)> {
-        self.animated().level_of(instance)
     }
 
     /// The weights of an instance: buffer, offset, size.

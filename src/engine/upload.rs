@@ -65,8 +65,7 @@ impl GpuMesh {
 }
 
 impl MorphEngine {
-    /// Bytes of device memory for a mesh, and of staging memory until [`GpuMesh::release_staging`]. A mesh in blocks
-    /// beyond the storage range has its base pose twice.
+    /// Bytes of device memory for a mesh, and of staging memory until [`GpuMesh::release_staging`].
     pub fn mesh_bytes(mesh: &PackedMesh) -> u64 {
         let of = |layout: &PackedLayout| {
             let base = if layout.format.is_blocks() { 0 } else { layout.base_bytes() };
@@ -155,8 +154,8 @@ impl MorphEngine {
         let chunk_groups = (layout.chunk_vertices as u64).div_ceil(WORKGROUP.into());
         limit("a pose takes", layout.base_bytes(), "bytes", range, "split the mesh")?;
         if layout.format.is_blocks() {
-            // Deltas are split into parts.
-            return Ok(());
+            let remedy = "pack it in a format with smaller deltas ('small'), or split the mesh";
+            return limit("its deltas and base pose take", deltas_bytes(layout), "bytes", range, remedy);
         }
         limit("a chunk of deltas takes", chunk_bytes(layout), "bytes", range, "pack with MorphEngine::pack_desc")?;
         limit("a chunk takes", chunk_groups, "workgroups", groups, "pack with MorphEngine::pack_desc")?;

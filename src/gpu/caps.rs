@@ -259,17 +259,11 @@ impl DeviceCaps {
     }
 
     /// Reduces each limit to that of `limits` if it is smaller; nothing is raised. Names, versions, timestamps and the
-    /// flags of queue families stay. Of the tuning, only the width of tiles and the masks are changed, and on software
-    /// drivers the fields for small blocks.
+    /// flags of queue families stay. Of the tuning, only the width of tiles and the fields for small blocks change.
     pub fn clamp_to(&mut self, limits: &Self) {
         self.tuning.widest_tile = self.tuning.widest_tile.min(limits.tuning.widest_tile);
-        self.tuning.masks &= limits.tuning.masks;
-        if self.is_software() {
-            // A GPU keeps what fits its subgroups: NVIDIA's driver 580 computes other integers with `small` in blocks
-            // that share workgroups (docs/results/gpu-h100.md).
-            self.tuning.lanes = self.tuning.lanes.max(limits.tuning.lanes);
-            self.tuning.few_registers |= limits.tuning.few_registers;
-        }
+        self.tuning.lanes = self.tuning.lanes.max(limits.tuning.lanes);
+        self.tuning.few_registers |= limits.tuning.few_registers;
         self.max_storage_range = self.max_storage_range.min(limits.max_storage_range);
         self.max_texels = self.max_texels.min(limits.max_texels);
         self.max_allocation = self.max_allocation.min(limits.max_allocation);

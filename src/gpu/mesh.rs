@@ -4,10 +4,9 @@ use super::barriers;
 use super::descriptors::BufferRange;
 use super::device::Device;
 use super::memory::Buffer;
-use super::parts::AssetPart;
 use super::statistics::MemoryKind;
 use crate::error::Result;
-use crate::pack::PackedLayout;
+use crate::pack::{POSE_FLOATS, PackedLayout};
 use crate::plan::schedule::asset_uploaded;
 use ash::vk;
 use std::any::Any;
@@ -33,8 +32,6 @@ pub struct MeshBuffers {
     pub base: Buffer,
     /// Dense formats: the deltas. Block formats: headers, deltas and base pose, the whole asset.
     pub deltas: Buffer,
-    /// Block formats: the parts of the asset that descriptors cover.
-    pub(crate) parts: Vec<AssetPart>,
     /// Uploaded for one technique, in words of its own: what that keeps with them.
     pub private: Option<Private>,
 }
@@ -55,47 +52,38 @@ impl MeshBuffers {
         private: Option<Private>,
     ) -> Result<(Self, Upload)> {
         let (base_bytes, delta_bytes): (&[u8], &[u8]) = (bytemuck::cast_slice(base), bytemuck::cast_slice(deltas));
-        let parts = match layout.format.is_blocks() && private.is_none() {
-            true => AssetPart::cut(&layout, deltas, device.caps.max_storage_range)?,
-            false => vec![],
-        };
-        // In block formats the base pose follows the deltas. Draws and decoding need it in one piece: if the asset is
-        // cut, the base pose has a separate buffer as well.
-        let base_size = if parts.len() == 1 { 0 } else { layout.base_bytes() };
-        let deltas_size = match parts.last() {
-            Some(last) => last.end(),
-            None if private.is_none() => deltas_bytes(&layout),
-            None => delta_bytes.len() as u64,
-        };
+        let is_asset = layout.format.is_blocks() && private.is_none();
+        let base_at = if is_asset { base_offset(&layout) } else { delta_bytes.len() as u64 };
+        let base_size = if is_asset { 0 } else { layout.base_bytes() };
+        let deltas_size = if private.is_none() { deltas_bytes(&layout) } else { base_at };
         let name = |what: &str| format!("deltamorph {what} of mesh '{}'", layout.name);
         let base = Buffer::new(device, &name("base pose"), base_size, ASSET_USAGE, MemoryKind::Meshes)?;
         let deltas = Buffer::new(device, &name("deltas"), deltas_size, ASSET_USAGE, MemoryKind::Meshes)?;
-        let (bytes, usage) = ((base_bytes.len() + delta_bytes.len()) as u64, vk::BufferUsageFlags::TRANSFER_SRC);
+        let bytes = base_at + base_bytes.len() as u64;
+        let usage = vk::BufferUsageFlags::TRANSFER_SRC;
         let mut staging = Buffer::new(device, &name("upload"), bytes, usage, MemoryKind::Staging)?;
-        let mapped = staging.mapped()?;
-        mapped[..base_bytes.len()].copy_from_slice(base_bytes);
-        mapped[base_bytes.len()..][..delta_bytes.len()].copy_from_slice(delta_bytes);
+        let (before, after) = staging.mapped()?[..bytes as usize].split_at_mut(base_at as usize);
+        let (words, padding) = before.split_at_mut(delta_bytes.len());
+        words.copy_from_slice(delta_bytes);
+        padding.fill(0);
+        after.copy_from_slice(base_bytes);
 
-        let region =
-            |from: usize, bytes: &[u8]| vk::BufferCopy::default().src_offset(from as u64).size(bytes.len() as u64);
-        let mut copies: Vec<_> =
-            parts.iter().flat_map(|part| part.copies(&layout)).map(|copy| (deltas.raw, copy)).collect();
-        if parts.len() != 1 {
-            copies.push((base.raw, region(0, base_bytes)));
-        }
-        if parts.is_empty() {
-            copies.push((deltas.raw, region(base_bytes.len(), delta_bytes)));
-        }
+        let region = |from: u64, size: u64| vk::BufferCopy::default().src_offset(from).size(size);
+        let mut copies = match is_asset {
+            true => vec![(deltas.raw, region(0, bytes))],
+            false => vec![(deltas.raw, region(0, base_at)), (base.raw, region(base_at, bytes - base_at))],
+        };
         copies.retain(|(_, region)| region.size > 0);
-        let mesh = Self { layout, base, deltas, parts, private };
+        let mesh = Self { layout, base, deltas, private };
         Ok((mesh, Upload::new(staging, copies)))
     }
 
     /// Returns the range of the base pose.
     pub fn base_pose(&self) -> BufferRange {
-        match &self.parts[..] {
-            [whole] => whole.base_pose(self.deltas.raw, &self.layout),
-            _ => BufferRange::new(self.base.raw, 0, self.layout.base_bytes()),
+        let bytes = self.layout.base_bytes();
+        match self.layout.format.is_blocks() && self.private.is_none() {
+            true => BufferRange::new(self.deltas.raw, base_offset(&self.layout), bytes),
+            false => BufferRange::new(self.base.raw, 0, bytes),
         }
     }
 }
@@ -157,11 +145,19 @@ pub(crate) fn chunk_bytes(layout: &PackedLayout) -> u64 {
     (layout.chunk_vertices * layout.targets.len() * layout.format.stride()) as u64
 }
 
+/// Returns the byte offset of the base pose of a mesh in blocks, which follows headers and deltas in one buffer. Without
+/// entries, zeros take their place: tiles have at least one row, which names an entry.
+pub(crate) fn base_offset(layout: &PackedLayout) -> u64 {
+    let empty = layout.blocks.as_ref().filter(|index| index.entry_count() == 0);
+    let no_entry = empty.map_or(0, |index| index.size() * POSE_FLOATS * size_of::<f32>());
+    (layout.index_bytes() + layout.delta_bytes() + no_entry as u64).next_multiple_of(16)
+}
+
 /// Returns the bytes of the buffer of deltas. For dense formats it holds whole chunks, so that one descriptor range
 /// fits at every chunk's offset; for block formats, headers, deltas and base pose.
 pub(crate) fn deltas_bytes(layout: &PackedLayout) -> u64 {
     match layout.format.is_blocks() {
-        true => layout.index_bytes() + layout.delta_bytes() + layout.base_bytes(),
+        true => base_offset(layout) + layout.base_bytes(),
         false => (chunk_bytes(layout) * layout.chunks().count() as u64).max(16),
     }
 }

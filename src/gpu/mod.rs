@@ -2,8 +2,7 @@
 //!
 //! Files by Vulkan concern: [`caps`] (limits and features of a device), `tuning` (kernel choices that suit it),
 //! [`device`] (the host's device, borrowed), `allocation` (its memory), `statistics` (memory by kind), `memory`
-//! (buffers, rings of lists), `mesh` (an uploaded mesh), `parts` (parts of an asset that is too large for one
-//! descriptor), `descriptors`, `pipelines`, `barriers`; for baselines `images` and `blending`. No file here knows a
+//! (buffers, rings of lists), `mesh` (an uploaded mesh), `descriptors`, `pipelines`, `barriers`. No file here knows a
 //! technique.
 
 pub mod allocation;
@@ -13,7 +12,6 @@ pub mod descriptors;
 pub mod device;
 pub mod memory;
 pub mod mesh;
-pub(crate) mod parts;
 pub mod pipelines;
 pub mod statistics;
 pub(crate) mod tuning;

@@ -35,15 +35,9 @@ pub struct DeviceTuning {
     /// deltas in the cache, 8 for others.
     pub load_cost: u32,
     /// Whether deltas are read through texel buffers (four words at a time) instead of storage buffers, if their format
-    /// allows it, and single instances are processed as tiles. On software drivers storage buffers are accessed lane by
-    /// lane, which costs several times as much again under the control flow of `masks`.
+    /// allows it. On software drivers storage buffers are accessed lane by lane.
     pub texels: bool,
-    /// Whether, without `texels`, single instances in float32 poses load and store only the components that change:
-    /// each block of a target has a mask with a bit for each of the six numbers of a vertex. Compilers for GPUs emit
-    /// two to three times as many instructions for that as for whole blocks.
-    pub masks: bool,
     /// Fewest invocations in a workgroup of tiles, from 1 to 128: smaller blocks share a workgroup, at most two in one.
-    /// Leave it at 1 on NVIDIA, whose driver 580 then computes wrong integers with `small`.
     pub lanes: u32,
     /// Whether deltas are decoded in few registers, at the price of some instructions.
     pub few_registers: bool,
@@ -63,7 +57,7 @@ impl DeviceTuning {
 
     /// Adjusts the tuning to a software driver, by its vendor and its version of Vulkan, the one number from which
     /// lavapipe's own follows. Mesa 25.0.7 with LLVM 19 crashes now and then in kernels that read texels: the results of
-    /// its fetches are misaligned on the stack. Mesa 22.3 and 26.2 do not; those in between are taken for alike.
+    /// its fetches are misaligned on the stack. Mesa 22.3 and 26.2 do not; versions between 22.3 and 26.2 are assumed to crash like 25.0.7.
     #[must_use]
     pub(crate) fn for_software(self, vendor: u32, api_version: u32) -> Self {
         let (mesa_22_3, mesa_26_2) = (vk::make_api_version(0, 1, 3, 230), vk::make_api_version(0, 1, 4, 354));
@@ -102,7 +96,6 @@ impl DeviceClass {
             widest_tile: if software { 8 } else { 4 },
             load_cost: 4,
             texels: software,
-            masks: software,
             lanes: 1,
             few_registers: false,
         }

@@ -1,4 +1,4 @@
-//! Import of meshes and weight clips from files, and their export.
+//! Import of meshes and weight clips from files.
 //!
 //! To add an importer: a module here, and a branch in [`open`].
 
@@ -34,7 +34,7 @@ pub struct ImportDesc {
 
 setters!(ImportDesc { split: bool, unposed: bool });
 
-/// The result of [`open`]: the mesh, and the paths of clips and of a rig, which are not read yet.
+/// The result of [`open`]: the mesh, and the paths of its clips, which are not read yet.
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Imported {
@@ -44,24 +44,6 @@ pub struct Imported {
     /// animation of weights, in the order of the file; for a packed file, `FILE#NAME` for each clip, if the library reads
     /// clips of any kind (feature `csv` or `gltf`); for a folder, files sorted by name.
     pub clips: Vec<PathBuf>,
-    /// The rig that belongs to the mesh: `rig.json` in a folder, `NAME.rig.json` beside `NAME.glb` or `NAME.dmorph`.
-    /// The package deltamorph-rig reads it.
-    pub rig: Option<PathBuf>,
-    /// The expressions of a VRM file, of which the package deltamorph-rig makes a rig.
-    #[cfg(feature = "gltf")]
-    pub expressions: Vec<gltf::Expression>,
-}
-
-impl Imported {
-    fn new(mesh: ImportedMesh, clips: Vec<PathBuf>) -> Self {
-        Self {
-            mesh,
-            clips,
-            rig: None,
-            #[cfg(feature = "gltf")]
-            expressions: vec![],
-        }
-    }
 }
 
 /// A mesh to pack, or one that is packed already: [`open`] shows how to handle both.
@@ -107,7 +89,7 @@ pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
         let bytes = file::bytes(path)?;
         let mesh = ImportedMesh::Packed(Asset::from_bytes(path, &bytes)?);
         let clips = if HAS_CLIPS { packed::clips_from_bytes(path, &bytes)? } else { vec![] };
-        Imported::new(mesh, clips.iter().map(|clip| named(path, &clip.name)).collect())
+        Imported { mesh, clips: clips.iter().map(|clip| named(path, &clip.name)).collect() }
     } else if is_gltf(path) {
         open_gltf(path, desc)?
     } else {
@@ -116,8 +98,6 @@ pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
     if let (ImportedMesh::Source(source), true) = (&mut imported.mesh, desc.split) {
         *source = source.split()?;
     }
-    let rig = if path.is_dir() { path.join("rig.json") } else { path.with_extension("rig.json") };
-    imported.rig = rig.is_file().then_some(rig);
     Ok(imported)
 }
 
@@ -173,11 +153,10 @@ pub fn animation_of(path: &Path) -> Option<(PathBuf, String)> {
 
 #[cfg(feature = "gltf")]
 fn open_gltf(path: &Path, desc: &ImportDesc) -> Result<Imported> {
-    let mut gltf = gltf::read(path)?;
+    let gltf = gltf::read(path)?;
     let clips = gltf.weight_animations().map(|animation| named(path, &animation.name)).collect();
-    let expressions = std::mem::take(&mut gltf.expressions);
     let source = if desc.unposed { gltf.into_skinned()?.0 } else { gltf.into_source()? };
-    Ok(Imported { expressions, ..Imported::new(ImportedMesh::Source(source), clips) })
+    Ok(Imported { mesh: ImportedMesh::Source(source), clips })
 }
 
 #[cfg(feature = "gltf")]
@@ -246,7 +225,7 @@ fn open_folder(path: &Path) -> Result<Imported> {
     let weights = path.join("weights");
     let mut clips = if weights.is_dir() { list(&weights)? } else { vec![] };
     clips.retain(|path| has_extension(path, "csv") && path.is_file());
-    Ok(Imported::new(mesh, clips))
+    Ok(Imported { mesh, clips })
 }
 
 #[cfg(test)]
@@ -261,18 +240,16 @@ mod tests {
         std::fs::create_dir(dir.path().join("targets")).unwrap();
         std::fs::write(dir.path().join("neutral.obj"), triangle).unwrap();
         let found = |desc: ImportDesc| match open(dir.path(), &desc).unwrap() {
-            Imported { mesh: ImportedMesh::Source(source), clips, rig, .. } => (source.positions.len(), clips, rig),
+            Imported { mesh: ImportedMesh::Source(source), clips } => (source.positions.len(), clips),
             Imported { mesh: ImportedMesh::Packed(_), .. } => panic!("nothing is packed"),
         };
-        assert_eq!(found(ImportDesc::default()), (3, vec![], None));
+        assert_eq!(found(ImportDesc::default()), (3, vec![]));
         std::fs::create_dir(&weights).unwrap();
         for name in ["b.csv", "a.CSV", "notes.txt"] {
             std::fs::write(weights.join(name), "").unwrap();
         }
-        let rig = dir.path().join("rig.json");
-        std::fs::write(&rig, "{}").unwrap();
         let clips = vec![weights.join("a.CSV"), weights.join("b.csv")];
-        assert_eq!(found(ImportDesc::default().split(true)), (4, clips, Some(rig)));
+        assert_eq!(found(ImportDesc::default().split(true)), (4, clips));
     }
 
     #[test]

@@ -6,8 +6,7 @@
 //! follows the camera so slowly that nothing pops. [`Importance::apply`] applies it to weights, which any path takes:
 //! with incremental updates, a target that is dropped is one more delta weight, and one that stays dropped costs
 //! nothing. Crowds that are animated on the GPU apply it there
-//! ([`AnimatedCrowd::set_level`](crate::AnimatedCrowd::set_level)), and can choose it there, from a [`Camera`] and the
-//! [`Place`] of each instance ([`AnimationDesc::level`](field@crate::AnimationDesc::level)).
+//! ([`AnimatedCrowd::set_level`](crate::AnimatedCrowd::set_level)).
 //!
 //! ```
 //! use deltamorph::lod::{Importance, Level, LevelDesc, pixels_per_unit};
@@ -28,12 +27,10 @@
 //! ```
 
 mod level;
-mod place;
 #[cfg(test)]
 mod tests;
 
 pub use level::{Level, LevelDesc};
-pub use place::{Camera, Place};
 
 use crate::asset::{MorphMesh, MorphTarget};
 use crate::error::{Error, Result};
@@ -65,7 +62,7 @@ pub fn is_pinned<P: AsRef<str>>(name: &str, pins: &[P]) -> bool {
 
 /// Returns the pixels that an input unit takes up at `distance` (in input units, above 0), in a perspective picture
 /// `height` pixels high with a vertical angle of view of `angle` radians: height / (2 · tan(angle / 2) · distance).
-/// Multiply by [`Place::scale`] of the instance.
+/// Multiply by the world units that an input unit of the instance takes up.
 pub fn pixels_per_unit(height: f32, angle: f32, distance: f32) -> f32 {
     height / (2.0 * (angle / 2.0).tan() * distance)
 }
@@ -132,7 +129,8 @@ impl Importance {
     /// # Errors
     /// [`Error::Invalid`] if the mesh or a frame has another number of targets than were ranked.
     pub fn over(mut self, mesh: &PackedMesh, frames: impl IntoIterator<Item = Vec<f32>>) -> Result<Self> {
-        let (targets, layout) = (self.order.len(), mesh.layout());
+        let targets = self.order.len();
+        let layout = mesh.layout();
         let check = |given: usize, what: &str| match given == targets {
             true => Ok(()),
             false => {
@@ -191,11 +189,6 @@ impl Importance {
     /// Returns the farthest that a target moves a vertex at weight 1, in input units; 0 for a target out of range.
     pub fn reach(&self, target: usize) -> f32 {
         self.reaches.get(target).copied().unwrap_or(0.0)
-    }
-
-    /// Returns how many of the first targets are always kept.
-    pub(crate) fn pinned(&self) -> usize {
-        self.pinned
     }
 
     /// Returns the fewest targets to keep so that no vertex is off by more than `pixels`, if an input unit takes up
@@ -278,7 +271,8 @@ impl Deltas<'_> {
         };
         let order: Vec<usize> = order.iter().map(place).collect::<Result<_>>()?;
         if order.len() != self.names.len() || pinned > order.len() {
-            let (given, all) = (order.len(), self.names.len());
+            let given = order.len();
+            let all = self.names.len();
             let what =
                 format!("an order of importance of {given} targets, {pinned} of them pinned, for mesh '{}'", self.mesh);
             return Err(Error::invalid(what, format!("name all of its {all} targets, and pin no more")));
@@ -287,8 +281,10 @@ impl Deltas<'_> {
     }
 
     fn ranked(&self, order: &[usize], pinned: usize) -> Importance {
-        let (mut ranks, mut reaches) = (vec![0; order.len()], vec![0.0; order.len()]);
-        let (mut moved, mut farthest) = (vec![0.0f64; self.vertices], 0.0f64);
+        let mut ranks = vec![0; order.len()];
+        let mut reaches = vec![0.0; order.len()];
+        let mut moved = vec![0.0f64; self.vertices];
+        let mut farthest = 0.0f64;
         let mut errors = vec![0.0; order.len() + 1];
         for (rank, &target) in order.iter().enumerate().rev() {
             let mut reach = 0.0f64;

@@ -6,6 +6,7 @@ use super::source::largest;
 use super::{POSE_FLOATS, PackDesc, PackedGroup, PackedLayout, PackedTarget, Source, VERTEX_PADDING};
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::error::{Error, Result};
+use std::sync::Arc;
 
 pub(super) fn pack(source: &Source<'_>, desc: &PackDesc, format: &impl DenseFormat) -> Result<PackedGroup> {
     let mesh = source.mesh;
@@ -44,6 +45,7 @@ pub(super) fn pack(source: &Source<'_>, desc: &PackDesc, format: &impl DenseForm
         diagonal: mesh.diagonal,
         origin: mesh.origin,
         targets,
+        indices: Arc::default(),
         blocks: None,
         sums: None,
     };

@@ -32,11 +32,6 @@
 //!  7  words               [word] u32: headers and deltas, see blocks
 //! ```
 //!
-//! Versions 2 to 5 are read too, except meshes in format `small` of versions 2 and 3, whose words have changed. Their
-//! entry targets are u32; versions 2 to 4 have no clips. Version 2 has sections 1 to 11 once each, in the order of
-//! their ids, for position and normal. Its section 'meta' also holds the numbers of 'group': blocks, entries and words
-//! after targets, the steps before the diagonal, the errors at the end.
-//!
 //! Checksums are CRC-32 (as in zlib). Reading any file takes at most 24 times its size in memory for each group of
 //! streams (at most 16), plus 16 KiB: counts are checked against section lengths, and those against the file, before
 //! anything is allocated. Data that planning needs ([`BlockIndex`](super::blocks::BlockIndex)) is derived on reading,

@@ -85,7 +85,8 @@ impl PackedGroup {
             self.for_each_delta(t, |vertex, delta| decoded[vertex] = delta);
             for (vertex, delta) in source.deltas(target) {
                 let base = source.base(vertex as usize);
-                let (mut exact, mut found) = (delta.map(f64::from), decoded[vertex as usize]);
+                let mut exact = delta.map(f64::from);
+                let mut found = decoded[vertex as usize];
                 for &c in &directions {
                     exact[c] += f64::from(base[c]);
                     found[c] += f64::from(base[c]);
@@ -147,6 +148,9 @@ pub struct PackedLayout {
     pub origin: Vec3,
     /// The targets.
     pub targets: Vec<PackedTarget>,
+    /// The faces as triangles, three vertices of pose buffers each: an index buffer for draws. Empty in all groups but
+    /// the first.
+    pub indices: Arc<[u32]>,
     /// The blocks; `None` in dense formats.
     pub blocks: Option<Arc<BlockIndex>>,
     /// Bounds on integer sums (dense formats with integer deltas).
@@ -199,7 +203,8 @@ impl PackedLayout {
 
     /// Chunks of a dense format: `(first vertex, vertices)`.
     pub fn chunks(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
-        let (all, step) = (self.padded_vertices(), self.chunk_vertices.max(1));
+        let all = self.padded_vertices();
+        let step = self.chunk_vertices.max(1);
         (0..all).step_by(step).map(move |first| (first, step.min(all - first)))
     }
 
@@ -234,7 +239,8 @@ impl PackedLayout {
         }
     }
 
-    /// Converts the user's vertex indices (an index buffer) to pose-buffer indices. Unchanged in dense formats.
+    /// Converts the user's vertex indices to pose-buffer indices, for another index buffer than
+    /// [`indices`](field@Self::indices). Unchanged in dense formats.
     ///
     /// # Errors
     /// An index out of range.

@@ -13,8 +13,8 @@ pub(crate) mod poses;
 mod source;
 pub(crate) mod vertex;
 
-use crate::asset::MorphMesh;
 use crate::asset::streams::GROUP_COMPONENTS;
+use crate::asset::{Faces, MorphMesh};
 use crate::error::{Error, Result};
 use crate::math::far_middle;
 use crate::setters::setters;
@@ -27,8 +27,6 @@ use glam::Vec3;
 pub use group::{PackedGroup, PackedLayout, PackedTarget};
 pub use poses::PoseFormat;
 pub(crate) use source::Source;
-#[cfg(feature = "gltf")]
-pub(crate) use source::check;
 use std::sync::Arc;
 pub use vertex::VertexLayout;
 
@@ -102,13 +100,6 @@ pub struct PackedMesh {
     groups: Vec<PackedGroup>,
 }
 
-/// The vertices of a mesh in an order in which those that the same targets move are adjacent.
-#[cfg(feature = "gltf")]
-pub(crate) fn vertex_order(mesh: &MorphMesh) -> Vec<u32> {
-    let members: Vec<Vec<u32>> = mesh.targets.iter().map(|target| target.vertices.clone()).collect();
-    order::order(mesh.vertex_count(), &members)
-}
-
 /// Most targets of a mesh: kernels use 16-bit target indices.
 pub const TARGETS_MAX: usize = 1 << 16;
 
@@ -116,7 +107,7 @@ impl PackedMesh {
     /// Packs `mesh`.
     ///
     /// # Errors
-    /// More than 65,536 targets; streams of the wrong length. Dense formats: `desc.max_chunk_bytes` does not fit all
+    /// More than 65,536 targets; streams of the wrong length; faces that name vertices that there are not. Dense formats: `desc.max_chunk_bytes` does not fit all
     /// targets of 64 vertices. Block formats: invalid values of [`BlockDesc`].
     pub fn pack(mesh: &MorphMesh, desc: &PackDesc) -> Result<Self> {
         if mesh.targets.len() > TARGETS_MAX {
@@ -129,12 +120,15 @@ impl PackedMesh {
                 "split the targets over several meshes",
             ));
         }
+        mesh.faces.check(mesh.vertex_count(), mesh.texcoords.len())?;
         let sources = Source::groups(mesh)?;
         let groups = with_format!(desc.format,
             dense format => sources.iter().map(|source| dense::pack(source, desc, format)).collect::<Result<Vec<_>>>(),
             blocks format => blocks::pack(&sources, desc, format)
         )?;
-        Ok(Self::of_groups(groups))
+        let mut packed = Self::of_groups(groups);
+        packed.take_faces(&mesh.faces)?;
+        Ok(packed)
     }
 
     /// A mesh of at least one group. All groups share the grid of weights, on which no sum of any group may overflow.
@@ -147,6 +141,15 @@ impl PackedMesh {
             }
         }
         Self { groups }
+    }
+
+    /// Keeps the triangles of `faces`, in the order of the packed vertices, for draws.
+    fn take_faces(&mut self, faces: &Faces) -> Result<()> {
+        let layout = &mut self.groups[0].layout;
+        let mut indices = faces.triangles().into_flattened();
+        layout.remap_indices(&mut indices)?;
+        layout.indices = indices.into();
+        Ok(())
     }
 
     /// [`MorphMesh::recentre`] for a packed mesh, such as one read from a file.
@@ -196,7 +199,8 @@ impl PackedMesh {
     /// The packing error against `mesh`, which this was packed from; NaN if `mesh` is invalid, or has other targets or
     /// vertices.
     pub fn measure_error(&self, mesh: &MorphMesh) -> PoseError {
-        let (vertices, targets) = (self.layout().vertex_count, self.layout().targets.len());
+        let vertices = self.layout().vertex_count;
+        let targets = self.layout().targets.len();
         if mesh.vertex_count() != vertices || mesh.targets.len() != targets || Source::groups(mesh).is_err() {
             return PoseError::NAN;
         }

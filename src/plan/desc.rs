@@ -91,7 +91,7 @@ pub struct UpdateDesc {
     /// Error budget: the largest distance of a vertex from its position under the requested weights, in input units
     /// (block formats). Changes below it are deferred until they add up to more, or until the same weights are
     /// requested again; 0 defers none. Excludes the errors of packing and of rounding to a grid. Bounds positions;
-    /// normals are deferred with them, other streams only in crowds animated on the GPU.
+    /// normals are deferred with them, other streams never. Crowds animated on the GPU have none.
     pub error_budget: f32,
 }
 

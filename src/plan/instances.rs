@@ -6,6 +6,7 @@ use crate::pack::blocks::PoseGrid;
 use crate::plan::earlier::Earlier;
 use crate::weights::delta;
 use crate::weights::names::unknown;
+use std::ops::Range;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Presence {
@@ -143,6 +144,43 @@ impl Instances {
     pub fn shown(&mut self) -> impl Iterator<Item = (usize, &[f32], &mut History)> {
         let shown = self.places.iter_mut().enumerate().filter(|(_, place)| place.presence == Presence::Shown);
         shown.map(|(i, place)| (i, &place.weights[..], &mut place.history))
+    }
+}
+
+/// What a planner of updates keeps of each instance, beside [`Instances`]: it is told of changes after their arguments
+/// were checked.
+pub trait InstanceState {
+    /// Makes the next pose of an instance its own previous pose.
+    fn cut(&mut self, _instance: u32) {}
+
+    /// Hides, removes or shows an instance.
+    fn set_hidden(&mut self, _instance: u32, _hidden: bool) {}
+
+    /// Initializes an instance in a free place.
+    fn add(&mut self, _instance: u32) {}
+
+    /// Sets the error budget of an existing instance, from the next update on.
+    ///
+    /// # Errors
+    /// There are no budgets, or the value is outside 0 to the crowd's.
+    fn set_error_budget(&mut self, _instance: u32, budget: f32) -> Result<()> {
+        let what = format!("an error budget of {budget} for an instance of a crowd that has none");
+        Err(Error::invalid(what, "use the path blocks or cpu, with a mesh in a block format"))
+    }
+
+    /// Checks weights against limits beyond those of the mesh.
+    ///
+    /// # Errors
+    /// A limit is exceeded.
+    fn check_weights(&self, _weights: &[f32]) -> Result<()> {
+        Ok(())
+    }
+
+    /// Vertices of the first group that update `update`, which was planned last, changed in the pose of a shown
+    /// instance, as ascending ranges that may extend beyond the last vertex.
+    fn changed(&self, instances: &Instances, update: u64, instance: u32, out: &mut Vec<Range<u32>>) {
+        let written = instances.written_by(instance as usize);
+        out.extend((written > 0 && written == update).then_some(0..u32::MAX));
     }
 }
 

@@ -152,6 +152,10 @@ impl UpdateDesc {
             let what = format!("mesh '{}', whose targets move nothing of {},", layout.name, streams.join(" and "));
             return refuse(what, "draw these streams as they are in the mesh, and leave them out here");
         }
+        if self.error_budget > 0.0 {
+            let what = format!("an error budget of {}", self.error_budget);
+            return refuse(what, "use 0, or a Crowd, whose weights the host sets");
+        }
         if !self.pose.has_integers() {
             let what = format!("{} poses", self.pose.name());
             return refuse(what, "use fixed16 or fixed32 poses: sums of integers do not drift");

@@ -11,13 +11,12 @@ use crate::pack::blocks::PoseGrid;
 use crate::pack::vertex::{PlaceConstants, Places};
 use crate::pack::{PackedLayout, PackedMesh, PoseFormat};
 use crate::plan::hazards::Accesses;
-use crate::plan::instances::Instances;
+use crate::plan::instances::{InstanceState, Instances};
 use crate::plan::steps::{Steps, Work};
 use crate::plan::{UpdatePath, UpdateStats};
 use crate::update::crowd::CrowdDesc;
 use ash::vk;
 use std::any::Any;
-use std::ops::Range;
 use std::sync::Arc;
 
 /// An update technique, with its state for a crowd. [`Instances`] keeps the slots of poses and restores them on
@@ -49,53 +48,17 @@ pub trait Technique: Any + Send + Sync {
         instances.slots_of(instance)
     }
 
-    /// Vertices of the first group that the update planned last changed in the pose of a shown instance, as ascending
-    /// ranges that may extend beyond the last vertex.
-    fn changed(&self, instances: &Instances, id: UpdateId, instance: u32, out: &mut Vec<Range<u32>>) {
-        if instances.written_by(instance as usize) == id.update {
-            out.push(0..u32::MAX);
-        }
-    }
+    /// What it keeps of each instance.
+    fn state(&self) -> &dyn InstanceState;
 
-    /// Makes the next pose of an instance its own previous pose.
-    fn cut(&mut self, _instance: u32) {}
-
-    /// Hides, removes or shows an instance.
-    fn set_hidden(&mut self, _instance: u32, _hidden: bool) {}
-
-    /// Initializes an instance in a free place.
-    fn add(&mut self, _instance: u32) {}
+    /// The same, mutably.
+    fn state_mut(&mut self) -> &mut dyn InstanceState;
 
     /// Discards an update and all later ones.
     fn discard_from(&mut self, _id: UpdateId) {}
 
     /// Starts as if `updates` updates had been recorded.
     fn begin_at(&mut self, _updates: u64) {}
-
-    /// Sets the error budget of an existing instance, from the next update on.
-    ///
-    /// # Errors
-    /// The technique has no budgets, or the value is outside 0 to the crowd's.
-    fn set_error_budget(&mut self, _instance: u32, budget: f32) -> Result<()> {
-        let what = format!("an error budget of {budget} for an instance of a crowd whose path has none");
-        Err(Error::invalid(what, "use the path blocks or cpu, with a mesh in a block format"))
-    }
-
-    /// Sets or removes the base of an instance.
-    ///
-    /// # Errors
-    /// The technique has no such bases, or this one does not fit.
-    fn set_base(&mut self, _instance: u32, _base: Option<u32>) -> Result<()> {
-        Err(no_bases())
-    }
-
-    /// Checks weights against limits of the technique.
-    ///
-    /// # Errors
-    /// A limit is exceeded.
-    fn check_weights(&self, _weights: &[f32]) -> Result<()> {
-        Ok(())
-    }
 
     /// The draws that evaluate poses of a group, if there are no pose buffers.
     fn draws(&self, _group: usize) -> Option<&dyn PoseDraws> {
@@ -109,12 +72,6 @@ pub trait Technique: Any + Send + Sync {
 
     /// Reads and writes of the works of a step, for the hazard checker; see [`trace`](crate::plan::hazards::trace).
     fn accesses(&self, works: &[Work]) -> Vec<Accesses>;
-}
-
-/// The error of crowds whose instances all start from the base pose.
-pub(crate) fn no_bases() -> Error {
-    let what = "an instance as base in a crowd whose path has none";
-    Error::invalid(what, "use the path blocks or cpu, with a mesh in a block format")
 }
 
 /// Draws that evaluate poses.

@@ -1,14 +1,10 @@
-//! Weight clips, by target name and bound to a mesh; layers of clips; delta weights.
+//! Weight clips, by target name and bound to a mesh; delta weights.
 
 pub mod delta;
-mod layers;
-mod map;
 pub mod names;
 mod normalised;
 
 use crate::error::{Error, Result};
-pub use layers::{ClipLayer, LayerBlend, Repeat};
-pub use map::WeightMap;
 use names::closest;
 pub use normalised::normalise_weights;
 use std::collections::{HashMap, HashSet};
@@ -88,12 +84,24 @@ impl WeightClip {
             return refuse(what, "give one value per column and frame");
         }
         if let Some(i) = self.values.iter().position(|w| !w.is_finite()) {
-            let (name, frame) = (&self.names[i % columns], i / columns);
+            let name = &self.names[i % columns];
+            let frame = i / columns;
             let what = format!("column '{name}', frame {frame}: the weight is {}", self.values[i]);
             return refuse(what, "replace it with a finite number");
         }
         Ok(())
     }
+}
+
+/// Behaviour of a clip outside its frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Repeat {
+    /// Loops; the last frame is followed by the first.
+    #[default]
+    Loop,
+    /// Holds the first frame before the clip and the last one after it.
+    Once,
 }
 
 /// A weight clip bound to the targets of a mesh by [`WeightClip::bind`].

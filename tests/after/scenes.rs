@@ -5,12 +5,11 @@ use crate::character::{Character, Stored};
 use crate::file::{F32, I16, U16, Written, bytes};
 use crate::skinned::Playing;
 use deltamorph::after::{SkinDesc, SkinMethod};
-use deltamorph::import::gltf::{self, GlbDesc, GlbEncoding, Gltf, to_glb};
+use deltamorph::import::gltf::{self, Gltf};
 use deltamorph::{
     BatchSize, CpuCrowd, DeltaFormat, MorphMesh, PackDesc, PackedMesh, Result, Tolerance, UpdateDesc, UpdatePath,
     reference,
 };
-use deltamorph_head::{HeadDesc, head};
 use glam::{DMat4, DVec3, Mat4, Quat, Vec3};
 use serde_json::json;
 use std::collections::HashMap;
@@ -308,15 +307,6 @@ fn files_of_every_kind_stand_as_gltf_says() {
         add(name, Character::new(stored, influences, false).write().glb());
     }
     add("several skins, copies, sparse, splines, a pointer", several().glb());
-    let mesh = head(&HeadDesc::default().vertices(3000)).to_mesh(Tolerance::default()).unwrap();
-    for (name, encoding) in
-        [("float", GlbEncoding::Float), ("quantized", GlbEncoding::Quantized), ("meshopt", GlbEncoding::Meshopt)]
-    {
-        add(
-            &format!("the head by `to_glb`, {name}"),
-            to_glb(&mesh, &GlbDesc::default().encoding(encoding)).unwrap().bytes,
-        );
-    }
     let wrong = table(&files);
     assert!(wrong.is_empty(), "{wrong:?}");
 }

@@ -194,7 +194,7 @@ fn validation_sees_a_dropped_barrier() {
         let is_it = |barrier: &Barrier| wanted(&barrier.before, &barrier.after);
         let what = format!("barrier {which}");
         gpu::assert_validation_sees_dropped(&what, &[], is_it, |headless| {
-            let update = fixed(PoseFormat::Fixed16, 2).error_budget(1e-3);
+            let update = fixed(PoseFormat::Fixed16, 2);
             let mut crowd = HeadlessCrowd::animated(headless, &mesh, &crowd(2, update), &animation).expect("a crowd");
             for _ in 0..2 {
                 crowd.play(0, &Playback::new(0)).expect("a clip");

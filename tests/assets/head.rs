@@ -1,6 +1,5 @@
 //! The built-in head and its clip.
 
-mod blink;
 mod expressions;
 
 use deltamorph::import::obj::{ObjMesh, import_folder, write_obj};

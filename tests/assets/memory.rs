@@ -1,10 +1,8 @@
-//! Memory of readers of text files and textures, regardless of the counts in a file, against the documented limits.
+//! Memory of readers of text files, regardless of the counts in a file, against the documented limits.
 //! glTF and packed files have such tests beside their readers (src/import/gltf/tests, src/pack/file/tests).
 
 use deltamorph::import::csv;
 use deltamorph::import::obj::ObjFile;
-use deltamorph::{DeltaFormat, PackDesc, PackedMesh, testing};
-use deltamorph_baselines::textures::{TextureFloats, read_ktx2, write_ktx2};
 use proptest::prelude::*;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -35,11 +33,6 @@ fn length() -> impl Strategy<Value = usize> {
     prop_oneof![3 => 0usize..9, 1 => 0usize..9000]
 }
 
-/// The place of a word: in the header and the keys, or anywhere.
-fn place() -> impl Strategy<Value = usize> {
-    prop_oneof![3 => 0usize..400, 1 => any::<usize>()]
-}
-
 /// Limits `count` to half a megabyte of text, at `each` bytes per item.
 fn room(count: usize, each: usize) -> usize {
     count.min((1 << 19) / each.max(1))
@@ -63,24 +56,6 @@ fn table((columns, rows, long, cell): (usize, usize, usize, usize)) -> String {
     names.join(",") + "\n" + &row.repeat(room(rows, row.len()))
 }
 
-fn rig_of((counts, long, is_sequence): ([usize; 4], usize, bool)) -> String {
-    let [controls, keys, correctives, factors] = counts;
-    let name = "x".repeat(long);
-    let keys = match is_sequence {
-        true => format!("\"sequence\":[{}]", vec![format!("\"{name}\""); room(keys, long + 3)].join(",")),
-        false => format!(
-            "\"keys\":[{}]",
-            vec![format!("{{\"at\":1,\"target\":\"{name}\"}}"); room(keys, long + 20)].join(",")
-        ),
-    };
-    let control = format!("{{\"name\":\"{name}\",{keys}}}");
-    let factors = vec![format!("\"{name}\""); room(factors, long + 3)].join(",");
-    let corrective = format!("{{\"target\":\"\",\"controls\":[{factors}]}}");
-    let (controls, correctives) = (room(controls, control.len()), room(correctives, corrective.len()));
-    let lists = [vec![control; controls].join(","), vec![corrective; correctives].join(",")];
-    format!("{{\"controls\":[{}],\"correctives\":[{}]}}", lists[0], lists[1])
-}
-
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(100))]
 
@@ -101,28 +76,4 @@ proptest! {
         prop_assert_eq!(clip.values.len() + clip.names.len(), text.lines().count() * clip.names.len());
     }
 
-    #[test]
-    fn of_rigs(counts in ([size(), size(), size(), size()], length(), any::<bool>())) {
-        let text = rig_of(counts);
-        let (_folder, path) = written("a.json", text.as_bytes());
-        prop_assert!(within(text.len(), 300, || deltamorph_rig::read(&path)).is_ok());
-    }
-
-    #[test]
-    fn of_textures(
-        counts in (1usize..300, 0usize..40), is_half in any::<bool>(),
-        words in prop::collection::vec((place(), prop_oneof![Just(0), Just(u32::MAX), 0..70_000u32]), 0..3),
-    ) {
-        let base = testing::with_streams(testing::mesh(counts.0, counts.1));
-        let packed = PackedMesh::pack(&base, &PackDesc::new(DeltaFormat::Float32)).unwrap();
-        let floats = if is_half { TextureFloats::Half } else { TextureFloats::Single };
-        let mut file = write_ktx2(&packed, floats).unwrap().bytes;
-        for (at, word) in &words {
-            let at = 4 * (at % (file.len() / 4));
-            file[at..at + 4].copy_from_slice(&word.to_le_bytes());
-        }
-        let (_folder, path) = written("a.ktx2", &file);
-        let read = within(file.len(), 100, || read_ktx2(&path, &base));
-        prop_assert!(read.is_ok() || !words.is_empty());
-    }
 }

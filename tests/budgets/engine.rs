@@ -8,7 +8,6 @@ use deltamorph::after::{NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTa
 use deltamorph::ash::{self, vk};
 use deltamorph::internals::abi::modules::MODULES;
 use deltamorph::internals::abi::worklist::TILE;
-use deltamorph::lod::{Importance, LevelDesc};
 use deltamorph::{
     AnimationDesc, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCaps, DeviceDesc, DeviceTuning,
     MorphEngine, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
@@ -147,15 +146,13 @@ unsafe fn make_crowds(engine: &MorphEngine, cmd: vk::CommandBuffer, output: vk::
     let head_desc = HeadDesc::default().vertices(300).targets(4);
     let mesh = head(&head_desc).to_mesh(Tolerance::default()).expect("a mesh");
     let clips = [head_clip(&head_desc, 2, 30.0)];
-    let importance = Importance::of(&mesh, &[]).expect("an order");
-    let plain = AnimationDesc::new(&clips);
-    let followed = plain.importance(Some(&importance)).level(Some(LevelDesc::default()));
+    let animation = AnimationDesc::new(&clips);
     for format in DeltaFormat::ALL {
         let packed = PackedMesh::pack(&mesh, &engine.pack_desc(format)).expect("a mesh that fits");
         for update in updates(engine, format) {
             // SAFETY: the caller's obligations.
             let uploaded = unsafe { engine.upload_for(cmd, &packed, update.path) }.expect("an upload");
-            for (instances, animation) in [(1, plain), (TILE as u32, followed)] {
+            for instances in [1, TILE as u32] {
                 let desc = CrowdDesc::new(update).instances(instances);
                 // Unsupported combinations are refused; main.rs checks that every module has a pipeline in the end.
                 if let Ok(mut crowd) = engine.create_crowd(&uploaded, &desc) {

@@ -76,14 +76,13 @@ fn what_the_engine_makes_has_names_where_the_host_wants_them() {
             std::mem::forget((engine, uploaded, crowd));
             drop(host);
             let messages = headless.messages().join("\n");
-            let masks = headless.caps().tuning.masks;
             let mesh = mesh.layout().name.clone();
             for kind in [
                 format!("VkBuffer|deltamorph deltas of mesh '{mesh}'"),
                 format!("VkBuffer|deltamorph upload of mesh '{mesh}'"),
                 "VkBuffer|deltamorph poses".into(),
                 "VkBuffer|deltamorph work lists".into(),
-                format!("VkPipeline|{}", if masks { "deltamorph blocks_small" } else { "deltamorph crowd_small" }),
+                "VkPipeline|deltamorph crowd_small".into(),
                 "VkDescriptorSet|deltamorph blocks, set 0".into(),
             ] {
                 let (kind, name) = kind.split_once('|').expect("a kind and a name");

@@ -3,7 +3,9 @@
 
 use crate::gpu::{self, on_every_device};
 use deltamorph::reference::compare;
-use deltamorph::{BatchSize, Crowd, CrowdDesc, DeltaFormat, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing};
+use deltamorph::{
+    BatchSize, BlockDesc, Crowd, CrowdDesc, DeltaFormat, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing,
+};
 use deltamorph_headless::{Headless, HeadlessCrowd};
 
 const TARGETS: usize = 12;
@@ -159,26 +161,29 @@ fn small_blocks_share_workgroups() {
             let (poses, odd) = gpu::on_device_within(&driver, Some(limits), |headless, engine| {
                 let (mut poses, mut odd) = (vec![], [false; 2]);
                 assert_eq!(headless.caps().tuning.lanes, lanes);
-                let mesh = packed(engine, DeltaFormat::Small);
-                let descs = [UpdateDesc::blocks(), gpu::fixed()[0], gpu::fixed()[1]];
-                for (desc, instances) in descs.into_iter().flat_map(|desc| [1, 3].map(|n| (desc.slots(1), n))) {
-                    let mut crowd = crowd(headless, &mesh, desc, instances);
-                    let mut asked = vec![vec![0.0; TARGETS]; instances as usize];
-                    for frame in 0..6 {
-                        // A target per instance: other blocks, and other numbers of them, in each frame.
-                        for (head, asked) in (0..instances).zip(&mut asked) {
-                            let target = ((frame + head) % TARGETS as u32) as usize;
-                            asked[target] = weights(head, frame)[target];
-                            crowd.set_weights(head, asked).expect("weights that fit");
+                for format in [DeltaFormat::Small, DeltaFormat::Fast] {
+                    let packing = engine.pack_desc(format).blocks(BlockDesc::default().size(Some(32)));
+                    let mesh = PackedMesh::pack(&testing::mesh(700, TARGETS), &packing).expect("a mesh that fits");
+                    let descs = [UpdateDesc::blocks(), gpu::fixed()[0], gpu::fixed()[1]];
+                    for (desc, instances) in descs.into_iter().flat_map(|desc| [1, 3].map(|n| (desc.slots(1), n))) {
+                        let mut crowd = crowd(headless, &mesh, desc, instances);
+                        let mut asked = vec![vec![0.0; TARGETS]; instances as usize];
+                        for frame in 0..6 {
+                            // A target per instance: other blocks, and other numbers of them, in each frame.
+                            for (head, asked) in (0..instances).zip(&mut asked) {
+                                let target = ((frame + head) % TARGETS as u32) as usize;
+                                asked[target] = weights(head, frame)[target];
+                                crowd.set_weights(head, asked).expect("weights that fit");
+                            }
+                            let stats = crowd.step(&[]).expect("a step").update.stats;
+                            odd[stats.dirty_blocks % 2] = true;
+                            for head in 0..instances {
+                                poses.push(crowd.read_stored(head, 0).expect("a pose"));
+                            }
                         }
-                        let stats = crowd.step(&[]).expect("a step").update.stats;
-                        odd[stats.dirty_blocks % 2] = true;
-                        for head in 0..instances {
-                            poses.push(crowd.read_stored(head, 0).expect("a pose"));
+                        for (head, asked) in (0..instances).zip(&asked) {
+                            assert_pose(&mut crowd, &mesh, &desc, head, asked);
                         }
-                    }
-                    for (head, asked) in (0..instances).zip(&asked) {
-                        assert_pose(&mut crowd, &mesh, &desc, head, asked);
                     }
                 }
                 (poses, odd)

@@ -1,4 +1,4 @@
-//! Weights one at a time and by name; one weight vector for crowds of several meshes, updated by one call.
+//! Weights one at a time and by name; crowds of several meshes, updated by one call.
 
 use crate::data;
 use crate::gpu::{fixed, is_kept, on_every_device, packed, weights};
@@ -13,7 +13,7 @@ use deltamorph::reference::{self, compare, evaluate};
 use deltamorph::testing::says;
 use deltamorph::{
     AnyCrowd, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, Faces, MorphEngine, MorphMesh, MorphTarget,
-    PackedMesh, Tolerance, UpdateDesc, UpdatePath, WeightMap, testing,
+    PackedMesh, Tolerance, UpdateDesc, UpdatePath, testing,
 };
 use deltamorph_headless::Headless;
 use std::collections::HashMap;
@@ -42,16 +42,11 @@ fn step(headless: &Headless, engine: &MorphEngine, crowds: &mut [Crowd], instanc
     (readbacks.iter_mut().map(pose).collect(), barriers.expect("an update"))
 }
 
-/// Makes a weight map of the crowds' meshes.
-fn map(crowds: &[Crowd]) -> WeightMap {
-    let names = |crowd: &Crowd| crowd.layout().targets.iter().map(|target| target.name.clone()).collect();
-    WeightMap::new(crowds.iter().map(names).collect())
-}
-
-fn set(map: &WeightMap, crowds: &mut [Crowd], instance: u32, weights: &[f32]) {
-    for (mesh, crowd) in crowds.iter_mut().enumerate() {
-        let mut of_mesh = crowd.weights(instance).expect("weights").to_vec();
-        map.apply(mesh, weights, &mut of_mesh).expect("weights of the names");
+/// Sets the weights of an instance in all crowds, by the names of their targets.
+fn set(crowds: &mut [Crowd], instance: u32, names: &[&str], weights: &[f32]) {
+    let by_name: HashMap<&str, f32> = names.iter().copied().zip(weights.iter().copied()).collect();
+    for crowd in crowds {
+        let of_mesh: Vec<f32> = crowd.layout().targets.iter().map(|target| by_name[target.name.as_str()]).collect();
         crowd.set_weights(instance, &of_mesh).expect("weights");
     }
 }
@@ -118,7 +113,6 @@ fn several_crowds_are_skinned_decoded_and_cut_in_one_update() {
         let meshes = [(200, 3), (90, 3)].map(|(n, m)| packed(engine, &testing::mesh(n, m), DeltaFormat::Fast));
         let desc = CrowdDesc::new(UpdateDesc::blocks()).instances(2);
         let mut crowds: Vec<Crowd> = meshes.iter().map(|mesh| crowd(headless, engine, mesh, &desc)).collect();
-        let map = map(&crowds);
         let influences: Vec<(Vec<u16>, Vec<f32>)> = meshes
             .iter()
             .map(|mesh| (0..4 * mesh.layout().vertex_count).map(|i| ((i % 7) as u16, 1.0 + (i % 5) as f32)).unzip())
@@ -147,7 +141,7 @@ fn several_crowds_are_skinned_decoded_and_cut_in_one_update() {
         }
         for frame in 0..4u16 {
             let asked: Vec<f32> = (0..3u16).map(|t| f32::from((5 * t + 3 * frame) % 8) / 8.0).collect();
-            set(&map, &mut crowds, 1, &asked);
+            crowds.iter_mut().for_each(|crowd| crowd.set_weights(1, &asked).expect("weights"));
             for (i, joints) in joints.iter_mut().enumerate() {
                 joints.turn(headless, u64::from(frame) + 10 * i as u64);
                 crowds[i].set_joints(1, joints.offset()).expect("joints");
@@ -234,12 +228,9 @@ fn a_face_in_three_meshes_moves_as_the_whole_one() {
             let single = packed(engine, &whole, format);
             let crowds = parts.iter().map(|(_, mesh)| crowd(headless, engine, &packed(engine, mesh, format), &desc));
             let mut crowds: Vec<Crowd> = crowds.collect();
-            let map = map(&crowds);
-            // The captured clip has columns for targets that move nothing in any part.
-            let driven: Vec<usize> = map.names().iter().map(|n| names.iter().position(|m| m == n).unwrap()).collect();
             let mut one = [crowd(headless, engine, &single, &desc)];
             for (i, frame) in frames.iter().enumerate().step_by(24) {
-                set(&map, &mut crowds, 0, &driven.iter().map(|t| frame[*t]).collect::<Vec<_>>());
+                set(&mut crowds, 0, &names, frame);
                 one[0].set_weights(0, frame).expect("weights");
                 let (poses, barriers) = step(headless, engine, &mut crowds, 0);
                 assert_eq!(barriers, 2, "frame {i}: one before all, one after all");

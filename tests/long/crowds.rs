@@ -3,9 +3,9 @@
 use super::Counts;
 use crate::gpu;
 use deltamorph::ash::vk;
-use deltamorph::glam::Vec3;
-use deltamorph::internals::update::animated::{AnimatedReference, HeadRecord, Playbacks};
-use deltamorph::lod::{Camera, Importance, LevelDesc, Place};
+use deltamorph::internals::plan::instances::InstanceState;
+use deltamorph::internals::update::animated::{AnimatedReference, Playbacks};
+use deltamorph::lod::Importance;
 use deltamorph::reference::compare;
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, BlockDesc, Clips, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, GpuMesh, PackDesc,
@@ -219,7 +219,7 @@ impl<'a> Animated<'a> {
             WeightClip { name: "clip".into(), names: names.clone(), fps: 10.0 + clip as f32, values }
         });
         let importance = Importance::of_packed(&source, &[]).expect("an order");
-        let animation = AnimationDesc::new(&clips).importance(Some(&importance)).level(Some(LevelDesc::default()));
+        let animation = AnimationDesc::new(&clips).importance(Some(&importance));
         let grid = update.grid(source.layout()).expect("a grid").expect("poses of integers");
         let on_grid = Clips::new(&animation, source.layout(), grid).expect("clips");
         // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
@@ -252,13 +252,6 @@ impl<'a> Animated<'a> {
     fn begin(&mut self) {
         self.updates = 0;
         self.crowd.begin_at(self.begin);
-        self.look(1.0);
-    }
-
-    fn look(&mut self, distance: f32) {
-        let camera = Camera { eye: Vec3::Z * distance, height: 400.0, angle: 0.6 };
-        self.crowd.set_camera(&camera).expect("a camera");
-        self.heads.set_camera(&camera, &self.on_grid).expect("a camera");
     }
 
     /// See [`Weighted::come_and_go`].
@@ -272,7 +265,7 @@ impl<'a> Animated<'a> {
         if let Some(places) = places(rng) {
             count(counts, "animated crowds dropped and made");
             let animation = AnimationDesc::new(&self.clips).importance(Some(&self.importance));
-            let (animation, desc) = (animation.level(Some(LevelDesc::default())), self.crowd.desc().instances(places));
+            let desc = self.crowd.desc().instances(places);
             // SAFETY: the buffer records on the engine's device and is waited for; the replaced crowd is kept until
             // then.
             let crowd = unsafe { self.headless.engine().create_animated_crowd(cmd, &self.mesh, &desc, &animation) }?;
@@ -283,20 +276,12 @@ impl<'a> Animated<'a> {
         Ok(())
     }
 
-    /// See [`Weighted::change`]; also changes clips, places and the camera, up to a time.
+    /// See [`Weighted::change`]; also changes clips, up to a time.
     pub fn change(&mut self, rng: &mut Rng, counts: &mut Counts, second: f64) -> Result<()> {
         self.now = second;
         self.crowd.set_time(second)?;
         self.heads.set_time(second)?;
-        if rng.below(8) == 0 {
-            self.look(rng.range(0.0, 4.0) * self.source.layout().diagonal);
-        }
         let (crowd, heads, clips) = (&mut self.crowd, &mut self.heads, &self.on_grid);
-        if rng.below(64) == 0 {
-            count(counts, "cuts of the camera");
-            crowd.cut_camera();
-            heads.cut_camera();
-        }
         let instance = rng.below(crowd.desc().instances as usize) as u32;
         let shown = crowd.shown().any(|shown| shown == instance);
         match rng.below(64) {
@@ -325,15 +310,7 @@ impl<'a> Animated<'a> {
                     heads.set_level(instance, level, clips)?;
                 }
             }
-            14..16 => {
-                let centre = Vec3::Z * rng.range(-2.0, 2.0) * self.source.layout().diagonal;
-                let place = Place { centre, radius: 0.5 * self.source.layout().diagonal, scale: 1.0 };
-                if crowd.set_place(instance, &place).is_ok() {
-                    count(counts, "places changed");
-                    heads.set_place(instance, &place, clips)?;
-                }
-            }
-            16..22 => {
+            14..22 => {
                 let repeat = if rng.below(4) == 0 { Repeat::Once } else { Repeat::Loop };
                 let (start, speed) = (second + f64::from(rng.range(-20.0, 5.0)), f64::from(rng.range(-2.0, 2.0)));
                 let playback = Playback::new(rng.below(CLIPS) as u32).start(start).speed(speed).repeat(repeat);
@@ -365,17 +342,6 @@ impl<'a> Animated<'a> {
         let shown: Vec<u32> = crowd.shown().collect();
         let mut twin =
             AnimatedReference::new(crowd.desc().update, source.layout(), crowd.desc().instances).expect("a twin");
-        // Levels are floating-point sums of the GPU: the twin takes them.
-        let follows = |i: &&u32| heads.records()[**i as usize].has(HeadRecord::FOLLOWS);
-        let following: Vec<u32> = shown.iter().filter(follows).copied().collect();
-        let levels: Vec<_> = following.iter().map(|&i| crowd.level_of(i).expect("levels that follow")).collect();
-        for (instance, level) in following.iter().zip(headless.read(&levels).expect("levels")) {
-            let words: Vec<u32> = level.as_chunks().0.iter().map(|bytes| u32::from_ne_bytes(*bytes)).collect();
-            count(counts, "levels chosen on the GPU");
-            // Without the epoch, which depends on the run.
-            digest.write_u64(u64::from(words[0]) << 32 | u64::from(words[1]));
-            twin.follow(*instance as usize, words[0], u64::from(words[3]) | u64::from(words[4]) << 32);
-        }
         twin.update(&self.on_grid, heads, 0);
         let views: Vec<_> = shown.iter().map(|&i| range(crowd.pose(i).expect("a pose"))).collect();
         for (instance, pose) in shown.into_iter().zip(headless.read(&views).expect("poses")) {

@@ -69,15 +69,6 @@ fn is_right_and_valid(name: &str) {
     }
 }
 
-/// It compares poses with the reference, and bits with bits.
-#[test]
-fn characters_have_the_same_poses_from_bases() {
-    let output = Command::new(example("creator")).arg("llvmpipe").output().expect("the example starts");
-    let said = String::from_utf8_lossy(&output.stdout);
-    assert!(output.status.success(), "{said}{}", String::from_utf8_lossy(&output.stderr));
-    assert_eq!(said.lines().last(), Some("all poses are equal, bit for bit"));
-}
-
 #[test]
 fn messages_of_the_layer_are_recognised() {
     // Messages of 1.3.239: the first from the example without the barrier before its copy.

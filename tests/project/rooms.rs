@@ -17,15 +17,14 @@ const ROOMS: &[(&str, &str)] = &[
     ("pack", "error setters math io asset abi"),
     ("lod", "error setters asset weights pack"),
     ("plan", "error setters weights abi pack"),
-    ("calls", "error io pack plan"),
-    ("crowd", "error pack plan calls"),
+    ("crowd", "error pack plan"),
     ("gpu", "error setters abi pack plan"),
     ("update", "error setters asset weights abi pack lod plan gpu"),
-    ("cpu", "error asset weights abi pack plan calls crowd update"),
+    ("cpu", "error asset weights abi pack plan crowd update"),
     ("after", "error setters asset abi pack plan gpu update"),
     ("reference", "math asset pack after"),
     ("import", "error setters math io asset weights pack"),
-    ("engine", "error asset abi pack lod plan calls crowd gpu update after"),
+    ("engine", "error asset abi pack plan crowd gpu update after"),
 ];
 
 /// Collects the sources below a folder, without tests.

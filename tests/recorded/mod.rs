@@ -1,6 +1,5 @@
 //! Recorded commands, and refused calls.
 
-mod calls;
 mod errors;
 mod memory;
 mod pipelines;

@@ -71,7 +71,13 @@ pub const ROWS: [Row; UpdatePath::ALL.len()] = [
         ],
         ..row(UpdatePath::Compute, Batches::Spread)
     },
-    row(UpdatePath::Blocks, Batches::Spread),
+    Row {
+        limits: &[(
+            |caps| caps.max_storage_range = 30_000,
+            &["its deltas and base pose take", "allows 30000", "'small'"],
+        )],
+        ..row(UpdatePath::Blocks, Batches::Spread)
+    },
     Row { records: false, missing: Some((|_| {}, &["use CpuCrowd"])), ..row(UpdatePath::Cpu, Batches::Host) },
     Row {
         seen: Some((1, Float32, BatchSize::Targets(4))),

@@ -66,17 +66,11 @@ fn clip_in(variants: &[(DeltaFormat, PoseFormat, u32)], set: &str, clip: &str, e
             for (i, weights) in frames.iter().enumerate() {
                 let stats = crowd.step(&[weights]).expect("a step").update.stats;
                 cpu.set_weights(0, weights).expect("weights that fit");
-                // Tiles count other bytes than items with masks. What is read as texels uses tiles of whole blocks for
-                // all pose formats, and so rebuilds other blocks; fixed-point poses are updated in whole blocks anyway.
-                let masks = !headless.caps().takes_texels(format) && !desc.pose.has_integers();
-                let alike = masks || desc.pose.has_integers();
-                let written = |s: UpdateStats| (s.coefficients, s.dirty_blocks, s.passes);
-                let planned = |s: UpdateStats| (s.rebuilt_blocks, s.bound);
+                let planned = |s: UpdateStats| (s.coefficients, s.dirty_blocks, s.passes, s.rebuilt_blocks, s.bound);
                 let on_cpu = cpu.update();
-                let what = format!("{format:?} {desc:?} frame {i}: the same plan on both");
-                assert_eq!(written(on_cpu), written(stats), "{what}");
-                assert!(!alike || planned(on_cpu) == planned(stats), "{what}");
-                assert!(!masks || on_cpu.bytes_moved == stats.bytes_moved, "{what}");
+                assert_eq!(planned(on_cpu), planned(stats), "{format:?} {desc:?} frame {i}: the same plan on both");
+                // Copies of blocks have a row on the device, of some entry.
+                assert!(on_cpu.bytes_floor <= stats.bytes_floor, "{format:?} {desc:?} frame {i}");
                 if i % 20 != 0 && i + 1 != frames.len() {
                     continue;
                 }

@@ -32,11 +32,11 @@ fn clamps() -> [(&'static str, DeviceCaps); 4] {
             baseline(|caps| (caps.max_storage_buffers, caps.max_workgroup_invocations) = (35, 256)),
         ),
         ("allocations of 64 MiB", baseline(|caps| (caps.max_allocation, caps.max_buffer) = (64 << 20, 64 << 20))),
-        // As small for this head as the others are for a large one: deltas are split into parts or chunks.
+        // As small for this head as the others are for a large one: dense deltas are split into chunks.
         (
             "small",
             baseline(|caps| {
-                (caps.max_storage_range, caps.max_workgroups) = (80 << 10, 50);
+                (caps.max_storage_range, caps.max_workgroups) = (160 << 10, 50);
                 (caps.max_allocation, caps.max_buffer) = (1 << 20, 1 << 20);
             }),
         ),

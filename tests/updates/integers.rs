@@ -6,8 +6,8 @@ use crate::gpu;
 use deltamorph::import::obj;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc,
-    UpdateMode, UpdatePath, testing,
+    BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdateMode,
+    UpdatePath, testing,
 };
 use deltamorph_head::{HeadDesc, Rng, head};
 use deltamorph_headless::{Headless, HeadlessCrowd};
@@ -36,8 +36,6 @@ enum Event {
     Weights(Vec<(usize, f32)>),
     Cut,
     HideOrShow,
-    /// Starts from the pose of the last instance, which itself starts from the base pose.
-    Base,
 }
 
 /// The updates of a frame.
@@ -57,7 +55,7 @@ fn frames() -> impl Strategy<Value = Frames> {
     let weight =
         prop_oneof![Just(0.0f32), Just(1.0), Just(-1.0), -1.0f32..=1.0, (-8i8..=8).prop_map(|w| f32::from(w) / 8.0)];
     let weights = prop::collection::vec((0..TARGETS, weight), 1..5).prop_map(Event::Weights);
-    let event = prop_oneof![6 => weights, 1 => Just(Event::Cut), 1 => Just(Event::HideOrShow), 1 => Just(Event::Base)];
+    let event = prop_oneof![6 => weights, 1 => Just(Event::Cut), 1 => Just(Event::HideOrShow)];
     let frame = prop_oneof![4 => Just(Frame::Once), 1 => Just(Frame::AfterALostOne), 1 => Just(Frame::Twice)];
     prop::collection::vec((frame, prop::collection::vec((0..HEADS, event), 0..12)), 1..8)
 }
@@ -183,12 +181,6 @@ fn play(headless: &Headless, mesh: &Arc<PackedMesh>, desc: UpdateDesc, heads: us
                     head.cut = true;
                     device.crowd.set_hidden(i as u32, head.hidden).expect("a head");
                     cpu.set_hidden(i as u32, head.hidden).expect("a head");
-                }
-                Event::Base => {
-                    let base = (i + 1 < heads).then_some(heads as u32 - 1);
-                    let fits = mesh.layout().format.is_blocks() && desc.slots > 1 && desc.pose != PoseFormat::Rebuilt16;
-                    assert_eq!(device.crowd.crowd_mut().set_base(i as u32, base).is_ok(), fits, "{what}");
-                    assert_eq!(cpu.set_base(i as u32, base).is_ok(), fits, "{what}");
                 }
             }
         }

@@ -5,7 +5,6 @@ mod bounds;
 mod clamps;
 mod fixed16;
 mod integers;
-mod parts;
 mod readback;
 mod real_data;
 mod tunings;

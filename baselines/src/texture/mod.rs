@@ -8,13 +8,12 @@
 //! texture coordinates, for example, which targets move when they stretch the skin.
 //!
 //! Deltas are loaded as packed: float32, or 16-bit integers times the coefficient of their step. If every float32 delta
-//! is exactly a half float, as in the article and in files of half floats (`file`), textures hold half floats: half of
+//! is exactly a half float, as in the article, textures hold half floats: half of
 //! the bytes, and the same numbers. Numbers are never rounded to half floats here, since the integers are as small and
 //! keep more bits. Sums are float32: they drift like those of the other paths with float32 poses, and are cleared when
 //! rebuilding takes no more targets.
 
 mod blending;
-mod container;
 mod draws;
 pub mod file;
 mod half;
@@ -37,7 +36,7 @@ use deltamorph::internals::gpu::device::Device;
 use deltamorph::internals::gpu::mesh::{MeshBuffers, Upload};
 use deltamorph::internals::pack::PackedMesh;
 use deltamorph::internals::plan::UpdateStats;
-use deltamorph::internals::plan::instances::Instances;
+use deltamorph::internals::plan::instances::{InstanceState, Instances};
 use deltamorph::internals::plan::steps::{Access, Resource, Source, Stage, Steps, Use, Work};
 use deltamorph::internals::update::dense::DensePlanner;
 use deltamorph::internals::update::technique::{Context, PoseDraws, Technique, UpdateId};
@@ -185,7 +184,17 @@ impl TextureTechnique {
     }
 }
 
+impl InstanceState for TextureTechnique {}
+
 impl Technique for TextureTechnique {
+    fn state(&self) -> &dyn InstanceState {
+        self
+    }
+
+    fn state_mut(&mut self) -> &mut dyn InstanceState {
+        self
+    }
+
     /// Bytes of an update: for each coefficient the texels of its deltas, and as many texels of displacements loaded
     /// and stored; for each rebuilt instance all texels cleared. In the floor, each displacement texel is loaded and
     /// stored at most once. Draws are not counted, as with pose buffers.

@@ -13,7 +13,7 @@ pub struct DmCrowdDesc {
     /// Instances, each with its own weights and poses; 0: 1. The number stays as it is: make as many as are needed at
     /// most, and remove or hide the rest.
     pub instances: u32,
-    /// `DM_PATH_…`; 0: blocks, for CPU crowds the CPU.
+    /// `DM_PATH_…`; 0: blocks.
     pub path: u32,
     /// Targets per pass (dense formats); 0: all at once.
     pub batch: u32,
@@ -102,8 +102,7 @@ pub struct DmAnimationDesc {
     pub level: *const DmLevelDesc,
 }
 
-/// Levels of detail: an instance keeps as many targets, in the order of their importance, as its size on the screen
-/// needs.
+/// Levels of detail: an instance keeps as many targets, in the order of their importance, as `dm_crowd_set_level` says.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct DmLevelDesc {
@@ -116,40 +115,6 @@ pub struct DmLevelDesc {
     pub mesh: DmMesh,
     /// Names, or beginnings of names, of targets that are always kept.
     pub pins: *const *const c_char,
-    /// Largest distance of a vertex from its position with all weights, in pixels: half of it for targets that are left
-    /// out, half for changes that an error budget defers; 0: 1.
-    pub pixels: f32,
-    /// Largest distance that a vertex may move from one frame to the next because the level changes, in pixels; 0:
-    /// 0.008.
-    pub fade: f32,
-}
-
-/// A perspective camera.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct DmCamera {
-    /// sizeof(DmCamera).
-    pub struct_size: u32,
-    /// Height of the picture, in pixels.
-    pub height: f32,
-    /// Angle of view from bottom to top, in radians.
-    pub angle: f32,
-    /// Position, in world units.
-    pub eye: [f32; 3],
-}
-
-/// Position of an instance: a ball around all of its poses.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct DmPlace {
-    /// sizeof(DmPlace).
-    pub struct_size: u32,
-    /// Radius of the ball, in world units.
-    pub radius: f32,
-    /// World units per input unit of the mesh; 0: 1.
-    pub scale: f32,
-    /// Middle of the ball, in world units.
-    pub centre: [f32; 3],
 }
 
 /// How an instance plays a clip.
@@ -204,17 +169,6 @@ pub struct DmUpdate {
     pub bytes_moved: u64,
     /// Lower bound of the bytes that any update could move.
     pub bytes_floor: u64,
-    /// Timestamps that it writes into the first queries of `dm_crowd_set_queries`: one more than steps, 0 if nothing
-    /// was recorded or no queries were set.
-    pub timestamps: u64,
-}
-
-/// The name of a step of an update.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct DmStepName {
-    /// The name, ended by a zero.
-    pub name: [c_char; 32],
 }
 
 /// Buffer and layout of a pose. Normals are not normalised.
@@ -248,7 +202,7 @@ pub struct DmStreamView {
     pub struct_size: u32,
     /// Bytes from vertex to vertex.
     pub stride: u32,
-    /// The buffer, with the usages of a pose's. Null: there is no such pose.
+    /// The buffer, with the usages of a pose's.
     pub buffer: vk::Buffer,
     /// Offset of the first vertex's first component.
     pub offset: u64,

@@ -111,7 +111,7 @@ pub type DmFreeMemory = Option<unsafe extern "C" fn(user: *mut c_void, memory: *
 pub struct DmEngineInfo {
     /// sizeof(DmEngineInfo).
     pub struct_size: u32,
-    /// Not 0: a software driver; a CPU crowd is faster there.
+    /// Not 0: a software driver.
     pub is_software: u32,
     /// Bytes that a storage-buffer descriptor may cover.
     pub max_storage_range: u64,

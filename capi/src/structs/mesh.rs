@@ -1,6 +1,6 @@
 //! Structures for meshes in memory, and for clips.
 
-use crate::handles::{DmBoundClip, DmEngine};
+use crate::handles::DmEngine;
 use std::ffi::{c_char, c_void};
 
 /// How to import and pack a mesh. Zeros are the defaults.
@@ -185,24 +185,4 @@ pub struct DmClipArrays {
     pub names: *const *const c_char,
     /// A weight for each column, frame after frame.
     pub values: *const f32,
-}
-
-/// A clip at a time, in a stack of layers: see `dm_clips_mix`.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct DmClipLayer {
-    /// sizeof(DmClipLayer).
-    pub struct_size: u32,
-    /// `DM_LAYER_…`, how it is mixed with the layers below; 0: override.
-    pub blend: u32,
-    /// The clip.
-    pub clip: DmBoundClip,
-    /// Seconds since the clip's first frame. Between two frames weights are interpolated in a straight line.
-    pub time: f64,
-    /// Weight of the layer, from 0 to 1 for fading it in.
-    pub weight: f32,
-    /// Not 0: the first and the last frame are held; 0: the clip repeats.
-    pub once: u32,
-    /// A factor for each target; null: 1 for all.
-    pub mask: *const f32,
 }

@@ -23,25 +23,23 @@ macro_rules! versioned {
     )*};
 }
 
-// With the size in the first version, if fields were added since.
+// A structure that gets fields after a release states its size in the first version: `DmCrowdDesc 96;`.
 versioned! {
-    DmEngineDesc 72;
+    DmEngineDesc;
     DmEngineInfo;
     DmMemory;
-    DmMeshDesc 48;
+    DmMeshDesc;
     DmMeshArrays;
     DmTargetArrays;
     DmSampleDesc;
     DmMeshInfo;
     DmRenderVertices;
-    DmCrowdDesc 48;
+    DmCrowdDesc;
     DmHostPoses;
-    DmAnimationDesc 24;
+    DmAnimationDesc;
     DmLevelDesc;
-    DmCamera;
-    DmPlace;
     DmPlayback;
-    DmUpdate 80;
+    DmUpdate;
     DmPoseView;
     DmStreamView;
     DmDecodeTarget;
@@ -51,5 +49,4 @@ versioned! {
     DmSkinnedView;
     DmClipInfo;
     DmClipArrays;
-    DmClipLayer;
 }

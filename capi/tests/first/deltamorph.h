@@ -6,6 +6,7 @@
 #define DM_MESH_SPLIT 1
 #define DM_MESH_WELD 2
 #define DM_MESH_KEEP_ALL 4
+#define DM_MESSAGE_NOTE 1
 #define DM_DELTAS_FLOAT32 1
 #define DM_DELTAS_SNORM16 2
 #define DM_DELTAS_BLOCK_FLOAT32 3
@@ -15,10 +16,10 @@
 #define DM_POSE_FLOAT32 1
 #define DM_POSE_FIXED32 2
 #define DM_POSE_FIXED16 3
+#define DM_POSE_REBUILT16 4
 #define DM_PATH_BLOCKS 1
 #define DM_PATH_COMPUTE 2
 #define DM_PATH_FEEDBACK 3
-#define DM_PATH_CPU 4
 #define DM_MODE_INCREMENTAL 1
 #define DM_MODE_REBUILD 2
 #define DM_READ_BY_VERTEX_ATTRIBUTES 1
@@ -48,7 +49,8 @@ typedef struct DmMesh { uint64_t bits; } DmMesh;
 typedef struct DmMeshInfo { uint32_t struct_size; uint32_t vertex_count; uint32_t padded_vertex_count; uint32_t target_count; uint32_t index_count; uint32_t delta_format; float diagonal; uint32_t reserved; uint64_t pose_bytes; uint64_t device_bytes; } DmMeshInfo;
 typedef struct DmRenderVertices { uint32_t struct_size; uint32_t vertex_count; uint32_t index_count; uint32_t reserved; uint32_t *pose_vertices; float *texcoords; uint32_t *indices; } DmRenderVertices;
 typedef struct DmEngine { uint64_t bits; } DmEngine;
-typedef struct DmMeshDesc { uint32_t struct_size; uint32_t flags; struct DmEngine engine; float position_tolerance; float normal_tolerance; uint32_t delta_format; uint32_t block_size; float position_error; float normal_error_degrees; float absolute_error; float weight_max; } DmMeshDesc;
+typedef void (*DmMessage)(void *user, uint32_t severity, const char *text);
+typedef struct DmMeshDesc { uint32_t struct_size; uint32_t flags; struct DmEngine engine; float position_tolerance; float normal_tolerance; uint32_t delta_format; uint32_t block_size; float position_error; float normal_error_degrees; float absolute_error; float weight_max; DmMessage message; void *message_user; } DmMeshDesc;
 typedef struct DmTargetArrays { uint32_t struct_size; uint32_t reserved; const char *name; const float *positions; const float *normals; const float *tangents; } DmTargetArrays;
 typedef struct DmMeshArrays { uint32_t struct_size; uint32_t vertex_count; const char *name; const float *positions; const float *normals; const float *tangents; const float *texcoords; const uint32_t *indices; const struct DmTargetArrays *targets; uint32_t index_count; uint32_t target_count; uint32_t absolute; uint32_t reserved; } DmMeshArrays;
 typedef struct DmSampleDesc { uint32_t struct_size; uint32_t vertices; uint32_t targets; float sparsity; uint64_t seed; } DmSampleDesc;
@@ -60,8 +62,14 @@ typedef struct DmClipLayer { uint32_t struct_size; uint32_t blend; struct DmBoun
 typedef struct DmCrowd { uint64_t bits; } DmCrowd;
 typedef struct DmCamera { uint32_t struct_size; float height; float angle; float eye[3]; } DmCamera;
 typedef struct DmPlace { uint32_t struct_size; float radius; float scale; float centre[3]; } DmPlace;
-typedef struct DmEngineDesc { uint32_t struct_size; uint32_t transform_feedback; VkInstance instance; VkPhysicalDevice physical_device; VkDevice device; PFN_vkGetInstanceProcAddr get_instance_proc_addr; PFN_vkGetDeviceProcAddr get_device_proc_addr; const VkPhysicalDeviceFeatures *enabled_features; VkPipelineCache pipeline_cache; uint32_t clamp_to_android_baseline; uint32_t reserved; uint32_t debug_names; uint32_t buffer_device_address; const uint32_t *queue_families; uint64_t queue_family_count; } DmEngineDesc;
+typedef struct DmMemoryRequest { uint64_t size; uint64_t alignment; uint32_t type_bits; uint32_t required; uint32_t preferred; uint32_t reserved; } DmMemoryRequest;
+typedef struct DmHostMemory { VkDeviceMemory memory; uint64_t offset; void *mapped; uint64_t token; } DmHostMemory;
+typedef int32_t (*DmAllocateMemory)(void *user, const struct DmMemoryRequest *request, struct DmHostMemory *memory);
+typedef void (*DmFreeMemory)(void *user, const struct DmHostMemory *memory);
+typedef struct DmEngineDesc { uint32_t struct_size; uint32_t transform_feedback; VkInstance instance; VkPhysicalDevice physical_device; VkDevice device; PFN_vkGetInstanceProcAddr get_instance_proc_addr; PFN_vkGetDeviceProcAddr get_device_proc_addr; const VkPhysicalDeviceFeatures *enabled_features; VkPipelineCache pipeline_cache; uint32_t clamp_to_android_baseline; uint32_t reserved; uint32_t debug_names; uint32_t buffer_device_address; const uint32_t *queue_families; uint64_t queue_family_count; DmAllocateMemory allocate_memory; DmFreeMemory free_memory; void *memory_user; } DmEngineDesc;
 typedef struct DmEngineInfo { uint32_t struct_size; uint32_t is_software; uint64_t max_storage_range; uint64_t allocated_bytes; char device_name[256]; } DmEngineInfo;
+typedef struct DmMemoryUse { uint64_t bytes; uint64_t allocations; } DmMemoryUse;
+typedef struct DmMemory { uint32_t struct_size; uint32_t reserved; uint64_t allocated; struct DmMemoryUse meshes; struct DmMemoryUse poses; struct DmMemoryUse animation; struct DmMemoryUse lists; struct DmMemoryUse staging; struct DmMemoryUse readback; } DmMemory;
 typedef struct DmGpuMesh { uint64_t bits; } DmGpuMesh;
 typedef struct DmPoseView { uint32_t struct_size; uint32_t stride; VkBuffer buffer; uint64_t offset; uint64_t size; uint32_t format; uint32_t slot; float units[2]; } DmPoseView;
 typedef struct DmStreamView { uint32_t struct_size; uint32_t stride; VkBuffer buffer; uint64_t offset; uint32_t components; uint32_t format; float units[4]; uint32_t slot; uint32_t reserved; } DmStreamView;
@@ -83,7 +91,6 @@ typedef struct DmSkin { uint64_t bits; } DmSkin;
 typedef struct DmSkinTarget { uint32_t struct_size; uint32_t stride; VkBuffer buffer; uint64_t offset; VkBuffer second_buffer; uint64_t second_offset; VkBuffer joints; uint64_t joints_bytes; uint64_t joints_offset; uint32_t normals; uint32_t method; } DmSkinTarget;
 typedef struct DmSkinnedView { uint32_t struct_size; uint32_t reserved; VkBuffer buffer; uint64_t offset; VkBuffer previous_buffer; uint64_t previous_offset; } DmSkinnedView;
 typedef struct DmWeightBounds { uint64_t bits; } DmWeightBounds;
-typedef struct DmCpuCrowd { uint64_t bits; } DmCpuCrowd;
 #define DM_OK 0
 #define DM_ERROR_IO 1
 #define DM_ERROR_INPUT 2
@@ -109,7 +116,6 @@ DmResult dm_mesh_open(const char *path, const struct DmMeshDesc *desc, struct Dm
 DmResult dm_mesh_from_bytes(const void *bytes, size_t size, const char *name, const struct DmMeshDesc *desc, struct DmMesh *mesh);
 DmResult dm_mesh_from_arrays(const struct DmMeshArrays *arrays, const struct DmMeshDesc *desc, struct DmMesh *mesh);
 DmResult dm_mesh_sample_head(const struct DmSampleDesc *sample, const struct DmMeshDesc *desc, struct DmMesh *mesh);
-DmResult dm_mesh_write(struct DmMesh mesh, const char *path);
 DmResult dm_mesh_destroy(struct DmMesh mesh);
 DmResult dm_clip_open(const char *path, float fps, struct DmClip *clip);
 DmResult dm_clip_from_arrays(const struct DmClipArrays *arrays, struct DmClip *clip);
@@ -117,7 +123,6 @@ DmResult dm_clip_sample_head(const struct DmSampleDesc *sample, uint32_t frame_c
 DmResult dm_clip_info(struct DmClip clip, struct DmClipInfo *info);
 DmResult dm_clip_destroy(struct DmClip clip);
 DmResult dm_clip_bind(struct DmClip clip, struct DmMesh mesh, struct DmBoundClip *bound);
-DmResult dm_clip_bind_names(struct DmClip clip, const char *const *names, uint32_t count, struct DmBoundClip *bound);
 DmResult dm_bound_clip_sample(struct DmBoundClip clip, double frame, float *weights, uint32_t count);
 DmResult dm_bound_clip_destroy(struct DmBoundClip clip);
 DmResult dm_clips_mix(const struct DmClipLayer *layers, uint32_t count, float *weights, uint32_t weight_count);
@@ -127,6 +132,7 @@ DmResult dm_crowd_cut_camera(struct DmCrowd crowd);
 DmResult dm_crowd_set_place(struct DmCrowd crowd, uint32_t instance, const struct DmPlace *place);
 DmResult dm_engine_create(const struct DmEngineDesc *desc, struct DmEngine *engine);
 DmResult dm_engine_info(struct DmEngine engine, struct DmEngineInfo *info);
+DmResult dm_engine_memory(struct DmEngine engine, struct DmMemory *memory);
 DmResult dm_engine_destroy(struct DmEngine engine);
 DmResult dm_mesh_upload(struct DmEngine engine, VkCommandBuffer cmd, struct DmMesh mesh, struct DmGpuMesh *gpu_mesh);
 DmResult dm_gpu_mesh_release_staging(struct DmGpuMesh mesh);
@@ -145,8 +151,8 @@ DmResult dm_crowd_play(struct DmCrowd crowd, uint32_t instance, const struct DmP
 DmResult dm_crowd_set_time(struct DmCrowd crowd, double seconds);
 DmResult dm_crowd_set_weights(struct DmCrowd crowd, uint32_t instance, const float *weights, uint32_t count);
 DmResult dm_crowd_set_weight(struct DmCrowd crowd, uint32_t instance, uint32_t target, float weight);
-DmResult dm_crowd_set_weight_by_name(struct DmCrowd crowd, uint32_t instance, const char *name, float weight);
-DmResult dm_crowd_weights(struct DmCrowd crowd, uint32_t instance, float *weights, uint32_t count);
+DmResult dm_crowd_log_calls(struct DmCrowd crowd);
+DmResult dm_crowd_write_calls(struct DmCrowd crowd, const char *path);
 DmResult dm_crowds_create(const struct DmCrowd *crowds, uint32_t count, struct DmCrowds *set);
 DmResult dm_crowds_bind(struct DmCrowds set, const char *const *names, uint32_t count);
 DmResult dm_crowds_names(struct DmCrowds set, uint32_t *count, const char **names);
@@ -158,7 +164,6 @@ DmResult dm_crowd_discard(struct DmCrowd crowd, struct DmTicket ticket);
 DmResult dm_crowd_pose(struct DmCrowd crowd, uint32_t instance, struct DmPoseView *view);
 DmResult dm_crowd_previous_pose(struct DmCrowd crowd, uint32_t instance, struct DmPoseView *view);
 DmResult dm_crowd_stream(struct DmCrowd crowd, uint32_t instance, uint32_t stream, struct DmStreamView *view);
-DmResult dm_crowd_previous_stream(struct DmCrowd crowd, uint32_t instance, uint32_t stream, struct DmStreamView *view);
 DmResult dm_readback_create(struct DmEngine engine, struct DmReadback *readback);
 DmResult dm_readback_record(struct DmReadback readback, VkCommandBuffer cmd, struct DmCrowd crowd, const uint32_t *instances, uint32_t count);
 DmResult dm_readback_pose(struct DmReadback readback, uint32_t at, uint32_t stream, float *values, size_t count);
@@ -177,8 +182,3 @@ DmResult dm_crowd_skinned(struct DmCrowd crowd, uint32_t instance, struct DmSkin
 DmResult dm_weight_bounds_create(struct DmMesh mesh, const struct DmCrowdDesc *desc, struct DmWeightBounds *bounds);
 DmResult dm_weight_bounds_of(struct DmWeightBounds bounds, const float *weights, uint32_t count, float bound, float *least_and_greatest);
 DmResult dm_weight_bounds_destroy(struct DmWeightBounds bounds);
-DmResult dm_cpu_crowd_create(struct DmMesh mesh, const struct DmCrowdDesc *desc, uint32_t threads, struct DmCpuCrowd *crowd);
-DmResult dm_cpu_crowd_set_weights(struct DmCpuCrowd crowd, uint32_t instance, const float *weights, uint32_t count);
-DmResult dm_cpu_crowd_update(struct DmCpuCrowd crowd);
-DmResult dm_cpu_crowd_pose(struct DmCpuCrowd crowd, uint32_t instance, float *pose, size_t count);
-DmResult dm_cpu_crowd_destroy(struct DmCpuCrowd crowd);

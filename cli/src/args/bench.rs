@@ -31,11 +31,16 @@ pub struct BenchArgs {
     pub input: InputArgs,
     #[command(flatten)]
     pub update: UpdateArgs,
+    /// Sweep every batch size, more changed targets, fixed32 poses and the clips of INPUT (takes many minutes); without
+    /// it the main comparison runs, which takes about one
+    #[arg(long)]
+    pub full: bool,
     /// Targets per pass: numbers, ranges ("1..7", "1..max"), "max" (what the device allows), "all" (one pass)
-    /// [default: 1..max,all for clips and the largest --changed; 8,max,all for the others]
+    /// [default: 1,2,4,8,16,max,all; with --full 1..max,all for clips and the largest --changed, 8,max,all for others]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::batch)]
     pub batch_sizes: Vec<BatchSpec>,
-    /// Targets changed per frame, drawn afresh for every frame: numbers and "all" [default: 1,4,8,16,32,all]
+    /// Targets changed per frame, drawn afresh for every frame: numbers and "all" [default: 8,all; with
+    /// --full 1,4,8,16,32,all]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::changed)]
     pub changed: Vec<Option<usize>>,
     /// Replay this weight clip as a workload, next to the random one (repeatable)
@@ -48,48 +53,33 @@ pub struct BenchArgs {
     /// One animation for all heads: one is updated, and its pose drawn for each
     #[arg(long)]
     pub shared: bool,
-    /// Frames to time per configuration
+    /// Frames to time per configuration, at most
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = values::whole(1usize, 1_000_000))]
     pub frames: usize,
     /// Frames to run before timing starts
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = values::whole(0usize, 1_000_000))]
     pub warmup: usize,
-    /// Run ready-made comparisons instead, each with a page of its own in the report
+    /// Run ready-made comparisons instead
     #[arg(
         long = "suite",
         value_name = "NAME,…",
         value_delimiter = ',',
         value_enum,
         conflicts_with_all = [
-            "batch_sizes", "changed", "weights", "shared", "modes", "poses", "accumulate", "error_budget"
+            "full", "batch_sizes", "changed", "weights", "shared", "modes", "poses", "accumulate", "error_budget"
         ]
     )]
     pub suites: Vec<SuiteChoice>,
-    /// Suites: seconds to time each configuration for, where --frames take longer [default: 5; constant: 0.5]
-    #[arg(long, value_name = "SECONDS", requires = "suites")]
+    /// Seconds to time each configuration for, where --frames take longer [default: 0.4; suites: 5, constant: 0.5]
+    #[arg(long, value_name = "SECONDS")]
     #[arg(value_parser = values::number("a number of seconds above 0, at most a day", |v| v > 0.0 && v <= 86_400.0))]
     pub time_limit: Option<f32>,
-    /// Folder for report.json, runs.csv, the plots and index.html [default: bench-report]
+    /// Folder for report.json, runs.csv and index.html [default: bench-report]
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
     /// Write no report folder
     #[arg(long, conflicts_with = "report")]
     pub no_report: bool,
-    /// Measure nothing: draw the report of an earlier report.json again
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["input", "weights", "no_report", "suites"])]
-    pub redraw: Option<PathBuf>,
-    /// Measure nothing: compare the report.json of earlier runs with the first of them, configuration by configuration:
-    /// ratios of medians, with the spread of both
-    #[arg(
-        long,
-        value_name = "FILE",
-        num_args = 2..,
-        conflicts_with_all = [
-            "input", "vertices", "targets", "sparsity", "weights", "suites", "redraw", "batch_sizes", "changed", "heads",
-            "shared", "frames", "warmup", "paths", "formats", "modes", "poses", "accumulate", "slots", "device", "report"
-        ]
-    )]
-    pub compare: Vec<PathBuf>,
 }
 
 impl BenchArgs {
@@ -103,7 +93,7 @@ impl BenchArgs {
         (!self.no_report).then(|| self.report.as_deref().unwrap_or(Path::new("bench-report")))
     }
 
-    /// How long a suite times a configuration, unless told otherwise `default` seconds.
+    /// How long a configuration is timed, unless told otherwise `default` seconds.
     pub fn time_limit(&self, default: f32) -> Duration {
         Duration::from_secs_f32(self.time_limit.unwrap_or(default))
     }

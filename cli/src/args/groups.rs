@@ -4,8 +4,8 @@ use clap::Command;
 
 /// Options that several commands have. What is in no group is under "Options".
 const GROUPS: [(&str, &[&str]); 4] = [
-    ("What is read", &["tolerance", "textures", "fps", "rig", "normalise", "seed"]),
-    ("The built-in head", &["vertices", "targets", "sparsity", "in_betweens"]),
+    ("What is read", &["tolerance", "fps", "normalise", "seed"]),
+    ("The built-in head", &["vertices", "targets", "sparsity"]),
     (
         "How poses are updated",
         &[

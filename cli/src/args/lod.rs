@@ -8,7 +8,7 @@ use std::path::PathBuf;
 pub struct LodArgs {
     #[command(flatten)]
     pub input: InputArgs,
-    /// What a target counts for: what it changes by itself, at weight 1, in the base pose. "all" also says how far
+    /// Measure of what a target changes by itself, at weight 1, in the base pose. "all" also prints how far the
     /// metrics agree
     #[arg(long, value_name = "METRIC", default_value = "mse")]
     pub metric: Metric,
@@ -22,20 +22,9 @@ pub struct LodArgs {
     #[arg(long, value_name = "JSON")]
     pub out: Option<PathBuf>,
     /// Weight clip to measure errors on: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's by its
-    /// name
-    /// [default: all in INPUT/weights or INPUT]
+    /// name [default: all in INPUT/weights or INPUT]
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,
-    /// Draw frames with all targets, and with the first 75%, 50% and 25% of them: those that lose most by half of the
-    /// targets; with --metric all one frame, by each metric
-    #[arg(long, value_name = "OUT.png")]
-    pub sheet: Option<PathBuf>,
-    /// Frame to draw in their place, counted from 0, through all clips
-    #[arg(long, value_name = "N", requires = "sheet")]
-    pub frame: Option<usize>,
-    /// Plot the error against the share of targets kept, beside that of random orders
-    #[arg(long, value_name = "OUT.svg")]
-    pub plot: Option<PathBuf>,
     /// Random orders that the order is compared with
     #[arg(long, value_name = "N", default_value_t = 50, value_parser = values::whole(1usize, 10_000))]
     pub random: usize,
@@ -51,10 +40,8 @@ pub enum Metric {
     ImageMse,
     /// 1 less the structural similarity of pictures (SSIM)
     Ssim,
-    /// Difference of pictures that people see (FLIP)
-    Perceptual,
     /// Share of a picture's pixels that visibly differ (Yee)
-    Yee,
+    Perceptual,
     /// Each of these
     All,
 }

@@ -3,13 +3,13 @@
 use clap::ValueEnum;
 use serde::Serialize;
 
-/// How A. Gerdelan's "Animating Blend Shapes" is read, where weights sum to more than 1.
+/// The two readings of A. Gerdelan's "Animating Blend Shapes" for weights that sum to more than 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Reading {
-    /// As Gerdelan writes ("Animating Blend Shapes"): each weight is divided by the sum, so that the base pose has no
-    /// part. Negative ones count as 0
+    /// The text of Gerdelan's "Animating Blend Shapes": weights that sum to more than 1 are divided by the sum, and
+    /// negative ones count as 0
     Text,
-    /// As Gerdelan's shader has it: the base pose takes 1 less the sum, negative too, which is what deltas do as they are
+    /// Gerdelan's shader: the base pose gets 1 minus the sum, even if negative, as plain deltas do
     Shader,
 }

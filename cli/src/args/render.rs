@@ -1,8 +1,9 @@
 //! The options of `render`.
 
-use super::{LayerArgs, RunArgs, values};
+use super::{RunArgs, values};
 use crate::detail::Detail;
 use clap::{Args, ValueEnum};
+use deltamorph_render::Show;
 use std::path::PathBuf;
 
 #[derive(Args, Clone, Debug)]
@@ -13,10 +14,8 @@ pub struct RenderArgs {
     /// its name
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,
-    #[command(flatten)]
-    pub layers: LayerArgs,
     /// Frame of the weight clip, counted from 0
-    #[arg(long, value_name = "N", requires = "weights", conflicts_with_all = ["sheet", "clip", "crowd"])]
+    #[arg(long, value_name = "N", requires = "weights", conflicts_with_all = ["clip", "crowd"])]
     pub frame: Option<usize>,
     /// Weights by name, on top of the clip's (repeatable)
     #[arg(long, value_name = "NAME=WEIGHT,…", value_delimiter = ',', value_parser = values::setting)]
@@ -24,100 +23,119 @@ pub struct RenderArgs {
     /// PNG file to write
     #[arg(short, long, value_name = "OUT.png", required_unless_present = "clip", conflicts_with = "clip")]
     pub output: Option<PathBuf>,
-    /// Pixels of the picture, of each cell with --sheet [default: 768x768; cells: 224x224; clips: 512x512]
+    /// Pixels of the picture [default: 768x768; crowds: 1280x720; clips: 512x512]
     #[arg(long, value_name = "WxH", value_parser = size)]
     pub size: Option<[u32; 2]>,
-    /// Where the camera is, in degrees: around the head (0: in front, 90: at its left, 180: behind), and up
+    /// Direction of the camera in degrees: around the head (0: in front, 90: at its left, 180: behind), and up
     #[arg(long, value_name = "YAW,PITCH", default_value = "18,4", value_parser = camera, allow_hyphen_values = true)]
     pub camera: [f32; 2],
-    /// How near the camera is: at 2 there is a quarter of the picture in twice the size
+    /// Zoom: 2 shows the middle half of the picture at twice the size
     #[arg(long, value_name = "X", default_value = "1", value_parser = values::zoom)]
     pub zoom: f32,
     /// Show all of the scene, not only what targets move
     #[arg(long)]
     pub whole: bool,
-    /// Where the key light is, in degrees from the camera: to the right, and up; how bright it is [default: 1]
+    /// Direction of the key light in degrees from the camera, to the right and up, and its strength [default: 1]
     #[arg(long, value_name = "YAW,PITCH[,STRENGTH]", default_value = "-38,34", value_parser = light)]
     #[arg(allow_hyphen_values = true)]
     pub light: [f32; 3],
-    /// What is behind: a colour, or "none" for a picture that can be put on anything
+    /// Background: a colour, or "none" for a transparent one
     #[arg(long, value_name = "RRGGBB|none", default_value = "23262d", value_parser = background)]
     pub background: Background,
-    /// Contact sheet: every target by itself at weight 1, with its name
-    #[arg(long, conflicts_with_all = ["weights", "layers", "set", "clip", "crowd"])]
-    pub sheet: bool,
     /// The whole clip: an animated PNG (OUT.png, OUT.apng), or else a folder of PNG frames
     #[arg(long, value_name = "OUT", conflicts_with = "crowd")]
     pub clip: Option<PathBuf>,
     /// A crowd of N heads, each with an expression of its own: of the clip, or drawn from --seed
     #[arg(long, value_name = "N", value_parser = values::whole(1u32, 1000))]
     pub crowd: Option<u32>,
-    /// Colours for the distance of each vertex from the base pose, or for its error: against a float64 evaluation of
-    /// the mesh as it was imported
-    #[arg(long, value_name = "WHAT", conflicts_with_all = ["checker", "magnify"])]
+    /// Colours for the distance of each vertex from the base pose, as --show heat
+    #[arg(long, value_name = "WHAT", conflicts_with_all = ["show", "checker"])]
     pub heat: Option<Heat>,
-    /// What is shown of the surface: its edges, its normals, how fast each vertex moves, what the update changed (both
-    /// since the frame before, or since the base pose where there is none), or wrinkles where skin is compressed
-    #[arg(long, value_name = "WHAT", conflicts_with_all = ["heat", "checker", "magnify"])]
-    pub show: Option<Shown>,
-    /// Normals of poses: as updates sum them, or those of the morphed surface, whose joints then stay at rest
-    #[arg(long, value_name = "WHICH", default_value = "summed", conflicts_with = "magnify")]
+    /// Appearance of the surface. Motion and blocks are those since the frame before, or since the base pose without one
+    #[arg(long, value_name = "LOOK", default_value = "shaded", conflicts_with = "checker")]
+    pub show: Look,
+    /// Normals of poses: summed with the targets, or recomputed from the morphed surface (skinning is then off)
+    #[arg(long, value_name = "WHICH", default_value = "summed")]
     pub normals: Normals,
-    /// Where the colours of --heat and of --show motion end, in input units [default: at the largest value]
+    /// Length at which the colours of --heat and of --show motion end, in input units [default: the largest length]
     #[arg(long, value_name = "LENGTH", value_parser = values::positive)]
     pub scale: Option<f32>,
-    /// How many targets heads keep, in the order of their importance: all, a share as 50%, or as many as it takes for
-    /// no vertex to be further off than so many pixels, as 0.5px
+    /// Level of detail: all targets, the most important share of them (50%), or the fewest whose error stays below N
+    /// pixels (0.5px)
     #[arg(long, value_name = "all|N%|Npx", default_value = "all", value_parser = Detail::parse)]
-    #[arg(conflicts_with_all = ["sheet", "heat", "magnify"])]
+    #[arg(conflicts_with = "heat")]
     pub detail: Detail,
     /// A checker of N squares through the texture coordinates, which shows their seams
-    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "32", conflicts_with = "magnify")]
+    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "32")]
     #[arg(value_parser = values::whole(1u32, 4096))]
     pub checker: Option<u32>,
-    /// Before and after: the mesh as it was imported beside what path and format make of it, at FACTOR times its error
-    #[arg(long = "error-x", value_name = "FACTOR", num_args = 0..=1, default_missing_value = "8")]
-    #[arg(conflicts_with_all = ["sheet", "clip", "crowd"], value_parser = values::positive)]
-    pub magnify: Option<f32>,
+}
+
+impl RenderArgs {
+    /// The appearance of the surface, unless it is a checker.
+    pub fn look(&self) -> Look {
+        if self.heat.is_some() { Look::Heat } else { self.show }
+    }
 }
 
 /// What the colours of a heat map stand for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Heat {
-    /// How far a vertex is from where the base pose has it
+    /// Distance of a vertex from its position in the base pose
     Distance,
-    /// How far path and format have it from where it should be
-    Error,
 }
 
 /// Normals of poses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Normals {
-    /// The base normal and what each target adds to it, which is right for each by itself
+    /// The base normal plus the normal deltas of the targets
     Summed,
-    /// Those of the morphed surface, on the paths of the device
+    /// Computed from the morphed triangles, on the paths of the device
     Recomputed,
 }
 
-/// What is shown of a surface.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Shown {
+/// The appearance of a surface, in pictures and in the window.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Look {
+    /// Skin, eyes and teeth in their light
+    #[default]
+    Shaded,
     /// The edges of faces
     Wire,
     /// Normals as colours: x red, y green, z blue
     Normals,
-    /// How far each vertex has come since the frame before
+    /// Distance of each vertex from the base pose: grey, blue, green, yellow, red
+    Heat,
+    /// Distance of each vertex from the frame before, in the same colours
     Motion,
-    /// The blocks that the update changed glow; in a clip they go out over the next frames
+    /// Blocks of vertices that an update writes glow, and fade
     Blocks,
     /// Wrinkles where the targets compress the skin
     Wrinkles,
 }
 
-impl Shown {
+impl Look {
     /// Whether it depends on the previous pose.
     pub fn is_of_changes(self) -> bool {
         matches!(self, Self::Motion | Self::Blocks)
+    }
+
+    /// Whether it is of targets alone: joints are at rest.
+    pub fn is_of_targets(self) -> bool {
+        matches!(self, Self::Heat | Self::Motion | Self::Wrinkles)
+    }
+
+    /// For the renderer; `end`: where colours that stand for lengths end.
+    pub fn show(self, end: f32) -> Show {
+        match self {
+            Self::Shaded => Show::Shaded,
+            Self::Wire => Show::Wire,
+            Self::Normals => Show::Normals,
+            Self::Heat => Show::Distance(end),
+            Self::Motion => Show::Motion(end),
+            Self::Blocks => Show::Blocks,
+            Self::Wrinkles => Show::Wrinkles,
+        }
     }
 }
 

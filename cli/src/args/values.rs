@@ -2,11 +2,9 @@
 
 use clap::ValueEnum;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use deltamorph::{BatchSize, DeltaFormat, LayerBlend, UpdateMode, UpdatePath};
+use deltamorph::{BatchSize, DeltaFormat, UpdateMode, UpdatePath};
 use deltamorph_headless::DeviceChoice;
 use std::collections::BTreeSet;
-use std::net::{Ipv4Addr, SocketAddr};
-use std::path::PathBuf;
 
 /// Largest number of targets of the built-in head.
 pub const MAX_TARGETS: usize = 65_536;
@@ -98,13 +96,6 @@ pub fn zoom(s: &str) -> Result<f32, String> {
     number("a number from 0.2 to 20", |v| (0.2..=20.0).contains(&v))(s)
 }
 
-/// Where packets are sent to or received: an address and a port, or a port of this computer.
-pub fn address(s: &str) -> Result<SocketAddr, &'static str> {
-    let here = |port| SocketAddr::from((Ipv4Addr::LOCALHOST, port));
-    let port = || s.trim().parse().map(here);
-    s.trim().parse().or_else(|_| port()).map_err(|_| "give an IP address and a port, as in 127.0.0.1:39539, or a port")
-}
-
 pub fn fps(s: &str) -> Result<f32, String> {
     number("a number of frames per second from 0.1 to 1000", |v| (0.1..=1000.0).contains(&v))(s)
 }
@@ -168,30 +159,6 @@ pub fn setting(s: &str) -> Result<(String, f32), String> {
         return Err("the name before \"=\" is missing; write NAME=WEIGHT, as in jawOpen=0.5".into());
     }
     Ok((name.trim().into(), number("a finite weight after \"=\", as in jawOpen=0.5", |_| true)(weight)?))
-}
-
-/// A clip over another one.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Layer {
-    pub clip: PathBuf,
-    pub blend: LayerBlend,
-    pub weight: f32,
-}
-
-/// "CSV", "CSV@WEIGHT" or "CSV+WEIGHT"; file names may contain these signs as well.
-pub fn layer(s: &str) -> Result<Layer, String> {
-    let weighted = |sign: char, blend: LayerBlend| {
-        let (clip, weight) = s.rsplit_once(sign)?;
-        let weight = weight.parse().ok().filter(|weight: &f32| weight.is_finite())?;
-        Some(Layer { clip: clip.into(), blend, weight })
-    };
-    let whole = || Layer { clip: s.into(), blend: LayerBlend::Override, weight: 1.0 };
-    let found = weighted('@', LayerBlend::Override).or_else(|| weighted('+', LayerBlend::Additive));
-    let found = found.unwrap_or_else(whole);
-    match found.clip.as_os_str().is_empty() {
-        true => Err("the clip is missing; write CSV, CSV@WEIGHT or CSV+WEIGHT".into()),
-        false => Ok(found),
-    }
 }
 
 /// The batch sizes that `specs` request and `path` allows with at most `max` targets per pass, ascending, without

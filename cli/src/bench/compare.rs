@@ -8,14 +8,17 @@ pub const OURS: &str = "blocks";
 /// The technique that evaluates all targets in every draw.
 const DIRECT: &str = "direct";
 
-/// `a` over `b`: the median of the ratios of the rounds of both; the ratio of medians if they were not measured
-/// interleaved.
-fn ratio(a: &RunRecord, b: &RunRecord, of: fn(&Round) -> f64) -> Option<f64> {
+/// `a` over `b`: the ratios of the rounds of both; the ratio of medians if they were not measured interleaved.
+pub fn ratios(a: &RunRecord, b: &RunRecord, of: fn(&Round) -> f64) -> Option<Stats> {
     let ratios: Vec<f64> = match a.alone || b.alone || a.rounds.is_empty() || b.rounds.is_empty() {
         true => vec![a.median() / b.median()],
         false => a.rounds.iter().zip(&b.rounds).map(|(a, b)| of(a) / of(b)).collect(),
     };
-    Stats::of(&ratios).map(|s| s.median)
+    Stats::of(&ratios)
+}
+
+fn ratio(a: &RunRecord, b: &RunRecord, of: fn(&Round) -> f64) -> Option<f64> {
+    ratios(a, b, of).map(|stats| stats.median)
 }
 
 impl CellRecord {

@@ -6,6 +6,7 @@ use super::subject::Subject;
 use super::trial::{Candidate, Trial};
 use super::workload::Workload;
 use crate::output::Failure;
+use crate::progress::Progress;
 use crate::runner::{Runner, reaching};
 use deltamorph::{Error, ErrorKind, PackedMesh, UpdatePath};
 use std::sync::Arc;
@@ -19,7 +20,7 @@ pub struct Schedule {
     /// Rounds that they are divided into.
     pub rounds: usize,
     /// Time for each configuration; at least three frames are timed, regardless of the limit.
-    pub limit: Option<Duration>,
+    pub limit: Duration,
     pub common: Common,
 }
 
@@ -39,26 +40,26 @@ pub enum Common {
 const LEAST_FRAMES: usize = 3;
 
 impl Schedule {
-    fn share(&self) -> Option<Duration> {
-        self.limit.map(|limit| limit / self.rounds as u32)
+    fn share(&self) -> Duration {
+        self.limit / self.rounds as u32
     }
 
     /// Frames per round if every frame has to take as long as the slowest configuration's, `slowest`.
     fn frames_together(&self, slowest: Duration) -> usize {
         let most = self.frames.div_ceil(self.rounds);
-        let fit = |share: Duration| (share.as_secs_f64() / slowest.as_secs_f64()) as usize;
-        self.share().map_or(most, |share| fit(share).clamp(1, most))
+        let fit = (self.share().as_secs_f64() / slowest.as_secs_f64()) as usize;
+        fit.clamp(1, most)
     }
 }
 
 /// A trial, or why it was refused.
 type Running<'a> = Result<Trial<'a>, String>;
 
-/// Times `running`, interleaved. Wrong or refused trials drop out.
-fn run(running: &mut [Running<'_>], schedule: &Schedule) -> deltamorph::Result<()> {
+/// Times `running`, interleaved, a step of `bar` for each round. Wrong or refused trials drop out.
+fn run(running: &mut [Running<'_>], schedule: &Schedule, bar: &Progress) -> deltamorph::Result<()> {
     let mut slowest = Duration::ZERO;
     each(running, |trial| {
-        slowest = slowest.max(trial.warm_up(schedule.share())?);
+        slowest = slowest.max(trial.warm_up(Some(schedule.share()))?);
         Ok(())
     })?;
     let least = if schedule.common == Common::FrameRate { slowest } else { Duration::ZERO };
@@ -70,12 +71,13 @@ fn run(running: &mut [Running<'_>], schedule: &Schedule) -> deltamorph::Result<(
             }
             if schedule.common != Common::Nothing {
                 trial.round(schedule.frames_together(slowest), None, least)
-            } else if timed < LEAST_FRAMES || schedule.limit.is_none_or(|limit| spent < limit) {
-                trial.round(schedule.frames.div_ceil(schedule.rounds), schedule.share(), least)
+            } else if timed < LEAST_FRAMES || spent < schedule.limit {
+                trial.round(schedule.frames.div_ceil(schedule.rounds), Some(schedule.share()), least)
             } else {
                 Ok(())
             }
         })?;
+        bar.inc(1);
     }
     Ok(())
 }
@@ -107,19 +109,23 @@ fn refusal<T>(result: deltamorph::Result<T>) -> deltamorph::Result<Result<T, Str
 
 pub type Outcome = Result<RunRecord, Skipped>;
 
-/// Measures `candidates` interleaved, and those that lack memory after the others; returns them in their order.
+/// Measures `candidates` interleaved, and those that lack memory after the others; returns them in their order. `bar`
+/// has a step for each of them, which is verified first, and for each round.
 pub fn interleave(
     machine: &Machine<'_>,
     subject: &mut Subject,
     candidates: &[Candidate<'_>],
     schedule: &Schedule,
+    bar: &Progress,
 ) -> Result<Vec<Outcome>, Failure> {
     let mut running: Vec<Running<'_>> = vec![];
     for candidate in candidates {
-        running.push(begin(machine, subject, candidate)?);
+        let trial = begin(machine, subject, candidate, &running)?;
+        running.push(trial);
+        bar.inc(1);
     }
     let begun: Vec<bool> = running.iter().map(Result::is_ok).collect();
-    run(&mut running, schedule)?;
+    run(&mut running, schedule, bar)?;
     let mut outcomes: Vec<Outcome> = vec![];
     for (trial, candidate) in running.into_iter().zip(candidates) {
         outcomes.push(match trial {
@@ -130,18 +136,19 @@ pub fn interleave(
     // The others have freed their memory: there may be room for the rest.
     if begun.contains(&true) {
         for (place, candidate) in candidates.iter().enumerate().filter(|(place, _)| !begun[*place]) {
-            let outcome = interleave(machine, subject, std::slice::from_ref(candidate), schedule)?.remove(0);
+            let outcome = interleave(machine, subject, std::slice::from_ref(candidate), schedule, bar)?.remove(0);
             outcomes[place] = outcome.map(|record| RunRecord { alone: true, ..record });
         }
     }
     Ok(outcomes)
 }
 
-/// A verified trial, or the reason why there is none.
+/// A verified trial, or the reason why there is none. Those that run already have meshes to share.
 fn begin<'a>(
     machine: &'a Machine<'_>,
     subject: &mut Subject,
     candidate: &'a Candidate<'_>,
+    running: &[Running<'a>],
 ) -> Result<Running<'a>, Failure> {
     let Candidate { config, setting, .. } = candidate;
     let meshes = subject.meshes(machine, config.format)?;
@@ -158,7 +165,10 @@ fn begin<'a>(
         }
         ([(mesh, desc)], true, Some(gpu)) => Runner::crowds(gpu, mesh, *desc, 1, setting.updated() as usize),
         ([(mesh, desc)], ..) => {
-            Runner::new(gpu, mesh, *desc, setting.updated(), machine.args.update.threads.unwrap_or(0))
+            let shared = running.iter().flatten().find_map(|trial| trial.runner_for(config));
+            let threads = machine.args.update.threads.unwrap_or(0);
+            let another = shared.and_then(|runner| runner.another(*desc, setting.updated()));
+            another.unwrap_or_else(|| Runner::new(gpu, mesh, *desc, setting.updated(), threads))
         }
         (_, _, gpu) => Runner::scene(gpu, &parts, setting.each()),
     };
@@ -196,10 +206,9 @@ mod tests {
     #[test]
     fn the_slowest_sets_the_pace() {
         let seconds = Duration::from_secs_f64;
-        let schedule = Schedule { frames: 100, rounds: 10, limit: Some(seconds(5.0)), common: Common::Frames };
-        assert_eq!(schedule.share(), Some(seconds(0.5)));
+        let schedule = Schedule { frames: 100, rounds: 10, limit: seconds(5.0), common: Common::Frames };
+        assert_eq!(schedule.share(), seconds(0.5));
         let frames = [0.0, 0.001, 0.1, 0.25, 20.0].map(|slowest| schedule.frames_together(seconds(slowest)));
         assert_eq!(frames, [10, 10, 5, 2, 1]);
-        assert_eq!(Schedule { limit: None, ..schedule }.frames_together(seconds(100.0)), 10);
     }
 }

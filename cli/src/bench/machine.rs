@@ -9,7 +9,7 @@ use deltamorph::DeltaFormat;
 use deltamorph_headless::{DeviceChoice, Headless};
 use rayon::prelude::*;
 use std::hint::black_box;
-use std::time::Instant;
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 /// The measuring devices, and the options.
 pub struct Machine<'a> {
@@ -52,7 +52,7 @@ impl<'a> Machine<'a> {
         Report {
             schema: 1,
             version: env!("CARGO_PKG_VERSION").into(),
-            created: jiff::Timestamp::now().strftime("%FT%TZ").to_string(),
+            created: utc(SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_secs())),
             command: std::env::args_os().skip(1).fold("deltamorph".into(), add),
             device: self.device(),
             input: input.info(),
@@ -86,6 +86,27 @@ impl<'a> Machine<'a> {
             ..cpu
         }
     }
+}
+
+/// Seconds since 1970 as a date and time: 2026-01-31T12:00:00Z.
+fn utc(seconds: u64) -> String {
+    let (mut days, time) = (seconds / 86_400, seconds % 86_400);
+    let mut year = 1970;
+    let leap = |year: u64| year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400));
+    while days >= 365 + u64::from(leap(year)) {
+        days -= 365 + u64::from(leap(year));
+        year += 1;
+    }
+    let mut month = 1;
+    for length in [31, 28 + u64::from(leap(year)), 31, 30, 31, 30, 31, 31, 30, 31, 30] {
+        if days < length {
+            break;
+        }
+        days -= length;
+        month += 1;
+    }
+    let (hours, minutes, seconds) = (time / 3600, time / 60 % 60, time % 60);
+    format!("{year}-{month:02}-{:02}T{hours:02}:{minutes:02}:{seconds:02}Z", days + 1)
 }
 
 /// The processor's name, if the system provides it.
@@ -150,7 +171,14 @@ fn sum(words: &[u64]) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use super::quoted;
+    use super::{quoted, utc};
+
+    #[test]
+    fn dates_are_those_of_the_calendar() {
+        let dates = [0, 951_782_399, 951_782_400, 4_102_444_799].map(utc);
+        let known = ["1970-01-01T00:00:00Z", "2000-02-28T23:59:59Z", "2000-02-29T00:00:00Z", "2099-12-31T23:59:59Z"];
+        assert_eq!(dates, known);
+    }
 
     #[test]
     fn arguments_survive_a_shell() {

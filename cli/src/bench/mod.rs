@@ -2,10 +2,14 @@
 
 mod compare;
 mod configs;
+mod group;
 mod interleave;
 mod machine;
+mod page;
+mod plot;
 mod record;
 mod report;
+mod sentences;
 mod session;
 pub mod stats;
 mod subject;
@@ -13,8 +17,8 @@ mod suites;
 mod sweep;
 #[cfg(test)]
 mod synthetic;
+mod tables;
 mod trial;
-mod versus;
 mod workload;
 
 use crate::args::bench::BenchArgs;
@@ -23,30 +27,22 @@ use crate::output::{Failure, Output};
 use crate::table::count;
 use deltamorph_headless::DeviceChoice;
 use record::Report;
-use report::{sentences, tables};
 
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
-    if !args.compare.is_empty() {
-        out.check(&args.compare, &[], None)?;
-        return versus::run(args, out);
-    }
     // Checked before minutes are spent on results that could not be written.
     let folder = args.folder();
     out.check(&input::files_of(&args.input, &args.weights), &[], folder)?;
     folder.map_or(Ok(()), report::claim)?;
-    match &args.redraw {
-        Some(path) => finish(&report::read(path)?, args, out),
-        None if args.suites.is_empty() => finish(&sweep::run(args, device, out)?, args, out),
-        None => finish(&suites::run(args, device, out)?, args, out),
-    }
+    let report = match args.suites.is_empty() {
+        true => sweep::run(args, device, out)?,
+        false => suites::run(args, device, out)?,
+    };
+    finish(&report, args, out)
 }
 
 /// Prints the result, and writes the JSON and the report folder.
 fn finish(report: &Report, args: &BenchArgs, out: &Output) -> Result<(), Failure> {
-    if report.suites.is_empty() {
-        out.say(tables::runs(&report.runs, true));
-        tables::of_all(&report.runs).iter().for_each(|same| out.say(format_args!("\n{same}")));
-    }
+    tables::of_all(&report.runs).iter().for_each(|same| out.say(same));
     for suite in &report.suites {
         out.say(format_args!("{} (suite {})\n", sentences::title(suite), suite.name));
         for (_, table) in tables::of_suite(suite, report) {
@@ -108,31 +104,4 @@ fn verdict(report: &Report) -> Result<(), Failure> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn wrong_runs_fail_the_command() {
-        let mut report = synthetic::report();
-        let message = verdict(&report).expect_err("two are wrong").to_string();
-        assert!(message.starts_with("2 of ") && message.contains("feedback float32 batch 8"), "{message}");
-        report.runs.retain(|r| r.verified);
-        assert!(verdict(&report).is_ok());
-        assert!(!sentences::sentences(&report).join(" ").contains("could run"));
-        report.unmeasured.push("feedback".into());
-        let said = sentences::sentences(&report).join(" ");
-        assert!(
-            said.contains("configurations that could run match") && said.contains("could run: feedback."),
-            "{said}"
-        );
-        let message = verdict(&report).expect_err("feedback was named").to_string();
-        assert!(
-            message.starts_with("--paths: feedback: nothing of it") && message.contains("16 attributes"),
-            "{message}"
-        );
-        report.unplayed.push("speech".into());
-        assert!(verdict(&report).is_err_and(|e| e.to_string().starts_with("clip 'speech': no configuration could")));
-        report.runs.clear();
-        assert!(verdict(&report).is_err_and(|e| e.to_string().starts_with("no configuration could run; feedback")));
-    }
-}
+mod tests;

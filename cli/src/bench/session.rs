@@ -4,24 +4,29 @@ use super::interleave::{Common, Schedule, interleave};
 use super::machine::Machine;
 use super::record::{Comparison, ROUNDS, Report, RunRecord, Skipped, SuiteRecord};
 use super::subject::Subject;
+use super::tables;
 use super::trial::Candidate;
 use crate::args::bench::BenchArgs;
 use crate::input::Input;
 use crate::output::{Failure, Output};
+use crate::table::sig3;
 use deltamorph_headless::DeviceChoice;
-use indicatif::ProgressBar;
 use std::time::Duration;
+
+/// Seconds to time a configuration of an ordinary run for, by default.
+const LIMIT: f32 = 0.4;
 
 /// The machine, and the results on it so far.
 pub struct Session<'a> {
     pub args: &'a BenchArgs,
     pub machine: Machine<'a>,
     pub out: &'a Output,
-    /// Progress: a step for each cell.
-    pub bar: ProgressBar,
+    /// Groups of configurations to measure, of the running suite or in all, and how many of them have begun.
+    pub planned: usize,
+    begun: usize,
     /// The results of the running suite.
     pub suite: SuiteRecord,
-    /// How long it times a configuration.
+    /// How long a configuration is timed.
     pub limit: Duration,
     /// Earlier results, and every run.
     report: Report,
@@ -37,7 +42,8 @@ impl<'a> Session<'a> {
     ) -> Result<Self, Failure> {
         let machine = Machine::open(args, device, input, out)?;
         let report = machine.report(input);
-        Ok(Self { args, machine, out, bar: out.bar(0), suite: SuiteRecord::default(), limit: Duration::MAX, report })
+        let (suite, limit) = (SuiteRecord::default(), args.time_limit(LIMIT));
+        Ok(Self { args, machine, out, planned: 0, begun: 0, suite, limit, report })
     }
 
     /// Runs a suite, which times each configuration for `seconds` by default.
@@ -49,6 +55,8 @@ impl<'a> Session<'a> {
     ) -> Result<(), Failure> {
         self.suite.name = name.into();
         self.limit = self.args.time_limit(seconds);
+        self.planned = 0;
+        self.begun = 0;
         run(self)?;
         self.report.suites.push(std::mem::take(&mut self.suite));
         Ok(())
@@ -74,7 +82,6 @@ impl<'a> Session<'a> {
     }
 
     pub fn report(self) -> Report {
-        self.bar.finish_and_clear();
         let Report { runs, skipped, meshes, input, .. } = &self.report;
         let named = self.args.update.paths.iter().map(|path| path.name());
         let missing = named
@@ -86,10 +93,11 @@ impl<'a> Session<'a> {
     /// Frames and rounds of a configuration.
     pub fn schedule(&self, common: Common) -> Schedule {
         let frames = self.args.frames;
-        Schedule { frames, rounds: ROUNDS.min(frames), limit: Some(self.limit), common }
+        Schedule { frames, rounds: ROUNDS.min(frames), limit: self.limit, common }
     }
 
-    /// Measures `candidates` on `subject`, interleaved, and adds the runs to the report under `cell` and their names.
+    /// Measures `candidates` on `subject`, interleaved, prints a row for each, and adds the runs to the report, those of
+    /// suites under `cell` and their names. Says before what it is about, and how long the rest may take.
     pub fn measure(
         &mut self,
         subject: &mut Subject,
@@ -97,8 +105,20 @@ impl<'a> Session<'a> {
         candidates: &[Candidate<'_>],
         schedule: &Schedule,
     ) -> Result<Vec<Option<RunRecord>>, Failure> {
-        self.bar.set_message(format!("{} {cell}", self.suite.name));
-        let outcomes = interleave(&self.machine, subject, candidates, schedule)?;
+        self.begun += 1;
+        self.planned = self.planned.max(self.begun);
+        let (count, rounds) = (candidates.len(), schedule.rounds);
+        let left = self.limit.mul_f64(((self.planned - self.begun + 1) * count) as f64);
+        self.out.note(format_args!(
+            "{} of {}: {cell}: {count} configurations in turns, {rounds} rounds; up to {} s of timing left",
+            self.begun,
+            self.planned,
+            sig3(left.as_secs_f64())
+        ));
+        let bar = self.out.bar((count + rounds) as u64);
+        bar.set_message(cell.to_owned());
+        let outcomes = interleave(&self.machine, subject, candidates, schedule, &bar)?;
+        bar.finish_and_clear();
         let runs = outcomes.into_iter().zip(candidates).map(|(outcome, candidate)| match outcome {
             Ok(run) => Some(self.keep(cell, &candidate.what, run)),
             Err(refused) => {
@@ -106,7 +126,9 @@ impl<'a> Session<'a> {
                 None
             }
         });
-        Ok(runs.collect())
+        let runs: Vec<Option<RunRecord>> = runs.collect();
+        self.out.say(format_args!("{cell}\n{}\n", tables::runs(runs.iter().flatten(), true)));
+        Ok(runs)
     }
 
     /// Measures two candidates, and compares the times of their updates.
@@ -127,8 +149,10 @@ impl<'a> Session<'a> {
 
     /// Adds a run to the report.
     pub fn keep(&mut self, cell: &str, technique: &str, run: RunRecord) -> RunRecord {
-        let suite = self.suite.name.clone();
-        let run = RunRecord { suite, cell: cell.into(), technique: technique.into(), ..run };
+        let run = match self.suite.name.clone() {
+            suite if suite.is_empty() => run,
+            suite => RunRecord { suite, cell: cell.into(), technique: technique.into(), ..run },
+        };
         self.report.runs.push(run.clone());
         run
     }

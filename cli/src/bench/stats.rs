@@ -1,9 +1,9 @@
 //! Statistics of a sample of timings.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// Median, mean and spread of a sample.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Stats {
     /// Half of the values are below it. Plots show it, since one late interrupt does not move it.
     pub median: f64,

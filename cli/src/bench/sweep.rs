@@ -1,76 +1,77 @@
-//! The ordinary run: every requested configuration, one after the other.
+//! The ordinary run: the configurations of each workload, measured in turns.
 
 use super::configs::{Config, Wanted, configurations};
-use super::interleave::{Common, Schedule, interleave};
-use super::record::{Report, Skipped, unused};
+use super::interleave::Common;
+use super::record::{Report, Skipped, heads_words};
 use super::session::Session;
 use super::subject::Subject;
 use super::trial::Candidate;
 use super::workload::{Setting, Workload};
 use crate::args::bench::BenchArgs;
 use crate::args::distinct_or;
-use crate::args::values::{BatchSpec, expand_changed};
+use crate::args::values::BatchSpec::{self, All, Max, Range, Size};
+use crate::args::values::expand_changed;
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
 use deltamorph::{BoundClip, DeltaFormat, PoseFormat, UpdatePath};
 use deltamorph_headless::DeviceChoice;
 
-/// Default batch sizes.
-const FULL_SWEEP: [BatchSpec; 2] = [BatchSpec::Range(1, None), BatchSpec::All];
-const BRIEF_SWEEP: [BatchSpec; 3] = [BatchSpec::Size(8), BatchSpec::Max, BatchSpec::All];
+/// Batch sizes of the main comparison.
+const MAIN: [BatchSpec; 7] = [Size(1), Size(2), Size(4), Size(8), Size(16), Max, All];
+/// Changed targets of the main comparison, beside all of them.
+const FEW: usize = 8;
+/// Batch sizes of `--full`: for clips and the most changes, and for fewer changes.
+const FULL: [BatchSpec; 2] = [Range(1, None), All];
+const FULL_OF_FEW: [BatchSpec; 3] = [Size(8), Max, All];
 /// Default paths. Baselines have a suite of their own.
 const PATHS: [UpdatePath; 4] = [UpdatePath::Feedback, UpdatePath::Compute, UpdatePath::Blocks, UpdatePath::Cpu];
-/// Default formats. Float32 is dense on `cpu`; in blocks it runs only on request.
+/// Default formats.
 const FORMATS: [DeltaFormat; 4] = [DeltaFormat::Float32, DeltaFormat::Snorm16, DeltaFormat::Fast, DeltaFormat::Small];
-/// Default pose formats.
+/// Default pose formats: the first, with `--full` both.
 const POSES: [PoseFormat; 2] = [PoseFormat::Float32, PoseFormat::Fixed32];
 
 pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<Report, Failure> {
     let input = input::load(&args.input, true, out)?;
-    let counts = expand_changed(&args.changed, input.kept.targets.len()).map_err(Failure::Usage)?;
+    let targets = input.kept.targets.len();
+    let main = [Some(FEW.min(targets)), None];
+    let changed = if args.full || !args.changed.is_empty() { &args.changed[..] } else { &main };
+    let counts = expand_changed(changed, targets).map_err(Failure::Usage)?;
     let clips = clips(args, &input)?;
     let budget = args.update.budget(input.kept.diagonal);
-    let poses = distinct_or(&args.update.named_poses().map_err(Failure::Usage)?, &POSES);
+    let poses = if args.full { &POSES[..] } else { &POSES[..1] };
+    let poses = distinct_or(&args.update.named_poses().map_err(Failure::Usage)?, poses);
     let mut session = Session::open(args, device, &input, out)?;
-    let (full, skipped) = wanted(&session, &poses, budget, &FULL_SWEEP);
-    let (brief, _) = wanted(&session, &poses, budget, &BRIEF_SWEEP);
+    let [most, few] = if args.full { [&FULL[..], &FULL_OF_FEW] } else { [&MAIN[..], &MAIN] };
+    let (most, skipped) = wanted(&session, &poses, budget, most);
+    let (few, _) = wanted(&session, &poses, budget, few);
     skipped.into_iter().for_each(|skipped| session.skip(skipped));
 
-    let random = |&n: &usize| Workload::random(input.kept.targets.len(), n, args.input.seed);
+    let random = |&n: &usize| Workload::random(targets, n, args.input.seed);
     let workloads: Vec<Workload> = counts.iter().map(random).chain(clips.iter().map(Workload::clip)).collect();
     // If a path evaluates in draws, all configurations draw.
-    let drawn = full.iter().any(|config| config.desc.path.evaluates_in_draws());
+    let drawn = most.iter().any(|config| config.desc.path.evaluates_in_draws());
     let setting = |heads, workload| Setting { workload, others: &[], heads, shared: args.shared, drawn, brief: false };
     let heads = args.heads_or(&[1]).into_iter();
     let settings: Vec<_> = heads.flat_map(|n| workloads.iter().map(move |workload| setting(n, workload))).collect();
-
-    // Every batch size for the most changes; otherwise a few, for the plot against changed targets.
-    let configs = |setting: &Setting<'_>| match setting.workload.changed {
-        Some(n) if Some(&n) != counts.last() => &brief,
-        _ => &full,
-    };
-    session.bar.inc_length(settings.iter().map(|s| configs(s).len() as u64).sum());
+    session.planned = settings.len();
     let mut subject = Subject::new(input);
-    let whole = Schedule { frames: args.frames, rounds: 1, limit: None, common: Common::Nothing };
     for setting in &settings {
-        for config in configs(setting) {
-            let (path, format, batch) = (config.desc.path.name(), config.format.name(), config.desc.batch);
-            let pose = if config.desc.pose.has_integers() { config.desc.pose.name() } else { "" };
-            let (workload, heads) = (setting.workload, setting.heads);
-            let changed = workload.changed.map_or("its".into(), |n| n.to_string());
-            let work = format!("{}, {changed} changed, {heads} heads", workload.name);
-            let what = format!("{path} {format} {pose} batch {batch}, {work}").replace("  ", " ");
-            session.bar.set_message(what.clone());
-            let one = [Candidate::new(&what, config, setting)];
-            for outcome in interleave(&session.machine, &mut subject, &one, &whole)? {
-                match outcome {
-                    Ok(run) => drop(session.keep("", "", run)),
-                    // The others are measured regardless.
-                    Err(refused) => session.skip(refused),
-                }
-            }
-            session.bar.inc(1);
-        }
+        let changed = setting.workload.changed;
+        let configs = if changed.is_some_and(|n| Some(&n) != counts.last()) { &few } else { &most };
+        let work = match changed {
+            Some(n) => format!("{n} of {targets} targets changed"),
+            None => format!("clip {}", setting.workload.name),
+        };
+        let cell = format!("{work}, {}", heads_words(setting.heads, setting.shared));
+        let name = |config: &Config| {
+            let pose =
+                if config.desc.pose.has_integers() { format!(" {}", config.desc.pose.name()) } else { String::new() };
+            let (path, format) = (config.desc.path.name(), config.format.name());
+            format!("{path} {format}{pose} batch {}", config.desc.batch)
+        };
+        let candidates: Vec<_> = configs.iter().map(|config| Candidate::new(&name(config), config, setting)).collect();
+        let schedule = session.schedule(if changed.is_some() { Common::Nothing } else { Common::Frames });
+        session.measure(&mut subject, &cell, &candidates, &schedule)?;
     }
     let report = session.report();
     let named = clips.iter().filter(|_| !args.weights.is_empty()).map(|clip| clip.name.clone());
@@ -78,15 +79,18 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     Ok(Report { unplayed, ..report })
 }
 
-/// The clips given with `--weights`; without any, those of the input.
+/// The clips given with `--weights`; without any, `--full` takes those of the input.
 fn clips(args: &BenchArgs, input: &Input) -> Result<Vec<BoundClip>, Failure> {
-    let paths = if args.weights.is_empty() { &input.clips } else { &args.weights };
+    let of_input = if args.full { &input.clips[..] } else { &[] };
+    let paths = if args.weights.is_empty() { of_input } else { &args.weights };
     let mut clips: Vec<BoundClip> = vec![];
     for path in paths {
         let mut clip = input::clip(path, &args.input, input, &[])?;
         // Reports tell workloads apart by name.
         let taken = |name: &str| name == "random" || clips.iter().any(|c| c.name == name);
-        clip.name = unused(&clip.name, " ", taken);
+        let numbered = (2u32..).map(|n| format!("{} {n}", clip.name));
+        let free = std::iter::once(clip.name.clone()).chain(numbered).find(|name| !taken(name));
+        clip.name = free.unwrap_or_default();
         clips.push(clip);
     }
     Ok(clips)
@@ -97,7 +101,7 @@ fn wanted(
     session: &Session<'_>,
     poses: &[PoseFormat],
     error_budget: f32,
-    sweep: &[BatchSpec],
+    sizes: &[BatchSpec],
 ) -> (Vec<Config>, Vec<Skipped>) {
     let (args, update) = (session.args, &session.args.update);
     let wanted = Wanted {
@@ -105,7 +109,7 @@ fn wanted(
         formats: if update.formats.is_empty() { &FORMATS } else { &update.formats },
         poses,
         modes: &update.modes,
-        sizes: if args.batch_sizes.is_empty() { sweep } else { &args.batch_sizes },
+        sizes: if args.batch_sizes.is_empty() { sizes } else { &args.batch_sizes },
         error_budget,
     };
     configurations(&wanted, args, session.machine.gpu.as_ref())

@@ -2,7 +2,7 @@
 
 use super::configs::Config;
 use super::machine::Machine;
-use super::record::{ROUNDS, Round, RunRecord};
+use super::record::{Round, RunRecord};
 use super::stats::Stats;
 use super::subject::Subject;
 use super::workload::Setting;
@@ -125,6 +125,13 @@ impl<'a> Trial<'a> {
         self.promise.kept(&self.found)
     }
 
+    /// Its runner, if that has the mesh of `config` as its path needs it.
+    pub fn runner_for(&self, config: &Config) -> Option<&Runner<'a>> {
+        let own = &self.candidate.config;
+        let same = (own.desc.path, own.format) == (config.desc.path, config.format);
+        (same && self.parts.len() == 1).then_some(&self.runner)
+    }
+
     /// Number of timed frames, and their total duration.
     pub fn timed(&self) -> (usize, Duration) {
         (self.timed.len(), self.spent)
@@ -219,6 +226,7 @@ impl<'a> Trial<'a> {
         record.normal_error_deg = Some(found.error.normal_degrees);
         record.raw_error_rel = (!subject.was_packed).then_some(found.raw.position / diagonal);
         record.verified = self.promise.kept(found);
+        record.rounds_ratio = record.spread().filter(|_| record.verified);
         if !record.verified {
             record.rounds.clear();
             record.problem = Some(self.promise.complaint(found));
@@ -257,15 +265,6 @@ impl<'a> Trial<'a> {
             }
         }
         .map(|s| s.median);
-        // One run, divided into parts: their spread says more than that of frames, each of which resembles the one
-        // before.
-        if record.rounds.len() == 1 {
-            let part = timed.len().div_ceil(ROUNDS);
-            record.rounds = timed.chunks(part).filter_map(summary).collect();
-            if record.rounds.len() == 1 {
-                record.rounds.clear();
-            }
-        }
         let b = self.machine.bandwidth;
         let rates = match record.gpu_ms {
             None => [b.cpu_read_gb_s, b.cpu_copy_gb_s],

@@ -1,7 +1,7 @@
 //! Measures for `lod`: scores of targets, and errors of clips that keep only the first targets of an order.
 
 use super::Point;
-use super::geometry::{Loss, hausdorff, lips, tree};
+use super::geometry::{Loss, hausdorff, tree};
 use super::order::Order;
 use super::shots::Shots;
 use crate::args::lod::Metric;
@@ -14,12 +14,11 @@ use rayon::prelude::*;
 
 /// Measures on a mesh and its clips.
 pub struct Gauge<'a> {
-    pub input: &'a Input,
-    pub vertices: Loss,
-    lips: Option<Loss>,
+    input: &'a Input,
+    vertices: Loss,
     shots: Option<Shots<'a>>,
     /// Random orders of targets, pins first, for comparison.
-    pub random: Vec<Vec<usize>>,
+    random: Vec<Vec<usize>>,
 }
 
 impl<'a> Gauge<'a> {
@@ -39,13 +38,7 @@ impl<'a> Gauge<'a> {
             order.sort_by_key(|t| !is_pinned(&mesh.targets[*t].name, pins));
             order
         };
-        Self {
-            input,
-            vertices: Loss::new(mesh, clips, &vec![true; mesh.vertex_count()]),
-            lips: lips(mesh).map(|inside| Loss::new(mesh, clips, &inside)),
-            shots,
-            random: (0..random).map(shuffled).collect(),
-        }
+        Self { input, vertices: Loss::new(mesh, clips), shots, random: (0..random).map(shuffled).collect() }
     }
 
     /// A list of scores for each metric, with a number for each target.
@@ -94,8 +87,7 @@ impl<'a> Gauge<'a> {
                         (Some(shots), Some(i)) => (shots.loss(&[*metric], &keeps)?[0], drawn_random[i]),
                         _ => (vertex_rel, vertex_random),
                     };
-                let lips_rel = self.lips.as_ref().map(|lips| lips.of(&keeps) * scale);
-                curve.push(Point { kept, error_rel, error_random_rel, vertex_rel, lips_rel });
+                curve.push(Point { kept, error_rel, error_random_rel, vertex_rel });
             }
         }
         Ok(curves)
@@ -103,7 +95,7 @@ impl<'a> Gauge<'a> {
 }
 
 /// Whether each target is among the first `kept` of an order.
-pub fn first(order: &[usize], kept: usize) -> Vec<bool> {
+fn first(order: &[usize], kept: usize) -> Vec<bool> {
     let mut keeps = vec![false; order.len()];
     order[..kept].iter().for_each(|t| keeps[*t] = true);
     keeps

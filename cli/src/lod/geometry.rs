@@ -3,7 +3,6 @@
 use deltamorph::{BoundClip, MorphMesh, MorphTarget};
 use glam::Vec3;
 use rstar::RTree;
-use rstar::primitives::GeomWithData;
 
 /// Hausdorff distance between the vertices of the base pose and those of `target` at weight 1, in input units: the
 /// largest distance from a vertex of either to the nearest of the other.
@@ -12,7 +11,7 @@ pub fn hausdorff(mesh: &MorphMesh, base: &Tree, target: &MorphTarget) -> f64 {
     target.vertices.iter().zip(&target.positions).for_each(|(&v, d)| pose[v as usize] += *d);
     let moved = tree(&pose);
     let nearest = |tree: &Tree, to: Vec3| {
-        tree.nearest_neighbor(to.to_array()).map_or(f32::INFINITY, |at| to.distance_squared(Vec3::from(*at.geom())))
+        tree.nearest_neighbor(to.to_array()).map_or(f32::INFINITY, |at| to.distance_squared(Vec3::from(*at)))
     };
     // Unmoved vertices are in both.
     let there = |&v: &u32| nearest(base, pose[v as usize]);
@@ -21,11 +20,10 @@ pub fn hausdorff(mesh: &MorphMesh, base: &Tree, target: &MorphTarget) -> f64 {
     f64::from(farthest).sqrt()
 }
 
-/// Points with their numbers.
-pub type Tree = RTree<GeomWithData<[f32; 3], u32>>;
+pub type Tree = RTree<[f32; 3]>;
 
 pub fn tree(points: &[Vec3]) -> Tree {
-    RTree::bulk_load(points.iter().zip(0..).map(|(p, i)| GeomWithData::new(p.to_array(), i)).collect())
+    RTree::bulk_load(points.iter().map(Vec3::to_array).collect())
 }
 
 /// The error of a clip for any set D of dropped targets. A frame with weights w has a mean squared error of Σ w_t w_u
@@ -39,11 +37,11 @@ pub struct Loss {
 }
 
 impl Loss {
-    /// Sums over the frames of `clips` and the vertices `inside`; without frames, over each target by itself at weight
-    /// 1.
-    pub fn new(mesh: &MorphMesh, clips: &[BoundClip], inside: &[bool]) -> Self {
+    /// Sums over the frames of `clips` and all vertices; without frames, over each target by itself at weight 1.
+    pub fn new(mesh: &MorphMesh, clips: &[BoundClip]) -> Self {
         let targets = mesh.targets.len();
-        let (mut weights, mut frames) = (vec![0.0; targets * targets], 0);
+        let mut weights = vec![0.0; targets * targets];
+        let mut frames = 0;
         for frame in clips.iter().flat_map(BoundClip::frames) {
             frames += 1;
             let active: Vec<_> = frame.iter().enumerate().filter(|(_, w)| **w != 0.0).collect();
@@ -56,14 +54,14 @@ impl Loss {
             frames = targets;
         }
         let mut products = vec![0.0; targets * targets];
-        let scale = 1.0 / inside.iter().filter(|inside| **inside).count().max(1) as f64;
+        let scale = 1.0 / mesh.vertex_count().max(1) as f64;
         let mut dense = vec![Vec3::ZERO; mesh.vertex_count()];
         for (t, target) in mesh.targets.iter().enumerate() {
             target.vertices.iter().zip(&target.positions).for_each(|(&v, d)| dense[v as usize] = *d);
             let row = t * targets..(t + 1) * targets;
             let pairs = weights[row.clone()].iter().zip(&mut products[row]).zip(&mesh.targets);
             for ((_, product), other) in pairs.filter(|((weight, _), _)| **weight != 0.0) {
-                let vertices = other.vertices.iter().zip(&other.positions).filter(|(v, _)| inside[**v as usize]);
+                let vertices = other.vertices.iter().zip(&other.positions);
                 let dots = vertices.map(|(&v, d)| d.as_dvec3().dot(dense[v as usize].as_dvec3()));
                 *product = dots.sum::<f64>() * scale;
             }
@@ -75,31 +73,9 @@ impl Loss {
 
     /// Root mean square error over vertices and frames, in input units, if only `kept` targets are applied.
     pub fn of(&self, kept: &[bool]) -> f64 {
-        self.root(kept, |t, u| self.weights[t * self.targets + u])
-    }
-
-    /// Root mean square error over the vertices in one frame of the clips, with these weights.
-    pub fn of_frame(&self, frame: &[f32], kept: &[bool]) -> f64 {
-        self.root(kept, |t, u| f64::from(frame[t]) * f64::from(frame[u]))
-    }
-
-    fn root(&self, kept: &[bool], weight: impl Fn(usize, usize) -> f64) -> f64 {
         let dropped: Vec<usize> = (0..self.targets).filter(|t| !kept[*t]).collect();
-        let product = |t: usize, u: usize| weight(t, u) * self.products[t * self.targets + u];
+        let product = |t: usize, u: usize| self.weights[t * self.targets + u] * self.products[t * self.targets + u];
         let row = |t: &usize| dropped.iter().map(|u| product(*t, *u)).sum::<f64>();
         dropped.iter().map(row).sum::<f64>().max(0.0).sqrt()
     }
-}
-
-/// The vertices of the lips: moved by `mouthPucker` or `mouthFunnel` more than half as far as the farthest one; `None`
-/// if there is no such target.
-pub fn lips(mesh: &MorphMesh) -> Option<Vec<bool>> {
-    let named = |t: &&MorphTarget| ["mouthPucker", "mouthFunnel"].contains(&t.name.as_str());
-    let mut inside = vec![false; mesh.vertex_count()];
-    for target in mesh.targets.iter().filter(named) {
-        let farthest = target.positions.iter().map(|d| d.length()).fold(0.0, f32::max);
-        let moved = target.vertices.iter().zip(&target.positions).filter(|(_, d)| d.length() > 0.5 * farthest);
-        moved.for_each(|(&v, _)| inside[v as usize] = true);
-    }
-    inside.contains(&true).then_some(inside)
 }

@@ -1,14 +1,11 @@
 //! `lod`: ranks targets by importance, and measures the error if fewer are kept.
 
-mod chart;
 mod gauge;
 mod geometry;
 mod order;
 mod picture;
 mod report;
-mod sheet;
 mod shots;
-mod twins;
 mod yee;
 
 use crate::args::lod::{LodArgs, Metric};
@@ -25,7 +22,6 @@ use order::{Agreement, Order, kendall, spearman};
 use report::{text, text_of_all};
 use serde::Serialize;
 use shots::Shots;
-use twins::{Twins, pairs, twins};
 
 /// The JSON of `lod`; with `--metric all`, its part for each metric. Fields may be added, never renamed.
 #[derive(Serialize)]
@@ -34,8 +30,6 @@ struct Lod {
     order: Order,
     /// Ascending in the number of targets kept.
     curve: Vec<Point>,
-    /// Targets that mirror each other.
-    twins: Twins,
 }
 
 /// The JSON of `lod --metric all`.
@@ -59,14 +53,11 @@ struct Point {
     error_random_rel: f64,
     /// The error of vertices, for any metric.
     vertex_rel: f64,
-    /// The error of the vertices of the lips; absent if no target identifies them.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    lips_rel: Option<f64>,
 }
 
 pub fn run(args: &LodArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
     let others: Vec<_> = args.weights.iter().chain(&args.from).cloned().collect();
-    let files: Vec<_> = args.out.iter().chain(&args.sheet).chain(&args.plot).map(|path| path.as_path()).collect();
+    let files: Vec<_> = args.out.iter().map(|path| path.as_path()).collect();
     out.check(&input::files_of(&args.input, &others), &files, None)?;
     if args.out.is_some() && args.metric == Metric::All {
         return Err(Failure::Usage("--out keeps one order; name one --metric".into()));
@@ -93,14 +84,11 @@ pub fn run(args: &LodArgs, device: Option<&DeviceChoice>, out: &Output) -> Resul
         Some((_, order)) => order.ranking.iter().filter(|r| r.pinned).map(|r| r.name.clone()).collect(),
         None => args.pin.clone(),
     };
-    if args.sheet.is_some() && clips.iter().all(|clip| clip.frame_count() == 0) {
-        return Err(Failure::Usage(format!("--sheet: {} has no clip; name one with --weights CSV", input.origin)));
-    }
     let compares = metrics.iter().any(|m| m.is_of_pictures());
-    let opened = if compares || args.sheet.is_some() { Some(device_for_pictures(device, out)?) } else { None };
+    let opened = if compares { Some(device_for_pictures(device, out)?) } else { None };
     let spinner = out.spinner("ranking");
     let path = args.input.input.as_deref();
-    let shots = opened.as_ref().filter(|_| compares).map(|gpu| Shots::new(gpu, &input, path, &clips));
+    let shots = opened.as_ref().map(|gpu| Shots::new(gpu, &input, path, &clips));
     let mut gauge = Gauge::new(&input, &clips, shots.transpose()?, args.random, args.input.seed, &pins);
     let scores = gauge.scores(&metrics)?;
     let orders: Vec<Order> = match from {
@@ -108,7 +96,6 @@ pub fn run(args: &LodArgs, device: Option<&DeviceChoice>, out: &Output) -> Resul
         None => metrics.iter().zip(&scores).map(|(m, scores)| Order::new(&name(*m), &names, scores, &pins)).collect(),
     };
     let curves = gauge.curves(&metrics, &orders)?;
-    let pairs = pairs(&input.kept);
     if let (Some(path), Some(order)) = (&args.out, orders.first()) {
         write_file(path, to_json(order)?)?;
     }
@@ -116,18 +103,8 @@ pub fn run(args: &LodArgs, device: Option<&DeviceChoice>, out: &Output) -> Resul
         0 => "each target by itself, since there is no clip".to_owned(),
         frames => format!("{frames} frames"),
     };
-    if let Some(path) = &args.plot {
-        chart::figure(&gauge, &metrics, &orders, &curves, &measured).save_svg(path)?;
-    }
-    if let (Some(file), Some(gpu)) = (&args.sheet, &opened) {
-        sheet::draw(gpu, &gauge, path, &clips, &orders, args.frame, file)?;
-    }
     spinner.finish_and_clear();
-    let lods: Vec<Lod> = orders
-        .into_iter()
-        .zip(curves)
-        .map(|(order, curve)| Lod { twins: twins(&input.kept, &pairs, &order), order, curve })
-        .collect();
+    let lods: Vec<Lod> = orders.into_iter().zip(curves).map(|(order, curve)| Lod { order, curve }).collect();
     if let [lod] = &lods[..] {
         out.say(text(lod, &measured));
         return out.json(lod);
@@ -140,7 +117,7 @@ pub fn run(args: &LodArgs, device: Option<&DeviceChoice>, out: &Output) -> Resul
 fn device_for_pictures(device: Option<&DeviceChoice>, out: &Output) -> Result<Gpu, Failure> {
     open(device, out)?.ok_or_else(|| {
         let what = "pictures are drawn on a Vulkan device, and there is none";
-        Failure::Failed(format!("{what}; take --metric mse or hausdorff, and no --sheet"))
+        Failure::Failed(format!("{what}; take --metric mse or hausdorff"))
     })
 }
 

@@ -7,8 +7,9 @@
 //! each; the eye's sensitivity depends on the band (CSF), and a band masks differences in itself.
 
 use super::picture::{Pixels, blurred};
-use nv_flip::DEFAULT_PIXELS_PER_DEGREE;
 
+/// Resolution of pictures on a screen of 0.7 m across and 3,840 pixels that is seen from 0.7 m, as FLIP assumes.
+const PIXELS_PER_DEGREE: f64 = 67.0;
 /// Luminance of white, in cd/m².
 const WHITE: f64 = 100.0;
 /// Levels of the pyramid; a band is the difference of two adjacent levels, relative to the next one.
@@ -38,18 +39,18 @@ impl Seen {
     }
 }
 
-/// Compares two pictures of one size, viewed like FLIP: at 67 pixels per degree.
+/// Compares two pictures of one size.
 pub fn yee(a: &Pixels, b: &Pixels) -> Seen {
     let [from, to] = [a, b].map(Layers::new);
-    let pixels_per_degree = f64::from(DEFAULT_PIXELS_PER_DEGREE);
     // Cycles per degree of each band; the finest has two pixels per cycle.
-    let frequencies: [f64; BANDS] = std::array::from_fn(|i| 0.5 * pixels_per_degree / f64::from(1u32 << i));
+    let frequencies: [f64; BANDS] = std::array::from_fn(|i| 0.5 * PIXELS_PER_DEGREE / f64::from(1u32 << i));
     // The peak sensitivity: a band masks more, the less sensitive the eye is to it.
     let peak = (1..400).map(|i| sensitivity(f64::from(i) * 0.05, WHITE)).fold(0.0, f64::max);
     let elevations = frequencies.map(|f| peak / sensitivity(f, WHITE));
     // Eyes adapt to the mean over about a degree: level i extends 2^i pixels in each direction.
-    let adapted = (0..LEVELS - 1).find(|i| f64::from(2u32 << i) >= pixels_per_degree).unwrap_or(LEVELS - 1);
-    let (mut visible, mut below) = (0, 0.0);
+    let adapted = (0..LEVELS - 1).find(|i| f64::from(2u32 << i) >= PIXELS_PER_DEGREE).unwrap_or(LEVELS - 1);
+    let mut visible = 0;
+    let mut below = 0.0;
     let pixels = from.levels[0].len();
     for i in (0..pixels).filter(|i| from.levels[0][*i] != to.levels[0][*i] || from.colours[*i] != to.colours[*i]) {
         let around = ((from.levels[adapted][i] + to.levels[adapted][i]) / 2.0).max(DARK);

@@ -4,7 +4,6 @@ use super::canvas::{Canvas, encoder};
 use super::easel::Easel;
 use super::heat;
 use super::scenery::{Done, Scenery};
-use crate::args::render::Heat;
 use crate::output::{Failure, publish};
 use deltamorph::internals::write_replacing;
 use glam::Mat4;
@@ -23,32 +22,23 @@ pub fn is_one_file(path: &Path) -> bool {
 }
 
 pub fn draw(scenery: &Scenery<'_>, output: &Path) -> Result<Done, Failure> {
-    let (args, size) = (scenery.args, scenery.args.size.unwrap_or(SIZE));
-    if args.heat == Some(Heat::Error) {
-        return Err(Failure::Usage("--heat error: draws one head or a sheet; leave --clip out".into()));
-    }
+    let size = scenery.args.size.unwrap_or(SIZE);
     let (frames, fps) = scenery.frames()?;
     let mut easel = Easel::new(scenery, size, vec![Mat4::IDENTITY])?;
     let scale = heat::prepare(scenery, &mut easel, heat::one_after_the_other(&frames))?;
     let bar = scenery.out.bar(frames.len() as u64);
-    let finish = |mut canvas: Canvas| {
-        if let Some(end) = scale {
-            heat::draw_scale(scenery, &mut canvas, end);
-        }
-        bar.inc(1);
-        canvas
-    };
     let mut all = |send: &mut dyn FnMut(Canvas) -> bool| -> Result<(), Failure> {
         for (frame, weights) in frames.iter().enumerate() {
             easel.frames = vec![Some(frame)];
+            bar.inc(1);
             if let Some(canvas) = easel.draw(&[weights])?
-                && !send(finish(canvas))
+                && !send(canvas)
             {
                 return Ok(());
             }
         }
         for canvas in easel.finish()? {
-            if !send(finish(canvas)) {
+            if !send(canvas) {
                 return Ok(());
             }
         }

@@ -3,7 +3,6 @@
 use super::easel::Easel;
 use super::heat;
 use super::scenery::{Done, Scenery, bounds};
-use crate::args::render::{Heat, Shown};
 use crate::output::Failure;
 use deltamorph_head::Rng;
 use glam::{Mat4, Vec3};
@@ -17,23 +16,16 @@ const SIZE: [u32; 2] = [1280, 720];
 
 pub fn draw(scenery: &Scenery<'_>, heads: u32, output: &Path) -> Result<Done, Failure> {
     let size = scenery.args.size.unwrap_or(SIZE);
-    if scenery.args.heat == Some(Heat::Error) {
-        return Err(Failure::Usage("--heat error: draws one head or a sheet; leave --crowd out".into()));
-    }
     let ([poses, before], frames) = expressions(scenery, heads as usize)?;
     let mut easel = Easel::new(scenery, size, places(&scenery.subject.focus, heads, size))?;
     easel.frames = frames;
     let poses: Vec<&[f32]> = poses.iter().map(Vec::as_slice).collect();
     let before: Vec<&[f32]> = before.iter().map(Vec::as_slice).collect();
     let scale = heat::prepare(scenery, &mut easel, poses.iter().copied().zip(before.iter().copied()))?;
-    if scenery.args.show.is_some_and(Shown::is_of_changes) {
+    if scenery.args.look().is_of_changes() {
         easel.picture(&before)?;
     }
-    let mut canvas = easel.picture(&poses)?;
-    if let Some(end) = scale {
-        heat::draw_scale(scenery, &mut canvas, end);
-    }
-    canvas.save(output)?;
+    easel.picture(&poses)?.save(output)?;
     let [draws, spared] = easel.draws();
     let what = match spared {
         0 => format!("a crowd of {heads} heads"),
@@ -46,15 +38,14 @@ pub fn draw(scenery: &Scenery<'_>, heads: u32, output: &Path) -> Result<Done, Fa
 /// and the base pose.
 fn expressions(scenery: &Scenery<'_>, heads: usize) -> Result<Expressions, Failure> {
     let args = scenery.args;
-    let named = args.weights.is_some() || !args.layers.layers.is_empty();
-    if named || scenery.input.clips.len() == 1 || args.run.input.input.is_none() {
+    if args.weights.is_some() || scenery.input.clips.len() == 1 || args.run.input.input.is_none() {
         let (frames, _) = scenery.frames()?;
         let at = |head: usize| head * frames.len() / heads;
         let now = (0..heads).map(|head| frames[at(head)].clone());
         let before = (0..heads).map(|head| frames[at(head).saturating_sub(1)].clone());
         return Ok(([now.collect(), before.collect()], (0..heads).map(|head| Some(at(head))).collect()));
     }
-    let (mut rng, controls) = (Rng::new(args.run.input.seed, 0), scenery.input.controls());
+    let (mut rng, controls) = (Rng::new(args.run.input.seed, 0), scenery.input.targets());
     let mut expression = |_| {
         let mut settings = args.set.clone();
         for _ in 0..controls.len().min(5) {

@@ -4,19 +4,16 @@ use super::canvas::Canvas;
 use super::joints::Joints;
 use super::painted::Still;
 use super::scenery::Scenery;
-use crate::args::render::{Normals, Shown};
-use crate::detail::{Detail, Kept};
+use crate::args::render::Normals;
+use crate::detail::{self, Detail, Kept};
 use crate::output::Failure;
-use crate::runner::Stage;
+use deltamorph::UpdatePath;
 use deltamorph::after::NormalsDesc;
-use deltamorph::lod;
-use deltamorph::{BatchSize, CpuCrowd, POSE_FLOATS, PackedMesh, UpdateDesc, UpdatePath};
-use deltamorph_render::{Camera, Light, Poses, Scene, Show, Step, StoredPose, Studio, StudioDesc};
+use deltamorph_render::{Camera, HeadsDesc, Light, Scene, Show, Step, Studio};
 use glam::{Mat4, Vec3};
-use std::sync::Arc;
 
 /// Pictures in flight: the processor encodes and plans while the device draws.
-const IN_FLIGHT: u32 = 3;
+const IN_FLIGHT: usize = 3;
 /// Share of the glow of changed blocks that remains after each frame of a clip.
 const AFTERGLOW: f32 = 0.8;
 /// Share of a picture that stays free at each edge, since poses extend beyond the base pose.
@@ -25,7 +22,6 @@ const MARGIN: f32 = 0.08;
 /// A studio, instances, and a view of them.
 pub struct Easel<'a> {
     studio: Studio<'a>,
-    heads: Heads,
     places: Vec<Mat4>,
     /// Frame of the clip that each instance shows, for its joints; `None`: at rest.
     pub frames: Vec<Option<usize>>,
@@ -36,59 +32,31 @@ pub struct Easel<'a> {
     /// Number of targets that instances keep.
     detail: Detail,
     kept: Option<Kept>,
-    camera: lod::Camera,
-}
-
-/// The source of the poses.
-enum Heads {
-    /// The studio's crowd.
-    Device,
-    /// A crowd on the path `cpu`, its mesh and its update description.
-    Processor(Box<CpuCrowd>, Arc<PackedMesh>, UpdateDesc),
-    /// Poses given by the caller, in float32.
-    Given,
+    camera: detail::Camera,
 }
 
 impl<'a> Easel<'a> {
     /// For pictures of this size, with an instance at each of `places`, on the path of the command line.
     pub fn new(scenery: &'a Scenery<'_>, size: [u32; 2], places: Vec<Mat4>) -> Result<Self, Failure> {
-        let stage = scenery.stage;
-        let heads = if stage.desc.path == UpdatePath::Cpu {
-            let crowd = CpuCrowd::new(stage.mesh.clone(), stage.desc, places.len() as u32, stage.threads())?;
-            Heads::Processor(Box::new(crowd), stage.mesh.clone(), stage.desc)
-        } else {
-            Heads::Device
-        };
-        Self::with(scenery, size, places, stage.desc, heads)
-    }
-
-    /// For pictures of poses given by the caller.
-    pub fn of_given_poses(scenery: &'a Scenery<'_>, size: [u32; 2]) -> Result<Self, Failure> {
-        let update = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
-        Self::with(scenery, size, vec![Mat4::IDENTITY], update, Heads::Given)
-    }
-
-    fn with(
-        scenery: &'a Scenery<'_>,
-        size: [u32; 2],
-        places: Vec<Mat4>,
-        update: UpdateDesc,
-        heads: Heads,
-    ) -> Result<Self, Failure> {
         let Scenery { args, stage, subject, .. } = scenery;
-        let afterglow = if args.clip.is_some() { AFTERGLOW } else { 0.0 };
-        let (heads_count, cull) = (places.len() as u32, places.len() > 1);
-        let desc = StudioDesc { size, heads: heads_count, in_flight: IN_FLIGHT, update, afterglow, cull };
-        let joints = scenery.joints.as_ref().filter(|_| matches!(heads, Heads::Device));
+        let joints = scenery.joints.as_ref().filter(|_| stage.desc.path != UpdatePath::Cpu);
         let mesh = &scenery.input.kept;
         let corners: Vec<u32> = mesh.faces.corners.iter().map(|corner| corner.position).collect();
         let surface = NormalsDesc::new(&corners).sizes(&mesh.faces.sizes).welds(&mesh.welds);
-        let step = match (joints, args.normals) {
-            (Some(joints), _) => Step::Skin(joints.skin()),
-            (None, Normals::Recomputed) => Step::Normals(surface),
-            (None, Normals::Summed) => Step::None,
+        let desc = HeadsDesc {
+            count: places.len() as u32,
+            frames: IN_FLIGHT,
+            update: stage.desc,
+            threads: stage.threads(),
+            step: match (joints, args.normals) {
+                (Some(joints), _) => Step::Skin(joints.skin()),
+                (None, Normals::Recomputed) => Step::Normals(surface),
+                (None, Normals::Summed) => Step::None,
+            },
+            afterglow: if args.clip.is_some() { AFTERGLOW } else { 0.0 },
+            cull: places.len() > 1,
         };
-        let mut studio = Studio::with_step(scenery.gpu, mesh, &stage.mesh, &subject.parts, desc, &step)?;
+        let mut studio = Studio::new(scenery.gpu, mesh, &stage.mesh, &subject.parts, size, &desc)?;
         if let Some(still) = &subject.still {
             studio.set_still(&still.mesh, &still.parts)?;
         }
@@ -98,80 +66,45 @@ impl<'a> Easel<'a> {
         view.reach(places.iter().flat_map(|place| subject.whole.iter().map(|p| place.transform_point3(*p))));
         view.clip = Mat4::from_scale(Vec3::new(args.zoom, args.zoom, 1.0)) * view.clip;
         let [yaw, pitch, strength] = args.light;
-        let show = match (args.show, args.checker) {
-            (Some(Shown::Wire), _) => Show::Wire,
-            (Some(Shown::Normals), _) => Show::Normals,
-            (Some(Shown::Blocks), _) => Show::Blocks,
-            (Some(Shown::Wrinkles), _) => Show::Wrinkles,
-            // `heat::prepare` sets motion, whose scale it computes.
-            (Some(Shown::Motion) | None, None) => Show::Shaded,
-            (_, Some(squares)) => Show::Checker(squares as f32),
-        };
-        let scene = Scene { view, light: Light { yaw, pitch, strength }, show };
+        // `heat::prepare` sets the end of a scale.
+        let show = args.checker.map_or(args.look().show(1.0), |squares| Show::Checker(squares as f32));
         let kept = match args.detail {
             Detail::All => None,
-            Detail::Share(_) | Detail::Pixels(_) => Some(Kept::new(&scenery.input.kept, &subject.focus)?),
+            Detail::Share(_) | Detail::Pixels(_) => Some(Kept::new(mesh, &subject.focus)?),
         };
-        let (height, angle) = (size[1] as f32 * args.zoom, camera.angle.to_radians());
-        let seen = lod::Camera { eye: scene.view.eye, height, angle };
-        let background = args.background.linear();
-        let (frames, detail) = (vec![None; places.len()], args.detail);
-        let still = subject.still.as_ref();
-        Ok(Self { studio, heads, places, frames, joints, still, scene, background, detail, kept, camera: seen })
+        Ok(Self {
+            studio,
+            frames: vec![None; places.len()],
+            places,
+            joints,
+            still: subject.still.as_ref(),
+            scene: Scene { view, light: Light { yaw, pitch, strength }, show },
+            background: args.background.linear(),
+            detail: args.detail,
+            kept,
+            camera: detail::Camera { eye: view.eye, height: size[1] as f32 * args.zoom, angle: camera.angle.to_radians() },
+        })
     }
 
     /// Begins a picture of the instances with these weights. Returns the oldest picture if it had to wait for it.
     pub fn draw(&mut self, weights: &[&[f32]]) -> Result<Option<Canvas>, Failure> {
-        let Self { studio, heads, places, frames, joints, still, scene, background, detail, kept, camera } = self;
-        let mut with: Vec<Vec<f32>>;
-        let (mut refs, mut weights) = (vec![], weights);
-        if let Some(kept) = kept {
-            with = weights.iter().map(|weights| weights.to_vec()).collect();
-            let units: Vec<f32> = places.iter().map(|place| kept.unit(camera, place)).collect();
-            kept.apply(*detail, &units, &mut with)?;
-            refs.extend(with.iter().map(Vec::as_slice));
-            weights = &refs;
+        let mut weights: Vec<Vec<f32>> = weights.iter().map(|weights| weights.to_vec()).collect();
+        if let Some(kept) = &mut self.kept {
+            let units: Vec<f32> = self.places.iter().map(|place| kept.unit(&self.camera, place)).collect();
+            kept.apply(self.detail, &units, &mut weights)?;
         }
-        if let Some(joints) = joints {
-            for (head, frame) in frames.iter().enumerate() {
+        if let Some(joints) = self.joints {
+            let heads = self.studio.heads();
+            for (head, frame) in self.frames.iter().enumerate() {
                 let frame = frame.map(|frame| frame as f64);
-                studio.set_joints(head, &joints.at(frame))?;
-                if let Some(vertices) = still.and_then(|still| joints.still_at(still, frame)) {
-                    studio.set_still_vertices(head, &vertices)?;
+                heads.set_joints(head, &joints.at(frame))?;
+                if let Some(vertices) = self.still.and_then(|still| joints.still_at(still, frame)) {
+                    heads.set_still_vertices(head, &vertices)?;
                 }
             }
         }
-        let finished = match heads {
-            Heads::Device => studio.draw(Poses::Weights(weights), places, scene, *background)?,
-            Heads::Processor(crowd, mesh, desc) => {
-                for (head, weights) in (0..).zip(weights) {
-                    crowd.set_weights(head, weights)?;
-                }
-                crowd.update();
-                let changed: Vec<_> = (0..weights.len() as u32).map(|head| crowd.changed(head)).collect();
-                let stored = (0..).zip(&changed);
-                let stored = stored.map(|(head, changed)| StoredPose::new(crowd, head, (mesh, desc), changed));
-                let stored: Vec<_> = stored.collect::<deltamorph::Result<_>>()?;
-                studio.draw(Poses::Stored(&stored), places, scene, *background)?
-            }
-            Heads::Given => return Err(Failure::Failed("poses are handed in here; report this".into())),
-        };
+        let finished = self.studio.draw(&weights, &self.places, &self.scene, self.background)?;
         Ok(finished.map(Canvas::from))
-    }
-
-    /// Draws a pose of six numbers per vertex, in the order of the mesh.
-    pub fn picture_of(&mut self, stage: &Stage, pose: &[f32]) -> Result<Canvas, Failure> {
-        let layout = stage.mesh.layout();
-        let mut places: Vec<u32> = (0..layout.vertex_count as u32).collect();
-        layout.remap_indices(&mut places)?;
-        let mut bytes = vec![0; layout.base_bytes() as usize];
-        for (vertex, place) in pose.chunks_exact(POSE_FLOATS).zip(places) {
-            let numbers = vertex.iter().flat_map(|number| number.to_ne_bytes());
-            bytes[place as usize * POSE_FLOATS * 4..].iter_mut().zip(numbers).for_each(|(to, from)| *to = from);
-        }
-        let pose = StoredPose { pose: &bytes, units: [1.0; 2], changed: &[], masks: None };
-        self.studio.draw(Poses::Stored(&[pose]), &self.places, &self.scene, self.background)?;
-        self.last()
     }
 
     /// Waits for the remaining pictures.
@@ -182,10 +115,6 @@ impl<'a> Easel<'a> {
     /// Draws one picture, and waits for it.
     pub fn picture(&mut self, weights: &[&[f32]]) -> Result<Canvas, Failure> {
         self.draw(weights)?;
-        self.last()
-    }
-
-    fn last(&mut self) -> Result<Canvas, Failure> {
         self.finish()?.pop().ok_or_else(|| Failure::Failed("no picture was drawn; report this".into()))
     }
 
@@ -197,12 +126,5 @@ impl<'a> Easel<'a> {
     /// The number of all targets, and the fewest and most that an instance kept in the last picture; `None`: all.
     pub fn kept(&self) -> Option<(usize, [usize; 2])> {
         self.kept.as_ref().map(Kept::of_all)
-    }
-
-    /// Shows these values, one per vertex, on a scale that ends at `end`.
-    pub fn show_values(&mut self, values: &[f32], end: f32) -> Result<(), Failure> {
-        self.studio.set_values(values)?;
-        self.scene.show = Show::Values(end);
-        Ok(())
     }
 }

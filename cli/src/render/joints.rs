@@ -3,7 +3,7 @@
 use super::painted::Still;
 use super::scenery::bounds;
 use crate::args::InputArgs;
-use crate::args::render::{Normals, RenderArgs, Shown};
+use crate::args::render::{Normals, RenderArgs};
 use crate::input::Input;
 use crate::output::Failure;
 use deltamorph::MorphMesh;
@@ -29,13 +29,9 @@ pub struct Joints {
     origin: DVec3,
 }
 
-/// The file whose joints move the mesh; `None` for pictures of targets alone: distances, errors, motion, wrinkles,
-/// normals of the morphed surface.
+/// The file whose joints move the mesh; `None` for pictures of targets alone.
 pub fn file(args: &RenderArgs) -> Option<&PathBuf> {
-    let is_of_targets = matches!(args.show, Some(Shown::Motion | Shown::Wrinkles))
-        || args.heat.is_some()
-        || args.magnify.is_some()
-        || args.normals == Normals::Recomputed;
+    let is_of_targets = args.look().is_of_targets() || args.normals == Normals::Recomputed;
     args.run.input.input.as_ref().filter(|path| is_gltf(path) && !is_of_targets)
 }
 

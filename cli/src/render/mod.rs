@@ -2,18 +2,15 @@
 
 pub mod canvas;
 mod clip;
-mod compare;
 pub mod crowd;
 mod easel;
-mod errors;
 mod heat;
 pub mod joints;
 mod names;
 pub mod painted;
 pub mod scenery;
-mod sheet;
 
-use crate::args::render::{Heat, RenderArgs, Shown};
+use crate::args::render::{Look, RenderArgs};
 use crate::input::{self, Input};
 use crate::output::{Failure, Output, With, check_ending};
 use crate::runner::{Stage, open, updates};
@@ -33,9 +30,6 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
     if one_pose && args.weights.is_some() && args.frame.is_none() {
         return Err(Failure::Usage("--weights: which frame? give --frame N, or --clip OUT for all of them".into()));
     }
-    if one_pose && args.weights.is_none() && !args.layers.layers.is_empty() {
-        return Err(Failure::Usage("--layer: over which clip? give --weights CSV and --frame N, or --clip OUT".into()));
-    }
     if let Some(path) = args.run.update.paths.iter().find(|path| path.evaluates_in_draws()) {
         let text =
             format!("--path {}: evaluates in draws of its own, and has no pose to draw; use blocks", path.name());
@@ -43,7 +37,7 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
     }
     // clap ensures that one of the two is given.
     let output = args.output.as_deref().or(args.clip.as_deref()).unwrap_or(Path::new(""));
-    let read = input::files_of(&args.run.input, &args.layers.files(args.weights.as_ref()));
+    let read = input::files_of(&args.run.input, args.weights.as_slice());
     if args.clip.is_some() && !clip::is_one_file(output) {
         out.check(&read, &[], Some(output))?;
     } else {
@@ -58,22 +52,19 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
     })?;
     let unposed = joints::file(args).is_some() && updates(&gpu, &args.run);
     let mut input = input::load_split(&args.run.input, unposed, out)?;
-    if args.show == Some(Shown::Wrinkles) {
+    if args.look() == Look::Wrinkles {
         input.add_masks()?;
     }
     check_texcoords(args, &input)?;
     if args.run.update.named_poses().map_err(Failure::Usage)?.iter().any(|pose| pose.has_integers()) {
         // Poses have to hold the weights of the clip. Its notes are printed when it is drawn.
         let notes = input.out.take();
-        let clips = input::clips(args.weights.as_deref(), &args.run.input, &input, &args.set)?;
-        clips
-            .into_iter()
-            .try_for_each(|clip| input::layered(clip, &args.layers.layers, &args.run.input, &input).map(|_| ()))?;
+        input::clips(args.weights.as_deref(), &args.run.input, &input, &args.set)?;
         input.pose(&args.set)?;
         input.out = notes;
     }
     let stage = Stage::on(Some(gpu.clone()), &args.run, &input, out)?;
-    let mut subject = Subject::new(args.run.input.input.as_deref(), &input, unposed, out)?;
+    let mut subject = Subject::new(args.run.input.input.as_deref(), &input, unposed)?;
     if subject.has_joints && joints::file(args).is_some() && stage.desc.path == UpdatePath::Cpu {
         out.note("the path 'cpu' skins nothing: joints move on the paths of the device");
     }
@@ -92,13 +83,15 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
         subject.focus.clone_from(&subject.whole);
     }
     let scenery = Scenery { args, input: &input, stage: &stage, gpu: &gpu, subject, joints, out };
-    let Done { mut what, size, frames, scale, kept } = match (args.sheet, args.crowd, args.magnify) {
-        (true, ..) => sheet::draw(&scenery, output)?,
-        (_, Some(heads), _) => crowd::draw(&scenery, heads, output)?,
-        (.., Some(factor)) => compare::draw(&scenery, factor, output)?,
-        _ if args.clip.is_some() => clip::draw(&scenery, output)?,
-        _ => single(&scenery, output)?,
+    let Done { mut what, size, frames, scale, kept } = match args.crowd {
+        Some(heads) => crowd::draw(&scenery, heads, output)?,
+        None if args.clip.is_some() => clip::draw(&scenery, output)?,
+        None => single(&scenery, output)?,
     };
+    if let Some(end) = scale {
+        let share = f64::from(end) / crate::verify::scale(scenery.diagonal());
+        what += &format!(", colours up to {end:.3e} ({share:.1e} of the diagonal)");
+    }
     if let Some((all, [fewest, most])) = kept {
         let kept = if fewest == most { most.to_string() } else { format!("{fewest} to {most}") };
         what += &format!(", {kept} of {all} targets kept");
@@ -134,21 +127,15 @@ fn check_texcoords(args: &RenderArgs, input: &Input) -> Result<(), Failure> {
 }
 
 fn single(scenery: &Scenery<'_>, output: &Path) -> Result<Done, Failure> {
-    let (size, [weights, before]) = (scenery.args.size.unwrap_or(SIZE), scenery.weights()?);
+    let size = scenery.args.size.unwrap_or(SIZE);
+    let [weights, before] = scenery.weights()?;
     let mut easel = Easel::new(scenery, size, vec![Mat4::IDENTITY])?;
     easel.frames = vec![scenery.args.frame];
     let scale = heat::prepare(scenery, &mut easel, std::iter::once((&weights[..], &before[..])))?;
-    if scenery.args.show.is_some_and(Shown::is_of_changes) {
+    if scenery.args.look().is_of_changes() {
         easel.picture(&[&before])?;
     }
-    if let (Some(Heat::Error), Some(end)) = (scenery.args.heat, scale) {
-        easel.show_values(&errors::of_pose(scenery, &weights)?, end)?;
-    }
-    let mut canvas = easel.picture(&[&weights])?;
-    if let Some(end) = scale {
-        heat::draw_scale(scenery, &mut canvas, end);
-    }
-    canvas.save(output)?;
+    easel.picture(&[&weights])?.save(output)?;
     let active = weights.iter().filter(|w| **w != 0.0).count();
     let what = format!("{active} active of {} targets", weights.len());
     Ok(Done { what, size, frames: 1, scale, kept: easel.kept() })

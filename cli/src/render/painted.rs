@@ -1,12 +1,11 @@
 //! What a glTF file says of surfaces: base colours of faces, and the parts that nothing moves.
 
-use crate::output::{Failure, Output};
-use deltamorph::import::gltf::{self, Drawn, Property, Skeleton};
+use crate::output::Failure;
+use deltamorph::import::gltf::{self, Drawn, DrawnPart, Property, Skeleton};
 use deltamorph::{MorphMesh, Tolerance};
-use deltamorph_render::{Material, Part, Pixels, Surface, painted};
+use deltamorph_render::{Face, Material, Part, Surface, parts};
 use glam::DVec3;
 use std::path::Path;
-use std::sync::Arc;
 
 /// Parts of a file, by their surfaces.
 pub struct Painted {
@@ -23,44 +22,28 @@ pub struct Still {
     pub parts: Vec<Part>,
 }
 
-/// What the file says of a material.
-enum Paint {
-    Stated(Arc<Surface>),
-    /// Its texture cannot be read; whether it covers what it is on.
-    Lost {
-        covers: bool,
-    },
-}
-
 /// The parts of `mesh`, which was read from the glTF file at `path`, and those beside it; `unposed`: joints move them.
-pub fn of_file(path: &Path, mesh: &MorphMesh, unposed: bool, out: &Output) -> Result<Painted, Failure> {
+pub fn of_file(path: &Path, mesh: &MorphMesh, unposed: bool) -> Result<Painted, Failure> {
     let read = gltf::read(path)?;
     let mut channels = read.animations.iter().flat_map(|animation| &animation.channels);
     let has_joints = read.nodes.iter().any(|node| node.skin.is_some())
         || channels.any(|channel| channel.property != Property::Weights);
     let gltf::Scene { mesh: drawn, still, .. } = read.into_scene(unposed)?;
-    let paints = paints(path, out)?;
+    let materials = gltf::read_materials(path)?;
     // The name of a single part says what the whole is.
     let is_named = drawn.parts.len() + still.as_ref().map_or(0, |still| still.parts.len()) > 1;
     let of = |drawn: &Drawn, mesh: &MorphMesh| {
-        let (mut names, mut surfaces) =
-            (vec![String::new(); mesh.faces.sizes.len()], vec![None; mesh.faces.sizes.len()]);
-        for part in &drawn.parts {
-            let paint = part.material.and_then(|material| paints.get(material));
-            let (name, covers) = match paint {
-                Some((_, Paint::Stated(surface))) => {
-                    surfaces[part.faces.clone()].fill(Some(surface.clone()));
-                    continue;
-                }
-                Some((name, Paint::Lost { covers })) => (name.as_str(), *covers),
-                None => ("", true),
-            };
-            let name = format!("{} {name}", part.name);
-            if is_named && !(covers && Material::from_name(&name).is_none()) {
-                names[part.faces.clone()].fill(name);
-            }
+        let material = |part: &DrawnPart| part.material.and_then(|number| materials.get(number));
+        let name = |part: &DrawnPart| match is_named {
+            true => format!("{} {}", part.name, material(part).map_or("", |material| &material.name)),
+            false => String::new(),
+        };
+        let names: Vec<String> = drawn.parts.iter().map(name).collect();
+        let mut said = vec![Face::Named(""); mesh.faces.sizes.len()];
+        for (part, name) in drawn.parts.iter().zip(&names) {
+            said[part.faces.clone()].fill(face(material(part), name));
         }
-        painted(mesh, &names, &surfaces)
+        parts(mesh, &said)
     };
     let parts = of(&drawn, mesh);
     let still = still.map(|mut still| -> Result<Still, Failure> {
@@ -71,48 +54,20 @@ pub fn of_file(path: &Path, mesh: &MorphMesh, unposed: bool, out: &Output) -> Re
     Ok(Painted { parts, has_joints, still: still.transpose()? })
 }
 
-/// The names and surfaces of all materials.
-fn paints(path: &Path, out: &Output) -> Result<Vec<(String, Paint)>, Failure> {
-    let read = gltf::read_materials(path)?;
-    read.notes.iter().for_each(|note| out.note(note));
-    let decode = |(number, bytes): (usize, &Vec<u8>)| {
-        if bytes.is_empty() {
-            return None;
+/// What is drawn of a part whose material is `material`: its colour, or what its name says where a texture has the colour.
+fn face<'a>(material: Option<&gltf::Material>, name: &'a str) -> Face<'a> {
+    match material {
+        Some(material) if !material.is_textured && !material.is_opaque && material.base_color[3] < 1.0 => Face::Clear,
+        Some(material) if !material.is_textured => {
+            let [red, green, blue, _] = material.base_color;
+            Face::Painted(Surface { colour: [red, green, blue], double_sided: material.double_sided })
         }
-        match image::load_from_memory(bytes) {
-            Ok(image) => {
-                let image = image.into_rgba8();
-                Some(Arc::new(Pixels { size: [image.width(), image.height()], rgba: image.into_raw() }))
-            }
-            Err(error) => {
-                out.note(format_args!("images[{number}] is no PNG or JPEG that can be read ({error}): left out"));
-                None
-            }
+        // Opaque parts are drawn, whatever they are called.
+        material if material.is_none_or(|material| material.is_opaque) && Material::from_name(name).is_none() => {
+            Face::Named("")
         }
-    };
-    let images: Vec<Option<Arc<Pixels>>> = read.images.iter().enumerate().map(decode).collect();
-    let paint = |material: &gltf::Material| {
-        let mut place = Default::default();
-        let texture = match &material.texture {
-            None => None,
-            Some(texture) => {
-                let pixels = texture.image.and_then(|image| images.get(image)?.clone());
-                // Poses have one set of texture coordinates.
-                let Some(pixels) = pixels.filter(|_| texture.texcoord == 0) else {
-                    if texture.texcoord > 0 {
-                        let name = &material.name;
-                        out.note(format_args!("material '{name}': its texture is on further coordinates: left out"));
-                    }
-                    return Paint::Lost { covers: material.alpha == gltf::Alpha::Opaque };
-                };
-                place = texture.transform;
-                Some((pixels, texture.wrap))
-            }
-        };
-        let gltf::Material { base_color: colour, alpha, double_sided, .. } = *material;
-        Paint::Stated(Arc::new(Surface { colour, texture, place, alpha, double_sided }))
-    };
-    Ok(read.materials.iter().map(|material| (material.name.clone(), paint(material))).collect())
+        _ => Face::Named(name),
+    }
 }
 
 impl Still {

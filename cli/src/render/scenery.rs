@@ -7,9 +7,9 @@ use crate::args::render::RenderArgs;
 use crate::input::{self, Input};
 use crate::output::{Failure, Output};
 use crate::runner::{Gpu, Stage};
+use deltamorph::MorphMesh;
 use deltamorph::import::is_gltf;
-use deltamorph::{BoundClip, MorphMesh};
-use deltamorph_render::{Part, parts};
+use deltamorph_render::{Face, Part, parts};
 use glam::Vec3;
 use std::collections::HashMap;
 use std::path::Path;
@@ -53,19 +53,21 @@ pub struct Subject {
 
 impl Subject {
     /// The subject of the mesh that was read from `path`, or of the built-in head; `unposed`, if joints are to move it.
-    pub fn new(path: Option<&Path>, input: &Input, unposed: bool, out: &Output) -> Result<Self, Failure> {
+    pub fn new(path: Option<&Path>, input: &Input, unposed: bool) -> Result<Self, Failure> {
         let mesh = &input.kept;
         let Some(path) = path.filter(|path| is_gltf(path) && path.is_file() && input.packed.is_none()) else {
             return Ok(Self::of_mesh(path, mesh));
         };
-        let Painted { parts, has_joints, still } = painted::of_file(path, mesh, unposed, out)?;
+        let Painted { parts, has_joints, still } = painted::of_file(path, mesh, unposed)?;
         let (focus, whole) = views(mesh, &parts, still.as_ref());
         Ok(Self { parts, focus, whole, still, has_joints })
     }
 
     /// The subject of a mesh with the same faces as the one at `path`, by itself.
     pub fn of_mesh(path: Option<&Path>, mesh: &MorphMesh) -> Self {
-        let parts = parts(mesh, &names::of_faces(path, mesh));
+        let names = names::of_faces(path, mesh);
+        let said: Vec<Face<'_>> = names.iter().map(|name| Face::Named(name)).collect();
+        let parts = parts(mesh, &said);
         let (focus, whole) = views(mesh, &parts, None);
         Self { parts, focus, whole, still: None, has_joints: false }
     }
@@ -132,7 +134,7 @@ impl Scenery<'_> {
         let (Some(path), Some(frame)) = (&args.weights, args.frame) else {
             return Ok([self.input.pose(&args.set)?, rest()]);
         };
-        let clip = self.layered(input::clip(path, &args.run.input, self.input, &args.set)?)?;
+        let clip = input::clip(path, &args.run.input, self.input, &args.set)?;
         let count = clip.frame_count();
         if frame >= count {
             let text = format!("has {count} frames, counted from 0; there is no frame {frame}");
@@ -144,12 +146,8 @@ impl Scenery<'_> {
     /// Frames of the requested clip, or of the only one, with the settings applied; and their rate.
     pub fn frames(&self) -> Result<(Vec<Vec<f32>>, f32), Failure> {
         let args = self.args;
-        let clip = self.layered(input::one_clip(args.weights.as_deref(), &args.run.input, self.input, &args.set)?)?;
+        let clip = input::one_clip(args.weights.as_deref(), &args.run.input, self.input, &args.set)?;
         Ok((clip.frames().collect(), clip.fps))
-    }
-
-    fn layered(&self, clip: BoundClip) -> Result<BoundClip, Failure> {
-        input::layered(clip, &self.args.layers.layers, &self.args.run.input, self.input)
     }
 
     pub fn diagonal(&self) -> f32 {

@@ -4,10 +4,8 @@
 mod command;
 mod device;
 mod frame;
-mod groups;
 mod hands;
 mod heads;
-mod legend;
 mod measured;
 mod painter;
 mod panel;
@@ -36,9 +34,8 @@ pub fn run(args: &ViewArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
         }
     };
     steps.extend(args.screenshot.iter().map(|path| (0, Step::Screenshot(path.clone()))));
-    let mut files: Vec<&Path> = steps.iter().filter_map(|(_, step)| written(step)).collect();
-    files.extend(args.record.as_deref());
-    let mut read = input::files_of(&args.run.input, &args.layers.files(args.weights.as_ref()));
+    let files: Vec<&Path> = steps.iter().filter_map(|(_, step)| written(step)).collect();
+    let mut read = input::files_of(&args.run.input, args.weights.as_slice());
     read.extend(args.script.clone());
     out.check(&read, &files, None)?;
     let scripted = args.script.is_some() || args.screenshot.is_some();

@@ -4,7 +4,6 @@ use super::command::{Command, Step};
 use super::stage::Stage;
 use super::state::{Effect, State};
 use crate::args::view::ViewArgs;
-use crate::live::{Live, Recorder};
 use crate::output::{Failure, Output, write_file};
 use deltamorph_headless::DeviceChoice;
 use std::collections::VecDeque;
@@ -41,8 +40,6 @@ pub struct App<'a> {
     state: State,
     script: Option<Script>,
     stage: Option<Stage>,
-    live: Option<Live>,
-    recorder: Option<Recorder>,
     failure: Option<Failure>,
     next: Instant,
     awake: u32,
@@ -72,13 +69,7 @@ impl<'a> App<'a> {
         let script =
             |steps: Vec<_>| Script { name, steps: steps.into(), line: 0, frames: 0, screenshot: None, size: None };
         let (script, next) = (steps.map(script), Instant::now());
-        let live = args.listen.map(Live::new).transpose()?;
-        if let Some(live) = &live {
-            out.note(format_args!("listening at {}", live.address));
-        }
-        let recorder = args.record.as_ref().map(|path| Recorder::new(path, &state.names, args.run.input.fps));
-        let recorder = recorder.transpose()?;
-        Ok(Self { args, choice, out, state, script, stage: None, live, recorder, failure: None, next, awake: AWAKE })
+        Ok(Self { args, choice, out, state, script, stage: None, failure: None, next, awake: AWAKE })
     }
 
     /// Shows the window until it is closed.
@@ -88,7 +79,6 @@ impl<'a> App<'a> {
         if let (None, Some(stage)) = (&self.failure, &mut self.stage) {
             self.failure = stage.finish().err();
         }
-        self.record_ends();
         let messages = self.stage.as_ref().map(Stage::messages);
         // Validation layers report objects that outlive the device.
         self.stage = None;
@@ -119,63 +109,15 @@ impl<'a> App<'a> {
 
     /// Applies a command of the user or a script.
     fn apply(&mut self, command: Command) -> Result<(), Failure> {
-        let (before, look) = ((self.state.run.clone(), self.state.heads), self.state.look);
-        let effect = self.state.apply(command, self.out)?;
-        let Some(stage) = &mut self.stage else { return Ok(()) };
-        match effect {
-            Effect::None => Ok(()),
-            Effect::Copy(text) if self.script.is_some() => {
-                self.out.say(text);
-                Ok(())
-            }
-            Effect::Copy(text) => {
-                self.state.say(format!("copied: {text}"), false);
-                stage.copy(text);
-                Ok(())
-            }
-            Effect::Focus(vertices) => {
-                (self.state.zoom, self.state.pan) = stage.focus(&self.state, &vertices);
-                Ok(())
-            }
-            Effect::Mesh(other) => {
-                match stage.rebuild(&other, true, self.out) {
-                    Ok(()) => {
-                        self.state = *other;
-                        self.live.iter_mut().for_each(Live::forget);
-                        self.record_ends();
-                    }
-                    Err(failure) => self.state.say(failure.to_string(), true),
-                }
-                Ok(())
-            }
-            Effect::Heads => stage.rebuild(&self.state, false, self.out).inspect_err(|_| {
-                (self.state.run, self.state.heads) = before;
-                // Restores the mesh that the instances have.
-                let _ = self.state.show(look);
-            }),
-        }
-    }
-
-    /// Takes weights that have arrived; returns whether there are any.
-    fn hear(&mut self) -> Result<bool, Failure> {
-        let Some(live) = &mut self.live else { return Ok(false) };
-        let heard = live.poll(&self.state.names, &mut self.state.values);
-        if heard {
-            self.state.hears();
-        }
-        if let Some(recorder) = &mut self.recorder {
-            recorder.write(heard, &self.state.values)?;
-        }
-        Ok(heard)
-    }
-
-    /// Ends the recording: its columns are those of one mesh.
-    fn record_ends(&mut self) {
-        if let Some(mut recorder) = self.recorder.take()
-            && let Err(failure) = recorder.finish()
-        {
-            self.failure.get_or_insert(failure);
-        }
+        let before = self.state.run.clone();
+        let look = self.state.look;
+        let effect = self.state.apply(command)?;
+        let Some(stage) = self.stage.as_mut().filter(|_| effect == Effect::Heads) else { return Ok(()) };
+        stage.rebuild(&self.state, self.out).inspect_err(|_| {
+            self.state.run = before;
+            // Restores the mesh that the instance has.
+            let _ = self.state.show(look);
+        })
     }
 
     /// Executes steps of the script until one needs a frame; returns whether anything is left to do.
@@ -213,7 +155,6 @@ impl<'a> App<'a> {
                     stage.finish()?;
                     let mut summary = stage.measured.summary(stage.on_device());
                     (summary.device, summary.setup) = (stage.device_name().to_owned(), stage.setup());
-                    summary.heads = self.state.heads;
                     [summary.width, summary.height] = stage.size().unwrap_or_default();
                     let text = serde_json::to_string_pretty(&summary).map_err(Failure::failed)?;
                     write_file(&path, format!("{text}\n"))?;
@@ -227,8 +168,6 @@ impl<'a> App<'a> {
         if !self.steps()? {
             return Ok(false);
         }
-        self.hear()?;
-        let live = self.live.as_ref().map(|live| (live, self.recorder.as_ref().map(|recorder| recorder.rows)));
         let Some(stage) = &mut self.stage else { return Ok(true) };
         if let Some(script) = &mut self.script {
             script.frames = script.frames.saturating_sub(1);
@@ -237,14 +176,13 @@ impl<'a> App<'a> {
             Some(script) if script.frames == 0 => &mut script.screenshot,
             _ => &mut None,
         };
-        let (done, moves) = stage.draw(&mut self.state, live, screenshot)?;
+        let (done, moves) = stage.draw(&mut self.state, screenshot)?;
         // If the window was just resized, nothing was drawn: the next frame is saved.
         if let Some(script) = self.script.as_mut().filter(|script| script.frames == 0 && script.screenshot.is_some()) {
             script.frames = 1;
         }
         self.state.advance(FRAME.as_secs_f64());
-        let hears = self.live.as_ref().is_some_and(Live::hears);
-        let still = !hears && done.is_empty() && !self.state.playing && !moves && self.state.notice.is_none();
+        let still = done.is_empty() && !self.state.playing && !moves && self.state.notice.is_none();
         self.awake = if still { self.awake.saturating_sub(1) } else { AWAKE };
         for command in done {
             // Errors of user commands are shown in the window.
@@ -295,7 +233,7 @@ impl ApplicationHandler for App<'_> {
             }
             WindowEvent::DroppedFile(path) => {
                 self.awake = AWAKE;
-                if let Err(failure) = self.apply(Command::Drop(path)) {
+                if let Err(failure) = self.apply(Command::Clip(path)) {
                     self.state.say(failure.to_string(), true);
                 }
             }
@@ -308,25 +246,12 @@ impl ApplicationHandler for App<'_> {
     }
 
     fn about_to_wait(&mut self, events: &ActiveEventLoop) {
-        if self.stage.is_none() || events.exiting() {
-            return;
-        }
+        let Some(stage) = self.stage.as_ref().filter(|_| !events.exiting()) else { return };
         let now = Instant::now();
-        let asleep = self.awake == 0 || self.stage.as_ref().is_some_and(|stage| stage.size().is_none());
-        if self.live.is_some() && asleep && self.script.is_none() {
-            events.set_control_flow(ControlFlow::WaitUntil(now + FRAME));
-            match self.hear() {
-                Ok(heard) => self.awake = if heard { AWAKE } else { self.awake },
-                Err(failure) => self.keep(events, Err(failure)),
-            }
-        }
-        let Some(stage) = &self.stage else { return };
         if self.script.is_some() {
             events.set_control_flow(ControlFlow::Poll);
         } else if self.awake == 0 || stage.size().is_none() {
-            if self.live.is_none() {
-                events.set_control_flow(ControlFlow::Wait);
-            }
+            events.set_control_flow(ControlFlow::Wait);
             return;
         } else if now < self.next {
             events.set_control_flow(ControlFlow::WaitUntil(self.next));

@@ -1,6 +1,6 @@
 //! `bench`: verification before measurement, replayed clips, and runs without a Vulkan device.
 
-use crate::cli::{HEAD, deltamorph, json, sample, without_drivers};
+use crate::cli::{HEAD, deltamorph, json, links_hold, sample, without_drivers};
 use serde_json::Value;
 
 #[test]
@@ -9,9 +9,9 @@ fn bench_verifies_measures_and_draws() {
     for device in ["llvmpipe", "SwiftShader"] {
         let dir = folder.path().join(device);
         let report = dir.to_str().unwrap();
-        let args =
-            ["bench", "--device", device, "--frames", "3", "--changed", "4,all", "--json", "-", "--report", report];
-        let out = json(&[&args[..], &HEAD[..]].concat());
+        let args = "bench --full --frames 3 --changed 4,all --json - --device";
+        let args: Vec<&str> = args.split(' ').chain([device, "--report", report]).chain(HEAD).collect();
+        let out = json(&args);
         let runs = out["runs"].as_array().unwrap();
         assert!(runs.iter().all(|r| r["verified"] == true), "{out}");
         let of =
@@ -47,14 +47,44 @@ fn bench_verifies_measures_and_draws() {
         for file in ["report.json", "runs.csv", "index.html"] {
             assert!(dir.join(file).metadata().unwrap().len() > 500, "{file}");
         }
-        let plots = |end: &str| {
-            std::fs::read_dir(&dir)
-                .unwrap()
-                .filter(|e| e.as_ref().unwrap().path().extension().unwrap_or_default() == end)
-                .count()
-        };
-        assert!(plots("svg") >= 3 && plots("svg") == plots("png"), "{} SVG, {} PNG", plots("svg"), plots("png"));
+        let page = std::fs::read_to_string(dir.join("index.html")).unwrap();
+        assert!(page.matches("<svg").count() >= 4 && !page.contains("src="));
+        links_hold(&dir);
     }
+}
+
+#[test]
+fn the_main_comparison_is_brief_and_prints_as_it_goes() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = folder.path().join("report");
+    let args = "bench --device llvmpipe --frames 20 --time-limit 0.05 --report";
+    let out = deltamorph(&args.split(' ').chain([report.to_str().unwrap()]).chain(HEAD).collect::<Vec<_>>());
+    let [said, notes] = [out.stdout, out.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
+    assert!(out.status.success(), "{notes}");
+    for (group, words) in ["1 of 2: 8 of 12 targets changed, 1 head: ", "2 of 2: 12 of 12 targets changed, 1 head: "]
+        .into_iter()
+        .zip(["configurations in turns, 10 rounds; up to ", " s of timing left"])
+    {
+        assert!(notes.contains(group) && notes.contains(words), "{notes}");
+    }
+    let text = std::fs::read_to_string(report.join("report.json")).unwrap();
+    let runs = serde_json::from_str::<Value>(&text).unwrap()["runs"].as_array().unwrap().clone();
+    let of = |path: &str, format: &str| -> Vec<String> {
+        let own = runs.iter().filter(|r| r["path"] == path && r["format"] == format && r["changed"] == 12);
+        own.map(|r| r["batch_size"].to_string()).collect()
+    };
+    assert_eq!(of("compute", "snorm16"), ["1", "2", "4", "8", "16", "\"all\""]);
+    assert_eq!(of("feedback", "float32")[..3], ["1", "2", "4"]);
+    assert_eq!((of("blocks", "fast").len(), of("cpu", "small").len()), (1, 1));
+    for run in &runs {
+        // Configurations ran in turns, and each says how far its rounds agree.
+        let rounds: Vec<f64> = run["rounds"].as_array().unwrap().iter().map(|r| r["ms"].as_f64().unwrap()).collect();
+        assert!(rounds.len() > 1 && run["rounds_ratio"].as_f64() >= Some(1.0) && run["verified"] == true, "{run}");
+    }
+    let uneven = runs.iter().filter(|run| run["rounds_ratio"].as_f64() > Some(1.5)).count();
+    assert_eq!(said.matches("× UNEVEN").count(), uneven, "{said}");
+    assert_eq!(said.contains(&format!("The rounds of {uneven} of {}", runs.len())), uneven > 0, "{said}");
+    assert_eq!(said.matches("ms/frame").count(), 2, "a table for each group: {said}");
 }
 
 /// Each share of the floor is that of the median beside it: of those with one floor, the slower has the smaller share.
@@ -81,7 +111,7 @@ fn shares_follow_from_the_csv(path: &std::path::Path) {
 fn bench_replays_a_clip() {
     let folder = tempfile::tempdir().unwrap();
     let dir = sample(folder.path());
-    let args = ["--frames", "5", "--changed", "1", "--batch-sizes", "4,all", "--json", "-", "--no-report"];
+    let args = ["--full", "--frames", "5", "--changed", "1", "--batch-sizes", "4,all", "--json", "-", "--no-report"];
     let out = json(&[&["bench", dir.as_str()], &args[..]].concat());
     let clips: Vec<&Value> = out["runs"].as_array().unwrap().iter().filter(|r| r["workload"] != "random").collect();
     assert!(!clips.is_empty() && clips.iter().all(|r| r["verified"] == true), "{out}");

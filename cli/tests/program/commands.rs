@@ -1,6 +1,6 @@
 //! The command line: printed output, written files and exit codes.
 
-use crate::cli::{HEAD, clip, deltamorph, fails, json, ok, refused, sample};
+use crate::cli::{HEAD, clip, deltamorph, json, ok, refused, sample};
 use serde_json::Value;
 use std::path::Path;
 
@@ -132,57 +132,6 @@ fn apply_writes_the_same_pose_through_every_path() {
 }
 
 #[test]
-fn a_rig_beside_the_targets_gives_clips_and_settings_its_controls() {
-    let folder = tempfile::tempdir().unwrap();
-    let dir = sample(folder.path());
-    let apply = |name: &str, how: &[&str]| {
-        let file = folder.path().join(name);
-        ok(&[&["apply", &dir, "-o", file.to_str().unwrap(), "--path", "cpu"], how].concat());
-        std::fs::read(&file).unwrap()
-    };
-    let targets = "eyeBlinkLeft=0.5,eyeBlinkRight=0.5,eyeSquintLeft=0.25,eyeWideLeft=0.1875";
-    let plain = apply("plain.obj", &["--set", targets]);
-    let rig = Path::new(&dir).join("rig.json");
-    let text = r#"{
-        "controls": [{"name": "wink", "keys": [{"at": 0.5, "target": "eyeBlinkLeft"}, {"at": 1, "target": "eyeBlinkRight"}]}],
-        "correctives": [{"target": "eyeWideLeft", "controls": ["wink", "eyeSquintLeft"]}]}"#;
-    std::fs::write(&rig, text).unwrap();
-    let set = ["--set", "wink=0.75,eyeSquintLeft=0.25"];
-    assert!(apply("set.obj", &set) == plain, "0.75 lies between the two keys; the corrective is the product");
-    // A clip also names controls, and settings come before the rig.
-    let clip = folder.path().join("wink.csv");
-    std::fs::write(&clip, "wink,eyeSquintLeft\n0,1\n0.75,1\n").unwrap();
-    let clip = ["--weights", clip.to_str().unwrap(), "--frame", "1"];
-    assert!(apply("clip.obj", &[&clip[..], &["--set", "eyeSquintLeft=0.25"]].concat()) == plain);
-    // The clip beside the mesh names targets that are no longer controls.
-    let (_, message) = fails(&["info", &dir]);
-    assert!(message.contains("column 'eyeBlinkLeft' names no control of the rig; use 'eye"), "{message}");
-    std::fs::remove_dir_all(Path::new(&dir).join("weights")).unwrap();
-    let info = json(&["info", &dir, "--json", "-"]);
-    let controls: Vec<&str> = info["controls"].as_array().unwrap().iter().map(|c| c.as_str().unwrap()).collect();
-    assert_eq!((controls[0], controls.len()), ("wink", 12 - 3 + 1), "{controls:?}");
-    let other = folder.path().join("other.json");
-    let with = |text: &str| {
-        std::fs::write(&other, text).unwrap();
-        fails(&["apply", &dir, "-o", "x.obj", "--set", "wink=1", "--rig", other.to_str().unwrap()])
-    };
-    for ((code, message), words) in [
-        (
-            fails(&["apply", &dir, "-o", "x.obj", "--set", "eyeWideLeft=1"]),
-            "the rig of 'head' has no such control; it has wink, ",
-        ),
-        (with(r#"{"controls": []}"#), "no such control; it has eyeBlinkLeft, "),
-        (with("{"), "other.json: line 1: EOF"),
-        (
-            with(r#"{"controls": [{"name": "eyeBlnkLeft"}]}"#),
-            "other.json: control 'eyeBlnkLeft' of the rig: 'eyeBlnkLeft' is no target",
-        ),
-    ] {
-        assert!(message.contains(words) && code <= 2, "{message}");
-    }
-}
-
-#[test]
 fn heads_that_do_not_fit_leave_the_rest_standing() {
     let heads = ["bench", "--vertices", "2000", "--targets", "3", "--frames", "2", "--changed", "all"];
     let more = ["--paths", "compute", "--batch-sizes", "2", "--heads", "1,1000000", "--no-report", "--json", "-"];
@@ -308,7 +257,7 @@ fn a_packed_file_is_an_input_everywhere() {
         (&["info", &empty], 1, "empty.DMORPH: does not begin as a packed mesh does; give a file written by"),
         (&["info", "none.dmorph"], 1, "none.dmorph: cannot read: No such file"),
         (&["pack", &file, "-o", &file], 2, "would be written over"),
-        (&["pack", &dir, "-o", &path("head.bin")], 2, "name it *.dmorph"),
+        (&["pack", &dir, "-o", &path("head.glb")], 2, "name it *.dmorph"),
         (&["pack", &dir, "-o", &file, "--format", "snorm16"], 2, "name one of block-float32, fast, small, pair"),
         (&["pack", &dir, "-o", "/nonexistent/a.dmorph"], 1, "/nonexistent/a.dmorph"),
         (&["info", &file, "--tolerance", "0.1"], 2, "was packed with a tolerance of 0.000001"),

@@ -48,7 +48,8 @@ fn bench_and_soak_are_right_and_as_exact_as_at_the_origin() {
     let errors = |far: f32| {
         let quad = quad(folder.path(), far);
         let formats = ["--formats", "float32,snorm16,fast"];
-        let bench = ["bench", &quad, "--frames", "3", "--device", "llvmpipe", "--no-report", "--changed", "4,all"];
+        let bench =
+            ["bench", &quad, "--full", "--frames", "3", "--device", "llvmpipe", "--no-report", "--changed", "4,all"];
         let runs = run(&[&bench[..], &formats].concat());
         let mut errors: Vec<(String, f64)> = vec![];
         for run in runs["runs"].as_array().unwrap() {

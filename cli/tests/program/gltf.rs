@@ -1,7 +1,7 @@
 //! glTF files as INPUT and as weight clips.
 
 use crate::arm::{accessor, floats, gltf_arm, write};
-use crate::cli::{HEAD, deltamorph, fails, json, ok, pixels, refused};
+use crate::cli::{deltamorph, fails, json, ok, pixels};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -79,50 +79,6 @@ fn a_gltf_file_is_an_input_and_its_animations_are_clips() {
     }
 }
 
-#[test]
-fn expressions_of_vrm_files_are_controls() {
-    let dir = tempfile::tempdir().unwrap();
-    let face = gltf_triangle(dir.path());
-    let file: Value = serde_json::from_slice(&std::fs::read(&face).unwrap()).unwrap();
-    let vrm = |extensions: Value| {
-        let path = dir.path().join("face.vrm");
-        let mut file = file.clone();
-        file["extensions"] = extensions;
-        std::fs::write(&path, file.to_string()).unwrap();
-        path.to_str().unwrap().to_owned()
-    };
-    let bind = |index: usize, weight: f32| json!({"node": 0, "index": index, "weight": weight});
-    let glow = json!({"materialColorBinds": [{"material": 0}]});
-    let happy = json!({"morphTargetBinds": [bind(0, 1.0), bind(1, 0.5)], "overrideBlink": "block"});
-    let blink = json!({"morphTargetBinds": [bind(1, 1.0), bind(7, 1.0)]});
-    let expressions = json!({"preset": {"happy": happy, "blink": blink}, "custom": {"glow": glow}});
-    let one = vrm(json!({"VRMC_vrm": {"specVersion": "1.0", "expressions": expressions}}));
-    let out = deltamorph(&["info", &one, "--json", "-"]);
-    let info: Value = serde_json::from_slice(&out.stdout).unwrap();
-    assert_eq!(info["controls"], json!(["blink", "happy", "up", "out"]));
-    let said = String::from_utf8(out.stderr).unwrap();
-    assert!(said.contains("expressions: 1 binds to targets that there are not") && said.contains("left out: 'glow'"));
-    let obj = dir.path().join("pose.obj");
-    let pose = |face: &str, set: &str| {
-        ok(&["apply", face, "--path", "cpu", "--set", set, "-o", obj.to_str().unwrap()]);
-        std::fs::read_to_string(&obj).unwrap()
-    };
-    assert_eq!(pose(&one, "happy=0.5,blink=1"), pose(&one, "up=0.5,out=0.25"));
-    assert_eq!(pose(&one, "blink=0.5,out=0.25"), pose(&one, "out=0.75"));
-    // Its own clip still names targets, and presets of VRM 0 are those of VRM 1.
-    assert_eq!(json(&["play", &one, "--path", "cpu", "--json", "-"])["frames"][1]["active"], 2);
-    for file in ["face.dmorph", "out.glb"] {
-        let file = dir.path().join(file);
-        let said = deltamorph(&["pack", &one, "-o", file.to_str().unwrap()]).stderr;
-        let rig = file.with_extension("rig.json");
-        let said = String::from_utf8(said).unwrap();
-        assert!(said.contains(&format!("not its rig (expressions of VRM, or *.rig.json); a rig in {}", rig.display())));
-    }
-    let group = json!({"name": "Joy!", "presetName": "joy", "binds": [{"mesh": 0, "index": 1, "weight": 50}]});
-    let zero = vrm(json!({"VRM": {"blendShapeMaster": {"blendShapeGroups": [group]}}}));
-    assert_eq!(pose(&zero, "Joy!=1"), pose(&zero, "out=0.5"));
-}
-
 /// Joints move with the face: taken from the frame of the clip, and at rest without one.
 #[test]
 fn a_character_is_drawn_as_its_joints_stand() {
@@ -167,35 +123,6 @@ fn a_character_is_drawn_as_its_joints_stand() {
     let [first, second] = ["frame_00000.png", "frame_00001.png"].map(|name| std::fs::read(clip.join(name)).unwrap());
     assert!(first != second);
     ok(&["render", &arm, "--crowd", "3", "--size", "128x96", "-o", crowd.to_str().unwrap()]);
-}
-
-/// What `pack` says of a file that it wrote is what `info` reads, and a file that was read is written and read again.
-#[test]
-fn pack_writes_gltf_and_says_how_far_it_is_off() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
-    let mut bytes = vec![];
-    for (encoding, most) in [("float", 1e-6), ("quantized", 2e-5), ("meshopt", 2e-5)] {
-        let file = path(&format!("{encoding}.glb"));
-        let said = json(&[&["pack", "-o", &file, "--encoding", encoding, "--json", "-"], &HEAD[..]].concat());
-        let off = said["position_error_rel"].as_f64().unwrap();
-        assert!(off <= most && said["base_error_rel"].as_f64() <= Some(off), "{said}");
-        assert!(said["normal_error_deg"].as_f64().unwrap() < 1.1, "{said}");
-        let read = json(&["info", &file, "--json", "-"]);
-        assert_eq!((&read["input"]["vertices"], &read["input"]["targets"]), (&said["vertices"], &12.into()), "{said}");
-        bytes.push(said["file_bytes"].as_u64().unwrap());
-    }
-    assert!(bytes.is_sorted_by(|a, b| a > b), "{bytes:?}");
-    let (face, again) = (gltf_triangle(dir.path()), path("again.glb"));
-    assert!(ok(&["pack", &face, "-o", &again]).contains("2 targets, encoding float"));
-    // Texture coordinates stay those of glTF.
-    let obj = |file: &str| {
-        ok(&["apply", file, "--set", "out=1", "--path", "cpu", "-o", &path("a.obj")]);
-        std::fs::read_to_string(path("a.obj")).unwrap()
-    };
-    assert_eq!(obj(&face), obj(&again));
-    refused(&["pack", &face, "-o", &again, "--format", "fast"], 2, "takes --encoding");
-    refused(&["pack", &face, "-o", &path("a.dmorph"), "--encoding", "float"], 2, "takes --format");
 }
 
 /// A part that no target moves is drawn in the colour of its material, where the node that its joint moves has it; and

@@ -9,7 +9,6 @@ mod data;
 
 mod bench;
 mod commands;
-mod compare;
 mod far;
 mod gltf;
 mod info;

@@ -1,7 +1,6 @@
 //! Output files: nothing of the user's is lost, whatever fails.
 
 use crate::cli::{HEAD, deltamorph, fails, json, ok, refused, sample};
-use crate::data;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -88,7 +87,6 @@ fn no_two_outputs_are_one_file() {
         &["pack", &dir, "-o", &file, "--json", &other],
         &["apply", &dir, "--set", "eyeBlinkLeft=1", "-o", &file, "--json", &other],
         &[&BENCH[..], &["--report", &report, "--json", &at("report/index.html")]].concat(),
-        &["info", &dir, "--report", &report, "--json", &at("report/info.json")],
         &["sample", &at("new"), "--json", &at("new/neutral.obj")],
     ] {
         refused(args, 2, "would be written over; name another file");
@@ -136,7 +134,6 @@ fn a_report_is_replaced_when_the_new_one_is_complete() {
     ok(&[&more(&["--formats", "float32", "--changed", "1,2"])[..], &["--report", dir, "--json", file]].concat());
     let names = |files: Vec<(PathBuf, Vec<u8>)>| files.into_iter().map(|(path, _)| path).collect::<Vec<_>>();
     let before = contents(folder.path());
-    assert!(before.iter().any(|(path, _)| path.ends_with("time-vs-changed.svg")), "{:?}", names(before));
     // A selection of which nothing can run.
     let none = ["bench", "--vertices", "100", "--targets", "3", "--paths", "direct", "--formats", "fast"];
     refused(
@@ -145,15 +142,13 @@ fn a_report_is_replaced_when_the_new_one_is_complete() {
         "no configuration could run; direct: takes --formats",
     );
     assert!(contents(folder.path()) == before);
-    // A run stopped while drawing leaves a folder, which does not block the next.
+    // A run stopped while writing leaves a folder, which does not block the next.
     let left = report.join(".deltamorph-1");
     std::fs::create_dir(&left).unwrap();
-    // One workload less: figures that are no longer drawn are removed.
     ok(&[&more(&["--formats", "float32", "--changed", "2"])[..], &["--report", dir]].concat());
     let after = names(contents(&report));
-    assert!(after.contains(&report.join("index.html")), "{after:?}");
+    assert_eq!(after, ["index.html", "report.json", "runs.csv"].map(|name| report.join(name)));
     assert!(left.exists(), "it may belong to an active run");
-    assert!(!after.iter().any(|path| path.ends_with("time-vs-changed.svg")), "{after:?}");
 }
 
 /// Suites check all their inputs before they measure.
@@ -216,95 +211,27 @@ fn sweeps_compare_like_with_like() {
     assert!(text.contains(" ms, changing 4 "), "{text}");
 }
 
-/// Writes `input` as a file and reads it again, checking the reported and the actual errors within `bound` relative to
-/// a number's size.
-fn round_trip(input: &str, half: bool) -> serde_json::Value {
-    use deltamorph::{DeltaFormat, MorphMesh, PackDesc, PackedMesh, Tolerance, import::obj};
-    use deltamorph_baselines::textures::read_ktx2;
-    let folder = tempfile::tempdir().unwrap();
-    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
-    let (file, floats) = (at("face.ktx2"), if half { &["--half"][..] } else { &[] });
-    let said = json(&[&["textures", input, "-o", &file, "--json", "-"], floats].concat());
-    let bytes = std::fs::read(&file).unwrap();
-    let number = |name: &str| said[name].as_u64().unwrap();
-    let word = |at: usize| u64::from(u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()));
-    assert_eq!(number("file_bytes"), bytes.len() as u64);
-    assert_eq!(["width", "height", "layers"].map(number), [word(20), word(24), word(32)]);
-    let covered = number("texels_covered");
-    assert!(covered > 0 && covered <= word(20) * word(24) * word(32) / 2, "{said}");
-
-    let kept = obj::import_folder(Path::new(input)).unwrap().to_mesh(Tolerance::default()).unwrap();
-    let read = read_ktx2(Path::new(&file), &kept).unwrap();
-    let deltas =
-        |mesh: &MorphMesh| PackedMesh::pack(mesh, &PackDesc::new(DeltaFormat::Float32)).unwrap().deltas().to_vec();
-    let mut largest = 0.0f64;
-    for (found, expected) in deltas(&read).into_iter().zip(deltas(&kept)) {
-        let [found, expected] = [found, expected].map(|bits| f64::from(f32::from_bits(bits)));
-        let bound = if half { (expected.abs() / 2048.0).max(2f64.powi(-25)) } else { 0.0 };
-        assert!((found - expected).abs() <= bound, "{found} for {expected}");
-        largest = largest.max((found - expected).abs());
-    }
-    let rounding = said["rounding"].as_array().unwrap();
-    assert_eq!([0, 1].map(|i| rounding[i]["stream"].as_str().unwrap()), ["position", "normal"]);
-    let stated = rounding.iter().map(|stream| stream["largest"].as_f64().unwrap()).fold(0.0, f64::max);
-    assert_eq!((stated, stated > 0.0), (largest, half), "{said}");
-
-    // The file's targets replace the input's, with the same names.
-    let info = |more: &[&str]| json(&[&["info", input, "--json", "-"], more].concat())["targets"].clone();
-    let (names, of_file) = (info(&[]), info(&["--textures", &file]));
-    let name = |targets: &serde_json::Value| {
-        targets.as_array().unwrap().iter().map(|t| t["name"].as_str().unwrap().to_owned()).collect::<Vec<_>>()
-    };
-    assert_eq!(name(&names), name(&of_file));
-
-    let set = format!("{}=0.7", name(&names)[0]);
-    let apply = |more: &[&str]| -> Vec<f64> {
-        let out = at("pose.obj");
-        let fixed = ["apply", input, "--path", "cpu", "--format", "float32", "--set", &set, "-o", &out];
-        ok(&[&fixed, more].concat());
-        let text = std::fs::read_to_string(&out).unwrap();
-        let positions = text.lines().filter_map(|line| line.strip_prefix("v ")).flat_map(|line| line.split(' '));
-        positions.map(|number| number.parse().unwrap()).collect()
-    };
-    let (plain, of_file) = (apply(&[]), apply(&["--textures", &file]));
-    assert_eq!(plain.len(), of_file.len());
-    let off = plain.iter().zip(&of_file).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    // Poses are written with limited digits.
-    let bound = if half { 0.7 * rounding[0]["largest"].as_f64().unwrap() + 1e-5 } else { 0.0 };
-    assert!((off > 0.0) == half && off <= bound && bound < 0.01, "{off}, {bound} allowed");
-    said
-}
-
 #[test]
-fn textures_are_written_and_read_again() {
+fn textures_are_written_and_described() {
     let home = Home::new();
-    let [single, half] = [false, true].map(|half| round_trip(&home.dir, half)["file_bytes"].as_u64().unwrap());
+    let written = |half: bool| {
+        let file = home.at("face.ktx2");
+        let floats = if half { &["--half"][..] } else { &[] };
+        let said = json(&[&["textures", &home.dir, "-o", &file, "--json", "-"], floats].concat());
+        let bytes = std::fs::read(&file).unwrap();
+        let number = |name: &str| said[name].as_u64().unwrap();
+        let word = |at: usize| u64::from(u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()));
+        assert_eq!(number("file_bytes"), bytes.len() as u64);
+        assert_eq!(["width", "height", "layers"].map(number), [word(20), word(24), word(32)]);
+        let covered = number("texels_covered");
+        assert!(covered > 0 && covered <= word(20) * word(24) * word(32) / 2, "{said}");
+        let rounding = said["rounding"].as_array().unwrap();
+        assert_eq!([0, 1].map(|i| rounding[i]["stream"].as_str().unwrap()), ["position", "normal"]);
+        assert!(rounding.iter().all(|stream| (stream["largest"].as_f64().unwrap() > 0.0) == half), "{said}");
+        number("file_bytes")
+    };
+    let [single, half] = [false, true].map(written);
     assert!(10 * single > 18 * half && single < 2 * half, "{single} and {half}: texels take half, the rest as much");
-    let mut sets = vec![];
-    if let Some(set) = data::set("facecap_head_glb") {
-        sets.extend([false, true].map(|half| round_trip(set.to_str().unwrap(), half)));
-    }
-    for said in sets {
-        assert_eq!(said["targets"], 52, "{said}");
-    }
-}
-
-#[test]
-fn textures_that_do_not_fit_the_mesh_are_refused() {
-    let home = Home::new();
-    let (file, other) = (home.at("face.ktx2"), home.at("other"));
-    ok(&["textures", &home.dir, "-o", &file]);
-    ok(&["sample", &other, "--vertices", "600", "--targets", "3"]);
-    let (code, text) = fails(&["info", &other, "--textures", &file]);
-    assert!(code == 1 && text.contains("face.ktx2: key 'deltamorph.textures'") && text.contains("vertices"), "{text}");
-    let none = home.at("none.ktx2");
-    refused(&["info", &home.dir, "--textures", &none], 1, "none.ktx2");
-    std::fs::write(&none, "a picture").unwrap();
-    let (code, text) = fails(&["info", &home.dir, "--textures", &none]);
-    assert!(code == 1 && text.contains("none.ktx2: header") && text.contains("no KTX 2.0 file"), "{text}");
-    let before = std::fs::read(&file).unwrap();
-    refused(&["textures", &home.dir, "--textures", &file, "-o", &file], 2, "face.ktx2");
-    assert_eq!(std::fs::read(&file).unwrap(), before);
     refused(&["textures", &home.dir, "-o", &home.at("face.png")], 2, "*.ktx2");
 }
 
@@ -321,10 +248,10 @@ fn terminals_of_80_columns_are_enough() {
         let wide = text.lines().find(|line| line.chars().count() > 80);
         assert_eq!(wide, None, "{text}");
     };
-    let bench = ["bench", "--frames", "2", "--path", "cpu,blocks", "--no-report"];
+    let bench = ["bench", "--frames", "10", "--path", "cpu,blocks", "--no-report"];
     let text = run(&[&bench[..], &HEAD].concat());
     fits(&text);
-    assert!(text.matches("ms/frame").count() == 1 && text.matches("\npath ").count() >= 1, "{text}");
+    assert!(text.matches("ms/frame").count() == 2 && text.matches("\npath ").count() > 2, "{text}");
     let [info, play] = ["info", "play"].map(|command| [&[command], &HEAD[..]].concat());
     for args in [&["--help"][..], &["play", "--help"], &["bench", "--help"], &info, &play] {
         fits(&run(args));
@@ -334,19 +261,6 @@ fn terminals_of_80_columns_are_enough() {
         ["Options:", "What is read:", "The built-in head:", "How poses are updated:", "How deltas are packed:"]
     {
         assert!(help.contains(&format!("\n{heading}\n")), "{heading}: {help}");
-    }
-}
-
-#[test]
-fn shells_and_manuals_know_the_commands() {
-    let folder = tempfile::tempdir().unwrap();
-    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
-        let script = ok(&["completions", shell]);
-        assert!(script.contains("error-budget") && script.contains("bench"), "{shell}");
-    }
-    ok(&["man", folder.path().to_str().unwrap()]);
-    for page in ["deltamorph.1", "deltamorph-pack.1", "deltamorph-bench.1"] {
-        assert!(std::fs::read_to_string(folder.path().join(page)).expect(page).contains(".TH deltamorph"), "{page}");
     }
 }
 

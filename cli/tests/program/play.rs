@@ -2,7 +2,6 @@
 
 use crate::cli::{HEAD, fails, json, ok, refused, sample, without_drivers};
 use serde_json::Value;
-use std::fs;
 
 fn has(object: &Value, fields: &str) {
     fields.split_whitespace().for_each(|f| assert!(object.get(f).is_some(), "{f} in {object}"));
@@ -271,86 +270,4 @@ fn a_path_that_is_named_fails_where_there_is_no_device() {
         assert_eq!(out.status.code(), Some(1), "{args:?}: {errors}");
         assert!(errors.contains("needs a Vulkan device and there is none; install a driver"), "{args:?}: {errors}");
     }
-}
-
-/// Layered clips give the weights of a float64 sum: the same updates, and the same picture.
-#[test]
-fn layers_of_clips_are_the_sum_of_their_weights() {
-    let folder = tempfile::tempdir().unwrap();
-    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
-    let dir = sample(folder.path());
-    let info = json(&["info", &dir, "--json", "-"]);
-    let [first, second] = [0, 1].map(|i| info["targets"][i]["name"].as_str().unwrap().to_owned());
-    // Multiples of powers of two, so that a CSV file holds each sum exactly. The last clip is the first with half of
-    // the second added, and then blended a quarter towards the third; the second is over after two frames, and repeats.
-    let (a, b, c): ([f64; 4], [[f64; 2]; 2], f64) = ([0.0, 0.25, 0.5, 1.0], [[0.5, 0.25], [1.0, 0.0]], 0.5);
-    let added = |frame: usize, target: usize| [a[frame], 0.0][target] + 0.5 * b[frame % 2][target];
-    let sum = |frame: usize| [0.75 * added(frame, 0) + 0.25 * c, added(frame, 1)];
-    let csv = |rows: Vec<String>, names: &str| format!("{names}\n{}\n", rows.join("\n"));
-    let both = format!("{first},{second}");
-    let pair = |[x, y]: [f64; 2]| format!("{x},{y}");
-    for (name, text) in [
-        ("a.csv", csv(a.map(|x| x.to_string()).into(), &first)),
-        ("b.csv", csv(b.map(pair).into(), &both)),
-        ("c.csv", csv(vec![c.to_string()], &first)),
-        ("sum.csv", csv((0..4).map(|frame| pair(sum(frame))).collect(), &both)),
-    ] {
-        fs::write(at(name), text).unwrap();
-    }
-    let [a, b, c, sum] = ["a.csv", "b.csv", "c.csv", "sum.csv"].map(at);
-    let (b, c) = (format!("{b}+0.5"), format!("{c}@0.25"));
-    let mixed: [&str; 6] = ["--weights", &a, "--layer", &b, "--layer", &c];
-    let play = |clips: &[&str]| {
-        let out = json(&[&["play", &dir, "--path", "cpu", "--every", "1", "--json", "-"], clips].concat());
-        let of = |f: &Value| ["changed", "active", "bytes_moved", "max_error"].map(|field| f[field].clone());
-        out["frames"].as_array().unwrap().iter().map(of).collect::<Vec<_>>()
-    };
-    assert_eq!((play(&mixed).len(), play(&mixed)), (4, play(&["--weights", &sum])));
-    let picture = |clips: &[&str], frame: &str| {
-        let png = at("picture.png");
-        ok(&[&["render", &dir, "--frame", frame, "--size", "160x160", "--quiet", "-o", &png], clips].concat());
-        fs::read(png).unwrap()
-    };
-    for frame in ["0", "3"] {
-        let of_sum = picture(&["--weights", &sum], frame);
-        assert!(picture(&mixed, frame) == of_sum && picture(&mixed[..2], frame) != of_sum, "frame {frame}");
-    }
-    for (args, words) in [
-        (&["render", &dir, "-o", &at("x.png"), "--layer", &b][..], "--layer: over which clip?"),
-        (&["play", &dir, "--layer", "@0.5"], "the clip is missing"),
-        (&["play", &dir, "--layer", &b, "--normalise"], "--normalise"),
-    ] {
-        refused(args, 2, words);
-    }
-}
-
-/// What a host sends with a report: the calls that it made, for us to make them elsewhere.
-#[test]
-fn logged_calls_are_replayed_on_other_drivers_to_the_same_bits() {
-    let folder = tempfile::tempdir().unwrap();
-    let dir = sample(folder.path());
-    let calls = folder.path().join("calls").display().to_string();
-    let how = ["--format", "small", "--pose", "fixed16", "--device", "llvmpipe", "--calls", &calls];
-    let said = ok(&[&["play", &dir], &how[..]].concat());
-    let replayed = |how: &[&str]| json(&[&["replay", &calls, &dir, "--json", "-"], how].concat());
-    let here = replayed(&["--device", "llvmpipe"]);
-    has(&here, "schema calls input device path pose updates instances poses poses_hash");
-    assert_eq!((&here["updates"], &here["path"], &here["pose"]), (&24.into(), &"blocks".into(), &"fixed16".into()));
-    let hash = here["poses_hash"].as_str().unwrap();
-    assert!(said.contains(hash), "{said}");
-    for how in [&["--device", "SwiftShader"][..], &["--path", "cpu"], &["--path", "compute", "--device", "llvmpipe"]] {
-        if how[1] == "compute" {
-            let (_, error) = fails(&[&["replay", &calls, &dir], how].concat());
-            assert!(error.contains("compute") && error.contains("small"), "{error}");
-        } else {
-            assert_eq!(replayed(how)["poses_hash"], hash, "{how:?}");
-        }
-    }
-    // A frame takes some ten bytes for each weight that changes.
-    assert!(fs::metadata(&calls).unwrap().len() < 24 * 12 * 20);
-    let (_, error) = fails(&["replay", &calls, "--vertices", "400", "--targets", "3"]);
-    assert!(error.contains("another mesh"), "{error}");
-    fs::write(&calls, "deltamorph calls 1\ncrowd\n").unwrap();
-    let (_, error) = fails(&["replay", &calls, &dir]);
-    assert!(error.contains("calls: line 2"), "{error}");
 }

@@ -4,13 +4,14 @@
 
 use crate::{Memory, Target, bounded, write};
 use arbitrary::{Result, Unstructured};
+use deltamorph::{Asset, DeltaFormat, PackDesc, Tolerance};
 use deltamorph::ash::vk::CommandBuffer;
 use deltamorph_c::handles::*;
 use deltamorph_c::memory::Versioned;
 use deltamorph_c::result::{DM_ERROR_OUT_OF_MEMORY, DM_ERROR_PANIC, DM_OK, DmResult, dm_last_error};
 use deltamorph_c::structs::*;
 use deltamorph_c::{
-    after, bounds, clip, cpu, crowd, engine, layers, level, mesh, queries, readback, record, skin, upload,
+    after, bounds, clip, crowd, engine, level, mesh, queries, readback, record, skin, upload,
 };
 use std::ffi::{CStr, CString, c_char};
 use std::ptr::{null, null_mut};
@@ -21,8 +22,7 @@ pub const TARGET: Target = Target { name: "capi", run, mutate: |_, _| None, seed
 const MESH: u8 = 1;
 const CLIP: u8 = 5;
 const BOUND_CLIP: u8 = 6;
-const CPU_CROWD: u8 = 7;
-const WEIGHT_BOUNDS: u8 = 12;
+const WEIGHT_BOUNDS: u8 = 7;
 
 /// Content of results before a call.
 const UNTOUCHED: u64 = 0x5555_5555_5555_5555;
@@ -45,7 +45,6 @@ fn destroy(kind: u8, bits: u64) -> DmResult {
         MESH => mesh::dm_mesh_destroy(DmMesh { bits }),
         CLIP => clip::dm_clip_destroy(DmClip { bits }),
         BOUND_CLIP => clip::dm_bound_clip_destroy(DmBoundClip { bits }),
-        CPU_CROWD => cpu::dm_cpu_crowd_destroy(DmCpuCrowd { bits }),
         _ => bounds::dm_weight_bounds_destroy(DmWeightBounds { bits }),
     }
 }
@@ -172,7 +171,7 @@ impl Calls<'_> {
         let mut desc = DmCrowdDesc::zeroed();
         // At most what memory allows: the engine tries by reserving it, which the memory counter counts as used.
         desc.instances = *self.input.choose(&[0, 1, 2, 5])?;
-        desc.path = *self.input.choose(&[0, 0, 4, 4, 1, 9])?;
+        desc.path = *self.input.choose(&[0, 0, 1, 2, 3, 9])?;
         desc.pose_format = self.input.int_in_range(0..=4)?;
         if self.rarely(3)? {
             (desc.batch, desc.mode) = (self.count(4)?, self.input.int_in_range(0..=3)?);
@@ -185,20 +184,18 @@ impl Calls<'_> {
     }
 
     fn call(&mut self) -> Result<()> {
-        match self.input.int_in_range(0..=17u8)? {
+        match self.input.int_in_range(0..=14u8)? {
             0 | 1 => self.mesh_from_arrays(),
             2 => self.sample_head(),
             3 => self.mesh_from_bytes(),
             4 | 5 => self.queries(),
             6 | 7 => self.poses(),
-            8..=10 => self.cpu_crowd(),
-            11 | 12 => self.clip(),
-            13 => self.mix(),
-            14 => self.weight_bounds(),
-            15 => self.open(),
-            16 => self.without_engine(),
+            8..=10 => self.clip(),
+            11 => self.weight_bounds(),
+            12 => self.open(),
+            13 => self.without_engine(),
             _ => {
-                let kind = *self.input.choose(&[MESH, CLIP, BOUND_CLIP, CPU_CROWD, WEIGHT_BOUNDS])?;
+                let kind = *self.input.choose(&[MESH, CLIP, BOUND_CLIP, WEIGHT_BOUNDS])?;
                 check(destroy(kind, self.handle(kind)?));
                 Ok(())
             }
@@ -273,15 +270,12 @@ impl Calls<'_> {
         Ok(())
     }
 
-    /// Writes a mesh, and reads it back, unchanged or damaged.
+    /// Reads a packed mesh, unchanged or damaged.
     fn mesh_from_bytes(&mut self) -> Result<()> {
-        let path = write("c.dmorph", &[]);
-        let name = CString::new(path.to_str().expect("UTF-8")).expect("no zero");
-        // SAFETY: a string.
-        if !check(unsafe { mesh::dm_mesh_write(DmMesh { bits: self.handle(MESH)? }, name.as_ptr()) }) {
-            return Ok(());
-        }
-        let mut bytes = std::fs::read(&path).expect("it was written");
+        let head = deltamorph_head::HeadDesc::default().vertices(self.input.int_in_range(1..=99)?).targets(3);
+        let head = deltamorph_head::head(&head).to_mesh(Tolerance::default()).expect("a mesh");
+        let format = *self.input.choose(&[DeltaFormat::Fast, DeltaFormat::Small, DeltaFormat::Pair])?;
+        let mut bytes = Asset::pack(&head, &PackDesc::new(format)).and_then(|asset| asset.to_bytes()).expect("a file");
         if self.input.arbitrary()? {
             let at = self.input.choose_index(bytes.len())?;
             bytes[at] ^= 1 << self.input.int_in_range(0..=7u8)?;
@@ -362,29 +356,6 @@ impl Calls<'_> {
         Ok(())
     }
 
-    fn cpu_crowd(&mut self) -> Result<()> {
-        if self.rarely(3)? {
-            let (mesh, mut desc) = (DmMesh { bits: self.handle(MESH)? }, self.crowd_desc()?);
-            let (desc, threads) = (self.or_null(desc.at())?, self.input.int_in_range(0..=2)?);
-            let mut out = DmCpuCrowd { bits: UNTOUCHED };
-            // SAFETY: the structure has the room that it states.
-            let code = unsafe { cpu::dm_cpu_crowd_create(mesh, desc, threads, &raw mut out) };
-            self.made(CPU_CROWD, code, out.bits);
-            return Ok(());
-        }
-        let (crowd, instance) = (DmCpuCrowd { bits: self.handle(CPU_CROWD)? }, self.count(3)?);
-        let count = self.input.int_in_range(0..=6usize)?;
-        let weights = self.floats(count)?;
-        let mut pose = vec![0.0; 6 * self.input.int_in_range(0..=70usize)?];
-        // SAFETY: there are as many weights, and as much room.
-        unsafe {
-            check(cpu::dm_cpu_crowd_set_weights(crowd, instance, weights.as_ptr(), count as u32));
-            check(cpu::dm_cpu_crowd_update(crowd));
-            check(cpu::dm_cpu_crowd_pose(crowd, instance, pose.as_mut_ptr(), pose.len()));
-        }
-        Ok(())
-    }
-
     fn clip(&mut self) -> Result<()> {
         let (frames, columns) = (self.input.int_in_range(0..=5usize)?, self.input.int_in_range(0..=4usize)?);
         let names = (0..columns).map(|_| self.text()).collect::<Result<Vec<_>>>()?;
@@ -404,14 +375,10 @@ impl Calls<'_> {
         self.made(CLIP, code, out.bits);
         let (of, mesh) = (DmClip { bits: self.handle(CLIP)? }, DmMesh { bits: self.handle(MESH)? });
         let mut info = self.stated(DmClipInfo::zeroed())?;
-        // SAFETY: as above; names are strings.
+        // SAFETY: as above.
         let code = unsafe {
             check(clip::dm_clip_info(of, info.at()));
-            let list: Vec<*const c_char> = names.iter().map(|name| name.as_ptr()).collect();
-            match self.input.arbitrary()? {
-                true => clip::dm_clip_bind(of, mesh, &raw mut bound),
-                false => clip::dm_clip_bind_names(of, list.as_ptr(), columns as u32, &raw mut bound),
-            }
+            clip::dm_clip_bind(of, mesh, &raw mut bound)
         };
         self.made(BOUND_CLIP, code, bound.bits);
         let mut room = vec![0.0; self.input.int_in_range(0..=60usize)?];
@@ -419,28 +386,6 @@ impl Calls<'_> {
         let bound = DmBoundClip { bits: self.handle(BOUND_CLIP)? };
         // SAFETY: there is as much room.
         check(unsafe { clip::dm_bound_clip_sample(bound, frame, room.as_mut_ptr(), room.len() as u32) });
-        Ok(())
-    }
-
-    fn mix(&mut self) -> Result<()> {
-        let count = self.input.int_in_range(0..=8usize)?;
-        let mut mask = self.floats(count)?;
-        let mut list = vec![];
-        for _ in 0..self.input.int_in_range(0..=3u8)? {
-            let mut layer = DmClipLayer::zeroed();
-            (layer.blend, layer.once) = (self.input.int_in_range(0..=3)?, self.input.int_in_range(0..=1)?);
-            (layer.clip.bits, layer.weight) = (self.handle(BOUND_CLIP)?, self.float()?);
-            layer.time = *self.input.choose(&[0.0, 0.1, -0.3, f64::NAN, f64::MAX, -f64::MAX])?;
-            layer.mask = self.or_null(mask.as_mut_ptr())?;
-            list.push(layer);
-        }
-        let mut weights = self.floats(count)?;
-        let bits = |weights: &[f32]| weights.iter().map(|weight| weight.to_bits()).collect::<Vec<_>>();
-        let before = bits(&weights);
-        // SAFETY: masks and weights have as many numbers.
-        let code =
-            unsafe { layers::dm_clips_mix(list.as_ptr(), list.len() as u32, weights.as_mut_ptr(), count as u32) };
-        assert!(check(code) || bits(&weights) == before, "weights are changed by a call that failed");
         Ok(())
     }
 
@@ -484,7 +429,7 @@ impl Calls<'_> {
 
     /// Calls functions that need an engine without one: they are refused, whatever the arguments.
     fn without_engine(&mut self) -> Result<()> {
-        let (bits, other, instance) = (self.handle(MESH)?, self.handle(CPU_CROWD)?, self.count(3)?);
+        let (bits, other, instance) = (self.handle(MESH)?, self.handle(CLIP)?, self.count(3)?);
         let (mesh, crowd, on_device) = (DmMesh { bits: other }, DmCrowd { bits }, DmGpuMesh { bits });
         let (engine, cmd) = (DmEngine { bits }, CommandBuffer::null());
         let (mut out, mut word) = ([UNTOUCHED; 4], 0);

@@ -4,22 +4,18 @@ mod capi;
 mod csv;
 mod dmorph;
 mod gltf;
-mod ktx2;
 mod meshopt;
 mod obj;
 mod planner;
-mod rig;
 
 use crate::Target;
 
 /// All of them.
-pub const TARGETS: [Target; 9] = [
+pub const TARGETS: [Target; 7] = [
     gltf::TARGET,
     dmorph::TARGET,
     obj::TARGET,
     csv::TARGET,
-    rig::TARGET,
-    ktx2::TARGET,
     meshopt::TARGET,
     planner::TARGET,
     capi::TARGET,

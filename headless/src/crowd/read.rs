@@ -101,18 +101,6 @@ impl HeadlessCrowd<'_, AnimatedCrowd> {
         crowd.read_plan(|range| readback.read(&headless.submitter, range))
     }
 
-    /// Reads the level of detail of an instance that follows the camera, as words: the kept targets in steps of 2⁻¹⁶,
-    /// the goal of that number, the epoch, and the error budget, lower word first. Empty if no instance of the crowd
-    /// follows the camera.
-    ///
-    /// # Errors
-    /// Those of [`read_plan`](Self::read_plan).
-    #[doc(hidden)]
-    pub fn read_level(&mut self, instance: u32) -> Result<Vec<u32>> {
-        let range = self.crowd.level_of(instance);
-        range.map_or(Ok(vec![]), |range| self.read(range))
-    }
-
     /// Reads an instance's weights on the GPU, in steps of the grid.
     ///
     /// # Errors

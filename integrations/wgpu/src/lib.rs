@@ -280,8 +280,7 @@ impl Mesh {
         Pose { buffer: &self.base, view: lock(&self.gpu).base_pose() }
     }
 
-    /// Returns names, steps and sizes of the uploaded mesh. [`PackedLayout::remap_indices`] converts an index buffer to
-    /// the order of poses.
+    /// Returns names, steps and sizes of the uploaded mesh, and its index buffer ([`PackedLayout::indices`]).
     pub fn layout(&self) -> &PackedLayout {
         &self.layout
     }

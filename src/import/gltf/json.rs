@@ -55,12 +55,6 @@ impl<'a> At<'a> {
         self.get(key).ok_or_else(|| self.refuse(format!("no property '{key}'"), "export the file again"))
     }
 
-    /// The properties of this object, in the order of the file; none if it is no object.
-    pub fn properties(&self) -> impl Iterator<Item = (&'a str, Self)> {
-        let all = self.value.as_object().into_iter().flatten();
-        all.map(|(key, value)| (key.as_str(), self.child(value, key)))
-    }
-
     /// The elements of the array `key`; none if there is no such property.
     pub fn items(&self, key: &str) -> Result<Vec<Self>> {
         let Some(list) = self.get(key) else { return Ok(vec![]) };
@@ -109,11 +103,6 @@ impl<'a> At<'a> {
         let numbers = list.floats()?;
         let count = numbers.len();
         numbers.try_into().map_err(|_| list.refuse(format!("{count} numbers, {N} expected"), REPAIR))
-    }
-
-    /// The finite number of the property `key`; `default` if there is none.
-    pub fn number(&self, key: &str, default: f32) -> Result<f32> {
-        self.get(key).map_or(Ok(default), |at| at.float())
     }
 
     /// Whether the property `key` is `true`.

@@ -1,5 +1,4 @@
-//! glTF 2.0: meshes with morph targets, their weight animations, skins and nodes (`*.glb`, `*.gltf`, `*.vrm`);
-//! [`to_glb`] writes a mesh.
+//! glTF 2.0: meshes with morph targets, their weight animations, skins and nodes (`*.glb`, `*.gltf`, `*.vrm`).
 //!
 //! [`read`] returns everything as plain arrays, in the order of the file, for an engine with its own scene.
 //! [`import::open`](super::open) makes one mesh of the file, as described at [`Gltf::into_source`].
@@ -16,7 +15,7 @@
 //!   target whose [`normals`](crate::SourceTarget::normals) are `Some(vec![])`.
 //! - Tangents are those of the file; none are computed.
 //! - Draco, points and lines, and cameras are not read. What is there uncompressed beside Draco is. Of materials, base
-//!   colours and their images are, by [`read_materials`], for hosts that draw.
+//!   colours are, by [`read_materials`], for hosts that draw; textures are not.
 //!
 //! Files may be hostile: nothing outside their folder is read. Reading a file and making one mesh of it takes at most
 //! 960 bytes of memory per byte of the file and of the files that it names, plus 3 MiB. Time is bounded in the same
@@ -34,17 +33,13 @@ mod scene;
 mod skeleton;
 #[cfg(test)]
 mod tests;
-mod vrm;
-mod write;
 
 pub use animation::{Animation, Channel, Interpolation, Property};
-pub use material::{Alpha, Material, Materials, Texture, Wrap, read_materials};
+pub use material::{Material, read_materials};
 pub use mesh::{Influences, Mesh, Primitive};
 use scene::Hierarchy;
 pub use scene::{Node, Skin, Transform};
 pub use skeleton::Skeleton;
-pub use vrm::{Expression, Procedural, Suppression};
-pub use write::{Glb, GlbDesc, GlbEncoding, to_glb};
 
 use crate::asset::MorphSource;
 use crate::error::{Error, Result};
@@ -70,8 +65,6 @@ pub struct Gltf {
     pub skins: Vec<Skin>,
     /// The animations.
     pub animations: Vec<Animation>,
-    /// The expressions of a VRM file.
-    pub expressions: Vec<Expression>,
     /// Remarks for the user; those on a mesh are in its source.
     pub notes: Vec<String>,
     path: PathBuf,
@@ -111,7 +104,7 @@ pub struct DrawnPart {
     pub name: String,
     /// Their range in the mesh's faces, all of them triangles.
     pub faces: Range<usize>,
-    /// Index of the material ([`Materials::materials`]).
+    /// Index of the material ([`read_materials`]).
     pub material: Option<usize>,
 }
 
@@ -182,7 +175,6 @@ fn gltf(file: &Container) -> Result<Gltf> {
         gltf.notes.extend(gltf.overruled(&animation));
         gltf.animations.push(animation);
     }
-    gltf.expressions = vrm::expressions(file, &gltf.meshes, &gltf.nodes, &mut gltf.notes)?;
     gltf.budget = file.budget();
     Ok(gltf)
 }
@@ -249,7 +241,9 @@ impl Gltf {
     /// Names the first of the weights that [`clip`](Self::clip) leaves out, since an earlier channel has others for a
     /// target of that name.
     fn overruled(&self, animation: &Animation) -> Option<String> {
-        let (mut first, mut count, mut note) = (HashMap::new(), 0, None);
+        let mut first = HashMap::new();
+        let mut count = 0;
+        let mut note = None;
         for channel in animation.weight_channels() {
             for (i, name) in self.targets_of(channel) {
                 let (other, j): (&Channel, usize) = *first.entry(name).or_insert((channel, i));
@@ -290,7 +284,9 @@ impl Gltf {
             return refuse("no weights of morph targets", "name another animation");
         }
         let fps = super::frame_rate(fps.unwrap_or_else(|| animation.frame_rate()))?;
-        let (mut names, mut columns, mut seen) = (vec![], vec![], HashSet::new());
+        let mut names = vec![];
+        let mut columns = vec![];
+        let mut seen = HashSet::new();
         for channel in &channels {
             let own: Vec<(usize, &str)> = self.targets_of(channel).filter(|(_, name)| seen.insert(*name)).collect();
             names.extend(own.iter().map(|(_, name)| (*name).to_owned()));
@@ -355,7 +351,8 @@ impl Gltf {
         let moves = has_skin || channels.any(|channel| channel.property != Property::Weights);
         let worlds = self.world_matrices(None);
         // For each mesh, the nodes in the scene that draw it.
-        let (mut drawn, mut flat) = (vec![vec![]; self.meshes.len()], vec![]);
+        let mut drawn = vec![vec![]; self.meshes.len()];
+        let mut flat = vec![];
         for (i, node) in self.nodes.iter().enumerate().filter(|(_, node)| node.is_shown) {
             match node.mesh {
                 Some(_) if node.skin.is_none() && assemble::flattens(&worlds[i]) => flat.push(node.name.as_str()),
@@ -368,7 +365,8 @@ impl Gltf {
         }
         let mut taken: Vec<usize> = (0..self.meshes.len()).collect();
         taken.retain(|mesh| !self.meshes[*mesh].source.positions.is_empty());
-        let (mut left_out, mut still) = (vec![], vec![]);
+        let mut left_out = vec![];
+        let mut still = vec![];
         let has_targets = |mesh: &usize| !self.meshes[*mesh].source.targets.is_empty();
         let is_drawn = |mesh: &usize| !drawn[*mesh].is_empty();
         for (why, is_wanted) in [
@@ -413,12 +411,14 @@ impl Gltf {
     ) -> Result<Drawn> {
         let joints: Vec<_> = self.skins.iter().map(|skin| self.joint_matrices(skin, worlds)).collect();
         let copies = self.copies(&taken, drawn, if with_joints { Skeleton::VERTEX_BYTES } else { 0 })?;
-        let (mut parts, mut placed) = (vec![], vec![]);
+        let mut parts = vec![];
+        let mut placed = vec![];
         for (mesh, copies) in taken.into_iter().zip(copies) {
             let mut left = std::mem::take(&mut self.meshes[mesh].source);
             let nodes = &drawn[mesh];
             if copies < nodes.len() {
-                let (name, count) = (&left.name, nodes.len());
+                let name = &left.name;
+                let count = nodes.len();
                 let why = "since the file is small, copies are fewer";
                 let text = format!("mesh '{name}' is drawn by {count} nodes; {why}: {copies}");
                 left.notes.push(text);
@@ -466,12 +466,15 @@ impl Gltf {
         let counts: Vec<usize> = parts.iter().map(|part| part.positions.len()).collect();
         let skeleton = || Skeleton::new(self.nodes.clone(), self.hierarchy.clone(), self.animations.clone());
         let mut skeleton = with_joints.then(skeleton);
-        let (mut drawn, mut first) = (vec![], 0);
-        for ((mesh, node, place), count) in placed.iter().zip(counts) {
-            let mut add = |all: &mut Skeleton| all.add(count, *node, &self.meshes[*mesh], &self.skins, place);
-            if !skeleton.as_mut().is_none_or(&mut add) {
-                let remedy = "export fewer meshes or joints";
-                return Err(Error::input(&self.path, "", "vertices follow more than 65535 joints", remedy));
+        let mut drawn = vec![];
+        let mut first = 0;
+        if let Some(skeleton) = &mut skeleton {
+            for ((mesh, node, place), count) in placed.iter().zip(counts) {
+                let fits = skeleton.add(count, *node, &self.meshes[*mesh], &self.skins, place);
+                if !fits {
+                    let remedy = "export fewer meshes or joints";
+                    return Err(Error::input(&self.path, "", "vertices follow more than 65535 joints", remedy));
+                }
             }
         }
         for ((mesh, ..), part) in placed.iter().zip(&parts) {

@@ -1,9 +1,8 @@
 //! Reads OBJ text into arrays, in the file's order.
 //!
-//! tobj has no line numbers, accepts NaN as a number and reads an index of 0 as missing, so every statement is checked
-//! first. tobj then gets only valid `v`, `vt`, `vn` and `f` statements, one on each line. Statements at which it would
-//! start a new model (`o`, `g`, `usemtl`) are left out, as are comments in other encodings, and vertex colours that
-//! only some lines have.
+//! tobj reads the numbers of `v`, `vt` and `vn`, faces are read here: tobj has no line numbers, takes an index of 0 for a
+//! missing one, and repeats texture coordinates where a corner has none. It also reads NaN as a number; where it refuses
+//! numbers, or they are not finite, the lines are checked one by one.
 
 use crate::asset::{Corner, Faces};
 use crate::error::{Error, Result};
@@ -15,6 +14,8 @@ use std::path::Path;
 /// The statements that list values.
 const KEYWORDS: [&str; 3] = ["v", "vt", "vn"];
 const NAMES: [&str; 3] = ["vertex", "texture coordinate", "normal"];
+/// Numbers that each needs.
+const SIZES: [usize; 3] = [3, 2, 3];
 
 const EXPORT_AGAIN: &str = "export the file again";
 const EXPORT_OBJ: &str = "export the mesh as Wavefront OBJ";
@@ -58,125 +59,80 @@ impl ObjFile {
     /// # Errors
     /// [`Error::Input`] with the line if the text cannot be used; [`Error::OutOfMemory`].
     pub fn from_bytes(path: &Path, bytes: Vec<u8>) -> Result<Self> {
-        let Scan { text, counts, corners, without_texcoord, without_normal, .. } = Scan::new(path, bytes)?;
-        let options = tobj::LoadOptions::default();
-        let loaded = tobj::load_obj_buf(&mut text.as_slice(), &options, |_| Ok(Default::default()));
-        drop(text);
-        // The scan has refused everything that tobj refuses; a difference between the two would be reported here.
-        let refuse = |what: String| Error::input(path, "", what, "export the file again, with one statement on a line");
-        let (mut models, _) = loaded.map_err(|e| refuse(e.to_string()))?;
-        let mesh = models.pop().map(|model| model.mesh).unwrap_or_default();
-        let [v, vt, vn] = counts;
-        let first = v.max(vt).max(vn);
-        let complete = models.is_empty()
-            && [mesh.positions.len(), mesh.texcoords.len(), mesh.normals.len()] == [3 * v, 2 * vt, 3 * vn]
-            && mesh.indices.len() == first + corners;
-        if !complete {
-            return Err(refuse("the parser lost vertices or corners".into()));
-        }
-
-        // tobj leaves out the sizes if all faces, the first one included, are triangles.
-        let sizes = mesh.face_arities.get(1..).map_or_else(|| vec![3; corners / 3], <[u32]>::to_vec);
-        let texcoord = |i: usize| mesh.texcoord_indices.get(first + i).copied();
-        let indices = mesh.indices[first..].iter().enumerate();
-        let mut faces = Faces {
-            sizes,
-            corners: indices.map(|(i, &position)| Corner { position, texcoord: texcoord(i) }).collect(),
+        let bytes = prepared(path, bytes)?;
+        let Scan { text, counts, faces, corner_normals, without_normal, .. } = Scan::new(path, &bytes)?;
+        let Some([positions, texcoords, normals]) = values(&text, counts) else {
+            return Err(refused_number(path, &bytes));
         };
-        // For a corner without texture coordinate, tobj repeats that of the corner before.
-        without_texcoord.iter().for_each(|&i| faces.corners[i as usize].texcoord = None);
-        let any_normals = without_normal < corners;
+        let any_normals = without_normal < faces.corners.len();
         Ok(Self {
-            positions: mesh.positions.chunks_exact(3).map(Vec3::from_slice).collect(),
-            texcoords: mesh.texcoords.chunks_exact(2).map(Vec2::from_slice).collect(),
-            normals: mesh.normals.chunks_exact(3).map(Vec3::from_slice).collect(),
-            corner_normals: (any_normals && without_normal == 0).then(|| mesh.normal_indices[first..].to_vec()),
+            positions: positions.as_chunks().0.iter().copied().map(Vec3::from_array).collect(),
+            texcoords: texcoords.as_chunks().0.iter().copied().map(Vec2::from_array).collect(),
+            normals: normals.as_chunks().0.iter().copied().map(Vec3::from_array).collect(),
+            corner_normals: (any_normals && without_normal == 0).then_some(corner_normals),
             any_normals,
             faces,
         })
     }
 }
 
-/// Checks statements, and copies the valid ones for tobj.
-struct Scan<'a> {
-    path: &'a Path,
-    /// The line that the statement starts on.
-    line: usize,
-    /// The statements for tobj.
-    text: Vec<u8>,
-    /// Number of `v`, `vt` and `vn` statements.
-    counts: [usize; 3],
-    /// The numbers so far; a negative index counts back from them.
-    seen: [usize; 3],
-    /// Number of corners of all faces.
-    corners: usize,
-    /// Corners (counted over all faces) without a texture coordinate.
-    without_texcoord: Vec<u32>,
-    /// Number of corners without a normal.
-    without_normal: usize,
+/// The text in lines that end in LF, each with a whole statement.
+fn prepared(path: &Path, mut bytes: Vec<u8>) -> Result<Vec<u8>> {
+    if let Some(at) = bytes.iter().position(|&b| b == 0) {
+        let what = format!("binary data (a zero byte at offset {at}), OBJ text expected");
+        return Err(Error::input(path, "", what, EXPORT_OBJ));
+    }
+    if bytes.starts_with(b"\xef\xbb\xbf") {
+        bytes[..3].fill(b' ');
+    }
+    // Lines that end in CR alone, as on old systems. Beside LF, a CR counts as white space.
+    if !bytes.contains(&b'\n') {
+        bytes.iter_mut().filter(|b| **b == b'\r').for_each(|b| *b = b'\n');
+    }
+    Ok(if bytes.contains(&b'\\') { join_lines(&bytes) } else { bytes })
 }
 
-impl<'a> Scan<'a> {
-    /// Checks `bytes` and keeps the statements that tobj needs. `path` is for messages.
-    fn new(path: &'a Path, mut bytes: Vec<u8>) -> Result<Self> {
-        if let Some(at) = bytes.iter().position(|&b| b == 0) {
-            let what = format!("binary data (a zero byte at offset {at}), OBJ text expected");
-            return Err(Error::input(path, "", what, EXPORT_OBJ));
-        }
-        if bytes.starts_with(b"\xef\xbb\xbf") {
-            bytes[..3].fill(b' ');
-        }
-        // Lines that end in CR alone, as on old systems. Beside LF, a CR counts as white space.
-        if !bytes.contains(&b'\n') {
-            bytes.iter_mut().filter(|b| **b == b'\r').for_each(|b| *b = b'\n');
-        }
-        if bytes.contains(&b'\\') {
-            bytes = join_lines(&bytes);
-        }
-        // Counted in advance: a face may name a vertex that is listed after it.
-        let mut counts = [0; 3];
-        for (keyword, _) in statements(&bytes) {
-            kind_of(keyword).into_iter().for_each(|kind| counts[kind] += 1);
-        }
-        if counts[0] == 0 {
-            let what = "no 'v' line: not an OBJ file, or one without vertices";
-            return Err(Error::input(path, "", what, EXPORT_OBJ));
-        }
-        let mut text = ordering_face(counts);
-        text.reserve(bytes.len() + 1);
-        let (without_texcoord, without_normal) = (vec![], 0);
-        let mut scan = Self { path, line: 0, text, counts, seen: [0; 3], corners: 0, without_texcoord, without_normal };
-        for (line, (keyword, rest)) in (1..).zip(statements(&bytes)) {
-            scan.line = line;
-            scan.statement(keyword, rest)?;
-        }
-        Ok(scan)
-    }
+/// The numbers of the `v`, `vt` and `vn` statements in `text`, by tobj; `None` where one is refused or not finite.
+fn values(text: &[u8], counts: [usize; 3]) -> Option<[Vec<f32>; 3]> {
+    let options = tobj::LoadOptions::default();
+    let (mut models, _) = tobj::load_obj_buf(&mut &*text, &options, |_| Ok(Default::default())).ok()?;
+    let mesh = models.pop()?.mesh;
+    let values = [mesh.positions, mesh.texcoords, mesh.normals];
+    let [v, vt, vn] = counts;
+    let is_complete = values.each_ref().map(Vec::len) == [3 * v, 2 * vt, 3 * vn];
+    let is_finite = values.iter().flatten().all(|number| number.is_finite());
+    (models.is_empty() && is_complete && is_finite).then_some(values)
+}
 
-    fn error(&self, what: impl Into<String>, remedy: &str) -> Error {
+/// The error for the first line with numbers that cannot be used.
+fn refused_number(path: &Path, bytes: &[u8]) -> Error {
+    for (line, (keyword, rest)) in (1..).zip(statements(bytes)) {
+        let place = Line { path, line };
+        let checked = kind_of(keyword).map_or(Ok(()), |kind| place.check_numbers(kind, rest));
+        if let Err(error) = checked {
+            return error;
+        }
+    }
+    Error::input(path, "", "the parser lost numbers", "export the file again, with one statement on a line")
+}
+
+/// The line that a statement begins on.
+#[derive(Clone, Copy)]
+struct Line<'a> {
+    path: &'a Path,
+    line: usize,
+}
+
+impl Line<'_> {
+    fn error(self, what: impl Into<String>, remedy: &str) -> Error {
         Error::input(self.path, format!(": line {}", self.line), what, remedy)
     }
 
-    fn statement(&mut self, keyword: &[u8], rest: &[u8]) -> Result<()> {
-        let kind = kind_of(keyword);
-        if kind.is_none() && keyword != b"f" {
-            return Ok(());
-        }
-        let text = std::str::from_utf8(rest).map_err(|_| self.error("bytes that are not UTF-8 text", EXPORT_AGAIN))?;
-        let kept = match kind {
-            Some(0) => self.vertex(text)?,
-            Some(1) => self.numbers::<2>(1, &mut text.split_whitespace()).map(|_| text)?,
-            Some(_) => self.numbers::<3>(2, &mut text.split_whitespace()).map(|_| text)?,
-            None => self.face(text)?,
-        };
-        kind.into_iter().for_each(|kind| self.seen[kind] += 1);
-        for part in [keyword, kept.as_bytes(), b"\n"] {
-            self.text.extend_from_slice(part);
-        }
-        Ok(())
+    fn text(self, rest: &[u8]) -> Result<&str> {
+        std::str::from_utf8(rest).map_err(|_| self.error("bytes that are not UTF-8 text", EXPORT_AGAIN))
     }
 
-    fn number(&self, word: &str) -> Result<f32> {
+    fn number(self, word: &str) -> Result<f32> {
         let number = word.parse::<f32>();
         let number = number.map_err(|_| self.error(format!("'{}' is not a number", short(word)), EXPORT_AGAIN))?;
         let what = || format!("'{word}' is not a finite number of single precision");
@@ -184,51 +140,114 @@ impl<'a> Scan<'a> {
         finite.ok_or_else(|| self.error(what(), "repair the mesh and export it again"))
     }
 
-    /// Reads the `N` numbers at the beginning of a statement.
-    fn numbers<'t, const N: usize>(&self, kind: usize, words: &mut impl Iterator<Item = &'t str>) -> Result<[f32; N]> {
-        let mut numbers = [0.0; N];
-        for (i, x) in numbers.iter_mut().enumerate() {
-            let missing = || self.error(format!("a {} with {i} numbers, {N} expected", NAMES[kind]), EXPORT_AGAIN);
-            *x = self.number(words.next().ok_or_else(missing)?)?;
+    fn check_numbers(self, kind: usize, rest: &[u8]) -> Result<()> {
+        let mut words = self.text(rest)?.split_whitespace();
+        let expected = SIZES[kind];
+        let mut numbers = vec![];
+        for i in 0..expected {
+            let missing =
+                || self.error(format!("a {} with {i} numbers, {expected} expected", NAMES[kind]), EXPORT_AGAIN);
+            numbers.push(self.number(words.next().ok_or_else(missing)?)?);
         }
-        Ok(numbers)
+        // The weight of `x y z w`; colours are not read.
+        let more: Vec<&str> = words.take(2).collect();
+        if let (0, [w]) = (kind, &more[..]) {
+            let w = self.number(w)?;
+            if !numbers.iter().all(|x| (x / w).is_finite()) {
+                return Err(
+                    self.error(format!("the weight {w} takes the vertex to infinity"), "remove the fourth number")
+                );
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Reads faces, and copies the other statements for tobj.
+struct Scan<'a> {
+    at: Line<'a>,
+    /// The statements for tobj.
+    text: Vec<u8>,
+    /// Number of `v`, `vt` and `vn` statements.
+    counts: [usize; 3],
+    /// The numbers so far; a negative index counts back from them.
+    seen: [usize; 3],
+    faces: Faces,
+    /// Index of the normal of each corner; 0 where it has none.
+    corner_normals: Vec<u32>,
+    /// Number of corners without a normal.
+    without_normal: usize,
+}
+
+impl<'a> Scan<'a> {
+    fn new(path: &'a Path, bytes: &[u8]) -> Result<Self> {
+        // Counted in advance: a face may name a vertex that is listed after it.
+        let mut counts = [0; 3];
+        for (keyword, _) in statements(bytes) {
+            kind_of(keyword).into_iter().for_each(|kind| counts[kind] += 1);
+        }
+        if counts[0] == 0 {
+            let what = "no 'v' line: not an OBJ file, or one without vertices";
+            return Err(Error::input(path, "", what, EXPORT_OBJ));
+        }
+        let mut scan = Self {
+            at: Line { path, line: 0 },
+            text: ordering_face(counts),
+            counts,
+            seen: [0; 3],
+            faces: Faces::default(),
+            corner_normals: vec![],
+            without_normal: 0,
+        };
+        scan.text.reserve(bytes.len() + 1);
+        for (line, (keyword, rest)) in (1..).zip(statements(bytes)) {
+            scan.at.line = line;
+            match kind_of(keyword) {
+                Some(kind) => scan.values(kind, keyword, rest)?,
+                None if keyword == b"f" => scan.face(rest)?,
+                None => {}
+            }
+        }
+        Ok(scan)
     }
 
-    /// Checks `x y z [w]` or `x y z r g b [a]`; the colour is not kept.
-    fn vertex<'t>(&self, text: &'t str) -> Result<&'t str> {
-        let mut words = text.split_whitespace();
-        let xyz = self.numbers::<3>(0, &mut words)?;
-        let more: Vec<&str> = words.take(5).collect();
-        match more[..] {
-            [] => Ok(text),
-            [w] => {
-                let w = self.number(w)?;
-                let what = || format!("the weight {w} takes the vertex to infinity");
-                let finite = xyz.iter().all(|x| (x / w).is_finite());
-                finite.then_some(text).ok_or_else(|| self.error(what(), "remove the fourth number"))
-            }
-            [red, _, _] | [red, _, _, _] => Ok(&text[..red.as_ptr() as usize - text.as_ptr() as usize]),
-            _ => {
-                let n = text.split_whitespace().count();
+    /// Copies a statement without what tobj may not read: colours that only some vertices have.
+    fn values(&mut self, kind: usize, keyword: &[u8], rest: &[u8]) -> Result<()> {
+        let text = self.at.text(rest)?;
+        let words = if kind == 0 { text.split_whitespace().count() } else { 0 };
+        let kept = match words {
+            ..=4 => text.len(),
+            6 | 7 => text.split_whitespace().nth(3).map_or(0, |red| red.as_ptr() as usize - text.as_ptr() as usize),
+            n => {
                 let what = format!("a vertex with {n} numbers, 3 expected (or 4 with a weight, 6 with a colour)");
-                Err(self.error(what, EXPORT_AGAIN))
+                return Err(self.at.error(what, EXPORT_AGAIN));
             }
+        };
+        for part in [keyword, &text.as_bytes()[..kept], b"\n"] {
+            self.text.extend_from_slice(part);
         }
+        self.seen[kind] += 1;
+        Ok(())
     }
 
-    fn face<'t>(&mut self, text: &'t str) -> Result<&'t str> {
-        let before = self.corners;
-        text.split_whitespace().try_for_each(|word| self.corner(word))?;
-        let what = |size| format!("a face with {size} corners, at least 3 expected");
-        match self.corners - before {
-            3.. => Ok(text),
-            size => Err(self.error(what(size), "remove it, or write points and lines as 'p' and 'l'")),
+    fn face(&mut self, rest: &[u8]) -> Result<()> {
+        let before = self.faces.corners.len();
+        for word in self.at.text(rest)?.split_whitespace() {
+            self.corner(word)?;
         }
+        let size = self.faces.corners.len() - before;
+        if size < 3 {
+            let what = format!("a face with {size} corners, at least 3 expected");
+            return Err(self.at.error(what, "remove it, or write points and lines as 'p' and 'l'"));
+        }
+        // `corner` counts all of them in 32 bits.
+        self.faces.sizes.push(size as u32);
+        Ok(())
     }
 
     fn corner(&mut self, word: &str) -> Result<()> {
-        let mut named = [false; 3];
-        let refuse = |what: &str| Err(self.error(format!("'{}' {what}", short(word)), WRITE_CORNERS));
+        let mut named = [None; 3];
+        let refuse = |what: &str| Err(self.at.error(format!("'{}' {what}", short(word)), WRITE_CORNERS));
         for (k, part) in word.split('/').enumerate() {
             if k == 3 {
                 return refuse("has more than three indices");
@@ -240,34 +259,34 @@ impl<'a> Scan<'a> {
             // A positive index may refer to later lines; a negative one counts back from this line.
             let limit = if index < 0 { self.seen[k] } else { self.counts[k] } as u64;
             if index == 0 || index.unsigned_abs() > limit {
-                let (name, keyword) = (NAMES[k], KEYWORDS[k]);
+                let name = NAMES[k];
+                let keyword = KEYWORDS[k];
                 let what = match index {
                     0 => format!("{name} index 0, but OBJ counts from 1"),
                     1.. => format!("{name} index {index}, but the file has {limit} '{keyword}' lines"),
                     _ => format!("{name} index {index}, but only {limit} '{keyword}' lines come before it"),
                 };
-                return Err(self.error(what, EXPORT_AGAIN));
+                return Err(self.at.error(what, EXPORT_AGAIN));
             }
-            named[k] = true;
+            let from_0 = if index < 0 { limit - index.unsigned_abs() } else { index.unsigned_abs() - 1 };
+            // Files are too small for 2^32 lines of a keyword.
+            named[k] = Some(from_0 as u32);
         }
-        if !named[0] {
-            return refuse("names no vertex");
+        let [Some(position), texcoord, normal] = named else { return refuse("names no vertex") };
+        if u32::try_from(self.faces.corners.len()).is_err() {
+            return Err(self.at.error("more than 4,294,967,295 face corners", "split the mesh"));
         }
-        let corner = u32::try_from(self.corners)
-            .map_err(|_| self.error("more than 4,294,967,295 face corners", "split the mesh"))?;
-        if !named[1] && self.counts[1] > 0 {
-            self.without_texcoord.push(corner);
-        }
-        self.without_normal += usize::from(!named[2]);
-        self.corners += 1;
+        self.faces.corners.push(Corner { position, texcoord });
+        self.corner_normals.push(normal.unwrap_or(0));
+        self.without_normal += usize::from(normal.is_none());
         Ok(())
     }
 }
 
-/// Makes a face whose corners name every vertex, texture coordinate and normal in file order.
+/// Makes the one face that tobj gets, whose corners name every vertex, texture coordinate and normal in file order.
 ///
-/// tobj numbers all three by first use and drops those that no face uses. With this first face in the file, the order
-/// of first use is the order of the file. The face is removed after parsing.
+/// tobj numbers all three by first use and drops those that no face uses. With this face, the order of first use is the
+/// order of the file.
 fn ordering_face(counts: [usize; 3]) -> Vec<u8> {
     let corners = counts.into_iter().max().unwrap_or(0);
     let mut line = Vec::with_capacity(corners * 24 + 2);

@@ -39,10 +39,8 @@ impl BlockIndex {
             lengths: lengths.map_or(0..0, StreamPlace::components),
             sums,
             costs: vec![],
-            masks: vec![],
             first_incidence: vec![],
             incidence: vec![],
-            block_masks: vec![],
             block_base: vec![0.0; blocks],
             block_reach: vec![0.0; blocks],
         };
@@ -135,31 +133,23 @@ impl BlockIndex {
     fn derive(&mut self, format: &dyn BlockFormat, targets: usize, words: &[u32], base: &[f32]) -> Result<(), String> {
         self.take_base(base);
         let lengths = self.lengths.clone();
-        let (size, w, entries) = (self.size(), self.mask_words(), self.entry_count());
-        let mut masks = vec![0u32; entries * POSE_FLOATS * w];
-        let mut block_masks = vec![0u32; self.count() * POSE_FLOATS * w];
-        let mut costs = Vec::with_capacity(entries);
+        let size = self.size();
+        let mut costs = Vec::with_capacity(self.entry_count());
         // Σ|delta|: multiples of a step that fit 53 bits.
         let mut sums = vec![[0.0; POSE_FLOATS]; size];
         for block in 0..self.count() {
             sums.fill([0.0; POSE_FLOATS]);
             for entry in self.entries(block) {
-                let mask = &mut masks[entry * POSE_FLOATS * w..][..POSE_FLOATS * w];
-                let (mut reach, mut lanes) = (0.0f64, [u8::MAX, 0]);
+                let mut reach = 0.0f64;
+                let mut lanes = [u8::MAX, 0];
                 self.for_each_lane(words, entry, &mut |lane, delta| {
-                    for (c, value) in delta.iter().enumerate() {
-                        mask[c * w + lane / 32] |= u32::from(*value != 0.0) << (lane % 32);
-                        sums[lane][c] += value.abs();
-                    }
+                    sums[lane].iter_mut().zip(delta).for_each(|(sum, value)| *sum += value.abs());
                     if delta != [0.0; POSE_FLOATS] {
                         let first = lane as u8 & !7;
                         lanes = [lanes[0].min(first), first + 8];
                     }
                     reach = reach.max(delta[lengths.clone()].iter().map(|d| d * d).sum::<f64>());
                 });
-                for (all, one) in block_masks[block * POSE_FLOATS * w..].iter_mut().zip(&*mask) {
-                    *all |= one;
-                }
                 // Rounded up, since bounds are computed from it.
                 let reach = if lengths.is_empty() { 0.0 } else { (reach.sqrt() as f32).next_up() };
                 let (header, deltas) = self.locate(format, words, entry);
@@ -176,13 +166,11 @@ impl BlockIndex {
             }
             // Vertices beyond the mesh's last one must not move.
             let live = self.parts.order.len().saturating_sub(block * size).min(size);
-            let mask = &block_masks[block * POSE_FLOATS * w..][..POSE_FLOATS * w];
-            let moves = |lane: usize| (0..POSE_FLOATS).any(|c| mask[c * w + lane / 32] >> (lane % 32) & 1 != 0);
-            if (live..size).any(moves) {
+            if sums[live..].iter().any(|sums| *sums != [0.0; POSE_FLOATS]) {
                 return Err(format!("block {block} moves vertices that the mesh does not have"));
             }
         }
-        (self.masks, self.block_masks, self.costs) = (masks, block_masks, costs);
+        self.costs = costs;
         // By target; blocks stay ascending, since entries are in block order.
         let target_of = |incidence: &Incidence| self.parts.entry_target[incidence.entry as usize];
         let in_block = |block| self.entries(block).map(move |e| Incidence { block: block as u32, entry: e as u32 });

@@ -96,12 +96,8 @@ pub struct BlockIndex {
     lengths: Range<usize>,
     pub(super) sums: Sums,
     pub(crate) costs: Vec<EntryCost>,
-    /// `[entry][component][word]`: vertices whose component the entry changes.
-    pub(crate) masks: Vec<u32>,
     first_incidence: Vec<u32>,
     incidence: Vec<Incidence>,
-    /// `[block][component][word]`: vertices whose component any target changes.
-    pub(crate) block_masks: Vec<u32>,
     /// By block: the largest base position component, and Σ reach of its entries.
     pub(crate) block_base: Vec<f32>,
     pub(crate) block_reach: Vec<f32>,
@@ -184,10 +180,6 @@ impl BlockIndex {
     /// Bytes of index data (headers of entries).
     pub fn index_bytes(&self) -> u64 {
         4 * self.deltas_at as u64
-    }
-
-    pub(crate) fn mask_words(&self) -> usize {
-        self.parts.size as usize / 32
     }
 
     pub(crate) fn entries(&self, block: usize) -> Range<usize> {

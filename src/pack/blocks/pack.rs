@@ -307,6 +307,7 @@ impl PackedGroup {
             diagonal,
             origin: Vec3::ZERO,
             targets,
+            indices: Arc::default(),
             blocks: Some(Arc::new(index)),
             sums: None,
         };

@@ -14,7 +14,7 @@ fn packed(format: DeltaFormat, size: u32) -> (MorphMesh, PackedMesh) {
 }
 
 #[test]
-fn deltas_come_back_within_the_error_allowed_and_masks_say_what_changes() {
+fn deltas_come_back_within_the_error_allowed() {
     for (format, size) in DeltaFormat::BLOCKS.into_iter().flat_map(|f| BLOCK_SIZES.map(|s| (f, s))) {
         let (mesh, packed) = packed(format, size);
         let index = packed.layout().index().unwrap();
@@ -37,16 +37,6 @@ fn deltas_come_back_within_the_error_allowed_and_masks_say_what_changes() {
                 assert!(delta == [0.0; 6] || target.vertices.contains(&(vertex as u32)), "{format:?}");
             });
         }
-        let w = index.mask_words();
-        for (entry, mask) in index.masks.chunks_exact(6 * w).enumerate() {
-            let mut found = vec![0u32; 6 * w];
-            index.for_each_lane(packed.deltas(), entry, &mut |lane, delta| {
-                (0..6).for_each(|c| found[c * w + lane / 32] |= u32::from(delta[c] != 0.0) << (lane % 32));
-            });
-            assert_eq!(mask, found);
-            assert!(mask.iter().any(|m| *m != 0) || format != DeltaFormat::BlockFloat32);
-        }
-        assert_eq!(index.masks.len(), index.entry_count() * 6 * w);
         assert_eq!((0..9).map(|t| index.incidence(t).len()).sum::<usize>(), index.entry_count());
     }
 }

@@ -19,8 +19,10 @@ const INCONSISTENT: &str = "the program that wrote it is at fault: pack the mesh
 
 /// The file of `asset`, which is in a block format, with the content of section 'clips' if there are any.
 pub(super) fn write(asset: &Asset, clips: Option<Vec<u8>>) -> Result<Vec<u8>> {
-    let (layout, faces) = (asset.mesh.layout(), &asset.faces);
-    let (index, groups) = (layout.index()?, asset.mesh.groups());
+    let layout = asset.mesh.layout();
+    let faces = &asset.faces;
+    let index = layout.index()?;
+    let groups = asset.mesh.groups();
     if groups.len() > GROUPS_MAX {
         let what = format!("mesh '{}' has {} groups of streams; a file has {GROUPS_MAX}", layout.name, groups.len());
         return Err(Error::invalid(what, "leave streams out"));
@@ -34,7 +36,8 @@ pub(super) fn write(asset: &Asset, clips: Option<Vec<u8>>) -> Result<Vec<u8>> {
         };
         counts.iter().map(|&n| u32::try_from(n).map_err(|_| refuse(n))).collect()
     };
-    let (corners, texcoords) = (faces.corners.len(), asset.texcoords.len());
+    let corners = faces.corners.len();
+    let texcoords = asset.texcoords.len();
     let Tolerance { position, normal } = asset.tolerance;
     let meta = [
         &[layout.format.row().id, index.parts.size][..],
@@ -63,7 +66,8 @@ pub(super) fn write(asset: &Asset, clips: Option<Vec<u8>>) -> Result<Vec<u8>> {
     ];
     contents.extend(clips.map(|clips| ((CLIPS, 0), clips)));
     for (i, group) in groups.iter().enumerate() {
-        let (streams, index) = (&group.layout().streams, group.layout().index()?);
+        let streams = &group.layout().streams;
+        let index = group.layout().index()?;
         let mut head = counts(&[streams.len(), index.count(), index.entry_count(), group.deltas().len()])?;
         head.extend(index.steps().map(f32::to_bits));
         for semantic in streams.iter().map(|place| place.semantic) {
@@ -101,47 +105,30 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
         if bytes.len() as u64 == needed { Ok(bytes) } else { Err(refuse(place, what())) }
     };
     let checked = |place, count, stride, of: &str| sized(place, count, stride, of).map(words_of);
-    let targets_of = |place, entries| match sections.are_wide() {
-        true => checked(place, entries, 4, "entries"),
-        false => Ok(sized(place, entries, 2, "entries")?
-            .as_chunks()
-            .0
-            .iter()
-            .map(|b| u16::from_le_bytes(*b).into())
-            .collect()),
+    let targets_of = |place, entries| {
+        let bytes = sized(place, entries, 2, "entries")?;
+        Ok(bytes.as_chunks().0.iter().map(|b| u16::from_le_bytes(*b).into()).collect())
     };
     let optional = |section, count, of| match sections.get((section, 0)).is_empty() {
         true => Ok(vec![]),
         false => checked((section, 0), count, 4, of),
     };
 
-    // Version 2 stores in 'meta' what later versions store in 'group'.
-    let (old, at_meta) = (sections.version == OLDEST_VERSION, (META, 0));
-    let at_head = |group| if old { at_meta } else { (GROUP, group) };
-    let mut meta = sections.get(at_meta).to_vec();
-    let mut heads: Vec<_> = (0..sections.groups()).map(|group| sections.get(at_head(group)).to_vec()).collect();
-    if old {
-        [meta, heads[0]] = split_old(&meta).map_err(|what| refuse(at_meta, what))?;
-    }
-    let words: Option<[u32; 11]> = words_of(&meta).try_into().ok().filter(|_| meta.len().is_multiple_of(4));
+    let at_meta = (META, 0);
+    let meta = sections.get(at_meta);
+    let words: Option<[u32; 11]> = words_of(meta).try_into().ok().filter(|_| meta.len().is_multiple_of(4));
     let [format, size, counts @ .., diagonal, weight_max, position, normal] =
         words.ok_or_else(|| refuse(at_meta, format!("has {} bytes, 44 expected", meta.len())))?;
     let [vertices, target_count, face_count, corners, texcoords] = counts.map(|n| n as usize);
     let [diagonal, weight_max, position, normal] = [diagonal, weight_max, position, normal].map(f32::from_bits);
     let format = DeltaFormat::from_id(format)
         .ok_or_else(|| refuse(at_meta, format!("names a format {format} that is not known")))?;
-    if sections.version < format.row().since {
-        let (name, version) = (format.name(), sections.version);
-        let what =
-            format!("has '{name}' deltas as version {version} has them, which later versions encode differently");
-        return Err(malformed(path, Some(at_meta), what, OUTDATED));
-    }
     if target_count > TARGETS_MAX {
         let what = format!("names {target_count} targets; the kernels name at most {TARGETS_MAX}");
         return Err(refuse(at_meta, what));
     }
-    let head = |(i, bytes): (usize, &Vec<u8>)| Head::parse(bytes).map_err(|what| refuse(at_head(i), what));
-    let heads = heads.iter().enumerate().map(head).collect::<Result<Vec<_>>>()?;
+    let head = |group| Head::parse(sections.get((GROUP, group))).map_err(|what| refuse((GROUP, group), what));
+    let heads = (0..sections.groups()).map(head).collect::<Result<Vec<_>>>()?;
     let laid_out = group_streams(heads.iter().flat_map(|head| &head.semantics).copied());
 
     let names = names(sections.get((NAMES, 0)), target_count);
@@ -184,7 +171,7 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
         let texcoord = corner_texcoords.get(i).copied().filter(|t| *t != u32::MAX);
         Corner { position, texcoord }
     };
-    let asset = Asset {
+    let mut asset = Asset {
         mesh: PackedMesh::of_groups(groups),
         faces: Faces {
             sizes: checked((FACES, 0), face_count, 4, "faces")?,
@@ -194,10 +181,9 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
         welds: optional(WELDS, vertices, "vertices")?,
         tolerance: Tolerance { position, normal },
     };
-    match asset.check() {
-        Ok(()) => Ok(asset),
-        Err(what) => Err(malformed(path, None, what, INCONSISTENT)),
-    }
+    asset.check().map_err(|what| malformed(path, None, what, INCONSISTENT))?;
+    asset.mesh.take_faces(&asset.faces)?;
+    Ok(asset)
 }
 
 /// Section 'group'.
@@ -212,14 +198,16 @@ struct Head {
 
 impl Head {
     fn parse(bytes: &[u8]) -> Result<Self, String> {
-        let (words, length) = (words_of(bytes), bytes.len() as u64);
+        let words = words_of(bytes);
+        let length = bytes.len() as u64;
         let (&[count, blocks, entries, words, first, second], rest) =
             words.split_first_chunk::<6>().ok_or_else(|| format!("has {length} bytes"))?;
         let expected = 24 + 16 * u64::from(count);
         if length != expected {
             return Err(format!("has {length} bytes, {expected} expected"));
         }
-        let (mut semantics, mut error) = (vec![], PoseError::default());
+        let mut semantics = vec![];
+        let mut error = PoseError::default();
         for &[id, zero, low, high] in rest.as_chunks().0 {
             let known = Semantic::from_id(id).filter(|_| zero == 0);
             let semantic = known.ok_or_else(|| format!("names a stream {id:#x} that is not known"))?;
@@ -233,18 +221,6 @@ impl Head {
         let [blocks, entries, words] = [blocks, entries, words].map(|n| n as usize);
         Ok(Self { semantics, blocks, entries, words, steps: [first, second].map(f32::from_bits), error })
     }
-}
-
-/// Splits section 'meta' of version 2 into the two sections of later versions.
-fn split_old(bytes: &[u8]) -> Result<[Vec<u8>; 2], String> {
-    if bytes.len() != 80 {
-        return Err(format!("has {} bytes, 80 expected", bytes.len()));
-    }
-    let words = words_of(bytes);
-    let mesh = [&words[..4], &words[7..10], &words[12..16]].concat();
-    let [position, normal] = [Semantic::Position, Semantic::Normal].map(|semantic| [semantic.id(), 0]);
-    let group = [&[2], &words[4..7], &words[10..12], &position, &words[16..18], &normal, &words[18..]].concat();
-    Ok([mesh, group].map(bytes_of))
 }
 
 /// The names of the mesh and of each target.

@@ -5,12 +5,9 @@ use std::path::Path;
 
 /// Magic bytes. A transfer in text mode changes the line end, and is detected.
 const MAGIC: [u8; 8] = *b"DMORPH\r\n";
-/// The version written without clips, with clips, and the oldest one read.
+/// The version without clips, and with clips.
 const VERSION: u32 = 6;
 const WITH_CLIPS: u32 = 7;
-/// The last version whose entry targets have 32 bits; with clips.
-const WIDE_WITH_CLIPS: u32 = 5;
-pub(super) const OLDEST_VERSION: u32 = 2;
 /// Most groups of a file, since some data is kept per target and group.
 pub(super) const GROUPS_MAX: usize = 16;
 /// Bytes of the header, of a table row, and of the checksum after the table.
@@ -23,7 +20,7 @@ const ALIGNMENT: usize = 8;
 const DAMAGED: &str = "the file is damaged: copy it again, or pack the mesh again";
 
 /// Remedy for a file of another version.
-pub(super) const OUTDATED: &str = "pack the mesh again with this program, or read it with the one that wrote it";
+const OUTDATED: &str = "pack the mesh again with this program, or read it with the one that wrote it";
 
 /// A section: table id, and name in messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,27 +45,20 @@ pub(super) const CLIPS: Section = Section(14, "clips");
 const ONCE: [Section; 9] = [META, NAMES, ORDER, FACES, CORNERS, CORNER_TEXCOORDS, TEXCOORDS, WELDS, CLIPS];
 /// Sections of each group, which follow.
 const EACH: [Section; 5] = [GROUP, BASE, FIRST_ENTRIES, ENTRY_TARGETS, WORDS];
-/// Sections of version 2.
-const OLD: [Section; 11] =
-    [META, NAMES, BASE, ORDER, FIRST_ENTRIES, ENTRY_TARGETS, WORDS, FACES, CORNERS, CORNER_TEXCOORDS, TEXCOORDS];
 
 /// A section and its group; 0 for sections that occur once.
 pub(super) type Place = (Section, usize);
 
 /// The sections of a file in order; `None` if no file has this many.
 pub(super) fn places(version: u32, sections: usize) -> Option<Vec<Place>> {
-    let (once, each) = match version {
-        OLDEST_VERSION => (&OLD[..], &[][..]),
-        WIDE_WITH_CLIPS | WITH_CLIPS => (&ONCE[..], &EACH[..]),
-        _ => (&ONCE[..8], &EACH[..]),
-    };
+    let once = if version == WITH_CLIPS { &ONCE[..] } else { &ONCE[..8] };
     let rest = sections.checked_sub(once.len())?;
-    let groups = rest.checked_div(each.len()).unwrap_or(0);
-    if rest != groups * each.len() || groups > GROUPS_MAX || (groups == 0) != each.is_empty() {
+    let groups = rest / EACH.len();
+    if rest != groups * EACH.len() || !(1..=GROUPS_MAX).contains(&groups) {
         return None;
     }
     let once = once.iter().map(|section| (*section, 0));
-    Some(once.chain((0..groups).flat_map(|group| each.iter().map(move |section| (*section, group)))).collect())
+    Some(once.chain((0..groups).flat_map(|group| EACH.iter().map(move |section| (*section, group)))).collect())
 }
 
 fn id((section, group): Place) -> u32 {
@@ -76,16 +66,10 @@ fn id((section, group): Place) -> u32 {
 }
 
 pub(super) struct Sections<'a> {
-    pub version: u32,
     contents: Vec<(Place, &'a [u8])>,
 }
 
 impl<'a> Sections<'a> {
-    /// Whether entry targets have 32 bits.
-    pub fn are_wide(&self) -> bool {
-        self.version <= WIDE_WITH_CLIPS
-    }
-
     pub fn get(&self, place: Place) -> &'a [u8] {
         self.contents.iter().find(|(at, _)| *at == place).map_or(&[], |(_, bytes)| bytes)
     }
@@ -145,13 +129,10 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
         return refuse("does not begin as a packed mesh does".into(), "give a file written by `deltamorph pack`");
     }
     let (Some(version), Some(count)) = (u32_at(bytes, 8), u32_at(bytes, 12)) else { return ends("the header") };
-    if !(OLDEST_VERSION..=WITH_CLIPS).contains(&version) {
-        return refuse(
-            format!(
-                "has version {version} of the format; this program reads versions {OLDEST_VERSION} to {WITH_CLIPS}"
-            ),
-            OUTDATED,
-        );
+    if !(VERSION..=WITH_CLIPS).contains(&version) {
+        let what =
+            format!("has version {version} of the format; this program reads versions {VERSION} and {WITH_CLIPS}");
+        return refuse(what, OUTDATED);
     }
     let Some(places) = places(version, count as usize) else {
         return refuse(format!("has {count} sections, which no file of version {version} has"), DAMAGED);
@@ -169,7 +150,10 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
         let row = HEADER + ROW * i;
         let word = |at: usize| u32_at(bytes, row + at).unwrap_or(0);
         let long = |at: usize| u64::from(word(at)) | u64::from(word(at + 4)) << 32;
-        let (has, checksum, offset, length) = (word(0), word(4), long(8), long(16));
+        let has = word(0);
+        let checksum = word(4);
+        let offset = long(8);
+        let length = long(16);
         let refuse = |what: String| Err(malformed(path, Some(place), what, DAMAGED));
         if (has, offset) != (id(place), at as u64) {
             return refuse(format!("lies at {offset} with id {has}; at {at} with id {} expected", id(place)));
@@ -194,7 +178,7 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
     if at != bytes.len() {
         return refuse(format!("has {} bytes after the last section", bytes.len() - at), DAMAGED);
     }
-    Ok(Sections { version, contents })
+    Ok(Sections { contents })
 }
 
 pub(super) fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
@@ -211,7 +195,8 @@ pub(super) fn repair(bytes: &mut [u8]) {
     }
     for row in (HEADER..table).step_by(ROW) {
         let long = |at: usize| bytes[row + at..].first_chunk().map_or(0, |b| u64::from_le_bytes(*b));
-        let (offset, length) = (long(8) as usize, long(16) as usize);
+        let offset = long(8) as usize;
+        let length = long(16) as usize;
         if let Some(content) = offset.checked_add(length).and_then(|end| bytes.get(offset..end)) {
             let checksum = crc32fast::hash(content);
             bytes[row + 4..row + 8].copy_from_slice(&checksum.to_le_bytes());

@@ -1,9 +1,9 @@
-//! Clips and error budgets as integers, in the form that is uploaded.
+//! Clips as integers, in the form that is uploaded.
 
 use crate::error::{Error, Result};
-use crate::lod::{Importance, LevelDesc};
+use crate::lod::Importance;
 use crate::pack::PackedLayout;
-use crate::pack::blocks::{BlockIndex, PoseGrid};
+use crate::pack::blocks::PoseGrid;
 use crate::setters::setters;
 use crate::weights::WeightClip;
 
@@ -30,18 +30,14 @@ pub struct AnimationDesc<'a> {
     /// Order of targets for levels of detail ([`AnimatedCrowd::set_level`](crate::AnimatedCrowd::set_level)); `None`:
     /// all targets are always kept.
     pub importance: Option<&'a Importance>,
-    /// How the GPU chooses levels of detail from the size on the screen, for instances with a place
-    /// ([`AnimatedCrowd::set_place`](crate::AnimatedCrowd::set_place)). Requires
-    /// [`importance`](field@Self::importance). `None`: only the host sets levels.
-    pub level: Option<LevelDesc>,
 }
 
-setters!(AnimationDesc<'a> { key_format: KeyFormat, importance: Option<&'a Importance>, level: Option<LevelDesc> });
+setters!(AnimationDesc<'a> { key_format: KeyFormat, importance: Option<&'a Importance> });
 
 impl<'a> AnimationDesc<'a> {
     /// `clips` with 32-bit keys, without levels of detail.
     pub fn new(clips: &'a [WeightClip]) -> Self {
-        Self { clips, key_format: KeyFormat::default(), importance: None, level: None }
+        Self { clips, key_format: KeyFormat::default(), importance: None }
     }
 }
 
@@ -65,7 +61,6 @@ struct Clip {
 /// table   [clip][first word, frames, shift, bits of a key]
 /// keys    [clip][frame][target]                                 a word each, or half a word
 /// ranks   [target]                                              with AnimationDesc::importance
-/// reaches [rank], errors [targets kept]                         float32, with AnimationDesc::level
 /// ```
 ///
 /// First words are relative to the start of the table.
@@ -77,17 +72,6 @@ pub struct Clips {
     format: KeyFormat,
     /// First word of the ranks; 0: none.
     ranks_at: u32,
-    following: Option<Following>,
-}
-
-/// Levels of detail that follow the camera.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Following {
-    pub(crate) desc: LevelDesc,
-    /// Targets that are always kept.
-    pub(crate) pinned: u32,
-    /// First word of the reaches.
-    pub(crate) reaches_at: u32,
 }
 
 /// Words of a clip in the table.
@@ -98,13 +82,11 @@ impl Clips {
     ///
     /// # Errors
     /// Errors of [`WeightClip::bind`]; a clip without frames or with an invalid frame rate; a weight beyond the grid
-    /// (the message names frame and target); an order of importance for another number of targets; levels that follow
-    /// the camera without one, or for more than 65,535 targets.
+    /// (the message names frame and target); an order of importance for another number of targets.
     pub fn new(desc: &AnimationDesc<'_>, layout: &PackedLayout, grid: PoseGrid) -> Result<Self> {
         let names: Vec<&str> = layout.targets.iter().map(|t| t.name.as_str()).collect();
         let words = vec![0; TABLE_WORDS * desc.clips.len()];
-        let mut all =
-            Self { words, clips: vec![], targets: names.len(), format: desc.key_format, ranks_at: 0, following: None };
+        let mut all = Self { words, clips: vec![], targets: names.len(), format: desc.key_format, ranks_at: 0 };
         desc.clips.iter().try_for_each(|clip| all.push(clip, &names, grid))?;
         if let Some(importance) = desc.importance {
             let (given, targets) = (importance.target_count(), names.len());
@@ -118,21 +100,6 @@ impl Clips {
             // 0 without clips, since nothing plays then.
             all.ranks_at = all.words.len() as u32;
             all.words.extend_from_slice(importance.ranks());
-            if let Some(desc) = desc.level {
-                if targets > usize::from(u16::MAX) {
-                    let what =
-                        format!("levels of detail that follow the camera for {targets} targets, in steps of 2⁻¹⁶");
-                    return Err(Error::invalid(what, "use 65535 targets at most, or leave AnimationDesc::level out"));
-                }
-                let (pinned, reaches_at) = (importance.pinned() as u32, all.words.len() as u32);
-                let reaches = importance.order().iter().map(|&target| importance.reach(target as usize));
-                let errors = (0..=targets).map(|kept| importance.error_of_keeping(kept));
-                all.words.extend(reaches.chain(errors).map(f32::to_bits));
-                all.following = Some(Following { desc, pinned, reaches_at });
-            }
-        } else if desc.level.is_some() {
-            let what = "levels of detail that follow the camera, without an order of importance";
-            return Err(Error::invalid(what, "give AnimationDesc::importance too"));
         }
         if u32::try_from(all.words.len()).is_err() {
             let what = format!("clips of {} words", all.words.len());
@@ -205,10 +172,6 @@ impl Clips {
         (self.ranks_at > 0).then_some(self.ranks_at)
     }
 
-    pub(crate) fn following(&self) -> Option<Following> {
-        self.following
-    }
-
     pub(crate) fn rank(&self, target: usize) -> u32 {
         self.words[self.ranks_at as usize + target]
     }
@@ -269,40 +232,5 @@ fn shortened(key: i32, shift: u32, most: i32) -> i32 {
     match (i64::from(short) << shift).abs() > i64::from(most) {
         true => short - short.signum(),
         false => short,
-    }
-}
-
-/// The error budget of a crowd: changes below it are deferred, target by target.
-///
-/// The change of an instance's target from applied to requested weight is deferred while in every block
-///
-/// ```text
-/// Σ |requested − applied| · reach ≤ budget     over the targets that touch the block
-/// ```
-///
-/// where the reach of a target in a block is the length of its longest position delta there, in steps, rounded up. Sums
-/// are 64-bit integers, so that GPU and CPU decide alike. If a block exceeds the budget, all its deferred changes are
-/// applied; so are all changes of an instance whose requested weights stay the same for an update.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Budget {
-    /// The budget, in steps of a weight × steps of a delta.
-    pub most: u64,
-    /// By entry: reach in steps of a delta.
-    pub reaches: Vec<u32>,
-}
-
-impl Budget {
-    /// `length` in input units; `None` if it is 0: nothing is deferred.
-    pub fn new(length: f32, index: &BlockIndex, grid: PoseGrid) -> Option<Self> {
-        if length <= 0.0 {
-            return None;
-        }
-        let (step, weight_step) = (f64::from(index.steps()[0]), f64::from(grid.weight_step()));
-        // Steps are powers of two: only floor and ceil round.
-        let reach = |reach: f32| (f64::from(reach) / step).ceil() as u32;
-        Some(Self {
-            most: (f64::from(length) / (step * weight_step)).floor() as u64,
-            reaches: index.costs.iter().map(|cost| reach(cost.reach)).collect(),
-        })
     }
 }

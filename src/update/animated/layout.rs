@@ -1,44 +1,41 @@
 //! Buffer layout of an animated crowd: tables, state and planned work lists.
 
-use super::clips::{Budget, Clips};
-use crate::abi::numbers::{BIT_KINDS, BIT_KINDS_BUDGET, LEVEL_WORDS, RECORD_WORDS, WORKGROUP};
+use super::clips::Clips;
+use crate::abi::numbers::{BIT_KINDS, RECORD_WORDS, WORKGROUP};
 use crate::abi::push::AnimationPush;
 use crate::abi::worklist::{ITEMS_MAX, TILE_WORDS, WIDTHS, row_words};
 use crate::error::Result;
-use crate::gpu::parts::AssetPart;
 use crate::pack::blocks::BlockIndex;
 use crate::update::blocks::gpu::{set_size, workgroup};
 use crate::update::technique::Context;
 use std::ops::Range;
 
-/// Blocks planned and dispatched together: in one part of the asset, with a work list that fits a descriptor.
+/// Blocks planned and dispatched together: as many as have a work list that fits a descriptor.
 pub(super) struct Run {
-    /// Index of the asset part.
-    pub(super) part: usize,
     pub(super) blocks: Range<usize>,
     /// Number of their entries.
     entries: usize,
-    /// Entries of the part.
-    pub(super) bound: Range<usize>,
     /// Byte offset of its work list among those of a set.
     offset: u64,
 }
 
 impl Run {
     /// Cuts a mesh into runs, for descriptors of at most `most` bytes.
-    fn cut(index: &BlockIndex, parts: &[AssetPart], most: u64) -> Vec<Self> {
+    fn cut(index: &BlockIndex, most: u64) -> Vec<Self> {
+        let run = |blocks: Range<usize>| {
+            let entries = index.entries(blocks.end - 1).end - index.entries(blocks.start).start;
+            Self { blocks, entries, offset: 0 }
+        };
         let mut runs: Vec<Self> = vec![];
-        for (part, asset) in parts.iter().enumerate() {
-            for block in asset.blocks.clone() {
-                let run = |first: usize| {
-                    let entries = index.entries(block).end - index.entries(first).start;
-                    Self { part, blocks: first..block + 1, entries, bound: asset.entries.clone(), offset: 0 }
-                };
-                match runs.last_mut().map(|last| (run(last.blocks.start), last)) {
-                    Some((longer, last)) if last.part == part && longer.list_bytes(1) <= most => *last = longer,
-                    Some(_) | None => runs.push(run(block)),
+        for block in 0..index.count() {
+            if let Some(last) = runs.last_mut() {
+                let longer = run(last.blocks.start..block + 1);
+                if longer.list_bytes(1) <= most {
+                    *last = longer;
+                    continue;
                 }
             }
+            runs.push(run(block..block + 1));
         }
         runs
     }
@@ -75,7 +72,7 @@ impl GroupLayout {
     fn new(context: &Context<'_>, push: AnimationPush, tables: &mut Words, state: &mut Words) -> Result<Self> {
         let (caps, instances, index) = (context.caps(), context.desc.instances, context.layout().index()?);
         let (blocks, entries) = (index.count() as u64, index.entry_count() as u64);
-        let mut runs = Run::cut(index, &context.mesh.parts, caps.max_storage_range);
+        let mut runs = Run::cut(index, caps.max_storage_range);
         let list = runs.iter().map(|run| run.list_bytes(1)).max().unwrap_or(0);
         context.check_range("the work lists of eight instances", list, "split the mesh")?;
         let planning = blocks.div_ceil(WORKGROUP.into());
@@ -91,7 +88,7 @@ impl GroupLayout {
             stride += run.list_bytes(tiles);
         }
         let items = runs.iter().map(|run| run.capacity(tiles)).max().unwrap_or(0);
-        let workgroup = workgroup(context, instances)?;
+        let workgroup = workgroup(context)?;
         // `Layout::new` rejects offsets beyond 32 bits.
         let push = AnimationPush {
             blocks: blocks as u32,
@@ -158,7 +155,6 @@ impl GroupLayout {
             first_block: run.blocks.start as u32,
             run_blocks: run.blocks.len() as u32,
             run_entries: run.entries as u32,
-            any_entry: run.bound.start as u32,
             first_counter: list * WIDTHS as u32,
             ..self.push
         };
@@ -191,7 +187,7 @@ impl Words {
 
 /// Layout of a crowd's buffers.
 pub(super) struct Layout {
-    /// By group; the first one's tables also serve the error budget.
+    /// By group.
     pub(super) groups: Vec<GroupLayout>,
     /// Bytes of clips and tables; never 0.
     pub(super) table_bytes: u64,
@@ -201,25 +197,20 @@ pub(super) struct Layout {
 impl Layout {
     /// # Errors
     /// Sizes beyond the device's storage range.
-    pub(super) fn new(context: &Context<'_>, clips: &Clips, budget: Option<&Budget>) -> Result<Self> {
+    pub(super) fn new(context: &Context<'_>, clips: &Clips) -> Result<Self> {
         let (targets, instances) = (context.layout().targets.len() as u64, u64::from(context.desc.instances));
         let words = targets.div_ceil(32).max(1);
-        // A budget is never at word 0, which means none to kernels.
-        let (mut tables, mut state) = (Words(clips.words().len().max(1) as u64), Words(0));
-        let bit_kinds = if budget.is_some() { BIT_KINDS_BUDGET } else { BIT_KINDS };
+        let mut tables = Words(clips.words().len() as u64);
+        let mut state = Words(0);
         state.add(u64::from(RECORD_WORDS) * instances);
-        // Directly after the records.
-        state.add(clips.following().map_or(0, |_| u64::from(LEVEL_WORDS) * instances));
         let common = AnimationPush {
             heads: context.desc.instances,
             targets: targets as u32,
             words: words as u32,
-            budget_at: budget.map_or(0, |budget| tables.add(2 + budget.reaches.len() as u64)),
             phases_at: state.add(words * instances),
             weights_at: state.add(targets * instances),
             deltas_at: state.add(targets * instances),
-            bits_at: state.add(u64::from(bit_kinds) * words * instances),
-            requested_at: state.add(budget.map_or(0, |_| targets * instances)),
+            bits_at: state.add(u64::from(BIT_KINDS) * words * instances),
             history_mask: ((1u64 << (context.poses.slots - 1)) - 1) as u32,
             slots: context.poses.slots,
             pairs: context.poses.format.rounds_products().into(),
@@ -242,19 +233,9 @@ impl Layout {
     }
 
     /// Contents of the tables; `indices` are the blocks of the groups.
-    pub(super) fn tables<'a>(
-        &self,
-        indices: impl Iterator<Item = &'a BlockIndex>,
-        clips: &Clips,
-        budget: Option<&Budget>,
-    ) -> Vec<u32> {
+    pub(super) fn tables<'a>(&self, indices: impl Iterator<Item = &'a BlockIndex>, clips: &Clips) -> Vec<u32> {
         let mut words = Vec::with_capacity(self.table_bytes as usize / 4);
         words.extend_from_slice(clips.words());
-        words.resize(words.len().max(1), 0);
-        if let Some(budget) = budget {
-            words.extend([budget.most as u32, (budget.most >> 32) as u32]);
-            words.extend_from_slice(&budget.reaches);
-        }
         for (index, group) in indices.zip(&self.groups) {
             for block in 0..index.count() {
                 let first = words.len();
@@ -277,24 +258,20 @@ mod tests {
     use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
     use crate::testing;
 
-    /// Work lists may exceed the asset parts if entries are small: runs are cut to fit.
+    /// Work lists may be larger than the asset if entries are small: runs are cut to fit.
     #[test]
-    fn runs_are_cut_at_parts_and_where_their_lists_exceed_the_range() {
+    fn runs_are_cut_where_their_lists_exceed_the_range() {
         let mesh = PackedMesh::pack(&testing::mesh(3000, 20), &PackDesc::new(DeltaFormat::Small)).unwrap();
-        let (layout, group) = (mesh.layout(), &mesh.groups()[0]);
-        let index = layout.index().unwrap();
-        let parts = AssetPart::cut(layout, group.deltas(), 60_000).unwrap();
-        assert!(parts.len() > 2);
-        let whole = Run::cut(index, &parts, u64::MAX);
-        assert!(whole.iter().map(|run| run.part).eq(0..parts.len()), "a run for each part");
+        let index = mesh.layout().index().unwrap();
+        let whole = Run::cut(index, u64::MAX);
+        assert_eq!(whole.len(), 1);
         let most = whole[0].list_bytes(1) / 3;
-        let runs = Run::cut(index, &parts, most);
-        assert!(runs.len() > 2 * parts.len());
+        let runs = Run::cut(index, most);
+        assert!(runs.len() > 3);
         let mut next = 0;
         for run in &runs {
-            let part = &parts[run.part];
-            assert!(run.blocks.start == next && part.blocks.start <= next && run.blocks.end <= part.blocks.end);
-            assert!(run.list_bytes(1) <= most && run.bound == part.entries);
+            assert_eq!(run.blocks.start, next);
+            assert!(run.list_bytes(1) <= most);
             assert_eq!(run.entries, run.blocks.clone().map(|block| index.entries(block).len()).sum::<usize>());
             next = run.blocks.end;
         }

@@ -1,12 +1,11 @@
 //! Animation on the GPU: kernels sample clips, plan and update; the CPU always records the same steps.
 //!
-//! `sample`: time, keys and interpolation. `clips`: uploaded data, and which changes an error budget defers.
-//! `playback`: what each instance plays. `level`: levels of detail. `reference`: the CPU twin of the kernels. `steps`
-//! and `layout`: an update as data, and buffer layouts. `technique`: the device side.
+//! `sample`: time, keys and interpolation. `clips`: uploaded data. `playback`: what each instance plays.
+//! `reference`: the CPU twin of the kernels. `steps` and `layout`: an update as data, and buffer layouts. `technique`:
+//! the device side.
 
 mod clips;
 mod layout;
-mod level;
 mod playback;
 mod read;
 mod reference;
@@ -21,7 +20,7 @@ pub use sample::Playback;
 #[cfg(test)]
 pub(crate) use steps::UPLOADED;
 pub(crate) use technique::Animated;
-pub use {clips::Budget, playback::Playbacks, reference::AnimatedReference, sample::HeadRecord, steps::AnimatedUpdate};
+pub use {playback::Playbacks, reference::AnimatedReference, sample::HeadRecord, steps::AnimatedUpdate};
 
 #[cfg(test)]
 mod tests;

@@ -3,7 +3,7 @@
 use super::clips::Clips;
 use super::sample::{HeadRecord, Playback, TICKS_PER_SECOND};
 use crate::error::{Error, Result};
-use crate::lod::{Camera, Place};
+use crate::plan::instances::{InstanceState, Instances};
 use crate::weights::Repeat;
 use std::ops::Range;
 
@@ -42,8 +42,6 @@ pub struct Playbacks {
     records: Vec<HeadRecord>,
     starts: Vec<i64>,
     now: i64,
-    /// The camera, and its number of cuts.
-    camera: (Option<Camera>, u32),
     updates: u64,
     /// Instances changed since the last update.
     pending: Vec<u32>,
@@ -59,18 +57,15 @@ impl Playbacks {
             records: vec![HeadRecord::default(); count as usize],
             starts: vec![0; count as usize],
             now: 0,
-            camera: (None, 0),
             updates: 0,
             pending: (0..count).collect(),
             changed: Vec::with_capacity(count as usize),
         }
     }
 
-    /// Starts as if `updates` updates had been recorded, with as many cuts of each instance and the camera.
+    /// Starts as if `updates` updates had been recorded.
     pub fn begin_at(&mut self, updates: u64) {
         self.updates = updates;
-        self.camera.1 = updates as u32;
-        self.records.iter_mut().for_each(|record| record.epoch = updates as u32);
     }
 
     /// Sets the clock of the next update. It may stand still, or go back by up to an hour.
@@ -91,27 +86,6 @@ impl Playbacks {
     /// Low bits of the next update's tick.
     pub fn now(&self) -> u32 {
         self.now as u32
-    }
-
-    /// Sets the camera that levels of detail follow, from the next update on.
-    ///
-    /// # Errors
-    /// An invalid camera; clips whose levels do not follow one.
-    pub fn set_camera(&mut self, camera: &Camera, clips: &Clips) -> Result<()> {
-        follows(clips, "a camera")?;
-        camera.check()?;
-        self.camera.0 = Some(*camera);
-        Ok(())
-    }
-
-    /// Camera cut: levels reach their goals at once.
-    pub fn cut_camera(&mut self) {
-        self.camera.1 = self.camera.1.wrapping_add(1);
-    }
-
-    /// The camera, if set, and its number of cuts.
-    pub fn camera(&self) -> (Option<Camera>, u32) {
-        self.camera
     }
 
     /// Plays a clip on an instance, from the next update on.
@@ -138,7 +112,7 @@ impl Playbacks {
         let record = &mut self.records[instance as usize];
         let set = |flag, set| if set { flag } else { 0 };
         let flags = HeadRecord::PLAYING
-            | record.flags & (HeadRecord::HIDDEN | HeadRecord::FOLLOWS)
+            | record.flags & HeadRecord::HIDDEN
             | set(HeadRecord::LOOP, repeat == Repeat::Loop)
             | set(HeadRecord::REVERSED, speed < 0.0);
         let (start, rate) = (start_tick as u32, rate as u32);
@@ -162,65 +136,15 @@ impl Playbacks {
             return Err(Error::invalid(format!("a level of {level} targets"), "use a number from 0"));
         }
         let (all, record) = (clips.targets() as f32, &mut self.records[instance as usize]);
-        let set = match level < all || record.has(HeadRecord::FOLLOWS) {
-            true => ((f64::from(level.min(all)) * 65_536.0).round() as u32, ranks_at),
+        let set = match level < all {
+            true => ((f64::from(level) * 65_536.0).round() as u32, ranks_at),
             false => (0, 0),
         };
         if (record.level, record.ranks_at) != set {
             (record.level, record.ranks_at) = set;
-            record.most = record.level;
             self.touch(instance).stale = true;
         }
         Ok(())
-    }
-
-    /// Sets the place of an instance, from the next update on; its level of detail follows the camera.
-    ///
-    /// # Errors
-    /// Numbers that are not finite, a negative radius, a scale of 0 or less; clips whose levels do not follow the
-    /// camera.
-    pub fn set_place(&mut self, instance: u32, place: &Place, clips: &Clips) -> Result<()> {
-        let ranks_at = follows(clips, "the place of an instance")?;
-        place.check()?;
-        let (record, all) = (&mut self.records[instance as usize], (clips.targets() as u32) << 16);
-        let mut placed = HeadRecord { flags: record.flags | HeadRecord::FOLLOWS, place: place.bits(), ..*record };
-        // The device has no valid level of an instance that did not follow the camera.
-        placed.epoch = placed.epoch.wrapping_add(u32::from(!record.has(HeadRecord::FOLLOWS)));
-        if record.ranks_at == 0 {
-            (placed.level, placed.ranks_at, placed.most) = (all, ranks_at, all);
-        }
-        if *record != placed {
-            *record = placed;
-            self.touch(instance).stale = true;
-        }
-        Ok(())
-    }
-
-    /// Leaves an instance out of updates from the next one on, or includes it again.
-    pub fn set_hidden(&mut self, instance: u32, hidden: bool) {
-        let record = &mut self.records[instance as usize];
-        if record.has(HeadRecord::HIDDEN) != hidden {
-            record.flags ^= HeadRecord::HIDDEN;
-            self.touch(instance).stale = true;
-        }
-    }
-
-    /// Adds an instance in a free place: it plays nothing, and has no pose.
-    pub fn add(&mut self, instance: u32) {
-        let record = &mut self.records[instance as usize];
-        // The device's level is that of the previous instance.
-        *record = HeadRecord { epoch: record.epoch.wrapping_add(1), ..HeadRecord::default() };
-        let state = self.touch(instance);
-        (state.changes, state.stale) = ([None; CHANGES], true);
-    }
-
-    /// Makes the next pose of an instance its own previous pose.
-    pub fn cut(&mut self, instance: u32) {
-        let record = &mut self.records[instance as usize];
-        let follows = record.has(HeadRecord::FOLLOWS);
-        record.epoch = record.epoch.wrapping_add(u32::from(follows));
-        let state = self.touch(instance);
-        (state.cut, state.stale) = (true, state.stale | follows);
     }
 
     /// The state of an instance, listed as pending.
@@ -323,6 +247,33 @@ impl Playbacks {
     }
 }
 
+impl InstanceState for Playbacks {
+    fn set_hidden(&mut self, instance: u32, hidden: bool) {
+        let record = &mut self.records[instance as usize];
+        if record.has(HeadRecord::HIDDEN) != hidden {
+            record.flags ^= HeadRecord::HIDDEN;
+            self.touch(instance).stale = true;
+        }
+    }
+
+    /// It plays nothing, and has no pose.
+    fn add(&mut self, instance: u32) {
+        self.records[instance as usize] = HeadRecord::default();
+        let state = self.touch(instance);
+        state.changes = [None; CHANGES];
+        state.stale = true;
+    }
+
+    fn cut(&mut self, instance: u32) {
+        self.touch(instance).cut = true;
+    }
+
+    /// Only the GPU knows which blocks.
+    fn changed(&self, _instances: &Instances, _update: u64, _instance: u32, out: &mut Vec<Range<u32>>) {
+        out.push(0..u32::MAX);
+    }
+}
+
 impl HeadRecord {
     /// Position in a clip of `frames` frames, `elapsed` (≥ 0) ticks after the start, in 2⁻³² frames.
     pub(super) fn position(&self, frames: u32, elapsed: i64) -> u64 {
@@ -334,15 +285,6 @@ impl HeadRecord {
             false => position.min(frames - (1 << 32)) as u64,
         }
     }
-}
-
-/// First word of the ranks; an error if levels of detail do not follow the camera.
-fn follows(clips: &Clips, what: &str) -> Result<u32> {
-    let ranks_at = clips.ranks_at().filter(|_| clips.following().is_some());
-    ranks_at.ok_or_else(|| {
-        let what = format!("{what} for a crowd whose levels of detail do not follow the camera");
-        Error::invalid(what, "give AnimationDesc::level when the crowd is made")
-    })
 }
 
 fn ticks(seconds: f64) -> Result<i64> {

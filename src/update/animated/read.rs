@@ -1,8 +1,6 @@
 //! Reads back plans of the GPU.
 
-use super::sample::HeadRecord;
 use super::technique::{Animated, Group};
-use crate::abi::numbers::LEVEL_WORDS;
 use crate::abi::worklist::{TILE_WORDS, WIDTHS};
 use crate::error::Result;
 use ash::vk;
@@ -15,8 +13,6 @@ pub struct PlannedGroup {
     pub instances: (u32, u32),
     /// The blocks.
     pub blocks: Range<usize>,
-    /// Entries that rows may name: those of the bound part of the asset.
-    pub entries: Range<usize>,
     /// Number of items by width: 1, 2, 4, 8 instances.
     pub counts: [u32; WIDTHS],
     /// Capacity per width in items: the distance between the lists of two widths.
@@ -45,17 +41,9 @@ impl Animated {
                 let items = 0..workgroups * layout.push.workgroup_items;
                 *count = items.end - items.rev().take_while(|item| rows(*item) == 0).count() as u32;
             }
-            let (instances, blocks, entries) = (layout.instances(set), run.blocks.clone(), run.bound.clone());
-            Ok(PlannedGroup { instances, blocks, entries, counts, capacity, words })
+            Ok(PlannedGroup { instances: layout.instances(set), blocks: run.blocks.clone(), counts, capacity, words })
         };
         (0..layout.lists()).map(plan).collect()
-    }
-
-    /// An instance's level of detail that follows the camera, as `glsl/level.comp` writes it: buffer, offset, size.
-    /// `None` if it does not.
-    pub(crate) fn level_of(&self, instance: u32) -> Option<(vk::Buffer, u64, u64)> {
-        let (heads, bytes) = (u64::from(self.level.as_ref()?.heads), 4 * u64::from(LEVEL_WORDS));
-        Some((self.state.raw, heads * size_of::<HeadRecord>() as u64 + u64::from(instance) * bytes, bytes))
     }
 
     /// The weights of an instance: buffer, offset, size.

@@ -1,12 +1,11 @@
 //! The CPU twin of the kernels that sample and plan (`glsl/animate.comp` to `glsl/plan.comp`): the planner of block
 //! formats, with the choices of the GPU.
 
-use super::clips::{Budget, Clips};
+use super::clips::Clips;
 use super::playback::Playbacks;
 use super::sample::HeadRecord;
 use crate::error::Result;
 use crate::pack::PackedLayout;
-use crate::pack::blocks::BlockIndex;
 use crate::plan::UpdateDesc;
 use crate::update::Runner;
 use crate::update::blocks::{BlockState, GroupPlan, WorkList};
@@ -14,17 +13,15 @@ use crate::update::blocks::{BlockState, GroupPlan, WorkList};
 /// Samples and plans like the GPU, on the CPU.
 pub struct AnimatedReference {
     group: GroupPlan,
-    budget: Option<Budget>,
     slots: u32,
     instances: Vec<Instance>,
 }
 
 #[derive(Clone)]
 struct Instance {
-    /// With a level that follows the camera: targets kept in 2⁻¹⁶, and error budget.
-    followed: Option<(u32, u64)>,
     state: BlockState,
-    weights: Deferred,
+    /// Weights, in steps of the grid.
+    weights: Vec<i32>,
     /// The last update wrote its pose.
     known: bool,
 }
@@ -36,20 +33,12 @@ impl AnimatedReference {
     /// Errors of [`GroupPlan::new`]; properties that crowds animated on the GPU do not support.
     pub fn new(desc: UpdateDesc, layout: &PackedLayout, heads: u32) -> Result<Self> {
         desc.check_all(layout, Runner::Animated(None))?;
-        // Deferral is decided before planning, by target: the planner gets the weights to apply.
-        let mut group = GroupPlan::new(UpdateDesc { error_budget: 0.0, ..desc }, layout, heads as usize)?;
+        let mut group = GroupPlan::new(desc, layout, heads as usize)?;
         // The GPU's tiles mix rebuilt and incremental instances.
         group.source_bytes = 0;
-        let budget = group.grid().and_then(|grid| Budget::new(desc.error_budget, &group.index, grid));
-        let (state, weights) = (BlockState::new(&group), Deferred::new(layout.targets.len()));
-        let instances = vec![Instance { followed: None, state, weights, known: false }; heads as usize];
-        Ok(Self { group, budget, slots: desc.slots, instances })
-    }
-
-    /// Sets what the GPU chose for an instance whose level of detail follows the camera: targets kept in 2⁻¹⁶, and
-    /// error budget.
-    pub fn follow(&mut self, head: usize, level: u32, budget: u64) {
-        self.instances[head].followed = Some((level, budget));
+        let instance =
+            Instance { state: BlockState::new(&group), weights: vec![0; layout.targets.len()], known: false };
+        Ok(Self { group, slots: desc.slots, instances: vec![instance; heads as usize] })
     }
 
     /// Samples and plans update `update`, which [`Playbacks::update`] has just returned.
@@ -57,37 +46,27 @@ impl AnimatedReference {
         self.group.clear();
         let slots = [update + u64::from(self.slots) - 1, update].map(|update| (update % u64::from(self.slots)) as u32);
         for (i, (instance, record)) in self.instances.iter_mut().zip(heads.records()).enumerate() {
-            let Instance { followed, state, weights, known } = instance;
+            let Instance { state, weights, known } = instance;
             // Slots keep rotating while it is hidden: its slots become invalid.
             if record.has(HeadRecord::HIDDEN) {
                 *known = false;
                 continue;
             }
             let known = std::mem::replace(known, true);
-            // Nothing is deferred for an instance that is new or shown again.
-            let budget = self.budget.as_ref().filter(|_| known);
-            let (level, most) = followed.unwrap_or((record.level, u64::MAX));
-            let budget = budget.map(|budget| (budget, budget.most.min(most)));
-            let record = HeadRecord { level: record.level.min(level), ..*record };
-            weights.commit(&sample(clips, &record, heads.now()), budget, &self.group.index);
+            *weights = sample(clips, record, heads.now());
             let step = self.group.grid().map_or(0.0, |grid| grid.weight_step());
             // Exact: steps fit the mantissa of a float32, and the step is a power of two.
-            let weights: Vec<f32> = weights.committed.iter().map(|&steps| steps as f32 * step).collect();
+            let weights: Vec<f32> = weights.iter().map(|&steps| steps as f32 * step).collect();
             state.commit(&mut self.group, i, &weights, known);
             // Slots rotate in every update, even without changes.
-            state.emit(&mut self.group, i, slots, known, None);
+            state.emit(&mut self.group, i, slots, known);
         }
         &self.group.list
     }
 
-    /// The applied weights of an instance, in steps of the grid.
+    /// The weights of an instance, in steps of the grid.
     pub fn weights(&self, head: usize) -> &[i32] {
-        &self.instances[head].weights.committed
-    }
-
-    /// The requested weights of an instance, in steps of the grid.
-    pub fn requested(&self, head: usize) -> &[i32] {
-        &self.instances[head].weights.requested
+        &self.instances[head].weights
     }
 }
 
@@ -124,39 +103,4 @@ fn factor(clips: &Clips, record: &HeadRecord, target: usize) -> u32 {
         return 1 << 16;
     }
     (u64::from(record.level)).saturating_sub(u64::from(clips.rank(target)) << 16).min(1 << 16) as u32
-}
-
-/// The weights of an instance, in steps of the grid.
-#[derive(Clone)]
-pub(super) struct Deferred {
-    requested: Vec<i32>,
-    pub(super) committed: Vec<i32>,
-}
-
-impl Deferred {
-    pub(super) fn new(targets: usize) -> Self {
-        Self { requested: vec![0; targets], committed: vec![0; targets] }
-    }
-
-    /// Requests `weights`, one per target. `budget`: reaches, and the budget in use; `None` applies all.
-    pub(super) fn commit(&mut self, weights: &[i32], budget: Option<(&Budget, u64)>, index: &BlockIndex) {
-        let still = std::mem::replace(&mut self.requested, weights.to_vec()) == weights;
-        let Some((budget, most)) = budget.filter(|_| !still) else {
-            return self.committed.copy_from_slice(weights);
-        };
-        let mut applied = vec![false; weights.len()];
-        for block in 0..index.count() {
-            let entries = index.entries(block);
-            let targets = &index.parts.entry_target[entries.clone()];
-            let pending = |target: usize| u64::from(weights[target].abs_diff(self.committed[target]));
-            let reaches = targets.iter().zip(&budget.reaches[entries]);
-            let sum: u64 = reaches.map(|(&target, &reach)| pending(target as usize) * u64::from(reach)).sum();
-            if sum > most {
-                targets.iter().for_each(|&target| applied[target as usize] = true);
-            }
-        }
-        for (target, _) in applied.into_iter().enumerate().filter(|(_, applied)| *applied) {
-            self.committed[target] = weights[target];
-        }
-    }
 }

@@ -18,7 +18,7 @@
 //! ```
 //!
 //! With a level of detail of N targets, in 2⁻¹⁶, the weight of the target of rank r is scaled once more, interpolated
-//! from 0 with f = clamp(N − r · 2¹⁶, 0, 2¹⁶). N is the host's, or less if the level follows the camera.
+//! from 0 with f = clamp(N − r · 2¹⁶, 0, 2¹⁶).
 
 use crate::abi::numbers;
 use crate::setters::setters;
@@ -52,7 +52,7 @@ impl Playback {
     }
 }
 
-/// Playback state and place of an instance, in the layout of `glsl/animate.comp` and `glsl/level.comp`.
+/// Playback state of an instance, in the layout of `glsl/animate.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct HeadRecord {
@@ -68,20 +68,10 @@ pub struct HeadRecord {
     pub frame: u32,
     /// Fraction of a frame at `start`, in 2⁻³².
     pub fraction: u32,
-    /// Targets kept, in 2⁻¹⁶, if `ranks_at` is not 0. The device overwrites it in each update if the level follows the
-    /// camera.
+    /// Targets kept, in 2⁻¹⁶, if `ranks_at` is not 0.
     pub level: u32,
     /// First word of the ranks in the tables; 0: all targets are kept.
     pub ranks_at: u32,
-    /// Place, for levels of detail that follow the camera: float32 bits of centre and radius of a sphere, and world
-    /// units per input unit.
-    pub place: [u32; 5],
-    /// Incremented by a cut.
-    pub epoch: u32,
-    /// The host's limit of `level`.
-    pub most: u32,
-    /// 0. Records have 64 bytes, so that kernels index them with a shift.
-    pub padding: u32,
 }
 
 impl HeadRecord {
@@ -93,8 +83,6 @@ impl HeadRecord {
     pub const REVERSED: u32 = numbers::REVERSED;
     /// The instance is not updated.
     pub const HIDDEN: u32 = numbers::HIDDEN;
-    /// The level of detail follows the size on the screen.
-    pub const FOLLOWS: u32 = numbers::FOLLOWS;
 
     /// Whether a flag is set.
     pub const fn has(&self, flag: u32) -> bool {

@@ -38,16 +38,10 @@ macro_rules! kernels {
 kernels! {
     /// Samples the clips that instances play.
     Sample "sample" true SAMPLE;
-    /// With an error budget: decides which changes to apply.
-    Budget "budget" true SAMPLE;
-    /// With an error budget: applies them.
-    Commit "commit" true SAMPLE;
     /// Writes the work lists.
     Plan "plan" false PLAN;
     /// Turns their lengths into dispatch arguments.
     Arguments "arguments" false &[Use::read(R::Control), Use::write(R::Control), Use::write(R::WorkList)];
-    /// Chooses levels of detail that follow the camera.
-    Level "level" true SAMPLE;
     /// Copies changed records to the device.
     Records "records" true &[Use::copy(R::State)];
     /// Updates the blocks of the work lists.
@@ -82,10 +76,6 @@ pub(crate) const UPLOADED: [&[Use]; 2] = [
 pub struct AnimatedUpdate {
     /// Some record changed.
     pub records: bool,
-    /// Levels of detail follow the camera.
-    pub level: bool,
-    /// There is an error budget.
-    pub budget: bool,
     /// The source slot.
     pub source: u32,
     /// The destination slot.
@@ -101,7 +91,7 @@ pub struct AnimatedUpdate {
 impl AnimatedUpdate {
     /// Appends its steps.
     pub fn fill(&self, steps: &mut Steps) {
-        let Self { records, level, budget, groups, dispatches, texels, .. } = *self;
+        let Self { records, groups, dispatches, texels, .. } = *self;
         let mut add = |kernel: K, items: Range<u32>| {
             let (common, uses) = kernel.uses();
             steps.step(uses);
@@ -111,9 +101,12 @@ impl AnimatedUpdate {
                 steps.push(Work { kernel: kernel as u32, group, source, destination, items, ..Work::default() });
             }
         };
-        let weights = [(K::Records, records), (K::Level, level), (K::Sample, true), (K::Budget, budget)];
-        let planning = weights.into_iter().chain([(K::Commit, budget), (K::Plan, true), (K::Arguments, true)]);
-        planning.filter(|(_, wanted)| *wanted).for_each(|(kernel, _)| add(kernel, 0..0));
+        if records {
+            add(K::Records, 0..0);
+        }
+        for kernel in [K::Sample, K::Plan, K::Arguments] {
+            add(kernel, 0..0);
+        }
         match texels {
             true => (0..dispatches).for_each(|dispatch| add(K::Blocks, dispatch..dispatch + 1)),
             false => add(K::Blocks, 0..dispatches),
@@ -126,9 +119,7 @@ pub(crate) fn accesses(works: &[Work], instances: u32) -> Vec<Accesses> {
     use Memory as M;
     let of = |work: &Work| match AnimatedKernel::ALL[work.kernel as usize] {
         K::Records => Accesses { uses: vec![Use::copy(M::Records)], ..Accesses::default() },
-        K::Level => Accesses::compute([M::Clips, M::Records, M::Weights], [M::Records, M::Weights]),
         K::Sample => Accesses::compute([M::Clips, M::Records, M::Weights], [M::Weights]),
-        K::Budget | K::Commit => Accesses::compute([M::Clips, M::Weights], [M::Weights]),
         // Counters are atomic.
         K::Plan => {
             Accesses::compute([M::Clips, M::Weights, M::History, M::Counters], [M::History, M::WorkList, M::Counters])

@@ -1,14 +1,13 @@
 //! Device side of a crowd animated on the GPU. The CPU records the same commands in every update.
 
-use super::clips::{Budget, Clips};
+use super::clips::Clips;
 use super::layout::{GroupLayout, Layout};
-use super::level;
 use super::playback::Playbacks;
 use super::sample::HeadRecord;
 use super::steps::{AnimatedKernel, AnimatedUpdate, UPLOADED};
 use crate::abi::modules;
 use crate::abi::numbers::WORKGROUP;
-use crate::abi::push::{AnimationPush, LevelPush};
+use crate::abi::push::AnimationPush;
 use crate::abi::worklist::TILE_WORDS;
 use crate::error::Result;
 use crate::gpu::barriers;
@@ -18,14 +17,13 @@ use crate::gpu::memory::Buffer;
 use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
 use crate::gpu::statistics::MemoryKind;
 use crate::plan::UpdateStats;
-use crate::plan::instances::Instances;
+use crate::plan::instances::{InstanceState, Instances};
 use crate::plan::schedule::Barrier;
 use crate::plan::steps::{Steps, Work};
 use crate::update::blocks::gpu::{BlocksKernels, Bound, GroupBlocks, LIST_USAGE};
 use crate::update::technique::{Context, Technique, UpdateId};
 use ash::vk;
 use bytemuck::bytes_of;
-use std::ops::Range;
 use std::sync::Arc;
 
 /// Most records of one update command, which is limited to 65,536 bytes.
@@ -33,24 +31,15 @@ const RECORDS_MAX: usize = 65_536 / size_of::<HeadRecord>();
 
 /// Pipelines that sample and plan, in the order of [`AnimatedKernel`]; independent of mesh and crowd.
 #[derive(Clone, Copy, PartialEq)]
-struct Planning {
-    /// Includes the one for levels of detail that follow the camera.
-    follows: bool,
-}
+struct Planning;
 
 impl PipelineKey for Planning {
     fn make(self, objects: &mut Objects) -> Result<()> {
-        objects.add_layout(&[modules::ANIMATE.kernel, modules::LEVEL.kernel], 0)?;
-        let (widest, follows) = ([objects.device.caps.tuning.widest_tile], [u32::from(self.follows)]);
+        objects.add_layout(&[modules::ANIMATE.kernel], 0)?;
+        let widest = [objects.device.caps.tuning.widest_tile];
         objects.add_compute(modules::ANIMATE, &[&[]])?;
-        objects.add_compute(modules::BUDGET, &[&follows])?;
-        objects.add_compute(modules::COMMIT, &[&[]])?;
         objects.add_compute(modules::PLAN, &[&widest])?;
-        objects.add_compute(modules::ARGUMENTS, &[&widest])?;
-        if self.follows {
-            objects.add_compute(modules::LEVEL, &[&[]])?;
-        }
-        Ok(())
+        objects.add_compute(modules::ARGUMENTS, &[&widest])
     }
 }
 
@@ -65,8 +54,6 @@ pub(crate) struct Animated {
     staging: Option<Buffer>,
     /// By group of the mesh. Works shared by all groups use the descriptor sets of the first.
     pub(super) groups: Vec<Group>,
-    /// Push constants of `level.comp`; `None` if no level of detail follows the camera.
-    pub(super) level: Option<LevelPush>,
 }
 
 pub(super) struct Group {
@@ -96,14 +83,15 @@ impl Group {
         let control = on_device(device, "deltamorph dispatches", layout.control_bytes(), arguments)?;
         let (mut planned, mut bound) = (vec![], vec![]);
         for list in 0..layout.lists() {
-            let ((set, run), (offset, size)) = (layout.get(list), layout.place(list));
+            let (set, _) = layout.get(list);
+            let (offset, size) = layout.place(list);
             let list = BufferRange::new(work.raw, offset, size);
             planned.push([common[0], common[1], list, BufferRange::new(control.raw, 0, layout.control_bytes())]);
-            bound.push(Bound { part: run.part, list, instances: layout.instances(set) });
+            bound.push(Bound { list, instances: layout.instances(set) });
         }
         Ok(Self {
             sets: planning.sets(&planned)?,
-            blocks: GroupBlocks::new(&context, kernels, &bound, 0)?,
+            blocks: GroupBlocks::new(&context, kernels, &bound)?,
             layout,
             work,
             control,
@@ -120,10 +108,8 @@ impl Animated {
     /// Creates buffers and sets; [`upload`](Self::upload) fills them.
     pub(crate) fn new(context: Context<'_>, clips: Clips) -> Result<Self> {
         let (device, desc) = (context.device, context.desc);
-        let budget = Budget::new(desc.update.error_budget, context.layout().index()?, context.grid());
-        let layout = Layout::new(&context, &clips, budget.as_ref())?;
-        let planning = context.kernels.get(Planning { follows: clips.following().is_some() })?;
-        let level = level::push(&clips, &layout.groups[0].push, context.layout().index()?, context.grid());
+        let layout = Layout::new(&context, &clips)?;
+        let planning = context.kernels.get(Planning)?;
 
         let (table_bytes, none) = (layout.table_bytes, vk::BufferUsageFlags::empty());
         let tables = on_device(device, "deltamorph clips", table_bytes, none)?;
@@ -131,7 +117,7 @@ impl Animated {
         let usage = vk::BufferUsageFlags::TRANSFER_SRC;
         let mut staging = Buffer::new(device, "deltamorph clip upload", table_bytes, usage, MemoryKind::Staging)?;
         let indices = context.groups().filter_map(|group| group.layout().blocks.as_deref());
-        let words = layout.tables(indices, &clips, budget.as_ref());
+        let words = layout.tables(indices, &clips);
         staging.mapped()?[..table_bytes as usize].copy_from_slice(bytemuck::cast_slice(&words));
 
         let common = [BufferRange::new(tables.raw, 0, table_bytes), BufferRange::new(state.raw, 0, layout.state_bytes)];
@@ -147,7 +133,6 @@ impl Animated {
             planning,
             clips,
             state,
-            level,
         })
     }
 
@@ -229,11 +214,8 @@ impl Technique for Animated {
         for Group { layout: GroupLayout { push, .. }, .. } in &mut self.groups {
             (push.now, push.source, push.destination) = (self.playbacks.now(), source, destination);
         }
-        self.level.iter_mut().for_each(|push| level::follow(push, self.playbacks.camera()));
         let update = AnimatedUpdate {
             records: !self.playbacks.changed().is_empty(),
-            level: self.level.is_some(),
-            budget: self.groups[0].layout.push.budget_at != 0,
             source,
             destination,
             groups: self.groups.len() as u32,
@@ -250,18 +232,13 @@ impl Technique for Animated {
 
     unsafe fn record(&self, cmd: vk::CommandBuffer, _frame: u64, work: &Work) {
         let (group, what) = (&self.groups[work.group as usize], AnimatedKernel::ALL[work.kernel as usize]);
-        let (layout, push, caps) = (&group.layout, &group.layout.push, &self.device.caps);
+        let layout = &group.layout;
+        let push = &layout.push;
         // Work lists are planned one at a time; other kernels process all of them.
         let listed = matches!(what, AnimatedKernel::Plan | AnimatedKernel::Arguments);
         for list in 0..if listed { layout.lists() } else { 1 } {
             let (push, workgroups) = match what {
-                AnimatedKernel::Sample | AnimatedKernel::Commit => {
-                    (*push, self.workgroups(u64::from(push.heads) * u64::from(push.words)))
-                }
-                AnimatedKernel::Level => (*push, self.workgroups(push.heads.into())),
-                AnimatedKernel::Budget => {
-                    (*push, [push.blocks.div_ceil(WORKGROUP), push.heads.min(caps.max_workgroups)])
-                }
+                AnimatedKernel::Sample => (*push, self.workgroups(u64::from(push.heads) * u64::from(push.words))),
                 AnimatedKernel::Plan => layout.plan(list),
                 AnimatedKernel::Arguments => (layout.plan(list).0, [1, 1]),
                 // SAFETY: the caller's obligations.
@@ -270,11 +247,9 @@ impl Technique for Animated {
                 AnimatedKernel::Blocks => return unsafe { self.record_blocks(cmd, work) },
             };
             let (set, workgroups) = (group.sets.get(list as usize), Workgroups::Of(workgroups));
-            let level = self.level.as_ref().filter(|_| what == AnimatedKernel::Level);
-            let push = level.map_or(bytes_of(&push), bytes_of);
             // SAFETY: the caller's obligations; sets and push constants were made for these buffers, and workgroups
             // are no more than the device allows.
-            unsafe { self.planning.objects.dispatch(cmd, what as usize, (set, &[]), push, workgroups) };
+            unsafe { self.planning.objects.dispatch(cmd, what as usize, (set, &[]), bytes_of(&push), workgroups) };
         }
     }
 
@@ -284,21 +259,12 @@ impl Technique for Animated {
         Some((slot, if !has_past { Some(slot) } else { (before != slot).then_some(before) }))
     }
 
-    fn changed(&self, _instances: &Instances, _id: UpdateId, _instance: u32, out: &mut Vec<Range<u32>>) {
-        // Only the GPU knows which blocks.
-        out.push(0..u32::MAX);
+    fn state(&self) -> &dyn InstanceState {
+        &self.playbacks
     }
 
-    fn cut(&mut self, instance: u32) {
-        self.playbacks.cut(instance);
-    }
-
-    fn set_hidden(&mut self, instance: u32, hidden: bool) {
-        self.playbacks.set_hidden(instance, hidden);
-    }
-
-    fn add(&mut self, instance: u32) {
-        self.playbacks.add(instance);
+    fn state_mut(&mut self) -> &mut dyn InstanceState {
+        &mut self.playbacks
     }
 
     /// The GPU has changed nothing: only the host's state is rolled back.

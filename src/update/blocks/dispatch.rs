@@ -4,7 +4,7 @@
 //! rows are the entries that any of them needs, each with a coefficient per instance. The rows of a tile start at a
 //! multiple of [`ALIGN`], so that kernels can load several words at once.
 
-use super::group::{GroupPlan, Item, PoseSlot, WorkList};
+use super::group::{GroupPlan, Item, WorkList};
 use crate::abi::worklist::{ALIGN, TILE, WIDTHS, row_words};
 use crate::gpu::tuning::DeviceTuning;
 use crate::pack::PoseFormat;
@@ -18,13 +18,13 @@ use std::ops::Range;
 pub(crate) struct Dispatching {
     /// Instances per descriptor set.
     pub group: u32,
-    /// Number of tile widths; 0: single items with masks.
+    /// Number of tile widths.
     pub widths: u32,
     /// Limits and costs of tiles.
     pub tuning: DeviceTuning,
     /// Most workgroups per dispatch.
     pub most: u32,
-    /// Items or tiles per workgroup.
+    /// Tiles per workgroup.
     pub items: u32,
     /// Each dispatch is a step. They write different blocks, and a storage buffer in common tells synchronization
     /// validation as much; as texels, poses are loaded through one descriptor and stored through another, for which it
@@ -38,17 +38,14 @@ impl Dispatching {
         items.len() as u32 / self.items
     }
 
-    /// Most padding tiles of a kernel, which fill up workgroups, for `instances` and `parts` of the asset.
-    pub fn padding(&self, instances: usize, parts: usize) -> usize {
-        (self.items as usize - 1) * instances.div_ceil(self.group as usize) * parts
+    /// Most padding tiles of a kernel, which fill up workgroups, for `instances`.
+    pub fn padding(&self, instances: usize) -> usize {
+        (self.items as usize - 1) * instances.div_ceil(self.group as usize)
     }
 }
 
 /// Memory that dispatches of blocks use.
 const USES: &[Use] = &[Use::read(Resource::Asset), Use::read(Resource::Poses), Use::write(Resource::Poses)];
-
-/// Blocks and entries of an asset part, the range of a descriptor.
-pub(crate) type BlockPart = (Range<usize>, Range<usize>);
 
 /// Number of tile kernels: each width, with instances that start from the base pose or not.
 pub(super) const KERNELS: usize = 2 * WIDTHS;
@@ -58,18 +55,14 @@ pub(crate) struct Dispatches {
     how: Dispatching,
     group: u32,
     works: Vec<Work>,
-    /// Parts of the asset; a dispatch covers the blocks of one.
-    pub parts: Vec<BlockPart>,
-    /// For kernels that process several instances at once.
-    pub tiles: Option<Tiles>,
+    pub tiles: Tiles,
 }
 
 impl Dispatches {
-    /// `group` is the index of the group of `plan`, `parts` the parts of its asset.
-    pub fn new(how: Dispatching, group: u32, plan: &GroupPlan, instances: usize, parts: Vec<BlockPart>) -> Self {
-        let padding = how.padding(instances, parts.len());
-        let tiles = (how.widths > 0).then(|| Tiles::new(&plan.index, instances, how.tuning, padding));
-        Self { how, group, works: vec![], parts, tiles }
+    /// `group` is the index of the group of `plan`.
+    pub fn new(how: Dispatching, group: u32, plan: &GroupPlan, instances: usize) -> Self {
+        let tiles = Tiles::new(&plan.index, instances, how.tuning, how.padding(instances));
+        Self { how, group, works: vec![], tiles }
     }
 
     /// Creates the dispatches of a planned work list, and counts loads and stores of tiles, which instances share.
@@ -78,41 +71,22 @@ impl Dispatches {
         let pose = plan.pose();
         let GroupPlan { index, list, stats, .. } = plan;
         self.works.clear();
-        if let Some(tiles) = &mut self.tiles {
-            tiles.clear();
-        }
-        let (size, mut first) = (self.how.group, 0);
+        self.tiles.clear();
+        let size = self.how.group;
+        let mut first = 0;
         for run in list.items.chunk_by(|a, b| a.instance / size == b.instance / size) {
-            let (group, items) = (run[0].instance / size, first..first + run.len());
-            first = items.end;
-            match &mut self.tiles {
-                Some(tiles) => tiles.sort(index, list, items),
-                None => self.singles(run, items.start),
+            let end = first + run.len();
+            let before = self.tiles.counts();
+            self.tiles.sort(index, list, first..end);
+            self.tiles.fill(index, list);
+            self.tiles.fill_workgroups(before, self.how.items as usize);
+            for (kernel, (before, after)) in before.into_iter().zip(self.tiles.counts()).enumerate() {
+                self.dispatch(kernel, run[0].instance / size, before..after);
             }
-            for part in 0..self.parts.len() {
-                let Some(tiles) = &mut self.tiles else { break };
-                let before = tiles.counts();
-                tiles.fill(index, list, &self.parts[part]);
-                tiles.fill_workgroups(before, self.how.items as usize);
-                for (kernel, (before, after)) in before.into_iter().zip(tiles.counts()).enumerate() {
-                    self.dispatch(part * KERNELS + kernel, group, before..after);
-                }
-            }
+            first = end;
         }
-        if let Some(tiles) = &self.tiles {
-            [stats.bytes_moved, stats.bytes_floor] = tiles.bytes(index, pose);
-        }
+        [stats.bytes_moved, stats.bytes_floor] = self.tiles.bytes(index, pose);
         !self.works.is_empty()
-    }
-
-    /// Dispatches single items of a group of instances; `first` is the index of `run` in the list.
-    fn singles(&mut self, mut run: &[Item], mut first: usize) {
-        while let Some(item) = run.first() {
-            let part = self.parts.partition_point(|(blocks, _)| blocks.end <= item.block as usize);
-            let count = run.iter().take_while(|item| self.parts[part].0.contains(&(item.block as usize))).count();
-            self.dispatch(part * KERNELS, item.instance / self.how.group, first..first + count);
-            (run, first) = (&run[count..], first + count);
-        }
     }
 
     fn dispatch(&mut self, kernel: usize, instance: u32, items: Range<usize>) {
@@ -138,8 +112,7 @@ impl Dispatches {
 
     /// Index in the list of a work's first item.
     pub fn place(&self, work: &Work) -> usize {
-        let kernel = work.kernel as usize % KERNELS;
-        let before = self.tiles.iter().flat_map(|tiles| &tiles.items[..kernel]).map(Vec::len);
+        let before = self.tiles.items[..work.kernel as usize].iter().map(Vec::len);
         before.sum::<usize>() + work.items.start as usize
     }
 
@@ -147,18 +120,12 @@ impl Dispatches {
     pub fn accesses(&self, list: &WorkList, works: &[Work]) -> Accesses {
         let mut uses = std::collections::HashSet::new();
         for work in works {
-            let (places, kernel) = (work.items.start as usize..work.items.end as usize, work.kernel as usize % KERNELS);
-            let items: Vec<u32> = match &self.tiles {
-                None => work.items.clone().collect(),
-                Some(tiles) => {
-                    let members = |tile: &TileItem| tile.members(kernel % WIDTHS).to_vec();
-                    tiles.items[kernel][places].iter().flat_map(members).collect()
-                }
-            };
-            for item in items.into_iter().map(|i| &list.items[i as usize]) {
-                let from = |PoseSlot { instance, slot }: PoseSlot| Memory::Pose { instance, slot };
-                let source = item.source.map_or(Memory::Base, from);
-                let pose = Memory::Pose { instance: item.instance, slot: item.destination };
+            let kernel = work.kernel as usize;
+            let tiles = &self.tiles.items[kernel][work.items.start as usize..work.items.end as usize];
+            for &i in tiles.iter().flat_map(|tile| tile.members(kernel % WIDTHS)) {
+                let &Item { instance, source, destination, .. } = &list.items[i as usize];
+                let source = source.map_or(Memory::Base, |slot| Memory::Pose { instance, slot });
+                let pose = Memory::Pose { instance, slot: destination };
                 uses.extend(Accesses::compute([Memory::Deltas, source], [pose]).uses);
             }
         }
@@ -261,16 +228,15 @@ impl Tiles {
         }
     }
 
-    /// Appends tiles for the sorted items of some blocks.
-    pub fn fill(&mut self, index: &BlockIndex, list: &WorkList, (blocks, entries): &BlockPart) {
-        let halves = 2 * blocks.start..2 * blocks.end;
-        let mut first = if halves.start == 0 { 0 } else { self.ends[halves.start - 1] as usize };
-        for half in halves {
+    /// Appends tiles for the sorted items.
+    pub fn fill(&mut self, index: &BlockIndex, list: &WorkList) {
+        let mut first = 0;
+        for half in 0..2 * index.count() {
             let end = self.ends[half] as usize;
             while first < end {
                 let width = (end - first).min(self.device.widest_tile as usize).ilog2() as usize;
                 let instances = 1 << width;
-                self.push(index, list, half, first..first + instances, (width, entries));
+                self.push(index, list, half, first..first + instances, width);
                 first += instances;
             }
         }
@@ -283,16 +249,8 @@ impl Tiles {
         }
     }
 
-    /// Appends the items `sorted` of one half of a block as one tile or, if cheaper, as two. Padding rows use an entry
-    /// of `all_entries`.
-    fn push(
-        &mut self,
-        index: &BlockIndex,
-        list: &WorkList,
-        half: usize,
-        sorted: Range<usize>,
-        (width, all_entries): (usize, &Range<usize>),
-    ) {
+    /// Appends the items `sorted` of one half of a block as one tile or, if cheaper, as two.
+    fn push(&mut self, index: &BlockIndex, list: &WorkList, half: usize, sorted: Range<usize>, width: usize) {
         let members = &self.sorted[sorted.clone()];
         let block = half / 2;
         let entries = index.entries(block);
@@ -318,8 +276,8 @@ impl Tiles {
             let load = self.device.load_cost as usize;
             if (one + other) * (load + narrow) < all * (load + 2 * narrow) {
                 let middle = sorted.start + narrow;
-                self.push(index, list, half, sorted.start..middle, (width - 1, all_entries));
-                self.push(index, list, half, middle..sorted.end, (width - 1, all_entries));
+                self.push(index, list, half, sorted.start..middle, width - 1);
+                self.push(index, list, half, middle..sorted.end, width - 1);
                 return;
             }
             tile.count = all as u32;
@@ -333,7 +291,7 @@ impl Tiles {
         if tile.count == 0 {
             // A block that no target touches: any existing entry.
             let end = self.rows.len() + row_words(width);
-            self.rows.push(entries.start.clamp(all_entries.start, all_entries.end.saturating_sub(1)) as u32);
+            self.rows.push(entries.start.min(index.entry_count().saturating_sub(1)) as u32);
             self.rows.resize(end, 0);
             tile.count = 1;
         }

@@ -1,154 +1,83 @@
 //! Phase 2 of an update: decides which blocks are written, from which source, and with which entries.
 //!
 //! A block is written if a changed target touches it, or if it is stale in the next slot; a stale block is copied and
-//! updated at once. Only components that changed are loaded and stored. Each block of each instance starts from the
-//! current pose, the base pose or the pose of the instance's base, whichever moves fewest bytes (the base pose if
-//! equal), or from the base pose if the bound on accumulated [`rounding`] would exceed the tolerance.
+//! updated at once. Each block of each instance starts from the current pose or, if that moves no more bytes, from the
+//! base pose. It also starts from the base pose if the bound on accumulated [`rounding`] would exceed the tolerance.
 
-use super::group::{GroupPlan, Item, PoseSlot, rounding};
+use super::group::{GroupPlan, Item, rounding};
 use super::plan::BlockState;
-use crate::abi::worklist::{ELEMENT_BYTES, ITEM_WORDS};
+use crate::abi::worklist::ELEMENT_BYTES;
 
 impl BlockState {
     /// Lists the blocks that bring the second slot to the committed weights. The first slot is current, and matches
-    /// this state if `known`. `base`: pose and state of the instance's base.
+    /// this state if `known`.
     pub(crate) fn emit(
-        &mut self,
-        group: &mut GroupPlan,
-        instance: usize,
-        slots: [u32; 2],
-        known: bool,
-        base: Option<(PoseSlot, &Self)>,
-    ) {
-        if !known {
-            self.forget_slots();
-        }
-        let (first_item, first_mask) = (group.list.items.len(), group.list.masks.len());
-        match group.index.mask_words() {
-            1 => self.emit_blocks::<6>(group, instance, slots, known, base),
-            2 => self.emit_blocks::<12>(group, instance, slots, known, base),
-            _ => self.emit_blocks::<24>(group, instance, slots, known, base),
-        }
-        let (items, masks) = (&group.list.items[first_item..], &group.list.masks[first_mask..]);
-        let poses = match group.grid() {
-            // The pose in and out.
-            None => masks.iter().map(|mask| u64::from(mask.count_ones())).sum::<u64>() * 8,
-            // Fixed-point poses: whole blocks are written; nothing is read when rebuilding from the base pose.
-            Some(_) => {
-                let times: u64 = items.iter().map(|item| 1 + u64::from(item.source.is_some())).sum();
-                times * (group.index.size() * group.pose().stride()) as u64
-            }
-        };
-        group.stats.bytes_moved += poses;
-        group.stats.bytes_floor += poses;
-        self.count(group);
-    }
-
-    fn emit_blocks<const N: usize>(
         &mut self,
         group: &mut GroupPlan,
         instance: usize,
         [current, destination]: [u32; 2],
         known: bool,
-        base: Option<(PoseSlot, &Self)>,
     ) {
-        let GroupPlan { index, list, stats, whole_blocks, source_bytes, desc, unit, tolerance, scratch, .. } = group;
-        let (count, costs) = (index.count(), &index.costs);
-        let (entry_masks, _) = index.masks.as_chunks::<N>();
-        let (block_masks, _) = index.block_masks.as_chunks::<N>();
-        for (block, all) in block_masks.iter().enumerate() {
+        if !known {
+            self.forget_slots();
+        }
+        let GroupPlan { index, list, stats, source_bytes, desc, unit, tolerance, scratch, .. } = &mut *group;
+        let pose_bytes = (index.size() * desc.pose.stride()) as u64;
+        for block in 0..index.count() {
             let entries = index.entries(block);
             let first = instance * index.entry_count() + entries.start;
             let mut listed = scratch.ends[block] - entries.start as u32;
-            let (touched, at) = (listed > 0, destination as usize * count + block);
-            let is_stale = std::mem::replace(&mut self.is_stale[at], false);
+            let touched = listed > 0;
+            let is_stale = self.is_stale[destination as usize * index.count() + block];
             if !touched && !is_stale {
                 continue;
             }
-            // Loads, motion and components of the listed entries.
-            let (mut deltas, mut sum, mut changed) = (0, 0.0, [0; N]);
+            // Bytes of the listed entries, and how far they move a vertex at most.
+            let mut deltas = 0;
+            let mut reach = 0.0;
             for element in &list.elements[first..first + listed as usize] {
-                let entry = element.entry as usize;
-                deltas += costs[entry].bytes;
-                sum += unit.size(element.coefficient) * costs[entry].reach;
-                changed = std::array::from_fn(|i| changed[i] | entry_masks[entry][i]);
+                let cost = &index.costs[element.entry as usize];
+                deltas += cost.bytes;
+                reach += unit.size(element.coefficient) * cost.reach;
             }
-            let (magnitude, active) =
-                (index.block_base[block] + self.largest_weight * index.block_reach[block], self.blocks[block]);
-            let bound = active.bound + rounding(magnitude, listed, sum);
-            let exceeded = touched && bound > active.limit;
-            // The instance's base, with the deltas that it differs by, if the block then loads less than from the base
-            // pose, which fixed-point poses do not load.
-            let nearer = base.filter(|(_, base)| (touched || !known) && !exceeded && base.blocks[block].active > 0);
-            let nearer = nearer.map(|(source, base)| {
-                let mut bytes = 0;
-                self.apart(index, block, Some(base), |entry, _, _| bytes += costs[entry].bytes);
-                (bytes, source, base)
-            });
-            let nearer = nearer.filter(|(bytes, ..)| bytes + *source_bytes < active.active_bytes);
-            let anew = nearer.map_or(active.active_bytes, |(bytes, ..)| bytes + *source_bytes);
-            let rebuilt = !known
-                || touched
-                    && (exceeded
-                        || desc.rebuilds()
-                        || match *whole_blocks {
-                            // All components either way.
-                            true => anew <= deltas + *source_bytes,
-                            false => no_more_bytes_from_base(anew, deltas, all, &changed),
-                        });
+            let sum = self.blocks[block];
+            let magnitude = index.block_base[block] + self.largest_weight * index.block_reach[block];
+            let bound = sum.bound + rounding(magnitude, listed, reach);
+            let exceeded = touched && bound > sum.limit;
+            let is_cheaper = sum.active_bytes <= deltas + *source_bytes;
+            let rebuilt = !known || touched && (exceeded || desc.rebuilds() || is_cheaper);
             if rebuilt {
-                let from = nearer.map(|(.., base)| base);
-                let (entries, sum) = self.list_apart(index, *unit, block, from, &mut list.elements[first..]);
-                deltas = nearer.map_or(active.active_bytes, |(bytes, ..)| bytes);
-                (listed, changed) = (entries, *all);
-                let before = from.map_or(0.0, |base| base.blocks[block].bound);
-                self.blocks[block].bound = before + rounding(magnitude, listed, sum);
+                (listed, reach) = self.list_active(index, *unit, block, &mut list.elements[first..]);
+                deltas = sum.active_bytes;
+                self.blocks[block].bound = rounding(magnitude, listed, reach);
                 if exceeded {
                     self.blocks[block].limit = *tolerance;
                 }
             } else if touched {
                 self.blocks[block].bound = bound;
             }
-            if !known || *whole_blocks && touched {
-                changed = [u32::MAX; N];
-            }
-            let (stale, _) = self.stale.as_chunks_mut::<N>();
-            let mut written = changed;
-            if is_stale && desc.slots > 1 {
-                written.iter_mut().zip(&stale[at]).for_each(|(w, s)| *w |= s);
-            }
             if touched || rebuilt {
                 for slot in 0..desc.slots as usize {
-                    let at = slot * count + block;
-                    self.is_stale[at] = true;
-                    stale[at].iter_mut().zip(&changed).for_each(|(s, c)| *s |= c);
+                    self.is_stale[slot * index.count() + block] = true;
                 }
             }
-            self.is_stale[at] = false;
-            stale[at] = [0; N];
+            self.is_stale[destination as usize * index.count() + block] = false;
             list.items.push(Item {
                 instance: instance as u32,
                 block: block as u32,
-                source: match rebuilt {
-                    true => nearer.map(|(_, source, _)| source),
-                    false => Some(PoseSlot { instance: instance as u32, slot: current }),
-                },
+                source: (!rebuilt).then_some(current),
                 destination,
                 first: first as u32,
                 count: listed,
             });
-            list.masks.extend_from_slice(&written);
+            // The base pose of fixed-point poses is 0, and not loaded.
+            let loads_source = !(rebuilt && desc.pose.has_integers());
+            let moved = u64::from(deltas) + pose_bytes * (1 + u64::from(loads_source));
             stats.dirty_blocks += 1;
             stats.rebuilt_blocks += usize::from(rebuilt);
-            stats.bytes_moved += u64::from(deltas) + (listed as usize * ELEMENT_BYTES + (ITEM_WORDS + N) * 4) as u64;
-            stats.bytes_floor += u64::from(deltas);
+            stats.bytes_moved += moved + (size_of::<Item>() + listed as usize * ELEMENT_BYTES) as u64;
+            stats.bytes_floor += moved;
         }
+        self.count(group);
     }
-}
-
-/// Cost model: active entries and all components of any target, against changed entries and their components.
-fn no_more_bytes_from_base<const N: usize>(active: u32, changed: u32, all: &[u32; N], some: &[u32; N]) -> bool {
-    // A rebuild never moves fewer components; counting is needed only if it moves no more deltas.
-    let components = |mask: &[u32; N]| 8 * mask.iter().map(|m| m.count_ones()).sum::<u32>();
-    active <= changed && active + components(all) <= changed + components(some)
 }

@@ -1,18 +1,15 @@
-//! The blocks of a group on a device, planned by host or GPU: kernels for items or tiles of a work list, descriptor
-//! sets and push constants.
+//! The blocks of a group on a device, planned by host or GPU: kernels for the tiles of a work list, descriptor sets
+//! and push constants.
 
 use super::dispatch::Dispatching;
-use crate::abi::modules::{BLOCKS, CROWD, CROWD_TEXELS, Module};
+use crate::abi::modules::{CROWD, CROWD_TEXELS, Module};
 use crate::abi::push::BlocksPush;
 use crate::abi::worklist::{ITEMS_MAX, POSES_MAX, TILE, WIDTHS};
 use crate::asset::streams::TRIPLES;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::descriptors::{BufferRange, Sets};
-use crate::gpu::memory::Buffer;
-use crate::gpu::parts::AssetPart;
+use crate::gpu::mesh::{base_offset, deltas_bytes};
 use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
-use crate::gpu::statistics::MemoryKind;
-use crate::pack::POSE_FLOATS;
 use crate::pack::vertex::PlaceConstants;
 use crate::update::technique::{Context, Poses};
 use ash::vk;
@@ -45,33 +42,29 @@ pub(crate) fn set_size(context: &Context<'_>, most: u64) -> Result<u32> {
 }
 
 pub(crate) struct Workgroup {
-    /// Processes tiles of instances.
-    tiles: bool,
     /// Loads asset and work list as texels.
     texels: bool,
     lanes: u32,
     pub(crate) items: u32,
 }
 
-/// The workgroup of the kernels of a crowd of `instances`.
+/// The workgroup of the kernels of a crowd.
 ///
 /// # Errors
 /// A mesh in a dense format.
-pub(crate) fn workgroup(context: &Context<'_>, instances: u32) -> Result<Workgroup> {
-    let (index, caps) = (context.layout().index()?, context.caps());
-    // Tiles have at least one row, of some entry; masks are for float32 poses only.
-    let (entries, size) = (index.entry_count() > 0, index.size() as u32);
+pub(crate) fn workgroup(context: &Context<'_>) -> Result<Workgroup> {
+    let size = context.layout().index()?.size() as u32;
+    let caps = context.caps();
     // Texel kernels access engine-owned poses; a host's buffer may lack the usage.
     let bound_as_texels = context.poses.usage.contains(vk::BufferUsageFlags::STORAGE_TEXEL_BUFFER);
-    let texels = entries && bound_as_texels && caps.takes_texels(context.layout().format);
-    let integers = context.desc.update.pose.has_integers();
-    let tiles = entries && (texels || instances > 1 || !caps.tuning.masks) || integers;
-    let items = if tiles && !texels { (caps.tuning.lanes / size).clamp(1, ITEMS_MAX) } else { 1 };
+    let texels = bound_as_texels && caps.takes_texels(context.layout().format);
+    let items = if texels { 1 } else { (caps.tuning.lanes / size).clamp(1, ITEMS_MAX) };
     // With texels, an invocation processes eight vertices, or four of a block of 32.
-    Ok(Workgroup { tiles, texels, lanes: if texels { (size / 8).max(8) } else { size * items }, items })
+    Ok(Workgroup { texels, lanes: if texels { (size / 8).max(8) } else { size * items }, items })
 }
 
-/// Key of the pipeline of a module and block size; two pipelines if tiles that start from the base pose differ.
+/// Key of the two pipelines of a module, block size and width: for any tiles, and for those that start from the base
+/// pose.
 #[derive(Clone, Copy, PartialEq)]
 struct BlocksKey {
     module: &'static Module,
@@ -92,15 +85,13 @@ impl PipelineKey for BlocksKey {
         let sums = 2 * u32::from(rounds_sums);
         let own = [0, 1].map(|rebuilt| [lanes, size, 1 << width, rebuilt + sums, few_registers.into()]);
         let count = module.kernel.constants as usize;
-        // Kernels of items with masks have no width and none of these constants.
-        let own = if count > 2 { &own[..] } else { &own[..1] };
         let places = places.as_ref().map_or(&[][..], |places| places);
         let constants: Vec<Vec<u32>> = own.iter().map(|own| [&own[..count], places].concat()).collect();
         objects.add_compute(module, &constants.iter().map(Vec::as_slice).collect::<Vec<_>>())
     }
 }
 
-/// The kernels of a crowd: one for single items, or one per tile width.
+/// The kernels of a crowd, one per tile width.
 pub(crate) struct BlocksKernels {
     pub(super) how: Dispatching,
     kernels: Vec<Arc<Pipelines<BlocksKey>>>,
@@ -113,27 +104,21 @@ impl BlocksKernels {
     /// No kernel for the formats; Vulkan errors.
     pub(crate) fn new(context: &Context<'_>, instances: u32, group: u32) -> Result<Self> {
         let (format, pose, tuning) = (context.layout().format, context.desc.update.pose, context.caps().tuning);
-        let Workgroup { tiles, texels, lanes, items } = workgroup(context, instances)?;
-        let kernel = match (tiles, texels) {
-            (false, _) => &BLOCKS,
-            (true, false) => &CROWD,
-            (true, true) => &CROWD_TEXELS,
-        };
-        let widths = if tiles { instances.clamp(1, tuning.widest_tile).ilog2() + 1 } else { 0 };
+        let Workgroup { texels, lanes, items } = workgroup(context)?;
+        let kernel = if texels { &CROWD_TEXELS } else { &CROWD };
+        let widths = instances.clamp(1, tuning.widest_tile).ilog2() + 1;
         let (module, size) = (kernel.module(format.row(), pose.row(), 0)?, context.layout().index()?.size() as u32);
         let (few_registers, places) = (tuning.few_registers, context.poses.place_constants());
         let rounds_sums = pose.row().rounds_sums;
         let key = |width| BlocksKey { module, size, lanes, width, few_registers, rounds_sums, places };
         let kernel = |width| context.kernels.get(key(width));
         let how = Dispatching { group, widths, tuning, most: context.caps().max_workgroups, items, texels };
-        Ok(Self { how, kernels: (0..widths.max(1)).map(kernel).collect::<Result<_>>()? })
+        Ok(Self { how, kernels: (0..widths).map(kernel).collect::<Result<_>>()? })
     }
 }
 
 /// Contents of a descriptor set.
 pub(crate) struct Bound {
-    /// Index of the asset part.
-    pub(crate) part: usize,
     pub(crate) list: BufferRange,
     /// First instance, and count.
     pub(crate) instances: (u32, u32),
@@ -143,60 +128,38 @@ pub(crate) struct GroupBlocks {
     pub(crate) how: Dispatching,
     kernels: Vec<Arc<Pipelines<BlocksKey>>>,
     pub(super) poses: Poses,
-    /// For a mesh without entries: one that moves nothing, for the row that tiles need.
-    _no_entry: Option<Buffer>,
     sets: Sets,
-    pushes: Vec<BlocksPush>,
+    push: BlocksPush,
 }
 
 impl GroupBlocks {
-    /// `elements_at`: first word of elements or rows in work lists.
     pub(crate) fn new(
         context: &Context<'_>,
         BlocksKernels { how, kernels }: BlocksKernels,
         bound: &[Bound],
-        elements_at: usize,
     ) -> Result<Self> {
-        let (poses, index) = (context.poses, context.layout().index()?);
-        let [position, normal] = index.steps();
+        let poses = context.poses;
+        let index = context.layout().index()?;
+        let [position_unit, normal_unit] = index.steps();
         let [position_dropped, normal_dropped] = poses.grid.map_or([0; TRIPLES], |grid| grid.dropped);
-        let push = |part: &AssetPart| {
-            let [headers_at, deltas_at, base_at] = part.origins;
-            BlocksPush {
-                first_item: 0,
-                elements_at: elements_at as u32,
-                headers_at,
-                deltas_at,
-                base_at,
-                pose_floats: poses.numbers(),
-                position_unit: position,
-                normal_unit: normal,
-                position_dropped,
-                normal_dropped,
-            }
+        let push = BlocksPush {
+            first_item: 0,
+            deltas_at: index.deltas_at as u32,
+            base_at: (base_offset(context.layout()) / 4) as u32,
+            pose_floats: poses.numbers(),
+            position_unit,
+            normal_unit,
+            position_dropped,
+            normal_dropped,
         };
-        // Zeros, as many words as the largest entry has.
-        let no_entry = || {
-            let (bytes, usage) = (index.size() * POSE_FLOATS * size_of::<f32>(), vk::BufferUsageFlags::STORAGE_BUFFER);
-            let mut buffer =
-                Buffer::new(context.device, "deltamorph no entry", bytes as u64, usage, MemoryKind::Lists)?;
-            buffer.mapped()?.fill(0);
-            Ok::<_, Error>(buffer)
-        };
-        let no_entry = (how.widths > 0 && index.entry_count() == 0).then(no_entry).transpose()?;
-        let parts = &context.mesh.parts;
-        let ranges = |&Bound { part, list, instances: (first, count) }: &Bound| {
-            let asset = match &no_entry {
-                Some(entry) => BufferRange::new(entry.raw, 0, vk::WHOLE_SIZE),
-                None => parts[part].range(context.mesh.deltas.raw),
-            };
+        let asset = BufferRange::new(context.mesh.deltas.raw, 0, deltas_bytes(context.layout()));
+        let ranges = |&Bound { list, instances: (first, count) }: &Bound| {
             // With texels, poses are bound twice, for stores and loads.
             let poses = std::iter::repeat_n(poses.range(first, count), if how.texels { 2 } else { 1 });
             [asset, list].into_iter().chain(poses).collect::<Vec<_>>()
         };
         let sets = kernels[0].objects.sets(&bound.iter().map(ranges).collect::<Vec<_>>())?;
-        let pushes = bound.iter().map(|bound| push(&parts[bound.part])).collect();
-        Ok(Self { how, kernels, poses, _no_entry: no_entry, sets, pushes })
+        Ok(Self { how, kernels, poses, sets, push })
     }
 
     /// Records a dispatch of kernel `kernel` (log2 width; plus [`WIDTHS`] for tiles that start from the base pose) with
@@ -205,7 +168,7 @@ impl GroupBlocks {
     /// # Safety
     /// - `cmd` is in the recording state on this device, outside a render pass, on a queue with compute.
     /// - The group, its mesh and its poses live until the dispatch has finished. The list is complete by then, and
-    ///   names only existing slots, and blocks and entries of the part.
+    ///   names only existing slots, blocks and entries.
     /// - `workgroups` is within the device limit.
     pub(crate) unsafe fn dispatch(
         &self,
@@ -216,7 +179,8 @@ impl GroupBlocks {
         workgroups: Workgroups,
     ) {
         let (width, rebuilt) = (kernel % WIDTHS, kernel / WIDTHS);
-        let (set, push) = (self.sets.get(set), BlocksPush { first_item, ..self.pushes[set] });
+        let set = self.sets.get(set);
+        let push = BlocksPush { first_item, ..self.push };
         // SAFETY: the caller's obligations; the layout of the set is the same for all kernels of a module, and the push
         // constants fill its range.
         unsafe { self.kernels[width].objects.dispatch(cmd, rebuilt, (set, &[]), bytes_of(&push), workgroups) };

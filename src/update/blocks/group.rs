@@ -1,10 +1,10 @@
-//! A crowd's plan for one group of the mesh: state shared by its instances, and the blocks, entries and components that
-//! one update writes.
+//! A crowd's plan for one group of the mesh: state shared by its instances, and the blocks and entries that one
+//! update writes.
 
 use crate::abi::worklist::Element;
 use crate::error::{Error, Result};
 use crate::pack::blocks::{BlockIndex, PoseGrid};
-use crate::pack::{POSE_FLOATS, PackedLayout, PoseFormat};
+use crate::pack::{PackedLayout, PoseFormat};
 use crate::plan::{UpdateDesc, UpdateStats};
 use std::ops::Range;
 use std::sync::Arc;
@@ -16,8 +16,8 @@ pub struct Item {
     pub instance: u32,
     /// The block.
     pub block: u32,
-    /// The pose that it starts from, the instance's own or that of its base; `None`: the base pose.
-    pub source: Option<PoseSlot>,
+    /// The slot of the pose that it starts from; `None`: the base pose.
+    pub source: Option<u32>,
     /// The destination slot.
     pub destination: u32,
     /// Its first element in [`WorkList::elements`].
@@ -26,22 +26,11 @@ pub struct Item {
     pub count: u32,
 }
 
-/// A pose in a crowd.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PoseSlot {
-    /// The instance.
-    pub instance: u32,
-    /// The slot.
-    pub slot: u32,
-}
-
 /// The work of one update, for GPU or CPU.
 #[derive(Clone, Debug, Default)]
 pub struct WorkList {
     /// Blocks to write, ascending by instance, then block.
     pub items: Vec<Item>,
-    /// `[item][component][word]`: vertices whose component is loaded and stored.
-    pub masks: Vec<u32>,
     /// `[instance][entry]`: the elements of a block occupy the first places of its entries.
     pub elements: Vec<Element>,
 }
@@ -49,10 +38,8 @@ pub struct WorkList {
 impl WorkList {
     /// Empty, with room for every block of `instances`: filling it never allocates.
     pub fn new(index: &BlockIndex, instances: usize) -> Self {
-        let blocks = index.count() * instances;
         Self {
-            items: Vec::with_capacity(blocks),
-            masks: Vec::with_capacity(blocks * POSE_FLOATS * index.mask_words()),
+            items: Vec::with_capacity(index.count() * instances),
             elements: vec![Element::default(); index.entry_count() * instances],
         }
     }
@@ -72,10 +59,7 @@ pub struct GroupPlan {
     pub list: WorkList,
     /// Statistics of the last update.
     pub stats: UpdateStats,
-    /// Load and store whole blocks, not only changed components: for kernels that cannot do less, and for fixed-point
-    /// poses.
-    pub whole_blocks: bool,
-    /// Bytes of source pose that a whole block need not load if it starts from the base pose.
+    /// Bytes of source pose that a block need not load if it starts from the base pose.
     pub source_bytes: u32,
     pub(super) desc: UpdateDesc,
     pub(super) targets: usize,
@@ -104,7 +88,6 @@ impl GroupPlan {
             index: index.clone(),
             list: WorkList::new(index, instances),
             stats: UpdateStats::default(),
-            whole_blocks: grid.is_some(),
             source_bytes: if grid.is_some() { (index.size() * desc.pose.stride()) as u32 } else { 0 },
             desc: UpdateDesc { error_budget, ..desc },
             targets: layout.targets.len(),
@@ -128,7 +111,6 @@ impl GroupPlan {
     /// Removes the last update.
     pub fn clear(&mut self) {
         self.list.items.clear();
-        self.list.masks.clear();
         self.stats = UpdateStats::default();
     }
 
@@ -136,9 +118,8 @@ impl GroupPlan {
     pub fn changed(&self, instance: u32, out: &mut Vec<Range<u32>>) {
         let first = self.list.items.partition_point(|item| item.instance < instance);
         let items = self.list.items[first..].iter().take_while(|item| item.instance == instance);
-        // An item that starts from the instance's own pose, without elements, is an unchanged copy.
-        let changed =
-            items.filter(|item| item.count > 0 || item.source.is_none_or(|source| source.instance != item.instance));
+        // An item that starts from the instance's pose, without elements, is an unchanged copy.
+        let changed = items.filter(|item| item.count > 0 || item.source.is_none());
         let size = self.index.size() as u32;
         out.extend(changed.map(|item| item.block * size..(item.block + 1) * size));
     }

@@ -16,7 +16,7 @@ mod technique;
 
 pub use group::WorkList;
 pub(crate) use group::check_tolerance;
-pub use group::{GroupPlan, Item, PoseSlot};
+pub use group::{GroupPlan, Item};
 pub(crate) use plan::BlockState;
 pub use plan::Planner;
 pub(crate) use technique::BlocksTechnique;

@@ -1,13 +1,14 @@
 //! Plans the instances of a crowd together, for GPU or CPU, and keeps the state of their poses by block. `commit` and
 //! `emit` are the two phases of an update.
 
-use super::group::{GroupPlan, PoseSlot, Unit};
+use super::group::{GroupPlan, Unit};
 use crate::abi::worklist::Element;
 use crate::error::{Error, Result};
+use crate::pack::PackedLayout;
 use crate::pack::blocks::BlockIndex;
-use crate::pack::{POSE_FLOATS, PackedLayout};
-use crate::plan::instances::Instances;
+use crate::plan::instances::{InstanceState, Instances};
 use crate::plan::{UpdateDesc, UpdateStats};
+use std::ops::Range;
 
 /// Plans the instances of a crowd. Groups have their own block states and lists; the slots of all groups rotate
 /// together.
@@ -18,10 +19,6 @@ pub struct Planner {
     states: Vec<Vec<BlockState>>,
     /// The crowd's error budget, the upper limit of each instance's.
     budget_most: f32,
-    /// By instance: the instance that is its base, with a higher number.
-    bases: Vec<Option<u32>>,
-    /// By instance: the pose of its base before the update, if there is one.
-    sources: Vec<Option<PoseSlot>>,
 }
 
 impl Planner {
@@ -37,80 +34,26 @@ impl Planner {
         let groups = groups.into_iter().map(|layout| GroupPlan::new(desc, layout, instances));
         let groups = groups.collect::<Result<Vec<_>>>()?;
         let states = groups.iter().map(|group| vec![BlockState::new(group); instances]).collect();
-        let (bases, sources) = (vec![None; instances], vec![None; instances]);
-        Ok(Self { states, groups, budget_most: desc.error_budget, bases, sources })
-    }
-
-    /// Makes the pose of `base` what `instance` starts from in place of the base pose, or the base pose again.
-    ///
-    /// # Errors
-    /// See [`CrowdBase::set_base`](crate::CrowdBase::set_base).
-    pub fn set_base(&mut self, instance: u32, base: Option<u32>) -> Result<()> {
-        let desc = &self.groups[0].desc;
-        let wrong = |what: String, remedy: &str| Err(Error::invalid(what, remedy));
-        if desc.slots < 2 {
-            return wrong("an instance as base in a crowd of one slot".into(), "use two slots");
-        }
-        if desc.pose.row().rounds_sums {
-            let what = format!("an instance as base in {} poses, which round sums", desc.pose.name());
-            return wrong(what, "use fixed32 or fixed16 poses");
-        }
-        if let Some(base) = base.filter(|base| *base <= instance) {
-            let what = format!("instance {base} as base of instance {instance}");
-            return wrong(what, "use a base whose number is higher");
-        }
-        self.bases[instance as usize] = base;
-        Ok(())
+        Ok(Self { states, groups, budget_most: desc.error_budget })
     }
 
     /// Plans update `update` of every instance that is shown.
     pub fn plan(&mut self, instances: &mut Instances, update: u64) {
         self.groups.iter_mut().for_each(GroupPlan::clear);
-        for (source, base) in self.sources.iter_mut().zip(&self.bases) {
-            let slot = |base: u32| instances.slots_of(instances.check(base).ok()?).map(|(slot, _)| slot);
-            *source = base.and_then(|instance| Some(PoseSlot { instance, slot: slot(instance)? }));
-        }
         for (i, weights, history) in instances.shown() {
-            let (known, mut changed) = (history.current().is_some(), false);
+            let known = history.current().is_some();
+            let mut changed = false;
             for (group, states) in self.groups.iter_mut().zip(&mut self.states) {
                 changed |= states[i].commit(group, i, weights, known);
             }
             let slots = [history.after(0), history.after(1)];
             for (group, states) in self.groups.iter_mut().zip(&mut self.states) {
-                // Bases have higher numbers: their states are still those of the poses in their sources.
-                let (states, later) = states.split_at_mut(i + 1);
-                let base = self.sources[i].map(|source| (source, &later[source.instance as usize - i - 1]));
                 match changed {
-                    true => states[i].emit(group, i, slots, known, base),
+                    true => states[i].emit(group, i, slots, known),
                     false => states[i].count(group),
                 }
             }
             if changed { history.advance(update, [slots[1]]) } else { history.stay(update) }
-        }
-    }
-
-    /// Sets the error budget of an existing instance, from the next update on.
-    ///
-    /// # Errors
-    /// A value outside 0 to the crowd's budget.
-    pub fn set_error_budget(&mut self, instance: usize, budget: f32) -> Result<()> {
-        let most = self.budget_most;
-        if !(0.0..=most).contains(&budget) {
-            let what = format!("an error budget of {budget} for an instance of a crowd that was made with {most}");
-            return Err(Error::invalid(what, "use a number from 0 to that, or make the crowd with a larger one"));
-        }
-        for (group, states) in self.groups.iter().zip(&mut self.states) {
-            // Without lengths there is no budget.
-            states[instance].set_budget(budget.min(group.desc.error_budget));
-        }
-        Ok(())
-    }
-
-    /// Gives an instance added to a free place the crowd's error budget, and the base pose as base.
-    pub fn add(&mut self, instance: usize) {
-        self.bases[instance] = None;
-        for (group, states) in self.groups.iter().zip(&mut self.states) {
-            states[instance].set_budget(group.desc.error_budget);
         }
     }
 
@@ -122,6 +65,32 @@ impl Planner {
             sum.passes = sum.passes.max(usize::from(!group.list.items.is_empty()));
         }
         UpdateStats { coefficients: self.groups.first().map_or(0, |group| group.stats.coefficients), ..sum }
+    }
+}
+
+impl InstanceState for Planner {
+    fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()> {
+        let most = self.budget_most;
+        if !(0.0..=most).contains(&budget) {
+            let what = format!("an error budget of {budget} for an instance of a crowd that was made with {most}");
+            return Err(Error::invalid(what, "use a number from 0 to that, or make the crowd with a larger one"));
+        }
+        for (group, states) in self.groups.iter().zip(&mut self.states) {
+            // Without lengths there is no budget.
+            states[instance as usize].set_budget(budget.min(group.desc.error_budget));
+        }
+        Ok(())
+    }
+
+    /// Gives it the crowd's error budget.
+    fn add(&mut self, instance: u32) {
+        for (group, states) in self.groups.iter().zip(&mut self.states) {
+            states[instance as usize].set_budget(group.desc.error_budget);
+        }
+    }
+
+    fn changed(&self, _instances: &Instances, _update: u64, instance: u32, out: &mut Vec<Range<u32>>) {
+        self.groups[0].changed(instance, out);
     }
 }
 
@@ -145,10 +114,8 @@ pub(crate) struct BlockState {
     pub(super) changed: usize,
     pub(super) largest_weight: f32,
     pub(super) blocks: Vec<BlockSum>,
-    /// `[slot][block]`: whether any bit of `stale` is set.
+    /// `[slot][block]`: whether it changed since the slot was written.
     pub(super) is_stale: Vec<bool>,
-    /// `[slot][block][component][word]`: vertices whose component changed since the slot was written.
-    pub(super) stale: Vec<u32>,
 }
 
 /// The float32 sum of a block: error bound and active entries.
@@ -195,7 +162,6 @@ impl BlockState {
                 .map(|b| BlockSum { bound: 0.0, limit: limit(b), active: 0, active_bytes: 0 })
                 .collect(),
             is_stale: vec![true; slots * index.count()],
-            stale: vec![u32::MAX; slots * index.count() * POSE_FLOATS * index.mask_words()],
         }
     }
 
@@ -209,9 +175,8 @@ impl BlockState {
     }
 
     /// Marks all slots as stale: the instance has no pose, or was left out of updates.
-    pub(crate) fn forget_slots(&mut self) {
+    pub(super) fn forget_slots(&mut self) {
         self.is_stale.fill(true);
-        self.stale.fill(u32::MAX);
     }
 
     /// Adds this state to the group's statistics.
@@ -227,46 +192,26 @@ impl BlockState {
         group.stats.bound = group.stats.bound.max(bound);
     }
 
-    /// Calls `f` with the entries of a block whose weight differs from that of `base` (`None`: 0), and both weights.
-    pub(super) fn apart(
-        &self,
-        index: &BlockIndex,
-        block: usize,
-        base: Option<&Self>,
-        mut f: impl FnMut(usize, u32, u32),
-    ) {
+    /// Lists the active entries of a block, with their weights as coefficients. Returns their number, and Σ |weight| ·
+    /// reach.
+    pub(super) fn list_active(&self, index: &BlockIndex, unit: Unit, block: usize, out: &mut [Element]) -> (u32, f32) {
+        let mut count = 0;
+        let mut sum = 0.0;
         let entries = index.entries(block);
         for word in entries.start / 64..entries.end.div_ceil(64) {
-            let (from, end) = (entries.start.saturating_sub(64 * word), (entries.end - 64 * word).min(64));
-            let mut active = self.active[word] | base.map_or(0, |base| base.active[word]);
-            active &= u64::MAX << from & u64::MAX >> (64 - end);
+            let from = entries.start.saturating_sub(64 * word);
+            let end = (entries.end - 64 * word).min(64);
+            let mut active = self.active[word] & u64::MAX << from & u64::MAX >> (64 - end);
             while active != 0 {
                 let entry = 64 * word + active.trailing_zeros() as usize;
                 active &= active - 1;
                 let at = if self.per_entry { entry } else { index.parts.entry_target[entry] as usize };
-                let (weight, from) = (self.committed[at], base.map_or(0, |base| base.committed[at]));
-                if weight != from {
-                    f(entry, weight, from);
-                }
+                let coefficient = unit.coefficient(self.committed[at], 0);
+                out[count] = Element { entry: entry as u32, coefficient };
+                count += 1;
+                sum += unit.size(coefficient) * index.costs[entry].reach;
             }
         }
-    }
-
-    /// Lists the entries of [`apart`](Self::apart). Returns their number, and Σ |coefficient| · reach.
-    pub(super) fn list_apart(
-        &self,
-        index: &BlockIndex,
-        unit: Unit,
-        block: usize,
-        base: Option<&Self>,
-        out: &mut [Element],
-    ) -> (u32, f32) {
-        let (mut count, mut sum) = (0, 0.0);
-        self.apart(index, block, base, |entry, weight, from| {
-            out[count] = Element { entry: entry as u32, coefficient: unit.coefficient(weight, from) };
-            count += 1;
-            sum += unit.size(out[count - 1].coefficient) * index.costs[entry].reach;
-        });
         (count as u32, sum)
     }
 }

@@ -1,11 +1,11 @@
 //! Plans in blocks, executed on the CPU: any history ends in the requested pose, and tiles match the list.
 
-use super::dispatch::{BlockPart, Dispatches, Dispatching, KERNELS, Tiles};
+use super::dispatch::{Dispatches, Dispatching, KERNELS, Tiles};
 use super::*;
 use crate::abi::worklist::{ALIGN, TILE, WIDTHS, row_words};
 use crate::cpu::{Memory, Workers};
 use crate::gpu::tuning::{DeviceClass, DeviceTuning};
-use crate::pack::blocks::{BlockDesc, BlockIndex};
+use crate::pack::blocks::BlockDesc;
 use crate::pack::{DeltaFormat, PackDesc, PackedMesh, PoseFormat};
 use crate::plan::hazards::Event as Recorded;
 use crate::plan::instances::Instances;
@@ -18,17 +18,12 @@ use proptest::prelude::*;
 
 const TARGETS: usize = 9;
 
-/// The whole asset as one part.
-fn whole(index: &BlockIndex) -> BlockPart {
-    (0..index.count(), 0..index.entry_count())
-}
-
-/// The recorded events of one instance's list: items, or tiles.
+/// The recorded events of one instance's list.
 fn recorded(mut plan: GroupPlan) -> Vec<Recorded> {
-    let (widths, tuning) = (u32::from(plan.whole_blocks), DeviceClass::Desktop.tuning());
-    let how = Dispatching { group: 1, widths, tuning, most: 3, items: 1 + widths, texels: false };
-    let (mut dispatches, mut steps) =
-        (Dispatches::new(how, 0, &plan, 1, vec![whole(&plan.index)]), Steps::new(Consumers::default()));
+    let tuning = DeviceClass::Desktop.tuning();
+    let how = Dispatching { group: 1, widths: 1, tuning, most: 3, items: 2, texels: false };
+    let mut dispatches = Dispatches::new(how, 0, &plan, 1);
+    let mut steps = Steps::new(Consumers::default());
     dispatches.fill(&mut plan);
     Dispatches::append(std::iter::once(&dispatches), &mut steps);
     scheduled(&[&steps], |_, works| vec![dispatches.accesses(&plan.list, works)])
@@ -68,9 +63,8 @@ impl Planned for Blocks {
         let Blocks { mesh, planner } = &mut one.planner;
         planner.plan(&mut one.instances, one.update);
         let group = &planner.groups[0];
-        let GroupPlan { list, stats, whole_blocks, .. } = group;
+        let GroupPlan { list, stats, .. } = group;
         one.memory.run_list(mesh.surface(), &Workers::new(1).unwrap(), group);
-        assert!(!whole_blocks || list.masks.iter().all(|mask| *mask == u32::MAX));
         let weights = one.instances.requested().next().flatten().unwrap();
         let pose = one.memory.decode(mesh.surface(), one.instances.slots_of(0).unwrap().0 as usize);
         let pose = mesh.layout().to_user_order(&pose);
@@ -94,15 +88,13 @@ proptest! {
     #[test]
     fn plans_reach_the_weights_without_hazards(
         format in 0..DeltaFormat::BLOCKS.len(), size in prop::sample::select(vec![32u32, 64]), pose in poses(),
-        rebuild in any::<bool>(), slots in 1u32..5, budget in any::<bool>(), whole in any::<bool>(), events in events(TARGETS),
+        rebuild in any::<bool>(), slots in 1u32..5, budget in any::<bool>(), events in events(TARGETS),
     ) {
         let pose = if pose.takes(DeltaFormat::BLOCKS[format]) { pose } else { PoseFormat::Float32 };
         let mode = if rebuild { UpdateMode::Rebuild } else { UpdateMode::Incremental };
         let error_budget = if budget { 0.5 } else { 0.0 };
         let desc = UpdateDesc { mode, slots, pose, error_budget, ..float(1e-4) };
-        let mut one = one(packed(DeltaFormat::BLOCKS[format], size), desc);
-        one.planner.planner.groups[0].whole_blocks |= whole;
-        follow(one, events);
+        follow(one(packed(DeltaFormat::BLOCKS[format], size), desc), events);
     }
 }
 
@@ -161,62 +153,6 @@ fn a_cut_to_neutral_is_cheaper_from_base() {
 }
 
 #[test]
-fn an_instance_that_starts_from_another_loads_what_they_differ_by() {
-    for pose in [PoseFormat::Float32, PoseFormat::Fixed32, PoseFormat::Fixed16] {
-        let mesh = packed(DeltaFormat::Fast, 32);
-        let desc = UpdateDesc { pose, mode: UpdateMode::Rebuild, ..float(1e-4) };
-        // Seven of nine weights are constant, and in instance 1, which the second instance starts from.
-        let run = |base: Option<u32>| {
-            let mut planner = Planner::new(desc, [mesh.layout()], 2).unwrap();
-            planner.set_base(0, base).unwrap();
-            let mut memory = Memory::new(mesh.surface(), desc, 2).unwrap();
-            let (mut instances, mut bytes) = (Instances::new(2, TARGETS, desc.slots, 1), 0);
-            let mut weights = [0.75; TARGETS];
-            instances.set_weights(1, &weights).unwrap();
-            let poses = [1u64, 2, 3, 4, 5].map(|update| {
-                weights[0] = 0.25 * update as f32;
-                // A slider moves: the base follows in the next update.
-                weights[4] = if update < 4 { 0.75 } else { 0.5 };
-                instances.set_weights(0, &weights).unwrap();
-                planner.plan(&mut instances, update);
-                memory.run_list(mesh.surface(), &Workers::new(1).unwrap(), &planner.groups[0]);
-                let mut changed = vec![];
-                planner.groups[0].changed(0, &mut changed);
-                assert!(!changed.is_empty(), "{pose:?}: update {update}");
-                // The base is still in this one.
-                if update == 3 {
-                    bytes = planner.groups[0].stats.bytes_floor;
-                }
-                instances.set_weights(1, &weights.map(|w| w.clamp(0.5, 0.75))).unwrap();
-                let slot = instances.slots_of(0).unwrap().0 as usize;
-                let pose = mesh.layout().to_user_order(&memory.decode(mesh.surface(), slot));
-                let error = reference::compare(&pose, &reference::evaluate(&mesh, &weights));
-                let most = planner.groups[0].stats.bound + 1e-6 * mesh.layout().diagonal;
-                assert!(error.position <= f64::from(most), "{error:?} of {most}");
-                memory.poses[slot].clone()
-            });
-            (poses, bytes)
-        };
-        let ((own, all), (based, less)) = (run(None), run(Some(1)));
-        assert!(pose == PoseFormat::Float32 || own == based, "{pose:?}: the bits of a full evaluation");
-        assert!(less * 4 < all * 3, "{pose:?}: {less} of {all} bytes");
-    }
-}
-
-#[test]
-fn bases_that_cannot_be_read_are_refused() {
-    let mesh = packed(DeltaFormat::Fast, 32);
-    let refused = |desc: UpdateDesc, instance: u32, base: Option<u32>| {
-        let mut planner = Planner::new(desc, [mesh.layout()], 3).unwrap();
-        planner.set_base(instance, base).err().map(|e| e.to_string()).unwrap_or_default()
-    };
-    assert_eq!(refused(float(1e-4), 0, Some(2)), "");
-    assert!(refused(float(1e-4), 1, Some(1)).contains("higher"));
-    assert!(refused(UpdateDesc { slots: 1, ..float(1e-4) }, 0, Some(1)).contains("two slots"));
-    assert!(refused(UpdateDesc { pose: PoseFormat::Rebuilt16, ..float(1e-4) }, 0, Some(1)).contains("fixed16"));
-}
-
-#[test]
 fn blocks_are_refreshed_before_their_bound_passes_the_tolerance_and_not_all_at_once() {
     let tolerance = 2e-5;
     let mut one = one(packed(DeltaFormat::Fast, 32), float(tolerance));
@@ -263,7 +199,6 @@ proptest! {
         let pose = if pose.takes(DeltaFormat::BLOCKS[format]) { pose } else { PoseFormat::Float32 };
         let desc = UpdateDesc { slots, pose, ..float(1e-5) };
         let mut planner = Planner::new(desc, [mesh.layout()], instances).unwrap();
-        planner.groups[0].whole_blocks = true;
         let tuning = DeviceTuning { widest_tile: 1 << widest, ..DeviceClass::Desktop.tuning() };
         let mut tiles = Tiles::new(&index, instances, tuning, 0);
         let mut heads = Instances::new(instances, TARGETS, slots, 1);
@@ -279,7 +214,7 @@ proptest! {
             let list = &planner.groups[0].list;
             tiles.clear();
             tiles.sort(&index, list, 0..list.items.len());
-            tiles.fill(&index, list, &whole(&index));
+            tiles.fill(&index, list);
             let made = tiles.counts();
             tiles.fill_workgroups([0; KERNELS], shared);
             for (tiles, made) in tiles.items.iter().zip(made) {
@@ -320,7 +255,6 @@ fn widths_of(tuning: DeviceTuning, changed: impl Fn(usize, usize) -> bool) -> [u
     let index = mesh.layout().blocks.clone().unwrap();
     let desc = UpdateDesc::blocks();
     let mut planner = Planner::new(desc, [mesh.layout()], TILE).unwrap();
-    planner.groups[0].whole_blocks = true;
     let mut tiles = Tiles::new(&index, TILE, tuning, 0);
     let mut heads = Instances::new(TILE, TARGETS, desc.slots, 1);
     for update in 1..4 {
@@ -332,7 +266,7 @@ fn widths_of(tuning: DeviceTuning, changed: impl Fn(usize, usize) -> bool) -> [u
     }
     let list = &planner.groups[0].list;
     tiles.sort(&index, list, 0..list.items.len());
-    tiles.fill(&index, list, &whole(&index));
+    tiles.fill(&index, list);
     std::array::from_fn(|width| tiles.iter().filter(|(w, _)| *w == width).count())
 }
 

@@ -9,7 +9,7 @@
 use crate::error::Result;
 use crate::pack::PackedLayout;
 use crate::pack::blocks::PoseGrid;
-use crate::plan::instances::{History, Instances};
+use crate::plan::instances::{History, InstanceState, Instances};
 use crate::plan::steps::{Source, Steps, Use, Work};
 use crate::plan::{BatchSize, UpdateDesc, UpdateMode, UpdateStats};
 use crate::weights::delta::{Coefficient, active_targets, changed_targets};
@@ -94,6 +94,8 @@ pub struct DensePlanner {
     /// Weights rounded to the grid.
     rounded: Vec<f32>,
 }
+
+impl InstanceState for DensePlanner {}
 
 impl DensePlanner {
     /// For `instances` instances; `grid` is that of fixed-point poses ([`UpdateDesc::grid`]).

@@ -6,7 +6,7 @@ use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::pipelines::Objects;
 use crate::pack::PackedLayout;
 use crate::plan::UpdateStats;
-use crate::plan::instances::Instances;
+use crate::plan::instances::{InstanceState, Instances};
 use crate::plan::steps::{Source, Steps, Use, Work};
 use crate::update::technique::{Context, PoseGroup, Technique, UpdateId};
 use crate::weights::delta::Coefficient;
@@ -106,6 +106,14 @@ impl<P: Passes> DenseTechnique<P> {
 }
 
 impl<P: Passes> Technique for DenseTechnique<P> {
+    fn state(&self) -> &dyn InstanceState {
+        &self.planner
+    }
+
+    fn state_mut(&mut self) -> &mut dyn InstanceState {
+        &mut self.planner
+    }
+
     fn plan(&mut self, instances: &mut Instances, id: UpdateId, steps: &mut Steps) -> Result<UpdateStats> {
         let Self { planner, groups } = self;
         planner.plan(instances, id.update);

@@ -36,7 +36,7 @@ pub fn run(session: &mut Session<'_>, input: Input) -> Result<(), Failure> {
     let mut changes = vec![FEW.min(subject.targets()), subject.targets()];
     changes.dedup();
     let families = configs.chunk_by(|a, b| (a.desc.path, a.format) == (b.desc.path, b.format));
-    session.bar.inc_length((changes.len() * families.clone().count()) as u64);
+    session.planned += changes.len() * families.clone().count();
     for &changed in &changes {
         let random = Workload::random(subject.targets(), changed, session.args.input.seed);
         let heads = session.args.heads_or(&[1])[0];
@@ -48,7 +48,6 @@ pub fn run(session: &mut Session<'_>, input: Input) -> Result<(), Failure> {
             let cell = format!("{name}, {changed} of {} changed", subject.targets());
             let runs = session.measure(&mut subject, &cell, &candidates, &session.schedule(Common::Nothing))?;
             session.suite.comparisons.extend(gain(&cell, &runs));
-            session.bar.inc(1);
         }
     }
     Ok(())

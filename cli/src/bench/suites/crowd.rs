@@ -39,10 +39,10 @@ pub fn run(session: &mut Session<'_>) -> Result<(), Failure> {
     let total = main.targets();
     let mut counts: Vec<usize> = (1..=POINTS).map(|i| (total * i / POINTS).max(1.min(total))).collect();
     counts.dedup();
-    session.bar.inc_length(3 * counts.len() as u64 + SHARED.len() as u64 + 2);
 
     let random = Workload::random(total, total, session.args.input.seed);
     let chosen = techniques::choose(session, main, &Setting::of_suite(&random, one), &all)?;
+    session.planned += 3 * counts.len() + SHARED.len() * chosen.len() + 2;
     for &count in &counts {
         let mut kept = main.first_targets(count);
         let random = Workload::random(count, count, session.args.input.seed);
@@ -50,7 +50,6 @@ pub fn run(session: &mut Session<'_>) -> Result<(), Failure> {
             let setting = Setting { shared, ..Setting::of_suite(&random, heads) };
             let cell = format!("{}, {count} targets", heads_words(heads, shared));
             session.measure(&mut kept, &cell, &candidates(&chosen, &setting), &session.schedule(Common::Nothing))?;
-            session.bar.inc(1);
         }
     }
 
@@ -64,7 +63,6 @@ pub fn run(session: &mut Session<'_>) -> Result<(), Failure> {
             let cell = format!("update of {name}, shared, {how}");
             session.compare_updates(main, &cell, pair, &session.schedule(common), goal)?;
         }
-        session.bar.inc(1);
     }
 
     // One crowd against as many crowds of one instance each, recorded into one submission.
@@ -77,7 +75,6 @@ pub fn run(session: &mut Session<'_>) -> Result<(), Failure> {
             .map(|(separate, name)| Candidate::new(&name, &Config { separate, ..config.clone() }, &setting));
         let cell = format!("{}: {changed} of {} changed, {many} heads", subject.input.name, subject.targets());
         session.compare_updates(subject, &cell, pair, &session.schedule(Common::Nothing), CROWD_GOAL)?;
-        session.bar.inc(1);
     }
     Ok(())
 }

@@ -76,16 +76,19 @@ pub fn choose(
     setting: &Setting<'_>,
     techniques: &[Technique],
 ) -> Result<Vec<Chosen>, Failure> {
-    let schedule = Schedule { frames: 6, rounds: 3, limit: Some(session.limit / 20), common: Common::Nothing };
+    let schedule = Schedule { frames: 6, rounds: 3, limit: session.limit / 20, common: Common::Nothing };
     let mut chosen = vec![];
+    session.out.note(format_args!("choosing format and batch size of {} techniques in short runs", techniques.len()));
+    let bar =
+        session.out.bar(techniques.iter().map(|(_, configs)| configs.len() + schedule.rounds).sum::<usize>() as u64);
     for (name, configs) in techniques {
-        session.bar.set_message(format!("choosing the best {name}"));
+        bar.set_message(format!("choosing the best {name}"));
         let rivals: Vec<Chosen> = configs.iter().map(|config| (name.clone(), config.clone())).collect();
         if rivals.len() == 1 {
             chosen.extend(rivals);
             continue;
         }
-        let outcomes = interleave(&session.machine, subject, &candidates(&rivals, setting), &schedule)?;
+        let outcomes = interleave(&session.machine, subject, &candidates(&rivals, setting), &schedule, &bar)?;
         let mut best = f64::INFINITY;
         let mut fastest = None;
         for (outcome, rival) in outcomes.into_iter().zip(rivals) {
@@ -194,7 +197,7 @@ pub fn run(session: &mut Session<'_>, list: Vec<Workloads>, heads: &[u32], all: 
     for (inputs, works) in list {
         let mut subject = session.scene(inputs);
         let mesh = subject.info().name;
-        session.bar.inc_length((works.len() * heads.len()) as u64);
+        session.planned += works.len() * heads.len();
         for (workloads, change) in &works {
             let clips = workloads.iter().any(|workload| workload.changed.is_none());
             let schedule = session.schedule(if clips { Common::Frames } else { Common::Nothing });
@@ -211,7 +214,6 @@ pub fn run(session: &mut Session<'_>, list: Vec<Workloads>, heads: &[u32], all: 
                 let runs = session.measure(&mut subject, &cell, &candidates(&chosen, &setting), &schedule)?;
                 let runs: Vec<RunRecord> = runs.into_iter().flatten().collect();
                 session.suite.cells.push(CellRecord::of(&cell, [&mesh, change], heads, &runs));
-                session.bar.inc(1);
             }
         }
     }

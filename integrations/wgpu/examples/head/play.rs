@@ -31,9 +31,8 @@ pub fn play(host: &Host, format: PoseFormat, vertices: usize, frames: std::ops::
 
     let uploaded = morph.upload(&mesh)?;
     let mut crowd = morph.create_crowd(&uploaded, &CrowdDesc::new(UpdateDesc::blocks().pose(format)))?;
-    let mut packed = triangles.clone();
-    mesh.layout().remap_indices(&mut packed)?; // packing reorders the vertices that draws name
-    let (packed, frame) = (indices(&packed), framed(source.positions.iter().map(|p| p.to_array())));
+    // Packing reorders the vertices that draws name.
+    let (packed, frame) = (indices(&mesh.layout().indices), framed(source.positions.iter().map(|p| p.to_array())));
     let (mut scene, mut last) = (None, None);
     for weights in &clip[frames] {
         crowd.set_weights(0, weights)?;

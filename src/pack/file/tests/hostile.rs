@@ -147,8 +147,8 @@ fn the_frame_is_checked_under_valid_checksums() {
     for (text, parts) in [
         (change(0, b"PK"), ["does not begin", "deltamorph pack"]),
         (change(6, b"\n"), ["does not begin", "deltamorph pack"]),
-        (change(8, &[1]), ["version 1", "reads versions 2 to 7"]),
-        (change(8, &[2]), ["13 sections", "version 2"]),
+        (change(8, &[5]), ["version 5", "reads versions 6 and 7"]),
+        (change(8, &[7]), ["13 sections", "version 7"]),
         (change(12, &[12]), ["12 sections", "version 6"]),
         (change(12, &[7]), ["7 sections", "version 6"]),
         (change(row(WORDS) + 8, &(words as u64 - 8).to_le_bytes()), ["'words'", "expected"]),

@@ -1,0 +1,172 @@
+//! Reports of made-up runs.
+
+use super::page::page;
+use super::report::{claim, write};
+use super::sentences::sentences;
+use super::*;
+use crate::bench::record::RunRecord;
+use crate::bench::stats::Stats;
+use crate::bench::synthetic;
+
+/// The made-up report, with the runs that `keep` selects, followed by these runs after `change`.
+fn report(keep: fn(&RunRecord) -> bool, change: fn(RunRecord) -> RunRecord) -> Report {
+    let mut report = synthetic::report();
+    report.runs.retain(keep);
+    report.runs.extend(report.runs.clone().into_iter().map(change));
+    report
+}
+
+fn figures(report: &Report) -> Vec<String> {
+    let page = page(report);
+    let titles = page.split("<figcaption>").skip(1);
+    titles.map(|rest| rest.split("</figcaption>").next().expect("a title").to_owned()).collect()
+}
+
+#[test]
+fn wrong_runs_fail_the_command() {
+    let mut report = synthetic::report();
+    let message = verdict(&report).expect_err("two are wrong").to_string();
+    assert!(message.starts_with("2 of ") && message.contains("feedback float32 batch 8"), "{message}");
+    report.runs.retain(|r| r.verified);
+    assert!(verdict(&report).is_ok());
+    assert!(!sentences::sentences(&report).join(" ").contains("could run"));
+    report.unmeasured.push("feedback".into());
+    let said = sentences::sentences(&report).join(" ");
+    assert!(said.contains("configurations that could run match") && said.contains("could run: feedback."), "{said}");
+    let message = verdict(&report).expect_err("feedback was named").to_string();
+    assert!(message.starts_with("--paths: feedback: nothing of it") && message.contains("16 attributes"), "{message}");
+    report.unplayed.push("speech".into());
+    assert!(verdict(&report).is_err_and(|e| e.to_string().starts_with("clip 'speech': no configuration could")));
+    report.runs.clear();
+    assert!(verdict(&report).is_err_and(|e| e.to_string().starts_with("no configuration could run; feedback")));
+}
+
+#[test]
+fn a_page_has_the_figures_of_its_runs() {
+    let found = figures(&synthetic::report());
+    let sets =
+        ["Relative performance", "Time per frame against batch", "The paths at their best", "Time per frame against t"];
+    let expected = [&sets[..], &sets[..3]].concat();
+    assert_eq!(found.len(), expected.len(), "a clip has one number of changed targets: {found:?}");
+    assert!(found.iter().zip(expected).all(|(title, begin)| title.starts_with(begin)), "{found:?}");
+    assert!(figures(&Report::default()).is_empty());
+    assert!(figures(&synthetic::suite())[0].starts_with("dense &lt;1&gt;, 1 head"));
+    let work = |r: &RunRecord| r.workload == "random" && r.changed == 4.0;
+    let found = figures(&report(work, |run| RunRecord { heads: 16, ..run }));
+    assert!(found.iter().any(|title| title.starts_with("Time per frame against heads")), "{found:?}");
+    // Families are named by what varies.
+    let rebuild = report(|run| run.workload == "random", |run| RunRecord { mode: "rebuild".into(), ..run });
+    let page = page(&rebuild);
+    for label in ["feedback float32 rebuild", "cpu float32 incremental"] {
+        assert!(page.contains(&format!(">{label}</text>")), "{label}");
+    }
+}
+
+#[test]
+fn plots_stay_within_their_bounds() {
+    let page = page(&synthetic::report());
+    assert!(!page.contains("NaN") && !page.contains("inf"));
+    for svg in page.split("<svg ").skip(1) {
+        let height: f64 =
+            svg.split('"').nth(1).and_then(|view| view.rsplit(' ').next()?.parse().ok()).expect("a height");
+        for (axis, most) in [("x", 640.0), ("y", height), ("cx", 640.0), ("cy", height)] {
+            let svg = svg.split("</svg>").next().expect("an end");
+            for value in svg.split(&format!(" {axis}=\"")).skip(1) {
+                let value: f64 = value.split('"').next().and_then(|value| value.parse().ok()).expect("a number");
+                assert!((0.0..=most).contains(&value), "{axis} {value}");
+            }
+        }
+    }
+}
+
+#[test]
+fn sentences_have_numbers_from_the_runs() {
+    let mut report = synthetic::report();
+    let all = sentences(&report);
+    for (sentence, words) in [
+        (0, "Batch 16 is 7.7× as fast as batch 1 on feedback (snorm16)"),
+        (1, "With 72 targets changed per frame the fastest is compute snorm16, one pass: "),
+        (2, "Changing 4 of 72 targets"),
+        (3, "2 of "),
+    ] {
+        assert!(all[sentence].starts_with(words), "{all:?}");
+    }
+    // Fixed-point poses, which take half the time, are named.
+    let half = |run: RunRecord| {
+        let gpu_ms = run.gpu_ms.map(|time| Stats { median: time.median / 2.0, ..time });
+        RunRecord { gpu_ms, pose: "fixed32".into(), ..run }
+    };
+    let fixed = sentences(&self::report(|run| run.path == "compute" && run.format == "snorm16", half));
+    assert!(fixed[1].contains(" the fastest is compute snorm16 fixed32, one pass: "), "{fixed:?}");
+    let suite = sentences(&synthetic::suite());
+    assert!(suite[0].contains("fastest GPU path in 1 of 1 cells"), "{suite:?}");
+
+    report.runs.retain(|r| r.path == "cpu" && r.changed == 72.0);
+    let few = sentences(&report);
+    assert!(few[0].contains("the fastest is cpu") && few[1].contains("match the float64 reference"), "{few:?}");
+    report.runs.clear();
+    assert_eq!(sentences(&report), ["0 configurations, none of them timed"]);
+}
+
+#[test]
+fn rounds_that_disagree_are_told_and_prove_nothing() {
+    let uneven = |report: &mut Report| report.runs.iter_mut().for_each(|run| run.rounds_ratio = Some(1.62));
+    let mut report = synthetic::report();
+    uneven(&mut report);
+    let told = sentences(&report).join("\n");
+    assert!(told.contains("disagree by more than 1.5 times (UNEVEN)") && !told.contains("as batch 1"), "{told}");
+    assert!(tables::runs(&report.runs, true).to_string().contains("1.62× UNEVEN"));
+    assert!(page(&report).contains("<tr class=uneven>"));
+    let spread = |times: &[f64]| synthetic::technique("blocks", times).spread();
+    assert_eq!(spread(&[1.0, 9.0, 1.5, 1.0, 0.1]), Some(1.5), "one late interrupt is none");
+    assert_eq!((spread(&[2.0, 3.0, 4.0, 5.0]), spread(&[])), (None, None), "too few to tell");
+}
+
+#[test]
+fn tables_have_a_line_per_run_and_name_what_is_wrong() {
+    let report = synthetic::report();
+    for terminal in [true, false] {
+        let text = tables::runs(&report.runs, terminal).to_string();
+        assert_eq!((text.lines().count(), text.matches("WRONG").count()), (report.runs.len() + 1, 2));
+        assert_eq!((text.contains("round trip ms"), text.contains("technique")), (!terminal, false));
+    }
+    let report = synthetic::suite();
+    let found = tables::of_suite(&report.suites[0], &report);
+    let [(who, cells), (ms, times), (moved, bytes)] = &found[..] else { panic!("three tables") };
+    let moves = "Bytes that an update of every technique moves";
+    assert_eq!([*who, *ms, *moved], ["Who is fastest on the device", "Milliseconds of every technique", moves]);
+    let [cells, times, bytes] = [cells, times, bytes].map(ToString::to_string);
+    assert!(cells.contains("45.0") && times.contains("WRONG"), "{cells}\n{times}");
+    assert!(bytes.contains("1.00 KiB") && bytes.contains("WRONG"), "{bytes}");
+}
+
+#[test]
+fn the_folder_is_complete_and_its_page_needs_nothing_else() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path().join("new/report");
+    for (report, wrong, name) in
+        [(synthetic::report(), 2, "Example GPU &lt;1&gt;"), (synthetic::suite(), 1, "dense &lt;1&gt;")]
+    {
+        write(&report, &folder).expect("written");
+        claim(&folder).expect("it is a report's");
+        let n = report.runs.len();
+        let mut csv = csv::Reader::from_path(folder.join("runs.csv")).expect("read");
+        let rows: Vec<csv::StringRecord> = csv.records().collect::<Result<_, _>>().expect("a cell for every column");
+        assert_eq!((rows.len(), rows[0].len()), (n, 57));
+        let first = &report.runs[0];
+        assert_eq!((&rows[0][5], &rows[0][10]), (first.path.as_str(), first.batch_size.to_string().as_str()));
+        let page = std::fs::read_to_string(folder.join("index.html")).expect("read");
+        for outside in ["<script", "<link", "@import", "src=", "url(", "<1>"] {
+            assert!(!page.contains(outside), "{outside}");
+        }
+        let problem = report.runs.iter().find_map(|r| r.problem.as_deref()).expect("one is wrong");
+        assert_eq!((page.matches("<tr class=wrong>").count(), page.matches(problem).count()), (2 * wrong, wrong));
+        assert!(page.contains("class=best") && page.contains(name) && page.contains(&report.command));
+        for tag in ["figure", "table", "tr", "td", "div", "svg", "ul"] {
+            let opened = page.matches(&format!("<{tag}>")).count() + page.matches(&format!("<{tag} ")).count();
+            assert_eq!(opened, page.matches(&format!("</{tag}>")).count(), "{tag}");
+        }
+    }
+    std::fs::write(folder.join("report.json"), "{}").expect("written");
+    assert!(claim(&folder).is_err(), "of something else");
+}
