@@ -82,7 +82,11 @@ impl<'a> Easel<'a> {
             background: args.background.linear(),
             detail: args.detail,
             kept,
-            camera: detail::Camera { eye: view.eye, height: size[1] as f32 * args.zoom, angle: camera.angle.to_radians() },
+            camera: detail::Camera {
+                eye: view.eye,
+                height: size[1] as f32 * args.zoom,
+                angle: camera.angle.to_radians(),
+            },
         })
     }
 
