@@ -38,12 +38,7 @@ impl<'a> Gauge<'a> {
             order.sort_by_key(|t| !is_pinned(&mesh.targets[*t].name, pins));
             order
         };
-        Self {
-            input,
-            vertices: Loss::new(mesh, clips),
-            shots,
-            random: (0..random).map(shuffled).collect(),
-        }
+        Self { input, vertices: Loss::new(mesh, clips), shots, random: (0..random).map(shuffled).collect() }
     }
 
     /// A list of scores for each metric, with a number for each target.

@@ -83,8 +83,7 @@ impl<'a> Shots<'a> {
         let without = |w: &Vec<f32>| w.iter().zip(kept).map(|(w, kept)| if *kept { *w } else { 0.0 }).collect();
         let poses: Vec<Vec<f32>> = self.frames.iter().map(|(weights, _)| without(weights)).collect();
         let pictures = self.take(&poses)?;
-        let pairs: Vec<(&Pixels, &Pixels)> =
-            pictures.iter().zip(self.frames.iter().map(|(_, whole)| whole)).collect();
+        let pairs: Vec<(&Pixels, &Pixels)> = pictures.iter().zip(self.frames.iter().map(|(_, whole)| whole)).collect();
         let of_pair = |(a, b): &(&Pixels, &Pixels)| metrics.iter().map(|m| difference(*m, a, b)).collect();
         let differences: Vec<Vec<f64>> = pairs.par_iter().map(of_pair).collect();
         let mean = |m: usize| differences.iter().map(|d| d[m]).sum::<f64>() / differences.len().max(1) as f64;

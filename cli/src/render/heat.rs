@@ -48,8 +48,9 @@ fn furthest(scenery: &Scenery<'_>, weights: &[f32]) -> f32 {
     let mesh = &scenery.input.kept;
     let pose = evaluate_unpacked(mesh, weights);
     let base = mesh.positions.iter().map(|p| p.as_dvec3().to_array());
-    let squares = pose.chunks_exact(POSE_FLOATS).zip(base).map(|(vertex, base)| {
-        vertex.iter().zip(base).map(|(now, base)| (now - base).powi(2)).sum::<f64>()
-    });
+    let squares = pose
+        .chunks_exact(POSE_FLOATS)
+        .zip(base)
+        .map(|(vertex, base)| vertex.iter().zip(base).map(|(now, base)| (now - base).powi(2)).sum::<f64>());
     squares.fold(0.0, f64::max).sqrt() as f32
 }

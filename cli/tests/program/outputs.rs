@@ -1,6 +1,6 @@
 //! Output files: nothing of the user's is lost, whatever fails.
 
-use crate::cli::{HEAD, deltamorph, fails, json, ok, refused, sample};
+use crate::cli::{deltamorph, fails, json, ok, refused, sample};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -233,35 +233,6 @@ fn textures_are_written_and_described() {
     let [single, half] = [false, true].map(written);
     assert!(10 * single > 18 * half && single < 2 * half, "{single} and {half}: texels take half, the rest as much");
     refused(&["textures", &home.dir, "-o", &home.at("face.png")], 2, "*.ktx2");
-}
-
-/// What fits 80 columns is what is in sight: tables are cut between columns, and help is in groups.
-#[test]
-fn terminals_of_80_columns_are_enough() {
-    let run = |args: &[&str]| {
-        let mut program = Command::new(env!("CARGO_BIN_EXE_deltamorph"));
-        let out = program.args(args).env("COLUMNS", "80").output().expect("it runs");
-        assert!(out.status.success(), "{args:?}: {}", String::from_utf8_lossy(&out.stderr));
-        String::from_utf8(out.stdout).expect("text")
-    };
-    let fits = |text: &str| {
-        let wide = text.lines().find(|line| line.chars().count() > 80);
-        assert_eq!(wide, None, "{text}");
-    };
-    let bench = ["bench", "--frames", "10", "--path", "cpu,blocks", "--no-report"];
-    let text = run(&[&bench[..], &HEAD].concat());
-    fits(&text);
-    assert!(text.matches("ms/frame").count() == 2 && text.matches("\npath ").count() > 2, "{text}");
-    let [info, play] = ["info", "play"].map(|command| [&[command], &HEAD[..]].concat());
-    for args in [&["--help"][..], &["play", "--help"], &["bench", "--help"], &info, &play] {
-        fits(&run(args));
-    }
-    let help = run(&["play", "--help"]);
-    for heading in
-        ["Options:", "What is read:", "The built-in head:", "How poses are updated:", "How deltas are packed:"]
-    {
-        assert!(help.contains(&format!("\n{heading}\n")), "{heading}: {help}");
-    }
 }
 
 /// A name that says that a file is something else than what is written is refused.

@@ -5,18 +5,15 @@
 use crate::{Memory, Target, bounded, write};
 use arbitrary::{Result, Unstructured};
 use deltamorph::{Asset, DeltaFormat, PackDesc, Tolerance};
-use deltamorph::ash::vk::CommandBuffer;
 use deltamorph_c::handles::*;
 use deltamorph_c::memory::Versioned;
-use deltamorph_c::result::{DM_ERROR_OUT_OF_MEMORY, DM_ERROR_PANIC, DM_OK, DmResult, dm_last_error};
+use deltamorph_c::result::{DM_ERROR_PANIC, DM_OK, DmResult, dm_last_error};
 use deltamorph_c::structs::*;
-use deltamorph_c::{
-    after, bounds, clip, crowd, engine, level, mesh, queries, readback, record, skin, upload,
-};
+use deltamorph_c::{bounds, clip, mesh, queries};
 use std::ffi::{CStr, CString, c_char};
 use std::ptr::{null, null_mut};
 
-pub const TARGET: Target = Target { name: "capi", run, mutate: |_, _| None, seeds };
+pub const TARGET: Target = Target { name: "capi", run, mutate: |_, _| None, seeds: Vec::new };
 
 // Kinds of handles.
 const MESH: u8 = 1;
@@ -188,12 +185,11 @@ impl Calls<'_> {
             0 | 1 => self.mesh_from_arrays(),
             2 => self.sample_head(),
             3 => self.mesh_from_bytes(),
-            4 | 5 => self.queries(),
+            4 | 5 | 13 => self.queries(),
             6 | 7 => self.poses(),
             8..=10 => self.clip(),
             11 => self.weight_bounds(),
             12 => self.open(),
-            13 => self.without_engine(),
             _ => {
                 let kind = *self.input.choose(&[MESH, CLIP, BOUND_CLIP, WEIGHT_BOUNDS])?;
                 check(destroy(kind, self.handle(kind)?));
@@ -426,44 +422,4 @@ impl Calls<'_> {
         }
         Ok(())
     }
-
-    /// Calls functions that need an engine without one: they are refused, whatever the arguments.
-    fn without_engine(&mut self) -> Result<()> {
-        let (bits, other, instance) = (self.handle(MESH)?, self.handle(CLIP)?, self.count(3)?);
-        let (mesh, crowd, on_device) = (DmMesh { bits: other }, DmCrowd { bits }, DmGpuMesh { bits });
-        let (engine, cmd) = (DmEngine { bits }, CommandBuffer::null());
-        let (mut out, mut word) = ([UNTOUCHED; 4], 0);
-        let place = out.as_mut_ptr();
-        // SAFETY: pointers are null or can be written; handles are refused before anything else is used.
-        let codes = unsafe {
-            [
-                engine::dm_engine_create(&DmEngineDesc::zeroed(), place.cast()),
-                engine::dm_engine_info(engine, null_mut()),
-                engine::dm_engine_destroy(engine),
-                upload::dm_mesh_upload(engine, cmd, mesh, place.cast()),
-                upload::dm_gpu_mesh_destroy(on_device),
-                crowd::dm_crowd_create(on_device, null(), place.cast()),
-                crowd::dm_crowd_destroy(crowd),
-                crowd::dm_crowd_cut(crowd, instance),
-                crowd::dm_crowd_add(crowd, &raw mut word),
-                crowd::dm_crowd_set_time(crowd, f64::NAN),
-                record::dm_record_update(cmd, crowd, &mut DmUpdate::zeroed()),
-                level::dm_crowd_set_level(crowd, instance, f32::NAN),
-                skin::dm_skin_destroy(DmSkin { bits }),
-                skin::dm_crowd_set_joints(crowd, instance, u64::MAX),
-                readback::dm_readback_create(engine, place.cast()),
-                after::dm_surface_upload(engine, cmd, mesh, place.cast()),
-                after::dm_surface_destroy(DmSurface { bits }),
-            ]
-        };
-        assert!(codes.iter().all(|code| !check(*code) && *code != DM_ERROR_OUT_OF_MEMORY), "{codes:?}");
-        assert_eq!(out[0], UNTOUCHED, "a result is written in spite of an error");
-        Ok(())
-    }
-}
-
-/// Bytes without a meaning: the fuzzer learns it from coverage.
-fn seeds() -> Vec<(String, Vec<u8>)> {
-    let bytes = |i: usize| (0..600).map(|j| (i * 53 + j * (7 + 2 * i)) as u8).collect();
-    (0..3).map(|i| (i.to_string(), bytes(i))).collect()
 }

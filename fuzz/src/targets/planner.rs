@@ -9,7 +9,7 @@ use deltamorph::{
 };
 use std::sync::Arc;
 
-pub const TARGET: Target = Target { name: "planner", run, mutate: |_, _| None, seeds };
+pub const TARGET: Target = Target { name: "planner", run, mutate: |_, _| None, seeds: Vec::new };
 
 fn run(data: &[u8]) {
     // The mesh has at most 200 vertices and 8 targets, the crowd 4 instances, however long the input.
@@ -218,10 +218,4 @@ fn same_as_anew(mut fresh: CpuCrowd, crowd: &CpuCrowd, known: &[Known]) {
         let [a, b] = [&fresh, crowd].map(|crowd| crowd.stored_pose(i, 0).expect("an instance"));
         assert!(a == b, "instance {i} is not what it is in a crowd that was made anew");
     }
-}
-
-/// Bytes without a meaning: the fuzzer learns it from coverage.
-fn seeds() -> Vec<(String, Vec<u8>)> {
-    let bytes = |i: usize| (0..400).map(|j| (i * 37 + j * (11 + i)) as u8).collect();
-    (0..3).map(|i| (i.to_string(), bytes(i))).collect()
 }

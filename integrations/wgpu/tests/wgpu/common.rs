@@ -14,7 +14,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 /// Returns whether the validation layers have version 1.4 or later. Tests of planted faults show that they are active.
-pub fn layers_are_new() -> bool {
+fn layers_are_new() -> bool {
     // SAFETY: the loader is the one that wgpu loads.
     let layers = unsafe { ash::Entry::load() }.map(|entry| {
         // SAFETY: as above.

@@ -95,24 +95,6 @@ proptest! {
         }
     }
 
-    /// Random bytes never panic.
-    #[test]
-    fn noise_is_decoded_or_refused(
-        data in prop::collection::vec(any::<u8>(), 0..400), count in 0usize..2000, which in 0usize..4,
-        size in 0usize..40,
-    ) {
-        let modes = [("ATTRIBUTES", 0xa0), ("ATTRIBUTES", 0xa1), ("TRIANGLES", 0xe1), ("INDICES", 0xd1)];
-        let (mode, header) = modes[which];
-        let data: Vec<u8> = std::iter::once(header).chain(data).collect();
-        for filter in ["", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL", "COLOR", "OTHER"] {
-            for size in [size, 2, 4, 8, 12] {
-                if let Ok(bytes) = decode(&data, count, size, mode, filter) {
-                    prop_assert_eq!(bytes.len(), count * size);
-                }
-            }
-        }
-    }
-
     #[test]
     fn filters_give_back_directions_rotations_and_floats(
         vectors in prop::collection::vec(prop::array::uniform4(-1.0f32..1.0), 1..50),

@@ -223,6 +223,9 @@ fn clips_are_sampled_at_a_frame_rate_or_at_their_keys() {
         steps.animations[0].channels = vec![channel(Property::Weights, Interpolation::Step, &times, &values)];
         assert_eq!(steps.clip(&steps.animations[0], None).unwrap().fps, expected);
     }
+    let animation = &gltf.animations[0];
+    assert_eq!(animation.frame_times(Some(2.0)).collect::<Vec<_>>(), [0.5, 1.0, 1.5], "as its keys are");
+    assert_eq!(animation.frame_times(None).len(), 31, "keys a second apart are no frames");
     let uneven = channel(Property::Weights, Interpolation::Step, &[0.0, 0.1, 0.5], &values[..6]);
     steps.animations[0].channels = vec![uneven];
     assert_eq!(steps.clip(&steps.animations[0], None).unwrap().fps, crate::import::DEFAULT_FPS);
