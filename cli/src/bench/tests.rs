@@ -104,34 +104,3 @@ fn rounds_that_disagree_are_told_and_prove_nothing() {
     assert_eq!(spread(&[1.0, 9.0, 1.5, 1.0, 0.1]), Some(1.5), "one late interrupt is none");
     assert_eq!((spread(&[2.0, 3.0, 4.0, 5.0]), spread(&[])), (None, None), "too few to tell");
 }
-
-#[test]
-fn the_folder_is_complete_and_its_page_needs_nothing_else() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path().join("new/report");
-    for (report, wrong, name) in
-        [(synthetic::report(), 2, "Example GPU &lt;1&gt;"), (synthetic::suite(), 1, "dense &lt;1&gt;")]
-    {
-        write(&report, &folder).expect("written");
-        claim(&folder).expect("it is a report's");
-        let n = report.runs.len();
-        let mut csv = csv::Reader::from_path(folder.join("runs.csv")).expect("read");
-        let rows: Vec<csv::StringRecord> = csv.records().collect::<Result<_, _>>().expect("a cell for every column");
-        assert_eq!((rows.len(), rows[0].len()), (n, 57));
-        let first = &report.runs[0];
-        assert_eq!((&rows[0][5], &rows[0][10]), (first.path.as_str(), first.batch_size.to_string().as_str()));
-        let page = std::fs::read_to_string(folder.join("index.html")).expect("read");
-        for outside in ["<script", "<link", "@import", "src=", "url(", "<1>"] {
-            assert!(!page.contains(outside), "{outside}");
-        }
-        let problem = report.runs.iter().find_map(|r| r.problem.as_deref()).expect("one is wrong");
-        assert_eq!((page.matches("<tr class=wrong>").count(), page.matches(problem).count()), (2 * wrong, wrong));
-        assert!(page.contains("class=best") && page.contains(name) && page.contains(&report.command));
-        for tag in ["figure", "table", "tr", "td", "div", "svg", "ul"] {
-            let opened = page.matches(&format!("<{tag}>")).count() + page.matches(&format!("<{tag} ")).count();
-            assert_eq!(opened, page.matches(&format!("</{tag}>")).count(), "{tag}");
-        }
-    }
-    std::fs::write(folder.join("report.json"), "{}").expect("written");
-    assert!(claim(&folder).is_err(), "of something else");
-}

@@ -71,15 +71,6 @@ fn chapter_runs_every_batch_size_of_the_dense_paths() {
             }
         }
     }
-    // Faster with larger batches: compared by passes, independent of the machine.
-    let comparisons = out["suites"][0]["comparisons"].as_array().unwrap();
-    assert!(comparisons.len() >= 8);
-    for c in comparisons {
-        assert!(c["first"] == "batch 1" && c["ratio"].as_f64().unwrap() > 0.0, "{c}");
-    }
-    let page = std::fs::read_to_string(folder.path().join("index.html")).unwrap();
-    let named = page.matches("aria-label=\"Relative performance against batch size\"").count();
-    assert_eq!(named, 2, "8 changed, and all");
 }
 
 #[test]
@@ -141,16 +132,7 @@ fn techniques_compete_in_every_cell() {
     for cell in cells {
         let own: Vec<&Value> = runs.iter().filter(|r| r["cell"] == cell["name"]).collect();
         assert!(own.len() >= 6, "{}: {} runs", cell["name"], own.len());
-        for run in &own {
-            let (changed, active) = (run["changed"].as_f64().unwrap(), run["active"].as_f64().unwrap());
-            let expected = match cell["change"].as_str().unwrap() {
-                "all 12 changed" => (12.0, 12.0),
-                "8 of 12 changed" => (8.0, 12.0),
-                _ => (4.0, 4.0),
-            };
-            assert_eq!((changed, active), expected, "{run}");
-            assert!(run["alone"] == false && run["heads"] == cell["heads"], "{run}");
-        }
+        assert!(own.iter().all(|run| run["alone"] == false && run["heads"] == cell["heads"]), "{own:?}");
         assert!(cell["fastest"] == cell["blocks"] || cell["fastest"] == cell["best_other"], "{cell}");
     }
 }
@@ -222,17 +204,6 @@ fn clips_come_from_the_input_or_from_the_data_sets() {
         own.map(|r| r["changed"].as_f64().unwrap().to_bits()).collect::<BTreeSet<_>>().len()
     };
     assert_eq!((changed(1), changed(2)), (1, 1));
-
-    // An empty selection is an error with a remedy.
-    let empty = folder.path().join("none");
-    std::fs::create_dir(&empty).unwrap();
-    let nothing = std::process::Command::new(env!("CARGO_BIN_EXE_deltamorph"))
-        .args(["bench", "--suite", "clips", "--vertices", "100", "--targets", "3", "--no-report"])
-        .env("DELTAMORPH_DATA", &empty)
-        .output()
-        .unwrap();
-    let text = String::from_utf8(nothing.stderr).unwrap();
-    assert!(nothing.status.code() == Some(1) && text.contains("suite clips: no folder of DELTAMORPH_DATA"), "{text}");
 
     let Some(set) = data::set("facecap_head_glb") else { return };
     let out = suite("clips", &[&[set.to_str().unwrap()], &brief[..]].concat(), &folder.path().join("real"));

@@ -2,9 +2,8 @@
 //! a finding; so is an error without a message, a result written by a call that failed, or a handle that is returned
 //! twice.
 
-use crate::{Memory, Target, bounded, write};
+use crate::{Memory, Target, bounded};
 use arbitrary::{Result, Unstructured};
-use deltamorph::{Asset, DeltaFormat, PackDesc, Tolerance};
 use deltamorph_c::handles::*;
 use deltamorph_c::memory::Versioned;
 use deltamorph_c::result::{DM_ERROR_PANIC, DM_OK, DmResult, dm_last_error};
@@ -182,14 +181,12 @@ impl Calls<'_> {
 
     fn call(&mut self) -> Result<()> {
         match self.input.int_in_range(0..=14u8)? {
-            0 | 1 => self.mesh_from_arrays(),
+            0 | 1 | 3 => self.mesh_from_arrays(),
             2 => self.sample_head(),
-            3 => self.mesh_from_bytes(),
-            4 | 5 | 13 => self.queries(),
+            4 | 5 | 12 | 13 => self.queries(),
             6 | 7 => self.poses(),
             8..=10 => self.clip(),
             11 => self.weight_bounds(),
-            12 => self.open(),
             _ => {
                 let kind = *self.input.choose(&[MESH, CLIP, BOUND_CLIP, WEIGHT_BOUNDS])?;
                 check(destroy(kind, self.handle(kind)?));
@@ -263,26 +260,6 @@ impl Calls<'_> {
             let code = unsafe { clip::dm_clip_sample_head(sample.at(), frames, fps, &raw mut out) };
             self.made(CLIP, code, out.bits);
         }
-        Ok(())
-    }
-
-    /// Reads a packed mesh, unchanged or damaged.
-    fn mesh_from_bytes(&mut self) -> Result<()> {
-        let head = deltamorph_head::HeadDesc::default().vertices(self.input.int_in_range(1..=99)?).targets(3);
-        let head = deltamorph_head::head(&head).to_mesh(Tolerance::default()).expect("a mesh");
-        let format = *self.input.choose(&[DeltaFormat::Fast, DeltaFormat::Small, DeltaFormat::Pair])?;
-        let mut bytes = Asset::pack(&head, &PackDesc::new(format)).and_then(|asset| asset.to_bytes()).expect("a file");
-        if self.input.arbitrary()? {
-            let at = self.input.choose_index(bytes.len())?;
-            bytes[at] ^= 1 << self.input.int_in_range(0..=7u8)?;
-            super::dmorph::repair(&mut bytes);
-        }
-        let mut desc = self.mesh_desc()?;
-        let desc = self.or_null(desc.at())?;
-        let mut out = DmMesh { bits: UNTOUCHED };
-        // SAFETY: there are as many bytes; the structure has the room that it states.
-        let code = unsafe { mesh::dm_mesh_from_bytes(bytes.as_ptr().cast(), bytes.len(), null(), desc, &raw mut out) };
-        self.made(MESH, code, out.bits);
         Ok(())
     }
 
@@ -398,28 +375,6 @@ impl Calls<'_> {
         let mut box_ = [0.0f32; 6];
         // SAFETY: there are as many weights, and room for six numbers.
         check(unsafe { bounds::dm_weight_bounds_of(bounds, weights.as_ptr(), count as u32, bound, box_.as_mut_ptr()) });
-        Ok(())
-    }
-
-    /// Opens files of any kind by their names.
-    fn open(&mut self) -> Result<()> {
-        let name = *self.input.choose(&["c.glb", "c.gltf", "c.dmorph", "c.csv", "c.obj", "c"])?;
-        let content = self.input.arbitrary::<[u8; 24]>()?;
-        let path =
-            write(name, &content).to_str().expect("UTF-8").to_owned() + *self.input.choose(&["", "", "#x", ".none"])?;
-        let path = CString::new(path).expect("no zero");
-        let (mut mesh, mut clip, fps) = (DmMesh { bits: UNTOUCHED }, DmClip { bits: UNTOUCHED }, self.float()?);
-        // SAFETY: a string; null is the defaults; places can be written.
-        let [opened, read] = unsafe {
-            let opened = mesh::dm_mesh_open(path.as_ptr(), null(), &raw mut mesh);
-            check(opened);
-            [opened, clip::dm_clip_open(path.as_ptr(), fps, &raw mut clip)]
-        };
-        self.made(CLIP, read, clip.bits);
-        assert!(opened != DM_OK || mesh.bits != UNTOUCHED);
-        if opened == DM_OK {
-            self.made(MESH, opened, mesh.bits);
-        }
         Ok(())
     }
 }

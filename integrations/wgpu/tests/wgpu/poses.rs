@@ -47,7 +47,6 @@ fn draws_copies_and_compute_passes_of_one_submit_read_the_pose() {
                 input.wgsl()
             );
             let attributes = DrawReader::new(&host, &vertex, &input.layouts());
-            let storage = DrawReader::of_storage(&host);
             let (mut random, mut compute, mut read) = (Random(7), None, vec![]);
             // No waits between frames but those of `update`.
             for _ in 0..8 {
@@ -63,8 +62,7 @@ fn draws_copies_and_compute_passes_of_one_submit_read_the_pose() {
                 let bound: Vec<_> = [Some(pose), base, previous].into_iter().flatten().collect();
                 let compute = compute.get_or_insert_with(|| ComputeReader::new(&host, &pose.view, mesh.base()));
                 let mut encoder = host.device.create_command_encoder(&Default::default());
-                attributes.record(&host, &mut encoder, 300, &bound, None);
-                storage.record(&host, &mut encoder, 300, &[], Some(&pose));
+                attributes.record(&mut encoder, 300, &bound);
                 let copied = copy(&host, &mut encoder, &pose);
                 let computed = compute.record(&host, &mut encoder, &pose);
                 let previous = previous.map(|pose| copy(&host, &mut encoder, &pose));

@@ -83,31 +83,6 @@ proptest! {
     }
 }
 
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(200))]
-
-    /// `read` asserts it.
-    #[test]
-    fn memory_is_a_multiple_of_the_file_whatever_is_counted(
-        (format, streams) in (0..DeltaFormat::BLOCKS.len(), any::<bool>()),
-        (vertices, moving) in (4usize..300, 0usize..30),
-        still in prop_oneof![3 => 0usize..30, 1 => 0usize..2000],
-        long in prop_oneof![3 => 0usize..9, 1 => 0usize..1000],
-    ) {
-        let mut mesh = mesh(vertices, moving);
-        if streams {
-            mesh = testing::with_streams(mesh);
-        }
-        let streams = vec![StreamDeltas::default(); mesh.streams.len()];
-        mesh.targets.extend(vec![MorphTarget { streams, ..MorphTarget::default() }; still]);
-        for (i, target) in mesh.targets.iter_mut().enumerate() {
-            target.name = format!("{i}{}", "x".repeat(long));
-        }
-        let asset = Asset::pack(&mesh, &PackDesc::new(DeltaFormat::BLOCKS[format])).unwrap();
-        prop_assert!(read(&asset.to_bytes().unwrap()).unwrap() == asset);
-    }
-}
-
 #[test]
 fn the_frame_is_checked_under_valid_checksums() {
     let bytes = asset(DeltaFormat::Small, None).to_bytes().unwrap();
