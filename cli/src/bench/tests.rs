@@ -1,7 +1,6 @@
 //! Reports of made-up runs.
 
 use super::page::page;
-use super::report::{claim, write};
 use super::sentences::sentences;
 use super::*;
 use crate::bench::record::RunRecord;

@@ -1,6 +1,6 @@
 //! `bench`: verification before measurement, replayed clips, and runs without a Vulkan device.
 
-use crate::cli::{HEAD, deltamorph, json, links_hold, sample, without_drivers};
+use crate::cli::{HEAD, deltamorph, json, links_hold, without_drivers};
 use serde_json::Value;
 
 #[test]

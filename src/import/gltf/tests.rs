@@ -9,10 +9,7 @@ mod written;
 
 use super::*;
 use crate::asset::{Semantic, Tolerance};
-use crate::reference::evaluate_unpacked;
-use crate::testing::head;
-use crate::{DeltaFormat, MorphMesh, PackDesc, PackedMesh};
-use deltamorph_head::HeadDesc;
+use crate::{DeltaFormat, PackDesc, PackedMesh};
 use glam::Vec3;
 use proptest::prelude::*;
 use serde_json::{Value, json};
@@ -206,46 +203,4 @@ fn primitives_are_one_mesh_and_strips_and_fans_are_triangles() {
     assert_eq!(influences.weights[..32], [0.0; 32]);
     assert_eq!(influences.weights[32..40], [0.375, 0.125, 0.0, 0.0, 0.375, 0.125, 0.0, 0.0]);
     source.to_mesh(Tolerance::default()).unwrap();
-}
-
-/// The built-in head as an exporter writes it: each vertex with one texture coordinate, no normals.
-fn textured_head() -> (Written, MorphSource) {
-    let source = head(&HeadDesc::default().vertices(1500).targets(12)).split().unwrap();
-    let mut file = Written::default();
-    let indices = source.faces.triangles().into_flattened();
-    let positions: Vec<[f32; 3]> = source.positions.iter().map(Vec3::to_array).collect();
-    let mut texcoords = vec![[0.0; 2]; positions.len()];
-    for corner in &source.faces.corners {
-        texcoords[corner.position as usize] = source.texcoords[corner.texcoord.unwrap() as usize].to_array();
-    }
-    let attributes = json!({"POSITION": file.floats(&positions), "TEXCOORD_0": file.floats(&texcoords)});
-    let indices = file.accessor(written::U32, "SCALAR", indices.len(), &bytes(&indices));
-    let mut targets: Vec<Value> = vec![];
-    for target in &source.targets {
-        let mut dense = vec![[0.0; 3]; positions.len()];
-        target.positions.iter().for_each(|(v, d)| dense[*v as usize] = d.to_array());
-        targets.push(json!({"POSITION": file.floats(&dense)}));
-    }
-    let primitive = json!({"attributes": attributes, "indices": indices, "targets": targets});
-    file.json["meshes"] = json!([{"primitives": [primitive]}]);
-    (file, source)
-}
-
-#[test]
-fn a_textured_head_has_no_seam_and_no_crack() {
-    let (file, original) = textured_head();
-    let read = file.read().unwrap();
-    let source = &read.meshes[0].source;
-    assert_eq!((&source.welds, source.faces.triangles()), (&original.welds, original.faces.triangles()));
-    let mesh: MorphMesh = source.to_mesh(Tolerance::default()).unwrap();
-    let pairs: Vec<(usize, usize)> =
-        (0..).zip(&source.welds).map(|(v, of)| (v, *of as usize)).filter(|(v, of)| v != of).collect();
-    assert!(pairs.len() > 30, "{} vertices at seams", pairs.len());
-    let render = mesh.faces.render_vertices(mesh.vertex_count(), &mesh.texcoords).unwrap();
-    assert_eq!(render.pose_vertices.len(), mesh.vertex_count(), "one index buffer draws the vertices of the file");
-    // Without welds normals differ: the check can fail.
-    let torn = MorphSource { welds: vec![], ..source.clone() }.to_mesh(Tolerance::default()).unwrap();
-    assert!(pairs.iter().any(|(v, of)| torn.normals[*v] != torn.normals[*of]));
-    let exact = evaluate_unpacked(&mesh, &vec![0.5; mesh.targets.len()]);
-    assert!(pairs.iter().all(|(v, of)| exact[v * 6..][..6] == exact[of * 6..][..6]));
 }

@@ -1,9 +1,8 @@
 //! The decoders of KHR_meshopt_compression and EXT_meshopt_compression against the encoders of meshoptimizer.
 
 use super::super::meshopt::decode;
-use super::written::{I16, U16, Written, bytes};
+use super::written::bytes;
 use proptest::prelude::*;
-use serde_json::json;
 
 /// Elements of `size` bytes that change little from one to the next, or a lot.
 fn elements(size: usize) -> impl Strategy<Value = Vec<u8>> {

@@ -1,8 +1,7 @@
 //! Files of several clips, skins, meshes and scenes, of many targets and of none: what a user finds of them.
 
-use super::written::{F32, U8, Written, bytes};
+use super::written::{F32, Written, bytes};
 use super::*;
-use glam::{DMat4, DQuat, DVec3, Mat4};
 
 const CORNERS: [[f32; 3]; 3] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 

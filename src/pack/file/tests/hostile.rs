@@ -1,7 +1,6 @@
 //! Hostile files: reading any bytes succeeds or returns an error that names the fault; it never panics.
 
 use super::*;
-use crate::asset::StreamDeltas;
 use crate::pack::file::table::*;
 use proptest::prelude::*;
 use proptest::sample::Index;
