@@ -125,16 +125,10 @@ fn soak_keeps_its_contract_and_its_promises() {
         assert!(narrow.iter().all(|h| *h == narrow[0]) && narrow[0] != hashes[0], "{format}: {narrow:?}");
     }
     // Nor do those of dense deltas.
-    for pose in ["fixed32", "fixed16"] {
-        let dense = [
-            &["--path", "cpu", "--slots", "1"][..],
-            &["--path", "compute", "--device", "llvmpipe", "--batch-size", "2"],
-            &["--path", "compute", "--device", "SwiftShader", "--slots", "3"],
-        ];
-        let dense = dense.map(|how| soak(&[&["--pose", pose, "--format", "snorm16"], how].concat()));
-        assert!(dense.iter().all(|soaked| soaked["bit_exact"] == true), "{dense:?}");
-        assert!(dense.iter().all(|soaked| soaked["sums_hash"] == dense[0]["sums_hash"]), "{dense:?}");
-    }
+    let dense = [&["--path", "cpu", "--slots", "1"][..], &["--path", "compute", "--device", "llvmpipe"]];
+    let dense = dense.map(|how| soak(&[&["--pose", "fixed16", "--format", "snorm16"], how].concat()));
+    assert!(dense.iter().all(|soaked| soaked["bit_exact"] == true), "{dense:?}");
+    assert_eq!(dense[0]["sums_hash"], dense[1]["sums_hash"]);
 }
 
 /// The integers of a long soak, equal to those of all earlier versions with this built-in head.

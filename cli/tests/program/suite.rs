@@ -1,6 +1,6 @@
 //! `bench`: every cell of a suite and every configuration of a sweep is present, verified, in the JSON and on its page.
 
-use crate::cli::{HEAD, json, links_hold, sample};
+use crate::cli::{HEAD, json, sample};
 use crate::data;
 use serde_json::Value;
 use std::collections::BTreeSet;
@@ -39,7 +39,6 @@ fn suite(name: &str, args: &[&str], folder: &Path) -> Value {
         }
     }
     assert!(!page.contains("src=") && page.contains("software driver"));
-    links_hold(folder);
     assert!(page.contains("<svg"));
     let rows = std::fs::read_to_string(folder.join("runs.csv")).unwrap().lines().count();
     assert!(rows > runs.len(), "{rows} lines for {} runs", runs.len());

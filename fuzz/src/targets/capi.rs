@@ -8,7 +8,7 @@ use deltamorph_c::handles::*;
 use deltamorph_c::memory::Versioned;
 use deltamorph_c::result::{DM_ERROR_PANIC, DM_OK, DmResult, dm_last_error};
 use deltamorph_c::structs::*;
-use deltamorph_c::{bounds, clip, mesh, queries};
+use deltamorph_c::{clip, mesh, queries};
 use std::ffi::{CStr, CString, c_char};
 use std::ptr::{null, null_mut};
 
@@ -18,7 +18,6 @@ pub const TARGET: Target = Target { name: "capi", run, mutate: |_, _| None, seed
 const MESH: u8 = 1;
 const CLIP: u8 = 5;
 const BOUND_CLIP: u8 = 6;
-const WEIGHT_BOUNDS: u8 = 7;
 
 /// Content of results before a call.
 const UNTOUCHED: u64 = 0x5555_5555_5555_5555;
@@ -40,8 +39,7 @@ fn destroy(kind: u8, bits: u64) -> DmResult {
     match kind {
         MESH => mesh::dm_mesh_destroy(DmMesh { bits }),
         CLIP => clip::dm_clip_destroy(DmClip { bits }),
-        BOUND_CLIP => clip::dm_bound_clip_destroy(DmBoundClip { bits }),
-        _ => bounds::dm_weight_bounds_destroy(DmWeightBounds { bits }),
+        _ => clip::dm_bound_clip_destroy(DmBoundClip { bits }),
     }
 }
 
@@ -163,32 +161,15 @@ impl Calls<'_> {
         self.stated(desc)
     }
 
-    fn crowd_desc(&mut self) -> Result<Stated<DmCrowdDesc>> {
-        let mut desc = DmCrowdDesc::zeroed();
-        // At most what memory allows: the engine tries by reserving it, which the memory counter counts as used.
-        desc.instances = *self.input.choose(&[0, 1, 2, 5])?;
-        desc.path = *self.input.choose(&[0, 0, 1, 2, 3, 9])?;
-        desc.pose_format = self.input.int_in_range(0..=4)?;
-        if self.rarely(3)? {
-            (desc.batch, desc.mode) = (self.count(4)?, self.input.int_in_range(0..=3)?);
-            (desc.slots, desc.frames_in_flight) = (*self.input.choose(&[0, 1, 4, u32::MAX])?, self.count(3)?);
-            (desc.consumers, desc.pose_usage, desc.reserved) =
-                (self.count(31)?, self.count(4)?, self.input.int_in_range(0..=1)?);
-            (desc.tolerance, desc.weight_max, desc.error_budget) = (self.float()?, self.float()?, self.float()?);
-        }
-        self.stated(desc)
-    }
-
     fn call(&mut self) -> Result<()> {
         match self.input.int_in_range(0..=14u8)? {
             0 | 1 | 3 => self.mesh_from_arrays(),
             2 => self.sample_head(),
             4 | 5 | 12 | 13 => self.queries(),
-            6 | 7 => self.poses(),
+            6 | 7 | 11 => self.poses(),
             8..=10 => self.clip(),
-            11 => self.weight_bounds(),
             _ => {
-                let kind = *self.input.choose(&[MESH, CLIP, BOUND_CLIP, WEIGHT_BOUNDS])?;
+                let kind = *self.input.choose(&[MESH, CLIP, BOUND_CLIP])?;
                 check(destroy(kind, self.handle(kind)?));
                 Ok(())
             }
@@ -359,22 +340,6 @@ impl Calls<'_> {
         let bound = DmBoundClip { bits: self.handle(BOUND_CLIP)? };
         // SAFETY: there is as much room.
         check(unsafe { clip::dm_bound_clip_sample(bound, frame, room.as_mut_ptr(), room.len() as u32) });
-        Ok(())
-    }
-
-    fn weight_bounds(&mut self) -> Result<()> {
-        let (mesh, mut desc) = (DmMesh { bits: self.handle(MESH)? }, self.crowd_desc()?);
-        let desc = self.or_null(desc.at())?;
-        let mut out = DmWeightBounds { bits: UNTOUCHED };
-        // SAFETY: the structure has the room that it states.
-        let code = unsafe { bounds::dm_weight_bounds_create(mesh, desc, &raw mut out) };
-        self.made(WEIGHT_BOUNDS, code, out.bits);
-        let count = self.input.int_in_range(0..=6usize)?;
-        let (bounds, weights, bound) =
-            (DmWeightBounds { bits: self.handle(WEIGHT_BOUNDS)? }, self.floats(count)?, self.float()?);
-        let mut box_ = [0.0f32; 6];
-        // SAFETY: there are as many weights, and room for six numbers.
-        check(unsafe { bounds::dm_weight_bounds_of(bounds, weights.as_ptr(), count as u32, bound, box_.as_mut_ptr()) });
         Ok(())
     }
 }

@@ -172,13 +172,6 @@ fn history(u: &mut Unstructured<'_>) -> Result<()> {
                     one.budget = new;
                 }
             }
-            9 => {
-                let targets = mesh.targets.len();
-                assert!(crowd.set_weights(i, &vec![f32::NAN; targets]).is_err() || targets == 0);
-                assert!(crowd.set_weights(i, &vec![0.0; targets + 1]).is_err());
-                assert!(crowd.set_weights(count, &vec![0.0; targets]).is_err());
-                assert!(crowd.set_weight(i, targets, 0.0).is_err());
-            }
             _ => {
                 update(&packed, &desc, &mut crowd, &mut known);
                 if desc.grid(packed.layout()).is_ok_and(|grid| grid.is_some()) && budget == 0.0 {

@@ -175,25 +175,6 @@ fn a_head_alone_has_its_pose_in_the_vertices_of_its_mesh() {
 }
 
 #[test]
-fn without_targets_a_head_is_as_at_rest() {
-    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
-    let probe = Probe::default();
-    let (mut scene, _) = scene(&probe);
-    let mut look = |targets: bool, weight: f32| {
-        scene.clip = vec![vec![weight; TARGETS as usize]];
-        scene.with_targets(targets);
-        scene.show(0);
-        scene.picture().expect("a picture")
-    };
-    let (rest, none, moved) = (look(true, 0.0), look(false, 0.0), look(true, 0.5));
-    let (largest, beyond) = difference(&rest, &none, ALLOWED.0);
-    assert!(beyond <= ALLOWED.1, "{largest} of 255, {beyond} of the pixels");
-    let (_, moved) = difference(&moved, &none, ALLOWED.0);
-    assert!(moved > 10.0 * ALLOWED.1, "{moved}");
-    silent();
-}
-
-#[test]
 fn normal_errors_of_targets_add_up_and_can_be_set() {
     let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     let probe = Probe::default();
