@@ -88,10 +88,6 @@ fn fixed_point_poses_hold_the_weights_of_the_clip() {
     assert!(played && said.contains("weights up to 2.25: fixed16"), "{said}");
     let (played, said) = play(&["--weight-max", "1"]);
     assert!(!played && said.contains("use a larger weight_max"), "{said}");
-    let bench = ["bench", "--path", "cpu", "--format", "small", "--poses", "fixed16", "--weights", &clip];
-    let bench = [&bench[..], &["--changed", "1", "--frames", "4", "--no-report"], &HEAD[..]].concat();
-    ok(&bench);
-    fails(&[&bench[..], &["--weight-max", "1"]].concat());
     let out = folder.path().join("out.obj");
     let set = ["apply", "--path", "cpu", "--pose", "fixed16", "--set", "eyeBlinkLeft=1.5", "-o", out.to_str().unwrap()];
     ok(&[&set[..], &HEAD[..]].concat());
