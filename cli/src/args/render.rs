@@ -42,7 +42,7 @@ pub struct RenderArgs {
     #[arg(long, value_name = "RRGGBB|none", default_value = "23262d", value_parser = background)]
     pub background: Background,
     /// Contact sheet: every target by itself at weight 1, with its name
-    #[arg(long, conflicts_with_all = ["weights", "layers", "set", "clip", "crowd"])]
+    #[arg(long, conflicts_with_all = ["weights", "set", "clip", "crowd"])]
     pub sheet: bool,
     /// The whole clip: an animated PNG (OUT.png, OUT.apng), or else a folder of PNG frames
     #[arg(long, value_name = "OUT", conflicts_with = "crowd")]
