@@ -1326,14 +1326,11 @@ DmResult dm_crowd_set_time(struct DmCrowd crowd, double seconds);
 /// There are `count` weights.
 DmResult dm_crowd_set_weights(struct DmCrowd crowd, uint32_t instance, const float *weights, uint32_t count);
 
-/// Request the weight of one target, by its number (`dm_mesh_find_target`), from the next recorded update on; the others
-/// keep the requested weights.
+/// Request the weight of one target, by its number (`dm_mesh_find_target`), from the next recorded update on; the
+/// others keep the requested weights.
 ///
 /// Errors: DM_ERROR_INVALID for a target out of range; those of `dm_crowd_set_weights`. Nothing changes then.
-DmResult dm_crowd_set_weight(struct DmCrowd crowd,
-                             uint32_t instance,
-                             uint32_t target,
-                             float weight);
+DmResult dm_crowd_set_weight(struct DmCrowd crowd, uint32_t instance, uint32_t target, float weight);
 
 /// Start to log the calls on a crowd that decide its poses: weights, cuts, instances hidden, added and removed, error
 /// budgets, updates, discards. `dm_crowd_write_calls` writes them to a file, for a report: `deltamorph replay` makes

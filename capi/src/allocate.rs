@@ -12,12 +12,12 @@ pub struct Functions {
     pub(crate) user: *mut c_void,
 }
 
-// SAFETY: the host says that any thread may call its functions with `user`, also several at once.
+// SAFETY: the host promised that any thread may call its functions with `user`, also several at once.
 unsafe impl Send for Functions {}
 // SAFETY: as above.
 unsafe impl Sync for Functions {}
 
-// SAFETY: the host says so of its functions.
+// SAFETY: the host promised that its functions hand out memory as the trait requires.
 unsafe impl MemorySource for Functions {
     fn allocate(&self, request: &MemoryRequest) -> Result<HostMemory, vk::Result> {
         let asked = DmMemoryRequest {
@@ -30,7 +30,7 @@ unsafe impl MemorySource for Functions {
         };
         let memory = vk::DeviceMemory::null();
         let mut found = DmHostMemory { memory, offset: 0, mapped: std::ptr::null_mut(), token: 0 };
-        // SAFETY: the host's function, with what it is to be called with.
+        // SAFETY: the host promised that this pointer is a function of this signature, callable with these arguments.
         vk::Result::from_raw(unsafe { (self.allocate)(self.user, &raw const asked, &raw mut found) }).result()?;
         let DmHostMemory { memory, offset, mapped, token } = found;
         Ok(HostMemory { offset, mapped, token, ..HostMemory::new(memory) })
@@ -38,7 +38,7 @@ unsafe impl MemorySource for Functions {
 
     fn free(&self, HostMemory { memory, offset, mapped, token, .. }: HostMemory) {
         let given = DmHostMemory { memory, offset, mapped, token };
-        // SAFETY: as above, and it came from the function's twin.
+        // SAFETY: as above; the memory is what `allocate` returned.
         unsafe { (self.free)(self.user, &raw const given) };
     }
 }

@@ -27,7 +27,8 @@ pub unsafe fn upload<H: Handle<Object = Attached<T>>, T>(
     make: impl FnOnce(&MorphEngine, &Mesh) -> Result<T>,
 ) -> Result<()> {
     check_place(place, what)?;
-    let (engine, mesh) = (engine.get()?, mesh.get()?);
+    let engine = engine.get()?;
+    let mesh = mesh.get()?;
     check_command_buffer(cmd)?;
     let on_device = Mutex::new(make(&engine.morph, &mesh)?);
     // SAFETY: the caller's obligation; it was checked.

@@ -124,8 +124,12 @@ pub unsafe extern "C" fn dm_clip_info(clip: DmClip, info: *mut DmClipInfo) -> Dm
         // SAFETY: the caller's obligation.
         let place = unsafe { Place::new(info) }?;
         let Clip { clip } = &*clip.get()?;
-        let (frame_count, column_count) = (clip.frame_count() as u32, clip.names.len() as u32);
-        place.write(DmClipInfo { frame_count, column_count, fps: clip.fps, ..DmClipInfo::zeroed() });
+        place.write(DmClipInfo {
+            frame_count: clip.frame_count() as u32,
+            column_count: clip.names.len() as u32,
+            fps: clip.fps,
+            ..DmClipInfo::zeroed()
+        });
         Ok(())
     })
 }
@@ -147,7 +151,8 @@ pub extern "C" fn dm_clip_destroy(clip: DmClip) -> DmResult {
 pub unsafe extern "C" fn dm_clip_bind(clip: DmClip, mesh: DmMesh, bound: *mut DmBoundClip) -> DmResult {
     enter("dm_clip_bind", || {
         check_place(bound, "bound")?;
-        let (clip, mesh) = (clip.get()?, mesh.get()?);
+        let clip = clip.get()?;
+        let mesh = mesh.get()?;
         let names: Vec<&str> = mesh.layout().targets.iter().map(|target| target.name.as_str()).collect();
         let made = BoundClip { clip: clip.clip.bind(&names)? };
         // SAFETY: the caller's obligation; it was checked.
@@ -179,10 +184,13 @@ pub unsafe extern "C" fn dm_bound_clip_sample(
             return Err(Failure::invalid("a frame that is no number; count frames from 0"));
         }
         let at = frame.clamp(0.0, last as f64);
-        let (from, part) = (at as usize, at.fract() as f32);
+        let from = at as usize;
+        let part = at.fract() as f32;
         let mut sampled = clip.frame(from)?;
         if part > 0.0 {
-            sampled.iter_mut().zip(clip.frame(from + 1)?).for_each(|(a, b)| *a += part * (b - *a));
+            for (weight, next) in sampled.iter_mut().zip(clip.frame(from + 1)?) {
+                *weight += part * (next - *weight);
+            }
         }
         // SAFETY: the caller's obligation.
         unsafe { fill(weights, count as usize, &sampled, "weights") }

@@ -195,7 +195,9 @@ pub unsafe extern "C" fn dm_crowd_create_animated(
         let mesh = mesh.get()?;
         check_command_buffer(cmd)?;
         // SAFETY: the caller's obligations.
-        let (desc, animation) = unsafe { (crowd_desc(desc, PoseFormat::Fixed32)?, read(animation)?) };
+        let desc = unsafe { crowd_desc(desc, PoseFormat::Fixed32) }?;
+        // SAFETY: as above.
+        let animation = unsafe { read(animation) }?;
         check_reserved("DmAnimationDesc", animation.reserved)?;
         // SAFETY: as above.
         let clips = unsafe { slice(animation.clips, animation.clip_count as usize, "clips") }?;

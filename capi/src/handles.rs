@@ -124,7 +124,10 @@ pub trait Handle: Copy {
     }
 }
 
-/// Bit positions of kind and generation in a handle; the index is below.
+// A handle, from its highest bit:
+//
+//     63   56 55          32 31          0
+//     [ kind ][ generation ][   index    ]
 const KIND_SHIFT: u32 = 56;
 const GENERATION_SHIFT: u32 = 32;
 const GENERATION_MAX: u32 = (1 << (KIND_SHIFT - GENERATION_SHIFT)) - 1;
@@ -132,7 +135,8 @@ const GENERATION_MAX: u32 = (1 << (KIND_SHIFT - GENERATION_SHIFT)) - 1;
 /// The index in `bits`, if they are of this kind.
 #[inline(never)]
 fn index(wanted_kind: u8, bits: u64) -> Result<usize> {
-    let (kind, wanted) = ((bits >> KIND_SHIFT) as usize, KINDS[usize::from(wanted_kind)]);
+    let kind = (bits >> KIND_SHIFT) as usize;
+    let wanted = KINDS[usize::from(wanted_kind)];
     if kind == usize::from(wanted_kind) {
         return Ok(bits as u32 as usize);
     }
@@ -213,7 +217,8 @@ impl<T> Registry<T> {
     }
 
     fn remove(&self, bits: u64, check: impl FnOnce(&Arc<T>) -> Result<()>) -> Result<Arc<T>> {
-        let (index, refused) = (index(self.kind, bits)?, || refused(self.kind, bits));
+        let index = index(self.kind, bits)?;
+        let refused = || refused(self.kind, bits);
         let mut places = self.write();
         let place = places.all.get_mut(index).filter(|place| place.is(bits)).ok_or_else(refused)?;
         check(place.object.as_ref().ok_or_else(refused)?)?;
@@ -244,7 +249,8 @@ mod tests {
 
     #[test]
     fn null_foreign_and_destroyed_handles_are_refused() {
-        let (meshes, crowds) = (Registry::new(1), Registry::new(4));
+        let meshes = Registry::new(1);
+        let crowds = Registry::new(4);
         let mesh = meshes.insert("a").unwrap();
         let crowd = crowds.insert("b").unwrap();
         assert_eq!((*meshes.get(mesh).unwrap(), *crowds.get(crowd).unwrap()), ("a", "b"));

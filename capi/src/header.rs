@@ -200,7 +200,8 @@ fn generate_as(config: Config) -> String {
 
 #[test]
 fn the_header_is_what_the_crate_says() {
-    let (path, fresh) = (root().join("include/deltamorph.h"), generate());
+    let path = root().join("include/deltamorph.h");
+    let fresh = generate();
     if std::env::var_os("UPDATE_HEADER").is_some() {
         std::fs::write(&path, &fresh).expect("the header");
     }
@@ -216,7 +217,8 @@ fn what_the_first_header_of_this_version_declares_is_still_there() {
     let version = concat!(env!("CARGO_PKG_VERSION_MAJOR"), ".", env!("CARGO_PKG_VERSION_MINOR"));
     let head =
         format!("/* What deltamorph.h of the first {version} declares: UPDATE_FIRST_HEADER=1 before its release. */\n");
-    let (path, now) = (Path::new(CRATE).join("tests/first/deltamorph.h"), declarations());
+    let path = Path::new(CRATE).join("tests/first/deltamorph.h");
+    let now = declarations();
     if std::env::var_os("UPDATE_FIRST_HEADER").is_some() {
         let includes = INCLUDES.map(|file| format!("#include <{file}>\n")).concat();
         std::fs::write(&path, format!("{head}#pragma once\n{includes}{}\n", now.join("\n"))).expect("the header");
@@ -237,7 +239,8 @@ fn what_the_first_header_of_this_version_declares_is_still_there() {
 /// A comment without its beginning is useless.
 #[test]
 fn comments_begin_as_sentences() {
-    let (text, mut before) = (generate(), "");
+    let text = generate();
+    let mut before = "";
     for line in text.lines().map(str::trim) {
         let first = line.strip_prefix("/// ").filter(|_| !before.starts_with("///"));
         let cut = first.is_some_and(|text| text.starts_with(char::is_lowercase) && !text.starts_with("sizeof("));
@@ -284,7 +287,8 @@ fn compilers_take_the_header_by_itself() {
 #[test]
 fn every_function_is_used_wrongly_by_a_test() {
     let read = |file: &str| std::fs::read_to_string(Path::new(CRATE).join("tests").join(file)).expect(file);
-    let (text, misuse) = (generate(), read("misuse.c") + &read("misuse_steps.c") + &read("misuse_more.c"));
+    let text = generate();
+    let misuse = read("misuse.c") + &read("misuse_steps.c") + &read("misuse_more.c");
     let declared = text.lines().filter_map(|line| line.strip_prefix("DmResult ")?.split('(').next());
     let functions: Vec<&str> = declared.collect();
     assert!(functions.len() > 60, "{functions:?}");

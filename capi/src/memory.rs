@@ -84,7 +84,8 @@ pub unsafe fn read_or_default<T: Versioned>(pointer: *const T) -> Result<T> {
 /// # Safety
 /// The conditions of [`read`], for each.
 pub unsafe fn array<T: Versioned>(first: *const T, count: u32) -> Result<Vec<T>> {
-    let (mut all, mut next) = (vec![], first);
+    let mut all = vec![];
+    let mut next = first;
     for _ in 0..count {
         // SAFETY: the caller's obligation.
         unsafe {
@@ -133,10 +134,12 @@ impl<T: Versioned> Place<T> {
     /// Writes the fields that caller and library both know, and zeroes those that only the caller knows. The size
     /// stays.
     pub fn write(self, value: T) {
-        let (size, known) = (size_of::<u32>(), self.size.min(size_of::<T>()));
+        let size = size_of::<u32>();
+        let known = self.size.min(size_of::<T>());
         // SAFETY: as many bytes can be written there, says `new`; the value has `known`, and a `u32` comes first.
         unsafe {
-            let (to, from) = (self.pointer.cast::<u8>(), (&raw const value).cast::<u8>());
+            let to = self.pointer.cast::<u8>();
+            let from = (&raw const value).cast::<u8>();
             to.add(size).copy_from_nonoverlapping(from.add(size), known - size);
             to.add(known).write_bytes(0, self.size - known);
         }
@@ -328,7 +331,8 @@ mod tests {
 
     #[test]
     fn arrays_are_checked_before_they_are_read_or_written() {
-        let (mut room, mut count) = ([0_u32; 4], 4);
+        let mut room = [0_u32; 4];
+        let mut count = 4;
         // SAFETY: pointers are null, not aligned, or have the room that is stated.
         unsafe {
             assert_eq!(slice::<u32>(std::ptr::null(), 0, "a").unwrap(), [0; 0]);

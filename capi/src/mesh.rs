@@ -64,7 +64,8 @@ impl DmMeshDesc {
         let Some(message) = self.message else { return };
         for note in notes {
             let text = c_string(note);
-            // SAFETY: the host's function, with what it is to be called with.
+            // SAFETY: the host promised that this pointer is a function of this signature, callable with these
+            // arguments.
             unsafe { message(self.message_user, DM_MESSAGE_NOTE, text.as_ptr()) };
         }
     }
@@ -113,9 +114,10 @@ const HEAD_DELTAS: u64 = 1 << 28;
 /// The description of the built-in head.
 pub(crate) fn head_desc(sample: &DmSampleDesc) -> Result<HeadDesc> {
     let default = HeadDesc::default();
-    let (vertices, targets) =
-        (or(sample.vertices as usize, default.vertices), or(sample.targets as usize, default.targets));
-    let (sparsity, seed) = (or(sample.sparsity, default.sparsity), or(sample.seed, default.seed));
+    let vertices = or(sample.vertices as usize, default.vertices);
+    let targets = or(sample.targets as usize, default.targets);
+    let sparsity = or(sample.sparsity, default.sparsity);
+    let seed = or(sample.seed, default.seed);
     if vertices > HEAD_VERTICES || vertices as u64 * targets as u64 > HEAD_DELTAS {
         let most = "use 10,000,000 vertices at most, and 2^28 for vertices times targets";
         return Err(Failure::invalid(format!("a head of {vertices} vertices and {targets} targets; {most}")));
@@ -196,8 +198,10 @@ pub unsafe extern "C" fn dm_mesh_from_bytes(
     mesh: *mut DmMesh,
 ) -> DmResult {
     let make = |desc: &DmMeshDesc| {
-        // SAFETY: the caller's obligations.
-        let (bytes, name) = unsafe { (slice(bytes.cast::<u8>(), size, "bytes")?, text_or_empty(name, "name")?) };
+        // SAFETY: the caller's obligation.
+        let bytes = unsafe { slice(bytes.cast::<u8>(), size, "bytes") }?;
+        // SAFETY: as above.
+        let name = unsafe { text_or_empty(name, "name") }?;
         let name = if name.is_empty() { "bytes in memory" } else { name };
         Mesh::of_packed(Asset::from_bytes(Path::new(name), bytes)?, desc)
     };

@@ -86,7 +86,8 @@ pub unsafe extern "C" fn dm_pose_vertex_input(
     enter("dm_pose_vertex_input", || {
         check_place(binding_count, "binding_count")?;
         check_place(attribute_count, "attribute_count")?;
-        let (found, places) = pose_format(format, PoseFormat::Float32)?.vertex_input(previous != 0);
+        let format = pose_format(format, PoseFormat::Float32)?;
+        let (found, places) = format.vertex_input(previous != 0);
         // SAFETY: the caller's obligations; counts were checked.
         unsafe {
             fill(bindings, 3, &found, "bindings")?;
@@ -225,18 +226,22 @@ pub unsafe extern "C" fn dm_mesh_indices(mesh: DmMesh, count: *mut u32, indices:
 pub unsafe extern "C" fn dm_mesh_render_vertices(mesh: DmMesh, vertices: *mut DmRenderVertices) -> DmResult {
     enter("dm_mesh_render_vertices", || {
         // SAFETY: the caller's obligation.
-        let (mut asked, place) = unsafe { (read(vertices)?, Place::new(vertices)?) };
+        let mut asked = unsafe { read(vertices) }?;
+        // SAFETY: as above.
+        let place = unsafe { Place::new(vertices) }?;
         let mesh = mesh.get()?;
         let found = mesh.layout().render_vertices(&mesh.asset.faces, &mesh.asset.texcoords)?;
         let texcoords: Vec<f32> = found.texcoords.iter().flat_map(|t| t.to_array()).collect();
-        let (room, indices) = (asked.vertex_count as usize, asked.index_count as usize);
+        let vertex_room = asked.vertex_count as usize;
+        let index_room = asked.index_count as usize;
         // SAFETY: as above.
         unsafe {
-            fill_unless_null(asked.pose_vertices, room, &found.pose_vertices, "pose_vertices")?;
-            fill_unless_null(asked.texcoords, room.saturating_mul(2), &texcoords, "texcoords")?;
-            fill_unless_null(asked.indices, indices, &found.indices, "indices")?;
+            fill_unless_null(asked.pose_vertices, vertex_room, &found.pose_vertices, "pose_vertices")?;
+            fill_unless_null(asked.texcoords, vertex_room.saturating_mul(2), &texcoords, "texcoords")?;
+            fill_unless_null(asked.indices, index_room, &found.indices, "indices")?;
         }
-        (asked.vertex_count, asked.index_count) = (found.pose_vertices.len() as u32, found.indices.len() as u32);
+        asked.vertex_count = found.pose_vertices.len() as u32;
+        asked.index_count = found.indices.len() as u32;
         place.write(asked);
         Ok(())
     })

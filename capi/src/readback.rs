@@ -63,11 +63,13 @@ pub unsafe extern "C" fn dm_readback_record(
     count: u32,
 ) -> DmResult {
     enter("dm_readback_record", || {
-        let (readback, crowd) = (readback.get()?, crowd.get()?);
+        let readback = readback.get()?;
+        let crowd = crowd.get()?;
         check_command_buffer(cmd)?;
         // SAFETY: the caller's obligation.
         let instances = unsafe { slice(instances, count as usize, "instances") }?;
-        let (mut locked, mut state) = (lock(&readback.state)?, lock(&crowd.state)?);
+        let mut locked = lock(&readback.state)?;
+        let mut state = lock(&crowd.state)?;
         locked.poses = None;
         // SAFETY: the caller's obligations.
         Ok(unsafe { locked.readback.record(cmd, state.any(), instances) }?)

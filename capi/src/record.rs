@@ -81,8 +81,10 @@ pub unsafe extern "C" fn dm_record_updates(
     updates: *mut DmUpdate,
 ) -> DmResult {
     enter("dm_record_updates", || {
-        // SAFETY: the caller's obligations.
-        let (handles, mut places) = unsafe { (slice(crowds, count as usize, "crowds")?, places(updates, count)?) };
+        // SAFETY: the caller's obligation.
+        let handles = unsafe { slice(crowds, count as usize, "crowds") }?;
+        // SAFETY: as above.
+        let mut places = unsafe { places(updates, count) }?;
         let objects = handles.iter().map(|crowd| crowd.get()).collect::<Result<Vec<Arc<Crowd>>>>()?;
         check_command_buffer(cmd)?;
         let Some(first) = objects.first() else {
@@ -111,7 +113,8 @@ pub unsafe extern "C" fn dm_record_updates(
 /// # Safety
 /// The conditions of [`dm_record_updates`].
 unsafe fn places(updates: *mut DmUpdate, count: u32) -> Result<Vec<Option<Place<DmUpdate>>>> {
-    let (mut all, mut next) = (vec![], updates);
+    let mut all = vec![];
+    let mut next = updates;
     while !updates.is_null() && all.len() < count as usize {
         // SAFETY: the caller's obligation; there is a structure at `next`, and its size is right once `Place` took it.
         unsafe {

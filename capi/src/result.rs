@@ -184,7 +184,8 @@ mod tests {
     #[test]
     fn remedies_name_what_c_has() {
         const ELSEWHERE: [&str; 3] = ["/import/", "/rig/", "tests.rs"];
-        let (mut paths, mut found) = (vec![std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../src")], 0);
+        let mut paths = vec![std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../src")];
+        let mut found = 0;
         while let Some(path) = paths.pop() {
             if path.is_dir() {
                 paths.extend(std::fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path()));

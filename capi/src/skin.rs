@@ -40,7 +40,8 @@ pub unsafe extern "C" fn dm_skin_upload(
             check_reserved("DmSkinDesc", asked.reserved)?;
             let influences = or(asked.influences, 4);
             let count = mesh.layout().vertex_count.saturating_mul(influences as usize);
-            let (joints, weights) = (slice(asked.joints, count, "joints")?, slice(asked.weights, count, "weights")?);
+            let joints = slice(asked.joints, count, "joints")?;
+            let weights = slice(asked.weights, count, "weights")?;
             let desc = SkinDesc::new(influences, asked.joint_count, joints, weights);
             Ok(engine.upload_skin(cmd, &mesh.asset.mesh, &desc)?)
         };

@@ -39,7 +39,8 @@ pub unsafe extern "C" fn dm_mesh_upload(
 ) -> DmResult {
     enter("dm_mesh_upload", || {
         check_place(gpu_mesh, "gpu_mesh")?;
-        let (engine, mesh) = (engine.get()?, mesh.get()?);
+        let engine = engine.get()?;
+        let mesh = mesh.get()?;
         check_command_buffer(cmd)?;
         // SAFETY: the caller's obligations; `gpu_mesh` was checked.
         unsafe {

@@ -31,8 +31,8 @@ pub unsafe extern "C" fn dm_crowd_set_weights(
     })
 }
 
-/// Request the weight of one target, by its number (`dm_mesh_find_target`), from the next recorded update on; the others
-/// keep the requested weights.
+/// Request the weight of one target, by its number (`dm_mesh_find_target`), from the next recorded update on; the
+/// others keep the requested weights.
 ///
 /// Errors: DM_ERROR_INVALID for a target out of range; those of `dm_crowd_set_weights`. Nothing changes then.
 #[unsafe(no_mangle)]
