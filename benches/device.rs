@@ -8,11 +8,12 @@
 mod common;
 
 use common::{median, noise};
+use deltamorph::device::DeviceTuning;
 use deltamorph::import::obj;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    AnimationDesc, BlockDesc, CrowdDesc, DeltaFormat, DeviceTuning, MorphMesh, PackedMesh, Playback, PoseFormat,
-    Result, Tolerance, UpdateDesc, WeightClip,
+    AnimationDesc, BlockDesc, CrowdDesc, DeltaFormat, MorphMesh, PackedMesh, Playback, PoseFormat, Result, Tolerance,
+    UpdateDesc, WeightClip,
 };
 use deltamorph_head::{HeadDesc, head};
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};

@@ -5,9 +5,8 @@
 //!
 //! Prints how many deltas (targets changed × vertices that they move, all vertices in dense formats) a frame applies.
 
-use deltamorph::{
-    BatchSize, CpuCrowd, DeltaFormat, MorphMesh, MorphTarget, PackDesc, PackedMesh, PoseFormat, Tolerance,
-};
+use deltamorph::mesh::MorphTarget;
+use deltamorph::{BatchSize, CpuCrowd, DeltaFormat, MorphMesh, PackDesc, PackedMesh, PoseFormat, Tolerance};
 use deltamorph::{UpdateDesc, UpdatePath};
 use deltamorph_head::{HeadDesc, head};
 use glam::Vec3;

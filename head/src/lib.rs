@@ -24,7 +24,8 @@ mod targets;
 
 pub use clip::head_clip;
 use deltamorph::glam::{Vec2, Vec3};
-use deltamorph::{Corner, Faces, MorphSource, setters};
+use deltamorph::mesh::{Corner, Faces};
+use deltamorph::{MorphSource, setters};
 use deltamorph_rig::{Control, Key, Rig};
 use mesh::{Part, Spot};
 pub use random::Rng;

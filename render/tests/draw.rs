@@ -584,7 +584,7 @@ fn still_parts_are_drawn_with_their_surfaces() {
         source.texcoords.extend(corners.map(|[x, y]| glam::Vec2::new(x, 1.0 - y)));
         let order = if back { [0, 2, 1, 0, 3, 2] } else { [0, 1, 2, 0, 2, 3] };
         source.faces.sizes.extend([3, 3]);
-        let corner = |v: u32| deltamorph::Corner { position: first + v, texcoord: Some(first + v) };
+        let corner = |v: u32| deltamorph::mesh::Corner { position: first + v, texcoord: Some(first + v) };
         source.faces.corners.extend(order.map(corner));
         surfaces.extend([surface.clone(), surface]);
     };

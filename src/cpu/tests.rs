@@ -242,12 +242,12 @@ fn weights_are_set_one_at_a_time() {
 fn poses_of_16_bits_are_refused_where_too_many_targets_are_rounded() {
     let packed = |targets: usize, far: f32, near: f32| {
         let mut mesh = testing::mesh(32, 0);
-        let target = |t: usize| crate::MorphTarget {
+        let target = |t: usize| crate::mesh::MorphTarget {
             name: format!("t{t}"),
             vertices: vec![u32::from(t > 0)],
             positions: vec![crate::glam::Vec3::X * if t == 0 { far } else { near }],
             normals: vec![crate::glam::Vec3::ZERO],
-            ..crate::MorphTarget::default()
+            ..crate::mesh::MorphTarget::default()
         };
         mesh.targets = (0..targets).map(target).collect();
         Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).unwrap())

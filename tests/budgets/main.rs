@@ -11,9 +11,9 @@ mod statistics;
 mod summary;
 mod table;
 
+use deltamorph::device::{DeviceClass, DeviceTuning};
 use deltamorph::internals::abi::kernels::Stage;
 use deltamorph::internals::abi::modules::{MODULES, Module};
-use deltamorph::{DeviceClass, DeviceTuning};
 use engine::Pipeline;
 use spirq::prelude::*;
 use statistics::Said;

@@ -3,10 +3,9 @@
 use super::poses::{check, real};
 use crate::gpu::{NORMAL, POSITION, on_every_device, packed, single};
 use crate::table::{can_read, history};
+use deltamorph::mesh::{MorphTarget, StreamDeltas};
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::{
-    BatchSize, DeltaFormat, MorphMesh, MorphTarget, PackDesc, PackedMesh, StreamDeltas, UpdateDesc, UpdatePath, testing,
-};
+use deltamorph::{BatchSize, DeltaFormat, MorphMesh, PackDesc, PackedMesh, UpdateDesc, UpdatePath, testing};
 use deltamorph_baselines::textures::{TextureFloats, read_ktx2, write_ktx2};
 use deltamorph_headless::HeadlessCrowd;
 use glam::Vec3;

@@ -4,10 +4,10 @@ use super::pose_formats::{PoseCost, pose_costs};
 use crate::input::Input;
 use crate::output::{Failure, Output};
 use crate::verify::scale;
+use deltamorph::packed::BLOCK_SIZES;
 use deltamorph::reference::{SHORTEST_NORMAL, angle_degrees, compare, evaluate, evaluate_unpacked};
 use deltamorph::{
-    BLOCK_SIZES, BlockDesc, BoundClip, DeltaFormat, MorphMesh, POSE_FLOATS, PackDesc, PackedLayout, PackedMesh,
-    PoseError,
+    BlockDesc, BoundClip, DeltaFormat, MorphMesh, POSE_FLOATS, PackDesc, PackedLayout, PackedMesh, PoseError,
 };
 use glam::DVec3;
 use serde::Serialize;

@@ -56,8 +56,9 @@ fn twin_of(name: &str) -> Option<String> {
 /// Pairs of `mesh` by name: …Left and …Right, …_L and …_R.
 pub fn pairs(mesh: &MorphMesh) -> Vec<Pair> {
     let middle = middle(mesh);
-    let named =
-        |(left, target): (usize, &deltamorph::MorphTarget)| Some([left, mesh.target_index(&twin_of(&target.name)?)?]);
+    let named = |(left, target): (usize, &deltamorph::mesh::MorphTarget)| {
+        Some([left, mesh.target_index(&twin_of(&target.name)?)?])
+    };
     let found: Vec<[usize; 2]> = mesh.targets.iter().enumerate().filter_map(named).collect();
     let mut partner = vec![];
     if !found.is_empty() {

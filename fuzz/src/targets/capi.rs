@@ -274,9 +274,10 @@ impl Calls<'_> {
     /// Reads a packed mesh, unchanged or damaged.
     fn mesh_from_bytes(&mut self) -> Result<()> {
         let head = deltamorph_head::HeadDesc::default().vertices(self.input.int_in_range(1..=99)?).targets(3);
-        let head = deltamorph_head::head(&head).to_mesh(Tolerance::default()).expect("a mesh");
         let format = *self.input.choose(&[DeltaFormat::Fast, DeltaFormat::Small, DeltaFormat::Pair])?;
-        let mut bytes = Asset::pack(&head, &PackDesc::new(format)).and_then(|asset| asset.to_bytes()).expect("a file");
+        let mesh = deltamorph_head::head(&head).to_mesh(Tolerance::default());
+        let packed = mesh.and_then(|mesh| Asset::pack(&mesh, &PackDesc::new(format)));
+        let Ok(mut bytes) = packed.and_then(|asset| asset.to_bytes()) else { return Ok(()) };
         if self.input.arbitrary()? {
             let at = self.input.choose_index(bytes.len())?;
             bytes[at] ^= 1 << self.input.int_in_range(0..=7u8)?;

@@ -360,7 +360,8 @@ fn every_barrier_is_needed() {
 fn levels_that_follow_the_camera_are_refused_for_too_many_targets() {
     for (targets, is_refused) in [(65_535, false), (65_536, true)] {
         let mut mesh = testing::mesh(64, 0);
-        let target = |t: usize| crate::MorphTarget { name: format!("t{t}"), ..crate::MorphTarget::default() };
+        let target =
+            |t: usize| crate::mesh::MorphTarget { name: format!("t{t}"), ..crate::mesh::MorphTarget::default() };
         mesh.targets = (0..targets).map(target).collect();
         let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Fast)).unwrap();
         let grid = packed.layout().blocks.as_ref().unwrap().grid(PoseFormat::Fixed32, None).unwrap();

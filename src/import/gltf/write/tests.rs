@@ -49,7 +49,7 @@ fn read(glb: &Glb) -> MorphSource {
 #[test]
 fn a_mesh_is_read_back_within_the_errors_that_are_allowed() {
     let mut source = head(&HeadDesc::default().vertices(3000).targets(20));
-    source.targets.push(crate::SourceTarget { name: "still".into(), ..Default::default() });
+    source.targets.push(crate::mesh::SourceTarget { name: "still".into(), ..Default::default() });
     source.positions.iter_mut().for_each(|p| *p += Vec3::new(0.0, 100.0, 0.0));
     let mut mesh = source.to_mesh(Tolerance::ZERO).unwrap();
     mesh.recentre();
