@@ -5,6 +5,7 @@
 //! the built-in head. Without a list: 1,10,100,1000,10000 heads, which takes a GPU a minute; 1,4 are for a software
 //! driver.
 
+use deltamorph::device::DeviceTuning;
 use deltamorph::import::obj;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{

@@ -405,7 +405,7 @@ fn still_parts_are_drawn_with_their_surfaces() {
         let first = source.positions.len() as u32;
         source.positions.extend(corners.map(|[x, y]| at(i) + Vec3::new(x, y, 0.0) * edge));
         source.faces.sizes.extend([3, 3]);
-        source.faces.corners.extend(order.map(|v| deltamorph::Corner { position: first + v, texcoord: None }));
+        source.faces.corners.extend(order.map(|v| deltamorph::mesh::Corner { position: first + v, texcoord: None }));
         said.extend([Face::Painted(Surface { colour, double_sided }); 2]);
     }
     let still = source.to_mesh(Tolerance::ZERO).expect("squares");

@@ -7,6 +7,7 @@ use deltamorph::internals::plan::instances::InstanceState;
 use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::internals::update::animated::{AnimatedReference, Playbacks};
 use deltamorph::internals::update::blocks::WorkList;
+use deltamorph::packed::PoseGrid;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, BlockDesc, Clips, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, Playback,

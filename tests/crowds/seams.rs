@@ -2,6 +2,8 @@
 //! drawn from one index buffer.
 
 use crate::gpu;
+use deltamorph::mesh::{Corner, StreamData, StreamDeltas};
+use deltamorph::packed::BLOCK_SIZES;
 use deltamorph::reference::{evaluate, evaluate_group};
 use deltamorph::{
     BatchSize, BlockDesc, CpuCrowd, DeltaFormat, MorphMesh, MorphSource, POSE_FLOATS, PackDesc, PackedMesh, PoseFormat,

@@ -13,8 +13,8 @@ use deltamorph::mesh::{Faces, MorphTarget};
 use deltamorph::reference::{self, compare, evaluate};
 use deltamorph::testing::says;
 use deltamorph::{
-    AnyCrowd, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, Faces, MorphEngine, MorphMesh, MorphTarget,
-    PackedMesh, Tolerance, UpdateDesc, UpdatePath, testing,
+    AnyCrowd, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, MorphEngine, MorphMesh, PackedMesh, Tolerance,
+    UpdateDesc, UpdatePath, testing,
 };
 use deltamorph_headless::Headless;
 use std::collections::HashMap;

@@ -6,6 +6,7 @@ use deltamorph::ash::vk;
 use deltamorph::internals::plan::instances::InstanceState;
 use deltamorph::internals::update::animated::{AnimatedReference, Playbacks};
 use deltamorph::lod::Importance;
+use deltamorph::packed::PoseGrid;
 use deltamorph::reference::compare;
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, BlockDesc, Clips, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, GpuMesh, PackDesc,
