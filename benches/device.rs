@@ -8,8 +8,8 @@
 use deltamorph::import::obj;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    AnimationDesc, BlockDesc, CrowdDesc, DeltaFormat, DeviceTuning, MorphMesh, PackedMesh, Playback, PoseFormat,
-    Result, Tolerance, UpdateDesc, WeightClip,
+    AnimationDesc, BlockDesc, CrowdDesc, DeltaFormat, MorphMesh, PackedMesh, Playback, PoseFormat, Result, Tolerance,
+    UpdateDesc, WeightClip,
 };
 use deltamorph_benches::{median, noise};
 use deltamorph_head::{HeadDesc, head};

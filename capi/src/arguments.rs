@@ -47,68 +47,38 @@ pub fn not_built(feature: &str, what: &str) -> Failure {
 #[cfg(test)]
 mod tests {
     use crate::handles::{DmClip, DmCrowd, DmEngine, DmSkin, DmSurface, DmWeightBounds};
-    use crate::result::{DM_ERROR_HANDLE, DM_ERROR_INVALID, DM_ERROR_UNSUPPORTED, dm_last_error};
+    use crate::result::{DM_ERROR_HANDLE, DM_ERROR_INVALID, DM_ERROR_UNSUPPORTED, DmResult, dm_last_error};
     use crate::structs::DmSampleDesc;
     use crate::{after, bounds, clip, engine, level, memory::Versioned, skin};
     use std::ffi::CStr;
-    use std::ptr::null;
+    use std::ptr::{null, null_mut};
+
+    fn check(feature: &str, is_built: bool, otherwise: DmResult, code: DmResult) {
+        // SAFETY: a string that is valid until the next failure on this thread.
+        let said = unsafe { CStr::from_ptr(dm_last_error()) }.to_str().unwrap();
+        assert_eq!(code, if is_built { otherwise } else { DM_ERROR_UNSUPPORTED }, "{said}");
+        assert_eq!(said.contains(&format!("build it with the feature '{feature}'")), !is_built, "{said}");
+    }
 
     #[test]
     fn entries_whose_feature_is_not_there_say_so() {
-        let crowd = DmCrowd { bits: 0 };
+        let bits = 0;
+        let crowd = DmCrowd { bits };
         let sample = DmSampleDesc { struct_size: 4, ..DmSampleDesc::zeroed() };
-        let mut clip = DmClip { bits: 0 };
-        let said = || {
-            // SAFETY: a string that is valid until the next failure on this thread.
-            unsafe { CStr::from_ptr(dm_last_error()) }.to_str().unwrap().to_owned()
-        };
+        let mut clip = DmClip { bits };
+        let after = |code| check("after", cfg!(feature = "after"), DM_ERROR_HANDLE, code);
+        let level = |code| check("level", cfg!(feature = "level"), DM_ERROR_HANDLE, code);
+        let memory = |code| check("memory", cfg!(feature = "memory"), DM_ERROR_INVALID, code);
+        let of_sample = |code| check("sample", cfg!(feature = "sample"), DM_ERROR_INVALID, code);
         // SAFETY: null pointers and handles are allowed, or refused; the structure is refused.
-        let results = unsafe {
-            [
-                (
-                    "after",
-                    DM_ERROR_HANDLE,
-                    skin::dm_crowd_set_skin_target(crowd, 0, DmSkin { bits: 0 }, null()),
-                    said(),
-                ),
-                (
-                    "after",
-                    DM_ERROR_HANDLE,
-                    after::dm_crowd_set_normals_target(crowd, 0, DmSurface { bits: 0 }, null()),
-                    said(),
-                ),
-                ("after", DM_ERROR_HANDLE, skin::dm_crowd_set_joints(crowd, 0, 0), said()),
-                (
-                    "after",
-                    DM_ERROR_HANDLE,
-                    bounds::dm_weight_bounds_of(DmWeightBounds { bits: 0 }, null(), 0, 0.0, std::ptr::null_mut()),
-                    said(),
-                ),
-                ("level", DM_ERROR_HANDLE, level::dm_crowd_set_level(crowd, 0, 1.0), said()),
-                (
-                    "memory",
-                    DM_ERROR_INVALID,
-                    engine::dm_engine_memory(DmEngine { bits: 0 }, std::ptr::null_mut()),
-                    said(),
-                ),
-                (
-                    "sample",
-                    DM_ERROR_INVALID,
-                    clip::dm_clip_sample_head(&raw const sample, 1, 30.0, &raw mut clip),
-                    said(),
-                ),
-            ]
-        };
-        let built = [
-            ("after", cfg!(feature = "after")),
-            ("level", cfg!(feature = "level")),
-            ("memory", cfg!(feature = "memory")),
-            ("sample", cfg!(feature = "sample")),
-        ];
-        for (feature, otherwise, code, said) in results {
-            let is_built = built.contains(&(feature, true));
-            assert_eq!(code, if is_built { otherwise } else { DM_ERROR_UNSUPPORTED }, "{said}");
-            assert_eq!(said.contains(&format!("build it with the feature '{feature}'")), !is_built, "{said}");
+        unsafe {
+            after(skin::dm_crowd_set_skin_target(crowd, 0, DmSkin { bits }, null()));
+            after(after::dm_crowd_set_normals_target(crowd, 0, DmSurface { bits }, null()));
+            after(skin::dm_crowd_set_joints(crowd, 0, 0));
+            after(bounds::dm_weight_bounds_of(DmWeightBounds { bits }, null(), 0, 0.0, null_mut()));
+            level(level::dm_crowd_set_level(crowd, 0, 1.0));
+            memory(engine::dm_engine_memory(DmEngine { bits }, null_mut()));
+            of_sample(clip::dm_clip_sample_head(&raw const sample, 1, 30.0, &raw mut clip));
         }
     }
 }

@@ -231,19 +231,6 @@ fn what_the_first_header_of_this_version_declares_is_still_there() {
     assert!(gone.is_empty(), "programs that were built with {version} rely on what is gone or another:\n{gone:#?}");
 }
 
-/// A comment without its beginning is useless.
-#[test]
-fn comments_begin_as_sentences() {
-    let text = generate();
-    let mut before = "";
-    for line in text.lines().map(str::trim) {
-        let first = line.strip_prefix("/// ").filter(|_| !before.starts_with("///"));
-        let cut = first.is_some_and(|text| text.starts_with(char::is_lowercase) && !text.starts_with("sizeof("));
-        assert!(!cut, "a comment begins in the middle: {line}");
-        before = line;
-    }
-}
-
 /// Fields that a C compiler would not check, or padding that Rust would copy as uninitialised bytes.
 #[test]
 fn structures_have_no_padding_and_every_field_is_asserted() {
@@ -293,16 +280,4 @@ fn every_function_is_used_wrongly_by_a_test() {
     };
     let missing: Vec<&&str> = functions.iter().filter(|name| !is_refused(name)).collect();
     assert!(missing.is_empty(), "{missing:?}");
-}
-
-/// A compiler that accepts everything would prove nothing.
-#[test]
-fn a_layout_that_differs_is_refused() {
-    let dir = tempfile::tempdir().expect("a folder");
-    let header = generate().replace("offsetof(DmCrowdDesc, slots) == ", "offsetof(DmCrowdDesc, slots) == 1 + ");
-    std::fs::write(dir.path().join("header.h"), header).unwrap();
-    let run =
-        Command::new("cc").args(["-std=c99", "-fsyntax-only"]).arg(dir.path().join("header.h")).output().expect("cc");
-    let said = String::from_utf8_lossy(&run.stderr);
-    assert!(!run.status.success() && said.contains("DmCrowdDesc_slots"), "{said}");
 }

@@ -172,40 +172,6 @@ mod tests {
         assert!(last().contains("destroy the object"), "{}", last());
     }
 
-    /// Rust names in `text`: paths, and types that messages name.
-    fn rust_names(text: &str) -> Vec<&str> {
-        let words = text.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == ':'));
-        let is_name = |word: &&str| word.contains("::") || *word == "MorphEngine";
-        words.filter(is_name).filter(|word| !["Dm", "Vk", "Self"].iter().any(|known| word.starts_with(known))).collect()
-    }
-
-    /// All texts in the library's sources except those of parts that C does not have: imports, and crowds on the CPU.
-    #[test]
-    fn remedies_name_what_c_has() {
-        const ELSEWHERE: [&str; 2] = ["/import/", "tests.rs"];
-        let mut paths = vec![std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../src")];
-        let mut found = 0;
-        while let Some(path) = paths.pop() {
-            if path.is_dir() {
-                paths.extend(std::fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path()));
-                continue;
-            }
-            if ELSEWHERE.iter().any(|part| path.display().to_string().contains(part)) {
-                continue;
-            }
-            let text = std::fs::read_to_string(&path).unwrap();
-            let code = text.split("#[cfg(test)]\nmod ").next().unwrap().lines();
-            let code = code.filter(|line| !line.trim_start().starts_with("//") && !line.contains("unreachable!"));
-            let code = code.filter(|line| !line.contains("CpuCrowd") && !line.contains("UpdatePath::Cpu"));
-            for quoted in code.flat_map(|line| line.split('"').skip(1).step_by(2)) {
-                found += rust_names(quoted).len();
-                let said = in_c(quoted.to_owned());
-                assert_eq!(rust_names(&said), [""; 0], "{}: C does not know these", path.display());
-            }
-        }
-        assert!(found > 15, "{found}");
-    }
-
     #[test]
     fn codes_are_the_numbers_of_kinds() {
         let kinds = [

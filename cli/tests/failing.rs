@@ -3,7 +3,7 @@
 //! failures; it never crashes, hangs, leaks or destroys twice.
 //!
 //! `DELTAMORPH_FAILING=N` takes N failures of each command, spread evenly over its calls; `DELTAMORPH_FAILING=all`
-//! takes all of them, an hour on two cores; both print a table. Otherwise there are a few, and no C.
+//! takes all of them, an hour on two cores. Otherwise there are a few, and no C.
 //! Defects found earlier are always included.
 #![cfg(feature = "viewer")]
 
@@ -16,7 +16,6 @@ use deltamorph::ash::vk::Result as Vk;
 use deltamorph_failing::sweep::{Fault, Run, faults};
 use display::Display;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Mutex;
@@ -263,35 +262,6 @@ fn a_call_that_fails_is_an_error_that_names_it() {
         }
     }
     wrong.sort_unstable();
-    if asked.is_some() {
-        let names: Vec<_> = cases.iter().map(|case| case.name).collect();
-        println!("{}", table(&names, &done, &wrong));
-    }
     println!("{} of {possible} failures, {} wrong", done.len(), wrong.len());
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-}
-
-type Done<'a> = [(&'a str, &'a Fault, Result<char, String>)];
-
-/// `e`: a message that names the call, exit code 1. `p`: the same, of the crate that draws the panel of the window,
-/// which names no call, and leaks. `=`: the result of a run without a failure. `-`: the call did not come. `!`: wrong.
-fn table(cases: &[&str], done: &Done<'_>, wrong: &[String]) -> String {
-    let mut cells: BTreeMap<&str, BTreeMap<&str, BTreeMap<char, usize>>> = BTreeMap::new();
-    for (case, fault, outcome) in done {
-        let outcome = *outcome.as_ref().unwrap_or(&'!');
-        *cells.entry(&fault.call).or_default().entry(case).or_default().entry(outcome).or_default() += 1;
-    }
-    let mut text = String::new();
-    writeln!(text, "| call | {} |\n|{}", cases.join(" | "), "---|".repeat(cases.len() + 1)).expect("text");
-    for (call, row) in cells {
-        let cell = |case: &&str| {
-            let counts = row.get(case).into_iter().flatten();
-            counts.map(|(outcome, count)| format!("{count} {outcome}")).collect::<Vec<_>>().join(", ")
-        };
-        writeln!(text, "| {call} | {} |", cases.iter().map(cell).collect::<Vec<_>>().join(" | ")).expect("text");
-    }
-    if !wrong.is_empty() {
-        writeln!(text, "\n## Wrong\n\n- {}", wrong.join("\n- ")).expect("text");
-    }
-    text
 }

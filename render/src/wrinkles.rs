@@ -7,7 +7,8 @@
 //! Masks are a stream of the mesh ([`Semantic::Mask`]): [`add`] makes it, packing includes it, and updates sum it on
 //! the device, writing only changes. A mesh without the stream has no cost.
 
-use deltamorph::{MorphMesh, PackedMesh, PoseFormat, Semantic, StreamData, StreamDeltas};
+use deltamorph::mesh::{StreamData, StreamDeltas};
+use deltamorph::{MorphMesh, PackedMesh, PoseFormat, Semantic};
 use glam::Vec3;
 use std::collections::BTreeSet;
 
@@ -113,8 +114,9 @@ fn compressed(mesh: &MorphMesh, moved: &[Vec3], vertex: usize, others: &[u32]) -
 #[cfg(test)]
 mod tests {
     use super::*;
+    use deltamorph::mesh::{Corner, Faces, MorphTarget};
     use deltamorph::reference::{evaluate_group, evaluate_unpacked_group};
-    use deltamorph::{Corner, DeltaFormat, Faces, MorphTarget, PackDesc, Tolerance};
+    use deltamorph::{DeltaFormat, PackDesc, Tolerance};
 
     const SIDE: u32 = 9;
 

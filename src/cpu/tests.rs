@@ -206,66 +206,6 @@ fn misuse_is_an_error_that_says_what_to_do() {
     }
 }
 
-/// Setting weights one at a time equals setting all; a failing call changes nothing.
-#[test]
-fn weights_are_set_one_at_a_time() {
-    let mesh = testing::mesh(200, 9);
-    for format in [DeltaFormat::Snorm16, DeltaFormat::Small] {
-        let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format)).unwrap());
-        let name = |target: usize| packed.layout().targets[target].name.clone();
-        let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).pose(PoseFormat::Fixed32).weight_max(Some(4.0));
-        let mut crowd = CpuCrowd::new(packed.clone(), desc, 2, 1).unwrap();
-        let mut asked: Vec<f32> = (0..9u8).map(|t| f32::from(t) / 8.0).collect();
-        crowd.set_weights(1, &asked).unwrap();
-        (asked[2], asked[4]) = (0.625, -0.5);
-        crowd.set_weight(1, 2, 0.625).unwrap();
-        crowd.set_weight_by_name(1, &name(4), -0.5).unwrap();
-        testing::says(crowd.set_weight(1, 2, f32::NAN), &["the weight of target 2"]);
-        testing::says(crowd.set_weight(1, 2, 5.0), &["use a larger weight_max"]);
-        testing::says(crowd.set_weight(1, 9, 0.0), &["target 9 of mesh"]);
-        testing::says(crowd.set_weight(2, 0, 0.0), &["instance 2 of a crowd of 2"]);
-        testing::says(crowd.set_weight_by_name(1, &name(3).to_uppercase(), 0.0), &[&name(3)]);
-        crowd.set_weights(0, &asked).unwrap();
-        crowd.update();
-        assert_eq!(crowd.pose(1).unwrap(), crowd.pose(0).unwrap(), "{format:?}");
-        crowd.remove(1).unwrap();
-        testing::says(crowd.set_weight(1, 0, 0.0), &["instance 1 was removed"]);
-    }
-}
-
-/// Most targets move a vertex by three steps, one another to the limit of 16-bit poses: rounding would overflow.
-#[test]
-fn poses_of_16_bits_are_refused_where_too_many_targets_are_rounded() {
-    let packed = |targets: usize, far: f32, near: f32| {
-        let mut mesh = testing::mesh(32, 0);
-        let target = |t: usize| crate::MorphTarget {
-            name: format!("t{t}"),
-            vertices: vec![u32::from(t > 0)],
-            positions: vec![crate::glam::Vec3::X * if t == 0 { far } else { near }],
-            normals: vec![crate::glam::Vec3::ZERO],
-            ..crate::MorphTarget::default()
-        };
-        mesh.targets = (0..targets).map(target).collect();
-        Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).unwrap())
-    };
-    let desc = UpdateDesc::blocks().path(UpdatePath::Cpu).pose(PoseFormat::Fixed32);
-    let grid = desc.grid(packed(2, 1.0, 0.5).layout()).unwrap().unwrap();
-    let step = grid.units[0] / grid.weight_step();
-    let packed = packed(33_000, 131_067.0 * step, 3.0 * step);
-    testing::says(
-        CpuCrowd::new(packed.clone(), desc.pose(PoseFormat::Fixed16), 1, 1),
-        &["33000 targets move a vertex; use fixed32 poses"],
-    );
-    let mut crowd = CpuCrowd::new(packed.clone(), desc, 1, 1).unwrap();
-    let mut weights = vec![0.0; 33_000];
-    weights[0] = 1.0;
-    crowd.set_weights(0, &weights).unwrap();
-    crowd.update();
-    let pose = packed.layout().to_user_order(&crowd.pose(0).unwrap());
-    let error = reference::compare(&pose, &reference::evaluate(&packed, &weights));
-    assert!(error.position < f64::from(step), "{error:?}");
-}
-
 /// An instance that reuses a place has the crowd's error budget, not its predecessor's.
 #[test]
 fn a_head_that_is_added_has_the_crowds_error_budget() {

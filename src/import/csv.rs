@@ -141,22 +141,6 @@ pub fn write(path: &Path, clip: &WeightClip) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
-
-    proptest! {
-        #[test]
-        fn what_is_accepted_is_whole_and_nothing_panics(
-            text in prop_oneof![
-                "([ab\"',;#.0-9eN\\r\\n\\-]|é){0,40}".prop_map(String::into_bytes),
-                prop::collection::vec(any::<u8>(), 0..200),
-            ],
-        ) {
-            if let Ok((names, values)) = parse(Path::new("w.csv"), &text) {
-                prop_assert!(!names.is_empty() && values.len() % names.len() == 0);
-                prop_assert!(values.iter().all(|w| w.is_finite()));
-            }
-        }
-    }
 
     #[test]
     fn errors_name_file_line_and_column() {

@@ -244,7 +244,7 @@ impl Deltas<'_> {
     fn by_mean_square(&self, pins: &[&str]) -> Result<Importance> {
         if let Some(pin) = pins.iter().find(|pin| !self.names.iter().any(|name| name.starts_with(**pin))) {
             let what = format!("no target of mesh '{}' has a name that begins with '{pin}'", self.mesh);
-            return Err(unknown(what, pin, "target of the mesh", &self.names));
+            return Err(unknown(what, pin, &self.names));
         }
         let score = |target: usize| {
             let mut sum = 0.0;
@@ -263,7 +263,7 @@ impl Deltas<'_> {
         let place = |name: &&str| {
             let what = || format!("an order of importance names '{name}', which is no target of mesh '{}'", self.mesh);
             let target = self.names.iter().position(|target| target == name);
-            let target = target.ok_or_else(|| unknown(what(), name, "target of the mesh", &self.names))?;
+            let target = target.ok_or_else(|| unknown(what(), name, &self.names))?;
             if seen.insert(target) {
                 return Ok(target);
             }

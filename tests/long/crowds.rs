@@ -9,7 +9,7 @@ use deltamorph::lod::Importance;
 use deltamorph::reference::compare;
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, BlockDesc, Clips, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, GpuMesh, PackDesc,
-    PackedMesh, Playback, PoseGrid, PoseView, Repeat, Result, UpdateDesc, UpdateMode, UpdatePath, WeightClip, testing,
+    PackedMesh, Playback, PoseView, Repeat, Result, UpdateDesc, UpdateMode, UpdatePath, WeightClip, testing,
 };
 use deltamorph_head::Rng;
 use deltamorph_headless::Headless;

@@ -50,20 +50,6 @@ fn textures_hold_the_deltas_of_each_target_where_its_rectangles_are() {
 }
 
 #[test]
-fn vertices_that_nothing_moves_share_the_first_texel_and_others_have_one_each() {
-    // Every third vertex does not move.
-    let mesh = packed(1, DeltaFormat::Float32);
-    let baked = DeltaTexels::bake(&mesh.groups()[0], SIDE).expect("textures");
-    let mut moved = vec![false; baked.texels.len()];
-    mesh.for_each_delta(0, |vertex, delta| moved[vertex] = delta != [0.0; POSE_FLOATS]);
-    assert!(moved.iter().any(|m| !m) && moved.iter().any(|m| *m), "a mesh with both");
-    assert!(baked.texels.iter().zip(&moved).all(|(&texel, &moved)| (texel != 0) == moved));
-    let mut own: Vec<u32> = baked.texels.iter().copied().filter(|&t| t != 0).collect();
-    own.sort_unstable();
-    assert!(own.windows(2).all(|pair| pair[0] != pair[1]), "a texel for each vertex that moves");
-}
-
-#[test]
 fn what_does_not_fit_is_refused() {
     let text = DeltaTexels::bake(&packed(37, DeltaFormat::Float32).groups()[0], 16).expect_err("too small").to_string();
     assert!(text.contains("16 × 16") && text.contains("split the mesh"), "{text}");

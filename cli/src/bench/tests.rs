@@ -1,7 +1,6 @@
 //! Reports of made-up runs.
 
 use super::page::page;
-use super::report::{claim, write};
 use super::sentences::sentences;
 use super::*;
 use crate::bench::record::RunRecord;
@@ -63,23 +62,6 @@ fn a_page_has_the_figures_of_its_runs() {
 }
 
 #[test]
-fn plots_stay_within_their_bounds() {
-    let page = page(&synthetic::report());
-    assert!(!page.contains("NaN") && !page.contains("inf"));
-    for svg in page.split("<svg ").skip(1) {
-        let height: f64 =
-            svg.split('"').nth(1).and_then(|view| view.rsplit(' ').next()?.parse().ok()).expect("a height");
-        for (axis, most) in [("x", 640.0), ("y", height), ("cx", 640.0), ("cy", height)] {
-            let svg = svg.split("</svg>").next().expect("an end");
-            for value in svg.split(&format!(" {axis}=\"")).skip(1) {
-                let value: f64 = value.split('"').next().and_then(|value| value.parse().ok()).expect("a number");
-                assert!((0.0..=most).contains(&value), "{axis} {value}");
-            }
-        }
-    }
-}
-
-#[test]
 fn sentences_have_numbers_from_the_runs() {
     let mut report = synthetic::report();
     let all = sentences(&report);
@@ -120,53 +102,4 @@ fn rounds_that_disagree_are_told_and_prove_nothing() {
     let spread = |times: &[f64]| synthetic::technique("blocks", times).spread();
     assert_eq!(spread(&[1.0, 9.0, 1.5, 1.0, 0.1]), Some(1.5), "one late interrupt is none");
     assert_eq!((spread(&[2.0, 3.0, 4.0, 5.0]), spread(&[])), (None, None), "too few to tell");
-}
-
-#[test]
-fn tables_have_a_line_per_run_and_name_what_is_wrong() {
-    let report = synthetic::report();
-    for terminal in [true, false] {
-        let text = tables::runs(&report.runs, terminal).to_string();
-        assert_eq!((text.lines().count(), text.matches("WRONG").count()), (report.runs.len() + 1, 2));
-        assert_eq!((text.contains("round trip ms"), text.contains("technique")), (!terminal, false));
-    }
-    let report = synthetic::suite();
-    let found = tables::of_suite(&report.suites[0], &report);
-    let [(who, cells), (ms, times), (moved, bytes)] = &found[..] else { panic!("three tables") };
-    let moves = "Bytes that an update of every technique moves";
-    assert_eq!([*who, *ms, *moved], ["Who is fastest on the device", "Milliseconds of every technique", moves]);
-    let [cells, times, bytes] = [cells, times, bytes].map(ToString::to_string);
-    assert!(cells.contains("45.0") && times.contains("WRONG"), "{cells}\n{times}");
-    assert!(bytes.contains("1.00 KiB") && bytes.contains("WRONG"), "{bytes}");
-}
-
-#[test]
-fn the_folder_is_complete_and_its_page_needs_nothing_else() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path().join("new/report");
-    for (report, wrong, name) in
-        [(synthetic::report(), 2, "Example GPU &lt;1&gt;"), (synthetic::suite(), 1, "dense &lt;1&gt;")]
-    {
-        write(&report, &folder).expect("written");
-        claim(&folder).expect("it is a report's");
-        let n = report.runs.len();
-        let mut csv = csv::Reader::from_path(folder.join("runs.csv")).expect("read");
-        let rows: Vec<csv::StringRecord> = csv.records().collect::<Result<_, _>>().expect("a cell for every column");
-        assert_eq!((rows.len(), rows[0].len()), (n, 57));
-        let first = &report.runs[0];
-        assert_eq!((&rows[0][5], &rows[0][10]), (first.path.as_str(), first.batch_size.to_string().as_str()));
-        let page = std::fs::read_to_string(folder.join("index.html")).expect("read");
-        for outside in ["<script", "<link", "@import", "src=", "url(", "<1>"] {
-            assert!(!page.contains(outside), "{outside}");
-        }
-        let problem = report.runs.iter().find_map(|r| r.problem.as_deref()).expect("one is wrong");
-        assert_eq!((page.matches("<tr class=wrong>").count(), page.matches(problem).count()), (2 * wrong, wrong));
-        assert!(page.contains("class=best") && page.contains(name) && page.contains(&report.command));
-        for tag in ["figure", "table", "tr", "td", "div", "svg", "ul"] {
-            let opened = page.matches(&format!("<{tag}>")).count() + page.matches(&format!("<{tag} ")).count();
-            assert_eq!(opened, page.matches(&format!("</{tag}>")).count(), "{tag}");
-        }
-    }
-    std::fs::write(folder.join("report.json"), "{}").expect("written");
-    assert!(claim(&folder).is_err(), "of something else");
 }

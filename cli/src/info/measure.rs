@@ -105,22 +105,6 @@ mod tests {
     use crate::info::tests::mesh;
 
     #[test]
-    fn every_format_has_a_row_with_its_bytes_and_errors() {
-        let rows = measure_all(&mesh(), None).expect("packed");
-        let cost = |name: &str| &rows.iter().find(|r| r.name == name).expect("a row for each format").cost;
-        let (float32, snorm16) = (cost("float32"), cost("snorm16"));
-        assert_eq!((float32.position_error, float32.normal_error_deg), (0.0, 0.0));
-        assert_eq!(snorm16.delta_bytes * 2, float32.delta_bytes);
-        assert!(snorm16.position_error > 0.0 && snorm16.position_error_rel < 1e-5, "{snorm16:?}");
-        assert!(snorm16.normal_error_deg < 0.01, "{snorm16:?}");
-        for (name, allowed) in [("block-float32", 0.0), ("fast", 1e-5), ("small", 1e-5), ("pair", 1e-4)] {
-            let cost = cost(name);
-            assert!(cost.delta_bytes > 0 && cost.position_error_rel <= allowed, "{cost:?}");
-            assert!(cost.index_bytes > 0 || name == "block-float32", "{cost:?}");
-        }
-    }
-
-    #[test]
     fn blocks_count_what_is_touched() {
         let mut mesh = mesh();
         let found =

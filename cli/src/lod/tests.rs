@@ -108,19 +108,3 @@ fn orders_agree_as_far_as_they_do() {
     let swapped = [2.0, 1.0, 3.0, 4.0];
     assert!((kendall(&up, &swapped) - 4.0 / 6.0).abs() < 1e-12 && (spearman(&up, &swapped) - 0.8).abs() < 1e-12);
 }
-
-#[test]
-fn an_order_is_read_back_and_one_of_other_targets_is_refused() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let path = folder.path().join("head.lod.json");
-    let order = Order::new("mse", &["a", "blinkLeft", "blinkRight"], &[3.0, 1.0, 2.0], &["blink".to_owned()]);
-    std::fs::write(&path, crate::output::to_json(&order).expect("JSON")).expect("written");
-    assert_eq!(Order::read(&path, &["blinkRight", "a", "blinkLeft"]).expect("read"), order);
-    let listed: Vec<&str> = order.ranking.iter().map(|r| r.name.as_str()).collect();
-    assert_eq!(listed, ["blinkRight", "blinkLeft", "a"]);
-    assert_eq!(order.keeps(&["a", "blinkLeft", "blinkRight"], 1), [false, false, true]);
-    for (names, part) in [(&["a", "c"][..], "does not rank the target 'c'"), (&["a"][..], "others than the mesh has")] {
-        let message = Order::read(&path, names).expect_err("refused").to_string();
-        assert!(message.contains(part) && message.contains("head.lod.json"), "{message}");
-    }
-}

@@ -1,6 +1,7 @@
 //! Names of a mesh's faces, since importers keep neither groups nor materials.
 
-use deltamorph::{Corner, MorphMesh};
+use deltamorph::MorphMesh;
+use deltamorph::mesh::Corner;
 use std::path::Path;
 
 /// A name for each face: in a folder, its material in `neutral.obj`, or its group if no face has a material; in the

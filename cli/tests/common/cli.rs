@@ -74,24 +74,3 @@ pub fn pixels(path: &Path) -> ([u32; 2], Vec<u8>) {
     assert_eq!((info.color_type, info.bit_depth), (png::ColorType::Rgba, png::BitDepth::Eight));
     ([info.width, info.height], bytes)
 }
-
-/// Asserts that every link of the pages in a folder leads to an existing file, or to an anchor on the page.
-pub fn links_hold(folder: &Path) {
-    let mut links = 0;
-    for page in std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path()) {
-        if page.extension().is_none_or(|end| end != "html") {
-            continue;
-        }
-        let text = std::fs::read_to_string(&page).expect("text");
-        let after = ["href=\"", " src=\""].iter().flat_map(|attribute| text.split(attribute).skip(1));
-        for link in after.map(|rest| rest.split('"').next().expect("a link")) {
-            let there = match link.strip_prefix('#') {
-                Some(id) => text.contains(&format!("id=\"{id}\"")),
-                None => folder.join(link).is_file(),
-            };
-            assert!(there, "{}: {link}", page.display());
-            links += 1;
-        }
-    }
-    assert!(links > 0, "{}: no links", folder.display());
-}

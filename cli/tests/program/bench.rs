@@ -1,6 +1,6 @@
 //! `bench`: verification before measurement, replayed clips, and runs without a Vulkan device.
 
-use crate::cli::{HEAD, deltamorph, json, links_hold, sample, without_drivers};
+use crate::cli::{HEAD, deltamorph, json, without_drivers};
 use serde_json::Value;
 
 #[test]
@@ -39,7 +39,6 @@ fn bench_verifies_measures_and_draws() {
                 assert!((run["floor_fraction"].as_f64().unwrap() / share - 1.0).abs() < 1e-9, "{share}: {run}");
             }
         }
-        shares_follow_from_the_csv(&dir.join("runs.csv"));
         if device == "SwiftShader" {
             let skipped = out["skipped"][0]["reason"].as_str().unwrap();
             assert!(skipped.contains("no VK_EXT_transform_feedback") && skipped.contains("'compute'"), "{skipped}");
@@ -49,7 +48,6 @@ fn bench_verifies_measures_and_draws() {
         }
         let page = std::fs::read_to_string(dir.join("index.html")).unwrap();
         assert!(page.matches("<svg").count() >= 4 && !page.contains("src="));
-        links_hold(&dir);
     }
 }
 
@@ -85,36 +83,6 @@ fn the_main_comparison_is_brief_and_prints_as_it_goes() {
     assert_eq!(said.matches("× UNEVEN").count(), uneven, "{said}");
     assert_eq!(said.contains(&format!("The rounds of {uneven} of {}", runs.len())), uneven > 0, "{said}");
     assert_eq!(said.matches("ms/frame").count(), 2, "a table for each group: {said}");
-}
-
-/// Each share of the floor is that of the median beside it: of those with one floor, the slower has the smaller share.
-fn shares_follow_from_the_csv(path: &std::path::Path) {
-    let mut csv = csv::Reader::from_path(path).unwrap();
-    let headings = csv.headers().unwrap().clone();
-    let mut found = vec![];
-    for row in csv.records().map(Result::unwrap) {
-        let number =
-            |name: &str| row[headings.iter().position(|heading| heading == name).expect(name)].parse::<f64>().ok();
-        let median = number("gpu_ms_median").or(number("cpu_ms_median"));
-        if let (Some(floor), Some(median), Some(share)) = (number("floor_ms"), median, number("floor_fraction")) {
-            assert!((share * median / floor - 1.0).abs() < 1e-9, "{row:?}");
-            found.push((floor, median, share));
-        }
-    }
-    assert!(found.len() > 20, "{found:?}");
-    for (a, b) in found.iter().flat_map(|a| found.iter().map(move |b| (a, b))).filter(|(a, b)| a.0 == b.0) {
-        assert!(a.1 < b.1 || a.2 <= b.2 * (1.0 + 1e-9), "{a:?} {b:?}");
-    }
-}
-
-#[test]
-fn bench_replays_a_clip() {
-    let folder = tempfile::tempdir().unwrap();
-    let dir = sample(folder.path());
-    let args = ["--full", "--frames", "5", "--changed", "1", "--batch-sizes", "4,all", "--json", "-", "--no-report"];
-    let out = json(&[&["bench", dir.as_str()], &args[..]].concat());
-    let clips: Vec<&Value> = out["runs"].as_array().unwrap().iter().filter(|r| r["workload"] != "random").collect();
-    assert!(!clips.is_empty() && clips.iter().all(|r| r["verified"] == true), "{out}");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Output files: nothing of the user's is lost, whatever fails.
 
-use crate::cli::{HEAD, deltamorph, fails, json, ok, refused, sample};
+use crate::cli::{deltamorph, fails, json, ok, refused, sample};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -188,80 +188,6 @@ fn a_mesh_with_a_thousand_targets_runs_as_it_is() {
     assert!(text.contains("taking exact sums"), "{text}");
     let (_, text) = fails(&[&many[..], &["--accumulate", "float"]].concat());
     assert!(text.contains("allow more drift") && text.contains("--drift"), "{text}");
-}
-
-/// Times of a sweep include the draws on paths that evaluate in them, and no configuration is repeated.
-#[test]
-fn sweeps_compare_like_with_like() {
-    let base =
-        ["bench", "--device", "llvmpipe", "--vertices", "3000", "--targets", "8", "--frames", "3", "--no-report"];
-    let more = ["--paths", "direct,blocks,blocks", "--formats", "float32,block-float32", "--heads", "1,1", "--changed"];
-    let out = json(&[&base[..], &more, &["1,4", "--accumulate", "float", "--json", "-"]].concat());
-    let runs = out["runs"].as_array().unwrap();
-    assert_eq!(runs.len(), 4, "{out}");
-    for run in runs {
-        assert!(run["update_and_draw_ms"]["median"].as_f64() > run["gpu_ms"]["median"].as_f64(), "{run}");
-        match run["path"].as_str().unwrap() {
-            "direct" => assert!(run["floor_fraction"].is_null(), "{run}"),
-            _ => assert!(run["floor_fraction"].as_f64().unwrap() > 0.0, "{run}"),
-        }
-    }
-    let text = ok(&[&base[..], &more, &["1,4"]].concat());
-    assert!(text.contains("draws included") && text.contains("Changing 1 of 8 targets takes"), "{text}");
-    assert!(text.contains(" ms, changing 4 "), "{text}");
-}
-
-#[test]
-fn textures_are_written_and_described() {
-    let home = Home::new();
-    let written = |half: bool| {
-        let file = home.at("face.ktx2");
-        let floats = if half { &["--half"][..] } else { &[] };
-        let said = json(&[&["textures", &home.dir, "-o", &file, "--json", "-"], floats].concat());
-        let bytes = std::fs::read(&file).unwrap();
-        let number = |name: &str| said[name].as_u64().unwrap();
-        let word = |at: usize| u64::from(u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()));
-        assert_eq!(number("file_bytes"), bytes.len() as u64);
-        assert_eq!(["width", "height", "layers"].map(number), [word(20), word(24), word(32)]);
-        let covered = number("texels_covered");
-        assert!(covered > 0 && covered <= word(20) * word(24) * word(32) / 2, "{said}");
-        let rounding = said["rounding"].as_array().unwrap();
-        assert_eq!([0, 1].map(|i| rounding[i]["stream"].as_str().unwrap()), ["position", "normal"]);
-        assert!(rounding.iter().all(|stream| (stream["largest"].as_f64().unwrap() > 0.0) == half), "{said}");
-        number("file_bytes")
-    };
-    let [single, half] = [false, true].map(written);
-    assert!(10 * single > 18 * half && single < 2 * half, "{single} and {half}: texels take half, the rest as much");
-    refused(&["textures", &home.dir, "-o", &home.at("face.png")], 2, "*.ktx2");
-}
-
-/// What fits 80 columns is what is in sight: tables are cut between columns, and help is in groups.
-#[test]
-fn terminals_of_80_columns_are_enough() {
-    let run = |args: &[&str]| {
-        let mut program = Command::new(env!("CARGO_BIN_EXE_deltamorph"));
-        let out = program.args(args).env("COLUMNS", "80").output().expect("it runs");
-        assert!(out.status.success(), "{args:?}: {}", String::from_utf8_lossy(&out.stderr));
-        String::from_utf8(out.stdout).expect("text")
-    };
-    let fits = |text: &str| {
-        let wide = text.lines().find(|line| line.chars().count() > 80);
-        assert_eq!(wide, None, "{text}");
-    };
-    let bench = ["bench", "--frames", "10", "--path", "cpu,blocks", "--no-report"];
-    let text = run(&[&bench[..], &HEAD].concat());
-    fits(&text);
-    assert!(text.matches("ms/frame").count() == 2 && text.matches("\npath ").count() > 2, "{text}");
-    let [info, play] = ["info", "play"].map(|command| [&[command], &HEAD[..]].concat());
-    for args in [&["--help"][..], &["play", "--help"], &["bench", "--help"], &info, &play] {
-        fits(&run(args));
-    }
-    let help = run(&["play", "--help"]);
-    for heading in
-        ["Options:", "What is read:", "The built-in head:", "How poses are updated:", "How deltas are packed:"]
-    {
-        assert!(help.contains(&format!("\n{heading}\n")), "{heading}: {help}");
-    }
 }
 
 /// A name that says that a file is something else than what is written is refused.

@@ -1,6 +1,6 @@
 //! The commands that run many frames: `play` and `soak`.
 
-use crate::cli::{HEAD, fails, json, ok, refused, sample, without_drivers};
+use crate::cli::{HEAD, fails, json, refused, sample, without_drivers};
 use serde_json::Value;
 
 fn has(object: &Value, fields: &str) {
@@ -49,64 +49,13 @@ fn play_keeps_its_contract_on_every_path() {
         let changed = |f: &Value| f["changed"].as_u64().unwrap();
         let dense: u64 = frames.iter().filter(|f| changed(f) > 0).map(|f| (changed(f) + 2) * 24 * 1200).sum();
         assert!((summary["dense_bytes_mean"].as_f64().unwrap() - dense as f64 / 24.0).abs() < 1.0);
+        let [error, bound] = ["max_error_rel", "bound_rel"].map(|field| summary[field].as_f64().unwrap());
+        let is_patient = summary["error_budget"] != 0.0;
+        assert!((is_patient || error <= bound + 3e-6) && bound < 1e-4, "{summary}");
         moved.push(summary["bytes_share"].as_f64().unwrap());
     }
     assert!(moved[0] < 0.5 * moved[1], "blocks move less than whole poses: {moved:?}");
     assert!(moved[6] < 0.85 * moved[0], "poses of half the size move less: {moved:?}");
-}
-
-/// Each pose format reports its loss: float32 drift, 16 bits rounding to its unit, fixed32 none, or next to none if
-/// targets have their own steps.
-#[test]
-fn poses_are_within_the_bound_that_is_stated_beside_their_error() {
-    for (device, format, more) in [
-        ("llvmpipe", "small", &[][..]),
-        ("SwiftShader", "small", &[]),
-        ("llvmpipe", "small", &["--animated"]),
-        ("llvmpipe", "snorm16", &["--path", "compute"]),
-        ("SwiftShader", "snorm16", &["--path", "compute", "--batch-size", "3"]),
-    ] {
-        for pose in ["float32", "fixed32", "fixed16", "rebuilt16"] {
-            let accumulate = if pose == "float32" { "float" } else { "exact" };
-            if pose == "float32" && !more.is_empty() || pose == "rebuilt16" && format == "snorm16" {
-                continue;
-            }
-            let how = ["play", "--device", device, "--every", "5", "--pose", pose, "--format", format, "--json", "-"];
-            let summary = json(&[&how[..], &HEAD, more].concat())["summary"].clone();
-            let [error, bound] = ["max_error_rel", "bound_rel"].map(|field| summary[field].as_f64().unwrap());
-            assert_eq!((&summary["pose"], &summary["accumulate"]), (&pose.into(), &accumulate.into()));
-            match pose {
-                "fixed16" | "rebuilt16" => assert!(1e-7 < error && error <= bound + 3e-6 && bound < 1e-4, "{summary}"),
-                "fixed32" => {
-                    assert!(error <= 3e-6 && if format == "small" { bound == 0.0 } else { bound < 1e-7 }, "{summary}")
-                }
-                _ => assert!(error <= bound, "{summary}"),
-            }
-        }
-    }
-    let text = ok(&[&["play", "--path", "cpu", "--pose", "fixed16"], &HEAD[..]].concat());
-    assert!(text.contains("cpu fast exact fixed16, 2 slots") && text.contains("by rounding poses"), "{text}");
-}
-
-/// Fixed-point poses have a largest weight: random weights stay within it, and larger requests are refused.
-#[test]
-fn weights_are_held_up_to_the_largest() {
-    let run = |command: &[&'static str], more: &[&'static str]| {
-        [command, &HEAD[..], &["--path", "cpu", "--pose", "fixed16", "--weight-max"], more].concat()
-    };
-    let error = |most: &'static str| {
-        let soaked = json(&run(&["soak", "--frames", "200"], &[most, "--json", "-"]));
-        assert_eq!(soaked["bit_exact"], true, "{soaked}");
-        [soaked["max_error_rel"].as_f64().unwrap(), soaked["bound_rel"].as_f64().unwrap()]
-    };
-    let [narrow, wide] = ["1", "8"].map(error);
-    assert!(narrow[1] < wide[1] && narrow[0] < wide[0], "the smaller the weights, the finer: {narrow:?} {wide:?}");
-    // The clip exceeds it.
-    refused(&run(&["play"], &["0.125"]), 1, "use a larger weight_max");
-    for most in ["300", "1e30"] {
-        let (code, text) = fails(&run(&["soak", "--frames", "2"], &[most]));
-        assert!(code == 2 && text.contains("for fixed16 poses") && text.contains("fixed32"), "{text}");
-    }
 }
 
 #[test]
@@ -134,19 +83,6 @@ fn a_device_plays_and_plans_a_clip() {
         assert!(request(summary) < request(told) + 2e-6, "{summary} {told}");
     }
     refused(&["play", &dir, "--animated", "--path", "cpu"], 2, "--animated");
-}
-
-#[test]
-fn noise_within_the_budget_waits() {
-    let play = |more: &[&str]| {
-        let args = ["play", "--path", "cpu", "--noise", "1e-4", "--every", "100", "--json", "-"];
-        json(&[&args, &HEAD[..], more].concat())["summary"].clone()
-    };
-    let (each, patient) = (play(&[]), play(&["--error-budget", "1e-4d"]));
-    let bytes = |s: &Value| s["bytes_moved_mean"].as_f64().unwrap();
-    assert!(bytes(&patient) < 0.8 * bytes(&each), "{patient} {each}");
-    assert!(patient["max_error_rel"].as_f64().unwrap() <= 1e-4, "{patient}");
-    assert_ne!(each, play(&["--seed", "2"]), "the noise is seeded");
 }
 
 #[test]
@@ -189,16 +125,10 @@ fn soak_keeps_its_contract_and_its_promises() {
         assert!(narrow.iter().all(|h| *h == narrow[0]) && narrow[0] != hashes[0], "{format}: {narrow:?}");
     }
     // Nor do those of dense deltas.
-    for pose in ["fixed32", "fixed16"] {
-        let dense = [
-            &["--path", "cpu", "--slots", "1"][..],
-            &["--path", "compute", "--device", "llvmpipe", "--batch-size", "2"],
-            &["--path", "compute", "--device", "SwiftShader", "--slots", "3"],
-        ];
-        let dense = dense.map(|how| soak(&[&["--pose", pose, "--format", "snorm16"], how].concat()));
-        assert!(dense.iter().all(|soaked| soaked["bit_exact"] == true), "{dense:?}");
-        assert!(dense.iter().all(|soaked| soaked["sums_hash"] == dense[0]["sums_hash"]), "{dense:?}");
-    }
+    let dense = [&["--path", "cpu", "--slots", "1"][..], &["--path", "compute", "--device", "llvmpipe"]];
+    let dense = dense.map(|how| soak(&[&["--pose", "fixed16", "--format", "snorm16"], how].concat()));
+    assert!(dense.iter().all(|soaked| soaked["bit_exact"] == true), "{dense:?}");
+    assert_eq!(dense[0]["sums_hash"], dense[1]["sums_hash"]);
 }
 
 /// The integers of a long soak, equal to those of all earlier versions with this built-in head.
@@ -208,14 +138,6 @@ fn exact_sums_are_those_of_earlier_versions() {
     let hash = |more: [&str; 2]| json(&[&long[..], &more].concat())["sums_hash"].clone();
     assert_eq!(hash(["--accumulate", "exact"]), "d6eb41b2287d2834");
     assert_eq!(hash(["--pose", "fixed32"]), "d6eb41b2287d2834");
-}
-
-#[test]
-fn people_get_a_summary() {
-    let text = ok(&[&["play", "--path", "cpu"], &HEAD[..]].concat());
-    assert!(text.contains("cpu fast float, 2 slots") && text.lines().count() < 20, "{text}");
-    let text = ok(&[&["soak", "--frames", "20", "--path", "cpu", "--accumulate", "exact"], &HEAD[..]].concat());
-    assert!(text.contains("bit for bit"), "{text}");
 }
 
 #[test]

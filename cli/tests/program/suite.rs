@@ -1,6 +1,6 @@
 //! `bench`: every cell of a suite and every configuration of a sweep is present, verified, in the JSON and on its page.
 
-use crate::cli::{HEAD, json, links_hold, sample};
+use crate::cli::{HEAD, json, sample};
 use crate::data;
 use serde_json::Value;
 use std::collections::BTreeSet;
@@ -39,7 +39,6 @@ fn suite(name: &str, args: &[&str], folder: &Path) -> Value {
         }
     }
     assert!(!page.contains("src=") && page.contains("software driver"));
-    links_hold(folder);
     assert!(page.contains("<svg"));
     let rows = std::fs::read_to_string(folder.join("runs.csv")).unwrap().lines().count();
     assert!(rows > runs.len(), "{rows} lines for {} runs", runs.len());
@@ -71,15 +70,6 @@ fn chapter_runs_every_batch_size_of_the_dense_paths() {
             }
         }
     }
-    // Faster with larger batches: compared by passes, independent of the machine.
-    let comparisons = out["suites"][0]["comparisons"].as_array().unwrap();
-    assert!(comparisons.len() >= 8);
-    for c in comparisons {
-        assert!(c["first"] == "batch 1" && c["ratio"].as_f64().unwrap() > 0.0, "{c}");
-    }
-    let page = std::fs::read_to_string(folder.path().join("index.html")).unwrap();
-    let named = page.matches("aria-label=\"Relative performance against batch size\"").count();
-    assert_eq!(named, 2, "8 changed, and all");
 }
 
 #[test]
@@ -87,8 +77,7 @@ fn crowd_counts_targets_for_one_head_and_many() {
     let folder = tempfile::tempdir().unwrap();
     let out = suite("crowd", &small(), folder.path());
     let runs = out["runs"].as_array().unwrap();
-    let paths = ["feedback", "compute", "blocks", "cpu"];
-    for path in paths {
+    for path in ["feedback", "compute", "blocks", "cpu"] {
         for (heads, shared) in [(1, false), (3, false), (3, true)] {
             let own = runs.iter().filter(|r| {
                 let point = r["cell"].as_str().unwrap().ends_with(" targets");
@@ -111,15 +100,6 @@ fn crowd_counts_targets_for_one_head_and_many() {
     };
     assert_eq!((bytes(3, true), bytes(3, false)), (bytes(1, false), 3.0 * bytes(1, false)));
 
-    let comparisons = out["suites"][0]["comparisons"].as_array().unwrap();
-    let of = |name: &str| comparisons.iter().filter(|c| c["name"].as_str().unwrap().contains(name)).count();
-    for how in ["at one frame rate", "frame after frame"] {
-        assert!(of(&format!("shared, {how}")) >= paths.len(), "{how}");
-    }
-    for c in comparisons.iter().filter(|c| c["name"].as_str().unwrap().ends_with("at one frame rate")) {
-        assert!(c["n"][0] == c["n"][1] && c["goal"] != "", "{c}");
-    }
-    assert_eq!((of("8% sparse: 8 of 12 changed, 3 heads"), of("dense: 12 of 12 changed, 3 heads")), (1, 1));
     let split: Vec<&Value> = runs.iter().filter(|r| r["crowds"] == 3).collect();
     assert_eq!(split.len(), 2);
     for run in split {
@@ -151,30 +131,7 @@ fn techniques_compete_in_every_cell() {
     for cell in cells {
         let own: Vec<&Value> = runs.iter().filter(|r| r["cell"] == cell["name"]).collect();
         assert!(own.len() >= 6, "{}: {} runs", cell["name"], own.len());
-        for run in &own {
-            let (changed, active) = (run["changed"].as_f64().unwrap(), run["active"].as_f64().unwrap());
-            let expected = match cell["change"].as_str().unwrap() {
-                "all 12 changed" => (12.0, 12.0),
-                "8 of 12 changed" => (8.0, 12.0),
-                _ => (4.0, 4.0),
-            };
-            assert_eq!((changed, active), expected, "{run}");
-            assert!(run["alone"] == false && run["heads"] == cell["heads"], "{run}");
-        }
-        // The ratio is the median of the rounds' ratios.
-        let of = |name: &Value| {
-            let label = |r: &Value| format!("{} {}", r["technique"].as_str().unwrap(), r["format"].as_str().unwrap());
-            let run = own.iter().find(|r| label(r) == name.as_str().unwrap()).unwrap();
-            let rounds = run["rounds"].as_array().unwrap();
-            rounds.iter().map(|r| r["ms"].as_f64().unwrap()).collect::<Vec<_>>()
-        };
-        let (ours, other) = (of(&cell["blocks"]), of(&cell["best_other"]));
-        let mut ratios: Vec<f64> = ours.iter().zip(&other).map(|(a, b)| a / b).collect();
-        ratios.sort_by(f64::total_cmp);
-        let n = ratios.len();
-        let median = (ratios[(n - 1) / 2] + ratios[n / 2]) / 2.0;
-        let told = cell["blocks_to_best_other"].as_f64().unwrap();
-        assert!((told - median).abs() < 1e-9 * median, "{told} {median}");
+        assert!(own.iter().all(|run| run["alone"] == false && run["heads"] == cell["heads"]), "{own:?}");
         assert!(cell["fastest"] == cell["blocks"] || cell["fastest"] == cell["best_other"], "{cell}");
     }
 }
@@ -217,9 +174,6 @@ fn faces_of_four_rigs_are_one_scene() {
             .map(String::from)
             .into()
     );
-    let sizes: Vec<_> = out["meshes"].as_array().unwrap().iter().map(|m| (&m["vertices"], &m["targets"])).collect();
-    let expected = [(2000, 68), (200, 16), (200, 20), (800, 17), (800, 15)].map(|(v, t)| (v.into(), t.into()));
-    assert_eq!(sizes, expected.iter().map(|(v, t): &(Value, Value)| (v, t)).collect::<Vec<_>>());
     // All run the same frames, and every rebuild reads what is active of each face.
     let runs = out["runs"].as_array().unwrap();
     assert!(runs.iter().all(|run| run["active"] == runs[0]["active"] && run["targets"] == 68), "{out}");
@@ -250,37 +204,9 @@ fn clips_come_from_the_input_or_from_the_data_sets() {
     };
     assert_eq!((changed(1), changed(2)), (1, 1));
 
-    // An empty selection is an error with a remedy.
-    let empty = folder.path().join("none");
-    std::fs::create_dir(&empty).unwrap();
-    let nothing = std::process::Command::new(env!("CARGO_BIN_EXE_deltamorph"))
-        .args(["bench", "--suite", "clips", "--vertices", "100", "--targets", "3", "--no-report"])
-        .env("DELTAMORPH_DATA", &empty)
-        .output()
-        .unwrap();
-    let text = String::from_utf8(nothing.stderr).unwrap();
-    assert!(nothing.status.code() == Some(1) && text.contains("suite clips: no folder of DELTAMORPH_DATA"), "{text}");
-
     let Some(set) = data::set("facecap_head_glb") else { return };
     let out = suite("clips", &[&[set.to_str().unwrap()], &brief[..]].concat(), &folder.path().join("real"));
     assert_eq!(out["suites"][0]["cells"][0]["name"], "facecap_head_glb, facecap_30fps, 1 head");
-}
-
-#[test]
-fn the_ordinary_run_shares_an_animation_too() {
-    let sizes = ["--vertices", "1200", "--targets", "6", "--frames", "3", "--changed", "all", "--batch-sizes", "all"];
-    let more = ["--device", "llvmpipe", "--paths", "compute,cpu", "--formats", "float32", "--no-report", "--json", "-"];
-    let bytes = |args: &[&str]| {
-        let out = json(&[&["bench"], &sizes[..], &more[..], args].concat());
-        let runs = out["runs"].as_array().unwrap();
-        assert!(runs.len() == 2 && runs.iter().all(|r| r["verified"] == true), "{out}");
-        let shared = args.contains(&"--shared");
-        assert!(runs.iter().all(|r| r["shared"] == shared && r["update_and_draw_ms"].is_null()), "{out}");
-        runs.iter().map(|r| r["bytes_moved"].as_u64().unwrap()).collect::<Vec<_>>()
-    };
-    let (one, own, shared) = (bytes(&[]), bytes(&["--heads", "4"]), bytes(&["--heads", "4", "--shared"]));
-    assert_eq!(shared, one);
-    assert_eq!(own, one.iter().map(|b| 4 * b).collect::<Vec<_>>());
 }
 
 /// Pose formats are a dimension of the sweep, like delta formats.

@@ -27,12 +27,8 @@ fn a_clip_in_other_names_plays_and_what_is_left_over_is_said() {
     let changed = |played: &serde_json::Value| [0, 1].map(|i| played["frames"][i]["changed"].as_u64().unwrap());
     assert_eq!((changed(&own), changed(&other)), ([2, 2], [2, 2]));
     assert_eq!(own["frames"][1]["bytes_moved"], other["frames"][1]["bytes_moved"]);
-    // A column that looks like a misspelt target is refused.
     let (played, _, said) = play("eyeBlinkLeft,eyeBlnkRight\n0.5,1\n");
-    assert!(
-        !played && said.contains("column 'eyeBlnkRight' names no target of 'head'; use 'eyeBlinkRight' if"),
-        "{said}"
-    );
+    assert!(played && said.contains("; 'head' has no target for eyeBlnkRight"), "{said}");
     let (played, _, said) = play("tongueOut,noseSneer_L\n0.5,1\n");
     let none = "clip.csv: none of its columns ('tongueOut', 'noseSneer_L') is a target of 'head' ('";
     assert!(!played && said.contains(none), "{said}");
@@ -88,10 +84,6 @@ fn fixed_point_poses_hold_the_weights_of_the_clip() {
     assert!(played && said.contains("weights up to 2.25: fixed16"), "{said}");
     let (played, said) = play(&["--weight-max", "1"]);
     assert!(!played && said.contains("use a larger weight_max"), "{said}");
-    let bench = ["bench", "--path", "cpu", "--format", "small", "--poses", "fixed16", "--weights", &clip];
-    let bench = [&bench[..], &["--changed", "1", "--frames", "4", "--no-report"], &HEAD[..]].concat();
-    ok(&bench);
-    fails(&[&bench[..], &["--weight-max", "1"]].concat());
     let out = folder.path().join("out.obj");
     let set = ["apply", "--path", "cpu", "--pose", "fixed16", "--set", "eyeBlinkLeft=1.5", "-o", out.to_str().unwrap()];
     ok(&[&set[..], &HEAD[..]].concat());

@@ -2,27 +2,22 @@
 //! a finding; so is an error without a message, a result written by a call that failed, or a handle that is returned
 //! twice.
 
-use crate::{Memory, Target, bounded, write};
+use crate::{Memory, Target, bounded};
 use arbitrary::{Result, Unstructured};
-use deltamorph::{Asset, DeltaFormat, PackDesc, Tolerance};
-use deltamorph::ash::vk::CommandBuffer;
 use deltamorph_c::handles::*;
 use deltamorph_c::memory::Versioned;
-use deltamorph_c::result::{DM_ERROR_OUT_OF_MEMORY, DM_ERROR_PANIC, DM_OK, DmResult, dm_last_error};
+use deltamorph_c::result::{DM_ERROR_PANIC, DM_OK, DmResult, dm_last_error};
 use deltamorph_c::structs::*;
-use deltamorph_c::{
-    after, bounds, clip, crowd, engine, level, mesh, queries, readback, record, skin, upload,
-};
+use deltamorph_c::{clip, mesh, queries};
 use std::ffi::{CStr, CString, c_char};
 use std::ptr::{null, null_mut};
 
-pub const TARGET: Target = Target { name: "capi", run, mutate: |_, _| None, seeds };
+pub const TARGET: Target = Target { name: "capi", run, mutate: |_, _| None, seeds: Vec::new };
 
 // Kinds of handles.
 const MESH: u8 = 1;
 const CLIP: u8 = 5;
 const BOUND_CLIP: u8 = 6;
-const WEIGHT_BOUNDS: u8 = 7;
 
 /// Content of results before a call.
 const UNTOUCHED: u64 = 0x5555_5555_5555_5555;
@@ -44,8 +39,7 @@ fn destroy(kind: u8, bits: u64) -> DmResult {
     match kind {
         MESH => mesh::dm_mesh_destroy(DmMesh { bits }),
         CLIP => clip::dm_clip_destroy(DmClip { bits }),
-        BOUND_CLIP => clip::dm_bound_clip_destroy(DmBoundClip { bits }),
-        _ => bounds::dm_weight_bounds_destroy(DmWeightBounds { bits }),
+        _ => clip::dm_bound_clip_destroy(DmBoundClip { bits }),
     }
 }
 
@@ -167,35 +161,15 @@ impl Calls<'_> {
         self.stated(desc)
     }
 
-    fn crowd_desc(&mut self) -> Result<Stated<DmCrowdDesc>> {
-        let mut desc = DmCrowdDesc::zeroed();
-        // At most what memory allows: the engine tries by reserving it, which the memory counter counts as used.
-        desc.instances = *self.input.choose(&[0, 1, 2, 5])?;
-        desc.path = *self.input.choose(&[0, 0, 1, 2, 3, 9])?;
-        desc.pose_format = self.input.int_in_range(0..=4)?;
-        if self.rarely(3)? {
-            (desc.batch, desc.mode) = (self.count(4)?, self.input.int_in_range(0..=3)?);
-            (desc.slots, desc.frames_in_flight) = (*self.input.choose(&[0, 1, 4, u32::MAX])?, self.count(3)?);
-            (desc.consumers, desc.pose_usage, desc.reserved) =
-                (self.count(31)?, self.count(4)?, self.input.int_in_range(0..=1)?);
-            (desc.tolerance, desc.weight_max, desc.error_budget) = (self.float()?, self.float()?, self.float()?);
-        }
-        self.stated(desc)
-    }
-
     fn call(&mut self) -> Result<()> {
         match self.input.int_in_range(0..=14u8)? {
-            0 | 1 => self.mesh_from_arrays(),
+            0 | 1 | 3 => self.mesh_from_arrays(),
             2 => self.sample_head(),
-            3 => self.mesh_from_bytes(),
-            4 | 5 => self.queries(),
-            6 | 7 => self.poses(),
+            4 | 5 | 12 | 13 => self.queries(),
+            6 | 7 | 11 => self.poses(),
             8..=10 => self.clip(),
-            11 => self.weight_bounds(),
-            12 => self.open(),
-            13 => self.without_engine(),
             _ => {
-                let kind = *self.input.choose(&[MESH, CLIP, BOUND_CLIP, WEIGHT_BOUNDS])?;
+                let kind = *self.input.choose(&[MESH, CLIP, BOUND_CLIP])?;
                 check(destroy(kind, self.handle(kind)?));
                 Ok(())
             }
@@ -267,26 +241,6 @@ impl Calls<'_> {
             let code = unsafe { clip::dm_clip_sample_head(sample.at(), frames, fps, &raw mut out) };
             self.made(CLIP, code, out.bits);
         }
-        Ok(())
-    }
-
-    /// Reads a packed mesh, unchanged or damaged.
-    fn mesh_from_bytes(&mut self) -> Result<()> {
-        let head = deltamorph_head::HeadDesc::default().vertices(self.input.int_in_range(1..=99)?).targets(3);
-        let head = deltamorph_head::head(&head).to_mesh(Tolerance::default()).expect("a mesh");
-        let format = *self.input.choose(&[DeltaFormat::Fast, DeltaFormat::Small, DeltaFormat::Pair])?;
-        let mut bytes = Asset::pack(&head, &PackDesc::new(format)).and_then(|asset| asset.to_bytes()).expect("a file");
-        if self.input.arbitrary()? {
-            let at = self.input.choose_index(bytes.len())?;
-            bytes[at] ^= 1 << self.input.int_in_range(0..=7u8)?;
-            super::dmorph::repair(&mut bytes);
-        }
-        let mut desc = self.mesh_desc()?;
-        let desc = self.or_null(desc.at())?;
-        let mut out = DmMesh { bits: UNTOUCHED };
-        // SAFETY: there are as many bytes; the structure has the room that it states.
-        let code = unsafe { mesh::dm_mesh_from_bytes(bytes.as_ptr().cast(), bytes.len(), null(), desc, &raw mut out) };
-        self.made(MESH, code, out.bits);
         Ok(())
     }
 
@@ -388,82 +342,4 @@ impl Calls<'_> {
         check(unsafe { clip::dm_bound_clip_sample(bound, frame, room.as_mut_ptr(), room.len() as u32) });
         Ok(())
     }
-
-    fn weight_bounds(&mut self) -> Result<()> {
-        let (mesh, mut desc) = (DmMesh { bits: self.handle(MESH)? }, self.crowd_desc()?);
-        let desc = self.or_null(desc.at())?;
-        let mut out = DmWeightBounds { bits: UNTOUCHED };
-        // SAFETY: the structure has the room that it states.
-        let code = unsafe { bounds::dm_weight_bounds_create(mesh, desc, &raw mut out) };
-        self.made(WEIGHT_BOUNDS, code, out.bits);
-        let count = self.input.int_in_range(0..=6usize)?;
-        let (bounds, weights, bound) =
-            (DmWeightBounds { bits: self.handle(WEIGHT_BOUNDS)? }, self.floats(count)?, self.float()?);
-        let mut box_ = [0.0f32; 6];
-        // SAFETY: there are as many weights, and room for six numbers.
-        check(unsafe { bounds::dm_weight_bounds_of(bounds, weights.as_ptr(), count as u32, bound, box_.as_mut_ptr()) });
-        Ok(())
-    }
-
-    /// Opens files of any kind by their names.
-    fn open(&mut self) -> Result<()> {
-        let name = *self.input.choose(&["c.glb", "c.gltf", "c.dmorph", "c.csv", "c.obj", "c"])?;
-        let content = self.input.arbitrary::<[u8; 24]>()?;
-        let path =
-            write(name, &content).to_str().expect("UTF-8").to_owned() + *self.input.choose(&["", "", "#x", ".none"])?;
-        let path = CString::new(path).expect("no zero");
-        let (mut mesh, mut clip, fps) = (DmMesh { bits: UNTOUCHED }, DmClip { bits: UNTOUCHED }, self.float()?);
-        // SAFETY: a string; null is the defaults; places can be written.
-        let [opened, read] = unsafe {
-            let opened = mesh::dm_mesh_open(path.as_ptr(), null(), &raw mut mesh);
-            check(opened);
-            [opened, clip::dm_clip_open(path.as_ptr(), fps, &raw mut clip)]
-        };
-        self.made(CLIP, read, clip.bits);
-        assert!(opened != DM_OK || mesh.bits != UNTOUCHED);
-        if opened == DM_OK {
-            self.made(MESH, opened, mesh.bits);
-        }
-        Ok(())
-    }
-
-    /// Calls functions that need an engine without one: they are refused, whatever the arguments.
-    fn without_engine(&mut self) -> Result<()> {
-        let (bits, other, instance) = (self.handle(MESH)?, self.handle(CLIP)?, self.count(3)?);
-        let (mesh, crowd, on_device) = (DmMesh { bits: other }, DmCrowd { bits }, DmGpuMesh { bits });
-        let (engine, cmd) = (DmEngine { bits }, CommandBuffer::null());
-        let (mut out, mut word) = ([UNTOUCHED; 4], 0);
-        let place = out.as_mut_ptr();
-        // SAFETY: pointers are null or can be written; handles are refused before anything else is used.
-        let codes = unsafe {
-            [
-                engine::dm_engine_create(&DmEngineDesc::zeroed(), place.cast()),
-                engine::dm_engine_info(engine, null_mut()),
-                engine::dm_engine_destroy(engine),
-                upload::dm_mesh_upload(engine, cmd, mesh, place.cast()),
-                upload::dm_gpu_mesh_destroy(on_device),
-                crowd::dm_crowd_create(on_device, null(), place.cast()),
-                crowd::dm_crowd_destroy(crowd),
-                crowd::dm_crowd_cut(crowd, instance),
-                crowd::dm_crowd_add(crowd, &raw mut word),
-                crowd::dm_crowd_set_time(crowd, f64::NAN),
-                record::dm_record_update(cmd, crowd, &mut DmUpdate::zeroed()),
-                level::dm_crowd_set_level(crowd, instance, f32::NAN),
-                skin::dm_skin_destroy(DmSkin { bits }),
-                skin::dm_crowd_set_joints(crowd, instance, u64::MAX),
-                readback::dm_readback_create(engine, place.cast()),
-                after::dm_surface_upload(engine, cmd, mesh, place.cast()),
-                after::dm_surface_destroy(DmSurface { bits }),
-            ]
-        };
-        assert!(codes.iter().all(|code| !check(*code) && *code != DM_ERROR_OUT_OF_MEMORY), "{codes:?}");
-        assert_eq!(out[0], UNTOUCHED, "a result is written in spite of an error");
-        Ok(())
-    }
-}
-
-/// Bytes without a meaning: the fuzzer learns it from coverage.
-fn seeds() -> Vec<(String, Vec<u8>)> {
-    let bytes = |i: usize| (0..600).map(|j| (i * 53 + j * (7 + 2 * i)) as u8).collect();
-    (0..3).map(|i| (i.to_string(), bytes(i))).collect()
 }

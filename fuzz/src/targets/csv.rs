@@ -3,7 +3,7 @@
 use crate::{Memory, Random, Target, bounded, check_error, scratch, write};
 use deltamorph::import::csv;
 
-pub const TARGET: Target = Target { name: "csv", run, mutate, seeds };
+pub const TARGET: Target = Target { name: "csv", run, mutate, seeds: Vec::new };
 
 fn run(data: &[u8]) {
     let path = write("clip_24fps.csv", data);
@@ -47,13 +47,4 @@ fn mutate(data: &[u8], random: &mut Random) -> Option<Vec<u8>> {
         _ => drop(pieces.splice(to..to, vec![pieces[from]; 1 << random.below(10)])),
     }
     Some(pieces.join(&divider))
-}
-
-fn seeds() -> Vec<(String, Vec<u8>)> {
-    let texts = [
-        ("plain", "jawOpen,eyeBlinkLeft\n0,0.5\n1,0.25\n-0.5,1e-3\n"),
-        ("quoted", "\u{feff}\"jaw, open\" , AU12,\"a\"\"b\"\r\n 0.1, 1 ,2\r\n\r\n1,2,3\r\n"),
-        ("arkit", "Timecode,BlendshapeCount,EyeBlinkLeft,mouthSmile_L,AU1\n0.1,3,0.2,0.3,0\n0.4,3,0.5,0.6,1\n"),
-    ];
-    texts.map(|(name, text)| (name.into(), text.into())).into()
 }

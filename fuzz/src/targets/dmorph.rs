@@ -73,7 +73,7 @@ fn section(bytes: &[u8], row: usize) -> Option<&[u8]> {
 }
 
 /// Corrects the checksums, if the table is usable.
-pub fn repair(bytes: &mut [u8]) {
+fn repair(bytes: &mut [u8]) {
     let Some((rows, end)) = rows(bytes) else { return };
     for row in rows {
         if let Some(checksum) = section(bytes, row).map(crc32fast::hash) {

@@ -10,7 +10,7 @@ mod decoder;
 use crate::{Memory, Target, bounded};
 use meshopt::ffi;
 
-pub const TARGET: Target = Target { name: "meshopt", run, mutate: |_, _| None, seeds };
+pub const TARGET: Target = Target { name: "meshopt", run, mutate: |_, _| None, seeds: Vec::new };
 
 const MODES: [&str; 3] = ["ATTRIBUTES", "TRIANGLES", "INDICES"];
 const FILTERS: [&str; 6] = ["", "NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL", "COLOR"];
@@ -44,26 +44,4 @@ fn theirs(data: &[u8], count: usize, size: usize, mode: &str) -> Option<Vec<u8>>
         }
     };
     (code == 0).then_some(out)
-}
-
-fn seeds() -> Vec<(String, Vec<u8>)> {
-    let vertices: Vec<[f32; 3]> = (0..40u8).map(|v| [f32::from(v % 8), f32::from(v / 8), 0.25]).collect();
-    let indices: Vec<u32> = (0..30u32).flat_map(|v| [v, v + 1, v + 8]).collect();
-    let attributes = meshopt::encode_vertex_buffer(&vertices).expect("it can be encoded");
-    let triangles = meshopt::encode_index_buffer(&indices, vertices.len()).expect("it can be encoded");
-    // An INDICES header, then differences of one byte each, and the four bytes that end it.
-    let sequence = [&[0xD1][..], &[4, 8, 12, 3, 2, 6, 7, 1], &[0; 4]].concat();
-    let input = |mode: u8, filter: u8, size: u8, count: u16, data: &[u8]| {
-        let name = format!("{}-{}", MODES[usize::from(mode)], FILTERS[usize::from(filter)]).to_lowercase();
-        (name, [&[mode, filter, size - 1][..], &count.to_le_bytes(), data].concat())
-    };
-    vec![
-        input(0, 1, 12, 40, &attributes),
-        input(0, 2, 4, 120, &attributes),
-        input(0, 3, 8, 60, &attributes),
-        input(0, 4, 12, 40, &attributes),
-        input(0, 5, 4, 120, &attributes),
-        input(1, 1, 2, 90, &triangles),
-        input(2, 1, 4, 8, &sequence),
-    ]
 }

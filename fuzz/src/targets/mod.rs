@@ -11,12 +11,5 @@ mod planner;
 use crate::Target;
 
 /// All of them.
-pub const TARGETS: [Target; 7] = [
-    gltf::TARGET,
-    dmorph::TARGET,
-    obj::TARGET,
-    csv::TARGET,
-    meshopt::TARGET,
-    planner::TARGET,
-    capi::TARGET,
-];
+pub const TARGETS: [Target; 7] =
+    [gltf::TARGET, dmorph::TARGET, obj::TARGET, csv::TARGET, meshopt::TARGET, planner::TARGET, capi::TARGET];

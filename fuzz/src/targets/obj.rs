@@ -6,7 +6,7 @@ use deltamorph::{MorphSource, Tolerance};
 use std::fs;
 use std::path::Path;
 
-pub const TARGET: Target = Target { name: "obj", run, mutate, seeds };
+pub const TARGET: Target = Target { name: "obj", run, mutate, seeds: Vec::new };
 
 const MEMORY: Memory = Memory { base: 1 << 20, per_byte: 300 };
 
@@ -75,12 +75,4 @@ fn mutate(data: &[u8], random: &mut Random) -> Option<Vec<u8>> {
         _ => pieces[to] = words[random.below(words.len())],
     }
     Some(pieces.join(&divider))
-}
-
-fn seeds() -> Vec<(String, Vec<u8>)> {
-    let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0.5\nvt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\nf 1/1/1 2/2/1 3/3/1 4//1\n";
-    let plain = "# a comment\no head\ng skin\nv 0 0 0 1.0\nv 1 0 0\nv 0 1 0\nusemtl x\ns off\nf 1 2 3\nf -3 -2 -1\n";
-    let moved = [square, &square.replace("0.5", "0.75"), &square.replace("v 1 1 0", "v 1 1e-1 -3.5")].join("\0");
-    let other = [plain, &plain.replace("v 1 0 0", "v 1.5 0 1e3")].join("\0");
-    [("square", moved), ("plain", other)].map(|(name, text)| (name.into(), text.into())).into()
 }

@@ -9,14 +9,10 @@ mod written;
 
 use super::*;
 use crate::asset::{Semantic, Tolerance};
-use crate::reference::evaluate_unpacked;
-use crate::testing::head;
-use crate::{BatchSize, CpuCrowd, DeltaFormat, MorphMesh, PackDesc, PackedMesh, UpdateDesc, UpdatePath};
-use deltamorph_head::HeadDesc;
+use crate::{DeltaFormat, PackDesc, PackedMesh};
 use glam::Vec3;
 use proptest::prelude::*;
 use serde_json::{Value, json};
-use std::sync::Arc;
 use written::{F32, I8, I16, U8, U16, Written, bytes};
 
 impl Written {
@@ -207,60 +203,4 @@ fn primitives_are_one_mesh_and_strips_and_fans_are_triangles() {
     assert_eq!(influences.weights[..32], [0.0; 32]);
     assert_eq!(influences.weights[32..40], [0.375, 0.125, 0.0, 0.0, 0.375, 0.125, 0.0, 0.0]);
     source.to_mesh(Tolerance::default()).unwrap();
-}
-
-/// The built-in head as an exporter writes it: each vertex with one texture coordinate, no normals.
-fn textured_head() -> (Written, MorphSource) {
-    let source = head(&HeadDesc::default().vertices(1500).targets(12)).split().unwrap();
-    let mut file = Written::default();
-    let indices = source.faces.triangles().into_flattened();
-    let positions: Vec<[f32; 3]> = source.positions.iter().map(Vec3::to_array).collect();
-    let mut texcoords = vec![[0.0; 2]; positions.len()];
-    for corner in &source.faces.corners {
-        texcoords[corner.position as usize] = source.texcoords[corner.texcoord.unwrap() as usize].to_array();
-    }
-    let attributes = json!({"POSITION": file.floats(&positions), "TEXCOORD_0": file.floats(&texcoords)});
-    let indices = file.accessor(written::U32, "SCALAR", indices.len(), &bytes(&indices));
-    let mut targets: Vec<Value> = vec![];
-    for target in &source.targets {
-        let mut dense = vec![[0.0; 3]; positions.len()];
-        target.positions.iter().for_each(|(v, d)| dense[*v as usize] = d.to_array());
-        targets.push(json!({"POSITION": file.floats(&dense)}));
-    }
-    let primitive = json!({"attributes": attributes, "indices": indices, "targets": targets});
-    file.json["meshes"] = json!([{"primitives": [primitive]}]);
-    (file, source)
-}
-
-#[test]
-fn a_textured_head_has_no_seam_and_no_crack() {
-    let (file, original) = textured_head();
-    let read = file.read().unwrap();
-    let source = &read.meshes[0].source;
-    assert_eq!((&source.welds, source.faces.triangles()), (&original.welds, original.faces.triangles()));
-    let mesh: MorphMesh = source.to_mesh(Tolerance::default()).unwrap();
-    let pairs: Vec<(usize, usize)> =
-        (0..).zip(&source.welds).map(|(v, of)| (v, *of as usize)).filter(|(v, of)| v != of).collect();
-    assert!(pairs.len() > 30, "{} vertices at seams", pairs.len());
-    let render = mesh.faces.render_vertices(mesh.vertex_count(), &mesh.texcoords).unwrap();
-    assert_eq!(render.pose_vertices.len(), mesh.vertex_count(), "one index buffer draws the vertices of the file");
-    // Without welds normals differ: the check can fail.
-    let torn = MorphSource { welds: vec![], ..source.clone() }.to_mesh(Tolerance::default()).unwrap();
-    assert!(pairs.iter().any(|(v, of)| torn.normals[*v] != torn.normals[*of]));
-    for format in [DeltaFormat::Fast, DeltaFormat::Small, DeltaFormat::Float32, DeltaFormat::Snorm16] {
-        let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format)).unwrap());
-        let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
-        let mut crowd = CpuCrowd::new(packed.clone(), desc, 1, 1).unwrap();
-        let mut random = deltamorph_head::Rng::new(3, 1);
-        for _ in 0..20 {
-            let weights: Vec<f32> = mesh.targets.iter().map(|_| random.unit()).collect();
-            crowd.set_weights(0, &weights).unwrap();
-            crowd.update();
-            let pose = packed.layout().to_user_order(&crowd.pose(0).unwrap());
-            let bits = |v: usize| pose[v * 6..][..6].iter().map(|x| x.to_bits()).collect::<Vec<_>>();
-            assert!(pairs.iter().all(|(v, of)| bits(*v) == bits(*of)), "{format:?}");
-            let exact = evaluate_unpacked(&mesh, &weights);
-            assert!(pairs.iter().all(|(v, of)| exact[v * 6..][..6] == exact[of * 6..][..6]));
-        }
-    }
 }

@@ -71,7 +71,7 @@ impl AnimatedReference {
 }
 
 /// Frames of a clip around tick `now`, and the fraction: `(frame, next, f)` with f in 2⁻¹⁶.
-pub(super) fn between(record: &HeadRecord, frames: u32, now: u32) -> (u32, u32, u32) {
+fn between(record: &HeadRecord, frames: u32, now: u32) -> (u32, u32, u32) {
     let position = record.position(frames, (now.wrapping_sub(record.start) as i32).max(0).into());
     let (frame, f, last) = ((position >> 32) as u32, (position >> 16) as u32 & 0xffff, frames - 1);
     let at_end = if record.has(HeadRecord::LOOP) { 0 } else { last };

@@ -1,4 +1,4 @@
-use super::reference::{between, interpolate, sample};
+use super::reference::{interpolate, sample};
 use super::sample::TICKS_PER_SECOND;
 use super::steps::accesses;
 use super::*;
@@ -140,23 +140,6 @@ fn interpolation_rounds_to_nearest_and_reaches_both_ends() {
     assert_eq!(interpolate(most, -most, 0xffff), most - ((i64::from(most) * 2 * 0xffff + 0x8000) >> 16) as i32);
 }
 
-#[test]
-fn loops_clamps_and_reverses() {
-    let record = |flags| HeadRecord { flags: HeadRecord::PLAYING | flags, rate: 1 << 16, ..HeadRecord::default() };
-    // One frame a second.
-    let at = |flags, quarters: u32| between(&record(flags), 4, quarters << 14);
-    assert_eq!(at(HeadRecord::LOOP, 15), (3, 0, 0xc000));
-    assert_eq!(at(HeadRecord::LOOP, 18), (0, 1, 0x8000));
-    assert_eq!(at(0, 11), (2, 3, 0xc000));
-    assert_eq!(at(0, 12), (3, 3, 0));
-    assert_eq!(at(0, 1 << 16), (3, 3, 0));
-    assert_eq!(at(HeadRecord::LOOP | HeadRecord::REVERSED, 15), (0, 3, 0xc000));
-    assert_eq!(at(HeadRecord::REVERSED, 1), (3, 2, 0x4000));
-    // A time before the start equals the start, and the clock's 32 bits wrap.
-    assert_eq!(between(&HeadRecord { start: 9, frame: 2, ..record(0) }, 4, 3), (2, 3, 0));
-    assert_eq!(between(&HeadRecord { start: 0xffff_0000, ..record(0) }, 4, 0x1_0000), (2, 3, 0));
-}
-
 /// First and end of each range of records that the last update sends.
 fn runs(heads: &Playbacks) -> Vec<(u32, u32)> {
     heads.changed().iter().map(|run| (run.start, run.end)).collect()
@@ -223,17 +206,6 @@ fn a_cut_survives_a_discarded_update_that_hides_its_head() {
     heads.set_hidden(0, false);
     assert_eq!((heads.update(&clips), heads.written(0)), (2, Some((2, false))));
     assert_eq!((heads.update(&clips), heads.written(0)), (3, Some((3, true))));
-}
-
-#[test]
-fn a_hidden_head_keeps_its_pose_and_a_shown_one_has_no_past() {
-    let clips = clips(&[], KeyFormat::Bits32);
-    let mut heads = Playbacks::new(1);
-    for (update, hidden) in (0..).zip([false, false, false, true, true, true, false, false]) {
-        heads.set_hidden(0, hidden);
-        heads.update(&clips);
-        assert_eq!(heads.written(0), Some((if hidden { 2 } else { update }, ![0, 3, 4, 5, 6].contains(&update))));
-    }
 }
 
 #[test]

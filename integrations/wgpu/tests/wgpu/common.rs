@@ -14,7 +14,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 /// Returns whether the validation layers have version 1.4 or later. Tests of planted faults show that they are active.
-pub fn layers_are_new() -> bool {
+fn layers_are_new() -> bool {
     // SAFETY: the loader is the one that wgpu loads.
     let layers = unsafe { ash::Entry::load() }.map(|entry| {
         // SAFETY: as above.
@@ -209,7 +209,7 @@ impl ComputeReader {
     }
 }
 
-/// Draws from vertex attributes, or from a storage buffer in the vertex shader, into a picture that is not read.
+/// Draws from vertex attributes, into a picture that is not read.
 pub struct DrawReader {
     pipeline: wgpu::RenderPipeline,
     target: wgpu::TextureView,
@@ -256,42 +256,14 @@ impl DrawReader {
         Self { pipeline, target: target.create_view(&Default::default()) }
     }
 
-    /// Makes a reader that reads words of poses in the vertex shader.
-    pub fn of_storage(host: &Host) -> Self {
-        let vertex = "
-            @group(0) @binding(0) var<storage, read> words: array<u32>;
-            @vertex fn vertex(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {
-                let three = vec3u(words[3u * i], words[3u * i + 1u], words[3u * i + 2u]);
-                return vec4f(vec3f(three & vec3u(255u)) / 255.0, 1.0);
-            }";
-        Self::new(host, vertex, &[])
-    }
-
-    /// Draws all vertices that form triangles; `storage` is bound if the shader has a binding.
-    pub fn record(
-        &self,
-        host: &Host,
-        encoder: &mut wgpu::CommandEncoder,
-        vertices: u32,
-        buffers: &[Pose<'_>],
-        storage: Option<&Pose<'_>>,
-    ) {
-        let bindings = storage.map(|pose| {
-            host.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: None,
-                layout: &self.pipeline.get_bind_group_layout(0),
-                entries: &[wgpu::BindGroupEntry { binding: 0, resource: pose.binding() }],
-            })
-        });
+    /// Draws all vertices that form triangles.
+    pub fn record(&self, encoder: &mut wgpu::CommandEncoder, vertices: u32, buffers: &[Pose<'_>]) {
         let ops = wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::BLACK), store: wgpu::StoreOp::Store };
         let (view, depth_slice, resolve_target) = (&self.target, None, None);
         let color = wgpu::RenderPassColorAttachment { view, depth_slice, resolve_target, ops };
         let desc = wgpu::RenderPassDescriptor { color_attachments: &[Some(color)], ..Default::default() };
         let mut pass = encoder.begin_render_pass(&desc);
         pass.set_pipeline(&self.pipeline);
-        if let Some(bindings) = &bindings {
-            pass.set_bind_group(0, bindings, &[]);
-        }
         (0..).zip(buffers).for_each(|(slot, pose)| pass.set_vertex_buffer(slot, pose.slice()));
         pass.draw(0..vertices, 0..1);
     }

@@ -140,23 +140,3 @@ fn no_more_updates_are_unfinished_than_there_are_lists() {
         }
     });
 }
-
-#[test]
-fn instances_come_and_go() {
-    on_every_adapter(|host| {
-        let mut head = Head::new(&host, DeltaFormat::Fast, &CrowdDesc::new(UpdateDesc::blocks()).instances(2));
-        // Without a visible instance there is nothing to record.
-        head.crowd.set_hidden(0, true).expect("an instance");
-        head.crowd.remove(1).expect("an instance");
-        assert!(head.update().expect("an update").is_none());
-        head.crowd.set_hidden(0, false).expect("an instance");
-        assert_eq!(head.crowd.add().expect("a free place"), 1);
-        head.assert_goes_on(&host, "shown again");
-        head.crowd.cut(0).expect("an instance");
-        let update = head.update().expect("an update");
-        let (pose, previous) = (head.crowd.pose(0).expect("a pose"), head.crowd.previous_pose(0).expect("a pose"));
-        assert_eq!(Some(pose.view), previous.map(|pose| pose.view));
-        submit_and_read(&host, update, &head.crowd);
-        assert!(head.crowd.set_hidden(2, true).is_err());
-    });
-}

@@ -3,8 +3,7 @@
 use crate::common::{Random, assert_right, copy, on_every_adapter, packed, wait};
 use crate::play::decoded;
 use crate::scene::Host;
-use deltamorph::{CrowdDesc, DeltaFormat, PackedMesh, Tolerance, UpdateDesc};
-use deltamorph_head as sample;
+use deltamorph::{CrowdDesc, DeltaFormat, UpdateDesc};
 use deltamorph_wgpu::{Crowd, Mesh, Morph, Pose};
 use std::any::Any;
 
@@ -29,24 +28,6 @@ fn everything_may_be_dropped_in_any_order_while_the_gpu_works() {
             }
         });
     }
-}
-
-#[test]
-fn an_update_keeps_what_it_uses_until_the_gpu_has_finished() {
-    on_every_adapter(|host| {
-        let morph = Morph::new(&host.device, &host.queue).expect("a device with compute");
-        // Large enough that the GPU takes longer than the code after the submit.
-        let source = sample::head(&sample::HeadDesc::default().vertices(20_000));
-        let mesh = source.to_mesh(Tolerance::default()).expect("a mesh");
-        let mesh = PackedMesh::pack(&mesh, &morph.pack_desc(DeltaFormat::Fast)).expect("a mesh that fits");
-        let uploaded = morph.upload(&mesh).expect("an upload");
-        let desc = CrowdDesc::new(UpdateDesc::blocks()).instances(16);
-        let mut crowd = morph.create_crowd(&uploaded, &desc).expect("a crowd");
-        let weights = vec![0.5; mesh.layout().targets.len()];
-        (0..16).for_each(|i| crowd.set_weights(i, &weights).expect("weights"));
-        host.queue.submit(morph.update([&mut crowd]).expect("an update"));
-        drop((crowd, uploaded, morph));
-    });
 }
 
 #[test]
