@@ -6,6 +6,7 @@
 #define DM_MESH_SPLIT 1
 #define DM_MESH_WELD 2
 #define DM_MESH_KEEP_ALL 4
+#define DM_MESSAGE_NOTE 1
 #define DM_DELTAS_FLOAT32 1
 #define DM_DELTAS_SNORM16 2
 #define DM_DELTAS_BLOCK_FLOAT32 3
@@ -15,6 +16,7 @@
 #define DM_POSE_FLOAT32 1
 #define DM_POSE_FIXED32 2
 #define DM_POSE_FIXED16 3
+#define DM_POSE_REBUILT16 4
 #define DM_PATH_BLOCKS 1
 #define DM_PATH_COMPUTE 2
 #define DM_PATH_FEEDBACK 3
@@ -48,7 +50,8 @@ typedef struct DmMesh { uint64_t bits; } DmMesh;
 typedef struct DmMeshInfo { uint32_t struct_size; uint32_t vertex_count; uint32_t padded_vertex_count; uint32_t target_count; uint32_t index_count; uint32_t delta_format; float diagonal; uint32_t reserved; uint64_t pose_bytes; uint64_t device_bytes; } DmMeshInfo;
 typedef struct DmRenderVertices { uint32_t struct_size; uint32_t vertex_count; uint32_t index_count; uint32_t reserved; uint32_t *pose_vertices; float *texcoords; uint32_t *indices; } DmRenderVertices;
 typedef struct DmEngine { uint64_t bits; } DmEngine;
-typedef struct DmMeshDesc { uint32_t struct_size; uint32_t flags; struct DmEngine engine; float position_tolerance; float normal_tolerance; uint32_t delta_format; uint32_t block_size; float position_error; float normal_error_degrees; float absolute_error; float weight_max; } DmMeshDesc;
+typedef void (*DmMessage)(void *user, uint32_t severity, const char *text);
+typedef struct DmMeshDesc { uint32_t struct_size; uint32_t flags; struct DmEngine engine; float position_tolerance; float normal_tolerance; uint32_t delta_format; uint32_t block_size; float position_error; float normal_error_degrees; float absolute_error; float weight_max; DmMessage message; void *message_user; } DmMeshDesc;
 typedef struct DmTargetArrays { uint32_t struct_size; uint32_t reserved; const char *name; const float *positions; const float *normals; const float *tangents; } DmTargetArrays;
 typedef struct DmMeshArrays { uint32_t struct_size; uint32_t vertex_count; const char *name; const float *positions; const float *normals; const float *tangents; const float *texcoords; const uint32_t *indices; const struct DmTargetArrays *targets; uint32_t index_count; uint32_t target_count; uint32_t absolute; uint32_t reserved; } DmMeshArrays;
 typedef struct DmSampleDesc { uint32_t struct_size; uint32_t vertices; uint32_t targets; float sparsity; uint64_t seed; } DmSampleDesc;
@@ -58,22 +61,27 @@ typedef struct DmClipInfo { uint32_t struct_size; uint32_t frame_count; uint32_t
 typedef struct DmBoundClip { uint64_t bits; } DmBoundClip;
 typedef struct DmClipLayer { uint32_t struct_size; uint32_t blend; struct DmBoundClip clip; double time; float weight; uint32_t once; const float *mask; } DmClipLayer;
 typedef struct DmCrowd { uint64_t bits; } DmCrowd;
-typedef struct DmCamera { uint32_t struct_size; float height; float angle; float eye[3]; } DmCamera;
-typedef struct DmPlace { uint32_t struct_size; float radius; float scale; float centre[3]; } DmPlace;
-typedef struct DmEngineDesc { uint32_t struct_size; uint32_t transform_feedback; VkInstance instance; VkPhysicalDevice physical_device; VkDevice device; PFN_vkGetInstanceProcAddr get_instance_proc_addr; PFN_vkGetDeviceProcAddr get_device_proc_addr; const VkPhysicalDeviceFeatures *enabled_features; VkPipelineCache pipeline_cache; uint32_t clamp_to_android_baseline; uint32_t reserved; uint32_t debug_names; uint32_t buffer_device_address; const uint32_t *queue_families; uint64_t queue_family_count; } DmEngineDesc;
+typedef struct DmMemoryRequest { uint64_t size; uint64_t alignment; uint32_t type_bits; uint32_t required; uint32_t preferred; uint32_t reserved; } DmMemoryRequest;
+typedef struct DmHostMemory { VkDeviceMemory memory; uint64_t offset; void *mapped; uint64_t token; } DmHostMemory;
+typedef int32_t (*DmAllocateMemory)(void *user, const struct DmMemoryRequest *request, struct DmHostMemory *memory);
+typedef void (*DmFreeMemory)(void *user, const struct DmHostMemory *memory);
+typedef struct DmEngineDesc { uint32_t struct_size; uint32_t transform_feedback; VkInstance instance; VkPhysicalDevice physical_device; VkDevice device; PFN_vkGetInstanceProcAddr get_instance_proc_addr; PFN_vkGetDeviceProcAddr get_device_proc_addr; const VkPhysicalDeviceFeatures *enabled_features; VkPipelineCache pipeline_cache; uint32_t clamp_to_android_baseline; uint32_t reserved; uint32_t debug_names; uint32_t buffer_device_address; const uint32_t *queue_families; uint64_t queue_family_count; DmAllocateMemory allocate_memory; DmFreeMemory free_memory; void *memory_user; } DmEngineDesc;
 typedef struct DmEngineInfo { uint32_t struct_size; uint32_t is_software; uint64_t max_storage_range; uint64_t allocated_bytes; char device_name[256]; } DmEngineInfo;
+typedef struct DmMemoryUse { uint64_t bytes; uint64_t allocations; } DmMemoryUse;
+typedef struct DmMemory { uint32_t struct_size; uint32_t reserved; uint64_t allocated; struct DmMemoryUse meshes; struct DmMemoryUse poses; struct DmMemoryUse animation; struct DmMemoryUse lists; struct DmMemoryUse staging; struct DmMemoryUse readback; } DmMemory;
 typedef struct DmGpuMesh { uint64_t bits; } DmGpuMesh;
 typedef struct DmPoseView { uint32_t struct_size; uint32_t stride; VkBuffer buffer; uint64_t offset; uint64_t size; uint32_t format; uint32_t slot; float units[2]; } DmPoseView;
 typedef struct DmStreamView { uint32_t struct_size; uint32_t stride; VkBuffer buffer; uint64_t offset; uint32_t components; uint32_t format; float units[4]; uint32_t slot; uint32_t reserved; } DmStreamView;
 typedef struct DmStreamPlace { uint32_t stream; uint32_t offset; } DmStreamPlace;
 typedef struct DmHostPoses { uint32_t struct_size; uint32_t stride; VkBuffer buffer; uint64_t offset; const struct DmStreamPlace *streams; uint32_t stream_count; uint32_t reserved; } DmHostPoses;
 typedef struct DmCrowdDesc { uint32_t struct_size; uint32_t instances; uint32_t path; uint32_t batch; uint32_t mode; uint32_t slots; uint32_t pose_format; uint32_t frames_in_flight; uint32_t consumers; float tolerance; float weight_max; float error_budget; uint32_t pose_usage; uint32_t reserved; const struct DmHostPoses *poses; const uint32_t *queue_family; } DmCrowdDesc;
-typedef struct DmLevelDesc { uint32_t struct_size; uint32_t pin_count; struct DmMesh mesh; const char *const *pins; float pixels; float fade; } DmLevelDesc;
+typedef struct DmLevelDesc { uint32_t struct_size; uint32_t pin_count; struct DmMesh mesh; const char *const *pins; } DmLevelDesc;
 typedef struct DmAnimationDesc { uint32_t struct_size; uint32_t clip_count; const struct DmClip *clips; uint32_t key_bits; uint32_t reserved; const struct DmLevelDesc *level; } DmAnimationDesc;
 typedef struct DmPlayback { uint32_t struct_size; uint32_t clip; double start; double speed; uint32_t once; uint32_t reserved; } DmPlayback;
 typedef struct DmCrowds { uint64_t bits; } DmCrowds;
 typedef struct DmTicket { uint64_t crowd; uint64_t number; } DmTicket;
-typedef struct DmUpdate { uint32_t struct_size; float bound; struct DmTicket ticket; uint64_t coefficients; uint64_t passes; uint64_t rebuilt; uint64_t dirty_blocks; uint64_t rebuilt_blocks; uint64_t bytes_moved; uint64_t bytes_floor; } DmUpdate;
+typedef struct DmUpdate { uint32_t struct_size; float bound; struct DmTicket ticket; uint64_t coefficients; uint64_t passes; uint64_t rebuilt; uint64_t dirty_blocks; uint64_t rebuilt_blocks; uint64_t bytes_moved; uint64_t bytes_floor; uint64_t timestamps; } DmUpdate;
+typedef struct DmStepName { char name[32]; } DmStepName;
 typedef struct DmReadback { uint64_t bits; } DmReadback;
 typedef struct DmDecodeTarget { uint32_t struct_size; uint32_t stride; VkBuffer buffer; uint64_t offset; uint32_t normals; uint32_t reserved; } DmDecodeTarget;
 typedef struct DmSurface { uint64_t bits; } DmSurface;
@@ -122,11 +130,10 @@ DmResult dm_bound_clip_sample(struct DmBoundClip clip, double frame, float *weig
 DmResult dm_bound_clip_destroy(struct DmBoundClip clip);
 DmResult dm_clips_mix(const struct DmClipLayer *layers, uint32_t count, float *weights, uint32_t weight_count);
 DmResult dm_crowd_set_level(struct DmCrowd crowd, uint32_t instance, float level);
-DmResult dm_crowd_set_camera(struct DmCrowd crowd, const struct DmCamera *camera);
-DmResult dm_crowd_cut_camera(struct DmCrowd crowd);
-DmResult dm_crowd_set_place(struct DmCrowd crowd, uint32_t instance, const struct DmPlace *place);
 DmResult dm_engine_create(const struct DmEngineDesc *desc, struct DmEngine *engine);
 DmResult dm_engine_info(struct DmEngine engine, struct DmEngineInfo *info);
+DmResult dm_engine_memory(struct DmEngine engine, struct DmMemory *memory);
+DmResult dm_engine_memory_json(struct DmEngine engine, uint32_t *count, char *text);
 DmResult dm_engine_destroy(struct DmEngine engine);
 DmResult dm_mesh_upload(struct DmEngine engine, VkCommandBuffer cmd, struct DmMesh mesh, struct DmGpuMesh *gpu_mesh);
 DmResult dm_gpu_mesh_release_staging(struct DmGpuMesh mesh);
@@ -154,6 +161,8 @@ DmResult dm_crowds_set_weights(struct DmCrowds set, uint32_t instance, const flo
 DmResult dm_crowds_destroy(struct DmCrowds set);
 DmResult dm_record_update(VkCommandBuffer cmd, struct DmCrowd crowd, struct DmUpdate *update);
 DmResult dm_record_updates(VkCommandBuffer cmd, uint32_t count, const struct DmCrowd *crowds, struct DmUpdate *updates);
+DmResult dm_crowd_set_queries(struct DmCrowd crowd, VkQueryPool pool, uint32_t first, uint32_t count);
+DmResult dm_crowd_step_names(struct DmCrowd crowd, uint32_t *count, struct DmStepName *names);
 DmResult dm_crowd_discard(struct DmCrowd crowd, struct DmTicket ticket);
 DmResult dm_crowd_pose(struct DmCrowd crowd, uint32_t instance, struct DmPoseView *view);
 DmResult dm_crowd_previous_pose(struct DmCrowd crowd, uint32_t instance, struct DmPoseView *view);
