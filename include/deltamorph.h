@@ -129,12 +129,6 @@
 /// rotation.
 #define DM_SKIN_DUAL_QUATERNION 2
 
-/// Blend a layer over the layers below: at the weight 1 it replaces them.
-#define DM_LAYER_OVERRIDE 1
-
-/// Add a layer to the layers below.
-#define DM_LAYER_ADDITIVE 2
-
 /// Position: three components.
 #define DM_STREAM_POSITION 1
 
@@ -367,24 +361,6 @@ typedef struct DmBoundClip {
     /// Kind, generation and index.
     uint64_t bits;
 } DmBoundClip;
-
-/// A clip at a time, in a stack of layers: see `dm_clips_mix`.
-typedef struct DmClipLayer {
-    /// sizeof(DmClipLayer).
-    uint32_t struct_size;
-    /// `DM_LAYER_...`, how it is mixed with the layers below; 0: override.
-    uint32_t blend;
-    /// The clip.
-    struct DmBoundClip clip;
-    /// Seconds since the clip's first frame. Between two frames weights are interpolated in a straight line.
-    double time;
-    /// Weight of the layer, from 0 to 1 for fading it in.
-    float weight;
-    /// Not 0: the first and the last frame are held; 0: the clip repeats.
-    uint32_t once;
-    /// A factor for each target; null: 1 for all.
-    const float *mask;
-} DmClipLayer;
 
 /// Instances of a mesh on the device, whose weights are set, or that play clips. All zero: none.
 typedef struct DmCrowd {
@@ -719,12 +695,6 @@ typedef struct DmPlayback {
     /// Zero.
     uint32_t reserved;
 } DmPlayback;
-
-/// Crowds of several meshes (head, teeth, lashes) whose instances take one weight vector. All zero: none.
-typedef struct DmCrowds {
-    /// Kind, generation and index.
-    uint64_t bits;
-} DmCrowds;
 
 /// Names an update, to discard it.
 typedef struct DmTicket {
@@ -1117,20 +1087,6 @@ DmResult dm_bound_clip_sample(struct DmBoundClip clip, double frame, float *weig
 /// Destroy a bound clip.
 DmResult dm_bound_clip_destroy(struct DmBoundClip clip);
 
-/// Mix layers, the first one lowest, on top of the weights that are in `weights` already: zeros, or a pose of the
-/// host's. The result is for `dm_crowd_set_weights` or, with clips that are bound to the names of a set, for
-/// `dm_crowds_set_weights`. With the weight w of a layer, its mask m of a target and the weight s of the target in its
-/// clip, the weight v of the target becomes v x (1 - w x m) + w x m x s (`DM_LAYER_OVERRIDE`), or v + w x m x s
-/// (`DM_LAYER_ADDITIVE`). A layer does not change targets that its clip has no column for.
-///
-/// Errors: DM_ERROR_INVALID for a clip of another number of targets than `weight_count`, a time, weight or factor of a
-/// mask that is not finite, an unknown blend, a mask that overlaps `weights`. Nothing changes then.
-///
-/// Safety:
-/// There are `count` consecutive structures, whose masks are null or have `weight_count` factors, and `weight_count`
-/// weights, which can be written.
-DmResult dm_clips_mix(const struct DmClipLayer *layers, uint32_t count, float *weights, uint32_t weight_count);
-
 /// Keep only `level` targets of an instance, in the order of their importance, from the next recorded update on; for an
 /// animated crowd made with DmAnimationDesc::level. If the instance has a position (`dm_crowd_set_place`), this is the
 /// most that is kept. A number at or above the number of targets keeps all.
@@ -1352,51 +1308,6 @@ DmResult dm_crowd_log_calls(struct DmCrowd crowd);
 /// Safety:
 /// `path` is a UTF-8 string.
 DmResult dm_crowd_write_calls(struct DmCrowd crowd, const char *path);
-
-/// Make a set of `count` crowds whose weights are set by one vector: each weight goes, by its name, to the targets of
-/// that name in every mesh. Instance i of the set is instance i of each crowd. At first the weights are those of all
-/// targets: each name once, in the order of the crowds and of their targets.
-///
-/// The crowds stay the caller's: `dm_record_updates` records their updates with shared barriers, and each is cut,
-/// hidden, skinned and destroyed by its own handle. After one is destroyed, the set can only be destroyed.
-///
-/// Errors: DM_ERROR_INVALID for an empty list, a crowd that is named twice, or one that plays clips.
-///
-/// Safety:
-/// There are `count` crowds; `set` can be written.
-DmResult dm_crowds_create(const struct DmCrowd *crowds, uint32_t count, struct DmCrowds *set);
-
-/// Set the names, and so the order, of the weights from now on: those of a clip or of a tracker. Targets that are not
-/// among them keep the weights that were requested last.
-///
-/// Errors: DM_ERROR_INVALID for a name that no mesh has, or that comes twice; DM_ERROR_HANDLE if a crowd was destroyed.
-/// Nothing changes then.
-///
-/// Safety:
-/// There are `count` names, UTF-8 strings.
-DmResult dm_crowds_bind(struct DmCrowds set, const char *const *names, uint32_t count);
-
-/// List the names of a set's weights, in their order: UTF-8, valid until the set is bound again, or destroyed.
-///
-/// With `names` null, `count` becomes their number. Otherwise `count` is the room in `names`.
-///
-/// Errors: DM_ERROR_INVALID for too little room.
-///
-/// Safety:
-/// `count` can be read and written; `names` is null or has room for that many.
-DmResult dm_crowds_names(struct DmCrowds set, uint32_t *count, const char **names);
-
-/// Request these weights of an instance in all crowds, one for each name of the set, from the next recorded updates on.
-///
-/// Errors: DM_ERROR_INVALID for a wrong number of weights; those of `dm_crowd_set_weights`; DM_ERROR_HANDLE if a crowd
-/// was destroyed. Nothing changes then, in any crowd.
-///
-/// Safety:
-/// There are `count` weights.
-DmResult dm_crowds_set_weights(struct DmCrowds set, uint32_t instance, const float *weights, uint32_t count);
-
-/// Destroy a set. Its crowds stay.
-DmResult dm_crowds_destroy(struct DmCrowds set);
 
 /// Record the update of all instances of a crowd to the requested weights, or to the time set.
 ///
@@ -1922,14 +1833,6 @@ typedef char DmClipArrays_fps[offsetof(DmClipArrays, fps) == 12 ? 1 : -1];
 typedef char DmClipArrays_name[offsetof(DmClipArrays, name) == 16 ? 1 : -1];
 typedef char DmClipArrays_names[offsetof(DmClipArrays, names) == 24 ? 1 : -1];
 typedef char DmClipArrays_values[offsetof(DmClipArrays, values) == 32 ? 1 : -1];
-typedef char DmClipLayer_sizeof[sizeof(DmClipLayer) == 40 ? 1 : -1];
-typedef char DmClipLayer_struct_size[offsetof(DmClipLayer, struct_size) == 0 ? 1 : -1];
-typedef char DmClipLayer_blend[offsetof(DmClipLayer, blend) == 4 ? 1 : -1];
-typedef char DmClipLayer_clip[offsetof(DmClipLayer, clip) == 8 ? 1 : -1];
-typedef char DmClipLayer_time[offsetof(DmClipLayer, time) == 16 ? 1 : -1];
-typedef char DmClipLayer_weight[offsetof(DmClipLayer, weight) == 24 ? 1 : -1];
-typedef char DmClipLayer_once[offsetof(DmClipLayer, once) == 28 ? 1 : -1];
-typedef char DmClipLayer_mask[offsetof(DmClipLayer, mask) == 32 ? 1 : -1];
 #endif
 
 #endif /* DELTAMORPH_H */

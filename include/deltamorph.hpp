@@ -51,7 +51,6 @@ using Mesh = Owned<DmMesh, dm_mesh_destroy>;
 using Engine = Owned<DmEngine, dm_engine_destroy>;
 using GpuMesh = Owned<DmGpuMesh, dm_gpu_mesh_destroy>;
 using Crowd = Owned<DmCrowd, dm_crowd_destroy>;
-using Crowds = Owned<DmCrowds, dm_crowds_destroy>;
 using Readback = Owned<DmReadback, dm_readback_destroy>;
 using Skin = Owned<DmSkin, dm_skin_destroy>;
 using Surface = Owned<DmSurface, dm_surface_destroy>;

@@ -95,7 +95,8 @@ pub fn write_replacing(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> 
 /// A temporary path beside `path` that is unique to this process and call.
 fn part_of(path: &Path) -> PathBuf {
     static COUNT: AtomicU32 = AtomicU32::new(0);
-    let (count, process) = (COUNT.fetch_add(1, Ordering::Relaxed), std::process::id());
+    let count = COUNT.fetch_add(1, Ordering::Relaxed);
+    let process = std::process::id();
     let name = path.file_name().unwrap_or_default().display();
     path.with_file_name(format!(".{name}.{process}-{count}.part"))
 }

@@ -54,7 +54,7 @@
 //! # Features
 //! None is on by default.
 //! - `csv`: weight clips from CSV files.
-//! - `gltf`: meshes, weight animations and skins from glTF files, and meshes as glTF files.
+//! - `gltf`: meshes, weight animations and skins from glTF files.
 //! - `threads`: the path `cpu` and the importer on several threads.
 //! - `baselines`: the kernels of others' techniques, which are the package deltamorph-baselines.
 //! - `compile-shaders`: compile `glsl/` at build time, which needs a C++ compiler; without it the modules checked in

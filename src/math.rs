@@ -42,7 +42,8 @@ pub(crate) fn far_middle(positions: impl Iterator<Item = Vec3>) -> Vec3 {
     let Some((low, high)) = positions.map(|p| (p, p)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) else {
         return Vec3::ZERO;
     };
-    let (low, high) = (low.as_dvec3(), high.as_dvec3());
+    let low = low.as_dvec3();
+    let high = high.as_dvec3();
     let diagonal = (high - low).length();
     let largest = low.abs().max(high.abs());
     let middle = low.midpoint(high);

@@ -18,8 +18,6 @@ mod host;
 mod joints;
 #[path = "common/numbers.rs"]
 mod numbers;
-#[path = "common/picture.rs"]
-mod picture;
 #[path = "common/scene.rs"]
 mod scene;
 #[path = "common/skinned.rs"]

@@ -17,27 +17,12 @@ pub enum Detail {
 }
 
 impl Detail {
-    /// The choices in the panel.
-    #[cfg(feature = "viewer")]
-    pub const ALL: [Self; 6] =
-        [Self::All, Self::Share(0.75), Self::Share(0.5), Self::Share(0.25), Self::Pixels(0.5), Self::Pixels(2.0)];
-
     pub fn parse(text: &str) -> Result<Self, String> {
         let number = |text: &str, most: f32| text.parse().ok().filter(|v| (0.0..=most).contains(v));
         let share = || text.strip_suffix('%').and_then(|text| number(text, 100.0)).map(|v| Self::Share(v / 100.0));
         let pixels = || text.strip_suffix("px").and_then(|text| number(text, 1e3)).map(Self::Pixels);
         let all = (text == "all").then_some(Self::All);
         all.or_else(share).or_else(pixels).ok_or_else(|| "give all, a share as 50%, or pixels as 0.5px".into())
-    }
-}
-
-impl std::fmt::Display for Detail {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::All => f.write_str("all targets"),
-            Self::Share(share) => write!(f, "{}% of the targets", share * 100.0),
-            Self::Pixels(pixels) => write!(f, "{pixels} pixels off at most"),
-        }
     }
 }
 
@@ -83,8 +68,8 @@ pub struct Kept {
     importance: Importance,
     /// The choice that the levels were made for, and a level for each instance.
     levels: (Detail, Vec<Level>),
-    /// Targets of each instance in the last frame, and the number that it is fading to.
-    now: Vec<(f32, f32)>,
+    /// Targets of each instance in the last frame.
+    now: Vec<f32>,
     /// Bounding sphere of an instance in the base pose.
     ball: Ball,
 }
@@ -105,9 +90,9 @@ impl Kept {
     pub fn apply(&mut self, detail: Detail, units: &[f32], weights: &mut [Vec<f32>]) -> Result<(), Failure> {
         let Self { importance, levels, .. } = self;
         let all = importance.target_count() as f32;
-        let kept: Vec<(f32, f32)> = match detail {
-            Detail::All => vec![(all, all); weights.len()],
-            Detail::Share(share) => vec![((share * all).ceil(), (share * all).ceil()); weights.len()],
+        let kept: Vec<f32> = match detail {
+            Detail::All => vec![all; weights.len()],
+            Detail::Share(share) => vec![(share * all).ceil(); weights.len()],
             Detail::Pixels(pixels) => {
                 if levels.0 != detail || levels.1.len() != weights.len() {
                     // A level assigns half of its pixels to error budgets, which are a separate option here.
@@ -116,12 +101,12 @@ impl Kept {
                 }
                 let heads = levels.1.iter_mut().zip(units).zip(weights.iter());
                 let step = |((level, unit), weights): ((&mut Level, &f32), &Vec<f32>)| {
-                    (level.step(importance, *unit, Some(weights)), level.goal() as f32)
+                    level.step(importance, *unit, Some(weights))
                 };
                 heads.map(step).collect()
             }
         };
-        for (weights, (level, _)) in weights.iter_mut().zip(&kept) {
+        for (weights, level) in weights.iter_mut().zip(&kept) {
             importance.apply(*level, weights)?;
         }
         self.now = kept;
@@ -131,13 +116,7 @@ impl Kept {
     /// The number of all targets, and the fewest and most that an instance keeps.
     pub fn of_all(&self) -> (usize, [usize; 2]) {
         let all = self.importance.target_count();
-        let kept = self.now.iter().map(|(now, _)| now.ceil() as usize);
+        let kept = self.now.iter().map(|now| now.ceil() as usize);
         (all, [kept.clone().min().unwrap_or(all), kept.max().unwrap_or(all)])
-    }
-
-    /// Whether an instance is still fading to its number of targets.
-    #[cfg(feature = "viewer")]
-    pub fn fades(&self) -> bool {
-        self.now.iter().any(|(now, goal)| now != goal)
     }
 }

@@ -4,7 +4,7 @@ use crate::args::InputArgs;
 use crate::args::reading::Reading;
 use crate::output::{Failure, Output};
 use deltamorph::import::{ImportDesc, Imported, ImportedMesh, csv, gltf};
-use deltamorph::internals::weights::names::{closest, unknown};
+use deltamorph::internals::weights::names::closest;
 use deltamorph::{
     BlockDesc, BoundClip, MorphMesh, PackDesc, PackedMesh, Semantic, Tolerance, WeightClip, import, normalise_weights,
 };
@@ -246,13 +246,6 @@ pub fn clip(path: &Path, args: &InputArgs, input: &Input, settings: &Settings) -
             input.kept.name,
             few(&known),
         )));
-    }
-    // A column that is left out is said; one that looks like a misspelt target is refused.
-    for name in &lost {
-        if closest(name, &known).is_some() {
-            let what = format!("{}: column '{name}' names no target of '{}'", path.display(), input.kept.name);
-            return Err(Failure::Failed(unknown(what, name, "target of the mesh", &known).to_string()));
-        }
     }
     input.say_renamed(&clip, &renamed, &lost);
     let clip = input.with_settings(renamed, settings)?;

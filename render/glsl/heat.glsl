@@ -1,5 +1,4 @@
-// From nothing (grey) over blue, green and yellow to red, and white beyond the end of the scale: `heat` in src/scene.rs has
-// the same table, for the scale beside the picture. Linear colours.
+// From nothing (grey) over blue, green and yellow to red, and white beyond the end of the scale. Linear colours.
 vec3 heat(float t) {
     const vec3 stops[6] = vec3[](vec3(0.10, 0.10, 0.11), vec3(0.03, 0.10, 0.45), vec3(0.02, 0.38, 0.42),
                                  vec3(0.12, 0.50, 0.06), vec3(0.80, 0.52, 0.02), vec3(0.72, 0.03, 0.02));

@@ -25,7 +25,7 @@ pub(crate) fn is_outside(clip: &Mat4, bounds: &Bounds) -> bool {
 }
 
 /// Bounds of the poses of a crowd from their weights, for [`Head::bounds`](crate::Head::bounds).
-pub struct PoseBounds {
+pub(crate) struct PoseBounds {
     of_weights: WeightBounds,
     /// Upper bound of the distance between an updated pose and the exact pose of its weights.
     drift: f32,
@@ -36,18 +36,18 @@ impl PoseBounds {
     ///
     /// # Errors
     /// Those of [`WeightBounds::new`].
-    pub fn new(mesh: &PackedMesh, update: &UpdateDesc) -> Result<Self> {
+    pub(crate) fn new(mesh: &PackedMesh, update: &UpdateDesc) -> Result<Self> {
         // Dense updates do not report their drift.
         Ok(Self { of_weights: WeightBounds::new(mesh, update)?, drift: 1e-5 * mesh.layout().diagonal })
     }
 
     /// Notes a recorded update.
-    pub fn updated(&mut self, stats: &UpdateStats) {
+    pub(crate) fn updated(&mut self, stats: &UpdateStats) {
         self.drift = self.drift.max(stats.bound);
     }
 
     /// Returns the bounds of the pose of an instance with these weights.
-    pub fn of(&self, weights: &[f32]) -> Bounds {
+    pub(crate) fn of(&self, weights: &[f32]) -> Bounds {
         self.of_weights.of(weights, self.drift)
     }
 }

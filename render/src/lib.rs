@@ -1,12 +1,12 @@
 //! Draws poses of deltamorph as an engine would: the crowd's pose buffer is the vertex buffer, decoded by the shader
 //! code that deltamorph provides (`glsl/host/pose.glsl`). Used for the command line's pictures and window.
 //!
-//! - [`Renderer`] draws [`Head`]s of a [`Model`] into a [`Target`]: an image view of the host's, for its own image or
-//!   one of a swapchain. It records into the host's command buffer, and never submits or waits.
+//! - [`Heads`] are a crowd on the device or on the processor, and draw it into [`Target`]s: image views of the host's, for
+//!   its own image or one of a swapchain. They record into the host's command buffer, and never submit or wait.
 //! - [`Scene`] describes the picture: a [`Camera`] that fits the scene, a [`Light`], and what to [`Show`].
 //! - [`wrinkles`] appear where a pose compresses the skin.
 //! - [`parts`] separates skin from eyes and teeth, and takes the [`Surface`] that a file states. Parts that nothing moves
-//!   are drawn with a model, without a pose ([`Model::set_still`]).
+//!   are drawn with each head, without a pose ([`Heads::set_still`]).
 //! - [`Studio`] provides the image as well, on a device of [`headless`](deltamorph_headless), with several frames in
 //!   flight.
 //!
@@ -15,12 +15,12 @@
 mod camera;
 mod cull;
 mod glow;
+mod heads;
 mod memory;
 mod model;
 mod modules;
 mod parts;
 mod passes;
-mod poses;
 mod record;
 mod renderer;
 mod scene;
@@ -31,15 +31,10 @@ mod target;
 pub mod wrinkles;
 
 pub use camera::{Camera, View};
-pub use cull::PoseBounds;
-pub use glow::Glow;
+pub use heads::{Heads, HeadsDesc, Host, Updated};
 pub use memory::Buffer;
-pub use model::Model;
 pub use parts::{Face, Material, Part, Surface, parts};
-pub use passes::RendererDesc;
-pub use poses::{Poses, StoredPose};
-pub use renderer::Renderer;
-pub use scene::{Head, Light, Masks, Scene, Show, heat};
-pub use step::{Step, Stepped};
-pub use studio::{Picture, Studio, StudioDesc};
+pub use scene::{Light, Scene, Show};
+pub use step::Step;
+pub use studio::{Picture, Studio};
 pub use target::Target;

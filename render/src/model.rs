@@ -13,7 +13,7 @@ use std::collections::{BTreeSet, HashSet};
 use std::ops::Range;
 
 /// An uploaded mesh, with the data to draw it.
-pub struct Model {
+pub(crate) struct Model {
     pub(crate) indices: Buffer,
     /// Two vertices for each edge of a face.
     pub(crate) edges: (Buffer, u32),
@@ -54,7 +54,7 @@ impl Model {
     ///
     /// # Safety
     /// The model is dropped before `uploaded`, and only when no commands recorded with it are still to run.
-    pub unsafe fn new(
+    pub(crate) unsafe fn new(
         renderer: &Renderer,
         mesh: &MorphMesh,
         layout: &PackedLayout,
@@ -71,7 +71,7 @@ impl Model {
     ///
     /// # Errors
     /// There is no memory.
-    pub fn set_still(&mut self, renderer: &Renderer, mesh: &MorphMesh, parts: &[Part]) -> Result<()> {
+    pub(crate) fn set_still(&mut self, renderer: &Renderer, mesh: &MorphMesh, parts: &[Part]) -> Result<()> {
         let (gpu, vertices) = (&renderer.gpu, vk::BufferUsageFlags::VERTEX_BUFFER);
         let base: Vec<Vec3> = mesh.positions.iter().zip(&mesh.normals).flat_map(|(p, n)| [*p, *n]).collect();
         let stands = [&base, &vec![Vec3::ZERO; base.len()]].map(|all| Buffer::filled(gpu, cast_slice(all), vertices));

@@ -18,16 +18,16 @@ const DROP: vk::AttachmentStoreOp = vk::AttachmentStoreOp::DONT_CARE;
 
 /// Formats and options of a renderer.
 #[derive(Clone, Copy, Debug)]
-pub struct RendererDesc {
+pub(crate) struct RendererDesc {
     /// Format of the image views that are drawn into. It must be an sRGB format: shaders write linear colours.
-    pub format: vk::Format,
+    pub(crate) format: vk::Format,
     /// Layout in which images are left: for copies (`TRANSFER_SRC_OPTIMAL`), presentation (`PRESENT_SRC_KHR`), or
     /// further draws (`COLOR_ATTACHMENT_OPTIMAL`).
-    pub layout: vk::ImageLayout,
+    pub(crate) layout: vk::ImageLayout,
     /// Format of the poses that are drawn.
-    pub pose: PoseFormat,
+    pub(crate) pose: PoseFormat,
     /// Support [`Show::Wrinkles`](crate::Show::Wrinkles), which needs additional pipelines.
-    pub masks: bool,
+    pub(crate) masks: bool,
 }
 
 /// Describes an attachment that is cleared by the pass.

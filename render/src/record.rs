@@ -38,7 +38,7 @@ impl Renderer {
     ///   Its image view is alive.
     /// - The poses are of the renderer's format and of the model's mesh, tightly packed, ready for vertex-attribute
     ///   reads, and alive until the commands have run.
-    pub unsafe fn record(
+    pub(crate) unsafe fn record(
         &self,
         cmd: vk::CommandBuffer,
         target: &mut Target,

@@ -4,9 +4,8 @@ use crate::memory::{Gpu, failed};
 use crate::modules;
 use crate::passes::{self, RendererDesc, SAMPLES};
 use crate::scene::PartPush;
-use deltamorph::after::GpuSkin;
+use deltamorph::Result;
 use deltamorph::ash::{self, vk};
-use deltamorph::{Crowd, MorphEngine, PackedMesh, Result};
 use std::slice::from_ref;
 use std::sync::Arc;
 
@@ -33,8 +32,8 @@ enum Drawn {
 /// Bindings and attributes.
 type Input = (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>);
 
-/// Draws poses of one format. Everything is made on the host's device; [`Renderer::new`] lists the host's obligations.
-pub struct Renderer {
+/// Draws poses of one format.
+pub(crate) struct Renderer {
     pub(crate) gpu: Arc<Gpu>,
     pub(crate) desc: RendererDesc,
     pub(crate) depth_format: vk::Format,
@@ -68,7 +67,7 @@ impl Renderer {
     ///   [targets](crate::Target) made with it.
     /// - The device has Vulkan 1.1; images of the format can be drawn into with four samples.
     /// - A renderer, model or target is dropped only when no commands recorded with it are still to run.
-    pub unsafe fn new(
+    pub(crate) unsafe fn new(
         instance: &ash::Instance,
         physical: vk::PhysicalDevice,
         device: &ash::Device,
@@ -105,37 +104,6 @@ impl Renderer {
         this.make_layouts()?;
         this.make_pipelines()?;
         Ok(this)
-    }
-
-    /// Makes a buffer of `bytes` (≥ 1), all 0: for poses of the host, or for pixels that are copied.
-    ///
-    /// # Errors
-    /// There is no memory.
-    ///
-    /// # Safety
-    /// The buffer is written and dropped only when no commands recorded with it are still to run.
-    pub unsafe fn buffer(&self, bytes: usize, usage: vk::BufferUsageFlags) -> Result<crate::Buffer> {
-        crate::Buffer::new(&self.gpu, bytes, usage, true)
-    }
-
-    /// Skins the poses of `crowd`, to draw [`Stepped::head`](crate::Stepped::head) in place of them: `skin` has run its
-    /// upload and has this many joints, and this many frames are in flight.
-    ///
-    /// # Errors
-    /// The engine refuses the skin, or there is no memory.
-    ///
-    /// # Safety
-    /// No update of the crowd is running; the result is dropped only when none that was recorded after this is.
-    pub unsafe fn skinned(
-        &self,
-        engine: &MorphEngine,
-        packed: &PackedMesh,
-        crowd: &mut Crowd,
-        skin: (&GpuSkin, u32),
-        frames: usize,
-    ) -> Result<crate::Stepped> {
-        // SAFETY: the caller's obligations.
-        unsafe { crate::Stepped::skinned(&self.gpu, engine, packed, crowd, skin, frames) }
     }
 
     fn make_layouts(&mut self) -> Result<()> {

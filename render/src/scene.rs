@@ -1,7 +1,6 @@
 //! Shader data: the light and the camera, each head, and each part of a mesh.
 
 use crate::camera::{View, direction};
-use crate::srgb::encoded;
 use bytemuck::{Pod, Zeroable};
 use deltamorph::Bounds;
 use deltamorph::ash::vk;
@@ -61,70 +60,67 @@ pub struct Scene {
 
 /// A head to draw.
 #[derive(Clone, Copy, Debug)]
-pub struct Head {
+pub(crate) struct Head {
     /// The buffer with its pose, as a vertex buffer.
-    pub buffer: vk::Buffer,
+    pub(crate) buffer: vk::Buffer,
     /// Offset of the pose in the buffer, in bytes.
-    pub offset: u64,
+    pub(crate) offset: u64,
     /// The units of fixed-point poses: [`PoseView::units`]; 1 for float32 poses.
-    pub units: [f32; 2],
+    pub(crate) units: [f32; 2],
     /// Its transform: rotation, translation and a uniform scale.
-    pub place: Mat4,
+    pub(crate) place: Mat4,
     /// The buffer with its previous pose, and the offset there: for [`Show::Motion`].
-    pub previous: (vk::Buffer, u64),
+    pub(crate) previous: (vk::Buffer, u64),
     /// The wrinkle masks of the pose: for [`Show::Wrinkles`].
-    pub masks: Option<Masks>,
+    pub(crate) masks: Option<Masks>,
     /// Bounds of the pose, for culling; `None`: it is always drawn.
-    pub bounds: Option<Bounds>,
+    pub(crate) bounds: Option<Bounds>,
     /// The buffer with the vertices of still parts that joints have moved, and the offset there, in float32, which has
     /// to be the renderer's pose format; `None`: as they stand.
-    pub still: Option<(vk::Buffer, u64)>,
+    pub(crate) still: Option<(vk::Buffer, u64)>,
 }
 
 /// The wrinkle masks of a head's pose. The engine sums them like any stream of the mesh
 /// ([`wrinkles::add`](crate::wrinkles::add)).
 #[derive(Clone, Copy, Debug)]
-pub struct Masks {
+pub(crate) struct Masks {
     /// The buffer with the masks, as a vertex buffer, with the stride and number format of the pose.
-    pub buffer: vk::Buffer,
+    pub(crate) buffer: vk::Buffer,
     /// Offset of the first mask in the buffer, in bytes.
-    pub offset: u64,
+    pub(crate) offset: u64,
     /// The units of fixed-point poses; 1 for float32 poses.
-    pub units: [f32; 2],
+    pub(crate) units: [f32; 2],
 }
 
 impl Masks {
     /// Takes the masks from [`Crowd::stream`](deltamorph::Crowd::stream).
-    pub fn new(stream: &StreamView) -> Self {
+    pub(crate) fn new(stream: &StreamView) -> Self {
         Self { buffer: stream.buffer, offset: stream.offset, units: [stream.units[0], stream.units[1]] }
     }
 }
 
 impl Head {
     /// Makes a head of a crowd's pose, without a previous pose.
-    pub fn new(pose: &PoseView, place: Mat4) -> Self {
+    pub(crate) fn new(pose: &PoseView, place: Mat4) -> Self {
         let (buffer, offset, units) = (pose.buffer, pose.offset, pose.units);
         Self { buffer, offset, units, place, previous: (buffer, offset), masks: None, bounds: None, still: None }
     }
 
     /// Sets the previous pose, as returned by [`Crowd::previous_pose`](deltamorph::Crowd::previous_pose); without one
     /// the head does not move.
-    #[must_use]
-    pub fn previous(mut self, pose: Option<&PoseView>) -> Self {
+    pub(crate) fn previous(mut self, pose: Option<&PoseView>) -> Self {
         self.previous = pose.map_or((self.buffer, self.offset), |pose| (pose.buffer, pose.offset));
         self
     }
 
     /// Sets the wrinkle masks.
-    #[must_use]
-    pub fn masks(mut self, masks: Option<Masks>) -> Self {
+    pub(crate) fn masks(mut self, masks: Option<Masks>) -> Self {
         self.masks = masks;
         self
     }
 
     /// Sets the bounds ([`PoseBounds::of`](crate::PoseBounds::of)).
-    #[must_use]
-    pub fn bounds(mut self, bounds: Option<Bounds>) -> Self {
+    pub(crate) fn bounds(mut self, bounds: Option<Bounds>) -> Self {
         self.bounds = bounds;
         self
     }
@@ -202,22 +198,6 @@ fn shadow(key: Vec3, centre: Vec3, radius: f32) -> Mat4 {
     let (up, reach) = (key.cross(right), 1.0 / (2.4 * radius));
     let row = |axis: Vec3| (axis * reach).extend(0.5 - axis.dot(centre) * reach);
     Mat4::from_cols(row(right), row(up), row(-key), Vec4::W).transpose()
-}
-
-/// Returns the colour of a value from 0 to the end of the scale (1), in sRGB: `heat` in glsl/heat.glsl.
-pub fn heat(value: f32) -> [u8; 3] {
-    const STOPS: [[f32; 3]; 6] = [
-        [0.10, 0.10, 0.11],
-        [0.03, 0.10, 0.45],
-        [0.02, 0.38, 0.42],
-        [0.12, 0.50, 0.06],
-        [0.80, 0.52, 0.02],
-        [0.72, 0.03, 0.02],
-    ];
-    let at = value.clamp(0.0, 1.0) * 5.0;
-    let i = (at as usize).min(4);
-    let (low, high) = (Vec3::from(STOPS[i]), Vec3::from(STOPS[i + 1]));
-    low.lerp(high, at - i as f32).to_array().map(encoded)
 }
 
 #[cfg(test)]

@@ -44,7 +44,12 @@ impl Target {
     ///
     /// # Safety
     /// The view is alive, on the renderer's device, and as described.
-    pub unsafe fn new(renderer: &Renderer, view: vk::ImageView, extent: vk::Extent2D, heads: u32) -> Result<Self> {
+    pub(crate) unsafe fn new(
+        renderer: &Renderer,
+        view: vk::ImageView,
+        extent: vk::Extent2D,
+        heads: u32,
+    ) -> Result<Self> {
         use vk::ImageUsageFlags as Usage;
         let (gpu, heads) = (renderer.gpu.clone(), heads.max(1) as usize);
         let of = |extent, format, samples, usage, aspect| {
@@ -145,7 +150,7 @@ impl Target {
     ///
     /// # Safety
     /// No commands recorded with the target before are still to run.
-    pub unsafe fn set_glow(&mut self, head: usize, glow: &Glow) -> Result<()> {
+    pub(crate) unsafe fn set_glow(&mut self, head: usize, glow: &Glow) -> Result<()> {
         let numbers = glow.pieces();
         self.check_heads(head + 1)?;
         if self.numbers != numbers.len() {

@@ -3,15 +3,16 @@
 use deltamorph::after::{NormalsDesc, SkinDesc, SkinMethod};
 use deltamorph::reference::{self, evaluate};
 use deltamorph::{
-    BatchSize, CpuCrowd, DeltaFormat, MorphMesh, MorphSource, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
+    BatchSize, DeltaFormat, MorphMesh, MorphSource, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
 };
 use deltamorph_head::{HeadDesc, head, head_clip};
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessDesc};
 use deltamorph_render::wrinkles;
 use deltamorph_render::{
-    Camera, Face, Light, Picture, Poses, Scene, Show, Step, StoredPose, Studio, StudioDesc, Surface, parts,
+    Camera, Face, HeadsDesc, Light, Material, Part, Picture, Scene, Show, Step, Studio, Surface, parts,
 };
-use glam::{Mat4, Vec3, Vec4};
+use glam::{DVec3, Mat4, Vec3, Vec4};
+use std::sync::Arc;
 
 const SIZE: [u32; 2] = [160, 128];
 const BLACK: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
@@ -47,37 +48,26 @@ fn scene(mesh: &MorphMesh, places: &[Mat4], camera: Camera, show: Show) -> Scene
     Scene { view: camera.fit(all, SIZE[0] as f32 / SIZE[1] as f32, 0.05), light: Light::default(), show }
 }
 
-fn packed(headless: &Headless, mesh: &MorphMesh, format: DeltaFormat) -> PackedMesh {
-    PackedMesh::pack(mesh, &headless.engine().pack_desc(format)).expect("a mesh that packs")
+fn packed(headless: &Headless, mesh: &MorphMesh, format: DeltaFormat) -> Arc<PackedMesh> {
+    Arc::new(PackedMesh::pack(mesh, &headless.engine().pack_desc(format)).expect("a mesh that packs"))
 }
 
 /// Draws each frame with one head.
 fn pictures(
     headless: &Headless,
     mesh: &MorphMesh,
-    packed: &PackedMesh,
+    packed: &Arc<PackedMesh>,
     update: UpdateDesc,
     frames: &[Vec<f32>],
     (camera, show): (Camera, Show),
 ) -> Vec<Picture> {
-    let desc = StudioDesc { size: SIZE, heads: 1, in_flight: 2, update, afterglow: 0.0, cull: false };
-    let mut studio = Studio::new(headless, mesh, packed, &parts(mesh, &[]), desc).expect("a studio");
+    let desc = HeadsDesc { frames: 2, threads: 1, ..HeadsDesc::new(update) };
+    let mut studio = Studio::new(headless, mesh, packed, &parts(mesh, &[]), SIZE, &desc).expect("a studio");
     let places = [Mat4::IDENTITY];
-    let (scene, mut drawn) = (scene(mesh, &places, camera, show), vec![]);
-    let mut cpu = (update.path == UpdatePath::Cpu)
-        .then(|| CpuCrowd::new(std::sync::Arc::new(packed.clone()), update, 1, 1).expect("a crowd"));
+    let scene = scene(mesh, &places, camera, show);
+    let mut drawn = vec![];
     for weights in frames {
-        let finished = match &mut cpu {
-            None => studio.draw(Poses::Weights(&[weights]), &places, &scene, BLACK),
-            Some(crowd) => {
-                crowd.set_weights(0, weights).expect("weights");
-                crowd.update();
-                let changed = crowd.changed(0);
-                let stored = StoredPose::new(crowd, 0, (packed, &update), &changed).expect("a pose");
-                studio.draw(Poses::Stored(&[stored]), &places, &scene, BLACK)
-            }
-        };
-        drawn.extend(finished.expect("a picture"));
+        drawn.extend(studio.draw(&[weights], &places, &scene, BLACK).expect("a picture"));
     }
     drawn.extend(studio.finish().expect("pictures"));
     drawn
@@ -193,13 +183,13 @@ fn wrinkles_come_where_skin_is_compressed_and_nowhere_else() {
             assert!(mean < 0.02 && far <= 12, "{pose:?} {path:?}: {mean} {far}");
         }
         let studio = |mesh: &MorphMesh| {
-            let desc = StudioDesc { size: SIZE, heads: 1, in_flight: 1, update, afterglow: 0.0, cull: false };
             let packed = packed(headless, mesh, DeltaFormat::Fast);
-            Studio::new(headless, mesh, &packed, &parts(mesh, &[]), desc).expect("a studio")
+            let desc = HeadsDesc::new(update);
+            Studio::new(headless, mesh, &packed, &parts(mesh, &[]), SIZE, &desc).expect("a studio")
         };
         let places = [Mat4::IDENTITY];
         let scene = scene(&mesh, &places, Camera::default(), Show::Wrinkles);
-        let refused = studio(&mesh).draw(Poses::Weights(&[&frames[1]]), &places, &scene, BLACK).expect_err("no masks");
+        let refused = studio(&mesh).draw(&[&frames[1]], &places, &scene, BLACK).expect_err("no masks");
         assert!(refused.to_string().contains("wrinkles::add"), "{refused}");
     });
 }
@@ -226,17 +216,17 @@ fn vertices_doubled_at_a_seam_change_no_pixel() {
 /// and skipped draws.
 fn culled(
     headless: &Headless,
-    (mesh, packed, update): (&MorphMesh, &PackedMesh, UpdateDesc),
+    (mesh, packed, update): (&MorphMesh, &Arc<PackedMesh>, UpdateDesc),
     weights: &[&[f32]],
     places: &[Mat4],
     scene: &Scene,
 ) -> (Picture, [usize; 2]) {
     let parts = parts(mesh, &[]);
     let draw = |cull| {
-        let desc = StudioDesc { size: SIZE, heads: places.len() as u32, in_flight: 1, update, afterglow: 0.0, cull };
-        let mut studio = Studio::new(headless, mesh, packed, &parts, desc).expect("a studio");
+        let desc = HeadsDesc { count: places.len() as u32, cull, ..HeadsDesc::new(update) };
+        let mut studio = Studio::new(headless, mesh, packed, &parts, SIZE, &desc).expect("a studio");
         let mut frame = || {
-            studio.draw(Poses::Weights(weights), places, scene, BLACK).expect("a frame");
+            studio.draw(weights, places, scene, BLACK).expect("a frame");
             studio.finish().expect("a picture").remove(0)
         };
         // The first update writes all blocks.
@@ -303,10 +293,11 @@ fn what_steps_write_is_drawn_as_their_references_say() {
             (DeltaFormat::Float32, UpdateDesc::new(UpdatePath::Compute, BatchSize::All)),
         ] {
             let packed = packed(headless, &mesh, format);
-            let (parts, layout) = (parts(&mesh, &[]), packed.layout());
-            let grid = update.grid(layout).expect("a grid");
-            let mut order: Vec<u32> = (0..mesh.vertex_count() as u32).collect();
-            layout.remap_indices(&mut order).expect("vertices of the mesh");
+            // All is skin: irises go with the base pose, which the reference has not.
+            let parts = parts(&mesh, &vec![Face::Named("skin"); mesh.faces.sizes.len()]);
+            let parts: Vec<_> =
+                parts.into_iter().map(|part| Part { material: Material::Skin, ball: None, ..part }).collect();
+            let grid = update.grid(packed.layout()).expect("a grid");
             for step in [Step::Skin(skin), Step::Normals(surface)] {
                 let reference = |frame: usize| {
                     let rounded: Vec<f32> =
@@ -319,33 +310,34 @@ fn what_steps_write_is_drawn_as_their_references_say() {
                         let pairs = pose.chunks_exact_mut(6).zip(normals.chunks_exact(3));
                         pairs.for_each(|(vertex, normal)| vertex[3..].copy_from_slice(normal));
                     }
-                    let mut stored = vec![0u8; layout.base_bytes() as usize];
-                    for (vertex, at) in pose.chunks_exact(6).zip(&order) {
-                        let bytes: Vec<u8> = vertex.iter().flat_map(|number| (*number as f32).to_ne_bytes()).collect();
-                        stored[*at as usize * 24..][..24].copy_from_slice(&bytes);
+                    // A mesh that is there, without targets.
+                    let vectors: Vec<Vec3> = pose.chunks_exact(3).map(|v| DVec3::from_slice(v).as_vec3()).collect();
+                    MorphMesh {
+                        positions: vectors.iter().step_by(2).copied().collect(),
+                        normals: vectors.iter().skip(1).step_by(2).copied().collect(),
+                        targets: vec![],
+                        ..mesh.clone()
                     }
-                    stored
                 };
                 for show in [Show::Shaded, Show::Normals] {
                     let scene = scene(&mesh, &places, Camera { yaw: 20.0, ..Camera::default() }, show);
-                    let of =
-                        |update| StudioDesc { size: SIZE, heads: 1, in_flight: 2, update, afterglow: 0.0, cull: false };
-                    let mut stepped =
-                        Studio::with_step(headless, &mesh, &packed, &parts, of(update), &step).expect("a studio");
-                    let cpu = of(UpdateDesc::new(UpdatePath::Cpu, BatchSize::All));
-                    let mut given = Studio::new(headless, &mesh, &packed, &parts, cpu).expect("a studio");
-                    let (mut found, mut expected) = (vec![], vec![]);
+                    let desc = HeadsDesc { frames: 2, step, ..HeadsDesc::new(update) };
+                    let mut stepped = Studio::new(headless, &mesh, &packed, &parts, SIZE, &desc).expect("a studio");
+                    let mut found = vec![];
+                    let mut expected = vec![];
                     for (frame, weights) in frames.iter().enumerate() {
                         if let Step::Skin(_) = step {
-                            stepped.set_joints(0, &posed(frame)).expect("joints");
+                            stepped.heads().set_joints(0, &posed(frame)).expect("joints");
                         }
-                        found
-                            .extend(stepped.draw(Poses::Weights(&[weights]), &places, &scene, BLACK).expect("a frame"));
-                        let pose = StoredPose { pose: &reference(frame), units: [1.0; 2], changed: &[], masks: None };
-                        expected.extend(given.draw(Poses::Stored(&[pose]), &places, &scene, BLACK).expect("a frame"));
+                        found.extend(stepped.draw(&[weights], &places, &scene, BLACK).expect("a frame"));
+                        let given = reference(frame);
+                        let base = self::packed(headless, &given, DeltaFormat::BlockFloat32);
+                        let desc = HeadsDesc::new(UpdateDesc::blocks());
+                        let mut given = Studio::new(headless, &given, &base, &parts, SIZE, &desc).expect("a studio");
+                        given.draw(&[&[]], &places, &scene, BLACK).expect("a frame");
+                        expected.extend(given.finish().expect("a picture"));
                     }
                     found.extend(stepped.finish().expect("pictures"));
-                    expected.extend(given.finish().expect("pictures"));
                     for (frame, (found, expected)) in found.iter().zip(&expected).enumerate() {
                         let what = format!("{step:.20?} {update:?}, {show:?}, frame {frame}");
                         let (mean, far) = difference(found, expected);
@@ -356,17 +348,16 @@ fn what_steps_write_is_drawn_as_their_references_say() {
             }
         }
         let packed = packed(headless, &mesh, DeltaFormat::Fast);
-        let cpu = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All);
-        let desc = StudioDesc { size: SIZE, heads: 1, in_flight: 1, update: cpu, afterglow: 0.0, cull: false };
-        let refused =
-            Studio::with_step(headless, &mesh, &packed, &[], desc, &Step::Skin(skin)).err().expect("no crowd");
+        let desc = HeadsDesc { step: Step::Skin(skin), ..HeadsDesc::new(UpdateDesc::blocks()) };
+        let cpu = HeadsDesc { update: UpdateDesc::new(UpdatePath::Cpu, BatchSize::All), ..desc };
+        let refused = Studio::new(headless, &mesh, &packed, &[], SIZE, &cpu).err().expect("no crowd");
         assert!(refused.to_string().contains("on the path 'cpu'"), "{refused}");
-        let desc = StudioDesc { update: UpdateDesc::blocks(), ..desc };
-        let mut studio = Studio::with_step(headless, &mesh, &packed, &[], desc, &Step::Skin(skin)).expect("a studio");
-        assert!(studio.set_joints(0, &[0.0; 12]).expect_err("two joints").to_string().contains("twelve for each"));
+        let mut studio = Studio::new(headless, &mesh, &packed, &[], SIZE, &desc).expect("a studio");
+        let joints = studio.heads().set_joints(0, &[0.0; 12]);
+        assert!(joints.expect_err("two joints").to_string().contains("twelve for each"));
         let scene = scene(&mesh, &places, Camera::default(), Show::Motion(1.0));
-        let refused = studio.draw(Poses::Weights(&[&frames[0]]), &places, &scene, BLACK).expect_err("no motion");
-        assert!(refused.to_string().contains("motion of poses"), "{refused}");
+        let refused = studio.draw(&[&frames[0]], &places, &scene, BLACK).expect_err("no motion");
+        assert!(refused.to_string().contains("and no step"), "{refused}");
     });
 }
 
@@ -375,33 +366,24 @@ fn what_cannot_be_drawn_is_refused() {
     let mesh = mesh(&source());
     on_every_device(|headless| {
         let packed = packed(headless, &mesh, DeltaFormat::Fast);
-        let of = |desc| Studio::new(headless, &mesh, &packed, &parts(&mesh, &[]), desc);
-        let desc = StudioDesc {
-            size: SIZE,
-            heads: 1,
-            in_flight: 2,
-            update: UpdateDesc::blocks(),
-            afterglow: 0.0,
-            cull: false,
-        };
-        let refused = of(StudioDesc { size: [0, 8], ..desc }).err().expect("no pixels").to_string();
+        let desc = HeadsDesc { frames: 2, ..HeadsDesc::new(UpdateDesc::blocks()) };
+        let of = |size| Studio::new(headless, &mesh, &packed, &parts(&mesh, &[]), size, &desc);
+        let refused = of([0, 8]).err().expect("no pixels").to_string();
         assert!(refused.contains("0 × 8"), "{refused}");
-        let large = of(StudioDesc { size: [8, 1 << 20], ..desc }).err().expect("too large").to_string();
+        let large = of([8, 1 << 20]).err().expect("too large").to_string();
         assert!(large.contains("1048576"), "{large}");
-        let mut studio = of(desc).expect("a studio");
+        let mut studio = of(SIZE).expect("a studio");
         let places = [Mat4::IDENTITY];
         let scene = scene(&mesh, &places, Camera::default(), Show::Shaded);
         let weights: &[f32] = &frames(1)[0];
-        let mut refuse = |poses: Poses<'_>, places: &[Mat4]| {
-            studio.draw(poses, places, &scene, BLACK).expect_err("refused").to_string()
+        let mut refuse = |weights: &[&[f32]], places: &[Mat4]| {
+            studio.draw(weights, places, &scene, BLACK).expect_err("refused").to_string()
         };
-        assert!(refuse(Poses::Weights(&[]), &[]).contains("0 poses"));
-        assert!(refuse(Poses::Weights(&[weights]), &[]).contains("0 places"));
-        assert!(refuse(Poses::Weights(&[&weights[..3]]), &places).contains('3'));
-        let stored = StoredPose { pose: &[0; 24], units: [1.0; 2], changed: &[], masks: None };
-        assert!(refuse(Poses::Stored(&[stored]), &places).contains("of another kind"));
+        assert!(refuse(&[], &[]).contains("0 poses"));
+        assert!(refuse(&[weights], &[]).contains("0 places"));
+        assert!(refuse(&[&weights[..3]], &places).contains('3'));
         // A frame can be drawn after all these errors.
-        studio.draw(Poses::Weights(&[weights]), &places, &scene, BLACK).expect("a frame");
+        studio.draw(&[weights], &places, &scene, BLACK).expect("a frame");
         assert_eq!(studio.finish().expect("a picture").len(), 1);
     });
 }
@@ -431,14 +413,14 @@ fn still_parts_are_drawn_with_their_surfaces() {
     on_every_device(|headless| {
         for update in [UpdateDesc::blocks(), UpdateDesc::blocks().pose(PoseFormat::Fixed32)] {
             let packed = packed(headless, &mesh, DeltaFormat::Fast);
-            let desc = StudioDesc { size: SIZE, heads: 1, in_flight: 1, update, afterglow: 0.0, cull: true };
-            let mut studio = Studio::new(headless, &mesh, &packed, &parts(&mesh, &[]), desc).expect("a studio");
+            let desc = HeadsDesc { cull: true, ..HeadsDesc::new(update) };
+            let mut studio = Studio::new(headless, &mesh, &packed, &parts(&mesh, &[]), SIZE, &desc).expect("a studio");
             let shown = [at(0), at(squares.len() - 1) + Vec3::new(1.0, 1.0, 0.0) * edge];
             let view = Camera::default().fit(shown.into_iter(), SIZE[0] as f32 / SIZE[1] as f32, 0.0);
             let draw = |studio: &mut Studio<'_>, show| {
                 let scene = Scene { view, light: Light::default(), show };
                 let weights = vec![0.0; mesh.targets.len()];
-                studio.draw(Poses::Weights(&[&weights]), &[Mat4::IDENTITY], &scene, BLACK).expect("a picture");
+                studio.draw(&[&weights], &[Mat4::IDENTITY], &scene, BLACK).expect("a picture");
                 studio.finish().expect("a picture").pop().expect("a picture")
             };
             let pixel = |picture: &Picture, i: usize| {

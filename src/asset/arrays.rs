@@ -72,7 +72,9 @@ impl MorphSource {
         if !arrays.indices.len().is_multiple_of(3) {
             return refuse(format!("{} indices", arrays.indices.len()), "give three per triangle");
         }
-        let (normals, tangents, texcoords) = (arrays.normals, arrays.tangents, arrays.texcoords);
+        let normals = arrays.normals;
+        let tangents = arrays.tangents;
+        let texcoords = arrays.texcoords;
         let lengths =
             [("normals", normals.len()), ("tangents", tangents.len()), ("texture coordinates", texcoords.len())];
         if let Some((what, n)) = lengths.into_iter().find(|(_, n)| *n != 0 && *n != count) {

@@ -170,7 +170,8 @@ impl MorphSource {
         for (semantic, StreamDeltas { vertices, deltas }) in self.streams.iter().map(|s| s.semantic).zip(streams) {
             let numbers = semantic.morphing_components();
             if deltas.len() != numbers * vertices.len() {
-                let (found, moved) = (deltas.len(), vertices.len());
+                let found = deltas.len();
+                let moved = vertices.len();
                 let what = format!("has {found} numbers for {moved} vertices in the deltas of stream '{semantic}'");
                 return refuse(what, &format!("give {numbers} numbers per vertex"));
             }
@@ -221,7 +222,8 @@ impl MorphSource {
 /// their position, and those longer than `shortest`.
 fn merge(name: String, positions: &[(u32, Vec3)], normals: &[(u32, Vec3)], shortest: f32) -> MorphTarget {
     let mut target = MorphTarget { name, ..Default::default() };
-    let (mut p, mut n) = (positions.iter().peekable(), normals.iter().peekable());
+    let mut p = positions.iter().peekable();
+    let mut n = normals.iter().peekable();
     while let Some(v) = p.peek().into_iter().chain(n.peek()).map(|e| e.0).min() {
         let position = p.next_if(|e| e.0 == v).map(|e| e.1);
         let normal = n.next_if(|e| e.0 == v).map_or(Vec3::ZERO, |e| e.1);

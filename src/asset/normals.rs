@@ -108,9 +108,11 @@ impl<'a> Deformer<'a> {
         let surface = self.surface;
         moved.iter().for_each(|&(v, delta)| self.positions[v as usize] += delta);
         // Each face once: a polygon that moves at all its corners would otherwise be walked once for each.
-        let (mut seen_faces, mut seen_vertices) = (vec![false; self.areas.len()], vec![false; self.positions.len()]);
+        let mut seen_faces = vec![false; self.areas.len()];
+        let mut seen_vertices = vec![false; self.positions.len()];
         let unseen = |seen: &mut [bool], i: u32| !std::mem::replace(&mut seen[i as usize], true);
-        let (mut faces, mut touched) = (vec![], vec![]);
+        let mut faces = vec![];
+        let mut touched = vec![];
         for &face in moved.iter().flat_map(|&(v, _)| surface.faces_of(v)).filter(|f| unseen(&mut seen_faces, **f)) {
             let corners = surface.faces[face as usize];
             self.areas[face as usize] = area_vector(corners, &self.positions);

@@ -85,6 +85,19 @@ impl RowSum for Rounded {
 }
 
 /// Adds an entry to the rows of the block's vertices.
+///
+/// Records follow each other bit after bit, so one begins anywhere in a byte. Eight of them take as many bytes as one
+/// takes bits, which is why all eights of a word of the mask begin at the same bit of a byte:
+///
+/// ```text
+/// window    |·· record 0 | record 1 | … | record 7 ·|·· record 8 | …     `··`: `from % 8` bits of what is before
+/// byte      0                                       bits
+///
+/// record i of an eight      begins at bit   from % 8 + i · bits of the eight's bytes
+///   starts[i]               the byte of that bit
+///   shifts[i]               the bits before it in that byte, for each component added to those of the component
+/// component c of a record   (the four bytes from that of its first bit on >> shift) & largest[c], + least[c]
+/// ```
 #[inline(always)]
 pub(super) fn add<V: Simd, T: RowSum, const NEW: bool>(
     simd: V,
@@ -111,17 +124,20 @@ pub(super) fn add<V: Simd, T: RowSum, const NEW: bool>(
     let mut from = 0;
     for (word, rows) in rows.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
         let mut mask = records.mask(word);
-        let (last, mut at) = (&mut None, from % 8);
+        let last = &mut None;
+        let mut at = from % 8;
         let window = records.window(from, last);
         from += mask.count_ones() * bits;
         if mask == u32::MAX {
-            let (mut starts, mut shifts) = ([0; EIGHT], [begins; EIGHT]);
+            let mut starts = [0; EIGHT];
+            let mut shifts = [begins; EIGHT];
             for i in 0..EIGHT {
                 starts[i] = at as usize / 8;
                 shifts[i] = begins + NUMBERS[at as usize % 8];
                 at += bits;
             }
             for (eight, rows) in rows.as_chunks_mut::<EIGHT>().0.iter_mut().enumerate() {
+                // Remainders and `unwrap_or` change nothing: they tell the compiler that all is within bounds.
                 let bytes = window[eight * bits as usize % BYTES..].first_chunk().unwrap_or(&[0; 128 + 16]);
                 for (i, row) in rows.iter_mut().enumerate() {
                     add(row, bytes[starts[i] % 128..].first_chunk().unwrap_or(&[0; 16]), shifts[i]);

@@ -34,7 +34,8 @@ fn parse(path: &Path, text: &[u8]) -> Result<(Vec<String>, Vec<f32>)> {
     // Flexible, since a ragged row is refused below, with its line.
     let mut reader = ReaderBuilder::new().has_headers(false).flexible(true).trim(Trim::All).from_reader(text);
     let mut record = StringRecord::new();
-    let (mut names, mut values) = (Vec::<String>::new(), vec![]);
+    let mut names = Vec::<String>::new();
+    let mut values = vec![];
     let refuse_at = |at: Option<&Position>, column: &str, what: &str, remedy: &str| {
         let column = if column.is_empty() { String::new() } else { format!("column '{column}', ") };
         Error::input(path, format!(": {column}line {}", line_at(text, at)), what, remedy)

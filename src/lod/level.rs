@@ -104,7 +104,8 @@ impl Level {
     /// Moves from `level` towards the goal as far as the fade allows. In double precision, in which even a thousandth
     /// of a pixel is a step for a target that moves thousands.
     fn towards(&self, importance: &Importance, pixels_per_unit: f32, weights: Option<&[f32]>, level: f64) -> f64 {
-        let (goal, mut at) = (self.goal as f64, level.min(importance.target_count() as f64));
+        let goal = self.goal as f64;
+        let mut at = level.min(importance.target_count() as f64);
         let mut room = f64::from(self.desc.fade);
         while at != goal {
             // The target that fades, and the level at which it is fully in or out.

@@ -129,7 +129,8 @@ impl Importance {
     /// # Errors
     /// [`Error::Invalid`] if the mesh or a frame has another number of targets than were ranked.
     pub fn over(mut self, mesh: &PackedMesh, frames: impl IntoIterator<Item = Vec<f32>>) -> Result<Self> {
-        let (targets, layout) = (self.order.len(), mesh.layout());
+        let targets = self.order.len();
+        let layout = mesh.layout();
         let check = |given: usize, what: &str| match given == targets {
             true => Ok(()),
             false => {
@@ -243,7 +244,7 @@ impl Deltas<'_> {
     fn by_mean_square(&self, pins: &[&str]) -> Result<Importance> {
         if let Some(pin) = pins.iter().find(|pin| !self.names.iter().any(|name| name.starts_with(**pin))) {
             let what = format!("no target of mesh '{}' has a name that begins with '{pin}'", self.mesh);
-            return Err(unknown(what, pin, "target of the mesh", &self.names));
+            return Err(unknown(what, pin, &self.names));
         }
         let score = |target: usize| {
             let mut sum = 0.0;
@@ -262,7 +263,7 @@ impl Deltas<'_> {
         let place = |name: &&str| {
             let what = || format!("an order of importance names '{name}', which is no target of mesh '{}'", self.mesh);
             let target = self.names.iter().position(|target| target == name);
-            let target = target.ok_or_else(|| unknown(what(), name, "target of the mesh", &self.names))?;
+            let target = target.ok_or_else(|| unknown(what(), name, &self.names))?;
             if seen.insert(target) {
                 return Ok(target);
             }
@@ -270,7 +271,8 @@ impl Deltas<'_> {
         };
         let order: Vec<usize> = order.iter().map(place).collect::<Result<_>>()?;
         if order.len() != self.names.len() || pinned > order.len() {
-            let (given, all) = (order.len(), self.names.len());
+            let given = order.len();
+            let all = self.names.len();
             let what =
                 format!("an order of importance of {given} targets, {pinned} of them pinned, for mesh '{}'", self.mesh);
             return Err(Error::invalid(what, format!("name all of its {all} targets, and pin no more")));
@@ -279,8 +281,10 @@ impl Deltas<'_> {
     }
 
     fn ranked(&self, order: &[usize], pinned: usize) -> Importance {
-        let (mut ranks, mut reaches) = (vec![0; order.len()], vec![0.0; order.len()]);
-        let (mut moved, mut farthest) = (vec![0.0f64; self.vertices], 0.0f64);
+        let mut ranks = vec![0; order.len()];
+        let mut reaches = vec![0.0; order.len()];
+        let mut moved = vec![0.0f64; self.vertices];
+        let mut farthest = 0.0f64;
         let mut errors = vec![0.0; order.len() + 1];
         for (rank, &target) in order.iter().enumerate().rev() {
             let mut reach = 0.0f64;

@@ -103,7 +103,8 @@ pub(super) fn regroup(
     let mut cost = Cost { moves, bits, ranges: vec![EMPTY; targets], touched: vec![] };
     let mut costs: Vec<usize> = blocks.chunks(size).map(|block| cost.of(block)).collect();
     // How often blocks have changed, and with which others each was tried, after how many changes of both.
-    let (mut changes, mut tried) = (vec![0u32; costs.len()], vec![vec![]; costs.len()]);
+    let mut changes = vec![0u32; costs.len()];
+    let mut tried = vec![vec![]; costs.len()];
     for _ in 0..PASSES {
         let before: usize = costs.iter().sum();
         let sums: Vec<Sketch> = blocks.chunks(size).map(|block| sum(block, &sketches)).collect();

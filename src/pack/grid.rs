@@ -125,7 +125,9 @@ pub(super) fn refused(deltas: DeltaFormat, pose: PoseFormat) -> Error {
 
 impl Sums {
     pub(super) fn grid(&self, pose: PoseFormat, weight_max: Option<f32>) -> Result<PoseGrid> {
-        let (bits, name, rounds_sums) = (pose.row().bits, pose.name(), pose.row().rounds_sums);
+        let bits = pose.row().bits;
+        let name = pose.name();
+        let rounds_sums = pose.row().rounds_sums;
         if bits == 0 || !pose.takes(self.format) {
             return Err(refused(self.format, pose));
         }

@@ -85,7 +85,8 @@ impl PackedGroup {
             self.for_each_delta(t, |vertex, delta| decoded[vertex] = delta);
             for (vertex, delta) in source.deltas(target) {
                 let base = source.base(vertex as usize);
-                let (mut exact, mut found) = (delta.map(f64::from), decoded[vertex as usize]);
+                let mut exact = delta.map(f64::from);
+                let mut found = decoded[vertex as usize];
                 for &c in &directions {
                     exact[c] += f64::from(base[c]);
                     found[c] += f64::from(base[c]);
@@ -202,7 +203,8 @@ impl PackedLayout {
 
     /// Chunks of a dense format: `(first vertex, vertices)`.
     pub fn chunks(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
-        let (all, step) = (self.padded_vertices(), self.chunk_vertices.max(1));
+        let all = self.padded_vertices();
+        let step = self.chunk_vertices.max(1);
         (0..all).step_by(step).map(move |first| (first, step.min(all - first)))
     }
 

@@ -199,7 +199,8 @@ impl PackedMesh {
     /// The packing error against `mesh`, which this was packed from; NaN if `mesh` is invalid, or has other targets or
     /// vertices.
     pub fn measure_error(&self, mesh: &MorphMesh) -> PoseError {
-        let (vertices, targets) = (self.layout().vertex_count, self.layout().targets.len());
+        let vertices = self.layout().vertex_count;
+        let targets = self.layout().targets.len();
         if mesh.vertex_count() != vertices || mesh.targets.len() != targets || Source::groups(mesh).is_err() {
             return PoseError::NAN;
         }

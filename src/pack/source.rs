@@ -110,7 +110,8 @@ pub(crate) fn check(mesh: &MorphMesh) -> Result<(), String> {
         if own || mesh.streams[..i].iter().any(|s| s.semantic == semantic) {
             return Err(format!("two streams '{semantic}'"));
         }
-        let (has, expected) = (stream.values.len(), vertices * semantic.components());
+        let has = stream.values.len();
+        let expected = vertices * semantic.components();
         if has != expected {
             return Err(format!("stream '{semantic}' has {has} numbers; {vertices} vertices take {expected}"));
         }

@@ -300,7 +300,7 @@ pub(crate) fn check_weight(target: usize, weight: f32, layout: &PackedLayout, gr
 pub(crate) fn target_named(name: &str, layout: &PackedLayout) -> Result<usize> {
     layout.target_index(name).ok_or_else(|| {
         let names: Vec<&str> = layout.targets.iter().map(|target| &*target.name).collect();
-        unknown(format!("mesh '{}' has no target '{name}'", layout.name), name, "target of the mesh", &names)
+        unknown(format!("mesh '{}' has no target '{name}'", layout.name), name, &names)
     })
 }
 

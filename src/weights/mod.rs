@@ -84,7 +84,8 @@ impl WeightClip {
             return refuse(what, "give one value per column and frame");
         }
         if let Some(i) = self.values.iter().position(|w| !w.is_finite()) {
-            let (name, frame) = (&self.names[i % columns], i / columns);
+            let name = &self.names[i % columns];
+            let frame = i / columns;
             let what = format!("column '{name}', frame {frame}: the weight is {}", self.values[i]);
             return refuse(what, "replace it with a finite number");
         }

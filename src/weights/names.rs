@@ -83,13 +83,13 @@ fn key(name: &str) -> String {
     }
 }
 
-/// An error for a `name` that is not in `known`; `of` says what the names are: targets of a mesh, or controls.
-pub fn unknown(what: String, name: &str, of: &str, known: &[&str]) -> Error {
+/// An error for a `name` that is not in `known`, the names of targets.
+pub fn unknown(what: String, name: &str, known: &[&str]) -> Error {
     Error::invalid(
         what,
         match closest(name, known) {
             Some(near) => format!("use '{near}' if that is meant"),
-            None => format!("use a {of}"),
+            None => "use a target of the mesh".to_owned(),
         },
     )
 }

@@ -1,5 +1,8 @@
 //! The real data sets, if they are unpacked: `DELTAMORPH_DATA` names the folder.
+#![allow(dead_code)] // a program may need no clip
 
+use deltamorph::import::{csv, obj};
+use deltamorph::{MorphMesh, Tolerance};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -17,4 +20,15 @@ pub fn set(name: &str) -> Option<PathBuf> {
         std::io::stderr().write_all(text.as_bytes()).expect("stderr");
     }
     found
+}
+
+/// Returns the mesh of a set, and the weights of each frame of a clip of its.
+pub fn face(name: &str, clip: &str) -> Option<(MorphMesh, Vec<Vec<f32>>)> {
+    let folder = set(name)?;
+    let mesh = obj::import_folder(&folder).expect("a folder that imports").to_mesh(Tolerance::default());
+    let mesh = mesh.expect("a mesh");
+    let clip = csv::read(&folder.join("weights").join(clip), None).expect("a clip");
+    let names: Vec<&str> = mesh.targets.iter().map(|target| target.name.as_str()).collect();
+    let frames = clip.bind(&names).expect("columns that name targets").frames().collect();
+    Some((mesh, frames))
 }

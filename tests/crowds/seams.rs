@@ -2,8 +2,6 @@
 //! drawn from one index buffer.
 
 use crate::gpu;
-use crate::picture::{EDGE, Picture, Triangles};
-use deltamorph::ash::vk;
 use deltamorph::reference::{evaluate, evaluate_group};
 use deltamorph::{
     BLOCK_SIZES, BatchSize, BlockDesc, Corner, CpuCrowd, DeltaFormat, MorphMesh, MorphSource, POSE_FLOATS, PackDesc,
@@ -11,7 +9,7 @@ use deltamorph::{
 };
 use deltamorph_head::{HeadDesc, head};
 use deltamorph_headless::{Headless, HeadlessCrowd};
-use glam::{Mat4, Quat, Vec2, Vec3};
+use glam::{Vec2, Vec3};
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -198,122 +196,5 @@ fn further_streams_are_equal_at_doubled_vertices() {
         assert!(moved > 100);
         let pose = evaluate_group(group, &gpu::weights(&packed, 1, 5));
         assert!(pairs.iter().all(|(v, of)| pose[v * 6..][..6] == pose[of * 6..][..6]));
-    }
-}
-
-/// Returns a host's data for drawing a mesh: texture coordinates in the order of pose buffers, and indices.
-fn drawn(packed: &PackedMesh, mesh: &MorphMesh) -> (Vec<Vec2>, Vec<u32>) {
-    let mut render = packed.layout().render_vertices(&mesh.faces, &mesh.texcoords).unwrap();
-    // Without a split: the first vertex at a position.
-    render.indices.iter_mut().for_each(|index| *index = render.pose_vertices[*index as usize]);
-    render.texcoords.truncate(mesh.vertex_count());
-    (render.texcoords, render.indices)
-}
-
-/// Draws `mesh` from its pose buffer, one buffer of texture coordinates and one of indices, in poses of a few frames
-/// from all sides; and draws each corner of the faces of `source` from the same pose. Returns the largest number of
-/// differing pixels.
-fn compare_pictures(
-    headless: &Headless,
-    source: &MorphSource,
-    mesh: &MorphMesh,
-    update: UpdateDesc,
-    format: DeltaFormat,
-) -> usize {
-    let engine = headless.engine();
-    let packed = gpu::packed(engine, mesh, format);
-    // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
-    let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &packed) }).unwrap();
-    let mut crowd = engine.create_crowd(&uploaded, &gpu::single(update)).unwrap();
-    let (picture, decoded) = (Picture::new(headless, update.pose), Picture::new(headless, PoseFormat::Float32));
-    let (texcoords, indices) = drawn(&packed, mesh);
-    let (count, indices) = (indices.len() as u32, Some(picture.filled(&indices).unwrap()));
-    let texcoords = picture.filled(&texcoords).unwrap();
-    let pose_bytes = packed.layout().pose_bytes(update.pose) as usize;
-    let readback = picture.shared(pose_bytes, vk::BufferUsageFlags::TRANSFER_DST).unwrap();
-    let corners = corners(source);
-    let stated: Vec<Vec2> = corners.iter().map(|c| source.texcoords[c.texcoord.unwrap() as usize]).collect();
-    let stated = picture.filled(&stated).unwrap();
-    let (low, high) = source.positions.iter().fold((Vec3::MAX, Vec3::MIN), |(a, b), p| (a.min(*p), b.max(*p)));
-    let mut most = 0;
-    for frame in 0..6 {
-        // Depth from 0 to 1, with some room for motion.
-        let scale = Mat4::from_scale(Vec3::new(2.0, -2.0, 0.5) / (high - low).length());
-        let turn = Mat4::from_quat(Quat::from_rotation_x(0.4) * Quat::from_rotation_y(frame as f32));
-        let view = Mat4::from_translation(Vec3::Z * 0.5) * scale * turn * Mat4::from_translation(-(low + high) / 2.0);
-        crowd.set_weights(0, &gpu::weights(&packed, frame, 3)).unwrap();
-        let view_of_pose = headless
-            .run(|cmd| {
-                // SAFETY: as above.
-                unsafe { engine.record_update(cmd, &mut crowd) }?;
-                let (pose, base) = (crowd.pose(0)?, uploaded.base_pose());
-                assert_eq!((pose.format, pose.stride as usize), (update.pose, update.pose.stride()));
-                let poses = &[(pose.buffer, pose.offset), (base.buffer, base.offset)];
-                let poses = &poses[..if pose.format.has_integers() { 2 } else { 1 }];
-                let triangles = Triangles { poses, units: pose.units, texcoords, indices, count };
-                picture.draw(cmd, &triangles, &view);
-                picture.record_pose_copy(cmd, &pose, &readback);
-                Ok(pose)
-            })
-            .unwrap();
-        let from_indices = picture.pixels();
-        let pose = packed.layout().to_user_order(&picture.pose(&readback, &view_of_pose, packed.base()));
-        let of = |c: &Corner| pose[c.position as usize * POSE_FLOATS..][..POSE_FLOATS].to_vec();
-        let poses = &[(picture.filled(&corners.iter().flat_map(of).collect::<Vec<f32>>()).unwrap(), 0)];
-        let count = corners.len() as u32;
-        let triangles = Triangles { poses, units: [1.0; 2], texcoords: stated, indices: None, count };
-        headless
-            .run(|cmd| {
-                decoded.draw(cmd, &triangles, &view);
-                Ok(())
-            })
-            .unwrap();
-        let from_corners = decoded.pixels();
-        let shown = from_corners.iter().filter(|pixel| pixel[3] != 0).count();
-        assert!((0.1..0.9).contains(&(shown as f32 / (EDGE * EDGE) as f32)), "{shown} pixels show the head");
-        most = from_indices.iter().zip(&from_corners).filter(|(a, b)| a != b).count().max(most);
-    }
-    most
-}
-
-#[test]
-fn one_index_buffer_draws_what_the_corners_of_the_file_draw() {
-    let [fixed32, fixed16, _] = gpu::fixed();
-    let float = UpdateDesc::blocks().tolerance(1e-2);
-    let compute = UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(3));
-    let plain = head(&HeadDesc::default().vertices(3000).targets(40));
-    let charts = charts();
-    let mesh = split(&charts);
-    let kept = charts.positions.len() as u32;
-    // Doubles do not move, as if only the base pose were split.
-    let mut torn = mesh.clone();
-    for target in &mut torn.targets {
-        let first = target.vertices.partition_point(|v| *v < kept);
-        target.vertices.truncate(first);
-        target.positions.truncate(first);
-        target.normals.truncate(first);
-    }
-    for driver in gpu::drivers() {
-        gpu::on_device(&driver, false, |headless, _| {
-            for (update, format) in [
-                (fixed32, DeltaFormat::Fast),
-                (fixed16, DeltaFormat::Small),
-                (float, DeltaFormat::Small),
-                (float, DeltaFormat::BlockFloat32),
-                (compute, DeltaFormat::Float32),
-                (compute, DeltaFormat::Snorm16),
-            ] {
-                for (source, mesh) in [(&plain, split(&plain)), (&charts, mesh.clone())] {
-                    let differ = compare_pictures(headless, source, &mesh, update, format);
-                    assert_eq!(differ, 0, "{driver} {format:?} {update:?}");
-                }
-            }
-            // The pictures reveal faults: one texture coordinate per position, and doubles that do not move.
-            let unsplit = |source: &MorphSource| source.to_mesh(Tolerance::default()).unwrap();
-            for (source, mesh) in [(&charts, unsplit(&charts)), (&plain, unsplit(&plain)), (&charts, torn.clone())] {
-                let differ = compare_pictures(headless, source, &mesh, fixed16, DeltaFormat::Fast);
-                assert!(differ > 100, "{driver}: {differ} pixels differ");
-            }
-        });
     }
 }

@@ -5,10 +5,9 @@ use super::table::{can_read, for_every_update, history, keep_supported, updates,
 use crate::data;
 use crate::gpu::{self, NORMAL, POSITION, in_eight_chunks, on_every_device, packed, weights};
 use deltamorph::DeltaFormat::{Fast, Float32, Small, Snorm16};
-use deltamorph::import::{csv, obj};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    BatchSize, CpuCrowd, DeltaFormat, MorphMesh, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdateMode, UpdatePath,
+    BatchSize, CpuCrowd, DeltaFormat, MorphMesh, PackedMesh, PoseFormat, UpdateDesc, UpdateMode, UpdatePath,
     UpdateStats, testing,
 };
 use deltamorph_headless::{Headless, HeadlessCrowd, PoseUpload};
@@ -348,14 +347,9 @@ pub fn real() -> impl Iterator<Item = (&'static str, MorphMesh, Vec<Vec<f32>>)> 
         ("morph_stress_test", "TheWave_24fps.csv"),
     ];
     sets.into_iter().filter_map(|(set, clip)| {
-        let folder = data::set(set)?;
-        let source = obj::import_folder(&folder).expect("a folder that imports");
-        let kept = source.to_mesh(Tolerance::default()).expect("a mesh");
-        let clip = csv::read(&folder.join("weights").join(clip), None).expect("a clip");
-        let names: Vec<&str> = kept.targets.iter().map(|t| t.name.as_str()).collect();
-        let bound = clip.bind(&names).expect("columns that name targets");
-        let few = bound.frames().step_by((bound.frame_count() / 3).max(1)).collect();
-        Some((set, kept, few))
+        let (kept, frames) = data::face(set, clip)?;
+        let every = (frames.len() / 3).max(1);
+        Some((set, kept, frames.into_iter().step_by(every).collect()))
     })
 }
 

@@ -2,28 +2,12 @@
 
 use crate::data;
 use crate::gpu;
-use deltamorph::import::{csv, obj};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    BatchSize, CpuCrowd, DeltaFormat, MorphMesh, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
-    UpdateStats,
+    BatchSize, CpuCrowd, DeltaFormat, MorphMesh, PackDesc, PackedMesh, PoseFormat, UpdateDesc, UpdatePath, UpdateStats,
 };
 use std::collections::HashMap;
-use std::path::Path;
 use std::sync::Arc;
-
-fn load(set: &str, clip: &str) -> Option<(MorphMesh, Vec<Vec<f32>>)> {
-    let folder = data::set(set)?;
-    let mesh =
-        obj::import_folder(&folder).expect("a folder that imports").to_mesh(Tolerance::default()).expect("a mesh");
-    Some((mesh.clone(), frames(&folder, clip, &mesh)))
-}
-
-fn frames(folder: &Path, clip: &str, mesh: &MorphMesh) -> Vec<Vec<f32>> {
-    let clip = csv::read(&folder.join("weights").join(clip), None).expect("a clip");
-    let names: Vec<&str> = mesh.targets.iter().map(|t| t.name.as_str()).collect();
-    clip.bind(&names).expect("columns that name targets").frames().collect()
-}
 
 fn pack(mesh: &MorphMesh, format: DeltaFormat) -> Arc<PackedMesh> {
     Arc::new(PackedMesh::pack(mesh, &PackDesc::new(format)).expect("a mesh that packs"))
@@ -51,7 +35,7 @@ fn whole_clip(set: &str, clip: &str) {
 /// Plays each `every`-th frame of a clip on lavapipe and on the CPU: every 20th of these and the last are within the
 /// path's error limits.
 fn clip_in(variants: &[(DeltaFormat, PoseFormat, u32)], set: &str, clip: &str, every: usize) {
-    let Some((mesh, frames)) = load(set, clip) else { return };
+    let Some((mesh, frames)) = data::face(set, clip) else { return };
     let frames: Vec<_> = frames.into_iter().step_by(every).collect();
     let diagonal = f64::from(mesh.diagonal);
     gpu::on_device(&gpu::one(), false, |headless, _| {
@@ -127,7 +111,7 @@ fn the_stress_test_plays_a_clip() {
 /// Checks the bytes that the formats `fast` and `small`, and `small` with 16-bit poses, move over a whole clip, as
 /// fractions of a dense update in float32: the changed targets, and a pose read and written, all vertices of each.
 fn bytes(set: &str, clip: &str, fast: f64, small: f64, fixed16: f64) {
-    let Some((mesh, frames)) = load(set, clip) else { return };
+    let Some((mesh, frames)) = data::face(set, clip) else { return };
     let rest = vec![0.0; mesh.targets.len()];
     let changed = |i: usize| {
         let before = if i == 0 { &rest } else { &frames[i - 1] };
@@ -173,7 +157,7 @@ fn the_small_format_is_small() {
         ("makehuman_face", "facecap_30fps.csv", 0.0103),
         ("facecap_head_glb", "facecap_30fps.csv", 0.047),
     ] {
-        let Some((mesh, _)) = load(set, clip) else { continue };
+        let Some((mesh, _)) = data::face(set, clip) else { continue };
         let packed = pack(&mesh, DeltaFormat::Small);
         let (layout, error) = (packed.layout(), packed.measure_error(&mesh));
         let dense = (mesh.vertex_count() * mesh.targets.len() * 24) as f64;
@@ -192,7 +176,7 @@ fn noise(state: &mut u64) -> f32 {
 
 #[test]
 fn an_error_budget_saves_bytes_under_sensor_noise_and_holds() {
-    let Some((mesh, frames)) = load("ict_facekit", "facegood_2_01_mapped_30fps.csv") else { return };
+    let Some((mesh, frames)) = data::face("ict_facekit", "facegood_2_01_mapped_30fps.csv") else { return };
     let packed = pack(&mesh, DeltaFormat::Small);
     let budget = 1e-4 * mesh.diagonal;
     let mut moved = vec![];

@@ -2,11 +2,10 @@
 
 use crate::data;
 use crate::gpu;
-use deltamorph::import::{csv, obj};
 use deltamorph::reference::{angle_degrees, evaluate};
 use deltamorph::{
     BlockDesc, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, MorphMesh, MorphTarget, PackDesc, PackedMesh, PoseFormat,
-    Tolerance, UpdateDesc, UpdatePath, testing,
+    UpdateDesc, UpdatePath, testing,
 };
 use deltamorph_headless::HeadlessCrowd;
 use glam::DVec3;
@@ -20,16 +19,13 @@ fn on_cpu(pose: PoseFormat) -> UpdateDesc {
 /// fraction of the diagonal, and the normal error in degrees of 99 in 100 vertices. Asserts the stated bound, and returns
 /// the largest, too, as a fraction of the diagonal.
 fn errors(pose: PoseFormat, (set, clip, every): (&str, &str, usize)) -> Option<[f64; 3]> {
-    let folder = data::set(set)?;
-    let mesh = obj::import_folder(&folder).expect("a folder").to_mesh(Tolerance::default()).expect("a mesh");
+    let (mesh, frames) = data::face(set, clip)?;
     let packed = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).expect("a mesh that packs"));
-    let clip = csv::read(&folder.join("weights").join(clip), None).expect("a clip");
-    let names: Vec<&str> = mesh.targets.iter().map(|t| t.name.as_str()).collect();
     let desc = on_cpu(pose);
     let grid = desc.grid(packed.layout()).expect("a grid").expect("integers");
     let mut crowd = CpuCrowd::new(packed.clone(), desc, 1, 2).expect("a crowd");
     let (mut worst, mut share, mut largest_bound, mut angles) = (0.0f64, 0.0f64, 0.0f64, vec![]);
-    for weights in clip.bind(&names).expect("columns that name targets").frames().step_by(every) {
+    for weights in frames.into_iter().step_by(every) {
         crowd.set_weights(0, &weights).expect("weights");
         let bound = f64::from(crowd.update().bound);
         largest_bound = largest_bound.max(bound);

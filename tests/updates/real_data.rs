@@ -2,21 +2,14 @@
 
 use crate::data;
 use crate::gpu;
-use deltamorph::import::{csv, obj};
+use deltamorph::import::obj;
 use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
 use deltamorph::{
     Asset, BatchSize, CpuCrowd, DeltaFormat, MorphMesh, PackDesc, PackedMesh, PoseError, Tolerance, UpdateDesc,
     UpdatePath,
 };
-use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-
-fn clip(folder: &Path, name: &str, mesh: &MorphMesh) -> Vec<Vec<f32>> {
-    let clip = csv::read(&folder.join("weights").join(name), None).expect("a clip");
-    let names: Vec<&str> = mesh.targets.iter().map(|t| t.name.as_str()).collect();
-    clip.bind(&names).expect("columns that name targets").frames().collect()
-}
 
 /// Returns whether a frame's poses are compared: every 20th, and the last.
 fn is_checked(frame: usize, frames: usize) -> bool {
@@ -60,8 +53,7 @@ fn whole_clip(set: &str, clip_name: &str) {
     let Some(folder) = data::set(set) else { return };
     let source = obj::import_folder(&folder).expect("a folder that imports");
     let raw = source.to_mesh(Tolerance::ZERO).expect("a mesh");
-    let kept = source.to_mesh(Tolerance::default()).expect("a mesh");
-    let frames = clip(&folder, clip_name, &kept);
+    let (kept, frames) = data::face(set, clip_name).expect("the same set");
     let diagonal = f64::from(kept.diagonal);
 
     gpu::on_device(&gpu::one(), false, |headless, engine| {

@@ -8,10 +8,11 @@ use crate::output::Failure;
 use crate::render::scenery::Subject;
 use crate::runner::Gpu;
 use deltamorph::{BatchSize, BoundClip, DeltaFormat, PackedMesh, UpdateDesc, UpdateMode, UpdatePath};
-use deltamorph_render::{Camera, Light, Picture, Poses, Scene, Show, Studio, StudioDesc};
+use deltamorph_render::{Camera, HeadsDesc, Light, Picture, Scene, Show, Studio};
 use glam::Mat4;
 use rayon::prelude::*;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Pixels of a picture: enough to see a lip move.
 const SIZE: [u32; 2] = [256; 2];
@@ -33,15 +34,15 @@ impl<'a> Shots<'a> {
         let mesh = &input.kept;
         let subject = Subject::of_mesh(path, mesh);
         // Exact deltas, and poses that do not depend on earlier ones.
-        let packed = PackedMesh::pack(mesh, &gpu.engine().pack_desc(DeltaFormat::BlockFloat32))?;
+        let packed = Arc::new(PackedMesh::pack(mesh, &gpu.engine().pack_desc(DeltaFormat::BlockFloat32))?);
         let update = UpdateDesc::new(UpdatePath::Blocks, BatchSize::All).mode(UpdateMode::Rebuild);
-        let desc = StudioDesc { size: SIZE, heads: 1, in_flight: 3, update, afterglow: 0.0, cull: false };
+        let desc = HeadsDesc { frames: 3, ..HeadsDesc::new(update) };
         let camera = Camera { yaw: 0.0, pitch: 0.0, ..Camera::default() };
         // Both halves of the face are lit alike.
         let light = Light { yaw: 0.0, ..Light::default() };
         let view = camera.fit(subject.focus.iter().copied(), 1.0, 0.04);
         let mut shots = Self {
-            studio: Studio::new(gpu, mesh, &packed, &subject.parts, desc)?,
+            studio: Studio::new(gpu, mesh, &packed, &subject.parts, SIZE, &desc)?,
             scene: Scene { view, light, show: Show::Shaded },
             frames: vec![],
         };
@@ -58,7 +59,7 @@ impl<'a> Shots<'a> {
     fn take(&mut self, poses: &[Vec<f32>]) -> Result<Vec<Pixels>, Failure> {
         let mut pictures: Vec<Picture> = vec![];
         for weights in poses {
-            let finished = self.studio.draw(Poses::Weights(&[weights]), &[Mat4::IDENTITY], &self.scene, BACKGROUND)?;
+            let finished = self.studio.draw(&[weights], &[Mat4::IDENTITY], &self.scene, BACKGROUND)?;
             pictures.extend(finished);
         }
         pictures.extend(self.studio.finish()?);

@@ -7,14 +7,13 @@ use super::scenery::Scenery;
 use crate::args::render::Normals;
 use crate::detail::{self, Detail, Kept};
 use crate::output::Failure;
+use deltamorph::UpdatePath;
 use deltamorph::after::NormalsDesc;
-use deltamorph::{CpuCrowd, PackedMesh, UpdateDesc, UpdatePath};
-use deltamorph_render::{Camera, Light, Poses, Scene, Show, Step, StoredPose, Studio, StudioDesc};
+use deltamorph_render::{Camera, HeadsDesc, Light, Scene, Show, Step, Studio};
 use glam::{Mat4, Vec3};
-use std::sync::Arc;
 
 /// Pictures in flight: the processor encodes and plans while the device draws.
-const IN_FLIGHT: u32 = 3;
+const IN_FLIGHT: usize = 3;
 /// Share of the glow of changed blocks that remains after each frame of a clip.
 const AFTERGLOW: f32 = 0.8;
 /// Share of a picture that stays free at each edge, since poses extend beyond the base pose.
@@ -23,7 +22,6 @@ const MARGIN: f32 = 0.08;
 /// A studio, instances, and a view of them.
 pub struct Easel<'a> {
     studio: Studio<'a>,
-    heads: Heads,
     places: Vec<Mat4>,
     /// Frame of the clip that each instance shows, for its joints; `None`: at rest.
     pub frames: Vec<Option<usize>>,
@@ -37,39 +35,28 @@ pub struct Easel<'a> {
     camera: detail::Camera,
 }
 
-/// The source of the poses.
-enum Heads {
-    /// The studio's crowd.
-    Device,
-    /// A crowd on the path `cpu`, its mesh and its update description.
-    Processor(Box<CpuCrowd>, Arc<PackedMesh>, UpdateDesc),
-}
-
 impl<'a> Easel<'a> {
     /// For pictures of this size, with an instance at each of `places`, on the path of the command line.
     pub fn new(scenery: &'a Scenery<'_>, size: [u32; 2], places: Vec<Mat4>) -> Result<Self, Failure> {
-        let stage = scenery.stage;
-        let heads = if stage.desc.path == UpdatePath::Cpu {
-            let crowd = CpuCrowd::new(stage.mesh.clone(), stage.desc, places.len() as u32, stage.threads())?;
-            Heads::Processor(Box::new(crowd), stage.mesh.clone(), stage.desc)
-        } else {
-            Heads::Device
-        };
         let Scenery { args, stage, subject, .. } = scenery;
-        let update = stage.desc;
-        let afterglow = if args.clip.is_some() { AFTERGLOW } else { 0.0 };
-        let (heads_count, cull) = (places.len() as u32, places.len() > 1);
-        let desc = StudioDesc { size, heads: heads_count, in_flight: IN_FLIGHT, update, afterglow, cull };
-        let joints = scenery.joints.as_ref().filter(|_| matches!(heads, Heads::Device));
+        let joints = scenery.joints.as_ref().filter(|_| stage.desc.path != UpdatePath::Cpu);
         let mesh = &scenery.input.kept;
         let corners: Vec<u32> = mesh.faces.corners.iter().map(|corner| corner.position).collect();
         let surface = NormalsDesc::new(&corners).sizes(&mesh.faces.sizes).welds(&mesh.welds);
-        let step = match (joints, args.normals) {
-            (Some(joints), _) => Step::Skin(joints.skin()),
-            (None, Normals::Recomputed) => Step::Normals(surface),
-            (None, Normals::Summed) => Step::None,
+        let desc = HeadsDesc {
+            count: places.len() as u32,
+            frames: IN_FLIGHT,
+            update: stage.desc,
+            threads: stage.threads(),
+            step: match (joints, args.normals) {
+                (Some(joints), _) => Step::Skin(joints.skin()),
+                (None, Normals::Recomputed) => Step::Normals(surface),
+                (None, Normals::Summed) => Step::None,
+            },
+            afterglow: if args.clip.is_some() { AFTERGLOW } else { 0.0 },
+            cull: places.len() > 1,
         };
-        let mut studio = Studio::with_step(scenery.gpu, mesh, &stage.mesh, &subject.parts, desc, &step)?;
+        let mut studio = Studio::new(scenery.gpu, mesh, &stage.mesh, &subject.parts, size, &desc)?;
         if let Some(still) = &subject.still {
             studio.set_still(&still.mesh, &still.parts)?;
         }
@@ -81,54 +68,46 @@ impl<'a> Easel<'a> {
         let [yaw, pitch, strength] = args.light;
         // `heat::prepare` sets the end of a scale.
         let show = args.checker.map_or(args.look().show(1.0), |squares| Show::Checker(squares as f32));
-        let scene = Scene { view, light: Light { yaw, pitch, strength }, show };
         let kept = match args.detail {
             Detail::All => None,
-            Detail::Share(_) | Detail::Pixels(_) => Some(Kept::new(&scenery.input.kept, &subject.focus)?),
+            Detail::Share(_) | Detail::Pixels(_) => Some(Kept::new(mesh, &subject.focus)?),
         };
-        let (height, angle) = (size[1] as f32 * args.zoom, camera.angle.to_radians());
-        let seen = detail::Camera { eye: scene.view.eye, height, angle };
-        let background = args.background.linear();
-        let (frames, detail) = (vec![None; places.len()], args.detail);
-        let still = subject.still.as_ref();
-        Ok(Self { studio, heads, places, frames, joints, still, scene, background, detail, kept, camera: seen })
+        Ok(Self {
+            studio,
+            frames: vec![None; places.len()],
+            places,
+            joints,
+            still: subject.still.as_ref(),
+            scene: Scene { view, light: Light { yaw, pitch, strength }, show },
+            background: args.background.linear(),
+            detail: args.detail,
+            kept,
+            camera: detail::Camera {
+                eye: view.eye,
+                height: size[1] as f32 * args.zoom,
+                angle: camera.angle.to_radians(),
+            },
+        })
     }
 
     /// Begins a picture of the instances with these weights. Returns the oldest picture if it had to wait for it.
     pub fn draw(&mut self, weights: &[&[f32]]) -> Result<Option<Canvas>, Failure> {
-        let Self { studio, heads, places, frames, joints, still, scene, background, detail, kept, camera } = self;
-        let mut with: Vec<Vec<f32>>;
-        let (mut refs, mut weights) = (vec![], weights);
-        if let Some(kept) = kept {
-            with = weights.iter().map(|weights| weights.to_vec()).collect();
-            let units: Vec<f32> = places.iter().map(|place| kept.unit(camera, place)).collect();
-            kept.apply(*detail, &units, &mut with)?;
-            refs.extend(with.iter().map(Vec::as_slice));
-            weights = &refs;
+        let mut weights: Vec<Vec<f32>> = weights.iter().map(|weights| weights.to_vec()).collect();
+        if let Some(kept) = &mut self.kept {
+            let units: Vec<f32> = self.places.iter().map(|place| kept.unit(&self.camera, place)).collect();
+            kept.apply(self.detail, &units, &mut weights)?;
         }
-        if let Some(joints) = joints {
-            for (head, frame) in frames.iter().enumerate() {
+        if let Some(joints) = self.joints {
+            let heads = self.studio.heads();
+            for (head, frame) in self.frames.iter().enumerate() {
                 let frame = frame.map(|frame| frame as f64);
-                studio.set_joints(head, &joints.at(frame))?;
-                if let Some(vertices) = still.and_then(|still| joints.still_at(still, frame)) {
-                    studio.set_still_vertices(head, &vertices)?;
+                heads.set_joints(head, &joints.at(frame))?;
+                if let Some(vertices) = self.still.and_then(|still| joints.still_at(still, frame)) {
+                    heads.set_still_vertices(head, &vertices)?;
                 }
             }
         }
-        let finished = match heads {
-            Heads::Device => studio.draw(Poses::Weights(weights), places, scene, *background)?,
-            Heads::Processor(crowd, mesh, desc) => {
-                for (head, weights) in (0..).zip(weights) {
-                    crowd.set_weights(head, weights)?;
-                }
-                crowd.update();
-                let changed: Vec<_> = (0..weights.len() as u32).map(|head| crowd.changed(head)).collect();
-                let stored = (0..).zip(&changed);
-                let stored = stored.map(|(head, changed)| StoredPose::new(crowd, head, (mesh, desc), changed));
-                let stored: Vec<_> = stored.collect::<deltamorph::Result<_>>()?;
-                studio.draw(Poses::Stored(&stored), places, scene, *background)?
-            }
-        };
+        let finished = self.studio.draw(&weights, &self.places, &self.scene, self.background)?;
         Ok(finished.map(Canvas::from))
     }
 
@@ -140,10 +119,6 @@ impl<'a> Easel<'a> {
     /// Draws one picture, and waits for it.
     pub fn picture(&mut self, weights: &[&[f32]]) -> Result<Canvas, Failure> {
         self.draw(weights)?;
-        self.last()
-    }
-
-    fn last(&mut self) -> Result<Canvas, Failure> {
         self.finish()?.pop().ok_or_else(|| Failure::Failed("no picture was drawn; report this".into()))
     }
 

@@ -157,22 +157,22 @@ impl Device {
         &self,
         pool: vk::CommandPool,
         f: impl FnOnce(vk::CommandBuffer) -> deltamorph::Result<R>,
-    ) -> Result<R, Failure> {
+    ) -> deltamorph::Result<R> {
         let device = self.raw();
         let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
         let once = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the buffer is new, submitted once, and freed when the queue is idle.
         unsafe {
-            let cmd = device.allocate_command_buffers(&info).map_err(failed("vkAllocateCommandBuffers"))?[0];
-            device.begin_command_buffer(cmd, &once).map_err(failed("vkBeginCommandBuffer"))?;
+            let cmd = device.allocate_command_buffers(&info).map_err(Error::vulkan("vkAllocateCommandBuffers"))?[0];
+            device.begin_command_buffer(cmd, &once).map_err(Error::vulkan("vkBeginCommandBuffer"))?;
             let submit = vk::SubmitInfo::default().command_buffers(from_ref(&cmd));
-            let recorded = f(cmd).map_err(Failure::from);
-            let ended = device.end_command_buffer(cmd).map_err(failed("vkEndCommandBuffer"));
+            let recorded = f(cmd);
+            let ended = device.end_command_buffer(cmd).map_err(Error::vulkan("vkEndCommandBuffer"));
             let ran = recorded.and_then(|result| {
                 ended?;
                 let submitted = device.queue_submit(self.queue, from_ref(&submit), vk::Fence::null());
-                submitted.map_err(failed("vkQueueSubmit"))?;
-                let waited = device.queue_wait_idle(self.queue).map_err(failed("vkQueueWaitIdle"));
+                submitted.map_err(Error::vulkan("vkQueueSubmit"))?;
+                let waited = device.queue_wait_idle(self.queue).map_err(Error::vulkan("vkQueueWaitIdle"));
                 // If the wait fails for lack of memory, the work still runs: it may be dropped only once idle.
                 waited.inspect_err(|_| self.wait_idle())?;
                 Ok(result)

@@ -10,6 +10,7 @@ use deltamorph::UpdateStats;
 use deltamorph::ash::vk;
 use deltamorph_render::{Buffer, Scene};
 use egui::TextureId;
+use glam::Mat4;
 use std::path::PathBuf;
 use std::rc::Rc;
 use std::slice::from_ref;
@@ -26,19 +27,17 @@ pub struct Sample {
     /// Device time of the update, and of the whole frame. `None` without timestamps.
     pub update_ms: Option<f64>,
     pub frame_ms: Option<f64>,
-    /// A full evaluation of one instance, if the frame measured one: bytes, and device time.
+    /// A full evaluation, if the frame measured one: bytes, and device time.
     pub full: Option<(u64, Option<f64>)>,
-    /// See [`Took::budget`](super::heads::Took::budget).
-    pub budget: Option<[u64; 2]>,
 }
 
 /// Contents of a frame.
 pub struct Wanted<'a> {
-    pub weights: &'a [Vec<f32>],
-    /// Joints of each instance, if its mesh has any.
-    pub joints: &'a [Vec<f32>],
-    /// Vertices of the still parts of each instance, if joints move them.
-    pub still: &'a [Vec<f32>],
+    pub weights: &'a [f32],
+    /// Joints, if the mesh has any.
+    pub joints: Option<Vec<f32>>,
+    /// Vertices of the still parts, if joints move them.
+    pub still: Option<Vec<f32>>,
     pub scene: &'a Scene,
     pub background: [f32; 4],
     pub panel: Picture,
@@ -212,14 +211,20 @@ impl Frames {
             unsafe { raw.cmd_reset_query_pool(cmd, self.queries, slot as u32 * STAMPS, STAMPS) };
         }
         self.stamp(slot, 0);
-        let took = heads.update(&device, cmd, slot, [weights, joints, still])?;
+        if heads.is_skinned {
+            joints.map_or(Ok(()), |joints| heads.drawn.set_joints(0, &joints))?;
+            still.map_or(Ok(()), |vertices| heads.drawn.set_still_vertices(0, &vertices))?;
+        }
+        // SAFETY: the buffer is recording on the engine's device, outside a render pass; frames are submitted once, in
+        // order, after a wait for the one `IN_FLIGHT` ago. If submission fails, the window closes.
+        let took = unsafe { heads.drawn.update(&device.engine, cmd, slot, &[weights]) }?;
         self.stamp(slot, 1);
-        let (extent, readable) = (swapchain.extent, swapchain.readable);
+        let extent = swapchain.extent;
+        let readable = swapchain.readable;
         let shown = &mut swapchain.images[index];
-        let drawn = heads.drawn(slot, &mut shown.target, scene.show)?;
-        // SAFETY: the buffer is recording; model and target belong to the renderer, and the target's last frame was
-        // waited for; the poses belong to the mesh, are ready after the update, and live as long as the instances.
-        unsafe { heads.renderer.record(cmd, &mut shown.target, &heads.model, &drawn, scene, background) }?;
+        // SAFETY: the buffer is recording, after the update; the target belongs to the instance, and its last frame was
+        // waited for.
+        unsafe { heads.drawn.record(cmd, slot, &mut shown.target, &[Mat4::IDENTITY], scene, background) }?;
         // SAFETY: as above; the framebuffer belongs to the image.
         unsafe { painter.record(cmd, shown.framebuffer, extent, &panel) }?;
         if let Some(path) = screenshot.take() {
@@ -229,16 +234,16 @@ impl Frames {
             }
             let bytes = extent.width as usize * extent.height as usize * 4;
             // SAFETY: it is dropped after its frame was waited for.
-            let pixels = unsafe { heads.renderer.buffer(bytes, vk::BufferUsageFlags::TRANSFER_DST) }?;
+            let pixels = unsafe { heads.drawn.pixels(bytes) }?;
             copy(&device, cmd, shown.image, extent, &pixels);
             self.frames[slot].picture = Some((pixels, extent, path));
         }
         self.stamp(slot, 2);
-        let measured = full.zip(weights.first()).map(|(full, weights)| full.update(&device, cmd, weights));
+        // SAFETY: as for the update.
+        let measured = full.map(|full| unsafe { full.update(&device, cmd, weights) });
         self.stamp(slot, 3);
         let full = measured.transpose()?.filter(|stats| stats.bytes_moved > 0).map(|stats| (stats.bytes_moved, None));
-        let (cpu_ms, budget) = (took.cpu_ms, took.budget);
-        Ok(Sample { stats: took.stats, cpu_ms, update_ms: None, frame_ms: None, full, budget })
+        Ok(Sample { stats: took.stats, cpu_ms: took.cpu_ms, update_ms: None, frame_ms: None, full })
     }
 
     /// Writes a timestamp when everything before it has finished, and nothing after it has begun.

@@ -22,7 +22,7 @@ pub struct Measured {
     pub rows: VecDeque<Row>,
     /// Frames since the measurements were cleared.
     pub frames: u64,
-    /// A full evaluation of one instance: bytes, and milliseconds on the device.
+    /// A full evaluation: bytes, and milliseconds on the device.
     pub full: Option<(u64, Option<f64>)>,
 }
 
@@ -33,13 +33,12 @@ pub struct Summary {
     pub device: String,
     /// Path, format and poses, worded as in `render` and `play`.
     pub setup: String,
-    pub heads: u32,
     pub width: u32,
     pub height: u32,
     /// All frames drawn, and those of the last 1,024 with changed weights, which the following fields are about.
     pub frames: u64,
     pub updates: usize,
-    /// Means over updates of all instances.
+    /// Means over updates.
     pub changed_mean: f64,
     pub bytes_moved_mean: f64,
     pub dirty_blocks_mean: f64,
@@ -51,12 +50,9 @@ pub struct Summary {
     pub frame_wall_ms: Option<f64>,
     /// The update's share of the frame on the device; on the path cpu, of the time between frames.
     pub update_share: Option<f64>,
-    /// A full evaluation of one instance, on the path compute in float32.
+    /// A full evaluation, on the path compute in float32.
     pub full_bytes: Option<u64>,
     pub full_gpu_ms: Option<f64>,
-    /// With an error budget, means over all frames of the bytes that an update of the first instance moves on the path
-    /// cpu, with it and without.
-    pub budget_bytes_mean: Option<[f64; 2]>,
     /// Memory of the process; `None` if the system does not report it.
     pub resident_bytes: Option<u64>,
 }
@@ -71,16 +67,9 @@ impl Measured {
         self.full = sample.full.or(self.full);
     }
 
-    /// Discards the measurements; a full evaluation is kept if the mesh is the same.
-    pub fn clear(&mut self, same_mesh: bool) {
-        *self = Self { full: self.full.filter(|_| same_mesh), ..Self::default() };
-    }
-
-    /// Mean bytes of an instance with the error budget and without, over so many frames at most.
-    pub fn budget(&self, frames: usize) -> Option<[f64; 2]> {
-        let rows: Vec<[u64; 2]> = self.rows.iter().rev().take(frames).filter_map(|row| row.sample.budget).collect();
-        let mean = |which: usize| rows.iter().map(|row| row[which] as f64).sum::<f64>() / rows.len() as f64;
-        (!rows.is_empty()).then(|| [mean(0), mean(1)])
+    /// Discards the measurements, but for the full evaluation.
+    pub fn clear(&mut self) {
+        *self = Self { full: self.full, ..Self::default() };
     }
 
     /// Medians and means of the frames with changed weights. On the path `cpu` the update is on the processor.
@@ -90,9 +79,10 @@ impl Measured {
             Stats::of(&rows.iter().filter_map(|row| value(row)).collect::<Vec<_>>()).map(|stats| stats.median)
         };
         let mean = |value: fn(&Row) -> f64| rows.iter().map(|row| value(row)).sum::<f64>() / rows.len().max(1) as f64;
-        let (update_gpu_ms, update_cpu_ms) =
-            (median(&|row| row.sample.update_ms.filter(|_| on_device)), median(&|row| Some(row.sample.cpu_ms)));
-        let (frame_gpu_ms, frame_wall_ms) = (median(&|row| row.sample.frame_ms), median(&|row| Some(row.wall_ms)));
+        let update_gpu_ms = median(&|row| row.sample.update_ms.filter(|_| on_device));
+        let update_cpu_ms = median(&|row| Some(row.sample.cpu_ms));
+        let frame_gpu_ms = median(&|row| row.sample.frame_ms);
+        let frame_wall_ms = median(&|row| Some(row.wall_ms));
         let share = if on_device { update_gpu_ms.zip(frame_gpu_ms) } else { update_cpu_ms.zip(frame_wall_ms) };
         Summary {
             schema: 1,
@@ -108,7 +98,6 @@ impl Measured {
             update_share: share.filter(|(_, frame)| *frame > 0.0).map(|(update, frame)| update / frame),
             full_bytes: self.full.map(|(bytes, _)| bytes),
             full_gpu_ms: self.full.and_then(|(_, ms)| ms),
-            budget_bytes_mean: self.budget(KEPT),
             resident_bytes: resident(),
             ..Summary::default()
         }
@@ -134,19 +123,15 @@ mod tests {
             let mut stats = UpdateStats::default();
             stats.bytes_moved = (i % 2) * 1000;
             let full = (i == 10).then_some((9000, Some(4.0)));
-            measured.add(
-                Sample { stats, cpu_ms: 0.5, update_ms: Some(1.0), frame_ms: Some(50.0), full, budget: None },
-                60.0,
-            );
+            let sample = Sample { stats, cpu_ms: 0.5, update_ms: Some(1.0), frame_ms: Some(50.0), full };
+            measured.add(sample, 60.0);
         }
         assert_eq!((measured.rows.len(), measured.frames), (KEPT, 5000));
         let summary = measured.summary(true);
         assert_eq!((summary.updates, summary.bytes_moved_mean, summary.update_share), (KEPT / 2, 1000.0, Some(0.02)));
         assert_eq!((summary.full_bytes, summary.full_gpu_ms), (Some(9000), Some(4.0)));
         assert_eq!(measured.summary(false).update_share, Some(0.5 / 60.0));
-        measured.clear(true);
+        measured.clear();
         assert_eq!((measured.frames, measured.full), (0, Some((9000, Some(4.0)))));
-        measured.clear(false);
-        assert_eq!(measured.full, None);
     }
 }

@@ -4,10 +4,8 @@
 mod command;
 mod device;
 mod frame;
-mod groups;
 mod hands;
 mod heads;
-mod legend;
 mod measured;
 mod painter;
 mod panel;

@@ -60,25 +60,26 @@ fn show(ui: &mut Ui, size: Vec2, plot: &Plot) {
 pub fn all(ui: &mut Ui, columns: usize, state: &State, measured: &Measured, about: &About<'_>) {
     let rows: Vec<&Row> = measured.rows.iter().rev().take(FRAMES).collect();
     let line = |value: &dyn Fn(&Row) -> f64| rows.iter().rev().map(|row| value(row)).collect::<Vec<f64>>();
-    let (on_device, heads) = (about.desc.path != UpdatePath::Cpu, f64::from(state.heads));
+    let on_device = about.desc.path != UpdatePath::Cpu;
     let update = |row: &Row| if on_device { row.sample.update_ms.unwrap_or(0.0) } else { row.sample.cpu_ms };
     let frame = |row: &Row| if on_device { row.sample.frame_ms.unwrap_or(0.0) } else { row.wall_ms };
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
     let last = |values: &[f64]| values.last().copied().unwrap_or(0.0);
-    let (changed, moved) =
-        (line(&|row| row.sample.stats.coefficients as f64), line(&|row| row.sample.stats.bytes_moved as f64));
-    let (updates, frames) = (line(&update), line(&frame));
+    let changed = line(&|row| row.sample.stats.coefficients as f64);
+    let moved = line(&|row| row.sample.stats.bytes_moved as f64);
+    let updates = line(&update);
+    let frames = line(&frame);
     let shares: Vec<f64> =
         updates.iter().zip(&frames).map(|(u, f)| if *f > 0.0 { 100.0 * u / f } else { 0.0 }).collect();
-    let full_bytes = measured.full.map(|(b, _)| b as f64 * heads);
-    let full_ms = measured.full.and_then(|(_, ms)| ms).map(|ms| ms * heads);
+    let full_bytes = measured.full.map(|(b, _)| b as f64);
+    let full_ms = measured.full.and_then(|(_, ms)| ms);
     let share = measured.summary(on_device).update_share;
     let plots = [
         Plot {
             title: "targets changed",
-            about: "weights that differ from the frame before, of all instances; only these are updated",
+            about: "weights that differ from the frame before; only these are updated",
             now: thousands(last(&changed) as usize),
-            mark: Some(((state.input.kept.targets.len() as f64) * heads, "all".into())),
+            mark: Some((state.input.kept.targets.len() as f64, "all".into())),
             values: changed,
         },
         Plot {

@@ -1,26 +1,24 @@
 //! The contents of the window: device, instances, panel, and drawing a frame of them.
 
-use super::command::Look;
+use super::command::Command;
 use super::device::{Device, Messages};
 use super::frame::{Drawn, Frames, Wanted};
-use super::heads::{Full, Heads};
+use super::heads::{Full, Heads, Pooled};
 use super::measured::Measured;
 use super::painter::{Painter, Picture};
-use super::panel::{self, About, ZOOM};
+use super::panel::{self, About};
 use super::state::State;
+use super::style;
 use super::swapchain::{self, Swapchain};
-use super::{command::Command, legend, style};
-use crate::args::render::Background;
-use crate::detail::{self, Ball, Detail, Kept};
+use crate::args::render::{Background, Look};
 use crate::output::{Failure, Output};
-use crate::render::crowd::places;
 use crate::render::joints::Joints;
-use crate::render::scenery::{Subject, bounds};
+use crate::render::scenery::Subject;
 use crate::runner::prepare;
 use deltamorph::UpdatePath;
 use deltamorph::ash::vk;
 use deltamorph_headless::DeviceChoice;
-use deltamorph_render::{Camera, Light, Scene, Show, View};
+use deltamorph_render::{Camera, Light, Scene};
 use egui::Context;
 use glam::{Mat4, Vec3};
 use std::path::PathBuf;
@@ -41,13 +39,9 @@ pub struct Stage {
     swapchain: Option<Swapchain>,
     heads: Heads,
     full: Option<Full>,
-    /// Levels of detail, created when targets are first left out.
-    kept: Option<Kept>,
     frames: Frames,
     ui: egui_winit::State,
     subject: Subject,
-    /// Bounding sphere of an instance in the base pose.
-    ball: Ball,
     /// Longest distance that a single target moves a vertex.
     reach: f32,
     pub measured: Measured,
@@ -76,7 +70,7 @@ impl Stage {
         let painter = Painter::new(&device, format.format)?;
         let subject = subject(state)?;
         let heads = heads(&device, &frames, format, state, &subject, out)?;
-        let full = Full::new(&device, frames.pool, &state.input.kept)?;
+        let full = Full::new(&Pooled(&device, frames.pool), &state.input.kept)?;
         let context = Context::default();
         style::apply(&context, still);
         // SAFETY: the physical device is the instance's.
@@ -88,11 +82,9 @@ impl Stage {
             swapchain: None,
             heads,
             full,
-            kept: None,
             frames,
             ui,
             reach: reach(state),
-            ball: Ball::around(&subject.focus),
             subject,
             measured: Measured::default(),
             format,
@@ -140,45 +132,37 @@ impl Stage {
         self.ui.on_window_event(&self.window, event).repaint
     }
 
-    pub fn copy(&self, text: String) {
-        self.ui.egui_ctx().copy_text(text);
-    }
-
     /// Recreates the images at the window's present size.
     pub fn resize(&mut self) -> Result<(), Failure> {
         self.frames.finish(&mut self.painter)?;
         self.device.wait_idle();
-        let (size, heads) = (self.window.inner_size(), self.heads.places.len() as u32);
-        let (renderer, old) = (&self.heads.renderer, self.swapchain.take());
-        let size = [size.width, size.height];
-        self.swapchain = Swapchain::new(&self.device, self.format, renderer, self.painter.pass, size, heads, old)?;
+        let size = self.window.inner_size();
+        let old = self.swapchain.take();
+        self.swapchain = Swapchain::new(
+            &self.device,
+            self.format,
+            &self.heads.drawn,
+            self.painter.pass,
+            [size.width, size.height],
+            old,
+        )?;
         Ok(())
     }
 
-    /// Recreates the instances as the state requires. After an error the old ones stay.
-    pub fn rebuild(&mut self, state: &State, other_mesh: bool, out: &Output) -> Result<(), Failure> {
-        let subject = other_mesh.then(|| subject(state)).transpose()?;
-        let heads =
-            heads(&self.device, &self.frames, self.format, state, subject.as_ref().unwrap_or(&self.subject), out)?;
-        // A full evaluation sums masks if the instances have them.
-        let other_streams = heads.mesh.groups().len() != self.heads.mesh.groups().len();
-        let full = (other_mesh || other_streams).then(|| Full::new(&self.device, self.frames.pool, &state.input.kept));
-        let full = full.transpose()?;
+    /// Recreates the instance as the state requires. After an error the old one stays.
+    pub fn rebuild(&mut self, state: &State, out: &Output) -> Result<(), Failure> {
+        let heads = heads(&self.device, &self.frames, self.format, state, &self.subject, out)?;
         self.frames.finish(&mut self.painter)?;
         self.device.wait_idle();
-        // Targets of the swapchain belong to the renderer: they are dropped first.
+        // A full evaluation sums masks if the instance has them.
+        if heads.mesh.groups().len() != self.heads.mesh.groups().len() {
+            self.full = Full::new(&Pooled(&self.device, self.frames.pool), &state.input.kept)?;
+        }
+        // Targets of the swapchain belong to the instance: they are dropped first.
         self.swapchain = None;
         self.heads = heads;
-        if let Some(full) = full {
-            self.full = full;
-        }
-        if let Some(subject) = subject {
-            self.ball = Ball::around(&subject.focus);
-            (self.subject, self.kept) = (subject, None);
-        }
-        self.reach = reach(state);
         self.frames.take_samples();
-        self.measured.clear(!other_mesh);
+        self.measured.clear();
         self.resize()
     }
 
@@ -195,21 +179,18 @@ impl Stage {
         let Some(extent) = self.swapchain.as_ref().map(|swapchain| swapchain.extent) else {
             return Ok((vec![], false));
         };
-        let (panel, done, moves) = self.panel(state, extent);
+        let (panel, done, moves) = self.panel(state);
         let mut weights = state.weights()?;
-        let joints = state.joints();
-        let still = state.still(self.subject.still.as_ref());
         self.hold(state, &mut weights);
         let scene = self.scene(state, extent);
-        let moves = moves | self.leave_out(state, &scene, extent, &mut weights)?;
         let wanted = Wanted {
             weights: &weights,
-            joints: &joints,
-            still: &still,
+            joints: state.joints(),
+            still: state.still(self.subject.still.as_ref()),
             scene: &scene,
             background: Background(Some(style::BEHIND)).linear(),
             panel,
-            full: self.full.as_mut().and_then(|full| full.is_due(&weights[0], state.playing).then_some(full)),
+            full: self.full.as_mut().and_then(|full| full.is_due(&weights, state.playing).then_some(full)),
             screenshot,
         };
         let Some(swapchain) = &mut self.swapchain else { return Ok((done, moves)) };
@@ -226,10 +207,10 @@ impl Stage {
     }
 
     /// Holds weights at the largest one that updates take; the window says so once.
-    fn hold(&mut self, state: &mut State, weights: &mut [Vec<f32>]) {
+    fn hold(&mut self, state: &mut State, weights: &mut [f32]) {
         let most = self.heads.weight_max;
-        let beyond = weights.iter_mut().flatten().filter(|weight| weight.abs() > most);
-        let held = beyond.map(|weight| *weight = weight.clamp(-most, most)).count() > 0;
+        let held = weights.iter().any(|weight| weight.abs() > most);
+        weights.iter_mut().for_each(|weight| *weight = weight.clamp(-most, most));
         if held && !self.held {
             let pose = self.heads.desc.pose.name();
             state.say(
@@ -247,17 +228,15 @@ impl Stage {
         Ok(())
     }
 
-    fn panel(&mut self, state: &State, extent: vk::Extent2D) -> (Picture, Vec<Command>, bool) {
+    fn panel(&mut self, state: &State) -> (Picture, Vec<Command>, bool) {
         let input = self.ui.take_egui_input(&self.window);
         let caps = self.device.engine.caps();
         let paths: Vec<UpdatePath> = PATHS.into_iter().filter(|path| caps.check_path(*path).is_ok()).collect();
         let format = self.heads.mesh.layout().format;
-        let kept = self.kept.as_ref().filter(|_| state.detail != Detail::All).map(Kept::of_all);
-        let (device, desc, reach) = (&*caps.name, self.heads.desc, self.reach);
-        let camera = self.camera(state, &self.all(state, extent), extent);
-        let unit = self.ball.pixels_per_unit(&camera, &Mat4::IDENTITY);
-        let about = About { device, paths: &paths, desc, format, kept, reach, unit };
-        let (context, mut done, mut free) = (self.ui.egui_ctx().clone(), vec![], egui::Rect::ZERO);
+        let about = About { device: &caps.name, paths: &paths, desc: self.heads.desc, format };
+        let context = self.ui.egui_ctx().clone();
+        let mut done = vec![];
+        let mut free = egui::Rect::ZERO;
         let mut output = context.run_ui(input, |ui| {
             let (rect, commands) = panel::show(ui, state, &self.measured, &about);
             free = rect;
@@ -278,81 +257,21 @@ impl Stage {
         (Picture::new(&context, output), done, moves)
     }
 
-    /// Removes the weights of targets that an instance leaves out; returns whether targets are still fading.
-    fn leave_out(
-        &mut self,
-        state: &State,
-        scene: &Scene,
-        extent: vk::Extent2D,
-        weights: &mut [Vec<f32>],
-    ) -> Result<bool, Failure> {
-        if state.detail == Detail::All && self.kept.is_none() {
-            return Ok(false);
-        }
-        let camera = self.camera(state, &scene.view, extent);
-        let kept = match &mut self.kept {
-            Some(kept) => kept,
-            none @ None => none.insert(Kept::new(&state.input.kept, &self.subject.focus)?),
-        };
-        let unit = |place: &Mat4| kept.unit(&camera, place);
-        let units: Vec<f32> = self.heads.places.iter().map(unit).collect();
-        kept.apply(state.detail, &units, weights)?;
-        Ok(kept.fades())
-    }
-
-    /// A view of all instances, from where the camera is.
-    fn all(&self, state: &State, extent: vk::Extent2D) -> View {
-        let [_, _, width, height] = self.free;
-        let aspect = extent.width as f32 * width / (extent.height as f32 * height).max(1.0);
-        let camera = Camera { yaw: state.camera[0], pitch: state.camera[1], ..Camera::default() };
-        let shown = if state.whole { &self.subject.whole } else { &self.subject.focus };
-        let everywhere = |points: &'_ [Vec3]| -> Vec<Vec3> {
-            self.heads.places.iter().flat_map(|place| points.iter().map(|p| place.transform_point3(*p))).collect()
-        };
-        let mut view = camera.fit(everywhere(shown).into_iter(), aspect.max(0.05), MARGIN);
-        if !state.whole {
-            view.reach(everywhere(&self.subject.whole).into_iter());
-        }
-        view
-    }
-
-    /// Zoom and pan that fill the room with these vertices of the first instance.
-    pub fn focus(&self, state: &State, vertices: &[u32]) -> (f32, [f32; 2]) {
-        let Some(swapchain) = self.swapchain.as_ref().filter(|_| !vertices.is_empty()) else { return (1.0, [0.0; 2]) };
-        let to_clip = self.all(state, swapchain.extent).clip * self.heads.places[0];
-        let positions = &state.input.kept.positions;
-        let (low, high) = bounds(vertices.iter().map(|&v| to_clip.project_point3(positions[v as usize])));
-        let (size, middle) = ((high - low).truncate().max_element(), (low + high).truncate() / 2.0);
-        let zoom = (2.0 * (1.0 - 2.0 * MARGIN) / size.max(f32::MIN_POSITIVE)).clamp(ZOOM[0], ZOOM[1]);
-        (zoom, (-middle / 2.0).to_array())
-    }
-
-    /// A camera of levels of detail for a view.
-    fn camera(&self, state: &State, view: &View, extent: vk::Extent2D) -> detail::Camera {
-        let height = extent.height as f32 * self.free[3] * state.zoom;
-        detail::Camera { eye: view.eye, height, angle: Camera::default().angle.to_radians() }
-    }
-
     fn scene(&self, state: &State, extent: vk::Extent2D) -> Scene {
         let [left, top, width, height] = self.free;
-        let ([right, down], zoom) = (state.pan, state.zoom);
-        let mut view = self.all(state, extent);
+        let zoom = state.zoom;
+        let aspect = extent.width as f32 * width / (extent.height as f32 * height).max(1.0);
+        let camera = Camera { yaw: state.camera[0], pitch: state.camera[1], ..Camera::default() };
+        let mut view = camera.fit(self.subject.focus.iter().copied(), aspect.max(0.05), MARGIN);
+        view.reach(self.subject.whole.iter().copied());
         // Into the part of the window that the panel leaves free.
-        let middle = [(left, width, right), (top, height, down)];
+        let middle = [(left, width, state.pan[0]), (top, height, state.pan[1])];
         let [x, y] = middle.map(|(first, size, pan)| 2.0 * first + size * (1.0 + 2.0 * pan * zoom) - 1.0);
-        let middle = Vec3::new(x, y, 0.0);
-        let size = Vec3::new(width * zoom, height * zoom, 1.0);
-        view.clip = Mat4::from_translation(middle) * Mat4::from_scale(size) * view.clip;
-        let show = match state.look {
-            Look::Shaded => Show::Shaded,
-            Look::Wire => Show::Wire,
-            Look::Normals => Show::Normals,
-            Look::Heat => Show::Distance(self.reach),
-            Look::Motion => Show::Motion(legend::motion_end(self.reach)),
-            Look::Blocks => Show::Blocks,
-            Look::Wrinkles => Show::Wrinkles,
-        };
-        Scene { view, light: Light::default(), show }
+        let to_room = Mat4::from_translation(Vec3::new(x, y, 0.0));
+        view.clip = to_room * Mat4::from_scale(Vec3::new(width * zoom, height * zoom, 1.0)) * view.clip;
+        // What moves in a frame is a small part of the way.
+        let end = if state.look == Look::Motion { 0.1 * self.reach } else { self.reach };
+        Scene { view, light: Light::default(), show: state.look.show(end) }
     }
 }
 
@@ -371,15 +290,10 @@ fn heads(
     out: &Output,
 ) -> Result<Heads, Failure> {
     let mesh = &state.input.kept;
-    let (packed, desc) = prepare(&state.run, &state.input, Some(&device.engine), out)?;
-    let places = match state.heads {
-        1 => vec![Mat4::IDENTITY],
-        heads if state.whole => places(&subject.whole, heads, [1280, 860]),
-        heads => places(&subject.focus, heads, [1280, 860]),
-    };
+    let packed = prepare(&state.run, &state.input, Some(&device.engine), out)?;
     let threads = state.run.update.threads.unwrap_or(0);
     let skin = state.skeleton().map(Joints::skin);
-    Heads::new(device, frames.pool, format.format, (mesh, subject), (packed, desc, skin), threads, places)
+    Heads::new(&Pooled(device, frames.pool), format.format, (mesh, subject), packed, skin, threads)
 }
 
 fn subject(state: &State) -> Result<Subject, Failure> {

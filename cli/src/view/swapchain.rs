@@ -3,7 +3,7 @@
 use super::device::{Device, failed};
 use crate::output::Failure;
 use deltamorph::ash::vk;
-use deltamorph_render::{Renderer, Target};
+use deltamorph_render::{Heads, Target};
 use std::rc::Rc;
 use std::slice::from_ref;
 
@@ -52,10 +52,9 @@ impl Swapchain {
     pub fn new(
         device: &Rc<Device>,
         format: vk::SurfaceFormatKHR,
-        renderer: &Renderer,
+        heads: &Heads,
         overlay: vk::RenderPass,
         size: [u32; 2],
-        heads: u32,
         old: Option<Self>,
     ) -> Result<Option<Self>, Failure> {
         let (surfaces, surface) = device.surface();
@@ -89,7 +88,7 @@ impl Swapchain {
         // SAFETY: the swapchain is alive.
         let images = unsafe { device.swapchains.get_swapchain_images(raw) };
         for image in images.map_err(failed("vkGetSwapchainImagesKHR"))? {
-            this.images.push(Shown::new(device, image, format.format, renderer, overlay, extent, heads)?);
+            this.images.push(Shown::new(device, image, format.format, heads, overlay, extent)?);
         }
         Ok(Some(this))
     }
@@ -145,10 +144,9 @@ impl Shown {
         device: &Rc<Device>,
         image: vk::Image,
         format: vk::Format,
-        renderer: &Renderer,
+        heads: &Heads,
         overlay: vk::RenderPass,
         extent: vk::Extent2D,
-        heads: u32,
     ) -> Result<Self, Failure> {
         let range = vk::ImageSubresourceRange::default().aspect_mask(vk::ImageAspectFlags::COLOR);
         let info = vk::ImageViewCreateInfo::default().image(image).format(format).view_type(vk::ImageViewType::TYPE_2D);
@@ -157,8 +155,7 @@ impl Shown {
         unsafe {
             let raw = device.raw();
             let view = raw.create_image_view(&info, None).map_err(failed("vkCreateImageView"))?;
-            let target =
-                Target::new(renderer, view, extent, heads).inspect_err(|_| raw.destroy_image_view(view, None))?;
+            let target = heads.target(view, extent).inspect_err(|_| raw.destroy_image_view(view, None))?;
             let (framebuffer, drawn) = (vk::Framebuffer::null(), vk::Semaphore::null());
             let mut this = Self { device: device.clone(), target, image, view, framebuffer, drawn, frame: None };
             let info = vk::FramebufferCreateInfo::default().render_pass(overlay).attachments(from_ref(&view));

@@ -109,37 +109,15 @@ impl<'a> App<'a> {
 
     /// Applies a command of the user or a script.
     fn apply(&mut self, command: Command) -> Result<(), Failure> {
-        let (before, look) = ((self.state.run.clone(), self.state.heads), self.state.look);
-        let effect = self.state.apply(command, self.out)?;
-        let Some(stage) = &mut self.stage else { return Ok(()) };
-        match effect {
-            Effect::None => Ok(()),
-            Effect::Copy(text) if self.script.is_some() => {
-                self.out.say(text);
-                Ok(())
-            }
-            Effect::Copy(text) => {
-                self.state.say(format!("copied: {text}"), false);
-                stage.copy(text);
-                Ok(())
-            }
-            Effect::Focus(vertices) => {
-                (self.state.zoom, self.state.pan) = stage.focus(&self.state, &vertices);
-                Ok(())
-            }
-            Effect::Mesh(other) => {
-                match stage.rebuild(&other, true, self.out) {
-                    Ok(()) => self.state = *other,
-                    Err(failure) => self.state.say(failure.to_string(), true),
-                }
-                Ok(())
-            }
-            Effect::Heads => stage.rebuild(&self.state, false, self.out).inspect_err(|_| {
-                (self.state.run, self.state.heads) = before;
-                // Restores the mesh that the instances have.
-                let _ = self.state.show(look);
-            }),
-        }
+        let before = self.state.run.clone();
+        let look = self.state.look;
+        let effect = self.state.apply(command)?;
+        let Some(stage) = self.stage.as_mut().filter(|_| effect == Effect::Heads) else { return Ok(()) };
+        stage.rebuild(&self.state, self.out).inspect_err(|_| {
+            self.state.run = before;
+            // Restores the mesh that the instance has.
+            let _ = self.state.show(look);
+        })
     }
 
     /// Executes steps of the script until one needs a frame; returns whether anything is left to do.
@@ -177,7 +155,6 @@ impl<'a> App<'a> {
                     stage.finish()?;
                     let mut summary = stage.measured.summary(stage.on_device());
                     (summary.device, summary.setup) = (stage.device_name().to_owned(), stage.setup());
-                    summary.heads = self.state.heads;
                     [summary.width, summary.height] = stage.size().unwrap_or_default();
                     let text = serde_json::to_string_pretty(&summary).map_err(Failure::failed)?;
                     write_file(&path, format!("{text}\n"))?;
@@ -256,7 +233,7 @@ impl ApplicationHandler for App<'_> {
             }
             WindowEvent::DroppedFile(path) => {
                 self.awake = AWAKE;
-                if let Err(failure) = self.apply(Command::Drop(path)) {
+                if let Err(failure) = self.apply(Command::Clip(path)) {
                     self.state.say(failure.to_string(), true);
                 }
             }

@@ -8,7 +8,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 /// Allowed mean difference, 0 to 1: drivers round edges and shadows differently.
-const SEEN: f64 = 0.004;
+const SEEN: f64 = 0.003;
 /// Edge of the squares whose means are compared, in pixels: an edge that is a sample further is no difference.
 const SQUARE: usize = 4;
 /// Options of the built-in head.
@@ -196,8 +196,7 @@ fn targets_are_dropped_by_their_importance() {
     assert!(near[0] < near[1] && far[1] < near[0] && far[0] > 0, "{near:?}, {far:?}");
 }
 
-/// From near, most of a crowd is outside the picture: it is culled without changing a pixel. Instances on the path
-/// `cpu` are all drawn; their poses equal those of the device bit for bit.
+/// From near, most of a crowd is outside the picture, on every path, whose poses are equal bit for bit.
 #[test]
 fn heads_beside_the_picture_are_left_out() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -208,8 +207,8 @@ fn heads_beside_the_picture_are_left_out() {
         (ok(&[&how, &MESH[..]].concat()), pixels(&out).1)
     };
     let (all, near, on_cpu) = (drawn("blocks", "1"), drawn("blocks", "5"), drawn("cpu", "5"));
-    assert!([&all.0, &on_cpu.0].iter().all(|said| said.contains("a crowd of 40 heads, 256 ×")), "{all:?} {on_cpu:?}");
-    assert!(near.0.contains("draws left out"), "{}", near.0);
+    assert!(all.0.contains("a crowd of 40 heads, 256 ×"), "{}", all.0);
+    assert!([&near.0, &on_cpu.0].iter().all(|said| said.contains("draws left out")), "{} {}", near.0, on_cpu.0);
     assert!(near.1 == on_cpu.1 && near.1 != all.1);
 }
 

@@ -27,12 +27,8 @@ fn a_clip_in_other_names_plays_and_what_is_left_over_is_said() {
     let changed = |played: &serde_json::Value| [0, 1].map(|i| played["frames"][i]["changed"].as_u64().unwrap());
     assert_eq!((changed(&own), changed(&other)), ([2, 2], [2, 2]));
     assert_eq!(own["frames"][1]["bytes_moved"], other["frames"][1]["bytes_moved"]);
-    // A column that looks like a misspelt target is refused.
     let (played, _, said) = play("eyeBlinkLeft,eyeBlnkRight\n0.5,1\n");
-    assert!(
-        !played && said.contains("column 'eyeBlnkRight' names no target of 'head'; use 'eyeBlinkRight' if"),
-        "{said}"
-    );
+    assert!(played && said.contains("; 'head' has no target for eyeBlnkRight"), "{said}");
     let (played, _, said) = play("tongueOut,noseSneer_L\n0.5,1\n");
     let none = "clip.csv: none of its columns ('tongueOut', 'noseSneer_L') is a target of 'head' ('";
     assert!(!played && said.contains(none), "{said}");

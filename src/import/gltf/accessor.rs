@@ -106,7 +106,8 @@ impl Container {
         let element = kind.size() * components;
         let elements = |at: &At<'_>, count: usize, element: usize| {
             let view = self.view(&at.need("bufferView")?)?;
-            let (offset, stride) = (at.whole_or("byteOffset", 0)?, view.stride.unwrap_or(element));
+            let offset = at.whole_or("byteOffset", 0)?;
+            let stride = view.stride.unwrap_or(element);
             let end = (count - 1).checked_mul(stride).and_then(|n| n.checked_add(element)?.checked_add(offset));
             if stride == 0 || end.is_none_or(|end| end > view.bytes.len()) {
                 let what = format!("{count} elements of {element} bytes every {stride} bytes from byte {offset} on");
@@ -238,7 +239,8 @@ impl<'a> Accessor<'a> {
             return Err(self.at.refuse("numbers that are not unsigned integers", UNFIT));
         }
         self.file.charge(&self.at, self.count, 4 * N)?;
-        let (size, mut sparse) = (self.number.kind.size(), 0);
+        let size = self.number.kind.size();
+        let mut sparse = 0;
         let whole = |b: &[u8]| std::array::from_fn(|c| self.number.kind.whole(&b[c * size..]) as u32);
         Ok((0..self.count).map(|i| self.element(i, &mut sparse).map_or([0; N], whole)).collect())
     }

@@ -118,8 +118,10 @@ impl Channel {
         if self.interpolation != Interpolation::CubicSpline {
             return p0 + (p1 - p0) * t;
         }
-        let (t2, t3) = (t * t, t * t * t);
-        let (out, into) = (self.value(key, 2, i), self.value(key + 1, 0, i));
+        let t2 = t * t;
+        let t3 = t * t * t;
+        let out = self.value(key, 2, i);
+        let into = self.value(key + 1, 0, i);
         (2.0 * t3 - 3.0 * t2 + 1.0) * p0
             + length * (t3 - 2.0 * t2 + t) * out
             + (3.0 * t2 - 2.0 * t3) * p1
@@ -128,7 +130,8 @@ impl Channel {
 
     /// Whether number `i` plays as number `j` of another channel.
     pub(super) fn is_as(&self, i: usize, other: &Self, j: usize) -> bool {
-        let (n, m) = (self.width(), other.width());
+        let n = self.width();
+        let m = other.width();
         (self.interpolation, &self.times) == (other.interpolation, &other.times)
             && (0..self.values.len() / n).all(|key| self.values[key * n + i] == other.values[key * m + j])
     }
@@ -171,7 +174,8 @@ impl Animation {
         let longest = self.timed().max_by_key(|channel| channel.times.len());
         let times = longest.map_or(&[][..], |channel| &channel.times);
         let (Some(&first), Some(&last)) = (times.first(), times.last()) else { return DEFAULT_FPS };
-        let (first, frames) = (f64::from(first), times.len() as f64 - 1.0);
+        let first = f64::from(first);
+        let frames = times.len() as f64 - 1.0;
         let fps = frames / (f64::from(last) - first);
         let even = |(i, t): (usize, &f32)| ((f64::from(*t) - first) * fps - i as f64).abs() < 0.02;
         if !(fps.is_finite() && fps > 0.0 && times.iter().enumerate().all(even)) {
@@ -247,7 +251,8 @@ fn driven(file: &Container, target: &At<'_>) -> Result<Option<Driven>> {
 fn pointed(pointer: &str) -> Option<Driven> {
     let parts: Vec<&str> = pointer.strip_prefix('/')?.split('/').collect();
     let (&[list, number, property], element) = parts.split_first_chunk()?;
-    let (number, property) = (number.parse().ok()?, Property::of(property)?);
+    let number = number.parse().ok()?;
+    let property = Property::of(property)?;
     let of = if list == "meshes" { Of::Mesh(number) } else { Of::Node(number) };
     let target = match element {
         [] => None,
@@ -269,7 +274,8 @@ pub fn animation(
     notes: &mut Vec<String>,
 ) -> Result<Animation> {
     let mut found = Animation { name, channels: vec![] };
-    let (mut left_out, mut why) = (0, "");
+    let mut left_out = 0;
+    let mut why = "";
     for stated in at.items("channels")? {
         let target = stated.need("target")?;
         let driven = driven(file, &target)?;

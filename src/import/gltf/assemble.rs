@@ -68,7 +68,8 @@ pub fn merge(name: String, parts: Vec<MorphSource>) -> MorphSource {
     all.streams = semantics.iter().map(|&semantic| StreamData { semantic, values: vec![] }).collect();
     let mut places: HashMap<String, usize> = HashMap::new();
     for part in parts {
-        let (first, count) = (all.positions.len() as u32, part.positions.len());
+        let first = all.positions.len() as u32;
+        let count = part.positions.len();
         let texcoord = |v: u32| with_texcoords.then_some(v);
         all.positions.extend(part.positions);
         if let (Some(all), Some(normals)) = (&mut all.normals, part.normals) {

@@ -76,7 +76,8 @@ impl Container {
         });
         let root = At { path, value: &json, place: String::new() };
         check_version(&root)?;
-        let (mut buffers, mut beside) = (vec![], HashMap::new());
+        let mut buffers = vec![];
+        let mut beside = HashMap::new();
         for (i, buffer) in root.items("buffers")?.iter().enumerate() {
             let length = buffer.need("byteLength")?.whole()?;
             let found = match buffer.get("uri") {
@@ -130,8 +131,10 @@ impl Container {
         if let Some(bytes) = slot.get() {
             return Ok(View { bytes, stride });
         }
-        let (count, size) = (packed.need("count")?.whole()?, packed.need("byteStride")?.whole()?);
-        let (mode, filter) = (packed.need("mode")?.text()?, packed.text_or_empty("filter"));
+        let count = packed.need("count")?.whole()?;
+        let size = packed.need("byteStride")?.whole()?;
+        let mode = packed.need("mode")?.text()?;
+        let filter = packed.text_or_empty("filter");
         let compressed = self.bytes(&packed)?;
         self.charge(&packed, count, size)?;
         let decoded = meshopt::decode(compressed, count, size, mode, filter);
@@ -148,7 +151,8 @@ impl Container {
             return Err(index.refuse("a buffer without bytes", "export the file again, with its buffers"));
         };
         let bytes = &bytes[..*length];
-        let (offset, length) = (at.whole_or("byteOffset", 0)?, at.need("byteLength")?.whole()?);
+        let offset = at.whole_or("byteOffset", 0)?;
+        let length = at.need("byteLength")?.whole()?;
         let end = offset.checked_add(length).filter(|end| *end <= bytes.len());
         let end = end.ok_or_else(|| {
             let what = format!("{length} bytes from byte {offset} on, but the buffer has {}", bytes.len());
@@ -173,7 +177,8 @@ fn glb_chunks(path: &Path, bytes: &[u8]) -> Result<(std::ops::Range<usize>, Opti
         return refuse("", format!("cut off: {} of {length} bytes", bytes.len()));
     }
     let chunk = |start: usize, kind: u32| {
-        let (size, found) = (word(start)?, word(start + 4)?);
+        let size = word(start)?;
+        let found = word(start + 4)?;
         let end = (start + 8).checked_add(size).filter(|end| *end <= length);
         Some((found == kind as usize, start + 8..end?))
     };
@@ -237,7 +242,8 @@ fn uri_bytes(path: &Path, uri: &At<'_>, beside: &mut HashMap<PathBuf, Rc<Vec<u8>
 }
 
 fn percent_decoded(text: &str) -> Option<String> {
-    let (mut bytes, mut rest) = (vec![], text.as_bytes());
+    let mut bytes = vec![];
+    let mut rest = text.as_bytes();
     while let Some((&first, after)) = rest.split_first() {
         let escaped = (first == b'%').then(|| after.get(..2)).flatten();
         let code = escaped.and_then(|hex| u8::from_str_radix(std::str::from_utf8(hex).ok()?, 16).ok());

@@ -1,5 +1,6 @@
 //! Meshes: primitives with their streams, targets, joints and weights.
 
+use super::accessor::Accessor;
 use super::assemble::{flattens, merge, merged_size};
 use super::container::Container;
 use super::json::At;
@@ -64,8 +65,10 @@ pub fn mesh(file: &Container, at: &At<'_>, name: String, prefix: &str) -> Result
     let names = target_names(file, at, &primitives, prefix)?;
     let stated = at.get("weights").map(|w| w.floats()).transpose()?.unwrap_or_default();
     let mut mesh = Mesh { weights: fitted(file, at, stated, names.len())?, ..Mesh::default() };
-    let (mut parts, mut influences) = (vec![], vec![]);
-    let (mut vertices, mut triangles) = (0, 0);
+    let mut parts = vec![];
+    let mut influences = vec![];
+    let mut vertices = 0;
+    let mut triangles = 0;
     for (index, primitive) in primitives.iter().enumerate() {
         let mode = primitive.whole_or("mode", 4)?;
         if !(4..=6).contains(&mode) {
@@ -74,8 +77,10 @@ pub fn mesh(file: &Container, at: &At<'_>, name: String, prefix: &str) -> Result
             continue;
         }
         let (source, bound) = part(file, primitive, mode, &names)?;
-        let (vertex_end, triangle_end) = (vertices + source.positions.len(), triangles + source.faces.sizes.len());
-        let (vertices_of, triangles_of) = (vertices..vertex_end, triangles..triangle_end);
+        let vertex_end = vertices + source.positions.len();
+        let triangle_end = triangles + source.faces.sizes.len();
+        let vertices_of = vertices..vertex_end;
+        let triangles_of = triangles..triangle_end;
         let material = primitive.index("material")?;
         mesh.primitives.push(Primitive { index, vertices: vertices_of, triangles: triangles_of, material });
         (vertices, triangles) = (vertex_end, triangle_end);
@@ -201,67 +206,106 @@ fn part(file: &Container, at: &At<'_>, mode: usize, names: &[String]) -> Result<
     }
     let positions = file.accessor(&positions)?.floats::<3>()?;
     let count = positions.len();
-    let read = |index: &At<'_>| file.accessor(index)?.of_count(count, "vertices (POSITION)");
     let mut source = MorphSource { faces: faces(file, at, mode, count)?, ..MorphSource::default() };
     source.positions = positions.into_iter().map(Vec3::from).collect();
-    // Factors that bring normals and tangents to unit length; deltas are multiplied by them, too.
-    let (mut normal_scales, mut tangent_scales) = (vec![], vec![]);
+    let mut part = Part { file, count, source, normal_scales: vec![], tangent_scales: vec![] };
     for (semantic, index) in streams(&attributes) {
+        part.add_stream(semantic, &index)?;
+    }
+    let targets = at.items("targets")?;
+    let streams = part.source.streams.len();
+    file.charge(at, targets.len(), size_of::<SourceTarget>() + streams * size_of::<StreamDeltas>())?;
+    file.charge(at, names.iter().map(String::len).sum(), 1)?;
+    for (target, name) in targets.iter().zip(names) {
+        let target = part.target(target, name)?;
+        part.source.targets.push(target);
+    }
+    let mut source = part.source;
+    let without = source.targets.iter().filter(|target| source.normals.is_some() && target.normals.is_none()).count();
+    if without > 0 {
+        let place = &at.place;
+        source.notes.push(format!("{place}: {without} targets without normals: computed from the deformed surface"));
+    }
+    let influences = influences(file, &attributes, count)?;
+    Ok((source, influences))
+}
+
+/// A primitive that is being read.
+struct Part<'a> {
+    file: &'a Container,
+    /// Number of vertices.
+    count: usize,
+    source: MorphSource,
+    /// Factors that bring normals and tangents to unit length; deltas are multiplied by them, too.
+    normal_scales: Vec<f32>,
+    tangent_scales: Vec<f32>,
+}
+
+impl<'a> Part<'a> {
+    fn read(&self, index: &At<'_>) -> Result<Accessor<'a>> {
+        self.file.accessor(index)?.of_count(self.count, "vertices (POSITION)")
+    }
+
+    /// Adds a stream of the base pose; positions are there already.
+    fn add_stream(&mut self, semantic: Semantic, index: &At<'_>) -> Result<()> {
         let values = match semantic {
             // glTF has no attribute for masks.
-            Semantic::Position | Semantic::Mask => continue,
-            Semantic::Normal => {
-                let stated: Vec<Vec3> = read(&index)?.floats::<3>()?.into_iter().map(Vec3::from).collect();
-                let (units, scales, lost) = unit_normals(&stated, &source.faces, &source.positions);
-                if lost > 0 {
-                    let place = &index.place;
-                    source.notes.push(format!("{place}: {lost} normals are zero: computed, constant in all targets"));
-                }
-                (source.normals, normal_scales) = (Some(units), scales);
-                continue;
-            }
+            Semantic::Position | Semantic::Mask => return Ok(()),
+            Semantic::Normal => return self.take_normals(index),
             Semantic::Tangent => {
-                let stated = read(&index)?.floats::<4>()?;
+                let stated = self.read(index)?.floats::<4>()?;
                 let lengths = stated.iter().map(|&[x, y, z, _]| Vec3::new(x, y, z).as_dvec3().length());
-                tangent_scales = lengths.map(|n| if n < 1e-6 { 0.0 } else { (1.0 / n) as f32 }).collect();
+                self.tangent_scales = lengths.map(|n| if n < 1e-6 { 0.0 } else { (1.0 / n) as f32 }).collect();
                 let unit = |(&[x, y, z, w], &scale): (&[f32; 4], &f32)| match scale {
                     0.0 => [1.0, 0.0, 0.0, 1.0f32.copysign(w)],
                     scale => [x * scale, y * scale, z * scale, 1.0f32.copysign(w)],
                 };
-                stated.iter().zip(&tangent_scales).flat_map(unit).collect()
+                stated.iter().zip(&self.tangent_scales).flat_map(unit).collect()
             }
             Semantic::TexCoord(set) => {
-                let values = read(&index)?.floats::<2>()?;
+                let values = self.read(index)?.floats::<2>()?;
                 if set == 0 {
-                    source.texcoords = values.iter().copied().map(Vec2::from).collect();
-                    source.faces.corners.iter_mut().for_each(|c| c.texcoord = Some(c.position));
+                    self.source.texcoords = values.iter().copied().map(Vec2::from).collect();
+                    self.source.faces.corners.iter_mut().for_each(|c| c.texcoord = Some(c.position));
                 }
                 values.into_flattened()
             }
-            Semantic::Color(_) => match read(&index)? {
+            Semantic::Color(_) => match self.read(index)? {
                 rgb if rgb.components == 3 => rgb.floats::<3>()?.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0]).collect(),
                 rgba => rgba.floats::<4>()?.into_flattened(),
             },
         };
-        source.streams.push(StreamData { semantic, values });
+        self.source.streams.push(StreamData { semantic, values });
+        Ok(())
     }
-    let mut without = 0;
-    let targets = at.items("targets")?;
-    file.charge(at, targets.len(), size_of::<SourceTarget>() + source.streams.len() * size_of::<StreamDeltas>())?;
-    file.charge(at, names.iter().map(String::len).sum(), 1)?;
-    for (target, name) in targets.iter().zip(names) {
-        let mut made = SourceTarget { name: name.clone(), ..SourceTarget::default() };
-        made.streams = vec![StreamDeltas::default(); source.streams.len()];
+
+    fn take_normals(&mut self, index: &At<'_>) -> Result<()> {
+        let stated: Vec<Vec3> = self.read(index)?.floats::<3>()?.into_iter().map(Vec3::from).collect();
+        let (units, scales, lost) = unit_normals(&stated, &self.source.faces, &self.source.positions);
+        if lost > 0 {
+            let place = &index.place;
+            self.source.notes.push(format!("{place}: {lost} normals are zero: computed, constant in all targets"));
+        }
+        self.source.normals = Some(units);
+        self.normal_scales = scales;
+        Ok(())
+    }
+
+    fn target(&self, target: &At<'_>, name: &str) -> Result<SourceTarget> {
+        let mut made = SourceTarget { name: name.to_owned(), ..SourceTarget::default() };
+        made.streams = vec![StreamDeltas::default(); self.source.streams.len()];
         for (semantic, index) in streams(target) {
-            let accessor = read(&index)?;
-            let stated = source.streams.iter().position(|s| s.semantic == semantic);
+            let accessor = self.read(&index)?;
+            let stated = self.source.streams.iter().position(|s| s.semantic == semantic);
             match (semantic, stated.map(|i| &mut made.streams[i])) {
                 (Semantic::Position, _) => made.positions = vectors(accessor.deltas::<3>()?, None),
                 // If base normals are missing, all normals are computed.
-                (Semantic::Normal, _) if source.normals.is_none() => {}
-                (Semantic::Normal, _) => made.normals = Some(vectors(accessor.deltas::<3>()?, Some(&normal_scales))),
+                (Semantic::Normal, _) if self.source.normals.is_none() => {}
+                (Semantic::Normal, _) => {
+                    made.normals = Some(vectors(accessor.deltas::<3>()?, Some(&self.normal_scales)));
+                }
                 (Semantic::Tangent, Some(own)) => {
-                    let deltas = vectors(accessor.deltas::<3>()?, Some(&tangent_scales));
+                    let deltas = vectors(accessor.deltas::<3>()?, Some(&self.tangent_scales));
                     *own = stream(deltas.into_iter().map(|(v, d)| (v, d.to_array())));
                 }
                 (Semantic::TexCoord(_), Some(own)) => *own = stream(accessor.deltas::<2>()?),
@@ -278,20 +322,12 @@ fn part(file: &Container, at: &At<'_>, mode: usize, names: &[String]) -> Result<
                 }
             }
         }
-        if source.normals.is_some() && made.normals.is_none() {
-            match made.positions.is_empty() {
-                true => made.normals = Some(vec![]),
-                false => without += 1,
-            }
+        // Without positions, the normals stay as well; otherwise they are computed.
+        if self.source.normals.is_some() && made.normals.is_none() && made.positions.is_empty() {
+            made.normals = Some(vec![]);
         }
-        source.targets.push(made);
+        Ok(made)
     }
-    if without > 0 {
-        let place = &at.place;
-        source.notes.push(format!("{place}: {without} targets without normals: computed from the deformed surface"));
-    }
-    let influences = influences(file, &attributes, count)?;
-    Ok((source, influences))
 }
 
 fn vectors(deltas: Vec<(u32, [f32; 3])>, scales: Option<&[f32]>) -> Vec<(u32, Vec3)> {
@@ -348,7 +384,8 @@ fn influences(file: &Container, attributes: &At<'_>, count: usize) -> Result<Opt
     let of = |key: String| file.accessor(&attributes.need(&key)?)?.of_count(count, "vertices (POSITION)");
     let mut sets = vec![];
     for set in (0..2).take_while(|set| attributes.get(&format!("JOINTS_{set}")).is_some()) {
-        let (joints, weights) = (of(format!("JOINTS_{set}"))?.integers::<4>()?, of(format!("WEIGHTS_{set}"))?);
+        let joints = of(format!("JOINTS_{set}"))?.integers::<4>()?;
+        let weights = of(format!("WEIGHTS_{set}"))?;
         let floats = weights.floats::<4>()?;
         if let Some(v) = floats.iter().position(|w| w.iter().any(|w| *w < 0.0)) {
             return Err(weights.refuse(format!("element {v} has a weight below 0"), "give weights of 0 or more"));
@@ -388,7 +425,8 @@ impl Influences {
     /// Returns the matrix of a vertex where joints have these; the identity if it follows none.
     #[must_use]
     pub fn blend(&self, vertex: usize, joints: &[DMat4]) -> DMat4 {
-        let (mut sum, mut total) = (DMat4::ZERO, 0.0);
+        let mut sum = DMat4::ZERO;
+        let mut total = 0.0;
         for (joint, weight) in self.of(vertex).map(|(joint, weight)| (joint, f64::from(weight))) {
             sum += joints[joint] * weight;
             total += weight;

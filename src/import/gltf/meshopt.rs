@@ -218,7 +218,8 @@ impl Triangles<'_> {
     }
 
     fn triangle(&mut self, code: u8, table: &[u8]) -> Option<[u32; 3]> {
-        let (high, low) = (code >> 4, code & 15);
+        let high = code >> 4;
+        let low = code & 15;
         if high < 15 {
             let [a, b] = self.edges.get(high.into());
             let (c, is_new) = match low {
@@ -263,7 +264,8 @@ fn triangles(data: &[u8], count: usize) -> Option<Vec<u32>> {
         return None;
     }
     // Queue entries that were never set are no vertex, as in meshoptimizer: the extension leaves them undefined.
-    let (edges, vertices) = (Recent([[u32::MAX; 2]; 16], 0), Recent([u32::MAX; 16], 0));
+    let edges = Recent([[u32::MAX; 2]; 16], 0);
+    let vertices = Recent([u32::MAX; 16], 0);
     let mut state = Triangles { extra, next: 0, last: 0, edges, vertices };
     let mut out = Vec::with_capacity(count);
     for &code in codes {
@@ -317,7 +319,8 @@ fn store(v: &mut [u8], values: [i16; 4]) {
 fn octahedral(x: f32, y: f32, one: f32, max: f32) -> [f32; 3] {
     let z = one - x.abs() - y.abs();
     let folded = z.min(0.0);
-    let (x, y) = (x - folded.copysign(x), y - folded.copysign(y));
+    let x = x - folded.copysign(x);
+    let y = y - folded.copysign(y);
     let scale = max / (x * x + y * y + z * z).sqrt();
     [x, y, z].map(|c| (c * scale).round())
 }

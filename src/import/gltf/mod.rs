@@ -241,7 +241,9 @@ impl Gltf {
     /// Names the first of the weights that [`clip`](Self::clip) leaves out, since an earlier channel has others for a
     /// target of that name.
     fn overruled(&self, animation: &Animation) -> Option<String> {
-        let (mut first, mut count, mut note) = (HashMap::new(), 0, None);
+        let mut first = HashMap::new();
+        let mut count = 0;
+        let mut note = None;
         for channel in animation.weight_channels() {
             for (i, name) in self.targets_of(channel) {
                 let (other, j): (&Channel, usize) = *first.entry(name).or_insert((channel, i));
@@ -282,7 +284,9 @@ impl Gltf {
             return refuse("no weights of morph targets", "name another animation");
         }
         let fps = super::frame_rate(fps.unwrap_or_else(|| animation.frame_rate()))?;
-        let (mut names, mut columns, mut seen) = (vec![], vec![], HashSet::new());
+        let mut names = vec![];
+        let mut columns = vec![];
+        let mut seen = HashSet::new();
         for channel in &channels {
             let own: Vec<(usize, &str)> = self.targets_of(channel).filter(|(_, name)| seen.insert(*name)).collect();
             names.extend(own.iter().map(|(_, name)| (*name).to_owned()));
@@ -347,7 +351,8 @@ impl Gltf {
         let moves = has_skin || channels.any(|channel| channel.property != Property::Weights);
         let worlds = self.world_matrices(None);
         // For each mesh, the nodes in the scene that draw it.
-        let (mut drawn, mut flat) = (vec![vec![]; self.meshes.len()], vec![]);
+        let mut drawn = vec![vec![]; self.meshes.len()];
+        let mut flat = vec![];
         for (i, node) in self.nodes.iter().enumerate().filter(|(_, node)| node.is_shown) {
             match node.mesh {
                 Some(_) if node.skin.is_none() && assemble::flattens(&worlds[i]) => flat.push(node.name.as_str()),
@@ -360,7 +365,8 @@ impl Gltf {
         }
         let mut taken: Vec<usize> = (0..self.meshes.len()).collect();
         taken.retain(|mesh| !self.meshes[*mesh].source.positions.is_empty());
-        let (mut left_out, mut still) = (vec![], vec![]);
+        let mut left_out = vec![];
+        let mut still = vec![];
         let has_targets = |mesh: &usize| !self.meshes[*mesh].source.targets.is_empty();
         let is_drawn = |mesh: &usize| !drawn[*mesh].is_empty();
         for (why, is_wanted) in [
@@ -405,12 +411,14 @@ impl Gltf {
     ) -> Result<Drawn> {
         let joints: Vec<_> = self.skins.iter().map(|skin| self.joint_matrices(skin, worlds)).collect();
         let copies = self.copies(&taken, drawn, if with_joints { Skeleton::VERTEX_BYTES } else { 0 })?;
-        let (mut parts, mut placed) = (vec![], vec![]);
+        let mut parts = vec![];
+        let mut placed = vec![];
         for (mesh, copies) in taken.into_iter().zip(copies) {
             let mut left = std::mem::take(&mut self.meshes[mesh].source);
             let nodes = &drawn[mesh];
             if copies < nodes.len() {
-                let (name, count) = (&left.name, nodes.len());
+                let name = &left.name;
+                let count = nodes.len();
                 let why = "since the file is small, copies are fewer";
                 let text = format!("mesh '{name}' is drawn by {count} nodes; {why}: {copies}");
                 left.notes.push(text);
@@ -458,12 +466,15 @@ impl Gltf {
         let counts: Vec<usize> = parts.iter().map(|part| part.positions.len()).collect();
         let skeleton = || Skeleton::new(self.nodes.clone(), self.hierarchy.clone(), self.animations.clone());
         let mut skeleton = with_joints.then(skeleton);
-        let (mut drawn, mut first) = (vec![], 0);
-        for ((mesh, node, place), count) in placed.iter().zip(counts) {
-            let mut add = |all: &mut Skeleton| all.add(count, *node, &self.meshes[*mesh], &self.skins, place);
-            if !skeleton.as_mut().is_none_or(&mut add) {
-                let remedy = "export fewer meshes or joints";
-                return Err(Error::input(&self.path, "", "vertices follow more than 65535 joints", remedy));
+        let mut drawn = vec![];
+        let mut first = 0;
+        if let Some(skeleton) = &mut skeleton {
+            for ((mesh, node, place), count) in placed.iter().zip(counts) {
+                let fits = skeleton.add(count, *node, &self.meshes[*mesh], &self.skins, place);
+                if !fits {
+                    let remedy = "export fewer meshes or joints";
+                    return Err(Error::input(&self.path, "", "vertices follow more than 65535 joints", remedy));
+                }
             }
         }
         for ((mesh, ..), part) in placed.iter().zip(&parts) {

@@ -131,7 +131,8 @@ fn node(root: &At<'_>, at: &At<'_>) -> Result<Node> {
         }
     };
     let weights = at.get("weights").map(|w| w.floats()).transpose()?.unwrap_or_default();
-    let (mesh, skin) = (existing("mesh", "meshes")?, existing("skin", "skins")?);
+    let mesh = existing("mesh", "meshes")?;
+    let skin = existing("skin", "skins")?;
     let name = at.text_or_empty("name").to_owned();
     Ok(Node { name, parent: None, local, is_shown: true, mesh, skin, weights })
 }

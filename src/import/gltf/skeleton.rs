@@ -45,7 +45,8 @@ impl Skeleton {
         let skin = node.and_then(|node| self.nodes[node].skin).map(|skin| &skins[skin]);
         let undo = place.inverse();
         let Influences { joints, weights, .. } = &mut self.influences;
-        let (first, all) = (joints.len(), &mut self.joints);
+        let first = joints.len();
+        let all = &mut self.joints;
         joints.resize(first + 8 * count, 0);
         weights.resize(first + 8 * count, 0.0);
         let slots = joints[first..].chunks_exact_mut(8).zip(weights[first..].chunks_exact_mut(8));

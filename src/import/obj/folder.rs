@@ -122,9 +122,11 @@ fn stated_normals(file: &ObjFile, areas: &[f64]) -> Option<(Vec<Vec3>, usize)> {
     };
 
     let mut values = if one_each { file.normals.clone() } else { vec![Vec3::ZERO; count] };
-    let (mut named, mut hard) = (vec![false; count], vec![false; count]);
+    let mut named = vec![false; count];
+    let mut hard = vec![false; count];
     for (corner, &n) in file.faces.corners.iter().zip(corners) {
-        let (v, normal) = (corner.position as usize, file.normals[n as usize]);
+        let v = corner.position as usize;
+        let normal = file.normals[n as usize];
         match std::mem::replace(&mut named[v], true) {
             true => hard[v] |= values[v] != normal,
             false => values[v] = normal,
@@ -188,7 +190,8 @@ impl Neutral {
         const REMEDY: &str =
             "export every target from the neutral mesh, with the same vertices and faces in the same order";
         let refuse = |what: String| Err(Error::input(path, "", what, REMEDY));
-        let (found, expected) = (file.positions.len(), self.file.positions.len());
+        let found = file.positions.len();
+        let expected = self.file.positions.len();
         if found != expected {
             return refuse(format!("{found} vertices, but {} has {expected}", self.path.display()));
         }
@@ -238,6 +241,7 @@ fn first_difference(found: &Faces, expected: &Faces) -> Option<String> {
             return Some(format!("face {} has the vertices {}, but {}", i + 1, words(f), words(e)));
         }
     }
-    let (found, expected) = (found.sizes.len(), expected.sizes.len());
+    let found = found.sizes.len();
+    let expected = expected.sizes.len();
     (found != expected).then(|| format!("{found} faces, but {expected}"))
 }

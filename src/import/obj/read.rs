@@ -259,7 +259,8 @@ impl<'a> Scan<'a> {
             // A positive index may refer to later lines; a negative one counts back from this line.
             let limit = if index < 0 { self.seen[k] } else { self.counts[k] } as u64;
             if index == 0 || index.unsigned_abs() > limit {
-                let (name, keyword) = (NAMES[k], KEYWORDS[k]);
+                let name = NAMES[k];
+                let keyword = KEYWORDS[k];
                 let what = match index {
                     0 => format!("{name} index 0, but OBJ counts from 1"),
                     1.. => format!("{name} index {index}, but the file has {limit} '{keyword}' lines"),

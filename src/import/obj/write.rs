@@ -39,7 +39,9 @@ pub fn write_obj(path: &Path, mesh: ObjMesh<'_>) -> Result<()> {
 
 fn check(mesh: &ObjMesh<'_>) -> Result<()> {
     let refuse = |what: String| Err(Error::invalid(what, "write a mesh that to_mesh() has accepted"));
-    let (v, vt, vn) = (mesh.positions.len(), mesh.texcoords.len(), mesh.normals.len());
+    let v = mesh.positions.len();
+    let vt = mesh.texcoords.len();
+    let vn = mesh.normals.len();
     if vn != 0 && vn != v {
         return refuse(format!("{vn} normals for {v} vertices"));
     }

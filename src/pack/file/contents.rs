@@ -19,8 +19,10 @@ const INCONSISTENT: &str = "the program that wrote it is at fault: pack the mesh
 
 /// The file of `asset`, which is in a block format, with the content of section 'clips' if there are any.
 pub(super) fn write(asset: &Asset, clips: Option<Vec<u8>>) -> Result<Vec<u8>> {
-    let (layout, faces) = (asset.mesh.layout(), &asset.faces);
-    let (index, groups) = (layout.index()?, asset.mesh.groups());
+    let layout = asset.mesh.layout();
+    let faces = &asset.faces;
+    let index = layout.index()?;
+    let groups = asset.mesh.groups();
     if groups.len() > GROUPS_MAX {
         let what = format!("mesh '{}' has {} groups of streams; a file has {GROUPS_MAX}", layout.name, groups.len());
         return Err(Error::invalid(what, "leave streams out"));
@@ -34,7 +36,8 @@ pub(super) fn write(asset: &Asset, clips: Option<Vec<u8>>) -> Result<Vec<u8>> {
         };
         counts.iter().map(|&n| u32::try_from(n).map_err(|_| refuse(n))).collect()
     };
-    let (corners, texcoords) = (faces.corners.len(), asset.texcoords.len());
+    let corners = faces.corners.len();
+    let texcoords = asset.texcoords.len();
     let Tolerance { position, normal } = asset.tolerance;
     let meta = [
         &[layout.format.row().id, index.parts.size][..],
@@ -63,7 +66,8 @@ pub(super) fn write(asset: &Asset, clips: Option<Vec<u8>>) -> Result<Vec<u8>> {
     ];
     contents.extend(clips.map(|clips| ((CLIPS, 0), clips)));
     for (i, group) in groups.iter().enumerate() {
-        let (streams, index) = (&group.layout().streams, group.layout().index()?);
+        let streams = &group.layout().streams;
+        let index = group.layout().index()?;
         let mut head = counts(&[streams.len(), index.count(), index.entry_count(), group.deltas().len()])?;
         head.extend(index.steps().map(f32::to_bits));
         for semantic in streams.iter().map(|place| place.semantic) {
@@ -194,14 +198,16 @@ struct Head {
 
 impl Head {
     fn parse(bytes: &[u8]) -> Result<Self, String> {
-        let (words, length) = (words_of(bytes), bytes.len() as u64);
+        let words = words_of(bytes);
+        let length = bytes.len() as u64;
         let (&[count, blocks, entries, words, first, second], rest) =
             words.split_first_chunk::<6>().ok_or_else(|| format!("has {length} bytes"))?;
         let expected = 24 + 16 * u64::from(count);
         if length != expected {
             return Err(format!("has {length} bytes, {expected} expected"));
         }
-        let (mut semantics, mut error) = (vec![], PoseError::default());
+        let mut semantics = vec![];
+        let mut error = PoseError::default();
         for &[id, zero, low, high] in rest.as_chunks().0 {
             let known = Semantic::from_id(id).filter(|_| zero == 0);
             let semantic = known.ok_or_else(|| format!("names a stream {id:#x} that is not known"))?;

@@ -150,7 +150,10 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
         let row = HEADER + ROW * i;
         let word = |at: usize| u32_at(bytes, row + at).unwrap_or(0);
         let long = |at: usize| u64::from(word(at)) | u64::from(word(at + 4)) << 32;
-        let (has, checksum, offset, length) = (word(0), word(4), long(8), long(16));
+        let has = word(0);
+        let checksum = word(4);
+        let offset = long(8);
+        let length = long(16);
         let refuse = |what: String| Err(malformed(path, Some(place), what, DAMAGED));
         if (has, offset) != (id(place), at as u64) {
             return refuse(format!("lies at {offset} with id {has}; at {at} with id {} expected", id(place)));
@@ -192,7 +195,8 @@ pub(super) fn repair(bytes: &mut [u8]) {
     }
     for row in (HEADER..table).step_by(ROW) {
         let long = |at: usize| bytes[row + at..].first_chunk().map_or(0, |b| u64::from_le_bytes(*b));
-        let (offset, length) = (long(8) as usize, long(16) as usize);
+        let offset = long(8) as usize;
+        let length = long(16) as usize;
         if let Some(content) = offset.checked_add(length).and_then(|end| bytes.get(offset..end)) {
             let checksum = crc32fast::hash(content);
             bytes[row + 4..row + 8].copy_from_slice(&checksum.to_le_bytes());

@@ -31,9 +31,12 @@ impl Shifted for Fast {
         let (a, rest) = deltas.split_at(size);
         let (b, c) = rest.split_at(size);
         let c: &[i8] = bytemuck::cast_slice(c);
-        let (a, b, c) = (&a[..lanes.end], &b[..lanes.end], &c[..lanes.end]);
+        let a = &a[..lanes.end];
+        let b = &b[..lanes.end];
+        let c = &c[..lanes.end];
         for lane in lanes {
-            let (a, b) = (a[lane], b[lane]);
+            let a = a[lane];
+            let b = b[lane];
             let ny = ((b as i32) >> 24) << 1 | ((a >> 30) & 1) as i32;
             let nz = i32::from(c[lane]) << 1 | (a >> 31) as i32;
             f(lane, [field(a, 0, 15), field(a, 15, 15), field(b, 0, 15), field(b, 15, 9), ny, nz]);

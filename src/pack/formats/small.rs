@@ -87,7 +87,8 @@ pub(in crate::pack) fn narrow(steps: [f32; TRIPLES], lanes: &mut [Lane], slack: 
         let mut rounded: Vec<[i32; TRIPLE]> = lanes.iter().map(|lane| exact(lane).map(|d| d.round() as i32)).collect();
         for c in 0..TRIPLE {
             let bounds = lanes.iter().zip(slack).zip(&rounded).map(|((lane, slack), rounded)| {
-                let (exact, nearest) = (exact(lane), rounded[c]);
+                let exact = exact(lane);
+                let nearest = rounded[c];
                 let off = |i: usize| (exact[i] - f64::from(rounded[i])).powi(2);
                 let others: f64 = (0..TRIPLE).filter(|i| *i != c).map(off).sum();
                 let reach = ((slack[triple] / step).powi(2) - others).max(0.0).sqrt();
@@ -266,10 +267,13 @@ impl BlockFormat for Small {
         deltas: &[u32],
         mut f: impl FnMut(usize, usize, i32),
     ) {
-        let (records, fields, mut from) = (Records::new(size, header, deltas), fields(header), 0);
+        let records = Records::new(size, header, deltas);
+        let fields = fields(header);
+        let mut from = 0;
         let bits = (begins(header) >> 56) as u32;
         for word in 0..size / LANES {
-            let (mask, last) = (records.mask(word), &mut None);
+            let mask = records.mask(word);
+            let last = &mut None;
             let bytes = records.window(from, last);
             let read = |at: u32| {
                 let bytes = bytes[at as usize / 8 % BYTES..].first_chunk().unwrap_or(&[0; 8]);
@@ -277,7 +281,9 @@ impl BlockFormat for Small {
             };
             let mut moves = [0; LANES];
             (0..LANES).for_each(|lane| moves[lane] = -((mask >> lane & 1) as i32));
-            let (mut windows, mut begin, mut end) = ([0; LANES], 0, 0);
+            let mut windows = [0; LANES];
+            let mut begin = 0;
+            let mut end = 0;
             for (c, Field { width, least }) in fields.into_iter().enumerate() {
                 if c == 0 || end + width - begin > u32::BITS {
                     begin = end;
@@ -293,7 +299,8 @@ impl BlockFormat for Small {
                         }
                     }
                 }
-                let (shift, largest) = ((end - begin) % u32::BITS, (1 << width) - 1);
+                let shift = (end - begin) % u32::BITS;
+                let largest = (1 << width) - 1;
                 end += width;
                 for lane in 0..LANES {
                     let integer = windows[lane] >> shift & largest;

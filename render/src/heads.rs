@@ -1,0 +1,483 @@
+//! The heads of a picture: a crowd on the device or on the processor, and what is drawn of it.
+
+use crate::cull::PoseBounds;
+use crate::glow::Glow;
+use crate::memory::Buffer;
+use crate::model::Model;
+use crate::parts::Part;
+use crate::passes::RendererDesc;
+use crate::renderer::Renderer;
+use crate::scene::{Head, Masks, Scene, Show};
+use crate::step::{Step, Stepped};
+use crate::target::Target;
+use crate::wrinkles::MaskPlace;
+use bytemuck::cast_slice;
+use deltamorph::ash::{self, vk};
+use deltamorph::{
+    Bounds, CpuCrowd, Crowd, CrowdDesc, Error, GpuMesh, MorphEngine, MorphMesh, PackedMesh, PoseFormat, Result,
+    Semantic, Ticket, UpdateDesc, UpdatePath, UpdateStats,
+};
+use deltamorph_headless::Headless;
+use glam::Mat4;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// A device with an engine, on which commands can be run at once.
+pub trait Host {
+    /// Returns the engine.
+    fn engine(&self) -> &MorphEngine;
+
+    /// Returns the handles of the device.
+    fn handles(&self) -> (&ash::Instance, vk::PhysicalDevice, &ash::Device);
+
+    /// Records commands, runs them, and waits for them.
+    ///
+    /// # Errors
+    /// Those of `record`; the device fails.
+    fn run<R>(&self, record: impl FnOnce(vk::CommandBuffer) -> Result<R>) -> Result<R>;
+}
+
+impl Host for Headless {
+    fn engine(&self) -> &MorphEngine {
+        Headless::engine(self)
+    }
+
+    fn handles(&self) -> (&ash::Instance, vk::PhysicalDevice, &ash::Device) {
+        Headless::handles(self)
+    }
+
+    fn run<R>(&self, record: impl FnOnce(vk::CommandBuffer) -> Result<R>) -> Result<R> {
+        Headless::run(self, record)
+    }
+}
+
+/// Options of [`Heads`].
+#[derive(Clone, Copy, Debug)]
+pub struct HeadsDesc<'a> {
+    /// Number of heads (≥ 1).
+    pub count: u32,
+    /// Frames that may be unfinished at the same time (≥ 1).
+    pub frames: usize,
+    /// Updates of the poses.
+    pub update: UpdateDesc,
+    /// Threads of the path `cpu`; 0: one per core.
+    pub threads: usize,
+    /// The step after the poses, on the paths of the device.
+    pub step: Step<'a>,
+    /// For [`Show::Blocks`]: the fraction of its brightness that a changed vertex keeps from one update to the next, 0
+    /// to 1.
+    pub afterglow: f32,
+    /// Skip heads that are not in the picture. Takes some memory, and time to compute bounds.
+    pub cull: bool,
+}
+
+impl HeadsDesc<'_> {
+    /// One head and one frame at a time, without a step.
+    pub fn new(update: UpdateDesc) -> Self {
+        Self { count: 1, frames: 1, update, threads: 0, step: Step::None, afterglow: 0.0, cull: false }
+    }
+}
+
+/// A recorded update.
+#[derive(Clone, Copy, Debug)]
+pub struct Updated {
+    /// Its counts.
+    pub stats: UpdateStats,
+    /// Processor time of weights, plan and recording; on the path `cpu`, of the whole update; in milliseconds.
+    pub cpu_ms: f64,
+    ticket: Option<Ticket>,
+}
+
+/// Heads of one mesh, drawn into images of one format: on the device, from the buffers of a crowd; on the path `cpu`,
+/// from buffers that the poses are copied to.
+pub struct Heads {
+    desc: HeadsDesc<'static>,
+    poses: Poses,
+    stepped: Option<Stepped>,
+    /// Vertices of still parts that joints move: those of each head, and a buffer for each frame.
+    still: Option<(Vec<Vec<f32>>, Vec<Buffer>)>,
+    glow: Vec<Glow>,
+    /// For culling: bounds of poses, and of each head.
+    bounds: Option<(PoseBounds, Vec<Bounds>)>,
+    /// Location of the wrinkle masks, if the mesh has any.
+    masks: Option<MaskPlace>,
+    model: Model,
+    pub(crate) renderer: Renderer,
+    // Declared after the model, which reads it.
+    _uploaded: GpuMesh,
+}
+
+/// The crowd that updates the poses.
+enum Poses {
+    Device(Box<Crowd>),
+    Processor(Box<Processor>),
+}
+
+/// A crowd on the path `cpu`.
+struct Processor {
+    crowd: CpuCrowd,
+    /// For each frame: the poses, those of the update before, and the group with the masks, if any.
+    buffers: Vec<Buffer>,
+    /// The poses of the last update.
+    last: Vec<u8>,
+    /// Units of the poses, and of the group with the masks.
+    units: [[f32; 2]; 2],
+}
+
+impl Heads {
+    /// Makes heads of `mesh`, which was packed as `packed` and consists of `parts`, for images of this format, which
+    /// drawing leaves in this layout.
+    ///
+    /// # Errors
+    /// The path has no pose buffers; the engine refuses crowd or step; a step on the path `cpu`, or beside wrinkle masks
+    /// of integers; there is no memory.
+    ///
+    /// # Safety
+    /// The device outlives the heads, which are dropped after their targets, and only when no commands recorded with
+    /// them are still to run.
+    pub unsafe fn new(
+        host: &impl Host,
+        (format, layout): (vk::Format, vk::ImageLayout),
+        mesh: &MorphMesh,
+        packed: &Arc<PackedMesh>,
+        parts: &[Part],
+        desc: &HeadsDesc<'_>,
+    ) -> Result<Self> {
+        let HeadsDesc { count, frames, update, threads, step, afterglow, cull } = *desc;
+        let path = update.path;
+        if path.evaluates_in_draws() {
+            return Err(Error::Invalid {
+                what: format!("the path '{}' evaluates poses in its own draws, and has none to draw", path.name()),
+                remedy: "use blocks, compute or cpu".into(),
+            });
+        }
+        let masks = MaskPlace::of(packed);
+        let is_stepped = step != Step::None;
+        if is_stepped && (path == UpdatePath::Cpu || masks.is_some() && update.pose.has_integers()) {
+            return Err(Error::Invalid {
+                what: format!("a step after {} poses on the path '{}'", update.pose.name(), path.name()),
+                remedy: "use a path on the device, and float32 poses where there are wrinkle masks".into(),
+            });
+        }
+        let engine = host.engine();
+        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits for it.
+        let mut uploaded = host.run(|cmd| unsafe { engine.upload(cmd, packed) })?;
+        // SAFETY: the upload has run.
+        unsafe { uploaded.release_staging() };
+        // Steps write float32.
+        let pose = if is_stepped { PoseFormat::Float32 } else { update.pose };
+        let renderer = RendererDesc { format, layout, pose, masks: masks.is_some() };
+        let (instance, physical, device) = host.handles();
+        // SAFETY: the handles belong together and outlive the heads: the caller's obligations.
+        let renderer = unsafe { Renderer::new(instance, physical, device, &renderer) }?;
+        // SAFETY: fields drop in order, the model before the mesh that it reads.
+        let model = unsafe { Model::new(&renderer, mesh, packed.layout(), &uploaded, parts) }?;
+        let mut stepped = None;
+        let poses = if path == UpdatePath::Cpu {
+            Poses::Processor(Box::new(Processor::new(&renderer, packed, desc, masks)?))
+        } else {
+            let crowd = CrowdDesc::new(update).instances(count).frames_in_flight(frames as u32);
+            let mut crowd = Box::new(engine.create_crowd(&uploaded, &crowd)?);
+            stepped = Stepped::new(host, &renderer.gpu, packed, &mut crowd, &step, frames)?;
+            Poses::Device(crowd)
+        };
+        let bounds = if cull { Some((PoseBounds::new(packed, &update)?, vec![])) } else { None };
+        Ok(Self {
+            desc: HeadsDesc { count, frames, update, threads, step: Step::None, afterglow, cull },
+            poses,
+            stepped,
+            still: None,
+            glow: vec![Glow::new(packed.layout()); count as usize],
+            bounds,
+            masks,
+            model,
+            renderer,
+            _uploaded: uploaded,
+        })
+    }
+
+    /// Makes a target for these heads, drawn into `view`: an image of `extent` in their format that may be drawn into.
+    ///
+    /// # Errors
+    /// There is no memory.
+    ///
+    /// # Safety
+    /// The view is alive, on the same device, and as described.
+    pub unsafe fn target(&self, view: vk::ImageView, extent: vk::Extent2D) -> Result<Target> {
+        // SAFETY: the caller's obligations.
+        unsafe { Target::new(&self.renderer, view, extent, self.desc.count) }
+    }
+
+    /// Makes a buffer of `bytes` (≥ 1), all 0, for pixels that are copied.
+    ///
+    /// # Errors
+    /// There is no memory.
+    ///
+    /// # Safety
+    /// The buffer is dropped only when no commands recorded with it are still to run.
+    pub unsafe fn pixels(&self, bytes: usize) -> Result<Buffer> {
+        Buffer::new(&self.renderer.gpu, bytes, vk::BufferUsageFlags::TRANSFER_DST, true)
+    }
+
+    /// Draws `mesh`, made of `parts`, with each head: it stands as it is, relative to the head, without a pose. No
+    /// commands recorded with the heads may still be to run.
+    ///
+    /// # Errors
+    /// There is no memory.
+    pub fn set_still(&mut self, mesh: &MorphMesh, parts: &[Part]) -> Result<()> {
+        self.still = None;
+        self.model.set_still(&self.renderer, mesh, parts)
+    }
+
+    /// Sets the joints of a head from the next update on, with [`Step::Skin`]: the first three rows of each joint's
+    /// matrix. Initially they are the identity.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if there is no such head, no skin, or another number of joints.
+    pub fn set_joints(&mut self, head: usize, joints: &[f32]) -> Result<()> {
+        if self.stepped.as_mut().is_some_and(|stepped| stepped.set_joints(head, joints)) {
+            return Ok(());
+        }
+        let what = format!("{} numbers for joints of head {head}", joints.len());
+        Err(Error::Invalid { what, remedy: "give twelve for each joint of the skin".into() })
+    }
+
+    /// Sets where joints have the still parts of a head from the next update on, with [`Step::Skin`]: position and
+    /// normal of each vertex. Heads for which none are set have them as they stand.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if there is no such head, no skin, or another number of vertices; there is no memory.
+    pub fn set_still_vertices(&mut self, head: usize, vertices: &[f32]) -> Result<()> {
+        let heads = self.desc.count as usize;
+        let expected = self.model.still.as_ref().zip(self.stepped.as_ref()).map(|(still, _)| still.standing_vertices());
+        let Some(expected) = expected.filter(|all| all.len() == vertices.len() && head < heads) else {
+            let what = format!("{} numbers for still vertices of head {head}", vertices.len());
+            return Err(Error::Invalid { what, remedy: "give six for each vertex of the still parts".into() });
+        };
+        if self.still.is_none() {
+            let bytes = (heads * size_of_val(&expected[..])).max(4);
+            let usage = vk::BufferUsageFlags::VERTEX_BUFFER;
+            let buffers = (0..self.desc.frames).map(|_| Buffer::new(&self.renderer.gpu, bytes, usage, false));
+            self.still = Some((vec![expected; heads], buffers.collect::<Result<_>>()?));
+        }
+        if let Some((all, _)) = &mut self.still {
+            all[head].copy_from_slice(vertices);
+        }
+        Ok(())
+    }
+
+    /// Updates every head to `weights[head]`, for frame in flight `frame`: records into `cmd`, or updates at once on the
+    /// path `cpu`.
+    ///
+    /// # Errors
+    /// Another number of weights than of heads; weights that are not valid; the device fails.
+    ///
+    /// # Safety
+    /// - `cmd` is recording on the device of the engine, outside a render pass, on a queue with compute; it runs once, in
+    ///   the order of recording, or the update is [discarded](Self::discard).
+    /// - The last commands recorded for `frame` have finished.
+    pub unsafe fn update(
+        &mut self,
+        engine: &MorphEngine,
+        cmd: vk::CommandBuffer,
+        frame: usize,
+        weights: &[impl AsRef<[f32]>],
+    ) -> Result<Updated> {
+        if weights.len() != self.desc.count as usize {
+            return Err(Error::Invalid {
+                what: format!("{} poses for {} heads", weights.len(), self.desc.count),
+                remedy: "give the weights of every head".into(),
+            });
+        }
+        if let Some((vertices, buffers)) = &mut self.still {
+            let size = size_of_val(&vertices[0][..]);
+            vertices.iter().enumerate().for_each(|(i, head)| buffers[frame].write(i * size, cast_slice(head)));
+        }
+        let start = Instant::now();
+        let (stats, ticket) = match &mut self.poses {
+            Poses::Device(crowd) => {
+                if let Some(stepped) = &mut self.stepped {
+                    stepped.write(frame, crowd)?;
+                }
+                for (head, weights) in (0..).zip(weights) {
+                    crowd.set_weights(head, weights.as_ref())?;
+                }
+                // SAFETY: the caller's obligations.
+                let update = unsafe { engine.record_update(cmd, &mut **crowd) }?;
+                (update.stats, Some(update.ticket))
+            }
+            Poses::Processor(processor) => {
+                for (head, weights) in (0..).zip(weights) {
+                    processor.crowd.set_weights(head, weights.as_ref())?;
+                }
+                (processor.crowd.update(), None)
+            }
+        };
+        let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
+        if let Some((bounds, heads)) = &mut self.bounds {
+            bounds.updated(&stats);
+            *heads = weights.iter().map(|weights| bounds.of(weights.as_ref())).collect();
+        }
+        for (head, glow) in (0..).zip(&mut self.glow) {
+            let changed = match &self.poses {
+                // An update that moved nothing changed nothing.
+                _ if stats.bytes_moved == 0 => vec![],
+                Poses::Device(crowd) => crowd.changed(head),
+                Poses::Processor(processor) => processor.crowd.changed(head),
+            };
+            glow.update(&changed, self.desc.afterglow);
+        }
+        if let Poses::Processor(processor) = &mut self.poses {
+            processor.write(frame, self.desc.count, self.masks)?;
+        }
+        Ok(Updated { stats, cpu_ms, ticket })
+    }
+
+    /// Tells that the commands of an update will never run.
+    ///
+    /// # Errors
+    /// The update is that of other heads.
+    pub fn discard(&mut self, updated: &Updated) -> Result<()> {
+        match (&mut self.poses, updated.ticket) {
+            (Poses::Device(crowd), Some(ticket)) => crowd.discard(ticket),
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether [`Show::Motion`] has something to show: previous poses, which no step replaces.
+    ///
+    /// # Errors
+    /// Nothing was updated yet.
+    pub fn has_previous(&self) -> Result<bool> {
+        match &self.poses {
+            Poses::Device(crowd) => Ok(self.stepped.is_none() && crowd.previous_pose(0)?.is_some()),
+            Poses::Processor(_) => Ok(true),
+        }
+    }
+
+    /// Records draws of all heads, at `places`, into `target`, in front of `background` (linear red, green, blue, and
+    /// opacity; colours are multiplied by it): a pass into the target's shadow map, and one into its image, ready for
+    /// copies (`TRANSFER`) and for draws over it (`COLOR_ATTACHMENT_OUTPUT`). Returns the numbers of recorded and of
+    /// skipped draws.
+    ///
+    /// # Errors
+    /// Another number of places than of heads; wrinkles of a mesh without masks; nothing was updated yet.
+    ///
+    /// # Safety
+    /// - `cmd` is a primary command buffer that is recording on the device, outside a render pass, on a queue with
+    ///   graphics, after the last [update](Self::update), which was for the same `frame`.
+    /// - The target was made with these heads, no commands recorded with it before are still to run, and its image view
+    ///   is alive.
+    pub unsafe fn record(
+        &self,
+        cmd: vk::CommandBuffer,
+        frame: usize,
+        target: &mut Target,
+        places: &[Mat4],
+        scene: &Scene,
+        background: [f32; 4],
+    ) -> Result<[usize; 2]> {
+        if places.len() != self.desc.count as usize {
+            return Err(Error::Invalid {
+                what: format!("{} places for {} heads", places.len(), self.desc.count),
+                remedy: "give one for every head".into(),
+            });
+        }
+        if scene.show == Show::Blocks {
+            for (head, glow) in self.glow.iter().enumerate() {
+                // SAFETY: the caller's obligations.
+                unsafe { target.set_glow(head, glow) }?;
+            }
+        }
+        let heads = places.iter().enumerate().map(|(i, place)| self.head(frame, i, *place));
+        let heads = heads.collect::<Result<Vec<_>>>()?;
+        // SAFETY: the caller's obligations; model and target are the renderer's; the poses are of the mesh, and ready:
+        // the update has a barrier, and writes of the host are visible to later submissions.
+        unsafe { self.renderer.record(cmd, target, &self.model, &heads, scene, background) }
+    }
+
+    /// Returns a head to draw.
+    fn head(&self, frame: usize, number: usize, place: Mat4) -> Result<Head> {
+        let bounds = self.bounds.as_ref().map(|(_, heads)| heads[number]);
+        let crowd = match &self.poses {
+            Poses::Device(crowd) => crowd,
+            Poses::Processor(processor) => return Ok(processor.head(frame, number, place, self).bounds(bounds)),
+        };
+        let previous = crowd.previous_pose(number as u32)?;
+        let masks = self.masks.map(|_| crowd.stream(number as u32, Semantic::Mask)).transpose()?;
+        let head = Head::new(&crowd.pose(number as u32)?, place).previous(previous.as_ref());
+        let still = self.still.as_ref().map(|(vertices, buffers)| {
+            let offset = number * size_of_val(&vertices[0][..]);
+            (buffers[frame].raw, offset as u64)
+        });
+        let head = Head { still, ..head.masks(masks.as_ref().map(Masks::new)).bounds(bounds) };
+        Ok(self.stepped.as_ref().map_or(head, |stepped| stepped.head(number, head)))
+    }
+}
+
+impl Processor {
+    fn new(
+        renderer: &Renderer,
+        packed: &Arc<PackedMesh>,
+        desc: &HeadsDesc<'_>,
+        masks: Option<MaskPlace>,
+    ) -> Result<Self> {
+        let HeadsDesc { count, frames, update, threads, .. } = *desc;
+        let crowd = CpuCrowd::new(packed.clone(), update, count, threads)?;
+        let bytes = count as usize * crowd.stored_pose(0, 0)?.len();
+        let bytes = bytes * if masks.is_some() { 3 } else { 2 };
+        let usage = vk::BufferUsageFlags::VERTEX_BUFFER;
+        let buffers = (0..frames).map(|_| Buffer::new(&renderer.gpu, bytes.max(4), usage, false));
+        let units = |group: usize| -> Result<[f32; 2]> {
+            let grid = update.grid(packed.groups()[group].layout())?;
+            Ok(grid.map_or([1.0; 2], |grid| grid.units))
+        };
+        Ok(Self {
+            crowd,
+            buffers: buffers.collect::<Result<_>>()?,
+            last: vec![],
+            units: [units(0)?, units(masks.map_or(0, |place| place.group))?],
+        })
+    }
+
+    /// Copies the poses to the buffer of a frame.
+    fn write(&mut self, frame: usize, heads: u32, masks: Option<MaskPlace>) -> Result<()> {
+        let mut poses = vec![];
+        let mut folds = vec![];
+        for head in 0..heads {
+            poses.extend_from_slice(self.crowd.stored_pose(head, 0)?);
+            if let Some(place) = masks {
+                folds.extend_from_slice(self.crowd.stored_pose(head, place.group)?);
+            }
+        }
+        // The first poses have no previous ones.
+        let before = if self.last.is_empty() { &poses } else { &self.last };
+        let buffer = &mut self.buffers[frame];
+        buffer.write(0, &poses);
+        buffer.write(poses.len(), before);
+        buffer.write(2 * poses.len(), &folds);
+        self.last = poses;
+        Ok(())
+    }
+
+    fn head(&self, frame: usize, number: usize, place: Mat4, heads: &Heads) -> Head {
+        let buffer = self.buffers[frame].raw;
+        let all = self.last.len() as u64;
+        let offset = number as u64 * (all / u64::from(heads.desc.count));
+        let masks = heads.masks.map(|place| Masks {
+            buffer,
+            offset: offset + 2 * all + place.offset(heads.desc.update.pose),
+            units: place.units(self.units[1]),
+        });
+        Head {
+            buffer,
+            offset,
+            units: self.units[0],
+            place,
+            previous: (buffer, offset + all),
+            masks,
+            bounds: None,
+            still: None,
+        }
+    }
+}
