@@ -274,20 +274,4 @@ mod tests {
         registry.remove(last, |_| Ok(())).unwrap();
         assert_eq!(registry.insert(2).unwrap() as u32, 1);
     }
-
-    #[test]
-    fn objects_outlive_a_destruction_on_another_thread() {
-        let registry = Registry::new(1);
-        let bits = registry.insert(vec![7; 1000]).unwrap();
-        std::thread::scope(|scope| {
-            for _ in 0..4 {
-                scope.spawn(|| {
-                    while let Ok(object) = registry.get(bits) {
-                        assert!(object.iter().all(|v| *v == 7))
-                    }
-                });
-            }
-            scope.spawn(|| registry.remove(bits, |_| Ok(())).map(drop).unwrap());
-        });
-    }
 }

@@ -105,6 +105,9 @@ fn a_character_is_drawn_as_its_joints_stand() {
     // The path `cpu` reports that it ignores joints.
     let [(on_cpu, said), (second_on_cpu, _)] = ["0", "1"].map(|frame| at(frame, &["--path", "cpu"]));
     assert!(on_cpu == second_on_cpu && said.contains("the path 'cpu' skins nothing"), "{said}");
+    for of_targets in [["--heat", "distance"], ["--normals", "recomputed"]] {
+        assert!(at("0", &of_targets).0 == at("1", &of_targets).0, "{of_targets:?} is of the targets alone");
+    }
     // At rest, joints have the mesh where the path `cpu` has it, which is posed as it is read.
     let mut bent: Value = serde_json::from_slice(&std::fs::read(&arm).unwrap()).unwrap();
     bent["nodes"][2]["rotation"] = json!([0.0, 0.0, 0.6, 0.8]);

@@ -23,7 +23,7 @@ const BOUND_CLIP: u8 = 6;
 const UNTOUCHED: u64 = 0x5555_5555_5555_5555;
 
 fn run(data: &[u8]) {
-    // Forty calls; a clip has up to 2^24 weights of four bytes, and room to grow to twice that.
+    // Forty calls, each of a small mesh or clip.
     bounded("calls", data.len(), Memory { base: 256 << 20, per_byte: 1 << 12 }, || {
         let mut calls = Calls { input: Unstructured::new(data), made: vec![] };
         for _ in 0..40 {
@@ -163,8 +163,7 @@ impl Calls<'_> {
 
     fn call(&mut self) -> Result<()> {
         match self.input.int_in_range(0..=14u8)? {
-            0 | 1 | 3 => self.mesh_from_arrays(),
-            2 => self.sample_head(),
+            0..=3 => self.mesh_from_arrays(),
             4 | 5 | 12 | 13 => self.queries(),
             6 | 7 | 11 => self.poses(),
             8..=10 => self.clip(),
@@ -214,33 +213,6 @@ impl Calls<'_> {
         // SAFETY: arrays have the elements that are stated, or are null; structures have the room that they state.
         let code = unsafe { mesh::dm_mesh_from_arrays(arrays.at(), desc.at(), place) };
         self.made(MESH, code, out.bits);
-        Ok(())
-    }
-
-    fn sample_head(&mut self) -> Result<()> {
-        let mut sample = DmSampleDesc::zeroed();
-        // Small, since it takes time, or more than is allowed.
-        (sample.vertices, sample.targets) = (self.input.int_in_range(1..=99)?, self.input.int_in_range(1..=4)?);
-        match self.input.int_in_range(0..=7u8)? {
-            0 => sample.vertices = u32::MAX - u32::from(self.input.arbitrary::<u16>()?),
-            1 => sample.targets = u32::MAX - u32::from(self.input.arbitrary::<u16>()?),
-            _ => {}
-        }
-        (sample.sparsity, sample.seed) = (self.float()?, self.input.arbitrary()?);
-        let mut sample = self.stated(sample)?;
-        if self.input.arbitrary()? {
-            let mut desc = self.mesh_desc()?;
-            let mut out = DmMesh { bits: UNTOUCHED };
-            // SAFETY: structures have the room that they state.
-            let code = unsafe { mesh::dm_mesh_sample_head(sample.at(), desc.at(), &raw mut out) };
-            self.made(MESH, code, out.bits);
-        } else {
-            let (frames, fps) = (self.count(40)?, self.float()?);
-            let mut out = DmClip { bits: UNTOUCHED };
-            // SAFETY: as above.
-            let code = unsafe { clip::dm_clip_sample_head(sample.at(), frames, fps, &raw mut out) };
-            self.made(CLIP, code, out.bits);
-        }
         Ok(())
     }
 

@@ -1,7 +1,7 @@
 //! Poses are right, and ready for every kind of reader.
 
 use crate::common::{
-    ComputeReader, DrawReader, Random, assert_right, copy, messages, on_every_adapter, packed, submit_and_read, wait,
+    ComputeReader, DrawReader, Random, assert_right, copy, messages, on_every_adapter, packed, submit_and_read,
 };
 use crate::play::{Played, decoded, difference, play};
 use crate::scene::{EDGE, Host, now};

@@ -2,7 +2,7 @@
 
 use super::super::meshopt::decode;
 use super::hostile::{read, small, within};
-use super::written::{F32, U16, Written, bytes};
+use super::written::{F32, Written, bytes};
 use glam::Vec3;
 use serde_json::{Map, Value, json};
 use std::time::{Duration, Instant};
@@ -105,54 +105,6 @@ fn a_file_beside_is_read_once_and_never_the_file_itself() {
     // Nor do they make room for values 600 times.
     let size = 100_000 + write(&buffers, 1_000_000);
     crate::testing::says(within(size, || super::super::read(&path)), &["more than a file of this size can hold"]);
-}
-
-#[test]
-fn time_grows_as_files_do() {
-    let accepted = |file: &Written| assert_eq!(take(file), None);
-    let mesh = |position: usize| json!({"primitives": [{"attributes": {"POSITION": position}}]});
-    // Targets of one name, and animations of one name.
-    let mut file = Written::default();
-    let few = zeros(&mut file, 3);
-    file.json["meshes"] = json!([{"extras": {"targetNames": many(60_000, &json!("a"))},
-        "primitives": [{"attributes": {"POSITION": few[0]}, "targets": many(60_000, &json!({}))}]}]);
-    accepted(&file);
-    file.json["meshes"] = json!([mesh(few[0])]);
-    file.json["animations"] = many(60_000, &json!({"name": "a"}));
-    accepted(&file);
-    // Meshes and nodes; and a chain of nodes without names above all that draw one.
-    file.json["animations"] = json!([]);
-    file.json["nodes"] = many(150_000, &json!({}));
-    file.json["meshes"] = Value::Array(vec![json!({}); 150_000].into_iter().chain([mesh(few[0])]).collect());
-    accepted(&file);
-    let chain = (1..50_000).map(|child| json!({"children": [child]}));
-    let last = json!({"children": (50_000..100_000).collect::<Vec<_>>()});
-    let leaves = (0..50_000).map(|mesh| json!({"mesh": mesh}));
-    file.json["nodes"] = chain.chain([last]).chain(leaves).collect();
-    accepted(&file);
-    // Nodes that draw a mesh whose vertices all follow joints.
-    let mut file = Written::default();
-    let lots = zeros(&mut file, 30_000);
-    file.json["accessors"].as_array_mut().unwrap().push(json!({"componentType": U16, "type": "VEC4", "count": 30_000}));
-    let attributes = json!({"POSITION": lots[0], "JOINTS_0": lots[2] + 1, "WEIGHTS_0": lots[2]});
-    let none = file.accessor(U16, "SCALAR", 3, &bytes(&[0u16, 1, 2]));
-    file.json["meshes"] = json!([{"primitives": [{"attributes": attributes, "indices": none}]}]);
-    file.json["nodes"] = many(60_000, &json!({"mesh": 0, "skin": 0}));
-    file.json["skins"] = json!([{"joints": [0]}]);
-    accepted(&file);
-    // Channels of which the first says all, at a high frame rate.
-    let mut file = Written::default();
-    let few = zeros(&mut file, 3);
-    file.json["meshes"] = json!([{"primitives": [{"attributes": {"POSITION": few[0]}, "targets": [{}]}]}]);
-    file.json["nodes"] = many(2000, &json!({"mesh": 0}));
-    let (times, weights) = (file.floats(&[[0.0f32], [1.0]]), file.floats(&[[0.0f32], [1.0]]));
-    let channel = |node: usize| json!({"sampler": 0, "target": {"node": node, "path": "weights"}});
-    file.json["animations"] = json!([{"channels": (0..2000).map(channel).collect::<Vec<_>>(),
-        "samplers": [{"input": times, "output": weights}]}]);
-    let (gltf, started) = (read(&file.glb()).unwrap(), Instant::now());
-    let clip = gltf.clip(&gltf.animations[0], Some(1e6)).unwrap();
-    assert_eq!((clip.frame_count(), clip.values[500_000]), (1_000_001, 0.5));
-    assert!(started.elapsed() < SOON, "{:?}", started.elapsed());
 }
 
 #[test]
