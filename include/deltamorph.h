@@ -368,30 +368,6 @@ typedef struct DmCrowd {
     uint64_t bits;
 } DmCrowd;
 
-/// A perspective camera.
-typedef struct DmCamera {
-    /// sizeof(DmCamera).
-    uint32_t struct_size;
-    /// Height of the picture, in pixels.
-    float height;
-    /// Angle of view from bottom to top, in radians.
-    float angle;
-    /// Position, in world units.
-    float eye[3];
-} DmCamera;
-
-/// Position of an instance: a ball around all of its poses.
-typedef struct DmPlace {
-    /// sizeof(DmPlace).
-    uint32_t struct_size;
-    /// Radius of the ball, in world units.
-    float radius;
-    /// World units per input unit of the mesh; 0: 1.
-    float scale;
-    /// Middle of the ball, in world units.
-    float centre[3];
-} DmPlace;
-
 /// What memory a buffer needs.
 typedef struct DmMemoryRequest {
     /// Bytes.
@@ -644,8 +620,7 @@ typedef struct DmCrowdDesc {
     const uint32_t *queue_family;
 } DmCrowdDesc;
 
-/// Levels of detail: an instance keeps as many targets, in the order of their importance, as its size on the screen
-/// needs.
+/// Levels of detail: an instance keeps as many targets, in the order of their importance, as `dm_crowd_set_level` says.
 typedef struct DmLevelDesc {
     /// sizeof(DmLevelDesc).
     uint32_t struct_size;
@@ -656,12 +631,6 @@ typedef struct DmLevelDesc {
     struct DmMesh mesh;
     /// Names, or beginnings of names, of targets that are always kept.
     const char *const *pins;
-    /// Largest distance of a vertex from its position with all weights, in pixels: half of it for targets that are left
-    /// out, half for changes that an error budget defers; 0: 1.
-    float pixels;
-    /// Largest distance that a vertex may move from one frame to the next because the level changes, in pixels; 0:
-    /// 0.008.
-    float fade;
 } DmLevelDesc;
 
 /// Clips for a crowd that is animated on the GPU.
@@ -1088,40 +1057,11 @@ DmResult dm_bound_clip_sample(struct DmBoundClip clip, double frame, float *weig
 DmResult dm_bound_clip_destroy(struct DmBoundClip clip);
 
 /// Keep only `level` targets of an instance, in the order of their importance, from the next recorded update on; for an
-/// animated crowd made with DmAnimationDesc::level. If the instance has a position (`dm_crowd_set_place`), this is the
-/// most that is kept. A number at or above the number of targets keeps all.
+/// animated crowd made with DmAnimationDesc::level. A number at or above the number of targets keeps all.
 ///
 /// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `level`; DM_ERROR_INVALID for an instance
 /// out of range, a level below 0 or not a number, a crowd without levels of detail or one that plays no clips.
 DmResult dm_crowd_set_level(struct DmCrowd crowd, uint32_t instance, float level);
-
-/// Set the camera that levels of detail follow from the next recorded update on, for instances that have a position
-/// (`dm_crowd_set_place`). Without a camera they keep all targets.
-///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `level`; DM_ERROR_INVALID for an invalid
-/// camera; those of `dm_crowd_set_level`.
-///
-/// Safety:
-/// `camera` is a structure.
-DmResult dm_crowd_set_camera(struct DmCrowd crowd, const struct DmCamera *camera);
-
-/// Tell that the camera cuts with the next recorded update: levels of detail need not fade.
-///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `level`; DM_ERROR_INVALID for a crowd that
-/// plays no clips.
-DmResult dm_crowd_cut_camera(struct DmCrowd crowd);
-
-/// Set the position of an instance from the next recorded update on. From its first position on, its level of detail
-/// follows the camera: the GPU computes how many targets it keeps, and fades them; with `dm_crowd_cut` they change at
-/// once. With DmCrowdDesc::error_budget the instance also has an error budget of its own: half of DmLevelDesc::pixels,
-/// as a length at its distance, or the crowd's if that is less.
-///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `level`; DM_ERROR_INVALID for an invalid
-/// position; those of `dm_crowd_set_level`.
-///
-/// Safety:
-/// `place` is a structure.
-DmResult dm_crowd_set_place(struct DmCrowd crowd, uint32_t instance, const struct DmPlace *place);
 
 /// Make an engine on a device of the host's. It never submits, waits, or makes a queue or a thread.
 ///
@@ -1287,24 +1227,6 @@ DmResult dm_crowd_set_weights(struct DmCrowd crowd, uint32_t instance, const flo
 ///
 /// Errors: DM_ERROR_INVALID for a target out of range; those of `dm_crowd_set_weights`. Nothing changes then.
 DmResult dm_crowd_set_weight(struct DmCrowd crowd, uint32_t instance, uint32_t target, float weight);
-
-/// Start to log the calls on a crowd that decide its poses: weights, cuts, instances hidden, added and removed, error
-/// budgets, updates, discards. `dm_crowd_write_calls` writes them to a file, for a report: `deltamorph replay` makes
-/// the same calls on another driver, where fixed-point poses are the same bit for bit. A frame takes some 10 bytes
-/// for each weight that changes.
-///
-/// Errors: DM_ERROR_UNSUPPORTED if the library was built without the feature `calls`; DM_ERROR_INVALID for a crowd that
-/// plays clips.
-DmResult dm_crowd_log_calls(struct DmCrowd crowd);
-
-/// Append the calls logged since `dm_crowd_log_calls`, or since they were last written, to the file at `path`. Begin
-/// with a file that does not exist.
-///
-/// Errors: DM_ERROR_IO, and the calls are lost then; those of `dm_crowd_log_calls`.
-///
-/// Safety:
-/// `path` is a UTF-8 string.
-DmResult dm_crowd_write_calls(struct DmCrowd crowd, const char *path);
 
 /// Record the update of all instances of a crowd to the requested weights, or to the time set.
 ///
@@ -1722,23 +1644,11 @@ typedef char DmAnimationDesc_clips[offsetof(DmAnimationDesc, clips) == 8 ? 1 : -
 typedef char DmAnimationDesc_key_bits[offsetof(DmAnimationDesc, key_bits) == 16 ? 1 : -1];
 typedef char DmAnimationDesc_reserved[offsetof(DmAnimationDesc, reserved) == 20 ? 1 : -1];
 typedef char DmAnimationDesc_level[offsetof(DmAnimationDesc, level) == 24 ? 1 : -1];
-typedef char DmLevelDesc_sizeof[sizeof(DmLevelDesc) == 32 ? 1 : -1];
+typedef char DmLevelDesc_sizeof[sizeof(DmLevelDesc) == 24 ? 1 : -1];
 typedef char DmLevelDesc_struct_size[offsetof(DmLevelDesc, struct_size) == 0 ? 1 : -1];
 typedef char DmLevelDesc_pin_count[offsetof(DmLevelDesc, pin_count) == 4 ? 1 : -1];
 typedef char DmLevelDesc_mesh[offsetof(DmLevelDesc, mesh) == 8 ? 1 : -1];
 typedef char DmLevelDesc_pins[offsetof(DmLevelDesc, pins) == 16 ? 1 : -1];
-typedef char DmLevelDesc_pixels[offsetof(DmLevelDesc, pixels) == 24 ? 1 : -1];
-typedef char DmLevelDesc_fade[offsetof(DmLevelDesc, fade) == 28 ? 1 : -1];
-typedef char DmCamera_sizeof[sizeof(DmCamera) == 24 ? 1 : -1];
-typedef char DmCamera_struct_size[offsetof(DmCamera, struct_size) == 0 ? 1 : -1];
-typedef char DmCamera_height[offsetof(DmCamera, height) == 4 ? 1 : -1];
-typedef char DmCamera_angle[offsetof(DmCamera, angle) == 8 ? 1 : -1];
-typedef char DmCamera_eye[offsetof(DmCamera, eye) == 12 ? 1 : -1];
-typedef char DmPlace_sizeof[sizeof(DmPlace) == 24 ? 1 : -1];
-typedef char DmPlace_struct_size[offsetof(DmPlace, struct_size) == 0 ? 1 : -1];
-typedef char DmPlace_radius[offsetof(DmPlace, radius) == 4 ? 1 : -1];
-typedef char DmPlace_scale[offsetof(DmPlace, scale) == 8 ? 1 : -1];
-typedef char DmPlace_centre[offsetof(DmPlace, centre) == 12 ? 1 : -1];
 typedef char DmPlayback_sizeof[sizeof(DmPlayback) == 32 ? 1 : -1];
 typedef char DmPlayback_struct_size[offsetof(DmPlayback, struct_size) == 0 ? 1 : -1];
 typedef char DmPlayback_clip[offsetof(DmPlayback, clip) == 4 ? 1 : -1];

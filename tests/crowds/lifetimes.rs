@@ -83,7 +83,7 @@ fn what_the_engine_makes_has_names_where_the_host_wants_them() {
                 "VkBuffer|deltamorph poses".into(),
                 "VkBuffer|deltamorph work lists".into(),
                 "VkPipeline|deltamorph crowd_small".into(),
-                "VkDescriptorSet|deltamorph blocks, set 0".into(),
+                "VkDescriptorSet|deltamorph crowd, set 0".into(),
             ] {
                 let (kind, name) = kind.split_once('|').expect("a kind and a name");
                 let found = messages.lines().any(|line| line.contains(kind) && line.contains(name));

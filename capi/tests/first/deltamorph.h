@@ -32,8 +32,6 @@
 #define DM_READ_BY_RAY_TRACING_SHADERS 128
 #define DM_SKIN_LINEAR 1
 #define DM_SKIN_DUAL_QUATERNION 2
-#define DM_LAYER_OVERRIDE 1
-#define DM_LAYER_ADDITIVE 2
 #define DM_STREAM_POSITION 1
 #define DM_STREAM_NORMAL 2
 #define DM_STREAM_TANGENT 3
@@ -58,10 +56,7 @@ typedef struct DmClip { uint64_t bits; } DmClip;
 typedef struct DmClipArrays { uint32_t struct_size; uint32_t frame_count; uint32_t column_count; float fps; const char *name; const char *const *names; const float *values; } DmClipArrays;
 typedef struct DmClipInfo { uint32_t struct_size; uint32_t frame_count; uint32_t column_count; float fps; } DmClipInfo;
 typedef struct DmBoundClip { uint64_t bits; } DmBoundClip;
-typedef struct DmClipLayer { uint32_t struct_size; uint32_t blend; struct DmBoundClip clip; double time; float weight; uint32_t once; const float *mask; } DmClipLayer;
 typedef struct DmCrowd { uint64_t bits; } DmCrowd;
-typedef struct DmCamera { uint32_t struct_size; float height; float angle; float eye[3]; } DmCamera;
-typedef struct DmPlace { uint32_t struct_size; float radius; float scale; float centre[3]; } DmPlace;
 typedef struct DmMemoryRequest { uint64_t size; uint64_t alignment; uint32_t type_bits; uint32_t required; uint32_t preferred; uint32_t reserved; } DmMemoryRequest;
 typedef struct DmHostMemory { VkDeviceMemory memory; uint64_t offset; void *mapped; uint64_t token; } DmHostMemory;
 typedef int32_t (*DmAllocateMemory)(void *user, const struct DmMemoryRequest *request, struct DmHostMemory *memory);
@@ -76,10 +71,9 @@ typedef struct DmStreamView { uint32_t struct_size; uint32_t stride; VkBuffer bu
 typedef struct DmStreamPlace { uint32_t stream; uint32_t offset; } DmStreamPlace;
 typedef struct DmHostPoses { uint32_t struct_size; uint32_t stride; VkBuffer buffer; uint64_t offset; const struct DmStreamPlace *streams; uint32_t stream_count; uint32_t reserved; } DmHostPoses;
 typedef struct DmCrowdDesc { uint32_t struct_size; uint32_t instances; uint32_t path; uint32_t batch; uint32_t mode; uint32_t slots; uint32_t pose_format; uint32_t frames_in_flight; uint32_t consumers; float tolerance; float weight_max; float error_budget; uint32_t pose_usage; uint32_t reserved; const struct DmHostPoses *poses; const uint32_t *queue_family; } DmCrowdDesc;
-typedef struct DmLevelDesc { uint32_t struct_size; uint32_t pin_count; struct DmMesh mesh; const char *const *pins; float pixels; float fade; } DmLevelDesc;
+typedef struct DmLevelDesc { uint32_t struct_size; uint32_t pin_count; struct DmMesh mesh; const char *const *pins; } DmLevelDesc;
 typedef struct DmAnimationDesc { uint32_t struct_size; uint32_t clip_count; const struct DmClip *clips; uint32_t key_bits; uint32_t reserved; const struct DmLevelDesc *level; } DmAnimationDesc;
 typedef struct DmPlayback { uint32_t struct_size; uint32_t clip; double start; double speed; uint32_t once; uint32_t reserved; } DmPlayback;
-typedef struct DmCrowds { uint64_t bits; } DmCrowds;
 typedef struct DmTicket { uint64_t crowd; uint64_t number; } DmTicket;
 typedef struct DmUpdate { uint32_t struct_size; float bound; struct DmTicket ticket; uint64_t coefficients; uint64_t passes; uint64_t rebuilt; uint64_t dirty_blocks; uint64_t rebuilt_blocks; uint64_t bytes_moved; uint64_t bytes_floor; } DmUpdate;
 typedef struct DmReadback { uint64_t bits; } DmReadback;
@@ -125,11 +119,7 @@ DmResult dm_clip_destroy(struct DmClip clip);
 DmResult dm_clip_bind(struct DmClip clip, struct DmMesh mesh, struct DmBoundClip *bound);
 DmResult dm_bound_clip_sample(struct DmBoundClip clip, double frame, float *weights, uint32_t count);
 DmResult dm_bound_clip_destroy(struct DmBoundClip clip);
-DmResult dm_clips_mix(const struct DmClipLayer *layers, uint32_t count, float *weights, uint32_t weight_count);
 DmResult dm_crowd_set_level(struct DmCrowd crowd, uint32_t instance, float level);
-DmResult dm_crowd_set_camera(struct DmCrowd crowd, const struct DmCamera *camera);
-DmResult dm_crowd_cut_camera(struct DmCrowd crowd);
-DmResult dm_crowd_set_place(struct DmCrowd crowd, uint32_t instance, const struct DmPlace *place);
 DmResult dm_engine_create(const struct DmEngineDesc *desc, struct DmEngine *engine);
 DmResult dm_engine_info(struct DmEngine engine, struct DmEngineInfo *info);
 DmResult dm_engine_memory(struct DmEngine engine, struct DmMemory *memory);
@@ -151,13 +141,6 @@ DmResult dm_crowd_play(struct DmCrowd crowd, uint32_t instance, const struct DmP
 DmResult dm_crowd_set_time(struct DmCrowd crowd, double seconds);
 DmResult dm_crowd_set_weights(struct DmCrowd crowd, uint32_t instance, const float *weights, uint32_t count);
 DmResult dm_crowd_set_weight(struct DmCrowd crowd, uint32_t instance, uint32_t target, float weight);
-DmResult dm_crowd_log_calls(struct DmCrowd crowd);
-DmResult dm_crowd_write_calls(struct DmCrowd crowd, const char *path);
-DmResult dm_crowds_create(const struct DmCrowd *crowds, uint32_t count, struct DmCrowds *set);
-DmResult dm_crowds_bind(struct DmCrowds set, const char *const *names, uint32_t count);
-DmResult dm_crowds_names(struct DmCrowds set, uint32_t *count, const char **names);
-DmResult dm_crowds_set_weights(struct DmCrowds set, uint32_t instance, const float *weights, uint32_t count);
-DmResult dm_crowds_destroy(struct DmCrowds set);
 DmResult dm_record_update(VkCommandBuffer cmd, struct DmCrowd crowd, struct DmUpdate *update);
 DmResult dm_record_updates(VkCommandBuffer cmd, uint32_t count, const struct DmCrowd *crowds, struct DmUpdate *updates);
 DmResult dm_crowd_discard(struct DmCrowd crowd, struct DmTicket ticket);
