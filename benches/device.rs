@@ -5,11 +5,12 @@
 //! the built-in head. Without a list: 1,10,100,1000,10000 heads, which takes a GPU a minute; 1,4 are for a software
 //! driver.
 
+use deltamorph::device::DeviceTuning;
 use deltamorph::import::obj;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    AnimationDesc, BlockDesc, CrowdDesc, DeltaFormat, DeviceTuning, MorphMesh, PackedMesh, Playback, PoseFormat,
-    Result, Tolerance, UpdateDesc, WeightClip,
+    AnimationDesc, BlockDesc, CrowdDesc, DeltaFormat, MorphMesh, PackedMesh, Playback, PoseFormat, Result, Tolerance,
+    UpdateDesc, WeightClip,
 };
 use deltamorph_benches::{median, noise};
 use deltamorph_head::{HeadDesc, head};

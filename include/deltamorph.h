@@ -1286,10 +1286,7 @@ DmResult dm_crowd_set_weights(struct DmCrowd crowd, uint32_t instance, const flo
 /// others keep the requested weights.
 ///
 /// Errors: DM_ERROR_INVALID for a target out of range; those of `dm_crowd_set_weights`. Nothing changes then.
-DmResult dm_crowd_set_weight(struct DmCrowd crowd,
-                             uint32_t instance,
-                             uint32_t target,
-                             float weight);
+DmResult dm_crowd_set_weight(struct DmCrowd crowd, uint32_t instance, uint32_t target, float weight);
 
 /// Start to log the calls on a crowd that decide its poses: weights, cuts, instances hidden, added and removed, error
 /// budgets, updates, discards. `dm_crowd_write_calls` writes them to a file, for a report: `deltamorph replay` makes

@@ -92,10 +92,7 @@ mod update;
 mod weights;
 
 pub use after::DecodeTarget;
-pub use asset::{
-    Corner, Faces, Measure, MeshArrays, MorphMesh, MorphSource, MorphTarget, RenderVertices, Semantic, SourceTarget,
-    StreamData, StreamDeltas, StreamPlace, TargetArrays, Tolerance,
-};
+pub use asset::{MeshArrays, MorphMesh, MorphSource, Semantic, TargetArrays, Tolerance};
 pub use cpu::CpuCrowd;
 pub use crowd::CrowdBase;
 pub use engine::{
@@ -103,15 +100,11 @@ pub use engine::{
     StreamView, Ticket, Update,
 };
 pub use error::{Error, ErrorKind, Result};
-pub use gpu::caps::{DeviceCaps, DeviceKind, Requirement, TransformFeedbackCaps};
+pub use gpu::caps::DeviceCaps;
 pub use gpu::device::DeviceDesc;
-pub use gpu::tuning::{DeviceClass, DeviceTuning};
-pub use pack::blocks::{BLOCK_SIZES, BlockDesc, BlockIndex, PoseGrid};
+pub use pack::blocks::BlockDesc;
 pub use pack::file::Asset;
-pub use pack::{
-    DeltaFormat, POSE_FLOATS, PackDesc, PackedGroup, PackedLayout, PackedMesh, PackedTarget, PoseError, PoseFormat,
-    VertexLayout,
-};
+pub use pack::{DeltaFormat, POSE_FLOATS, PackDesc, PackedLayout, PackedMesh, PoseError, PoseFormat, VertexLayout};
 pub use plan::bounds::{Bounds, WeightBounds};
 pub use plan::{BatchSize, Consumers, UpdateDesc, UpdateMode, UpdatePath, UpdateStats};
 pub use update::animated::{AnimationDesc, Clips, KeyFormat, Playback};
@@ -119,6 +112,26 @@ pub use update::crowd::{CrowdDesc, HostPoses};
 pub use update::requirements;
 pub use weights::{BoundClip, Repeat, WeightClip, normalise_weights};
 pub use {ash, glam, gpu_allocator};
+
+/// What a [`MorphSource`] and a [`MorphMesh`] hold: faces, targets, and streams of values for each vertex.
+pub mod mesh {
+    pub use crate::asset::{
+        Corner, Faces, Measure, MorphTarget, RenderVertices, SourceTarget, StreamData, StreamDeltas, StreamPlace,
+    };
+}
+
+/// What a [`PackedMesh`] and its [`PackedLayout`] hold: groups of streams, targets, blocks and the grid of fixed-point
+/// poses.
+pub mod packed {
+    pub use crate::pack::blocks::{BLOCK_SIZES, BlockIndex, PoseGrid};
+    pub use crate::pack::{PackedGroup, PackedTarget};
+}
+
+/// What [`DeviceCaps`] and [`requirements`] tell of a device, and the kernels that are chosen for it.
+pub mod device {
+    pub use crate::gpu::caps::{DeviceKind, Requirement, TransformFeedbackCaps};
+    pub use crate::gpu::tuning::{DeviceClass, DeviceTuning};
+}
 
 /// Device memory: allocators, functions of the host's in their place, and what the engine takes.
 pub mod memory {

@@ -3,8 +3,9 @@
 use crate::output::Failure;
 use crate::runner::{Frame, Runner, Setup, Stage};
 use crate::table::{sig3, thousands};
+use deltamorph::packed::PoseGrid;
 use deltamorph::reference::{SHORTEST_NORMAL, angle_degrees, compare, evaluate, evaluate_unpacked};
-use deltamorph::{MorphMesh, POSE_FLOATS, PackedLayout, PoseError, PoseGrid, UpdateDesc, UpdateStats};
+use deltamorph::{MorphMesh, POSE_FLOATS, PackedLayout, PoseError, UpdateDesc, UpdateStats};
 use glam::DVec3;
 use serde::Serialize;
 use std::sync::Arc;
@@ -293,9 +294,9 @@ impl<'a> Checks<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use deltamorph::mesh::SourceTarget;
     use deltamorph::{
-        BatchSize, CpuCrowd, DeltaFormat, MorphSource, PackDesc, PackedMesh, PoseFormat, SourceTarget, Tolerance,
-        UpdatePath,
+        BatchSize, CpuCrowd, DeltaFormat, MorphSource, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdatePath,
     };
     use glam::Vec3;
 

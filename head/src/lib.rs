@@ -24,7 +24,8 @@ mod targets;
 
 pub use clip::head_clip;
 use deltamorph::glam::{Vec2, Vec3};
-use deltamorph::{Corner, Faces, MorphSource, setters};
+use deltamorph::mesh::{Corner, Faces};
+use deltamorph::{MorphSource, setters};
 use mesh::{Part, Spot};
 pub use random::Rng;
 

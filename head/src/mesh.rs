@@ -5,7 +5,7 @@ use super::rows::rows;
 use super::shape::{self, SECTIONS, section};
 use super::{EYE, HALF_MOUTH, parts};
 use deltamorph::glam::{Vec2, Vec3};
-use deltamorph::{Corner, Faces};
+use deltamorph::mesh::{Corner, Faces};
 use std::f32::consts::PI;
 
 /// The part that a vertex belongs to.

@@ -4,8 +4,8 @@ use super::mesh::{Part, Slit, Spot};
 use super::motion::Motion::{self, Jaw, Look, Puff, Purse, Shift, Tongue};
 use super::motion::{Lip, Lobe, clear_of_eyes};
 use super::{HeadDesc, Rng};
-use deltamorph::SourceTarget;
 use deltamorph::glam::Vec3;
+use deltamorph::mesh::SourceTarget;
 #[cfg(feature = "threads")]
 use rayon::prelude::*;
 

@@ -18,7 +18,8 @@ pub use draw::{PoseUpload, Uploaded};
 pub use wait::wait_idle;
 
 use deltamorph::ash::{self, vk};
-use deltamorph::{DeviceCaps, DeviceDesc, DeviceTuning, Error, GpuMesh, MorphEngine, Result, setters};
+use deltamorph::device::DeviceTuning;
+use deltamorph::{DeviceCaps, DeviceDesc, Error, GpuMesh, MorphEngine, Result, setters};
 use std::borrow::Cow;
 use std::ffi::{CStr, c_void};
 use std::sync::{Arc, Mutex, PoisonError};

@@ -39,13 +39,16 @@ impl View {
         let away = |p: Vec3| back.dot(self.eye - p);
         let (nearest, furthest) =
             points.filter(|p| p.is_finite()).map(away).fold((f32::MAX, 0.0f32), |(n, f), a| (n.min(a), f.max(a)));
-        let (distance, radius) = (away(self.ball.0), self.ball.1);
+        let distance = away(self.ball.0);
+        let radius = self.ball.1;
         let least = distance * 0.02;
-        let (near, far) = ((distance - 1.5 * radius).max(least), distance + 1.5 * radius);
+        let near = (distance - 1.5 * radius).max(least);
+        let far = distance + 1.5 * radius;
         if nearest >= near && furthest <= far {
             return;
         }
-        let (near, far) = ((nearest - 0.1 * radius).clamp(least, near), far.max(furthest + 0.1 * radius));
+        let near = (nearest - 0.1 * radius).clamp(least, near);
+        let far = far.max(furthest + 0.1 * radius);
         let deep = far / (near - far);
         let row = (back * deep).extend(near * deep - deep * back.dot(self.eye));
         let transposed = self.clip.transpose();
@@ -70,14 +73,16 @@ impl Camera {
         let axes = [right, back.cross(right), back];
         let seen = |p: Vec3| Vec3::from(axes.map(|axis| axis.dot(p)));
         let points = points.filter(|p| p.is_finite()).map(seen);
-        let (mut low, mut high) = (Vec3::MAX, Vec3::MIN);
+        let mut low = Vec3::MAX;
+        let mut high = Vec3::MIN;
         points.clone().for_each(|p| (low, high) = (low.min(p), high.max(p)));
         if low.x > high.x {
             (low, high) = (Vec3::NEG_ONE, Vec3::ONE);
         }
         let middle = (low + high) / 2.0;
         let half = (self.angle.to_radians() / 2.0).tan();
-        let (across, up) = (half * aspect * (1.0 - margin), half * (1.0 - margin));
+        let across = half * aspect * (1.0 - margin);
+        let up = half * (1.0 - margin);
         let needed = |p: Vec3| (p.x / across).abs().max((p.y / up).abs()) + p.z;
         let radius = points.clone().map(|p| p.distance_squared(middle)).fold(0.0, f32::max).sqrt();
         let radius = if radius > 0.0 { radius } else { 1.0 };
@@ -85,11 +90,13 @@ impl Camera {
         let centre = axes[0] * middle.x + axes[1] * middle.y + axes[2] * middle.z;
         let eye = centre + back * distance;
         // Wider than the fitted base pose, since poses reach further.
-        let (near, far) = ((distance - 1.5 * radius).max(distance * 0.02), distance + 1.5 * radius);
+        let near = (distance - 1.5 * radius).max(distance * 0.02);
+        let far = distance + 1.5 * radius;
         let row = |axis: Vec3| axis.extend(-axis.dot(eye));
         let to_camera = Mat4::from_cols(row(axes[0]), row(axes[1]), row(axes[2]), Vec4::W).transpose();
         // Depth is 0 at `near` and 1 at `far`; Vulkan's y points down.
-        let (flat, deep) = (1.0 / half, far / (near - far));
+        let flat = 1.0 / half;
+        let deep = far / (near - far);
         let projection = Mat4::from_cols(
             Vec4::new(flat / aspect, 0.0, 0.0, 0.0),
             Vec4::new(0.0, -flat, 0.0, 0.0),

@@ -18,7 +18,8 @@ const MARGIN: f32 = 2e-3;
 
 /// Returns whether all of `bounds` is on the outer side of one plane of the clip volume.
 pub(crate) fn is_outside(clip: &Mat4, bounds: &Bounds) -> bool {
-    let (low, high) = (Vec3::from(bounds.min), Vec3::from(bounds.max));
+    let low = Vec3::from(bounds.min);
+    let high = Vec3::from(bounds.max);
     let corner = |i: u32| Vec3::select(glam::BVec3::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), low, high);
     let corners: [Vec4; 8] = std::array::from_fn(|i| *clip * corner(i as u32).extend(1.0));
     PLANES.iter().any(|plane| corners.iter().all(|p| plane.dot(*p) < -MARGIN * p.abs().element_sum()))
@@ -67,17 +68,21 @@ mod tests {
         let packed = PackedMesh::pack(&mesh, &Default::default()).expect("a mesh that packs");
         let bounds = PoseBounds::new(&packed, &UpdateDesc::blocks()).expect("bounds").of(&[]);
         let view = Camera::default().fit(mesh.positions.iter().copied(), 1.5, 0.1);
-        let (mut rng, mut outside, mut empty) = (Rng::new(7, 0), 0, 0);
+        let mut rng = Rng::new(7, 0);
+        let mut outside = 0;
+        let mut empty = 0;
         for _ in 0..3000 {
             let mut random = || Vec3::from([0; 3].map(|_| rng.range(-1.0, 1.0)));
-            let (axis, turn) = (random().normalize(), random().x * 3.0);
+            let axis = random().normalize();
+            let turn = random().x * 3.0;
             let place = Mat4::from_translation(random() * 6.0 * view.ball.1) * Mat4::from_axis_angle(axis, turn);
             let clip = view.clip * place;
             let is_inside = |p: &Vec3| {
                 let [x, y, z, w] = (clip * p.extend(1.0)).to_array();
                 x.abs() <= w && y.abs() <= w && (0.0..=w).contains(&z)
             };
-            let (culled, seen) = (is_outside(&clip, &bounds), mesh.positions.iter().any(is_inside));
+            let culled = is_outside(&clip, &bounds);
+            let seen = mesh.positions.iter().any(is_inside);
             assert!(!(culled && seen), "{place}");
             (outside, empty) = (outside + u32::from(culled), empty + u32::from(!seen));
         }

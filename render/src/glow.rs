@@ -25,7 +25,8 @@ impl Glow {
         self.pieces.iter_mut().for_each(|piece| *piece *= kept);
         for vertices in changed {
             let most = self.pieces.len();
-            let (first, end) = ((vertices.start / PIECE) as usize, (vertices.end.div_ceil(PIECE) as usize).min(most));
+            let first = (vertices.start / PIECE) as usize;
+            let end = (vertices.end.div_ceil(PIECE) as usize).min(most);
             self.pieces[first.min(end)..end].fill(1.0);
         }
     }

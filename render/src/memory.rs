@@ -76,7 +76,8 @@ impl Buffer {
         let info = vk::BufferCreateInfo::default().size(bytes as u64).usage(usage);
         // SAFETY: the device is alive as long as `gpu`; what is made is destroyed by `drop`.
         let raw = unsafe { gpu.device.create_buffer(&info, None) }.map_err(failed("vkCreateBuffer"))?;
-        let (memory, mapped) = (vk::DeviceMemory::null(), std::ptr::null_mut());
+        let memory = vk::DeviceMemory::null();
+        let mapped = std::ptr::null_mut();
         let mut this = Self { gpu: gpu.clone(), raw, memory, bytes, mapped };
         let shared = vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT;
         let wished = if cached { vk::MemoryPropertyFlags::HOST_CACHED } else { vk::MemoryPropertyFlags::empty() };
@@ -156,7 +157,8 @@ impl Image {
         // size that fit the image.
         unsafe {
             let raw = gpu.device.create_image(&info.samples(desc.samples), None).map_err(failed("vkCreateImage"))?;
-            let (view, memory) = (vk::ImageView::null(), vk::DeviceMemory::null());
+            let view = vk::ImageView::null();
+            let memory = vk::DeviceMemory::null();
             let mut this = Self { gpu: gpu.clone(), raw, view, memory };
             let needs = gpu.device.get_image_memory_requirements(raw);
             this.memory = gpu.allocate(needs, Default::default(), vk::MemoryPropertyFlags::DEVICE_LOCAL)?;

@@ -62,7 +62,8 @@ impl Model {
         parts: &[Part],
     ) -> Result<Self> {
         let places = places_of(mesh, layout)?;
-        let (base, padded) = (uploaded.base_pose(), uploaded.base_pose().size as usize / 24);
+        let base = uploaded.base_pose();
+        let padded = uploaded.base_pose().size as usize / 24;
         let block = layout.blocks.as_ref().map_or(padded.max(1), |blocks| blocks.size()) as u32;
         Self::placed(renderer, mesh, parts, places, ((base.buffer, base.offset), padded, block))
     }
@@ -72,12 +73,14 @@ impl Model {
     /// # Errors
     /// There is no memory.
     pub(crate) fn set_still(&mut self, renderer: &Renderer, mesh: &MorphMesh, parts: &[Part]) -> Result<()> {
-        let (gpu, vertices) = (&renderer.gpu, vk::BufferUsageFlags::VERTEX_BUFFER);
+        let gpu = &renderer.gpu;
+        let vertices = vk::BufferUsageFlags::VERTEX_BUFFER;
         let base: Vec<Vec3> = mesh.positions.iter().zip(&mesh.normals).flat_map(|(p, n)| [*p, *n]).collect();
         let stands = [&base, &vec![Vec3::ZERO; base.len()]].map(|all| Buffer::filled(gpu, cast_slice(all), vertices));
         let [base, zeros] = stands;
         let stands = [base?, zeros?];
-        let (count, base) = (mesh.vertex_count(), (stands[0].raw, 0));
+        let count = mesh.vertex_count();
+        let base = (stands[0].raw, 0);
         let places = (0..count as u32).collect();
         let still = Self::placed(renderer, mesh, parts, places, (base, count, count.max(1) as u32))?;
         self.still = Some(Box::new(Self { stands: Some(stands), ..still }));
@@ -128,7 +131,8 @@ impl Model {
             .fold((Vec3::MAX, Vec3::MIN), |(low, high), p| (low.min(p), high.max(p)));
         let mut texcoords = vec![Vec2::ZERO; padded];
         places.iter().zip(&render.texcoords).for_each(|(&place, &texcoord)| texcoords[place as usize] = texcoord);
-        let (gpu, vertices) = (&renderer.gpu, vk::BufferUsageFlags::VERTEX_BUFFER);
+        let gpu = &renderer.gpu;
+        let vertices = vk::BufferUsageFlags::VERTEX_BUFFER;
         let filled = |indices: &[u32]| Buffer::filled(gpu, cast_slice(indices), vk::BufferUsageFlags::INDEX_BUFFER);
         Ok(Self {
             indices: filled(&indices)?,

@@ -154,7 +154,8 @@ fn pieces(mesh: &MorphMesh, faces: &[(Option<Material>, [u32; 3])]) -> Vec<(Opti
         let c = root(&mut parents, c);
         parents[c as usize] = a;
     }
-    let (mut numbers, mut pieces) = (HashMap::new(), vec![]);
+    let mut numbers = HashMap::new();
+    let mut pieces = vec![];
     for (material, triangle) in faces {
         let key = (root(&mut parents, welded(triangle[0])), *material);
         let at = *numbers.entry(key).or_insert_with(|| {
@@ -179,7 +180,9 @@ fn sphere(mesh: &MorphMesh, triangles: &[[u32; 3]]) -> Option<Vec4> {
     let origin = middle(mesh, triangles);
     let points = || positions(mesh, triangles).map(|p| p - origin);
     // With the points' mean as origin, the middle has its own equation: 2 (Σ p pᵀ) c = Σ |p|² p.
-    let (mut products, mut right, mut squares) = (Mat3::ZERO, Vec3::ZERO, 0.0);
+    let mut products = Mat3::ZERO;
+    let mut right = Vec3::ZERO;
+    let mut squares = 0.0;
     for p in points() {
         products += Mat3::from_cols(p * p.x, p * p.y, p * p.z);
         right += p * p.length_squared();

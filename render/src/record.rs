@@ -47,7 +47,8 @@ impl Renderer {
         scene: &Scene,
         background: [f32; 4],
     ) -> Result<[usize; 2]> {
-        let (seen, mut draws) = (target.write(scene, model, heads)?, [0; 2]);
+        let seen = target.write(scene, model, heads)?;
+        let mut draws = [0; 2];
         target.check_glow(model, scene.show)?;
         self.check_masks(heads, scene.show)?;
         let device = &self.gpu.device;
@@ -146,7 +147,8 @@ impl Renderer {
         let device = &self.gpu.device;
         let standing = model.standing(self, head);
         let head = standing.as_ref().unwrap_or(head);
-        let (base, both) = (&model.base, vk::ShaderStageFlags::VERTEX | vk::ShaderStageFlags::FRAGMENT);
+        let base = &model.base;
+        let both = vk::ShaderStageFlags::VERTEX | vk::ShaderStageFlags::FRAGMENT;
         let masks = head.masks.map_or((head.buffer, head.offset), |masks| (masks.buffer, masks.offset));
         let buffers = [head.buffer, base.0, model.texcoords.raw, head.previous.0, masks.0];
         let offsets = [head.offset, base.1, 0, head.previous.1, masks.1];
@@ -158,7 +160,8 @@ impl Renderer {
         let indices = if what == What::Edges { &model.edges.0 } else { &model.indices };
         // SAFETY: the caller's obligations; model and target are alive.
         unsafe {
-            let (point, dynamic) = (vk::PipelineBindPoint::GRAPHICS, target.offset_of(number));
+            let point = vk::PipelineBindPoint::GRAPHICS;
+            let dynamic = target.offset_of(number);
             device.cmd_bind_descriptor_sets(cmd, point, self.layout, 0, &[target.set], &[dynamic]);
             device.cmd_bind_vertex_buffers(cmd, 0, &buffers[..bound], &offsets[..bound]);
             device.cmd_bind_index_buffer(cmd, indices.raw, 0, vk::IndexType::UINT32);

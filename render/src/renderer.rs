@@ -145,7 +145,8 @@ impl Renderer {
         self.shadow = self.pipeline(self.shadow_pass, &[modules.shadow], (bindings, attributes), Drawn::All)?;
         self.lines = self.pictured(modules.face, self.input(false), Drawn::Lines)?;
         for (side, cull) in [vk::CullModeFlags::BACK, vk::CullModeFlags::FRONT].into_iter().enumerate() {
-            let (faces, plain) = (Drawn::Faces { cull, plain: false }, Drawn::Faces { cull, plain: true });
+            let faces = Drawn::Faces { cull, plain: false };
+            let plain = Drawn::Faces { cull, plain: true };
             self.shaded[side] = self.pictured(modules.face, self.input(false), faces)?;
             self.plain[side] = self.pictured(modules.face, self.input(false), plain)?;
             self.motion[side] = self.pictured(modules.motion, self.input(true), faces)?;
@@ -200,7 +201,9 @@ impl Renderer {
             12 => vk::Format::R16G16_SINT,
             _ => vk::Format::R32G32_SINT,
         };
-        let (binding, location, stride) = (MASK_BINDING, MASK_LOCATION, bindings[0].stride);
+        let binding = MASK_BINDING;
+        let location = MASK_LOCATION;
+        let stride = bindings[0].stride;
         bindings.push(vk::VertexInputBindingDescription::default().binding(binding).stride(stride));
         attributes.push(vk::VertexInputAttributeDescription { location, binding, format, offset: 0 });
         (bindings, attributes)
@@ -214,7 +217,8 @@ impl Renderer {
         (bindings, attributes): Input,
         drawn: Drawn,
     ) -> Result<vk::Pipeline> {
-        let (device, colours) = (&self.gpu.device, code.len() > 1);
+        let device = &self.gpu.device;
+        let colours = code.len() > 1;
         let mut made = vec![];
         for bytes in code {
             let words: Vec<u32> = bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect();

@@ -102,7 +102,9 @@ impl Masks {
 impl Head {
     /// Makes a head of a crowd's pose, without a previous pose.
     pub(crate) fn new(pose: &PoseView, place: Mat4) -> Self {
-        let (buffer, offset, units) = (pose.buffer, pose.offset, pose.units);
+        let buffer = pose.buffer;
+        let offset = pose.offset;
+        let units = pose.units;
         Self { buffer, offset, units, place, previous: (buffer, offset), masks: None, bounds: None, still: None }
     }
 
@@ -195,7 +197,8 @@ impl Scene {
 /// around the base pose with room for poses.
 fn shadow(key: Vec3, centre: Vec3, radius: f32) -> Mat4 {
     let right = key.any_orthonormal_vector();
-    let (up, reach) = (key.cross(right), 1.0 / (2.4 * radius));
+    let up = key.cross(right);
+    let reach = 1.0 / (2.4 * radius);
     let row = |axis: Vec3| (axis * reach).extend(0.5 - axis.dot(centre) * reach);
     Mat4::from_cols(row(right), row(up), row(-key), Vec4::W).transpose()
 }
@@ -206,7 +209,8 @@ mod tests {
 
     #[test]
     fn the_shadow_map_holds_the_ball() {
-        let (key, centre) = (Vec3::new(0.3, 0.6, 0.74).normalize(), Vec3::new(3.0, -2.0, 9.0));
+        let key = Vec3::new(0.3, 0.6, 0.74).normalize();
+        let centre = Vec3::new(3.0, -2.0, 9.0);
         let to_map = shadow(key, centre, 5.0);
         for axis in [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, key, -key] {
             let place = to_map.project_point3(centre + axis * 5.0);

@@ -51,13 +51,17 @@ impl Target {
         heads: u32,
     ) -> Result<Self> {
         use vk::ImageUsageFlags as Usage;
-        let (gpu, heads) = (renderer.gpu.clone(), heads.max(1) as usize);
+        let gpu = renderer.gpu.clone();
+        let heads = heads.max(1) as usize;
         let of = |extent, format, samples, usage, aspect| {
             Image::new(&gpu, &ImageDesc { extent, format, samples, usage, aspect })
         };
-        let (depth, passing) = (Usage::DEPTH_STENCIL_ATTACHMENT, Usage::TRANSIENT_ATTACHMENT);
-        let (format, one) = (renderer.desc.format, vk::SampleCountFlags::TYPE_1);
-        let (coloured, deep) = (vk::ImageAspectFlags::COLOR, vk::ImageAspectFlags::DEPTH);
+        let depth = Usage::DEPTH_STENCIL_ATTACHMENT;
+        let passing = Usage::TRANSIENT_ATTACHMENT;
+        let format = renderer.desc.format;
+        let one = vk::SampleCountFlags::TYPE_1;
+        let coloured = vk::ImageAspectFlags::COLOR;
+        let deep = vk::ImageAspectFlags::DEPTH;
         let edge = vk::Extent2D { width: SHADOW_EDGE, height: SHADOW_EDGE };
         let images = [
             of(extent, format, SAMPLES, Usage::COLOR_ATTACHMENT | passing, coloured)?,
@@ -68,7 +72,9 @@ impl Target {
         let stride = size_of::<HeadScene>().next_multiple_of(alignment.max(1));
         let scenes = Buffer::new(&gpu, stride * heads, vk::BufferUsageFlags::UNIFORM_BUFFER, false)?;
         let glow = Buffer::new(&gpu, 4, vk::BufferUsageFlags::STORAGE_BUFFER, false)?;
-        let (framebuffer, set, pool) = (vk::Framebuffer::null(), vk::DescriptorSet::null(), vk::DescriptorPool::null());
+        let framebuffer = vk::Framebuffer::null();
+        let set = vk::DescriptorSet::null();
+        let pool = vk::DescriptorPool::null();
         let shadow_framebuffer = framebuffer;
         let mut this = Self {
             gpu,

@@ -7,7 +7,8 @@
 //! Masks are a stream of the mesh ([`Semantic::Mask`]): [`add`] makes it, packing includes it, and updates sum it on
 //! the device, writing only changes. A mesh without the stream has no cost.
 
-use deltamorph::{MorphMesh, PackedMesh, PoseFormat, Semantic, StreamData, StreamDeltas};
+use deltamorph::mesh::{StreamData, StreamDeltas};
+use deltamorph::{MorphMesh, PackedMesh, PoseFormat, Semantic};
 use glam::Vec3;
 use std::collections::BTreeSet;
 
@@ -18,7 +19,8 @@ pub fn add(mesh: &mut MorphMesh) {
     if mesh.streams.iter().any(|stream| stream.semantic == Semantic::Mask) {
         return;
     }
-    let (count, edges) = (mesh.vertex_count(), edges_at(mesh));
+    let count = mesh.vertex_count();
+    let edges = edges_at(mesh);
     let masks: Vec<StreamDeltas> = mesh
         .targets
         .iter()
@@ -95,10 +97,12 @@ fn compressed(mesh: &MorphMesh, moved: &[Vec3], vertex: usize, others: &[u32]) -
     let normal = mesh.normals[vertex];
     let up = normal.cross(Vec3::Y).cross(normal).normalize_or_zero();
     let axes = [up, up.cross(normal)];
-    let (mut sums, mut shares) = ([0.0; 2], [0.0; 2]);
+    let mut sums = [0.0; 2];
+    let mut shares = [0.0; 2];
     for &other in others {
         let rest = mesh.positions[other as usize] - mesh.positions[vertex];
-        let (length, now) = (rest.length(), (rest + moved[other as usize] - moved[vertex]).length());
+        let length = rest.length();
+        let now = (rest + moved[other as usize] - moved[vertex]).length();
         if length > 0.0 {
             for (axis, (sum, share)) in axes.iter().zip(sums.iter_mut().zip(&mut shares)) {
                 let cosine = axis.dot(rest) / length;
@@ -113,8 +117,9 @@ fn compressed(mesh: &MorphMesh, moved: &[Vec3], vertex: usize, others: &[u32]) -
 #[cfg(test)]
 mod tests {
     use super::*;
+    use deltamorph::mesh::{Corner, Faces, MorphTarget};
     use deltamorph::reference::{evaluate_group, evaluate_unpacked_group};
-    use deltamorph::{Corner, DeltaFormat, Faces, MorphTarget, PackDesc, Tolerance};
+    use deltamorph::{DeltaFormat, PackDesc, Tolerance};
 
     const SIDE: u32 = 9;
 
@@ -161,7 +166,8 @@ mod tests {
 
     #[test]
     fn masks_are_the_share_that_edges_lose_in_each_direction() {
-        let (flatter, wider) = (|p: Vec3| p * Vec3::new(1.0, 0.7, 1.0), |p: Vec3| p * Vec3::new(1.25, 1.0, 1.0));
+        let flatter = |p: Vec3| p * Vec3::new(1.0, 0.7, 1.0);
+        let wider = |p: Vec3| p * Vec3::new(1.25, 1.0, 1.0);
         let turned = |p: Vec3| Vec3::new(-p.y, p.x, 0.0);
         let near = |masks: Vec<[f32; 2]>, want: [f32; 2]| {
             for mask in masks {

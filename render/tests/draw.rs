@@ -81,7 +81,8 @@ fn difference(a: &Picture, b: &Picture) -> (f64, usize) {
 
 #[test]
 fn every_format_of_poses_draws_the_same_pictures() {
-    let (mesh, mut frames) = (mesh(&source()), frames(5));
+    let mesh = mesh(&source());
+    let mut frames = frames(5);
     // An expression unlike those of the clip.
     frames[3].iter_mut().step_by(3).for_each(|weight| *weight = 0.5);
     let camera = Camera { yaw: 20.0, ..Camera::default() };
@@ -112,7 +113,8 @@ fn every_format_of_poses_draws_the_same_pictures() {
 
 #[test]
 fn what_changed_is_lit_and_nothing_else() {
-    let (mesh, mut frames) = (mesh(&source()), frames(2));
+    let mesh = mesh(&source());
+    let mut frames = frames(2);
     // One corner of the mouth, then none.
     frames[1] = frames[0].clone();
     let target = mesh.targets.iter().position(|target| target.name == "mouthSmileLeft").expect("a target");
@@ -145,12 +147,14 @@ fn what_changed_is_lit_and_nothing_else() {
 #[test]
 fn wrinkles_come_where_skin_is_compressed_and_nowhere_else() {
     // The brows are near the end of ARKit's targets.
-    let (mesh, update) = (mesh(&head(&HeadDesc::default().vertices(6000).targets(52))), UpdateDesc::blocks());
+    let mesh = mesh(&head(&HeadDesc::default().vertices(6000).targets(52)));
+    let update = UpdateDesc::blocks();
     let mut raised = vec![0.0; mesh.targets.len()];
     for (target, weight) in mesh.targets.iter().zip(&mut raised) {
         *weight = f32::from(u8::from(target.name.starts_with("browOuterUp") || target.name == "browInnerUp"));
     }
-    let (rest, mut masked) = (vec![0.0; raised.len()], mesh.clone());
+    let rest = vec![0.0; raised.len()];
+    let mut masked = mesh.clone();
     wrinkles::add(&mut masked);
     let frames = [rest, raised];
     on_every_device(|headless| {
@@ -171,7 +175,8 @@ fn wrinkles_come_where_skin_is_compressed_and_nowhere_else() {
         assert!(mean > 0.02 && lines > 50, "{mean}, {lines}: the forehead folds");
         // Nothing is compressed below the eyes.
         let below = (SIZE[0] * SIZE[1] * 4) as usize * 2 / 3;
-        let (chin, plain) = (&folded.rgba[below..], &plain.rgba[below..]);
+        let chin = &folded.rgba[below..];
+        let plain = &plain.rgba[below..];
         assert!(chin.iter().zip(plain).all(|(a, b)| a.abs_diff(*b) <= 2), "the chin stays smooth");
         for (pose, path) in [
             (PoseFormat::Fixed16, UpdatePath::Blocks),
@@ -197,7 +202,8 @@ fn wrinkles_come_where_skin_is_compressed_and_nowhere_else() {
 
 #[test]
 fn vertices_doubled_at_a_seam_change_no_pixel() {
-    let (whole, split) = (mesh(&source()), mesh(&source().split().expect("a split source")));
+    let whole = mesh(&source());
+    let split = mesh(&source().split().expect("a split source"));
     assert!(split.vertex_count() > whole.vertex_count(), "the head has a seam");
     let behind = Camera { yaw: 180.0, pitch: 10.0, ..Camera::default() };
     // In float32 both compute the same numbers.
@@ -234,7 +240,8 @@ fn culled(
         frame();
         (frame(), studio.draws())
     };
-    let (all, culled) = (draw(false), draw(true));
+    let all = draw(false);
+    let culled = draw(true);
     assert!(all.0 == culled.0, "{update:?} {:?}: pixels differ", scene.show);
     assert!(all.1 == [culled.1[0] + culled.1[1], 0]);
     culled
@@ -245,7 +252,8 @@ fn culled(
 fn a_jaw_that_alone_reaches_into_the_picture_is_drawn() {
     let mesh = mesh(&source());
     let jaw = mesh.targets.iter().position(|target| target.name == "jawOpen").expect("a jaw");
-    let (shut, mut open) = (vec![0.0; mesh.targets.len()], vec![0.0; mesh.targets.len()]);
+    let shut = vec![0.0; mesh.targets.len()];
+    let mut open = vec![0.0; mesh.targets.len()];
     // Far enough that the chin is lower than the neck.
     open[jaw] = 4.0;
     // From far away, to avoid perspective.
@@ -270,7 +278,8 @@ fn a_jaw_that_alone_reaches_into_the_picture_is_drawn() {
 /// The output of a step is drawn as the float64 reference computes it: skinned, or with normals of the surface.
 #[test]
 fn what_steps_write_is_drawn_as_their_references_say() {
-    let (mesh, mut frames) = (mesh(&source()), frames(3));
+    let mesh = mesh(&source());
+    let mut frames = frames(3);
     // Several targets at once, whose normals do not add up.
     frames[1].iter_mut().step_by(2).for_each(|weight| *weight = 0.7);
     let corners: Vec<u32> = mesh.faces.corners.iter().map(|corner| corner.position).collect();
@@ -393,11 +402,12 @@ fn what_cannot_be_drawn_is_refused() {
 #[test]
 fn still_parts_are_drawn_with_their_surfaces() {
     let mesh = mesh(&source());
-    // Squares of a fifth of the diagonal beside the head, one above the other; a pose of the head does not reach there.
+    // Squares of a fifth of the diagonal beside the head; a pose of the head does not reach there.
     let edge = mesh.diagonal / 5.0;
-    let at = |i: usize| Vec3::new(3.0, i as f32 * 1.5, 0.0) * edge;
+    let at = |i: usize| Vec3::new(6.0 + (i % 2) as f32 * 1.5, (i / 2) as f32 * 1.5, 0.0) * edge;
     let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
-    let (front, back) = ([0, 1, 2, 0, 2, 3], [0, 2, 1, 0, 3, 2]);
+    let front = [0, 1, 2, 0, 2, 3];
+    let back = [0, 2, 1, 0, 3, 2];
     let red = [0.8, 0.0, 0.0];
     let squares = [(red, false, front), ([0.0, 0.8, 0.0], false, front), (red, false, back), (red, true, back)];
     let mut source = MorphSource::default();
@@ -406,7 +416,7 @@ fn still_parts_are_drawn_with_their_surfaces() {
         let first = source.positions.len() as u32;
         source.positions.extend(corners.map(|[x, y]| at(i) + Vec3::new(x, y, 0.0) * edge));
         source.faces.sizes.extend([3, 3]);
-        source.faces.corners.extend(order.map(|v| deltamorph::Corner { position: first + v, texcoord: None }));
+        source.faces.corners.extend(order.map(|v| deltamorph::mesh::Corner { position: first + v, texcoord: None }));
         said.extend([Face::Painted(Surface { colour, double_sided }); 2]);
     }
     let still = source.to_mesh(Tolerance::ZERO).expect("squares");

@@ -39,7 +39,8 @@ fn compile(file: &str, stage: ShaderStage, pose: Option<&str>, more: &[&str]) ->
     let define = pose.map(|pose| format!("POSE_{}", pose.to_uppercase()));
     let defines = define.as_deref().into_iter().chain(more.iter().copied());
     let defines: Vec<(&str, Option<&str>)> = defines.map(|define| (define, None)).collect();
-    let (text, mut includes) = (ShaderSource::from(source(file)), Includes);
+    let text = ShaderSource::from(source(file));
+    let mut includes = Includes;
     let compiler = Compiler::acquire().expect("the only user of glslang in this process");
     let input = ShaderInput::new(&text, stage, &options, Some(&defines[..]), Some(&mut includes));
     let shader = compiler.create_shader(input.unwrap_or_else(|e| panic!("{file}: {e}")));

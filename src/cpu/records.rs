@@ -11,6 +11,10 @@ const ROW: usize = 8;
 
 /// Records that take whole bytes, as many as one takes bits.
 const EIGHT: usize = 8;
+/// Bytes of eight records of at most 128 bits, and those read from the start of the last one.
+const EIGHT_BYTES: usize = 128 + RECORD_BYTES;
+/// Bytes read of a record, which may begin in the middle of a byte.
+const RECORD_BYTES: usize = 16;
 /// Numbers in memory, from where one instruction fills a vector.
 static NUMBERS: [u32; 8] = [0, 1, 2, 3, 4, 5, 6, 7];
 
@@ -85,19 +89,6 @@ impl RowSum for Rounded {
 }
 
 /// Adds an entry to the rows of the block's vertices.
-///
-/// Records follow each other bit after bit, so one begins anywhere in a byte. Eight of them take as many bytes as one
-/// takes bits, which is why all eights of a word of the mask begin at the same bit of a byte:
-///
-/// ```text
-/// window    |·· record 0 | record 1 | … | record 7 ·|·· record 8 | …     `··`: `from % 8` bits of what is before
-/// byte      0                                       bits
-///
-/// record i of an eight      begins at bit   from % 8 + i · bits of the eight's bytes
-///   starts[i]               the byte of that bit
-///   shifts[i]               the bits before it in that byte, for each component added to those of the component
-/// component c of a record   (the four bytes from that of its first bit on >> shift) & largest[c], + least[c]
-/// ```
 #[inline(always)]
 pub(super) fn add<V: Simd, T: RowSum, const NEW: bool>(
     simd: V,
@@ -115,7 +106,7 @@ pub(super) fn add<V: Simd, T: RowSum, const NEW: bool>(
     let bytes: u8x32<V> = (((begins >> 3) & 0x1f1f_1f1f) + 0x0302_0100).bitcast();
     let begins = begins & 7;
     let (largest, least) = records.fields(simd);
-    let add = |row: &mut Row<T>, record: &[u8; 16], begins: u32x8<V>| {
+    let add = |row: &mut Row<T>, record: &[u8; RECORD_BYTES], begins: u32x8<V>| {
         let record = u8x32::block_splat(u8x16::load_array(simd, *record));
         let words: u32x8<V> = record.swizzle_dyn_within_blocks(bytes).bitcast();
         let integers: i32x8<V> = ((words >> begins) & largest).bitcast();
@@ -124,11 +115,17 @@ pub(super) fn add<V: Simd, T: RowSum, const NEW: bool>(
     let mut from = 0;
     for (word, rows) in rows.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
         let mut mask = records.mask(word);
-        let last = &mut None;
-        let mut at = from % 8;
+        let (last, mut at) = (&mut None, from % 8);
         let window = records.window(from, last);
         from += mask.count_ones() * bits;
         if mask == u32::MAX {
+            // Records follow each other, `bits` bits each, from bit `at` of the window on. Eight take `bits` bytes, so
+            // that r8 begins at the same bit of its byte as r0:
+            //
+            //     window   | at | r0 | r1 | ... | r7 | r8 | r9 | ...
+            //              |    |<--- `bits` bytes --->|<--- `bits` bytes ...
+            //     starts   the bytes in which r0 to r7 begin, from the first byte of their group on
+            //     shifts   for each, the bits by which its components lie behind the bytes that `bytes` chooses
             let mut starts = [0; EIGHT];
             let mut shifts = [begins; EIGHT];
             for i in 0..EIGHT {
@@ -137,17 +134,19 @@ pub(super) fn add<V: Simd, T: RowSum, const NEW: bool>(
                 at += bits;
             }
             for (eight, rows) in rows.as_chunks_mut::<EIGHT>().0.iter_mut().enumerate() {
-                // Remainders and `unwrap_or` change nothing: they tell the compiler that all is within bounds.
-                let bytes = window[eight * bits as usize % BYTES..].first_chunk().unwrap_or(&[0; 128 + 16]);
+                // The remainders are no changes: the compiler sees by them that no bound is exceeded.
+                let group = &window[eight * bits as usize % BYTES..];
+                let group: &[u8; EIGHT_BYTES] = group.first_chunk().unwrap_or(&[0; EIGHT_BYTES]);
                 for (i, row) in rows.iter_mut().enumerate() {
-                    add(row, bytes[starts[i] % 128..].first_chunk().unwrap_or(&[0; 16]), shifts[i]);
+                    let record = group[starts[i] % (EIGHT_BYTES - RECORD_BYTES)..].first_chunk();
+                    add(row, record.unwrap_or(&[0; RECORD_BYTES]), shifts[i]);
                 }
             }
             continue;
         }
         while mask != 0 {
             let row = &mut rows[mask.trailing_zeros() as usize % LANES];
-            add(row, window[at as usize / 8 % BYTES..].first_chunk().unwrap_or(&[0; 16]), begins + at % 8);
+            add(row, window[at as usize / 8 % BYTES..].first_chunk().unwrap_or(&[0; RECORD_BYTES]), begins + at % 8);
             mask &= mask - 1;
             at += bits;
         }

@@ -93,7 +93,7 @@ impl Default for PackDesc {
 /// ([`PackDesc`]).
 ///
 /// *Block* formats reorder the vertices so that each target covers few runs of consecutive vertices, and store only
-/// those: see [`BlockIndex`](crate::BlockIndex).
+/// those: see [`BlockIndex`](crate::packed::BlockIndex).
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedMesh {
     /// At least one; the first is position and normal.

@@ -187,7 +187,7 @@ fn validation_sees_a_dropped_barrier() {
     // After the records, between two kernels, before the indirect dispatches.
     let wanted: [fn(&Scope, &Scope) -> bool; 3] = [
         |before, _| before.has_access(Access::TransferWrite),
-        |before, after| before.has_access(Access::ShaderWrite) && after.has_access(Access::ShaderRead),
+        |before, after| before.stages == after.stages && before.has_access(Access::ShaderWrite),
         |_, after| after.has_access(Access::IndirectRead),
     ];
     for (which, wanted) in wanted.iter().enumerate() {

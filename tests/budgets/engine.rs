@@ -6,11 +6,12 @@
 
 use deltamorph::after::{NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::{self, vk};
+use deltamorph::device::DeviceTuning;
 use deltamorph::internals::abi::modules::MODULES;
 use deltamorph::internals::abi::worklist::TILE;
 use deltamorph::{
-    AnimationDesc, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCaps, DeviceDesc, DeviceTuning,
-    MorphEngine, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
+    AnimationDesc, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCaps, DeviceDesc, MorphEngine,
+    PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
 };
 use deltamorph_head::{HeadDesc, head, head_clip};
 use std::sync::Mutex;

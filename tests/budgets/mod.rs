@@ -8,9 +8,9 @@ mod engine;
 mod limits;
 mod statistics;
 
+use deltamorph::device::{DeviceClass, DeviceTuning};
 use deltamorph::internals::abi::kernels::Stage;
 use deltamorph::internals::abi::modules::{MODULES, Module};
-use deltamorph::{DeviceClass, DeviceTuning};
 use engine::Pipeline;
 use limits::{Limits, Row, Table};
 use spirq::prelude::*;
@@ -158,8 +158,8 @@ fn every_kernel_that_gpus_run_has_a_pipeline_and_every_limit_a_kernel() {
             made.insert(row.kernel);
         }
     }
-    // Texels and masks are for software drivers; `read` measures bandwidth.
-    let others = ["crowd_texels", "blocks", "read"];
+    // Texels are for software drivers; `read` measures bandwidth.
+    let others = ["crowd_texels", "read"];
     let draws = [Stage::Vertex, Stage::Fragment];
     let ours = |module: &&Module| !draws.contains(&module.kernel.stage) && !others.contains(&module.kernel.name);
     let all: BTreeSet<String> = MODULES.iter().filter(ours).map(|module| module.name.to_owned()).collect();

@@ -3,10 +3,11 @@
 
 use deltamorph::internals::plan::hazards::{Event, HazardChecker, Violation};
 use deltamorph::internals::plan::schedule::{Barrier, Entry, asset_uploaded};
+use deltamorph::packed::{PackedGroup, PoseGrid};
 use deltamorph::reference::{compare, evaluate_group};
 use deltamorph::{
-    AnyCrowd, BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, MorphMesh, POSE_FLOATS, PackDesc,
-    PackedGroup, PackedMesh, PoseError, PoseFormat, PoseGrid, UpdateDesc, UpdatePath,
+    AnyCrowd, BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, MorphMesh, POSE_FLOATS, PackDesc, PackedMesh,
+    PoseError, PoseFormat, UpdateDesc, UpdatePath,
 };
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, Step};
 use std::slice::from_mut;

@@ -7,10 +7,11 @@ use deltamorph::internals::plan::instances::InstanceState;
 use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::internals::update::animated::{AnimatedReference, Playbacks};
 use deltamorph::internals::update::blocks::WorkList;
+use deltamorph::packed::PoseGrid;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, BlockDesc, Clips, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, Playback,
-    PoseFormat, PoseGrid, Tolerance, UpdateDesc, UpdateMode, UpdatePath, WeightClip, testing,
+    PoseFormat, Tolerance, UpdateDesc, UpdateMode, UpdatePath, WeightClip, testing,
 };
 use deltamorph_head::{HeadDesc, head, head_clip};
 use deltamorph_headless::{Headless, HeadlessCrowd, PlannedGroup};

@@ -2,10 +2,12 @@
 //! drawn from one index buffer.
 
 use crate::gpu;
+use deltamorph::mesh::{Corner, StreamData, StreamDeltas};
+use deltamorph::packed::BLOCK_SIZES;
 use deltamorph::reference::{evaluate, evaluate_group};
 use deltamorph::{
-    BLOCK_SIZES, BatchSize, BlockDesc, Corner, CpuCrowd, DeltaFormat, MorphMesh, MorphSource, POSE_FLOATS, PackDesc,
-    PackedMesh, PoseFormat, Semantic, StreamData, StreamDeltas, Tolerance, UpdateDesc, UpdatePath,
+    BatchSize, BlockDesc, CpuCrowd, DeltaFormat, MorphMesh, MorphSource, POSE_FLOATS, PackDesc, PackedMesh, PoseFormat,
+    Semantic, Tolerance, UpdateDesc, UpdatePath,
 };
 use deltamorph_head::{HeadDesc, head};
 use deltamorph_headless::{Headless, HeadlessCrowd};

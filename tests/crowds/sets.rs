@@ -9,11 +9,12 @@ use deltamorph::after::{SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::vk;
 use deltamorph::import::{csv, obj};
 use deltamorph::internals::plan::hazards::Event;
+use deltamorph::mesh::{Faces, MorphTarget};
 use deltamorph::reference::{self, compare, evaluate};
 use deltamorph::testing::says;
 use deltamorph::{
-    AnyCrowd, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, Faces, MorphEngine, MorphMesh, MorphTarget,
-    PackedMesh, Tolerance, UpdateDesc, UpdatePath, testing,
+    AnyCrowd, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, MorphEngine, MorphMesh, PackedMesh, Tolerance,
+    UpdateDesc, UpdatePath, testing,
 };
 use deltamorph_headless::Headless;
 use std::collections::HashMap;
@@ -178,8 +179,10 @@ fn part(mesh: &MorphMesh, name: &str, vertices: &[u32]) -> MorphMesh {
     part.faces = Faces::default();
     for face in mesh.faces.iter().filter(|face| new.contains_key(&face[0].position)) {
         part.faces.sizes.push(face.len() as u32);
-        let corner =
-            |corner: &deltamorph::Corner| deltamorph::Corner { position: new[&corner.position], texcoord: None };
+        let corner = |corner: &deltamorph::mesh::Corner| deltamorph::mesh::Corner {
+            position: new[&corner.position],
+            texcoord: None,
+        };
         part.faces.corners.extend(face.iter().map(corner));
     }
     for target in &mesh.targets {

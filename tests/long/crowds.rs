@@ -6,10 +6,11 @@ use deltamorph::ash::vk;
 use deltamorph::internals::plan::instances::InstanceState;
 use deltamorph::internals::update::animated::{AnimatedReference, Playbacks};
 use deltamorph::lod::Importance;
+use deltamorph::packed::PoseGrid;
 use deltamorph::reference::compare;
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, BlockDesc, Clips, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, GpuMesh, PackDesc,
-    PackedMesh, Playback, PoseGrid, PoseView, Repeat, Result, UpdateDesc, UpdateMode, UpdatePath, WeightClip, testing,
+    PackedMesh, Playback, PoseView, Repeat, Result, UpdateDesc, UpdateMode, UpdatePath, WeightClip, testing,
 };
 use deltamorph_head::Rng;
 use deltamorph_headless::Headless;

@@ -12,7 +12,7 @@ const ROOMS: &[(&str, &str)] = &[
     ("math", ""),
     ("io", "error"),
     ("asset", "error setters math"),
-    ("weights", "error setters"),
+    ("weights", "error"),
     ("abi", "error asset"),
     ("pack", "error setters math io asset abi"),
     ("lod", "error setters asset weights pack"),

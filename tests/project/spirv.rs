@@ -1,5 +1,6 @@
 //! The checked-in SPIR-V modules equal the compiled ones, and match the table of kernels and the host's structures.
 
+use deltamorph::device::DeviceClass;
 use deltamorph::internals::abi::formats::{FORMATS, POSE_FORMATS};
 use deltamorph::internals::abi::kernels::{Buffer, Stage, Takes};
 use deltamorph::internals::abi::modules::{CROWD_TEXELS, MANIFEST, MODULES, Module};
@@ -7,7 +8,8 @@ use deltamorph::internals::abi::numbers::{RECORD_WORDS, WORKGROUP};
 use deltamorph::internals::abi::push::{DenseListEntry, attribute_push_bytes};
 use deltamorph::internals::abi::worklist::TILE;
 use deltamorph::internals::update::animated::HeadRecord;
-use deltamorph::{BLOCK_SIZES, DeltaFormat, DeviceClass, PoseFormat};
+use deltamorph::packed::BLOCK_SIZES;
+use deltamorph::{DeltaFormat, PoseFormat};
 use spirq::prelude::*;
 use spirq::ty::StructType;
 use std::collections::{BTreeMap, BTreeSet};

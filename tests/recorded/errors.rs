@@ -3,12 +3,14 @@
 use crate::gpu;
 use deltamorph::after::{GpuNormals, GpuSkin, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::vk;
+use deltamorph::device::DeviceTuning;
 use deltamorph::import::{csv, obj};
+use deltamorph::mesh::{StreamData, StreamDeltas};
 use deltamorph::reference::{self, evaluate};
 use deltamorph::{
-    Asset, BatchSize, CpuCrowd, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, DeviceTuning, GpuMesh,
-    HostPoses, MorphEngine, MorphMesh, MorphSource, PackDesc, PackedMesh, PoseFormat, Result, Semantic, StreamData,
-    StreamDeltas, Tolerance, UpdateDesc, UpdatePath, VertexLayout, WeightBounds, WeightClip, testing,
+    Asset, BatchSize, CpuCrowd, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, GpuMesh, HostPoses,
+    MorphEngine, MorphMesh, MorphSource, PackDesc, PackedMesh, PoseFormat, Result, Semantic, Tolerance, UpdateDesc,
+    UpdatePath, VertexLayout, WeightBounds, WeightClip, testing,
 };
 use deltamorph_headless::Headless;
 use std::sync::Arc;

@@ -1,10 +1,11 @@
 //! Safe code without undefined behaviour: threads, tickets, recorded updates, failing steps, and memory limits.
 
 use crate::gpu::{self, drivers, on_every_device, single, update_descs, weights};
+use deltamorph::mesh::SourceTarget;
 use deltamorph::reference::{evaluate, evaluate_unpacked};
 use deltamorph::{
     BlockDesc, CpuCrowd, Crowd, DeltaFormat, ErrorKind, GpuMesh, MorphEngine, MorphSource, PackDesc, PackedMesh,
-    PoseFormat, SourceTarget, Tolerance, UpdateDesc, UpdatePath, testing,
+    PoseFormat, Tolerance, UpdateDesc, UpdatePath, testing,
 };
 use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::slice::from_mut;

@@ -3,8 +3,9 @@
 use super::poses::{check, real};
 use super::table::{can_read, history};
 use crate::gpu::{NORMAL, POSITION, on_every_device, packed, single};
+use deltamorph::mesh::{MorphTarget, StreamDeltas};
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::{BatchSize, DeltaFormat, MorphMesh, MorphTarget, StreamDeltas, UpdateDesc, UpdatePath, testing};
+use deltamorph::{BatchSize, DeltaFormat, MorphMesh, UpdateDesc, UpdatePath, testing};
 use deltamorph_headless::HeadlessCrowd;
 use glam::Vec3;
 

@@ -13,7 +13,7 @@ fn whole_meshes(mesh: &MorphMesh) -> Vec<Vec<f64>> {
         p.into_iter().chain(n)
     };
     let base: Vec<f64> = mesh.positions.iter().zip(&mesh.normals).flat_map(numbers).collect();
-    let target = |target: &deltamorph::MorphTarget| {
+    let target = |target: &deltamorph::mesh::MorphTarget| {
         let mut whole = base.clone();
         let deltas = target.positions.iter().zip(&target.normals).map(numbers);
         for (v, delta) in target.vertices.iter().zip(deltas) {

@@ -4,10 +4,12 @@
 use super::table::{ROWS, can_read, for_every_update, keep_supported, variants};
 use crate::gpu::{self, NORMAL, POSITION, on_every_device, update_descs, weights};
 use deltamorph::internals::plan::hazards::{Event, HazardChecker};
+use deltamorph::mesh::SourceTarget;
+use deltamorph::packed::PackedGroup;
 use deltamorph::reference::compare_group;
 use deltamorph::{
-    BatchSize, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, MorphEngine, MorphMesh, MorphSource, PackDesc, PackedGroup,
-    PackedMesh, Semantic, SourceTarget, Tolerance, UpdateDesc, UpdatePath, testing,
+    BatchSize, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, MorphEngine, MorphMesh, MorphSource, PackDesc, PackedMesh,
+    Semantic, Tolerance, UpdateDesc, UpdatePath, testing,
 };
 use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::sync::Arc;
@@ -279,7 +281,7 @@ fn the_cpu_updates_every_stream() {
 /// at every weight.
 #[test]
 fn texture_coordinates_follow_a_target_that_stretches() {
-    use deltamorph::{StreamData, StreamDeltas};
+    use deltamorph::mesh::{StreamData, StreamDeltas};
     use glam::Vec3;
     let positions: Vec<Vec3> = (0..400u16).map(|i| Vec3::new(f32::from(i % 20), f32::from(i / 20), 0.0)).collect();
     let texcoords = positions.iter().flat_map(|p| [p.x / 20.0, p.y / 20.0]).collect();

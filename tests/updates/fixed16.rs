@@ -2,10 +2,11 @@
 
 use crate::data;
 use crate::gpu;
+use deltamorph::mesh::MorphTarget;
 use deltamorph::reference::{angle_degrees, evaluate};
 use deltamorph::{
-    BlockDesc, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, MorphMesh, MorphTarget, PackDesc, PackedMesh, PoseFormat,
-    UpdateDesc, UpdatePath, testing,
+    BlockDesc, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, MorphMesh, PackDesc, PackedMesh, PoseFormat, UpdateDesc,
+    UpdatePath, testing,
 };
 use deltamorph_headless::HeadlessCrowd;
 use glam::DVec3;

@@ -1,7 +1,7 @@
 //! Writes delta textures as KTX 2.0, which other tools can open.
 //!
 //! The images are an array of layers, R32G32B32A32_SFLOAT or R16G16B16A16_SFLOAT: two for each group of streams
-//! ([`PackedGroup`](deltamorph::PackedGroup)), of its first three numbers (positions in group 0) and of its last
+//! ([`PackedGroup`](deltamorph::packed::PackedGroup)), of its first three numbers (positions in group 0) and of its last
 //! (normals). Alpha is 0. A texel of a layer is a delta in input units; texels are counted row by row. Two keys map
 //! texels to vertices and targets:
 //!

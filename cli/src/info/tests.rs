@@ -2,7 +2,8 @@
 
 use super::*;
 use deltamorph::internals::diagonal;
-use deltamorph::{Corner, Faces, Tolerance, WeightClip};
+use deltamorph::mesh::{Corner, Faces};
+use deltamorph::{Tolerance, WeightClip};
 use std::sync::Arc;
 
 /// 130 vertices in a row; one target moves 0..64 (a whole block), one moves 63, 64 and 129, one moves none.

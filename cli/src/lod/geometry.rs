@@ -1,6 +1,7 @@
 //! Movement of vertices by targets: Hausdorff distances, and the error of a clip that drops some targets.
 
-use deltamorph::{BoundClip, MorphMesh, MorphTarget};
+use deltamorph::mesh::MorphTarget;
+use deltamorph::{BoundClip, MorphMesh};
 use glam::Vec3;
 use rstar::RTree;
 

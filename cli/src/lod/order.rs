@@ -71,7 +71,8 @@ pub struct Agreement {
 /// Kendall's tau-b: pairs in the same order minus pairs in opposite orders, over the geometric mean of the pairs
 /// without ties in each list. 0 if all values of a list are equal.
 pub fn kendall(a: &[f64], b: &[f64]) -> f64 {
-    let (mut agree, mut pairs) = (0.0, [0.0; 2]);
+    let mut agree = 0.0;
+    let mut pairs = [0.0; 2];
     for i in 0..a.len() {
         for j in 0..i {
             let signs = [a[i] - a[j], b[i] - b[j]].map(|d| if d == 0.0 { 0.0 } else { d.signum() });
@@ -94,7 +95,8 @@ pub fn spearman(a: &[f64], b: &[f64]) -> f64 {
         let mean = ranks.iter().sum::<f64>() / ranks.len().max(1) as f64;
         ranks.iter().map(|r| r - mean).collect()
     };
-    let (a, b) = (ranks(a), ranks(b));
+    let a = ranks(a);
+    let b = ranks(b);
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let all = (dot(&a, &a) * dot(&b, &b)).sqrt();
     if all > 0.0 { dot(&a, &b) / all } else { 0.0 }

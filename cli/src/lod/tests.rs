@@ -32,7 +32,8 @@ fn known_shifts_have_known_scores_and_twice_as_far_ranks_higher() {
         f64::from(mesh.positions.iter().map(|p| nearest(p, &pose)).fold(there, f32::max))
     };
     for target in [0, 1] {
-        let (found, exact) = (hausdorff(&mesh, &base, &mesh.targets[target]), brute(target));
+        let found = hausdorff(&mesh, &base, &mesh.targets[target]);
+        let exact = brute(target);
         assert!((found - exact).abs() <= 1e-5 * exact, "{found} {exact}");
     }
     let scores: Vec<f64> = mesh.targets.iter().map(|t| mean_square(&mesh, t)).collect();
@@ -44,7 +45,8 @@ fn known_shifts_have_known_scores_and_twice_as_far_ranks_higher() {
     let mesh = shifted(Vec3::Y * gap * 0.2);
     let base = tree(&mesh.positions);
     for (target, times) in [(0, 1.0), (1, 2.0)] {
-        let (found, exact) = (hausdorff(&mesh, &base, &mesh.targets[target]), f64::from(gap * 0.2) * times);
+        let found = hausdorff(&mesh, &base, &mesh.targets[target]);
+        let exact = f64::from(gap * 0.2) * times;
         assert!((found - exact).abs() <= 1e-2 * exact, "{found} {exact}");
     }
     let names: Vec<&str> = mesh.targets.iter().map(|t| t.name.as_str()).collect();
@@ -86,7 +88,8 @@ fn equal_pictures_are_equal_to_every_metric_and_known_differences_are_found() {
         let mut rng = deltamorph_head::Rng::new(seed, 0);
         Pixels { size, rgb: (0..32 * 24 * 3).map(|_| rng.below(256) as u8).collect() }
     };
-    let (a, b) = (noise(1), noise(2));
+    let a = noise(1);
+    let b = noise(2);
     assert!((ssim(&a, &a) - 1.0).abs() < 1e-12 && picture_mse(&a, &a) == 0.0 && yee(&a, &a).graded() == 0.0);
     assert!(ssim(&a, &b) < 0.2 && picture_mse(&a, &b) > 0.1 && yee(&a, &b).graded() > 0.1);
     // For constant pictures, only the luminance term remains: (2 x y + c) / (x² + y² + c).

@@ -54,7 +54,8 @@ pub fn yee(a: &Pixels, b: &Pixels) -> Seen {
     let pixels = from.levels[0].len();
     for i in (0..pixels).filter(|i| from.levels[0][*i] != to.levels[0][*i] || from.colours[*i] != to.colours[*i]) {
         let around = ((from.levels[adapted][i] + to.levels[adapted][i]) / 2.0).max(DARK);
-        let (mut hidden, mut sum) = (0.0, 0.0);
+        let mut hidden = 0.0;
+        let mut sum = 0.0;
         for band in 0..BANDS {
             let detail = |of: &Layers| (of.levels[band][i] - of.levels[band + 1][i]).abs();
             let base = from.levels[band + 2][i].abs().max(to.levels[band + 2][i].abs()).max(DARK);
@@ -169,7 +170,8 @@ mod tests {
     #[test]
     fn what_is_below_the_threshold_is_not_counted_and_what_is_above_it_is() {
         let plain = flat(128, |_, _| 0);
-        let (equal, pixels) = (yee(&plain, &plain), 48 * 40);
+        let equal = yee(&plain, &plain);
+        let pixels = 48 * 40;
         assert_eq!((equal, equal.graded()), (Seen { pixels, visible: 0, below: 0.0 }, 0.0));
         // Luminance 21.6; without contrast only the threshold decides: 2.0 cd/m², which is 6 steps of sRGB.
         let luminance = |v: f64| 100.0 * ((v / 255.0 + 0.055) / 1.055).powf(2.4);
@@ -203,7 +205,8 @@ mod tests {
     fn colours_of_one_luminance_are_told_apart() {
         let colour = |rgb: [u8; 3]| Pixels { size: [16, 16], rgb: rgb.repeat(256) };
         let luminance = |p: &Pixels| Layers::new(p).levels[0][0];
-        let (red, green) = (colour([200, 100, 100]), colour([90, 139, 100]));
+        let red = colour([200, 100, 100]);
+        let green = colour([90, 139, 100]);
         assert!((luminance(&red) - luminance(&green)).abs() < 0.5 * threshold(luminance(&red)));
         assert_eq!(yee(&red, &green).visible, 256);
     }

@@ -45,11 +45,13 @@ fn expressions(scenery: &Scenery<'_>, heads: usize) -> Result<Expressions, Failu
         let before = (0..heads).map(|head| frames[at(head).saturating_sub(1)].clone());
         return Ok(([now.collect(), before.collect()], (0..heads).map(|head| Some(at(head))).collect()));
     }
-    let (mut rng, controls) = (Rng::new(args.run.input.seed, 0), scenery.input.targets());
+    let mut rng = Rng::new(args.run.input.seed, 0);
+    let controls = scenery.input.targets();
     let mut expression = |_| {
         let mut settings = args.set.clone();
         for _ in 0..controls.len().min(5) {
-            let (name, weight) = (controls[rng.below(controls.len())], 0.2 + 0.6 * rng.unit());
+            let name = controls[rng.below(controls.len())];
+            let weight = 0.2 + 0.6 * rng.unit();
             // `--set` takes precedence.
             if !args.set.iter().any(|(set, _)| set == name) {
                 settings.retain(|(set, _)| set != name);
@@ -66,14 +68,18 @@ fn expressions(scenery: &Scenery<'_>, heads: usize) -> Result<Expressions, Failu
 /// towards the middle.
 pub fn places(focus: &[Vec3], heads: u32, [width, height]: [u32; 2]) -> Vec<Mat4> {
     let (low, high) = bounds(focus.iter().copied());
-    let (middle, extent) = ((low + high) / 2.0, (high - low).max(Vec3::splat(f32::MIN_POSITIVE)));
-    let (across, behind, up) = (extent.x * 1.12, extent.z * 0.95, extent.y * 0.66);
+    let middle = (low + high) / 2.0;
+    let extent = (high - low).max(Vec3::splat(f32::MIN_POSITIVE));
+    let across = extent.x * 1.12;
+    let behind = extent.z * 0.95;
+    let up = extent.y * 0.66;
     // Ratio of instances per row to rows if the rows fill the picture.
     let wide = width as f32 / height as f32 * up / across;
     let rows = ((heads as f32 / wide).sqrt().round() as u32).clamp(1, heads);
     let place = |i: u32| {
         let row = i * rows / heads;
-        let (first, end) = ((row * heads).div_ceil(rows), ((row + 1) * heads).div_ceil(rows));
+        let first = (row * heads).div_ceil(rows);
+        let end = ((row + 1) * heads).div_ceil(rows);
         let shift = if row % 2 == 1 && (end - first) * rows >= heads { 0.25 } else { -0.25 };
         let shift = if rows > 1 { shift } else { 0.0 };
         let x = ((i - first) as f32 + shift - (end - first - 1) as f32 / 2.0) * across;

@@ -42,7 +42,8 @@ impl Joints {
         let scene = gltf::read(file)?.into_scene(true)?;
         let Some(skeleton) = scene.mesh.skeleton else { return Ok(None) };
         let of_still = scene.still.and_then(|still| still.skeleton);
-        let (file, origin) = (file.clone(), input.kept.origin.as_dvec3());
+        let file = file.clone();
+        let origin = input.kept.origin.as_dvec3();
         Ok(Some(Self { file, skeleton, of_still, playing: None, fps: args.fps, origin }))
     }
 
@@ -71,8 +72,10 @@ impl Joints {
     /// Matrices at a frame of the clip, or between two; without a frame, at rest.
     fn matrices(&self, skeleton: &Skeleton, frame: Option<f64>) -> Vec<DMat4> {
         let time = |(number, times): &(usize, Vec<f64>)| {
-            let (frame, last) = (frame?, times.len().checked_sub(1)?);
-            let (before, after) = ((frame as usize).min(last), (frame as usize + 1).min(last));
+            let frame = frame?;
+            let last = times.len().checked_sub(1)?;
+            let before = (frame as usize).min(last);
+            let after = (frame as usize + 1).min(last);
             Some((&self.skeleton.animations[*number], times[before] + (times[after] - times[before]) * frame.fract()))
         };
         let matrices = skeleton.joint_matrices(self.playing.as_ref().and_then(time));
@@ -118,7 +121,8 @@ impl Joints {
         let points = mesh.positions.iter().copied().enumerate().chain(moved);
         let points: Vec<_> = points.filter(|(_, p)| p.cmpge(low).all() && p.cmple(high).all()).collect();
         let frames = self.frames(frame, all);
-        let (step, influences) = ((points.len() * frames.len()).div_ceil(POINTS).max(1), &self.skeleton.influences);
+        let step = (points.len() * frames.len()).div_ceil(POINTS).max(1);
+        let influences = &self.skeleton.influences;
         let at = |frame: &Option<f64>| {
             let matrices = self.matrices(&self.skeleton, *frame);
             let skinned =

@@ -96,7 +96,8 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
         let kept = if fewest == most { most.to_string() } else { format!("{fewest} to {most}") };
         what += &format!(", {kept} of {all} targets kept");
     }
-    let (file, setup) = (output.display(), stage.describe());
+    let file = output.display();
+    let setup = stage.describe();
     out.say(format_args!("{file}: {what}, {} × {} pixels, through {setup}", size[0], size[1]));
     let more = json!({
         "schema": 1, "device": gpu.caps().name, "output": output.display().to_string(), "width": size[0],
@@ -117,7 +118,8 @@ fn check_texcoords(args: &RenderArgs, input: &Input) -> Result<(), Failure> {
     }
     let drawn = mesh.faces.render_vertices(mesh.vertex_count(), &mesh.texcoords)?.pose_vertices.len();
     if drawn != mesh.vertex_count() {
-        let (doubled, origin) = (drawn - mesh.vertex_count(), &input.origin);
+        let doubled = drawn - mesh.vertex_count();
+        let origin = &input.origin;
         let what = "vertices with several texture coordinates, and a packed mesh stays as it is";
         return Err(Failure::Failed(format!(
             "{origin}: has {doubled} {what}; give the folder that it was packed from"

@@ -1,6 +1,7 @@
 //! Names of a mesh's faces, since importers keep neither groups nor materials.
 
-use deltamorph::{Corner, MorphMesh};
+use deltamorph::MorphMesh;
+use deltamorph::mesh::Corner;
 use std::path::Path;
 
 /// A name for each face: in a folder, its material in `neutral.obj`, or its group if no face has a material; in the
@@ -26,8 +27,10 @@ fn of_head(mesh: &MorphMesh) -> Vec<String> {
 }
 
 fn of_obj(text: &str) -> Vec<String> {
-    let (mut group, mut material) = (String::new(), String::new());
-    let (mut groups, mut materials) = (vec![], vec![]);
+    let mut group = String::new();
+    let mut material = String::new();
+    let mut groups = vec![];
+    let mut materials = vec![];
     // A backslash at the end continues a line; only faces are that long.
     let text = text.replace("\\\r\n", " ").replace("\\\n", " ");
     for line in text.split(['\n', '\r']) {

@@ -73,7 +73,8 @@ fn face<'a>(material: Option<&gltf::Material>, name: &'a str) -> Face<'a> {
 impl Still {
     /// Position and normal of each vertex where joints have these matrices.
     pub fn skinned(&self, skeleton: &Skeleton, matrices: &[glam::DMat4]) -> Vec<f32> {
-        let (influences, mut vertices) = (&skeleton.influences, Vec::with_capacity(6 * self.mesh.vertex_count()));
+        let influences = &skeleton.influences;
+        let mut vertices = Vec::with_capacity(6 * self.mesh.vertex_count());
         for (v, (p, n)) in self.mesh.positions.iter().zip(&self.mesh.normals).enumerate() {
             let matrix = influences.blend(v, matrices);
             let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(|axis| axis.truncate());

@@ -105,12 +105,14 @@ fn views(mesh: &MorphMesh, parts: &[Part], still: Option<&Still>) -> (Vec<Vec3>,
     furthest.retain(|v, _| drawn[*v as usize]);
     let (low, high) = bounds(furthest.keys().map(|&v| mesh.positions[v as usize]));
     let (all_low, all_high) = bounds(all.iter().copied());
-    let (size, most) = ((high - low).max_element(), (all_high - all_low).max_element());
+    let size = (high - low).max_element();
+    let most = (all_high - all_low).max_element();
     let reached = || furthest.iter().map(|(&v, delta)| mesh.positions[v as usize] + *delta);
     let whole: Vec<Vec3> = all.iter().copied().chain(reached()).collect();
     // A single vertex has no size: there is room around it.
     let room = (0.2 * size).max((LEAST * most - size) / 2.0);
-    let (low, high) = (low - room, high + room);
+    let low = low - room;
+    let high = high + room;
     let inside: Vec<Vec3> = all.into_iter().filter(|p| p.cmpge(low).all() && p.cmple(high).all()).collect();
     if furthest.is_empty() || size > 0.4 * most || inside.len() < FEW {
         return (whole.clone(), whole);

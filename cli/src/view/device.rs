@@ -200,8 +200,8 @@ fn presents(
     match window {
         (RawDisplayHandle::Xlib(display), RawWindowHandle::Xlib(window)) => {
             let functions = khr::xlib_surface::Instance::new(entry, raw);
-            let (display, visual) =
-                (display.display.map_or(null_mut(), |d| d.as_ptr().cast()), window.visual_id as u32);
+            let display = display.display.map_or(null_mut(), |d| d.as_ptr().cast());
+            let visual = window.visual_id as u32;
             // SAFETY: the extension is enabled for this window; the display is the window's.
             unsafe { functions.get_physical_device_xlib_presentation_support(physical, family, display, visual) }
         }

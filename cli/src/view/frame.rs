@@ -89,9 +89,12 @@ impl Frames {
             let families = device.instance().get_physical_device_queue_family_properties(device.physical());
             let bits = families[device.family as usize].timestamp_valid_bits;
             let pool = raw.create_command_pool(&pool, None).map_err(failed("vkCreateCommandPool"))?;
-            let (mask, none) = (u64::MAX.checked_shr(64 - bits).unwrap_or(0), vk::QueryPool::null());
+            let mask = u64::MAX.checked_shr(64 - bits).unwrap_or(0);
+            let none = vk::QueryPool::null();
             let blue_first = format == vk::Format::B8G8R8A8_SRGB;
-            let (device, frames, samples) = (device.clone(), vec![], vec![]);
+            let device = device.clone();
+            let frames = vec![];
+            let samples = vec![];
             let mut this = Self { device, pool, blue_first, queries: none, mask, frames, next: 0, samples };
             if bits > 0 {
                 this.queries = raw.create_query_pool(&queries, None).map_err(failed("vkCreateQueryPool"))?;
@@ -100,7 +103,9 @@ impl Frames {
             for _ in 0..IN_FLIGHT {
                 let cmd = raw.allocate_command_buffers(&info).map_err(failed("vkAllocateCommandBuffers"))?[0];
                 let fence = raw.create_fence(&vk::FenceCreateInfo::default(), None).map_err(failed("vkCreateFence"))?;
-                let (acquired, textures, picture) = (vk::Semaphore::null(), vec![], None);
+                let acquired = vk::Semaphore::null();
+                let textures = vec![];
+                let picture = None;
                 // From here on `drop` destroys whatever has been created.
                 let frame = this.frames.push_mut(Frame { cmd, fence, acquired, running: None, textures, picture });
                 let acquired = raw.create_semaphore(&vk::SemaphoreCreateInfo::default(), None);
@@ -123,7 +128,8 @@ impl Frames {
 
     /// Waits for a frame, and collects its results.
     fn wait(&mut self, slot: usize, painter: &mut Painter) -> Result<(), Failure> {
-        let (raw, frame) = (self.device.raw(), &mut self.frames[slot]);
+        let raw = self.device.raw();
+        let frame = &mut self.frames[slot];
         let Some(mut sample) = frame.running.take() else { return Ok(()) };
         // SAFETY: the fence was submitted, and the queries were written before it.
         unsafe {
@@ -173,14 +179,16 @@ impl Frames {
         if let Some(last) = swapchain.images[index].frame.replace(slot).filter(|last| *last != slot) {
             self.wait(last, painter)?;
         }
-        let (device, cmd) = (self.device.clone(), self.frames[slot].cmd);
+        let device = self.device.clone();
+        let cmd = self.frames[slot].cmd;
         let raw = device.raw();
         let once = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the buffer is ours, and not pending: its frame was waited for.
         unsafe { raw.begin_command_buffer(cmd, &once) }.map_err(failed("vkBeginCommandBuffer"))?;
         let sample = self.record(slot, index, heads, swapchain, painter, wanted)?;
         let stages = [vk::PipelineStageFlags::COLOR_ATTACHMENT_OUTPUT];
-        let (waits, signals) = ([acquired], [swapchain.images[index].drawn]);
+        let waits = [acquired];
+        let signals = [swapchain.images[index].drawn];
         let submit = vk::SubmitInfo::default().command_buffers(from_ref(&cmd)).wait_dst_stage_mask(&stages);
         let submit = submit.wait_semaphores(&waits).signal_semaphores(&signals);
         // SAFETY: recorded above; the image was acquired with the semaphore that is waited for.
@@ -204,7 +212,8 @@ impl Frames {
         wanted: Wanted<'_>,
     ) -> Result<Sample, Failure> {
         let Wanted { weights, joints, still, scene, background, panel, full, screenshot } = wanted;
-        let (device, cmd) = (self.device.clone(), self.frames[slot].cmd);
+        let device = self.device.clone();
+        let cmd = self.frames[slot].cmd;
         let raw = device.raw();
         if self.queries != vk::QueryPool::null() {
             // SAFETY: the buffer is recording; the queries belong to this frame, and were read.
@@ -251,14 +260,16 @@ impl Frames {
         if self.queries == vk::QueryPool::null() {
             return;
         }
-        let (raw, cmd) = (self.device.raw(), self.frames[slot].cmd);
+        let raw = self.device.raw();
+        let cmd = self.frames[slot].cmd;
         let all = vk::PipelineStageFlags::ALL_COMMANDS;
         let memory = [vk::MemoryBarrier::default()
             .src_access_mask(vk::AccessFlags::MEMORY_WRITE)
             .dst_access_mask(vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE)];
         // SAFETY: the buffer is recording, outside a render pass; the query was reset in it.
         unsafe {
-            let (last, query) = (vk::PipelineStageFlags::BOTTOM_OF_PIPE, slot as u32 * STAMPS + number);
+            let last = vk::PipelineStageFlags::BOTTOM_OF_PIPE;
+            let query = slot as u32 * STAMPS + number;
             raw.cmd_write_timestamp(cmd, last, self.queries, query);
             raw.cmd_pipeline_barrier(cmd, all, all, Default::default(), &memory, &[], &[]);
         }
@@ -278,8 +289,10 @@ fn copy(device: &Device, cmd: vk::CommandBuffer, image: vk::Image, extent: vk::E
     let region = [vk::BufferImageCopy::default().image_subresource(layers).image_extent(extent.into())];
     let read =
         [vk::MemoryBarrier::default().src_access_mask(Access::TRANSFER_WRITE).dst_access_mask(Access::HOST_READ)];
-    let (raw, none) = (device.raw(), vk::DependencyFlags::empty());
-    let (shown, copied) = (Layout::PRESENT_SRC_KHR, Layout::TRANSFER_SRC_OPTIMAL);
+    let raw = device.raw();
+    let none = vk::DependencyFlags::empty();
+    let shown = Layout::PRESENT_SRC_KHR;
+    let copied = Layout::TRANSFER_SRC_OPTIMAL;
     // SAFETY: the buffer is recording, outside a render pass; the panel's pass makes the image available to transfers,
     // in the layout for presenting; the buffer has room for its pixels.
     unsafe {

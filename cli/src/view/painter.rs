@@ -75,7 +75,8 @@ impl Painter {
         let pass = pass.map_err(super::device::failed("vkCreateRenderPass"))?;
         let mut this = Self { renderer: None, pass, device: device.clone() };
         let options = Options { in_flight_frames: IN_FLIGHT, srgb_framebuffer: true, ..Options::default() };
-        let (instance, raw) = (device.instance(), device.raw().clone());
+        let instance = device.instance();
+        let raw = device.raw().clone();
         let mode = RenderMode::RenderPass(this.pass);
         let made = Renderer::with_default_allocator(instance, device.physical(), raw, mode, options);
         this.renderer = Some(made.map_err(failed)?);

@@ -22,7 +22,8 @@ pub fn list(ui: &mut Ui, state: &State, done: &mut Vec<Command>) {
         done.push(Command::Reset);
     }
     for target in 0..state.names.len() {
-        row(ui, state, target, done);
+        // Rows that are not in sight are left out: the others keep their ids, and the keyboard its place.
+        ui.push_id(target, |ui| row(ui, state, target, done));
     }
 }
 

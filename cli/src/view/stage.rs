@@ -206,7 +206,7 @@ impl Stage {
         Ok((done, moves))
     }
 
-    /// Holds weights at the largest one that updates take; the window says so once.
+    /// Holds weights at the largest one that updates take; the window says so until they are smaller.
     fn hold(&mut self, state: &mut State, weights: &mut [f32]) {
         let most = self.heads.weight_max;
         let held = weights.iter().any(|weight| weight.abs() > most);
@@ -217,6 +217,9 @@ impl Stage {
                 format!("weights beyond {most} are held there, as far as {pose} poses go: see --weight-max"),
                 true,
             );
+        }
+        if self.held && !held {
+            state.notice = None;
         }
         self.held = held;
     }

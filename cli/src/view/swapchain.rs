@@ -106,7 +106,8 @@ impl Swapchain {
 
     /// Presents an image that is being drawn; returns whether the window still has this size.
     pub fn present(&self, index: usize) -> Result<bool, Failure> {
-        let (at, waited) = (index as u32, self.images[index].drawn);
+        let at = index as u32;
+        let waited = self.images[index].drawn;
         let info = vk::PresentInfoKHR::default().wait_semaphores(from_ref(&waited));
         let info = info.swapchains(from_ref(&self.raw)).image_indices(from_ref(&at));
         // SAFETY: the image was acquired, and the work that signals the semaphore was submitted.
@@ -120,7 +121,8 @@ impl Swapchain {
 
 /// The size of images: the surface's, or the window's if the surface leaves it open.
 fn extent(can: &vk::SurfaceCapabilitiesKHR, [width, height]: [u32; 2]) -> Option<vk::Extent2D> {
-    let (low, high) = (can.min_image_extent, can.max_image_extent);
+    let low = can.min_image_extent;
+    let high = can.max_image_extent;
     let extent = if can.current_extent.width != u32::MAX {
         can.current_extent
     } else if width == 0 || height == 0 {
@@ -156,7 +158,8 @@ impl Shown {
             let raw = device.raw();
             let view = raw.create_image_view(&info, None).map_err(failed("vkCreateImageView"))?;
             let target = heads.target(view, extent).inspect_err(|_| raw.destroy_image_view(view, None))?;
-            let (framebuffer, drawn) = (vk::Framebuffer::null(), vk::Semaphore::null());
+            let framebuffer = vk::Framebuffer::null();
+            let drawn = vk::Semaphore::null();
             let mut this = Self { device: device.clone(), target, image, view, framebuffer, drawn, frame: None };
             let info = vk::FramebufferCreateInfo::default().render_pass(overlay).attachments(from_ref(&view));
             let info = info.width(extent.width).height(extent.height).layers(1);
@@ -194,7 +197,8 @@ mod tests {
         };
         assert_eq!(extent(&sized(0, 0), [640, 480]), None); // minimised, as on Windows
         assert_eq!(extent(&sized(640, 0), [640, 480]), None);
-        let (known, open) = (sized(640, 480), sized(u32::MAX, u32::MAX));
+        let known = sized(640, 480);
+        let open = sized(u32::MAX, u32::MAX);
         assert_eq!(extent(&known, [1, 1]).map(|e| [e.width, e.height]), Some([640, 480]));
         assert_eq!(extent(&open, [0, 480]), None);
         assert_eq!(extent(&open, [9000, 480]).map(|e| [e.width, e.height]), Some([4096, 480]));

@@ -68,7 +68,8 @@ impl<'a> App<'a> {
         let name = args.script.as_ref().map_or_else(String::new, |path| path.display().to_string());
         let script =
             |steps: Vec<_>| Script { name, steps: steps.into(), line: 0, frames: 0, screenshot: None, size: None };
-        let (script, next) = (steps.map(script), Instant::now());
+        let script = steps.map(script);
+        let next = Instant::now();
         Ok(Self { args, choice, out, state, script, stage: None, failure: None, next, awake: AWAKE })
     }
 
@@ -85,7 +86,8 @@ impl<'a> App<'a> {
         let said = messages.map(|messages| messages.lock().unwrap_or_else(PoisonError::into_inner).clone());
         let said = said.unwrap_or_default();
         if let (None, Some(first)) = (&self.failure, said.first()) {
-            let (count, name) = (said.len(), "the validation layers");
+            let count = said.len();
+            let name = "the validation layers";
             self.failure =
                 Some(Failure::Failed(format!("{name} have said {count} things, first: {first}; report this")));
         }
@@ -98,7 +100,8 @@ impl<'a> App<'a> {
         let attributes = Window::default_attributes().with_title(title);
         let attributes = attributes.with_inner_size(LogicalSize::new(width, height));
         let window = events.create_window(attributes).map_err(no_window)?;
-        let (window, still) = (Arc::new(window), self.script.is_some());
+        let window = Arc::new(window);
+        let still = self.script.is_some();
         let stage = Stage::new(window, &self.state, self.choice, self.args.validation, still, self.out)?;
         if stage.on_device() && stage.device_name().contains("llvmpipe") {
             self.out.note(format_args!("{} is a software driver: frames take long", stage.device_name()));

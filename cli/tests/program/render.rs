@@ -137,7 +137,9 @@ fn clips_are_their_frames() {
     let folder = tempfile::tempdir().expect("a folder");
     let head = sample(folder.path());
     let at = |name: &str| folder.path().join(name).to_str().expect("UTF-8").to_owned();
-    let (animated, frames, one) = (at("clip.apng"), at("frames"), at("one.png"));
+    let animated = at("clip.apng");
+    let frames = at("frames");
+    let one = at("one.png");
     let args = ["render", &head, "--size", "96x96", "--quiet"];
     ok(&[&args[..], &["--clip", &animated]].concat());
     // Left from an earlier, longer clip.
@@ -206,7 +208,9 @@ fn heads_beside_the_picture_are_left_out() {
         let how = ["render", "--crowd", "40", "--zoom", zoom, "--path", path, "--pose", "fixed32", "-o", file];
         (ok(&[&how, &MESH[..]].concat()), pixels(&out).1)
     };
-    let (all, near, on_cpu) = (drawn("blocks", "1"), drawn("blocks", "5"), drawn("cpu", "5"));
+    let all = drawn("blocks", "1");
+    let near = drawn("blocks", "5");
+    let on_cpu = drawn("cpu", "5");
     assert!(all.0.contains("a crowd of 40 heads, 256 ×"), "{}", all.0);
     assert!([&near.0, &on_cpu.0].iter().all(|said| said.contains("draws left out")), "{} {}", near.0, on_cpu.0);
     assert!(near.1 == on_cpu.1 && near.1 != all.1);

@@ -12,7 +12,7 @@
 //! - Vertices are those of the file. Those at one position are welded ([`MorphSource::weld`]), so computed normals are
 //!   smooth across seams (glTF itself specifies flat ones), and no crack opens. If a target moves positions and states
 //!   no normals, they are computed from the deformed surface; glTF itself keeps those of the base pose, as does a
-//!   target whose [`normals`](crate::SourceTarget::normals) are `Some(vec![])`.
+//!   target whose [`normals`](crate::mesh::SourceTarget::normals) are `Some(vec![])`.
 //! - Tangents are those of the file; none are computed.
 //! - Draco, points and lines, and cameras are not read. What is there uncompressed beside Draco is. Of materials, base
 //!   colours are, by [`read_materials`], for hosts that draw; textures are not.

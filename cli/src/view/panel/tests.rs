@@ -66,8 +66,11 @@ impl Hands {
         let context = Context::default();
         super::super::style::apply(&context, true);
         context.enable_accesskit();
-        let (size, measured) = ([width, height], Measured::default());
-        let (nodes, done, focus) = (vec![], vec![], NodeId(0));
+        let size = [width, height];
+        let measured = Measured::default();
+        let nodes = vec![];
+        let done = vec![];
+        let focus = NodeId(0);
         let mut this = Self { context, state, measured, size, scale, time: 0.0, nodes, focus, free: Rect::ZERO, done };
         (0..3).for_each(|_| this.frame(vec![], Modifiers::NONE));
         this
@@ -83,9 +86,12 @@ impl Hands {
             viewport.native_pixels_per_point = Some(self.scale);
         }
         let paths = [UpdatePath::Blocks, UpdatePath::Cpu];
-        let (desc, format) = (UpdateDesc::blocks(), DeltaFormat::Fast);
+        let desc = UpdateDesc::blocks();
+        let format = DeltaFormat::Fast;
         let about = About { device: "none", paths: &paths, desc, format };
-        let (state, measured, mut shown) = (&self.state, &self.measured, None);
+        let state = &self.state;
+        let measured = &self.measured;
+        let mut shown = None;
         let mut output = self.context.run_ui(input, |ui| shown = Some(super::show(ui, state, measured, &about)));
         let tree = output.platform_output.accesskit_update.take().expect("nodes");
         output.drop_without_applying_deltas();
@@ -137,8 +143,10 @@ impl Hands {
     }
 
     fn wheel(&mut self, at: Pos2, way: f32) {
-        let (unit, delta, phase, modifiers) =
-            (MouseWheelUnit::Point, vec2(0.0, way), TouchPhase::Move, Modifiers::NONE);
+        let unit = MouseWheelUnit::Point;
+        let delta = vec2(0.0, way);
+        let phase = TouchPhase::Move;
+        let modifiers = Modifiers::NONE;
         self.frame(vec![Event::PointerMoved(at), Event::MouseWheel { unit, delta, phase, modifiers }], modifiers);
         (0..12).for_each(|_| self.frame(vec![], Modifiers::NONE));
     }

@@ -58,8 +58,8 @@ proptest! {
         // In the form of a file: triangles, and normals with their deltas.
         let built = source.to_mesh(Tolerance::ZERO).unwrap();
         let mut moved = MorphSource { normals: Some(built.normals.clone()), texcoords: vec![], ..source };
-        let corner = |position| crate::Corner { position, texcoord: None };
-        moved.faces = crate::Faces { sizes: vec![3; triangles.len()],
+        let corner = |position| crate::mesh::Corner { position, texcoord: None };
+        moved.faces = crate::mesh::Faces { sizes: vec![3; triangles.len()],
             corners: triangles.into_iter().flatten().map(corner).collect() };
         for (target, built) in moved.targets.iter_mut().zip(&built.targets) {
             target.normals = Some(built.vertices.iter().copied().zip(built.normals.iter().copied()).collect());
