@@ -102,8 +102,9 @@ fn every_format_of_poses_draws_the_same_pictures() {
                 let drawn = [draw(update, Show::Shaded), draw(update, Show::Wire)].concat();
                 for (i, (drawn, expected)) in drawn.iter().zip(expected.iter().chain(&wire)).enumerate() {
                     let (mean, far) = difference(drawn, expected);
-                    // Rounding decides single comparisons at shadow edges.
-                    assert!(mean < 0.02 && far <= 12, "{pose:?} {path:?}, frame {i}: {mean} {far}");
+                    // Rounding decides single comparisons at shadow edges, and where lines end.
+                    let most = if i < frames.len() { 12 } else { 60 };
+                    assert!(mean < 0.02 && far <= most, "{pose:?} {path:?}, frame {i}: {mean} {far}");
                 }
             }
         }
