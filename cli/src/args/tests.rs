@@ -70,6 +70,7 @@ fn bad_values_are_refused_with_exit_code_2_and_what_would_be_right() {
         ("soak", "|--frames 0|--frames 5 --every 0"),
         ("sample", ""),
         ("lod face", "--metric half|--from a.json --pin eyeBlink|--random 0|--set jawOpen=1"),
+        #[cfg(feature = "viewer")]
         ("view face", "--size 640|--screenshot"),
         ("rank", "face"),
     ] {
