@@ -1,5 +1,6 @@
 //! Bevy with and without deltamorph, from the same components: the same pictures and motion vectors.
 
+mod gltf;
 #[path = "../../../wgpu/tests/wgpu/layers.rs"]
 mod layers;
 mod probe;
