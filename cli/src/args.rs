@@ -71,7 +71,7 @@ pub enum Command {
     Soak(Box<SoakArgs>),
     /// Write one pose as OBJ
     Apply(Box<ApplyArgs>),
-    /// Draw a pose as PNG: lit, as a heat map, every target on a sheet, a crowd, or a whole clip
+    /// Draw a pose as PNG, a crowd, or a whole clip: lit, or in colours that stand for distances, normals or blocks
     Render(Box<RenderArgs>),
     /// Open a window: a slider for each target, clips, paths and formats to switch, and what each update takes
     #[cfg(feature = "viewer")]
