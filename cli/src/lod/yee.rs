@@ -8,7 +8,7 @@
 
 use super::picture::{Pixels, blurred};
 
-/// Resolution of pictures on a screen of 0.7 m across and 3,840 pixels that is seen from 0.7 m, as FLIP assumes.
+/// Resolution of pictures on a screen of 0.7 m across and 3,840 pixels that is seen from 0.7 m.
 const PIXELS_PER_DEGREE: f64 = 67.0;
 /// Luminance of white, in cd/m².
 const WHITE: f64 = 100.0;

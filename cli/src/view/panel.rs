@@ -113,7 +113,7 @@ fn title(ui: &mut Ui, state: &State, about: &About<'_>) {
     ui.add(egui::Label::new(RichText::new(name).heading().color(INK)).truncate());
     let vertices = thousands(mesh.vertex_count());
     let targets = thousands(mesh.targets.len());
-    let text = format!("{vertices} vertices · {targets} targets · {} · ? lists keys", about.device);
+    let text = format!("{vertices} vertices · {targets} targets · ?: keys · {}", about.device);
     ui.add(egui::Label::new(RichText::new(text).small().color(DIM)).truncate());
 }
 
