@@ -276,8 +276,9 @@ int main(int argc, char **argv) {
         DM(dm_crowd_set_weights(crowds[1], 0, weights + 2, teeth.targets));
         if (frame == FRAMES - 1) { /* one by one, the teeth alone */
             DM(dm_crowd_set_weight(crowds[1], 0, 0, 0.875f));
-            DM(dm_mesh_find_target(meshes[1], "sneer", &count));
-            DM(dm_crowd_set_weight(crowds[1], 0, count, 0.375f));
+            uint32_t sneer;
+            DM(dm_mesh_find_target(meshes[1], "sneer", &sneer));
+            DM(dm_crowd_set_weight(crowds[1], 0, sneer, 0.375f));
         }
         DM(dm_crowd_set_joints(crowds[0], 0, frame * 192));
         DmUpdate updates[2] = {{.struct_size = sizeof *updates}, {.struct_size = sizeof *updates}};

@@ -34,6 +34,8 @@ fn commands_agree_on_every_path() {
         let vertices = text.lines().filter_map(|line| line.strip_prefix("v "));
         vertices.flat_map(str::split_whitespace).map(|word| word.parse().unwrap()).collect()
     };
+    let farthest =
+        |a: &str, b: &str| positions(a).iter().zip(positions(b)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     let set = ["--set", "eyeBlinkLeft=0.7,eyeSquintLeft=-0.4,eyeWideLeft=1.5"];
     let reference = path("reference.obj");
     json(
@@ -52,7 +54,7 @@ fn commands_agree_on_every_path() {
             let applied = json(&[&["apply", &dir, "-o", &out], &set[..], &here].concat());
             assert_eq!((applied["path"].as_str(), applied["format"].as_str()), (Some(name), Some(format)));
             assert!(applied["max_error_rel"].as_f64().unwrap() < 1e-6, "{applied}");
-            let far = positions(&out).iter().zip(positions(&reference)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            let far = farthest(&out, &reference);
             assert!(far <= tolerance, "{name} on {device}: {far}");
         }
         let here = ["--path", name, "--device", "llvmpipe", "--json", "-"];
@@ -65,6 +67,19 @@ fn commands_agree_on_every_path() {
         let runs = out["runs"].as_array().unwrap();
         assert!(!runs.is_empty() && runs.iter().all(|r| r["verified"] == true && r["path"] == name), "{out}");
         assert!(runs.iter().all(|r| r["draw_ms"].as_f64().is_some()), "{out}");
+    }
+    // Steps from one frame to another reach the pose of the second.
+    let step = |out: &str, more: &[&str]| {
+        let pose = ["apply", &dir, "-o", out, "--weights", clip, "--frame", "20", "--path", "compute"];
+        json(&[&pose[..], &["--device", "llvmpipe", "--json", "-"], more].concat());
+    };
+    let at_once = path("at_once.obj");
+    step(&at_once, &[]);
+    assert!(farthest(&at_once, &reference) > 0.1, "another pose");
+    for first in ["0", "23"] {
+        let stepped = path("stepped.obj");
+        step(&stepped, &["--from-frame", first, "--batch-size", "1"]);
+        assert!(farthest(&stepped, &at_once) < 1e-4, "from frame {first}");
     }
     // All targets of a random workload are active; a draw on SwiftShader has float32 attributes for 7.
     let (out, small) = (path("out.obj"), ["--vertices", "99", "--targets", "15"]);
