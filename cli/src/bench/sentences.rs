@@ -42,8 +42,8 @@ pub fn sentences(report: &Report) -> Vec<String> {
     let uneven = report.runs.iter().filter(|run| run.uneven()).count();
     if uneven > 0 {
         out.push(format!(
-            "The rounds of {uneven} of {all} configurations disagree by more than {UNEVEN} times (UNEVEN): other work ran \
-             beside them; measure these again."
+            "The rounds of {uneven} of {all} configurations disagree by more than {UNEVEN} times (UNEVEN), as where other \
+             work runs beside them; measure these again."
         ));
     }
     if !report.unmeasured.is_empty() {
