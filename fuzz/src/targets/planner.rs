@@ -4,7 +4,10 @@
 use crate::{Memory, Target, bounded, check_error, check_pose};
 use arbitrary::{Result, Unstructured};
 use deltamorph::packed::BLOCK_SIZES;
-use deltamorph::{BatchSize, BlockDesc, CpuCrowd, DeltaFormat, MeshArrays, MorphMesh, MorphSource, PackDesc, PackedMesh, PoseFormat, TargetArrays, Tolerance, UpdateDesc, UpdateMode, UpdatePath};
+use deltamorph::{
+    BatchSize, BlockDesc, CpuCrowd, DeltaFormat, MeshArrays, MorphMesh, MorphSource, PackDesc, PackedMesh, PoseFormat,
+    TargetArrays, Tolerance, UpdateDesc, UpdateMode, UpdatePath,
+};
 use std::sync::Arc;
 
 pub const TARGET: Target = Target { name: "planner", run, mutate: |_, _| None, seeds: Vec::new };
