@@ -61,7 +61,7 @@ impl Gpu {
     }
 }
 
-/// A buffer in memory that host and device share; made by [`Renderer::buffer`](crate::Renderer::buffer).
+/// A buffer in memory that host and device share.
 pub struct Buffer {
     gpu: Arc<Gpu>,
     pub(crate) raw: vk::Buffer,

@@ -21,12 +21,12 @@ pub enum Show {
     Normals,
     /// The visible edges of faces, without the diagonals of faces that have more than three corners.
     Wire,
-    /// Distance of each vertex from the previous pose ([`Head::previous`]), in input units; the number is the end of
+    /// Distance of each vertex from the previous pose (`Head::previous`), in input units; the number is the end of
     /// the scale.
     Motion(f32),
-    /// Vertices that updates have changed glow, and fade ([`Target::set_glow`](crate::Target::set_glow)).
+    /// Vertices that updates have changed glow, and fade (`Target::set_glow`).
     Blocks,
-    /// Like [`Self::Shaded`], with wrinkles where the skin is compressed, from each head's masks ([`Head::masks`]).
+    /// Like [`Self::Shaded`], with wrinkles where the skin is compressed, from each head's masks (`Head::masks`).
     Wrinkles,
 }
 
