@@ -175,26 +175,6 @@ pub unsafe fn slice<'a, T>(pointer: *const T, count: usize, what: &str) -> Resul
     Ok(unsafe { std::slice::from_raw_parts(pointer, count) })
 }
 
-/// A mutable array of the caller's.
-///
-/// # Safety
-/// The conditions of [`slice()`], and the elements are not read meanwhile.
-pub unsafe fn slice_mut<'a, T>(pointer: *mut T, count: usize, what: &str) -> Result<&'a mut [T]> {
-    if count == 0 {
-        return Ok(&mut []);
-    }
-    check_array(pointer, count, what)?;
-    // SAFETY: as above.
-    Ok(unsafe { std::slice::from_raw_parts_mut(pointer, count) })
-}
-
-/// Whether two arrays of the caller's, pointers with numbers of elements, have bytes in common.
-pub fn overlap<T, U>((one, ones): (*const T, usize), (other, others): (*const U, usize)) -> bool {
-    let end = |at: usize, count: usize, size: usize| at.saturating_add(count.saturating_mul(size));
-    let (a, b) = (one.addr(), other.addr());
-    a < end(b, others, size_of::<U>()) && b < end(a, ones, size_of::<T>())
-}
-
 fn check_array<T>(pointer: *const T, count: usize, what: &str) -> Result<()> {
     check_pointer(pointer, what, &format!("hand in {count} elements, or a count of 0"))?;
     match count > isize::MAX as usize / size_of::<T>().max(1) {
@@ -315,17 +295,6 @@ mod tests {
             // SAFETY: each array has as many bytes as it says.
             unsafe { Place::new(words.as_mut_ptr().cast::<Grown>()) }.unwrap().write(value);
             assert_eq!(words, written);
-        }
-    }
-
-    #[test]
-    fn arrays_overlap_where_they_have_a_byte_in_common() {
-        let bytes = [0_u8; 12];
-        let at = |byte: usize| bytes.as_ptr().wrapping_add(byte);
-        for (one, other, expected) in
-            [((0, 4), (4, 2), false), ((0, 5), (4, 2), true), ((8, 1), (4, 2), false), ((7, 1), (4, 2), true)]
-        {
-            assert_eq!(overlap((at(one.0), one.1), (at(other.0).cast::<u16>(), other.1)), expected, "{one:?}");
         }
     }
 
