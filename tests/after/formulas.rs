@@ -3,7 +3,7 @@
 
 use crate::character::Keys;
 use crate::numbers::Numbers;
-use crate::skinned::{Matrix, Playing, matrix_of, product};
+use crate::skinned::{Matrix, Playing, dot, matrix_of, normal_matrix, product};
 use serde_json::Value;
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -286,8 +286,9 @@ impl File {
         (0..self.parents.len()).map(world).collect()
     }
 
-    /// Returns the positions of the vertices of all triangles that a node draws with these weights.
-    pub fn positions(&self, (mesh, node): Drawn, weights: &[f64], worlds: &[Matrix]) -> Vec<[f64; 3]> {
+    /// Returns positions, and normals of any length, of the vertices of all triangles that a node draws with these
+    /// weights; a normal that the file does not state is 0.
+    pub fn vertices(&self, (mesh, node): Drawn, weights: &[f64], worlds: &[Matrix]) -> Vec<[[f64; 3]; 2]> {
         let joints: Option<Vec<Matrix>> = whole(&self.node(node)["skin"]).map(|skin| {
             let skin = &self.json["skins"][skin];
             let bind = skin.get("inverseBindMatrices").map(|index| self.numbers(index));
@@ -304,18 +305,22 @@ impl File {
                 continue;
             }
             let attributes = &primitive["attributes"];
-            let mut positions = self.numbers(&attributes["POSITION"]).to_vec();
-            for (target, weight) in list(primitive, "targets").iter().zip(weights).filter(|(_, weight)| **weight != 0.0)
-            {
-                let Some(deltas) = target.get("POSITION") else { continue };
-                positions.iter_mut().zip(self.numbers(deltas).iter()).for_each(|(p, d)| *p += weight * d);
-            }
+            let morphed = |name: &str| -> Option<Vec<f64>> {
+                let mut numbers = self.numbers(attributes.get(name)?).to_vec();
+                let targets = list(primitive, "targets").iter().zip(weights);
+                for (deltas, weight) in targets.filter_map(|(target, weight)| Some((target.get(name)?, weight))) {
+                    numbers.iter_mut().zip(self.numbers(deltas).iter()).for_each(|(n, d)| *n += weight * d);
+                }
+                Some(numbers)
+            };
+            let positions = morphed("POSITION").unwrap();
+            let normals = morphed("NORMAL").unwrap_or_else(|| vec![0.0; positions.len()]);
             let set = |set: usize| {
                 let of = |name: &str| attributes.get(format!("{name}_{set}")).map(|index| self.numbers(index));
                 of("JOINTS").zip(of("WEIGHTS"))
             };
             let sets: Vec<_> = (0..).map_while(set).collect();
-            for (v, p) in positions.chunks_exact(3).enumerate() {
+            for (v, (p, n)) in positions.chunks_exact(3).zip(normals.chunks_exact(3)).enumerate() {
                 let mut matrix = worlds[node];
                 if let Some(joints) = &joints {
                     let each = sets.iter().flat_map(|(j, w)| j[4 * v..][..4].iter().zip(&w[4 * v..][..4]));
@@ -326,7 +331,8 @@ impl File {
                     };
                     matrix = std::array::from_fn(|i| std::array::from_fn(|k| blend(i, k)));
                 }
-                all.push([0, 1, 2].map(|i| (0..3).map(|k| matrix[i][k] * p[k]).sum::<f64>() + matrix[i][3]));
+                let position = [0, 1, 2].map(|i| dot(&matrix[i][..3], p) + matrix[i][3]);
+                all.push([position, normal_matrix(&matrix).map(|row| dot(&row, n))]);
             }
         }
         all

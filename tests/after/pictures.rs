@@ -5,67 +5,8 @@ use crate::offscreen::Offscreen;
 use crate::{draw, gpu};
 use deltamorph::ash::vk;
 use deltamorph::{CrowdDesc, DeltaFormat, POSE_FLOATS, PoseFormat, Semantic, Tolerance, UpdateDesc, testing};
-use deltamorph_head::{HeadDesc, head, head_clip};
+use deltamorph_head::{HeadDesc, head};
 use deltamorph_headless::HeadlessCrowd;
-
-/// Width and height of the compared pictures, in pixels.
-const EDGE: usize = 256;
-/// Samples per pixel, across and down. An edge of the head that moves by less than a pixel changes the fraction of
-/// samples that show it: with one sample, a pixel would show either the foreground or the background.
-const SAMPLES: usize = 16;
-
-/// Returns red, green and blue from 0 to 255, averaged over the samples of each pixel.
-fn averaged(picture: &[draw::Pixel]) -> Vec<u8> {
-    let mut sums = vec![[0u32; 3]; EDGE * EDGE];
-    for (i, sample) in picture.iter().enumerate() {
-        let (x, y) = (i % (EDGE * SAMPLES) / SAMPLES, i / (EDGE * SAMPLES * SAMPLES));
-        (0..3).for_each(|c| sums[y * EDGE + x][c] += u32::from(sample[c]));
-    }
-    let samples = (SAMPLES * SAMPLES) as u32;
-    sums.into_iter().flatten().map(|sum| ((sum + samples / 2) / samples) as u8).collect()
-}
-
-/// Returns the largest difference of two pictures.
-fn largest_difference(a: &[u8], b: &[u8]) -> u8 {
-    a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)).max().expect("pixels")
-}
-
-/// Counts the differences of two pictures beyond rounding.
-fn differences(a: &[u8], b: &[u8]) -> usize {
-    a.iter().zip(b).filter(|(a, b)| a.abs_diff(**b) > 1).count()
-}
-
-#[test]
-fn pictures_from_integer_poses_are_those_from_float32_poses() {
-    let clip = head_clip(&HeadDesc::default(), 60, 30.0);
-    let frame = |at: usize| clip.values[at * clip.names.len()..][..clip.names.len()].to_vec();
-    // Expressions of the clip, all targets slightly active, and weights slightly different from the first's.
-    let mut frames = vec![frame(18), frame(45), vec![0.1; clip.names.len()]];
-    frames.push(frames[0].iter().map(|weight| weight * 0.9).collect());
-    for driver in gpu::drivers() {
-        gpu::on_device(&driver, false, |headless, _| {
-            let draw = |format| {
-                let pictures = draw::pictures(headless, format, &frames, (EDGE * SAMPLES) as u32).expect("pictures");
-                pictures.iter().map(|picture| averaged(picture)).collect::<Vec<_>>()
-            };
-            let expected = draw(PoseFormat::Float32);
-            // The pictures are meaningful.
-            let shown = expected[0].iter().collect::<std::collections::BTreeSet<_>>().len();
-            let changed = differences(&expected[0], &expected[3]);
-            assert!(shown > 100 && 1_000 * changed > expected[0].len(), "{driver}: {shown} shades, {changed} changed");
-            for format in PoseFormat::ALL.into_iter().filter(|format| format.has_integers()) {
-                for (i, (picture, expected)) in draw(format).iter().zip(&expected).enumerate() {
-                    let most = largest_difference(picture, expected);
-                    let off = differences(picture, expected);
-                    println!("{driver} {format:?} picture {i}: {most}, more than 1 at {off} of {}", expected.len());
-                    // Lids touch eyeballs, and lips each other: in a sample, either may be in front.
-                    let few = most <= 4 && off * 10_000 <= expected.len();
-                    assert!(few, "{driver} {format:?}: picture {i} differs by {most} in 255, more than 1 at {off}");
-                }
-            }
-        });
-    }
-}
 
 /// Draws a head from poses at locations from 3 on: the pose, or the previous one.
 const VERTEX: &str = "
@@ -86,12 +27,13 @@ const FRAGMENT: &str = "#version 450
     void main() { pixel = vec4(0.5 + 0.5 * normalize(normal), 1.0); }";
 
 #[test]
-fn the_previous_pose_is_drawn_from_attributes_of_its_own() {
+fn poses_of_every_format_are_drawn_alike_and_previous_ones_from_attributes_of_their_own() {
     let desc = HeadDesc::default().vertices(900).targets(37);
     let mesh = head(&desc).to_mesh(Tolerance::default()).expect("a mesh");
     let edge = 128;
     for driver in gpu::drivers() {
         gpu::on_device(&driver, false, |headless, engine| {
+            let mut expected: Option<Vec<draw::Pixel>> = None;
             for format in PoseFormat::ALL {
                 let packed = gpu::packed(engine, &mesh, DeltaFormat::Fast);
                 let update = CrowdDesc::new(UpdateDesc::blocks().pose(format));
@@ -141,6 +83,11 @@ fn the_previous_pose_is_drawn_from_attributes_of_its_own() {
                 let shown = second.iter().filter(|pixel| pixel[3] > 0).count();
                 assert!(shown > 1000 && first != second, "{driver} {format:?}: {shown} pixels");
                 assert!(draw(&crowd, before, true) == first, "{driver} {format:?}");
+                // Edges of the head may move by less than a pixel.
+                let expected = expected.get_or_insert_with(|| second.clone());
+                let is_off = |(a, b): &(&draw::Pixel, &draw::Pixel)| (0..4).any(|i| a[i].abs_diff(b[i]) > 4);
+                let off = second.iter().zip(&*expected).filter(is_off).count();
+                assert!(off * 200 < shown, "{driver} {format:?}: {off} of {shown} pixels are others than in float32");
             }
         });
     }

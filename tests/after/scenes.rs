@@ -19,6 +19,8 @@ use std::sync::Arc;
 
 /// The largest error of a position, as a fraction of the diagonal of the scene at rest.
 const ALLOWED: f64 = 5e-6;
+/// The largest error of a normal, in degrees.
+const TURNED: f64 = 0.01;
 
 /// Weights by the names of targets.
 type Weights = HashMap<String, f64>;
@@ -41,7 +43,8 @@ impl Posed {
         Ok(Self { mesh, crowd, skeleton: drawn.skeleton })
     }
 
-    fn positions(&mut self, weights: &Weights, playing: Playing) -> Vec<DVec3> {
+    /// Returns positions and normals.
+    fn vertices(&mut self, weights: &Weights, playing: Playing) -> Vec<[DVec3; 2]> {
         let weight = |name: &String| weights.get(name).map_or(0.0, |weight| *weight as f32);
         let weights: Vec<f32> = self.mesh.targets.iter().map(|target| weight(&target.name)).collect();
         self.crowd.set_weights(0, &weights).expect("weights");
@@ -56,7 +59,8 @@ impl Posed {
             let desc = SkinDesc::new(of.per_vertex as u32, count, &of.joints, &of.weights);
             pose = reference::skin(&pose, &desc, SkinMethod::Linear, &joints).expect("a skinned pose");
         }
-        pose.chunks_exact(6).map(|v| DVec3::from_slice(v) + self.mesh.origin.as_dvec3()).collect()
+        let origin = self.mesh.origin.as_dvec3();
+        pose.chunks_exact(6).map(|v| [DVec3::from_slice(v) + origin, DVec3::from_slice(&v[3..])]).collect()
     }
 }
 
@@ -69,6 +73,8 @@ struct Compared {
     diagonal: f64,
     /// Poses that the one mesh cannot take: weights of one name that differ.
     differing: usize,
+    /// The largest angle between normals, in degrees.
+    turned: f64,
 }
 
 impl Compared {
@@ -81,17 +87,17 @@ impl Compared {
         let scenes = [scene(false)?, scene(true)?];
         let file = File::read(path);
         let order = [file.drawn(true), file.drawn(false)].concat();
-        let mut this = Self { gltf, file, scenes, order, diagonal: 1.0, differing: 0 };
+        let mut this = Self { gltf, file, scenes, order, diagonal: 1.0, differing: 0, turned: 0.0 };
         let rest = this.expected(&|drawn| this.file.weights(drawn, None), None);
-        let [low, high] = [DVec3::min, DVec3::max].map(|f| rest.iter().copied().reduce(f).unwrap_or_default());
+        let [low, high] = [DVec3::min, DVec3::max].map(|f| rest.iter().map(|v| v[0]).reduce(f).unwrap_or_default());
         this.diagonal = (high - low).length();
         Ok(this)
     }
 
-    fn expected(&self, weights: &dyn Fn(Drawn) -> Vec<f64>, joints: Playing) -> Vec<DVec3> {
+    fn expected(&self, weights: &dyn Fn(Drawn) -> Vec<f64>, joints: Playing) -> Vec<[DVec3; 2]> {
         let worlds = self.file.worlds(joints);
-        let positions = |drawn: &Drawn| self.file.positions(*drawn, &weights(*drawn), &worlds);
-        self.order.iter().flat_map(positions).map(DVec3::from_array).collect()
+        let vertices = |drawn: &Drawn| self.file.vertices(*drawn, &weights(*drawn), &worlds);
+        self.order.iter().flat_map(vertices).map(|vertex| vertex.map(DVec3::from_array)).collect()
     }
 
     fn names(&self, mesh: usize) -> impl Iterator<Item = &String> {
@@ -113,10 +119,13 @@ impl Compared {
         let mut worst = 0.0f64;
         for (scene, joints) in [None, playing].into_iter().enumerate() {
             let expected = self.expected(&|drawn| weights(self, drawn), joints);
-            let found: Vec<DVec3> =
-                self.scenes[scene].iter_mut().flat_map(|posed| posed.positions(&all, joints)).collect();
+            let found: Vec<[DVec3; 2]> =
+                self.scenes[scene].iter_mut().flat_map(|posed| posed.vertices(&all, joints)).collect();
             assert_eq!(found.len(), expected.len(), "the same vertices, once for each node that draws them");
-            worst = found.iter().zip(&expected).map(|(a, b)| a.distance(*b)).fold(worst, f64::max);
+            worst = found.iter().zip(&expected).map(|(a, b)| a[0].distance(b[0])).fold(worst, f64::max);
+            let stated = found.iter().zip(&expected).filter(|(_, [_, normal])| *normal != DVec3::ZERO);
+            let angles = stated.map(|(a, b)| reference::angle_degrees(a[1], b[1]));
+            self.turned = angles.fold(self.turned, f64::max);
         }
         worst / self.diagonal
     }
@@ -304,11 +313,17 @@ fn files_of_every_kind_stand_as_gltf_says() {
         ("EXT_meshopt_compression", compressed("EXT_meshopt_compression", 0), 8),
         ("KHR_meshopt_compression", compressed("KHR_meshopt_compression", 1), 4),
     ] {
-        add(name, Character::new(stored, influences, false).write().glb());
+        add(name, Character::new(stored, influences).write().glb());
     }
     add("several skins, copies, sparse, splines, a pointer", several().glb());
     let wrong = table(&files);
     assert!(wrong.is_empty(), "{wrong:?}");
+    for (name, path) in &files {
+        let mut compared = Compared::new(path).unwrap();
+        compared.errors();
+        println!("{name}: normals are off by {:.1e} degrees", compared.turned);
+        assert!(compared.turned < TURNED, "{name}: {} degrees", compared.turned);
+    }
 }
 
 /// `DELTAMORPH_DATA` may name any folder.

@@ -1,6 +1,5 @@
 //! File import, and the built-in head.
 
-mod gltf;
 mod head;
 mod import;
 mod import_real;

@@ -1,5 +1,5 @@
 //! A character written as glTF: a tube of rings with three morph targets, four joints below a scaled and turned rig,
-//! three animations. `skinned.rs` evaluates the same numbers.
+//! three animations.
 
 use crate::file::{I8, I16, U8, U16, Written, bytes};
 use crate::numbers::Numbers;
@@ -53,7 +53,6 @@ pub struct Character {
     pub stored: Stored,
     pub positions: Morphed,
     pub normals: Morphed,
-    pub tangents: Morphed,
     /// Sets of four joints and weights per vertex.
     pub joints: Vec<Numbers>,
     pub weights: Vec<Numbers>,
@@ -88,9 +87,8 @@ fn turn(axis: [f64; 3], angle: f64) -> [f64; 4] {
 }
 
 impl Character {
-    /// Makes a character with 4 or 8 influences. `is_rigid`: joints do not scale, so that dual quaternions can
-    /// represent them.
-    pub fn new(stored: Stored, influences: usize, is_rigid: bool) -> Self {
+    /// Makes a character with 4 or 8 influences.
+    pub fn new(stored: Stored, influences: usize) -> Self {
         let is_quantised = stored != Stored::Floats;
         // A quantised position is the number × step + least.
         let (step, least) = if is_quantised { (4.0 / 16383.0, -2.0) } else { (1.0, 0.0) };
@@ -103,13 +101,7 @@ impl Character {
         ];
         let turns: [Vec<f64>; 3] =
             [0.3, -0.4, 0.2].map(|s| vectors(&|u, a| [s * u, s * (3.0 * a).sin(), s * s - u * s]));
-        let across: [Vec<f64>; 3] =
-            [-0.2, 0.3, 0.4].map(|s| vectors(&|u, a| [s * a.cos(), s * u, s * (2.0 * a).sin()]));
         let normals = vectors(&|u, a| normalised([a.cos(), 0.3 * (4.0 * u).cos(), a.sin()]));
-        let tangents = tube().flat_map(|(u, a)| {
-            let [x, y, z] = normalised([-a.sin(), 0.2 * u, a.cos()]);
-            [x, y, z, if u < 0.5 { 1.0 } else { -1.0 }]
-        });
         let morphed = |width, base: Vec<f64>, targets: &[Vec<f64>; 3]| Morphed {
             base: match is_quantised {
                 true => Numbers::integers(I8, true, width, base),
@@ -142,13 +134,10 @@ impl Character {
         let parts = |translation: [f32; 3], axis, angle, scale: [f32; 3]| Place::Parts {
             translation,
             rotation: turn(axis, angle).map(|x| x as f32),
-            scale: if is_rigid { [1.0; 3] } else { scale },
+            scale,
         };
         let spine = matrix_of(&[0.1, 1.2, 0.0], &turn([1.0, 0.0, 1.0], 0.3), &[1.0; 3]);
-        let mut rig = parts([0.2, -1.9, 0.1], [1.0, 2.0, 3.0], 0.7, [1.1, 0.8, 1.3]);
-        if let (Place::Parts { scale, .. }, true) = (&mut rig, is_rigid) {
-            *scale = [0.01; 3];
-        }
+        let rig = parts([0.2, -1.9, 0.1], [1.0, 2.0, 3.0], 0.7, [1.1, 0.8, 1.3]);
         let nodes = vec![
             Node { parent: Some(5), place: parts([9.0, 9.0, 9.0], [0.0, 1.0, 0.0], 1.0, [3.0, 3.0, 3.0]) },
             Node { parent: Some(3), place: parts([0.0, 0.9, 0.1], [0.0, 0.0, 1.0], 0.4, [1.0, 1.2, 0.9]) },
@@ -162,7 +151,6 @@ impl Character {
             stored,
             positions,
             normals: morphed(3, normals, &turns),
-            tangents: morphed(4, tangents.collect(), &across),
             joints,
             weights,
             indices: triangles(),
@@ -170,10 +158,10 @@ impl Character {
             skin,
             inverse_bind: Numbers::floats(16, []),
             node_weights: vec![0.25, -0.5, 0.75],
-            animations: animations(is_quantised, is_rigid),
+            animations: animations(is_quantised),
         };
         // The bind pose: joints at rest, except for a turn, so that the rest pose is deformed as well.
-        let worlds = character.worlds(None);
+        let worlds = character.worlds();
         let undo = matrix_of(&[least; 3], &[0.0, 0.0, 0.0, 1.0], &[step; 3]);
         let bind = |&joint: &usize| {
             let turned = matrix_of(&[0.02, 0.0, 0.01], &turn([1.0, 1.0, 1.0], 0.1 * joint as f64), &[1.0; 3]);
@@ -212,15 +200,14 @@ impl Character {
         let mut file = Written::default();
         let mut attributes = json!({
             "POSITION": self.add(&mut file, &self.positions.base), "NORMAL": self.add(&mut file, &self.normals.base),
-            "TANGENT": self.add(&mut file, &self.tangents.base),
         });
         for (set, (joints, weights)) in self.joints.iter().zip(&self.weights).enumerate() {
             attributes[format!("JOINTS_{set}")] = json!(self.add(&mut file, joints));
             attributes[format!("WEIGHTS_{set}")] = json!(self.add(&mut file, weights));
         }
         let target = |file: &mut Written, i: usize| {
-            let [p, n, t] = [&self.positions, &self.normals, &self.tangents].map(|m| self.add(file, &m.targets[i]));
-            json!({"POSITION": p, "NORMAL": n, "TANGENT": t})
+            let [p, n] = [&self.positions, &self.normals].map(|m| self.add(file, &m.targets[i]));
+            json!({"POSITION": p, "NORMAL": n})
         };
         let targets: Vec<Value> = (0..3).map(|i| target(&mut file, i)).collect();
         let indices = file.accessor(U16, "SCALAR", self.indices.len(), &bytes(&self.indices));
@@ -326,7 +313,7 @@ fn compressed(data: &[u8], stride: usize, version: i32) -> Vec<u8> {
 }
 
 /// Makes three clips: each interpolation for weights and for joints.
-fn animations(is_quantised: bool, is_rigid: bool) -> Vec<Vec<Keys>> {
+fn animations(is_quantised: bool) -> Vec<Vec<Keys>> {
     let keys = |node, path, interpolation, times: &[f32], width, values: Vec<f64>| {
         let short = is_quantised && (path == "rotation" || path == "weights" && interpolation != "CUBICSPLINE");
         // Weights are scalars in the file.
@@ -349,7 +336,7 @@ fn animations(is_quantised: bool, is_rigid: bool) -> Vec<Vec<Keys>> {
     };
     let vectors = |values: Vec<f64>, n: usize| values.chunks_exact(n).map(<[f64]>::to_vec).collect::<Vec<_>>();
     let scales = |n: usize| (0..3 * n).map(|i| 1.0 + 0.3 * (i as f64).sin()).collect::<Vec<f64>>();
-    let mut clips = vec![
+    vec![
         vec![
             keys(MESH_NODE, "weights", "LINEAR", &times, 3, wave(12, 0.9)),
             keys(2, "rotation", "LINEAR", &times, 4, turns([0.0, 1.0, 0.5]).concat()),
@@ -362,22 +349,19 @@ fn animations(is_quantised: bool, is_rigid: bool) -> Vec<Vec<Keys>> {
                 4,
                 spline(turns([1.0, 0.0, 0.0])[..2].iter().map(|q| q.to_vec()).collect(), 0.4),
             ),
+            keys(1, "scale", "CUBICSPLINE", &times, 3, spline(vectors(scales(4), 3), 0.5)),
         ],
         vec![
             keys(MESH_NODE, "weights", "CUBICSPLINE", &times, 3, spline(vectors(wave(12, 0.8), 3), 1.5)),
             keys(2, "rotation", "STEP", &times, 4, turns([0.3, 0.2, 1.0]).concat()),
             keys(1, "translation", "LINEAR", &times, 3, wave(12, 0.4)),
             keys(5, "translation", "CUBICSPLINE", &times, 3, spline(vectors(wave(12, 0.3), 3), 0.8)),
+            keys(4, "scale", "LINEAR", &times, 3, scales(4)),
         ],
         vec![
             keys(MESH_NODE, "weights", "STEP", &times, 3, wave(12, -0.7)),
             keys(5, "rotation", "LINEAR", &times, 4, turns([1.0, 1.0, 0.0]).concat()),
+            keys(2, "scale", "STEP", &times, 3, scales(4)),
         ],
-    ];
-    if !is_rigid {
-        clips[0].push(keys(1, "scale", "CUBICSPLINE", &times, 3, spline(vectors(scales(4), 3), 0.5)));
-        clips[1].push(keys(4, "scale", "LINEAR", &times, 3, scales(4)));
-        clips[2].push(keys(2, "scale", "STEP", &times, 3, scales(4)));
-    }
-    clips
+    ]
 }

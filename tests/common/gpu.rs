@@ -1,5 +1,4 @@
 //! The real drivers that every GPU test runs on, with the validation layers on.
-#![allow(dead_code)] // each test file uses some of this
 
 use deltamorph::internals::plan::hazards::{Event, HazardChecker, Violation};
 use deltamorph::internals::plan::schedule::{Barrier, Entry, asset_uploaded};

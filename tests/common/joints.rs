@@ -66,14 +66,9 @@ impl<'a> Joints<'a> {
 
     /// Writes other joints to the other place.
     pub fn turn(&mut self, headless: &Headless, seed: u64) {
-        self.set(headless, skeleton(self.method, self.diagonal, seed));
-    }
-
-    /// Writes these joints to the other place.
-    pub fn set(&mut self, headless: &Headless, numbers: Vec<f32>) {
         use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
         self.turn = 1 - self.turn;
-        self.numbers = numbers;
+        self.numbers = skeleton(self.method, self.diagonal, seed);
         let all = (Stage::ALL_COMMANDS, Access::MEMORY_READ | Access::MEMORY_WRITE);
         let update = headless.run(|cmd| {
             self.host.barrier(cmd, all, (Stage::TRANSFER, Access::TRANSFER_WRITE));

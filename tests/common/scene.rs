@@ -1,5 +1,4 @@
 //! A crowd animated on the GPU and its CPU reference: both get the same calls, and their plans are compared.
-#![allow(dead_code)] // each test file uses some of this
 
 use crate::gpu;
 use deltamorph::internals::abi::worklist::{TILE, TILE_WORDS, row_words};
@@ -110,11 +109,6 @@ impl<'a> Scene<'a> {
     pub fn set_level(&mut self, instance: u32, level: f32) {
         self.crowd.set_level(instance, level).expect("a level");
         self.heads.set_level(instance, level, &self.clips).expect("a level");
-    }
-
-    pub fn cut(&mut self, instance: u32) {
-        self.crowd.cut(instance).expect("an instance");
-        self.heads.cut(instance);
     }
 
     pub fn hide(&mut self, instance: u32, hidden: bool) {

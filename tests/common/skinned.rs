@@ -1,7 +1,6 @@
-//! Evaluates a character's file at a time, in float64, by the formulas of glTF 2.0 and of Kavan et al. 2008. Uses no
-//! code of the reader or of the library.
+//! Matrices and tracks in float64, by the formulas of glTF 2.0. Uses no code of the reader or of the library.
 
-use crate::character::{Character, Keys, MESH_NODE, Morphed, Place};
+use crate::character::{Character, Keys, Place};
 
 /// In row-major order.
 pub type Matrix = [[f64; 4]; 4];
@@ -27,13 +26,13 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// Returns the inverse transpose of the upper three rows and columns: cross products of the other rows, divided by the
 /// determinant.
-fn normal_matrix(m: &Matrix) -> [[f64; 3]; 3] {
+pub fn normal_matrix(m: &Matrix) -> [[f64; 3]; 3] {
     let [a, b, c] = [0, 1, 2].map(|i| [m[i][0], m[i][1], m[i][2]]);
     let determinant = dot(&a, &cross(b, c));
     [cross(b, c), cross(c, a), cross(a, b)].map(|row| row.map(|x| x / determinant))
@@ -87,136 +86,22 @@ impl Keys {
     }
 }
 
-impl Morphed {
-    /// Returns the first three numbers of vertex `v`.
-    fn at(&self, v: usize, weights: &[f64]) -> [f64; 3] {
-        let base = self.base.at(v);
-        let moved = |i: usize| self.targets.iter().zip(weights).map(|(t, w)| w * t.at(v)[i]).sum::<f64>();
-        std::array::from_fn(|i| base[i] + moved(i))
-    }
-}
-
-/// The reference for a pose.
-pub struct Pose {
-    /// Six numbers per vertex: position, and normal of unit length.
-    pub surface: Vec<f64>,
-    /// Morphed but not skinned, of unit length.
-    pub tangents: Vec<[f64; 3]>,
-    /// Morphed and skinned, of unit length.
-    pub skinned_tangents: Vec<[f64; 3]>,
-}
-
 /// A clip of the character, and a time.
 pub type Playing = Option<(usize, f64)>;
 
 impl Character {
-    fn playing(&self, playing: Playing, node: usize, path: &str) -> Option<Vec<f64>> {
-        let (clip, time) = playing?;
-        let keys = self.animations[clip].iter().find(|keys| keys.node == node && keys.path == path)?;
-        Some(keys.sample(time))
-    }
-
-    pub fn worlds(&self, playing: Playing) -> Vec<Matrix> {
-        fn world(character: &Character, node: usize, playing: Playing) -> Matrix {
+    /// Returns the matrices of nodes at rest.
+    pub fn worlds(&self) -> Vec<Matrix> {
+        fn world(character: &Character, node: usize) -> Matrix {
             let local = match &character.nodes[node].place {
                 Place::Matrix(m) => std::array::from_fn(|i| std::array::from_fn(|j| f64::from(m[4 * j + i]))),
                 Place::Parts { translation, rotation, scale } => {
-                    let of = |path, rest: &[f32]| {
-                        let rest = || rest.iter().map(|x| f64::from(*x)).collect();
-                        character.playing(playing, node, path).unwrap_or_else(rest)
-                    };
-                    let (t, r) = (of("translation", translation), of("rotation", rotation));
-                    matrix_of(&t, &r, &of("scale", scale))
+                    let scale = scale.map(f64::from);
+                    matrix_of(&translation.map(f64::from), &rotation.map(f64::from), &scale)
                 }
             };
-            let parent = character.nodes[node].parent;
-            parent.map_or(local, |parent| product(&world(character, parent, playing), &local))
+            character.nodes[node].parent.map_or(local, |parent| product(&world(character, parent), &local))
         }
-        (0..self.nodes.len()).map(|node| world(self, node, playing)).collect()
+        (0..self.nodes.len()).map(|node| world(self, node)).collect()
     }
-
-    pub fn weights_at(&self, playing: Playing) -> Vec<f64> {
-        let rest = || self.node_weights.iter().map(|w| f64::from(*w)).collect();
-        self.playing(playing, MESH_NODE, "weights").unwrap_or_else(rest)
-    }
-
-    /// Returns the pose, blended linearly or by dual quaternions.
-    pub fn pose(&self, playing: Playing, by_dual_quaternions: bool) -> Pose {
-        let (worlds, weights) = (self.worlds(playing), self.weights_at(playing));
-        let joint = |(i, &node): (usize, &usize)| {
-            let bind = self.inverse_bind.at(i);
-            product(&worlds[node], &std::array::from_fn(|i| std::array::from_fn(|j| bind[4 * j + i])))
-        };
-        let joints: Vec<Matrix> = self.skin.iter().enumerate().map(joint).collect();
-        let mut pose = Pose { surface: vec![], tangents: vec![], skinned_tangents: vec![] };
-        for v in 0..self.positions.base.count() {
-            let sets = self.joints.iter().zip(&self.weights);
-            let influences: Vec<(usize, f64)> = sets
-                .flat_map(|(joints, weights)| joints.at(v).iter().zip(weights.at(v)).map(|(j, w)| (*j as usize, *w)))
-                .filter(|(_, weight)| *weight > 0.0)
-                .collect();
-            let all: f64 = influences.iter().map(|(_, weight)| weight).sum();
-            let influences: Vec<(&Matrix, f64)> = influences.iter().map(|(j, w)| (&joints[*j], w / all)).collect();
-            let blended = match by_dual_quaternions {
-                false => linear(&influences),
-                true => dual_quaternion(&influences),
-            };
-            let (p, n) = (self.positions.at(v, &weights), self.normals.at(v, &weights));
-            let turned = normal_matrix(&blended).map(|row| dot(&row, &n));
-            let length = dot(&turned, &turned).sqrt();
-            pose.surface.extend([0, 1, 2].map(|i| dot(&blended[i][..3], &p) + blended[i][3]));
-            pose.surface.extend(turned.map(|x| x / length));
-            let tangent = self.tangents.at(v, &weights);
-            let skinned = [0, 1, 2].map(|i| dot(&blended[i][..3], &tangent));
-            let unit = |v: [f64; 3]| v.map(|x| x / dot(&v, &v).sqrt());
-            pose.tangents.push(unit(tangent));
-            pose.skinned_tangents.push(unit(skinned));
-        }
-        pose
-    }
-}
-
-fn linear(influences: &[(&Matrix, f64)]) -> Matrix {
-    std::array::from_fn(|i| std::array::from_fn(|j| influences.iter().map(|(m, w)| w * m[i][j]).sum()))
-}
-
-fn quaternion_product(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
-    let ([ax, ay, az, aw], [bx, by, bz, bw]) = (a, b);
-    [
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-        aw * bw - ax * bx - ay * by - az * bz,
-    ]
-}
-
-/// Returns the quaternion of a rotation: the column of 4 q qᵀ with the largest diagonal.
-pub fn quaternion_of(m: &Matrix) -> [f64; 4] {
-    let (x, y, z) = (m[0][0], m[1][1], m[2][2]);
-    let columns = [
-        [1.0 + x - y - z, m[1][0] + m[0][1], m[0][2] + m[2][0], m[2][1] - m[1][2]],
-        [m[1][0] + m[0][1], 1.0 - x + y - z, m[2][1] + m[1][2], m[0][2] - m[2][0]],
-        [m[0][2] + m[2][0], m[2][1] + m[1][2], 1.0 - x - y + z, m[1][0] - m[0][1]],
-        [m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1], 1.0 + x + y + z],
-    ];
-    let largest = (0..4).max_by(|a, b| columns[*a][*a].total_cmp(&columns[*b][*b])).unwrap();
-    let length = dot(&columns[largest], &columns[largest]).sqrt();
-    columns[largest].map(|x| x / length)
-}
-
-fn dual_quaternion(influences: &[(&Matrix, f64)]) -> Matrix {
-    let first = influences.iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
-    let pivot = quaternion_of(first.0);
-    let (mut real, mut dual) = ([0.0; 4], [0.0; 4]);
-    for (matrix, weight) in influences {
-        let rotation = quaternion_of(matrix);
-        let translation = [matrix[0][3], matrix[1][3], matrix[2][3], 0.0];
-        let half = quaternion_product(translation, rotation).map(|x| x / 2.0);
-        let weight = weight * dot(&rotation, &pivot).signum();
-        real = std::array::from_fn(|i| real[i] + weight * rotation[i]);
-        dual = std::array::from_fn(|i| dual[i] + weight * half[i]);
-    }
-    let length = dot(&real, &real);
-    let moved = quaternion_product(dual, [-real[0], -real[1], -real[2], real[3]]).map(|x| 2.0 * x / length);
-    matrix_of(&moved[..3], &real, &[1.0; 3])
 }
