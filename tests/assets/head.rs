@@ -1,12 +1,8 @@
 //! The built-in head and its clip.
 
-mod expressions;
-
-use deltamorph::import::obj::{ObjMesh, import_folder, write_obj};
 use deltamorph::internals::diagonal;
 use deltamorph::{MorphSource, Tolerance};
 use deltamorph_head::{HeadDesc, head, head_clip};
-use glam::Vec3;
 use std::collections::HashMap;
 
 fn desc(vertices: usize, targets: usize, sparsity: f32) -> HeadDesc {
@@ -117,68 +113,15 @@ fn the_first_targets_have_the_arkit_names() {
 
 #[test]
 fn targets_move_the_fraction_that_was_asked_for() {
-    for (sparsity, targets) in [(0.02, 52), (0.12, 72), (0.25, 120), (0.5, 52), (0.9, 60)] {
+    for (sparsity, targets) in [(0.02, 52), (0.12, 72), (0.25, 120), (0.5, 52), (0.9, 60), (1.0, 80)] {
         let source = head(&desc(6000, targets, sparsity));
         let mesh = source.to_mesh(Tolerance::default().normal(1e9)).unwrap();
         let moved: usize = mesh.targets.iter().map(|t| t.vertices.len()).sum();
         let mean = moved as f32 / (6000 * targets) as f32;
-        assert!((mean / sparsity - 1.0).abs() < 0.2, "{mean} for {sparsity}");
+        let most = if sparsity == 1.0 { 1e-6 } else { 0.2 };
+        assert!((mean / sparsity - 1.0).abs() < most, "{mean} for {sparsity}");
         let largest = mesh.targets.iter().map(|t| t.vertices.len()).max().unwrap();
         assert!(sparsity > 0.4 || largest as f32 > mean * 6000.0 * 1.5, "all supports are alike");
-    }
-}
-
-#[test]
-fn at_sparsity_one_every_target_moves_every_vertex() {
-    for n in [1, 2, 3, 4, 7, 3000] {
-        let mesh = head(&desc(n, 80, 1.0)).to_mesh(Tolerance::default().normal(1e9)).unwrap();
-        for target in &mesh.targets {
-            assert_eq!(target.vertices.len(), n, "{}", target.name);
-        }
-    }
-}
-
-#[test]
-fn a_head_that_is_written_and_imported_is_the_same_bit_for_bit() {
-    let same = |a: &(u32, Vec3), b: &(u32, Vec3)| {
-        a.0 == b.0 && a.1.to_array().map(f32::to_bits) == b.1.to_array().map(f32::to_bits)
-    };
-    for (d, seed) in [(desc(3000, 72, 0.12), 1), (desc(500, 80, 1.0), 2), (desc(20_000, 60, 0.3), 3)] {
-        let source = head(&d.seed(seed));
-        let dir = tempfile::tempdir().unwrap();
-        std::fs::create_dir(dir.path().join("targets")).unwrap();
-        let write = |name: String, positions: &[Vec3]| {
-            let mesh = ObjMesh { positions, normals: &[], texcoords: &source.texcoords, faces: &source.faces };
-            write_obj(&dir.path().join(name), mesh).unwrap();
-        };
-        write("neutral.obj".into(), &source.positions);
-        for target in &source.targets {
-            let mut positions = source.positions.clone();
-            target.positions.iter().for_each(|(v, d)| positions[*v as usize] += *d);
-            write(format!("targets/{}.obj", target.name), &positions);
-        }
-        let read = import_folder(dir.path()).unwrap();
-        assert_eq!(read.positions, source.positions);
-        assert_eq!(read.targets.len(), source.targets.len());
-        for read in &read.targets {
-            let target = source.targets.iter().find(|t| t.name == read.name).unwrap();
-            assert_eq!(read.positions.len(), target.positions.len(), "{}", read.name);
-            for (a, b) in read.positions.iter().zip(&target.positions) {
-                assert!(same(a, b), "{}: {a:?} read, {b:?} written", read.name);
-            }
-        }
-    }
-}
-
-#[test]
-fn deltas_fade_out_at_the_edge() {
-    let source = head(&desc(20_000, 52, 0.1));
-    for target in source.targets.iter().filter(|t| !t.positions.is_empty()) {
-        let mut lengths: Vec<f32> = target.positions.iter().map(|(_, d)| d.length()).collect();
-        lengths.sort_by(f32::total_cmp);
-        let largest = lengths[lengths.len() - 1];
-        assert!((0.05..6.0).contains(&largest), "{}: {largest} cm", target.name);
-        assert!(lengths[lengths.len() / 100] < 0.01 * largest, "{} ends in a step", target.name);
     }
 }
 
@@ -194,25 +137,4 @@ fn values_out_of_range_are_clamped() {
     }
     assert_eq!(head_clip(&desc(9, 0, 0.1), 3, 30.0).frame_count(), 0);
     assert_eq!(head_clip(&desc(9, 5, 0.1), 0, 30.0).frame_count(), 0);
-}
-
-#[test]
-fn the_clip_looks_like_a_captured_one() {
-    let d = HeadDesc::default();
-    let clip = head_clip(&d, 900, 30.0);
-    assert_eq!(clip, head_clip(&d, 900, 30.0));
-    assert_eq!((clip.frame_count(), clip.names.len()), (900, 72));
-    assert!(clip.values.iter().all(|w| (0.0..=1.0).contains(w)));
-    let column = |i: usize| clip.values.iter().skip(i).step_by(72);
-    let zero = (0..72).filter(|&i| column(i).all(|w| *w == 0.0)).count();
-    assert!((3..20).contains(&zero), "{zero} columns stay 0");
-    let changed = clip.values.windows(73).filter(|w| w[0] != w[72]).count() as f32 / (899 * 72) as f32;
-    assert!((0.25..0.42).contains(&changed), "{changed} of the weights change per frame");
-    // Blinks are short and complete; the jaw opens and closes again.
-    let blink: Vec<f32> = column(0).copied().collect();
-    assert!(blink.iter().any(|w| *w > 0.9) && blink.iter().filter(|w| **w > 0.0).count() < 200);
-    let jaw: Vec<f32> = column(17).copied().collect();
-    assert!(jaw.iter().any(|w| *w > 0.3) && jaw.iter().filter(|w| **w == 0.0).count() > 50);
-    let names: Vec<&str> = clip.names.iter().map(String::as_str).collect();
-    assert_eq!(clip.bind(&names).unwrap().frame_count(), 900);
 }
