@@ -30,6 +30,7 @@ pub fn normalise_weights(weights: &mut [f32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{reference, testing};
 
     #[test]
     fn one_weight_changes_every_active_factor_above_one_and_only_its_own_below() {
@@ -57,5 +58,27 @@ mod tests {
         assert!(normalised(vec![]).is_empty());
         assert!(normalised(vec![f32::NAN, 0.5]).iter().all(|w| !w.is_finite()));
         assert!(normalised(vec![f32::INFINITY, 0.5]).iter().any(|w| !w.is_finite()));
+    }
+
+    #[test]
+    fn poses_are_those_of_gerdelans_formula() {
+        const TARGETS: usize = 9;
+        let mesh = testing::mesh(200, TARGETS);
+        let pose = |weights: &[f32]| reference::evaluate_unpacked(&mesh, weights);
+        let base = pose(&[]);
+        let poses: [_; TARGETS] = std::array::from_fn(|t| pose(&[&vec![0.0; t][..], &[1.0]].concat()));
+        // Sums below one, and above.
+        for most in [0.1, 0.9] {
+            let weights: [f32; TARGETS] = std::array::from_fn(|t| most * (t * 4 % 9) as f32 / 8.0);
+            let sum: f64 = weights.iter().map(|w| f64::from(*w)).sum();
+            let of_base = (1.0 - sum).clamp(0.0, 1.0);
+            let mut factors = weights;
+            normalise_weights(&mut factors);
+            for (i, found) in pose(&factors).into_iter().enumerate() {
+                let of_poses: f64 = poses.iter().zip(weights).map(|(pose, w)| pose[i] * f64::from(w)).sum();
+                let expected = (of_base * base[i] + of_poses) / (of_base + sum);
+                assert!((found - expected).abs() < 1e-5, "{weights:?}: {found}, not {expected}");
+            }
+        }
     }
 }

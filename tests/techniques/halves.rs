@@ -1,10 +1,9 @@
 //! Deltas that are half floats are kept as half floats on the device.
 
-use super::poses::{check, real};
+use super::poses::check;
 use super::table::{can_read, history};
-use crate::gpu::{NORMAL, POSITION, on_every_device, packed, single};
+use crate::gpu::{on_every_device, packed, single};
 use deltamorph::mesh::{MorphTarget, StreamDeltas};
-use deltamorph::reference::{compare, evaluate};
 use deltamorph::{BatchSize, DeltaFormat, MorphMesh, UpdateDesc, UpdatePath, testing};
 use deltamorph_headless::HeadlessCrowd;
 use glam::Vec3;
@@ -81,32 +80,4 @@ fn half_floats_are_kept_as_such_and_give_the_same_poses() {
         assert_eq!((floor[0] % 80, floor[1] % 96, floor[0] / 80), (0, 0, floor[1] / 96), "{stats:?}");
         assert!(floor[0] >= 400 * 80, "{stats:?}");
     });
-}
-
-#[test]
-fn real_sets_in_half_floats() {
-    for (set, kept, frames) in real() {
-        let (half, bound) = (of_halves(kept.clone()), POSITION * f64::from(kept.diagonal));
-        on_every_device(|headless, engine| {
-            let desc = UpdateDesc::new(UpdatePath::Texture, BatchSize::All);
-            if engine.caps().check_path(desc.path).is_err() || !can_read(headless, &desc) {
-                return;
-            }
-            let [mesh, whole] = [&half, &kept].map(|mesh| packed(engine, mesh, DeltaFormat::Float32));
-            let mut crowd = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
-            for weights in &frames {
-                crowd.step(&[weights]).expect("a step");
-                let pose = crowd.read_pose(0).expect("a pose");
-                let error = compare(&pose, &evaluate(&mesh, weights));
-                assert!(error.within(bound, NORMAL), "{set}, half floats: {error:?}");
-                // Cutting costs 2^-10 of each delta.
-                let reach = kept.targets.iter().zip(weights).map(|(target, weight)| {
-                    let longest = target.positions.iter().map(|d| f64::from(d.length())).fold(0.0, f64::max);
-                    longest * f64::from(weight.abs())
-                });
-                let (off, most) = (compare(&pose, &evaluate(&whole, weights)).position, reach.sum::<f64>() / 1024.0);
-                assert!(off <= most + bound, "{set}, half floats: {off}, {most} allowed");
-            }
-        });
-    }
 }

@@ -2,7 +2,6 @@
 
 mod faults;
 mod halves;
-mod normalised;
 mod poses;
 mod recording;
 mod refused;

@@ -113,23 +113,6 @@ fn histories_of_updates_that_are_delayed_discarded_and_recorded_again() {
 }
 
 #[test]
-fn a_cut_has_no_previous_pose() {
-    with_crowds(|_, fresh, mesh, desc| {
-        if desc.path.evaluates_in_draws() {
-            return;
-        }
-        let mut crowd = fresh();
-        crowd.cut(0).expect("instance 0");
-        crowd.step(&[&weights(mesh, &desc, 2)]).expect("a step");
-        let (pose, previous) = (crowd.crowd().pose(0).unwrap(), crowd.crowd().previous_pose(0).unwrap());
-        assert_eq!(previous, Some(pose), "{desc:?}");
-        crowd.step(&[&[0.0; 23]]).expect("a step");
-        let (pose, previous) = (crowd.crowd().pose(0).unwrap(), crowd.crowd().previous_pose(0).unwrap());
-        assert_ne!(previous, Some(pose), "{desc:?}");
-    });
-}
-
-#[test]
 fn recorded_updates_run_in_their_crowd_and_while_their_lists_are_theirs() {
     with_crowds(|headless, fresh, mesh, desc| {
         if desc.path.evaluates_in_draws() {

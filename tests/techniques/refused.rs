@@ -111,16 +111,6 @@ fn limits_are_kept_or_refused_with_the_numbers() {
     }
 }
 
-#[test]
-fn more_active_targets_than_vertex_attributes() {
-    on_every_device(|headless, engine| {
-        let mesh = packed(engine, &testing::mesh(100, 40), Float32);
-        let most = engine.caps().batch_max(UpdatePath::DirectAttributes, Float32).expect("a limit");
-        let desc = UpdateDesc::new(UpdatePath::DirectAttributes, BatchSize::Targets(most));
-        says(gpu::crowd(headless, &mesh, desc).step(&[&[1.0; 40]]), &["40 active", &format!("attributes for {most}")]);
-    });
-}
-
 /// A path refuses a mesh that was uploaded for another one.
 #[test]
 fn uploads_of_another_technique() {
@@ -160,14 +150,5 @@ fn misuse_is_an_error_that_says_what_to_do() {
         // A refused call changes nothing.
         crowd.step(&[&[0.25, 0.5]]).expect("a step");
         gpu::assert_right(&mut crowd, 0, &mesh, &[0.25, 0.5]);
-
-        // A second engine, on its own device.
-        let other = gpu::device(&headless.caps().name, false, None);
-        let mut own = engine.create_crowd(crowd.mesh(), &single(desc)).expect("a crowd");
-        // SAFETY: nothing is recorded, as the crowd belongs to another engine.
-        let recorded = headless.run(|cmd| unsafe { other.engine().record_update(cmd, &mut own) });
-        let made = other.engine().create_crowd(crowd.mesh(), &single(desc));
-        says(recorded, &["another MorphEngine"]);
-        says(made, &["another MorphEngine"]);
     });
 }

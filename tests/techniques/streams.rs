@@ -8,8 +8,8 @@ use deltamorph::mesh::SourceTarget;
 use deltamorph::packed::PackedGroup;
 use deltamorph::reference::compare_group;
 use deltamorph::{
-    BatchSize, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, MorphEngine, MorphMesh, MorphSource, PackDesc, PackedMesh,
-    Semantic, Tolerance, UpdateDesc, UpdatePath, testing,
+    CpuCrowd, CrowdDesc, DeltaFormat, MorphMesh, MorphSource, PackDesc, PackedMesh, Semantic, Tolerance, UpdateDesc,
+    UpdatePath, testing,
 };
 use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::sync::Arc;
@@ -200,139 +200,25 @@ fn groups_share_steps_and_barriers() {
     });
 }
 
-#[test]
-fn views_say_where_streams_are() {
-    on_every_device(|headless, engine| {
-        let mesh = packed(&engine.pack_desc(DeltaFormat::Fast));
-        let desc = CrowdDesc::new(UpdateDesc::blocks()).instances(2);
-        let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
-        crowd.step(&[&[0.5; TARGETS], &[0.25; TARGETS]]).expect("a step");
-        let crowd = crowd.crowd();
-        let view = |semantic| crowd.stream(1, semantic).expect("a stream");
-        let pose = crowd.pose(1).expect("a pose");
-        let normal = view(Semantic::Normal);
-        assert_eq!((normal.buffer, normal.offset, normal.components), (pose.buffer, pose.offset + 12, 3));
-        let (tangent, texcoord, color) =
-            (view(Semantic::Tangent), view(Semantic::TexCoord(0)), view(Semantic::Color(0)));
-        assert_eq!((tangent.components, texcoord.components, color.components), (4, 2, 4));
-        assert_eq!((texcoord.buffer, texcoord.offset), (tangent.buffer, tangent.offset + 16));
-        assert!(tangent.buffer != pose.buffer && color.buffer != pose.buffer && color.buffer != tangent.buffer);
-        assert_eq!((tangent.stride, tangent.slot, tangent.offset), (pose.stride, pose.slot, pose.offset));
-        assert_eq!(crowd.previous_stream(1, Semantic::Tangent).expect("a stream"), Some(tangent));
-        testing::says(crowd.stream(1, Semantic::Color(1)), &["'color 1'", "texcoord 0, color 0"]);
-        assert_eq!(Crowd::pose_bytes(&mesh, &desc), 3 * 4 * mesh.layout().base_bytes());
-        let plain = gpu::packed(engine, &testing::mesh(300, TARGETS), DeltaFormat::Fast);
-        assert!(MorphEngine::mesh_bytes(&mesh) > MorphEngine::mesh_bytes(&plain) + 2 * mesh.layout().base_bytes());
-    });
-}
-
+/// The proptest of src/cpu, and for integers tests/updates/integers.rs, play histories.
 #[test]
 fn the_cpu_updates_every_stream() {
     for format in DeltaFormat::ALL {
         let mesh = Arc::new(packed(&PackDesc::new(format)));
-        let float = UpdateDesc::blocks().tolerance(1e-2);
-        let descs = [float].into_iter().chain(gpu::fixed()).filter(|desc| desc.pose.takes(format));
-        for desc in descs.flat_map(|desc| (1..4).map(move |slots| desc.path(UpdatePath::Cpu).slots(slots))) {
-            let mut crowd = CpuCrowd::new(mesh.clone(), desc, HEADS as u32, 2).expect("a crowd");
-            let mut before: Vec<Option<Vec<Vec<f32>>>> = vec![None; HEADS];
-            let mut shown = vec![vec![]; HEADS];
-            for frame in 0..12 {
-                crowd.set_hidden(1, (2..4).contains(&frame)).expect("an instance");
-                for (head, shown) in shown.iter_mut().enumerate() {
-                    let asked = requested(&mesh, &desc, frame, head);
-                    crowd.set_weights(head as u32, &asked).expect("weights");
-                    if head != 1 || !(2..4).contains(&frame) {
-                        *shown = asked;
-                    }
-                }
-                crowd.update();
-                for head in 0..HEADS {
-                    let mut poses = vec![];
-                    for (number, group) in mesh.groups().iter().enumerate() {
-                        let what = format!("{desc:?} {format:?} frame {frame} head {head} group {number}");
-                        let pose = crowd.group_pose(head as u32, number).expect("a pose");
-                        assert_pose(group, &desc, &mesh.layout().to_user_order(&pose), &shown[head], &what);
-                        let previous = crowd.previous_group_pose(head as u32, number).expect("an instance");
-                        if let (Some(previous), Some(before), false) =
-                            (previous, &before[head], head == 1 && (2..5).contains(&frame))
-                        {
-                            assert_eq!(bits(&previous), bits(&before[number]), "{what}: the previous pose");
-                        }
-                        poses.push(pose.to_vec());
-                    }
-                    before[head] = Some(poses);
+        let desc = UpdateDesc::blocks().tolerance(1e-2).path(UpdatePath::Cpu);
+        let mut crowd = CpuCrowd::new(mesh.clone(), desc, HEADS as u32, 2).expect("a crowd");
+        for frame in 0..12 {
+            let asked = [0, 1, 2].map(|head| requested(&mesh, &desc, frame, head));
+            (0..).zip(&asked).for_each(|(head, asked)| crowd.set_weights(head, asked).expect("weights"));
+            crowd.update();
+            for (head, asked) in (0..).zip(&asked) {
+                for (number, group) in mesh.groups().iter().enumerate() {
+                    let what = format!("{format:?} frame {frame} head {head} group {number}");
+                    let pose = mesh.layout().to_user_order(&crowd.group_pose(head, number).expect("a pose"));
+                    assert_pose(group, &desc, &pose, asked, &what);
                 }
             }
-            if desc.pose.has_integers() {
-                let mut fresh = CpuCrowd::new(mesh.clone(), desc, HEADS as u32, 1).expect("a crowd");
-                (0..).zip(&shown).for_each(|(head, w)| fresh.set_weights(head, w).expect("weights"));
-                fresh.update();
-                for (head, number) in (0..HEADS).flat_map(|head| (0..3).map(move |number| (head, number))) {
-                    let pose = |crowd: &CpuCrowd| bits(&crowd.group_pose(head as u32, number).expect("a pose"));
-                    assert_eq!(pose(&fresh), pose(&crowd), "{desc:?} head {head} group {number}");
-                }
-            }
-            testing::says(crowd.group_pose(0, 3), &["group 3", "has 3"]);
         }
+        testing::says(crowd.group_pose(0, 3), &["group 3", "has 3"]);
     }
-}
-
-/// A target stretches a sheet to twice its width, and its texture coordinates with it: the picture on it keeps its size
-/// at every weight.
-#[test]
-fn texture_coordinates_follow_a_target_that_stretches() {
-    use deltamorph::mesh::{StreamData, StreamDeltas};
-    use glam::Vec3;
-    let positions: Vec<Vec3> = (0..400u16).map(|i| Vec3::new(f32::from(i % 20), f32::from(i / 20), 0.0)).collect();
-    let texcoords = positions.iter().flat_map(|p| [p.x / 20.0, p.y / 20.0]).collect();
-    let moved: Vec<u32> = (0..400).filter(|i| i % 20 != 0).collect();
-    let along = |i: u32| positions[i as usize].x;
-    let stretched = SourceTarget {
-        name: "stretch".into(),
-        positions: moved.iter().map(|&i| (i, Vec3::X * along(i))).collect(),
-        normals: None,
-        streams: vec![StreamDeltas {
-            deltas: moved.iter().flat_map(|&i| [along(i) / 20.0, 0.0]).collect(),
-            vertices: moved.clone(),
-        }],
-    };
-    let source = MorphSource {
-        name: "sheet".into(),
-        normals: Some(vec![Vec3::Z; positions.len()]),
-        positions: positions.clone(),
-        targets: vec![stretched],
-        streams: vec![StreamData { semantic: Semantic::TexCoord(0), values: texcoords }],
-        ..MorphSource::default()
-    };
-    let mesh = source.to_mesh(Tolerance::ZERO).expect("a mesh that is right");
-    on_every_device(|headless, engine| {
-        for (path, format) in [
-            (UpdatePath::Blocks, DeltaFormat::Fast),
-            (UpdatePath::Texture, DeltaFormat::Float32),
-            (UpdatePath::Texture, DeltaFormat::Snorm16),
-        ] {
-            if engine.caps().check_path(path).is_err() {
-                continue;
-            }
-            let packed = PackedMesh::pack(&mesh, &engine.pack_desc(format)).expect("a mesh that fits");
-            let (group, first) = (1, packed.groups()[1].layout().streams[0].first);
-            let desc = CrowdDesc::new(UpdateDesc::new(path, BatchSize::All));
-            let mut crowd = HeadlessCrowd::new(headless, &packed, &desc).expect("a crowd");
-            for weight in [0.5, 1.0, -0.25] {
-                crowd.step(&[&[weight]]).expect("a step");
-                let pose = crowd.read_pose(0).expect("a pose");
-                let (streams, _) = crowd.read_group(0, group).expect("a pose");
-                for (i, (pose, uv)) in pose.chunks_exact(6).zip(streams.chunks_exact(6)).enumerate() {
-                    let x = positions[i].x * (1.0 + weight);
-                    assert!(
-                        (pose[0] - x).abs() < 2e-3,
-                        "{path:?} {format:?} {weight}, vertex {i}: {} for {x}",
-                        pose[0]
-                    );
-                    let off = (uv[first] - pose[0] / 20.0).abs() + (uv[first + 1] - positions[i].y / 20.0).abs();
-                    assert!(off < 2e-4, "{path:?} {format:?} {weight}, vertex {i}: {uv:?} at {pose:?}");
-                }
-            }
-        }
-    });
 }

@@ -1,12 +1,9 @@
 //! Bounds from weights contain the poses of every path, and those of real sets.
 
-use crate::{data, gpu};
-use deltamorph::import::{csv, obj};
-use deltamorph::reference::evaluate;
-use deltamorph::{CrowdDesc, DeltaFormat, PackDesc, PackedMesh, Tolerance, UpdateDesc, WeightBounds};
+use crate::gpu;
+use deltamorph::{CrowdDesc, Tolerance, WeightBounds};
 use deltamorph_head::{HeadDesc, head};
 use deltamorph_headless::HeadlessCrowd;
-use std::time::Instant;
 
 /// Returns the least and greatest coordinates of a pose of six numbers per vertex.
 fn extent<T: Copy + PartialOrd>(pose: &[T]) -> [T; 6] {
@@ -47,35 +44,4 @@ fn bounds_from_weights_hold_poses_of_the_device() {
             assert!(tall >= 8, "{format:?} {update:?}: {tall} frames are held closely");
         }
     });
-}
-
-/// Prints the sizes of bounds from weights relative to the least bounds, and their costs, on captured clips.
-#[test]
-fn bounds_from_weights_hold_on_real_sets() {
-    for set in ["ict_facekit", "makehuman_face", "facecap_head_glb"] {
-        let Some(folder) = data::set(set) else { continue };
-        let mesh = obj::import_folder(&folder).expect("a folder").to_mesh(Tolerance::default()).expect("a mesh");
-        let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Fast)).expect("a mesh that fits");
-        let clips = std::fs::read_dir(folder.join("weights")).expect("clips");
-        let mut clips: Vec<_> = clips.map(|entry| entry.expect("an entry").path()).collect();
-        clips.retain(|path| path.extension().is_some_and(|ending| ending == "csv"));
-        clips.sort();
-        let clip = csv::read(clips.first().expect("a clip"), None).expect("a clip");
-        let names: Vec<&str> = mesh.targets.iter().map(|target| target.name.as_str()).collect();
-        let frames: Vec<Vec<f32>> = clip.bind(&names).expect("columns that name targets").frames().collect();
-        let bounds = WeightBounds::new(&packed, &UpdateDesc::blocks()).expect("no grid");
-        let (mut worst, mut least_time): (f64, f64) = (0.0, f64::INFINITY);
-        for weights in frames.iter().step_by(frames.len().div_ceil(12)) {
-            let start = Instant::now();
-            let found = bounds.of(weights, 0.0);
-            least_time = least_time.min(start.elapsed().as_secs_f64());
-            let exact = extent(&evaluate(&packed, weights));
-            for axis in 0..3 {
-                let (low, high) = (f64::from(found.min[axis]), f64::from(found.max[axis]));
-                assert!(low <= exact[axis] && exact[3 + axis] <= high, "{set}: {found:?} of {exact:?}");
-                worst = worst.max((high - low) / (exact[3 + axis] - exact[axis]) - 1.0);
-            }
-        }
-        println!("{set}: at most {:.1} % larger than the least, {:.1} µs", 100.0 * worst, 1e6 * least_time);
-    }
 }

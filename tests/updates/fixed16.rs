@@ -147,14 +147,6 @@ fn weights_beyond_the_largest_are_refused_with_the_remedy() {
         let refused = CpuCrowd::new(mesh.clone(), on_cpu(pose).weight_max(Some(weight_max)), 1, 1);
         testing::says(refused, &[&weight_max.to_string(), remedy]);
     }
-    gpu::on_every_device(|headless, _| {
-        let desc = UpdateDesc::blocks().pose(PoseFormat::Fixed16);
-        let mut crowd = gpu::crowd(headless, &mesh, desc);
-        testing::says(crowd.step(&[&[0.0, -1.5, 0.0, 0.0]]), &["('target_1') is -1.5", "use a larger weight_max"]);
-        crowd.step(&[&[0.0, -1.0, 0.0, 0.0]]).expect("a step");
-        let stored = crowd.read_stored(0, 0).expect("a pose");
-        gpu::assert_integers(mesh.surface(), &desc, &stored, &[0.0, -1.0]);
-    });
 }
 
 /// Makes a target that moves one vertex, in all three components.
@@ -168,63 +160,4 @@ fn one_vertex(mesh: &MorphMesh, name: &str, vertex: u32) -> MorphTarget {
         normals: part(normal),
         ..MorphTarget::default()
     }
-}
-
-/// 300 targets, each of one vertex among the first forty, or of none; blocks without targets.
-#[test]
-fn hundreds_of_targets_of_one_vertex_and_blocks_that_nothing_moves() {
-    let mut mesh = testing::mesh(500, 300);
-    for t in 0..300 {
-        let name = mesh.targets[t].name.clone();
-        mesh.targets[t] = match t % 10 {
-            9 => MorphTarget { name, ..MorphTarget::default() },
-            _ => one_vertex(&mesh, &name, (t * 7 % 40) as u32),
-        };
-    }
-    gpu::on_every_device(|headless, engine| {
-        for format in [DeltaFormat::Fast, DeltaFormat::Small, DeltaFormat::Pair] {
-            let mesh = Arc::new(gpu::packed(engine, &mesh, format));
-            for desc in gpu::fixed().map(|desc| desc.weight_max(Some(2.0))) {
-                let mut cpu = CpuCrowd::new(mesh.clone(), desc.path(UpdatePath::Cpu), 2, 1).expect("a crowd");
-                let mut crowd = HeadlessCrowd::new(headless, &mesh, &gpu::single(desc).instances(2)).expect("a crowd");
-                for frame in 0..4 {
-                    let weights = [0, 1].map(|seed| gpu::weights(&mesh, frame, seed));
-                    crowd.step(&weights.each_ref().map(Vec::as_slice)).expect("a step");
-                    (0..).zip(&weights).for_each(|(i, w)| cpu.set_weights(i, w).expect("weights"));
-                    cpu.update();
-                    for (i, weights) in (0..).zip(&weights) {
-                        let stored = crowd.read_stored(i, 0).expect("a pose");
-                        assert!(stored == cpu.stored_pose(i, 0).expect("a pose"), "{format:?} {desc:?} {frame}");
-                        gpu::assert_integers(mesh.surface(), &desc, &stored, weights);
-                    }
-                }
-            }
-        }
-    });
-}
-
-/// Targets that move nothing: poses are the base pose, in every slot.
-#[test]
-fn targets_that_move_nothing_leave_the_base_pose() {
-    let empty = testing::degenerate().pop().expect("a mesh of empty targets");
-    gpu::on_every_device(|headless, engine| {
-        for (format, desc) in
-            [DeltaFormat::Fast, DeltaFormat::Small].into_iter().flat_map(|f| gpu::fixed().map(|d| (f, d)))
-        {
-            let mesh = gpu::packed(engine, &empty, format);
-            for instances in [1, 5] {
-                let mut crowd =
-                    HeadlessCrowd::new(headless, &mesh, &gpu::single(desc).instances(instances)).expect("a crowd");
-                for weight in [0.0, 0.5, -0.5] {
-                    let weights = vec![[weight; 5]; instances as usize];
-                    crowd.step(&weights.iter().map(<[f32; 5]>::as_slice).collect::<Vec<_>>()).expect("a step");
-                    for i in 0..instances {
-                        let stored = crowd.read_stored(i, 0).expect("a pose");
-                        assert!(stored.iter().all(|byte| *byte == 0), "{format:?} {desc:?}");
-                        assert_eq!(crowd.read_pose(i).expect("a pose"), mesh.layout().to_user_order(mesh.base()));
-                    }
-                }
-            }
-        }
-    });
 }

@@ -1,15 +1,13 @@
 //! Fixed-point poses do not depend on their history: a pose has the bits of a full evaluation of its weights, on every
 //! driver and on the CPU, and the previous pose those of the pose before.
 
-use crate::data;
 use crate::gpu;
-use deltamorph::import::obj;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
     BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdateMode,
     UpdatePath, testing,
 };
-use deltamorph_head::{HeadDesc, Rng, head};
+use deltamorph_head::{HeadDesc, head};
 use deltamorph_headless::{Headless, HeadlessCrowd};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
@@ -321,51 +319,4 @@ fn play_with_a_budget(headless: &Headless, mesh: &Arc<PackedMesh>, desc: UpdateD
         assert!(pose == expected.evaluate(&expected.heads[i].asked.clone()), "{desc:?}: head {i} has not settled");
         assert!(before.iter().zip(&pose).all(|(before, pose)| before.as_ref() == Some(&pose.1)), "{desc:?}: still");
     }
-}
-
-/// Plays `frames` frames on the CPU, in each of which a few random weights change, or return to earlier values;
-/// occasionally the instance is cut, or hidden for a frame. Compares `checked` of the frames with a full evaluation.
-fn long_run(mesh: &Arc<PackedMesh>, desc: UpdateDesc, frames: usize, checked: usize) {
-    let targets = mesh.layout().targets.len();
-    let mut crowd = CpuCrowd::new(mesh.clone(), desc.path(UpdatePath::Cpu), 1, 2).expect("a crowd");
-    let mut expected = Expected::new(mesh, desc, 0);
-    let (mut weights, mut rng) = (vec![0.0; targets], Rng::new(frames as u64, 12));
-    for frame in 1..=frames {
-        for _ in 0..rng.next_u64() % 9 {
-            let weight = rng.range(-expected.most, expected.most);
-            weights[rng.next_u64() as usize % targets] = if weight.abs() < 0.2 * expected.most { 0.0 } else { weight };
-        }
-        crowd.set_weights(0, &weights).expect("weights");
-        match rng.next_u64() % 50 {
-            0 => crowd.cut(0).expect("a head"),
-            1 => crowd.set_hidden(0, frame % checked != 0).expect("a head"),
-            _ => crowd.set_hidden(0, false).expect("a head"),
-        }
-        crowd.update();
-        if frame % checked == 0 || frame == frames {
-            crowd.set_hidden(0, false).expect("a head");
-            crowd.update();
-            assert!(poses(mesh, &crowd, 0) == expected.evaluate(&weights), "{desc:?}: frame {frame}");
-        }
-    }
-}
-
-/// The program's `soak` runs a million.
-#[test]
-fn twenty_thousand_frames_leave_the_bits_of_a_full_evaluation() {
-    for (format, size, streams) in
-        [(DeltaFormat::Fast, 64, false), (DeltaFormat::Small, 32, true), (DeltaFormat::Snorm16, 128, true)]
-    {
-        let mesh = packed(format, size, streams);
-        fixed(&mesh).for_each(|desc| long_run(&mesh, desc, 20_000, 500));
-    }
-}
-
-#[test]
-fn thousands_of_frames_of_a_real_face_leave_the_bits_of_a_full_evaluation() {
-    let Some(folder) = data::set("ict_facekit") else { return };
-    let mesh = obj::import_folder(&folder).expect("a folder").to_mesh(Tolerance::default()).expect("a mesh");
-    let mesh = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::Small)).expect("a mesh that packs");
-    let mesh = Arc::new(mesh);
-    fixed(&mesh).for_each(|desc| long_run(&mesh, desc, 2_000, 100));
 }

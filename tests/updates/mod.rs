@@ -1,6 +1,5 @@
 //! Poses of every path, format and driver, against float64 and each other.
 
-mod blocks_data;
 mod bounds;
 mod clamps;
 mod fixed16;

@@ -135,25 +135,3 @@ fn what_was_read_back_stays_where_there_is_no_memory_for_more() {
         assert!(before.len() == 1 && unsafe { readback.poses() }.expect("a pose") == before);
     });
 }
-
-#[test]
-fn what_has_no_pose_is_refused() {
-    on_every_device(|headless, engine| {
-        let mesh = gpu::packed(engine, &testing::mesh(64, 3), DeltaFormat::Fast);
-        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
-        let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
-        let mut crowd = engine.create_crowd(&uploaded, &CrowdDesc::new(gpu::fixed()[0])).expect("a crowd");
-        let mut readback = engine.readback();
-        let mut refused = |crowd: &deltamorph::Crowd, instance, words: &str| {
-            // SAFETY: as above.
-            let result = headless.run(|cmd| unsafe { readback.record(cmd, crowd, &[instance]) });
-            testing::says(result, &[words]);
-        };
-        refused(&crowd, 0, "instance 0 has no pose yet; record an update first");
-        // SAFETY: as above.
-        let update = headless.run(|cmd| unsafe { engine.record_update(cmd, &mut crowd) }).expect("an update");
-        refused(&crowd, 1, "instance 1 of a crowd of 1");
-        crowd.discard(update.ticket).expect("a ticket of this crowd");
-        refused(&crowd, 0, "no pose yet");
-    });
-}
