@@ -34,29 +34,3 @@ impl Drop for Turn {
         FREE.notify_all();
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::sync::atomic::{AtomicU32, Ordering};
-
-    #[test]
-    fn threads_take_turns_and_may_have_several() {
-        let inside = AtomicU32::new(0);
-        std::thread::scope(|scope| {
-            for _ in 0..4 {
-                scope.spawn(|| {
-                    for _ in 0..50 {
-                        let (first, second) = (Turn::wait(), Turn::wait());
-                        drop(first);
-                        assert_eq!(inside.fetch_add(1, Ordering::SeqCst), 0);
-                        std::thread::yield_now();
-                        inside.fetch_sub(1, Ordering::SeqCst);
-                        drop(second);
-                    }
-                });
-            }
-        });
-        assert_eq!(*owner(), None);
-    }
-}

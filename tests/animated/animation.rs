@@ -1,12 +1,10 @@
 //! Animation on the GPU: weights, plans and poses against the CPU reference, bit for bit.
 
-use crate::data;
 use crate::gpu;
 use crate::scene::{FIXED, Scene, blocks, clips, crowd, fixed, packed, packed_streams};
-use deltamorph::import::{csv, obj};
 use deltamorph::{
-    AnimationDesc, CrowdDesc, DeltaFormat, KeyFormat, PackDesc, PackedMesh, Playback, PoseFormat, Repeat, Tolerance,
-    UpdateMode, WeightClip, testing,
+    AnimationDesc, CrowdDesc, DeltaFormat, KeyFormat, PackDesc, PackedMesh, Playback, PoseFormat, Repeat, UpdateMode,
+    WeightClip, testing,
 };
 use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::sync::Arc;
@@ -25,7 +23,7 @@ fn some_playback(state: &mut u32, now: f64) -> Playback {
         .repeat(if dice(state, 2) == 0 { Repeat::Loop } else { Repeat::Once })
 }
 
-/// Plays, hides, shows and cuts instances at random. Returns the numbers of blocks rebuilt, added to, and only brought
+/// Plays, hides and shows instances at random. Returns the numbers of blocks rebuilt, added to, and only brought
 /// up to date.
 fn play_around(
     headless: &Headless,
@@ -107,45 +105,6 @@ fn every_stream_is_animated() {
             }
         }
     });
-}
-
-/// Plays a captured clip on nine instances, each at its own time and speed.
-fn captured(set: &str, clip: &str, format: DeltaFormat, pose: PoseFormat, keys: KeyFormat) {
-    let Some(folder) = data::set(set) else { return };
-    let mesh = obj::import_folder(&folder).expect("a folder").to_mesh(Tolerance::default()).expect("a mesh");
-    let mesh = Arc::new(PackedMesh::pack(&mesh, &PackDesc::new(format)).expect("a mesh that packs"));
-    let clips = [csv::read(&folder.join("weights").join(clip), None).expect("a clip")];
-    gpu::on_device(&gpu::one(), false, |headless, _| {
-        let animation = AnimationDesc::new(&clips).key_format(keys);
-        let mut scene = Scene::new(headless, &mesh, crowd(9, fixed(pose, 2)), &animation);
-        for i in 0..9 {
-            let (start, speed) = (-f64::from(i) * 1.7, if i < 3 { 1.0 } else { 0.4 + f64::from(i) / 6.0 });
-            scene.play(i, Playback::new(0).start(start).speed(speed));
-        }
-        let mut written = 0;
-        for frame in 0..120 {
-            written += scene.step(f64::from(frame) / 30.0).0.len();
-            if frame % 40 == 39 {
-                [0, 4, 8].into_iter().for_each(|i| scene.assert_fresh(i));
-            }
-        }
-        let share = written as f64 / f64::from(9 * 120) / blocks(&mesh) as f64;
-        println!("{set}/{clip} {format:?}: {:.0}% of the blocks are written", share * 100.0);
-        assert!(share > 0.01 && share < 1.0);
-    });
-}
-
-#[test]
-fn captured_clips_are_planned_alike() {
-    captured("facecap_head_glb", "facecap_30fps.csv", DeltaFormat::Small, PoseFormat::Fixed32, KeyFormat::Bits32);
-    captured("ict_facekit", "facecap_30fps.csv", DeltaFormat::Fast, PoseFormat::Fixed16, KeyFormat::Bits16);
-    captured(
-        "ict_facekit",
-        "facegood_2_01_mapped_30fps.csv",
-        DeltaFormat::Small,
-        PoseFormat::Fixed16,
-        KeyFormat::Bits32,
-    );
 }
 
 /// Groups and dispatches are split where the device's limits require it.

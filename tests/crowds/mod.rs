@@ -5,4 +5,3 @@ mod places;
 mod pose_buffers;
 mod seams;
 mod sets;
-mod together;

@@ -1,12 +1,10 @@
 //! Changes of a running crowd: instances are hidden and shown, removed and added; tiles of any width; several
 //! descriptor ranges.
 
-use crate::gpu::{self, on_every_device};
+use crate::gpu::{self, on_every_device, update_descs};
 use deltamorph::reference::compare;
-use deltamorph::{
-    BatchSize, BlockDesc, Crowd, CrowdDesc, DeltaFormat, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing,
-};
-use deltamorph_headless::{Headless, HeadlessCrowd};
+use deltamorph::{BatchSize, CrowdDesc, DeltaFormat, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing};
+use deltamorph_headless::{Headless, HeadlessCrowd, Step};
 
 const TARGETS: usize = 12;
 
@@ -108,93 +106,6 @@ fn heads_come_and_go() {
     });
 }
 
-/// Instances are added, removed, hidden and shown between updates of one submission.
-#[test]
-fn heads_come_and_go_within_a_submission() {
-    on_every_device(|headless, engine| {
-        for (format, desc) in kernels(engine) {
-            let mesh = packed(engine, format);
-            // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
-            let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
-            let crowd = CrowdDesc::new(desc).instances(4).frames_in_flight(3);
-            let mut crowd = engine.create_crowd(&uploaded, &crowd).expect("a crowd");
-            let set = |crowd: &mut Crowd, head, frame| crowd.set_weights(head, &weights(head, frame));
-            (0..4).for_each(|head| set(&mut crowd, head, 0).expect("weights that fit"));
-            [1, 3].into_iter().for_each(|head| crowd.remove(head).expect("a head"));
-            let mut readbacks = [0, 1, 2].map(|_| engine.readback());
-            let updates = headless.run(|cmd| {
-                // SAFETY: as above.
-                unsafe {
-                    engine.record_update(cmd, &mut crowd)?;
-                    readbacks[0].record(cmd, &crowd, &[0, 2])?;
-                    crowd.set_hidden(2, true)?;
-                    assert_eq!([crowd.add()?, crowd.add()?], [1, 3]);
-                    (1..4).try_for_each(|head| set(&mut crowd, head, 1))?;
-                    engine.record_update(cmd, &mut crowd)?;
-                    assert!(crowd.shown().eq([0, 1, 3]));
-                    readbacks[1].record(cmd, &crowd, &[0, 1, 2, 3])?;
-                    crowd.set_hidden(2, false)?;
-                    engine.record_update(cmd, &mut crowd)?;
-                    readbacks[2].record(cmd, &crowd, &[0, 1, 2, 3])
-                }
-            });
-            updates.expect("updates");
-            // The frame whose weights each instance has: 2 is hidden in the second update.
-            for (readback, frames) in readbacks.iter_mut().zip([[0, 9, 0, 9], [0, 1, 0, 1], [0, 1, 1, 1]]) {
-                // SAFETY: `run` has waited.
-                for pose in unsafe { readback.poses() }.expect("poses") {
-                    let head = pose.instance;
-                    assert_is(&pose.vertices, &mesh, &desc, head, &weights(head, frames[head as usize]));
-                }
-            }
-        }
-    });
-}
-
-/// Two small blocks per workgroup, and one: the same bits, for odd and even numbers of blocks, in dispatches of three
-/// workgroups. In place, a block processed twice would be wrong.
-#[test]
-fn small_blocks_share_workgroups() {
-    for driver in gpu::drivers() {
-        let [shared, alone] = [64, 1].map(|lanes| {
-            let limits = gpu::baseline(|caps| (caps.tuning.lanes, caps.max_workgroups) = (lanes, 3));
-            let (poses, odd) = gpu::on_device_within(&driver, Some(limits), |headless, engine| {
-                let (mut poses, mut odd) = (vec![], [false; 2]);
-                assert_eq!(headless.caps().tuning.lanes, lanes);
-                for format in [DeltaFormat::Small, DeltaFormat::Fast] {
-                    let packing = engine.pack_desc(format).blocks(BlockDesc::default().size(Some(32)));
-                    let mesh = PackedMesh::pack(&testing::mesh(700, TARGETS), &packing).expect("a mesh that fits");
-                    let descs = [UpdateDesc::blocks(), gpu::fixed()[0], gpu::fixed()[1]];
-                    for (desc, instances) in descs.into_iter().flat_map(|desc| [1, 3].map(|n| (desc.slots(1), n))) {
-                        let mut crowd = crowd(headless, &mesh, desc, instances);
-                        let mut asked = vec![vec![0.0; TARGETS]; instances as usize];
-                        for frame in 0..6 {
-                            // A target per instance: other blocks, and other numbers of them, in each frame.
-                            for (head, asked) in (0..instances).zip(&mut asked) {
-                                let target = ((frame + head) % TARGETS as u32) as usize;
-                                asked[target] = weights(head, frame)[target];
-                                crowd.set_weights(head, asked).expect("weights that fit");
-                            }
-                            let stats = crowd.step(&[]).expect("a step").update.stats;
-                            odd[stats.dirty_blocks % 2] = true;
-                            for head in 0..instances {
-                                poses.push(crowd.read_stored(head, 0).expect("a pose"));
-                            }
-                        }
-                        for (head, asked) in (0..instances).zip(&asked) {
-                            assert_pose(&mut crowd, &mesh, &desc, head, asked);
-                        }
-                    }
-                }
-                (poses, odd)
-            });
-            assert_eq!(odd, [true; 2], "{driver}");
-            poses
-        });
-        assert!(shared == alone, "{driver}");
-    }
-}
-
 /// Descriptors that cover only a few instances: tiles stay within them.
 #[test]
 fn a_crowd_in_several_descriptor_ranges() {
@@ -219,4 +130,42 @@ fn a_crowd_in_several_descriptor_ranges() {
             }
         });
     }
+}
+
+/// Crowds of one mesh in one submission, and the draws after them.
+#[test]
+fn crowds_side_by_side_do_what_one_crowd_does() {
+    on_every_device(|headless, engine| {
+        for format in [DeltaFormat::Snorm16, DeltaFormat::Fast] {
+            let mesh = gpu::packed(engine, &testing::mesh(200, 11), format);
+            for update in update_descs(engine, format) {
+                let desc = |instances| CrowdDesc::new(update).instances(instances).frames_in_flight(1);
+                let mut whole = HeadlessCrowd::new(headless, &mesh, &desc(4)).expect("a crowd");
+                let half = HeadlessCrowd::new(headless, &mesh, &desc(2)).expect("a crowd");
+                let mut halves = [half.another(&desc(2)).expect("another"), half];
+                for frame in 0..4 {
+                    let heads: Vec<Vec<f32>> = (0..4).map(|i| gpu::weights(&mesh, frame * i, i)).collect();
+                    let heads: Vec<&[f32]> = heads.iter().map(Vec::as_slice).collect();
+                    let one = whole.step(&heads).expect("a step");
+                    let two = HeadlessCrowd::step_together(&mut halves, &heads, 3).expect("a step");
+                    // Passes and bytes may differ, since a crowd shares work.
+                    let work = |step: &Step| (step.update.stats.coefficients, step.update.stats.dirty_blocks);
+                    assert_eq!(work(&one), work(&two), "{update:?} frame {frame}");
+                    assert_eq!((one.draw_ms, one.gpu_ms.is_some()), (None, two.gpu_ms.is_some()));
+                    assert_eq!(two.draw_ms.is_some(), two.gpu_ms.is_some(), "a device with timestamps times draws too");
+                    for i in 0..4 {
+                        let poses = [
+                            whole.read_pose(i).expect("a pose"),
+                            halves[i as usize / 2].read_pose(i % 2).expect("a pose"),
+                        ];
+                        let reference = gpu::reference(&mesh, &update, heads[i as usize]);
+                        for pose in poses {
+                            let error = compare(&pose, &reference);
+                            assert!(error.within(1.2e-4, 0.01), "{update:?} head {i} frame {frame}: {error:?}");
+                        }
+                    }
+                }
+            }
+        }
+    });
 }

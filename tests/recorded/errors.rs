@@ -187,7 +187,10 @@ fn instances_that_are_not_there_and_other_engines_are_refused() {
     gpu::on_every_device(|headless, engine| {
         let packed = packed(DeltaFormat::Fast);
         let mut made = make(headless, &packed);
+        let mut readback = engine.readback();
         // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
+        says(headless.run(|cmd| unsafe { readback.record(cmd, &made.crowd, &[0]) }), "instance 0 has no pose yet");
+        // SAFETY: as above.
         headless.run(|cmd| unsafe { engine.record_update(cmd, &mut made.crowd) }).expect("an update");
         refused_everywhere(headless, &mut made, 2, "instance 2 of a crowd of 2");
         says(made.crowd.add(), "all taken");

@@ -2,7 +2,6 @@
 
 mod errors;
 mod memory;
-mod pipelines;
 mod queues;
 mod slots;
 mod soundness;

@@ -1,14 +1,11 @@
-//! The slots of updates that follow discarded ones: hosts that count frames rely on the rule for several queues in the
-//! documentation of `MorphEngine`.
+//! The slots of animated updates that follow discarded ones: hosts that count frames rely on the rule for several queues in
+//! the documentation of `MorphEngine`. src/update/tests.rs holds weighted ones to it.
 
 use crate::gpu::{self, drivers, on_device};
 use crate::offscreen::Offscreen;
 use deltamorph::after::{GpuSkin, SkinDesc, SkinTarget};
 use deltamorph::ash::vk;
-use deltamorph::{
-    AnimatedCrowd, AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DeltaFormat, PackedMesh, Playback, UpdateDesc,
-    UpdatePath, WeightClip, testing,
-};
+use deltamorph::{AnimatedCrowd, AnimationDesc, CrowdDesc, DeltaFormat, PackedMesh, Playback, WeightClip, testing};
 use deltamorph_head::Rng;
 use deltamorph_headless::{Headless, HeadlessCrowd};
 
@@ -24,16 +21,11 @@ struct Places {
     skinned: Option<(vk::Buffer, u64)>,
 }
 
-/// Returns the places of either kind of crowd.
-macro_rules! places {
-    ($crowd:ty) => {
-        |crowd: &$crowd| {
-            let pose = |i| crowd.pose(i).ok().map(|pose| pose.slot);
-            let previous = |i| crowd.previous_pose(i).ok().flatten().map(|pose| pose.slot);
-            let poses = (0..INSTANCES).map(|i| [pose(i), previous(i)]).collect();
-            Places { poses, skinned: crowd.skinned(0).ok().map(|view| view.current) }
-        }
-    };
+fn places(crowd: &AnimatedCrowd) -> Places {
+    let pose = |i| crowd.pose(i).ok().map(|pose| pose.slot);
+    let previous = |i| crowd.previous_pose(i).ok().flatten().map(|pose| pose.slot);
+    let poses = (0..INSTANCES).map(|i| [pose(i), previous(i)]).collect();
+    Places { poses, skinned: crowd.skinned(0).ok().map(|view| view.current) }
 }
 
 /// Asserts that updates write nothing that draws running concurrently by the rule may read: `drawn`, the last frame
@@ -62,16 +54,13 @@ fn assert_waits_for_enough(slots: usize, before: &Places, now: &Places, drawn: &
 
 /// Runs a random history of updates, of which several are discarded at once, with instances hidden, shown, cut, added
 /// and removed.
-fn follow<C: AnyCrowd + 'static>(
-    mut crowd: HeadlessCrowd<'_, C>,
-    slots: usize,
-    places: impl Fn(&C) -> Places,
-    mut change: impl FnMut(&mut HeadlessCrowd<'_, C>, &mut Rng),
-    what: &str,
-) {
+fn follow(mut crowd: HeadlessCrowd<'_, AnimatedCrowd>, slots: usize) {
+    let what = format!("{slots} slots");
+    let mut time = 0.0;
     let (mut rng, mut drawn, mut waiting, mut hidden) = (Rng::new(slots as u64, 7), vec![], vec![], vec![]);
     for _ in 0..200 {
-        change(&mut crowd, &mut rng);
+        time += rng.below(3) as f64 / 30.0;
+        crowd.set_time(time).expect("a time");
         let one = rng.below(INSTANCES as usize) as u32;
         match rng.below(12) {
             0 => crowd.cut(one).expect("an instance"),
@@ -94,7 +83,7 @@ fn follow<C: AnyCrowd + 'static>(
         let before = places(crowd.crowd());
         let (recorded, update) = crowd.record(&[]).expect("an update");
         let mut now = places(crowd.crowd());
-        assert_waits_for_enough(slots, &before, &now, &drawn, what);
+        assert_waits_for_enough(slots, &before, &now, &drawn, &what);
         // Hidden instances are not drawn.
         hidden.iter().for_each(|&i| now.poses[i as usize] = [None; 2]);
         now.skinned = now.skinned.filter(|_| !hidden.contains(&0));
@@ -126,24 +115,6 @@ fn discarded_updates_give_their_slots_back() {
         let place = || host.shared(100 * 24, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer").buffer;
         let joints = host.shared(48, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer").buffer;
         let target = SkinTarget::new(place(), joints, 48).second(Some((place(), 0)));
-        let dense = UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(2));
-        for (format, update) in [(DeltaFormat::Fast, UpdateDesc::blocks()), (DeltaFormat::Snorm16, dense)] {
-            let mesh = gpu::packed(engine, &source, format);
-            let skin = skin(headless, &mesh);
-            for slots in 1..4 {
-                let desc = CrowdDesc::new(update.slots(slots)).instances(INSTANCES).frames_in_flight(UNFINISHED as u32);
-                let mut crowd = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
-                // SAFETY: the buffers are large enough, and outlive the crowd; nothing is running.
-                unsafe { crowd.set_skin_target(0, Some((&skin, &target))) }.expect("a target");
-                let change = |crowd: &mut HeadlessCrowd<'_, Crowd>, rng: &mut Rng| {
-                    for i in (0..INSTANCES).filter(|_| rng.below(3) > 0).collect::<Vec<_>>() {
-                        let weights: Vec<f32> = (0..TARGETS).map(|_| rng.below(5) as f32 / 4.0).collect();
-                        crowd.set_weights(i, &weights).expect("weights");
-                    }
-                };
-                follow(crowd, slots as usize, places!(Crowd), change, &format!("{format:?}, {slots} slots"));
-            }
-        }
         let mesh = gpu::packed(engine, &source, DeltaFormat::Fast);
         let skin = skin(headless, &mesh);
         let names = mesh.layout().targets.iter().map(|target| target.name.clone()).collect();
@@ -153,15 +124,10 @@ fn discarded_updates_give_their_slots_back() {
             let desc = CrowdDesc::new(gpu::fixed()[0].slots(slots)).instances(INSTANCES).frames_in_flight(3);
             let mut crowd =
                 HeadlessCrowd::animated(headless, &mesh, &desc, &AnimationDesc::new(&clips)).expect("a crowd");
-            // SAFETY: as above.
+            // SAFETY: the buffers are large enough, and outlive the crowd; nothing is running.
             unsafe { crowd.set_skin_target(0, Some((&skin, &target))) }.expect("a target");
             (0..INSTANCES).for_each(|i| crowd.play(i, &Playback::new(0)).expect("a clip"));
-            let mut time = 0.0;
-            let change = |crowd: &mut HeadlessCrowd<'_, AnimatedCrowd>, rng: &mut Rng| {
-                time += rng.below(3) as f64 / 30.0;
-                crowd.set_time(time).expect("a time");
-            };
-            follow(crowd, slots as usize, places!(AnimatedCrowd), change, &format!("animated, {slots} slots"));
+            follow(crowd, slots as usize);
         }
     });
 }

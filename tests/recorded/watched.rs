@@ -1,7 +1,7 @@
-//! What a host can watch of an update's commands: the labels around its steps, and timestamps between them. Commands go
-//! to the driver through functions that write them down.
+//! What a host can watch of an update's commands: the labels around its steps, and timestamps between them; and the cache
+//! that pipelines are made with. Calls go to the driver through functions that write them down.
 
-use crate::gpu::{self, drivers, on_device};
+use crate::gpu::{self, drivers, on_device, single, update_descs};
 use crate::offscreen::Offscreen;
 use deltamorph::ash::{self, vk};
 use deltamorph::{
@@ -14,6 +14,7 @@ use std::collections::HashMap;
 use std::ffi::{CStr, c_char, c_void};
 
 type Function = unsafe extern "system" fn();
+type Cmd = vk::CommandBuffer;
 
 thread_local! {
     static LOG: RefCell<Vec<String>> = const { RefCell::new(vec![]) };
@@ -23,14 +24,14 @@ thread_local! {
 
 /// Functions that write a line and call the driver's, by name; and the function that looks them up.
 macro_rules! watched {
-    ($($name:ident: $type:ty = |$cmd:ident $(, $argument:ident: $of:ty)*| $line:expr;)*) => {
+    ($($name:ident: $type:ty = |$($argument:ident: $of:ty),*| $(-> $result:ty =>)? $line:expr;)*) => {
         $(
             #[allow(non_snake_case)]
-            unsafe extern "system" fn $name($cmd: vk::CommandBuffer $(, $argument: $of)*) {
+            unsafe extern "system" fn $name($($argument: $of),*) $(-> $result)? {
                 LOG.with_borrow_mut(|log| log.push($line));
                 let real = REAL.with_borrow(|real| real[stringify!($name)]);
                 // SAFETY: the driver's function of this name, and what it was called with.
-                unsafe { std::mem::transmute::<Function, $type>(real)($cmd $(, $argument)*) }
+                unsafe { std::mem::transmute::<Function, $type>(real)($($argument),*) }
             }
         )*
 
@@ -53,37 +54,45 @@ macro_rules! watched {
 
 watched! {
     vkCmdBeginDebugUtilsLabelEXT: vk::PFN_vkCmdBeginDebugUtilsLabelEXT = |
-        cmd, info: *const vk::DebugUtilsLabelEXT<'_>
+        cmd: Cmd, info: *const vk::DebugUtilsLabelEXT<'_>
     | {
         // SAFETY: a label whose name is a string.
         format!("begin {}", unsafe { CStr::from_ptr((*info).p_label_name) }.to_str().expect("UTF-8"))
     };
-    vkCmdEndDebugUtilsLabelEXT: vk::PFN_vkCmdEndDebugUtilsLabelEXT = |cmd| "end".to_owned();
-    vkCmdDispatch: vk::PFN_vkCmdDispatch = |cmd, x: u32, y: u32, z: u32| format!("dispatch {x} {y} {z}");
+    vkCmdEndDebugUtilsLabelEXT: vk::PFN_vkCmdEndDebugUtilsLabelEXT = |cmd: Cmd| "end".to_owned();
+    vkCmdDispatch: vk::PFN_vkCmdDispatch = |cmd: Cmd, x: u32, y: u32, z: u32| format!("dispatch {x} {y} {z}");
     vkCmdDispatchIndirect: vk::PFN_vkCmdDispatchIndirect = |
-        cmd, buffer: vk::Buffer, at: u64
+        cmd: Cmd, buffer: vk::Buffer, at: u64
     | format!("dispatch at {at}");
-    vkCmdBindPipeline: vk::PFN_vkCmdBindPipeline = |cmd, point: vk::PipelineBindPoint, pipeline: vk::Pipeline| {
-        format!("bind to {point:?}")
-    };
+    vkCmdBindPipeline: vk::PFN_vkCmdBindPipeline = |
+        cmd: Cmd, point: vk::PipelineBindPoint, pipeline: vk::Pipeline
+    | format!("bind to {point:?}");
     vkCmdWriteTimestamp: vk::PFN_vkCmdWriteTimestamp = |
-        cmd, stage: vk::PipelineStageFlags, pool: vk::QueryPool, query: u32
+        cmd: Cmd, stage: vk::PipelineStageFlags, pool: vk::QueryPool, query: u32
     | format!("timestamp {query}");
     vkCmdPushConstants: vk::PFN_vkCmdPushConstants = |
-        cmd, layout: vk::PipelineLayout, stages: vk::ShaderStageFlags, at: u32, size: u32, values: *const c_void
+        cmd: Cmd, layout: vk::PipelineLayout, stages: vk::ShaderStageFlags, at: u32, size: u32, values: *const c_void
     | {
         // SAFETY: as many bytes are there.
         format!("push {:?}", unsafe { std::slice::from_raw_parts(values.cast::<u8>(), size as usize) })
     };
     vkCmdPipelineBarrier: vk::PFN_vkCmdPipelineBarrier = |
-        cmd, before: vk::PipelineStageFlags, after: vk::PipelineStageFlags, flags: vk::DependencyFlags,
+        cmd: Cmd, before: vk::PipelineStageFlags, after: vk::PipelineStageFlags, flags: vk::DependencyFlags,
         memories: u32, memory: *const vk::MemoryBarrier<'_>, buffers: u32, buffer: *const vk::BufferMemoryBarrier<'_>,
         images: u32, image: *const vk::ImageMemoryBarrier<'_>
     | format!("barrier {before:?} {after:?}");
+    vkCreateComputePipelines: vk::PFN_vkCreateComputePipelines = |
+        device: vk::Device, cache: vk::PipelineCache, count: u32, infos: *const vk::ComputePipelineCreateInfo<'_>,
+        allocator: *const vk::AllocationCallbacks<'_>, pipelines: *mut vk::Pipeline
+    | -> vk::Result => format!("pipelines of {cache:?}");
+    vkCreateGraphicsPipelines: vk::PFN_vkCreateGraphicsPipelines = |
+        device: vk::Device, cache: vk::PipelineCache, count: u32, infos: *const vk::GraphicsPipelineCreateInfo<'_>,
+        allocator: *const vk::AllocationCallbacks<'_>, pipelines: *mut vk::Pipeline
+    | -> vk::Result => format!("pipelines of {cache:?}");
 }
 
-/// An engine on the device of `headless`, whose commands are written down.
-fn watched(headless: &Headless, names: bool) -> MorphEngine {
+/// An engine on the device of `headless`, whose calls are written down.
+fn watched(headless: &Headless, names: bool, cache: vk::PipelineCache) -> MorphEngine {
     let (instance, physical, device) = headless.handles();
     LOOK_UP.set(Some(instance.fp_v1_0().get_device_proc_addr));
     let functions = ash::InstanceFnV1_0 { get_device_proc_addr: look_up, ..instance.fp_v1_0().clone() };
@@ -93,13 +102,19 @@ fn watched(headless: &Headless, names: bool) -> MorphEngine {
     // the extension.
     unsafe {
         let device = ash::Device::load(instance.fp_v1_0(), device.handle());
-        MorphEngine::new(&DeviceDesc::new(&instance, physical, &device).debug_names(names)).expect("an engine")
+        let caps = headless.caps();
+        let desc = DeviceDesc::new(&instance, physical, &device).caps(Some(caps.clone())).debug_names(names);
+        let mut desc = desc.transform_feedback_enabled(caps.transform_feedback.is_some());
+        desc.pipeline_cache = cache;
+        MorphEngine::new(&desc).expect("an engine")
     }
 }
 
 /// A pose of each crowd after an update, the recorded commands, and the number of timestamps and the steps of each
 /// update.
 type Frame = (Vec<Vec<f32>>, Vec<String>, Vec<(u32, Vec<&'static str>)>);
+
+const NONE: vk::PipelineCache = vk::PipelineCache::null();
 
 /// Queries for each crowd.
 const QUERIES: u32 = 10;
@@ -163,7 +178,8 @@ fn frames(
 fn labels_are_around_updates_and_steps_and_change_nothing_else() {
     for driver in drivers() {
         on_device(&driver, false, |headless, _| {
-            let [named, plain] = [true, false].map(|names| frames(headless, &watched(headless, names), |_, _| ()));
+            let [named, plain] =
+                [true, false].map(|names| frames(headless, &watched(headless, names, NONE), |_, _| ()));
             for (number, ((poses, log, steps), plain)) in named.into_iter().zip(plain).enumerate() {
                 let (mut open, mut labels, mut commands) = (0, Vec::<String>::new(), vec![]);
                 for line in log {
@@ -203,9 +219,9 @@ fn timestamps_are_written_between_the_steps_of_each_update() {
             let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(3 * QUERIES);
             // SAFETY: the device is alive, and the pool is destroyed below.
             let pool = unsafe { device.create_query_pool(&info, None) }.expect("a pool");
-            let plain = frames(headless, &watched(headless, false), |_, _| ());
+            let plain = frames(headless, &watched(headless, false, NONE), |_, _| ());
             let mut number = 0;
-            let timed = frames(headless, &watched(headless, false), |cmd, crowds| {
+            let timed = frames(headless, &watched(headless, false, NONE), |cmd, crowds| {
                 // What the update before wrote, which has finished.
                 for first in (0..3).map(|crowd| crowd * QUERIES).filter(|_| (1..4).contains(&number)) {
                     let written = plain[number - 1].2[first as usize / QUERIES as usize].1.len() + 1;
@@ -253,7 +269,7 @@ fn timestamps_are_written_between_the_steps_of_each_update() {
 #[test]
 fn too_few_queries_are_refused_before_anything_is_recorded() {
     on_device(&drivers()[0], false, |headless, _| {
-        let engine = watched(headless, true);
+        let engine = watched(headless, true, NONE);
         let mesh = gpu::packed(&engine, &testing::mesh(300, 7), DeltaFormat::Fast);
         // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
         let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
@@ -270,5 +286,31 @@ fn too_few_queries_are_refused_before_anything_is_recorded() {
         let update = headless.run(|cmd| unsafe { engine.record_update(cmd, &mut crowd) }).expect("an update");
         assert_eq!((update.timestamps, crowd.step_names().collect()), (0, vec!["blocks"]));
         assert!(LOG.take().contains(&"begin blocks".to_owned()), "the setting was used up");
+    });
+}
+
+/// Software drivers keep nothing in a cache that would show in its data.
+#[test]
+fn every_pipeline_is_made_with_the_cache_of_the_host() {
+    on_device(&drivers()[0], false, |headless, _| {
+        let (_, _, device) = headless.handles();
+        // SAFETY: the device is alive, and the cache is destroyed below.
+        let cache = unsafe { device.create_pipeline_cache(&vk::PipelineCacheCreateInfo::default(), None) };
+        let cache = cache.expect("a cache");
+        let engine = watched(headless, false, cache);
+        LOG.take();
+        for format in [DeltaFormat::Snorm16, DeltaFormat::Fast] {
+            let mesh = gpu::packed(&engine, &testing::mesh(300, 23), format);
+            // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
+            let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+            for update in update_descs(&engine, format) {
+                engine.create_crowd(&uploaded, &single(update)).expect("a crowd");
+            }
+        }
+        drop(engine);
+        let made: Vec<String> = LOG.take().into_iter().filter(|line| line.starts_with("pipelines")).collect();
+        assert!(made.len() > 3 && made.iter().all(|line| *line == format!("pipelines of {cache:?}")), "{made:?}");
+        // SAFETY: the engine, which made pipelines with it, is gone.
+        unsafe { device.destroy_pipeline_cache(cache, None) };
     });
 }
