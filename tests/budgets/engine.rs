@@ -4,14 +4,16 @@
 //! call the driver's. So modules and constants are those of crowds as a host makes them, without a second list. The
 //! driver is lavapipe; the tuning is that of the GPU. Nothing is submitted.
 
+use crate::gpu;
+use crate::offscreen::Offscreen;
 use deltamorph::after::{NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::{self, vk};
 use deltamorph::device::DeviceTuning;
 use deltamorph::internals::abi::modules::MODULES;
 use deltamorph::internals::abi::worklist::TILE;
 use deltamorph::{
-    AnimationDesc, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCaps, DeviceDesc, MorphEngine,
-    PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
+    AnimationDesc, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, Error, MorphEngine, PackedMesh,
+    PoseFormat, Tolerance, UpdateDesc, UpdatePath,
 };
 use deltamorph_head::{HeadDesc, head, head_clip};
 use std::sync::Mutex;
@@ -99,44 +101,27 @@ pub fn pipelines(tuning: DeviceTuning) -> Vec<Pipeline> {
 
 /// Makes crowds on a lavapipe device with this tuning.
 fn make(tuning: DeviceTuning) {
-    let app = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_1);
-    // SAFETY: a device of its own; everything is destroyed once, after the objects made from it.
-    unsafe {
-        let entry = ash::Entry::load().expect("the Vulkan loader; run the tests as ./with-vulkan cargo test");
-        let info = vk::InstanceCreateInfo::default().application_info(&app);
-        let instance = entry.create_instance(&info, None).expect("an instance");
-        let devices = instance.enumerate_physical_devices().expect("devices").into_iter();
-        let found = devices
-            .filter(|d| instance.get_physical_device_properties(*d).api_version >= vk::API_VERSION_1_1)
-            .map(|d| (d, DeviceCaps::query(&instance, d).expect("its extensions")))
-            .find(|(_, caps)| caps.name.contains("llvmpipe"));
-        let (physical, mut caps) = found.expect("lavapipe; run the tests as ./with-vulkan cargo test");
-        caps.tuning = tuning;
-        let queues = [vk::DeviceQueueCreateInfo::default().queue_priorities(&[1.0])];
-        let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues);
-        let device = instance.create_device(physical, &info, None).expect("a device");
-        let mut core = device.fp_v1_0().clone();
-        *DRIVER.lock().expect("no panic before") = Some(core.clone());
-        core.create_shader_module = create_shader_module;
-        core.create_compute_pipelines = create_compute_pipelines;
-        let (core1, core2, core3) = (device.fp_v1_1().clone(), device.fp_v1_2().clone(), device.fp_v1_3().clone());
-        let watched = ash::Device::from_parts_1_3(device.handle(), core, core1, core2, core3);
-        let pool = device.create_command_pool(&vk::CommandPoolCreateInfo::default(), None).expect("a pool");
-        let commands = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
-        let cmd = device.allocate_command_buffers(&commands).expect("a command buffer")[0];
-        device.begin_command_buffer(cmd, &vk::CommandBufferBeginInfo::default()).expect("recording");
-        let buffer = vk::BufferCreateInfo::default().size(1 << 16).usage(vk::BufferUsageFlags::STORAGE_BUFFER);
-        let output = device.create_buffer(&buffer, None).expect("a buffer");
-        let engine = MorphEngine::new(&DeviceDesc::new(&instance, physical, &watched).caps(Some(caps)));
-        let engine = engine.expect("an engine");
-        engine.set_techniques(&deltamorph_baselines::TECHNIQUES);
-        make_crowds(&engine, cmd, output);
-        drop(engine);
-        device.destroy_buffer(output, None);
-        device.destroy_command_pool(pool, None);
-        device.destroy_device(None);
-        instance.destroy_instance(None);
-    }
+    let headless = gpu::device("llvmpipe", false, None);
+    let (instance, physical, device) = headless.handles();
+    let mut core = device.fp_v1_0().clone();
+    *DRIVER.lock().expect("no panic before") = Some(core.clone());
+    core.create_shader_module = create_shader_module;
+    core.create_compute_pipelines = create_compute_pipelines;
+    let (core1, core2, core3) = (device.fp_v1_1().clone(), device.fp_v1_2().clone(), device.fp_v1_3().clone());
+    let watched = ash::Device::from_parts_1_3(device.handle(), core, core1, core2, core3);
+    let caps = gpu::limited(headless.caps().clone(), |caps| caps.tuning = tuning);
+    let host = Offscreen::new(&headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
+    let output = host.shared(1 << 16, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer").buffer;
+    // SAFETY: the handles belong together, and outlive the engine.
+    let engine = unsafe { MorphEngine::new(&DeviceDesc::new(instance, physical, &watched).caps(Some(caps))) };
+    let engine = engine.expect("an engine");
+    engine.set_techniques(&deltamorph_baselines::TECHNIQUES);
+    let recorded = headless.run(|cmd| {
+        // SAFETY: the buffer is recording, and is not submitted; the output is large enough.
+        unsafe { make_crowds(&engine, cmd, output) };
+        Err::<(), _>(Error::Invalid { what: "not submitted".into(), remedy: String::new() })
+    });
+    assert!(recorded.is_err());
 }
 
 /// Makes crowds of one instance and of the widest tile, in every supported combination of format, path and pose format.

@@ -42,11 +42,7 @@ pub struct Limits {
 
 impl Limits {
     pub fn read() -> Self {
-        Self::of(include_str!("limits.csv"))
-    }
-
-    fn of(text: &str) -> Self {
-        let mut rows = text.lines().map(|line| {
+        let mut rows = include_str!("limits.csv").lines().map(|line| {
             let mut cells = line.split(',').map(str::to_owned);
             let name = cells.next().expect("a name");
             (name, cells.collect::<Vec<_>>())
@@ -102,34 +98,5 @@ impl Limits {
     pub fn without_kernel(&self, made: &BTreeSet<String>) -> Vec<&str> {
         let families = self.rows.iter().filter_map(|(name, _)| name.split_once(' '));
         families.map(|(_, family)| family).filter(|family| !made.contains(*family)).collect()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_falls_below_its_limit_is_named() {
-        let limits = Limits::of(
-            "limit,mali-g52,why\ndriver,1.2.3,x\nfull,2,x\noccupancy crowd HEADS 4,1,tiles\nmemory resolve,6,published",
-        );
-        let table = |driver: &str, kernel: &str, constants: &str, occupancy, spills, scratch| {
-            let figures = Figures { instructions: 9.0, registers: None, occupancy, spills, scratch, cycles: None };
-            let row = Row { kernel: kernel.into(), constants: constants.into(), figures };
-            Table { gpu: "mali-g52".into(), driver: driver.into(), rows: vec![row] }
-        };
-        for (driver, kernel, constants, occupancy, spills, scratch, said) in [
-            ("1.2.3", "crowd_fixed16", "LANES 64 HEADS 4", 1.0, 0.0, 0.0, ""),
-            ("1.2.3", "crowd_fixed16", "LANES 64 HEADS 2", 1.0, 0.0, 0.0, "occupancy 1, limit 2"),
-            ("2.0.0", "crowd_fixed16", "LANES 64 HEADS 2", 1.0, 0.0, 0.0, ""),
-            ("2.0.0", "plan", "", 2.0, 1.0, 0.0, "spills 1, limit 0"),
-            ("1.2.3", "resolve", "", 2.0, 0.0, 6.0, ""),
-            ("1.2.3", "resolve", "", 2.0, 0.0, 7.0, "memory 7, limit 6"),
-        ] {
-            let breaches = limits.breaches(&table(driver, kernel, constants, occupancy, spills, scratch));
-            assert_eq!(breaches.is_empty(), said.is_empty(), "{breaches:?}");
-            assert!(breaches.iter().all(|breach| breach.ends_with(said)), "{breaches:?}");
-        }
     }
 }

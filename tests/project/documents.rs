@@ -127,13 +127,3 @@ fn contributing_names_every_environment_variable_and_no_other() {
     assert!(used.remove("DELTAMORPH_H"), "the include guard of deltamorph.h");
     assert_eq!(variables(&rows), used);
 }
-
-#[test]
-fn links_and_headings_are_found() {
-    let text =
-        "# A `b` (c)\n## A\n## A\n[x](y.md#z) `[no](code)` ![p](q.png)\n```\n[no](fence)\n# no\n```\n[d]: e.md\n";
-    assert_eq!(links(text), ["y.md#z", "q.png", "e.md"]);
-    assert_eq!(anchors(text).into_iter().collect::<Vec<_>>(), ["a", "a-1", "a-b-c"]);
-    assert_eq!(joined(Path::new("docs/notes"), "../../README.md"), Path::new("README.md"));
-    assert_eq!(variables("UPDATE_AB=1 XUPDATE_C UPDATE_ DELTAMORPH_D, Updates").len(), 2);
-}

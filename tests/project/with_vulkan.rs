@@ -107,39 +107,53 @@ fn variable<'a>(environment: &'a BTreeMap<String, String>, name: &str) -> Option
 }
 
 #[test]
-fn an_unknown_driver_is_a_usage_error_that_names_both_drivers() {
-    for args in [&["--driver", "nouveau", "true"][..], &["--driver=nouveau", "true"], &["--driver", "", "true"]] {
+fn what_is_no_usage_is_answered_with_the_usage() {
+    for (args, code, words) in [
+        (&["--driver", "nouveau", "true"][..], 2, "lavapipe"),
+        (&["--driver=nouveau", "true"], 2, "swiftshader"),
+        (&["--driver", "", "true"], 2, "swiftshader"),
+        (&[], 2, "Usage: ./with-vulkan"),
+        (&["--driver", "lavapipe"], 2, "Usage: ./with-vulkan"),
+        (&["--driver"], 2, "Usage: ./with-vulkan"),
+        (&["--"], 2, "Usage: ./with-vulkan"),
+        (&["--drivers", "lavapipe", "true"], 2, "Usage: ./with-vulkan"),
+        (&["--help"], 0, ""),
+    ] {
         let output = System::complete().run(args);
-        assert_eq!(output.status.code(), Some(2), "{args:?}");
-        let message = stderr(&output);
-        assert!(message.contains("lavapipe") && message.contains("swiftshader"), "{message}");
+        assert_eq!(output.status.code(), Some(code), "{args:?}");
+        assert!(stderr(&output).contains(words), "{args:?}: {}", stderr(&output));
+        let said = String::from_utf8_lossy(&output.stdout);
+        assert_eq!(said.starts_with("Usage: ./with-vulkan"), code == 0, "{args:?}: {said}");
     }
 }
 
+/// The variables that the loader reads, by what was asked for and what is there.
 #[test]
-fn without_a_command_the_usage_is_shown() {
-    for args in [&[][..], &["--driver", "lavapipe"], &["--driver"], &["--"], &["--drivers", "lavapipe", "true"]] {
-        let output = System::complete().run(args);
-        assert_eq!(output.status.code(), Some(2), "{args:?}");
-        assert!(stderr(&output).contains("Usage: ./with-vulkan"), "{args:?}");
-        assert!(output.stdout.is_empty(), "{args:?}");
-    }
-}
-
-#[test]
-fn help_goes_to_stdout() {
-    let output = System::complete().run(&["--help"]);
-    assert_eq!(output.status.code(), Some(0));
-    assert!(String::from_utf8_lossy(&output.stdout).starts_with("Usage: ./with-vulkan"));
-}
-
-#[test]
-fn driver_lavapipe_leaves_only_lavapipe() {
+fn drivers_are_those_asked_for() {
     let system = System::complete();
-    let environment = system.environment(&["--driver", "lavapipe"]);
-    assert_eq!(variable(&environment, "VK_DRIVER_FILES"), Some(&*system.lavapipe()));
-    assert_eq!(variable(&environment, "VK_ICD_FILENAMES"), Some(&*system.lavapipe()));
-    assert_eq!(variable(&environment, "VK_ADD_DRIVER_FILES"), None);
+    let own = "/some/icd.json";
+    let (lavapipe, swiftshader) = (system.lavapipe(), system.swiftshader());
+    let both = format!("{lavapipe}:{swiftshader}");
+    let names = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES", "VK_ADD_DRIVER_FILES"];
+    let (new, old) = ("knows VK_ADD_DRIVER_FILES", "an old one");
+    for (args, loader, given, expected) in [
+        (&["--driver", "lavapipe"][..], new, None, [Some(&*lavapipe), Some(&*lavapipe), None]),
+        (&["--driver", "swiftshader"], new, None, [Some(&*swiftshader), Some(&*swiftshader), None]),
+        (&[], new, None, [None, None, Some(&*swiftshader)]),
+        (&[], old, None, [None, Some(&*both), None]),
+        (&[], new, Some(own), [Some(own), None, None]),
+    ] {
+        system.file("usr/lib/libvulkan.so.1", loader);
+        let mut command = system.with_vulkan(args);
+        command.arg("env").envs(given.map(|given| ("VK_DRIVER_FILES", given)));
+        let environment = environment(command.output().unwrap());
+        let found = names.map(|name| variable(&environment, name));
+        assert_eq!(found, expected, "{args:?}, {loader}");
+        assert!(!args.contains(&"swiftshader") || variable(&environment, "NODEVICE_SELECT") == Some("1"));
+    }
+    let manifest = fs::read_to_string(swiftshader).unwrap();
+    let library = system.path("cache/deltamorph/swiftshader/libvk_swiftshader.so");
+    assert!(manifest.contains(&format!("\"library_path\": \"{}\"", library.display())), "{manifest}");
 }
 
 /// Without it, newer validation layers see no hazards between shader accesses.
@@ -150,47 +164,6 @@ fn synchronization_validation_looks_into_shaders() {
     assert_eq!(variable(&system.environment(&[]), NAME), Some("1"));
     let output = system.with_vulkan(&["env"]).env(NAME, "0").output().unwrap();
     assert_eq!(variable(&environment(output), NAME), Some("0"), "the caller's choice stands");
-}
-
-#[test]
-fn driver_swiftshader_leaves_only_swiftshader() {
-    let system = System::complete();
-    let environment = system.environment(&["--driver", "swiftshader"]);
-    assert_eq!(variable(&environment, "VK_DRIVER_FILES"), Some(&*system.swiftshader()));
-    assert_eq!(variable(&environment, "VK_ICD_FILENAMES"), Some(&*system.swiftshader()));
-    assert_eq!(variable(&environment, "VK_ADD_DRIVER_FILES"), None);
-    assert_eq!(variable(&environment, "NODEVICE_SELECT"), Some("1"));
-    let manifest = fs::read_to_string(system.swiftshader()).unwrap();
-    let library = system.path("cache/deltamorph/swiftshader/libvk_swiftshader.so");
-    assert!(manifest.contains(&format!("\"library_path\": \"{}\"", library.display())), "{manifest}");
-}
-
-#[test]
-fn without_a_driver_swiftshader_stands_beside_the_systems_drivers() {
-    let system = System::complete();
-    let environment = system.environment(&[]);
-    assert_eq!(variable(&environment, "VK_ADD_DRIVER_FILES"), Some(&*system.swiftshader()));
-    assert_eq!(variable(&environment, "VK_DRIVER_FILES"), None);
-    assert_eq!(variable(&environment, "VK_ICD_FILENAMES"), None);
-}
-
-#[test]
-fn a_loader_that_cannot_add_drivers_is_given_the_whole_list() {
-    let system = System::complete();
-    system.file("usr/lib/libvulkan.so.1", "an old one");
-    let environment = system.environment(&[]);
-    let both = format!("{}:{}", system.lavapipe(), system.swiftshader());
-    assert_eq!(variable(&environment, "VK_ICD_FILENAMES"), Some(&*both));
-    assert_eq!(variable(&environment, "VK_ADD_DRIVER_FILES"), None);
-}
-
-#[test]
-fn drivers_chosen_by_the_caller_stand() {
-    let system = System::complete();
-    let output = system.with_vulkan(&["env"]).env("VK_DRIVER_FILES", "/some/icd.json").output().unwrap();
-    let environment = environment(output);
-    assert_eq!(variable(&environment, "VK_DRIVER_FILES"), Some("/some/icd.json"));
-    assert_eq!(variable(&environment, "VK_ADD_DRIVER_FILES"), None);
 }
 
 #[test]
