@@ -216,22 +216,6 @@ fn a_screen_with_a_scale_shows_as_much() {
 }
 
 #[test]
-fn the_update_is_a_small_part_of_the_frame() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let display = Display::new();
-    let stats = folder.path().join("stats.json");
-    let script = format!("play\nframes 12\nstats {}\n", stats.display());
-    display.script(folder.path(), "script.txt", &[], &script);
-    let stats = json(&stats);
-    println!("{stats}");
-    let number = |name: &str| stats[name].as_f64().unwrap_or_else(|| panic!("no {name}: {stats}"));
-    assert!(number("updates") >= 10.0 && number("width") == 1280.0);
-    assert!(number("update_share") < 0.05, "{stats}");
-    assert!(number("bytes_moved_mean") < 0.25 * number("full_bytes"), "{stats}");
-    assert!(number("full_gpu_ms") > 0.0 && number("update_cpu_ms") > 0.0);
-}
-
-#[test]
 fn resizes_and_frames_take_no_memory() {
     let folder = tempfile::tempdir().expect("a folder");
     let display = Display::new();

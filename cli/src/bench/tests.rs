@@ -15,12 +15,6 @@ fn report(keep: fn(&RunRecord) -> bool, change: fn(RunRecord) -> RunRecord) -> R
     report
 }
 
-fn figures(report: &Report) -> Vec<String> {
-    let page = page(report);
-    let titles = page.split("<figcaption>").skip(1);
-    titles.map(|rest| rest.split("</figcaption>").next().expect("a title").to_owned()).collect()
-}
-
 #[test]
 fn wrong_runs_fail_the_command() {
     let mut report = synthetic::report();
@@ -38,27 +32,6 @@ fn wrong_runs_fail_the_command() {
     assert!(verdict(&report).is_err_and(|e| e.to_string().starts_with("clip 'speech': no configuration could")));
     report.runs.clear();
     assert!(verdict(&report).is_err_and(|e| e.to_string().starts_with("no configuration could run; feedback")));
-}
-
-#[test]
-fn a_page_has_the_figures_of_its_runs() {
-    let found = figures(&synthetic::report());
-    let sets =
-        ["Relative performance", "Time per frame against batch", "The paths at their best", "Time per frame against t"];
-    let expected = [&sets[..], &sets[..3]].concat();
-    assert_eq!(found.len(), expected.len(), "a clip has one number of changed targets: {found:?}");
-    assert!(found.iter().zip(expected).all(|(title, begin)| title.starts_with(begin)), "{found:?}");
-    assert!(figures(&Report::default()).is_empty());
-    assert!(figures(&synthetic::suite())[0].starts_with("dense &lt;1&gt;, 1 head"));
-    let work = |r: &RunRecord| r.workload == "random" && r.changed == 4.0;
-    let found = figures(&report(work, |run| RunRecord { heads: 16, ..run }));
-    assert!(found.iter().any(|title| title.starts_with("Time per frame against heads")), "{found:?}");
-    // Families are named by what varies.
-    let rebuild = report(|run| run.workload == "random", |run| RunRecord { mode: "rebuild".into(), ..run });
-    let page = page(&rebuild);
-    for label in ["feedback float32 rebuild", "cpu float32 incremental"] {
-        assert!(page.contains(&format!(">{label}</text>")), "{label}");
-    }
 }
 
 #[test]

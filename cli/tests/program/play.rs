@@ -15,14 +15,10 @@ fn play_keeps_its_contract_on_every_path() {
     for how in [
         &["--path", "cpu"][..],
         &["--path", "cpu", "--format", "float32"],
-        &["--device", "llvmpipe"],
-        &["--device", "llvmpipe", "--accumulate", "exact", "--slots", "3", "--format", "small"],
-        &["--device", "SwiftShader", "--accumulate", "exact", "--error-budget", "1e-4d"],
-        &["--device", "llvmpipe", "--path", "compute", "--batch-size", "4"],
         &["--path", "cpu", "--format", "small", "--pose", "fixed16"],
-        &["--device", "llvmpipe", "--pose", "fixed16", "--error-budget", "1e-4d"],
-        &["--device", "SwiftShader", "--pose", "fixed32"],
-        &["--device", "llvmpipe", "--path", "compute", "--pose", "fixed16"],
+        &["--device", "llvmpipe", "--accumulate", "exact", "--slots", "3", "--format", "small"],
+        &["--device", "SwiftShader", "--pose", "fixed16", "--error-budget", "1e-4d"],
+        &["--device", "llvmpipe", "--path", "compute", "--batch-size", "4"],
     ] {
         let out = json(&[&["play", &dir, "--every", "5", "--json", "-"], how].concat());
         has(&out, "schema device input frames summary");
@@ -55,33 +51,28 @@ fn play_keeps_its_contract_on_every_path() {
         moved.push(summary["bytes_share"].as_f64().unwrap());
     }
     assert!(moved[0] < 0.5 * moved[1], "blocks move less than whole poses: {moved:?}");
-    assert!(moved[6] < 0.85 * moved[0], "poses of half the size move less: {moved:?}");
+    assert!(moved[2] < 0.85 * moved[0], "poses of half the size move less: {moved:?}");
 }
 
 #[test]
 fn a_device_plays_and_plans_a_clip() {
     let folder = tempfile::tempdir().unwrap();
     let dir = sample(folder.path());
-    for device in ["llvmpipe", "SwiftShader"] {
-        let play =
-            |more: &[&str]| json(&[&["play", &dir, "--device", device, "--every", "5", "--json", "-"], more].concat());
-        let (out, told) = (play(&["--animated"]), play(&["--accumulate", "exact"]));
-        for (frame, told) in out["frames"].as_array().unwrap().iter().zip(told["frames"].as_array().unwrap()) {
-            assert_eq!((&frame["changed"], &frame["active"]), (&told["changed"], &told["active"]));
-            assert_eq!(frame["max_error"].is_number(), told["max_error"].is_number());
-            assert!(frame["gpu_ms"].is_number() && frame["cpu_us"].is_number(), "{frame}");
-            assert!(
-                frame["dirty_blocks"].is_null() && frame["bytes_moved"].is_null(),
-                "what the device planned: {frame}"
-            );
-        }
-        let (summary, told) = (&out["summary"], &told["summary"]);
-        assert_eq!((&summary["animated"], &told["animated"]), (&true.into(), &false.into()));
-        assert_eq!((&summary["path"], &summary["accumulate"]), (&"blocks".into(), &"exact".into()));
-        // The requested frames are shown, up to rounding of the clock.
-        let request = |summary: &Value| summary["request_error_rel"].as_f64().unwrap();
-        assert!(request(summary) < request(told) + 2e-6, "{summary} {told}");
+    let play =
+        |more: &[&str]| json(&[&["play", &dir, "--device", "llvmpipe", "--every", "5", "--json", "-"], more].concat());
+    let (out, told) = (play(&["--animated"]), play(&["--accumulate", "exact"]));
+    for (frame, told) in out["frames"].as_array().unwrap().iter().zip(told["frames"].as_array().unwrap()) {
+        assert_eq!((&frame["changed"], &frame["active"]), (&told["changed"], &told["active"]));
+        assert_eq!(frame["max_error"].is_number(), told["max_error"].is_number());
+        assert!(frame["gpu_ms"].is_number() && frame["cpu_us"].is_number(), "{frame}");
+        assert!(frame["dirty_blocks"].is_null() && frame["bytes_moved"].is_null(), "what the device planned: {frame}");
     }
+    let (summary, told) = (&out["summary"], &told["summary"]);
+    assert_eq!((&summary["animated"], &told["animated"]), (&true.into(), &false.into()));
+    assert_eq!((&summary["path"], &summary["accumulate"]), (&"blocks".into(), &"exact".into()));
+    // The requested frames are shown, up to rounding of the clock.
+    let request = |summary: &Value| summary["request_error_rel"].as_f64().unwrap();
+    assert!(request(summary) < request(told) + 2e-6, "{summary} {told}");
     refused(&["play", &dir, "--animated", "--path", "cpu"], 2, "--animated");
 }
 
@@ -100,35 +91,23 @@ fn soak_keeps_its_contract_and_its_promises() {
     assert!(float["bit_exact"].is_null() && float["sums_hash"].is_null());
     let (error, bound) = (float["max_error"].as_f64().unwrap(), float["bound"].as_f64().unwrap());
     assert!(0.0 < error && error <= bound, "{float}");
-    let mut hashes = vec![];
-    for how in [
-        &["--path", "cpu", "--slots", "1"][..],
-        &["--device", "llvmpipe"],
-        &["--device", "SwiftShader", "--slots", "3", "--error-budget", "1e-3d"],
+    // Integers depend on neither driver nor history.
+    for (pose, format, devices) in [
+        ("fixed32", "small", &["--path cpu --slots 1", "--device llvmpipe", "--device SwiftShader --slots 3"][..]),
+        ("fixed16", "fast", &["--path cpu --slots 1", "--device llvmpipe --error-budget 1e-3d"]),
+        ("fixed16", "snorm16", &["--path cpu", "--path compute --device llvmpipe"]),
     ] {
-        let exact = soak(&[&["--accumulate", "exact", "--format", "small"], how].concat());
-        assert_eq!((&exact["bit_exact"], &exact["bound"]), (&true.into(), &0.0.into()), "{exact}");
-        hashes.push(exact["sums_hash"].as_str().unwrap().to_owned());
+        let hash = |device: &&str| {
+            let how: Vec<&str> = device.split(' ').chain(["--pose", pose, "--format", format]).collect();
+            let exact = soak(&how);
+            let rounds = pose == "fixed16";
+            assert_eq!((&exact["bit_exact"], &exact["accumulate"]), (&true.into(), &"exact".into()), "{exact}");
+            assert_eq!((exact["bound"].as_f64() > Some(0.0), &exact["pose"]), (rounds, &pose.into()), "{exact}");
+            exact["sums_hash"].as_str().unwrap().to_owned()
+        };
+        let hashes: Vec<String> = devices.iter().map(hash).collect();
+        assert!(hashes.iter().all(|h| *h == hashes[0] && h.len() == 16), "{pose} {format}: {hashes:?}");
     }
-    assert!(hashes.iter().all(|h| *h == hashes[0] && h.len() == 16), "the same sums on every driver: {hashes:?}");
-    // 16-bit poses do not depend on the driver or the history either.
-    let on_cpu = [&["--path", "cpu", "--slots", "1"][..], &["--path", "cpu", "--error-budget", "1e-3d"]];
-    let on_gpu = [&["--device", "llvmpipe"][..], &["--device", "SwiftShader", "--slots", "3"]];
-    for (format, ways) in [("small", [on_cpu, on_gpu].concat()), ("fast", on_cpu.to_vec())] {
-        let mut narrow = vec![];
-        for how in ways {
-            let soaked = soak(&[&["--pose", "fixed16", "--format", format], how].concat());
-            assert_eq!((&soaked["bit_exact"], &soaked["accumulate"]), (&true.into(), &"exact".into()), "{soaked}");
-            assert!(soaked["bound"].as_f64() > Some(0.0) && soaked["pose"] == "fixed16", "{soaked}");
-            narrow.push(soaked["sums_hash"].as_str().unwrap().to_owned());
-        }
-        assert!(narrow.iter().all(|h| *h == narrow[0]) && narrow[0] != hashes[0], "{format}: {narrow:?}");
-    }
-    // Nor do those of dense deltas.
-    let dense = [&["--path", "cpu", "--slots", "1"][..], &["--path", "compute", "--device", "llvmpipe"]];
-    let dense = dense.map(|how| soak(&[&["--pose", "fixed16", "--format", "snorm16"], how].concat()));
-    assert!(dense.iter().all(|soaked| soaked["bit_exact"] == true), "{dense:?}");
-    assert_eq!(dense[0]["sums_hash"], dense[1]["sums_hash"]);
 }
 
 /// The integers of a long soak, equal to those of all earlier versions with this built-in head.
@@ -164,15 +143,8 @@ fn bad_arguments_exit_with_2_and_failures_with_1() {
     check(&["play", &dir, "--path", "cpu", "--format", "float32", "--accumulate", "exact"], 2, &["fixed32", "'fast'"]);
     check(&["play", &dir, "--path", "compute", "--format", "small"], 2, &["--format", "float32 or snorm16"]);
     check(&["play", &dir, "--accumulate", "float", "--pose", "fixed16"], 2, &["contradict each other", "fixed16"]);
-    let taken = ["--pose fixed16: fixed16 poses with 'feedback'; use float32 poses here", "'compute'"];
-    check(&["play", &dir, "--path", "feedback", "--pose", "fixed16"], 2, &taken);
-    let dense = ["play", &dir, "--path", "compute", "--format", "float32", "--pose", "fixed16"];
-    check(&dense, 2, &["of float32 deltas", "'snorm16'"]);
-    check(&["play", &dir, "--path", "scatter", "--pose", "fixed32"], 2, &["'scatter'; use float32 poses"]);
     check(&["play", &dir, "--path", "scatter", "--accumulate", "float"], 2, &["'scatter' adds integers"]);
     check(&["play", &dir, "--animated", "--pose", "float32"], 1, &["float32 poses", "use fixed16 or fixed32"]);
-    let exact = ["play", &dir, "--path", "cpu", "--format", "block-float32", "--pose", "fixed16"];
-    check(&exact, 2, &["pack as 'fast', 'small' or, dense, 'snorm16'"]);
     check(&["play", &dir, "--path", "cpu", "--json", "/nonexistent/x.json"], 1, &["/nonexistent/x.json"]);
     let narrow = ["soak", &dir, "--frames", "9", "--path", "cpu", "--drift", "1e-9", "--accumulate", "float"];
     check(&narrow, 2, &["allow more drift", "rounding", "--drift"]);

@@ -323,25 +323,6 @@ fn the_mouse_turns_moves_and_zooms() {
     assert!(hands.state.zoom > 1.1, "{}", hands.state.zoom);
 }
 
-/// Asserts that a text of the window has these words.
-fn says(hands: &Hands, text: &str) {
-    let said = |node: &Node| [node.label(), node.value()].into_iter().flatten().any(|said| said.contains(text));
-    assert!(hands.nodes.iter().any(|(_, node)| said(node)), "{text}");
-}
-
-#[test]
-fn what_is_empty_says_so_and_what_is_hidden_comes_back() {
-    let mut hands = Hands::new([1280.0, 800.0], 1.0, "52");
-    hands.state.panel = false;
-    (0..3).for_each(|_| hands.frame(vec![], Modifiers::NONE));
-    assert_eq!(hands.free.left(), 0.0);
-    hands.done.clear();
-    hands.key(Key::P);
-    assert_eq!(hands.done, [Command::Panel(true)]);
-    let bare = Hands::new([1280.0, 800.0], 1.0, "0");
-    says(&bare, "This mesh has no morph targets.");
-}
-
 #[test]
 fn notices_leave_by_themselves_and_errors_later() {
     let mut hands = Hands::new([640.0, 400.0], 1.0, "4");
