@@ -2,10 +2,9 @@
 
 use crate::gpu::{self, drivers, on_every_device};
 use deltamorph::reference::evaluate_unpacked;
-use deltamorph::{CpuCrowd, DeltaFormat, ErrorKind, PackDesc, PackedMesh, UpdateDesc, UpdatePath, testing};
+use deltamorph::{DeltaFormat, PackDesc, PackedMesh, UpdateDesc, testing};
 use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::slice::from_mut;
-use std::sync::Arc;
 
 #[test]
 fn what_may_not_be_shared_between_threads() {
@@ -54,15 +53,6 @@ fn a_panic_between_planning_and_recording_takes_the_update_back() {
         crowd.step(&[&asked]).expect("a step");
         gpu::assert_right(&mut crowd, 0, &mesh, &asked);
     });
-}
-
-#[test]
-fn running_out_of_memory_is_an_error_of_its_own() {
-    let mesh = PackedMesh::pack(&testing::mesh(1000, 4), &PackDesc::new(DeltaFormat::Fast)).expect("a mesh");
-    // More than the address space.
-    let desc = UpdateDesc::blocks().path(UpdatePath::Cpu).slots(64);
-    let error = CpuCrowd::new(Arc::new(mesh), desc, u32::MAX, 1).err().expect("no memory");
-    assert_eq!(error.kind(), ErrorKind::OutOfMemory, "{error}");
 }
 
 #[test]
