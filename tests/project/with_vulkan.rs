@@ -140,7 +140,7 @@ fn drivers_are_those_asked_for() {
         (&["--driver", "lavapipe"][..], new, None, [Some(&*lavapipe), Some(&*lavapipe), None]),
         (&["--driver", "swiftshader"], new, None, [Some(&*swiftshader), Some(&*swiftshader), None]),
         (&[], new, None, [None, None, Some(&*swiftshader)]),
-        (&[], old, None, [None, Some(&*both), None]),
+        (&[], old, None, [Some(&*both), Some(&*both), None]),
         (&[], new, Some(own), [Some(own), None, None]),
     ] {
         system.file("usr/lib/libvulkan.so.1", loader);
