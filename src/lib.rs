@@ -67,6 +67,10 @@
 // Packages of this repository need more than an engine does; with the feature, what nobody uses is still found.
 #![cfg_attr(not(feature = "internals"), allow(dead_code, unused_imports))]
 
+// What unit tests share with other tests, which name this crate.
+#[cfg(test)]
+extern crate self as deltamorph;
+
 mod abi;
 pub mod after;
 mod asset;
@@ -85,9 +89,8 @@ mod pack;
 mod plan;
 pub mod reference;
 mod setters;
-#[cfg(feature = "internals")]
-#[doc(hidden)]
-pub mod testing;
+#[cfg(test)]
+mod testing;
 mod update;
 mod weights;
 

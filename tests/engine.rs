@@ -12,6 +12,8 @@ mod draw;
 mod file;
 #[path = "common/gpu.rs"]
 mod gpu;
+#[path = "common/hazards.rs"]
+mod hazards;
 #[path = "common/host.rs"]
 mod host;
 #[path = "common/joints.rs"]
@@ -22,6 +24,8 @@ mod numbers;
 mod scene;
 #[path = "common/skinned.rs"]
 mod skinned;
+#[path = "common/testing.rs"]
+mod testing;
 #[path = "common/written.rs"]
 mod written;
 

@@ -7,7 +7,6 @@ use crate::error::Result;
 use crate::gpu::memory::Ring;
 use crate::plan::after::Kind;
 use crate::plan::earlier::Earlier;
-use crate::plan::hazards::{Accesses, Memory};
 use crate::plan::instances::Instances;
 use crate::plan::steps::{Owner, Resource, Source, Steps, Use, Work};
 use crate::update::technique::{Technique, UpdateId};
@@ -211,30 +210,6 @@ impl After {
             // SAFETY: the caller's obligations.
             unsafe { target.step.record(cmd, &job) };
         }
-    }
-
-    /// Reads and writes of works of a step.
-    pub(crate) fn accesses(&self, kind: Kind, works: &[Work]) -> Vec<Accesses> {
-        let of = |work: &Work| {
-            let Some((_, Job { slot, output, .. })) = self.job(0, kind, work) else {
-                return Accesses::default();
-            };
-            let (instance, output) = (work.instance, output as u32);
-            // Of the asset, steps read only the base pose.
-            let memory = |resource| {
-                if resource == Resource::Asset {
-                    Memory::Base
-                } else if resource == Resource::Poses {
-                    Memory::Pose { instance, slot }
-                } else {
-                    Memory::After { resource, instance, output }
-                }
-            };
-            let uses = kind.uses().iter();
-            let uses = uses.map(|used| Use::new(memory(used.memory), used.stage, used.access)).collect();
-            Accesses { group: 0, uses, in_place: true }
-        };
-        works.iter().map(of).collect()
     }
 }
 

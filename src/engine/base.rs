@@ -180,7 +180,9 @@ impl<U: Updater> CrowdBase<OnDevice<U>> {
 }
 
 impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
-    pub(crate) fn technique(&self) -> &dyn Technique {
+    /// The technique that plans and records updates.
+    #[doc(hidden)]
+    pub fn technique(&self) -> &dyn Technique {
         self.kind.updater.technique()
     }
 
@@ -404,14 +406,6 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
             Owner::Technique => unsafe { self.technique().record(cmd, frame, work) },
             // SAFETY: as above.
             Owner::Step(kind) => unsafe { self.kind.after.record(cmd, frame, kind, work) },
-        }
-    }
-
-    /// Reads and writes of works of a step, for the hazard checker.
-    pub(super) fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-        match works[0].owner {
-            Owner::Technique => self.technique().accesses(works),
-            Owner::Step(kind) => self.kind.after.accesses(kind, works),
         }
     }
 

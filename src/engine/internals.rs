@@ -5,7 +5,6 @@ use super::{AnimatedCrowd, AnyCrowd, DeviceCrowd, GpuMesh, MorphEngine, Update};
 use crate::crowd::{CrowdBase, Kind};
 use crate::error::Result;
 use crate::gpu::device::Device;
-use crate::plan::hazards::{Event, trace};
 use crate::plan::schedule::Entry;
 use crate::update::animated::PlannedGroup;
 use ash::vk;
@@ -20,7 +19,7 @@ impl MorphEngine {
     }
 
     /// Like [`record_updates`](Self::record_updates), with the recorded entries changed by `tamper`, so that tests can
-    /// plant faults. Also returns the recorded events for the hazard checker.
+    /// plant faults, or see what is recorded.
     ///
     /// # Errors
     /// Those of [`record_updates`](Self::record_updates).
@@ -33,16 +32,14 @@ impl MorphEngine {
         cmd: vk::CommandBuffer,
         crowds: &mut [&mut dyn AnyCrowd],
         tamper: impl FnOnce(&mut Vec<Entry>),
-    ) -> Result<(Vec<Update>, Vec<Event>)> {
+    ) -> Result<Vec<Update>> {
         let mut crowds: Vec<&mut DeviceCrowd> = crowds.iter_mut().map(|crowd| crowd.base_mut()).collect();
         let mut updates = vec![];
         let mut planned = self.plan(&mut crowds, |update| updates.push(update))?;
         tamper(&mut planned.schedule.entries);
-        let accesses = |crowd: u32, works: &[_]| planned.crowds[crowd as usize].accesses(works);
-        let events = trace(&planned.schedule.entries, accesses);
         // SAFETY: the caller's obligations.
         unsafe { planned.record(&self.device, cmd) };
-        Ok((updates, events))
+        Ok(updates)
     }
 }
 

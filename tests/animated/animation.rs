@@ -3,10 +3,11 @@
 use crate::data;
 use crate::gpu;
 use crate::scene::{FIXED, Scene, blocks, clips, crowd, fixed, packed, packed_streams};
+use crate::testing;
 use deltamorph::import::{csv, obj};
 use deltamorph::{
     AnimationDesc, CrowdDesc, DeltaFormat, KeyFormat, PackDesc, PackedMesh, Playback, PoseFormat, Repeat, Tolerance,
-    UpdateMode, WeightClip, testing,
+    UpdateMode, WeightClip,
 };
 use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::sync::Arc;

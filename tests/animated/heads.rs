@@ -45,7 +45,7 @@ fn poses_and_previous_poses_follow_the_slots() {
     gpu::on_every_device(|headless, _| {
         for (slots, pose) in (1..4).flat_map(|slots| FIXED.map(|pose| (slots, pose))) {
             let mut scene = two_heads(headless, &mesh, fixed(pose, slots));
-            deltamorph::testing::says(scene.crowd.crowd().pose(0), &["record an update first"]);
+            crate::testing::says(scene.crowd.crowd().pose(0), &["record an update first"]);
             let mut before: Option<Vec<f32>> = None;
             let mut frozen = vec![];
             for frame in 0..12 {
@@ -123,13 +123,13 @@ fn heads_come_and_go() {
         (0..3).for_each(|frame| drop(scene.step(f64::from(frame) / 10.0)));
         scene.remove(4);
         scene.remove(9);
-        deltamorph::testing::says(scene.crowd.crowd().pose(4), &["instance 4 was removed"]);
+        crate::testing::says(scene.crowd.crowd().pose(4), &["instance 4 was removed"]);
         assert!(scene.crowd.play(4, &Playback::new(0)).is_err());
         let (plan, _) = scene.step(0.4);
         assert!(plan.keys().all(|(instance, _)| ![4, 9].contains(instance)));
         // One is added before the next update, one after.
         assert_eq!(scene.add(), 4);
-        deltamorph::testing::says(scene.crowd.crowd().pose(4), &["no pose yet"]);
+        crate::testing::says(scene.crowd.crowd().pose(4), &["no pose yet"]);
         scene.step(0.5);
         scene.assert_fresh(4);
         let pose = scene.crowd.read_pose(4).expect("a pose");
@@ -169,7 +169,7 @@ fn misuse_is_an_error_that_says_what_to_do() {
             (animated.play(0, &Playback::new(3)), "clip 3 of 3"),
             (animated.set_time(f64::NAN), "second NaN"),
         ] {
-            deltamorph::testing::says(result, &[words]);
+            crate::testing::says(result, &[words]);
         }
         let clips = animated.crowd().clips();
         assert_eq!((clips.count(), clips.frames(1)), (3, Some(5)));

@@ -3,11 +3,12 @@
 
 use crate::gpu::{self, NORMAL, POSITION, on_every_device};
 use crate::scene::{self, Scene};
+use crate::testing;
 use deltamorph::lod::{Importance, Level, LevelDesc};
 use deltamorph::reference::{compare, evaluate, evaluate_unpacked};
 use deltamorph::{
     AnimationDesc, BatchSize, CpuCrowd, CrowdDesc, DeltaFormat, MorphEngine, PackDesc, PackedMesh, Playback,
-    UpdateDesc, UpdateMode, UpdatePath, testing,
+    UpdateDesc, UpdateMode, UpdatePath,
 };
 use deltamorph_headless::HeadlessCrowd;
 use std::sync::Arc;

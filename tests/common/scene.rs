@@ -2,6 +2,7 @@
 #![allow(dead_code)] // each test file uses some of this
 
 use crate::gpu;
+use crate::testing;
 use deltamorph::internals::abi::worklist::{TILE, TILE_WORDS, row_words};
 use deltamorph::internals::plan::instances::InstanceState;
 use deltamorph::internals::plan::schedule::Entry;
@@ -11,7 +12,7 @@ use deltamorph::packed::PoseGrid;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, BlockDesc, Clips, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, Playback,
-    PoseFormat, Tolerance, UpdateDesc, UpdateMode, UpdatePath, WeightClip, testing,
+    PoseFormat, Tolerance, UpdateDesc, UpdateMode, UpdatePath, WeightClip,
 };
 use deltamorph_head::{HeadDesc, head, head_clip};
 use deltamorph_headless::{Headless, HeadlessCrowd, PlannedGroup};

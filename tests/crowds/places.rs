@@ -2,9 +2,10 @@
 //! descriptor ranges.
 
 use crate::gpu::{self, on_every_device};
+use crate::testing;
 use deltamorph::reference::compare;
 use deltamorph::{
-    BatchSize, BlockDesc, Crowd, CrowdDesc, DeltaFormat, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing,
+    BatchSize, BlockDesc, Crowd, CrowdDesc, DeltaFormat, MorphEngine, PackedMesh, UpdateDesc, UpdatePath,
 };
 use deltamorph_headless::{Headless, HeadlessCrowd};
 

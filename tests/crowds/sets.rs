@@ -4,17 +4,18 @@ use crate::data;
 use crate::gpu::{fixed, is_kept, on_every_device, packed, weights};
 use crate::joints::{JOINTS, Joints};
 use crate::offscreen::Offscreen;
+use crate::testing;
+use crate::testing::says;
 use crate::written::Written;
 use deltamorph::after::{SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::vk;
 use deltamorph::import::{csv, obj};
-use deltamorph::internals::plan::hazards::Event;
+use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::mesh::{Faces, MorphTarget};
 use deltamorph::reference::{self, compare, evaluate};
-use deltamorph::testing::says;
 use deltamorph::{
     AnyCrowd, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, MorphEngine, MorphMesh, PackedMesh, Tolerance,
-    UpdateDesc, UpdatePath, testing,
+    UpdateDesc, UpdatePath,
 };
 use deltamorph_headless::Headless;
 use std::collections::HashMap;
@@ -25,22 +26,28 @@ fn crowd(headless: &Headless, engine: &MorphEngine, mesh: &PackedMesh, desc: &Cr
     engine.create_crowd(&uploaded, desc).expect("a crowd")
 }
 
+fn count_barriers(entries: &[Entry]) -> usize {
+    entries.iter().filter(|entry| matches!(entry, Entry::Barrier(_))).count()
+}
+
 /// Updates crowds in one call, and reads their poses of an instance back.
 fn step(headless: &Headless, engine: &MorphEngine, crowds: &mut [Crowd], instance: u32) -> (Vec<Vec<f32>>, usize) {
     let mut readbacks: Vec<_> = crowds.iter().map(|_| engine.readback()).collect();
-    let barriers = headless.run(|cmd| {
+    let mut barriers = 0;
+    let recorded = headless.run(|cmd| {
         let mut all: Vec<&mut dyn AnyCrowd> = crowds.iter_mut().map(|crowd| crowd as _).collect();
         // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; nothing is changed.
-        let (_, events) = unsafe { engine.record_tampered(cmd, &mut all, |_| {}) }?;
+        unsafe { engine.record_tampered(cmd, &mut all, |entries| barriers = count_barriers(entries)) }?;
         for (crowd, readback) in crowds.iter().zip(&mut readbacks) {
             // SAFETY: as above.
             unsafe { readback.record(cmd, crowd, &[instance]) }?;
         }
-        Ok(events.iter().filter(|event| matches!(event, Event::Barrier(_))).count())
+        Ok(())
     });
+    recorded.expect("an update");
     // SAFETY: as above.
     let pose = |readback: &mut deltamorph::PoseReadback| unsafe { readback.poses() }.expect("poses").remove(0).vertices;
-    (readbacks.iter_mut().map(pose).collect(), barriers.expect("an update"))
+    (readbacks.iter_mut().map(pose).collect(), barriers)
 }
 
 /// Sets the weights of an instance in all crowds, by the names of their targets.

@@ -1,12 +1,12 @@
 //! Several crowds of one mesh in one submission, and the draws after the updates.
 
 use crate::gpu::{self, on_every_device, update_descs, weights};
-use deltamorph::internals::plan::hazards::{Event, HazardChecker};
+use crate::hazards::{Event, HazardChecker, accesses, trace};
+use crate::testing;
 use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::reference::compare;
 use deltamorph::{
     AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DeltaFormat, Playback, UpdateDesc, UpdatePath, WeightClip,
-    testing,
 };
 use deltamorph_headless::{HeadlessCrowd, Step};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -63,14 +63,19 @@ fn crowds_of_one_call_share_their_barriers() {
             let many: Vec<f32> = (1..12u8).map(|t| f32::from(frame + 1) + f32::from(t) / 8.0).collect();
             let mut one = [1.0; 11];
             one[3] = f32::from(frame) / 4.0;
+            let mut list = vec![];
             // SAFETY: nothing is changed.
-            let step = unsafe { HeadlessCrowd::step_tampered(&mut crowds, &[&many, &one], |_| {}) };
+            let step = unsafe {
+                HeadlessCrowd::step_tampered(&mut crowds, &[&many, &one], |entries| list.clone_from(entries))
+            };
+            step.expect("a step");
+            let events = trace(&list, |crowd, works| accesses(crowds[crowd as usize].crowd(), works));
             let slots = [0, 1].map(|crowd: usize| {
                 let crowd = crowds[crowd].crowd();
                 let previous = crowd.previous_pose(0).expect("a pose").expect("two slots keep it");
                 [crowd.pose(0).expect("a pose").slot, previous.slot]
             });
-            frames.push((step.expect("a step").1, slots));
+            frames.push((events, slots));
         }
         let barriers: Vec<usize> =
             (0..frames[3].0.len()).filter(|&at| matches!(frames[3].0[at], Event::Barrier(_))).collect();

@@ -2,6 +2,7 @@
 
 use super::Counts;
 use crate::gpu;
+use crate::testing;
 use deltamorph::ash::vk;
 use deltamorph::internals::plan::instances::InstanceState;
 use deltamorph::internals::update::animated::{AnimatedReference, Playbacks};
@@ -10,7 +11,7 @@ use deltamorph::packed::PoseGrid;
 use deltamorph::reference::compare;
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, BlockDesc, Clips, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, GpuMesh, PackDesc,
-    PackedMesh, Playback, PoseView, Repeat, Result, UpdateDesc, UpdateMode, UpdatePath, WeightClip, testing,
+    PackedMesh, Playback, PoseView, Repeat, Result, UpdateDesc, UpdateMode, UpdatePath, WeightClip,
 };
 use deltamorph_head::Rng;
 use deltamorph_headless::Headless;

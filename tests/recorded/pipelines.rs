@@ -1,8 +1,9 @@
 //! Pipelines are made with the host's cache.
 
 use crate::gpu::{self, on_every_device, single, update_descs, weights};
+use crate::testing;
 use deltamorph::ash::{self, vk};
-use deltamorph::{DeltaFormat, DeviceDesc, MorphEngine, testing};
+use deltamorph::{DeltaFormat, DeviceDesc, MorphEngine};
 use std::sync::Mutex;
 
 /// The caches passed to [`seen_compute`] and [`seen_graphics`].

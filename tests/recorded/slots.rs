@@ -3,11 +3,12 @@
 
 use crate::gpu::{self, drivers, on_device};
 use crate::offscreen::Offscreen;
+use crate::testing;
 use deltamorph::after::{GpuSkin, SkinDesc, SkinTarget};
 use deltamorph::ash::vk;
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DeltaFormat, PackedMesh, Playback, UpdateDesc,
-    UpdatePath, WeightClip, testing,
+    UpdatePath, WeightClip,
 };
 use deltamorph_head::Rng;
 use deltamorph_headless::{Headless, HeadlessCrowd};

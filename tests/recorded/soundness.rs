@@ -1,11 +1,12 @@
 //! Safe code without undefined behaviour: threads, tickets, recorded updates, failing steps, and memory limits.
 
 use crate::gpu::{self, drivers, on_every_device, single, update_descs, weights};
+use crate::testing;
 use deltamorph::mesh::SourceTarget;
 use deltamorph::reference::{evaluate, evaluate_unpacked};
 use deltamorph::{
     BlockDesc, CpuCrowd, Crowd, DeltaFormat, ErrorKind, GpuMesh, MorphEngine, MorphSource, PackDesc, PackedMesh,
-    PoseFormat, Tolerance, UpdateDesc, UpdatePath, testing,
+    PoseFormat, Tolerance, UpdateDesc, UpdatePath,
 };
 use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::slice::from_mut;

@@ -2,12 +2,13 @@
 
 use super::table::{ROWS, can_read, for_every_update, updates, variants};
 use crate::gpu::{self, hazards, on_every_device, packed, weights};
+use crate::hazards::Event;
+use crate::testing;
 use deltamorph::DeltaFormat::{Fast, Float32, Small};
 use deltamorph::internals::plan::Source;
-use deltamorph::internals::plan::hazards::Event;
 use deltamorph::internals::plan::schedule::{Barrier, Entry};
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::{BatchSize, DeltaFormat, UpdateDesc, UpdateMode, UpdatePath, testing};
+use deltamorph::{BatchSize, DeltaFormat, UpdateDesc, UpdateMode, UpdatePath};
 use deltamorph_headless::HeadlessCrowd;
 use std::slice::from_mut;
 

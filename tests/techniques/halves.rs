@@ -3,9 +3,10 @@
 use super::poses::{check, real};
 use super::table::{can_read, history};
 use crate::gpu::{NORMAL, POSITION, on_every_device, packed, single};
+use crate::testing;
 use deltamorph::mesh::{MorphTarget, StreamDeltas};
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::{BatchSize, DeltaFormat, MorphMesh, UpdateDesc, UpdatePath, testing};
+use deltamorph::{BatchSize, DeltaFormat, MorphMesh, UpdateDesc, UpdatePath};
 use deltamorph_headless::HeadlessCrowd;
 use glam::Vec3;
 

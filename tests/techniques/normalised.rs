@@ -2,7 +2,8 @@
 
 use super::table::{can_read, updates};
 use crate::gpu::{on_every_device, packed};
-use deltamorph::{CrowdDesc, DeltaFormat, MorphMesh, POSE_FLOATS, UpdatePath, normalise_weights, testing};
+use crate::testing;
+use deltamorph::{CrowdDesc, DeltaFormat, MorphMesh, POSE_FLOATS, UpdatePath, normalise_weights};
 use deltamorph_head::Rng;
 use deltamorph_headless::HeadlessCrowd;
 

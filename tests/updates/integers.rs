@@ -3,11 +3,12 @@
 
 use crate::data;
 use crate::gpu;
+use crate::testing;
 use deltamorph::import::obj;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
     BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdateMode,
-    UpdatePath, testing,
+    UpdatePath,
 };
 use deltamorph_head::{HeadDesc, Rng, head};
 use deltamorph_headless::{Headless, HeadlessCrowd};

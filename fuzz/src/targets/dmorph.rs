@@ -2,8 +2,9 @@
 
 use crate::{Memory, Random, Target, bounded, check_error, update};
 use deltamorph::import::packed;
+use crate::testing;
 use deltamorph::{
-    Asset, BatchSize, DeltaFormat, PackDesc, Tolerance, UpdateDesc, UpdatePath, WeightBounds, WeightClip, testing,
+    Asset, BatchSize, DeltaFormat, PackDesc, Tolerance, UpdateDesc, UpdatePath, WeightBounds, WeightClip
 };
 use deltamorph_head::{HeadDesc, head};
 use std::path::Path;

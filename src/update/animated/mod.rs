@@ -19,8 +19,13 @@ pub use read::PlannedGroup;
 pub use sample::Playback;
 #[cfg(test)]
 pub(crate) use steps::UPLOADED;
-pub(crate) use technique::Animated;
-pub use {playback::Playbacks, reference::AnimatedReference, sample::HeadRecord, steps::AnimatedUpdate};
+pub use technique::Animated;
+pub use {
+    playback::Playbacks,
+    reference::AnimatedReference,
+    sample::HeadRecord,
+    steps::{AnimatedKernel, AnimatedUpdate},
+};
 
 #[cfg(test)]
 mod tests;

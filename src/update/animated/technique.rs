@@ -43,7 +43,8 @@ impl PipelineKey for Planning {
     }
 }
 
-pub(crate) struct Animated {
+/// A crowd whose updates the GPU plans.
+pub struct Animated {
     device: Arc<Device>,
     planning: Arc<Pipelines<Planning>>,
     pub(crate) clips: Clips,
@@ -274,9 +275,5 @@ impl Technique for Animated {
 
     fn begin_at(&mut self, updates: u64) {
         self.playbacks.begin_at(updates);
-    }
-
-    fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-        super::steps::accesses(works, self.groups[0].layout.push.heads)
     }
 }

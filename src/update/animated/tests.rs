@@ -1,9 +1,9 @@
 use super::reference::{interpolate, sample};
 use super::sample::TICKS_PER_SECOND;
-use super::steps::accesses;
 use super::*;
 use crate::pack::blocks::PoseGrid;
 use crate::pack::{DeltaFormat, PackDesc, PackedMesh, PoseFormat};
+use crate::plan::hazards::animated;
 use crate::plan::instances::InstanceState;
 use crate::plan::steps::Steps;
 use crate::plan::tests::{assert_barriers_needed, scheduled};
@@ -266,7 +266,7 @@ fn every_barrier_is_needed() {
                 let update = AnimatedUpdate { records, source, destination, groups, dispatches, texels };
                 let mut steps = Steps::new(Consumers::default());
                 update.fill(&mut steps);
-                let events = scheduled(&[&steps], |_, works| accesses(works, 1));
+                let events = scheduled(&[&steps], |_, works| works.iter().map(|work| animated(work, 1)).collect());
                 (events, [Some(destination), (slots > 1 && frame > 0).then_some(source)])
             })
             .collect();

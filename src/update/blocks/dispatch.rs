@@ -9,7 +9,6 @@ use crate::abi::worklist::{ALIGN, TILE, WIDTHS, row_words};
 use crate::gpu::tuning::DeviceTuning;
 use crate::pack::PoseFormat;
 use crate::pack::blocks::BlockIndex;
-use crate::plan::hazards::{Accesses, Memory};
 use crate::plan::steps::{Resource, Steps, Use, Work};
 use std::ops::Range;
 
@@ -116,20 +115,11 @@ impl Dispatches {
         before.sum::<usize>() + work.items.start as usize
     }
 
-    /// Reads and writes of the works of a step. A block of an instance occurs in one item, so all works count as one.
-    pub fn accesses(&self, list: &WorkList, works: &[Work]) -> Accesses {
-        let mut uses = std::collections::HashSet::new();
-        for work in works {
-            let kernel = work.kernel as usize;
-            let tiles = &self.tiles.items[kernel][work.items.start as usize..work.items.end as usize];
-            for &i in tiles.iter().flat_map(|tile| tile.members(kernel % WIDTHS)) {
-                let &Item { instance, source, destination, .. } = &list.items[i as usize];
-                let source = source.map_or(Memory::Base, |slot| Memory::Pose { instance, slot });
-                let pose = Memory::Pose { instance, slot: destination };
-                uses.extend(Accesses::compute([Memory::Deltas, source], [pose]).uses);
-            }
-        }
-        Accesses { group: self.group, in_place: true, uses: uses.into_iter().collect() }
+    /// The items of a work.
+    pub fn items_of<'a>(&'a self, list: &'a WorkList, work: &Work) -> impl Iterator<Item = &'a Item> {
+        let kernel = work.kernel as usize;
+        let tiles = &self.tiles.items[kernel][work.items.start as usize..work.items.end as usize];
+        tiles.iter().flat_map(move |tile| tile.members(kernel % WIDTHS)).map(|&i| &list.items[i as usize])
     }
 }
 

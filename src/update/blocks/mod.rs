@@ -19,7 +19,7 @@ pub(crate) use group::check_tolerance;
 pub use group::{GroupPlan, Item};
 pub(crate) use plan::BlockState;
 pub use plan::Planner;
-pub(crate) use technique::BlocksTechnique;
+pub use technique::BlocksTechnique;
 
 #[cfg(test)]
 mod tests;

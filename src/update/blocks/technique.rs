@@ -14,7 +14,8 @@ use crate::plan::steps::{Steps, Work};
 use crate::update::technique::{Context, Technique, UpdateId};
 use ash::vk;
 
-pub(crate) struct BlocksTechnique {
+/// A crowd on path `blocks`.
+pub struct BlocksTechnique {
     planner: Planner,
     groups: Vec<Group>,
 }
@@ -36,6 +37,12 @@ impl BlocksTechnique {
         let groups = (0..).zip(context.groups()).zip(&planner.groups);
         let groups = groups.map(|((number, group), planner)| Group::new(group, number, planner));
         Ok(Self { groups: groups.collect::<Result<_>>()?, planner })
+    }
+
+    /// The items of a work of the update planned last.
+    pub fn items_of(&self, work: &Work) -> impl Iterator<Item = &Item> {
+        let group = work.group as usize;
+        self.groups[group].dispatches.items_of(&self.planner.groups[group].list, work)
     }
 }
 
@@ -114,13 +121,5 @@ impl Technique for BlocksTechnique {
         let workgroups = Workgroups::Of([group.blocks.how.workgroups(&work.items), 1]);
         // SAFETY: the caller's obligations; the list was written for this mesh and crowd.
         unsafe { group.blocks.dispatch(cmd, set, work.kernel as usize, first_item, workgroups) };
-    }
-
-    fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-        let of = |works: &[Work]| {
-            let group = works[0].group as usize;
-            self.groups[group].dispatches.accesses(&self.planner.groups[group].list, works)
-        };
-        works.chunk_by(|a, b| a.group == b.group).map(of).collect()
     }
 }

@@ -5,8 +5,9 @@ use crate::common::{
 };
 use crate::play::{Played, decoded, difference, play};
 use crate::scene::{EDGE, Host, now};
+use crate::testing;
 use deltamorph::{
-    BatchSize, CrowdDesc, DeltaFormat, PackedMesh, PoseFormat, Semantic, UpdateDesc, UpdatePath, testing,
+    BatchSize, CrowdDesc, DeltaFormat, PackedMesh, PoseFormat, Semantic, UpdateDesc, UpdatePath
 };
 use deltamorph_wgpu::{Morph, VertexInput};
 
