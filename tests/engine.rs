@@ -20,12 +20,16 @@ mod host;
 mod joints;
 #[path = "common/numbers.rs"]
 mod numbers;
+#[path = "common/planned.rs"]
+mod planned;
 #[path = "common/scene.rs"]
 mod scene;
 #[path = "common/skinned.rs"]
 mod skinned;
 #[path = "common/testing.rs"]
 mod testing;
+#[path = "common/twin.rs"]
+mod twin;
 #[path = "common/written.rs"]
 mod written;
 

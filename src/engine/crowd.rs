@@ -206,7 +206,9 @@ impl AnimatedCrowd {
         &self.animated().clips
     }
 
-    pub(crate) fn animated(&self) -> &Animated {
+    /// What the device samples and plans with.
+    #[doc(hidden)]
+    pub fn animated(&self) -> &Animated {
         &self.kind.updater.animated
     }
 

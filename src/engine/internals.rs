@@ -1,12 +1,11 @@
 //! Accessors for packages of this repository.
 
 use super::base::{OnDevice, Updater};
-use super::{AnimatedCrowd, AnyCrowd, DeviceCrowd, GpuMesh, MorphEngine, Update};
+use super::{AnyCrowd, DeviceCrowd, GpuMesh, MorphEngine, Update};
 use crate::crowd::{CrowdBase, Kind};
 use crate::error::Result;
 use crate::gpu::device::Device;
 use crate::plan::schedule::Entry;
-use crate::update::animated::PlannedGroup;
 use ash::vk;
 use std::ops::Range;
 use std::sync::Arc;
@@ -77,22 +76,5 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
     #[doc(hidden)]
     pub fn sums(&self, instance: u32) -> Option<(vk::Buffer, u64)> {
         self.technique().sums(instance)
-    }
-}
-
-impl AnimatedCrowd {
-    /// The last update's plans of the first group; `read` takes buffer, offset and size.
-    ///
-    /// # Errors
-    /// Those of `read`.
-    #[doc(hidden)]
-    pub fn read_plan(&self, read: impl FnMut((vk::Buffer, u64, u64)) -> Result<Vec<u32>>) -> Result<Vec<PlannedGroup>> {
-        self.animated().read_plan(read)
-    }
-
-    /// The weights of an instance: buffer, offset, size.
-    #[doc(hidden)]
-    pub fn weights_of(&self, instance: u32) -> (vk::Buffer, u64, u64) {
-        self.animated().weights_of(instance)
     }
 }

@@ -227,7 +227,7 @@ impl MorphEngine {
         desc: &CrowdDesc,
         animation: &AnimationDesc<'_>,
     ) -> Result<AnimatedCrowd> {
-        self.check_crowd(mesh, desc, Runner::Animated(Some(&self.device.caps)))?;
+        self.check_crowd(mesh, desc, Runner::Animated(&self.device.caps))?;
         // The GPU has the weights: none are requested by the host.
         let crowd = AnimatedCrowd::on_device(&self.device, &self.kernels, mesh, desc, 0, |context, poses| {
             let clips = Clips::new(animation, context.layout(), context.grid())?;

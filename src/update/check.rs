@@ -22,8 +22,8 @@ pub(crate) enum Runner<'a> {
     /// [`CpuCrowd`](crate::cpu::CpuCrowd).
     Cpu,
     Device(&'a DeviceCaps),
-    /// A device, for a crowd animated on the GPU; `None`: its CPU reference.
-    Animated(Option<&'a DeviceCaps>),
+    /// A device, for a crowd animated on the GPU.
+    Animated(&'a DeviceCaps),
 }
 
 impl UpdateDesc {
@@ -90,7 +90,7 @@ impl UpdateDesc {
     /// larger than a workgroup; properties that crowds animated on the GPU do not support.
     pub(crate) fn check_all(&self, layout: &PackedLayout, runner: Runner<'_>) -> Result<()> {
         // First, so that a missing path is reported before its details.
-        if let Runner::Device(caps) | Runner::Animated(Some(caps)) = runner {
+        if let Runner::Device(caps) | Runner::Animated(caps) = runner {
             caps.check_path(self.path)?;
         }
         self.check()?;
@@ -99,8 +99,8 @@ impl UpdateDesc {
                 let remedy = "use UpdatePath::Cpu here, or MorphEngine for the GPU paths";
                 return refuse(format!("update path '{}' for a CpuCrowd", self.path.name()), remedy);
             }
-            Runner::Device(caps) | Runner::Animated(Some(caps)) => self.check_on_device(layout, caps)?,
-            Runner::Unknown | Runner::Cpu | Runner::Animated(None) => {}
+            Runner::Device(caps) | Runner::Animated(caps) => self.check_on_device(layout, caps)?,
+            Runner::Unknown | Runner::Cpu => {}
         }
         if layout.blocks.is_none() {
             self.check_dense(layout.format.name())?;
@@ -141,7 +141,7 @@ impl UpdateDesc {
     }
 
     /// Checks the requirements of crowds animated on the GPU. Float32 sums drift, and the GPU keeps no bound on it.
-    fn check_animated(&self, layout: &PackedLayout) -> Result<()> {
+    pub(super) fn check_animated(&self, layout: &PackedLayout) -> Result<()> {
         let refuse = |what: String, remedy: &str| refuse(format!("{what} in a crowd animated on the GPU"), remedy);
         let Some(index) = layout.blocks.as_ref().filter(|_| self.path == UpdatePath::Blocks) else {
             let what = format!("update path '{}' and {} deltas", self.path.name(), layout.format.name());

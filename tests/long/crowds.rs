@@ -3,9 +3,10 @@
 use super::Counts;
 use crate::gpu;
 use crate::testing;
+use crate::twin::AnimatedReference;
 use deltamorph::ash::vk;
 use deltamorph::internals::plan::instances::InstanceState;
-use deltamorph::internals::update::animated::{AnimatedReference, Playbacks};
+use deltamorph::internals::update::animated::Playbacks;
 use deltamorph::lod::Importance;
 use deltamorph::packed::PoseGrid;
 use deltamorph::reference::compare;

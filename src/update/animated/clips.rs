@@ -172,10 +172,6 @@ impl Clips {
         (self.ranks_at > 0).then_some(self.ranks_at)
     }
 
-    pub(crate) fn rank(&self, target: usize) -> u32 {
-        self.words[self.ranks_at as usize + target]
-    }
-
     /// Table, keys, ranks, reaches and errors, as kernels read them.
     pub fn words(&self) -> &[u32] {
         &self.words
@@ -210,18 +206,6 @@ impl Clips {
     /// [`weight_step`](PoseGrid::weight_step), adds to it. `None` if there is no such clip.
     pub fn rounding(&self, clip: usize) -> Option<f32> {
         self.clips.get(clip).map(|clip| clip.rounding)
-    }
-
-    /// A key of an existing clip and frame, in steps of the grid.
-    pub(crate) fn key(&self, clip: usize, frame: u32, target: usize) -> i32 {
-        let ([first, _, shift, _], at) = (self.entry(clip), frame as usize * self.targets + target);
-        match self.format {
-            KeyFormat::Bits32 => self.words[first as usize + at] as i32,
-            KeyFormat::Bits16 => {
-                let word = self.words[first as usize + at / 2];
-                i32::from((word >> (16 * (at % 2))) as u16 as i16) << shift
-            }
-        }
     }
 }
 

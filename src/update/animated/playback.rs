@@ -276,7 +276,7 @@ impl InstanceState for Playbacks {
 
 impl HeadRecord {
     /// Position in a clip of `frames` frames, `elapsed` (≥ 0) ticks after the start, in 2⁻³² frames.
-    pub(super) fn position(&self, frames: u32, elapsed: i64) -> u64 {
+    pub fn position(&self, frames: u32, elapsed: i64) -> u64 {
         let start = u64::from(self.frame) << 32 | u64::from(self.fraction);
         let position = u128::from(start) + elapsed as u128 * u128::from(self.rate);
         let frames = u128::from(frames) << 32;

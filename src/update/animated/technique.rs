@@ -49,19 +49,24 @@ pub struct Animated {
     planning: Arc<Pipelines<Planning>>,
     pub(crate) clips: Clips,
     pub(crate) playbacks: Playbacks,
-    pub(super) state: Buffer,
+    /// Records, weights and histories.
+    pub state: Buffer,
     tables: Buffer,
     table_bytes: u64,
     staging: Option<Buffer>,
     /// By group of the mesh. Works shared by all groups use the descriptor sets of the first.
-    pub(super) groups: Vec<Group>,
+    pub groups: Vec<Group>,
 }
 
-pub(super) struct Group {
-    pub(super) layout: GroupLayout,
+/// A group of the mesh.
+pub struct Group {
+    /// Its sets, runs and work lists.
+    pub layout: GroupLayout,
     blocks: GroupBlocks,
-    pub(super) work: Buffer,
-    pub(super) control: Buffer,
+    /// Work lists.
+    pub work: Buffer,
+    /// Item counts and dispatch arguments.
+    pub control: Buffer,
     /// Descriptor sets of [`Planning`], by work list.
     sets: Sets,
 }

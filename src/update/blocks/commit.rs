@@ -13,7 +13,7 @@ const SUMMING: f32 = 0.9999;
 impl BlockState {
     /// Requests `weights`, and decides which changes to apply now; all of them unless the poses are `known`. Returns
     /// whether [`emit`](Self::emit) has to follow; groups that share slots emit if any of them has to.
-    pub(crate) fn commit(&mut self, group: &mut GroupPlan, instance: usize, weights: &[f32], known: bool) -> bool {
+    pub fn commit(&mut self, group: &mut GroupPlan, instance: usize, weights: &[f32], known: bool) -> bool {
         self.largest_weight = weights.iter().fold(self.largest_weight, |m, w| m.max(w.abs()));
         let GroupPlan { index, scratch, unit, .. } = &mut *group;
         scratch.ends.clear();

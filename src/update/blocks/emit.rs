@@ -11,13 +11,7 @@ use crate::abi::worklist::ELEMENT_BYTES;
 impl BlockState {
     /// Lists the blocks that bring the second slot to the committed weights. The first slot is current, and matches
     /// this state if `known`.
-    pub(crate) fn emit(
-        &mut self,
-        group: &mut GroupPlan,
-        instance: usize,
-        [current, destination]: [u32; 2],
-        known: bool,
-    ) {
+    pub fn emit(&mut self, group: &mut GroupPlan, instance: usize, [current, destination]: [u32; 2], known: bool) {
         if !known {
             self.forget_slots();
         }

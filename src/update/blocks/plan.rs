@@ -96,7 +96,7 @@ impl InstanceState for Planner {
 
 /// State of an instance's poses in a group.
 #[derive(Clone, Debug)]
-pub(crate) struct BlockState {
+pub struct BlockState {
     /// Weights requested last, by target.
     pub(super) requested: Vec<u32>,
     /// Committed weights, by target, or by entry if `per_entry`.
@@ -143,7 +143,7 @@ impl BlockSum {
 
 impl BlockState {
     /// All weights are 0, and all slots are stale.
-    pub(crate) fn new(group: &GroupPlan) -> Self {
+    pub fn new(group: &GroupPlan) -> Self {
         let (index, targets) = (&group.index, group.targets);
         // The golden ratio spreads rebuilds of any number of blocks evenly.
         let limit = |b: usize| group.tolerance * (0.25 + 0.75 * (b as f32 * 0.618_034).fract());
