@@ -8,9 +8,8 @@
 //! 2. Device: [`requirements`] before you create it, [`MorphEngine::new`] after.
 //! 3. [`MorphEngine::upload`] the mesh, [`MorphEngine::create_crowd`].
 //! 4. Each frame: [`Crowd::set_weights`], [`MorphEngine::record_update`], and draw from [`Crowd::pose`]; motion vectors
-//!    take [`Crowd::previous_pose`]. Steps after the pose (skinning, normals of the surface, float32 of any pose) are in
-//!    [`after`]; [`WeightBounds`] are for culling.
-//!    [`MorphEngine::readback`] reads poses back.
+//!    take [`Crowd::previous_pose`]. Steps after the pose (skinning, normals of the surface, float32 of any pose) are
+//!    in [`after`]; [`WeightBounds`] are for culling. [`MorphEngine::readback`] reads poses back.
 //!
 //! ```no_run
 //! use deltamorph::ash::{self, vk};
@@ -39,7 +38,8 @@
 //!     for frame in 0..60 {
 //!         weights[0] = frame as f32 / 60.0;
 //!         crowd.set_weights(0, &weights)?; // adds to the pose what changed since the last update
-//!         // SAFETY: as above; `cmd` is outside a render pass, and updates run in the order in which they are recorded.
+//!         // SAFETY: as above; `cmd` is outside a render pass, and updates run in the order in which they are
+//!         // recorded.
 //!         run(&mut |cmd| unsafe { engine.record_update(cmd, &mut crowd) }.map(drop))?;
 //!         let pose = crowd.pose(0)?; // draw: bind pose.buffer at pose.offset as a vertex buffer of pose.stride
 //! #       let _ = pose;

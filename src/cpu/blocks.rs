@@ -1,5 +1,5 @@
-//! The CPU twin of `glsl/crowd.comp`: block after block, for each instance that writes the block. Instances share decoded
-//! deltas.
+//! The CPU twin of `glsl/crowd.comp`: block after block, for each instance that writes the block. Instances share
+//! decoded deltas.
 //!
 //! `meter` receives the bytes of each load and store of a single instance; a test compares the planner's count with
 //! their sum.

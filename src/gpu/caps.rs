@@ -1,6 +1,5 @@
 //! Limits and features of a device that matter to update paths, and the requirements of each path.
 
-use super::failed;
 use super::tuning::{DeviceClass, DeviceTuning};
 use crate::error::{Error, Result};
 use crate::pack::{DeltaFormat, PoseFormat};
@@ -139,7 +138,7 @@ impl DeviceCaps {
                 instance.get_physical_device_format_properties(physical, vk::Format::R32G32B32A32_SFLOAT),
             )
         };
-        let extensions = extensions.map_err(failed("vkEnumerateDeviceExtensionProperties"))?;
+        let extensions = extensions.map_err(Error::vulkan("vkEnumerateDeviceExtensionProperties"))?;
         let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
         let version = |v| (vk::api_version_major(v), vk::api_version_minor(v), vk::api_version_patch(v));
         let text = |raw: Result<&CStr, _>| raw.unwrap_or_default().to_string_lossy().into_owned();

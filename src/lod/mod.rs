@@ -12,7 +12,8 @@
 //! use deltamorph::lod::{Importance, Level, LevelDesc, pixels_per_unit};
 //! use deltamorph::{DeltaFormat, PackDesc, PackedMesh, Tolerance};
 //!
-//! let head = deltamorph_head::head(&deltamorph_head::HeadDesc::default().vertices(500)).to_mesh(Tolerance::default())?;
+//! let desc = deltamorph_head::HeadDesc::default().vertices(500);
+//! let head = deltamorph_head::head(&desc).to_mesh(Tolerance::default())?;
 //! let mesh = PackedMesh::pack(&head, &PackDesc::new(DeltaFormat::Fast))?;
 //! let importance = Importance::of_packed(&mesh, &["eyeBlink"])?;
 //! let mut level = Level::new(LevelDesc::default().pixels(1.0));

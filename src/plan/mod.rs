@@ -1,6 +1,6 @@
 //! Planning, shared by all techniques: descriptions, instances, steps, barriers and statistics.
 //!
-//! Pure data, no Vulkan. A [technique](crate::update) turns requested weights into [`steps`]; [`schedule`] derives the
+//! Pure data, no Vulkan calls. A [technique](crate::update) turns requested weights into [`steps`]; [`schedule`] derives the
 //! barriers. The hazard checker of the tests (tests/common/hazards.rs) proves that every access is ordered.
 
 pub mod after;

@@ -2,9 +2,10 @@
 //!
 //! Validation layers miss barriers around transform feedback, so this checks every technique. It reads works and
 //! barriers as data, says itself what each work reads and writes, tracks every instance and slot, and shares no code
-//! with the derivation of barriers. The model is Vulkan's for global memory barriers: a write must be available and visible to later accesses (RAW, WAW), a read must
-//! finish before a later write (WAR), and dependencies chain when a barrier's first stages include the second stages of
-//! an earlier one. Works of one step may run concurrently: none may write what another uses.
+//! with the derivation of barriers. The model is Vulkan's for global memory barriers: a write must be available and
+//! visible to later accesses (RAW, WAW), a read must finish before a later write (WAR), and dependencies chain when a
+//! barrier's first stages include the second stages of an earlier one. Works of one step may run concurrently: none may
+//! write what another uses.
 
 #![allow(dead_code, reason = "each program uses some of it")]
 
@@ -258,7 +259,7 @@ struct Track {
     /// The last write, and the scopes it is visible to.
     write: Option<(Use<Memory>, Vec<Scope>)>,
     /// Reads since then, each with the stages ordered after it.
-    reads: Vec<(Use<Memory>, u16)>,
+    reads: Vec<(Use<Memory>, u32)>,
 }
 
 /// Crowd, group and memory.
@@ -288,8 +289,8 @@ pub struct HazardChecker {
 
 impl HazardChecker {
     /// An upload of the mesh, followed by `barrier`.
-    pub fn upload(&mut self, barrier: Option<Barrier>) {
-        self.copy(0, &[Memory::Base, Memory::Deltas], barrier);
+    pub fn upload(&mut self, barrier: Barrier) {
+        self.copy(0, &[Memory::Base, Memory::Deltas], Some(barrier));
     }
 
     /// Copies or fills of a crowd's memory, followed by `barrier`.
@@ -317,7 +318,7 @@ impl HazardChecker {
 
     /// A semaphore between queues: events before it are visible to every access in stages `waiting` after it.
     pub fn semaphore(&mut self, waiting: &[Stage]) {
-        let stages = waiting.iter().fold(0, |stages, stage| stages | *stage as u16);
+        let stages = waiting.iter().fold(0, |stages, stage| stages | *stage as u32);
         self.barrier(&Barrier { before: Scope::ANYTHING, after: Scope { stages, ..Scope::ANYTHING } });
     }
 
@@ -365,7 +366,7 @@ impl HazardChecker {
         let Barrier { before, after } = *barrier;
         for track in self.tracks.values_mut() {
             if let Some((write, visible)) = &mut track.write {
-                let direct = before.has_stage(write.stage) && before.has_access(write.access);
+                let direct = has(before, *write);
                 // Already available: a later barrier extends visibility if its first stages include the earlier
                 // barrier's second stages.
                 let chained = visible.iter().any(|scope| scope.stages & before.stages != 0);
@@ -374,7 +375,7 @@ impl HazardChecker {
                 }
             }
             for (read, ordered) in &mut track.reads {
-                if before.has_stage(read.stage) || *ordered & before.stages != 0 {
+                if before.stages & read.stage as u32 != 0 || *ordered & before.stages != 0 {
                     *ordered |= after.stages;
                 }
             }
@@ -395,14 +396,19 @@ impl HazardChecker {
         if let Some(at) = own_read.and_then(|own| reads.iter().rposition(|(read, _)| *read == own)) {
             reads.remove(at);
         }
-        let running = reads.into_iter().filter(|(_, ordered)| ordered & after.stage as u16 == 0);
+        let running = reads.into_iter().filter(|(_, ordered)| ordered & after.stage as u32 == 0);
         let earlier = unseen.map(|(earlier, _)| earlier).into_iter().chain(running.map(|(read, _)| read));
         self.violations.extend(earlier.map(|before| Violation { before, after }));
     }
 }
 
+/// Whether a scope has the stage and the access of a use.
+fn has(scope: Scope, used: Use<Memory>) -> bool {
+    scope.stages & used.stage as u32 != 0 && scope.accesses & used.access as u32 != 0
+}
+
 fn sees(visible: &[Scope], access: Use<Memory>) -> bool {
-    visible.iter().any(|scope| scope.has_stage(access.stage) && scope.has_access(access.access))
+    visible.iter().any(|scope| has(*scope, access))
 }
 
 /// Counts the barriers of the updates `of`, and asserts that each is needed: without it, `is_right` must return false.

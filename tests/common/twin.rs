@@ -1,6 +1,9 @@
 //! The CPU twin of the kernels that sample and plan (`glsl/animate.comp` to `glsl/plan.comp`): the planner of block
 //! formats, with the choices of the GPU.
 
+#![allow(dead_code, reason = "unit tests use less of it")]
+
+use deltamorph::internals::abi::numbers::{HIDDEN, LOOP, PLAYING, REVERSED};
 use deltamorph::internals::update::animated::{HeadRecord, Playbacks};
 use deltamorph::internals::update::blocks::{BlockState, GroupPlan, WorkList};
 use deltamorph::{Clips, PackedLayout, Result, UpdateDesc};
@@ -42,7 +45,7 @@ impl AnimatedReference {
         for (i, (instance, record)) in self.instances.iter_mut().zip(heads.records()).enumerate() {
             let Instance { state, weights, known } = instance;
             // Slots keep rotating while it is hidden: its slots become invalid.
-            if record.has(HeadRecord::HIDDEN) {
+            if record.has(HIDDEN) {
                 *known = false;
                 continue;
             }
@@ -68,9 +71,9 @@ impl AnimatedReference {
 fn between(record: &HeadRecord, frames: u32, now: u32) -> (u32, u32, u32) {
     let position = record.position(frames, (now.wrapping_sub(record.start) as i32).max(0).into());
     let (frame, f, last) = ((position >> 32) as u32, (position >> 16) as u32 & 0xffff, frames - 1);
-    let at_end = if record.has(HeadRecord::LOOP) { 0 } else { last };
+    let at_end = if record.has(LOOP) { 0 } else { last };
     let next = if frame < last { frame + 1 } else { at_end };
-    if record.has(HeadRecord::REVERSED) { (last - frame, last - next, f) } else { (frame, next, f) }
+    if record.has(REVERSED) { (last - frame, last - next, f) } else { (frame, next, f) }
 }
 
 /// k0 + (k1 − k0) · f · 2⁻¹⁶, rounded to nearest.
@@ -81,7 +84,7 @@ pub fn interpolate(k0: i32, k1: i32, f: u32) -> i32 {
 
 /// The weights of an instance at tick `now`, in steps of the grid, as in `glsl/animate.comp`.
 pub fn sample(clips: &Clips, record: &HeadRecord, now: u32) -> Vec<i32> {
-    if !record.has(HeadRecord::PLAYING) {
+    if !record.has(PLAYING) {
         return vec![0; clips.targets()];
     }
     let clip = record.clip as usize;

@@ -32,7 +32,7 @@ fn on_queues_with(flags: vk::QueueFlags, test: impl Fn(&Headless, &MorphEngine))
 
 /// Asserts that every barrier names only stages of compute-only queues.
 fn assert_no_graphics(events: &[Event], what: &str) {
-    let allowed = [Stage::Transfer, Stage::Compute, Stage::Indirect].iter().fold(0, |all, stage| all | *stage as u16);
+    let allowed = [Stage::Transfer, Stage::Compute, Stage::Indirect].iter().fold(0, |all, stage| all | *stage as u32);
     for event in events {
         if let Event::Barrier(barrier) = event {
             assert_eq!((barrier.before.stages | barrier.after.stages) & !allowed, 0, "{what}: {barrier:?}");

@@ -206,7 +206,8 @@ impl BlockIndex {
     }
 
     /// Calls `f(vertex, delta)` for each delta of an entry: index in the block, and delta in input units, an exact
-    /// multiple of the [steps](Self::steps) in integer formats. Not generic: copies for two callers took 15 kB of the C library.
+    /// multiple of the [steps](Self::steps) in integer formats. Not generic: copies for two callers took 15 kB of the C
+    /// library.
     pub(crate) fn for_each_lane(&self, words: &[u32], entry: usize, f: &mut dyn FnMut(usize, [f64; POSE_FLOATS])) {
         with_format!(self.parts.format, dense _f => {}, blocks format => {
             let (header, deltas) = self.locate(format, words, entry);

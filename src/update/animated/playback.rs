@@ -2,6 +2,7 @@
 
 use super::clips::Clips;
 use super::sample::{HeadRecord, Playback, TICKS_PER_SECOND};
+use crate::abi::numbers::{HIDDEN, LOOP, PLAYING, REVERSED};
 use crate::error::{Error, Result};
 use crate::plan::instances::{InstanceState, Instances};
 use crate::weights::Repeat;
@@ -75,7 +76,7 @@ impl Playbacks {
     pub fn set_time(&mut self, seconds: f64) -> Result<()> {
         let now = ticks(seconds)?;
         let mut playing = self.starts.iter().zip(&self.records);
-        if playing.any(|(start, record)| record.has(HeadRecord::PLAYING) && start - now > REBASE_TICKS) {
+        if playing.any(|(start, record)| record.has(PLAYING) && start - now > REBASE_TICKS) {
             let what = format!("second {seconds}, more than 4.5 hours before an instance starts");
             return Err(Error::invalid(what, "play its clip again at the new time first"));
         }
@@ -111,10 +112,7 @@ impl Playbacks {
         }
         let record = &mut self.records[instance as usize];
         let set = |flag, set| if set { flag } else { 0 };
-        let flags = HeadRecord::PLAYING
-            | record.flags & HeadRecord::HIDDEN
-            | set(HeadRecord::LOOP, repeat == Repeat::Loop)
-            | set(HeadRecord::REVERSED, speed < 0.0);
+        let flags = PLAYING | record.flags & HIDDEN | set(LOOP, repeat == Repeat::Loop) | set(REVERSED, speed < 0.0);
         let (start, rate) = (start_tick as u32, rate as u32);
         *record = HeadRecord { clip, start, rate, flags, frame: 0, fraction: 0, ..*record };
         self.starts[instance as usize] = start_tick;
@@ -170,7 +168,7 @@ impl Playbacks {
             let number = self.pending[i];
             let state = &mut self.states[number as usize];
             state.listed = false;
-            let shown = !self.records[number as usize].has(HeadRecord::HIDDEN);
+            let shown = !self.records[number as usize].has(HIDDEN);
             let was_shown = state.changes[0].is_some_and(|(_, shown)| shown);
             // A hidden instance keeps its cut: the update that hides it may be discarded.
             if shown && std::mem::take(&mut state.cut) || shown != was_shown {
@@ -198,7 +196,7 @@ impl Playbacks {
             }
             let start = self.now - REBASE_MARGIN;
             self.starts[instance] = start;
-            if record.has(HeadRecord::PLAYING) {
+            if record.has(PLAYING) {
                 let position = record.position(clips.frame_count(record.clip as usize), elapsed - REBASE_MARGIN);
                 (record.frame, record.fraction) = ((position >> 32) as u32, position as u32);
                 record.start = start as u32;
@@ -250,8 +248,8 @@ impl Playbacks {
 impl InstanceState for Playbacks {
     fn set_hidden(&mut self, instance: u32, hidden: bool) {
         let record = &mut self.records[instance as usize];
-        if record.has(HeadRecord::HIDDEN) != hidden {
-            record.flags ^= HeadRecord::HIDDEN;
+        if record.has(HIDDEN) != hidden {
+            record.flags ^= HIDDEN;
             self.touch(instance).stale = true;
         }
     }
@@ -280,7 +278,7 @@ impl HeadRecord {
         let start = u64::from(self.frame) << 32 | u64::from(self.fraction);
         let position = u128::from(start) + elapsed as u128 * u128::from(self.rate);
         let frames = u128::from(frames) << 32;
-        match self.has(HeadRecord::LOOP) {
+        match self.has(LOOP) {
             true => (position % frames) as u64,
             false => position.min(frames - (1 << 32)) as u64,
         }
