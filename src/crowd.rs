@@ -114,14 +114,10 @@ impl<K: TakesWeights> CrowdBase<K> {
     /// An instance out of range or removed; a wrong number of weights; a weight that is not finite or out of range;
     /// more active targets than a draw of `direct-attributes` supports. Nothing changes then.
     pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
-        self.check_weights(instance, weights)?;
-        self.instances.set_weights(instance, weights)
-    }
-
-    pub(crate) fn check_weights(&self, instance: u32, weights: &[f32]) -> Result<()> {
         self.instances.check(instance)?;
         check_weights(weights, self.kind.layout(), self.kind.grid())?;
-        self.kind.state().check_weights(weights)
+        self.kind.state().check_weights(weights)?;
+        self.instances.set_weights(instance, weights)
     }
 
     /// Sets the requested weight of one target of `instance`, from the next update on. `target` is an index in the

@@ -150,27 +150,15 @@ pub mod internals {
     pub use crate::io::{TEXT_MAX, read_bounded, write_replacing};
     pub use crate::math::{angle_degrees, diagonal};
 
-    pub mod abi {
-        pub use crate::abi::*;
+    /// Whatever is public in these rooms.
+    macro_rules! opened {
+        ($($room:ident)*) => {
+            $(pub mod $room {
+                pub use crate::$room::*;
+            })*
+        };
     }
-    pub mod asset {
-        pub use crate::asset::*;
-    }
-    pub mod gpu {
-        pub use crate::gpu::*;
-    }
-    pub mod pack {
-        pub use crate::pack::*;
-    }
-    pub mod plan {
-        pub use crate::plan::*;
-    }
-    pub mod update {
-        pub use crate::update::*;
-    }
-    pub mod weights {
-        pub use crate::weights::*;
-    }
+    opened!(abi asset gpu pack plan update weights);
 }
 
 /// The code of the documents has to compile.

@@ -185,8 +185,10 @@ impl After {
             std::mem::take(&mut earlier).iter().for_each(|uses| steps.step(uses));
             steps.step(kind.uses());
             for (&Target { instance, output, .. }, (slot, count)) in planned() {
-                let (owner, source) = (Owner::Step(kind), Source::Slot(slot));
-                let (destination, items) = (output as u32, 0..count);
+                let owner = Owner::Step(kind);
+                let source = Source::Slot(slot);
+                let destination = output as u32;
+                let items = 0..count;
                 steps.push(Work { owner, kernel: 0, group: 0, instance, source, destination, items });
             }
         }
@@ -197,7 +199,9 @@ impl After {
     fn job(&self, frame: u64, kind: Kind, work: &Work) -> Option<(&Target, Job)> {
         let target = self.targets.iter().find(|t| (t.kind, t.instance) == (kind, work.instance))?;
         let Source::Slot(slot) = work.source else { return None };
-        let (output, count, is_listed) = (work.destination as usize, work.items.end, target.is_listed);
+        let output = work.destination as usize;
+        let count = work.items.end;
+        let is_listed = target.is_listed;
         Some((target, Job { frame, slot, output, count, is_listed }))
     }
 

@@ -48,7 +48,8 @@ impl<'a> Run<'a> {
 
 /// Executes the work list; `runs` has the items of each instance.
 pub(super) fn run(workers: &Workers, packed: &PackedGroup, plan: &GroupPlan, mut runs: Vec<Run<'_>>) {
-    let (items, words) = (&plan.list.items, block_words(plan));
+    let items = &plan.list.items;
+    let words = block_words(plan);
     let mut counts = vec![0; plan.index.count()];
     items.iter().for_each(|item| counts[item.block as usize] += 1);
     let piece = items.len().div_ceil(workers.threads() * PIECES).max(PIECE_ITEMS);
@@ -113,7 +114,8 @@ fn run_blocks<P: PoseStorage<Sum: RowSum>, const S: usize>(
     mut runs: Vec<Run<'_>>,
     meter: &mut impl FnMut(usize),
 ) {
-    let (items, words) = (&plan.list.items, block_words(plan));
+    let items = &plan.list.items;
+    let words = block_words(plan);
     let mut decoded = [[[<P::Sum as Sum>::Delta::default(); S]; POSE_FLOATS]; BATCH];
     let mut tile: Vec<InstanceBlock<'_, P::Sum>> = Vec::with_capacity(runs.len().min(TILE));
     let zero = [[P::Sum::default(); S]; POSE_FLOATS];
@@ -176,7 +178,9 @@ fn add_alone<T: RowSum, const S: usize>(
     rows: &mut [Row<T>; S],
     meter: &mut impl FnMut(usize),
 ) -> bool {
-    let (index, words, dropped) = (&*plan.index, packed.deltas(), dropped(plan));
+    let index = &*plan.index;
+    let words = packed.deltas();
+    let dropped = dropped(plan);
     let mut in_rows = false;
     with_format!(index.parts.format, dense _f => {}, blocks format => widest!(simd => {
         let entries = elements.iter().map(|element| {
@@ -228,7 +232,9 @@ fn add_batch<T: Sum, const S: usize>(
     decoded: &mut [Planes<T::Delta, S>; BATCH],
     meter: &mut impl FnMut(usize),
 ) -> bool {
-    let (index, words, dropped) = (&*plan.index, packed.deltas(), dropped(plan));
+    let index = &*plan.index;
+    let words = packed.deltas();
+    let dropped = dropped(plan);
     for (place, decoded) in decoded.iter_mut().enumerate() {
         let next = tile.iter().filter_map(|instance| Some(instance.elements.first()?.entry)).min();
         let Some(entry) = next else { break };
@@ -285,7 +291,8 @@ impl<const S: usize> Turned<S> {
 
 /// Stores a block: `destination = source + sums`.
 fn write<P: PoseStorage, const S: usize>(turned: &mut Turned<S>, block: &Block<'_>, destination: &mut [u32]) {
-    let (base, dropped) = (block.item.source.is_none(), dropped(block.plan));
+    let base = block.item.source.is_none();
+    let dropped = dropped(block.plan);
     widest!(_simd => {
         let sums: &mut [P::Sum] = cast_slice_mut(turned.vertices.as_flattened_mut());
         for vertex in sums.as_chunks_mut::<POSE_FLOATS>().0 {

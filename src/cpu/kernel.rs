@@ -156,7 +156,8 @@ fn add_rounded<V: Simd, const NEW: bool>(simd: V, lanes: &Lanes<V>, row: &[i16],
         for (i, row) in row.as_chunks::<16>().0.iter().enumerate() {
             let (low, high) = i16x16::simd_from(simd, *row).widen();
             for (at, delta) in [(2 * i, low), (2 * i + 1, high)] {
-                let (sum, of) = (&mut sums[8 * at..][..8], at % 3);
+                let sum = &mut sums[8 * at..][..8];
+                let of = at % 3;
                 let left = if NEW { lanes.half[of] } else { (delta * lanes.old + lanes.half[of]) & lanes.low[of] };
                 (i32x8::from_slice(simd, sum) + ((delta * lanes.change + left) >> lanes.dropped[of])).store_slice(sum);
             }

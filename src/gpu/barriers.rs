@@ -26,7 +26,8 @@ pub unsafe fn record_read_back(device: &ash::Device, cmd: vk::CommandBuffer, wri
     use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
     let memory =
         vk::MemoryBarrier::default().src_access_mask(Access::TRANSFER_WRITE).dst_access_mask(Access::HOST_READ);
-    let (none, after) = (vk::DependencyFlags::empty(), Stage::HOST | stages(writers));
+    let none = vk::DependencyFlags::empty();
+    let after = Stage::HOST | stages(writers);
     // SAFETY: the caller's obligations.
     unsafe { device.cmd_pipeline_barrier(cmd, Stage::TRANSFER, after, none, &[memory], &[], &[]) };
 }

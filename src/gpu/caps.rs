@@ -178,7 +178,8 @@ impl DeviceCaps {
             instance.get_physical_device_features2(physical, &mut features);
         }
 
-        let (limits, core_features) = (core.limits, features.features);
+        let limits = core.limits;
+        let core_features = features.features;
         let narrowest = if with_subgroup_sizes { subgroup_sizes.min_subgroup_size } else { subgroups.subgroup_size };
         Ok(Self {
             name: text(core.device_name_as_c_str()),

@@ -111,7 +111,8 @@ impl Ring {
 
     /// Returns a frame's part. The caller guarantees that the last update that used it has finished.
     pub fn words(&mut self, frame: u64) -> Result<&mut [u32]> {
-        let (at, size) = ((frame * self.part) as usize, self.part as usize);
+        let at = (frame * self.part) as usize;
+        let size = self.part as usize;
         Ok(bytemuck::cast_slice_mut(&mut self.buffer.mapped()?[at..at + size]))
     }
 

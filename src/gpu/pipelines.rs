@@ -71,7 +71,8 @@ impl Objects {
         let push_bytes =
             kernels.iter().map(|kernel| kernel.push_members().1 as u32).fold(attribute_push_bytes, u32::max);
         let push = [vk::PushConstantRange::default().stage_flags(stage).size(push_bytes)];
-        let (sets, push) = ([self.set_layout], &push[..usize::from(push_bytes > 0)]);
+        let sets = [self.set_layout];
+        let push = &push[..usize::from(push_bytes > 0)];
         let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(push);
         // SAFETY: the set layout is ours and alive; the push range is within the device's limit (checked by caps).
         self.layout = unsafe { self.device.raw.create_pipeline_layout(&info, None) }
@@ -197,7 +198,8 @@ impl Objects {
             // SAFETY: the caller's obligations.
             return unsafe { device.cmd_draw(cmd, vertices as u32, 1, 0, 0) };
         };
-        let (feedback, size) = (feedback.fp(), (vertices * CAPTURE_STRIDE) as u64);
+        let feedback = feedback.fp();
+        let size = (vertices * CAPTURE_STRIDE) as u64;
         // SAFETY: the caller's obligations; transform feedback is enabled since `device.feedback` is there. ash 0.38
         // has no wrappers for these commands.
         unsafe {
@@ -224,7 +226,8 @@ impl Objects {
         push: &[u8],
         workgroups: Workgroups,
     ) {
-        let (device, point) = (&self.device.raw, vk::PipelineBindPoint::COMPUTE);
+        let device = &self.device.raw;
+        let point = vk::PipelineBindPoint::COMPUTE;
         // SAFETY: the caller's obligations; pipelines and layout are ours.
         unsafe {
             device.cmd_bind_pipeline(cmd, point, self.pipelines[pipeline]);
@@ -287,7 +290,8 @@ impl PoseFormat {
     ) -> (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>) {
         let base = Self::default();
         let base_places = std::array::from_fn(|component| Some(base.offset(component) as u32));
-        let (pose, base) = ((self, stride, places), (base, base.stride() as u32, base_places));
+        let pose = (self, stride, places);
+        let base = (base, base.stride() as u32, base_places);
         let read = [Some(pose), self.has_integers().then_some(base), previous.then_some(pose)].into_iter().flatten();
         let (mut bindings, mut attributes) = (vec![], vec![]);
         for (binding, (pose, stride, places)) in (0..).zip(read) {

@@ -61,7 +61,8 @@ impl DeviceTuning {
     /// assumed to crash like 25.0.7.
     #[must_use]
     pub(crate) fn for_software(self, vendor: u32, api_version: u32) -> Self {
-        let (mesa_22_3, mesa_26_2) = (vk::make_api_version(0, 1, 3, 230), vk::make_api_version(0, 1, 4, 354));
+        let mesa_22_3 = vk::make_api_version(0, 1, 3, 230);
+        let mesa_26_2 = vk::make_api_version(0, 1, 4, 354);
         let crashes = vendor == MESA && mesa_22_3 < api_version && api_version < mesa_26_2;
         Self { texels: self.texels && !crashes, ..self }
     }

@@ -203,7 +203,8 @@ pub struct History {
 impl History {
     /// No pose yet. `unfinished`: how many updates may be in flight, and so be discarded.
     pub fn new(slots: u32, unfinished: u32) -> Self {
-        let (current, earlier) = (slots - 1, Earlier::new(unfinished));
+        let current = slots - 1;
+        let earlier = Earlier::new(unfinished);
         Self { slots, current, earlier, previous: None, written_by: 0, cut: false, stayed_after_cut: 0 }
     }
 
@@ -233,7 +234,8 @@ impl History {
 
     /// Update `update` writes the slots `written`; the last one holds the pose.
     pub fn advance(&mut self, update: u64, written: impl IntoIterator<Item = u32>) {
-        let (known, cut) = (self.current(), std::mem::take(&mut self.cut));
+        let known = self.current();
+        let cut = std::mem::take(&mut self.cut);
         self.earlier.push(update, self.current);
         let mut overwritten = false;
         for slot in written {

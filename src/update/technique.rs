@@ -172,8 +172,7 @@ impl Poses {
     }
 
     pub(crate) fn range(&self, first: u32, count: u32) -> BufferRange {
-        let (offset, size) = (self.offset(first, 0) - self.lead, self.range_bytes(count));
-        BufferRange { buffer: self.buffer, offset, size }
+        BufferRange::new(self.buffer, self.offset(first, 0) - self.lead, self.range_bytes(count))
     }
 
     pub(crate) fn numbers(&self) -> u32 {

@@ -89,7 +89,8 @@ impl Clips {
         let mut all = Self { words, clips: vec![], targets: names.len(), format: desc.key_format, ranks_at: 0 };
         desc.clips.iter().try_for_each(|clip| all.push(clip, &names, grid))?;
         if let Some(importance) = desc.importance {
-            let (given, targets) = (importance.target_count(), names.len());
+            let given = importance.target_count();
+            let targets = names.len();
             if given != targets {
                 let what = format!(
                     "an order of importance of {given} targets for mesh '{}', which has {targets}",

@@ -71,8 +71,11 @@ impl GroupLayout {
     /// `push` holds values shared by all groups of the mesh; tables and history of this group are added to `tables` and
     /// `state`.
     fn new(context: &Context<'_>, push: AnimationPush, tables: &mut Words, state: &mut Words) -> Result<Self> {
-        let (caps, instances, index) = (context.caps(), context.desc.instances, context.layout().index()?);
-        let (blocks, entries) = (index.count() as u64, index.entry_count() as u64);
+        let caps = context.caps();
+        let instances = context.desc.instances;
+        let index = context.layout().index()?;
+        let blocks = index.count() as u64;
+        let entries = index.entry_count() as u64;
         let mut runs = Run::cut(index, caps.max_storage_range);
         let list = runs.iter().map(|run| run.list_bytes(1)).max().unwrap_or(0);
         context.check_range("the work lists of eight instances", list, "split the mesh")?;
@@ -82,7 +85,8 @@ impl GroupLayout {
         let (tiles, widest) =
             ((caps.max_storage_range / list).min(caps.max_workgroups.into()), caps.tuning.widest_tile);
         let size = set_size(context, tiles * u64::from(widest))?;
-        let (tiles, sets) = (size.div_ceil(widest), instances.div_ceil(size));
+        let tiles = size.div_ceil(widest);
+        let sets = instances.div_ceil(size);
         let mut stride = 0;
         for run in &mut runs {
             run.offset = stride;
@@ -199,7 +203,8 @@ impl Layout {
     /// # Errors
     /// Sizes beyond the device's storage range.
     pub(super) fn new(context: &Context<'_>, clips: &Clips) -> Result<Self> {
-        let (targets, instances) = (context.layout().targets.len() as u64, u64::from(context.desc.instances));
+        let targets = context.layout().targets.len() as u64;
+        let instances = u64::from(context.desc.instances);
         let words = targets.div_ceil(32).max(1);
         let mut tables = Words(clips.words().len() as u64);
         let mut state = Words(0);

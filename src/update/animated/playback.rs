@@ -113,8 +113,8 @@ impl Playbacks {
         let record = &mut self.records[instance as usize];
         let set = |flag, set| if set { flag } else { 0 };
         let flags = PLAYING | record.flags & HIDDEN | set(LOOP, repeat == Repeat::Loop) | set(REVERSED, speed < 0.0);
-        let (start, rate) = (start_tick as u32, rate as u32);
-        *record = HeadRecord { clip, start, rate, flags, frame: 0, fraction: 0, ..*record };
+        let start = start_tick as u32;
+        *record = HeadRecord { clip, start, rate: rate as u32, flags, frame: 0, fraction: 0, ..*record };
         self.starts[instance as usize] = start_tick;
         self.touch(instance).stale = true;
         Ok(())
@@ -133,7 +133,8 @@ impl Playbacks {
         if level.is_nan() || level < 0.0 {
             return Err(Error::invalid(format!("a level of {level} targets"), "use a number from 0"));
         }
-        let (all, record) = (clips.targets() as f32, &mut self.records[instance as usize]);
+        let all = clips.targets() as f32;
+        let record = &mut self.records[instance as usize];
         let set = match level < all {
             true => ((f64::from(level) * 65_536.0).round() as u32, ranks_at),
             false => (0, 0),
@@ -190,7 +191,8 @@ impl Playbacks {
     /// Rebases old records at exactly their current position.
     fn rebase(&mut self, clips: &Clips) {
         for instance in 0..self.states.len() {
-            let (elapsed, record) = (self.now - self.starts[instance], &mut self.records[instance]);
+            let elapsed = self.now - self.starts[instance];
+            let record = &mut self.records[instance];
             if elapsed < REBASE_TICKS / 2 {
                 continue;
             }

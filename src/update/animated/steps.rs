@@ -94,7 +94,8 @@ impl AnimatedUpdate {
         let mut add = |kernel: K, items: Range<u32>| {
             let (common, uses) = kernel.uses();
             steps.step(uses);
-            let (source, destination) = (Source::Slot(self.source), self.destination);
+            let source = Source::Slot(self.source);
+            let destination = self.destination;
             for group in 0..if common { 1 } else { groups } {
                 let items = items.clone();
                 steps.push(Work { kernel: kernel as u32, group, source, destination, items, ..Work::default() });

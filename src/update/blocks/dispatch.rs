@@ -32,11 +32,6 @@ pub(crate) struct Dispatching {
 }
 
 impl Dispatching {
-    /// Workgroups of these items.
-    pub fn workgroups(&self, items: &Range<u32>) -> u32 {
-        items.len() as u32 / self.items
-    }
-
     /// Most padding tiles of a kernel, which fill up workgroups, for `instances`.
     pub fn padding(&self, instances: usize) -> usize {
         (self.items as usize - 1) * instances.div_ceil(self.group as usize)
@@ -89,7 +84,9 @@ impl Dispatches {
     }
 
     fn dispatch(&mut self, kernel: usize, instance: u32, items: Range<usize>) {
-        let (most, end, group) = (self.how.most as usize * self.how.items as usize, items.end, self.group);
+        let most = self.how.most as usize * self.how.items as usize;
+        let end = items.end;
+        let group = self.group;
         for first in items.step_by(most) {
             let items = first as u32..end.min(first + most) as u32;
             self.works.push(Work { kernel: kernel as u32, group, instance, items, ..Work::default() });
@@ -297,7 +294,8 @@ impl Tiles {
     pub fn bytes(&self, index: &BlockIndex, pose: PoseFormat) -> [u64; 2] {
         let (mut moved, mut floor) = (0, 0);
         for (width, tile) in self.iter().filter(|(_, tile)| tile.count > 0) {
-            let (instances, stride) = (1u64 << width, row_words(width));
+            let instances = 1u64 << width;
+            let stride = row_words(width);
             // Source poses: each instance's own, or the base pose; fixed-point poses load none for the base pose.
             let sources = if pose.has_integers() && tile.rebuilt != 0 { 0 } else { instances };
             let rows = &self.rows[tile.first as usize..][..tile.count as usize * stride];
