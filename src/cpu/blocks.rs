@@ -79,21 +79,11 @@ pub(crate) fn run_piece(
     runs: Vec<Run<'_>>,
     meter: &mut impl FnMut(usize),
 ) {
-    with_pose!(plan.pose(), P => run_sums::<P>(packed, plan, blocks, runs, meter));
-}
-
-fn run_sums<P: PoseStorage<Sum: RowSum>>(
-    packed: &PackedGroup,
-    plan: &GroupPlan,
-    blocks: Range<usize>,
-    runs: Vec<Run<'_>>,
-    meter: &mut impl FnMut(usize),
-) {
-    match plan.index.size() {
+    with_pose!(plan.pose(), P => match plan.index.size() {
         32 => run_blocks::<P, 32>(packed, plan, blocks, runs, meter),
         64 => run_blocks::<P, 64>(packed, plan, blocks, runs, meter),
         _ => run_blocks::<P, 128>(packed, plan, blocks, runs, meter),
-    }
+    });
 }
 
 /// A block of an instance during the update.

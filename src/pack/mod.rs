@@ -187,11 +187,6 @@ impl PackedMesh {
         self.surface().base()
     }
 
-    /// [`PackedGroup::deltas`] of the first group.
-    pub fn deltas(&self) -> &[u32] {
-        self.surface().deltas()
-    }
-
     /// [`PackedGroup::for_each_delta`] of the first group.
     pub fn for_each_delta(&self, target: usize, f: impl FnMut(usize, [f64; POSE_FLOATS])) {
         self.surface().for_each_delta(target, f);

@@ -183,7 +183,7 @@ impl BlockIndex {
         self.first_incidence = (0..=targets).map(first).collect();
         self.incidence = incidence;
         self.sums.largest_of_mesh = self.sums.largest[0].max(self.sums.largest[1]);
-        self.sums.targets = self.most_entries();
+        self.sums.targets = (0..self.count()).map(|block| self.entries(block).len()).max().unwrap_or(0);
         Ok(())
     }
 }

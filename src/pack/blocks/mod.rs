@@ -137,11 +137,6 @@ impl BlockIndex {
         (0..self.count()).filter(|&b| !self.entries(b).is_empty()).count()
     }
 
-    /// Most targets that touch one block.
-    pub(super) fn most_entries(&self) -> usize {
-        (0..self.count()).map(|block| self.entries(block).len()).max().unwrap_or(0)
-    }
-
     /// The grid of fixed-point poses for weights up to `weight_max` in absolute value. `None`: 1 for 16-bit poses, the
     /// mesh's packed value ([`BlockDesc::weight_max`]) for 32-bit poses.
     ///

@@ -164,10 +164,6 @@ impl Clips {
         Ok(())
     }
 
-    fn entry(&self, clip: usize) -> [u32; TABLE_WORDS] {
-        self.words[..TABLE_WORDS * self.clips.len()].as_chunks().0[clip]
-    }
-
     /// First word of the ranks for levels of detail; `None` without an order of importance.
     pub(crate) fn ranks_at(&self) -> Option<u32> {
         (self.ranks_at > 0).then_some(self.ranks_at)
@@ -195,7 +191,7 @@ impl Clips {
 
     /// Number of frames of an existing clip.
     pub(crate) fn frame_count(&self, clip: usize) -> u32 {
-        self.entry(clip)[1]
+        self.words[TABLE_WORDS * clip + 1]
     }
 
     /// Frames per second of a clip; `None` if there is no such clip.
