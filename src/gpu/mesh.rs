@@ -74,8 +74,7 @@ impl MeshBuffers {
             false => vec![(deltas.raw, region(0, base_at)), (base.raw, region(base_at, bytes - base_at))],
         };
         copies.retain(|(_, region)| region.size > 0);
-        let mesh = Self { layout, base, deltas, private };
-        Ok((mesh, Upload::new(staging, copies)))
+        Ok((Self { layout, base, deltas, private }, Upload::new(staging, copies)))
     }
 
     /// Returns the range of the base pose.

@@ -133,9 +133,8 @@ impl Playbacks {
         if level.is_nan() || level < 0.0 {
             return Err(Error::invalid(format!("a level of {level} targets"), "use a number from 0"));
         }
-        let all = clips.targets() as f32;
         let record = &mut self.records[instance as usize];
-        let set = match level < all {
+        let set = match level < clips.targets() as f32 {
             true => ((f64::from(level) * 65_536.0).round() as u32, ranks_at),
             false => (0, 0),
         };

@@ -6,9 +6,7 @@ use crate::common::{
 use crate::play::{Played, decoded, difference, play};
 use crate::scene::{EDGE, Host, now};
 use crate::testing;
-use deltamorph::{
-    BatchSize, CrowdDesc, DeltaFormat, PackedMesh, PoseFormat, Semantic, UpdateDesc, UpdatePath
-};
+use deltamorph::{BatchSize, CrowdDesc, DeltaFormat, PackedMesh, PoseFormat, Semantic, UpdateDesc, UpdatePath};
 use deltamorph_wgpu::{Morph, VertexInput};
 
 #[test]
