@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::pack::PackedLayout;
 use crate::pack::blocks::PoseGrid;
-use crate::plan::instances::{InstanceState, Instances, check_weight, check_weights, target_named};
+use crate::plan::instances::{InstanceState, Instances, check_weight, check_weights};
 
 /// Instances of one mesh, updated together: the common type of [`Crowd`](crate::Crowd),
 /// [`AnimatedCrowd`](crate::AnimatedCrowd) and [`CpuCrowd`](crate::CpuCrowd), which differ in `K`. Lists the methods of
@@ -114,14 +114,10 @@ impl<K: TakesWeights> CrowdBase<K> {
     /// An instance out of range or removed; a wrong number of weights; a weight that is not finite or out of range;
     /// more active targets than a draw of `direct-attributes` supports. Nothing changes then.
     pub fn set_weights(&mut self, instance: u32, weights: &[f32]) -> Result<()> {
-        self.check_weights(instance, weights)?;
-        self.instances.set_weights(instance, weights)
-    }
-
-    pub(crate) fn check_weights(&self, instance: u32, weights: &[f32]) -> Result<()> {
         self.instances.check(instance)?;
         check_weights(weights, self.kind.layout(), self.kind.grid())?;
-        self.kind.state().check_weights(weights)
+        self.kind.state().check_weights(weights)?;
+        self.instances.set_weights(instance, weights)
     }
 
     /// Sets the requested weight of one target of `instance`, from the next update on. `target` is an index in the
@@ -142,16 +138,6 @@ impl<K: TakesWeights> CrowdBase<K> {
             self.instances.set_weight(instance, target, before)?;
         }
         checked
-    }
-
-    /// Sets the requested weight of the first target called `name`: [`set_weight`](Self::set_weight) after a linear
-    /// search.
-    ///
-    /// # Errors
-    /// No such target (the message suggests the closest name), and the errors of [`set_weights`](Self::set_weights).
-    pub fn set_weight_by_name(&mut self, instance: u32, name: &str, weight: f32) -> Result<()> {
-        let target = target_named(name, self.kind.layout())?;
-        self.set_weight(instance, target, weight)
     }
 
     /// Sets the error budget of `instance` from the next update on, in input units; at most

@@ -146,8 +146,8 @@ fn io_remedy(kind: io::ErrorKind) -> &'static str {
 }
 
 /// The remedy if a buffer cannot be allocated.
-pub(crate) const LESS: &str = "free memory, or use fewer instances, slots or frames in flight, 16-bit poses (fixed16) or \
-                               the format 'small'";
+pub(crate) const LESS: &str = "free memory, or use fewer instances, slots or frames in flight, 16-bit poses (fixed16) \
+                               or the format 'small'";
 
 /// The remedy for a call that returned `result`.
 fn remedy(call: &str, result: vk::Result) -> &'static str {
@@ -176,7 +176,8 @@ fn remedy(call: &str, result: vk::Result) -> &'static str {
         Vk::ERROR_DEVICE_LOST => "create the device anew; its buffers are gone",
         Vk::ERROR_SURFACE_LOST_KHR | Vk::ERROR_NATIVE_WINDOW_IN_USE_KHR => "open the window anew",
         Vk::ERROR_INCOMPATIBLE_DRIVER | Vk::ERROR_INITIALIZATION_FAILED => {
-            "check that a Vulkan 1.1 driver is installed and works (./with-vulkan installs lavapipe), or use the path 'cpu'"
+            "check that a Vulkan 1.1 driver is installed and works (./with-vulkan installs lavapipe), or use the path \
+             'cpu'"
         }
         _ => "this is a bug in deltamorph or in the driver: run with the validation layers on",
     }

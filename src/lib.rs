@@ -8,9 +8,8 @@
 //! 2. Device: [`requirements`] before you create it, [`MorphEngine::new`] after.
 //! 3. [`MorphEngine::upload`] the mesh, [`MorphEngine::create_crowd`].
 //! 4. Each frame: [`Crowd::set_weights`], [`MorphEngine::record_update`], and draw from [`Crowd::pose`]; motion vectors
-//!    take [`Crowd::previous_pose`]. Steps after the pose (skinning, normals of the surface, float32 of any pose) are in
-//!    [`after`]; [`WeightBounds`] are for culling.
-//!    [`MorphEngine::readback`] reads poses back.
+//!    take [`Crowd::previous_pose`]. Steps after the pose (skinning, normals of the surface, float32 of any pose) are
+//!    in [`after`]; [`WeightBounds`] are for culling. [`MorphEngine::readback`] reads poses back.
 //!
 //! ```no_run
 //! use deltamorph::ash::{self, vk};
@@ -39,7 +38,8 @@
 //!     for frame in 0..60 {
 //!         weights[0] = frame as f32 / 60.0;
 //!         crowd.set_weights(0, &weights)?; // adds to the pose what changed since the last update
-//!         // SAFETY: as above; `cmd` is outside a render pass, and updates run in the order in which they are recorded.
+//!         // SAFETY: as above; `cmd` is outside a render pass, and updates run in the order in which they are
+//!         // recorded.
 //!         run(&mut |cmd| unsafe { engine.record_update(cmd, &mut crowd) }.map(drop))?;
 //!         let pose = crowd.pose(0)?; // draw: bind pose.buffer at pose.offset as a vertex buffer of pose.stride
 //! #       let _ = pose;
@@ -67,6 +67,10 @@
 // Packages of this repository need more than an engine does; with the feature, what nobody uses is still found.
 #![cfg_attr(not(feature = "internals"), allow(dead_code, unused_imports))]
 
+// What unit tests share with other tests, which name this crate.
+#[cfg(test)]
+extern crate self as deltamorph;
+
 mod abi;
 pub mod after;
 mod asset;
@@ -85,9 +89,8 @@ mod pack;
 mod plan;
 pub mod reference;
 mod setters;
-#[cfg(feature = "internals")]
-#[doc(hidden)]
-pub mod testing;
+#[cfg(test)]
+mod testing;
 mod update;
 mod weights;
 
@@ -147,27 +150,15 @@ pub mod internals {
     pub use crate::io::{TEXT_MAX, read_bounded, write_replacing};
     pub use crate::math::{angle_degrees, diagonal};
 
-    pub mod abi {
-        pub use crate::abi::*;
+    /// Whatever is public in these rooms.
+    macro_rules! opened {
+        ($($room:ident)*) => {
+            $(pub mod $room {
+                pub use crate::$room::*;
+            })*
+        };
     }
-    pub mod asset {
-        pub use crate::asset::*;
-    }
-    pub mod gpu {
-        pub use crate::gpu::*;
-    }
-    pub mod pack {
-        pub use crate::pack::*;
-    }
-    pub mod plan {
-        pub use crate::plan::*;
-    }
-    pub mod update {
-        pub use crate::update::*;
-    }
-    pub mod weights {
-        pub use crate::weights::*;
-    }
+    opened!(abi asset gpu pack plan update weights);
 }
 
 /// The code of the documents has to compile.

@@ -1,5 +1,6 @@
 //! Planning a frame allocates nothing, since engines do it in their frame loop.
 
+use crate::testing;
 use deltamorph::internals::plan::instances::{InstanceState, Instances};
 use deltamorph::internals::plan::schedule::Schedule;
 use deltamorph::internals::plan::steps::Steps;
@@ -7,7 +8,6 @@ use deltamorph::internals::update::animated::{AnimatedUpdate, Playbacks};
 use deltamorph::internals::update::blocks::Planner;
 use deltamorph::{
     AnimationDesc, Clips, Consumers, DeltaFormat, PackDesc, PackedMesh, Playback, PoseFormat, UpdateDesc, WeightClip,
-    testing,
 };
 
 #[test]

@@ -12,16 +12,24 @@ mod draw;
 mod file;
 #[path = "common/gpu.rs"]
 mod gpu;
+#[path = "common/hazards.rs"]
+mod hazards;
 #[path = "common/host.rs"]
 mod host;
 #[path = "common/joints.rs"]
 mod joints;
 #[path = "common/numbers.rs"]
 mod numbers;
+#[path = "common/planned.rs"]
+mod planned;
 #[path = "common/scene.rs"]
 mod scene;
 #[path = "common/skinned.rs"]
 mod skinned;
+#[path = "common/testing.rs"]
+mod testing;
+#[path = "common/twin.rs"]
+mod twin;
 #[path = "common/written.rs"]
 mod written;
 

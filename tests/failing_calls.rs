@@ -3,13 +3,13 @@
 
 use crate::gpu;
 use crate::offscreen::Offscreen;
+use crate::testing;
 use deltamorph::after::{NormalsDesc, NormalsTarget, SkinDesc, SkinTarget};
 use deltamorph::ash::vk;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
     AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, Error, ErrorKind,
     GpuMesh, MorphEngine, PackedMesh, Playback, PoseFormat, ReadPose, Result, UpdateDesc, UpdatePath, WeightClip,
-    testing,
 };
 use deltamorph_failing::{Control, NAME, calls::ERRORS, enable};
 use deltamorph_headless::{Headless, HeadlessCrowd};

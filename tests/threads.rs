@@ -3,9 +3,10 @@
 
 use crate::gpu::{self, NORMAL, is_kept, packed, reference, weights};
 use crate::host::Host;
+use crate::testing;
 use deltamorph::reference::compare;
 use deltamorph::{
-    CpuCrowd, CrowdDesc, DeltaFormat, DeviceDesc, GpuMesh, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing,
+    CpuCrowd, CrowdDesc, DeltaFormat, DeviceDesc, GpuMesh, MorphEngine, PackedMesh, UpdateDesc, UpdatePath,
 };
 use std::sync::Arc;
 

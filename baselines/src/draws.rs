@@ -109,10 +109,6 @@ impl<D: Draws> Technique for DrawTechnique<D> {
     fn draws(&self, group: usize) -> Option<&dyn PoseDraws> {
         (group == 0).then_some(self as &dyn PoseDraws)
     }
-
-    fn accesses(&self, _works: &[Work]) -> Vec<deltamorph::internals::plan::hazards::Accesses> {
-        vec![]
-    }
 }
 
 impl<D: Draws> PoseDraws for DrawTechnique<D> {
@@ -199,7 +195,7 @@ pub(crate) fn one_pass(desc: &CrowdDesc) -> Result<DensePlanner> {
 #[cfg(test)]
 mod tests {
     use super::Capture;
-    use deltamorph::internals::plan::hazards::{Accesses, Event, HazardChecker, Memory, barriers_needed, trace};
+    use crate::hazards::{Accesses, Event, HazardChecker, Memory, barriers_needed, trace};
     use deltamorph::internals::plan::schedule::asset_uploaded;
     use deltamorph::internals::plan::steps::{Access, Stage, Use};
 

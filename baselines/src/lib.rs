@@ -12,7 +12,13 @@
 mod attributes;
 mod direct;
 mod draws;
+#[cfg(test)]
+#[path = "../../tests/common/hazards.rs"]
+mod hazards;
 mod scatter;
+#[cfg(test)]
+#[path = "../../tests/common/testing.rs"]
+mod testing;
 mod texture;
 mod vertex_store;
 

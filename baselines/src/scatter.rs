@@ -283,19 +283,4 @@ impl Technique for ScatterTechnique {
     fn sums(&self, instance: u32) -> Option<(vk::Buffer, u64)> {
         Some((self.sums.raw, u64::from(instance) * self.poses.bytes))
     }
-
-    /// Atomics commute: those of one work need no order.
-    fn accesses(&self, works: &[Work]) -> Vec<deltamorph::internals::plan::hazards::Accesses> {
-        use deltamorph::internals::plan::hazards::{Accesses, Memory};
-        let of = |work: &Work| {
-            let (instance, slot) = (work.instance, work.destination);
-            let sums = Memory::Sums { instance };
-            match PARTS[work.kernel as usize].0 {
-                Part::Clear => Accesses { uses: vec![Use::copy(sums)], ..Accesses::default() },
-                Part::Add => Accesses::compute([Memory::Deltas, sums], [sums]),
-                Part::Resolve => Accesses::compute([Memory::Base, sums], [Memory::Pose { instance, slot }]),
-            }
-        };
-        works.iter().map(of).collect()
-    }
 }

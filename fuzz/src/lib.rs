@@ -4,6 +4,8 @@
 mod check;
 mod random;
 pub mod targets;
+#[path = "../../tests/common/testing.rs"]
+mod testing;
 
 pub use check::{check_error, check_pose, pack_and_update, update};
 pub use random::Random;

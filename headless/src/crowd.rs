@@ -8,7 +8,6 @@ use super::Headless;
 use super::draw::PoseDraw;
 use super::submit::Readback;
 use deltamorph::ash::vk;
-use deltamorph::internals::plan::hazards::Event;
 use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, AnyCrowd, Crowd, CrowdDesc, Error, GpuMesh, PackedMesh, Playback, PoseReadback,
@@ -214,7 +213,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
     }
 
     /// [`step_together`](Self::step_together) with the recorded works changed by `tamper`, for tests that inject
-    /// faults. Also returns the recording as the hazard checker sees it.
+    /// faults, or look at them.
     ///
     /// # Errors
     /// Those of [`step_together`](Self::step_together).
@@ -226,15 +225,11 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         crowds: &mut [Self],
         weights: &[&[f32]],
         tamper: impl FnOnce(&mut Vec<Entry>),
-    ) -> Result<(Step, Vec<Event>)> {
-        let mut events = vec![];
-        let step = Self::step_all(crowds, weights, 0, |headless, crowds, cmd| {
+    ) -> Result<Step> {
+        Self::step_all(crowds, weights, 0, |headless, crowds, cmd| {
             // SAFETY: as in `step_together`; the caller answers for the tampering.
-            let (updates, recorded) = unsafe { headless.engine.record_tampered(cmd, crowds, tamper) }?;
-            events = recorded;
-            Ok(updates)
-        })?;
-        Ok((step, events))
+            unsafe { headless.engine.record_tampered(cmd, crowds, tamper) }
+        })
     }
 
     fn step_all(

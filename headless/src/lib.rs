@@ -12,7 +12,6 @@ mod wait;
 pub use bandwidth::Bandwidth;
 pub use crowd::{HeadlessCrowd, Recorded, Step};
 #[doc(hidden)]
-pub use deltamorph::internals::update::animated::PlannedGroup;
 pub use draw::{PoseUpload, Uploaded};
 #[doc(hidden)]
 pub use wait::wait_idle;

@@ -176,8 +176,8 @@ const DENSE: KernelRow = KernelRow {
     constants: 1,
     ..COMPUTE
 };
-/// Asset, work list, poses. Specialization constants: lanes, vertices per block, instances per tile, two bits (bit 0: all
-/// start from the base pose; bit 1: sums are rounded), whether decoding should use few registers.
+/// Asset, work list, poses. Specialization constants: lanes, vertices per block, instances per tile, two bits (bit 0:
+/// all start from the base pose; bit 1: sums are rounded), whether decoding should use few registers.
 const CROWD: KernelRow = KernelRow {
     name: "crowd",
     stage: Stage::ComputeSized,

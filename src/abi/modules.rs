@@ -74,9 +74,10 @@ impl Kernel {
     /// No such module.
     pub fn module(&self, format: &FormatRow, pose: &PoseRow, batch: u32) -> Result<&'static Module> {
         self.modules(format, pose).get(batch as usize).ok_or_else(|| {
-            let (source, deltas, poses) = (self.row.source(), format.name, pose.file);
+            let source = self.row.source();
+            let formats = format!("{} deltas, {} poses", format.name, pose.file);
             Error::invalid(
-                format!("no kernel {source} for {deltas} deltas, {poses} poses and a batch of {batch}"),
+                format!("no kernel {source} for {formats} and a batch of {batch}"),
                 match self.row.baseline {
                     true => "build deltamorph with the feature 'baselines', or use another update path",
                     false => "use another format, update path or batch size",

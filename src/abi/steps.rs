@@ -46,8 +46,8 @@ macro_rules! after_steps {
             {
                 [Poses] => Skinned,
                 SkinPush {
-                    pose_at: u32, skin_at: u32, joints_at: u32, skinned_at: u32, stride: u32, normal_at: u32, vertices: u32,
-                    count: u32, listed: u32,
+                    pose_at: u32, skin_at: u32, joints_at: u32, skinned_at: u32, stride: u32, normal_at: u32,
+                    vertices: u32, count: u32, listed: u32,
                     // A vec2 is aligned to 8 bytes.
                     padding: u32,
                     units: [f32; TRIPLES],

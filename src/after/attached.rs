@@ -37,10 +37,8 @@ impl Attached {
         let (base, words): (&[u8], &[u8]) = (bytemuck::cast_slice(mesh.base()), bytemuck::cast_slice(words));
         let bytes = (base.len() + words.len()) as u64;
         let (buffer, upload) = Upload::of(device, &format!("deltamorph {what}"), &[base, words])?;
-        let uploads = [upload];
         // SAFETY: the caller's obligations.
-        unsafe { record_uploads(device, cmd, &uploads) };
-        let [upload] = uploads;
+        unsafe { record_uploads(device, cmd, std::slice::from_ref(&upload)) };
         Ok((Arc::new(Self { buffer, bytes, layout }), upload))
     }
 

@@ -69,7 +69,8 @@ impl Decode {
             after.unset(Kind::Decode, place.instance);
             return Ok(());
         };
-        let (layout, output) = (&place.group.mesh.layout, target.output());
+        let layout = &place.group.mesh.layout;
+        let output = target.output();
         if target.normals.is_some() {
             place.check_normals("a decode target")?;
         }
@@ -99,7 +100,8 @@ impl Decode {
 
 impl AfterStep for Decode {
     unsafe fn record(&self, cmd: vk::CommandBuffer, job: &Job) {
-        let (count, pose_at) = (job.count, job.slot * self.pose_numbers);
+        let count = job.count;
+        let pose_at = job.slot * self.pose_numbers;
         let push = DecodePush { pose_at, count, listed: job.is_listed.into(), ..self.push };
         let workgroups = Workgroups::Of([count.div_ceil(WORKGROUP / PIECE), 1]);
         let set = (self.sets.get(job.frame as usize), &[][..]);

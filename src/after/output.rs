@@ -49,7 +49,8 @@ impl Output {
             let remedy = "use multiples of 4, and a stride with room for three floats, or six with normals";
             return Err(Error::invalid(text, remedy));
         }
-        let (what, range) = (format!("{what} for mesh '{}'", layout.name), self.range(layout).0);
+        let what = format!("{what} for mesh '{}'", layout.name);
+        let range = self.range(layout).0;
         let limit = (range.size, "bytes", device.caps.max_storage_range);
         device.caps.check_limit(&format!("{what} takes"), limit, "use a smaller stride")?;
         range.check_room(device, &what)

@@ -119,9 +119,11 @@ impl TargetContext<'_> {
 
     /// Checks poses against the storage range, and pieces against the workgroups of a dispatch.
     pub(super) fn check(&self, what: &str) -> Result<()> {
-        let (layout, caps) = (&self.group.mesh.layout, &self.device.caps);
+        let layout = &self.group.mesh.layout;
+        let caps = &self.device.caps;
         let what = format!("{what} mesh '{}':", layout.name);
-        let (poses, range) = (self.poses().size, caps.max_storage_range);
+        let poses = self.poses().size;
+        let range = caps.max_storage_range;
         caps.check_limit(
             &format!("{what} the slots of one instance take"),
             (poses, "bytes", range),

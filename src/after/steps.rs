@@ -7,7 +7,6 @@ use crate::error::Result;
 use crate::gpu::memory::Ring;
 use crate::plan::after::Kind;
 use crate::plan::earlier::Earlier;
-use crate::plan::hazards::{Accesses, Memory};
 use crate::plan::instances::Instances;
 use crate::plan::steps::{Owner, Resource, Source, Steps, Use, Work};
 use crate::update::technique::{Technique, UpdateId};
@@ -186,8 +185,10 @@ impl After {
             std::mem::take(&mut earlier).iter().for_each(|uses| steps.step(uses));
             steps.step(kind.uses());
             for (&Target { instance, output, .. }, (slot, count)) in planned() {
-                let (owner, source) = (Owner::Step(kind), Source::Slot(slot));
-                let (destination, items) = (output as u32, 0..count);
+                let owner = Owner::Step(kind);
+                let source = Source::Slot(slot);
+                let destination = output as u32;
+                let items = 0..count;
                 steps.push(Work { owner, kernel: 0, group: 0, instance, source, destination, items });
             }
         }
@@ -198,7 +199,9 @@ impl After {
     fn job(&self, frame: u64, kind: Kind, work: &Work) -> Option<(&Target, Job)> {
         let target = self.targets.iter().find(|t| (t.kind, t.instance) == (kind, work.instance))?;
         let Source::Slot(slot) = work.source else { return None };
-        let (output, count, is_listed) = (work.destination as usize, work.items.end, target.is_listed);
+        let output = work.destination as usize;
+        let count = work.items.end;
+        let is_listed = target.is_listed;
         Some((target, Job { frame, slot, output, count, is_listed }))
     }
 
@@ -211,30 +214,6 @@ impl After {
             // SAFETY: the caller's obligations.
             unsafe { target.step.record(cmd, &job) };
         }
-    }
-
-    /// Reads and writes of works of a step.
-    pub(crate) fn accesses(&self, kind: Kind, works: &[Work]) -> Vec<Accesses> {
-        let of = |work: &Work| {
-            let Some((_, Job { slot, output, .. })) = self.job(0, kind, work) else {
-                return Accesses::default();
-            };
-            let (instance, output) = (work.instance, output as u32);
-            // Of the asset, steps read only the base pose.
-            let memory = |resource| {
-                if resource == Resource::Asset {
-                    Memory::Base
-                } else if resource == Resource::Poses {
-                    Memory::Pose { instance, slot }
-                } else {
-                    Memory::After { resource, instance, output }
-                }
-            };
-            let uses = kind.uses().iter();
-            let uses = uses.map(|used| Use::new(memory(used.memory), used.stage, used.access)).collect();
-            Accesses { group: 0, uses, in_place: true }
-        };
-        works.iter().map(of).collect()
     }
 }
 

@@ -1,5 +1,5 @@
-//! The CPU twin of `glsl/crowd.comp`: block after block, for each instance that writes the block. Instances share decoded
-//! deltas.
+//! The CPU twin of `glsl/crowd.comp`: block after block, for each instance that writes the block. Instances share
+//! decoded deltas.
 //!
 //! `meter` receives the bytes of each load and store of a single instance; a test compares the planner's count with
 //! their sum.
@@ -48,7 +48,8 @@ impl<'a> Run<'a> {
 
 /// Executes the work list; `runs` has the items of each instance.
 pub(super) fn run(workers: &Workers, packed: &PackedGroup, plan: &GroupPlan, mut runs: Vec<Run<'_>>) {
-    let (items, words) = (&plan.list.items, block_words(plan));
+    let items = &plan.list.items;
+    let words = block_words(plan);
     let mut counts = vec![0; plan.index.count()];
     items.iter().for_each(|item| counts[item.block as usize] += 1);
     let piece = items.len().div_ceil(workers.threads() * PIECES).max(PIECE_ITEMS);
@@ -78,21 +79,11 @@ pub(crate) fn run_piece(
     runs: Vec<Run<'_>>,
     meter: &mut impl FnMut(usize),
 ) {
-    with_pose!(plan.pose(), P => run_sums::<P>(packed, plan, blocks, runs, meter));
-}
-
-fn run_sums<P: PoseStorage<Sum: RowSum>>(
-    packed: &PackedGroup,
-    plan: &GroupPlan,
-    blocks: Range<usize>,
-    runs: Vec<Run<'_>>,
-    meter: &mut impl FnMut(usize),
-) {
-    match plan.index.size() {
+    with_pose!(plan.pose(), P => match plan.index.size() {
         32 => run_blocks::<P, 32>(packed, plan, blocks, runs, meter),
         64 => run_blocks::<P, 64>(packed, plan, blocks, runs, meter),
         _ => run_blocks::<P, 128>(packed, plan, blocks, runs, meter),
-    }
+    });
 }
 
 /// A block of an instance during the update.
@@ -113,7 +104,8 @@ fn run_blocks<P: PoseStorage<Sum: RowSum>, const S: usize>(
     mut runs: Vec<Run<'_>>,
     meter: &mut impl FnMut(usize),
 ) {
-    let (items, words) = (&plan.list.items, block_words(plan));
+    let items = &plan.list.items;
+    let words = block_words(plan);
     let mut decoded = [[[<P::Sum as Sum>::Delta::default(); S]; POSE_FLOATS]; BATCH];
     let mut tile: Vec<InstanceBlock<'_, P::Sum>> = Vec::with_capacity(runs.len().min(TILE));
     let zero = [[P::Sum::default(); S]; POSE_FLOATS];
@@ -176,7 +168,9 @@ fn add_alone<T: RowSum, const S: usize>(
     rows: &mut [Row<T>; S],
     meter: &mut impl FnMut(usize),
 ) -> bool {
-    let (index, words, dropped) = (&*plan.index, packed.deltas(), dropped(plan));
+    let index = &*plan.index;
+    let words = packed.deltas();
+    let dropped = dropped(plan);
     let mut in_rows = false;
     with_format!(index.parts.format, dense _f => {}, blocks format => widest!(simd => {
         let entries = elements.iter().map(|element| {
@@ -228,7 +222,9 @@ fn add_batch<T: Sum, const S: usize>(
     decoded: &mut [Planes<T::Delta, S>; BATCH],
     meter: &mut impl FnMut(usize),
 ) -> bool {
-    let (index, words, dropped) = (&*plan.index, packed.deltas(), dropped(plan));
+    let index = &*plan.index;
+    let words = packed.deltas();
+    let dropped = dropped(plan);
     for (place, decoded) in decoded.iter_mut().enumerate() {
         let next = tile.iter().filter_map(|instance| Some(instance.elements.first()?.entry)).min();
         let Some(entry) = next else { break };
@@ -285,7 +281,8 @@ impl<const S: usize> Turned<S> {
 
 /// Stores a block: `destination = source + sums`.
 fn write<P: PoseStorage, const S: usize>(turned: &mut Turned<S>, block: &Block<'_>, destination: &mut [u32]) {
-    let (base, dropped) = (block.item.source.is_none(), dropped(block.plan));
+    let base = block.item.source.is_none();
+    let dropped = dropped(block.plan);
     widest!(_simd => {
         let sums: &mut [P::Sum] = cast_slice_mut(turned.vertices.as_flattened_mut());
         for vertex in sums.as_chunks_mut::<POSE_FLOATS>().0 {

@@ -30,40 +30,31 @@ pub fn dense(
     source: Option<&[f32]>,
     destination: &mut [f32],
 ) {
-    widest!(_simd => run(packed, coefficients, first, source, destination));
-}
-
-#[inline(always)]
-fn run(
-    packed: &PackedGroup,
-    coefficients: &[Coefficient],
-    first: usize,
-    source: Option<&[f32]>,
-    destination: &mut [f32],
-) {
-    let mut sums = [0.0f32; PIECE * POSE_FLOATS];
-    for (piece, out) in destination.chunks_mut(PIECE * POSE_FLOATS).enumerate() {
-        let vertex = first + piece * PIECE;
-        let sums = &mut sums[..out.len()];
-        sums.fill(0.0);
-        for group in coefficients.chunks(STREAMS) {
-            match group.len() {
-                8 => add::<8>(packed, group, vertex, sums),
-                4..8 => {
-                    add::<4>(packed, &group[..4], vertex, sums);
-                    group[4..].iter().for_each(|c| add::<1>(packed, std::slice::from_ref(c), vertex, sums));
+    widest!(_simd => {
+        let mut sums = [0.0f32; PIECE * POSE_FLOATS];
+        for (piece, out) in destination.chunks_mut(PIECE * POSE_FLOATS).enumerate() {
+            let vertex = first + piece * PIECE;
+            let sums = &mut sums[..out.len()];
+            sums.fill(0.0);
+            for group in coefficients.chunks(STREAMS) {
+                match group.len() {
+                    8 => add::<8>(packed, group, vertex, sums),
+                    4..8 => {
+                        add::<4>(packed, &group[..4], vertex, sums);
+                        group[4..].iter().for_each(|c| add::<1>(packed, std::slice::from_ref(c), vertex, sums));
+                    }
+                    _ => group.iter().for_each(|c| add::<1>(packed, std::slice::from_ref(c), vertex, sums)),
                 }
-                _ => group.iter().for_each(|c| add::<1>(packed, std::slice::from_ref(c), vertex, sums)),
+            }
+            match source {
+                None => out.iter_mut().zip(&*sums).for_each(|(o, s)| *o += s),
+                Some(source) => {
+                    let from = &source[piece * PIECE * POSE_FLOATS..][..out.len()];
+                    out.iter_mut().zip(from).zip(&*sums).for_each(|((o, f), s)| *o = f + s);
+                }
             }
         }
-        match source {
-            None => out.iter_mut().zip(&*sums).for_each(|(o, s)| *o += s),
-            Some(source) => {
-                let from = &source[piece * PIECE * POSE_FLOATS..][..out.len()];
-                out.iter_mut().zip(from).zip(&*sums).for_each(|((o, f), s)| *o = f + s);
-            }
-        }
-    }
+    });
 }
 
 /// A dense pass over fixed-point poses on `grid`: adds the rounded terms of `coefficients` to `source`, or in place.
@@ -156,7 +147,8 @@ fn add_rounded<V: Simd, const NEW: bool>(simd: V, lanes: &Lanes<V>, row: &[i16],
         for (i, row) in row.as_chunks::<16>().0.iter().enumerate() {
             let (low, high) = i16x16::simd_from(simd, *row).widen();
             for (at, delta) in [(2 * i, low), (2 * i + 1, high)] {
-                let (sum, of) = (&mut sums[8 * at..][..8], at % 3);
+                let sum = &mut sums[8 * at..][..8];
+                let of = at % 3;
                 let left = if NEW { lanes.half[of] } else { (delta * lanes.old + lanes.half[of]) & lanes.low[of] };
                 (i32x8::from_slice(simd, sum) + ((delta * lanes.change + left) >> lanes.dropped[of])).store_slice(sum);
             }

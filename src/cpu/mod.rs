@@ -132,7 +132,8 @@ impl CpuCrowd {
     /// exceeds.
     pub fn new(mesh: Arc<PackedMesh>, desc: UpdateDesc, instances: u32, threads: usize) -> Result<Self> {
         desc.check_all(mesh.layout(), Runner::Cpu)?;
-        let (layout, count) = (mesh.layout(), instances as usize);
+        let layout = mesh.layout();
+        let count = instances as usize;
         check_memory(&mesh, desc.pose, instances, desc.slots)?;
         let workers = Workers::new(threads)?;
         let instances = Instances::new(count, layout.targets.len(), desc.slots, 1);
@@ -218,7 +219,8 @@ impl CpuCrowd {
 impl Memory {
     /// All slots hold the base pose.
     pub(crate) fn new(mesh: &PackedGroup, desc: UpdateDesc, instances: usize) -> Result<Self> {
-        let (grid, slots) = (desc.grid(mesh.layout())?, desc.slots as usize);
+        let grid = desc.grid(mesh.layout())?;
+        let slots = desc.slots as usize;
         let pose = match grid {
             Some(_) => vec![0; mesh.layout().pose_bytes(desc.pose) as usize / size_of::<u32>()],
             None => bytemuck::cast_slice(mesh.base()).to_vec(),

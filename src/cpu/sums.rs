@@ -79,7 +79,8 @@ fn add_planes<T: Sum, const S: usize, const NEW: bool>(
     dropped: [u32; TRIPLES],
 ) {
     for (c, plane) in sums.iter_mut().enumerate() {
-        let (triple, dropped) = (c / TRIPLE, dropped[c / TRIPLE]);
+        let triple = c / TRIPLE;
+        let dropped = dropped[c / TRIPLE];
         for (at, lanes) in plane.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
             let mut sums = *lanes;
             for (place, factors) in entries {

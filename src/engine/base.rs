@@ -52,7 +52,7 @@ pub struct Update {
 pub struct OnDevice<U: ?Sized> {
     pub(crate) after: After,
     /// At least one.
-    groups: Vec<PoseGroup>,
+    pub(super) groups: Vec<PoseGroup>,
     pub(super) steps: Steps,
     /// Uses of the last update that wrote poses.
     wrote: Vec<&'static [Use]>,
@@ -152,13 +152,16 @@ impl<U: Updater> CrowdBase<OnDevice<U>> {
         make: impl FnOnce(Context<'_>, Vec<Buffer>) -> Result<U>,
     ) -> Result<Self> {
         static CROWDS: AtomicU64 = AtomicU64::new(0);
-        let (instances, slots, frames) = (desc.instances, desc.update.slots, desc.frames_in_flight);
+        let instances = desc.instances;
+        let slots = desc.update.slots;
+        let frames = desc.frames_in_flight;
         if instances == 0 || frames == 0 {
             let text = format!("a crowd of {instances} instances with {frames} frames in flight");
             return Err(Error::invalid(text, "use 1 or more of both"));
         }
         let (groups, buffers) = poses::make(device, mesh, desc)?;
-        let (mesh, poses) = (&groups[0].mesh, groups[0].poses);
+        let mesh = &groups[0].mesh;
+        let poses = groups[0].poses;
         let kind = OnDevice {
             updater: make(Context { device, kernels, mesh, desc, poses, all: &groups }, buffers)?,
             after: After::default(),
@@ -180,7 +183,9 @@ impl<U: Updater> CrowdBase<OnDevice<U>> {
 }
 
 impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
-    pub(crate) fn technique(&self) -> &dyn Technique {
+    /// The technique that plans and records updates.
+    #[doc(hidden)]
+    pub fn technique(&self) -> &dyn Technique {
         self.kind.updater.technique()
     }
 
@@ -210,7 +215,8 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
         }
         // Later ranges are merged into this one, as is the last earlier one if adjacent. Only a limited number is kept:
         // a ticket between the two oldest counts as discarded.
-        let (update, kind) = (ticket.id.update, &mut self.kind);
+        let update = ticket.id.update;
+        let kind = &mut self.kind;
         kind.discarded.retain(|updates| *updates.start() < update);
         let mut first = update;
         if let Some(before) = kind.discarded.pop_if(|updates| *updates.end() + 1 == update) {
@@ -249,10 +255,6 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
             // Cannot fail: the ticket is of this crowd.
             let _ = self.discard(Ticket { crowd: self.kind.number, id });
         }
-    }
-
-    pub(crate) fn groups(&self) -> &[PoseGroup] {
-        &self.kind.groups
     }
 
     /// Writes of poses by the last update that wrote any.
@@ -404,14 +406,6 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
             Owner::Technique => unsafe { self.technique().record(cmd, frame, work) },
             // SAFETY: as above.
             Owner::Step(kind) => unsafe { self.kind.after.record(cmd, frame, kind, work) },
-        }
-    }
-
-    /// Reads and writes of works of a step, for the hazard checker.
-    pub(super) fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-        match works[0].owner {
-            Owner::Technique => self.technique().accesses(works),
-            Owner::Step(kind) => self.kind.after.accesses(kind, works),
         }
     }
 

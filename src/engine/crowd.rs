@@ -87,7 +87,7 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
     pub fn pose_buffer(&self, semantic: Semantic) -> Result<PoseBuffer> {
         self.check_has_poses()?;
         let (group, place) = self.place(semantic)?;
-        PoseBuffer::new(&self.groups()[group].poses, place)
+        PoseBuffer::new(&self.kind.groups[group].poses, place)
     }
 
     /// The description that the crowd was created with.
@@ -198,7 +198,7 @@ impl AnimatedCrowd {
     /// The upload recorded by [`create_animated_crowd`](super::MorphEngine::create_animated_crowd) has finished, or
     /// will never run: its copies read the memory.
     pub unsafe fn release_staging(&mut self) {
-        self.animated_mut().release_staging();
+        self.animated_mut().staging = None;
     }
 
     /// The clips of the crowd: lengths, frame rates, and rounding of keys.
@@ -206,7 +206,9 @@ impl AnimatedCrowd {
         &self.animated().clips
     }
 
-    pub(crate) fn animated(&self) -> &Animated {
+    /// What the device samples and plans with.
+    #[doc(hidden)]
+    pub fn animated(&self) -> &Animated {
         &self.kind.updater.animated
     }
 

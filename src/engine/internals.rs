@@ -1,13 +1,11 @@
 //! Accessors for packages of this repository.
 
 use super::base::{OnDevice, Updater};
-use super::{AnimatedCrowd, AnyCrowd, DeviceCrowd, GpuMesh, MorphEngine, Update};
+use super::{AnyCrowd, DeviceCrowd, GpuMesh, MorphEngine, Update};
 use crate::crowd::{CrowdBase, Kind};
 use crate::error::Result;
 use crate::gpu::device::Device;
-use crate::plan::hazards::{Event, trace};
 use crate::plan::schedule::Entry;
-use crate::update::animated::PlannedGroup;
 use ash::vk;
 use std::ops::Range;
 use std::sync::Arc;
@@ -20,7 +18,7 @@ impl MorphEngine {
     }
 
     /// Like [`record_updates`](Self::record_updates), with the recorded entries changed by `tamper`, so that tests can
-    /// plant faults. Also returns the recorded events for the hazard checker.
+    /// plant faults, or see what is recorded.
     ///
     /// # Errors
     /// Those of [`record_updates`](Self::record_updates).
@@ -33,16 +31,14 @@ impl MorphEngine {
         cmd: vk::CommandBuffer,
         crowds: &mut [&mut dyn AnyCrowd],
         tamper: impl FnOnce(&mut Vec<Entry>),
-    ) -> Result<(Vec<Update>, Vec<Event>)> {
+    ) -> Result<Vec<Update>> {
         let mut crowds: Vec<&mut DeviceCrowd> = crowds.iter_mut().map(|crowd| crowd.base_mut()).collect();
         let mut updates = vec![];
         let mut planned = self.plan(&mut crowds, |update| updates.push(update))?;
         tamper(&mut planned.schedule.entries);
-        let accesses = |crowd: u32, works: &[_]| planned.crowds[crowd as usize].accesses(works);
-        let events = trace(&planned.schedule.entries, accesses);
         // SAFETY: the caller's obligations.
         unsafe { planned.record(&self.device, cmd) };
-        Ok((updates, events))
+        Ok(updates)
     }
 }
 
@@ -80,22 +76,5 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
     #[doc(hidden)]
     pub fn sums(&self, instance: u32) -> Option<(vk::Buffer, u64)> {
         self.technique().sums(instance)
-    }
-}
-
-impl AnimatedCrowd {
-    /// The last update's plans of the first group; `read` takes buffer, offset and size.
-    ///
-    /// # Errors
-    /// Those of `read`.
-    #[doc(hidden)]
-    pub fn read_plan(&self, read: impl FnMut((vk::Buffer, u64, u64)) -> Result<Vec<u32>>) -> Result<Vec<PlannedGroup>> {
-        self.animated().read_plan(read)
-    }
-
-    /// The weights of an instance: buffer, offset, size.
-    #[doc(hidden)]
-    pub fn weights_of(&self, instance: u32) -> (vk::Buffer, u64, u64) {
-        self.animated().weights_of(instance)
     }
 }

@@ -30,7 +30,7 @@ use crate::update::Runner;
 use crate::update::animated::{Animated, AnimationDesc, Clips};
 use crate::update::crowd::CrowdDesc;
 use crate::update::technique;
-use crate::update::technique::{Context, Technique, Techniques};
+use crate::update::technique::Techniques;
 use ash::vk;
 use crowd::{Playing, Weighted};
 use std::sync::{Arc, OnceLock};
@@ -121,10 +121,6 @@ impl MorphEngine {
         self.others.get_or_init(|| others);
     }
 
-    pub(super) fn technique(&self, context: Context<'_>) -> Result<Box<dyn Technique>> {
-        technique(context, self.others.get().copied())
-    }
-
     /// Limits and features that the engine uses.
     pub fn caps(&self) -> &DeviceCaps {
         &self.device.caps
@@ -164,21 +160,15 @@ impl MorphEngine {
         self.check_crowd(mesh, desc, Runner::Device(&self.device.caps))?;
         let targets = mesh.layout().targets.len();
         Crowd::on_device(&self.device, &self.kernels, mesh, desc, targets, |context, poses| {
-            Ok(Weighted::new(self.technique(context)?, poses))
+            Ok(Weighted::new(technique(context, self.others.get().copied())?, poses))
         })
     }
 
-    /// Checks that a mesh was uploaded by this engine.
-    fn check_own(&self, mesh: &GpuMesh) -> Result<()> {
-        if mesh.groups[0].base.is_on(&self.device) {
-            return Ok(());
-        }
-        let text = format!("mesh '{}' belongs to another MorphEngine", mesh.layout().name);
-        Err(Error::invalid(text, "upload it with the engine that makes the crowd"))
-    }
-
     fn check_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc, runner: Runner<'_>) -> Result<()> {
-        self.check_own(mesh)?;
+        if !mesh.groups[0].base.is_on(&self.device) {
+            let text = format!("mesh '{}' belongs to another MorphEngine", mesh.layout().name);
+            return Err(Error::invalid(text, "upload it with the engine that makes the crowd"));
+        }
         mesh.layouts().try_for_each(|layout| desc.update.check_all(layout, runner))?;
         desc.update.path.check_groups(mesh.groups.len(), mesh.layout())?;
         desc.check_poses(mesh.layouts(), &self.device)?;
@@ -227,7 +217,7 @@ impl MorphEngine {
         desc: &CrowdDesc,
         animation: &AnimationDesc<'_>,
     ) -> Result<AnimatedCrowd> {
-        self.check_crowd(mesh, desc, Runner::Animated(Some(&self.device.caps)))?;
+        self.check_crowd(mesh, desc, Runner::Animated(&self.device.caps))?;
         // The GPU has the weights: none are requested by the host.
         let crowd = AnimatedCrowd::on_device(&self.device, &self.kernels, mesh, desc, 0, |context, poses| {
             let clips = Clips::new(animation, context.layout(), context.grid())?;

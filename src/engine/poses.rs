@@ -49,7 +49,8 @@ fn poses_of_ours(device: &Arc<Device>, layout: &PackedLayout, desc: &CrowdDesc) 
     }
     let bytes = bytes_of(layout, desc);
     let buffer = Buffer::new(device, "deltamorph poses", bytes, usage, MemoryKind::Poses)?;
-    let (format, slots) = (desc.update.pose, desc.update.slots);
+    let format = desc.update.pose;
+    let slots = desc.update.slots;
     let poses = Poses {
         buffer: buffer.raw,
         usage,
@@ -66,7 +67,9 @@ fn poses_of_ours(device: &Arc<Device>, layout: &PackedLayout, desc: &CrowdDesc) 
 }
 
 fn poses_of_host(device: &Device, host: &HostPoses, layout: &PackedLayout, desc: &CrowdDesc) -> Result<Poses> {
-    let (offset, format, bytes) = (host.offset(), desc.update.pose, host.vertex().pose_bytes(layout));
+    let offset = host.offset();
+    let format = desc.update.pose;
+    let bytes = host.vertex().pose_bytes(layout);
     let end = offset.saturating_add(bytes.saturating_mul(count(desc)));
     let what = format!("poses of mesh '{}' from byte {offset} on in the host's buffer end at", layout.name);
     device.caps.check_limit(&what, (end, "bytes", device.caps.max_buffer), "use fewer instances or slots")?;

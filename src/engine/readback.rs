@@ -83,7 +83,7 @@ impl PoseReadback {
     ) -> Result<()> {
         let base = crowd.base();
         base.check_device(&self.device)?;
-        let groups = 0..base.groups().len();
+        let groups = 0..base.kind.groups.len();
         let each = instances.iter().flat_map(|&instance| groups.clone().map(move |group| (instance, group)));
         let views = each.map(|(instance, group)| Ok((instance, group, base.group_pose(instance, group)?)));
         let views = views.collect::<Result<Vec<_>>>()?;
@@ -109,7 +109,8 @@ impl PoseReadback {
             bytes - size
         };
         let bases: Vec<u64> = crowd
-            .groups()
+            .kind
+            .groups
             .iter()
             .map(|group| {
                 let base = group.mesh.base_pose();
@@ -119,7 +120,7 @@ impl PoseReadback {
         let mut copies = vec![];
         for &(instance, group, view) in views {
             let at = place(view.buffer, view.offset, view.size);
-            let mesh = crowd.groups()[group].mesh.clone();
+            let mesh = crowd.kind.groups[group].mesh.clone();
             copies.push(CopiedPose { instance, group, mesh, view, at, base_at: bases[group] });
         }
         if bytes > self.bytes || self.buffer.is_none() {

@@ -48,8 +48,10 @@ impl GpuMesh {
 
     fn base_pose_of(&self, group: usize) -> PoseView {
         let BufferRange { buffer, offset, size } = self.groups[group].base_pose();
-        let (format, places) = (PoseFormat::Float32, Places::TIGHT);
-        let (stride, components) = (places.stride(format), places.bytes(format));
+        let format = PoseFormat::Float32;
+        let places = Places::TIGHT;
+        let stride = places.stride(format);
+        let components = places.bytes(format);
         PoseView { buffer, offset, size, stride, format, components, units: [1.0; TRIPLES], slot: 0 }
     }
 
@@ -110,7 +112,8 @@ impl MorphEngine {
     /// See [`upload`](Self::upload).
     #[doc(hidden)]
     pub unsafe fn upload_for(&self, cmd: vk::CommandBuffer, mesh: &PackedMesh, path: UpdatePath) -> Result<GpuMesh> {
-        let (device, layout) = (&self.device, mesh.layout());
+        let device = &self.device;
+        let layout = mesh.layout();
         if !path.row().has_own_upload {
             // SAFETY: the caller's obligations.
             return unsafe { self.upload(cmd, mesh) };
@@ -150,7 +153,8 @@ impl MorphEngine {
             caps.check_limit(&format!("mesh '{}': {what}", layout.name), (amount, unit, most), remedy)
         };
         self.check_not_empty(layout)?;
-        let (range, groups) = (caps.max_storage_range, caps.max_workgroups.into());
+        let range = caps.max_storage_range;
+        let groups = caps.max_workgroups.into();
         let chunk_groups = (layout.chunk_vertices as u64).div_ceil(WORKGROUP.into());
         limit("a pose takes", layout.base_bytes(), "bytes", range, "split the mesh")?;
         if layout.format.is_blocks() {

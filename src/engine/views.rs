@@ -107,7 +107,8 @@ impl PoseView {
         let components = place.components();
         let mut units = [1.0; 4];
         units.iter_mut().zip(components.clone()).for_each(|(unit, component)| *unit = self.units[component / TRIPLE]);
-        let (offset, components) = (self.offset + u64::from(at), components.len() as u32);
+        let offset = self.offset + u64::from(at);
+        let components = components.len() as u32;
         Ok(StreamView { buffer, offset, components, format, units, stride, slot })
     }
 }
@@ -129,12 +130,12 @@ pub struct PoseBuffer {
 
 impl PoseBuffer {
     pub(super) fn new(poses: &Poses, place: StreamPlace) -> Result<Self> {
-        let (pose, count) = (PoseView::new(poses, 0, 0), u64::from(poses.instances) * u64::from(poses.slots));
+        let pose = PoseView::new(poses, 0, 0);
         Ok(Self {
             first: pose.stream(place)?,
             pose_stride: poses.bytes,
             usage: poses.usage,
-            poses: (pose.offset, count * poses.bytes),
+            poses: (pose.offset, poses.range_bytes(poses.instances) - poses.lead),
         })
     }
 }

@@ -1,7 +1,7 @@
 //! Records barriers, which are data elsewhere. No other file of the engine calls vkCmdPipelineBarrier.
 
 use crate::plan::schedule::Barrier;
-use crate::plan::steps::{Access, Scope, Stage};
+use crate::plan::steps::Scope;
 use ash::vk;
 
 /// Records a global memory barrier.
@@ -17,8 +17,8 @@ pub unsafe fn record(device: &ash::Device, cmd: vk::CommandBuffer, barrier: &Bar
     unsafe { device.cmd_pipeline_barrier(cmd, stages(before), stages(after), flags, &[memory], &[], &[]) };
 }
 
-/// Records the barrier after copies to host memory: makes them visible to the host, and has the stages of `writers` wait
-/// before they overwrite the source.
+/// Records the barrier after copies to host memory: makes them visible to the host, and has the stages of `writers`
+/// wait before they overwrite the source.
 ///
 /// # Safety
 /// See [`record`].
@@ -26,49 +26,24 @@ pub unsafe fn record_read_back(device: &ash::Device, cmd: vk::CommandBuffer, wri
     use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
     let memory =
         vk::MemoryBarrier::default().src_access_mask(Access::TRANSFER_WRITE).dst_access_mask(Access::HOST_READ);
-    let (none, after) = (vk::DependencyFlags::empty(), Stage::HOST | stages(writers));
+    let none = vk::DependencyFlags::empty();
+    let after = Stage::HOST | stages(writers);
     // SAFETY: the caller's obligations.
     unsafe { device.cmd_pipeline_barrier(cmd, Stage::TRANSFER, after, none, &[memory], &[], &[]) };
 }
 
 fn stages(scope: Scope) -> vk::PipelineStageFlags {
-    use vk::PipelineStageFlags as Flags;
-    if scope.stages == Scope::ANYTHING.stages {
-        return Flags::ALL_COMMANDS;
+    match scope.stages {
+        u32::MAX => vk::PipelineStageFlags::ALL_COMMANDS,
+        stages => vk::PipelineStageFlags::from_raw(stages),
     }
-    let flags = [
-        (Stage::Transfer, Flags::TRANSFER),
-        (Stage::VertexInput, Flags::VERTEX_INPUT),
-        (Stage::VertexShader, Flags::VERTEX_SHADER),
-        (Stage::TransformFeedback, Flags::TRANSFORM_FEEDBACK_EXT),
-        (Stage::Compute, Flags::COMPUTE_SHADER),
-        (Stage::Indirect, Flags::DRAW_INDIRECT),
-        (Stage::AccelerationStructureBuild, Flags::ACCELERATION_STRUCTURE_BUILD_KHR),
-        (Stage::TaskShader, Flags::TASK_SHADER_EXT),
-        (Stage::MeshShader, Flags::MESH_SHADER_EXT),
-        (Stage::FragmentShader, Flags::FRAGMENT_SHADER),
-        (Stage::RayTracingShader, Flags::RAY_TRACING_SHADER_KHR),
-        (Stage::ColourOutput, Flags::COLOR_ATTACHMENT_OUTPUT),
-    ];
-    flags.iter().filter(|(stage, _)| scope.has_stage(*stage)).fold(Flags::empty(), |all, (_, flag)| all | *flag)
 }
 
 fn accesses(scope: Scope) -> vk::AccessFlags {
-    use vk::AccessFlags as Flags;
-    if scope.accesses == Scope::ANYTHING.accesses {
-        return Flags::MEMORY_READ | Flags::MEMORY_WRITE;
+    match scope.accesses {
+        u32::MAX => vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE,
+        accesses => vk::AccessFlags::from_raw(accesses),
     }
-    let flags = [
-        (Access::TransferWrite, Flags::TRANSFER_WRITE),
-        (Access::AttributeRead, Flags::VERTEX_ATTRIBUTE_READ),
-        (Access::ShaderRead, Flags::SHADER_READ),
-        (Access::ShaderWrite, Flags::SHADER_WRITE),
-        (Access::FeedbackWrite, Flags::TRANSFORM_FEEDBACK_WRITE_EXT),
-        (Access::IndirectRead, Flags::INDIRECT_COMMAND_READ),
-        (Access::TransferRead, Flags::TRANSFER_READ),
-        (Access::Blend, Flags::COLOR_ATTACHMENT_READ | Flags::COLOR_ATTACHMENT_WRITE),
-    ];
-    flags.iter().filter(|(access, _)| scope.has_access(*access)).fold(Flags::empty(), |all, (_, flag)| all | *flag)
 }
 
 #[cfg(test)]

@@ -1,6 +1,5 @@
 //! Limits and features of a device that matter to update paths, and the requirements of each path.
 
-use super::failed;
 use super::tuning::{DeviceClass, DeviceTuning};
 use crate::error::{Error, Result};
 use crate::pack::{DeltaFormat, PoseFormat};
@@ -139,7 +138,7 @@ impl DeviceCaps {
                 instance.get_physical_device_format_properties(physical, vk::Format::R32G32B32A32_SFLOAT),
             )
         };
-        let extensions = extensions.map_err(failed("vkEnumerateDeviceExtensionProperties"))?;
+        let extensions = extensions.map_err(Error::vulkan("vkEnumerateDeviceExtensionProperties"))?;
         let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
         let version = |v| (vk::api_version_major(v), vk::api_version_minor(v), vk::api_version_patch(v));
         let text = |raw: Result<&CStr, _>| raw.unwrap_or_default().to_string_lossy().into_owned();
@@ -179,7 +178,8 @@ impl DeviceCaps {
             instance.get_physical_device_features2(physical, &mut features);
         }
 
-        let (limits, core_features) = (core.limits, features.features);
+        let limits = core.limits;
+        let core_features = features.features;
         let narrowest = if with_subgroup_sizes { subgroup_sizes.min_subgroup_size } else { subgroups.subgroup_size };
         Ok(Self {
             name: text(core.device_name_as_c_str()),

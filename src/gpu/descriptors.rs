@@ -1,7 +1,6 @@
 //! Descriptor sets and their pool.
 
 use super::device::Device;
-use super::failed;
 use crate::abi::kernels::{Binding, Buffer};
 use crate::error::{Error, Result};
 use ash::vk;
@@ -72,14 +71,14 @@ impl Sets {
         let sizes: Vec<_> = bindings.iter().map(size).collect();
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(descriptor_count).pool_sizes(&sizes);
         // SAFETY: the device is alive.
-        let pool =
-            unsafe { device.raw.create_descriptor_pool(&info, None) }.map_err(failed("vkCreateDescriptorPool"))?;
+        let pool = unsafe { device.raw.create_descriptor_pool(&info, None) }
+            .map_err(Error::vulkan("vkCreateDescriptorPool"))?;
         let mut sets = Self { device: device.clone(), pool, views: vec![], sets: vec![] };
         let layouts = vec![layout; bound.len()];
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
         // SAFETY: pool and layout are ours; the pool has room for as many.
         sets.sets =
-            unsafe { device.raw.allocate_descriptor_sets(&info) }.map_err(failed("vkAllocateDescriptorSets"))?;
+            unsafe { device.raw.allocate_descriptor_sets(&info) }.map_err(Error::vulkan("vkAllocateDescriptorSets"))?;
         for (number, set) in sets.sets.iter().enumerate() {
             device.name(*set, || format!("deltamorph {kernel}, set {number}"));
         }
@@ -103,7 +102,7 @@ impl Sets {
                 let info = vk::BufferViewCreateInfo::default().buffer(buffer).offset(offset).range(size).format(format);
                 // SAFETY: the buffer was made for such views; every device has these formats for them.
                 let made = unsafe { self.device.raw.create_buffer_view(&info, None) };
-                view = [made.map_err(failed("vkCreateBufferView"))?];
+                view = [made.map_err(Error::vulkan("vkCreateBufferView"))?];
                 self.views.extend(view);
                 write.texel_buffer_view(&view)
             }

@@ -279,7 +279,8 @@ impl Device {
             }
             Allocators::Shared(allocator) => {
                 // Images have optimal tiling.
-                let (linear, location) = (!matches!(own, AllocationScheme::DedicatedImage(_)), kind.location());
+                let linear = !matches!(own, AllocationScheme::DedicatedImage(_));
+                let location = kind.location();
                 let allocate = |allocation_scheme| {
                     let desc = AllocationCreateDesc { name, requirements, location, linear, allocation_scheme };
                     allocator.lock().allocate(&desc)
@@ -339,7 +340,8 @@ pub fn allocation_failed(name: &str, bytes: u64, error: &AllocationError) -> Err
     let says =
         |text: &str, result: vk::Result| text.contains("vkAllocateMemory") && text.ends_with(&format!("{result:?}"));
     let returned = |result: vk::Result| matches!(error, AllocationError::Internal(text) if says(text, result));
-    let (host, count) = (vk::Result::ERROR_OUT_OF_HOST_MEMORY, vk::Result::ERROR_TOO_MANY_OBJECTS);
+    let host = vk::Result::ERROR_OUT_OF_HOST_MEMORY;
+    let count = vk::Result::ERROR_TOO_MANY_OBJECTS;
     let what = |why: &dyn std::fmt::Display| format!("no memory for '{name}' ({bytes} bytes): {why}");
     if returned(host) {
         Error::out_of_memory(what(&format_args!("vkAllocateMemory failed: {host:?}")), LESS)

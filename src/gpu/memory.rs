@@ -3,7 +3,6 @@
 use super::allocation::Memory;
 use super::descriptors::BufferRange;
 use super::device::Device;
-use super::failed;
 use super::statistics::MemoryKind;
 use crate::error::{Error, Result};
 use ash::vk;
@@ -37,7 +36,7 @@ impl Buffer {
         }
         let info = vk::BufferCreateInfo { size: bytes, usage, ..shared_by(&device.families) };
         // SAFETY: the device is alive (Device::borrow); size and usage are valid, and the families are the device's.
-        let raw = unsafe { device.raw.create_buffer(&info, None) }.map_err(failed("vkCreateBuffer"))?;
+        let raw = unsafe { device.raw.create_buffer(&info, None) }.map_err(Error::vulkan("vkCreateBuffer"))?;
         device.name(raw, || name.to_owned());
         // From here on, dropping `buffer` destroys everything that was made.
         let mut buffer = Self { device: device.clone(), raw, memory: None };
@@ -46,7 +45,7 @@ impl Buffer {
         let own = AllocationScheme::DedicatedBuffer(raw);
         let (memory, offset) = buffer.memory.insert(device.allocate(kind, name, requirements, own)?).place();
         // SAFETY: the memory was allocated for this buffer's requirements and is bound once.
-        unsafe { device.raw.bind_buffer_memory(raw, memory, offset) }.map_err(failed("vkBindBufferMemory"))?;
+        unsafe { device.raw.bind_buffer_memory(raw, memory, offset) }.map_err(Error::vulkan("vkBindBufferMemory"))?;
         Ok(buffer)
     }
 
@@ -112,7 +111,8 @@ impl Ring {
 
     /// Returns a frame's part. The caller guarantees that the last update that used it has finished.
     pub fn words(&mut self, frame: u64) -> Result<&mut [u32]> {
-        let (at, size) = ((frame * self.part) as usize, self.part as usize);
+        let at = (frame * self.part) as usize;
+        let size = self.part as usize;
         Ok(bytemuck::cast_slice_mut(&mut self.buffer.mapped()?[at..at + size]))
     }
 

@@ -74,8 +74,7 @@ impl MeshBuffers {
             false => vec![(deltas.raw, region(0, base_at)), (base.raw, region(base_at, bytes - base_at))],
         };
         copies.retain(|(_, region)| region.size > 0);
-        let mesh = Self { layout, base, deltas, private };
-        Ok((mesh, Upload::new(staging, copies)))
+        Ok((Self { layout, base, deltas, private }, Upload::new(staging, copies)))
     }
 
     /// Returns the range of the base pose.
@@ -134,10 +133,8 @@ pub(crate) unsafe fn record_uploads(device: &Device, cmd: vk::CommandBuffer, upl
         // SAFETY: the caller's obligations.
         unsafe { upload.record(device, cmd) };
     }
-    if let Some(barrier) = asset_uploaded() {
-        // SAFETY: the caller's obligations.
-        unsafe { barriers::record(&device.raw, cmd, &barrier) };
-    }
+    // SAFETY: the caller's obligations.
+    unsafe { barriers::record(&device.raw, cmd, &asset_uploaded()) };
 }
 
 /// Returns the bytes of the largest chunk of deltas.
@@ -145,8 +142,8 @@ pub(crate) fn chunk_bytes(layout: &PackedLayout) -> u64 {
     (layout.chunk_vertices * layout.targets.len() * layout.format.stride()) as u64
 }
 
-/// Returns the byte offset of the base pose of a mesh in blocks, which follows headers and deltas in one buffer. Without
-/// entries, zeros take their place: tiles have at least one row, which names an entry.
+/// Returns the byte offset of the base pose of a mesh in blocks, which follows headers and deltas in one buffer.
+/// Without entries, zeros take their place: tiles have at least one row, which names an entry.
 pub(crate) fn base_offset(layout: &PackedLayout) -> u64 {
     let empty = layout.blocks.as_ref().filter(|index| index.entry_count() == 0);
     let no_entry = empty.map_or(0, |index| index.size() * POSE_FLOATS * size_of::<f32>());

@@ -15,11 +15,3 @@ pub mod mesh;
 pub mod pipelines;
 pub mod statistics;
 pub(crate) mod tuning;
-
-use crate::error::Error;
-use ash::vk;
-
-/// Returns a function for `map_err` that makes an [`Error::Vulkan`] for `call`.
-pub(crate) fn failed(call: &'static str) -> impl Fn(vk::Result) -> Error {
-    Error::vulkan(call)
-}

@@ -3,10 +3,9 @@
 use super::caps::CAPTURE_STRIDE;
 use super::descriptors::{BufferRange, Sets, descriptor_type};
 use super::device::Device;
-use super::failed;
 use crate::abi::kernels::{Binding, KernelRow, Stage};
 use crate::abi::modules::Module;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::pack::{POSE_FLOATS, PoseFormat};
 use ash::vk::{self, Handle};
 use std::any::Any;
@@ -68,15 +67,16 @@ impl Objects {
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&declared);
         // SAFETY: the device is alive; the bindings are distinct.
         self.set_layout = unsafe { self.device.raw.create_descriptor_set_layout(&info, None) }
-            .map_err(failed("vkCreateDescriptorSetLayout"))?;
+            .map_err(Error::vulkan("vkCreateDescriptorSetLayout"))?;
         let push_bytes =
             kernels.iter().map(|kernel| kernel.push_members().1 as u32).fold(attribute_push_bytes, u32::max);
         let push = [vk::PushConstantRange::default().stage_flags(stage).size(push_bytes)];
-        let (sets, push) = ([self.set_layout], &push[..usize::from(push_bytes > 0)]);
+        let sets = [self.set_layout];
+        let push = &push[..usize::from(push_bytes > 0)];
         let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(push);
         // SAFETY: the set layout is ours and alive; the push range is within the device's limit (checked by caps).
-        self.layout =
-            unsafe { self.device.raw.create_pipeline_layout(&info, None) }.map_err(failed("vkCreatePipelineLayout"))?;
+        self.layout = unsafe { self.device.raw.create_pipeline_layout(&info, None) }
+            .map_err(Error::vulkan("vkCreatePipelineLayout"))?;
         Ok(())
     }
 
@@ -92,11 +92,11 @@ impl Objects {
         let info = vk::RenderPassCreateInfo::default().subpasses(&subpasses);
         // SAFETY: the device is alive; one subpass without attachments.
         self.render_pass =
-            unsafe { self.device.raw.create_render_pass(&info, None) }.map_err(failed("vkCreateRenderPass"))?;
+            unsafe { self.device.raw.create_render_pass(&info, None) }.map_err(Error::vulkan("vkCreateRenderPass"))?;
         let info = vk::FramebufferCreateInfo::default().render_pass(self.render_pass).width(1).height(1).layers(1);
         // SAFETY: the render pass was created just now.
         self.framebuffer =
-            unsafe { self.device.raw.create_framebuffer(&info, None) }.map_err(failed("vkCreateFramebuffer"))?;
+            unsafe { self.device.raw.create_framebuffer(&info, None) }.map_err(Error::vulkan("vkCreateFramebuffer"))?;
         Ok(())
     }
 
@@ -128,7 +128,7 @@ impl Objects {
             self.device.name(*pipeline, || format!("deltamorph {} {constants:?}", module.name));
         }
         self.pipelines.extend(made);
-        error.map_or(Ok(()), |error| Err(failed("vkCreateComputePipelines")(error)))
+        error.map_or(Ok(()), |error| Err(Error::vulkan("vkCreateComputePipelines")(error)))
     }
 
     /// Makes a pipeline of a vertex module with rasterizer discard. It draws lines, since points without gl_PointSize
@@ -168,7 +168,7 @@ impl Objects {
         module: &Module,
         made: std::result::Result<Vec<vk::Pipeline>, (Vec<vk::Pipeline>, vk::Result)>,
     ) -> Result<()> {
-        let made = made.map_err(|(_, e)| failed("vkCreateGraphicsPipelines")(e))?;
+        let made = made.map_err(|(_, e)| Error::vulkan("vkCreateGraphicsPipelines")(e))?;
         made.iter().for_each(|pipeline| self.device.name(*pipeline, || format!("deltamorph {}", module.name)));
         self.pipelines.extend(made);
         Ok(())
@@ -198,7 +198,8 @@ impl Objects {
             // SAFETY: the caller's obligations.
             return unsafe { device.cmd_draw(cmd, vertices as u32, 1, 0, 0) };
         };
-        let (feedback, size) = (feedback.fp(), (vertices * CAPTURE_STRIDE) as u64);
+        let feedback = feedback.fp();
+        let size = (vertices * CAPTURE_STRIDE) as u64;
         // SAFETY: the caller's obligations; transform feedback is enabled since `device.feedback` is there. ash 0.38
         // has no wrappers for these commands.
         unsafe {
@@ -225,7 +226,8 @@ impl Objects {
         push: &[u8],
         workgroups: Workgroups,
     ) {
-        let (device, point) = (&self.device.raw, vk::PipelineBindPoint::COMPUTE);
+        let device = &self.device.raw;
+        let point = vk::PipelineBindPoint::COMPUTE;
         // SAFETY: the caller's obligations; pipelines and layout are ours.
         unsafe {
             device.cmd_bind_pipeline(cmd, point, self.pipelines[pipeline]);
@@ -288,7 +290,8 @@ impl PoseFormat {
     ) -> (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>) {
         let base = Self::default();
         let base_places = std::array::from_fn(|component| Some(base.offset(component) as u32));
-        let (pose, base) = ((self, stride, places), (base, base.stride() as u32, base_places));
+        let pose = (self, stride, places);
+        let base = (base, base.stride() as u32, base_places);
         let read = [Some(pose), self.has_integers().then_some(base), previous.then_some(pose)].into_iter().flatten();
         let (mut bindings, mut attributes) = (vec![], vec![]);
         for (binding, (pose, stride, places)) in (0..).zip(read) {
@@ -314,7 +317,7 @@ pub fn with_stage<R>(
     let words = module.words();
     let info = vk::ShaderModuleCreateInfo::default().code(&words);
     // SAFETY: the words are SPIR-V made by glslang for Vulkan 1.1.
-    let raw = unsafe { device.raw.create_shader_module(&info, None) }.map_err(failed("vkCreateShaderModule"))?;
+    let raw = unsafe { device.raw.create_shader_module(&info, None) }.map_err(Error::vulkan("vkCreateShaderModule"))?;
     let made = make(vk::PipelineShaderStageCreateInfo::default().stage(stage).module(raw).name(c"main"));
     // SAFETY: created above; its pipelines are made.
     unsafe { device.raw.destroy_shader_module(raw, None) };

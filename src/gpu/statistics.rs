@@ -1,7 +1,6 @@
 //! The memory of the engine's objects, by what it is for.
 
 use gpu_allocator::MemoryLocation;
-use std::fmt::{Display, Formatter, Result};
 
 /// Memory of one kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -32,7 +31,6 @@ macro_rules! kinds {
         }
 
         /// Memory of an engine and everything made by it ([`MorphEngine::memory`](crate::MorphEngine::memory)).
-        /// Displays as JSON: an object with a member for each field.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
         #[non_exhaustive]
         pub struct MemoryStats {
@@ -52,16 +50,6 @@ macro_rules! kinds {
                 match kind {
                     $(MemoryKind::$kind => &mut self.$name,)*
                 }
-            }
-        }
-
-        impl Display for MemoryStats {
-            fn fmt(&self, f: &mut Formatter<'_>) -> Result {
-                f.write_str("{")?;
-                for (name, MemoryUse { bytes, allocations }) in [$((stringify!($name), self.$name)),*] {
-                    write!(f, "\"{name}\": {{\"bytes\": {bytes}, \"allocations\": {allocations}}}, ")?;
-                }
-                write!(f, "\"allocated\": {}}}", self.allocated)
             }
         }
     };

@@ -56,11 +56,13 @@ impl DeviceTuning {
     }
 
     /// Adjusts the tuning to a software driver, by its vendor and its version of Vulkan, the one number from which
-    /// lavapipe's own follows. Mesa 25.0.7 with LLVM 19 crashes now and then in kernels that read texels: the results of
-    /// its fetches are misaligned on the stack. Mesa 22.3 and 26.2 do not; versions between 22.3 and 26.2 are assumed to crash like 25.0.7.
+    /// lavapipe's own follows. Mesa 25.0.7 with LLVM 19 crashes now and then in kernels that read texels: the results
+    /// of its fetches are misaligned on the stack. Mesa 22.3 and 26.2 do not; versions between 22.3 and 26.2 are
+    /// assumed to crash like 25.0.7.
     #[must_use]
     pub(crate) fn for_software(self, vendor: u32, api_version: u32) -> Self {
-        let (mesa_22_3, mesa_26_2) = (vk::make_api_version(0, 1, 3, 230), vk::make_api_version(0, 1, 4, 354));
+        let mesa_22_3 = vk::make_api_version(0, 1, 3, 230);
+        let mesa_26_2 = vk::make_api_version(0, 1, 4, 354);
         let crashes = vendor == MESA && mesa_22_3 < api_version && api_version < mesa_26_2;
         Self { texels: self.texels && !crashes, ..self }
     }

@@ -31,12 +31,6 @@ impl Default for LevelDesc {
 }
 
 impl LevelDesc {
-    /// Returns the bounds in pixels on the error of targets that are left out: more are kept once a vertex is off by
-    /// more than the first, fewer once that brings no vertex off by more than the second.
-    pub(crate) fn bounds(&self) -> [f32; 2] {
-        [self.pixels * SHARE, self.pixels * SHARE * MARGIN]
-    }
-
     /// Returns the error budget for this pixel error, in input units, where an input unit takes up `pixels_per_unit`:
     /// the value for [`UpdateDesc::error_budget`](field@crate::UpdateDesc::error_budget). 0, which defers nothing, if
     /// the result is not a finite number above 0.
@@ -86,7 +80,10 @@ impl Level {
     /// A settled level stays as it is, bit for bit, while `pixels_per_unit` stays within a fifth of its value. If it is
     /// NaN or infinite, all targets are kept at once.
     pub fn step(&mut self, importance: &Importance, pixels_per_unit: f32, weights: Option<&[f32]>) -> f32 {
-        let [most, enough] = self.desc.bounds();
+        // More targets are kept once a vertex is off by more than the one, fewer once that brings none off by more than
+        // the other.
+        let most = self.desc.pixels * SHARE;
+        let enough = most * MARGIN;
         let all = importance.target_count();
         let wanted = importance.level_for(pixels_per_unit, enough);
         let exceeded = importance.level_for(pixels_per_unit, most) > self.goal;

@@ -12,7 +12,8 @@
 //! use deltamorph::lod::{Importance, Level, LevelDesc, pixels_per_unit};
 //! use deltamorph::{DeltaFormat, PackDesc, PackedMesh, Tolerance};
 //!
-//! let head = deltamorph_head::head(&deltamorph_head::HeadDesc::default().vertices(500)).to_mesh(Tolerance::default())?;
+//! let desc = deltamorph_head::HeadDesc::default().vertices(500);
+//! let head = deltamorph_head::head(&desc).to_mesh(Tolerance::default())?;
 //! let mesh = PackedMesh::pack(&head, &PackDesc::new(DeltaFormat::Fast))?;
 //! let importance = Importance::of_packed(&mesh, &["eyeBlink"])?;
 //! let mut level = Level::new(LevelDesc::default().pixels(1.0));
@@ -122,48 +123,6 @@ impl Importance {
         with_packed(mesh, |deltas| deltas.by_names(order, pinned))
     }
 
-    /// Replaces the [errors](Self::error_of_keeping), which assume any weights from -1 to 1, by those for the given
-    /// weights: one for each target, frame by frame. Instances that play a known clip can keep fewer targets. The order
-    /// stays.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`] if the mesh or a frame has another number of targets than were ranked.
-    pub fn over(mut self, mesh: &PackedMesh, frames: impl IntoIterator<Item = Vec<f32>>) -> Result<Self> {
-        let targets = self.order.len();
-        let layout = mesh.layout();
-        let check = |given: usize, what: &str| match given == targets {
-            true => Ok(()),
-            false => {
-                let what = format!("{what} of {given} targets, but {targets} are ranked");
-                Err(Error::invalid(what, "rank the mesh that the weights are for"))
-            }
-        };
-        check(layout.targets.len(), "a mesh")?;
-        self.errors.fill(0.0);
-        // Lengths of the deltas of each target.
-        let mut lengths: Vec<Vec<(usize, f64)>> = vec![vec![]; targets];
-        for (target, lengths) in lengths.iter_mut().enumerate() {
-            mesh.for_each_delta(target, |vertex, [x, y, z, ..]| {
-                lengths.push((vertex, DVec3::new(x, y, z).length()));
-            });
-        }
-        let mut moved = vec![0.0f64; layout.vertex_count];
-        for weights in frames {
-            check(weights.len(), "weights")?;
-            moved.fill(0.0);
-            let mut farthest = 0.0f64;
-            for (rank, &target) in self.order.iter().enumerate().rev() {
-                let weight = f64::from(weights[target as usize].abs());
-                for &(vertex, length) in lengths[target as usize].iter().filter(|_| weight > 0.0) {
-                    moved[vertex] += weight * length;
-                    farthest = farthest.max(moved[vertex]);
-                }
-                self.errors[rank] = self.errors[rank].max(above(farthest));
-            }
-        }
-        Ok(self)
-    }
-
     /// Returns the targets, the most important first.
     pub fn order(&self) -> &[u32] {
         &self.order
@@ -180,8 +139,7 @@ impl Importance {
     }
 
     /// Returns how far a vertex may be off if only the first `kept` targets are applied, in input units: the largest Σ
-    /// |w_t · δ_t(v)| of any vertex v over the targets t that are dropped, for weights w from -1 to 1, or for those of
-    /// [`over`](Self::over). 0 if all are kept.
+    /// |w_t · δ_t(v)| of any vertex v over the targets t that are dropped, for weights w from -1 to 1. 0 if all are kept.
     pub fn error_of_keeping(&self, kept: usize) -> f32 {
         self.errors.get(kept).copied().unwrap_or(0.0)
     }

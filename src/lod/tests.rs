@@ -129,27 +129,6 @@ fn factors_fade_the_last_target_and_leave_whole_weights_alone() {
     assert!((pixels_per_unit(1000.0, std::f32::consts::FRAC_PI_2, 4.0) - 125.0).abs() < 1e-3);
 }
 
-/// Of known weights: never more than of any up to 1, and never less than what is lost.
-#[test]
-fn errors_over_frames_are_bounds_of_these_frames() {
-    let mesh = mesh();
-    let packed = PackedMesh::pack(&mesh, &PackDesc::new(DeltaFormat::BlockFloat32)).unwrap();
-    let any = Importance::of_packed(&packed, &[]).unwrap();
-    let frames: Vec<Vec<f32>> =
-        (0..6).map(|f| (0..9).map(|t| ((t * 5 + f * 3) % 7) as f32 / 7.0 - 0.4).collect()).collect();
-    let these = any.clone().over(&packed, frames.clone()).unwrap();
-    assert_eq!(any.clone().over(&packed, [vec![-1.0; 9]]).unwrap(), any);
-    for kept in 0..=9 {
-        let most = f64::from(these.error_of_keeping(kept));
-        let lost = |frame: &Vec<f32>| distance(&mesh, frame, &at_level(&these, kept as f32, frame));
-        let lost = frames.iter().map(lost).fold(0.0, f64::max);
-        assert!(lost <= most && most <= f64::from(any.error_of_keeping(kept)), "{kept} kept: {lost}, {most}");
-        assert!(most < 3.0 * lost + 1e-9, "{kept} kept: no vertex is off by a third of {most}");
-    }
-    let text = any.over(&packed, [vec![0.0; 8]]).unwrap_err().to_string();
-    assert!(text.contains("weights of 8 targets, but 9 are ranked"), "{text}");
-}
-
 #[test]
 fn what_cannot_be_ranked_is_refused() {
     let mesh = mesh();

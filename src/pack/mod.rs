@@ -107,8 +107,9 @@ impl PackedMesh {
     /// Packs `mesh`.
     ///
     /// # Errors
-    /// More than 65,536 targets; streams of the wrong length; faces that name vertices that there are not. Dense formats: `desc.max_chunk_bytes` does not fit all
-    /// targets of 64 vertices. Block formats: invalid values of [`BlockDesc`].
+    /// More than 65,536 targets; streams of the wrong length; faces that name vertices that there are not. Dense
+    /// formats: `desc.max_chunk_bytes` does not fit all targets of 64 vertices. Block formats: invalid values of
+    /// [`BlockDesc`].
     pub fn pack(mesh: &MorphMesh, desc: &PackDesc) -> Result<Self> {
         if mesh.targets.len() > TARGETS_MAX {
             return Err(Error::invalid(
@@ -184,11 +185,6 @@ impl PackedMesh {
     /// [`PackedGroup::base`] of the first group.
     pub fn base(&self) -> &[f32] {
         self.surface().base()
-    }
-
-    /// [`PackedGroup::deltas`] of the first group.
-    pub fn deltas(&self) -> &[u32] {
-        self.surface().deltas()
     }
 
     /// [`PackedGroup::for_each_delta`] of the first group.

@@ -47,7 +47,10 @@ fn every_group_decodes_to_what_was_packed_within_the_error_measured_in_every_for
         let packed = PackedMesh::pack(&mesh, &PackDesc::new(format)).unwrap();
         assert_eq!(packed.groups().len(), 3);
         // Positions and normals are packed as without other streams.
-        assert_eq!(packed.deltas(), PackedMesh::pack(&alone, &PackDesc::new(format)).unwrap().deltas());
+        assert_eq!(
+            packed.surface().deltas(),
+            PackedMesh::pack(&alone, &PackDesc::new(format)).unwrap().surface().deltas()
+        );
         let measured = packed.measure_error(&mesh);
         let exact = matches!(format, DeltaFormat::Float32 | DeltaFormat::BlockFloat32);
         assert_eq!(exact, measured.absolute == 0.0 && measured.position == 0.0, "{format:?}: {measured:?}");

@@ -24,8 +24,8 @@ const STREAMS_MAX: usize = 16;
 ///
 /// A stream has as many consecutive numbers as [components](Semantic::components), each in the crowd's [`PoseFormat`].
 /// Streams that are not listed and bytes between streams are never written. Positions are required. With `fixed16`, a
-/// stream includes all six components of its group ([`PackedGroup`](crate::packed::PackedGroup), such as position and normal),
-/// which stay together: 12 bytes from the first stream on.
+/// stream includes all six components of its group ([`PackedGroup`](crate::packed::PackedGroup), such as position and
+/// normal), which stay together: 12 bytes from the first stream on.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct VertexLayout {
     stride: u32,

@@ -52,7 +52,8 @@ impl WeightBounds {
     /// # Errors
     /// Errors of [`UpdateDesc::grid`].
     pub fn new(mesh: &PackedMesh, update: &UpdateDesc) -> Result<Self> {
-        let (layout, base) = (mesh.layout(), mesh.base());
+        let layout = mesh.layout();
+        let base = mesh.base();
         let count = layout.padded_vertices().div_ceil(GROUP);
         let mut places = vec![0; layout.vertex_count];
         let mut sizes = vec![0u32; count];
@@ -122,7 +123,8 @@ impl WeightBounds {
                 let mut most: f64 = 0.0;
                 for axis in 0..3 {
                     // Products of two float32 are exact.
-                    let (a, b) = (weight * f64::from(reach.low[axis]), weight * f64::from(reach.high[axis]));
+                    let a = weight * f64::from(reach.low[axis]);
+                    let b = weight * f64::from(reach.high[axis]);
                     low[axis] += a.min(b);
                     high[axis] += a.max(b);
                     most = most.max(a.abs()).max(b.abs());

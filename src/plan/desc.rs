@@ -9,7 +9,7 @@ use crate::setters::setters;
 impl UpdatePath {
     /// The mode of [`UpdateDesc::new`]: incremental, if the path supports it.
     pub const fn default_mode(self) -> UpdateMode {
-        if self.rebuilds_only() { UpdateMode::Rebuild } else { UpdateMode::Incremental }
+        if self.row().rebuilds_only { UpdateMode::Rebuild } else { UpdateMode::Incremental }
     }
 }
 
@@ -110,7 +110,8 @@ impl UpdateDesc {
     /// Incremental updates (rebuilds, if the path has no others) of float32 poses in two slots, with a tolerance of
     /// 1e-5.
     pub const fn new(path: UpdatePath, batch: BatchSize) -> Self {
-        let (mode, pose) = (path.default_mode(), PoseFormat::Float32);
+        let mode = path.default_mode();
+        let pose = PoseFormat::Float32;
         Self { path, batch, mode, slots: 2, pose, tolerance: 1e-5, weight_max: None, error_budget: 0.0 }
     }
 

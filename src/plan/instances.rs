@@ -1,12 +1,13 @@
 //! The instances of a crowd: presence, requested weights and pose slots.
 
 use crate::error::{Error, Result};
-use crate::pack::PackedLayout;
 use crate::pack::blocks::PoseGrid;
+use crate::pack::{PackedLayout, PackedTarget};
 use crate::plan::earlier::Earlier;
-use crate::weights::delta;
-use crate::weights::names::unknown;
 use std::ops::Range;
+
+/// Largest absolute weight. Beyond it a float32 pose has no digits left for the base.
+const WEIGHT_MAX: f32 = 1e6;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Presence {
@@ -202,7 +203,8 @@ pub struct History {
 impl History {
     /// No pose yet. `unfinished`: how many updates may be in flight, and so be discarded.
     pub fn new(slots: u32, unfinished: u32) -> Self {
-        let (current, earlier) = (slots - 1, Earlier::new(unfinished));
+        let current = slots - 1;
+        let earlier = Earlier::new(unfinished);
         Self { slots, current, earlier, previous: None, written_by: 0, cut: false, stayed_after_cut: 0 }
     }
 
@@ -232,7 +234,8 @@ impl History {
 
     /// Update `update` writes the slots `written`; the last one holds the pose.
     pub fn advance(&mut self, update: u64, written: impl IntoIterator<Item = u32>) {
-        let (known, cut) = (self.current(), std::mem::take(&mut self.cut));
+        let known = self.current();
+        let cut = std::mem::take(&mut self.cut);
         self.earlier.push(update, self.current);
         let mut overwritten = false;
         for slot in written {
@@ -271,50 +274,36 @@ impl History {
     }
 }
 
-/// Checks weights: their number, [`delta::check_weights`], and the grid of fixed-point poses.
+/// Checks weights: one per target, each within the limits of [`check_weight`].
 ///
 /// # Errors
 /// A wrong number of weights, or one out of range; the message names it.
 pub(crate) fn check_weights(weights: &[f32], layout: &PackedLayout, grid: Option<PoseGrid>) -> Result<()> {
-    delta::check_weights(weights, |i| name(layout, i), layout.targets.len())?;
-    weights.iter().enumerate().try_for_each(|(target, &weight)| check_grid(target, weight, layout, grid))
+    if weights.len() != layout.targets.len() {
+        return Err(Error::invalid(
+            format!("{} weights given, but the mesh has {} targets", weights.len(), layout.targets.len()),
+            "pass one weight for each target, in the order of the mesh",
+        ));
+    }
+    weights.iter().enumerate().try_for_each(|(target, &weight)| check_weight(target, weight, layout, grid))
 }
 
-/// Checks the weight of one target, like [`check_weights`].
+/// Checks the weight of one target: finite, within ±[`WEIGHT_MAX`] and the grid of fixed-point poses.
 ///
 /// # Errors
 /// No such target, or a weight out of range.
 pub(crate) fn check_weight(target: usize, weight: f32, layout: &PackedLayout, grid: Option<PoseGrid>) -> Result<()> {
-    if target >= layout.targets.len() {
+    let Some(PackedTarget { name, .. }) = layout.targets.get(target) else {
         let text = format!("target {target} of mesh '{}', which has {}", layout.name, layout.targets.len());
         return Err(Error::invalid(text, "count targets from 0"));
-    }
-    delta::check_weight(target, weight, |i| name(layout, i))?;
-    check_grid(target, weight, layout, grid)
-}
-
-/// Index of the first target called `name`.
-///
-/// # Errors
-/// No such target; the message suggests the closest name.
-pub(crate) fn target_named(name: &str, layout: &PackedLayout) -> Result<usize> {
-    layout.target_index(name).ok_or_else(|| {
-        let names: Vec<&str> = layout.targets.iter().map(|target| &*target.name).collect();
-        unknown(format!("mesh '{}' has no target '{name}'", layout.name), name, &names)
-    })
-}
-
-fn name(layout: &PackedLayout, target: usize) -> Option<&str> {
-    layout.targets.get(target).map(|target| target.name.as_str())
-}
-
-fn check_grid(target: usize, weight: f32, layout: &PackedLayout, grid: Option<PoseGrid>) -> Result<()> {
-    let most = grid.map_or(delta::WEIGHT_MAX, |grid| grid.weight_max);
+    };
+    let most = grid.map_or(WEIGHT_MAX, |grid| grid.weight_max);
     if weight.abs() <= most {
         return Ok(());
     }
-    Err(Error::invalid(
-        format!("the weight of target {target} ('{}') is {weight}", name(layout, target).unwrap_or("?")),
-        format!("fixed-point poses hold weights from -{most} to {most} here: use a larger weight_max"),
-    ))
+    let remedy = match grid {
+        None => format!("weights may be negative or above one, but must be numbers from -{most} to {most}"),
+        Some(_) => format!("fixed-point poses hold weights from -{most} to {most} here: use a larger weight_max"),
+    };
+    Err(Error::invalid(format!("the weight of target {target} ('{name}') is {weight}"), remedy))
 }

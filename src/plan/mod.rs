@@ -1,13 +1,15 @@
 //! Planning, shared by all techniques: descriptions, instances, steps, barriers and statistics.
 //!
-//! Pure data, no Vulkan. A [technique](crate::update) turns requested weights into [`steps`]; [`schedule`] derives the
-//! barriers. The hazard checker ([`hazards`]) then proves that every access is ordered.
+//! Pure data, no Vulkan calls. A [technique](crate::update) turns requested weights into [`steps`]; [`schedule`] derives the
+//! barriers. The hazard checker of the tests (tests/common/hazards.rs) proves that every access is ordered.
 
 pub mod after;
 pub mod bounds;
 mod desc;
 pub(crate) mod earlier;
-pub mod hazards;
+#[cfg(test)]
+#[path = "../../tests/common/hazards.rs"]
+pub(crate) mod hazards;
 pub mod instances;
 pub(crate) mod paths;
 pub mod schedule;

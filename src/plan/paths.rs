@@ -42,7 +42,8 @@ pub(crate) struct PathRow {
     pub(crate) takes_groups: bool,
     /// Uploads meshes in an encoding of its own.
     pub(crate) has_own_upload: bool,
-    rebuilds_only: bool,
+    /// Evaluates each pose from base: [`UpdateMode::Incremental`](super::UpdateMode) is not supported.
+    pub(crate) rebuilds_only: bool,
     evaluates_in_draws: bool,
 }
 
@@ -185,11 +186,6 @@ impl UpdatePath {
     /// Whether an update draws, so that its queue needs graphics.
     pub(crate) const fn draws_updates(self) -> bool {
         !self.works_in_place() || matches!(self.row().needs, Needs::FloatBlending)
-    }
-
-    /// Whether [`UpdateMode::Incremental`](super::UpdateMode) is unsupported: each pose is evaluated from base.
-    pub(crate) const fn rebuilds_only(self) -> bool {
-        self.row().rebuilds_only
     }
 
     /// Whether every draw evaluates the pose, without pose buffers.

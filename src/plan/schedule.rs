@@ -6,7 +6,7 @@
 use super::steps::{Resource, Scope, Steps, Use, Work};
 
 /// The bits of a stage set.
-const STAGES: usize = u16::BITS as usize;
+const STAGES: usize = u32::BITS as usize;
 
 /// A global memory barrier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,8 +28,8 @@ impl Barrier {
 
 /// The barrier after an upload: any technique or draw may read base pose and deltas. All stages, so that any queue
 /// supports it.
-pub fn asset_uploaded() -> Option<Barrier> {
-    Some(Barrier { before: Use::copy(Resource::Asset).scope(), after: Scope::ANYTHING })
+pub fn asset_uploaded() -> Barrier {
+    Barrier { before: Use::copy(Resource::Asset).scope(), after: Scope::ANYTHING }
 }
 
 /// A recorded command.
@@ -107,11 +107,11 @@ impl Schedule {
 struct Memory {
     write: Scope,
     /// By stage: accesses to which the last write is visible.
-    seen: [u8; STAGES],
+    seen: [u32; STAGES],
     /// Stages that have read since the last write, or in its step.
-    reads: u16,
+    reads: u32,
     /// By reading stage: stages ordered after it.
-    ordered: [u16; STAGES],
+    ordered: [u32; STAGES],
 }
 
 #[derive(Clone, Debug, Default)]
@@ -119,8 +119,13 @@ struct Tracker {
     memory: [Memory; Resource::COUNT],
 }
 
-fn bits(set: u16) -> impl Iterator<Item = usize> {
-    (0..STAGES).filter(move |stage| set >> stage & 1 != 0)
+/// The places of the bits of a set.
+fn bits(mut set: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lowest = set.trailing_zeros();
+        set &= set.wrapping_sub(1);
+        (lowest < u32::BITS).then_some(lowest as usize)
+    })
 }
 
 impl Tracker {
@@ -129,10 +134,10 @@ impl Tracker {
         let (mut before, mut after) = (Scope::default(), Scope::default());
         for u in uses {
             let memory = &self.memory[u.memory as usize];
-            let unseen = memory.write.stages != 0 && memory.seen[u.stage.index()] & u.access as u8 == 0;
+            let unseen = memory.write.stages != 0 && memory.seen[u.stage.index()] & u.access as u32 == 0;
             let mut running = 0;
             if u.access.writes() {
-                let unordered = bits(memory.reads).filter(|read| memory.ordered[*read] & u.stage as u16 == 0);
+                let unordered = bits(memory.reads).filter(|read| memory.ordered[*read] & u.stage as u32 == 0);
                 running = unordered.fold(0, |set, read| set | 1 << read);
             }
             if running == 0 && !unseen {
@@ -174,7 +179,7 @@ impl Tracker {
             if u.access.writes() {
                 memory.write = memory.write | u.scope();
             } else {
-                memory.reads |= u.stage as u16;
+                memory.reads |= u.stage as u32;
                 memory.ordered[u.stage.index()] = 0;
             }
         }

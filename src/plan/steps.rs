@@ -9,64 +9,65 @@
 
 use super::after::Kind;
 use crate::abi::steps::after_steps;
+use ash::vk::{AccessFlags as A, PipelineStageFlags as S};
 use std::ops::{BitOr, Range};
 
-/// A pipeline stage, as a bit of [`Scope::stages`].
+/// A pipeline stage, as Vulkan's bit of [`Scope::stages`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u16)]
+#[repr(u32)]
 pub enum Stage {
     /// Copies.
-    Transfer = 1,
+    Transfer = S::TRANSFER.as_raw(),
     /// Vertex-attribute fetch.
-    VertexInput = 2,
+    VertexInput = S::VERTEX_INPUT.as_raw(),
     /// Vertex shaders.
-    VertexShader = 4,
+    VertexShader = S::VERTEX_SHADER.as_raw(),
     /// Transform-feedback writes.
-    TransformFeedback = 8,
+    TransformFeedback = S::TRANSFORM_FEEDBACK_EXT.as_raw(),
     /// Compute shaders.
-    Compute = 16,
+    Compute = S::COMPUTE_SHADER.as_raw(),
     /// Arguments of indirect dispatches.
-    Indirect = 32,
+    Indirect = S::DRAW_INDIRECT.as_raw(),
     /// Builds of acceleration structures.
-    AccelerationStructureBuild = 64,
+    AccelerationStructureBuild = S::ACCELERATION_STRUCTURE_BUILD_KHR.as_raw(),
     /// Task shaders.
-    TaskShader = 128,
+    TaskShader = S::TASK_SHADER_EXT.as_raw(),
     /// Mesh shaders.
-    MeshShader = 256,
+    MeshShader = S::MESH_SHADER_EXT.as_raw(),
     /// Fragment shaders.
-    FragmentShader = 512,
+    FragmentShader = S::FRAGMENT_SHADER.as_raw(),
     /// Ray-tracing shaders.
-    RayTracingShader = 1024,
+    RayTracingShader = S::RAY_TRACING_SHADER_KHR.as_raw(),
     /// Colour attachment blending and writes.
-    ColourOutput = 2048,
+    ColourOutput = S::COLOR_ATTACHMENT_OUTPUT.as_raw(),
 }
 
 impl Stage {
     pub(super) const fn index(self) -> usize {
-        (self as u16).trailing_zeros() as usize
+        (self as u32).trailing_zeros() as usize
     }
 }
 
-/// A kind of memory access, as a bit of [`Scope::accesses`].
+/// A kind of memory access, as Vulkan's bits of [`Scope::accesses`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u8)]
+#[repr(u32)]
 pub enum Access {
     /// A copy writes.
-    TransferWrite = 1,
+    TransferWrite = A::TRANSFER_WRITE.as_raw(),
     /// Vertex attributes are fetched.
-    AttributeRead = 2,
+    AttributeRead = A::VERTEX_ATTRIBUTE_READ.as_raw(),
     /// A shader reads a storage or texel buffer.
-    ShaderRead = 4,
+    ShaderRead = A::SHADER_READ.as_raw(),
     /// A shader writes a storage buffer.
-    ShaderWrite = 8,
+    ShaderWrite = A::SHADER_WRITE.as_raw(),
     /// Transform feedback writes.
-    FeedbackWrite = 16,
+    FeedbackWrite = A::TRANSFORM_FEEDBACK_WRITE_EXT.as_raw(),
     /// Arguments of an indirect dispatch are read.
-    IndirectRead = 32,
+    IndirectRead = A::INDIRECT_COMMAND_READ.as_raw(),
     /// A copy reads.
-    TransferRead = 64,
+    TransferRead = A::TRANSFER_READ.as_raw(),
     /// Blending reads and writes.
-    Blend = 128,
+    Blend = A::COLOR_ATTACHMENT_READ.as_raw() | A::COLOR_ATTACHMENT_WRITE.as_raw(),
 }
 
 impl Access {
@@ -80,24 +81,14 @@ impl Access {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Scope {
     /// Bits of [`Stage`].
-    pub stages: u16,
+    pub stages: u32,
     /// Bits of [`Access`].
-    pub accesses: u8,
+    pub accesses: u32,
 }
 
 impl Scope {
     /// All stages and accesses.
-    pub const ANYTHING: Self = Self { stages: u16::MAX, accesses: u8::MAX };
-
-    /// Whether `stage` is among the stages.
-    pub const fn has_stage(self, stage: Stage) -> bool {
-        self.stages & stage as u16 != 0
-    }
-
-    /// Whether `access` is among the accesses.
-    pub const fn has_access(self, access: Access) -> bool {
-        self.accesses & access as u8 != 0
-    }
+    pub const ANYTHING: Self = Self { stages: u32::MAX, accesses: u32::MAX };
 
     pub(super) const fn contains(self, other: Self) -> bool {
         other.stages & !self.stages == 0 && other.accesses & !self.accesses == 0
@@ -183,7 +174,7 @@ impl<M> Use<M> {
     }
 
     pub(crate) const fn scope(&self) -> Scope {
-        Scope { stages: self.stage as u16, accesses: self.access as u8 }
+        Scope { stages: self.stage as u32, accesses: self.access as u32 }
     }
 }
 
@@ -197,7 +188,10 @@ pub struct Consumers(u8);
 
 /// Each consumer: documentation, name, bit, whether it needs a graphics queue, and its stages and accesses.
 macro_rules! consumers {
-    ($($(#[doc = $doc:literal])* $name:ident $bit:literal, graphics: $graphics:literal, $([$stage:ident $access:ident])*;)*) => {
+    ($(
+        $(#[doc = $doc:literal])*
+        $name:ident $bit:literal, graphics: $graphics:literal, $([$stage:ident $access:ident])*;
+    )*) => {
         impl Consumers {
             $($(#[doc = $doc])* pub const $name: Self = Self($bit);)*
 

@@ -18,7 +18,9 @@ pub(crate) enum Event {
 pub(crate) fn events(targets: usize) -> impl Strategy<Value = Vec<Event>> {
     let weights = proptest::collection::vec((-2i8..5).prop_map(|w| f32::from(w) * 0.25), targets);
     let event = prop_oneof![
-        8 => proptest::option::weighted(0.75, weights).prop_map(Event::Update), 1 => (0u64..4).prop_map(Event::DiscardLast), 1 => Just(Event::Cut)
+        8 => proptest::option::weighted(0.75, weights).prop_map(Event::Update),
+        1 => (0u64..4).prop_map(Event::DiscardLast),
+        1 => Just(Event::Cut),
     ];
     proptest::collection::vec(event, 1..30)
 }
@@ -99,24 +101,24 @@ fn several_crowds_have_common_rounds_and_barriers() {
 #[test]
 fn barriers_name_the_consumers() {
     for (consumers, stages) in [
-        (Consumers::VERTEX_ATTRIBUTES, Stage::VertexInput as u16),
-        (Consumers::COMPUTE_SHADERS, Stage::Compute as u16),
-        (Consumers::VERTEX_SHADERS | Consumers::COPIES, Stage::VertexShader as u16 | Stage::Transfer as u16),
-        (Consumers::FRAGMENT_SHADERS, Stage::FragmentShader as u16),
-        (Consumers::MESH_SHADERS, Stage::TaskShader as u16 | Stage::MeshShader as u16),
-        (Consumers::RAY_TRACING_SHADERS, Stage::RayTracingShader as u16),
-        (Consumers::ACCELERATION_STRUCTURES, Stage::AccelerationStructureBuild as u16),
-        ((Consumers::default() | Consumers::COPIES).of_queue(false), Stage::Transfer as u16),
-        ((Consumers::MESH_SHADERS | Consumers::RAY_TRACING_SHADERS).of_queue(false), Stage::RayTracingShader as u16),
-        (Consumers::default().of_queue(true), Stage::VertexShader as u16 | Stage::VertexInput as u16),
+        (Consumers::VERTEX_ATTRIBUTES, Stage::VertexInput as u32),
+        (Consumers::COMPUTE_SHADERS, Stage::Compute as u32),
+        (Consumers::VERTEX_SHADERS | Consumers::COPIES, Stage::VertexShader as u32 | Stage::Transfer as u32),
+        (Consumers::FRAGMENT_SHADERS, Stage::FragmentShader as u32),
+        (Consumers::MESH_SHADERS, Stage::TaskShader as u32 | Stage::MeshShader as u32),
+        (Consumers::RAY_TRACING_SHADERS, Stage::RayTracingShader as u32),
+        (Consumers::ACCELERATION_STRUCTURES, Stage::AccelerationStructureBuild as u32),
+        ((Consumers::default() | Consumers::COPIES).of_queue(false), Stage::Transfer as u32),
+        ((Consumers::MESH_SHADERS | Consumers::RAY_TRACING_SHADERS).of_queue(false), Stage::RayTracingShader as u32),
+        (Consumers::default().of_queue(true), Stage::VertexShader as u32 | Stage::VertexInput as u32),
     ] {
         let mut steps = Steps::new(consumers);
         steps.step(PASS);
         steps.push(Work::default());
         let events = scheduled(&[&steps], |_, _| vec![]);
         let [Recorded::Barrier(before), _, Recorded::Barrier(after)] = &events[..] else { panic!("{events:?}") };
-        assert_eq!(before.before.stages, stages | Stage::Compute as u16);
-        assert_eq!((after.before.stages, after.after.stages), (Stage::Compute as u16, stages));
+        assert_eq!(before.before.stages, stages | Stage::Compute as u32);
+        assert_eq!((after.before.stages, after.after.stages), (Stage::Compute as u32, stages));
     }
     // All consumers are on other queues: a semaphore makes poses visible, and the update waits only for earlier ones.
     assert_eq!((Consumers::default() | Consumers::FRAGMENT_SHADERS).of_queue(false), Consumers::NONE);
@@ -125,7 +127,7 @@ fn barriers_name_the_consumers() {
     steps.push(Work::default());
     let events = scheduled(&[&steps], |_, _| vec![]);
     let [Recorded::Barrier(before), Recorded::Step { .. }] = &events[..] else { panic!("{events:?}") };
-    assert_eq!((before.before.stages, before.after.stages), (Stage::Compute as u16, Stage::Compute as u16));
+    assert_eq!((before.before.stages, before.after.stages), (Stage::Compute as u32, Stage::Compute as u32));
 }
 
 /// Works of one step run concurrently: none may use what another writes.

@@ -22,8 +22,8 @@ pub(crate) enum Runner<'a> {
     /// [`CpuCrowd`](crate::cpu::CpuCrowd).
     Cpu,
     Device(&'a DeviceCaps),
-    /// A device, for a crowd animated on the GPU; `None`: its CPU reference.
-    Animated(Option<&'a DeviceCaps>),
+    /// A device, for a crowd animated on the GPU.
+    Animated(&'a DeviceCaps),
 }
 
 impl UpdateDesc {
@@ -34,7 +34,8 @@ impl UpdateDesc {
     /// that is negative, not finite or unsupported by the path; a pose format that the path does not support;
     /// incremental updates on a path that only rebuilds.
     pub fn check(&self) -> Result<()> {
-        let (path, name) = (self.path, self.path.name());
+        let path = self.path;
+        let name = self.path.name();
         let least = if path.works_in_place() { 1 } else { 2 };
         if self.slots < least || self.slots > 64 {
             let remedy = format!("use {least} to 64 slots (2 is ping-pong)");
@@ -52,7 +53,7 @@ impl UpdateDesc {
             let remedy = format!("use {} poses here, or the path {}", names.join(" or "), paths.join(" or "));
             return refuse(format!("{} poses with '{name}'", self.pose.name()), remedy);
         }
-        if path.rebuilds_only() && self.mode == UpdateMode::Incremental {
+        if path.row().rebuilds_only && self.mode == UpdateMode::Incremental {
             let remedy = "use the mode 'rebuild': this technique evaluates every pose from the base pose";
             return refuse(format!("incremental updates through '{name}'"), remedy);
         }
@@ -90,7 +91,7 @@ impl UpdateDesc {
     /// larger than a workgroup; properties that crowds animated on the GPU do not support.
     pub(crate) fn check_all(&self, layout: &PackedLayout, runner: Runner<'_>) -> Result<()> {
         // First, so that a missing path is reported before its details.
-        if let Runner::Device(caps) | Runner::Animated(Some(caps)) = runner {
+        if let Runner::Device(caps) | Runner::Animated(caps) = runner {
             caps.check_path(self.path)?;
         }
         self.check()?;
@@ -99,8 +100,8 @@ impl UpdateDesc {
                 let remedy = "use UpdatePath::Cpu here, or MorphEngine for the GPU paths";
                 return refuse(format!("update path '{}' for a CpuCrowd", self.path.name()), remedy);
             }
-            Runner::Device(caps) | Runner::Animated(Some(caps)) => self.check_on_device(layout, caps)?,
-            Runner::Unknown | Runner::Cpu | Runner::Animated(None) => {}
+            Runner::Device(caps) | Runner::Animated(caps) => self.check_on_device(layout, caps)?,
+            Runner::Unknown | Runner::Cpu => {}
         }
         if layout.blocks.is_none() {
             self.check_dense(layout.format.name())?;
@@ -123,10 +124,12 @@ impl UpdateDesc {
 
     /// Checks the delta format, block size and batch size against the path and the device.
     fn check_on_device(&self, layout: &PackedLayout, caps: &DeviceCaps) -> Result<()> {
-        let (path, device) = (self.path, &caps.name);
+        let path = self.path;
+        let device = &caps.name;
         path.check_format(layout.format)?;
         let what = path.with_deltas(layout.format);
-        let (size, most) = (layout.blocks.as_ref().map_or(0, |blocks| blocks.size()), caps.max_workgroup_invocations);
+        let size = layout.blocks.as_ref().map_or(0, |blocks| blocks.size());
+        let most = caps.max_workgroup_invocations;
         if path == UpdatePath::Blocks && size > most as usize {
             let remedy = format!("pack with blocks of at most {most} vertices");
             return refuse(format!("blocks of {size} vertices on {device}"), remedy);
@@ -141,7 +144,7 @@ impl UpdateDesc {
     }
 
     /// Checks the requirements of crowds animated on the GPU. Float32 sums drift, and the GPU keeps no bound on it.
-    fn check_animated(&self, layout: &PackedLayout) -> Result<()> {
+    pub(super) fn check_animated(&self, layout: &PackedLayout) -> Result<()> {
         let refuse = |what: String, remedy: &str| refuse(format!("{what} in a crowd animated on the GPU"), remedy);
         let Some(index) = layout.blocks.as_ref().filter(|_| self.path == UpdatePath::Blocks) else {
             let what = format!("update path '{}' and {} deltas", self.path.name(), layout.format.name());
@@ -288,7 +291,8 @@ impl UpdatePath {
         if groups == 1 || self.row().takes_groups {
             return Ok(());
         }
-        let (path, mesh) = (self.name(), &layout.name);
+        let path = self.name();
+        let mesh = &layout.name;
         refuse(
             format!("update path '{path}' with mesh '{mesh}', which has more than positions and normals"),
             "use the path 'blocks', 'compute', 'feedback' or 'cpu', or leave the other streams out of the mesh",

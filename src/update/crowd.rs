@@ -12,8 +12,8 @@ use ash::vk;
 #[non_exhaustive]
 pub struct CrowdDesc {
     /// Number of instances (≥ 1), each with its own weights and poses. It is fixed: make as many as are needed at most,
-    /// and [remove](crate::Crowd::remove) or [hide](crate::Crowd::set_hidden) the rest, which updates leave out; or make
-    /// a second crowd of the same mesh later.
+    /// and [remove](crate::Crowd::remove) or [hide](crate::Crowd::set_hidden) the rest, which updates leave out; or
+    /// make a second crowd of the same mesh later.
     pub instances: u32,
     /// How poses are updated.
     pub update: UpdateDesc,
@@ -139,7 +139,8 @@ impl CrowdDesc {
 /// incremental update reads poses that earlier draws read, updates and draws then alternate.
 ///
 /// ```no_run
-/// # use deltamorph::{ash::vk, CrowdDesc, GpuMesh, HostPoses, MorphEngine, PackedMesh, Semantic, UpdateDesc, VertexLayout};
+/// # use deltamorph::{ash::vk, CrowdDesc, GpuMesh, HostPoses, MorphEngine, PackedMesh, Semantic, UpdateDesc};
+/// # use deltamorph::VertexLayout;
 /// # fn make(engine: &MorphEngine, packed: &PackedMesh, mesh: &GpuMesh, create: impl Fn(u64) -> vk::Buffer)
 /// # -> deltamorph::Result<()> {
 /// // Position, normal, tangent (left alone), texture coordinates (left alone).

@@ -10,7 +10,6 @@ use crate::gpu::pipelines::Kernels;
 use crate::pack::blocks::PoseGrid;
 use crate::pack::vertex::{PlaceConstants, Places};
 use crate::pack::{PackedLayout, PackedMesh, PoseFormat};
-use crate::plan::hazards::Accesses;
 use crate::plan::instances::{InstanceState, Instances};
 use crate::plan::steps::{Steps, Work};
 use crate::plan::{UpdatePath, UpdateStats};
@@ -69,9 +68,6 @@ pub trait Technique: Any + Send + Sync {
     fn sums(&self, _instance: u32) -> Option<(vk::Buffer, u64)> {
         None
     }
-
-    /// Reads and writes of the works of a step, for the hazard checker; see [`trace`](crate::plan::hazards::trace).
-    fn accesses(&self, works: &[Work]) -> Vec<Accesses>;
 }
 
 /// Draws that evaluate poses.
@@ -176,8 +172,7 @@ impl Poses {
     }
 
     pub(crate) fn range(&self, first: u32, count: u32) -> BufferRange {
-        let (offset, size) = (self.offset(first, 0) - self.lead, self.range_bytes(count));
-        BufferRange { buffer: self.buffer, offset, size }
+        BufferRange::new(self.buffer, self.offset(first, 0) - self.lead, self.range_bytes(count))
     }
 
     pub(crate) fn numbers(&self) -> u32 {

@@ -147,13 +147,9 @@ impl BoundClip {
 
     fn weights(&self, frame: usize) -> Vec<f32> {
         let mut weights = vec![0.0; self.targets];
-        self.columns.iter().zip(self.row(frame)).for_each(|(&target, &weight)| weights[target] = weight);
+        let row = &self.values[frame * self.columns.len()..];
+        self.columns.iter().zip(row).for_each(|(&target, &weight)| weights[target] = weight);
         weights
-    }
-
-    /// The columns' weights in a frame.
-    fn row(&self, frame: usize) -> &[f32] {
-        &self.values[frame * self.columns.len()..][..self.columns.len()]
     }
 
     /// The weights of every frame, in order.

@@ -2,9 +2,10 @@
 //! those of float32 poses.
 
 use crate::offscreen::Offscreen;
+use crate::testing;
 use crate::{draw, gpu};
 use deltamorph::ash::vk;
-use deltamorph::{CrowdDesc, DeltaFormat, POSE_FLOATS, PoseFormat, Semantic, Tolerance, UpdateDesc, testing};
+use deltamorph::{CrowdDesc, DeltaFormat, POSE_FLOATS, PoseFormat, Semantic, Tolerance, UpdateDesc};
 use deltamorph_head::{HeadDesc, head};
 use deltamorph_headless::HeadlessCrowd;
 

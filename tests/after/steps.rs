@@ -2,13 +2,13 @@
 //! A step without a rig does not compile.
 
 use crate::gpu::{self, recorded};
+use crate::hazards::{Event, HazardChecker, Memory, barriers_needed};
 use crate::joints::{JOINTS, Joints, MIRRORED};
 use crate::offscreen::Offscreen;
 use crate::written::Written;
 use deltamorph::after::{GpuNormals, GpuSkin, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::vk;
 use deltamorph::internals::plan::after::Kind;
-use deltamorph::internals::plan::hazards::{Event, HazardChecker, Memory, barriers_needed};
 use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::reference::{self, compare};
 use deltamorph::{
@@ -555,7 +555,7 @@ fn skins_and_surfaces_that_do_not_fit_are_refused() {
             let desc = SkinDesc::new(per_vertex, count, &joints, weights);
             // SAFETY: it is refused, and nothing is recorded.
             let uploaded = headless.run(|cmd| unsafe { engine.upload_skin(cmd, &mesh, &desc) });
-            deltamorph::testing::says(uploaded, &[words]);
+            crate::testing::says(uploaded, &[words]);
         }
         let refused = |desc: NormalsDesc<'_>, words: &str| {
             // SAFETY: it is refused, and nothing is recorded.

@@ -2,9 +2,10 @@
 
 use crate::gpu;
 use crate::scene::{FIXED, Scene, blocks, clips, crowd, fixed, packed, packed_streams};
+use crate::testing;
 use deltamorph::{
     AnimationDesc, CrowdDesc, DeltaFormat, KeyFormat, PackDesc, PackedMesh, Playback, PoseFormat, Repeat, UpdateMode,
-    WeightClip, testing,
+    WeightClip,
 };
 use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::sync::Arc;

@@ -3,11 +3,11 @@
 
 use crate::gpu::{self, on_every_device};
 use crate::scene::{self, Scene};
+use crate::testing;
 use deltamorph::lod::{Importance, Level, LevelDesc};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
     AnimationDesc, BatchSize, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, Playback, UpdateDesc, UpdatePath,
-    testing,
 };
 use deltamorph_headless::HeadlessCrowd;
 use std::sync::Arc;

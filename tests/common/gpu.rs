@@ -1,6 +1,6 @@
 //! The real drivers that every GPU test runs on, with the validation layers on.
 
-use deltamorph::internals::plan::hazards::{Event, HazardChecker, Violation};
+use crate::hazards::{Event, HazardChecker, Violation, accesses, trace};
 use deltamorph::internals::plan::schedule::{Barrier, Entry, asset_uploaded};
 use deltamorph::packed::{PackedGroup, PoseGrid};
 use deltamorph::reference::{compare, evaluate_group};
@@ -278,8 +278,8 @@ pub fn recorded<C: AnyCrowd + 'static>(
     let mut list = vec![];
     // SAFETY: nothing is changed.
     let step = unsafe { HeadlessCrowd::step_tampered(from_mut(crowd), weights, |entries| list.clone_from(entries)) };
-    let (step, events) = step.expect("a step");
-    (step, list, events)
+    let events = trace(&list, |_, works| accesses(crowd.crowd().base(), works));
+    (step.expect("a step"), list, events)
 }
 
 /// Packs `mesh`, of 1000 vertices and 37 targets, for a device whose descriptors cover 128 vertices.

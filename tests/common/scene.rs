@@ -1,19 +1,22 @@
 //! A crowd animated on the GPU and its CPU reference: both get the same calls, and their plans are compared.
 
 use crate::gpu;
+use crate::planned::{PlannedGroup, read_plan};
+use crate::testing;
+use crate::twin::AnimatedReference;
 use deltamorph::internals::abi::worklist::{TILE, TILE_WORDS, row_words};
 use deltamorph::internals::plan::instances::InstanceState;
 use deltamorph::internals::plan::schedule::Entry;
-use deltamorph::internals::update::animated::{AnimatedReference, Playbacks};
+use deltamorph::internals::update::animated::Playbacks;
 use deltamorph::internals::update::blocks::WorkList;
 use deltamorph::packed::PoseGrid;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, BlockDesc, Clips, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, Playback,
-    PoseFormat, Tolerance, UpdateDesc, UpdateMode, UpdatePath, WeightClip, testing,
+    PoseFormat, Tolerance, UpdateDesc, UpdateMode, UpdatePath, WeightClip,
 };
 use deltamorph_head::{HeadDesc, head, head_clip};
-use deltamorph_headless::{Headless, HeadlessCrowd, PlannedGroup};
+use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -143,7 +146,7 @@ impl<'a> Scene<'a> {
             let weights = self.crowd.read_weights(instance).expect("weights");
             assert_eq!(weights, self.reference.weights(instance as usize), "weights of head {instance} at {seconds}");
         }
-        let plan = of_groups(&self.crowd.read_plan().expect("a plan"), self.desc.update.slots, self.widest, &self.mesh);
+        let plan = of_groups(&read_plan(&mut self.crowd), self.desc.update.slots, self.widest, &self.mesh);
         assert_eq!(plan, expected, "{:?} at {seconds}", self.desc);
         (plan, commands)
     }
@@ -166,7 +169,7 @@ impl<'a> Scene<'a> {
             expected = of_list(self.reference.update(&self.clips, &self.heads, update));
         }
         self.crowd.submit(recorded).expect("a submission");
-        let plan = of_groups(&self.crowd.read_plan().expect("a plan"), self.desc.update.slots, self.widest, &self.mesh);
+        let plan = of_groups(&read_plan(&mut self.crowd), self.desc.update.slots, self.widest, &self.mesh);
         assert_eq!(plan, expected, "{:?} at {seconds:?}", self.desc);
     }
 

@@ -2,7 +2,8 @@
 
 use crate::gpu::{self, drivers, on_device, packed};
 use crate::host::Host;
-use deltamorph::{BatchSize, CrowdDesc, DeltaFormat, DeviceDesc, MorphEngine, UpdateDesc, UpdatePath, testing};
+use crate::testing;
+use deltamorph::{BatchSize, CrowdDesc, DeltaFormat, DeviceDesc, MorphEngine, UpdateDesc, UpdatePath};
 use deltamorph_headless::Headless;
 use std::any::Any;
 use std::sync::Arc;

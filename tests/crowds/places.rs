@@ -2,8 +2,9 @@
 //! descriptor ranges.
 
 use crate::gpu::{self, on_every_device, update_descs};
+use crate::testing;
 use deltamorph::reference::compare;
-use deltamorph::{BatchSize, CrowdDesc, DeltaFormat, MorphEngine, PackedMesh, UpdateDesc, UpdatePath, testing};
+use deltamorph::{BatchSize, CrowdDesc, DeltaFormat, MorphEngine, PackedMesh, UpdateDesc, UpdatePath};
 use deltamorph_headless::{Headless, HeadlessCrowd, Step};
 
 const TARGETS: usize = 12;

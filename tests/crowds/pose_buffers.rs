@@ -2,13 +2,14 @@
 
 use crate::gpu::{self, on_device, on_every_device, weights};
 use crate::offscreen::Offscreen;
+use crate::testing;
 use deltamorph::ash::{self, vk};
 use deltamorph::gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use deltamorph::gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
 use deltamorph::memory::SharedAllocator;
 use deltamorph::{
     BatchSize, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, HostPoses, MorphEngine, MorphMesh, PackedMesh,
-    PoseFormat, Semantic, UpdateDesc, UpdatePath, VertexLayout, testing,
+    PoseFormat, Semantic, UpdateDesc, UpdatePath, VertexLayout,
 };
 use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::sync::{Arc, Mutex};

@@ -1,7 +1,7 @@
 //! Weights one at a time and by name.
 
 use crate::gpu::{crowd, fixed, on_every_device, packed, weights};
-use deltamorph::testing::{self, says};
+use crate::testing::{self, says};
 use deltamorph::{BatchSize, CrowdDesc, DeltaFormat, UpdateDesc, UpdatePath};
 use deltamorph_headless::HeadlessCrowd;
 
@@ -20,14 +20,12 @@ fn weights_are_set_one_at_a_time_and_read_back() {
         one.set_weights(1, &asked).expect("weights");
         (asked[2], asked[4]) = (0.625, -0.5);
         one.set_weight(1, 2, 0.625).expect("a weight");
-        one.set_weight_by_name(1, &name(4), -0.5).expect("a weight");
+        one.set_weight(1, 4, -0.5).expect("a weight");
         for (weight, words) in [(f32::NAN, "is NaN"), (f32::INFINITY, "is inf"), (5.0, "use a larger weight_max")] {
             says(one.set_weight(1, 2, weight), &["the weight of target 2", words]);
-            says(one.set_weight_by_name(1, &name(2), weight), &[words]);
         }
         says(one.set_weight(1, 9, 0.0), &["target 9 of mesh", "which has 9; count targets from 0"]);
         says(one.set_weight(2, 0, 0.0), &["instance 2 of a crowd of 2"]);
-        says(one.set_weight_by_name(1, &name(3).to_uppercase(), 0.0), &["has no target", &name(3)]);
         says(one.weights(2), &["instance 2 of a crowd of 2"]);
         assert_eq!((one.weights(0).unwrap(), one.weights(1).unwrap()), (&[0.0; 9][..], &asked[..]));
         other.set_weights(1, &asked).expect("weights");

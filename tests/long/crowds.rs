@@ -2,15 +2,17 @@
 
 use super::Counts;
 use crate::gpu;
+use crate::testing;
+use crate::twin::AnimatedReference;
 use deltamorph::ash::vk;
 use deltamorph::internals::plan::instances::InstanceState;
-use deltamorph::internals::update::animated::{AnimatedReference, Playbacks};
+use deltamorph::internals::update::animated::Playbacks;
 use deltamorph::lod::Importance;
 use deltamorph::packed::PoseGrid;
 use deltamorph::reference::compare;
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, BlockDesc, Clips, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, GpuMesh, PackDesc,
-    PackedMesh, Playback, PoseView, Repeat, Result, UpdateDesc, UpdateMode, UpdatePath, WeightClip, testing,
+    PackedMesh, Playback, PoseView, Repeat, Result, UpdateDesc, UpdateMode, UpdatePath, WeightClip,
 };
 use deltamorph_head::Rng;
 use deltamorph_headless::Headless;

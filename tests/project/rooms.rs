@@ -16,7 +16,7 @@ const ROOMS: &[(&str, &str)] = &[
     ("abi", "error asset"),
     ("pack", "error setters math io asset abi"),
     ("lod", "error setters asset weights pack"),
-    ("plan", "error setters weights abi pack"),
+    ("plan", "error setters abi pack"),
     ("crowd", "error pack plan"),
     ("gpu", "error setters abi pack plan"),
     ("update", "error setters asset weights abi pack lod plan gpu"),

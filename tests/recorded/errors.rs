@@ -1,6 +1,7 @@
 //! Documented errors of the public API that no other test causes: messages name the problem and a remedy.
 
 use crate::gpu;
+use crate::testing;
 use deltamorph::after::{GpuNormals, GpuSkin, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::vk;
 use deltamorph::device::DeviceTuning;
@@ -10,7 +11,7 @@ use deltamorph::reference::{self, evaluate};
 use deltamorph::{
     Asset, BatchSize, CpuCrowd, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, GpuMesh, HostPoses,
     MorphEngine, MorphMesh, MorphSource, PackDesc, PackedMesh, PoseFormat, Result, Semantic, Tolerance, UpdateDesc,
-    UpdatePath, VertexLayout, WeightBounds, WeightClip, testing,
+    UpdatePath, VertexLayout, WeightBounds, WeightClip,
 };
 use deltamorph_headless::Headless;
 use std::sync::Arc;

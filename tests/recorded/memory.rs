@@ -1,10 +1,11 @@
 //! Memory of the engine, by what it is for, and from functions of the host's.
 
 use crate::gpu::{self, drivers, on_device, weights};
+use crate::testing;
 use deltamorph::ash::{self, vk};
 use deltamorph::memory::{HostMemory, MemoryRequest, MemorySource};
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::{Crowd, CrowdDesc, DeltaFormat, DeviceDesc, ErrorKind, MorphEngine, UpdateDesc, testing};
+use deltamorph::{Crowd, CrowdDesc, DeltaFormat, DeviceDesc, ErrorKind, MorphEngine, UpdateDesc};
 use deltamorph_headless::HeadlessCrowd;
 use std::ptr::null_mut;
 use std::sync::Arc;
@@ -27,8 +28,6 @@ fn memory_is_counted_by_what_it_is_for_and_given_back() {
             ] {
                 assert!((least..least + 65_536).contains(&used.bytes), "{what}: {used:?}, at least {least}");
                 assert!(used.allocations > 0, "{what}: {used:?}");
-                let json = format!(r#""{what}": {{"bytes": {}, "allocations": {}}}"#, used.bytes, used.allocations);
-                assert!(memory.to_string().contains(&json), "{memory}");
             }
             assert_eq!((memory.staging.bytes, memory.animation.bytes), (0, 0), "released, and not there");
             assert!(memory.allocated >= memory.meshes.bytes + memory.poses.bytes + memory.lists.bytes);

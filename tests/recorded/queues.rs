@@ -2,15 +2,17 @@
 //! here it is treated as one without graphics, and draws are separate submissions.
 
 use crate::gpu::{self, NORMAL, baseline, caps, drivers, is_kept, limited, on_device_within, weights};
+use crate::hazards::{Event, HazardChecker, accesses, trace};
 use crate::offscreen::{Offscreen, Shared};
+use crate::testing;
 use deltamorph::ash::{self, vk};
-use deltamorph::internals::plan::hazards::{Event, HazardChecker};
+use deltamorph::internals::plan::schedule::Entry;
 use deltamorph::internals::plan::schedule::asset_uploaded;
 use deltamorph::internals::plan::steps::Stage;
 use deltamorph::reference::compare;
 use deltamorph::{
     AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, GpuMesh, MorphEngine,
-    PackedMesh, Playback, PoseFormat, PoseView, UpdateDesc, UpdatePath, WeightClip, testing,
+    PackedMesh, Playback, PoseFormat, PoseView, UpdateDesc, UpdatePath, WeightClip,
 };
 use deltamorph_headless::Headless;
 
@@ -30,7 +32,7 @@ fn on_queues_with(flags: vk::QueueFlags, test: impl Fn(&Headless, &MorphEngine))
 
 /// Asserts that every barrier names only stages of compute-only queues.
 fn assert_no_graphics(events: &[Event], what: &str) {
-    let allowed = [Stage::Transfer, Stage::Compute, Stage::Indirect].iter().fold(0, |all, stage| all | *stage as u16);
+    let allowed = [Stage::Transfer, Stage::Compute, Stage::Indirect].iter().fold(0, |all, stage| all | *stage as u32);
     for event in events {
         if let Event::Barrier(barrier) = event {
             assert_eq!((barrier.before.stages | barrier.after.stages) & !allowed, 0, "{what}: {barrier:?}");
@@ -129,11 +131,14 @@ fn frames(
     let (mut frames, mut draws): (Vec<Frame>, Vec<vk::CommandBuffer>) = (vec![], vec![]);
     for (n, asked) in asked.iter().enumerate() {
         asked.iter().zip(0..).for_each(|(weights, i)| crowd.set_weights(i, weights).expect("weights"));
-        let (update, (_, events)) = queues.record(|cmd| {
+        let mut list = vec![];
+        let (update, _) = queues.record(|cmd| {
+            let keep = |entries: &mut Vec<Entry>| list.clone_from(entries);
             // SAFETY: the buffer is recording, and runs once and in order; nothing is changed; crowd and engine outlive
             // it.
-            unsafe { engine.record_tampered(cmd, &mut [crowd as &mut dyn AnyCrowd], |_| {}) }.expect("an update")
+            unsafe { engine.record_tampered(cmd, &mut [crowd as &mut dyn AnyCrowd], keep) }.expect("an update")
         });
+        let events = trace(&list, |_, works| accesses(crowd, works));
         // Draws are submitted as late as possible.
         let wait = n.checked_sub(behind).map(|before| {
             queues.draw(before, draws[before]);
@@ -275,11 +280,17 @@ fn what_follows_and_what_is_animated_names_no_graphics() {
         for frame in 0..4 {
             animated.set_time(f64::from(frame) / 30.0).expect("a time");
             crowd.set_weights(0, &weights(&mesh, frame, 1)).expect("weights");
+            let mut list = vec![];
             let recorded = headless.run(|cmd| {
+                let keep = |entries: &mut Vec<Entry>| list.clone_from(entries);
                 // SAFETY: as above; nothing is changed.
-                unsafe { engine.record_tampered(cmd, &mut [&mut crowd, &mut animated], |_| {}) }
+                unsafe { engine.record_tampered(cmd, &mut [&mut crowd, &mut animated], keep) }
             });
-            let (_, events) = recorded.expect("updates");
+            recorded.expect("updates");
+            let events = trace(&list, |number, works| match number {
+                0 => accesses(&crowd, works),
+                _ => accesses(&animated, works),
+            });
             assert!(events.len() > 4);
             assert_no_graphics(&events, "both kinds of crowds");
             // This queue has no readers: no barrier follows the last step.

@@ -3,9 +3,10 @@
 
 use crate::gpu::{self, drivers, on_device};
 use crate::offscreen::Offscreen;
+use crate::testing;
 use deltamorph::after::{GpuSkin, SkinDesc, SkinTarget};
 use deltamorph::ash::vk;
-use deltamorph::{AnimatedCrowd, AnimationDesc, CrowdDesc, DeltaFormat, PackedMesh, Playback, WeightClip, testing};
+use deltamorph::{AnimatedCrowd, AnimationDesc, CrowdDesc, DeltaFormat, PackedMesh, Playback, WeightClip};
 use deltamorph_head::Rng;
 use deltamorph_headless::{Headless, HeadlessCrowd};
 

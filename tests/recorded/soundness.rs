@@ -1,8 +1,9 @@
 //! Safe code without undefined behaviour: threads, tickets, recorded updates, failing steps, and memory limits.
 
 use crate::gpu::{self, drivers, on_every_device};
+use crate::testing;
 use deltamorph::reference::evaluate_unpacked;
-use deltamorph::{DeltaFormat, PackDesc, PackedMesh, UpdateDesc, testing};
+use deltamorph::{DeltaFormat, PackDesc, PackedMesh, UpdateDesc};
 use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::slice::from_mut;
 

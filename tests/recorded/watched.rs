@@ -3,10 +3,11 @@
 
 use crate::gpu::{self, drivers, on_device, single, update_descs};
 use crate::offscreen::Offscreen;
+use crate::testing;
 use deltamorph::ash::{self, vk};
 use deltamorph::{
     AnimationDesc, AnyCrowd, BatchSize, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCrowd, DeviceDesc, MorphEngine,
-    Playback, UpdateDesc, UpdatePath, WeightClip, testing,
+    Playback, UpdateDesc, UpdatePath, WeightClip,
 };
 use deltamorph_headless::Headless;
 use std::cell::{Cell, RefCell};

@@ -2,12 +2,13 @@
 
 use super::table::{ROWS, for_every_update, variants};
 use crate::gpu::{self, hazards, packed, weights};
+use crate::hazards::Event;
+use crate::testing;
 use deltamorph::DeltaFormat::{Fast, Float32, Small};
 use deltamorph::internals::plan::Source;
-use deltamorph::internals::plan::hazards::Event;
 use deltamorph::internals::plan::schedule::{Barrier, Entry};
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::{DeltaFormat, UpdateDesc, UpdatePath, testing};
+use deltamorph::{DeltaFormat, UpdateDesc, UpdatePath};
 use deltamorph_headless::HeadlessCrowd;
 use std::slice::from_mut;
 

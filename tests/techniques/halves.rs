@@ -3,8 +3,9 @@
 use super::poses::check;
 use super::table::{can_read, history};
 use crate::gpu::{on_every_device, packed, single};
+use crate::testing;
 use deltamorph::mesh::{MorphTarget, StreamDeltas};
-use deltamorph::{BatchSize, DeltaFormat, MorphMesh, UpdateDesc, UpdatePath, testing};
+use deltamorph::{BatchSize, DeltaFormat, MorphMesh, UpdateDesc, UpdatePath};
 use deltamorph_headless::HeadlessCrowd;
 use glam::Vec3;
 

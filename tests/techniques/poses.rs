@@ -4,10 +4,11 @@
 use super::table::{can_read, for_every_update, history, keep_supported, updates, variants};
 use crate::data;
 use crate::gpu::{self, NORMAL, POSITION, in_eight_chunks, on_every_device, packed, weights};
+use crate::testing;
 use deltamorph::DeltaFormat::{Fast, Float32, Small, Snorm16};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
-    BatchSize, CpuCrowd, DeltaFormat, PackedMesh, PoseFormat, UpdateDesc, UpdateMode, UpdatePath, UpdateStats, testing,
+    BatchSize, CpuCrowd, DeltaFormat, PackedMesh, PoseFormat, UpdateDesc, UpdateMode, UpdatePath, UpdateStats,
 };
 use deltamorph_headless::{Headless, HeadlessCrowd, PoseUpload};
 use std::sync::Arc;

@@ -2,8 +2,9 @@
 
 use super::table::{can_read, for_every_update, keep_supported, variants};
 use crate::gpu::{self, assert_right};
+use crate::testing;
 use deltamorph::DeltaFormat::{Fast, Float32, Small, Snorm16};
-use deltamorph::{PackedMesh, UpdateDesc, UpdateMode, UpdateStats, testing};
+use deltamorph::{PackedMesh, UpdateDesc, UpdateMode, UpdateStats};
 use deltamorph_headless::{Headless, HeadlessCrowd};
 
 /// Runs `test` for every technique and batch size of every device, on fresh crowds that have shown two frames;

@@ -2,11 +2,12 @@
 
 use super::table::ROWS;
 use crate::gpu::{self, on_every_device, packed, single};
+use crate::testing;
+use crate::testing::says;
 use deltamorph::DeltaFormat::{Float32, Small};
-use deltamorph::testing::says;
 use deltamorph::{
     BatchSize, DeltaFormat, DeviceCaps, MorphEngine, PackDesc, PackedMesh, PoseFormat, UpdateDesc, UpdateMode,
-    UpdatePath, testing,
+    UpdatePath,
 };
 use deltamorph_headless::{Headless, HeadlessCrowd};
 

@@ -3,13 +3,14 @@
 
 use super::table::{ROWS, can_read, for_every_update, keep_supported, variants};
 use crate::gpu::{self, NORMAL, POSITION, on_every_device, update_descs, weights};
-use deltamorph::internals::plan::hazards::{Event, HazardChecker};
+use crate::hazards::{Event, HazardChecker};
+use crate::testing;
 use deltamorph::mesh::SourceTarget;
 use deltamorph::packed::PackedGroup;
 use deltamorph::reference::compare_group;
 use deltamorph::{
     CpuCrowd, CrowdDesc, DeltaFormat, MorphMesh, MorphSource, PackDesc, PackedMesh, Semantic, Tolerance, UpdateDesc,
-    UpdatePath, testing,
+    UpdatePath,
 };
 use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::sync::Arc;

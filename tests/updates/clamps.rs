@@ -274,7 +274,7 @@ fn every_call_keeps_to_the_limits_and_poses_are_right() {
                 // SAFETY: the buffer is recording, runs once, and is waited for.
                 let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &packed) }).expect("a mesh");
                 let desc = CrowdDesc::new(UpdateDesc::blocks()).instances(4000);
-                deltamorph::testing::says(engine.create_crowd(&uploaded, &desc), &["67108864"]);
+                crate::testing::says(engine.create_crowd(&uploaded, &desc), &["67108864"]);
             }
             drop(engine);
             let watched = WATCHED.lock().expect("no panic meanwhile").take().expect("a device");

@@ -2,11 +2,12 @@
 
 use crate::data;
 use crate::gpu;
+use crate::testing;
 use deltamorph::mesh::MorphTarget;
 use deltamorph::reference::{angle_degrees, evaluate};
 use deltamorph::{
     BlockDesc, CpuCrowd, Crowd, CrowdDesc, DeltaFormat, MorphMesh, PackDesc, PackedMesh, PoseFormat, UpdateDesc,
-    UpdatePath, testing,
+    UpdatePath,
 };
 use deltamorph_headless::HeadlessCrowd;
 use glam::DVec3;

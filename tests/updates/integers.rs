@@ -2,10 +2,11 @@
 //! driver and on the CPU, and the previous pose those of the pose before.
 
 use crate::gpu;
+use crate::testing;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
     BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, PackDesc, PackedMesh, Tolerance, UpdateDesc, UpdateMode,
-    UpdatePath, testing,
+    UpdatePath,
 };
 use deltamorph_head::{HeadDesc, head};
 use deltamorph_headless::{Headless, HeadlessCrowd};

@@ -2,8 +2,9 @@
 //! barriers.
 
 use crate::gpu::{self, NORMAL, is_kept, on_every_device, update_descs, weights};
+use crate::testing;
 use deltamorph::reference::{compare, compare_group};
-use deltamorph::{CrowdDesc, DeltaFormat, PackedMesh, UpdateDesc, testing};
+use deltamorph::{CrowdDesc, DeltaFormat, PackedMesh, UpdateDesc};
 
 /// Update, readback and next update are in one submission each, so only barriers order them.
 #[test]

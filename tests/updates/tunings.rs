@@ -1,8 +1,9 @@
 //! Tuning affects speed only: whatever it is, poses are right, and those of integers are the same.
 
 use crate::gpu;
+use crate::testing;
 use deltamorph::device::DeviceTuning;
-use deltamorph::{BlockDesc, CrowdDesc, DeltaFormat, PackedMesh, PoseFormat, UpdateDesc, testing};
+use deltamorph::{BlockDesc, CrowdDesc, DeltaFormat, PackedMesh, PoseFormat, UpdateDesc};
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc};
 
 const HEADS: u32 = 3;

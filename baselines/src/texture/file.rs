@@ -164,8 +164,9 @@ fn descriptor(bits: u32) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing;
+    use deltamorph::MorphMesh;
     use deltamorph::internals::pack::PackDesc;
-    use deltamorph::{MorphMesh, testing};
 
     fn packed(mesh: &MorphMesh) -> PackedMesh {
         PackedMesh::pack(mesh, &PackDesc::new(DeltaFormat::Float32)).expect("a mesh")

@@ -232,19 +232,4 @@ impl Technique for TextureTechnique {
     fn draws(&self, group: usize) -> Option<&dyn PoseDraws> {
         self.groups.get(group).map(|group| &group.draws as &dyn PoseDraws)
     }
-
-    /// The displacement textures are an instance's pose, for any number of slots.
-    fn accesses(&self, works: &[Work]) -> Vec<deltamorph::internals::plan::hazards::Accesses> {
-        use deltamorph::internals::plan::hazards::{Accesses, Memory};
-        let of = |work: &Work| {
-            let pose = Memory::Pose { instance: work.instance, slot: 0 };
-            let uses = vec![
-                Use::new(Memory::Deltas, Stage::VertexShader, Access::ShaderRead),
-                Use::new(Memory::Deltas, Stage::FragmentShader, Access::ShaderRead),
-                Use::new(pose, Stage::ColourOutput, Access::Blend),
-            ];
-            Accesses { group: work.group, uses, ..Accesses::default() }
-        };
-        works.iter().map(of).collect()
-    }
 }

@@ -1,6 +1,6 @@
 use super::texels::DeltaTexels;
+use crate::testing;
 use deltamorph::internals::pack::{DeltaFormat, POSE_FLOATS, PackDesc, PackedMesh};
-use deltamorph::testing;
 
 const SIDE: u32 = 8192;
 

@@ -1,9 +1,10 @@
 //! Packed files with valid checksums: sections are mutated one at a time, and accepted files are used.
 
+use crate::testing;
 use crate::{Memory, Random, Target, bounded, check_error, update};
 use deltamorph::import::packed;
 use deltamorph::{
-    Asset, BatchSize, DeltaFormat, PackDesc, Tolerance, UpdateDesc, UpdatePath, WeightBounds, WeightClip, testing,
+    Asset, BatchSize, DeltaFormat, PackDesc, Tolerance, UpdateDesc, UpdatePath, WeightBounds, WeightClip,
 };
 use deltamorph_head::{HeadDesc, head};
 use std::path::Path;

@@ -3,7 +3,7 @@
 use super::HeadlessCrowd;
 use crate::submit::full_barrier;
 use deltamorph::ash::vk;
-use deltamorph::internals::update::animated::PlannedGroup;
+use deltamorph::internals::abi::push::AnimationPush;
 use deltamorph::{AnimatedCrowd, AnyCrowd, PoseView, Result};
 
 impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
@@ -84,30 +84,26 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
         Ok(read.pop().unwrap_or_default())
     }
 
-    /// Reads `size` bytes of a buffer back, starting at an offset.
-    fn read<T: bytemuck::Pod>(&mut self, range: (vk::Buffer, u64, u64)) -> Result<Vec<T>> {
+    /// Reads bytes of a buffer back: buffer, offset and size.
+    ///
+    /// # Errors
+    /// The device fails.
+    #[doc(hidden)]
+    pub fn read<T: bytemuck::Pod>(&mut self, range: (vk::Buffer, u64, u64)) -> Result<Vec<T>> {
         self.readback.read(&self.headless.submitter, range)
     }
 }
 
 impl HeadlessCrowd<'_, AnimatedCrowd> {
-    /// Reads back the plan that the GPU made for the last update.
-    ///
-    /// # Errors
-    /// The device fails; the crowd is planned on the CPU.
-    #[doc(hidden)]
-    pub fn read_plan(&mut self) -> Result<Vec<PlannedGroup>> {
-        let Self { crowd, readback, headless, .. } = self;
-        crowd.read_plan(|range| readback.read(&headless.submitter, range))
-    }
-
     /// Reads an instance's weights on the GPU, in steps of the grid.
     ///
     /// # Errors
-    /// Those of [`read_plan`](Self::read_plan).
+    /// The device fails.
     #[doc(hidden)]
     pub fn read_weights(&mut self, instance: u32) -> Result<Vec<i32>> {
-        let range = self.crowd.weights_of(instance);
-        self.read(range)
+        let animated = self.crowd.animated();
+        let AnimationPush { weights_at, targets, .. } = animated.groups[0].layout.push;
+        let first = u64::from(weights_at) + u64::from(instance) * u64::from(targets);
+        self.read((animated.state.raw, 4 * first, 4 * u64::from(targets)))
     }
 }

@@ -223,7 +223,7 @@ impl Morph {
     ) -> Result<Option<wgpu::CommandBuffer>> {
         let record = |cmd, crowds: &mut [&mut dyn AnyCrowd]| {
             // SAFETY: the caller's obligations.
-            unsafe { self.engine.record_tampered(cmd, crowds, tamper) }.map(|(updates, _)| updates)
+            unsafe { self.engine.record_tampered(cmd, crowds, tamper) }
         };
         // SAFETY: the caller's obligations.
         unsafe { self.update_by(crowds, record) }

@@ -84,7 +84,8 @@ impl Fans {
             words[at as usize] = places[first];
             let reads = around[first].as_flattened().iter().chain([&packed[first]]);
             for read in reads {
-                let (reader, of_read) = (at / PIECE, &mut dependents[(read / PIECE) as usize]);
+                let reader = at / PIECE;
+                let of_read = &mut dependents[(read / PIECE) as usize];
                 if of_read.last() != Some(&reader) {
                     of_read.push(reader);
                 }

@@ -34,7 +34,8 @@ impl<'a> NormalsDesc<'a> {
     }
 
     fn faces(&self) -> impl Iterator<Item = &'a [u32]> + use<'a> {
-        let (triangles, sizes) = (if self.sizes.is_empty() { self.corners.len() / 3 } else { 0 }, self.sizes);
+        let triangles = if self.sizes.is_empty() { self.corners.len() / 3 } else { 0 };
+        let sizes = self.sizes;
         let mut rest = self.corners;
         let sizes = std::iter::repeat_n(3, triangles).chain(sizes.iter().copied());
         sizes.map(move |size| rest.split_off(..size as usize).unwrap_or_default())
@@ -49,7 +50,8 @@ impl<'a> NormalsDesc<'a> {
 /// A surface that [`upload_normals`](crate::MorphEngine::upload_normals) rejects.
 pub fn normals(pose: &[f64], desc: &NormalsDesc<'_>) -> Result<Vec<f64>> {
     let pose = pose.as_chunks::<6>().0;
-    let (place, of) = (|v: u32| DVec3::from_slice(&pose[v as usize]), fans::first_of(desc, pose.len())?);
+    let place = |v: u32| DVec3::from_slice(&pose[v as usize]);
+    let of = fans::first_of(desc, pose.len())?;
     let mut sums = vec![DVec3::ZERO; pose.len()];
     for face in desc.faces() {
         let from = place(face[0]);

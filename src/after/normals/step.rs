@@ -142,7 +142,8 @@ impl AfterStep for Recomputed {
     }
 
     unsafe fn record(&self, cmd: vk::CommandBuffer, job: &Job) {
-        let (count, pose_at) = (job.count, job.slot * self.pose_numbers);
+        let count = job.count;
+        let pose_at = job.slot * self.pose_numbers;
         let push = NormalsPush { pose_at, count, listed: job.is_listed.into(), ..self.push };
         let workgroups = Workgroups::Of([count.div_ceil(WORKGROUP / PIECE), 1]);
         let set = (self.sets.get(job.frame as usize), &[][..]);

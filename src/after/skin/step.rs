@@ -100,17 +100,16 @@ impl SkinTarget {
     /// Contiguous positions and normals, 24 bytes per vertex, from the start of `buffer`; linear blending of matrices
     /// in the first `joints_bytes` bytes of `joints`.
     pub fn new(buffer: vk::Buffer, joints: vk::Buffer, joints_bytes: u64) -> Self {
-        let (offset, joints_offset, method) = (0, 0, SkinMethod::Linear);
         Self {
             buffer,
-            offset,
+            offset: 0,
             stride: 24,
             normals: Some(12),
             second: None,
             joints,
             joints_bytes,
-            joints_offset,
-            method,
+            joints_offset: 0,
+            method: SkinMethod::Linear,
         }
     }
 
@@ -178,7 +177,8 @@ impl Skin {
             after.unset(Kind::Skin, place.instance);
             return Ok(());
         };
-        let (layout, caps) = (&place.group.mesh.layout, &place.device.caps);
+        let layout = &place.group.mesh.layout;
+        let caps = &place.device.caps;
         skin.attached.check("a skin", place.device, layout)?;
         if target.normals.is_some() {
             place.check_normals("a skin target")?;
@@ -200,10 +200,9 @@ impl Skin {
         let outputs = target.outputs().count();
         after.set(place, Kind::Skin, outputs, vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER, |lists| {
             let kernel = place.kernels.get(Key(place.pose(), target.method, skin.influences))?;
-            let (poses, asset) = (place.poses(), skin.attached.range());
             let bound = |frame| {
                 let list = BufferRange { size: 4 * pieces, ..lists.range(frame) };
-                target.outputs().map(move |output| [poses, asset, joints, output.range(layout).0, list])
+                target.outputs().map(move |output| [place.poses(), skin.attached.range(), joints, output.range(layout).0, list])
             };
             let sets = kernel.objects.sets(&(0..place.frames.into()).flat_map(bound).collect::<Vec<_>>())?;
             let push = SkinPush {
@@ -220,8 +219,11 @@ impl Skin {
                 units: place.group.poses.units(),
             };
             let places = target.outputs().map(|output| (output, output.range(layout).1)).collect();
-            let (pose_numbers, joints_bytes) = (place.pose_numbers(), target.joints_bytes);
-            let (joint_count, is_changed, _attached) = (skin.joint_count, false, skin.attached.clone());
+            let pose_numbers = place.pose_numbers();
+            let joints_bytes = target.joints_bytes;
+            let joint_count = skin.joint_count;
+            let is_changed = false;
+            let _attached = skin.attached.clone();
             Ok(Self { kernel, sets, places, push, pose_numbers, joints_bytes, joint_count, is_changed, _attached })
         })
     }
@@ -269,8 +271,10 @@ impl AfterStep for Skin {
     }
 
     unsafe fn record(&self, cmd: vk::CommandBuffer, job: &Job) {
-        let (count, listed) = (job.count, job.is_listed.into());
-        let (pose_at, skinned_at) = (job.slot * self.pose_numbers, self.places[job.output].1);
+        let count = job.count;
+        let listed = job.is_listed.into();
+        let pose_at = job.slot * self.pose_numbers;
+        let skinned_at = self.places[job.output].1;
         let push = SkinPush { pose_at, skinned_at, count, listed, ..self.push };
         let workgroups = Workgroups::Of([count.div_ceil(WORKGROUP / PIECE), 1]);
         let set = (self.sets.get(job.frame as usize * self.places.len() + job.output), &[][..]);

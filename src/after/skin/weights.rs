@@ -65,7 +65,8 @@ impl<'a> SkinDesc<'a> {
             let text = format!("a skin of {influences} influences for each vertex, and {joint_count} joints");
             return Err(Error::invalid(text, "use 4 or 8 influences, and 1 to 65536 joints"));
         }
-        let (n, wanted) = (influences as usize, vertices * influences as usize);
+        let n = influences as usize;
+        let wanted = vertices * influences as usize;
         if (joints.len(), weights.len()) != (wanted, wanted) {
             let text = format!("a skin with {} joints and {} weights of vertices", joints.len(), weights.len());
             let remedy = format!("hand in {wanted} of both: {n} for each of the {vertices} vertices of the mesh");

@@ -19,7 +19,8 @@ impl BlockIndex {
         words: &[u32],
         base: &[f32],
     ) -> Result<Self, String> {
-        let (entries, blocks) = (parts.entry_target.len(), parts.first_entry.len().saturating_sub(1));
+        let entries = parts.entry_target.len();
+        let blocks = parts.first_entry.len().saturating_sub(1);
         let format = parts.format.block_format().ok_or("a dense format")?;
         let headers = entries.saturating_mul(format.header_words());
         let sums = Sums {
@@ -60,7 +61,8 @@ impl BlockIndex {
 
     fn check(&self, format: &dyn BlockFormat, targets: usize, words: &[u32], base: &[f32]) -> Result<(), String> {
         let Parts { order, steps, weight_max, first_entry, entry_target, .. } = &self.parts;
-        let (size, entries) = (self.size(), entry_target.len());
+        let size = self.size();
+        let entries = entry_target.len();
         if !BLOCK_SIZES.contains(&self.parts.size) {
             return Err(format!("a block size of {size}"));
         }
@@ -158,7 +160,8 @@ impl BlockIndex {
                 self.block_reach[block] += reach;
             }
             for (c, sum) in sums.iter().flat_map(|sums| sums.iter().enumerate()) {
-                let (largest, step) = (&mut self.sums.largest[c / TRIPLE], self.parts.steps[c / TRIPLE]);
+                let largest = &mut self.sums.largest[c / TRIPLE];
+                let step = self.parts.steps[c / TRIPLE];
                 *largest = largest.max(sum / f64::from(step));
             }
             if !(self.block_base[block] + self.block_reach[block]).is_finite() {
@@ -180,7 +183,7 @@ impl BlockIndex {
         self.first_incidence = (0..=targets).map(first).collect();
         self.incidence = incidence;
         self.sums.largest_of_mesh = self.sums.largest[0].max(self.sums.largest[1]);
-        self.sums.targets = self.most_entries();
+        self.sums.targets = (0..self.count()).map(|block| self.entries(block).len()).max().unwrap_or(0);
         Ok(())
     }
 }

@@ -137,11 +137,6 @@ impl BlockIndex {
         (0..self.count()).filter(|&b| !self.entries(b).is_empty()).count()
     }
 
-    /// Most targets that touch one block.
-    pub(super) fn most_entries(&self) -> usize {
-        (0..self.count()).map(|block| self.entries(block).len()).max().unwrap_or(0)
-    }
-
     /// The grid of fixed-point poses for weights up to `weight_max` in absolute value. `None`: 1 for 16-bit poses, the
     /// mesh's packed value ([`BlockDesc::weight_max`]) for 32-bit poses.
     ///
@@ -206,7 +201,8 @@ impl BlockIndex {
     }
 
     /// Calls `f(vertex, delta)` for each delta of an entry: index in the block, and delta in input units, an exact
-    /// multiple of the [steps](Self::steps) in integer formats. Not generic: copies for two callers took 15 kB of the C library.
+    /// multiple of the [steps](Self::steps) in integer formats. Not generic: copies for two callers took 15 kB of the C
+    /// library.
     pub(crate) fn for_each_lane(&self, words: &[u32], entry: usize, f: &mut dyn FnMut(usize, [f64; POSE_FLOATS])) {
         with_format!(self.parts.format, dense _f => {}, blocks format => {
             let (header, deltas) = self.locate(format, words, entry);

@@ -187,7 +187,8 @@ impl Packing<'_> {
             // A target that rotates a short normal turns rounding into a larger angle: halve the step, at most twice
             // and as far as a record's bits allow.
             let triple = place.first / TRIPLE;
-            let (allowed, floor) = (f64::from(self.desc.blocks.normal_error_degrees), steps[triple] / 4.0);
+            let allowed = f64::from(self.desc.blocks.normal_error_degrees);
+            let floor = steps[triple] / 4.0;
             let finest = least_step(self.kept.largest, triple);
             let error =
                 |packed: &PackedGroup| packed.layout.blocks.as_ref().map_or(0.0, |b| b.parts.error.of(place.semantic));
@@ -209,7 +210,8 @@ impl Packing<'_> {
                 Measure::Length => f64::from(self.desc.blocks.position_error) * f64::from(self.source.mesh.diagonal),
                 // As far from the tip of the direction as its side of this angle.
                 Measure::Angle => {
-                    let (base, numbers) = (self.source.base(vertex), place.morphing_components());
+                    let base = self.source.base(vertex);
+                    let numbers = place.morphing_components();
                     let length =
                         numbers.map(|c| (f64::from(base[c]) + f64::from(delta[c])).powi(2)).sum::<f64>().sqrt();
                     side(self.desc.blocks.normal_error_degrees.into()) * length.min(1.0)
@@ -221,7 +223,8 @@ impl Packing<'_> {
     }
 
     fn with(&self, steps: [f32; TRIPLES]) -> Result<PackedGroup> {
-        let (mesh, size) = (self.source.mesh, self.size);
+        let mesh = self.source.mesh;
+        let size = self.size;
         let padded = self.order.len().next_multiple_of((size as usize).max(VERTEX_PADDING));
         let blocks = padded as u32 / size;
         // Block, target and deltas of each entry. Stable sort by block: entries stay ascending by target.

@@ -139,7 +139,7 @@ fn the_more_of_a_normal_is_allowed_the_fewer_bytes_there_are() {
     let bytes = [1.0, 30.0, 90.0, 150.0].map(|normal_error_degrees| {
         let blocks = BlockDesc { normal_error_degrees, ..BlockDesc::default() };
         let packed = PackedMesh::pack(&mesh, &PackDesc { blocks, ..PackDesc::new(DeltaFormat::Small) });
-        packed.expect("a mesh that fits").deltas().len()
+        packed.expect("a mesh that fits").surface().deltas().len()
     });
     assert!(bytes.is_sorted_by(|a, b| a >= b) && bytes[1] < bytes[0] && bytes[3] == bytes[2], "{bytes:?}");
 }

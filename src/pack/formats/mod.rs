@@ -5,10 +5,8 @@ mod shifts;
 use super::POSE_FLOATS;
 use crate::abi::formats::{FORMATS, FormatRow, delta_formats};
 use crate::asset::streams::TRIPLES;
-use crate::error::{Error, Result};
 use crate::math::power_of_two_below;
 use std::ops::Range;
-use std::str::FromStr;
 
 macro_rules! declared {
     (()
@@ -111,18 +109,6 @@ impl DeltaFormat {
 
     pub(crate) fn block_format(self) -> Option<&'static dyn BlockFormat> {
         with_format!(self, dense _f => None, blocks f => Some(f))
-    }
-}
-
-/// Parses a [name](DeltaFormat::name).
-impl FromStr for DeltaFormat {
-    type Err = Error;
-
-    fn from_str(name: &str) -> Result<Self> {
-        Self::ALL.into_iter().find(|f| f.name() == name).ok_or_else(|| {
-            let names = Self::ALL.map(Self::name).join(", ");
-            Error::invalid(format!("there is no delta format '{name}'"), format!("use one of {names}"))
-        })
     }
 }
 
@@ -257,7 +243,7 @@ mod tests {
     #[test]
     fn every_format_is_in_the_list_under_a_name_and_a_number_of_its_own() {
         for (format, row) in DeltaFormat::ALL.into_iter().zip(FORMATS) {
-            assert_eq!((format.row(), format.name().parse::<DeltaFormat>().unwrap()), (row, format));
+            assert_eq!(format.row(), row);
             assert_eq!(format.block_format().is_some(), row.blocks);
             assert_eq!(DeltaFormat::from_id(row.id), row.blocks.then_some(format));
             assert!(row.summary.starts_with(if row.blocks { "In blocks, " } else { "Dense, " }), "{}", row.summary);
@@ -265,6 +251,5 @@ mod tests {
         let ids = DeltaFormat::BLOCKS.map(|format| format.row().id);
         assert_eq!(ids, std::array::from_fn(|i| i as u32 + 1));
         assert!(DeltaFormat::from_id(99).is_none());
-        assert!("float16".parse::<DeltaFormat>().unwrap_err().to_string().contains("block-float32, fast"));
     }
 }

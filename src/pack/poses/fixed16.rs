@@ -9,10 +9,6 @@ impl PoseStorage for Fixed16 {
     type Number = i16;
     type Sum = Rounded;
 
-    fn integer(number: i16) -> Option<i32> {
-        Some(number.into())
-    }
-
     #[inline(always)]
     fn plus(number: i16, Rounded(sum): Rounded) -> i16 {
         Self::plus_integer(number, sum)

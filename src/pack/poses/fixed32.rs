@@ -8,10 +8,6 @@ impl PoseStorage for Fixed32 {
     type Number = i32;
     type Sum = i32;
 
-    fn integer(number: i32) -> Option<i32> {
-        Some(number)
-    }
-
     #[inline(always)]
     fn plus(number: i32, sum: i32) -> i32 {
         Self::plus_integer(number, sum)

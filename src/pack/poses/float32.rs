@@ -8,10 +8,6 @@ impl PoseStorage for Float32 {
     type Number = f32;
     type Sum = f32;
 
-    fn integer(_: f32) -> Option<i32> {
-        None
-    }
-
     #[inline(always)]
     fn plus(number: f32, sum: f32) -> f32 {
         number + sum

@@ -50,9 +50,6 @@ pub(crate) trait PoseStorage {
     /// The CPU's sum for block formats.
     type Sum: Sum;
 
-    /// The component as an integer; `None` if it is float32.
-    fn integer(number: Self::Number) -> Option<i32>;
-
     /// Adds a block format's sum. Integers wrap.
     fn plus(number: Self::Number, sum: Self::Sum) -> Self::Number;
 
@@ -125,7 +122,11 @@ impl PoseFormat {
 
     /// The integers of a pose, [`POSE_FLOATS`] per vertex; empty for float32.
     pub fn integers(self, pose: &[u8]) -> Vec<i32> {
-        with_pose!(self, P => integers::<P>(pose))
+        match self.row().bits {
+            0 => vec![],
+            16 => pose.as_chunks().0.iter().map(|bytes| i16::from_ne_bytes(*bytes).into()).collect(),
+            _ => pose.as_chunks().0.iter().map(|bytes| i32::from_ne_bytes(*bytes)).collect(),
+        }
     }
 
     /// The components of a pose, [`POSE_FLOATS`] per vertex. Fixed-point components are multiplied by `units` (input
@@ -139,10 +140,6 @@ impl PoseFormat {
         // The unit is a power of two: integers below 2^24 scale exactly.
         numbers.map(|(i, (number, base))| base + number as f32 * units[i % POSE_FLOATS / TRIPLE]).collect()
     }
-}
-
-fn integers<P: PoseStorage>(pose: &[u8]) -> Vec<i32> {
-    pose.chunks_exact(size_of::<P::Number>()).filter_map(|n| P::integer(bytemuck::pod_read_unaligned(n))).collect()
 }
 
 #[cfg(test)]

@@ -10,10 +10,6 @@ impl PoseStorage for Rebuilt16 {
     type Number = i16;
     type Sum = i32;
 
-    fn integer(number: i16) -> Option<i32> {
-        Fixed16::integer(number)
-    }
-
     #[inline(always)]
     fn plus(number: i16, sum: i32) -> i16 {
         Self::plus_integer(number, sum)

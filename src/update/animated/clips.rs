@@ -89,7 +89,8 @@ impl Clips {
         let mut all = Self { words, clips: vec![], targets: names.len(), format: desc.key_format, ranks_at: 0 };
         desc.clips.iter().try_for_each(|clip| all.push(clip, &names, grid))?;
         if let Some(importance) = desc.importance {
-            let (given, targets) = (importance.target_count(), names.len());
+            let given = importance.target_count();
+            let targets = names.len();
             if given != targets {
                 let what = format!(
                     "an order of importance of {given} targets for mesh '{}', which has {targets}",
@@ -163,17 +164,9 @@ impl Clips {
         Ok(())
     }
 
-    fn entry(&self, clip: usize) -> [u32; TABLE_WORDS] {
-        self.words[..TABLE_WORDS * self.clips.len()].as_chunks().0[clip]
-    }
-
     /// First word of the ranks for levels of detail; `None` without an order of importance.
     pub(crate) fn ranks_at(&self) -> Option<u32> {
         (self.ranks_at > 0).then_some(self.ranks_at)
-    }
-
-    pub(crate) fn rank(&self, target: usize) -> u32 {
-        self.words[self.ranks_at as usize + target]
     }
 
     /// Table, keys, ranks, reaches and errors, as kernels read them.
@@ -198,7 +191,7 @@ impl Clips {
 
     /// Number of frames of an existing clip.
     pub(crate) fn frame_count(&self, clip: usize) -> u32 {
-        self.entry(clip)[1]
+        self.words[TABLE_WORDS * clip + 1]
     }
 
     /// Frames per second of a clip; `None` if there is no such clip.
@@ -210,18 +203,6 @@ impl Clips {
     /// [`weight_step`](PoseGrid::weight_step), adds to it. `None` if there is no such clip.
     pub fn rounding(&self, clip: usize) -> Option<f32> {
         self.clips.get(clip).map(|clip| clip.rounding)
-    }
-
-    /// A key of an existing clip and frame, in steps of the grid.
-    pub(crate) fn key(&self, clip: usize, frame: u32, target: usize) -> i32 {
-        let ([first, _, shift, _], at) = (self.entry(clip), frame as usize * self.targets + target);
-        match self.format {
-            KeyFormat::Bits32 => self.words[first as usize + at] as i32,
-            KeyFormat::Bits16 => {
-                let word = self.words[first as usize + at / 2];
-                i32::from((word >> (16 * (at % 2))) as u16 as i16) << shift
-            }
-        }
     }
 }
 

@@ -11,8 +11,9 @@ use crate::update::technique::Context;
 use std::ops::Range;
 
 /// Blocks planned and dispatched together: as many as have a work list that fits a descriptor.
-pub(super) struct Run {
-    pub(super) blocks: Range<usize>,
+pub struct Run {
+    /// The blocks.
+    pub blocks: Range<usize>,
     /// Number of their entries.
     entries: usize,
     /// Byte offset of its work list among those of a set.
@@ -55,7 +56,7 @@ impl Run {
 
 /// A group of the mesh. Its instances are split into sets that fit a descriptor, its blocks into runs. Each run of each
 /// set has its own work list and dispatches.
-pub(super) struct GroupLayout {
+pub struct GroupLayout {
     instances: u32,
     /// Instances per set; the last set may have fewer.
     size: u32,
@@ -63,15 +64,18 @@ pub(super) struct GroupLayout {
     runs: Vec<Run>,
     stride: u64,
     /// Push constants shared by all dispatches; clock and slots are those of the last update.
-    pub(super) push: AnimationPush,
+    pub push: AnimationPush,
 }
 
 impl GroupLayout {
     /// `push` holds values shared by all groups of the mesh; tables and history of this group are added to `tables` and
     /// `state`.
     fn new(context: &Context<'_>, push: AnimationPush, tables: &mut Words, state: &mut Words) -> Result<Self> {
-        let (caps, instances, index) = (context.caps(), context.desc.instances, context.layout().index()?);
-        let (blocks, entries) = (index.count() as u64, index.entry_count() as u64);
+        let caps = context.caps();
+        let instances = context.desc.instances;
+        let index = context.layout().index()?;
+        let blocks = index.count() as u64;
+        let entries = index.entry_count() as u64;
         let mut runs = Run::cut(index, caps.max_storage_range);
         let list = runs.iter().map(|run| run.list_bytes(1)).max().unwrap_or(0);
         context.check_range("the work lists of eight instances", list, "split the mesh")?;
@@ -81,7 +85,8 @@ impl GroupLayout {
         let (tiles, widest) =
             ((caps.max_storage_range / list).min(caps.max_workgroups.into()), caps.tuning.widest_tile);
         let size = set_size(context, tiles * u64::from(widest))?;
-        let (tiles, sets) = (size.div_ceil(widest), instances.div_ceil(size));
+        let tiles = size.div_ceil(widest);
+        let sets = instances.div_ceil(size);
         let mut stride = 0;
         for run in &mut runs {
             run.offset = stride;
@@ -109,18 +114,18 @@ impl GroupLayout {
     }
 
     /// Number of work lists, `[set][run]`.
-    pub(super) fn lists(&self) -> u32 {
+    pub fn lists(&self) -> u32 {
         self.sets() * self.runs.len() as u32
     }
 
     /// The set and the run of a work list.
-    pub(super) fn get(&self, list: u32) -> (u32, &Run) {
+    pub fn get(&self, list: u32) -> (u32, &Run) {
         let runs = self.runs.len() as u32;
         (list / runs, &self.runs[(list % runs) as usize])
     }
 
     /// First instance of a set, and count.
-    pub(super) fn instances(&self, set: u32) -> (u32, u32) {
+    pub fn instances(&self, set: u32) -> (u32, u32) {
         let first = set * self.size;
         (first, self.size.min(self.instances - first))
     }
@@ -130,13 +135,13 @@ impl GroupLayout {
     }
 
     /// Capacity of a work list, in items per width.
-    pub(super) fn capacity(&self, list: u32) -> u32 {
+    pub fn capacity(&self, list: u32) -> u32 {
         let (set, run) = self.get(list);
         run.capacity(self.tiles(set))
     }
 
     /// Byte offset and length of a work list.
-    pub(super) fn place(&self, list: u32) -> (u64, u64) {
+    pub fn place(&self, list: u32) -> (u64, u64) {
         let (set, run) = self.get(list);
         (u64::from(set) * self.stride + run.offset, run.list_bytes(self.tiles(0)))
     }
@@ -162,7 +167,7 @@ impl GroupLayout {
     }
 
     /// Byte offset in the control buffer of the arguments of a dispatch.
-    pub(super) fn arguments(&self, list: u32, width: u32, chunk: u32) -> u64 {
+    pub fn arguments(&self, list: u32, width: u32, chunk: u32) -> u64 {
         let AnimationPush { counters, chunks, .. } = self.push;
         let dispatch = u64::from(list * WIDTHS as u32 + width) * u64::from(chunks) + u64::from(chunk);
         4 * (u64::from(counters) + 3 * dispatch)
@@ -198,7 +203,8 @@ impl Layout {
     /// # Errors
     /// Sizes beyond the device's storage range.
     pub(super) fn new(context: &Context<'_>, clips: &Clips) -> Result<Self> {
-        let (targets, instances) = (context.layout().targets.len() as u64, u64::from(context.desc.instances));
+        let targets = context.layout().targets.len() as u64;
+        let instances = u64::from(context.desc.instances);
         let words = targets.div_ceil(32).max(1);
         let mut tables = Words(clips.words().len() as u64);
         let mut state = Words(0);

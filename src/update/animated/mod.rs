@@ -1,13 +1,14 @@
 //! Animation on the GPU: kernels sample clips, plan and update; the CPU always records the same steps.
 //!
 //! `sample`: time, keys and interpolation. `clips`: uploaded data. `playback`: what each instance plays.
-//! `reference`: the CPU twin of the kernels. `steps` and `layout`: an update as data, and buffer layouts. `technique`:
+//! `steps` and `layout`: an update as data, and buffer layouts. `technique`:
 //! the device side.
 
 mod clips;
 mod layout;
 mod playback;
-mod read;
+#[cfg(test)]
+#[path = "../../../tests/common/twin.rs"]
 mod reference;
 mod sample;
 mod steps;
@@ -15,12 +16,15 @@ mod steps;
 mod technique;
 
 pub use clips::{AnimationDesc, Clips, KeyFormat};
-pub use read::PlannedGroup;
 pub use sample::Playback;
 #[cfg(test)]
 pub(crate) use steps::UPLOADED;
-pub(crate) use technique::Animated;
-pub use {playback::Playbacks, reference::AnimatedReference, sample::HeadRecord, steps::AnimatedUpdate};
+pub use technique::Animated;
+pub use {
+    playback::Playbacks,
+    sample::HeadRecord,
+    steps::{AnimatedKernel, AnimatedUpdate},
+};
 
 #[cfg(test)]
 mod tests;

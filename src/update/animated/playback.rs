@@ -2,6 +2,7 @@
 
 use super::clips::Clips;
 use super::sample::{HeadRecord, Playback, TICKS_PER_SECOND};
+use crate::abi::numbers::{HIDDEN, LOOP, PLAYING, REVERSED};
 use crate::error::{Error, Result};
 use crate::plan::instances::{InstanceState, Instances};
 use crate::weights::Repeat;
@@ -75,7 +76,7 @@ impl Playbacks {
     pub fn set_time(&mut self, seconds: f64) -> Result<()> {
         let now = ticks(seconds)?;
         let mut playing = self.starts.iter().zip(&self.records);
-        if playing.any(|(start, record)| record.has(HeadRecord::PLAYING) && start - now > REBASE_TICKS) {
+        if playing.any(|(start, record)| record.has(PLAYING) && start - now > REBASE_TICKS) {
             let what = format!("second {seconds}, more than 4.5 hours before an instance starts");
             return Err(Error::invalid(what, "play its clip again at the new time first"));
         }
@@ -111,12 +112,9 @@ impl Playbacks {
         }
         let record = &mut self.records[instance as usize];
         let set = |flag, set| if set { flag } else { 0 };
-        let flags = HeadRecord::PLAYING
-            | record.flags & HeadRecord::HIDDEN
-            | set(HeadRecord::LOOP, repeat == Repeat::Loop)
-            | set(HeadRecord::REVERSED, speed < 0.0);
-        let (start, rate) = (start_tick as u32, rate as u32);
-        *record = HeadRecord { clip, start, rate, flags, frame: 0, fraction: 0, ..*record };
+        let flags = PLAYING | record.flags & HIDDEN | set(LOOP, repeat == Repeat::Loop) | set(REVERSED, speed < 0.0);
+        let start = start_tick as u32;
+        *record = HeadRecord { clip, start, rate: rate as u32, flags, frame: 0, fraction: 0, ..*record };
         self.starts[instance as usize] = start_tick;
         self.touch(instance).stale = true;
         Ok(())
@@ -135,8 +133,8 @@ impl Playbacks {
         if level.is_nan() || level < 0.0 {
             return Err(Error::invalid(format!("a level of {level} targets"), "use a number from 0"));
         }
-        let (all, record) = (clips.targets() as f32, &mut self.records[instance as usize]);
-        let set = match level < all {
+        let record = &mut self.records[instance as usize];
+        let set = match level < clips.targets() as f32 {
             true => ((f64::from(level) * 65_536.0).round() as u32, ranks_at),
             false => (0, 0),
         };
@@ -170,7 +168,7 @@ impl Playbacks {
             let number = self.pending[i];
             let state = &mut self.states[number as usize];
             state.listed = false;
-            let shown = !self.records[number as usize].has(HeadRecord::HIDDEN);
+            let shown = !self.records[number as usize].has(HIDDEN);
             let was_shown = state.changes[0].is_some_and(|(_, shown)| shown);
             // A hidden instance keeps its cut: the update that hides it may be discarded.
             if shown && std::mem::take(&mut state.cut) || shown != was_shown {
@@ -192,13 +190,14 @@ impl Playbacks {
     /// Rebases old records at exactly their current position.
     fn rebase(&mut self, clips: &Clips) {
         for instance in 0..self.states.len() {
-            let (elapsed, record) = (self.now - self.starts[instance], &mut self.records[instance]);
+            let elapsed = self.now - self.starts[instance];
+            let record = &mut self.records[instance];
             if elapsed < REBASE_TICKS / 2 {
                 continue;
             }
             let start = self.now - REBASE_MARGIN;
             self.starts[instance] = start;
-            if record.has(HeadRecord::PLAYING) {
+            if record.has(PLAYING) {
                 let position = record.position(clips.frame_count(record.clip as usize), elapsed - REBASE_MARGIN);
                 (record.frame, record.fraction) = ((position >> 32) as u32, position as u32);
                 record.start = start as u32;
@@ -250,8 +249,8 @@ impl Playbacks {
 impl InstanceState for Playbacks {
     fn set_hidden(&mut self, instance: u32, hidden: bool) {
         let record = &mut self.records[instance as usize];
-        if record.has(HeadRecord::HIDDEN) != hidden {
-            record.flags ^= HeadRecord::HIDDEN;
+        if record.has(HIDDEN) != hidden {
+            record.flags ^= HIDDEN;
             self.touch(instance).stale = true;
         }
     }
@@ -276,11 +275,11 @@ impl InstanceState for Playbacks {
 
 impl HeadRecord {
     /// Position in a clip of `frames` frames, `elapsed` (≥ 0) ticks after the start, in 2⁻³² frames.
-    pub(super) fn position(&self, frames: u32, elapsed: i64) -> u64 {
+    pub fn position(&self, frames: u32, elapsed: i64) -> u64 {
         let start = u64::from(self.frame) << 32 | u64::from(self.fraction);
         let position = u128::from(start) + elapsed as u128 * u128::from(self.rate);
         let frames = u128::from(frames) << 32;
-        match self.has(HeadRecord::LOOP) {
+        match self.has(LOOP) {
             true => (position % frames) as u64,
             false => position.min(frames - (1 << 32)) as u64,
         }

@@ -20,7 +20,6 @@
 //! With a level of detail of N targets, in 2⁻¹⁶, the weight of the target of rank r is scaled once more, interpolated
 //! from 0 with f = clamp(N − r · 2¹⁶, 0, 2¹⁶).
 
-use crate::abi::numbers;
 use crate::setters::setters;
 use crate::weights::Repeat;
 use bytemuck::{Pod, Zeroable};
@@ -62,7 +61,7 @@ pub struct HeadRecord {
     pub start: u32,
     /// Frames per second, in 2⁻¹⁶.
     pub rate: u32,
-    /// Flags: [`HeadRecord::PLAYING`] etc.
+    /// [`PLAYING`](crate::abi::numbers::PLAYING) and what follows it there.
     pub flags: u32,
     /// Whole frames at `start`.
     pub frame: u32,
@@ -75,15 +74,6 @@ pub struct HeadRecord {
 }
 
 impl HeadRecord {
-    /// A clip is playing; otherwise all weights are 0.
-    pub const PLAYING: u32 = numbers::PLAYING;
-    /// The clip loops.
-    pub const LOOP: u32 = numbers::LOOP;
-    /// The clip runs backwards.
-    pub const REVERSED: u32 = numbers::REVERSED;
-    /// The instance is not updated.
-    pub const HIDDEN: u32 = numbers::HIDDEN;
-
     /// Whether a flag is set.
     pub const fn has(&self, flag: u32) -> bool {
         self.flags & flag != 0

@@ -1,6 +1,5 @@
 //! Steps of an update planned by the GPU; they do not depend on what changes.
 
-use crate::plan::hazards::{Accesses, Memory};
 use crate::plan::steps::{Access, Resource as R, Source, Stage, Steps, Use, Work};
 use AnimatedKernel as K;
 use std::ops::Range;
@@ -11,13 +10,13 @@ macro_rules! kernels {
     ($($(#[doc = $doc:literal])* $kernel:ident $name:literal $common:literal $uses:expr;)*) => {
         /// The kernel or command of a work.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub(super) enum AnimatedKernel {
+        pub enum AnimatedKernel {
             $($(#[doc = $doc])* $kernel,)*
         }
 
         impl AnimatedKernel {
             /// All kernels, in the order of [`Work::kernel`].
-            pub(super) const ALL: [Self; [$(Self::$kernel),*].len()] = [$(Self::$kernel),*];
+            pub const ALL: [Self; [$(Self::$kernel),*].len()] = [$(Self::$kernel),*];
 
             /// The name of its step.
             pub(super) const fn name(self) -> &'static str {
@@ -95,7 +94,8 @@ impl AnimatedUpdate {
         let mut add = |kernel: K, items: Range<u32>| {
             let (common, uses) = kernel.uses();
             steps.step(uses);
-            let (source, destination) = (Source::Slot(self.source), self.destination);
+            let source = Source::Slot(self.source);
+            let destination = self.destination;
             for group in 0..if common { 1 } else { groups } {
                 let items = items.clone();
                 steps.push(Work { kernel: kernel as u32, group, source, destination, items, ..Work::default() });
@@ -112,27 +112,4 @@ impl AnimatedUpdate {
             false => add(K::Blocks, 0..dispatches),
         }
     }
-}
-
-/// Reads and writes of the works of a step, for a crowd of `instances`.
-pub(crate) fn accesses(works: &[Work], instances: u32) -> Vec<Accesses> {
-    use Memory as M;
-    let of = |work: &Work| match AnimatedKernel::ALL[work.kernel as usize] {
-        K::Records => Accesses { uses: vec![Use::copy(M::Records)], ..Accesses::default() },
-        K::Sample => Accesses::compute([M::Clips, M::Records, M::Weights], [M::Weights]),
-        // Counters are atomic.
-        K::Plan => {
-            Accesses::compute([M::Clips, M::Weights, M::History, M::Counters], [M::History, M::WorkList, M::Counters])
-        }
-        K::Arguments => Accesses::compute([M::Counters], [M::Counters, M::Arguments, M::WorkList]),
-        K::Blocks => {
-            let pose = |slot| (0..instances).map(move |instance| M::Pose { instance, slot });
-            let Source::Slot(source) = work.source else { unreachable!("blocks are read from a slot") };
-            let reads = [M::WorkList, M::Deltas].into_iter().chain(pose(source));
-            let mut all = Accesses::compute(reads, pose(work.destination));
-            all.uses.push(Use::new(M::Arguments, Stage::Indirect, Access::IndirectRead));
-            all
-        }
-    };
-    works.iter().map(|work| Accesses { group: work.group, ..of(work) }).collect()
 }

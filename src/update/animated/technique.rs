@@ -43,24 +43,30 @@ impl PipelineKey for Planning {
     }
 }
 
-pub(crate) struct Animated {
+/// A crowd whose updates the GPU plans.
+pub struct Animated {
     device: Arc<Device>,
     planning: Arc<Pipelines<Planning>>,
     pub(crate) clips: Clips,
     pub(crate) playbacks: Playbacks,
-    pub(super) state: Buffer,
+    /// Records, weights and histories.
+    pub state: Buffer,
     tables: Buffer,
     table_bytes: u64,
-    staging: Option<Buffer>,
+    pub(crate) staging: Option<Buffer>,
     /// By group of the mesh. Works shared by all groups use the descriptor sets of the first.
-    pub(super) groups: Vec<Group>,
+    pub groups: Vec<Group>,
 }
 
-pub(super) struct Group {
-    pub(super) layout: GroupLayout,
+/// A group of the mesh.
+pub struct Group {
+    /// Its sets, runs and work lists.
+    pub layout: GroupLayout,
     blocks: GroupBlocks,
-    pub(super) work: Buffer,
-    pub(super) control: Buffer,
+    /// Work lists.
+    pub work: Buffer,
+    /// Item counts and dispatch arguments.
+    pub control: Buffer,
     /// Descriptor sets of [`Planning`], by work list.
     sets: Sets,
 }
@@ -107,11 +113,12 @@ impl Group {
 impl Animated {
     /// Creates buffers and sets; [`upload`](Self::upload) fills them.
     pub(crate) fn new(context: Context<'_>, clips: Clips) -> Result<Self> {
-        let (device, desc) = (context.device, context.desc);
+        let device = context.device;
         let layout = Layout::new(&context, &clips)?;
         let planning = context.kernels.get(Planning)?;
 
-        let (table_bytes, none) = (layout.table_bytes, vk::BufferUsageFlags::empty());
+        let table_bytes = layout.table_bytes;
+        let none = vk::BufferUsageFlags::empty();
         let tables = on_device(device, "deltamorph clips", table_bytes, none)?;
         let state = on_device(device, "deltamorph animated weights", layout.state_bytes, none)?;
         let usage = vk::BufferUsageFlags::TRANSFER_SRC;
@@ -126,7 +133,7 @@ impl Animated {
         Ok(Self {
             groups: groups.collect::<Result<_>>()?,
             device: device.clone(),
-            playbacks: Playbacks::new(desc.instances),
+            playbacks: Playbacks::new(context.desc.instances),
             staging: Some(staging),
             tables,
             table_bytes,
@@ -155,17 +162,14 @@ impl Animated {
         }
     }
 
-    pub(crate) fn release_staging(&mut self) {
-        self.staging = None;
-    }
-
     /// # Safety
     /// See [`Technique::record`].
     unsafe fn record_records(&self, cmd: vk::CommandBuffer) {
         for run in self.playbacks.changed() {
             let mut at = run.start as usize;
             for records in self.playbacks.records()[at..run.end as usize].chunks(RECORDS_MAX) {
-                let (offset, data) = (at * size_of::<HeadRecord>(), bytemuck::cast_slice(records));
+                let offset = at * size_of::<HeadRecord>();
+                let data = bytemuck::cast_slice(records);
                 // SAFETY: the caller's obligations; the records lie within the state, and are no more than Vulkan
                 // allows.
                 unsafe { self.device.raw.cmd_update_buffer(cmd, self.state.raw, offset as u64, data) };
@@ -184,8 +188,10 @@ impl Animated {
             (&group.layout, group.layout.push);
         // Another group may have more dispatches.
         for dispatch in work.items.start..work.items.end.min(group.dispatches()) {
-            let (chunk, rest) = (dispatch % chunks, dispatch / chunks);
-            let (width, list) = (rest % group.blocks.how.widths, rest / group.blocks.how.widths);
+            let chunk = dispatch % chunks;
+            let rest = dispatch / chunks;
+            let width = rest % group.blocks.how.widths;
+            let list = rest / group.blocks.how.widths;
             let item = (width * layout.capacity(list) + chunk * chunk_workgroups * workgroup_items) * TILE_WORDS as u32;
             let arguments = Workgroups::At(group.control.raw, layout.arguments(list, width, chunk));
             // SAFETY: the caller's obligations; the arguments lie within the buffer, which is one of arguments.
@@ -231,7 +237,8 @@ impl Technique for Animated {
     }
 
     unsafe fn record(&self, cmd: vk::CommandBuffer, _frame: u64, work: &Work) {
-        let (group, what) = (&self.groups[work.group as usize], AnimatedKernel::ALL[work.kernel as usize]);
+        let group = &self.groups[work.group as usize];
+        let what = AnimatedKernel::ALL[work.kernel as usize];
         let layout = &group.layout;
         let push = &layout.push;
         // Work lists are planned one at a time; other kernels process all of them.
@@ -246,7 +253,8 @@ impl Technique for Animated {
                 // SAFETY: the caller's obligations.
                 AnimatedKernel::Blocks => return unsafe { self.record_blocks(cmd, work) },
             };
-            let (set, workgroups) = (group.sets.get(list as usize), Workgroups::Of(workgroups));
+            let set = group.sets.get(list as usize);
+            let workgroups = Workgroups::Of(workgroups);
             // SAFETY: the caller's obligations; sets and push constants were made for these buffers, and workgroups
             // are no more than the device allows.
             unsafe { self.planning.objects.dispatch(cmd, what as usize, (set, &[]), bytes_of(&push), workgroups) };
@@ -274,9 +282,5 @@ impl Technique for Animated {
 
     fn begin_at(&mut self, updates: u64) {
         self.playbacks.begin_at(updates);
-    }
-
-    fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-        super::steps::accesses(works, self.groups[0].layout.push.heads)
     }
 }

@@ -1,9 +1,9 @@
-use super::reference::{interpolate, sample};
+use super::reference::{interpolate, key, sample};
 use super::sample::TICKS_PER_SECOND;
-use super::steps::accesses;
 use super::*;
 use crate::pack::blocks::PoseGrid;
 use crate::pack::{DeltaFormat, PackDesc, PackedMesh, PoseFormat};
+use crate::plan::hazards::animated;
 use crate::plan::instances::InstanceState;
 use crate::plan::steps::Steps;
 use crate::plan::tests::{assert_barriers_needed, scheduled};
@@ -120,8 +120,8 @@ proptest! {
         for clip in 0..3 {
             prop_assert_eq!(long.rounding(clip), Some(0.0));
             for (frame, t) in (0..long.frame_count(clip)).flat_map(|f| (0..TARGETS).map(move |t| (f, t))) {
-                let (key, kept) = (long.key(clip, frame, t), short.key(clip, frame, t));
-                prop_assert!((key - kept).abs() as f32 * grid.weight_step() <= short.rounding(clip).unwrap());
+                let (exact, kept) = (key(&long, clip, frame, t), key(&short, clip, frame, t));
+                prop_assert!((exact - kept).abs() as f32 * grid.weight_step() <= short.rounding(clip).unwrap());
                 prop_assert!(kept.abs() <= grid.steps(grid.weight_max));
             }
         }
@@ -251,7 +251,7 @@ fn what_is_not_animated_on_the_gpu_is_refused() {
         (fixed.error_budget(0.1), mesh(), "an error budget of 0.1"),
         (fixed, still, "move nothing"),
     ] {
-        testing::says(AnimatedReference::new(desc, mesh.layout(), 1), &[words]);
+        testing::says(desc.check_animated(mesh.layout()), &[words]);
     }
 }
 
@@ -266,7 +266,7 @@ fn every_barrier_is_needed() {
                 let update = AnimatedUpdate { records, source, destination, groups, dispatches, texels };
                 let mut steps = Steps::new(Consumers::default());
                 update.fill(&mut steps);
-                let events = scheduled(&[&steps], |_, works| accesses(works, 1));
+                let events = scheduled(&[&steps], |_, works| works.iter().map(|work| animated(work, 1)).collect());
                 (events, [Some(destination), (slots > 1 && frame > 0).then_some(source)])
             })
             .collect();

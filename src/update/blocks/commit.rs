@@ -13,7 +13,7 @@ const SUMMING: f32 = 0.9999;
 impl BlockState {
     /// Requests `weights`, and decides which changes to apply now; all of them unless the poses are `known`. Returns
     /// whether [`emit`](Self::emit) has to follow; groups that share slots emit if any of them has to.
-    pub(crate) fn commit(&mut self, group: &mut GroupPlan, instance: usize, weights: &[f32], known: bool) -> bool {
+    pub fn commit(&mut self, group: &mut GroupPlan, instance: usize, weights: &[f32], known: bool) -> bool {
         self.largest_weight = weights.iter().fold(self.largest_weight, |m, w| m.max(w.abs()));
         let GroupPlan { index, scratch, unit, .. } = &mut *group;
         scratch.ends.clear();
@@ -39,7 +39,8 @@ impl BlockState {
             if new == *committed {
                 continue;
             }
-            let (old, incidence) = (std::mem::replace(committed, new), index.incidence(target));
+            let old = std::mem::replace(committed, new);
+            let incidence = index.incidence(target);
             // A target without entries changes no pose.
             dirty |= !incidence.is_empty();
             let coefficient = unit.coefficient(new, old);
@@ -79,7 +80,8 @@ impl BlockState {
         let first = instance * index.entry_count();
         let (mut dirty, mut deferred) = (false, self.deferred && !settle);
         for block in (0..index.count()).filter(|&block| scratch.reached[block]) {
-            let (entries, amounts) = (index.entries(block), &mut scratch.amounts);
+            let entries = index.entries(block);
+            let amounts = &mut scratch.amounts;
             let next = |entry: usize| scratch.next[index.parts.entry_target[entry] as usize];
             amounts.clear();
             if settle {
@@ -95,7 +97,7 @@ impl BlockState {
                     let added = rounding(index.block_base[block] + reach, entries.len() as u32, reach);
                     rounded = self.blocks[block].bound + added;
                 }
-                let room = f64::from((self.budget() - rounded).max(0.0) * SUMMING);
+                let room = f64::from((self.budget - rounded).max(0.0) * SUMMING);
                 if sum <= room {
                     deferred |= sum > 0.0;
                     continue;
@@ -116,7 +118,8 @@ impl BlockState {
                 deferred |= amounts.iter().any(|amount| *amount > 0.0);
             }
             for (entry, amount) in entries.zip(amounts) {
-                let (old, new) = (self.committed[entry], next(entry));
+                let old = self.committed[entry];
+                let new = next(entry);
                 if *amount != COMMITTED || new == old {
                     continue;
                 }

@@ -9,7 +9,6 @@ use crate::abi::worklist::{ALIGN, TILE, WIDTHS, row_words};
 use crate::gpu::tuning::DeviceTuning;
 use crate::pack::PoseFormat;
 use crate::pack::blocks::BlockIndex;
-use crate::plan::hazards::{Accesses, Memory};
 use crate::plan::steps::{Resource, Steps, Use, Work};
 use std::ops::Range;
 
@@ -33,11 +32,6 @@ pub(crate) struct Dispatching {
 }
 
 impl Dispatching {
-    /// Workgroups of these items.
-    pub fn workgroups(&self, items: &Range<u32>) -> u32 {
-        items.len() as u32 / self.items
-    }
-
     /// Most padding tiles of a kernel, which fill up workgroups, for `instances`.
     pub fn padding(&self, instances: usize) -> usize {
         (self.items as usize - 1) * instances.div_ceil(self.group as usize)
@@ -90,7 +84,9 @@ impl Dispatches {
     }
 
     fn dispatch(&mut self, kernel: usize, instance: u32, items: Range<usize>) {
-        let (most, end, group) = (self.how.most as usize * self.how.items as usize, items.end, self.group);
+        let most = self.how.most as usize * self.how.items as usize;
+        let end = items.end;
+        let group = self.group;
         for first in items.step_by(most) {
             let items = first as u32..end.min(first + most) as u32;
             self.works.push(Work { kernel: kernel as u32, group, instance, items, ..Work::default() });
@@ -116,20 +112,11 @@ impl Dispatches {
         before.sum::<usize>() + work.items.start as usize
     }
 
-    /// Reads and writes of the works of a step. A block of an instance occurs in one item, so all works count as one.
-    pub fn accesses(&self, list: &WorkList, works: &[Work]) -> Accesses {
-        let mut uses = std::collections::HashSet::new();
-        for work in works {
-            let kernel = work.kernel as usize;
-            let tiles = &self.tiles.items[kernel][work.items.start as usize..work.items.end as usize];
-            for &i in tiles.iter().flat_map(|tile| tile.members(kernel % WIDTHS)) {
-                let &Item { instance, source, destination, .. } = &list.items[i as usize];
-                let source = source.map_or(Memory::Base, |slot| Memory::Pose { instance, slot });
-                let pose = Memory::Pose { instance, slot: destination };
-                uses.extend(Accesses::compute([Memory::Deltas, source], [pose]).uses);
-            }
-        }
-        Accesses { group: self.group, in_place: true, uses: uses.into_iter().collect() }
+    /// The items of a work.
+    pub fn items_of<'a>(&'a self, list: &'a WorkList, work: &Work) -> impl Iterator<Item = &'a Item> {
+        let kernel = work.kernel as usize;
+        let tiles = &self.tiles.items[kernel][work.items.start as usize..work.items.end as usize];
+        tiles.iter().flat_map(move |tile| tile.members(kernel % WIDTHS)).map(|&i| &list.items[i as usize])
     }
 }
 
@@ -307,7 +294,8 @@ impl Tiles {
     pub fn bytes(&self, index: &BlockIndex, pose: PoseFormat) -> [u64; 2] {
         let (mut moved, mut floor) = (0, 0);
         for (width, tile) in self.iter().filter(|(_, tile)| tile.count > 0) {
-            let (instances, stride) = (1u64 << width, row_words(width));
+            let instances = 1u64 << width;
+            let stride = row_words(width);
             // Source poses: each instance's own, or the base pose; fixed-point poses load none for the base pose.
             let sources = if pose.has_integers() && tile.rebuilt != 0 { 0 } else { instances };
             let rows = &self.rows[tile.first as usize..][..tile.count as usize * stride];

@@ -11,15 +11,10 @@ use crate::abi::worklist::ELEMENT_BYTES;
 impl BlockState {
     /// Lists the blocks that bring the second slot to the committed weights. The first slot is current, and matches
     /// this state if `known`.
-    pub(crate) fn emit(
-        &mut self,
-        group: &mut GroupPlan,
-        instance: usize,
-        [current, destination]: [u32; 2],
-        known: bool,
-    ) {
+    pub fn emit(&mut self, group: &mut GroupPlan, instance: usize, [current, destination]: [u32; 2], known: bool) {
+        // The instance has no pose, or was left out of updates.
         if !known {
-            self.forget_slots();
+            self.is_stale.fill(true);
         }
         let GroupPlan { index, list, stats, source_bytes, desc, unit, tolerance, scratch, .. } = &mut *group;
         let pose_bytes = (index.size() * desc.pose.stride()) as u64;

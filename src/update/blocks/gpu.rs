@@ -27,7 +27,8 @@ pub(crate) const LIST_USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_r
 /// # Errors
 /// Not even one instance fits.
 pub(crate) fn set_size(context: &Context<'_>, most: u64) -> Result<u32> {
-    let (poses, range) = (context.poses, context.caps().max_storage_range);
+    let poses = context.poses;
+    let range = context.caps().max_storage_range;
     let each = poses.range_bytes(1) - poses.lead;
     context.check_range("the slots of one instance", poses.range_bytes(1), "use fewer slots, or split the mesh")?;
     let instances = context.desc.instances;
@@ -103,12 +104,16 @@ impl BlocksKernels {
     /// # Errors
     /// No kernel for the formats; Vulkan errors.
     pub(crate) fn new(context: &Context<'_>, instances: u32, group: u32) -> Result<Self> {
-        let (format, pose, tuning) = (context.layout().format, context.desc.update.pose, context.caps().tuning);
+        let format = context.layout().format;
+        let pose = context.desc.update.pose;
+        let tuning = context.caps().tuning;
         let Workgroup { texels, lanes, items } = workgroup(context)?;
         let kernel = if texels { &CROWD_TEXELS } else { &CROWD };
         let widths = instances.clamp(1, tuning.widest_tile).ilog2() + 1;
-        let (module, size) = (kernel.module(format.row(), pose.row(), 0)?, context.layout().index()?.size() as u32);
-        let (few_registers, places) = (tuning.few_registers, context.poses.place_constants());
+        let module = kernel.module(format.row(), pose.row(), 0)?;
+        let size = context.layout().index()?.size() as u32;
+        let few_registers = tuning.few_registers;
+        let places = context.poses.place_constants();
         let rounds_sums = pose.row().rounds_sums;
         let key = |width| BlocksKey { module, size, lanes, width, few_registers, rounds_sums, places };
         let kernel = |width| context.kernels.get(key(width));
@@ -178,7 +183,8 @@ impl GroupBlocks {
         first_item: u32,
         workgroups: Workgroups,
     ) {
-        let (width, rebuilt) = (kernel % WIDTHS, kernel / WIDTHS);
+        let width = kernel % WIDTHS;
+        let rebuilt = kernel / WIDTHS;
         let set = self.sets.get(set);
         let push = BlocksPush { first_item, ..self.push };
         // SAFETY: the caller's obligations; the layout of the set is the same for all kernels of a module, and the push

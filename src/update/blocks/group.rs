@@ -213,8 +213,8 @@ pub(crate) fn check_tolerance(tolerance: f32, layout: &PackedLayout, index: &Blo
     }
     Err(Error::invalid(
         format!(
-            "a drift of at most {tolerance:.1e} of the diagonal: rounding alone may move a vertex by {least:.1e} when all \
-             weights are 1"
+            "a drift of at most {tolerance:.1e} of the diagonal: rounding alone may move a vertex by {least:.1e} when \
+             all weights are 1"
         ),
         "allow more drift, or use fixed32 poses",
     ))

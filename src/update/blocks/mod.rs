@@ -17,9 +17,8 @@ mod technique;
 pub use group::WorkList;
 pub(crate) use group::check_tolerance;
 pub use group::{GroupPlan, Item};
-pub(crate) use plan::BlockState;
-pub use plan::Planner;
-pub(crate) use technique::BlocksTechnique;
+pub use plan::{BlockState, Planner};
+pub use technique::BlocksTechnique;
 
 #[cfg(test)]
 mod tests;

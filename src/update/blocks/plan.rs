@@ -96,7 +96,7 @@ impl InstanceState for Planner {
 
 /// State of an instance's poses in a group.
 #[derive(Clone, Debug)]
-pub(crate) struct BlockState {
+pub struct BlockState {
     /// Weights requested last, by target.
     pub(super) requested: Vec<u32>,
     /// Committed weights, by target, or by entry if `per_entry`.
@@ -106,7 +106,7 @@ pub(crate) struct BlockState {
     /// Entries whose committed weight is not 0, a bit each.
     pub(super) active: Vec<u64>,
     /// The error budget, at most the crowd's.
-    budget: f32,
+    pub(super) budget: f32,
     /// The budget was lowered: all deferred changes have to be checked.
     pub(super) lowered: bool,
     pub(super) deferred: bool,
@@ -143,11 +143,12 @@ impl BlockSum {
 
 impl BlockState {
     /// All weights are 0, and all slots are stale.
-    pub(crate) fn new(group: &GroupPlan) -> Self {
-        let (index, targets) = (&group.index, group.targets);
+    pub fn new(group: &GroupPlan) -> Self {
+        let index = &group.index;
+        let targets = group.targets;
         // The golden ratio spreads rebuilds of any number of blocks evenly.
         let limit = |b: usize| group.tolerance * (0.25 + 0.75 * (b as f32 * 0.618_034).fract());
-        let (slots, per_entry) = (group.desc.slots as usize, group.desc.error_budget > 0.0);
+        let per_entry = group.desc.error_budget > 0.0;
         Self {
             requested: vec![0; targets],
             committed: vec![0; if per_entry { index.entry_count() } else { targets }],
@@ -161,22 +162,13 @@ impl BlockState {
             blocks: (0..index.count())
                 .map(|b| BlockSum { bound: 0.0, limit: limit(b), active: 0, active_bytes: 0 })
                 .collect(),
-            is_stale: vec![true; slots * index.count()],
+            is_stale: vec![true; group.desc.slots as usize * index.count()],
         }
     }
 
     fn set_budget(&mut self, budget: f32) {
         self.lowered |= budget < self.budget;
         self.budget = budget;
-    }
-
-    pub(super) fn budget(&self) -> f32 {
-        self.budget
-    }
-
-    /// Marks all slots as stale: the instance has no pose, or was left out of updates.
-    pub(super) fn forget_slots(&mut self) {
-        self.is_stale.fill(true);
     }
 
     /// Adds this state to the group's statistics.

@@ -14,7 +14,8 @@ use crate::plan::steps::{Steps, Work};
 use crate::update::technique::{Context, Technique, UpdateId};
 use ash::vk;
 
-pub(crate) struct BlocksTechnique {
+/// A crowd on path `blocks`.
+pub struct BlocksTechnique {
     planner: Planner,
     groups: Vec<Group>,
 }
@@ -31,11 +32,18 @@ struct Group {
 
 impl BlocksTechnique {
     pub(crate) fn new(context: Context<'_>) -> Result<Self> {
-        let (desc, layouts) = (context.desc, context.groups().map(|group| group.layout()));
+        let desc = context.desc;
+        let layouts = context.groups().map(|group| group.layout());
         let planner = Planner::new(desc.update, layouts, desc.instances as usize)?;
         let groups = (0..).zip(context.groups()).zip(&planner.groups);
         let groups = groups.map(|((number, group), planner)| Group::new(group, number, planner));
         Ok(Self { groups: groups.collect::<Result<_>>()?, planner })
+    }
+
+    /// The items of a work of the update planned last.
+    pub fn items_of(&self, work: &Work) -> impl Iterator<Item = &Item> {
+        let group = work.group as usize;
+        self.groups[group].dispatches.items_of(&self.planner.groups[group].list, work)
     }
 }
 
@@ -54,7 +62,8 @@ impl Group {
         let mut bound = vec![];
         for frame in 0..desc.frames_in_flight {
             for first in (0..desc.instances).step_by(reach as usize) {
-                let (list, instances) = (ring.range(frame.into()), (first, reach.min(desc.instances - first)));
+                let list = ring.range(frame.into());
+                let instances = (first, reach.min(desc.instances - first));
                 bound.push(Bound { list, instances });
             }
         }
@@ -111,16 +120,8 @@ impl Technique for BlocksTechnique {
         let group = &self.groups[work.group as usize];
         let first_item = (group.dispatches.place(work) * TILE_WORDS) as u32;
         let set = (frame * u64::from(group.sets_of_frame)) as usize + work.instance as usize;
-        let workgroups = Workgroups::Of([group.blocks.how.workgroups(&work.items), 1]);
+        let workgroups = Workgroups::Of([work.items.len() as u32 / group.blocks.how.items, 1]);
         // SAFETY: the caller's obligations; the list was written for this mesh and crowd.
         unsafe { group.blocks.dispatch(cmd, set, work.kernel as usize, first_item, workgroups) };
-    }
-
-    fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-        let of = |works: &[Work]| {
-            let group = works[0].group as usize;
-            self.groups[group].dispatches.accesses(&self.planner.groups[group].list, works)
-        };
-        works.chunk_by(|a, b| a.group == b.group).map(of).collect()
     }
 }

@@ -7,7 +7,7 @@ use crate::cpu::{Memory, Workers};
 use crate::gpu::tuning::{DeviceClass, DeviceTuning};
 use crate::pack::blocks::BlockDesc;
 use crate::pack::{DeltaFormat, PackDesc, PackedMesh, PoseFormat};
-use crate::plan::hazards::Event as Recorded;
+use crate::plan::hazards::{Event as Recorded, blocks};
 use crate::plan::instances::Instances;
 use crate::plan::steps::Steps;
 use crate::plan::tests::{events, scheduled};
@@ -26,7 +26,9 @@ fn recorded(mut plan: GroupPlan) -> Vec<Recorded> {
     let mut steps = Steps::new(Consumers::default());
     dispatches.fill(&mut plan);
     Dispatches::append(std::iter::once(&dispatches), &mut steps);
-    scheduled(&[&steps], |_, works| vec![dispatches.accesses(&plan.list, works)])
+    scheduled(&[&steps], |_, works| {
+        vec![blocks(0, works.iter().flat_map(|work| dispatches.items_of(&plan.list, work)))]
+    })
 }
 
 fn packed(format: DeltaFormat, size: u32) -> PackedMesh {

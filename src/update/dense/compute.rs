@@ -74,8 +74,12 @@ impl Passes for ComputePasses {
     const USES: &'static [Use] = &[Use::read(Resource::Asset), Use::read(Resource::Poses), Use::write(Resource::Poses)];
 
     fn new(context: Context<'_>) -> Result<Self> {
-        let (layout, desc, mesh, poses) = (context.layout(), context.desc, context.mesh, context.poses);
-        let (batch, slots) = (desc.update.batch, poses.slots);
+        let layout = context.layout();
+        let desc = context.desc;
+        let mesh = context.mesh;
+        let poses = context.poses;
+        let batch = desc.update.batch;
+        let slots = poses.slots;
         let kernel = context.kernels.get(Compute { format: layout.format, pose: desc.update.pose, batch })?;
         // Kernels that read no list still have one bound.
         let (entries, instances, frames) = match kernel.key.pushed() {
@@ -120,7 +124,8 @@ impl Passes for ComputePasses {
     }
 
     unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, work: &Work, pass: &DensePass<'_>) {
-        let (pushed, count) = (self.kernel.key.pushed().is_some(), pass.coefficients.len());
+        let pushed = self.kernel.key.pushed().is_some();
+        let count = pass.coefficients.len();
         let (pipeline, list) = match pushed {
             false => (0, (frame * u64::from(self.instances) + u64::from(work.instance)) * self.stride),
             true => (count, 0),
@@ -162,7 +167,8 @@ fn listed(c: &Coefficient, target: &PackedTarget) -> DenseListEntry {
 /// List entry for fixed-point poses.
 fn rounded(c: &Coefficient, target: &PackedTarget, grid: PoseGrid) -> DenseListEntry {
     let [Term { new, old, dropped }, normal] = grid.terms(c.held, c.held + c.value, target.steps());
-    let (coefficient, normal_coefficient) = (new as u32, old as u32);
+    let coefficient = new as u32;
+    let normal_coefficient = old as u32;
     DenseListEntry { target: c.target, coefficient, normal_coefficient, dropped: dropped | normal.dropped << 8 }
 }
 

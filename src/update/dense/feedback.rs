@@ -71,8 +71,11 @@ impl Pipelines<VertexPasses> {
         passes: impl IntoIterator<Item = DensePass<'a>>,
         stores: &[vk::DescriptorSet],
     ) {
-        let (objects, device, captures) = (&self.objects, &self.objects.device.raw, *self.key.kernel == FEEDBACK);
-        let (point, layout) = (vk::PipelineBindPoint::GRAPHICS, objects.layout);
+        let objects = &self.objects;
+        let device = &self.objects.device.raw;
+        let captures = *self.key.kernel == FEEDBACK;
+        let point = vk::PipelineBindPoint::GRAPHICS;
+        let layout = objects.layout;
         // SAFETY: the caller's obligations; the render pass is ours.
         unsafe { objects.begin_render_pass(cmd) };
         for pass in passes {
@@ -156,7 +159,8 @@ pub fn vertex_input(format: DeltaFormat, batch: u32) -> VertexInput {
     for b in 1..=batch {
         bindings.push(binding(b, format.stride() as u32));
         for &(format, offset) in format.row().attributes {
-            let (location, format) = (attributes.len() as u32, vk::Format::from_raw(format as i32));
+            let location = attributes.len() as u32;
+            let format = vk::Format::from_raw(format as i32);
             attributes.push(vk::VertexInputAttributeDescription { location, binding: b, format, offset });
         }
     }

@@ -176,31 +176,4 @@ impl DensePlanner {
             ..UpdateStats::default()
         }
     }
-
-    /// Reads and writes of works, for the hazard checker.
-    pub(crate) fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-        use crate::plan::UpdatePath;
-        use crate::plan::hazards::{Accesses, Memory};
-        use crate::plan::steps::{Access, Stage};
-        let (in_place, captures) = (self.desc.path.works_in_place(), self.desc.path == UpdatePath::Feedback);
-        let (read, write) = match (in_place, captures) {
-            (true, _) => ((Stage::Compute, Access::ShaderRead), (Stage::Compute, Access::ShaderWrite)),
-            (false, true) => {
-                ((Stage::VertexInput, Access::AttributeRead), (Stage::TransformFeedback, Access::FeedbackWrite))
-            }
-            (false, false) => ((Stage::VertexInput, Access::AttributeRead), (Stage::VertexShader, Access::ShaderWrite)),
-        };
-        let of = |work: &Work| {
-            let (instance, group) = (work.instance, work.group);
-            let source = match work.source {
-                Source::Base => Memory::Base,
-                Source::Slot(slot) => Memory::Pose { instance, slot },
-            };
-            let deltas = (!work.items.is_empty()).then_some(Memory::Deltas);
-            let reads = deltas.into_iter().chain([source]).map(|memory| Use::new(memory, read.0, read.1));
-            let destination = Memory::Pose { instance, slot: work.destination };
-            Accesses { group, uses: reads.chain([Use::new(destination, write.0, write.1)]).collect(), in_place }
-        };
-        works.iter().map(of).collect()
-    }
 }

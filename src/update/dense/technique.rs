@@ -131,8 +131,4 @@ impl<P: Passes> Technique for DenseTechnique<P> {
         // SAFETY: the caller's obligations.
         unsafe { passes.record(cmd, frame, work, &pass) };
     }
-
-    fn accesses(&self, works: &[Work]) -> Vec<crate::plan::hazards::Accesses> {
-        self.planner.accesses(works)
-    }
 }

@@ -5,7 +5,7 @@ use super::feedback::FeedbackPasses;
 use super::technique::Passes;
 use super::*;
 use crate::pack::{DeltaFormat, PackDesc, PackedMesh};
-use crate::plan::hazards::{Event as Recorded, HazardChecker};
+use crate::plan::hazards::{Event as Recorded, HazardChecker, dense};
 use crate::plan::instances::Instances;
 use crate::plan::steps::{Source, Steps, Use, Work};
 use crate::plan::tests::{events, scheduled};
@@ -28,7 +28,7 @@ const PATHS: &[UpdatePath] = &[UpdatePath::Feedback, UpdatePath::Compute];
 fn recorded(planner: &DensePlanner, path: UpdatePath) -> Vec<Recorded> {
     let mut steps = Steps::new(Consumers::default());
     planner.fill(1, uses(path), &mut steps);
-    scheduled(&[&steps], |_, works| planner.accesses(works))
+    scheduled(&[&steps], |_, works| works.iter().map(|work| dense(path, work)).collect())
 }
 
 /// Contents of a slot, from the passes alone: base plus these weights.
@@ -105,10 +105,9 @@ fn every_barrier_of_passes_is_needed() {
 #[test]
 fn a_vertex_pass_must_not_write_what_it_fetches() {
     for &path in PATHS.iter().filter(|path| !path.works_in_place()) {
-        let planner = DensePlanner::new(UpdateDesc::new(path, BatchSize::Targets(1)), None, 1).unwrap();
         let pass = Work { source: Source::Slot(1), destination: 1, ..Work::default() };
         let mut checker = HazardChecker::default();
-        checker.update(&[Recorded::Step { crowd: 0, works: planner.accesses(&[pass]) }]);
+        checker.update(&[Recorded::Step { crowd: 0, works: vec![dense(path, &pass)] }]);
         let text = checker.finish().unwrap_err()[0].to_string();
         assert!(text.contains("write after read on Pose"), "{text}");
     }

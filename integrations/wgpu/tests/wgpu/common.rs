@@ -3,9 +3,10 @@
 use crate::layers::listen;
 pub use crate::layers::messages;
 use crate::scene::{Host, now};
+use crate::testing;
 use deltamorph::ash::{self, vk};
 use deltamorph::reference::{compare, evaluate};
-use deltamorph::{DeltaFormat, PackedMesh, PoseFormat, PoseView, testing};
+use deltamorph::{DeltaFormat, PackedMesh, PoseFormat, PoseView};
 use deltamorph_wgpu::{Crowd, Morph, POSE_WGSL, Pose};
 use std::sync::{Mutex, MutexGuard, Once, PoisonError};
 

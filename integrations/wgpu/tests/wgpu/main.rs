@@ -9,3 +9,5 @@ mod play;
 mod poses;
 #[path = "../../examples/head/scene.rs"]
 mod scene;
+#[path = "../../../../tests/common/testing.rs"]
+mod testing;

@@ -5,9 +5,8 @@ use crate::common::{
 };
 use crate::play::{Played, decoded, difference, play};
 use crate::scene::{EDGE, Host, now};
-use deltamorph::{
-    BatchSize, CrowdDesc, DeltaFormat, PackedMesh, PoseFormat, Semantic, UpdateDesc, UpdatePath, testing,
-};
+use crate::testing;
+use deltamorph::{BatchSize, CrowdDesc, DeltaFormat, PackedMesh, PoseFormat, Semantic, UpdateDesc, UpdatePath};
 use deltamorph_wgpu::{Morph, VertexInput};
 
 #[test]

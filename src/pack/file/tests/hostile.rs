@@ -201,7 +201,7 @@ fn contents_are_checked_under_valid_checksums() {
         assert!(text.contains(part), "{section:?} {word} {value:#x}: {text}");
     }
     // A mask with more vertices than records, or fewer.
-    let words = small.mesh.deltas();
+    let words = small.mesh.surface().deltas();
     let masked = (0..entries - 1).find(|entry| words[3 * entry + 1] >> 31 == 1).expect("an entry with a mask");
     let mask = headers.next_multiple_of(4) + words[3 * masked] as usize;
     for value in [0, giant] {

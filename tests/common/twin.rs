@@ -1,14 +1,12 @@
 //! The CPU twin of the kernels that sample and plan (`glsl/animate.comp` to `glsl/plan.comp`): the planner of block
 //! formats, with the choices of the GPU.
 
-use super::clips::Clips;
-use super::playback::Playbacks;
-use super::sample::HeadRecord;
-use crate::error::Result;
-use crate::pack::PackedLayout;
-use crate::plan::UpdateDesc;
-use crate::update::Runner;
-use crate::update::blocks::{BlockState, GroupPlan, WorkList};
+#![allow(dead_code, reason = "unit tests use less of it")]
+
+use deltamorph::internals::abi::numbers::{HIDDEN, LOOP, PLAYING, REVERSED};
+use deltamorph::internals::update::animated::{HeadRecord, Playbacks};
+use deltamorph::internals::update::blocks::{BlockState, GroupPlan, WorkList};
+use deltamorph::{Clips, PackedLayout, Result, UpdateDesc};
 
 /// Samples and plans like the GPU, on the CPU.
 pub struct AnimatedReference {
@@ -30,9 +28,8 @@ impl AnimatedReference {
     /// `heads` instances of a mesh.
     ///
     /// # Errors
-    /// Errors of [`GroupPlan::new`]; properties that crowds animated on the GPU do not support.
+    /// Errors of [`GroupPlan::new`].
     pub fn new(desc: UpdateDesc, layout: &PackedLayout, heads: u32) -> Result<Self> {
-        desc.check_all(layout, Runner::Animated(None))?;
         let mut group = GroupPlan::new(desc, layout, heads as usize)?;
         // The GPU's tiles mix rebuilt and incremental instances.
         group.source_bytes = 0;
@@ -48,7 +45,7 @@ impl AnimatedReference {
         for (i, (instance, record)) in self.instances.iter_mut().zip(heads.records()).enumerate() {
             let Instance { state, weights, known } = instance;
             // Slots keep rotating while it is hidden: its slots become invalid.
-            if record.has(HeadRecord::HIDDEN) {
+            if record.has(HIDDEN) {
                 *known = false;
                 continue;
             }
@@ -74,27 +71,38 @@ impl AnimatedReference {
 fn between(record: &HeadRecord, frames: u32, now: u32) -> (u32, u32, u32) {
     let position = record.position(frames, (now.wrapping_sub(record.start) as i32).max(0).into());
     let (frame, f, last) = ((position >> 32) as u32, (position >> 16) as u32 & 0xffff, frames - 1);
-    let at_end = if record.has(HeadRecord::LOOP) { 0 } else { last };
+    let at_end = if record.has(LOOP) { 0 } else { last };
     let next = if frame < last { frame + 1 } else { at_end };
-    if record.has(HeadRecord::REVERSED) { (last - frame, last - next, f) } else { (frame, next, f) }
+    if record.has(REVERSED) { (last - frame, last - next, f) } else { (frame, next, f) }
 }
 
 /// k0 + (k1 − k0) · f · 2⁻¹⁶, rounded to nearest.
-pub(super) fn interpolate(k0: i32, k1: i32, f: u32) -> i32 {
+pub fn interpolate(k0: i32, k1: i32, f: u32) -> i32 {
     let product = i64::from(k1 - k0) * i64::from(f);
     k0 + ((product + 0x8000) >> 16) as i32
 }
 
 /// The weights of an instance at tick `now`, in steps of the grid, as in `glsl/animate.comp`.
-pub(super) fn sample(clips: &Clips, record: &HeadRecord, now: u32) -> Vec<i32> {
-    if !record.has(HeadRecord::PLAYING) {
+pub fn sample(clips: &Clips, record: &HeadRecord, now: u32) -> Vec<i32> {
+    if !record.has(PLAYING) {
         return vec![0; clips.targets()];
     }
     let clip = record.clip as usize;
-    let (frame, next, f) = between(record, clips.frame_count(clip), now);
-    let key = |frame, target| clips.key(clip, frame, target);
+    let (frame, next, f) = between(record, clips.words()[4 * clip + 1], now);
+    let key = |frame, target| key(clips, clip, frame, target);
     let weight = |target| interpolate(key(frame, target), key(next, target), f);
     (0..clips.targets()).map(|target| interpolate(0, weight(target), factor(clips, record, target))).collect()
+}
+
+/// A key of a clip, in steps of the grid.
+pub fn key(clips: &Clips, clip: usize, frame: u32, target: usize) -> i32 {
+    let [first, _, shift, bits] = clips.words().as_chunks().0[clip];
+    let at = frame as usize * clips.targets() + target;
+    if bits == 32 {
+        return clips.words()[first as usize + at] as i32;
+    }
+    let word = clips.words()[first as usize + at / 2];
+    i32::from((word >> (16 * (at % 2))) as u16 as i16) << shift
 }
 
 /// The factor of a target at the record's level of detail, in 2⁻¹⁶.
@@ -102,5 +110,6 @@ fn factor(clips: &Clips, record: &HeadRecord, target: usize) -> u32 {
     if record.ranks_at == 0 {
         return 1 << 16;
     }
-    (u64::from(record.level)).saturating_sub(u64::from(clips.rank(target)) << 16).min(1 << 16) as u32
+    let rank = clips.words()[record.ranks_at as usize + target];
+    u64::from(record.level).saturating_sub(u64::from(rank) << 16).min(1 << 16) as u32
 }

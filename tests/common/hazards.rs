@@ -1,14 +1,22 @@
 //! The hazard checker: proves that recorded barriers order every read and write.
 //!
 //! Validation layers miss barriers around transform feedback, so this checks every technique. It reads works and
-//! barriers as data, tracks every instance and slot, and shares no code with the derivation of barriers. The model is
-//! Vulkan's for global memory barriers: a write must be available and visible to later accesses (RAW, WAW), a read must
-//! finish before a later write (WAR), and dependencies chain when a barrier's first stages include the second stages of
-//! an earlier one. Works of one step may run concurrently: none may write what another uses.
+//! barriers as data, says itself what each work reads and writes, tracks every instance and slot, and shares no code
+//! with the derivation of barriers. The model is Vulkan's for global memory barriers: a write must be available and
+//! visible to later accesses (RAW, WAW), a read must finish before a later write (WAR), and dependencies chain when a
+//! barrier's first stages include the second stages of an earlier one. Works of one step may run concurrently: none may
+//! write what another uses.
 
-use super::schedule::{Barrier, Entry};
-use super::steps::{Access, Resource, Scope, Stage, Use, Work};
-use std::collections::HashMap;
+#![allow(dead_code, reason = "each program uses some of it")]
+
+use deltamorph::internals::plan::after::Kind;
+use deltamorph::internals::plan::schedule::{Barrier, Entry};
+use deltamorph::internals::plan::steps::{Access, Owner, Resource, Scope, Source, Stage, Use, Work};
+use deltamorph::internals::update::animated::{Animated, AnimatedKernel};
+use deltamorph::internals::update::blocks::{BlocksTechnique, Item};
+use deltamorph::{DeviceCrowd, UpdatePath};
+use std::any::Any;
+use std::collections::{HashMap, HashSet};
 
 /// Memory that works access. Each group of the mesh has its own, unless `place` says otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -79,6 +87,123 @@ impl Accesses {
     }
 }
 
+/// Reads and writes of the works of a step that `crowd` has planned last.
+pub fn accesses(crowd: &DeviceCrowd, works: &[Work]) -> Vec<Accesses> {
+    let technique: &dyn Any = crowd.technique();
+    let path = crowd.desc().update.path;
+    if let Owner::Step(kind) = works[0].owner {
+        return works.iter().map(|work| after(kind, work)).collect();
+    }
+    if technique.is::<Animated>() {
+        return works.iter().map(|work| animated(work, crowd.desc().instances)).collect();
+    }
+    if let Some(technique) = technique.downcast_ref::<BlocksTechnique>() {
+        let of = |works: &[Work]| blocks(works[0].group, works.iter().flat_map(|work| technique.items_of(work)));
+        return works.chunk_by(|a, b| a.group == b.group).map(of).collect();
+    }
+    let of = match path {
+        UpdatePath::Scatter => scatter,
+        UpdatePath::Texture => texture,
+        _ => return works.iter().map(|work| dense(path, work)).collect(),
+    };
+    works.iter().map(of).collect()
+}
+
+/// Dense passes.
+pub fn dense(path: UpdatePath, work: &Work) -> Accesses {
+    let (read, write) = match path {
+        UpdatePath::Feedback => {
+            ((Stage::VertexInput, Access::AttributeRead), (Stage::TransformFeedback, Access::FeedbackWrite))
+        }
+        UpdatePath::VertexStore => {
+            ((Stage::VertexInput, Access::AttributeRead), (Stage::VertexShader, Access::ShaderWrite))
+        }
+        _ => ((Stage::Compute, Access::ShaderRead), (Stage::Compute, Access::ShaderWrite)),
+    };
+    let instance = work.instance;
+    let source = match work.source {
+        Source::Base => Memory::Base,
+        Source::Slot(slot) => Memory::Pose { instance, slot },
+    };
+    let deltas = (!work.items.is_empty()).then_some(Memory::Deltas);
+    let reads = deltas.into_iter().chain([source]).map(|memory| Use::new(memory, read.0, read.1));
+    let destination = Memory::Pose { instance, slot: work.destination };
+    let uses = reads.chain([Use::new(destination, write.0, write.1)]).collect();
+    Accesses { group: work.group, uses, in_place: path.works_in_place() }
+}
+
+/// Blocks. A block of an instance occurs in one item, so all works of a group count as one.
+pub fn blocks<'a>(group: u32, items: impl IntoIterator<Item = &'a Item>) -> Accesses {
+    let mut uses = HashSet::new();
+    for &Item { instance, source, destination, .. } in items {
+        let source = source.map_or(Memory::Base, |slot| Memory::Pose { instance, slot });
+        let pose = Memory::Pose { instance, slot: destination };
+        uses.extend(Accesses::compute([Memory::Deltas, source], [pose]).uses);
+    }
+    Accesses { group, in_place: true, uses: uses.into_iter().collect() }
+}
+
+/// Works of an update that the GPU plans, of a crowd of `instances`.
+pub fn animated(work: &Work, instances: u32) -> Accesses {
+    use AnimatedKernel as K;
+    use Memory as M;
+    let accesses = match AnimatedKernel::ALL[work.kernel as usize] {
+        K::Records => Accesses { uses: vec![Use::copy(M::Records)], ..Accesses::default() },
+        K::Sample => Accesses::compute([M::Clips, M::Records, M::Weights], [M::Weights]),
+        // Counters are atomic.
+        K::Plan => {
+            Accesses::compute([M::Clips, M::Weights, M::History, M::Counters], [M::History, M::WorkList, M::Counters])
+        }
+        K::Arguments => Accesses::compute([M::Counters], [M::Counters, M::Arguments, M::WorkList]),
+        K::Blocks => {
+            let pose = |slot| (0..instances).map(move |instance| M::Pose { instance, slot });
+            let Source::Slot(source) = work.source else { panic!("blocks are read from a slot") };
+            let reads = [M::WorkList, M::Deltas].into_iter().chain(pose(source));
+            let mut all = Accesses::compute(reads, pose(work.destination));
+            all.uses.push(Use::new(M::Arguments, Stage::Indirect, Access::IndirectRead));
+            all
+        }
+    };
+    Accesses { group: work.group, ..accesses }
+}
+
+/// A step after the pose.
+fn after(kind: Kind, work: &Work) -> Accesses {
+    let instance = work.instance;
+    let Source::Slot(slot) = work.source else { panic!("steps after the pose read a slot") };
+    // Of the asset, steps read only the base pose.
+    let memory = |resource| match resource {
+        Resource::Asset => Memory::Base,
+        Resource::Poses => Memory::Pose { instance, slot },
+        _ => Memory::After { resource, instance, output: work.destination },
+    };
+    let uses = kind.uses().iter().map(|used| Use::new(memory(used.memory), used.stage, used.access)).collect();
+    Accesses { group: 0, uses, in_place: true }
+}
+
+/// The baseline `scatter`: clears sums, adds to them, turns them into poses. Atomics commute: those of one work need no
+/// order.
+fn scatter(work: &Work) -> Accesses {
+    let instance = work.instance;
+    let sums = Memory::Sums { instance };
+    match work.kernel {
+        0 => Accesses { uses: vec![Use::copy(sums)], ..Accesses::default() },
+        1 => Accesses::compute([Memory::Deltas, sums], [sums]),
+        _ => Accesses::compute([Memory::Base, sums], [Memory::Pose { instance, slot: work.destination }]),
+    }
+}
+
+/// The baseline `texture`: displacement textures are an instance's pose, for any number of slots.
+fn texture(work: &Work) -> Accesses {
+    let pose = Memory::Pose { instance: work.instance, slot: 0 };
+    let uses = vec![
+        Use::new(Memory::Deltas, Stage::VertexShader, Access::ShaderRead),
+        Use::new(Memory::Deltas, Stage::FragmentShader, Access::ShaderRead),
+        Use::new(pose, Stage::ColourOutput, Access::Blend),
+    ];
+    Accesses { group: work.group, uses, ..Accesses::default() }
+}
+
 /// A recorded step or barrier.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Event {
@@ -134,7 +259,7 @@ struct Track {
     /// The last write, and the scopes it is visible to.
     write: Option<(Use<Memory>, Vec<Scope>)>,
     /// Reads since then, each with the stages ordered after it.
-    reads: Vec<(Use<Memory>, u16)>,
+    reads: Vec<(Use<Memory>, u32)>,
 }
 
 /// Crowd, group and memory.
@@ -164,8 +289,8 @@ pub struct HazardChecker {
 
 impl HazardChecker {
     /// An upload of the mesh, followed by `barrier`.
-    pub fn upload(&mut self, barrier: Option<Barrier>) {
-        self.copy(0, &[Memory::Base, Memory::Deltas], barrier);
+    pub fn upload(&mut self, barrier: Barrier) {
+        self.copy(0, &[Memory::Base, Memory::Deltas], Some(barrier));
     }
 
     /// Copies or fills of a crowd's memory, followed by `barrier`.
@@ -193,7 +318,7 @@ impl HazardChecker {
 
     /// A semaphore between queues: events before it are visible to every access in stages `waiting` after it.
     pub fn semaphore(&mut self, waiting: &[Stage]) {
-        let stages = waiting.iter().fold(0, |stages, stage| stages | *stage as u16);
+        let stages = waiting.iter().fold(0, |stages, stage| stages | *stage as u32);
         self.barrier(&Barrier { before: Scope::ANYTHING, after: Scope { stages, ..Scope::ANYTHING } });
     }
 
@@ -241,7 +366,7 @@ impl HazardChecker {
         let Barrier { before, after } = *barrier;
         for track in self.tracks.values_mut() {
             if let Some((write, visible)) = &mut track.write {
-                let direct = before.has_stage(write.stage) && before.has_access(write.access);
+                let direct = has(before, *write);
                 // Already available: a later barrier extends visibility if its first stages include the earlier
                 // barrier's second stages.
                 let chained = visible.iter().any(|scope| scope.stages & before.stages != 0);
@@ -250,7 +375,7 @@ impl HazardChecker {
                 }
             }
             for (read, ordered) in &mut track.reads {
-                if before.has_stage(read.stage) || *ordered & before.stages != 0 {
+                if before.stages & read.stage as u32 != 0 || *ordered & before.stages != 0 {
                     *ordered |= after.stages;
                 }
             }
@@ -271,14 +396,19 @@ impl HazardChecker {
         if let Some(at) = own_read.and_then(|own| reads.iter().rposition(|(read, _)| *read == own)) {
             reads.remove(at);
         }
-        let running = reads.into_iter().filter(|(_, ordered)| ordered & after.stage as u16 == 0);
+        let running = reads.into_iter().filter(|(_, ordered)| ordered & after.stage as u32 == 0);
         let earlier = unseen.map(|(earlier, _)| earlier).into_iter().chain(running.map(|(read, _)| read));
         self.violations.extend(earlier.map(|before| Violation { before, after }));
     }
 }
 
+/// Whether a scope has the stage and the access of a use.
+fn has(scope: Scope, used: Use<Memory>) -> bool {
+    scope.stages & used.stage as u32 != 0 && scope.accesses & used.access as u32 != 0
+}
+
 fn sees(visible: &[Scope], access: Use<Memory>) -> bool {
-    visible.iter().any(|scope| scope.has_stage(access.stage) && scope.has_access(access.access))
+    visible.iter().any(|scope| has(*scope, access))
 }
 
 /// Counts the barriers of the updates `of`, and asserts that each is needed: without it, `is_right` must return false.
