@@ -114,20 +114,16 @@ pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Fai
     read(args, with_raw, &ImportDesc::default(), out)
 }
 
-/// Reads the input that `args` name for drawing, with one texture coordinate per vertex; `unposed`, if joints are to
-/// move it. Packed files are used as they are.
-pub fn load_split(args: &InputArgs, unposed: bool, out: &Output) -> Result<Input, Failure> {
-    read(args, false, &ImportDesc::default().split(true).unposed(unposed), out)
+/// Reads the input that `args` name for drawing; `unposed`, if joints are to move it.
+pub fn load_unposed(args: &InputArgs, unposed: bool, out: &Output) -> Result<Input, Failure> {
+    read(args, false, &ImportDesc::default().unposed(unposed), out)
 }
 
 fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Result<Input, Failure> {
     let origin = args.input.as_ref().map_or("built-in head".into(), |path| path.display().to_string());
     let spinner = out.spinner(format!("reading {origin}"));
     let (mesh, clips) = match &args.input {
-        None => {
-            let source = head::head(&args.head.desc(args.seed));
-            (ImportedMesh::Source(if desc.split { source.split()? } else { source }), vec![])
-        }
+        None => (ImportedMesh::Source(head::head(&args.head.desc(args.seed))), vec![]),
         Some(path) => {
             let Imported { mesh, clips, .. } = import::open(path, desc)?;
             (mesh, clips)

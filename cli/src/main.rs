@@ -3,7 +3,6 @@
 mod apply;
 mod args;
 mod bench;
-mod detail;
 mod devices;
 mod info;
 mod input;

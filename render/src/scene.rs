@@ -13,8 +13,6 @@ pub enum Show {
     /// Skin, eyes and teeth.
     #[default]
     Shaded,
-    /// A checker pattern on the texture coordinates; the number is that of squares across the texture.
-    Checker(f32),
     /// Distance of each vertex from the base pose, in input units; the number is the end of the scale.
     Distance(f32),
     /// Normals as colours.
@@ -171,15 +169,13 @@ impl Scene {
         let key = direction(axes, yaw, pitch);
         let (show, end) = match self.show {
             Show::Shaded => (0.0, 1.0),
-            Show::Checker(_) => (1.0, 1.0),
-            Show::Distance(end) => (2.0, end),
-            Show::Normals => (3.0, 1.0),
-            Show::Wire => (4.0, 1.0),
-            Show::Motion(end) => (5.0, end),
-            Show::Blocks => (6.0, 1.0),
-            Show::Wrinkles => (7.0, 1.0),
+            Show::Distance(end) => (1.0, end),
+            Show::Normals => (2.0, 1.0),
+            Show::Wire => (3.0, 1.0),
+            Show::Motion(end) => (4.0, end),
+            Show::Blocks => (5.0, 1.0),
+            Show::Wrinkles => (6.0, 1.0),
         };
-        let squares = if let Show::Checker(squares) = self.show { squares } else { 0.0 };
         HeadScene {
             clip: clip * place,
             shadow: shadow(key, centre, radius) * place,
@@ -188,7 +184,7 @@ impl Scene {
             fill: towards(direction(axes, -1.4 * yaw, pitch * 0.1), 0.36),
             rim: towards(direction(axes, 150.0 * -yaw.signum(), 35.0), 0.8),
             middle,
-            show: Vec4::new(show, end.max(f32::MIN_POSITIVE), squares, 0.0),
+            show: Vec4::new(show, end.max(f32::MIN_POSITIVE), 0.0, 0.0),
         }
     }
 }

@@ -31,7 +31,7 @@ pub fn draw(scenery: &Scenery<'_>, heads: u32, output: &Path) -> Result<Done, Fa
         0 => format!("a crowd of {heads} heads"),
         _ => format!("a crowd of {heads} heads, {spared} of {} draws left out", draws + spared),
     };
-    Ok(Done { what, size, frames: 1, scale, kept: easel.kept() })
+    Ok(Done { what, size, frames: 1, scale })
 }
 
 /// Frames spread over the clip, the frame before each, and their numbers; without a clip, a few random targets each,

@@ -36,8 +36,6 @@ pub struct Done {
     pub frames: usize,
     /// The end of the scale, if colours stand for values.
     pub scale: Option<f32>,
-    /// The number of all targets, and the fewest and most that an instance keeps; `None`: all.
-    pub kept: Option<(usize, [usize; 2])>,
 }
 
 /// The parts of a mesh, and those beside it.
