@@ -4,7 +4,6 @@ pub mod bench;
 pub mod groups;
 pub mod lod;
 pub mod poses;
-pub mod reading;
 pub mod render;
 pub mod values;
 #[cfg(feature = "viewer")]
@@ -17,7 +16,6 @@ use deltamorph_head::HeadDesc;
 use deltamorph_headless::DeviceChoice;
 use lod::LodArgs;
 use poses::Sums;
-use reading::Reading;
 use render::RenderArgs;
 use std::path::PathBuf;
 use values::{BatchSpec, BudgetSpec};
@@ -233,10 +231,10 @@ pub struct InputArgs {
     /// else 30]
     #[arg(long, value_name = "F", value_parser = values::fps)]
     pub fps: Option<f32>,
-    /// Weights are of whole poses: the pose is their weighted average; the base pose gets the remaining weight
-    #[arg(long, value_name = "READING", value_enum, num_args = 0..=1, require_equals = true)]
-    #[arg(default_missing_value = "text")]
-    pub normalise: Option<Reading>,
+    /// Weights are of whole poses: those that sum to more than 1 are divided by the sum, the base pose gets what
+    /// remains to 1, and negative ones count as 0 (A. Gerdelan, "Animating Blend Shapes")
+    #[arg(long)]
+    pub normalise: bool,
     /// Seed of everything that is random
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,

@@ -1,7 +1,6 @@
 //! Reads INPUT (a folder, a glTF file, a packed file, or the built-in head), and the weight clips of a command.
 
 use crate::args::InputArgs;
-use crate::args::reading::Reading;
 use crate::output::{Failure, Output};
 use deltamorph::import::{ImportDesc, Imported, ImportedMesh, csv, gltf};
 use deltamorph::internals::weights::names::closest;
@@ -33,7 +32,7 @@ pub struct Input {
     /// The weight clips in INPUT/weights, by name; of a glTF file its animations of weights, as FILE#NAME.
     pub clips: Vec<PathBuf>,
     /// Whether weights of clips and settings belong to absolute poses.
-    pub normalise: Option<Reading>,
+    pub normalise: bool,
     /// The folder, or "built-in head": for reports.
     pub origin: String,
     /// Prints notes on clips.
@@ -330,25 +329,14 @@ impl Input {
 
     /// Binds a clip to the targets.
     fn bind(&self, clip: &WeightClip) -> deltamorph::Result<BoundClip> {
-        let normalised;
-        let clip = match self.normalise {
-            // `bind` refuses values that are not finite.
-            Some(Reading::Text) if clip.values.iter().all(|weight| weight.is_finite()) => {
-                let mut clip = clip.clone();
-                let columns = clip.names.len().max(1);
-                clip.values.chunks_mut(columns).for_each(normalise_weights);
-                normalised = clip;
-                &normalised
-            }
-            Some(Reading::Text | Reading::Shader) | None => clip,
-        };
-        self.holds(&clip.values);
+        let mut clip = clip.clone();
+        // `bind` refuses values that are not finite.
+        if self.normalise && clip.values.iter().all(|weight| weight.is_finite()) {
+            let columns = clip.names.len().max(1);
+            clip.values.chunks_mut(columns).for_each(normalise_weights);
+        }
+        self.largest.set(clip.values.iter().fold(self.largest.get(), |most, weight| most.max(weight.abs())));
         clip.bind(&self.targets())
-    }
-
-    /// Fixed-point poses have to hold these weights.
-    fn holds(&self, weights: &[f32]) {
-        self.largest.set(weights.iter().fold(self.largest.get(), |most, weight| most.max(weight.abs())));
     }
 
     /// A clip with `settings` in each frame; one frame if it has no columns.

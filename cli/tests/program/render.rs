@@ -3,7 +3,7 @@
 //! `UPDATE_PICTURES=1 ./with-vulkan cargo test -p deltamorph-cli --test program render` redraws the pictures after a
 //! change of the built-in head or the light: review each of them before committing.
 
-use crate::cli::{clip, fails, json, ok, pixels, sample};
+use crate::cli::{clip, fails, ok, pixels, sample};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
