@@ -214,10 +214,11 @@ fn of_joints_alone(path: &Path, args: &InputArgs, input: &Input) -> Result<Optio
 /// Reads the weight clip at `path`, at least one frame, for the targets of `input`, with `settings` applied. If INPUT
 /// is a glTF file and there is no file at `path`, it may be the name of an animation.
 pub fn clip(path: &Path, args: &InputArgs, input: &Input, settings: &Settings) -> Result<BoundClip, Failure> {
-    let path = &named(path, args)?;
+    let given = path;
+    let path = &named(given, args)?;
     let clip = match of_joints_alone(path, args, input)? {
         Some(clip) => clip,
-        None => import::open_clip(path, args.fps)?,
+        None => import::open_clip(path, args.fps).map_err(|error| input.misnamed(given, error))?,
     };
     if clip.frame_count() == 0 {
         return Err(Failure::Failed(format!("{}: has no frames; add one row per frame", path.display())));
@@ -255,11 +256,7 @@ pub fn one_clip(
     settings: &Settings,
 ) -> Result<BoundClip, Failure> {
     if named.is_none() && input.clips.len() > 1 {
-        let name = |clip: &PathBuf| match import::animation_of(clip) {
-            Some((_, name)) => format!("'{name}'"),
-            None => format!("'{}'", clip.display()),
-        };
-        let list = input.clips.iter().map(name).collect::<Vec<_>>().join(", ");
+        let list = input.clip_names();
         let (origin, count) = (&input.origin, input.clips.len());
         return Err(Failure::Usage(format!("{origin} has {count} clips; name one with --weights: {list}")));
     }
@@ -307,6 +304,30 @@ impl Input {
         let clip = self.with_settings(still, settings)?;
         let frames = self.bind(&clip)?.frames().next();
         Ok(frames.unwrap_or_else(|| vec![0.0; self.kept.targets.len()]))
+    }
+
+    fn clip_names(&self) -> String {
+        let name = |clip: &PathBuf| match import::animation_of(clip) {
+            Some((_, name)) => format!("'{name}'"),
+            None => format!("'{}'", clip.display()),
+        };
+        self.clips.iter().map(name).collect::<Vec<_>>().join(", ")
+    }
+
+    /// The failure to read a clip: a bad argument if it names neither a file nor one of its animations.
+    fn misnamed(&self, given: &Path, error: deltamorph::Error) -> Failure {
+        if given.exists() || import::animation_of(given).is_some() {
+            return error.into();
+        }
+        let clips = self.clip_names();
+        let clips = if clips.is_empty() { clips } else { format!("; clips of {}: {clips}", self.origin) };
+        Failure::Usage(format!("{error}{clips}"))
+    }
+
+    /// What was read; without it a note says why.
+    pub fn unless_bad<T>(&self, clip: Result<T, impl Into<Failure>>) -> Option<T> {
+        let note = |why: Failure| self.out.iter().for_each(|out| out.note(format_args!("{why}; left out")));
+        clip.map_err(Into::into).map_err(note).ok()
     }
 
     /// Prints a note on the columns of a clip that have other names than the targets, and on those that are left out.

@@ -6,7 +6,7 @@ use crate::input;
 use crate::output::{Failure, Output};
 use crate::runner::Stage;
 use crate::table::{Table, bytes, percent, sig3, thousands};
-use crate::verify::{Checked, Checks};
+use crate::verify::{Checked, Checks, Errors};
 use deltamorph::{BoundClip, PoseFormat, UpdatePath, WeightClip};
 use deltamorph_head::Rng;
 use deltamorph_headless::DeviceChoice;
@@ -44,7 +44,8 @@ struct FrameRow {
     gpu_ms: Option<f64>,
     /// Round trip from weights to result, in microseconds.
     cpu_us: f64,
-    /// Largest position error against the float64 reference, in input units; `None` if it was not measured.
+    /// Largest position error against the source at the weights asked for, in input units; `None` if it was not
+    /// measured.
     max_error: Option<f64>,
 }
 
@@ -72,13 +73,10 @@ struct Summary {
     cpu_us_median: Option<f64>,
     #[serde(flatten)]
     checked: Checked,
-    /// Largest angle between normals, in degrees.
+    #[serde(flatten)]
+    errors: Errors,
+    /// Largest angle between normals and those of the packed deltas, in degrees.
     normal_error_deg: f64,
-    /// Against the requested weights, as a fraction of the diagonal.
-    request_error_rel: f64,
-    /// Against the raw files, as a fraction of the diagonal: from dropped deltas, packing, sums and deferred changes.
-    /// `None` if INPUT is a packed file, which lacks the original deltas.
-    raw_error_rel: Option<f64>,
 }
 
 pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
@@ -94,10 +92,11 @@ pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     let clip = input::one_clip(weights.as_deref(), &run.input, &input, &[])?;
     input.largest.set(input.largest.get() + args.noise.unwrap_or(0.0));
     let stage = Stage::new(&run, &input, device, out)?;
-    let (raw, origin) = (input.packed.is_none().then(|| input.raw.clone()), input.origin.clone());
-    // Frees all but the packed mesh, and the raw mesh if it is compared with.
+    let source = input.raw.clone();
+    let origin = input.origin.clone();
+    // Frees all but the packed mesh and the source.
     drop(input);
-    let mut checks = Checks::new(&stage, raw, true);
+    let mut checks = Checks::new(&stage, Some(source));
     let frames = play(args, &mut checks, &clip, out)?;
     let summary = summary(args, &frames, &checks);
     out.say(text(&clip.name, &frames, &summary, &checks));
@@ -163,7 +162,6 @@ fn summary(args: &PlayArgs, frames: &[FrameRow], checks: &Checks<'_>) -> Summary
     let moved = (!args.animated).then(|| mean(|f| f.bytes_moved.unwrap_or(0) as usize));
     let gpu = Stats::of(&frames.iter().filter_map(|f| f.gpu_ms).collect::<Vec<_>>());
     let cpu = Stats::of(&frames.iter().map(|f| f.cpu_us).collect::<Vec<_>>());
-    let scale = checks.promise.scale;
     Summary {
         frames: frames.len(),
         animated: args.animated,
@@ -177,9 +175,8 @@ fn summary(args: &PlayArgs, frames: &[FrameRow], checks: &Checks<'_>) -> Summary
         gpu_ms_mean: gpu.map(|s| s.mean),
         cpu_us_median: cpu.map(|s| s.median),
         checked: checks.record(),
+        errors: checks.parts.errors(checks.promise.scale),
         normal_error_deg: checks.found.error.normal_degrees,
-        request_error_rel: checks.request / scale,
-        raw_error_rel: checks.raw.as_ref().map(|_| checks.found.raw.position / scale),
     }
 }
 
@@ -208,13 +205,9 @@ fn text(clip: &str, frames: &[FrameRow], s: &Summary, checks: &Checks<'_>) -> St
         Some(moved) => format!("moved {} per frame{share}", bytes(moved)),
         None => "planned on the device".into(),
     };
-    let raw = s.raw_error_rel.map_or(String::new(), |raw| format!("; {} against the raw files", sig3(raw)));
     let (frames, setup, found) = (thousands(s.frames), checks.stage.describe(), checks.text());
-    let [request, normals] = [s.request_error_rel, s.normal_error_deg].map(sig3);
-    format!(
-        "{clip}, {frames} frames, {setup}\n\n{table}\n\n{moved}\n\
-         {found}; {request} against the weights asked for{raw}; normals {normals}°"
-    )
+    let normals = sig3(s.normal_error_deg);
+    format!("{clip}, {frames} frames, {setup}\n\n{table}\n\n{moved}\n{found}; normals {normals}°")
 }
 
 #[cfg(test)]

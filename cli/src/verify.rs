@@ -5,7 +5,7 @@ use crate::runner::{Frame, Runner, Setup, Stage};
 use crate::table::{sig3, thousands};
 use deltamorph::packed::PoseGrid;
 use deltamorph::reference::{SHORTEST_NORMAL, angle_degrees, compare, evaluate, evaluate_unpacked};
-use deltamorph::{MorphMesh, POSE_FLOATS, PackedLayout, PoseError, UpdateDesc, UpdateStats};
+use deltamorph::{MorphMesh, POSE_FLOATS, PackedLayout, PackedMesh, PoseError, UpdateDesc, UpdateStats};
 use glam::DVec3;
 use serde::Serialize;
 use std::sync::Arc;
@@ -54,9 +54,89 @@ fn worse(a: f64, b: f64) -> f64 {
     if a.is_nan() || a > b { a } else { b }
 }
 
+/// Largest distances of vertices in poses from where the source has them at the weights asked for, and the parts that
+/// lead there one after the other: no part alone exceeds what the others and the whole add up to.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Parts {
+    pub whole: f64,
+    /// From the deltas of the source to the packed ones.
+    packing: f64,
+    /// From the weights asked for to the applied ones: rounded to their grid, or sampled by the device.
+    weights: f64,
+    /// From the sum of applied weights and packed deltas to the pose; deferred changes included.
+    rounding: f64,
+}
+
+/// [`Parts`] in JSON. Fields may be added, never renamed.
+#[derive(Debug, Serialize)]
+pub struct Errors {
+    /// Largest position error against the source at the weights asked for, in input units, and as a fraction of the
+    /// diagonal.
+    max_error: f64,
+    max_error_rel: f64,
+    packing_error_rel: f64,
+    weights_error_rel: f64,
+    rounding_error_rel: f64,
+}
+
+impl Parts {
+    /// Those of a pose; `reference` is the one of the applied weights on the packed deltas.
+    pub fn of(pose: &[f32], reference: &[f64], mesh: &PackedMesh, source: &MorphMesh, weights: &[f32]) -> Self {
+        let asked = evaluate(mesh, weights);
+        let truth = evaluate_unpacked(source, weights);
+        Self {
+            whole: compare(pose, &truth).position,
+            packing: farthest(&asked, &truth),
+            weights: farthest(reference, &asked),
+            rounding: compare(pose, reference).position,
+        }
+    }
+
+    pub fn max(self, other: Self) -> Self {
+        Self {
+            whole: worse(self.whole, other.whole),
+            packing: worse(self.packing, other.packing),
+            weights: worse(self.weights, other.weights),
+            rounding: worse(self.rounding, other.rounding),
+        }
+    }
+
+    pub fn errors(&self, scale: f64) -> Errors {
+        Errors {
+            max_error: self.whole,
+            max_error_rel: self.whole / scale,
+            packing_error_rel: self.packing / scale,
+            weights_error_rel: self.weights / scale,
+            rounding_error_rel: self.rounding / scale,
+        }
+    }
+
+    /// In words, after what is off.
+    pub fn text(&self, scale: f64) -> String {
+        let [whole, packing, weights, rounding] =
+            [self.whole, self.packing, self.weights, self.rounding].map(|length| sig3(length / scale));
+        format!(
+            "{whole} of the diagonal off the source at the weights asked for: packing {packing}, rounded weights \
+             {weights}, rounding {rounding}"
+        )
+    }
+}
+
+/// The largest distance between vertices of two poses.
+fn farthest(a: &[f64], b: &[f64]) -> f64 {
+    let vertices = a.chunks_exact(POSE_FLOATS).zip(b.chunks_exact(POSE_FLOATS));
+    vertices.map(|(a, b)| DVec3::from_slice(a).distance(DVec3::from_slice(b))).fold(0.0, worse)
+}
+
 /// The length that errors are relative to: the diagonal. A single point has none; its errors are absolute.
 pub fn scale(diagonal: f32) -> f64 {
     if diagonal > 0.0 { f64::from(diagonal) } else { 1.0 }
+}
+
+/// Bound on the position error of float32 poses, in input units.
+pub fn float_rounding(desc: &UpdateDesc, layout: &PackedLayout) -> f64 {
+    let relative = if layout.blocks.is_some() { f64::from(desc.tolerance) } else { POSITION_BOUND };
+    relative * scale(layout.diagonal)
 }
 
 /// The error bounds of a path on a mesh.
@@ -179,30 +259,23 @@ fn turned(pose: &[f32], reference: &[f64], length: f64) -> f64 {
 pub struct Checks<'a> {
     pub stage: &'a Stage,
     pub promise: Promise,
-    /// Compares with these deltas, too.
-    pub raw: Option<Arc<MorphMesh>>,
-    /// Compares normals, and positions with the requested weights, too.
-    full: bool,
+    /// Compares normals, too, and positions with these deltas at the weights asked for.
+    source: Option<Arc<MorphMesh>>,
     count: usize,
     additions: usize,
     pub found: Found,
-    /// Largest position error against the requested weights.
-    pub request: f64,
+    pub parts: Parts,
     /// The first frame out of bounds, and a description of its errors.
     wrong: Option<(usize, String)>,
 }
 
-/// The update options and the errors found, in the JSON of `play` and `soak`.
+/// The update options and the comparisons, in the JSON of `play` and `soak`.
 #[derive(Debug, Serialize)]
 pub struct Checked {
     #[serde(flatten)]
     setup: Setup,
-    /// Frames that were compared with the reference.
+    /// Frames that were compared.
     checks: usize,
-    /// Largest position error against the float64 reference, in input units, and as a fraction of the diagonal. For
-    /// sums of integers, the reference uses weights rounded to their grid.
-    max_error: f64,
-    max_error_rel: f64,
     /// The largest bound that the path stated, in input units, from drift or from rounding to the unit of poses; 0 if
     /// neither occurs.
     bound: f64,
@@ -211,14 +284,15 @@ pub struct Checked {
 }
 
 impl<'a> Checks<'a> {
-    /// Checks poses of `stage`; against `raw` as well, if given. `full`: also normals, and against the requested
-    /// weights.
-    pub fn new(stage: &'a Stage, raw: Option<Arc<MorphMesh>>, full: bool) -> Self {
+    /// Checks positions of `stage` against the reference; with a `source` also normals, and positions against it.
+    pub fn new(stage: &'a Stage, source: Option<Arc<MorphMesh>>) -> Self {
         let promise = Promise::new(&stage.desc, stage.mesh.layout());
-        Self { stage, promise, raw, full, count: 0, additions: 0, found: Found::default(), request: 0.0, wrong: None }
+        let (found, parts) = (Found::default(), Parts::default());
+        Self { stage, promise, source, count: 0, additions: 0, found, parts, wrong: None }
     }
 
-    /// Updates the instance of `runner`, and if `due` compares its pose. Also returns the position error.
+    /// Updates the instance of `runner`, and if `due` compares its pose. Also returns the position error: against the
+    /// source, if there is one.
     pub fn step(
         &mut self,
         frame: usize,
@@ -240,14 +314,15 @@ impl<'a> Checks<'a> {
         let bound =
             played.as_ref().map_or(step.stats.bound.into(), |weights: &Vec<f32>| self.promise.rounding(weights)[0]);
         let applied = played.unwrap_or_else(|| self.promise.applied(weights));
-        let found = self.promise.find(pose, &evaluate(mesh, &applied), &applied);
+        let reference = evaluate(mesh, &applied);
+        let found = self.promise.find(pose, &reference, &applied);
         let mut found = Found { bound, additions: self.additions, ..found };
-        found.raw = self.raw.as_ref().map(|raw| compare(pose, &evaluate_unpacked(raw, weights))).unwrap_or_default();
-        if self.full {
-            let request = if applied == weights { found.error } else { compare(pose, &evaluate(mesh, weights)) };
-            self.request = self.request.max(request.position);
+        let mut error = found.error.position;
+        if let Some(source) = &self.source {
+            let parts = Parts::of(pose, &reference, mesh, source, weights);
+            self.parts = self.parts.max(parts);
+            error = parts.whole;
         } else {
-            found.error = PoseError { position: found.error.position, ..PoseError::default() };
             found.turned = 0.0;
         }
         if !self.promise.kept(&found) && self.wrong.is_none() {
@@ -255,15 +330,13 @@ impl<'a> Checks<'a> {
         }
         self.count += 1;
         self.found = self.found.max(found);
-        Ok((step, Some(found.error.position)))
+        Ok((step, Some(error)))
     }
 
     pub fn record(&self) -> Checked {
         Checked {
             setup: self.stage.setup(),
             checks: self.count,
-            max_error: self.found.error.position,
-            max_error_rel: self.found.error.position / self.promise.scale,
             bound: self.found.bound,
             bound_rel: self.found.bound / self.promise.scale,
         }
@@ -278,8 +351,16 @@ impl<'a> Checks<'a> {
             bound if self.promise.budget > 0.0 => format!(", at most {} of it by rounding poses", relative(bound)),
             bound => format!(", at most {} by rounding poses", relative(bound)),
         };
-        let (count, error) = (thousands(self.count), relative(self.found.error.position));
-        format!("largest error in {count} frames, of the diagonal: {error} against the float64 reference{bound}")
+        let count = thousands(self.count);
+        match &self.source {
+            Some(_) => format!("largest errors in {count} frames: {}{bound}", self.parts.text(self.promise.scale)),
+            None => {
+                let error = relative(self.found.error.position);
+                format!(
+                    "largest error in {count} frames, of the diagonal: {error} against the float64 reference{bound}"
+                )
+            }
+        }
     }
 
     /// A failure if any frame was out of bounds.
@@ -295,9 +376,7 @@ impl<'a> Checks<'a> {
 mod tests {
     use super::*;
     use deltamorph::mesh::SourceTarget;
-    use deltamorph::{
-        BatchSize, CpuCrowd, DeltaFormat, MorphSource, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdatePath,
-    };
+    use deltamorph::{BatchSize, CpuCrowd, DeltaFormat, MorphSource, PackDesc, PoseFormat, Tolerance, UpdatePath};
     use glam::Vec3;
 
     #[test]
