@@ -4,7 +4,7 @@ use crate::args::ApplyArgs;
 use crate::input::{self, Input};
 use crate::output::{Failure, Output, With, check_ending};
 use crate::runner::Stage;
-use crate::verify::{Found, Parts, Promise, REMEDY};
+use crate::verify::{Errors, Found, Promise, REMEDY};
 use deltamorph::import::is_gltf;
 use deltamorph::import::obj::{ObjMesh, write_obj};
 use deltamorph::reference::{SHORTEST_NORMAL, evaluate};
@@ -56,15 +56,14 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     write(output, &input.kept, run.input.input.as_deref().is_some_and(is_gltf), &pose)?;
     let active = weights.iter().filter(|w| **w != 0.0).count();
     let (file, targets, setup) = (output.display(), weights.len(), stage.describe());
-    let parts = Parts::of(&pose, &reference, &stage.mesh, &input.raw, weights);
-    let off = parts.text(promise.scale);
+    let errors = Errors::of(&pose, &reference, &stage.mesh, &input.raw, weights);
+    let off = errors.text();
     out.say(format_args!("{file}: {active} active of {targets} targets, {passes} passes through {setup}\n{off}"));
     let more = json!({
         "schema": 1, "device": stage.device(), "batch_size": stage.desc.batch.to_string(), "frames": frames.len(),
         "passes": passes, "active": active, "output": output.display().to_string(),
     });
-    let fields = With { fields: stage.setup(), more };
-    out.json(&With { fields, more: serde_json::to_value(parts.errors(promise.scale)).map_err(Failure::failed)? })
+    out.json(&With { fields: With { fields: stage.setup(), more }, more: json!(errors) })
 }
 
 /// The weights of one or more frames to step through, with `--set` on top of each.

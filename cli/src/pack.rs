@@ -7,7 +7,7 @@ use crate::input;
 use crate::output::{Failure, Output, check_ending};
 use crate::table::{bytes, sig3, thousands};
 use deltamorph::import::{self, packed};
-use deltamorph::{Asset, DeltaFormat, PackDesc, PoseFormat, WeightClip};
+use deltamorph::{Asset, DeltaFormat, PackDesc, WeightClip};
 use serde::Serialize;
 
 /// The JSON of `pack`. Fields may be added, never renamed.
@@ -30,18 +30,8 @@ struct Packed {
     clips: usize,
     #[serde(flatten)]
     cost: Cost,
-    /// The grid of weights for exact sums, fixed32 poses, or why there is none.
-    exact: Option<Exact>,
-    exact_reason: Option<String>,
     /// Costs and errors of each pose format.
     pose_formats: Vec<PoseCost>,
-}
-
-#[derive(Serialize)]
-struct Exact {
-    /// Weights are whole multiples of 2^-bits.
-    weight_bits: u32,
-    weight_max: f32,
 }
 
 pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
@@ -70,8 +60,6 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     let file_bytes = args.output.metadata().map_err(|e| Failure::io(&args.output, "read", e))?.len();
     let layout = asset.mesh.layout();
     let Some(index) = &layout.blocks else { return Ok(()) }; // `Asset::pack` takes no other format
-    let pose_formats = pose_costs(&asset.mesh, Some(&input.raw));
-    let exact = pose_formats.iter().find(|cost| cost.name == PoseFormat::Fixed32.name());
     let facts = Packed {
         schema: 1,
         origin: input.origin,
@@ -86,9 +74,7 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
         file_bytes,
         clips: clips.len(),
         cost: Cost::of(layout, index.error()),
-        exact_reason: exact.and_then(|cost| cost.refused.clone()),
-        exact: exact.and_then(|cost| cost.grid).map(|g| Exact { weight_bits: g.weight_bits, weight_max: g.weight_max }),
-        pose_formats,
+        pose_formats: pose_costs(&asset.mesh, Some(&input.raw)),
     };
     out.say(text(&facts));
     out.json(&facts)

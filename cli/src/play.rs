@@ -175,7 +175,7 @@ fn summary(args: &PlayArgs, frames: &[FrameRow], checks: &Checks<'_>) -> Summary
         gpu_ms_mean: gpu.map(|s| s.mean),
         cpu_us_median: cpu.map(|s| s.median),
         checked: checks.record(),
-        errors: checks.parts.errors(checks.promise.scale),
+        errors: checks.errors,
         normal_error_deg: checks.found.error.normal_degrees,
     }
 }

@@ -54,67 +54,57 @@ fn worse(a: f64, b: f64) -> f64 {
     if a.is_nan() || a > b { a } else { b }
 }
 
-/// Largest distances of vertices in poses from where the source has them at the weights asked for, and the parts that
-/// lead there one after the other: no part alone exceeds what the others and the whole add up to.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Parts {
-    pub whole: f64,
-    /// From the deltas of the source to the packed ones.
-    packing: f64,
-    /// From the weights asked for to the applied ones: rounded to their grid, or sampled by the device.
-    weights: f64,
-    /// From the sum of applied weights and packed deltas to the pose; deferred changes included.
-    rounding: f64,
-}
-
-/// [`Parts`] in JSON. Fields may be added, never renamed.
-#[derive(Debug, Serialize)]
+/// How far vertices are from where the source has them at the weights asked for, and what leads there step by step: the
+/// parts add up to the whole or more. In JSON; fields may be added, never renamed.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Errors {
-    /// Largest position error against the source at the weights asked for, in input units, and as a fraction of the
-    /// diagonal.
-    max_error: f64,
-    max_error_rel: f64,
-    packing_error_rel: f64,
-    weights_error_rel: f64,
-    rounding_error_rel: f64,
+    /// The largest distance, in input units, and as a fraction of the diagonal.
+    pub max_error: f64,
+    pub max_error_rel: f64,
+    /// Of packed deltas.
+    pub packing_error_rel: f64,
+    /// Of weights, which are rounded to their grid, or sampled by the device.
+    pub weights_error_rel: f64,
+    /// Of sums and poses; of changes that are deferred, too.
+    pub rounding_error_rel: f64,
 }
 
-impl Parts {
+impl Errors {
+    /// The whole and its parts in input units, on a mesh of this [`scale`].
+    pub fn new([whole, packing, weights, rounding]: [f64; 4], scale: f64) -> Self {
+        Self {
+            max_error: whole,
+            max_error_rel: whole / scale,
+            packing_error_rel: packing / scale,
+            weights_error_rel: weights / scale,
+            rounding_error_rel: rounding / scale,
+        }
+    }
+
     /// Those of a pose; `reference` is the one of the applied weights on the packed deltas.
     pub fn of(pose: &[f32], reference: &[f64], mesh: &PackedMesh, source: &MorphMesh, weights: &[f32]) -> Self {
         let asked = evaluate(mesh, weights);
         let truth = evaluate_unpacked(source, weights);
-        Self {
-            whole: compare(pose, &truth).position,
-            packing: farthest(&asked, &truth),
-            weights: farthest(reference, &asked),
-            rounding: compare(pose, reference).position,
-        }
+        let [whole, rounding] = [&truth, reference].map(|from| compare(pose, from).position);
+        let lengths = [whole, farthest(&asked, &truth), farthest(reference, &asked), rounding];
+        Self::new(lengths, scale(mesh.layout().diagonal))
     }
 
+    /// The larger of each.
     pub fn max(self, other: Self) -> Self {
         Self {
-            whole: worse(self.whole, other.whole),
-            packing: worse(self.packing, other.packing),
-            weights: worse(self.weights, other.weights),
-            rounding: worse(self.rounding, other.rounding),
-        }
-    }
-
-    pub fn errors(&self, scale: f64) -> Errors {
-        Errors {
-            max_error: self.whole,
-            max_error_rel: self.whole / scale,
-            packing_error_rel: self.packing / scale,
-            weights_error_rel: self.weights / scale,
-            rounding_error_rel: self.rounding / scale,
+            max_error: worse(self.max_error, other.max_error),
+            max_error_rel: worse(self.max_error_rel, other.max_error_rel),
+            packing_error_rel: worse(self.packing_error_rel, other.packing_error_rel),
+            weights_error_rel: worse(self.weights_error_rel, other.weights_error_rel),
+            rounding_error_rel: worse(self.rounding_error_rel, other.rounding_error_rel),
         }
     }
 
     /// In words, after what is off.
-    pub fn text(&self, scale: f64) -> String {
-        let [whole, packing, weights, rounding] =
-            [self.whole, self.packing, self.weights, self.rounding].map(|length| sig3(length / scale));
+    pub fn text(&self) -> String {
+        let parts = [self.max_error_rel, self.packing_error_rel, self.weights_error_rel, self.rounding_error_rel];
+        let [whole, packing, weights, rounding] = parts.map(sig3);
         format!(
             "{whole} of the diagonal off the source at the weights asked for: packing {packing}, rounded weights \
              {weights}, rounding {rounding}"
@@ -264,7 +254,7 @@ pub struct Checks<'a> {
     count: usize,
     additions: usize,
     pub found: Found,
-    pub parts: Parts,
+    pub errors: Errors,
     /// The first frame out of bounds, and a description of its errors.
     wrong: Option<(usize, String)>,
 }
@@ -287,8 +277,8 @@ impl<'a> Checks<'a> {
     /// Checks positions of `stage` against the reference; with a `source` also normals, and positions against it.
     pub fn new(stage: &'a Stage, source: Option<Arc<MorphMesh>>) -> Self {
         let promise = Promise::new(&stage.desc, stage.mesh.layout());
-        let (found, parts) = (Found::default(), Parts::default());
-        Self { stage, promise, source, count: 0, additions: 0, found, parts, wrong: None }
+        let (found, errors) = (Found::default(), Errors::default());
+        Self { stage, promise, source, count: 0, additions: 0, found, errors, wrong: None }
     }
 
     /// Updates the instance of `runner`, and if `due` compares its pose. Also returns the position error: against the
@@ -319,9 +309,9 @@ impl<'a> Checks<'a> {
         let mut found = Found { bound, additions: self.additions, ..found };
         let mut error = found.error.position;
         if let Some(source) = &self.source {
-            let parts = Parts::of(pose, &reference, mesh, source, weights);
-            self.parts = self.parts.max(parts);
-            error = parts.whole;
+            let errors = Errors::of(pose, &reference, mesh, source, weights);
+            self.errors = self.errors.max(errors);
+            error = errors.max_error;
         } else {
             found.turned = 0.0;
         }
@@ -353,7 +343,7 @@ impl<'a> Checks<'a> {
         };
         let count = thousands(self.count);
         match &self.source {
-            Some(_) => format!("largest errors in {count} frames: {}{bound}", self.parts.text(self.promise.scale)),
+            Some(_) => format!("largest errors in {count} frames: {}{bound}", self.errors.text()),
             None => {
                 let error = relative(self.found.error.position);
                 format!(

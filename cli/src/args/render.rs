@@ -44,7 +44,7 @@ pub struct RenderArgs {
     /// The whole clip: an animated PNG (OUT.png, OUT.apng), or else a folder of PNG frames
     #[arg(long, value_name = "OUT", conflicts_with = "crowd")]
     pub clip: Option<PathBuf>,
-    /// A crowd of N heads, each with an expression of its own: of the clip, or drawn from --seed
+    /// A crowd of N heads, each in another frame of the clip
     #[arg(long, value_name = "N", value_parser = values::whole(1u32, 1000))]
     pub crowd: Option<u32>,
     /// Colours for the distance of each vertex from the base pose, as --show heat

@@ -93,7 +93,7 @@ impl Skipped {
 /// The findings of a suite, in addition to its runs.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct SuiteRecord {
-    /// "chapter", "crowd", "techniques", "constant", "faces" or "clips".
+    /// "crowd", "techniques", "constant", "faces" or "clips".
     pub name: String,
     /// The categories that techniques compete in, in the order measured.
     pub cells: Vec<CellRecord>,

@@ -1,7 +1,7 @@
 //! Costs and errors of pose formats on a packed mesh, in `info` and `pack`.
 
 use crate::table::{Column, Table, sig3};
-use crate::verify::{float_rounding, scale};
+use crate::verify::{Errors, float_rounding, scale};
 use deltamorph::{BatchSize, MorphMesh, PackedMesh, PoseFormat, UpdateDesc, UpdatePath};
 use glam::DVec3;
 use serde::Serialize;
@@ -14,24 +14,11 @@ pub struct PoseCost {
     pub vertex_bytes: usize,
     /// The unit of fixed-point poses; `None` for others.
     pub grid: Option<Grid>,
-    /// Bounds on errors; `None` if it is refused.
+    /// Bounds on errors, whatever weights from 0 to 1 are asked for; `None` if it is refused.
     #[serde(flatten)]
-    pub most: Option<Most>,
+    pub most: Option<Errors>,
     /// The reason if the mesh cannot be updated in it; else `None`.
     pub refused: Option<String>,
-}
-
-/// Bounds on how far vertices are from where the source has them, as fractions of the diagonal, whatever weights from 0
-/// to 1 are asked for: of all, and of what leads there.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct Most {
-    max_error_rel: f64,
-    /// Of packed deltas.
-    packing_error_rel: f64,
-    /// Of weights, rounded to their grid.
-    weights_error_rel: f64,
-    /// Of poses, rounded to their unit, or of float32 sums.
-    rounding_error_rel: f64,
 }
 
 /// The grid of weights and poses, at the default largest weight.
@@ -102,16 +89,12 @@ pub fn pose_costs(packed: &PackedMesh, source: Option<&MorphMesh>) -> Vec<PoseCo
             Ok(grid) => (grid, None),
             Err(e) => (None, Some(e.to_string())),
         };
-        let most = |of: &dyn Fn(&Moved) -> f64| vertices.iter().map(of).fold(0.0, f64::max) / scale;
+        let most = |of: &dyn Fn(&Moved) -> f64| vertices.iter().map(of).fold(0.0, f64::max);
         let weights = |moved: &Moved| grid.map_or(0.0, |grid| f64::from(grid.weight_step()) / 2.0 * moved.length);
         let float = float_rounding(&desc, layout);
         let rounding = |moved: &Moved| grid.map_or(float, |grid| grid.position_error(moved.targets).into());
-        let errors = Most {
-            max_error_rel: most(&|moved| moved.packing + weights(moved) + rounding(moved)),
-            packing_error_rel: most(&|moved| moved.packing),
-            weights_error_rel: most(&weights),
-            rounding_error_rel: most(&rounding),
-        };
+        let whole = most(&|moved| moved.packing + weights(moved) + rounding(moved));
+        let errors = Errors::new([whole, most(&|moved| moved.packing), most(&weights), most(&rounding)], scale);
         let grid = grid.map(|grid| Grid {
             weight_bits: grid.weight_bits,
             weight_max: grid.weight_max,
@@ -151,7 +134,7 @@ fn advice(costs: &[PoseCost]) -> Option<String> {
 /// The same as a table.
 pub fn pose_table(costs: &[PoseCost]) -> String {
     let of_grid = |cost: &PoseCost, show: &dyn Fn(&Grid) -> String| cost.grid.as_ref().map_or("–".into(), show);
-    let off = |cost: &PoseCost, part: fn(&Most) -> f64| cost.most.map_or("–".into(), |most| sig3(part(&most)));
+    let off = |cost: &PoseCost, part: fn(&Errors) -> f64| cost.most.map_or("–".into(), |most| sig3(part(&most)));
     let columns: &[Column<'_, PoseCost>] = &[
         ("poses", &|cost| cost.name.into()),
         ("bytes/vertex", &|cost| cost.vertex_bytes.to_string()),

@@ -54,25 +54,6 @@ fn names(out: &Value, field: &str) -> BTreeSet<String> {
 }
 
 #[test]
-fn chapter_runs_every_batch_size_of_the_dense_paths() {
-    let folder = tempfile::tempdir().unwrap();
-    let out = suite("chapter", &small(), folder.path());
-    let runs = out["runs"].as_array().unwrap();
-    for path in ["feedback", "compute"] {
-        for format in ["float32", "snorm16"] {
-            for changed in [8, 12] {
-                let own = runs.iter().filter(|r| {
-                    r["path"] == path && r["format"] == format && r["changed"] == changed && r["heads"] == 1
-                });
-                let sizes: Vec<u64> = own.clone().map(|r| r["batch_size"].as_u64().unwrap()).collect();
-                let most = own.clone().next().unwrap()["batch_max"].as_u64().unwrap();
-                assert_eq!(sizes, (1..=most).collect::<Vec<_>>(), "{path} {format} {changed}");
-            }
-        }
-    }
-}
-
-#[test]
 fn crowd_counts_targets_for_one_head_and_many() {
     let folder = tempfile::tempdir().unwrap();
     let out = suite("crowd", &small(), folder.path());
