@@ -72,13 +72,7 @@ fn frames(args: &ApplyArgs, input: &Input) -> Result<Vec<Vec<f32>>, Failure> {
         (Some(path), Some(last)) => {
             let all = input::clip(path, &args.run.input, input, &args.set)?;
             let first = args.from_frame.unwrap_or(last);
-            let count = all.frame_count();
-            if let Some(beyond) = [first, last].into_iter().find(|f| *f >= count) {
-                return Err(Failure::Usage(format!(
-                    "{}: has {count} frames, counted from 0; there is no frame {beyond}",
-                    path.display()
-                )));
-            }
+            [first, last].into_iter().try_for_each(|frame| input::check_frame(path, &all, frame))?;
             // Backwards is allowed, too: a delta weight may be negative.
             let frames = (first.min(last)..=first.max(last)).map(|f| all.frame(f));
             let mut frames = frames.collect::<deltamorph::Result<Vec<_>>>()?;

@@ -248,6 +248,16 @@ pub fn clip(path: &Path, args: &InputArgs, input: &Input, settings: &Settings) -
     input.bind(&clip).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))
 }
 
+/// Checks that the clip at `path` has a frame of this number.
+pub fn check_frame(path: &Path, clip: &BoundClip, frame: usize) -> Result<(), Failure> {
+    let count = clip.frame_count();
+    if frame < count {
+        return Ok(());
+    }
+    let text = format!("has {count} frames, counted from 0; there is no frame {frame}");
+    Err(Failure::Usage(format!("{}: {text}", path.display())))
+}
+
 /// The clip at `named`, or the only one of `input`, with `settings` applied.
 pub fn one_clip(
     named: Option<&Path>,

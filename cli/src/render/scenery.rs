@@ -135,11 +135,7 @@ impl Scenery<'_> {
             return Ok([self.input.pose(&args.set)?, rest()]);
         };
         let clip = input::clip(path, &args.run.input, self.input, &args.set)?;
-        let count = clip.frame_count();
-        if frame >= count {
-            let text = format!("has {count} frames, counted from 0; there is no frame {frame}");
-            return Err(Failure::Usage(format!("{}: {text}", path.display())));
-        }
+        input::check_frame(path, &clip, frame)?;
         Ok([clip.frame(frame)?, if frame > 0 { clip.frame(frame - 1)? } else { rest() }])
     }
 

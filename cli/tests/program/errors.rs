@@ -1,6 +1,6 @@
 //! What `apply`, `play`, `info` and `pack` state of errors, recomputed in float64 from the files.
 
-use crate::cli::{json, ok};
+use crate::cli::{json, ok, refused};
 use serde_json::Value;
 use std::path::Path;
 
@@ -139,4 +139,15 @@ fn a_clip_that_cannot_be_read_is_left_out_with_a_note() {
         let told: Value = serde_json::from_slice(&out.stdout).unwrap();
         assert!(args[0] == "pack" || told["clips"].as_array().unwrap().len() == 1, "{told}");
     }
+}
+
+#[test]
+fn a_target_behind_its_node_is_suggested() {
+    let folder = tempfile::tempdir().unwrap();
+    let (dir, _) = written(folder.path());
+    let targets = Path::new(&dir).join("targets");
+    std::fs::rename(targets.join("t07.obj"), targets.join("face_shapes.ca_jawOpen.obj")).unwrap();
+    let out = folder.path().join("out.obj");
+    let set = ["apply", &dir, "--path", "cpu", "-o", out.to_str().unwrap(), "--set", "jawOpen=1"];
+    refused(&set, 2, "did you mean 'face_shapes.ca_jawOpen'?");
 }
