@@ -162,7 +162,7 @@ pub struct PlayArgs {
     /// the one in INPUT/weights or INPUT, where there is just one]
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,
-    /// Compare every Nth pose with the float64 reference, and the last one
+    /// Compare every Nth pose with the source, evaluated in float64, and the last one
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = values::whole(1usize, 1_000_000))]
     pub every: usize,
     /// Animate and plan on the device, which samples the clip, finds the changed targets and writes its own work list.

@@ -143,7 +143,9 @@ impl DeltaTexels {
     pub(super) fn texel(&self) -> Texel {
         match self.format.has_integers() {
             true => Texel::Integers,
-            false if self.deltas.as_flattened().iter().all(|x| f16::from_f32(*x).to_f32().to_bits() == x.to_bits()) => Texel::Half,
+            false if self.deltas.as_flattened().iter().all(|x| f16::from_f32(*x).to_f32().to_bits() == x.to_bits()) => {
+                Texel::Half
+            }
             false => Texel::Single,
         }
     }

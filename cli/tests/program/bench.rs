@@ -104,10 +104,7 @@ fn a_path_that_is_named_and_cannot_run_fails_the_command() {
         let out = deltamorph(&[&bench[..], &["--changed", "2"], quiet, &HEAD].concat());
         let [said, errors] = [out.stdout, out.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
         assert_eq!(out.status.code(), Some(1), "{said}{errors}");
-        assert!(
-            errors.contains("error: feedback: ") && errors.contains("no VK_EXT_transform_feedback"),
-            "{errors}"
-        );
+        assert!(errors.contains("error: feedback: ") && errors.contains("no VK_EXT_transform_feedback"), "{errors}");
         let summary = ["configurations that could run match", "none of it could run: feedback."];
         assert!(!quiet.is_empty() || summary.iter().all(|words| said.contains(words)), "{said}");
     }
