@@ -1,5 +1,4 @@
-//! Crowds on a device: one update against many, what the GPU's planning costs, and thousands of heads. Medians, and
-//! ratios of measurements taken in turns.
+//! Crowds on a device: what the GPU's planning costs, and thousands of heads. Medians.
 //!
 //! `./with-vulkan cargo bench -p deltamorph-benches --bench crowds [-- DEVICE]`
 
@@ -19,43 +18,6 @@ fn packed(headless: &Headless, desc: &HeadDesc) -> PackedMesh {
 
 fn desc(instances: u32, update: UpdateDesc) -> CrowdDesc {
     CrowdDesc::new(update).instances(instances).frames_in_flight(1)
-}
-
-/// One update of a crowd against as many updates of single heads in one submission.
-fn together(headless: &Headless, heads: usize, sparsity: f32, changed: usize) {
-    let mesh = packed(headless, &HeadDesc::default().sparsity(sparsity));
-    let targets = mesh.layout().targets.len();
-    let mut crowd = [HeadlessCrowd::new(headless, &mesh, &desc(heads as u32, UpdateDesc::blocks())).expect("a crowd")];
-    let one = desc(1, UpdateDesc::blocks());
-    let mut singles: Vec<HeadlessCrowd<'_>> = (0..heads).map(|_| crowd[0].another(&one).expect("a crowd")).collect();
-    let mut weights: Vec<Vec<f32>> = (0..heads).map(|h| (0..targets).map(|t| noise(h * 97 + t)).collect()).collect();
-    let (mut times, mut ratios) = ([vec![], vec![]], vec![]);
-    for frame in 0..13 {
-        for (h, weights) in weights.iter_mut().enumerate() {
-            for k in 0..changed {
-                let i = (frame * 131 + h) * 173 + k;
-                let target = if changed == targets { k } else { (noise(i) * targets as f32) as usize % targets };
-                weights[target] = noise(i * 3 + 1);
-            }
-        }
-        let weights: Vec<&[f32]> = weights.iter().map(Vec::as_slice).collect();
-        let time = |crowds: &mut [HeadlessCrowd<'_>]| {
-            let step = HeadlessCrowd::step_together(crowds, &weights, 0).expect("a step");
-            step.gpu_ms.expect("a device with timestamps")
-        };
-        let both = [time(&mut crowd), time(&mut singles)];
-        if frame >= 3 {
-            ratios.push(both[1] / both[0]);
-            times.iter_mut().zip(both).for_each(|(times, ms)| times.push(ms));
-        }
-    }
-    let [crowd, singles] = times.map(median);
-    println!(
-        "{heads} heads, {changed} of {targets} change, {:.0}% sparse: one update {crowd:.2} ms, {heads} updates \
-         {singles:.2} ms, {:.2} times",
-        sparsity * 100.0,
-        median(ratios)
-    );
 }
 
 /// Clips of the face: one in which nothing moves, one in which a third of the weights change from frame to frame, and
@@ -137,8 +99,6 @@ fn main() {
     let headless = Headless::new(&HeadlessDesc::default().device(device)).expect("a Vulkan device");
     let caps = headless.caps();
     println!("{} ({} {})", caps.name, caps.driver, caps.driver_info);
-    together(&headless, 100, 0.08, 8);
-    together(&headless, 100, 1.0, 72);
     let mesh = packed(&headless, &HeadDesc::default().vertices(2_700).targets(52).sparsity(0.17));
     planned_on_the_gpu(&headless, &mesh);
 }

@@ -1,15 +1,12 @@
-//! What the CPU does for each frame of one head: weights to passes or work lists, and to commands. No GPU.
+//! What the CPU does for each frame of one head: weights to work lists. No GPU.
 //!
 //! `cargo bench -p deltamorph-benches --bench planning`; with `DELTAMORPH_DATA`, ict_facekit with its captured clips, too.
 
-use criterion::{BatchSize as Setup, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use deltamorph::import::{csv, obj};
-use deltamorph::internals::plan::instances::{History, Instances};
+use deltamorph::internals::plan::instances::Instances;
 use deltamorph::internals::update::blocks::Planner;
-use deltamorph::internals::update::dense::Plan;
-use deltamorph::{
-    BatchSize, DeltaFormat, MorphMesh, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc, UpdatePath,
-};
+use deltamorph::{DeltaFormat, MorphMesh, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdateDesc};
 use deltamorph_head::{HeadDesc, head};
 use std::hint::black_box;
 
@@ -29,42 +26,6 @@ fn clip(targets: usize, changed: usize) -> Vec<Vec<f32>> {
         frames.push(weights.clone());
     }
     frames
-}
-
-fn planning(c: &mut Criterion) {
-    let mut group = c.benchmark_group("plan_and_fill");
-    for (targets, changed) in [(57, 19), (169, 17), (300, 300)] {
-        let clip = clip(targets, changed);
-        let id = |name| BenchmarkId::new(name, format!("{changed} of {targets}"));
-        for (name, path, batch) in [
-            ("feedback, batch 7", UpdatePath::Feedback, BatchSize::Targets(7)),
-            ("compute, batch 16", UpdatePath::Compute, BatchSize::Targets(16)),
-        ] {
-            let desc = UpdateDesc::new(path, batch);
-            let (mut plan, mut history) = (Plan::default(), History::new(desc.slots, 1));
-            let mut frame = 200;
-            // Buffers are kept from frame to frame, as the engine keeps them.
-            let mut update = |frame: u64| {
-                // To and fro: the same number changes at the turns.
-                let step = frame as usize % (2 * FRAMES - 2);
-                plan.fill(&desc, &clip[step.min(2 * FRAMES - 2 - step)], &mut history, frame + 1);
-                plan.coefficients.len()
-            };
-            update(0);
-            assert!((1..200).all(|frame| update(frame) == changed));
-            group.bench_function(id(name), |b| {
-                b.iter_batched(
-                    || {
-                        frame += 1;
-                        frame
-                    },
-                    |frame| black_box(update(black_box(frame))),
-                    Setup::SmallInput,
-                );
-            });
-        }
-    }
-    group.finish();
 }
 
 /// Plan frame after frame of `frames` in blocks; a figure is the mean over the whole clip.
@@ -115,5 +76,5 @@ fn blocks(c: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, planning, blocks);
+criterion_group!(benches, blocks);
 criterion_main!(benches);

@@ -172,7 +172,7 @@ typedef struct DmRequirement {
 
 /// A mesh in memory, packed. All zero: none.
 typedef struct DmMesh {
-    /// Kind, generation and index.
+    /// Kind and number.
     uint64_t bits;
 } DmMesh;
 
@@ -221,7 +221,7 @@ typedef struct DmRenderVertices {
 
 /// The engine on a device of the host's. All zero: none.
 typedef struct DmEngine {
-    /// Kind, generation and index.
+    /// Kind and number.
     uint64_t bits;
 } DmEngine;
 
@@ -322,7 +322,7 @@ typedef struct DmSampleDesc {
 
 /// A clip of weights with names of targets. All zero: none.
 typedef struct DmClip {
-    /// Kind, generation and index.
+    /// Kind and number.
     uint64_t bits;
 } DmClip;
 
@@ -358,13 +358,13 @@ typedef struct DmClipInfo {
 
 /// A clip whose columns are bound to targets of a mesh. All zero: none.
 typedef struct DmBoundClip {
-    /// Kind, generation and index.
+    /// Kind and number.
     uint64_t bits;
 } DmBoundClip;
 
 /// Instances of a mesh on the device, whose weights are set, or that play clips. All zero: none.
 typedef struct DmCrowd {
-    /// Kind, generation and index.
+    /// Kind and number.
     uint64_t bits;
 } DmCrowd;
 
@@ -499,7 +499,7 @@ typedef struct DmMemory {
 
 /// A mesh on the device. All zero: none.
 typedef struct DmGpuMesh {
-    /// Kind, generation and index.
+    /// Kind and number.
     uint64_t bits;
 } DmGpuMesh;
 
@@ -699,7 +699,7 @@ typedef struct DmUpdate {
 
 /// Host memory that poses are copied to and decoded from. All zero: none.
 typedef struct DmReadback {
-    /// Kind, generation and index.
+    /// Kind and number.
     uint64_t bits;
 } DmReadback;
 
@@ -721,7 +721,7 @@ typedef struct DmDecodeTarget {
 
 /// The triangles around each vertex of a mesh, on the device: for normals of the morphed surface. All zero: none.
 typedef struct DmSurface {
-    /// Kind, generation and index.
+    /// Kind and number.
     uint64_t bits;
 } DmSurface;
 
@@ -756,7 +756,7 @@ typedef struct DmSkinDesc {
 
 /// Joints and weights of a mesh's vertices, on the device. All zero: none.
 typedef struct DmSkin {
-    /// Kind, generation and index.
+    /// Kind and number.
     uint64_t bits;
 } DmSkin;
 
@@ -806,7 +806,7 @@ typedef struct DmSkinnedView {
 
 /// Computes bounds of poses from their weights. All zero: none.
 typedef struct DmWeightBounds {
-    /// Kind, generation and index.
+    /// Kind and number.
     uint64_t bits;
 } DmWeightBounds;
 

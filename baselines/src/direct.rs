@@ -1,7 +1,7 @@
 //! The `direct` path: the vertex shader evaluates all active targets in every draw, from deltas in a storage buffer
 //! (Costigan et al., Algorithm 1; Bevy, three.js and Filament use textures instead of buffers).
 
-use crate::draws::{Capture, Draws};
+use crate::draws::{Capture, Draws, add_draws};
 use bytemuck::bytes_of;
 use deltamorph::Result;
 use deltamorph::ash::vk;
@@ -10,7 +10,7 @@ use deltamorph::internals::gpu::descriptors::{BufferRange, Sets};
 use deltamorph::internals::gpu::memory::Ring;
 use deltamorph::internals::gpu::mesh::{MeshBuffers, delta_range};
 use deltamorph::internals::gpu::pipelines::{Objects, PipelineKey, Pipelines};
-use deltamorph::internals::pack::{BASE_STRIDE, DeltaFormat, PoseFormat};
+use deltamorph::internals::pack::{BASE_STRIDE, DeltaFormat};
 use deltamorph::internals::plan::UpdatePath;
 use deltamorph::internals::update::dense::DensePlanner;
 use deltamorph::internals::update::dense::feedback::vertex_input;
@@ -54,23 +54,8 @@ struct DirectDraw {
 impl PipelineKey for Direct {
     fn make(self, objects: &mut Objects) -> Result<()> {
         let Self { format, capture } = self;
-        let kernels = match capture {
-            None => &[&DIRECT][..],
-            Some(Capture::Feedback) => &[&DIRECT, &DIRECT_FEEDBACK],
-            Some(Capture::Store) => &[&DIRECT, &DIRECT_STORE],
-        };
-        let rows: Vec<_> = kernels.iter().map(|kernel| kernel.row).collect();
-        objects.add_layout(&rows, 0)?;
-        objects.add_empty_render_pass()?;
-        let (bindings, attributes) = vertex_input(format, 0);
-        for kernel in kernels {
-            objects.add_discarding_vertex(
-                kernel.module(format.row(), PoseFormat::Float32.row(), 0)?,
-                &bindings,
-                &attributes,
-            )?;
-        }
-        Ok(())
+        let kernels = [&DIRECT, &DIRECT_FEEDBACK, &DIRECT_STORE];
+        add_draws(objects, kernels, capture, format, &vertex_input(format, 0))
     }
 }
 

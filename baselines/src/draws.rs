@@ -1,10 +1,12 @@
 //! The common part of the direct paths: draws that evaluate the pose, and its capture.
 
 use deltamorph::ash::vk;
+use deltamorph::internals::abi::modules::Kernel;
 use deltamorph::internals::gpu::barriers;
 use deltamorph::internals::gpu::device::Device;
 use deltamorph::internals::gpu::mesh::MeshBuffers;
-use deltamorph::internals::pack::BASE_STRIDE;
+use deltamorph::internals::gpu::pipelines::Objects;
+use deltamorph::internals::pack::{BASE_STRIDE, DeltaFormat, PoseFormat};
 use deltamorph::internals::plan::instances::{InstanceState, Instances};
 use deltamorph::internals::plan::schedule::{Entry, Schedule};
 use deltamorph::internals::plan::steps::{Access, Resource, Stage, Steps, Use, Work};
@@ -177,6 +179,25 @@ impl Capture {
         schedule
     }
 }
+
+/// Adds the pipelines of a draw, and of its captures by feedback or stores, if the device can capture.
+pub(crate) fn add_draws(
+    objects: &mut Objects,
+    [draw, feedback, store]: [&'static Kernel; 3],
+    capture: Option<Capture>,
+    deltas: DeltaFormat,
+    (bindings, attributes): &VertexInput,
+) -> Result<()> {
+    let capturing = capture.map(|capture| if capture == Capture::Feedback { feedback } else { store });
+    let kernels: Vec<_> = std::iter::once(draw).chain(capturing).collect();
+    objects.add_layout(&kernels.iter().map(|kernel| kernel.row).collect::<Vec<_>>(), 0)?;
+    objects.add_empty_render_pass()?;
+    let module = |kernel: &'static Kernel| kernel.module(deltas.row(), PoseFormat::Float32.row(), 0);
+    kernels.into_iter().try_for_each(|kernel| objects.add_discarding_vertex(module(kernel)?, bindings, attributes))
+}
+
+/// Bindings and attributes.
+type VertexInput = (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>);
 
 /// Returns whether the last update changes a pose.
 pub(crate) fn has_changed(planner: &DensePlanner) -> bool {

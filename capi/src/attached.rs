@@ -32,7 +32,7 @@ pub unsafe fn upload<H: Handle<Object = Attached<T>>, T>(
     check_command_buffer(cmd)?;
     let on_device = Mutex::new(make(&engine.morph, &mesh)?);
     // SAFETY: the caller's obligation; it was checked.
-    unsafe { place.write(H::insert(Attached { on_device, engine })?) };
+    unsafe { place.write(H::insert(Attached { on_device, engine })) };
     Ok(())
 }
 

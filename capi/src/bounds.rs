@@ -38,7 +38,7 @@ pub unsafe extern "C" fn dm_weight_bounds_create(
         let made = deltamorph::WeightBounds::new(&mesh.asset.mesh, &desc.update)?;
         let made = WeightBounds { bounds: made, targets: mesh.layout().targets.len() };
         // SAFETY: the caller's obligation; it was checked.
-        unsafe { bounds.write(DmWeightBounds::insert(made)?) };
+        unsafe { bounds.write(DmWeightBounds::insert(made)) };
         Ok(())
     })
 }

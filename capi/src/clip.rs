@@ -41,7 +41,7 @@ pub unsafe extern "C" fn dm_clip_open(path: *const c_char, fps: f32, clip: *mut 
         // SAFETY: the caller's obligations; `clip` was checked.
         unsafe {
             let path = Path::new(text(path, "path")?);
-            clip.write(DmClip::insert(Clip { clip: open_clip(path, (fps != 0.0).then_some(fps))? })?);
+            clip.write(DmClip::insert(Clip { clip: open_clip(path, (fps != 0.0).then_some(fps))? }));
         }
         Ok(())
     })
@@ -74,7 +74,7 @@ pub unsafe extern "C" fn dm_clip_from_arrays(arrays: *const DmClipArrays, clip: 
                 fps: arrays.fps,
                 values: slice(arrays.values, count, "values")?.to_vec(),
             };
-            clip.write(DmClip::insert(Clip { clip: made })?);
+            clip.write(DmClip::insert(Clip { clip: made }));
         }
         Ok(())
     })
@@ -108,7 +108,7 @@ pub unsafe extern "C" fn dm_clip_sample_head(
                 let what = format!("{frame_count} frames of {} targets", desc.targets);
                 return Err(Failure::invalid(format!("{what}, more than 2^24 weights; use fewer frames")));
             }
-            clip.write(DmClip::insert(Clip { clip: head_clip(&desc, frame_count as usize, fps) })?);
+            clip.write(DmClip::insert(Clip { clip: head_clip(&desc, frame_count as usize, fps) }));
         }
         Ok(())
     })
@@ -156,7 +156,7 @@ pub unsafe extern "C" fn dm_clip_bind(clip: DmClip, mesh: DmMesh, bound: *mut Dm
         let names: Vec<&str> = mesh.layout().targets.iter().map(|target| target.name.as_str()).collect();
         let made = BoundClip { clip: clip.clip.bind(&names)? };
         // SAFETY: the caller's obligation; it was checked.
-        unsafe { bound.write(DmBoundClip::insert(made)?) };
+        unsafe { bound.write(DmBoundClip::insert(made)) };
         Ok(())
     })
 }

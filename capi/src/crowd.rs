@@ -124,7 +124,7 @@ pub(crate) unsafe fn crowd_desc(desc: *const DmCrowdDesc, default_pose: PoseForm
     Ok(desc.poses(Some(unsafe { HostPoses::new(host.buffer, host.offset, vertex) })))
 }
 
-fn insert(kind: Kind, engine: Arc<Engine>) -> Result<DmCrowd> {
+fn insert(kind: Kind, engine: Arc<Engine>) -> DmCrowd {
     DmCrowd::insert(Crowd { state: Mutex::new(State { kind, tickets: Tickets::default() }), engine })
 }
 
@@ -165,7 +165,7 @@ pub unsafe extern "C" fn dm_crowd_create(mesh: DmGpuMesh, desc: *const DmCrowdDe
         let mesh = mesh.get()?;
         let made = mesh.engine.morph.create_crowd(&*lock(&mesh.mesh)?, &desc)?;
         // SAFETY: the caller's obligation; it was checked.
-        unsafe { crowd.write(insert(Kind::Weighted(made), mesh.engine.clone())?) };
+        unsafe { crowd.write(insert(Kind::Weighted(made), mesh.engine.clone())) };
         Ok(())
     })
 }
@@ -213,7 +213,7 @@ pub unsafe extern "C" fn dm_crowd_create_animated(
         // SAFETY: the caller's obligations; `crowd` was checked.
         unsafe {
             let made = mesh.engine.morph.create_animated_crowd(cmd, &*lock(&mesh.mesh)?, &desc, &animation)?;
-            crowd.write(insert(Kind::Animated(made), mesh.engine.clone())?);
+            crowd.write(insert(Kind::Animated(made), mesh.engine.clone()));
         }
         Ok(())
     })

@@ -31,7 +31,7 @@ pub unsafe extern "C" fn dm_engine_create(desc: *const DmEngineDesc, engine: *mu
         // SAFETY: the caller's obligations.
         unsafe {
             let morph = morph_engine(&read(desc)?)?;
-            engine.write(DmEngine::insert(Engine { morph })?);
+            engine.write(DmEngine::insert(Engine { morph }));
         }
         Ok(())
     })

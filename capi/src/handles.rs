@@ -1,14 +1,15 @@
-//! Handles: 64 bits that name an object by kind, generation and index. Null, foreign and destroyed ones are refused.
+//! Handles: 64 bits that name an object by kind and number. Null, foreign and destroyed ones are refused.
 
 use crate::kinds::KINDS;
 use crate::result::{Failure, Result};
+use std::collections::BTreeMap;
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 /// A mesh in memory, packed. All zero: none.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DmMesh {
-    /// Kind, generation and index.
+    /// Kind and number.
     pub bits: u64,
 }
 
@@ -16,7 +17,7 @@ pub struct DmMesh {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DmEngine {
-    /// Kind, generation and index.
+    /// Kind and number.
     pub bits: u64,
 }
 
@@ -24,7 +25,7 @@ pub struct DmEngine {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DmGpuMesh {
-    /// Kind, generation and index.
+    /// Kind and number.
     pub bits: u64,
 }
 
@@ -32,7 +33,7 @@ pub struct DmGpuMesh {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DmCrowd {
-    /// Kind, generation and index.
+    /// Kind and number.
     pub bits: u64,
 }
 
@@ -40,7 +41,7 @@ pub struct DmCrowd {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DmClip {
-    /// Kind, generation and index.
+    /// Kind and number.
     pub bits: u64,
 }
 
@@ -48,7 +49,7 @@ pub struct DmClip {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DmBoundClip {
-    /// Kind, generation and index.
+    /// Kind and number.
     pub bits: u64,
 }
 
@@ -56,7 +57,7 @@ pub struct DmBoundClip {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DmReadback {
-    /// Kind, generation and index.
+    /// Kind and number.
     pub bits: u64,
 }
 
@@ -64,7 +65,7 @@ pub struct DmReadback {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DmSkin {
-    /// Kind, generation and index.
+    /// Kind and number.
     pub bits: u64,
 }
 
@@ -72,7 +73,7 @@ pub struct DmSkin {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DmSurface {
-    /// Kind, generation and index.
+    /// Kind and number.
     pub bits: u64,
 }
 
@@ -80,7 +81,7 @@ pub struct DmSurface {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DmWeightBounds {
-    /// Kind, generation and index.
+    /// Kind and number.
     pub bits: u64,
 }
 
@@ -99,8 +100,8 @@ pub trait Handle: Copy {
     fn bits(self) -> u64;
 
     /// A handle for `object`.
-    fn insert(object: Self::Object) -> Result<Self> {
-        Self::registry().insert(object).map(Self::of)
+    fn insert(object: Self::Object) -> Self {
+        Self::of(Self::registry().insert(object))
     }
 
     /// The object, which lives at least until the reference is dropped, even if another thread destroys it meanwhile.
@@ -118,19 +119,17 @@ pub trait Handle: Copy {
 
 // A handle, from its highest bit:
 //
-//     63   56 55          32 31          0
-//     [ kind ][ generation ][   index    ]
+//     63   56 55                    0
+//     [ kind ][ number, from 1 on   ]
 const KIND_SHIFT: u32 = 56;
-const GENERATION_SHIFT: u32 = 32;
-const GENERATION_MAX: u32 = (1 << (KIND_SHIFT - GENERATION_SHIFT)) - 1;
 
-/// The index in `bits`, if they are of this kind.
+/// Checks that `bits` are of this kind.
 #[inline(never)]
-fn index(wanted_kind: u8, bits: u64) -> Result<usize> {
+fn check(wanted_kind: u8, bits: u64) -> Result<()> {
     let kind = (bits >> KIND_SHIFT) as usize;
     let wanted = KINDS[usize::from(wanted_kind)];
     if kind == usize::from(wanted_kind) {
-        return Ok(bits as u32 as usize);
+        return Ok(());
     }
     Err(Failure::handle(match KINDS.get(kind) {
         _ if bits == 0 => format!("a null handle in place of {wanted}; create one, and check what that returned"),
@@ -146,85 +145,60 @@ fn refused(kind: u8, bits: u64) -> Failure {
     Failure::handle(format!("{wanted} {bits:#x} that was destroyed, or never created; use one that is alive"))
 }
 
-/// The objects of one kind. A slot is used again with another generation, so that a handle of its former object is
-/// recognised; a slot whose generations are used up stays empty.
+/// The objects of one kind, by the bits of their handles. No number is used twice: a process that makes a million objects
+/// a second has enough for two thousand years.
 pub struct Registry<T> {
     kind: u8,
-    places: RwLock<Places<T>>,
+    objects: RwLock<Objects<T>>,
 }
 
-struct Places<T> {
-    all: Vec<Place<T>>,
-    free: Vec<u32>,
-}
-
-struct Place<T> {
-    generation: u32,
-    object: Option<Arc<T>>,
+struct Objects<T> {
+    alive: BTreeMap<u64, Arc<T>>,
+    /// The bits of the last handle.
+    last: u64,
 }
 
 impl<T> Registry<T> {
     /// An empty registry for the kind with this number.
     pub const fn new(kind: u8) -> Self {
-        Self { kind, places: RwLock::new(Places { all: vec![], free: vec![] }) }
+        let last = (kind as u64) << KIND_SHIFT;
+        Self { kind, objects: RwLock::new(Objects { alive: BTreeMap::new(), last }) }
     }
 
-    // No code panics halfway through a change of the slots, so a poisoned lock is still good.
-    fn read(&self) -> RwLockReadGuard<'_, Places<T>> {
-        self.places.read().unwrap_or_else(PoisonError::into_inner)
+    // No code panics halfway through a change of the objects, so a poisoned lock is still good.
+    fn read(&self) -> RwLockReadGuard<'_, Objects<T>> {
+        self.objects.read().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn write(&self) -> RwLockWriteGuard<'_, Places<T>> {
-        self.places.write().unwrap_or_else(PoisonError::into_inner)
+    fn write(&self) -> RwLockWriteGuard<'_, Objects<T>> {
+        self.objects.write().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn insert(&self, object: T) -> Result<u64> {
-        let object = Some(Arc::new(object));
-        let mut places = self.write();
-        let index = match places.free.pop() {
-            Some(index) => index,
-            None => {
-                let index = u32::try_from(places.all.len()).map_err(|_| Failure::handle("no handle is left"))?;
-                places.all.push(Place { generation: 0, object: None });
-                index
-            }
-        };
-        let place = &mut places.all[index as usize];
-        place.generation += 1;
-        place.object = object;
-        let generation = u64::from(place.generation) << GENERATION_SHIFT;
-        Ok(u64::from(self.kind) << KIND_SHIFT | generation | u64::from(index))
+    fn insert(&self, object: T) -> u64 {
+        let object = Arc::new(object);
+        let mut objects = self.write();
+        objects.last += 1;
+        let bits = objects.last;
+        objects.alive.insert(bits, object);
+        bits
     }
 
     fn get(&self, bits: u64) -> Result<Arc<T>> {
-        let index = index(self.kind, bits)?;
-        let places = self.read();
-        let place = places.all.get(index).filter(|place| place.is(bits));
-        place.and_then(|place| place.object.clone()).ok_or_else(|| refused(self.kind, bits))
+        check(self.kind, bits)?;
+        self.read().alive.get(&bits).cloned().ok_or_else(|| refused(self.kind, bits))
     }
 
     /// The number of live objects for which `belongs` holds.
     pub fn count(&self, belongs: impl Fn(&T) -> bool) -> usize {
-        self.read().all.iter().filter_map(|place| place.object.as_deref()).filter(|object| belongs(object)).count()
+        self.read().alive.values().filter(|object| belongs(object)).count()
     }
 
-    fn remove(&self, bits: u64, check: impl FnOnce(&Arc<T>) -> Result<()>) -> Result<Arc<T>> {
-        let index = index(self.kind, bits)?;
+    fn remove(&self, bits: u64, allows: impl FnOnce(&Arc<T>) -> Result<()>) -> Result<Arc<T>> {
+        check(self.kind, bits)?;
+        let mut objects = self.write();
         let refused = || refused(self.kind, bits);
-        let mut places = self.write();
-        let place = places.all.get_mut(index).filter(|place| place.is(bits)).ok_or_else(refused)?;
-        check(place.object.as_ref().ok_or_else(refused)?)?;
-        let object = place.object.take().ok_or_else(refused)?;
-        if place.generation < GENERATION_MAX {
-            places.free.push(index as u32);
-        }
-        Ok(object)
-    }
-}
-
-impl<T> Place<T> {
-    fn is(&self, bits: u64) -> bool {
-        (bits >> GENERATION_SHIFT) as u32 & GENERATION_MAX == self.generation
+        allows(objects.alive.get(&bits).ok_or_else(refused)?)?;
+        objects.alive.remove(&bits).ok_or_else(refused)
     }
 }
 
@@ -240,15 +214,10 @@ mod tests {
     }
 
     #[test]
-    fn what_is_refused_stays_and_a_place_without_generations_is_left() {
+    fn what_is_refused_stays() {
         let registry = Registry::new(1);
-        let first = registry.insert(1).unwrap();
+        let first = registry.insert(1);
         refused(registry.remove(first, |_| Err(Failure::handle("in use"))));
-        assert_eq!(*registry.get(first).unwrap(), 1);
-        registry.write().all[0].generation = GENERATION_MAX;
-        let generations = u64::from(GENERATION_MAX) << GENERATION_SHIFT;
-        let last = first | generations;
-        registry.remove(last, |_| Ok(())).unwrap();
-        assert_eq!(registry.insert(2).unwrap() as u32, 1);
+        assert_eq!((*registry.get(first).unwrap(), registry.count(|object| *object == 1)), (1, 1));
     }
 }

@@ -143,7 +143,7 @@ unsafe fn create(
         // SAFETY: the caller's obligations; `out` was checked.
         unsafe {
             let desc = read_or_default(desc)?;
-            out.write(DmMesh::insert(make(&desc)?)?);
+            out.write(DmMesh::insert(make(&desc)?));
         }
         Ok(())
     })

@@ -33,7 +33,7 @@ pub unsafe extern "C" fn dm_readback_create(engine: DmEngine, readback: *mut DmR
         let engine = engine.get()?;
         let state = Mutex::new(State { readback: engine.morph.readback(), poses: None });
         // SAFETY: the caller's obligation; it was checked.
-        unsafe { readback.write(DmReadback::insert(Readback { state, engine })?) };
+        unsafe { readback.write(DmReadback::insert(Readback { state, engine })) };
         Ok(())
     })
 }

@@ -45,7 +45,7 @@ pub unsafe extern "C" fn dm_mesh_upload(
         // SAFETY: the caller's obligations; `gpu_mesh` was checked.
         unsafe {
             let mesh = Mutex::new(engine.morph.upload(cmd, &mesh.asset.mesh)?);
-            gpu_mesh.write(DmGpuMesh::insert(GpuMesh { mesh, engine })?);
+            gpu_mesh.write(DmGpuMesh::insert(GpuMesh { mesh, engine }));
         }
         Ok(())
     })

@@ -4,7 +4,7 @@ use crate::args::ApplyArgs;
 use crate::input::{self, Input};
 use crate::output::{Failure, Output, With, check_ending};
 use crate::runner::Stage;
-use crate::verify::{Found, Promise, REMEDY};
+use crate::verify::{Errors, Found, Promise, REMEDY};
 use deltamorph::import::is_gltf;
 use deltamorph::import::obj::{ObjMesh, write_obj};
 use deltamorph::reference::{SHORTEST_NORMAL, evaluate};
@@ -25,7 +25,7 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     if output.extension().is_some() {
         check_ending(output, "an OBJ file", &["obj"])?;
     }
-    let input = input::load(&run.input, false, out)?;
+    let input = input::load(&run.input, true, out)?;
     let frames = frames(args, &input)?;
 
     let stage = Stage::new(run, &input, device, out)?;
@@ -40,31 +40,30 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let weights = frames.last().map_or(&[][..], Vec::as_slice);
     let promise = Promise::new(&stage.desc, stage.mesh.layout());
     let applied = promise.applied(weights);
-    let Found { error, turned, .. } = promise.find(&pose, &evaluate(&stage.mesh, &applied), &applied);
+    let reference = evaluate(&stage.mesh, &applied);
+    let Found { error, turned, .. } = promise.find(&pose, &reference, &applied);
     let diagonal = f64::from(input.kept.diagonal);
-    let relative = error.position / promise.scale;
     // Rounding grows with the weights of all steps, including the last.
     let reach = |weights: &Vec<f32>| weights.iter().map(|w| f64::from(w.abs())).sum::<f64>();
     let added = frames.iter().map(reach).fold(1.0, f64::max);
     let right = error.position <= 1e-5 * diagonal * added + promise.rounding(&applied)[0] && turned <= 0.1 * added;
     if !right && error.position > f64::from(f32::MIN_POSITIVE) {
         return Err(Failure::Failed(format!(
-            "the pose through '{path}' is off by {relative:.3e} of the diagonal; nothing was written; {REMEDY}"
+            "the pose through '{path}' is off by {:.3e} of the diagonal; nothing was written; {REMEDY}",
+            error.position / promise.scale
         )));
     }
     write(output, &input.kept, run.input.input.as_deref().is_some_and(is_gltf), &pose)?;
     let active = weights.iter().filter(|w| **w != 0.0).count();
     let (file, targets, setup) = (output.display(), weights.len(), stage.describe());
-    out.say(format_args!(
-        "{file}: {active} active of {targets} targets, {passes} passes through {setup}; {relative:.1e} of the diagonal \
-         off the float64 reference"
-    ));
+    let errors = Errors::of(&pose, &reference, &stage.mesh, &input.raw, weights);
+    let off = errors.text();
+    out.say(format_args!("{file}: {active} active of {targets} targets, {passes} passes through {setup}\n{off}"));
     let more = json!({
         "schema": 1, "device": stage.device(), "batch_size": stage.desc.batch.to_string(), "frames": frames.len(),
-        "passes": passes, "active": active, "max_error": error.position, "max_error_rel": relative,
-        "output": output.display().to_string(),
+        "passes": passes, "active": active, "output": output.display().to_string(),
     });
-    out.json(&With { fields: stage.setup(), more })
+    out.json(&With { fields: With { fields: stage.setup(), more }, more: json!(errors) })
 }
 
 /// The weights of one or more frames to step through, with `--set` on top of each.
@@ -73,13 +72,7 @@ fn frames(args: &ApplyArgs, input: &Input) -> Result<Vec<Vec<f32>>, Failure> {
         (Some(path), Some(last)) => {
             let all = input::clip(path, &args.run.input, input, &args.set)?;
             let first = args.from_frame.unwrap_or(last);
-            let count = all.frame_count();
-            if let Some(beyond) = [first, last].into_iter().find(|f| *f >= count) {
-                return Err(Failure::Usage(format!(
-                    "{}: has {count} frames, counted from 0; there is no frame {beyond}",
-                    path.display()
-                )));
-            }
+            [first, last].into_iter().try_for_each(|frame| input::check_frame(path, &all, frame))?;
             // Backwards is allowed, too: a delta weight may be negative.
             let frames = (first.min(last)..=first.max(last)).map(|f| all.frame(f));
             let mut frames = frames.collect::<deltamorph::Result<Vec<_>>>()?;

@@ -1,10 +1,8 @@
 //! The command line, as clap sees it.
 
 pub mod bench;
-pub mod groups;
 pub mod lod;
 pub mod poses;
-pub mod reading;
 pub mod render;
 pub mod values;
 #[cfg(feature = "viewer")]
@@ -17,10 +15,15 @@ use deltamorph_head::HeadDesc;
 use deltamorph_headless::DeviceChoice;
 use lod::LodArgs;
 use poses::Sums;
-use reading::Reading;
 use render::RenderArgs;
 use std::path::PathBuf;
 use values::{BatchSpec, BudgetSpec};
+
+/// Headings of options that several commands have.
+const READ: &str = "What is read";
+const HEAD: &str = "The built-in head";
+const POSES: &str = "How poses are updated";
+const PACKED: &str = "How deltas are packed";
 
 /// Morph targets (blend shapes) on the GPU: applies only the weights that changed.
 #[derive(Debug, Parser)]
@@ -147,7 +150,7 @@ pub struct RunArgs {
     #[command(flatten)]
     pub update: UpdateArgs,
     /// Targets per pass: a number, "max" (the largest that the path allows) or "all"
-    #[arg(long, value_name = "N", value_parser = values::one_batch, default_value = "max")]
+    #[arg(help_heading = POSES, long, value_name = "N", value_parser = values::one_batch, default_value = "max")]
     pub batch_size: BatchSpec,
 }
 
@@ -159,7 +162,7 @@ pub struct PlayArgs {
     /// the one in INPUT/weights or INPUT, where there is just one]
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,
-    /// Compare every Nth pose with the float64 reference, and the last one
+    /// Compare every Nth pose with the source, evaluated in float64, and the last one
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = values::whole(1usize, 1_000_000))]
     pub every: usize,
     /// Animate and plan on the device, which samples the clip, finds the changed targets and writes its own work list.
@@ -226,19 +229,19 @@ pub struct InputArgs {
     #[command(flatten)]
     pub head: HeadArgs,
     /// Drop position deltas that are not longer than this fraction of the bounding-box diagonal
-    #[arg(long, value_name = "FRACTION", default_value_t = 1e-6)]
+    #[arg(help_heading = READ, long, value_name = "FRACTION", default_value_t = 1e-6)]
     #[arg(value_parser = values::number("a fraction of the diagonal, 0 or more (0 keeps every delta)", |v| v >= 0.0))]
     pub tolerance: f32,
     /// Frames per second of weight clips [default: what the file name ("…_24fps.csv") or the keys of the animation say,
     /// else 30]
-    #[arg(long, value_name = "F", value_parser = values::fps)]
+    #[arg(help_heading = READ, long, value_name = "F", value_parser = values::fps)]
     pub fps: Option<f32>,
-    /// Weights are of whole poses: the pose is their weighted average; the base pose gets the remaining weight
-    #[arg(long, value_name = "READING", value_enum, num_args = 0..=1, require_equals = true)]
-    #[arg(default_missing_value = "text")]
-    pub normalise: Option<Reading>,
+    /// Weights are of whole poses: those that sum to more than 1 are divided by the sum, the base pose gets what
+    /// remains to 1, and negative ones count as 0 (A. Gerdelan, "Animating Blend Shapes")
+    #[arg(help_heading = READ, long)]
+    pub normalise: bool,
     /// Seed of everything that is random
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(help_heading = READ, long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
 }
 
@@ -253,13 +256,13 @@ impl InputArgs {
 #[derive(Args, Clone, Debug, Default)]
 pub struct HeadArgs {
     /// Number of vertices [default: 43788]
-    #[arg(long, value_name = "N", value_parser = values::whole(1usize, 10_000_000))]
+    #[arg(help_heading = HEAD, long, value_name = "N", value_parser = values::whole(1usize, 10_000_000))]
     pub vertices: Option<usize>,
     /// Number of morph targets [default: 72]
-    #[arg(long, value_name = "N", value_parser = values::whole(0, values::MAX_TARGETS))]
+    #[arg(help_heading = HEAD, long, value_name = "N", value_parser = values::whole(0, values::MAX_TARGETS))]
     pub targets: Option<usize>,
     /// Mean fraction of the vertices that a target moves, above 0, at most 1 [default: 0.12]
-    #[arg(long, value_name = "FRACTION")]
+    #[arg(help_heading = HEAD, long, value_name = "FRACTION")]
     #[arg(value_parser = values::number("a fraction above 0 and at most 1", |v| v > 0.0 && v <= 1.0))]
     pub sparsity: Option<f32>,
 }
@@ -281,40 +284,40 @@ impl HeadArgs {
 pub struct UpdateArgs {
     /// Update paths, separated by commas [default: bench: feedback, compute, blocks and cpu; others: blocks, or cpu
     /// without a GPU]
-    #[arg(long = "paths", visible_alias = "path", value_name = "PATH,…", value_delimiter = ',')]
+    #[arg(help_heading = POSES, long = "paths", visible_alias = "path", value_name = "PATH,…", value_delimiter = ',')]
     #[arg(value_parser = values::named(&UpdatePath::ALL, UpdatePath::name, UpdatePath::summary))]
     pub paths: Vec<UpdatePath>,
     /// Update the last pose, or rebuild from the base pose every frame [default: incremental; scatter and the direct
     /// paths always rebuild]
-    #[arg(long = "mode", visible_alias = "modes", value_name = "MODE,…", value_delimiter = ',')]
+    #[arg(help_heading = POSES, long = "mode", visible_alias = "modes", value_name = "MODE,…", value_delimiter = ',')]
     #[arg(value_parser = values::mode())]
     pub modes: Vec<UpdateMode>,
     /// Pose buffers per head; 2 keeps the previous pose for motion vectors
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = values::whole(1u32, 64))]
+    #[arg(help_heading = POSES, long, value_name = "N", default_value_t = 2, value_parser = values::whole(1u32, 64))]
     pub slots: u32,
     /// Delta formats, separated by commas [default: bench: float32, snorm16, fast and small; others: fast, or what a
     /// .dmorph file holds]
-    #[arg(long = "formats", visible_alias = "format", value_name = "FORMAT,…", value_delimiter = ',')]
-    #[arg(value_parser = values::named(&DeltaFormat::ALL, DeltaFormat::name, DeltaFormat::summary))]
+    #[arg(help_heading = POSES, long = "formats", visible_alias = "format", value_name = "FORMAT,…")]
+    #[arg(value_delimiter = ',', value_parser = values::named(&DeltaFormat::ALL, DeltaFormat::name, DeltaFormat::summary))]
     pub formats: Vec<DeltaFormat>,
     /// How poses are stored, separated by commas [default: float32; bench --full: float32 and fixed32]
-    #[arg(long = "poses", visible_alias = "pose", value_name = "FORMAT,…", value_delimiter = ',')]
-    #[arg(value_parser = values::named(&PoseFormat::ALL, PoseFormat::name, PoseFormat::summary))]
+    #[arg(help_heading = POSES, long = "poses", visible_alias = "pose", value_name = "FORMAT,…")]
+    #[arg(value_delimiter = ',', value_parser = values::named(&PoseFormat::ALL, PoseFormat::name, PoseFormat::summary))]
     pub poses: Vec<PoseFormat>,
     /// Kind of sums: float names float32 poses, exact names fixed32 poses (and the integer sums of scatter)
-    #[arg(long, value_name = "SUMS,…", value_delimiter = ',')]
+    #[arg(help_heading = POSES, long, value_name = "SUMS,…", value_delimiter = ',')]
     pub accumulate: Vec<Sums>,
     /// Largest error from rounding in float32 poses, as a fraction of the diagonal
-    #[arg(long, value_name = "FRACTION", default_value_t = 1e-5, value_parser = values::positive)]
+    #[arg(help_heading = POSES, long, value_name = "FRACTION", default_value_t = 1e-5, value_parser = values::positive)]
     pub drift: f32,
     /// Defer changes until they would move a vertex this far (block formats): a length in input units, or a fraction
     /// of the diagonal such as "1e-4d"
-    #[arg(long, value_name = "LENGTH", value_parser = values::budget)]
+    #[arg(help_heading = POSES, long, value_name = "LENGTH", value_parser = values::budget)]
     pub error_budget: Option<BudgetSpec>,
     #[command(flatten)]
     pub pack: PackArgs,
     /// Threads of the cpu path [default: one per core]
-    #[arg(long, value_name = "N", value_parser = values::whole(1usize, 256))]
+    #[arg(help_heading = POSES, long, value_name = "N", value_parser = values::whole(1usize, 256))]
     pub threads: Option<usize>,
 }
 
@@ -322,17 +325,17 @@ pub struct UpdateArgs {
 #[derive(Args, Clone, Debug)]
 pub struct PackArgs {
     /// Vertices of a block: 32, 64 or 128 [default: 32 for small, else 64]
-    #[arg(long, value_name = "N", value_parser = values::block_size)]
+    #[arg(help_heading = PACKED, long, value_name = "N", value_parser = values::block_size)]
     pub block_size: Option<u32>,
     /// Largest error of a packed position delta, as a fraction of the diagonal
-    #[arg(long, value_name = "FRACTION", default_value_t = 1e-5, value_parser = values::positive)]
+    #[arg(help_heading = PACKED, long, value_name = "FRACTION", default_value_t = 1e-5, value_parser = values::positive)]
     pub position_error: f32,
     /// Largest error of a packed normal at weight 1, in degrees
-    #[arg(long, value_name = "DEGREES", default_value_t = 0.5, value_parser = values::positive)]
+    #[arg(help_heading = PACKED, long, value_name = "DEGREES", default_value_t = 0.5, value_parser = values::positive)]
     pub normal_error: f32,
     /// Largest absolute weight that fixed-point poses must hold; a smaller one gives finer steps
     /// [default: 1 in fixed16 and rebuilt16; in fixed32 4, or what a .dmorph file was packed with]
-    #[arg(long, value_name = "WEIGHT", value_parser = values::positive)]
+    #[arg(help_heading = PACKED, long, value_name = "WEIGHT", value_parser = values::positive)]
     pub weight_max: Option<f32>,
 }
 

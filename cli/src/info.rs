@@ -80,12 +80,9 @@ pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
     out.check(&input::files_of(&args.input, &[]), &[], None)?;
     let input = input::load(&args.input, true, out)?;
     let spinner = out.spinner("packing");
-    let formats = measure::measure_all(&input.kept, input.packed.as_ref())?;
-    let clips = match input.clips.is_empty() {
-        // The built-in head's clip does not lie beside a mesh.
-        true => vec![],
-        false => input::clips(None, &args.input, &input, &[])?,
-    };
+    let formats = measure::measure_all(&input.kept, &input.raw, input.packed.as_ref())?;
+    let clips: Vec<BoundClip> =
+        input.clips.iter().filter_map(|path| input.unless_bad(input::clip(path, &args.input, &input, &[]))).collect();
     let info = describe(&input, formats, &clips);
     spinner.finish_and_clear();
     out.say(text(&info));
@@ -203,8 +200,7 @@ fn text(info: &Info) -> String {
     let held = info.formats.iter().find(|f| f.name == info.pose_deltas);
     // For `blocks`, and for `compute`.
     for f in held.into_iter().chain(info.formats.iter().find(|f| f.name == DeltaFormat::Snorm16.name())) {
-        let table = pose_table(&f.pose_formats, f.cost.position_error_rel);
-        parts.push(format!("deltas in {}:\n{table}", f.name));
+        parts.push(format!("deltas in {}:\n{}", f.name, pose_table(&f.pose_formats)));
     }
     let clips: &[Column<'_, ClipRow>] = &[
         ("clip", &|c| c.name.clone()),

@@ -1,7 +1,6 @@
 //! Reads INPUT (a folder, a glTF file, a packed file, or the built-in head), and the weight clips of a command.
 
 use crate::args::InputArgs;
-use crate::args::reading::Reading;
 use crate::output::{Failure, Output};
 use deltamorph::import::{ImportDesc, Imported, ImportedMesh, csv, gltf};
 use deltamorph::internals::weights::names::closest;
@@ -33,7 +32,7 @@ pub struct Input {
     /// The weight clips in INPUT/weights, by name; of a glTF file its animations of weights, as FILE#NAME.
     pub clips: Vec<PathBuf>,
     /// Whether weights of clips and settings belong to absolute poses.
-    pub normalise: Option<Reading>,
+    pub normalise: bool,
     /// The folder, or "built-in head": for reports.
     pub origin: String,
     /// Prints notes on clips.
@@ -114,20 +113,16 @@ pub fn load(args: &InputArgs, with_raw: bool, out: &Output) -> Result<Input, Fai
     read(args, with_raw, &ImportDesc::default(), out)
 }
 
-/// Reads the input that `args` name for drawing, with one texture coordinate per vertex; `unposed`, if joints are to
-/// move it. Packed files are used as they are.
-pub fn load_split(args: &InputArgs, unposed: bool, out: &Output) -> Result<Input, Failure> {
-    read(args, false, &ImportDesc::default().split(true).unposed(unposed), out)
+/// Reads the input that `args` name for drawing; `unposed`, if joints are to move it.
+pub fn load_unposed(args: &InputArgs, unposed: bool, out: &Output) -> Result<Input, Failure> {
+    read(args, false, &ImportDesc::default().unposed(unposed), out)
 }
 
 fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Result<Input, Failure> {
     let origin = args.input.as_ref().map_or("built-in head".into(), |path| path.display().to_string());
     let spinner = out.spinner(format!("reading {origin}"));
     let (mesh, clips) = match &args.input {
-        None => {
-            let source = head::head(&args.head.desc(args.seed));
-            (ImportedMesh::Source(if desc.split { source.split()? } else { source }), vec![])
-        }
+        None => (ImportedMesh::Source(head::head(&args.head.desc(args.seed))), vec![]),
         Some(path) => {
             let Imported { mesh, clips, .. } = import::open(path, desc)?;
             (mesh, clips)
@@ -219,10 +214,11 @@ fn of_joints_alone(path: &Path, args: &InputArgs, input: &Input) -> Result<Optio
 /// Reads the weight clip at `path`, at least one frame, for the targets of `input`, with `settings` applied. If INPUT
 /// is a glTF file and there is no file at `path`, it may be the name of an animation.
 pub fn clip(path: &Path, args: &InputArgs, input: &Input, settings: &Settings) -> Result<BoundClip, Failure> {
-    let path = &named(path, args)?;
+    let given = path;
+    let path = &named(given, args)?;
     let clip = match of_joints_alone(path, args, input)? {
         Some(clip) => clip,
-        None => import::open_clip(path, args.fps)?,
+        None => import::open_clip(path, args.fps).map_err(|error| input.misnamed(given, error))?,
     };
     if clip.frame_count() == 0 {
         return Err(Failure::Failed(format!("{}: has no frames; add one row per frame", path.display())));
@@ -252,6 +248,16 @@ pub fn clip(path: &Path, args: &InputArgs, input: &Input, settings: &Settings) -
     input.bind(&clip).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))
 }
 
+/// Checks that the clip at `path` has a frame of this number.
+pub fn check_frame(path: &Path, clip: &BoundClip, frame: usize) -> Result<(), Failure> {
+    let count = clip.frame_count();
+    if frame < count {
+        return Ok(());
+    }
+    let text = format!("has {count} frames, counted from 0; there is no frame {frame}");
+    Err(Failure::Usage(format!("{}: {text}", path.display())))
+}
+
 /// The clip at `named`, or the only one of `input`, with `settings` applied.
 pub fn one_clip(
     named: Option<&Path>,
@@ -260,11 +266,7 @@ pub fn one_clip(
     settings: &Settings,
 ) -> Result<BoundClip, Failure> {
     if named.is_none() && input.clips.len() > 1 {
-        let name = |clip: &PathBuf| match import::animation_of(clip) {
-            Some((_, name)) => format!("'{name}'"),
-            None => format!("'{}'", clip.display()),
-        };
-        let list = input.clips.iter().map(name).collect::<Vec<_>>().join(", ");
+        let list = input.clip_names();
         let (origin, count) = (&input.origin, input.clips.len());
         return Err(Failure::Usage(format!("{origin} has {count} clips; name one with --weights: {list}")));
     }
@@ -314,6 +316,30 @@ impl Input {
         Ok(frames.unwrap_or_else(|| vec![0.0; self.kept.targets.len()]))
     }
 
+    fn clip_names(&self) -> String {
+        let name = |clip: &PathBuf| match import::animation_of(clip) {
+            Some((_, name)) => format!("'{name}'"),
+            None => format!("'{}'", clip.display()),
+        };
+        self.clips.iter().map(name).collect::<Vec<_>>().join(", ")
+    }
+
+    /// The failure to read a clip: a bad argument if it names neither a file nor one of its animations.
+    fn misnamed(&self, given: &Path, error: deltamorph::Error) -> Failure {
+        if given.exists() || import::animation_of(given).is_some() {
+            return error.into();
+        }
+        let clips = self.clip_names();
+        let clips = if clips.is_empty() { clips } else { format!("; clips of {}: {clips}", self.origin) };
+        Failure::Usage(format!("{error}{clips}"))
+    }
+
+    /// What was read; without it a note says why.
+    pub fn unless_bad<T>(&self, clip: Result<T, impl Into<Failure>>) -> Option<T> {
+        let note = |why: Failure| self.out.iter().for_each(|out| out.note(format_args!("{why}; left out")));
+        clip.map_err(Into::into).map_err(note).ok()
+    }
+
     /// Prints a note on the columns of a clip that have other names than the targets, and on those that are left out.
     fn say_renamed(&self, clip: &WeightClip, renamed: &WeightClip, lost: &[String]) {
         let known = self.targets();
@@ -334,25 +360,14 @@ impl Input {
 
     /// Binds a clip to the targets.
     fn bind(&self, clip: &WeightClip) -> deltamorph::Result<BoundClip> {
-        let normalised;
-        let clip = match self.normalise {
-            // `bind` refuses values that are not finite.
-            Some(Reading::Text) if clip.values.iter().all(|weight| weight.is_finite()) => {
-                let mut clip = clip.clone();
-                let columns = clip.names.len().max(1);
-                clip.values.chunks_mut(columns).for_each(normalise_weights);
-                normalised = clip;
-                &normalised
-            }
-            Some(Reading::Text | Reading::Shader) | None => clip,
-        };
-        self.holds(&clip.values);
+        let mut clip = clip.clone();
+        // `bind` refuses values that are not finite.
+        if self.normalise && clip.values.iter().all(|weight| weight.is_finite()) {
+            let columns = clip.names.len().max(1);
+            clip.values.chunks_mut(columns).for_each(normalise_weights);
+        }
+        self.largest.set(clip.values.iter().fold(self.largest.get(), |most, weight| most.max(weight.abs())));
         clip.bind(&self.targets())
-    }
-
-    /// Fixed-point poses have to hold these weights.
-    fn holds(&self, weights: &[f32]) {
-        self.largest.set(weights.iter().fold(self.largest.get(), |most, weight| most.max(weight.abs())));
     }
 
     /// A clip with `settings` in each frame; one frame if it has no columns.

@@ -3,7 +3,6 @@
 mod apply;
 mod args;
 mod bench;
-mod detail;
 mod devices;
 mod info;
 mod input;
@@ -22,15 +21,13 @@ mod verify;
 #[cfg(feature = "viewer")]
 mod view;
 
-use args::groups::grouped;
 use args::{Cli, Command};
-use clap::{CommandFactory, FromArgMatches};
+use clap::Parser;
 use output::{Failure, Output};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let matches = grouped(Cli::command()).get_matches();
-    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    let cli = Cli::parse();
     table::fit_terminal();
     let out = Output::new(cli.global.quiet, cli.global.json.clone());
     match run(&cli, &out).and_then(|()| out.finish()) {

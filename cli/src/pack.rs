@@ -7,7 +7,7 @@ use crate::input;
 use crate::output::{Failure, Output, check_ending};
 use crate::table::{bytes, sig3, thousands};
 use deltamorph::import::{self, packed};
-use deltamorph::{Asset, DeltaFormat, PackDesc, PoseFormat};
+use deltamorph::{Asset, DeltaFormat, PackDesc, WeightClip};
 use serde::Serialize;
 
 /// The JSON of `pack`. Fields may be added, never renamed.
@@ -30,18 +30,8 @@ struct Packed {
     clips: usize,
     #[serde(flatten)]
     cost: Cost,
-    /// The grid of weights for exact sums, fixed32 poses, or why there is none.
-    exact: Option<Exact>,
-    exact_reason: Option<String>,
     /// Costs and errors of each pose format.
     pose_formats: Vec<PoseCost>,
-}
-
-#[derive(Serialize)]
-struct Exact {
-    /// Weights are whole multiples of 2^-bits.
-    weight_bits: u32,
-    weight_max: f32,
 }
 
 pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
@@ -51,7 +41,7 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
         Failure::Usage(format!("--format: packed files hold blocks; name one of {names}"))
     })?;
     out.check(&input::files_of(&args.input, &[]), &[&args.output], None)?;
-    let input = input::load(&args.input, false, out)?;
+    let input = input::load(&args.input, true, out)?;
     if let Some(mesh) = &input.packed {
         let lost = sig3(mesh.layout().blocks.as_ref().map_or(0.0, |b| b.error().position));
         let origin = &input.origin;
@@ -64,13 +54,12 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     let asset = asset?;
     // Clips of a folder stay files of their own.
     let kept = input.clips.iter().filter(|clip| import::animation_of(clip).is_some());
-    let clips = kept.map(|clip| import::open_clip(clip, args.input.fps)).collect::<deltamorph::Result<Vec<_>>>()?;
+    let clips: Vec<WeightClip> =
+        kept.filter_map(|clip| input.unless_bad(import::open_clip(clip, args.input.fps))).collect();
     packed::write(&args.output, &asset, &clips)?;
     let file_bytes = args.output.metadata().map_err(|e| Failure::io(&args.output, "read", e))?.len();
     let layout = asset.mesh.layout();
     let Some(index) = &layout.blocks else { return Ok(()) }; // `Asset::pack` takes no other format
-    let pose_formats = pose_costs(layout);
-    let exact = pose_formats.iter().find(|cost| cost.name == PoseFormat::Fixed32.name());
     let facts = Packed {
         schema: 1,
         origin: input.origin,
@@ -85,9 +74,7 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
         file_bytes,
         clips: clips.len(),
         cost: Cost::of(layout, index.error()),
-        exact_reason: exact.and_then(|cost| cost.refused.clone()),
-        exact: exact.and_then(|cost| cost.grid).map(|g| Exact { weight_bits: g.weight_bits, weight_max: g.weight_max }),
-        pose_formats,
+        pose_formats: pose_costs(&asset.mesh, Some(&input.raw)),
     };
     out.say(text(&facts));
     out.json(&facts)
@@ -109,12 +96,12 @@ fn text(p: &Packed) -> String {
         1 => "; a weight clip".to_owned(),
         n => format!("; {n} weight clips"),
     };
-    let poses = pose_table(&p.pose_formats, cost.position_error_rel);
+    let poses = pose_table(&p.pose_formats);
     format!(
         "{output}: {vertices} vertices, {targets} targets as {format}, {file}{clips}\n\
          deltas: {deltas} in {entries} entries, {moved} of {blocks} blocks of {block_size} vertices; \
          as dense float32: {dense}{times}\n\
-         largest error: {position} of the diagonal, normals {normal}°\n\
+         largest error of a target at weight 1: {position} of the diagonal, normals {normal}°\n\
          \n{poses}"
     )
 }

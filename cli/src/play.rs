@@ -1,13 +1,12 @@
 //! `play`: runs a whole clip, one update per frame, and reports bytes, times and errors.
 
-use crate::args::reading::Reading;
 use crate::args::{PlayArgs, distinct_or};
 use crate::bench::stats::Stats;
 use crate::input;
 use crate::output::{Failure, Output};
 use crate::runner::Stage;
 use crate::table::{Table, bytes, percent, sig3, thousands};
-use crate::verify::{Checked, Checks};
+use crate::verify::{Checked, Checks, Errors};
 use deltamorph::{BoundClip, PoseFormat, UpdatePath, WeightClip};
 use deltamorph_head::Rng;
 use deltamorph_headless::DeviceChoice;
@@ -32,10 +31,6 @@ struct FrameRow {
     frame: usize,
     /// Targets whose weight differs from the frame before; in the first frame, from 0.
     changed: usize,
-    /// If weights are normalised, weights of the clip that differ from the frame before: one change may change the
-    /// factors of all active targets, which `changed` counts.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    weights_changed: Option<usize>,
     /// Targets with a weight other than 0.
     active: usize,
     /// Blocks written (block formats); this and the next three are `None` if the device plans.
@@ -49,7 +44,8 @@ struct FrameRow {
     gpu_ms: Option<f64>,
     /// Round trip from weights to result, in microseconds.
     cpu_us: f64,
-    /// Largest position error against the float64 reference, in input units; `None` if it was not measured.
+    /// Largest position error against the source at the weights asked for, in input units; `None` if it was not
+    /// measured.
     max_error: Option<f64>,
 }
 
@@ -58,12 +54,8 @@ struct Summary {
     frames: usize,
     /// Animated and planned on the device.
     animated: bool,
-    /// The reading of normalised blending, if weights belong to absolute poses.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    normalise: Option<Reading>,
-    /// If weights are normalised, weights of the clip that changed, per frame.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    weights_changed_mean: Option<f64>,
+    /// Whether weights belong to absolute poses: one that changes may change the factors of all active targets.
+    normalise: bool,
     /// Amplitude of the noise added to the weights.
     noise: f32,
     /// Targets changed, per frame.
@@ -81,13 +73,10 @@ struct Summary {
     cpu_us_median: Option<f64>,
     #[serde(flatten)]
     checked: Checked,
-    /// Largest angle between normals, in degrees.
+    #[serde(flatten)]
+    errors: Errors,
+    /// Largest angle between normals and those of the packed deltas, in degrees.
     normal_error_deg: f64,
-    /// Against the requested weights, as a fraction of the diagonal.
-    request_error_rel: f64,
-    /// Against the raw files, as a fraction of the diagonal: from dropped deltas, packing, sums and deferred changes.
-    /// `None` if INPUT is a packed file, which lacks the original deltas.
-    raw_error_rel: Option<f64>,
 }
 
 pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
@@ -99,21 +88,16 @@ pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
         run.update.poses = distinct_or(&named, &[PoseFormat::Fixed32]);
     }
     out.check(&input::files_of(&run.input, weights.as_slice()), &[], None)?;
-    let mut input = input::load(&run.input, true, out)?;
+    let input = input::load(&run.input, true, out)?;
     let clip = input::one_clip(weights.as_deref(), &run.input, &input, &[])?;
-    // Reads the clip again without normalisation; notes have already been printed.
-    (input.normalise, input.out) = (None, None);
-    let plain = || input::one_clip(weights.as_deref(), &run.input, &input, &[]);
-    let plain = run.input.normalise.map(|_| plain()).transpose()?;
     input.largest.set(input.largest.get() + args.noise.unwrap_or(0.0));
     let stage = Stage::new(&run, &input, device, out)?;
-    let (raw, origin) = (input.packed.is_none().then(|| input.raw.clone()), input.origin.clone());
-    // Frees all but the packed mesh, and the raw mesh if it is compared with.
+    let source = input.raw.clone();
+    let origin = input.origin.clone();
+    // Frees all but the packed mesh and the source.
     drop(input);
-    let mut checks = Checks::new(&stage, raw, true);
-    let mut frames = play(args, &mut checks, &clip, out)?;
-    let changes = plain.map(|plain| changes(plain.frames())).unwrap_or_default();
-    frames.iter_mut().zip(changes).for_each(|(frame, changed)| frame.weights_changed = Some(changed));
+    let mut checks = Checks::new(&stage, Some(source));
+    let frames = play(args, &mut checks, &clip, out)?;
     let summary = summary(args, &frames, &checks);
     out.say(text(&clip.name, &frames, &summary, &checks));
     out.json(&Played { schema: 1, device: stage.device(), input: origin, clip: clip.name, frames, summary })?;
@@ -130,18 +114,6 @@ fn shaken(frames: impl Iterator<Item = Vec<f32>>, amount: Option<f32>, seed: u64
         }
         weights
     })
-}
-
-/// The number of weights that differ from the frame before; in the first frame, from 0.
-fn changes(frames: impl Iterator<Item = Vec<f32>>) -> Vec<usize> {
-    let mut before = vec![];
-    let count = |weights: Vec<f32>| {
-        before.resize(weights.len(), 0.0);
-        let changed = weights.iter().zip(&before).filter(|(a, b)| a != b).count();
-        before = weights;
-        changed
-    };
-    frames.map(count).collect()
 }
 
 fn play(args: &PlayArgs, checks: &mut Checks<'_>, clip: &BoundClip, out: &Output) -> Result<Vec<FrameRow>, Failure> {
@@ -166,7 +138,6 @@ fn play(args: &PlayArgs, checks: &mut Checks<'_>, clip: &BoundClip, out: &Output
         rows.push(FrameRow {
             frame,
             changed: weights.iter().zip(&before).filter(|(a, b)| a != b).count(),
-            weights_changed: None,
             active: weights.iter().filter(|w| **w != 0.0).count(),
             dirty_blocks: planned.map(|stats| stats.dirty_blocks),
             rebuilt_blocks: planned.map(|stats| stats.rebuilt_blocks),
@@ -191,12 +162,10 @@ fn summary(args: &PlayArgs, frames: &[FrameRow], checks: &Checks<'_>) -> Summary
     let moved = (!args.animated).then(|| mean(|f| f.bytes_moved.unwrap_or(0) as usize));
     let gpu = Stats::of(&frames.iter().filter_map(|f| f.gpu_ms).collect::<Vec<_>>());
     let cpu = Stats::of(&frames.iter().map(|f| f.cpu_us).collect::<Vec<_>>());
-    let scale = checks.promise.scale;
     Summary {
         frames: frames.len(),
         animated: args.animated,
         normalise: args.run.input.normalise,
-        weights_changed_mean: args.run.input.normalise.map(|_| mean(|f| f.weights_changed.unwrap_or(0))),
         noise: args.noise.unwrap_or(0.0),
         changed_mean: mean(|f| f.changed),
         bytes_moved_mean: moved,
@@ -206,9 +175,8 @@ fn summary(args: &PlayArgs, frames: &[FrameRow], checks: &Checks<'_>) -> Summary
         gpu_ms_mean: gpu.map(|s| s.mean),
         cpu_us_median: cpu.map(|s| s.median),
         checked: checks.record(),
+        errors: checks.errors,
         normal_error_deg: checks.found.error.normal_degrees,
-        request_error_rel: checks.request / scale,
-        raw_error_rel: checks.raw.as_ref().map(|_| checks.found.raw.position / scale),
     }
 }
 
@@ -220,7 +188,6 @@ fn text(clip: &str, frames: &[FrameRow], s: &Summary, checks: &Checks<'_>) -> St
             table.row([name.to_owned(), show(s.mean), show(s.min), show(s.median), show(s.max)]);
         }
     };
-    row("weights changed", &|f| f.weights_changed.map(|n| n as f64), &sig3);
     row("targets changed", &|f| Some(f.changed as f64), &sig3);
     row("targets active", &|f| Some(f.active as f64), &sig3);
     if checks.stage.mesh.layout().format.is_blocks() {
@@ -238,13 +205,9 @@ fn text(clip: &str, frames: &[FrameRow], s: &Summary, checks: &Checks<'_>) -> St
         Some(moved) => format!("moved {} per frame{share}", bytes(moved)),
         None => "planned on the device".into(),
     };
-    let raw = s.raw_error_rel.map_or(String::new(), |raw| format!("; {} against the raw files", sig3(raw)));
     let (frames, setup, found) = (thousands(s.frames), checks.stage.describe(), checks.text());
-    let [request, normals] = [s.request_error_rel, s.normal_error_deg].map(sig3);
-    format!(
-        "{clip}, {frames} frames, {setup}\n\n{table}\n\n{moved}\n\
-         {found}; {request} against the weights asked for{raw}; normals {normals}°"
-    )
+    let normals = sig3(s.normal_error_deg);
+    format!("{clip}, {frames} frames, {setup}\n\n{table}\n\n{moved}\n{found}; normals {normals}°")
 }
 
 #[cfg(test)]

@@ -24,7 +24,7 @@ pub fn run(args: &SoakArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     drop(input);
     let start = Instant::now();
     // Positions only: random weights fold some normals to nothing, and angles are then meaningless.
-    let mut checks = Checks::new(&stage, None, false);
+    let mut checks = Checks::new(&stage, None);
     let sums = soak(args, &clips, &mut checks, out)?;
     let (seconds, bit_exact) = (start.elapsed().as_secs_f64(), sums.as_ref().map(|sums| sums.right));
     let hash = sums.map(|sums| format!("{:016x}", sums.hash));
@@ -36,11 +36,14 @@ pub fn run(args: &SoakArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     let (frames, setup, found) = (thousands(args.frames), stage.describe(), checks.text());
     out.say(format_args!("{frames} frames, {setup}, {} s\n{found}{exact}", sig3(seconds)));
     let clips: Vec<&str> = clips.iter().map(|clip| clip.name.as_str()).collect();
-    // Both are `None` for float sums. The hash is the same on every driver; the seconds include updates and
+    let error = checks.found.error.position;
+    // Errors are those against the float64 reference: of sums of integers with weights rounded to their grid. `bit_exact`
+    // and the hash are `None` for float sums. The hash is the same on every driver; the seconds include updates and
     // comparisons.
     let more = json!({
         "schema": 1, "frames": args.frames, "bit_exact": bit_exact, "sums_hash": hash, "device": stage.device(),
         "input": origin, "clips": clips, "seed": run.input.seed, "seconds": seconds,
+        "max_error": error, "max_error_rel": error / checks.promise.scale,
     });
     out.json(&With { fields: checks.record(), more })?;
     verdict(&checks, bit_exact)

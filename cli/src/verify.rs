@@ -5,7 +5,7 @@ use crate::runner::{Frame, Runner, Setup, Stage};
 use crate::table::{sig3, thousands};
 use deltamorph::packed::PoseGrid;
 use deltamorph::reference::{SHORTEST_NORMAL, angle_degrees, compare, evaluate, evaluate_unpacked};
-use deltamorph::{MorphMesh, POSE_FLOATS, PackedLayout, PoseError, UpdateDesc, UpdateStats};
+use deltamorph::{MorphMesh, POSE_FLOATS, PackedLayout, PackedMesh, PoseError, UpdateDesc, UpdateStats};
 use glam::DVec3;
 use serde::Serialize;
 use std::sync::Arc;
@@ -54,9 +54,79 @@ fn worse(a: f64, b: f64) -> f64 {
     if a.is_nan() || a > b { a } else { b }
 }
 
+/// How far vertices are from where the source has them at the weights asked for, and what leads there step by step: the
+/// parts add up to the whole or more. In JSON; fields may be added, never renamed.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Errors {
+    /// The largest distance, in input units, and as a fraction of the diagonal.
+    pub max_error: f64,
+    pub max_error_rel: f64,
+    /// Of packed deltas.
+    pub packing_error_rel: f64,
+    /// Of weights, which are rounded to their grid, or sampled by the device.
+    pub weights_error_rel: f64,
+    /// Of sums and poses; of changes that are deferred, too.
+    pub rounding_error_rel: f64,
+}
+
+impl Errors {
+    /// The whole and its parts in input units, on a mesh of this [`scale`].
+    pub fn new([whole, packing, weights, rounding]: [f64; 4], scale: f64) -> Self {
+        Self {
+            max_error: whole,
+            max_error_rel: whole / scale,
+            packing_error_rel: packing / scale,
+            weights_error_rel: weights / scale,
+            rounding_error_rel: rounding / scale,
+        }
+    }
+
+    /// Those of a pose; `reference` is the one of the applied weights on the packed deltas.
+    pub fn of(pose: &[f32], reference: &[f64], mesh: &PackedMesh, source: &MorphMesh, weights: &[f32]) -> Self {
+        let asked = evaluate(mesh, weights);
+        let truth = evaluate_unpacked(source, weights);
+        let [whole, rounding] = [&truth, reference].map(|from| compare(pose, from).position);
+        let lengths = [whole, farthest(&asked, &truth), farthest(reference, &asked), rounding];
+        Self::new(lengths, scale(mesh.layout().diagonal))
+    }
+
+    /// The larger of each.
+    pub fn max(self, other: Self) -> Self {
+        Self {
+            max_error: worse(self.max_error, other.max_error),
+            max_error_rel: worse(self.max_error_rel, other.max_error_rel),
+            packing_error_rel: worse(self.packing_error_rel, other.packing_error_rel),
+            weights_error_rel: worse(self.weights_error_rel, other.weights_error_rel),
+            rounding_error_rel: worse(self.rounding_error_rel, other.rounding_error_rel),
+        }
+    }
+
+    /// In words, after what is off.
+    pub fn text(&self) -> String {
+        let parts = [self.max_error_rel, self.packing_error_rel, self.weights_error_rel, self.rounding_error_rel];
+        let [whole, packing, weights, rounding] = parts.map(sig3);
+        format!(
+            "{whole} of the diagonal off the source at the weights asked for: packing {packing}, rounded weights \
+             {weights}, rounding {rounding}"
+        )
+    }
+}
+
+/// The largest distance between vertices of two poses.
+fn farthest(a: &[f64], b: &[f64]) -> f64 {
+    let vertices = a.chunks_exact(POSE_FLOATS).zip(b.chunks_exact(POSE_FLOATS));
+    vertices.map(|(a, b)| DVec3::from_slice(a).distance(DVec3::from_slice(b))).fold(0.0, worse)
+}
+
 /// The length that errors are relative to: the diagonal. A single point has none; its errors are absolute.
 pub fn scale(diagonal: f32) -> f64 {
     if diagonal > 0.0 { f64::from(diagonal) } else { 1.0 }
+}
+
+/// Bound on the position error of float32 poses, in input units.
+pub fn float_rounding(desc: &UpdateDesc, layout: &PackedLayout) -> f64 {
+    let relative = if layout.blocks.is_some() { f64::from(desc.tolerance) } else { POSITION_BOUND };
+    relative * scale(layout.diagonal)
 }
 
 /// The error bounds of a path on a mesh.
@@ -179,30 +249,23 @@ fn turned(pose: &[f32], reference: &[f64], length: f64) -> f64 {
 pub struct Checks<'a> {
     pub stage: &'a Stage,
     pub promise: Promise,
-    /// Compares with these deltas, too.
-    pub raw: Option<Arc<MorphMesh>>,
-    /// Compares normals, and positions with the requested weights, too.
-    full: bool,
+    /// Compares normals, too, and positions with these deltas at the weights asked for.
+    source: Option<Arc<MorphMesh>>,
     count: usize,
     additions: usize,
     pub found: Found,
-    /// Largest position error against the requested weights.
-    pub request: f64,
+    pub errors: Errors,
     /// The first frame out of bounds, and a description of its errors.
     wrong: Option<(usize, String)>,
 }
 
-/// The update options and the errors found, in the JSON of `play` and `soak`.
+/// The update options and the comparisons, in the JSON of `play` and `soak`.
 #[derive(Debug, Serialize)]
 pub struct Checked {
     #[serde(flatten)]
     setup: Setup,
-    /// Frames that were compared with the reference.
+    /// Frames that were compared.
     checks: usize,
-    /// Largest position error against the float64 reference, in input units, and as a fraction of the diagonal. For
-    /// sums of integers, the reference uses weights rounded to their grid.
-    max_error: f64,
-    max_error_rel: f64,
     /// The largest bound that the path stated, in input units, from drift or from rounding to the unit of poses; 0 if
     /// neither occurs.
     bound: f64,
@@ -211,14 +274,15 @@ pub struct Checked {
 }
 
 impl<'a> Checks<'a> {
-    /// Checks poses of `stage`; against `raw` as well, if given. `full`: also normals, and against the requested
-    /// weights.
-    pub fn new(stage: &'a Stage, raw: Option<Arc<MorphMesh>>, full: bool) -> Self {
+    /// Checks positions of `stage` against the reference; with a `source` also normals, and positions against it.
+    pub fn new(stage: &'a Stage, source: Option<Arc<MorphMesh>>) -> Self {
         let promise = Promise::new(&stage.desc, stage.mesh.layout());
-        Self { stage, promise, raw, full, count: 0, additions: 0, found: Found::default(), request: 0.0, wrong: None }
+        let (found, errors) = (Found::default(), Errors::default());
+        Self { stage, promise, source, count: 0, additions: 0, found, errors, wrong: None }
     }
 
-    /// Updates the instance of `runner`, and if `due` compares its pose. Also returns the position error.
+    /// Updates the instance of `runner`, and if `due` compares its pose. Also returns the position error: against the
+    /// source, if there is one.
     pub fn step(
         &mut self,
         frame: usize,
@@ -240,14 +304,15 @@ impl<'a> Checks<'a> {
         let bound =
             played.as_ref().map_or(step.stats.bound.into(), |weights: &Vec<f32>| self.promise.rounding(weights)[0]);
         let applied = played.unwrap_or_else(|| self.promise.applied(weights));
-        let found = self.promise.find(pose, &evaluate(mesh, &applied), &applied);
+        let reference = evaluate(mesh, &applied);
+        let found = self.promise.find(pose, &reference, &applied);
         let mut found = Found { bound, additions: self.additions, ..found };
-        found.raw = self.raw.as_ref().map(|raw| compare(pose, &evaluate_unpacked(raw, weights))).unwrap_or_default();
-        if self.full {
-            let request = if applied == weights { found.error } else { compare(pose, &evaluate(mesh, weights)) };
-            self.request = self.request.max(request.position);
+        let mut error = found.error.position;
+        if let Some(source) = &self.source {
+            let errors = Errors::of(pose, &reference, mesh, source, weights);
+            self.errors = self.errors.max(errors);
+            error = errors.max_error;
         } else {
-            found.error = PoseError { position: found.error.position, ..PoseError::default() };
             found.turned = 0.0;
         }
         if !self.promise.kept(&found) && self.wrong.is_none() {
@@ -255,15 +320,13 @@ impl<'a> Checks<'a> {
         }
         self.count += 1;
         self.found = self.found.max(found);
-        Ok((step, Some(found.error.position)))
+        Ok((step, Some(error)))
     }
 
     pub fn record(&self) -> Checked {
         Checked {
             setup: self.stage.setup(),
             checks: self.count,
-            max_error: self.found.error.position,
-            max_error_rel: self.found.error.position / self.promise.scale,
             bound: self.found.bound,
             bound_rel: self.found.bound / self.promise.scale,
         }
@@ -278,8 +341,16 @@ impl<'a> Checks<'a> {
             bound if self.promise.budget > 0.0 => format!(", at most {} of it by rounding poses", relative(bound)),
             bound => format!(", at most {} by rounding poses", relative(bound)),
         };
-        let (count, error) = (thousands(self.count), relative(self.found.error.position));
-        format!("largest error in {count} frames, of the diagonal: {error} against the float64 reference{bound}")
+        let count = thousands(self.count);
+        match &self.source {
+            Some(_) => format!("largest errors in {count} frames: {}{bound}", self.errors.text()),
+            None => {
+                let error = relative(self.found.error.position);
+                format!(
+                    "largest error in {count} frames, of the diagonal: {error} against the float64 reference{bound}"
+                )
+            }
+        }
     }
 
     /// A failure if any frame was out of bounds.
@@ -295,9 +366,7 @@ impl<'a> Checks<'a> {
 mod tests {
     use super::*;
     use deltamorph::mesh::SourceTarget;
-    use deltamorph::{
-        BatchSize, CpuCrowd, DeltaFormat, MorphSource, PackDesc, PackedMesh, PoseFormat, Tolerance, UpdatePath,
-    };
+    use deltamorph::{BatchSize, CpuCrowd, DeltaFormat, MorphSource, PackDesc, PoseFormat, Tolerance, UpdatePath};
     use glam::Vec3;
 
     #[test]

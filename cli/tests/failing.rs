@@ -82,7 +82,7 @@ fn cases(folder: &Path, display: &Display, with_c: bool) -> Vec<Case> {
     let head = head.to_str().expect("UTF-8");
     cli::ok(&["sample", head, "--vertices", "300", "--targets", "8", "--frames", "3", "--quiet"]);
     // The panel shows times, which must not be in the compared picture.
-    let text = "set eyeBlinkLeft 1\nframes 2\npath cpu\nframes 2\npath blocks\nheads 2\nframes 2\npanel off\nscreenshot a.png\n";
+    let text = "set eyeBlinkLeft 1\nframes 2\npath cpu\nframes 2\npath blocks\nframes 2\npanel off\nscreenshot a.png\n";
     std::fs::write(&script, text).expect("a script");
     let (clip, on) = (cli::clip(head), "--device llvmpipe --quiet");
     let play = |name, rest: &str| {

@@ -273,7 +273,7 @@ fn what_cannot_be_is_said_in_a_sentence() {
         ("frames 2\njump\n", 2, "script.txt, line 2: 'jump' is no command"),
         ("frames 2\n\nset noSuchTarget 1\n", 2, "script.txt, line 3: set noSuchTarget"),
         ("pose fixed16\nformat block-float32", 2, "script.txt, line 2: "),
-        ("clip nowhere.csv\n", 1, "script.txt, line 1: "),
+        ("clip nowhere.csv\n", 2, "script.txt, line 1: "),
         ("screenshot script.txt/x.png\nframes 1", 1, "x.png"),
     ] {
         let (found, said) = error_of(&of(text));

@@ -50,10 +50,8 @@ const BACKGROUND: [f32; 4] = [0.5, 0.39, 0.33, 1.0];
 pub fn pictures(headless: &Headless, format: PoseFormat, frames: &[Vec<f32>], edge: u32) -> Result<Vec<Vec<Pixel>>> {
     let (engine, source) = (headless.engine(), head::head(&head::HeadDesc::default()));
     let mesh = PackedMesh::pack(&source.to_mesh(Tolerance::default())?, &engine.pack_desc(DeltaFormat::Fast))?;
-    // SAFETY: `run` hands out a recording buffer, and waits for it.
-    let mut uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) })?;
-    // SAFETY: the upload has run.
-    unsafe { uploaded.release_staging() };
+    // SAFETY: `upload` hands out a recording buffer, and waits for it.
+    let uploaded = headless.upload(|cmd| unsafe { engine.upload(cmd, &mesh) })?;
 
     let host = Offscreen::new(headless, edge, vk::Format::R8G8B8A8_UNORM)?;
     let (update, at) = (UpdateDesc::blocks().pose(format), format.stride());

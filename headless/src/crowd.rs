@@ -127,11 +127,6 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         &self.crowd
     }
 
-    /// Returns the crowd, for calls other than updates.
-    pub fn crowd_mut(&mut self) -> &mut C {
-        &mut self.crowd
-    }
-
     /// Returns the mesh.
     pub fn mesh(&self) -> &GpuMesh {
         &self.mesh

@@ -77,7 +77,7 @@ pub struct Headless {
 struct Owned {
     device: ash::Device,
     physical: vk::PhysicalDevice,
-    instance: Instance,
+    instance: Arc<Instance>,
 }
 
 impl Drop for Owned {
@@ -287,35 +287,59 @@ impl Headless {
                 "choose another device with --device",
             )
         })? as u32;
-        let (timestamp_bits, nanoseconds) = (families[family as usize].timestamp_valid_bits, caps.timestamp_period);
+        // SAFETY: the instance's own device, with this queue family.
+        unsafe { Self::on(Arc::new(instance), physical, family, caps, &[]) }
+    }
+
+    /// Makes device and queue, with these extensions besides those of the engine, for hosts with a window.
+    ///
+    /// # Errors
+    /// A call fails.
+    ///
+    /// # Safety
+    /// The physical device is the instance's own, and has the extensions, these limits, and a queue with graphics and
+    /// compute in this family.
+    #[doc(hidden)]
+    pub unsafe fn on(
+        instance: Arc<Instance>,
+        physical: vk::PhysicalDevice,
+        family: u32,
+        caps: DeviceCaps,
+        extensions: &[&CStr],
+    ) -> Result<Self> {
+        // SAFETY: the caller's obligation.
+        let families = unsafe { instance.raw.get_physical_device_queue_family_properties(physical) };
+        let timestamps = (families[family as usize].timestamp_valid_bits, caps.timestamp_period);
         let feedback_enabled = caps.transform_feedback.is_some();
         let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&[1.0])];
-        let portability = caps.portability.then_some(ash::khr::portability_subset::NAME.as_ptr());
-        let mut extensions: Vec<_> = portability.into_iter().collect();
+        let own = [
+            caps.portability.then_some(ash::khr::portability_subset::NAME),
+            feedback_enabled.then_some(ash::ext::transform_feedback::NAME),
+        ];
+        let extensions: Vec<_> =
+            extensions.iter().copied().chain(own.into_iter().flatten()).map(CStr::as_ptr).collect();
         let mut feedback = vk::PhysicalDeviceTransformFeedbackFeaturesEXT::default().transform_feedback(true);
         let features = vk::PhysicalDeviceFeatures::default()
             .vertex_pipeline_stores_and_atomics(caps.vertex_stores)
             .shader_int64(caps.int64);
-        let mut info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_features(&features);
-        if feedback_enabled {
-            extensions.push(ash::ext::transform_feedback::NAME.as_ptr());
-            info = info.push_next(&mut feedback);
-        }
+        let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_features(&features);
         let info = info.enabled_extension_names(&extensions);
-        // SAFETY: the physical device is the instance's own; the extension and features were queried.
-        let device =
-            unsafe { instance.raw.create_device(physical, &info, None) }.map_err(Error::vulkan("vkCreateDevice"))?;
+        let info = if feedback_enabled { info.push_next(&mut feedback) } else { info };
+        // SAFETY: the caller's obligation; the engine's extension and features were queried.
+        let device = unsafe { instance.raw.create_device(physical, &info, None) };
+        let device = device.map_err(Error::vulkan("vkCreateDevice"))?;
+        let debug_names = instance.messenger.is_some();
         let owned = Arc::new(Owned { device, physical, instance });
         let engine_desc = DeviceDesc::new(&owned.instance.raw, physical, &owned.device)
             .caps(Some(caps))
             .transform_feedback_enabled(feedback_enabled)
             .enabled_features(features)
-            .debug_names(desc.validation)
+            .debug_names(debug_names)
             .owner(Some(owned.clone()));
         // SAFETY: the handles belong together, and the engine and its objects keep them alive; the limits are at most
         // the device's.
         let engine = unsafe { MorphEngine::new(&engine_desc) }?;
-        let submitter = Submitter::new(&owned.device, family, timestamp_bits, nanoseconds)?;
+        let submitter = Submitter::new(&owned.device, family, timestamps)?;
         Ok(Self { submitter, engine, owned })
     }
 
@@ -367,7 +391,11 @@ impl Headless {
     }
 
     /// Runs the recorded upload of a mesh, and waits.
-    fn upload(&self, record: impl FnOnce(vk::CommandBuffer) -> Result<GpuMesh>) -> Result<GpuMesh> {
+    ///
+    /// # Errors
+    /// Those of `record`; the device fails.
+    #[doc(hidden)]
+    pub fn upload(&self, record: impl FnOnce(vk::CommandBuffer) -> Result<GpuMesh>) -> Result<GpuMesh> {
         let mut mesh = self.submitter.run(record)?;
         // SAFETY: `run` has waited for the upload.
         unsafe { mesh.release_staging() };

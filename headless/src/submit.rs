@@ -35,9 +35,8 @@ pub(super) struct Submitter {
 }
 
 impl Submitter {
-    /// Makes a submitter with timestamps of `timestamp_bits` bits, in units of `nanoseconds`; without timestamps if
-    /// either is 0.
-    pub(super) fn new(device: &ash::Device, family: u32, timestamp_bits: u32, nanoseconds: f32) -> Result<Self> {
+    /// Makes a submitter with timestamps of this many bits, in units of nanoseconds; without timestamps if either is 0.
+    pub(super) fn new(device: &ash::Device, family: u32, (timestamp_bits, nanoseconds): (u32, f32)) -> Result<Self> {
         let info = vk::CommandPoolCreateInfo::default()
             .queue_family_index(family)
             .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);

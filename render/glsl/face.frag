@@ -146,12 +146,7 @@ Surface surface_of(uint kind) {
 
 // What a surface is made of to show something else.
 Surface shown_as(Surface s) {
-    if (show.x == SHOW_CHECKER) {
-        vec2 square = floor(shown.xy * show.z);
-        float odd = mod(square.x + square.y, 2.0);
-        vec3 tint = 0.35 + 0.6 * vec3(fract(shown.x), fract(shown.y), 0.5);
-        s.albedo = mix(tint, tint * 0.18, odd);
-    } else if (show.x == SHOW_DISTANCE || show.x == SHOW_MOTION) {
+    if (show.x == SHOW_DISTANCE || show.x == SHOW_MOTION) {
         s = Surface(heat(shown.z), vec3(0.4), 0.6, 0.02, s.reach);
     } else if (show.x == SHOW_WIRE && material != WIRE) {
         s = Surface(s.albedo * 0.10 + vec3(0.012, 0.016, 0.022), s.wrap, 0.6, 0.015, s.reach);

@@ -1,7 +1,7 @@
 #version 450
 // A vertex of a pose, as pose.glsl finds it in the crowd's own buffer.
 #extension GL_GOOGLE_include_directive : require
-#define POSE_LOCATION 3
+#define POSE_LOCATION 2
 #ifdef MOTION
 #define POSE_PREVIOUS
 #endif
@@ -10,20 +10,19 @@
 
 layout(location = 0) in vec3 rest_position;
 layout(location = 1) in vec3 rest_normal;
-layout(location = 2) in vec2 texcoord;
 #ifdef MASKS
 // The wrinkle masks of the pose, a stream of the mesh. Those of the base pose are 0: of integers the displacement is all.
 #ifdef POSE_FLOAT32
-layout(location = 9) in vec2 masks;
+layout(location = 8) in vec2 masks;
 #else
-layout(location = 9) in ivec2 masks;
+layout(location = 8) in ivec2 masks;
 #endif
 #endif
 
 layout(location = 0) out vec3 position;
 layout(location = 1) out vec3 normal;
 layout(location = 2) out vec3 rest;
-layout(location = 3) out vec3 shown; // texture coordinates (or a number of the block, or wrinkle masks), and a value from 0 to 1
+layout(location = 3) out vec3 shown; // a number of the block or wrinkle masks, and a value from 0 to 1
 
 void main() {
     position = pose_position(units);
@@ -34,7 +33,7 @@ void main() {
     normal = length_squared < 1e-6 ? rest_normal : sum * inversesqrt(length_squared);
     rest = rest_position;
     float measured = distance(position, rest_position);
-    vec2 where = texcoord;
+    vec2 where = vec2(0.0);
     if (show.x == SHOW_BLOCKS) {
         measured = first_told == NONE_TOLD ? 0.0 : told[first_told + uint(gl_VertexIndex) / PIECE];
         // A number for each block, 0 to 1, unlike that of its neighbours.

@@ -8,17 +8,16 @@ layout(set = 0, binding = 0, std140) uniform Scene {
     vec4 fill;       // towards the fill light
     vec4 rim;        // towards the rim light
     vec4 middle;     // of what is drawn of the base pose; w: how far it reaches from there
-    vec4 show;       // x: what is shown (SHOW_…), y: which value is the end of the scale, z: squares of the checker
+    vec4 show;       // x: what is shown (SHOW_…), y: which value is the end of the scale
 };
 
 const float SHOW_SHADED = 0.0;
-const float SHOW_CHECKER = 1.0;
-const float SHOW_DISTANCE = 2.0; // from the base pose
-const float SHOW_NORMALS = 3.0;
-const float SHOW_WIRE = 4.0;
-const float SHOW_MOTION = 5.0;   // from the previous pose
-const float SHOW_BLOCKS = 6.0;   // pieces that updates have changed, by `told`
-const float SHOW_WRINKLES = 7.0; // where the pose compresses the skin, by its masks
+const float SHOW_DISTANCE = 1.0; // from the base pose
+const float SHOW_NORMALS = 2.0;
+const float SHOW_WIRE = 3.0;
+const float SHOW_MOTION = 4.0;   // from the previous pose
+const float SHOW_BLOCKS = 5.0;   // pieces that updates have changed, by `told`
+const float SHOW_WRINKLES = 6.0; // where the pose compresses the skin, by its masks
 
 // What the host tells of each head: how bright each piece of vertices is, from 1 (changed now) down to 0 (`Glow` in
 // src/glow.rs).

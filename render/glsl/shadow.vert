@@ -1,7 +1,7 @@
 #version 450
 // A vertex of a pose as the key light sees it.
 #extension GL_GOOGLE_include_directive : require
-#define POSE_LOCATION 3
+#define POSE_LOCATION 2
 #include "pose.glsl"
 #include "scene.glsl"
 

@@ -12,7 +12,7 @@ use crate::step::{Step, Stepped};
 use crate::target::Target;
 use crate::wrinkles::MaskPlace;
 use bytemuck::cast_slice;
-use deltamorph::ash::{self, vk};
+use deltamorph::ash::vk;
 use deltamorph::{
     Bounds, CpuCrowd, Crowd, CrowdDesc, Error, GpuMesh, MorphEngine, MorphMesh, PackedMesh, PoseFormat, Result,
     Semantic, Ticket, UpdateDesc, UpdatePath, UpdateStats,
@@ -21,35 +21,6 @@ use deltamorph_headless::Headless;
 use glam::Mat4;
 use std::sync::Arc;
 use std::time::Instant;
-
-/// A device with an engine, on which commands can be run at once.
-pub trait Host {
-    /// Returns the engine.
-    fn engine(&self) -> &MorphEngine;
-
-    /// Returns the handles of the device.
-    fn handles(&self) -> (&ash::Instance, vk::PhysicalDevice, &ash::Device);
-
-    /// Records commands, runs them, and waits for them.
-    ///
-    /// # Errors
-    /// Those of `record`; the device fails.
-    fn run<R>(&self, record: impl FnOnce(vk::CommandBuffer) -> Result<R>) -> Result<R>;
-}
-
-impl Host for Headless {
-    fn engine(&self) -> &MorphEngine {
-        Headless::engine(self)
-    }
-
-    fn handles(&self) -> (&ash::Instance, vk::PhysicalDevice, &ash::Device) {
-        Headless::handles(self)
-    }
-
-    fn run<R>(&self, record: impl FnOnce(vk::CommandBuffer) -> Result<R>) -> Result<R> {
-        Headless::run(self, record)
-    }
-}
 
 /// Options of [`Heads`].
 #[derive(Clone, Copy, Debug)]
@@ -136,7 +107,7 @@ impl Heads {
     /// The device outlives the heads, which are dropped after their targets, and only when no commands recorded with
     /// them are still to run.
     pub unsafe fn new(
-        host: &impl Host,
+        headless: &Headless,
         (format, layout): (vk::Format, vk::ImageLayout),
         mesh: &MorphMesh,
         packed: &Arc<PackedMesh>,
@@ -159,15 +130,13 @@ impl Heads {
                 remedy: "use a path on the device, and float32 poses where there are wrinkle masks".into(),
             });
         }
-        let engine = host.engine();
-        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits for it.
-        let mut uploaded = host.run(|cmd| unsafe { engine.upload(cmd, packed) })?;
-        // SAFETY: the upload has run.
-        unsafe { uploaded.release_staging() };
+        let engine = headless.engine();
+        // SAFETY: `upload` hands out a recording buffer of the engine's device, and waits for it.
+        let uploaded = headless.upload(|cmd| unsafe { engine.upload(cmd, packed) })?;
         // Steps write float32.
         let pose = if is_stepped { PoseFormat::Float32 } else { update.pose };
         let renderer = RendererDesc { format, layout, pose, masks: masks.is_some() };
-        let (instance, physical, device) = host.handles();
+        let (instance, physical, device) = headless.handles();
         // SAFETY: the handles belong together and outlive the heads: the caller's obligations.
         let renderer = unsafe { Renderer::new(instance, physical, device, &renderer) }?;
         // SAFETY: fields drop in order, the model before the mesh that it reads.
@@ -178,7 +147,7 @@ impl Heads {
         } else {
             let crowd = CrowdDesc::new(update).instances(count).frames_in_flight(frames as u32);
             let mut crowd = Box::new(engine.create_crowd(&uploaded, &crowd)?);
-            stepped = Stepped::new(host, &renderer.gpu, packed, &mut crowd, &step, frames)?;
+            stepped = Stepped::new(headless, &renderer.gpu, packed, &mut crowd, &step, frames)?;
             Poses::Device(crowd)
         };
         let bounds = if cull { Some((PoseBounds::new(packed, &update)?, vec![])) } else { None };
@@ -401,16 +370,29 @@ impl Heads {
         let bounds = self.bounds.as_ref().map(|(_, heads)| heads[number]);
         let crowd = match &self.poses {
             Poses::Device(crowd) => crowd,
-            Poses::Processor(processor) => return Ok(processor.head(frame, number, place, self).bounds(bounds)),
+            Poses::Processor(processor) => return Ok(Head { bounds, ..processor.head(frame, number, place, self) }),
         };
-        let previous = crowd.previous_pose(number as u32)?;
-        let masks = self.masks.map(|_| crowd.stream(number as u32, Semantic::Mask)).transpose()?;
-        let head = Head::new(&crowd.pose(number as u32)?, place).previous(previous.as_ref());
+        let pose = crowd.pose(number as u32)?;
+        let previous = crowd.previous_pose(number as u32)?.unwrap_or(pose);
+        let stream = self.masks.map(|_| crowd.stream(number as u32, Semantic::Mask)).transpose()?;
         let still = self.still.as_ref().map(|(vertices, buffers)| {
             let offset = number * size_of_val(&vertices[0][..]);
             (buffers[frame].raw, offset as u64)
         });
-        let head = Head { still, ..head.masks(masks.as_ref().map(Masks::new)).bounds(bounds) };
+        let head = Head {
+            buffer: pose.buffer,
+            offset: pose.offset,
+            units: pose.units,
+            place,
+            previous: (previous.buffer, previous.offset),
+            masks: stream.map(|stream| Masks {
+                buffer: stream.buffer,
+                offset: stream.offset,
+                units: [stream.units[0], stream.units[1]],
+            }),
+            bounds,
+            still,
+        };
         Ok(self.stepped.as_ref().map_or(head, |stepped| stepped.head(number, head)))
     }
 }

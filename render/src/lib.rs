@@ -31,7 +31,7 @@ mod target;
 pub mod wrinkles;
 
 pub use camera::{Camera, View};
-pub use heads::{Heads, HeadsDesc, Host, Updated};
+pub use heads::{Heads, HeadsDesc, Updated};
 pub use memory::Buffer;
 pub use parts::{Face, Material, Part, Surface, parts};
 pub use scene::{Light, Scene, Show};

@@ -1,4 +1,4 @@
-//! The static data of a drawn mesh: indices, texture coordinates, parts.
+//! The static data of a drawn mesh: indices and parts.
 
 use crate::glow::pieces_of;
 use crate::memory::Buffer;
@@ -8,7 +8,7 @@ use crate::scene::{Head, Masks};
 use bytemuck::cast_slice;
 use deltamorph::ash::vk;
 use deltamorph::{Error, GpuMesh, MorphMesh, PackedLayout, Result};
-use glam::{Vec2, Vec3, Vec4};
+use glam::{Vec3, Vec4};
 use std::collections::{BTreeSet, HashSet};
 use std::ops::Range;
 
@@ -17,7 +17,6 @@ pub(crate) struct Model {
     pub(crate) indices: Buffer,
     /// Two vertices for each edge of a face.
     pub(crate) edges: (Buffer, u32),
-    pub(crate) texcoords: Buffer,
     pub(crate) base: (vk::Buffer, u64),
     pub(crate) parts: Vec<Drawn>,
     /// Middle of the box around the drawn part of the base pose, and half its diagonal.
@@ -45,9 +44,6 @@ pub(crate) struct Drawn {
 impl Model {
     /// Makes the model of `mesh`, which was packed as `layout` and uploaded as `uploaded`. `parts` assign materials to
     /// triangles ([`parts`](crate::parts)); triangles in no part are not drawn.
-    ///
-    /// A vertex has the texture coordinates of its first corner; in a [split](deltamorph::MorphSource::split) source
-    /// all its corners have the same.
     ///
     /// # Errors
     /// [`Error::Invalid`] if the layout is that of another mesh; an error if there is no memory.
@@ -110,7 +106,6 @@ impl Model {
         (base, padded, block): ((vk::Buffer, u64), usize, u32),
     ) -> Result<Self> {
         let count = mesh.vertex_count();
-        let render = mesh.faces.render_vertices(count, &mesh.texcoords)?;
         let mut indices = vec![];
         let mut drawn = vec![];
         for part in parts {
@@ -129,15 +124,11 @@ impl Model {
         let (low, high) = corners
             .map(|&v| mesh.positions[v as usize])
             .fold((Vec3::MAX, Vec3::MIN), |(low, high), p| (low.min(p), high.max(p)));
-        let mut texcoords = vec![Vec2::ZERO; padded];
-        places.iter().zip(&render.texcoords).for_each(|(&place, &texcoord)| texcoords[place as usize] = texcoord);
         let gpu = &renderer.gpu;
-        let vertices = vk::BufferUsageFlags::VERTEX_BUFFER;
         let filled = |indices: &[u32]| Buffer::filled(gpu, cast_slice(indices), vk::BufferUsageFlags::INDEX_BUFFER);
         Ok(Self {
             indices: filled(&indices)?,
             edges: (filled(&edges)?, edges.len() as u32),
-            texcoords: Buffer::filled(gpu, cast_slice(&texcoords), vertices)?,
             base,
             parts: drawn,
             middle: ((low + high) / 2.0).extend((low.distance(high) / 2.0).max(f32::MIN_POSITIVE)),

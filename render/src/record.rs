@@ -72,9 +72,7 @@ impl Renderer {
             Show::Motion(_) => sides(self.motion, What::Faces).collect(),
             Show::Wire => sides(self.shaded, What::Faces).chain([(self.lines, What::Edges, any)]).collect(),
             Show::Wrinkles => sides(self.wrinkled, What::Faces).collect(),
-            Show::Blocks | Show::Checker(_) | Show::Distance(_) | Show::Normals => {
-                sides(self.shaded, What::Faces).collect()
-            }
+            Show::Blocks | Show::Distance(_) | Show::Normals => sides(self.shaded, What::Faces).collect(),
         };
         let shadows: Vec<Draw> = vec![(self.shadow, What::Shadows, any)];
         let models: Vec<&Model> = std::iter::once(model).chain(model.still.as_deref()).collect();
@@ -150,8 +148,8 @@ impl Renderer {
         let base = &model.base;
         let both = vk::ShaderStageFlags::VERTEX | vk::ShaderStageFlags::FRAGMENT;
         let masks = head.masks.map_or((head.buffer, head.offset), |masks| (masks.buffer, masks.offset));
-        let buffers = [head.buffer, base.0, model.texcoords.raw, head.previous.0, masks.0];
-        let offsets = [head.offset, base.1, 0, head.previous.1, masks.1];
+        let buffers = [head.buffer, base.0, head.previous.0, masks.0];
+        let offsets = [head.offset, base.1, head.previous.1, masks.1];
         let bound = match what {
             What::Shadows => self.desc.pose.vertex_input(false).0.len(),
             _ if head.masks.is_none() => MASK_BINDING as usize,

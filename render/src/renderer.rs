@@ -10,11 +10,11 @@ use std::slice::from_ref;
 use std::sync::Arc;
 
 /// First location of pose inputs, after the inputs of glsl/face.vert.
-const POSE_LOCATION: u32 = 3;
+const POSE_LOCATION: u32 = 2;
 /// Location of the wrinkle masks, after all others.
-const MASK_LOCATION: u32 = 9;
+const MASK_LOCATION: u32 = 8;
 /// The binding of the wrinkle masks.
-pub(crate) const MASK_BINDING: u32 = 4;
+pub(crate) const MASK_BINDING: u32 = 3;
 
 /// The kind of geometry that a pipeline draws.
 #[derive(Clone, Copy)]
@@ -162,22 +162,22 @@ impl Renderer {
         self.pipeline(self.pass, &[module, modules::FRAGMENT], input, drawn)
     }
 
-    /// Returns the inputs of face.vert: binding 0 has the pose, 1 the base pose, whatever the format; 2 texture
-    /// coordinates; 3 the previous pose, if any.
+    /// Returns the inputs of face.vert: binding 0 has the pose, 1 the base pose, whatever the format; 2 the
+    /// previous pose, if any.
     fn input(&self, previous: bool) -> Input {
         let (mut bindings, mut attributes) = self.desc.pose.vertex_input(previous);
         let last = bindings.len() as u32 - 1;
         let own = |attribute: &mut vk::VertexInputAttributeDescription| {
             attribute.location += POSE_LOCATION;
             if previous && attribute.binding == last {
-                attribute.binding = 3;
+                attribute.binding = 2;
             }
         };
         attributes.iter_mut().for_each(own);
         let per_vertex = |binding, stride| vk::VertexInputBindingDescription::default().binding(binding).stride(stride);
         bindings.truncate(1);
-        bindings.extend([per_vertex(1, 24), per_vertex(2, 8)]);
-        bindings.extend(previous.then(|| per_vertex(3, bindings[0].stride)));
+        bindings.push(per_vertex(1, 24));
+        bindings.extend(previous.then(|| per_vertex(2, bindings[0].stride)));
         let attribute = |location, binding, format, offset| vk::VertexInputAttributeDescription {
             location,
             binding,
@@ -187,7 +187,6 @@ impl Renderer {
         attributes.extend([
             attribute(0, 1, vk::Format::R32G32B32_SFLOAT, 0),
             attribute(1, 1, vk::Format::R32G32B32_SFLOAT, 12),
-            attribute(2, 2, vk::Format::R32G32_SFLOAT, 0),
         ]);
         (bindings, attributes)
     }

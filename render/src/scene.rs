@@ -4,7 +4,6 @@ use crate::camera::{View, direction};
 use bytemuck::{Pod, Zeroable};
 use deltamorph::Bounds;
 use deltamorph::ash::vk;
-use deltamorph::{PoseView, StreamView};
 use glam::{Mat4, Vec3, Vec4};
 
 /// The appearance of a surface.
@@ -13,8 +12,6 @@ pub enum Show {
     /// Skin, eyes and teeth.
     #[default]
     Shaded,
-    /// A checker pattern on the texture coordinates; the number is that of squares across the texture.
-    Checker(f32),
     /// Distance of each vertex from the base pose, in input units; the number is the end of the scale.
     Distance(f32),
     /// Normals as colours.
@@ -65,11 +62,11 @@ pub(crate) struct Head {
     pub(crate) buffer: vk::Buffer,
     /// Offset of the pose in the buffer, in bytes.
     pub(crate) offset: u64,
-    /// The units of fixed-point poses: [`PoseView::units`]; 1 for float32 poses.
+    /// The units of fixed-point poses ([`PoseView::units`](deltamorph::PoseView::units)); 1 for float32 poses.
     pub(crate) units: [f32; 2],
     /// Its transform: rotation, translation and a uniform scale.
     pub(crate) place: Mat4,
-    /// The buffer with its previous pose, and the offset there: for [`Show::Motion`].
+    /// The buffer with its previous pose, or its pose if it does not move, and the offset there: for [`Show::Motion`].
     pub(crate) previous: (vk::Buffer, u64),
     /// The wrinkle masks of the pose: for [`Show::Wrinkles`].
     pub(crate) masks: Option<Masks>,
@@ -90,42 +87,6 @@ pub(crate) struct Masks {
     pub(crate) offset: u64,
     /// The units of fixed-point poses; 1 for float32 poses.
     pub(crate) units: [f32; 2],
-}
-
-impl Masks {
-    /// Takes the masks from [`Crowd::stream`](deltamorph::Crowd::stream).
-    pub(crate) fn new(stream: &StreamView) -> Self {
-        Self { buffer: stream.buffer, offset: stream.offset, units: [stream.units[0], stream.units[1]] }
-    }
-}
-
-impl Head {
-    /// Makes a head of a crowd's pose, without a previous pose.
-    pub(crate) fn new(pose: &PoseView, place: Mat4) -> Self {
-        let buffer = pose.buffer;
-        let offset = pose.offset;
-        let units = pose.units;
-        Self { buffer, offset, units, place, previous: (buffer, offset), masks: None, bounds: None, still: None }
-    }
-
-    /// Sets the previous pose, as returned by [`Crowd::previous_pose`](deltamorph::Crowd::previous_pose); without one
-    /// the head does not move.
-    pub(crate) fn previous(mut self, pose: Option<&PoseView>) -> Self {
-        self.previous = pose.map_or((self.buffer, self.offset), |pose| (pose.buffer, pose.offset));
-        self
-    }
-
-    /// Sets the wrinkle masks.
-    pub(crate) fn masks(mut self, masks: Option<Masks>) -> Self {
-        self.masks = masks;
-        self
-    }
-
-    /// Sets the bounds ([`PoseBounds::of`](crate::PoseBounds::of)).
-    pub(crate) fn bounds(mut self, bounds: Option<Bounds>) -> Self {
-        self.bounds = bounds;
-        self
-    }
 }
 
 /// The block `Scene` of glsl/scene.glsl.
@@ -171,15 +132,13 @@ impl Scene {
         let key = direction(axes, yaw, pitch);
         let (show, end) = match self.show {
             Show::Shaded => (0.0, 1.0),
-            Show::Checker(_) => (1.0, 1.0),
-            Show::Distance(end) => (2.0, end),
-            Show::Normals => (3.0, 1.0),
-            Show::Wire => (4.0, 1.0),
-            Show::Motion(end) => (5.0, end),
-            Show::Blocks => (6.0, 1.0),
-            Show::Wrinkles => (7.0, 1.0),
+            Show::Distance(end) => (1.0, end),
+            Show::Normals => (2.0, 1.0),
+            Show::Wire => (3.0, 1.0),
+            Show::Motion(end) => (4.0, end),
+            Show::Blocks => (5.0, 1.0),
+            Show::Wrinkles => (6.0, 1.0),
         };
-        let squares = if let Show::Checker(squares) = self.show { squares } else { 0.0 };
         HeadScene {
             clip: clip * place,
             shadow: shadow(key, centre, radius) * place,
@@ -188,7 +147,7 @@ impl Scene {
             fill: towards(direction(axes, -1.4 * yaw, pitch * 0.1), 0.36),
             rim: towards(direction(axes, 150.0 * -yaw.signum(), 35.0), 0.8),
             middle,
-            show: Vec4::new(show, end.max(f32::MIN_POSITIVE), squares, 0.0),
+            show: Vec4::new(show, end.max(f32::MIN_POSITIVE), 0.0, 0.0),
         }
     }
 }

@@ -1,12 +1,12 @@
 //! Steps after the pose, whose outputs are drawn in place of the pose.
 
-use crate::heads::Host;
 use crate::memory::{Buffer, Gpu};
 use crate::scene::Head;
 use bytemuck::cast_slice;
 use deltamorph::after::{DecodeTarget, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::vk::BufferUsageFlags as Usage;
 use deltamorph::{Crowd, PackedMesh, Result};
+use deltamorph_headless::Headless;
 use std::sync::Arc;
 
 /// Bytes per vertex of a step's output: position and normal in float32.
@@ -45,7 +45,7 @@ struct Joints {
 impl Stepped {
     /// Adds `step` after all poses of `crowd`, with this many frames in flight.
     pub(crate) fn new(
-        host: &impl Host,
+        headless: &Headless,
         gpu: &Arc<Gpu>,
         packed: &PackedMesh,
         crowd: &mut Crowd,
@@ -55,7 +55,7 @@ impl Stepped {
         if *step == Step::None {
             return Ok(None);
         }
-        let engine = host.engine();
+        let engine = headless.engine();
         let heads = crowd.desc().instances as usize;
         let size = VERTEX * packed.layout().vertex_count;
         let output = Buffer::new(gpu, heads * size.max(4), Usage::STORAGE_BUFFER | Usage::VERTEX_BUFFER, false)?;
@@ -65,7 +65,7 @@ impl Stepped {
             Step::None => {}
             Step::Skin(desc) => {
                 // SAFETY: the buffer is recording, runs once, and is waited for.
-                let mut skin = host.run(|cmd| unsafe { engine.upload_skin(cmd, packed, desc) })?;
+                let mut skin = headless.run(|cmd| unsafe { engine.upload_skin(cmd, packed, desc) })?;
                 // SAFETY: the upload has run.
                 unsafe { skin.release_staging() };
                 let of_head = SkinMethod::Linear.joint_bytes() as usize * desc.joint_count as usize;
@@ -81,7 +81,7 @@ impl Stepped {
             }
             Step::Normals(desc) => {
                 // SAFETY: the buffer is recording, runs once, and is waited for.
-                let mut surface = host.run(|cmd| unsafe { engine.upload_normals(cmd, packed, desc) })?;
+                let mut surface = headless.run(|cmd| unsafe { engine.upload_normals(cmd, packed, desc) })?;
                 // SAFETY: the upload has run.
                 unsafe { surface.release_staging() };
                 let stride = VERTEX as u32;

@@ -113,7 +113,7 @@ impl Importance {
         with_packed(mesh, |deltas| deltas.by_mean_square(pins))
     }
 
-    /// Takes the order from the caller, such as one written by `deltamorph lod --out`: names of all targets, the most
+    /// Takes the order from the caller, such as the ranking of `deltamorph lod --json`: names of all targets, the most
     /// important first; the first `pinned` are always kept.
     ///
     /// # Errors

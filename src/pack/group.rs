@@ -189,13 +189,6 @@ impl PackedLayout {
         }
     }
 
-    /// Upper bound on the targets that move any vertex: in block formats those that touch its block; 0 for float32
-    /// deltas.
-    pub fn most_targets(&self) -> usize {
-        let sums = self.blocks.as_ref().map(|index| &index.sums).or(self.sums.as_ref());
-        sums.map_or(0, |sums| sums.targets)
-    }
-
     /// Whether the group has a stream measured in lengths, to which error budgets and drift bounds apply.
     pub(crate) fn has_lengths(&self) -> bool {
         self.streams.iter().any(|stream| stream.semantic.measure() == Measure::Length)

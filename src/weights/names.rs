@@ -94,12 +94,16 @@ pub fn unknown(what: String, name: &str, known: &[&str]) -> Error {
     )
 }
 
-/// The target nearest to `name` by edit distance, if it is close enough.
+/// The target nearest to `name` by edit distance, if it is close enough, or one that ends so, behind its nodes.
 pub fn closest<'a>(name: &str, targets: &[&'a str]) -> Option<&'a str> {
     // Naming schemes differ in case and separators.
     let plain = |s: &str| s.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect::<Vec<_>>();
     let wanted = plain(name);
-    let (distance, target) = targets.iter().map(|t| (distance(&wanted, &plain(t)), *t)).min_by_key(|(d, _)| *d)?;
+    let far = |target: &str| match plain(target) {
+        longer if wanted.len() > 3 && longer.len() > wanted.len() && longer.ends_with(&wanted) => 1,
+        other => distance(&wanted, &other),
+    };
+    let (distance, target) = targets.iter().map(|target| (far(target), *target)).min_by_key(|(d, _)| *d)?;
     (distance <= (wanted.len() / 3).max(2) && distance < wanted.len().max(1)).then_some(target)
 }
 

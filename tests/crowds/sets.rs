@@ -1,42 +1,40 @@
 //! Weights one at a time and by name.
 
-use crate::gpu::{crowd, fixed, on_every_device, packed, weights};
+use crate::gpu::{fixed, on_every_device, packed, single};
 use crate::testing::{self, says};
-use deltamorph::{BatchSize, CrowdDesc, DeltaFormat, UpdateDesc, UpdatePath};
+use deltamorph::{BatchSize, CpuCrowd, DeltaFormat, PackDesc, PackedMesh, UpdateDesc, UpdatePath};
 use deltamorph_headless::HeadlessCrowd;
+use std::sync::Arc;
 
 #[test]
 fn weights_are_set_one_at_a_time_and_read_back() {
-    on_every_device(|headless, engine| {
-        let mesh = packed(engine, &testing::mesh(200, 9), DeltaFormat::Small);
-        let name = |target: usize| mesh.layout().targets[target].name.clone();
-        assert_eq!(mesh.layout().target_index(&name(4)), Some(4));
-        assert_eq!(mesh.layout().target_index("no such target"), None);
-        let desc = CrowdDesc::new(fixed()[0]).instances(2);
-        let mut of_one = HeadlessCrowd::new(headless, &mesh, &desc).expect("a crowd");
-        let mut other = of_one.another(&desc).expect("a crowd");
-        let one = of_one.crowd_mut();
-        let mut asked = weights(&mesh, 3, 1);
-        one.set_weights(1, &asked).expect("weights");
-        (asked[2], asked[4]) = (0.625, -0.5);
-        one.set_weight(1, 2, 0.625).expect("a weight");
-        one.set_weight(1, 4, -0.5).expect("a weight");
-        for (weight, words) in [(f32::NAN, "is NaN"), (f32::INFINITY, "is inf"), (5.0, "use a larger weight_max")] {
-            says(one.set_weight(1, 2, weight), &["the weight of target 2", words]);
-        }
-        says(one.set_weight(1, 9, 0.0), &["target 9 of mesh", "which has 9; count targets from 0"]);
-        says(one.set_weight(2, 0, 0.0), &["instance 2 of a crowd of 2"]);
-        says(one.weights(2), &["instance 2 of a crowd of 2"]);
-        assert_eq!((one.weights(0).unwrap(), one.weights(1).unwrap()), (&[0.0; 9][..], &asked[..]));
-        other.set_weights(1, &asked).expect("weights");
-        let [pose, expected] = [&mut of_one, &mut other].map(|crowd| {
-            crowd.step(&[]).expect("a step");
-            crowd.read_pose(1).expect("a pose")
-        });
-        assert_eq!(pose, expected, "the pose of the same weights, set at once");
-        of_one.remove(1).expect("an instance");
-        says(of_one.crowd_mut().set_weight(1, 0, 0.0), &["instance 1 was removed"]);
+    let mesh = PackedMesh::pack(&testing::mesh(200, 9), &PackDesc::new(DeltaFormat::Small)).expect("a mesh that packs");
+    let mesh = Arc::new(mesh);
+    let name = |target: usize| mesh.layout().targets[target].name.clone();
+    assert_eq!(mesh.layout().target_index(&name(4)), Some(4));
+    assert_eq!(mesh.layout().target_index("no such target"), None);
+    let desc = fixed()[0].path(UpdatePath::Cpu);
+    let [mut one, mut other] = [(); 2].map(|()| CpuCrowd::new(mesh.clone(), desc, 2, 1).expect("a crowd"));
+    let mut asked: Vec<f32> = (0..9).map(|target| target as f32 / 8.0).collect();
+    one.set_weights(1, &asked).expect("weights");
+    (asked[2], asked[4]) = (0.625, -0.5);
+    one.set_weight(1, 2, 0.625).expect("a weight");
+    one.set_weight(1, 4, -0.5).expect("a weight");
+    for (weight, words) in [(f32::NAN, "is NaN"), (f32::INFINITY, "is inf"), (5.0, "use a larger weight_max")] {
+        says(one.set_weight(1, 2, weight), &["the weight of target 2", words]);
+    }
+    says(one.set_weight(1, 9, 0.0), &["target 9 of mesh", "which has 9; count targets from 0"]);
+    says(one.set_weight(2, 0, 0.0), &["instance 2 of a crowd of 2"]);
+    says(one.weights(2), &["instance 2 of a crowd of 2"]);
+    assert_eq!((one.weights(0).unwrap(), one.weights(1).unwrap()), (&[0.0; 9][..], &asked[..]));
+    other.set_weights(1, &asked).expect("weights");
+    let [pose, expected] = [&mut one, &mut other].map(|crowd| {
+        crowd.update();
+        crowd.pose(1).expect("a pose").into_owned()
     });
+    assert_eq!(pose, expected, "the pose of the same weights, set at once");
+    one.remove(1).expect("an instance");
+    says(one.set_weight(1, 0, 0.0), &["instance 1 was removed"]);
 }
 
 #[test]
@@ -44,8 +42,8 @@ fn a_weight_that_makes_too_many_active_is_refused_alone() {
     on_every_device(|headless, engine| {
         let mesh = packed(engine, &testing::mesh(64, 4), DeltaFormat::Float32);
         let desc = UpdateDesc::new(UpdatePath::DirectAttributes, BatchSize::Targets(2));
-        let mut crowd = crowd(headless, &mesh, desc);
-        let crowd = crowd.crowd_mut();
+        let host = HeadlessCrowd::new(headless, &mesh, &single(desc)).expect("a crowd");
+        let mut crowd = engine.create_crowd(host.mesh(), &single(desc)).expect("a crowd");
         crowd.set_weights(0, &[0.5, 0.0, 0.5, 0.0]).expect("two active");
         says(crowd.set_weight(0, 1, 0.5), &["3 active", "attributes for 2"]);
         assert_eq!(crowd.weights(0).unwrap(), [0.5, 0.0, 0.5, 0.0]);

@@ -67,7 +67,7 @@ mod handles {
     fn a_handle_names_its_object_or_nothing() {
         crate::model(|| {
             let registry = Registry::new(1);
-            let first = registry.insert("first").unwrap();
+            let first = registry.insert("first");
             let (removed, second) = shuttle::thread::scope(|scope| {
                 scope.spawn(|| {
                     let mut alive = true;
@@ -81,7 +81,7 @@ mod handles {
                     }
                 });
                 let removals = [(); 2].map(|()| scope.spawn(|| registry.remove(first, |_| Ok(())).is_ok()));
-                let second = scope.spawn(|| registry.insert("second").unwrap());
+                let second = scope.spawn(|| registry.insert("second"));
                 (removals.map(|thread| thread.join().unwrap()), second.join().unwrap())
             });
             assert!(removed[0] != removed[1], "it is destroyed once");
@@ -101,8 +101,8 @@ mod handles {
         crate::model(|| {
             let owned = Registry::new(2);
             let owners = Registry::new(1);
-            let bits = owned.insert(7).unwrap();
-            let owner = owners.insert(Owner(&owned, bits)).unwrap();
+            let bits = owned.insert(7);
+            let owner = owners.insert(Owner(&owned, bits));
             shuttle::thread::scope(|scope| {
                 // Destroyed without references to its objects, as an engine is: one lock inside another.
                 scope.spawn(|| {
@@ -113,7 +113,7 @@ mod handles {
                 scope.spawn(|| {
                     owners.get(owner).map(|owner| owned.get(owner.1).map(|object| assert_eq!(*object, 7)).unwrap())
                 });
-                scope.spawn(|| owned.insert(9).unwrap());
+                scope.spawn(|| owned.insert(9));
             });
             assert_eq!((owners.count(|_| true), owned.count(|_| true)), (0, 1));
         });

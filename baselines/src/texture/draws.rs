@@ -2,11 +2,11 @@
 
 use super::images::write_image;
 use super::{Textures, words_of};
-use crate::draws::Capture;
+use crate::draws::{Capture, add_draws};
 use bytemuck::bytes_of;
 use deltamorph::Result;
 use deltamorph::ash::vk;
-use deltamorph::internals::abi::modules::{Kernel, TEXTURED, TEXTURED_FEEDBACK, TEXTURED_STORE};
+use deltamorph::internals::abi::modules::{TEXTURED, TEXTURED_FEEDBACK, TEXTURED_STORE};
 use deltamorph::internals::gpu::descriptors::{BufferRange, Sets};
 use deltamorph::internals::gpu::mesh::MeshBuffers;
 use deltamorph::internals::gpu::pipelines::{Objects, PipelineKey, Pipelines};
@@ -37,18 +37,10 @@ struct Textured {
 
 impl PipelineKey for Textured {
     fn make(self, objects: &mut Objects) -> Result<()> {
-        let kernels = match self.capture {
-            None => &[&TEXTURED][..],
-            Some(Capture::Feedback) => &[&TEXTURED, &TEXTURED_FEEDBACK],
-            Some(Capture::Store) => &[&TEXTURED, &TEXTURED_STORE],
-        };
-        let rows: Vec<_> = kernels.iter().map(|kernel| kernel.row).collect();
-        objects.add_layout(&rows, 0)?;
-        objects.add_empty_render_pass()?;
-        let (bindings, attributes) = PoseFormat::Float32.vertex_input(false);
+        let kernels = [&TEXTURED, &TEXTURED_FEEDBACK, &TEXTURED_STORE];
         // The draws read no deltas.
-        let module = |kernel: &'static Kernel| kernel.module(DeltaFormat::Float32.row(), PoseFormat::Float32.row(), 0);
-        kernels.iter().try_for_each(|kernel| objects.add_discarding_vertex(module(kernel)?, &bindings, &attributes))
+        let input = PoseFormat::Float32.vertex_input(false);
+        add_draws(objects, kernels, self.capture, DeltaFormat::Float32, &input)
     }
 }
 

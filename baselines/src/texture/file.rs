@@ -13,11 +13,11 @@
 //!   rectangle as column, row, width and height in the displacement texture, and the texel of the layers that holds its
 //!   first delta; and for each vertex its texel of the displacement texture, 0 if no target moves it.
 
-use super::half;
 use super::texels::DeltaTexels;
 use deltamorph::internals::asset::{Semantic, StreamPlace};
 use deltamorph::internals::pack::{DeltaFormat, POSE_FLOATS, PackedMesh};
 use deltamorph::{Error, Result};
+use half::f16;
 
 const IDENTIFIER: [u8; 12] = *b"\xABKTX 20\xBB\r\n\x1A\n";
 /// Offset of the descriptor: after identifier, nine numbers, the index, and one level.
@@ -85,15 +85,15 @@ pub fn write_ktx2(mesh: &PackedMesh, floats: TextureFloats) -> Result<TextureFil
                     texels.extend(value.to_le_bytes());
                     continue;
                 }
-                if value.abs() > half::LARGEST {
-                    let what = format!("a delta of {value}, half floats end at {}", half::LARGEST);
+                if value.abs() > f16::MAX.to_f32() {
+                    let what = format!("a delta of {value}, half floats end at {}", f16::MAX);
                     return refuse(what, "write 32-bit floats, or scale the mesh down");
                 }
-                let rounded = half::from_f32(value);
+                let rounded = f16::from_f32(value);
                 texels.extend(rounded.to_le_bytes());
                 // Alpha, the fourth number, is 0 and exact.
                 if let Some(largest) = rounding.get_mut(first + i % 4) {
-                    *largest = largest.max((f64::from(half::to_f32(rounded)) - f64::from(value)).abs());
+                    *largest = largest.max((f64::from(rounded) - f64::from(value)).abs());
                 }
             }
         }
@@ -198,7 +198,7 @@ mod tests {
             let levels: Vec<_> = reader.levels().collect();
             assert_eq!(levels.len(), 1);
             let mut found = levels[0].data.chunks_exact(type_size as usize).map(|number| match *number {
-                [a, b] => half::to_f32(u16::from_le_bytes([a, b])),
+                [a, b] => f16::from_le_bytes([a, b]).to_f32(),
                 [a, b, c, d] => f32::from_le_bytes([a, b, c, d]),
                 _ => panic!("{type_size} bytes"),
             });

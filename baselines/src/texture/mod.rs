@@ -16,7 +16,6 @@
 mod blending;
 mod draws;
 pub mod file;
-mod half;
 mod images;
 mod passes;
 mod texels;

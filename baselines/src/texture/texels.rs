@@ -6,9 +6,9 @@
 //! rectangles. A delta texture holds the rectangles of all targets one after the other, row by row, without texels in
 //! between.
 
-use super::half;
 use deltamorph::internals::pack::{DeltaFormat, POSE_FLOATS, PackedGroup};
 use deltamorph::{Error, Result};
+use half::f16;
 use std::ops::Range;
 
 /// Runs of texels with at most this many others between them are drawn as one: a texel costs less than a rectangle.
@@ -143,7 +143,9 @@ impl DeltaTexels {
     pub(super) fn texel(&self) -> Texel {
         match self.format.has_integers() {
             true => Texel::Integers,
-            false if self.deltas.as_flattened().iter().all(|x| half::is_half(*x)) => Texel::Half,
+            false if self.deltas.as_flattened().iter().all(|x| f16::from_f32(*x).to_f32().to_bits() == x.to_bits()) => {
+                Texel::Half
+            }
             false => Texel::Single,
         }
     }
@@ -153,7 +155,7 @@ impl DeltaTexels {
         let numbers = self.numbers(normals);
         match texel {
             Texel::Integers => numbers.flat_map(|steps| (steps as i16).to_le_bytes()).collect(),
-            Texel::Half => numbers.flat_map(|x| half::from_f32(x).to_le_bytes()).collect(),
+            Texel::Half => numbers.flat_map(|x| f16::from_f32(x).to_le_bytes()).collect(),
             Texel::Single => numbers.flat_map(f32::to_le_bytes).collect(),
         }
     }

@@ -9,8 +9,6 @@ use std::time::Duration;
 /// A ready-made comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum SuiteChoice {
-    /// What batching gains: every batch size of the dense paths and formats
-    Chapter,
     /// One head and many, each with its own animation or all with one, against the number of targets
     Crowd,
     /// Every technique, with all, few and still targets, dense and sparse, for one head and many

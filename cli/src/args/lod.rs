@@ -15,12 +15,6 @@ pub struct LodArgs {
     /// Keep these targets before all others: a name, or the beginning of several (repeatable)
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     pub pin: Vec<String>,
-    /// Take the order and the pins from a file that --out has written
-    #[arg(long, value_name = "JSON", conflicts_with_all = ["metric", "pin"])]
-    pub from: Option<PathBuf>,
-    /// Write the order, with its pins, to be kept beside the asset
-    #[arg(long, value_name = "JSON")]
-    pub out: Option<PathBuf>,
     /// Weight clip to measure errors on: a CSV file, a glTF file's animation as FILE or FILE#NAME, or INPUT's by its
     /// name [default: all in INPUT/weights or INPUT]
     #[arg(long, value_name = "CSV")]

@@ -1,7 +1,6 @@
 //! The options of `render`.
 
 use super::{RunArgs, values};
-use crate::detail::Detail;
 use clap::{Args, ValueEnum};
 use deltamorph_render::Show;
 use std::path::PathBuf;
@@ -45,14 +44,14 @@ pub struct RenderArgs {
     /// The whole clip: an animated PNG (OUT.png, OUT.apng), or else a folder of PNG frames
     #[arg(long, value_name = "OUT", conflicts_with = "crowd")]
     pub clip: Option<PathBuf>,
-    /// A crowd of N heads, each with an expression of its own: of the clip, or drawn from --seed
+    /// A crowd of N heads, each in another frame of the clip
     #[arg(long, value_name = "N", value_parser = values::whole(1u32, 1000))]
     pub crowd: Option<u32>,
     /// Colours for the distance of each vertex from the base pose, as --show heat
-    #[arg(long, value_name = "WHAT", conflicts_with_all = ["show", "checker"])]
+    #[arg(long, value_name = "WHAT", conflicts_with = "show")]
     pub heat: Option<Heat>,
     /// Appearance of the surface. Motion and blocks are those since the frame before, or since the base pose without one
-    #[arg(long, value_name = "LOOK", default_value = "shaded", conflicts_with = "checker")]
+    #[arg(long, value_name = "LOOK", default_value = "shaded")]
     pub show: Look,
     /// Normals of poses: summed with the targets, or recomputed from the morphed surface (skinning is then off)
     #[arg(long, value_name = "WHICH", default_value = "summed")]
@@ -60,19 +59,10 @@ pub struct RenderArgs {
     /// Length at which the colours of --heat and of --show motion end, in input units [default: the largest length]
     #[arg(long, value_name = "LENGTH", value_parser = values::positive)]
     pub scale: Option<f32>,
-    /// Level of detail: all targets, the most important share of them (50%), or the fewest whose error stays below N
-    /// pixels (0.5px)
-    #[arg(long, value_name = "all|N%|Npx", default_value = "all", value_parser = Detail::parse)]
-    #[arg(conflicts_with = "heat")]
-    pub detail: Detail,
-    /// A checker of N squares through the texture coordinates, which shows their seams
-    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "32")]
-    #[arg(value_parser = values::whole(1u32, 4096))]
-    pub checker: Option<u32>,
 }
 
 impl RenderArgs {
-    /// The appearance of the surface, unless it is a checker.
+    /// The appearance of the surface.
     pub fn look(&self) -> Look {
         if self.heat.is_some() { Look::Heat } else { self.show }
     }

@@ -69,7 +69,7 @@ fn bad_values_are_refused_with_exit_code_2_and_what_would_be_right() {
         ("play", "--block-size 33|--error-budget 1px|--pose fixed8|--accumulate int|--weight-max 0|--weight-max -1"),
         ("soak", "|--frames 0|--frames 5 --every 0"),
         ("sample", ""),
-        ("lod face", "--metric half|--from a.json --pin eyeBlink|--random 0|--set jawOpen=1"),
+        ("lod face", "--metric half|--random 0|--set jawOpen=1"),
         #[cfg(feature = "viewer")]
         ("view face", "--size 640|--screenshot"),
         ("rank", "face"),

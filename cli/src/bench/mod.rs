@@ -92,12 +92,9 @@ fn verdict(report: &Report) -> Result<(), Failure> {
     } else if runs.is_empty() {
         let why: Vec<String> = skipped.iter().map(|s| format!("{}: {}", s.what, s.reason)).collect();
         format!("no configuration could run; {}", why.join("; "))
-    } else if let Some(clip) = report.unplayed.first() {
-        let why = skipped.iter().find(|s| s.what.contains(clip)).map_or("no reason given", |s| &s.reason);
-        format!("clip '{clip}': no configuration could play it: {why}")
-    } else if let Some(path) = report.unmeasured.first() {
-        let why = skipped.iter().find(|s| s.is_of(path)).map_or("no reason given", |s| &s.reason);
-        format!("--paths: {}: nothing of it could run, the first: {why}", report.unmeasured.join(", "))
+    } else if let Some(name) = report.unmeasured.first() {
+        let why = skipped.iter().find(|s| s.what.contains(name)).map_or("no reason given", |s| &s.reason);
+        format!("{}: nothing of it could run, the first: {why}", report.unmeasured.join(", "))
     } else {
         return Ok(());
     }))

@@ -102,7 +102,6 @@ fn figures(report: &Report, suite: Option<&SuiteRecord>) -> String {
     let runs: Vec<&RunRecord> = report.runs_of(suite).filter(|run| run.counts()).collect();
     match suite.map(|suite| suite.name.as_str()) {
         None => sweep(&runs),
-        Some("chapter") => partition(&runs, |run| run.changed).iter().map(|(_, runs)| batches(runs)).collect(),
         Some("crowd") => {
             let points: Vec<&RunRecord> = runs.into_iter().filter(|run| run.cell.ends_with(" targets")).collect();
             let groups = partition(&points, |run| (run.heads, run.shared));

@@ -26,10 +26,8 @@ pub struct Report {
     pub runs: Vec<RunRecord>,
     /// Update paths and batch sizes that were requested and could not run.
     pub skipped: Vec<Skipped>,
-    /// Clips that were requested by name and that no configuration could play.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub unplayed: Vec<String>,
-    /// Update paths named by `--paths` of which no configuration could run; `skipped` has the reasons.
+    /// Update paths named by `--paths`, and clips named by `--weights`, of which no configuration could run; `skipped` has
+    /// the reasons.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub unmeasured: Vec<String>,
     /// The suites requested by `--suite`, in the order that they ran; empty for an ordinary run.
@@ -93,7 +91,7 @@ impl Skipped {
 /// The findings of a suite, in addition to its runs.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct SuiteRecord {
-    /// "chapter", "crowd", "techniques", "constant", "faces" or "clips".
+    /// "crowd", "techniques", "constant", "faces" or "clips".
     pub name: String,
     /// The categories that techniques compete in, in the order measured.
     pub cells: Vec<CellRecord>,

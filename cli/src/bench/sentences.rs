@@ -7,7 +7,6 @@ use deltamorph::BatchSize;
 
 pub fn title(suite: &SuiteRecord) -> &str {
     match suite.name.as_str() {
-        "chapter" => "What batching gains",
         "crowd" => "One head and many",
         "techniques" => "Every technique, side by side",
         "constant" => "Constant weights beside animated ones",

@@ -73,10 +73,10 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
         let schedule = session.schedule(if changed.is_some() { Common::Nothing } else { Common::Frames });
         session.measure(&mut subject, &cell, &candidates, &schedule)?;
     }
-    let report = session.report();
+    let mut report = session.report();
     let named = clips.iter().filter(|_| !args.weights.is_empty()).map(|clip| clip.name.clone());
-    let unplayed = named.filter(|name| report.runs.iter().all(|run| run.workload != *name)).collect();
-    Ok(Report { unplayed, ..report })
+    report.unmeasured.extend(named.filter(|name| report.runs.iter().all(|run| run.workload != *name)));
+    Ok(report)
 }
 
 /// The clips given with `--weights`; without any, `--full` takes those of the input.

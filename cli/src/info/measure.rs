@@ -3,7 +3,7 @@
 use super::pose_formats::{PoseCost, pose_costs};
 use crate::output::Failure;
 use crate::verify::scale;
-use deltamorph::{BlockDesc, DeltaFormat, MorphMesh, PackDesc, PackedLayout, PackedMesh, PoseError};
+use deltamorph::{DeltaFormat, MorphMesh, PackDesc, PackedLayout, PackedMesh, PoseError};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -59,28 +59,36 @@ pub struct Measured {
 }
 
 impl Measured {
-    fn new(packed: Arc<PackedMesh>, error: PoseError) -> Self {
+    /// `source`: the mesh that was packed, with all of its deltas, if it is known.
+    fn new(packed: Arc<PackedMesh>, error: PoseError, source: Option<&MorphMesh>) -> Self {
         let layout = packed.layout();
-        Self { name: layout.format.name(), cost: Cost::of(layout, error), pose_formats: pose_costs(layout), packed }
+        let name = layout.format.name();
+        Self { name, cost: Cost::of(layout, error), pose_formats: pose_costs(&packed, source), packed }
     }
 }
 
-/// Packs `mesh` in every format. `held`: the mesh of a packed file, used as it is for its own format, with the error
+/// Packs `mesh`, kept of `source`, in every format. `held`: the mesh of a packed file, used as it is for its own format, with the error
 /// measured when it was packed. The other formats pack the deltas of the file, and their errors are relative to those.
-pub fn measure_all(mesh: &MorphMesh, held: Option<&Arc<PackedMesh>>) -> Result<Vec<Measured>, Failure> {
+pub fn measure_all(
+    mesh: &MorphMesh,
+    source: &MorphMesh,
+    held: Option<&Arc<PackedMesh>>,
+) -> Result<Vec<Measured>, Failure> {
     let one = |format| match held.map(|held| (held, &held.layout().blocks)) {
-        Some((held, Some(blocks))) if held.layout().format == format => Ok(Measured::new(held.clone(), blocks.error())),
-        _ => measure(mesh, format, BlockDesc::default()),
+        Some((held, Some(blocks))) if held.layout().format == format => {
+            Ok(Measured::new(held.clone(), blocks.error(), None))
+        }
+        _ => measure(mesh, source, format),
     };
     DeltaFormat::ALL.into_iter().map(one).collect()
 }
 
-pub fn measure(mesh: &MorphMesh, format: DeltaFormat, blocks: BlockDesc) -> Result<Measured, Failure> {
+fn measure(mesh: &MorphMesh, source: &MorphMesh, format: DeltaFormat) -> Result<Measured, Failure> {
     // One chunk, regardless of devices: chunks change neither bytes nor values.
-    let desc = PackDesc::new(format).max_chunk_bytes(u64::MAX).max_chunk_vertices(u64::MAX).blocks(blocks);
+    let desc = PackDesc::new(format).max_chunk_bytes(u64::MAX).max_chunk_vertices(u64::MAX);
     let packed = Arc::new(PackedMesh::pack(mesh, &desc)?);
     let error = packed.measure_error(mesh);
-    Ok(Measured::new(packed, error))
+    Ok(Measured::new(packed, error, Some(source)))
 }
 
 /// Block statistics of `packed`; zeros for a dense format.
@@ -107,8 +115,7 @@ mod tests {
     #[test]
     fn blocks_count_what_is_touched() {
         let mut mesh = mesh();
-        let found =
-            |mesh: &MorphMesh, format| blocks(&measure(mesh, format, BlockDesc::default()).expect("packed").packed);
+        let found = |mesh: &MorphMesh, format| blocks(&measure(mesh, mesh, format).expect("packed").packed);
         let small = found(&mesh, DeltaFormat::Small);
         // Vertices that move together are adjacent: 64 of one target take two blocks, three of another at most three.
         assert_eq!((small.size, small.count), (32, 6));

@@ -1,8 +1,9 @@
 //! Costs and errors of pose formats on a packed mesh, in `info` and `pack`.
 
-use crate::table::{Table, sig3};
-use crate::verify::scale;
-use deltamorph::{BatchSize, PackedLayout, PoseFormat, UpdateDesc, UpdatePath};
+use crate::table::{Column, Table, sig3};
+use crate::verify::{Errors, float_rounding, scale};
+use deltamorph::{BatchSize, MorphMesh, PackedMesh, PoseFormat, UpdateDesc, UpdatePath};
+use glam::DVec3;
 use serde::Serialize;
 
 /// A pose format on a packed mesh, in the JSON of `info` and `pack`. Fields may be added, never renamed.
@@ -13,6 +14,9 @@ pub struct PoseCost {
     pub vertex_bytes: usize,
     /// The unit of fixed-point poses; `None` for others.
     pub grid: Option<Grid>,
+    /// Bounds on errors, whatever weights from 0 to 1 are asked for; `None` if it is refused.
+    #[serde(flatten)]
+    pub most: Option<Errors>,
     /// The reason if the mesh cannot be updated in it; else `None`.
     pub refused: Option<String>,
 }
@@ -29,24 +33,68 @@ pub struct Grid {
     pub position_unit_rel: f64,
     /// Unit of fixed-point normals.
     pub normal_unit: f32,
-    /// Most targets that touch a block; for dense deltas, that move a vertex.
+    /// Most targets that move a vertex.
     pub targets_most: usize,
     /// Largest distance that rounding moves a vertex if all of them are active, in input units and as a fraction of the
-    /// diagonal; 0 if poses are not rounded. Errors of packing and of rounding weights are extra.
+    /// diagonal; 0 if poses are not rounded.
     pub rounding_error: f32,
     pub rounding_error_rel: f64,
 }
 
-/// A row for each pose format.
-pub fn pose_costs(layout: &PackedLayout) -> Vec<PoseCost> {
-    let (targets_most, scale) = (layout.most_targets(), scale(layout.diagonal));
+/// What targets do to a vertex, each at weight 1.
+#[derive(Clone, Copy, Default)]
+struct Moved {
+    targets: usize,
+    /// Sum of the lengths of its packed deltas.
+    length: f64,
+    /// Sum of their errors.
+    packing: f64,
+}
+
+/// What the targets do to each vertex. Without a `source`, errors are those that the packed mesh states for each target.
+fn moved(packed: &PackedMesh, source: Option<&MorphMesh>) -> Vec<Moved> {
+    let layout = packed.layout();
+    let stated = layout.blocks.as_ref().map_or(0.0, |blocks| blocks.error().position);
+    let mut all = vec![Moved::default(); layout.vertex_count];
+    for target in 0..layout.targets.len() {
+        let mut deltas = vec![DVec3::ZERO; layout.vertex_count];
+        packed.for_each_delta(target, |vertex, delta| deltas[vertex] = DVec3::from_slice(&delta));
+        let mut errors = vec![DVec3::ZERO; layout.vertex_count];
+        if let Some(source) = source {
+            errors.clone_from(&deltas);
+            let of_source = &source.targets[target];
+            let places = of_source.vertices.iter().zip(&of_source.positions);
+            places.for_each(|(&vertex, delta)| errors[vertex as usize] -= delta.as_dvec3());
+        }
+        for (moved, (delta, error)) in all.iter_mut().zip(deltas.iter().zip(&errors)) {
+            let moves = *delta != DVec3::ZERO;
+            moved.targets += usize::from(moves);
+            moved.length += delta.length();
+            moved.packing += if source.is_none() && moves { stated } else { error.length() };
+        }
+    }
+    all
+}
+
+/// A row for each pose format; `source`: the mesh that was packed, with all of its deltas.
+pub fn pose_costs(packed: &PackedMesh, source: Option<&MorphMesh>) -> Vec<PoseCost> {
+    let layout = packed.layout();
+    let vertices = moved(packed, source);
+    let targets_most = vertices.iter().map(|moved| moved.targets).max().unwrap_or(0);
+    let scale = scale(layout.diagonal);
     let relative = |length: f32| f64::from(length) / scale;
     let cost = |format: PoseFormat| {
         let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).pose(format);
-        let (grid, refused) = match desc.grid(layout) {
+        let (grid, refused) = match desc.check_for(layout).and_then(|()| desc.grid(layout)) {
             Ok(grid) => (grid, None),
             Err(e) => (None, Some(e.to_string())),
         };
+        let most = |of: &dyn Fn(&Moved) -> f64| vertices.iter().map(of).fold(0.0, f64::max);
+        let weights = |moved: &Moved| grid.map_or(0.0, |grid| f64::from(grid.weight_step()) / 2.0 * moved.length);
+        let float = float_rounding(&desc, layout);
+        let rounding = |moved: &Moved| grid.map_or(float, |grid| grid.position_error(moved.targets).into());
+        let whole = most(&|moved| moved.packing + weights(moved) + rounding(moved));
+        let errors = Errors::new([whole, most(&|moved| moved.packing), most(&weights), most(&rounding)], scale);
         let grid = grid.map(|grid| Grid {
             weight_bits: grid.weight_bits,
             weight_max: grid.weight_max,
@@ -57,7 +105,8 @@ pub fn pose_costs(layout: &PackedLayout) -> Vec<PoseCost> {
             rounding_error: grid.position_error(targets_most),
             rounding_error_rel: relative(grid.position_error(targets_most)),
         });
-        PoseCost { name: format.name(), vertex_bytes: format.stride(), grid, refused }
+        let most = refused.is_none().then_some(errors);
+        PoseCost { name: format.name(), vertex_bytes: format.stride(), grid, most, refused }
     };
     PoseFormat::ALL.into_iter().map(cost).collect()
 }
@@ -68,43 +117,47 @@ const ROUNDED_TOO_FAR: f64 = 2e-3;
 
 /// The format of 12 bytes that suits the mesh, with the reason.
 fn advice(costs: &[PoseCost]) -> Option<String> {
-    let cost = |format: PoseFormat| costs.iter().find(|cost| cost.name == format.name());
-    let error = |format| Some(sig3(cost(format)?.grid?.rounding_error_rel));
-    let [each, once] = [PoseFormat::Fixed16, PoseFormat::Rebuilt16].map(error);
-    let narrow = cost(PoseFormat::Fixed16)?.grid.filter(|grid| grid.rounding_error_rel <= ROUNDED_TOO_FAR);
-    Some(match (narrow, each, once?) {
-        (Some(_), Some(each), _) => format!("fixed16, which adds only what changes, and is off by {each} at most"),
-        (_, Some(each), once) => {
-            format!("rebuilt16, which is off by {once} at most, while fixed16 may be off by {each}")
+    let most = |format: PoseFormat| costs.iter().find(|cost| cost.name == format.name())?.most;
+    let once = sig3(most(PoseFormat::Rebuilt16)?.max_error_rel);
+    Some(match most(PoseFormat::Fixed16) {
+        Some(each) => {
+            let off = sig3(each.max_error_rel);
+            match each.rounding_error_rel <= ROUNDED_TOO_FAR {
+                true => format!("fixed16, which adds only what changes, and is off by {off} at most"),
+                false => format!("rebuilt16, which is off by {once} at most, while fixed16 may be off by {off}"),
+            }
         }
-        (_, None, once) => format!("rebuilt16, which is off by {once} at most; fixed16 is refused"),
+        None => format!("rebuilt16, which is off by {once} at most; fixed16 is refused"),
     })
 }
 
-/// The same as a table, next to the error of packing.
-pub fn pose_table(costs: &[PoseCost], packing_rel: f64) -> String {
-    let headings = ["poses", "bytes/vertex", "unit", "rounding at most", "packing", "normals' unit", "weights up to"];
-    let (mut table, mut refused) = (Table::new(&headings, 1), String::new());
-    for cost in costs {
-        let of_grid = |show: &dyn Fn(&Grid) -> String| cost.grid.as_ref().map_or("–".into(), show);
-        table.row([
-            cost.name.to_owned(),
-            cost.vertex_bytes.to_string(),
-            of_grid(&|grid| sig3(grid.position_unit_rel)),
-            of_grid(&|grid| sig3(grid.rounding_error_rel)),
-            sig3(packing_rel),
-            of_grid(&|grid| sig3(grid.normal_unit.into())),
-            of_grid(&|grid| format!("{} in steps of 2^-{}", grid.weight_max, grid.weight_bits)),
-        ]);
-        refused.extend(cost.refused.as_ref().map(|why| format!("\n{}: {why}", cost.name)));
-    }
+/// The same as a table.
+pub fn pose_table(costs: &[PoseCost]) -> String {
+    let of_grid = |cost: &PoseCost, show: &dyn Fn(&Grid) -> String| cost.grid.as_ref().map_or("–".into(), show);
+    let off = |cost: &PoseCost, part: fn(&Errors) -> f64| cost.most.map_or("–".into(), |most| sig3(part(&most)));
+    let columns: &[Column<'_, PoseCost>] = &[
+        ("poses", &|cost| cost.name.into()),
+        ("bytes/vertex", &|cost| cost.vertex_bytes.to_string()),
+        ("off at most", &|cost| off(cost, |most| most.max_error_rel)),
+        ("by packing", &|cost| off(cost, |most| most.packing_error_rel)),
+        ("by weights", &|cost| off(cost, |most| most.weights_error_rel)),
+        ("by rounding", &|cost| off(cost, |most| most.rounding_error_rel)),
+        ("unit", &|cost| of_grid(cost, &|grid| sig3(grid.position_unit_rel))),
+        ("normals' unit", &|cost| of_grid(cost, &|grid| sig3(grid.normal_unit.into()))),
+        ("weights up to", &|cost| {
+            of_grid(cost, &|grid| format!("{} in steps of 2^-{}", grid.weight_max, grid.weight_bits))
+        }),
+    ];
+    let table = Table::of(costs, columns);
+    let refused = costs.iter().filter_map(|cost| Some(format!("\n{}: {}", cost.name, cost.refused.as_ref()?)));
+    let refused: String = refused.collect();
     let most = costs.iter().find_map(|cost| cost.grid.as_ref()).map_or(String::new(), |grid| {
         let most = grid.targets_most;
-        format!(
-            "\nunit and errors of positions as fractions of the diagonal; rounding with {most} targets active at once, \
-                 as many as any vertex has; packing of each target at weight 1"
-        )
+        format!(", {most} targets at once, as many as move any vertex")
     });
     let advice = advice(costs).map_or(String::new(), |format| format!("\nin 12 bytes a vertex: {format}"));
-    format!("{table}{most}{advice}{refused}")
+    format!(
+        "{table}\nunit and distances from the source as fractions of the diagonal, at weights from 0 to 1{most}\
+         {advice}{refused}"
+    )
 }

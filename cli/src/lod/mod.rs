@@ -11,7 +11,7 @@ mod yee;
 use crate::args::lod::{LodArgs, Metric};
 use crate::args::values::name;
 use crate::input;
-use crate::output::{Failure, Output, to_json, write_file};
+use crate::output::{Failure, Output};
 use crate::runner::{Gpu, open};
 use deltamorph::BoundClip;
 use deltamorph::internals::weights::names::closest;
@@ -56,12 +56,7 @@ struct Point {
 }
 
 pub fn run(args: &LodArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
-    let others: Vec<_> = args.weights.iter().chain(&args.from).cloned().collect();
-    let files: Vec<_> = args.out.iter().map(|path| path.as_path()).collect();
-    out.check(&input::files_of(&args.input, &others), &files, None)?;
-    if args.out.is_some() && args.metric == Metric::All {
-        return Err(Failure::Usage("--out keeps one order; name one --metric".into()));
-    }
+    out.check(&input::files_of(&args.input, args.weights.as_slice()), &[], None)?;
     let input = input::load(&args.input, false, out)?;
     let names: Vec<&str> = input.kept.targets.iter().map(|t| t.name.as_str()).collect();
     if let Some(pin) = args.pin.iter().find(|pin| !names.iter().any(|name| is_pinned(name, std::slice::from_ref(pin))))
@@ -71,34 +66,17 @@ pub fn run(args: &LodArgs, device: Option<&DeviceChoice>, out: &Output) -> Resul
         return Err(Failure::Usage(text));
     }
     let clips = input::clips(args.weights.as_deref(), &args.input, &input, &[])?;
-    let from = args.from.as_ref().map(|path| Order::read(path, &names).map(|order| (path, order))).transpose()?;
-    let metrics = match &from {
-        None => args.metric.each(),
-        Some((path, order)) => {
-            vec![Metric::All.each().into_iter().find(|m| name(*m) == order.metric).ok_or_else(|| {
-                Failure::Failed(format!("{}: is by '{}', which is no metric here", path.display(), order.metric))
-            })?]
-        }
-    };
-    let pins = match &from {
-        Some((_, order)) => order.ranking.iter().filter(|r| r.pinned).map(|r| r.name.clone()).collect(),
-        None => args.pin.clone(),
-    };
+    let metrics = args.metric.each();
     let compares = metrics.iter().any(|m| m.is_of_pictures());
     let opened = if compares { Some(device_for_pictures(device, out)?) } else { None };
     let spinner = out.spinner("ranking");
     let path = args.input.input.as_deref();
     let shots = opened.as_ref().map(|gpu| Shots::new(gpu, &input, path, &clips));
-    let mut gauge = Gauge::new(&input, &clips, shots.transpose()?, args.random, args.input.seed, &pins);
+    let mut gauge = Gauge::new(&input, &clips, shots.transpose()?, args.random, args.input.seed, &args.pin);
     let scores = gauge.scores(&metrics)?;
-    let orders: Vec<Order> = match from {
-        Some((_, order)) => vec![order],
-        None => metrics.iter().zip(&scores).map(|(m, scores)| Order::new(&name(*m), &names, scores, &pins)).collect(),
-    };
+    let order = |(metric, scores): (&Metric, &Vec<f64>)| Order::new(&name(*metric), &names, scores, &args.pin);
+    let orders: Vec<Order> = metrics.iter().zip(&scores).map(order).collect();
     let curves = gauge.curves(&metrics, &orders)?;
-    if let (Some(path), Some(order)) = (&args.out, orders.first()) {
-        write_file(path, to_json(order)?)?;
-    }
     let measured = match clips.iter().map(BoundClip::frame_count).sum::<usize>() {
         0 => "each target by itself, since there is no clip".to_owned(),
         frames => format!("{frames} frames"),

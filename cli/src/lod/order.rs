@@ -1,12 +1,10 @@
-//! Orders of importance: pins first, then by score; their agreement; and their file.
+//! Orders of importance: pins first, then by score; and their agreement.
 
-use crate::output::Failure;
 use deltamorph::lod::{is_pinned, ranked};
-use serde::{Deserialize, Serialize};
-use std::path::Path;
+use serde::Serialize;
 
 /// A target in an order of importance.
-#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Ranked {
     pub name: String,
     /// In the unit of the metric; higher is more important.
@@ -15,8 +13,8 @@ pub struct Ranked {
     pub pinned: bool,
 }
 
-/// The file of `lod --out`, kept beside an asset: names of targets, the most important first.
-#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+/// Names of targets, the most important first.
+#[derive(Clone, Debug, Serialize)]
 pub struct Order {
     pub schema: u32,
     pub metric: String,
@@ -30,25 +28,6 @@ impl Order {
         let place = |t: usize| Ranked { name: names[t].into(), score: scores[t], pinned: pinned[t] };
         let ranking = ranked(scores, &pinned).into_iter().map(place).collect();
         Self { schema: 1, metric: metric.into(), ranking }
-    }
-
-    /// Reads the order at `path`, which has to rank each of the targets `names` once.
-    pub fn read(path: &Path, names: &[&str]) -> Result<Self, Failure> {
-        let text = std::fs::read_to_string(path).map_err(|e| Failure::io(path, "read", e))?;
-        let refuse = |why: String| Failure::Failed(format!("{}: {why}; write it anew with lod --out", path.display()));
-        let order: Self = serde_json::from_str(&text).map_err(|e| refuse(format!("is no ranking: {e}")))?;
-        if order.schema != 1 {
-            return Err(refuse(format!("has schema {}, and 1 is known", order.schema)));
-        }
-        let mut ranked: Vec<&str> = order.ranking.iter().map(|r| r.name.as_str()).collect();
-        let mut known = names.to_vec();
-        ranked.sort_unstable();
-        known.sort_unstable();
-        match known.iter().find(|name| ranked.binary_search(name).is_err()) {
-            Some(name) => Err(refuse(format!("does not rank the target '{name}'"))),
-            None if ranked != known => Err(refuse("ranks targets twice, or others than the mesh has".into())),
-            None => Ok(order),
-        }
     }
 
     /// Whether each of the targets `names` is among the first `kept`.

@@ -51,7 +51,7 @@ pub fn draw(scenery: &Scenery<'_>, output: &Path) -> Result<Done, Failure> {
     }
     bar.finish_and_clear();
     let what = format!("{} frames at {fps} frames per second", frames.len());
-    Ok(Done { what, size, frames: frames.len(), scale, kept: easel.kept() })
+    Ok(Done { what, size, frames: frames.len(), scale })
 }
 
 type All<'a> = dyn FnMut(&mut dyn FnMut(Canvas) -> bool) -> Result<(), Failure> + 'a;

@@ -4,7 +4,6 @@ use super::easel::Easel;
 use super::heat;
 use super::scenery::{Done, Scenery, bounds};
 use crate::output::Failure;
-use deltamorph_head::Rng;
 use glam::{Mat4, Vec3};
 use std::path::Path;
 
@@ -31,37 +30,16 @@ pub fn draw(scenery: &Scenery<'_>, heads: u32, output: &Path) -> Result<Done, Fa
         0 => format!("a crowd of {heads} heads"),
         _ => format!("a crowd of {heads} heads, {spared} of {} draws left out", draws + spared),
     };
-    Ok(Done { what, size, frames: 1, scale, kept: easel.kept() })
+    Ok(Done { what, size, frames: 1, scale })
 }
 
-/// Frames spread over the clip, the frame before each, and their numbers; without a clip, a few random targets each,
-/// and the base pose.
+/// Frames spread over the clip, the frame before each, and their numbers.
 fn expressions(scenery: &Scenery<'_>, heads: usize) -> Result<Expressions, Failure> {
-    let args = scenery.args;
-    if args.weights.is_some() || scenery.input.clips.len() == 1 || args.run.input.input.is_none() {
-        let (frames, _) = scenery.frames()?;
-        let at = |head: usize| head * frames.len() / heads;
-        let now = (0..heads).map(|head| frames[at(head)].clone());
-        let before = (0..heads).map(|head| frames[at(head).saturating_sub(1)].clone());
-        return Ok(([now.collect(), before.collect()], (0..heads).map(|head| Some(at(head))).collect()));
-    }
-    let mut rng = Rng::new(args.run.input.seed, 0);
-    let controls = scenery.input.targets();
-    let mut expression = |_| {
-        let mut settings = args.set.clone();
-        for _ in 0..controls.len().min(5) {
-            let name = controls[rng.below(controls.len())];
-            let weight = 0.2 + 0.6 * rng.unit();
-            // `--set` takes precedence.
-            if !args.set.iter().any(|(set, _)| set == name) {
-                settings.retain(|(set, _)| set != name);
-                settings.push((name.to_owned(), weight));
-            }
-        }
-        scenery.input.pose(&settings)
-    };
-    let poses: Result<Vec<_>, Failure> = (0..heads).map(&mut expression).collect();
-    Ok(([poses?, vec![vec![0.0; scenery.input.kept.targets.len()]; heads]], vec![None; heads]))
+    let (frames, _) = scenery.frames()?;
+    let at = |head: usize| head * frames.len() / heads;
+    let now = (0..heads).map(|head| frames[at(head)].clone());
+    let before = (0..heads).map(|head| frames[at(head).saturating_sub(1)].clone());
+    Ok(([now.collect(), before.collect()], (0..heads).map(|head| Some(at(head))).collect()))
 }
 
 /// Places in rows that fill the picture, each row behind and slightly above the one in front; instances turn slightly

@@ -5,11 +5,10 @@ use super::joints::Joints;
 use super::painted::Still;
 use super::scenery::Scenery;
 use crate::args::render::Normals;
-use crate::detail::{self, Detail, Kept};
 use crate::output::Failure;
 use deltamorph::UpdatePath;
 use deltamorph::after::NormalsDesc;
-use deltamorph_render::{Camera, HeadsDesc, Light, Scene, Show, Step, Studio};
+use deltamorph_render::{Camera, HeadsDesc, Light, Scene, Step, Studio};
 use glam::{Mat4, Vec3};
 
 /// Pictures in flight: the processor encodes and plans while the device draws.
@@ -29,10 +28,6 @@ pub struct Easel<'a> {
     still: Option<&'a Still>,
     pub scene: Scene,
     background: [f32; 4],
-    /// Number of targets that instances keep.
-    detail: Detail,
-    kept: Option<Kept>,
-    camera: detail::Camera,
 }
 
 impl<'a> Easel<'a> {
@@ -67,11 +62,7 @@ impl<'a> Easel<'a> {
         view.clip = Mat4::from_scale(Vec3::new(args.zoom, args.zoom, 1.0)) * view.clip;
         let [yaw, pitch, strength] = args.light;
         // `heat::prepare` sets the end of a scale.
-        let show = args.checker.map_or(args.look().show(1.0), |squares| Show::Checker(squares as f32));
-        let kept = match args.detail {
-            Detail::All => None,
-            Detail::Share(_) | Detail::Pixels(_) => Some(Kept::new(mesh, &subject.focus)?),
-        };
+        let show = args.look().show(1.0);
         Ok(Self {
             studio,
             frames: vec![None; places.len()],
@@ -80,23 +71,11 @@ impl<'a> Easel<'a> {
             still: subject.still.as_ref(),
             scene: Scene { view, light: Light { yaw, pitch, strength }, show },
             background: args.background.linear(),
-            detail: args.detail,
-            kept,
-            camera: detail::Camera {
-                eye: view.eye,
-                height: size[1] as f32 * args.zoom,
-                angle: camera.angle.to_radians(),
-            },
         })
     }
 
     /// Begins a picture of the instances with these weights. Returns the oldest picture if it had to wait for it.
     pub fn draw(&mut self, weights: &[&[f32]]) -> Result<Option<Canvas>, Failure> {
-        let mut weights: Vec<Vec<f32>> = weights.iter().map(|weights| weights.to_vec()).collect();
-        if let Some(kept) = &mut self.kept {
-            let units: Vec<f32> = self.places.iter().map(|place| kept.unit(&self.camera, place)).collect();
-            kept.apply(self.detail, &units, &mut weights)?;
-        }
         if let Some(joints) = self.joints {
             let heads = self.studio.heads();
             for (head, frame) in self.frames.iter().enumerate() {
@@ -107,7 +86,7 @@ impl<'a> Easel<'a> {
                 }
             }
         }
-        let finished = self.studio.draw(&weights, &self.places, &self.scene, self.background)?;
+        let finished = self.studio.draw(weights, &self.places, &self.scene, self.background)?;
         Ok(finished.map(Canvas::from))
     }
 
@@ -125,10 +104,5 @@ impl<'a> Easel<'a> {
     /// Number of draws in the last picture, and of draws culled because their instances are outside it.
     pub fn draws(&self) -> [usize; 2] {
         self.studio.draws()
-    }
-
-    /// The number of all targets, and the fewest and most that an instance kept in the last picture; `None`: all.
-    pub fn kept(&self) -> Option<(usize, [usize; 2])> {
-        self.kept.as_ref().map(Kept::of_all)
     }
 }

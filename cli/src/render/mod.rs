@@ -11,7 +11,7 @@ pub mod painted;
 pub mod scenery;
 
 use crate::args::render::{Look, RenderArgs};
-use crate::input::{self, Input};
+use crate::input;
 use crate::output::{Failure, Output, With, check_ending};
 use crate::runner::{Stage, open, updates};
 use deltamorph::UpdatePath;
@@ -51,11 +51,10 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
         Failure::Failed("a picture is drawn on a Vulkan device, and there is none; ./with-vulkan installs one".into())
     })?;
     let unposed = joints::file(args).is_some() && updates(&gpu, &args.run);
-    let mut input = input::load_split(&args.run.input, unposed, out)?;
+    let mut input = input::load_unposed(&args.run.input, unposed, out)?;
     if args.look() == Look::Wrinkles {
         input.add_masks()?;
     }
-    check_texcoords(args, &input)?;
     if args.run.update.named_poses().map_err(Failure::Usage)?.iter().any(|pose| pose.has_integers()) {
         // Poses have to hold the weights of the clip. Its notes are printed when it is drawn.
         let notes = input.out.take();
@@ -83,7 +82,7 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
         subject.focus.clone_from(&subject.whole);
     }
     let scenery = Scenery { args, input: &input, stage: &stage, gpu: &gpu, subject, joints, out };
-    let Done { mut what, size, frames, scale, kept } = match args.crowd {
+    let Done { mut what, size, frames, scale } = match args.crowd {
         Some(heads) => crowd::draw(&scenery, heads, output)?,
         None if args.clip.is_some() => clip::draw(&scenery, output)?,
         None => single(&scenery, output)?,
@@ -92,40 +91,14 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
         let share = f64::from(end) / crate::verify::scale(scenery.diagonal());
         what += &format!(", colours up to {end:.3e} ({share:.1e} of the diagonal)");
     }
-    if let Some((all, [fewest, most])) = kept {
-        let kept = if fewest == most { most.to_string() } else { format!("{fewest} to {most}") };
-        what += &format!(", {kept} of {all} targets kept");
-    }
     let file = output.display();
     let setup = stage.describe();
     out.say(format_args!("{file}: {what}, {} × {} pixels, through {setup}", size[0], size[1]));
     let more = json!({
         "schema": 1, "device": gpu.caps().name, "output": output.display().to_string(), "width": size[0],
         "height": size[1], "frames": frames, "scale": scale,
-        "kept": kept.map(|(_, kept)| kept),
     });
     out.json(&With { fields: stage.setup(), more })
-}
-
-/// Checks that a checker has a texture coordinate for each vertex.
-fn check_texcoords(args: &RenderArgs, input: &Input) -> Result<(), Failure> {
-    let mesh = &input.kept;
-    if args.checker.is_none() {
-        return Ok(());
-    }
-    if mesh.texcoords.is_empty() {
-        return Err(Failure::Failed(format!("{}: has no texture coordinates; leave --checker out", input.origin)));
-    }
-    let drawn = mesh.faces.render_vertices(mesh.vertex_count(), &mesh.texcoords)?.pose_vertices.len();
-    if drawn != mesh.vertex_count() {
-        let doubled = drawn - mesh.vertex_count();
-        let origin = &input.origin;
-        let what = "vertices with several texture coordinates, and a packed mesh stays as it is";
-        return Err(Failure::Failed(format!(
-            "{origin}: has {doubled} {what}; give the folder that it was packed from"
-        )));
-    }
-    Ok(())
 }
 
 fn single(scenery: &Scenery<'_>, output: &Path) -> Result<Done, Failure> {
@@ -140,5 +113,5 @@ fn single(scenery: &Scenery<'_>, output: &Path) -> Result<Done, Failure> {
     easel.picture(&[&weights])?.save(output)?;
     let active = weights.iter().filter(|w| **w != 0.0).count();
     let what = format!("{active} active of {} targets", weights.len());
-    Ok(Done { what, size, frames: 1, scale, kept: easel.kept() })
+    Ok(Done { what, size, frames: 1, scale })
 }

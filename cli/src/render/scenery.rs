@@ -36,8 +36,6 @@ pub struct Done {
     pub frames: usize,
     /// The end of the scale, if colours stand for values.
     pub scale: Option<f32>,
-    /// The number of all targets, and the fewest and most that an instance keeps; `None`: all.
-    pub kept: Option<(usize, [usize; 2])>,
 }
 
 /// The parts of a mesh, and those beside it.
@@ -137,11 +135,7 @@ impl Scenery<'_> {
             return Ok([self.input.pose(&args.set)?, rest()]);
         };
         let clip = input::clip(path, &args.run.input, self.input, &args.set)?;
-        let count = clip.frame_count();
-        if frame >= count {
-            let text = format!("has {count} frames, counted from 0; there is no frame {frame}");
-            return Err(Failure::Usage(format!("{}: {text}", path.display())));
-        }
+        input::check_frame(path, &clip, frame)?;
         Ok([clip.frame(frame)?, if frame > 0 { clip.frame(frame - 1)? } else { rest() }])
     }
 

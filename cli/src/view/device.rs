@@ -3,45 +3,35 @@
 
 use crate::output::Failure;
 use ash_window::{create_surface, enumerate_required_extensions};
-use deltamorph::ash::{self, ext, khr, vk};
-use deltamorph::{DeviceCaps, DeviceDesc, Error, ErrorKind, MorphEngine};
+use deltamorph::ash::{self, khr, vk};
+use deltamorph::{DeviceCaps, Error, ErrorKind, MorphEngine};
 pub use deltamorph_headless::Messages;
-use deltamorph_headless::{self as headless, DeviceChoice, Instance};
+use deltamorph_headless::{self as headless, DeviceChoice, Headless, Instance};
 use std::ffi::CStr;
 use std::ptr::null_mut;
-use std::slice::from_ref;
 use std::sync::Arc;
 use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle, RawDisplayHandle, RawWindowHandle};
 use winit::window::Window;
 
-/// A device that presents to a window. Everything created on it is dropped before it; the engine's share keeps it
-/// alive.
+/// A device that presents to a window. Everything created on it is dropped before it.
 pub struct Device {
-    pub engine: MorphEngine,
-    pub queue: vk::Queue,
-    pub family: u32,
     pub swapchains: khr::swapchain::Device,
-    owned: Arc<Owned>,
+    pub surface: Surface,
+    pub headless: Headless,
 }
 
-/// Handles that are destroyed together, in order.
-struct Owned {
-    device: ash::Device,
-    physical: vk::PhysicalDevice,
-    surface: vk::SurfaceKHR,
-    surfaces: khr::surface::Instance,
-    instance: Instance,
-    // The surface is destroyed before its window.
+/// The window's surface, which is destroyed before instance and window.
+pub struct Surface {
+    pub raw: vk::SurfaceKHR,
+    pub functions: khr::surface::Instance,
+    instance: Arc<Instance>,
     _window: Arc<Window>,
 }
 
-impl Drop for Owned {
+impl Drop for Surface {
     fn drop(&mut self) {
-        // SAFETY: created in `Device::new`, destroyed once; everything created on the device is gone: see `Device`.
-        unsafe {
-            self.device.destroy_device(None);
-            self.surfaces.destroy_surface(self.surface, None);
-        }
+        // SAFETY: created in `Device::new`, destroyed once; its swapchains are gone: see `Device`.
+        unsafe { self.functions.destroy_surface(self.raw, None) };
     }
 }
 
@@ -85,65 +75,39 @@ impl Device {
         let extensions = enumerate_required_extensions(display).map_err(|_| no_window(&[]))?;
         // SAFETY: the names are constants, terminated by NUL.
         let extensions: Vec<&CStr> = extensions.iter().map(|name| unsafe { CStr::from_ptr(*name) }).collect();
-        let instance = Instance::new(&extensions, validation).map_err(failure)?;
-        let surfaces = khr::surface::Instance::new(&instance.entry, &instance.raw);
-        // SAFETY: the handles are the window's, which outlives the surface (see `Owned`); the extensions are enabled.
-        let surface = unsafe { create_surface(&instance.entry, &instance.raw, display, handle, None) };
-        let surface = surface.map_err(failed(match display {
+        let instance = Arc::new(Instance::new(&extensions, validation).map_err(failure)?);
+        let functions = khr::surface::Instance::new(&instance.entry, &instance.raw);
+        // SAFETY: the handles are the window's, which outlives the surface; the extensions are enabled.
+        let raw = unsafe { create_surface(&instance.entry, &instance.raw, display, handle, None) };
+        let raw = raw.map_err(failed(match display {
             RawDisplayHandle::Xlib(_) => "vkCreateXlibSurfaceKHR",
             RawDisplayHandle::Xcb(_) => "vkCreateXcbSurfaceKHR",
             RawDisplayHandle::Wayland(_) => "vkCreateWaylandSurfaceKHR",
             _ => "vkCreate*SurfaceKHR",
         }))?;
-        let chosen =
-            choose(&instance, &surfaces, surface, (display, handle), choice).and_then(|(physical, family, caps)| {
-                let feedback = caps.transform_feedback.is_some();
-                let mut extensions = vec![khr::swapchain::NAME.as_ptr()];
-                extensions.extend(feedback.then_some(ext::transform_feedback::NAME.as_ptr()));
-                extensions.extend(caps.portability.then_some(khr::portability_subset::NAME.as_ptr()));
-                let mut captures = vk::PhysicalDeviceTransformFeedbackFeaturesEXT::default().transform_feedback(true);
-                let features = vk::PhysicalDeviceFeatures::default().shader_int64(caps.int64);
-                let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&[1.0])];
-                let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_features(&features);
-                let info = info.enabled_extension_names(&extensions);
-                let info = if feedback { info.push_next(&mut captures) } else { info };
-                // SAFETY: the physical device is the instance's; extensions and features were queried.
-                let device = unsafe { instance.raw.create_device(physical, &info, None) };
-                Ok((device.map_err(failed("vkCreateDevice"))?, physical, family, caps, features))
-            });
-        let (device, physical, family, caps, features) = chosen.inspect_err(|_| {
-            // SAFETY: created above, and not in use.
-            unsafe { surfaces.destroy_surface(surface, None) }
-        })?;
-        let owned = Arc::new(Owned { device, physical, surface, surfaces, instance, _window: window.clone() });
-        let desc = DeviceDesc::new(&owned.instance.raw, physical, &owned.device)
-            .transform_feedback_enabled(caps.transform_feedback.is_some())
-            .caps(Some(caps))
-            .enabled_features(features)
-            .debug_names(validation)
-            .owner(Some(owned.clone()));
-        // SAFETY: the handles belong together; the engine and everything created with it keep them alive.
-        let engine = unsafe { MorphEngine::new(&desc) }?;
-        let swapchains = khr::swapchain::Device::new(&owned.instance.raw, &owned.device);
-        // SAFETY: the device was created with this queue.
-        let queue = unsafe { owned.device.get_device_queue(family, 0) };
-        Ok(Self { engine, queue, family, swapchains, owned })
+        let surface = Surface { raw, functions, instance: instance.clone(), _window: window.clone() };
+        let (physical, family, caps) = choose(&surface, (display, handle), choice)?;
+        // SAFETY: device and family were chosen among the instance's.
+        let headless = unsafe { Headless::on(instance, physical, family, caps, &[khr::swapchain::NAME]) };
+        let headless = headless.map_err(failure)?;
+        let (instance, _, device) = headless.handles();
+        Ok(Self { swapchains: khr::swapchain::Device::new(instance, device), surface, headless })
+    }
+
+    pub fn engine(&self) -> &MorphEngine {
+        self.headless.engine()
     }
 
     pub fn raw(&self) -> &ash::Device {
-        &self.owned.device
+        self.headless.handles().2
     }
 
     pub fn instance(&self) -> &ash::Instance {
-        &self.owned.instance.raw
+        self.headless.handles().0
     }
 
     pub fn physical(&self) -> vk::PhysicalDevice {
-        self.owned.physical
-    }
-
-    pub fn surface(&self) -> (&khr::surface::Instance, vk::SurfaceKHR) {
-        (&self.owned.surfaces, self.owned.surface)
+        self.headless.handles().1
     }
 
     /// Waits until the device is idle. A lost device counts as idle.
@@ -152,39 +116,9 @@ impl Device {
         let _ = unsafe { headless::wait_idle(self.raw()) };
     }
 
-    /// Records with `f`, submits and waits.
-    pub fn run<R>(
-        &self,
-        pool: vk::CommandPool,
-        f: impl FnOnce(vk::CommandBuffer) -> deltamorph::Result<R>,
-    ) -> deltamorph::Result<R> {
-        let device = self.raw();
-        let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
-        let once = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-        // SAFETY: the buffer is new, submitted once, and freed when the queue is idle.
-        unsafe {
-            let cmd = device.allocate_command_buffers(&info).map_err(Error::vulkan("vkAllocateCommandBuffers"))?[0];
-            device.begin_command_buffer(cmd, &once).map_err(Error::vulkan("vkBeginCommandBuffer"))?;
-            let submit = vk::SubmitInfo::default().command_buffers(from_ref(&cmd));
-            let recorded = f(cmd);
-            let ended = device.end_command_buffer(cmd).map_err(Error::vulkan("vkEndCommandBuffer"));
-            let ran = recorded.and_then(|result| {
-                ended?;
-                let submitted = device.queue_submit(self.queue, from_ref(&submit), vk::Fence::null());
-                submitted.map_err(Error::vulkan("vkQueueSubmit"))?;
-                let waited = device.queue_wait_idle(self.queue).map_err(Error::vulkan("vkQueueWaitIdle"));
-                // If the wait fails for lack of memory, the work still runs: it may be dropped only once idle.
-                waited.inspect_err(|_| self.wait_idle())?;
-                Ok(result)
-            });
-            device.free_command_buffers(pool, &[cmd]);
-            ran
-        }
-    }
-
     /// Messages of the validation layers, including those from dropping the device.
     pub fn messages(&self) -> Arc<Messages> {
-        self.owned.instance.messages.clone()
+        self.surface.instance.messages.clone()
     }
 }
 
@@ -219,13 +153,11 @@ fn presents(
 
 /// Physical device, queue family with graphics and compute that can present to the surface, and limits.
 fn choose(
-    with_entry: &Instance,
-    surfaces: &khr::surface::Instance,
-    surface: vk::SurfaceKHR,
+    surface: &Surface,
     window: (RawDisplayHandle, RawWindowHandle),
     choice: Option<&DeviceChoice>,
 ) -> Result<(vk::PhysicalDevice, u32, DeviceCaps), Failure> {
-    let instance = &with_entry.raw;
+    let instance = &surface.instance.raw;
     // SAFETY: the instance is alive, and was created for Vulkan 1.1.
     let caps = unsafe { headless::devices(instance) }?;
     let matching = caps.into_iter().enumerate().filter(|(i, (_, c))| choice.is_none_or(|choice| choice.matches(*i, c)));
@@ -236,9 +168,9 @@ fn choose(
         // SAFETY: the device belongs to the instance.
         let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
         for (i, family) in (0u32..).zip(families) {
-            if family.queue_flags.contains(wanted) && presents(with_entry, physical, i, window) {
+            if family.queue_flags.contains(wanted) && presents(&surface.instance, physical, i, window) {
                 // SAFETY: as above; the driver supports surfaces of this kind.
-                let shows = unsafe { surfaces.get_physical_device_surface_support(physical, i, surface) };
+                let shows = unsafe { surface.functions.get_physical_device_surface_support(physical, i, surface.raw) };
                 if shows.map_err(failed("vkGetPhysicalDeviceSurfaceSupportKHR"))? {
                     return Ok(Some(i));
                 }

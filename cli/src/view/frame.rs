@@ -80,14 +80,14 @@ struct Frame {
 impl Frames {
     pub fn new(device: &Rc<Device>, format: vk::Format) -> Result<Self, Failure> {
         let raw = device.raw();
-        let pool = vk::CommandPoolCreateInfo::default().queue_family_index(device.family);
+        let pool = vk::CommandPoolCreateInfo::default().queue_family_index(device.headless.queue().1);
         let pool = pool.flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
         let queries = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP);
         let queries = queries.query_count(STAMPS * IN_FLIGHT as u32);
         // SAFETY: the device has this queue family; `drop` destroys everything.
         unsafe {
             let families = device.instance().get_physical_device_queue_family_properties(device.physical());
-            let bits = families[device.family as usize].timestamp_valid_bits;
+            let bits = families[device.headless.queue().1 as usize].timestamp_valid_bits;
             let pool = raw.create_command_pool(&pool, None).map_err(failed("vkCreateCommandPool"))?;
             let mask = u64::MAX.checked_shr(64 - bits).unwrap_or(0);
             let none = vk::QueryPool::null();
@@ -140,7 +140,7 @@ impl Frames {
                 let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
                 let read = raw.get_query_pool_results(self.queries, slot as u32 * STAMPS, &mut at, flags);
                 read.map_err(failed("vkGetQueryPoolResults"))?;
-                let tick = f64::from(self.device.engine.caps().timestamp_period) / 1e6;
+                let tick = f64::from(self.device.engine().caps().timestamp_period) / 1e6;
                 let ms = |from: usize, to: usize| Some((at[to].wrapping_sub(at[from]) & self.mask) as f64 * tick);
                 (sample.update_ms, sample.frame_ms) = (ms(0, 1), ms(0, 2));
                 sample.full = sample.full.map(|(bytes, _)| (bytes, ms(2, 3)));
@@ -194,7 +194,7 @@ impl Frames {
         // SAFETY: recorded above; the image was acquired with the semaphore that is waited for.
         unsafe {
             raw.end_command_buffer(cmd).map_err(failed("vkEndCommandBuffer"))?;
-            let submitted = raw.queue_submit(device.queue, &[submit], self.frames[slot].fence);
+            let submitted = raw.queue_submit(device.headless.queue().0, &[submit], self.frames[slot].fence);
             submitted.map_err(failed("vkQueueSubmit"))?;
         }
         self.frames[slot].running = Some(sample);
@@ -226,7 +226,7 @@ impl Frames {
         }
         // SAFETY: the buffer is recording on the engine's device, outside a render pass; frames are submitted once, in
         // order, after a wait for the one `IN_FLIGHT` ago. If submission fails, the window closes.
-        let took = unsafe { heads.drawn.update(&device.engine, cmd, slot, &[weights]) }?;
+        let took = unsafe { heads.drawn.update(device.engine(), cmd, slot, &[weights]) }?;
         self.stamp(slot, 1);
         let extent = swapchain.extent;
         let readable = swapchain.readable;

@@ -4,12 +4,13 @@ use super::device::Device;
 use crate::output::Failure;
 use crate::render::scenery::Subject;
 use deltamorph::after::SkinDesc;
-use deltamorph::ash::{self, vk};
+use deltamorph::ash::vk;
 use deltamorph::{
-    BatchSize, Crowd, CrowdDesc, DeltaFormat, GpuMesh, MorphEngine, MorphMesh, PackedMesh, UpdateDesc, UpdateMode,
-    UpdatePath, UpdateStats,
+    BatchSize, Crowd, CrowdDesc, DeltaFormat, GpuMesh, MorphMesh, PackedMesh, UpdateDesc, UpdateMode, UpdatePath,
+    UpdateStats,
 };
-use deltamorph_render::{self as render, HeadsDesc, Host, Step};
+use deltamorph_headless::Headless;
+use deltamorph_render::{self as render, HeadsDesc, Step};
 use std::sync::Arc;
 
 /// Frames in flight.
@@ -20,23 +21,6 @@ const AFTERGLOW: f32 = 0.88;
 const FULL_EVERY: u32 = 24;
 /// Most bytes of deltas for a full evaluation.
 const FULL_BYTES: usize = 1 << 30;
-
-/// A device, and the pool of the commands that are run at once.
-pub struct Pooled<'a>(pub &'a Device, pub vk::CommandPool);
-
-impl Host for Pooled<'_> {
-    fn engine(&self) -> &MorphEngine {
-        &self.0.engine
-    }
-
-    fn handles(&self) -> (&ash::Instance, vk::PhysicalDevice, &ash::Device) {
-        (self.0.instance(), self.0.physical(), self.0.raw())
-    }
-
-    fn run<R>(&self, record: impl FnOnce(vk::CommandBuffer) -> deltamorph::Result<R>) -> deltamorph::Result<R> {
-        self.0.run(self.1, record)
-    }
-}
 
 /// The instance.
 pub struct Heads {
@@ -52,7 +36,7 @@ pub struct Heads {
 impl Heads {
     /// Creates the instance, drawn into images of `format`; `skin` moves poses that are on the device.
     pub fn new(
-        host: &Pooled<'_>,
+        headless: &Headless,
         format: vk::Format,
         (mesh, subject): (&MorphMesh, &Subject),
         (packed, desc): (Arc<PackedMesh>, UpdateDesc),
@@ -69,7 +53,7 @@ impl Heads {
         };
         let layout = vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL;
         // SAFETY: the window waits, and drops targets and then the instance before the device.
-        let drawn = unsafe { render::Heads::new(host, (format, layout), mesh, &packed, &subject.parts, &heads) };
+        let drawn = unsafe { render::Heads::new(headless, (format, layout), mesh, &packed, &subject.parts, &heads) };
         let mut drawn = drawn?;
         if let Some(still) = &subject.still {
             drawn.set_still(&still.mesh, &still.parts)?;
@@ -90,8 +74,8 @@ pub struct Full {
 
 impl Full {
     /// `None` if the device lacks the path, or the deltas are too large to hold twice.
-    pub fn new(host: &Pooled<'_>, mesh: &MorphMesh) -> Result<Option<Self>, Failure> {
-        let engine = host.engine();
+    pub fn new(headless: &Headless, mesh: &MorphMesh) -> Result<Option<Self>, Failure> {
+        let engine = headless.engine();
         let bytes = mesh.vertex_count().saturating_mul(mesh.targets.len()).saturating_mul(24);
         let path = UpdatePath::Compute;
         if bytes > FULL_BYTES || mesh.targets.is_empty() || engine.caps().check_path(path).is_err() {
@@ -104,10 +88,8 @@ impl Full {
             engine.caps().batch_max(path, format).map_or(BatchSize::All, BatchSize::Targets)
         };
         let packed = PackedMesh::pack(mesh, &engine.pack_desc(format))?;
-        // SAFETY: `run` passes a recording buffer of the engine's device, and waits for it.
-        let mut uploaded = host.run(|cmd| unsafe { engine.upload(cmd, &packed) })?;
-        // SAFETY: the upload has finished.
-        unsafe { uploaded.release_staging() };
+        // SAFETY: `upload` passes a recording buffer of the engine's device, and waits for it.
+        let uploaded = headless.upload(|cmd| unsafe { engine.upload(cmd, &packed) })?;
         let update = UpdateDesc::new(path, batch).mode(UpdateMode::Rebuild);
         let desc = CrowdDesc::new(update).frames_in_flight(IN_FLIGHT as u32);
         let crowd = engine.create_crowd(&uploaded, &desc)?;
@@ -139,6 +121,6 @@ impl Full {
     ) -> Result<UpdateStats, Failure> {
         self.crowd.set_weights(0, weights)?;
         // SAFETY: the caller's obligations.
-        Ok(unsafe { device.engine.record_update(cmd, &mut self.crowd) }?.stats)
+        Ok(unsafe { device.engine().record_update(cmd, &mut self.crowd) }?.stats)
     }
 }

@@ -87,7 +87,9 @@ impl Painter {
     pub fn set_textures(&mut self, pool: vk::CommandPool, picture: &Picture) -> Result<(), Failure> {
         let Some(renderer) = &mut self.renderer else { return Ok(()) };
         let mut set = picture.set.iter();
-        set.try_for_each(|(id, delta)| renderer.set_texture(self.device.queue, pool, *id, delta).map_err(failed))
+        set.try_for_each(|(id, delta)| {
+            renderer.set_texture(self.device.headless.queue().0, pool, *id, delta).map_err(failed)
+        })
     }
 
     /// Frees textures that no frame uses any longer.

@@ -4,9 +4,7 @@ use super::command::Command;
 use super::panel::called;
 use super::state::State;
 use super::style::{DIM, INK};
-use egui::{
-    Align, FontId, Label, Layout, Rect, RichText, Sense, Slider, SliderClamping, TextStyle, Ui, UiBuilder, vec2,
-};
+use egui::{Align, Label, Layout, Rect, RichText, Sense, Slider, SliderClamping, Ui, UiBuilder, vec2};
 
 /// Height of a slider's row, the part of it that is its name, and the width of its number.
 const ROW: f32 = 22.0;
@@ -31,7 +29,7 @@ pub fn list(ui: &mut Ui, state: &State, done: &mut Vec<Command>) {
 fn row(ui: &mut Ui, state: &State, target: usize, done: &mut Vec<Command>) {
     let full = &state.names[target];
     let value = state.values[target];
-    let (rect, whole) = ui.allocate_exact_size(vec2(ui.available_width(), ROW), Sense::hover());
+    let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), ROW), Sense::hover());
     // The next ones are there, too, for the keyboard to go to.
     if !ui.is_rect_visible(rect.expand(6.0 * ROW)) {
         return;
@@ -40,11 +38,9 @@ fn row(ui: &mut Ui, state: &State, target: usize, done: &mut Vec<Command>) {
     let within = |rect: Rect| UiBuilder::new().max_rect(rect).layout(Layout::left_to_right(Align::Center));
     ui.scope_builder(within(left), |ui| {
         let colour = if value == 0.0 { DIM } else { INK };
-        let name = fitting(ui, full, left.width() - 8.0);
-        if name != *full {
-            whole.on_hover_text(full);
-        }
-        ui.add(Label::new(RichText::new(name).color(colour)).extend().selectable(false));
+        ui.set_max_width(left.width() - 8.0);
+        // Where it is cut off, egui shows all of it under the mouse.
+        ui.add(Label::new(RichText::new(full).color(colour)).truncate().selectable(false));
     });
     ui.scope_builder(within(right), |ui| {
         let mut weight = value;
@@ -57,22 +53,4 @@ fn row(ui: &mut Ui, state: &State, target: usize, done: &mut Vec<Command>) {
             done.push(Command::Set(full.clone(), weight));
         }
     });
-}
-
-/// The name, or as much of its beginning and end as fits: names differ there.
-fn fitting(ui: &Ui, name: &str, wide: f32) -> String {
-    let font: FontId = TextStyle::Body.resolve(ui.style());
-    let fits = |text: &str| ui.painter().layout_no_wrap(text.to_owned(), font.clone(), INK).size().x <= wide;
-    if fits(name) {
-        return name.to_owned();
-    }
-    let letters: Vec<char> = name.chars().collect();
-    let short = |kept: usize| {
-        let first = kept.div_ceil(2);
-        let last = kept / 2;
-        letters[..first].iter().chain(&['…']).chain(&letters[letters.len() - last..]).collect::<String>()
-    };
-    // The most letters that fit.
-    let counts: Vec<usize> = (0..letters.len()).collect();
-    short(counts.partition_point(|kept| fits(&short(*kept))).saturating_sub(1))
 }

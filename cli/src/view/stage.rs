@@ -3,7 +3,7 @@
 use super::command::Command;
 use super::device::{Device, Messages};
 use super::frame::{Drawn, Frames, Wanted};
-use super::heads::{Full, Heads, Pooled};
+use super::heads::{Full, Heads};
 use super::measured::Measured;
 use super::painter::{Painter, Picture};
 use super::panel::{self, About};
@@ -69,8 +69,8 @@ impl Stage {
         let frames = Frames::new(&device, format.format)?;
         let painter = Painter::new(&device, format.format)?;
         let subject = subject(state)?;
-        let heads = heads(&device, &frames, format, state, &subject, out)?;
-        let full = Full::new(&Pooled(&device, frames.pool), &state.input.kept)?;
+        let heads = heads(&device, format, state, &subject, out)?;
+        let full = Full::new(&device.headless, &state.input.kept)?;
         let context = Context::default();
         style::apply(&context, still);
         // SAFETY: the physical device is the instance's.
@@ -99,7 +99,7 @@ impl Stage {
     }
 
     pub fn device_name(&self) -> &str {
-        &self.device.engine.caps().name
+        &self.device.engine().caps().name
     }
 
     /// Path, format and poses, in words.
@@ -151,12 +151,12 @@ impl Stage {
 
     /// Recreates the instance as the state requires. After an error the old one stays.
     pub fn rebuild(&mut self, state: &State, out: &Output) -> Result<(), Failure> {
-        let heads = heads(&self.device, &self.frames, self.format, state, &self.subject, out)?;
+        let heads = heads(&self.device, self.format, state, &self.subject, out)?;
         self.frames.finish(&mut self.painter)?;
         self.device.wait_idle();
         // A full evaluation sums masks if the instance has them.
         if heads.mesh.groups().len() != self.heads.mesh.groups().len() {
-            self.full = Full::new(&Pooled(&self.device, self.frames.pool), &state.input.kept)?;
+            self.full = Full::new(&self.device.headless, &state.input.kept)?;
         }
         // Targets of the swapchain belong to the instance: they are dropped first.
         self.swapchain = None;
@@ -233,7 +233,7 @@ impl Stage {
 
     fn panel(&mut self, state: &State) -> (Picture, Vec<Command>, bool) {
         let input = self.ui.take_egui_input(&self.window);
-        let caps = self.device.engine.caps();
+        let caps = self.device.engine().caps();
         let paths: Vec<UpdatePath> = PATHS.into_iter().filter(|path| caps.check_path(*path).is_ok()).collect();
         let format = self.heads.mesh.layout().format;
         let about = About { device: &caps.name, paths: &paths, desc: self.heads.desc, format };
@@ -286,17 +286,16 @@ impl Drop for Stage {
 
 fn heads(
     device: &Device,
-    frames: &Frames,
     format: vk::SurfaceFormatKHR,
     state: &State,
     subject: &Subject,
     out: &Output,
 ) -> Result<Heads, Failure> {
     let mesh = &state.input.kept;
-    let packed = prepare(&state.run, &state.input, Some(&device.engine), out)?;
+    let packed = prepare(&state.run, &state.input, Some(device.engine()), out)?;
     let threads = state.run.update.threads.unwrap_or(0);
     let skin = state.skeleton().map(Joints::skin);
-    Heads::new(&Pooled(device, frames.pool), format.format, (mesh, subject), packed, skin, threads)
+    Heads::new(&device.headless, format.format, (mesh, subject), packed, skin, threads)
 }
 
 fn subject(state: &State) -> Result<Subject, Failure> {

@@ -68,7 +68,7 @@ impl State {
         let run = args.run.clone();
         let named = args.weights.as_deref();
         let skins = run.update.paths.first() != Some(&UpdatePath::Cpu);
-        let input = input::load_split(&run.input, skins, out)?;
+        let input = input::load_unposed(&run.input, skins, out)?;
         let joints = if skins { Joints::of(&run.input, &input)? } else { None };
         let first = named.or(input.clips.first().map(PathBuf::as_path));
         let clip = input::clips(first, &run.input, &input, &[])?.pop();

@@ -1,6 +1,6 @@
 //! The images of the window, and the objects to draw into each.
 
-use super::device::{Device, failed};
+use super::device::{Device, Surface, failed};
 use crate::output::Failure;
 use deltamorph::ash::vk;
 use deltamorph_render::{Heads, Target};
@@ -36,13 +36,13 @@ pub struct Shown {
 
 /// The format of the window's images.
 pub fn format(device: &Device) -> Result<vk::SurfaceFormatKHR, Failure> {
-    let (surfaces, surface) = device.surface();
+    let Surface { raw: surface, functions: surfaces, .. } = &device.surface;
     // SAFETY: the physical device was chosen for this surface.
-    let formats = unsafe { surfaces.get_physical_device_surface_formats(device.physical(), surface) };
+    let formats = unsafe { surfaces.get_physical_device_surface_formats(device.physical(), *surface) };
     let formats = formats.map_err(failed("vkGetPhysicalDeviceSurfaceFormatsKHR"))?;
     let find = |wanted| formats.iter().copied().find(|format| format.format == wanted);
     FORMATS.into_iter().find_map(find).ok_or_else(|| {
-        let name = &device.engine.caps().name;
+        let name = &device.engine().caps().name;
         Failure::Failed(format!("{name}: windows have no 8-bit sRGB format here; `deltamorph render` needs no window"))
     })
 }
@@ -57,9 +57,9 @@ impl Swapchain {
         size: [u32; 2],
         old: Option<Self>,
     ) -> Result<Option<Self>, Failure> {
-        let (surfaces, surface) = device.surface();
+        let Surface { raw: surface, functions: surfaces, .. } = &device.surface;
         // SAFETY: the physical device was chosen for this surface.
-        let can = unsafe { surfaces.get_physical_device_surface_capabilities(device.physical(), surface) };
+        let can = unsafe { surfaces.get_physical_device_surface_capabilities(device.physical(), *surface) };
         let can = can.map_err(failed("vkGetPhysicalDeviceSurfaceCapabilitiesKHR"))?;
         let Some(extent) = extent(&can, size) else { return Ok(None) };
         let most = if can.max_image_count == 0 { u32::MAX } else { can.max_image_count };
@@ -68,7 +68,7 @@ impl Swapchain {
         let opaque = [vk::CompositeAlphaFlagsKHR::OPAQUE, vk::CompositeAlphaFlagsKHR::INHERIT];
         let opaque = opaque.into_iter().find(|mode| can.supported_composite_alpha.contains(*mode));
         let info = vk::SwapchainCreateInfoKHR::default()
-            .surface(surface)
+            .surface(*surface)
             .min_image_count((can.min_image_count + 1).min(most))
             .image_format(format.format)
             .image_color_space(format.color_space)
@@ -111,7 +111,7 @@ impl Swapchain {
         let info = vk::PresentInfoKHR::default().wait_semaphores(from_ref(&waited));
         let info = info.swapchains(from_ref(&self.raw)).image_indices(from_ref(&at));
         // SAFETY: the image was acquired, and the work that signals the semaphore was submitted.
-        match unsafe { self.device.swapchains.queue_present(self.device.queue, &info) } {
+        match unsafe { self.device.swapchains.queue_present(self.device.headless.queue().0, &info) } {
             Ok(outgrown) => Ok(!outgrown),
             Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => Ok(false),
             Err(other) => Err(failed("vkQueuePresentKHR")(other)),

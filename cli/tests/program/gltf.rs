@@ -74,8 +74,8 @@ fn a_gltf_file_is_an_input_and_its_animations_are_clips() {
         ),
         (["apply", &face, "--weights", "nod #1", "--frame", "1", "-o", buffer], "is part of what is read"),
     ] {
-        let (_, text) = fails(&args);
-        assert!(text.contains(expected), "{text}");
+        let (code, text) = fails(&args);
+        assert!(code == 2 && text.contains(expected), "{code}: {text}");
     }
 }
 

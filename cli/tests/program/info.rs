@@ -11,7 +11,10 @@ fn its_json_keeps_its_contract() {
         ("/targets/0", "name moved moved_raw moved_raw_positions max_delta max_normal_delta"),
         ("/overlap", "union mean max"),
         ("/blocks", "size count incidence fill"),
-        ("/pose_formats/0", "name vertex_bytes grid refused"),
+        (
+            "/pose_formats/0",
+            "name vertex_bytes grid refused max_error_rel packing_error_rel weights_error_rel rounding_error_rel",
+        ),
         (
             "/pose_formats/2/grid",
             "weight_bits weight_max position_unit position_unit_rel normal_unit targets_most rounding_error \

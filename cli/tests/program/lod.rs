@@ -1,6 +1,6 @@
-//! `lod`: its JSON, pinned targets, the order's file, and errors.
+//! `lod`: its JSON, pinned targets, and errors.
 
-use crate::cli::{HEAD, fails, json, ok, refused, sample};
+use crate::cli::{HEAD, json, ok, refused, sample};
 use crate::data;
 
 fn listed(out: &serde_json::Value) -> Vec<String> {
@@ -9,11 +9,9 @@ fn listed(out: &serde_json::Value) -> Vec<String> {
 }
 
 #[test]
-fn an_order_loses_less_than_random_ones_and_is_kept_with_its_pins() {
+fn an_order_loses_less_than_random_ones_and_has_its_pins_first() {
     let folder = tempfile::tempdir().unwrap();
     let head = sample(folder.path());
-    let file = folder.path().join("head.lod.json");
-    let file = file.to_str().unwrap();
     for metric in ["mse", "hausdorff"] {
         let out = json(&["lod", &head, "--metric", metric, "--json", "-"]);
         assert_eq!((&out["schema"], &out["metric"]), (&1.into(), &metric.into()));
@@ -28,20 +26,15 @@ fn an_order_loses_less_than_random_ones_and_is_kept_with_its_pins() {
         }
         assert_eq!((curve[3]["error_rel"].as_f64(), curve[3]["error_random_rel"].as_f64()), (Some(0.0), Some(0.0)));
     }
-    let out = json(&["lod", &head, "--pin", "eyeBlink", "--out", file, "--json", "-"]);
+    let out = json(&["lod", &head, "--pin", "eyeBlink", "--json", "-"]);
     assert!(listed(&out)[..2].iter().all(|name| name.starts_with("eyeBlink")), "{out}");
-    assert_eq!(json(&["lod", &head, "--from", file, "--json", "-"]), out);
-    assert!(ok(&["lod", &head, "--from", file]).contains("yes"));
+    assert!(ok(&["lod", &head, "--pin", "eyeBlink"]).contains("yes"));
     refused(&["lod", &head, "--pin", "nothing"], 2, "--pin nothing: no target of");
-    let (_, text) = fails(&[&["lod", "--from", file], &["--vertices", "1200", "--targets", "13"][..]].concat());
-    assert!(text.contains("head.lod.json: does not rank the target"), "{text}");
 }
 
 #[test]
 #[ignore = "a minute: .ci/deep"]
 fn all_metrics_rank_all_targets_and_say_how_far_they_agree() {
-    let folder = tempfile::tempdir().unwrap();
-    let order = folder.path().join("order.json");
     let all = json(&[&["lod", "--metric", "all", "--random", "1", "--json", "-"], &HEAD[..]].concat());
     let rankings = all["rankings"].as_array().unwrap();
     let metrics: Vec<&str> = rankings.iter().map(|r| r["metric"].as_str().unwrap()).collect();
@@ -52,11 +45,6 @@ fn all_metrics_rank_all_targets_and_say_how_far_they_agree() {
         assert!(ranking["ranking"][0]["score"].as_f64().unwrap() > 0.0, "{ranking}");
     }
     assert_eq!(all["agreement"].as_array().unwrap().len(), 10);
-    refused(
-        &[&["lod", "--metric", "all", "--out", order.to_str().unwrap()], &HEAD[..]].concat(),
-        2,
-        "--out keeps one order",
-    );
 }
 
 #[test]

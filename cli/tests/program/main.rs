@@ -9,6 +9,7 @@ mod data;
 
 mod bench;
 mod commands;
+mod errors;
 mod far;
 mod gltf;
 mod info;

@@ -39,13 +39,13 @@ fn play_keeps_its_contract_on_every_path() {
         let summary = &out["summary"];
         has(summary, "frames changed_mean bytes_moved_mean gpu_ms_median max_error max_error_rel");
         has(summary, "path format accumulate pose slots error_budget bound gpu_ms_mean cpu_us_median dense_bytes_mean");
-        has(summary, "bytes_share normal_error_deg raw_error_rel request_error_rel");
+        has(summary, "bytes_share normal_error_deg packing_error_rel weights_error_rel rounding_error_rel");
         let sum: u64 = frames.iter().map(|f| f["bytes_moved"].as_u64().unwrap()).sum();
         assert!((summary["bytes_moved_mean"].as_f64().unwrap() - sum as f64 / 24.0).abs() < 1.0);
         let changed = |f: &Value| f["changed"].as_u64().unwrap();
         let dense: u64 = frames.iter().filter(|f| changed(f) > 0).map(|f| (changed(f) + 2) * 24 * 1200).sum();
         assert!((summary["dense_bytes_mean"].as_f64().unwrap() - dense as f64 / 24.0).abs() < 1.0);
-        let [error, bound] = ["max_error_rel", "bound_rel"].map(|field| summary[field].as_f64().unwrap());
+        let [error, bound] = ["rounding_error_rel", "bound_rel"].map(|field| summary[field].as_f64().unwrap());
         let is_patient = summary["error_budget"] != 0.0;
         assert!((is_patient || error <= bound + 3e-6) && bound < 1e-4, "{summary}");
         moved.push(summary["bytes_share"].as_f64().unwrap());
@@ -71,7 +71,7 @@ fn a_device_plays_and_plans_a_clip() {
     assert_eq!((&summary["animated"], &told["animated"]), (&true.into(), &false.into()));
     assert_eq!((&summary["path"], &summary["accumulate"]), (&"blocks".into(), &"exact".into()));
     // The requested frames are shown, up to rounding of the clock.
-    let request = |summary: &Value| summary["request_error_rel"].as_f64().unwrap();
+    let request = |summary: &Value| summary["max_error_rel"].as_f64().unwrap();
     assert!(request(summary) < request(told) + 2e-6, "{summary} {told}");
     refused(&["play", &dir, "--animated", "--path", "cpu"], 2, "--animated");
 }
@@ -139,7 +139,7 @@ fn bad_arguments_exit_with_2_and_failures_with_1() {
     ] {
         check(&["play", &dir, option, several], 2, &[&format!("{option}: play takes one; name one of them")]);
     }
-    check(&["play", &dir, "--weights", "none.csv", "--path", "cpu"], 1, &["none.csv"]);
+    check(&["play", &dir, "--weights", "none.csv", "--path", "cpu"], 2, &["none.csv", "; clips of", "head_30fps.csv"]);
     check(&["play", &dir, "--path", "cpu", "--format", "float32", "--accumulate", "exact"], 2, &["fixed32", "'fast'"]);
     check(&["play", &dir, "--path", "compute", "--format", "small"], 2, &["--format", "float32 or snorm16"]);
     check(&["play", &dir, "--accumulate", "float", "--pose", "fixed16"], 2, &["contradict each other", "fixed16"]);

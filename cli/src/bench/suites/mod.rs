@@ -2,7 +2,6 @@
 //! techniques are compared, each frame draws every instance once after the update: a technique may save time in one and
 //! lose it in the other.
 
-mod chapter;
 mod crowd;
 mod faces;
 mod techniques;
@@ -27,9 +26,6 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let asked = |suite| args.suites.contains(&suite) || args.suites.contains(&SuiteChoice::All);
     // Checked before anything is measured: an unusable data set must not cost earlier measurements.
     let clips = if asked(SuiteChoice::Clips) { techniques::captured(&mut session)? } else { vec![] };
-    if asked(SuiteChoice::Chapter) {
-        session.suite("chapter", SECONDS, |session| chapter::run(session, input))?;
-    }
     if asked(SuiteChoice::Crowd) {
         session.suite("crowd", SECONDS, crowd::run)?;
     }
