@@ -9,6 +9,7 @@ use crate::table::{bytes, sig3, thousands};
 use deltamorph::import::{self, packed};
 use deltamorph::{Asset, DeltaFormat, PackDesc, WeightClip};
 use serde::Serialize;
+use std::sync::Arc;
 
 /// The JSON of `pack`. Fields may be added, never renamed.
 #[derive(Serialize)]
@@ -58,7 +59,8 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
         kept.filter_map(|clip| input.unless_bad(import::open_clip(clip, args.input.fps))).collect();
     packed::write(&args.output, &asset, &clips)?;
     let file_bytes = args.output.metadata().map_err(|e| Failure::io(&args.output, "read", e))?.len();
-    let layout = asset.mesh.layout();
+    let mesh = Arc::new(asset.mesh);
+    let layout = mesh.layout();
     let Some(index) = &layout.blocks else { return Ok(()) }; // `Asset::pack` takes no other format
     let facts = Packed {
         schema: 1,
@@ -74,7 +76,7 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
         file_bytes,
         clips: clips.len(),
         cost: Cost::of(layout, index.error()),
-        pose_formats: pose_costs(&asset.mesh, Some(&input.raw)),
+        pose_formats: pose_costs(&mesh, Some(&input.raw)),
     };
     out.say(text(&facts));
     out.json(&facts)

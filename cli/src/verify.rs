@@ -5,7 +5,7 @@ use crate::runner::{Frame, Runner, Setup, Stage};
 use crate::table::{sig3, thousands};
 use deltamorph::packed::PoseGrid;
 use deltamorph::reference::{SHORTEST_NORMAL, angle_degrees, compare, evaluate, evaluate_unpacked};
-use deltamorph::{MorphMesh, POSE_FLOATS, PackedLayout, PackedMesh, PoseError, UpdateDesc, UpdateStats};
+use deltamorph::{CpuCrowd, MorphMesh, POSE_FLOATS, PackedLayout, PackedMesh, PoseError, UpdateDesc, UpdateStats};
 use glam::DVec3;
 use serde::Serialize;
 use std::sync::Arc;
@@ -123,10 +123,17 @@ pub fn scale(diagonal: f32) -> f64 {
     if diagonal > 0.0 { f64::from(diagonal) } else { 1.0 }
 }
 
-/// Bound on the position error of float32 poses, in input units.
-pub fn float_rounding(desc: &UpdateDesc, layout: &PackedLayout) -> f64 {
-    let relative = if layout.blocks.is_some() { f64::from(desc.tolerance) } else { POSITION_BOUND };
-    relative * scale(layout.diagonal)
+/// Bound on the position error of float32 poses at weights up to 1, in input units.
+pub fn float_rounding(desc: &UpdateDesc, mesh: &Arc<PackedMesh>) -> deltamorph::Result<f64> {
+    let layout = mesh.layout();
+    let scale = scale(layout.diagonal);
+    if layout.blocks.is_none() {
+        return Ok(POSITION_BOUND * scale);
+    }
+    let mut crowd = CpuCrowd::new(mesh.clone(), *desc, 1, 1)?;
+    crowd.set_weights(0, &vec![1.0; layout.targets.len()])?;
+    // Updates take blocks to the tolerance, or to twice the bound of their evaluation in full.
+    Ok((f64::from(desc.tolerance) * scale).max(2.0 * f64::from(crowd.update().bound)))
 }
 
 /// The error bounds of a path on a mesh.
@@ -366,7 +373,7 @@ impl<'a> Checks<'a> {
 mod tests {
     use super::*;
     use deltamorph::mesh::SourceTarget;
-    use deltamorph::{BatchSize, CpuCrowd, DeltaFormat, MorphSource, PackDesc, PoseFormat, Tolerance, UpdatePath};
+    use deltamorph::{BatchSize, DeltaFormat, MorphSource, PackDesc, PoseFormat, Tolerance, UpdatePath};
     use glam::Vec3;
 
     #[test]

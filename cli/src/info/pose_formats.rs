@@ -5,6 +5,7 @@ use crate::verify::{Errors, float_rounding, scale};
 use deltamorph::{BatchSize, MorphMesh, PackedMesh, PoseFormat, UpdateDesc, UpdatePath};
 use glam::DVec3;
 use serde::Serialize;
+use std::sync::Arc;
 
 /// A pose format on a packed mesh, in the JSON of `info` and `pack`. Fields may be added, never renamed.
 #[derive(Clone, Debug, Serialize)]
@@ -77,7 +78,7 @@ fn moved(packed: &PackedMesh, source: Option<&MorphMesh>) -> Vec<Moved> {
 }
 
 /// A row for each pose format; `source`: the mesh that was packed, with all of its deltas.
-pub fn pose_costs(packed: &PackedMesh, source: Option<&MorphMesh>) -> Vec<PoseCost> {
+pub fn pose_costs(packed: &Arc<PackedMesh>, source: Option<&MorphMesh>) -> Vec<PoseCost> {
     let layout = packed.layout();
     let vertices = moved(packed, source);
     let targets_most = vertices.iter().map(|moved| moved.targets).max().unwrap_or(0);
@@ -85,13 +86,18 @@ pub fn pose_costs(packed: &PackedMesh, source: Option<&MorphMesh>) -> Vec<PoseCo
     let relative = |length: f32| f64::from(length) / scale;
     let cost = |format: PoseFormat| {
         let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).pose(format);
-        let (grid, refused) = match desc.check_for(layout).and_then(|()| desc.grid(layout)) {
-            Ok(grid) => (grid, None),
-            Err(e) => (None, Some(e.to_string())),
+        let bounds = || -> deltamorph::Result<_> {
+            desc.check_for(layout)?;
+            let grid = desc.grid(layout)?;
+            let float = if grid.is_some() { 0.0 } else { float_rounding(&desc, packed)? };
+            Ok((grid, float))
+        };
+        let (grid, float, refused) = match bounds() {
+            Ok((grid, float)) => (grid, float, None),
+            Err(e) => (None, 0.0, Some(e.to_string())),
         };
         let most = |of: &dyn Fn(&Moved) -> f64| vertices.iter().map(of).fold(0.0, f64::max);
         let weights = |moved: &Moved| grid.map_or(0.0, |grid| f64::from(grid.weight_step()) / 2.0 * moved.length);
-        let float = float_rounding(&desc, layout);
         let rounding = |moved: &Moved| grid.map_or(float, |grid| grid.position_error(moved.targets).into());
         let whole = most(&|moved| moved.packing + weights(moved) + rounding(moved));
         let errors = Errors::new([whole, most(&|moved| moved.packing), most(&weights), most(&rounding)], scale);

@@ -12,7 +12,7 @@ const FLOAT: f64 = 1e-6;
 /// The base position of a vertex, or where a target has it: each moves two thirds of the vertices.
 fn position(vertex: usize, target: Option<usize>) -> [f32; 3] {
     let base = [(vertex % 8) as f32, (vertex / 8) as f32, 0.0];
-    let Some(target) = target.filter(|target| (vertex + target) % 3 != 0) else { return base };
+    let Some(target) = target.filter(|target| !(vertex + target).is_multiple_of(3)) else { return base };
     let angle = (5 * target + 3 * vertex) as f32;
     let by = [angle.sin(), angle.cos(), (2.0 * angle).sin()].map(|part| 0.07 * part);
     std::array::from_fn(|i| base[i] + by[i])
