@@ -15,7 +15,6 @@ mod plan;
 mod technique;
 
 pub use group::WorkList;
-pub(crate) use group::check_tolerance;
 pub use group::{GroupPlan, Item};
 pub(crate) use plan::BlockState;
 pub use plan::Planner;
