@@ -307,7 +307,8 @@ pub struct UpdateArgs {
     /// Kind of sums: float names float32 poses, exact names fixed32 poses (and the integer sums of scatter)
     #[arg(help_heading = POSES, long, value_name = "SUMS,…", value_delimiter = ',')]
     pub accumulate: Vec<Sums>,
-    /// Largest error from rounding in float32 poses, as a fraction of the diagonal
+    /// Bound on errors of float32 poses from rounding, as a fraction of the diagonal, above which a block is evaluated
+    /// in full; where that alone may round more, as of hundreds of active targets, the bound is what it leaves
     #[arg(help_heading = POSES, long, value_name = "FRACTION", default_value_t = 1e-5, value_parser = values::positive)]
     pub drift: f32,
     /// Defer changes until they would move a vertex this far (block formats): a length in input units, or a fraction
@@ -334,7 +335,8 @@ pub struct PackArgs {
     #[arg(help_heading = PACKED, long, value_name = "DEGREES", default_value_t = 0.5, value_parser = values::positive)]
     pub normal_error: f32,
     /// Largest absolute weight that fixed-point poses must hold; a smaller one gives finer steps
-    /// [default: 1 in fixed16 and rebuilt16; in fixed32 4, or what a .dmorph file was packed with]
+    /// [default: 1 or the largest of the clip in fixed16, rebuilt16, and in fixed32 where steps would be coarse; else 4
+    /// there, or what a .dmorph file was packed with]
     #[arg(help_heading = PACKED, long, value_name = "WEIGHT", value_parser = values::positive)]
     pub weight_max: Option<f32>,
 }

@@ -6,6 +6,7 @@ use crate::args::values::{BatchSpec, expand_batches, format_on, name};
 use crate::args::{PackArgs, RunArgs};
 use crate::input::Input;
 use crate::output::{Failure, Output};
+use deltamorph::packed::PoseGrid;
 use deltamorph::{
     AnimatedCrowd, AnimationDesc, AnyCrowd, BatchSize, BlockDesc, CpuCrowd, CrowdDesc, DeltaFormat, Error, MorphEngine,
     PackDesc, PackedLayout, PackedMesh, Playback, PoseFormat, Repeat, UpdateDesc, UpdatePath, UpdateStats, WeightClip,
@@ -414,29 +415,27 @@ pub fn prepare(
     let (narrow, largest) = (desc, input.largest.get());
     let desc = reaching(narrow, largest, mesh.layout());
     if let (Ok(Some(before)), Ok(Some(after))) = (narrow.grid(mesh.layout()), desc.grid(mesh.layout()))
-        && before.weight_max != after.weight_max
+        && before.weight_max < after.weight_max
     {
         let (pose, by) = (desc.pose.name(), after.units[0] / before.units[0]);
         let steps = if by == 1.0 { String::new() } else { format!(" in steps {by} times as long") };
         out.note(format_args!("weights up to {largest}: {pose} poses hold them{steps}"));
     }
-    let exact = desc.pose(PoseFormat::Fixed32);
-    let desc = match desc.check_for(mesh.layout()) {
-        Ok(()) => desc,
-        Err(e) if pose.is_none() && exact.check_for(mesh.layout()).is_ok() => {
-            out.note(format_args!("{e}; taking exact sums in fixed32 poses (--drift and --pose choose)"));
-            exact
-        }
-        Err(e) => return Err(Failure::Usage(format!("{e}; see --drift, --pose and --weight-max"))),
-    };
+    desc.check_for(mesh.layout()).map_err(|e| Failure::Usage(format!("{e}; see --pose and --weight-max")))?;
     Ok((mesh, desc))
 }
 
-/// `desc` with poses that hold weights up to `largest`, unless it states what they hold.
+/// Weights in fewer bits are too coarse, if poses that hold smaller weights have more.
+const WEIGHT_BITS: u32 = 14;
+
+/// `desc` with poses that hold weights up to `largest`, unless it states what they hold; and no more than 1 or that,
+/// where holding more would make the steps of weights coarse.
 pub fn reaching(desc: UpdateDesc, largest: f32, layout: &PackedLayout) -> UpdateDesc {
-    let wider = desc.weight_max(Some(largest));
-    match (desc.grid(layout), desc.weight_max, wider.grid(layout)) {
-        (Ok(Some(default)), None, Ok(Some(_))) if largest > default.weight_max => wider,
+    let fitted = desc.weight_max(Some(largest.max(1.0)));
+    let suffices = |grid: &PoseGrid| largest <= grid.weight_max && grid.weight_bits >= WEIGHT_BITS;
+    let default = desc.grid(layout).ok().flatten().filter(suffices);
+    match fitted.grid(layout) {
+        Ok(Some(_)) if desc.weight_max.is_none() && default.is_none() => fitted,
         _ => desc,
     }
 }

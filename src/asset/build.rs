@@ -1,5 +1,6 @@
 //! Conversion of a source to a mesh ([`MorphSource::to_mesh`]), with its checks.
 
+use super::extent::extent;
 use super::normals::{Deformer, Surface};
 use super::render::{check_welds, copies, copy_deltas};
 use super::streams::Measure;
@@ -19,7 +20,8 @@ const WELD: &str =
 impl MorphSource {
     /// Checks the source, drops deltas within `tolerance`, and computes missing normals.
     ///
-    /// A vertex stays in a target if its position delta is longer than `tolerance.position × diagonal` or its normal
+    /// A vertex stays in a target if its position delta is longer than `tolerance.position × diagonal`
+    /// ([`MorphMesh::diagonal`]) or its normal
     /// delta longer than `tolerance.normal`. A position delta within the tolerance becomes exactly zero even if the
     /// vertex stays for its normal.
     ///
@@ -47,11 +49,11 @@ impl MorphSource {
         // Needed even if normals are stated, when a target has none: its delta is between two computed normals.
         let incomplete = self.normals.is_none() || self.targets.iter().any(|t| t.normals.is_none());
         let surface = incomplete.then(|| Surface::new(&faces, &self.positions));
-        let diagonal = diagonal(&self.positions);
-        if !diagonal.is_finite() {
+        if !diagonal(&self.positions).is_finite() {
             let what = format!("{}: the bounding box is larger than a single-precision number", self.name);
             return Err(Error::invalid(what, "scale the mesh down"));
         }
+        let diagonal = extent(&self.positions, &self.faces, &self.targets);
         let shortest = f64::from(tolerance.position) * f64::from(diagonal);
 
         let still = StreamDeltas::default();
@@ -74,6 +76,8 @@ impl MorphSource {
             copies.iter().for_each(|&(copy, of)| computed[copy as usize] = computed[of as usize]);
             computed
         });
+        let mut notes = self.notes.clone();
+        notes.extend(self.emptied(&targets, shortest));
         Ok(MorphMesh {
             name: self.name.clone(),
             positions: self.positions.clone(),
@@ -86,8 +90,26 @@ impl MorphSource {
             targets,
             diagonal,
             tolerance,
-            notes: self.notes.clone(),
+            notes,
         })
+    }
+
+    /// A note that names the targets of which the tolerance, a length, left nothing.
+    fn emptied(&self, kept: &[MorphTarget], shortest: f64) -> Option<String> {
+        let states = |target: &SourceTarget| {
+            let normals = target.normals.as_ref().is_some_and(|normals| !normals.is_empty());
+            normals || !target.positions.is_empty() || target.streams.iter().any(|deltas| !deltas.vertices.is_empty())
+        };
+        let is_empty = |target: &MorphTarget| {
+            target.vertices.is_empty() && target.streams.iter().all(|deltas| deltas.vertices.is_empty())
+        };
+        let emptied = self.targets.iter().zip(kept).filter(|(source, kept)| states(source) && is_empty(kept));
+        let names: Vec<&str> = emptied.map(|(source, _)| source.name.as_str()).collect();
+        let (first, more) = (names.first()?, names.len() - 1);
+        let others = if more > 0 { format!(" and {more} more") } else { String::new() };
+        Some(format!(
+            "target '{first}'{others}: within the tolerance everywhere (positions move {shortest:.1e} at most), so left empty"
+        ))
     }
 
     /// Checks everything that [`to_mesh`](Self::to_mesh) refuses.

@@ -103,7 +103,7 @@ pub struct MorphSource {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Tolerance {
-    /// Length of a position delta, as a fraction of the bounding-box diagonal (≥ 0).
+    /// Length of a position delta, as a fraction of [`MorphMesh::diagonal`] (≥ 0).
     pub position: f32,
     /// Length of a normal delta (≥ 0; 0.001 is about 0.06°).
     pub normal: f32,
@@ -181,7 +181,9 @@ pub struct MorphMesh {
     pub welds: Vec<u32>,
     /// The targets, in the order of the source.
     pub targets: Vec<MorphTarget>,
-    /// Length of the bounding-box diagonal of the base pose, in input units.
+    /// The length that tolerances and errors are fractions of, in input units: the bounding-box diagonal of the base
+    /// pose, or of the smallest part of it that targets move, if there are several far apart. A part is connected by
+    /// faces, with what lies within half its size of it. What no target moves does not count: a floor, a vertex far off.
     pub diagonal: f32,
     /// The tolerance that was applied.
     pub tolerance: Tolerance,

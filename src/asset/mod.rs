@@ -2,6 +2,7 @@
 
 mod arrays;
 mod build;
+mod extent;
 mod mesh;
 pub(crate) mod normals;
 mod render;

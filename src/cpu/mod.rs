@@ -128,8 +128,7 @@ impl CpuCrowd {
     /// # Errors
     /// Errors of [`UpdateDesc::check`]; a path other than [`UpdatePath::Cpu`](crate::plan::UpdatePath::Cpu); threads
     /// that cannot be started; not enough memory for the poses. Dense formats: an error budget, or fixed-point poses of
-    /// float32 deltas. Block formats: fixed-point poses that could overflow, or a tolerance that rounding alone
-    /// exceeds.
+    /// float32 deltas. Block formats: fixed-point poses that could overflow.
     pub fn new(mesh: Arc<PackedMesh>, desc: UpdateDesc, instances: u32, threads: usize) -> Result<Self> {
         desc.check_all(mesh.layout(), Runner::Cpu)?;
         let layout = mesh.layout();

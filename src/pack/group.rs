@@ -139,7 +139,7 @@ pub struct PackedLayout {
     pub vertex_count: usize,
     /// Dense formats: vertices per chunk, a multiple of 64. The last chunk holds the remainder.
     pub chunk_vertices: usize,
-    /// Length of the base pose's bounding-box diagonal, in input units.
+    /// The length that errors are fractions of ([`MorphMesh::diagonal`](crate::MorphMesh::diagonal)), in input units.
     pub diagonal: f32,
     /// Origin of positions, in input units: 0, unless the mesh was [recentred](crate::MorphMesh::recentre).
     ///

@@ -1,6 +1,5 @@
 //! Device requirements of update paths, and the checks of an [`UpdateDesc`]: by itself, for a mesh, and for its runner.
 
-use super::blocks::check_tolerance;
 use crate::abi::kernels::batch_max;
 use crate::abi::numbers::{DENSE_BATCH_MAX, WORKGROUP};
 use crate::abi::push::attribute_push_bytes;
@@ -77,8 +76,7 @@ impl UpdateDesc {
     /// Checks the description for a mesh of this `layout`.
     ///
     /// # Errors
-    /// Errors of [`check`](Self::check), and of [`PackedLayout::grid`] for fixed-point poses. Block formats with
-    /// float32 poses: a tolerance that rounding exceeds in a rebuild with all weights 1.
+    /// Errors of [`check`](Self::check), and of [`PackedLayout::grid`] for fixed-point poses.
     pub fn check_for(&self, layout: &PackedLayout) -> Result<()> {
         self.check_all(layout, Runner::Unknown)
     }
@@ -106,10 +104,7 @@ impl UpdateDesc {
         if layout.blocks.is_none() {
             self.check_dense(layout.format.name())?;
         }
-        let has_grid = self.grid(layout)?.is_some();
-        if let Some(index) = layout.blocks.as_ref().filter(|_| !has_grid) {
-            check_tolerance(self.tolerance, layout, index)?;
-        }
+        self.grid(layout)?;
         if let Runner::Animated(_) = runner { self.check_animated(layout) } else { Ok(()) }
     }
 

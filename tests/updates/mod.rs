@@ -4,6 +4,7 @@ mod bounds;
 mod clamps;
 mod fixed16;
 mod integers;
+mod many_targets;
 mod readback;
 mod real_data;
 mod tunings;

@@ -122,7 +122,8 @@ pub struct DmMeshInfo {
     pub index_count: u32,
     /// `DM_DELTAS_…`, storage of the deltas.
     pub delta_format: u32,
-    /// Length of the base pose's bounding-box diagonal, in input units.
+    /// The length that errors are fractions of, in input units: the bounding-box diagonal of the base pose, or of the
+    /// smallest part of it that targets move, if there are several far apart.
     pub diagonal: f32,
     /// Zero.
     pub reserved: u32,

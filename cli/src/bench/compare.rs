@@ -28,7 +28,7 @@ impl CellRecord {
         // Other techniques only: not `blocks` in other pose formats.
         let others = || on_device().filter(|r| r.path != OURS);
         let named = |technique: &str| on_device().find(|r| r.technique == technique);
-        // In fixed-point poses, where float32 poses would drift too far.
+        // In another pose format where float32 has no row.
         let ours = named(OURS).or_else(|| fastest(on_device().filter(|r| r.path == OURS)));
         let other = fastest(others());
         let mean = |run: &RunRecord| run.time().map_or(f64::INFINITY, |t| t.mean);

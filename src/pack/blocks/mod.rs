@@ -37,7 +37,8 @@ pub const BLOCK_SIZES: [u32; 3] = [32, 64, 128];
 pub struct BlockDesc {
     /// Vertices per block, one of [`BLOCK_SIZES`]. `None`: 32 for `small`, else 64.
     pub size: Option<u32>,
-    /// Largest error of a position delta (a length), as a fraction of the bounding-box diagonal; positive. Formats with
+    /// Largest error of a position delta (a length), as a fraction of
+    /// [`MorphMesh::diagonal`](crate::MorphMesh::diagonal); positive. Formats with
     /// a fixed number of bits exceed it if a target moves further than they reach; [`BlockIndex::error`] is the
     /// measured error.
     pub position_error: f32,

@@ -89,7 +89,7 @@ fn exercise(asset: &Asset) {
     let mesh = Arc::new(asset.mesh.clone());
     for pose in PoseFormat::ALL {
         let desc = UpdateDesc { pose, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
-        // Rounding may exceed the tolerance if deltas are large, and sums could overflow: an error says so.
+        // Sums could overflow: an error says so.
         let Ok(mut crowd) = CpuCrowd::new(mesh.clone(), desc, 1, 1) else { continue };
         for weight in [1.0, -0.5] {
             // A weight beyond the grid's largest is an error.

@@ -2,7 +2,8 @@
 //!
 //! A block is written if a changed target touches it, or if it is stale in the next slot; a stale block is copied and
 //! updated at once. Each block of each instance starts from the current pose or, if that moves no more bytes, from the
-//! base pose. It also starts from the base pose if the bound on accumulated [`rounding`] would exceed the tolerance.
+//! base pose. It also starts from the base pose if the bound on accumulated [`rounding`] would exceed the tolerance, or,
+//! where a rebuild alone exceeds it, twice what the last one left.
 
 use super::group::{GroupPlan, Item, rounding};
 use super::plan::BlockState;
@@ -44,8 +45,12 @@ impl BlockState {
             if rebuilt {
                 (listed, reach) = self.list_active(index, *unit, block, &mut list.elements[first..]);
                 deltas = sum.active_bytes;
-                self.blocks[block].bound = rounding(magnitude, listed, reach);
-                if exceeded {
+                let fresh = rounding(magnitude, listed, reach);
+                self.blocks[block].bound = fresh;
+                if fresh > *tolerance {
+                    // The next rebuild would leave about as much: wait until as much again has come up.
+                    self.blocks[block].limit = 2.0 * fresh;
+                } else if exceeded {
                     self.blocks[block].limit = *tolerance;
                 }
             } else if touched {

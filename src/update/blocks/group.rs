@@ -2,7 +2,7 @@
 //! update writes.
 
 use crate::abi::worklist::Element;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::pack::blocks::{BlockIndex, PoseGrid};
 use crate::pack::{PackedLayout, PoseFormat};
 use crate::plan::{UpdateDesc, UpdateStats};
@@ -66,7 +66,7 @@ pub struct GroupPlan {
     pub(super) unit: Unit,
     /// Whether a stream is measured as a length.
     pub(super) has_lengths: bool,
-    /// Largest drift bound of a block, as a length; infinite for fixed-point poses.
+    /// Drift bound above which a block is rebuilt, as a length; infinite for fixed-point poses.
     pub(super) tolerance: f32,
     pub(super) scratch: Scratch,
 }
@@ -199,23 +199,4 @@ pub(super) fn rounding(magnitude: f32, entries: u32, sum: f32) -> f32 {
 /// Unit of tolerances: the diagonal, or 1 if that is 0.
 pub(super) fn length_unit(layout: &PackedLayout) -> f32 {
     if layout.diagonal > 0.0 { layout.diagonal } else { 1.0 }
-}
-
-/// Checks that rounding stays within the tolerance in a rebuild with all weights 1.
-pub(crate) fn check_tolerance(tolerance: f32, layout: &PackedLayout, index: &BlockIndex) -> Result<()> {
-    let fresh = (0..index.count()).map(|b| {
-        let reach = index.block_reach[b];
-        rounding(index.block_base[b] + reach, index.entries(b).len() as u32, reach)
-    });
-    let least = fresh.fold(0.0, f32::max) / length_unit(layout);
-    if least <= tolerance {
-        return Ok(());
-    }
-    Err(Error::invalid(
-        format!(
-            "a drift of at most {tolerance:.1e} of the diagonal: rounding alone may move a vertex by {least:.1e} when \
-             all weights are 1"
-        ),
-        "allow more drift, or use fixed32 poses",
-    ))
 }

@@ -15,7 +15,6 @@ mod plan;
 mod technique;
 
 pub use group::WorkList;
-pub(crate) use group::check_tolerance;
 pub use group::{GroupPlan, Item};
 pub use plan::{BlockState, Planner};
 pub use technique::BlocksTechnique;

@@ -175,6 +175,25 @@ fn blocks_are_refreshed_before_their_bound_passes_the_tolerance_and_not_all_at_o
 }
 
 #[test]
+fn a_tolerance_that_a_rebuild_exceeds_does_not_cause_rebuilds_in_every_update() {
+    let mut weights = [0.5; TARGETS];
+    let mut fresh = one(packed(DeltaFormat::Fast, 32), float(1e-9));
+    weights.fill(1.5);
+    let least = fresh.step(&weights).1.bound;
+    let mut one = one(packed(DeltaFormat::Fast, 32), float(1e-9));
+    let mut rebuilt = 0;
+    let mut written = 0;
+    for frame in 0..600u32 {
+        weights[frame as usize % TARGETS] = 0.5 + (frame * 7 % 16) as f32 / 16.0;
+        let (_, stats) = one.step(&weights);
+        assert!(stats.bound > 0.0 && stats.bound <= 2.0 * least, "frame {frame}: {stats:?}, {least} at the least");
+        rebuilt += stats.rebuilt_blocks;
+        written += stats.dirty_blocks;
+    }
+    assert!(rebuilt > 0 && 4 * rebuilt < written, "{rebuilt} of {written}");
+}
+
+#[test]
 fn small_changes_are_deferred_and_settle() {
     let budget = 0.05;
     let mut one = one(packed(DeltaFormat::Small, 32), UpdateDesc { error_budget: budget, ..float(1e-4) });

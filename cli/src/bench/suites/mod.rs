@@ -39,7 +39,6 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     if asked(SuiteChoice::Constant) {
         let constant = techniques::constant(&session)?;
         session.suite("constant", 0.5, |session| {
-            // Float32 poses of so many dense targets at once would drift too far, and are refused.
             let poses = [PoseFormat::Float32, PoseFormat::Fixed32];
             let all = techniques::all(session, &UpdatePath::ALL, &poses);
             techniques::run(session, constant, &[1], &all)
