@@ -50,7 +50,7 @@ pub struct MeshInfo {
     pub origin: String,
     pub vertices: usize,
     pub targets: usize,
-    /// Polygons count as fans of triangles.
+    /// A polygon of n corners counts as n − 2.
     pub triangles: usize,
     /// Length of the bounding-box diagonal, in input units.
     pub diagonal: f32,

@@ -110,7 +110,7 @@ impl Model {
         (base, padded, block): ((vk::Buffer, u64), usize, u32),
     ) -> Result<Self> {
         let count = mesh.vertex_count();
-        let render = mesh.faces.render_vertices(count, &mesh.texcoords)?;
+        let render = mesh.faces.render_vertices(&mesh.positions, &mesh.texcoords)?;
         let mut indices = vec![];
         let mut drawn = vec![];
         for part in parts {

@@ -31,11 +31,6 @@ impl Faces {
         self.sizes.iter().map(move |&n| rest.split_off(..n as usize).unwrap_or_default())
     }
 
-    /// Returns the position indices of the faces, cut into triangle fans.
-    pub fn triangles(&self) -> Vec<[u32; 3]> {
-        self.iter().flat_map(|f| f.windows(2).skip(1).map(|w| [f[0].position, w[0].position, w[1].position])).collect()
-    }
-
     /// Checks that every face has three corners or more, and every index is within `positions` and `texcoords`.
     pub(crate) fn check(&self, positions: usize, texcoords: usize) -> Result<()> {
         let refuse = |what: String| Err(Error::invalid(what, "repair the face list"));

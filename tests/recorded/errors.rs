@@ -63,7 +63,7 @@ fn what_is_no_mesh_is_refused() {
     says(torn.split(), "vertex 4294967295");
     says(torn.weld(), "vertex 4294967295");
     let short = refused(&|s| s.faces.sizes[0] = 2, "corners");
-    says(short.faces.render_vertices(count, &short.texcoords), "corners");
+    says(short.faces.render_vertices(&short.positions, &short.texcoords), "corners");
 }
 
 #[test]

@@ -116,7 +116,7 @@ fn check_texcoords(args: &RenderArgs, input: &Input) -> Result<(), Failure> {
     if mesh.texcoords.is_empty() {
         return Err(Failure::Failed(format!("{}: has no texture coordinates; leave --checker out", input.origin)));
     }
-    let drawn = mesh.faces.render_vertices(mesh.vertex_count(), &mesh.texcoords)?.pose_vertices.len();
+    let drawn = mesh.faces.render_vertices(&mesh.positions, &mesh.texcoords)?.pose_vertices.len();
     if drawn != mesh.vertex_count() {
         let doubled = drawn - mesh.vertex_count();
         let origin = &input.origin;

@@ -103,7 +103,8 @@ fn no_target_pushes_a_part_through_another() {
     names.sort_unstable();
     names.dedup();
     let part = |k: usize| -> (Vec<usize>, Vec<[u32; 3]>) {
-        let triangles = source.faces.triangles().into_iter().filter(|t| piece[t[0] as usize] == names[k]);
+        let triangles =
+            source.faces.triangles(&source.positions).into_iter().filter(|t| piece[t[0] as usize] == names[k]);
         ((0..piece.len()).filter(|&v| piece[v] == names[k]).collect(), triangles.collect())
     };
     let [skin, left, right, upper, lower, tongue] = std::array::from_fn(part);
