@@ -5,6 +5,7 @@ use crate::error::{Error, Result};
 use crate::math::far_middle;
 use crate::setters::setters;
 use glam::{Vec2, Vec3};
+use unicode_normalization::UnicodeNormalization;
 
 /// One corner of a face: indices into positions and texture coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -226,9 +227,9 @@ impl MorphMesh {
         self.streams.iter().position(|stream| stream.semantic == semantic)
     }
 
-    /// Returns the index of the target called `name`.
+    /// Returns the index of the target called `name`, in any Unicode form.
     pub fn target_index(&self, name: &str) -> Option<usize> {
-        self.targets.iter().position(|t| t.name == name)
+        self.targets.iter().position(|t| t.name == name || t.name.nfc().eq(name.nfc()))
     }
 
     /// Makes positions relative to the middle of the mesh if it is far from 0. Poses gain precision, since the rounding

@@ -9,6 +9,7 @@ use crate::error::{Error, Result};
 use crate::math::angle_degrees;
 use glam::Vec3;
 use std::sync::Arc;
+use unicode_normalization::UnicodeNormalization;
 
 /// Six components per vertex, with their deltas, in the layout for upload that [`PackedMesh`](super::PackedMesh)
 /// describes.
@@ -257,9 +258,10 @@ impl PackedLayout {
         Ok(())
     }
 
-    /// Index of the first target called `name`. A linear search: to set weights every frame, look it up once.
+    /// Index of the first target called `name`, in any Unicode form. A linear search: to set weights every frame, look
+    /// it up once.
     pub fn target_index(&self, name: &str) -> Option<usize> {
-        self.targets.iter().position(|target| target.name == name)
+        self.targets.iter().position(|target| target.name == name || target.name.nfc().eq(name.nfc()))
     }
 
     /// Converts a pose from pose-buffer order, with padding, to the user's vertex order, without padding. Missing
