@@ -80,7 +80,7 @@ fn close(corners: u32, triangles: &mut Vec<[u32; 3]>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DVec3;
+    use glam::{DVec3, Quat};
     use proptest::prelude::*;
 
     /// A polygon whose corners are positions in order.
@@ -89,13 +89,10 @@ mod tests {
         Faces { sizes: vec![corners.len() as u32], corners }
     }
 
-    /// The areas of a polygon's triangles along its normal, and its own.
-    fn areas(positions: &[Vec3]) -> (Vec<f64>, f64) {
-        let faces = polygon(positions.len());
-        let whole = area_vector(&faces.corners, positions);
+    /// Twice the areas of triangles, along their normals.
+    fn areas(triangles: &[[u32; 3]], positions: &[Vec3]) -> Vec<DVec3> {
         let place = |i: u32| positions[i as usize].as_dvec3();
-        let area = |[a, b, c]: [u32; 3]| (place(b) - place(a)).cross(place(c) - place(a)).dot(whole.normalize());
-        (faces.triangles(positions).into_iter().map(area).collect(), whole.length())
+        triangles.iter().map(|&[a, b, c]| (place(b) - place(a)).cross(place(c) - place(a))).collect()
     }
 
     #[test]
@@ -112,37 +109,41 @@ mod tests {
     }
 
     proptest! {
-        /// A comb of `teeth`, with further corners on its edges, turned and moved.
+        /// A comb of `teeth`, with further corners on its edges, turned.
         #[test]
         fn any_polygon_is_covered_once_and_keeps_its_edges(
             teeth in prop::collection::vec(0.1f32..3.0, 2..9),
-            between in 0usize..3,
-            at in 0usize..9,
+            steps in 1usize..4,
+            first in 0usize..9,
             turn in prop::array::uniform3(-3.0f32..3.0),
-            far in 0.0f32..10.0,
         ) {
-            let up = teeth.iter().enumerate().rev().flat_map(|(i, &height)| {
+            let mut outline = vec![[0.0, -1.0], [2.0 * teeth.len() as f32, -1.0]];
+            for (i, &height) in teeth.iter().enumerate().rev() {
                 let x = 2.0 * i as f32;
-                [Vec3::new(x + 1.0, height, 0.0), Vec3::new(x, height, 0.0), Vec3::new(x, 0.0, 0.0), Vec3::new(x - 1.0, 0.0, 0.0)]
-            });
-            let width = 2.0 * teeth.len() as f32 - 1.0;
-            let outline: Vec<Vec3> = [Vec3::new(-1.0, -1.0, 0.0), Vec3::new(width, -1.0, 0.0), Vec3::new(width, 0.0, 0.0)].into_iter().chain(up).collect();
-            let next = outline.iter().cycle().skip(1);
-            let edge = |(a, b): (&Vec3, &Vec3)| (0..=between).map(|k| a.lerp(*b, k as f32 / (between + 1) as f32)).collect::<Vec<_>>();
-            let mut corners: Vec<Vec3> = outline.iter().zip(next).flat_map(edge).collect();
-            let count = corners.len();
-            corners.rotate_left(at % count);
-            let turn = glam::Quat::from_scaled_axis(Vec3::from_array(turn));
-            corners.iter_mut().for_each(|corner| *corner = turn * *corner + Vec3::splat(far));
-            let (parts, whole) = areas(&corners);
-            prop_assert_eq!(parts.len(), count - 2);
-            prop_assert!(parts.iter().all(|part| *part > -1e-4), "{:?}", parts);
-            prop_assert!((parts.iter().sum::<f64>() / whole - 1.0).abs() < 1e-4, "{:?} of {}", parts, whole);
-            // Wherever corners go, the area vector of the triangles is that of the polygon: no edge is left open.
-            let bent: Vec<Vec3> = (0..count).map(|i| Vec3::new((i * i) as f32, (i % 7) as f32, (i % 5) as f32)).collect();
-            let place = |i: u32| bent[i as usize].as_dvec3();
-            let sum: DVec3 = polygon(count).triangles(&corners).into_iter().map(|[a, b, c]| (place(b) - place(a)).cross(place(c) - place(a))).sum();
-            prop_assert!((sum - area_vector(&polygon(count).corners, &bent)).length() < 1e-6 * sum.length().max(1.0));
+                outline.extend([[x + 2.0, 0.0], [x + 1.0, 0.0], [x + 1.0, height], [x, height]]);
+            }
+            let turn = Quat::from_scaled_axis(turn.into());
+            let outline: Vec<Vec3> = outline.into_iter().map(|[x, y]| turn * Vec3::new(x, y, 7.0)).collect();
+            let corner = |i: usize| {
+                let from = outline[i / steps % outline.len()];
+                from.lerp(outline[(i / steps + 1) % outline.len()], (i % steps) as f32 / steps as f32)
+            };
+            let count = outline.len() * steps;
+            let corners: Vec<Vec3> = (first..first + count).map(corner).collect();
+            let polygon = polygon(count);
+            let triangles = polygon.triangles(&corners);
+            prop_assert_eq!(triangles.len(), count - 2);
+            let normal = area_vector(&polygon.corners, &corners).normalize();
+            let parts = areas(&triangles, &corners);
+            prop_assert!(parts.iter().all(|part| part.dot(normal) > -1e-4), "{:?}", parts);
+            // Wherever corners go, the areas add up to that of the polygon: no edge is left open.
+            let bent = |i: usize| Vec3::new((i * i) as f32, (i % 7) as f32, (i % 5) as f32);
+            let bent: Vec<Vec3> = (0..count).map(bent).collect();
+            for positions in [&corners, &bent] {
+                let sum: DVec3 = areas(&triangles, positions).into_iter().sum();
+                let whole = area_vector(&polygon.corners, positions);
+                prop_assert!((sum - whole).length() < 1e-6 * whole.length(), "{} of {}", sum, whole);
+            }
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Weight clips from CSV: a header of target names, then one row of weights per frame.
 //!
-//! The frame rate is given by the caller, or stated by a column of times, or part of the file's name (`walk_30fps.csv`).
+//! The frame rate is given by the caller, or stated by a column of times, or part of the file's name
+//! (`walk_30fps.csv`).
 
 mod times;
 
@@ -339,6 +340,7 @@ mod tests {
                 .collect::<String>()
         };
         for (header, rows, fps) in [
+            ("viseme_S,time_s\n", "0,0\n0.5,0.25\n1,0.5\n".to_owned(), 4.0),
             ("time(s),a\n", "0,0\n2,1\n4,2\n".to_owned(), 0.5),
             ("timestamp_ms,a\n", "5,0\n38,1\n72,2\n105,3\n".to_owned(), 30.0),
             ("Time;a\n", "1,25;0\n1,5;1\n1,75;2\n".to_owned(), 4.0),

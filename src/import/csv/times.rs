@@ -3,9 +3,6 @@
 /// Frames per second of timecode, of which one is that of a clip: the least that has all frame numbers.
 const RATES: [f64; 9] = [24.0, 25.0, 30.0, 48.0, 50.0, 60.0, 90.0, 100.0, 120.0];
 
-/// Most frames that a row becomes where rows are not evenly spaced.
-const FRAMES_PER_ROW: usize = 4;
-
 /// A cell of a column of times.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Time {
@@ -34,7 +31,8 @@ impl Time {
 
 /// Whether a column of this name holds times.
 pub(super) fn is_time(name: &str) -> bool {
-    name.to_lowercase().contains("time") || is_seconds(name)
+    let name = name.to_lowercase();
+    name.contains("time") || ["sec", "secs", "second", "seconds"].contains(&name.as_str())
 }
 
 /// Whether the name says that times are in seconds, as in `time(s)`.
@@ -82,8 +80,9 @@ pub(super) fn frame_rate(name: &str, times: &[Time], columns: usize, values: &mu
         return Some(fps);
     }
     steps.sort_unstable_by(f64::total_cmp);
+    // The usual step, but at most four frames for a row.
     let usual = ((last - first) / steps[steps.len() / 2]).round() as usize;
-    let count = usual.clamp(1, FRAMES_PER_ROW * steps.len());
+    let count = usual.clamp(1, 4 * steps.len());
     let mut row = 0;
     let mut frames = Vec::with_capacity((count + 1) * columns);
     for frame in 0..=count {
@@ -94,7 +93,7 @@ pub(super) fn frame_rate(name: &str, times: &[Time], columns: usize, values: &mu
         let span = times[row + 1] - times[row];
         let part = if span > 0.0 { ((time - times[row]) / span).clamp(0.0, 1.0) as f32 } else { 1.0 };
         let [from, to] = [row, row + 1].map(|row| &values[row * columns..][..columns]);
-        frames.extend(from.iter().zip(to).map(|(from, to)| from + (to - from) * part));
+        frames.extend(from.iter().zip(to).map(|(from, to)| from * (1.0 - part) + to * part));
     }
     *values = frames;
     rate(count)

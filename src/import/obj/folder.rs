@@ -10,7 +10,7 @@ use glam::{DVec3, Vec3};
 use std::path::{Path, PathBuf};
 use unicode_normalization::UnicodeNormalization;
 
-/// Mean way of all vertices, as a part of the diagonal, from which on a target is remarked on: those of faces move less.
+/// Mean way of all vertices, as a part of the diagonal, from which on a target is remarked on. Expressions move less.
 const FAR_FROM: f64 = 0.1;
 
 /// How many times as long as on the base the edges of a target may be altogether, at the same size, if its faces do not
@@ -28,8 +28,8 @@ const STRETCH: f64 = 2.0;
 ///
 /// Normals are per position. If the corners of a position state several (a hard edge), they are averaged by face area.
 /// Base normals are brought to unit length, and normal deltas scaled with them. If the neutral has no normals, or has
-/// them in some faces only, the source has none; the normals of a target that lacks any are computed from its surface, by
-/// [`to_mesh`](MorphSource::to_mesh).
+/// them in some faces only, the source has none; the normals of a target that lacks any are computed from its surface,
+/// by [`to_mesh`](MorphSource::to_mesh).
 ///
 /// # Errors
 /// [`Error::Io`] for a file or folder that cannot be read; [`Error::Input`] for one that is missing or not OBJ (a pipe

@@ -1,6 +1,6 @@
 //! Reads OBJ text into arrays, in the file's order.
 //!
-//! Crates that read OBJ number vertices anew, have no line numbers in their errors, and refuse a file for one bad normal.
+//! Crates that read OBJ number vertices anew, have no line numbers in errors, and refuse a file for one bad normal.
 
 use crate::asset::{Corner, Faces};
 use crate::error::{Error, Result};
@@ -160,17 +160,10 @@ impl Scan<'_> {
         let text = self.text(rest)?;
         let mut words = text.split_whitespace();
         let stated = Vec3::from_array(self.numbers(0, 3, &mut words)?);
-        let weight = words.next();
-        let position = match (weight, words.count()) {
-            (None, _) => stated,
-            (Some(weight), 0) => stated / self.number(weight)?,
-            // A colour, with or without opacity.
-            (Some(_), 2 | 3) => stated,
-            (Some(_), more) => {
-                let n = 4 + more;
-                let what = format!("a vertex with {n} numbers, 3 expected (or 4 with a weight, 6 with a colour)");
-                return Err(self.error(what, EXPORT_AGAIN));
-            }
+        // One more number is a weight, several are a colour.
+        let position = match words.next() {
+            Some(weight) if words.next().is_none() => stated / self.number(weight)?,
+            _ => stated,
         };
         if !position.is_finite() {
             let what = format!("the vertex '{}' is not one of finite numbers of single precision", short(text.trim()));
@@ -239,11 +232,8 @@ impl Scan<'_> {
             } else if k > 0 {
                 self.lost += 1;
             } else {
-                let what = match index {
-                    0 => "vertex index 0, but OBJ counts from 1".to_owned(),
-                    1.. => format!("vertex index {index}, but the file has {limit} 'v' lines"),
-                    _ => format!("vertex index {index}, but only {limit} 'v' lines come before it"),
-                };
+                let place = if index < 0 { " before it" } else { "" };
+                let what = format!("vertex index {index}, but there are {limit} 'v' lines{place}, counted from 1");
                 return Err(self.error(what, EXPORT_AGAIN));
             }
         }
