@@ -160,9 +160,9 @@ fn header(text: &str) -> (usize, u8) {
     let mut first = "";
     for line in text.split_inclusive(['\n', '\r']) {
         let words = line.trim();
-        let separator = words.get(..4).filter(|word| word.eq_ignore_ascii_case("sep="));
-        if separator.is_some() {
-            stated = line.trim_start().bytes().nth(4).filter(|b| b.is_ascii() && !b"\r\n\"#".contains(b)).or(stated);
+        let separator = line.trim_start_matches([' ', '"']);
+        if separator.get(..4).is_some_and(|word| word.eq_ignore_ascii_case("sep=")) {
+            stated = separator.bytes().nth(4).filter(|b| b.is_ascii() && !b"\r\n\"#".contains(b)).or(stated);
         } else if !(words.is_empty() || words.starts_with('#') || words.starts_with("//")) {
             first = line;
             break;
@@ -196,9 +196,12 @@ fn names(header: &StringRecord) -> Result<Vec<String>, (&str, String, &'static s
     Ok(header.iter().enumerate().map(name).collect())
 }
 
-/// A number with a decimal point or comma.
+/// A number with a decimal point or comma, or a percentage.
 fn number(cell: &str) -> Option<f32> {
-    cell.parse().ok().or_else(|| if cell.contains('.') { None } else { cell.replacen(',', ".", 1).parse().ok() })
+    let bare = cell.strip_suffix('%').map_or(cell, str::trim_end);
+    let comma = || if bare.contains('.') { None } else { bare.replacen(',', ".", 1).parse().ok() };
+    let number: f32 = bare.parse().ok().or_else(comma)?;
+    Some(if bare.len() < cell.len() { number / 100.0 } else { number })
 }
 
 /// Returns the frames per second that a file's name states: the number before the last "fps" in it, as in
@@ -313,7 +316,7 @@ mod tests {
         let plain = table(clip);
         for (text, others) in [
             ("\u{feff}sep=;\r\njawOpen;smile\r\n0,5;0,25\r\n-1;0,125", &[][..]),
-            ("SEP=\t\n jawOpen\tsmile\n0.5\t0.25\n-1\t\"0,125\"\n", &[]),
+            ("\"SEP=\t\"\n jawOpen\tsmile\n0.5\t0.25\n-100 %\t\"0,125\"\n", &[]),
             ("# made by\n\n// hand\njawOpen,smile\n# first\n0.5,0.25\n-1,0.125\n", &[]),
             ("jawOpen,smile,\n0.5,0.25,\n-1,0.125\n", &["column 3"]),
             (",jawOpen,smile\n0,0.5,0.25\n1,-1,0.125\n", &["column 1"]),
