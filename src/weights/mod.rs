@@ -44,8 +44,10 @@ impl WeightClip {
         // Reversed, so that the first of several targets of one name is kept.
         let named = targets.iter().enumerate().rev();
         let indices: HashMap<String, usize> = named.map(|(i, target)| (target.nfc().collect(), i)).collect();
-        let index = |name: &str| indices.get(&name.nfc().collect::<String>()).copied();
-        let unknown: Vec<&str> = self.names.iter().map(String::as_str).filter(|name| index(name).is_none()).collect();
+        let index = |name: &String| indices.get(&name.nfc().collect::<String>()).copied();
+        let found: Vec<Option<usize>> = self.names.iter().map(index).collect();
+        let named = self.names.iter().map(String::as_str).zip(&found);
+        let unknown: Vec<&str> = named.filter(|(_, found)| found.is_none()).map(|(name, _)| name).collect();
         if let [name, rest @ ..] = &unknown[..] {
             let more = match rest.len() {
                 0 => String::new(),
@@ -68,7 +70,7 @@ impl WeightClip {
             fps: self.fps,
             targets: targets.len(),
             // `check` made the names distinct, so each column has its own target.
-            columns: self.names.iter().filter_map(|name| index(name)).collect(),
+            columns: found.into_iter().flatten().collect(),
             values: self.values.clone(),
         })
     }
