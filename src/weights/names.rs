@@ -71,7 +71,8 @@ fn key(name: &str) -> String {
     let name: &str = &name.nfc().collect::<String>();
     let is_side = |part: &str| ["l", "r", "left", "right"].iter().any(|side| part.eq_ignore_ascii_case(side));
     // The last part of a path of nodes; neither a side nor a number is one.
-    let is_part = |part: &str| !is_side(part) && part.contains(char::is_alphabetic);
+    let letters_end = name.rfind(char::is_alphabetic).map_or(0, |at| at + 1);
+    let is_part = |part: &str| !is_side(part) && name.len() - part.len() < letters_end;
     let mut parts = name.rmatch_indices(['.', ':', '|', '/']).map(|(at, _)| &name[at + 1..]);
     let last = parts.find(|part| is_part(part)).unwrap_or(name);
     let last = last.strip_prefix("ai_").unwrap_or(last);
