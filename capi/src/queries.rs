@@ -228,7 +228,7 @@ pub unsafe extern "C" fn dm_mesh_render_vertices(mesh: DmMesh, vertices: *mut Dm
         // SAFETY: as above.
         let place = unsafe { Place::new(vertices) }?;
         let mesh = mesh.get()?;
-        let found = mesh.layout().render_vertices(&mesh.asset.faces, &mesh.asset.texcoords)?;
+        let found = mesh.asset.mesh.render_vertices(&mesh.asset.faces, &mesh.asset.texcoords)?;
         let texcoords: Vec<f32> = found.texcoords.iter().flat_map(|t| t.to_array()).collect();
         let vertex_room = asked.vertex_count as usize;
         let index_room = asked.index_count as usize;

@@ -19,6 +19,9 @@ const HEAD_FRAMES: usize = 300;
 /// Most columns for which similar names are searched.
 const NEAR: usize = 64;
 
+/// The largest weight of a clip from which on 100 may be meant to be a whole target.
+const PERCENT: f32 = 5.0;
+
 /// A mesh, before and after dropping deltas by the tolerance.
 #[derive(Debug, Default)]
 pub struct Input {
@@ -49,7 +52,7 @@ pub struct MeshInfo {
     pub origin: String,
     pub vertices: usize,
     pub targets: usize,
-    /// Polygons count as fans of triangles.
+    /// A polygon of n corners counts as n − 2.
     pub triangles: usize,
     /// Length of the bounding-box diagonal, in input units.
     pub diagonal: f32,
@@ -223,7 +226,6 @@ pub fn clip(path: &Path, args: &InputArgs, input: &Input, settings: &Settings) -
     if clip.frame_count() == 0 {
         return Err(Failure::Failed(format!("{}: has no frames; add one row per frame", path.display())));
     }
-    clip.check().map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))?;
     let known = input.targets();
     let (renamed, lost) = clip.renamed(&known);
     if renamed.names.is_empty() && !lost.is_empty() {
@@ -244,6 +246,11 @@ pub fn clip(path: &Path, args: &InputArgs, input: &Input, settings: &Settings) -
         )));
     }
     input.say_renamed(&clip, &renamed, &lost);
+    let most = renamed.values.iter().fold(0.0f32, |most, weight| most.max(*weight));
+    if most >= PERCENT {
+        let text = format!("clip '{}': weights up to {most}; 1 is a whole target: are they percentages?", clip.name);
+        input.out.iter().for_each(|out| out.note(&text));
+    }
     let clip = input.with_settings(renamed, settings)?;
     input.bind(&clip).map_err(|e| Failure::Failed(format!("{}: {e}", path.display())))
 }

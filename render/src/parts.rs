@@ -79,9 +79,9 @@ pub fn parts(mesh: &MorphMesh, said: &[Face<'_>]) -> Vec<Part> {
     let mut kinds: HashMap<&str, Option<Material>> = HashMap::new();
     let mut faces: Vec<(Option<Material>, [u32; 3])> = vec![];
     let mut stated: Vec<Part> = vec![];
-    for (i, face) in mesh.faces.iter().enumerate() {
-        let corner = |i: usize| face[i].position;
-        let triangles = (2..face.len()).map(|i| [corner(0), corner(i - 1), corner(i)]);
+    let mut all = mesh.faces.triangles(&mesh.positions).into_iter();
+    for (i, corners) in mesh.faces.sizes.iter().enumerate() {
+        let triangles: Vec<[u32; 3]> = all.by_ref().take(*corners as usize - 2).collect();
         let material = match said.get(i) {
             None => Some(Material::Skin),
             Some(Face::Named(name)) => *kinds.entry(name).or_insert_with(|| Material::from_name(name)),
@@ -90,15 +90,12 @@ pub fn parts(mesh: &MorphMesh, said: &[Face<'_>]) -> Vec<Part> {
                 let surface = Some(*surface);
                 match stated.iter_mut().find(|part| part.surface == surface) {
                     Some(part) => part.triangles.extend(triangles),
-                    None => {
-                        let triangles = triangles.collect();
-                        stated.push(Part { material: Material::Painted, triangles, ball: None, surface });
-                    }
+                    None => stated.push(Part { material: Material::Painted, triangles, ball: None, surface }),
                 }
                 continue;
             }
         };
-        faces.extend(triangles.map(|triangle| (material, triangle)));
+        faces.extend(triangles.into_iter().map(|triangle| (material, triangle)));
     }
     let named = faces.iter().any(|(material, _)| *material != Some(Material::Skin));
     let pieces = pieces(mesh, &faces);

@@ -11,6 +11,7 @@ use glam::Vec3;
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::fmt::Display;
+use unicode_normalization::UnicodeNormalization;
 
 const NOT_FINITE: &str = "replace values that are not a number or infinite";
 const DIRECTION: &str = "normalise x y z, and give a tangent 1 or -1 as w";
@@ -18,7 +19,8 @@ const WELD: &str =
     "weld each vertex to the first at its position, or leave the welds empty (MorphSource::weld finds them)";
 
 impl MorphSource {
-    /// Checks the source, drops deltas within `tolerance`, and computes missing normals.
+    /// Checks the source, drops deltas within `tolerance`, and computes missing normals. Names of targets get Unicode's
+    /// composed form (NFC), in which they are compared.
     ///
     /// A vertex stays in a target if its position delta is longer than `tolerance.position × diagonal`
     /// ([`MorphMesh::diagonal`]) or its normal
@@ -68,7 +70,7 @@ impl MorphSource {
             let stated = target.streams.iter().chain(std::iter::repeat(&still));
             let kept = |(data, deltas): (&StreamData, _)| keep_stream(data.semantic, deltas, tolerance);
             let streams = self.streams.iter().zip(stated).map(kept).collect();
-            MorphTarget { streams, ..merge(target.name.clone(), &positions, &normals, tolerance.normal) }
+            MorphTarget { streams, ..merge(target.name.nfc().collect(), &positions, &normals, tolerance.normal) }
         };
         let targets = map_all(&self.targets, surface.as_ref().map(Deformer::new), keep);
         let normals = self.normals.clone().unwrap_or_else(|| {
@@ -154,7 +156,7 @@ impl MorphSource {
         }
         let mut names = HashMap::new();
         for (i, target) in self.targets.iter().enumerate() {
-            if let Some(first) = names.insert(target.name.as_str(), i) {
+            if let Some(first) = names.insert(target.name.nfc().collect::<String>(), i) {
                 let what = format!("targets {first} and {i} are both called '{}'", target.name);
                 return self.refuse(what, "rename one of them");
             }

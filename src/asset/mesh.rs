@@ -5,6 +5,7 @@ use crate::error::{Error, Result};
 use crate::math::far_middle;
 use crate::setters::setters;
 use glam::{Vec2, Vec3};
+use unicode_normalization::UnicodeNormalization;
 
 /// One corner of a face: indices into positions and texture coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,11 +30,6 @@ impl Faces {
     pub fn iter(&self) -> impl Iterator<Item = &[Corner]> {
         let mut rest = self.corners.as_slice();
         self.sizes.iter().map(move |&n| rest.split_off(..n as usize).unwrap_or_default())
-    }
-
-    /// Returns the position indices of the faces, cut into triangle fans.
-    pub fn triangles(&self) -> Vec<[u32; 3]> {
-        self.iter().flat_map(|f| f.windows(2).skip(1).map(|w| [f[0].position, w[0].position, w[1].position])).collect()
     }
 
     /// Checks that every face has three corners or more, and every index is within `positions` and `texcoords`.
@@ -233,9 +229,9 @@ impl MorphMesh {
         self.streams.iter().position(|stream| stream.semantic == semantic)
     }
 
-    /// Returns the index of the target called `name`.
+    /// Returns the index of the target called `name`, in any Unicode form.
     pub fn target_index(&self, name: &str) -> Option<usize> {
-        self.targets.iter().position(|t| t.name == name)
+        self.targets.iter().position(|t| t.name == name || t.name.nfc().eq(name.nfc()))
     }
 
     /// Makes positions relative to the middle of the mesh if it is far from 0. Poses gain precision, since the rounding

@@ -7,6 +7,7 @@ mod mesh;
 pub(crate) mod normals;
 mod render;
 pub mod streams;
+mod triangles;
 
 pub use arrays::{MeshArrays, TargetArrays};
 pub use mesh::{Corner, Faces, MorphMesh, MorphSource, MorphTarget, SourceTarget, Tolerance};

@@ -22,20 +22,21 @@ pub struct RenderVertices {
     pub pose_vertices: Vec<u32>,
     /// The texture coordinates of each render vertex; zero if no face states any.
     pub texcoords: Vec<Vec2>,
-    /// Triangles: three render vertices each. Polygons are cut into fans.
+    /// Triangles: three render vertices each. Polygons are cut as [`Faces::triangles`] does.
     pub indices: Vec<u32>,
 }
 
 impl Faces {
-    /// Returns the vertices that draw these faces over `vertices` positions, and their index buffer.
+    /// Returns the vertices that draw these faces over the base pose `positions`, and their index buffer.
     ///
     /// # Errors
     /// [`Error::Invalid`](crate::Error::Invalid) for a face of fewer than three corners, or an index that is out of
     /// range.
-    pub fn render_vertices(&self, vertices: usize, texcoords: &[Vec2]) -> Result<RenderVertices> {
-        self.check(vertices, texcoords.len())?;
-        let (render, faces) = self.split(vertices, texcoords);
-        Ok(RenderVertices { indices: faces.triangles().into_flattened(), ..render })
+    pub fn render_vertices(&self, positions: &[Vec3], texcoords: &[Vec2]) -> Result<RenderVertices> {
+        self.check(positions.len(), texcoords.len())?;
+        let (render, faces) = self.split(positions.len(), texcoords);
+        let positions: Vec<Vec3> = render.pose_vertices.iter().map(|&v| positions[v as usize]).collect();
+        Ok(RenderVertices { indices: faces.triangles(&positions).into_flattened(), ..render })
     }
 
     /// Returns render vertices, still without indices, and these faces over them.

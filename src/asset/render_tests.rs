@@ -26,15 +26,15 @@ fn fold() -> MorphSource {
 #[test]
 fn a_vertex_is_doubled_where_texture_coordinates_differ_by_value() {
     let source = fold();
-    let render = source.faces.render_vertices(6, &source.texcoords).unwrap();
+    let render = source.faces.render_vertices(&source.positions, &source.texcoords).unwrap();
     // Vertex 4 names two texture coordinates of the same value.
     assert_eq!(render.pose_vertices, [0, 1, 2, 3, 4, 5, 1]);
     assert_eq!(render.indices, [0, 1, 4, 0, 4, 3, 6, 2, 5, 6, 5, 4]);
     assert_eq!((render.texcoords[1], render.texcoords[6]), (Vec2::X, Vec2::ZERO));
     let split = source.split().unwrap();
-    let again = split.faces.render_vertices(7, &split.texcoords).unwrap();
+    let again = split.faces.render_vertices(&split.positions, &split.texcoords).unwrap();
     assert_eq!(again, RenderVertices { pose_vertices: (0..7).collect(), ..render });
-    assert!(source.faces.render_vertices(5, &source.texcoords).is_err());
+    assert!(source.faces.render_vertices(&source.positions[..5], &source.texcoords).is_err());
 }
 
 #[test]

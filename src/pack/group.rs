@@ -5,11 +5,11 @@ use super::formats::{DenseFormat, with_format};
 use super::grid::{Sums, refused};
 use super::{BASE_STRIDE, DeltaFormat, POSE_FLOATS, PoseError, PoseFormat, Source, VERTEX_PADDING, stream_errors};
 use crate::asset::streams::{Measure, StreamPlace, TRIPLES};
-use crate::asset::{Faces, RenderVertices};
 use crate::error::{Error, Result};
 use crate::math::angle_degrees;
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use std::sync::Arc;
+use unicode_normalization::UnicodeNormalization;
 
 /// Six components per vertex, with their deltas, in the layout for upload that [`PackedMesh`](super::PackedMesh)
 /// describes.
@@ -251,32 +251,10 @@ impl PackedLayout {
         Ok(())
     }
 
-    /// Render vertices of `faces` of this mesh in pose-buffer order, and their index buffer.
-    ///
-    /// If the mesh is [split](crate::asset::MorphSource::split), `pose_vertices` is 0, 1, 2 …: pose buffers and
-    /// `texcoords` can be drawn directly with one index buffer. Otherwise duplicated vertices follow the mesh's own,
-    /// for hosts that fetch the pose in the vertex shader.
-    ///
-    /// # Errors
-    /// Faces or texture coordinates that do not match the mesh.
-    pub fn render_vertices(&self, faces: &Faces, texcoords: &[Vec2]) -> Result<RenderVertices> {
-        let mut render = faces.render_vertices(self.vertex_count, texcoords)?;
-        self.remap_indices(&mut render.pose_vertices)?;
-        let packed = render.pose_vertices[..self.vertex_count].to_vec();
-        let by_user = render.texcoords[..self.vertex_count].to_vec();
-        for (user, &at) in packed.iter().enumerate() {
-            render.texcoords[at as usize] = by_user[user];
-            render.pose_vertices[user] = user as u32;
-        }
-        for index in render.indices.iter_mut().filter(|index| (**index as usize) < self.vertex_count) {
-            *index = packed[*index as usize];
-        }
-        Ok(render)
-    }
-
-    /// Index of the first target called `name`. A linear search: to set weights every frame, look it up once.
+    /// Index of the first target called `name`, in any Unicode form. A linear search: to set weights every frame, look
+    /// it up once.
     pub fn target_index(&self, name: &str) -> Option<usize> {
-        self.targets.iter().position(|target| target.name == name)
+        self.targets.iter().position(|target| target.name == name || target.name.nfc().eq(name.nfc()))
     }
 
     /// Converts a pose from pose-buffer order, with padding, to the user's vertex order, without padding. Missing

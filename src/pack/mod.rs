@@ -14,7 +14,7 @@ mod source;
 pub(crate) mod vertex;
 
 use crate::asset::streams::GROUP_COMPONENTS;
-use crate::asset::{Faces, MorphMesh};
+use crate::asset::{Faces, MorphMesh, RenderVertices};
 use crate::error::{Error, Result};
 use crate::math::far_middle;
 use crate::setters::setters;
@@ -23,7 +23,7 @@ pub use error::PoseError;
 pub(crate) use error::stream_errors;
 pub use formats::DeltaFormat;
 use formats::with_format;
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 pub use group::{PackedGroup, PackedLayout, PackedTarget};
 pub use poses::PoseFormat;
 pub(crate) use source::Source;
@@ -146,11 +146,41 @@ impl PackedMesh {
 
     /// Keeps the triangles of `faces`, in the order of the packed vertices, for draws.
     fn take_faces(&mut self, faces: &Faces) -> Result<()> {
+        let mut indices = faces.triangles(&self.positions()).into_flattened();
         let layout = &mut self.groups[0].layout;
-        let mut indices = faces.triangles().into_flattened();
         layout.remap_indices(&mut indices)?;
         layout.indices = indices.into();
         Ok(())
+    }
+
+    /// Render vertices of `faces` of this mesh in pose-buffer order, and their index buffer.
+    ///
+    /// If the mesh is [split](crate::asset::MorphSource::split), `pose_vertices` is 0, 1, 2 …: pose buffers and
+    /// `texcoords` can be drawn directly with one index buffer. Otherwise duplicated vertices follow the mesh's own,
+    /// for hosts that fetch the pose in the vertex shader.
+    ///
+    /// # Errors
+    /// Faces or texture coordinates that do not match the mesh.
+    pub fn render_vertices(&self, faces: &Faces, texcoords: &[Vec2]) -> Result<RenderVertices> {
+        let layout = self.layout();
+        let mut render = faces.render_vertices(&self.positions(), texcoords)?;
+        layout.remap_indices(&mut render.pose_vertices)?;
+        let packed = render.pose_vertices[..layout.vertex_count].to_vec();
+        let by_user = render.texcoords[..layout.vertex_count].to_vec();
+        for (user, &at) in packed.iter().enumerate() {
+            render.texcoords[at as usize] = by_user[user];
+            render.pose_vertices[user] = user as u32;
+        }
+        for index in render.indices.iter_mut().filter(|index| (**index as usize) < layout.vertex_count) {
+            *index = packed[*index as usize];
+        }
+        Ok(render)
+    }
+
+    /// Positions of the base pose in the user's order.
+    fn positions(&self) -> Vec<Vec3> {
+        let base = self.layout().to_user_order(self.base());
+        base.chunks_exact(POSE_FLOATS).map(Vec3::from_slice).collect()
     }
 
     /// [`MorphMesh::recentre`] for a packed mesh, such as one read from a file.

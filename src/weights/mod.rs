@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use names::closest;
 pub use normalised::normalise_weights;
 use std::collections::{HashMap, HashSet};
+use unicode_normalization::UnicodeNormalization;
 
 /// Most unknown columns for which similar target names are searched.
 const NEAR_LOOKED_FOR: usize = 64;
@@ -31,7 +32,8 @@ impl WeightClip {
         self.values.len().checked_div(self.names.len()).unwrap_or(0)
     }
 
-    /// Binds the clip to a mesh with these `targets`, in their order; targets without a column get 0.
+    /// Binds the clip to a mesh with these `targets`, in their order; targets without a column get 0. Names are compared
+    /// in Unicode's composed form (NFC).
     ///
     /// Takes memory proportional to the clip's values, for any number of targets.
     ///
@@ -39,11 +41,13 @@ impl WeightClip {
     /// A column that names no target; two columns of one name; a weight that is not finite; a number of values that is
     /// not a multiple of the number of columns.
     pub fn bind(&self, targets: &[&str]) -> Result<BoundClip> {
-        self.check()?;
         // Reversed, so that the first of several targets of one name is kept.
-        let indices: HashMap<&str, usize> = targets.iter().enumerate().rev().map(|(i, target)| (*target, i)).collect();
-        let unknown: Vec<&str> =
-            self.names.iter().map(String::as_str).filter(|name| !indices.contains_key(name)).collect();
+        let named = targets.iter().enumerate().rev();
+        let indices: HashMap<String, usize> = named.map(|(i, target)| (target.nfc().collect(), i)).collect();
+        let index = |name: &String| indices.get(&name.nfc().collect::<String>()).copied();
+        let found: Vec<Option<usize>> = self.names.iter().map(index).collect();
+        let named = self.names.iter().map(String::as_str).zip(&found);
+        let unknown: Vec<&str> = named.filter(|(_, found)| found.is_none()).map(|(name, _)| name).collect();
         if let [name, rest @ ..] = &unknown[..] {
             let more = match rest.len() {
                 0 => String::new(),
@@ -60,12 +64,13 @@ impl WeightClip {
             let what = format!("clip '{}': column '{name}' names no target of the mesh{more}", self.name);
             return Err(Error::invalid(what, remedy));
         }
+        self.check()?;
         Ok(BoundClip {
             name: self.name.clone(),
             fps: self.fps,
             targets: targets.len(),
             // `check` made the names distinct, so each column has its own target.
-            columns: self.names.iter().map(|name| indices[name.as_str()]).collect(),
+            columns: found.into_iter().flatten().collect(),
             values: self.values.clone(),
         })
     }
@@ -76,7 +81,7 @@ impl WeightClip {
         let refuse = |what: String, remedy: &str| Err(Error::invalid(format!("clip '{}': {what}", self.name), remedy));
         let columns = self.names.len();
         let mut seen = HashSet::with_capacity(columns);
-        if let Some(name) = self.names.iter().find(|name| !seen.insert(name.as_str())) {
+        if let Some(name) = self.names.iter().find(|name| !seen.insert(name.nfc().collect::<String>())) {
             return refuse(format!("two columns are called '{name}'"), "rename or remove one of them");
         }
         if self.values.len() != self.frame_count() * columns {

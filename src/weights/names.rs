@@ -3,13 +3,14 @@
 use super::WeightClip;
 use crate::error::Error;
 use std::collections::{HashMap, HashSet};
+use unicode_normalization::UnicodeNormalization;
 
 impl WeightClip {
     /// Renames columns to those of `targets` that they mean; returns the clip, and the columns that mean none, which it
     /// does not have.
     ///
-    /// A column that names a target keeps its name. Any other means the targets of the same name but for case and
-    /// separators, the side (`_L` or `.L` for `Left`), and what stands before it: a node, as in `face.jawOpen`, and
+    /// A column that names a target keeps its name. Any other means the targets of the same name but for Unicode form,
+    /// case and separators, the side (`_L` or `.L` for `Left`), and what stands before it: a node, as in `face.jawOpen`, and
     /// Maya's `ai_`. A column without a side means the targets of both sides, if none has its own name. Each target
     /// takes the first column that means it.
     ///
@@ -67,9 +68,11 @@ fn meant<'a>(column: &str, targets: &HashMap<String, Vec<&'a str>>) -> Vec<&'a s
 
 /// What is the same in all spellings of a name.
 fn key(name: &str) -> String {
+    let name: &str = &name.nfc().collect::<String>();
     let is_side = |part: &str| ["l", "r", "left", "right"].iter().any(|side| part.eq_ignore_ascii_case(side));
     // The last part of a path of nodes; neither a side nor a number is one.
-    let is_part = |part: &str| !is_side(part) && part.contains(char::is_alphabetic);
+    let letters_end = name.rfind(char::is_alphabetic).map_or(0, |at| at + 1);
+    let is_part = |part: &str| !is_side(part) && name.len() - part.len() < letters_end;
     let mut parts = name.rmatch_indices(['.', ':', '|', '/']).map(|(at, _)| &name[at + 1..]);
     let last = parts.find(|part| is_part(part)).unwrap_or(name);
     let last = last.strip_prefix("ai_").unwrap_or(last);

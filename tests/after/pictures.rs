@@ -40,7 +40,7 @@ fn poses_of_every_format_are_drawn_alike_and_previous_ones_from_attributes_of_th
                 let update = CrowdDesc::new(UpdateDesc::blocks().pose(format));
                 let mut crowd = HeadlessCrowd::new(headless, &packed, &update).expect("a crowd");
                 let host = Offscreen::new(headless, edge, vk::Format::R8G8B8A8_UNORM).expect("an image");
-                let mut triangles = head(&desc).faces.triangles().concat();
+                let mut triangles = mesh.faces.triangles(&mesh.positions).concat();
                 packed.layout().remap_indices(&mut triangles).expect("indices of the mesh");
                 let indices = host.filled(&triangles).expect("a buffer");
                 let bytes = (edge * edge) as usize * size_of::<draw::Pixel>();

@@ -534,7 +534,7 @@ fn targets_that_do_not_fit_are_refused() {
 #[test]
 fn skins_and_surfaces_that_do_not_fit_are_refused() {
     let source = mesh();
-    let triangles = source.faces.triangles().into_flattened();
+    let triangles = source.faces.triangles(&source.positions).into_flattened();
     gpu::on_every_device(|headless, engine| {
         let mesh = gpu::packed(engine, &source, DeltaFormat::Fast);
         let (joints, weights) = influences(mesh.layout().vertex_count, 4);

@@ -47,7 +47,7 @@ fn pieces(source: &MorphSource) -> Vec<u32> {
         v
     }
     let mut of: Vec<u32> = (0..source.positions.len() as u32).collect();
-    for triangle in source.faces.triangles() {
+    for triangle in source.faces.triangles(&source.positions) {
         let roots = triangle.map(|v| root(&mut of, v));
         let first = *roots.iter().min().unwrap();
         roots.iter().for_each(|r| of[*r as usize] = first);
@@ -61,7 +61,7 @@ fn the_surfaces_are_closed_and_face_outwards() {
     let mut edges = HashMap::new();
     let piece = pieces(&source);
     let mut volumes = HashMap::<u32, f64>::new();
-    for [a, b, c] in source.faces.triangles() {
+    for [a, b, c] in source.faces.triangles(&source.positions) {
         for edge in [(a, b), (b, c), (c, a)] {
             assert_eq!(edges.insert(edge, ()), None, "{edge:?} is there twice");
         }

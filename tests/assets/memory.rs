@@ -50,8 +50,8 @@ fn obj((counts, corners, forms, ends): ([usize; 4], usize, Vec<usize>, usize)) -
 
 fn table((columns, rows, long, cell): (usize, usize, usize, usize)) -> String {
     let cell = ["0", "0.5", "\"1e-3\"", "  -1  "][cell];
-    let columns = 1 + room(columns, long + 6);
-    let names: Vec<String> = (0..columns).map(|i| format!("{i}{}", "x".repeat(long))).collect();
+    let columns = 1 + room(columns, long + 7);
+    let names: Vec<String> = (0..columns).map(|i| format!("c{i}{}", "x".repeat(long))).collect();
     let row = vec![cell; columns].join(",") + "\n";
     names.join(",") + "\n" + &row.repeat(room(rows, row.len()))
 }

@@ -112,7 +112,7 @@ fn a_mesh_is_drawn_with_texture_coordinates_from_one_index_buffer() {
         .collect();
     for (mesh, is_split) in [(split(&source), true), (source.to_mesh(Tolerance::default()).unwrap(), false)] {
         for packed in pack(&mesh) {
-            let render = packed.layout().render_vertices(&mesh.faces, &mesh.texcoords).unwrap();
+            let render = packed.render_vertices(&mesh.faces, &mesh.texcoords).unwrap();
             let pulled = render.pose_vertices.iter().enumerate().filter(|(i, pose)| *i as u32 != **pose).count();
             assert_eq!(pulled == 0, is_split);
             let vertex = |&index: &u32| {
@@ -123,7 +123,7 @@ fn a_mesh_is_drawn_with_texture_coordinates_from_one_index_buffer() {
         }
     }
     let packed = pack(&split(&source)).next().unwrap();
-    assert!(packed.layout().render_vertices(&source.faces, &[]).is_err());
+    assert!(packed.render_vertices(&source.faces, &[]).is_err());
 }
 
 #[test]

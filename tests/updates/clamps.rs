@@ -195,7 +195,7 @@ fn check(headless: &Headless, engine: &MorphEngine, mesh: &MorphMesh, (format, u
     let what = format!("{} {format:?} {update:?}", headless.caps().name);
     let packed = gpu::packed(engine, mesh, format);
     let (vertices, diagonal) = (packed.layout().vertex_count, f64::from(packed.layout().diagonal));
-    let triangles = mesh.faces.triangles().into_flattened();
+    let triangles = mesh.faces.triangles(&mesh.positions).into_flattened();
     let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
     let joint = [1.0f32, 0.0, 0.0, 7.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
     let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_DST;

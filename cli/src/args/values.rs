@@ -5,6 +5,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use deltamorph::{BatchSize, DeltaFormat, UpdateMode, UpdatePath};
 use deltamorph_headless::DeviceChoice;
 use std::collections::BTreeSet;
+use unicode_normalization::UnicodeNormalization;
 
 /// Largest number of targets of the built-in head.
 pub const MAX_TARGETS: usize = 65_536;
@@ -158,7 +159,7 @@ pub fn setting(s: &str) -> Result<(String, f32), String> {
     if name.trim().is_empty() {
         return Err("the name before \"=\" is missing; write NAME=WEIGHT, as in jawOpen=0.5".into());
     }
-    Ok((name.trim().into(), number("a finite weight after \"=\", as in jawOpen=0.5", |_| true)(weight)?))
+    Ok((name.trim().nfc().collect(), number("a finite weight after \"=\", as in jawOpen=0.5", |_| true)(weight)?))
 }
 
 /// The batch sizes that `specs` request and `path` allows with at most `max` targets per pass, ascending, without

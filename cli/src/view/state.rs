@@ -231,7 +231,7 @@ impl State {
 
     /// Sets a weight; from now on, weights come from the sliders.
     fn set(&mut self, name: &str, weight: f32) -> Result<(), Failure> {
-        let target = self.names.iter().position(|other| other == name);
+        let target = self.input.kept.target_index(name);
         let unknown = || Failure::Usage(format!("set {name}: {}", self.input.unknown(name)));
         let target = target.ok_or_else(unknown)?;
         self.playing = false;

@@ -37,6 +37,11 @@ fn a_clip_in_other_names_plays_and_what_is_left_over_is_said() {
     // Prefixes of Maya and Unreal.
     let (played, _, said) = play("face_shapes.ai_eyeWide_L,blendShape1.eyeBlink_L,face:eyeBlink_R\n0.5,1,0.25\n");
     assert!(played && said.contains("3 of 3 columns move 3 targets of other names"), "{said}");
+    // As trackers write them.
+    let (played, _, said) = play("Timecode;eyeBlinkLeft;Head Yaw;\n1:2:3:4;0,5;9;\n1:2:3:5.5;;8;\n");
+    assert!(played && said.contains("; 'head' has no target for Timecode, Head Yaw, column 4"), "{said}");
+    let (played, _, said) = play("eyeBlinkLeft\n50\n");
+    assert!(played && said.contains("weights up to 50; 1 is a whole target: are they percentages?"), "{said}");
     let apply = |set: &str| fails(&[&["apply", "--path", "cpu", "--set", set, "-o", "x.obj"], &HEAD[..]].concat());
     assert!(apply("eyeblinkleft=1").1.contains("lists the 12 there are; did you mean 'eyeBlinkLeft'?"));
 }

@@ -13,7 +13,15 @@ fn run(data: &[u8]) {
         Err(error) => return check_error(error),
     };
     assert_eq!(clip.values.len(), clip.frame_count() * clip.names.len());
-    assert!(clip.values.iter().all(|value| value.is_finite()));
+    // A column without numbers is none of weights, and NaN throughout.
+    assert!(clip.fps > 0.0 && clip.fps.is_finite() && !clip.values.iter().any(|value| value.is_infinite()));
+    for (column, name) in clip.names.iter().enumerate() {
+        let mut numbers = clip.values.iter().skip(column).step_by(clip.names.len());
+        assert!(
+            numbers.clone().all(|value| value.is_finite()) || !numbers.any(|value| *value != 0.0 && !value.is_nan()),
+            "{name}"
+        );
+    }
     let names: Vec<&str> = clip.names.iter().map(String::as_str).rev().collect();
     match clip.bind(&names) {
         Ok(bound) => assert!(bound.frames().all(|frame| frame.len() == names.len())),
@@ -38,7 +46,7 @@ fn run(data: &[u8]) {
 
 /// Repeats and removes lines and cells.
 fn mutate(data: &[u8], random: &mut Random) -> Option<Vec<u8>> {
-    let divider = *random.choose(b"\n\n,");
+    let divider = *random.choose(b"\n\n,;:");
     let mut pieces: Vec<&[u8]> = data.split(|byte| *byte == divider).collect();
     let (from, to) = (random.below(pieces.len()), random.below(pieces.len()));
     match random.below(3) {

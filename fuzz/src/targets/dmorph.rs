@@ -35,7 +35,7 @@ fn run(data: &[u8]) {
     let decoded = asset.to_mesh().expect("blocks");
     assert!(decoded.targets.iter().all(|target| target.vertices.is_sorted_by(|a, b| a < b)));
     let layout = asset.mesh.layout();
-    if let Err(error) = layout.render_vertices(&asset.faces, &asset.texcoords) {
+    if let Err(error) = asset.mesh.render_vertices(&asset.faces, &asset.texcoords) {
         check_error(error);
     }
     let mut indices: Vec<u32> = (0..layout.vertex_count as u32).collect();

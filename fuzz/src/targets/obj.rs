@@ -50,7 +50,10 @@ fn mutate(data: &[u8], random: &mut Random) -> Option<Vec<u8>> {
     let divider = *random.choose(b"\n\n\n  /\0");
     let mut pieces: Vec<&[u8]> = data.split(|byte| *byte == divider).collect();
     let (from, to) = (random.below(pieces.len()), random.below(pieces.len()));
-    let words: [&[u8]; 16] = [
+    let words: [&[u8]; 19] = [
+        b"f 1 2",
+        b"f 1 2 3 4 5 6 7 8",
+        b"1.#QNAN",
         b"v 1 2 3",
         b"vn 0 0 1",
         b"vt 0 1",

@@ -191,7 +191,7 @@ fn primitives_are_one_mesh_and_strips_and_fans_are_triangles() {
     ]}]);
     let read = file.read().unwrap();
     let Mesh { source, primitives, influences, .. } = &read.meshes[0];
-    assert_eq!(source.faces.triangles(), [[0, 1, 2], [1, 3, 2], [5, 6, 4], [6, 7, 4]]);
+    assert_eq!(source.faces.triangles(&source.positions), [[0, 1, 2], [1, 3, 2], [5, 6, 4], [6, 7, 4]]);
     assert_eq!((primitives[1].index, &primitives[1].vertices, &primitives[1].triangles), (2, &(4..8), &(2..4)));
     assert_eq!(source.targets[0].positions.len(), 8);
     assert!(source.notes[0].contains("primitives[1] is points or lines"), "{:?}", source.notes);

@@ -5,21 +5,31 @@ use crate::asset::normals::{area_vector, unit_normals};
 use crate::asset::{Corner, Faces, MorphSource, SourceTarget};
 use crate::error::{Error, Result};
 use crate::io::{has_extension, list};
-use crate::math::map_all;
+use crate::math::{diagonal, map_all};
 use glam::{DVec3, Vec3};
 use std::path::{Path, PathBuf};
+use unicode_normalization::UnicodeNormalization;
+
+/// Mean way of all vertices, as a part of the diagonal, from which on a target is remarked on. Expressions move less.
+const FAR_FROM: f64 = 0.1;
+
+/// How many times as long as on the base the edges of a target may be altogether, at the same size, if its faces do not
+/// say that the order is the same. In a random order they are tens of times as long on a real mesh.
+const STRETCH: f64 = 2.0;
 
 /// Imports a folder: `neutral.obj`, and one file per target in `targets/*.obj`, in the order of their names.
 ///
 /// File names ending in `.obj` in any case count; hidden files (a leading dot), folders and other files are ignored.
-/// Every target has the vertices of `neutral.obj` in the same order, and faces with the same vertices; texture
-/// coordinates of targets are ignored. Deltas are kept as the files state them; [`to_mesh`](MorphSource::to_mesh) drops
+/// Names are in Unicode's composed form (NFC). Every target has the vertices of `neutral.obj` in the same order. Its
+/// faces may come in another order, cut in another way, or not at all, which is a note; its texture coordinates are
+/// ignored. Targets that move the whole mesh far are a note, too: of another unit or axis, or in another place. Deltas
+/// are kept as the files state them; [`to_mesh`](MorphSource::to_mesh) drops
 /// noise. A `targets` folder without OBJ files gives a source without targets, with a note.
 ///
 /// Normals are per position. If the corners of a position state several (a hard edge), they are averaged by face area.
 /// Base normals are brought to unit length, and normal deltas scaled with them. If the neutral has no normals, or has
-/// them in some faces only, the source has none; the normals of a target without them are computed from its surface, by
-/// [`to_mesh`](MorphSource::to_mesh).
+/// them in some faces only, the source has none; the normals of a target that lacks any are computed from its surface,
+/// by [`to_mesh`](MorphSource::to_mesh).
 ///
 /// # Errors
 /// [`Error::Io`] for a file or folder that cannot be read; [`Error::Input`] for one that is missing or not OBJ (a pipe
@@ -30,20 +40,18 @@ pub fn import_folder(folder: &Path) -> Result<MorphSource> {
     let neutral_path = neutral_path(folder)?;
     let paths = target_paths(folder)?;
     let neutral = ObjFile::read(&neutral_path)?;
-    let mut notes = Vec::new();
+    let mut notes: Vec<String> = neutral.notes.iter().map(|note| format!("neutral.obj: {note}")).collect();
     if paths.is_empty() {
         notes.push("the folder 'targets' has no .obj file: a base pose without targets".to_owned());
     }
 
-    // Targets are averaged with the same weights, so the delta is the mean of the deltas.
-    let areas: Vec<f64> = neutral.faces.iter().map(|face| area_vector(face, &neutral.positions).length()).collect();
-    let base = base_normals(&neutral, &areas, &mut notes);
-    let neutral = Neutral { path: neutral_path, file: neutral, areas, base };
+    let base = base_normals(&neutral, &mut notes);
+    let neutral = Neutral { path: neutral_path, file: neutral, base };
     // All results first, so that the bad target reported is the first by name, whichever thread is faster.
     let results = map_all(&paths, (), |(), (name, path)| neutral.target(name, path));
-    let targets: Vec<(SourceTarget, Option<&str>)> = results.into_iter().collect::<Result<_>>()?;
-    for remark in [COMPUTED, AVERAGED, IGNORED] {
-        let remarked = targets.iter().filter(|(_, r)| *r == Some(remark));
+    let targets: Vec<(SourceTarget, Vec<&str>)> = results.into_iter().collect::<Result<_>>()?;
+    for remark in [OTHER_FACES, FAR, COMPUTED, AVERAGED, IGNORED] {
+        let remarked = targets.iter().filter(|(_, remarks)| remarks.contains(&remark));
         let named: Vec<&str> = remarked.map(|(target, _)| target.name.as_str()).collect();
         match &named[..] {
             [] => {}
@@ -66,6 +74,8 @@ pub fn import_folder(folder: &Path) -> Result<MorphSource> {
 }
 
 // Remarks on targets, for the notes.
+const OTHER_FACES: &str = "whose faces are not those of neutral.obj: taken by their vertices, in the order of the file";
+const FAR: &str = "that move the whole mesh far: of another unit or axis than neutral.obj, or in another place?";
 const COMPUTED: &str = "without normals at all corners: computed";
 const AVERAGED: &str = "with hard edges where neutral.obj has none: averaged by area";
 const IGNORED: &str = "with normals, neutral.obj has none: computed for all";
@@ -94,7 +104,7 @@ fn target_paths(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
     let mut paths: Vec<(String, PathBuf)> = list(&targets)?
         .into_iter()
         .filter(|p| has_extension(p, "obj") && !p.is_dir())
-        .filter_map(|p| Some((p.file_stem()?.to_string_lossy().into_owned(), p)))
+        .filter_map(|p| Some((p.file_stem()?.to_string_lossy().nfc().collect::<String>(), p)))
         .filter(|(name, _)| !name.starts_with('.'))
         .collect();
     paths.sort();
@@ -108,10 +118,10 @@ fn target_paths(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
 /// Returns the normals per position that `file` states, and the number of positions at hard edges; `None` if its faces
 /// have no normals, or not at all corners.
 ///
-/// If all corners of a position agree, it has their normal as stated; at a hard edge, their area-weighted mean. A
-/// position that no face names has the `vn` line of its own number if there are as many `vn` as `v` lines, otherwise
-/// zero.
-fn stated_normals(file: &ObjFile, areas: &[f64]) -> Option<(Vec<Vec3>, usize)> {
+/// If all corners of a position agree, it has their normal as stated; at a hard edge, their mean, weighted by the areas
+/// of faces of the positions `base`: the delta is then the mean of the deltas. A position that no face names has the
+/// `vn` line of its own number if there are as many `vn` as `v` lines, otherwise zero.
+fn stated_normals(file: &ObjFile, base: &[Vec3]) -> Option<(Vec<Vec3>, usize)> {
     let count = file.positions.len();
     let one_each = file.normals.len() == count;
     // A point cloud has normals if it has one for each point.
@@ -124,9 +134,9 @@ fn stated_normals(file: &ObjFile, areas: &[f64]) -> Option<(Vec<Vec3>, usize)> {
     let mut values = if one_each { file.normals.clone() } else { vec![Vec3::ZERO; count] };
     let mut named = vec![false; count];
     let mut hard = vec![false; count];
-    for (corner, &n) in file.faces.corners.iter().zip(corners) {
-        let v = corner.position as usize;
-        let normal = file.normals[n as usize];
+    let corners = file.faces.corners.iter().zip(corners).map(|(c, &n)| (c.position as usize, file.normals[n as usize]));
+    // Corners without a normal do not count.
+    for (v, normal) in corners.clone().filter(|(_, normal)| *normal != Vec3::ZERO) {
         match std::mem::replace(&mut named[v], true) {
             true => hard[v] |= values[v] != normal,
             false => values[v] = normal,
@@ -134,10 +144,11 @@ fn stated_normals(file: &ObjFile, areas: &[f64]) -> Option<(Vec<Vec3>, usize)> {
     }
     if hard.contains(&true) {
         let mut sums = vec![(DVec3::ZERO, 0.0); count];
-        let areas = file.faces.sizes.iter().zip(areas).flat_map(|(&n, &area)| std::iter::repeat_n(area, n as usize));
-        for ((corner, &n), area) in file.faces.corners.iter().zip(corners).zip(areas) {
-            let (sum, weight) = &mut sums[corner.position as usize];
-            *sum += file.normals[n as usize].as_dvec3() * area;
+        let faces = file.faces.iter().map(|face| (face.len(), area_vector(face, base).length()));
+        let areas = faces.flat_map(|(size, area)| std::iter::repeat_n(area, size));
+        for ((v, normal), area) in corners.zip(areas).filter(|((_, normal), _)| *normal != Vec3::ZERO) {
+            let (sum, weight) = &mut sums[v];
+            *sum += normal.as_dvec3() * area;
             *weight += area;
         }
         // Faces without area do not count; if all are such, the first normal is kept.
@@ -158,8 +169,8 @@ struct Base {
     units: Vec<Vec3>,
 }
 
-fn base_normals(neutral: &ObjFile, areas: &[f64], notes: &mut Vec<String>) -> Option<Base> {
-    let Some((stated, hard)) = stated_normals(neutral, areas) else {
+fn base_normals(neutral: &ObjFile, notes: &mut Vec<String>) -> Option<Base> {
+    let Some((stated, hard)) = stated_normals(neutral, &neutral.positions) else {
         if neutral.any_normals {
             notes.push("neutral.obj has normals at some corners only: computed for all".to_owned());
         }
@@ -179,43 +190,63 @@ fn base_normals(neutral: &ObjFile, areas: &[f64], notes: &mut Vec<String>) -> Op
 struct Neutral {
     path: PathBuf,
     file: ObjFile,
-    areas: Vec<f64>,
     base: Option<Base>,
 }
 
 impl Neutral {
-    /// Reads a target. Returns it, and a remark on it if there is one.
-    fn target(&self, name: &str, path: &Path) -> Result<(SourceTarget, Option<&'static str>)> {
+    /// Reads a target. Returns it, and the remarks on it.
+    fn target(&self, name: &str, path: &Path) -> Result<(SourceTarget, Vec<&'static str>)> {
         let file = ObjFile::read(path)?;
-        const REMEDY: &str =
-            "export every target from the neutral mesh, with the same vertices and faces in the same order";
+        let base = &self.file.positions;
+        const REMEDY: &str = "export every target from the neutral mesh, with the same vertices in the same order";
         let refuse = |what: String| Err(Error::input(path, "", what, REMEDY));
         let found = file.positions.len();
         let expected = self.file.positions.len();
         if found != expected {
             return refuse(format!("{found} vertices, but {} has {expected}", self.path.display()));
         }
-        if let Some(difference) = first_difference(&file.faces, &self.file.faces) {
-            return refuse(format!("{difference} in {}", self.path.display()));
+        let mut remarks = vec![];
+        let named = |faces: &Faces| faces.corners.iter().map(|corner| corner.position).collect::<Vec<_>>();
+        if file.faces.sizes != self.file.faces.sizes || named(&file.faces) != named(&self.file.faces) {
+            // Edges of the neutral mesh on the target, and its own on the neutral mesh.
+            let stretched =
+                [stretch(&self.file.faces, base, &file.positions), stretch(&file.faces, &file.positions, base)];
+            let times = stretched.into_iter().fold(0.0, f64::max);
+            if times > STRETCH {
+                let file = self.path.display();
+                let what =
+                    format!("its vertices are in another order: edges are {times:.1} times as long as in {file}");
+                return refuse(what);
+            }
+            remarks.push(OTHER_FACES);
         }
-        let positions: Vec<(u32, Vec3)> = differences(&self.file.positions, &file.positions).collect();
+        let positions: Vec<(u32, Vec3)> = differences(base, &file.positions).collect();
         if let Some((v, _)) = positions.iter().find(|(_, d)| !d.is_finite()) {
             return refuse(format!("vertex {} is too far from its position in the neutral mesh", u64::from(*v) + 1));
         }
-        let stated = stated_normals(&file, &self.areas);
-        let remark = match (&self.base, &stated) {
-            (Some(_), None) => Some(COMPUTED),
-            (Some(base), Some((_, hard))) => (*hard > base.hard).then_some(AVERAGED),
-            (None, Some(_)) => Some(IGNORED),
-            (None, None) => None,
+        let way: f64 = positions.iter().map(|(_, delta)| delta.as_dvec3().length()).sum();
+        if way > FAR_FROM * f64::from(diagonal(base)) * base.len() as f64 {
+            remarks.push(FAR);
+        }
+        // A normal that only the target lacks has to be computed, and its delta is from a computed one.
+        let lacks = |(normals, _): &(Vec<Vec3>, usize)| {
+            let both = self.base.iter().flat_map(|base| base.stated.iter().zip(normals));
+            both.filter(|(base, normal)| **base != Vec3::ZERO && **normal == Vec3::ZERO).count() > 0
         };
+        let stated = stated_normals(&file, base).filter(|stated| !lacks(stated));
+        match (&self.base, &stated) {
+            (Some(_), None) => remarks.push(COMPUTED),
+            (Some(base), Some((_, hard))) if *hard > base.hard => remarks.push(AVERAGED),
+            (None, Some(_)) => remarks.push(IGNORED),
+            (Some(_), Some(_)) | (None, None) => {}
+        }
         let normals = self.base.as_ref().zip(stated).map(|(base, (stated, _))| {
             differences(&base.stated, &stated)
                 .map(|(v, delta)| (v, delta * base.scales[v as usize]))
                 .filter(|(_, delta)| *delta != Vec3::ZERO)
                 .collect()
         });
-        Ok((SourceTarget { name: name.to_owned(), positions, normals, streams: vec![] }, remark))
+        Ok((SourceTarget { name: name.to_owned(), positions, normals, streams: vec![] }, remarks))
     }
 }
 
@@ -224,24 +255,14 @@ fn differences<'a>(base: &'a [Vec3], target: &'a [Vec3]) -> impl Iterator<Item =
     base.iter().zip(target).enumerate().filter(|(_, (b, t))| b != t).map(|(i, (b, t))| (i as u32, *t - *b))
 }
 
-/// Describes the first difference of two face lists in sizes or positions, as text to be followed by "in FILE".
-fn first_difference(found: &Faces, expected: &Faces) -> Option<String> {
-    fn vertices(face: &[Corner]) -> impl Iterator<Item = u64> {
-        face.iter().map(|c| u64::from(c.position) + 1)
-    }
-    let words = |face: &[Corner]| {
-        let mut text: Vec<String> = vertices(face).take(8).map(|v| v.to_string()).collect();
-        if face.len() > 8 {
-            text.push(format!("… ({} corners)", face.len()));
-        }
-        text.join(" ")
+/// How many times as long the edges of `faces` are on `to` as on `from`, altogether, each as a part of the diagonal.
+fn stretch(faces: &Faces, from: &[Vec3], to: &[Vec3]) -> f64 {
+    let edges = |positions: &[Vec3]| -> f64 {
+        let at = |corner: &Corner| positions[corner.position as usize].as_dvec3();
+        let around = |face: &[Corner]| {
+            face.iter().zip(face.iter().cycle().skip(1)).map(|(a, b)| at(a).distance(at(b))).sum::<f64>()
+        };
+        faces.iter().map(around).sum::<f64>() / f64::from(diagonal(positions))
     };
-    for (i, (f, e)) in found.iter().zip(expected.iter()).enumerate() {
-        if !vertices(f).eq(vertices(e)) {
-            return Some(format!("face {} has the vertices {}, but {}", i + 1, words(f), words(e)));
-        }
-    }
-    let found = found.sizes.len();
-    let expected = expected.sizes.len();
-    (found != expected).then(|| format!("{found} faces, but {expected}"))
+    edges(to) / edges(from)
 }

@@ -1,4 +1,4 @@
-//! OBJ import and export. [tobj](https://docs.rs/tobj) parses the text.
+//! OBJ import and export.
 
 mod folder;
 mod read;

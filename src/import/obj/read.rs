@@ -1,21 +1,16 @@
 //! Reads OBJ text into arrays, in the file's order.
 //!
-//! tobj reads the numbers of `v`, `vt` and `vn`, faces are read here: tobj has no line numbers, takes an index of 0 for a
-//! missing one, and repeats texture coordinates where a corner has none. It also reads NaN as a number; where it refuses
-//! numbers, or they are not finite, the lines are checked one by one.
+//! Crates that read OBJ number vertices anew, have no line numbers in errors, and refuse a file for one bad normal.
 
 use crate::asset::{Corner, Faces};
 use crate::error::{Error, Result};
 use crate::io::{TEXT_MAX, read_bounded};
 use glam::{Vec2, Vec3};
-use std::io::Write;
 use std::path::Path;
 
 /// The statements that list values.
 const KEYWORDS: [&str; 3] = ["v", "vt", "vn"];
 const NAMES: [&str; 3] = ["vertex", "texture coordinate", "normal"];
-/// Numbers that each needs.
-const SIZES: [usize; 3] = [3, 2, 3];
 
 const EXPORT_AGAIN: &str = "export the file again";
 const EXPORT_OBJ: &str = "export the mesh as Wavefront OBJ";
@@ -26,9 +21,10 @@ const WRITE_CORNERS: &str = "write corners as v, v/vt, v//vn or v/vt/vn";
 pub struct ObjFile {
     /// The `v` lines.
     pub positions: Vec<Vec3>,
-    /// The `vt` lines; a third coordinate is ignored.
+    /// The `vt` lines: a second coordinate that is not there is 0, a third is ignored. Zero where a line has no finite
+    /// numbers.
     pub texcoords: Vec<Vec2>,
-    /// The `vn` lines, as stated.
+    /// The `vn` lines, as stated; zero where a line has no finite numbers.
     pub normals: Vec<Vec3>,
     /// The `f` lines, in file order, whatever object, group or material they belong to.
     pub faces: Faces,
@@ -36,6 +32,8 @@ pub struct ObjFile {
     pub corner_normals: Option<Vec<u32>>,
     /// Whether some corners of the faces have a normal; with `corner_normals: None`, only some of them.
     pub any_normals: bool,
+    /// What was left out, for a person to see.
+    pub notes: Vec<String>,
 }
 
 impl ObjFile {
@@ -43,7 +41,8 @@ impl ObjFile {
     ///
     /// Polygons stay polygons, vertices stay in file order, and vertices without a face are kept. Points and lines
     /// (`p`, `l`), vertex colours, free-form surfaces, groups and materials are ignored. Lines end in LF or CR LF, or
-    /// all of them in CR.
+    /// all of them in CR. Faces of fewer than three corners are left out, with a note. So are texture coordinates and
+    /// normals of corners that name 0, or more than the file has, and texture coordinates that are not finite.
     ///
     /// Takes 300 bytes of memory at most for each byte of the file, and 1 MiB, whatever it counts.
     ///
@@ -60,19 +59,29 @@ impl ObjFile {
     /// [`Error::Input`] with the line if the text cannot be used; [`Error::OutOfMemory`].
     pub fn from_bytes(path: &Path, bytes: Vec<u8>) -> Result<Self> {
         let bytes = prepared(path, bytes)?;
-        let Scan { text, counts, faces, corner_normals, without_normal, .. } = Scan::new(path, &bytes)?;
-        let Some([positions, texcoords, normals]) = values(&text, counts) else {
-            return Err(refused_number(path, &bytes));
-        };
-        let any_normals = without_normal < faces.corners.len();
-        Ok(Self {
-            positions: positions.as_chunks().0.iter().copied().map(Vec3::from_array).collect(),
-            texcoords: texcoords.as_chunks().0.iter().copied().map(Vec2::from_array).collect(),
-            normals: normals.as_chunks().0.iter().copied().map(Vec3::from_array).collect(),
-            corner_normals: (any_normals && without_normal == 0).then_some(corner_normals),
-            any_normals,
-            faces,
-        })
+        // Counted in advance: a face may name a vertex that is listed after it.
+        let mut counts = [0; 3];
+        for (keyword, _) in statements(&bytes) {
+            let kind = KEYWORDS.iter().position(|k| k.as_bytes() == keyword);
+            kind.into_iter().for_each(|kind| counts[kind] += 1);
+        }
+        if counts[0] == 0 {
+            let what = "no 'v' line: not an OBJ file, or one without vertices";
+            return Err(Error::input(path, "", what, EXPORT_OBJ));
+        }
+        let file = Self::default();
+        let mut scan = Scan { path, line: 0, counts, file, corner_normals: vec![], lost: 0, thin: 0 };
+        for (line, (keyword, rest)) in (1..).zip(statements(&bytes)) {
+            scan.line = line;
+            match keyword {
+                b"v" => scan.position(rest)?,
+                b"vt" => scan.texcoord(rest)?,
+                b"vn" => scan.normal(rest)?,
+                b"f" => scan.face(rest)?,
+                _ => {}
+            }
+        }
+        Ok(scan.finish())
     }
 }
 
@@ -92,163 +101,122 @@ fn prepared(path: &Path, mut bytes: Vec<u8>) -> Result<Vec<u8>> {
     Ok(if bytes.contains(&b'\\') { join_lines(&bytes) } else { bytes })
 }
 
-/// The numbers of the `v`, `vt` and `vn` statements in `text`, by tobj; `None` where one is refused or not finite.
-fn values(text: &[u8], counts: [usize; 3]) -> Option<[Vec<f32>; 3]> {
-    let options = tobj::LoadOptions::default();
-    let (mut models, _) = tobj::load_obj_buf(&mut &*text, &options, |_| Ok(Default::default())).ok()?;
-    let mesh = models.pop()?.mesh;
-    let values = [mesh.positions, mesh.texcoords, mesh.normals];
-    let [v, vt, vn] = counts;
-    let is_complete = values.each_ref().map(Vec::len) == [3 * v, 2 * vt, 3 * vn];
-    let is_finite = values.iter().flatten().all(|number| number.is_finite());
-    (models.is_empty() && is_complete && is_finite).then_some(values)
-}
-
-/// The error for the first line with numbers that cannot be used.
-fn refused_number(path: &Path, bytes: &[u8]) -> Error {
-    for (line, (keyword, rest)) in (1..).zip(statements(bytes)) {
-        let place = Line { path, line };
-        let checked = kind_of(keyword).map_or(Ok(()), |kind| place.check_numbers(kind, rest));
-        if let Err(error) = checked {
-            return error;
-        }
-    }
-    Error::input(path, "", "the parser lost numbers", "export the file again, with one statement on a line")
-}
-
-/// The line that a statement begins on.
-#[derive(Clone, Copy)]
-struct Line<'a> {
+/// Reads statements, one after another.
+struct Scan<'a> {
     path: &'a Path,
+    /// The line that the statement begins on.
     line: usize,
+    /// Number of `v`, `vt` and `vn` statements.
+    counts: [usize; 3],
+    file: ObjFile,
+    /// Index of the normal of each corner; `u32::MAX` where it has none.
+    corner_normals: Vec<u32>,
+    /// Number of texture coordinates and normals that corners name, and that there are not.
+    lost: usize,
+    /// Number of faces of fewer than three corners.
+    thin: usize,
 }
 
-impl Line<'_> {
-    fn error(self, what: impl Into<String>, remedy: &str) -> Error {
+impl Scan<'_> {
+    fn error(&self, what: impl Into<String>, remedy: &str) -> Error {
         Error::input(self.path, format!(": line {}", self.line), what, remedy)
     }
 
-    fn text(self, rest: &[u8]) -> Result<&str> {
+    fn text<'t>(&self, rest: &'t [u8]) -> Result<&'t str> {
         std::str::from_utf8(rest).map_err(|_| self.error("bytes that are not UTF-8 text", EXPORT_AGAIN))
     }
 
-    fn number(self, word: &str) -> Result<f32> {
-        let number = word.parse::<f32>();
-        let number = number.map_err(|_| self.error(format!("'{}' is not a number", short(word)), EXPORT_AGAIN))?;
-        let what = || format!("'{word}' is not a finite number of single precision");
-        let finite = number.is_finite().then_some(number);
-        finite.ok_or_else(|| self.error(what(), "repair the mesh and export it again"))
+    fn number(&self, word: &str) -> Result<f32> {
+        // As programs on Windows write it: 1.#QNAN, 1.#INF, nan(ind).
+        let is_nan = || word.contains(".#") || word.contains("nan(");
+        let number = word.parse().ok().or_else(|| is_nan().then_some(f32::NAN));
+        let remedy =
+            if word.contains(',') { "write numbers with a point, and spaces between them" } else { EXPORT_AGAIN };
+        number.ok_or_else(|| self.error(format!("'{}' is not a number", short(word)), remedy))
     }
 
-    fn check_numbers(self, kind: usize, rest: &[u8]) -> Result<()> {
-        let mut words = self.text(rest)?.split_whitespace();
-        let expected = SIZES[kind];
-        let mut numbers = vec![];
-        for i in 0..expected {
-            let missing =
-                || self.error(format!("a {} with {i} numbers, {expected} expected", NAMES[kind]), EXPORT_AGAIN);
-            numbers.push(self.number(words.next().ok_or_else(missing)?)?);
-        }
-        // The weight of `x y z w`; colours are not read.
-        let more: Vec<&str> = words.take(2).collect();
-        if let (0, [w]) = (kind, &more[..]) {
-            let w = self.number(w)?;
-            if !numbers.iter().all(|x| (x / w).is_finite()) {
-                return Err(
-                    self.error(format!("the weight {w} takes the vertex to infinity"), "remove the fourth number")
-                );
+    /// The first `N` numbers of a statement; those that it may leave out, after the first `least`, are 0.
+    fn numbers<'t, const N: usize>(
+        &self,
+        kind: usize,
+        least: usize,
+        mut words: impl Iterator<Item = &'t str>,
+    ) -> Result<[f32; N]> {
+        let mut numbers = [0.0; N];
+        for (i, number) in numbers.iter_mut().enumerate() {
+            match words.next() {
+                Some(word) => *number = self.number(word)?,
+                None if i >= least => {}
+                None => {
+                    let what = format!("a {} with {i} numbers, {least} expected", NAMES[kind]);
+                    return Err(self.error(what, EXPORT_AGAIN));
+                }
             }
         }
+        Ok(numbers)
+    }
+
+    fn position(&mut self, rest: &[u8]) -> Result<()> {
+        let text = self.text(rest)?;
+        let mut words = text.split_whitespace();
+        let stated = Vec3::from_array(self.numbers(0, 3, &mut words)?);
+        // One more number is a weight, several are a colour.
+        let position = match words.next() {
+            Some(weight) if words.next().is_none() => stated / self.number(weight)?,
+            _ => stated,
+        };
+        if !position.is_finite() {
+            let what = format!("the vertex '{}' is not one of finite numbers of single precision", short(text.trim()));
+            return Err(self.error(what, "repair the mesh and export it again"));
+        }
+        self.file.positions.push(position);
         Ok(())
     }
-}
 
-/// Reads faces, and copies the other statements for tobj.
-struct Scan<'a> {
-    at: Line<'a>,
-    /// The statements for tobj.
-    text: Vec<u8>,
-    /// Number of `v`, `vt` and `vn` statements.
-    counts: [usize; 3],
-    /// The numbers so far; a negative index counts back from them.
-    seen: [usize; 3],
-    faces: Faces,
-    /// Index of the normal of each corner; 0 where it has none.
-    corner_normals: Vec<u32>,
-    /// Number of corners without a normal.
-    without_normal: usize,
-}
-
-impl<'a> Scan<'a> {
-    fn new(path: &'a Path, bytes: &[u8]) -> Result<Self> {
-        // Counted in advance: a face may name a vertex that is listed after it.
-        let mut counts = [0; 3];
-        for (keyword, _) in statements(bytes) {
-            kind_of(keyword).into_iter().for_each(|kind| counts[kind] += 1);
-        }
-        if counts[0] == 0 {
-            let what = "no 'v' line: not an OBJ file, or one without vertices";
-            return Err(Error::input(path, "", what, EXPORT_OBJ));
-        }
-        let mut scan = Self {
-            at: Line { path, line: 0 },
-            text: ordering_face(counts),
-            counts,
-            seen: [0; 3],
-            faces: Faces::default(),
-            corner_normals: vec![],
-            without_normal: 0,
-        };
-        scan.text.reserve(bytes.len() + 1);
-        for (line, (keyword, rest)) in (1..).zip(statements(bytes)) {
-            scan.at.line = line;
-            match kind_of(keyword) {
-                Some(kind) => scan.values(kind, keyword, rest)?,
-                None if keyword == b"f" => scan.face(rest)?,
-                None => {}
-            }
-        }
-        Ok(scan)
+    fn texcoord(&mut self, rest: &[u8]) -> Result<()> {
+        let numbers = self.numbers(1, 1, self.text(rest)?.split_whitespace())?;
+        self.file.texcoords.push(Vec2::from_array(numbers));
+        Ok(())
     }
 
-    /// Copies a statement without what tobj may not read: colours that only some vertices have.
-    fn values(&mut self, kind: usize, keyword: &[u8], rest: &[u8]) -> Result<()> {
-        let text = self.at.text(rest)?;
-        let words = if kind == 0 { text.split_whitespace().count() } else { 0 };
-        let kept = match words {
-            ..=4 => text.len(),
-            6 | 7 => text.split_whitespace().nth(3).map_or(0, |red| red.as_ptr() as usize - text.as_ptr() as usize),
-            n => {
-                let what = format!("a vertex with {n} numbers, 3 expected (or 4 with a weight, 6 with a colour)");
-                return Err(self.at.error(what, EXPORT_AGAIN));
-            }
-        };
-        for part in [keyword, &text.as_bytes()[..kept], b"\n"] {
-            self.text.extend_from_slice(part);
-        }
-        self.seen[kind] += 1;
+    fn normal(&mut self, rest: &[u8]) -> Result<()> {
+        let normal = Vec3::from_array(self.numbers(2, 3, self.text(rest)?.split_whitespace())?);
+        self.file.normals.push(if normal.is_finite() { normal } else { Vec3::ZERO });
         Ok(())
     }
 
     fn face(&mut self, rest: &[u8]) -> Result<()> {
-        let before = self.faces.corners.len();
-        for word in self.at.text(rest)?.split_whitespace() {
-            self.corner(word)?;
+        let before = self.file.faces.corners.len();
+        for word in self.text(rest)?.split_whitespace() {
+            let [position, texcoord, normal] = self.corner(word)?;
+            let Some(position) = position else {
+                return Err(self.error(format!("'{}' names no vertex", short(word)), WRITE_CORNERS));
+            };
+            if u32::try_from(self.file.faces.corners.len()).is_err() {
+                return Err(self.error("more than 4,294,967,295 face corners", "split the mesh"));
+            }
+            self.file.faces.corners.push(Corner { position, texcoord });
+            self.corner_normals.push(normal.unwrap_or(u32::MAX));
         }
-        let size = self.faces.corners.len() - before;
-        if size < 3 {
-            let what = format!("a face with {size} corners, at least 3 expected");
-            return Err(self.at.error(what, "remove it, or write points and lines as 'p' and 'l'"));
+        match self.file.faces.corners.len() - before {
+            ..3 => {
+                self.file.faces.corners.truncate(before);
+                self.corner_normals.truncate(before);
+                self.thin += 1;
+            }
+            // All corners are counted in 32 bits.
+            size => self.file.faces.sizes.push(size as u32),
         }
-        // `corner` counts all of them in 32 bits.
-        self.faces.sizes.push(size as u32);
         Ok(())
     }
 
-    fn corner(&mut self, word: &str) -> Result<()> {
+    /// The vertex, texture coordinate and normal that a corner names.
+    fn corner(&mut self, word: &str) -> Result<[Option<u32>; 3]> {
         let mut named = [None; 3];
-        let refuse = |what: &str| Err(self.at.error(format!("'{}' {what}", short(word)), WRITE_CORNERS));
+        // A positive index may refer to later lines; a negative one counts back from this line.
+        let seen = [self.file.positions.len(), self.file.texcoords.len(), self.file.normals.len()];
         for (k, part) in word.split('/').enumerate() {
+            let refuse = |what: &str| Err(self.error(format!("'{}' {what}", short(word)), WRITE_CORNERS));
             if k == 3 {
                 return refuse("has more than three indices");
             }
@@ -256,52 +224,43 @@ impl<'a> Scan<'a> {
                 continue;
             }
             let Ok(index) = part.parse::<i64>() else { return refuse("is not a corner of a face") };
-            // A positive index may refer to later lines; a negative one counts back from this line.
-            let limit = if index < 0 { self.seen[k] } else { self.counts[k] } as u64;
-            if index == 0 || index.unsigned_abs() > limit {
-                let name = NAMES[k];
-                let keyword = KEYWORDS[k];
-                let what = match index {
-                    0 => format!("{name} index 0, but OBJ counts from 1"),
-                    1.. => format!("{name} index {index}, but the file has {limit} '{keyword}' lines"),
-                    _ => format!("{name} index {index}, but only {limit} '{keyword}' lines come before it"),
-                };
-                return Err(self.at.error(what, EXPORT_AGAIN));
+            let limit = if index < 0 { seen[k] } else { self.counts[k] } as u64;
+            if (1..=limit).contains(&index.unsigned_abs()) {
+                let from_0 = if index < 0 { limit - index.unsigned_abs() } else { index.unsigned_abs() - 1 };
+                // Files are too small for 2^32 lines of a keyword.
+                named[k] = Some(from_0 as u32);
+            } else if k > 0 {
+                self.lost += 1;
+            } else {
+                let place = if index < 0 { " before it" } else { "" };
+                let what = format!("vertex index {index}, but there are {limit} 'v' lines{place}, counted from 1");
+                return Err(self.error(what, EXPORT_AGAIN));
             }
-            let from_0 = if index < 0 { limit - index.unsigned_abs() } else { index.unsigned_abs() - 1 };
-            // Files are too small for 2^32 lines of a keyword.
-            named[k] = Some(from_0 as u32);
         }
-        let [Some(position), texcoord, normal] = named else { return refuse("names no vertex") };
-        if u32::try_from(self.faces.corners.len()).is_err() {
-            return Err(self.at.error("more than 4,294,967,295 face corners", "split the mesh"));
-        }
-        self.faces.corners.push(Corner { position, texcoord });
-        self.corner_normals.push(normal.unwrap_or(0));
-        self.without_normal += usize::from(normal.is_none());
-        Ok(())
+        Ok(named)
     }
-}
 
-/// Makes the one face that tobj gets, whose corners name every vertex, texture coordinate and normal in file order.
-///
-/// tobj numbers all three by first use and drops those that no face uses. With this face, the order of first use is the
-/// order of the file.
-fn ordering_face(counts: [usize; 3]) -> Vec<u8> {
-    let corners = counts.into_iter().max().unwrap_or(0);
-    let mut line = Vec::with_capacity(corners * 24 + 2);
-    line.push(b'f');
-    for i in 1..=corners {
-        for (separator, n) in [b' ', b'/', b'/'].into_iter().zip(counts) {
-            line.push(separator);
-            if n > 0 {
-                // Writing to memory cannot fail.
-                let _ = write!(line, "{}", i.min(n));
+    fn finish(self) -> ObjFile {
+        let Self { mut file, corner_normals, mut lost, thin, .. } = self;
+        for corner in &mut file.faces.corners {
+            if corner.texcoord.is_some_and(|t| !file.texcoords[t as usize].is_finite()) {
+                corner.texcoord = None;
+                lost += 1;
             }
         }
+        file.texcoords.iter_mut().filter(|texcoord| !texcoord.is_finite()).for_each(|texcoord| *texcoord = Vec2::ZERO);
+        file.any_normals = corner_normals.iter().any(|normal| *normal != u32::MAX);
+        let has_all = file.any_normals && !corner_normals.contains(&u32::MAX);
+        file.corner_normals = has_all.then_some(corner_normals);
+        if thin > 0 {
+            file.notes.push(format!("{thin} faces have fewer than three corners: left out"));
+        }
+        if lost > 0 {
+            let what = "texture coordinates or normals of corners are not there, or are no numbers: left out";
+            file.notes.push(format!("{lost} {what}"));
+        }
+        file
     }
-    line.push(b'\n');
-    line
 }
 
 /// Joins lines that end with a backslash to the next one. The line breaks move behind the joined line, so that later
@@ -331,14 +290,11 @@ fn join_lines(bytes: &[u8]) -> Vec<u8> {
 /// Iterates over the statements, one per line: the keyword, and the text after it without comments.
 fn statements(bytes: &[u8]) -> impl Iterator<Item = (&[u8], &[u8])> {
     bytes.split(|&b| b == b'\n').map(|line| {
-        let statement = line.split(|&b| b == b'#').next().unwrap_or_default().trim_ascii_start();
+        // In 1.#QNAN no comment begins.
+        let comment = (0..line.len()).find(|&at| line[at] == b'#' && (at == 0 || line[at - 1] != b'.'));
+        let statement = line[..comment.unwrap_or(line.len())].trim_ascii_start();
         statement.split_at(statement.iter().position(u8::is_ascii_whitespace).unwrap_or(statement.len()))
     })
-}
-
-/// Returns the kind of values that a statement lists, as an index into [`KEYWORDS`] and [`NAMES`].
-fn kind_of(keyword: &[u8]) -> Option<usize> {
-    KEYWORDS.iter().position(|k| k.as_bytes() == keyword)
 }
 
 /// Cuts a word of the file to a length that fits a message.

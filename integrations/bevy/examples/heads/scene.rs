@@ -290,7 +290,7 @@ fn bevys(morphs: &MorphMesh, tangents: bool) -> Mesh {
     }
     let vectors = |of: &[_]| of.iter().map(deltamorph_bevy::deltamorph::glam::Vec3::to_array).collect::<Vec<_>>();
     let normals = vectors(&morphs.normals);
-    let indices = morphs.faces.triangles().into_flattened();
+    let indices = morphs.faces.triangles(&morphs.positions).into_flattened();
     let mut mesh = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default())
         .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, vectors(&morphs.positions))
         .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, normals.clone())

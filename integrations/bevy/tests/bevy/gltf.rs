@@ -54,7 +54,7 @@ fn write(path: &Path) {
         let comma = if targets.is_empty() { "" } else { "," };
         write!(targets, r#"{comma}{{"POSITION":{position},"NORMAL":{normal}}}"#).expect("text");
     }
-    let triangles = mesh.faces.triangles();
+    let triangles = mesh.faces.triangles(&mesh.positions);
     let indices = triangles.as_flattened().iter().flat_map(|i| i.to_le_bytes()).collect();
     let indices = add(indices, "SCALAR", 5125, 3 * triangles.len(), "");
     let keys = 2 * TARGETS + 1;

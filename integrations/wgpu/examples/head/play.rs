@@ -23,7 +23,7 @@ pub fn play(host: &Host, format: PoseFormat, vertices: usize, frames: std::ops::
     let mesh = PackedMesh::pack(&source.to_mesh(Tolerance::default())?, &morph.pack_desc(DeltaFormat::Fast))?;
     let names: Vec<&str> = mesh.layout().targets.iter().map(|target| target.name.as_str()).collect();
     let clip: Vec<Vec<f32>> = head::head_clip(&head_desc, frames.end, 30.0).bind(&names)?.frames().collect();
-    let triangles = source.faces.triangles().concat();
+    let triangles = source.faces.triangles(&source.positions).concat();
     let indices = |indices: &[u32]| {
         let bytes: Vec<u8> = indices.iter().flat_map(|index| index.to_ne_bytes()).collect();
         host.filled(&bytes, wgpu::BufferUsages::INDEX)

@@ -54,7 +54,7 @@ proptest! {
         turn in prop::array::uniform3(-3.0f64..3.0), weight in 0.0f32..1.0,
     ) {
         let source = head(&HeadDesc::default().vertices(300).targets(2));
-        let triangles = source.faces.triangles();
+        let triangles = source.faces.triangles(&source.positions);
         // In the form of a file: triangles, and normals with their deltas.
         let built = source.to_mesh(Tolerance::ZERO).unwrap();
         let mut moved = MorphSource { normals: Some(built.normals.clone()), texcoords: vec![], ..source };
@@ -196,7 +196,7 @@ fn meshes_with_targets_are_merged_where_they_stand() {
     let source = file.read().unwrap().into_source().unwrap();
     // The teeth are there twice.
     assert_eq!((source.positions[1], source.positions[3]), (Vec3::X * 2.0, Vec3::Z * 5.0));
-    assert_eq!((source.positions[6], source.faces.triangles()[2]), (Vec3::ZERO, [6, 7, 8]));
+    assert_eq!((source.positions[6], source.faces.triangles(&source.positions)[2]), (Vec3::ZERO, [6, 7, 8]));
     assert_eq!(
         source.targets.iter().map(|t| (t.name.as_str(), t.positions.len())).collect::<Vec<_>>(),
         [("jaw", 9), ("blink", 3)]
