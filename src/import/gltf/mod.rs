@@ -481,10 +481,14 @@ impl Gltf {
     /// Returns how many times each mesh of `taken` is made part of one mesh: once for each node that draws it, as far
     /// as the file is large enough for so much. `more` are the bytes of a vertex besides.
     fn copies(&mut self, taken: &[usize], drawn: &[Vec<usize>], more: usize) -> Result<Vec<usize>> {
-        let sources = || taken.iter().map(|mesh| &self.meshes[*mesh].source);
-        let all = assemble::semantics(sources());
-        let size = |source: &MorphSource| (assemble::size_in(source, &all) + more * source.positions.len()) as u64;
-        let total = sources().map(size).sum::<u64>();
+        let all = assemble::semantics(taken.iter().map(|mesh| &self.meshes[*mesh].source));
+        let size = |mesh: &usize| {
+            let Mesh { source, primitives, .. } = &self.meshes[*mesh];
+            // The mesh and each of its parts have its name.
+            let names = (primitives.len() + 1) * (size_of::<MorphSource>() + source.name.len());
+            (assemble::size_in(source, &all) + more * source.positions.len() + names) as u64
+        };
+        let total = taken.iter().map(size).sum::<u64>();
         let mut left = self.budget.checked_sub(total).ok_or_else(|| {
             let mib = total.div_ceil(1 << 20);
             let what = format!("its meshes as one take {mib} MiB, which is more than a file of this size can hold");
@@ -492,10 +496,10 @@ impl Gltf {
             Error::input(&self.path, "", what, remedy)
         })?;
         let mut copies = vec![];
-        for (mesh, source) in taken.iter().zip(sources()) {
+        for mesh in taken {
             // A copy, and the part of the one mesh that is made of it.
-            let each = 2 * size(source);
-            let others = (drawn[*mesh].len().saturating_sub(1) as u64).min(left / each.max(1));
+            let each = 2 * size(mesh);
+            let others = (drawn[*mesh].len().saturating_sub(1) as u64).min(left / each);
             left -= others * each;
             copies.push(others as usize + 1);
         }

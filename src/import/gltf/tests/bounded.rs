@@ -65,6 +65,11 @@ fn what_is_named_again_and_again_is_charged() {
     refused(many(2000, &json!({})), std::iter::once(root).chain(nodes).collect());
     let list = many(1000, &json!({"attributes": {"POSITION": few[0]}, "targets": [{}]}));
     refused(json!([{"extras": {"targetNames": ["x".repeat(40_000)]}, "primitives": list}]), json!([]));
+    // Copies of a mesh of many parts, all of its name, are as many as there is room for.
+    let list = many(200, &json!({"attributes": {"POSITION": few[0]}}));
+    file.json["meshes"] = json!([{"name": "x".repeat(9000), "primitives": list}]);
+    file.json["nodes"] = many(1000, &json!({"mesh": 0}));
+    assert_eq!(take(&file), None);
 }
 
 #[test]
