@@ -69,14 +69,11 @@ impl Kind {
 
     /// Reads the number at the start of `b`. Normalised integers are fractions of the largest one, at least -1.
     fn number(self, b: &[u8], normalised: bool) -> f32 {
-        let largest = match self {
-            Self::F32 => return f32::from_le_bytes([b[0], b[1], b[2], b[3]]),
-            Self::I8 => 127.0,
-            Self::U8 => 255.0,
-            Self::I16 => 32767.0,
-            Self::U16 => 65535.0,
-            Self::U32 => 4_294_967_295.0,
-        };
+        if self == Self::F32 {
+            return f32::from_le_bytes([b[0], b[1], b[2], b[3]]);
+        }
+        let bits = 8 * self.size() - usize::from(!self.is_unsigned());
+        let largest = ((1u64 << bits) - 1) as f64;
         let whole = self.whole(b) as f64;
         if normalised { (whole / largest).max(-1.0) as f32 } else { whole as f32 }
     }
@@ -197,6 +194,13 @@ impl<'a> Accessor<'a> {
         Err(self.at.refuse(format!("elements of {} numbers, {components} expected", self.components), UNFIT))
     }
 
+    /// Room for all elements.
+    fn zeros<T: Copy, const N: usize>(&self, zero: T) -> Result<Vec<[T; N]>> {
+        self.check_components(N)?;
+        self.file.charge(&self.at, self.count, 4 * N)?;
+        Ok(vec![[zero; N]; self.count])
+    }
+
     /// Passes on each element that has bytes.
     fn each<const N: usize>(&self, mut take: impl FnMut(usize, [f32; N])) -> Result<()> {
         let size = self.kind.size();
@@ -222,9 +226,7 @@ impl<'a> Accessor<'a> {
 
     /// Returns all elements, of `N` numbers each.
     pub fn floats<const N: usize>(&self) -> Result<Vec<[f32; N]>> {
-        self.check_components(N)?;
-        self.file.charge(&self.at, self.count, 4 * N)?;
-        let mut all = vec![[0.0; N]; self.count];
+        let mut all = self.zeros(0.0)?;
         self.each(|i, numbers| all[i] = numbers)?;
         Ok(all)
     }
@@ -249,12 +251,10 @@ impl<'a> Accessor<'a> {
 
     /// Returns all elements of `N` unsigned integers as they are stored: indices and joints.
     pub fn integers<const N: usize>(&self) -> Result<Vec<[u32; N]>> {
-        self.check_components(N)?;
+        let mut all = self.zeros(0)?;
         if !self.kind.is_unsigned() {
             return Err(self.at.refuse("numbers that are not unsigned integers", UNFIT));
         }
-        self.file.charge(&self.at, self.count, 4 * N)?;
-        let mut all = vec![[0; N]; self.count];
         let size = self.kind.size();
         for (i, bytes) in self.stored() {
             all[i] = std::array::from_fn(|c| self.kind.whole(&bytes[c * size..]) as u32);

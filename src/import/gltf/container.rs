@@ -49,7 +49,7 @@ pub struct Container {
     /// Decompressed buffer views.
     unpacked: Vec<OnceCell<Vec<u8>>>,
     /// Bytes of values that may still be read.
-    budget: Cell<u64>,
+    pub budget: Cell<u64>,
     /// What was left out, or taken for something else, since the last [`take_notes`](Self::take_notes).
     notes: RefCell<Vec<String>>,
 }
@@ -100,11 +100,6 @@ impl Container {
     /// Returns the root of the JSON.
     pub fn root(&self) -> At<'_> {
         At { path: &self.path, value: &self.json, place: String::new() }
-    }
-
-    /// Returns the bytes of values that may still be read.
-    pub fn budget(&self) -> u64 {
-        self.budget.get()
     }
 
     /// Charges the budget before `count` values of `size` bytes are allocated for `at`; an error if the file is too

@@ -61,10 +61,8 @@ impl<'a> At<'a> {
     pub fn elements(&self) -> Result<Vec<Self>> {
         let values = self.value.as_array().ok_or_else(|| self.refuse("no array", REPAIR))?;
         let element = |(i, value): (usize, &'a Value)| {
-            let name = match value.get("name").and_then(Value::as_str) {
-                Some(name) if !name.is_empty() => format!(" '{}'", shortened(name)),
-                _ => String::new(),
-            };
+            let name = value.get("name").and_then(Value::as_str).filter(|name| !name.is_empty());
+            let name = name.map_or(String::new(), |name| format!(" '{}'", shortened(name)));
             At { path: self.path, value, place: format!("{}[{i}]{name}", self.place) }
         };
         Ok(values.iter().enumerate().map(element).collect())

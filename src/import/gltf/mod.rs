@@ -184,7 +184,7 @@ fn gltf(file: &Container) -> Result<Gltf> {
         gltf.notes.extend(gltf.overruled(&animation));
         gltf.animations.push(animation);
     }
-    gltf.budget = file.budget();
+    gltf.budget = file.budget.get();
     Ok(gltf)
 }
 
