@@ -209,7 +209,8 @@ fn of_joints_alone(path: &Path, args: &InputArgs, input: &Input) -> Result<Optio
     let animation = all.iter().find(|animation| animation.name == name && animation.moves_joints_alone());
     let (Some(animation), Some(first)) = (animation, input.targets().first().copied()) else { return Ok(None) };
     let fps = args.fps.unwrap_or_else(|| animation.frame_rate());
-    let values = vec![0.0; animation.frame_times(args.fps).len()];
+    let times = animation.frame_times(args.fps).map_err(|e| Failure::Failed(format!("{}: {e}", file.display())))?;
+    let values = vec![0.0; times.len()];
     input.out.iter().for_each(|out| out.note(format_args!("clip '{name}' moves joints alone: all weights are 0")));
     Ok(Some(WeightClip { name, names: vec![first.to_owned()], fps, values }))
 }

@@ -166,11 +166,12 @@ fn gltf_clip(path: &Path, name: Option<&str>, fps: Option<f32>) -> Result<Weight
     let names: Vec<&str> = all.iter().map(|animation| animation.name.as_str()).collect();
     let still = gltf.animations.iter().filter(|animation| animation.moves_joints_alone());
     let still: Vec<String> = still.map(|animation| format!("'{}'", animation.name)).collect();
-    let still = if still.is_empty() { String::new() } else { format!(" (joints alone move in {})", still.join(", ")) };
-    gltf.clip(
-        all[choose(path, ["glTF file", "animation of weights", "animations of weights"], &names, name, &still)?],
-        fps,
-    )
+    let mut more =
+        if still.is_empty() { String::new() } else { format!(" (joints alone move in {})", still.join(", ")) };
+    let left_out = gltf.notes.iter().filter(|note| note.starts_with("animations["));
+    left_out.for_each(|note| more += &format!(" ({note})"));
+    let chosen = choose(path, ["glTF file", "animation of weights", "animations of weights"], &names, name, &more)?;
+    gltf.clip(all[chosen], fps)
 }
 
 fn packed_clip(path: &Path, name: Option<&str>, fps: Option<f32>) -> Result<WeightClip> {

@@ -145,7 +145,7 @@ impl Compared {
         let mut clips = 0.0f64;
         for clip in 0..self.gltf.animations.len() {
             let animation = &self.gltf.animations[clip];
-            let times: Vec<f64> = animation.frame_times(None).collect();
+            let times: Vec<f64> = animation.frame_times(None).unwrap().collect();
             let frames = self.gltf.clip(animation, None).ok();
             for frame in [1, 3, 5].map(|sixth| times.len() * sixth / 6) {
                 let values = frames.iter().flat_map(|f| f.names.iter().zip(&f.values[frame * f.names.len()..]));

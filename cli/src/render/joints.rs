@@ -55,12 +55,15 @@ impl Joints {
     }
 
     /// Takes the animation that `clip` is, FILE#NAME; joints rest while it is another file's.
-    pub fn play(&mut self, clip: &Path) {
+    pub fn play(&mut self, clip: &Path) -> Result<(), Failure> {
         let named = animation_of(clip).filter(|(file, _)| *file == self.file);
         let is_named = |animation: &Animation| named.as_ref().is_some_and(|(_, name)| animation.name == *name);
         let playing = self.skeleton.animations.iter().position(is_named);
-        let times = |number: usize| self.skeleton.animations[number].frame_times(self.fps).collect();
-        self.playing = playing.map(|number| (number, times(number)));
+        let times = |number: usize| -> Result<_, Failure> {
+            Ok((number, self.skeleton.animations[number].frame_times(self.fps)?.collect()))
+        };
+        self.playing = playing.map(times).transpose()?;
+        Ok(())
     }
 
     pub fn skin(&self) -> SkinDesc<'_> {

@@ -74,7 +74,7 @@ pub fn run(args: &RenderArgs, device: Option<&DeviceChoice>, out: &Output) -> Re
     };
     if let Some(joints) = &mut joints {
         if let Some(clip) = clip {
-            joints.play(&input::named(clip, &args.run.input)?);
+            joints.play(&input::named(clip, &args.run.input)?)?;
         }
         subject.reach(joints, &input.kept, args.frame.map(|frame| frame as f64), !one_pose);
     }

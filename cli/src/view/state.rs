@@ -110,7 +110,7 @@ impl State {
     /// Joints move in the frames of the chosen clip if it is one of theirs.
     fn play_joints(&mut self) -> Result<(), Failure> {
         if let (Some(joints), Some(path)) = (&mut self.joints, &self.chosen) {
-            joints.play(&input::named(path, &self.run.input)?);
+            joints.play(&input::named(path, &self.run.input)?)?;
         }
         Ok(())
     }

@@ -2,27 +2,24 @@
 
 use super::container::Container;
 use super::json::At;
-use crate::error::{Error, Result};
+use crate::error::Result;
 
 /// An array of elements of `components` numbers each.
 #[derive(Debug)]
 pub struct Accessor<'a> {
     file: &'a Container,
-    at: At<'a>,
+    pub at: At<'a>,
     pub count: usize,
     pub components: usize,
-    number: Number,
+    kind: Kind,
+    /// Integers are fractions of the largest one.
+    normalised: bool,
     /// Bytes from the first element on, and the stride of elements. `None`: zeros.
     dense: Option<(&'a [u8], usize)>,
     /// Elements with other values: their indices, ascending; their bytes from the first one on; and the stride.
-    sparse: Option<(Vec<u32>, &'a [u8], usize)>,
-}
-
-/// The storage of a number.
-#[derive(Clone, Copy, Debug)]
-struct Number {
-    kind: Kind,
-    normalised: bool,
+    sparse: (Vec<u32>, &'a [u8], usize),
+    /// The number in place of those of an element that is not finite; `None`: such an element is an error.
+    missing: Option<f32>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,21 +62,20 @@ impl Kind {
             Self::U32 | Self::F32 => u32::from_le_bytes([b[0], b[1], b[2], b[3]]).into(),
         }
     }
-}
 
-impl Number {
+    fn is_unsigned(self) -> bool {
+        matches!(self, Self::U8 | Self::U16 | Self::U32)
+    }
+
     /// Reads the number at the start of `b`. Normalised integers are fractions of the largest one, at least -1.
-    fn read(self, b: &[u8]) -> f32 {
-        let largest = match self.kind {
-            Kind::F32 => return f32::from_le_bytes([b[0], b[1], b[2], b[3]]),
-            Kind::I8 => 127.0,
-            Kind::U8 => 255.0,
-            Kind::I16 => 32767.0,
-            Kind::U16 => 65535.0,
-            Kind::U32 => 4_294_967_295.0,
-        };
-        let whole = self.kind.whole(b) as f64;
-        if self.normalised { (whole / largest).max(-1.0) as f32 } else { whole as f32 }
+    fn number(self, b: &[u8], normalised: bool) -> f32 {
+        if self == Self::F32 {
+            return f32::from_le_bytes([b[0], b[1], b[2], b[3]]);
+        }
+        let bits = 8 * self.size() - usize::from(!self.is_unsigned());
+        let largest = ((1u64 << bits) - 1) as f64;
+        let whole = self.whole(b) as f64;
+        if normalised { (whole / largest).max(-1.0) as f32 } else { whole as f32 }
     }
 }
 
@@ -88,11 +84,9 @@ impl Container {
     pub fn accessor(&self, index: &At<'_>) -> Result<Accessor<'_>> {
         let at = self.root().item("accessors", index)?;
         let kind = Kind::of(&at.need("componentType")?)?;
-        let counted = at.need("count")?;
-        let count = counted.whole()?;
-        if count == 0 || u32::try_from(count).is_err() {
-            let remedy = "export the file again: accessors have from 1 to 4,294,967,295 elements";
-            return Err(counted.refuse(format!("{count} elements"), remedy));
+        let count = at.need("count")?.whole()?;
+        if u32::try_from(count).is_err() {
+            return Err(at.refuse(format!("{count} elements"), "export the file again: 4,294,967,295 are the most"));
         }
         let shape = at.need("type")?;
         let components = match shape.text()? {
@@ -104,45 +98,64 @@ impl Container {
             other => return Err(shape.refuse(format!("type '{other}', which meshes and animations do not use"), UNFIT)),
         };
         let element = kind.size() * components;
-        let elements = |at: &At<'_>, count: usize, element: usize| {
-            let view = self.view(&at.need("bufferView")?)?;
-            let offset = at.whole_or("byteOffset", 0)?;
-            let stride = view.stride.unwrap_or(element);
-            let end = (count - 1).checked_mul(stride).and_then(|n| n.checked_add(element)?.checked_add(offset));
-            if stride == 0 || end.is_none_or(|end| end > view.bytes.len()) {
-                let what = format!("{count} elements of {element} bytes every {stride} bytes from byte {offset} on");
-                let what = format!("{what}, but the buffer view has {} bytes", view.bytes.len());
-                return Err(at.refuse(what, "export the file again: it is cut off, or a count is wrong"));
-            }
-            Ok((&view.bytes[offset..], stride))
-        };
-        let dense = at.get("bufferView").is_some().then(|| elements(&at, count, element)).transpose()?;
-        let mut sparse = None;
-        if let Some(stated) = at.get("sparse") {
-            let counted = stated.need("count")?;
-            let others = counted.whole()?;
-            if others == 0 || others > count {
-                return Err(counted.refuse(format!("{others} of {count} elements"), "export the file again"));
-            }
-            let indices = stated.need("indices")?;
-            let kind = Kind::of(&indices.need("componentType")?)?;
-            if !matches!(kind, Kind::U8 | Kind::U16 | Kind::U32) {
-                return Err(indices.refuse("indices that are not unsigned integers", "export the file again"));
-            }
-            let (bytes, stride) = elements(&indices, others, kind.size())?;
-            self.charge(&counted, others, 4)?;
-            let which: Vec<u32> = (0..others).map(|i| kind.whole(&bytes[i * stride..]) as u32).collect();
-            let before = |i: usize| i.checked_sub(1).map(|before| which[before]);
-            if let Some(i) = (0..others).find(|&i| which[i] as usize >= count || before(i) >= Some(which[i])) {
-                let after = before(i).map(|before| format!(", after {before}")).unwrap_or_default();
-                let what = format!("index {i} is {}{after}, of {count} elements", which[i]);
-                return Err(indices.refuse(what, "list each element once, ascending"));
-            }
-            let (bytes, stride) = elements(&stated.need("values")?, others, element)?;
-            sparse = Some((which, bytes, stride));
+        // An empty accessor has no bytes to look for.
+        let dense =
+            at.get("bufferView").filter(|_| count > 0).map(|_| self.elements(&at, count, element)).transpose()?;
+        let sparse = at.get("sparse").filter(|_| count > 0).map(|sparse| self.sparse(&sparse, count, element));
+        Ok(Accessor {
+            count,
+            components,
+            kind,
+            normalised: at.flag("normalized"),
+            dense,
+            sparse: sparse.transpose()?.unwrap_or_default(),
+            missing: None,
+            file: self,
+            at,
+        })
+    }
+
+    /// The bytes of the buffer view that `at` names, from the first of `count` elements on, and their stride.
+    fn elements(&self, at: &At<'_>, count: usize, element: usize) -> Result<(&[u8], usize)> {
+        let (bytes, stride) = self.view(&at.need("bufferView")?)?;
+        let offset = at.whole_or("byteOffset", 0)?;
+        let stride = stride.unwrap_or(element);
+        let end = (count - 1).checked_mul(stride).and_then(|n| n.checked_add(element)?.checked_add(offset));
+        if end.is_none_or(|end| end > bytes.len()) {
+            let what = format!("{count} elements of {element} bytes every {stride} bytes from byte {offset} on");
+            let what = format!("{what}, but the buffer view has {} bytes", bytes.len());
+            return Err(at.refuse(what, "export the file again: it is cut off, or a count is wrong"));
         }
-        let normalised = at.value.get("normalized").is_some_and(|n| n.as_bool() == Some(true));
-        Ok(Accessor { file: self, at, count, components, number: Number { kind, normalised }, dense, sparse })
+        Ok((&bytes[offset..], stride))
+    }
+
+    /// The indices of elements with other values, their bytes and stride.
+    fn sparse(&self, at: &At<'_>, count: usize, element: usize) -> Result<(Vec<u32>, &[u8], usize)> {
+        let counted = at.need("count")?;
+        let others = counted.whole()?;
+        if others == 0 {
+            self.note(at, "no elements, left out");
+            return Ok(Default::default());
+        }
+        if others > count {
+            return Err(counted.refuse(format!("{others} of {count} elements"), "export the file again"));
+        }
+        let indices = at.need("indices")?;
+        let kind = Kind::of(&indices.need("componentType")?)?;
+        if !kind.is_unsigned() {
+            return Err(indices.refuse("indices that are not unsigned integers", "export the file again"));
+        }
+        let (bytes, stride) = self.elements(&indices, others, kind.size())?;
+        self.charge(&counted, others, 4)?;
+        let which: Vec<u32> = (0..others).map(|i| kind.whole(&bytes[i * stride..]) as u32).collect();
+        let before = |i: usize| i.checked_sub(1).map(|before| which[before]);
+        if let Some(i) = (0..others).find(|&i| which[i] as usize >= count || before(i) >= Some(which[i])) {
+            let after = before(i).map(|before| format!(", after {before}")).unwrap_or_default();
+            let what = format!("index {i} is {}{after}, of {count} elements", which[i]);
+            return Err(indices.refuse(what, "list each element once, ascending"));
+        }
+        let (bytes, stride) = self.elements(&at.need("values")?, others, element)?;
+        Ok((which, bytes, stride))
     }
 }
 
@@ -158,30 +171,20 @@ impl<'a> Accessor<'a> {
         Err(self.at.refuse(text, "export the file again: counts have to agree"))
     }
 
-    /// An error about this accessor.
-    pub fn refuse(&self, what: impl std::fmt::Display, remedy: &str) -> Error {
-        self.at.refuse(what, remedy)
+    /// Elements that are not finite have `number` in place of each of theirs, with a note.
+    pub fn or_missing(self, number: f32) -> Self {
+        Self { missing: Some(number), ..self }
     }
 
-    /// Returns the bytes of an element from its dense or sparse part; `None`: zeros. `sparse` counts the sparse
-    /// elements before it; elements must be requested in ascending order.
-    fn element(&self, i: usize, sparse: &mut usize) -> Option<&'a [u8]> {
-        if let Some((which, bytes, stride)) = &self.sparse
-            && which.get(*sparse) == Some(&(i as u32))
-        {
-            *sparse += 1;
-            return Some(&bytes[(*sparse - 1) * stride..]);
-        }
-        self.dense.map(|(bytes, stride)| &bytes[i * stride..])
-    }
-
-    fn numbers<const N: usize>(&self, i: usize, bytes: Option<&[u8]>) -> Result<[f32; N]> {
-        let size = self.number.kind.size();
-        let numbers = bytes.map_or([0.0; N], |b| std::array::from_fn(|c| self.number.read(&b[c * size..])));
-        if numbers.iter().all(|x| x.is_finite()) {
-            return Ok(numbers);
-        }
-        Err(self.at.refuse(format!("element {i} is {numbers:?}"), "replace values that are not a number or infinite"))
+    /// Iterates over the elements that have bytes, ascending; the others are zeros.
+    fn stored(&self) -> impl Iterator<Item = (usize, &'a [u8])> {
+        let (which, values, stride) = &self.sparse;
+        let mut others = which.iter().zip(0..).map(move |(v, n)| (*v as usize, &values[n * stride..])).peekable();
+        let all = if self.dense.is_some() { self.count } else { which.len() };
+        (0..all).filter_map(move |i| match self.dense {
+            Some((bytes, from)) => others.next_if(|(v, _)| *v == i).or(Some((i, &bytes[i * from..]))),
+            None => others.next(),
+        })
     }
 
     fn check_components(&self, components: usize) -> Result<()> {
@@ -191,57 +194,71 @@ impl<'a> Accessor<'a> {
         Err(self.at.refuse(format!("elements of {} numbers, {components} expected", self.components), UNFIT))
     }
 
-    /// Returns all elements, of `N` numbers each.
-    pub fn floats<const N: usize>(&self) -> Result<Vec<[f32; N]>> {
+    /// Room for all elements.
+    fn zeros<T: Copy, const N: usize>(&self, zero: T) -> Result<Vec<[T; N]>> {
         self.check_components(N)?;
         self.file.charge(&self.at, self.count, 4 * N)?;
-        let mut sparse = 0;
-        (0..self.count).map(|i| self.numbers(i, self.element(i, &mut sparse))).collect()
+        Ok(vec![[zero; N]; self.count])
+    }
+
+    /// Passes on each element that has bytes.
+    fn each<const N: usize>(&self, mut take: impl FnMut(usize, [f32; N])) -> Result<()> {
+        let size = self.kind.size();
+        let mut lost = 0;
+        for (i, bytes) in self.stored() {
+            let mut numbers: [f32; N] = std::array::from_fn(|c| self.kind.number(&bytes[c * size..], self.normalised));
+            if !numbers.iter().all(|x| x.is_finite()) {
+                let Some(missing) = self.missing else {
+                    let remedy = "replace values that are not a number or infinite";
+                    return Err(self.at.refuse(format!("element {i} is {numbers:?}"), remedy));
+                };
+                lost += 1;
+                numbers = [missing; N];
+            }
+            take(i, numbers);
+        }
+        if lost > 0 {
+            let what = format!("{lost} of {} elements are not finite, and count as missing", self.count);
+            self.file.note(&self.at, what);
+        }
+        Ok(())
+    }
+
+    /// Returns all elements, of `N` numbers each.
+    pub fn floats<const N: usize>(&self) -> Result<Vec<[f32; N]>> {
+        let mut all = self.zeros(0.0)?;
+        self.each(|i, numbers| all[i] = numbers)?;
+        Ok(all)
     }
 
     /// Returns the elements of `N` numbers that are not zero, ascending.
     pub fn deltas<const N: usize>(&self) -> Result<Vec<(u32, [f32; N])>> {
         self.check_components(N)?;
-        let mut found = vec![];
-        let mut keep = |i: usize, bytes| -> Result<()> {
-            let numbers = self.numbers(i, bytes)?;
+        // Only non-zero elements are kept, since targets are mostly zeros. Each element that is looked at is charged as a
+        // byte, since many targets may name the same zeros.
+        self.file.charge(&self.at, self.dense.map_or(self.sparse.0.len(), |_| self.count), 1)?;
+        let size = self.kind.size() * N;
+        let moved = self.stored().filter(|(_, bytes)| bytes[..size].iter().any(|byte| *byte != 0)).count();
+        self.file.charge(&self.at, moved, 4 * N + 4)?;
+        let mut found = Vec::with_capacity(moved);
+        self.each(|i, numbers| {
             if numbers != [0.0; N] {
                 found.push((i as u32, numbers));
             }
-            Ok(())
-        };
-        match (&self.dense, &self.sparse) {
-            (None, None) => {}
-            (None, Some((which, ..))) => {
-                self.file.charge(&self.at, which.len(), 4 * N + 4)?;
-                let mut sparse = 0;
-                which.iter().try_for_each(|&i| keep(i as usize, self.element(i as usize, &mut sparse)))?;
-            }
-            (Some(_), _) => {
-                // Only non-zero elements are kept, since targets are mostly zeros. Each element that is looked at is
-                // charged as a byte, since many targets may name the same zeros.
-                self.file.charge(&self.at, self.count, 1)?;
-                let size = self.number.kind.size() * N;
-                let mut sparse = 0;
-                let mut moves = |i| self.element(i, &mut sparse).is_some_and(|b| b[..size].iter().any(|b| *b != 0));
-                self.file.charge(&self.at, (0..self.count).filter(|i| moves(*i)).count(), 4 * N + 4)?;
-                let mut sparse = 0;
-                (0..self.count).try_for_each(|i| keep(i, self.element(i, &mut sparse)))?;
-            }
-        }
+        })?;
         Ok(found)
     }
 
     /// Returns all elements of `N` unsigned integers as they are stored: indices and joints.
     pub fn integers<const N: usize>(&self) -> Result<Vec<[u32; N]>> {
-        self.check_components(N)?;
-        if !matches!(self.number.kind, Kind::U8 | Kind::U16 | Kind::U32) {
+        let mut all = self.zeros(0)?;
+        if !self.kind.is_unsigned() {
             return Err(self.at.refuse("numbers that are not unsigned integers", UNFIT));
         }
-        self.file.charge(&self.at, self.count, 4 * N)?;
-        let size = self.number.kind.size();
-        let mut sparse = 0;
-        let whole = |b: &[u8]| std::array::from_fn(|c| self.number.kind.whole(&b[c * size..]) as u32);
-        Ok((0..self.count).map(|i| self.element(i, &mut sparse).map_or([0; N], whole)).collect())
+        let size = self.kind.size();
+        for (i, bytes) in self.stored() {
+            all[i] = std::array::from_fn(|c| self.kind.whole(&bytes[c * size..]) as u32);
+        }
+        Ok(all)
     }
 }

@@ -2,8 +2,8 @@
 
 use super::container::Container;
 use super::json::At;
-use crate::error::Result;
-use crate::import::DEFAULT_FPS;
+use crate::error::{Error, Result};
+use crate::import::{DEFAULT_FPS, frame_rate};
 use glam::DQuat;
 
 /// An animation: channels that play together.
@@ -12,7 +12,8 @@ use glam::DQuat;
 pub struct Animation {
     /// Its name, unique in the file: an animation without a name gets a number, and a repeated name is followed by one.
     pub name: String,
-    /// Its channels. Channels without a node, or of a property other than the four of glTF 2.0, are left out. One that
+    /// Its channels. Channels without a node or keys, or of a property other than the four of glTF 2.0, are left out; all
+    /// are, with a note that says why, if one cannot be read. One that
     /// KHR_animation_pointer lets drive the weights of a mesh is there for each node that draws the mesh and states no
     /// weights of its own.
     pub channels: Vec<Channel>,
@@ -187,40 +188,42 @@ impl Animation {
         if fps < 20.0 { DEFAULT_FPS } else { fps as f32 }
     }
 
-    /// The times of frames from the first to the last key that counts.
-    pub(super) fn frames(&self, fps: f32) -> impl ExactSizeIterator<Item = f64> + use<> {
+    /// The times of frames from the first to the last key that counts, of `width` values each.
+    pub(super) fn frames(&self, fps: f32, width: usize) -> Result<impl ExactSizeIterator<Item = f64> + use<>> {
+        let fps = f64::from(frame_rate(fps)?);
         let spans = self.timed().map(Channel::span);
         let [start, end] = spans.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or_default();
-        let frames = ((end - start) * f64::from(fps) - NEAR).ceil().max(0.0) + 1.0;
-        (0..frames as usize).map(move |frame| (start + frame as f64 / f64::from(fps)).min(end))
+        let frames = ((end - start) * fps - NEAR).ceil().max(0.0) + 1.0;
+        // Files that list as many keys or values may have as many.
+        let stated = self.timed().map(|channel| [channel.times.len(), channel.values.len()]);
+        let [keys, values] = stated.fold([0, 0], |a, b| [a[0].max(b[0]), a[1] + b[1]]);
+        if frames > FRAMES_MAX.max(keys) as f64 || frames * width as f64 > VALUES_MAX.max(values) as f64 {
+            let [start, end] = [start, end].map(|time| time as f32);
+            let what = format!("animation '{}' is too long: keys from {start:e} s to {end:e} s", self.name);
+            let remedy = "2^20 frames and 2^24 weights are the most; sample it with fewer a second, or split it";
+            return Err(Error::invalid(what, remedy));
+        }
+        Ok((0..frames as usize).map(move |frame| (start + frame as f64 / fps).min(end)))
     }
 
     /// Returns the time of each frame of its clip, in seconds, or that of a key which is within a thousandth of a frame
     /// of it: [`Gltf::clip`](super::Gltf::clip) with this `fps`.
-    pub fn frame_times(&self, fps: Option<f32>) -> impl ExactSizeIterator<Item = f64> {
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if `fps` is not a positive number, or there would be more than 2²⁰ frames, and more than keys.
+    pub fn frame_times(&self, fps: Option<f32>) -> Result<impl ExactSizeIterator<Item = f64>> {
         let fps = fps.unwrap_or_else(|| self.frame_rate());
         let near = move |time: f64| {
             let keys = self.channels.iter().map(|channel| channel.near_key(time, NEAR / f64::from(fps)));
             keys.max_by(|a, b| (a - time).abs().total_cmp(&(b - time).abs())).unwrap_or(time)
         };
-        self.frames(fps).map(near)
+        Ok(self.frames(fps, 1)?.map(near))
     }
 }
 
-/// What a channel drives.
-#[derive(Clone, Copy)]
-struct Driven {
-    property: Property,
-    target: Option<usize>,
-    of: Of,
-}
-
-/// A node, or all nodes that take the weights of a mesh.
-#[derive(Clone, Copy)]
-enum Of {
-    Node(usize),
-    Mesh(usize),
-}
+/// The most frames of a clip, and the most weights.
+const FRAMES_MAX: usize = 1 << 20;
+const VALUES_MAX: usize = 1 << 24;
 
 impl Property {
     fn of(path: &str) -> Option<Self> {
@@ -234,95 +237,86 @@ impl Property {
     }
 }
 
-/// Returns what the target of a channel names; `None` if it is none of the four properties, or of no node.
-fn driven(file: &Container, target: &At<'_>) -> Result<Option<Driven>> {
-    if target.text_or_empty("path") == "pointer" {
-        let extension = target.get("extensions").and_then(|all| all.get("KHR_animation_pointer"));
-        return Ok(extension.and_then(|pointer| pointed(pointer.text_or_empty("pointer"))));
-    }
-    let (Some(property), Some(node)) = (Property::of(target.text_or_empty("path")), target.get("node")) else {
-        return Ok(None);
-    };
-    file.root().item("nodes", &node)?;
-    Ok(Some(Driven { property, target: None, of: Of::Node(node.whole()?) }))
-}
-
-/// Returns what a JSON pointer names: `/nodes/N/PROPERTY`, `/meshes/N/weights`, or `/weights/K` of either.
-fn pointed(pointer: &str) -> Option<Driven> {
+/// Returns the nodes, the property and, if it is the only one, the target that a JSON pointer names: `/nodes/N/PROPERTY`,
+/// `/meshes/N/weights`, or `/weights/K` of either. `taking` are the nodes that take the weights of each mesh.
+fn driven(pointer: &str, taking: &[Vec<usize>]) -> Option<(Vec<usize>, Property, Option<usize>)> {
     let parts: Vec<&str> = pointer.strip_prefix('/')?.split('/').collect();
     let (&[list, number, property], element) = parts.split_first_chunk()?;
-    let number = number.parse().ok()?;
+    let number: usize = number.parse().ok()?;
     let property = Property::of(property)?;
-    let of = if list == "meshes" { Of::Mesh(number) } else { Of::Node(number) };
     let target = match element {
         [] => None,
         [target] => Some(target.parse().ok()?),
         _ => return None,
     };
-    let is_whole = list == "nodes" && target.is_none();
-    let is_known = is_whole || property == Property::Weights && ["nodes", "meshes"].contains(&list);
-    is_known.then_some(Driven { property, target, of })
+    let nodes = match (list, property, target) {
+        ("nodes", Property::Weights, _) | ("nodes", _, None) => vec![number],
+        ("meshes", Property::Weights, _) => taking.get(number)?.clone(),
+        _ => return None,
+    };
+    Some((nodes, property, target))
 }
 
-/// Reads an animation. `targets` are the morph targets of the mesh of each node; `taking` are the nodes that take the
-/// weights of each mesh. Remarks are added to `notes`.
-pub fn animation(
+/// Reads the channels of an animation. `targets` are the morph targets of the mesh of each node; `taking` are the nodes
+/// that take the weights of each mesh.
+pub fn channels(
     file: &Container,
     at: &At<'_>,
-    name: String,
-    (targets, taking): (&[Option<usize>], &[Vec<usize>]),
-    notes: &mut Vec<String>,
-) -> Result<Animation> {
-    let mut found = Animation { name, channels: vec![] };
+    targets: &[Option<usize>],
+    taking: &[Vec<usize>],
+) -> Result<Vec<Channel>> {
+    let mut found = vec![];
     let mut left_out = 0;
     let mut why = "";
     for stated in at.items("channels")? {
         let target = stated.need("target")?;
-        let driven = driven(file, &target)?;
-        let of = match driven.map(|driven| driven.of) {
-            None => vec![],
-            Some(Of::Node(node)) => vec![node],
-            Some(Of::Mesh(mesh)) => {
-                let nodes = taking.get(mesh).map_or(&[][..], Vec::as_slice);
-                file.charge(&stated, nodes.len(), 2 * size_of::<Channel>())?;
-                nodes.to_vec()
+        let path = target.text_or_empty("path");
+        let pointer = match (path, target.get("node")) {
+            ("pointer", _) => {
+                let extension = target.get("extensions").and_then(|all| all.get("KHR_animation_pointer"));
+                extension.map_or(String::new(), |pointer| pointer.text_or_empty("pointer").to_owned())
             }
+            (_, Some(node)) => format!("/nodes/{}/{path}", file.root().index_of("nodes", &node)?),
+            (_, None) => String::new(),
         };
-        let before = found.channels.len();
-        for node in of {
-            let Some(Driven { property, target, .. }) = driven else { continue };
-            let all = targets.get(node).copied().flatten().unwrap_or(0);
-            let width = match property {
-                Property::Translation | Property::Scale => 3,
-                Property::Rotation => 4,
-                Property::Weights if target.is_some_and(|target| target >= all) => 0,
-                Property::Weights => target.map_or(all, |_| 1),
-            };
-            if width > 0 && node < targets.len() {
-                found.channels.push(channel(file, at, &stated, (node, property, target), width)?);
+        let mut drives = false;
+        if let Some((nodes, property, target)) = driven(&pointer, taking) {
+            file.charge(&stated, nodes.len(), 2 * size_of::<Channel>())?;
+            for node in nodes.into_iter().filter(|node| *node < targets.len()) {
+                let all = targets[node].unwrap_or(0);
+                let width = match property {
+                    Property::Translation | Property::Scale => 3,
+                    Property::Rotation => 4,
+                    Property::Weights if target.is_some_and(|target| target >= all) => 0,
+                    Property::Weights => target.map_or(all, |_| 1),
+                };
+                if width > 0 {
+                    drives = true;
+                    found.extend(channel(file, at, &stated, (node, property, target), width)?);
+                }
             }
         }
-        if found.channels.len() == before {
+        if !drives {
             left_out += 1;
-            if target.text_or_empty("path") == "pointer" {
+            if path == "pointer" {
                 why = " (KHR_animation_pointer is read for weights and for transforms of nodes)";
             }
         }
     }
     if left_out > 0 {
-        let what = format!("{left_out} channels of no morph target or node are left out{why}");
-        notes.push(format!("animation '{}': {what}", found.name));
+        file.note(at, format!("{left_out} channels of no morph target or node, left out{why}"));
     }
     Ok(found)
 }
 
+/// Reads a channel; `None` if it has no keys.
 fn channel(
     file: &Container,
     at: &At<'_>,
     stated: &At<'_>,
     (node, property, target): (usize, Property, Option<usize>),
     width: usize,
-) -> Result<Channel> {
+) -> Result<Option<Channel>> {
     let sampler = at.item("samplers", &stated.need("sampler")?)?;
     let interpolation = match sampler.text_or_empty("interpolation") {
         "" | "LINEAR" => Interpolation::Linear,
@@ -332,9 +326,13 @@ fn channel(
     };
     let input = file.accessor(&sampler.need("input")?)?;
     let times = input.floats::<1>()?.into_flattened();
+    if times.is_empty() {
+        file.note(stated, "no keys, left out");
+        return Ok(None);
+    }
     if let Some(i) = times.windows(2).position(|t| t[0] > t[1]) {
         let what = format!("key {} at {} s comes after key {i} at {} s", i + 1, times[i + 1], times[i]);
-        return Err(input.refuse(what, "list keys in the order of their times"));
+        return Err(input.at.refuse(what, "list keys in the order of their times"));
     }
     let output = file.accessor(&sampler.need("output")?)?;
     let values_per_key = if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
@@ -346,5 +344,5 @@ fn channel(
         Property::Translation | Property::Scale => output.floats::<3>()?.into_flattened(),
         Property::Rotation => output.floats::<4>()?.into_flattened(),
     };
-    Ok(Channel { node, property, target, interpolation, times, values })
+    Ok(Some(Channel { node, property, target, interpolation, times, values }))
 }

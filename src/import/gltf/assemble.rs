@@ -2,8 +2,18 @@
 //! coordinate or none.
 
 use crate::asset::{Corner, MorphSource, Semantic, SourceTarget, StreamData, StreamDeltas};
+use crate::error::Error;
 use glam::{DMat3, DMat4, DVec3, Vec2, Vec3};
-use std::collections::{BTreeSet, HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap};
+use std::path::Path;
+
+/// Says where in a file a value is that the library refuses.
+pub fn in_file(path: &Path, place: &str) -> impl Fn(Error) -> Error {
+    move |error| {
+        let Error::Invalid { what, remedy } = error else { return error };
+        Error::input(path, place, what, &remedy)
+    }
+}
 
 /// The value of a stream for vertices of parts without it.
 fn default_of(semantic: Semantic) -> &'static [f32] {
@@ -15,44 +25,23 @@ fn default_of(semantic: Semantic) -> &'static [f32] {
     }
 }
 
-/// Bytes of a vertex with these streams.
-pub fn vertex_size(semantics: &BTreeSet<Semantic>) -> usize {
-    let numbers: usize = semantics.iter().map(|semantic| semantic.components()).sum();
-    2 * size_of::<Vec3>() + size_of::<Vec2>() + size_of::<u32>() + numbers * size_of::<f32>()
-}
-
 pub fn semantics<'a>(parts: impl Iterator<Item = &'a MorphSource>) -> BTreeSet<Semantic> {
     parts.flat_map(|part| &part.streams).map(|stream| stream.semantic).collect()
 }
 
-fn faces_size(part: &MorphSource) -> usize {
-    size_of_val(&*part.faces.corners) + size_of_val(&*part.faces.sizes)
-}
-
-/// Returns the bytes that [`merge`] takes for `parts`: a vertex whose part lacks a stream of another part gets it, and
-/// each target has deltas of all streams, if only empty ones.
-pub fn merged_size<'a>(parts: impl Iterator<Item = &'a MorphSource> + Clone) -> u64 {
-    let semantics = semantics(parts.clone());
-    let names: HashSet<&str> =
-        parts.clone().flat_map(|part| &part.targets).map(|target| target.name.as_str()).collect();
-    let (vertex, target) =
-        (vertex_size(&semantics), size_of::<SourceTarget>() + semantics.len() * size_of::<StreamDeltas>());
-    let of_parts = parts.map(|part| part.positions.len() as u64 * vertex as u64 + faces_size(part) as u64);
-    of_parts.chain(names.iter().map(|name| (target + 2 * name.len()) as u64)).sum()
-}
-
-/// Returns the bytes of one more copy of `part`, and those that [`merge`] takes for it, with `vertex` bytes each.
-pub fn copied_size(part: &MorphSource, vertex: usize) -> u64 {
+/// Returns the bytes of `part` in a mesh with these streams: each vertex has all of them, and each target lists of their
+/// deltas, if only empty ones. Welding takes as much as a vertex without streams.
+pub fn size_in(part: &MorphSource, semantics: &BTreeSet<Semantic>) -> usize {
+    let numbers: usize = semantics.iter().map(|semantic| semantic.components()).sum();
+    let vertex = 2 * (2 * size_of::<Vec3>() + size_of::<Vec2>() + size_of::<u32>()) + numbers * size_of::<f32>();
     let of_target = |target: &SourceTarget| {
-        let normals = target.normals.as_deref().unwrap_or_default();
-        let streams = target.streams.iter();
-        let streams: usize = streams.map(|s| size_of_val(&*s.vertices) + size_of_val(&*s.deltas)).sum();
-        let lists = target.streams.len() * size_of::<StreamDeltas>();
-        (size_of_val(&*target.positions) + size_of_val(normals) + streams, size_of::<SourceTarget>() + lists)
+        let streams: usize = target.streams.iter().map(|s| size_of_val(&*s.vertices) + size_of_val(&*s.deltas)).sum();
+        let normals = size_of_val(target.normals.as_deref().unwrap_or_default());
+        let lists = size_of::<SourceTarget>() + semantics.len() * size_of::<StreamDeltas>() + 2 * target.name.len();
+        lists + size_of_val(&*target.positions) + normals + streams
     };
-    let (deltas, lists) = part.targets.iter().map(of_target).fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
-    let names: usize = part.targets.iter().map(|target| target.name.len()).sum();
-    2 * (part.positions.len() * vertex + faces_size(part) + deltas) as u64 + (lists + names) as u64
+    let faces = size_of_val(&*part.faces.corners) + size_of_val(&*part.faces.sizes);
+    part.positions.len() * vertex + faces + part.targets.iter().map(of_target).sum::<usize>()
 }
 
 /// Merges `parts` into one mesh: their vertices one after the other; targets of one name move together. If a part has

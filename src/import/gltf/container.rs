@@ -1,12 +1,14 @@
 //! The bytes of a file: GLB or JSON, its buffers (embedded, in data URIs or in other files), and buffer views.
 
-use super::json::{At, parse};
+use super::json::{At, parse, shortened};
 use super::meshopt;
 use crate::error::{Error, Result};
 use crate::io::read_bounded;
 use serde_json::Value;
-use std::cell::{Cell, OnceCell};
+use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::HashMap;
+use std::fmt::Display;
+use std::ops::Range;
 use std::path::{Component, Path, PathBuf};
 use std::rc::Rc;
 
@@ -21,11 +23,12 @@ const VALUES_PER_BYTE: u64 = 320;
 /// Bytes of values allowed in any case.
 const VALUES_MIN: u64 = 1 << 20;
 
-/// Required extensions that can be read. Materials, textures and lights are not looked at.
+/// Required extensions that can be read. Materials, textures, lights and what avatars have besides are not looked at.
 const UNDERSTOOD: [&str; 3] = ["KHR_mesh_quantization", COMPRESSED[0], COMPRESSED[1]];
 /// Extensions of a compressed buffer view. If it has both, the first is used.
 const COMPRESSED: [&str; 2] = ["KHR_meshopt_compression", "EXT_meshopt_compression"];
-const NOT_LOOKED_AT: [&str; 7] = [
+const NOT_LOOKED_AT: [&str; 8] = [
+    "VRM",
     "KHR_materials_",
     "KHR_texture_",
     "EXT_texture_",
@@ -40,21 +43,15 @@ const NOT_LOOKED_AT: [&str; 7] = [
 pub struct Container {
     pub path: PathBuf,
     json: Value,
-    /// The memory with each buffer, and the buffer's length in it. `None`: a buffer without bytes, which only
-    /// compressed views may name.
-    buffers: Vec<Option<(Rc<Vec<u8>>, usize)>>,
+    /// The length of each buffer, and the memory with its bytes. `None`: a buffer without bytes, which only compressed
+    /// views may name.
+    buffers: Vec<Option<(usize, Rc<Vec<u8>>)>>,
     /// Decompressed buffer views.
     unpacked: Vec<OnceCell<Vec<u8>>>,
     /// Bytes of values that may still be read.
-    budget: Cell<u64>,
-}
-
-/// The bytes of a buffer view, and their stride.
-#[derive(Debug)]
-pub struct View<'a> {
-    pub bytes: &'a [u8],
-    /// Bytes from one element to the next, if the view states it.
-    pub stride: Option<usize>,
+    pub budget: Cell<u64>,
+    /// What was left out, or taken for something else, since the last [`take_notes`](Self::take_notes).
+    notes: RefCell<Vec<String>>,
 }
 
 impl Container {
@@ -67,7 +64,9 @@ impl Container {
     pub fn from_bytes(path: &Path, mut bytes: Vec<u8>) -> Result<Self> {
         let own_size = bytes.len() as u64;
         let (json, chunk) = if bytes.starts_with(b"glTF") { glb_chunks(path, &bytes)? } else { (0..bytes.len(), None) };
-        let text = &bytes[json];
+        // Chunks of JSON are padded by spaces; some exporters take zeros.
+        let end = bytes[json.clone()].iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+        let text = &bytes[json][..end];
         let json = parse(path, text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text))?;
         let mut chunk = chunk.map(|chunk| {
             bytes.truncate(chunk.end);
@@ -85,26 +84,22 @@ impl Container {
                 None if i == 0 => chunk.take().map(Rc::new),
                 None => None,
             };
-            if let Some(bytes) = found.as_ref().filter(|bytes| bytes.len() < length) {
+            // The last three may be padding that is not there.
+            if let Some(bytes) = found.as_ref().filter(|bytes| bytes.len() + 3 < length) {
                 let what = format!("{length} bytes, but there are {}", bytes.len());
                 return Err(buffer.refuse(what, "export the file again: it is cut off"));
             }
-            buffers.push(found.map(|bytes| (bytes, length)));
+            buffers.push(found.map(|bytes| (length.min(bytes.len()), bytes)));
         }
         let total = beside.values().fold(own_size, |total, bytes| total.saturating_add(bytes.len() as u64));
         let unpacked = root.items("bufferViews")?.iter().map(|_| OnceCell::new()).collect();
         let budget = Cell::new(total.saturating_mul(VALUES_PER_BYTE).saturating_add(VALUES_MIN));
-        Ok(Self { path: path.to_path_buf(), json, buffers, unpacked, budget })
+        Ok(Self { path: path.to_path_buf(), json, buffers, unpacked, budget, notes: RefCell::default() })
     }
 
     /// Returns the root of the JSON.
     pub fn root(&self) -> At<'_> {
         At { path: &self.path, value: &self.json, place: String::new() }
-    }
-
-    /// Returns the bytes of values that may still be read.
-    pub fn budget(&self) -> u64 {
-        self.budget.get()
     }
 
     /// Charges the budget before `count` values of `size` bytes are allocated for `at`; an error if the file is too
@@ -119,17 +114,35 @@ impl Container {
         Ok(())
     }
 
-    /// Returns the buffer view that `index` names.
-    pub fn view(&self, index: &At<'_>) -> Result<View<'_>> {
+    /// Tells the user something about `at`.
+    pub fn note(&self, at: &At<'_>, what: impl Display) {
+        self.notes.borrow_mut().push(format!("{}: {what}", at.place));
+    }
+
+    pub fn take_notes(&self) -> Vec<String> {
+        self.notes.take()
+    }
+
+    /// Leaves out a part of the file that cannot be used and need not be there, with a note.
+    pub fn leave_out<T>(&self, result: Result<T>, part: &str) -> Result<Option<T>> {
+        let Err(Error::Input { place, what, .. }) = result else { return result.map(Some) };
+        let place = place.trim_start_matches(": ");
+        self.notes.borrow_mut().push(format!("{place}: {what}; the {part} is left out"));
+        Ok(None)
+    }
+
+    /// Returns the bytes of the buffer view that `index` names, and those from one element to the next, if it states them.
+    pub fn view(&self, index: &At<'_>) -> Result<(&[u8], Option<usize>)> {
         let view = self.root().item("bufferViews", index)?;
-        let stride = view.index("byteStride")?;
+        // Some exporters write 0 for elements that are tightly packed.
+        let stride = view.index("byteStride")?.filter(|stride| *stride > 0);
         let extensions = view.get("extensions");
         let Some(packed) = COMPRESSED.iter().find_map(|name| extensions.as_ref()?.get(name)) else {
-            return Ok(View { bytes: self.bytes(&view)?, stride });
+            return Ok((self.bytes(&view)?, stride));
         };
         let slot = &self.unpacked[index.whole()?];
         if let Some(bytes) = slot.get() {
-            return Ok(View { bytes, stride });
+            return Ok((bytes, stride));
         }
         let count = packed.need("count")?.whole()?;
         let size = packed.need("byteStride")?.whole()?;
@@ -140,14 +153,13 @@ impl Container {
         let decoded = meshopt::decode(compressed, count, size, mode, filter);
         let decoded =
             decoded.map_err(|what| packed.refuse(what, "compress the file again, or leave it uncompressed"))?;
-        Ok(View { bytes: slot.get_or_init(|| decoded), stride })
+        Ok((slot.get_or_init(|| decoded), stride))
     }
 
     /// Returns the byteLength bytes from byteOffset on of the buffer that `at` names.
     fn bytes(&self, at: &At<'_>) -> Result<&[u8]> {
         let index = at.need("buffer")?;
-        self.root().item("buffers", &index)?;
-        let Some((bytes, length)) = &self.buffers[index.whole()?] else {
+        let Some((length, bytes)) = &self.buffers[self.root().index_of("buffers", &index)?] else {
             return Err(index.refuse("a buffer without bytes", "export the file again, with its buffers"));
         };
         let bytes = &bytes[..*length];
@@ -162,8 +174,9 @@ impl Container {
     }
 }
 
-/// Returns the ranges of the JSON and of the binary chunk of a GLB file.
-fn glb_chunks(path: &Path, bytes: &[u8]) -> Result<(std::ops::Range<usize>, Option<std::ops::Range<usize>>)> {
+/// Returns the ranges of the JSON and of the binary chunk of a GLB file. Chunks are padded to four bytes, but some
+/// exporters leave the padding out, or do not count it.
+fn glb_chunks(path: &Path, bytes: &[u8]) -> Result<(Range<usize>, Option<Range<usize>>)> {
     let refuse =
         |place: &str, what: String| Err(Error::input(path, place, what, "export the file again: it is damaged"));
     let word = |at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
@@ -173,24 +186,19 @@ fn glb_chunks(path: &Path, bytes: &[u8]) -> Result<(std::ops::Range<usize>, Opti
     if version != 2 {
         return refuse("", format!("GLB version {version}, only 2 is read"));
     }
-    if length > bytes.len() {
+    let longest = bytes.len() + 3;
+    if length > longest {
         return refuse("", format!("cut off: {} of {length} bytes", bytes.len()));
     }
-    let chunk = |start: usize, kind: u32| {
-        let size = word(start)?;
-        let found = word(start + 4)?;
-        let end = (start + 8).checked_add(size).filter(|end| *end <= length);
-        Some((found == kind as usize, start + 8..end?))
+    let chunk = |start: usize, kind: [u8; 4]| {
+        let end = (start + 8).saturating_add(word(start)?);
+        let is_it = word(start + 4)? == u32::from_le_bytes(kind) as usize && end <= longest;
+        is_it.then(|| start + 8..end.min(bytes.len()))
     };
-    let Some((true, json)) = chunk(12, u32::from_le_bytes(*b"JSON")) else {
+    let Some(json) = chunk(12, *b"JSON") else {
         return refuse(": byte 12", "no chunk 'JSON' that fits the file".into());
     };
-    let next = json.end.next_multiple_of(4);
-    let binary = match chunk(next, u32::from_le_bytes(*b"BIN\0")) {
-        Some((is_binary, range)) => is_binary.then_some(range),
-        None if next >= length => None,
-        None => return refuse(&format!(": byte {next}"), "a chunk that does not fit the file".into()),
-    };
+    let binary = [json.end.next_multiple_of(4), json.end].into_iter().find_map(|start| chunk(start, *b"BIN\0"));
     Ok((json, binary))
 }
 
@@ -221,14 +229,18 @@ fn uri_bytes(path: &Path, uri: &At<'_>, beside: &mut HashMap<PathBuf, Rc<Vec<u8>
         let bytes = encoded.and_then(base64).map(Rc::new);
         return bytes.ok_or_else(|| uri.refuse("a data URI that is not base64", "export the file again, or as .glb"));
     }
-    let name = percent_decoded(text).filter(|name| !name.contains(':') && !name.contains('\\') && !name.contains('\0'));
-    let below =
-        |name: &String| Path::new(name).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
-    let Some(name) = name.filter(|name| !name.is_empty() && below(name)) else {
-        let what = format!("'{}' names no file beside this one", text.chars().take(80).collect::<String>());
+    let is_below = |name: &String| {
+        let mut parts = Path::new(name).components();
+        let is_plain = !name.is_empty() && !name.contains([':', '\\', '\0']);
+        is_plain && parts.all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
+    };
+    // Some exporters do not escape a name that has a percent sign in it.
+    let names = percent_decoded(text).into_iter().chain([text.to_owned()]).filter(is_below);
+    let files: Vec<PathBuf> = names.map(|name| path.with_file_name(name)).collect();
+    let Some(file) = files.iter().find(|file| file.is_file()).or(files.first()) else {
+        let what = format!("'{}' names no file beside this one", shortened(text));
         return Err(uri.refuse(what, "put the buffer beside the file and name it without a path, or export as .glb"));
     };
-    let file = path.parent().unwrap_or(Path::new("")).join(name);
     let real = file.canonicalize().unwrap_or_else(|_| file.clone());
     if path.canonicalize().is_ok_and(|own| own == real) {
         return Err(uri.refuse("the glTF file itself, not a buffer", "name the file that has the buffer's bytes"));
@@ -236,7 +248,7 @@ fn uri_bytes(path: &Path, uri: &At<'_>, beside: &mut HashMap<PathBuf, Rc<Vec<u8>
     if let Some(bytes) = beside.get(&real) {
         return Ok(bytes.clone());
     }
-    let bytes = Rc::new(read_bounded(&file, FILE_MAX, "split the file")?);
+    let bytes = Rc::new(read_bounded(file, FILE_MAX, "split the file")?);
     beside.insert(real, bytes.clone());
     Ok(bytes)
 }
@@ -253,28 +265,27 @@ fn percent_decoded(text: &str) -> Option<String> {
     String::from_utf8(bytes).ok()
 }
 
-/// Decodes base64 with or without padding (RFC 4648); `None` if `text` is something else.
+/// Decodes base64 with or without padding (RFC 4648) and with line breaks anywhere; `None` if `text` is something else.
 pub fn base64(text: &str) -> Option<Vec<u8>> {
-    let text = text.trim_end_matches('=').as_bytes();
+    let text = text.trim_end_matches(|c: char| c == '=' || c.is_ascii_whitespace());
     let mut bytes = Vec::with_capacity(text.len() / 4 * 3 + 2);
-    for four in text.chunks(4) {
-        let mut bits = 0u32;
-        for &c in four {
-            let value = match c {
-                b'A'..=b'Z' => c - b'A',
-                b'a'..=b'z' => c - b'a' + 26,
-                b'0'..=b'9' => c - b'0' + 52,
-                b'+' | b'-' => 62,
-                b'/' | b'_' => 63,
-                _ => return None,
-            };
-            bits = bits << 6 | u32::from(value);
-        }
-        let whole = match four.len() {
-            1 => return None,
-            n => n - 1,
+    let mut bits = 0u32;
+    let mut count = 0;
+    for c in text.bytes().filter(|c| !c.is_ascii_whitespace()) {
+        let value = match c {
+            b'A'..=b'Z' => c - b'A',
+            b'a'..=b'z' => c - b'a' + 26,
+            b'0'..=b'9' => c - b'0' + 52,
+            b'+' | b'-' => 62,
+            b'/' | b'_' => 63,
+            _ => return None,
         };
-        bytes.extend_from_slice(&(bits << (32 - 6 * four.len())).to_be_bytes()[..whole]);
+        bits = bits << 6 | u32::from(value);
+        count += 6;
+        if count >= 8 {
+            count -= 8;
+            bytes.push((bits >> count) as u8);
+        }
     }
-    Some(bytes)
+    (count < 6).then_some(bytes)
 }

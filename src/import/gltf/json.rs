@@ -40,43 +40,49 @@ impl<'a> At<'a> {
         Error::input(self.path, place, what.to_string(), remedy)
     }
 
-    fn child(&self, value: &'a Value, step: impl Display) -> Self {
-        let dot = if self.place.is_empty() { "" } else { "." };
-        At { path: self.path, value, place: format!("{}{dot}{step}", self.place) }
-    }
-
     /// The property `key`, if there is one.
     pub fn get(&self, key: &str) -> Option<Self> {
-        self.value.get(key).map(|value| self.child(value, key))
+        let dot = if self.place.is_empty() { "" } else { "." };
+        let place = |value| At { path: self.path, value, place: format!("{}{dot}{key}", self.place) };
+        self.value.get(key).map(place)
     }
 
     /// The property `key`; an error if there is none.
     pub fn need(&self, key: &str) -> Result<Self> {
-        self.get(key).ok_or_else(|| self.refuse(format!("no property '{key}'"), "export the file again"))
+        self.get(key).ok_or_else(|| self.refuse(format!("no property '{key}'"), REPAIR))
     }
 
     /// The elements of the array `key`; none if there is no such property.
     pub fn items(&self, key: &str) -> Result<Vec<Self>> {
-        let Some(list) = self.get(key) else { return Ok(vec![]) };
-        list.elements()
+        self.get(key).map_or(Ok(vec![]), |list| list.elements())
     }
 
-    /// The elements of this array.
+    /// The elements of this array. Their places have their names, too.
     pub fn elements(&self) -> Result<Vec<Self>> {
-        let values = self.value.as_array().ok_or_else(|| self.refuse("no array", "export the file again"))?;
-        let element = |(i, value)| At { path: self.path, value, place: format!("{}[{i}]", self.place) };
+        let values = self.value.as_array().ok_or_else(|| self.refuse("no array", REPAIR))?;
+        let element = |(i, value): (usize, &'a Value)| {
+            let name = value.get("name").and_then(Value::as_str).filter(|name| !name.is_empty());
+            let name = name.map_or(String::new(), |name| format!(" '{}'", shortened(name)));
+            At { path: self.path, value, place: format!("{}[{i}]{name}", self.place) }
+        };
         Ok(values.iter().enumerate().map(element).collect())
     }
 
-    /// The element of the array `key` of the root that `index` names.
+    /// The element of the array `key` of this value that `index` names. Its place begins with the one that names it.
     pub fn item(&self, key: &str, index: &At<'_>) -> Result<Self> {
+        let i = self.index_of(key, index)?;
+        Ok(At { path: self.path, value: &self.value[key][i], place: format!("{}: {key}[{i}]", index.place) })
+    }
+
+    /// The number `index`, if the array `key` of this value has such an element.
+    pub fn index_of(&self, key: &str, index: &At<'_>) -> Result<usize> {
         let i = index.whole()?;
-        let list = self.value.get(key).and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
-        let value = list.get(i).ok_or_else(|| {
-            let what = format!("{i}, but there are {} {key}, counted from 0", list.len());
-            index.refuse(what, "export the file again: it names what it does not have")
-        })?;
-        Ok(self.child(value, format!("{key}[{i}]")))
+        let count = self.value.get(key).and_then(Value::as_array).map_or(0, Vec::len);
+        if i < count {
+            return Ok(i);
+        }
+        let what = format!("{i}, but there are {count} {key}, counted from 0");
+        Err(index.refuse(what, "export the file again: it names what it does not have"))
     }
 
     /// A whole number, 0 or more.
@@ -130,15 +136,19 @@ impl<'a> At<'a> {
         self.value.get(key).and_then(Value::as_str).unwrap_or_default()
     }
 
-    /// The value, shortened for a message.
     fn short(&self) -> String {
         let text = match self.value {
             Value::Array(_) => "an array".to_owned(),
             Value::Object(_) => "an object".to_owned(),
             Value::Null | Value::Bool(_) | Value::Number(_) | Value::String(_) => self.value.to_string(),
         };
-        text.chars().take(40).collect()
+        shortened(&text)
     }
+}
+
+/// A name or value, shortened for a message.
+pub fn shortened(text: &str) -> String {
+    text.chars().take(40).collect()
 }
 
 const REPAIR: &str = "export the file again, or repair this value";

@@ -36,10 +36,7 @@ pub fn read_materials(path: &Path) -> Result<Vec<Material>> {
         let metallic = at.get("pbrMetallicRoughness");
         found.push(Material {
             name: at.text_or_empty("name").to_owned(),
-            base_color: match &metallic {
-                Some(metallic) => metallic.numbers("baseColorFactor", [1.0; 4])?,
-                None => [1.0; 4],
-            },
+            base_color: metallic.as_ref().map_or(Ok([1.0; 4]), |at| at.numbers("baseColorFactor", [1.0; 4]))?,
             is_textured: metallic.is_some_and(|metallic| metallic.get("baseColorTexture").is_some()),
             is_opaque,
             double_sided: at.flag("doubleSided"),

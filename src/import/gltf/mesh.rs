@@ -1,12 +1,12 @@
 //! Meshes: primitives with their streams, targets, joints and weights.
 
 use super::accessor::Accessor;
-use super::assemble::{flattens, merge, merged_size};
+use super::assemble::{flattens, in_file, merge, semantics, size_in};
 use super::container::Container;
 use super::json::At;
 use crate::asset::normals::unit_normals;
 use crate::asset::{Corner, Faces, MorphSource, Semantic, SourceTarget, StreamData, StreamDeltas};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use glam::{DMat4, Vec2, Vec3};
 use serde_json::Value;
 use std::collections::{BTreeMap, HashMap};
@@ -49,7 +49,7 @@ pub struct Primitive {
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Influences {
-    /// 4 or 8.
+    /// 4 for each set of joints in the file.
     pub per_vertex: usize,
     /// `per_vertex` indices into [`Skin::joints`](super::Skin::joints) for each vertex.
     pub joints: Vec<u16>,
@@ -62,36 +62,32 @@ const AGAIN: &str = "export the file again";
 /// Reads a mesh; `name` is for reports. Names of targets that have none begin with `prefix`.
 pub fn mesh(file: &Container, at: &At<'_>, name: String, prefix: &str) -> Result<Mesh> {
     let primitives = at.items("primitives")?;
-    let names = target_names(file, at, &primitives, prefix)?;
-    let stated = at.get("weights").map(|w| w.floats()).transpose()?.unwrap_or_default();
-    let mut mesh = Mesh { weights: fitted(file, at, stated, names.len())?, ..Mesh::default() };
+    let targets = primitives.iter().map(|at| at.items("targets").map(|list| list.len())).collect::<Result<Vec<_>>>()?;
+    let names = target_names(file, at, targets.into_iter().max().unwrap_or(0), prefix)?;
+    let per_vertex = primitives.iter().map(|at| 4 * sets_of_joints(at)).max().unwrap_or(0);
+    let mut influences = Influences { per_vertex, ..Influences::default() };
+    let mut mesh = Mesh::default();
     let mut parts = vec![];
-    let mut influences = vec![];
     let mut vertices = 0;
     let mut triangles = 0;
     for (index, primitive) in primitives.iter().enumerate() {
-        let mode = primitive.whole_or("mode", 4)?;
-        if !(4..=6).contains(&mode) {
-            let place = &primitive.place;
-            mesh.source.notes.push(format!("{place} is points or lines, and left out"));
-            continue;
-        }
-        let (source, bound) = part(file, primitive, mode, &names)?;
-        let vertex_end = vertices + source.positions.len();
-        let triangle_end = triangles + source.faces.sizes.len();
-        let vertices_of = vertices..vertex_end;
-        let triangles_of = triangles..triangle_end;
+        let Some(source) = part(file, primitive, &names)? else { continue };
+        add_influences(file, primitive, source.positions.len(), &mut influences)?;
+        let vertices_of = vertices..vertices + source.positions.len();
+        let triangles_of = triangles..triangles + source.faces.sizes.len();
+        vertices = vertices_of.end;
+        triangles = triangles_of.end;
         let material = primitive.index("material")?;
         mesh.primitives.push(Primitive { index, vertices: vertices_of, triangles: triangles_of, material });
-        (vertices, triangles) = (vertex_end, triangle_end);
         parts.push(source);
-        influences.push(bound);
     }
-    let notes = std::mem::take(&mut mesh.source.notes);
-    file.charge(at, usize::try_from(merged_size(parts.iter())).unwrap_or(usize::MAX), 1)?;
-    mesh.influences = joined(file, at, &parts, influences)?;
+    let all = semantics(parts.iter());
+    file.charge(at, parts.iter().map(|part| size_in(part, &all)).sum(), 1)?;
+    mesh.influences = (per_vertex > 0).then_some(influences);
     mesh.source = merge(name, parts);
-    mesh.source.notes.splice(0..0, notes);
+    mesh.source.notes.splice(0..0, file.take_notes());
+    let stated = at.get("weights").map(|w| w.floats()).transpose()?.unwrap_or_default();
+    mesh.weights = fitted(file, at, stated, mesh.source.targets.len())?;
     let moves = |i: usize| mesh.source.targets.iter().any(|t| !t.streams[i].vertices.is_empty());
     let moving: Vec<bool> = (0..mesh.source.streams.len()).map(moves).collect();
     for target in &mut mesh.source.targets {
@@ -102,10 +98,7 @@ pub fn mesh(file: &Container, at: &At<'_>, name: String, prefix: &str) -> Result
     mesh.constants = mesh.source.streams.extract_if(.., |_| moves.next() == Some(&false)).collect();
     mesh.constants.retain(|stream| stream.semantic != Semantic::TexCoord(0));
     if !mesh.source.positions.is_empty() {
-        mesh.source.weld().map_err(|e| {
-            let Error::Invalid { what, remedy } = e else { return e };
-            at.refuse(what, &remedy)
-        })?;
+        mesh.source.weld().map_err(in_file(at.path, &format!(": {}", at.place)))?;
     }
     Ok(mesh)
 }
@@ -131,17 +124,8 @@ pub fn has_unnamed(at: &At<'_>) -> bool {
     (0..targets.map_or(0, Vec::len)).any(|i| target_name(at, i).is_none())
 }
 
-/// The names of the targets, numbers for those without. A repeated name gets a number.
-fn target_names(file: &Container, at: &At<'_>, primitives: &[At<'_>], prefix: &str) -> Result<Vec<String>> {
-    let mut count = None;
-    for primitive in primitives {
-        let found = primitive.items("targets")?.len();
-        if *count.get_or_insert(found) != found {
-            let what = format!("{found} targets, but the first primitive has {}", count.unwrap_or_default());
-            return Err(primitive.refuse(what, "give all primitives of a mesh the same targets"));
-        }
-    }
-    let count = count.unwrap_or(0);
+/// The names of `count` targets, numbers for those without. A repeated name gets a number.
+fn target_names(file: &Container, at: &At<'_>, count: usize, prefix: &str) -> Result<Vec<String>> {
     file.charge(at, count, prefix.len())?;
     let mut taken = HashMap::new();
     let name = |i| unique(target_name(at, i).map_or_else(|| format!("{prefix}target {i}"), str::to_owned), &mut taken);
@@ -155,20 +139,15 @@ fn extras_names(value: &Value) -> Option<&[Value]> {
 /// Makes `name` unique among `taken`, by appending the first free number from 2 on if necessary. `taken` maps each name
 /// to the last number that was tried for it, so that many repetitions of a name need no search from the start.
 pub fn unique(name: String, taken: &mut HashMap<String, usize>) -> String {
-    let Some(mut number) = taken.get(&name).copied() else {
-        taken.insert(name.clone(), 1);
-        return name;
-    };
-    let numbered = loop {
+    let mut number = taken.get(&name).copied().unwrap_or(1);
+    let mut found = name.clone();
+    while taken.contains_key(&found) {
         number += 1;
-        let numbered = format!("{name} {number}");
-        if !taken.contains_key(&numbered) {
-            break numbered;
-        }
-    };
+        found = format!("{name} {number}");
+    }
     taken.insert(name, number);
-    taken.insert(numbered.clone(), 1);
-    numbered
+    taken.entry(found.clone()).or_insert(1);
+    found
 }
 
 /// Returns the stream of the attribute `key`, if it is one.
@@ -193,10 +172,18 @@ fn streams<'a>(at: &At<'a>) -> Vec<(Semantic, At<'a>)> {
     found
 }
 
-/// Reads a primitive as a separate mesh, with the joints that its vertices follow.
-fn part(file: &Container, at: &At<'_>, mode: usize, names: &[String]) -> Result<(MorphSource, Option<Influences>)> {
+/// Reads a primitive as a separate mesh; `None` if it has no triangles.
+fn part(file: &Container, at: &At<'_>, names: &[String]) -> Result<Option<MorphSource>> {
+    let nothing = |what: &str| {
+        file.note(at, format!("{what}, left out"));
+        Ok(None)
+    };
+    let mode = at.whole_or("mode", 4)?;
+    if !(4..=6).contains(&mode) {
+        return nothing("points or lines");
+    }
     let attributes = at.need("attributes")?;
-    let positions = attributes.need("POSITION")?;
+    let Some(positions) = attributes.get("POSITION") else { return nothing("no vertices (POSITION)") };
     // The same values may be there uncompressed, too.
     if at.get("extensions").is_some_and(|e| e.get("KHR_draco_mesh_compression").is_some())
         && file.root().item("accessors", &positions)?.get("bufferView").is_none()
@@ -206,13 +193,27 @@ fn part(file: &Container, at: &At<'_>, mode: usize, names: &[String]) -> Result<
     }
     let positions = file.accessor(&positions)?.floats::<3>()?;
     let count = positions.len();
-    let mut source = MorphSource { faces: faces(file, at, mode, count)?, ..MorphSource::default() };
+    if count == 0 {
+        return nothing("no vertices (POSITION)");
+    }
+    let faces = faces(file, at, mode, count)?;
+    if faces.sizes.is_empty() {
+        return nothing("no triangles");
+    }
+    let mut source = MorphSource { faces, ..MorphSource::default() };
     source.positions = positions.into_iter().map(Vec3::from).collect();
-    let mut part = Part { file, count, source, normal_scales: vec![], tangent_scales: vec![] };
+    let mut part = Part { file, source, normal_scales: vec![], tangent_scales: vec![] };
     for (semantic, index) in streams(&attributes) {
-        part.add_stream(semantic, &index)?;
+        let read = part.add_stream(semantic, &index);
+        file.leave_out(read, "attribute")?;
     }
     let targets = at.items("targets")?;
+    if targets.len() < names.len() {
+        file.note(
+            at,
+            format!("{} targets, but another primitive has {}: the others leave it", targets.len(), names.len()),
+        );
+    }
     let streams = part.source.streams.len();
     file.charge(at, targets.len(), size_of::<SourceTarget>() + streams * size_of::<StreamDeltas>())?;
     file.charge(at, names.iter().map(String::len).sum(), 1)?;
@@ -220,21 +221,17 @@ fn part(file: &Container, at: &At<'_>, mode: usize, names: &[String]) -> Result<
         let target = part.target(target, name)?;
         part.source.targets.push(target);
     }
-    let mut source = part.source;
+    let source = part.source;
     let without = source.targets.iter().filter(|target| source.normals.is_some() && target.normals.is_none()).count();
     if without > 0 {
-        let place = &at.place;
-        source.notes.push(format!("{place}: {without} targets without normals: computed from the deformed surface"));
+        file.note(at, format!("{without} targets without normals: computed from the deformed surface"));
     }
-    let influences = influences(file, &attributes, count)?;
-    Ok((source, influences))
+    Ok(Some(source))
 }
 
 /// A primitive that is being read.
 struct Part<'a> {
     file: &'a Container,
-    /// Number of vertices.
-    count: usize,
     source: MorphSource,
     /// Factors that bring normals and tangents to unit length; deltas are multiplied by them, too.
     normal_scales: Vec<f32>,
@@ -242,8 +239,9 @@ struct Part<'a> {
 }
 
 impl<'a> Part<'a> {
+    /// An attribute that need not be there.
     fn read(&self, index: &At<'_>) -> Result<Accessor<'a>> {
-        self.file.accessor(index)?.of_count(self.count, "vertices (POSITION)")
+        Ok(self.file.accessor(index)?.of_count(self.source.positions.len(), "vertices (POSITION)")?.or_missing(0.0))
     }
 
     /// Adds a stream of the base pose; positions are there already.
@@ -251,7 +249,16 @@ impl<'a> Part<'a> {
         let values = match semantic {
             // glTF has no attribute for masks.
             Semantic::Position | Semantic::Mask => return Ok(()),
-            Semantic::Normal => return self.take_normals(index),
+            Semantic::Normal => {
+                let stated: Vec<Vec3> = self.read(index)?.floats::<3>()?.into_iter().map(Vec3::from).collect();
+                let (units, scales, lost) = unit_normals(&stated, &self.source.faces, &self.source.positions);
+                if lost > 0 {
+                    self.file.note(index, format!("{lost} normals are zero: computed, constant in all targets"));
+                }
+                self.source.normals = Some(units);
+                self.normal_scales = scales;
+                return Ok(());
+            }
             Semantic::Tangent => {
                 let stated = self.read(index)?.floats::<4>()?;
                 let lengths = stated.iter().map(|&[x, y, z, _]| Vec3::new(x, y, z).as_dvec3().length());
@@ -270,7 +277,7 @@ impl<'a> Part<'a> {
                 }
                 values.into_flattened()
             }
-            Semantic::Color(_) => match self.read(index)? {
+            Semantic::Color(_) => match self.read(index)?.or_missing(1.0) {
                 rgb if rgb.components == 3 => rgb.floats::<3>()?.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0]).collect(),
                 rgba => rgba.floats::<4>()?.into_flattened(),
             },
@@ -279,47 +286,21 @@ impl<'a> Part<'a> {
         Ok(())
     }
 
-    fn take_normals(&mut self, index: &At<'_>) -> Result<()> {
-        let stated: Vec<Vec3> = self.read(index)?.floats::<3>()?.into_iter().map(Vec3::from).collect();
-        let (units, scales, lost) = unit_normals(&stated, &self.source.faces, &self.source.positions);
-        if lost > 0 {
-            let place = &index.place;
-            self.source.notes.push(format!("{place}: {lost} normals are zero: computed, constant in all targets"));
-        }
-        self.source.normals = Some(units);
-        self.normal_scales = scales;
-        Ok(())
-    }
-
     fn target(&self, target: &At<'_>, name: &str) -> Result<SourceTarget> {
         let mut made = SourceTarget { name: name.to_owned(), ..SourceTarget::default() };
         made.streams = vec![StreamDeltas::default(); self.source.streams.len()];
         for (semantic, index) in streams(target) {
-            let accessor = self.read(&index)?;
-            let stated = self.source.streams.iter().position(|s| s.semantic == semantic);
-            match (semantic, stated.map(|i| &mut made.streams[i])) {
-                (Semantic::Position, _) => made.positions = vectors(accessor.deltas::<3>()?, None),
-                // If base normals are missing, all normals are computed.
-                (Semantic::Normal, _) if self.source.normals.is_none() => {}
-                (Semantic::Normal, _) => {
-                    made.normals = Some(vectors(accessor.deltas::<3>()?, Some(&self.normal_scales)));
+            if semantic == Semantic::Position {
+                let accessor = self.file.accessor(&index)?;
+                if accessor.count == 0 {
+                    self.file.note(&accessor.at, "no elements, left out");
+                    continue;
                 }
-                (Semantic::Tangent, Some(own)) => {
-                    let deltas = vectors(accessor.deltas::<3>()?, Some(&self.tangent_scales));
-                    *own = stream(deltas.into_iter().map(|(v, d)| (v, d.to_array())));
-                }
-                (Semantic::TexCoord(_), Some(own)) => *own = stream(accessor.deltas::<2>()?),
-                (Semantic::Color(_), Some(own)) => {
-                    let opaque = |(v, [r, g, b]): (u32, [f32; 3])| (v, [r, g, b, 0.0]);
-                    *own = match accessor.components {
-                        3 => stream(accessor.deltas::<3>()?.into_iter().map(opaque)),
-                        _ => stream(accessor.deltas::<4>()?),
-                    };
-                }
-                (Semantic::Mask, _) => {}
-                (Semantic::Tangent | Semantic::TexCoord(_) | Semantic::Color(_), None) => {
-                    return Err(index.refuse(format!("the base pose has no {semantic} to add to"), AGAIN));
-                }
+                let accessor = accessor.of_count(self.source.positions.len(), "vertices (POSITION)")?;
+                made.positions = vectors(accessor.deltas::<3>()?, None);
+            } else {
+                let read = self.add_deltas(semantic, &index, &mut made);
+                self.file.leave_out(read, "attribute")?;
             }
         }
         // Without positions, the normals stay as well; otherwise they are computed.
@@ -327,6 +308,31 @@ impl<'a> Part<'a> {
             made.normals = Some(vec![]);
         }
         Ok(made)
+    }
+
+    /// Adds the deltas of a stream, other than positions, to a target.
+    fn add_deltas(&self, semantic: Semantic, index: &At<'_>, made: &mut SourceTarget) -> Result<()> {
+        let accessor = self.read(index)?;
+        if semantic == Semantic::Normal {
+            // If base normals are missing, all normals are computed.
+            if self.source.normals.is_some() {
+                made.normals = Some(vectors(accessor.deltas::<3>()?, Some(&self.normal_scales)));
+            }
+            return Ok(());
+        }
+        let Some(own) = self.source.streams.iter().position(|s| s.semantic == semantic) else {
+            return Err(index.refuse(format!("the base pose has no {semantic} to add to"), AGAIN));
+        };
+        made.streams[own] = match (semantic, accessor.components) {
+            (Semantic::Tangent, _) => {
+                let deltas = vectors(accessor.deltas::<3>()?, Some(&self.tangent_scales));
+                stream(deltas.into_iter().map(|(v, d)| (v, d.to_array())))
+            }
+            (Semantic::TexCoord(_), _) => stream(accessor.deltas::<2>()?),
+            (_, 3) => stream(accessor.deltas::<3>()?.into_iter().map(|(v, [r, g, b])| (v, [r, g, b, 0.0]))),
+            _ => stream(accessor.deltas::<4>()?),
+        };
+        Ok(())
     }
 }
 
@@ -352,61 +358,68 @@ fn faces(file: &Container, at: &At<'_>, mode: usize, count: usize) -> Result<Fac
             let indices = accessor.integers::<1>()?.into_flattened();
             if let Some(i) = indices.iter().position(|v| *v as usize >= count) {
                 let what = format!("index {i} names vertex {}, but there are {count}", indices[i]);
-                return Err(accessor.refuse(what, AGAIN));
+                return Err(accessor.at.refuse(what, AGAIN));
             }
             indices
         }
     };
+    let triangles = if mode == 4 { indices.len() / 3 } else { indices.len().saturating_sub(2) };
+    if mode == 4 && 3 * triangles < indices.len() {
+        file.note(at, format!("{} indices, of which the last are no triangle, and left out", indices.len()));
+    }
     let of = |i: usize| match mode {
+        4 => [indices[3 * i], indices[3 * i + 1], indices[3 * i + 2]],
         5 => [indices[i], indices[i + 1 + i % 2], indices[i + 2 - i % 2]],
         _ => [indices[i + 1], indices[i + 2], indices[0]],
     };
-    let triangles = if mode == 4 { indices.len() / 3 } else { indices.len().saturating_sub(2) };
+    // Strips turn back with triangles that have no area.
+    let is_part = |[a, b, c]: &[u32; 3]| mode == 4 || a != b && b != c && c != a;
     file.charge(at, triangles, 3 * size_of::<Corner>() + size_of::<u32>())?;
-    let corner = |position| Corner { position, texcoord: None };
     let mut corners = Vec::with_capacity(3 * triangles);
-    match mode {
-        4 if !indices.len().is_multiple_of(3) => {
-            return Err(at.refuse(format!("{} indices for triangles", indices.len()), "give three per triangle"));
-        }
-        4 => corners.extend(indices.into_iter().map(corner)),
-        // Strips turn back with triangles that have no area.
-        _ => {
-            let with_area = (0..triangles).map(of).filter(|[a, b, c]| a != b && b != c && c != a);
-            corners.extend(with_area.flatten().map(corner));
-        }
-    }
+    let vertices = (0..triangles).map(of).filter(is_part).flatten();
+    corners.extend(vertices.map(|position| Corner { position, texcoord: None }));
     Ok(Faces { sizes: vec![3; corners.len() / 3], corners })
 }
 
-/// Reads joints and weights, of the sets 0 and 1.
-fn influences(file: &Container, attributes: &At<'_>, count: usize) -> Result<Option<Influences>> {
+/// The number of sets of joints of a primitive.
+fn sets_of_joints(primitive: &At<'_>) -> usize {
+    let attributes = primitive.value.get("attributes");
+    (0..).take_while(|set| attributes.is_some_and(|all| all.get(format!("JOINTS_{set}")).is_some())).count()
+}
+
+/// Reads all sets of joints and weights of a primitive; without any, weights are 0.
+fn add_influences(file: &Container, primitive: &At<'_>, count: usize, all: &mut Influences) -> Result<()> {
+    let each = all.per_vertex;
+    let first = all.weights.len();
+    file.charge(primitive, count, each * (size_of::<u16>() + size_of::<f32>()))?;
+    all.joints.resize(first + each * count, 0);
+    all.weights.resize(first + each * count, 0.0);
+    let attributes = primitive.need("attributes")?;
     let of = |key: String| file.accessor(&attributes.need(&key)?)?.of_count(count, "vertices (POSITION)");
-    let mut sets = vec![];
-    for set in (0..2).take_while(|set| attributes.get(&format!("JOINTS_{set}")).is_some()) {
+    let sets = sets_of_joints(primitive);
+    let mut below = 0;
+    for set in 0..sets {
         let joints = of(format!("JOINTS_{set}"))?.integers::<4>()?;
-        let weights = of(format!("WEIGHTS_{set}"))?;
-        let floats = weights.floats::<4>()?;
-        if let Some(v) = floats.iter().position(|w| w.iter().any(|w| *w < 0.0)) {
-            return Err(weights.refuse(format!("element {v} has a weight below 0"), "give weights of 0 or more"));
+        let weights = of(format!("WEIGHTS_{set}"))?.floats::<4>()?;
+        for (v, (joints, weights)) in joints.into_iter().zip(weights).enumerate() {
+            let at = first + each * v + 4 * set;
+            // Joints are at most 16-bit numbers, as in glTF's types for them.
+            all.joints[at..at + 4].copy_from_slice(&joints.map(|joint| joint.min(u16::MAX.into()) as u16));
+            all.weights[at..at + 4].copy_from_slice(&weights.map(|weight| weight.max(0.0)));
+            below += weights.iter().filter(|weight| **weight < 0.0).count();
         }
-        sets.push((joints, floats));
     }
-    if sets.is_empty() {
-        return Ok(None);
+    if below > 0 {
+        file.note(primitive, format!("{below} weights of joints are below 0, and taken for 0"));
     }
-    let mut found = Influences { per_vertex: 4 * sets.len(), ..Influences::default() };
-    for v in 0..count {
-        let weights = sets.iter().flat_map(|(_, weights)| weights[v]);
-        let sum: f64 = weights.clone().map(f64::from).sum();
+    for weights in all.weights[first..].chunks_exact_mut(each.max(1)).filter(|_| sets > 0) {
         // The sum of quantised weights is not quite 1; if all weights are 0, the vertex follows its first joint.
-        let scaled =
-            weights.enumerate().map(|(i, w)| if sum > 0.0 { (f64::from(w) / sum) as f32 } else { f32::from(i == 0) });
-        found.weights.extend(scaled);
-        // Joints are at most 16-bit numbers, as in glTF's types for them.
-        found.joints.extend(sets.iter().flat_map(|(joints, _)| joints[v]).map(|j| j.min(u16::MAX.into()) as u16));
+        match weights.iter().copied().map(f64::from).sum::<f64>() {
+            sum if sum > 0.0 => weights.iter_mut().for_each(|weight| *weight = (f64::from(*weight) / sum) as f32),
+            _ => weights[0] = 1.0,
+        }
     }
-    Ok(Some(found))
+    Ok(())
 }
 
 impl Influences {
@@ -442,28 +455,4 @@ impl Influences {
         let shares = shares.into_iter().filter(|(joint, _)| !flattens(&joints[*joint]));
         shares.max_by(|a, b| a.1.total_cmp(&b.1)).map_or(DMat4::IDENTITY, |(joint, _)| joints[joint])
     }
-}
-
-/// Joins the influences of all parts, with the same number for each vertex.
-fn joined(
-    file: &Container,
-    at: &At<'_>,
-    parts: &[MorphSource],
-    influences: Vec<Option<Influences>>,
-) -> Result<Option<Influences>> {
-    let Some(per_vertex) = influences.iter().flatten().map(|i| i.per_vertex).max() else { return Ok(None) };
-    let vertices = parts.iter().map(|part| part.positions.len()).sum();
-    file.charge(at, vertices, per_vertex * (size_of::<u16>() + size_of::<f32>()))?;
-    let mut all = Influences { per_vertex, ..Influences::default() };
-    for (part, found) in parts.iter().zip(influences) {
-        let Influences { per_vertex: n, joints, weights } = found.unwrap_or_default();
-        for v in 0..part.positions.len() {
-            let end = all.joints.len() + per_vertex;
-            all.joints.extend(joints.iter().skip(v * n).take(n));
-            all.weights.extend(weights.iter().skip(v * n).take(n));
-            all.joints.resize(end, 0);
-            all.weights.resize(end, 0.0);
-        }
-    }
-    Ok(Some(all))
 }

@@ -47,6 +47,7 @@ use crate::weights::WeightClip;
 use animation::NEAR;
 use container::Container;
 use glam::DMat4;
+use json::shortened;
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -128,7 +129,8 @@ fn gltf(file: &Container) -> Result<Gltf> {
     let name = file.path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     let (nodes, hierarchy) = scene::nodes(file)?;
     let skins = root.items("skins")?.iter().map(|at| scene::skin(file, at)).collect::<Result<Vec<Skin>>>()?;
-    let mut gltf = Gltf { name, nodes, hierarchy, skins, path: file.path.clone(), ..Gltf::default() };
+    let notes = file.take_notes();
+    let mut gltf = Gltf { name, nodes, hierarchy, skins, notes, path: file.path.clone(), ..Gltf::default() };
     let listed = root.items("meshes")?;
     let namesakes = namesakes(&gltf.nodes, &gltf.hierarchy.order, listed.len());
     // Targets without names are those of one mesh alone.
@@ -152,10 +154,14 @@ fn gltf(file: &Container) -> Result<Gltf> {
             let stated = std::mem::take(&mut node.weights);
             node.weights = mesh::fitted(file, &listed[mesh], stated, gltf.meshes[mesh].weights.len())?;
         }
-        let joints = node.skin.map(|skin| gltf.skins[skin].joints.len());
-        if let Some((joint, joints)) = largest[mesh].zip(joints)
-            && joint >= joints
-        {
+        let Some(skin) = node.skin else { continue };
+        let joints = gltf.skins[skin].joints.len();
+        if gltf.meshes[mesh].influences.is_none() {
+            let name = shortened(&node.name);
+            gltf.notes
+                .push(format!("node {i} '{name}' has a skin, but its mesh no joints: it stands as the node does"));
+            node.skin = None;
+        } else if let Some(joint) = largest[mesh].filter(|joint| *joint >= joints) {
             let what = format!("a vertex names joint {joint}, but the skin of node {i} has {joints}");
             return Err(listed[mesh].refuse(what, "export the file again"));
         }
@@ -171,11 +177,14 @@ fn gltf(file: &Container) -> Result<Gltf> {
         let stated = at.text_or_empty("name");
         let name = if stated.is_empty() { format!("animation {i}") } else { stated.to_owned() };
         let name = mesh::unique(name, &mut taken);
-        let animation = animation::animation(file, at, name, (&targets, &taking), &mut gltf.notes)?;
+        let mut animation = Animation { name, channels: vec![] };
+        let channels = animation::channels(file, at, &targets, &taking);
+        animation.channels = file.leave_out(channels, "animation")?.unwrap_or_default();
+        gltf.notes.extend(file.take_notes());
         gltf.notes.extend(gltf.overruled(&animation));
         gltf.animations.push(animation);
     }
-    gltf.budget = file.budget();
+    gltf.budget = file.budget.get();
     Ok(gltf)
 }
 
@@ -241,25 +250,18 @@ impl Gltf {
     /// Names the first of the weights that [`clip`](Self::clip) leaves out, since an earlier channel has others for a
     /// target of that name.
     fn overruled(&self, animation: &Animation) -> Option<String> {
-        let mut first = HashMap::new();
-        let mut count = 0;
-        let mut note = None;
-        for channel in animation.weight_channels() {
-            for (i, name) in self.targets_of(channel) {
-                let (other, j): (&Channel, usize) = *first.entry(name).or_insert((channel, i));
-                if !channel.is_as(i, other, j) {
-                    let node = |number: usize| {
-                        format!("node {number} '{}'", self.nodes[number].name.chars().take(40).collect::<String>())
-                    };
-                    let name: String = name.chars().take(40).collect();
-                    let text = || format!("{}, '{name}', which {} animates, too", node(channel.node), node(other.node));
-                    note.get_or_insert_with(text);
-                    count += 1;
-                }
-            }
-        }
-        let name: String = animation.name.chars().take(40).collect();
-        note.map(|note| format!("animation '{name}': weights left out: {count}, first of {note}"))
+        let mut first: HashMap<&str, (&Channel, usize)> = HashMap::new();
+        let own = |channel| self.targets_of(channel).map(move |(i, name)| (channel, i, name));
+        let mut others = animation.weight_channels().flat_map(own).filter(|(channel, i, name)| {
+            let (other, j) = *first.entry(name).or_insert((channel, *i));
+            !channel.is_as(*i, other, j)
+        });
+        let (channel, _, target) = others.next()?;
+        let count = 1 + others.count();
+        let node = channel.node;
+        let [animation, name, target] = [&animation.name, &self.nodes[node].name, target].map(shortened);
+        let what = format!("first of node {node} '{name}', '{target}', which another node animates, too");
+        Some(format!("animation '{animation}': weights left out: {count}, {what}"))
     }
 
     /// Iterates over the animations that have weights, for [`clip`](Self::clip).
@@ -272,16 +274,13 @@ impl Gltf {
     /// frame rate. `None`: evenly spaced keys, 20 a second or more, become the frames, at their own rate; otherwise 30.
     ///
     /// # Errors
-    /// [`Error::Input`] if the animation has no weights, or the clip would have more than 2²⁴; [`Error::Invalid`] if
-    /// `fps` is not a positive number.
+    /// [`Error::Input`] if the animation has no weights, or is too long ([`Animation::frame_times`]);
+    /// [`Error::Invalid`] if `fps` is not a positive number.
     pub fn clip(&self, animation: &Animation, fps: Option<f32>) -> Result<WeightClip> {
-        let refuse = |what: &str, remedy| {
-            let place = format!(": animation '{}'", animation.name);
-            Err(Error::input(&self.path, place, what, remedy))
-        };
         let channels: Vec<&Channel> = animation.weight_channels().collect();
         if channels.is_empty() {
-            return refuse("no weights of morph targets", "name another animation");
+            let place = format!(": animation '{}'", animation.name);
+            return Err(Error::input(&self.path, place, "no weights of morph targets", "name another animation"));
         }
         let fps = super::frame_rate(fps.unwrap_or_else(|| animation.frame_rate()))?;
         let mut names = vec![];
@@ -294,12 +293,8 @@ impl Gltf {
         }
         // Columns whose channels are all covered by earlier ones.
         columns.retain(|(_, own)| !own.is_empty());
-        let times = animation.frames(fps);
-        let frames = times.len();
-        if frames as f64 * names.len() as f64 > f64::from(1 << 24) {
-            return refuse("more than 2^24 weights", "sample it with fewer frames per second, or split it");
-        }
-        let mut values = Vec::with_capacity(frames * names.len());
+        let times = animation.frames(fps, names.len()).map_err(assemble::in_file(&self.path, ""))?;
+        let mut values = Vec::with_capacity(times.len() * names.len());
         for time in times {
             for (channel, own) in &columns {
                 let between = channel.between(channel.near_key(time, NEAR / f64::from(fps)));
@@ -411,8 +406,11 @@ impl Gltf {
     ) -> Result<Drawn> {
         let joints: Vec<_> = self.skins.iter().map(|skin| self.joint_matrices(skin, worlds)).collect();
         let copies = self.copies(&taken, drawn, if with_joints { Skeleton::VERTEX_BYTES } else { 0 })?;
+        let skeleton = || Skeleton::new(self.nodes.clone(), self.hierarchy.clone(), self.animations.clone());
+        let mut skeleton = with_joints.then(skeleton);
         let mut parts = vec![];
-        let mut placed = vec![];
+        let mut drawn_parts = vec![];
+        let mut faces = 0;
         for (mesh, copies) in taken.into_iter().zip(copies) {
             let mut left = std::mem::take(&mut self.meshes[mesh].source);
             let nodes = &drawn[mesh];
@@ -453,65 +451,58 @@ impl Gltf {
                         }
                         // Joints may part what was at one place, or bring it there.
                         source.welds.clear();
-                        source.weld().map_err(|e| {
-                            let Error::Invalid { what, remedy } = e else { return e };
-                            Error::input(&self.path, "", what, &remedy)
-                        })?;
+                        source.weld().map_err(assemble::in_file(&self.path, &format!(": mesh '{}'", source.name)))?;
                     }
                 }
-                placed.push((mesh, node, place));
+                if let Some(skeleton) = &mut skeleton {
+                    let count = source.positions.len();
+                    let added = skeleton.add(count, node, &self.meshes[mesh], &self.skins, &place);
+                    let reduced = added.ok_or_else(|| {
+                        let remedy = "export fewer meshes or joints";
+                        Error::input(&self.path, "", "vertices follow more than 65535 joints", remedy)
+                    })?;
+                    if reduced > 0 {
+                        let what = format!("{reduced} vertices follow more than 8 joints, of which 8 move them");
+                        source.notes.push(format!("mesh '{}': {what}", source.name));
+                    }
+                }
+                drawn_parts.extend(self.meshes[mesh].primitives.iter().map(|primitive| DrawnPart {
+                    name: source.name.clone(),
+                    faces: primitive.triangles.start + faces..primitive.triangles.end + faces,
+                    material: primitive.material,
+                }));
+                faces += source.faces.sizes.len();
                 parts.push(source);
             }
         }
-        let counts: Vec<usize> = parts.iter().map(|part| part.positions.len()).collect();
-        let skeleton = || Skeleton::new(self.nodes.clone(), self.hierarchy.clone(), self.animations.clone());
-        let mut skeleton = with_joints.then(skeleton);
-        let mut drawn = vec![];
-        let mut first = 0;
-        if let Some(skeleton) = &mut skeleton {
-            for ((mesh, node, place), count) in placed.iter().zip(counts) {
-                let fits = skeleton.add(count, *node, &self.meshes[*mesh], &self.skins, place);
-                if !fits {
-                    let remedy = "export fewer meshes or joints";
-                    return Err(Error::input(&self.path, "", "vertices follow more than 65535 joints", remedy));
-                }
-            }
-        }
-        for ((mesh, ..), part) in placed.iter().zip(&parts) {
-            drawn.extend(self.meshes[*mesh].primitives.iter().map(|primitive| DrawnPart {
-                name: part.name.clone(),
-                faces: primitive.triangles.start + first..primitive.triangles.end + first,
-                material: primitive.material,
-            }));
-            first += part.faces.sizes.len();
-        }
-        Ok(Drawn { source: assemble::merge(self.name.clone(), parts), skeleton, parts: drawn })
+        Ok(Drawn { source: assemble::merge(self.name.clone(), parts), skeleton, parts: drawn_parts })
     }
 
     /// Returns how many times each mesh of `taken` is made part of one mesh: once for each node that draws it, as far
     /// as the file is large enough for so much. `more` are the bytes of a vertex besides.
-    fn copies(&mut self, taken: &[usize], drawn: &[Vec<usize>], more: u64) -> Result<Vec<usize>> {
-        let sources = || taken.iter().map(|mesh| &self.meshes[*mesh].source);
-        let of_vertices = |source: &MorphSource| more * source.positions.len() as u64;
-        let size = assemble::merged_size(sources()) + sources().map(of_vertices).sum::<u64>();
-        let mut left = self.budget.checked_sub(size).ok_or_else(|| {
-            let mib = size.div_ceil(1 << 20);
+    fn copies(&mut self, taken: &[usize], drawn: &[Vec<usize>], more: usize) -> Result<Vec<usize>> {
+        let all = assemble::semantics(taken.iter().map(|mesh| &self.meshes[*mesh].source));
+        let size = |mesh: &usize| {
+            let Mesh { source, primitives, .. } = &self.meshes[*mesh];
+            // The mesh and each of its parts have its name.
+            let names = (primitives.len() + 1) * (size_of::<MorphSource>() + source.name.len());
+            (assemble::size_in(source, &all) + more * source.positions.len() + names) as u64
+        };
+        let total = taken.iter().map(size).sum::<u64>();
+        let mut left = self.budget.checked_sub(total).ok_or_else(|| {
+            let mib = total.div_ceil(1 << 20);
             let what = format!("its meshes as one take {mib} MiB, which is more than a file of this size can hold");
             let remedy = "export fewer of them, or without what only some of them have";
             Error::input(&self.path, "", what, remedy)
         })?;
-        let vertex = assemble::vertex_size(&assemble::semantics(sources()));
-        let copies: Vec<usize> = taken
-            .iter()
-            .zip(sources())
-            .map(|(mesh, source)| {
-                let others = drawn[*mesh].len().saturating_sub(1) as u64;
-                let size = assemble::copied_size(source, vertex) + of_vertices(source);
-                let others = others.min(left / size.max(1));
-                left -= others * size;
-                others as usize + 1
-            })
-            .collect();
+        let mut copies = vec![];
+        for mesh in taken {
+            // A copy, and the part of the one mesh that is made of it.
+            let each = 2 * size(mesh);
+            let others = (drawn[*mesh].len().saturating_sub(1) as u64).min(left / each);
+            left -= others * each;
+            copies.push(others as usize + 1);
+        }
         self.budget = left;
         Ok(copies)
     }

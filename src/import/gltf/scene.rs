@@ -73,8 +73,7 @@ pub fn nodes(file: &Container) -> Result<(Vec<Node>, Hierarchy)> {
     let mut children = vec![vec![]; nodes.len()];
     for (parent, at) in list.iter().enumerate() {
         for child in at.items("children")? {
-            root.item("nodes", &child)?;
-            let index = child.whole()?;
+            let index = root.index_of("nodes", &child)?;
             if let Some(other) = nodes[index].parent.replace(parent) {
                 let what = format!("node {index} is a child of node {other}, too");
                 return Err(child.refuse(what, "give each node one parent"));
@@ -102,8 +101,7 @@ pub fn nodes(file: &Container) -> Result<(Vec<Node>, Hierarchy)> {
     if let Some(scene) = scene {
         nodes.iter_mut().for_each(|node| node.is_shown = false);
         for index in scene.items("nodes")? {
-            root.item("nodes", &index)?;
-            nodes[index.whole()?].is_shown = true;
+            nodes[root.index_of("nodes", &index)?].is_shown = true;
         }
         for &node in &order {
             nodes[node].is_shown |= nodes[node].parent.is_some_and(|parent| nodes[parent].is_shown);
@@ -116,11 +114,7 @@ pub fn nodes(file: &Container) -> Result<(Vec<Node>, Hierarchy)> {
 }
 
 fn node(root: &At<'_>, at: &At<'_>) -> Result<Node> {
-    let existing = |key: &str, list: &str| -> Result<Option<usize>> {
-        let Some(index) = at.get(key) else { return Ok(None) };
-        root.item(list, &index)?;
-        index.whole().map(Some)
-    };
+    let existing = |key, list| at.get(key).map(|index| root.index_of(list, &index)).transpose();
     let local = if at.get("matrix").is_some() {
         Transform::Matrix(Mat4::from_cols_array(&at.numbers("matrix", [0.0; 16])?))
     } else {
@@ -141,19 +135,20 @@ fn node(root: &At<'_>, at: &At<'_>) -> Result<Node> {
 pub fn skin(file: &Container, at: &At<'_>) -> Result<Skin> {
     let mut joints = vec![];
     for joint in at.need("joints")?.elements()? {
-        file.root().item("nodes", &joint)?;
-        joints.push(joint.whole()?);
+        joints.push(file.root().index_of("nodes", &joint)?);
     }
-    let inverse_bind = match at.get("inverseBindMatrices") {
+    let accessor = at.get("inverseBindMatrices").map(|index| file.accessor(&index)).transpose()?;
+    let inverse_bind = match accessor {
         None => vec![Mat4::IDENTITY; joints.len()],
-        Some(index) => {
-            let accessor = file.accessor(&index)?;
-            if accessor.count < joints.len() {
-                let what = format!("{} matrices for {} joints", accessor.count, joints.len());
-                return Err(accessor.refuse(what, "export the file again: a skin has a matrix for each joint"));
-            }
-            accessor.floats::<16>()?.iter().take(joints.len()).map(Mat4::from_cols_array).collect()
+        Some(accessor) if accessor.count == 0 => {
+            file.note(&accessor.at, "no matrices, left out");
+            vec![Mat4::IDENTITY; joints.len()]
         }
+        Some(accessor) if accessor.count < joints.len() => {
+            let what = format!("{} matrices for {} joints", accessor.count, joints.len());
+            return Err(accessor.at.refuse(what, "export the file again: a skin has a matrix for each joint"));
+        }
+        Some(accessor) => accessor.floats::<16>()?.iter().take(joints.len()).map(Mat4::from_cols_array).collect(),
     };
     Ok(Skin { name: at.text_or_empty("name").to_owned(), joints, inverse_bind })
 }

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Skeleton {
-    /// For each vertex its joints, and weights that sum to 1.
+    /// For each vertex 8 joints, and weights that sum to 1.
     pub influences: Influences,
     /// The animations of the file.
     pub animations: Vec<Animation>,
@@ -25,7 +25,7 @@ type Joint = (Option<usize>, DMat4);
 
 impl Skeleton {
     /// Memory of 8 joints and weights.
-    pub(super) const VERTEX_BYTES: u64 = 48;
+    pub(super) const VERTEX_BYTES: usize = 48;
 
     /// A skeleton without vertices.
     pub(super) fn new(nodes: Vec<Node>, hierarchy: Hierarchy, animations: Vec<Animation>) -> Self {
@@ -33,7 +33,8 @@ impl Skeleton {
         Self { influences, animations, joints: vec![], nodes, hierarchy }
     }
 
-    /// Adds the vertices of a mesh that `node` draws and `place` has put there. Returns `false` if joints are too many.
+    /// Adds the vertices of a mesh that `node` draws and `place` has put there. Returns how many of them follow more than
+    /// 8 joints, of which the 8 with most weight count; `None` if there are too many joints.
     pub(super) fn add(
         &mut self,
         count: usize,
@@ -41,7 +42,7 @@ impl Skeleton {
         mesh: &Mesh,
         skins: &[Skin],
         place: &DMat4,
-    ) -> bool {
+    ) -> Option<usize> {
         let skin = node.and_then(|node| self.nodes[node].skin).map(|skin| &skins[skin]);
         let undo = place.inverse();
         let Influences { joints, weights, .. } = &mut self.influences;
@@ -61,16 +62,25 @@ impl Skeleton {
                 (all.len() - 1) as u16
             })
         };
+        let mut reduced = 0;
         for (v, (joints, weights)) in slots.enumerate() {
             let influences = mesh.influences.iter().filter(|_| skin.is_some());
-            for (i, (joint, weight)) in influences.flat_map(|influences| influences.of(v)).enumerate() {
+            let mut of: Vec<(usize, f32)> = influences.flat_map(|influences| influences.of(v)).collect();
+            if of.len() > 8 {
+                reduced += 1;
+                of.sort_by(|a, b| b.1.total_cmp(&a.1));
+                of.truncate(8);
+                let sum: f32 = of.iter().map(|(_, weight)| weight).sum();
+                of.iter_mut().for_each(|(_, weight)| *weight /= sum);
+            }
+            for (i, (joint, weight)) in of.into_iter().enumerate() {
                 (joints[i], weights[i]) = (number(Some(joint)), weight);
             }
             if weights[0] == 0.0 {
                 (joints[0], weights[0]) = (number(None), 1.0);
             }
         }
-        all.len() <= 1 << 16
+        (all.len() <= 1 << 16).then_some(reduced)
     }
 
     /// Number of joints.

@@ -133,40 +133,7 @@ proptest! {
     }
 }
 
-/// Elements of four kinds: shorts that count, four bits across two shorts, bytes that never change, noise.
-fn channels() -> impl Strategy<Value = Vec<[u32; 4]>> {
-    let element = |i: u32, noise: u32| {
-        let counts = (i * 3) & 0xffff | (60_000 - i * 90) << 16;
-        [counts, 0x8000_0000 | (noise & 15) << 14, 0x0102_0304, noise]
-    };
-    prop::collection::vec(any::<u32>(), 1..600)
-        .prop_map(move |noise| (0..).zip(noise).map(|(i, noise)| element(i, noise)).collect())
-}
-
 proptest! {
-    /// Each mode of channels, each way to store a byte: the encoder chooses them for such elements, which is looked at.
-    #[test]
-    fn version_1_takes_every_mode(elements in channels()) {
-        let data = encoded_as::<16>(bytemuck::cast_slice(&elements), 1, 3);
-        let decoded = decode(&data, elements.len(), 16, "ATTRIBUTES", "").unwrap();
-        prop_assert_eq!(decoded, bytes(elements.as_flattened()));
-        let modes = &data[data.len() - 4..];
-        if elements.len() > 200 {
-            prop_assert!(modes[0] == 1 && modes[1] & 15 == 2 && modes[2] == 0, "{:?}", modes);
-            let control = &data[1..5];
-            let of_byte = |byte: usize| control[byte / 4] >> (byte % 4 * 2) & 3;
-            // Noise as it is, nothing of what never changes, and bits of the rest.
-            prop_assert!(of_byte(12) == 3 && of_byte(8) == 2 && (0..8).any(|byte| of_byte(byte) < 2), "{:?}", control);
-        }
-        // A mode that there is not.
-        for (at, bad) in [(0, 3), (0, 0x11), (1, 0x13), (2, 0x10)] {
-            let mut data = data.clone();
-            let end = data.len() - 4;
-            data[end + at] = bad;
-            prop_assert!(decode(&data, elements.len(), 16, "ATTRIBUTES", "").is_err());
-        }
-    }
-
     #[test]
     fn the_filter_of_colours_gives_them_back(
         colours in prop::collection::vec(prop::array::uniform4(0.0f32..=1.0), 1..50), bits in 2i32..=16,

@@ -6,7 +6,7 @@ use super::written::{I16, U8, Written, bytes};
 use crate::asset::{MorphSource, Tolerance};
 use crate::testing::head;
 use deltamorph_head::HeadDesc;
-use glam::{DMat4, DQuat, DVec3, Mat4, Quat, Vec3};
+use glam::{DMat4, DQuat, DVec3, Mat4, Vec3};
 use proptest::prelude::*;
 use serde_json::json;
 
@@ -15,33 +15,20 @@ fn channel(property: Property, interpolation: Interpolation, times: &[f32], valu
 }
 
 #[test]
-fn steps_lines_and_arcs() {
-    let step = channel(
-        Property::Weights,
-        Interpolation::Step,
-        &[1.0, 2.0, 2.0, 3.0],
-        &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0],
-    );
+fn steps_and_lines() {
+    let values = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+    let step = channel(Property::Weights, Interpolation::Step, &[1.0, 2.0, 2.0, 3.0], &values);
     let line = Channel { interpolation: Interpolation::Linear, ..step.clone() };
+    // Of two keys at one time, the later one.
     for (time, stepped, straight) in [
-        (-1.0, [0.0, 1.0], [0.0, 1.0]),
+        (f64::NAN, [0.0, 1.0], [0.0, 1.0]),
         (1.0, [0.0, 1.0], [0.0, 1.0]),
         (1.75, [0.0, 1.0], [1.5, 2.5]),
-        // Of two keys at one time, the later one.
         (2.0, [4.0, 5.0], [4.0, 5.0]),
         (2.5, [4.0, 5.0], [5.0, 6.0]),
         (9.0, [6.0, 7.0], [6.0, 7.0]),
-        (f64::NAN, [0.0, 1.0], [0.0, 1.0]),
     ] {
         assert_eq!((step.sample(time), line.sample(time)), (stepped.to_vec(), straight.to_vec()), "{time}");
-    }
-    // A turn of 60° about z, the second key with the sign that means the same rotation.
-    let end = Quat::from_rotation_z(60f32.to_radians()).to_array();
-    let keys = [[0.0, 0.0, 0.0, 1.0], end.map(|x| -x)].concat();
-    let arc = channel(Property::Rotation, Interpolation::Linear, &[0.0, 1.0], &keys);
-    for t in [0.0, 0.1, 0.5, 0.9, 1.0f64] {
-        let expected = DQuat::from_rotation_z(t * 60f64.to_radians());
-        assert!(DQuat::from_slice(&arc.sample(t)).dot(expected).abs() > 1.0 - 1e-6, "{t}");
     }
 }
 
@@ -138,46 +125,40 @@ fn arm() -> Written {
 
 #[test]
 fn clips_are_sampled_at_a_frame_rate_or_at_their_keys() {
-    let file = arm();
-    let gltf = file.read().unwrap();
-    let clip = |fps| gltf.clip(&gltf.animations[0], fps).unwrap();
+    let mut gltf = arm().read().unwrap();
+    let clip = |fps| gltf.clip(&gltf.animations[0], fps);
     // Two keys, a second apart.
-    let keys = clip(Some(1.0));
-    assert_eq!(
-        (keys.fps, &keys.names[..], &keys.values[..]),
-        (1.0, &["a".to_owned(), "b".to_owned()][..], &[0.0, 1.0, 1.0, 0.0][..])
-    );
-    assert_eq!(clip(Some(4.0)).values, [0.0, 1.0, 0.25, 0.75, 0.5, 0.5, 0.75, 0.25, 1.0, 0.0]);
-    // They are no frames: what is between them is.
-    let frames = clip(None);
+    let keys = clip(Some(1.0)).unwrap();
+    assert_eq!((keys.fps, keys.names.join(" "), &keys.values[..]), (1.0, "a b".to_owned(), &[0.0, 1.0, 1.0, 0.0][..]));
+    assert_eq!(clip(Some(4.0)).unwrap().values, [0.0, 1.0, 0.25, 0.75, 0.5, 0.5, 0.75, 0.25, 1.0, 0.0]);
+    // They are no frames: what is between them is. The last key is there, also between two frames.
+    let frames = clip(None).unwrap();
     assert_eq!((frames.fps, frames.frame_count(), frames.values[30]), (30.0, 31, 0.5));
-    // The last key is there, also between two frames.
-    assert_eq!(clip(Some(1.5)).values[4..], [1.0, 0.0]);
-    for fps in [0.0, f32::NAN, -1.0] {
-        assert!(gltf.clip(&gltf.animations[0], Some(fps)).unwrap_err().to_string().contains("frame rate"));
-    }
-    let refused = gltf.clip(&gltf.animations[0], Some(1e9)).unwrap_err().to_string();
-    assert!(refused.starts_with("a.glb: animation 'animation 0': more than 2^24 weights; "), "{refused}");
-    assert!(gltf.clip(&Animation::default(), None).unwrap_err().to_string().contains("no weights of morph targets"));
-
-    // Steps at 30 frames per second, in single precision: each frame has its own key.
-    let times: Vec<f32> = (0..200).map(|i| 0.0475 + i as f32 / 30.0).collect();
-    let values: Vec<f32> = (0..400).map(|i| (i / 2) as f32).collect();
-    let mut steps = gltf.clone();
-    steps.animations[0].channels = vec![channel(Property::Weights, Interpolation::Step, &times, &values)];
-    let clip = steps.clip(&steps.animations[0], None).unwrap();
-    assert_eq!((clip.fps, &clip.values), (30.0, &values));
-    for (step, expected) in [(0.05, 20.0), (0.0505, 30.0), (0.01, 100.0)] {
-        let times: Vec<f32> = (0..200).map(|i| i as f32 * step).collect();
-        steps.animations[0].channels = vec![channel(Property::Weights, Interpolation::Step, &times, &values)];
-        assert_eq!(steps.clip(&steps.animations[0], None).unwrap().fps, expected);
-    }
+    assert_eq!(clip(Some(1.5)).unwrap().values[4..], [1.0, 0.0]);
     let animation = &gltf.animations[0];
-    assert_eq!(animation.frame_times(Some(2.0)).collect::<Vec<_>>(), [0.5, 1.0, 1.5], "as its keys are");
-    assert_eq!(animation.frame_times(None).len(), 31, "keys a second apart are no frames");
+    assert_eq!(animation.frame_times(Some(2.0)).unwrap().collect::<Vec<_>>(), [0.5, 1.0, 1.5], "as its keys are");
+    crate::testing::says(gltf.clip(&Animation::default(), None), &["no weights of morph targets"]);
+    for fps in [0.0, f32::NAN, -1.0] {
+        crate::testing::says(clip(Some(fps)), &["frame rate"]);
+    }
+    // More frames than there is room for, of weights and of joints.
+    let long = "animation 'animation 0' is too long: keys from 5e-1 s to 1.5e0 s; 2^20 frames and 2^24 weights";
+    crate::testing::says(clip(Some(2e6)), &["a.glb: ", long]);
+    let turn = channel(Property::Rotation, Interpolation::Linear, &[0.0, 1e30], &[0.0; 8]);
+    let turns = Animation { name: "turn".to_owned(), channels: vec![turn] };
+    crate::testing::says(turns.frame_times(None).map(|_| ()), &["'turn' is too long: keys from 0e0 s to 1e30 s"]);
+
+    // Steps in single precision: each frame has its own key.
+    let values: Vec<f32> = (0..400).map(|i| (i / 2) as f32).collect();
+    for (start, step, fps) in [(0.0475, 1.0 / 30.0, 30.0), (0.0, 0.05, 20.0), (0.0, 0.0505, 30.0), (0.0, 0.01, 100.0)] {
+        let times: Vec<f32> = (0..200).map(|i| start + i as f32 * step).collect();
+        gltf.animations[0].channels = vec![channel(Property::Weights, Interpolation::Step, &times, &values)];
+        let clip = gltf.clip(&gltf.animations[0], None).unwrap();
+        assert_eq!((clip.fps, clip.values == values), (fps, step != 0.0505));
+    }
     let uneven = channel(Property::Weights, Interpolation::Step, &[0.0, 0.1, 0.5], &values[..6]);
-    steps.animations[0].channels = vec![uneven];
-    assert_eq!(steps.clip(&steps.animations[0], None).unwrap().fps, crate::import::DEFAULT_FPS);
+    gltf.animations[0].channels = vec![uneven];
+    assert_eq!(gltf.clip(&gltf.animations[0], None).unwrap().fps, crate::import::DEFAULT_FPS);
 }
 
 #[test]
@@ -193,31 +174,26 @@ fn meshes_with_targets_are_merged_where_they_stand() {
     file.json["meshes"] = json!([mesh("head", &["jaw", "blink"]), mesh("eye", &[]), mesh("teeth", &["jaw"])]);
     file.json["nodes"] =
         json!([{"mesh": 0, "scale": [2, 2, 2]}, {"mesh": 1}, {"mesh": 2, "translation": [0, 0, 5]}, {"mesh": 2}]);
-    let source = file.read().unwrap().into_source().unwrap();
+    let mut source = |notes: &[&str]| {
+        let source = file.read().unwrap().into_source().unwrap();
+        assert_eq!(source.notes, notes);
+        source.to_mesh(Tolerance::default()).unwrap();
+        file.json["nodes"][0] = json!({"mesh": 0, "scale": [1, 0, 1], "name": "hid"});
+        source
+    };
+    let merged = "merged, targets of one name moved together: 'head', 'teeth'";
+    let without = "without targets, and no part of the mesh: 'eye'";
+    let whole = source(&[without, merged]);
     // The teeth are there twice.
-    assert_eq!((source.positions[1], source.positions[3]), (Vec3::X * 2.0, Vec3::Z * 5.0));
-    assert_eq!((source.positions[6], source.faces.triangles(&source.positions)[2]), (Vec3::ZERO, [6, 7, 8]));
-    assert_eq!(
-        source.targets.iter().map(|t| (t.name.as_str(), t.positions.len())).collect::<Vec<_>>(),
-        [("jaw", 9), ("blink", 3)]
-    );
-    assert_eq!((source.targets[0].positions[0].1, source.targets[0].positions[3]), (Vec3::Z * 2.0, (3, Vec3::Z)));
-    for note in [
-        "without targets, and no part of the mesh: 'eye'",
-        "merged, targets of one name moved together: 'head', 'teeth'",
-    ] {
-        assert!(source.notes.iter().any(|n| n.contains(note)), "{note}: {:?}", source.notes);
-    }
-    assert!(!source.notes.iter().any(|note| note.contains("drawn by")), "{:?}", source.notes);
-    assert_eq!(source.welds, [0, 1, 2, 3, 4, 5, 6, 7, 8]);
-    source.to_mesh(Tolerance::default()).unwrap();
-    file.json["nodes"][0]["scale"] = json!([1, 0, 1]);
-    file.json["nodes"][0]["name"] = json!("hid");
-    let source = file.read().unwrap().into_source().unwrap();
-    assert_eq!((source.positions.len(), source.positions[0], source.targets.len()), (6, Vec3::Z * 5.0, 1));
-    for note in ["nodes that a scale of 0 flattens are left out: 'hid'", "not in the scene, and left out: 'head'"] {
-        assert!(source.notes.iter().any(|n| n == note), "{note}: {:?}", source.notes);
-    }
+    assert_eq!((whole.positions[1], whole.positions[3]), (Vec3::X * 2.0, Vec3::Z * 5.0));
+    assert_eq!((whole.positions[6], whole.faces.triangles(&whole.positions)[2]), (Vec3::ZERO, [6, 7, 8]));
+    let targets: Vec<_> = whole.targets.iter().map(|t| (t.name.as_str(), t.positions.len())).collect();
+    assert_eq!(targets, [("jaw", 9), ("blink", 3)]);
+    assert_eq!((whole.targets[0].positions[0].1, whole.targets[0].positions[3]), (Vec3::Z * 2.0, (3, Vec3::Z)));
+    assert_eq!(whole.welds, [0, 1, 2, 3, 4, 5, 6, 7, 8]);
+    let hidden = "nodes that a scale of 0 flattens are left out: 'hid'";
+    let rest = source(&[hidden, without, "not in the scene, and left out: 'head'"]);
+    assert_eq!((rest.positions.len(), rest.positions[0], rest.targets.len()), (6, Vec3::Z * 5.0, 1));
     file.json["meshes"] = json!([mesh("eye", &[])]);
     file.json["nodes"] = json!([]);
     assert_eq!(file.read().unwrap().into_source().unwrap().positions.len(), 3);
@@ -240,34 +216,30 @@ fn pointers_to_weights_are_channels() {
         let channels: Vec<_> = pointers.iter().map(|(sampler, to)| pointer(*sampler, to)).collect();
         file.json["animations"][0]["channels"] = json!(channels);
         let gltf = file.read().unwrap();
-        let channels = &gltf.animations[0].channels;
-        let driven: Vec<_> = channels.iter().map(|c| (c.node, c.property, c.target, c.sample(1.0))).collect();
-        let clip = gltf.clip(&gltf.animations[0], Some(1.0)).ok().map(|clip| (clip.names, clip.values));
-        (driven, clip, gltf.notes)
+        let channels = gltf.animations[0].channels.iter();
+        let driven: Vec<_> = channels.map(|c| (c.node, c.property, c.target, c.sample(1.0).len())).collect();
+        let clip = gltf.clip(&gltf.animations[0], Some(1.0)).ok().map(|clip| (clip.names.join(" "), clip.values));
+        (driven, clip, gltf.notes.len())
     };
-    let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
-    let half = vec![0.5, 0.5];
-    let (channels, clip, notes) = driven(&[(0, "/nodes/0/weights"), (1, "/nodes/1/rotation")]);
-    assert_eq!(channels[0], (0, Property::Weights, None, half.clone()));
-    assert_eq!((channels[1].0, channels[1].1, notes), (1, Property::Rotation, vec![]));
-    assert_eq!(clip, Some((names(&["a", "b"]), vec![0.0, 1.0, 1.0, 0.0])));
-    let (channels, ..) = driven(&[(0, "/meshes/0/weights")]);
-    assert_eq!(channels, [3, 4].map(|node| (node, Property::Weights, None, half.clone())));
-    let (channels, clip, _) = driven(&[(2, "/nodes/0/weights/1"), (2, "/meshes/0/weights/0")]);
-    assert_eq!(channels[0], (0, Property::Weights, Some(1), vec![0.5]));
-    assert_eq!(channels[2], (4, Property::Weights, Some(0), vec![0.5]));
-    assert_eq!(clip, Some((names(&["b", "a"]), vec![0.25, 0.25, 0.75, 0.75])));
-    let others = [
+    let all = |node| (node, Property::Weights, None, 2);
+    let clip = |names: &str, values: [f32; 4]| Some((names.to_owned(), values.to_vec()));
+    let turn = (1, Property::Rotation, None, 4);
+    let weights = clip("a b", [0.0, 1.0, 1.0, 0.0]);
+    let found = driven(&[(0, "/nodes/0/weights"), (1, "/nodes/1/rotation")]);
+    assert_eq!(found, (vec![all(0), turn], weights.clone(), 0));
+    assert_eq!(driven(&[(0, "/meshes/0/weights")]), (vec![all(3), all(4)], weights, 0));
+    let one = |node, target| (node, Property::Weights, Some(target), 1);
+    let found = driven(&[(2, "/nodes/0/weights/1"), (2, "/meshes/0/weights/0")]);
+    assert_eq!(found, (vec![one(0, 1), one(3, 0), one(4, 0)], clip("b a", [0.25, 0.25, 0.75, 0.75]), 0));
+    for other in [
         "/nodes/0/weights/2",
         "/nodes/9/weights",
         "/meshes/7/weights",
         "/nodes/0/rotation/1",
         "/materials/0/weights",
         "/nodes/x/weights",
-    ];
-    for other in others {
-        let (channels, clip, notes) = driven(&[(0, other)]);
-        assert_eq!((channels.len(), clip, notes.len()), (0, None, 1), "{other}");
+    ] {
+        assert_eq!(driven(&[(0, other)]), (vec![], None, 1), "{other}");
     }
 }
 
@@ -315,25 +287,59 @@ fn what_no_target_moves_stands_beside_the_mesh() {
     mesh("coat", &[2]);
     mesh("spare", &[0]);
     file.json["nodes"].as_array_mut().unwrap().extend([json!({"mesh": 1}), json!({"mesh": 2})]);
-    let gltf = file.read().unwrap();
-    let scene = gltf.clone().into_scene(true).unwrap();
-    let (source, _) = gltf.clone().into_skinned().unwrap();
-    assert_eq!((scene.mesh.source.positions, scene.mesh.source.notes), (source.positions, source.notes.clone()));
-    let said = "without targets, and no part of the mesh: 'glasses', 'coat', 'spare'";
-    assert!(source.notes.iter().any(|note| note == said), "{:?}", source.notes);
     let part = |name: &str, faces, material| DrawnPart { name: name.to_owned(), faces, material: Some(material) };
     let parts = [part("glasses", 0..1, 4), part("glasses", 1..2, 0), part("coat", 2..3, 2)];
-    let still = scene.still.unwrap();
-    assert_eq!((&still.parts[..], still.source.targets.len()), (&parts[..], 0));
-    let posed = gltf.into_scene(false).unwrap().still.unwrap();
-    assert!(posed.skeleton.is_none() && posed.parts == still.parts);
+    for unposed in [true, false] {
+        let Scene { mesh, still } = file.read().unwrap().into_scene(unposed).unwrap();
+        let (source, skeleton) = file.read().unwrap().into_skinned().unwrap();
+        assert_eq!(
+            (mesh.source.positions, skeleton.is_some()),
+            (source.positions, true),
+            "at rest as in the bind pose"
+        );
+        let said = "without targets, and no part of the mesh: 'glasses', 'coat', 'spare'";
+        assert!(mesh.source.notes.iter().any(|note| note == said), "{:?}", mesh.source.notes);
+        let still = still.unwrap();
+        assert_eq!((&still.parts[..], still.skeleton.is_some()), (&parts[..], unposed));
+    }
     // Where no mesh has targets, they are the mesh.
     file.json["meshes"][0]["primitives"][0]["targets"] = json!([]);
-    file.json["meshes"][0]["extras"] = json!({});
-    file.json["nodes"][0]["weights"] = json!([]);
     file.json["animations"] = json!([]);
     let scene = file.read().unwrap().into_scene(true).unwrap();
     assert!(scene.still.is_none() && scene.mesh.parts.len() == 4);
+}
+
+/// A vertex that follows twelve joints, in three sets: all of them pose the mesh, and eight move it later.
+#[test]
+fn all_sets_of_joints_pose_a_mesh_and_the_foremost_move_it() {
+    let mut file = arm();
+    for set in 0..3u8 {
+        let joints = [0, 1, 2, 3].map(|i| 4 * set + i).repeat(3);
+        let weights = [0, 1, 2, 3].map(|i| f32::from(4 * set + i + 1));
+        let attributes = [
+            (format!("JOINTS_{set}"), file.accessor(U8, "VEC4", 3, &joints)),
+            (format!("WEIGHTS_{set}"), file.floats(&[weights; 3])),
+        ];
+        attributes
+            .into_iter()
+            .for_each(|(key, at)| file.json["meshes"][0]["primitives"][0]["attributes"][key] = json!(at));
+    }
+    let nodes = (0..12).map(|i| json!({"translation": [0, i, 0]}));
+    file.json["nodes"].as_array_mut().unwrap().extend(nodes);
+    file.json["skins"] = json!([{"joints": (3..15).collect::<Vec<_>>()}]);
+    let mean = |joints: std::ops::Range<usize>| {
+        let [sum, weights] = [|i: usize| i * (i + 1), |i| i + 1].map(|of| joints.clone().map(of).sum::<usize>() as f32);
+        sum / weights
+    };
+    let source = file.read().unwrap().into_source().unwrap();
+    assert!((source.positions[0].y - mean(0..12)).abs() < 1e-5, "{}", source.positions[0]);
+    let (source, skeleton) = file.read().unwrap().into_skinned().unwrap();
+    let skeleton = skeleton.unwrap();
+    let moved =
+        skeleton.influences.blend(0, &skeleton.joint_matrices(None)).transform_point3(source.positions[0].into());
+    assert!((moved.y - f64::from(mean(4..12))).abs() < 1e-5, "{moved}");
+    let said = "mesh 'mesh': 3 vertices follow more than 8 joints, of which 8 move them";
+    assert!(source.notes.iter().any(|note| note == said), "{:?}", source.notes);
 }
 
 /// A joint of scale 0 flattens what it alone moves, and huge ones move it out of range.
@@ -367,12 +373,15 @@ fn base_colours_are_read() {
         std::fs::write(&path, file.glb()).unwrap();
         read_materials(&path)
     };
-    let materials = read(&file).unwrap();
-    assert!(materials[0].base_color == [1.0; 4] && !materials[0].is_textured && !materials[0].double_sided);
-    assert_eq!((materials[1].name.as_str(), materials[1].base_color), ("skin", [1.0, 0.5, 0.0, 1.0]));
-    assert_eq!([0, 1, 2, 3].map(|number| materials[number].is_textured), [false, true, false, false]);
-    assert_eq!([0, 1, 2, 3].map(|number| materials[number].is_opaque), [true, true, false, false]);
-    assert!(materials[2].double_sided && materials[3].base_color[3] == 0.25);
+    let said = |m: Material| (m.name, m.base_color, [m.is_textured, m.is_opaque, m.double_sided]);
+    let found: Vec<_> = read(&file).unwrap().into_iter().map(said).collect();
+    let expected = [
+        ("", [1.0; 4], [false, true, false]),
+        ("skin", [1.0, 0.5, 0.0, 1.0], [true, true, false]),
+        ("", [1.0; 4], [false, false, true]),
+        ("", [1.0, 1.0, 1.0, 0.25], [false, false, false]),
+    ];
+    assert_eq!(found, expected.map(|(name, color, flags)| (name.to_owned(), color, flags)));
     file.json["materials"][0]["alphaMode"] = json!("GLASS");
     crate::testing::says(read(&file), &["materials[0]: alphaMode 'GLASS'; use OPAQUE, MASK or BLEND"]);
 }

@@ -62,22 +62,35 @@ impl Written {
 
     /// As GLB.
     pub fn glb(&self) -> Vec<u8> {
-        let padded = |mut bytes: Vec<u8>, with: u8| {
-            bytes.resize(bytes.len().next_multiple_of(4), with);
-            bytes
-        };
-        let (json, binary) = (padded(self.json.to_string().into_bytes(), b' '), padded(self.bytes.clone(), 0));
-        let words = |words: [usize; 2]| words.map(|word| (word as u32).to_le_bytes()).concat();
-        let chunk = |bytes: &[u8], kind: &[u8]| [&(bytes.len() as u32).to_le_bytes(), kind, bytes].concat();
-        let length = 12 + 8 + json.len() + 8 + binary.len();
-        [b"glTF".to_vec(), words([2, length]), chunk(&json, b"JSON"), chunk(&binary, b"BIN\0")].concat()
+        self.stored(0)
     }
 
-    /// As JSON alone, with its buffer in a data URI.
-    pub fn gltf(&self) -> Vec<u8> {
+    /// Whole files: GLB whose chunks are padded by spaces or zeros or not at all, with lengths that count that or not (0 to
+    /// 4), and JSON with its buffer in base64, with or without its last signs, or in lines (5 to 7).
+    pub fn stored(&self, way: usize) -> Vec<u8> {
         let mut json = self.json.clone();
-        json["buffers"][0]["uri"] = json!(format!("data:application/octet-stream;base64,{}", base64(&self.bytes)));
-        json.to_string().into_bytes()
+        if way > 4 {
+            let text = base64(&self.bytes);
+            let text = match way {
+                5 => text,
+                6 => text.trim_end_matches('=').to_owned(),
+                _ => text.as_bytes().chunks(11).map(|line| format!("{}\r\n", line.escape_ascii())).collect(),
+            };
+            json["buffers"][0]["uri"] = json!(format!("data:application/octet-stream;base64,{text}"));
+            return json.to_string().into_bytes();
+        }
+        let json = json.to_string().into_bytes();
+        let [space, end] = [&json, &self.bytes].map(|part| part.len().next_multiple_of(4) - part.len());
+        // Bytes after the JSON, those that its length counts, and bytes after the buffer.
+        let ways = [[space, space, end], [0, 0, end], [space, 0, end], [0, 0, 0], [space, space, 0]];
+        let [padded, counted, last] = ways[way];
+        let word = |n: usize| (n as u32).to_le_bytes().to_vec();
+        let length = 28 + json.len() + padded + self.bytes.len() + end;
+        let head =
+            [b"glTF".to_vec(), word(2), word(length), word(json.len() + counted), b"JSON".to_vec(), json].concat();
+        let fill = if way == 4 { 0 } else { b' ' };
+        let chunk = [word(self.bytes.len() + end), b"BIN\0".to_vec(), self.bytes.clone(), vec![0; last]].concat();
+        [head, vec![fill; padded], chunk].concat()
     }
 }
 
