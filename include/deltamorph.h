@@ -190,7 +190,8 @@ typedef struct DmMeshInfo {
     uint32_t index_count;
     /// `DM_DELTAS_...`, storage of the deltas.
     uint32_t delta_format;
-    /// Length of the base pose's bounding-box diagonal, in input units.
+    /// The length that errors are fractions of, in input units: the bounding-box diagonal of the base pose, or of the
+    /// smallest part of it that targets move, if there are several far apart.
     float diagonal;
     /// Zero.
     uint32_t reserved;
