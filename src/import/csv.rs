@@ -78,7 +78,7 @@ impl Table {
         let mut record = StringRecord::new();
         let mut table = Self { names: vec![], values: vec![], times: None };
         let mut kinds: Vec<Kind> = vec![];
-        let mut named = 0;
+        let mut least = 0;
         // Reading from text in memory, with rows of any length, cannot fail.
         while reader.read_record(&mut record).map_err(|_| refuse(header, "", undecoded, "save it again"))? {
             // The reader's position is that of line breaks before the record.
@@ -87,12 +87,13 @@ impl Table {
             if table.names.is_empty() {
                 table.names = names(&record).map_err(|(name, what, remedy)| refuse(at, name, &what, remedy))?;
                 table.times = table.names.iter().position(|name| is_time(name)).map(|column| (column, vec![]));
-                named = (0..record.len()).rfind(|i| !record[*i].is_empty()).map_or(0, |last| last + 1);
+                // A last comma may be in the header alone.
+                least = record.len() - usize::from(record.len() > 1 && record[record.len() - 1].is_empty());
                 kinds.resize(record.len(), Kind::default());
                 continue;
             }
             let columns = table.names.len();
-            if record.len() < named || record.iter().skip(columns).any(|cell| !cell.is_empty()) {
+            if record.len() < least || record.iter().skip(columns).any(|cell| !cell.is_empty()) {
                 let what = format!("{} values, but the header has {columns} columns", record.len());
                 return Err(refuse(at, "", &what, "give one value per column in every row"));
             }
