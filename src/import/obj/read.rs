@@ -1,16 +1,21 @@
 //! Reads OBJ text into arrays, in the file's order.
 //!
-//! Crates that read OBJ number vertices anew, have no line numbers in errors, and refuse a file for one bad normal.
+//! tobj reads the numbers of `v`, `vt` and `vn`, faces are read here: tobj has no line numbers, takes an index of 0 for a
+//! missing one, and repeats texture coordinates where a corner has none. Where it refuses numbers, or vertices are not
+//! finite, the lines are checked one by one.
 
 use crate::asset::{Corner, Faces};
 use crate::error::{Error, Result};
 use crate::io::{TEXT_MAX, read_bounded};
 use glam::{Vec2, Vec3};
+use std::io::Write;
 use std::path::Path;
 
 /// The statements that list values.
 const KEYWORDS: [&str; 3] = ["v", "vt", "vn"];
 const NAMES: [&str; 3] = ["vertex", "texture coordinate", "normal"];
+/// Numbers that a statement needs.
+const LEAST: [usize; 3] = [3, 1, 3];
 
 const EXPORT_AGAIN: &str = "export the file again";
 const EXPORT_OBJ: &str = "export the mesh as Wavefront OBJ";
@@ -69,20 +74,44 @@ impl ObjFile {
             let what = "no 'v' line: not an OBJ file, or one without vertices";
             return Err(Error::input(path, "", what, EXPORT_OBJ));
         }
-        let file = Self::default();
-        let mut scan = Scan { path, line: 0, counts, file, corner_normals: vec![], lost: 0, thin: 0 };
+        let mut scan = Scan {
+            path,
+            line: 0,
+            text: ordering_face(counts),
+            counts,
+            seen: [0; 3],
+            faces: Faces::default(),
+            corner_normals: vec![],
+            lost: 0,
+            thin: 0,
+        };
+        scan.text.reserve(bytes.len() + 1);
         for (line, (keyword, rest)) in (1..).zip(statements(&bytes)) {
             scan.line = line;
-            match keyword {
-                b"v" => scan.position(rest)?,
-                b"vt" => scan.texcoord(rest)?,
-                b"vn" => scan.normal(rest)?,
-                b"f" => scan.face(rest)?,
-                _ => {}
+            match KEYWORDS.iter().position(|k| k.as_bytes() == keyword) {
+                Some(kind) => scan.values(kind, rest)?,
+                None if keyword == b"f" => scan.face(rest)?,
+                None => {}
             }
         }
-        Ok(scan.finish())
+        match values(&scan.text, counts) {
+            Some(values) => Ok(scan.finish(values)),
+            None => Err(scan.refused_number(&bytes)),
+        }
     }
+}
+
+/// The numbers of the `v`, `vt` and `vn` statements in `text`, by tobj; `None` where one is refused, or a vertex is not
+/// finite.
+fn values(text: &[u8], counts: [usize; 3]) -> Option<[Vec<f32>; 3]> {
+    let options = tobj::LoadOptions::default();
+    let (mut models, _) = tobj::load_obj_buf(&mut &*text, &options, |_| Ok(Default::default())).ok()?;
+    let mesh = models.pop()?.mesh;
+    let values = [mesh.positions, mesh.texcoords, mesh.normals];
+    let [v, vt, vn] = counts;
+    let is_complete = values.each_ref().map(Vec::len) == [3 * v, 2 * vt, 3 * vn];
+    let is_finite = values[0].iter().all(|number| number.is_finite());
+    (models.is_empty() && is_complete && is_finite).then_some(values)
 }
 
 /// The text in lines that end in LF, each with a whole statement.
@@ -101,14 +130,18 @@ fn prepared(path: &Path, mut bytes: Vec<u8>) -> Result<Vec<u8>> {
     Ok(if bytes.contains(&b'\\') { join_lines(&bytes) } else { bytes })
 }
 
-/// Reads statements, one after another.
+/// Reads faces, and copies the other statements for tobj.
 struct Scan<'a> {
     path: &'a Path,
     /// The line that the statement begins on.
     line: usize,
+    /// The statements for tobj.
+    text: Vec<u8>,
     /// Number of `v`, `vt` and `vn` statements.
     counts: [usize; 3],
-    file: ObjFile,
+    /// Their number so far; a negative index counts back from it.
+    seen: [usize; 3],
+    faces: Faces,
     /// Index of the normal of each corner; `u32::MAX` where it has none.
     corner_normals: Vec<u32>,
     /// Number of texture coordinates and normals that corners name, and that there are not.
@@ -126,86 +159,82 @@ impl Scan<'_> {
         std::str::from_utf8(rest).map_err(|_| self.error("bytes that are not UTF-8 text", EXPORT_AGAIN))
     }
 
-    fn number(&self, word: &str) -> Result<f32> {
-        // As programs on Windows write it: 1.#QNAN, 1.#INF, nan(ind).
-        let is_nan = || word.contains(".#") || word.contains("nan(");
-        let number = word.parse().ok().or_else(|| is_nan().then_some(f32::NAN));
-        let remedy =
-            if word.contains(',') { "write numbers with a point, and spaces between them" } else { EXPORT_AGAIN };
-        number.ok_or_else(|| self.error(format!("'{}' is not a number", short(word)), remedy))
+    /// Copies the numbers that are used of a statement.
+    fn values(&mut self, kind: usize, rest: &[u8]) -> Result<()> {
+        let text = self.text(rest)?;
+        // One number more than three is a weight, several are a colour.
+        let used = match text.split_whitespace().count() {
+            4 if kind == 0 => 4,
+            1 if kind == 1 => 1,
+            _ => 3,
+        };
+        self.text.extend_from_slice(KEYWORDS[kind].as_bytes());
+        for word in text.split_whitespace().take(used) {
+            self.text.push(b' ');
+            self.text.extend_from_slice(if is_nan(word) { b"nan" } else { word.as_bytes() });
+        }
+        if (kind, used) == (1, 1) {
+            self.text.extend_from_slice(b" 0");
+        }
+        self.text.push(b'\n');
+        self.seen[kind] += 1;
+        Ok(())
     }
 
-    /// The first `N` numbers of a statement; those that it may leave out, after the first `least`, are 0.
-    fn numbers<'t, const N: usize>(
-        &self,
-        kind: usize,
-        least: usize,
-        mut words: impl Iterator<Item = &'t str>,
-    ) -> Result<[f32; N]> {
-        let mut numbers = [0.0; N];
-        for (i, number) in numbers.iter_mut().enumerate() {
-            match words.next() {
-                Some(word) => *number = self.number(word)?,
-                None if i >= least => {}
-                None => {
-                    let what = format!("a {} with {i} numbers, {least} expected", NAMES[kind]);
-                    return Err(self.error(what, EXPORT_AGAIN));
-                }
+    /// The error for the first line with numbers that cannot be used.
+    fn refused_number(&mut self, bytes: &[u8]) -> Error {
+        for (line, (keyword, rest)) in (1..).zip(statements(bytes)) {
+            self.line = line;
+            let kind = KEYWORDS.iter().position(|k| k.as_bytes() == keyword);
+            if let Some(Err(error)) = kind.map(|kind| self.check_numbers(kind, rest)) {
+                return error;
             }
         }
-        Ok(numbers)
+        Error::input(self.path, "", "the parser lost numbers", "export the file again, with one statement on a line")
     }
 
-    fn position(&mut self, rest: &[u8]) -> Result<()> {
+    fn check_numbers(&self, kind: usize, rest: &[u8]) -> Result<()> {
         let text = self.text(rest)?;
-        let mut words = text.split_whitespace();
-        let stated = Vec3::from_array(self.numbers(0, 3, &mut words)?);
-        // One more number is a weight, several are a colour.
-        let position = match words.next() {
-            Some(weight) if words.next().is_none() => stated / self.number(weight)?,
-            _ => stated,
-        };
-        if !position.is_finite() {
+        let mut numbers = vec![];
+        for word in text.split_whitespace().take(4) {
+            let remedy =
+                if word.contains(',') { "write numbers with a point, and spaces between them" } else { EXPORT_AGAIN };
+            let number = if is_nan(word) { Ok(f32::NAN) } else { word.parse::<f32>() };
+            numbers.push(number.map_err(|_| self.error(format!("'{}' is not a number", short(word)), remedy))?);
+        }
+        if numbers.len() < LEAST[kind] {
+            let what = format!("a {} with {} numbers, {} expected", NAMES[kind], numbers.len(), LEAST[kind]);
+            return Err(self.error(what, EXPORT_AGAIN));
+        }
+        let weight = if text.split_whitespace().count() == 4 { numbers[3] } else { 1.0 };
+        if kind == 0 && !numbers[..3].iter().all(|x| (x / weight).is_finite()) {
             let what = format!("the vertex '{}' is not one of finite numbers of single precision", short(text.trim()));
             return Err(self.error(what, "repair the mesh and export it again"));
         }
-        self.file.positions.push(position);
-        Ok(())
-    }
-
-    fn texcoord(&mut self, rest: &[u8]) -> Result<()> {
-        let numbers = self.numbers(1, 1, self.text(rest)?.split_whitespace())?;
-        self.file.texcoords.push(Vec2::from_array(numbers));
-        Ok(())
-    }
-
-    fn normal(&mut self, rest: &[u8]) -> Result<()> {
-        let normal = Vec3::from_array(self.numbers(2, 3, self.text(rest)?.split_whitespace())?);
-        self.file.normals.push(if normal.is_finite() { normal } else { Vec3::ZERO });
         Ok(())
     }
 
     fn face(&mut self, rest: &[u8]) -> Result<()> {
-        let before = self.file.faces.corners.len();
+        let before = self.faces.corners.len();
         for word in self.text(rest)?.split_whitespace() {
             let [position, texcoord, normal] = self.corner(word)?;
             let Some(position) = position else {
                 return Err(self.error(format!("'{}' names no vertex", short(word)), WRITE_CORNERS));
             };
-            if u32::try_from(self.file.faces.corners.len()).is_err() {
+            if u32::try_from(self.faces.corners.len()).is_err() {
                 return Err(self.error("more than 4,294,967,295 face corners", "split the mesh"));
             }
-            self.file.faces.corners.push(Corner { position, texcoord });
+            self.faces.corners.push(Corner { position, texcoord });
             self.corner_normals.push(normal.unwrap_or(u32::MAX));
         }
-        match self.file.faces.corners.len() - before {
+        match self.faces.corners.len() - before {
             ..3 => {
-                self.file.faces.corners.truncate(before);
+                self.faces.corners.truncate(before);
                 self.corner_normals.truncate(before);
                 self.thin += 1;
             }
             // All corners are counted in 32 bits.
-            size => self.file.faces.sizes.push(size as u32),
+            size => self.faces.sizes.push(size as u32),
         }
         Ok(())
     }
@@ -214,7 +243,6 @@ impl Scan<'_> {
     fn corner(&mut self, word: &str) -> Result<[Option<u32>; 3]> {
         let mut named = [None; 3];
         // A positive index may refer to later lines; a negative one counts back from this line.
-        let seen = [self.file.positions.len(), self.file.texcoords.len(), self.file.normals.len()];
         for (k, part) in word.split('/').enumerate() {
             let refuse = |what: &str| Err(self.error(format!("'{}' {what}", short(word)), WRITE_CORNERS));
             if k == 3 {
@@ -224,7 +252,7 @@ impl Scan<'_> {
                 continue;
             }
             let Ok(index) = part.parse::<i64>() else { return refuse("is not a corner of a face") };
-            let limit = if index < 0 { seen[k] } else { self.counts[k] } as u64;
+            let limit = if index < 0 { self.seen[k] } else { self.counts[k] } as u64;
             if (1..=limit).contains(&index.unsigned_abs()) {
                 let from_0 = if index < 0 { limit - index.unsigned_abs() } else { index.unsigned_abs() - 1 };
                 // Files are too small for 2^32 lines of a keyword.
@@ -240,8 +268,16 @@ impl Scan<'_> {
         Ok(named)
     }
 
-    fn finish(self) -> ObjFile {
-        let Self { mut file, corner_normals, mut lost, thin, .. } = self;
+    fn finish(self, [positions, texcoords, normals]: [Vec<f32>; 3]) -> ObjFile {
+        let Self { faces, corner_normals, mut lost, thin, .. } = self;
+        let normals = normals.as_chunks().0.iter().copied().map(Vec3::from_array);
+        let mut file = ObjFile {
+            positions: positions.as_chunks().0.iter().copied().map(Vec3::from_array).collect(),
+            texcoords: texcoords.as_chunks().0.iter().copied().map(Vec2::from_array).collect(),
+            normals: normals.map(|normal| if normal.is_finite() { normal } else { Vec3::ZERO }).collect(),
+            faces,
+            ..ObjFile::default()
+        };
         for corner in &mut file.faces.corners {
             if corner.texcoord.is_some_and(|t| !file.texcoords[t as usize].is_finite()) {
                 corner.texcoord = None;
@@ -261,6 +297,32 @@ impl Scan<'_> {
         }
         file
     }
+}
+
+/// Makes the one face that tobj gets, whose corners name every vertex, texture coordinate and normal in file order.
+///
+/// tobj numbers all three by first use and drops those that no face uses. With this face, the order of first use is the
+/// order of the file.
+fn ordering_face(counts: [usize; 3]) -> Vec<u8> {
+    let corners = counts.into_iter().max().unwrap_or(0);
+    let mut line = Vec::with_capacity(corners * 24 + 2);
+    line.push(b'f');
+    for i in 1..=corners {
+        for (separator, n) in [b' ', b'/', b'/'].into_iter().zip(counts) {
+            line.push(separator);
+            if n > 0 {
+                // Writing to memory cannot fail.
+                let _ = write!(line, "{}", i.min(n));
+            }
+        }
+    }
+    line.push(b'\n');
+    line
+}
+
+/// Whether a word is no number as programs on Windows write it: 1.#QNAN, 1.#INF, nan(ind).
+fn is_nan(word: &str) -> bool {
+    word.contains(".#") || word.contains("nan(")
 }
 
 /// Joins lines that end with a backslash to the next one. The line breaks move behind the joined line, so that later
