@@ -257,7 +257,7 @@ typedef struct DmMeshDesc {
     float weight_max;
     /// Called with each message on the mesh; null: nobody is told. Packed files have none, errors are results.
     DmMessage message;
-    /// Handed to `message`.
+    /// Handed to `message`. Neither is kept after the call that gets this structure.
     void *message_user;
 } DmMeshDesc;
 
@@ -450,7 +450,8 @@ typedef struct DmEngineDesc {
     DmAllocateMemory allocate_memory;
     /// Takes back what `allocate_memory` handed out.
     DmFreeMemory free_memory;
-    /// Handed to both functions.
+    /// Handed to both functions. It and they have to live until the engine, and all meshes and crowds made with it, are
+    /// destroyed.
     void *memory_user;
 } DmEngineDesc;
 
@@ -1244,7 +1245,8 @@ DmResult dm_crowd_set_weight(struct DmCrowd crowd, uint32_t instance, uint32_t t
 ///   active conditional rendering, on a queue of DmCrowdDesc::queue_family, or else with graphics and compute. No other
 ///   thread uses it meanwhile.
 /// - It runs exactly once, after the upload of the mesh and all earlier updates of the crowd, and before later ones; or
-///   it never runs, and `dm_crowd_discard` is called with the ticket before any later update is recorded.
+///   it never runs, and `dm_crowd_discard` is called with the ticket before any later update of the crowd is submitted.
+///   Updates recorded after it are discarded with it, and never run either.
 /// - With this one, at most DmCrowdDesc::frames_in_flight updates of the crowd are recorded and not yet finished.
 /// - After `DM_ERROR_PANIC` the command buffer does not run.
 /// - `update` is null or a structure that can be written.

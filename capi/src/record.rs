@@ -42,7 +42,8 @@ fn told(crowd: DmCrowd, number: u64, update: &Update) -> DmUpdate {
 ///   active conditional rendering, on a queue of DmCrowdDesc::queue_family, or else with graphics and compute. No other
 ///   thread uses it meanwhile.
 /// - It runs exactly once, after the upload of the mesh and all earlier updates of the crowd, and before later ones; or
-///   it never runs, and `dm_crowd_discard` is called with the ticket before any later update is recorded.
+///   it never runs, and `dm_crowd_discard` is called with the ticket before any later update of the crowd is submitted.
+///   Updates recorded after it are discarded with it, and never run either.
 /// - With this one, at most DmCrowdDesc::frames_in_flight updates of the crowd are recorded and not yet finished.
 /// - After `DM_ERROR_PANIC` the command buffer does not run.
 /// - `update` is null or a structure that can be written.

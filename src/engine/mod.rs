@@ -51,8 +51,8 @@ use std::sync::{Arc, OnceLock};
 /// # What the caller is responsible for
 /// - Uploads, updates and draws run on one queue with graphics and compute, since barriers name stages of both, or on
 ///   [several queues](#several-queues). Recorded updates run exactly once each, in the order recorded. An update that
-///   will never run is passed to [`Crowd::discard`] before anything newer of the crowd is submitted; no other update
-///   is.
+///   will never run is passed to [`Crowd::discard`] before any later update of the crowd is submitted; those recorded
+///   after it are discarded with it.
 /// - At most [`CrowdDesc::frames_in_flight`] updates of a crowd are recorded but unfinished. Updates that recorded
 ///   nothing and discarded ones do not count.
 /// - Engine, meshes and crowds are dropped, in any order, only when the device no longer uses them, and before the
@@ -189,7 +189,8 @@ impl MorphEngine {
     /// Poses are fixed-point, so they do not drift. An [`error_budget`](field@crate::plan::UpdateDesc::error_budget)
     /// defers changes target by target. Slots rotate in every update. Instances that have not played anything show the
     /// base pose. [`UpdateStats`](crate::plan::UpdateStats) count one pass and nothing else, since only the GPU knows
-    /// the rest. Any number of updates may be in flight, since there is no ring of lists.
+    /// the rest. Any number of updates may be in flight, since there is no ring of lists; with [steps after the
+    /// pose](crate::after), [`CrowdDesc::frames_in_flight`] at most.
     ///
     /// A [discarded](AnimatedCrowd::discard) update changed nothing: poses are those of the update before it, and the
     /// next update does its work. Until then, instances added since have no pose, nor do those that were shown and

@@ -40,9 +40,8 @@ impl MorphEngine {
     ///   compute.
     /// - It runs exactly once, after the upload of the mesh and all earlier updates of the crowd, and before later
     ///   ones; or it never runs, and [`Crowd::discard`](super::Crowd::discard) is called with the ticket before any
-    ///   later update is recorded.
-    /// - A ticket is discarded only if neither its update nor any later one of the crowd runs: the next update reuses
-    ///   the memory of their lists.
+    ///   later update of the crowd is submitted. Updates recorded after it are discarded with it, and never run either:
+    ///   the next update reuses the memory of their lists.
     /// - Including this one, at most [`CrowdDesc::frames_in_flight`](crate::CrowdDesc::frames_in_flight) updates of the
     ///   crowd are recorded but unfinished.
     /// - After an error or a panic the update does not count as recorded; after a panic `cmd` may contain some of its

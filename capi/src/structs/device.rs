@@ -61,7 +61,8 @@ pub struct DmEngineDesc {
     pub allocate_memory: DmAllocateMemory,
     /// Takes back what `allocate_memory` handed out.
     pub free_memory: DmFreeMemory,
-    /// Handed to both functions.
+    /// Handed to both functions. It and they have to live until the engine, and all meshes and crowds made with it, are
+    /// destroyed.
     pub memory_user: *mut c_void,
 }
 

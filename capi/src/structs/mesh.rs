@@ -31,7 +31,7 @@ pub struct DmMeshDesc {
     pub weight_max: f32,
     /// Called with each message on the mesh; null: nobody is told. Packed files have none, errors are results.
     pub message: DmMessage,
-    /// Handed to `message`.
+    /// Handed to `message`. Neither is kept after the call that gets this structure.
     pub message_user: *mut c_void,
 }
 
