@@ -1037,10 +1037,12 @@ DmResult dm_clip_info(struct DmClip clip, struct DmClipInfo *info);
 /// Destroy a clip. Objects made from it stay.
 DmResult dm_clip_destroy(struct DmClip clip);
 
-/// Bind the columns of a clip to the targets of a mesh, by name. Targets without a column have the weight 0.
+/// Bind the columns of a clip to the targets of a mesh, by name, across case, separators, sides (`_L`, `Left`) and what
+/// programs put before a name. Columns that name no target are left out: time, head angles, targets of other meshes.
+/// Targets without a column have the weight 0.
 ///
-/// Errors: DM_ERROR_INVALID for a column that names no target, with the most similar name; two columns of one name; a
-/// weight that is not finite.
+/// Errors: DM_ERROR_INVALID if no column names a target, with the most similar name; two columns of one name; a weight
+/// that is not finite.
 ///
 /// Safety:
 /// `bound` can be written.

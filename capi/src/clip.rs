@@ -140,10 +140,12 @@ pub extern "C" fn dm_clip_destroy(clip: DmClip) -> DmResult {
     enter("dm_clip_destroy", || clip.destroy(|_| Ok(())))
 }
 
-/// Bind the columns of a clip to the targets of a mesh, by name. Targets without a column have the weight 0.
+/// Bind the columns of a clip to the targets of a mesh, by name, across case, separators, sides (`_L`, `Left`) and what
+/// programs put before a name. Columns that name no target are left out: time, head angles, targets of other meshes.
+/// Targets without a column have the weight 0.
 ///
-/// Errors: DM_ERROR_INVALID for a column that names no target, with the most similar name; two columns of one name; a
-/// weight that is not finite.
+/// Errors: DM_ERROR_INVALID if no column names a target, with the most similar name; two columns of one name; a weight
+/// that is not finite.
 ///
 /// # Safety
 /// `bound` can be written.
@@ -154,7 +156,10 @@ pub unsafe extern "C" fn dm_clip_bind(clip: DmClip, mesh: DmMesh, bound: *mut Dm
         let clip = clip.get()?;
         let mesh = mesh.get()?;
         let names: Vec<&str> = mesh.layout().targets.iter().map(|target| target.name.as_str()).collect();
-        let made = BoundClip { clip: clip.clip.bind(&names)? };
+        let (renamed, _) = clip.clip.renamed(&names);
+        // The columns as they are, for the error to name.
+        let named = if renamed.names.is_empty() { &clip.clip } else { &renamed };
+        let made = BoundClip { clip: named.bind(&names)? };
         // SAFETY: the caller's obligation; it was checked.
         unsafe { bound.write(DmBoundClip::insert(made)) };
         Ok(())

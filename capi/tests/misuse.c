@@ -170,8 +170,10 @@ static void meshes_and_clips(void) {
     float weights[2];
     REFUSED(DM_ERROR_IO, "/no/such/clip.csv", dm_clip_open("/no/such/clip.csv", 0, &clip));
     WORKS(dm_clip_from_arrays(&keys, &clip));
-    keys.column_count = 2;
+    const char *others[2] = {"c", "d"};
+    keys.names = others;
     WORKS(dm_clip_from_arrays(&keys, &unknown));
+    keys.names = names, keys.column_count = 2;
     INVALID("clip 'unnamed': column 'c' names no target", dm_clip_bind(unknown, mesh, &bound));
     INVALID("'bound' is a null pointer", dm_clip_bind(clip, mesh, NULL));
     keys.fps = -1;
