@@ -192,11 +192,8 @@ fn frame_rate(fps: f32) -> Result<f32> {
 
 /// The index of the clip called `name`, or of the only one.
 fn choose(path: &Path, of: [&str; 3], all: &[&str], name: Option<&str>, more: &str) -> Result<usize> {
-    let found = match (name, all.len()) {
-        (Some(name), _) => all.iter().position(|other| *other == name),
-        (None, 1) => Some(0),
-        (None, _) => None,
-    };
+    let is_it = |other: &&str| name.map_or(all.len() == 1, |name| *other == name);
+    let found = all.iter().position(is_it);
     let [file, one, several] = of;
     let what = match name {
         Some(name) => format!("no {one} is called '{name}'"),

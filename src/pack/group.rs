@@ -239,10 +239,8 @@ impl PackedLayout {
     /// An index out of range.
     pub fn remap_indices(&self, indices: &mut [u32]) -> Result<()> {
         if let Some(bad) = indices.iter().find(|&&i| i as usize >= self.vertex_count) {
-            return Err(Error::invalid(
-                format!("index {bad} for mesh '{}' of {} vertices", self.name, self.vertex_count),
-                "pass the index buffer of this mesh",
-            ));
+            let what = format!("index {bad} for mesh '{}' of {} vertices", self.name, self.vertex_count);
+            return Err(Error::invalid(what, "pass the index buffer of this mesh"));
         }
         if let Some(blocks) = &self.blocks {
             let packed = blocks.packed_vertices();
@@ -262,10 +260,7 @@ impl PackedLayout {
     pub fn to_user_order(&self, pose: &[f32]) -> Vec<f32> {
         let numbers = self.vertex_count * POSE_FLOATS;
         match &self.blocks {
-            None => match pose.get(..numbers) {
-                Some(pose) => pose.to_vec(),
-                None => pose.iter().copied().chain(std::iter::repeat(f32::NAN)).take(numbers).collect(),
-            },
+            None => pose.iter().copied().chain(std::iter::repeat(f32::NAN)).take(numbers).collect(),
             Some(blocks) => {
                 let mut out = vec![f32::NAN; numbers];
                 for (vertex, from) in blocks.order().iter().zip(pose.chunks_exact(POSE_FLOATS)) {

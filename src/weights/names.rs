@@ -88,13 +88,8 @@ fn key(name: &str) -> String {
 
 /// An error for a `name` that is not in `known`, the names of targets.
 pub fn unknown(what: String, name: &str, known: &[&str]) -> Error {
-    Error::invalid(
-        what,
-        match closest(name, known) {
-            Some(near) => format!("use '{near}' if that is meant"),
-            None => "use a target of the mesh".to_owned(),
-        },
-    )
+    let near = closest(name, known).map(|near| format!("use '{near}' if that is meant"));
+    Error::invalid(what, near.unwrap_or_else(|| "use a target of the mesh".to_owned()))
 }
 
 /// The target nearest to `name` by edit distance, if it is close enough, or one that ends so, behind its nodes.

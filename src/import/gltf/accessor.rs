@@ -22,57 +22,44 @@ pub struct Accessor<'a> {
     missing: Option<f32>,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Kind {
-    I8,
-    U8,
-    I16,
-    U16,
-    U32,
-    F32,
+/// A component type: its bytes, and what they are.
+#[derive(Clone, Copy, Debug)]
+struct Kind {
+    size: usize,
+    is_unsigned: bool,
+    is_float: bool,
 }
 
 impl Kind {
     fn of(at: &At<'_>) -> Result<Self> {
-        Ok(match at.whole()? {
-            5120 => Self::I8,
-            5121 => Self::U8,
-            5122 => Self::I16,
-            5123 => Self::U16,
-            5125 => Self::U32,
-            5126 => Self::F32,
+        let (size, is_unsigned) = match at.whole()? {
+            5120 => (1, false),
+            5121 => (1, true),
+            5122 => (2, false),
+            5123 => (2, true),
+            5125 => (4, true),
+            5126 => (4, false),
             n => return Err(at.refuse(format!("{n} is no component type of glTF 2.0"), "export the file again")),
-        })
-    }
-
-    fn size(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::U32 | Self::F32 => 4,
-        }
+        };
+        Ok(Self { size, is_unsigned, is_float: size == 4 && !is_unsigned })
     }
 
     fn whole(self, b: &[u8]) -> i64 {
-        match self {
-            Self::I8 => i64::from(b[0] as i8),
-            Self::U8 => b[0].into(),
-            Self::I16 => i16::from_le_bytes([b[0], b[1]]).into(),
-            Self::U16 => u16::from_le_bytes([b[0], b[1]]).into(),
-            Self::U32 | Self::F32 => u32::from_le_bytes([b[0], b[1], b[2], b[3]]).into(),
+        match (self.size, self.is_unsigned) {
+            (1, false) => i64::from(b[0] as i8),
+            (1, true) => b[0].into(),
+            (2, false) => i16::from_le_bytes([b[0], b[1]]).into(),
+            (2, true) => u16::from_le_bytes([b[0], b[1]]).into(),
+            _ => u32::from_le_bytes([b[0], b[1], b[2], b[3]]).into(),
         }
-    }
-
-    fn is_unsigned(self) -> bool {
-        matches!(self, Self::U8 | Self::U16 | Self::U32)
     }
 
     /// Reads the number at the start of `b`. Normalised integers are fractions of the largest one, at least -1.
     fn number(self, b: &[u8], normalised: bool) -> f32 {
-        if self == Self::F32 {
+        if self.is_float {
             return f32::from_le_bytes([b[0], b[1], b[2], b[3]]);
         }
-        let bits = 8 * self.size() - usize::from(!self.is_unsigned());
+        let bits = 8 * self.size - usize::from(!self.is_unsigned);
         let largest = ((1u64 << bits) - 1) as f64;
         let whole = self.whole(b) as f64;
         if normalised { (whole / largest).max(-1.0) as f32 } else { whole as f32 }
@@ -97,7 +84,7 @@ impl Container {
             "MAT4" => 16,
             other => return Err(shape.refuse(format!("type '{other}', which meshes and animations do not use"), UNFIT)),
         };
-        let element = kind.size() * components;
+        let element = kind.size * components;
         // An empty accessor has no bytes to look for.
         let dense =
             at.get("bufferView").filter(|_| count > 0).map(|_| self.elements(&at, count, element)).transpose()?;
@@ -142,10 +129,10 @@ impl Container {
         }
         let indices = at.need("indices")?;
         let kind = Kind::of(&indices.need("componentType")?)?;
-        if !kind.is_unsigned() {
+        if !kind.is_unsigned {
             return Err(indices.refuse("indices that are not unsigned integers", "export the file again"));
         }
-        let (bytes, stride) = self.elements(&indices, others, kind.size())?;
+        let (bytes, stride) = self.elements(&indices, others, kind.size)?;
         self.charge(&counted, others, 4)?;
         let which: Vec<u32> = (0..others).map(|i| kind.whole(&bytes[i * stride..]) as u32).collect();
         let before = |i: usize| i.checked_sub(1).map(|before| which[before]);
@@ -203,7 +190,7 @@ impl<'a> Accessor<'a> {
 
     /// Passes on each element that has bytes.
     fn each<const N: usize>(&self, mut take: impl FnMut(usize, [f32; N])) -> Result<()> {
-        let size = self.kind.size();
+        let size = self.kind.size;
         let mut lost = 0;
         for (i, bytes) in self.stored() {
             let mut numbers: [f32; N] = std::array::from_fn(|c| self.kind.number(&bytes[c * size..], self.normalised));
@@ -237,7 +224,7 @@ impl<'a> Accessor<'a> {
         // Only non-zero elements are kept, since targets are mostly zeros. Each element that is looked at is charged as a
         // byte, since many targets may name the same zeros.
         self.file.charge(&self.at, self.dense.map_or(self.sparse.0.len(), |_| self.count), 1)?;
-        let size = self.kind.size() * N;
+        let size = self.kind.size * N;
         let moved = self.stored().filter(|(_, bytes)| bytes[..size].iter().any(|byte| *byte != 0)).count();
         self.file.charge(&self.at, moved, 4 * N + 4)?;
         let mut found = Vec::with_capacity(moved);
@@ -252,10 +239,10 @@ impl<'a> Accessor<'a> {
     /// Returns all elements of `N` unsigned integers as they are stored: indices and joints.
     pub fn integers<const N: usize>(&self) -> Result<Vec<[u32; N]>> {
         let mut all = self.zeros(0)?;
-        if !self.kind.is_unsigned() {
+        if !self.kind.is_unsigned {
             return Err(self.at.refuse("numbers that are not unsigned integers", UNFIT));
         }
-        let size = self.kind.size();
+        let size = self.kind.size;
         for (i, bytes) in self.stored() {
             all[i] = std::array::from_fn(|c| self.kind.whole(&bytes[c * size..]) as u32);
         }

@@ -19,9 +19,7 @@ pub fn decode(data: &[u8], count: usize, size: usize, mode: &str, filter: &str) 
         _ => false,
     };
     if !fits {
-        return Err(format!(
-            "{count} elements of {size} bytes in mode '{mode}' with filter '{filter}', which is not valid"
-        ));
+        return Err(format!("{count} elements of {size} bytes in mode '{mode}' with filter '{filter}': not valid"));
     }
     let decoded = match mode {
         "TRIANGLES" => triangles(data, count).map(|indices| narrow(&indices, size)),
@@ -29,34 +27,34 @@ pub fn decode(data: &[u8], count: usize, size: usize, mode: &str, filter: &str) 
         _ => attributes(data, count, size),
     };
     let mut bytes = decoded.ok_or_else(|| format!("data that is cut off or not of mode {mode}"))?;
-    match (filter, size) {
-        ("OCTAHEDRAL", 4) => bytes.chunks_exact_mut(4).for_each(|v| {
-            let [x, y, one] = [v[0], v[1], v[2]].map(|b| f32::from(b as i8));
-            octahedral(x, y, one, 127.0).iter().zip(v).for_each(|(value, byte)| *byte = *value as i8 as u8);
-        }),
-        ("OCTAHEDRAL", _) => bytes.chunks_exact_mut(8).for_each(|v| {
-            let [x, y, one, w] = shorts(v);
-            let [x, y, z] = octahedral(x.into(), y.into(), one.into(), 32767.0).map(|value| value as i16);
-            store(v, [x, y, z, w]);
-        }),
-        ("QUATERNION", _) => bytes.chunks_exact_mut(8).for_each(|v| store(v, quaternion(shorts(v)))),
-        ("COLOR", 4) => bytes.chunks_exact_mut(4).for_each(|v| {
-            let [y, co, cg, a] = [v[0].into(), (v[1] as i8).into(), (v[2] as i8).into(), v[3].into()];
-            color(y, co, cg, a, u8::MAX.into()).iter().zip(v).for_each(|(value, byte)| *byte = *value as u8);
-        }),
-        ("COLOR", _) => bytes.chunks_exact_mut(8).for_each(|v| {
-            let [y, co, cg, a] = shorts(v);
-            let [r, g, b, a] = color((y as u16).into(), co.into(), cg.into(), (a as u16).into(), u16::MAX.into());
-            store(v, [r, g, b, a].map(|value| value as u16 as i16));
-        }),
-        ("EXPONENTIAL", _) => bytes.chunks_exact_mut(4).for_each(|v| {
-            let bits = i32::from_le_bytes([v[0], v[1], v[2], v[3]]);
+    match filter {
+        "OCTAHEDRAL" => filtered(&mut bytes, size, octahedral),
+        "QUATERNION" => filtered(&mut bytes, size, |v, _| quaternion(v)),
+        "COLOR" => filtered(&mut bytes, size, color),
+        "EXPONENTIAL" => bytes.as_chunks_mut().0.iter_mut().for_each(|v| {
+            let bits = i32::from_le_bytes(*v);
             let value = f64::from(bits << 8 >> 8) * f64::from(bits >> 24).exp2();
-            v.copy_from_slice(&(value as f32).to_le_bytes());
+            *v = (value as f32).to_le_bytes();
         }),
         _ => {}
     }
     Ok(bytes)
+}
+
+/// Replaces elements of four signed integers, of a byte or two each; `filter` takes the largest of them, too.
+fn filtered(bytes: &mut [u8], size: usize, filter: impl Fn([i32; 4], i32) -> [i32; 4]) {
+    let wide = size == 8;
+    let largest = if wide { i16::MAX.into() } else { i8::MAX.into() };
+    for v in bytes.chunks_exact_mut(size) {
+        let stated = [0, 1, 2, 3].map(|i| match wide {
+            true => i16::from_le_bytes([v[2 * i], v[2 * i + 1]]).into(),
+            false => i32::from(v[i] as i8),
+        });
+        let values = filter(stated, largest);
+        v.chunks_exact_mut(size / 4)
+            .zip(values)
+            .for_each(|(v, value)| v.copy_from_slice(&value.to_le_bytes()[..v.len()]));
+    }
 }
 
 /// Elements in a group.
@@ -308,42 +306,39 @@ fn narrow(indices: &[u32], size: usize) -> Vec<u8> {
     indices.iter().flat_map(|index| index.to_le_bytes().into_iter().take(size)).collect()
 }
 
-fn shorts(v: &[u8]) -> [i16; 4] {
-    [0, 2, 4, 6].map(|i| i16::from_le_bytes([v[i], v[i + 1]]))
-}
-
-fn store(v: &mut [u8], values: [i16; 4]) {
-    v.chunks_exact_mut(2).zip(values).for_each(|(bytes, value)| bytes.copy_from_slice(&value.to_le_bytes()));
-}
-
-fn octahedral(x: f32, y: f32, one: f32, max: f32) -> [f32; 3] {
+fn octahedral(v: [i32; 4], largest: i32) -> [i32; 4] {
+    let [x, y, one, _] = v.map(|c| c as f32);
     let z = one - x.abs() - y.abs();
     let folded = z.min(0.0);
     let x = x - folded.copysign(x);
     let y = y - folded.copysign(y);
-    let scale = max / (x * x + y * y + z * z).sqrt();
-    [x, y, z].map(|c| (c * scale).round())
+    let scale = largest as f32 / (x * x + y * y + z * z).sqrt();
+    let [x, y, z] = [x, y, z].map(|c| (c * scale).round() as i32);
+    [x, y, z, v[3]]
 }
 
-fn quaternion(v: [i16; 4]) -> [i16; 4] {
-    let one = f32::from(v[3] | 3);
-    let [x, y, z] = [v[0], v[1], v[2]].map(|c| f32::from(c) / one * std::f32::consts::FRAC_1_SQRT_2);
+fn quaternion(v: [i32; 4]) -> [i32; 4] {
+    let one = (v[3] | 3) as f32;
+    let [x, y, z, _] = v.map(|c| c as f32 / one * std::f32::consts::FRAC_1_SQRT_2);
     let w = (1.0 - x * x - y * y - z * z).max(0.0).sqrt();
     let largest = (v[3] & 3) as usize;
     let mut out = [0; 4];
     for (i, c) in [w, x, y, z].into_iter().enumerate() {
-        out[(largest + i) % 4] = (c * 32767.0).round() as i16;
+        out[(largest + i) % 4] = ((c * 32767.0).round() as i16).into();
     }
     out
 }
 
 /// Converts luma, chrominance and alpha to red, green, blue and alpha; all have as many bits as `alpha`.
-fn color(y: i32, co: i32, cg: i32, alpha: i32, max: f32) -> [f32; 4] {
+fn color([y, co, cg, alpha]: [i32; 4], largest: i32) -> [i32; 4] {
+    // Luma, alpha and colours have no sign.
+    let max = 2 * largest + 1;
+    let [y, alpha] = [y & max, alpha & max];
     let bits = 32 - alpha.leading_zeros();
     let all = (1 << bits) - 1;
     // The highest bit states the number of bits; the lowest bit is doubled to replace it.
     let opacity = alpha & all >> 1;
     let opacity = opacity << 1 | opacity & 1;
-    let scale = max / all as f32;
-    [y + co - cg, y + cg, y - co - cg, opacity].map(|c| (c as f32 * scale).round())
+    let scale = max as f32 / all as f32;
+    [y + co - cg, y + cg, y - co - cg, opacity].map(|c| ((c as f32 * scale).round() as i32).clamp(0, max))
 }

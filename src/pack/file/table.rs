@@ -82,16 +82,12 @@ impl<'a> Sections<'a> {
 
 /// An error about a section, or about the file if `place` is `None`.
 pub(super) fn malformed(path: &Path, place: Option<Place>, what: impl Into<String>, remedy: &str) -> Error {
-    Error::Input {
-        path: path.to_path_buf(),
-        place: match place {
-            None => String::new(),
-            Some((Section(_, name), 0)) => format!(": section '{name}'"),
-            Some((Section(_, name), group)) => format!(": section '{name}' of group {group}"),
-        },
-        what: what.into(),
-        remedy: remedy.into(),
-    }
+    let place = match place {
+        None => String::new(),
+        Some((Section(_, name), 0)) => format!(": section '{name}'"),
+        Some((Section(_, name), group)) => format!(": section '{name}' of group {group}"),
+    };
+    Error::input(path, place, what, remedy)
 }
 
 /// Builds a file of `contents`, which are in the order of [`places`].
@@ -183,6 +179,32 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
 
 pub(super) fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
     bytes.get(at..)?.first_chunk().map(|b| u32::from_le_bytes(*b))
+}
+
+/// A number of things as files have it.
+pub(crate) fn counted(count: usize) -> Result<u32> {
+    let what = |_| Error::invalid(format!("a list or name of {count} in a .dmorph file"), "split what has so many");
+    u32::try_from(count).map_err(what)
+}
+
+/// Appends a name: its length in bytes, and UTF-8.
+pub(crate) fn push_name(out: &mut Vec<u8>, name: &str) -> Result<()> {
+    out.extend(counted(name.len())?.to_le_bytes());
+    out.extend(name.as_bytes());
+    Ok(())
+}
+
+/// Takes a number from the front.
+pub(crate) fn u32_of(rest: &mut &[u8]) -> Result<u32, String> {
+    let number = rest.split_off(..4).and_then(|bytes| u32_at(bytes, 0));
+    number.ok_or_else(|| "ends within a number".to_owned())
+}
+
+/// Takes a name from the front.
+pub(crate) fn name_of<'a>(rest: &mut &'a [u8]) -> Result<&'a str, String> {
+    let length = u32_of(rest)? as usize;
+    let name = rest.split_off(..length).ok_or_else(|| format!("ends within a name of {length} bytes"))?;
+    std::str::from_utf8(name).map_err(|_| "has a name that is not UTF-8".to_owned())
 }
 
 /// Recompute the checksums of `bytes`, so that tests reach the checks that follow them.
