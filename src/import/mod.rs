@@ -10,7 +10,7 @@ pub mod obj;
 pub mod packed;
 
 use crate::asset::MorphSource;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use crate::io::{has_extension, list};
 use crate::pack::file::{self, Asset};
 use crate::setters::setters;
@@ -165,9 +165,8 @@ fn gltf_clip(path: &Path, name: Option<&str>, fps: Option<f32>) -> Result<Weight
     let all: Vec<_> = gltf.weight_animations().collect();
     let names: Vec<&str> = all.iter().map(|animation| animation.name.as_str()).collect();
     let still = gltf.animations.iter().filter(|animation| animation.moves_joints_alone());
-    let still: Vec<String> = still.map(|animation| format!("'{}'", animation.name)).collect();
-    let mut more =
-        if still.is_empty() { String::new() } else { format!(" (joints alone move in {})", still.join(", ")) };
+    let still = quoted(still.map(|animation| animation.name.as_str()));
+    let mut more = if still.is_empty() { still } else { format!(" (joints alone move in {still})") };
     let left_out = gltf.notes.iter().filter(|note| note.starts_with("animations["));
     left_out.for_each(|note| more += &format!(" ({note})"));
     let chosen = choose(path, ["glTF file", "animation of weights", "animations of weights"], &names, name, &more)?;
@@ -182,12 +181,20 @@ fn packed_clip(path: &Path, name: Option<&str>, fps: Option<f32>) -> Result<Weig
     Ok(clip)
 }
 
+fn is_rate(fps: f32) -> bool {
+    fps > 0.0 && fps.is_finite()
+}
+
 /// Checks a number of frames per second.
 fn frame_rate(fps: f32) -> Result<f32> {
-    if fps > 0.0 && fps.is_finite() {
-        return Ok(fps);
-    }
-    Err(Error::invalid(format!("the frame rate is {fps}"), "give a positive number of frames per second"))
+    let what = || format!("the frame rate is {fps}");
+    ensure!(is_rate(fps), Error::invalid(what(), "give a positive number of frames per second"));
+    Ok(fps)
+}
+
+/// Names in quotes, with commas between them.
+fn quoted<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+    names.into_iter().map(|name| format!("'{name}'")).collect::<Vec<_>>().join(", ")
 }
 
 /// The index of the clip called `name`, or of the only one.
@@ -199,7 +206,7 @@ fn choose(path: &Path, of: [&str; 3], all: &[&str], name: Option<&str>, more: &s
         Some(name) => format!("no {one} is called '{name}'"),
         None => format!("a {file} with {} {several} where one clip is wanted", all.len()),
     };
-    let names = all.iter().map(|name| format!("'{name}'")).collect::<Vec<_>>().join(", ");
+    let names = quoted(all.iter().copied());
     let remedy = match (all.len(), name) {
         (0, _) => format!("it has none: give a CSV file{more}"),
         (_, Some(_)) => format!("name one of: {names}{more}"),

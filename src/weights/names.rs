@@ -76,14 +76,17 @@ fn key(name: &str) -> String {
     let mut parts = name.rmatch_indices(['.', ':', '|', '/']).map(|(at, _)| &name[at + 1..]);
     let last = parts.find(|part| is_part(part)).unwrap_or(name);
     let last = last.strip_prefix("ai_").unwrap_or(last);
-    let letters = |text: &str| text.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect();
     let (before, end) = last.rsplit_once(|c: char| !c.is_alphanumeric()).unwrap_or((last, ""));
-    let before: String = letters(before);
     match end {
-        "l" | "L" => before + "left",
-        "r" | "R" => before + "right",
+        "l" | "L" => letters(before) + "left",
+        "r" | "R" => letters(before) + "right",
         _ => letters(last),
     }
+}
+
+/// What naming schemes have in common: they differ in case and separators.
+fn letters(text: &str) -> String {
+    text.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect()
 }
 
 /// An error for a `name` that is not in `known`, the names of targets.
@@ -94,8 +97,7 @@ pub fn unknown(what: String, name: &str, known: &[&str]) -> Error {
 
 /// The target nearest to `name` by edit distance, if it is close enough, or one that ends so, behind its nodes.
 pub fn closest<'a>(name: &str, targets: &[&'a str]) -> Option<&'a str> {
-    // Naming schemes differ in case and separators.
-    let plain = |s: &str| s.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect::<Vec<_>>();
+    let plain = |name: &str| letters(name).chars().collect::<Vec<_>>();
     let wanted = plain(name);
     let far = |target: &str| match plain(target) {
         longer if wanted.len() > 3 && longer.len() > wanted.len() && longer.ends_with(&wanted) => 1,

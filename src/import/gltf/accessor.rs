@@ -2,7 +2,7 @@
 
 use super::container::Container;
 use super::json::At;
-use crate::error::Result;
+use crate::error::{Result, ensure};
 
 /// An array of elements of `components` numbers each.
 #[derive(Debug)]
@@ -72,9 +72,8 @@ impl Container {
         let at = self.root().item("accessors", index)?;
         let kind = Kind::of(&at.need("componentType")?)?;
         let count = at.need("count")?.whole()?;
-        if u32::try_from(count).is_err() {
-            return Err(at.refuse(format!("{count} elements"), "export the file again: 4,294,967,295 are the most"));
-        }
+        let remedy = "export the file again: 4,294,967,295 are the most";
+        ensure!(u32::try_from(count).is_ok(), at.refuse(format!("{count} elements"), remedy));
         let shape = at.need("type")?;
         let components = match shape.text()? {
             "SCALAR" => 1,
@@ -124,14 +123,10 @@ impl Container {
             self.note(at, "no elements, left out");
             return Ok(Default::default());
         }
-        if others > count {
-            return Err(counted.refuse(format!("{others} of {count} elements"), "export the file again"));
-        }
+        ensure!(others <= count, counted.refuse(format!("{others} of {count} elements"), "export the file again"));
         let indices = at.need("indices")?;
         let kind = Kind::of(&indices.need("componentType")?)?;
-        if !kind.is_unsigned {
-            return Err(indices.refuse("indices that are not unsigned integers", "export the file again"));
-        }
+        ensure!(kind.is_unsigned, indices.refuse("indices that are not unsigned integers", "export the file again"));
         let (bytes, stride) = self.elements(&indices, others, kind.size)?;
         self.charge(&counted, others, 4)?;
         let which: Vec<u32> = (0..others).map(|i| kind.whole(&bytes[i * stride..]) as u32).collect();
@@ -151,11 +146,9 @@ const UNFIT: &str = "name an accessor of the type that is expected here";
 impl<'a> Accessor<'a> {
     /// Checks that there are `count` elements.
     pub fn of_count(self, count: usize, what: &str) -> Result<Self> {
-        if self.count == count {
-            return Ok(self);
-        }
-        let text = format!("{} elements, but there are {count} {what}", self.count);
-        Err(self.at.refuse(text, "export the file again: counts have to agree"))
+        let text = || format!("{} elements, but there are {count} {what}", self.count);
+        ensure!(self.count == count, self.at.refuse(text(), "export the file again: counts have to agree"));
+        Ok(self)
     }
 
     /// Elements that are not finite have `number` in place of each of theirs, with a note.
@@ -175,10 +168,9 @@ impl<'a> Accessor<'a> {
     }
 
     fn check_components(&self, components: usize) -> Result<()> {
-        if self.components == components {
-            return Ok(());
-        }
-        Err(self.at.refuse(format!("elements of {} numbers, {components} expected", self.components), UNFIT))
+        let what = || format!("elements of {} numbers, {components} expected", self.components);
+        ensure!(self.components == components, self.at.refuse(what(), UNFIT));
+        Ok(())
     }
 
     /// Room for all elements.
@@ -239,9 +231,7 @@ impl<'a> Accessor<'a> {
     /// Returns all elements of `N` unsigned integers as they are stored: indices and joints.
     pub fn integers<const N: usize>(&self) -> Result<Vec<[u32; N]>> {
         let mut all = self.zeros(0)?;
-        if !self.kind.is_unsigned {
-            return Err(self.at.refuse("numbers that are not unsigned integers", UNFIT));
-        }
+        ensure!(self.kind.is_unsigned, self.at.refuse("numbers that are not unsigned integers", UNFIT));
         let size = self.kind.size;
         for (i, bytes) in self.stored() {
             all[i] = std::array::from_fn(|c| self.kind.whole(&bytes[c * size..]) as u32);

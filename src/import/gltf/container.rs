@@ -2,7 +2,7 @@
 
 use super::json::{At, parse, shortened};
 use super::meshopt;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use crate::io::read_bounded;
 use serde_json::Value;
 use std::cell::{Cell, OnceCell, RefCell};
@@ -177,26 +177,21 @@ impl Container {
 /// Returns the ranges of the JSON and of the binary chunk of a GLB file. Chunks are padded to four bytes, but some
 /// exporters leave the padding out, or do not count it.
 fn glb_chunks(path: &Path, bytes: &[u8]) -> Result<(Range<usize>, Option<Range<usize>>)> {
-    let refuse =
-        |place: &str, what: String| Err(Error::input(path, place, what, "export the file again: it is damaged"));
+    let refuse = |place: &str, what: String| Error::input(path, place, what, "export the file again: it is damaged");
     let word = |at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
     let (Some(version), Some(length)) = (word(4), word(8)) else {
-        return refuse("", format!("{} bytes, fewer than the 12 of a GLB header", bytes.len()));
+        return Err(refuse("", format!("{} bytes, fewer than the 12 of a GLB header", bytes.len())));
     };
-    if version != 2 {
-        return refuse("", format!("GLB version {version}, only 2 is read"));
-    }
+    ensure!(version == 2, refuse("", format!("GLB version {version}, only 2 is read")));
     let longest = bytes.len() + 3;
-    if length > longest {
-        return refuse("", format!("cut off: {} of {length} bytes", bytes.len()));
-    }
+    ensure!(length <= longest, refuse("", format!("cut off: {} of {length} bytes", bytes.len())));
     let chunk = |start: usize, kind: [u8; 4]| {
         let end = (start + 8).saturating_add(word(start)?);
         let is_it = word(start + 4)? == u32::from_le_bytes(kind) as usize && end <= longest;
         is_it.then(|| start + 8..end.min(bytes.len()))
     };
     let Some(json) = chunk(12, *b"JSON") else {
-        return refuse(": byte 12", "no chunk 'JSON' that fits the file".into());
+        return Err(refuse(": byte 12", "no chunk 'JSON' that fits the file".into()));
     };
     let binary = [json.end.next_multiple_of(4), json.end].into_iter().find_map(|start| chunk(start, *b"BIN\0"));
     Ok((json, binary))
@@ -204,9 +199,8 @@ fn glb_chunks(path: &Path, bytes: &[u8]) -> Result<(Range<usize>, Option<Range<u
 
 fn check_version(root: &At<'_>) -> Result<()> {
     let version = root.need("asset")?.need("version")?;
-    if !version.text()?.starts_with("2.") {
-        return Err(version.refuse(format!("version {}, only 2 is read", version.value), "export it as glTF 2.0"));
-    }
+    let what = || format!("version {}, only 2 is read", version.value);
+    ensure!(version.text()?.starts_with("2."), version.refuse(what(), "export it as glTF 2.0"));
     for name in root.items("extensionsRequired")? {
         let required = name.text()?;
         if !UNDERSTOOD.contains(&required) && !NOT_LOOKED_AT.iter().any(|prefix| required.starts_with(prefix)) {

@@ -3,7 +3,7 @@
 //! Crates that read OBJ number vertices anew, have no line numbers in errors, and refuse a file for one bad normal.
 
 use crate::asset::{Corner, Faces};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use crate::io::{TEXT_MAX, read_bounded};
 use glam::{Vec2, Vec3};
 use std::path::Path;
@@ -65,10 +65,8 @@ impl ObjFile {
             let kind = KEYWORDS.iter().position(|k| k.as_bytes() == keyword);
             kind.into_iter().for_each(|kind| counts[kind] += 1);
         }
-        if counts[0] == 0 {
-            let what = "no 'v' line: not an OBJ file, or one without vertices";
-            return Err(Error::input(path, "", what, EXPORT_OBJ));
-        }
+        let what = "no 'v' line: not an OBJ file, or one without vertices";
+        ensure!(counts[0] > 0, Error::input(path, "", what, EXPORT_OBJ));
         let file = Self::default();
         let mut scan = Scan { path, line: 0, counts, file, corner_normals: vec![], lost: 0, thin: 0 };
         for (line, (keyword, rest)) in (1..).zip(statements(&bytes)) {
@@ -144,14 +142,10 @@ impl Scan<'_> {
     ) -> Result<[f32; N]> {
         let mut numbers = [0.0; N];
         for (i, number) in numbers.iter_mut().enumerate() {
-            match words.next() {
-                Some(word) => *number = self.number(word)?,
-                None if i >= least => {}
-                None => {
-                    let what = format!("a {} with {i} numbers, {least} expected", NAMES[kind]);
-                    return Err(self.error(what, EXPORT_AGAIN));
-                }
-            }
+            let word = words.next();
+            let what = || format!("a {} with {i} numbers, {least} expected", NAMES[kind]);
+            ensure!(word.is_some() || i >= least, self.error(what(), EXPORT_AGAIN));
+            *number = word.map_or(Ok(0.0), |word| self.number(word))?;
         }
         Ok(numbers)
     }
@@ -165,10 +159,8 @@ impl Scan<'_> {
             Some(weight) if words.next().is_none() => stated / self.number(weight)?,
             _ => stated,
         };
-        if !position.is_finite() {
-            let what = format!("the vertex '{}' is not one of finite numbers of single precision", short(text.trim()));
-            return Err(self.error(what, "repair the mesh and export it again"));
-        }
+        let what = || format!("the vertex '{}' is not one of finite numbers of single precision", short(text.trim()));
+        ensure!(position.is_finite(), self.error(what(), "repair the mesh and export it again"));
         self.file.positions.push(position);
         Ok(())
     }
@@ -192,9 +184,8 @@ impl Scan<'_> {
             let Some(position) = position else {
                 return Err(self.error(format!("'{}' names no vertex", short(word)), WRITE_CORNERS));
             };
-            if u32::try_from(self.file.faces.corners.len()).is_err() {
-                return Err(self.error("more than 4,294,967,295 face corners", "split the mesh"));
-            }
+            let has_room = u32::try_from(self.file.faces.corners.len()).is_ok();
+            ensure!(has_room, self.error("more than 4,294,967,295 face corners", "split the mesh"));
             self.file.faces.corners.push(Corner { position, texcoord });
             self.corner_normals.push(normal.unwrap_or(u32::MAX));
         }
@@ -216,14 +207,12 @@ impl Scan<'_> {
         // A positive index may refer to later lines; a negative one counts back from this line.
         let seen = [self.file.positions.len(), self.file.texcoords.len(), self.file.normals.len()];
         for (k, part) in word.split('/').enumerate() {
-            let refuse = |what: &str| Err(self.error(format!("'{}' {what}", short(word)), WRITE_CORNERS));
-            if k == 3 {
-                return refuse("has more than three indices");
-            }
+            let refuse = |what: &str| self.error(format!("'{}' {what}", short(word)), WRITE_CORNERS);
+            ensure!(k < 3, refuse("has more than three indices"));
             if part.is_empty() {
                 continue;
             }
-            let Ok(index) = part.parse::<i64>() else { return refuse("is not a corner of a face") };
+            let index: i64 = part.parse().map_err(|_| refuse("is not a corner of a face"))?;
             let limit = if index < 0 { seen[k] } else { self.counts[k] } as u64;
             if (1..=limit).contains(&index.unsigned_abs()) {
                 let from_0 = if index < 0 { limit - index.unsigned_abs() } else { index.unsigned_abs() - 1 };

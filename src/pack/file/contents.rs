@@ -23,10 +23,8 @@ pub(super) fn write(asset: &Asset, clips: Option<Vec<u8>>) -> Result<Vec<u8>> {
     let faces = &asset.faces;
     let index = layout.index()?;
     let groups = asset.mesh.groups();
-    if groups.len() > GROUPS_MAX {
-        let what = format!("mesh '{}' has {} groups of streams; a file has {GROUPS_MAX}", layout.name, groups.len());
-        return Err(Error::invalid(what, "leave streams out"));
-    }
+    let what = || format!("mesh '{}' has {} groups of streams; a file has {GROUPS_MAX}", layout.name, groups.len());
+    ensure!(groups.len() <= GROUPS_MAX, Error::invalid(what(), "leave streams out"));
     let counts = |counts: &[usize]| counts.iter().map(|count| counted(*count)).collect::<Result<Vec<u32>>>();
     let corners = faces.corners.len();
     let texcoords = asset.texcoords.len();

@@ -1,6 +1,6 @@
 //! The container of a packed file: header, table of sections, checksums.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use std::path::Path;
 
 /// Magic bytes. A transfer in text mode changes the line end, and is detected.
@@ -118,28 +118,27 @@ pub(super) fn join(contents: &[(Place, Vec<u8>)]) -> Vec<u8> {
 
 /// Splits a file into sections, checking every byte against the table and the checksums.
 pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
-    let refuse = |what: String, remedy: &str| Err(malformed(path, None, what, remedy));
+    let refuse = |what: String, remedy: &str| malformed(path, None, what, remedy);
     let ends = |within: &str| refuse(format!("ends after {} bytes, within {within}", bytes.len()), DAMAGED);
     let magic = bytes.get(..MAGIC.len()).unwrap_or(bytes);
-    if !MAGIC.starts_with(magic) || bytes.is_empty() {
-        return refuse("does not begin as a packed mesh does".into(), "give a file written by `deltamorph pack`");
-    }
-    let (Some(version), Some(count)) = (u32_at(bytes, 8), u32_at(bytes, 12)) else { return ends("the header") };
+    let begins = MAGIC.starts_with(magic) && !bytes.is_empty();
+    let remedy = "give a file written by `deltamorph pack`";
+    ensure!(begins, refuse("does not begin as a packed mesh does".into(), remedy));
+    let (Some(version), Some(count)) = (u32_at(bytes, 8), u32_at(bytes, 12)) else { return Err(ends("the header")) };
     if !(VERSION..=WITH_CLIPS).contains(&version) {
         let what =
             format!("has version {version} of the format; this program reads versions {VERSION} and {WITH_CLIPS}");
-        return refuse(what, OUTDATED);
+        return Err(refuse(what, OUTDATED));
     }
     let Some(places) = places(version, count as usize) else {
-        return refuse(format!("has {count} sections, which no file of version {version} has"), DAMAGED);
+        return Err(refuse(format!("has {count} sections, which no file of version {version} has"), DAMAGED));
     };
     let table = HEADER + ROW * places.len();
     let (Some(checksum), Some(zero)) = (u32_at(bytes, table), u32_at(bytes, table + 4)) else {
-        return ends("the table of sections");
+        return Err(ends("the table of sections"));
     };
-    if crc32fast::hash(&bytes[..table]) != checksum || zero != 0 {
-        return refuse("the checksum of its header does not match".into(), DAMAGED);
-    }
+    let matches = crc32fast::hash(&bytes[..table]) == checksum && zero == 0;
+    ensure!(matches, refuse("the checksum of its header does not match".into(), DAMAGED));
     let mut at = table + TAIL;
     let mut contents = Vec::with_capacity(places.len());
     for (i, place) in places.into_iter().enumerate() {
@@ -150,30 +149,22 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
         let checksum = word(4);
         let offset = long(8);
         let length = long(16);
-        let refuse = |what: String| Err(malformed(path, Some(place), what, DAMAGED));
-        if (has, offset) != (id(place), at as u64) {
-            return refuse(format!("lies at {offset} with id {has}; at {at} with id {} expected", id(place)));
-        }
-        if length > (bytes.len() - at) as u64 {
-            return refuse(format!("has {length} bytes at {offset}, but the file ends after {}", bytes.len()));
-        }
+        let refuse = |what: String| malformed(path, Some(place), what, DAMAGED);
+        let what = || format!("lies at {offset} with id {has}; at {at} with id {} expected", id(place));
+        ensure!((has, offset) == (id(place), at as u64), refuse(what()));
+        let what = || format!("has {length} bytes at {offset}, but the file ends after {}", bytes.len());
+        ensure!(length <= (bytes.len() - at) as u64, refuse(what()));
         let end = at + length as usize;
         let next = end.next_multiple_of(ALIGNMENT);
-        match bytes.get(end..next) {
-            None => return refuse(format!("ends with the file, at {}; padding expected", bytes.len())),
-            Some(padding) if padding.iter().any(|b| *b != 0) => return refuse("is not padded with zeros".into()),
-            Some(_) => {}
-        }
+        let padding = bytes.get(end..next);
+        let padding = padding.ok_or_else(|| refuse(format!("ends at {}; padding expected", bytes.len())))?;
+        ensure!(padding.iter().all(|b| *b == 0), refuse("is not padded with zeros".into()));
         let content = &bytes[at..end];
-        if crc32fast::hash(content) != checksum {
-            return refuse("the checksum does not match".into());
-        }
+        ensure!(crc32fast::hash(content) == checksum, refuse("the checksum does not match".into()));
         contents.push((place, content));
         at = next;
     }
-    if at != bytes.len() {
-        return refuse(format!("has {} bytes after the last section", bytes.len() - at), DAMAGED);
-    }
+    ensure!(at == bytes.len(), refuse(format!("has {} bytes after the last section", bytes.len() - at), DAMAGED));
     Ok(Sections { contents })
 }
 
