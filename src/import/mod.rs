@@ -260,27 +260,16 @@ mod tests {
     #[test]
     fn what_cannot_be_read_is_refused_with_a_remedy() {
         let dir = tempfile::tempdir().unwrap();
-        for name in ["a.DMORPH", "a.txt", "a.glb"] {
-            std::fs::write(dir.path().join(name), "").unwrap();
-        }
-        for (name, parts) in [
-            ("a.DMORPH", ["a.DMORPH: does not begin as a packed mesh does"; 2]),
-            (
-                "a.txt",
-                [
-                    "a.txt: a file of a kind",
-                    "neutral.obj and targets/*.obj, a glTF file (*.glb, *.gltf, *.vrm), or a file",
-                ],
-            ),
-            ("a.glb", ["a.glb: line 1 column 0 of its JSON: EOF", "export the file again"]),
+        for (name, part) in [
+            ("a.DMORPH", "a.DMORPH: does not begin as a packed mesh does"),
+            ("a.txt", "a.txt: a file of a kind that is not read; give a folder with neutral.obj and targets/*.obj, a"),
+            ("a.glb", "a.glb: line 1 column 0 of its JSON: EOF while parsing a value"),
         ] {
-            let text = open(&dir.path().join(name), &ImportDesc::default()).unwrap_err().to_string();
-            assert!(parts.iter().all(|part| text.contains(part)), "{text}");
+            std::fs::write(dir.path().join(name), "").unwrap();
+            crate::testing::says(open(&dir.path().join(name), &ImportDesc::default()), &[part]);
         }
         let missing = open(&dir.path().join("none"), &ImportDesc::default()).unwrap_err();
-        assert!(
-            missing.kind() == crate::ErrorKind::Io && missing.to_string().ends_with("; check the path"),
-            "{missing}"
-        );
+        let is_io = missing.kind() == crate::ErrorKind::Io;
+        assert!(is_io && missing.to_string().ends_with("; check the path"), "{missing}");
     }
 }
