@@ -112,8 +112,8 @@ impl PackedMesh {
     /// [`BlockDesc`].
     pub fn pack(mesh: &MorphMesh, desc: &PackDesc) -> Result<Self> {
         let targets = mesh.targets.len();
-        let what = || format!("mesh '{}' has {targets} targets; the kernels name at most {TARGETS_MAX}", mesh.name);
-        ensure!(targets <= TARGETS_MAX, Error::invalid(what(), "split the targets over several meshes"));
+        let what = format!("mesh '{}' has {targets} targets; the kernels name at most {TARGETS_MAX}", mesh.name);
+        ensure!(targets <= TARGETS_MAX, Error::invalid(what, "split the targets over several meshes"));
         mesh.faces.check(mesh.vertex_count(), mesh.texcoords.len())?;
         let sources = Source::groups(mesh)?;
         let groups = with_format!(desc.format,

@@ -3,6 +3,7 @@
 use super::WeightClip;
 use crate::error::Error;
 use std::collections::{HashMap, HashSet};
+use strsim::levenshtein;
 use unicode_normalization::UnicodeNormalization;
 
 impl WeightClip {
@@ -97,28 +98,14 @@ pub fn unknown(what: String, name: &str, known: &[&str]) -> Error {
 
 /// The target nearest to `name` by edit distance, if it is close enough, or one that ends so, behind its nodes.
 pub fn closest<'a>(name: &str, targets: &[&'a str]) -> Option<&'a str> {
-    let plain = |name: &str| letters(name).chars().collect::<Vec<_>>();
-    let wanted = plain(name);
-    let far = |target: &str| match plain(target) {
-        longer if wanted.len() > 3 && longer.len() > wanted.len() && longer.ends_with(&wanted) => 1,
-        other => distance(&wanted, &other),
+    let wanted = letters(name);
+    let length = wanted.chars().count();
+    let far = |target: &str| match letters(target) {
+        longer if length > 3 && longer.len() > wanted.len() && longer.ends_with(&wanted) => 1,
+        other => levenshtein(&wanted, &other),
     };
     let (distance, target) = targets.iter().map(|target| (far(target), *target)).min_by_key(|(d, _)| *d)?;
-    (distance <= (wanted.len() / 3).max(2) && distance < wanted.len().max(1)).then_some(target)
-}
-
-fn distance(a: &[char], b: &[char]) -> usize {
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.iter().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, y) in b.iter().enumerate() {
-            let substituted = diagonal + usize::from(x != y);
-            diagonal = row[j + 1];
-            row[j + 1] = substituted.min(diagonal + 1).min(row[j] + 1);
-        }
-    }
-    row[b.len()]
+    (distance <= (length / 3).max(2) && distance < length.max(1)).then_some(target)
 }
 
 #[cfg(test)]

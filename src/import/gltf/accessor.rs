@@ -45,13 +45,12 @@ impl Kind {
     }
 
     fn whole(self, b: &[u8]) -> i64 {
-        match (self.size, self.is_unsigned) {
-            (1, false) => i64::from(b[0] as i8),
-            (1, true) => b[0].into(),
-            (2, false) => i16::from_le_bytes([b[0], b[1]]).into(),
-            (2, true) => u16::from_le_bytes([b[0], b[1]]).into(),
-            _ => u32::from_le_bytes([b[0], b[1], b[2], b[3]]).into(),
-        }
+        let mut word = [0; 8];
+        word[..self.size].copy_from_slice(&b[..self.size]);
+        // Widened, with its sign if it has one.
+        let word = i64::from_le_bytes(word);
+        let bits = 64 - 8 * self.size;
+        if self.is_unsigned { word } else { word << bits >> bits }
     }
 
     /// Reads the number at the start of `b`. Normalised integers are fractions of the largest one, at least -1.

@@ -4,7 +4,9 @@ use super::json::{At, parse, shortened};
 use super::meshopt;
 use crate::error::{Error, Result, ensure};
 use crate::io::read_bounded;
+use percent_encoding::percent_decode_str;
 use serde_json::Value;
+use std::borrow::Cow;
 use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::HashMap;
 use std::fmt::Display;
@@ -229,7 +231,8 @@ fn uri_bytes(path: &Path, uri: &At<'_>, beside: &mut HashMap<PathBuf, Rc<Vec<u8>
         is_plain && parts.all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
     };
     // Some exporters do not escape a name that has a percent sign in it.
-    let names = percent_decoded(text).into_iter().chain([text.to_owned()]).filter(is_below);
+    let decoded = percent_decode_str(text).decode_utf8().ok().map(Cow::into_owned);
+    let names = decoded.into_iter().chain([text.to_owned()]).filter(is_below);
     let files: Vec<PathBuf> = names.map(|name| path.with_file_name(name)).collect();
     let Some(file) = files.iter().find(|file| file.is_file()).or(files.first()) else {
         let what = format!("'{}' names no file beside this one", shortened(text));
@@ -245,18 +248,6 @@ fn uri_bytes(path: &Path, uri: &At<'_>, beside: &mut HashMap<PathBuf, Rc<Vec<u8>
     let bytes = Rc::new(read_bounded(file, FILE_MAX, "split the file")?);
     beside.insert(real, bytes.clone());
     Ok(bytes)
-}
-
-fn percent_decoded(text: &str) -> Option<String> {
-    let mut bytes = vec![];
-    let mut rest = text.as_bytes();
-    while let Some((&first, after)) = rest.split_first() {
-        let escaped = (first == b'%').then(|| after.get(..2)).flatten();
-        let code = escaped.and_then(|hex| u8::from_str_radix(std::str::from_utf8(hex).ok()?, 16).ok());
-        bytes.push(code.unwrap_or(first));
-        rest = if code.is_some() { &after[2..] } else { after };
-    }
-    String::from_utf8(bytes).ok()
 }
 
 /// Decodes base64 with or without padding (RFC 4648) and with line breaks anywhere; `None` if `text` is something else.

@@ -170,18 +170,12 @@ fn undo_delta(mode: u8, delta: [u8; 4], before: [u8; 4]) -> Option<[u8; 4]> {
     })
 }
 
-/// A queue of 16; index 0 is the last value pushed.
-pub struct Recent<T>(pub [T; 16], pub usize);
+/// A queue; index 0 is the last value pushed.
+type Recent<T> = [T; 16];
 
-impl<T: Copy> Recent<T> {
-    pub fn push(&mut self, value: T) {
-        self.0[self.1 % 16] = value;
-        self.1 = (self.1 + 1) % 16;
-    }
-
-    pub fn get(&self, back: usize) -> T {
-        self.0[(self.1 + 31 - back) % 16]
-    }
+fn push<T>(queue: &mut Recent<T>, value: T) {
+    queue.rotate_right(1);
+    queue[0] = value;
 }
 
 /// The state of the triangle decoder.
@@ -211,7 +205,7 @@ impl Triangles<'_> {
         Some(match bits {
             0 => (self.take_next(), true),
             15 if may_be_explicit => (self.explicit()?, true),
-            _ => (self.vertices.get(usize::from(bits) - 1), false),
+            _ => (self.vertices[usize::from(bits) - 1], false),
         })
     }
 
@@ -219,7 +213,7 @@ impl Triangles<'_> {
         let high = code >> 4;
         let low = code & 15;
         if high < 15 {
-            let [a, b] = self.edges.get(high.into());
+            let [a, b] = self.edges[usize::from(high)];
             let (c, is_new) = match low {
                 0 => (self.take_next(), true),
                 13 | 14 => {
@@ -227,12 +221,12 @@ impl Triangles<'_> {
                     (self.last, true)
                 }
                 15 => (self.explicit()?, true),
-                _ => (self.vertices.get(low.into()), false),
+                _ => (self.vertices[usize::from(low)], false),
             };
-            self.edges.push([c, b]);
-            self.edges.push([a, c]);
+            push(&mut self.edges, [c, b]);
+            push(&mut self.edges, [a, c]);
             if is_new {
-                self.vertices.push(c);
+                push(&mut self.vertices, c);
             }
             return Some([a, b, c]);
         }
@@ -244,10 +238,10 @@ impl Triangles<'_> {
         let a = if low == 15 { self.explicit()? } else { self.take_next() };
         let (b, b_is_new) = self.named(names >> 4, explicit)?;
         let (c, c_is_new) = self.named(names & 15, explicit)?;
-        [[b, a], [c, b], [a, c]].into_iter().for_each(|edge| self.edges.push(edge));
+        [[b, a], [c, b], [a, c]].into_iter().for_each(|edge| push(&mut self.edges, edge));
         for (vertex, is_new) in [(a, true), (b, b_is_new), (c, c_is_new)] {
             if is_new {
-                self.vertices.push(vertex);
+                push(&mut self.vertices, vertex);
             }
         }
         Some([a, b, c])
@@ -262,9 +256,7 @@ fn triangles(data: &[u8], count: usize) -> Option<Vec<u32>> {
         return None;
     }
     // Queue entries that were never set are no vertex, as in meshoptimizer: the extension leaves them undefined.
-    let edges = Recent([[u32::MAX; 2]; 16], 0);
-    let vertices = Recent([u32::MAX; 16], 0);
-    let mut state = Triangles { extra, next: 0, last: 0, edges, vertices };
+    let mut state = Triangles { extra, next: 0, last: 0, edges: [[u32::MAX; 2]; 16], vertices: [u32::MAX; 16] };
     let mut out = Vec::with_capacity(count);
     for &code in codes {
         out.extend(state.triangle(code, table)?);

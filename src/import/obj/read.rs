@@ -73,8 +73,14 @@ impl ObjFile {
             scan.line = line;
             match keyword {
                 b"v" => scan.position(rest)?,
-                b"vt" => scan.texcoord(rest)?,
-                b"vn" => scan.normal(rest)?,
+                b"vt" => {
+                    let texcoord = scan.numbers(1, 1, scan.text(rest)?.split_whitespace())?;
+                    scan.file.texcoords.push(Vec2::from_array(texcoord));
+                }
+                b"vn" => {
+                    let normal = Vec3::from_array(scan.numbers(2, 3, scan.text(rest)?.split_whitespace())?);
+                    scan.file.normals.push(if normal.is_finite() { normal } else { Vec3::ZERO });
+                }
                 b"f" => scan.face(rest)?,
                 _ => {}
             }
@@ -162,18 +168,6 @@ impl Scan<'_> {
         let what = || format!("the vertex '{}' is not one of finite numbers of single precision", short(text.trim()));
         ensure!(position.is_finite(), self.error(what(), "repair the mesh and export it again"));
         self.file.positions.push(position);
-        Ok(())
-    }
-
-    fn texcoord(&mut self, rest: &[u8]) -> Result<()> {
-        let numbers = self.numbers(1, 1, self.text(rest)?.split_whitespace())?;
-        self.file.texcoords.push(Vec2::from_array(numbers));
-        Ok(())
-    }
-
-    fn normal(&mut self, rest: &[u8]) -> Result<()> {
-        let normal = Vec3::from_array(self.numbers(2, 3, self.text(rest)?.split_whitespace())?);
-        self.file.normals.push(if normal.is_finite() { normal } else { Vec3::ZERO });
         Ok(())
     }
 

@@ -103,8 +103,8 @@ fn check(desc: &BlockDesc) -> Result<()> {
     let [length, degrees, absolute] = errors;
     let most = desc.weight_max;
     let what =
-        || format!("packing errors of {length} of the diagonal, {degrees}° and {absolute}, with weights up to {most}");
-    ensure!(errors.into_iter().all(positive) && positive(most), Error::invalid(what(), "use numbers above 0"));
+        format!("packing errors of {length} of the diagonal, {degrees}° and {absolute}, with weights up to {most}");
+    ensure!(errors.into_iter().all(positive) && positive(most), Error::invalid(what, "use numbers above 0"));
     Ok(())
 }
 
@@ -244,8 +244,8 @@ impl Packing<'_> {
         }
         words.resize(words.len().next_multiple_of(4), 0);
         let count = words.len() as u64 + deltas.len() as u64;
-        let what = || format!("mesh '{}': its deltas take {} bytes", mesh.name, count * 4);
-        ensure!(count <= WORDS_MAX, Error::invalid(what(), "split the mesh, or use a smaller format"));
+        let what = format!("mesh '{}': its deltas take {} bytes", mesh.name, count * 4);
+        ensure!(count <= WORDS_MAX, Error::invalid(what, "split the mesh, or use a smaller format"));
         words.append(&mut deltas);
         let base = self.source.base_pose(padded, Some(self.order));
         let parts = Parts {

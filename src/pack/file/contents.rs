@@ -23,8 +23,8 @@ pub(super) fn write(asset: &Asset, clips: Option<Vec<u8>>) -> Result<Vec<u8>> {
     let faces = &asset.faces;
     let index = layout.index()?;
     let groups = asset.mesh.groups();
-    let what = || format!("mesh '{}' has {} groups of streams; a file has {GROUPS_MAX}", layout.name, groups.len());
-    ensure!(groups.len() <= GROUPS_MAX, Error::invalid(what(), "leave streams out"));
+    let what = format!("mesh '{}' has {} groups of streams; a file has {GROUPS_MAX}", layout.name, groups.len());
+    ensure!(groups.len() <= GROUPS_MAX, Error::invalid(what, "leave streams out"));
     let counts = |counts: &[usize]| counts.iter().map(|count| counted(*count)).collect::<Result<Vec<u32>>>();
     let corners = faces.corners.len();
     let texcoords = asset.texcoords.len();
@@ -88,8 +88,8 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
     let sized = |place: Place, count: usize, stride: usize, of: &str| {
         let bytes = sections.get(place);
         let needed = count as u64 * stride as u64;
-        let what = || format!("has {} bytes; {count} {of} take {needed}", bytes.len());
-        if bytes.len() as u64 == needed { Ok(bytes) } else { Err(refuse(place, what())) }
+        let what = format!("has {} bytes; {count} {of} take {needed}", bytes.len());
+        if bytes.len() as u64 == needed { Ok(bytes) } else { Err(refuse(place, what)) }
     };
     let checked = |place, count, stride, of: &str| sized(place, count, stride, of).map(words_of);
     let targets_of = |place, entries| {
@@ -110,8 +110,8 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
     let [diagonal, weight_max, position, normal] = [diagonal, weight_max, position, normal].map(f32::from_bits);
     let format = DeltaFormat::from_id(format)
         .ok_or_else(|| refuse(at_meta, format!("names a format {format} that is not known")))?;
-    let what = || format!("names {target_count} targets; the kernels name at most {TARGETS_MAX}");
-    ensure!(target_count <= TARGETS_MAX, refuse(at_meta, what()));
+    let what = format!("names {target_count} targets; the kernels name at most {TARGETS_MAX}");
+    ensure!(target_count <= TARGETS_MAX, refuse(at_meta, what));
     let head = |group| Head::parse(sections.get((GROUP, group))).map_err(|what| refuse((GROUP, group), what));
     let heads = (0..sections.groups()).map(head).collect::<Result<Vec<_>>>()?;
     let laid_out = group_streams(heads.iter().flat_map(|head| &head.semantics).copied());

@@ -26,20 +26,28 @@ const OUTDATED: &str = "pack the mesh again with this program, or read it with t
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Section(u32, &'static str);
 
-pub(super) const META: Section = Section(1, "meta");
-pub(super) const NAMES: Section = Section(2, "names");
-pub(super) const BASE: Section = Section(3, "base pose");
-pub(super) const ORDER: Section = Section(4, "order");
-pub(super) const FIRST_ENTRIES: Section = Section(5, "first entries");
-pub(super) const ENTRY_TARGETS: Section = Section(6, "entry targets");
-pub(super) const WORDS: Section = Section(7, "words");
-pub(super) const FACES: Section = Section(8, "face sizes");
-pub(super) const CORNERS: Section = Section(9, "face corners");
-pub(super) const CORNER_TEXCOORDS: Section = Section(10, "corner texcoords");
-pub(super) const TEXCOORDS: Section = Section(11, "texcoords");
-pub(super) const GROUP: Section = Section(12, "group");
-pub(super) const WELDS: Section = Section(13, "welds");
-pub(super) const CLIPS: Section = Section(14, "clips");
+macro_rules! sections {
+    ($($name:ident $id:literal $text:literal)*) => {
+        $(pub(super) const $name: Section = Section($id, $text);)*
+    };
+}
+
+sections! {
+    META 1 "meta"
+    NAMES 2 "names"
+    BASE 3 "base pose"
+    ORDER 4 "order"
+    FIRST_ENTRIES 5 "first entries"
+    ENTRY_TARGETS 6 "entry targets"
+    WORDS 7 "words"
+    FACES 8 "face sizes"
+    CORNERS 9 "face corners"
+    CORNER_TEXCOORDS 10 "corner texcoords"
+    TEXCOORDS 11 "texcoords"
+    GROUP 12 "group"
+    WELDS 13 "welds"
+    CLIPS 14 "clips"
+}
 
 /// Sections that occur once, in file order; the last one in files with clips.
 const ONCE: [Section; 9] = [META, NAMES, ORDER, FACES, CORNERS, CORNER_TEXCOORDS, TEXCOORDS, WELDS, CLIPS];

@@ -11,29 +11,22 @@ pub(crate) trait Number: Copy {
     fn integer(self) -> i32;
 }
 
-impl Number for f32 {
-    #[inline(always)]
-    fn float(self) -> f32 {
-        self
-    }
+macro_rules! numbers {
+    ($($number:ty)*) => {
+        $(impl Number for $number {
+            #[inline(always)]
+            fn float(self) -> f32 {
+                self as f32
+            }
 
-    #[inline(always)]
-    fn integer(self) -> i32 {
-        self as i32
-    }
+            #[inline(always)]
+            fn integer(self) -> i32 {
+                self as i32
+            }
+        })*
+    };
 }
-
-impl Number for i32 {
-    #[inline(always)]
-    fn float(self) -> f32 {
-        self as f32
-    }
-
-    #[inline(always)]
-    fn integer(self) -> i32 {
-        self
-    }
-}
+numbers!(f32 i32);
 
 /// A sum of factor · delta over the entries of a component.
 pub(crate) trait Sum: Pod + Default + Send {
