@@ -71,9 +71,7 @@ impl MorphSource {
         let refuse = |what: String, remedy: &str| Error::invalid(format!("{mesh_name}: {what}"), remedy);
         let corners = arrays.indices.len();
         ensure!(corners.is_multiple_of(3), refuse(format!("{corners} indices"), "give three per triangle"));
-        let normals = arrays.normals;
-        let tangents = arrays.tangents;
-        let texcoords = arrays.texcoords;
+        let MeshArrays { normals, tangents, texcoords, .. } = *arrays;
         let lengths =
             [("normals", normals.len()), ("tangents", tangents.len()), ("texture coordinates", texcoords.len())];
         if let Some((what, n)) = lengths.into_iter().find(|(_, n)| *n != 0 && *n != count) {

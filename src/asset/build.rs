@@ -139,9 +139,9 @@ impl MorphSource {
             let is_first = self.streams[..i].iter().all(|other| other.semantic != *semantic);
             ensure!(is_first, self.refuse(format!("two streams '{semantic}'"), "number them, or remove one"));
             let components = semantic.components();
-            let what = || format!("stream '{semantic}': {} numbers for {count} vertices", values.len());
+            let what = format!("stream '{semantic}': {} numbers for {count} vertices", values.len());
             let remedy = format!("give {components} numbers per vertex");
-            ensure!(values.len() == components * count, self.refuse(what(), &remedy));
+            ensure!(values.len() == components * count, self.refuse(what, &remedy));
             self.check_values(None, *semantic, (0..).zip(values.chunks_exact(components)))?;
         }
         let mut names = HashMap::new();
@@ -177,14 +177,14 @@ impl MorphSource {
             return Err(refuse(format!("moves vertex {v} by {d}, to infinity"), NOT_FINITE));
         }
         let streams = &target.streams;
-        let what = || format!("has deltas of {} streams", streams.len());
+        let what = format!("has deltas of {} streams", streams.len());
         let remedy = "give the base pose every stream that a target changes";
-        ensure!(streams.len() <= self.streams.len(), refuse(what(), remedy));
+        ensure!(streams.len() <= self.streams.len(), refuse(what, remedy));
         for (semantic, StreamDeltas { vertices, deltas }) in self.streams.iter().map(|s| s.semantic).zip(streams) {
             let numbers = semantic.morphing_components();
             let [found, moved] = [deltas.len(), vertices.len()];
-            let what = || format!("has {found} numbers for {moved} vertices in the deltas of stream '{semantic}'");
-            ensure!(found == numbers * moved, refuse(what(), &format!("give {numbers} numbers per vertex")));
+            let what = format!("has {found} numbers for {moved} vertices in the deltas of stream '{semantic}'");
+            ensure!(found == numbers * moved, refuse(what, &format!("give {numbers} numbers per vertex")));
             self.check_values(name, semantic, vertices.iter().copied().zip(deltas.chunks_exact(numbers)))?;
         }
         Ok(())

@@ -72,8 +72,8 @@ pub fn clips_from_bytes(path: &Path, bytes: &[u8]) -> Result<Vec<WeightClip>> {
 
 fn check(clip: &WeightClip) -> Result<()> {
     clip.check()?;
-    let what = || format!("clip '{}': the frame rate is {}", clip.name, clip.fps);
-    ensure!(super::is_rate(clip.fps), Error::invalid(what(), "give a positive number of frames per second"));
+    let what = format!("clip '{}': the frame rate is {}", clip.name, clip.fps);
+    ensure!(super::is_rate(clip.fps), Error::invalid(what, "give a positive number of frames per second"));
     Ok(())
 }
 
@@ -163,13 +163,9 @@ mod tests {
         }
         testing::says(read([&good[..], &[0]].concat()), &["has 1 bytes after the last clip"]);
         for at in 0..good.len() {
-            for flip in [1, 0x80, 0xff] {
-                let mut bytes = good.clone();
-                bytes[at] ^= flip;
-                if let Ok(clips) = read(bytes) {
-                    assert!(clips.iter().all(|clip| clip.check().is_ok()));
-                }
-            }
+            let mut bytes = good.clone();
+            bytes[at] ^= 0xff;
+            let _ = read(bytes).map(|clips| clips.iter().for_each(|clip| clip.check().unwrap()));
         }
     }
 }

@@ -258,17 +258,13 @@ impl PackedLayout {
     /// Converts a pose from pose-buffer order, with padding, to the user's vertex order, without padding. Missing
     /// vertices become NaN.
     pub fn to_user_order(&self, pose: &[f32]) -> Vec<f32> {
-        let numbers = self.vertex_count * POSE_FLOATS;
-        match &self.blocks {
-            None => pose.iter().copied().chain(std::iter::repeat(f32::NAN)).take(numbers).collect(),
-            Some(blocks) => {
-                let mut out = vec![f32::NAN; numbers];
-                for (vertex, from) in blocks.order().iter().zip(pose.chunks_exact(POSE_FLOATS)) {
-                    out[*vertex as usize * POSE_FLOATS..][..POSE_FLOATS].copy_from_slice(from);
-                }
-                out
+        let mut out = vec![f32::NAN; self.vertex_count * POSE_FLOATS];
+        for (packed, from) in pose.chunks_exact(POSE_FLOATS).enumerate() {
+            if let Some(vertex) = self.user_vertex(packed) {
+                out[vertex * POSE_FLOATS..][..POSE_FLOATS].copy_from_slice(from);
             }
         }
+        out
     }
 
     /// First word of the deltas of target `target` in the chunk of `vertices` vertices that starts at `first` (dense

@@ -99,8 +99,8 @@ pub(crate) fn check(mesh: &MorphMesh) -> Result<(), String> {
         ensure!(seen.insert(semantic), format!("two streams '{semantic}'"));
         let has = mesh.values(semantic).len();
         let expected = vertices * semantic.components();
-        let what = || format!("stream '{semantic}' has {has} numbers; {vertices} vertices take {expected}");
-        ensure!(has == expected, what());
+        let what = format!("stream '{semantic}' has {has} numbers; {vertices} vertices take {expected}");
+        ensure!(has == expected, what);
         for target in &mesh.targets {
             let (moved, deltas) = mesh.deltas(target, semantic);
             let fits = deltas.len() == moved.len() * semantic.morphing_components()

@@ -98,8 +98,8 @@ impl VertexLayout {
         ensure!(has_positions, refuse("no positions".into(), "add Semantic::Position with its offset"));
         for (semantic, _) in self.streams() {
             let is_there = groups.clone().flat_map(|group| &group.streams).any(|place| place.semantic == semantic);
-            let what = || format!("stream '{semantic}', which the mesh does not have");
-            ensure!(is_there, refuse(what(), "leave it out"));
+            let what = format!("stream '{semantic}', which the mesh does not have");
+            ensure!(is_there, refuse(what, "leave it out"));
         }
         // Written bytes of a vertex: begin, end, stream.
         let mut written: Vec<(u64, u64, Semantic)> = vec![];

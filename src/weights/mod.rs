@@ -86,8 +86,8 @@ impl WeightClip {
             ensure!(is_new, refuse(format!("two columns are called '{name}'"), "rename or remove one of them"));
         }
         let count = self.values.len();
-        let what = || format!("{count} values in {columns} columns are no whole number of frames");
-        ensure!(count == self.frame_count() * columns, refuse(what(), "give one value per column and frame"));
+        let what = format!("{count} values in {columns} columns are no whole number of frames");
+        ensure!(count == self.frame_count() * columns, refuse(what, "give one value per column and frame"));
         if let Some(i) = self.values.iter().position(|w| !w.is_finite()) {
             let name = &self.names[i % columns];
             let frame = i / columns;

@@ -27,7 +27,6 @@ pub struct Accessor<'a> {
 struct Kind {
     size: usize,
     is_unsigned: bool,
-    is_float: bool,
 }
 
 impl Kind {
@@ -41,7 +40,7 @@ impl Kind {
             5126 => (4, false),
             n => return Err(at.refuse(format!("{n} is no component type of glTF 2.0"), "export the file again")),
         };
-        Ok(Self { size, is_unsigned, is_float: size == 4 && !is_unsigned })
+        Ok(Self { size, is_unsigned })
     }
 
     fn whole(self, b: &[u8]) -> i64 {
@@ -55,7 +54,8 @@ impl Kind {
 
     /// Reads the number at the start of `b`. Normalised integers are fractions of the largest one, at least -1.
     fn number(self, b: &[u8], normalised: bool) -> f32 {
-        if self.is_float {
+        // There are no signed integers of four bytes.
+        if self.size == 4 && !self.is_unsigned {
             return f32::from_le_bytes([b[0], b[1], b[2], b[3]]);
         }
         let bits = 8 * self.size - usize::from(!self.is_unsigned);

@@ -14,8 +14,8 @@ const ELEMENT_BYTES: usize = 80;
 pub fn parse(path: &Path, text: &[u8]) -> Result<Value> {
     let count = |byte: u8| text.iter().filter(|b| **b == byte).count();
     let memory = (count(b'{') * OBJECT_BYTES).saturating_add((count(b',') + count(b'[')) * ELEMENT_BYTES);
-    let what = || format!("its JSON has so many values that they would take {} MiB", memory >> 20);
-    ensure!(memory <= MEMORY_MAX, Error::input(path, "", what(), "split the file, or keep arrays in buffers"));
+    let what = format!("its JSON has so many values that they would take {} MiB", memory >> 20);
+    ensure!(memory <= MEMORY_MAX, Error::input(path, "", what, "split the file, or keep arrays in buffers"));
     serde_json::from_slice(text).map_err(|e| {
         let place = format!(": line {} column {} of its JSON", e.line(), e.column());
         Error::input(path, place, e.to_string(), "export the file again: its JSON is damaged")

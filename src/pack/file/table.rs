@@ -158,10 +158,10 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
         let offset = long(8);
         let length = long(16);
         let refuse = |what: String| malformed(path, Some(place), what, DAMAGED);
-        let what = || format!("lies at {offset} with id {has}; at {at} with id {} expected", id(place));
-        ensure!((has, offset) == (id(place), at as u64), refuse(what()));
-        let what = || format!("has {length} bytes at {offset}, but the file ends after {}", bytes.len());
-        ensure!(length <= (bytes.len() - at) as u64, refuse(what()));
+        let what = format!("lies at {offset} with id {has}; at {at} with id {} expected", id(place));
+        ensure!((has, offset) == (id(place), at as u64), refuse(what));
+        let what = format!("has {length} bytes at {offset}, but the file ends after {}", bytes.len());
+        ensure!(length <= (bytes.len() - at) as u64, refuse(what));
         let end = at + length as usize;
         let next = end.next_multiple_of(ALIGNMENT);
         let padding = bytes.get(end..next);
