@@ -85,6 +85,16 @@ pub enum Error {
     },
 }
 
+/// Returns an error unless a condition holds.
+macro_rules! ensure {
+    ($holds:expr, $error:expr) => {
+        if !($holds) {
+            return Err($error);
+        }
+    };
+}
+pub(crate) use ensure;
+
 /// `Result` with the crate's [`Error`].
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 

@@ -1,7 +1,7 @@
 //! Sources made from arrays with one element per vertex, as engines and exchange formats hold meshes.
 
 use super::{Corner, Faces, MorphSource, Semantic, SourceTarget, StreamData, StreamDeltas};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use glam::Vec3;
 
 /// A base pose and its targets as arrays with one element per vertex; an array is empty if the mesh has no such stream.
@@ -68,17 +68,14 @@ impl MorphSource {
     pub fn from_arrays(arrays: &MeshArrays<'_>) -> Result<Self> {
         let count = arrays.positions.len();
         let mesh_name = if arrays.name.is_empty() { "unnamed" } else { arrays.name };
-        let refuse = |what: String, remedy: &str| Err(Error::invalid(format!("{mesh_name}: {what}"), remedy));
-        if !arrays.indices.len().is_multiple_of(3) {
-            return refuse(format!("{} indices", arrays.indices.len()), "give three per triangle");
-        }
-        let normals = arrays.normals;
-        let tangents = arrays.tangents;
-        let texcoords = arrays.texcoords;
+        let refuse = |what: String, remedy: &str| Error::invalid(format!("{mesh_name}: {what}"), remedy);
+        let corners = arrays.indices.len();
+        ensure!(corners.is_multiple_of(3), refuse(format!("{corners} indices"), "give three per triangle"));
+        let MeshArrays { normals, tangents, texcoords, .. } = *arrays;
         let lengths =
             [("normals", normals.len()), ("tangents", tangents.len()), ("texture coordinates", texcoords.len())];
         if let Some((what, n)) = lengths.into_iter().find(|(_, n)| *n != 0 && *n != count) {
-            return refuse(format!("{n} {what} for {count} vertices"), "give one per vertex, or none");
+            return Err(refuse(format!("{n} {what} for {count} vertices"), "give one per vertex, or none"));
         }
         let directions: Vec<[f32; 3]> = tangents.iter().map(|&[x, y, z, _]| [x, y, z]).collect();
         let differences = |base: &[[f32; 3]], target: &[[f32; 3]]| -> Vec<(u32, Vec3)> {
@@ -96,7 +93,7 @@ impl MorphSource {
             ];
             if let Some((what, n, base)) = lengths.into_iter().find(|(_, n, base)| *n != 0 && n != base) {
                 let what = format!("target '{name}' has {n} {what}, but the base pose has {base}");
-                return refuse(what, "give as many as the base pose has, or none");
+                return Err(refuse(what, "give as many as the base pose has, or none"));
             }
             let (vertices, deltas): (_, Vec<Vec3>) = differences(&directions, target.tangents).into_iter().unzip();
             let tangents = StreamDeltas { vertices, deltas: deltas.iter().flat_map(Vec3::to_array).collect() };

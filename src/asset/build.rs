@@ -5,7 +5,7 @@ use super::normals::{Deformer, Surface};
 use super::render::{check_welds, copies, copy_deltas};
 use super::streams::Measure;
 use super::{MorphMesh, MorphSource, MorphTarget, Semantic, SourceTarget, StreamData, StreamDeltas, Tolerance};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use crate::math::{diagonal, map_all};
 use glam::Vec3;
 use std::borrow::Cow;
@@ -51,10 +51,8 @@ impl MorphSource {
         // Needed even if normals are stated, when a target has none: its delta is between two computed normals.
         let incomplete = self.normals.is_none() || self.targets.iter().any(|t| t.normals.is_none());
         let surface = incomplete.then(|| Surface::new(&faces, &self.positions));
-        if !diagonal(&self.positions).is_finite() {
-            let what = format!("{}: the bounding box is larger than a single-precision number", self.name);
-            return Err(Error::invalid(what, "scale the mesh down"));
-        }
+        let what = "the bounding box is larger than a single-precision number";
+        ensure!(diagonal(&self.positions).is_finite(), self.refuse(what, "scale the mesh down"));
         let diagonal = extent(&self.positions, &self.faces, &self.targets);
         let shortest = f64::from(tolerance.position) * f64::from(diagonal);
 
@@ -117,62 +115,54 @@ impl MorphSource {
     /// Checks everything that [`to_mesh`](Self::to_mesh) refuses.
     pub(super) fn check(&self, tolerance: Tolerance) -> Result<()> {
         for (kind, value) in [("position", tolerance.position), ("normal", tolerance.normal)] {
-            if !(value >= 0.0 && value.is_finite()) {
-                return self.refuse(format!("the {kind} tolerance is {value}"), "give a tolerance of 0 or more");
-            }
+            let what = format!("the {kind} tolerance is {value}");
+            ensure!(value >= 0.0 && value.is_finite(), self.refuse(what, "give a tolerance of 0 or more"));
         }
         let count = self.positions.len();
-        if count == 0 {
-            return self.refuse("the base pose has no vertex", "give a mesh with at least one vertex");
-        }
+        ensure!(count > 0, self.refuse("the base pose has no vertex", "give a mesh with at least one vertex"));
         // Corners as well, since adjacency counts them in 32 bits.
-        if u32::try_from(count).is_err() || u32::try_from(self.faces.corners.len()).is_err() {
-            return self.refuse("more than 4,294,967,295 vertices or face corners", "split the mesh");
-        }
+        let are_few = u32::try_from(count.max(self.faces.corners.len())).is_ok();
+        ensure!(are_few, self.refuse("more than 4,294,967,295 vertices or face corners", "split the mesh"));
         self.check_values(None, Semantic::Position, (0..).zip(self.positions.iter().map(Vec3::to_array)))?;
         let normals = self.normals.as_deref().unwrap_or_default();
-        if self.normals.is_some() && normals.len() != count {
-            return self.refuse(format!("{} normals for {count} vertices", normals.len()), "give one per vertex");
-        }
+        let what = format!("{} normals for {count} vertices", normals.len());
+        ensure!(self.normals.is_none() || normals.len() == count, self.refuse(what, "give one per vertex"));
         self.check_values(None, Semantic::Normal, (0..).zip(normals.iter().map(Vec3::to_array)))?;
         if let Some(t) = self.texcoords.iter().position(|t| !t.is_finite()) {
-            return self.refuse(format!("texture coordinate {t} is {}", self.texcoords[t]), NOT_FINITE);
+            return Err(self.refuse(format!("texture coordinate {t} is {}", self.texcoords[t]), NOT_FINITE));
         }
         self.faces.check(count, self.texcoords.len())?;
         for (i, StreamData { semantic, values }) in self.streams.iter().enumerate() {
-            if matches!(semantic, Semantic::Position | Semantic::Normal) {
-                return self
-                    .refuse(format!("a further stream '{semantic}'"), "use the fields `positions` and `normals`");
-            }
-            if self.streams[..i].iter().any(|other| other.semantic == *semantic) {
-                return self.refuse(format!("two streams '{semantic}'"), "number them, or remove one");
-            }
+            let is_further = !matches!(semantic, Semantic::Position | Semantic::Normal);
+            let remedy = "use the fields `positions` and `normals`";
+            ensure!(is_further, self.refuse(format!("a further stream '{semantic}'"), remedy));
+            let is_first = self.streams[..i].iter().all(|other| other.semantic != *semantic);
+            ensure!(is_first, self.refuse(format!("two streams '{semantic}'"), "number them, or remove one"));
             let components = semantic.components();
-            if values.len() != components * count {
-                let what = format!("stream '{semantic}': {} numbers for {count} vertices", values.len());
-                return self.refuse(what, &format!("give {components} numbers per vertex"));
-            }
+            let what = format!("stream '{semantic}': {} numbers for {count} vertices", values.len());
+            let remedy = format!("give {components} numbers per vertex");
+            ensure!(values.len() == components * count, self.refuse(what, &remedy));
             self.check_values(None, *semantic, (0..).zip(values.chunks_exact(components)))?;
         }
         let mut names = HashMap::new();
         for (i, target) in self.targets.iter().enumerate() {
             if let Some(first) = names.insert(target.name.nfc().collect::<String>(), i) {
                 let what = format!("targets {first} and {i} are both called '{}'", target.name);
-                return self.refuse(what, "rename one of them");
+                return Err(self.refuse(what, "rename one of them"));
             }
             self.check_target(target)?;
         }
-        check_welds(&self.welds, count).or_else(|what| self.refuse(what, WELD))?;
+        check_welds(&self.welds, count).map_err(|what| self.refuse(what, WELD))?;
         let places = if self.welds.is_empty() { vec![] } else { self.places() };
         if let Some((v, of)) = copies(&self.welds).find(|(v, of)| places[*v as usize] != places[*of as usize]) {
             let what = format!("vertex {v} is welded to vertex {of}, but their positions differ in some pose");
-            return self.refuse(what, WELD);
+            return Err(self.refuse(what, WELD));
         }
         Ok(())
     }
 
-    fn refuse(&self, what: impl Display, remedy: &str) -> Result<()> {
-        Err(Error::invalid(format!("{}: {what}", self.name), remedy))
+    fn refuse(&self, what: impl Display, remedy: &str) -> Error {
+        Error::invalid(format!("{}: {what}", self.name), remedy)
     }
 
     fn check_target(&self, target: &SourceTarget) -> Result<()> {
@@ -184,21 +174,17 @@ impl MorphSource {
         // The deformed surface has to be finite as well, or its normals are not.
         let infinite = |(v, d): &&(u32, Vec3)| !(self.positions[*v as usize] + *d).is_finite();
         if let Some((v, d)) = target.positions.iter().find(infinite) {
-            return refuse(format!("moves vertex {v} by {d}, to infinity"), NOT_FINITE);
+            return Err(refuse(format!("moves vertex {v} by {d}, to infinity"), NOT_FINITE));
         }
         let streams = &target.streams;
-        if streams.len() > self.streams.len() {
-            let what = format!("has deltas of {} streams", streams.len());
-            return refuse(what, "give the base pose every stream that a target changes");
-        }
+        let what = format!("has deltas of {} streams", streams.len());
+        let remedy = "give the base pose every stream that a target changes";
+        ensure!(streams.len() <= self.streams.len(), refuse(what, remedy));
         for (semantic, StreamDeltas { vertices, deltas }) in self.streams.iter().map(|s| s.semantic).zip(streams) {
             let numbers = semantic.morphing_components();
-            if deltas.len() != numbers * vertices.len() {
-                let found = deltas.len();
-                let moved = vertices.len();
-                let what = format!("has {found} numbers for {moved} vertices in the deltas of stream '{semantic}'");
-                return refuse(what, &format!("give {numbers} numbers per vertex"));
-            }
+            let [found, moved] = [deltas.len(), vertices.len()];
+            let what = format!("has {found} numbers for {moved} vertices in the deltas of stream '{semantic}'");
+            ensure!(found == numbers * moved, refuse(what, &format!("give {numbers} numbers per vertex")));
             self.check_values(name, semantic, vertices.iter().copied().zip(deltas.chunks_exact(numbers)))?;
         }
         Ok(())
@@ -226,16 +212,15 @@ impl MorphSource {
             let finite = value.iter().all(|x| x.is_finite());
             if !finite || directions && !is_direction(value) {
                 let what = format!("the {name} of vertex {v} is {value:?}");
-                return refuse(what, if finite { DIRECTION } else { NOT_FINITE });
+                return Err(refuse(what, if finite { DIRECTION } else { NOT_FINITE }));
             }
             if let Some(before) = before.filter(|before| *before >= v) {
                 let what = format!("among the {name}s, vertex {v} comes after vertex {before}");
-                return refuse(what, "list each vertex once, ascending");
+                return Err(refuse(what, "list each vertex once, ascending"));
             }
-            if v as usize >= self.positions.len() {
-                let what = format!("a {name} of vertex {v}, there are {} vertices", self.positions.len());
-                return refuse(what, "give targets of the same vertices as the base pose");
-            }
+            let count = self.positions.len();
+            let what = || format!("a {name} of vertex {v}, there are {count} vertices");
+            ensure!((v as usize) < count, refuse(what(), "give targets of the same vertices as the base pose"));
             before = Some(v);
         }
         Ok(())

@@ -24,10 +24,6 @@ struct Bounds {
 }
 
 impl Bounds {
-    fn of(point: Vec3) -> Self {
-        Self { low: point, high: point }
-    }
-
     fn with(self, other: Self) -> Self {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
@@ -88,7 +84,7 @@ fn moving_parts(positions: &[Vec3], faces: &Faces, targets: &[SourceTarget]) -> 
     for (vertex, position) in (0..).zip(positions) {
         let set = sets.of(vertex);
         if moves[set as usize] {
-            let point = Bounds::of(*position);
+            let point = Bounds { low: *position, high: *position };
             parts.entry(set).and_modify(|bounds| *bounds = bounds.with(point)).or_insert(point);
         }
     }

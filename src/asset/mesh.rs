@@ -1,7 +1,7 @@
 //! A mesh as its files state it, and the checked mesh that is packed.
 
 use super::{Semantic, StreamData, StreamDeltas};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use crate::math::far_middle;
 use crate::setters::setters;
 use glam::{Vec2, Vec3};
@@ -34,20 +34,17 @@ impl Faces {
 
     /// Checks that every face has three corners or more, and every index is within `positions` and `texcoords`.
     pub(crate) fn check(&self, positions: usize, texcoords: usize) -> Result<()> {
-        let refuse = |what: String| Err(Error::invalid(what, "repair the face list"));
+        let refuse = |what: String| Error::invalid(what, "repair the face list");
         let total: u64 = self.sizes.iter().map(|&n| u64::from(n)).sum();
-        if total != self.corners.len() as u64 {
-            return refuse(format!("the faces have {total} corners, the corner list has {}", self.corners.len()));
-        }
+        let listed = self.corners.len() as u64;
+        ensure!(total == listed, refuse(format!("the faces have {total} corners, the corner list has {listed}")));
         if let Some(i) = self.sizes.iter().position(|&n| n < 3) {
-            return refuse(format!("face {i} has {} corners, at least 3 expected", self.sizes[i]));
+            return Err(refuse(format!("face {i} has {} corners, at least 3 expected", self.sizes[i])));
         }
-        for c in &self.corners {
-            if c.position as usize >= positions {
-                return refuse(format!("a face names vertex {}, there are {positions}", c.position));
-            }
-            if let Some(t) = c.texcoord.filter(|&t| t as usize >= texcoords) {
-                return refuse(format!("a face names texture coordinate {t}, there are {texcoords}"));
+        for Corner { position: v, texcoord } in &self.corners {
+            ensure!((*v as usize) < positions, refuse(format!("a face names vertex {v}, there are {positions}")));
+            if let Some(t) = texcoord.filter(|&t| t as usize >= texcoords) {
+                return Err(refuse(format!("a face names texture coordinate {t}, there are {texcoords}")));
             }
         }
         Ok(())

@@ -6,7 +6,7 @@
 //! [`RenderVertices`]. Either way normals, tangents and deltas belong to a position: no crack opens at a seam.
 
 use super::{Faces, MorphSource, StreamData, StreamDeltas};
-use crate::error::Result;
+use crate::error::{Result, ensure};
 use glam::{Vec2, Vec3};
 use std::collections::HashMap;
 
@@ -158,13 +158,12 @@ pub(super) fn copies(welds: &[u32]) -> impl Iterator<Item = (u32, u32)> {
 
 /// Checks that each of `vertices` vertices is welded to the first at its position, or that `welds` is empty.
 pub(crate) fn check_welds(welds: &[u32], vertices: usize) -> Result<(), String> {
-    if !welds.is_empty() && welds.len() != vertices {
-        return Err(format!("{} welds for {vertices} vertices", welds.len()));
+    ensure!(welds.is_empty() || welds.len() == vertices, format!("{} welds for {vertices} vertices", welds.len()));
+    for (v, of) in copies(welds) {
+        let is_first = of < v && welds[of as usize] == of;
+        ensure!(is_first, format!("vertex {v} is welded to vertex {of}, which is not the first at its position"));
     }
-    match copies(welds).find(|&(v, of)| of > v || welds[of as usize] != of) {
-        Some((v, of)) => Err(format!("vertex {v} is welded to vertex {of}, which is not the first at its position")),
-        None => Ok(()),
-    }
+    Ok(())
 }
 
 /// Gives each of `copies` the delta of the vertex that it doubles. `deltas` are ascending, and have none for copies.

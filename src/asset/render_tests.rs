@@ -133,14 +133,8 @@ fn streams_and_welds_that_do_not_fit_are_named() {
         (&|s| s.targets[0].streams[0].vertices = vec![2, 1], "among the tangent deltas, vertex 1 comes after vertex 2"),
         (&|s| s.targets[0].streams[0].vertices[1] = 6, "a tangent delta of vertex 6, there are 6 vertices"),
         (&|s| s.targets[0].streams[0].deltas[0] = f32::INFINITY, "the tangent delta of vertex 1 is [inf, 0.0, 0.0]"),
-        (
-            &|s| s.welds = vec![0, 1, 1, 3, 4, 5],
-            "vertex 2 is welded to vertex 1, but their positions differ in some pose",
-        ),
-        (
-            &|s| s.welds = vec![1, 1, 2, 3, 4, 5],
-            "vertex 0 is welded to vertex 1, which is not the first at its position",
-        ),
+        (&|s| s.welds = vec![0, 1, 1, 3, 4, 5], "vertex 2 is welded to vertex 1, but their positions differ in some"),
+        (&|s| s.welds = vec![1, 1, 2, 3, 4, 5], "vertex 0 is welded to vertex 1, which is not the first at its"),
         (&|s| s.welds = vec![0; 5], "5 welds for 6 vertices"),
     ];
     for (change, expected) in cases {

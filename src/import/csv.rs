@@ -6,7 +6,7 @@
 mod times;
 
 pub use super::DEFAULT_FPS;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use crate::io::{TEXT_MAX, read_bounded, write_replacing};
 use crate::weights::WeightClip;
 use csv::{ReaderBuilder, StringRecord, Trim};
@@ -93,10 +93,9 @@ impl Table {
                 continue;
             }
             let columns = table.names.len();
-            if record.len() < least || record.iter().skip(columns).any(|cell| !cell.is_empty()) {
-                let what = format!("{} values, but the header has {columns} columns", record.len());
-                return Err(refuse(at, "", &what, "give one value per column in every row"));
-            }
+            let fits = record.len() >= least && record.iter().skip(columns).all(str::is_empty);
+            let what = || format!("{} values, but the header has {columns} columns", record.len());
+            ensure!(fits, refuse(at, "", &what(), "give one value per column in every row"));
             if table.values.try_reserve(columns).is_err() {
                 let what = format!("{}: line {}: there is no memory for more rows", path.display(), line(at));
                 return Err(Error::out_of_memory(what, "split the clip"));
@@ -129,10 +128,8 @@ impl Table {
                 Some((column, times))
             });
         }
-        if table.names.is_empty() {
-            let remedy = "give a header of target names and one row per frame";
-            return Err(Error::input(path, "", "an empty file", remedy));
-        }
+        let remedy = "give a header of target names and one row per frame";
+        ensure!(!table.names.is_empty(), Error::input(path, "", "an empty file", remedy));
         // A column of text alone is none of weights, unless no other is.
         let time = table.times.as_ref().map(|(column, _)| *column);
         let all_text = !kinds.iter().any(|kind| kind.has_numbers);
@@ -212,7 +209,7 @@ fn fps_of_name(path: &Path) -> Option<f32> {
     let (before, _) = stem.rsplit_once("fps")?;
     let words = before.trim_end_matches(|c: char| c.is_ascii_digit() || c == '.');
     let number = &before[words.len()..];
-    number.parse().ok().filter(|fps: &f32| *fps > 0.0 && fps.is_finite())
+    number.parse().ok().filter(|fps| super::is_rate(*fps))
 }
 
 /// Writes a weights CSV that [`read`] reads back unchanged, except for the frame rate, which only a name like
@@ -223,9 +220,8 @@ fn fps_of_name(path: &Path) -> Option<f32> {
 /// around it, or like a comment), or a weight that is not finite; [`Error::Io`] if the file cannot be written.
 pub fn write(path: &Path, clip: &WeightClip) -> Result<()> {
     clip.check()?;
-    if clip.names.is_empty() {
-        return Err(Error::invalid(format!("clip '{}' has no columns", clip.name), "give it a column per target"));
-    }
+    let what = || format!("clip '{}' has no columns", clip.name);
+    ensure!(!clip.names.is_empty(), Error::invalid(what(), "give it a column per target"));
     let mut out = csv::Writer::from_writer(vec![]);
     // Writing to memory cannot fail.
     let mut written = out.write_record(&clip.names).is_ok();

@@ -15,18 +15,14 @@ pub(super) fn pack(source: &Source<'_>, desc: &PackDesc, format: &impl DenseForm
     let target_count = mesh.targets.len();
     let words = desc.format.words();
     let per_padding = target_count * VERTEX_PADDING * desc.format.stride();
-    if per_padding as u64 > desc.max_chunk_bytes {
-        return Err(Error::invalid(
-            format!(
-                "mesh '{}': {target_count} targets need {per_padding} bytes of deltas for {VERTEX_PADDING} vertices, \
-                 but the device binds at most {} bytes at once",
-                mesh.name, desc.max_chunk_bytes
-            ),
-            "use fewer targets or the snorm16 format",
-        ));
+    let most = desc.max_chunk_bytes;
+    if per_padding as u64 > most {
+        let what = format!("{target_count} targets need {per_padding} bytes of deltas for {VERTEX_PADDING} vertices");
+        let what = format!("mesh '{}': {what}, but the device binds at most {most} bytes at once", mesh.name);
+        return Err(Error::invalid(what, "use fewer targets or the snorm16 format"));
     }
     // Whole workgroups, at least one.
-    let groups = desc.max_chunk_bytes.checked_div(per_padding as u64).unwrap_or(u64::MAX);
+    let groups = most.checked_div(per_padding as u64).unwrap_or(u64::MAX);
     let groups = groups.min(desc.max_chunk_vertices / VERTEX_PADDING as u64).max(1);
     let chunk_vertices = groups.saturating_mul(VERTEX_PADDING as u64).min(padded as u64) as usize;
 

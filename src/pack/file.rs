@@ -38,12 +38,12 @@
 //! and its invariants are checked.
 
 mod contents;
-mod table;
+pub(crate) mod table;
 
 use super::source::sort;
 use super::{POSE_FLOATS, PackDesc, PackedGroup, PackedMesh, PackedTarget};
 use crate::asset::{Faces, MorphMesh, MorphTarget, Semantic, Tolerance, check_welds};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use crate::io::{read_bounded, write_replacing};
 use glam::Vec2;
 use std::io::Write;
@@ -83,10 +83,8 @@ impl Asset {
     /// # Errors
     /// A dense format; errors of [`PackedMesh::pack`].
     pub fn pack(mesh: &MorphMesh, desc: &PackDesc) -> Result<Self> {
-        if !desc.format.is_blocks() {
-            let what = format!("the dense format '{}' in a packed file", desc.format.name());
-            return Err(Error::invalid(what, "pack as 'fast' or 'small'"));
-        }
+        let what = format!("the dense format '{}' in a packed file", desc.format.name());
+        ensure!(desc.format.is_blocks(), Error::invalid(what, "pack as 'fast' or 'small'"));
         Ok(Self {
             mesh: PackedMesh::pack(mesh, desc)?,
             faces: mesh.faces.clone(),
@@ -134,10 +132,8 @@ impl Asset {
     /// The bytes of the file, with the content of section 'clips'.
     pub(crate) fn to_bytes_with(&self, clips: Option<Vec<u8>>) -> Result<Vec<u8>> {
         self.check().map_err(|what| {
-            Error::invalid(
-                format!("mesh '{}' cannot be written as .dmorph: {what}", self.mesh.layout().name),
-                "write a mesh that to_mesh() has accepted",
-            )
+            let what = format!("mesh '{}' cannot be written as .dmorph: {what}", self.mesh.layout().name);
+            Error::invalid(what, "write a mesh that to_mesh() has accepted")
         })?;
         contents::write(self, clips)
     }
@@ -168,16 +164,11 @@ impl Asset {
     /// Checks that neither packing nor the file format makes.
     fn check(&self) -> Result<(), String> {
         let layout = self.mesh.layout();
-        if layout.vertex_count == 0 {
-            return Err("it has no vertex".into());
-        }
-        if !(layout.diagonal.is_finite() && layout.diagonal >= 0.0) {
-            return Err(format!("a diagonal of {}", layout.diagonal));
-        }
+        let is_size = |size: &f32| size.is_finite() && *size >= 0.0;
+        ensure!(layout.vertex_count > 0, "it has no vertex".into());
+        ensure!(is_size(&layout.diagonal), format!("a diagonal of {}", layout.diagonal));
         let Tolerance { position, normal } = self.tolerance;
-        if [position, normal].iter().any(|t| !(t.is_finite() && *t >= 0.0)) {
-            return Err(format!("tolerances of {position} and {normal}"));
-        }
+        ensure!([position, normal].iter().all(is_size), format!("tolerances of {position} and {normal}"));
         if let Some(i) = self.texcoords.iter().position(|t| !t.is_finite()) {
             return Err(format!("texture coordinate {i} is {}", self.texcoords[i]));
         }
@@ -187,10 +178,8 @@ impl Asset {
             .map_err(|e| if let Error::Invalid { what, .. } = &e { what.clone() } else { e.to_string() })?;
         let mut names: Vec<&str> = layout.targets.iter().map(|t| t.name.as_str()).collect();
         names.sort_unstable();
-        match names.windows(2).find(|w| w[0] == w[1]) {
-            Some(twice) => Err(format!("two targets are called '{}'", twice[0])),
-            None => Ok(()),
-        }
+        let twice = names.windows(2).find(|w| w[0] == w[1]);
+        twice.map_or(Ok(()), |twice| Err(format!("two targets are called '{}'", twice[0])))
     }
 }
 

@@ -177,18 +177,11 @@ impl Sums {
         let room = most / f64::from(weight_max) / f64::from(1u32 << WEIGHT_BITS.start());
         let factor = (self.largest_of_mesh / room).log2().ceil().exp2();
         let error = |step: f32| f64::from(step) * 0.75f64.sqrt();
-        Error::invalid(
-            format!(
-                "integer sums of this mesh could overflow: a vertex adds up to {} steps, {room:.0} fit weights up to \
-                 {weight_max}",
-                self.largest_of_mesh
-            ),
-            format!(
-                "pack with errors {factor} times as large (now {:.1e} in length and {:.2}° at most), or use a smaller \
-                 largest weight",
-                error(self.steps[0]),
-                error(self.steps[1]).to_degrees()
-            ),
-        )
+        let [length, angle] = self.steps.map(error);
+        let now = format!("now {length:.1e} in length and {:.2}° at most", angle.to_degrees());
+        let fit =
+            format!("a vertex adds up to {} steps, {room:.0} fit weights up to {weight_max}", self.largest_of_mesh);
+        let remedy = format!("pack with errors {factor} times as large ({now}), or use a smaller largest weight");
+        Error::invalid(format!("integer sums of this mesh could overflow: {fit}"), remedy)
     }
 }

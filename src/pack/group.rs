@@ -239,10 +239,8 @@ impl PackedLayout {
     /// An index out of range.
     pub fn remap_indices(&self, indices: &mut [u32]) -> Result<()> {
         if let Some(bad) = indices.iter().find(|&&i| i as usize >= self.vertex_count) {
-            return Err(Error::invalid(
-                format!("index {bad} for mesh '{}' of {} vertices", self.name, self.vertex_count),
-                "pass the index buffer of this mesh",
-            ));
+            let what = format!("index {bad} for mesh '{}' of {} vertices", self.name, self.vertex_count);
+            return Err(Error::invalid(what, "pass the index buffer of this mesh"));
         }
         if let Some(blocks) = &self.blocks {
             let packed = blocks.packed_vertices();
@@ -260,20 +258,13 @@ impl PackedLayout {
     /// Converts a pose from pose-buffer order, with padding, to the user's vertex order, without padding. Missing
     /// vertices become NaN.
     pub fn to_user_order(&self, pose: &[f32]) -> Vec<f32> {
-        let numbers = self.vertex_count * POSE_FLOATS;
-        match &self.blocks {
-            None => match pose.get(..numbers) {
-                Some(pose) => pose.to_vec(),
-                None => pose.iter().copied().chain(std::iter::repeat(f32::NAN)).take(numbers).collect(),
-            },
-            Some(blocks) => {
-                let mut out = vec![f32::NAN; numbers];
-                for (vertex, from) in blocks.order().iter().zip(pose.chunks_exact(POSE_FLOATS)) {
-                    out[*vertex as usize * POSE_FLOATS..][..POSE_FLOATS].copy_from_slice(from);
-                }
-                out
+        let mut out = vec![f32::NAN; self.vertex_count * POSE_FLOATS];
+        for (packed, from) in pose.chunks_exact(POSE_FLOATS).enumerate() {
+            if let Some(vertex) = self.user_vertex(packed) {
+                out[vertex * POSE_FLOATS..][..POSE_FLOATS].copy_from_slice(from);
             }
         }
+        out
     }
 
     /// First word of the deltas of target `target` in the chunk of `vertices` vertices that starts at `first` (dense

@@ -15,7 +15,7 @@ pub(crate) mod vertex;
 
 use crate::asset::streams::GROUP_COMPONENTS;
 use crate::asset::{Faces, MorphMesh, RenderVertices};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use crate::math::far_middle;
 use crate::setters::setters;
 use blocks::BlockDesc;
@@ -111,16 +111,9 @@ impl PackedMesh {
     /// formats: `desc.max_chunk_bytes` does not fit all targets of 64 vertices. Block formats: invalid values of
     /// [`BlockDesc`].
     pub fn pack(mesh: &MorphMesh, desc: &PackDesc) -> Result<Self> {
-        if mesh.targets.len() > TARGETS_MAX {
-            return Err(Error::invalid(
-                format!(
-                    "mesh '{}' has {} targets; the kernels name at most {TARGETS_MAX}",
-                    mesh.name,
-                    mesh.targets.len()
-                ),
-                "split the targets over several meshes",
-            ));
-        }
+        let targets = mesh.targets.len();
+        let what = format!("mesh '{}' has {targets} targets; the kernels name at most {TARGETS_MAX}", mesh.name);
+        ensure!(targets <= TARGETS_MAX, Error::invalid(what, "split the targets over several meshes"));
         mesh.faces.check(mesh.vertex_count(), mesh.texcoords.len())?;
         let sources = Source::groups(mesh)?;
         let groups = with_format!(desc.format,

@@ -4,7 +4,8 @@ use super::POSE_FLOATS;
 use super::formats::Lane;
 use crate::asset::streams::{Semantic, StreamPlace, TRIPLE, TRIPLES, group_streams};
 use crate::asset::{MorphMesh, MorphTarget, check_welds};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
+use std::collections::HashSet;
 
 /// A group of streams of a mesh.
 pub(crate) struct Source<'a> {
@@ -91,36 +92,20 @@ pub(crate) fn largest(deltas: &[Lane]) -> [f32; TRIPLES] {
 pub(crate) fn check(mesh: &MorphMesh) -> Result<(), String> {
     let vertices = mesh.vertex_count();
     check_welds(&mesh.welds, vertices)?;
-    if !mesh.origin.is_finite() {
-        return Err(format!("an origin of {}", mesh.origin));
-    }
-    if mesh.normals.len() != vertices {
-        return Err(format!("{} normals for {vertices} vertices", mesh.normals.len()));
-    }
-    for target in &mesh.targets {
-        let moved = target.vertices.len();
-        let fits = target.positions.len() == moved && target.normals.len() == moved;
-        if !fits || target.vertices.iter().any(|&v| v as usize >= vertices) {
-            return Err(format!("the deltas of target '{}' do not fit", target.name));
-        }
-    }
-    for (i, stream) in mesh.streams.iter().enumerate() {
-        let semantic = stream.semantic;
-        let own = matches!(semantic, Semantic::Position | Semantic::Normal);
-        if own || mesh.streams[..i].iter().any(|s| s.semantic == semantic) {
-            return Err(format!("two streams '{semantic}'"));
-        }
-        let has = stream.values.len();
+    ensure!(mesh.origin.is_finite(), format!("an origin of {}", mesh.origin));
+    let further = mesh.streams.iter().map(|stream| stream.semantic);
+    let mut seen = HashSet::new();
+    for semantic in [Semantic::Position, Semantic::Normal].into_iter().chain(further) {
+        ensure!(seen.insert(semantic), format!("two streams '{semantic}'"));
+        let has = mesh.values(semantic).len();
         let expected = vertices * semantic.components();
-        if has != expected {
-            return Err(format!("stream '{semantic}' has {has} numbers; {vertices} vertices take {expected}"));
-        }
+        let what = format!("stream '{semantic}' has {has} numbers; {vertices} vertices take {expected}");
+        ensure!(has == expected, what);
         for target in &mesh.targets {
-            let Some(deltas) = target.streams.get(i) else { continue };
-            let fits = deltas.deltas.len() == deltas.vertices.len() * semantic.morphing_components();
-            if !fits || deltas.vertices.iter().any(|&v| v as usize >= vertices) {
-                return Err(format!("the deltas of stream '{semantic}' in target '{}' do not fit", target.name));
-            }
+            let (moved, deltas) = mesh.deltas(target, semantic);
+            let fits = deltas.len() == moved.len() * semantic.morphing_components()
+                && moved.iter().all(|&v| (v as usize) < vertices);
+            ensure!(fits, format!("the deltas of stream '{semantic}' in target '{}' do not fit", target.name));
         }
     }
     Ok(())

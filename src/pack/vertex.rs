@@ -3,7 +3,7 @@
 use super::{POSE_FLOATS, PackedLayout, PoseFormat};
 use crate::abi::kernels::PLACES;
 use crate::asset::streams::{Semantic, StreamPlace};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use std::fmt;
 
 /// Most streams per vertex: the vertex attributes that every device supports.
@@ -85,25 +85,21 @@ impl VertexLayout {
         format: PoseFormat,
     ) -> Result<()> {
         let stride = self.stride;
-        let refuse = |what: String, remedy: &str| {
-            Err(Error::invalid(format!("poses in vertices of {stride} bytes: {what}"), remedy))
-        };
-        if self.count > STREAMS_MAX {
-            return refuse(format!("{} streams", self.count), "use at most 16");
-        }
-        if stride == 0 || !stride.is_multiple_of(4) {
-            return refuse("the stride".into(), "use a multiple of 4 from 4 on");
-        }
+        let refuse =
+            |what: String, remedy: &str| Error::invalid(format!("poses in vertices of {stride} bytes: {what}"), remedy);
+        ensure!(self.count <= STREAMS_MAX, refuse(format!("{} streams", self.count), "use at most 16"));
+        ensure!(stride > 0 && stride.is_multiple_of(4), refuse("the stride".into(), "use a multiple of 4 from 4 on"));
         let number = format.number_bytes() as u32;
-        if let Some((semantic, offset)) = self.streams().find(|(_, offset)| !offset.is_multiple_of(number)) {
-            return refuse(format!("stream '{semantic}' at {offset}"), &format!("use multiples of {number}"));
+        let remedy = format!("use multiples of {number}");
+        for (semantic, offset) in self.streams() {
+            ensure!(offset.is_multiple_of(number), refuse(format!("stream '{semantic}' at {offset}"), &remedy));
         }
-        if self.offset(Semantic::Position).is_none() {
-            return refuse("no positions".into(), "add Semantic::Position with its offset");
-        }
-        let has = |semantic| groups.clone().flat_map(|group| &group.streams).any(|place| place.semantic == semantic);
-        if let Some((semantic, _)) = self.streams().find(|(semantic, _)| !has(*semantic)) {
-            return refuse(format!("stream '{semantic}', which the mesh does not have"), "leave it out");
+        let has_positions = self.offset(Semantic::Position).is_some();
+        ensure!(has_positions, refuse("no positions".into(), "add Semantic::Position with its offset"));
+        for (semantic, _) in self.streams() {
+            let is_there = groups.clone().flat_map(|group| &group.streams).any(|place| place.semantic == semantic);
+            let what = format!("stream '{semantic}', which the mesh does not have");
+            ensure!(is_there, refuse(what, "leave it out"));
         }
         // Written bytes of a vertex: begin, end, stream.
         let mut written: Vec<(u64, u64, Semantic)> = vec![];
@@ -119,7 +115,7 @@ impl VertexLayout {
             let is_apart = |place: &StreamPlace, at| begin + format.offset(place.first) as i64 != i64::from(at);
             if let Some((place, at)) = named.find(|(place, at)| begin < 0 || begin % 4 != 0 || is_apart(place, *at)) {
                 let what = format!("stream '{}' at {at} in {} poses", place.semantic, format.name());
-                return refuse(what, "keep the streams of a group together in 12 bytes, from a multiple of 4 on");
+                return Err(refuse(what, "keep the streams of a group together in 12 bytes, from a multiple of 4 on"));
             }
             written.push((begin as u64, begin as u64 + format.stride() as u64, first.semantic));
         }
@@ -128,7 +124,7 @@ impl VertexLayout {
         if let Some((i, (begin, end, semantic))) = written.iter().enumerate().find(|(i, (_, end, _))| *end > next(*i)) {
             let behind = written.get(i + 1).map_or("the end of the vertex".into(), |(.., after)| format!("'{after}'"));
             let what = format!("stream '{semantic}' takes bytes {begin} to {end}, beyond the beginning of {behind}");
-            return refuse(what, "move it, or use a larger stride");
+            return Err(refuse(what, "move it, or use a larger stride"));
         }
         Ok(())
     }

@@ -4,7 +4,7 @@ pub mod delta;
 pub mod names;
 mod normalised;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use names::closest;
 pub use normalised::normalise_weights;
 use std::collections::{HashMap, HashSet};
@@ -78,21 +78,21 @@ impl WeightClip {
     /// Distinct names, whole rows, finite values.
     #[doc(hidden)]
     pub fn check(&self) -> Result<()> {
-        let refuse = |what: String, remedy: &str| Err(Error::invalid(format!("clip '{}': {what}", self.name), remedy));
+        let refuse = |what: String, remedy: &str| Error::invalid(format!("clip '{}': {what}", self.name), remedy);
         let columns = self.names.len();
         let mut seen = HashSet::with_capacity(columns);
-        if let Some(name) = self.names.iter().find(|name| !seen.insert(name.nfc().collect::<String>())) {
-            return refuse(format!("two columns are called '{name}'"), "rename or remove one of them");
+        for name in &self.names {
+            let is_new = seen.insert(name.nfc().collect::<String>());
+            ensure!(is_new, refuse(format!("two columns are called '{name}'"), "rename or remove one of them"));
         }
-        if self.values.len() != self.frame_count() * columns {
-            let what = format!("{} values in {columns} columns are no whole number of frames", self.values.len());
-            return refuse(what, "give one value per column and frame");
-        }
+        let count = self.values.len();
+        let what = format!("{count} values in {columns} columns are no whole number of frames");
+        ensure!(count == self.frame_count() * columns, refuse(what, "give one value per column and frame"));
         if let Some(i) = self.values.iter().position(|w| !w.is_finite()) {
             let name = &self.names[i % columns];
             let frame = i / columns;
             let what = format!("column '{name}', frame {frame}: the weight is {}", self.values[i]);
-            return refuse(what, "replace it with a finite number");
+            return Err(refuse(what, "replace it with a finite number"));
         }
         Ok(())
     }
@@ -143,11 +143,10 @@ impl BoundClip {
     /// # Errors
     /// A frame out of range.
     pub fn frame(&self, frame: usize) -> Result<Vec<f32>> {
-        if frame < self.frame_count() {
-            return Ok(self.weights(frame));
-        }
-        let text = format!("frame {frame} of clip '{}', which has {}", self.name, self.frame_count());
-        Err(Error::invalid(text, "count frames from 0"))
+        let count = self.frame_count();
+        let what = || format!("frame {frame} of clip '{}', which has {count}", self.name);
+        ensure!(frame < count, Error::invalid(what(), "count frames from 0"));
+        Ok(self.weights(frame))
     }
 
     fn weights(&self, frame: usize) -> Vec<f32> {

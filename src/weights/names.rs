@@ -3,6 +3,7 @@
 use super::WeightClip;
 use crate::error::Error;
 use std::collections::{HashMap, HashSet};
+use strsim::levenshtein;
 use unicode_normalization::UnicodeNormalization;
 
 impl WeightClip {
@@ -76,52 +77,35 @@ fn key(name: &str) -> String {
     let mut parts = name.rmatch_indices(['.', ':', '|', '/']).map(|(at, _)| &name[at + 1..]);
     let last = parts.find(|part| is_part(part)).unwrap_or(name);
     let last = last.strip_prefix("ai_").unwrap_or(last);
-    let letters = |text: &str| text.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect();
     let (before, end) = last.rsplit_once(|c: char| !c.is_alphanumeric()).unwrap_or((last, ""));
-    let before: String = letters(before);
     match end {
-        "l" | "L" => before + "left",
-        "r" | "R" => before + "right",
+        "l" | "L" => letters(before) + "left",
+        "r" | "R" => letters(before) + "right",
         _ => letters(last),
     }
 }
 
+/// What naming schemes have in common: they differ in case and separators.
+fn letters(text: &str) -> String {
+    text.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect()
+}
+
 /// An error for a `name` that is not in `known`, the names of targets.
 pub fn unknown(what: String, name: &str, known: &[&str]) -> Error {
-    Error::invalid(
-        what,
-        match closest(name, known) {
-            Some(near) => format!("use '{near}' if that is meant"),
-            None => "use a target of the mesh".to_owned(),
-        },
-    )
+    let near = closest(name, known).map(|near| format!("use '{near}' if that is meant"));
+    Error::invalid(what, near.unwrap_or_else(|| "use a target of the mesh".to_owned()))
 }
 
 /// The target nearest to `name` by edit distance, if it is close enough, or one that ends so, behind its nodes.
 pub fn closest<'a>(name: &str, targets: &[&'a str]) -> Option<&'a str> {
-    // Naming schemes differ in case and separators.
-    let plain = |s: &str| s.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect::<Vec<_>>();
-    let wanted = plain(name);
-    let far = |target: &str| match plain(target) {
-        longer if wanted.len() > 3 && longer.len() > wanted.len() && longer.ends_with(&wanted) => 1,
-        other => distance(&wanted, &other),
+    let wanted = letters(name);
+    let length = wanted.chars().count();
+    let far = |target: &str| match letters(target) {
+        longer if length > 3 && longer.len() > wanted.len() && longer.ends_with(&wanted) => 1,
+        other => levenshtein(&wanted, &other),
     };
     let (distance, target) = targets.iter().map(|target| (far(target), *target)).min_by_key(|(d, _)| *d)?;
-    (distance <= (wanted.len() / 3).max(2) && distance < wanted.len().max(1)).then_some(target)
-}
-
-fn distance(a: &[char], b: &[char]) -> usize {
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.iter().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, y) in b.iter().enumerate() {
-            let substituted = diagonal + usize::from(x != y);
-            diagonal = row[j + 1];
-            row[j + 1] = substituted.min(diagonal + 1).min(row[j] + 1);
-        }
-    }
-    row[b.len()]
+    (distance <= (length / 3).max(2) && distance < length.max(1)).then_some(target)
 }
 
 #[cfg(test)]

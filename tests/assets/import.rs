@@ -98,14 +98,6 @@ fn a_seam_in_the_texture_coordinates_does_not_split_the_shading() {
 }
 
 #[test]
-fn normal_deltas_are_those_of_the_file_scaled_with_the_base_normal() {
-    let file = |vn: &str| format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 2\nvn {vn}\nf 1//2 2//1 3//1\n");
-    let source = import(&file("0 0 2"), &[("a.obj", &file("0 1 2"))]);
-    assert_eq!(source.normals, Some(vec![Vec3::Z; 3]));
-    assert_eq!(source.targets[0].normals, Some(vec![(0, Vec3::new(0.0, 0.5, 0.0))]));
-}
-
-#[test]
 fn hard_edges_are_averaged_by_area_with_a_note() {
     // The face of vertex 4 has three times the area of the other.
     let text =
@@ -266,10 +258,8 @@ fn what_is_written_reads_back_bit_for_bit() {
     assert_eq!(again.texcoords, mesh.texcoords);
     assert_eq!(again.normals, mesh.normals);
     assert_eq!(again.faces, mesh.faces);
-    says(
-        &String::from_utf8(out).unwrap(),
-        &["v 0.100000001 ", "v 100 -0.5 123456.781\n", "f 1/1/1 2/2/2 3/3/3 4/1/4\n", "f 1//1 2//2 4//4\n"],
-    );
+    let text = String::from_utf8(out).unwrap();
+    says(&text, &["v 0.100000001 ", "v 100 -0.5 123456.781\n", "f 1/1/1 2/2/2 3/3/3 4/1/4\n", "f 1//1 2//2 4//4\n"]);
 
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("pose.obj");
@@ -309,7 +299,7 @@ fn a_source_that_makes_no_sense_is_refused() {
     says(&refused(&|s| s.positions[2].y = f32::NAN), &["vertex 2"]);
     says(
         &refused(&|s| s.targets[0].positions = vec![(4, Vec3::X)]),
-        &["target 'a': a position delta of vertex 4, there are 4"],
+        &["'a': a position delta of vertex 4, there are 4"],
     );
     says(&refused(&|s| s.targets[0].positions = vec![(1, Vec3::X), (1, Vec3::X)]), &["vertex 1 comes after vertex 1"]);
     says(&refused(&|s| s.targets[0].positions = vec![(1, Vec3::INFINITY)]), &["position delta of vertex 1"]);
@@ -460,26 +450,6 @@ proptest! {
             };
             // Accepted sources are valid: every index is within its list.
             prop_assert!(source.to_mesh(Tolerance::default()).is_ok());
-        }
-    }
-
-    #[test]
-    fn mutated_files_never_panic(
-        edits in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..4),
-        in_target in any::<bool>(),
-    ) {
-        let good = NEUTRAL.replace("f 1 3 2", "vn 0 0 1\nvt 0 0\nf 1/1/1 3/1/1 2//1").into_bytes();
-        let mut bad = good.clone();
-        for (at, byte) in edits {
-            let at = at.index(bad.len());
-            bad[at] = byte;
-        }
-        let dir = folder("", &[("a.obj", "")]);
-        let (neutral, target) = if in_target { (&good, &bad) } else { (&bad, &good) };
-        std::fs::write(dir.path().join("neutral.obj"), neutral).unwrap();
-        std::fs::write(dir.path().join("targets/a.obj"), target).unwrap();
-        if let Ok(source) = import_folder(dir.path()) {
-            let _ = source.to_mesh(Tolerance::default());
         }
     }
 }

@@ -65,7 +65,7 @@ fn what_does_not_fit_is_refused_or_comes_out_as_nan() {
         testing::says(PackedMesh::pack(&bad, &PackDesc::new(DeltaFormat::Fast)), &[words]);
         assert!(evaluate_unpacked(&bad, &[1.0; 4]).iter().all(|number| number.is_nan()), "{words}");
     };
-    refused(&|mesh| mesh.normals.truncate(99), "99 normals for 100 vertices");
+    refused(&|mesh| mesh.normals.truncate(99), "stream 'normal' has 297 numbers; 100 vertices take 300");
     refused(&|mesh| mesh.targets[1].positions.truncate(1), "do not fit");
     refused(&|mesh| mesh.targets[1].normals.truncate(1), "do not fit");
     refused(&|mesh| mesh.targets[1].vertices[0] = 100, "do not fit");

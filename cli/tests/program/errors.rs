@@ -104,10 +104,8 @@ fn errors_are_those_of_the_files_and_the_weights_asked_for() {
             let rounded = |w: &f64| if step > 0.0 { (w / step).round() * step - w } else { 0.0 };
             let lost: Vec<f64> = weights.iter().map(rounded).collect();
             let of_weights = largest(|v| length(moved(v, &lost))) / diagonal;
-            assert!(
-                (number(&applied, "weights_error_rel") - of_weights).abs() < packing + FLOAT,
-                "{of_weights} {applied}"
-            );
+            let found = number(&applied, "weights_error_rel");
+            assert!((found - of_weights).abs() < packing + FLOAT, "{of_weights} {applied}");
             let stays = frame == 0 || pose != "float32";
             let of_play = number(&played["frames"][frame], "max_error") / diagonal;
             assert!((of_play - true_error).abs() < if stays { FLOAT } else { 1e-5 }, "{pose} {frame}: {of_play}");

@@ -1,5 +1,7 @@
 //! Times of rows: a column of seconds, of a fraction of them, or of timecode gives the frame rate.
 
+use crate::import::is_rate;
+
 /// Frames per second of timecode, of which one is that of a clip: the least that has all frame numbers.
 const RATES: [f64; 9] = [24.0, 25.0, 30.0, 48.0, 50.0, 60.0, 90.0, 100.0, 120.0];
 
@@ -70,7 +72,7 @@ pub(super) fn frame_rate(name: &str, times: &[Time], columns: usize, values: &mu
     let times = seconds(name, times)?;
     let (first, last) = (*times.first()?, *times.last()?);
     let mut steps: Vec<f64> = times.windows(2).map(|two| two[1] - two[0]).collect();
-    let rate = |steps: usize| Some((steps as f64 / (last - first)) as f32).filter(|fps| *fps > 0.0 && fps.is_finite());
+    let rate = |steps: usize| Some((steps as f64 / (last - first)) as f32).filter(|fps| is_rate(*fps));
     let fps = rate(steps.len())?;
     if steps.iter().any(|step| *step < 0.0) {
         return None;

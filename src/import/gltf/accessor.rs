@@ -2,7 +2,7 @@
 
 use super::container::Container;
 use super::json::At;
-use crate::error::Result;
+use crate::error::{Result, ensure};
 
 /// An array of elements of `components` numbers each.
 #[derive(Debug)]
@@ -22,57 +22,43 @@ pub struct Accessor<'a> {
     missing: Option<f32>,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Kind {
-    I8,
-    U8,
-    I16,
-    U16,
-    U32,
-    F32,
+/// A component type: its bytes, and what they are.
+#[derive(Clone, Copy, Debug)]
+struct Kind {
+    size: usize,
+    is_unsigned: bool,
 }
 
 impl Kind {
     fn of(at: &At<'_>) -> Result<Self> {
-        Ok(match at.whole()? {
-            5120 => Self::I8,
-            5121 => Self::U8,
-            5122 => Self::I16,
-            5123 => Self::U16,
-            5125 => Self::U32,
-            5126 => Self::F32,
+        let (size, is_unsigned) = match at.whole()? {
+            5120 => (1, false),
+            5121 => (1, true),
+            5122 => (2, false),
+            5123 => (2, true),
+            5125 => (4, true),
+            5126 => (4, false),
             n => return Err(at.refuse(format!("{n} is no component type of glTF 2.0"), "export the file again")),
-        })
-    }
-
-    fn size(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::U32 | Self::F32 => 4,
-        }
+        };
+        Ok(Self { size, is_unsigned })
     }
 
     fn whole(self, b: &[u8]) -> i64 {
-        match self {
-            Self::I8 => i64::from(b[0] as i8),
-            Self::U8 => b[0].into(),
-            Self::I16 => i16::from_le_bytes([b[0], b[1]]).into(),
-            Self::U16 => u16::from_le_bytes([b[0], b[1]]).into(),
-            Self::U32 | Self::F32 => u32::from_le_bytes([b[0], b[1], b[2], b[3]]).into(),
-        }
-    }
-
-    fn is_unsigned(self) -> bool {
-        matches!(self, Self::U8 | Self::U16 | Self::U32)
+        let mut word = [0; 8];
+        word[..self.size].copy_from_slice(&b[..self.size]);
+        // Widened, with its sign if it has one.
+        let word = i64::from_le_bytes(word);
+        let bits = 64 - 8 * self.size;
+        if self.is_unsigned { word } else { word << bits >> bits }
     }
 
     /// Reads the number at the start of `b`. Normalised integers are fractions of the largest one, at least -1.
     fn number(self, b: &[u8], normalised: bool) -> f32 {
-        if self == Self::F32 {
+        // There are no signed integers of four bytes.
+        if self.size == 4 && !self.is_unsigned {
             return f32::from_le_bytes([b[0], b[1], b[2], b[3]]);
         }
-        let bits = 8 * self.size() - usize::from(!self.is_unsigned());
+        let bits = 8 * self.size - usize::from(!self.is_unsigned);
         let largest = ((1u64 << bits) - 1) as f64;
         let whole = self.whole(b) as f64;
         if normalised { (whole / largest).max(-1.0) as f32 } else { whole as f32 }
@@ -85,9 +71,8 @@ impl Container {
         let at = self.root().item("accessors", index)?;
         let kind = Kind::of(&at.need("componentType")?)?;
         let count = at.need("count")?.whole()?;
-        if u32::try_from(count).is_err() {
-            return Err(at.refuse(format!("{count} elements"), "export the file again: 4,294,967,295 are the most"));
-        }
+        let remedy = "export the file again: 4,294,967,295 are the most";
+        ensure!(u32::try_from(count).is_ok(), at.refuse(format!("{count} elements"), remedy));
         let shape = at.need("type")?;
         let components = match shape.text()? {
             "SCALAR" => 1,
@@ -97,7 +82,7 @@ impl Container {
             "MAT4" => 16,
             other => return Err(shape.refuse(format!("type '{other}', which meshes and animations do not use"), UNFIT)),
         };
-        let element = kind.size() * components;
+        let element = kind.size * components;
         // An empty accessor has no bytes to look for.
         let dense =
             at.get("bufferView").filter(|_| count > 0).map(|_| self.elements(&at, count, element)).transpose()?;
@@ -137,15 +122,11 @@ impl Container {
             self.note(at, "no elements, left out");
             return Ok(Default::default());
         }
-        if others > count {
-            return Err(counted.refuse(format!("{others} of {count} elements"), "export the file again"));
-        }
+        ensure!(others <= count, counted.refuse(format!("{others} of {count} elements"), "export the file again"));
         let indices = at.need("indices")?;
         let kind = Kind::of(&indices.need("componentType")?)?;
-        if !kind.is_unsigned() {
-            return Err(indices.refuse("indices that are not unsigned integers", "export the file again"));
-        }
-        let (bytes, stride) = self.elements(&indices, others, kind.size())?;
+        ensure!(kind.is_unsigned, indices.refuse("indices that are not unsigned integers", "export the file again"));
+        let (bytes, stride) = self.elements(&indices, others, kind.size)?;
         self.charge(&counted, others, 4)?;
         let which: Vec<u32> = (0..others).map(|i| kind.whole(&bytes[i * stride..]) as u32).collect();
         let before = |i: usize| i.checked_sub(1).map(|before| which[before]);
@@ -164,11 +145,9 @@ const UNFIT: &str = "name an accessor of the type that is expected here";
 impl<'a> Accessor<'a> {
     /// Checks that there are `count` elements.
     pub fn of_count(self, count: usize, what: &str) -> Result<Self> {
-        if self.count == count {
-            return Ok(self);
-        }
-        let text = format!("{} elements, but there are {count} {what}", self.count);
-        Err(self.at.refuse(text, "export the file again: counts have to agree"))
+        let text = || format!("{} elements, but there are {count} {what}", self.count);
+        ensure!(self.count == count, self.at.refuse(text(), "export the file again: counts have to agree"));
+        Ok(self)
     }
 
     /// Elements that are not finite have `number` in place of each of theirs, with a note.
@@ -188,10 +167,9 @@ impl<'a> Accessor<'a> {
     }
 
     fn check_components(&self, components: usize) -> Result<()> {
-        if self.components == components {
-            return Ok(());
-        }
-        Err(self.at.refuse(format!("elements of {} numbers, {components} expected", self.components), UNFIT))
+        let what = || format!("elements of {} numbers, {components} expected", self.components);
+        ensure!(self.components == components, self.at.refuse(what(), UNFIT));
+        Ok(())
     }
 
     /// Room for all elements.
@@ -203,7 +181,7 @@ impl<'a> Accessor<'a> {
 
     /// Passes on each element that has bytes.
     fn each<const N: usize>(&self, mut take: impl FnMut(usize, [f32; N])) -> Result<()> {
-        let size = self.kind.size();
+        let size = self.kind.size;
         let mut lost = 0;
         for (i, bytes) in self.stored() {
             let mut numbers: [f32; N] = std::array::from_fn(|c| self.kind.number(&bytes[c * size..], self.normalised));
@@ -237,7 +215,7 @@ impl<'a> Accessor<'a> {
         // Only non-zero elements are kept, since targets are mostly zeros. Each element that is looked at is charged as a
         // byte, since many targets may name the same zeros.
         self.file.charge(&self.at, self.dense.map_or(self.sparse.0.len(), |_| self.count), 1)?;
-        let size = self.kind.size() * N;
+        let size = self.kind.size * N;
         let moved = self.stored().filter(|(_, bytes)| bytes[..size].iter().any(|byte| *byte != 0)).count();
         self.file.charge(&self.at, moved, 4 * N + 4)?;
         let mut found = Vec::with_capacity(moved);
@@ -252,10 +230,8 @@ impl<'a> Accessor<'a> {
     /// Returns all elements of `N` unsigned integers as they are stored: indices and joints.
     pub fn integers<const N: usize>(&self) -> Result<Vec<[u32; N]>> {
         let mut all = self.zeros(0)?;
-        if !self.kind.is_unsigned() {
-            return Err(self.at.refuse("numbers that are not unsigned integers", UNFIT));
-        }
-        let size = self.kind.size();
+        ensure!(self.kind.is_unsigned, self.at.refuse("numbers that are not unsigned integers", UNFIT));
+        let size = self.kind.size;
         for (i, bytes) in self.stored() {
             all[i] = std::array::from_fn(|c| self.kind.whole(&bytes[c * size..]) as u32);
         }

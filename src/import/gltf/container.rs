@@ -2,9 +2,11 @@
 
 use super::json::{At, parse, shortened};
 use super::meshopt;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use crate::io::read_bounded;
+use percent_encoding::percent_decode_str;
 use serde_json::Value;
+use std::borrow::Cow;
 use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::HashMap;
 use std::fmt::Display;
@@ -177,26 +179,21 @@ impl Container {
 /// Returns the ranges of the JSON and of the binary chunk of a GLB file. Chunks are padded to four bytes, but some
 /// exporters leave the padding out, or do not count it.
 fn glb_chunks(path: &Path, bytes: &[u8]) -> Result<(Range<usize>, Option<Range<usize>>)> {
-    let refuse =
-        |place: &str, what: String| Err(Error::input(path, place, what, "export the file again: it is damaged"));
+    let refuse = |place: &str, what: String| Error::input(path, place, what, "export the file again: it is damaged");
     let word = |at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
     let (Some(version), Some(length)) = (word(4), word(8)) else {
-        return refuse("", format!("{} bytes, fewer than the 12 of a GLB header", bytes.len()));
+        return Err(refuse("", format!("{} bytes, fewer than the 12 of a GLB header", bytes.len())));
     };
-    if version != 2 {
-        return refuse("", format!("GLB version {version}, only 2 is read"));
-    }
+    ensure!(version == 2, refuse("", format!("GLB version {version}, only 2 is read")));
     let longest = bytes.len() + 3;
-    if length > longest {
-        return refuse("", format!("cut off: {} of {length} bytes", bytes.len()));
-    }
+    ensure!(length <= longest, refuse("", format!("cut off: {} of {length} bytes", bytes.len())));
     let chunk = |start: usize, kind: [u8; 4]| {
         let end = (start + 8).saturating_add(word(start)?);
         let is_it = word(start + 4)? == u32::from_le_bytes(kind) as usize && end <= longest;
         is_it.then(|| start + 8..end.min(bytes.len()))
     };
     let Some(json) = chunk(12, *b"JSON") else {
-        return refuse(": byte 12", "no chunk 'JSON' that fits the file".into());
+        return Err(refuse(": byte 12", "no chunk 'JSON' that fits the file".into()));
     };
     let binary = [json.end.next_multiple_of(4), json.end].into_iter().find_map(|start| chunk(start, *b"BIN\0"));
     Ok((json, binary))
@@ -204,9 +201,8 @@ fn glb_chunks(path: &Path, bytes: &[u8]) -> Result<(Range<usize>, Option<Range<u
 
 fn check_version(root: &At<'_>) -> Result<()> {
     let version = root.need("asset")?.need("version")?;
-    if !version.text()?.starts_with("2.") {
-        return Err(version.refuse(format!("version {}, only 2 is read", version.value), "export it as glTF 2.0"));
-    }
+    let what = || format!("version {}, only 2 is read", version.value);
+    ensure!(version.text()?.starts_with("2."), version.refuse(what(), "export it as glTF 2.0"));
     for name in root.items("extensionsRequired")? {
         let required = name.text()?;
         if !UNDERSTOOD.contains(&required) && !NOT_LOOKED_AT.iter().any(|prefix| required.starts_with(prefix)) {
@@ -235,7 +231,8 @@ fn uri_bytes(path: &Path, uri: &At<'_>, beside: &mut HashMap<PathBuf, Rc<Vec<u8>
         is_plain && parts.all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
     };
     // Some exporters do not escape a name that has a percent sign in it.
-    let names = percent_decoded(text).into_iter().chain([text.to_owned()]).filter(is_below);
+    let decoded = percent_decode_str(text).decode_utf8().ok().map(Cow::into_owned);
+    let names = decoded.into_iter().chain([text.to_owned()]).filter(is_below);
     let files: Vec<PathBuf> = names.map(|name| path.with_file_name(name)).collect();
     let Some(file) = files.iter().find(|file| file.is_file()).or(files.first()) else {
         let what = format!("'{}' names no file beside this one", shortened(text));
@@ -251,18 +248,6 @@ fn uri_bytes(path: &Path, uri: &At<'_>, beside: &mut HashMap<PathBuf, Rc<Vec<u8>
     let bytes = Rc::new(read_bounded(file, FILE_MAX, "split the file")?);
     beside.insert(real, bytes.clone());
     Ok(bytes)
-}
-
-fn percent_decoded(text: &str) -> Option<String> {
-    let mut bytes = vec![];
-    let mut rest = text.as_bytes();
-    while let Some((&first, after)) = rest.split_first() {
-        let escaped = (first == b'%').then(|| after.get(..2)).flatten();
-        let code = escaped.and_then(|hex| u8::from_str_radix(std::str::from_utf8(hex).ok()?, 16).ok());
-        bytes.push(code.unwrap_or(first));
-        rest = if code.is_some() { &after[2..] } else { after };
-    }
-    String::from_utf8(bytes).ok()
 }
 
 /// Decodes base64 with or without padding (RFC 4648) and with line breaks anywhere; `None` if `text` is something else.

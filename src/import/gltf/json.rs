@@ -1,6 +1,6 @@
 //! Values of the JSON, each with its place, so that errors name it: `a.glb: accessors[3].count: …`.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use serde_json::Value;
 use std::fmt::Display;
 use std::path::Path;
@@ -14,10 +14,8 @@ const ELEMENT_BYTES: usize = 80;
 pub fn parse(path: &Path, text: &[u8]) -> Result<Value> {
     let count = |byte: u8| text.iter().filter(|b| **b == byte).count();
     let memory = (count(b'{') * OBJECT_BYTES).saturating_add((count(b',') + count(b'[')) * ELEMENT_BYTES);
-    if memory > MEMORY_MAX {
-        let what = format!("its JSON has so many values that they would take {} MiB", memory >> 20);
-        return Err(Error::input(path, "", what, "split the file, or keep arrays in buffers"));
-    }
+    let what = format!("its JSON has so many values that they would take {} MiB", memory >> 20);
+    ensure!(memory <= MEMORY_MAX, Error::input(path, "", what, "split the file, or keep arrays in buffers"));
     serde_json::from_slice(text).map_err(|e| {
         let place = format!(": line {} column {} of its JSON", e.line(), e.column());
         Error::input(path, place, e.to_string(), "export the file again: its JSON is damaged")
@@ -78,11 +76,9 @@ impl<'a> At<'a> {
     pub fn index_of(&self, key: &str, index: &At<'_>) -> Result<usize> {
         let i = index.whole()?;
         let count = self.value.get(key).and_then(Value::as_array).map_or(0, Vec::len);
-        if i < count {
-            return Ok(i);
-        }
-        let what = format!("{i}, but there are {count} {key}, counted from 0");
-        Err(index.refuse(what, "export the file again: it names what it does not have"))
+        let what = || format!("{i}, but there are {count} {key}, counted from 0");
+        ensure!(i < count, index.refuse(what(), "export the file again: it names what it does not have"));
+        Ok(i)
     }
 
     /// A whole number, 0 or more.

@@ -209,10 +209,8 @@ fn part(file: &Container, at: &At<'_>, names: &[String]) -> Result<Option<MorphS
     }
     let targets = at.items("targets")?;
     if targets.len() < names.len() {
-        file.note(
-            at,
-            format!("{} targets, but another primitive has {}: the others leave it", targets.len(), names.len()),
-        );
+        let own = targets.len();
+        file.note(at, format!("{own} targets, but another primitive has {}: the others leave it", names.len()));
     }
     let streams = part.source.streams.len();
     file.charge(at, targets.len(), size_of::<SourceTarget>() + streams * size_of::<StreamDeltas>())?;

@@ -19,9 +19,7 @@ pub fn decode(data: &[u8], count: usize, size: usize, mode: &str, filter: &str) 
         _ => false,
     };
     if !fits {
-        return Err(format!(
-            "{count} elements of {size} bytes in mode '{mode}' with filter '{filter}', which is not valid"
-        ));
+        return Err(format!("{count} elements of {size} bytes in mode '{mode}' with filter '{filter}': not valid"));
     }
     let decoded = match mode {
         "TRIANGLES" => triangles(data, count).map(|indices| narrow(&indices, size)),
@@ -29,34 +27,34 @@ pub fn decode(data: &[u8], count: usize, size: usize, mode: &str, filter: &str) 
         _ => attributes(data, count, size),
     };
     let mut bytes = decoded.ok_or_else(|| format!("data that is cut off or not of mode {mode}"))?;
-    match (filter, size) {
-        ("OCTAHEDRAL", 4) => bytes.chunks_exact_mut(4).for_each(|v| {
-            let [x, y, one] = [v[0], v[1], v[2]].map(|b| f32::from(b as i8));
-            octahedral(x, y, one, 127.0).iter().zip(v).for_each(|(value, byte)| *byte = *value as i8 as u8);
-        }),
-        ("OCTAHEDRAL", _) => bytes.chunks_exact_mut(8).for_each(|v| {
-            let [x, y, one, w] = shorts(v);
-            let [x, y, z] = octahedral(x.into(), y.into(), one.into(), 32767.0).map(|value| value as i16);
-            store(v, [x, y, z, w]);
-        }),
-        ("QUATERNION", _) => bytes.chunks_exact_mut(8).for_each(|v| store(v, quaternion(shorts(v)))),
-        ("COLOR", 4) => bytes.chunks_exact_mut(4).for_each(|v| {
-            let [y, co, cg, a] = [v[0].into(), (v[1] as i8).into(), (v[2] as i8).into(), v[3].into()];
-            color(y, co, cg, a, u8::MAX.into()).iter().zip(v).for_each(|(value, byte)| *byte = *value as u8);
-        }),
-        ("COLOR", _) => bytes.chunks_exact_mut(8).for_each(|v| {
-            let [y, co, cg, a] = shorts(v);
-            let [r, g, b, a] = color((y as u16).into(), co.into(), cg.into(), (a as u16).into(), u16::MAX.into());
-            store(v, [r, g, b, a].map(|value| value as u16 as i16));
-        }),
-        ("EXPONENTIAL", _) => bytes.chunks_exact_mut(4).for_each(|v| {
-            let bits = i32::from_le_bytes([v[0], v[1], v[2], v[3]]);
+    match filter {
+        "OCTAHEDRAL" => filtered(&mut bytes, size, octahedral),
+        "QUATERNION" => filtered(&mut bytes, size, |v, _| quaternion(v)),
+        "COLOR" => filtered(&mut bytes, size, color),
+        "EXPONENTIAL" => bytes.as_chunks_mut().0.iter_mut().for_each(|v| {
+            let bits = i32::from_le_bytes(*v);
             let value = f64::from(bits << 8 >> 8) * f64::from(bits >> 24).exp2();
-            v.copy_from_slice(&(value as f32).to_le_bytes());
+            *v = (value as f32).to_le_bytes();
         }),
         _ => {}
     }
     Ok(bytes)
+}
+
+/// Replaces elements of four signed integers, of a byte or two each; `filter` takes the largest of them, too.
+fn filtered(bytes: &mut [u8], size: usize, filter: impl Fn([i32; 4], i32) -> [i32; 4]) {
+    let wide = size == 8;
+    let largest = if wide { i16::MAX.into() } else { i8::MAX.into() };
+    for v in bytes.chunks_exact_mut(size) {
+        let stated = [0, 1, 2, 3].map(|i| match wide {
+            true => i16::from_le_bytes([v[2 * i], v[2 * i + 1]]).into(),
+            false => i32::from(v[i] as i8),
+        });
+        let values = filter(stated, largest);
+        v.chunks_exact_mut(size / 4)
+            .zip(values)
+            .for_each(|(v, value)| v.copy_from_slice(&value.to_le_bytes()[..v.len()]));
+    }
 }
 
 /// Elements in a group.
@@ -172,18 +170,12 @@ fn undo_delta(mode: u8, delta: [u8; 4], before: [u8; 4]) -> Option<[u8; 4]> {
     })
 }
 
-/// A queue of 16; index 0 is the last value pushed.
-pub struct Recent<T>(pub [T; 16], pub usize);
+/// A queue; index 0 is the last value pushed.
+type Recent<T> = [T; 16];
 
-impl<T: Copy> Recent<T> {
-    pub fn push(&mut self, value: T) {
-        self.0[self.1 % 16] = value;
-        self.1 = (self.1 + 1) % 16;
-    }
-
-    pub fn get(&self, back: usize) -> T {
-        self.0[(self.1 + 31 - back) % 16]
-    }
+fn push<T>(queue: &mut Recent<T>, value: T) {
+    queue.rotate_right(1);
+    queue[0] = value;
 }
 
 /// The state of the triangle decoder.
@@ -213,7 +205,7 @@ impl Triangles<'_> {
         Some(match bits {
             0 => (self.take_next(), true),
             15 if may_be_explicit => (self.explicit()?, true),
-            _ => (self.vertices.get(usize::from(bits) - 1), false),
+            _ => (self.vertices[usize::from(bits) - 1], false),
         })
     }
 
@@ -221,7 +213,7 @@ impl Triangles<'_> {
         let high = code >> 4;
         let low = code & 15;
         if high < 15 {
-            let [a, b] = self.edges.get(high.into());
+            let [a, b] = self.edges[usize::from(high)];
             let (c, is_new) = match low {
                 0 => (self.take_next(), true),
                 13 | 14 => {
@@ -229,12 +221,12 @@ impl Triangles<'_> {
                     (self.last, true)
                 }
                 15 => (self.explicit()?, true),
-                _ => (self.vertices.get(low.into()), false),
+                _ => (self.vertices[usize::from(low)], false),
             };
-            self.edges.push([c, b]);
-            self.edges.push([a, c]);
+            push(&mut self.edges, [c, b]);
+            push(&mut self.edges, [a, c]);
             if is_new {
-                self.vertices.push(c);
+                push(&mut self.vertices, c);
             }
             return Some([a, b, c]);
         }
@@ -246,10 +238,10 @@ impl Triangles<'_> {
         let a = if low == 15 { self.explicit()? } else { self.take_next() };
         let (b, b_is_new) = self.named(names >> 4, explicit)?;
         let (c, c_is_new) = self.named(names & 15, explicit)?;
-        [[b, a], [c, b], [a, c]].into_iter().for_each(|edge| self.edges.push(edge));
+        [[b, a], [c, b], [a, c]].into_iter().for_each(|edge| push(&mut self.edges, edge));
         for (vertex, is_new) in [(a, true), (b, b_is_new), (c, c_is_new)] {
             if is_new {
-                self.vertices.push(vertex);
+                push(&mut self.vertices, vertex);
             }
         }
         Some([a, b, c])
@@ -264,9 +256,7 @@ fn triangles(data: &[u8], count: usize) -> Option<Vec<u32>> {
         return None;
     }
     // Queue entries that were never set are no vertex, as in meshoptimizer: the extension leaves them undefined.
-    let edges = Recent([[u32::MAX; 2]; 16], 0);
-    let vertices = Recent([u32::MAX; 16], 0);
-    let mut state = Triangles { extra, next: 0, last: 0, edges, vertices };
+    let mut state = Triangles { extra, next: 0, last: 0, edges: [[u32::MAX; 2]; 16], vertices: [u32::MAX; 16] };
     let mut out = Vec::with_capacity(count);
     for &code in codes {
         out.extend(state.triangle(code, table)?);
@@ -308,42 +298,39 @@ fn narrow(indices: &[u32], size: usize) -> Vec<u8> {
     indices.iter().flat_map(|index| index.to_le_bytes().into_iter().take(size)).collect()
 }
 
-fn shorts(v: &[u8]) -> [i16; 4] {
-    [0, 2, 4, 6].map(|i| i16::from_le_bytes([v[i], v[i + 1]]))
-}
-
-fn store(v: &mut [u8], values: [i16; 4]) {
-    v.chunks_exact_mut(2).zip(values).for_each(|(bytes, value)| bytes.copy_from_slice(&value.to_le_bytes()));
-}
-
-fn octahedral(x: f32, y: f32, one: f32, max: f32) -> [f32; 3] {
+fn octahedral(v: [i32; 4], largest: i32) -> [i32; 4] {
+    let [x, y, one, _] = v.map(|c| c as f32);
     let z = one - x.abs() - y.abs();
     let folded = z.min(0.0);
     let x = x - folded.copysign(x);
     let y = y - folded.copysign(y);
-    let scale = max / (x * x + y * y + z * z).sqrt();
-    [x, y, z].map(|c| (c * scale).round())
+    let scale = largest as f32 / (x * x + y * y + z * z).sqrt();
+    let [x, y, z] = [x, y, z].map(|c| (c * scale).round() as i32);
+    [x, y, z, v[3]]
 }
 
-fn quaternion(v: [i16; 4]) -> [i16; 4] {
-    let one = f32::from(v[3] | 3);
-    let [x, y, z] = [v[0], v[1], v[2]].map(|c| f32::from(c) / one * std::f32::consts::FRAC_1_SQRT_2);
+fn quaternion(v: [i32; 4]) -> [i32; 4] {
+    let one = (v[3] | 3) as f32;
+    let [x, y, z, _] = v.map(|c| c as f32 / one * std::f32::consts::FRAC_1_SQRT_2);
     let w = (1.0 - x * x - y * y - z * z).max(0.0).sqrt();
     let largest = (v[3] & 3) as usize;
     let mut out = [0; 4];
     for (i, c) in [w, x, y, z].into_iter().enumerate() {
-        out[(largest + i) % 4] = (c * 32767.0).round() as i16;
+        out[(largest + i) % 4] = ((c * 32767.0).round() as i16).into();
     }
     out
 }
 
 /// Converts luma, chrominance and alpha to red, green, blue and alpha; all have as many bits as `alpha`.
-fn color(y: i32, co: i32, cg: i32, alpha: i32, max: f32) -> [f32; 4] {
+fn color([y, co, cg, alpha]: [i32; 4], largest: i32) -> [i32; 4] {
+    // Luma, alpha and colours have no sign.
+    let max = 2 * largest + 1;
+    let [y, alpha] = [y & max, alpha & max];
     let bits = 32 - alpha.leading_zeros();
     let all = (1 << bits) - 1;
     // The highest bit states the number of bits; the lowest bit is doubled to replace it.
     let opacity = alpha & all >> 1;
     let opacity = opacity << 1 | opacity & 1;
-    let scale = max / all as f32;
-    [y + co - cg, y + cg, y - co - cg, opacity].map(|c| (c as f32 * scale).round())
+    let scale = max as f32 / all as f32;
+    [y + co - cg, y + cg, y - co - cg, opacity].map(|c| ((c as f32 * scale).round() as i32).clamp(0, max))
 }

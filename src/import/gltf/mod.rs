@@ -41,8 +41,9 @@ use scene::Hierarchy;
 pub use scene::{Node, Skin, Transform};
 pub use skeleton::Skeleton;
 
+use super::quoted;
 use crate::asset::MorphSource;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use crate::weights::WeightClip;
 use animation::NEAR;
 use container::Container;
@@ -356,12 +357,13 @@ impl Gltf {
             }
         }
         if !flat.is_empty() {
-            self.notes.push(format!("nodes that a scale of 0 flattens are left out: '{}'", flat.join("', '")));
+            self.notes.push(format!("nodes that a scale of 0 flattens are left out: {}", quoted(flat)));
         }
         let mut taken: Vec<usize> = (0..self.meshes.len()).collect();
         taken.retain(|mesh| !self.meshes[*mesh].source.positions.is_empty());
         let mut left_out = vec![];
         let mut still = vec![];
+        let named = |meshes: &[usize]| quoted(meshes.iter().map(|mesh| self.meshes[*mesh].source.name.as_str()));
         let has_targets = |mesh: &usize| !self.meshes[*mesh].source.targets.is_empty();
         let is_drawn = |mesh: &usize| !drawn[*mesh].is_empty();
         for (why, is_wanted) in [
@@ -370,27 +372,21 @@ impl Gltf {
         ] {
             if taken.iter().any(is_wanted) {
                 let others: Vec<usize> = taken.extract_if(.., |mesh| !is_wanted(mesh)).collect();
-                let names: Vec<&str> = others.iter().map(|i| self.meshes[*i].source.name.as_str()).collect();
-                if !names.is_empty() {
-                    left_out.push(format!("{why}: '{}'", names.join("', '")));
+                if !others.is_empty() {
+                    left_out.push(format!("{why}: {}", named(&others)));
                 }
                 still.extend(others.into_iter().filter(|mesh| with_still && is_drawn(mesh)));
             }
         }
-        self.notes.extend(left_out);
-        if taken.is_empty() {
-            let remedy = "give a file with a mesh of triangles";
-            return Err(Error::input(&self.path, "", "no mesh has triangles", remedy));
-        }
         if taken.len() > 1 {
-            let merged: Vec<&str> = taken.iter().map(|mesh| self.meshes[*mesh].source.name.as_str()).collect();
-            self.notes.push(format!("merged, targets of one name moved together: '{}'", merged.join("', '")));
+            left_out.push(format!("merged, targets of one name moved together: {}", named(&taken)));
         }
+        self.notes.extend(left_out);
+        let remedy = "give a file with a mesh of triangles";
+        ensure!(!taken.is_empty(), Error::input(&self.path, "", "no mesh has triangles", remedy));
         let mut mesh = self.assembled(taken, &drawn, &worlds, unposed && moves)?;
-        let still = match still.is_empty() {
-            true => None,
-            false => Some(self.assembled(still, &drawn, &worlds, unposed && moves)?),
-        };
+        let is_all = still.is_empty();
+        let still = if is_all { None } else { Some(self.assembled(still, &drawn, &worlds, unposed && moves)?) };
         self.notes.append(&mut mesh.source.notes);
         mesh.source.notes = self.notes;
         Ok(Scene { mesh, still })
@@ -414,20 +410,17 @@ impl Gltf {
         for (mesh, copies) in taken.into_iter().zip(copies) {
             let mut left = std::mem::take(&mut self.meshes[mesh].source);
             let nodes = &drawn[mesh];
+            let name = format!("mesh '{}'", left.name);
             if copies < nodes.len() {
-                let name = &left.name;
-                let count = nodes.len();
                 let why = "since the file is small, copies are fewer";
-                let text = format!("mesh '{name}' is drawn by {count} nodes; {why}: {copies}");
-                left.notes.push(text);
+                left.notes.push(format!("{name} is drawn by {} nodes; {why}: {copies}", nodes.len()));
             }
             let stated = nodes.first().map(|number| &self.nodes[*number].weights).filter(|weights| !weights.is_empty());
             let weights = stated.unwrap_or(&self.meshes[mesh].weights);
             let at_rest = weights.iter().zip(&left.targets).filter(|(weight, _)| **weight != 0.0);
             let at_rest: Vec<String> = at_rest.map(|(weight, target)| format!("{} {weight}", target.name)).collect();
             if !at_rest.is_empty() {
-                let text = at_rest.join(", ");
-                left.notes.push(format!("mesh '{}' has weights at rest, which are left out: {text}", left.name));
+                left.notes.push(format!("{name} has weights at rest, which are left out: {}", at_rest.join(", ")));
             }
             for copy in 0..copies {
                 let mut source = match copy + 1 == copies {
@@ -446,12 +439,11 @@ impl Gltf {
                     None => _ = assemble::transform(&mut source, |_| place),
                     Some((influences, joints)) => {
                         if let Some(v) = assemble::transform(&mut source, |v| influences.blend(v, joints)) {
-                            let name = &source.name;
-                            source.notes.push(format!("mesh '{name}': joints of scale 0 flatten it, as at vertex {v}"));
+                            source.notes.push(format!("{name}: joints of scale 0 flatten it, as at vertex {v}"));
                         }
                         // Joints may part what was at one place, or bring it there.
                         source.welds.clear();
-                        source.weld().map_err(assemble::in_file(&self.path, &format!(": mesh '{}'", source.name)))?;
+                        source.weld().map_err(assemble::in_file(&self.path, &format!(": {name}")))?;
                     }
                 }
                 if let Some(skeleton) = &mut skeleton {
@@ -462,8 +454,8 @@ impl Gltf {
                         Error::input(&self.path, "", "vertices follow more than 65535 joints", remedy)
                     })?;
                     if reduced > 0 {
-                        let what = format!("{reduced} vertices follow more than 8 joints, of which 8 move them");
-                        source.notes.push(format!("mesh '{}': {what}", source.name));
+                        let what = "vertices follow more than 8 joints, of which 8 move them";
+                        source.notes.push(format!("{name}: {reduced} {what}"));
                     }
                 }
                 drawn_parts.extend(self.meshes[mesh].primitives.iter().map(|primitive| DrawnPart {

@@ -3,7 +3,7 @@
 use super::animation::{Animation, Property};
 use super::container::Container;
 use super::json::At;
-use crate::error::Result;
+use crate::error::{Result, ensure};
 use glam::{DMat4, DQuat, DVec3, DVec4, Mat4, Quat, Vec3};
 
 /// A node: its transform relative to its parent, and the mesh that it draws.
@@ -133,35 +133,33 @@ fn node(root: &At<'_>, at: &At<'_>) -> Result<Node> {
 
 /// Reads a skin.
 pub fn skin(file: &Container, at: &At<'_>) -> Result<Skin> {
-    let mut joints = vec![];
-    for joint in at.need("joints")?.elements()? {
-        joints.push(file.root().index_of("nodes", &joint)?);
-    }
-    let accessor = at.get("inverseBindMatrices").map(|index| file.accessor(&index)).transpose()?;
-    let inverse_bind = match accessor {
-        None => vec![Mat4::IDENTITY; joints.len()],
-        Some(accessor) if accessor.count == 0 => {
+    let listed = at.need("joints")?.elements()?;
+    let joints: Vec<usize> = listed.iter().map(|at| file.root().index_of("nodes", at)).collect::<Result<_>>()?;
+    let mut inverse_bind = vec![Mat4::IDENTITY; joints.len()];
+    if let Some(index) = at.get("inverseBindMatrices") {
+        let accessor = file.accessor(&index)?;
+        let count = accessor.count;
+        let what = || format!("{count} matrices for {} joints", joints.len());
+        let remedy = "export the file again: a skin has a matrix for each joint";
+        ensure!(count == 0 || count >= joints.len(), accessor.at.refuse(what(), remedy));
+        if count == 0 {
             file.note(&accessor.at, "no matrices, left out");
-            vec![Mat4::IDENTITY; joints.len()]
+        } else {
+            inverse_bind = accessor.floats()?.iter().take(joints.len()).map(Mat4::from_cols_array).collect();
         }
-        Some(accessor) if accessor.count < joints.len() => {
-            let what = format!("{} matrices for {} joints", accessor.count, joints.len());
-            return Err(accessor.at.refuse(what, "export the file again: a skin has a matrix for each joint"));
-        }
-        Some(accessor) => accessor.floats::<16>()?.iter().take(joints.len()).map(Mat4::from_cols_array).collect(),
-    };
+    }
     Ok(Skin { name: at.text_or_empty("name").to_owned(), joints, inverse_bind })
 }
 
 impl Transform {
     /// Returns the matrix, with animated values replacing its own parts.
     fn matrix(&self, playing: &[(Property, Vec<f64>)]) -> DMat4 {
-        let Self::Parts { translation, rotation, scale } = *self else {
-            let Self::Matrix(matrix) = *self else { return DMat4::IDENTITY };
-            return matrix.as_dmat4();
+        let (mut translation, mut rotation, mut scale) = match self {
+            Self::Matrix(matrix) => return matrix.as_dmat4(),
+            Self::Parts { translation, rotation, scale } => {
+                (translation.as_dvec3(), rotation.as_dquat(), scale.as_dvec3())
+            }
         };
-        let (mut translation, mut rotation, mut scale) =
-            (translation.as_dvec3(), rotation.as_dquat(), scale.as_dvec3());
         for (property, value) in playing {
             match property {
                 Property::Translation => translation = DVec3::from_slice(value),

@@ -9,7 +9,7 @@ mod several;
 mod written;
 
 use super::*;
-use crate::asset::{Semantic, Tolerance};
+use crate::asset::{Semantic, StreamDeltas, Tolerance};
 use crate::{PackDesc, PackedMesh};
 use glam::Vec3;
 use serde_json::{Value, json};
@@ -57,10 +57,8 @@ fn every_stream_morphs_and_what_no_target_moves_is_constant() {
     assert_eq!(source.streams[0].values[8..], [1.0, 0.0, 0.0, 1.0]);
     assert_eq!(source.normals.as_ref().unwrap()[0], Vec3::Z);
     assert_eq!(source.targets[0].normals, Some(vec![(0, Vec3::X)]));
-    assert_eq!(
-        (&source.targets[1].streams[0].vertices[..], &source.targets[1].streams[0].deltas[..]),
-        (&[0, 2][..], &[0.0, 2.0, 0.0, 0.0, 0.0, 0.0][..])
-    );
+    let StreamDeltas { vertices, deltas } = &source.targets[1].streams[0];
+    assert_eq!((&vertices[..], &deltas[..]), (&[0, 2][..], &[0.0, 2.0, 0.0, 0.0, 0.0, 0.0][..]));
     assert_eq!(source.targets[1].streams[1].deltas, [0.25, 0.5]);
     assert_eq!(source.streams[2].values[..4], [1.0, 0.5, 0.25, 1.0]);
     assert_eq!((source.targets[2].streams[2].vertices[0], source.targets[2].streams[2].deltas[0]), (2, 0.5));

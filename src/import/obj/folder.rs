@@ -3,7 +3,7 @@
 use super::ObjFile;
 use crate::asset::normals::{area_vector, unit_normals};
 use crate::asset::{Corner, Faces, MorphSource, SourceTarget};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use crate::io::{has_extension, list};
 use crate::math::{diagonal, map_all};
 use glam::{DVec3, Vec3};
@@ -97,10 +97,8 @@ fn neutral_path(folder: &Path) -> Result<PathBuf> {
 /// Returns the names and paths of the targets, in target order.
 fn target_paths(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
     let targets = folder.join("targets");
-    if !targets.is_dir() {
-        let remedy = "put one .obj file per target into it (or none, for a base pose without targets)";
-        return Err(Error::input(folder, "", "no folder 'targets' in this folder", remedy));
-    }
+    let remedy = "put one .obj file per target into it (or none, for a base pose without targets)";
+    ensure!(targets.is_dir(), Error::input(folder, "", "no folder 'targets' in this folder", remedy));
     let mut paths: Vec<(String, PathBuf)> = list(&targets)?
         .into_iter()
         .filter(|p| has_extension(p, "obj") && !p.is_dir())
@@ -199,12 +197,10 @@ impl Neutral {
         let file = ObjFile::read(path)?;
         let base = &self.file.positions;
         const REMEDY: &str = "export every target from the neutral mesh, with the same vertices in the same order";
-        let refuse = |what: String| Err(Error::input(path, "", what, REMEDY));
+        let refuse = |what: String| Error::input(path, "", what, REMEDY);
         let found = file.positions.len();
-        let expected = self.file.positions.len();
-        if found != expected {
-            return refuse(format!("{found} vertices, but {} has {expected}", self.path.display()));
-        }
+        let neutral = self.path.display();
+        ensure!(found == base.len(), refuse(format!("{found} vertices, but {neutral} has {}", base.len())));
         let mut remarks = vec![];
         let named = |faces: &Faces| faces.corners.iter().map(|corner| corner.position).collect::<Vec<_>>();
         if file.faces.sizes != self.file.faces.sizes || named(&file.faces) != named(&self.file.faces) {
@@ -212,17 +208,15 @@ impl Neutral {
             let stretched =
                 [stretch(&self.file.faces, base, &file.positions), stretch(&file.faces, &file.positions, base)];
             let times = stretched.into_iter().fold(0.0, f64::max);
-            if times > STRETCH {
-                let file = self.path.display();
-                let what =
-                    format!("its vertices are in another order: edges are {times:.1} times as long as in {file}");
-                return refuse(what);
-            }
+            let what =
+                || format!("its vertices are in another order: edges are {times:.1} times as long as in {neutral}");
+            ensure!(times <= STRETCH, refuse(what()));
             remarks.push(OTHER_FACES);
         }
         let positions: Vec<(u32, Vec3)> = differences(base, &file.positions).collect();
-        if let Some((v, _)) = positions.iter().find(|(_, d)| !d.is_finite()) {
-            return refuse(format!("vertex {} is too far from its position in the neutral mesh", u64::from(*v) + 1));
+        for (v, delta) in &positions {
+            let what = || format!("vertex {} is too far from its position in the neutral mesh", u64::from(*v) + 1);
+            ensure!(delta.is_finite(), refuse(what()));
         }
         let way: f64 = positions.iter().map(|(_, delta)| delta.as_dvec3().length()).sum();
         if way > FAR_FROM * f64::from(diagonal(base)) * base.len() as f64 {

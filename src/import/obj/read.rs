@@ -5,7 +5,7 @@
 //! finite, the lines are checked one by one.
 
 use crate::asset::{Corner, Faces};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use crate::io::{TEXT_MAX, read_bounded};
 use glam::{Vec2, Vec3};
 use std::io::Write;
@@ -70,10 +70,8 @@ impl ObjFile {
             let kind = KEYWORDS.iter().position(|k| k.as_bytes() == keyword);
             kind.into_iter().for_each(|kind| counts[kind] += 1);
         }
-        if counts[0] == 0 {
-            let what = "no 'v' line: not an OBJ file, or one without vertices";
-            return Err(Error::input(path, "", what, EXPORT_OBJ));
-        }
+        let what = "no 'v' line: not an OBJ file, or one without vertices";
+        ensure!(counts[0] > 0, Error::input(path, "", what, EXPORT_OBJ));
         let mut scan = Scan {
             path,
             line: 0,
@@ -202,15 +200,12 @@ impl Scan<'_> {
             let number = if is_nan(word) { Ok(f32::NAN) } else { word.parse::<f32>() };
             numbers.push(number.map_err(|_| self.error(format!("'{}' is not a number", short(word)), remedy))?);
         }
-        if numbers.len() < LEAST[kind] {
-            let what = format!("a {} with {} numbers, {} expected", NAMES[kind], numbers.len(), LEAST[kind]);
-            return Err(self.error(what, EXPORT_AGAIN));
-        }
+        let what = || format!("a {} with {} numbers, {} expected", NAMES[kind], numbers.len(), LEAST[kind]);
+        ensure!(numbers.len() >= LEAST[kind], self.error(what(), EXPORT_AGAIN));
         let weight = if text.split_whitespace().count() == 4 { numbers[3] } else { 1.0 };
-        if kind == 0 && !numbers[..3].iter().all(|x| (x / weight).is_finite()) {
-            let what = format!("the vertex '{}' is not one of finite numbers of single precision", short(text.trim()));
-            return Err(self.error(what, "repair the mesh and export it again"));
-        }
+        let is_finite = kind != 0 || numbers[..3].iter().all(|x| (x / weight).is_finite());
+        let what = || format!("the vertex '{}' is not one of finite numbers of single precision", short(text.trim()));
+        ensure!(is_finite, self.error(what(), "repair the mesh and export it again"));
         Ok(())
     }
 
@@ -221,9 +216,8 @@ impl Scan<'_> {
             let Some(position) = position else {
                 return Err(self.error(format!("'{}' names no vertex", short(word)), WRITE_CORNERS));
             };
-            if u32::try_from(self.faces.corners.len()).is_err() {
-                return Err(self.error("more than 4,294,967,295 face corners", "split the mesh"));
-            }
+            let has_room = u32::try_from(self.faces.corners.len()).is_ok();
+            ensure!(has_room, self.error("more than 4,294,967,295 face corners", "split the mesh"));
             self.faces.corners.push(Corner { position, texcoord });
             self.corner_normals.push(normal.unwrap_or(u32::MAX));
         }
@@ -244,14 +238,12 @@ impl Scan<'_> {
         let mut named = [None; 3];
         // A positive index may refer to later lines; a negative one counts back from this line.
         for (k, part) in word.split('/').enumerate() {
-            let refuse = |what: &str| Err(self.error(format!("'{}' {what}", short(word)), WRITE_CORNERS));
-            if k == 3 {
-                return refuse("has more than three indices");
-            }
+            let refuse = |what: &str| self.error(format!("'{}' {what}", short(word)), WRITE_CORNERS);
+            ensure!(k < 3, refuse("has more than three indices"));
             if part.is_empty() {
                 continue;
             }
-            let Ok(index) = part.parse::<i64>() else { return refuse("is not a corner of a face") };
+            let index: i64 = part.parse().map_err(|_| refuse("is not a corner of a face"))?;
             let limit = if index < 0 { self.seen[k] } else { self.counts[k] } as u64;
             if (1..=limit).contains(&index.unsigned_abs()) {
                 let from_0 = if index < 0 { limit - index.unsigned_abs() } else { index.unsigned_abs() - 1 };

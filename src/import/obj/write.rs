@@ -1,7 +1,7 @@
 //! OBJ export.
 
 use crate::asset::{Faces, MorphMesh};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use crate::io::write_replacing;
 use glam::{Vec2, Vec3};
 use std::io::{self, Write};
@@ -38,20 +38,18 @@ pub fn write_obj(path: &Path, mesh: ObjMesh<'_>) -> Result<()> {
 }
 
 fn check(mesh: &ObjMesh<'_>) -> Result<()> {
-    let refuse = |what: String| Err(Error::invalid(what, "write a mesh that to_mesh() has accepted"));
+    let refuse = |what: String| Error::invalid(what, "write a mesh that to_mesh() has accepted");
     let v = mesh.positions.len();
     let vt = mesh.texcoords.len();
     let vn = mesh.normals.len();
-    if vn != 0 && vn != v {
-        return refuse(format!("{vn} normals for {v} vertices"));
-    }
+    ensure!(vn == 0 || vn == v, refuse(format!("{vn} normals for {v} vertices")));
     for (name, vectors) in [("vertex", mesh.positions), ("the normal of vertex", mesh.normals)] {
         if let Some(i) = vectors.iter().position(|p| !p.is_finite()) {
-            return refuse(format!("{name} {i} is not finite: {}", vectors[i]));
+            return Err(refuse(format!("{name} {i} is not finite: {}", vectors[i])));
         }
     }
     if let Some(i) = mesh.texcoords.iter().position(|t| !t.is_finite()) {
-        return refuse(format!("texture coordinate {i} is not finite: {}", mesh.texcoords[i]));
+        return Err(refuse(format!("texture coordinate {i} is not finite: {}", mesh.texcoords[i])));
     }
     mesh.faces.check(v, vt)
 }

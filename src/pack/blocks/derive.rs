@@ -2,6 +2,7 @@
 
 use super::{BLOCK_SIZES, BlockIndex, EntryCost, Incidence, Parts};
 use crate::asset::streams::{Measure, StreamPlace, TRIPLE, TRIPLES};
+use crate::error::ensure;
 use crate::math::is_power_of_two;
 use crate::pack::formats::BlockFormat;
 use crate::pack::grid::Sums;
@@ -63,9 +64,7 @@ impl BlockIndex {
         let Parts { order, steps, weight_max, first_entry, entry_target, .. } = &self.parts;
         let size = self.size();
         let entries = entry_target.len();
-        if !BLOCK_SIZES.contains(&self.parts.size) {
-            return Err(format!("a block size of {size}"));
-        }
+        ensure!(BLOCK_SIZES.contains(&self.parts.size), format!("a block size of {size}"));
         // Powers of two: integers and sums decode exactly, and both steps of a target differ by a shift.
         if let Some(step) = steps.iter().find(|s| !is_power_of_two(**s)) {
             return Err(format!("a step of {step}, which is no power of two"));
@@ -73,41 +72,31 @@ impl BlockIndex {
         if let Some(step) = steps.iter().find(|s| !self.parts.format.has_integers() && **s != 1.0) {
             return Err(format!("a step of {step}, where deltas are floats (their step is 1)"));
         }
-        if !(weight_max.is_finite() && *weight_max > 0.0) {
-            return Err(format!("weights up to {weight_max}"));
-        }
+        ensure!(weight_max.is_finite() && *weight_max > 0.0, format!("weights up to {weight_max}"));
         // Kernels count words in 32 bits, and on some devices bytes.
-        if words.len() as u64 > WORDS_MAX {
-            return Err(format!("{} words; the kernels reach {WORDS_MAX}", words.len()));
-        }
+        let count = words.len();
+        ensure!(count as u64 <= WORDS_MAX, format!("{count} words; the kernels reach {WORDS_MAX}"));
         let padded = order.len().next_multiple_of(size.max(VERTEX_PADDING));
-        if base.len() != padded * POSE_FLOATS || first_entry.len() != padded / size + 1 {
-            return Err(format!("{} vertices, but {} blocks", order.len(), first_entry.len() as i64 - 1));
-        }
+        let fits = base.len() == padded * POSE_FLOATS && first_entry.len() == padded / size + 1;
+        ensure!(fits, format!("{} vertices, but {} blocks", order.len(), first_entry.len() as i64 - 1));
         if let Some(i) = base.iter().position(|b| !b.is_finite()) {
             return Err(format!("the base pose of packed vertex {} is {}", i / POSE_FLOATS, base[i]));
         }
-        let mut seen = vec![false; order.len()];
+        let mut unseen = vec![true; order.len()];
         for &v in order.iter() {
-            match seen.get_mut(v as usize) {
-                Some(seen) if !*seen => *seen = true,
-                _ => return Err(format!("vertex {v} comes twice in the order, or is not there")),
-            }
+            let is_new = unseen.get_mut(v as usize).is_some_and(std::mem::take);
+            ensure!(is_new, format!("vertex {v} comes twice in the order, or is not there"));
         }
         let ends = (first_entry.first(), first_entry.last());
-        if ends != (Some(&0), Some(&(entries as u32))) || !first_entry.is_sorted() {
-            return Err("the entries of blocks overlap or leave gaps".into());
-        }
+        let covers = ends == (Some(&0), Some(&(entries as u32))) && first_entry.is_sorted();
+        ensure!(covers, "the entries of blocks overlap or leave gaps".into());
         for block in 0..self.count() {
             let listed = &entry_target[self.entries(block)];
-            if !listed.is_sorted_by(|a, b| a < b) || listed.last().is_some_and(|&t| t as usize >= targets) {
-                return Err(format!("the targets of block {block} are not ascending, or out of range"));
-            }
+            let fits = listed.is_sorted_by(|a, b| a < b) && listed.last().is_none_or(|&t| (t as usize) < targets);
+            ensure!(fits, format!("the targets of block {block} are not ascending, or out of range"));
         }
         // Headers must exist before they are read.
-        if self.deltas_at > words.len() {
-            return Err(format!("{} words, fewer than the headers of {entries} entries", words.len()));
-        }
+        ensure!(self.deltas_at <= count, format!("{count} words, fewer than the headers of {entries} entries"));
         // Entries are contiguous, and the last one ends at the end.
         let mut at = self.deltas_at;
         for entry in 0..entries {
@@ -117,18 +106,13 @@ impl BlockIndex {
             let bits = format.check_header(header).map_err(|what| format!("entry {entry} has {what}"))?;
             for triple in (0..TRIPLES).filter(|triple| !self.lengths.contains(&(triple * TRIPLE))) {
                 let largest = f64::from(steps[triple]) * f64::from(bits[triple]).exp2();
-                if largest > f64::from(f32::MAX) {
-                    return Err(format!("entry {entry} has numbers up to {largest:e} in triple {triple}"));
-                }
+                let fits = largest <= f64::from(f32::MAX);
+                ensure!(fits, format!("entry {entry} has numbers up to {largest:e} in triple {triple}"));
             }
-            if deltas.start != at {
-                return Err(format!("the deltas of entry {entry} are not where they belong"));
-            }
+            ensure!(deltas.start == at, format!("the deltas of entry {entry} are not where they belong"));
             at = deltas.end;
         }
-        if at != words.len() {
-            return Err(format!("{} words where the entries take {at}", words.len()));
-        }
+        ensure!(at == count, format!("{count} words where the entries take {at}"));
         format.check_deltas(&words[self.deltas_at..])
     }
 
@@ -164,14 +148,12 @@ impl BlockIndex {
                 let step = self.parts.steps[c / TRIPLE];
                 *largest = largest.max(sum / f64::from(step));
             }
-            if !(self.block_base[block] + self.block_reach[block]).is_finite() {
-                return Err(format!("the deltas of block {block} are too large for single precision"));
-            }
+            let fits = (self.block_base[block] + self.block_reach[block]).is_finite();
+            ensure!(fits, format!("the deltas of block {block} are too large for single precision"));
             // Vertices beyond the mesh's last one must not move.
             let live = self.parts.order.len().saturating_sub(block * size).min(size);
-            if sums[live..].iter().any(|sums| *sums != [0.0; POSE_FLOATS]) {
-                return Err(format!("block {block} moves vertices that the mesh does not have"));
-            }
+            let stay = sums[live..].iter().all(|sums| *sums == [0.0; POSE_FLOATS]);
+            ensure!(stay, format!("block {block} moves vertices that the mesh does not have"));
         }
         self.costs = costs;
         // By target; blocks stay ascending, since entries are in block order.

@@ -3,7 +3,7 @@
 use super::derive::WORDS_MAX;
 use super::{BLOCK_SIZES, BlockDesc, BlockIndex, Parts};
 use crate::asset::streams::{Measure, StreamPlace, TRIPLE, TRIPLES};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use crate::math::angle_degrees;
 use crate::pack::alike;
 use crate::pack::formats::{BlockFormat, INTEGER_BITS, Lane, quantise, small};
@@ -100,15 +100,11 @@ fn check(desc: &BlockDesc) -> Result<()> {
     }
     let positive = |v: f32| v.is_finite() && v > 0.0;
     let errors = [desc.position_error, desc.normal_error_degrees, desc.absolute_error];
-    if !errors.into_iter().all(positive) || !positive(desc.weight_max) {
-        return Err(Error::invalid(
-            format!(
-                "packing errors of {} of the diagonal, {}° and {}, with weights up to {}",
-                desc.position_error, desc.normal_error_degrees, desc.absolute_error, desc.weight_max
-            ),
-            "use numbers above 0",
-        ));
-    }
+    let [length, degrees, absolute] = errors;
+    let most = desc.weight_max;
+    let what =
+        format!("packing errors of {length} of the diagonal, {degrees}° and {absolute}, with weights up to {most}");
+    ensure!(errors.into_iter().all(positive) && positive(most), Error::invalid(what, "use numbers above 0"));
     Ok(())
 }
 
@@ -248,12 +244,8 @@ impl Packing<'_> {
         }
         words.resize(words.len().next_multiple_of(4), 0);
         let count = words.len() as u64 + deltas.len() as u64;
-        if count > WORDS_MAX {
-            return Err(Error::invalid(
-                format!("mesh '{}': its deltas take {} bytes", mesh.name, count * 4),
-                "split the mesh, or use a smaller format",
-            ));
-        }
+        let what = format!("mesh '{}': its deltas take {} bytes", mesh.name, count * 4);
+        ensure!(count <= WORDS_MAX, Error::invalid(what, "split the mesh, or use a smaller format"));
         words.append(&mut deltas);
         let base = self.source.base_pose(padded, Some(self.order));
         let parts = Parts {

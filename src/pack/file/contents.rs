@@ -4,7 +4,7 @@ use super::Asset;
 use super::table::*;
 use crate::asset::streams::{Semantic, TRIPLES, group_streams};
 use crate::asset::{Corner, Faces, Tolerance};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use crate::io::room;
 use crate::pack::blocks::Parts;
 use crate::pack::{
@@ -23,19 +23,9 @@ pub(super) fn write(asset: &Asset, clips: Option<Vec<u8>>) -> Result<Vec<u8>> {
     let faces = &asset.faces;
     let index = layout.index()?;
     let groups = asset.mesh.groups();
-    if groups.len() > GROUPS_MAX {
-        let what = format!("mesh '{}' has {} groups of streams; a file has {GROUPS_MAX}", layout.name, groups.len());
-        return Err(Error::invalid(what, "leave streams out"));
-    }
-    let counts = |counts: &[usize]| -> Result<Vec<u32>> {
-        let refuse = |n| {
-            Error::invalid(
-                format!("mesh '{}' has a list of {n} numbers; a .dmorph file holds fewer than 2^32", layout.name),
-                "split the mesh",
-            )
-        };
-        counts.iter().map(|&n| u32::try_from(n).map_err(|_| refuse(n))).collect()
-    };
+    let what = format!("mesh '{}' has {} groups of streams; a file has {GROUPS_MAX}", layout.name, groups.len());
+    ensure!(groups.len() <= GROUPS_MAX, Error::invalid(what, "leave streams out"));
+    let counts = |counts: &[usize]| counts.iter().map(|count| counted(*count)).collect::<Result<Vec<u32>>>();
     let corners = faces.corners.len();
     let texcoords = asset.texcoords.len();
     let Tolerance { position, normal } = asset.tolerance;
@@ -47,10 +37,7 @@ pub(super) fn write(asset: &Asset, clips: Option<Vec<u8>>) -> Result<Vec<u8>> {
     .concat();
     let mut names = vec![];
     for name in std::iter::once(&layout.name).chain(layout.targets.iter().map(|t| &t.name)) {
-        let length = u32::try_from(name.len())
-            .map_err(|_| Error::invalid(format!("a name of {} bytes", name.len()), "shorten it"))?;
-        names.extend(length.to_le_bytes());
-        names.extend(name.as_bytes());
+        push_name(&mut names, name)?;
     }
     let textured = faces.corners.iter().any(|c| c.texcoord.is_some());
     let corner_texcoords = faces.corners.iter().filter(|_| textured).map(|c| c.texcoord.unwrap_or(u32::MAX));
@@ -101,8 +88,8 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
     let sized = |place: Place, count: usize, stride: usize, of: &str| {
         let bytes = sections.get(place);
         let needed = count as u64 * stride as u64;
-        let what = || format!("has {} bytes; {count} {of} take {needed}", bytes.len());
-        if bytes.len() as u64 == needed { Ok(bytes) } else { Err(refuse(place, what())) }
+        let what = format!("has {} bytes; {count} {of} take {needed}", bytes.len());
+        if bytes.len() as u64 == needed { Ok(bytes) } else { Err(refuse(place, what)) }
     };
     let checked = |place, count, stride, of: &str| sized(place, count, stride, of).map(words_of);
     let targets_of = |place, entries| {
@@ -123,10 +110,8 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Asset> {
     let [diagonal, weight_max, position, normal] = [diagonal, weight_max, position, normal].map(f32::from_bits);
     let format = DeltaFormat::from_id(format)
         .ok_or_else(|| refuse(at_meta, format!("names a format {format} that is not known")))?;
-    if target_count > TARGETS_MAX {
-        let what = format!("names {target_count} targets; the kernels name at most {TARGETS_MAX}");
-        return Err(refuse(at_meta, what));
-    }
+    let what = format!("names {target_count} targets; the kernels name at most {TARGETS_MAX}");
+    ensure!(target_count <= TARGETS_MAX, refuse(at_meta, what));
     let head = |group| Head::parse(sections.get((GROUP, group))).map_err(|what| refuse((GROUP, group), what));
     let heads = (0..sections.groups()).map(head).collect::<Result<Vec<_>>>()?;
     let laid_out = group_streams(heads.iter().flat_map(|head| &head.semantics).copied());
@@ -203,18 +188,14 @@ impl Head {
         let (&[count, blocks, entries, words, first, second], rest) =
             words.split_first_chunk::<6>().ok_or_else(|| format!("has {length} bytes"))?;
         let expected = 24 + 16 * u64::from(count);
-        if length != expected {
-            return Err(format!("has {length} bytes, {expected} expected"));
-        }
+        ensure!(length == expected, format!("has {length} bytes, {expected} expected"));
         let mut semantics = vec![];
         let mut error = PoseError::default();
         for &[id, zero, low, high] in rest.as_chunks().0 {
             let known = Semantic::from_id(id).filter(|_| zero == 0);
             let semantic = known.ok_or_else(|| format!("names a stream {id:#x} that is not known"))?;
             let stated = f64::from_bits(u64::from(low) | u64::from(high) << 32);
-            if !(stated.is_finite() && stated >= 0.0) {
-                return Err(format!("names an error of {stated}"));
-            }
+            ensure!(stated.is_finite() && stated >= 0.0, format!("names an error of {stated}"));
             semantics.push(semantic);
             error = error.max(PoseError::only(semantic, stated));
         }
@@ -224,25 +205,15 @@ impl Head {
 }
 
 /// The names of the mesh and of each target.
-fn names(mut bytes: &[u8], targets: usize) -> Result<Vec<&str>, String> {
+fn names(mut rest: &[u8], targets: usize) -> Result<Vec<&str>, String> {
     // Bounded by the bytes, whatever the count says.
-    let mut names = Vec::with_capacity((targets + 1).min(bytes.len() / 4));
+    let mut names = Vec::with_capacity((targets + 1).min(rest.len() / 4));
     for i in 0..=targets {
         let of = || if i == 0 { "the mesh".to_owned() } else { format!("target {}", i - 1) };
-        let Some((length, rest)) = bytes.split_first_chunk() else {
-            return Err(format!("ends before the name of {}", of()));
-        };
-        let length = u32::from_le_bytes(*length) as usize;
-        let Some((name, rest)) = rest.split_at_checked(length) else {
-            return Err(format!("ends within the name of {}, which has {length} bytes", of()));
-        };
-        names.push(std::str::from_utf8(name).map_err(|_| format!("the name of {} is not UTF-8", of()))?);
-        bytes = rest;
+        names.push(name_of(&mut rest).map_err(|what| format!("{what}, at the name of {}", of()))?);
     }
-    match bytes.len() {
-        0 => Ok(names),
-        n => Err(format!("has {n} bytes after the last name")),
-    }
+    ensure!(rest.is_empty(), format!("has {} bytes after the last name", rest.len()));
+    Ok(names)
 }
 
 fn words_of(bytes: &[u8]) -> Vec<u32> {

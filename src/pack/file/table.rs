@@ -1,6 +1,6 @@
 //! The container of a packed file: header, table of sections, checksums.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use std::path::Path;
 
 /// Magic bytes. A transfer in text mode changes the line end, and is detected.
@@ -26,20 +26,28 @@ const OUTDATED: &str = "pack the mesh again with this program, or read it with t
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Section(u32, &'static str);
 
-pub(super) const META: Section = Section(1, "meta");
-pub(super) const NAMES: Section = Section(2, "names");
-pub(super) const BASE: Section = Section(3, "base pose");
-pub(super) const ORDER: Section = Section(4, "order");
-pub(super) const FIRST_ENTRIES: Section = Section(5, "first entries");
-pub(super) const ENTRY_TARGETS: Section = Section(6, "entry targets");
-pub(super) const WORDS: Section = Section(7, "words");
-pub(super) const FACES: Section = Section(8, "face sizes");
-pub(super) const CORNERS: Section = Section(9, "face corners");
-pub(super) const CORNER_TEXCOORDS: Section = Section(10, "corner texcoords");
-pub(super) const TEXCOORDS: Section = Section(11, "texcoords");
-pub(super) const GROUP: Section = Section(12, "group");
-pub(super) const WELDS: Section = Section(13, "welds");
-pub(super) const CLIPS: Section = Section(14, "clips");
+macro_rules! sections {
+    ($($name:ident $id:literal $text:literal)*) => {
+        $(pub(super) const $name: Section = Section($id, $text);)*
+    };
+}
+
+sections! {
+    META 1 "meta"
+    NAMES 2 "names"
+    BASE 3 "base pose"
+    ORDER 4 "order"
+    FIRST_ENTRIES 5 "first entries"
+    ENTRY_TARGETS 6 "entry targets"
+    WORDS 7 "words"
+    FACES 8 "face sizes"
+    CORNERS 9 "face corners"
+    CORNER_TEXCOORDS 10 "corner texcoords"
+    TEXCOORDS 11 "texcoords"
+    GROUP 12 "group"
+    WELDS 13 "welds"
+    CLIPS 14 "clips"
+}
 
 /// Sections that occur once, in file order; the last one in files with clips.
 const ONCE: [Section; 9] = [META, NAMES, ORDER, FACES, CORNERS, CORNER_TEXCOORDS, TEXCOORDS, WELDS, CLIPS];
@@ -82,16 +90,12 @@ impl<'a> Sections<'a> {
 
 /// An error about a section, or about the file if `place` is `None`.
 pub(super) fn malformed(path: &Path, place: Option<Place>, what: impl Into<String>, remedy: &str) -> Error {
-    Error::Input {
-        path: path.to_path_buf(),
-        place: match place {
-            None => String::new(),
-            Some((Section(_, name), 0)) => format!(": section '{name}'"),
-            Some((Section(_, name), group)) => format!(": section '{name}' of group {group}"),
-        },
-        what: what.into(),
-        remedy: remedy.into(),
-    }
+    let place = match place {
+        None => String::new(),
+        Some((Section(_, name), 0)) => format!(": section '{name}'"),
+        Some((Section(_, name), group)) => format!(": section '{name}' of group {group}"),
+    };
+    Error::input(path, place, what, remedy)
 }
 
 /// Builds a file of `contents`, which are in the order of [`places`].
@@ -122,28 +126,27 @@ pub(super) fn join(contents: &[(Place, Vec<u8>)]) -> Vec<u8> {
 
 /// Splits a file into sections, checking every byte against the table and the checksums.
 pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
-    let refuse = |what: String, remedy: &str| Err(malformed(path, None, what, remedy));
+    let refuse = |what: String, remedy: &str| malformed(path, None, what, remedy);
     let ends = |within: &str| refuse(format!("ends after {} bytes, within {within}", bytes.len()), DAMAGED);
     let magic = bytes.get(..MAGIC.len()).unwrap_or(bytes);
-    if !MAGIC.starts_with(magic) || bytes.is_empty() {
-        return refuse("does not begin as a packed mesh does".into(), "give a file written by `deltamorph pack`");
-    }
-    let (Some(version), Some(count)) = (u32_at(bytes, 8), u32_at(bytes, 12)) else { return ends("the header") };
+    let begins = MAGIC.starts_with(magic) && !bytes.is_empty();
+    let remedy = "give a file written by `deltamorph pack`";
+    ensure!(begins, refuse("does not begin as a packed mesh does".into(), remedy));
+    let (Some(version), Some(count)) = (u32_at(bytes, 8), u32_at(bytes, 12)) else { return Err(ends("the header")) };
     if !(VERSION..=WITH_CLIPS).contains(&version) {
         let what =
             format!("has version {version} of the format; this program reads versions {VERSION} and {WITH_CLIPS}");
-        return refuse(what, OUTDATED);
+        return Err(refuse(what, OUTDATED));
     }
     let Some(places) = places(version, count as usize) else {
-        return refuse(format!("has {count} sections, which no file of version {version} has"), DAMAGED);
+        return Err(refuse(format!("has {count} sections, which no file of version {version} has"), DAMAGED));
     };
     let table = HEADER + ROW * places.len();
     let (Some(checksum), Some(zero)) = (u32_at(bytes, table), u32_at(bytes, table + 4)) else {
-        return ends("the table of sections");
+        return Err(ends("the table of sections"));
     };
-    if crc32fast::hash(&bytes[..table]) != checksum || zero != 0 {
-        return refuse("the checksum of its header does not match".into(), DAMAGED);
-    }
+    let matches = crc32fast::hash(&bytes[..table]) == checksum && zero == 0;
+    ensure!(matches, refuse("the checksum of its header does not match".into(), DAMAGED));
     let mut at = table + TAIL;
     let mut contents = Vec::with_capacity(places.len());
     for (i, place) in places.into_iter().enumerate() {
@@ -154,35 +157,53 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
         let checksum = word(4);
         let offset = long(8);
         let length = long(16);
-        let refuse = |what: String| Err(malformed(path, Some(place), what, DAMAGED));
-        if (has, offset) != (id(place), at as u64) {
-            return refuse(format!("lies at {offset} with id {has}; at {at} with id {} expected", id(place)));
-        }
-        if length > (bytes.len() - at) as u64 {
-            return refuse(format!("has {length} bytes at {offset}, but the file ends after {}", bytes.len()));
-        }
+        let refuse = |what: String| malformed(path, Some(place), what, DAMAGED);
+        let what = format!("lies at {offset} with id {has}; at {at} with id {} expected", id(place));
+        ensure!((has, offset) == (id(place), at as u64), refuse(what));
+        let what = format!("has {length} bytes at {offset}, but the file ends after {}", bytes.len());
+        ensure!(length <= (bytes.len() - at) as u64, refuse(what));
         let end = at + length as usize;
         let next = end.next_multiple_of(ALIGNMENT);
-        match bytes.get(end..next) {
-            None => return refuse(format!("ends with the file, at {}; padding expected", bytes.len())),
-            Some(padding) if padding.iter().any(|b| *b != 0) => return refuse("is not padded with zeros".into()),
-            Some(_) => {}
-        }
+        let padding = bytes.get(end..next);
+        let padding = padding.ok_or_else(|| refuse(format!("ends at {}; padding expected", bytes.len())))?;
+        ensure!(padding.iter().all(|b| *b == 0), refuse("is not padded with zeros".into()));
         let content = &bytes[at..end];
-        if crc32fast::hash(content) != checksum {
-            return refuse("the checksum does not match".into());
-        }
+        ensure!(crc32fast::hash(content) == checksum, refuse("the checksum does not match".into()));
         contents.push((place, content));
         at = next;
     }
-    if at != bytes.len() {
-        return refuse(format!("has {} bytes after the last section", bytes.len() - at), DAMAGED);
-    }
+    ensure!(at == bytes.len(), refuse(format!("has {} bytes after the last section", bytes.len() - at), DAMAGED));
     Ok(Sections { contents })
 }
 
 pub(super) fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
     bytes.get(at..)?.first_chunk().map(|b| u32::from_le_bytes(*b))
+}
+
+/// A number of things as files have it.
+pub(crate) fn counted(count: usize) -> Result<u32> {
+    let what = |_| Error::invalid(format!("a list or name of {count} in a .dmorph file"), "split what has so many");
+    u32::try_from(count).map_err(what)
+}
+
+/// Appends a name: its length in bytes, and UTF-8.
+pub(crate) fn push_name(out: &mut Vec<u8>, name: &str) -> Result<()> {
+    out.extend(counted(name.len())?.to_le_bytes());
+    out.extend(name.as_bytes());
+    Ok(())
+}
+
+/// Takes a number from the front.
+pub(crate) fn u32_of(rest: &mut &[u8]) -> Result<u32, String> {
+    let number = rest.split_off(..4).and_then(|bytes| u32_at(bytes, 0));
+    number.ok_or_else(|| "ends within a number".to_owned())
+}
+
+/// Takes a name from the front.
+pub(crate) fn name_of<'a>(rest: &mut &'a [u8]) -> Result<&'a str, String> {
+    let length = u32_of(rest)? as usize;
+    let name = rest.split_off(..length).ok_or_else(|| format!("ends within a name of {length} bytes"))?;
+    std::str::from_utf8(name).map_err(|_| "has a name that is not UTF-8".to_owned())
 }
 
 /// Recompute the checksums of `bytes`, so that tests reach the checks that follow them.

@@ -2,17 +2,13 @@
 
 mod hostile;
 
-use super::table::repair;
 use super::*;
 use crate::asset::Corner;
-use crate::cpu::CpuCrowd;
+use crate::pack::DeltaFormat;
 use crate::pack::blocks::{BLOCK_SIZES, BlockDesc};
-use crate::pack::{DeltaFormat, PoseFormat};
-use crate::plan::{BatchSize, UpdateDesc, UpdatePath};
 use crate::testing;
 use deltamorph_head::HeadDesc;
 use glam::Vec3;
-use std::sync::Arc;
 
 fn mesh(vertices: usize, targets: usize) -> MorphMesh {
     let corner = |position, texcoord| Corner { position, texcoord };
@@ -79,33 +75,6 @@ fn a_mesh_that_is_far_is_recentred_in_memory_and_not_in_the_file() {
     let (plain, mut mesh) = (mesh(70, 4), mesh(70, 4));
     mesh.recentre();
     assert_eq!((mesh.origin, mesh.positions), (Vec3::ZERO, plain.positions));
-}
-
-/// Uses an accepted asset in every way that a host may.
-fn exercise(asset: &Asset) {
-    let decoded = asset.to_mesh().unwrap();
-    assert!(decoded.targets.iter().all(|t| t.vertices.is_sorted_by(|a, b| a < b)));
-    assert_eq!(&read(&asset.to_bytes().unwrap()).unwrap(), asset);
-    let mesh = Arc::new(asset.mesh.clone());
-    for pose in PoseFormat::ALL {
-        let desc = UpdateDesc { pose, ..UpdateDesc::new(UpdatePath::Cpu, BatchSize::All) };
-        // Sums could overflow: an error says so.
-        let Ok(mut crowd) = CpuCrowd::new(mesh.clone(), desc, 1, 1) else { continue };
-        for weight in [1.0, -0.5] {
-            // A weight beyond the grid's largest is an error.
-            if crowd.set_weights(0, &vec![weight; decoded.targets.len()]).is_ok() {
-                crowd.update();
-            }
-        }
-    }
-}
-
-/// Reads a file with valid checksums, and uses it if accepted.
-fn try_repaired(mut bytes: Vec<u8>) {
-    repair(&mut bytes);
-    if let Ok(asset) = read(&bytes) {
-        exercise(&asset);
-    }
 }
 
 #[test]

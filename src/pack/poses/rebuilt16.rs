@@ -1,7 +1,6 @@
 //! Rebuilt16: fixed16's numbers, as sums that are rounded once. GLSL: `glsl/poses/fixed16.glsl`.
 
 use super::PoseStorage;
-use super::fixed16::Fixed16;
 use super::sums::without;
 
 pub(crate) struct Rebuilt16;
@@ -17,7 +16,7 @@ impl PoseStorage for Rebuilt16 {
 
     #[inline(always)]
     fn plus_integer(number: i16, sum: i32) -> i16 {
-        Fixed16::plus_integer(number, sum)
+        number.wrapping_add(sum as i16)
     }
 
     #[inline(always)]

@@ -11,29 +11,22 @@ pub(crate) trait Number: Copy {
     fn integer(self) -> i32;
 }
 
-impl Number for f32 {
-    #[inline(always)]
-    fn float(self) -> f32 {
-        self
-    }
+macro_rules! numbers {
+    ($($number:ty)*) => {
+        $(impl Number for $number {
+            #[inline(always)]
+            fn float(self) -> f32 {
+                self as f32
+            }
 
-    #[inline(always)]
-    fn integer(self) -> i32 {
-        self as i32
-    }
+            #[inline(always)]
+            fn integer(self) -> i32 {
+                self as i32
+            }
+        })*
+    };
 }
-
-impl Number for i32 {
-    #[inline(always)]
-    fn float(self) -> f32 {
-        self as f32
-    }
-
-    #[inline(always)]
-    fn integer(self) -> i32 {
-        self
-    }
-}
+numbers!(f32 i32);
 
 /// A sum of factor · delta over the entries of a component.
 pub(crate) trait Sum: Pod + Default + Send {
@@ -48,7 +41,10 @@ pub(crate) trait Sum: Pod + Default + Send {
     fn factor(bits: u32, step: f32, shift: u32) -> Self::Factor;
 
     /// Whether the pose holds none of the entry, if that saves work.
-    fn is_new(factors: &[Self::Factor; TRIPLES]) -> bool;
+    #[inline(always)]
+    fn is_new(_: &[Self::Factor; TRIPLES]) -> bool {
+        false
+    }
 
     /// Adds a product; if products are rounded, `dropped` low bits are. `NEW`: no weight is applied.
     fn add<const NEW: bool>(self, factor: Self::Factor, delta: Self::Delta, dropped: u32) -> Self;
@@ -70,11 +66,6 @@ impl Sum for f32 {
     }
 
     #[inline(always)]
-    fn is_new(_: &[f32; TRIPLES]) -> bool {
-        false
-    }
-
-    #[inline(always)]
     fn add<const NEW: bool>(self, factor: f32, delta: f32, _: u32) -> Self {
         self + factor * delta
     }
@@ -92,11 +83,6 @@ impl Sum for i32 {
     #[inline(always)]
     fn factor(bits: u32, _: f32, shift: u32) -> i32 {
         (bits as i32).wrapping_shl(shift)
-    }
-
-    #[inline(always)]
-    fn is_new(_: &[i32; TRIPLES]) -> bool {
-        false
     }
 
     #[inline(always)]

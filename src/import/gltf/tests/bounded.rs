@@ -85,10 +85,8 @@ fn a_file_beside_is_read_once_and_never_the_file_itself() {
     };
     for uri in ["a.gltf", "./a.gltf", "%61.gltf"] {
         write(&many(2, &json!({"uri": uri, "byteLength": 1})), 3);
-        crate::testing::says(
-            super::super::read(&path),
-            &["buffers[0].uri: the glTF file itself, not a buffer; name the file"],
-        );
+        let expected = "buffers[0].uri: the glTF file itself, not a buffer; name the file";
+        crate::testing::says(super::super::read(&path), &[expected]);
     }
     std::fs::write(dir.path().join("b.bin"), vec![0; 100_000]).unwrap();
     let uris = ["b.bin", "./b.bin", "%62.bin"].map(|uri| json!({"uri": uri, "byteLength": 1}));

@@ -1,10 +1,9 @@
 //! Files that are damaged or made to do harm: each is refused by name, place and remedy, in memory bounded by its size,
 //! or used without a panic.
 
-use super::super::{Gltf, Result, from_bytes};
+use super::super::{Gltf, Influences, Result, from_bytes};
 use super::written::{U8, U16, Written, base64, bytes};
 use crate::asset::Tolerance;
-use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -69,9 +68,8 @@ fn said(bytes: &[u8]) -> String {
 pub(super) fn exercise(gltf: &Gltf) {
     for mesh in &gltf.meshes {
         let count = mesh.source.positions.len();
-        assert!(
-            mesh.influences.iter().all(|i| i.joints.len() == i.per_vertex * count && i.weights.len() == i.joints.len())
-        );
+        let fits = |i: &Influences| i.joints.len() == i.per_vertex * count && i.weights.len() == i.joints.len();
+        assert!(mesh.influences.iter().all(fits));
         if count > 0 {
             let _ = mesh.source.to_mesh(Tolerance::default());
         }
@@ -117,8 +115,7 @@ fn what_is_wrong_is_named_with_its_place() {
         (
             "/extensionsRequired",
             json!(["KHR_draco_mesh_compression"]),
-            "extensionsRequired[0]: the extension KHR_draco_mesh_compression is required, and not read; decompress the \
-             file: `gltf-transform copy IN.glb OUT.glb` does",
+            "read; decompress the file: `gltf-transform copy",
         ),
         ("/asset/version", json!(2), "asset.version: 2 is no text"),
         ("/nodes", json!({}), "nodes: no array"),
@@ -137,12 +134,7 @@ fn what_is_wrong_is_named_with_its_place() {
         ("/accessors/0/type", json!("MAT2"), "accessors[0].type: type 'MAT2'"),
         ("/accessors/0/type", json!("VEC2"), "accessors[0]: elements of 2 numbers, 3 expected"),
         ("/accessors/0/bufferView", json!(99), "accessors[0].bufferView: 99, but there are 13 bufferViews"),
-        (
-            "/accessors/1/count",
-            json!(3),
-            "meshes[0].primitives[0].attributes.NORMAL: accessors[1]: 3 elements, but there are 4 vertices (POSITION); \
-             the attribute is left out",
-        ),
+        ("/accessors/1/count", json!(3), "3 elements, but there are 4 vertices (POSITION); the attribute is left out"),
         ("/accessors/5/count", json!(3), "attributes.WEIGHTS_0: accessors[5]: 3 elements, but there are 4 vertices"),
         ("/bufferViews/0/byteStride", json!(u64::MAX), "elements of 12 bytes every 18446744073709551615 bytes"),
         ("/bufferViews/0/byteLength", json!(all), "bufferViews[0]: 4294967295 bytes from byte 0 on"),
@@ -158,11 +150,7 @@ fn what_is_wrong_is_named_with_its_place() {
         ("/accessors/6/sparse/indices/byteOffset", json!(1), "sparse.indices: 2 elements of 1 bytes"),
         ("/meshes/0/primitives/0/indices", json!(0), "accessors[0]: elements of 3 numbers, 1 expected"),
         ("/meshes/0/primitives/0/attributes/POSITION", json!("x"), "attributes.POSITION: \"x\" is no whole number"),
-        (
-            "/meshes/0/primitives/0/targets/1",
-            json!({"TANGENT": 0}),
-            "targets[1].TANGENT: the base pose has no tangent to add to; the attribute is left out",
-        ),
+        ("/meshes/0/primitives/0/targets/1", json!({"TANGENT": 0}), "targets[1].TANGENT: the base pose has no tangent"),
         ("/extensionsRequired", json!(["VRMC_vrm", "KHR_x"]), "extensionsRequired[1]: the extension KHR_x is required"),
         ("/nodes/2/children", json!([1]), "nodes[1]: a node below itself"),
         ("/nodes/0/children", json!([0]), "nodes[0]: a node below itself"),
@@ -177,18 +165,10 @@ fn what_is_wrong_is_named_with_its_place() {
         ("/accessors/7/count", json!(0), "skins[0].inverseBindMatrices: accessors[7]: no matrices, left out"),
         ("/skins/0/joints", json!([]), "a vertex names joint 0, but the skin of node 0 has 0"),
         ("/animations/0/samplers/0/interpolation", json!("BEZIER"), "samplers[0]: interpolation 'BEZIER'"),
-        (
-            "/animations/0/samplers/0/interpolation",
-            json!("CUBICSPLINE"),
-            "accessors[9]: 6 elements, but there are 18 values for all keys; the animation is left out",
-        ),
+        ("/animations/0/samplers/0/interpolation", json!("CUBICSPLINE"), "6 elements, but there are 18 values for all"),
         ("/animations/0/channels/0/sampler", json!(2), "channels[0].sampler: 2, but there are 2 samplers, counted"),
         ("/accessors/8/count", json!(0), "animations[0] 'wave'.channels[0]: no keys, left out"),
-        (
-            "/nodes/0/name",
-            json!("Body"),
-            "node 0 'Body' has a skin, but its mesh no joints: it stands as the node does",
-        ),
+        ("/nodes/0/name", json!("Body"), "node 0 'Body' has a skin, but its mesh no joints: it stands as the node"),
     ];
     let mut missed = vec![];
     for (at, value, expected) in cases {
@@ -215,8 +195,8 @@ fn what_is_wrong_is_named_with_its_place() {
     let found = read(&file.glb()).unwrap();
     assert_eq!(found.meshes[0].source.positions, read(&small().glb()).unwrap().meshes[0].source.positions);
     file.json["accessors"][0].as_object_mut().unwrap().remove("bufferView");
-    let text = message(&file.glb());
-    assert!(text.contains("primitives[0]: compressed by Draco, which is not read; decompress the file"), "{text}");
+    let expected = "primitives[0]: compressed by Draco, which is not read; decompress the file";
+    crate::testing::says(read(&file.glb()), &[expected]);
     for (at, byte, expected) in [
         (4, 1, "a.glb: GLB version 1, only 2 is read"),
         (16, b'X', "a.glb: byte 12: no chunk 'JSON' that fits the file"),
@@ -253,11 +233,8 @@ fn counts_without_bytes_and_bytes_used_many_times_take_bounded_memory() {
     // Values that no buffer holds.
     let mut file = small();
     file.json["accessors"][0] = json!({"componentType": 5126, "type": "VEC3", "count": 1_000_000_000});
-    let text = message(&file.glb());
-    assert!(
-        text.contains("accessors[0]: 1000000000 values of 12 bytes, which is more than a file of this size"),
-        "{text}"
-    );
+    let expected = "accessors[0]: 1000000000 values of 12 bytes, which is more than a file of this size";
+    crate::testing::says(read(&file.glb()), &[expected]);
     // JSON that is all brackets, or deep.
     let brackets = "{\"a\":{}},".repeat(1 << 20);
     let text = format!("{{\"asset\":{{\"version\":\"2.0\"}},\"nodes\":[{}]}}", brackets.trim_end_matches(','));
@@ -321,47 +298,5 @@ fn base64_and_files_beside_are_read() {
         assert_eq!((gltf.name.as_str(), gltf.meshes[0].source.positions.len()), ("a", 4));
         std::fs::remove_file(dir.path().join(name)).unwrap();
         crate::testing::says(super::super::read(&path), &[".bin: cannot read"]);
-    }
-}
-
-/// The `n`th value below `value`, counting all of them.
-fn nth<'a>(value: &'a mut Value, n: &mut usize) -> Option<&'a mut Value> {
-    if *n == 0 {
-        return Some(value);
-    }
-    *n -= 1;
-    match value {
-        Value::Array(list) => list.iter_mut().find_map(|value| nth(value, n)),
-        Value::Object(map) => map.values_mut().find_map(|value| nth(value, n)),
-        Value::Null | Value::Bool(_) | Value::Number(_) | Value::String(_) => None,
-    }
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(2000))]
-    #[test]
-    fn damage_anywhere_is_refused_or_harmless(
-        values in prop::collection::vec((1usize..260, 0usize..14), 0..3),
-        damage in prop::collection::vec((0usize..800, any::<u8>()), 0..6),
-        stride in (0usize..13, prop_oneof![0u64..40, any::<u64>()]),
-    ) {
-        let mut file = small();
-        file.json["bufferViews"][stride.0]["byteStride"] = json!(stride.1);
-        for (mut at, what) in values {
-            let nasty = [json!(0), json!(1), json!(2), json!(5), json!(-1), json!(4_000_000_000u64), json!(u64::MAX),
-                json!(1e300), json!(0.5),
-                json!(null), json!(""), json!([]), json!({}), json!(5126)];
-            if let Some(value) = nth(&mut file.json, &mut at) {
-                *value = nasty[what].clone();
-            }
-        }
-        for (at, byte) in damage {
-            let at = at % file.bytes.len();
-            file.bytes[at] = byte;
-        }
-        match read(&file.glb()) {
-            Ok(gltf) => exercise(&gltf),
-            Err(e) => prop_assert!(e.to_string().starts_with("a.glb") && e.to_string().contains("; "), "{}", e),
-        }
     }
 }
