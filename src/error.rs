@@ -88,7 +88,8 @@ pub enum Error {
 /// Returns an error unless a condition holds.
 macro_rules! ensure {
     ($holds:expr, $error:expr) => {
-        if !($holds) {
+        let holds: bool = $holds;
+        if !holds {
             return Err($error);
         }
     };

@@ -74,7 +74,7 @@ impl Table {
         // Flexible, since a ragged row is refused below, with its line.
         let mut reader = ReaderBuilder::new();
         reader.has_headers(false).flexible(true).trim(Trim::All).comment(Some(b'#')).delimiter(separator);
-        let mut reader = reader.from_reader(text[header..].as_bytes());
+        let mut reader = reader.from_reader(&text.as_bytes()[header..]);
         let mut record = StringRecord::new();
         let mut table = Self { names: vec![], values: vec![], times: None };
         let mut kinds: Vec<Kind> = vec![];
@@ -160,7 +160,8 @@ fn header(text: &str) -> (usize, u8) {
         let words = line.trim();
         let separator = line.trim_start_matches([' ', '"']);
         if separator.get(..4).is_some_and(|word| word.eq_ignore_ascii_case("sep=")) {
-            stated = separator.bytes().nth(4).filter(|b| b.is_ascii() && !b"\r\n\"#".contains(b)).or(stated);
+            stated =
+                separator.as_bytes().get(4).copied().filter(|b| b.is_ascii() && !b"\r\n\"#".contains(b)).or(stated);
         } else if !(words.is_empty() || words.starts_with('#') || words.starts_with("//")) {
             first = line;
             break;

@@ -381,15 +381,15 @@ fn with_faces(vertices: String, faces: &[Vec<u32>]) -> String {
 
 #[test]
 fn targets_that_move_all_far_are_remarked_on() {
-    let places: [(&str, fn(Vec3) -> Vec3); 5] = [
+    type Place = fn(Vec3) -> Vec3;
+    let places: [(&str, Place); 5] = [
         ("beside.obj", |p| p + Vec3::X * 7.0),
         ("cm.obj", |p| p * 100.0),
         ("km.obj", |p| p * 0.001),
         ("smile.obj", |p| p + Vec3::new(0.02, 0.01, 0.1) * p.x),
         ("turned.obj", |p| Vec3::new(p.x, -p.z, p.y)),
     ];
-    let text =
-        |place: fn(Vec3) -> Vec3| with_faces(spelled(&grid().into_iter().map(place).collect::<Vec<_>>(), 0), &quads());
+    let text = |place: Place| with_faces(spelled(&grid().into_iter().map(place).collect::<Vec<_>>(), 0), &quads());
     let files = places.map(|(name, place)| (name, text(place)));
     let source = import(&text(|p| p), &files.each_ref().map(|(name, text)| (*name, text.as_str())));
     says(&source.notes.join("\n"), &["4 targets (beside, cm, km, …) that move the whole mesh far"]);
