@@ -202,7 +202,9 @@ impl Skin {
             let kernel = place.kernels.get(Key(place.pose(), target.method, skin.influences))?;
             let bound = |frame| {
                 let list = BufferRange { size: 4 * pieces, ..lists.range(frame) };
-                target.outputs().map(move |output| [place.poses(), skin.attached.range(), joints, output.range(layout).0, list])
+                target
+                    .outputs()
+                    .map(move |output| [place.poses(), skin.attached.range(), joints, output.range(layout).0, list])
             };
             let sets = kernel.objects.sets(&(0..place.frames.into()).flat_map(bound).collect::<Vec<_>>())?;
             let push = SkinPush {
