@@ -23,8 +23,7 @@ impl MorphSource {
     /// composed form (NFC), in which they are compared.
     ///
     /// A vertex stays in a target if its position delta is longer than `tolerance.position × diagonal`
-    /// ([`MorphMesh::diagonal`]) or its normal
-    /// delta longer than `tolerance.normal`. A position delta within the tolerance becomes exactly zero even if the
+    /// ([`MorphMesh::diagonal`]) or its normal delta longer than `tolerance.normal`. A position delta within the tolerance becomes exactly zero even if the
     /// vertex stays for its normal.
     ///
     /// A missing normal is computed as the normalised sum of the area vectors of the faces around the vertex. A polygon
@@ -107,9 +106,8 @@ impl MorphSource {
         let names: Vec<&str> = emptied.map(|(source, _)| source.name.as_str()).collect();
         let (first, more) = (names.first()?, names.len() - 1);
         let others = if more > 0 { format!(" and {more} more") } else { String::new() };
-        Some(format!(
-            "target '{first}'{others}: within the tolerance everywhere (positions move {shortest:.1e} at most), so left empty"
-        ))
+        let moved = format!("positions move {shortest:.1e} at most");
+        Some(format!("target '{first}'{others}: within the tolerance everywhere ({moved}), so left empty"))
     }
 
     /// Checks everything that [`to_mesh`](Self::to_mesh) refuses.

@@ -61,6 +61,9 @@ impl Sets {
 fn moving_parts(positions: &[Vec3], faces: &Faces, targets: &[SourceTarget]) -> Vec<Bounds> {
     let deltas = || targets.iter().flat_map(|target| &target.positions);
     let longest = deltas().map(|(_, delta)| delta.as_dvec3().length()).fold(0.0, f64::max);
+    if longest == 0.0 {
+        return vec![];
+    }
     let mut sets = Sets((0..positions.len() as u32).collect());
     let mut at = HashMap::new();
     for face in faces.iter() {

@@ -50,7 +50,7 @@ impl BlockState {
                 if fresh > *tolerance {
                     // The next rebuild would leave about as much: wait until as much again has come up.
                     self.blocks[block].limit = 2.0 * fresh;
-                } else if exceeded {
+                } else if exceeded || sum.limit > *tolerance {
                     self.blocks[block].limit = *tolerance;
                 }
             } else if touched {

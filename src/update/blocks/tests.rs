@@ -194,6 +194,24 @@ fn a_tolerance_that_a_rebuild_exceeds_does_not_cause_rebuilds_in_every_update() 
 }
 
 #[test]
+fn a_tolerance_is_kept_again_once_rebuilds_keep_it() {
+    let fresh = |weights: &[f32; TARGETS]| one(packed(DeltaFormat::Fast, 32), float(1e-9)).step(weights).1.bound;
+    let all = [1.5; TARGETS];
+    let mut few = std::array::from_fn(|target| if target < 4 { 0.5 } else { 0.0 });
+    let length = (fresh(&few) + fresh(&all)) / 2.0;
+    let mesh = packed(DeltaFormat::Fast, 32);
+    let tolerance = length / mesh.layout().diagonal;
+    let mut one = one(mesh, float(tolerance));
+    one.step(&all);
+    assert!(one.step(&[1.4; TARGETS]).1.bound > length, "it cannot be kept");
+    for frame in 0..2000u32 {
+        few[0] = 0.5 + (frame % 16) as f32 / 16.0;
+        let (_, stats) = one.step(&few);
+        assert!(stats.bound <= length, "frame {frame}: {stats:?} of {length}");
+    }
+}
+
+#[test]
 fn small_changes_are_deferred_and_settle() {
     let budget = 0.05;
     let mut one = one(packed(DeltaFormat::Small, 32), UpdateDesc { error_budget: budget, ..float(1e-4) });
