@@ -34,7 +34,7 @@ mod tests;
 pub use level::{Level, LevelDesc};
 
 use crate::asset::{MorphMesh, MorphTarget};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use crate::pack::PackedMesh;
 use crate::weights::names::unknown;
 use glam::DVec3;
@@ -83,15 +83,15 @@ pub struct Importance {
     pinned: usize,
 }
 
-/// Calls back with each vertex that a target moves, and its delta.
-type EachDelta<'a> = dyn Fn(usize, &mut dyn FnMut(usize, DVec3)) + 'a;
-
-/// The mesh to rank: names of targets, number of vertices, and the position deltas of a target.
+/// The mesh to rank.
 struct Deltas<'a> {
     mesh: &'a str,
+    /// Names of targets.
     names: Vec<&'a str>,
+    /// Number of vertices.
     vertices: usize,
-    each: &'a EachDelta<'a>,
+    /// For each target, the vertices that it moves and the squared distances.
+    moved: Vec<Vec<(usize, f64)>>,
 }
 
 impl Importance {
@@ -101,7 +101,7 @@ impl Importance {
     /// # Errors
     /// [`Error::Invalid`] for a pin that no target's name begins with; the message suggests the nearest name.
     pub fn of(mesh: &MorphMesh, pins: &[&str]) -> Result<Self> {
-        with_deltas(mesh, |deltas| deltas.by_mean_square(pins))
+        Deltas::of(mesh).by_mean_square(pins)
     }
 
     /// Ranks the targets of a packed mesh by the mean square of the packed deltas. Targets whose names begin with one
@@ -110,7 +110,7 @@ impl Importance {
     /// # Errors
     /// [`Error::Invalid`] for a pin that no target's name begins with; the message suggests the nearest name.
     pub fn of_packed(mesh: &PackedMesh, pins: &[&str]) -> Result<Self> {
-        with_packed(mesh, |deltas| deltas.by_mean_square(pins))
+        Deltas::of_packed(mesh).by_mean_square(pins)
     }
 
     /// Takes the order from the caller, such as the ranking of `deltamorph lod --json`: names of all targets, the most
@@ -120,7 +120,7 @@ impl Importance {
     /// [`Error::Invalid`] for a name that is not a target, with the nearest name suggested; a name given twice; targets
     /// left out; or more pinned targets than there are.
     pub fn in_order(mesh: &PackedMesh, order: &[&str], pinned: usize) -> Result<Self> {
-        with_packed(mesh, |deltas| deltas.by_names(order, pinned))
+        Deltas::of_packed(mesh).by_names(order, pinned)
     }
 
     /// Returns the targets, the most important first.
@@ -138,8 +138,9 @@ impl Importance {
         self.order.len()
     }
 
-    /// Returns how far a vertex may be off if only the first `kept` targets are applied, in input units: the largest Σ
-    /// |w_t · δ_t(v)| of any vertex v over the targets t that are dropped, for weights w from -1 to 1. 0 if all are kept.
+    /// Returns how far a vertex may be off if only the first `kept` targets are applied, in input units: the largest sum
+    /// of |w_t · δ_t(v)| of any vertex v over the targets t that are dropped, for weights w from -1 to 1. 0 if all are
+    /// kept.
     pub fn error_of_keeping(&self, kept: usize) -> f32 {
         self.errors.get(kept).copied().unwrap_or(0.0)
     }
@@ -168,49 +169,49 @@ impl Importance {
     /// # Errors
     /// [`Error::Invalid`] if the number of weights is not that of targets.
     pub fn apply(&self, level: f32, weights: &mut [f32]) -> Result<()> {
-        if weights.len() != self.ranks.len() {
-            let what = format!("{} weights given, but {} targets are ranked", weights.len(), self.ranks.len());
-            return Err(Error::invalid(what, "rank the mesh that the weights are for"));
+        let what = || format!("{} weights given, but {} targets are ranked", weights.len(), self.ranks.len());
+        let remedy = "rank the mesh that the weights are for";
+        ensure!(weights.len() == self.ranks.len(), Error::invalid(what(), remedy));
+        for (target, weight) in weights.iter_mut().enumerate() {
+            let factor = self.factor(target, level);
+            // Not 0 · weight, which may be -0 or NaN.
+            *weight = if factor > 0.0 { *weight * factor } else { 0.0 };
         }
-        // Not 0 · weight, which may be -0 or NaN.
-        let scaled = |weight: f32, factor: f32| if factor > 0.0 { weight * factor } else { 0.0 };
-        let ranked = weights.iter_mut().zip(&self.ranks);
-        ranked.for_each(|(weight, rank)| *weight = scaled(*weight, (level - *rank as f32).clamp(0.0, 1.0)));
         Ok(())
     }
 }
 
-fn with_deltas<R>(mesh: &MorphMesh, of: impl FnOnce(&Deltas<'_>) -> R) -> R {
-    let each = |target: usize, f: &mut dyn FnMut(usize, DVec3)| {
-        let MorphTarget { vertices, positions, .. } = &mesh.targets[target];
-        vertices.iter().zip(positions).for_each(|(&vertex, delta)| f(vertex as usize, delta.as_dvec3()));
-    };
-    let names = mesh.targets.iter().map(|target| &*target.name).collect();
-    of(&Deltas { mesh: &mesh.name, names, vertices: mesh.vertex_count(), each: &each })
-}
+impl<'a> Deltas<'a> {
+    fn of(mesh: &'a MorphMesh) -> Self {
+        let squares = |target: &MorphTarget| {
+            let deltas = target.vertices.iter().zip(&target.positions);
+            deltas.map(|(vertex, delta)| (*vertex as usize, delta.as_dvec3().length_squared())).collect()
+        };
+        let names = mesh.targets.iter().map(|target| &*target.name).collect();
+        let moved = mesh.targets.iter().map(squares).collect();
+        Self { mesh: &mesh.name, names, vertices: mesh.vertex_count(), moved }
+    }
 
-fn with_packed<R>(mesh: &PackedMesh, of: impl FnOnce(&Deltas<'_>) -> R) -> R {
-    let each = |target: usize, f: &mut dyn FnMut(usize, DVec3)| {
-        mesh.for_each_delta(target, |vertex, [x, y, z, ..]| f(vertex, DVec3::new(x, y, z)));
-    };
-    let layout = mesh.layout();
-    let names = layout.targets.iter().map(|target| &*target.name).collect();
-    of(&Deltas { mesh: &layout.name, names, vertices: layout.vertex_count, each: &each })
-}
+    fn of_packed(mesh: &'a PackedMesh) -> Self {
+        let layout = mesh.layout();
+        let names: Vec<&str> = layout.targets.iter().map(|target| &*target.name).collect();
+        let mut moved = vec![vec![]; names.len()];
+        for (target, moved) in moved.iter_mut().enumerate() {
+            mesh.for_each_delta(target, |vertex, [x, y, z, ..]| {
+                moved.push((vertex, DVec3::new(x, y, z).length_squared()));
+            });
+        }
+        Self { mesh: &layout.name, names, vertices: layout.vertex_count, moved }
+    }
 
-impl Deltas<'_> {
     fn by_mean_square(&self, pins: &[&str]) -> Result<Importance> {
         if let Some(pin) = pins.iter().find(|pin| !self.names.iter().any(|name| name.starts_with(**pin))) {
             let what = format!("no target of mesh '{}' has a name that begins with '{pin}'", self.mesh);
             return Err(unknown(what, pin, &self.names));
         }
-        let score = |target: usize| {
-            let mut sum = 0.0;
-            (self.each)(target, &mut |_, delta| sum += delta.length_squared());
-            // Not divided by the number of vertices, as in `mean_square`: a common factor does not change the order.
-            sum
-        };
-        let scores: Vec<f64> = (0..self.names.len()).map(score).collect();
+        // Not divided by the number of vertices, as in `mean_square`: a common factor does not change the order.
+        let score = |moved: &Vec<(usize, f64)>| moved.iter().fold(0.0, |sum, (_, square)| sum + square);
+        let scores: Vec<f64> = self.moved.iter().map(score).collect();
         let pinned: Vec<bool> = self.names.iter().map(|name| is_pinned(name, pins)).collect();
         let count = pinned.iter().filter(|pinned| **pinned).count();
         Ok(self.ranked(&ranked(&scores, &pinned), count))
@@ -228,11 +229,11 @@ impl Deltas<'_> {
             Err(Error::invalid(format!("an order of importance names '{name}' twice"), "name each target once"))
         };
         let order: Vec<usize> = order.iter().map(place).collect::<Result<_>>()?;
-        if order.len() != self.names.len() || pinned > order.len() {
-            let given = order.len();
-            let all = self.names.len();
-            let what =
-                format!("an order of importance of {given} targets, {pinned} of them pinned, for mesh '{}'", self.mesh);
+        let given = order.len();
+        let all = self.names.len();
+        if given != all || pinned > all {
+            let mesh = self.mesh;
+            let what = format!("an order of importance of {given} targets, {pinned} of them pinned, for mesh '{mesh}'");
             return Err(Error::invalid(what, format!("name all of its {all} targets, and pin no more")));
         }
         Ok(self.ranked(&order, pinned))
@@ -246,11 +247,12 @@ impl Deltas<'_> {
         let mut errors = vec![0.0; order.len() + 1];
         for (rank, &target) in order.iter().enumerate().rev() {
             let mut reach = 0.0f64;
-            (self.each)(target, &mut |vertex, delta| {
-                let length = delta.length();
-                moved[vertex] += length;
-                (farthest, reach) = (farthest.max(moved[vertex]), reach.max(length));
-            });
+            for (vertex, square) in &self.moved[target] {
+                let length = square.sqrt();
+                moved[*vertex] += length;
+                farthest = farthest.max(moved[*vertex]);
+                reach = reach.max(length);
+            }
             ranks[target] = rank as u32;
             reaches[target] = above(reach);
             errors[rank] = above(farthest);
