@@ -32,8 +32,8 @@ impl WeightClip {
         self.values.len().checked_div(self.names.len()).unwrap_or(0)
     }
 
-    /// Binds the clip to a mesh with these `targets`, in their order; targets without a column get 0. Names are compared
-    /// in Unicode's composed form (NFC).
+    /// Binds the clip to a mesh with these `targets`, in their order; targets without a column get 0. Names are
+    /// compared in Unicode's composed form (NFC).
     ///
     /// Takes memory proportional to the clip's values, for any number of targets.
     ///
@@ -44,10 +44,14 @@ impl WeightClip {
         // Reversed, so that the first of several targets of one name is kept.
         let named = targets.iter().enumerate().rev();
         let indices: HashMap<String, usize> = named.map(|(i, target)| (target.nfc().collect(), i)).collect();
-        let index = |name: &String| indices.get(&name.nfc().collect::<String>()).copied();
-        let found: Vec<Option<usize>> = self.names.iter().map(index).collect();
-        let named = self.names.iter().map(String::as_str).zip(&found);
-        let unknown: Vec<&str> = named.filter(|(_, found)| found.is_none()).map(|(name, _)| name).collect();
+        let mut columns = vec![];
+        let mut unknown = vec![];
+        for name in &self.names {
+            match indices.get(&name.nfc().collect::<String>()) {
+                Some(target) => columns.push(*target),
+                None => unknown.push(name.as_str()),
+            }
+        }
         if let [name, rest @ ..] = &unknown[..] {
             let more = match rest.len() {
                 0 => String::new(),
@@ -64,15 +68,10 @@ impl WeightClip {
             let what = format!("clip '{}': column '{name}' names no target of the mesh{more}", self.name);
             return Err(Error::invalid(what, remedy));
         }
+        // Distinct names, so that each column has its own target.
         self.check()?;
-        Ok(BoundClip {
-            name: self.name.clone(),
-            fps: self.fps,
-            targets: targets.len(),
-            // `check` made the names distinct, so each column has its own target.
-            columns: found.into_iter().flatten().collect(),
-            values: self.values.clone(),
-        })
+        let values = self.values.clone();
+        Ok(BoundClip { name: self.name.clone(), fps: self.fps, targets: targets.len(), columns, values })
     }
 
     /// Distinct names, whole rows, finite values.

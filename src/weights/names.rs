@@ -11,9 +11,9 @@ impl WeightClip {
     /// does not have.
     ///
     /// A column that names a target keeps its name. Any other means the targets of the same name but for Unicode form,
-    /// case and separators, the side (`_L` or `.L` for `Left`), and what stands before it: a node, as in `face.jawOpen`, and
-    /// Maya's `ai_`. A column without a side means the targets of both sides, if none has its own name. Each target
-    /// takes the first column that means it.
+    /// case and separators, the side (`_L` or `.L` for `Left`), and what stands before it: a node, as in
+    /// `face.jawOpen`, and Maya's `ai_`. A column without a side means the targets of both sides, if none has its own
+    /// name. Each target takes the first column that means it.
     ///
     /// ```
     /// use deltamorph::WeightClip;
@@ -59,12 +59,12 @@ fn meant<'a>(column: &str, targets: &HashMap<String, Vec<&'a str>>) -> Vec<&'a s
     if column.is_empty() {
         return vec![];
     }
-    let called = |key: &str| targets.get(key).into_iter().flatten().copied();
-    let same: Vec<&str> = called(&column).collect();
+    let called = |side: &str| targets.get(&format!("{column}{side}")).cloned().unwrap_or_default();
+    let same = called("");
     if !same.is_empty() {
         return same;
     }
-    ["left", "right"].iter().flat_map(|side| called(&format!("{column}{side}")).collect::<Vec<_>>()).collect()
+    ["left", "right"].into_iter().flat_map(called).collect()
 }
 
 /// What is the same in all spellings of a name.
