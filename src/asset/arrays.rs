@@ -2,6 +2,7 @@
 
 use super::{Corner, Faces, MorphSource, Semantic, SourceTarget, StreamData, StreamDeltas};
 use crate::error::{Error, Result, ensure};
+use bytemuck::cast_slice;
 use glam::Vec3;
 
 /// A base pose and its targets as arrays with one element per vertex; an array is empty if the mesh has no such stream.
@@ -66,16 +67,17 @@ impl MorphSource {
     /// [`Error::Invalid`] if the length of an array is not the number of vertices, or that of `indices` not a multiple
     /// of three. [`to_mesh`](Self::to_mesh) checks the values.
     pub fn from_arrays(arrays: &MeshArrays<'_>) -> Result<Self> {
-        let count = arrays.positions.len();
+        let MeshArrays { positions, normals, tangents, texcoords, indices, .. } = *arrays;
+        let count = positions.len();
         let mesh_name = if arrays.name.is_empty() { "unnamed" } else { arrays.name };
         let refuse = |what: String, remedy: &str| Error::invalid(format!("{mesh_name}: {what}"), remedy);
-        let corners = arrays.indices.len();
+        let corners = indices.len();
         ensure!(corners.is_multiple_of(3), refuse(format!("{corners} indices"), "give three per triangle"));
-        let MeshArrays { normals, tangents, texcoords, .. } = *arrays;
         let lengths =
             [("normals", normals.len()), ("tangents", tangents.len()), ("texture coordinates", texcoords.len())];
-        if let Some((what, n)) = lengths.into_iter().find(|(_, n)| *n != 0 && *n != count) {
-            return Err(refuse(format!("{n} {what} for {count} vertices"), "give one per vertex, or none"));
+        for (what, n) in lengths {
+            let remedy = "give one per vertex, or none";
+            ensure!(n == 0 || n == count, refuse(format!("{n} {what} for {count} vertices"), remedy));
         }
         let directions: Vec<[f32; 3]> = tangents.iter().map(|&[x, y, z, _]| [x, y, z]).collect();
         let differences = |base: &[[f32; 3]], target: &[[f32; 3]]| -> Vec<(u32, Vec3)> {
@@ -91,28 +93,28 @@ impl MorphSource {
                 ("normals", target.normals.len(), normals.len()),
                 ("tangents", target.tangents.len(), tangents.len()),
             ];
-            if let Some((what, n, base)) = lengths.into_iter().find(|(_, n, base)| *n != 0 && n != base) {
-                let what = format!("target '{name}' has {n} {what}, but the base pose has {base}");
-                return Err(refuse(what, "give as many as the base pose has, or none"));
+            for (what, n, base) in lengths {
+                let what = || format!("target '{name}' has {n} {what}, but the base pose has {base}");
+                ensure!(n == 0 || n == base, refuse(what(), "give as many as the base pose has, or none"));
             }
             let (vertices, deltas): (_, Vec<Vec3>) = differences(&directions, target.tangents).into_iter().unzip();
             let tangents = StreamDeltas { vertices, deltas: deltas.iter().flat_map(Vec3::to_array).collect() };
             targets.push(SourceTarget {
                 name,
-                positions: differences(arrays.positions, target.positions),
+                positions: differences(positions, target.positions),
                 normals: (!target.normals.is_empty()).then(|| differences(normals, target.normals)),
                 streams: if tangents.vertices.is_empty() { vec![] } else { vec![tangents] },
             });
         }
         let corner = |&position: &u32| Corner { position, texcoord: (!texcoords.is_empty()).then_some(position) };
-        let corners = arrays.indices.iter().map(corner).collect();
+        let corners = indices.iter().map(corner).collect();
         let tangents = StreamData { semantic: Semantic::Tangent, values: tangents.concat() };
         Ok(Self {
             name: mesh_name.to_owned(),
-            positions: arrays.positions.iter().copied().map(Vec3::from).collect(),
-            normals: (!normals.is_empty()).then(|| normals.iter().copied().map(Vec3::from).collect()),
-            texcoords: texcoords.iter().copied().map(Into::into).collect(),
-            faces: Faces { sizes: vec![3; arrays.indices.len() / 3], corners },
+            positions: cast_slice(positions).to_vec(),
+            normals: (!normals.is_empty()).then(|| cast_slice(normals).to_vec()),
+            texcoords: cast_slice(texcoords).to_vec(),
+            faces: Faces { sizes: vec![3; indices.len() / 3], corners },
             streams: if tangents.values.is_empty() { vec![] } else { vec![tangents] },
             targets,
             ..Self::default()

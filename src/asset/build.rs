@@ -23,8 +23,8 @@ impl MorphSource {
     /// composed form (NFC), in which they are compared.
     ///
     /// A vertex stays in a target if its position delta is longer than `tolerance.position × diagonal`
-    /// ([`MorphMesh::diagonal`]) or its normal delta longer than `tolerance.normal`. A position delta within the tolerance becomes exactly zero even if the
-    /// vertex stays for its normal.
+    /// ([`MorphMesh::diagonal`]) or its normal delta longer than `tolerance.normal`. A position delta within the
+    /// tolerance becomes exactly zero even if the vertex stays for its normal.
     ///
     /// A missing normal is computed as the normalised sum of the area vectors of the faces around the vertex. A polygon
     /// counts with its whole area vector (the sum over its triangle fan) at each of its corners, so the result differs
@@ -102,9 +102,9 @@ impl MorphSource {
         let is_empty = |target: &MorphTarget| {
             target.vertices.is_empty() && target.streams.iter().all(|deltas| deltas.vertices.is_empty())
         };
-        let emptied = self.targets.iter().zip(kept).filter(|(source, kept)| states(source) && is_empty(kept));
-        let names: Vec<&str> = emptied.map(|(source, _)| source.name.as_str()).collect();
-        let (first, more) = (names.first()?, names.len() - 1);
+        let mut emptied = self.targets.iter().zip(kept).filter(|(source, kept)| states(source) && is_empty(kept));
+        let first = &emptied.next()?.0.name;
+        let more = emptied.count();
         let others = if more > 0 { format!(" and {more} more") } else { String::new() };
         let moved = format!("positions move {shortest:.1e} at most");
         Some(format!("target '{first}'{others}: within the tolerance everywhere ({moved}), so left empty"))
@@ -126,8 +126,8 @@ impl MorphSource {
         let what = format!("{} normals for {count} vertices", normals.len());
         ensure!(self.normals.is_none() || normals.len() == count, self.refuse(what, "give one per vertex"));
         self.check_values(None, Semantic::Normal, (0..).zip(normals.iter().map(Vec3::to_array)))?;
-        if let Some(t) = self.texcoords.iter().position(|t| !t.is_finite()) {
-            return Err(self.refuse(format!("texture coordinate {t} is {}", self.texcoords[t]), NOT_FINITE));
+        for (t, value) in self.texcoords.iter().enumerate() {
+            ensure!(value.is_finite(), self.refuse(format!("texture coordinate {t} is {value}"), NOT_FINITE));
         }
         self.faces.check(count, self.texcoords.len())?;
         for (i, StreamData { semantic, values }) in self.streams.iter().enumerate() {
@@ -152,9 +152,9 @@ impl MorphSource {
         }
         check_welds(&self.welds, count).map_err(|what| self.refuse(what, WELD))?;
         let places = if self.welds.is_empty() { vec![] } else { self.places() };
-        if let Some((v, of)) = copies(&self.welds).find(|(v, of)| places[*v as usize] != places[*of as usize]) {
-            let what = format!("vertex {v} is welded to vertex {of}, but their positions differ in some pose");
-            return Err(self.refuse(what, WELD));
+        for (v, of) in copies(&self.welds) {
+            let what = || format!("vertex {v} is welded to vertex {of}, but their positions differ in some pose");
+            ensure!(places[v as usize] == places[of as usize], self.refuse(what(), WELD));
         }
         Ok(())
     }
@@ -170,9 +170,9 @@ impl MorphSource {
         self.check_values(name, Semantic::Position, target.positions.iter().map(vectors))?;
         self.check_values(name, Semantic::Normal, target.normals.iter().flatten().map(vectors))?;
         // The deformed surface has to be finite as well, or its normals are not.
-        let infinite = |(v, d): &&(u32, Vec3)| !(self.positions[*v as usize] + *d).is_finite();
-        if let Some((v, d)) = target.positions.iter().find(infinite) {
-            return Err(refuse(format!("moves vertex {v} by {d}, to infinity"), NOT_FINITE));
+        for (v, d) in &target.positions {
+            let is_finite = (self.positions[*v as usize] + *d).is_finite();
+            ensure!(is_finite, refuse(format!("moves vertex {v} by {d}, to infinity"), NOT_FINITE));
         }
         let streams = &target.streams;
         let what = format!("has deltas of {} streams", streams.len());

@@ -88,7 +88,8 @@ fn moving_parts(positions: &[Vec3], faces: &Faces, targets: &[SourceTarget]) -> 
         let set = sets.of(vertex);
         if moves[set as usize] {
             let point = Bounds { low: *position, high: *position };
-            parts.entry(set).and_modify(|bounds| *bounds = bounds.with(point)).or_insert(point);
+            let bounds = parts.entry(set).or_insert(point);
+            *bounds = bounds.with(point);
         }
     }
     parts.into_values().collect()

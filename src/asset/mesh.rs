@@ -38,8 +38,8 @@ impl Faces {
         let total: u64 = self.sizes.iter().map(|&n| u64::from(n)).sum();
         let listed = self.corners.len() as u64;
         ensure!(total == listed, refuse(format!("the faces have {total} corners, the corner list has {listed}")));
-        if let Some(i) = self.sizes.iter().position(|&n| n < 3) {
-            return Err(refuse(format!("face {i} has {} corners, at least 3 expected", self.sizes[i])));
+        for (i, n) in self.sizes.iter().enumerate() {
+            ensure!(*n >= 3, refuse(format!("face {i} has {n} corners, at least 3 expected")));
         }
         for Corner { position: v, texcoord } in &self.corners {
             ensure!((*v as usize) < positions, refuse(format!("a face names vertex {v}, there are {positions}")));
@@ -176,7 +176,8 @@ pub struct MorphMesh {
     pub targets: Vec<MorphTarget>,
     /// The length that tolerances and errors are fractions of, in input units: the bounding-box diagonal of the base
     /// pose, or of the smallest part of it that targets move, if there are several far apart. A part is connected by
-    /// faces, with what lies within half its size of it. What no target moves does not count: a floor, a vertex far off.
+    /// faces, with what lies within half its size of it. What no target moves does not count: a floor, a vertex far
+    /// off.
     pub diagonal: f32,
     /// The tolerance that was applied.
     pub tolerance: Tolerance,

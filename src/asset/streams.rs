@@ -171,11 +171,11 @@ pub fn group_streams(further: impl IntoIterator<Item = Semantic>) -> Vec<Vec<Str
     let mut groups: Vec<Vec<StreamPlace>> = vec![];
     let used = |group: &[StreamPlace]| group.last().map_or(0, |place| place.components().end);
     for semantic in semantics {
-        let fits = groups.iter().position(|group| used(group) + semantic.components() <= GROUP_COMPONENTS);
-        let at = fits.unwrap_or(groups.len());
-        groups.resize(groups.len().max(at + 1), vec![]);
-        let first = used(&groups[at]);
-        groups[at].push(StreamPlace { semantic, first });
+        let has_room = |group: &&mut Vec<_>| used(group) + semantic.components() <= GROUP_COMPONENTS;
+        match groups.iter_mut().find(has_room) {
+            Some(group) => group.push(StreamPlace { semantic, first: used(group) }),
+            None => groups.push(vec![StreamPlace { semantic, first: 0 }]),
+        }
     }
     groups
 }
