@@ -85,8 +85,8 @@ fn frames(args: &ApplyArgs, input: &Input) -> Result<Vec<Vec<f32>>, Failure> {
     }
 }
 
-/// Writes the pose with nine digits, in the input's coordinates and vertex order, with normalised normals. OBJ texture
-/// coordinates go up; `down`: those of the mesh go down, and are flipped.
+/// Writes the pose in the input's coordinates and vertex order, with normalised normals. OBJ texture coordinates go
+/// up; `down`: those of the mesh go down, and are flipped.
 fn write(path: &Path, mesh: &MorphMesh, down: bool, pose: &[f32]) -> Result<(), Failure> {
     let vertices = pose.chunks_exact(POSE_FLOATS).take(mesh.vertex_count());
     // In double precision: numbers are rounded once, when written.

@@ -40,7 +40,7 @@ pub fn run(args: &SampleArgs, out: &Output) -> Result<(), Failure> {
 }
 
 /// Writes `targets/*.obj` and then `neutral.obj`, so that an incomplete folder is recognisable, calling `step` after
-/// each file. With nine digits per number, every position and normal is read back exactly.
+/// each file. Every position and normal is read back exactly.
 fn write_folder(source: &MorphSource, dir: &Path, mut step: impl FnMut()) -> Result<(), Failure> {
     let targets = dir.join("targets");
     create_folder(&targets)?;

@@ -259,7 +259,7 @@ fn what_is_written_reads_back_bit_for_bit() {
     assert_eq!(again.normals, mesh.normals);
     assert_eq!(again.faces, mesh.faces);
     let text = String::from_utf8(out).unwrap();
-    says(&text, &["v 0.100000001 ", "v 100 -0.5 123456.781\n", "f 1/1/1 2/2/2 3/3/3 4/1/4\n", "f 1//1 2//2 4//4\n"]);
+    says(&text, &["v 0.1 ", "v 100 -0.5 123456.78\n", "f 1/1/1 2/2/2 3/3/3 4/1/4\n", "f 1//1 2//2 4//4\n"]);
 
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("pose.obj");

@@ -3,6 +3,7 @@
 use crate::asset::{Faces, MorphMesh};
 use crate::error::{Error, Result, ensure};
 use crate::io::write_replacing;
+use bytemuck::cast_slice;
 use glam::{Vec2, Vec3};
 use std::io::{self, Write};
 use std::path::Path;
@@ -44,25 +45,25 @@ fn check(mesh: &ObjMesh<'_>) -> Result<()> {
     let vn = mesh.normals.len();
     ensure!(vn == 0 || vn == v, refuse(format!("{vn} normals for {v} vertices")));
     for (name, vectors) in [("vertex", mesh.positions), ("the normal of vertex", mesh.normals)] {
-        if let Some(i) = vectors.iter().position(|p| !p.is_finite()) {
-            return Err(refuse(format!("{name} {i} is not finite: {}", vectors[i])));
+        for (i, vector) in vectors.iter().enumerate() {
+            ensure!(vector.is_finite(), refuse(format!("{name} {i} is not finite: {vector}")));
         }
     }
-    if let Some(i) = mesh.texcoords.iter().position(|t| !t.is_finite()) {
-        return Err(refuse(format!("texture coordinate {i} is not finite: {}", mesh.texcoords[i])));
+    for (i, texcoord) in mesh.texcoords.iter().enumerate() {
+        ensure!(texcoord.is_finite(), refuse(format!("texture coordinate {i} is not finite: {texcoord}")));
     }
     mesh.faces.check(v, vt)
 }
 
-/// Writes `mesh` as OBJ text: `v`, `vt`, `vn` with nine significant digits (so that every `f32` reads back unchanged),
-/// then `f v/vt/vn`.
+/// Writes `mesh` as OBJ text: `v`, `vt`, `vn` as decimals of the fewest digits that every `f32` reads back unchanged
+/// from, then `f v/vt/vn`.
 ///
 /// # Errors
 /// Those of `out`. Values are not checked; [`write_obj`] checks them.
 pub fn write_obj_to(out: &mut impl Write, mesh: ObjMesh<'_>) -> io::Result<()> {
-    rows(out, "v", mesh.positions.iter().map(Vec3::to_array))?;
-    rows(out, "vt", mesh.texcoords.iter().map(Vec2::to_array))?;
-    rows(out, "vn", mesh.normals.iter().map(Vec3::to_array))?;
+    rows(out, "v", 3, cast_slice(mesh.positions))?;
+    rows(out, "vt", 2, cast_slice(mesh.texcoords))?;
+    rows(out, "vn", 3, cast_slice(mesh.normals))?;
     for face in mesh.faces.iter() {
         out.write_all(b"f")?;
         for corner in face {
@@ -80,32 +81,15 @@ pub fn write_obj_to(out: &mut impl Write, mesh: ObjMesh<'_>) -> io::Result<()> {
     Ok(())
 }
 
-fn rows<const N: usize>(out: &mut impl Write, keyword: &str, rows: impl Iterator<Item = [f32; N]>) -> io::Result<()> {
-    let mut line = String::new();
-    for row in rows {
-        line.clear();
-        line.push_str(keyword);
+fn rows(out: &mut impl Write, keyword: &str, width: usize, numbers: &[f32]) -> io::Result<()> {
+    for row in numbers.chunks_exact(width) {
+        out.write_all(keyword.as_bytes())?;
         for x in row {
-            line.push(' ');
-            push_nine_digits(&mut line, x);
+            write!(out, " {x}")?;
         }
-        line.push('\n');
-        out.write_all(line.as_bytes())?;
+        out.write_all(b"\n")?;
     }
     Ok(())
-}
-
-/// Appends `x` as a plain decimal of nine significant digits, without trailing zeros.
-fn push_nine_digits(text: &mut String, x: f32) {
-    use std::fmt::Write;
-    // One decimal too many does no harm, so the logarithm need not be exact.
-    let decimals = (8.0 - f64::from(x.abs()).log10().floor().clamp(-45.0, 8.0)) as usize;
-    let start = text.len();
-    // Writing to a String cannot fail.
-    let _ = write!(text, "{x:.decimals$}");
-    if text[start..].contains('.') {
-        text.truncate(text.trim_end_matches('0').trim_end_matches('.').len());
-    }
 }
 
 #[cfg(test)]
@@ -116,8 +100,9 @@ mod tests {
     fn every_finite_number_reads_back() {
         // Some of every exponent.
         for x in (0..=u32::MAX).step_by(65_521).map(f32::from_bits).filter(|x| x.is_finite()) {
-            let mut text = String::new();
-            push_nine_digits(&mut text, x);
+            let mut line = vec![];
+            rows(&mut line, "v", 1, &[x]).unwrap();
+            let text = str::from_utf8(&line).unwrap().strip_prefix("v ").unwrap().trim_end();
             assert_eq!(text.parse::<f32>().unwrap().to_bits(), x.to_bits(), "{text}");
             assert!(!text.contains('e'));
         }
