@@ -21,9 +21,10 @@ pub fn decode(data: &[u8], count: usize, size: usize, mode: &str, filter: &str) 
     if !fits {
         return Err(format!("{count} elements of {size} bytes in mode '{mode}' with filter '{filter}': not valid"));
     }
+    let narrow = |indices: Vec<u32>| indices.iter().flat_map(|i| i.to_le_bytes().into_iter().take(size)).collect();
     let decoded = match mode {
-        "TRIANGLES" => triangles(data, count).map(|indices| narrow(&indices, size)),
-        "INDICES" => indices(data, count).map(|indices| narrow(&indices, size)),
+        "TRIANGLES" => triangles(data, count).map(narrow),
+        "INDICES" => indices(data, count).map(narrow),
         _ => attributes(data, count, size),
     };
     let mut bytes = decoded.ok_or_else(|| format!("data that is cut off or not of mode {mode}"))?;
@@ -249,12 +250,8 @@ impl Triangles<'_> {
 }
 
 fn triangles(data: &[u8], count: usize) -> Option<Vec<u32>> {
-    let (header, rest) = data.split_first()?;
-    let (codes, rest) = rest.split_at_checked(count / 3)?;
-    let (extra, table) = rest.split_at_checked(rest.len().checked_sub(16)?)?;
-    if *header != 0xe1 {
-        return None;
-    }
+    let (codes, rest) = data.strip_prefix(&[0xe1])?.split_at_checked(count / 3)?;
+    let (extra, table) = rest.split_last_chunk::<16>()?;
     // Queue entries that were never set are no vertex, as in meshoptimizer: the extension leaves them undefined.
     let mut state = Triangles { extra, next: 0, last: 0, edges: [[u32::MAX; 2]; 16], vertices: [u32::MAX; 16] };
     let mut out = Vec::with_capacity(count);
@@ -265,11 +262,7 @@ fn triangles(data: &[u8], count: usize) -> Option<Vec<u32>> {
 }
 
 fn indices(data: &[u8], count: usize) -> Option<Vec<u32>> {
-    let (header, rest) = data.split_first()?;
-    let mut rest = rest.get(..rest.len().checked_sub(4)?)?;
-    if *header != 0xd1 {
-        return None;
-    }
+    let (mut rest, _) = data.strip_prefix(&[0xd1])?.split_last_chunk::<4>()?;
     let mut last = [0u32; 2];
     let mut out = Vec::with_capacity(count.min(data.len()));
     for _ in 0..count {
@@ -292,10 +285,6 @@ fn leb128(rest: &mut &[u8]) -> Option<u32> {
         }
     }
     None
-}
-
-fn narrow(indices: &[u32], size: usize) -> Vec<u8> {
-    indices.iter().flat_map(|index| index.to_le_bytes().into_iter().take(size)).collect()
 }
 
 fn octahedral(v: [i32; 4], largest: i32) -> [i32; 4] {
