@@ -7,6 +7,7 @@ mod times;
 
 pub use super::DEFAULT_FPS;
 use crate::error::{Error, Result, ensure};
+use crate::import::{shortened, stem};
 use crate::io::{TEXT_MAX, read_bounded, write_replacing};
 use crate::weights::WeightClip;
 use csv::{ReaderBuilder, StringRecord, Trim};
@@ -37,13 +38,12 @@ use times::{Time, is_time};
 /// [`Error::Invalid`] if `fps` is not a positive number, [`Error::OutOfMemory`].
 pub fn read(path: &Path, fps: Option<f32>) -> Result<WeightClip> {
     let bytes = read_bounded(path, TEXT_MAX, "split the clip")?;
-    let name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     let given = fps.map(super::frame_rate).transpose()?;
     let Table { names, mut values, times } = Table::parse(path, &bytes)?;
     let timed = times.filter(|_| given.is_none());
     let timed = timed.and_then(|(at, times)| times::frame_rate(&names[at], &times, names.len(), &mut values));
     let fps = given.or(timed).or_else(|| fps_of_name(path)).unwrap_or(DEFAULT_FPS);
-    Ok(WeightClip { name, names, fps, values })
+    Ok(WeightClip { name: stem(path), names, fps, values })
 }
 
 /// What a CSV holds.
@@ -94,7 +94,7 @@ impl Table {
             }
             let columns = table.names.len();
             let fits = record.len() >= least && record.iter().skip(columns).all(str::is_empty);
-            let what = || format!("{} values, but the header has {columns} columns", record.len());
+            let what = || format!("values in the row: {}, but columns in the header: {columns}", record.len());
             ensure!(fits, refuse(at, "", &what(), "give one value per column in every row"));
             if table.values.try_reserve(columns).is_err() {
                 let what = format!("{}: line {}: there is no memory for more rows", path.display(), line(at));
@@ -103,20 +103,18 @@ impl Table {
             for (i, kind) in kinds.iter_mut().enumerate() {
                 let cell = record.get(i).unwrap_or_default();
                 let weight = match number(cell) {
-                    Some(weight) if weight.is_finite() => {
+                    Some(weight) => {
+                        let what = || format!("the weight '{cell}' is not a finite number");
+                        let remedy = "replace it with a finite number";
+                        ensure!(weight.is_finite(), refuse(at, &table.names[i], &what(), remedy));
                         kind.has_numbers = true;
                         weight
                     }
-                    Some(_) => {
-                        let what = format!("the weight '{cell}' is not a finite number");
-                        return Err(refuse(at, &table.names[i], &what, "replace it with a finite number"));
-                    }
                     None if cell.is_empty() => {
-                        let before = table.values.len().checked_sub(columns);
-                        before.map_or(0.0, |before| table.values[before])
+                        table.values.len().checked_sub(columns).map_or(0.0, |before| table.values[before])
                     }
                     None => {
-                        kind.text.get_or_insert_with(|| (at, cell.chars().take(40).collect()));
+                        kind.text.get_or_insert_with(|| (at, shortened(cell)));
                         f32::NAN
                     }
                 };
@@ -224,14 +222,14 @@ pub fn write(path: &Path, clip: &WeightClip) -> Result<()> {
     let what = || format!("clip '{}' has no columns", clip.name);
     ensure!(!clip.names.is_empty(), Error::invalid(what(), "give it a column per target"));
     let mut out = csv::Writer::from_writer(vec![]);
-    // Writing to memory cannot fail.
-    let mut written = out.write_record(&clip.names).is_ok();
+    // Writing to memory cannot fail; if it did, the rows would be missed below.
+    let _ = out.write_record(&clip.names);
     for row in clip.values.chunks_exact(clip.names.len()) {
-        written &= out.write_record(row.iter().map(f32::to_string)).is_ok();
+        let _ = out.write_record(row.iter().map(f32::to_string));
     }
     let bytes = out.into_inner().unwrap_or_default();
     let back = Table::parse(path, &bytes);
-    if !written || !back.is_ok_and(|table| table.names == clip.names && table.values == clip.values) {
+    if !back.is_ok_and(|table| table.names == clip.names && table.values == clip.values) {
         let odd = |name: &&String| name.trim() != name.as_str() || name.is_empty();
         let name = clip.names.iter().find(odd).unwrap_or(&clip.names[0]);
         let what = format!("clip '{}': the column name '{name}' does not read back from CSV", clip.name);
@@ -248,7 +246,7 @@ mod tests {
     fn errors_name_file_line_and_column() {
         for (text, expected) in [
             (&b""[..], "w.csv: an empty file"),
-            (b"a,b\n1,2\n3\n", "w.csv: line 3: 1 values, but the header has 2 columns"),
+            (b"a,b\n1,2\n3\n", "w.csv: line 3: values in the row: 1, but columns in the header: 2"),
             (b"a,b\n1,2\n3,x1\n", "column 'b', line 3: 'x1' is not a number"),
             (b"a,b\n1,NaN\n", "column 'b', line 2: the weight 'NaN' is not a finite"),
             (b"a,b\n1e99,0\n", "column 'a', line 2"),
@@ -260,7 +258,7 @@ mod tests {
             (b"a,b\nx,y\n", "column 'a', line 2: 'x' is not a number"),
             (b"time,a\n00:01,\n00:02,no\n", "column 'a', line 3: 'no' is not a number"),
             (b"a;b\n1;2\n1,5;1.5,0\n", "column 'b', line 3: '1.5,0' is not a number"),
-            (b"a,b,\n1,2,3,4\n", "line 2: 4 values, but the header has 3 columns"),
+            (b"a,b,\n1,2,3,4\n", "line 2: values in the row: 4, but columns in the header: 3"),
             (b"a,b\r\n1,2\r\n\r\n3\r\n", "line 4"),
             (b"a,b\n1,\xe9\n", "w.csv: line 2: bytes that are not UTF-8"),
         ] {

@@ -41,8 +41,8 @@ pub struct Imported {
     /// The mesh.
     pub mesh: ImportedMesh,
     /// Weight clips that belong to the mesh: read them with [`open_clip`]. For a glTF file, `FILE#NAME` for each
-    /// animation of weights, in the order of the file; for a packed file, `FILE#NAME` for each clip, if the library reads
-    /// clips of any kind (feature `csv` or `gltf`); for a folder, files sorted by name.
+    /// animation of weights, in the order of the file; for a packed file, `FILE#NAME` for each clip, if the library
+    /// reads clips of any kind (feature `csv` or `gltf`); for a folder, files sorted by name.
     pub clips: Vec<PathBuf>,
 }
 
@@ -78,11 +78,6 @@ pub enum ImportedMesh {
 /// in, or the content cannot be used; [`Error::Invalid`] if a mesh to split is not valid. The message names the file,
 /// the position in it and the remedy.
 pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
-    let refuse = |what: &str| {
-        let remedy = "give a folder with neutral.obj and targets/*.obj, a glTF file (*.glb, *.gltf, *.vrm), or a file \
-                      written by `deltamorph pack` (*.dmorph)";
-        Err(Error::input(path, "", what, remedy))
-    };
     let mut imported = if std::fs::metadata(path).map_err(Error::io(path, "read"))?.is_dir() {
         open_folder(path)?
     } else if is_packed(path) {
@@ -93,7 +88,9 @@ pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
     } else if is_gltf(path) {
         open_gltf(path, desc)?
     } else {
-        return refuse("a file of a kind that is not read");
+        let remedy = "give a folder with neutral.obj and targets/*.obj, a glTF file (*.glb, *.gltf, *.vrm), or a file \
+                      written by `deltamorph pack` (*.dmorph)";
+        return Err(Error::input(path, "", "a file of a kind that is not read", remedy));
     };
     if let (ImportedMesh::Source(source), true) = (&mut imported.mesh, desc.split) {
         *source = source.split()?;
@@ -101,9 +98,10 @@ pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
     Ok(imported)
 }
 
-/// Reads a weight clip: a CSV file (feature `csv`), the only animation of weights of a glTF file (feature `gltf`) or the
-/// only clip of a packed file, or one of several as `FILE#NAME`. `fps` is the frame rate; `None` takes the one stated by
-/// the file or by its name, or else [`DEFAULT_FPS`]. A clip of a packed file keeps its frames, and plays them at `fps`.
+/// Reads a weight clip: a CSV file (feature `csv`), the only animation of weights of a glTF file (feature `gltf`) or
+/// the only clip of a packed file, or one of several as `FILE#NAME`. `fps` is the frame rate; `None` takes the one
+/// stated by the file or by its name, or else [`DEFAULT_FPS`]. A clip of a packed file keeps its frames, and plays them
+/// at `fps`.
 ///
 /// # Errors
 /// The file cannot be used, has no such animation, or has several and none is named; `fps` is not a positive number; or
@@ -143,8 +141,8 @@ fn is_packed(path: &Path) -> bool {
     has_extension(path, "dmorph")
 }
 
-/// Splits `FILE#NAME` into the path of the glTF file or packed file, and the name of the animation. A `#` may be part of
-/// either: the path ends at the first one that follows the name of such a file. `None` if there is no such `#`.
+/// Splits `FILE#NAME` into the path of the glTF file or packed file, and the name of the animation. A `#` may be part
+/// of either: the path ends at the first one that follows the name of such a file. `None` if there is no such `#`.
 pub fn animation_of(path: &Path) -> Option<(PathBuf, String)> {
     let text = path.to_str()?;
     let mut parts = text.match_indices('#').map(|(at, _)| (Path::new(&text[..at]), &text[at + 1..]));
@@ -195,6 +193,19 @@ fn frame_rate(fps: f32) -> Result<f32> {
 /// Names in quotes, with commas between them.
 fn quoted<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     names.into_iter().map(|name| format!("'{name}'")).collect::<Vec<_>>().join(", ")
+}
+
+/// The name of a file without its extension.
+fn stem(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// A word or name of a file, cut to a length that fits a message.
+fn shortened(text: &str) -> String {
+    match text.char_indices().nth(40) {
+        Some((at, _)) => format!("{}…", &text[..at]),
+        None => text.to_owned(),
+    }
 }
 
 /// The index of the clip called `name`, or of the only one.

@@ -55,10 +55,9 @@ pub fn clips_from_bytes(path: &Path, bytes: &[u8]) -> Result<Vec<WeightClip>> {
         let remedy = "the program that wrote it is at fault: pack the mesh again";
         Error::input(path, ": section 'clips'", what, remedy)
     };
-    let section = file::clips(path, bytes)?;
-    let mut rest = section;
+    let mut rest = file::clips(path, bytes)?;
     let mut clips = vec![];
-    if section.is_empty() {
+    if rest.is_empty() {
         return Ok(clips);
     }
     for i in 0..u32_of(&mut rest).map_err(refuse)? {

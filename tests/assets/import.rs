@@ -103,7 +103,7 @@ fn hard_edges_are_averaged_by_area_with_a_note() {
     let text =
         |n: &str| format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 3\nvn 0 0 1\nvn {n}\nf 1//1 2//1 3//1\nf 2//2 1//2 4//2\n");
     let source = import(&text("0 1 0"), &[("a.obj", &text("0 1 0.4"))]);
-    says(&source.notes.join("\n"), &["2 vertices have several normals"]);
+    says(&source.notes.join("\n"), &["vertices with several normals (hard edges), averaged by face area: 2"]);
     let expected = Vec3::new(0.0, 3.0, 1.0).normalize();
     assert!((source.normals.as_ref().unwrap()[0] - expected).length() < 1e-6);
     let deltas = source.targets[0].normals.as_ref().unwrap();
@@ -117,14 +117,14 @@ fn normals_on_one_side_only_are_computed_with_a_note() {
     let with = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//1\n";
     let without = "v 0 0 0\nv 1 0 0\nv 0 1 1\nf 1 2 3\n";
     let source = import(with, &[("a.obj", without)]);
-    says(&source.notes.join("\n"), &["1 targets (a) without normals"]);
+    says(&source.notes.join("\n"), &["targets without normals at all corners, which are computed: a"]);
     assert!(source.normals.is_some() && source.targets[0].normals.is_none());
     let mesh = source.to_mesh(Tolerance::default()).unwrap();
     let tilted = mesh.normals[0] + mesh.targets[0].normals[0];
     assert!((tilted - Vec3::new(0.0, -1.0, 1.0).normalize()).length() < 1e-6, "{tilted}");
 
     let source = import(without, &[("a.obj", with)]);
-    says(&source.notes.join("\n"), &["(a) with normals, neutral.obj has none"]);
+    says(&source.notes.join("\n"), &["targets with normals where neutral.obj has none, which are computed for all: a"]);
     assert!(source.normals.is_none() && source.targets[0].normals.is_none());
 
     let partly = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3\n";
@@ -211,15 +211,15 @@ fn bad_lines_are_named() {
     says(&face("f 1 2 1/1//"), &["line 6", "more than three"]);
     says(&face("f 1 2 -9223372036854775808"), &["line 6"]);
     says(&face("f 1 2 99999999999999999999"), &["line 6"]);
-    says(&parse_error("v 0 0\n"), &["line 1", "a vertex with 2 numbers, 3 expected"]);
+    says(&parse_error("v 0 0\n"), &["line 1", "a vertex with 2 of 3 numbers"]);
     says(&parse_error("v 0 0 0 0\n"), &["line 1", "the vertex '0 0 0 0' is not one of finite"]);
     says(&parse_error("# ok\r\nv 0 nan 0\r\n"), &["line 2", "the vertex '0 nan 0' is not one of finite"]);
     says(&parse_error("v 0 1.#QNAN 0\n"), &["line 1", "the vertex '0 1.#QNAN 0'"]);
     says(&parse_error("v 0 1e39 0\n"), &["line 1", "'0 1e39 0' is not one of finite"]);
     says(&parse_error("v 0,5 0 0\n"), &["line 1", "'0,5' is not a number", "with a point"]);
     says(&parse_error("v 0 zero 0\n"), &["line 1", "'zero' is not a number"]);
-    says(&parse_error("v 0 0 0\nvn 0 1\n"), &["line 2", "a normal with 2 numbers, 3 expected"]);
-    says(&parse_error("v 0 0 0\nvt\n"), &["line 2", "texture coordinate with 0 numbers, 1 expected"]);
+    says(&parse_error("v 0 0 0\nvn 0 1\n"), &["line 2", "a normal with 2 of 3 numbers"]);
+    says(&parse_error("v 0 0 0\nvt\n"), &["line 2", "texture coordinate with 0 of 1 numbers"]);
     says(&parse_error(*b"v 0 0 0\nv 1 \xff 0\n"), &["line 2", "UTF-8"]);
     // The first line of a continued statement, and the line count after it.
     says(&parse_error("v 0 \\\n 0 \\\n 0\nv 0\n"), &["line 4"]);
@@ -233,7 +233,7 @@ fn lines_may_end_in_any_way() {
         let file = parse(&text.replace('\n', end));
         assert_eq!(file.positions, expected.positions);
         assert_eq!(file.faces, expected.faces);
-        says(&parse_error(format!("{text}v 0 0\n").replace('\n', end)), &["x.obj: line 13", "2 numbers"]);
+        says(&parse_error(format!("{text}v 0 0\n").replace('\n', end)), &["x.obj: line 13", "2 of 3 numbers"]);
     }
     assert_eq!(parse(text.trim_end()).faces, expected.faces);
 }
@@ -319,11 +319,11 @@ fn bad_parts_cost_no_more_than_themselves() {
     let good = three("1 0 0\nf 1//1 2//1 3//1");
     for (rest, texcoords, normals, note) in [
         ("1 0 0\nf 1/1/1 2/1/1 3/1/1", [Some(0); 3], Some(vec![0; 3]), ""),
-        ("1 0 0\nf 1/0/1 2/9/1 3/2/1", [None; 3], Some(vec![0; 3]), "3 texture coordinates or normals"),
-        ("1 0 0\nf 1/1/0 2/1/5 3/1/1", [Some(0); 3], None, "2 texture coordinates or normals"),
-        ("1 0 0\nf 1//-3 2//-2 3//-2", [None; 3], None, "1 texture coordinates or normals"),
+        ("1 0 0\nf 1/0/1 2/9/1 3/2/1", [None; 3], Some(vec![0; 3]), "or are no numbers, left out: 3"),
+        ("1 0 0\nf 1/1/0 2/1/5 3/1/1", [Some(0); 3], None, "or are no numbers, left out: 2"),
+        ("1 0 0\nf 1//-3 2//-2 3//-2", [None; 3], None, "or are no numbers, left out: 1"),
         ("1.#QNAN -1.#IND nan(ind)\nf 1//1 2//2 3//1", [None; 3], Some(vec![0, 1, 0]), ""),
-        ("1 0 0\nf 1 2\nf\nf 1/1/1 2/1/1 3/1/1 # 1\nf 3", [Some(0); 3], Some(vec![0; 3]), "3 faces have fewer"),
+        ("1 0 0\nf 1 2\nf\nf 1/1/1 2/1/1 3/1/1 # 1\nf 3", [Some(0); 3], Some(vec![0; 3]), "three corners, left out: 3"),
     ] {
         let file = parse(&three(rest));
         assert_eq!(file.faces.sizes, [3], "{rest}");
@@ -392,7 +392,7 @@ fn targets_that_move_all_far_are_remarked_on() {
     let text = |place: Place| with_faces(spelled(&grid().into_iter().map(place).collect::<Vec<_>>(), 0), &quads());
     let files = places.map(|(name, place)| (name, text(place)));
     let source = import(&text(|p| p), &files.each_ref().map(|(name, text)| (*name, text.as_str())));
-    says(&source.notes.join("\n"), &["4 targets (beside, cm, km, …) that move the whole mesh far"]);
+    says(&source.notes.join("\n"), &["targets that move the whole mesh far", ": beside, cm, km, … (4 in all)"]);
 }
 
 proptest! {
@@ -424,7 +424,7 @@ proptest! {
         prop_assert_eq!(&found.positions, &expected.positions);
         prop_assert_eq!(&found.faces, &expected.faces);
         prop_assert_eq!(&found.targets[0].positions, &expected.targets[0].positions);
-        let noted = found.notes.iter().any(|note| note.contains("(a) whose faces are not those of neutral.obj"));
+        let noted = found.notes.iter().any(|note| note.starts_with("targets whose faces are not those of neutral.obj"));
         prop_assert!(noted || cut == 0 && turn == 0, "{:?}", found.notes);
         // Vertices in another order are refused.
         let mut shuffled: Vec<u32> = (0..49).collect();

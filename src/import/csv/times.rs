@@ -19,15 +19,10 @@ impl Time {
     pub(super) fn read(cell: &str) -> Option<Self> {
         let number = |text: &str| text.replace(',', ".").parse().ok().filter(|number: &f64| number.is_finite());
         let clock = cell.rsplit([' ', 'T']).next()?.trim_end_matches('Z');
-        let parts: Vec<f64> = clock.split([':', ';']).map(number).collect::<Option<_>>()?;
-        let (count, frames) = match parts[..] {
-            [count] => (count, None),
-            [minutes, seconds] => (60.0 * minutes + seconds, None),
-            [hours, minutes, seconds] => (3600.0 * hours + 60.0 * minutes + seconds, None),
-            [hours, minutes, seconds, frames] => (3600.0 * hours + 60.0 * minutes + seconds, Some(frames)),
-            _ => return None,
-        };
-        Some(Self { count, frames })
+        let mut parts: Vec<f64> = clock.split([':', ';']).map(number).collect::<Option<_>>()?;
+        let frames = if parts.len() == 4 { parts.pop() } else { None };
+        let count = parts.iter().fold(0.0, |count, part| 60.0 * count + part);
+        (parts.len() < 4).then_some(Self { count, frames })
     }
 }
 
@@ -47,8 +42,7 @@ fn is_seconds(name: &str) -> bool {
 /// The seconds of times in a column called `name`; `None` if their unit is not known.
 fn seconds(name: &str, times: &[Time]) -> Option<Vec<f64>> {
     let (first, last) = (times.first()?, times.last()?);
-    let most = times.iter().filter_map(|time| time.frames).fold(f64::NAN, f64::max);
-    if !most.is_nan() {
+    if let Some(most) = times.iter().filter_map(|time| time.frames).reduce(f64::max) {
         // How many frames a second has is seen where one ends.
         let rate = *RATES.iter().find(|rate| **rate > most.floor() && first.count != last.count)?;
         return Some(times.iter().map(|time| time.count + time.frames.unwrap_or(0.0) / rate).collect());
@@ -74,7 +68,7 @@ pub(super) fn frame_rate(name: &str, times: &[Time], columns: usize, values: &mu
     let mut steps: Vec<f64> = times.windows(2).map(|two| two[1] - two[0]).collect();
     let rate = |steps: usize| Some((steps as f64 / (last - first)) as f32).filter(|fps| is_rate(*fps));
     let fps = rate(steps.len())?;
-    if steps.iter().any(|step| *step < 0.0) {
+    if !times.is_sorted() {
         return None;
     }
     let is_late = |(i, time): (usize, &f64)| ((time - first) * f64::from(fps) - i as f64).abs() > 0.5;

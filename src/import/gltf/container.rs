@@ -1,8 +1,9 @@
 //! The bytes of a file: GLB or JSON, its buffers (embedded, in data URIs or in other files), and buffer views.
 
-use super::json::{At, parse, shortened};
+use super::json::{At, parse};
 use super::meshopt;
 use crate::error::{Error, Result, ensure};
+use crate::import::shortened;
 use crate::io::read_bounded;
 use percent_encoding::percent_decode_str;
 use serde_json::Value;

@@ -1,6 +1,7 @@
 //! Values of the JSON, each with its place, so that errors name it: `a.glb: accessors[3].count: …`.
 
 use crate::error::{Error, Result, ensure};
+use crate::import::shortened;
 use serde_json::Value;
 use std::fmt::Display;
 use std::path::Path;
@@ -140,11 +141,6 @@ impl<'a> At<'a> {
         };
         shortened(&text)
     }
-}
-
-/// A name or value, shortened for a message.
-pub fn shortened(text: &str) -> String {
-    text.chars().take(40).collect()
 }
 
 const REPAIR: &str = "export the file again, or repair this value";

@@ -41,14 +41,13 @@ use scene::Hierarchy;
 pub use scene::{Node, Skin, Transform};
 pub use skeleton::Skeleton;
 
-use super::quoted;
+use super::{quoted, shortened, stem};
 use crate::asset::MorphSource;
 use crate::error::{Error, Result, ensure};
 use crate::weights::WeightClip;
 use animation::NEAR;
 use container::Container;
 use glam::DMat4;
-use json::shortened;
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -127,11 +126,11 @@ fn from_bytes(path: &Path, bytes: Vec<u8>) -> Result<Gltf> {
 
 fn gltf(file: &Container) -> Result<Gltf> {
     let root = file.root();
-    let name = file.path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     let (nodes, hierarchy) = scene::nodes(file)?;
     let skins = root.items("skins")?.iter().map(|at| scene::skin(file, at)).collect::<Result<Vec<Skin>>>()?;
     let notes = file.take_notes();
-    let mut gltf = Gltf { name, nodes, hierarchy, skins, notes, path: file.path.clone(), ..Gltf::default() };
+    let path = file.path.clone();
+    let mut gltf = Gltf { name: stem(&path), nodes, hierarchy, skins, notes, path, ..Gltf::default() };
     let listed = root.items("meshes")?;
     let namesakes = namesakes(&gltf.nodes, &gltf.hierarchy.order, listed.len());
     // Targets without names are those of one mesh alone.

@@ -4,6 +4,7 @@ use super::ObjFile;
 use crate::asset::normals::{area_vector, unit_normals};
 use crate::asset::{Corner, Faces, MorphSource, SourceTarget};
 use crate::error::{Error, Result, ensure};
+use crate::import::stem;
 use crate::io::{has_extension, list};
 use crate::math::{diagonal, map_all};
 use glam::{DVec3, Vec3};
@@ -53,11 +54,12 @@ pub fn import_folder(folder: &Path) -> Result<MorphSource> {
     for remark in [OTHER_FACES, FAR, COMPUTED, AVERAGED, IGNORED] {
         let remarked = targets.iter().filter(|(_, remarks)| remarks.contains(&remark));
         let named: Vec<&str> = remarked.map(|(target, _)| target.name.as_str()).collect();
-        match &named[..] {
-            [] => {}
-            [a, b, c, _, ..] => notes.push(format!("{} targets ({a}, {b}, {c}, …) {remark}", named.len())),
-            few => notes.push(format!("{} targets ({}) {remark}", few.len(), few.join(", "))),
-        }
+        let names = match &named[..] {
+            [] => continue,
+            [a, b, c, _, ..] => format!("{a}, {b}, {c}, … ({} in all)", named.len()),
+            few => few.join(", "),
+        };
+        notes.push(format!("targets {remark}: {names}"));
     }
 
     let Neutral { file, base, .. } = neutral;
@@ -74,18 +76,15 @@ pub fn import_folder(folder: &Path) -> Result<MorphSource> {
 }
 
 // Remarks on targets, for the notes.
-const OTHER_FACES: &str = "whose faces are not those of neutral.obj: taken by their vertices, in the order of the file";
-const FAR: &str = "that move the whole mesh far: of another unit or axis than neutral.obj, or in another place?";
-const COMPUTED: &str = "without normals at all corners: computed";
-const AVERAGED: &str = "with hard edges where neutral.obj has none: averaged by area";
-const IGNORED: &str = "with normals, neutral.obj has none: computed for all";
+const OTHER_FACES: &str = "whose faces are not those of neutral.obj, taken by their vertices in the order of the file";
+const FAR: &str = "that move the whole mesh far (of another unit or axis than neutral.obj, or in another place?)";
+const COMPUTED: &str = "without normals at all corners, which are computed";
+const AVERAGED: &str = "with hard edges where neutral.obj has none, averaged by area";
+const IGNORED: &str = "with normals where neutral.obj has none, which are computed for all";
 
 /// Returns the path of `neutral.obj`, or of the same name in another case.
 fn neutral_path(folder: &Path) -> Result<PathBuf> {
     let exact = folder.join("neutral.obj");
-    if exact.is_file() {
-        return Ok(exact);
-    }
     let is_neutral = |p: &PathBuf| p.file_name().is_some_and(|n| n.eq_ignore_ascii_case("neutral.obj"));
     // A folder or pipe of that name is refused by the read.
     list(folder)?.into_iter().filter(is_neutral).min_by_key(|p| (!p.is_file(), *p != exact)).ok_or_else(|| {
@@ -102,7 +101,7 @@ fn target_paths(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
     let mut paths: Vec<(String, PathBuf)> = list(&targets)?
         .into_iter()
         .filter(|p| has_extension(p, "obj") && !p.is_dir())
-        .filter_map(|p| Some((p.file_stem()?.to_string_lossy().nfc().collect::<String>(), p)))
+        .map(|p| (stem(&p).nfc().collect::<String>(), p))
         .filter(|(name, _)| !name.starts_with('.'))
         .collect();
     paths.sort();
@@ -175,11 +174,11 @@ fn base_normals(neutral: &ObjFile, notes: &mut Vec<String>) -> Option<Base> {
         return None;
     };
     if hard > 0 {
-        notes.push(format!("{hard} vertices have several normals (hard edges): averaged by face area"));
+        notes.push(format!("vertices with several normals (hard edges), averaged by face area: {hard}"));
     }
     let (units, scales, lost) = unit_normals(&stated, &neutral.faces, &neutral.positions);
     if lost > 0 {
-        notes.push(format!("{lost} vertices have no normal or a zero one: computed, and constant in all targets"));
+        notes.push(format!("vertices with no normal or a zero one, computed and constant in all targets: {lost}"));
     }
     Some(Base { stated, hard, scales, units })
 }
@@ -205,9 +204,10 @@ impl Neutral {
         let named = |faces: &Faces| faces.corners.iter().map(|corner| corner.position).collect::<Vec<_>>();
         if file.faces.sizes != self.file.faces.sizes || named(&file.faces) != named(&self.file.faces) {
             // Edges of the neutral mesh on the target, and its own on the neutral mesh.
-            let stretched =
-                [stretch(&self.file.faces, base, &file.positions), stretch(&file.faces, &file.positions, base)];
-            let times = stretched.into_iter().fold(0.0, f64::max);
+            let there = stretch(&self.file.faces, base, &file.positions);
+            let back = stretch(&file.faces, &file.positions, base);
+            // What has no edges counts for nothing.
+            let times = there.max(back).max(0.0);
             let what =
                 || format!("its vertices are in another order: edges are {times:.1} times as long as in {neutral}");
             ensure!(times <= STRETCH, refuse(what()));
@@ -222,24 +222,21 @@ impl Neutral {
         if way > FAR_FROM * f64::from(diagonal(base)) * base.len() as f64 {
             remarks.push(FAR);
         }
+        let mut normals = None;
         // A normal that only the target lacks has to be computed, and its delta is from a computed one.
-        let lacks = |(normals, _): &(Vec<Vec3>, usize)| {
-            let both = self.base.iter().flat_map(|base| base.stated.iter().zip(normals));
-            both.filter(|(base, normal)| **base != Vec3::ZERO && **normal == Vec3::ZERO).count() > 0
-        };
-        let stated = stated_normals(&file, base).filter(|stated| !lacks(stated));
-        match (&self.base, &stated) {
-            (Some(_), None) => remarks.push(COMPUTED),
-            (Some(base), Some((_, hard))) if *hard > base.hard => remarks.push(AVERAGED),
+        let has = |(base, normal): (&Vec3, &Vec3)| *base == Vec3::ZERO || *normal != Vec3::ZERO;
+        match (&self.base, stated_normals(&file, base)) {
+            (None, None) => {}
             (None, Some(_)) => remarks.push(IGNORED),
-            (Some(_), Some(_)) | (None, None) => {}
+            (Some(base), Some((stated, hard))) if base.stated.iter().zip(&stated).all(has) => {
+                if hard > base.hard {
+                    remarks.push(AVERAGED);
+                }
+                let scaled = differences(&base.stated, &stated).map(|(v, d)| (v, d * base.scales[v as usize]));
+                normals = Some(scaled.filter(|(_, delta)| *delta != Vec3::ZERO).collect());
+            }
+            (Some(_), _) => remarks.push(COMPUTED),
         }
-        let normals = self.base.as_ref().zip(stated).map(|(base, (stated, _))| {
-            differences(&base.stated, &stated)
-                .map(|(v, delta)| (v, delta * base.scales[v as usize]))
-                .filter(|(_, delta)| *delta != Vec3::ZERO)
-                .collect()
-        });
         Ok((SourceTarget { name: name.to_owned(), positions, normals, streams: vec![] }, remarks))
     }
 }

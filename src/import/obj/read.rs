@@ -1,18 +1,21 @@
 //! Reads OBJ text into arrays, in the file's order.
 //!
-//! tobj reads the numbers of `v`, `vt` and `vn`, faces are read here: tobj has no line numbers, takes an index of 0 for a
-//! missing one, and repeats texture coordinates where a corner has none. Where it refuses numbers, or vertices are not
-//! finite, the lines are checked one by one.
+//! tobj reads the numbers of `v`, `vt` and `vn`, faces are read here: tobj has no line numbers, takes an index of 0 for
+//! a missing one, and repeats texture coordinates where a corner has none. Where it refuses numbers, or vertices are
+//! not finite, the lines are checked one by one.
 
 use crate::asset::{Corner, Faces};
 use crate::error::{Error, Result, ensure};
+use crate::import::shortened;
 use crate::io::{TEXT_MAX, read_bounded};
+use bytemuck::cast_slice;
 use glam::{Vec2, Vec3};
 use std::io::Write;
 use std::path::Path;
 
-/// The statements that list values.
-const KEYWORDS: [&str; 3] = ["v", "vt", "vn"];
+/// The statements that are read; others are ignored. The first three list values.
+const KEYWORDS: [&[u8]; 4] = [b"v", b"vt", b"vn", b"f"];
+const FACE: usize = 3;
 const NAMES: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 /// Numbers that a statement needs.
 const LEAST: [usize; 3] = [3, 1, 3];
@@ -65,11 +68,8 @@ impl ObjFile {
     pub fn from_bytes(path: &Path, bytes: Vec<u8>) -> Result<Self> {
         let bytes = prepared(path, bytes)?;
         // Counted in advance: a face may name a vertex that is listed after it.
-        let mut counts = [0; 3];
-        for (keyword, _) in statements(&bytes) {
-            let kind = KEYWORDS.iter().position(|k| k.as_bytes() == keyword);
-            kind.into_iter().for_each(|kind| counts[kind] += 1);
-        }
+        let mut counts = [0; 4];
+        statements(&bytes).for_each(|(_, kind, _)| counts[kind] += 1);
         let what = "no 'v' line: not an OBJ file, or one without vertices";
         ensure!(counts[0] > 0, Error::input(path, "", what, EXPORT_OBJ));
         let mut scan = Scan {
@@ -77,23 +77,23 @@ impl ObjFile {
             line: 0,
             text: ordering_face(counts),
             counts,
-            seen: [0; 3],
+            seen: [0; 4],
             faces: Faces::default(),
             corner_normals: vec![],
             lost: 0,
             thin: 0,
         };
         scan.text.reserve(bytes.len() + 1);
-        for (line, (keyword, rest)) in (1..).zip(statements(&bytes)) {
+        for (line, kind, rest) in statements(&bytes) {
             scan.line = line;
-            match KEYWORDS.iter().position(|k| k.as_bytes() == keyword) {
-                Some(kind) => scan.values(kind, rest)?,
-                None if keyword == b"f" => scan.face(rest)?,
-                None => {}
+            if kind == FACE {
+                scan.face(rest)?;
+            } else {
+                scan.values(kind, rest)?;
             }
         }
         match values(&scan.text, counts) {
-            Some(values) => Ok(scan.finish(values)),
+            Some(mesh) => Ok(scan.finish(&mesh)),
             None => Err(scan.refused_number(&bytes)),
         }
     }
@@ -101,15 +101,13 @@ impl ObjFile {
 
 /// The numbers of the `v`, `vt` and `vn` statements in `text`, by tobj; `None` where one is refused, or a vertex is not
 /// finite.
-fn values(text: &[u8], counts: [usize; 3]) -> Option<[Vec<f32>; 3]> {
+fn values(text: &[u8], [v, vt, vn, _]: [usize; 4]) -> Option<tobj::Mesh> {
     let options = tobj::LoadOptions::default();
     let (mut models, _) = tobj::load_obj_buf(&mut &*text, &options, |_| Ok(Default::default())).ok()?;
     let mesh = models.pop()?.mesh;
-    let values = [mesh.positions, mesh.texcoords, mesh.normals];
-    let [v, vt, vn] = counts;
-    let is_complete = values.each_ref().map(Vec::len) == [3 * v, 2 * vt, 3 * vn];
-    let is_finite = values[0].iter().all(|number| number.is_finite());
-    (models.is_empty() && is_complete && is_finite).then_some(values)
+    let found = [&mesh.positions, &mesh.texcoords, &mesh.normals].map(Vec::len);
+    let is_finite = mesh.positions.iter().all(|number| number.is_finite());
+    (found == [3 * v, 2 * vt, 3 * vn] && is_finite).then_some(mesh)
 }
 
 /// The text in lines that end in LF, each with a whole statement.
@@ -135,10 +133,10 @@ struct Scan<'a> {
     line: usize,
     /// The statements for tobj.
     text: Vec<u8>,
-    /// Number of `v`, `vt` and `vn` statements.
-    counts: [usize; 3],
+    /// Number of statements of each keyword.
+    counts: [usize; 4],
     /// Their number so far; a negative index counts back from it.
-    seen: [usize; 3],
+    seen: [usize; 4],
     faces: Faces,
     /// Index of the normal of each corner; `u32::MAX` where it has none.
     corner_normals: Vec<u32>,
@@ -161,17 +159,14 @@ impl Scan<'_> {
     fn values(&mut self, kind: usize, rest: &[u8]) -> Result<()> {
         let text = self.text(rest)?;
         // One number more than three is a weight, several are a colour.
-        let used = match text.split_whitespace().count() {
-            4 if kind == 0 => 4,
-            1 if kind == 1 => 1,
-            _ => 3,
-        };
-        self.text.extend_from_slice(KEYWORDS[kind].as_bytes());
+        let used = if kind == 0 && text.split_whitespace().count() == 4 { 4 } else { 3 };
+        self.text.extend_from_slice(KEYWORDS[kind]);
         for word in text.split_whitespace().take(used) {
             self.text.push(b' ');
             self.text.extend_from_slice(if is_nan(word) { b"nan" } else { word.as_bytes() });
         }
-        if (kind, used) == (1, 1) {
+        // The second texture coordinate where there is one alone; tobj ignores what follows two.
+        if kind == 1 {
             self.text.extend_from_slice(b" 0");
         }
         self.text.push(b'\n');
@@ -181,10 +176,9 @@ impl Scan<'_> {
 
     /// The error for the first line with numbers that cannot be used.
     fn refused_number(&mut self, bytes: &[u8]) -> Error {
-        for (line, (keyword, rest)) in (1..).zip(statements(bytes)) {
+        for (line, kind, rest) in statements(bytes).filter(|(_, kind, _)| *kind != FACE) {
             self.line = line;
-            let kind = KEYWORDS.iter().position(|k| k.as_bytes() == keyword);
-            if let Some(Err(error)) = kind.map(|kind| self.check_numbers(kind, rest)) {
+            if let Err(error) = self.check_numbers(kind, rest) {
                 return error;
             }
         }
@@ -198,13 +192,14 @@ impl Scan<'_> {
             let remedy =
                 if word.contains(',') { "write numbers with a point, and spaces between them" } else { EXPORT_AGAIN };
             let number = if is_nan(word) { Ok(f32::NAN) } else { word.parse::<f32>() };
-            numbers.push(number.map_err(|_| self.error(format!("'{}' is not a number", short(word)), remedy))?);
+            numbers.push(number.map_err(|_| self.error(format!("'{}' is not a number", shortened(word)), remedy))?);
         }
-        let what = || format!("a {} with {} numbers, {} expected", NAMES[kind], numbers.len(), LEAST[kind]);
+        let what = || format!("a {} with {} of {} numbers", NAMES[kind], numbers.len(), LEAST[kind]);
         ensure!(numbers.len() >= LEAST[kind], self.error(what(), EXPORT_AGAIN));
         let weight = if text.split_whitespace().count() == 4 { numbers[3] } else { 1.0 };
         let is_finite = kind != 0 || numbers[..3].iter().all(|x| (x / weight).is_finite());
-        let what = || format!("the vertex '{}' is not one of finite numbers of single precision", short(text.trim()));
+        let what =
+            || format!("the vertex '{}' is not one of finite numbers of single precision", shortened(text.trim()));
         ensure!(is_finite, self.error(what(), "repair the mesh and export it again"));
         Ok(())
     }
@@ -214,7 +209,7 @@ impl Scan<'_> {
         for word in self.text(rest)?.split_whitespace() {
             let [position, texcoord, normal] = self.corner(word)?;
             let Some(position) = position else {
-                return Err(self.error(format!("'{}' names no vertex", short(word)), WRITE_CORNERS));
+                return Err(self.error(format!("'{}' names no vertex", shortened(word)), WRITE_CORNERS));
             };
             let has_room = u32::try_from(self.faces.corners.len()).is_ok();
             ensure!(has_room, self.error("more than 4,294,967,295 face corners", "split the mesh"));
@@ -238,15 +233,15 @@ impl Scan<'_> {
         let mut named = [None; 3];
         // A positive index may refer to later lines; a negative one counts back from this line.
         for (k, part) in word.split('/').enumerate() {
-            let refuse = |what: &str| self.error(format!("'{}' {what}", short(word)), WRITE_CORNERS);
+            let refuse = |what: &str| self.error(format!("'{}' {what}", shortened(word)), WRITE_CORNERS);
             ensure!(k < 3, refuse("has more than three indices"));
             if part.is_empty() {
                 continue;
             }
             let index: i64 = part.parse().map_err(|_| refuse("is not a corner of a face"))?;
-            let limit = if index < 0 { self.seen[k] } else { self.counts[k] } as u64;
-            if (1..=limit).contains(&index.unsigned_abs()) {
-                let from_0 = if index < 0 { limit - index.unsigned_abs() } else { index.unsigned_abs() - 1 };
+            let limit = if index < 0 { self.seen[k] } else { self.counts[k] } as i64;
+            let from_0 = if index < 0 { limit + index } else { index - 1 };
+            if (0..limit).contains(&from_0) {
                 // Files are too small for 2^32 lines of a keyword.
                 named[k] = Some(from_0 as u32);
             } else if k > 0 {
@@ -260,34 +255,37 @@ impl Scan<'_> {
         Ok(named)
     }
 
-    fn finish(self, [positions, texcoords, normals]: [Vec<f32>; 3]) -> ObjFile {
-        let Self { faces, corner_normals, mut lost, thin, .. } = self;
-        let normals = normals.as_chunks().0.iter().copied().map(Vec3::from_array);
-        let mut file = ObjFile {
-            positions: positions.as_chunks().0.iter().copied().map(Vec3::from_array).collect(),
-            texcoords: texcoords.as_chunks().0.iter().copied().map(Vec2::from_array).collect(),
-            normals: normals.map(|normal| if normal.is_finite() { normal } else { Vec3::ZERO }).collect(),
-            faces,
-            ..ObjFile::default()
-        };
-        for corner in &mut file.faces.corners {
-            if corner.texcoord.is_some_and(|t| !file.texcoords[t as usize].is_finite()) {
+    fn finish(self, mesh: &tobj::Mesh) -> ObjFile {
+        let Self { mut faces, corner_normals, mut lost, thin, .. } = self;
+        let mut texcoords: Vec<Vec2> = cast_slice(&mesh.texcoords).to_vec();
+        let mut normals: Vec<Vec3> = cast_slice(&mesh.normals).to_vec();
+        for corner in &mut faces.corners {
+            if corner.texcoord.is_some_and(|t| !texcoords[t as usize].is_finite()) {
                 corner.texcoord = None;
                 lost += 1;
             }
         }
-        file.texcoords.iter_mut().filter(|texcoord| !texcoord.is_finite()).for_each(|texcoord| *texcoord = Vec2::ZERO);
-        file.any_normals = corner_normals.iter().any(|normal| *normal != u32::MAX);
-        let has_all = file.any_normals && !corner_normals.contains(&u32::MAX);
-        file.corner_normals = has_all.then_some(corner_normals);
+        texcoords.iter_mut().filter(|texcoord| !texcoord.is_finite()).for_each(|texcoord| *texcoord = Vec2::ZERO);
+        normals.iter_mut().filter(|normal| !normal.is_finite()).for_each(|normal| *normal = Vec3::ZERO);
+        let any_normals = corner_normals.iter().any(|normal| *normal != u32::MAX);
+        let has_all = any_normals && !corner_normals.contains(&u32::MAX);
+        let mut notes = vec![];
         if thin > 0 {
-            file.notes.push(format!("{thin} faces have fewer than three corners: left out"));
+            notes.push(format!("faces of fewer than three corners, left out: {thin}"));
         }
         if lost > 0 {
-            let what = "texture coordinates or normals of corners are not there, or are no numbers: left out";
-            file.notes.push(format!("{lost} {what}"));
+            let what = "texture coordinates or normals of corners that are not there, or are no numbers, left out";
+            notes.push(format!("{what}: {lost}"));
         }
-        file
+        ObjFile {
+            positions: cast_slice(&mesh.positions).to_vec(),
+            texcoords,
+            normals,
+            faces,
+            corner_normals: has_all.then_some(corner_normals),
+            any_normals,
+            notes,
+        }
     }
 }
 
@@ -295,12 +293,12 @@ impl Scan<'_> {
 ///
 /// tobj numbers all three by first use and drops those that no face uses. With this face, the order of first use is the
 /// order of the file.
-fn ordering_face(counts: [usize; 3]) -> Vec<u8> {
-    let corners = counts.into_iter().max().unwrap_or(0);
+fn ordering_face([v, vt, vn, _]: [usize; 4]) -> Vec<u8> {
+    let corners = v.max(vt).max(vn);
     let mut line = Vec::with_capacity(corners * 24 + 2);
     line.push(b'f');
     for i in 1..=corners {
-        for (separator, n) in [b' ', b'/', b'/'].into_iter().zip(counts) {
+        for (separator, n) in [(b' ', v), (b'/', vt), (b'/', vn)] {
             line.push(separator);
             if n > 0 {
                 // Writing to memory cannot fail.
@@ -341,20 +339,15 @@ fn join_lines(bytes: &[u8]) -> Vec<u8> {
     joined
 }
 
-/// Iterates over the statements, one per line: the keyword, and the text after it without comments.
-fn statements(bytes: &[u8]) -> impl Iterator<Item = (&[u8], &[u8])> {
-    bytes.split(|&b| b == b'\n').map(|line| {
+/// Iterates over the statements that are read, one per line: the line, counted from 1; the place in `KEYWORDS`; and the
+/// text after it without comments.
+fn statements(bytes: &[u8]) -> impl Iterator<Item = (usize, usize, &[u8])> {
+    (1..).zip(bytes.split(|&b| b == b'\n')).filter_map(|(line, text)| {
         // In 1.#QNAN no comment begins.
-        let comment = (0..line.len()).find(|&at| line[at] == b'#' && (at == 0 || line[at - 1] != b'.'));
-        let statement = line[..comment.unwrap_or(line.len())].trim_ascii_start();
-        statement.split_at(statement.iter().position(u8::is_ascii_whitespace).unwrap_or(statement.len()))
+        let comment = (0..text.len()).find(|&at| text[at] == b'#' && (at == 0 || text[at - 1] != b'.'));
+        let statement = text[..comment.unwrap_or(text.len())].trim_ascii_start();
+        let end = statement.iter().position(u8::is_ascii_whitespace).unwrap_or(statement.len());
+        let (keyword, rest) = statement.split_at(end);
+        Some((line, KEYWORDS.iter().position(|k| *k == keyword)?, rest))
     })
-}
-
-/// Cuts a word of the file to a length that fits a message.
-fn short(word: &str) -> String {
-    match word.char_indices().nth(40) {
-        Some((at, _)) => format!("{}…", &word[..at]),
-        None => word.to_owned(),
-    }
 }
