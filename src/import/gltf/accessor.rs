@@ -196,7 +196,7 @@ impl<'a> Accessor<'a> {
             take(i, numbers);
         }
         if lost > 0 {
-            let what = format!("{lost} of {} elements are not finite, and count as missing", self.count);
+            let what = format!("elements that are not finite, and count as missing: {lost} of {}", self.count);
             self.file.note(&self.at, what);
         }
         Ok(())
@@ -212,8 +212,8 @@ impl<'a> Accessor<'a> {
     /// Returns the elements of `N` numbers that are not zero, ascending.
     pub fn deltas<const N: usize>(&self) -> Result<Vec<(u32, [f32; N])>> {
         self.check_components(N)?;
-        // Only non-zero elements are kept, since targets are mostly zeros. Each element that is looked at is charged as a
-        // byte, since many targets may name the same zeros.
+        // Only non-zero elements are kept, since targets are mostly zeros. Each element that is looked at is charged as
+        // a byte, since many targets may name the same zeros.
         self.file.charge(&self.at, self.dense.map_or(self.sparse.0.len(), |_| self.count), 1)?;
         let size = self.kind.size * N;
         let moved = self.stored().filter(|(_, bytes)| bytes[..size].iter().any(|byte| *byte != 0)).count();

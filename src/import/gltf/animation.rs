@@ -12,10 +12,9 @@ use glam::DQuat;
 pub struct Animation {
     /// Its name, unique in the file: an animation without a name gets a number, and a repeated name is followed by one.
     pub name: String,
-    /// Its channels. Channels without a node or keys, or of a property other than the four of glTF 2.0, are left out; all
-    /// are, with a note that says why, if one cannot be read. One that
-    /// KHR_animation_pointer lets drive the weights of a mesh is there for each node that draws the mesh and states no
-    /// weights of its own.
+    /// Its channels. Channels without a node or keys, or of a property other than the four of glTF 2.0, are left out;
+    /// all are, with a note that says why, if one cannot be read. One that KHR_animation_pointer lets drive the weights
+    /// of a mesh is there for each node that draws the mesh and states no weights of its own.
     pub channels: Vec<Channel>,
 }
 
@@ -172,14 +171,11 @@ impl Animation {
     /// Returns the frames per second of evenly spaced keys (within 2% of a frame), 20 or more; otherwise 30. Keys of
     /// weights count or, if it moves joints alone, those of joints.
     pub fn frame_rate(&self) -> f32 {
-        let longest = self.timed().max_by_key(|channel| channel.times.len());
-        let times = longest.map_or(&[][..], |channel| &channel.times);
-        let (Some(&first), Some(&last)) = (times.first(), times.last()) else { return DEFAULT_FPS };
-        let first = f64::from(first);
-        let frames = times.len() as f64 - 1.0;
-        let fps = frames / (f64::from(last) - first);
+        let Some(longest) = self.timed().max_by_key(|channel| channel.times.len()) else { return DEFAULT_FPS };
+        let [first, last] = longest.span();
+        let fps = (longest.times.len() as f64 - 1.0) / (last - first);
         let even = |(i, t): (usize, &f32)| ((f64::from(*t) - first) * fps - i as f64).abs() < 0.02;
-        if !(fps.is_finite() && fps > 0.0 && times.iter().enumerate().all(even)) {
+        if !(fps.is_finite() && fps > 0.0 && longest.times.iter().enumerate().all(even)) {
             return DEFAULT_FPS;
         }
         // Undo rounding to single precision: 29.999998 means 30.
@@ -210,7 +206,8 @@ impl Animation {
     /// of it: [`Gltf::clip`](super::Gltf::clip) with this `fps`.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if `fps` is not a positive number, or there would be more than 2²⁰ frames, and more than keys.
+    /// [`Error::Invalid`] if `fps` is not a positive number, or there would be more than 2²⁰ frames, and more than
+    /// keys.
     pub fn frame_times(&self, fps: Option<f32>) -> Result<impl ExactSizeIterator<Item = f64>> {
         let fps = fps.unwrap_or_else(|| self.frame_rate());
         let near = move |time: f64| {
@@ -237,8 +234,9 @@ impl Property {
     }
 }
 
-/// Returns the nodes, the property and, if it is the only one, the target that a JSON pointer names: `/nodes/N/PROPERTY`,
-/// `/meshes/N/weights`, or `/weights/K` of either. `taking` are the nodes that take the weights of each mesh.
+/// Returns the nodes, the property and, if it is the only one, the target that a JSON pointer names:
+/// `/nodes/N/PROPERTY`, `/meshes/N/weights`, or `/weights/K` of either. `taking` are the nodes that take the weights of
+/// each mesh.
 fn driven(pointer: &str, taking: &[Vec<usize>]) -> Option<(Vec<usize>, Property, Option<usize>)> {
     let parts: Vec<&str> = pointer.strip_prefix('/')?.split('/').collect();
     let (&[list, number, property], element) = parts.split_first_chunk()?;
@@ -257,14 +255,9 @@ fn driven(pointer: &str, taking: &[Vec<usize>]) -> Option<(Vec<usize>, Property,
     Some((nodes, property, target))
 }
 
-/// Reads the channels of an animation. `targets` are the morph targets of the mesh of each node; `taking` are the nodes
-/// that take the weights of each mesh.
-pub fn channels(
-    file: &Container,
-    at: &At<'_>,
-    targets: &[Option<usize>],
-    taking: &[Vec<usize>],
-) -> Result<Vec<Channel>> {
+/// Reads the channels of an animation. `targets` are the numbers of morph targets of the mesh of each node; `taking`
+/// are the nodes that take the weights of each mesh.
+pub fn channels(file: &Container, at: &At<'_>, targets: &[usize], taking: &[Vec<usize>]) -> Result<Vec<Channel>> {
     let mut found = vec![];
     let mut left_out = 0;
     let mut why = "";
@@ -273,7 +266,7 @@ pub fn channels(
         let path = target.text_or_empty("path");
         let pointer = match (path, target.get("node")) {
             ("pointer", _) => {
-                let extension = target.get("extensions").and_then(|all| all.get("KHR_animation_pointer"));
+                let extension = target.extension("KHR_animation_pointer");
                 extension.map_or(String::new(), |pointer| pointer.text_or_empty("pointer").to_owned())
             }
             (_, Some(node)) => format!("/nodes/{}/{path}", file.root().index_of("nodes", &node)?),
@@ -283,7 +276,7 @@ pub fn channels(
         if let Some((nodes, property, target)) = driven(&pointer, taking) {
             file.charge(&stated, nodes.len(), 2 * size_of::<Channel>())?;
             for node in nodes.into_iter().filter(|node| *node < targets.len()) {
-                let all = targets[node].unwrap_or(0);
+                let all = targets[node];
                 let width = match property {
                     Property::Translation | Property::Scale => 3,
                     Property::Rotation => 4,
@@ -304,7 +297,7 @@ pub fn channels(
         }
     }
     if left_out > 0 {
-        file.note(at, format!("{left_out} channels of no morph target or node, left out{why}"));
+        file.note(at, format!("channels of no morph target or node, left out{why}: {left_out}"));
     }
     Ok(found)
 }

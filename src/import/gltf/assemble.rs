@@ -3,7 +3,7 @@
 
 use crate::asset::{Corner, MorphSource, Semantic, SourceTarget, StreamData, StreamDeltas};
 use crate::error::Error;
-use glam::{DMat3, DMat4, DVec3, Vec2, Vec3};
+use glam::{DMat3, DMat4, Vec2, Vec3};
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
@@ -29,8 +29,8 @@ pub fn semantics<'a>(parts: impl Iterator<Item = &'a MorphSource>) -> BTreeSet<S
     parts.flat_map(|part| &part.streams).map(|stream| stream.semantic).collect()
 }
 
-/// Returns the bytes of `part` in a mesh with these streams: each vertex has all of them, and each target lists of their
-/// deltas, if only empty ones. Welding takes as much as a vertex without streams.
+/// Returns the bytes of `part` in a mesh with these streams: each vertex has all of them, and each target lists of
+/// their deltas, if only empty ones. Welding takes as much as a vertex without streams.
 pub fn size_in(part: &MorphSource, semantics: &BTreeSet<Semantic>) -> usize {
     let numbers: usize = semantics.iter().map(|semantic| semantic.components()).sum();
     let vertex = 2 * (2 * size_of::<Vec3>() + size_of::<Vec2>() + size_of::<u32>()) + numbers * size_of::<f32>();
@@ -74,9 +74,9 @@ pub fn merge(name: String, parts: Vec<MorphSource>) -> MorphSource {
         all.welds.extend(part.welds.iter().map(|v| v + first));
         let of_all: Vec<usize> =
             part.streams.iter().filter_map(|s| semantics.iter().position(|o| *o == s.semantic)).collect();
-        for (place, stream) in all.streams.iter_mut().enumerate() {
-            match of_all.iter().position(|at| *at == place) {
-                Some(own) => stream.values.extend(&part.streams[own].values),
+        for stream in &mut all.streams {
+            match part.streams.iter().find(|own| own.semantic == stream.semantic) {
+                Some(own) => stream.values.extend(&own.values),
                 None => stream.values.extend(std::iter::repeat_n(default_of(stream.semantic), count).flatten()),
             }
         }
@@ -94,8 +94,8 @@ pub fn merge(name: String, parts: Vec<MorphSource>) -> MorphSource {
                 normals.extend(moved(more));
                 normals
             });
-            for (own, StreamDeltas { vertices, deltas }) in target.streams.into_iter().enumerate() {
-                let stream = &mut one.streams[of_all[own]];
+            for (place, StreamDeltas { vertices, deltas }) in of_all.iter().zip(target.streams) {
+                let stream = &mut one.streams[*place];
                 stream.vertices.extend(vertices.iter().map(|v| v + first));
                 stream.deltas.extend(deltas);
             }
@@ -126,19 +126,21 @@ pub fn transform(source: &mut MorphSource, matrix: impl Fn(usize) -> DMat4) -> O
         let sign = if linear(v).determinant() < 0.0 { -1.0 } else { 1.0 };
         DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * sign
     };
-    // A direction of unit length, and the factor that brought it there; 0 if it is lost.
-    let unit = |before: DVec3, moved: DVec3| match moved.length().recip() {
-        scale if scale > 0.0 && scale.is_finite() => (moved * scale, scale),
-        _ => (before, 0.0),
+    // A direction that a matrix moves, at unit length again. The factor is added to the others; 0 if the direction is
+    // lost, and stays as it was.
+    let turn = |stated: Vec3, matrix: DMat3, scales: &mut Vec<f64>| {
+        let moved = matrix * stated.as_dvec3();
+        let scale = moved.length().recip();
+        let is_kept = scale > 0.0 && scale.is_finite();
+        scales.push(if is_kept { scale } else { 0.0 });
+        if is_kept { (moved * scale).as_vec3() } else { stated }
     };
     for (v, p) in source.positions.iter_mut().enumerate() {
         *p = matrix(v).transform_point3(p.as_dvec3()).as_vec3();
     }
     let mut scales = vec![];
     for (v, normal) in source.normals.iter_mut().flatten().enumerate() {
-        let (moved, scale) = unit(normal.as_dvec3(), turned(v) * normal.as_dvec3());
-        scales.push(scale);
-        *normal = moved.as_vec3();
+        *normal = turn(*normal, turned(v), &mut scales);
     }
     for target in &mut source.targets {
         target.positions.iter_mut().for_each(|(v, d)| *d = (linear(*v as usize) * d.as_dvec3()).as_vec3());
@@ -148,10 +150,8 @@ pub fn transform(source: &mut MorphSource, matrix: impl Fn(usize) -> DMat4) -> O
     if let Some(tangents) = source.streams.iter().position(|s| s.semantic == Semantic::Tangent) {
         let mut scales = vec![];
         for (v, tangent) in source.streams[tangents].values.chunks_exact_mut(4).enumerate() {
-            let stated = Vec3::from_slice(tangent).as_dvec3();
-            let (moved, scale) = unit(stated, linear(v) * stated);
-            scales.push(scale);
-            tangent[..3].copy_from_slice(&moved.as_vec3().to_array());
+            let moved = turn(Vec3::from_slice(tangent), linear(v), &mut scales);
+            tangent[..3].copy_from_slice(&moved.to_array());
             tangent[3] *= if linear(v).determinant() < 0.0 { -1.0 } else { 1.0 };
         }
         for StreamDeltas { vertices, deltas } in source.targets.iter_mut().filter_map(|t| t.streams.get_mut(tangents)) {

@@ -134,13 +134,13 @@ impl Container {
         Ok(None)
     }
 
-    /// Returns the bytes of the buffer view that `index` names, and those from one element to the next, if it states them.
+    /// Returns the bytes of the buffer view that `index` names, and those from one element to the next, if it states
+    /// them.
     pub fn view(&self, index: &At<'_>) -> Result<(&[u8], Option<usize>)> {
         let view = self.root().item("bufferViews", index)?;
         // Some exporters write 0 for elements that are tightly packed.
         let stride = view.index("byteStride")?.filter(|stride| *stride > 0);
-        let extensions = view.get("extensions");
-        let Some(packed) = COMPRESSED.iter().find_map(|name| extensions.as_ref()?.get(name)) else {
+        let Some(packed) = COMPRESSED.iter().find_map(|name| view.extension(name)) else {
             return Ok((self.bytes(&view)?, stride));
         };
         let slot = &self.unpacked[index.whole()?];
@@ -181,7 +181,7 @@ impl Container {
 /// exporters leave the padding out, or do not count it.
 fn glb_chunks(path: &Path, bytes: &[u8]) -> Result<(Range<usize>, Option<Range<usize>>)> {
     let refuse = |place: &str, what: String| Error::input(path, place, what, "export the file again: it is damaged");
-    let word = |at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
+    let word = |at: usize| Some(u32::from_le_bytes(*bytes.get(at..)?.first_chunk()?) as usize);
     let (Some(version), Some(length)) = (word(4), word(8)) else {
         return Err(refuse("", format!("{} bytes, fewer than the 12 of a GLB header", bytes.len())));
     };

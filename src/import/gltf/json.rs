@@ -46,6 +46,11 @@ impl<'a> At<'a> {
         self.value.get(key).map(place)
     }
 
+    /// The extension `name`, if it is there.
+    pub fn extension(&self, name: &str) -> Option<Self> {
+        self.get("extensions")?.get(name)
+    }
+
     /// The property `key`; an error if there is none.
     pub fn need(&self, key: &str) -> Result<Self> {
         self.get(key).ok_or_else(|| self.refuse(format!("no property '{key}'"), REPAIR))
@@ -60,7 +65,7 @@ impl<'a> At<'a> {
     pub fn elements(&self) -> Result<Vec<Self>> {
         let values = self.value.as_array().ok_or_else(|| self.refuse("no array", REPAIR))?;
         let element = |(i, value): (usize, &'a Value)| {
-            let name = value.get("name").and_then(Value::as_str).filter(|name| !name.is_empty());
+            let name = value["name"].as_str().filter(|name| !name.is_empty());
             let name = name.map_or(String::new(), |name| format!(" '{}'", shortened(name)));
             At { path: self.path, value, place: format!("{}[{i}]{name}", self.place) }
         };
@@ -76,7 +81,7 @@ impl<'a> At<'a> {
     /// The number `index`, if the array `key` of this value has such an element.
     pub fn index_of(&self, key: &str, index: &At<'_>) -> Result<usize> {
         let i = index.whole()?;
-        let count = self.value.get(key).and_then(Value::as_array).map_or(0, Vec::len);
+        let count = self.value[key].as_array().map_or(0, Vec::len);
         let what = || format!("{i}, but there are {count} {key}, counted from 0");
         ensure!(i < count, index.refuse(what(), "export the file again: it names what it does not have"));
         Ok(i)
@@ -110,7 +115,7 @@ impl<'a> At<'a> {
 
     /// Whether the property `key` is `true`.
     pub fn flag(&self, key: &str) -> bool {
-        self.value.get(key).and_then(Value::as_bool).unwrap_or_default()
+        self.value[key].as_bool().unwrap_or_default()
     }
 
     fn float(&self) -> Result<f32> {
@@ -130,7 +135,7 @@ impl<'a> At<'a> {
 
     /// The property `key` as text; empty if there is none.
     pub fn text_or_empty(&self, key: &str) -> &'a str {
-        self.value.get(key).and_then(Value::as_str).unwrap_or_default()
+        self.value[key].as_str().unwrap_or_default()
     }
 
     fn short(&self) -> String {

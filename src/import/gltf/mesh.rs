@@ -68,17 +68,16 @@ pub fn mesh(file: &Container, at: &At<'_>, name: String, prefix: &str) -> Result
     let mut influences = Influences { per_vertex, ..Influences::default() };
     let mut mesh = Mesh::default();
     let mut parts = vec![];
-    let mut vertices = 0;
-    let mut triangles = 0;
     for (index, primitive) in primitives.iter().enumerate() {
         let Some(source) = part(file, primitive, &names)? else { continue };
         add_influences(file, primitive, source.positions.len(), &mut influences)?;
-        let vertices_of = vertices..vertices + source.positions.len();
-        let triangles_of = triangles..triangles + source.faces.sizes.len();
-        vertices = vertices_of.end;
-        triangles = triangles_of.end;
-        let material = primitive.index("material")?;
-        mesh.primitives.push(Primitive { index, vertices: vertices_of, triangles: triangles_of, material });
+        let [v, t] = mesh.primitives.last().map_or([0, 0], |last| [last.vertices.end, last.triangles.end]);
+        mesh.primitives.push(Primitive {
+            index,
+            vertices: v..v + source.positions.len(),
+            triangles: t..t + source.faces.sizes.len(),
+            material: primitive.index("material")?,
+        });
         parts.push(source);
     }
     let all = semantics(parts.iter());
@@ -86,16 +85,14 @@ pub fn mesh(file: &Container, at: &At<'_>, name: String, prefix: &str) -> Result
     mesh.influences = (per_vertex > 0).then_some(influences);
     mesh.source = merge(name, parts);
     mesh.source.notes.splice(0..0, file.take_notes());
-    let stated = at.get("weights").map(|w| w.floats()).transpose()?.unwrap_or_default();
+    let stated = at.get("weights").map_or(Ok(vec![]), |weights| weights.floats())?;
     mesh.weights = fitted(file, at, stated, mesh.source.targets.len())?;
-    let moves = |i: usize| mesh.source.targets.iter().any(|t| !t.streams[i].vertices.is_empty());
-    let moving: Vec<bool> = (0..mesh.source.streams.len()).map(moves).collect();
-    for target in &mut mesh.source.targets {
-        let mut moving = moving.iter();
-        target.streams.retain(|_| moving.next() == Some(&true));
+    for i in (0..mesh.source.streams.len()).rev() {
+        if mesh.source.targets.iter().all(|target| target.streams[i].vertices.is_empty()) {
+            mesh.source.targets.iter_mut().for_each(|target| _ = target.streams.remove(i));
+            mesh.constants.insert(0, mesh.source.streams.remove(i));
+        }
     }
-    let mut moves = moving.iter();
-    mesh.constants = mesh.source.streams.extract_if(.., |_| moves.next() == Some(&false)).collect();
     mesh.constants.retain(|stream| stream.semantic != Semantic::TexCoord(0));
     if !mesh.source.positions.is_empty() {
         mesh.source.weld().map_err(in_file(at.path, &format!(": {}", at.place)))?;
@@ -113,14 +110,14 @@ pub fn fitted(file: &Container, at: &At<'_>, mut weights: Vec<f32>, targets: usi
 /// The name that a mesh states for its target `i`: in its own extras.targetNames, or those of its first primitive
 /// (UniVRM).
 fn target_name<'a>(at: &At<'a>, i: usize) -> Option<&'a str> {
-    let primitive = || at.value.get("primitives")?.get(0);
-    let listed = extras_names(at.value).or_else(|| extras_names(primitive()?))?;
-    listed.get(i)?.as_str().filter(|name| !name.is_empty())
+    let listed = |value: &'a Value| value["extras"]["targetNames"].as_array();
+    let names = listed(at.value).or_else(|| listed(&at.value["primitives"][0]))?;
+    names.get(i)?.as_str().filter(|name| !name.is_empty())
 }
 
 /// Whether a mesh has targets without names.
 pub fn has_unnamed(at: &At<'_>) -> bool {
-    let targets = at.value.get("primitives").and_then(|list| list.get(0)?.get("targets")?.as_array());
+    let targets = at.value["primitives"][0]["targets"].as_array();
     (0..targets.map_or(0, Vec::len)).any(|i| target_name(at, i).is_none())
 }
 
@@ -130,10 +127,6 @@ fn target_names(file: &Container, at: &At<'_>, count: usize, prefix: &str) -> Re
     let mut taken = HashMap::new();
     let name = |i| unique(target_name(at, i).map_or_else(|| format!("{prefix}target {i}"), str::to_owned), &mut taken);
     Ok((0..count).map(name).collect())
-}
-
-fn extras_names(value: &Value) -> Option<&[Value]> {
-    value.get("extras")?.get("targetNames")?.as_array().map(Vec::as_slice)
 }
 
 /// Makes `name` unique among `taken`, by appending the first free number from 2 on if necessary. `taken` maps each name
@@ -185,7 +178,7 @@ fn part(file: &Container, at: &At<'_>, names: &[String]) -> Result<Option<MorphS
     let attributes = at.need("attributes")?;
     let Some(positions) = attributes.get("POSITION") else { return nothing("no vertices (POSITION)") };
     // The same values may be there uncompressed, too.
-    if at.get("extensions").is_some_and(|e| e.get("KHR_draco_mesh_compression").is_some())
+    if at.extension("KHR_draco_mesh_compression").is_some()
         && file.root().item("accessors", &positions)?.get("bufferView").is_none()
     {
         let remedy = "decompress the file (gltf-transform copy does), or compress it by KHR_meshopt_compression";
@@ -209,8 +202,8 @@ fn part(file: &Container, at: &At<'_>, names: &[String]) -> Result<Option<MorphS
     }
     let targets = at.items("targets")?;
     if targets.len() < names.len() {
-        let own = targets.len();
-        file.note(at, format!("{own} targets, but another primitive has {}: the others leave it", names.len()));
+        let others = names.len() - targets.len();
+        file.note(at, format!("targets of other primitives, which leave this one: {others}"));
     }
     let streams = part.source.streams.len();
     file.charge(at, targets.len(), size_of::<SourceTarget>() + streams * size_of::<StreamDeltas>())?;
@@ -222,7 +215,7 @@ fn part(file: &Container, at: &At<'_>, names: &[String]) -> Result<Option<MorphS
     let source = part.source;
     let without = source.targets.iter().filter(|target| source.normals.is_some() && target.normals.is_none()).count();
     if without > 0 {
-        file.note(at, format!("{without} targets without normals: computed from the deformed surface"));
+        file.note(at, format!("targets without normals, computed from the deformed surface: {without}"));
     }
     Ok(Some(source))
 }
@@ -251,21 +244,23 @@ impl<'a> Part<'a> {
                 let stated: Vec<Vec3> = self.read(index)?.floats::<3>()?.into_iter().map(Vec3::from).collect();
                 let (units, scales, lost) = unit_normals(&stated, &self.source.faces, &self.source.positions);
                 if lost > 0 {
-                    self.file.note(index, format!("{lost} normals are zero: computed, constant in all targets"));
+                    self.file.note(index, format!("zero normals, computed and constant in all targets: {lost}"));
                 }
                 self.source.normals = Some(units);
                 self.normal_scales = scales;
                 return Ok(());
             }
             Semantic::Tangent => {
-                let stated = self.read(index)?.floats::<4>()?;
-                let lengths = stated.iter().map(|&[x, y, z, _]| Vec3::new(x, y, z).as_dvec3().length());
-                self.tangent_scales = lengths.map(|n| if n < 1e-6 { 0.0 } else { (1.0 / n) as f32 }).collect();
-                let unit = |(&[x, y, z, w], &scale): (&[f32; 4], &f32)| match scale {
-                    0.0 => [1.0, 0.0, 0.0, 1.0f32.copysign(w)],
-                    scale => [x * scale, y * scale, z * scale, 1.0f32.copysign(w)],
-                };
-                stated.iter().zip(&self.tangent_scales).flat_map(unit).collect()
+                let mut tangents = self.read(index)?.floats::<4>()?.into_flattened();
+                for tangent in tangents.as_chunks_mut::<4>().0 {
+                    let stated = Vec3::from_slice(tangent);
+                    let length = stated.as_dvec3().length();
+                    let scale = if length < 1e-6 { 0.0 } else { (1.0 / length) as f32 };
+                    let unit = if scale == 0.0 { Vec3::X } else { stated * scale };
+                    *tangent = unit.extend(1f32.copysign(tangent[3])).to_array();
+                    self.tangent_scales.push(scale);
+                }
+                tangents
             }
             Semantic::TexCoord(set) => {
                 let values = self.read(index)?.floats::<2>()?;
@@ -363,7 +358,7 @@ fn faces(file: &Container, at: &At<'_>, mode: usize, count: usize) -> Result<Fac
     };
     let triangles = if mode == 4 { indices.len() / 3 } else { indices.len().saturating_sub(2) };
     if mode == 4 && 3 * triangles < indices.len() {
-        file.note(at, format!("{} indices, of which the last are no triangle, and left out", indices.len()));
+        file.note(at, format!("the last indices are no triangle, and left out: {} in all", indices.len()));
     }
     let of = |i: usize| match mode {
         4 => [indices[3 * i], indices[3 * i + 1], indices[3 * i + 2]],
@@ -381,8 +376,8 @@ fn faces(file: &Container, at: &At<'_>, mode: usize, count: usize) -> Result<Fac
 
 /// The number of sets of joints of a primitive.
 fn sets_of_joints(primitive: &At<'_>) -> usize {
-    let attributes = primitive.value.get("attributes");
-    (0..).take_while(|set| attributes.is_some_and(|all| all.get(format!("JOINTS_{set}")).is_some())).count()
+    let attributes = &primitive.value["attributes"];
+    (0..).take_while(|set| attributes.get(format!("JOINTS_{set}")).is_some()).count()
 }
 
 /// Reads all sets of joints and weights of a primitive; without any, weights are 0.
@@ -408,7 +403,7 @@ fn add_influences(file: &Container, primitive: &At<'_>, count: usize, all: &mut 
         }
     }
     if below > 0 {
-        file.note(primitive, format!("{below} weights of joints are below 0, and taken for 0"));
+        file.note(primitive, format!("weights of joints below 0, taken for 0: {below}"));
     }
     for weights in all.weights[first..].chunks_exact_mut(each.max(1)).filter(|_| sets > 0) {
         // The sum of quantised weights is not quite 1; if all weights are 0, the vertex follows its first joint.

@@ -166,7 +166,7 @@ fn gltf(file: &Container) -> Result<Gltf> {
             return Err(listed[mesh].refuse(what, "export the file again"));
         }
     }
-    let targets = |node: &Node| node.mesh.map(|mesh| gltf.meshes[mesh].source.targets.len());
+    let targets = |node: &Node| node.mesh.map_or(0, |mesh| gltf.meshes[mesh].source.targets.len());
     let targets: Vec<_> = gltf.nodes.iter().map(targets).collect();
     let mut taking = vec![vec![]; gltf.meshes.len()];
     for (i, node) in gltf.nodes.iter().enumerate().filter(|(_, node)| node.weights.is_empty()) {
@@ -287,9 +287,10 @@ impl Gltf {
         let mut columns = vec![];
         let mut seen = HashSet::new();
         for channel in &channels {
-            let own: Vec<(usize, &str)> = self.targets_of(channel).filter(|(_, name)| seen.insert(*name)).collect();
-            names.extend(own.iter().map(|(_, name)| (*name).to_owned()));
-            columns.push((*channel, own.iter().map(|(i, _)| *i).collect::<Vec<usize>>()));
+            let new = self.targets_of(channel).filter(|(_, name)| seen.insert(*name));
+            let (own, called): (Vec<usize>, Vec<&str>) = new.unzip();
+            names.extend(called.into_iter().map(str::to_owned));
+            columns.push((*channel, own));
         }
         // Columns whose channels are all covered by earlier ones.
         columns.retain(|(_, own)| !own.is_empty());
@@ -360,7 +361,6 @@ impl Gltf {
         }
         let mut taken: Vec<usize> = (0..self.meshes.len()).collect();
         taken.retain(|mesh| !self.meshes[*mesh].source.positions.is_empty());
-        let mut left_out = vec![];
         let mut still = vec![];
         let named = |meshes: &[usize]| quoted(meshes.iter().map(|mesh| self.meshes[*mesh].source.name.as_str()));
         let has_targets = |mesh: &usize| !self.meshes[*mesh].source.targets.is_empty();
@@ -372,15 +372,14 @@ impl Gltf {
             if taken.iter().any(is_wanted) {
                 let others: Vec<usize> = taken.extract_if(.., |mesh| !is_wanted(mesh)).collect();
                 if !others.is_empty() {
-                    left_out.push(format!("{why}: {}", named(&others)));
+                    self.notes.push(format!("{why}: {}", named(&others)));
                 }
                 still.extend(others.into_iter().filter(|mesh| with_still && is_drawn(mesh)));
             }
         }
         if taken.len() > 1 {
-            left_out.push(format!("merged, targets of one name moved together: {}", named(&taken)));
+            self.notes.push(format!("merged, targets of one name moved together: {}", named(&taken)));
         }
-        self.notes.extend(left_out);
         let remedy = "give a file with a mesh of triangles";
         ensure!(!taken.is_empty(), Error::input(&self.path, "", "no mesh has triangles", remedy));
         let mut mesh = self.assembled(taken, &drawn, &worlds, unposed && moves)?;
@@ -453,8 +452,8 @@ impl Gltf {
                         Error::input(&self.path, "", "vertices follow more than 65535 joints", remedy)
                     })?;
                     if reduced > 0 {
-                        let what = "vertices follow more than 8 joints, of which 8 move them";
-                        source.notes.push(format!("{name}: {reduced} {what}"));
+                        let what = "vertices that follow more than 8 joints, of which 8 move them";
+                        source.notes.push(format!("{name}: {what}: {reduced}"));
                     }
                 }
                 drawn_parts.extend(self.meshes[mesh].primitives.iter().map(|primitive| DrawnPart {

@@ -89,10 +89,9 @@ pub fn nodes(file: &Container) -> Result<(Vec<Node>, Hierarchy)> {
     }
     if order.len() < nodes.len() {
         // Every node has at most one parent, so a node that no root reaches is in a cycle.
-        let mut reached = vec![false; nodes.len()];
-        order.iter().for_each(|node| reached[*node] = true);
-        let at = &list[reached.iter().position(|reached| !reached).unwrap_or_default()];
-        return Err(at.refuse("a node below itself", "remove the cycle among the children"));
+        order.sort_unstable();
+        let first = (0..).zip(&order).take_while(|(i, node)| i == *node).count();
+        return Err(list[first].refuse("a node below itself", "remove the cycle among the children"));
     }
     let scene = match root.get("scene") {
         Some(index) => Some(root.item("scenes", &index)?),
@@ -108,9 +107,8 @@ pub fn nodes(file: &Container) -> Result<(Vec<Node>, Hierarchy)> {
         }
     }
     // Avatars of VRM 0 look along -z, those of VRM 1 along +z, as glTF has it.
-    let looks_back = root.get("extensions").is_some_and(|extensions| extensions.get("VRM").is_some());
-    let space = if looks_back { DMat4::from_diagonal(DVec4::new(-1.0, 1.0, -1.0, 1.0)) } else { DMat4::IDENTITY };
-    Ok((nodes, Hierarchy { order, space }))
+    let diagonal = if root.extension("VRM").is_some() { DVec4::new(-1.0, 1.0, -1.0, 1.0) } else { DVec4::ONE };
+    Ok((nodes, Hierarchy { order, space: DMat4::from_diagonal(diagonal) }))
 }
 
 fn node(root: &At<'_>, at: &At<'_>) -> Result<Node> {
@@ -124,7 +122,7 @@ fn node(root: &At<'_>, at: &At<'_>) -> Result<Node> {
             scale: at.numbers("scale", [1.0; 3])?.into(),
         }
     };
-    let weights = at.get("weights").map(|w| w.floats()).transpose()?.unwrap_or_default();
+    let weights = at.get("weights").map_or(Ok(vec![]), |weights| weights.floats())?;
     let mesh = existing("mesh", "meshes")?;
     let skin = existing("skin", "skins")?;
     let name = at.text_or_empty("name").to_owned();
@@ -177,10 +175,10 @@ impl Transform {
 /// Returns the matrix of each node, from its own space to the scene's.
 pub fn world_matrices(nodes: &[Node], hierarchy: &Hierarchy, playing: Option<(&Animation, f64)>) -> Vec<DMat4> {
     let mut parts: Vec<Vec<(Property, Vec<f64>)>> = vec![vec![]; nodes.len()];
-    for (channel, time) in
-        playing.iter().flat_map(|(animation, time)| animation.channels.iter().map(move |c| (c, *time)))
-    {
-        parts[channel.node].push((channel.property, channel.sample(time)));
+    if let Some((animation, time)) = playing {
+        for channel in &animation.channels {
+            parts[channel.node].push((channel.property, channel.sample(time)));
+        }
     }
     let mut worlds = vec![DMat4::IDENTITY; nodes.len()];
     for &node in &hierarchy.order {

@@ -121,10 +121,10 @@ fn what_is_wrong_is_named_with_its_place() {
         ("/nodes", json!({}), "nodes: no array"),
         ("/scene", json!(0), "scene: 0, but there are 0 scenes"),
         ("/meshes/0/primitives/0/attributes", json!({}), "meshes[0].primitives[0]: no vertices (POSITION), left out"),
-        ("/accessors/3/count", json!(5), "primitives[0]: 5 indices, of which the last are no triangle, and left out"),
+        ("/accessors/3/count", json!(5), "primitives[0]: the last indices are no triangle, and left out: 5 in all"),
         ("/accessors/3/count", json!(2), "meshes[0].primitives[0]: no triangles, left out"),
         ("/accessors/0/count", json!(0), "meshes[0].primitives[0]: no vertices (POSITION), left out"),
-        ("/meshes/0/name", json!("face"), "meshes[0] 'face'.primitives[0]: 1 targets without normals"),
+        ("/meshes/0/name", json!("face"), "meshes[0] 'face'.primitives[0]: targets without normals, computed from"),
         ("/meshes/0/primitives/0/mode", json!(1), "meshes[0].primitives[0]: points or lines, left out"),
         ("/accessors/0/count", json!(all), "accessors[0]: 4294967295 elements of 12 bytes every 12 bytes"),
         ("/accessors/0/count", json!(u64::MAX), "accessors[0]: 18446744073709551615 elements"),
@@ -208,13 +208,13 @@ fn what_is_wrong_is_named_with_its_place() {
     }
     // What is wrong in the buffer, by view.
     let [nan, infinite, negative, two] = [f32::NAN, f32::INFINITY, -1.0, 2.0].map(|x: f32| x.to_le_bytes().to_vec());
-    let not_finite = "1 of 4 elements are not finite, and count as missing";
+    let not_finite = "elements that are not finite, and count as missing: 1 of 4";
     for (view, bytes, expected) in [
         (0, nan.clone(), "accessors[0]: element 0 is [NaN, 0.0, 0.0]; replace values"),
         (1, nan, &format!("NORMAL: accessors[1]: {not_finite}")),
         (2, infinite, &format!("TEXCOORD_0: accessors[2]: {not_finite}")),
         (3, vec![9, 0], "accessors[3]: index 0 names vertex 9, but there are 4"),
-        (5, negative, "primitives[0]: 1 weights of joints are below 0, and taken for 0"),
+        (5, negative, "primitives[0]: weights of joints below 0, taken for 0: 1"),
         (10, two, "accessors[8]: key 1 at 0.5 s comes after key 0 at 2 s; the animation is left out"),
         (7, vec![3, 1], "accessors[6].sparse.indices: index 1 is 1, after 3, of 4 elements"),
         (7, vec![1, 1], "accessors[6].sparse.indices: index 1 is 1"),

@@ -326,7 +326,7 @@ fn all_sets_of_joints_pose_a_mesh_and_the_foremost_move_it() {
     let moved =
         skeleton.influences.blend(0, &skeleton.joint_matrices(None)).transform_point3(source.positions[0].into());
     assert!((moved.y - f64::from(mean(4..12))).abs() < 1e-5, "{moved}");
-    let said = "mesh 'mesh': 3 vertices follow more than 8 joints, of which 8 move them";
+    let said = "mesh 'mesh': vertices that follow more than 8 joints, of which 8 move them: 3";
     assert!(source.notes.iter().any(|note| note == said), "{:?}", source.notes);
 }
 
