@@ -66,7 +66,8 @@ uvec2 dropped_once = uvec2(position_dropped, normal_dropped);
 #include "rounded.glsl"
 #define FACTOR ivec2
 #define FACTOR_OF(bits, unit, shift) ((ROUNDED_SUMS ? ivec2(bits) : two_weights(bits)) << (shift))
-// Sums that start from the base pose replace no weight: one product is enough. crowd.comp subtracts the other one itself.
+// Sums that start from the base pose replace no weight: one product is enough. crowd.comp subtracts the other one
+// itself.
 #ifdef TEXELS
 #define ONE_PRODUCT ALL_REBUILT
 #else
