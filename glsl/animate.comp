@@ -1,9 +1,12 @@
-// Samples the clips that each instance plays, and compares the result with the weights that its poses hold. An
-// invocation processes 32 targets of an instance: one word of the bits that mark changed weights. CPU twin:
+// Samples the clips that each instance plays, and compares the result with the weights that its poses hold. A team of
+// LANES invocations processes 32 targets of an instance: one word of the bits that mark changed weights. CPU twin:
 // update::animated::reference::sample.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "animation.glsl"
+
+// 32: an invocation samples a target. 1: it samples all 32 of a word, for software drivers, on which barriers are slow.
+layout(constant_id = 0) const uint LANES = 1;
 
 int key(uint clip, uint index) {
     uint first = tables[4u * clip];
@@ -30,19 +33,17 @@ uint kept(uint level, uint rank) {
     return rank < whole ? WHOLE : rank == whole ? level & 0xffffu : 0u;
 }
 
-void main() {
-    uint i = flat_invocation();
-    if (i >= heads * words) return;
+// The bits of the targets that an invocation has sampled.
+struct Bits {
+    uint changed;
+    uint nonzero;
+};
+
+// Samples target `lane` of word `i`, or all of its targets.
+Bits sampled(uint i, uint lane) {
     uint head = i / words;
     uint record = head * RECORD_WORDS;
     uint flags = state[record + 3u];
-    uint phase = state[phases_at + i];
-    if ((flags & HIDDEN) != 0u) {
-        state[phases_at + i] = NEW;
-        return;
-    }
-    state[phases_at + i] = phase == NEW ? FIRST : CONTINUED;
-
     uint clip = state[record];
     bool playing = (flags & PLAYING) != 0u;
     uint frame = 0u, next = 0u, f = 0u;
@@ -76,11 +77,13 @@ void main() {
     uint level = state[record + 6u];
     uint ranks_at = state[record + 7u];
 
+    Bits found = Bits(0u, 0u);
     uint first = (i % words) * 32u;
     uint count = min(targets - first, 32u);
-    uint changed = 0u;
-    uint active_bits = 0u;
-    for (uint t = 0u; t < count; ++t) {
+    uint rounds = LANES == 1u ? count : 1u;
+    for (uint n = 0u; n < rounds; ++n) {
+        uint t = lane + n;
+        if (LANES != 1u && t >= count) break;
         uint target = first + t;
         uint at = head * targets + target;
         uint bit = 1u << t;
@@ -93,9 +96,38 @@ void main() {
         int delta = weight - int(state[weights_at + at]);
         state[weights_at + at] = uint(weight);
         state[deltas_at + at] = uint(delta);
-        if (delta != 0) changed |= bit;
-        if (weight != 0) active_bits |= bit;
+        if (delta != 0) found.changed |= bit;
+        if (weight != 0) found.nonzero |= bit;
     }
-    state[bits(CHANGED) + i] = changed;
-    state[bits(ACTIVE) + i] = active_bits;
+    return found;
+}
+
+shared Bits teams[WORKGROUP / 32u];
+
+// Returns the bits of all invocations of a team, which pass here together.
+Bits joined(Bits own, uint lane) {
+    if (LANES == 1u) return own;
+    uint team = gl_LocalInvocationID.x / LANES;
+    if (lane == 0u) teams[team] = Bits(0u, 0u);
+    barrier();
+    atomicOr(teams[team].changed, own.changed);
+    atomicOr(teams[team].nonzero, own.nonzero);
+    barrier();
+    return teams[team];
+}
+
+void main() {
+    uint invocation = flat_invocation();
+    uint i = invocation / LANES, lane = invocation % LANES;
+    bool exists = i < heads * words;
+    bool shown = exists && (state[i / words * RECORD_WORDS + 3u] & HIDDEN) == 0u;
+    Bits found = Bits(0u, 0u);
+    if (shown) found = sampled(i, lane);
+    found = joined(found, lane);
+    if (!exists || lane != 0u) return;
+    uint phase = state[phases_at + i];
+    state[phases_at + i] = !shown ? NEW : phase == NEW ? FIRST : CONTINUED;
+    if (!shown) return;
+    state[bits(CHANGED) + i] = found.changed;
+    state[bits(ACTIVE) + i] = found.nonzero;
 }

@@ -66,10 +66,16 @@ uvec2 dropped_once = uvec2(position_dropped, normal_dropped);
 #include "rounded.glsl"
 #define FACTOR ivec2
 #define FACTOR_OF(bits, unit, shift) ((ROUNDED_SUMS ? ivec2(bits) : two_weights(bits)) << (shift))
-// Sums that start from the base pose replace no weight: one product is enough.
+// Sums that start from the base pose replace no weight: one product is enough. crowd.comp subtracts the other one
+// itself.
+#ifdef TEXELS
+#define ONE_PRODUCT ALL_REBUILT
+#else
+#define ONE_PRODUCT true
+#endif
 #define TIMES(factor, delta, dropped) \
     (ROUNDED_SUMS ? (factor).x * (delta) \
-        : ALL_REBUILT ? rounded_term((factor).x, delta, dropped) : rounded_product(factor, delta, dropped))
+        : ONE_PRODUCT ? rounded_term((factor).x, delta, dropped) : rounded_product(factor, delta, dropped))
 #else
 #define FACTOR ADDEND
 #ifdef INTEGER_POSES

@@ -37,11 +37,25 @@ Head plus_entry(Head head, uint coefficient, DELTA position, DELTA normal, uvec2
 }
 
 #ifdef ROUNDED_PRODUCTS
+// Subtracts what the pose holds of an entry.
+Head minus_entry(Head head, uint coefficient, ivec3 position, ivec3 normal, uvec2 shifts) {
+    int weight = two_weights(coefficient).y;
+    head.position -= rounded_term(weight << shifts.x, position, position_dropped);
+    head.normal -= rounded_term(weight << shifts.y, normal, normal_dropped);
+    return head;
+}
+
 // A sum over the entries of an instance that starts from the base pose; that of a copy is 0, and stays 0.
 Head rounded_sum(Head head) {
     return Head(ROUNDED(head.position, position_dropped), ROUNDED(head.normal, normal_dropped));
 }
 #endif
+
+// Whether all instances start from the base pose: then no weight is replaced, and no pose loaded.
+bool all_from_base(uint item) {
+    const uint every = (1u << HEADS) - 1u;
+    return ALL_REBUILT || (work[item + 3u] & every) == every;
+}
 
 // Adds the pose that the instance starts from.
 Head plus_source(Head head, uint slots, uint at, uint rebuilt) {
@@ -80,6 +94,9 @@ void main() {
 #define START(h) heads[h] = Head(ADDEND(0), ADDEND(0));
     EACH_HEAD(START)
 
+#ifdef ROUNDED_PRODUCTS
+    bool replaces = !(ROUNDED_SUMS || all_from_base(item));
+#endif
     // There is at least one row: a loop that tests first would run its body once more on software drivers, for no lane.
     do {
         DELTA position[1], normal[1];
@@ -87,6 +104,12 @@ void main() {
         load_entry(work[next], lane, position, normal, shifts);
 #define ADD(h) heads[h] = plus_entry(heads[h], work[next + 1u + h], position[0], normal[0], shifts);
         EACH_HEAD(ADD)
+#ifdef ROUNDED_PRODUCTS
+        if (replaces) {
+#define SUBTRACT(h) heads[h] = minus_entry(heads[h], work[next + 1u + h], position[0], normal[0], shifts);
+            EACH_HEAD(SUBTRACT)
+        }
+#endif
         next += ROW_WORDS(HEADS);
     } while (next < end);
 
@@ -110,7 +133,7 @@ void main() {
 #define BASE(h) heads[h] = Head(heads[h].position + position, heads[h].normal + normal);
         EACH_HEAD(BASE)
 #endif
-    } else {
+    } else if (!all_from_base(item)) {
         uint rebuilt = work[item + 3u];
 #define SOURCE(h) heads[h] = plus_source(heads[h], slots[h], at, rebuilt >> h);
         EACH_HEAD(SOURCE)

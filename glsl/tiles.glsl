@@ -1,4 +1,4 @@
-// The layout of tiles and their rows in a work list: plan.comp writes it, crowd.comp reads it. Numbers:
+// The layout of tiles and their rows in a work list: plan.glsl writes it, crowd.comp reads it. Numbers:
 // src/abi/numbers.rs; host: src/abi/worklist.rs.
 
 // Words per row in a tile of this many instances: an entry, a coefficient for each, and padding, so that rows begin at

@@ -237,9 +237,11 @@ const OURS: &[KernelRow] = &[
     // Measurements.
     KernelRow { name: "consume", poses: true, push: "ConsumePush", ..VERTEX },
     KernelRow { name: "read", bindings: &[(0, Buffer::Storage(16)), (1, WORDS)], push: "ReadPush", ..COMPUTE },
-    // Animation on the GPU: sampling clips and planning updates. Specialization constant: the widest tile.
-    KernelRow { name: "animate", ..ANIMATION },
+    // Animation on the GPU: sampling clips and planning updates. Specialization constants: the invocations that sample
+    // 32 targets; the widest tile.
+    KernelRow { name: "animate", constants: 1, ..ANIMATION },
     KernelRow { name: "plan", constants: 1, ..ANIMATION },
+    KernelRow { name: "plan_together", constants: 1, ..ANIMATION },
     KernelRow { name: "arguments", constants: 1, ..ANIMATION },
     // Passes over dense deltas.
     DENSE,

@@ -32,6 +32,9 @@ shared! {
     /// Alignment of tiles and their first rows, in words: one texel.
     ALIGN: usize = 4;
 
+    /// Most blocks that a workgroup plans for a tile: an invocation for each of the tile's instances.
+    PLANNED_BLOCKS: u32 = WORKGROUP / TILE as u32;
+
     /// Words of an instance's record: what it plays, and how many targets it keeps.
     RECORD_WORDS: u32 = 8;
     /// Record flag: a clip is playing.

@@ -1,4 +1,4 @@
-//! Layout of work lists: tiles with rows (crowd.comp, plan.comp).
+//! Layout of work lists: tiles with rows (crowd.comp, plan.glsl).
 
 pub use super::numbers::{ALIGN, ITEMS_MAX, TILE, TILE_WORDS, WIDTHS};
 

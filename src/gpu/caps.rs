@@ -259,11 +259,13 @@ impl DeviceCaps {
     }
 
     /// Reduces each limit to that of `limits` if it is smaller; nothing is raised. Names, versions, timestamps and the
-    /// flags of queue families stay. Of the tuning, only the width of tiles and the fields for small blocks change.
+    /// flags of queue families stay. Of the tuning, only the width of tiles, the fields for small blocks and the
+    /// planner change.
     pub fn clamp_to(&mut self, limits: &Self) {
         self.tuning.widest_tile = self.tuning.widest_tile.min(limits.tuning.widest_tile);
         self.tuning.lanes = self.tuning.lanes.max(limits.tuning.lanes);
         self.tuning.few_registers |= limits.tuning.few_registers;
+        self.tuning.plans_together |= limits.tuning.plans_together;
         self.max_storage_range = self.max_storage_range.min(limits.max_storage_range);
         self.max_texels = self.max_texels.min(limits.max_texels);
         self.max_allocation = self.max_allocation.min(limits.max_allocation);

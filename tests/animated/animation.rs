@@ -134,16 +134,22 @@ fn small_limits_split_the_crowd() {
     });
 }
 
-/// Devices whose kernels process fewer instances at once.
+/// Both planners, and kernels that process fewer instances at once.
 #[test]
-fn narrow_tiles_give_the_same_poses() {
+fn planners_and_tiles_of_all_widths_give_the_same_poses() {
     let mesh = packed(DeltaFormat::Small, 32);
-    for (widest_tile, pose) in [1, 4].into_iter().zip(FIXED) {
-        let limits = gpu::baseline(|caps| caps.tuning.widest_tile = widest_tile);
-        gpu::on_device_within(&gpu::one(), Some(limits), |headless, _| {
-            assert_eq!(headless.caps().tuning.widest_tile, widest_tile);
-            play_around(headless, &mesh, crowd(21, fixed(pose, 2)), KeyFormat::Bits32, 6);
-        });
+    let cases = [(1, true, FIXED[0]), (2, false, FIXED[1]), (4, false, FIXED[2]), (8, true, FIXED[1])];
+    for driver in gpu::drivers_or("llvmpipe,SwiftShader") {
+        for (widest_tile, plans_together, pose) in cases {
+            let limits = gpu::baseline(|caps| {
+                (caps.tuning.widest_tile, caps.tuning.plans_together) = (widest_tile, plans_together);
+            });
+            gpu::on_device_within(&driver, Some(limits), |headless, _| {
+                let tuning = headless.caps().tuning;
+                assert_eq!((tuning.widest_tile, tuning.plans_together), (widest_tile, plans_together));
+                play_around(headless, &mesh, crowd(21, fixed(pose, 2)), KeyFormat::Bits32, 6);
+            });
+        }
     }
 }
 

@@ -158,8 +158,8 @@ fn every_kernel_that_gpus_run_has_a_pipeline_and_every_limit_a_kernel() {
             made.insert(row.kernel);
         }
     }
-    // Texels are for software drivers; `read` measures bandwidth.
-    let others = ["crowd_texels", "read"];
+    // Texels and a planner are for software drivers; `read` measures bandwidth.
+    let others = ["crowd_texels", "plan", "read"];
     let draws = [Stage::Vertex, Stage::Fragment];
     let ours = |module: &&Module| !draws.contains(&module.kernel.stage) && !others.contains(&module.kernel.name);
     let all: BTreeSet<String> = MODULES.iter().filter(ours).map(|module| module.name.to_owned()).collect();

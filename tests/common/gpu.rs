@@ -27,7 +27,7 @@ pub fn is_kept(error: &PoseError, diagonal: f32) -> bool {
 }
 
 /// Returns `default`, or the list in `DELTAMORPH_TEST_DRIVERS`: parts of the names of required devices.
-fn drivers_or(default: &str) -> Vec<String> {
+pub fn drivers_or(default: &str) -> Vec<String> {
     let list = std::env::var("DELTAMORPH_TEST_DRIVERS").unwrap_or_else(|_| default.into());
     list.split(',').map(str::to_owned).collect()
 }

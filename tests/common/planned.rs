@@ -6,7 +6,7 @@ use deltamorph::internals::abi::worklist::{TILE_WORDS, WIDTHS};
 use deltamorph_headless::HeadlessCrowd;
 use std::ops::Range;
 
-/// The GPU's plan for a set of instances and a run of blocks, as in memory: see `glsl/plan.comp`.
+/// The GPU's plan for a set of instances and a run of blocks, as in memory: see `glsl/plan.glsl`.
 #[derive(Clone, Debug)]
 pub struct PlannedGroup {
     /// First instance of the set, and count.

@@ -239,10 +239,11 @@ fn of_groups(groups: &[PlannedGroup], slots: u32, widest: u32, mesh: &PackedMesh
                 assert!(rows.iter().all(|row| (row[0] as usize) < entries), "entries that exist");
                 // There is at least one.
                 let idle = rows.len() == 1 && rows[0][1..].iter().all(|c| *c == 0);
-                let rows = &rows[usize::from(idle)..];
+                let mut rows = rows[usize::from(idle)..].to_vec();
+                rows.sort_unstable();
                 assert!(idle || !rows.is_empty());
                 let is_planned = group.blocks.contains(&(block as usize));
-                assert!(is_planned && rows.windows(2).all(|w| w[0][0] < w[1][0]), "entries ascend");
+                assert!(is_planned && rows.windows(2).all(|w| w[0][0] < w[1][0]), "each entry once");
                 assert!(rows.iter().all(|row| row[1..].iter().any(|c| *c != 0)), "no row is idle");
                 let mut used = width;
                 while used > 1 && poses[used - 1] == poses[used - 2] {

@@ -1,4 +1,4 @@
-//! The CPU twin of the kernels that sample and plan (`glsl/animate.comp` to `glsl/plan.comp`): the planner of block
+//! The CPU twin of the kernels that sample and plan (`glsl/animate.comp`, `glsl/plan.glsl`): the planner of block
 //! formats, with the choices of the GPU.
 
 #![allow(dead_code, reason = "unit tests use less of it")]

@@ -232,7 +232,9 @@ fn modules_declare_what_the_table_says() {
         assert_eq!(bound, expected.collect(), "{name}");
         let storage_buffers = bound.values().filter(|b| matches!(b, Bound::Elements(_))).count();
         assert!(storage_buffers <= 4, "{name}: what a phone promises");
-        assert!(!shares_memory(&code), "{name}: a phone promises 16 KiB");
+        // A phone promises 16 KiB; these take less than one.
+        let shares = ["animate", "plan_together"].contains(&kernel.name);
+        assert_eq!(shares_memory(&code), shares, "{name}");
         assert_eq!(aliased(&code), kernel.aliased, "{name}");
 
         let push = push_constants(&entry);

@@ -1,14 +1,18 @@
 //! Buffer layout of an animated crowd: tables, state and planned work lists.
 
 use super::clips::Clips;
-use crate::abi::numbers::{BIT_KINDS, RECORD_WORDS, WORKGROUP};
+use crate::abi::numbers::{BIT_KINDS, RECORD_WORDS};
 use crate::abi::push::AnimationPush;
 use crate::abi::worklist::{ITEMS_MAX, TILE_WORDS, WIDTHS, row_words};
 use crate::error::Result;
+use crate::gpu::tuning::DeviceTuning;
 use crate::pack::blocks::BlockIndex;
 use crate::update::blocks::gpu::{set_size, workgroup};
 use crate::update::technique::Context;
 use std::ops::Range;
+
+/// Workgroups that plan a list, before one takes several blocks: twice what an H100 runs at once.
+const PLANNING_WORKGROUPS: u32 = 1 << 13;
 
 /// Blocks planned and dispatched together: as many as have a work list that fits a descriptor.
 pub struct Run {
@@ -60,7 +64,7 @@ pub struct GroupLayout {
     instances: u32,
     /// Instances per set; the last set may have fewer.
     size: u32,
-    widest: u32,
+    tuning: DeviceTuning,
     runs: Vec<Run>,
     stride: u64,
     /// Push constants shared by all dispatches; clock and slots are those of the last update.
@@ -79,11 +83,13 @@ impl GroupLayout {
         let mut runs = Run::cut(index, caps.max_storage_range);
         let list = runs.iter().map(|run| run.list_bytes(1)).max().unwrap_or(0);
         context.check_range("the work lists of eight instances", list, "split the mesh")?;
-        let planning = blocks.div_ceil(WORKGROUP.into());
+        let [_, most] = caps.tuning.planned_blocks();
+        let planning = blocks.div_ceil(most.into());
         let what = format!("planning mesh '{}' takes", context.layout().name);
         caps.check_limit(&what, (planning, "workgroups", caps.max_workgroups.into()), "split the mesh")?;
-        let (tiles, widest) =
-            ((caps.max_storage_range / list).min(caps.max_workgroups.into()), caps.tuning.widest_tile);
+        let tuning = caps.tuning;
+        let widest = tuning.widest_tile;
+        let tiles = (caps.max_storage_range / list).min(caps.max_workgroups.into());
         let size = set_size(context, tiles * u64::from(widest))?;
         let tiles = size.div_ceil(widest);
         let sets = instances.div_ceil(size);
@@ -106,7 +112,7 @@ impl GroupLayout {
             chunks: items.div_ceil(workgroup.items).div_ceil(caps.max_workgroups).max(1),
             ..push
         };
-        Ok(Self { instances, size, widest, runs, stride, push })
+        Ok(Self { instances, size, tuning, runs, stride, push })
     }
 
     fn sets(&self) -> u32 {
@@ -131,7 +137,7 @@ impl GroupLayout {
     }
 
     fn tiles(&self, set: u32) -> u32 {
-        self.instances(set).1.div_ceil(self.widest)
+        self.instances(set).1.div_ceil(self.tuning.widest_tile)
     }
 
     /// Capacity of a work list, in items per width.
@@ -163,7 +169,11 @@ impl GroupLayout {
             first_counter: list * WIDTHS as u32,
             ..self.push
         };
-        (push, [push.run_blocks.div_ceil(WORKGROUP), self.tiles(set)])
+        let tiles = self.tiles(set);
+        // As many blocks a workgroup as leave enough workgroups for all of a device.
+        let [least, most] = self.tuning.planned_blocks();
+        let each = (push.run_blocks * tiles / PLANNING_WORKGROUPS).clamp(least, most);
+        (push, [push.run_blocks.div_ceil(each).min(push.chunk_workgroups), tiles])
     }
 
     /// Byte offset in the control buffer of the arguments of a dispatch.

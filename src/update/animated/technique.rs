@@ -36,9 +36,10 @@ struct Planning;
 impl PipelineKey for Planning {
     fn make(self, objects: &mut Objects) -> Result<()> {
         objects.add_layout(&[modules::ANIMATE.kernel], 0)?;
-        let widest = [objects.device.caps.tuning.widest_tile];
-        objects.add_compute(modules::ANIMATE, &[&[]])?;
-        objects.add_compute(modules::PLAN, &[&widest])?;
+        let tuning = objects.device.caps.tuning;
+        let widest = [tuning.widest_tile];
+        objects.add_compute(modules::ANIMATE, &[&[tuning.sampling_lanes()]])?;
+        objects.add_compute(if tuning.plans_together { modules::PLAN_TOGETHER } else { modules::PLAN }, &[&widest])?;
         objects.add_compute(modules::ARGUMENTS, &[&widest])
     }
 }
@@ -199,8 +200,10 @@ impl Animated {
         }
     }
 
-    /// Workgroups of `invocations` invocations, in two dimensions if one is too small.
-    fn workgroups(&self, invocations: u64) -> [u32; 2] {
+    /// Workgroups that sample, in two dimensions if one is too small.
+    fn sampling(&self, push: &AnimationPush) -> [u32; 2] {
+        let words = u64::from(push.heads) * u64::from(push.words);
+        let invocations = words * u64::from(self.device.caps.tuning.sampling_lanes());
         let groups = invocations.div_ceil(WORKGROUP.into()).max(1);
         let x = groups.min(self.device.caps.max_workgroups.into());
         [x as u32, groups.div_ceil(x) as u32]
@@ -245,7 +248,7 @@ impl Technique for Animated {
         let listed = matches!(what, AnimatedKernel::Plan | AnimatedKernel::Arguments);
         for list in 0..if listed { layout.lists() } else { 1 } {
             let (push, workgroups) = match what {
-                AnimatedKernel::Sample => (*push, self.workgroups(u64::from(push.heads) * u64::from(push.words))),
+                AnimatedKernel::Sample => (*push, self.sampling(push)),
                 AnimatedKernel::Plan => layout.plan(list),
                 AnimatedKernel::Arguments => (layout.plan(list).0, [1, 1]),
                 // SAFETY: the caller's obligations.

@@ -1,0 +1,178 @@
+// What both planners decide: what an update does to a block of an instance, which instances share a tile, and what its
+// rows say. They differ in which invocation does it. CPU twin: update::blocks::BlockState, with fixed-point poses.
+
+#include "animation.glsl"
+#include "tiles.glsl"
+
+// Most instances in a tile: fewer than TILE if kernels of wide tiles run out of registers.
+layout(constant_id = 0) const uint WIDEST = TILE;
+
+// What an update does to a block of an instance. 0: nothing.
+const uint WRITTEN = 1u;
+const uint FROM_BASE = 2u; // it is written, starting from the base pose,
+const uint OPEN = 4u;      // or if that takes less
+
+// The instances of a tile are those from this one on...
+uint first_of_tile() {
+    return first_head + gl_GlobalInvocationID.y * WIDEST;
+}
+
+// ... of which there are this many.
+uint count_of_tile() {
+    return min(group_heads - gl_GlobalInvocationID.y * WIDEST, WIDEST);
+}
+
+uint first_entry(uint block) {
+    return tables[first_entry_at + block];
+}
+
+uint bits_of(uint kind, uint head, uint word) {
+    return state[bits(kind) + head * words + word];
+}
+
+bool bit_of(uint kind, uint head, uint target) {
+    return (bits_of(kind, head, target >> 5) >> (target & 31u) & 1u) != 0u;
+}
+
+// Decides what to do to a block of an instance, and notes in its history that it was touched.
+uint decide(uint head, uint block) {
+    uint phase = state[phases_at + head * words];
+    if (phase == NEW) return 0u;
+    uint touches = 0u;
+    for (uint w = 0u; w < words; ++w) {
+        touches |= bits_of(CHANGED, head, w) & tables[block_targets_at + block * words + w];
+    }
+    uint at = history_at + head * blocks + block;
+    uint history = state[at];
+    bool whole = phase == FIRST;
+    bool touched = touches != 0u;
+    uint next = (history << 1 | uint(touched || whole)) & history_mask;
+    if (next != history) state[at] = next;
+    bool from_base = whole || touched && always_rebuild != 0u;
+    return from_base ? WRITTEN | FROM_BASE : touched ? WRITTEN | OPEN : history != 0u ? WRITTEN : 0u;
+}
+
+// The cost model: whether the active entries of a block take no more bytes than the changed ones.
+bool takes_less_from_base(uint head, uint block) {
+    // Each entry has bytes, so they count only if some targets are active and have not changed, and others have changed
+    // and are not active.
+    uint kept = 0u, ended = 0u;
+    for (uint w = 0u; w < words; ++w) {
+        uint active_bits = bits_of(ACTIVE, head, w), changed = bits_of(CHANGED, head, w);
+        uint either = (active_bits ^ changed) & tables[block_targets_at + block * words + w];
+        kept |= either & active_bits;
+        ended |= either & changed;
+    }
+    if (kept == 0u || ended == 0u) return kept == 0u;
+
+    uint active_bytes = 0u, changed_bytes = 0u;
+    uint to = first_entry(block + 1u);
+    for (uint e = first_entry(block); e < to; ++e) {
+        uint target = tables[entries_at + 2u * e];
+        uint bytes = tables[entries_at + 2u * e + 1u];
+        if (bit_of(ACTIVE, head, target)) active_bytes += bytes;
+        if (bit_of(CHANGED, head, target)) changed_bytes += bytes;
+    }
+    return active_bytes <= changed_bytes;
+}
+
+// A tile: its width (0: none), for each place the instance's number of four bits, and a bit if that starts from the
+// base pose.
+struct Tile {
+    uint width;
+    uint instances;
+    uint rebuilt;
+};
+
+// Adds an instance, if it is written.
+void add_instance(inout Tile tile, uint instance, uint decided) {
+    if (decided == 0u) return;
+    tile.instances |= instance << (4u * tile.width);
+    tile.rebuilt |= uint((decided & FROM_BASE) != 0u) << tile.width;
+    tile.width += 1u;
+}
+
+uint instance_at(Tile tile, uint place) {
+    return tile.instances >> (4u * place) & 15u;
+}
+
+bool is_rebuilt(Tile tile, uint place) {
+    return (tile.rebuilt >> place & 1u) != 0u;
+}
+
+// log2 of the narrowest width that holds this many instances.
+uint size_of(uint used) {
+    return used > 4u ? 3u : used > 2u ? 2u : used - 1u;
+}
+
+// Widens a tile to the next width; the last instance is repeated to fill it up.
+void fill_up(inout Tile tile) {
+    uint used = tile.width;
+    if (used == 0u) return;
+    uint last = instance_at(tile, used - 1u);
+    uint last_rebuilt = tile.rebuilt >> (used - 1u);
+    for (uint place = used; place < TILE; ++place) {
+        tile.instances |= last << (4u * place);
+        tile.rebuilt |= last_rebuilt << place;
+    }
+    tile.width = 1u << size_of(used);
+}
+
+// Places of a tile that need an entry.
+uint places_that_need(Tile tile, uint target) {
+    uint needed = 0u;
+    for (uint place = 0u; place < tile.width; ++place) {
+        uint kind = is_rebuilt(tile, place) ? ACTIVE : CHANGED;
+        if (bit_of(kind, first_of_tile() + instance_at(tile, place), target)) needed |= 1u << place;
+    }
+    return needed;
+}
+
+// Returns the coefficient that brings an instance's weight to a pose.
+uint coefficient(uint at, bool from_base) {
+    uint weight = state[weights_at + at];
+    uint change = from_base ? weight : state[deltas_at + at];
+    return pairs == 0u ? change : bitfieldInsert(weight, weight - change, 16, 16);
+}
+
+void write_row(uint row, Tile tile, uint entry, uint target, uint needed) {
+    work[row] = entry;
+    for (uint place = 0u; place < tile.width; ++place) {
+        uint at = (first_of_tile() + instance_at(tile, place)) * targets + target;
+        bool needs = (needed >> place & 1u) != 0u;
+        work[row + 1u + place] = needs ? coefficient(at, is_rebuilt(tile, place)) : 0u;
+    }
+}
+
+uint item_capacity() {
+    return ITEM_CAPACITY(gl_NumWorkGroups.y * run_blocks);
+}
+
+// The first row of a block. There is room for each entry, and for one row without coefficients.
+uint rows_of(uint block) {
+    uint before = first_entry(block) - first_entry(first_block) + block - first_block;
+    uint place = gl_GlobalInvocationID.y * (run_entries + run_blocks) + before;
+    return WIDTHS * TILE_WORDS * item_capacity() + place * ROW_WORDS(TILE);
+}
+
+// Appends a tile with `listed` rows to the list of its width.
+void append(Tile tile, uint block, uint rows, uint listed) {
+    // There is at least one row: of any entry, without coefficients.
+    if (listed == 0u) {
+        listed = 1u;
+        uint from = first_entry(block);
+        work[rows] = from < first_entry(block + 1u) ? from : 0u;
+        for (uint place = 0u; place < TILE; ++place) work[rows + 1u + place] = 0u;
+    }
+    uint size = size_of(tile.width);
+    uint index = atomicAdd(control[first_counter + size], 1u);
+    uint item = (size * item_capacity() + index) * TILE_WORDS;
+    work[item] = block;
+    work[item + 1u] = rows;
+    work[item + 2u] = listed;
+    work[item + 3u] = tile.rebuilt;
+    for (uint place = 0u; place < TILE; ++place) {
+        uint pose = (gl_GlobalInvocationID.y * WIDEST + instance_at(tile, place)) * slots;
+        work[item + 4u + place] = (pose + source) | (pose + destination) << 16;
+    }
+}
