@@ -46,7 +46,10 @@ fn cut(face: &[Corner], positions: &[Vec3], earcut: &mut Earcut<f64>) -> Option<
     let mut indices = vec![];
     earcut.earcut_slice(&flat, &[], &mut indices);
     let mut triangles = indices.as_chunks::<3>().0.to_vec();
-    triangles.iter_mut().filter(|triangle| area(**triangle) < 0.0).for_each(|triangle| triangle.swap(1, 2));
+    // All turn the same way; the area of one that lies on a line may have either sign.
+    if triangles.iter().map(|triangle| area(*triangle)).sum::<f64>() < 0.0 {
+        triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+    }
     close(face.len() as u32, &mut triangles);
     // A polygon that crosses itself may come out with more or fewer.
     (triangles.len() == fan.len()).then_some(triangles)
