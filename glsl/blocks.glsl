@@ -19,9 +19,11 @@ const uint NUMBERS = 6u * VERTICES;
 #include "aliased.glsl"
 layout(set = 0, binding = 0) uniform usamplerBuffer asset;
 layout(set = 0, binding = 1) uniform usamplerBuffer work;
+layout(set = 0, binding = 4) uniform usamplerBuffer base;
 #else
 layout(set = 0, binding = 0, std430) readonly buffer Asset { uint asset[]; };
 layout(set = 0, binding = 1, std430) readonly buffer Work { uint work[]; };
+layout(set = 0, binding = 3, std430) readonly buffer Base { uint base[]; };
 #endif
 // Poses: slots of the instances, both source and destination. An invocation loads and stores only its own vertices, and
 // loads before it stores.
@@ -31,24 +33,20 @@ layout(set = 0, binding = 1, std430) readonly buffer Work { uint work[]; };
 layout(push_constant) uniform Push {
     uint first_item;    // index of the first item's first word
     uint deltas_at;     // index of the asset's first delta word; headers begin at 0
-    uint base_at;       // index of the base pose's first number
+    uint base_at;       // index of the base pose's first number in its buffer
     uint pose_floats;   // numbers from pose to pose
     float position_unit; // of an integer delta, for float32 sums
     float normal_unit;
-    uint position_dropped; // lowest bits of products that rounding drops (ROUNDED_PRODUCTS)
-    uint normal_dropped;
+    uint dropped;       // lowest bits that rounding drops (ROUNDED_PRODUCTS), five for each component
 };
 
 #ifdef TEXELS
 // Read once: software drivers load push constants lane by lane, in a loop again and again.
 uint deltas_once = deltas_at;
 vec2 units_once = vec2(position_unit, normal_unit);
-uvec2 dropped_once = uvec2(position_dropped, normal_dropped);
 #define deltas_at deltas_once
 #define position_unit units_once.x
 #define normal_unit units_once.y
-#define position_dropped dropped_once.x
-#define normal_dropped dropped_once.y
 #endif
 
 // The entries of the format: build.rs resolves `format.glsl` to the module's file under formats/. It defines DELTA,
@@ -64,6 +62,13 @@ uvec2 dropped_once = uvec2(position_dropped, normal_dropped);
 // The factors of an entry, from the coefficient in the work list, and their product with a delta.
 #ifdef ROUNDED_PRODUCTS
 #include "rounded.glsl"
+#ifdef TEXELS
+uvec3 position_dropped = dropped_of(dropped, 0u);
+uvec3 normal_dropped = dropped_of(dropped, 3u);
+#else
+#define position_dropped dropped_of(dropped, 0u)
+#define normal_dropped dropped_of(dropped, 3u)
+#endif
 #define FACTOR ivec2
 #define FACTOR_OF(bits, unit, shift) ((ROUNDED_SUMS ? ivec2(bits) : two_weights(bits)) << (shift))
 // Sums that start from the base pose replace no weight: one product is enough. crowd.comp subtracts the other one

@@ -3,10 +3,6 @@
 #extension GL_GOOGLE_include_directive : require
 #include "host/pose.glsl"
 
-layout(push_constant) uniform Push {
-    vec2 units;
-};
-
 void main() {
-    gl_Position = vec4(pose_position(units) + pose_normal(units), 1.0);
+    gl_Position = vec4(pose_position() + pose_normal(), 1.0);
 }

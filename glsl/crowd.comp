@@ -45,7 +45,7 @@ Head minus_entry(Head head, uint coefficient, ivec3 position, ivec3 normal, uvec
     return head;
 }
 
-// A sum over the entries of an instance that starts from the base pose; that of a copy is 0, and stays 0.
+// The sum of an instance that starts from the base pose; that of a copy is 0, and stays 0.
 Head rounded_sum(Head head) {
     return Head(ROUNDED(head.position, position_dropped), ROUNDED(head.normal, normal_dropped));
 }
@@ -68,6 +68,23 @@ Head plus_source(Head head, uint slots, uint at, uint rebuilt) {
     normal &= keep;
 #endif
     return Head(head.position + position, head.normal + normal);
+}
+
+// The base pose, the same for all instances.
+void load_base(uint vertex, out ADDEND position, out ADDEND normal) {
+    uint at = base_at + 6u * vertex;
+#ifdef ROUNDED_PRODUCTS
+    if (ROUNDED_SUMS)
+#endif
+    {
+        position = ADDEND(NUMBER_OF(base[at]), NUMBER_OF(base[at + 1u]), NUMBER_OF(base[at + 2u]));
+        normal = ADDEND(NUMBER_OF(base[at + 3u]), NUMBER_OF(base[at + 4u]), NUMBER_OF(base[at + 5u]));
+    }
+#ifdef ROUNDED_PRODUCTS
+    else {
+        LOAD_WORDS_OF(base, base_at + 3u * vertex, position, normal)
+    }
+#endif
 }
 
 void store(uint slots, uint at, Head head) {
@@ -113,6 +130,23 @@ void main() {
         next += ROW_WORDS(HEADS);
     } while (next < end);
 
+    // Poses are loaded after the loop, so that they do not take registers in it.
+    // Only tiles that plan.comp fills, for integers, have instances of both kinds.
+    uint rebuilt = work[item + 3u];
+#ifdef INTEGER_POSES
+    if (ALL_REBUILT || rebuilt != 0u) {
+#else
+    if (ALL_REBUILT) {
+#endif
+        ADDEND position, normal;
+        load_base(vertex, position, normal);
+#define BASE(h) \
+        if (ALL_REBUILT || (rebuilt >> (h) & 1u) != 0u) { \
+            heads[h] = Head(heads[h].position + position, heads[h].normal + normal); \
+        }
+        EACH_HEAD(BASE)
+    }
+
 #ifdef ROUNDED_PRODUCTS
     if (ROUNDED_SUMS) {
 #define ROUND(h) heads[h] = rounded_sum(heads[h]);
@@ -120,21 +154,12 @@ void main() {
     }
 #endif
 
-    // Sources are loaded after the loop, so that they do not take registers in it; and all of them before the first is
-    // stored, since a tile may have an instance several times (plan.comp fills tiles up).
+    // All sources are loaded before the first is stored, since a tile may have an instance several times: plans of the
+    // GPU fill tiles up.
     uint slots[TILE];
 #define SLOTS(h) slots[h] = work[item + 4u + h];
     EACH_HEAD(SLOTS)
-    if (ALL_REBUILT) {
-#ifndef INTEGER_POSES
-        uint from = base_at + vertex * 6u;
-        vec3 position = uintBitsToFloat(uvec3(asset[from], asset[from + 1u], asset[from + 2u]));
-        vec3 normal = uintBitsToFloat(uvec3(asset[from + 3u], asset[from + 4u], asset[from + 5u]));
-#define BASE(h) heads[h] = Head(heads[h].position + position, heads[h].normal + normal);
-        EACH_HEAD(BASE)
-#endif
-    } else if (!all_from_base(item)) {
-        uint rebuilt = work[item + 3u];
+    if (!all_from_base(item)) {
 #define SOURCE(h) heads[h] = plus_source(heads[h], slots[h], at, rebuilt >> h);
         EACH_HEAD(SOURCE)
     }

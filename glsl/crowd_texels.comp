@@ -36,6 +36,24 @@ void load_row(uint at, out uint row[ROW_WORDS(TILE)]) {
     LOAD_WORDS(row, ROW_WORDS(HEADS), work, at)
 }
 
+// The base pose, the same for all instances, from number `at` on.
+void load_base(uint at, out NUMBER numbers[NUMBERS]) {
+    uint words[NUMBERS];
+#ifdef ROUNDED_PRODUCTS
+    if (ROUNDED_SUMS)
+#endif
+    {
+        LOAD_WORDS(words, NUMBERS, base, base_at + at)
+        [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) numbers[i] = NUMBER_OF(words[i]);
+    }
+#ifdef ROUNDED_PRODUCTS
+    else {
+        LOAD_WORDS(words, NUMBERS / 2u, base, base_at + at / 2u)
+        [[unroll]] for (uint i = 0u; i < NUMBERS; i += 2u) { UNPACK(numbers, i, words[i / 2u]) }
+    }
+#endif
+}
+
 void main() {
     uint item[TILE_WORDS];
     LOAD_WORDS(item, 4u + HEADS, work, first_item + gl_WorkGroupID.x * TILE_WORDS)
@@ -87,33 +105,43 @@ void main() {
         }
     } while (next < end);
 
+    // Poses are loaded after the loop, so that they do not take registers in it.
+    // Only tiles that plan.comp fills, for integers, have instances of both kinds.
+    uint rebuilt = item[3];
+#ifdef INTEGER_POSES
+    if (ALL_REBUILT || rebuilt != 0u) {
+#else
+    if (ALL_REBUILT) {
+#endif
+        NUMBER numbers[NUMBERS];
+        load_base(at, numbers);
+        [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
+            if (ALL_REBUILT || (rebuilt >> h & 1u) != 0u) {
+                [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) added[h][i] += numbers[i];
+            }
+        }
+    }
+
 #ifdef ROUNDED_PRODUCTS
     if (ROUNDED_SUMS) {
         [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
-            [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) {
-                added[h][i] = ROUNDED(added[h][i], i % 6u < 3u ? position_dropped : normal_dropped);
+            [[unroll]] for (uint i = 0u; i < NUMBERS; i += 3u) {
+                ivec3 sum = ivec3(added[h][i], added[h][i + 1u], added[h][i + 2u]);
+                sum = ROUNDED(sum, i % 6u < 3u ? position_dropped : normal_dropped);
+                [[unroll]] for (uint c = 0u; c < 3u; ++c) added[h][i + c] = sum[c];
             }
         }
     }
 #endif
 
-    // Sources are loaded after the loop, so that they do not take registers in it; and all of them before the first is
-    // stored, since a tile may have an instance several times (plan.comp fills tiles up).
-    if (ALL_REBUILT) {
-#ifndef INTEGER_POSES
-        uint base[NUMBERS];
-        LOAD_WORDS(base, NUMBERS, asset, base_at + at)
-        [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
-            [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) added[h][i] += uintBitsToFloat(base[i]);
-        }
-#endif
-    } else {
+    // All sources are loaded before the first is stored, since a tile may have an instance several times: plans of the
+    // GPU fill tiles up.
+    if (LOADS_POSES) {
         [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
             NUMBER source[NUMBERS];
             load_vertices((item[4u + h] & 0xffffu) * pose_floats + at, source);
 #ifdef INTEGER_POSES
-            // Tiles that plan.comp fills have instances of both kinds.
-            int keep = int(item[3] >> h & 1u) - 1;
+            int keep = int(rebuilt >> h & 1u) - 1;
             [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) source[i] &= keep;
 #endif
             [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) added[h][i] += source[i];

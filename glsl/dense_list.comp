@@ -7,7 +7,7 @@ struct Entry {
     uint target;
     uint coefficient;        // a float32; for fixed-point poses the weight to hold
     uint normal_coefficient; // a float32; for fixed-point poses the weight that the source holds
-    uint dropped;            // lowest bits of products: of positions, and in bits 8..16 of normals
+    uint dropped;            // lowest bits of products: five bits for each component
 };
 layout(set = 0, binding = 3, std430) readonly buffer Entries { Entry entries[]; };
 
@@ -15,7 +15,6 @@ layout(push_constant) uniform Push {
     uint chunk_vertices;   // vertices of the chunk: the length of a target's row
     uint first_entry;
     uint entry_count;
-    uint from_base;        // fixed-point poses start from the base pose: from 0
 };
 
 void main() {
@@ -28,16 +27,11 @@ void main() {
         uint row = entry.target * chunk_vertices + vertex;
 #ifdef INTEGER_POSES
         ivec2 weights = ivec2(entry.coefficient, entry.normal_coefficient);
-        add_rounded(row, weights, uvec2(entry.dropped & 0xffu, entry.dropped >> 8), position, normal);
+        add_rounded(row, weights, entry.dropped, position, normal);
 #else
         add_delta(row, uintBitsToFloat(entry.coefficient), uintBitsToFloat(entry.normal_coefficient), position, normal);
 #endif
     }
-#ifdef INTEGER_POSES
-    if (from_base == 0u)
-#endif
-    {
-        ADD_POSE(source_pose, vertex, position, normal)
-    }
+    ADD_POSE(source_pose, vertex, position, normal)
     STORE_POSE(destination_pose, vertex, position, normal)
 }

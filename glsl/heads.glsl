@@ -2,8 +2,9 @@
 
 // Instances of an item.
 layout(constant_id = 2) const uint HEADS = 1;
-// 1: all instances of all items start from the base pose, which is loaded once, or not if poses are displacements.
+// 1: all instances of all items start from the base pose, which is loaded once.
 // Plus 2: sums are rounded to the pose's unit, and not each product (ROUNDED_PRODUCTS).
 layout(constant_id = 3) const uint REBUILT_ITEMS = 0;
 const bool ALL_REBUILT = (REBUILT_ITEMS & 1u) != 0u;
+const bool LOADS_POSES = (REBUILT_ITEMS & 1u) == 0u;
 const bool ROUNDED_SUMS = (REBUILT_ITEMS & 2u) != 0u;

@@ -4,8 +4,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "abi.glsl"
-#define POSE_WITHOUT_INPUTS
-#include "host/pose.glsl"
 
 layout(local_size_x = WORKGROUP) in;
 
@@ -20,6 +18,8 @@ layout(set = 0, binding = 2, std430) readonly buffer Pieces { uint pieces[]; };
 layout(set = 0, binding = 3, std430) writeonly buffer Normals { float normals[]; };
 
 layout(push_constant) uniform Push {
+    vec4 units;       // input units per number of a position; in w, of a normal
+    vec4 offset;      // the position of number 0
     uint pose_at;     // index of the pose's first number
     uint fans_at;     // word with the position of the first vertex's fan
     uint normals_at;  // index of the first normal
@@ -27,8 +27,7 @@ layout(push_constant) uniform Push {
     uint vertices;
     uint count;       // pieces to write
     uint listed;      // 1: those of the list; 0: the first ones
-    uint padding;     // vectors of two begin at a multiple of 8 bytes
-    vec2 units;       // input units of integers: positions, normals
+    uint padding;     // to a multiple of 16 bytes
 };
 #define PIECE_AT(i) pieces[i]
 #include "after.glsl"
@@ -38,10 +37,9 @@ vec3 base_of(uint at) {
 }
 
 vec3 position_of(uint vertex) {
-    uint at = 6u * vertex;
     ADDEND position, normal;
     LOAD_VERTEX(poses, pose_at + VERTEX_NUMBERS * vertex, position, normal)
-    return POSE_DECODED(position, base_of(at), units.x);
+    return offset.xyz + vec3(position) * units.xyz;
 }
 
 void main() {

@@ -7,13 +7,18 @@ ivec2 two_weights(uint bits) {
 }
 
 // At most 31 bits are dropped, and no value with a half exceeds 32 bits.
-#define ROUNDED(value, dropped) ((value) + int(1u << (dropped) >> 1) >> (dropped))
+#define ROUNDED(value, dropped) ((value) + ivec3(uvec3(1u) << (dropped) >> 1) >> (dropped))
 
-ivec3 rounded_term(int weight, ivec3 delta, uint dropped) {
+// Low bits to drop of three components, five bits for each, from component `first` on.
+uvec3 dropped_of(uint word, uint first) {
+    return uvec3(word >> 5u * first, word >> 5u * (first + 1u), word >> 5u * (first + 2u)) & 31u;
+}
+
+ivec3 rounded_term(int weight, ivec3 delta, uvec3 dropped) {
     return ROUNDED(weight * delta, dropped);
 }
 
 // The difference of the two amounts.
-ivec3 rounded_product(ivec2 weights, ivec3 delta, uint dropped) {
+ivec3 rounded_product(ivec2 weights, ivec3 delta, uvec3 dropped) {
     return rounded_term(weights.x, delta, dropped) - rounded_term(weights.y, delta, dropped);
 }

@@ -4,8 +4,6 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #include "abi.glsl"
-#define POSE_WITHOUT_INPUTS
-#include "host/pose.glsl"
 
 layout(local_size_x = WORKGROUP) in;
 layout(constant_id = 0) const uint INFLUENCES = 4u;
@@ -14,17 +12,17 @@ layout(constant_id = 0) const uint INFLUENCES = 4u;
 #include "places.glsl"
 #define POSES_BINDING 0
 #include "pose.glsl"
-// For each vertex: the base pose, six numbers; and from skin_at on its joints, two to a word, and their weights, the
-// largest first.
-layout(set = 0, binding = 1, std430) readonly buffer Asset { uint asset[]; };
+// For each vertex its joints, two to a word, and their weights, the largest first.
+layout(set = 0, binding = 1, std430) readonly buffer Influences { uint influences[]; };
 // A matrix has three rows, a dual quaternion a real and a dual part: (x, y, z, w).
 layout(set = 0, binding = 2, std430) readonly buffer Joints { vec4 joints[]; };
 layout(set = 0, binding = 3, std430) writeonly buffer Skinned { float skinned[]; };
 layout(set = 0, binding = 4) uniform utextureBuffer pieces;
 
 layout(push_constant) uniform Push {
+    vec4 units;       // input units per number of a position; in w, of a normal
+    vec4 offset;      // the position of number 0
     uint pose_at;     // index of the pose's first number
-    uint skin_at;     // word of the first vertex's joints
     uint joints_at;   // index of the first joint's first vector
     uint skinned_at;  // index of the first position
     uint stride;      // words from vertex to vertex
@@ -32,8 +30,6 @@ layout(push_constant) uniform Push {
     uint vertices;
     uint count;       // pieces to write
     uint listed;      // 1: those of the list; 0: the first ones
-    uint padding;     // vectors of two begin at a multiple of 8 bytes
-    vec2 units;       // input units of integers: positions, normals
 };
 #define PIECE_AT(i) texelFetch(pieces, int(i)).x
 #include "after.glsl"
@@ -44,10 +40,6 @@ const uint JOINT = 2u;
 const uint JOINT = 3u;
 #endif
 
-vec3 base_of(uint at) {
-    return uintBitsToFloat(uvec3(asset[at], asset[at + 1u], asset[at + 2u]));
-}
-
 void store(uint at, vec3 value) {
     skinned[at] = value.x;
     skinned[at + 1u] = value.y;
@@ -56,11 +48,11 @@ void store(uint at, vec3 value) {
 
 // Returns the index of the first vector of an influence's joint.
 uint joint_at(uint skin, uint i) {
-    return joints_at + JOINT * bitfieldExtract(asset[skin + i / 2u], int(i % 2u) * 16, 16);
+    return joints_at + JOINT * bitfieldExtract(influences[skin + i / 2u], int(i % 2u) * 16, 16);
 }
 
 float weight_of(uint skin, uint i) {
-    return uintBitsToFloat(asset[skin + INFLUENCES / 2u + i]);
+    return uintBitsToFloat(influences[skin + INFLUENCES / 2u + i]);
 }
 
 // Returns the unit vector; zero stays zero.
@@ -74,7 +66,7 @@ void main() {
     if (vertex >= vertices) {
         return;
     }
-    uint skin = skin_at + (INFLUENCES + INFLUENCES / 2u) * vertex;
+    uint skin = (INFLUENCES + INFLUENCES / 2u) * vertex;
 #ifdef DUAL
     // Kavan et al., "Geometric Skinning with Approximate Dual Quaternion Blending" (2008), algorithm 1. A quaternion
     // and its negative are the same rotation: all are taken on the side of the first, which has the largest weight.
@@ -111,11 +103,10 @@ void main() {
     }
 #endif
     // Loaded after the loop, which needs the registers.
-    uint at = 6u * vertex;
     ADDEND moved_position, moved_normal;
     LOAD_VERTEX(poses, pose_at + VERTEX_NUMBERS * vertex, moved_position, moved_normal)
-    vec3 position = POSE_DECODED(moved_position, base_of(at), units.x);
-    vec3 normal = POSE_DECODED(moved_normal, base_of(at + 3u), units.y);
+    vec3 position = offset.xyz + vec3(moved_position) * units.xyz;
+    vec3 normal = vec3(moved_normal) * units.w;
 #ifdef DUAL
     position += 2.0 * cross(real.xyz, cross(real.xyz, position) + real.w * position);
     position += 2.0 * (real.w * dual.xyz - dual.w * real.xyz + cross(real.xyz, dual.xyz));

@@ -72,10 +72,10 @@
 /// Six float32.
 #define DM_POSE_FLOAT32 1
 
-/// Six integers of 32 bits: displacements from the base pose, without drift.
+/// Six integers of 32 bits, without drift.
 #define DM_POSE_FIXED32 2
 
-/// Six integers of 16 bits: displacements from the base pose, without drift.
+/// Six integers of 16 bits, without drift.
 #define DM_POSE_FIXED16 3
 
 /// As `DM_POSE_FIXED16`, which vertex shaders decode it as; rounded once, for rigs with many overlapping targets
@@ -505,49 +505,6 @@ typedef struct DmGpuMesh {
     uint64_t bits;
 } DmGpuMesh;
 
-/// Buffer and layout of a pose. Normals are not normalised.
-typedef struct DmPoseView {
-    /// sizeof(DmPoseView).
-    uint32_t struct_size;
-    /// Bytes from vertex to vertex.
-    uint32_t stride;
-    /// The buffer: usable as vertex, storage and transfer-source buffer. Null: there is no such pose.
-    VkBuffer buffer;
-    /// Offset of the first vertex.
-    uint64_t offset;
-    /// Bytes, padding included.
-    uint64_t size;
-    /// `DM_POSE_...`, how vertices are stored.
-    uint32_t format;
-    /// Slot of the instance.
-    uint32_t slot;
-    /// Input units of fixed-point numbers, of positions and of normals: a value is that of the base pose plus integer x
-    /// unit.
-    float units[2];
-} DmPoseView;
-
-/// Buffer and layout of a stream of a pose.
-typedef struct DmStreamView {
-    /// sizeof(DmStreamView).
-    uint32_t struct_size;
-    /// Bytes from vertex to vertex.
-    uint32_t stride;
-    /// The buffer, with the usages of a pose's.
-    VkBuffer buffer;
-    /// Offset of the first vertex's first component.
-    uint64_t offset;
-    /// Components, one after the other.
-    uint32_t components;
-    /// `DM_POSE_...`, how a component is stored.
-    uint32_t format;
-    /// Input units of fixed-point numbers, component by component.
-    float units[4];
-    /// Slot of the instance.
-    uint32_t slot;
-    /// Zero.
-    uint32_t reserved;
-} DmStreamView;
-
 /// Position of a stream in a vertex.
 typedef struct DmStreamPlace {
     /// `DM_STREAM_...`.
@@ -698,6 +655,56 @@ typedef struct DmUpdate {
     /// Lower bound of the bytes that any update could move.
     uint64_t bytes_floor;
 } DmUpdate;
+
+/// Buffer and layout of a pose. A component, in input units, is offset + number x unit; normals are not normalised.
+///
+/// A draw fetches numbers as `dm_pose_vertex_input` says. A position is `offsets` + number x `units`: a matrix, which the
+/// host multiplies into its own model matrix from the right. Normals are directions as they are.
+typedef struct DmPoseView {
+    /// sizeof(DmPoseView).
+    uint32_t struct_size;
+    /// Bytes from vertex to vertex.
+    uint32_t stride;
+    /// The buffer: usable as vertex, storage and transfer-source buffer. Null: there is no such pose.
+    VkBuffer buffer;
+    /// Offset of the first vertex.
+    uint64_t offset;
+    /// Bytes, padding included.
+    uint64_t size;
+    /// `DM_POSE_...`, how vertices are stored.
+    uint32_t format;
+    /// Slot of the instance.
+    uint32_t slot;
+    /// Input units per number, by component: position, then normal; 1 for float32. Equal for all poses of a crowd.
+    float units[6];
+    /// The value of number 0, in input units, by component: 0 for float32 and for normals. Equal for all poses of a
+    /// crowd.
+    float offsets[6];
+} DmPoseView;
+
+/// Buffer and layout of a stream of a pose.
+typedef struct DmStreamView {
+    /// sizeof(DmStreamView).
+    uint32_t struct_size;
+    /// Bytes from vertex to vertex.
+    uint32_t stride;
+    /// The buffer, with the usages of a pose's.
+    VkBuffer buffer;
+    /// Offset of the first vertex's first component.
+    uint64_t offset;
+    /// Components, one after the other.
+    uint32_t components;
+    /// `DM_POSE_...`, how a component is stored.
+    uint32_t format;
+    /// Input units per number, by component; 1 for float32.
+    float units[4];
+    /// The value of number 0, in input units, by component.
+    float offsets[4];
+    /// Slot of the instance.
+    uint32_t slot;
+    /// Zero.
+    uint32_t reserved;
+} DmStreamView;
 
 /// Host memory that poses are copied to and decoded from. All zero: none.
 typedef struct DmReadback {
@@ -868,13 +875,13 @@ DmResult dm_requirements(uint32_t path,
                          struct DmRequirement *items);
 
 /// Describe how a draw reads poses of a format (`DM_POSE_...`; 0: float32): binding 0 is the pose, with position and
-/// normal at locations 0 and 1; fixed-point poses have the base pose as a second binding at locations 2 and 3; with
-/// `previous` not 0, the previous pose follows. There are at most 3 bindings and 6 attributes.
+/// normal at locations 0 and 1; with `previous` not 0, binding 1 is the previous pose, at locations 2 and 3.
+/// `DmPoseView` says what makes positions of the attributes.
 ///
 /// Errors: DM_ERROR_INVALID for an unknown format.
 ///
 /// Safety:
-/// `binding_count` and `attribute_count` can be written; `bindings` has room for 3, `attributes` for 6.
+/// `binding_count` and `attribute_count` can be written; `bindings` has room for 2, `attributes` for 4.
 DmResult dm_pose_vertex_input(uint32_t format,
                               uint32_t previous,
                               uint32_t *binding_count,
@@ -1114,21 +1121,6 @@ DmResult dm_mesh_upload(struct DmEngine engine, VkCommandBuffer cmd, struct DmMe
 /// Safety:
 /// The upload has run, or never will.
 DmResult dm_gpu_mesh_release_staging(struct DmGpuMesh mesh);
-
-/// Get the buffer and layout of the base pose, which is there once the upload has run: float32, in the order of poses.
-/// Fixed-point poses are displacements from it.
-///
-/// Safety:
-/// `view` is a structure that can be written.
-DmResult dm_gpu_mesh_base_pose(struct DmGpuMesh mesh, struct DmPoseView *view);
-
-/// Get the buffer and layout of a stream (`DM_STREAM_...`) of the base pose.
-///
-/// Errors: DM_ERROR_INVALID for a stream that the mesh does not have.
-///
-/// Safety:
-/// `view` is a structure that can be written.
-DmResult dm_gpu_mesh_base_stream(struct DmGpuMesh mesh, uint32_t stream, struct DmStreamView *view);
 
 /// Destroy a mesh on the device. Crowds keep the data that they need.
 ///
@@ -1675,7 +1667,7 @@ typedef char DmUpdate_dirty_blocks[offsetof(DmUpdate, dirty_blocks) == 48 ? 1 : 
 typedef char DmUpdate_rebuilt_blocks[offsetof(DmUpdate, rebuilt_blocks) == 56 ? 1 : -1];
 typedef char DmUpdate_bytes_moved[offsetof(DmUpdate, bytes_moved) == 64 ? 1 : -1];
 typedef char DmUpdate_bytes_floor[offsetof(DmUpdate, bytes_floor) == 72 ? 1 : -1];
-typedef char DmPoseView_sizeof[sizeof(DmPoseView) == 48 ? 1 : -1];
+typedef char DmPoseView_sizeof[sizeof(DmPoseView) == 88 ? 1 : -1];
 typedef char DmPoseView_struct_size[offsetof(DmPoseView, struct_size) == 0 ? 1 : -1];
 typedef char DmPoseView_stride[offsetof(DmPoseView, stride) == 4 ? 1 : -1];
 typedef char DmPoseView_buffer[offsetof(DmPoseView, buffer) == 8 ? 1 : -1];
@@ -1684,7 +1676,8 @@ typedef char DmPoseView_size[offsetof(DmPoseView, size) == 24 ? 1 : -1];
 typedef char DmPoseView_format[offsetof(DmPoseView, format) == 32 ? 1 : -1];
 typedef char DmPoseView_slot[offsetof(DmPoseView, slot) == 36 ? 1 : -1];
 typedef char DmPoseView_units[offsetof(DmPoseView, units) == 40 ? 1 : -1];
-typedef char DmStreamView_sizeof[sizeof(DmStreamView) == 56 ? 1 : -1];
+typedef char DmPoseView_offsets[offsetof(DmPoseView, offsets) == 64 ? 1 : -1];
+typedef char DmStreamView_sizeof[sizeof(DmStreamView) == 72 ? 1 : -1];
 typedef char DmStreamView_struct_size[offsetof(DmStreamView, struct_size) == 0 ? 1 : -1];
 typedef char DmStreamView_stride[offsetof(DmStreamView, stride) == 4 ? 1 : -1];
 typedef char DmStreamView_buffer[offsetof(DmStreamView, buffer) == 8 ? 1 : -1];
@@ -1692,8 +1685,9 @@ typedef char DmStreamView_offset[offsetof(DmStreamView, offset) == 16 ? 1 : -1];
 typedef char DmStreamView_components[offsetof(DmStreamView, components) == 24 ? 1 : -1];
 typedef char DmStreamView_format[offsetof(DmStreamView, format) == 28 ? 1 : -1];
 typedef char DmStreamView_units[offsetof(DmStreamView, units) == 32 ? 1 : -1];
-typedef char DmStreamView_slot[offsetof(DmStreamView, slot) == 48 ? 1 : -1];
-typedef char DmStreamView_reserved[offsetof(DmStreamView, reserved) == 52 ? 1 : -1];
+typedef char DmStreamView_offsets[offsetof(DmStreamView, offsets) == 48 ? 1 : -1];
+typedef char DmStreamView_slot[offsetof(DmStreamView, slot) == 64 ? 1 : -1];
+typedef char DmStreamView_reserved[offsetof(DmStreamView, reserved) == 68 ? 1 : -1];
 typedef char DmDecodeTarget_sizeof[sizeof(DmDecodeTarget) == 32 ? 1 : -1];
 typedef char DmDecodeTarget_struct_size[offsetof(DmDecodeTarget, struct_size) == 0 ? 1 : -1];
 typedef char DmDecodeTarget_stride[offsetof(DmDecodeTarget, stride) == 4 ? 1 : -1];

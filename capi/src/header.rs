@@ -84,8 +84,8 @@ fn layouts() -> Vec<Layout> {
         DmUpdate {
             struct_size bound ticket coefficients passes rebuilt dirty_blocks rebuilt_blocks bytes_moved bytes_floor
         }
-        DmPoseView { struct_size stride buffer offset size format slot units }
-        DmStreamView { struct_size stride buffer offset components format units slot reserved }
+        DmPoseView { struct_size stride buffer offset size format slot units offsets }
+        DmStreamView { struct_size stride buffer offset components format units offsets slot reserved }
         DmDecodeTarget { struct_size stride buffer offset normals reserved }
         DmNormalsTarget { struct_size stride buffer offset }
         DmSkinDesc { struct_size influences joints weights joint_count reserved }

@@ -31,9 +31,9 @@ pub const DM_DELTAS_PAIR: u32 = 6;
 
 /// Six float32.
 pub const DM_POSE_FLOAT32: u32 = 1;
-/// Six integers of 32 bits: displacements from the base pose, without drift.
+/// Six integers of 32 bits, without drift.
 pub const DM_POSE_FIXED32: u32 = 2;
-/// Six integers of 16 bits: displacements from the base pose, without drift.
+/// Six integers of 16 bits, without drift.
 pub const DM_POSE_FIXED16: u32 = 3;
 /// As `DM_POSE_FIXED16`, which vertex shaders decode it as; rounded once, for rigs with many overlapping targets
 /// (`DM_PATH_BLOCKS`, block formats).

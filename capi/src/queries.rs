@@ -67,13 +67,13 @@ pub unsafe extern "C" fn dm_requirements(path: u32, count: *mut u32, items: *mut
 }
 
 /// Describe how a draw reads poses of a format (`DM_POSE_…`; 0: float32): binding 0 is the pose, with position and
-/// normal at locations 0 and 1; fixed-point poses have the base pose as a second binding at locations 2 and 3; with
-/// `previous` not 0, the previous pose follows. There are at most 3 bindings and 6 attributes.
+/// normal at locations 0 and 1; with `previous` not 0, binding 1 is the previous pose, at locations 2 and 3.
+/// `DmPoseView` says what makes positions of the attributes.
 ///
 /// Errors: DM_ERROR_INVALID for an unknown format.
 ///
 /// # Safety
-/// `binding_count` and `attribute_count` can be written; `bindings` has room for 3, `attributes` for 6.
+/// `binding_count` and `attribute_count` can be written; `bindings` has room for 2, `attributes` for 4.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dm_pose_vertex_input(
     format: u32,
@@ -90,8 +90,8 @@ pub unsafe extern "C" fn dm_pose_vertex_input(
         let (found, places) = format.vertex_input(previous != 0);
         // SAFETY: the caller's obligations; counts were checked.
         unsafe {
-            fill(bindings, 3, &found, "bindings")?;
-            fill(attributes, 6, &places, "attributes")?;
+            fill(bindings, 2, &found, "bindings")?;
+            fill(attributes, 4, &places, "attributes")?;
             *binding_count = found.len() as u32;
             *attribute_count = places.len() as u32;
         }

@@ -3,11 +3,8 @@
 use crate::arguments::check_command_buffer;
 use crate::engine::Engine;
 use crate::handles::{DmEngine, DmGpuMesh, DmMesh, Handle};
-use crate::memory::{Place, check_place};
-use crate::numbers::semantic;
+use crate::memory::check_place;
 use crate::result::{DmResult, enter, lock};
-use crate::structs::{DmPoseView, DmStreamView};
-use crate::views::{pose_view, stream_view};
 use deltamorph::ash::vk;
 use std::sync::{Arc, Mutex};
 
@@ -61,41 +58,6 @@ pub unsafe extern "C" fn dm_gpu_mesh_release_staging(mesh: DmGpuMesh) -> DmResul
         let mesh = mesh.get()?;
         // SAFETY: the caller's obligation.
         unsafe { lock(&mesh.mesh)?.release_staging() };
-        Ok(())
-    })
-}
-
-/// Get the buffer and layout of the base pose, which is there once the upload has run: float32, in the order of poses.
-/// Fixed-point poses are displacements from it.
-///
-/// # Safety
-/// `view` is a structure that can be written.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dm_gpu_mesh_base_pose(mesh: DmGpuMesh, view: *mut DmPoseView) -> DmResult {
-    enter("dm_gpu_mesh_base_pose", || {
-        // SAFETY: the caller's obligation.
-        let place = unsafe { Place::new(view) }?;
-        let mesh = mesh.get()?;
-        let base = lock(&mesh.mesh)?.base_pose();
-        place.write(pose_view(Some(base)));
-        Ok(())
-    })
-}
-
-/// Get the buffer and layout of a stream (`DM_STREAM_…`) of the base pose.
-///
-/// Errors: DM_ERROR_INVALID for a stream that the mesh does not have.
-///
-/// # Safety
-/// `view` is a structure that can be written.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn dm_gpu_mesh_base_stream(mesh: DmGpuMesh, stream: u32, view: *mut DmStreamView) -> DmResult {
-    enter("dm_gpu_mesh_base_stream", || {
-        // SAFETY: the caller's obligation.
-        let place = unsafe { Place::new(view) }?;
-        let mesh = mesh.get()?;
-        let base = lock(&mesh.mesh)?.base_stream(semantic(stream)?)?;
-        place.write(stream_view(&base));
         Ok(())
     })
 }

@@ -19,6 +19,7 @@ pub(crate) fn pose_view(view: Option<PoseView>) -> DmPoseView {
         format: pose_number(view.format),
         slot: view.slot,
         units: view.units,
+        offsets: view.offsets,
         ..none
     })
 }
@@ -31,6 +32,7 @@ pub(crate) fn stream_view(view: &StreamView) -> DmStreamView {
         components: view.components,
         format: pose_number(view.format),
         units: view.units,
+        offsets: view.offsets,
         slot: view.slot,
         ..DmStreamView::zeroed()
     }

@@ -12,7 +12,6 @@ static void null_handles(void) {
     HANDLE("null handle in place of an engine", dm_engine_info((DmEngine){0}, &info));
     HANDLE("null handle in place of an engine", dm_engine_memory((DmEngine){0}, &memory));
     HANDLE("null handle in place of a mesh on the device", dm_gpu_mesh_release_staging((DmGpuMesh){0}));
-    HANDLE("null handle in place of a mesh on the device", dm_gpu_mesh_base_pose((DmGpuMesh){0}, &pose));
     HANDLE("null handle in place of a mesh on the device", dm_gpu_mesh_destroy((DmGpuMesh){0}));
     HANDLE("null handle in place of a crowd", dm_crowd_previous_pose(no_crowd, 0, &pose));
     HANDLE("null handle in place of a crowd", dm_crowd_destroy(no_crowd));

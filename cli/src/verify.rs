@@ -397,9 +397,15 @@ mod tests {
         // The bound includes rounding to a unit; budgets are added.
         assert_eq!((allowed(narrow, &blocks), allowed(patient(narrow), &blocks)), (own + 0.25, own + 0.5 + 0.25));
         let rounding = |desc: UpdateDesc, weights: &[f32]| Promise::new(&desc, &blocks).rounding(weights);
-        assert_eq!((rounding(exact, &[1.0, 1.0]), rounding(float, &[1.0, 1.0])), ([0.0; 2], [0.0; 2]));
-        let [one, two] = [[0.5, 0.0], [0.5, 1.0]].map(|weights| rounding(narrow, &weights));
-        assert!(one[0] > 0.0 && one[1] > 0.0 && two == one.map(|length| 2.0 * length), "{one:?} {two:?}");
+        // The base pose is rounded, too: of exact poses nothing else is.
+        assert_eq!(
+            (rounding(exact, &[1.0, 1.0]), rounding(float, &[1.0, 1.0])),
+            (rounding(exact, &[0.0; 2]), [0.0; 2])
+        );
+        let [none, one, two] = [[0.0; 2], [0.5, 0.0], [0.5, 1.0]].map(|weights| rounding(narrow, &weights));
+        let times = |times: f64, of: [f64; 2]| [0, 1].map(|i| (of[i] - times * none[i]).abs() < 1e-6 * none[i]);
+        assert!(none[0] > 0.0 && none[1] > 0.0 && times(2.0, one) == [true; 2], "{none:?} {one:?}");
+        assert!(times(3.0, two) == [true; 2], "{none:?} {two:?}");
         assert_eq!(rounding(patient(narrow), &[0.5, 0.0]), two, "what waits may be a weight");
 
         let error = |position, normal_degrees| Found {

@@ -4,9 +4,9 @@
 //!     cargo run --example draw [PART OF A DEVICE'S NAME]
 //!
 //! Updates write each pose into the host's interleaved vertices, beside a colour that is the host's alone. Such poses
-//! take half the bytes of float32 ones: a draw binds the base pose as a second vertex buffer, and decodes in its vertex
-//! shader. The example draws an expression into `head.ppm`; `tests/after/pictures.rs` compares pictures with those of
-//! float32 poses. The device comes from the package `headless`; `examples/minimal.rs` is a host with its own.
+//! take half the bytes of float32 ones. The example draws an expression into `head.ppm`; `tests/after/pictures.rs`
+//! compares pictures with those of float32 poses. The device comes from the package `headless`; `examples/minimal.rs`
+//! is a host with its own.
 
 pub(crate) mod offscreen;
 
@@ -23,15 +23,15 @@ use offscreen::{Offscreen, Result};
 /// Red, green, blue, opacity.
 pub type Pixel = [u8; 4];
 
-/// The shader is the same for all pose formats, whose attributes are at locations 0 to 3.
+/// The shader is the same for all pose formats, whose attributes are at locations 0 and 1.
 const VERTEX: &str = "
-    layout(push_constant) uniform Push { mat4 view; vec2 units; };
-    layout(location = 4) in vec4 colour;
+    layout(push_constant) uniform Push { mat4 view; };
+    layout(location = 2) in vec4 colour;
     layout(location = 0) out vec3 normal;
     layout(location = 1) out vec3 albedo;
     void main() {
-        gl_Position = view * vec4(pose_position(units), 1.0);
-        normal = pose_normal(units);
+        gl_Position = view * vec4(pose_position(), 1.0);
+        normal = pose_normal();
         albedo = colour.rgb;
     }";
 const FRAGMENT: &str = "#version 450
@@ -71,26 +71,25 @@ pub fn pictures(headless: &Headless, format: PoseFormat, frames: &[Vec<f32>], ed
     let shader = version + include_str!("../../glsl/host/pose.glsl") + VERTEX;
     let mut input = format.vertex_input(false);
     input.0[0].stride = vertex.stride();
-    let colour = vk::VertexInputAttributeDescription::default().location(4).format(vk::Format::R8G8B8A8_UNORM);
+    let colour = vk::VertexInputAttributeDescription::default().location(2).format(vk::Format::R8G8B8A8_UNORM);
     input.1.push(colour.offset(at as u32));
-    let (pipeline, layout) = host.pipeline([&shader, FRAGMENT], &input, 72)?;
-    let view = view(&source.positions).to_cols_array();
+    let (pipeline, layout) = host.pipeline([&shader, FRAGMENT], &input, 64)?;
+    let view = view(&source.positions);
 
     let drawn = frames.iter().map(|weights| {
         crowd.set_weights(0, weights)?;
         headless.run(|cmd| {
             // SAFETY: `cmd` is recording on the engine's device, outside a render pass, and runs once.
             unsafe { engine.record_update(cmd, &mut crowd) }?;
-            // Binding 0: the pose. Binding 1: the base pose, which float32 poses do not need.
-            let bound = &[crowd.pose(0)?, uploaded.base_pose()][..input.0.len()];
-            let (buffers, offsets): (Vec<_>, Vec<_>) = bound.iter().map(|view| (view.buffer, view.offset)).unzip();
-            let push: Vec<u8> = view.into_iter().chain(bound[0].units).flat_map(f32::to_ne_bytes).collect();
+            let pose = crowd.pose(0)?;
+            // From the numbers of the pose to the mesh, then to the view.
+            let push: Vec<u8> = (view * pose.matrix()).to_cols_array().into_iter().flat_map(f32::to_ne_bytes).collect();
             // SAFETY: `cmd` is in a render pass; all bound objects are alive, and match the pipeline. The update has
             // made the pose ready for vertex attributes.
             host.record(cmd, BACKGROUND, &pixels, || unsafe {
                 host.device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, pipeline);
                 host.device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::VERTEX, 0, &push);
-                host.device.cmd_bind_vertex_buffers(cmd, 0, &buffers, &offsets);
+                host.device.cmd_bind_vertex_buffers(cmd, 0, &[pose.buffer], &[pose.offset]);
                 host.device.cmd_bind_index_buffer(cmd, indices, 0, vk::IndexType::UINT32);
                 host.device.cmd_draw_indexed(cmd, triangles.len() as u32, 1, 0, 0, 0);
             });

@@ -25,11 +25,11 @@ void add_delta(uint row, float coefficient, float normal_coefficient, inout vec3
 
 #ifdef INTEGER_POSES
 #include "rounded.glsl"
-void add_rounded(uint row, ivec2 weights, uvec2 dropped, inout ivec3 position, inout ivec3 normal) {
+void add_rounded(uint row, ivec2 weights, uint dropped, inout ivec3 position, inout ivec3 normal) {
     ivec3 p, n;
     load_delta(row, p, n);
-    position += rounded_product(weights, p, dropped.x);
-    normal += rounded_product(weights, n, dropped.y);
+    position += rounded_product(weights, p, dropped_of(dropped, 0u));
+    normal += rounded_product(weights, n, dropped_of(dropped, 3u));
 }
 #endif
 #elif BATCH > 0

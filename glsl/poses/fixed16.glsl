@@ -1,10 +1,11 @@
-// fixed16: six integers of 16 bits, the displacement from the base pose in steps, two to a word, the first in the lower
-// half. CPU: src/pack/poses/fixed16.rs.
+// fixed16: six integers of 16 bits in units, two to a word, the first in the lower half.
+// CPU: src/pack/poses/fixed16.rs.
 
 #include "poses/integers.glsl"
 // Coefficients are pairs: the amount that a target adds is rounded, as a function of its weight.
 #define ROUNDED_PRODUCTS
 #define POSE_ELEMENT uint
+#define NUMBER_OF(word) int(word)
 #define LOW(word) bitfieldExtract(int(word), 0, 16)
 #define HIGH(word) (int(word) >> 16)
 #define WORD(low, high) (uint(low) & 0xffffu | uint(high) << 16)
@@ -16,8 +17,9 @@
 #endif
 
 // A vertex in a storage buffer of words, beginning at number `at`.
-#define LOAD_VERTEX(buffer, at, position, normal) { \
-    uint first = ((at) + PLACE_0) / 2u; \
+#define LOAD_VERTEX(buffer, at, position, normal) LOAD_WORDS_OF(buffer, ((at) + PLACE_0) / 2u, position, normal)
+#define LOAD_WORDS_OF(buffer, word, position, normal) { \
+    uint first = word; \
     uint a = buffer[first], b = buffer[first + 1u], c = buffer[first + 2u]; \
     position = ivec3(LOW(a), HIGH(a), LOW(b)); \
     normal = ivec3(HIGH(b), LOW(c), HIGH(c)); \

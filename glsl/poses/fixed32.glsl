@@ -1,4 +1,4 @@
-// fixed32: six integers, the displacement from the base pose in steps. CPU: src/pack/poses/fixed32.rs.
+// fixed32: six integers in units. CPU: src/pack/poses/fixed32.rs.
 
 #include "poses/integers.glsl"
 #define POSE_ELEMENT int

@@ -1,4 +1,4 @@
-// Fixed-point poses: the displacement from the base pose, in integers. The including format defines LOAD_VERTEX and
+// Fixed-point poses: integers. The including format defines LOAD_VERTEX and
 // STORE_VERTEX, and as POSE_ELEMENT the element of a storage buffer that is loaded and stored by vertices.
 #define INTEGER_POSES
 #define NUMBER int

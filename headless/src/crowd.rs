@@ -115,8 +115,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
     fn with(headless: &'a Headless, mesh: GpuMesh, crowd: C) -> Result<Self> {
         let device = headless.engine.device();
         let pose = crowd.base().view(0, 0, 0);
-        let base_pose = mesh.base_pose();
-        let draw = PoseDraw::new(device, pose.format, pose.units, Some((base_pose.buffer, base_pose.offset)))?;
+        let draw = PoseDraw::new(device, pose.format)?;
         let readback = Readback::new(device, mesh.layout().base_bytes())?;
         let poses = headless.engine.readback();
         Ok(Self { headless, mesh, crowd, draw, readback, poses, waiting: VecDeque::new() })

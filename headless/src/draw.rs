@@ -2,10 +2,8 @@
 
 use super::Headless;
 use super::submit::{Readback, full_barrier};
-use bytemuck::bytes_of;
 use deltamorph::ash::vk;
 use deltamorph::internals::abi::modules::CONSUME;
-use deltamorph::internals::abi::push::ConsumePush;
 use deltamorph::internals::gpu::device::Device;
 use deltamorph::internals::gpu::memory::Buffer;
 use deltamorph::internals::gpu::pipelines::Objects;
@@ -17,19 +15,11 @@ use std::time::Instant;
 /// A draw that reads poses as vertex attributes and discards every primitive, to measure the cost of reading them.
 pub(super) struct PoseDraw {
     objects: Objects,
-    /// The buffer and offset of the base pose, to which fixed-point poses are relative.
-    base: Option<(vk::Buffer, u64)>,
-    push: ConsumePush,
 }
 
 impl PoseDraw {
-    /// Makes a draw for poses with these units; float32 poses need no base pose.
-    pub(super) fn new(
-        device: &Arc<Device>,
-        pose: PoseFormat,
-        units: [f32; 2],
-        base: Option<(vk::Buffer, u64)>,
-    ) -> Result<Self> {
+    /// Makes a draw for poses of a format.
+    pub(super) fn new(device: &Arc<Device>, pose: PoseFormat) -> Result<Self> {
         let mut objects = Objects::none(device);
         objects.add_layout(&[CONSUME.row], 0)?;
         objects.add_empty_render_pass()?;
@@ -37,22 +27,17 @@ impl PoseDraw {
         // It reads no deltas, so the module is the same for all delta formats.
         let module = CONSUME.module(DeltaFormat::Float32.row(), pose.row(), 0)?;
         objects.add_discarding_vertex(module, &bindings, &attributes)?;
-        Ok(Self { objects, base: base.filter(|_| pose.has_integers()), push: ConsumePush { units } })
+        Ok(Self { objects })
     }
 
     /// Draws `vertices` vertices of each pose, given by its buffer and offset. `cmd` is recording outside a render
     /// pass, and the poses are ready for vertex-attribute reads.
     pub(super) fn record(&self, cmd: vk::CommandBuffer, poses: impl Iterator<Item = (vk::Buffer, u64)>, vertices: u32) {
-        let (device, layout) = (&self.objects.device.raw, self.objects.layout);
-        // SAFETY: `cmd` is recording (see above); pipeline and render pass are ours; each pose and the base pose have
-        // `vertices`.
+        let device = &self.objects.device.raw;
+        // SAFETY: `cmd` is recording (see above); pipeline and render pass are ours; each pose has `vertices`.
         unsafe {
             self.objects.begin_render_pass(cmd);
             device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.objects.pipelines[0]);
-            device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::VERTEX, 0, bytes_of(&self.push));
-            if let Some((buffer, offset)) = self.base {
-                device.cmd_bind_vertex_buffers(cmd, 1, &[buffer], &[offset]);
-            }
             for (buffer, offset) in poses {
                 device.cmd_bind_vertex_buffers(cmd, 0, &[buffer], &[offset]);
                 device.cmd_draw(cmd, vertices, 1, 0, 0);
@@ -106,7 +91,7 @@ impl<'a> PoseUpload<'a> {
             | vk::BufferUsageFlags::TRANSFER_DST
             | vk::BufferUsageFlags::TRANSFER_SRC;
         let poses = buffer("uploaded poses", usage, MemoryKind::Poses)?;
-        let draw = PoseDraw::new(device, PoseFormat::Float32, [1.0; 2], None)?;
+        let draw = PoseDraw::new(device, PoseFormat::Float32)?;
         Ok(Self { headless, staging, poses, draw, pose_bytes, vertices, instances })
     }
 

@@ -11,11 +11,11 @@
 layout(location = 0) in vec3 rest_position;
 layout(location = 1) in vec3 rest_normal;
 #ifdef MASKS
-// The wrinkle masks of the pose, a stream of the mesh. Those of the base pose are 0: of integers the displacement is all.
+// The wrinkle masks of the pose, a stream of the mesh.
 #ifdef POSE_FLOAT32
-layout(location = 8) in vec2 masks;
+layout(location = 6) in vec2 masks;
 #else
-layout(location = 8) in ivec2 masks;
+layout(location = 6) in ivec2 masks;
 #endif
 #endif
 
@@ -25,10 +25,10 @@ layout(location = 2) out vec3 rest;
 layout(location = 3) out vec3 shown; // a number of the block or wrinkle masks, and a value from 0 to 1
 
 void main() {
-    position = pose_position(units);
+    position = offset.xyz + scale.xyz * pose_position();
     gl_Position = clip * vec4(position, 1.0);
     // Normals are sums. A sum of nearly nothing has no direction: that of the base pose is taken.
-    vec3 sum = pose_normal(units);
+    vec3 sum = scale.w * pose_normal();
     float length_squared = dot(sum, sum);
     normal = length_squared < 1e-6 ? rest_normal : sum * inversesqrt(length_squared);
     rest = rest_position;
@@ -40,10 +40,10 @@ void main() {
         where.x = fract(float(uint(gl_VertexIndex) / block) * 0.618034);
     }
 #ifdef MASKS
-    where = vec2(masks) * mask_units;
+    where = mask_scale.zw + mask_scale.xy * vec2(masks);
 #endif
 #ifdef MOTION
-    measured = distance(position, previous_position(units));
+    measured = distance(position, offset.xyz + scale.xyz * previous_position());
 #endif
     shown = vec3(where, measured / show.y);
     // Edges lie in front of the faces that they belong to.

@@ -30,8 +30,9 @@ const uint PIECE = 32u; // vertices
 layout(push_constant) uniform Part {
     vec4 ball;    // an eyeball in the base pose: middle and radius; radius 0: none
     vec4 colour;  // of what is painted, linear
-    vec2 units;   // of the pose
-    vec2 mask_units; // of its wrinkle masks
+    vec4 scale;   // of attributes: the values of a position's numbers; w: of a normal's
+    vec4 offset;  // the position of number 0
+    vec4 mask_scale; // of the two wrinkle masks, and their values of number 0
     uint material;
     uint first_told;  // of the head, in `told`; NONE_TOLD: nothing is told of what stands still
     uint block;       // vertices of a block, or of the mesh where there are none

@@ -6,6 +6,6 @@
 #include "scene.glsl"
 
 void main() {
-    vec4 place = shadow * vec4(pose_position(units), 1.0);
+    vec4 place = shadow * vec4(offset.xyz + scale.xyz * pose_position(), 1.0);
     gl_Position = vec4(place.xy * 2.0 - 1.0, place.z, 1.0);
 }

@@ -7,7 +7,7 @@ use crate::model::Model;
 use crate::parts::Part;
 use crate::passes::RendererDesc;
 use crate::renderer::Renderer;
-use crate::scene::{Head, Masks, Scene, Show};
+use crate::scene::{Head, Masks, Scale, Scene, Show};
 use crate::step::{Step, Stepped};
 use crate::target::Target;
 use crate::wrinkles::MaskPlace;
@@ -91,8 +91,8 @@ struct Processor {
     buffers: Vec<Buffer>,
     /// The poses of the last update.
     last: Vec<u8>,
-    /// Units of the poses, and of the group with the masks.
-    units: [[f32; 2]; 2],
+    /// Of the poses, and of the group with the masks.
+    scale: [Scale; 2],
 }
 
 impl Heads {
@@ -140,7 +140,7 @@ impl Heads {
         // SAFETY: the handles belong together and outlive the heads: the caller's obligations.
         let renderer = unsafe { Renderer::new(instance, physical, device, &renderer) }?;
         // SAFETY: fields drop in order, the model before the mesh that it reads.
-        let model = unsafe { Model::new(&renderer, mesh, packed.layout(), &uploaded, parts) }?;
+        let model = unsafe { Model::new(&renderer, mesh, packed.layout(), parts) }?;
         let mut stepped = None;
         let poses = if path == UpdatePath::Cpu {
             Poses::Processor(Box::new(Processor::new(&renderer, packed, desc, masks)?))
@@ -382,13 +382,16 @@ impl Heads {
         let head = Head {
             buffer: pose.buffer,
             offset: pose.offset,
-            units: pose.units,
+            scale: Scale { scale: pose.units, offsets: pose.offsets },
             place,
             previous: (previous.buffer, previous.offset),
             masks: stream.map(|stream| Masks {
                 buffer: stream.buffer,
                 offset: stream.offset,
-                units: [stream.units[0], stream.units[1]],
+                scale: {
+                    let [x, y, ..] = stream.units;
+                    [x, y, stream.offsets[0], stream.offsets[1]]
+                },
             }),
             bounds,
             still,
@@ -410,15 +413,15 @@ impl Processor {
         let bytes = bytes * if masks.is_some() { 3 } else { 2 };
         let usage = vk::BufferUsageFlags::VERTEX_BUFFER;
         let buffers = (0..frames).map(|_| Buffer::new(&renderer.gpu, bytes.max(4), usage, false));
-        let units = |group: usize| -> Result<[f32; 2]> {
+        let scale = |group: usize| -> Result<Scale> {
             let grid = update.grid(packed.groups()[group].layout())?;
-            Ok(grid.map_or([1.0; 2], |grid| grid.units))
+            Ok(grid.map_or(Scale::ONE, |grid| Scale { scale: grid.units, offsets: grid.offsets }))
         };
         Ok(Self {
             crowd,
             buffers: buffers.collect::<Result<_>>()?,
             last: vec![],
-            units: [units(0)?, units(masks.map_or(0, |place| place.group))?],
+            scale: [scale(0)?, scale(masks.map_or(0, |place| place.group))?],
         })
     }
 
@@ -449,12 +452,12 @@ impl Processor {
         let masks = heads.masks.map(|place| Masks {
             buffer,
             offset: offset + 2 * all + place.offset(heads.desc.update.pose),
-            units: place.units(self.units[1]),
+            scale: self.scale[1].of_masks(place.first),
         });
         Head {
             buffer,
             offset,
-            units: self.units[0],
+            scale: self.scale[0],
             place,
             previous: (buffer, offset + all),
             masks,

@@ -4,10 +4,10 @@ use crate::glow::pieces_of;
 use crate::memory::Buffer;
 use crate::parts::Part;
 use crate::renderer::Renderer;
-use crate::scene::{Head, Masks};
+use crate::scene::{Head, Masks, Scale};
 use bytemuck::cast_slice;
 use deltamorph::ash::vk;
-use deltamorph::{Error, GpuMesh, MorphMesh, PackedLayout, Result};
+use deltamorph::{Error, MorphMesh, POSE_FLOATS, PackedLayout, PoseFormat, Result};
 use glam::{Vec3, Vec4};
 use std::collections::{BTreeSet, HashSet};
 use std::ops::Range;
@@ -17,7 +17,8 @@ pub(crate) struct Model {
     pub(crate) indices: Buffer,
     /// Two vertices for each edge of a face.
     pub(crate) edges: (Buffer, u32),
-    pub(crate) base: (vk::Buffer, u64),
+    /// Float32 position and normal of each vertex as it is without weights, in the order of poses.
+    pub(crate) rest: Buffer,
     pub(crate) parts: Vec<Drawn>,
     /// Middle of the box around the drawn part of the base pose, and half its diagonal.
     pub(crate) middle: Vec4,
@@ -27,8 +28,8 @@ pub(crate) struct Model {
     pub(crate) block: u32,
     /// Parts that nothing moves.
     pub(crate) still: Option<Box<Model>>,
-    /// Vertices that stand: base pose, and zeros.
-    stands: Option<[Buffer; 2]>,
+    /// Of still parts: their vertices as a pose in the renderer's format.
+    stands: Option<(Buffer, Scale)>,
     vertices: usize,
 }
 
@@ -42,26 +43,24 @@ pub(crate) struct Drawn {
 }
 
 impl Model {
-    /// Makes the model of `mesh`, which was packed as `layout` and uploaded as `uploaded`. `parts` assign materials to
+    /// Makes the model of `mesh`, which was packed as `layout`. `parts` assign materials to
     /// triangles ([`parts`](crate::parts)); triangles in no part are not drawn.
     ///
     /// # Errors
     /// [`Error::Invalid`] if the layout is that of another mesh; an error if there is no memory.
     ///
     /// # Safety
-    /// The model is dropped before `uploaded`, and only when no commands recorded with it are still to run.
+    /// The model is dropped only when no commands recorded with it are still to run.
     pub(crate) unsafe fn new(
         renderer: &Renderer,
         mesh: &MorphMesh,
         layout: &PackedLayout,
-        uploaded: &GpuMesh,
         parts: &[Part],
     ) -> Result<Self> {
         let places = places_of(mesh, layout)?;
-        let base = uploaded.base_pose();
-        let padded = uploaded.base_pose().size as usize / 24;
+        let padded = layout.padded_vertices();
         let block = layout.blocks.as_ref().map_or(padded.max(1), |blocks| blocks.size()) as u32;
-        Self::placed(renderer, mesh, parts, places, ((base.buffer, base.offset), padded, block))
+        Self::placed(renderer, mesh, parts, places, (padded, block))
     }
 
     /// Draws `mesh`, made of `parts`, with each head: it stands as it is, relative to the head, without a pose.
@@ -69,33 +68,29 @@ impl Model {
     /// # Errors
     /// There is no memory.
     pub(crate) fn set_still(&mut self, renderer: &Renderer, mesh: &MorphMesh, parts: &[Part]) -> Result<()> {
-        let gpu = &renderer.gpu;
-        let vertices = vk::BufferUsageFlags::VERTEX_BUFFER;
-        let base: Vec<Vec3> = mesh.positions.iter().zip(&mesh.normals).flat_map(|(p, n)| [*p, *n]).collect();
-        let stands = [&base, &vec![Vec3::ZERO; base.len()]].map(|all| Buffer::filled(gpu, cast_slice(all), vertices));
-        let [base, zeros] = stands;
-        let stands = [base?, zeros?];
         let count = mesh.vertex_count();
-        let base = (stands[0].raw, 0);
-        let places = (0..count as u32).collect();
-        let still = Self::placed(renderer, mesh, parts, places, (base, count, count.max(1) as u32))?;
-        self.still = Some(Box::new(Self { stands: Some(stands), ..still }));
+        let places: Vec<u32> = (0..count as u32).collect();
+        let rest = at_rest(mesh, &places, count);
+        let (bytes, scale) = stored(renderer.desc.pose, &rest);
+        let pose = Buffer::filled(&renderer.gpu, &bytes, vk::BufferUsageFlags::VERTEX_BUFFER)?;
+        let still = Self::placed(renderer, mesh, parts, places, (count, count.max(1) as u32))?;
+        self.still = Some(Box::new(Self { stands: Some((pose, scale)), ..still }));
         Ok(())
     }
 
     /// Returns a head as it is drawn with this model, of still parts.
-    pub(crate) fn standing(&self, renderer: &Renderer, head: &Head) -> Option<Head> {
-        let [base, zeros] = self.stands.as_ref()?;
-        // Integers are the displacement from the base pose.
-        let pose = if renderer.desc.pose.has_integers() { zeros } else { base };
+    pub(crate) fn standing(&self, head: &Head) -> Option<Head> {
+        let (pose, scale) = self.stands.as_ref()?;
         let (buffer, offset) = head.still.unwrap_or((pose.raw, 0));
-        let masks = head.masks.map(|_| Masks { buffer: zeros.raw, offset: 0, units: [1.0; 2] });
-        Some(Head { buffer, offset, units: [1.0; 2], previous: (buffer, offset), masks, ..*head })
+        // Whatever the numbers, the masks are 0.
+        let masks = head.masks.map(|_| Masks { buffer: pose.raw, offset: 0, scale: [0.0; 4] });
+        Some(Head { buffer, offset, scale: *scale, previous: (buffer, offset), masks, ..*head })
     }
 
     /// Returns the vertices of still parts as they stand.
     pub(crate) fn standing_vertices(&self) -> Vec<f32> {
-        self.stands.as_ref().map_or(vec![], |[base, _]| cast_slice(&base.contents()[..24 * self.vertices]).to_vec())
+        let vertices = self.stands.as_ref().map(|_| &self.rest.contents()[..24 * self.vertices]);
+        vertices.map_or(vec![], |vertices| cast_slice(vertices).to_vec())
     }
 
     fn placed(
@@ -103,7 +98,7 @@ impl Model {
         mesh: &MorphMesh,
         parts: &[Part],
         places: Vec<u32>,
-        (base, padded, block): ((vk::Buffer, u64), usize, u32),
+        (padded, block): (usize, u32),
     ) -> Result<Self> {
         let count = mesh.vertex_count();
         let mut indices = vec![];
@@ -129,7 +124,11 @@ impl Model {
         Ok(Self {
             indices: filled(&indices)?,
             edges: (filled(&edges)?, edges.len() as u32),
-            base,
+            rest: Buffer::filled(
+                gpu,
+                cast_slice(&at_rest(mesh, &places, padded)),
+                vk::BufferUsageFlags::VERTEX_BUFFER,
+            )?,
             parts: drawn,
             middle: ((low + high) / 2.0).extend((low.distance(high) / 2.0).max(f32::MIN_POSITIVE)),
             pieces: pieces_of(padded),
@@ -139,6 +138,43 @@ impl Model {
             vertices: count,
         })
     }
+}
+
+/// Position and normal of the vertices of a mesh, which are at `places`.
+fn at_rest(mesh: &MorphMesh, places: &[u32], padded: usize) -> Vec<f32> {
+    let mut rest = vec![0.0; padded * POSE_FLOATS];
+    for ((place, position), normal) in places.iter().zip(&mesh.positions).zip(&mesh.normals) {
+        let vertex = &mut rest[*place as usize * POSE_FLOATS..][..POSE_FLOATS];
+        vertex[..3].copy_from_slice(&position.to_array());
+        vertex[3..].copy_from_slice(&normal.to_array());
+    }
+    rest
+}
+
+/// Vertices as a pose, and what its attributes stand for: integers as fine as they can be.
+fn stored(pose: PoseFormat, vertices: &[f32]) -> (Vec<u8>, Scale) {
+    if !pose.has_integers() {
+        return (cast_slice(vertices).to_vec(), Scale::ONE);
+    }
+    let is_16 = pose.stride() == 12;
+    let most = if is_16 { f64::from(i16::MAX) } else { f64::from(i32::MAX) };
+    let mut units = [1.0; POSE_FLOATS];
+    for (c, unit) in units.iter_mut().enumerate() {
+        // The components of a normal have one unit.
+        let alike = if c < 3 { c..c + 1 } else { 3..POSE_FLOATS };
+        let of = vertices.chunks_exact(POSE_FLOATS).flat_map(|vertex| &vertex[alike.clone()]);
+        let largest = of.fold(f32::MIN_POSITIVE, |most, number| most.max(number.abs()));
+        *unit = ((f64::from(largest) / most) as f32).next_up();
+    }
+    let integers = vertices.iter().enumerate().map(|(i, number)| {
+        let exact = f64::from(*number) / f64::from(units[i % POSE_FLOATS]);
+        exact.round() as i32
+    });
+    let bytes = match is_16 {
+        true => integers.flat_map(|integer| (integer as i16).to_ne_bytes()).collect(),
+        false => integers.flat_map(i32::to_ne_bytes).collect(),
+    };
+    (bytes, Scale { scale: units, offsets: [0.0; POSE_FLOATS] })
 }
 
 /// Returns the index of each vertex of a mesh in the pose buffers of its packed mesh.

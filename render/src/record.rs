@@ -143,15 +143,14 @@ impl Renderer {
         (number, what, parts): (usize, What, Vec<Part>),
     ) {
         let device = &self.gpu.device;
-        let standing = model.standing(self, head);
+        let standing = model.standing(head);
         let head = standing.as_ref().unwrap_or(head);
-        let base = &model.base;
         let both = vk::ShaderStageFlags::VERTEX | vk::ShaderStageFlags::FRAGMENT;
         let masks = head.masks.map_or((head.buffer, head.offset), |masks| (masks.buffer, masks.offset));
-        let buffers = [head.buffer, base.0, head.previous.0, masks.0];
-        let offsets = [head.offset, base.1, head.previous.1, masks.1];
+        let buffers = [head.buffer, model.rest.raw, head.previous.0, masks.0];
+        let offsets = [head.offset, 0, head.previous.1, masks.1];
         let bound = match what {
-            What::Shadows => self.desc.pose.vertex_input(false).0.len(),
+            What::Shadows => 1,
             _ if head.masks.is_none() => MASK_BINDING as usize,
             _ => buffers.len(),
         };
@@ -164,13 +163,16 @@ impl Renderer {
             device.cmd_bind_vertex_buffers(cmd, 0, &buffers[..bound], &offsets[..bound]);
             device.cmd_bind_index_buffer(cmd, indices.raw, 0, vk::IndexType::UINT32);
         }
+        let [x, y, z, normal, ..] = head.scale.scale;
+        let [a, b, c, ..] = head.scale.offsets;
         for (indices, material, part) in parts {
             let [red, green, blue] = part.map_or([1.0; 3], |part| part.colour);
             let push = PartPush {
                 ball: part.and_then(|part| part.ball).unwrap_or_default().to_array(),
                 colour: [red, green, blue, 1.0],
-                units: head.units,
-                mask_units: head.masks.map_or([1.0; 2], |masks| masks.units),
+                scale: [x, y, z, normal],
+                offset: [a, b, c, 0.0],
+                mask_scale: head.masks.map_or([1.0; 4], |masks| masks.scale),
                 material,
                 first_told: if standing.is_some() { u32::MAX } else { (number * target.glow_numbers()) as u32 },
                 block: model.block,

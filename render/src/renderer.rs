@@ -12,7 +12,7 @@ use std::sync::Arc;
 /// First location of pose inputs, after the inputs of glsl/face.vert.
 const POSE_LOCATION: u32 = 2;
 /// Location of the wrinkle masks, after all others.
-const MASK_LOCATION: u32 = 8;
+const MASK_LOCATION: u32 = 6;
 /// The binding of the wrinkle masks.
 pub(crate) const MASK_BINDING: u32 = 3;
 
@@ -162,16 +162,13 @@ impl Renderer {
         self.pipeline(self.pass, &[module, modules::FRAGMENT], input, drawn)
     }
 
-    /// Returns the inputs of face.vert: binding 0 has the pose, 1 the base pose, whatever the format; 2 the
-    /// previous pose, if any.
+    /// Returns the inputs of face.vert: binding 0 has the pose, 1 the vertices at rest in float32, 2 the previous pose, if
+    /// any.
     fn input(&self, previous: bool) -> Input {
         let (mut bindings, mut attributes) = self.desc.pose.vertex_input(previous);
-        let last = bindings.len() as u32 - 1;
         let own = |attribute: &mut vk::VertexInputAttributeDescription| {
             attribute.location += POSE_LOCATION;
-            if previous && attribute.binding == last {
-                attribute.binding = 2;
-            }
+            attribute.binding *= 2;
         };
         attributes.iter_mut().for_each(own);
         let per_vertex = |binding, stride| vk::VertexInputBindingDescription::default().binding(binding).stride(stride);

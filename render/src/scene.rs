@@ -2,8 +2,8 @@
 
 use crate::camera::{View, direction};
 use bytemuck::{Pod, Zeroable};
-use deltamorph::Bounds;
 use deltamorph::ash::vk;
+use deltamorph::{Bounds, POSE_FLOATS};
 use glam::{Mat4, Vec3, Vec4};
 
 /// The appearance of a surface.
@@ -62,8 +62,8 @@ pub(crate) struct Head {
     pub(crate) buffer: vk::Buffer,
     /// Offset of the pose in the buffer, in bytes.
     pub(crate) offset: u64,
-    /// The units of fixed-point poses ([`PoseView::units`](deltamorph::PoseView::units)); 1 for float32 poses.
-    pub(crate) units: [f32; 2],
+    /// What its attributes stand for.
+    pub(crate) scale: Scale,
     /// Its transform: rotation, translation and a uniform scale.
     pub(crate) place: Mat4,
     /// The buffer with its previous pose, or its pose if it does not move, and the offset there: for [`Show::Motion`].
@@ -85,8 +85,25 @@ pub(crate) struct Masks {
     pub(crate) buffer: vk::Buffer,
     /// Offset of the first mask in the buffer, in bytes.
     pub(crate) offset: u64,
-    /// The units of fixed-point poses; 1 for float32 poses.
-    pub(crate) units: [f32; 2],
+    /// The values of the masks' numbers, and of number 0.
+    pub(crate) scale: [f32; 4],
+}
+
+/// Values of vertex attributes: offset + attribute × scale ([`PoseView::units`](deltamorph::PoseView::units)).
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Scale {
+    pub(crate) scale: [f32; POSE_FLOATS],
+    pub(crate) offsets: [f32; POSE_FLOATS],
+}
+
+impl Scale {
+    /// Of floats.
+    pub(crate) const ONE: Self = Self { scale: [1.0; POSE_FLOATS], offsets: [0.0; POSE_FLOATS] };
+
+    /// Of two components from `first` on.
+    pub(crate) fn of_masks(&self, first: usize) -> [f32; 4] {
+        [self.scale[first], self.scale[first + 1], self.offsets[first], self.offsets[first + 1]]
+    }
 }
 
 /// The block `Scene` of glsl/scene.glsl.
@@ -110,8 +127,9 @@ pub(crate) struct HeadScene {
 pub(crate) struct PartPush {
     pub(crate) ball: [f32; 4],
     pub(crate) colour: [f32; 4],
-    pub(crate) units: [f32; 2],
-    pub(crate) mask_units: [f32; 2],
+    pub(crate) scale: [f32; 4],
+    pub(crate) offset: [f32; 4],
+    pub(crate) mask_scale: [f32; 4],
     pub(crate) material: u32,
     /// Index of the head's first number in `told`; the largest number: there are none.
     pub(crate) first_told: u32,
@@ -206,8 +224,9 @@ mod tests {
         let expected = [
             offset_of!(PartPush, ball),
             offset_of!(PartPush, colour),
-            offset_of!(PartPush, units),
-            offset_of!(PartPush, mask_units),
+            offset_of!(PartPush, scale),
+            offset_of!(PartPush, offset),
+            offset_of!(PartPush, mask_scale),
             offset_of!(PartPush, material),
             offset_of!(PartPush, first_told),
             offset_of!(PartPush, block),

@@ -1,7 +1,7 @@
 //! Steps after the pose, whose outputs are drawn in place of the pose.
 
 use crate::memory::{Buffer, Gpu};
-use crate::scene::Head;
+use crate::scene::{Head, Scale};
 use bytemuck::cast_slice;
 use deltamorph::after::{DecodeTarget, NormalsDesc, NormalsTarget, SkinDesc, SkinMethod, SkinTarget};
 use deltamorph::ash::vk::BufferUsageFlags as Usage;
@@ -123,6 +123,6 @@ impl Stepped {
         let buffer = self.output.raw;
         let offset = (number * self.size) as u64;
         let bounds = head.bounds.filter(|_| self.joints.is_none());
-        Head { buffer, offset, units: [1.0; 2], previous: (buffer, offset), bounds, ..head }
+        Head { buffer, offset, scale: Scale::ONE, previous: (buffer, offset), bounds, ..head }
     }
 }

@@ -50,7 +50,7 @@ pub fn add(mesh: &mut MorphMesh) {
 pub struct MaskPlace {
     /// The [group](PackedMesh::groups) that has the masks.
     pub group: usize,
-    first: usize,
+    pub(crate) first: usize,
 }
 
 impl MaskPlace {
@@ -68,11 +68,6 @@ impl MaskPlace {
     /// Returns the offset in bytes of the masks in a vertex of the group's pose.
     pub fn offset(&self, pose: PoseFormat) -> u64 {
         (self.first * pose.stride() / GROUP_COMPONENTS) as u64
-    }
-
-    /// Returns the units of the masks, given those of the group ([`PoseView::units`](deltamorph::PoseView::units)).
-    pub fn units(&self, group: [f32; 2]) -> [f32; 2] {
-        [0, 1].map(|mask| group[(self.first + mask) * group.len() / GROUP_COMPONENTS])
     }
 }
 
@@ -211,6 +206,5 @@ mod tests {
         let place = MaskPlace::of(&packed).expect("masks");
         // After two texture coordinates, one mask in each triple.
         assert_eq!((place.offset(PoseFormat::Fixed16), place.offset(PoseFormat::Float32)), (4, 8));
-        assert_eq!(place.units([0.5, 0.25]), [0.5, 0.25]);
     }
 }

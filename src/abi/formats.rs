@@ -72,22 +72,24 @@ macro_rules! pose_formats {
             #[default]
             Float32 float32 { attributes: &[(R32G32B32_SFLOAT, 0), (R32G32B32_SFLOAT, 12)] }
 
-            /// Six signed 32-bit integers: 24 bytes per vertex, the exact displacement from the base pose in steps.
+            /// Six signed 32-bit integers: 24 bytes per vertex, the exact pose in units.
             ///
-            /// Two vertex attributes of three integers, at 0 and 12. Needs integer deltas. `snorm16` targets, which
-            /// have different steps, are rounded to the finest step that fits, as in 16 bits.
+            /// Value = offset + integer × unit ([`PoseGrid`](crate::packed::PoseGrid)). Two vertex attributes of three
+            /// integers, at 0 and 12. Needs integer deltas. `snorm16` targets, which
+            /// have different steps, are rounded to the finest unit that fits, as in 16 bits.
             Fixed32 fixed32 { bits: 32, attributes: &[(R32G32B32_SINT, 0), (R32G32B32_SINT, 12)] }
 
-            /// Six signed 16-bit integers: 12 bytes per vertex, the displacement from the base pose in steps.
+            /// Six signed 16-bit integers: 12 bytes per vertex, the pose in units.
             ///
-            /// Each target's contribution is rounded to the step as a function of its weight alone, so sums are exact
-            /// and independent of earlier poses. A vertex attribute of four integers at 0 (position, first component of
-            /// the normal) and one of two at 8. Needs integer deltas.
+            /// Value = offset + integer × unit ([`PoseGrid`](crate::packed::PoseGrid)). Each target's contribution is
+            /// rounded to the unit as a function of its weight alone, so sums are exact and independent of earlier
+            /// poses. A vertex attribute of four integers at 0 (position, first component of the normal) and one of two at
+            /// 8, in formats that every device has. Needs integer deltas.
             Fixed16 fixed16 { stride: 12, bits: 16, attributes: &[(R16G16B16A16_SINT, 0), (R16G16_SINT, 8)] }
 
             /// As fixed16, 12 bytes per vertex, rounded once: for rigs with many overlapping targets.
             ///
-            /// The sum of all targets is rounded to the step, not each contribution: off by half a step, however many
+            /// The sum of all targets is rounded to the unit, not each contribution: off by half a unit, however many
             /// targets are active. So a block that a changed target touches is evaluated in full, from the base pose,
             /// in any [`UpdateMode`](crate::UpdateMode). Stored, drawn and decoded as `Fixed16`
             /// (`POSE_FIXED16` in shaders). Needs integer deltas in blocks.

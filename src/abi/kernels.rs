@@ -176,14 +176,14 @@ const DENSE: KernelRow = KernelRow {
     constants: 1,
     ..COMPUTE
 };
-/// Asset, work list, poses. Specialization constants: lanes, vertices per block, instances per tile, two bits (bit 0:
-/// all start from the base pose; bit 1: sums are rounded), whether decoding should use few registers.
+/// Asset, work list, poses, base pose. Specialization constants: lanes, vertices per block, instances per tile, two bits
+/// (bit 0: all start from the base pose; bit 1: sums are rounded), whether decoding should use few registers.
 const CROWD: KernelRow = KernelRow {
     name: "crowd",
     stage: Stage::ComputeSized,
     takes: Takes::Blocks,
     poses: true,
-    bindings: &[(0, WORDS), (1, WORDS), (2, WORDS)],
+    bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)],
     push: "BlocksPush",
     constants: 5,
     places: true,
@@ -235,7 +235,7 @@ const fn joined<const N: usize>(parts: [&[KernelRow]; 3]) -> [KernelRow; N] {
 /// Kernels of measurements and of the library's own techniques.
 const OURS: &[KernelRow] = &[
     // Measurements.
-    KernelRow { name: "consume", poses: true, push: "ConsumePush", ..VERTEX },
+    KernelRow { name: "consume", poses: true, ..VERTEX },
     KernelRow { name: "read", bindings: &[(0, Buffer::Storage(16)), (1, WORDS)], push: "ReadPush", ..COMPUTE },
     // Animation on the GPU: sampling clips and planning updates. Specialization constants: the invocations that sample
     // 32 targets; the widest tile.
@@ -260,7 +260,7 @@ const OURS: &[KernelRow] = &[
     KernelRow {
         name: "crowd_texels",
         takes: Takes::Texels,
-        bindings: &[(0, WORD_TEXELS), (1, WORD_TEXELS), (2, PAIRS), (3, POSE_TEXELS)],
+        bindings: &[(0, WORD_TEXELS), (1, WORD_TEXELS), (2, PAIRS), (3, POSE_TEXELS), (4, WORD_TEXELS)],
         aliased: &[2, 3],
         constants: 4,
         places: false,

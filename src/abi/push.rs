@@ -4,7 +4,7 @@ use super::formats::FormatRow;
 use super::kernels::{KERNELS, KernelRow};
 use super::numbers::DENSE_BATCH_MAX;
 use super::steps::after_steps;
-use crate::asset::streams::TRIPLES;
+use crate::asset::streams::GROUP_COMPONENTS;
 
 /// Names and offsets of a structure's members, and its size in bytes.
 pub type Layout = (&'static [(&'static str, usize)], usize);
@@ -72,8 +72,6 @@ after_steps!(structures {
         chunk_vertices: u32,
         first_entry: u32,
         entry_count: u32,
-        /// Fixed-point poses: 1 if the pass starts from the base pose, whose displacements are 0.
-        from_base: u32,
     }
 
     /// An entry of the coefficient list of `dense_list.comp`.
@@ -84,8 +82,7 @@ after_steps!(structures {
         coefficient: u32,
         /// Coefficient of normals. Fixed-point poses: the applied weight.
         normal_coefficient: u32,
-        /// Fixed-point poses: low bits of products that rounding drops, of positions in bits 0..8, of normals in bits
-        /// 8..16.
+        /// Fixed-point poses: low bits of products that rounding drops, five bits for each component.
         dropped: u32,
     }
 
@@ -95,7 +92,7 @@ after_steps!(structures {
         first_item: u32,
         /// Word offset of deltas in the asset, which begins with headers.
         deltas_at: u32,
-        /// Word offset of the base pose.
+        /// Index of the base pose's first number in its buffer.
         base_at: u32,
         /// Numbers per pose; six per vertex, padding included, in engine-owned poses.
         pose_floats: u32,
@@ -103,16 +100,8 @@ after_steps!(structures {
         position_unit: f32,
         /// Float32 sums: input units per integer of a normal delta.
         normal_unit: f32,
-        /// Rounded sums: low bits dropped from products of positions.
-        position_dropped: u32,
-        /// Rounded sums: low bits dropped from products of normals.
-        normal_dropped: u32,
-    }
-
-    /// Push constants of `consume.vert`.
-    pub struct ConsumePush {
-        /// Input units per integer, by triple of a vertex.
-        units: [f32; TRIPLES],
+        /// Rounded sums: low bits dropped from products, five bits for each component.
+        dropped: u32,
     }
 
     /// Push constants of `read.comp`.
@@ -198,4 +187,9 @@ const _: () = {
 /// signed byte each, padded to words.
 pub const fn attribute_push_bytes(format: &FormatRow, batch: u32) -> u32 {
     4 * batch + if format.exponents { 4 * batch.div_ceil(4) } else { 0 }
+}
+
+/// Low bits to drop of each component, five bits for each, as shaders read them.
+pub(crate) fn dropped_word(dropped: [u32; GROUP_COMPONENTS]) -> u32 {
+    (0..).zip(dropped).map(|(c, dropped)| dropped << (5 * c)).sum()
 }

@@ -18,16 +18,18 @@ macro_rules! after_steps {
             /// To build acceleration structures from it, add
             /// [`ACCELERATION_STRUCTURES`](crate::Consumers::ACCELERATION_STRUCTURES) to the consumers.
             Decode decode::Decode [DecodeTarget] (set_decode_target: &DecodeTarget) {
-                [Asset, Poses] => Decoded,
+                [Poses] => Decoded,
                 DecodePush {
-                    pose_at: u32, base_at: u32, decoded_at: u32, stride: u32, normal_at: u32, vertices: u32, count: u32,
-                    listed: u32, units: [f32; TRIPLES],
+                    units: [f32; 4], offset: [f32; 4], pose_at: u32, decoded_at: u32, stride: u32, normal_at: u32,
+                    vertices: u32, count: u32, listed: u32,
+                    // A multiple of 16 bytes.
+                    padding: u32,
                 }
-                // Poses of an instance, base pose, pieces, destination.
+                // Poses of an instance, pieces, destination.
                 [{
                     name: "decode",
                     poses: true,
-                    bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)],
+                    bindings: &[(0, WORDS), (1, WORDS), (2, WORDS)],
                     places: true
                 }]
             }
@@ -46,14 +48,10 @@ macro_rules! after_steps {
             {
                 [Poses] => Skinned,
                 SkinPush {
-                    pose_at: u32, skin_at: u32, joints_at: u32, skinned_at: u32, stride: u32, normal_at: u32,
-                    vertices: u32, count: u32, listed: u32,
-                    // A vec2 is aligned to 8 bytes.
-                    padding: u32,
-                    units: [f32; TRIPLES],
+                    units: [f32; 4], offset: [f32; 4], pose_at: u32, joints_at: u32, skinned_at: u32, stride: u32,
+                    normal_at: u32, vertices: u32, count: u32, listed: u32,
                 }
-                // By matrices, and by dual quaternions. Poses of an instance, base pose and influences, joints,
-                // destination, pieces. Pieces are texels, since no storage buffer is left. Specialization constant:
+                // By matrices, and by dual quaternions. Poses of an instance, influences, joints, destination, pieces. Pieces are texels, since no storage buffer is left. Specialization constant:
                 // influences per vertex.
                 [{
                     name: "skin",
@@ -84,10 +82,10 @@ macro_rules! after_steps {
             {
                 [Poses] => Normals,
                 NormalsPush {
-                    pose_at: u32, fans_at: u32, normals_at: u32, stride: u32, vertices: u32, count: u32, listed: u32,
-                    // A vec2 is aligned to 8 bytes.
+                    units: [f32; 4], offset: [f32; 4], pose_at: u32, fans_at: u32, normals_at: u32, stride: u32,
+                    vertices: u32, count: u32, listed: u32,
+                    // A multiple of 16 bytes.
                     padding: u32,
-                    units: [f32; TRIPLES],
                 }
                 // Poses of an instance, base pose and fans, pieces, destination.
                 [{

@@ -1,4 +1,4 @@
-//! Mesh data of a step in one buffer: the base pose, then words of the step.
+//! Mesh data of a step in one buffer: the base pose, if the step reads it, then words of the step.
 
 use crate::error::{Error, Result};
 use crate::gpu::descriptors::BufferRange;
@@ -12,11 +12,12 @@ use std::sync::Arc;
 pub(super) struct Attached {
     buffer: Buffer,
     bytes: u64,
+    words_at: u32,
     layout: PackedLayout,
 }
 
 impl Attached {
-    /// Records the upload of the base pose of `mesh` and of `words`; `what` names them in errors.
+    /// Records the upload of `base` and `words`; `what` names them in errors.
     ///
     /// # Errors
     /// A mesh without vertices; data beyond the storage range; no memory. Nothing is recorded then.
@@ -27,31 +28,33 @@ impl Attached {
         device: &Arc<Device>,
         cmd: vk::CommandBuffer,
         mesh: &PackedMesh,
-        (what, words): (&str, &[u32]),
+        what: &str,
+        (base, words): (&[f32], &[u32]),
     ) -> Result<(Arc<Self>, Upload)> {
         let layout = mesh.layout().clone();
         if layout.vertex_count == 0 {
             return Err(Error::invalid(format!("mesh '{}' has no vertices", layout.name), "leave it out"));
         }
-        Self::check_size(device, mesh, what, words.len() as u64)?;
-        let (base, words): (&[u8], &[u8]) = (bytemuck::cast_slice(mesh.base()), bytemuck::cast_slice(words));
-        let bytes = (base.len() + words.len()) as u64;
-        let (buffer, upload) = Upload::of(device, &format!("deltamorph {what}"), &[base, words])?;
+        let words_at = base.len() as u32;
+        let count = (base.len() + words.len()) as u64;
+        Self::check_size(device, mesh, what, count)?;
+        let lists = [bytemuck::cast_slice(base), bytemuck::cast_slice(words)];
+        let (buffer, upload) = Upload::of(device, &format!("deltamorph {what}"), &lists)?;
         // SAFETY: the caller's obligations.
         unsafe { record_uploads(device, cmd, std::slice::from_ref(&upload)) };
-        Ok((Arc::new(Self { buffer, bytes, layout }), upload))
+        Ok((Arc::new(Self { buffer, bytes: 4 * count, words_at, layout }), upload))
     }
 
-    /// Checks that base pose and `words` words fit a descriptor.
+    /// Checks that `words` words fit a descriptor.
     pub(super) fn check_size(device: &Device, mesh: &PackedMesh, what: &str, words: u64) -> Result<()> {
-        let bytes = size_of_val(mesh.base()) as u64 + 4 * words;
+        let bytes = 4 * words;
         let text = format!("{what} of mesh '{}' takes", mesh.layout().name);
         device.caps.check_limit(&text, (bytes, "bytes", device.caps.max_storage_range), "split the mesh")
     }
 
     /// Word offset of the step's words.
     pub(super) fn words_at(&self) -> u32 {
-        (self.layout.base_bytes() / 4) as u32
+        self.words_at
     }
 
     pub(super) fn range(&self) -> BufferRange {

@@ -78,20 +78,21 @@ impl Decode {
         output.check("a decode target", layout, place.device)?;
         after.set(place, Kind::Decode, 1, vk::BufferUsageFlags::STORAGE_BUFFER, |lists| {
             let kernel = place.kernels.get(PoseKernel(&DECODE, place.pose()))?;
-            let (base, base_before) = place.base_pose();
+            let [units, offset] = place.scale();
             let (decoded, decoded_at) = output.range(layout);
-            let bound = |frame| [place.poses(), base, lists.range(u64::from(frame)), decoded];
+            let bound = |frame| [place.poses(), lists.range(u64::from(frame)), decoded];
             let sets = kernel.objects.sets(&(0..place.frames).map(bound).collect::<Vec<_>>())?;
             let push = DecodePush {
+                units,
+                offset,
                 pose_at: 0,
-                base_at: base_before,
                 decoded_at,
                 stride: target.stride / 4,
                 normal_at: target.normals.unwrap_or(0) / 4,
                 vertices: layout.vertex_count as u32,
                 count: 0,
                 listed: 0,
-                units: place.group.poses.units(),
+                padding: 0,
             };
             Ok(Self { kernel, sets, push, pose_numbers: place.pose_numbers() })
         })

@@ -1,6 +1,5 @@
 //! Interface of a step after the pose: its dispatch for one instance.
 
-use super::output::aligned;
 use super::pieces::Pieces;
 use crate::abi::modules::Kernel;
 use crate::abi::numbers::{PIECE, WORKGROUP};
@@ -110,11 +109,10 @@ impl TargetContext<'_> {
         Err(Error::invalid(text, "add Semantic::Normal to the VertexLayout, or use a target without normals"))
     }
 
-    /// The base pose, and its word offset in the range.
-    pub(super) fn base_pose(&self) -> (BufferRange, u32) {
-        let base = self.group.mesh.base_pose();
-        let (range, before) = aligned(base.buffer, base.offset, base.size);
-        (range, (before / 4) as u32)
+    /// Input units per number of a position, then of a normal; and the position of number 0.
+    pub(super) fn scale(&self) -> [[f32; 4]; 2] {
+        let [[x, y, z, normal, ..], [a, b, c, ..]] = self.group.poses.scale();
+        [[x, y, z, normal], [a, b, c, 0.0]]
     }
 
     /// Checks poses against the storage range, and pieces against the workgroups of a dispatch.

@@ -9,7 +9,7 @@ use super::simd::widest;
 use super::sums::{self, Added, BATCH, Planes};
 use super::workers::Workers;
 use crate::abi::worklist::{ELEMENT_BYTES, Element};
-use crate::asset::streams::{TRIPLE, TRIPLES};
+use crate::asset::streams::TRIPLES;
 use crate::pack::formats::small::Records;
 use crate::pack::formats::{BlockFormat, with_format};
 use crate::pack::poses::sums::Sum;
@@ -46,8 +46,11 @@ impl<'a> Run<'a> {
     }
 }
 
+/// A group, and its base pose: a pose, or `PoseFormat::base_words`.
+pub(crate) type Mesh<'a> = (&'a PackedGroup, &'a [u32]);
+
 /// Executes the work list; `runs` has the items of each instance.
-pub(super) fn run(workers: &Workers, packed: &PackedGroup, plan: &GroupPlan, mut runs: Vec<Run<'_>>) {
+pub(super) fn run(workers: &Workers, mesh: Mesh<'_>, plan: &GroupPlan, mut runs: Vec<Run<'_>>) {
     let items = &plan.list.items;
     let words = block_words(plan);
     let mut counts = vec![0; plan.index.count()];
@@ -64,7 +67,7 @@ pub(super) fn run(workers: &Workers, packed: &PackedGroup, plan: &GroupPlan, mut
         let mut part = || runs.iter_mut().map(|run| run.split_off(items, end, (end - start) * words)).collect();
         (count > 0).then(|| (start..end, part()))
     });
-    workers.for_each(pieces, |(blocks, runs)| run_piece(packed, plan, blocks, runs, &mut |_| {}));
+    workers.for_each(pieces, |(blocks, runs)| run_piece(mesh, plan, blocks, runs, &mut |_| {}));
 }
 
 fn block_words(plan: &GroupPlan) -> usize {
@@ -73,16 +76,16 @@ fn block_words(plan: &GroupPlan) -> usize {
 
 /// Executes the items of `blocks`; `runs` begin with the first block.
 pub(crate) fn run_piece(
-    packed: &PackedGroup,
+    mesh: Mesh<'_>,
     plan: &GroupPlan,
     blocks: Range<usize>,
     runs: Vec<Run<'_>>,
     meter: &mut impl FnMut(usize),
 ) {
     with_pose!(plan.pose(), P => match plan.index.size() {
-        32 => run_blocks::<P, 32>(packed, plan, blocks, runs, meter),
-        64 => run_blocks::<P, 64>(packed, plan, blocks, runs, meter),
-        _ => run_blocks::<P, 128>(packed, plan, blocks, runs, meter),
+        32 => run_blocks::<P, 32>(mesh, plan, blocks, runs, meter),
+        64 => run_blocks::<P, 64>(mesh, plan, blocks, runs, meter),
+        _ => run_blocks::<P, 128>(mesh, plan, blocks, runs, meter),
     });
 }
 
@@ -98,7 +101,7 @@ struct InstanceBlock<'a, T: Sum> {
 }
 
 fn run_blocks<P: PoseStorage<Sum: RowSum>, const S: usize>(
-    packed: &PackedGroup,
+    (packed, base): Mesh<'_>,
     plan: &GroupPlan,
     blocks: Range<usize>,
     mut runs: Vec<Run<'_>>,
@@ -106,6 +109,7 @@ fn run_blocks<P: PoseStorage<Sum: RowSum>, const S: usize>(
 ) {
     let items = &plan.list.items;
     let words = block_words(plan);
+    let base_words = S * plan.pose().base_stride() / size_of::<u32>();
     let mut decoded = [[[<P::Sum as Sum>::Delta::default(); S]; POSE_FLOATS]; BATCH];
     let mut tile: Vec<InstanceBlock<'_, P::Sum>> = Vec::with_capacity(runs.len().min(TILE));
     let zero = [[P::Sum::default(); S]; POSE_FLOATS];
@@ -121,11 +125,10 @@ fn run_blocks<P: PoseStorage<Sum: RowSum>, const S: usize>(
                 let i = run.items.start;
                 if !run.items.is_empty() && items[i].block as usize == block {
                     run.items.start += 1;
-                    let floats = S * POSE_FLOATS;
                     let block = Block {
                         item: &items[i],
                         source: run.source.map(|source| &source[block * words..][..words]),
-                        base: &packed.base()[block * floats..][..floats],
+                        base: &base[block * base_words..][..base_words],
                         plan,
                     };
                     let elements = plan.list.elements_of(block.item);
@@ -204,9 +207,9 @@ fn add_alone<T: RowSum, const S: usize>(
     in_rows
 }
 
-/// Low bits dropped from products, by triple.
-fn dropped(plan: &GroupPlan) -> [u32; TRIPLES] {
-    plan.grid().map_or([0; TRIPLES], |grid| grid.dropped)
+/// Low bits dropped from products, by component.
+fn dropped(plan: &GroupPlan) -> [u32; POSE_FLOATS] {
+    plan.grid().map_or([0; POSE_FLOATS], |grid| grid.dropped)
 }
 
 fn factors<T: Sum>(element: &Element, steps: [f32; TRIPLES], shifts: [u32; TRIPLES]) -> [T::Factor; TRIPLES] {
@@ -281,22 +284,22 @@ impl<const S: usize> Turned<S> {
 
 /// Stores a block: `destination = source + sums`.
 fn write<P: PoseStorage, const S: usize>(turned: &mut Turned<S>, block: &Block<'_>, destination: &mut [u32]) {
-    let base = block.item.source.is_none();
+    let is_rebuilt = block.item.source.is_none();
     let dropped = dropped(block.plan);
     widest!(_simd => {
         let sums: &mut [P::Sum] = cast_slice_mut(turned.vertices.as_flattened_mut());
+        if is_rebuilt && P::ROUNDS_SUMS {
+            sums.iter_mut().zip(block.base).for_each(|(sum, base)| *sum = P::plus_base(*sum, *base));
+        }
         for vertex in sums.as_chunks_mut::<POSE_FLOATS>().0 {
             for (c, sum) in vertex.iter_mut().enumerate() {
-                *sum = P::rounded(*sum, dropped[c / TRIPLE]);
+                *sum = P::rounded(*sum, dropped[c]);
             }
         }
         let out = cast_slice_mut::<u32, P::Number>(destination).iter_mut().zip(&*sums);
         match block.source {
-            // The base pose has zero displacement.
-            _ if base && block.plan.pose().has_integers() => {
-                out.for_each(|(out, sum)| *out = P::plus(P::Number::zeroed(), *sum));
-            }
-            _ if base => out.zip(cast_slice(block.base)).for_each(|((out, sum), base)| *out = P::plus(*base, *sum)),
+            _ if is_rebuilt && P::ROUNDS_SUMS => out.for_each(|(out, sum)| *out = P::plus(P::Number::zeroed(), *sum)),
+            _ if is_rebuilt => out.zip(cast_slice(block.base)).for_each(|((out, sum), base)| *out = P::plus(*base, *sum)),
             Some(from) => out.zip(cast_slice(from)).for_each(|((out, sum), old)| *out = P::plus(*old, *sum)),
             None => out.for_each(|(out, sum)| *out = P::plus(*out, *sum)),
         }
@@ -308,14 +311,14 @@ struct Block<'a> {
     item: &'a Item,
     /// The block in the source slot; `None`: in place.
     source: Option<&'a [u32]>,
-    base: &'a [f32],
+    base: &'a [u32],
     plan: &'a GroupPlan,
 }
 
 impl Block<'_> {
-    /// Bytes of the pose that are loaded and stored. The base pose of fixed-point poses is 0, and not loaded.
+    /// Bytes of poses that are loaded and stored.
     fn moved(&self) -> usize {
-        let loads = self.item.source.is_some() || !self.plan.pose().has_integers();
-        4 * block_words(self.plan) * (1 + usize::from(loads))
+        let pose = 4 * block_words(self.plan);
+        pose + if self.item.source.is_some() { pose } else { size_of_val(self.base) }
     }
 }

@@ -5,7 +5,6 @@
 //! a piece is loaded and stored once for all of them.
 
 use super::simd::widest;
-use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::pack::blocks::PoseGrid;
 use crate::pack::formats::{DenseFormat, with_format};
 use crate::pack::grid::Term;
@@ -77,10 +76,10 @@ pub(super) fn rounded<P: PoseStorage>(
         [first, second]
             .into_iter()
             .filter(|(old, new)| old != new)
-            .map(move |(old, new)| (target, grid.terms(old, new, steps)))
+            .map(move |(old, new)| (target, grid.term(old, new, steps)))
     });
     widest!(simd => {
-        let terms: Vec<_> = terms.map(|(target, terms)| (target, Lanes::new(simd, terms))).collect();
+        let terms: Vec<_> = terms.map(|(target, term)| (target, Lanes::new(simd, term))).collect();
         let mut sums = [0; PIECE * POSE_FLOATS];
         for (piece, out) in destination.chunks_mut(PIECE * POSE_FLOATS).enumerate() {
             let sums = &mut sums[..out.len()];
@@ -104,12 +103,6 @@ pub(super) fn rounded<P: PoseStorage>(
 /// Numbers of eight vertices: six vectors, the last three with the components of the first three in their lanes.
 const EIGHT: usize = 8 * POSE_FLOATS;
 
-/// The triple of a lane of vector `v`.
-#[inline(always)]
-fn triple(v: usize, lane: usize) -> usize {
-    (8 * v + lane) / TRIPLE % TRIPLES
-}
-
 /// A target's terms in the lanes of three vectors: four vertices.
 struct Lanes<V: Simd> {
     /// No weight is applied.
@@ -124,10 +117,9 @@ struct Lanes<V: Simd> {
 
 impl<V: Simd> Lanes<V> {
     #[inline(always)]
-    fn new(simd: V, terms: [Term; TRIPLES]) -> Self {
-        let [Term { old, new, .. }, _] = terms;
+    fn new(simd: V, Term { old, new, dropped }: Term) -> Self {
         let lanes = |number: fn(u32) -> i32| {
-            std::array::from_fn(|v| i32x8::from_fn(simd, |lane| number(terms[triple(v, lane)].dropped)))
+            std::array::from_fn(|v| i32x8::from_fn(simd, |lane| number(dropped[(8 * v + lane) % POSE_FLOATS])))
         };
         Self {
             new: old == 0,

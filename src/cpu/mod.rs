@@ -107,6 +107,8 @@ pub(crate) struct Memory {
     format: PoseFormat,
     /// `Some` for fixed-point poses.
     grid: Option<PoseGrid>,
+    /// The base pose of fixed-point poses: [`PoseFormat::base_words`].
+    base: Vec<u32>,
 }
 
 /// Checks that the poses fit in memory by reserving them in one piece: exhausting memory later would abort the process.
@@ -156,18 +158,17 @@ impl CpuCrowd {
         planner.stats(mesh.groups())
     }
 
-    /// Memory and mesh of a group, and the indices of an instance's pose (of its first slot while it has none) and
-    /// previous pose.
-    fn poses(&self, instance: u32, group: usize) -> Result<(&Memory, &PackedGroup, usize, Option<usize>)> {
+    /// Memory of a group, and the indices of an instance's pose (of its first slot while it has none) and previous pose.
+    fn poses(&self, instance: u32, group: usize) -> Result<(&Memory, usize, Option<usize>)> {
         let place = self.instances.check(instance)?;
         let OnCpu { mesh, memory, .. } = &self.kind;
-        let (Some(memory), Some(packed)) = (memory.get(group), mesh.groups().get(group)) else {
+        let Some(poses) = memory.get(group) else {
             let text = format!("group {group} of mesh '{}', which has {}", mesh.layout().name, memory.len());
             return Err(Error::invalid(text, "count groups from 0"));
         };
         let (slot, previous) = self.instances.slots_of(place).unwrap_or_default();
-        let pose = |slot: u32| place * memory.slots + slot as usize;
-        Ok((memory, packed, pose(slot), previous.map(pose)))
+        let pose = |slot: u32| place * poses.slots + slot as usize;
+        Ok((poses, pose(slot), previous.map(pose)))
     }
 
     /// The pose of an instance after the last update: six floats per vertex, decoded, with padding, in pose-buffer
@@ -184,8 +185,8 @@ impl CpuCrowd {
     /// # Errors
     /// An instance out of range or removed; a group out of range.
     pub fn group_pose(&self, instance: u32, group: usize) -> Result<Cow<'_, [f32]>> {
-        let (memory, mesh, pose, _) = self.poses(instance, group)?;
-        Ok(memory.decode(mesh, pose))
+        let (memory, pose, _) = self.poses(instance, group)?;
+        Ok(memory.decode(pose))
     }
 
     /// The pose before the last update, if it still exists; the pose itself if nothing changed.
@@ -201,8 +202,8 @@ impl CpuCrowd {
     /// # Errors
     /// Those of [`group_pose`](Self::group_pose).
     pub fn previous_group_pose(&self, instance: u32, group: usize) -> Result<Option<Cow<'_, [f32]>>> {
-        let (memory, mesh, _, previous) = self.poses(instance, group)?;
-        Ok(previous.map(|pose| memory.decode(mesh, pose)))
+        let (memory, _, previous) = self.poses(instance, group)?;
+        Ok(previous.map(|pose| memory.decode(pose)))
     }
 
     /// The pose of an instance in a group of the mesh, in the bytes of its [format](PoseFormat).
@@ -210,7 +211,7 @@ impl CpuCrowd {
     /// # Errors
     /// Those of [`group_pose`](Self::group_pose).
     pub fn stored_pose(&self, instance: u32, group: usize) -> Result<&[u8]> {
-        let (memory, _, pose, _) = self.poses(instance, group)?;
+        let (memory, pose, _) = self.poses(instance, group)?;
         Ok(bytemuck::cast_slice(&memory.poses[pose]))
     }
 }
@@ -220,45 +221,52 @@ impl Memory {
     pub(crate) fn new(mesh: &PackedGroup, desc: UpdateDesc, instances: usize) -> Result<Self> {
         let grid = desc.grid(mesh.layout())?;
         let slots = desc.slots as usize;
+        let vertices = mesh.layout().vertex_count;
         let pose = match grid {
-            Some(_) => vec![0; mesh.layout().pose_bytes(desc.pose) as usize / size_of::<u32>()],
+            Some(grid) => desc.pose.base_pose(&grid, mesh.base(), vertices),
             None => bytemuck::cast_slice(mesh.base()).to_vec(),
         };
-        Ok(Self { slots, poses: vec![pose; instances * slots], format: desc.pose, grid })
+        let base = match grid {
+            Some(grid) => desc.pose.base_words(&grid, mesh.base(), vertices),
+            None => vec![],
+        };
+        Ok(Self { slots, poses: vec![pose; instances * slots], format: desc.pose, grid, base })
     }
 
-    pub(crate) fn decode(&self, mesh: &PackedGroup, pose: usize) -> Cow<'_, [f32]> {
+    pub(crate) fn decode(&self, pose: usize) -> Cow<'_, [f32]> {
         let words = &self.poses[pose];
-        match self.grid {
+        match &self.grid {
             None => Cow::Borrowed(bytemuck::cast_slice(words)),
-            Some(grid) => Cow::Owned(self.format.decode(bytemuck::cast_slice(words), mesh.base(), grid.units)),
+            grid => Cow::Owned(self.format.decode(bytemuck::cast_slice(words), grid.as_ref())),
         }
     }
 
     fn run_passes(&mut self, mesh: &PackedGroup, workers: &Workers, plans: &[Plan]) {
         match self.grid {
             Some(grid) => with_pose!(self.format, P => self.run_integers::<P>(mesh, workers, plans, grid)),
-            None => self.run_numbers(mesh, workers, plans, Some(mesh.base()), |coefficients, first, source, out| {
+            None => self.run_numbers(mesh, workers, plans, mesh.base(), |coefficients, first, source, out| {
                 kernel::dense(mesh, coefficients, first, source, out);
             }),
         }
     }
 
     fn run_integers<P: PoseStorage>(&mut self, mesh: &PackedGroup, workers: &Workers, plans: &[Plan], grid: PoseGrid) {
-        // The base pose has zero displacement.
-        self.run_numbers::<P::Number>(mesh, workers, plans, None, |coefficients, first, source, out| {
+        let base = std::mem::take(&mut self.base);
+        let base_pose = bytemuck::cast_slice(&base);
+        self.run_numbers::<P::Number>(mesh, workers, plans, base_pose, |coefficients, first, source, out| {
             kernel::rounded::<P>(mesh, coefficients, grid, first, source, out);
         });
+        self.base = base;
     }
 
     /// Executes the passes with `run`, one piece of the mesh at a time: from the second instance on its deltas are
-    /// cached. `base` `None`: zeros.
+    /// cached.
     fn run_numbers<T: Pod + Send + Sync>(
         &mut self,
         mesh: &PackedGroup,
         workers: &Workers,
         plans: &[Plan],
-        base: Option<&[T]>,
+        base: &[T],
         run: impl Fn(&[Coefficient], usize, Option<&[T]>, &mut [T]) + Sync,
     ) {
         let changed =
@@ -266,7 +274,7 @@ impl Memory {
         let places: Vec<_> = changed().map(|(at, _, pass)| at + pass.destination as usize).collect();
         let mut poses: Vec<_> = places.iter().map(|&place| std::mem::take(&mut self.poses[place])).collect();
         let source = |at: usize, pass: &Work| match pass.source {
-            Source::Base => base,
+            Source::Base => Some(base),
             Source::Slot(slot) if slot == pass.destination => None,
             Source::Slot(slot) => Some(bytemuck::cast_slice(&self.poses[at + slot as usize])),
         };
@@ -284,9 +292,6 @@ impl Memory {
         workers.for_each(jobs, |(first, parts)| {
             for (&(plan, source), out) in updates.iter().zip(parts) {
                 // Later passes run in place.
-                if plan.rebuilt && base.is_none() {
-                    out.fill(T::zeroed());
-                }
                 let mut source = source.map(|s| &s[first * POSE_FLOATS..][..out.len()]);
                 for pass in &plan.passes {
                     run(plan.coefficients_of(pass), first, source.take(), out);
@@ -312,7 +317,8 @@ impl Memory {
             end += items.len();
             blocks::Run { items: start..end, source, destination }
         });
-        blocks::run(workers, mesh, plan, runs.collect());
+        let base = if self.grid.is_some() { &self.base } else { bytemuck::cast_slice(mesh.base()) };
+        blocks::run(workers, (mesh, base), plan, runs.collect());
         places.into_iter().zip(poses).for_each(|(place, pose)| self.poses[place] = pose);
     }
 }

@@ -11,10 +11,13 @@ fn metered(mesh: &PackedMesh, planner: &GroupPlan) -> u64 {
     let mut moved = 0u64;
     for (i, item) in planner.list.items.iter().enumerate() {
         let (mut destination, source) = (vec![0; words], vec![0; words * planner.index.count()]);
+        let base = vec![0; mesh.base().len() * planner.pose().base_stride() / 24];
         let separate = item.source.is_some_and(|slot| slot != item.destination).then_some(&source[..]);
         let run = blocks::Run { items: i..i + 1, source: separate, destination: &mut destination };
         let block = item.block as usize;
-        blocks::run_piece(mesh.surface(), planner, block..block + 1, vec![run], &mut |bytes| moved += bytes as u64);
+        blocks::run_piece((mesh.surface(), &base), planner, block..block + 1, vec![run], &mut |bytes| {
+            moved += bytes as u64
+        });
     }
     moved
 }
@@ -101,7 +104,7 @@ proptest! {
                         };
                         let worst = pose.iter().zip(&reference).enumerate().map(far).fold(0.0, f64::max);
                         let roundings = if grid.rounds_sums { 1 } else { active };
-                        worst <= f64::from(grid.units[1]) * roundings as f64 / 2.0 + 1e-5
+                        worst <= f64::from(grid.units[3]) * (roundings + 1) as f64 / 2.0 + 1e-5
                     }
                 };
                 let bound = match rounded {

@@ -10,8 +10,8 @@ use ash::vk;
 
 impl MorphEngine {
     /// Creates a buffer of the joints and weights of a mesh's vertices, and records its upload: once per mesh, for any
-    /// number of crowds and instances. Takes 24 bytes per vertex for the base pose, plus 24 for four influences or 48
-    /// for eight. (Weights are float32: 16-bit weights would move vertices by 1e-5 of the diagonal.)
+    /// number of crowds and instances. Takes 24 bytes per vertex for four influences, or 48 for eight. (Weights are
+    /// float32: 16-bit weights would move vertices by 1e-5 of the diagonal.)
     ///
     /// Records: a copy from staging memory, and a barrier that makes it visible to updates (first stage TRANSFER with
     /// TRANSFER_WRITE; last ALL_COMMANDS with MEMORY_READ and MEMORY_WRITE).

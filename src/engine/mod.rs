@@ -65,8 +65,7 @@ use std::sync::{Arc, OnceLock};
 /// share the buffers; [`CrowdDesc::queue_family`] names the one of a crowd's updates. Semaphores, binary or timeline,
 /// then order what barriers order on one queue:
 ///
-/// - From upload to update and, if draws read the base pose (fixed-point poses), from upload to draw. Uploads may run
-///   on any queue.
+/// - From upload to update. Uploads may run on any queue.
 /// - From update to draw: the draws' queue waits at the stages that read poses (such as VERTEX_INPUT or VERTEX_SHADER).
 ///   The update signals after its last command.
 /// - From draw to a later update: the updates' queue waits at COMPUTE_SHADER (`feedback` and `vertex-store`:

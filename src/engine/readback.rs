@@ -11,8 +11,10 @@ use crate::gpu::memory::Buffer;
 use crate::gpu::mesh::MeshBuffers;
 use crate::gpu::statistics::MemoryKind;
 use crate::pack::POSE_FLOATS;
+use crate::pack::blocks::PoseGrid;
 use crate::plan::schedule::Barrier;
 use crate::plan::steps::{Access, Resource, Stage, Use};
+use crate::update::technique::PoseGroup;
 use ash::vk;
 use std::sync::Arc;
 
@@ -33,8 +35,7 @@ struct CopiedPose {
     mesh: Arc<MeshBuffers>,
     view: PoseView,
     at: u64,
-    /// Byte offset of the base pose, for fixed-point poses.
-    base_at: u64,
+    grid: Option<PoseGrid>,
 }
 
 /// A pose read back, in the packed mesh's user order, without padding.
@@ -61,8 +62,7 @@ impl PoseReadback {
     /// them, in the same command buffer or a later one.
     ///
     /// Records: a barrier from the stages that write poses to copies (TRANSFER with TRANSFER_READ), independent of the
-    /// crowd's [consumers](crate::CrowdDesc::consumers); the copies, including the base pose if poses are fixed-point;
-    /// and a barrier that makes them visible to the host (HOST with HOST_READ), for which later updates wait.
+    /// crowd's [consumers](crate::CrowdDesc::consumers); the copies; and a barrier that makes them visible to the host (HOST with HOST_READ), for which later updates wait.
     ///
     /// # Errors
     /// A crowd of another engine; errors of [`Crowd::pose`](super::Crowd::pose) for each instance; no memory. Nothing
@@ -108,20 +108,11 @@ impl PoseReadback {
             bytes += size;
             bytes - size
         };
-        let bases: Vec<u64> = crowd
-            .kind
-            .groups
-            .iter()
-            .map(|group| {
-                let base = group.mesh.base_pose();
-                if group.poses.format.has_integers() { place(base.buffer, base.offset, base.size) } else { 0 }
-            })
-            .collect();
         let mut copies = vec![];
         for &(instance, group, view) in views {
             let at = place(view.buffer, view.offset, view.size);
-            let mesh = crowd.kind.groups[group].mesh.clone();
-            copies.push(CopiedPose { instance, group, mesh, view, at, base_at: bases[group] });
+            let PoseGroup { mesh, poses } = &crowd.kind.groups[group];
+            copies.push(CopiedPose { instance, group, mesh: mesh.clone(), view, at, grid: poses.grid });
         }
         if bytes > self.bytes || self.buffer.is_none() {
             // The old buffer is freed after success: it stays if there is no memory for both.
@@ -131,9 +122,9 @@ impl PoseReadback {
         }
         self.copies = copies;
         let Some(buffer) = &self.buffer else { return Ok(()) };
-        let written: Vec<Use> = crowd.writes_of_poses().copied().chain([Use::copy(Resource::Asset)]).collect();
-        let read = [Resource::Poses, Resource::Asset].map(|all| Use::new(all, Stage::Transfer, Access::TransferRead));
-        let before = Barrier::between(&written, &read);
+        let written: Vec<Use> = crowd.writes_of_poses().copied().collect();
+        let read = Use::new(Resource::Poses, Stage::Transfer, Access::TransferRead);
+        let before = Barrier::between(&written, &[read]);
         let (device, writers) =
             (&self.device.raw, written.iter().map(Use::scope).reduce(|a, b| a | b).unwrap_or_default());
         // SAFETY: the caller's obligations; regions lie within their buffers, and the copies before have finished.
@@ -180,15 +171,9 @@ impl PoseReadback {
     pub unsafe fn decoded(&mut self) -> Result<Vec<Vec<f32>>> {
         let Some(buffer) = &mut self.buffer else { return Ok(vec![]) };
         let bytes: &[u8] = buffer.mapped()?;
-        let decode = |CopiedPose { mesh, view, at, base_at, .. }: &CopiedPose| {
+        let decode = |CopiedPose { mesh, view, at, grid, .. }: &CopiedPose| {
             let pose = &bytes[*at as usize..][..view.size as usize];
-            let base = match view.format.has_integers() {
-                true => &bytes[*base_at as usize..][..mesh.layout.base_bytes() as usize],
-                false => &[],
-            };
-            // Base poses are aligned to four bytes only.
-            let base: Vec<f32> = base.as_chunks().0.iter().map(|bytes| f32::from_ne_bytes(*bytes)).collect();
-            mesh.layout.to_user_order(&view.format.decode(&view.tight(pose), &base, view.units))
+            mesh.layout.to_user_order(&view.format.decode(&view.tight(pose), grid.as_ref()))
         };
         Ok(self.copies.iter().map(decode).collect())
     }

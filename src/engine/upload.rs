@@ -1,15 +1,11 @@
 //! Upload of meshes to the device.
 
 use super::MorphEngine;
-use super::views::{PoseView, StreamView, place};
 use crate::abi::numbers::WORKGROUP;
-use crate::asset::streams::{Semantic, TRIPLES};
 use crate::error::{Error, Result};
 use crate::gpu::caps::CAPTURE_STRIDE;
-use crate::gpu::descriptors::BufferRange;
 use crate::gpu::mesh::{MeshBuffers, Upload, chunk_bytes, deltas_bytes, record_uploads};
-use crate::pack::vertex::Places;
-use crate::pack::{PackedGroup, PackedLayout, PackedMesh, PoseFormat};
+use crate::pack::{PackedGroup, PackedLayout, PackedMesh};
 use crate::plan::UpdatePath;
 use crate::update::technique::Techniques;
 use ash::vk;
@@ -29,30 +25,6 @@ impl GpuMesh {
     /// The upload recorded with this mesh has finished, or will never run: its copies read the memory.
     pub unsafe fn release_staging(&mut self) {
         self.staging.clear();
-    }
-
-    /// The base pose on the device, to which fixed-point poses are displacements: the second vertex buffer of a draw
-    /// ([`PoseFormat::vertex_input`]). Float32, in pose-buffer order. Valid once the upload has finished.
-    pub fn base_pose(&self) -> PoseView {
-        self.base_pose_of(0)
-    }
-
-    /// A stream of the [base pose](Self::base_pose).
-    ///
-    /// # Errors
-    /// A stream that the mesh does not have.
-    pub fn base_stream(&self, semantic: Semantic) -> Result<StreamView> {
-        let (group, place) = place(self.layouts(), semantic)?;
-        self.base_pose_of(group).stream(place)
-    }
-
-    fn base_pose_of(&self, group: usize) -> PoseView {
-        let BufferRange { buffer, offset, size } = self.groups[group].base_pose();
-        let format = PoseFormat::Float32;
-        let places = Places::TIGHT;
-        let stride = places.stride(format);
-        let components = places.bytes(format);
-        PoseView { buffer, offset, size, stride, format, components, units: [1.0; TRIPLES], slot: 0 }
     }
 
     /// The layout of positions and normals: names, steps and sizes.
@@ -76,7 +48,8 @@ impl MorphEngine {
         mesh.groups().iter().map(|group| of(group.layout())).sum()
     }
 
-    /// Creates a mesh's buffers and records their upload.
+    /// Creates a mesh's buffers and records their upload. The base pose stays in main memory, too (24 bytes a vertex):
+    /// crowds with fixed-point poses have another in their integers.
     ///
     /// Records: for each group copies from staging memory, and a barrier that makes them visible to every update path
     /// and draw (first stage TRANSFER with TRANSFER_WRITE; last ALL_COMMANDS with MEMORY_READ and MEMORY_WRITE).

@@ -1,22 +1,22 @@
 //! Locations of poses and streams in buffers, for hosts that read them.
 
-use crate::asset::streams::{Semantic, StreamPlace, TRIPLE, TRIPLES};
+use crate::asset::streams::{Semantic, StreamPlace};
 use crate::error::{Error, Result};
 use crate::pack::vertex::Places;
 use crate::pack::{POSE_FLOATS, PackedLayout, PoseFormat};
 use crate::update::technique::Poses;
 use ash::vk;
+use glam::{Mat4, Vec3};
 use std::borrow::Cow;
 
-/// Location of a pose, with numbers in its [`PoseFormat`]. Positions are relative to [`PackedLayout::origin`]; normals
-/// are not normalised.
+/// Location of a pose, with numbers in its [`PoseFormat`]: value = offset + number × unit, in input units. Positions are
+/// relative to [`PackedLayout::origin`]; normals are not normalised.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct PoseView {
     /// The buffer. Engine-owned ones have vertex, storage and transfer source usage.
     pub buffer: vk::Buffer,
-    /// Byte offset of the first vertex: a multiple of 256 in an engine-owned pose buffer, of 4 in a host buffer and for
-    /// a base pose.
+    /// Byte offset of the first vertex: a multiple of 256 in an engine-owned pose buffer, of 4 in a host buffer.
     pub offset: u64,
     /// Bytes, padding included.
     pub size: u64,
@@ -27,11 +27,11 @@ pub struct PoseView {
     /// Byte offset in a vertex of each of its six components (position, then normal); `None`: not stored in the host's
     /// vertices.
     pub components: [Option<u32>; POSE_FLOATS],
-    /// Input units per integer, by triple of a vertex (positions, normals): a component is that of the base pose
-    /// ([`GpuMesh::base_pose`](crate::GpuMesh::base_pose)) plus integer × unit. 1 for float32. The same for all poses
-    /// of a crowd.
-    pub units: [f32; TRIPLES],
-    /// Slot of the instance; 0 for a base pose.
+    /// Input units per number, by component; 1 for float32. The same for all poses of a crowd.
+    pub units: [f32; POSE_FLOATS],
+    /// The value of number 0, by component: 0 for float32 and for directions. The same for all poses of a crowd.
+    pub offsets: [f32; POSE_FLOATS],
+    /// Slot of the instance.
     pub slot: u32,
 }
 
@@ -47,19 +47,22 @@ pub struct StreamView {
     pub components: u32,
     /// Type of a component: float32, or a signed integer of 32 or 16 bits.
     pub format: PoseFormat,
-    /// Input units per integer, by component; see [`PoseView::units`]. Base pose:
-    /// [`GpuMesh::base_stream`](crate::GpuMesh::base_stream).
+    /// Input units per number, by component; see [`PoseView::units`].
     pub units: [f32; 4],
+    /// The value of number 0, by component.
+    pub offsets: [f32; 4],
     /// Bytes per vertex.
     pub stride: u32,
-    /// Slot of the instance; 0 for a base pose.
+    /// Slot of the instance.
     pub slot: u32,
 }
 
 impl PoseView {
     pub(super) fn new(poses: &Poses, instance: u32, slot: u32) -> Self {
+        let [units, offsets] = poses.scale();
         Self {
-            units: poses.units(),
+            units,
+            offsets,
             buffer: poses.buffer,
             offset: poses.offset(instance, slot),
             size: poses.bytes,
@@ -68,6 +71,14 @@ impl PoseView {
             components: poses.places.bytes(poses.format),
             slot,
         }
+    }
+
+    /// The matrix that makes a position, in input units, of the numbers that a draw fetches: offset + number × unit.
+    /// Multiply the model matrix by it from the right, and not the matrix of
+    /// normals, whose attributes are directions as they are. Identity for float32.
+    pub fn matrix(&self) -> Mat4 {
+        let vector = |of: [f32; POSE_FLOATS]| Vec3::from_slice(&of);
+        Mat4::from_translation(vector(self.offsets)) * Mat4::from_scale(vector(self.units))
     }
 
     /// [`PoseFormat::vertex_input`] for this layout: binding 0 (and that of the previous pose) has its stride,
@@ -106,10 +117,12 @@ impl PoseView {
         };
         let components = place.components();
         let mut units = [1.0; 4];
-        units.iter_mut().zip(components.clone()).for_each(|(unit, component)| *unit = self.units[component / TRIPLE]);
+        let mut offsets = [0.0; 4];
+        units[..components.len()].copy_from_slice(&self.units[components.clone()]);
+        offsets[..components.len()].copy_from_slice(&self.offsets[components.clone()]);
         let offset = self.offset + u64::from(at);
         let components = components.len() as u32;
-        Ok(StreamView { buffer, offset, components, format, units, stride, slot })
+        Ok(StreamView { buffer, offset, components, format, units, offsets, stride, slot })
     }
 }
 

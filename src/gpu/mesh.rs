@@ -1,7 +1,6 @@
 //! A mesh in device memory.
 
 use super::barriers;
-use super::descriptors::BufferRange;
 use super::device::Device;
 use super::memory::Buffer;
 use super::statistics::MemoryKind;
@@ -32,6 +31,8 @@ pub struct MeshBuffers {
     pub base: Buffer,
     /// Dense formats: the deltas. Block formats: headers, deltas and base pose, the whole asset.
     pub deltas: Buffer,
+    /// The base pose on the host, for base poses in integers.
+    pub host: Arc<[f32]>,
     /// Uploaded for one technique, in words of its own: what that keeps with them.
     pub private: Option<Private>,
 }
@@ -51,6 +52,7 @@ impl MeshBuffers {
         deltas: &[u32],
         private: Option<Private>,
     ) -> Result<(Self, Upload)> {
+        let host = base.into();
         let (base_bytes, delta_bytes): (&[u8], &[u8]) = (bytemuck::cast_slice(base), bytemuck::cast_slice(deltas));
         let is_asset = layout.format.is_blocks() && private.is_none();
         let base_at = if is_asset { base_offset(&layout) } else { delta_bytes.len() as u64 };
@@ -74,16 +76,18 @@ impl MeshBuffers {
             false => vec![(deltas.raw, region(0, base_at)), (base.raw, region(base_at, bytes - base_at))],
         };
         copies.retain(|(_, region)| region.size > 0);
-        Ok((Self { layout, base, deltas, private }, Upload::new(staging, copies)))
+        Ok((Self { layout, base, deltas, host, private }, Upload::new(staging, copies)))
     }
 
-    /// Returns the range of the base pose.
-    pub fn base_pose(&self) -> BufferRange {
-        let bytes = self.layout.base_bytes();
-        match self.layout.format.is_blocks() && self.private.is_none() {
-            true => BufferRange::new(self.deltas.raw, base_offset(&self.layout), bytes),
-            false => BufferRange::new(self.base.raw, 0, bytes),
-        }
+    /// Makes a buffer of these words: the base pose in the integers of a crowd's poses. In memory that the host writes,
+    /// so that making a crowd records nothing.
+    pub(crate) fn base_of(&self, device: &Arc<Device>, words: &[u32]) -> Result<Buffer> {
+        let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER;
+        let name = format!("deltamorph base pose in integers of mesh '{}'", self.layout.name);
+        let bytes: &[u8] = bytemuck::cast_slice(words);
+        let mut buffer = Buffer::new(device, &name, bytes.len() as u64, usage, MemoryKind::Lists)?;
+        buffer.mapped()?[..bytes.len()].copy_from_slice(bytes);
+        Ok(buffer)
     }
 }
 

@@ -269,10 +269,9 @@ impl PoseFormat {
     /// Describes how a draw reads a pose as vertex attributes, and for motion vectors the previous pose, too: the
     /// inputs that `glsl/host/pose.glsl` declares.
     ///
-    /// Binding 0 is the pose ([`PoseView`](crate::PoseView)); for fixed-point poses binding 1 is the base pose
-    /// ([`GpuMesh::base_pose`](crate::GpuMesh::base_pose)); the last is the previous pose. Locations start at 0, two
-    /// for each binding. Vulkan guarantees these formats for vertex buffers. A host with its own attributes may
-    /// renumber bindings and locations.
+    /// Binding 0 is the pose ([`PoseView`](crate::PoseView)), binding 1 the previous pose. Locations start at 0, two for
+    /// each binding. Vulkan guarantees these formats for vertex buffers. A host with its own attributes may renumber
+    /// bindings and locations. [`PoseView::matrix`](crate::PoseView::matrix) makes positions of what a draw fetches.
     pub fn vertex_input(
         self,
         previous: bool,
@@ -288,18 +287,13 @@ impl PoseFormat {
         places: [Option<u32>; POSE_FLOATS],
         previous: bool,
     ) -> (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>) {
-        let base = Self::default();
-        let base_places = std::array::from_fn(|component| Some(base.offset(component) as u32));
-        let pose = (self, stride, places);
-        let base = (base, base.stride() as u32, base_places);
-        let read = [Some(pose), self.has_integers().then_some(base), previous.then_some(pose)].into_iter().flatten();
         let (mut bindings, mut attributes) = (vec![], vec![]);
-        for (binding, (pose, stride, places)) in (0..).zip(read) {
+        for binding in 0..=u32::from(previous) {
             bindings.push(vk::VertexInputBindingDescription::default().binding(binding).stride(stride));
-            for (location, &(format, at)) in (2 * binding..).zip(pose.row().attributes) {
+            for (location, &(format, at)) in (2 * binding..).zip(self.row().attributes) {
                 let format = vk::Format::from_raw(format as i32);
                 // A number that is not stored has no attribute.
-                let Some(offset) = places[at as usize / pose.number_bytes()] else { continue };
+                let Some(offset) = places[at as usize / self.number_bytes()] else { continue };
                 attributes.push(vk::VertexInputAttributeDescription { location, binding, format, offset });
             }
         }

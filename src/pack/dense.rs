@@ -1,10 +1,11 @@
 //! Packing in dense formats: every vertex of every target.
 
+use super::blocks::derive::directions;
 use super::formats::{DenseFormat, Lane};
-use super::grid::Sums;
+use super::grid::{Largest, Reached, Sums};
 use super::source::largest;
 use super::{POSE_FLOATS, PackDesc, PackedGroup, PackedLayout, PackedTarget, Source, VERTEX_PADDING};
-use crate::asset::streams::{TRIPLE, TRIPLES};
+use crate::asset::streams::{StreamPlace, TRIPLE, TRIPLES};
 use crate::error::{Error, Result};
 use std::sync::Arc;
 
@@ -45,7 +46,7 @@ pub(super) fn pack(source: &Source<'_>, desc: &PackDesc, format: &impl DenseForm
         blocks: None,
         sums: None,
     };
-    let mut reached = desc.format.has_integers().then(|| Reached::new(padded));
+    let mut reached = desc.format.has_integers().then(|| Added::new(padded));
     let mut words_of_all = vec![0; padded * target_count * words];
     for (t, target) in mesh.targets.iter().enumerate() {
         let steps = layout.targets[t].steps();
@@ -56,19 +57,20 @@ pub(super) fn pack(source: &Source<'_>, desc: &PackDesc, format: &impl DenseForm
             moved.into_iter().for_each(|(reached, delta)| reached.add(vertex as usize, delta, steps));
         }
     }
-    layout.sums = reached.map(|reached| reached.sums(desc));
+    layout.sums = reached.map(|reached| reached.sums(desc, &source.streams));
+    layout.take_base(&base);
     Ok(PackedGroup { layout, base, words: words_of_all })
 }
 
 /// Bounds on the sums of each vertex.
-struct Reached {
+struct Added {
     /// By vertex: Σ|delta| of each component, and the number of targets that move it.
     vertices: Vec<([f64; POSE_FLOATS], usize)>,
     /// By triple: the finest and the coarsest step of the targets that move it.
     steps: [(f32, f32); TRIPLES],
 }
 
-impl Reached {
+impl Added {
     fn new(vertices: usize) -> Self {
         Self { vertices: vec![([0.0; POSE_FLOATS], 0); vertices], steps: [(f32::INFINITY, 0.0); TRIPLES] }
     }
@@ -83,21 +85,23 @@ impl Reached {
         }
     }
 
-    fn sums(self, desc: &PackDesc) -> Sums {
+    fn sums(self, desc: &PackDesc, streams: &[StreamPlace]) -> Sums {
         // A triple that nothing moves may have any step. The ratio of two steps may exceed float32's range.
         let found = self.steps.map(|(finest, coarsest)| if coarsest > 0.0 { (finest, coarsest) } else { (1.0, 1.0) });
         let steps = found.map(|(finest, _)| finest);
         let range = found.map(|(finest, coarsest)| (f64::from(coarsest) / f64::from(finest)).log2() as u32);
-        let mut largest = [0f64; TRIPLES];
-        for (c, sum) in self.vertices.iter().flat_map(|(sums, _)| sums.iter().enumerate()) {
-            largest[c / TRIPLE] = largest[c / TRIPLE].max(sum / f64::from(steps[c / TRIPLE]));
-        }
+        let reached = self.vertices.chunks(VERTEX_PADDING).map(|vertices| {
+            let largest = |c: usize| vertices.iter().fold(0.0, |most: f64, (sums, _)| most.max(sums[c]));
+            Reached { sums: std::array::from_fn(|c| largest(c) / f64::from(steps[c / TRIPLE])), ..Reached::default() }
+        });
         Sums {
             format: desc.format,
             coarsest: Some(range),
             steps,
-            largest_of_mesh: largest[0].max(largest[1]),
-            largest,
+            directions: directions(streams),
+            reached: reached.collect(),
+            // Each product is rounded, and each fits.
+            largest: Largest::default(),
             targets: self.vertices.iter().map(|(_, targets)| *targets).max().unwrap_or(0),
             weight_max: desc.blocks.weight_max,
         }

@@ -1,23 +1,23 @@
-//! The grid of weights and deltas on which integer sums are exact.
+//! The grid of weights, deltas and base poses on which integer sums are exact.
 
-use super::{DeltaFormat, PoseFormat};
-use crate::asset::streams::TRIPLES;
+use super::{DeltaFormat, POSE_FLOATS, PoseFormat};
+use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::error::{Error, Result};
+use std::ops::{Range, RangeInclusive};
 
 /// Fewer bits are too coarse to animate; steps finer than 2^-16 make no visible difference.
-const WEIGHT_BITS: std::ops::RangeInclusive<u32> = 7..=16;
+const WEIGHT_BITS: RangeInclusive<u32> = 7..=16;
 
-/// How far rounding three components moves a vertex, in units: √3/2, rounded up.
-const HALF_A_DIAGONAL: f32 = 0.866_025_5;
-
-/// Bits reserved in 32-bit products for the half unit that rounding adds.
-const HALF_BITS: u32 = 16;
+/// Most low bits that rounding drops, and room in 32 bits for the half unit that it adds: of a product, of a sum.
+const DROPPED_OF_PRODUCT: u32 = 26;
+const DROPPED_OF_SUM: u32 = 17;
 
 /// The grid of weights and fixed-point poses. No sum overflows for weights up to `weight_max`.
 ///
-/// A pose is Σ round(weight · delta / unit) over the targets, in integers, so it depends neither on their order nor on
-/// earlier poses; in [`Rebuilt16`](PoseFormat::Rebuilt16) round(Σ weight · delta / unit). Rounding weights moves a
-/// component by at most ½·[`weight_step`](Self::weight_step)·Σ|delta|, on top of the packing error
+/// A pose is an integer for each component: value = offset + integer × unit, in input units. The integer is round((base
+/// − offset) / unit) + Σ round(weight · delta / unit) over the targets, so it depends neither on their order nor on
+/// earlier poses; in [`Rebuilt16`](PoseFormat::Rebuilt16) round((base − offset + Σ weight · delta) / unit). Rounding
+/// weights moves a component by at most ½·[`weight_step`](Self::weight_step)·Σ|delta|, on top of the packing error
 /// ([`BlockIndex::error`](super::blocks::BlockIndex::error), for each target at weight 1); rounding to units, by
 /// [`position_error`](Self::position_error).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,28 +27,47 @@ pub struct PoseGrid {
     pub weight_bits: u32,
     /// Largest absolute weight.
     pub weight_max: f32,
-    /// Input units per integer of a pose, by triple of the group (positions, normals). Powers of two.
-    pub units: [f32; TRIPLES],
+    /// Input units per integer of a pose, by component of the group (positions, normals). Powers of two; the same for
+    /// the three components of a direction.
+    pub units: [f32; POSE_FLOATS],
+    /// The value of integer 0, by component, in input units: the middle of what poses reach; 0 for directions.
+    pub offsets: [f32; POSE_FLOATS],
     /// Sums are rounded to units, and not the term of each target ([`Rebuilt16`](PoseFormat::Rebuilt16)).
     pub rounds_sums: bool,
     /// Low bits that rounding drops from the product of integer weight and integer delta, or from their sum. Dense
     /// formats: for the target with the finest step; see [`terms`](Self::terms).
-    pub(crate) dropped: [u32; TRIPLES],
+    pub(crate) dropped: [u32; POSE_FLOATS],
 }
 
-/// A target's contribution to a triple of a fixed-point pose, for integer deltas d: q(new) − q(old), where q(w) = (w ·
-/// d + half) >> dropped.
+/// A target's contribution to a fixed-point pose, for integer deltas d: q(new) − q(old), where q(w) = (w · d + half) >>
+/// dropped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Term {
     /// The new weight in steps of the grid; at most 2^15.
     pub new: i32,
     /// The applied weight.
     pub old: i32,
-    /// At most 31.
-    pub dropped: u32,
+    /// By component; at most 31.
+    pub dropped: [u32; POSE_FLOATS],
 }
 
-/// Bounds on the integer sums of a mesh's deltas.
+/// What the poses of neighbouring vertices reach, by component.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Reached {
+    /// Bounds of the base pose, in input units.
+    pub low: [f32; POSE_FLOATS],
+    pub high: [f32; POSE_FLOATS],
+    /// The largest Σ|delta| of a vertex, in steps.
+    pub sums: [f64; POSE_FLOATS],
+}
+
+impl Default for Reached {
+    fn default() -> Self {
+        Self { low: [f32::INFINITY; POSE_FLOATS], high: [f32::NEG_INFINITY; POSE_FLOATS], sums: [0.0; POSE_FLOATS] }
+    }
+}
+
+/// Bounds on the integer sums of a group.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Sums {
     pub format: DeltaFormat,
@@ -57,14 +76,31 @@ pub(crate) struct Sums {
     /// Dense formats, whose steps differ by target: log2 of coarsest step / finest step (`steps`), by triple. `None` in
     /// block formats: one step for the mesh, and shifted integers.
     pub coarsest: Option<[u32; TRIPLES]>,
-    /// By triple: the largest Σ|delta| of any component of a vertex, in steps.
-    pub largest: [f64; TRIPLES],
-    /// The maximum of `largest` over all groups of the mesh.
-    pub largest_of_mesh: f64,
+    /// The components of each stream of directions.
+    pub directions: Vec<Range<usize>>,
+    /// By block of vertices.
+    pub reached: Vec<Reached>,
+    /// The largest numbers of all groups of the mesh, which share the grid of weights.
+    pub largest: Largest,
     /// Upper bound on the targets that move a vertex; block formats count those that touch its block.
     pub targets: usize,
     /// Default largest weight of 32-bit poses.
     pub weight_max: f32,
+}
+
+/// The largest numbers of any component, in steps.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Largest {
+    /// Σ|delta| of a vertex.
+    pub sum: f64,
+    /// Half the size of the base pose.
+    pub base: f64,
+}
+
+impl Largest {
+    pub fn max(self, other: Self) -> Self {
+        Self { sum: self.sum.max(other.sum), base: self.base.max(other.base) }
+    }
 }
 
 impl PoseGrid {
@@ -84,32 +120,55 @@ impl PoseGrid {
         (weight * (1u32 << self.weight_bits) as f32).round() as i32
     }
 
-    /// Bound on the position error of a vertex that `targets` targets move, from rounding each of their terms by half a
-    /// unit, or their sum. In input units; 0 if nothing is rounded.
+    /// The largest unit of a position, in input units.
+    pub fn position_unit(&self) -> f32 {
+        self.units[..TRIPLE].iter().copied().fold(0.0, f32::max)
+    }
+
+    /// Bound on the position error of a vertex that `targets` targets move, from rounding each of their terms and the
+    /// base pose by half a unit, or their sum. In input units.
     pub fn position_error(&self, targets: usize) -> f32 {
         self.rounding(0, targets)
     }
 
     /// The same bound for its normal before normalisation, as the length of the difference.
     pub fn normal_error(&self, targets: usize) -> f32 {
-        self.rounding(1, targets)
+        self.rounding(TRIPLE, targets)
     }
 
-    /// Terms of a target with 16-bit deltas in these `steps`, from applied weight `held` to `weight`.
-    pub(crate) fn terms(&self, held: f32, weight: f32, steps: [f32; TRIPLES]) -> [Term; TRIPLES] {
+    /// The base pose of a group's first `vertices` vertices in integers, [`POSE_FLOATS`] per vertex of `base`; 0 for the
+    /// others. In units; where sums are rounded, in units of the sums, before that.
+    pub(crate) fn integers(&self, base: &[f32], vertices: usize) -> Vec<i32> {
+        let integer = |(i, number): (usize, &f32)| {
+            let c = i % POSE_FLOATS;
+            let finer = if self.rounds_sums { f64::from(self.dropped[c]).exp2() } else { 1.0 };
+            let exact = (f64::from(*number) - f64::from(self.offsets[c])) / f64::from(self.units[c]) * finer;
+            if i < vertices * POSE_FLOATS { exact.round() as i32 } else { 0 }
+        };
+        base.iter().enumerate().map(integer).collect()
+    }
+
+    /// The term of a target with 16-bit deltas in these `steps`, from applied weight `held` to `weight`.
+    pub(crate) fn term(&self, held: f32, weight: f32, steps: [f32; TRIPLES]) -> Term {
         let [old, new] = [held, weight].map(|weight| self.steps(weight));
-        std::array::from_fn(|triple| {
-            let product = f64::from(steps[triple]) * f64::from(self.weight_step());
+        let dropped = std::array::from_fn(|c| {
+            let product = f64::from(steps[c / TRIPLE]) * f64::from(self.weight_step());
             // The quotient of powers of two is exact. A step coarser than the unit belongs to a target that does not
             // move the triple. From 31 bits on, no product reaches half a unit: both terms are -1.
-            let dropped = (f64::from(self.units[triple]) / product).log2().clamp(0.0, 31.0) as u32;
-            Term { new, old, dropped }
-        })
+            (f64::from(self.units[c]) / product).log2().clamp(0.0, 31.0) as u32
+        });
+        Term { new, old, dropped }
     }
 
-    fn rounding(&self, triple: usize, targets: usize) -> f32 {
-        let roundings = if self.rounds_sums { targets.min(1) } else { targets };
-        if self.dropped[triple] == 0 { 0.0 } else { HALF_A_DIAGONAL * self.units[triple] * roundings as f32 }
+    /// How far rounding the components from `first` on moves a vertex.
+    fn rounding(&self, first: usize, targets: usize) -> f32 {
+        let components = first..first + TRIPLE;
+        let half = self.units[components.clone()].iter().map(|unit| f64::from(*unit).powi(2)).sum::<f64>().sqrt() / 2.0;
+        let rounds_products = !self.rounds_sums && self.dropped[components].iter().any(|dropped| *dropped > 0);
+        // The base pose, or the sum.
+        let roundings = if rounds_products { targets + 1 } else { 1 };
+        // Rounded up.
+        ((half * roundings as f64) as f32).next_up()
     }
 }
 
@@ -124,6 +183,26 @@ pub(super) fn refused(deltas: DeltaFormat, pose: PoseFormat) -> Error {
 }
 
 impl Sums {
+    /// Takes the base pose of `vertices` vertices, in blocks of `size`, and the largest numbers of the group.
+    pub(super) fn take_base(&mut self, base: &[f32], vertices: usize, size: usize) {
+        let blocks = base[..vertices * POSE_FLOATS].chunks(size * POSE_FLOATS);
+        for (reached, vertices) in self.reached.iter_mut().zip(blocks) {
+            *reached = Reached { sums: reached.sums, ..Reached::default() };
+            for (i, number) in vertices.iter().enumerate() {
+                let c = i % POSE_FLOATS;
+                reached.low[c] = reached.low[c].min(*number);
+                reached.high[c] = reached.high[c].max(*number);
+            }
+        }
+        let half = |c: usize| {
+            let [low, high] = self.bounds(c, 0.0);
+            (high - low) / 2.0 / f64::from(self.steps[c / TRIPLE])
+        };
+        let base = (0..POSE_FLOATS).map(half).fold(0.0, f64::max);
+        let sum = self.reached.iter().flat_map(|reached| reached.sums).fold(0.0, f64::max);
+        self.largest = Largest { sum, base };
+    }
+
     pub(super) fn grid(&self, pose: PoseFormat, weight_max: Option<f32>) -> Result<PoseGrid> {
         let bits = pose.row().bits;
         let name = pose.name();
@@ -135,13 +214,13 @@ impl Sums {
         let weight_max = weight_max.unwrap_or(if narrow { 1.0 } else { self.weight_max });
         let dense = self.coarsest.is_some();
         let rounds = narrow || dense;
-        // Limits on weights and products. With rounding, products leave room for the half unit: dense deltas have 16
-        // bits, so a product with 2^15 has one spare bit. All groups of a mesh use one grid of weights.
-        let half = if narrow { f64::from(1u32 << HALF_BITS) } else { 0.0 };
-        let (most_steps, most) = match (dense, pose.rounds_products()) {
-            (true, _) => (32768.0, f64::INFINITY),
-            (false, true) => (f64::from(i16::MAX), f64::from(i32::MAX) - half),
-            (false, false) => (f64::INFINITY, f64::from(i32::MAX) - half),
+        // Limits on weights, and on products or sums before rounding. With rounding, they leave room for the half unit:
+        // dense deltas have 16 bits, so a product with 2^15 has one spare bit.
+        let most = |dropped: u32| f64::from(i32::MAX) - f64::from(1u32 << dropped >> 1);
+        let (most_steps, most, base) = match (dense, pose.rounds_products()) {
+            (true, _) => (32768.0, f64::INFINITY, 0.0),
+            (false, true) => (f64::from(i16::MAX), most(DROPPED_OF_PRODUCT), 0.0),
+            (false, false) => (f64::INFINITY, most(if narrow { DROPPED_OF_SUM } else { 0 }) - 1.0, self.largest.base),
         };
         let steps = |bits: u32| (f64::from(weight_max) * f64::from(1u32 << bits)).ceil();
         if !(weight_max > 0.0 && steps(*WEIGHT_BITS.start()) <= most_steps) {
@@ -149,39 +228,82 @@ impl Sums {
             let wider = if dense { "deltas in blocks" } else { "fixed32 poses" };
             return Err(Error::invalid(text, format!("use a weight_max above 0 and up to 255, or {wider}")));
         }
-        let fits = |bits: &u32| steps(*bits) <= most_steps && self.largest_of_mesh * steps(*bits) <= most;
-        let weight_bits = WEIGHT_BITS.rev().find(fits).ok_or_else(|| self.overflow(weight_max, most))?;
-        // Each target that moves a component may round it by half a unit. A unit is at least as coarse as a product.
-        let roundings = if rounds_sums { 1 } else { self.targets };
-        let most = f64::from(u32::MAX >> (u32::BITS - bits + 1));
-        let dropped = |triple: usize| {
-            let sum = self.largest[triple] * steps(weight_bits);
-            let fits = |dropped: &u32| sum / f64::from(*dropped).exp2() + roundings as f64 / 2.0 <= most;
-            // In blocks, more bits are needed only if more than 32,767 targets move a vertex.
-            let (least, all) = self.coarsest.map_or((0, HALF_BITS + 1), |coarsest| (coarsest[triple], u8::MAX.into()));
-            if rounds { (least..=least + all).find(fits) } else { Some(0) }
-        };
-        let [Some(first), Some(second)] = [dropped(0), dropped(1)] else {
-            let text = format!("{name} poses of a mesh of which {} targets move a vertex", self.targets);
-            return Err(Error::invalid(text, "use fixed32 poses"));
-        };
-        let dropped = [first, second];
+        let total = |bits: u32| self.largest.sum * steps(bits) + base * f64::from(1u32 << bits);
+        let fits = |bits: &u32| steps(*bits) <= most_steps && total(*bits) <= most;
+        let weight_bits = WEIGHT_BITS.rev().find(fits).ok_or_else(|| self.overflow(weight_max, base, most))?;
         let weight_step = f64::from(1u32 << weight_bits).recip();
-        let unit = |triple: usize| f64::from(self.steps[triple]) * weight_step * f64::from(dropped[triple]).exp2();
-        let units = [0, 1].map(|triple| unit(triple) as f32);
-        Ok(PoseGrid { weight_bits, weight_max, units, rounds_sums, dropped })
+        let weight_most = steps(weight_bits) * weight_step;
+        let mut grid = PoseGrid {
+            weight_bits,
+            weight_max,
+            units: [0.0; POSE_FLOATS],
+            offsets: [0.0; POSE_FLOATS],
+            rounds_sums,
+            dropped: [0; POSE_FLOATS],
+        };
+        // The base pose, and each target that moves a component, may round it by half a unit. A unit is at least as
+        // coarse as a product.
+        let roundings = if rounds_sums { 1 } else { self.targets + 1 };
+        let most = f64::from(u32::MAX >> (u32::BITS - bits + 1));
+        for c in 0..POSE_FLOATS {
+            let step = f64::from(self.steps[c / TRIPLE]);
+            let [low, high] = self.bounds(c, weight_most * step);
+            let offset = ((low + high) / 2.0) as f32;
+            let half = (high - f64::from(offset)).max(f64::from(offset) - low);
+            let fits = |dropped: &u32| {
+                let unit = step * weight_step * f64::from(*dropped).exp2();
+                half / unit + roundings as f64 / 2.0 <= most
+            };
+            let (least, all) = match self.coarsest {
+                Some(coarsest) => (coarsest[c / TRIPLE], u8::MAX.into()),
+                None => (0, if rounds_sums { DROPPED_OF_SUM } else { DROPPED_OF_PRODUCT }),
+            };
+            let dropped = if rounds { (least..=least + all).find(fits) } else { Some(0) };
+            let Some(dropped) = dropped else {
+                let text = format!("{name} poses of a mesh of which {} targets move a vertex", self.targets);
+                return Err(Error::invalid(text, "use float32 poses"));
+            };
+            grid.dropped[c] = dropped;
+            grid.units[c] = (step * weight_step * f64::from(dropped).exp2()) as f32;
+            grid.offsets[c] = offset;
+        }
+        Ok(grid)
     }
 
-    /// The error for sums, at weights up to `weight_max`, above `most`.
-    fn overflow(&self, weight_max: f32, most: f64) -> Error {
-        let room = most / f64::from(weight_max) / f64::from(1u32 << WEIGHT_BITS.start());
-        let factor = (self.largest_of_mesh / room).log2().ceil().exp2();
+    /// What component `c` reaches, in input units, where weights times the step are up to `weight`. The components of a
+    /// direction reach the same, to both sides of 0.
+    fn bounds(&self, c: usize, weight: f64) -> [f64; 2] {
+        let direction = self.directions.iter().find(|direction| direction.contains(&c)).cloned();
+        let alike = direction.clone().unwrap_or(c..c + 1);
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for (reached, c) in self.reached.iter().flat_map(|reached| alike.clone().map(move |c| (reached, c))) {
+            let moved = weight * reached.sums[c];
+            low = low.min(f64::from(reached.low[c]) - moved);
+            high = high.max(f64::from(reached.high[c]) + moved);
+        }
+        match direction {
+            _ if low > high => [0.0; 2],
+            Some(_) => [-high.max(-low), high.max(-low)],
+            None => [low, high],
+        }
+    }
+
+    /// The error for sums that start from `base`, at weights up to `weight_max`, above `most`.
+    fn overflow(&self, weight_max: f32, base: f64, most: f64) -> Error {
+        let largest = self.largest.sum * f64::from(weight_max) + base;
+        let room = most / f64::from(1u32 << WEIGHT_BITS.start());
+        let factor = (largest / room).log2().ceil().exp2();
         let error = |step: f32| f64::from(step) * 0.75f64.sqrt();
         let [length, angle] = self.steps.map(error);
         let now = format!("now {length:.1e} in length and {:.2}° at most", angle.to_degrees());
-        let fit =
-            format!("a vertex adds up to {} steps, {room:.0} fit weights up to {weight_max}", self.largest_of_mesh);
-        let remedy = format!("pack with errors {factor} times as large ({now}), or use a smaller largest weight");
+        let fit = format!(
+            "a vertex is up to {base:.0} steps from the middle and adds up to {:.0}, {room:.0} fit weights up to \
+             {weight_max}",
+            self.largest.sum
+        );
+        let remedy = format!(
+            "use float32 poses, pack with errors {factor} times as large ({now}), or use a smaller largest weight"
+        );
         Error::invalid(format!("integer sums of this mesh could overflow: {fit}"), remedy)
     }
 }

@@ -189,6 +189,16 @@ impl PackedLayout {
         }
     }
 
+    /// Updates what depends on the base pose.
+    pub(super) fn take_base(&mut self, base: &[f32]) {
+        if let Some(index) = &mut self.blocks {
+            Arc::make_mut(index).take_base(base);
+        }
+        if let Some(sums) = &mut self.sums {
+            sums.take_base(base, self.vertex_count, VERTEX_PADDING);
+        }
+    }
+
     /// Whether the group has a stream measured in lengths, to which error budgets and drift bounds apply.
     pub(crate) fn has_lengths(&self) -> bool {
         self.streams.iter().any(|stream| stream.semantic.measure() == Measure::Length)

@@ -24,6 +24,7 @@ pub(crate) use error::stream_errors;
 pub use formats::DeltaFormat;
 use formats::with_format;
 use glam::{Vec2, Vec3};
+use grid::Largest;
 pub use group::{PackedGroup, PackedLayout, PackedTarget};
 pub use poses::PoseFormat;
 pub(crate) use source::Source;
@@ -127,14 +128,18 @@ impl PackedMesh {
 
     /// A mesh of at least one group. All groups share the grid of weights, on which no sum of any group may overflow.
     fn of_groups(mut groups: Vec<PackedGroup>) -> Self {
-        let sums = groups.iter().filter_map(|group| Some(group.layout.blocks.as_ref()?.sums.largest_of_mesh));
-        let largest = sums.fold(0.0, f64::max);
+        Self::share_largest(&mut groups);
+        Self { groups }
+    }
+
+    fn share_largest(groups: &mut [PackedGroup]) {
+        let of_group = |group: &PackedGroup| group.layout.blocks.as_ref().map(|index| index.sums.largest);
+        let largest = groups.iter().filter_map(of_group).fold(Largest::default(), Largest::max);
         for index in groups.iter_mut().filter_map(|group| group.layout.blocks.as_mut()) {
-            if index.sums.largest_of_mesh != largest {
-                Arc::make_mut(index).sums.largest_of_mesh = largest;
+            if index.sums.largest != largest {
+                Arc::make_mut(index).sums.largest = largest;
             }
         }
-        Self { groups }
     }
 
     /// Keeps the triangles of `faces`, in the order of the packed vertices, for draws.
@@ -184,10 +189,9 @@ impl PackedMesh {
         for vertex in vertices {
             vertex.iter_mut().zip(middle.to_array()).for_each(|(number, of)| *number -= of);
         }
-        if let Some(index) = &mut layout.blocks {
-            Arc::make_mut(index).take_base(base);
-        }
+        layout.take_base(base);
         self.groups.iter_mut().for_each(|group| group.layout.origin += middle);
+        Self::share_largest(&mut self.groups);
     }
 
     /// Position and normal, then groups of further streams.

@@ -1,6 +1,5 @@
 //! The interface between crowds and update techniques.
 
-use crate::asset::streams::TRIPLES;
 use crate::error::{Error, Result};
 use crate::gpu::caps::DeviceCaps;
 use crate::gpu::descriptors::BufferRange;
@@ -9,7 +8,7 @@ use crate::gpu::mesh::{MeshBuffers, Upload};
 use crate::gpu::pipelines::Kernels;
 use crate::pack::blocks::PoseGrid;
 use crate::pack::vertex::{PlaceConstants, Places};
-use crate::pack::{PackedLayout, PackedMesh, PoseFormat};
+use crate::pack::{POSE_FLOATS, PackedLayout, PackedMesh, PoseFormat};
 use crate::plan::instances::{InstanceState, Instances};
 use crate::plan::steps::{Steps, Work};
 use crate::plan::{UpdatePath, UpdateStats};
@@ -155,9 +154,10 @@ pub struct Poses {
 }
 
 impl Poses {
-    /// Input units per integer, by triple; 1 for float32.
-    pub fn units(&self) -> [f32; TRIPLES] {
-        self.grid.filter(|_| self.format.has_integers()).map_or([1.0; TRIPLES], |grid| grid.units)
+    /// Input units per integer, and the value of 0, by component; 1 and 0 for float32.
+    pub fn scale(&self) -> [[f32; POSE_FLOATS]; 2] {
+        let grid = self.grid.filter(|_| self.format.has_integers());
+        grid.map_or([[1.0; POSE_FLOATS], [0.0; POSE_FLOATS]], |grid| [grid.units, grid.offsets])
     }
 
     /// Byte offset of a pose's first vertex.

@@ -11,16 +11,17 @@ use deltamorph_headless::HeadlessCrowd;
 
 /// Draws a head from poses at locations from 3 on: the pose, or the previous one.
 const VERTEX: &str = "
-    layout(push_constant) uniform Push { vec2 units; };
+    layout(push_constant) uniform Push { mat4 to_mesh; };
     layout(location = 0) out vec3 normal;
     void main() {
     #ifdef POSE_PREVIOUS
-        gl_Position = vec4(previous_position(units) * vec3(0.06, -0.06, 0.03) + vec3(0, 0, 0.5), 1.0);
-        normal = previous_normal(units) + 0.0 * pose_normal(units);
+        vec4 position = to_mesh * vec4(previous_position(), 1.0);
+        normal = previous_normal() + 0.0 * pose_normal();
     #else
-        gl_Position = vec4(pose_position(units) * vec3(0.06, -0.06, 0.03) + vec3(0, 0, 0.5), 1.0);
-        normal = pose_normal(units);
+        vec4 position = to_mesh * vec4(pose_position(), 1.0);
+        normal = pose_normal();
     #endif
+        gl_Position = vec4(position.xyz * vec3(0.06, -0.06, 0.03) + vec3(0, 0, 0.5), 1.0);
     }";
 const FRAGMENT: &str = "#version 450
     layout(location = 0) in vec3 normal;
@@ -52,19 +53,18 @@ fn poses_of_every_format_are_drawn_alike_and_previous_ones_from_attributes_of_th
                     let vertex = defines + include_str!("../../glsl/host/pose.glsl") + VERTEX;
                     let (bindings, mut attributes) = format.vertex_input(previous);
                     attributes.iter_mut().for_each(|attribute| attribute.location += 3);
-                    host.pipeline([&vertex, FRAGMENT], &(bindings, attributes), 8).expect("a pipeline")
+                    host.pipeline([&vertex, FRAGMENT], &(bindings, attributes), 64).expect("a pipeline")
                 };
                 let draw = |crowd: &HeadlessCrowd<'_>, (pipeline, layout), previous| {
                     let pose = crowd.crowd().pose(0).expect("a pose");
                     let before = crowd.crowd().previous_pose(0).expect("a pose").expect("two slots");
-                    let base = format.has_integers().then(|| crowd.mesh().base_pose());
-                    let bound = [Some(pose), base, Some(before).filter(|_| previous)];
+                    let bound = [Some(pose), Some(before).filter(|_| previous)];
                     let (buffers, offsets): (Vec<_>, Vec<_>) =
                         bound.into_iter().flatten().map(|view| (view.buffer, view.offset)).unzip();
                     let drawn = headless.run(|cmd| {
                         // SAFETY: `cmd` is in a render pass; all bound objects are alive, and match the pipeline.
                         host.record(cmd, [0.0; 4], &pixels, || unsafe {
-                            let push = pose.units.map(f32::to_ne_bytes).concat();
+                            let push = pose.matrix().to_cols_array().map(f32::to_ne_bytes).concat();
                             host.device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, pipeline);
                             host.device.cmd_push_constants(cmd, layout, vk::ShaderStageFlags::VERTEX, 0, &push);
                             host.device.cmd_bind_vertex_buffers(cmd, 0, &buffers, &offsets);
@@ -102,31 +102,25 @@ fn views_say_what_streams_of_integer_poses_are() {
         let update = CrowdDesc::new(UpdateDesc::blocks().pose(PoseFormat::Fixed16));
         let mut crowd = HeadlessCrowd::new(headless, &packed, &update).expect("a crowd");
         crowd.step(&[&[0.5; 20]]).expect("a step");
-        let (pose, base) = (crowd.crowd().pose(0).expect("a pose"), crowd.mesh().base_pose());
-        assert_eq!((pose.stride, base.stride, base.format, base.units), (12, 24, PoseFormat::Float32, [1.0; 2]));
-        assert!(base.offset % 4 == 0 && base.size == packed.layout().base_bytes());
+        assert_eq!(crowd.crowd().pose(0).expect("a pose").stride, 12);
         for (group, stored) in packed.groups().iter().zip(0..) {
             let stored = crowd.read_stored(0, stored).expect("a pose");
             let first = crowd.crowd().stream(0, group.layout().streams[0].semantic).expect("a stream");
-            let units =
-                group.layout().blocks.as_ref().expect("blocks").grid(PoseFormat::Fixed16, None).expect("a grid").units;
+            let grid = group.layout().grid(PoseFormat::Fixed16, None).expect("a grid");
             let integers = PoseFormat::Fixed16.integers(&stored);
             for place in &group.layout().streams {
                 let view = crowd.crowd().stream(0, place.semantic).expect("a stream");
                 assert_eq!((view.format, view.stride, view.buffer), (PoseFormat::Fixed16, 12, first.buffer));
-                let expected = place.components().map(|component| units[component / 3]);
-                assert!(view.units[..view.components as usize].iter().copied().eq(expected), "{view:?}");
+                let components = view.components as usize;
+                assert_eq!(view.units[..components], grid.units[place.components()], "{view:?}");
+                assert_eq!(view.offsets[..components], grid.offsets[place.components()], "{view:?}");
                 // The components of vertex 7, read as a host would.
                 let at = (view.offset - first.offset) as usize + 7 * view.stride as usize;
                 let read = stored[at..][..2 * view.components as usize].chunks(2);
                 let read = read.map(|bytes| i32::from(i16::from_ne_bytes([bytes[0], bytes[1]])));
                 assert!(read.eq(place.components().map(|component| integers[7 * POSE_FLOATS + component])));
-                let base = crowd.mesh().base_stream(place.semantic).expect("a stream");
-                assert_eq!((base.format, base.stride, base.components), (PoseFormat::Float32, 24, view.components));
             }
         }
-        let normal = crowd.mesh().base_stream(Semantic::Normal).expect("a stream");
-        assert_eq!((normal.buffer, normal.offset), (base.buffer, base.offset + 12));
-        testing::says(crowd.mesh().base_stream(Semantic::Color(7)), &["'color 7'", "position, normal"]);
+        testing::says(crowd.crowd().stream(0, Semantic::Color(7)), &["'color 7'", "position, normal"]);
     });
 }

@@ -406,9 +406,8 @@ fn each_follows_heads_that_play_clips() {
                 let hidden = frame == 3;
                 assert_eq!(rig.take(), [if hidden { 0 } else { mesh.layout().vertex_count }], "{what}");
                 if !hidden {
-                    let (view, stored) = (crowd.crowd().pose(8), crowd.read_stored(8, 0));
-                    let units = view.expect("a pose").units;
-                    let decoded = pose.decode(&stored.expect("a pose"), mesh.base(), units);
+                    let stored = crowd.read_stored(8, 0).expect("a pose");
+                    let decoded = pose.decode(&stored, Some(&crate::scene::grid(&mesh, &desc.update)));
                     let reference: Vec<f64> = crowd.read_pose(8).expect("a pose").into_iter().map(f64::from).collect();
                     rig.assert_right(0, &decoded, &reference, &what);
                 }

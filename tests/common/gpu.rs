@@ -203,15 +203,23 @@ pub fn fixed() -> [UpdateDesc; 3] {
     [PoseFormat::Fixed32, PoseFormat::Fixed16, PoseFormat::Rebuilt16].map(|pose| desc.pose(pose))
 }
 
-/// Returns the integers that poses on `grid` hold for `weights`, in the user's vertex order: exact products in float64,
-/// each rounded to the unit, or their sum.
+/// Returns the integers that poses on `grid` hold for `weights`, in the user's vertex order: the base pose and exact
+/// products in float64, each rounded to the unit, or their sum.
 pub fn integers(group: &PackedGroup, grid: &PoseGrid, weights: &[f32]) -> Vec<f64> {
-    let mut sums = vec![0.0; group.layout().vertex_count * POSE_FLOATS];
+    let steps = group.layout().blocks.as_ref().map_or([1.0; 2], |index| index.steps());
+    let mut sums: Vec<f64> = group.layout().to_user_order(group.base()).into_iter().map(f64::from).collect();
+    for (i, sum) in sums.iter_mut().enumerate() {
+        let c = i % POSE_FLOATS;
+        let unit = f64::from(grid.units[c]);
+        // Where sums are rounded, the base pose is in products of the steps of weights and deltas.
+        let own = if grid.rounds_sums { f64::from(steps[c / 3]) * f64::from(grid.weight_step()) } else { unit };
+        *sum = ((*sum - f64::from(grid.offsets[c])) / own).round() * own / unit;
+    }
     for (target, &weight) in weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {
         let weight = f64::from(grid.round(weight));
         group.for_each_delta(target, |vertex, delta| {
             for (c, delta) in delta.into_iter().enumerate() {
-                let term = weight * delta / f64::from(grid.units[c / 3]);
+                let term = weight * delta / f64::from(grid.units[c]);
                 sums[vertex * POSE_FLOATS + c] += if grid.rounds_sums { term } else { (term + 0.5).floor() };
             }
         });
@@ -242,9 +250,9 @@ pub fn reference_group(group: &PackedGroup, desc: &UpdateDesc, weights: &[f32]) 
     let Some(grid) = desc.grid(group.layout()).expect("a grid for this mesh") else {
         return evaluate_group(group, weights);
     };
-    let base = group.layout().to_user_order(group.base()).into_iter().map(f64::from);
-    let moved = integers(group, &grid, weights).into_iter().enumerate();
-    base.zip(moved).map(|(base, (i, number))| base + number * f64::from(grid.units[i % POSE_FLOATS / 3])).collect()
+    let numbers = integers(group, &grid, weights).into_iter().enumerate();
+    let value = |c: usize, number: f64| f64::from(grid.offsets[c]) + number * f64::from(grid.units[c]);
+    numbers.map(|(i, number)| value(i % POSE_FLOATS, number)).collect()
 }
 
 /// Describes a crowd of one instance, with two frames in flight.

@@ -30,9 +30,7 @@ impl AnimatedReference {
     /// # Errors
     /// Errors of [`GroupPlan::new`].
     pub fn new(desc: UpdateDesc, layout: &PackedLayout, heads: u32) -> Result<Self> {
-        let mut group = GroupPlan::new(desc, layout, heads as usize)?;
-        // The GPU's tiles mix rebuilt and incremental instances.
-        group.source_bytes = 0;
+        let group = GroupPlan::new(desc, layout, heads as usize)?;
         let instance =
             Instance { state: BlockState::new(&group), weights: vec![0; layout.targets.len()], known: false };
         Ok(Self { group, slots: desc.slots, instances: vec![instance; heads as usize] })

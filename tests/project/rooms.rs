@@ -19,7 +19,7 @@ const ROOMS: &[(&str, &str)] = &[
     ("plan", "error setters abi pack"),
     ("crowd", "error pack plan"),
     ("gpu", "error setters abi pack plan"),
-    ("update", "error setters asset weights abi pack lod plan gpu"),
+    ("update", "error setters weights abi pack lod plan gpu"),
     ("cpu", "error asset weights abi pack plan crowd update"),
     ("after", "error setters asset abi pack plan gpu update"),
     ("reference", "math asset pack after"),

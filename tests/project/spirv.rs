@@ -262,12 +262,9 @@ fn modules_declare_what_the_table_says() {
             Stage::Vertex => {
                 assert!(sizes.is_empty(), "{name}");
                 let deltas = module.batch as usize * format.map_or(0, |format| format.attributes.len());
-                // After the pose: the base pose of fixed-point formats, or deltas.
-                let displaced = kernel.poses && name != kernel.name;
-                let base = displaced.then_some([(2, 1), (3, 1)]).into_iter().flatten();
                 // Rectangles come from a buffer.
                 let pose = [(0, 1), (1, 1)].into_iter().filter(|_| kernel.name != "rectangles");
-                let behind = (deltas > 0).then_some((2, deltas)).into_iter().chain(base);
+                let behind = (deltas > 0).then_some((2, deltas));
                 assert_eq!(inputs(&entry), pose.chain(behind).collect::<Vec<_>>(), "{name}");
             }
             // A rectangle.

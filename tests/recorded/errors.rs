@@ -215,7 +215,6 @@ fn instances_that_are_not_there_and_other_engines_are_refused() {
         says(made.crowd.stream(0, Semantic::Color(3)), "color 3");
         says(made.crowd.previous_stream(0, Semantic::Color(3)), "color 3");
         says(made.crowd.pose_buffer(Semantic::Color(3)), "color 3");
-        says(made.mesh.base_stream(Semantic::Color(3)), "color 3");
 
         // A second engine, on its own device.
         let other = gpu::device(&headless.caps().name, false, None);

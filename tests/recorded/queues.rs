@@ -217,6 +217,7 @@ fn updates_run_on_a_queue_without_graphics() {
                 // The consumers are those of any crowd, but on the other queue.
                 let desc = CrowdDesc::new(update.slots(slots)).instances(INSTANCES).queue_family(Some(0));
                 let desc = desc.frames_in_flight(FRAMES as u32);
+                let grid = update.grid(mesh.layout()).expect("a grid");
                 let mut crowd = engine.create_crowd(&uploaded, &desc).expect("a crowd");
                 let asked: Vec<Vec<Vec<f32>>> = (0..FRAMES as u32)
                     .map(|frame| (0..INSTANCES).map(|i| weights(&mesh, 2 * frame, i)).collect())
@@ -230,7 +231,7 @@ fn updates_run_on_a_queue_without_graphics() {
                     assert_no_graphics(&frame.events, &what);
                     for ((view, copy), asked) in frame.poses.iter().zip(asked) {
                         let stored: Vec<u8> = host.contents(copy);
-                        let pose = update.pose.decode(&stored[..view.size as usize], mesh.base(), view.units);
+                        let pose = update.pose.decode(&stored[..view.size as usize], grid.as_ref());
                         let pose = mesh.layout().to_user_order(&pose);
                         let error = compare(&pose, &gpu::reference(&mesh, &update, asked));
                         let kept = is_kept(&error, mesh.layout().diagonal)

@@ -162,9 +162,9 @@ fn bytes(set: &str, clip: &str, fast: f64, small: f64, fixed16: f64) {
 #[test]
 fn few_bytes_are_moved() {
     bytes("ict_facekit", "facecap_30fps.csv", 0.182, 0.107, 0.075);
-    bytes("ict_facekit", "facegood_2_01_mapped_30fps.csv", 0.37, 0.3, 0.114);
+    bytes("ict_facekit", "facegood_2_01_mapped_30fps.csv", 0.37, 0.3, 0.17);
     bytes("makehuman_face", "facecap_30fps.csv", 0.079, 0.043, 0.028);
-    bytes("makehuman_face", "facegood_2_02_mapped_30fps.csv", 0.14, 0.103, 0.039);
+    bytes("makehuman_face", "facegood_2_02_mapped_30fps.csv", 0.14, 0.103, 0.058);
 }
 
 #[test]

@@ -171,7 +171,10 @@ pub struct DmUpdate {
     pub bytes_floor: u64,
 }
 
-/// Buffer and layout of a pose. Normals are not normalised.
+/// Buffer and layout of a pose. A component, in input units, is offset + number × unit; normals are not normalised.
+///
+/// A draw fetches numbers as `dm_pose_vertex_input` says. A position is `offsets` + number × `units`: a matrix, which the
+/// host multiplies into its own model matrix from the right. Normals are directions as they are.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct DmPoseView {
@@ -189,9 +192,11 @@ pub struct DmPoseView {
     pub format: u32,
     /// Slot of the instance.
     pub slot: u32,
-    /// Input units of fixed-point numbers, of positions and of normals: a value is that of the base pose plus integer ×
-    /// unit.
-    pub units: [f32; 2],
+    /// Input units per number, by component: position, then normal; 1 for float32. Equal for all poses of a crowd.
+    pub units: [f32; 6],
+    /// The value of number 0, in input units, by component: 0 for float32 and for normals. Equal for all poses of a
+    /// crowd.
+    pub offsets: [f32; 6],
 }
 
 /// Buffer and layout of a stream of a pose.
@@ -210,8 +215,10 @@ pub struct DmStreamView {
     pub components: u32,
     /// `DM_POSE_…`, how a component is stored.
     pub format: u32,
-    /// Input units of fixed-point numbers, component by component.
+    /// Input units per number, by component; 1 for float32.
     pub units: [f32; 4],
+    /// The value of number 0, in input units, by component.
+    pub offsets: [f32; 4],
     /// Slot of the instance.
     pub slot: u32,
     /// Zero.

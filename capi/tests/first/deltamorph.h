@@ -66,8 +66,6 @@ typedef struct DmEngineInfo { uint32_t struct_size; uint32_t is_software; uint64
 typedef struct DmMemoryUse { uint64_t bytes; uint64_t allocations; } DmMemoryUse;
 typedef struct DmMemory { uint32_t struct_size; uint32_t reserved; uint64_t allocated; struct DmMemoryUse meshes; struct DmMemoryUse poses; struct DmMemoryUse animation; struct DmMemoryUse lists; struct DmMemoryUse staging; struct DmMemoryUse readback; } DmMemory;
 typedef struct DmGpuMesh { uint64_t bits; } DmGpuMesh;
-typedef struct DmPoseView { uint32_t struct_size; uint32_t stride; VkBuffer buffer; uint64_t offset; uint64_t size; uint32_t format; uint32_t slot; float units[2]; } DmPoseView;
-typedef struct DmStreamView { uint32_t struct_size; uint32_t stride; VkBuffer buffer; uint64_t offset; uint32_t components; uint32_t format; float units[4]; uint32_t slot; uint32_t reserved; } DmStreamView;
 typedef struct DmStreamPlace { uint32_t stream; uint32_t offset; } DmStreamPlace;
 typedef struct DmHostPoses { uint32_t struct_size; uint32_t stride; VkBuffer buffer; uint64_t offset; const struct DmStreamPlace *streams; uint32_t stream_count; uint32_t reserved; } DmHostPoses;
 typedef struct DmCrowdDesc { uint32_t struct_size; uint32_t instances; uint32_t path; uint32_t batch; uint32_t mode; uint32_t slots; uint32_t pose_format; uint32_t frames_in_flight; uint32_t consumers; float tolerance; float weight_max; float error_budget; uint32_t pose_usage; uint32_t reserved; const struct DmHostPoses *poses; const uint32_t *queue_family; } DmCrowdDesc;
@@ -76,6 +74,8 @@ typedef struct DmAnimationDesc { uint32_t struct_size; uint32_t clip_count; cons
 typedef struct DmPlayback { uint32_t struct_size; uint32_t clip; double start; double speed; uint32_t once; uint32_t reserved; } DmPlayback;
 typedef struct DmTicket { uint64_t crowd; uint64_t number; } DmTicket;
 typedef struct DmUpdate { uint32_t struct_size; float bound; struct DmTicket ticket; uint64_t coefficients; uint64_t passes; uint64_t rebuilt; uint64_t dirty_blocks; uint64_t rebuilt_blocks; uint64_t bytes_moved; uint64_t bytes_floor; } DmUpdate;
+typedef struct DmPoseView { uint32_t struct_size; uint32_t stride; VkBuffer buffer; uint64_t offset; uint64_t size; uint32_t format; uint32_t slot; float units[6]; float offsets[6]; } DmPoseView;
+typedef struct DmStreamView { uint32_t struct_size; uint32_t stride; VkBuffer buffer; uint64_t offset; uint32_t components; uint32_t format; float units[4]; float offsets[4]; uint32_t slot; uint32_t reserved; } DmStreamView;
 typedef struct DmReadback { uint64_t bits; } DmReadback;
 typedef struct DmDecodeTarget { uint32_t struct_size; uint32_t stride; VkBuffer buffer; uint64_t offset; uint32_t normals; uint32_t reserved; } DmDecodeTarget;
 typedef struct DmSurface { uint64_t bits; } DmSurface;
@@ -126,8 +126,6 @@ DmResult dm_engine_memory(struct DmEngine engine, struct DmMemory *memory);
 DmResult dm_engine_destroy(struct DmEngine engine);
 DmResult dm_mesh_upload(struct DmEngine engine, VkCommandBuffer cmd, struct DmMesh mesh, struct DmGpuMesh *gpu_mesh);
 DmResult dm_gpu_mesh_release_staging(struct DmGpuMesh mesh);
-DmResult dm_gpu_mesh_base_pose(struct DmGpuMesh mesh, struct DmPoseView *view);
-DmResult dm_gpu_mesh_base_stream(struct DmGpuMesh mesh, uint32_t stream, struct DmStreamView *view);
 DmResult dm_gpu_mesh_destroy(struct DmGpuMesh mesh);
 DmResult dm_crowd_create(struct DmGpuMesh mesh, const struct DmCrowdDesc *desc, struct DmCrowd *crowd);
 DmResult dm_crowd_create_animated(struct DmGpuMesh mesh, VkCommandBuffer cmd, const struct DmCrowdDesc *desc, const struct DmAnimationDesc *animation, struct DmCrowd *crowd);

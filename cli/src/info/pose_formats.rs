@@ -29,7 +29,7 @@ pub struct Grid {
     pub weight_bits: u32,
     /// The largest absolute weight.
     pub weight_max: f32,
-    /// Unit of fixed-point positions, in input units and as a fraction of the diagonal.
+    /// The largest unit of fixed-point positions along an axis, in input units and as a fraction of the diagonal.
     pub position_unit: f32,
     pub position_unit_rel: f64,
     /// Unit of fixed-point normals.
@@ -37,7 +37,7 @@ pub struct Grid {
     /// Most targets that move a vertex.
     pub targets_most: usize,
     /// Largest distance that rounding moves a vertex if all of them are active, in input units and as a fraction of the
-    /// diagonal; 0 if poses are not rounded.
+    /// diagonal.
     pub rounding_error: f32,
     pub rounding_error_rel: f64,
 }
@@ -104,9 +104,9 @@ pub fn pose_costs(packed: &Arc<PackedMesh>, source: Option<&MorphMesh>) -> Vec<P
         let grid = grid.map(|grid| Grid {
             weight_bits: grid.weight_bits,
             weight_max: grid.weight_max,
-            position_unit: grid.units[0],
-            position_unit_rel: relative(grid.units[0]),
-            normal_unit: grid.units[1],
+            position_unit: grid.position_unit(),
+            position_unit_rel: relative(grid.position_unit()),
+            normal_unit: grid.units[3],
             targets_most,
             rounding_error: grid.position_error(targets_most),
             rounding_error_rel: relative(grid.position_error(targets_most)),

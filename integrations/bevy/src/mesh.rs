@@ -10,13 +10,20 @@ use bevy::platform::collections::HashMap;
 use bevy::prelude::{AssetId, Mesh, error};
 use bevy::render::sync_world::MainEntity;
 use deltamorph::{
-    CrowdDesc, Error, MeshArrays, MorphSource, PackedMesh, PoseFormat, Result, Semantic, TargetArrays, Tolerance,
-    UpdateDesc,
+    CrowdDesc, Error, MeshArrays, MorphSource, PackedLayout, PackedMesh, PoseFormat, Result, Semantic, TargetArrays,
+    Tolerance, UpdateDesc,
 };
 use deltamorph_wgpu::{Crowd, Morph};
 
 /// Targets of an entity in Bevy's buffer, used alternately for the new pose and the previous one.
 const SLOTS: u32 = 2;
+
+/// The vectors of a vertex that targets move.
+pub(crate) const VECTORS: [MeshVertexAttribute; 3] =
+    [Mesh::ATTRIBUTE_POSITION, Mesh::ATTRIBUTE_NORMAL, Mesh::ATTRIBUTE_TANGENT];
+
+/// Units of integers and the position of integer 0, as the uniforms of `wgsl` begin.
+pub(crate) type Scale = [f32; 8];
 
 /// A mesh that is morphed here.
 pub(crate) struct Morphed {
@@ -27,11 +34,13 @@ pub(crate) struct Morphed {
     pub order: wgpu::Buffer,
     /// The uniform `constants` of `wgsl/targets.wgsl`.
     pub constants: wgpu::Buffer,
+    /// The [`VECTORS`] of each vertex as they were.
+    pub base: wgpu::Buffer,
     /// `None` if poses cannot be written over the vertices.
     pub vertices_of_bevy: Option<Vertices>,
     /// Poses are written over the vertices of the mesh; otherwise as targets.
     pub in_place: bool,
-    /// The vertices hold a pose other than the base pose.
+    /// The vertices hold a pose.
     pub is_posed: bool,
     poses: HashMap<MainEntity, EntityPose>,
     free: Vec<u32>,
@@ -89,21 +98,24 @@ impl Morphed {
         // One more than the number of frames that a surface keeps in flight.
         let crowd = CrowdDesc::new(update).instances(instances).frames_in_flight(3);
         let crowd = morph.create_crowd(&morph.upload(&packed)?, &crowd)?;
-        let grid =
-            |group: &deltamorph::PackedLayout| update.grid(group).map(|grid| grid.map_or([1.0; 2], |grid| grid.units));
+        let scale_of = |group: &PackedLayout| -> Result<_> {
+            let grid = update.grid(group)?;
+            Ok(grid.map_or(([1.0; 6], [0.0; 6]), |grid| (grid.units, grid.offsets)))
+        };
         let has_tangents = mesh.contains_attribute(Mesh::ATTRIBUTE_TANGENT);
-        let [position, normal] = grid(layout)?;
+        let ([x, y, z, normal, ..], [zero_x, zero_y, zero_z, ..]) = scale_of(layout)?;
         let mut tangent = 1.0;
         for group in packed.groups() {
             if group.layout().streams.first().is_some_and(|stream| stream.semantic == Semantic::Tangent) {
-                [tangent, _] = grid(group.layout())?;
+                ([tangent, ..], _) = scale_of(group.layout())?;
             }
         }
-        let units = [position, normal, tangent, 0.0].map(f32::to_ne_bytes);
+        let scale: Scale = [x, y, z, normal, zero_x, zero_y, zero_z, tangent];
         let counts = [vertices as u32, has_tangents.into(), 0, 0].map(u32::to_ne_bytes);
-        let constants = [units, counts].concat().concat();
+        let constants = [&scale.map(f32::to_ne_bytes)[..], &counts].concat().concat();
         let order: Vec<u8> = order.iter().flat_map(|vertex| vertex.to_ne_bytes()).collect();
-        let vertices_of_bevy = Vertices::new(device, mesh, [position, normal, tangent]);
+        let vertices_of_bevy = Vertices::new(device, mesh, &scale);
+        let base = filled(device, "deltamorph vertices", &vectors(mesh), wgpu::BufferUsages::STORAGE);
         mesh.set_morph_targets(vec![MorphAttributes::default(); elements as usize]);
         Ok(Self {
             crowd,
@@ -111,6 +123,7 @@ impl Morphed {
             has_tangents,
             order: filled(device, "deltamorph order", &order, wgpu::BufferUsages::STORAGE),
             constants: filled(device, "deltamorph constants", &constants, wgpu::BufferUsages::UNIFORM),
+            base,
             vertices_of_bevy,
             in_place: false,
             is_posed: false,
@@ -227,6 +240,23 @@ fn entity_pose<'a>(
         );
     }
     poses.get_mut(&entity)
+}
+
+/// The [`VECTORS`] of each vertex of a mesh that [`source`] takes, in bytes; zeros for one that it does not have.
+fn vectors(mesh: &Mesh) -> Vec<u8> {
+    let mut all = vec![[[0.0f32; 3]; 3]; mesh.count_vertices()];
+    for (i, attribute) in VECTORS.iter().enumerate() {
+        match mesh.attribute(attribute.id) {
+            Some(VertexAttributeValues::Float32x3(values)) => {
+                all.iter_mut().zip(values).for_each(|(vectors, value)| vectors[i] = *value);
+            }
+            Some(VertexAttributeValues::Float32x4(values)) => {
+                all.iter_mut().zip(values).for_each(|(vectors, [x, y, z, _])| vectors[i] = [*x, *y, *z]);
+            }
+            _ => {}
+        }
+    }
+    all.as_flattened().as_flattened().iter().flat_map(|value| value.to_ne_bytes()).collect()
 }
 
 /// Makes a source of the base pose and the targets of a mesh.

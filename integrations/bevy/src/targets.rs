@@ -90,6 +90,7 @@ impl TargetWriter {
             tangents.as_entire_binding(),
             mesh.order.as_entire_binding(),
             moves.as_entire_binding(),
+            mesh.base.as_entire_binding(),
             wgpu::BindingResource::Buffer(targets),
         ];
         let entries: Vec<_> =

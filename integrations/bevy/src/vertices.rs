@@ -1,9 +1,8 @@
 //! The pass that writes a pose over the vertices of a mesh that a single entity shows, so that Bevy's shaders have no
 //! targets to add.
 
-use crate::mesh::Morphed;
+use crate::mesh::{Morphed, Scale, VECTORS};
 use crate::targets::{ALIGNMENT, WORKGROUP, filled};
-use bevy::mesh::VertexAttributeValues;
 use bevy::prelude::Mesh;
 use deltamorph::{Result, Semantic};
 use std::num::NonZero;
@@ -22,7 +21,6 @@ pub(crate) struct VertexWriter {
 pub(crate) struct Vertices {
     /// The uniform `constants` of `wgsl/vertices.wgsl`.
     constants: wgpu::Buffer,
-    base: wgpu::Buffer,
     /// Bytes of a vertex.
     stride: u64,
 }
@@ -35,14 +33,13 @@ pub(crate) struct VertexRoom<'a> {
 }
 
 impl Vertices {
-    /// Describes the vertices of `mesh`, for poses with these units; `None` if a vertex's size is not a multiple of 4
+    /// Describes the vertices of `mesh`, for poses in this scale; `None` if a vertex's size is not a multiple of 4
     /// bytes.
-    pub fn new(device: &wgpu::Device, mesh: &Mesh, units: [f32; 3]) -> Option<Self> {
+    pub fn new(device: &wgpu::Device, mesh: &Mesh, scale: &Scale) -> Option<Self> {
         // In Bevy's interleaving order.
         let (mut stride, mut offsets) = (0, [NONE; 3]);
-        let attributes = [Mesh::ATTRIBUTE_POSITION, Mesh::ATTRIBUTE_NORMAL, Mesh::ATTRIBUTE_TANGENT];
         for (attribute, _) in mesh.attributes() {
-            let wanted = attributes.iter().zip(&mut offsets).find(|(wanted, _)| wanted.id == attribute.id);
+            let wanted = VECTORS.iter().zip(&mut offsets).find(|(wanted, _)| wanted.id == attribute.id);
             wanted.into_iter().for_each(|(_, offset)| *offset = (stride / WORD) as u32);
             let bytes = attribute.format.size();
             if !bytes.is_multiple_of(WORD) {
@@ -50,28 +47,11 @@ impl Vertices {
             }
             stride += bytes;
         }
-        let count = mesh.count_vertices();
-        let mut base = vec![[[0.0; 3]; 3]; count];
-        for (attribute, i) in attributes.iter().zip(0..) {
-            match mesh.attribute(attribute.id) {
-                None => {}
-                Some(VertexAttributeValues::Float32x3(values)) => {
-                    base.iter_mut().zip(values).for_each(|(base, value)| base[i] = *value);
-                }
-                Some(VertexAttributeValues::Float32x4(values)) => {
-                    base.iter_mut().zip(values).for_each(|(base, [x, y, z, _])| base[i] = [*x, *y, *z]);
-                }
-                Some(_) => return None,
-            }
-        }
-        let base: Vec<u8> = base.as_flattened().as_flattened().iter().flat_map(|value| value.to_ne_bytes()).collect();
         let [position, normal, tangent] = offsets;
-        let [x, y, z] = units.map(f32::to_ne_bytes);
-        let counts = [0, count as u32, (stride / WORD) as u32, position, normal, tangent, 0, 0, 0];
-        let constants = [&[x, y, z][..], &counts.map(u32::to_ne_bytes)].concat().concat();
+        let counts = [mesh.count_vertices() as u32, (stride / WORD) as u32, position, normal, tangent, 0, 0, 0];
+        let constants = [scale.map(f32::to_ne_bytes), counts.map(u32::to_ne_bytes)].concat().concat();
         Some(Self {
             constants: filled(device, "deltamorph constants of vertices", &constants, wgpu::BufferUsages::UNIFORM),
-            base: filled(device, "deltamorph base pose", &base, wgpu::BufferUsages::STORAGE),
             stride,
         })
     }
@@ -91,8 +71,8 @@ impl VertexWriter {
         Self { pipeline }
     }
 
-    /// Records the pass that writes the pose of an instance over the vertices of the mesh, or the base pose without an
-    /// instance.
+    /// Records the pass that writes the pose of an instance over the vertices of the mesh, or the vertices as they were
+    /// without an instance.
     ///
     /// # Errors
     /// The mesh has no poses.
@@ -126,7 +106,7 @@ impl VertexWriter {
             tangents.map_or(pose.buffer, |stream| stream.buffer).as_entire_binding(),
             mesh.order.as_entire_binding(),
             place.as_entire_binding(),
-            vertices.base.as_entire_binding(),
+            mesh.base.as_entire_binding(),
             wgpu::BindingResource::Buffer(written),
         ];
         let entries: Vec<_> =

@@ -1,8 +1,11 @@
-// Write a pose of deltamorph over the vertices of a mesh: what it adds to the base pose, and the base pose.
+// Write a pose of deltamorph over the vertices of a mesh, or the vertices as they were.
 
 struct Constants {
-    // Of the units of integers: positions, normals, tangents.
-    units: vec4f,
+    // A component of a position is offset + integer × unit, of a direction integer × unit.
+    position_unit: vec3f,
+    normal_unit: f32,
+    position_offset: vec3f,
+    tangent_unit: f32,
     vertices: u32,
     // Words of a vertex, and where its attributes are in it; NONE: it has no such attribute.
     stride: u32,
@@ -16,7 +19,7 @@ struct Move {
     pose: u32,
     tangents: u32,
     vertices: u32,
-    // 0: the base pose is written.
+    // 0: the vertices are written as they were.
     is_posed: u32,
 }
 
@@ -33,11 +36,9 @@ const NONE = 0xffffffffu;
 @group(0) @binding(5) var<storage, read> base: array<f32>;
 @group(0) @binding(6) var<storage, read_write> vertices: array<f32>;
 
-fn write_vector(at: u32, at_base: u32, moved: vec3f) {
+fn write_vector(at: u32, at_base: u32, value: vec3f) {
     for (var i = 0u; i < 3u; i++) {
-        let still = base[at_base + i];
-        // As it was: a sum with 0 would lose the sign of -0.
-        vertices[at + i] = select(still, still + moved[i], place.is_posed != 0u);
+        vertices[at + i] = select(base[at_base + i], value[i], place.is_posed != 0u);
     }
 }
 
@@ -50,15 +51,15 @@ fn write_vertices(@builtin(global_invocation_id) id: vec3u) {
     let at = place.vertices + constants.stride * id.x;
     let at_base = 9u * id.x;
     let p = place.pose + vertex;
-    let units = constants.units;
-    write_vector(at + constants.position, at_base, units.x * vec3f(vec3i(poses[p], poses[p + 1u], poses[p + 2u])));
+    let position = vec3f(vec3i(poses[p], poses[p + 1u], poses[p + 2u]));
+    write_vector(at + constants.position, at_base, constants.position_offset + position * constants.position_unit);
     if constants.normal != NONE {
-        let moved = units.y * vec3f(vec3i(poses[p + 3u], poses[p + 4u], poses[p + 5u]));
-        write_vector(at + constants.normal, at_base + 3u, moved);
+        let normal = vec3f(vec3i(poses[p + 3u], poses[p + 4u], poses[p + 5u]));
+        write_vector(at + constants.normal, at_base + 3u, normal * constants.normal_unit);
     }
     if constants.tangent != NONE {
         let t = place.tangents + vertex;
-        let moved = units.z * vec3f(vec3i(tangents[t], tangents[t + 1u], tangents[t + 2u]));
-        write_vector(at + constants.tangent, at_base + 6u, moved);
+        let tangent = vec3f(vec3i(tangents[t], tangents[t + 1u], tangents[t + 2u]));
+        write_vector(at + constants.tangent, at_base + 6u, tangent * constants.tangent_unit);
     }
 }

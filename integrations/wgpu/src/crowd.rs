@@ -25,7 +25,7 @@ pub struct Crowd {
 pub struct Pose<'a> {
     /// The buffer of all poses of the crowd.
     pub buffer: &'a wgpu::Buffer,
-    /// Offset, bytes, format, and units.
+    /// Offset, bytes, format, and what its numbers mean.
     pub view: PoseView,
 }
 
@@ -34,7 +34,7 @@ pub struct Pose<'a> {
 pub struct Stream<'a> {
     /// The buffer with the stream: a vertex, storage and copy-source buffer.
     pub buffer: &'a wgpu::Buffer,
-    /// Offset of its first component, stride, format, and units.
+    /// Offset of its first component, stride, format, and what its numbers mean.
     pub view: StreamView,
 }
 
@@ -44,8 +44,7 @@ impl<'a> Pose<'a> {
         self.buffer.slice(self.view.offset..self.view.offset + self.view.size)
     }
 
-    /// Returns a binding of all vertices, as read-only storage. Offsets of poses are multiples of 256; that of a [base
-    /// pose](crate::Mesh::base_pose) may not be.
+    /// Returns a binding of all vertices, as read-only storage. Offsets of poses are multiples of 256.
     pub fn binding(&self) -> wgpu::BindingResource<'a> {
         let size = std::num::NonZero::new(self.view.size);
         wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer: self.buffer, offset: self.view.offset, size })

@@ -4,17 +4,16 @@ use super::invalid;
 use deltamorph::ash::vk;
 use deltamorph::{PoseFormat, Result};
 
-/// WGSL functions that decode poses, to be placed before your own shader; comments in the text describe them.
+/// WGSL functions that read poses, to be placed before your own shader; comments in the text describe them.
 pub const POSE_WGSL: &str = include_str!("../wgsl/pose.wgsl");
 
 /// Input of a pipeline that draws poses: vertex buffers, and the WGSL that goes with them.
 ///
-/// Vertex buffers are the pose ([`Crowd::pose`](crate::Crowd::pose)); for fixed-point formats the base pose
-/// ([`Mesh::base_pose`](crate::Mesh::base_pose)); for motion vectors the previous pose. Each has two attributes.
+/// Vertex buffers are the pose ([`Crowd::pose`](crate::Crowd::pose)) and, for motion vectors, the previous pose. Each
+/// has two attributes.
 #[derive(Clone, Debug)]
 pub struct VertexInput {
     format: PoseFormat,
-    previous: bool,
     /// Stride and attributes of each vertex buffer.
     buffers: Vec<(u64, Vec<wgpu::VertexAttribute>)>,
 }
@@ -35,7 +34,7 @@ impl VertexInput {
             let attributes = attributes.iter().filter(|a| a.binding == b.binding).map(attribute);
             Ok((u64::from(b.stride), attributes.collect::<Result<_>>()?))
         };
-        Ok(Self { format, previous, buffers: bindings.iter().map(buffer).collect::<Result<_>>()? })
+        Ok(Self { format, buffers: bindings.iter().map(buffer).collect::<Result<_>>()? })
     }
 
     /// Returns the layouts for [`VertexState::buffers`](wgpu::VertexState::buffers), before or after those of your own.
@@ -51,26 +50,21 @@ impl VertexInput {
     ///
     /// ```wgsl
     /// struct PoseInput { … } // an argument of the vertex shader, beside others of your own
-    /// fn pose_input(in: PoseInput, units: vec2f) -> PoseVertex // position and normal
-    /// fn previous_input(in: PoseInput, units: vec2f) -> PoseVertex // with `previous`
+    /// fn pose_input(in: PoseInput) -> PoseVertex // position and normal
+    /// fn previous_input(in: PoseInput) -> PoseVertex // with `previous`
     /// ```
     ///
-    /// Results are in units of the mesh; normals are not normalised. `units` is
-    /// [`PoseView::units`](deltamorph::PoseView::units), equal for all instances of a crowd; float32 poses ignore it.
+    /// [`PoseView::matrix`](deltamorph::PoseView::matrix), equal for all instances of a crowd, makes positions of the
+    /// mesh of these: multiply the model matrix by it from the right. Normals are directions, not normalised.
     pub fn wgsl(&self) -> String {
-        let base = if self.format.has_integers() { "in.base_0, in.base_1, units" } else { "" };
-        let names = [Some("pose"), self.format.has_integers().then_some("base"), self.previous.then_some("previous")];
         let (mut fields, mut functions) = (String::new(), String::new());
-        for (name, (_, attributes)) in names.into_iter().flatten().zip(&self.buffers) {
+        for (name, (_, attributes)) in ["pose", "previous"].into_iter().zip(&self.buffers) {
             for (i, attribute) in attributes.iter().enumerate() {
                 let (location, ty) = (attribute.shader_location, type_of(attribute.format));
                 fields += &format!("    @location({location}) {name}_{i}: {ty},\n");
             }
-            if name != "base" {
-                let decode = format!("pose_{}(in.{name}_0, in.{name}_1, {base})", self.format.decoder());
-                let function = format!("fn {name}_input(in: PoseInput, units: vec2f) -> PoseVertex");
-                functions += &format!("{function} {{\n    return {decode};\n}}\n");
-            }
+            let read = format!("pose_{}(in.{name}_0, in.{name}_1)", self.format.decoder());
+            functions += &format!("fn {name}_input(in: PoseInput) -> PoseVertex {{\n    return {read};\n}}\n");
         }
         format!("{POSE_WGSL}\nstruct PoseInput {{\n{fields}}}\n{functions}")
     }

@@ -16,9 +16,9 @@
 //! # Ok(()) }
 //! ```
 //!
-//! [`VertexInput`] describes how a pipeline reads poses, with WGSL that decodes fixed-point poses. `examples/head` is a
-//! complete host. No feature or extension of the device is needed; with [`SHADER_INT64`](wgpu::Features::SHADER_INT64),
-//! software drivers take half the time.
+//! [`VertexInput`] describes how a pipeline reads poses, with the WGSL for it. `examples/head` is a complete host. No
+//! feature or extension of the device is needed; with [`SHADER_INT64`](wgpu::Features::SHADER_INT64), software drivers
+//! take half the time.
 //!
 //! # What the caller does
 //! - Submit the command buffer of [`Morph::update`] before the draws that read the new poses, in the same submit or an
@@ -34,9 +34,7 @@
 //! # Synchronization
 //! wgpu does not track the commands of an update, and treats pose buffers as never written. The update has its own
 //! barriers, on both sides, for draws (vertex attributes, and storage buffers in vertex and fragment shaders), compute
-//! passes and copies. Only updates may write poses. The buffer of a mesh ([`Mesh::base_pose`]), which also holds the
-//! deltas and the indices of kernels, must never be written. Use both for read-only bindings only, though wgpu allows
-//! others.
+//! passes and copies. Only updates may write poses: use them for read-only bindings only, though wgpu allows others.
 
 mod crowd;
 mod input;
@@ -65,7 +63,6 @@ pub struct Morph {
 
 /// A mesh on the device. Crowds keep the data that they need alive.
 pub struct Mesh {
-    base: wgpu::Buffer,
     gpu: Arc<Mutex<deltamorph::GpuMesh>>,
     layout: PackedLayout,
     _device: wgpu::Device,
@@ -121,7 +118,6 @@ impl Morph {
         // SAFETY: the command buffer is recording, and is submitted once, here; the mesh is dropped when it has
         // finished.
         let uploaded = unsafe { self.engine.upload(cmd, mesh) }?;
-        let base = uploaded.base_pose();
         let gpu = Arc::new(Mutex::new(uploaded));
         let commands = encoder.finish();
         commands.on_submitted_work_done({
@@ -133,11 +129,7 @@ impl Morph {
             }
         });
         self.queue.submit([commands]);
-        let usage = wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::STORAGE;
-        // SAFETY: the buffer is the mesh's, which `gpu` keeps alive; its usages are among those that `PoseView::buffer`
-        // names, and the copies fill it.
-        let base = unsafe { import(&self.device, base.buffer, base.offset + base.size, usage, gpu.clone()) };
-        Ok(Mesh { base, gpu, layout: mesh.layout().clone(), _device: self.device.clone() })
+        Ok(Mesh { gpu, layout: mesh.layout().clone(), _device: self.device.clone() })
     }
 
     /// Makes pose buffers and pipelines for the instances of a mesh, with all weights 0: see
@@ -275,11 +267,6 @@ impl Morph {
 }
 
 impl Mesh {
-    /// Returns the base pose, for draws from [fixed-point poses](VertexInput), in a vertex and storage buffer.
-    pub fn base_pose(&self) -> Pose<'_> {
-        Pose { buffer: &self.base, view: lock(&self.gpu).base_pose() }
-    }
-
     /// Returns names, steps and sizes of the uploaded mesh, and its index buffer ([`PackedLayout::indices`]).
     pub fn layout(&self) -> &PackedLayout {
         &self.layout

@@ -46,10 +46,10 @@ impl GpuNormals {
         mesh: &PackedMesh,
         desc: &NormalsDesc<'_>,
     ) -> Result<Self> {
-        let check = |words| Attached::check_size(device, mesh, "surface", words);
+        let check = |words| Attached::check_size(device, mesh, "surface", mesh.base().len() as u64 + words);
         let Fans { words, spread } = Fans::new(desc, mesh.layout(), check)?;
         // SAFETY: the caller's obligations.
-        let (attached, upload) = unsafe { Attached::upload(device, cmd, mesh, ("surface", &words)) }?;
+        let (attached, upload) = unsafe { Attached::upload(device, cmd, mesh, "surface", (mesh.base(), &words)) }?;
         Ok(Self { surface: Arc::new(Surface { attached, spread }), staging: Some(upload) })
     }
 
@@ -120,7 +120,10 @@ impl Recomputed {
             let (range, normals_at) = output.range(layout);
             let bound = |frame| [place.poses(), surface.attached.range(), lists.range(u64::from(frame)), range];
             let sets = kernel.objects.sets(&(0..place.frames).map(bound).collect::<Vec<_>>())?;
+            let [units, offset] = place.scale();
             let push = NormalsPush {
+                units,
+                offset,
                 pose_at: 0,
                 fans_at: surface.attached.words_at(),
                 normals_at,
@@ -129,7 +132,6 @@ impl Recomputed {
                 count: 0,
                 listed: 0,
                 padding: 0,
-                units: place.group.poses.units(),
             };
             Ok(Self { kernel, sets, push, pose_numbers: place.pose_numbers(), surface: surface.clone() })
         })

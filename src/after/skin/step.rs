@@ -42,7 +42,7 @@ impl GpuSkin {
     ) -> Result<Self> {
         let words = desc.pack(mesh.layout())?;
         // SAFETY: the caller's obligations.
-        let (attached, upload) = unsafe { Attached::upload(device, cmd, mesh, ("skin", &words)) }?;
+        let (attached, upload) = unsafe { Attached::upload(device, cmd, mesh, "skin", (&[], &words)) }?;
         let SkinDesc { influences, joint_count, .. } = *desc;
         Ok(Self { attached, influences, joint_count, staging: Some(upload) })
     }
@@ -207,9 +207,11 @@ impl Skin {
                     .map(move |output| [place.poses(), skin.attached.range(), joints, output.range(layout).0, list])
             };
             let sets = kernel.objects.sets(&(0..place.frames.into()).flat_map(bound).collect::<Vec<_>>())?;
+            let [units, offset] = place.scale();
             let push = SkinPush {
+                units,
+                offset,
                 pose_at: 0,
-                skin_at: skin.attached.words_at(),
                 joints_at: (target.joints_offset / 16) as u32,
                 skinned_at: 0,
                 stride: target.stride / 4,
@@ -217,8 +219,6 @@ impl Skin {
                 vertices: layout.vertex_count as u32,
                 count: 0,
                 listed: 0,
-                padding: 0,
-                units: place.group.poses.units(),
             };
             let places = target.outputs().map(|output| (output, output.range(layout).1)).collect();
             let pose_numbers = place.pose_numbers();

@@ -5,8 +5,9 @@ use crate::asset::streams::{Measure, StreamPlace, TRIPLE, TRIPLES};
 use crate::error::ensure;
 use crate::math::is_power_of_two;
 use crate::pack::formats::BlockFormat;
-use crate::pack::grid::Sums;
+use crate::pack::grid::{Largest, Reached, Sums};
 use crate::pack::{POSE_FLOATS, VERTEX_PADDING};
+use std::ops::Range;
 
 /// Most words of a mesh: byte offsets have 32 bits.
 pub(super) const WORDS_MAX: u64 = u32::MAX as u64 / 4;
@@ -28,8 +29,9 @@ impl BlockIndex {
             format: parts.format,
             steps: parts.steps,
             coarsest: None,
-            largest: [0.0; TRIPLES],
-            largest_of_mesh: 0.0,
+            directions: directions(streams),
+            reached: vec![Reached::default(); blocks],
+            largest: Largest::default(),
             targets: 0,
             weight_max: parts.weight_max,
         };
@@ -51,13 +53,14 @@ impl BlockIndex {
         Ok(index)
     }
 
-    /// Updates the largest base position of each block, for bounds on drift.
+    /// Updates what depends on the base pose: bounds on drift, and on integers.
     pub(in crate::pack) fn take_base(&mut self, base: &[f32]) {
-        let blocks = base.chunks_exact(self.size() * POSE_FLOATS);
-        for (largest, vertices) in self.block_base.iter_mut().zip(blocks) {
+        let size = self.size();
+        for (largest, vertices) in self.block_base.iter_mut().zip(base.chunks_exact(size * POSE_FLOATS)) {
             let positions = vertices.chunks_exact(POSE_FLOATS).flat_map(|v| &v[self.lengths.clone()]);
             *largest = positions.fold(0.0, |m: f32, p| m.max(p.abs()));
         }
+        self.sums.take_base(base, self.parts.order.len(), size);
     }
 
     fn check(&self, format: &dyn BlockFormat, targets: usize, words: &[u32], base: &[f32]) -> Result<(), String> {
@@ -117,12 +120,11 @@ impl BlockIndex {
     }
 
     fn derive(&mut self, format: &dyn BlockFormat, targets: usize, words: &[u32], base: &[f32]) -> Result<(), String> {
-        self.take_base(base);
         let lengths = self.lengths.clone();
         let size = self.size();
         let mut costs = Vec::with_capacity(self.entry_count());
         // Σ|delta|: multiples of a step that fit 53 bits.
-        let mut sums = vec![[0.0; POSE_FLOATS]; size];
+        let mut sums = vec![[0.0f64; POSE_FLOATS]; size];
         for block in 0..self.count() {
             sums.fill([0.0; POSE_FLOATS]);
             for entry in self.entries(block) {
@@ -143,10 +145,10 @@ impl BlockIndex {
                 costs.push(EntryCost { bytes, reach, lanes });
                 self.block_reach[block] += reach;
             }
-            for (c, sum) in sums.iter().flat_map(|sums| sums.iter().enumerate()) {
-                let largest = &mut self.sums.largest[c / TRIPLE];
-                let step = self.parts.steps[c / TRIPLE];
-                *largest = largest.max(sum / f64::from(step));
+            for sums in &sums {
+                for (c, largest) in self.sums.reached[block].sums.iter_mut().enumerate() {
+                    *largest = largest.max(sums[c] / f64::from(self.parts.steps[c / TRIPLE]));
+                }
             }
             let fits = (self.block_base[block] + self.block_reach[block]).is_finite();
             ensure!(fits, format!("the deltas of block {block} are too large for single precision"));
@@ -156,6 +158,7 @@ impl BlockIndex {
             ensure!(stay, format!("block {block} moves vertices that the mesh does not have"));
         }
         self.costs = costs;
+        self.take_base(base);
         // By target; blocks stay ascending, since entries are in block order.
         let target_of = |incidence: &Incidence| self.parts.entry_target[incidence.entry as usize];
         let in_block = |block| self.entries(block).map(move |e| Incidence { block: block as u32, entry: e as u32 });
@@ -164,8 +167,13 @@ impl BlockIndex {
         let first = |target| incidence.partition_point(|one| (target_of(one) as usize) < target) as u32;
         self.first_incidence = (0..=targets).map(first).collect();
         self.incidence = incidence;
-        self.sums.largest_of_mesh = self.sums.largest[0].max(self.sums.largest[1]);
         self.sums.targets = (0..self.count()).map(|block| self.entries(block).len()).max().unwrap_or(0);
         Ok(())
     }
+}
+
+/// The components of each stream of directions.
+pub(in crate::pack) fn directions(streams: &[StreamPlace]) -> Vec<Range<usize>> {
+    let directions = streams.iter().filter(|stream| stream.semantic.measure() == Measure::Angle);
+    directions.map(StreamPlace::morphing_components).collect()
 }

@@ -12,7 +12,7 @@
 //! Integers are rounded to nearest, in `small` to any within the error limit; zero stays zero. A delta within the error
 //! limit of its stream is dropped.
 
-mod derive;
+pub(super) mod derive;
 mod pack;
 
 pub use super::grid::PoseGrid;

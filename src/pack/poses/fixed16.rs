@@ -1,4 +1,4 @@
-//! Fixed16: displacements from the base pose in units, 16-bit integers. GLSL: `glsl/poses/fixed16.glsl`.
+//! Fixed16: 16-bit integers in units. GLSL: `glsl/poses/fixed16.glsl`.
 
 use super::PoseStorage;
 use super::sums::Rounded;

@@ -1,4 +1,4 @@
-//! Fixed32: displacements from the base pose in units, 32-bit integers. GLSL: `glsl/poses/fixed32.glsl`.
+//! Fixed32: 32-bit integers in units. GLSL: `glsl/poses/fixed32.glsl`.
 
 use super::PoseStorage;
 

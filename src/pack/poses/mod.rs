@@ -1,13 +1,12 @@
-//! Pose formats: one file each, here and in `glsl/poses/`; `src/abi/formats.rs` lists them. The base pose is always
-//! float32.
+//! Pose formats: one file each, here and in `glsl/poses/`; `src/abi/formats.rs` lists them.
 
 pub(crate) mod sums;
 
-use super::{DeltaFormat, POSE_FLOATS};
+use super::grid::PoseGrid;
+use super::{BASE_STRIDE, DeltaFormat, POSE_FLOATS};
 use crate::abi::formats::{POSE_FORMATS, PoseRow, pose_formats};
-use crate::asset::streams::{TRIPLE, TRIPLES};
-use bytemuck::Pod;
-use sums::Sum;
+use bytemuck::{Pod, Zeroable};
+use sums::{Sum, without};
 
 macro_rules! declared {
     (() $($(#[$meta:meta])* $name:ident $file:ident $row:tt)*) => {
@@ -53,6 +52,15 @@ pub(crate) trait PoseStorage {
     /// Adds a block format's sum. Integers wrap.
     fn plus(number: Self::Number, sum: Self::Sum) -> Self::Number;
 
+    /// Sums are rounded after the base pose is added to them, which is then in finer units.
+    const ROUNDS_SUMS: bool = false;
+
+    /// Adds the base pose to a sum, if sums are rounded.
+    #[inline(always)]
+    fn plus_base(sum: Self::Sum, _word: u32) -> Self::Sum {
+        sum
+    }
+
     /// A block format's sum to add: without its `dropped` lowest bits, if sums are rounded.
     #[inline(always)]
     fn rounded(sum: Self::Sum, _dropped: u32) -> Self::Sum {
@@ -91,7 +99,7 @@ impl PoseFormat {
         self.row().stride as usize
     }
 
-    /// Whether poses are fixed-point: integer displacements from the base pose, independent of earlier poses.
+    /// Whether poses are fixed-point: integers, independent of earlier poses.
     pub const fn has_integers(self) -> bool {
         self.row().bits > 0
     }
@@ -129,16 +137,43 @@ impl PoseFormat {
         }
     }
 
-    /// The components of a pose, [`POSE_FLOATS`] per vertex. Fixed-point components are multiplied by `units` (input
-    /// units, by triple: [`PoseGrid::units`](super::blocks::PoseGrid::units)) and added to `base`, of the same length;
-    /// float32 ignores both.
-    pub fn decode(self, pose: &[u8], base: &[f32], units: [f32; TRIPLES]) -> Vec<f32> {
-        if !self.has_integers() {
+    /// The components of a pose, [`POSE_FLOATS`] per vertex, in input units: offset + integer × unit on `grid`; float32
+    /// takes none.
+    pub fn decode(self, pose: &[u8], grid: Option<&PoseGrid>) -> Vec<f32> {
+        let Some(grid) = grid.filter(|_| self.has_integers()) else {
             return pose.as_chunks().0.iter().map(|bytes| f32::from_ne_bytes(*bytes)).collect();
-        }
-        let numbers = self.integers(pose).into_iter().zip(base).enumerate();
+        };
+        let numbers = self.integers(pose).into_iter().enumerate();
         // The unit is a power of two: integers below 2^24 scale exactly.
-        numbers.map(|(i, (number, base))| base + number as f32 * units[i % POSE_FLOATS / TRIPLE]).collect()
+        let value = |(i, number)| grid.offsets[i % POSE_FLOATS] + number as f32 * grid.units[i % POSE_FLOATS];
+        numbers.map(value).collect()
+    }
+
+    /// Bytes per vertex of the base pose that kernels for blocks load.
+    pub(crate) const fn base_stride(self) -> usize {
+        if self.row().rounds_sums { BASE_STRIDE } else { self.stride() }
+    }
+
+    /// The base pose of a group with `vertices` vertices, as kernels for blocks load it: a pose or, where sums are
+    /// rounded, a word for each number.
+    pub(crate) fn base_words(self, grid: &PoseGrid, base: &[f32], vertices: usize) -> Vec<u32> {
+        match grid.rounds_sums {
+            true => bytemuck::cast_slice(&grid.integers(base, vertices)).to_vec(),
+            false => self.base_pose(grid, base, vertices),
+        }
+    }
+
+    /// The words of the base pose of a group with `vertices` vertices, on `grid`.
+    pub(crate) fn base_pose(self, grid: &PoseGrid, base: &[f32], vertices: usize) -> Vec<u32> {
+        let mut words = vec![0; base.len() * self.number_bytes() / size_of::<u32>()];
+        with_pose!(self, P => {
+            let numbers: &mut [<P as PoseStorage>::Number] = bytemuck::cast_slice_mut(&mut words);
+            for (i, (number, integer)) in numbers.iter_mut().zip(grid.integers(base, vertices)).enumerate() {
+                let dropped = if grid.rounds_sums { grid.dropped[i % POSE_FLOATS] } else { 0 };
+                *number = P::plus_integer(Zeroable::zeroed(), without(integer, dropped));
+            }
+        });
+        words
     }
 }
 
@@ -159,17 +194,32 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_floats_or_multiples_of_a_unit_on_top_of_the_base_pose() {
+    fn numbers_are_floats_or_multiples_of_units_from_offsets() {
         let pose: Vec<f32> = (0..12).map(|i| i as f32 - 0.5).collect();
-        assert_eq!(PoseFormat::Float32.decode(bytemuck::cast_slice(&pose), &[], [0.0; 2]), pose);
-        let (base, units) = (vec![10.0; 12], [0.5, 0.25]);
-        let decoded: Vec<f32> = (0..12).map(|i| 10.0 + (i - 6) as f32 * units[i as usize % 6 / 3]).collect();
+        assert_eq!(PoseFormat::Float32.decode(bytemuck::cast_slice(&pose), None), pose);
+        let grid = |dropped| PoseGrid {
+            weight_bits: 8,
+            weight_max: 1.0,
+            units: [0.5, 0.25, 0.5, 0.125, 0.125, 0.125],
+            offsets: [10.0, -1.0, 2.0, 0.0, 0.0, 0.0],
+            rounds_sums: dropped > 0,
+            dropped: [dropped; POSE_FLOATS],
+        };
+        let exact = grid(0);
+        let decoded: Vec<f32> = (0..12).map(|i| exact.offsets[i % 6] + (i as f32 - 6.0) * exact.units[i % 6]).collect();
         let integers: Vec<i32> = (-6..6).collect();
         let halves: Vec<i16> = (-6..6).collect();
-        assert_eq!(PoseFormat::Fixed32.decode(bytemuck::cast_slice(&integers), &base, units), decoded);
-        assert_eq!(PoseFormat::Fixed16.decode(bytemuck::cast_slice(&halves), &base, units), decoded);
+        assert_eq!(PoseFormat::Fixed32.decode(bytemuck::cast_slice(&integers), Some(&exact)), decoded);
+        assert_eq!(PoseFormat::Fixed16.decode(bytemuck::cast_slice(&halves), Some(&exact)), decoded);
         assert_eq!(PoseFormat::Fixed16.integers(bytemuck::cast_slice(&halves)), integers);
-        assert_eq!(PoseFormat::Rebuilt16.decode(bytemuck::cast_slice(&halves), &base, units), decoded);
+        assert_eq!(PoseFormat::Rebuilt16.decode(bytemuck::cast_slice(&halves), Some(&exact)), decoded);
         assert_eq!(PoseFormat::ALL.map(|format| format.offset(3)), [12, 12, 6, 6]);
+        for (format, grid) in
+            [(PoseFormat::Fixed32, exact), (PoseFormat::Fixed16, exact), (PoseFormat::Rebuilt16, grid(3))]
+        {
+            let words = format.base_pose(&grid, &decoded, 1);
+            let whole = [-6, -5, -4, -3, -2, -1, 0, 0, 0, 0, 0, 0];
+            assert_eq!(format.integers(bytemuck::cast_slice(&words)), whole, "{format:?}");
+        }
     }
 }

@@ -19,6 +19,13 @@ impl PoseStorage for Rebuilt16 {
         number.wrapping_add(sum as i16)
     }
 
+    const ROUNDS_SUMS: bool = true;
+
+    #[inline(always)]
+    fn plus_base(sum: i32, word: u32) -> i32 {
+        sum.wrapping_add(word as i32)
+    }
+
     #[inline(always)]
     fn rounded(sum: i32, dropped: u32) -> i32 {
         without(sum, dropped)

@@ -296,13 +296,17 @@ impl Tiles {
         for (width, tile) in self.iter().filter(|(_, tile)| tile.count > 0) {
             let instances = 1u64 << width;
             let stride = row_words(width);
-            // Source poses: each instance's own, or the base pose; fixed-point poses load none for the base pose.
-            let sources = if pose.has_integers() && tile.rebuilt != 0 { 0 } else { instances };
+            let size = index.size() as u64;
+            // Source poses: each instance's own, or the base pose, which the instances share.
+            let sources = match tile.rebuilt {
+                0 => instances * pose.stride() as u64,
+                _ => pose.base_stride() as u64,
+            };
             let rows = &self.rows[tile.first as usize..][..tile.count as usize * stride];
             // A mesh without entries has rows that name none.
             let costs = rows.chunks_exact(stride).filter_map(|row| index.costs.get(row[0] as usize));
             let deltas: u64 = costs.map(|cost| u64::from(cost.bytes)).sum();
-            let least = deltas + (index.size() * pose.stride()) as u64 * (sources + instances);
+            let least = deltas + size * (sources + instances * pose.stride() as u64);
             floor += least;
             moved += least + 4 * (4 + instances + rows.len() as u64);
         }

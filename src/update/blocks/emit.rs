@@ -17,8 +17,9 @@ impl BlockState {
         if !known {
             self.is_stale.fill(true);
         }
-        let GroupPlan { index, list, stats, source_bytes, desc, unit, tolerance, scratch, .. } = &mut *group;
+        let GroupPlan { index, list, stats, desc, unit, tolerance, scratch, .. } = &mut *group;
         let pose_bytes = (index.size() * desc.pose.stride()) as u64;
+        let base_bytes = (index.size() * desc.pose.base_stride()) as u64;
         for block in 0..index.count() {
             let entries = index.entries(block);
             let first = instance * index.entry_count() + entries.start;
@@ -40,7 +41,7 @@ impl BlockState {
             let magnitude = index.block_base[block] + self.largest_weight * index.block_reach[block];
             let bound = sum.bound + rounding(magnitude, listed, reach);
             let exceeded = touched && bound > sum.limit;
-            let is_cheaper = sum.active_bytes <= deltas + *source_bytes;
+            let is_cheaper = sum.active_bytes <= deltas;
             let rebuilt = !known || touched && (exceeded || desc.rebuilds() || is_cheaper);
             if rebuilt {
                 (listed, reach) = self.list_active(index, *unit, block, &mut list.elements[first..]);
@@ -70,9 +71,7 @@ impl BlockState {
                 first: first as u32,
                 count: listed,
             });
-            // The base pose of fixed-point poses is 0, and not loaded.
-            let loads_source = !(rebuilt && desc.pose.has_integers());
-            let moved = u64::from(deltas) + pose_bytes * (1 + u64::from(loads_source));
+            let moved = u64::from(deltas) + pose_bytes + if rebuilt { base_bytes } else { pose_bytes };
             stats.dirty_blocks += 1;
             stats.rebuilt_blocks += usize::from(rebuilt);
             stats.bytes_moved += moved + (size_of::<Item>() + listed as usize * ELEMENT_BYTES) as u64;

@@ -3,13 +3,14 @@
 
 use super::dispatch::Dispatching;
 use crate::abi::modules::{CROWD, CROWD_TEXELS, Module};
-use crate::abi::push::BlocksPush;
+use crate::abi::push::{BlocksPush, dropped_word};
 use crate::abi::worklist::{ITEMS_MAX, POSES_MAX, TILE, WIDTHS};
-use crate::asset::streams::TRIPLES;
 use crate::error::Result;
 use crate::gpu::descriptors::{BufferRange, Sets};
+use crate::gpu::memory::Buffer;
 use crate::gpu::mesh::{base_offset, deltas_bytes};
 use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
+use crate::pack::POSE_FLOATS;
 use crate::pack::vertex::PlaceConstants;
 use crate::update::technique::{Context, Poses};
 use ash::vk;
@@ -135,6 +136,8 @@ pub(crate) struct GroupBlocks {
     pub(super) poses: Poses,
     sets: Sets,
     push: BlocksPush,
+    /// That of fixed-point poses: keeps the buffer of the sets alive.
+    _base_pose: Option<Buffer>,
 }
 
 impl GroupBlocks {
@@ -146,25 +149,37 @@ impl GroupBlocks {
         let poses = context.poses;
         let index = context.layout().index()?;
         let [position_unit, normal_unit] = index.steps();
-        let [position_dropped, normal_dropped] = poses.grid.map_or([0; TRIPLES], |grid| grid.dropped);
+        let asset = BufferRange::new(context.mesh.deltas.raw, 0, deltas_bytes(context.layout()));
+        let (base_pose, base_at) = match poses.grid {
+            None => (None, (base_offset(context.layout()) / 4) as u32),
+            Some(grid) => {
+                let words = poses.format.base_words(&grid, &context.mesh.host, context.layout().vertex_count);
+                (Some(context.mesh.base_of(context.device, &words)?), 0)
+            }
+        };
+        let base = match &base_pose {
+            None => asset,
+            Some(buffer) => {
+                let bytes = context.layout().padded_vertices() * poses.format.base_stride();
+                BufferRange::new(buffer.raw, 0, bytes as u64)
+            }
+        };
         let push = BlocksPush {
             first_item: 0,
             deltas_at: index.deltas_at as u32,
-            base_at: (base_offset(context.layout()) / 4) as u32,
+            base_at,
             pose_floats: poses.numbers(),
             position_unit,
             normal_unit,
-            position_dropped,
-            normal_dropped,
+            dropped: dropped_word(poses.grid.map_or([0; POSE_FLOATS], |grid| grid.dropped)),
         };
-        let asset = BufferRange::new(context.mesh.deltas.raw, 0, deltas_bytes(context.layout()));
         let ranges = |&Bound { list, instances: (first, count) }: &Bound| {
             // With texels, poses are bound twice, for stores and loads.
             let poses = std::iter::repeat_n(poses.range(first, count), if how.texels { 2 } else { 1 });
-            [asset, list].into_iter().chain(poses).collect::<Vec<_>>()
+            [asset, list].into_iter().chain(poses).chain([base]).collect::<Vec<_>>()
         };
         let sets = kernels[0].objects.sets(&bound.iter().map(ranges).collect::<Vec<_>>())?;
-        Ok(Self { how, kernels, poses, sets, push })
+        Ok(Self { how, kernels, poses, sets, push, _base_pose: base_pose })
     }
 
     /// Records a dispatch of kernel `kernel` (log2 width; plus [`WIDTHS`] for tiles that start from the base pose) with

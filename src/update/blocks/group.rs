@@ -59,8 +59,6 @@ pub struct GroupPlan {
     pub list: WorkList,
     /// Statistics of the last update.
     pub stats: UpdateStats,
-    /// Bytes of source pose that a block need not load if it starts from the base pose.
-    pub source_bytes: u32,
     pub(super) desc: UpdateDesc,
     pub(super) targets: usize,
     pub(super) unit: Unit,
@@ -88,7 +86,6 @@ impl GroupPlan {
             index: index.clone(),
             list: WorkList::new(index, instances),
             stats: UpdateStats::default(),
-            source_bytes: if grid.is_some() { (index.size() * desc.pose.stride()) as u32 } else { 0 },
             desc: UpdateDesc { error_budget, ..desc },
             targets: layout.targets.len(),
             unit: Unit::new(grid, desc.pose),

@@ -68,7 +68,7 @@ impl Planned for Blocks {
         let GroupPlan { list, stats, .. } = group;
         one.memory.run_list(mesh.surface(), &Workers::new(1).unwrap(), group);
         let weights = one.instances.requested().next().flatten().unwrap();
-        let pose = one.memory.decode(mesh.surface(), one.instances.slots_of(0).unwrap().0 as usize);
+        let pose = one.memory.decode(one.instances.slots_of(0).unwrap().0 as usize);
         let pose = mesh.layout().to_user_order(&pose);
         // Multiples of 1/4 lie on any grid. The bound is that of integers: decoding rounds to float32.
         let error = reference::compare(&pose, &reference::evaluate(mesh, weights));
@@ -82,7 +82,7 @@ impl Planned for Blocks {
 
     fn pose(one: &One<Self>, slot: u32) -> Vec<f32> {
         let mesh = &one.planner.mesh;
-        mesh.layout().to_user_order(&one.memory.decode(mesh.surface(), slot as usize))
+        mesh.layout().to_user_order(&one.memory.decode(slot as usize))
     }
 }
 
@@ -265,10 +265,12 @@ proptest! {
                 let (stride, members) = (row_words(width), tile.members(width));
                 let rows = &tiles.rows[tile.first as usize..][..tile.count as usize * stride];
                 prop_assert!(width <= widest && (tile.first as usize).is_multiple_of(ALIGN) && stride > members.len());
-                // Its header, items and rows (an entry each), and the source and destination poses of each instance.
+                // Its header, items and rows (an entry each), the source and destination poses of each instance, or one
+                // base pose.
                 let entries = rows.chunks_exact(stride).map(|row| row[0] as usize);
-                let times = if tile.rebuilt != 0 && pose.has_integers() { 1 } else { 2 };
-                bytes += 4 * (4 + members.len() + rows.len()) + index.size() * pose.stride() * members.len() * times;
+                let written = pose.stride() * members.len();
+                let read = if tile.rebuilt != 0 { pose.base_stride() } else { written };
+                bytes += 4 * (4 + members.len() + rows.len()) + index.size() * (written + read);
                 bytes += entries.map(|entry| index.costs[entry].bytes as usize).sum::<usize>();
                 for (place, &i) in members.iter().enumerate() {
                     let item = &list.items[i as usize];

@@ -5,15 +5,15 @@
 use super::technique::{ChunkSets, DensePass, Passes};
 use crate::abi::modules::{DENSE, DENSE_LIST};
 use crate::abi::numbers::WORKGROUP;
-use crate::abi::push::{DenseListEntry, DenseListPush, DensePush};
+use crate::abi::push::{DenseListEntry, DenseListPush, DensePush, dropped_word};
 use crate::error::Result;
 use crate::gpu::descriptors::BufferRange;
-use crate::gpu::memory::Ring;
+use crate::gpu::memory::{Buffer, Ring};
 use crate::gpu::mesh::delta_range;
 use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
 use crate::pack::blocks::PoseGrid;
 use crate::pack::grid::Term;
-use crate::pack::{BASE_STRIDE, DeltaFormat, PackedLayout, PackedTarget, PoseFormat};
+use crate::pack::{DeltaFormat, PackedLayout, PackedTarget, PoseFormat};
 use crate::plan::BatchSize;
 use crate::plan::steps::{Resource, Source, Use, Work};
 use crate::update::technique::Context;
@@ -68,6 +68,8 @@ pub(crate) struct ComputePasses {
     stride: u64,
     /// `[instance][destination slot][source]`, where the source is the base pose, the same slot, or the slot before.
     sets: ChunkSets,
+    /// That of fixed-point poses: keeps the buffer of the sets alive.
+    _base_pose: Option<Buffer>,
 }
 
 impl Passes for ComputePasses {
@@ -94,10 +96,17 @@ impl Passes for ComputePasses {
         let ring = Ring::new(context.device, "deltamorph coefficient lists", part, frames, usage)?;
         let lists = [(mesh.deltas.raw, delta_range(layout)), (ring.range(0).buffer, stride)]
             .map(|(buffer, size)| BufferRange::new(buffer, 0, size));
+        let base_pose = match poses.grid {
+            Some(grid) => {
+                Some(mesh.base_of(context.device, &poses.format.base_pose(&grid, &mesh.host, layout.vertex_count))?)
+            }
+            None => None,
+        };
+        let base = base_pose.as_ref().unwrap_or(&mesh.base).raw;
         let poses_of = |instance| (0..slots).map(move |slot| (instance, slot));
         let bound = (0..desc.instances).flat_map(poses_of).flat_map(|(instance, slot)| {
             let pose = move |slot| (poses.buffer, poses.offset(instance, slot), poses.format.stride());
-            let sources = [(mesh.base.raw, 0, BASE_STRIDE), pose(slot), pose((slot + slots - 1) % slots)];
+            let sources = [(base, 0, poses.format.stride()), pose(slot), pose((slot + slots - 1) % slots)];
             sources.map(|source| {
                 move |first: usize, vertices: usize| {
                     let chunk = |(buffer, from, stride): (vk::Buffer, u64, usize)| {
@@ -108,7 +117,7 @@ impl Passes for ComputePasses {
             })
         });
         let sets = ChunkSets::new(&kernel.objects, layout, bound)?;
-        Ok(Self { kernel, instances, slots, grid: poses.grid, ring, stride, sets })
+        Ok(Self { kernel, instances, slots, grid: poses.grid, ring, stride, sets, _base_pose: base_pose })
     }
 
     fn write_list(&mut self, frame: u64, work: &Work, pass: &DensePass<'_>) -> Result<()> {
@@ -142,9 +151,7 @@ impl Passes for ComputePasses {
             // Fits 32 bits: checked in `new` and, for deltas, at upload.
             let offsets = [(pass.layout.row_start(0, first, vertices) * 4) as u32, list as u32];
             let chunk_vertices = vertices as u32;
-            let from_base = (work.source == Source::Base).into();
-            let list =
-                DenseListPush { chunk_vertices, first_entry: work.items.start, entry_count: count as u32, from_base };
+            let list = DenseListPush { chunk_vertices, first_entry: work.items.start, entry_count: count as u32 };
             let dense = DensePush { chunk_vertices, ..dense };
             let push = if pushed { bytes_of(&dense) } else { bytes_of(&list) };
             let workgroups = Workgroups::Of([chunk_vertices / WORKGROUP, 1]);
@@ -166,10 +173,10 @@ fn listed(c: &Coefficient, target: &PackedTarget) -> DenseListEntry {
 
 /// List entry for fixed-point poses.
 fn rounded(c: &Coefficient, target: &PackedTarget, grid: PoseGrid) -> DenseListEntry {
-    let [Term { new, old, dropped }, normal] = grid.terms(c.held, c.held + c.value, target.steps());
+    let Term { new, old, dropped } = grid.term(c.held, c.held + c.value, target.steps());
     let coefficient = new as u32;
     let normal_coefficient = old as u32;
-    DenseListEntry { target: c.target, coefficient, normal_coefficient, dropped: dropped | normal.dropped << 8 }
+    DenseListEntry { target: c.target, coefficient, normal_coefficient, dropped: dropped_word(dropped) }
 }
 
 /// Coefficients and targets in the layout of `dense.comp`.

@@ -149,16 +149,15 @@ impl DensePlanner {
 
     /// Statistics of the last update, in bytes of all groups. Each pass reads its source and its targets' deltas, and
     /// writes its destination. Lower bound for the same dense work: each instance's pose read and written once, each
-    /// coefficient's deltas read once. Fixed-point passes read nothing for the base pose.
+    /// coefficient's deltas read once.
     pub fn stats<'a>(&self, groups: impl Iterator<Item = &'a PackedLayout> + Clone) -> UpdateStats {
         let coefficients = self.plans.iter().map(|plan| plan.coefficients.len()).sum();
         let passes = self.plans.iter().map(|plan| plan.passes.len()).sum();
         let changed = self.plans.iter().filter(|plan| !plan.passes.is_empty());
         let rebuilt = changed.clone().filter(|plan| plan.rebuilt).count();
-        let unread = if self.grid.is_some() { rebuilt } else { 0 };
         let bytes = |poses: usize| {
             let of = |layout: &PackedLayout| {
-                let poses = self.desc.pose.stride() * (2 * poses - unread);
+                let poses = self.desc.pose.stride() * 2 * poses;
                 layout.padded_vertices() * (poses + coefficients * layout.format.stride())
             };
             groups.clone().map(of).sum::<usize>() as u64

@@ -1,6 +1,6 @@
 //! The built-in head, played and drawn, with the results.
 
-use crate::scene::{EDGE, Host, Result, Scene, framed};
+use crate::scene::{EDGE, Host, Result, Scene, view_of};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{CrowdDesc, DeltaFormat, PackedMesh, PoseError, PoseFormat, PoseView, Tolerance, UpdateDesc};
 use deltamorph_head as head;
@@ -32,7 +32,7 @@ pub fn play(host: &Host, format: PoseFormat, vertices: usize, frames: std::ops::
     let uploaded = morph.upload(&mesh)?;
     let mut crowd = morph.create_crowd(&uploaded, &CrowdDesc::new(UpdateDesc::blocks().pose(format)))?;
     // Packing reorders the vertices that draws name.
-    let (packed, frame) = (indices(&mesh.layout().indices), framed(source.positions.iter().map(|p| p.to_array())));
+    let (packed, view) = (indices(&mesh.layout().indices), view_of(&source.positions));
     let (mut scene, mut last) = (None, None);
     for weights in &clip[frames] {
         crowd.set_weights(0, weights)?;
@@ -40,44 +40,39 @@ pub fn play(host: &Host, format: PoseFormat, vertices: usize, frames: std::ops::
         let pose = crowd.pose(0)?;
         let scene = match &mut scene {
             Some(scene) => scene,
-            none => none.insert(Scene::new(host, format, pose.view.units, frame)?),
+            none => none.insert(Scene::new(host, format, view * pose.view.matrix())?),
         };
         let mut encoder = host.device.create_command_encoder(&Default::default());
-        // Fixed-point formats need the base pose as a second vertex buffer.
-        let bound = [pose.slice(), uploaded.base_pose().slice()];
-        scene.draw(&mut encoder, &bound[..1 + usize::from(format.has_integers())], &packed);
+        scene.draw(&mut encoder, pose.slice(), &packed);
         let copy = host.readback(pose.view.size);
         encoder.copy_buffer_to_buffer(pose.buffer, pose.view.offset, &copy, 0, pose.view.size);
         last = Some((copy, scene.copy(&mut encoder), pose.view, weights));
         host.queue.submit(update.into_iter().chain([encoder.finish()]));
     }
-    let (pose, picture, view, weights) = last.ok_or("no frame was played")?;
+    let (pose, picture, place, weights) = last.ok_or("no frame was played")?;
     let (pose, picture) = (host.read(&pose)?, host.read(&picture)?);
     let expected = evaluate(&mesh, weights);
-    let mut error = compare(&mesh.layout().to_user_order(&decoded(&pose, &view, mesh.base())), &expected);
+    let mut error = compare(&mesh.layout().to_user_order(&decoded(&pose, &place)), &expected);
     error.position /= f64::from(mesh.layout().diagonal);
 
     // The same picture from the vertices of the reference, in the order of the source.
     let vertices: Vec<u8> = expected.iter().flat_map(|&number| (number as f32).to_ne_bytes()).collect();
     let vertices = host.filled(&vertices, wgpu::BufferUsages::VERTEX);
-    let scene = Scene::new(host, PoseFormat::Float32, [1.0; 2], frame)?;
+    let scene = Scene::new(host, PoseFormat::Float32, view)?;
     let mut encoder = host.device.create_command_encoder(&Default::default());
-    scene.draw(&mut encoder, &[vertices.slice(..)], &indices(&triangles));
+    scene.draw(&mut encoder, vertices.slice(..), &indices(&triangles));
     let reference = scene.copy(&mut encoder);
     host.queue.submit([encoder.finish()]);
     Ok(Played { error, picture, reference: host.read(&reference)? })
 }
 
-/// Decodes the numbers of a pose, as `POSE_WGSL` does, on the CPU.
-pub fn decoded(pose: &[u8], view: &PoseView, base: &[f32]) -> Vec<f32> {
-    let floats = pose.as_chunks().0.iter().map(|word| f32::from_ne_bytes(*word));
-    let integers: Vec<f32> = match (view.format.has_integers(), view.stride) {
-        (false, _) => return floats.collect(),
-        (true, 12) => pose.as_chunks().0.iter().map(|half| i16::from_ne_bytes(*half).into()).collect(),
-        (true, _) => pose.as_chunks().0.iter().map(|word| i32::from_ne_bytes(*word) as f32).collect(),
-    };
-    let displaced = |(i, (base, integer)): (usize, (&f32, f32))| base + integer * view.units[i % 6 / 3];
-    base.iter().zip(integers).enumerate().map(displaced).collect()
+/// Decodes the numbers of a pose on the CPU.
+pub fn decoded(pose: &[u8], view: &PoseView) -> Vec<f32> {
+    if !view.format.has_integers() {
+        return view.format.decode(pose, None);
+    }
+    let numbers = view.format.integers(pose).into_iter().enumerate();
+    numbers.map(|(i, number)| view.offsets[i % 6] + number as f32 * view.units[i % 6]).collect()
 }
 
 /// Returns the fraction of pixels of two pictures that differ by more than 2 of 255 in a channel.

@@ -1,6 +1,7 @@
 //! The parts of any wgpu host, without a window: a device, a pipeline, a picture.
 
 use deltamorph::PoseFormat;
+use deltamorph::glam::{Mat4, Vec3};
 use deltamorph_wgpu::VertexInput;
 use std::task::{Context, Poll, Waker};
 use wgpu::util::DeviceExt as _;
@@ -73,27 +74,22 @@ pub struct Scene<'a> {
     depth: wgpu::TextureView,
 }
 
-/// Returns middle and longest side of the box around the positions.
-pub fn framed(positions: impl Iterator<Item = [f32; 3]>) -> ([f32; 3], f32) {
-    let (mut low, mut high) = ([f32::MAX; 3], [f32::MIN; 3]);
-    for position in positions {
-        (0..3).for_each(|i| (low[i], high[i]) = (low[i].min(position[i]), high[i].max(position[i])));
-    }
-    ([0, 1, 2].map(|i| (low[i] + high[i]) / 2.0), (0..3).map(|i| high[i] - low[i]).fold(0.0, f32::max))
+/// Returns a view of all these positions, from the front and a little from above.
+pub fn view_of(positions: &[Vec3]) -> Mat4 {
+    let (low, high) = positions.iter().fold((Vec3::MAX, Vec3::MIN), |(low, high), p| (low.min(*p), high.max(*p)));
+    let scale = Mat4::from_scale(Vec3::new(1.8, 1.8, -0.45) / (high - low).max_element());
+    let turn = Mat4::from_rotation_x(0.2) * Mat4::from_translation(-(low + high) / 2.0);
+    Mat4::from_translation(Vec3::Z * 0.5) * scale * turn
 }
 
 const SHADER: &str = "
-    struct View { center: vec3f, size: f32, units: vec2f }
-    @group(0) @binding(0) var<uniform> view: View;
+    @group(0) @binding(0) var<uniform> view: mat4x4f;
 
     struct Drawn { @builtin(position) clip: vec4f, @location(0) normal: vec3f }
 
     @vertex fn vertex(in: PoseInput) -> Drawn {
-        let pose = pose_input(in, view.units);
-        let p = (pose.position - view.center) * 1.8 / view.size;
-        // From the front, and a little from above.
-        let turned = vec3f(p.x, 0.98 * p.y - 0.199 * p.z, 0.199 * p.y + 0.98 * p.z);
-        return Drawn(vec4f(turned.xy, 0.5 - 0.25 * turned.z, 1.0), pose.normal);
+        let pose = pose_input(in);
+        return Drawn(view * vec4f(pose.position, 1.0), pose.normal);
     }
 
     @fragment fn fragment(in: Drawn) -> @location(0) vec4f {
@@ -102,8 +98,8 @@ const SHADER: &str = "
     }";
 
 impl<'a> Scene<'a> {
-    /// Makes a scene for poses with these units, of a mesh with these [`framed`] positions.
-    pub fn new(host: &'a Host, format: PoseFormat, units: [f32; 2], framed: ([f32; 3], f32)) -> Result<Self> {
+    /// Makes a scene for poses of a format; `view` is of their numbers.
+    pub fn new(host: &'a Host, format: PoseFormat, view: Mat4) -> Result<Self> {
         let device = &host.device;
         let input = VertexInput::new(format, 0, false)?;
         let source = wgpu::ShaderSource::Wgsl((input.wgsl() + SHADER).into());
@@ -136,8 +132,7 @@ impl<'a> Scene<'a> {
             multiview_mask: None,
             cache: None,
         });
-        let ([x, y, z], size) = framed;
-        let view = [x, y, z, size, units[0], units[1], 0.0, 0.0].map(f32::to_ne_bytes).concat();
+        let view = view.to_cols_array().map(f32::to_ne_bytes).concat();
         let view = host.filled(&view, wgpu::BufferUsages::UNIFORM);
         let bindings = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: None,
@@ -162,8 +157,8 @@ impl<'a> Scene<'a> {
         Ok(Self { host, pipeline, bindings, pixels, depth })
     }
 
-    /// Draws indexed triangles from the vertex buffers of the format.
-    pub fn draw(&self, encoder: &mut wgpu::CommandEncoder, vertices: &[wgpu::BufferSlice<'_>], indices: &wgpu::Buffer) {
+    /// Draws indexed triangles from a pose.
+    pub fn draw(&self, encoder: &mut wgpu::CommandEncoder, vertices: wgpu::BufferSlice<'_>, indices: &wgpu::Buffer) {
         let background = wgpu::Color { r: 0.5, g: 0.39, b: 0.33, a: 1.0 };
         let view = self.pixels.create_view(&Default::default());
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
@@ -182,7 +177,7 @@ impl<'a> Scene<'a> {
         });
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.bindings, &[]);
-        (0..).zip(vertices).for_each(|(slot, slice)| pass.set_vertex_buffer(slot, *slice));
+        pass.set_vertex_buffer(0, vertices);
         pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
         pass.draw_indexed(0..indices.size() as u32 / 4, 0, 0..1);
     }

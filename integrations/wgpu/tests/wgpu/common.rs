@@ -124,43 +124,33 @@ pub fn submit_in_vain(host: &Host, commands: Option<wgpu::CommandBuffer>) {
 /// Reads poses from a storage buffer in a compute shader, and decodes them.
 pub struct ComputeReader {
     pipeline: wgpu::ComputePipeline,
-    base: wgpu::Buffer,
-    units: wgpu::Buffer,
+    matrix: wgpu::Buffer,
     decoded: wgpu::Buffer,
 }
 
 impl ComputeReader {
-    pub fn new(host: &Host, view: &PoseView, base: &[f32]) -> Self {
-        let decode = match (view.format.has_integers(), view.stride) {
-            (false, _) => "pose_words_float32(three(6u * i), three(6u * i + 3u))",
-            (true, 12) => "pose_words_fixed16(three(3u * i), base_of(i), units)",
-            (true, _) => "pose_words_fixed32(three(6u * i), three(6u * i + 3u), base_of(i), units)",
+    pub fn new(host: &Host, view: &PoseView) -> Self {
+        let read = match view.format.decoder() {
+            "fixed16" => "pose_words_fixed16(three(3u * i))".into(),
+            other => format!("pose_words_{other}(three(6u * i), three(6u * i + 3u))"),
         };
         let source = format!(
             "{POSE_WGSL}
             @group(0) @binding(0) var<storage, read> words: array<u32>;
-            @group(0) @binding(1) var<storage, read> base: array<f32>;
-            @group(0) @binding(2) var<storage, read_write> decoded: array<f32>;
-            @group(0) @binding(3) var<uniform> units: vec2f;
+            @group(0) @binding(1) var<storage, read_write> decoded: array<f32>;
+            @group(0) @binding(2) var<uniform> matrix: mat4x4f;
 
             fn three(at: u32) -> vec3u {{
                 return vec3u(words[at], words[at + 1u], words[at + 2u]);
             }}
 
-            fn base_of(i: u32) -> PoseVertex {{
-                let at = 6u * i;
-                return PoseVertex(vec3f(base[at], base[at + 1u], base[at + 2u]),
-                    vec3f(base[at + 3u], base[at + 4u], base[at + 5u]));
-            }}
-
             @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3u) {{
                 let i = id.x;
                 if 6u * i >= arrayLength(&decoded) {{ return; }}
-                // Named, so that all of them are bound in every format.
-                let all = base_of(i).position.x + units.x;
-                let pose = {decode};
+                let pose = {read};
+                let position = matrix * vec4f(pose.position, 1.0);
                 for (var k = 0u; k < 3u; k++) {{
-                    decoded[6u * i + k] = select(all, pose.position[k], true);
+                    decoded[6u * i + k] = position[k];
                     decoded[6u * i + 3u + k] = pose.normal[k];
                 }}
             }}"
@@ -175,24 +165,18 @@ impl ComputeReader {
             compilation_options: Default::default(),
             cache: None,
         });
-        let bytes: Vec<u8> = base.iter().flat_map(|number| number.to_ne_bytes()).collect();
-        let storage = wgpu::BufferUsages::STORAGE;
+        let decoded = vec![0; view.size as usize / view.stride as usize * 24];
+        let matrix = view.matrix().to_cols_array().map(f32::to_ne_bytes).concat();
         Self {
             pipeline,
-            base: host.filled(&bytes, storage),
-            units: host.filled(&view.units.map(f32::to_ne_bytes).concat(), wgpu::BufferUsages::UNIFORM),
-            decoded: host.filled(&vec![0; bytes.len()], storage | wgpu::BufferUsages::COPY_SRC),
+            matrix: host.filled(&matrix, wgpu::BufferUsages::UNIFORM),
+            decoded: host.filled(&decoded, wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC),
         }
     }
 
     /// Decodes a pose, in float32, for [`Host::read`].
     pub fn record(&self, host: &Host, encoder: &mut wgpu::CommandEncoder, pose: &Pose<'_>) -> wgpu::Buffer {
-        let entries = [
-            pose.binding(),
-            self.base.as_entire_binding(),
-            self.decoded.as_entire_binding(),
-            self.units.as_entire_binding(),
-        ];
+        let entries = [pose.binding(), self.decoded.as_entire_binding(), self.matrix.as_entire_binding()];
         let entry = |(binding, resource)| wgpu::BindGroupEntry { binding, resource };
         let bindings = host.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: None,

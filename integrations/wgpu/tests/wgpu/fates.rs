@@ -33,7 +33,7 @@ impl Head {
 
     fn assert_right(&self, pose: &[u8], what: &str) {
         let view = self.crowd.pose(0).expect("a pose").view;
-        assert_right(&decoded(pose, &view, self.mesh.base()), &self.mesh, &self.weights, view.format, what);
+        assert_right(&decoded(pose, &view), &self.mesh, &self.weights, view.format, what);
     }
 
     /// Asserts that the next update makes the right pose.
