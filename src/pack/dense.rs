@@ -100,7 +100,6 @@ impl Added {
             steps,
             directions: directions(streams),
             reached: reached.collect(),
-            // Each product is rounded, and each fits.
             largest: Largest::default(),
             targets: self.vertices.iter().map(|(_, targets)| *targets).max().unwrap_or(0),
             weight_max: desc.blocks.weight_max,

@@ -35,7 +35,7 @@ pub struct PoseGrid {
     /// Sums are rounded to units, and not the term of each target ([`Rebuilt16`](PoseFormat::Rebuilt16)).
     pub rounds_sums: bool,
     /// Low bits that rounding drops from the product of integer weight and integer delta, or from their sum. Dense
-    /// formats: for the target with the finest step; see [`terms`](Self::terms).
+    /// formats: for the target with the finest step; see [`term`](Self::term).
     pub(crate) dropped: [u32; POSE_FLOATS],
 }
 
@@ -93,7 +93,7 @@ pub(crate) struct Sums {
 pub(crate) struct Largest {
     /// Σ|delta| of a vertex.
     pub sum: f64,
-    /// Half the size of the base pose.
+    /// Half the size of the base pose, and room for an offset that is rounded to single precision.
     pub base: f64,
 }
 
@@ -196,7 +196,10 @@ impl Sums {
         }
         let half = |c: usize| {
             let [low, high] = self.bounds(c, 0.0);
-            (high - low) / 2.0 / f64::from(self.steps[c / TRIPLE])
+            let half = (high - low) / 2.0;
+            // Both are of single precision: the nearest such number to their middle is no further than they are.
+            let rounding = (high.abs().max(low.abs()) * f64::from(f32::EPSILON)).min(half);
+            (half + rounding) / f64::from(self.steps[c / TRIPLE])
         };
         let base = (0..POSE_FLOATS).map(half).fold(0.0, f64::max);
         let sum = self.reached.iter().flat_map(|reached| reached.sums).fold(0.0, f64::max);
@@ -228,7 +231,10 @@ impl Sums {
             let wider = if dense { "deltas in blocks" } else { "fixed32 poses" };
             return Err(Error::invalid(text, format!("use a weight_max above 0 and up to 255, or {wider}")));
         }
-        let total = |bits: u32| self.largest.sum * steps(bits) + base * f64::from(1u32 << bits);
+        // Deltas move the offset, too.
+        let total = |bits: u32| {
+            self.largest.sum * steps(bits) * (1.0 + f64::from(f32::EPSILON)) + base * f64::from(1u32 << bits)
+        };
         let fits = |bits: &u32| steps(*bits) <= most_steps && total(*bits) <= most;
         let weight_bits = WEIGHT_BITS.rev().find(fits).ok_or_else(|| self.overflow(weight_max, base, most))?;
         let weight_step = f64::from(1u32 << weight_bits).recip();
