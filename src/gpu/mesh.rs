@@ -5,7 +5,8 @@ use super::device::Device;
 use super::memory::Buffer;
 use super::statistics::MemoryKind;
 use crate::error::Result;
-use crate::pack::{POSE_FLOATS, PackedLayout};
+use crate::pack::blocks::PoseGrid;
+use crate::pack::{POSE_FLOATS, PackedLayout, PoseFormat};
 use crate::plan::schedule::asset_uploaded;
 use ash::vk;
 use std::any::Any;
@@ -79,12 +80,13 @@ impl MeshBuffers {
         Ok((Self { layout, base, deltas, host, private }, Upload::new(staging, copies)))
     }
 
-    /// Makes a buffer of these words: the base pose in the integers of a crowd's poses. In memory that the host writes,
-    /// so that making a crowd records nothing.
-    pub(crate) fn base_of(&self, device: &Arc<Device>, words: &[u32]) -> Result<Buffer> {
+    /// Makes a buffer of the base pose in the integers of a crowd's poses ([`PoseFormat::base_words`]). In memory that
+    /// the host writes, so that making a crowd records nothing.
+    pub(crate) fn integer_base(&self, device: &Arc<Device>, pose: PoseFormat, grid: &PoseGrid) -> Result<Buffer> {
+        let words = pose.base_words(grid, &self.host, self.layout.vertex_count);
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER;
         let name = format!("deltamorph base pose in integers of mesh '{}'", self.layout.name);
-        let bytes: &[u8] = bytemuck::cast_slice(words);
+        let bytes: &[u8] = bytemuck::cast_slice(&words);
         let mut buffer = Buffer::new(device, &name, bytes.len() as u64, usage, MemoryKind::Lists)?;
         buffer.mapped()?[..bytes.len()].copy_from_slice(bytes);
         Ok(buffer)

@@ -4,6 +4,7 @@ use crate::error::{Error, Result};
 use crate::gpu::caps::DeviceCaps;
 use crate::gpu::descriptors::BufferRange;
 use crate::gpu::device::Device;
+use crate::gpu::memory::Buffer;
 use crate::gpu::mesh::{MeshBuffers, Upload};
 use crate::gpu::pipelines::Kernels;
 use crate::pack::blocks::PoseGrid;
@@ -230,6 +231,12 @@ impl<'a> Context<'a> {
     pub fn grid(&self) -> PoseGrid {
         let Some(grid) = self.poses.grid else { unreachable!("`UpdateDesc::check_all` refuses sums without a grid") };
         grid
+    }
+
+    /// The base pose of fixed-point poses on the device.
+    pub(crate) fn integer_base(&self) -> Result<Option<Buffer>> {
+        let base = |grid| self.mesh.integer_base(self.device, self.poses.format, &grid);
+        self.poses.grid.map(base).transpose()
     }
 
     /// Fails if `bytes` of `what` exceed the device's storage range.

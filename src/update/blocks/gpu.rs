@@ -150,18 +150,12 @@ impl GroupBlocks {
         let index = context.layout().index()?;
         let [position_unit, normal_unit] = index.steps();
         let asset = BufferRange::new(context.mesh.deltas.raw, 0, deltas_bytes(context.layout()));
-        let (base_pose, base_at) = match poses.grid {
-            None => (None, (base_offset(context.layout()) / 4) as u32),
-            Some(grid) => {
-                let words = poses.format.base_words(&grid, &context.mesh.host, context.layout().vertex_count);
-                (Some(context.mesh.base_of(context.device, &words)?), 0)
-            }
-        };
-        let base = match &base_pose {
-            None => asset,
+        let base_pose = context.integer_base()?;
+        let (base, base_at) = match &base_pose {
+            None => (asset, (base_offset(context.layout()) / 4) as u32),
             Some(buffer) => {
                 let bytes = context.layout().padded_vertices() * poses.format.base_stride();
-                BufferRange::new(buffer.raw, 0, bytes as u64)
+                (BufferRange::new(buffer.raw, 0, bytes as u64), 0)
             }
         };
         let push = BlocksPush {

@@ -96,12 +96,7 @@ impl Passes for ComputePasses {
         let ring = Ring::new(context.device, "deltamorph coefficient lists", part, frames, usage)?;
         let lists = [(mesh.deltas.raw, delta_range(layout)), (ring.range(0).buffer, stride)]
             .map(|(buffer, size)| BufferRange::new(buffer, 0, size));
-        let base_pose = match poses.grid {
-            Some(grid) => {
-                Some(mesh.base_of(context.device, &poses.format.base_pose(&grid, &mesh.host, layout.vertex_count))?)
-            }
-            None => None,
-        };
+        let base_pose = context.integer_base()?;
         let base = base_pose.as_ref().unwrap_or(&mesh.base).raw;
         let poses_of = |instance| (0..slots).map(move |slot| (instance, slot));
         let bound = (0..desc.instances).flat_map(poses_of).flat_map(|(instance, slot)| {
