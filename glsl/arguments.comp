@@ -6,7 +6,7 @@
 #include "animation.glsl"
 #include "tiles.glsl"
 
-// Most instances in a tile, as in plan.comp.
+// Most instances in a tile, as in plan.glsl.
 layout(constant_id = 0) const uint WIDEST = TILE;
 
 void main() {

@@ -62,7 +62,7 @@ Head plus_source(Head head, uint slots, uint at, uint rebuilt) {
     ADDEND position, normal;
     LOAD_VERTEX(poses, (slots & 0xffffu) * pose_floats + at, position, normal)
 #ifdef INTEGER_POSES
-    // Tiles that plan.comp fills have instances of both kinds.
+    // Tiles that the GPU plans have instances of both kinds.
     int keep = int(rebuilt & 1u) - 1;
     position &= keep;
     normal &= keep;
@@ -131,7 +131,7 @@ void main() {
     } while (next < end);
 
     // Poses are loaded after the loop, so that they do not take registers in it.
-    // Only tiles that plan.comp fills, for integers, have instances of both kinds.
+    // Only tiles that the GPU plans, for integers, have instances of both kinds.
     uint rebuilt = work[item + 3u];
 #ifdef INTEGER_POSES
     if (ALL_REBUILT || rebuilt != 0u) {

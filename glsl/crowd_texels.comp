@@ -106,7 +106,7 @@ void main() {
     } while (next < end);
 
     // Poses are loaded after the loop, so that they do not take registers in it.
-    // Only tiles that plan.comp fills, for integers, have instances of both kinds.
+    // Only tiles that the GPU plans, for integers, have instances of both kinds.
     uint rebuilt = item[3];
 #ifdef INTEGER_POSES
     if (ALL_REBUILT || rebuilt != 0u) {
