@@ -9,7 +9,7 @@ use deltamorph::import::is_gltf;
 use deltamorph::import::obj::{ObjMesh, write_obj};
 use deltamorph::reference::{SHORTEST_NORMAL, evaluate};
 use deltamorph::{MorphMesh, POSE_FLOATS};
-use deltamorph_headless::DeviceChoice;
+use deltamorph_headless::{DeviceChoice, Draws};
 use glam::{Vec2, Vec3};
 use serde_json::json;
 use std::path::Path;
@@ -33,7 +33,7 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let mut runner = stage.runner(stage.desc)?;
     let mut passes = 0;
     for weights in &frames {
-        passes += runner.step(&[weights], 0)?.stats.passes;
+        passes += runner.step(&[weights], Draws::default())?.stats.passes;
     }
     let pose = runner.pose(0)?;
     // `frames` ensures at least one frame.

@@ -12,7 +12,7 @@ use deltamorph::{
     PackDesc, PackedLayout, PackedMesh, Playback, PoseFormat, Repeat, UpdateDesc, UpdatePath, UpdateStats, WeightClip,
 };
 pub use deltamorph_headless::Headless as Gpu;
-use deltamorph_headless::{DeviceChoice, HeadlessCrowd, HeadlessDesc, PoseUpload, Step};
+use deltamorph_headless::{DeviceChoice, Draws, HeadlessCrowd, HeadlessDesc, PoseUpload, Step};
 use serde::Serialize;
 use std::rc::Rc;
 use std::slice::from_ref;
@@ -210,17 +210,17 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Updates every instance to `weights[head]`, draws it `copies` times if there is a device, and waits.
-    pub fn step(&mut self, weights: &[impl AsRef<[f32]>], copies: u32) -> deltamorph::Result<Frame> {
+    /// Updates every instance to `weights[head]`, draws it if there is a device, and waits.
+    pub fn step(&mut self, weights: &[impl AsRef<[f32]>], draws: Draws) -> deltamorph::Result<Frame> {
         let Step { update, gpu_ms, draw_ms, cpu_ms } = match self {
             Self::Gpu(crowds) => {
                 let weights: Vec<&[f32]> = weights.iter().map(AsRef::as_ref).collect();
-                HeadlessCrowd::step_together(crowds, &weights, copies)?
+                HeadlessCrowd::step_together(crowds, &weights, draws)?
             }
             Self::Animated { crowds, fps, frame } => {
                 crowds.iter_mut().try_for_each(|crowd| crowd.set_time(*frame as f64 / f64::from(*fps)))?;
                 *frame += 1;
-                HeadlessCrowd::step_together(crowds, &[], copies)?
+                HeadlessCrowd::step_together(crowds, &[], draws)?
             }
             Self::Cpu(crowd, upload) => {
                 let start = Instant::now();
@@ -230,11 +230,11 @@ impl<'a> Runner<'a> {
                 let stats = crowd.update();
                 let cpu_ms = start.elapsed().as_secs_f64() * 1e3;
                 let mut frame = Frame { stats, gpu_ms: None, draw_ms: None, upload_ms: None, cpu_ms };
-                if let Some(upload) = upload.as_mut().filter(|_| copies > 0) {
+                if let Some(upload) = upload.as_mut().filter(|_| draws.any()) {
                     let poses: Vec<_> =
                         (0..weights.len() as u32).map(|head| crowd.pose(head)).collect::<Result<_, _>>()?;
                     frame.upload_ms = Some(upload.upload(&poses.iter().map(AsRef::as_ref).collect::<Vec<_>>())?.cpu_ms);
-                    frame.draw_ms = (0..copies).map(|_| upload.draw()).sum::<Result<_, _>>()?;
+                    frame.draw_ms = upload.draw(draws)?;
                 }
                 return Ok(frame);
             }
@@ -282,11 +282,11 @@ impl<'a> Runner<'a> {
         Ok(Some(format.integers(&stored)))
     }
 
-    /// Device time of `copies` draws of every instance; `None` without a device.
-    pub fn draw_ms(&mut self, copies: u32) -> deltamorph::Result<Option<f64>> {
+    /// Device time of draws of every instance; `None` without a device.
+    pub fn draw_ms(&mut self, draws: Draws) -> deltamorph::Result<Option<f64>> {
         match self {
-            Self::Gpu(crowds) => crowds.iter().map(|crowd| crowd.draw(copies)).sum(),
-            Self::Animated { crowds, .. } => crowds.iter().map(|crowd| crowd.draw(copies)).sum(),
+            Self::Gpu(crowds) => crowds.iter().map(|crowd| crowd.draw(draws)).sum(),
+            Self::Animated { crowds, .. } => crowds.iter().map(|crowd| crowd.draw(draws)).sum(),
             Self::Cpu(..) => Ok(None),
         }
     }

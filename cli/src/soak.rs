@@ -8,7 +8,7 @@ use crate::table::{sig3, thousands};
 use crate::verify::{Checks, REMEDY};
 use deltamorph::BoundClip;
 use deltamorph_head::Rng;
-use deltamorph_headless::DeviceChoice;
+use deltamorph_headless::{DeviceChoice, Draws};
 use serde_json::json;
 use std::time::Instant;
 
@@ -85,10 +85,10 @@ impl Sums {
     fn against_fresh(&mut self, runner: &mut Runner<'_>, stage: &Stage, weights: &[f32]) -> Result<(), Failure> {
         if stage.desc.error_budget > 0.0 {
             // An update without changes applies deferred changes.
-            runner.step(&[weights], 0)?;
+            runner.step(&[weights], Draws::default())?;
         }
         let mut fresh = stage.runner(stage.desc.error_budget(0.0))?;
-        fresh.step(&[weights], 0)?;
+        fresh.step(&[weights], Draws::default())?;
         let format = stage.desc.pose;
         let (sums, pose) = (runner.integers(format)?, runner.pose(0)?);
         let bits = |pose: &[f32]| pose.iter().map(|v| v.to_bits()).collect::<Vec<_>>();

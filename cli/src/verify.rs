@@ -6,6 +6,7 @@ use crate::table::{sig3, thousands};
 use deltamorph::packed::PoseGrid;
 use deltamorph::reference::{SHORTEST_NORMAL, angle_degrees, compare, evaluate, evaluate_unpacked};
 use deltamorph::{CpuCrowd, MorphMesh, POSE_FLOATS, PackedLayout, PackedMesh, PoseError, UpdateDesc, UpdateStats};
+use deltamorph_headless::Draws;
 use glam::DVec3;
 use serde::Serialize;
 use std::sync::Arc;
@@ -298,7 +299,7 @@ impl<'a> Checks<'a> {
         due: bool,
     ) -> Result<(Frame, Option<f64>), Failure> {
         let failed = |e| Failure::Failed(format!("frame {frame}: {}", Failure::from(e)));
-        let step = runner.step(&[weights], 0).map_err(failed)?;
+        let step = runner.step(&[weights], Draws::default()).map_err(failed)?;
         self.found.bound = self.found.bound.max(step.stats.bound.into());
         self.additions = self.promise.additions(self.additions, &step.stats, 1);
         if !due {

@@ -113,7 +113,7 @@ void load_entry(uint entry, uint lane, out DELTA position[VERTICES], out DELTA n
     }
     if (masked) at += BLOCK_SIZE / 32u;
     // All ones if bit `bit` is set. Not bitfieldExtract: of a mask that is the same for the subgroup, at a bit that differs
-    // by invocation, NVIDIA's driver 580 takes the first invocation's bit for all (docs/results/gpu-h100.md).
+    // by invocation, NVIDIA's driver 580 takes the first invocation's bit for all (docs/results/gpu.md).
     int moves = int(mask << (31u - bit)) >> 31;
     // The words after a record are loaded with it. After the last record there is the base pose.
     uint from = rank * size;

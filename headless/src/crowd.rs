@@ -5,7 +5,7 @@ mod read;
 mod times;
 
 use super::Headless;
-use super::draw::PoseDraw;
+use super::draw::{Draws, PoseDraw};
 use super::submit::Readback;
 use deltamorph::ash::vk;
 use deltamorph::internals::plan::schedule::Entry;
@@ -15,6 +15,7 @@ use deltamorph::{
 };
 use std::any::Any;
 use std::collections::VecDeque;
+use std::slice::from_ref;
 use std::time::Instant;
 
 /// The times of a step.
@@ -190,16 +191,16 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
     /// # Errors
     /// Invalid weights; the device fails. The update then does not run, and the next one makes up for it.
     pub fn step(&mut self, weights: &[&[f32]]) -> Result<Step> {
-        Self::step_together(std::slice::from_mut(self), weights, 0)
+        Self::step_together(std::slice::from_mut(self), weights, Draws::default())
     }
 
-    /// Steps several crowds together ([`step`](Self::step)), then draws the pose of every instance `copies` times, in
-    /// one submission. `weights` and the counts refer to the instances of all crowds.
+    /// Steps several crowds together ([`step`](Self::step)), then draws the poses of all instances, in one
+    /// submission. `weights` and the counts refer to the instances of all crowds.
     ///
     /// # Errors
     /// Those of [`step`](Self::step); no crowds, crowds on several devices, or more weights than instances.
-    pub fn step_together(crowds: &mut [Self], weights: &[&[f32]], copies: u32) -> Result<Step> {
-        Self::step_all(crowds, weights, copies, |headless, crowds, cmd| {
+    pub fn step_together(crowds: &mut [Self], weights: &[&[f32]], draws: Draws) -> Result<Step> {
+        Self::step_all(crowds, weights, draws, |headless, crowds, cmd| {
             // SAFETY: the buffer is recording on the engine's device, on a queue with graphics and compute; it is
             // submitted once, and waited for, before anything else happens.
             unsafe { headless.engine.record_updates(cmd, crowds) }
@@ -220,7 +221,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         weights: &[&[f32]],
         tamper: impl FnOnce(&mut Vec<Entry>),
     ) -> Result<Step> {
-        Self::step_all(crowds, weights, 0, |headless, crowds, cmd| {
+        Self::step_all(crowds, weights, Draws::default(), |headless, crowds, cmd| {
             // SAFETY: as in `step_together`; the caller answers for the tampering.
             unsafe { headless.engine.record_tampered(cmd, crowds, tamper) }
         })
@@ -229,7 +230,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
     fn step_all(
         crowds: &mut [Self],
         weights: &[&[f32]],
-        copies: u32,
+        draws: Draws,
         record: impl FnOnce(&Headless, &mut [&mut dyn AnyCrowd], vk::CommandBuffer) -> Result<Vec<Update>>,
     ) -> Result<Step> {
         let Some(headless) = crowds.first().map(|crowd| crowd.headless) else {
@@ -263,7 +264,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
             let mut sum = updates[0];
             updates[1..].iter().for_each(|update| sum.stats += update.stats);
             next_part();
-            crowds.iter().try_for_each(|crowd| crowd.record_draws(cmd, copies))?;
+            Self::record_draws(crowds, cmd, draws)?;
             Ok(sum)
         });
         if ran.is_err() {
@@ -273,7 +274,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         let (update, [gpu_ms, draw_ms]) = ran?;
         let load_ms = headless.submitter.load.get().map_or(0.0, |load| load.ms.get());
         let cpu_ms = start.elapsed().as_secs_f64() * 1e3 - load_ms;
-        Ok(Step { update, gpu_ms, draw_ms: draw_ms.filter(|_| copies > 0), cpu_ms })
+        Ok(Step { update, gpu_ms, draw_ms: draw_ms.filter(|_| draws.any()), cpu_ms })
     }
 
     /// Records an update that the caller runs later with [`submit`](Self::submit), so that tests can delay, drop and
@@ -337,20 +338,25 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
         ran
     }
 
-    /// Draws the pose of every instance `copies` times, discarding all primitives; returns device time in milliseconds.
-    /// On a direct path these draws evaluate the pose.
+    /// Draws the pose of every instance, discarding all primitives; returns device time in milliseconds. On a direct
+    /// path each of these draws evaluates the pose, position and normal.
     ///
     /// # Errors
     /// No update recorded yet; the device fails.
-    pub fn draw(&self, copies: u32) -> Result<Option<f64>> {
-        let ((), [ms, _]) = self.headless.submitter.run_timed(|cmd, _| self.record_draws(cmd, copies))?;
+    pub fn draw(&self, draws: Draws) -> Result<Option<f64>> {
+        let submitter = &self.headless.submitter;
+        let ((), [ms, _]) = submitter.run_timed(|cmd, _| Self::record_draws(from_ref(self), cmd, draws))?;
         Ok(ms)
     }
 
-    fn record_draws(&self, cmd: vk::CommandBuffer, copies: u32) -> Result<()> {
-        if copies == 0 {
-            return Ok(());
+    fn record_draws(crowds: &[Self], cmd: vk::CommandBuffer, draws: Draws) -> Result<()> {
+        for positions in draws.passes() {
+            crowds.iter().try_for_each(|crowd| crowd.record_pass(cmd, draws.copies, positions))?;
         }
+        Ok(())
+    }
+
+    fn record_pass(&self, cmd: vk::CommandBuffer, copies: u32, positions: bool) -> Result<()> {
         let (base, mut poses) = (self.crowd.base(), vec![]);
         if let Some(draws) = base.draws(0) {
             base.shown().try_for_each(|instance| base.slots_of(instance).map(drop))?;
@@ -366,7 +372,7 @@ impl<'a, C: AnyCrowd + 'static> HeadlessCrowd<'a, C> {
             let pose = base.group_pose(instance, 0)?;
             poses.extend(std::iter::repeat_n((pose.buffer, pose.offset), copies as usize));
         }
-        self.draw.record(cmd, poses.into_iter(), self.mesh.layout().padded_vertices() as u32);
+        self.draw.record(cmd, poses.into_iter(), self.mesh.layout().padded_vertices() as u32, positions);
         Ok(())
     }
 }

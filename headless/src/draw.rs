@@ -3,41 +3,76 @@
 use super::Headless;
 use super::submit::{Readback, full_barrier};
 use deltamorph::ash::vk;
-use deltamorph::internals::abi::modules::CONSUME;
+use deltamorph::internals::abi::modules::{CONSUME, CONSUME_POSITION};
 use deltamorph::internals::gpu::device::Device;
 use deltamorph::internals::gpu::memory::Buffer;
 use deltamorph::internals::gpu::pipelines::Objects;
 use deltamorph::internals::gpu::statistics::MemoryKind;
 use deltamorph::{DeltaFormat, Error, PackedLayout, PoseFormat, Result};
+use std::iter::repeat_n;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// A draw that reads poses as vertex attributes and discards every primitive, to measure the cost of reading them.
+/// The draws of a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Draws {
+    /// Draws of each instance in a pass.
+    pub copies: u32,
+    /// Passes. The last one reads whole vertices, those before it positions alone, as passes for depth and shadows do.
+    pub passes: u32,
+}
+
+impl Draws {
+    /// Whether there are any.
+    pub fn any(self) -> bool {
+        self.copies > 0 && self.passes > 0
+    }
+
+    /// For each pass, whether it reads positions alone.
+    pub(super) fn passes(self) -> impl Iterator<Item = bool> {
+        (1..=self.passes).map(move |pass| pass < self.passes)
+    }
+}
+
+/// Draws that read poses as vertex attributes and discard every primitive, to measure the cost of reading them.
 pub(super) struct PoseDraw {
+    /// Pipelines: one that reads whole vertices, one that reads positions.
     objects: Objects,
 }
 
 impl PoseDraw {
-    /// Makes a draw for poses of a format.
+    /// Makes draws for poses of a format.
     pub(super) fn new(device: &Arc<Device>, pose: PoseFormat) -> Result<Self> {
         let mut objects = Objects::none(device);
         objects.add_layout(&[CONSUME.row], 0)?;
         objects.add_empty_render_pass()?;
         let (bindings, attributes) = pose.vertex_input(false);
-        // It reads no deltas, so the module is the same for all delta formats.
-        let module = CONSUME.module(DeltaFormat::Float32.row(), pose.row(), 0)?;
-        objects.add_discarding_vertex(module, &bindings, &attributes)?;
+        for (kernel, attributes) in [(&CONSUME, &attributes[..]), (&CONSUME_POSITION, &attributes[..1])] {
+            // It reads no deltas, so the module is the same for all delta formats.
+            let module = kernel.module(DeltaFormat::Float32.row(), pose.row(), 0)?;
+            objects.add_discarding_vertex(module, &bindings, attributes)?;
+        }
         Ok(Self { objects })
     }
 
-    /// Draws `vertices` vertices of each pose, given by its buffer and offset. `cmd` is recording outside a render
-    /// pass, and the poses are ready for vertex-attribute reads.
-    pub(super) fn record(&self, cmd: vk::CommandBuffer, poses: impl Iterator<Item = (vk::Buffer, u64)>, vertices: u32) {
+    /// Draws `vertices` vertices, or their `positions` alone, of each pose, given by its buffer and offset. `cmd` is
+    /// recording outside a render pass, and the poses are ready for vertex-attribute reads.
+    pub(super) fn record(
+        &self,
+        cmd: vk::CommandBuffer,
+        poses: impl Iterator<Item = (vk::Buffer, u64)>,
+        vertices: u32,
+        positions: bool,
+    ) {
         let device = &self.objects.device.raw;
         // SAFETY: `cmd` is recording (see above); pipeline and render pass are ours; each pose has `vertices`.
         unsafe {
             self.objects.begin_render_pass(cmd);
-            device.cmd_bind_pipeline(cmd, vk::PipelineBindPoint::GRAPHICS, self.objects.pipelines[0]);
+            device.cmd_bind_pipeline(
+                cmd,
+                vk::PipelineBindPoint::GRAPHICS,
+                self.objects.pipelines[usize::from(positions)],
+            );
             for (buffer, offset) in poses {
                 device.cmd_bind_vertex_buffers(cmd, 0, &[buffer], &[offset]);
                 device.cmd_draw(cmd, vertices, 1, 0, 0);
@@ -124,14 +159,17 @@ impl<'a> PoseUpload<'a> {
         Ok(Uploaded { gpu_ms, cpu_ms, bytes_moved: 4 * size })
     }
 
-    /// Draws every uploaded pose once, discarding all primitives; returns device time in milliseconds.
+    /// Draws every uploaded pose, discarding all primitives; returns device time in milliseconds.
     ///
     /// # Errors
     /// The device fails.
-    pub fn draw(&self) -> Result<Option<f64>> {
-        let poses = (0..self.instances).map(|i| (self.poses.raw, u64::from(i) * self.pose_bytes));
+    pub fn draw(&self, draws: Draws) -> Result<Option<f64>> {
+        let pose = |instance: u32| (self.poses.raw, u64::from(instance) * self.pose_bytes);
         let ((), [ms, _]) = self.headless.submitter.run_timed(|cmd, _| {
-            self.draw.record(cmd, poses, self.vertices);
+            for positions in draws.passes() {
+                let poses = (0..self.instances).flat_map(|i| repeat_n(pose(i), draws.copies as usize));
+                self.draw.record(cmd, poses, self.vertices, positions);
+            }
             Ok(())
         })?;
         Ok(ms)

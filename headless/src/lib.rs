@@ -12,7 +12,7 @@ mod wait;
 pub use bandwidth::Bandwidth;
 pub use crowd::{HeadlessCrowd, Recorded, Step};
 #[doc(hidden)]
-pub use draw::{PoseUpload, Uploaded};
+pub use draw::{Draws, PoseUpload, Uploaded};
 #[doc(hidden)]
 pub use wait::wait_idle;
 

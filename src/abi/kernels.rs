@@ -236,6 +236,7 @@ const fn joined<const N: usize>(parts: [&[KernelRow]; 3]) -> [KernelRow; N] {
 const OURS: &[KernelRow] = &[
     // Measurements.
     KernelRow { name: "consume", poses: true, ..VERTEX },
+    KernelRow { name: "consume_position", poses: true, ..VERTEX },
     KernelRow { name: "read", bindings: &[(0, Buffer::Storage(16)), (1, WORDS)], push: "ReadPush", ..COMPUTE },
     // Animation on the GPU: sampling clips and planning updates. Specialization constants: the invocations that sample
     // 32 targets; the widest tile.

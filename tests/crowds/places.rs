@@ -5,7 +5,7 @@ use crate::gpu::{self, on_every_device, update_descs};
 use crate::testing;
 use deltamorph::reference::compare;
 use deltamorph::{BatchSize, CrowdDesc, DeltaFormat, MorphEngine, PackedMesh, UpdateDesc, UpdatePath};
-use deltamorph_headless::{Headless, HeadlessCrowd, Step};
+use deltamorph_headless::{Draws, Headless, HeadlessCrowd, Step};
 
 const TARGETS: usize = 12;
 
@@ -148,7 +148,8 @@ fn crowds_side_by_side_do_what_one_crowd_does() {
                     let heads: Vec<Vec<f32>> = (0..4).map(|i| gpu::weights(&mesh, frame * i, i)).collect();
                     let heads: Vec<&[f32]> = heads.iter().map(Vec::as_slice).collect();
                     let one = whole.step(&heads).expect("a step");
-                    let two = HeadlessCrowd::step_together(&mut halves, &heads, 3).expect("a step");
+                    let two = HeadlessCrowd::step_together(&mut halves, &heads, Draws { copies: 3, passes: 2 })
+                        .expect("a step");
                     // Passes and bytes may differ, since a crowd shares work.
                     let work = |step: &Step| (step.update.stats.coefficients, step.update.stats.dirty_blocks);
                     assert_eq!(work(&one), work(&two), "{update:?} frame {frame}");

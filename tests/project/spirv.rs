@@ -262,8 +262,13 @@ fn modules_declare_what_the_table_says() {
             Stage::Vertex => {
                 assert!(sizes.is_empty(), "{name}");
                 let deltas = module.batch as usize * format.map_or(0, |format| format.attributes.len());
-                // Rectangles come from a buffer.
-                let pose = [(0, 1), (1, 1)].into_iter().filter(|_| kernel.name != "rectangles");
+                let of_pose = match kernel.name {
+                    // From a buffer.
+                    "rectangles" => 0,
+                    "consume_position" => 1,
+                    _ => 2,
+                };
+                let pose = [(0, 1), (1, 1)].into_iter().take(of_pose);
                 let behind = (deltas > 0).then_some((2, deltas));
                 assert_eq!(inputs(&entry), pose.chain(behind).collect::<Vec<_>>(), "{name}");
             }

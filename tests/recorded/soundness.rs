@@ -4,7 +4,7 @@ use crate::gpu::{self, drivers, on_every_device};
 use crate::testing;
 use deltamorph::reference::evaluate_unpacked;
 use deltamorph::{DeltaFormat, PackDesc, PackedMesh, UpdateDesc};
-use deltamorph_headless::{Headless, HeadlessCrowd};
+use deltamorph_headless::{Draws, Headless, HeadlessCrowd};
 use std::slice::from_mut;
 
 #[test]
@@ -31,7 +31,8 @@ fn a_step_that_fails_half_way_leaves_every_crowd_as_it_was() {
         let mut both = devices.each_ref().map(|headless| gpu::crowd(headless, &mesh, UpdateDesc::blocks()));
         let asked = [0.7; 8];
         both[0].step(&[&[0.0; 8]]).expect("a step");
-        let error = HeadlessCrowd::step_together(&mut both, &[&asked, &asked], 0).expect_err("two devices");
+        let error =
+            HeadlessCrowd::step_together(&mut both, &[&asked, &asked], Draws::default()).expect_err("two devices");
         assert!(error.to_string().contains("several devices"), "{error}");
         both[0].step(&[&asked]).expect("a step");
         gpu::assert_right(&mut both[0], 0, &mesh, &asked);

@@ -10,7 +10,7 @@ use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
     BatchSize, CpuCrowd, DeltaFormat, PackedMesh, PoseFormat, UpdateDesc, UpdateMode, UpdatePath, UpdateStats,
 };
-use deltamorph_headless::{Headless, HeadlessCrowd, PoseUpload};
+use deltamorph_headless::{Draws, Headless, HeadlessCrowd, PoseUpload};
 use std::sync::Arc;
 
 /// Plays `frames` frames of a history and compares every pose and previous pose with the reference.
@@ -21,7 +21,7 @@ pub fn check(headless: &Headless, mesh: &PackedMesh, desc: UpdateDesc, frames: u
     for (frame, weights) in history(mesh, &desc, 5).iter().take(frames).enumerate() {
         crowd.step(&[weights]).expect("a step");
         if desc.path.is_baseline() {
-            crowd.draw(1).expect("a draw");
+            crowd.draw(Draws { copies: 1, passes: 2 }).expect("a draw");
         }
         if !can_read(headless, &desc) {
             testing::says(crowd.read_pose(0), &["vertexPipelineStoresAndAtomics", "transform_feedback"]);
@@ -306,7 +306,7 @@ fn poses_of_the_cpu_path_are_uploaded_as_they_are() {
             let poses = poses.each_ref().map(|pose| &**pose);
             let took = upload.upload(&poses).expect("an upload");
             assert_eq!(took.bytes_moved, 2 * 4 * mesh.layout().base_bytes());
-            upload.draw().expect("a draw");
+            upload.draw(Draws { copies: 1, passes: 2 }).expect("a draw");
             assert_eq!(upload.read().expect("poses"), poses.concat());
         }
         assert!(upload.upload(&[&crowd.pose(0).expect("an instance")]).is_err());

@@ -5,7 +5,7 @@ use crate::gpu::{self, assert_right};
 use crate::testing;
 use deltamorph::DeltaFormat::{Fast, Float32, Small, Snorm16};
 use deltamorph::{PackedMesh, UpdateDesc, UpdateMode, UpdateStats};
-use deltamorph_headless::{Headless, HeadlessCrowd};
+use deltamorph_headless::{Draws, Headless, HeadlessCrowd};
 
 /// Runs `test` for every technique and batch size of every device, on fresh crowds that have shown two frames;
 /// techniques of others in every mode, with one to three slots.
@@ -97,7 +97,7 @@ fn histories_of_updates_that_are_delayed_discarded_and_recorded_again() {
                         assert!(!error.within(1e-3, f64::INFINITY), "{context}: proves nothing");
                     }
                     "no" if !draws => {
-                        let text = crowd.draw(1).expect_err(&context).to_string();
+                        let text = crowd.draw(Draws { copies: 1, passes: 2 }).expect_err(&context).to_string();
                         assert!(text.contains("no pose yet") && crowd.crowd().pose(0).is_err(), "{context}: {text}");
                     }
                     "rebuilt" => {

@@ -12,7 +12,7 @@ use deltamorph::{
     CpuCrowd, CrowdDesc, DeltaFormat, MorphMesh, MorphSource, PackDesc, PackedMesh, Semantic, Tolerance, UpdateDesc,
     UpdatePath,
 };
-use deltamorph_headless::{Headless, HeadlessCrowd};
+use deltamorph_headless::{Draws, Headless, HeadlessCrowd};
 use std::sync::Arc;
 
 const TARGETS: usize = 11;
@@ -96,7 +96,7 @@ fn check(headless: &Headless, mesh: &PackedMesh, desc: UpdateDesc, frames: u32) 
             crowd.discard(lost.ticket).expect("a ticket of this crowd");
         }
         crowd.step(&asked).expect("a step");
-        crowd.draw(1).expect("a draw");
+        crowd.draw(Draws { copies: 1, passes: 2 }).expect("a draw");
         for (head, asked) in asked.iter().enumerate().filter(|(head, _)| *head != 1 || !hidden(frame)) {
             shown[head] = asked.to_vec();
         }

@@ -51,6 +51,11 @@ pub struct BenchArgs {
     /// One animation for all heads: one is updated, and its pose drawn for each
     #[arg(long)]
     pub shared: bool,
+    /// Draws of every head in a frame, which its time includes: the last one reads whole vertices, those before it
+    /// positions alone, as passes for depth and shadows do; paths that evaluate in draws do so in each [default: none;
+    /// suites, and if one of the paths evaluates in draws: 1]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = values::whole(1u32, 64))]
+    pub draws: Vec<u32>,
     /// Frames to time per configuration, at most
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = values::whole(1usize, 1_000_000))]
     pub frames: usize,
@@ -84,6 +89,11 @@ impl BenchArgs {
     /// The crowd sizes given, each once, or else `default`.
     pub fn heads_or(&self, default: &[u32]) -> Vec<u32> {
         distinct_or(&self.heads, default)
+    }
+
+    /// The numbers of draws given, each once, or else `default`.
+    pub fn draws_or(&self, default: u32) -> Vec<u32> {
+        distinct_or(&self.draws, &[default])
     }
 
     /// The folder to write, if any.

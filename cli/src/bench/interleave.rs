@@ -153,7 +153,7 @@ fn begin<'a>(
     let Candidate { config, setting, .. } = candidate;
     let meshes = subject.meshes(machine, config.format)?;
     // The path `cpu` needs a device only to draw.
-    let gpu = machine.gpu.as_ref().filter(|_| setting.drawn || config.desc.path != UpdatePath::Cpu);
+    let gpu = machine.gpu.as_ref().filter(|_| setting.passes > 0 || config.desc.path != UpdatePath::Cpu);
     let reach = |(mesh, workload): (&Arc<PackedMesh>, &Workload)| {
         (mesh.clone(), reaching(config.desc, workload.largest(), mesh.layout()))
     };

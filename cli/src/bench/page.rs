@@ -2,7 +2,7 @@
 
 use super::group::{by_family, gain, hardest, partition};
 use super::plot::{bars, escaped, lines};
-use super::record::{Report, RunRecord, SuiteRecord, fastest, heads_words};
+use super::record::{Report, RunRecord, SuiteRecord, draws_words, fastest, heads_words};
 use super::sentences::{of_suite, sentences, title};
 use super::tables;
 use crate::table::{Table, count, percent, thousands};
@@ -104,9 +104,10 @@ fn figures(report: &Report, suite: Option<&SuiteRecord>) -> String {
         None => sweep(&runs),
         Some("crowd") => {
             let points: Vec<&RunRecord> = runs.into_iter().filter(|run| run.cell.ends_with(" targets")).collect();
-            let groups = partition(&points, |run| (run.heads, run.shared));
-            let plot = |((heads, shared), runs): &((u32, bool), Vec<&RunRecord>)| {
-                let what = format!("{}; all targets kept change", heads_words(*heads, *shared));
+            let groups = partition(&points, |run| (run.heads, run.shared, run.draws));
+            let plot = |((heads, shared, draws), runs): &((u32, bool, u32), Vec<&RunRecord>)| {
+                let heads = heads_words(*heads, *shared);
+                let what = format!("{heads}{}; all targets kept change", draws_words(*draws));
                 lines(["Time per frame against targets", &what], "targets kept", runs, |r| r.targets as f64, time)
             };
             groups.iter().map(plot).collect()

@@ -176,6 +176,9 @@ pub struct RunRecord {
     pub heads: u32,
     /// One animation, drawn many times.
     pub shared: bool,
+    /// Draws of each instance in a frame: the last one reads whole vertices, those before it positions alone. 0: frames
+    /// had none.
+    pub draws: u32,
     /// Crowds that the instances are divided into; all are updated in one submission.
     pub crowds: u32,
     /// Whether it was measured after the others, for lack of memory: its ratios are of medians, not of rounds.
@@ -209,9 +212,9 @@ pub struct RunRecord {
     pub gpu_ms: Option<Stats>,
     /// Round trip from weights to fence.
     pub cpu_ms: Option<Stats>,
-    /// One draw that reads the pose and rasterizes nothing.
+    /// The draws of a frame, which read the poses and rasterize nothing; of frames without draws, one of each instance.
     pub draw_ms: Option<f64>,
-    /// Time of the update and one draw per instance, on the device; `None` if frames had no draws.
+    /// Time of the update and the draws, on the device; `None` if frames had no draws.
     pub update_and_draw_ms: Option<Stats>,
     /// Time to upload poses from main memory to the device, waited for: the path `cpu`, if it is drawn. Not part of any
     /// other time.
@@ -314,6 +317,11 @@ pub fn heads_words(heads: u32, shared: bool) -> String {
         (1, true) => "1 copy".into(),
         (n, true) => format!("{n} copies, one animation"),
     }
+}
+
+/// What a cell's name says of its draws: nothing of one.
+pub fn draws_words(draws: u32) -> String {
+    if draws > 1 { format!(", {draws} draws") } else { String::new() }
 }
 
 /// Medians of a few consecutive frames, in ms.

@@ -2,7 +2,7 @@
 
 use super::configs::{Config, Wanted, configurations};
 use super::interleave::Common;
-use super::record::{Report, Skipped, heads_words};
+use super::record::{Report, Skipped, draws_words, heads_words};
 use super::session::Session;
 use super::subject::Subject;
 use super::trial::Candidate;
@@ -50,9 +50,14 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let workloads: Vec<Workload> = counts.iter().map(random).chain(clips.iter().map(Workload::clip)).collect();
     // If a path evaluates in draws, all configurations draw.
     let drawn = most.iter().any(|config| config.desc.path.evaluates_in_draws());
-    let setting = |heads, workload| Setting { workload, others: &[], heads, shared: args.shared, drawn, brief: false };
-    let heads = args.heads_or(&[1]).into_iter();
-    let settings: Vec<_> = heads.flat_map(|n| workloads.iter().map(move |workload| setting(n, workload))).collect();
+    let shared = args.shared;
+    let mut settings = vec![];
+    for heads in args.heads_or(&[1]) {
+        for passes in args.draws_or(drawn.into()) {
+            let setting = |workload| Setting { workload, others: &[], heads, shared, passes, brief: false };
+            settings.extend(workloads.iter().map(setting));
+        }
+    }
     session.planned = settings.len();
     let mut subject = Subject::new(input);
     for setting in &settings {
@@ -62,7 +67,7 @@ pub fn run(args: &BenchArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
             Some(n) => format!("{n} of {targets} targets changed"),
             None => format!("clip {}", setting.workload.name),
         };
-        let cell = format!("{work}, {}", heads_words(setting.heads, setting.shared));
+        let cell = format!("{work}, {}{}", heads_words(setting.heads, setting.shared), draws_words(setting.passes));
         let name = |config: &Config| {
             let pose =
                 if config.desc.pose.has_integers() { format!(" {}", config.desc.pose.name()) } else { String::new() };

@@ -20,7 +20,7 @@ const WORDS: [Column; 6] = [
     ("mode", |run| run.mode.clone()),
     ("workload", |run| run.workload.clone()),
 ];
-const NUMBERS: [Column; 17] = [
+const NUMBERS: [Column; 18] = [
     ("ms/frame", |run| if run.verified { optional(run.time().map(|t| t.median)) } else { "WRONG".into() }),
     ("rounds", |run| match run.rounds_ratio {
         Some(ratio) if run.uneven() => format!("{ratio:.2}× UNEVEN"),
@@ -29,6 +29,7 @@ const NUMBERS: [Column; 17] = [
     }),
     ("of floor", |run| run.floor_fraction.map_or(NONE.into(), percent)),
     ("heads", |run| run.heads.to_string()),
+    ("draws", |run| if run.draws > 0 { run.draws.to_string() } else { NONE.into() }),
     ("changed", |run| count(run.changed)),
     ("batch", |run| run.batch_size.to_string()),
     ("passes", |run| count(run.passes)),
@@ -49,7 +50,9 @@ const NUMBERS: [Column; 17] = [
     ("error / diagonal", |run| optional(run.max_error_rel)),
 ];
 /// Columns on pages only, which are wider than terminals.
-const PAGES_ONLY: [&str; 6] = ["mean", "n", "update ms", "draw ms", "round trip ms", "upload ms"];
+const PAGES_ONLY: [&str; 4] = ["mean", "n", "round trip ms", "upload ms"];
+/// The parts of a frame that is drawn; on pages only if none is.
+const PARTS: [&str; 2] = ["update ms", "draw ms"];
 
 /// Columns that are there even if all runs have the same in them.
 const KEYS: [&str; 5] = ["path", "format", "ms/frame", "rounds", "of floor"];
@@ -71,14 +74,16 @@ pub fn of_all<'a>(runs: impl IntoIterator<Item = &'a RunRecord>) -> Option<Strin
     (!told.is_empty()).then(|| format!("In all of them: {told}."))
 }
 
-/// A row for each run. Columns that are empty or the same in every run are left out, on a terminal also those of
-/// `PAGES_ONLY`.
+/// A row for each run. Columns that are empty or the same in every run are left out, on a terminal also those that are
+/// for pages.
 pub fn runs<'a>(runs: impl IntoIterator<Item = &'a RunRecord>, terminal: bool) -> Table {
     let runs: Vec<&RunRecord> = runs.into_iter().collect();
     let same: Vec<&str> = common(&runs).map(|(heading, _)| heading).collect();
+    let drawn = runs.iter().any(|run| run.draws > 0);
+    let wide = |heading: &&str| PAGES_ONLY.contains(heading) || !drawn && PARTS.contains(heading);
     let told = |(heading, cell): &&Column| {
         let empty = |run: &&RunRecord| [String::new(), NONE.into()].contains(&cell(run));
-        !(runs.iter().all(empty) || same.contains(heading) || terminal && PAGES_ONLY.contains(heading))
+        !(runs.iter().all(empty) || same.contains(heading) || terminal && wide(heading))
     };
     let words: Vec<&Column> = WORDS.iter().filter(told).collect();
     let columns: Vec<&Column> = words.iter().copied().chain(NUMBERS.iter().filter(told)).collect();

@@ -12,6 +12,7 @@ use crate::runner::{Frame, Runner};
 use crate::verify::{Found, Promise};
 use deltamorph::reference::compare;
 use deltamorph::{PackedMesh, Result, UpdateDesc, UpdateStats};
+use deltamorph_headless::Draws;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -48,6 +49,7 @@ impl<'a> Candidate<'a> {
             changed: setting.workload.changed.unwrap_or(0) as f64,
             heads: setting.heads,
             shared: setting.shared,
+            draws: setting.passes,
             crowds: if *separate { setting.updated() } else { 1 },
             accumulate: name(Sums::of(desc)),
             pose: desc.pose.name().into(),
@@ -109,10 +111,10 @@ impl<'a> Trial<'a> {
             spent: Duration::ZERO,
         };
         let setting = candidate.setting;
-        trial.step(0, 0)?;
+        trial.step(0, Draws::default())?;
         for &checkpoint in if setting.brief { &[BRIEF_CHECK] } else { &setting.workload.checkpoints[..] } {
             for frame in trial.frame + 1..=checkpoint {
-                trial.step(frame, 0)?;
+                trial.step(frame, Draws::default())?;
             }
             trial.verify(subject)?;
         }
@@ -145,7 +147,7 @@ impl<'a> Trial<'a> {
     /// Continues at this part of the workload. As many frames as there are slots to replace are not timed.
     pub fn jump(&mut self, part: usize, parts: usize) -> Result<()> {
         let frame = self.candidate.setting.workload.period() * part / parts;
-        (0..self.record.slots as usize).try_for_each(|i| self.step(frame + i, 0).map(drop))
+        (0..self.record.slots as usize).try_for_each(|i| self.step(frame + i, Draws::default()).map(drop))
     }
 
     /// Times `frames` more.
@@ -162,7 +164,7 @@ impl<'a> Trial<'a> {
     /// padding.
     fn run(&mut self, frames: usize, limit: Option<Duration>, least: Duration) -> Result<(Vec<Timed>, Duration)> {
         let setting = self.candidate.setting;
-        let draws = if setting.drawn { setting.copies() } else { 0 };
+        let draws = setting.draws(setting.passes);
         let (begun, mut done, mut last) = (Instant::now(), vec![], Duration::ZERO);
         for i in 0..frames {
             if i > 0 && limit.is_some_and(|limit| begun.elapsed() >= limit) {
@@ -180,9 +182,9 @@ impl<'a> Trial<'a> {
         Ok((done, last))
     }
 
-    fn step(&mut self, frame: usize, copies: u32) -> Result<Frame> {
+    fn step(&mut self, frame: usize, draws: Draws) -> Result<Frame> {
         self.runner.seek(frame);
-        let step = self.runner.step(&self.candidate.setting.weights(frame), copies)?;
+        let step = self.runner.step(&self.candidate.setting.weights(frame), draws)?;
         self.frame = frame;
         self.found.bound = self.found.bound.max(f64::from(step.stats.bound));
         self.additions = self.promise.additions(self.additions, &step.stats, self.candidate.setting.updated());
@@ -257,10 +259,10 @@ impl<'a> Trial<'a> {
         record.cpu_ms = times(timed, |frame| Some(frame.cpu_ms));
         record.update_and_draw_ms = times(timed, both);
         record.upload_ms = times(timed, |frame| frame.upload_ms);
-        record.draw_ms = match setting.drawn {
+        record.draw_ms = match setting.passes > 0 {
             true => times(timed, |frame| frame.draw_ms),
             false => {
-                let draws = (0..DRAWS).map(|_| self.runner.draw_ms(setting.copies()));
+                let draws = (0..DRAWS).map(|_| self.runner.draw_ms(setting.draws(1)));
                 Stats::of(&draws.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect::<Vec<_>>())
             }
         }

@@ -1,6 +1,7 @@
 //! Weights while a configuration is verified and timed: random changes or a captured clip, on any number of instances.
 
 use deltamorph::{BoundClip, WeightClip};
+use deltamorph_headless::Draws;
 
 /// Weights of every instance in every frame. Independent of path, batch size and format.
 pub struct Workload {
@@ -146,31 +147,32 @@ pub struct Setting<'a> {
     pub heads: u32,
     /// One animation: one instance is updated, and its pose drawn for each.
     pub shared: bool,
-    /// Every frame draws each instance once after the update, without rasterizing.
-    pub drawn: bool,
+    /// Passes that draw each instance after the update of every frame, without rasterizing: the last one reads whole
+    /// vertices, those before it positions alone.
+    pub passes: u32,
     /// Compares with the reference after a few frames instead of all checkpoints of the workload, if frames take long.
     pub brief: bool,
 }
 
 impl<'a> Setting<'a> {
     /// The setting of suites: instances with their own weights, drawn, checked after a few frames.
-    pub fn of_suite(workload: &'a Workload, heads: u32) -> Self {
-        Self::of_scene(std::slice::from_ref(workload), heads)
+    pub fn of_suite(workload: &'a Workload, heads: u32, passes: u32) -> Self {
+        Self::of_scene(std::slice::from_ref(workload), heads, passes)
     }
 
     /// Like [`of_suite`](Self::of_suite), with a workload for each mesh of a scene, and as many instances of each.
-    pub fn of_scene(workloads: &'a [Workload], heads: u32) -> Self {
+    pub fn of_scene(workloads: &'a [Workload], heads: u32, passes: u32) -> Self {
         let heads = heads.next_multiple_of(workloads.len() as u32);
-        Self { workload: &workloads[0], others: &workloads[1..], heads, shared: false, drawn: true, brief: true }
+        Self { workload: &workloads[0], others: &workloads[1..], heads, shared: false, passes, brief: true }
     }
 
     pub fn updated(&self) -> u32 {
         if self.shared { 1 } else { self.heads }
     }
 
-    /// Draws per updated instance.
-    pub fn copies(&self) -> u32 {
-        if self.shared { self.heads } else { 1 }
+    /// The draws of updated instances in `passes`.
+    pub fn draws(&self, passes: u32) -> Draws {
+        Draws { copies: if self.shared { self.heads } else { 1 }, passes }
     }
 
     /// The workload of each mesh.

@@ -141,11 +141,16 @@ fn updates_pay_for_animated_weights_and_rebuilds_for_constant_ones_too() {
 #[test]
 fn faces_of_four_rigs_are_one_scene() {
     let folder = tempfile::tempdir().unwrap();
-    let sizes = "--device llvmpipe --vertices 800 --targets 20 --frames 3 --time-limit 0.01 --heads 5 --quiet";
+    let sizes =
+        "--device llvmpipe --vertices 800 --targets 20 --frames 3 --time-limit 0.01 --heads 5 --draws 1,3 --quiet";
     let out = suite("faces", &sizes.split(' ').collect::<Vec<_>>(), folder.path());
     let cells = out["suites"][0]["cells"].as_array().unwrap();
-    assert_eq!(cells.len(), 1);
-    assert_eq!((&cells[0]["mesh"], &cells[0]["heads"]), (&"4 rigs".into(), &8.into()), "as many of each rig");
+    let named: Vec<_> =
+        cells.iter().map(|cell| cell["name"].as_str().unwrap().rsplit_once("8 heads").unwrap().1).collect();
+    assert_eq!(named, ["", ", 3 draws"]);
+    for cell in cells {
+        assert_eq!((&cell["mesh"], &cell["heads"]), (&"4 rigs".into(), &8.into()), "as many of each rig");
+    }
     assert_eq!(
         names(&out, "technique"),
         ["blocks fixed16 animated", "blocks fixed16 fast", "blocks fixed16 small", "compute rebuild", "direct"]
@@ -155,6 +160,13 @@ fn faces_of_four_rigs_are_one_scene() {
     // All run the same frames, and every rebuild reads what is active of each face.
     let runs = out["runs"].as_array().unwrap();
     assert!(runs.iter().all(|run| run["active"] == runs[0]["active"] && run["targets"] == 68), "{out}");
+    // Each draw of this path evaluates.
+    let [one, three] = [1, 3].map(|draws| {
+        let run = runs.iter().find(|run| run["technique"] == "direct" && run["draws"] == draws).unwrap();
+        assert!(run["update_and_draw_ms"]["median"].as_f64() > run["draw_ms"].as_f64(), "{run}");
+        run["draw_ms"].as_f64()
+    });
+    assert!(three > one, "{three:?} {one:?}");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Device times of the steps of an update.
 
-use super::HeadlessCrowd;
+use super::{Draws, HeadlessCrowd};
 use deltamorph::ash::vk;
 use deltamorph::{AnyCrowd, Error, Result};
 use std::slice::from_mut;
@@ -23,7 +23,7 @@ impl<C: AnyCrowd + 'static> HeadlessCrowd<'_, C> {
         let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(QUERIES);
         // SAFETY: the device is alive.
         let pool = unsafe { device.create_query_pool(&info, None) }.map_err(Error::vulkan("vkCreateQueryPool"))?;
-        let step = Self::step_all(from_mut(self), &[], 0, |headless, crowds, cmd| {
+        let step = Self::step_all(from_mut(self), &[], Draws::default(), |headless, crowds, cmd| {
             // SAFETY: as in `step_together`; the queue has timestamps, and the pool is reset before its only use and
             // lives until that has ended.
             unsafe {

@@ -5,7 +5,7 @@ use super::techniques::{self, candidates, dense_and_sparse};
 use crate::bench::compare::OURS;
 use crate::bench::configs::Config;
 use crate::bench::interleave::Common;
-use crate::bench::record::heads_words;
+use crate::bench::record::{draws_words, heads_words};
 use crate::bench::session::Session;
 use crate::bench::subject::Subject;
 use crate::bench::trial::Candidate;
@@ -41,21 +41,29 @@ pub fn run(session: &mut Session<'_>) -> Result<(), Failure> {
     counts.dedup();
 
     let random = Workload::random(total, total, session.args.input.seed);
-    let chosen = techniques::choose(session, main, &Setting::of_suite(&random, one), &all)?;
-    session.planned += 3 * counts.len() + SHARED.len() * chosen.len() + 2;
+    let passes = session.args.draws_or(1);
+    let chosen = techniques::choose(session, main, &Setting::of_suite(&random, one, passes[0]), &all)?;
+    session.planned += 3 * counts.len() * passes.len() + SHARED.len() * chosen.len() + 2;
     for &count in &counts {
         let mut kept = main.first_targets(count);
         let random = Workload::random(count, count, session.args.input.seed);
         for (heads, shared) in [(one, false), (many, false), (many, true)] {
-            let setting = Setting { shared, ..Setting::of_suite(&random, heads) };
-            let cell = format!("{}, {count} targets", heads_words(heads, shared));
-            session.measure(&mut kept, &cell, &candidates(&chosen, &setting), &session.schedule(Common::Nothing))?;
+            for &passes in &passes {
+                let setting = Setting { shared, ..Setting::of_suite(&random, heads, passes) };
+                let cell = format!("{}{}, {count} targets", heads_words(heads, shared), draws_words(passes));
+                session.measure(
+                    &mut kept,
+                    &cell,
+                    &candidates(&chosen, &setting),
+                    &session.schedule(Common::Nothing),
+                )?;
+            }
         }
     }
 
     // Interleaved, so that variations of the machine's speed affect both.
-    let single = Setting::of_suite(&random, 1);
-    let copies = Setting { shared: true, ..Setting::of_suite(&random, many) };
+    let single = Setting::of_suite(&random, 1, passes[0]);
+    let copies = Setting { shared: true, ..Setting::of_suite(&random, many, passes[0]) };
     for (common, how, goal) in SHARED {
         for (name, config) in &chosen {
             let pair = [(many, &copies), (1, &single)]
@@ -70,7 +78,7 @@ pub fn run(session: &mut Session<'_>) -> Result<(), Failure> {
     for (subject, changed) in [(subjects.len() - 1, FEW.min(total)), (0, total)] {
         let subject = &mut subjects[subject];
         let random = Workload::random(subject.targets(), changed, session.args.input.seed);
-        let setting = Setting { drawn: false, ..Setting::of_suite(&random, many) };
+        let setting = Setting::of_suite(&random, many, 0);
         let pair = [(true, format!("{many} crowds of 1")), (false, format!("1 crowd of {many}"))]
             .map(|(separate, name)| Candidate::new(&name, &Config { separate, ..config.clone() }, &setting));
         let cell = format!("{}: {changed} of {} changed, {many} heads", subject.input.name, subject.targets());

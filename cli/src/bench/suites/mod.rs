@@ -1,5 +1,5 @@
 //! `bench --suite`: ready-made comparisons, each with its own page. Configurations are measured interleaved. If
-//! techniques are compared, each frame draws every instance once after the update: a technique may save time in one and
+//! techniques are compared, each frame draws every instance after the update: a technique may save time in one and
 //! lose it in the other.
 
 mod crowd;

@@ -5,7 +5,7 @@ use crate::args::InputArgs;
 use crate::args::values::BatchSpec;
 use crate::bench::configs::{Config, Wanted, configurations};
 use crate::bench::interleave::{Common, Schedule, interleave};
-use crate::bench::record::{CellRecord, RunRecord, Skipped};
+use crate::bench::record::{CellRecord, RunRecord, Skipped, draws_words};
 use crate::bench::session::Session;
 use crate::bench::subject::Subject;
 use crate::bench::trial::Candidate;
@@ -191,13 +191,13 @@ pub fn captured(session: &mut Session<'_>) -> Result<Vec<Workloads>, Failure> {
     Ok(list)
 }
 
-/// Measures `all` techniques on each of `list`, for one instance and for many: a cell each.
+/// Measures `all` techniques on each of `list`, for one instance and for many, with few draws and with more: a cell each.
 pub fn run(session: &mut Session<'_>, list: Vec<Workloads>, heads: &[u32], all: &[Technique]) -> Result<(), Failure> {
-    let heads = session.args.heads_or(heads);
+    let (heads, passes) = (session.args.heads_or(heads), session.args.draws_or(1));
     for (inputs, works) in list {
         let mut subject = session.scene(inputs);
         let mesh = subject.info().name;
-        session.planned += works.len() * heads.len();
+        session.planned += works.len() * heads.len() * passes.len();
         for (workloads, change) in &works {
             let clips = workloads.iter().any(|workload| workload.changed.is_none());
             let schedule = session.schedule(if clips { Common::Frames } else { Common::Nothing });
@@ -205,15 +205,17 @@ pub fn run(session: &mut Session<'_>, list: Vec<Workloads>, heads: &[u32], all: 
             for &heads in &heads {
                 let some = heads.min(CHOICE_HEADS);
                 if some != chosen_with {
-                    let setting = Setting::of_scene(workloads, some);
+                    let setting = Setting::of_scene(workloads, some, passes[0]);
                     (chosen_with, chosen) = (some, choose(session, &mut subject, &setting, all)?);
                 }
-                let setting = Setting::of_scene(workloads, heads);
-                let (heads, plural) = (setting.heads, if setting.heads == 1 { "" } else { "s" });
-                let cell = format!("{mesh}, {change}, {heads} head{plural}");
-                let runs = session.measure(&mut subject, &cell, &candidates(&chosen, &setting), &schedule)?;
-                let runs: Vec<RunRecord> = runs.into_iter().flatten().collect();
-                session.suite.cells.push(CellRecord::of(&cell, [&mesh, change], heads, &runs));
+                for &passes in &passes {
+                    let setting = Setting::of_scene(workloads, heads, passes);
+                    let (heads, plural) = (setting.heads, if setting.heads == 1 { "" } else { "s" });
+                    let cell = format!("{mesh}, {change}, {heads} head{plural}{}", draws_words(passes));
+                    let runs = session.measure(&mut subject, &cell, &candidates(&chosen, &setting), &schedule)?;
+                    let runs: Vec<RunRecord> = runs.into_iter().flatten().collect();
+                    session.suite.cells.push(CellRecord::of(&cell, [&mesh, change], heads, &runs));
+                }
             }
         }
     }
