@@ -99,7 +99,8 @@ impl File {
         let buffers: Vec<Vec<u8>> = list(&json, "buffers").iter().map(buffer).collect();
         let part = |stated: &Value| {
             let (first, count) = (whole(&stated["byteOffset"]).unwrap_or(0), whole(&stated["byteLength"]).unwrap());
-            buffers[whole(&stated["buffer"]).unwrap()][first..first + count].to_vec()
+            // Nothing of a view that no mesh uses may be there.
+            buffers[whole(&stated["buffer"]).unwrap()].get(first..first + count).unwrap_or_default().to_vec()
         };
         let view = |view: &Value| {
             let packed = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
