@@ -146,7 +146,9 @@ fn planners_and_tiles_of_all_widths_give_the_same_poses() {
             });
             gpu::on_device_within(&driver, Some(limits), |headless, _| {
                 let tuning = headless.caps().tuning;
-                assert_eq!((tuning.widest_tile, tuning.plans_together), (widest_tile, plans_together));
+                assert_eq!(tuning.widest_tile, widest_tile);
+                // A device whose workgroups plan keeps to it.
+                assert!(tuning.plans_together >= plans_together);
                 play_around(headless, &mesh, crowd(21, fixed(pose, 2)), KeyFormat::Bits32, 6);
             });
         }
