@@ -115,20 +115,22 @@ void main() {
     bool replaces = !(ROUNDED_SUMS || all_from_base(item));
 #endif
     // There is at least one row: a loop that tests first would run its body once more on software drivers, for no lane.
-    do {
-        DELTA position[1], normal[1];
-        uvec2 shifts;
-        load_entry(work[next], lane, position, normal, shifts);
 #define ADD(h) heads[h] = plus_entry(heads[h], work[next + 1u + h], position[0], normal[0], shifts);
-        EACH_HEAD(ADD)
-#ifdef ROUNDED_PRODUCTS
-        if (replaces) {
 #define SUBTRACT(h) heads[h] = minus_entry(heads[h], work[next + 1u + h], position[0], normal[0], shifts);
-            EACH_HEAD(SUBTRACT)
-        }
-#endif
-        next += ROW_WORDS(HEADS);
+#define EACH_ROW(DO_ENTRY) do { \
+        DELTA position[1], normal[1]; \
+        uvec2 shifts; \
+        load_entry(work[next], lane, position, normal, shifts); \
+        DO_ENTRY \
+        next += ROW_WORDS(HEADS); \
     } while (next < end);
+#ifdef ROUNDED_PRODUCTS
+    // Two loops: a branch in one would stand between the loads of a row and of the next.
+    if (replaces) {
+        EACH_ROW(EACH_HEAD(ADD) EACH_HEAD(SUBTRACT))
+    } else
+#endif
+    EACH_ROW(EACH_HEAD(ADD))
 
     // Poses are loaded after the loop, so that they do not take registers in it.
     // Only tiles that the GPU plans, for integers, have instances of both kinds.
