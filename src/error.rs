@@ -85,7 +85,7 @@ pub enum Error {
     },
 }
 
-/// Returns an error unless a condition holds.
+/// Returns an error unless a condition holds: the one given, or [`Error::invalid`] with what is wrong and the remedy.
 macro_rules! ensure {
     ($holds:expr, $error:expr) => {
         let holds: bool = $holds;
@@ -93,11 +93,19 @@ macro_rules! ensure {
             return Err($error);
         }
     };
+    ($holds:expr, $what:expr, $remedy:expr) => {
+        ensure!($holds, $crate::error::Error::invalid($what, $remedy))
+    };
 }
 pub(crate) use ensure;
 
 /// `Result` with the crate's [`Error`].
 pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// [`Error::invalid`] as a result.
+pub(crate) fn refuse<T>(what: impl Into<String>, remedy: impl Into<String>) -> Result<T> {
+    Err(Error::invalid(what, remedy))
+}
 
 /// The kind of an [`Error`] as a stable number, for hosts that decide what to do next, log codes, or cross an FFI
 /// boundary. Numbers are never reused; new ones are added at the end.

@@ -1,6 +1,6 @@
 //! Mesh data of a step in one buffer: the base pose, if the step reads it, then words of the step.
 
-use crate::error::{Error, Result};
+use crate::error::{Result, ensure};
 use crate::gpu::descriptors::BufferRange;
 use crate::gpu::device::Device;
 use crate::gpu::memory::Buffer;
@@ -32,9 +32,7 @@ impl Attached {
         (base, words): (&[f32], &[u32]),
     ) -> Result<(Arc<Self>, Upload)> {
         let layout = mesh.layout().clone();
-        if layout.vertex_count == 0 {
-            return Err(Error::invalid(format!("mesh '{}' has no vertices", layout.name), "leave it out"));
-        }
+        layout.check_not_empty()?;
         let words_at = base.len() as u32;
         let count = (base.len() + words.len()) as u64;
         Self::check_size(device, mesh, what, count)?;
@@ -65,10 +63,9 @@ impl Attached {
     pub(super) fn check(&self, what: &str, device: &Arc<Device>, layout: &PackedLayout) -> Result<()> {
         let order = |layout: &PackedLayout| layout.blocks.as_ref().map(|index| index.order().to_vec());
         let same = self.layout.vertex_count == layout.vertex_count && order(&self.layout) == order(layout);
-        if self.buffer.is_on(device) && same {
-            return Ok(());
-        }
         let text = format!("{what} of mesh '{}' for a crowd of mesh '{}'", self.layout.name, layout.name);
-        Err(Error::invalid(text, "upload it with the crowd's engine, for the packed mesh that the crowd was made of"))
+        let remedy = "upload it with the crowd's engine, for the packed mesh that the crowd was made of";
+        ensure!(self.buffer.is_on(device) && same, text, remedy);
+        Ok(())
     }
 }

@@ -1,6 +1,6 @@
 //! Output buffers of the host.
 
-use crate::error::{Error, Result};
+use crate::error::{Result, ensure};
 use crate::gpu::descriptors::BufferRange;
 use crate::gpu::device::Device;
 use crate::pack::PackedLayout;
@@ -43,12 +43,10 @@ impl Output {
     pub(super) fn check(&self, what: &str, layout: &PackedLayout, device: &Device) -> Result<()> {
         let Self { offset, stride, second, .. } = *self;
         let words = offset.is_multiple_of(4) && stride.is_multiple_of(4) && second.is_none_or(|at| at % 4 == 0);
-        if !words || u64::from(stride) < self.vertex_bytes() || second.is_some_and(|at| at < 12) {
-            let normals = second.map_or(String::new(), |at| format!(" and normals at {at}"));
-            let text = format!("{what} at offset {offset} with stride {stride}{normals}");
-            let remedy = "use multiples of 4, and a stride with room for three floats, or six with normals";
-            return Err(Error::invalid(text, remedy));
-        }
+        let fits = words && u64::from(stride) >= self.vertex_bytes() && second.is_none_or(|at| at >= 12);
+        let normals = second.map_or(String::new(), |at| format!(" and normals at {at}"));
+        let text = format!("{what} at offset {offset} with stride {stride}{normals}");
+        ensure!(fits, text, "use multiples of 4, and a stride with room for three floats, or six with normals");
         let what = format!("{what} for mesh '{}'", layout.name);
         let range = self.range(layout).0;
         let limit = (range.size, "bytes", device.caps.max_storage_range);

@@ -4,7 +4,7 @@ use super::pieces::Pieces;
 use crate::abi::modules::Kernel;
 use crate::abi::numbers::{PIECE, WORKGROUP};
 use crate::asset::streams::TRIPLE;
-use crate::error::{Error, Result};
+use crate::error::{Result, ensure};
 use crate::gpu::descriptors::BufferRange;
 use crate::gpu::device::Device;
 use crate::gpu::pipelines::{Kernels, Objects, PipelineKey};
@@ -101,12 +101,12 @@ impl TargetContext<'_> {
 
     /// Checks that host vertices contain normals; `what` needs them.
     pub(super) fn check_normals(&self, what: &str) -> Result<()> {
-        if self.group.poses.places.bytes(self.group.poses.format)[TRIPLE].is_some() {
-            return Ok(());
-        }
-        let name = &self.group.mesh.layout.name;
+        let PoseGroup { mesh, poses } = self.group;
+        let name = &mesh.layout.name;
         let text = format!("normals of mesh '{name}' in {what}, which the host's vertices do not have");
-        Err(Error::invalid(text, "add Semantic::Normal to the VertexLayout, or use a target without normals"))
+        let remedy = "add Semantic::Normal to the VertexLayout, or use a target without normals";
+        ensure!(poses.places.bytes(poses.format)[TRIPLE].is_some(), text, remedy);
+        Ok(())
     }
 
     /// Input units per number of a position, then of a normal; and the position of number 0.

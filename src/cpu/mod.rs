@@ -9,7 +9,7 @@ mod sums;
 mod workers;
 
 use crate::crowd::{CrowdBase, Kind, TakesWeights};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, refuse};
 use crate::pack::blocks::PoseGrid;
 use crate::pack::poses::{PoseStorage, with_pose};
 use crate::pack::{POSE_FLOATS, PackedGroup, PackedLayout, PackedMesh, PoseFormat};
@@ -164,7 +164,7 @@ impl CpuCrowd {
         let OnCpu { mesh, memory, .. } = &self.kind;
         let Some(poses) = memory.get(group) else {
             let text = format!("group {group} of mesh '{}', which has {}", mesh.layout().name, memory.len());
-            return Err(Error::invalid(text, "count groups from 0"));
+            return refuse(text, "count groups from 0");
         };
         let (slot, previous) = self.instances.slots_of(place).unwrap_or_default();
         let pose = |slot: u32| place * poses.slots + slot as usize;

@@ -6,7 +6,7 @@ use super::views::{self, PoseView};
 use crate::after::{After, TargetContext};
 use crate::asset::streams::{Semantic, StreamPlace};
 use crate::crowd::{CrowdBase, Kind};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure, refuse};
 use crate::gpu::device::Device;
 use crate::gpu::memory::Buffer;
 use crate::gpu::pipelines::Kernels;
@@ -155,10 +155,8 @@ impl<U: Updater> CrowdBase<OnDevice<U>> {
         let instances = desc.instances;
         let slots = desc.update.slots;
         let frames = desc.frames_in_flight;
-        if instances == 0 || frames == 0 {
-            let text = format!("a crowd of {instances} instances with {frames} frames in flight");
-            return Err(Error::invalid(text, "use 1 or more of both"));
-        }
+        let text = format!("a crowd of {instances} instances with {frames} frames in flight");
+        ensure!(instances > 0 && frames > 0, text, "use 1 or more of both");
         let (groups, buffers) = poses::make(device, mesh, desc)?;
         let mesh = &groups[0].mesh;
         let poses = groups[0].poses;
@@ -191,13 +189,9 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
 
     /// Checks that the crowd was created on this device.
     pub(crate) fn check_device(&self, device: &Arc<Device>) -> Result<()> {
-        match Arc::ptr_eq(&self.kind.device, device) {
-            true => Ok(()),
-            false => Err(Error::invalid(
-                "the crowd belongs to another MorphEngine",
-                "record it with the engine that created it",
-            )),
-        }
+        let is_its_own = Arc::ptr_eq(&self.kind.device, device);
+        ensure!(is_its_own, "the crowd belongs to another MorphEngine", "record it with the engine that created it");
+        Ok(())
     }
 
     /// Discards the update of `ticket` and all later ones, which will never run since their command buffers were reset
@@ -237,9 +231,8 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
     /// Whether the update of a ticket was discarded; an error for a ticket of another crowd.
     #[doc(hidden)]
     pub fn is_discarded(&self, ticket: Ticket) -> Result<bool> {
-        if ticket.crowd != self.kind.number {
-            return Err(Error::invalid("the ticket is of another crowd", "discard it in the crowd that was updated"));
-        }
+        let is_its_own = ticket.crowd == self.kind.number;
+        ensure!(is_its_own, "the ticket is of another crowd", "discard it in the crowd that was updated");
         Ok(self.kind.discarded.iter().any(|updates| updates.contains(&ticket.id.update)))
     }
 
@@ -268,10 +261,9 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
     pub fn group_pose(&self, instance: u32, group: usize) -> Result<PoseView> {
         let (slot, _) = self.slots_of(instance)?;
         self.check_has_poses()?;
-        if group >= self.kind.groups.len() {
-            let text = format!("group {group} of mesh '{}', which has {}", self.layout().name, self.kind.groups.len());
-            return Err(Error::invalid(text, "count groups from 0"));
-        }
+        let count = self.kind.groups.len();
+        let what = || format!("group {group} of mesh '{}', which has {count}", self.layout().name);
+        ensure!(group < count, what(), "count groups from 0");
         Ok(self.view(instance, slot, group))
     }
 
@@ -282,13 +274,10 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
     }
 
     pub(super) fn check_has_poses(&self) -> Result<()> {
-        if self.technique().draws(0).is_none() {
-            return Ok(());
-        }
-        Err(Error::invalid(
-            format!("the path '{}' has no pose buffers", self.kind.desc.update.path.name()),
-            "its draws evaluate poses: use a path with pose buffers, such as 'compute'",
-        ))
+        let what = || format!("the path '{}' has no pose buffers", self.kind.desc.update.path.name());
+        let remedy = "its draws evaluate poses: use a path with pose buffers, such as 'compute'";
+        ensure!(self.technique().draws(0).is_none(), what(), remedy);
+        Ok(())
     }
 
     /// The previous pose of an instance in a group of the mesh.
@@ -377,10 +366,10 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
         };
         match &mut self.kind.queries {
             None => Ok(0),
-            Some((.., count)) if *count < written => Err(Error::invalid(
+            Some((.., count)) if *count < written => refuse(
                 format!("{count} queries for the {written} timestamps of an update"),
                 "hand in one more than the update has steps",
-            )),
+            ),
             Some((.., count)) => {
                 *count = written;
                 Ok(written)

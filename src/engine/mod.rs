@@ -19,7 +19,7 @@ pub use upload::GpuMesh;
 pub use views::{PoseBuffer, PoseView, StreamView};
 
 use crate::abi::numbers::WORKGROUP;
-use crate::error::{Error, Result};
+use crate::error::{Result, ensure};
 use crate::gpu::caps::{CAPTURE_STRIDE, DeviceCaps};
 use crate::gpu::device::{Device, DeviceDesc};
 use crate::gpu::pipelines::Kernels;
@@ -164,20 +164,18 @@ impl MorphEngine {
     }
 
     fn check_crowd(&self, mesh: &GpuMesh, desc: &CrowdDesc, runner: Runner<'_>) -> Result<()> {
-        if !mesh.groups[0].base.is_on(&self.device) {
-            let text = format!("mesh '{}' belongs to another MorphEngine", mesh.layout().name);
-            return Err(Error::invalid(text, "upload it with the engine that makes the crowd"));
-        }
+        let name = &mesh.layout().name;
+        let text = format!("mesh '{name}' belongs to another MorphEngine");
+        let is_its_own = mesh.groups[0].base.is_on(&self.device);
+        ensure!(is_its_own, text, "upload it with the engine that makes the crowd");
         mesh.layouts().try_for_each(|layout| desc.update.check_all(layout, runner))?;
         desc.update.path.check_groups(mesh.groups.len(), mesh.layout())?;
         desc.check_poses(mesh.layouts(), &self.device)?;
         desc.check_queue(&self.device)?;
-        if mesh.groups[0].private.is_none() == desc.update.path.row().has_own_upload {
-            return Err(Error::invalid(
-                format!("mesh '{}' for the path '{}'", mesh.layout().name, desc.update.path.name()),
-                "upload it for the path: the baselines 'scatter' and 'texture' have uploads of their own",
-            ));
-        }
+        let path = desc.update.path;
+        let fits = mesh.groups[0].private.is_some() == path.row().has_own_upload;
+        let remedy = "upload it for the path: the baselines 'scatter' and 'texture' have uploads of their own";
+        ensure!(fits, format!("mesh '{name}' for the path '{}'", path.name()), remedy);
         Ok(())
     }
 

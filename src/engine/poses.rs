@@ -1,7 +1,7 @@
 //! Memory of poses: engine-owned buffers, one per group of the mesh, or one buffer of the host.
 
 use super::upload::GpuMesh;
-use crate::error::{Error, Result};
+use crate::error::{Result, ensure};
 use crate::gpu::descriptors::BufferRange;
 use crate::gpu::device::Device;
 use crate::gpu::memory::Buffer;
@@ -73,10 +73,8 @@ fn poses_of_host(device: &Device, host: &HostPoses, layout: &PackedLayout, desc:
     let end = offset.saturating_add(bytes.saturating_mul(count(desc)));
     let what = format!("poses of mesh '{}' from byte {offset} on in the host's buffer end at", layout.name);
     device.caps.check_limit(&what, (end, "bytes", device.caps.max_buffer), "use fewer instances or slots")?;
-    if !offset.is_multiple_of(4) {
-        let text = format!("poses from byte {offset} on in the host's buffer");
-        return Err(Error::invalid(text, "use an offset that is a multiple of 4"));
-    }
+    let text = format!("poses from byte {offset} on in the host's buffer");
+    ensure!(offset.is_multiple_of(4), text, "use an offset that is a multiple of 4");
     let poses = BufferRange::new(host.buffer(), offset, end - offset);
     poses.check_room(device, &format!("the poses of {} instances of mesh '{}'", desc.instances, layout.name))?;
     // Descriptors start at an aligned offset; kernels add the rest.

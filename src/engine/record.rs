@@ -2,7 +2,7 @@
 
 use super::MorphEngine;
 use super::base::{AnyCrowd, DeviceCrowd, Update};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, refuse};
 use crate::gpu::barriers;
 use crate::gpu::caps::DeviceCaps;
 use crate::gpu::device::Device;
@@ -112,7 +112,7 @@ fn check_families(caps: &DeviceCaps, families: impl Iterator<Item = Option<u32>>
     let Some(other) = others.next() else { return Ok(()) };
     let other = other.map_or("of one with graphics and compute".into(), |other| format!("of family {other}"));
     let text = format!("updates on a queue of family {one} and {other}, recorded into one command buffer");
-    Err(Error::invalid(text, "record those of each family into a command buffer of its own"))
+    refuse(text, "record those of each family into a command buffer of its own")
 }
 
 /// Planned updates that are not yet recorded; dropping it discards them.

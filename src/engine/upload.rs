@@ -2,7 +2,7 @@
 
 use super::MorphEngine;
 use crate::abi::numbers::WORKGROUP;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::caps::CAPTURE_STRIDE;
 use crate::gpu::mesh::{MeshBuffers, Upload, chunk_bytes, deltas_bytes, record_uploads};
 use crate::pack::{PackedGroup, PackedLayout, PackedMesh};
@@ -94,7 +94,7 @@ impl MorphEngine {
         device.caps.check_path(path)?;
         path.check_format(layout.format)?;
         path.check_groups(mesh.groups().len(), layout)?;
-        self.check_not_empty(layout)?;
+        layout.check_not_empty()?;
         let others = Techniques::of(self.others.get().copied(), path, &device.caps)?;
         // SAFETY: the caller's obligations.
         unsafe {
@@ -113,19 +113,12 @@ impl MorphEngine {
         GpuMesh { groups: groups.into_iter().map(Arc::new).collect(), staging }
     }
 
-    fn check_not_empty(&self, layout: &PackedLayout) -> Result<()> {
-        if layout.vertex_count > 0 {
-            return Ok(());
-        }
-        Err(Error::invalid(format!("mesh '{}' has no vertices", layout.name), "leave it out"))
-    }
-
     fn check_mesh(&self, layout: &PackedLayout) -> Result<()> {
         let caps = &self.device.caps;
         let limit = |what: &str, amount: u64, unit: &str, most: u64, remedy: &str| {
             caps.check_limit(&format!("mesh '{}': {what}", layout.name), (amount, unit, most), remedy)
         };
-        self.check_not_empty(layout)?;
+        layout.check_not_empty()?;
         let range = caps.max_storage_range;
         let groups = caps.max_workgroups.into();
         let chunk_groups = (layout.chunk_vertices as u64).div_ceil(WORKGROUP.into());

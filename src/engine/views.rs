@@ -1,7 +1,7 @@
 //! Locations of poses and streams in buffers, for hosts that read them.
 
 use crate::asset::streams::{Semantic, StreamPlace};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, refuse};
 use crate::pack::vertex::Places;
 use crate::pack::{POSE_FLOATS, PackedLayout, PoseFormat};
 use crate::update::technique::Poses;
@@ -113,7 +113,7 @@ impl PoseView {
         let Self { buffer, stride, format, slot, .. } = self;
         let Some(at) = self.components[place.first] else {
             let text = format!("stream '{}', which the host's vertices have no place for", place.semantic);
-            return Err(Error::invalid(text, "add it to the VertexLayout"));
+            return refuse(text, "add it to the VertexLayout");
         };
         let components = place.components();
         let mut units = [1.0; 4];

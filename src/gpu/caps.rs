@@ -1,7 +1,7 @@
 //! Limits and features of a device that matter to update paths, and the requirements of each path.
 
 use super::tuning::{DeviceClass, DeviceTuning};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use crate::pack::{DeltaFormat, PoseFormat};
 use ash::vk;
 use std::ffi::CStr;
@@ -310,9 +310,7 @@ impl DeviceCaps {
     /// Refuse more of something than the device has: `(amount, unit, most)`.
     #[doc(hidden)]
     pub fn check_limit(&self, what: &str, (amount, unit, most): (u64, &str, u64), remedy: &str) -> Result<()> {
-        if amount <= most {
-            return Ok(());
-        }
-        Err(Error::invalid(format!("{what} {amount} {unit}, but {} allows {most}", self.name), remedy))
+        ensure!(amount <= most, format!("{what} {amount} {unit}, but {} allows {most}", self.name), remedy);
+        Ok(())
     }
 }

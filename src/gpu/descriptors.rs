@@ -2,7 +2,7 @@
 
 use super::device::Device;
 use crate::abi::kernels::{Binding, Buffer};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure, refuse};
 use ash::vk;
 use std::sync::Arc;
 
@@ -29,11 +29,9 @@ impl BufferRange {
         // SAFETY: who hands a buffer in promises that it is of this device, and alive.
         let room = unsafe { device.raw.get_buffer_memory_requirements(self.buffer) }.size;
         let end = self.offset.saturating_add(self.size);
-        if end <= room {
-            return Ok(());
-        }
         let text = format!("{what}, to byte {end} of a host buffer of at most {room} bytes");
-        Err(Error::invalid(text, "make the buffer larger, or use a smaller offset or stride"))
+        ensure!(end <= room, text, "make the buffer larger, or use a smaller offset or stride");
+        Ok(())
     }
 }
 
@@ -107,7 +105,7 @@ impl Sets {
                 write.texel_buffer_view(&view)
             }
             Buffer::Storage(_) | Buffer::Dynamic(_) | Buffer::Poses | Buffer::DynamicDeltas => write.buffer_info(&info),
-            Buffer::Image => return Err(Error::invalid("a buffer is bound to a kernel's image", "report this")),
+            Buffer::Image => return refuse("a buffer is bound to a kernel's image", "report this"),
         };
         // SAFETY: the set is not in use yet; its owner keeps buffers and ranges valid.
         unsafe { self.device.raw.update_descriptor_sets(&[write], &[]) };

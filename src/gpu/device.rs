@@ -3,7 +3,7 @@
 use super::allocation::{Memory, MemoryRequest, MemorySource, Source, properties};
 use super::caps::DeviceCaps;
 use super::statistics::{MemoryKind, MemoryStats};
-use crate::error::{Error, LESS, Result};
+use crate::error::{Error, LESS, Result, refuse};
 use crate::setters::setters;
 use ash::vk;
 use gpu_allocator::vulkan::{AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
@@ -273,7 +273,7 @@ impl Device {
                 if !required.is_empty() && host.mapped.is_null() {
                     source.free(host);
                     let text = format!("memory of the host's for '{name}' is not mapped");
-                    return Err(Error::invalid(text, "map what is asked for with HOST_VISIBLE"));
+                    return refuse(text, "map what is asked for with HOST_VISIBLE");
                 }
                 memory
             }

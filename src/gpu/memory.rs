@@ -4,7 +4,7 @@ use super::allocation::Memory;
 use super::descriptors::BufferRange;
 use super::device::Device;
 use super::statistics::MemoryKind;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use ash::vk;
 use gpu_allocator::vulkan::AllocationScheme;
 use std::sync::Arc;
@@ -28,12 +28,9 @@ impl Buffer {
     ) -> Result<Self> {
         let bytes = bytes.max(16);
         let most = device.caps.max_allocation.min(device.caps.max_buffer);
-        if bytes > most {
-            return Err(Error::invalid(
-                format!("{name} needs {bytes} bytes, but {} allocates at most {most}", device.caps.name),
-                "use fewer instances, slots or frames in flight, 16-bit poses (fixed16), or a smaller mesh",
-            ));
-        }
+        let what = format!("{name} needs {bytes} bytes, but {} allocates at most {most}", device.caps.name);
+        let remedy = "use fewer instances, slots or frames in flight, 16-bit poses (fixed16), or a smaller mesh";
+        ensure!(bytes <= most, what, remedy);
         let info = vk::BufferCreateInfo { size: bytes, usage, ..shared_by(&device.families) };
         // SAFETY: the device is alive (Device::borrow); size and usage are valid, and the families are the device's.
         let raw = unsafe { device.raw.create_buffer(&info, None) }.map_err(Error::vulkan("vkCreateBuffer"))?;

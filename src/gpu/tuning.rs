@@ -3,7 +3,7 @@
 use ash::vk;
 
 use crate::abi::numbers::{PLANNED_BLOCKS, TILE, WORKGROUP};
-use crate::error::{Error, Result};
+use crate::error::{Result, ensure};
 
 /// Kinds of devices between which kernels differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,15 +90,13 @@ impl DeviceTuning {
     pub(crate) fn check(&self) -> Result<()> {
         let Self { widest_tile, load_cost, lanes, .. } = *self;
         let is_width = widest_tile.is_power_of_two() && widest_tile <= TILE as u32;
-        if is_width && load_cost <= LOAD_COST_MAX && (1..=LANES_MAX).contains(&lanes) {
-            return Ok(());
-        }
         let what = format!("a DeviceTuning with widest_tile {widest_tile}, load_cost {load_cost} and lanes {lanes}");
         let remedy = format!(
             "use 1, 2, 4 or 8 for widest_tile, at most {LOAD_COST_MAX} for load_cost, and 1 to {LANES_MAX} for lanes, \
              or start from DeviceClass::tuning"
         );
-        Err(Error::invalid(what, remedy))
+        ensure!(is_width && load_cost <= LOAD_COST_MAX && (1..=LANES_MAX).contains(&lanes), what, remedy);
+        Ok(())
     }
 }
 

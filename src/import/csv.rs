@@ -6,7 +6,7 @@
 mod times;
 
 pub use super::DEFAULT_FPS;
-use crate::error::{Error, Result, ensure};
+use crate::error::{Error, Result, ensure, refuse};
 use crate::import::{shortened, stem};
 use crate::io::{TEXT_MAX, read_bounded, write_replacing};
 use crate::weights::WeightClip;
@@ -67,10 +67,9 @@ impl Table {
         let undecoded = "bytes that are not UTF-8 text";
         let text = text.map_err(|e| refuse(e.valid_up_to(), "", undecoded, "save the file as CSV in UTF-8"))?;
         let (header, separator) = header(text);
-        if text[header..].trim_start().starts_with(['{', '[']) {
-            let remedy = "write a header of target names and one row of weights per frame, separated by commas";
-            return Err(refuse(header, "", "JSON, where a CSV file is expected", remedy));
-        }
+        let is_json = text[header..].trim_start().starts_with(['{', '[']);
+        let remedy = "write a header of target names and one row of weights per frame, separated by commas";
+        ensure!(!is_json, refuse(header, "", "JSON, where a CSV file is expected", remedy));
         // Flexible, since a ragged row is refused below, with its line.
         let mut reader = ReaderBuilder::new();
         reader.has_headers(false).flexible(true).trim(Trim::All).comment(Some(b'#')).delimiter(separator);
@@ -96,10 +95,9 @@ impl Table {
             let fits = record.len() >= least && record.iter().skip(columns).all(str::is_empty);
             let what = || format!("values in the row: {}, but columns in the header: {columns}", record.len());
             ensure!(fits, refuse(at, "", &what(), "give one value per column in every row"));
-            if table.values.try_reserve(columns).is_err() {
-                let what = format!("{}: line {}: there is no memory for more rows", path.display(), line(at));
-                return Err(Error::out_of_memory(what, "split the clip"));
-            }
+            let what = || format!("{}: line {}: there is no memory for more rows", path.display(), line(at));
+            let has_room = table.values.try_reserve(columns).is_ok();
+            ensure!(has_room, Error::out_of_memory(what(), "split the clip"));
             for (i, kind) in kinds.iter_mut().enumerate() {
                 let cell = record.get(i).unwrap_or_default();
                 let weight = match number(cell) {
@@ -220,7 +218,7 @@ fn fps_of_name(path: &Path) -> Option<f32> {
 pub fn write(path: &Path, clip: &WeightClip) -> Result<()> {
     clip.check()?;
     let what = || format!("clip '{}' has no columns", clip.name);
-    ensure!(!clip.names.is_empty(), Error::invalid(what(), "give it a column per target"));
+    ensure!(!clip.names.is_empty(), what(), "give it a column per target");
     let mut out = csv::Writer::from_writer(vec![]);
     // Writing to memory cannot fail; if it did, the rows would be missed below.
     let _ = out.write_record(&clip.names);
@@ -233,7 +231,7 @@ pub fn write(path: &Path, clip: &WeightClip) -> Result<()> {
         let odd = |name: &&String| name.trim() != name.as_str() || name.is_empty();
         let name = clip.names.iter().find(odd).unwrap_or(&clip.names[0]);
         let what = format!("clip '{}': the column name '{name}' does not read back from CSV", clip.name);
-        return Err(Error::invalid(what, "rename the column: not empty, without spaces around it, not like a comment"));
+        return refuse(what, "rename the column: not empty, without spaces around it, not like a comment");
     }
     write_replacing(path, |out| out.write_all(&bytes))
 }

@@ -186,7 +186,7 @@ fn is_rate(fps: f32) -> bool {
 /// Checks a number of frames per second.
 fn frame_rate(fps: f32) -> Result<f32> {
     let what = format!("the frame rate is {fps}");
-    ensure!(is_rate(fps), Error::invalid(what, "give a positive number of frames per second"));
+    ensure!(is_rate(fps), what, "give a positive number of frames per second");
     Ok(fps)
 }
 

@@ -72,7 +72,7 @@ pub fn clips_from_bytes(path: &Path, bytes: &[u8]) -> Result<Vec<WeightClip>> {
 fn check(clip: &WeightClip) -> Result<()> {
     clip.check()?;
     let what = format!("clip '{}': the frame rate is {}", clip.name, clip.fps);
-    ensure!(super::is_rate(clip.fps), Error::invalid(what, "give a positive number of frames per second"));
+    ensure!(super::is_rate(clip.fps), what, "give a positive number of frames per second");
     Ok(())
 }
 

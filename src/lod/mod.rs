@@ -34,7 +34,7 @@ mod tests;
 pub use level::{Level, LevelDesc};
 
 use crate::asset::{MorphMesh, MorphTarget};
-use crate::error::{Error, Result, ensure};
+use crate::error::{Result, ensure};
 use crate::pack::PackedMesh;
 use crate::weights::names::unknown;
 use glam::DVec3;
@@ -171,7 +171,7 @@ impl Importance {
     pub fn apply(&self, level: f32, weights: &mut [f32]) -> Result<()> {
         let what = || format!("{} weights given, but {} targets are ranked", weights.len(), self.ranks.len());
         let remedy = "rank the mesh that the weights are for";
-        ensure!(weights.len() == self.ranks.len(), Error::invalid(what(), remedy));
+        ensure!(weights.len() == self.ranks.len(), what(), remedy);
         for (target, weight) in weights.iter_mut().enumerate() {
             let factor = self.factor(target, level);
             // Not 0 · weight, which may be -0 or NaN.
@@ -223,19 +223,17 @@ impl<'a> Deltas<'a> {
             let what = || format!("an order of importance names '{name}', which is no target of mesh '{}'", self.mesh);
             let target = self.names.iter().position(|target| target == name);
             let target = target.ok_or_else(|| unknown(what(), name, &self.names))?;
-            if seen.insert(target) {
-                return Ok(target);
-            }
-            Err(Error::invalid(format!("an order of importance names '{name}' twice"), "name each target once"))
+            let what = format!("an order of importance names '{name}' twice");
+            ensure!(seen.insert(target), what, "name each target once");
+            Ok(target)
         };
         let order: Vec<usize> = order.iter().map(place).collect::<Result<_>>()?;
         let given = order.len();
         let all = self.names.len();
-        if given != all || pinned > all {
-            let mesh = self.mesh;
-            let what = format!("an order of importance of {given} targets, {pinned} of them pinned, for mesh '{mesh}'");
-            return Err(Error::invalid(what, format!("name all of its {all} targets, and pin no more")));
-        }
+        let mesh = self.mesh;
+        let what = format!("an order of importance of {given} targets, {pinned} of them pinned, for mesh '{mesh}'");
+        let fits = given == all && pinned <= all;
+        ensure!(fits, what, format!("name all of its {all} targets, and pin no more"));
         Ok(self.ranked(&order, pinned))
     }
 

@@ -6,7 +6,7 @@ use super::grid::{Largest, Reached, Sums};
 use super::source::largest;
 use super::{POSE_FLOATS, PackDesc, PackedGroup, PackedLayout, PackedTarget, Source, VERTEX_PADDING};
 use crate::asset::streams::{StreamPlace, TRIPLE, TRIPLES};
-use crate::error::{Error, Result};
+use crate::error::{Result, ensure};
 use std::sync::Arc;
 
 pub(super) fn pack(source: &Source<'_>, desc: &PackDesc, format: &impl DenseFormat) -> Result<PackedGroup> {
@@ -17,11 +17,9 @@ pub(super) fn pack(source: &Source<'_>, desc: &PackDesc, format: &impl DenseForm
     let words = desc.format.words();
     let per_padding = target_count * VERTEX_PADDING * desc.format.stride();
     let most = desc.max_chunk_bytes;
-    if per_padding as u64 > most {
-        let what = format!("{target_count} targets need {per_padding} bytes of deltas for {VERTEX_PADDING} vertices");
-        let what = format!("mesh '{}': {what}, but the device binds at most {most} bytes at once", mesh.name);
-        return Err(Error::invalid(what, "use fewer targets or the snorm16 format"));
-    }
+    let what = format!("{target_count} targets need {per_padding} bytes of deltas for {VERTEX_PADDING} vertices");
+    let what = format!("mesh '{}': {what}, but the device binds at most {most} bytes at once", mesh.name);
+    ensure!(per_padding as u64 <= most, what, "use fewer targets or the snorm16 format");
     // Whole workgroups, at least one.
     let groups = most.checked_div(per_padding as u64).unwrap_or(u64::MAX);
     let groups = groups.min(desc.max_chunk_vertices / VERTEX_PADDING as u64).max(1);

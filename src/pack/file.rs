@@ -84,7 +84,7 @@ impl Asset {
     /// A dense format; errors of [`PackedMesh::pack`].
     pub fn pack(mesh: &MorphMesh, desc: &PackDesc) -> Result<Self> {
         let what = format!("the dense format '{}' in a packed file", desc.format.name());
-        ensure!(desc.format.is_blocks(), Error::invalid(what, "pack as 'fast' or 'small'"));
+        ensure!(desc.format.is_blocks(), what, "pack as 'fast' or 'small'");
         Ok(Self {
             mesh: PackedMesh::pack(mesh, desc)?,
             faces: mesh.faces.clone(),

@@ -2,7 +2,7 @@
 
 use super::{DeltaFormat, POSE_FLOATS, PoseFormat};
 use crate::asset::streams::{TRIPLE, TRIPLES};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure, refuse};
 use std::ops::{Range, RangeInclusive};
 
 /// Fewer bits are too coarse to animate; steps finer than 2^-16 make no visible difference.
@@ -210,9 +210,7 @@ impl Sums {
         let bits = pose.row().bits;
         let name = pose.name();
         let rounds_sums = pose.row().rounds_sums;
-        if bits == 0 || !pose.takes(self.format) {
-            return Err(refused(self.format, pose));
-        }
+        ensure!(bits > 0 && pose.takes(self.format), refused(self.format, pose));
         let narrow = bits < i32::BITS;
         let weight_max = weight_max.unwrap_or(if narrow { 1.0 } else { self.weight_max });
         let dense = self.coarsest.is_some();
@@ -229,7 +227,7 @@ impl Sums {
         if !(weight_max > 0.0 && steps(*WEIGHT_BITS.start()) <= most_steps) {
             let text = format!("weights up to {weight_max} for {name} poses");
             let wider = if dense { "deltas in blocks" } else { "fixed32 poses" };
-            return Err(Error::invalid(text, format!("use a weight_max above 0 and up to 255, or {wider}")));
+            return refuse(text, format!("use a weight_max above 0 and up to 255, or {wider}"));
         }
         // Deltas move the offset, too.
         let total = |bits: u32| {
@@ -267,7 +265,7 @@ impl Sums {
             let dropped = if rounds { (least..=least + all).find(fits) } else { Some(0) };
             let Some(dropped) = dropped else {
                 let text = format!("{name} poses of a mesh of which {} targets move a vertex", self.targets);
-                return Err(Error::invalid(text, "use float32 poses"));
+                return refuse(text, "use float32 poses");
             };
             grid.dropped[c] = dropped;
             grid.units[c] = (step * weight_step * f64::from(dropped).exp2()) as f32;

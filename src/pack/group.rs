@@ -5,7 +5,7 @@ use super::formats::{DenseFormat, with_format};
 use super::grid::{Sums, refused};
 use super::{BASE_STRIDE, DeltaFormat, POSE_FLOATS, PoseError, PoseFormat, Source, VERTEX_PADDING, stream_errors};
 use crate::asset::streams::{Measure, StreamPlace, TRIPLES};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure, refuse};
 use crate::math::angle_degrees;
 use glam::Vec3;
 use std::sync::Arc;
@@ -175,6 +175,12 @@ impl PackedLayout {
         })
     }
 
+    /// Refuses a mesh without vertices.
+    pub(crate) fn check_not_empty(&self) -> Result<()> {
+        ensure!(self.vertex_count > 0, format!("mesh '{}' has no vertices", self.name), "leave it out");
+        Ok(())
+    }
+
     /// The grid of fixed-point poses for weights up to `weight_max` in absolute value. `None`: 1 for 16-bit poses, the
     /// mesh's packed value ([`BlockDesc::weight_max`](super::blocks::BlockDesc::weight_max)) for 32-bit poses.
     ///
@@ -250,7 +256,7 @@ impl PackedLayout {
     pub fn remap_indices(&self, indices: &mut [u32]) -> Result<()> {
         if let Some(bad) = indices.iter().find(|&&i| i as usize >= self.vertex_count) {
             let what = format!("index {bad} for mesh '{}' of {} vertices", self.name, self.vertex_count);
-            return Err(Error::invalid(what, "pass the index buffer of this mesh"));
+            return refuse(what, "pass the index buffer of this mesh");
         }
         if let Some(blocks) = &self.blocks {
             let packed = blocks.packed_vertices();

@@ -15,7 +15,7 @@ pub(crate) mod vertex;
 
 use crate::asset::streams::GROUP_COMPONENTS;
 use crate::asset::{Faces, MorphMesh, RenderVertices};
-use crate::error::{Error, Result, ensure};
+use crate::error::{Result, ensure};
 use crate::math::far_middle;
 use crate::setters::setters;
 use blocks::BlockDesc;
@@ -114,7 +114,7 @@ impl PackedMesh {
     pub fn pack(mesh: &MorphMesh, desc: &PackDesc) -> Result<Self> {
         let targets = mesh.targets.len();
         let what = format!("mesh '{}' has {targets} targets; the kernels name at most {TARGETS_MAX}", mesh.name);
-        ensure!(targets <= TARGETS_MAX, Error::invalid(what, "split the targets over several meshes"));
+        ensure!(targets <= TARGETS_MAX, what, "split the targets over several meshes");
         mesh.faces.check(mesh.vertex_count(), mesh.texcoords.len())?;
         let sources = Source::groups(mesh)?;
         let groups = with_format!(desc.format,

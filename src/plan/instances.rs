@@ -1,6 +1,6 @@
 //! The instances of a crowd: presence, requested weights and pose slots.
 
-use crate::error::{Error, Result};
+use crate::error::{Result, ensure, refuse};
 use crate::pack::blocks::PoseGrid;
 use crate::pack::{PackedLayout, PackedTarget};
 use crate::plan::earlier::Earlier;
@@ -55,12 +55,11 @@ impl Instances {
         match self.places.get(instance as usize).map(|place| place.presence) {
             Some(Presence::Shown | Presence::Hidden) => Ok(instance as usize),
             Some(Presence::Free) => {
-                Err(Error::invalid(format!("instance {instance} was removed"), "use the number that `add` returns"))
+                refuse(format!("instance {instance} was removed"), "use the number that `add` returns")
             }
-            None => Err(Error::invalid(
-                format!("instance {instance} of a crowd of {}", self.places.len()),
-                "count instances from 0",
-            )),
+            None => {
+                refuse(format!("instance {instance} of a crowd of {}", self.places.len()), "count instances from 0")
+            }
         }
     }
 
@@ -101,7 +100,7 @@ impl Instances {
     pub fn add(&mut self) -> Result<u32> {
         let Some(i) = self.places.iter().position(|place| place.presence == Presence::Free) else {
             let text = format!("the crowd has places for {} heads, all taken", self.places.len());
-            return Err(Error::invalid(text, "remove one, or make another crowd of the same mesh"));
+            return refuse(text, "remove one, or make another crowd of the same mesh");
         };
         let place = &mut self.places[i];
         place.presence = Presence::Shown;
@@ -166,7 +165,7 @@ pub trait InstanceState {
     /// There are no budgets, or the value is outside 0 to the crowd's.
     fn set_error_budget(&mut self, _instance: u32, budget: f32) -> Result<()> {
         let what = format!("an error budget of {budget} for an instance of a crowd that has none");
-        Err(Error::invalid(what, "use the path blocks or cpu, with a mesh in a block format"))
+        refuse(what, "use the path blocks or cpu, with a mesh in a block format")
     }
 
     /// Checks weights against limits beyond those of the mesh.
@@ -279,13 +278,15 @@ impl History {
 /// # Errors
 /// A wrong number of weights, or one out of range; the message names it.
 pub(crate) fn check_weights(weights: &[f32], layout: &PackedLayout, grid: Option<PoseGrid>) -> Result<()> {
-    if weights.len() != layout.targets.len() {
-        return Err(Error::invalid(
-            format!("{} weights given, but the mesh has {} targets", weights.len(), layout.targets.len()),
-            "pass one weight for each target, in the order of the mesh",
-        ));
-    }
+    let what = || format!("{} weights given, but the mesh has {} targets", weights.len(), layout.targets.len());
+    let remedy = "pass one weight for each target, in the order of the mesh";
+    ensure!(weights.len() == layout.targets.len(), what(), remedy);
     weights.iter().enumerate().try_for_each(|(target, &weight)| check_weight(target, weight, layout, grid))
+}
+
+/// The remedy for a weight that the grid of fixed-point poses does not hold.
+pub(crate) fn out_of_grid(most: f32) -> String {
+    format!("fixed-point poses hold weights from -{most} to {most} here: use a larger weight_max")
 }
 
 /// Checks the weight of one target: finite, within ±[`WEIGHT_MAX`] and the grid of fixed-point poses.
@@ -295,7 +296,7 @@ pub(crate) fn check_weights(weights: &[f32], layout: &PackedLayout, grid: Option
 pub(crate) fn check_weight(target: usize, weight: f32, layout: &PackedLayout, grid: Option<PoseGrid>) -> Result<()> {
     let Some(PackedTarget { name, .. }) = layout.targets.get(target) else {
         let text = format!("target {target} of mesh '{}', which has {}", layout.name, layout.targets.len());
-        return Err(Error::invalid(text, "count targets from 0"));
+        return refuse(text, "count targets from 0");
     };
     let most = grid.map_or(WEIGHT_MAX, |grid| grid.weight_max);
     if weight.abs() <= most {
@@ -303,7 +304,7 @@ pub(crate) fn check_weight(target: usize, weight: f32, layout: &PackedLayout, gr
     }
     let remedy = match grid {
         None => format!("weights may be negative or above one, but must be numbers from -{most} to {most}"),
-        Some(_) => format!("fixed-point poses hold weights from -{most} to {most} here: use a larger weight_max"),
+        Some(_) => out_of_grid(most),
     };
-    Err(Error::invalid(format!("the weight of target {target} ('{name}') is {weight}"), remedy))
+    refuse(format!("the weight of target {target} ('{name}') is {weight}"), remedy)
 }

@@ -3,8 +3,8 @@
 use crate::abi::kernels::batch_max;
 use crate::abi::numbers::{DENSE_BATCH_MAX, WORKGROUP};
 use crate::abi::push::attribute_push_bytes;
-use crate::error::{Error, Result};
-use crate::gpu::caps::{CAPTURE_STRIDE, DeviceCaps, Requirement};
+use crate::error::{Error, Result, ensure, refuse};
+use crate::gpu::caps::{CAPTURE_STRIDE, DeviceCaps, Requirement, TransformFeedbackCaps};
 use crate::pack::{DeltaFormat, PackedLayout};
 use crate::plan::paths::{Batch, Needs};
 use crate::plan::{BatchSize, UpdateDesc, UpdateMode, UpdatePath};
@@ -36,15 +36,13 @@ impl UpdateDesc {
         let path = self.path;
         let name = self.path.name();
         let least = if path.works_in_place() { 1 } else { 2 };
-        if self.slots < least || self.slots > 64 {
-            let remedy = format!("use {least} to 64 slots (2 is ping-pong)");
-            return refuse(format!("{} slots for update path '{name}'", self.slots), remedy);
-        }
-        let tolerance = self.tolerance;
-        if !(tolerance > 0.0 && self.error_budget >= 0.0 && self.error_budget.is_finite()) {
-            let what = format!("a tolerance of {tolerance} and an error budget of {}", self.error_budget);
-            return refuse(what, "use a tolerance above 0 and a budget of 0 or more");
-        }
+        let slots = self.slots;
+        let remedy = format!("use {least} to 64 slots (2 is ping-pong)");
+        ensure!((least..=64).contains(&slots), format!("{slots} slots for update path '{name}'"), remedy);
+        let Self { tolerance, error_budget, .. } = *self;
+        let what = format!("a tolerance of {tolerance} and an error budget of {error_budget}");
+        let fits = tolerance > 0.0 && error_budget >= 0.0 && error_budget.is_finite();
+        ensure!(fits, what, "use a tolerance above 0 and a budget of 0 or more");
         if !path.poses().contains(&self.pose) {
             let names: Vec<&str> = path.poses().iter().map(|pose| pose.name()).collect();
             let takes = UpdatePath::ALL.into_iter().filter(|path| path.poses().contains(&self.pose));
@@ -52,14 +50,12 @@ impl UpdateDesc {
             let remedy = format!("use {} poses here, or the path {}", names.join(" or "), paths.join(" or "));
             return refuse(format!("{} poses with '{name}'", self.pose.name()), remedy);
         }
-        if path.row().rebuilds_only && self.mode == UpdateMode::Incremental {
-            let remedy = "use the mode 'rebuild': this technique evaluates every pose from the base pose";
-            return refuse(format!("incremental updates through '{name}'"), remedy);
-        }
-        if path.row().sums_integers && self.error_budget > 0.0 {
-            let remedy = "use an error budget of 0: it evaluates every pose from the base pose";
-            return refuse(format!("an error budget with '{name}'"), remedy);
-        }
+        let fits = !path.row().rebuilds_only || self.mode != UpdateMode::Incremental;
+        let remedy = "use the mode 'rebuild': this technique evaluates every pose from the base pose";
+        ensure!(fits, format!("incremental updates through '{name}'"), remedy);
+        let fits = !path.row().sums_integers || error_budget == 0.0;
+        let remedy = "use an error budget of 0: it evaluates every pose from the base pose";
+        ensure!(fits, format!("an error budget with '{name}'"), remedy);
         if !path.formats().iter().any(|format| format.is_blocks()) {
             self.check_dense(name)?;
         }
@@ -110,11 +106,9 @@ impl UpdateDesc {
 
     /// Rejects an error budget, which only block formats support; `name` is the path or the format.
     fn check_dense(&self, name: &str) -> Result<()> {
-        if self.error_budget == 0.0 {
-            return Ok(());
-        }
         let remedy = "use the path 'blocks', or 'cpu' with a block format ('fast', 'small')";
-        refuse(format!("an error budget with '{name}'"), remedy)
+        ensure!(self.error_budget == 0.0, format!("an error budget with '{name}'"), remedy);
+        Ok(())
     }
 
     /// Checks the delta format, block size and batch size against the path and the device.
@@ -125,10 +119,9 @@ impl UpdateDesc {
         let what = path.with_deltas(layout.format);
         let size = layout.blocks.as_ref().map_or(0, |blocks| blocks.size());
         let most = caps.max_workgroup_invocations;
-        if path == UpdatePath::Blocks && size > most as usize {
-            let remedy = format!("pack with blocks of at most {most} vertices");
-            return refuse(format!("blocks of {size} vertices on {device}"), remedy);
-        }
+        let fits = path != UpdatePath::Blocks || size <= most as usize;
+        let remedy = format!("pack with blocks of at most {most} vertices");
+        ensure!(fits, format!("blocks of {size} vertices on {device}"), remedy);
         match (self.batch, caps.batch_max(path, layout.format)) {
             (BatchSize::Targets(batch), Some(most)) if batch > most => {
                 let all = if path.takes_all_targets() { ", or 'all'" } else { "" };
@@ -140,27 +133,22 @@ impl UpdateDesc {
 
     /// Checks the requirements of crowds animated on the GPU. Float32 sums drift, and the GPU keeps no bound on it.
     pub(super) fn check_animated(&self, layout: &PackedLayout) -> Result<()> {
-        let refuse = |what: String, remedy: &str| refuse(format!("{what} in a crowd animated on the GPU"), remedy);
-        let Some(index) = layout.blocks.as_ref().filter(|_| self.path == UpdatePath::Blocks) else {
-            let what = format!("update path '{}' and {} deltas", self.path.name(), layout.format.name());
-            return refuse(what, "use the path 'blocks', and pack the mesh as 'fast' or 'small'");
+        let refuse =
+            |what: String, remedy: &str| Error::invalid(format!("{what} in a crowd animated on the GPU"), remedy);
+        let Self { path, error_budget, pose, slots, .. } = *self;
+        let Some(index) = layout.blocks.as_ref().filter(|_| path == UpdatePath::Blocks) else {
+            let what = format!("update path '{}' and {} deltas", path.name(), layout.format.name());
+            return Err(refuse(what, "use the path 'blocks', and pack the mesh as 'fast' or 'small'"));
         };
-        if index.entry_count() == 0 {
-            let streams: Vec<String> = layout.streams.iter().map(|stream| stream.semantic.to_string()).collect();
-            let what = format!("mesh '{}', whose targets move nothing of {},", layout.name, streams.join(" and "));
-            return refuse(what, "draw these streams as they are in the mesh, and leave them out here");
-        }
-        if self.error_budget > 0.0 {
-            let what = format!("an error budget of {}", self.error_budget);
-            return refuse(what, "use 0, or a Crowd, whose weights the host sets");
-        }
-        if !self.pose.has_integers() {
-            let what = format!("{} poses", self.pose.name());
-            return refuse(what, "use fixed16 or fixed32 poses: sums of integers do not drift");
-        }
-        if self.slots > ANIMATED_SLOTS_MAX {
-            return refuse(format!("{} slots", self.slots), "use at most 32");
-        }
+        let streams: Vec<String> = layout.streams.iter().map(|stream| stream.semantic.to_string()).collect();
+        let what = format!("mesh '{}', whose targets move nothing of {},", layout.name, streams.join(" and "));
+        let remedy = "draw these streams as they are in the mesh, and leave them out here";
+        ensure!(index.entry_count() > 0, refuse(what, remedy));
+        let what = format!("an error budget of {error_budget}");
+        ensure!(error_budget == 0.0, refuse(what, "use 0, or a Crowd, whose weights the host sets"));
+        let remedy = "use fixed16 or fixed32 poses: sums of integers do not drift";
+        ensure!(pose.has_integers(), refuse(format!("{} poses", pose.name()), remedy));
+        ensure!(slots <= ANIMATED_SLOTS_MAX, refuse(format!("{slots} slots"), "use at most 32"));
         Ok(())
     }
 }
@@ -208,36 +196,39 @@ impl DeviceCaps {
     /// # Errors
     /// [`Error::Unsupported`] with the missing extension, feature or limit, and an alternative.
     pub fn check_path(&self, path: UpdatePath) -> Result<()> {
-        let refuse = |reason: String, remedy: &str| {
-            Err(Error::Unsupported { path: path.name(), device: self.name.clone(), reason, remedy: remedy.into() })
+        let (is_there, reason, remedy) = match (path.row().needs, self.transform_feedback) {
+            (Needs::Nothing, _) => return Ok(()),
+            (Needs::VertexStores, _) => {
+                let lacks =
+                    "the feature vertexPipelineStoresAndAtomics, which the device lacks or the host did not enable";
+                (self.vertex_stores, format!("needs {lacks}"), "use the path 'compute', which needs no feature")
+            }
+            (Needs::TransformFeedback, None) => {
+                let reason = "the device has no VK_EXT_transform_feedback, or it was not enabled";
+                (false, reason.into(), "use the path 'compute', which needs no extension")
+            }
+            (Needs::TransformFeedback, Some(TransformFeedbackCaps { max_stride: most, .. })) => {
+                let reason =
+                    format!("captured vertices may be {most} bytes apart at most, a pose needs {CAPTURE_STRIDE}");
+                (most >= CAPTURE_STRIDE as u32, reason, "use the path 'compute'")
+            }
+            (Needs::Workgroups, _) => {
+                let most = self.max_workgroup_invocations;
+                let reason = format!("{most} invocations per workgroup, {WORKGROUP} needed");
+                (most >= WORKGROUP, reason, "use the path 'cpu'")
+            }
+            (Needs::FloatBlending, _) => {
+                let lacks = "blending of R32G32B32A32_SFLOAT (COLOR_ATTACHMENT_BLEND), which the device lacks";
+                (self.float_blending, format!("needs {lacks}"), "use the path 'compute', which needs no format")
+            }
         };
-        match path.row().needs {
-            Needs::VertexStores if !self.vertex_stores => refuse(
-                "needs the feature vertexPipelineStoresAndAtomics, which the device lacks or the host did not enable"
-                    .into(),
-                "use the path 'compute', which needs no feature",
-            ),
-            Needs::TransformFeedback => match self.transform_feedback.map(|caps| caps.max_stride) {
-                None => refuse(
-                    "the device has no VK_EXT_transform_feedback, or it was not enabled".into(),
-                    "use the path 'compute', which needs no extension",
-                ),
-                Some(most) if most < CAPTURE_STRIDE as u32 => refuse(
-                    format!("captured vertices may be {most} bytes apart at most, a pose needs {CAPTURE_STRIDE}"),
-                    "use the path 'compute'",
-                ),
-                Some(_) => Ok(()),
-            },
-            Needs::Workgroups if self.max_workgroup_invocations < WORKGROUP => refuse(
-                format!("{} invocations per workgroup, {WORKGROUP} needed", self.max_workgroup_invocations),
-                "use the path 'cpu'",
-            ),
-            Needs::FloatBlending if !self.float_blending => refuse(
-                "needs blending of R32G32B32A32_SFLOAT (COLOR_ATTACHMENT_BLEND), which the device lacks".into(),
-                "use the path 'compute', which needs no format",
-            ),
-            Needs::Nothing | Needs::VertexStores | Needs::Workgroups | Needs::FloatBlending => Ok(()),
-        }
+        ensure!(is_there, self.unsupported(path, reason, remedy));
+        Ok(())
+    }
+
+    /// The error that the device, or this build, does not support `path`.
+    pub(crate) fn unsupported(&self, path: UpdatePath, reason: String, remedy: &str) -> Error {
+        Error::Unsupported { path: path.name(), device: self.name.clone(), reason, remedy: remedy.into() }
     }
 
     /// Checks that a queue family can run updates of `path`: compute, and graphics for vertex passes.
@@ -247,21 +238,15 @@ impl DeviceCaps {
     pub(crate) fn check_queue_family(&self, path: UpdatePath, family: u32) -> Result<()> {
         let flags = self.queue_flags(family)?;
         let refuse = |lacks: &str, remedy: &str| {
-            let reason = format!("queue family {family}, named for updates, has no {lacks}");
-            Err(Error::Unsupported { path: path.name(), device: self.name.clone(), reason, remedy: remedy.into() })
+            self.unsupported(path, format!("queue family {family}, named for updates, has no {lacks}"), remedy)
         };
-        if !flags.contains(vk::QueueFlags::COMPUTE) {
-            return refuse("compute", "name a queue family with compute");
-        }
-        if path.draws_updates() && !flags.contains(vk::QueueFlags::GRAPHICS) {
-            return refuse("graphics, which the passes of this path need", "use the path 'blocks' or 'compute' on it");
-        }
+        let computes = flags.contains(vk::QueueFlags::COMPUTE);
+        ensure!(computes, refuse("compute", "name a queue family with compute"));
+        let fits = !path.draws_updates() || flags.contains(vk::QueueFlags::GRAPHICS);
+        let lacks = "graphics, which the passes of this path need";
+        ensure!(fits, refuse(lacks, "use the path 'blocks' or 'compute' on it"));
         Ok(())
     }
-}
-
-fn refuse(what: impl Into<String>, remedy: impl Into<String>) -> Result<()> {
-    Err(Error::invalid(what, remedy))
 }
 
 impl UpdatePath {
@@ -271,11 +256,10 @@ impl UpdatePath {
     }
 
     pub(crate) fn check_format(self, format: DeltaFormat) -> Result<()> {
-        if self.formats().contains(&format) {
-            return Ok(());
-        }
         let names: Vec<&str> = self.formats().iter().map(|format| format.name()).collect();
-        refuse(self.with_deltas(format), format!("pack the mesh as {}", names.join(" or ")))
+        let remedy = format!("pack the mesh as {}", names.join(" or "));
+        ensure!(self.formats().contains(&format), self.with_deltas(format), remedy);
+        Ok(())
     }
 
     /// Checks that the path supports a mesh of `groups` groups.
@@ -283,14 +267,12 @@ impl UpdatePath {
     /// # Errors
     /// A path that updates only the first group.
     pub(crate) fn check_groups(self, groups: usize, layout: &PackedLayout) -> Result<()> {
-        if groups == 1 || self.row().takes_groups {
-            return Ok(());
-        }
         let path = self.name();
         let mesh = &layout.name;
-        refuse(
-            format!("update path '{path}' with mesh '{mesh}', which has more than positions and normals"),
-            "use the path 'blocks', 'compute', 'feedback' or 'cpu', or leave the other streams out of the mesh",
-        )
+        let what = format!("update path '{path}' with mesh '{mesh}', which has more than positions and normals");
+        let remedy =
+            "use the path 'blocks', 'compute', 'feedback' or 'cpu', or leave the other streams out of the mesh";
+        ensure!(groups == 1 || self.row().takes_groups, what, remedy);
+        Ok(())
     }
 }

@@ -1,6 +1,6 @@
 //! Description of a crowd on a device, and of host-owned pose buffers.
 
-use crate::error::{Error, Result};
+use crate::error::{Result, ensure};
 use crate::gpu::device::Device;
 use crate::pack::{PackedLayout, VertexLayout};
 use crate::plan::{Consumers, UpdateDesc, UpdatePath};
@@ -68,11 +68,11 @@ impl CrowdDesc {
     pub(crate) fn check_queue(&self, device: &Device) -> Result<()> {
         let Some(family) = self.queue_family else { return Ok(()) };
         device.caps.check_queue_family(self.update.path, family)?;
-        if device.families.is_empty() || device.families.contains(&family) {
-            return Ok(());
-        }
-        let text = format!("updates on queue family {family}, of an engine for the families {:?}", device.families);
-        Err(Error::invalid(text, "add it to DeviceDesc::queue_families"))
+        let families = &device.families;
+        let text = format!("updates on queue family {family}, of an engine for the families {families:?}");
+        let is_named = families.is_empty() || families.contains(&family);
+        ensure!(is_named, text, "add it to DeviceDesc::queue_families");
+        Ok(())
     }
 
     /// The consumers that can be on the queue of updates, which was checked.
@@ -94,30 +94,21 @@ impl CrowdDesc {
         use vk::BufferUsageFlags as U;
         let addressed = U::SHADER_DEVICE_ADDRESS | U::ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR;
         let usage = self.pose_usage;
-        if usage.intersects(addressed) && !device.device_address {
-            let text = format!("pose buffers for {usage:?}, on a device or allocator without buffer device addresses");
-            let remedy = "enable bufferDeviceAddress, have the allocator made for it where you hand one in, and set \
-                          DeviceDesc::buffer_device_address";
-            return Err(Error::invalid(text, remedy));
-        }
+        let text = format!("pose buffers for {usage:?}, on a device or allocator without buffer device addresses");
+        let remedy = "enable bufferDeviceAddress, have the allocator made for it where you hand one in, and set \
+                      DeviceDesc::buffer_device_address";
+        ensure!(device.device_address || !usage.intersects(addressed), text, remedy);
         let core = U::from_raw((U::INDIRECT_BUFFER.as_raw() << 1) - 1);
         let unknown = usage & !(core | addressed);
-        if !unknown.is_empty() {
-            let text = format!("pose buffers for {unknown:?}");
-            return Err(Error::invalid(text, "have poses written into a buffer of your own (CrowdDesc::poses)"));
-        }
+        let remedy = "have poses written into a buffer of your own (CrowdDesc::poses)";
+        ensure!(unknown.is_empty(), format!("pose buffers for {unknown:?}"), remedy);
         let Some(HostPoses { vertex, .. }) = &self.poses else { return Ok(()) };
-        if !usage.is_empty() {
-            let text = format!("usage {usage:?} for engine-owned pose buffers, but poses are in the host's vertices");
-            return Err(Error::invalid(
-                text,
-                "create the host's buffer with this usage, and leave CrowdDesc::pose_usage empty",
-            ));
-        }
-        if self.update.path != UpdatePath::Blocks {
-            let text = format!("poses in the host's vertices with the path '{}'", self.update.path.name());
-            return Err(Error::invalid(text, "use the path 'blocks', or leave CrowdDesc::poses out"));
-        }
+        let text = format!("usage {usage:?} for engine-owned pose buffers, but poses are in the host's vertices");
+        let remedy = "create the host's buffer with this usage, and leave CrowdDesc::pose_usage empty";
+        ensure!(usage.is_empty(), text, remedy);
+        let path = self.update.path;
+        let text = format!("poses in the host's vertices with the path '{}'", path.name());
+        ensure!(path == UpdatePath::Blocks, text, "use the path 'blocks', or leave CrowdDesc::poses out");
         vertex.check(groups, self.update.pose)
     }
 }

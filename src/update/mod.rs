@@ -12,7 +12,7 @@ pub mod dense;
 #[allow(unsafe_code)]
 pub mod technique;
 
-use crate::error::{Error, Result};
+use crate::error::{Result, refuse};
 use crate::plan::UpdatePath;
 pub(crate) use check::Runner;
 pub use check::requirements;
@@ -33,10 +33,7 @@ pub(crate) fn technique(context: Context<'_>, others: Option<&Techniques>) -> Re
         UpdatePath::Feedback => Box::new(dense::FeedbackTechnique::new(context)?),
         UpdatePath::Compute => Box::new(dense::ComputeTechnique::new(context)?),
         UpdatePath::Blocks => Box::new(blocks::BlocksTechnique::new(context)?),
-        _ => {
-            let text = format!("update path '{}' on a device", path.name());
-            return Err(Error::invalid(text, "use CpuCrowd for it"));
-        }
+        _ => return refuse(format!("update path '{}' on a device", path.name()), "use CpuCrowd for it"),
     })
 }
 

@@ -1,6 +1,6 @@
 //! The interface between crowds and update techniques.
 
-use crate::error::{Error, Result};
+use crate::error::{Result, ensure};
 use crate::gpu::caps::DeviceCaps;
 use crate::gpu::descriptors::BufferRange;
 use crate::gpu::device::Device;
@@ -109,12 +109,8 @@ pub struct Techniques {
 impl Techniques {
     /// The baselines, or the error that they are missing.
     pub(crate) fn of<'a>(others: Option<&'a Self>, path: UpdatePath, caps: &DeviceCaps) -> Result<&'a Self> {
-        others.ok_or_else(|| Error::Unsupported {
-            path: path.name(),
-            device: caps.name.clone(),
-            reason: "this build has no baselines".into(),
-            remedy: "use the path 'blocks' or 'compute': baselines are in the package deltamorph-baselines".into(),
-        })
+        let remedy = "use the path 'blocks' or 'compute': baselines are in the package deltamorph-baselines";
+        others.ok_or_else(|| caps.unsupported(path, "this build has no baselines".into(), remedy))
     }
 }
 
@@ -247,9 +243,8 @@ impl<'a> Context<'a> {
 
     /// Fails if 32-bit offsets do not reach `bytes` of `what`.
     pub fn check_offsets(&self, what: &str, bytes: u64, remedy: &str) -> Result<()> {
-        if bytes <= u64::from(u32::MAX) {
-            return Ok(());
-        }
-        Err(Error::invalid(format!("the {what} of {} instances take {bytes} bytes", self.desc.instances), remedy))
+        let what = format!("the {what} of {} instances take {bytes} bytes", self.desc.instances);
+        ensure!(bytes <= u32::MAX.into(), what, remedy);
+        Ok(())
     }
 }

@@ -4,7 +4,7 @@ pub mod delta;
 pub mod names;
 mod normalised;
 
-use crate::error::{Error, Result, ensure};
+use crate::error::{Error, Result, ensure, refuse};
 use names::closest;
 pub use normalised::normalise_weights;
 use std::collections::{HashMap, HashSet};
@@ -66,7 +66,7 @@ impl WeightClip {
                 near => format!("rename {} if that is meant, or remove columns", near.join(", ")),
             };
             let what = format!("clip '{}': column '{name}' names no target of the mesh{more}", self.name);
-            return Err(Error::invalid(what, remedy));
+            return refuse(what, remedy);
         }
         // Distinct names, so that each column has its own target.
         self.check()?;
@@ -144,7 +144,7 @@ impl BoundClip {
     pub fn frame(&self, frame: usize) -> Result<Vec<f32>> {
         let count = self.frame_count();
         let what = || format!("frame {frame} of clip '{}', which has {count}", self.name);
-        ensure!(frame < count, Error::invalid(what(), "count frames from 0"));
+        ensure!(frame < count, what(), "count frames from 0");
         Ok(self.weights(frame))
     }
 

@@ -1,7 +1,7 @@
 //! Skinning in float64.
 
 use super::{SkinDesc, SkinMethod};
-use crate::error::{Error, Result};
+use crate::error::{Result, ensure};
 use glam::{DMat3, DQuat, DVec3};
 
 /// Skins a pose in double precision: the reference of [`SkinTarget`](crate::after::SkinTarget). `pose` and the result
@@ -12,10 +12,9 @@ use glam::{DMat3, DQuat, DVec3};
 /// A skin that [`upload_skin`](crate::MorphEngine::upload_skin) rejects; too few joints.
 pub fn skin(pose: &[f64], desc: &SkinDesc<'_>, method: SkinMethod, joints: &[f32]) -> Result<Vec<f64>> {
     let (pose, size) = (pose.as_chunks::<6>().0, method.joint_bytes() as usize / 4);
-    if joints.len() < size * desc.joint_count as usize {
-        let text = format!("{} numbers for {} joints", joints.len(), desc.joint_count);
-        return Err(Error::invalid(text, format!("hand in {size} for each joint")));
-    }
+    let text = format!("{} numbers for {} joints", joints.len(), desc.joint_count);
+    let fits = joints.len() >= size * desc.joint_count as usize;
+    ensure!(fits, text, format!("hand in {size} for each joint"));
     let joint = |number: u16| -> Vec<f64> {
         joints[usize::from(number) * size..][..size].iter().map(|x| f64::from(*x)).collect()
     };

@@ -8,7 +8,7 @@ use crate::after::attached::Attached;
 use crate::after::output::Output;
 use crate::after::step::{AfterStep, Job, Pose, TargetContext};
 use crate::after::steps::After;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::device::Device;
 use crate::gpu::mesh::Upload;
@@ -260,11 +260,11 @@ impl Skin {
 /// Checks that the joints are aligned and within their buffer.
 fn check_joints(offset: u64, method: SkinMethod, count: u32, bytes: u64) -> Result<()> {
     let size = method.joint_bytes() * u64::from(count);
-    if offset.is_multiple_of(16) && offset.checked_add(size).is_some_and(|end| end <= bytes) {
-        return Ok(());
-    }
-    let text = format!("{count} joints of {size} bytes at offset {offset} of a buffer with {bytes} bytes of joints");
-    Err(Error::invalid(text, "use a multiple of 16, and a buffer with room for all joints after it"))
+    let fits = offset.is_multiple_of(16) && offset.checked_add(size).is_some_and(|end| end <= bytes);
+    let text =
+        || format!("{count} joints of {size} bytes at offset {offset} of a buffer with {bytes} bytes of joints");
+    ensure!(fits, text(), "use a multiple of 16, and a buffer with room for all joints after it");
+    Ok(())
 }
 
 impl AfterStep for Skin {

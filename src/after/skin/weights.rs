@@ -1,6 +1,6 @@
 //! Joints and weights of vertices.
 
-use crate::error::{Error, Result};
+use crate::error::{Result, ensure, refuse};
 use crate::pack::PackedLayout;
 
 /// How the joints of a vertex are blended.
@@ -61,20 +61,17 @@ impl<'a> SkinDesc<'a> {
     /// A skin that [`MorphEngine::upload_skin`](crate::MorphEngine::upload_skin) rejects.
     pub(super) fn vertices(&self, vertices: usize) -> Result<impl Iterator<Item = (&'a [u16], &'a [f32])>> {
         let Self { influences, joint_count, joints, weights } = *self;
-        if !matches!(influences, 4 | 8) || !(1..=1 << 16).contains(&joint_count) {
-            let text = format!("a skin of {influences} influences for each vertex, and {joint_count} joints");
-            return Err(Error::invalid(text, "use 4 or 8 influences, and 1 to 65536 joints"));
-        }
+        let text = format!("a skin of {influences} influences for each vertex, and {joint_count} joints");
+        let fits = matches!(influences, 4 | 8) && (1..=1 << 16).contains(&joint_count);
+        ensure!(fits, text, "use 4 or 8 influences, and 1 to 65536 joints");
         let n = influences as usize;
-        let wanted = vertices * influences as usize;
-        if (joints.len(), weights.len()) != (wanted, wanted) {
-            let text = format!("a skin with {} joints and {} weights of vertices", joints.len(), weights.len());
-            let remedy = format!("hand in {wanted} of both: {n} for each of the {vertices} vertices of the mesh");
-            return Err(Error::invalid(text, remedy));
-        }
+        let wanted = vertices * n;
+        let text = format!("a skin with {} joints and {} weights of vertices", joints.len(), weights.len());
+        let remedy = format!("hand in {wanted} of both: {n} for each of the {vertices} vertices of the mesh");
+        ensure!((joints.len(), weights.len()) == (wanted, wanted), text, remedy);
         let each = joints.chunks_exact(n).zip(weights.chunks_exact(n));
         for (vertex, (joints, weights)) in each.clone().enumerate() {
-            let refused = |text: String, remedy| Err(Error::invalid(format!("skin: vertex {vertex} {text}"), remedy));
+            let refused = |text: String, remedy| refuse(format!("skin: vertex {vertex} {text}"), remedy);
             if let Some(bad) = weights.iter().find(|weight| !(weight.is_finite() && **weight >= 0.0)) {
                 return refused(format!("has the weight {bad}"), "use weights from 0 on");
             }

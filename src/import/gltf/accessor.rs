@@ -106,11 +106,10 @@ impl Container {
         let offset = at.whole_or("byteOffset", 0)?;
         let stride = stride.unwrap_or(element);
         let end = (count - 1).checked_mul(stride).and_then(|n| n.checked_add(element)?.checked_add(offset));
-        if end.is_none_or(|end| end > bytes.len()) {
-            let what = format!("{count} elements of {element} bytes every {stride} bytes from byte {offset} on");
-            let what = format!("{what}, but the buffer view has {} bytes", bytes.len());
-            return Err(at.refuse(what, "export the file again: it is cut off, or a count is wrong"));
-        }
+        let fits = end.is_some_and(|end| end <= bytes.len());
+        let what = format!("{count} elements of {element} bytes every {stride} bytes from byte {offset} on");
+        let what = format!("{what}, but the buffer view has {} bytes", bytes.len());
+        ensure!(fits, at.refuse(what, "export the file again: it is cut off, or a count is wrong"));
         Ok((&bytes[offset..], stride))
     }
 

@@ -2,7 +2,7 @@
 
 use super::container::Container;
 use super::json::At;
-use crate::error::{Error, Result};
+use crate::error::{Result, ensure};
 use crate::import::{DEFAULT_FPS, frame_rate};
 use glam::DQuat;
 
@@ -193,12 +193,11 @@ impl Animation {
         // Files that list as many keys or values may have as many.
         let stated = self.timed().map(|channel| [channel.times.len(), channel.values.len()]);
         let [keys, values] = stated.fold([0, 0], |a, b| [a[0].max(b[0]), a[1] + b[1]]);
-        if frames > FRAMES_MAX.max(keys) as f64 || frames * width as f64 > VALUES_MAX.max(values) as f64 {
-            let [start, end] = [start, end].map(|time| time as f32);
-            let what = format!("animation '{}' is too long: keys from {start:e} s to {end:e} s", self.name);
-            let remedy = "2^20 frames and 2^24 weights are the most; sample it with fewer a second, or split it";
-            return Err(Error::invalid(what, remedy));
-        }
+        let [first, last] = [start, end].map(|time| time as f32);
+        let what = format!("animation '{}' is too long: keys from {first:e} s to {last:e} s", self.name);
+        let remedy = "2^20 frames and 2^24 weights are the most; sample it with fewer a second, or split it";
+        let fits = frames <= FRAMES_MAX.max(keys) as f64 && frames * width as f64 <= VALUES_MAX.max(values) as f64;
+        ensure!(fits, what, remedy);
         Ok((0..frames as usize).map(move |frame| (start + frame as f64 / fps).min(end)))
     }
 

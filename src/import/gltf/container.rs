@@ -240,9 +240,8 @@ fn uri_bytes(path: &Path, uri: &At<'_>, beside: &mut HashMap<PathBuf, Rc<Vec<u8>
         return Err(uri.refuse(what, "put the buffer beside the file and name it without a path, or export as .glb"));
     };
     let real = file.canonicalize().unwrap_or_else(|_| file.clone());
-    if path.canonicalize().is_ok_and(|own| own == real) {
-        return Err(uri.refuse("the glTF file itself, not a buffer", "name the file that has the buffer's bytes"));
-    }
+    let is_other = path.canonicalize().map_or(true, |own| own != real);
+    ensure!(is_other, uri.refuse("the glTF file itself, not a buffer", "name the file that has the buffer's bytes"));
     if let Some(bytes) = beside.get(&real) {
         return Ok(bytes.clone());
     }

@@ -278,10 +278,9 @@ impl Gltf {
     /// [`Error::Invalid`] if `fps` is not a positive number.
     pub fn clip(&self, animation: &Animation, fps: Option<f32>) -> Result<WeightClip> {
         let channels: Vec<&Channel> = animation.weight_channels().collect();
-        if channels.is_empty() {
-            let place = format!(": animation '{}'", animation.name);
-            return Err(Error::input(&self.path, place, "no weights of morph targets", "name another animation"));
-        }
+        let place = format!(": animation '{}'", animation.name);
+        let what = "no weights of morph targets";
+        ensure!(!channels.is_empty(), Error::input(&self.path, place, what, "name another animation"));
         let fps = super::frame_rate(fps.unwrap_or_else(|| animation.frame_rate()))?;
         let mut names = vec![];
         let mut columns = vec![];

@@ -95,16 +95,15 @@ fn steps(source: &Source<'_>, largest: [f32; TRIPLES], desc: &BlockDesc, format:
 }
 
 fn check(desc: &BlockDesc) -> Result<()> {
-    if let Some(size) = desc.size.filter(|s| !BLOCK_SIZES.contains(s)) {
-        return Err(Error::invalid(format!("blocks of {size} vertices"), "use 32, 64 or 128"));
-    }
+    let size = desc.size.unwrap_or(BLOCK_SIZES[0]);
+    ensure!(BLOCK_SIZES.contains(&size), format!("blocks of {size} vertices"), "use 32, 64 or 128");
     let positive = |v: f32| v.is_finite() && v > 0.0;
     let errors = [desc.position_error, desc.normal_error_degrees, desc.absolute_error];
     let [length, degrees, absolute] = errors;
     let most = desc.weight_max;
     let what =
         format!("packing errors of {length} of the diagonal, {degrees}° and {absolute}, with weights up to {most}");
-    ensure!(errors.into_iter().all(positive) && positive(most), Error::invalid(what, "use numbers above 0"));
+    ensure!(errors.into_iter().all(positive) && positive(most), what, "use numbers above 0");
     Ok(())
 }
 
@@ -245,7 +244,7 @@ impl Packing<'_> {
         words.resize(words.len().next_multiple_of(4), 0);
         let count = words.len() as u64 + deltas.len() as u64;
         let what = format!("mesh '{}': its deltas take {} bytes", mesh.name, count * 4);
-        ensure!(count <= WORDS_MAX, Error::invalid(what, "split the mesh, or use a smaller format"));
+        ensure!(count <= WORDS_MAX, what, "split the mesh, or use a smaller format");
         words.append(&mut deltas);
         let base = self.source.base_pose(padded, Some(self.order));
         let parts = Parts {

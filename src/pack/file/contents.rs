@@ -4,7 +4,7 @@ use super::Asset;
 use super::table::*;
 use crate::asset::streams::{Semantic, TRIPLES, group_streams};
 use crate::asset::{Corner, Faces, Tolerance};
-use crate::error::{Error, Result, ensure};
+use crate::error::{Result, ensure};
 use crate::io::room;
 use crate::pack::blocks::Parts;
 use crate::pack::{
@@ -24,7 +24,7 @@ pub(super) fn write(asset: &Asset, clips: Option<Vec<u8>>) -> Result<Vec<u8>> {
     let index = layout.index()?;
     let groups = asset.mesh.groups();
     let what = format!("mesh '{}' has {} groups of streams; a file has {GROUPS_MAX}", layout.name, groups.len());
-    ensure!(groups.len() <= GROUPS_MAX, Error::invalid(what, "leave streams out"));
+    ensure!(groups.len() <= GROUPS_MAX, what, "leave streams out");
     let counts = |counts: &[usize]| counts.iter().map(|count| counted(*count)).collect::<Result<Vec<u32>>>();
     let corners = faces.corners.len();
     let texcoords = asset.texcoords.len();

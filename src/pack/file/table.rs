@@ -133,11 +133,8 @@ pub(super) fn split<'a>(path: &Path, bytes: &'a [u8]) -> Result<Sections<'a>> {
     let remedy = "give a file written by `deltamorph pack`";
     ensure!(begins, refuse("does not begin as a packed mesh does".into(), remedy));
     let (Some(version), Some(count)) = (u32_at(bytes, 8), u32_at(bytes, 12)) else { return Err(ends("the header")) };
-    if !(VERSION..=WITH_CLIPS).contains(&version) {
-        let what =
-            format!("has version {version} of the format; this program reads versions {VERSION} and {WITH_CLIPS}");
-        return Err(refuse(what, OUTDATED));
-    }
+    let what = format!("has version {version} of the format; this program reads versions {VERSION} and {WITH_CLIPS}");
+    ensure!((VERSION..=WITH_CLIPS).contains(&version), refuse(what, OUTDATED));
     let Some(places) = places(version, count as usize) else {
         return Err(refuse(format!("has {count} sections, which no file of version {version} has"), DAMAGED));
     };

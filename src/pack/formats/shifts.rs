@@ -3,6 +3,7 @@
 
 use super::{BlockFormat, Lane, fixed, quantise};
 use crate::asset::streams::{TRIPLE, TRIPLES};
+use crate::error::ensure;
 use crate::pack::POSE_FLOATS;
 use std::ops::Range;
 
@@ -56,10 +57,9 @@ impl<F: Shifted> BlockFormat for F {
         let shifts = self.shifts(header);
         let bits: [u32; TRIPLES] = std::array::from_fn(|triple| F::BITS[triple] + shifts[triple]);
         // A shifted component must fit the 32 bits it is decoded into.
-        match header[0] >> 16 == 0 && bits.iter().all(|bits| *bits <= 32) {
-            true => Ok(bits),
-            false => Err(format!("shifts of {:#x}", header[0])),
-        }
+        let fits = header[0] >> 16 == 0 && bits.iter().all(|bits| *bits <= 32);
+        ensure!(fits, format!("shifts of {:#x}", header[0]));
+        Ok(bits)
     }
 
     fn check_deltas(&self, deltas: &[u32]) -> Result<(), String> {

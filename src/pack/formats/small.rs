@@ -11,6 +11,7 @@
 //! A target mostly moves the vertices of a block alike; the offset keeps their common part out of the records. Offsets
 //! in eighths of an integer's range cost no more integer bits than exact minima would.
 
+use crate::error::ensure;
 use super::{BlockFormat, INTEGER_BITS, Integers, Lane, quantise};
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::pack::POSE_FLOATS;
@@ -240,9 +241,8 @@ impl BlockFormat for Small {
         let fields = fields(header);
         let widths = fields.map(|field| field.width);
         let spare = (header[1] & !MASKED | header[2]) >> (2 * TRIPLE as u32 * BITS);
-        if spare != 0 || widths.iter().enumerate().any(|(c, w)| *w > INTEGER_BITS[c / TRIPLE]) {
-            return Err(format!("components of {widths:?} bits"));
-        }
+        let fits = widths.iter().enumerate().all(|(c, w)| *w <= INTEGER_BITS[c / TRIPLE]);
+        ensure!(spare == 0 && fits, format!("components of {widths:?} bits"));
         let largest =
             |field: &Field| field.least.unsigned_abs().max((field.least + (1 << field.width) - 1).unsigned_abs());
         let bits = |triple: &[Field]| triple.iter().map(|field| 32 - largest(field).leading_zeros()).max();

@@ -1,9 +1,10 @@
 //! Clips as integers, in the form that is uploaded.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use crate::lod::Importance;
 use crate::pack::PackedLayout;
 use crate::pack::blocks::PoseGrid;
+use crate::plan::instances::out_of_grid;
 use crate::setters::setters;
 use crate::weights::WeightClip;
 
@@ -91,52 +92,40 @@ impl Clips {
         if let Some(importance) = desc.importance {
             let given = importance.target_count();
             let targets = names.len();
-            if given != targets {
-                let what = format!(
-                    "an order of importance of {given} targets for mesh '{}', which has {targets}",
-                    layout.name
-                );
-                return Err(Error::invalid(what, "rank the targets of this mesh"));
-            }
+            let mesh = &layout.name;
+            let what = format!("an order of importance of {given} targets for mesh '{mesh}', which has {targets}");
+            ensure!(given == targets, what, "rank the targets of this mesh");
             // 0 without clips, since nothing plays then.
             all.ranks_at = all.words.len() as u32;
             all.words.extend_from_slice(importance.ranks());
         }
-        if u32::try_from(all.words.len()).is_err() {
-            let what = format!("clips of {} words", all.words.len());
-            return Err(Error::invalid(what, "make several crowds, or use 16-bit keys"));
-        }
+        let what = format!("clips of {} words", all.words.len());
+        ensure!(u32::try_from(all.words.len()).is_ok(), what, "make several crowds, or use 16-bit keys");
         Ok(all)
     }
 
     fn push(&mut self, clip: &WeightClip, names: &[&str], grid: PoseGrid) -> Result<()> {
-        let refuse = |what: String, remedy: &str| Err(Error::invalid(format!("clip '{}': {what}", clip.name), remedy));
+        let refuse = |what: String, remedy: &str| Error::invalid(format!("clip '{}': {what}", clip.name), remedy);
         let bound = clip.bind(names)?;
         let frames = bound.frame_count();
-        if frames == 0 || frames > i32::MAX as usize {
-            return refuse(format!("{frames} frames"), "give it 1 frame or more");
-        }
-        if !(clip.fps > 0.0 && clip.fps.is_finite()) {
-            return refuse(format!("{} frames a second", clip.fps), "use a rate above 0");
-        }
+        let fits = (1..=i32::MAX as usize).contains(&frames);
+        ensure!(fits, refuse(format!("{frames} frames"), "give it 1 frame or more"));
+        let is_rate = clip.fps > 0.0 && clip.fps.is_finite();
+        ensure!(is_rate, refuse(format!("{} frames a second", clip.fps), "use a rate above 0"));
         let mut keys = vec![];
         // A key of every target in every frame, even if few columns are animated.
         let count = frames.saturating_mul(names.len());
-        if count > u32::MAX as usize || keys.try_reserve_exact(count).is_err() || self.words.try_reserve(count).is_err()
-        {
-            let what = format!("there is no memory for {frames} frames of {} targets", names.len());
-            return refuse(what, "cut the clip into shorter ones");
-        }
+        let mut has_room = count <= u32::MAX as usize && keys.try_reserve_exact(count).is_ok();
+        has_room &= self.words.try_reserve(count).is_ok();
+        let what = format!("there is no memory for {frames} frames of {} targets", names.len());
+        ensure!(has_room, refuse(what, "cut the clip into shorter ones"));
         for (frame, row) in bound.frames().enumerate() {
             for (name, &weight) in names.iter().zip(&row) {
                 let key = grid.steps(weight);
                 if weight.abs() > grid.weight_max || !(-KEY_MAX..=KEY_MAX).contains(&key) {
                     let most = grid.weight_max.min(KEY_MAX as f32 * grid.weight_step());
-                    let stand = format!("fixed-point poses hold weights from -{most} to {most} here");
-                    return refuse(
-                        format!("frame {frame}, target '{name}': the weight is {weight}"),
-                        &format!("{stand}: use a larger weight_max"),
-                    );
+                    let what = format!("frame {frame}, target '{name}': the weight is {weight}");
+                    return Err(refuse(what, &out_of_grid(most)));
                 }
                 keys.push(key);
             }

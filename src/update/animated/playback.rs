@@ -3,7 +3,7 @@
 use super::clips::Clips;
 use super::sample::{HeadRecord, Playback, TICKS_PER_SECOND};
 use crate::abi::numbers::{HIDDEN, LOOP, PLAYING, REVERSED};
-use crate::error::{Error, Result};
+use crate::error::{Result, ensure, refuse};
 use crate::plan::instances::{InstanceState, Instances};
 use crate::weights::Repeat;
 use std::ops::Range;
@@ -76,10 +76,9 @@ impl Playbacks {
     pub fn set_time(&mut self, seconds: f64) -> Result<()> {
         let now = ticks(seconds)?;
         let mut playing = self.starts.iter().zip(&self.records);
-        if playing.any(|(start, record)| record.has(PLAYING) && start - now > REBASE_TICKS) {
-            let what = format!("second {seconds}, more than 4.5 hours before an instance starts");
-            return Err(Error::invalid(what, "play its clip again at the new time first"));
-        }
+        let is_early = playing.any(|(start, record)| record.has(PLAYING) && start - now > REBASE_TICKS);
+        let what = || format!("second {seconds}, more than 4.5 hours before an instance starts");
+        ensure!(!is_early, what(), "play its clip again at the new time first");
         self.now = now;
         Ok(())
     }
@@ -96,20 +95,18 @@ impl Playbacks {
     pub fn play(&mut self, instance: u32, playback: &Playback, clips: &Clips) -> Result<()> {
         let Playback { clip, start, speed, repeat } = *playback;
         let Some(fps) = clips.fps(clip as usize) else {
-            return Err(Error::invalid(format!("clip {clip} of {}", clips.count()), "count clips from 0"));
+            return refuse(format!("clip {clip} of {}", clips.count()), "count clips from 0");
         };
         let rate = (speed.abs() * f64::from(fps) * 65_536.0).round();
+        let what = || format!("a speed of {speed} for a clip of {fps} frames a second");
         // Also rejects NaN.
-        if !(0.0..=f64::from(u32::MAX)).contains(&rate) {
-            let what = format!("a speed of {speed} for a clip of {fps} frames a second");
-            return Err(Error::invalid(what, "use a speed that makes at most 65535 frames a second"));
-        }
+        let fits = (0.0..=f64::from(u32::MAX)).contains(&rate);
+        ensure!(fits, what(), "use a speed that makes at most 65535 frames a second");
         let start_tick = ticks(start)?;
-        if start_tick - self.now > REBASE_TICKS {
-            let ahead = start - self.now as f64 / TICKS_PER_SECOND;
-            let what = format!("a clip that starts at second {start}, {ahead} seconds ahead");
-            return Err(Error::invalid(what, "use a start at most 4.5 hours ahead of the time set"));
-        }
+        let ahead = start - self.now as f64 / TICKS_PER_SECOND;
+        let what = || format!("a clip that starts at second {start}, {ahead} seconds ahead");
+        let is_near = start_tick - self.now <= REBASE_TICKS;
+        ensure!(is_near, what(), "use a start at most 4.5 hours ahead of the time set");
         let record = &mut self.records[instance as usize];
         let set = |flag, set| if set { flag } else { 0 };
         let flags = PLAYING | record.flags & HIDDEN | set(LOOP, repeat == Repeat::Loop) | set(REVERSED, speed < 0.0);
@@ -128,11 +125,9 @@ impl Playbacks {
     pub fn set_level(&mut self, instance: u32, level: f32, clips: &Clips) -> Result<()> {
         let Some(ranks_at) = clips.ranks_at() else {
             let what = "a level of detail for a crowd without an order of importance";
-            return Err(Error::invalid(what, "give AnimationDesc::importance when the crowd is made"));
+            return refuse(what, "give AnimationDesc::importance when the crowd is made");
         };
-        if level.is_nan() || level < 0.0 {
-            return Err(Error::invalid(format!("a level of {level} targets"), "use a number from 0"));
-        }
+        ensure!(level >= 0.0, format!("a level of {level} targets"), "use a number from 0");
         let record = &mut self.records[instance as usize];
         let set = match level < clips.targets() as f32 {
             true => ((f64::from(level) * 65_536.0).round() as u32, ranks_at),
@@ -287,9 +282,7 @@ impl HeadRecord {
 }
 
 fn ticks(seconds: f64) -> Result<i64> {
-    if seconds.abs() <= SECONDS_MAX {
-        return Ok((seconds * TICKS_PER_SECOND).round() as i64);
-    }
-    let remedy = format!("use numbers from -{SECONDS_MAX} to {SECONDS_MAX}");
-    Err(Error::invalid(format!("second {seconds} of the clock"), remedy))
+    let remedy = || format!("use numbers from -{SECONDS_MAX} to {SECONDS_MAX}");
+    ensure!(seconds.abs() <= SECONDS_MAX, format!("second {seconds} of the clock"), remedy());
+    Ok((seconds * TICKS_PER_SECOND).round() as i64)
 }

@@ -3,7 +3,7 @@
 
 use super::group::{GroupPlan, Unit};
 use crate::abi::worklist::Element;
-use crate::error::{Error, Result};
+use crate::error::{Result, ensure};
 use crate::pack::PackedLayout;
 use crate::pack::blocks::BlockIndex;
 use crate::plan::instances::{InstanceState, Instances};
@@ -71,10 +71,9 @@ impl Planner {
 impl InstanceState for Planner {
     fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()> {
         let most = self.budget_most;
-        if !(0.0..=most).contains(&budget) {
-            let what = format!("an error budget of {budget} for an instance of a crowd that was made with {most}");
-            return Err(Error::invalid(what, "use a number from 0 to that, or make the crowd with a larger one"));
-        }
+        let what = || format!("an error budget of {budget} for an instance of a crowd that was made with {most}");
+        let remedy = "use a number from 0 to that, or make the crowd with a larger one";
+        ensure!((0.0..=most).contains(&budget), what(), remedy);
         for (group, states) in self.groups.iter().zip(&mut self.states) {
             // Without lengths there is no budget.
             states[instance as usize].set_budget(budget.min(group.desc.error_budget));
