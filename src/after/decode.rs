@@ -4,19 +4,14 @@
 #![allow(unsafe_code)]
 
 use super::output::Output;
-use super::step::{AfterStep, Job, PoseKernel, TargetContext};
+use super::step::{AfterStep, Bound, Job, PoseKernel, TargetContext};
 use super::steps::After;
 use crate::abi::modules::DECODE;
-use crate::abi::numbers::{PIECE, WORKGROUP};
 use crate::abi::push::DecodePush;
 use crate::error::Result;
-use crate::gpu::descriptors::Sets;
-use crate::gpu::pipelines::{Pipelines, Workgroups};
 use crate::plan::after::Kind;
 use crate::setters::setters;
 use ash::vk;
-use bytemuck::bytes_of;
-use std::sync::Arc;
 
 /// Output of float32 positions of an instance; see
 /// [`MorphEngine::set_decode_target`](crate::MorphEngine::set_decode_target).
@@ -51,24 +46,16 @@ impl DecodeTarget {
 }
 
 pub(crate) struct Decode {
-    kernel: Arc<Pipelines<PoseKernel>>,
-    /// By list.
-    sets: Sets,
+    bound: Bound<PoseKernel>,
     push: DecodePush,
-    /// Numbers per pose, padding included.
-    pose_numbers: u32,
 }
 
 impl Decode {
-    /// Sets the target of an instance; `None` removes it.
+    /// Sets the target of an instance.
     ///
     /// # Errors
     /// An invalid target; no memory. Nothing changes then.
-    pub(crate) fn set(after: &mut After, place: &TargetContext<'_>, target: Option<&DecodeTarget>) -> Result<()> {
-        let Some(target) = target else {
-            after.unset(Kind::Decode, place.instance);
-            return Ok(());
-        };
+    pub(crate) fn set(after: &mut After, place: &TargetContext<'_>, target: &DecodeTarget) -> Result<()> {
         let layout = &place.group.mesh.layout;
         let output = target.output();
         if target.normals.is_some() {
@@ -77,11 +64,10 @@ impl Decode {
         place.check("decoding")?;
         output.check("a decode target", layout, place.device)?;
         after.set(place, Kind::Decode, 1, vk::BufferUsageFlags::STORAGE_BUFFER, |lists| {
-            let kernel = place.kernels.get(PoseKernel(&DECODE, place.pose()))?;
             let [units, offset] = place.scale();
             let (decoded, decoded_at) = output.range(layout);
             let bound = |frame| [place.poses(), lists.range(u64::from(frame)), decoded];
-            let sets = kernel.objects.sets(&(0..place.frames).map(bound).collect::<Vec<_>>())?;
+            let bound: Vec<_> = (0..place.frames).map(bound).collect();
             let push = DecodePush {
                 units,
                 offset,
@@ -94,19 +80,16 @@ impl Decode {
                 listed: 0,
                 padding: 0,
             };
-            Ok(Self { kernel, sets, push, pose_numbers: place.pose_numbers() })
+            Ok(Self { bound: Bound::new(place, PoseKernel(&DECODE, place.pose()), &bound)?, push })
         })
     }
 }
 
 impl AfterStep for Decode {
     unsafe fn record(&self, cmd: vk::CommandBuffer, job: &Job) {
-        let count = job.count;
-        let pose_at = job.slot * self.pose_numbers;
-        let push = DecodePush { pose_at, count, listed: job.is_listed.into(), ..self.push };
-        let workgroups = Workgroups::Of([count.div_ceil(WORKGROUP / PIECE), 1]);
-        let set = (self.sets.get(job.frame as usize), &[][..]);
-        // SAFETY: the caller's obligations; the set was made for this layout, and the list for this frame.
-        unsafe { self.kernel.objects.dispatch(cmd, 0, set, bytes_of(&push), workgroups) };
+        let pose_at = self.bound.pose_at(job);
+        let push = DecodePush { pose_at, count: job.count, listed: job.is_listed.into(), ..self.push };
+        // SAFETY: the caller's obligations; the list was made for this frame.
+        unsafe { self.bound.dispatch(cmd, job, job.frame as usize, &push) };
     }
 }

@@ -5,13 +5,14 @@ use crate::abi::modules::Kernel;
 use crate::abi::numbers::{PIECE, WORKGROUP};
 use crate::asset::streams::TRIPLE;
 use crate::error::{Result, ensure};
-use crate::gpu::descriptors::BufferRange;
+use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::device::Device;
-use crate::gpu::pipelines::{Kernels, Objects, PipelineKey};
+use crate::gpu::pipelines::{Kernels, Objects, PipelineKey, Pipelines, Workgroups};
 use crate::pack::vertex::PlaceConstants;
 use crate::pack::{DeltaFormat, PoseFormat};
 use crate::update::technique::PoseGroup;
 use ash::vk;
+use bytemuck::{Pod, bytes_of};
 use std::any::Any;
 use std::sync::Arc;
 
@@ -74,6 +75,38 @@ impl PipelineKey for PoseKernel {
     }
 }
 
+/// A step's kernel, and what it binds for one instance.
+pub(super) struct Bound<K> {
+    pub kernel: Arc<Pipelines<K>>,
+    /// By list and output buffer.
+    sets: Sets,
+    /// Numbers per pose, padding included.
+    pose_numbers: u32,
+}
+
+impl<K: PipelineKey> Bound<K> {
+    pub fn new(place: &TargetContext<'_>, key: K, bound: &[impl AsRef<[BufferRange]>]) -> Result<Self> {
+        let kernel = place.kernels.get(key)?;
+        Ok(Self { sets: kernel.objects.sets(bound)?, kernel, pose_numbers: place.group.poses.numbers() })
+    }
+
+    /// The first number of the pose that a job reads.
+    pub fn pose_at(&self, job: &Job) -> u32 {
+        job.slot * self.pose_numbers
+    }
+
+    /// Records the dispatch of a job.
+    ///
+    /// # Safety
+    /// See [`AfterStep::record`]; the set is of the job's list.
+    pub unsafe fn dispatch(&self, cmd: vk::CommandBuffer, job: &Job, set: usize, push: &impl Pod) {
+        let workgroups = Workgroups::Of([job.count.div_ceil(WORKGROUP / PIECE), 1]);
+        let set = (self.sets.get(set), &[][..]);
+        // SAFETY: the caller's obligations; the set was made for this layout.
+        unsafe { self.kernel.objects.dispatch(cmd, 0, set, bytes_of(push), workgroups) };
+    }
+}
+
 pub(crate) struct TargetContext<'a> {
     pub(crate) device: &'a Arc<Device>,
     pub(crate) kernels: &'a Kernels,
@@ -87,11 +120,6 @@ impl TargetContext<'_> {
     /// All slots of the instance.
     pub(super) fn poses(&self) -> BufferRange {
         self.group.poses.range(self.instance, 1)
-    }
-
-    /// Numbers per pose.
-    pub(super) fn pose_numbers(&self) -> u32 {
-        self.group.poses.numbers()
     }
 
     /// Pose format, and component offsets in host vertices.

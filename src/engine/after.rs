@@ -6,6 +6,7 @@ use crate::abi::steps::after_steps;
 use crate::after::*;
 use crate::error::Result;
 use crate::pack::PackedMesh;
+use crate::plan::after::Kind;
 use ash::vk;
 
 impl MorphEngine {
@@ -106,8 +107,12 @@ macro_rules! target_setters {
             ) -> Result<()> {
                 let crowd = crowd.base_mut();
                 crowd.check_device(&self.device)?;
-                crowd.set_after(&self.kernels, instance, |after, place| {
-                    crate::after::$module::$step::set(after, place, target)
+                crowd.set_after(&self.kernels, instance, |after, place| match target {
+                    Some(target) => crate::after::$module::$step::set(after, place, target),
+                    None => {
+                        after.unset(Kind::$kind, instance);
+                        Ok(())
+                    }
                 })
             }
         )*}

@@ -3,23 +3,19 @@
 use super::NormalsDesc;
 use super::fans::{Fans, Spread};
 use crate::abi::modules::NORMALS;
-use crate::abi::numbers::{PIECE, WORKGROUP};
 use crate::abi::push::NormalsPush;
 use crate::after::attached::Attached;
 use crate::after::output::Output;
 use crate::after::pieces::Pieces;
-use crate::after::step::{AfterStep, Job, PoseKernel, TargetContext};
+use crate::after::step::{AfterStep, Bound, Job, PoseKernel, TargetContext};
 use crate::after::steps::After;
 use crate::error::Result;
-use crate::gpu::descriptors::Sets;
 use crate::gpu::device::Device;
 use crate::gpu::mesh::Upload;
-use crate::gpu::pipelines::{Pipelines, Workgroups};
 use crate::pack::PackedMesh;
 use crate::plan::after::Kind;
 use crate::setters::setters;
 use ash::vk;
-use bytemuck::bytes_of;
 use std::sync::Arc;
 
 /// The surface of a mesh on the device; see [`MorphEngine::upload_normals`](crate::MorphEngine::upload_normals).
@@ -88,38 +84,31 @@ impl NormalsTarget {
 }
 
 pub(crate) struct Recomputed {
-    kernel: Arc<Pipelines<PoseKernel>>,
-    /// By list.
-    sets: Sets,
+    bound: Bound<PoseKernel>,
     push: NormalsPush,
-    pose_numbers: u32,
     surface: Arc<Surface>,
 }
 
 impl Recomputed {
-    /// Sets the target of an instance; `None` removes it.
+    /// Sets the target of an instance.
     ///
     /// # Errors
     /// An invalid target or surface; no memory. Nothing changes then.
     pub(crate) fn set(
         after: &mut After,
         place: &TargetContext<'_>,
-        target: Option<(&GpuNormals, &NormalsTarget)>,
+        (GpuNormals { surface, .. }, target): (&GpuNormals, &NormalsTarget),
     ) -> Result<()> {
-        let Some((GpuNormals { surface, .. }, &NormalsTarget { buffer, offset, stride })) = target else {
-            after.unset(Kind::Normals, place.instance);
-            return Ok(());
-        };
+        let NormalsTarget { buffer, offset, stride } = *target;
         let layout = &place.group.mesh.layout;
         surface.attached.check("a surface", place.device, layout)?;
         let output = Output { buffer, offset, stride, second: None };
         place.check("normals of")?;
         output.check("a normals target", layout, place.device)?;
         after.set(place, Kind::Normals, 1, vk::BufferUsageFlags::STORAGE_BUFFER, |lists| {
-            let kernel = place.kernels.get(PoseKernel(&NORMALS, place.pose()))?;
             let (range, normals_at) = output.range(layout);
             let bound = |frame| [place.poses(), surface.attached.range(), lists.range(u64::from(frame)), range];
-            let sets = kernel.objects.sets(&(0..place.frames).map(bound).collect::<Vec<_>>())?;
+            let bound: Vec<_> = (0..place.frames).map(bound).collect();
             let [units, offset] = place.scale();
             let push = NormalsPush {
                 units,
@@ -133,7 +122,8 @@ impl Recomputed {
                 listed: 0,
                 padding: 0,
             };
-            Ok(Self { kernel, sets, push, pose_numbers: place.pose_numbers(), surface: surface.clone() })
+            let bound = Bound::new(place, PoseKernel(&NORMALS, place.pose()), &bound)?;
+            Ok(Self { bound, push, surface: surface.clone() })
         })
     }
 }
@@ -144,12 +134,9 @@ impl AfterStep for Recomputed {
     }
 
     unsafe fn record(&self, cmd: vk::CommandBuffer, job: &Job) {
-        let count = job.count;
-        let pose_at = job.slot * self.pose_numbers;
-        let push = NormalsPush { pose_at, count, listed: job.is_listed.into(), ..self.push };
-        let workgroups = Workgroups::Of([count.div_ceil(WORKGROUP / PIECE), 1]);
-        let set = (self.sets.get(job.frame as usize), &[][..]);
-        // SAFETY: the caller's obligations; the set was made for this layout, and the list for this frame.
-        unsafe { self.kernel.objects.dispatch(cmd, 0, set, bytes_of(&push), workgroups) };
+        let pose_at = self.bound.pose_at(job);
+        let push = NormalsPush { pose_at, count: job.count, listed: job.is_listed.into(), ..self.push };
+        // SAFETY: the caller's obligations; the list was made for this frame.
+        unsafe { self.bound.dispatch(cmd, job, job.frame as usize, &push) };
     }
 }

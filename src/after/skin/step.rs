@@ -2,22 +2,21 @@
 
 use super::{SkinDesc, SkinMethod};
 use crate::abi::modules::{SKIN, SKIN_DUAL};
-use crate::abi::numbers::{PIECE, WORKGROUP};
+use crate::abi::numbers::PIECE;
 use crate::abi::push::SkinPush;
 use crate::after::attached::Attached;
 use crate::after::output::Output;
-use crate::after::step::{AfterStep, Job, Pose, TargetContext};
+use crate::after::step::{AfterStep, Bound, Job, Pose, TargetContext};
 use crate::after::steps::After;
 use crate::error::{Error, Result, ensure};
-use crate::gpu::descriptors::{BufferRange, Sets};
+use crate::gpu::descriptors::BufferRange;
 use crate::gpu::device::Device;
 use crate::gpu::mesh::Upload;
-use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
+use crate::gpu::pipelines::{Objects, PipelineKey};
 use crate::pack::{DeltaFormat, PackedMesh};
 use crate::plan::after::Kind;
 use crate::setters::setters;
 use ash::vk;
-use bytemuck::bytes_of;
 use std::sync::Arc;
 
 /// Joints and weights of a mesh on the device; see [`MorphEngine::upload_skin`](crate::MorphEngine::upload_skin).
@@ -150,12 +149,9 @@ impl PipelineKey for Key {
 }
 
 pub(crate) struct Skin {
-    kernel: Arc<Pipelines<Key>>,
-    /// By list and output buffer.
-    sets: Sets,
+    bound: Bound<Key>,
     places: Vec<(Output, u32)>,
     push: SkinPush,
-    pose_numbers: u32,
     joints_bytes: u64,
     joint_count: u32,
     is_changed: bool,
@@ -164,19 +160,15 @@ pub(crate) struct Skin {
 }
 
 impl Skin {
-    /// Sets the target of an instance; `None` removes it.
+    /// Sets the target of an instance.
     ///
     /// # Errors
     /// An invalid target or skin; no memory. Nothing changes then.
     pub(crate) fn set(
         after: &mut After,
         place: &TargetContext<'_>,
-        target: Option<(&GpuSkin, &SkinTarget)>,
+        (skin, target): (&GpuSkin, &SkinTarget),
     ) -> Result<()> {
-        let Some((skin, target)) = target else {
-            after.unset(Kind::Skin, place.instance);
-            return Ok(());
-        };
         let layout = &place.group.mesh.layout;
         let caps = &place.device.caps;
         skin.attached.check("a skin", place.device, layout)?;
@@ -186,11 +178,8 @@ impl Skin {
         place.check("skinning")?;
         let pieces = (layout.vertex_count as u64).div_ceil(PIECE.into());
         let list = (pieces, "texels", caps.max_texels.into());
-        caps.check_limit(
-            &format!("the list of a skin target for mesh '{}' takes", layout.name),
-            list,
-            "split the mesh",
-        )?;
+        let what = format!("the list of a skin target for mesh '{}' takes", layout.name);
+        caps.check_limit(&what, list, "split the mesh")?;
         let joints = (target.joints_bytes, "bytes", caps.max_storage_range);
         caps.check_limit("the joints of a skin target take", joints, "split the buffer of joints")?;
         check_joints(target.joints_offset, target.method, skin.joint_count, target.joints_bytes)?;
@@ -199,14 +188,13 @@ impl Skin {
         joints.check_room(place.device, "the range of joints of a skin target")?;
         let outputs = target.outputs().count();
         after.set(place, Kind::Skin, outputs, vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER, |lists| {
-            let kernel = place.kernels.get(Key(place.pose(), target.method, skin.influences))?;
             let bound = |frame| {
                 let list = BufferRange { size: 4 * pieces, ..lists.range(frame) };
                 target
                     .outputs()
                     .map(move |output| [place.poses(), skin.attached.range(), joints, output.range(layout).0, list])
             };
-            let sets = kernel.objects.sets(&(0..place.frames.into()).flat_map(bound).collect::<Vec<_>>())?;
+            let bound: Vec<_> = (0..place.frames.into()).flat_map(bound).collect();
             let [units, offset] = place.scale();
             let push = SkinPush {
                 units,
@@ -221,12 +209,15 @@ impl Skin {
                 listed: 0,
             };
             let places = target.outputs().map(|output| (output, output.range(layout).1)).collect();
-            let pose_numbers = place.pose_numbers();
-            let joints_bytes = target.joints_bytes;
-            let joint_count = skin.joint_count;
-            let is_changed = false;
-            let _attached = skin.attached.clone();
-            Ok(Self { kernel, sets, places, push, pose_numbers, joints_bytes, joint_count, is_changed, _attached })
+            Ok(Self {
+                bound: Bound::new(place, Key(place.pose(), target.method, skin.influences), &bound)?,
+                places,
+                push,
+                joints_bytes: target.joints_bytes,
+                joint_count: skin.joint_count,
+                is_changed: false,
+                _attached: skin.attached.clone(),
+            })
         })
     }
 
@@ -237,7 +228,7 @@ impl Skin {
     pub(crate) fn set_joints(after: &mut After, instance: u32, offset: u64) -> Result<()> {
         let none = || Error::invalid(format!("instance {instance} is not skinned"), "set a skin target first");
         let skin: &mut Self = after.get_mut(Kind::Skin, instance).ok_or_else(none)?;
-        check_joints(offset, skin.kernel.key.1, skin.joint_count, skin.joints_bytes)?;
+        check_joints(offset, skin.bound.kernel.key.1, skin.joint_count, skin.joints_bytes)?;
         (skin.push.joints_at, skin.is_changed) = ((offset / 16) as u32, true);
         Ok(())
     }
@@ -261,8 +252,7 @@ impl Skin {
 fn check_joints(offset: u64, method: SkinMethod, count: u32, bytes: u64) -> Result<()> {
     let size = method.joint_bytes() * u64::from(count);
     let fits = offset.is_multiple_of(16) && offset.checked_add(size).is_some_and(|end| end <= bytes);
-    let text =
-        || format!("{count} joints of {size} bytes at offset {offset} of a buffer with {bytes} bytes of joints");
+    let text = || format!("{count} joints of {size} bytes at offset {offset} of a buffer with {bytes} bytes of joints");
     ensure!(fits, text(), "use a multiple of 16, and a buffer with room for all joints after it");
     Ok(())
 }
@@ -273,14 +263,12 @@ impl AfterStep for Skin {
     }
 
     unsafe fn record(&self, cmd: vk::CommandBuffer, job: &Job) {
-        let count = job.count;
         let listed = job.is_listed.into();
-        let pose_at = job.slot * self.pose_numbers;
+        let pose_at = self.bound.pose_at(job);
         let skinned_at = self.places[job.output].1;
-        let push = SkinPush { pose_at, skinned_at, count, listed, ..self.push };
-        let workgroups = Workgroups::Of([count.div_ceil(WORKGROUP / PIECE), 1]);
-        let set = (self.sets.get(job.frame as usize * self.places.len() + job.output), &[][..]);
-        // SAFETY: the caller's obligations; the set was made for this layout, and the list for this frame.
-        unsafe { self.kernel.objects.dispatch(cmd, 0, set, bytes_of(&push), workgroups) };
+        let push = SkinPush { pose_at, skinned_at, count: job.count, listed, ..self.push };
+        let set = job.frame as usize * self.places.len() + job.output;
+        // SAFETY: the caller's obligations; the list was made for this frame.
+        unsafe { self.bound.dispatch(cmd, job, set, &push) };
     }
 }

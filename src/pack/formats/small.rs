@@ -11,9 +11,9 @@
 //! A target mostly moves the vertices of a block alike; the offset keeps their common part out of the records. Offsets
 //! in eighths of an integer's range cost no more integer bits than exact minima would.
 
-use crate::error::ensure;
 use super::{BlockFormat, INTEGER_BITS, Integers, Lane, quantise};
 use crate::asset::streams::{TRIPLE, TRIPLES};
+use crate::error::ensure;
 use crate::pack::POSE_FLOATS;
 use bytemuck::cast_slice;
 use fearless_simd::prelude::*;
