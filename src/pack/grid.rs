@@ -1,6 +1,7 @@
 //! The grid of weights, deltas and base poses on which integer sums are exact.
 
 use super::{DeltaFormat, POSE_FLOATS, PoseFormat};
+use crate::abi::formats::PoseRow;
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::error::{Error, Result, ensure, refuse};
 use std::ops::{Range, RangeInclusive};
@@ -182,6 +183,11 @@ pub(super) fn refused(deltas: DeltaFormat, pose: PoseFormat) -> Error {
     Error::invalid(text, remedy)
 }
 
+/// The largest weight in steps of 2^-bits.
+fn weight_steps(weight_max: f32, bits: u32) -> f64 {
+    (f64::from(weight_max) * f64::from(1u32 << bits)).ceil()
+}
+
 impl Sums {
     /// Takes the base pose of `vertices` vertices, in blocks of `size`, and the largest numbers of the group.
     pub(super) fn take_base(&mut self, base: &[f32], vertices: usize, size: usize) {
@@ -207,71 +213,71 @@ impl Sums {
     }
 
     pub(super) fn grid(&self, pose: PoseFormat, weight_max: Option<f32>) -> Result<PoseGrid> {
-        let bits = pose.row().bits;
-        let name = pose.name();
-        let rounds_sums = pose.row().rounds_sums;
+        let PoseRow { bits, rounds_sums, .. } = *pose.row();
         ensure!(bits > 0 && pose.takes(self.format), refused(self.format, pose));
-        let narrow = bits < i32::BITS;
-        let weight_max = weight_max.unwrap_or(if narrow { 1.0 } else { self.weight_max });
-        let dense = self.coarsest.is_some();
-        let rounds = narrow || dense;
-        // Limits on weights, and on products or sums before rounding. With rounding, they leave room for the half unit:
-        // dense deltas have 16 bits, so a product with 2^15 has one spare bit.
-        let most = |dropped: u32| f64::from(i32::MAX) - f64::from(1u32 << dropped >> 1);
-        let (most_steps, most, base) = match (dense, pose.rounds_products()) {
-            (true, _) => (32768.0, f64::INFINITY, 0.0),
-            (false, true) => (f64::from(i16::MAX), most(DROPPED_OF_PRODUCT), 0.0),
-            (false, false) => (f64::INFINITY, most(if narrow { DROPPED_OF_SUM } else { 0 }) - 1.0, self.largest.base),
-        };
-        let steps = |bits: u32| (f64::from(weight_max) * f64::from(1u32 << bits)).ceil();
-        if !(weight_max > 0.0 && steps(*WEIGHT_BITS.start()) <= most_steps) {
-            let text = format!("weights up to {weight_max} for {name} poses");
-            let wider = if dense { "deltas in blocks" } else { "fixed32 poses" };
-            return refuse(text, format!("use a weight_max above 0 and up to 255, or {wider}"));
-        }
-        // Deltas move the offset, too.
-        let total = |bits: u32| {
-            self.largest.sum * steps(bits) * (1.0 + f64::from(f32::EPSILON)) + base * f64::from(1u32 << bits)
-        };
-        let fits = |bits: &u32| steps(*bits) <= most_steps && total(*bits) <= most;
-        let weight_bits = WEIGHT_BITS.rev().find(fits).ok_or_else(|| self.overflow(weight_max, base, most))?;
-        let weight_step = f64::from(1u32 << weight_bits).recip();
-        let weight_most = steps(weight_bits) * weight_step;
+        let weight_max = weight_max.unwrap_or(if bits < i32::BITS { 1.0 } else { self.weight_max });
         let mut grid = PoseGrid {
-            weight_bits,
+            weight_bits: self.weight_bits(pose, weight_max)?,
             weight_max,
             units: [0.0; POSE_FLOATS],
             offsets: [0.0; POSE_FLOATS],
             rounds_sums,
             dropped: [0; POSE_FLOATS],
         };
+        (0..POSE_FLOATS).try_for_each(|c| self.place(c, pose, &mut grid))?;
+        Ok(grid)
+    }
+
+    /// The most bits of weights up to `weight_max` with which no product or sum overflows before rounding.
+    fn weight_bits(&self, pose: PoseFormat, weight_max: f32) -> Result<u32> {
+        let dense = self.coarsest.is_some();
+        let dropped = if pose.row().rounds_sums { DROPPED_OF_SUM } else { 0 };
+        // With rounding, the limits leave room for the half unit: dense deltas have 16 bits, so a product with 2^15 has
+        // one spare bit.
+        let most = |dropped: u32| f64::from(i32::MAX) - f64::from(1u32 << dropped >> 1);
+        let (most_steps, most, base) = match (dense, pose.rounds_products()) {
+            (true, _) => (32768.0, f64::INFINITY, 0.0),
+            (false, true) => (f64::from(i16::MAX), most(DROPPED_OF_PRODUCT), 0.0),
+            (false, false) => (f64::INFINITY, most(dropped) - 1.0, self.largest.base),
+        };
+        let steps = |bits: u32| weight_steps(weight_max, bits);
+        let fits = weight_max > 0.0 && steps(*WEIGHT_BITS.start()) <= most_steps;
+        let text = format!("weights up to {weight_max} for {} poses", pose.name());
+        let wider = if dense { "deltas in blocks" } else { "fixed32 poses" };
+        ensure!(fits, text, format!("use a weight_max above 0 and up to 255, or {wider}"));
+        // Deltas move the offset, too.
+        let total = |bits: u32| {
+            self.largest.sum * steps(bits) * (1.0 + f64::from(f32::EPSILON)) + base * f64::from(1u32 << bits)
+        };
+        let fits = |bits: &u32| steps(*bits) <= most_steps && total(*bits) <= most;
+        WEIGHT_BITS.rev().find(fits).ok_or_else(|| self.overflow(weight_max, base, most))
+    }
+
+    /// Finds the finest unit in which a pose holds what component `c` reaches.
+    fn place(&self, c: usize, pose: PoseFormat, grid: &mut PoseGrid) -> Result<()> {
+        let bits = pose.row().bits;
+        let product = f64::from(self.steps[c / TRIPLE]) * f64::from(grid.weight_step());
+        let [low, high] = self.bounds(c, weight_steps(grid.weight_max, grid.weight_bits) * product);
+        let offset = ((low + high) / 2.0) as f32;
+        let half = (high - f64::from(offset)).max(f64::from(offset) - low);
         // The base pose, and each target that moves a component, may round it by half a unit. A unit is at least as
         // coarse as a product.
-        let roundings = if rounds_sums { 1 } else { self.targets + 1 };
+        let roundings = if grid.rounds_sums { 1 } else { self.targets + 1 };
         let most = f64::from(u32::MAX >> (u32::BITS - bits + 1));
-        for c in 0..POSE_FLOATS {
-            let step = f64::from(self.steps[c / TRIPLE]);
-            let [low, high] = self.bounds(c, weight_most * step);
-            let offset = ((low + high) / 2.0) as f32;
-            let half = (high - f64::from(offset)).max(f64::from(offset) - low);
-            let fits = |dropped: &u32| {
-                let unit = step * weight_step * f64::from(*dropped).exp2();
-                half / unit + roundings as f64 / 2.0 <= most
-            };
-            let (least, all) = match self.coarsest {
-                Some(coarsest) => (coarsest[c / TRIPLE], u8::MAX.into()),
-                None => (0, if rounds_sums { DROPPED_OF_SUM } else { DROPPED_OF_PRODUCT }),
-            };
-            let dropped = if rounds { (least..=least + all).find(fits) } else { Some(0) };
-            let Some(dropped) = dropped else {
-                let text = format!("{name} poses of a mesh of which {} targets move a vertex", self.targets);
-                return refuse(text, "use float32 poses");
-            };
-            grid.dropped[c] = dropped;
-            grid.units[c] = (step * weight_step * f64::from(dropped).exp2()) as f32;
-            grid.offsets[c] = offset;
-        }
-        Ok(grid)
+        let unit = |dropped: u32| product * f64::from(dropped).exp2();
+        let fits = |dropped: &u32| half / unit(*dropped) + roundings as f64 / 2.0 <= most;
+        let (least, all) = match self.coarsest {
+            Some(coarsest) => (coarsest[c / TRIPLE], u8::MAX.into()),
+            None => (0, if grid.rounds_sums { DROPPED_OF_SUM } else { DROPPED_OF_PRODUCT }),
+        };
+        let rounds = bits < i32::BITS || self.coarsest.is_some();
+        let dropped = if rounds { (least..=least + all).find(fits) } else { Some(0) };
+        let Some(dropped) = dropped else {
+            let text = format!("{} poses of a mesh of which {} targets move a vertex", pose.name(), self.targets);
+            return refuse(text, "use float32 poses");
+        };
+        (grid.dropped[c], grid.units[c], grid.offsets[c]) = (dropped, unit(dropped) as f32, offset);
+        Ok(())
     }
 
     /// What component `c` reaches, in input units, where weights times the step are up to `weight`. The components of a
