@@ -21,7 +21,6 @@ use crate::update::blocks::{GroupPlan, Item, Planner};
 use crate::update::dense::{DensePlanner, Plan};
 use crate::weights::delta::Coefficient;
 use bytemuck::Pod;
-use std::any::Any;
 use std::borrow::Cow;
 use std::sync::Arc;
 pub(crate) use workers::Workers;
@@ -36,45 +35,13 @@ pub struct OnCpu {
     /// By group.
     memory: Vec<Memory>,
     workers: Workers,
-    planner: Box<dyn CpuPlanner>,
+    planner: CpuPlanner,
 }
 
-/// Plans updates and executes them, for dense or block formats.
-trait CpuPlanner: InstanceState + Any + Send + Sync {
-    fn plan(&mut self, instances: &mut Instances, update: u64);
-
-    /// Executes the plan in group `number`.
-    fn run(&self, number: usize, group: &PackedGroup, memory: &mut Memory, workers: &Workers);
-
-    fn stats(&self, groups: &[PackedGroup]) -> UpdateStats;
-}
-
-impl CpuPlanner for DensePlanner {
-    fn plan(&mut self, instances: &mut Instances, update: u64) {
-        DensePlanner::plan(self, instances, update);
-    }
-
-    fn run(&self, _number: usize, group: &PackedGroup, memory: &mut Memory, workers: &Workers) {
-        memory.run_passes(group, workers, self.plans());
-    }
-
-    fn stats(&self, groups: &[PackedGroup]) -> UpdateStats {
-        DensePlanner::stats(self, groups.iter().map(PackedGroup::layout))
-    }
-}
-
-impl CpuPlanner for Planner {
-    fn plan(&mut self, instances: &mut Instances, update: u64) {
-        Planner::plan(self, instances, update);
-    }
-
-    fn run(&self, number: usize, group: &PackedGroup, memory: &mut Memory, workers: &Workers) {
-        memory.run_list(group, workers, &self.groups[number]);
-    }
-
-    fn stats(&self, _groups: &[PackedGroup]) -> UpdateStats {
-        Planner::stats(self)
-    }
+/// Plans updates, for dense or block formats.
+enum CpuPlanner {
+    Dense(DensePlanner),
+    Blocks(Planner),
 }
 
 impl Kind for OnCpu {
@@ -87,11 +54,17 @@ impl Kind for OnCpu {
     }
 
     fn state(&self) -> &dyn InstanceState {
-        &*self.planner
+        match &self.planner {
+            CpuPlanner::Dense(planner) => planner,
+            CpuPlanner::Blocks(planner) => planner,
+        }
     }
 
     fn state_mut(&mut self) -> &mut dyn InstanceState {
-        &mut *self.planner
+        match &mut self.planner {
+            CpuPlanner::Dense(planner) => planner,
+            CpuPlanner::Blocks(planner) => planner,
+        }
     }
 }
 
@@ -138,9 +111,9 @@ impl CpuCrowd {
         check_memory(&mesh, desc.pose, instances, desc.slots)?;
         let workers = Workers::new(threads)?;
         let instances = Instances::new(count, layout.targets.len(), desc.slots, 1);
-        let planner: Box<dyn CpuPlanner> = match &layout.blocks {
-            None => Box::new(DensePlanner::new(desc, desc.grid(layout)?, count)?),
-            Some(_) => Box::new(Planner::new(desc, mesh.groups().iter().map(PackedGroup::layout), count)?),
+        let planner = match &layout.blocks {
+            None => CpuPlanner::Dense(DensePlanner::new(desc, desc.grid(layout)?, count)?),
+            Some(_) => CpuPlanner::Blocks(Planner::new(desc, mesh.groups().iter().map(PackedGroup::layout), count)?),
         };
         let memory = mesh.groups().iter().map(|group| Memory::new(group, desc, count));
         let memory = memory.collect::<Result<_>>()?;
@@ -151,11 +124,24 @@ impl CpuCrowd {
     pub fn update(&mut self) -> UpdateStats {
         self.updates += 1;
         let OnCpu { mesh, memory, workers, planner, .. } = &mut self.kind;
-        planner.plan(&mut self.instances, self.updates);
-        for (number, (group, memory)) in mesh.groups().iter().zip(memory).enumerate() {
-            planner.run(number, group, memory, workers);
+        let groups = mesh.groups().iter();
+        match planner {
+            CpuPlanner::Dense(planner) => {
+                planner.plan(&mut self.instances, self.updates);
+                groups
+                    .clone()
+                    .zip(memory)
+                    .for_each(|(group, memory)| memory.run_passes(group, workers, planner.plans()));
+                planner.stats(groups.map(PackedGroup::layout))
+            }
+            CpuPlanner::Blocks(planner) => {
+                planner.plan(&mut self.instances, self.updates);
+                for ((group, memory), plan) in groups.zip(memory).zip(&planner.groups) {
+                    memory.run_list(group, workers, plan);
+                }
+                planner.stats()
+            }
         }
-        planner.stats(mesh.groups())
     }
 
     /// Memory of a group, and the indices of an instance's pose (of its first slot while it has none) and previous pose.
@@ -218,7 +204,7 @@ impl CpuCrowd {
 
 impl Memory {
     /// All slots hold the base pose.
-    pub(crate) fn new(mesh: &PackedGroup, desc: UpdateDesc, instances: usize) -> Result<Self> {
+    pub fn new(mesh: &PackedGroup, desc: UpdateDesc, instances: usize) -> Result<Self> {
         let grid = desc.grid(mesh.layout())?;
         let slots = desc.slots as usize;
         let vertices = mesh.layout().vertex_count;
@@ -233,7 +219,7 @@ impl Memory {
         Ok(Self { slots, poses: vec![pose; instances * slots], format: desc.pose, grid, base })
     }
 
-    pub(crate) fn decode(&self, pose: usize) -> Cow<'_, [f32]> {
+    pub fn decode(&self, pose: usize) -> Cow<'_, [f32]> {
         let words = &self.poses[pose];
         match &self.grid {
             None => Cow::Borrowed(bytemuck::cast_slice(words)),

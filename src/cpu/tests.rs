@@ -73,8 +73,7 @@ proptest! {
                 let did = (stats.coefficients, stats.passes, stats.dirty_blocks, stats.bytes_moved, stats.bytes_floor);
                 prop_assert_eq!(did, (0, 0, 0, 0, 0), "{:?} {:?} frame {}", desc, format, frame);
             }
-            let planner: &dyn Any = &*crowd.kind.planner;
-            if let Some(planner) = planner.downcast_ref::<Planner>() {
+            if let CpuPlanner::Blocks(planner) = &crowd.kind.planner {
                 let moved = metered(&crowd.kind.mesh, &planner.groups[0]);
                 prop_assert_eq!(stats.bytes_moved, moved, "{:?} {:?} frame {}", desc, format, frame);
             }
