@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::pack::PackedLayout;
 use crate::pack::blocks::PoseGrid;
-use crate::plan::instances::{InstanceState, Instances, check_weight, check_weights};
+use crate::plan::instances::{InstanceState, Instances, OutputChange, check_weight, check_weights};
 
 /// Instances of one mesh, updated together: the common type of [`Crowd`](crate::Crowd),
 /// [`AnimatedCrowd`](crate::AnimatedCrowd) and [`CpuCrowd`](crate::CpuCrowd), which differ in `K`. Lists the methods of
@@ -32,14 +32,8 @@ pub trait Kind {
     /// The same, mutably.
     fn state_mut(&mut self) -> &mut dyn InstanceState;
 
-    /// Tells steps after the pose that the next output of an instance has no predecessor.
-    fn cut_outputs(&mut self, _instance: u32) {}
-
-    /// Tells steps after the pose that an instance was hidden or shown: its outputs are written anew.
-    fn renew_outputs(&mut self, _instance: u32) {}
-
-    /// Tells steps after the pose that an instance was removed.
-    fn remove_outputs(&mut self, _instance: u32) {}
+    /// Tells steps after the pose what becomes of the outputs of an instance.
+    fn change_outputs(&mut self, _instance: u32, _change: OutputChange) {}
 }
 
 /// Marks a kind of crowd whose weights the host sets.
@@ -60,7 +54,7 @@ impl<K: Kind + ?Sized> CrowdBase<K> {
     pub fn cut(&mut self, instance: u32) -> Result<()> {
         self.instances.cut(instance)?;
         self.kind.state_mut().cut(instance);
-        self.kind.cut_outputs(instance);
+        self.kind.change_outputs(instance, OutputChange::Cut);
         Ok(())
     }
 
@@ -72,7 +66,7 @@ impl<K: Kind + ?Sized> CrowdBase<K> {
     pub fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<()> {
         if self.instances.set_hidden(instance, hidden)? {
             self.kind.state_mut().set_hidden(instance, hidden);
-            self.kind.renew_outputs(instance);
+            self.kind.change_outputs(instance, OutputChange::Renewed);
         }
         Ok(())
     }
@@ -96,7 +90,7 @@ impl<K: Kind + ?Sized> CrowdBase<K> {
     pub fn remove(&mut self, instance: u32) -> Result<()> {
         self.instances.remove(instance)?;
         self.kind.state_mut().set_hidden(instance, true);
-        self.kind.remove_outputs(instance);
+        self.kind.change_outputs(instance, OutputChange::Removed);
         Ok(())
     }
 

@@ -23,6 +23,17 @@ pub(crate) fn is_power_of_two(value: f32) -> bool {
     value.is_normal() && value > 0.0 && value.to_bits().trailing_zeros() >= 23
 }
 
+/// The largest float32 that is at most `x`.
+pub(crate) fn down(x: f64) -> f32 {
+    let near = x as f32;
+    if f64::from(near) > x { near.next_down() } else { near }
+}
+
+/// The smallest float32 that is at least `x`.
+pub(crate) fn up(x: f64) -> f32 {
+    -down(-x)
+}
+
 /// Length of the bounding-box diagonal of `positions`; 0 for fewer than two distinct points.
 pub fn diagonal(positions: &[Vec3]) -> f32 {
     let Some(&first) = positions.first() else { return 0.0 };

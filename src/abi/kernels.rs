@@ -163,6 +163,8 @@ const VERTEX: KernelRow = KernelRow {
     baseline: false,
 };
 const COMPUTE: KernelRow = KernelRow { stage: Stage::Compute, ..VERTEX };
+/// A step after the pose.
+const STEP: KernelRow = KernelRow { poses: true, places: true, ..COMPUTE };
 /// Tables, state, work list, control: see animation.glsl.
 const ANIMATION: KernelRow =
     KernelRow { bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)], push: "AnimationPush", ..COMPUTE };
@@ -277,7 +279,7 @@ macro_rules! step_kernels {
         }
     )*) => {
         const STEPS: &[KernelRow] =
-            &[$($(KernelRow { push: stringify!($push), $($fields)*, ..COMPUTE },)*)*];
+            &[$($(KernelRow { push: stringify!($push), $($fields)*, ..STEP },)*)*];
     };
 }
 after_steps!(step_kernels());

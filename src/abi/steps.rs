@@ -8,7 +8,7 @@
 /// An item is the documentation of the engine's setter; the step's name, its module in `after` with its per-instance
 /// type, and the module's public names; the setter and its parameter; the `Resource`s that its dispatch reads and the
 /// one that it writes for the host; its push constants, described in its shader; and the fields of its kernel rows that
-/// differ from a plain compute shader. A target uses one of the kernels.
+/// differ from a compute shader that reads poses of any format wherever they are. A target uses one of the kernels.
 macro_rules! after_steps {
     ($expanded:ident $arguments:tt) => {
         $expanded! { $arguments
@@ -28,9 +28,7 @@ macro_rules! after_steps {
                 // Poses of an instance, pieces, destination.
                 [{
                     name: "decode",
-                    poses: true,
-                    bindings: &[(0, WORDS), (1, WORDS), (2, WORDS)],
-                    places: true
+                    bindings: &[(0, WORDS), (1, WORDS), (2, WORDS)]
                 }]
             }
 
@@ -55,18 +53,14 @@ macro_rules! after_steps {
                 // influences per vertex.
                 [{
                     name: "skin",
-                    poses: true,
                     bindings: &[(0, WORDS), (1, WORDS), (2, Buffer::Storage(16)), (3, WORDS), (4, WORD_LIST)],
-                    constants: 1,
-                    places: true
+                    constants: 1
                 }, {
                     name: "skin",
                     suffix: "dual",
                     defines: &["DUAL"],
-                    poses: true,
                     bindings: &[(0, WORDS), (1, WORDS), (2, Buffer::Storage(16)), (3, WORDS), (4, WORD_LIST)],
-                    constants: 1,
-                    places: true
+                    constants: 1
                 }]
             }
 
@@ -90,9 +84,7 @@ macro_rules! after_steps {
                 // Poses of an instance, base pose and fans, pieces, destination.
                 [{
                     name: "normals",
-                    poses: true,
-                    bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)],
-                    places: true
+                    bindings: &[(0, WORDS), (1, WORDS), (2, WORDS), (3, WORDS)]
                 }]
             }
         }

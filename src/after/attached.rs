@@ -24,7 +24,7 @@ impl Attached {
     ///
     /// # Safety
     /// See [`record_uploads`].
-    pub(super) unsafe fn upload(
+    pub unsafe fn upload(
         device: &Arc<Device>,
         cmd: vk::CommandBuffer,
         mesh: &PackedMesh,
@@ -44,23 +44,23 @@ impl Attached {
     }
 
     /// Checks that `words` words fit a descriptor.
-    pub(super) fn check_size(device: &Device, mesh: &PackedMesh, what: &str, words: u64) -> Result<()> {
+    pub fn check_size(device: &Device, mesh: &PackedMesh, what: &str, words: u64) -> Result<()> {
         let bytes = 4 * words;
         let text = format!("{what} of mesh '{}' takes", mesh.layout().name);
         device.caps.check_limit(&text, (bytes, "bytes", device.caps.max_storage_range), "split the mesh")
     }
 
     /// Word offset of the step's words.
-    pub(super) fn words_at(&self) -> u32 {
+    pub fn words_at(&self) -> u32 {
         self.words_at
     }
 
-    pub(super) fn range(&self) -> BufferRange {
+    pub fn range(&self) -> BufferRange {
         BufferRange::new(self.buffer.raw, 0, self.bytes)
     }
 
     /// Checks that a crowd has the same device and vertex order.
-    pub(super) fn check(&self, what: &str, device: &Arc<Device>, layout: &PackedLayout) -> Result<()> {
+    pub fn check(&self, what: &str, device: &Arc<Device>, layout: &PackedLayout) -> Result<()> {
         let order = |layout: &PackedLayout| layout.blocks.as_ref().map(|index| index.order().to_vec());
         let same = self.layout.vertex_count == layout.vertex_count && order(&self.layout) == order(layout);
         let text = format!("{what} of mesh '{}' for a crowd of mesh '{}'", self.layout.name, layout.name);

@@ -55,7 +55,7 @@ impl Decode {
     ///
     /// # Errors
     /// An invalid target; no memory. Nothing changes then.
-    pub(crate) fn set(after: &mut After, place: &TargetContext<'_>, target: &DecodeTarget) -> Result<()> {
+    pub fn set(after: &mut After, place: &TargetContext<'_>, target: &DecodeTarget) -> Result<()> {
         let layout = &place.group.mesh.layout;
         let output = target.output();
         if target.normals.is_some() {

@@ -18,13 +18,13 @@ pub(super) fn aligned(buffer: vk::Buffer, offset: u64, size: u64) -> (BufferRang
 /// An output with one or two float32 triples per vertex of a mesh.
 #[derive(Clone, Copy)]
 pub(super) struct Output {
-    pub(super) buffer: vk::Buffer,
+    pub buffer: vk::Buffer,
     /// Byte offset of the first vertex.
-    pub(super) offset: u64,
+    pub offset: u64,
     /// Bytes per vertex.
-    pub(super) stride: u32,
+    pub stride: u32,
     /// Byte offset of the second triple in a vertex, if there is one.
-    pub(super) second: Option<u32>,
+    pub second: Option<u32>,
 }
 
 impl Output {
@@ -33,14 +33,14 @@ impl Output {
     }
 
     /// The descriptor range, and the word in it at which the first vertex starts.
-    pub(super) fn range(&self, layout: &PackedLayout) -> (BufferRange, u32) {
+    pub fn range(&self, layout: &PackedLayout) -> (BufferRange, u32) {
         let last = (layout.vertex_count as u64 - 1) * u64::from(self.stride);
         let (range, before) = aligned(self.buffer, self.offset, last + self.vertex_bytes());
         (range, (before / 4) as u32)
     }
 
     /// Checks alignment, stride, storage range and size of the buffer; `what` names the output in errors.
-    pub(super) fn check(&self, what: &str, layout: &PackedLayout, device: &Device) -> Result<()> {
+    pub fn check(&self, what: &str, layout: &PackedLayout, device: &Device) -> Result<()> {
         let Self { offset, stride, second, .. } = *self;
         let words = offset.is_multiple_of(4) && stride.is_multiple_of(4) && second.is_none_or(|at| at % 4 == 0);
         let fits = words && u64::from(stride) >= self.vertex_bytes() && second.is_none_or(|at| at >= 12);

@@ -51,14 +51,14 @@ pub(crate) trait AfterStep: Any + Send + Sync {
 /// The encoding of poses, part of pipeline keys.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) struct Pose {
-    pub(super) format: PoseFormat,
+    pub format: PoseFormat,
     /// Component offsets; `None`: the kernel's defaults.
     places: Option<PlaceConstants>,
 }
 
 impl Pose {
     /// The last specialization constants.
-    pub(super) fn constants(&self) -> &[u32] {
+    pub fn constants(&self) -> &[u32] {
         self.places.as_ref().map_or(&[], |places| places)
     }
 }
@@ -108,12 +108,12 @@ impl<K: PipelineKey> Bound<K> {
 }
 
 pub(crate) struct TargetContext<'a> {
-    pub(crate) device: &'a Arc<Device>,
-    pub(crate) kernels: &'a Kernels,
+    pub device: &'a Arc<Device>,
+    pub kernels: &'a Kernels,
     /// The group of positions and normals.
-    pub(crate) group: &'a PoseGroup,
-    pub(crate) frames: u32,
-    pub(crate) instance: u32,
+    pub group: &'a PoseGroup,
+    pub frames: u32,
+    pub instance: u32,
 }
 
 impl TargetContext<'_> {

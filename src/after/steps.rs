@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::gpu::memory::Ring;
 use crate::plan::after::Kind;
 use crate::plan::earlier::Earlier;
-use crate::plan::instances::Instances;
+use crate::plan::instances::{Instances, OutputChange};
 use crate::plan::steps::{Owner, Resource, Source, Steps, Use, Work};
 use crate::update::technique::{Technique, UpdateId};
 use ash::vk;
@@ -96,11 +96,11 @@ impl After {
         Ok(())
     }
 
-    pub(crate) fn unset(&mut self, kind: Kind, instance: u32) {
+    pub fn unset(&mut self, kind: Kind, instance: u32) {
         self.targets.retain(|target| (target.kind, target.instance) != (kind, instance));
     }
 
-    pub(crate) fn outputs(&self) -> impl Iterator<Item = Resource> {
+    pub fn outputs(&self) -> impl Iterator<Item = Resource> {
         Kind::ALL.into_iter().filter(|kind| self.targets.iter().any(|target| target.kind == *kind)).map(Kind::output)
     }
 
@@ -122,22 +122,17 @@ impl After {
         Some((any.downcast_ref()?, target.output, target.previous)).filter(|_| target.is_written && !target.is_removed)
     }
 
-    /// Makes the next output of an instance its own previous output.
-    pub(crate) fn cut(&mut self, instance: u32) {
-        self.of(instance).for_each(|target| target.is_cut = true);
+    /// Takes a change of the outputs of an instance. Buffers of a removed one stay alive for earlier updates; the host
+    /// may have reused those of one that was hidden.
+    pub fn change(&mut self, instance: u32, change: OutputChange) {
+        self.of(instance).for_each(|target| match change {
+            OutputChange::Cut => target.is_cut = true,
+            OutputChange::Renewed => target.is_stale = true,
+            OutputChange::Removed => target.is_removed = true,
+        });
     }
 
-    /// Stops writing for a removed instance; buffers stay alive for earlier updates.
-    pub(crate) fn remove(&mut self, instance: u32) {
-        self.of(instance).for_each(|target| target.is_removed = true);
-    }
-
-    /// Invalidates outputs of an instance that is hidden or shown: the host may have reused its buffers.
-    pub(crate) fn renew(&mut self, instance: u32) {
-        self.of(instance).for_each(|target| target.is_stale = true);
-    }
-
-    pub(crate) fn discard_from(&mut self, first: u64) {
+    pub fn discard_from(&mut self, first: u64) {
         for target in &mut self.targets {
             if let Some(before) = target.earlier.discard_from(first) {
                 target.output = before;
@@ -154,7 +149,7 @@ impl After {
     ///
     /// # Errors
     /// Lists that are not mapped.
-    pub(crate) fn plan(
+    pub fn plan(
         &mut self,
         technique: &dyn Technique,
         instances: &Instances,
@@ -195,25 +190,17 @@ impl After {
         Ok(())
     }
 
-    /// Target and dispatch of a work.
-    fn job(&self, frame: u64, kind: Kind, work: &Work) -> Option<(&Target, Job)> {
-        let target = self.targets.iter().find(|t| (t.kind, t.instance) == (kind, work.instance))?;
-        let Source::Slot(slot) = work.source else { return None };
-        let output = work.destination as usize;
-        let count = work.items.end;
-        let is_listed = target.is_listed;
-        Some((target, Job { frame, slot, output, count, is_listed }))
-    }
-
     /// Records a work of a step.
     ///
     /// # Safety
     /// See [`AfterStep::record`].
-    pub(crate) unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, kind: Kind, work: &Work) {
-        if let Some((target, job)) = self.job(frame, kind, work) {
-            // SAFETY: the caller's obligations.
-            unsafe { target.step.record(cmd, &job) };
-        }
+    pub unsafe fn record(&self, cmd: vk::CommandBuffer, frame: u64, kind: Kind, work: &Work) {
+        let target = self.targets.iter().find(|t| (t.kind, t.instance) == (kind, work.instance));
+        let (Some(target), Source::Slot(slot)) = (target, work.source) else { return };
+        let output = work.destination as usize;
+        let job = Job { frame, slot, output, count: work.items.end, is_listed: target.is_listed };
+        // SAFETY: the caller's obligations.
+        unsafe { target.step.record(cmd, &job) };
     }
 }
 

@@ -32,7 +32,7 @@ pub(super) fn decode<T: Sum, F: BlockFormat<Component: Number>, const S: usize>(
         header,
         deltas,
         #[inline(always)]
-        |lane, c, number| out[c][lane] = T::delta(number),
+        |lane, c, number| out[c][lane] = T::Delta::of(number),
     ));
 }
 
@@ -54,7 +54,7 @@ pub(super) fn add_decoded<T: Sum, F: BlockFormat<Component: Number>, const S: us
         #[inline(always)]
         |lane, c, number| {
             let triple = c / TRIPLE;
-            sums[c][lane] = sums[c][lane].add::<NEW>(factors[triple], T::delta(number), dropped[c]);
+            sums[c][lane] = sums[c][lane].add::<NEW>(factors[triple], T::Delta::of(number), dropped[c]);
         },
     );
 }

@@ -20,7 +20,7 @@ pub(crate) struct Workers {
 #[cfg(feature = "threads")]
 impl Workers {
     /// `threads` in total; 0: one per core.
-    pub(crate) fn new(threads: usize) -> Result<Self> {
+    pub fn new(threads: usize) -> Result<Self> {
         let threads = match threads {
             0 => std::thread::available_parallelism().map_or(1, usize::from),
             n => n,
@@ -66,7 +66,7 @@ impl Workers {
 #[cfg(not(feature = "threads"))]
 impl Workers {
     /// The calling thread only; ignores `threads`.
-    pub(crate) fn new(_threads: usize) -> Result<Self> {
+    pub fn new(_threads: usize) -> Result<Self> {
         Ok(Self {})
     }
 

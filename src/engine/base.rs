@@ -13,7 +13,7 @@ use crate::gpu::pipelines::Kernels;
 use crate::pack::PackedLayout;
 use crate::pack::blocks::PoseGrid;
 use crate::plan::UpdateStats;
-use crate::plan::instances::{InstanceState, Instances};
+use crate::plan::instances::{InstanceState, Instances, OutputChange};
 use crate::plan::schedule::Schedule;
 use crate::plan::steps::{Owner, Resource, Steps, Use, Work};
 use crate::update::crowd::CrowdDesc;
@@ -128,16 +128,8 @@ impl<U: Updater + ?Sized> Kind for OnDevice<U> {
         self.updater.technique_mut().state_mut()
     }
 
-    fn cut_outputs(&mut self, instance: u32) {
-        self.after.cut(instance);
-    }
-
-    fn renew_outputs(&mut self, instance: u32) {
-        self.after.renew(instance);
-    }
-
-    fn remove_outputs(&mut self, instance: u32) {
-        self.after.remove(instance);
+    fn change_outputs(&mut self, instance: u32, change: OutputChange) {
+        self.after.change(instance, change);
     }
 }
 

@@ -9,9 +9,10 @@ use crate::gpu::mesh::MeshBuffers;
 use crate::gpu::statistics::MemoryKind;
 use crate::pack::PackedLayout;
 use crate::pack::vertex::Places;
+use crate::plan::UpdateDesc;
 use crate::update::crowd::{CrowdDesc, HostPoses};
 use crate::update::technique::{PoseGroup, Poses};
-use ash::vk;
+use ash::vk::{self, BufferUsageFlags};
 use std::sync::Arc;
 
 /// Largest alignment of storage-buffer offsets of any device.
@@ -39,36 +40,38 @@ pub(super) fn make(device: &Arc<Device>, mesh: &GpuMesh, desc: &CrowdDesc) -> Re
 }
 
 fn poses_of_ours(device: &Arc<Device>, layout: &PackedLayout, desc: &CrowdDesc) -> Result<(Poses, Buffer)> {
-    let mut usage = vk::BufferUsageFlags::STORAGE_BUFFER
-        | vk::BufferUsageFlags::VERTEX_BUFFER
-        | vk::BufferUsageFlags::STORAGE_TEXEL_BUFFER
-        | vk::BufferUsageFlags::TRANSFER_SRC
+    let mut usage = BufferUsageFlags::STORAGE_BUFFER
+        | BufferUsageFlags::VERTEX_BUFFER
+        | BufferUsageFlags::STORAGE_TEXEL_BUFFER
+        | BufferUsageFlags::TRANSFER_SRC
         | desc.pose_usage;
     if device.feedback.is_some() {
-        usage |= vk::BufferUsageFlags::TRANSFORM_FEEDBACK_BUFFER_EXT;
+        usage |= BufferUsageFlags::TRANSFORM_FEEDBACK_BUFFER_EXT;
     }
-    let bytes = bytes_of(layout, desc);
-    let buffer = Buffer::new(device, "deltamorph poses", bytes, usage, MemoryKind::Poses)?;
-    let format = desc.update.pose;
-    let slots = desc.update.slots;
-    let poses = Poses {
-        buffer: buffer.raw,
-        usage,
-        begin: 0,
-        lead: 0,
-        format,
-        places: Places::TIGHT,
-        bytes: layout.pose_bytes(format),
-        instances: desc.instances,
-        slots,
-        grid: desc.update.grid(layout)?,
-    };
-    Ok((poses, buffer))
+    let buffer = Buffer::new(device, "deltamorph poses", bytes_of(layout, desc), usage, MemoryKind::Poses)?;
+    let pose = (Places::TIGHT, layout.pose_bytes(desc.update.pose));
+    Ok((poses_from(buffer.raw, 0, pose, layout, desc, usage)?, buffer))
+}
+
+/// Poses of these places and bytes each, from a byte of a buffer on.
+fn poses_from(
+    buffer: vk::Buffer,
+    offset: u64,
+    (places, bytes): (Places, u64),
+    layout: &PackedLayout,
+    desc: &CrowdDesc,
+    usage: BufferUsageFlags,
+) -> Result<Poses> {
+    // Descriptors start at an aligned offset; kernels add the rest.
+    let lead = offset % ALIGNMENT;
+    let CrowdDesc { instances, update, .. } = *desc;
+    let UpdateDesc { pose: format, slots, .. } = update;
+    let grid = update.grid(layout)?;
+    Ok(Poses { buffer, usage, begin: offset - lead, lead, format, places, bytes, instances, slots, grid })
 }
 
 fn poses_of_host(device: &Device, host: &HostPoses, layout: &PackedLayout, desc: &CrowdDesc) -> Result<Poses> {
     let offset = host.offset();
-    let format = desc.update.pose;
     let bytes = host.vertex().pose_bytes(layout);
     let end = offset.saturating_add(bytes.saturating_mul(count(desc)));
     let what = format!("poses of mesh '{}' from byte {offset} on in the host's buffer end at", layout.name);
@@ -77,20 +80,8 @@ fn poses_of_host(device: &Device, host: &HostPoses, layout: &PackedLayout, desc:
     ensure!(offset.is_multiple_of(4), text, "use an offset that is a multiple of 4");
     let poses = BufferRange::new(host.buffer(), offset, end - offset);
     poses.check_room(device, &format!("the poses of {} instances of mesh '{}'", desc.instances, layout.name))?;
-    // Descriptors start at an aligned offset; kernels add the rest.
-    let lead = offset % ALIGNMENT;
-    Ok(Poses {
-        buffer: host.buffer(),
-        usage: vk::BufferUsageFlags::empty(),
-        begin: offset - lead,
-        lead,
-        format,
-        places: host.vertex().places(layout, format),
-        bytes,
-        instances: desc.instances,
-        slots: desc.update.slots,
-        grid: desc.update.grid(layout)?,
-    })
+    let pose = (host.vertex().places(layout, desc.update.pose), bytes);
+    poses_from(host.buffer(), offset, pose, layout, desc, BufferUsageFlags::empty())
 }
 
 /// Bytes of device memory for the poses of a crowd in the groups of a mesh.

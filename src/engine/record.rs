@@ -117,10 +117,10 @@ fn check_families(caps: &DeviceCaps, families: impl Iterator<Item = Option<u32>>
 
 /// Planned updates that are not yet recorded; dropping it discards them.
 pub(super) struct Planned<'a, 'b> {
-    pub(super) crowds: &'a mut [&'b mut DeviceCrowd],
+    pub crowds: &'a mut [&'b mut DeviceCrowd],
     /// Crowds whose planning has begun.
     begun: usize,
-    pub(super) schedule: Schedule,
+    pub schedule: Schedule,
 }
 
 impl Planned<'_, '_> {
@@ -128,7 +128,7 @@ impl Planned<'_, '_> {
     ///
     /// # Safety
     /// See [`MorphEngine::record_updates`].
-    pub(super) unsafe fn record(mut self, device: &Device, cmd: vk::CommandBuffer) {
+    pub unsafe fn record(mut self, device: &Device, cmd: vk::CommandBuffer) {
         let Self { crowds, schedule, .. } = &mut self;
         // SAFETY: the caller's obligations; techniques use only stages that their device has; each label is ended.
         unsafe {

@@ -2,6 +2,7 @@
 
 use crate::asset::streams::{Semantic, StreamPlace};
 use crate::error::{Error, Result, refuse};
+use crate::gpu::pipelines::VertexInput;
 use crate::pack::vertex::Places;
 use crate::pack::{POSE_FLOATS, PackedLayout, PoseFormat};
 use crate::update::technique::Poses;
@@ -83,10 +84,7 @@ impl PoseView {
 
     /// [`PoseFormat::vertex_input`] for this layout: binding 0 (and that of the previous pose) has its stride,
     /// attributes its offsets. Components that are not stored have no attribute.
-    pub fn vertex_input(
-        &self,
-        previous: bool,
-    ) -> (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>) {
+    pub fn vertex_input(&self, previous: bool) -> VertexInput {
         self.format.vertex_input_at(self.stride, self.components, previous)
     }
 

@@ -23,13 +23,11 @@ pub unsafe fn record(device: &ash::Device, cmd: vk::CommandBuffer, barrier: &Bar
 /// # Safety
 /// See [`record`].
 pub unsafe fn record_read_back(device: &ash::Device, cmd: vk::CommandBuffer, writers: Scope) {
-    use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
-    let memory =
-        vk::MemoryBarrier::default().src_access_mask(Access::TRANSFER_WRITE).dst_access_mask(Access::HOST_READ);
-    let none = vk::DependencyFlags::empty();
-    let after = Stage::HOST | stages(writers);
+    use vk::{AccessFlags as A, PipelineStageFlags as S};
+    let before = Scope { stages: S::TRANSFER.as_raw(), accesses: A::TRANSFER_WRITE.as_raw() };
+    let after = Scope { stages: writers.stages | S::HOST.as_raw(), accesses: A::HOST_READ.as_raw() };
     // SAFETY: the caller's obligations.
-    unsafe { device.cmd_pipeline_barrier(cmd, Stage::TRANSFER, after, none, &[memory], &[], &[]) };
+    unsafe { record(device, cmd, &Barrier { before, after }) };
 }
 
 fn stages(scope: Scope) -> vk::PipelineStageFlags {

@@ -266,16 +266,24 @@ impl DeviceCaps {
         self.tuning.lanes = self.tuning.lanes.max(limits.tuning.lanes);
         self.tuning.few_registers |= limits.tuning.few_registers;
         self.tuning.plans_together |= limits.tuning.plans_together;
-        self.max_storage_range = self.max_storage_range.min(limits.max_storage_range);
-        self.max_texels = self.max_texels.min(limits.max_texels);
-        self.max_allocation = self.max_allocation.min(limits.max_allocation);
-        self.max_buffer = self.max_buffer.min(limits.max_buffer);
-        self.max_storage_buffers = self.max_storage_buffers.min(limits.max_storage_buffers);
-        self.max_push_constants = self.max_push_constants.min(limits.max_push_constants);
-        self.max_vertex_attributes = self.max_vertex_attributes.min(limits.max_vertex_attributes);
-        self.max_vertex_bindings = self.max_vertex_bindings.min(limits.max_vertex_bindings);
-        self.max_workgroup_invocations = self.max_workgroup_invocations.min(limits.max_workgroup_invocations);
-        self.max_workgroups = self.max_workgroups.min(limits.max_workgroups);
+        macro_rules! clamp {
+            ($($limit:ident)*) => {
+                $(self.$limit = self.$limit.min(limits.$limit);)*
+            };
+        }
+        clamp! {
+            max_storage_range
+            max_texels
+            max_allocation
+            max_buffer
+            max_storage_buffers
+            max_push_constants
+            max_vertex_attributes
+            max_vertex_bindings
+            max_workgroup_invocations
+            max_workgroups
+            max_image_side
+        }
         self.transform_feedback =
             self.transform_feedback.zip(limits.transform_feedback).map(|(a, b)| TransformFeedbackCaps {
                 max_buffer_bytes: a.max_buffer_bytes.min(b.max_buffer_bytes),
@@ -283,7 +291,6 @@ impl DeviceCaps {
             });
         self.vertex_stores &= limits.vertex_stores;
         self.float_blending &= limits.float_blending;
-        self.max_image_side = self.max_image_side.min(limits.max_image_side);
         self.int64 &= limits.int64;
         self.queue_families.iter_mut().zip(&limits.queue_families).for_each(|(flags, limits)| *flags &= *limits);
     }

@@ -1,6 +1,7 @@
 //! Descriptor sets and their pool.
 
 use super::device::Device;
+use super::pipelines::Objects;
 use crate::abi::kernels::{Binding, Buffer};
 use crate::error::{Error, Result, ensure, refuse};
 use ash::vk;
@@ -55,15 +56,9 @@ pub struct Sets {
 }
 
 impl Sets {
-    /// Makes a set of `layout`, which is a kernel's, for each list of buffers, which are in the order of the layout's
-    /// `bindings`. Images follow; [`write_image`](Self::write_image) writes them.
-    pub fn new(
-        device: &Arc<Device>,
-        layout: vk::DescriptorSetLayout,
-        bindings: &[Binding],
-        kernel: &str,
-        bound: &[impl AsRef<[BufferRange]>],
-    ) -> Result<Self> {
+    /// See [`Objects::sets`].
+    pub(super) fn new(objects: &Objects, bound: &[impl AsRef<[BufferRange]>]) -> Result<Self> {
+        let Objects { device, bindings, kernel, set_layout, .. } = objects;
         let descriptor_count = bound.len() as u32;
         let size = |&(_, buffer): &Binding| vk::DescriptorPoolSize { ty: descriptor_type(buffer), descriptor_count };
         let sizes: Vec<_> = bindings.iter().map(size).collect();
@@ -72,7 +67,7 @@ impl Sets {
         let pool = unsafe { device.raw.create_descriptor_pool(&info, None) }
             .map_err(Error::vulkan("vkCreateDescriptorPool"))?;
         let mut sets = Self { device: device.clone(), pool, views: vec![], sets: vec![] };
-        let layouts = vec![layout; bound.len()];
+        let layouts = vec![*set_layout; bound.len()];
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
         // SAFETY: pool and layout are ours; the pool has room for as many.
         sets.sets =

@@ -28,7 +28,7 @@ pub struct SharedAllocator {
 impl SharedAllocator {
     /// Shares an allocator. `owner` is a value that destroys the device when it is dropped. With `None`, or if the host
     /// keeps clones of the allocator's `Arc` elsewhere, the host must drop the allocator before its device.
-    pub fn new(allocator: Arc<Mutex<Allocator>>, owner: Option<Arc<dyn Any + Send + Sync>>) -> Self {
+    pub fn new(allocator: Arc<Mutex<Allocator>>, owner: Option<Owner>) -> Self {
         Self { allocator, _owner: owner }
     }
 
@@ -88,7 +88,7 @@ pub struct DeviceDesc<'a> {
     /// The owner of the handles, such as an `Arc` that destroys the device when it is dropped. The engine and
     /// everything made by it keep it alive, so that they and the host's own clones may be dropped in any order. `None`:
     /// the host destroys the device after the last of them.
-    pub owner: Option<Arc<dyn Any + Send + Sync>>,
+    pub owner: Option<Owner>,
 }
 
 setters!(DeviceDesc<'a> {
@@ -101,7 +101,7 @@ setters!(DeviceDesc<'a> {
     buffer_device_address: bool,
     debug_names: bool,
     queue_families: &'a [u32],
-    owner: Option<Arc<dyn Any + Send + Sync>>,
+    owner: Option<Owner>,
 });
 
 impl<'a> DeviceDesc<'a> {
@@ -337,23 +337,19 @@ impl Device {
 /// The error for an allocation of `bytes` for `name` that failed.
 pub fn allocation_failed(name: &str, bytes: u64, error: &AllocationError) -> Error {
     // Except for ERROR_OUT_OF_DEVICE_MEMORY, gpu-allocator reports the result of vkAllocateMemory as text.
-    let says =
-        |text: &str, result: vk::Result| text.contains("vkAllocateMemory") && text.ends_with(&format!("{result:?}"));
-    let returned = |result: vk::Result| matches!(error, AllocationError::Internal(text) if says(text, result));
-    let host = vk::Result::ERROR_OUT_OF_HOST_MEMORY;
-    let count = vk::Result::ERROR_TOO_MANY_OBJECTS;
-    let what = |why: &dyn std::fmt::Display| format!("no memory for '{name}' ({bytes} bytes): {why}");
-    if returned(host) {
-        Error::out_of_memory(what(&format_args!("vkAllocateMemory failed: {host:?}")), LESS)
-    } else if returned(count) {
-        let remedy =
-            "destroy objects that are no longer needed, or pass your own allocator that makes fewer allocations";
-        Error::out_of_memory(what(&format_args!("vkAllocateMemory failed: {count:?}")), remedy)
-    } else if matches!(error, AllocationError::OutOfMemory | AllocationError::FailedToMap(_)) {
-        Error::out_of_memory(what(error), LESS)
-    } else {
-        Error::invalid(what(error), "report this with the device's name, or pass your own allocator")
+    let text = error.to_string();
+    let what = |why: &str| format!("no memory for '{name}' ({bytes} bytes): {why}");
+    let fewer = "destroy objects that are no longer needed, or pass your own allocator that makes fewer allocations";
+    let results = [(vk::Result::ERROR_OUT_OF_HOST_MEMORY, LESS), (vk::Result::ERROR_TOO_MANY_OBJECTS, fewer)];
+    for (result, remedy) in results {
+        if text.contains("vkAllocateMemory") && text.ends_with(&format!("{result:?}")) {
+            return Error::out_of_memory(what(&format!("vkAllocateMemory failed: {result:?}")), remedy);
+        }
     }
+    if matches!(error, AllocationError::OutOfMemory | AllocationError::FailedToMap(_)) {
+        return Error::out_of_memory(what(&text), LESS);
+    }
+    Error::invalid(what(&text), "report this with the device's name, or pass your own allocator")
 }
 
 #[cfg(test)]

@@ -46,6 +46,11 @@ impl Buffer {
         Ok(buffer)
     }
 
+    /// Memory that the host writes and copies read.
+    pub fn staging(device: &Arc<Device>, name: &str, bytes: u64) -> Result<Self> {
+        Self::new(device, name, bytes, vk::BufferUsageFlags::TRANSFER_SRC, MemoryKind::Staging)
+    }
+
     /// Whether it was made on `device`.
     pub fn is_on(&self, device: &Arc<Device>) -> bool {
         Arc::ptr_eq(&self.device, device)

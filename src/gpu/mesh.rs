@@ -8,17 +8,17 @@ use crate::error::Result;
 use crate::pack::blocks::PoseGrid;
 use crate::pack::{POSE_FLOATS, PackedLayout, PoseFormat};
 use crate::plan::schedule::asset_uploaded;
-use ash::vk;
+use ash::vk::{self, BufferUsageFlags};
 use std::any::Any;
 use std::sync::Arc;
 
 /// Uses of base poses and deltas: by kernels, by vertex passes and draws, and by copies.
-const ASSET_USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
-    vk::BufferUsageFlags::STORAGE_BUFFER.as_raw()
-        | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER.as_raw()
-        | vk::BufferUsageFlags::VERTEX_BUFFER.as_raw()
-        | vk::BufferUsageFlags::TRANSFER_SRC.as_raw()
-        | vk::BufferUsageFlags::TRANSFER_DST.as_raw(),
+const ASSET_USAGE: BufferUsageFlags = BufferUsageFlags::from_raw(
+    BufferUsageFlags::STORAGE_BUFFER.as_raw()
+        | BufferUsageFlags::UNIFORM_TEXEL_BUFFER.as_raw()
+        | BufferUsageFlags::VERTEX_BUFFER.as_raw()
+        | BufferUsageFlags::TRANSFER_SRC.as_raw()
+        | BufferUsageFlags::TRANSFER_DST.as_raw(),
 );
 
 /// Data of a technique that keeps its own upload of a mesh.
@@ -63,8 +63,7 @@ impl MeshBuffers {
         let base = Buffer::new(device, &name("base pose"), base_size, ASSET_USAGE, MemoryKind::Meshes)?;
         let deltas = Buffer::new(device, &name("deltas"), deltas_size, ASSET_USAGE, MemoryKind::Meshes)?;
         let bytes = base_at + base_bytes.len() as u64;
-        let usage = vk::BufferUsageFlags::TRANSFER_SRC;
-        let mut staging = Buffer::new(device, &name("upload"), bytes, usage, MemoryKind::Staging)?;
+        let mut staging = Buffer::staging(device, &name("upload"), bytes)?;
         let (before, after) = staging.mapped()?[..bytes as usize].split_at_mut(base_at as usize);
         let (words, padding) = before.split_at_mut(delta_bytes.len());
         words.copy_from_slice(delta_bytes);
@@ -84,7 +83,7 @@ impl MeshBuffers {
     /// the host writes, so that making a crowd records nothing.
     pub(crate) fn integer_base(&self, device: &Arc<Device>, pose: PoseFormat, grid: &PoseGrid) -> Result<Buffer> {
         let words = pose.base_words(grid, &self.host, self.layout.vertex_count);
-        let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER;
+        let usage = BufferUsageFlags::STORAGE_BUFFER | BufferUsageFlags::UNIFORM_TEXEL_BUFFER;
         let name = format!("deltamorph base pose in integers of mesh '{}'", self.layout.name);
         let bytes: &[u8] = bytemuck::cast_slice(&words);
         let mut buffer = Buffer::new(device, &name, bytes.len() as u64, usage, MemoryKind::Lists)?;
@@ -102,10 +101,9 @@ impl Upload {
     /// Makes a storage buffer of these lists, one after the other, and the upload that fills it.
     pub(crate) fn of(device: &Arc<Device>, name: &str, lists: &[&[u8]]) -> Result<(Buffer, Self)> {
         let bytes = lists.iter().map(|list| list.len() as u64).sum();
-        let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_DST;
+        let usage = BufferUsageFlags::STORAGE_BUFFER | BufferUsageFlags::TRANSFER_DST;
         let buffer = Buffer::new(device, name, bytes, usage, MemoryKind::Meshes)?;
-        let usage = vk::BufferUsageFlags::TRANSFER_SRC;
-        let mut staging = Buffer::new(device, "deltamorph upload", bytes, usage, MemoryKind::Staging)?;
+        let mut staging = Buffer::staging(device, "deltamorph upload", bytes)?;
         let mut mapped = staging.mapped()?;
         for list in lists {
             let (here, rest) = mapped.split_at_mut(list.len());

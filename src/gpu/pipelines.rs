@@ -15,10 +15,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub struct Objects {
     /// The device of the objects.
     pub device: Arc<Device>,
-    bindings: Vec<Binding>,
+    pub(super) bindings: Vec<Binding>,
     /// The kernel, or the first of several.
-    kernel: &'static str,
-    set_layout: vk::DescriptorSetLayout,
+    pub(super) kernel: &'static str,
+    pub(super) set_layout: vk::DescriptorSetLayout,
     /// Of all pipelines.
     pub layout: vk::PipelineLayout,
     /// The render pass of vertex passes and draws.
@@ -82,7 +82,7 @@ impl Objects {
 
     /// Makes a descriptor set for each list of buffers, which are in the order of the kernels' bindings.
     pub fn sets(&self, bound: &[impl AsRef<[BufferRange]>]) -> Result<Sets> {
-        Sets::new(&self.device, self.set_layout, &self.bindings, self.kernel, bound)
+        Sets::new(self, bound)
     }
 
     /// Makes a render pass without attachments and its framebuffer, which suffice for rasterizer discard in core Vulkan
@@ -265,6 +265,9 @@ impl Drop for Objects {
     }
 }
 
+/// Bindings and attributes of a vertex shader.
+pub type VertexInput = (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>);
+
 impl PoseFormat {
     /// Describes how a draw reads a pose as vertex attributes, and for motion vectors the previous pose, too: the
     /// inputs that `glsl/host/pose.glsl` declares.
@@ -272,10 +275,7 @@ impl PoseFormat {
     /// Binding 0 is the pose ([`PoseView`](crate::PoseView)), binding 1 the previous pose. Locations start at 0, two for
     /// each binding. Vulkan guarantees these formats for vertex buffers. A host with its own attributes may renumber
     /// bindings and locations. [`PoseView::matrix`](crate::PoseView::matrix) makes positions of what a draw fetches.
-    pub fn vertex_input(
-        self,
-        previous: bool,
-    ) -> (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>) {
+    pub fn vertex_input(self, previous: bool) -> VertexInput {
         let places = std::array::from_fn(|component| Some(self.offset(component) as u32));
         self.vertex_input_at(self.stride() as u32, places, previous)
     }
@@ -286,7 +286,7 @@ impl PoseFormat {
         stride: u32,
         places: [Option<u32>; POSE_FLOATS],
         previous: bool,
-    ) -> (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>) {
+    ) -> VertexInput {
         let (mut bindings, mut attributes) = (vec![], vec![]);
         for binding in 0..=u32::from(previous) {
             bindings.push(vk::VertexInputBindingDescription::default().binding(binding).stride(stride));

@@ -35,6 +35,7 @@ pub use level::{Level, LevelDesc};
 
 use crate::asset::{MorphMesh, MorphTarget};
 use crate::error::{Result, ensure};
+use crate::math::up;
 use crate::pack::PackedMesh;
 use crate::weights::names::unknown;
 use glam::DVec3;
@@ -252,15 +253,9 @@ impl<'a> Deltas<'a> {
                 reach = reach.max(length);
             }
             ranks[target] = rank as u32;
-            reaches[target] = above(reach);
-            errors[rank] = above(farthest);
+            reaches[target] = up(reach);
+            errors[rank] = up(farthest);
         }
         Importance { order: order.iter().map(|&target| target as u32).collect(), ranks, reaches, errors, pinned }
     }
-}
-
-/// Rounds up to single precision; 0 stays 0.
-fn above(value: f64) -> f32 {
-    let near = value as f32;
-    if f64::from(near) < value { near.next_up() } else { near }
 }

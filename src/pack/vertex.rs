@@ -168,16 +168,16 @@ pub(crate) struct Places {
 
 impl Places {
     /// Contiguous, as in engine-owned poses.
-    pub(crate) const TIGHT: Self =
+    pub const TIGHT: Self =
         Self { stride: POSE_FLOATS as u32, at: [Some(0), Some(1), Some(2), Some(3), Some(4), Some(5)] };
 
     /// The same, from a start `numbers` numbers earlier.
-    pub(crate) fn shifted(self, numbers: u32) -> Self {
+    pub fn shifted(self, numbers: u32) -> Self {
         Self { at: self.at.map(|at| Some(at? + numbers)), ..self }
     }
 
     /// Specialization constants of `glsl/places.glsl`; `None` if its defaults apply.
-    pub(crate) fn constants(self) -> Option<PlaceConstants> {
+    pub fn constants(self) -> Option<PlaceConstants> {
         // Components that are not stored load from the offset of a stored one.
         let any = self.at.into_iter().flatten().next().unwrap_or(0);
         let stored = (0..).zip(self.at).map(|(i, at)| u32::from(at.is_some()) << i).sum();
@@ -186,12 +186,12 @@ impl Places {
     }
 
     /// Bytes per vertex.
-    pub(crate) fn stride(self, format: PoseFormat) -> u32 {
+    pub fn stride(self, format: PoseFormat) -> u32 {
         self.stride * format.number_bytes() as u32
     }
 
     /// Byte offset of each component.
-    pub(crate) fn bytes(self, format: PoseFormat) -> [Option<u32>; POSE_FLOATS] {
+    pub fn bytes(self, format: PoseFormat) -> [Option<u32>; POSE_FLOATS] {
         self.at.map(|at| Some(at? * format.number_bytes() as u32))
     }
 }

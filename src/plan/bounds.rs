@@ -2,6 +2,7 @@
 
 use super::UpdateDesc;
 use crate::error::Result;
+use crate::math::{down, up};
 use crate::pack::blocks::PoseGrid;
 use crate::pack::{POSE_FLOATS, PackedMesh};
 
@@ -152,17 +153,6 @@ fn extend<T: Copy>((low, high): &mut ([f32; 3], [f32; 3]), point: [T; 3], both: 
         let (below, above) = both(x);
         (*low, *high) = (low.min(below), high.max(above));
     }
-}
-
-/// The largest float32 that is at most `x`.
-fn down(x: f64) -> f32 {
-    let near = x as f32;
-    if f64::from(near) > x { near.next_down() } else { near }
-}
-
-/// The smallest float32 that is at least `x`.
-fn up(x: f64) -> f32 {
-    -down(-x)
 }
 
 #[cfg(test)]

@@ -273,6 +273,17 @@ impl History {
     }
 }
 
+/// What becomes of the outputs that steps after the pose write for an instance.
+#[derive(Clone, Copy, Debug)]
+pub enum OutputChange {
+    /// The next one is its own previous output.
+    Cut,
+    /// All is written anew, since the instance was hidden or shown.
+    Renewed,
+    /// Nothing is written, since the instance was removed.
+    Removed,
+}
+
 /// Checks weights: one per target, each within the limits of [`check_weight`].
 ///
 /// # Errors

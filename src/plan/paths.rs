@@ -34,16 +34,16 @@ pub(crate) struct PathRow {
     summary: &'static str,
     formats: &'static [DeltaFormat],
     poses: &'static [PoseFormat],
-    pub(crate) needs: Needs,
-    pub(crate) batch: Batch,
+    pub needs: Needs,
+    pub batch: Batch,
     /// Sums integers and converts them to float32 poses in a last pass; no error budget.
-    pub(crate) sums_integers: bool,
+    pub sums_integers: bool,
     /// Updates all groups of a mesh, not only positions and normals.
-    pub(crate) takes_groups: bool,
+    pub takes_groups: bool,
     /// Uploads meshes in an encoding of its own.
-    pub(crate) has_own_upload: bool,
+    pub has_own_upload: bool,
     /// Evaluates each pose from base: [`UpdateMode::Incremental`](super::UpdateMode) is not supported.
-    pub(crate) rebuilds_only: bool,
+    pub rebuilds_only: bool,
     evaluates_in_draws: bool,
 }
 

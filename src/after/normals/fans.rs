@@ -35,8 +35,8 @@ pub(super) fn first_of<'a>(desc: &NormalsDesc<'a>, vertices: usize) -> Result<im
 /// Input of `normals.comp` after the base pose, and the dependencies between pieces.
 pub(super) struct Fans {
     /// By vertex, padding included: first word of its fan, counted from the base pose; then the fans.
-    pub(super) words: Vec<u32>,
-    pub(super) spread: Spread,
+    pub words: Vec<u32>,
+    pub spread: Spread,
 }
 
 /// By piece: the pieces whose normals depend on its positions, as concatenated lists.
@@ -48,11 +48,7 @@ pub(super) struct Spread {
 
 impl Fans {
     /// `check` is called with the number of words before they are allocated; each corner of a polygon has a fan.
-    pub(super) fn new(
-        desc: &NormalsDesc<'_>,
-        layout: &PackedLayout,
-        check: impl FnOnce(u64) -> Result<()>,
-    ) -> Result<Self> {
+    pub fn new(desc: &NormalsDesc<'_>, layout: &PackedLayout, check: impl FnOnce(u64) -> Result<()>) -> Result<Self> {
         let of = first_of(desc, layout.vertex_count)?;
         let pairs = desc.faces().map(|face| face.len() as u64 * (face.len() as u64 - 2));
         let fans = (0..layout.vertex_count as u32).filter(|v| of(*v) == *v).count();
@@ -104,7 +100,7 @@ impl Fans {
 
 impl Spread {
     /// Adds to `normals` the pieces that depend on `moved`.
-    pub(super) fn of(&self, moved: &Pieces, normals: &mut Pieces) {
+    pub fn of(&self, moved: &Pieces, normals: &mut Pieces) {
         for piece in moved.iter() {
             let first = piece.checked_sub(1).map_or(0, |before| self.ends[before as usize]);
             let list = &self.pieces[first as usize..self.ends[piece as usize] as usize];

@@ -94,7 +94,7 @@ impl Recomputed {
     ///
     /// # Errors
     /// An invalid target or surface; no memory. Nothing changes then.
-    pub(crate) fn set(
+    pub fn set(
         after: &mut After,
         place: &TargetContext<'_>,
         (GpuNormals { surface, .. }, target): (&GpuNormals, &NormalsTarget),

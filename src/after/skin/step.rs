@@ -164,11 +164,7 @@ impl Skin {
     ///
     /// # Errors
     /// An invalid target or skin; no memory. Nothing changes then.
-    pub(crate) fn set(
-        after: &mut After,
-        place: &TargetContext<'_>,
-        (skin, target): (&GpuSkin, &SkinTarget),
-    ) -> Result<()> {
+    pub fn set(after: &mut After, place: &TargetContext<'_>, (skin, target): (&GpuSkin, &SkinTarget)) -> Result<()> {
         let layout = &place.group.mesh.layout;
         let caps = &place.device.caps;
         skin.attached.check("a skin", place.device, layout)?;
@@ -225,7 +221,7 @@ impl Skin {
     ///
     /// # Errors
     /// An instance without a skin target; an invalid offset.
-    pub(crate) fn set_joints(after: &mut After, instance: u32, offset: u64) -> Result<()> {
+    pub fn set_joints(after: &mut After, instance: u32, offset: u64) -> Result<()> {
         let none = || Error::invalid(format!("instance {instance} is not skinned"), "set a skin target first");
         let skin: &mut Self = after.get_mut(Kind::Skin, instance).ok_or_else(none)?;
         check_joints(offset, skin.bound.kernel.key.1, skin.joint_count, skin.joints_bytes)?;
@@ -237,7 +233,7 @@ impl Skin {
     ///
     /// # Errors
     /// An instance without a skin target, or without output so far.
-    pub(crate) fn view(after: &After, instance: u32) -> Result<SkinnedView> {
+    pub fn view(after: &After, instance: u32) -> Result<SkinnedView> {
         let none = || {
             let text = format!("instance {instance} has no skinned pose");
             Error::invalid(text, "set a skin target, and record an update")

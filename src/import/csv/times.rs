@@ -16,7 +16,7 @@ pub(super) struct Time {
 
 impl Time {
     /// Reads a number, `HH:MM:SS.fraction` or timecode, `HH:MM:SS:FF.fraction`; a date may precede it.
-    pub(super) fn read(cell: &str) -> Option<Self> {
+    pub fn read(cell: &str) -> Option<Self> {
         let number = |text: &str| text.replace(',', ".").parse().ok().filter(|number: &f64| number.is_finite());
         let clock = cell.rsplit([' ', 'T']).next()?.trim_end_matches('Z');
         let mut parts: Vec<f64> = clock.split([':', ';']).map(number).collect::<Option<_>>()?;

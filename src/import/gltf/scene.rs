@@ -60,7 +60,7 @@ pub struct Skin {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Hierarchy {
     /// Nodes, parents before their children.
-    pub(super) order: Vec<usize>,
+    pub order: Vec<usize>,
     /// What roots stand in.
     space: DMat4,
 }

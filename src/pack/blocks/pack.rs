@@ -21,6 +21,10 @@ struct Kept {
     largest: [f32; TRIPLES],
 }
 
+fn vector(of: &[f32]) -> DVec3 {
+    Vec3::from_slice(of).as_dvec3()
+}
+
 /// How far the tip of a unit vector is from a direction that it is at this angle to, or any larger one.
 fn side(degrees: f64) -> f64 {
     degrees.min(90.0).to_radians().sin()
@@ -40,7 +44,6 @@ fn kept(source: &Source<'_>, desc: &PackDesc) -> Kept {
             for (vertex, delta) in &mut deltas {
                 for place in &source.streams {
                     let numbers = place.morphing_components();
-                    let vector = |of: &[f32]| DVec3::new(of[0].into(), of[1].into(), of[2].into());
                     let dropped = match place.semantic.measure() {
                         Measure::Length => vector(&delta[numbers.clone()]).length() <= length,
                         // As an angle and as a length: normals in files need not have unit length.
@@ -207,8 +210,7 @@ impl Packing<'_> {
                 Measure::Angle => {
                     let base = self.source.base(vertex);
                     let numbers = place.morphing_components();
-                    let length =
-                        numbers.map(|c| (f64::from(base[c]) + f64::from(delta[c])).powi(2)).sum::<f64>().sqrt();
+                    let length = (vector(&base[numbers.clone()]) + vector(&delta[numbers])).length();
                     side(self.desc.blocks.normal_error_degrees.into()) * length.min(1.0)
                 }
                 Measure::Absolute => 0.0,

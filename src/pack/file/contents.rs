@@ -11,6 +11,7 @@ use crate::pack::{
     BASE_STRIDE, DeltaFormat, POSE_FLOATS, PackedGroup, PackedMesh, PoseError, TARGETS_MAX, VERTEX_PADDING,
 };
 use glam::Vec2;
+use std::borrow::Borrow;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -44,12 +45,12 @@ pub(super) fn write(asset: &Asset, clips: Option<Vec<u8>>) -> Result<Vec<u8>> {
     let mut contents = vec![
         ((META, 0), bytes_of(meta)),
         ((NAMES, 0), names),
-        ((ORDER, 0), bytes_of(index.order().iter().copied())),
-        ((FACES, 0), bytes_of(faces.sizes.iter().copied())),
+        ((ORDER, 0), bytes_of(index.order())),
+        ((FACES, 0), bytes_of(&faces.sizes)),
         ((CORNERS, 0), bytes_of(faces.corners.iter().map(|c| c.position))),
         ((CORNER_TEXCOORDS, 0), bytes_of(corner_texcoords)),
         ((TEXCOORDS, 0), bytes_of(asset.texcoords.iter().flat_map(|t| t.to_array().map(f32::to_bits)))),
-        ((WELDS, 0), bytes_of(asset.welds.iter().copied())),
+        ((WELDS, 0), bytes_of(&asset.welds)),
     ];
     contents.extend(clips.map(|clips| ((CLIPS, 0), clips)));
     for (i, group) in groups.iter().enumerate() {
@@ -70,10 +71,10 @@ pub(super) fn write(asset: &Asset, clips: Option<Vec<u8>>) -> Result<Vec<u8>> {
         contents.extend([
             ((GROUP, i), bytes_of(head)),
             ((BASE, i), bytes_of(base.map(f32::to_bits))),
-            ((FIRST_ENTRIES, i), bytes_of(index.parts.first_entry.iter().copied())),
+            ((FIRST_ENTRIES, i), bytes_of(&index.parts.first_entry)),
             // Numbers below `TARGETS_MAX`, which is 65,536.
             ((ENTRY_TARGETS, i), index.parts.entry_target.iter().flat_map(|t| (*t as u16).to_le_bytes()).collect()),
-            ((WORDS, i), bytes_of(group.deltas().iter().copied())),
+            ((WORDS, i), bytes_of(group.deltas())),
         ]);
     }
     Ok(join(&contents))
@@ -224,6 +225,6 @@ fn floats_of(words: Vec<u32>) -> Vec<f32> {
     words.into_iter().map(f32::from_bits).collect()
 }
 
-fn bytes_of(words: impl IntoIterator<Item = u32>) -> Vec<u8> {
-    words.into_iter().flat_map(u32::to_le_bytes).collect()
+fn bytes_of(words: impl IntoIterator<Item: Borrow<u32>>) -> Vec<u8> {
+    words.into_iter().flat_map(|word| word.borrow().to_le_bytes()).collect()
 }

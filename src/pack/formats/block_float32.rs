@@ -39,10 +39,8 @@ impl BlockFormat for BlockFloat32 {
     }
 
     fn check_deltas(&self, deltas: &[u32]) -> Result<(), String> {
-        match deltas.iter().map(|word| f32::from_bits(*word)).enumerate().find(|(_, delta)| !delta.is_finite()) {
-            Some((i, delta)) => Err(format!("word {i} of the deltas is {delta}")),
-            None => Ok(()),
-        }
+        let bad = deltas.iter().map(|word| f32::from_bits(*word)).enumerate().find(|(_, delta)| !delta.is_finite());
+        bad.map_or(Ok(()), |(at, delta)| Err(format!("word {at} of the deltas is {delta}")))
     }
 
     type Component = f32;

@@ -26,10 +26,8 @@ impl Shifted for Pair {
     }
 
     fn check_deltas(deltas: &[u32]) -> Result<(), String> {
-        match deltas.iter().step_by(2).position(|a| a >> 31 != 0) {
-            Some(vertex) => Err(format!("word {} of the deltas is {:#x}", 2 * vertex, deltas[2 * vertex])),
-            None => Ok(()),
-        }
+        let bad = deltas.iter().enumerate().step_by(2).find(|(_, a)| *a >> 31 != 0);
+        bad.map_or(Ok(()), |(at, word)| Err(format!("word {at} of the deltas is {word:#x}")))
     }
 
     #[inline(always)]

@@ -5,6 +5,7 @@ use bytemuck::{Pod, Zeroable};
 
 /// A component of a delta.
 pub(crate) trait Number: Copy {
+    fn of(number: impl Number) -> Self;
     /// As float; an integer in steps.
     fn float(self) -> f32;
     /// As integer; never called for float32 deltas, which have no grid.
@@ -12,8 +13,13 @@ pub(crate) trait Number: Copy {
 }
 
 macro_rules! numbers {
-    ($($number:ty)*) => {
+    ($($number:ident $as:ident)*) => {
         $(impl Number for $number {
+            #[inline(always)]
+            fn of(number: impl Number) -> Self {
+                number.$as()
+            }
+
             #[inline(always)]
             fn float(self) -> f32 {
                 self as f32
@@ -26,16 +32,14 @@ macro_rules! numbers {
         })*
     };
 }
-numbers!(f32 i32);
+numbers!(f32 float i32 integer);
 
 /// A sum of factor · delta over the entries of a component.
 pub(crate) trait Sum: Pod + Default + Send {
     /// The delta operand.
-    type Delta: Copy + Default;
+    type Delta: Number + Default;
     /// The coefficient operand.
     type Factor: Copy + Default;
-
-    fn delta(number: impl Number) -> Self::Delta;
 
     /// Decodes a coefficient of the work list (`bits`), for a triple with this `step`; `shift` applies to the deltas.
     fn factor(bits: u32, step: f32, shift: u32) -> Self::Factor;
@@ -55,11 +59,6 @@ impl Sum for f32 {
     type Factor = f32;
 
     #[inline(always)]
-    fn delta(number: impl Number) -> f32 {
-        number.float()
-    }
-
-    #[inline(always)]
     fn factor(bits: u32, step: f32, shift: u32) -> f32 {
         // Step and shift are powers of two: exact.
         f32::from_bits(bits) * (step * (1u32 << shift) as f32)
@@ -74,11 +73,6 @@ impl Sum for f32 {
 impl Sum for i32 {
     type Delta = i32;
     type Factor = i32;
-
-    #[inline(always)]
-    fn delta(number: impl Number) -> i32 {
-        number.integer()
-    }
 
     #[inline(always)]
     fn factor(bits: u32, _: f32, shift: u32) -> i32 {
@@ -100,11 +94,6 @@ impl Sum for Rounded {
     type Delta = i32;
     /// The new and the applied weight.
     type Factor = [i32; 2];
-
-    #[inline(always)]
-    fn delta(number: impl Number) -> i32 {
-        number.integer()
-    }
 
     #[inline(always)]
     fn factor(bits: u32, _: f32, shift: u32) -> Self::Factor {

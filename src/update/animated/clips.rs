@@ -199,8 +199,5 @@ impl Clips {
 /// overflow.
 fn shortened(key: i32, shift: u32, most: i32) -> i32 {
     let short = (key + ((1 << shift) >> 1)) >> shift;
-    match (i64::from(short) << shift).abs() > i64::from(most) {
-        true => short - short.signum(),
-        false => short,
-    }
+    if (i64::from(short) << shift).abs() > i64::from(most) { short - short.signum() } else { short }
 }

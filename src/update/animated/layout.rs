@@ -203,16 +203,16 @@ impl Words {
 /// Layout of a crowd's buffers.
 pub(super) struct Layout {
     /// By group.
-    pub(super) groups: Vec<GroupLayout>,
+    pub groups: Vec<GroupLayout>,
     /// Bytes of clips and tables; never 0.
-    pub(super) table_bytes: u64,
-    pub(super) state_bytes: u64,
+    pub table_bytes: u64,
+    pub state_bytes: u64,
 }
 
 impl Layout {
     /// # Errors
     /// Sizes beyond the device's storage range.
-    pub(super) fn new(context: &Context<'_>, clips: &Clips) -> Result<Self> {
+    pub fn new(context: &Context<'_>, clips: &Clips) -> Result<Self> {
         let targets = context.layout().targets.len() as u64;
         let instances = u64::from(context.desc.instances);
         let words = targets.div_ceil(32).max(1);
@@ -249,7 +249,7 @@ impl Layout {
     }
 
     /// Contents of the tables; `indices` are the blocks of the groups.
-    pub(super) fn tables<'a>(&self, indices: impl Iterator<Item = &'a BlockIndex>, clips: &Clips) -> Vec<u32> {
+    pub fn tables<'a>(&self, indices: impl Iterator<Item = &'a BlockIndex>, clips: &Clips) -> Vec<u32> {
         let mut words = Vec::with_capacity(self.table_bytes as usize / 4);
         words.extend_from_slice(clips.words());
         for (index, group) in indices.zip(&self.groups) {

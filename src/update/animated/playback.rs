@@ -129,10 +129,8 @@ impl Playbacks {
         };
         ensure!(level >= 0.0, format!("a level of {level} targets"), "use a number from 0");
         let record = &mut self.records[instance as usize];
-        let set = match level < clips.targets() as f32 {
-            true => ((f64::from(level) * 65_536.0).round() as u32, ranks_at),
-            false => (0, 0),
-        };
+        let fixed = (f64::from(level) * 65_536.0).round() as u32;
+        let set = if level < clips.targets() as f32 { (fixed, ranks_at) } else { (0, 0) };
         if (record.level, record.ranks_at) != set {
             (record.level, record.ranks_at) = set;
             self.touch(instance).stale = true;
@@ -274,10 +272,7 @@ impl HeadRecord {
         let start = u64::from(self.frame) << 32 | u64::from(self.fraction);
         let position = u128::from(start) + elapsed as u128 * u128::from(self.rate);
         let frames = u128::from(frames) << 32;
-        match self.has(LOOP) {
-            true => (position % frames) as u64,
-            false => position.min(frames - (1 << 32)) as u64,
-        }
+        (if self.has(LOOP) { position % frames } else { position.min(frames - (1 << 32)) }) as u64
     }
 }
 

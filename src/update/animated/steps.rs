@@ -4,47 +4,35 @@ use crate::plan::steps::{Access, Resource as R, Source, Stage, Steps, Use, Work}
 use AnimatedKernel as K;
 use std::ops::Range;
 
-/// The list of kernels: documentation, name, name of the step, whether one dispatch serves all groups of the mesh, and
-/// memory uses.
-macro_rules! kernels {
-    ($($(#[doc = $doc:literal])* $kernel:ident $name:literal $common:literal $uses:expr;)*) => {
-        /// The kernel or command of a work.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub enum AnimatedKernel {
-            $($(#[doc = $doc])* $kernel,)*
-        }
-
-        impl AnimatedKernel {
-            /// All kernels, in the order of [`Work::kernel`].
-            pub const ALL: [Self; [$(Self::$kernel),*].len()] = [$(Self::$kernel),*];
-
-            /// The name of its step.
-            pub(super) const fn name(self) -> &'static str {
-                match self {
-                    $(Self::$kernel => $name,)*
-                }
-            }
-
-            const fn uses(self) -> (bool, &'static [Use]) {
-                match self {
-                    $(Self::$kernel => ($common, const { $uses }),)*
-                }
-            }
-        }
-    };
+/// The kernel or command of a work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AnimatedKernel {
+    /// Samples the clips that instances play.
+    Sample,
+    /// Writes the work lists.
+    Plan,
+    /// Turns their lengths into dispatch arguments.
+    Arguments,
+    /// Copies changed records to the device.
+    Records,
+    /// Updates the blocks of the work lists.
+    Blocks,
 }
 
-kernels! {
-    /// Samples the clips that instances play.
-    Sample "sample" true SAMPLE;
-    /// Writes the work lists.
-    Plan "plan" false PLAN;
-    /// Turns their lengths into dispatch arguments.
-    Arguments "arguments" false &[Use::read(R::Control), Use::write(R::Control), Use::write(R::WorkList)];
-    /// Copies changed records to the device.
-    Records "records" true &[Use::copy(R::State)];
-    /// Updates the blocks of the work lists.
-    Blocks "blocks" false BLOCKS;
+impl AnimatedKernel {
+    /// All kernels, in the order of [`Work::kernel`].
+    pub const ALL: [Self; 5] = [K::Sample, K::Plan, K::Arguments, K::Records, K::Blocks];
+
+    /// The name of its step, whether one dispatch serves all groups of the mesh, and memory uses.
+    pub(super) const fn row(self) -> (&'static str, bool, &'static [Use]) {
+        match self {
+            K::Sample => ("sample", true, SAMPLE),
+            K::Plan => ("plan", false, PLAN),
+            K::Arguments => ("arguments", false, ARGUMENTS),
+            K::Records => ("records", true, RECORDS),
+            K::Blocks => ("blocks", false, BLOCKS),
+        }
+    }
 }
 
 const SAMPLE: &[Use] = &[Use::read(R::Tables), Use::read(R::State), Use::write(R::State)];
@@ -56,6 +44,8 @@ const PLAN: &[Use] = &[
     Use::write(R::Control),
     Use::write(R::WorkList),
 ];
+const ARGUMENTS: &[Use] = &[Use::read(R::Control), Use::write(R::Control), Use::write(R::WorkList)];
+const RECORDS: &[Use] = &[Use::copy(R::State)];
 const BLOCKS: &[Use] = &[
     Use::read(R::WorkList),
     Use::new(R::Control, Stage::Indirect, Access::IndirectRead),
@@ -92,7 +82,7 @@ impl AnimatedUpdate {
     pub fn fill(&self, steps: &mut Steps) {
         let Self { records, groups, dispatches, texels, .. } = *self;
         let mut add = |kernel: K, items: Range<u32>| {
-            let (common, uses) = kernel.uses();
+            let (_, common, uses) = kernel.row();
             steps.step(uses);
             let source = Source::Slot(self.source);
             let destination = self.destination;

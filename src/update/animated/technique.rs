@@ -122,8 +122,7 @@ impl Animated {
         let none = vk::BufferUsageFlags::empty();
         let tables = on_device(device, "deltamorph clips", table_bytes, none)?;
         let state = on_device(device, "deltamorph animated weights", layout.state_bytes, none)?;
-        let usage = vk::BufferUsageFlags::TRANSFER_SRC;
-        let mut staging = Buffer::new(device, "deltamorph clip upload", table_bytes, usage, MemoryKind::Staging)?;
+        let mut staging = Buffer::staging(device, "deltamorph clip upload", table_bytes)?;
         let indices = context.groups().filter_map(|group| group.layout().blocks.as_deref());
         let words = layout.tables(indices, &clips);
         staging.mapped()?[..table_bytes as usize].copy_from_slice(bytemuck::cast_slice(&words));
@@ -236,7 +235,7 @@ impl Technique for Animated {
     }
 
     fn step_name(&self, work: &Work) -> Option<&'static str> {
-        Some(AnimatedKernel::ALL[work.kernel as usize].name())
+        Some(AnimatedKernel::ALL[work.kernel as usize].row().0)
     }
 
     unsafe fn record(&self, cmd: vk::CommandBuffer, _frame: u64, work: &Work) {

@@ -13,13 +13,13 @@ use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
 use crate::pack::POSE_FLOATS;
 use crate::pack::vertex::PlaceConstants;
 use crate::update::technique::{Context, Poses};
-use ash::vk;
+use ash::vk::{self, BufferUsageFlags};
 use bytemuck::bytes_of;
 use std::sync::Arc;
 
 /// A work list is loaded from a storage buffer or as texels.
-pub(crate) const LIST_USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
-    vk::BufferUsageFlags::STORAGE_BUFFER.as_raw() | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER.as_raw(),
+pub(crate) const LIST_USAGE: BufferUsageFlags = BufferUsageFlags::from_raw(
+    BufferUsageFlags::STORAGE_BUFFER.as_raw() | BufferUsageFlags::UNIFORM_TEXEL_BUFFER.as_raw(),
 );
 
 /// Instances per descriptor set, at most `most`, limited by the storage range and the 16-bit pose numbers. Whole tiles,
@@ -47,7 +47,7 @@ pub(crate) struct Workgroup {
     /// Loads asset and work list as texels.
     texels: bool,
     lanes: u32,
-    pub(crate) items: u32,
+    pub items: u32,
 }
 
 /// The workgroup of the kernels of a crowd.
@@ -58,7 +58,7 @@ pub(crate) fn workgroup(context: &Context<'_>) -> Result<Workgroup> {
     let size = context.layout().index()?.size() as u32;
     let caps = context.caps();
     // Texel kernels access engine-owned poses; a host's buffer may lack the usage.
-    let bound_as_texels = context.poses.usage.contains(vk::BufferUsageFlags::STORAGE_TEXEL_BUFFER);
+    let bound_as_texels = context.poses.usage.contains(BufferUsageFlags::STORAGE_TEXEL_BUFFER);
     let texels = bound_as_texels && caps.takes_texels(context.layout().format);
     let items = if texels { 1 } else { (caps.tuning.lanes / size).clamp(1, ITEMS_MAX) };
     // With texels, an invocation processes eight vertices, or four of a block of 32.
@@ -104,7 +104,7 @@ impl BlocksKernels {
     ///
     /// # Errors
     /// No kernel for the formats; Vulkan errors.
-    pub(crate) fn new(context: &Context<'_>, instances: u32, group: u32) -> Result<Self> {
+    pub fn new(context: &Context<'_>, instances: u32, group: u32) -> Result<Self> {
         let format = context.layout().format;
         let pose = context.desc.update.pose;
         let tuning = context.caps().tuning;
@@ -125,13 +125,13 @@ impl BlocksKernels {
 
 /// Contents of a descriptor set.
 pub(crate) struct Bound {
-    pub(crate) list: BufferRange,
+    pub list: BufferRange,
     /// First instance, and count.
-    pub(crate) instances: (u32, u32),
+    pub instances: (u32, u32),
 }
 
 pub(crate) struct GroupBlocks {
-    pub(crate) how: Dispatching,
+    pub how: Dispatching,
     kernels: Vec<Arc<Pipelines<BlocksKey>>>,
     pub(super) poses: Poses,
     sets: Sets,
@@ -141,11 +141,7 @@ pub(crate) struct GroupBlocks {
 }
 
 impl GroupBlocks {
-    pub(crate) fn new(
-        context: &Context<'_>,
-        BlocksKernels { how, kernels }: BlocksKernels,
-        bound: &[Bound],
-    ) -> Result<Self> {
+    pub fn new(context: &Context<'_>, BlocksKernels { how, kernels }: BlocksKernels, bound: &[Bound]) -> Result<Self> {
         let poses = context.poses;
         let index = context.layout().index()?;
         let [position_unit, normal_unit] = index.steps();
@@ -184,7 +180,7 @@ impl GroupBlocks {
     /// - The group, its mesh and its poses live until the dispatch has finished. The list is complete by then, and
     ///   names only existing slots, blocks and entries.
     /// - `workgroups` is within the device limit.
-    pub(crate) unsafe fn dispatch(
+    pub unsafe fn dispatch(
         &self,
         cmd: vk::CommandBuffer,
         set: usize,

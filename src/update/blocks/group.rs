@@ -137,7 +137,7 @@ impl Unit {
         Self { grid, step: grid.map_or(1.0, |grid| grid.weight_step()), pairs: pose.rounds_products() }
     }
 
-    pub(super) fn bits(self, weight: f32) -> u32 {
+    pub fn bits(self, weight: f32) -> u32 {
         match self.grid {
             // Adding 0 turns -0 into 0.
             None => (weight + 0.0).to_bits(),
@@ -146,7 +146,7 @@ impl Unit {
     }
 
     /// The coefficient that changes a weight from `old` to `new`.
-    pub(super) fn coefficient(self, new: u32, old: u32) -> u32 {
+    pub fn coefficient(self, new: u32, old: u32) -> u32 {
         match self.grid {
             None => (f32::from_bits(new) - f32::from_bits(old)).to_bits(),
             Some(_) if self.pairs => new & 0xffff | old << 16,
@@ -155,7 +155,7 @@ impl Unit {
     }
 
     /// The absolute change of weight that a coefficient encodes.
-    pub(super) fn size(self, coefficient: u32) -> f32 {
+    pub fn size(self, coefficient: u32) -> f32 {
         let steps = |change: i32| change.unsigned_abs() as f32 * self.step;
         match self.grid {
             None => f32::from_bits(coefficient).abs(),
@@ -169,16 +169,16 @@ impl Unit {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Scratch {
     /// Requested weights of an instance.
-    pub(super) next: Vec<u32>,
+    pub next: Vec<u32>,
     /// By block: end of its elements in the list, relative to the instance's first.
-    pub(super) ends: Vec<u32>,
+    pub ends: Vec<u32>,
     /// With an error budget: blocks with changed targets.
-    pub(super) reached: Vec<bool>,
+    pub reached: Vec<bool>,
     /// Entries of a block, by descending amount.
-    pub(super) largest: Vec<u32>,
+    pub largest: Vec<u32>,
     /// With an error budget, by entry of a block: distance from the requested pose, as a length; negative if it is to
     /// be committed.
-    pub(super) amounts: Vec<f32>,
+    pub amounts: Vec<f32>,
 }
 
 const ULP: f32 = f32::EPSILON;

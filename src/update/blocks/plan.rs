@@ -121,17 +121,17 @@ pub struct BlockState {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BlockSum {
     /// Bound on the position error from accumulation.
-    pub(super) bound: f32,
+    pub bound: f32,
     /// Bound above which the block is rebuilt.
-    pub(super) limit: f32,
+    pub limit: f32,
     /// Active entries, and their bytes.
-    pub(super) active: u32,
-    pub(super) active_bytes: u32,
+    pub active: u32,
+    pub active_bytes: u32,
 }
 
 impl BlockSum {
     /// Counts a change of weight of an entry of `bytes` bytes.
-    pub(super) fn activate(&mut self, bytes: u32, old: u32, new: u32) {
+    pub fn activate(&mut self, bytes: u32, old: u32, new: u32) {
         match (old != 0, new != 0) {
             (false, true) => (self.active, self.active_bytes) = (self.active + 1, self.active_bytes + bytes),
             (true, false) => (self.active, self.active_bytes) = (self.active - 1, self.active_bytes - bytes),

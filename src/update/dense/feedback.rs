@@ -9,7 +9,7 @@ use crate::abi::modules::{FEEDBACK, Kernel};
 use crate::abi::push::attribute_push_bytes;
 use crate::error::Result;
 use crate::gpu::caps::CAPTURE_STRIDE;
-use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines};
+use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, VertexInput};
 use crate::pack::{DeltaFormat, PackedLayout, PoseFormat};
 use crate::plan::BatchSize;
 use crate::plan::steps::{Access, Resource, Stage, Use, Work};
@@ -148,9 +148,6 @@ fn vertex_buffers(pass: &DensePass<'_>, first: usize, vertices: usize) -> (Vec<v
     let source = (buffer, offset + (first * CAPTURE_STRIDE) as u64);
     std::iter::once(source).chain(pass.coefficients.iter().map(row)).unzip()
 }
-
-/// Bindings and attributes of a vertex shader.
-pub type VertexInput = (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>);
 
 /// Vertex input of a pass. Binding 0: the pose; bindings 1..=batch: the deltas of a target each.
 pub fn vertex_input(format: DeltaFormat, batch: u32) -> VertexInput {
