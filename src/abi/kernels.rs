@@ -218,117 +218,102 @@ const WORD_TEXELS: Buffer = Buffer::UniformTexels(107);
 const WORD_LIST: Buffer = Buffer::UniformTexels(98);
 const POSE_TEXELS: Buffer = Buffer::StorageTexels(107);
 
-/// Every kernel.
-pub const KERNELS: &[KernelRow] = &joined::<{ OURS.len() + STEPS.len() + OTHERS.len() }>([OURS, STEPS, OTHERS]);
-
-const fn joined<const N: usize>(parts: [&[KernelRow]; 3]) -> [KernelRow; N] {
-    let (mut all, mut at, mut part) = ([COMPUTE; N], 0, 0);
-    while part < parts.len() {
-        let mut row = 0;
-        while row < parts[part].len() {
-            all[at] = parts[part][row];
-            (at, row) = (at + 1, row + 1);
-        }
-        part += 1;
-    }
-    all
-}
-
-/// Kernels of measurements and of the library's own techniques.
-const OURS: &[KernelRow] = &[
-    // Measurements.
-    KernelRow { name: "consume", poses: true, ..VERTEX },
-    KernelRow { name: "consume_position", poses: true, ..VERTEX },
-    KernelRow { name: "read", bindings: &[(0, Buffer::Storage(16)), (1, WORDS)], push: "ReadPush", ..COMPUTE },
-    // Animation on the GPU: sampling clips and planning updates. Specialization constants: the invocations that sample
-    // 32 targets; the widest tile.
-    KernelRow { name: "animate", constants: 1, ..ANIMATION },
-    KernelRow { name: "plan", constants: 1, ..ANIMATION },
-    KernelRow { name: "plan_together", constants: 1, ..ANIMATION },
-    KernelRow { name: "arguments", constants: 1, ..ANIMATION },
-    // Passes over dense deltas.
-    DENSE,
-    KernelRow {
-        name: "dense_list",
-        bindings: &[(0, Buffer::Poses), (1, Buffer::Poses), (2, Buffer::DynamicDeltas), (3, Buffer::Dynamic(16))],
-        push: "DenseListPush",
-        poses: true,
-        constants: 0,
-        ..DENSE
-    },
-    KernelRow { name: "feedback", ..ATTRIBUTES },
-    // Blocks of several instances at once.
-    CROWD,
-    // The same for software drivers. Poses are bound twice: as pairs of words for stores, as texels for loads.
-    KernelRow {
-        name: "crowd_texels",
-        takes: Takes::Texels,
-        bindings: &[(0, WORD_TEXELS), (1, WORD_TEXELS), (2, PAIRS), (3, POSE_TEXELS), (4, WORD_TEXELS)],
-        aliased: &[2, 3],
-        constants: 4,
-        places: false,
-        ..CROWD
-    },
-];
-
-macro_rules! step_kernels {
-    (() $(
+macro_rules! kernels {
+    ({ ours { $($ours:expr,)* } baselines { $($baselines:expr,)* } } $(
         $(#[doc = $doc:literal])*
         $kind:ident $module:ident::$step:ident $public:tt $set:tt {
             $reads:tt => $written:ident, $push:ident $members:tt [$({ $($fields:tt)* }),*]
         }
     )*) => {
-        const STEPS: &[KernelRow] =
-            &[$($(KernelRow { push: stringify!($push), $($fields)*, ..STEP },)*)*];
+        /// Every kernel: of measurements and of the library's own techniques, of steps after the pose, of baselines.
+        pub const KERNELS: &[KernelRow] = &[
+            $($ours,)*
+            $($(KernelRow { push: stringify!($push), $($fields)*, ..STEP },)*)*
+            $($baselines,)*
+        ];
     };
 }
-after_steps!(step_kernels());
-
-/// Kernels of baselines.
-const OTHERS: &[KernelRow] = &[
-    // The set of `scatter` and `resolve`: records, sums, base pose, destination.
-    KernelRow {
-        name: "scatter",
-        bindings: &[(0, Buffer::Storage(16)), (1, WORDS)],
-        push_bytes: 12,
-        baseline: true,
-        ..COMPUTE
-    },
-    KernelRow {
-        name: "resolve",
-        bindings: &[(1, WORDS), (2, PAIRS), (3, PAIRS)],
-        push_bytes: 12,
-        baseline: true,
-        ..COMPUTE
-    },
-    KernelRow { name: "vertex_store", bindings: &[(0, PAIRS)], baseline: true, ..ATTRIBUTES },
-    KernelRow { name: "direct_attributes", baseline: true, ..ATTRIBUTES },
-    DIRECT,
-    // The same draw with its result captured, in the two ways that devices support.
-    KernelRow { suffix: "feedback", defines: &["FEEDBACK"], ..DIRECT },
-    KernelRow {
-        suffix: "store",
-        defines: &["STORE"],
-        bindings: &[(0, Buffer::DynamicDeltas), (1, Buffer::Dynamic(8)), (2, PAIRS)],
-        ..DIRECT
-    },
-    // Rectangles of texels that a target moves, and its deltas to blend there.
-    KernelRow { name: "rectangles", bindings: &[(0, WORDS)], push_bytes: 20, baseline: true, ..VERTEX },
-    KernelRow {
-        name: "texels",
-        stage: Stage::Fragment,
-        takes: Takes::Dense,
-        bindings: &[(1, Buffer::Image), (2, Buffer::Image)],
-        push_bytes: 20,
-        baseline: true,
-        ..VERTEX
-    },
-    TEXTURED,
-    KernelRow { suffix: "feedback", defines: &["FEEDBACK"], ..TEXTURED },
-    KernelRow {
-        suffix: "store",
-        defines: &["STORE"],
-        bindings: &[(0, WORDS), (1, PAIRS), (2, Buffer::Image)],
-        ..TEXTURED
-    },
-];
+after_steps!(kernels {
+    ours {
+        // Measurements.
+        KernelRow { name: "consume", poses: true, ..VERTEX },
+        KernelRow { name: "consume_position", poses: true, ..VERTEX },
+        KernelRow { name: "read", bindings: &[(0, Buffer::Storage(16)), (1, WORDS)], push: "ReadPush", ..COMPUTE },
+        // Animation on the GPU: sampling clips and planning updates. Specialization constants: the invocations that sample
+        // 32 targets; the widest tile.
+        KernelRow { name: "animate", constants: 1, ..ANIMATION },
+        KernelRow { name: "plan", constants: 1, ..ANIMATION },
+        KernelRow { name: "plan_together", constants: 1, ..ANIMATION },
+        KernelRow { name: "arguments", constants: 1, ..ANIMATION },
+        // Passes over dense deltas.
+        DENSE,
+        KernelRow {
+            name: "dense_list",
+            bindings: &[(0, Buffer::Poses), (1, Buffer::Poses), (2, Buffer::DynamicDeltas), (3, Buffer::Dynamic(16))],
+            push: "DenseListPush",
+            poses: true,
+            constants: 0,
+            ..DENSE
+        },
+        KernelRow { name: "feedback", ..ATTRIBUTES },
+        // Blocks of several instances at once.
+        CROWD,
+        // The same for software drivers. Poses are bound twice: as pairs of words for stores, as texels for loads.
+        KernelRow {
+            name: "crowd_texels",
+            takes: Takes::Texels,
+            bindings: &[(0, WORD_TEXELS), (1, WORD_TEXELS), (2, PAIRS), (3, POSE_TEXELS), (4, WORD_TEXELS)],
+            aliased: &[2, 3],
+            constants: 4,
+            places: false,
+            ..CROWD
+        },
+    }
+    baselines {
+        // The set of `scatter` and `resolve`: records, sums, base pose, destination.
+        KernelRow {
+            name: "scatter",
+            bindings: &[(0, Buffer::Storage(16)), (1, WORDS)],
+            push_bytes: 12,
+            baseline: true,
+            ..COMPUTE
+        },
+        KernelRow {
+            name: "resolve",
+            bindings: &[(1, WORDS), (2, PAIRS), (3, PAIRS)],
+            push_bytes: 12,
+            baseline: true,
+            ..COMPUTE
+        },
+        KernelRow { name: "vertex_store", bindings: &[(0, PAIRS)], baseline: true, ..ATTRIBUTES },
+        KernelRow { name: "direct_attributes", baseline: true, ..ATTRIBUTES },
+        DIRECT,
+        // The same draw with its result captured, in the two ways that devices support.
+        KernelRow { suffix: "feedback", defines: &["FEEDBACK"], ..DIRECT },
+        KernelRow {
+            suffix: "store",
+            defines: &["STORE"],
+            bindings: &[(0, Buffer::DynamicDeltas), (1, Buffer::Dynamic(8)), (2, PAIRS)],
+            ..DIRECT
+        },
+        // Rectangles of texels that a target moves, and its deltas to blend there.
+        KernelRow { name: "rectangles", bindings: &[(0, WORDS)], push_bytes: 20, baseline: true, ..VERTEX },
+        KernelRow {
+            name: "texels",
+            stage: Stage::Fragment,
+            takes: Takes::Dense,
+            bindings: &[(1, Buffer::Image), (2, Buffer::Image)],
+            push_bytes: 20,
+            baseline: true,
+            ..VERTEX
+        },
+        TEXTURED,
+        KernelRow { suffix: "feedback", defines: &["FEEDBACK"], ..TEXTURED },
+        KernelRow {
+            suffix: "store",
+            defines: &["STORE"],
+            bindings: &[(0, WORDS), (1, PAIRS), (2, Buffer::Image)],
+            ..TEXTURED
+        },
+    }
+});
