@@ -27,10 +27,7 @@ pub trait Kind {
     fn grid(&self) -> Option<PoseGrid>;
 
     /// What the planner of updates keeps of each instance.
-    fn state(&self) -> &dyn InstanceState;
-
-    /// The same, mutably.
-    fn state_mut(&mut self) -> &mut dyn InstanceState;
+    fn state(&mut self) -> &mut dyn InstanceState;
 
     /// Tells steps after the pose what becomes of the outputs of an instance.
     fn change_outputs(&mut self, _instance: u32, _change: OutputChange) {}
@@ -53,7 +50,7 @@ impl<K: Kind + ?Sized> CrowdBase<K> {
     /// An instance out of range or removed.
     pub fn cut(&mut self, instance: u32) -> Result<()> {
         self.instances.cut(instance)?;
-        self.kind.state_mut().cut(instance);
+        self.kind.state().cut(instance);
         self.kind.change_outputs(instance, OutputChange::Cut);
         Ok(())
     }
@@ -65,7 +62,7 @@ impl<K: Kind + ?Sized> CrowdBase<K> {
     /// An instance out of range or removed.
     pub fn set_hidden(&mut self, instance: u32, hidden: bool) -> Result<()> {
         if self.instances.set_hidden(instance, hidden)? {
-            self.kind.state_mut().set_hidden(instance, hidden);
+            self.kind.state().set_hidden(instance, hidden);
             self.kind.change_outputs(instance, OutputChange::Renewed);
         }
         Ok(())
@@ -79,7 +76,7 @@ impl<K: Kind + ?Sized> CrowdBase<K> {
     /// No free place.
     pub fn add(&mut self) -> Result<u32> {
         let instance = self.instances.add()?;
-        self.kind.state_mut().add(instance);
+        self.kind.state().add(instance);
         Ok(instance)
     }
 
@@ -89,7 +86,7 @@ impl<K: Kind + ?Sized> CrowdBase<K> {
     /// An instance out of range or removed.
     pub fn remove(&mut self, instance: u32) -> Result<()> {
         self.instances.remove(instance)?;
-        self.kind.state_mut().set_hidden(instance, true);
+        self.kind.state().set_hidden(instance, true);
         self.kind.change_outputs(instance, OutputChange::Removed);
         Ok(())
     }
@@ -144,7 +141,7 @@ impl<K: TakesWeights> CrowdBase<K> {
     /// error budgets.
     pub fn set_error_budget(&mut self, instance: u32, budget: f32) -> Result<()> {
         self.instances.check(instance)?;
-        self.kind.state_mut().set_error_budget(instance, budget)
+        self.kind.state().set_error_budget(instance, budget)
     }
 
     /// The requested weights of `instance`, one per target in the mesh's order, as they were set. Applied weights may

@@ -36,7 +36,7 @@ pub fn read_bounded(path: &Path, limit: u64, remedy: &str) -> Result<Vec<u8>> {
 
 /// Allocates room for `size` bytes of a file, or of copies of it. A failed allocation is an error; it does not end the
 /// process.
-pub(crate) fn room(path: &Path, size: u64) -> Result<Vec<u8>> {
+pub fn room(path: &Path, size: u64) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     if usize::try_from(size).is_ok_and(|size| bytes.try_reserve_exact(size).is_ok()) {
         return Ok(bytes);
@@ -46,7 +46,7 @@ pub(crate) fn room(path: &Path, size: u64) -> Result<Vec<u8>> {
 }
 
 /// The paths in a folder, sorted by name.
-pub(crate) fn list(folder: &Path) -> Result<Vec<PathBuf>> {
+pub fn list(folder: &Path) -> Result<Vec<PathBuf>> {
     let entries = std::fs::read_dir(folder).and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect());
     let mut paths: Vec<PathBuf> = entries.map_err(Error::io(folder, "read the folder"))?;
     paths.sort();
@@ -54,7 +54,7 @@ pub(crate) fn list(folder: &Path) -> Result<Vec<PathBuf>> {
 }
 
 /// Whether a name ends in `.extension`, in upper or lower case.
-pub(crate) fn has_extension(path: &Path, extension: &str) -> bool {
+pub fn has_extension(path: &Path, extension: &str) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))
 }
 

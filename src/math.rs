@@ -9,28 +9,28 @@ pub fn angle_degrees(a: DVec3, b: DVec3) -> f64 {
 }
 
 /// The largest power of two ≤ `value`, from 2^-100 to 2^100, which leaves single precision room for products.
-pub(crate) fn power_of_two_below(value: f64) -> f32 {
+pub fn power_of_two_below(value: f64) -> f32 {
     value.log2().floor().clamp(-100.0, 100.0).exp2() as f32
 }
 
 /// The smallest power of two ≥ `value`, from 2^-100 to 2^100.
-pub(crate) fn power_of_two_above(value: f64) -> f32 {
+pub fn power_of_two_above(value: f64) -> f32 {
     value.log2().ceil().clamp(-100.0, 100.0).exp2() as f32
 }
 
 /// Whether `value` is 2^n for some n, and not denormal.
-pub(crate) fn is_power_of_two(value: f32) -> bool {
+pub fn is_power_of_two(value: f32) -> bool {
     value.is_normal() && value > 0.0 && value.to_bits().trailing_zeros() >= 23
 }
 
 /// The largest float32 that is at most `x`.
-pub(crate) fn down(x: f64) -> f32 {
+pub fn down(x: f64) -> f32 {
     let near = x as f32;
     if f64::from(near) > x { near.next_down() } else { near }
 }
 
 /// The smallest float32 that is at least `x`.
-pub(crate) fn up(x: f64) -> f32 {
+pub fn up(x: f64) -> f32 {
     -down(-x)
 }
 
@@ -49,7 +49,7 @@ pub fn diagonal(positions: &[Vec3]) -> f32 {
 /// it. A smaller gain would not be worth a second origin. Coordinates on such an axis lie within a factor of two of
 /// each other and of the middle, since they differ by at most the diagonal: differences are exact (Sterbenz), and so is
 /// adding the middle again.
-pub(crate) fn far_middle(positions: impl Iterator<Item = Vec3>) -> Vec3 {
+pub fn far_middle(positions: impl Iterator<Item = Vec3>) -> Vec3 {
     let Some((low, high)) = positions.map(|p| (p, p)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) else {
         return Vec3::ZERO;
     };
@@ -63,7 +63,7 @@ pub(crate) fn far_middle(positions: impl Iterator<Item = Vec3>) -> Vec3 {
 }
 
 /// Maps every item, in order; on several threads if the crate is built with them. Each thread has a copy of `scratch`.
-pub(crate) fn map_all<T: Sync, S: Clone + Send + Sync, R: Send>(
+pub fn map_all<T: Sync, S: Clone + Send + Sync, R: Send>(
     items: &[T],
     mut scratch: S,
     map: impl Fn(&mut S, &T) -> R + Send + Sync,

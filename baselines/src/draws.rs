@@ -73,11 +73,7 @@ impl<D: Draws> InstanceState for DrawTechnique<D> {
 }
 
 impl<D: Draws> Technique for DrawTechnique<D> {
-    fn state(&self) -> &dyn InstanceState {
-        self
-    }
-
-    fn state_mut(&mut self) -> &mut dyn InstanceState {
+    fn state(&mut self) -> &mut dyn InstanceState {
         self
     }
 

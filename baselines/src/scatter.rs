@@ -231,11 +231,7 @@ impl ScatterTechnique {
 impl InstanceState for ScatterTechnique {}
 
 impl Technique for ScatterTechnique {
-    fn state(&self) -> &dyn InstanceState {
-        self
-    }
-
-    fn state_mut(&mut self) -> &mut dyn InstanceState {
+    fn state(&mut self) -> &mut dyn InstanceState {
         self
     }
 

@@ -288,7 +288,7 @@ impl Heads {
             *heads = weights.iter().map(|weights| bounds.of(weights.as_ref())).collect();
         }
         for (head, glow) in (0..).zip(&mut self.glow) {
-            let changed = match &self.poses {
+            let changed = match &mut self.poses {
                 // An update that moved nothing changed nothing.
                 _ if stats.bytes_moved == 0 => vec![],
                 Poses::Device(crowd) => crowd.changed(head),

@@ -34,10 +34,9 @@ struct Target {
     /// The next update is a cut; the last update that was one.
     is_cut: bool,
     cut_by: u64,
-    is_written: bool,
     /// Some of the buffer's contents are unknown.
     is_stale: bool,
-    /// The last update that wrote the buffer.
+    /// The last update that wrote the buffer; 0: none, or it was discarded.
     written_by: u64,
     /// The instance was removed: nothing is written.
     is_removed: bool,
@@ -86,7 +85,6 @@ impl After {
             previous: None,
             is_cut: false,
             cut_by: 0,
-            is_written: false,
             is_stale: true,
             written_by: 0,
             is_removed: false,
@@ -119,7 +117,8 @@ impl After {
     pub(super) fn written<F: AfterStep>(&self, kind: Kind, instance: u32) -> Option<(&F, usize, Option<usize>)> {
         let target = self.targets.iter().find(|target| (target.kind, target.instance) == (kind, instance))?;
         let any: &dyn Any = &*target.step;
-        Some((any.downcast_ref()?, target.output, target.previous)).filter(|_| target.is_written && !target.is_removed)
+        Some((any.downcast_ref()?, target.output, target.previous))
+            .filter(|_| target.written_by > 0 && !target.is_removed)
     }
 
     /// Takes a change of the outputs of an instance. Buffers of a removed one stay alive for earlier updates; the host
@@ -137,9 +136,9 @@ impl After {
             if let Some(before) = target.earlier.discard_from(first) {
                 target.output = before;
             }
-            let is_lost = target.written_by >= first;
-            target.is_stale |= is_lost;
-            target.is_written &= !is_lost;
+            if target.written_by >= first {
+                (target.is_stale, target.written_by) = (true, 0);
+            }
             target.is_cut |= target.cut_by >= first;
         }
     }
@@ -151,7 +150,7 @@ impl After {
     /// Lists that are not mapped.
     pub fn plan(
         &mut self,
-        technique: &dyn Technique,
+        technique: &mut dyn Technique,
         instances: &Instances,
         id: UpdateId,
         wrote: &[&'static [Use]],
@@ -235,7 +234,7 @@ impl Target {
             (false, is_kept) => is_kept.then_some(before),
         };
         let count = self.changed.len();
-        (self.is_stale, self.is_written, self.written_by) = (false, true, id.update);
+        (self.is_stale, self.written_by) = (false, id.update);
         self.is_listed = count < all;
         if self.is_listed {
             let list = self.lists.words(id.frame)?;

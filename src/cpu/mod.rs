@@ -11,7 +11,7 @@ mod workers;
 use crate::crowd::{CrowdBase, Kind, TakesWeights};
 use crate::error::{Error, Result, refuse};
 use crate::pack::blocks::PoseGrid;
-use crate::pack::poses::{PoseStorage, with_pose};
+use crate::pack::poses::with_pose;
 use crate::pack::{POSE_FLOATS, PackedGroup, PackedLayout, PackedMesh, PoseFormat};
 use crate::plan::instances::{InstanceState, Instances};
 use crate::plan::steps::{Source, Work};
@@ -53,14 +53,7 @@ impl Kind for OnCpu {
         self.memory[0].grid
     }
 
-    fn state(&self) -> &dyn InstanceState {
-        match &self.planner {
-            CpuPlanner::Dense(planner) => planner,
-            CpuPlanner::Blocks(planner) => planner,
-        }
-    }
-
-    fn state_mut(&mut self) -> &mut dyn InstanceState {
+    fn state(&mut self) -> &mut dyn InstanceState {
         match &mut self.planner {
             CpuPlanner::Dense(planner) => planner,
             CpuPlanner::Blocks(planner) => planner,
@@ -208,13 +201,11 @@ impl Memory {
         let grid = desc.grid(mesh.layout())?;
         let slots = desc.slots as usize;
         let vertices = mesh.layout().vertex_count;
-        let pose = match grid {
-            Some(grid) => desc.pose.base_pose(&grid, mesh.base(), vertices),
-            None => bytemuck::cast_slice(mesh.base()).to_vec(),
-        };
-        let base = match grid {
-            Some(grid) => desc.pose.base_words(&grid, mesh.base(), vertices),
-            None => vec![],
+        let (pose, base) = match grid {
+            Some(grid) => {
+                (desc.pose.base_pose(&grid, mesh.base(), vertices), desc.pose.base_words(&grid, mesh.base(), vertices))
+            }
+            None => (bytemuck::cast_slice(mesh.base()).to_vec(), vec![]),
         };
         Ok(Self { slots, poses: vec![pose; instances * slots], format: desc.pose, grid, base })
     }
@@ -228,20 +219,18 @@ impl Memory {
     }
 
     fn run_passes(&mut self, mesh: &PackedGroup, workers: &Workers, plans: &[Plan]) {
+        let base = std::mem::take(&mut self.base);
         match self.grid {
-            Some(grid) => with_pose!(self.format, P => self.run_integers::<P>(mesh, workers, plans, grid)),
+            Some(grid) => with_pose!(self.format, P => {
+                let base_pose = bytemuck::cast_slice(&base);
+                self.run_numbers(mesh, workers, plans, base_pose, |coefficients, first, source, out| {
+                    kernel::rounded::<P>(mesh, coefficients, grid, first, source, out);
+                });
+            }),
             None => self.run_numbers(mesh, workers, plans, mesh.base(), |coefficients, first, source, out| {
                 kernel::dense(mesh, coefficients, first, source, out);
             }),
         }
-    }
-
-    fn run_integers<P: PoseStorage>(&mut self, mesh: &PackedGroup, workers: &Workers, plans: &[Plan], grid: PoseGrid) {
-        let base = std::mem::take(&mut self.base);
-        let base_pose = bytemuck::cast_slice(&base);
-        self.run_numbers::<P::Number>(mesh, workers, plans, base_pose, |coefficients, first, source, out| {
-            kernel::rounded::<P>(mesh, coefficients, grid, first, source, out);
-        });
         self.base = base;
     }
 

@@ -38,34 +38,27 @@ fn by_lane<T: Copy>(triples: [T; TRIPLES]) -> [T; ROW] {
     std::array::from_fn(|lane| triples[lane / TRIPLE % TRIPLES])
 }
 
-impl RowSum for f32 {
-    type Factors<V: Simd> = f32x8<V>;
+macro_rules! row_sums {
+    ($($number:ident $vector:ident $delta:ident => $operand:expr;)*) => {
+        $(impl RowSum for $number {
+            type Factors<V: Simd> = $vector<V>;
 
-    #[inline(always)]
-    fn factors<V: Simd>(simd: V, factors: [f32; TRIPLES], _: [u32; POSE_FLOATS]) -> f32x8<V> {
-        by_lane(factors).simd_into(simd)
-    }
+            #[inline(always)]
+            fn factors<V: Simd>(simd: V, factors: [Self; TRIPLES], _: [u32; POSE_FLOATS]) -> $vector<V> {
+                by_lane(factors).simd_into(simd)
+            }
 
-    #[inline(always)]
-    fn add_row<V: Simd, const NEW: bool>(row: &mut Row<f32>, factors: f32x8<V>, delta: i32x8<V>) {
-        let sum = f32x8::load_array(factors.token(), row.0) + factors * f32x8::float_from(delta);
-        sum.store_array(&mut row.0);
-    }
+            #[inline(always)]
+            fn add_row<V: Simd, const NEW: bool>(row: &mut Row<Self>, factors: $vector<V>, $delta: i32x8<V>) {
+                let sum = $vector::load_array(factors.token(), row.0) + factors * $operand;
+                sum.store_array(&mut row.0);
+            }
+        })*
+    };
 }
-
-impl RowSum for i32 {
-    type Factors<V: Simd> = i32x8<V>;
-
-    #[inline(always)]
-    fn factors<V: Simd>(simd: V, factors: [i32; TRIPLES], _: [u32; POSE_FLOATS]) -> i32x8<V> {
-        by_lane(factors).simd_into(simd)
-    }
-
-    #[inline(always)]
-    fn add_row<V: Simd, const NEW: bool>(row: &mut Row<i32>, factors: i32x8<V>, delta: i32x8<V>) {
-        let sum = i32x8::load_array(factors.token(), row.0) + factors * delta;
-        sum.store_array(&mut row.0);
-    }
+row_sums! {
+    f32 f32x8 delta => f32x8::float_from(delta);
+    i32 i32x8 delta => delta;
 }
 
 impl RowSum for Rounded {

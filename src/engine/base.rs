@@ -2,7 +2,7 @@
 
 use super::poses;
 use super::upload::GpuMesh;
-use super::views::{self, PoseView};
+use super::views::PoseView;
 use crate::after::{After, TargetContext};
 use crate::asset::streams::{Semantic, StreamPlace};
 use crate::crowd::{CrowdBase, Kind};
@@ -120,12 +120,8 @@ impl<U: Updater + ?Sized> Kind for OnDevice<U> {
         self.groups[0].poses.grid
     }
 
-    fn state(&self) -> &dyn InstanceState {
-        self.updater.technique().state()
-    }
-
-    fn state_mut(&mut self) -> &mut dyn InstanceState {
-        self.updater.technique_mut().state_mut()
+    fn state(&mut self) -> &mut dyn InstanceState {
+        self.updater.technique_mut().state()
     }
 
     fn change_outputs(&mut self, instance: u32, change: OutputChange) {
@@ -281,7 +277,13 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
 
     /// The group that contains a stream, and the stream's place in it.
     pub(super) fn place(&self, semantic: Semantic) -> Result<(usize, StreamPlace)> {
-        views::place(self.kind.groups.iter().map(|group| &group.mesh.layout), semantic)
+        let groups = self.kind.groups.iter().enumerate();
+        let streams = groups.flat_map(|(group, of)| of.mesh.layout.streams.iter().map(move |place| (group, *place)));
+        streams.clone().find(|(_, place)| place.semantic == semantic).ok_or_else(|| {
+            let names: Vec<String> = streams.map(|(_, place)| place.semantic.to_string()).collect();
+            let text = format!("stream '{semantic}' of mesh '{}'", self.layout().name);
+            Error::invalid(text, format!("it has {}", names.join(", ")))
+        })
     }
 
     /// Slots of an instance's pose and previous pose.
@@ -404,7 +406,7 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
             wrote.clear();
             wrote.extend(steps.uses());
         }
-        after.plan(updater.technique(), &self.instances, id, wrote, steps)?;
+        after.plan(updater.technique_mut(), &self.instances, id, wrote, steps)?;
         *recorded += u64::from(!steps.is_empty());
         Ok(Update { ticket: Ticket { crowd: self.kind.number, id }, stats, timestamps: self.timestamps()? })
     }

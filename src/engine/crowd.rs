@@ -25,27 +25,15 @@ pub type AnimatedCrowd = CrowdBase<OnDevice<Playing>>;
 /// Updater of a [`Crowd`]: the technique of its path.
 pub struct Weighted {
     // Dropped before the buffers that its descriptor sets reference.
-    technique: Box<dyn Technique>,
-    _poses: Vec<Buffer>,
+    pub(super) technique: Box<dyn Technique>,
+    pub(super) _poses: Vec<Buffer>,
 }
 
 /// Updater of an [`AnimatedCrowd`].
 pub struct Playing {
     // Dropped first, as above.
-    animated: Animated,
-    _poses: Vec<Buffer>,
-}
-
-impl Weighted {
-    pub(super) fn new(technique: Box<dyn Technique>, poses: Vec<Buffer>) -> Self {
-        Self { technique, _poses: poses }
-    }
-}
-
-impl Playing {
-    pub(super) fn new(animated: Animated, poses: Vec<Buffer>) -> Self {
-        Self { animated, _poses: poses }
-    }
+    pub(super) animated: Animated,
+    pub(super) _poses: Vec<Buffer>,
 }
 
 impl Updater for Weighted {

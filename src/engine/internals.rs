@@ -54,7 +54,7 @@ impl<K: Kind + ?Sized> CrowdBase<K> {
     /// Vertices that the last update changed in the pose of `instance`, as ascending ranges in pose-buffer order: whole
     /// blocks in block formats, all vertices if only the GPU knows. The last range may extend beyond the last vertex.
     #[doc(hidden)]
-    pub fn changed(&self, instance: u32) -> Vec<Range<u32>> {
+    pub fn changed(&mut self, instance: u32) -> Vec<Range<u32>> {
         let mut changed = vec![];
         if self.updates > 0 && self.instances.check(instance).is_ok() {
             self.kind.state().changed(&self.instances, self.updates, instance, &mut changed);

@@ -159,7 +159,7 @@ impl MorphEngine {
         self.check_crowd(mesh, desc, Runner::Device(&self.device.caps))?;
         let targets = mesh.layout().targets.len();
         Crowd::on_device(&self.device, &self.kernels, mesh, desc, targets, |context, poses| {
-            Ok(Weighted::new(technique(context, self.others.get().copied())?, poses))
+            Ok(Weighted { technique: technique(context, self.others.get().copied())?, _poses: poses })
         })
     }
 
@@ -219,7 +219,7 @@ impl MorphEngine {
         // The GPU has the weights: none are requested by the host.
         let crowd = AnimatedCrowd::on_device(&self.device, &self.kernels, mesh, desc, 0, |context, poses| {
             let clips = Clips::new(animation, context.layout(), context.grid())?;
-            Ok(Playing::new(Animated::new(context, clips)?, poses))
+            Ok(Playing { animated: Animated::new(context, clips)?, _poses: poses })
         })?;
         // SAFETY: the caller's obligations.
         unsafe { crowd.animated().upload(cmd) };

@@ -1,10 +1,10 @@
 //! Locations of poses and streams in buffers, for hosts that read them.
 
-use crate::asset::streams::{Semantic, StreamPlace};
-use crate::error::{Error, Result, refuse};
+use crate::asset::streams::StreamPlace;
+use crate::error::{Result, refuse};
 use crate::gpu::pipelines::VertexInput;
 use crate::pack::vertex::Places;
-use crate::pack::{POSE_FLOATS, PackedLayout, PoseFormat};
+use crate::pack::{POSE_FLOATS, PoseFormat};
 use crate::update::technique::Poses;
 use ash::vk;
 use glam::{Mat4, Vec3};
@@ -149,20 +149,4 @@ impl PoseBuffer {
             poses: (pose.offset, poses.range_bytes(poses.instances) - poses.lead),
         })
     }
-}
-
-/// The group that contains a stream, and the stream's place in it.
-pub(super) fn place<'a>(
-    layouts: impl Iterator<Item = &'a PackedLayout> + Clone,
-    semantic: Semantic,
-) -> Result<(usize, StreamPlace)> {
-    let streams = layouts.clone().enumerate();
-    let streams = streams.flat_map(|(group, layout)| layout.streams.iter().map(move |place| (group, place)));
-    let found = streams.clone().find(|(_, place)| place.semantic == semantic);
-    found.map(|(group, place)| (group, *place)).ok_or_else(|| {
-        let names: Vec<String> = streams.map(|(_, place)| place.semantic.to_string()).collect();
-        let mesh = layouts.map(|layout| &*layout.name).next().unwrap_or_default();
-        let text = format!("stream '{semantic}' of mesh '{mesh}'");
-        Error::invalid(text, format!("it has {}", names.join(", ")))
-    })
 }

@@ -5,7 +5,7 @@ use super::descriptors::BufferRange;
 use super::device::Device;
 use super::statistics::MemoryKind;
 use crate::error::{Error, Result, ensure};
-use ash::vk;
+use ash::vk::{self, BufferUsageFlags};
 use gpu_allocator::vulkan::AllocationScheme;
 use std::sync::Arc;
 
@@ -23,7 +23,7 @@ impl Buffer {
         device: &Arc<Device>,
         name: &str,
         bytes: u64,
-        usage: vk::BufferUsageFlags,
+        usage: BufferUsageFlags,
         kind: MemoryKind,
     ) -> Result<Self> {
         let bytes = bytes.max(16);
@@ -48,7 +48,7 @@ impl Buffer {
 
     /// Memory that the host writes and copies read.
     pub fn staging(device: &Arc<Device>, name: &str, bytes: u64) -> Result<Self> {
-        Self::new(device, name, bytes, vk::BufferUsageFlags::TRANSFER_SRC, MemoryKind::Staging)
+        Self::new(device, name, bytes, BufferUsageFlags::TRANSFER_SRC, MemoryKind::Staging)
     }
 
     /// Whether it was made on `device`.
@@ -104,7 +104,7 @@ impl Ring {
     }
 
     /// `frames` parts of [`part_bytes`](Self::part_bytes).
-    pub fn new(device: &Arc<Device>, name: &str, part: u64, frames: u32, usage: vk::BufferUsageFlags) -> Result<Self> {
+    pub fn new(device: &Arc<Device>, name: &str, part: u64, frames: u32, usage: BufferUsageFlags) -> Result<Self> {
         let bytes = part.saturating_mul(frames.into());
         let mut buffer = Buffer::new(device, name, bytes, usage, MemoryKind::Lists)?;
         buffer.mapped()?;

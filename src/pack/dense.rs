@@ -1,8 +1,7 @@
 //! Packing in dense formats: every vertex of every target.
 
-use super::blocks::derive::directions;
 use super::formats::{DenseFormat, Lane};
-use super::grid::{Largest, Reached, Sums};
+use super::grid::{Reached, Sums};
 use super::source::largest;
 use super::{POSE_FLOATS, PackDesc, PackedGroup, PackedLayout, PackedTarget, Source, VERTEX_PADDING};
 use crate::asset::streams::{StreamPlace, TRIPLE, TRIPLES};
@@ -92,15 +91,8 @@ impl Added {
             let largest = |c: usize| vertices.iter().fold(0.0, |most: f64, (sums, _)| most.max(sums[c]));
             Reached { sums: std::array::from_fn(|c| largest(c) / f64::from(steps[c / TRIPLE])), ..Reached::default() }
         });
-        Sums {
-            format: desc.format,
-            coarsest: Some(range),
-            steps,
-            directions: directions(streams),
-            reached: reached.collect(),
-            largest: Largest::default(),
-            targets: self.vertices.iter().map(|(_, targets)| *targets).max().unwrap_or(0),
-            weight_max: desc.blocks.weight_max,
-        }
+        let targets = self.vertices.iter().map(|(_, targets)| *targets).max().unwrap_or(0);
+        let sums = Sums::new(desc.format, steps, streams, reached.collect(), desc.blocks.weight_max);
+        Sums { coarsest: Some(range), targets, ..sums }
     }
 }

@@ -169,8 +169,8 @@ impl Asset {
         ensure!(is_size(&layout.diagonal), format!("a diagonal of {}", layout.diagonal));
         let Tolerance { position, normal } = self.tolerance;
         ensure!([position, normal].iter().all(is_size), format!("tolerances of {position} and {normal}"));
-        if let Some(i) = self.texcoords.iter().position(|t| !t.is_finite()) {
-            return Err(format!("texture coordinate {i} is {}", self.texcoords[i]));
+        for (i, texcoord) in self.texcoords.iter().enumerate() {
+            ensure!(texcoord.is_finite(), format!("texture coordinate {i} is {texcoord}"));
         }
         check_welds(&self.welds, layout.vertex_count)?;
         self.faces

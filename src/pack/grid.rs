@@ -2,7 +2,7 @@
 
 use super::{DeltaFormat, POSE_FLOATS, PoseFormat};
 use crate::abi::formats::PoseRow;
-use crate::asset::streams::{TRIPLE, TRIPLES};
+use crate::asset::streams::{Measure, StreamPlace, TRIPLE, TRIPLES};
 use crate::error::{Error, Result, ensure, refuse};
 use std::ops::{Range, RangeInclusive};
 
@@ -183,12 +183,31 @@ pub(super) fn refused(deltas: DeltaFormat, pose: PoseFormat) -> Error {
     Error::invalid(text, remedy)
 }
 
+/// The components of each stream of directions.
+pub(super) fn directions(streams: &[StreamPlace]) -> Vec<Range<usize>> {
+    let directions = streams.iter().filter(|stream| stream.semantic.measure() == Measure::Angle);
+    directions.map(StreamPlace::morphing_components).collect()
+}
+
 /// The largest weight in steps of 2^-bits.
 fn weight_steps(weight_max: f32, bits: u32) -> f64 {
     (f64::from(weight_max) * f64::from(1u32 << bits)).ceil()
 }
 
 impl Sums {
+    /// Sums of deltas that have one step, and move nothing yet.
+    pub fn new(
+        format: DeltaFormat,
+        steps: [f32; TRIPLES],
+        streams: &[StreamPlace],
+        reached: Vec<Reached>,
+        weight_max: f32,
+    ) -> Self {
+        let directions = directions(streams);
+        let largest = Largest::default();
+        Self { format, steps, coarsest: None, directions, reached, largest, targets: 0, weight_max }
+    }
+
     /// Takes the base pose of `vertices` vertices, in blocks of `size`, and the largest numbers of the group.
     pub(super) fn take_base(&mut self, base: &[f32], vertices: usize, size: usize) {
         let blocks = base[..vertices * POSE_FLOATS].chunks(size * POSE_FLOATS);

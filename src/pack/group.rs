@@ -2,10 +2,10 @@
 
 use super::blocks::{BlockIndex, PoseGrid};
 use super::formats::{DenseFormat, with_format};
-use super::grid::{Sums, refused};
+use super::grid::{Sums, directions, refused};
 use super::{BASE_STRIDE, DeltaFormat, POSE_FLOATS, PoseError, PoseFormat, Source, VERTEX_PADDING, stream_errors};
 use crate::asset::streams::{Measure, StreamPlace, TRIPLES};
-use crate::error::{Error, Result, ensure, refuse};
+use crate::error::{Error, Result, ensure};
 use crate::math::angle_degrees;
 use glam::Vec3;
 use std::sync::Arc;
@@ -76,8 +76,7 @@ impl PackedGroup {
     pub(super) fn measure_error(&self, source: &Source<'_>) -> PoseError {
         let streams = &self.layout.streams;
         // Directions are compared with the base added, everything else by deltas alone.
-        let directions = streams.iter().filter(|s| s.semantic.measure() == Measure::Angle);
-        let directions: Vec<usize> = directions.flat_map(|s| s.morphing_components()).collect();
+        let directions = directions(streams);
         let mut worst = PoseError::default();
         let mut decoded = vec![[0.0; POSE_FLOATS]; source.mesh.vertex_count()];
         for (t, target) in source.mesh.targets.iter().enumerate() {
@@ -87,7 +86,7 @@ impl PackedGroup {
                 let base = source.base(vertex as usize);
                 let mut exact = delta.map(f64::from);
                 let mut found = decoded[vertex as usize];
-                for &c in &directions {
+                for c in directions.iter().cloned().flatten() {
                     exact[c] += f64::from(base[c]);
                     found[c] += f64::from(base[c]);
                 }
@@ -254,9 +253,10 @@ impl PackedLayout {
     /// # Errors
     /// An index out of range.
     pub fn remap_indices(&self, indices: &mut [u32]) -> Result<()> {
-        if let Some(bad) = indices.iter().find(|&&i| i as usize >= self.vertex_count) {
-            let what = format!("index {bad} for mesh '{}' of {} vertices", self.name, self.vertex_count);
-            return refuse(what, "pass the index buffer of this mesh");
+        let Self { name, vertex_count, .. } = self;
+        for index in &*indices {
+            let what = || format!("index {index} for mesh '{name}' of {vertex_count} vertices");
+            ensure!((*index as usize) < *vertex_count, what(), "pass the index buffer of this mesh");
         }
         if let Some(blocks) = &self.blocks {
             let packed = blocks.packed_vertices();

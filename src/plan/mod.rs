@@ -17,8 +17,7 @@ pub mod steps;
 
 pub use desc::{BatchSize, UpdateDesc, UpdateMode};
 pub use paths::UpdatePath;
-pub use steps::Consumers;
-pub use steps::Source;
+pub use steps::{Consumers, Source};
 
 #[cfg(test)]
 pub(crate) mod tests;

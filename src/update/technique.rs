@@ -48,10 +48,7 @@ pub trait Technique: Any + Send + Sync {
     }
 
     /// What it keeps of each instance.
-    fn state(&self) -> &dyn InstanceState;
-
-    /// The same, mutably.
-    fn state_mut(&mut self) -> &mut dyn InstanceState;
+    fn state(&mut self) -> &mut dyn InstanceState;
 
     /// Discards an update and all later ones.
     fn discard_from(&mut self, _id: UpdateId) {}

@@ -87,11 +87,10 @@ impl WeightClip {
         let count = self.values.len();
         let what = format!("{count} values in {columns} columns are no whole number of frames");
         ensure!(count == self.frame_count() * columns, refuse(what, "give one value per column and frame"));
-        if let Some(i) = self.values.iter().position(|w| !w.is_finite()) {
-            let name = &self.names[i % columns];
-            let frame = i / columns;
-            let what = format!("column '{name}', frame {frame}: the weight is {}", self.values[i]);
-            return Err(refuse(what, "replace it with a finite number"));
+        for (i, weight) in self.values.iter().enumerate() {
+            let (name, frame) = (&self.names[i % columns], i / columns);
+            let what = || format!("column '{name}', frame {frame}: the weight is {weight}");
+            ensure!(weight.is_finite(), refuse(what(), "replace it with a finite number"));
         }
         Ok(())
     }

@@ -186,11 +186,7 @@ impl TextureTechnique {
 impl InstanceState for TextureTechnique {}
 
 impl Technique for TextureTechnique {
-    fn state(&self) -> &dyn InstanceState {
-        self
-    }
-
-    fn state_mut(&mut self) -> &mut dyn InstanceState {
+    fn state(&mut self) -> &mut dyn InstanceState {
         self
     }
 

@@ -4,7 +4,7 @@ use super::NormalsDesc;
 use crate::abi::numbers::PIECE;
 use crate::after::pieces::Pieces;
 use crate::asset::check_welds;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ensure};
 use crate::pack::PackedLayout;
 
 /// Maps a vertex to the first one welded to it.
@@ -14,8 +14,8 @@ use crate::pack::PackedLayout;
 pub(super) fn first_of<'a>(desc: &NormalsDesc<'a>, vertices: usize) -> Result<impl Fn(u32) -> u32 + Copy + use<'a>> {
     let remedy = "pass faces of three corners or more, and welds, of this mesh";
     let refused = |text: String| Error::invalid(format!("a surface of {vertices} vertices: {text}"), remedy);
-    if let Some(bad) = desc.corners.iter().find(|vertex| **vertex as usize >= vertices) {
-        return Err(refused(format!("a face names vertex {bad}")));
+    for vertex in desc.corners {
+        ensure!((*vertex as usize) < vertices, refused(format!("a face names vertex {vertex}")));
     }
     let corners = desc.corners.len() as u64;
     let fits = match desc.sizes {
@@ -24,9 +24,7 @@ pub(super) fn first_of<'a>(desc: &NormalsDesc<'a>, vertices: usize) -> Result<im
             sizes.iter().map(|size| u64::from(*size)).sum::<u64>() == corners && sizes.iter().all(|size| *size >= 3)
         }
     };
-    if !fits {
-        return Err(refused(format!("{corners} corners of {} polygons, or of triangles", desc.sizes.len())));
-    }
+    ensure!(fits, refused(format!("{corners} corners of {} polygons, or of triangles", desc.sizes.len())));
     check_welds(desc.welds, vertices).map_err(refused)?;
     let welds = desc.welds;
     Ok(move |v: u32| welds.get(v as usize).copied().unwrap_or(v))

@@ -1,6 +1,6 @@
 //! Joints and weights of vertices.
 
-use crate::error::{Result, ensure, refuse};
+use crate::error::{Error, Result, ensure};
 use crate::pack::PackedLayout;
 
 /// How the joints of a vertex are blended.
@@ -71,16 +71,16 @@ impl<'a> SkinDesc<'a> {
         ensure!((joints.len(), weights.len()) == (wanted, wanted), text, remedy);
         let each = joints.chunks_exact(n).zip(weights.chunks_exact(n));
         for (vertex, (joints, weights)) in each.clone().enumerate() {
-            let refused = |text: String, remedy| refuse(format!("skin: vertex {vertex} {text}"), remedy);
-            if let Some(bad) = weights.iter().find(|weight| !(weight.is_finite() && **weight >= 0.0)) {
-                return refused(format!("has the weight {bad}"), "use weights from 0 on");
+            let refuse = |text: String, remedy| Error::invalid(format!("skin: vertex {vertex} {text}"), remedy);
+            for weight in weights {
+                let fits = weight.is_finite() && *weight >= 0.0;
+                ensure!(fits, refuse(format!("has the weight {weight}"), "use weights from 0 on"));
             }
-            if weights.iter().all(|weight| *weight == 0.0) {
-                return refused("has weights that sum to 0".into(), "give it a joint, such as the root, with weight 1");
-            }
-            let mut used = joints.iter().zip(weights).filter(|(_, weight)| **weight > 0.0);
-            if let Some((bad, _)) = used.find(|(joint, _)| u32::from(**joint) >= joint_count) {
-                return refused(format!("names joint {bad}"), "name joints below the joint count");
+            let remedy = "give it a joint, such as the root, with weight 1";
+            ensure!(weights.iter().any(|w| *w != 0.0), refuse("has weights that sum to 0".into(), remedy));
+            for (joint, _) in joints.iter().zip(weights).filter(|(_, weight)| **weight > 0.0) {
+                let fits = u32::from(*joint) < joint_count;
+                ensure!(fits, refuse(format!("names joint {joint}"), "name joints below the joint count"));
             }
         }
         Ok(each)

@@ -322,9 +322,9 @@ fn channel(
         file.note(stated, "no keys, left out");
         return Ok(None);
     }
-    if let Some(i) = times.windows(2).position(|t| t[0] > t[1]) {
-        let what = format!("key {} at {} s comes after key {i} at {} s", i + 1, times[i + 1], times[i]);
-        return Err(input.at.refuse(what, "list keys in the order of their times"));
+    for (i, two) in times.windows(2).enumerate() {
+        let what = || format!("key {} at {} s comes after key {i} at {} s", i + 1, two[1], two[0]);
+        ensure!(two[0] <= two[1], input.at.refuse(what(), "list keys in the order of their times"));
     }
     let output = file.accessor(&sampler.need("output")?)?;
     let values_per_key = if interpolation == Interpolation::CubicSpline { 3 } else { 1 };

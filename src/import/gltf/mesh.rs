@@ -6,7 +6,7 @@ use super::container::Container;
 use super::json::At;
 use crate::asset::normals::unit_normals;
 use crate::asset::{Corner, Faces, MorphSource, Semantic, SourceTarget, StreamData, StreamDeltas};
-use crate::error::Result;
+use crate::error::{Result, ensure};
 use glam::{DMat4, Vec2, Vec3};
 use serde_json::Value;
 use std::collections::{BTreeMap, HashMap};
@@ -349,9 +349,9 @@ fn faces(file: &Container, at: &At<'_>, mode: usize, count: usize) -> Result<Fac
         Some(index) => {
             let accessor = file.accessor(&index)?;
             let indices = accessor.integers::<1>()?.into_flattened();
-            if let Some(i) = indices.iter().position(|v| *v as usize >= count) {
-                let what = format!("index {i} names vertex {}, but there are {count}", indices[i]);
-                return Err(accessor.at.refuse(what, AGAIN));
+            for (i, v) in indices.iter().enumerate() {
+                let what = || format!("index {i} names vertex {v}, but there are {count}");
+                ensure!((*v as usize) < count, accessor.at.refuse(what(), AGAIN));
             }
             indices
         }

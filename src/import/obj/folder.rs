@@ -105,9 +105,9 @@ fn target_paths(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
         .filter(|(name, _)| !name.starts_with('.'))
         .collect();
     paths.sort();
-    if let Some(w) = paths.windows(2).find(|w| w[0].0 == w[1].0) {
-        let what = format!("a second file of the target '{}', beside {}", w[0].0, w[0].1.display());
-        return Err(Error::input(&w[1].1, "", what, "remove or rename one of them"));
+    for two in paths.windows(2) {
+        let what = || format!("a second file of the target '{}', beside {}", two[0].0, two[0].1.display());
+        ensure!(two[0].0 != two[1].0, Error::input(&two[1].1, "", what(), "remove or rename one of them"));
     }
     Ok(paths)
 }

@@ -5,9 +5,8 @@ use crate::asset::streams::{Measure, StreamPlace, TRIPLE, TRIPLES};
 use crate::error::ensure;
 use crate::math::is_power_of_two;
 use crate::pack::formats::BlockFormat;
-use crate::pack::grid::{Largest, Reached, Sums};
+use crate::pack::grid::{Reached, Sums};
 use crate::pack::{POSE_FLOATS, VERTEX_PADDING};
-use std::ops::Range;
 
 /// Most words of a mesh: byte offsets have 32 bits.
 pub(super) const WORDS_MAX: u64 = u32::MAX as u64 / 4;
@@ -25,16 +24,8 @@ impl BlockIndex {
         let blocks = parts.first_entry.len().saturating_sub(1);
         let format = parts.format.block_format().ok_or("a dense format")?;
         let headers = entries.saturating_mul(format.header_words());
-        let sums = Sums {
-            format: parts.format,
-            steps: parts.steps,
-            coarsest: None,
-            directions: directions(streams),
-            reached: vec![Reached::default(); blocks],
-            largest: Largest::default(),
-            targets: 0,
-            weight_max: parts.weight_max,
-        };
+        let reached = vec![Reached::default(); blocks];
+        let sums = Sums::new(parts.format, parts.steps, streams, reached, parts.weight_max);
         let lengths = streams.iter().find(|s| s.semantic.measure() == Measure::Length);
         let mut index = Self {
             parts,
@@ -54,7 +45,7 @@ impl BlockIndex {
     }
 
     /// Updates what depends on the base pose: bounds on drift, and on integers.
-    pub(in crate::pack) fn take_base(&mut self, base: &[f32]) {
+    pub(crate) fn take_base(&mut self, base: &[f32]) {
         let size = self.size();
         for (largest, vertices) in self.block_base.iter_mut().zip(base.chunks_exact(size * POSE_FLOATS)) {
             let positions = vertices.chunks_exact(POSE_FLOATS).flat_map(|v| &v[self.lengths.clone()]);
@@ -69,11 +60,10 @@ impl BlockIndex {
         let entries = entry_target.len();
         ensure!(BLOCK_SIZES.contains(&self.parts.size), format!("a block size of {size}"));
         // Powers of two: integers and sums decode exactly, and both steps of a target differ by a shift.
-        if let Some(step) = steps.iter().find(|s| !is_power_of_two(**s)) {
-            return Err(format!("a step of {step}, which is no power of two"));
-        }
-        if let Some(step) = steps.iter().find(|s| !self.parts.format.has_integers() && **s != 1.0) {
-            return Err(format!("a step of {step}, where deltas are floats (their step is 1)"));
+        for step in steps {
+            ensure!(is_power_of_two(*step), format!("a step of {step}, which is no power of two"));
+            let fits = self.parts.format.has_integers() || *step == 1.0;
+            ensure!(fits, format!("a step of {step}, where deltas are floats (their step is 1)"));
         }
         ensure!(weight_max.is_finite() && *weight_max > 0.0, format!("weights up to {weight_max}"));
         // Kernels count words in 32 bits, and on some devices bytes.
@@ -82,8 +72,9 @@ impl BlockIndex {
         let padded = order.len().next_multiple_of(size.max(VERTEX_PADDING));
         let fits = base.len() == padded * POSE_FLOATS && first_entry.len() == padded / size + 1;
         ensure!(fits, format!("{} vertices, but {} blocks", order.len(), first_entry.len() as i64 - 1));
-        if let Some(i) = base.iter().position(|b| !b.is_finite()) {
-            return Err(format!("the base pose of packed vertex {} is {}", i / POSE_FLOATS, base[i]));
+        for (i, number) in base.iter().enumerate() {
+            let what = || format!("the base pose of packed vertex {} is {number}", i / POSE_FLOATS);
+            ensure!(number.is_finite(), what());
         }
         let mut unseen = vec![true; order.len()];
         for &v in order.iter() {
@@ -170,10 +161,4 @@ impl BlockIndex {
         self.sums.targets = (0..self.count()).map(|block| self.entries(block).len()).max().unwrap_or(0);
         Ok(())
     }
-}
-
-/// The components of each stream of directions.
-pub(in crate::pack) fn directions(streams: &[StreamPlace]) -> Vec<Range<usize>> {
-    let directions = streams.iter().filter(|stream| stream.semantic.measure() == Measure::Angle);
-    directions.map(StreamPlace::morphing_components).collect()
 }

@@ -110,11 +110,7 @@ fn check(desc: &BlockDesc) -> Result<()> {
     Ok(())
 }
 
-pub(in crate::pack) fn pack(
-    sources: &[Source<'_>],
-    desc: &PackDesc,
-    format: &dyn BlockFormat,
-) -> Result<Vec<PackedGroup>> {
+pub fn pack(sources: &[Source<'_>], desc: &PackDesc, format: &dyn BlockFormat) -> Result<Vec<PackedGroup>> {
     check(&desc.blocks)?;
     let size = desc.blocks.size.unwrap_or(format.default_size());
     let kept: Vec<Kept> = sources.iter().map(|source| kept(source, desc)).collect();
@@ -279,7 +275,7 @@ impl PackedGroup {
     ///
     /// # Errors
     /// A message that names the inconsistent part.
-    pub(in crate::pack) fn in_blocks<'a>(
+    pub(crate) fn in_blocks<'a>(
         name: &str,
         diagonal: f32,
         targets: impl Iterator<Item = &'a str>,

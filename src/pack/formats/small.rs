@@ -72,7 +72,7 @@ impl Field {
 }
 
 /// The fewest bits of an entry of `vertices` records, with components from `low` to `high`.
-pub(in crate::pack) fn entry_bits(size: usize, vertices: usize, low: &Integers, high: &Integers) -> usize {
+pub(crate) fn entry_bits(size: usize, vertices: usize, low: &Integers, high: &Integers) -> usize {
     let record: u32 = low.iter().zip(high).map(|(low, high)| Field::fitting(*low, *high).0).sum();
     let mask = if vertices < size { size / LANES } else { 0 };
     32 * (Small.header_words() + mask + (record as usize * vertices).div_ceil(32))
@@ -80,7 +80,7 @@ pub(in crate::pack) fn entry_bits(size: usize, vertices: usize, low: &Integers, 
 
 /// Rounds the deltas of an entry to steps, not always to the nearest: where records then have fewer bits, and no delta
 /// is off by more than its `slack`, by triple. Zero stays zero.
-pub(in crate::pack) fn narrow(steps: [f32; TRIPLES], lanes: &mut [Lane], slack: &[[f64; TRIPLES]]) {
+pub(crate) fn narrow(steps: [f32; TRIPLES], lanes: &mut [Lane], slack: &[[f64; TRIPLES]]) {
     for (triple, step) in steps.map(f64::from).into_iter().enumerate() {
         let exact = |(_, delta): &Lane| -> [f64; TRIPLE] {
             std::array::from_fn(|i| f64::from(delta[TRIPLE * triple + i]) / step)

@@ -22,7 +22,7 @@ use crate::plan::schedule::Barrier;
 use crate::plan::steps::{Steps, Work};
 use crate::update::blocks::gpu::{BlocksKernels, Bound, GroupBlocks, LIST_USAGE};
 use crate::update::technique::{Context, Technique, UpdateId};
-use ash::vk;
+use ash::vk::{self, BufferUsageFlags};
 use bytemuck::bytes_of;
 use std::sync::Arc;
 
@@ -72,9 +72,9 @@ pub struct Group {
     sets: Sets,
 }
 
-fn on_device(device: &Arc<Device>, name: &'static str, bytes: u64, usage: vk::BufferUsageFlags) -> Result<Buffer> {
-    use vk::BufferUsageFlags as U;
-    let usage = usage | U::STORAGE_BUFFER | U::TRANSFER_SRC | U::TRANSFER_DST;
+fn on_device(device: &Arc<Device>, name: &'static str, bytes: u64, usage: BufferUsageFlags) -> Result<Buffer> {
+    let usage =
+        usage | BufferUsageFlags::STORAGE_BUFFER | BufferUsageFlags::TRANSFER_SRC | BufferUsageFlags::TRANSFER_DST;
     Buffer::new(device, name, bytes, usage, MemoryKind::Animation)
 }
 
@@ -86,7 +86,7 @@ impl Group {
         let instances = context.desc.instances.max(2).next_power_of_two();
         let kernels = BlocksKernels::new(&context, instances, 0)?;
         let work = on_device(device, "deltamorph planned work", layout.list_bytes(), LIST_USAGE)?;
-        let arguments = vk::BufferUsageFlags::INDIRECT_BUFFER;
+        let arguments = BufferUsageFlags::INDIRECT_BUFFER;
         let control = on_device(device, "deltamorph dispatches", layout.control_bytes(), arguments)?;
         let (mut planned, mut bound) = (vec![], vec![]);
         for list in 0..layout.lists() {
@@ -119,7 +119,7 @@ impl Animated {
         let planning = context.kernels.get(Planning)?;
 
         let table_bytes = layout.table_bytes;
-        let none = vk::BufferUsageFlags::empty();
+        let none = BufferUsageFlags::empty();
         let tables = on_device(device, "deltamorph clips", table_bytes, none)?;
         let state = on_device(device, "deltamorph animated weights", layout.state_bytes, none)?;
         let mut staging = Buffer::staging(device, "deltamorph clip upload", table_bytes)?;
@@ -269,11 +269,7 @@ impl Technique for Animated {
         Some((slot, if !has_past { Some(slot) } else { (before != slot).then_some(before) }))
     }
 
-    fn state(&self) -> &dyn InstanceState {
-        &self.playbacks
-    }
-
-    fn state_mut(&mut self) -> &mut dyn InstanceState {
+    fn state(&mut self) -> &mut dyn InstanceState {
         &mut self.playbacks
     }
 

@@ -78,7 +78,8 @@ impl GroupPlan {
         desc.check_for(layout)?;
         let index = layout.index()?;
         let grid = desc.grid(layout)?;
-        let tolerance = if grid.is_some() { f32::INFINITY } else { desc.tolerance * length_unit(layout) };
+        let unit = if layout.diagonal > 0.0 { layout.diagonal } else { 1.0 };
+        let tolerance = if grid.is_some() { f32::INFINITY } else { desc.tolerance * unit };
         // A budget needs lengths: without them, everything is committed at once.
         let has_lengths = layout.has_lengths();
         let error_budget = if has_lengths { desc.error_budget } else { 0.0 };
@@ -191,9 +192,4 @@ const SQRT_3: f32 = 1.732_050_8;
 /// of its own entries.
 pub(super) fn rounding(magnitude: f32, entries: u32, sum: f32) -> f32 {
     SQRT_3 * ULP * (magnitude + (entries + 4) as f32 * sum)
-}
-
-/// Unit of tolerances: the diagonal, or 1 if that is 0.
-pub(super) fn length_unit(layout: &PackedLayout) -> f32 {
-    if layout.diagonal > 0.0 { layout.diagonal } else { 1.0 }
 }

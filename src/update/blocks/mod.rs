@@ -14,8 +14,7 @@ mod plan;
 #[allow(unsafe_code)]
 mod technique;
 
-pub use group::WorkList;
-pub use group::{GroupPlan, Item};
+pub use group::{GroupPlan, Item, WorkList};
 pub use plan::{BlockState, Planner};
 pub use technique::BlocksTechnique;
 

@@ -97,11 +97,7 @@ impl Group {
 }
 
 impl Technique for BlocksTechnique {
-    fn state(&self) -> &dyn InstanceState {
-        &self.planner
-    }
-
-    fn state_mut(&mut self) -> &mut dyn InstanceState {
+    fn state(&mut self) -> &mut dyn InstanceState {
         &mut self.planner
     }
 

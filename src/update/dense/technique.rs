@@ -106,11 +106,7 @@ impl<P: Passes> DenseTechnique<P> {
 }
 
 impl<P: Passes> Technique for DenseTechnique<P> {
-    fn state(&self) -> &dyn InstanceState {
-        &self.planner
-    }
-
-    fn state_mut(&mut self) -> &mut dyn InstanceState {
+    fn state(&mut self) -> &mut dyn InstanceState {
         &mut self.planner
     }
 
