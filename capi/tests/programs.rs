@@ -121,6 +121,20 @@ impl Program {
         command.env("VK_LOADER_DEBUG", "layer").output().expect("the program starts")
     }
 
+    /// What it prints when it succeeds: with the layer, which the loader says on stderr, and no message of the layer.
+    fn said(&self, args: &[&OsStr]) -> String {
+        let output = self.validated(args);
+        let [said, stderr] = [&output.stdout, &output.stderr].map(|bytes| text(bytes));
+        assert!(output.status.success(), "{args:?}: {said}{stderr}");
+        assert_eq!(messages(&output), [""; 0]);
+        for level in ["instance", "device"] {
+            let layer = format!("{level} layer \"{LAYER}\"");
+            let inserted = stderr.lines().any(|line| line.contains("Insert") && line.contains(&layer));
+            assert!(inserted, "the loader did not insert the {layer}:\n{stderr}");
+        }
+        said
+    }
+
     /// Runs it under valgrind, which exits with 9 if it finds an error.
     fn under_valgrind(&self, args: &[&str]) -> Output {
         let suppressions = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/valgrind.supp");
@@ -137,16 +151,6 @@ fn messages(output: &Output) -> Vec<String> {
     let marks = ["Validation", "VUID", "SYNC-HAZARD", "UNASSIGNED", "ERROR", "WARNING"];
     let said = text(&output.stdout);
     said.lines().filter(|line| marks.iter().any(|mark| line.contains(mark))).map(str::to_owned).collect()
-}
-
-/// Asserts that the layer was loaded, which the loader logs to stderr, and has no messages.
-fn assert_silent(output: &Output) {
-    assert_eq!(messages(output), [""; 0]);
-    for level in ["instance", "device"] {
-        let (layer, stderr) = (format!("{level} layer \"{LAYER}\""), text(&output.stderr));
-        let inserted = stderr.lines().any(|line| line.contains("Insert") && line.contains(&layer));
-        assert!(inserted, "the loader did not insert the {layer}:\n{stderr}");
-    }
 }
 
 #[test]
@@ -166,10 +170,7 @@ fn the_c_program_is_right_and_valid_on_every_driver() {
             (&packed, "900 vertices and 7 targets"),
             (&gltf, "576 vertices and 6 targets"),
         ] {
-            let output = program.validated(&[mesh.as_os_str(), driver.as_ref()]);
-            let said = text(&output.stdout);
-            assert!(output.status.success(), "{driver}: {said}{}", text(&output.stderr));
-            assert_silent(&output);
+            let said = program.said(&[mesh.as_os_str(), driver.as_ref()]);
             assert!(said.starts_with(driver) && said.contains(what) && said.lines().count() == 1, "{said}");
         }
     }
@@ -204,10 +205,7 @@ fn a_scene_is_what_c_computes_in_double_precision() {
     for driver in drivers() {
         for file in [None, Some(gltf.as_os_str())] {
             let args: Vec<&OsStr> = [OsStr::new(driver)].into_iter().chain(file).collect();
-            let output = program.validated(&args);
-            let said = text(&output.stdout);
-            assert!(output.status.success(), "{driver}: {said}{}", text(&output.stderr));
-            assert_silent(&output);
+            let said = program.said(&args);
             assert!(said.starts_with("morphed: within") && said.lines().count() == 7, "{said}");
         }
     }
@@ -218,10 +216,7 @@ fn a_scene_is_what_c_computes_in_double_precision() {
 fn a_head_that_plays_clips_is_what_the_reference_says() {
     let program = build("capi/tests/clips.c", unchanged);
     for driver in drivers() {
-        let output = program.validated(&[driver.as_ref()]);
-        let said = text(&output.stdout);
-        assert!(output.status.success(), "{driver}: {said}{}", text(&output.stderr));
-        assert_silent(&output);
+        let said = program.said(&[driver.as_ref()]);
         assert!(said.starts_with("14 steps of 2 instances") && said.lines().count() == 1, "{said}");
     }
 }
@@ -230,11 +225,7 @@ fn a_head_that_plays_clips_is_what_the_reference_says() {
 fn invalid_use_is_refused_and_leaves_nothing_invalid_behind() {
     let program = build("capi/tests/misuse.c", unchanged);
     ran(program.command().arg("cpu"));
-    for driver in drivers() {
-        let output = program.validated(&["device".as_ref(), driver.as_ref()]);
-        assert!(output.status.success(), "{driver}: {}{}", text(&output.stdout), text(&output.stderr));
-        assert_silent(&output);
-    }
+    drivers().for_each(|driver| drop(program.said(&["device".as_ref(), driver.as_ref()])));
 }
 
 #[test]

@@ -137,20 +137,22 @@ fn numbers(bytes: &[u8], view: &StreamView, vertices: usize) -> Vec<u32> {
     (0..vertices * components).map(|i| number(i).to_bits()).collect()
 }
 
-/// Asserts that the streams of a crowd's pose in the host's buffer equal those of a crowd with the engine's buffers.
+/// Asserts that the streams of all poses in the host's buffer equal those of a crowd with the engine's buffers, and that
+/// nothing else is written. `views`: of an instance in the host's buffer, now and before.
 fn assert_equal<C: AnyCrowd + 'static>(
-    mesh: &PackedMesh,
-    (host, bytes, pose_format): (&Host<'_>, &[u8], PoseFormat),
+    (mesh, heads): (&PackedMesh, u32),
+    (host, pose_format): (&Host<'_>, PoseFormat),
     ours: &mut HeadlessCrowd<'_, C>,
-    instance: u32,
-    views: impl Fn(Semantic) -> (deltamorph::Result<StreamView>, Option<StreamView>),
+    views: impl Fn(u32, Semantic) -> (deltamorph::Result<StreamView>, Option<StreamView>),
     what: &str,
 ) {
-    for (number, group) in mesh.groups().iter().enumerate() {
+    let bytes = host.contents();
+    let all = (0..heads).flat_map(|i| mesh.groups().iter().enumerate().map(move |group| (i, group)));
+    for (instance, (number, group)) in all {
         let (pose, previous) = ours.read_group(instance, number).expect("a pose");
         for place in &group.layout().streams {
-            let what = format!("{what}, {}", place.semantic);
-            let (view, before) = views(place.semantic);
+            let what = format!("{what}, instance {instance}, {}", place.semantic);
+            let (view, before) = views(instance, place.semantic);
             let vertex = host.poses.vertex();
             let is_named = |semantic| vertex.offset(semantic).is_some();
             // `fixed16` numbers stay together.
@@ -176,14 +178,15 @@ fn assert_equal<C: AnyCrowd + 'static>(
                 of(&packed[..6 * group.layout().vertex_count]).iter().map(|x| x.to_bits()).collect::<Vec<_>>()
             };
             let vertices = group.layout().vertex_count;
-            assert!(numbers(bytes, &view, vertices) == in_order(&pose), "{what}");
+            assert!(numbers(&bytes, &view, vertices) == in_order(&pose), "{what}");
             assert_eq!(before.is_some(), previous.is_some(), "{what}: the previous pose");
             if let (Some(before), Some(previous)) = (before, &previous) {
-                let before = numbers(bytes, &before, vertices);
+                let before = numbers(&bytes, &before, vertices);
                 assert!(before == in_order(previous), "{what}: the previous pose");
             }
         }
     }
+    host.assert_guarded(bytes, mesh, pose_format, what);
 }
 
 /// Runs `test` on devices without texels, whose sums have another order: with masks for single instances; clamped,
@@ -247,22 +250,11 @@ fn poses_in_the_hosts_vertices_are_ours_bit_for_bit_in_the_same_passes() {
                         steps.push((commands, step.update.stats));
                     }
                     assert!(steps[0] == steps[1], "{what}: {steps:?}");
-                    let stored = in_host.contents();
-                    for i in 0..heads {
-                        let views = |semantic| {
-                            let (crowd, none) = (theirs.crowd(), None);
-                            (crowd.stream(i, semantic), crowd.previous_stream(i, semantic).unwrap_or(none))
-                        };
-                        assert_equal(
-                            &mesh,
-                            (&in_host, &stored, update.pose),
-                            &mut ours,
-                            i,
-                            views,
-                            &format!("{what}, instance {i}"),
-                        );
-                    }
-                    in_host.assert_guarded(stored, &mesh, update.pose, &what);
+                    let views = |i, semantic| {
+                        let crowd = theirs.crowd();
+                        (crowd.stream(i, semantic), crowd.previous_stream(i, semantic).unwrap_or(None))
+                    };
+                    assert_equal((&mesh, heads), (&in_host, update.pose), &mut ours, views, &what);
                 }
             }
         }
@@ -298,22 +290,11 @@ fn heads_that_play_clips_are_written_into_the_hosts_vertices() {
                         crowd.set_hidden(2, frame == 3).expect("an instance");
                         crowd.step(&[]).expect("a step");
                     }
-                    let stored = in_host.contents();
-                    for i in 0..3 {
-                        let views = |semantic| {
-                            let crowd = theirs.crowd();
-                            (crowd.stream(i, semantic), crowd.previous_stream(i, semantic).unwrap_or(None))
-                        };
-                        assert_equal(
-                            &mesh,
-                            (&in_host, &stored, pose),
-                            &mut ours,
-                            i,
-                            views,
-                            &format!("{what}, instance {i}"),
-                        );
-                    }
-                    in_host.assert_guarded(stored, &mesh, pose, &what);
+                    let views = |i, semantic| {
+                        let crowd = theirs.crowd();
+                        (crowd.stream(i, semantic), crowd.previous_stream(i, semantic).unwrap_or(None))
+                    };
+                    assert_equal((&mesh, 3), (&in_host, pose), &mut ours, views, &what);
                 }
             }
         }

@@ -5,7 +5,7 @@ use deltamorph::import::csv;
 use deltamorph::import::obj::import_folder;
 use deltamorph::{MorphMesh, MorphSource, Tolerance};
 use glam::DVec3;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 fn kept(mesh: &MorphMesh) -> f64 {
     let moved: usize = mesh.targets.iter().map(|t| t.vertices.len()).sum();
@@ -37,11 +37,17 @@ fn error_over_clip(source: &MorphSource, folder: &Path, clip: &str) -> f64 {
     errors.fold(0.0, f64::max) / f64::from(mesh.diagonal)
 }
 
-#[test]
-fn ict_facekit() {
-    let Some(folder) = data::set("ict_facekit") else { return };
+/// A data set, if it is there: its folder, what it states, and the mesh.
+fn imported(set: &str) -> Option<(PathBuf, MorphSource, MorphMesh)> {
+    let folder = data::set(set)?;
     let source = import_folder(&folder).unwrap();
     let mesh = source.to_mesh(Tolerance::default()).unwrap();
+    Some((folder, source, mesh))
+}
+
+#[test]
+fn ict_facekit() {
+    let Some((folder, source, mesh)) = imported("ict_facekit") else { return };
     assert_eq!((mesh.vertex_count(), mesh.targets.len()), (26_719, 57));
     assert_eq!((mesh.texcoords.len(), mesh.faces.sizes.len()), (28_911, 26_384));
     assert!((f64::from(mesh.diagonal) - 47.52023).abs() < 1e-3);
@@ -58,9 +64,7 @@ fn ict_facekit() {
 
 #[test]
 fn facecap_head() {
-    let Some(folder) = data::set("facecap_head_glb") else { return };
-    let source = import_folder(&folder).unwrap();
-    let mesh = source.to_mesh(Tolerance::default()).unwrap();
+    let Some((folder, source, mesh)) = imported("facecap_head_glb") else { return };
     assert_eq!((mesh.vertex_count(), mesh.targets.len(), source.notes.len()), (2694, 52, 0));
     assert!(mesh.targets[mesh.target_index("tongueOut").unwrap()].vertices.is_empty());
     // No delta of this set is noise: all are kept.
@@ -71,9 +75,7 @@ fn facecap_head() {
 
 #[test]
 fn morph_stress_test() {
-    let Some(folder) = data::set("morph_stress_test") else { return };
-    let source = import_folder(&folder).unwrap();
-    let mesh = source.to_mesh(Tolerance::default()).unwrap();
+    let Some((folder, source, mesh)) = imported("morph_stress_test") else { return };
     assert_eq!((mesh.vertex_count(), mesh.targets.len()), (1504, 8));
     // 6.25% are moved; the normals around them turn, and rounding elsewhere is dropped.
     assert!((0.0625..0.08).contains(&kept(&mesh)), "{}", kept(&mesh));

@@ -93,51 +93,35 @@ fn shader_db(line: &str) -> Statistics {
 /// Converts statistics, whose names depend on the vendor. `Err`: a missing name.
 fn figures(gpu: &str, statistics: &Statistics) -> Result<Figures, &'static str> {
     let get = |name: &'static str| statistics.get(name).copied().ok_or(name);
-    let sum = |names: [&'static str; 2]| Ok::<f64, &'static str>(get(names[0])? + get(names[1])?);
-    Ok(match gpu.split('-').next().unwrap_or_default() {
-        "amd" => Figures {
-            instructions: get("Instructions")?,
-            registers: Some(get("VGPRs")?),
-            occupancy: get("Subgroups per SIMD")?,
-            spills: sum(["Spilled SGPRs", "Spilled VGPRs"])?,
-            scratch: get("Scratch size")?,
-            cycles: Some(get("Inverse Throughput")?),
-        },
-        "intel" => Figures {
-            instructions: get("Instruction Count")?,
-            registers: None,
-            occupancy: get("Subgroup size")?,
-            spills: sum(["Spill Count", "Fill Count"])?,
-            scratch: get("Scratch Memory Size")?,
-            cycles: Some(get("Cycle Count")?),
-        },
+    let reported = |name: &'static str| if name.is_empty() { Ok(None) } else { get(name).map(Some) };
+    let sum = |names: &[&'static str]| names.iter().map(|name| get(name)).sum::<Result<f64, _>>();
+    let vendor = gpu.split('-').next().unwrap_or_default();
+    // Instructions, registers, occupancy, cycles; then what spills and scratch memory are the sums of.
+    let ([instructions, registers, occupancy, cycles], [spills, scratch]): ([_; 4], [&[_]; 2]) = match vendor {
+        "amd" => (
+            ["Instructions", "VGPRs", "Subgroups per SIMD", "Inverse Throughput"],
+            [&["Spilled SGPRs", "Spilled VGPRs"], &["Scratch size"]],
+        ),
+        "intel" => (
+            ["Instruction Count", "", "Subgroup size", "Cycle Count"],
+            [&["Spill Count", "Fill Count"], &["Scratch Memory Size"]],
+        ),
         // Spills only appear as private memory.
-        "adreno" => Figures {
-            instructions: get("Instruction Count")?,
-            registers: Some(get("Registers used")?),
-            occupancy: get("Max Waves Per Core")?,
-            spills: 0.0,
-            scratch: sum(["STP Count", "LDP Count"])?,
-            cycles: None,
-        },
+        "adreno" => {
+            (["Instruction Count", "Registers used", "Max Waves Per Core", ""], [&[], &["STP Count", "LDP Count"]])
+        }
         // Arrays in memory are not counted as spills, but the listing has their loads and stores.
-        "mali" => Figures {
-            instructions: get("inst")?,
-            registers: None,
-            occupancy: get("threads")?,
-            spills: sum(["spills", "fills"])?,
-            scratch: get("Scratch accesses")?,
-            cycles: Some(get("cycles")?),
-        },
-        // "TMU Spills" is the size of spills and arrays, not their number: 4 bytes for each of 16 lanes.
-        "v3d" => Figures {
-            instructions: get("inst")?,
-            registers: Some(get("max-temps")?),
-            occupancy: get("threads")?,
-            spills: sum(["spills", "fills"])?,
-            scratch: get("TMU Spills")? / 64.0,
-            cycles: None,
-        },
+        "mali" => (["inst", "", "threads", "cycles"], [&["spills", "fills"], &["Scratch accesses"]]),
+        "v3d" => (["inst", "max-temps", "threads", ""], [&["spills", "fills"], &["TMU Spills"]]),
         _ => return Err("of a vendor that statistics.rs does not know"),
+    };
+    Ok(Figures {
+        instructions: get(instructions)?,
+        registers: reported(registers)?,
+        occupancy: get(occupancy)?,
+        spills: sum(spills)?,
+        // "TMU Spills" is the size of spills and arrays, not their number: 4 bytes for each of 16 lanes.
+        scratch: sum(scratch)? / if vendor == "v3d" { 64.0 } else { 1.0 },
+        cycles: reported(cycles)?,
     })
 }

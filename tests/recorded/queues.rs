@@ -166,10 +166,10 @@ fn frames(
     frames
 }
 
-fn uploaded(headless: &Headless, format: DeltaFormat) -> (PackedMesh, GpuMesh) {
-    let mesh = gpu::packed(headless.engine(), &testing::mesh(300, 11), format);
+fn uploaded(headless: &Headless, engine: &MorphEngine, format: DeltaFormat) -> (PackedMesh, GpuMesh) {
+    let mesh = gpu::packed(engine, &testing::mesh(300, 11), format);
     // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
-    let uploaded = headless.run(|cmd| unsafe { headless.engine().upload(cmd, &mesh) }).expect("an upload");
+    let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
     (mesh, uploaded)
 }
 
@@ -211,7 +211,7 @@ fn updates_run_on_a_queue_without_graphics() {
             (DeltaFormat::Snorm16, UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(3))),
         ];
         for (format, update) in all {
-            let (mesh, uploaded) = uploaded(headless, format);
+            let (mesh, uploaded) = uploaded(headless, engine, format);
             for slots in 2..if format == DeltaFormat::Fast { 4 } else { 3 } {
                 let what = format!("{format:?} {update:?}, {slots} slots");
                 // The consumers are those of any crowd, but on the other queue.
@@ -263,7 +263,7 @@ fn updates_run_on_a_queue_without_graphics() {
 fn what_follows_and_what_is_animated_names_no_graphics() {
     on_queues_with(vk::QueueFlags::COMPUTE | vk::QueueFlags::TRANSFER, |headless, engine| {
         let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
-        let (mesh, uploaded) = uploaded(headless, DeltaFormat::Fast);
+        let (mesh, uploaded) = uploaded(headless, engine, DeltaFormat::Fast);
         let desc = CrowdDesc::new(gpu::fixed()[1]).queue_family(Some(0));
         let names = mesh.layout().targets.iter().map(|target| target.name.clone()).collect();
         let values = (0..44).map(|i| (i % 5) as f32 / 8.0).collect();
@@ -316,9 +316,7 @@ fn queues_that_cannot_run_updates_are_refused() {
                     return Ok(());
                 }
                 let format = if path == UpdatePath::Blocks { DeltaFormat::Fast } else { DeltaFormat::Float32 };
-                let mesh = gpu::packed(&engine, &testing::mesh(70, 3), format);
-                // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
-                let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+                let (_, uploaded) = uploaded(headless, &engine, format);
                 let update =
                     UpdateDesc::new(path, if format.is_blocks() { BatchSize::All } else { BatchSize::Targets(1) });
                 let refused = engine.create_crowd(&uploaded, &CrowdDesc::new(update).queue_family(Some(queue)));
@@ -350,9 +348,7 @@ fn updates_for_queues_of_several_families_are_not_recorded_together() {
             let desc = DeviceDesc::new(instance, physical, device).caps(Some(caps));
             // SAFETY: the handles belong together, and outlive the engine.
             let engine = unsafe { MorphEngine::new(&desc) }.expect("an engine");
-            let mesh = gpu::packed(&engine, &testing::mesh(70, 3), DeltaFormat::Fast);
-            // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
-            let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+            let (_, uploaded) = uploaded(headless, &engine, DeltaFormat::Fast);
             let crowd = |family| {
                 let desc = CrowdDesc::new(UpdateDesc::blocks()).queue_family(family);
                 engine.create_crowd(&uploaded, &desc).expect("a crowd")
@@ -365,7 +361,8 @@ fn updates_for_queues_of_several_families_are_not_recorded_together() {
                 ([None, Some(1)], Some("a queue of family 1 and of one with graphics and compute")),
             ] {
                 let [mut one, mut other] = families.map(crowd);
-                // SAFETY: as above. Barriers recorded for a queue without graphics are allowed on one with graphics.
+                // SAFETY: `run` hands out a recording buffer of the engine's device, and waits. Barriers recorded for a queue
+                // without graphics are allowed on one with graphics.
                 let recorded = headless.run(|cmd| unsafe { engine.record_updates(cmd, &mut [&mut one, &mut other]) });
                 match words {
                     None => drop(recorded.expect("updates")),

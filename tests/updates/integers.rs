@@ -133,20 +133,13 @@ impl Expected {
     }
 }
 
-/// A crowd on a device, with the calls common to both kinds of crowds.
-struct Device<'a> {
-    crowd: HeadlessCrowd<'a>,
-    groups: usize,
-}
-
-impl Device<'_> {
-    fn poses(&mut self, i: usize) -> (Poses, Vec<Option<Vec<f32>>>) {
-        let group = |group| {
-            let (pose, previous) = self.crowd.read_group(i as u32, group).expect("a pose");
-            ((self.crowd.read_stored(i as u32, group).expect("a pose"), pose), previous)
-        };
-        (0..self.groups).map(group).unzip()
-    }
+/// Reads the pose and the previous pose of an instance on a device.
+fn read(mesh: &PackedMesh, device: &mut HeadlessCrowd<'_>, i: usize) -> (Poses, Vec<Option<Vec<f32>>>) {
+    let group = |group| {
+        let (pose, previous) = device.read_group(i as u32, group).expect("a pose");
+        ((device.read_stored(i as u32, group).expect("a pose"), pose), previous)
+    };
+    (0..mesh.groups().len()).map(group).unzip()
 }
 
 fn previous(mesh: &PackedMesh, crowd: &CpuCrowd, i: u32) -> Vec<Option<Vec<f32>>> {
@@ -159,8 +152,8 @@ fn previous(mesh: &PackedMesh, crowd: &CpuCrowd, i: u32) -> Vec<Option<Vec<f32>>
 
 /// Plays `frames` on a device and on the CPU.
 fn play(headless: &Headless, mesh: &Arc<PackedMesh>, desc: UpdateDesc, heads: usize, frames: &Frames) {
-    let crowd = HeadlessCrowd::new(headless, mesh, &CrowdDesc::new(desc).instances(heads as u32)).expect("a crowd");
-    let mut device = Device { crowd, groups: mesh.groups().len() };
+    let instances = CrowdDesc::new(desc).instances(heads as u32);
+    let mut device = HeadlessCrowd::new(headless, mesh, &instances).expect("a crowd");
     let mut cpu = CpuCrowd::new(mesh.clone(), desc.path(UpdatePath::Cpu), heads as u32, 2).expect("a crowd");
     let mut expected = Expected::new(mesh, desc, heads);
     for (number, (frame, events)) in frames.iter().enumerate() {
@@ -172,13 +165,13 @@ fn play(headless: &Headless, mesh: &Arc<PackedMesh>, desc: UpdateDesc, heads: us
                 Event::Weights(weights) => weights.iter().for_each(|(t, w)| head.asked[*t] = w * expected.most),
                 Event::Cut => {
                     head.cut = true;
-                    device.crowd.cut(i as u32).expect("a head");
+                    device.cut(i as u32).expect("a head");
                     cpu.cut(i as u32).expect("a head");
                 }
                 Event::HideOrShow => {
                     head.hidden = !head.hidden;
                     head.cut = true;
-                    device.crowd.set_hidden(i as u32, head.hidden).expect("a head");
+                    device.set_hidden(i as u32, head.hidden).expect("a head");
                     cpu.set_hidden(i as u32, head.hidden).expect("a head");
                 }
             }
@@ -186,34 +179,34 @@ fn play(headless: &Headless, mesh: &Arc<PackedMesh>, desc: UpdateDesc, heads: us
         if *frame == Frame::AfterALostOne {
             for i in 0..heads {
                 let lost: Vec<f32> = (1..=TARGETS).map(|t| expected.most * t as f32 / (i + 10) as f32 - 0.1).collect();
-                device.crowd.set_weights(i as u32, &lost).expect("weights");
+                device.set_weights(i as u32, &lost).expect("weights");
             }
-            let (_, lost) = device.crowd.record(&[]).expect("a recording");
-            device.crowd.discard(lost.ticket).expect("a ticket of this crowd");
+            let (_, lost) = device.record(&[]).expect("a recording");
+            device.discard(lost.ticket).expect("a ticket of this crowd");
             expected.lose();
         }
-        let ask = |expected: &Expected, device: &mut Device<'_>, cpu: &mut CpuCrowd| {
+        let ask = |expected: &Expected, device: &mut HeadlessCrowd<'_>, cpu: &mut CpuCrowd| {
             for (i, head) in (0..).zip(&expected.heads) {
-                device.crowd.set_weights(i, &head.asked).expect("weights");
+                device.set_weights(i, &head.asked).expect("weights");
                 cpu.set_weights(i, &head.asked).expect("weights");
             }
         };
         ask(&expected, &mut device, &mut cpu);
         if *frame == Frame::Twice {
-            let first = device.crowd.record(&[]).expect("a recording").0;
+            let first = device.record(&[]).expect("a recording").0;
             cpu.update();
             expected.update();
             expected.heads.iter_mut().step_by(2).for_each(|head| head.asked.rotate_left(1));
             ask(&expected, &mut device, &mut cpu);
-            let second = device.crowd.record(&[]).expect("a recording").0;
-            device.crowd.submit(vec![first, second]).expect("a submission");
+            let second = device.record(&[]).expect("a recording").0;
+            device.submit(vec![first, second]).expect("a submission");
         } else {
-            device.crowd.step(&[]).expect("a step");
+            device.step(&[]).expect("a step");
         }
         cpu.update();
         expected.update();
         for i in (0..heads).filter(|&i| expected.heads[i].pose.is_some()) {
-            let (pose, before) = device.poses(i);
+            let (pose, before) = read(mesh, &mut device, i);
             expected.assert_head(i, desc.slots, &pose, &before, &what);
             // Updates lost on the device ran here, so the previous pose differs.
             if *frame != Frame::AfterALostOne {
@@ -283,13 +276,12 @@ fn play_with_a_budget(headless: &Headless, mesh: &Arc<PackedMesh>, desc: UpdateD
     let desc = desc.error_budget(budget);
     let grid = desc.grid(mesh.layout()).expect("a grid").expect("integers");
     let allowed = f64::from(budget + grid.position_error(TARGETS) + 1e-6 * mesh.layout().diagonal);
-    let crowd = CrowdDesc::new(desc).instances(heads as u32);
-    let crowd = HeadlessCrowd::new(headless, mesh, &crowd).expect("a crowd");
-    let mut device = Device { crowd, groups: mesh.groups().len() };
+    let instances = CrowdDesc::new(desc).instances(heads as u32);
+    let mut device = HeadlessCrowd::new(headless, mesh, &instances).expect("a crowd");
     let mut cpu = CpuCrowd::new(mesh.clone(), desc.path(UpdatePath::Cpu), heads as u32, 2).expect("a crowd");
     let mut expected = Expected::new(mesh, desc, heads);
-    let step = |device: &mut Device<'_>, cpu: &mut CpuCrowd| {
-        device.crowd.step(&[]).expect("a step");
+    let step = |device: &mut HeadlessCrowd<'_>, cpu: &mut CpuCrowd| {
+        device.step(&[]).expect("a step");
         cpu.update();
     };
     for (_, events) in frames {
@@ -299,13 +291,13 @@ fn play_with_a_budget(headless: &Headless, mesh: &Arc<PackedMesh>, desc: UpdateD
                 let asked = &mut expected.heads[i].asked;
                 // Small changes, too.
                 weights.iter().for_each(|(t, w)| asked[*t] = asked[*t] * 0.95 + 0.05 * w * expected.most);
-                device.crowd.set_weights(i as u32, asked).expect("weights");
+                device.set_weights(i as u32, asked).expect("weights");
                 cpu.set_weights(i as u32, asked).expect("weights");
             }
         }
         step(&mut device, &mut cpu);
         for i in 0..heads {
-            let pose = device.poses(i).0;
+            let pose = read(mesh, &mut device, i).0;
             assert!(pose == poses(mesh, &cpu, i as u32), "{} {desc:?}: head {i}", headless.caps().name);
             let asked: Vec<f32> = expected.heads[i].asked.iter().map(|w| grid.round(*w)).collect();
             let error = compare(&pose[0].1, &evaluate(mesh, &asked));
@@ -316,7 +308,7 @@ fn play_with_a_budget(headless: &Headless, mesh: &Arc<PackedMesh>, desc: UpdateD
     step(&mut device, &mut cpu);
     step(&mut device, &mut cpu);
     for i in 0..heads {
-        let (pose, before) = device.poses(i);
+        let (pose, before) = read(mesh, &mut device, i);
         assert!(pose == expected.evaluate(&expected.heads[i].asked.clone()), "{desc:?}: head {i} has not settled");
         assert!(before.iter().zip(&pose).all(|(before, pose)| before.as_ref() == Some(&pose.1)), "{desc:?}: still");
     }

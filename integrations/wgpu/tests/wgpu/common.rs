@@ -7,7 +7,7 @@ use crate::testing;
 use deltamorph::ash::{self, vk};
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{DeltaFormat, PackedMesh, PoseFormat, PoseView};
-use deltamorph_wgpu::{Crowd, Morph, POSE_WGSL, Pose};
+use deltamorph_wgpu::{Crowd, Mesh, Morph, POSE_WGSL, Pose};
 use std::sync::{Mutex, MutexGuard, Once, PoisonError};
 
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -79,6 +79,14 @@ pub fn packed(morph: &Morph, format: DeltaFormat) -> (PackedMesh, Vec<f32>) {
     let mesh = PackedMesh::pack(&testing::mesh(300, 23), &morph.pack_desc(format)).expect("a mesh that fits");
     let weights = vec![0.0; mesh.layout().targets.len()];
     (mesh, weights)
+}
+
+/// Makes a morph for the device of a host, and a small mesh for it in its memory, with weights, all 0.
+pub fn uploaded(host: &Host, format: DeltaFormat) -> (Morph, PackedMesh, Mesh, Vec<f32>) {
+    let morph = Morph::new(&host.device, &host.queue).expect("a device with compute");
+    let (mesh, weights) = packed(&morph, format);
+    let uploaded = morph.upload(&mesh).expect("an upload");
+    (morph, mesh, uploaded, weights)
 }
 
 /// Asserts that these float32 numbers are the pose of the weights.

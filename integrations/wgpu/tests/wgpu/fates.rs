@@ -1,6 +1,6 @@
 //! Fates of command buffers: submitted, dropped, in a failed submit, out of order, kept.
 
-use crate::common::{Random, assert_right, on_every_adapter, packed, submit_and_read, submit_in_vain, wait};
+use crate::common::{Random, assert_right, on_every_adapter, submit_and_read, submit_in_vain, uploaded, wait};
 use crate::play::decoded;
 use crate::poses::dense;
 use crate::scene::Host;
@@ -18,9 +18,8 @@ struct Head {
 
 impl Head {
     fn new(host: &Host, format: DeltaFormat, desc: &CrowdDesc) -> Self {
-        let morph = Morph::new(&host.device, &host.queue).expect("a device with compute");
-        let (mesh, weights) = packed(&morph, format);
-        let crowd = morph.create_crowd(&morph.upload(&mesh).expect("an upload"), desc).expect("a crowd");
+        let (morph, mesh, uploaded, weights) = uploaded(host, format);
+        let crowd = morph.create_crowd(&uploaded, desc).expect("a crowd");
         Self { morph, mesh, crowd, weights, random: Random(11) }
     }
 

@@ -1,6 +1,6 @@
 //! In any order of drops, nothing in use is destroyed, and nothing leaks.
 
-use crate::common::{Random, assert_right, copy, on_every_adapter, packed, wait};
+use crate::common::{Random, assert_right, copy, on_every_adapter, uploaded, wait};
 use crate::play::decoded;
 use crate::scene::Host;
 use deltamorph::{CrowdDesc, DeltaFormat, UpdateDesc};
@@ -33,9 +33,7 @@ fn everything_may_be_dropped_in_any_order_while_the_gpu_works() {
 #[test]
 fn a_buffer_keeps_its_poses() {
     on_every_adapter(|host| {
-        let morph = Morph::new(&host.device, &host.queue).expect("a device with compute");
-        let (mesh, mut weights) = packed(&morph, DeltaFormat::Fast);
-        let uploaded = morph.upload(&mesh).expect("an upload");
+        let (morph, mesh, uploaded, mut weights) = uploaded(&host, DeltaFormat::Fast);
         let mut crowd = morph.create_crowd(&uploaded, &CrowdDesc::new(UpdateDesc::blocks())).expect("a crowd");
         Random(1).change(&mut weights);
         crowd.set_weights(0, &weights).expect("weights");
@@ -56,9 +54,7 @@ fn a_buffer_keeps_its_poses() {
 #[test]
 fn slots_that_no_update_has_written_are_zeros() {
     on_every_adapter(|host| {
-        let morph = Morph::new(&host.device, &host.queue).expect("a device with compute");
-        let (mesh, mut weights) = packed(&morph, DeltaFormat::Fast);
-        let uploaded = morph.upload(&mesh).expect("an upload");
+        let (morph, _, uploaded, mut weights) = uploaded(&host, DeltaFormat::Fast);
         for updates in [3, 1] {
             let desc = CrowdDesc::new(UpdateDesc::blocks().slots(3));
             let mut crowd = morph.create_crowd(&uploaded, &desc).expect("a crowd");
@@ -84,9 +80,7 @@ fn slots_that_no_update_has_written_are_zeros() {
 
 /// Makes one of each object, with updates and draws, some submitted and some not.
 fn in_use(host: &Host) -> Vec<Box<dyn Any>> {
-    let morph = Morph::new(&host.device, &host.queue).expect("a device with compute");
-    let (mesh, mut weights) = packed(&morph, DeltaFormat::Fast);
-    let uploaded = morph.upload(&mesh).expect("an upload");
+    let (morph, _, uploaded, mut weights) = uploaded(host, DeltaFormat::Fast);
     let mut crowd = morph.create_crowd(&uploaded, &CrowdDesc::new(UpdateDesc::blocks())).expect("a crowd");
     let fresh = morph.create_crowd(&uploaded, crowd.desc()).expect("a crowd");
     let mut things: Vec<Box<dyn Any>> = vec![Box::new(fresh)];

@@ -2,6 +2,7 @@
 
 use crate::common::{
     ComputeReader, DrawReader, Random, assert_right, copy, messages, on_every_adapter, packed, submit_and_read,
+    uploaded,
 };
 use crate::play::{Played, decoded, difference, play};
 use crate::scene::{EDGE, Host, now};
@@ -33,9 +34,7 @@ fn the_example_draws_what_the_reference_says() {
 #[test]
 fn draws_copies_and_compute_passes_of_one_submit_read_the_pose() {
     on_every_adapter(|host| {
-        let morph = Morph::new(&host.device, &host.queue).expect("a device with compute");
-        let (mesh, mut weights) = packed(&morph, DeltaFormat::Fast);
-        let uploaded = morph.upload(&mesh).expect("an upload");
+        let (morph, mesh, uploaded, mut weights) = uploaded(&host, DeltaFormat::Fast);
         for (format, slots) in PoseFormat::ALL.into_iter().flat_map(|format| [(format, 1), (format, 2)]) {
             let desc = CrowdDesc::new(UpdateDesc::blocks().pose(format).slots(slots));
             let mut crowd = morph.create_crowd(&uploaded, &desc).expect("a crowd");
@@ -90,9 +89,7 @@ fn draws_copies_and_compute_passes_of_one_submit_read_the_pose() {
 #[test]
 fn the_layers_see_a_barrier_that_is_left_out() {
     on_every_adapter(|host| {
-        let morph = Morph::new(&host.device, &host.queue).expect("a device with compute");
-        let (mesh, mut weights) = packed(&morph, DeltaFormat::Fast);
-        let uploaded = morph.upload(&mesh).expect("an upload");
+        let (morph, _, uploaded, mut weights) = uploaded(&host, DeltaFormat::Fast);
         for left_out in [false, true] {
             let mut crowd = morph.create_crowd(&uploaded, &CrowdDesc::new(UpdateDesc::blocks())).expect("a crowd");
             weights[0] = 1.0 - weights[0];

@@ -19,13 +19,14 @@ fn span(bytes: &[u8], section: Section) -> (usize, usize) {
     span_at(bytes, row(bytes, (section, 0)))
 }
 
-/// The file of `asset` with one word of a section replaced and checksums repaired.
-fn with_word(asset: &Asset, place: (Section, usize), word: usize, value: u32) -> Vec<u8> {
+/// Asserts what is said of the file of `asset` with one word of a section replaced and checksums repaired.
+fn assert_says(asset: &Asset, place: (Section, usize), word: usize, value: u32, part: &str) {
     let mut bytes = asset.to_bytes().unwrap();
     let at = span_at(&bytes, row(&bytes, place)).0 + 4 * word;
     bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
     repair(&mut bytes);
-    bytes
+    let text = message(&bytes);
+    assert!(text.contains(part), "{place:?} {word} {value:#x}: {text}");
 }
 
 #[test]
@@ -80,9 +81,8 @@ fn the_frame_is_checked_under_valid_checksums() {
 
 #[test]
 fn contents_are_checked_under_valid_checksums() {
-    let (small, fast, floats) =
-        (asset(DeltaFormat::Small, None), asset(DeltaFormat::Fast, None), asset(DeltaFormat::BlockFloat32, None));
-    let pair = asset(DeltaFormat::Pair, None);
+    let formats = [DeltaFormat::Small, DeltaFormat::Fast, DeltaFormat::BlockFloat32, DeltaFormat::Pair];
+    let [small, fast, floats, pair] = formats.map(|format| asset(format, None));
     let pairs = pair.mesh.layout().blocks.as_ref().unwrap().deltas_at;
     let (nan, inf) = (f32::NAN.to_bits(), f32::INFINITY.to_bits());
     let giant = u32::MAX;
@@ -156,21 +156,20 @@ fn contents_are_checked_under_valid_checksums() {
         (&floats, CORNER_TEXCOORDS, 0, 2, "texture coordinate 2, there are 2"),
         (&floats, TEXCOORDS, 3, inf, "texture coordinate 1 is"),
     ] {
-        let text = message(&with_word(asset, (section, 0), word, value));
-        assert!(text.contains(part), "{section:?} {word} {value:#x}: {text}");
+        assert_says(asset, (section, 0), word, value, part);
     }
     // A mask with more vertices than records, or fewer.
     let words = small.mesh.surface().deltas();
     let masked = (0..entries - 1).find(|entry| words[3 * entry + 1] >> 31 == 1).expect("an entry with a mask");
     let mask = headers.next_multiple_of(4) + words[3 * masked] as usize;
     for value in [0, giant] {
-        let text = message(&with_word(&small, (WORDS, 0), mask, value));
-        assert!(text.contains(&format!("the deltas of entry {} are not where they belong", masked + 1)), "{text}");
+        let part = format!("the deltas of entry {} are not where they belong", masked + 1);
+        assert_says(&small, (WORDS, 0), mask, value, &part);
     }
     // Deltas of vertices that do not exist: the second block of 64 has 6.
     let last_entry = span(&floats.to_bytes().unwrap(), WORDS).1 / 4 - 6 * 64;
-    let text = message(&with_word(&floats, (WORDS, 0), last_entry + 60, 1f32.to_bits()));
-    assert!(text.contains("block 1 moves vertices that the mesh does not have"), "{text}");
+    let part = "block 1 moves vertices that the mesh does not have";
+    assert_says(&floats, (WORDS, 0), last_entry + 60, 1f32.to_bits(), part);
     let streams = with_streams(DeltaFormat::Fast);
     for (place, word, value, part) in [
         ((GROUP, 1), 0, 3, "'group' of group 1: has"),
@@ -182,19 +181,16 @@ fn contents_are_checked_under_valid_checksums() {
         ((GROUP, 1), 4, 2f32.powi(120).to_bits(), "entry 0 has numbers up to"),
         ((ENTRY_TARGETS, 2), 0, 65_535, "the blocks of group 2 do not fit together: the targets of block 0"),
     ] {
-        let text = message(&with_word(&streams, place, word, value));
-        assert!(text.contains(part), "{place:?} {word} {value:#x}: {text}");
+        assert_says(&streams, place, word, value, part);
     }
     // Welds to a later vertex, to a welded one, out of range; too few of them.
     let (mesh, split) = split_head(DeltaFormat::Fast);
     let (doubled, of) = (mesh.welds.len() - 1, mesh.welds[mesh.welds.len() - 1]);
     for (vertex, value, to) in [(0, of, of), (of as usize, 0, of), (5, giant, giant), (doubled, 300, 300)] {
-        let text = message(&with_word(&split, (WELDS, 0), vertex, value));
         let part = format!("is welded to vertex {to}, which is not the first at its position");
-        assert!(text.contains(&part), "{vertex} {value}: {text}");
+        assert_says(&split, (WELDS, 0), vertex, value, &part);
     }
-    let text = message(&with_word(&split, (META, 0), 2, 300));
-    assert!(text.contains("300 vertices take"), "{text}");
+    assert_says(&split, (META, 0), 2, 300, "300 vertices take");
     // Two targets of one name.
     let mut bytes = small.to_bytes().unwrap();
     let (at, length) = span(&bytes, NAMES);
