@@ -94,7 +94,7 @@ fn shader_db(line: &str) -> Statistics {
 fn figures(gpu: &str, statistics: &Statistics) -> Result<Figures, &'static str> {
     let get = |name: &'static str| statistics.get(name).copied().ok_or(name);
     let reported = |name: &'static str| if name.is_empty() { Ok(None) } else { get(name).map(Some) };
-    let sum = |names: &[&'static str]| names.iter().map(|name| get(name)).sum::<Result<f64, _>>();
+    let sum = |names: &[&'static str]| names.iter().try_fold(0.0, |sum, name| get(name).map(|value| sum + value));
     let vendor = gpu.split('-').next().unwrap_or_default();
     // Instructions, registers, occupancy, cycles; then what spills and scratch memory are the sums of.
     let ([instructions, registers, occupancy, cycles], [spills, scratch]): ([_; 4], [&[_]; 2]) = match vendor {
