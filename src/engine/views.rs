@@ -11,7 +11,7 @@ use glam::{Mat4, Vec3};
 use std::borrow::Cow;
 
 /// Location of a pose, with numbers in its [`PoseFormat`]: value = offset + number × unit, in input units. Positions are
-/// relative to [`PackedLayout::origin`]; normals are not normalised.
+/// relative to [`PackedLayout::origin`](crate::PackedLayout::origin); normals are not normalised.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct PoseView {

@@ -100,7 +100,8 @@ impl Importance {
     /// and are always kept.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a pin that no target's name begins with; the message suggests the nearest name.
+    /// [`Error::Invalid`](crate::Error::Invalid) for a pin that no target's name begins with; the message suggests the
+    /// nearest name.
     pub fn of(mesh: &MorphMesh, pins: &[&str]) -> Result<Self> {
         Deltas::of(mesh).by_mean_square(pins)
     }
@@ -109,7 +110,8 @@ impl Importance {
     /// of `pins` come first, and are always kept.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a pin that no target's name begins with; the message suggests the nearest name.
+    /// [`Error::Invalid`](crate::Error::Invalid) for a pin that no target's name begins with; the message suggests the
+    /// nearest name.
     pub fn of_packed(mesh: &PackedMesh, pins: &[&str]) -> Result<Self> {
         Deltas::of_packed(mesh).by_mean_square(pins)
     }
@@ -118,8 +120,8 @@ impl Importance {
     /// important first; the first `pinned` are always kept.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a name that is not a target, with the nearest name suggested; a name given twice; targets
-    /// left out; or more pinned targets than there are.
+    /// [`Error::Invalid`](crate::Error::Invalid) for a name that is not a target, with the nearest name suggested; a name
+    /// given twice; targets left out; or more pinned targets than there are.
     pub fn in_order(mesh: &PackedMesh, order: &[&str], pinned: usize) -> Result<Self> {
         Deltas::of_packed(mesh).by_names(order, pinned)
     }
@@ -168,7 +170,7 @@ impl Importance {
     /// weights stay bit for bit.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if the number of weights is not that of targets.
+    /// [`Error::Invalid`](crate::Error::Invalid) if the number of weights is not that of targets.
     pub fn apply(&self, level: f32, weights: &mut [f32]) -> Result<()> {
         let what = || format!("{} weights given, but {} targets are ranked", weights.len(), self.ranks.len());
         let remedy = "rank the mesh that the weights are for";

@@ -205,8 +205,8 @@ impl Animation {
     /// of it: [`Gltf::clip`](super::Gltf::clip) with this `fps`.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if `fps` is not a positive number, or there would be more than 2²⁰ frames, and more than
-    /// keys.
+    /// [`Error::Invalid`](crate::Error::Invalid) if `fps` is not a positive number, or there would be more than 2²⁰
+    /// frames, and more than keys.
     pub fn frame_times(&self, fps: Option<f32>) -> Result<impl ExactSizeIterator<Item = f64>> {
         let fps = fps.unwrap_or_else(|| self.frame_rate());
         let near = move |time: f64| {
