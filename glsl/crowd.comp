@@ -125,12 +125,16 @@ void main() {
         next += ROW_WORDS(HEADS); \
     } while (next < end);
 #ifdef ROUNDED_PRODUCTS
-    // Two loops: a branch in one would stand between the loads of a row and of the next.
-    if (replaces) {
-        EACH_ROW(EACH_HEAD(ADD) EACH_HEAD(SUBTRACT))
-    } else
-#endif
+    // The widest tiles have a loop of their own: the branch would stand between the loads of a row and of the next. Where
+    // tiles are narrower, it would take more registers than there are.
+    if (HEADS == TILE && !replaces) {
+        EACH_ROW(EACH_HEAD(ADD))
+    } else {
+        EACH_ROW(EACH_HEAD(ADD) if (replaces) { EACH_HEAD(SUBTRACT) })
+    }
+#else
     EACH_ROW(EACH_HEAD(ADD))
+#endif
 
     // Poses are loaded after the loop, so that they do not take registers in it.
     // Only tiles that the GPU plans, for integers, have instances of both kinds.
