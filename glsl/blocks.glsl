@@ -37,7 +37,8 @@ layout(push_constant) uniform Push {
     uint pose_floats;   // numbers from pose to pose
     float position_unit; // of an integer delta, for float32 sums
     float normal_unit;
-    uint dropped;       // lowest bits that rounding drops (ROUNDED_PRODUCTS), five for each component
+    uint dropped[6];    // lowest bits that rounding drops (ROUNDED_PRODUCTS), by component
+    uint halves[6];     // half of the lowest bit that is left: compilers would keep what is computed here in registers
 };
 
 #ifdef TEXELS
@@ -62,12 +63,14 @@ vec2 units_once = vec2(position_unit, normal_unit);
 // The factors of an entry, from the coefficient in the work list, and their product with a delta.
 #ifdef ROUNDED_PRODUCTS
 #include "rounded.glsl"
+#define ROUNDING_FROM(i) \
+    Rounding(uvec3(dropped[i], dropped[i + 1], dropped[i + 2]), uvec3(halves[i], halves[i + 1], halves[i + 2]))
 #ifdef TEXELS
-uvec3 position_dropped = dropped_of(dropped, 0u);
-uvec3 normal_dropped = dropped_of(dropped, 3u);
+Rounding position_rounding = ROUNDING_FROM(0);
+Rounding normal_rounding = ROUNDING_FROM(3);
 #else
-#define position_dropped dropped_of(dropped, 0u)
-#define normal_dropped dropped_of(dropped, 3u)
+#define position_rounding ROUNDING_FROM(0)
+#define normal_rounding ROUNDING_FROM(3)
 #endif
 #define FACTOR ivec2
 #define FACTOR_OF(bits, unit, shift) ((ROUNDED_SUMS ? ivec2(bits) : two_weights(bits)) << (shift))
@@ -78,9 +81,9 @@ uvec3 normal_dropped = dropped_of(dropped, 3u);
 #else
 #define ONE_PRODUCT true
 #endif
-#define TIMES(factor, delta, dropped) \
+#define TIMES(factor, delta, rounding) \
     (ROUNDED_SUMS ? (factor).x * (delta) \
-        : ONE_PRODUCT ? rounded_term((factor).x, delta, dropped) : rounded_product(factor, delta, dropped))
+        : ONE_PRODUCT ? rounded_term((factor).x, delta, rounding) : rounded_product(factor, delta, rounding))
 #else
 #define FACTOR ADDEND
 #ifdef INTEGER_POSES
@@ -91,5 +94,5 @@ uvec3 normal_dropped = dropped_of(dropped, 3u);
 #else
 #define FACTOR_OF(bits, unit, shift) ADDEND(uintBitsToFloat(bits))
 #endif
-#define TIMES(factor, delta, dropped) ((factor) * ADDEND(delta))
+#define TIMES(factor, delta, rounding) ((factor) * ADDEND(delta))
 #endif

@@ -31,8 +31,8 @@ struct Head {
     if (HEADS == TILE) { [[unroll]] for (uint h = 4u; h < TILE; ++h) { DO(h) } }
 
 Head plus_entry(Head head, uint coefficient, DELTA position, DELTA normal, uvec2 shifts) {
-    head.position += TIMES(FACTOR_OF(coefficient, position_unit, shifts.x), position, position_dropped);
-    head.normal += TIMES(FACTOR_OF(coefficient, normal_unit, shifts.y), normal, normal_dropped);
+    head.position += TIMES(FACTOR_OF(coefficient, position_unit, shifts.x), position, position_rounding);
+    head.normal += TIMES(FACTOR_OF(coefficient, normal_unit, shifts.y), normal, normal_rounding);
     return head;
 }
 
@@ -40,14 +40,14 @@ Head plus_entry(Head head, uint coefficient, DELTA position, DELTA normal, uvec2
 // Subtracts what the pose holds of an entry.
 Head minus_entry(Head head, uint coefficient, ivec3 position, ivec3 normal, uvec2 shifts) {
     int weight = two_weights(coefficient).y;
-    head.position -= rounded_term(weight << shifts.x, position, position_dropped);
-    head.normal -= rounded_term(weight << shifts.y, normal, normal_dropped);
+    head.position -= rounded_term(weight << shifts.x, position, position_rounding);
+    head.normal -= rounded_term(weight << shifts.y, normal, normal_rounding);
     return head;
 }
 
 // The sum of an instance that starts from the base pose; that of a copy is 0, and stays 0.
 Head rounded_sum(Head head) {
-    return Head(ROUNDED(head.position, position_dropped), ROUNDED(head.normal, normal_dropped));
+    return Head(ROUNDED(head.position, position_rounding), ROUNDED(head.normal, normal_rounding));
 }
 #endif
 

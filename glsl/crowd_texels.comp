@@ -91,11 +91,11 @@ void main() {
                 n[r] = FACTOR_OF(row[r][1u + h], normal_unit, shifts[r].y);
             }
             [[unroll]] for (uint v = 0u; v < VERTICES; ++v) {
-                ADDEND position = TIMES(p[0], dp[0][v], position_dropped);
-                ADDEND normal = TIMES(n[0], dn[0][v], normal_dropped);
+                ADDEND position = TIMES(p[0], dp[0][v], position_rounding);
+                ADDEND normal = TIMES(n[0], dn[0][v], normal_rounding);
                 [[unroll]] for (uint r = 1u; r < AT_ONCE; ++r) {
-                    position += TIMES(p[r], dp[r][v], position_dropped);
-                    normal += TIMES(n[r], dn[r][v], normal_dropped);
+                    position += TIMES(p[r], dp[r][v], position_rounding);
+                    normal += TIMES(n[r], dn[r][v], normal_rounding);
                 }
                 [[unroll]] for (uint c = 0u; c < 3u; ++c) {
                     added[h][6u * v + c] += position[c];
@@ -127,7 +127,7 @@ void main() {
         [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
             [[unroll]] for (uint i = 0u; i < NUMBERS; i += 3u) {
                 ivec3 sum = ivec3(added[h][i], added[h][i + 1u], added[h][i + 2u]);
-                sum = ROUNDED(sum, i % 6u < 3u ? position_dropped : normal_dropped);
+                sum = ROUNDED(sum, i % 6u < 3u ? position_rounding : normal_rounding);
                 [[unroll]] for (uint c = 0u; c < 3u; ++c) added[h][i + c] = sum[c];
             }
         }

@@ -100,8 +100,10 @@ after_steps!(structures {
         position_unit: f32,
         /// Float32 sums: input units per integer of a normal delta.
         normal_unit: f32,
-        /// Rounded sums: low bits dropped from products, five bits for each component.
-        dropped: u32,
+        /// Rounded sums: low bits dropped from products, by component.
+        dropped: [u32; GROUP_COMPONENTS],
+        /// Half of the lowest bit that is left.
+        halves: [u32; GROUP_COMPONENTS],
     }
 
     /// Push constants of `read.comp`.

@@ -3,7 +3,7 @@
 
 use super::dispatch::Dispatching;
 use crate::abi::modules::{CROWD, CROWD_TEXELS, Module};
-use crate::abi::push::{BlocksPush, dropped_word};
+use crate::abi::push::BlocksPush;
 use crate::abi::worklist::{ITEMS_MAX, POSES_MAX, TILE, WIDTHS};
 use crate::error::Result;
 use crate::gpu::descriptors::{BufferRange, Sets};
@@ -154,6 +154,7 @@ impl GroupBlocks {
                 (BufferRange::new(buffer.raw, 0, bytes as u64), 0)
             }
         };
+        let dropped = poses.grid.map_or([0; POSE_FLOATS], |grid| grid.dropped);
         let push = BlocksPush {
             first_item: 0,
             deltas_at: index.deltas_at as u32,
@@ -161,7 +162,8 @@ impl GroupBlocks {
             pose_floats: poses.numbers(),
             position_unit,
             normal_unit,
-            dropped: dropped_word(poses.grid.map_or([0; POSE_FLOATS], |grid| grid.dropped)),
+            dropped,
+            halves: dropped.map(|dropped| 1 << dropped >> 1),
         };
         let ranges = |&Bound { list, instances: (first, count) }: &Bound| {
             // With texels, poses are bound twice, for stores and loads.
