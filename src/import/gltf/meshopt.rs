@@ -3,15 +3,13 @@
 //! the filter COLOR; files that name EXT may use them here all the same, as in meshoptimizer. `None` means that data is
 //! cut off or not of the mode.
 
-use crate::error::ensure;
-
 /// Decodes `count` elements of `size` bytes. The text of an error is meant to follow a place in the file.
 pub fn decode(data: &[u8], count: usize, size: usize, mode: &str, filter: &str) -> Result<Vec<u8>, String> {
     // No mode expands a byte further: 2 bits stand for 16 unchanged bytes, in version 1 for 256.
     let most = if data.first() == Some(&VERSION_1) { 1024 } else { 64 };
-    let has_room = count.checked_mul(size).is_some_and(|total| total / most <= data.len());
-    let what = || format!("{count} elements of {size} bytes, more than {} compressed bytes can hold", data.len());
-    ensure!(has_room, what());
+    if count.checked_mul(size).is_none_or(|total| total / most > data.len()) {
+        return Err(format!("{count} elements of {size} bytes, more than {} compressed bytes can hold", data.len()));
+    }
     let fits = match (mode, filter) {
         ("ATTRIBUTES", "" | "NONE" | "EXPONENTIAL") => size.is_multiple_of(4) && (4..=256).contains(&size),
         ("ATTRIBUTES", "OCTAHEDRAL" | "COLOR") => size == 4 || size == 8,
@@ -20,8 +18,9 @@ pub fn decode(data: &[u8], count: usize, size: usize, mode: &str, filter: &str) 
         ("INDICES", "" | "NONE") => size == 2 || size == 4,
         _ => false,
     };
-    let what = || format!("{count} elements of {size} bytes in mode '{mode}' with filter '{filter}': not valid");
-    ensure!(fits, what());
+    if !fits {
+        return Err(format!("{count} elements of {size} bytes in mode '{mode}' with filter '{filter}': not valid"));
+    }
     let narrow = |indices: Vec<u32>| indices.iter().flat_map(|i| i.to_le_bytes().into_iter().take(size)).collect();
     let decoded = match mode {
         "TRIANGLES" => triangles(data, count).map(narrow),
