@@ -62,7 +62,8 @@ impl PoseReadback {
     /// them, in the same command buffer or a later one.
     ///
     /// Records: a barrier from the stages that write poses to copies (TRANSFER with TRANSFER_READ), independent of the
-    /// crowd's [consumers](crate::CrowdDesc::consumers); the copies; and a barrier that makes them visible to the host (HOST with HOST_READ), for which later updates wait.
+    /// crowd's [consumers](crate::CrowdDesc::consumers); the copies; and a barrier that makes them visible to the host
+    /// (HOST with HOST_READ), for which later updates wait.
     ///
     /// # Errors
     /// A crowd of another engine; errors of [`Crowd::pose`](super::Crowd::pose) for each instance; no memory. Nothing

@@ -1,13 +1,13 @@
 //! Runs in groups: those of one family differ only in what an axis shows.
 
 use super::compare::ratios;
-use super::record::RunRecord;
+use super::record::{RunRecord, draws_words};
 use super::stats::Stats;
 use deltamorph::BatchSize;
 
-/// Path, format, mode, poses, slots, and whether instances share an animation, each as it is named.
+/// Path, format, mode, poses, slots, whether instances share an animation, and draws, each as it is named.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Family([String; 6]);
+pub struct Family([String; 7]);
 
 impl Family {
     fn of(run: &RunRecord) -> Self {
@@ -15,13 +15,14 @@ impl Family {
         let sums = if run.sums().is_empty() { String::new() } else { format!(" {}", run.sums()) };
         let shared = if run.shared { " shared".into() } else { String::new() };
         let slots = format!(" {} slots", run.slots);
-        Self([run.path.clone(), format!(" {}", run.format), format!(" {}", run.mode), sums, slots, shared])
+        let draws = draws_words(run.draws);
+        Self([run.path.clone(), format!(" {}", run.format), format!(" {}", run.mode), sums, slots, shared, draws])
     }
 
     /// Its name; with mode, poses and slots if they differ among `all`.
     pub fn label(&self, all: &[(Family, Vec<&RunRecord>)]) -> String {
         let told = |i: &usize| !(2..5).contains(i) || all.iter().any(|(other, _)| other.0[*i] != self.0[*i]);
-        (0..6).filter(told).map(|i| self.0[i].as_str()).collect()
+        (0..7).filter(told).map(|i| self.0[i].as_str()).collect()
     }
 }
 

@@ -171,7 +171,8 @@ fn table(table: &Table, runs: &[&RunRecord]) -> String {
         cells.iter().enumerate().map(cell).collect()
     };
     let mut html = format!("<div class=scroll><table><thead><tr>{}</tr></thead><tbody>", cells("th", &table.headings));
-    let work = |r: &RunRecord| (r.suite.clone(), r.cell.clone(), r.workload.clone(), r.heads, r.changed.to_bits());
+    let work =
+        |r: &RunRecord| (r.suite.clone(), r.cell.clone(), r.workload.clone(), r.heads, r.draws, r.changed.to_bits());
     let best = partition(&runs.iter().copied().filter(|run| run.counts()).collect::<Vec<_>>(), work);
     let best: Vec<&RunRecord> = best.into_iter().filter_map(|(_, rivals)| fastest(rivals)).collect();
     for (i, row) in table.rows.iter().enumerate() {

@@ -71,7 +71,7 @@ pub fn of_suite(suite: &SuiteRecord) -> String {
 /// The runs of the first workload: gains of different ones do not compare.
 fn of_runs(runs: &[&RunRecord]) -> Vec<String> {
     let Some(first) = runs.first() else { return vec![] };
-    let same = |r: &&RunRecord| (&r.workload, r.heads) == (&first.workload, first.heads);
+    let same = |r: &&RunRecord| (&r.workload, r.heads, r.draws) == (&first.workload, first.heads, first.draws);
     let runs: Vec<&RunRecord> = runs.iter().copied().filter(same).collect();
     let hardest = hardest(&runs);
     let Some(best) = fastest(hardest.iter().copied()) else { return vec![] };

@@ -51,6 +51,12 @@ fn sentences_have_numbers_from_the_runs() {
     };
     let fixed = sentences(&self::report(|run| run.path == "compute" && run.format == "snorm16", half));
     assert!(fixed[1].contains(" the fastest is compute snorm16 fixed32, one pass: "), "{fixed:?}");
+    // Frames with more draws are another work.
+    let drawn = |run: RunRecord| {
+        let gpu_ms = run.gpu_ms.map(|time| Stats { median: time.median / 2.0, ..time });
+        RunRecord { gpu_ms, draws: 3, ..run }
+    };
+    assert_eq!(sentences(&self::report(|_| true, drawn))[..3], all[..3]);
     let suite = sentences(&synthetic::suite());
     assert!(suite[0].contains("fastest GPU path in 1 of 1 cells"), "{suite:?}");
 

@@ -191,7 +191,8 @@ pub fn captured(session: &mut Session<'_>) -> Result<Vec<Workloads>, Failure> {
     Ok(list)
 }
 
-/// Measures `all` techniques on each of `list`, for one instance and for many, with few draws and with more: a cell each.
+/// Measures `all` techniques on each of `list`, for one instance and for many, with few draws and with more: a cell
+/// each.
 pub fn run(session: &mut Session<'_>, list: Vec<Workloads>, heads: &[u32], all: &[Technique]) -> Result<(), Failure> {
     let (heads, passes) = (session.args.heads_or(heads), session.args.draws_or(1));
     for (inputs, works) in list {
