@@ -1,7 +1,7 @@
 //! Plots of runs, as figures with SVG in them.
 
 use super::group::{by_family, partition};
-use super::record::{RunRecord, batch_words, fastest};
+use super::record::{RunRecord, batch_words, draws_words, fastest};
 use crate::table::{count, sig3};
 use deltamorph::UpdatePath;
 
@@ -9,7 +9,7 @@ use deltamorph::UpdatePath;
 const HUES: [&str; 9] =
     ["#0072b2", "#d55e00", "#cc79a7", "#009e73", "#7a5fd0", "#808890", "#b08a00", "#2aa5b0", "#c04040"];
 /// Lines of one path differ in their dashes.
-const DASHES: [&str; 4] = ["none", "7 4", "2 3", "9 3 2 3"];
+const DASHES: [&str; 8] = ["none", "7 4", "2 3", "9 3 2 3", "16 4", "1 6", "9 3 2 3 2 3", "16 4 4 4"];
 /// Width of a plot, its height without a legend, and the room on its left, on its right, and below.
 const WIDTH: f64 = 640.0;
 const HEIGHT: f64 = 320.0;
@@ -100,7 +100,11 @@ pub fn bars(title: &str, runs: &[&RunRecord]) -> String {
     let most = runs.iter().map(|run| run.median()).fold(0.0, f64::max);
     let mut svg = String::new();
     for (i, run) in runs.iter().enumerate() {
-        let name = if run.technique.is_empty() { format!("{} {}", run.path, run.formats()) } else { run.label() };
+        let name = match run.technique.is_empty() {
+            true => format!("{} {}{}", run.path, run.formats(), draws_words(run.draws)),
+            // The cell names the draws.
+            false => run.label(),
+        };
         let batch = if run.batch_max.is_some() { format!(", {}", batch_words(run.batch_size)) } else { String::new() };
         let (y, width) = (LINE * i as f64, run.median() / most * (WIDTH - 420.0));
         svg += &text([230.0, y + 14.0], "end", &name);
