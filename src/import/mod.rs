@@ -27,7 +27,7 @@ pub struct ImportDesc {
     /// Give each vertex one texture coordinate ([`MorphSource::split`]). Packed files are not changed. `false` by
     /// default.
     pub split: bool,
-    /// Leave meshes of a glTF file unposed, for joints to move: the mesh is that of `gltf::Gltf::into_skinned`. `false`
+    /// Leave meshes of a glTF file unposed, for joints to move, as described at `gltf::Gltf::into_mesh`. `false`
     /// by default.
     pub unposed: bool,
 }
@@ -58,7 +58,7 @@ pub enum ImportedMesh {
 /// Opens a mesh and the files that belong to it: a folder with `neutral.obj`, `targets/*.obj` and `weights/*.csv`, a
 /// glTF file (`*.glb`, `*.gltf`, `*.vrm`; feature `gltf`), or a packed file (`*.dmorph`).
 ///
-/// Several meshes of a glTF file become one, as described at `gltf::Gltf::into_source`.
+/// Several meshes of a glTF file become one, as described at `gltf::Gltf::into_mesh`.
 ///
 /// ```no_run
 /// use deltamorph::import::{ImportDesc, ImportedMesh, open};
@@ -153,7 +153,7 @@ pub fn animation_of(path: &Path) -> Option<(PathBuf, String)> {
 fn open_gltf(path: &Path, desc: &ImportDesc) -> Result<Imported> {
     let gltf = gltf::read(path)?;
     let clips = gltf.weight_animations().map(|animation| named(path, &animation.name)).collect();
-    let source = if desc.unposed { gltf.into_skinned()?.0 } else { gltf.into_source()? };
+    let source = gltf.into_mesh(desc.unposed)?.source;
     Ok(Imported { mesh: ImportedMesh::Source(source), clips })
 }
 

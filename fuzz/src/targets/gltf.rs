@@ -30,8 +30,8 @@ fn run(data: &[u8]) {
         Err(error) => return check_error(error),
     };
     bounded("animations", size, Memory { base: 256 << 20, per_byte: 960 }, || animations(&read));
-    let mut source = match bounded("Gltf::into_source", size, MEMORY, || read.into_source()) {
-        Ok(source) => source,
+    let mut source = match bounded("Gltf::into_mesh", size, MEMORY, || read.into_mesh(false)) {
+        Ok(mesh) => mesh.source,
         Err(error) => return check_error(error),
     };
     let choice = crc32fast::hash(data);

@@ -1,7 +1,7 @@
 //! glTF 2.0: meshes with morph targets, their weight animations, skins and nodes (`*.glb`, `*.gltf`, `*.vrm`).
 //!
 //! [`read`] returns everything as plain arrays, in the order of the file, for an engine with its own scene.
-//! [`import::open`](super::open) makes one mesh of the file, as described at [`Gltf::into_source`].
+//! [`import::open`](super::open) makes one mesh of the file, as described at [`Gltf::into_mesh`].
 //!
 //! - Streams: positions, normals, tangents, texture coordinates and colours; targets may change each of them. Accessors
 //!   are dense, sparse or all zero, of any component type (KHR_mesh_quantization), compressed or not
@@ -78,7 +78,7 @@ pub struct Gltf {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Scene {
-    /// The mesh that targets move: that of [`Gltf::into_source`], or of [`Gltf::into_skinned`].
+    /// The mesh that targets move: that of [`Gltf::into_mesh`].
     pub mesh: Drawn,
     /// The meshes that no target moves, as one: it needs no pose and no update. `None` if there are none, or if all
     /// meshes are: they are the mesh then.
@@ -91,7 +91,7 @@ pub struct Scene {
 pub struct Drawn {
     /// The mesh.
     pub source: MorphSource,
-    /// The joints that move it, in a scene without a pose.
+    /// The joints that move it, if it is unposed.
     pub skeleton: Option<Skeleton>,
     /// Its faces, in parts of one material each.
     pub parts: Vec<DrawnPart>,
@@ -306,36 +306,28 @@ impl Gltf {
 
     /// Makes one mesh of the file. It takes all meshes that have targets and are in the default scene, at rest, at the
     /// transform of each node that draws them. If the file has no targets, it takes all meshes in the scene; if none is
-    /// in the scene, all of the file. Targets of one name move together. A mesh with a skin is posed by its
-    /// joints at rest: base and targets by the blend of matrices that each vertex follows. The notes state what was
-    /// left out or merged, and the weights at rest, which a mesh cannot hold. A node that a scale of 0 flattens is
-    /// taken for not in the scene.
+    /// in the scene, all of the file. Targets of one name move together. The notes state what was left out or merged,
+    /// and the weights at rest, which a mesh cannot hold. A node that a scale of 0 flattens is taken for not in the
+    /// scene.
+    ///
+    /// A mesh with a skin is posed by its joints at rest: base and targets by the blend of matrices that each vertex
+    /// follows. Not so if `unposed`: it stands whole then, where the joint is that most of its weight follows, and the
+    /// mesh has the joints, which bring it to that pose at rest. It has none where nothing moves but targets: no mesh
+    /// has a skin, and no animation moves a node.
     ///
     /// # Errors
-    /// [`Error::Input`] if no mesh has triangles, joints move a vertex out of the range of single precision, or the
-    /// mesh would be larger than a file of this size can hold.
-    pub fn into_source(self) -> Result<MorphSource> {
-        Ok(self.scene(false, false)?.mesh.source)
+    /// [`Error::Input`] if no mesh has triangles, joints move a vertex out of the range of single precision, the mesh
+    /// would be larger than a file of this size can hold, or vertices of an unposed mesh follow more than 65,535 joints
+    /// in all.
+    pub fn into_mesh(self, unposed: bool) -> Result<Drawn> {
+        Ok(self.scene(unposed, false)?.mesh)
     }
 
-    /// Makes one mesh of the file, as [`into_source`](Self::into_source) does, and says which joints its vertices
-    /// follow; `None` where nothing moves but targets: no mesh has a skin, and no animation moves a node. A mesh with a
-    /// skin is not posed: it stands whole, where the joint is that most of its weight follows. The joints at rest bring
-    /// it to the pose of `into_source`.
+    /// Makes two meshes of the file: that of [`into_mesh`](Self::into_mesh), and the one of everything else in the
+    /// scene, which stands in the same space, and has joints in the same way.
     ///
     /// # Errors
-    /// Those of `into_source`; [`Error::Input`] if vertices follow more than 65,535 joints in all.
-    pub fn into_skinned(self) -> Result<(MorphSource, Option<Skeleton>)> {
-        let Drawn { source, skeleton, .. } = self.scene(true, false)?.mesh;
-        Ok((source, skeleton))
-    }
-
-    /// Makes two meshes of the file: the one that targets move, which is the mesh of [`into_source`](Self::into_source)
-    /// or, `unposed`, of [`into_skinned`](Self::into_skinned); and the one of everything else in the scene, which
-    /// stands in the same space, and has joints in the same way.
-    ///
-    /// # Errors
-    /// Those of `into_source` and `into_skinned`.
+    /// Those of `into_mesh`.
     pub fn into_scene(self, unposed: bool) -> Result<Scene> {
         self.scene(unposed, true)
     }

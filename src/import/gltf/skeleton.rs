@@ -6,7 +6,7 @@ use super::scene::{Hierarchy, Node, Skin, world_matrices};
 use glam::DMat4;
 use std::collections::BTreeMap;
 
-/// Joints that move the vertices of the mesh of [`Gltf::into_skinned`](super::Gltf::into_skinned), beside its targets.
+/// Joints that move the vertices of the mesh of [`Gltf::into_mesh`](super::Gltf::into_mesh), beside its targets.
 /// Vertices of meshes without a skin follow one joint each, the node that draws them.
 #[derive(Clone, Debug)]
 #[non_exhaustive]

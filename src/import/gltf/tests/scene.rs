@@ -175,7 +175,7 @@ fn meshes_with_targets_are_merged_where_they_stand() {
     file.json["nodes"] =
         json!([{"mesh": 0, "scale": [2, 2, 2]}, {"mesh": 1}, {"mesh": 2, "translation": [0, 0, 5]}, {"mesh": 2}]);
     let mut source = |notes: &[&str]| {
-        let source = file.read().unwrap().into_source().unwrap();
+        let source = file.read().unwrap().into_mesh(false).unwrap().source;
         assert_eq!(source.notes, notes);
         source.to_mesh(Tolerance::default()).unwrap();
         file.json["nodes"][0] = json!({"mesh": 0, "scale": [1, 0, 1], "name": "hid"});
@@ -196,7 +196,7 @@ fn meshes_with_targets_are_merged_where_they_stand() {
     assert_eq!((rest.positions.len(), rest.positions[0], rest.targets.len()), (6, Vec3::Z * 5.0, 1));
     file.json["meshes"] = json!([mesh("eye", &[])]);
     file.json["nodes"] = json!([]);
-    assert_eq!(file.read().unwrap().into_source().unwrap().positions.len(), 3);
+    assert_eq!(file.read().unwrap().into_mesh(false).unwrap().source.positions.len(), 3);
 }
 
 /// Pointers drive weights as other channels do: of a node, of all nodes that take those of a mesh, and one of several.
@@ -261,7 +261,7 @@ fn copies_are_bounded_by_the_size_of_the_file() {
     let lots = file.floats(&vec![[1.0f32, 2.0, 3.0]; 2001]);
     file.json["meshes"] = json!([{"name": "grass", "primitives": [{"attributes": {"POSITION": lots}}]}]);
     file.json["nodes"] = json!(vec![json!({"mesh": 0}); 3000]);
-    let source = file.read().unwrap().into_source().unwrap();
+    let source = file.read().unwrap().into_mesh(false).unwrap().source;
     let copies = source.positions.len() / 2001;
     assert!((10..3000).contains(&copies), "{copies}");
     let said = format!("mesh 'grass' is drawn by 3000 nodes; since the file is small, copies are fewer: {copies}");
@@ -286,7 +286,7 @@ fn what_no_target_moves_stands_beside_the_mesh() {
     let parts = [part("glasses", 0..1, 4), part("glasses", 1..2, 0), part("coat", 2..3, 2)];
     for unposed in [true, false] {
         let Scene { mesh, still } = file.read().unwrap().into_scene(unposed).unwrap();
-        let (source, skeleton) = file.read().unwrap().into_skinned().unwrap();
+        let Drawn { source, skeleton, .. } = file.read().unwrap().into_mesh(true).unwrap();
         assert!(mesh.source.positions == source.positions && skeleton.is_some(), "at rest as in the bind pose");
         let said = "without targets, and no part of the mesh: 'glasses', 'coat', 'spare'";
         assert!(mesh.source.notes.iter().any(|note| note == said), "{:?}", mesh.source.notes);
@@ -319,9 +319,9 @@ fn all_sets_of_joints_pose_a_mesh_and_the_foremost_move_it() {
         let [sum, weights] = [|i: usize| i * (i + 1), |i| i + 1].map(|of| joints.clone().map(of).sum::<usize>() as f32);
         sum / weights
     };
-    let source = file.read().unwrap().into_source().unwrap();
+    let source = file.read().unwrap().into_mesh(false).unwrap().source;
     assert!((source.positions[0].y - mean(0..12)).abs() < 1e-5, "{}", source.positions[0]);
-    let (source, skeleton) = file.read().unwrap().into_skinned().unwrap();
+    let Drawn { source, skeleton, .. } = file.read().unwrap().into_mesh(true).unwrap();
     let skeleton = skeleton.unwrap();
     let moved =
         skeleton.influences.blend(0, &skeleton.joint_matrices(None)).transform_point3(source.positions[0].into());
@@ -337,7 +337,7 @@ fn joints_that_flatten_or_move_out_of_range_are_told() {
     let mut scaled = |by: f32| {
         file.json["nodes"][1] = json!({"scale": [by, by, by], "children": [2]});
         file.json["nodes"][2] = json!({"scale": [by, by, by]});
-        file.read().unwrap().into_source()
+        Ok::<_, Error>(file.read().unwrap().into_mesh(false)?.source)
     };
     let source = scaled(0.0).unwrap();
     let said = "joints of scale 0 flatten it, as at vertex 0";

@@ -91,7 +91,7 @@ fn targets_without_names_belong_to_one_mesh_and_what_a_clip_leaves_out_is_said()
     assert_eq!(clip.names.join(", "), "head target 0, head target 1, jaw, eye target 1");
     assert_eq!(clip.values[4..], [1.0, 0.5, 1.0, 0.75]);
     assert_eq!(names(&read.meshes[2].source), ["eye 2 target 0", "eye 2 target 1"]);
-    let all = read.into_source().unwrap();
+    let all = read.into_mesh(false).unwrap().source;
     assert_eq!(names(&all), ["head target 0", "head target 1", "jaw", "eye target 1"]);
     // Those of a single mesh have no need of its name.
     file.json["meshes"] = json!([meshes[0], named]);
@@ -115,7 +115,7 @@ fn weights_of_a_node_come_before_those_of_its_mesh() {
         assert_eq!((&read.meshes[0].weights[..], &read.nodes[0].weights[..]), (&[0.5, 0.25][..], weights));
         let said = format!("mesh 'head' has weights at rest, which are left out: {note}");
         let expected = if note.is_empty() { vec![] } else { vec![said] };
-        assert_eq!(read.into_source().unwrap().notes, expected);
+        assert_eq!(read.into_mesh(false).unwrap().source.notes, expected);
     }
 }
 
@@ -140,8 +140,8 @@ fn the_scene_that_is_shown_says_which_meshes_are_taken() {
         file.json.as_object_mut().unwrap().remove("scene");
         file.json.as_object_mut().unwrap().extend(scene.as_object().unwrap().clone());
         file.json["scenes"] = scenes;
-        match (file.read().and_then(Gltf::into_source), expected) {
-            (Ok(source), Ok((targets, vertices, left_out))) => {
+        match (file.read().and_then(|file| file.into_mesh(false)), expected) {
+            (Ok(Drawn { source, .. }), Ok((targets, vertices, left_out))) => {
                 assert_eq!((names(&source).join(" ").as_str(), source.positions.len()), (targets, vertices));
                 let said = format!("not in the scene, and left out: {left_out}");
                 assert_eq!(source.notes.contains(&said), !left_out.is_empty(), "{:?}", source.notes);
