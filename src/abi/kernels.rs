@@ -130,11 +130,6 @@ impl KernelRow {
         poses && format.map_or(self.takes == Takes::NoDeltas, |format| self.takes.takes(format))
     }
 
-    /// Number of specialization constants.
-    pub const fn all_constants(&self) -> u32 {
-        self.constants + if self.places { PLACES as u32 } else { 0 }
-    }
-
     /// Its file under glsl/.
     pub fn source(&self) -> String {
         let folder = if self.baseline { "baselines/" } else { "" };

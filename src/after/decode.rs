@@ -71,14 +71,12 @@ impl Decode {
             let push = DecodePush {
                 units,
                 offset,
-                pose_at: 0,
                 decoded_at,
                 stride: target.stride / 4,
                 normal_at: target.normals.unwrap_or(0) / 4,
                 vertices: layout.vertex_count as u32,
-                count: 0,
-                listed: 0,
-                padding: 0,
+                // The rest is of each dispatch.
+                ..Default::default()
             };
             Ok(Self { bound: Bound::new(place, PoseKernel(&DECODE, place.pose()), &bound)?, push })
         })

@@ -6,7 +6,7 @@ use super::views::PoseView;
 use crate::after::{After, TargetContext};
 use crate::asset::streams::{Semantic, StreamPlace};
 use crate::crowd::{CrowdBase, Kind};
-use crate::error::{Error, Result, ensure, refuse};
+use crate::error::{Error, Result, ensure};
 use crate::gpu::device::Device;
 use crate::gpu::memory::Buffer;
 use crate::gpu::pipelines::Kernels;
@@ -358,17 +358,11 @@ impl<U: Updater + ?Sized> CrowdBase<OnDevice<U>> {
             0 => 0,
             steps => steps + 1,
         };
-        match &mut self.kind.queries {
-            None => Ok(0),
-            Some((.., count)) if *count < written => refuse(
-                format!("{count} queries for the {written} timestamps of an update"),
-                "hand in one more than the update has steps",
-            ),
-            Some((.., count)) => {
-                *count = written;
-                Ok(written)
-            }
-        }
+        let Some((.., count)) = &mut self.kind.queries else { return Ok(0) };
+        let what = || format!("{count} queries for the {written} timestamps of an update");
+        ensure!(*count >= written, what(), "hand in one more than the update has steps");
+        *count = written;
+        Ok(written)
     }
 
     pub(super) fn step_name(&self, work: &Work) -> &'static str {

@@ -84,11 +84,10 @@ impl Level {
         // the other.
         let most = self.desc.pixels * SHARE;
         let enough = most * MARGIN;
-        let all = importance.target_count();
         let wanted = importance.level_for(pixels_per_unit, enough);
         let exceeded = importance.level_for(pixels_per_unit, most) > self.goal;
         if self.level.is_none() || exceeded || wanted < self.goal {
-            self.goal = wanted.min(all);
+            self.goal = wanted;
         }
         let level = match self.level {
             Some(level) if pixels_per_unit.is_finite() => self.towards(importance, pixels_per_unit, weights, level),
@@ -102,7 +101,7 @@ impl Level {
     /// of a pixel is a step for a target that moves thousands.
     fn towards(&self, importance: &Importance, pixels_per_unit: f32, weights: Option<&[f32]>, level: f64) -> f64 {
         let goal = self.goal as f64;
-        let mut at = level.min(importance.target_count() as f64);
+        let mut at = level.min(importance.order().len() as f64);
         let mut room = f64::from(self.desc.fade);
         while at != goal {
             // The target that fades, and the level at which it is fully in or out.

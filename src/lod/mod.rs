@@ -1,7 +1,7 @@
 //! Level of detail: an instance keeps its most important targets, as many as its size on the screen needs; the others
 //! fade out.
 //!
-//! [`Importance`] ranks the targets of a mesh, and states how far vertices may be off if only the first of them are
+//! [`Importance`] ranks the targets of a mesh, and knows how far vertices may be off if only the first of them are
 //! kept; it is made once for a mesh. [`Level`] is the number of targets that an instance keeps now: a real number that
 //! follows the camera so slowly that nothing pops. [`Importance::apply`] applies it to weights, which any path takes:
 //! with incremental updates, a target that is dropped is one more delta weight, and one that stays dropped costs
@@ -78,7 +78,8 @@ pub struct Importance {
     ranks: Vec<u32>,
     /// The farthest that each target moves a vertex at weight 1, in input units, rounded up.
     reaches: Vec<f32>,
-    /// Errors by number of targets kept, from none to all.
+    /// How far a vertex may be off, in input units, by number of targets kept, from none to all: the largest sum of
+    /// |w_t · δ_t(v)| of any vertex v over the targets t that are dropped, for weights w from -1 to 1.
     errors: Vec<f32>,
     /// Number of targets that are always kept.
     pinned: usize,
@@ -123,7 +124,25 @@ impl Importance {
     /// [`Error::Invalid`](crate::Error::Invalid) for a name that is not a target, with the nearest name suggested; a name
     /// given twice; targets left out; or more pinned targets than there are.
     pub fn in_order(mesh: &PackedMesh, order: &[&str], pinned: usize) -> Result<Self> {
-        Deltas::of_packed(mesh).by_names(order, pinned)
+        let deltas = Deltas::of_packed(mesh);
+        let mut seen = HashSet::new();
+        let place = |name: &&str| {
+            let what =
+                || format!("an order of importance names '{name}', which is no target of mesh '{}'", deltas.mesh);
+            let target = deltas.names.iter().position(|target| target == name);
+            let target = target.ok_or_else(|| unknown(what(), name, &deltas.names))?;
+            let what = format!("an order of importance names '{name}' twice");
+            ensure!(seen.insert(target), what, "name each target once");
+            Ok(target)
+        };
+        let order: Vec<usize> = order.iter().map(place).collect::<Result<_>>()?;
+        let given = order.len();
+        let all = deltas.names.len();
+        let mesh = deltas.mesh;
+        let what = format!("an order of importance of {given} targets, {pinned} of them pinned, for mesh '{mesh}'");
+        let fits = given == all && pinned <= all;
+        ensure!(fits, what, format!("name all of its {all} targets, and pin no more"));
+        Ok(deltas.ranked(&order, pinned))
     }
 
     /// Returns the targets, the most important first.
@@ -134,18 +153,6 @@ impl Importance {
     /// Returns the rank of each target: its position in the [`order`](Self::order), from 0.
     pub fn ranks(&self) -> &[u32] {
         &self.ranks
-    }
-
-    /// Returns the number of targets.
-    pub fn target_count(&self) -> usize {
-        self.order.len()
-    }
-
-    /// Returns how far a vertex may be off if only the first `kept` targets are applied, in input units: the largest sum
-    /// of |w_t · δ_t(v)| of any vertex v over the targets t that are dropped, for weights w from -1 to 1. 0 if all are
-    /// kept.
-    pub fn error_of_keeping(&self, kept: usize) -> f32 {
-        self.errors.get(kept).copied().unwrap_or(0.0)
     }
 
     /// Returns the farthest that a target moves a vertex at weight 1, in input units; 0 for a target out of range.
@@ -218,26 +225,6 @@ impl<'a> Deltas<'a> {
         let pinned: Vec<bool> = self.names.iter().map(|name| is_pinned(name, pins)).collect();
         let count = pinned.iter().filter(|pinned| **pinned).count();
         Ok(self.ranked(&ranked(&scores, &pinned), count))
-    }
-
-    fn by_names(&self, order: &[&str], pinned: usize) -> Result<Importance> {
-        let mut seen = HashSet::new();
-        let place = |name: &&str| {
-            let what = || format!("an order of importance names '{name}', which is no target of mesh '{}'", self.mesh);
-            let target = self.names.iter().position(|target| target == name);
-            let target = target.ok_or_else(|| unknown(what(), name, &self.names))?;
-            let what = format!("an order of importance names '{name}' twice");
-            ensure!(seen.insert(target), what, "name each target once");
-            Ok(target)
-        };
-        let order: Vec<usize> = order.iter().map(place).collect::<Result<_>>()?;
-        let given = order.len();
-        let all = self.names.len();
-        let mesh = self.mesh;
-        let what = format!("an order of importance of {given} targets, {pinned} of them pinned, for mesh '{mesh}'");
-        let fits = given == all && pinned <= all;
-        ensure!(fits, what, format!("name all of its {all} targets, and pin no more"));
-        Ok(self.ranked(&order, pinned))
     }
 
     fn ranked(&self, order: &[usize], pinned: usize) -> Importance {

@@ -38,7 +38,7 @@ proptest! {
         };
         let weights: Vec<f32> = (0..9).map(weight).collect();
         let dropped = at_level(&importance, kept as f32, &weights);
-        prop_assert!(distance(&mesh, &weights, &dropped) <= f64::from(importance.error_of_keeping(kept)));
+        prop_assert!(distance(&mesh, &weights, &dropped) <= f64::from(importance.errors[kept]));
 
         let mut level = Level::new(LevelDesc::default().pixels(pixels).fade(fade));
         let mut shown: Option<Vec<f32>> = None;
@@ -97,7 +97,7 @@ fn orders_are_those_of_the_mean_square_with_pins_in_front() {
     assert!(importance.order().windows(2).all(|two| score(&two[0]) >= score(&two[1])));
     assert!(importance.order().iter().enumerate().all(|(rank, t)| importance.ranks()[*t as usize] == rank as u32));
     assert_eq!(importance.order().last(), Some(&2), "it moves nothing");
-    let errors: Vec<f32> = (0..=9).map(|kept| importance.error_of_keeping(kept)).collect();
+    let errors = &importance.errors;
     assert!(errors.windows(2).all(|two| two[0] >= two[1]) && errors[8..] == [0.0; 2] && errors[7] > 0.0);
     // The fewest that fit.
     for pixels in errors.iter().map(|error| error * 3.0) {

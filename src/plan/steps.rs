@@ -226,10 +226,9 @@ impl Consumers {
     /// No readers on the queue of the updates.
     pub const NONE: Self = Self(0);
 
-    /// The consumers of a bit mask; `None` if it has unknown bits.
+    /// The consumers of a bit mask; `None` if it has unknown bits. There are eight, so no others are in a byte.
     pub fn from_bits(bits: u32) -> Option<Self> {
-        let known = Self::READS.iter().fold(0, |all, (bit, ..)| all | bit);
-        u8::try_from(bits).ok().filter(|bits| bits & !known == 0).map(Self)
+        bits.try_into().ok().map(Self)
     }
 
     /// The consumers that a queue with or without graphics can have.

@@ -53,10 +53,7 @@ impl UpdateDesc {
         let fits = !path.row().rebuilds_only || self.mode != UpdateMode::Incremental;
         let remedy = "use the mode 'rebuild': this technique evaluates every pose from the base pose";
         ensure!(fits, format!("incremental updates through '{name}'"), remedy);
-        let fits = !path.row().sums_integers || error_budget == 0.0;
-        let remedy = "use an error budget of 0: it evaluates every pose from the base pose";
-        ensure!(fits, format!("an error budget with '{name}'"), remedy);
-        if !path.formats().iter().any(|format| format.is_blocks()) {
+        if path.row().sums_integers || !path.formats().iter().any(|format| format.is_blocks()) {
             self.check_dense(name)?;
         }
         match self.batch {
@@ -104,7 +101,7 @@ impl UpdateDesc {
         if let Runner::Animated(_) = runner { self.check_animated(layout) } else { Ok(()) }
     }
 
-    /// Rejects an error budget, which only block formats support; `name` is the path or the format.
+    /// Rejects an error budget, which only sums of deltas in blocks support; `name` is the path or the format.
     fn check_dense(&self, name: &str) -> Result<()> {
         let remedy = "use the path 'blocks', or 'cpu' with a block format ('fast', 'small')";
         ensure!(self.error_budget == 0.0, format!("an error budget with '{name}'"), remedy);

@@ -68,7 +68,7 @@ fn levels_are_applied_on_the_gpu() {
         for (format, pose) in [(DeltaFormat::Fast, scene::FIXED[0]), (DeltaFormat::Small, scene::FIXED[1])] {
             let mesh = scene::packed(format, 64);
             let importance = Importance::of_packed(&mesh, &[]).expect("an order");
-            let (clips, targets) = (scene::clips(), importance.target_count());
+            let (clips, targets) = (scene::clips(), importance.order().len());
             let update = scene::fixed(pose, 2);
             let step = f64::from(scene::grid(&mesh, &update).weight_step());
             let animation = AnimationDesc::new(&clips).importance(Some(&importance));

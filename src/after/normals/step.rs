@@ -113,14 +113,12 @@ impl Recomputed {
             let push = NormalsPush {
                 units,
                 offset,
-                pose_at: 0,
                 fans_at: surface.attached.words_at(),
                 normals_at,
                 stride: stride / 4,
                 vertices: layout.vertex_count as u32,
-                count: 0,
-                listed: 0,
-                padding: 0,
+                // The rest is of each dispatch.
+                ..Default::default()
             };
             let bound = Bound::new(place, PoseKernel(&NORMALS, place.pose()), &bound)?;
             Ok(Self { bound, push, surface: surface.clone() })

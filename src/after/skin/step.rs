@@ -195,14 +195,12 @@ impl Skin {
             let push = SkinPush {
                 units,
                 offset,
-                pose_at: 0,
                 joints_at: (target.joints_offset / 16) as u32,
-                skinned_at: 0,
                 stride: target.stride / 4,
                 normal_at: target.normals.unwrap_or(0) / 4,
                 vertices: layout.vertex_count as u32,
-                count: 0,
-                listed: 0,
+                // The rest is of each dispatch.
+                ..Default::default()
             };
             let places = target.outputs().map(|output| (output, output.range(layout).1)).collect();
             Ok(Self {

@@ -90,7 +90,7 @@ impl Clips {
         let mut all = Self { words, clips: vec![], targets: names.len(), format: desc.key_format, ranks_at: 0 };
         desc.clips.iter().try_for_each(|clip| all.push(clip, &names, grid))?;
         if let Some(importance) = desc.importance {
-            let given = importance.target_count();
+            let given = importance.order().len();
             let targets = names.len();
             let mesh = &layout.name;
             let what = format!("an order of importance of {given} targets for mesh '{mesh}', which has {targets}");
