@@ -26,6 +26,11 @@ th, td { padding: 3px 8px; text-align: right; white-space: nowrap; border-bottom
 .note { padding: 8px 12px; }
 ";
 
+const COLUMNS: &str = "Times are medians. Rounds: how many times as long a slow round took as a fast one; uneven above \
+                       1.5. Of floor: the time of copying the fewest bytes that have to move, over the median; data in a \
+                       cache can beat it. ±: the standard error of the mean. Bars in plots: the fastest round to the \
+                       slowest.";
+
 pub fn page(report: &Report) -> String {
     let name = escaped(&report.input.name);
     let found: String = sentences(report).iter().map(|text| format!("<li>{}</li>", escaped(text))).collect();
@@ -47,7 +52,7 @@ pub fn page(report: &Report) -> String {
     let runs: Vec<&RunRecord> = report.runs.iter().collect();
     let same = tables::of_all(&report.runs).unwrap_or_default();
     let all = table(&tables::runs(&report.runs, false), &runs);
-    body += &format!("<h2>All configurations</h2><p>{}</p>{all}", escaped(&same));
+    body += &format!("<h2>All configurations</h2><p>{} {COLUMNS}</p>{all}", escaped(&same));
     let skipped =
         report.skipped.iter().map(|s| format!("<li><b>{}</b>: {}</li>", escaped(&s.what), escaped(&s.reason)));
     let skipped: String = skipped.collect();
@@ -108,7 +113,13 @@ fn figures(report: &Report, suite: Option<&SuiteRecord>) -> String {
             let plot = |((heads, shared, draws), runs): &((u32, bool, u32), Vec<&RunRecord>)| {
                 let heads = heads_words(*heads, *shared);
                 let what = format!("{heads}{}; all targets kept change", draws_words(*draws));
-                lines(["Time per frame against targets", &what], "targets kept", runs, |r| r.targets as f64, time)
+                lines(
+                    ["Time per frame against targets", &what],
+                    "x: targets kept; y: ms",
+                    runs,
+                    |r| r.targets as f64,
+                    time,
+                )
             };
             groups.iter().map(plot).collect()
         }
@@ -127,12 +138,12 @@ fn sweep(runs: &[&RunRecord]) -> String {
             plots += &bars(&format!("The paths at their best: {}", what(&best)), &best);
             let given = format!("{workload}, {}", heads_words(heads, false));
             let titles = ["Time per frame against targets changed", &given];
-            plots += &lines(titles, "targets changed", &runs, |r| r.changed, time);
+            plots += &lines(titles, "x: targets changed; y: ms", &runs, |r| r.changed, time);
         }
         let hardest: Vec<&RunRecord> =
             partition(&runs, |run| run.heads).iter().flat_map(|(_, own)| hardest(own)).collect();
         let titles = ["Time per frame against heads", &what(&hardest)];
-        plots += &lines(titles, "heads", &hardest, |r| r.heads.into(), time);
+        plots += &lines(titles, "x: heads; y: ms", &hardest, |r| r.heads.into(), time);
     }
     plots
 }
@@ -152,8 +163,9 @@ fn batches(runs: &[&RunRecord]) -> String {
     };
     let relative = |run: &RunRecord, own: &[&RunRecord]| gain(run, own).map(|gain| [gain.min, gain.median, gain.max]);
     let titles = ["Relative performance against batch size", &what(runs)];
-    let relative = lines(titles, "targets per pass (times as fast as batch 1)", runs, size, relative);
-    relative + &lines(["Time per frame against batch size", &what(runs)], "targets per pass (ms)", runs, size, time)
+    let relative = lines(titles, "x: targets per pass; y: times as fast as batch 1", runs, size, relative);
+    relative
+        + &lines(["Time per frame against batch size", &what(runs)], "x: targets per pass; y: ms", runs, size, time)
 }
 
 /// Least, median and most of the time of a run's rounds.

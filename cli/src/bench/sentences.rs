@@ -1,5 +1,6 @@
 //! The sentences that summarise a report, with numbers from its runs.
 
+use super::compare::OURS;
 use super::group::{by_family, gain, hardest};
 use super::record::{Report, RunRecord, SuiteRecord, UNEVEN, batch_words, fastest};
 use crate::table::{count, percent, sig3, thousands};
@@ -68,28 +69,38 @@ pub fn of_suite(suite: &SuiteRecord) -> String {
     }
 }
 
-/// The runs of the first workload: gains of different ones do not compare.
+/// The runs of the first workload: gains of different ones do not compare. Rounds that disagree say nothing.
 fn of_runs(runs: &[&RunRecord]) -> Vec<String> {
     let Some(first) = runs.first() else { return vec![] };
     let same = |r: &&RunRecord| (&r.workload, r.heads, r.draws) == (&first.workload, first.heads, first.draws);
-    let runs: Vec<&RunRecord> = runs.iter().copied().filter(same).collect();
+    let runs: Vec<&RunRecord> = runs.iter().copied().filter(|run| same(run) && !run.uneven()).collect();
     let hardest = hardest(&runs);
     let Some(best) = fastest(hardest.iter().copied()) else { return vec![] };
-    [batching(&hardest), Some(of_best(best)), changed(&runs, best)].into_iter().flatten().collect()
+    [batching(&hardest), Some(of_best(best)), of_blocks(&hardest), changed(&runs, best)].into_iter().flatten().collect()
 }
 
 /// The gain of batching in the case with the largest one.
 fn batching(hardest: &[&RunRecord]) -> Option<String> {
     let gains = by_family(hardest).into_iter().flat_map(|(_, own)| {
-        let single = own.iter().find(|r| r.batch_size == BatchSize::Targets(1) && !r.uneven());
+        let single = own.iter().find(|r| r.batch_size == BatchSize::Targets(1));
         let passes = single.map_or(0.0, |r| r.passes);
-        // With as many passes as batch 1, a difference is noise; rounds that disagree say nothing.
-        let several = |r: &&RunRecord| r.batch_size != BatchSize::All && r.passes < passes && !r.uneven();
+        // With as many passes as batch 1, a difference is noise.
+        let several = |r: &&RunRecord| r.batch_size != BatchSize::All && r.passes < passes;
         let gain = |run| gain(run, &own).map(|gain| (gain.median, run));
         own.iter().copied().filter(several).filter_map(gain).collect::<Vec<_>>()
     });
     let (gain, run) = gains.filter(|(gain, _)| *gain > 1.0).max_by(|a, b| a.0.total_cmp(&b.0))?;
-    Some(format!("Batch {} is {gain:.1}× as fast as batch 1 on {} ({})", run.batch_size, run.path, run.formats()))
+    Some(format!("Batch {} is {gain:.1}× as fast as batch 1 on {} ({}).", run.batch_size, run.path, run.formats()))
+}
+
+/// How the incremental path compares with the others of the device, each at its best.
+fn of_blocks(hardest: &[&RunRecord]) -> Option<String> {
+    let device = hardest.iter().copied().filter(|run| run.path != "cpu");
+    let (blocks, others) = device.partition::<Vec<_>, _>(|run| run.path == OURS);
+    let (blocks, other) = (fastest(blocks)?, fastest(others)?);
+    let [ours, theirs] = [blocks, other].map(|run| format!("{} {}", run.path, run.formats()));
+    let times = other.median() / blocks.median();
+    Some(format!("On the device {ours} is {times:.1}× as fast as the best of the other paths, {theirs}."))
 }
 
 /// The fastest configuration of the hardest work.
@@ -113,7 +124,9 @@ fn changed(runs: &[&RunRecord], all: &RunRecord) -> Option<String> {
     let (few_ms, most_ms, times) = (sig3(few.median()), sig3(all.median()), all.median() / few.median());
     let (most, targets) = (all.changed, all.targets);
     Some(format!(
-        "Changing {least:.0} of {targets} targets takes {few_ms} ms, changing {most:.0} takes {most_ms} ms: {times:.1} \
-         times as long."
+        "At its fastest, changing {least:.0} of {targets} targets takes {few_ms} ms ({} {}), changing {most:.0} \
+         {most_ms} ms: {times:.1} times as long.",
+        few.path,
+        few.formats()
     ))
 }
