@@ -37,8 +37,8 @@ layout(push_constant) uniform Push {
     uint pose_floats;   // numbers from pose to pose
     float position_unit; // of an integer delta, for float32 sums
     float normal_unit;
-    uint dropped[6];    // lowest bits that rounding drops (ROUNDED_PRODUCTS), by component
-    uint halves[6];     // half of the lowest bit that is left: compilers would keep what is computed here in registers
+    uint dropped[2];    // lowest bits that rounding drops (ROUNDED_PRODUCTS), of positions and of normals
+    uint halves[2];     // half of the lowest bit that is left: compilers would keep what is computed here in registers
 };
 
 #ifdef TEXELS
@@ -63,14 +63,13 @@ vec2 units_once = vec2(position_unit, normal_unit);
 // The factors of an entry, from the coefficient in the work list, and their product with a delta.
 #ifdef ROUNDED_PRODUCTS
 #include "rounded.glsl"
-#define ROUNDING_FROM(i) \
-    Rounding(uvec3(dropped[i], dropped[i + 1], dropped[i + 2]), uvec3(halves[i], halves[i + 1], halves[i + 2]))
+#define ROUNDING_OF(triple) uvec2(dropped[triple], halves[triple])
 #ifdef TEXELS
-Rounding position_rounding = ROUNDING_FROM(0);
-Rounding normal_rounding = ROUNDING_FROM(3);
+uvec2 position_rounding = ROUNDING_OF(0);
+uvec2 normal_rounding = ROUNDING_OF(1);
 #else
-#define position_rounding ROUNDING_FROM(0)
-#define normal_rounding ROUNDING_FROM(3)
+#define position_rounding ROUNDING_OF(0)
+#define normal_rounding ROUNDING_OF(1)
 #endif
 #define FACTOR ivec2
 #define FACTOR_OF(bits, unit, shift) ((ROUNDED_SUMS ? ivec2(bits) : two_weights(bits)) << (shift))

@@ -105,47 +105,40 @@ void main() {
         }
     } while (next < end);
 
-    // Poses are loaded after the loop, so that they do not take registers in it.
-    // Only tiles that the GPU plans, for integers, have instances of both kinds.
+    // Poses are loaded after the loop, so that they do not take registers in it. Only tiles that the GPU plans, for
+    // integers, have instances of both kinds: a branch would run for those that do not, too, and for each lane.
     uint rebuilt = item[3];
 #ifdef INTEGER_POSES
-    if (ALL_REBUILT || rebuilt != 0u) {
+#define STARTS_FROM_BASE(h) (ALL_REBUILT || (rebuilt >> (h) & 1u) != 0u)
+    const bool loads_base = true;
 #else
-    if (ALL_REBUILT) {
+#define STARTS_FROM_BASE(h) ALL_REBUILT
+    const bool loads_base = ALL_REBUILT;
 #endif
-        NUMBER numbers[NUMBERS];
-        load_base(at, numbers);
-        [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
-            if (ALL_REBUILT || (rebuilt >> h & 1u) != 0u) {
-                [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) added[h][i] += numbers[i];
-            }
-        }
-    }
+    NUMBER numbers[NUMBERS];
+    if (loads_base) load_base(at, numbers);
 
 #ifdef ROUNDED_PRODUCTS
     if (ROUNDED_SUMS) {
         [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
             [[unroll]] for (uint i = 0u; i < NUMBERS; i += 3u) {
                 ivec3 sum = ivec3(added[h][i], added[h][i + 1u], added[h][i + 2u]);
+                sum += STARTS_FROM_BASE(h) ? ivec3(numbers[i], numbers[i + 1u], numbers[i + 2u]) : ivec3(0);
                 sum = ROUNDED(sum, i % 6u < 3u ? position_rounding : normal_rounding);
                 [[unroll]] for (uint c = 0u; c < 3u; ++c) added[h][i + c] = sum[c];
             }
         }
+        // They have the base pose now.
+        [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) numbers[i] = NUMBER(0);
     }
 #endif
 
     // All sources are loaded before the first is stored, since a tile may have an instance several times: plans of the
     // GPU fill tiles up.
-    if (LOADS_POSES) {
-        [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
-            NUMBER source[NUMBERS];
-            load_vertices((item[4u + h] & 0xffffu) * pose_floats + at, source);
-#ifdef INTEGER_POSES
-            int keep = int(rebuilt >> h & 1u) - 1;
-            [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) source[i] &= keep;
-#endif
-            [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) added[h][i] += source[i];
-        }
+    [[unroll]] for (uint h = 0u; h < HEADS; ++h) {
+        NUMBER source[NUMBERS];
+        if (LOADS_POSES) load_vertices((item[4u + h] & 0xffffu) * pose_floats + at, source);
+        [[unroll]] for (uint i = 0u; i < NUMBERS; ++i) added[h][i] += STARTS_FROM_BASE(h) ? numbers[i] : source[i];
     }
     [[unroll]] for (uint h = 0u; h < HEADS; ++h) store_vertices((item[4u + h] >> 16) * pose_floats + at, added[h]);
 }

@@ -7,7 +7,7 @@ struct Entry {
     uint target;
     uint coefficient;        // a float32; for fixed-point poses the weight to hold
     uint normal_coefficient; // a float32; for fixed-point poses the weight that the source holds
-    uint dropped;            // lowest bits of products: five bits for each component
+    uint dropped;            // lowest bits of products: of positions, and in bits 8..16 of normals
 };
 layout(set = 0, binding = 3, std430) readonly buffer Entries { Entry entries[]; };
 

@@ -6,26 +6,19 @@ ivec2 two_weights(uint bits) {
     return ivec2(bitfieldExtract(int(bits), 0, 16), int(bits) >> 16);
 }
 
-// Low bits to drop of three components, at most 31, and half of what the lowest bit that is left stands for.
-struct Rounding {
-    uvec3 dropped;
-    uvec3 halves;
-};
+// The low bits to drop, at most 31, and half of what the lowest bit that is left stands for. No value with a half exceeds
+// 32 bits.
+#define ROUNDED(value, rounding) ((value) + int((rounding).y) >> (rounding).x)
 
-// No value with a half exceeds 32 bits.
-#define ROUNDED(value, rounding) ((value) + ivec3((rounding).halves) >> (rounding).dropped)
-
-// That of three components, of which a word has five bits for each, from component `first` on.
-Rounding rounding_of(uint word, uint first) {
-    uvec3 dropped = uvec3(word >> 5u * first, word >> 5u * (first + 1u), word >> 5u * (first + 2u)) & 31u;
-    return Rounding(dropped, uvec3(1u) << dropped >> 1);
+uvec2 rounding_of(uint dropped) {
+    return uvec2(dropped, 1u << dropped >> 1);
 }
 
-ivec3 rounded_term(int weight, ivec3 delta, Rounding rounding) {
+ivec3 rounded_term(int weight, ivec3 delta, uvec2 rounding) {
     return ROUNDED(weight * delta, rounding);
 }
 
 // The difference of the two amounts.
-ivec3 rounded_product(ivec2 weights, ivec3 delta, Rounding rounding) {
+ivec3 rounded_product(ivec2 weights, ivec3 delta, uvec2 rounding) {
     return rounded_term(weights.x, delta, rounding) - rounded_term(weights.y, delta, rounding);
 }

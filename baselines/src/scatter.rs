@@ -267,7 +267,6 @@ impl Technique for ScatterTechnique {
                 unsafe { dispatch(&self.kernel.objects, cmd, 0, set, runs) };
             }
             Part::Resolve => {
-                // Nothing is dropped: the components of a triple have the unit of its products.
                 let [position_unit, _, _, normal_unit, ..] = self.grid.units;
                 let count = self.mesh.layout.padded_vertices() as u32;
                 let push = |first_vertex, _| ResolvePush { first_vertex, position_unit, normal_unit };

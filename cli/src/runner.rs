@@ -417,7 +417,7 @@ pub fn prepare(
     if let (Ok(Some(before)), Ok(Some(after))) = (narrow.grid(mesh.layout()), desc.grid(mesh.layout()))
         && before.weight_max < after.weight_max
     {
-        let (pose, by) = (desc.pose.name(), after.position_unit() / before.position_unit());
+        let (pose, by) = (desc.pose.name(), after.units[0] / before.units[0]);
         let steps = if by == 1.0 { String::new() } else { format!(" in steps {by} times as long") };
         out.note(format_args!("weights up to {largest}: {pose} poses hold them{steps}"));
     }

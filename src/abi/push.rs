@@ -4,7 +4,7 @@ use super::formats::FormatRow;
 use super::kernels::{KERNELS, KernelRow};
 use super::numbers::DENSE_BATCH_MAX;
 use super::steps::after_steps;
-use crate::asset::streams::GROUP_COMPONENTS;
+use crate::asset::streams::TRIPLES;
 
 /// Names and offsets of a structure's members, and its size in bytes.
 pub type Layout = (&'static [(&'static str, usize)], usize);
@@ -82,7 +82,8 @@ after_steps!(structures {
         coefficient: u32,
         /// Coefficient of normals. Fixed-point poses: the applied weight.
         normal_coefficient: u32,
-        /// Fixed-point poses: low bits of products that rounding drops, five bits for each component.
+        /// Fixed-point poses: low bits of products that rounding drops, of positions in bits 0..8, of normals in bits
+        /// 8..16.
         dropped: u32,
     }
 
@@ -100,10 +101,10 @@ after_steps!(structures {
         position_unit: f32,
         /// Float32 sums: input units per integer of a normal delta.
         normal_unit: f32,
-        /// Rounded sums: low bits dropped from products, by component.
-        dropped: [u32; GROUP_COMPONENTS],
+        /// Rounded sums: low bits dropped from products, by triple.
+        dropped: [u32; TRIPLES],
         /// Half of the lowest bit that is left.
-        halves: [u32; GROUP_COMPONENTS],
+        halves: [u32; TRIPLES],
     }
 
     /// Push constants of `read.comp`.
@@ -189,9 +190,4 @@ const _: () = {
 /// signed byte each, padded to words.
 pub const fn attribute_push_bytes(format: &FormatRow, batch: u32) -> u32 {
     4 * batch + if format.exponents { 4 * batch.div_ceil(4) } else { 0 }
-}
-
-/// Low bits to drop of each component, five bits for each, as shaders read them.
-pub(crate) fn dropped_word(dropped: [u32; GROUP_COMPONENTS]) -> u32 {
-    (0..).zip(dropped).map(|(c, dropped)| dropped << (5 * c)).sum()
 }

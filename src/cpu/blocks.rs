@@ -9,7 +9,7 @@ use super::simd::widest;
 use super::sums::{self, Added, BATCH, Planes};
 use super::workers::Workers;
 use crate::abi::worklist::{ELEMENT_BYTES, Element};
-use crate::asset::streams::TRIPLES;
+use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::pack::formats::small::Records;
 use crate::pack::formats::{BlockFormat, with_format};
 use crate::pack::poses::sums::Sum;
@@ -207,9 +207,9 @@ fn add_alone<T: RowSum, const S: usize>(
     in_rows
 }
 
-/// Low bits dropped from products, by component.
-fn dropped(plan: &GroupPlan) -> [u32; POSE_FLOATS] {
-    plan.grid().map_or([0; POSE_FLOATS], |grid| grid.dropped)
+/// Low bits dropped from products, by triple.
+fn dropped(plan: &GroupPlan) -> [u32; TRIPLES] {
+    plan.grid().map_or([0; TRIPLES], |grid| grid.dropped)
 }
 
 fn factors<T: Sum>(element: &Element, steps: [f32; TRIPLES], shifts: [u32; TRIPLES]) -> [T::Factor; TRIPLES] {
@@ -293,7 +293,7 @@ fn write<P: PoseStorage, const S: usize>(turned: &mut Turned<S>, block: &Block<'
         }
         for vertex in sums.as_chunks_mut::<POSE_FLOATS>().0 {
             for (c, sum) in vertex.iter_mut().enumerate() {
-                *sum = P::rounded(*sum, dropped[c]);
+                *sum = P::rounded(*sum, dropped[c / TRIPLE]);
             }
         }
         let out = cast_slice_mut::<u32, P::Number>(destination).iter_mut().zip(&*sums);

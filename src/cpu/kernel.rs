@@ -5,6 +5,7 @@
 //! a piece is loaded and stored once for all of them.
 
 use super::simd::widest;
+use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::pack::blocks::PoseGrid;
 use crate::pack::formats::{DenseFormat, with_format};
 use crate::pack::grid::Term;
@@ -119,7 +120,7 @@ impl<V: Simd> Lanes<V> {
     #[inline(always)]
     fn new(simd: V, Term { old, new, dropped }: Term) -> Self {
         let lanes = |number: fn(u32) -> i32| {
-            std::array::from_fn(|v| i32x8::from_fn(simd, |lane| number(dropped[(8 * v + lane) % POSE_FLOATS])))
+            std::array::from_fn(|v| i32x8::from_fn(simd, |lane| number(dropped[(8 * v + lane) / TRIPLE % TRIPLES])))
         };
         Self {
             new: old == 0,

@@ -2,7 +2,6 @@
 //! components.
 
 use crate::asset::streams::{TRIPLE, TRIPLES};
-use crate::pack::POSE_FLOATS;
 use crate::pack::formats::small::{BYTES, LANES, Records};
 use crate::pack::poses::sums::{Rounded, Sum, half};
 use fearless_simd::prelude::*;
@@ -28,7 +27,7 @@ pub(super) struct Row<T>(pub [T; ROW]);
 pub(super) trait RowSum: Sum {
     type Factors<V: Simd>: Copy;
 
-    fn factors<V: Simd>(simd: V, factors: [Self::Factor; TRIPLES], dropped: [u32; POSE_FLOATS]) -> Self::Factors<V>;
+    fn factors<V: Simd>(simd: V, factors: [Self::Factor; TRIPLES], dropped: [u32; TRIPLES]) -> Self::Factors<V>;
 
     fn add_row<V: Simd, const NEW: bool>(row: &mut Row<Self>, factors: Self::Factors<V>, delta: i32x8<V>);
 }
@@ -44,7 +43,7 @@ macro_rules! row_sums {
             type Factors<V: Simd> = $vector<V>;
 
             #[inline(always)]
-            fn factors<V: Simd>(simd: V, factors: [Self; TRIPLES], _: [u32; POSE_FLOATS]) -> $vector<V> {
+            fn factors<V: Simd>(simd: V, factors: [Self; TRIPLES], _: [u32; TRIPLES]) -> $vector<V> {
                 by_lane(factors).simd_into(simd)
             }
 
@@ -66,10 +65,10 @@ impl RowSum for Rounded {
     type Factors<V: Simd> = [i32x8<V>; 4];
 
     #[inline(always)]
-    fn factors<V: Simd>(simd: V, factors: [[i32; 2]; TRIPLES], dropped: [u32; POSE_FLOATS]) -> Self::Factors<V> {
-        let [new, old] = [0, 1].map(|weight| by_lane(factors.map(|of| of[weight])));
-        let dropped: [u32; ROW] = std::array::from_fn(|lane| dropped[lane % POSE_FLOATS]);
-        [new, old, dropped.map(half), dropped.map(|dropped| dropped as i32)].map(|lanes| lanes.simd_into(simd))
+    fn factors<V: Simd>(simd: V, factors: [[i32; 2]; TRIPLES], dropped: [u32; TRIPLES]) -> Self::Factors<V> {
+        let [new, old] = [0, 1].map(|weight| factors.map(|of| of[weight]));
+        let half = dropped.map(half);
+        [new, old, half, dropped.map(|dropped| dropped as i32)].map(|triples| by_lane(triples).simd_into(simd))
     }
 
     #[inline(always)]
@@ -88,7 +87,7 @@ pub(super) fn add<V: Simd, T: RowSum, const NEW: bool>(
     simd: V,
     records: &Records<'_>,
     factors: [T::Factor; TRIPLES],
-    dropped: [u32; POSE_FLOATS],
+    dropped: [u32; TRIPLES],
     rows: &mut [Row<T>],
 ) {
     let factors = T::factors(simd, factors, dropped);

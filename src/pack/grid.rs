@@ -29,15 +29,15 @@ pub struct PoseGrid {
     /// Largest absolute weight.
     pub weight_max: f32,
     /// Input units per integer of a pose, by component of the group (positions, normals). Powers of two; the same for
-    /// the three components of a direction.
+    /// the three components of a triple.
     pub units: [f32; POSE_FLOATS],
     /// The value of integer 0, by component, in input units: the middle of what poses reach; 0 for directions.
     pub offsets: [f32; POSE_FLOATS],
     /// Sums are rounded to units, and not the term of each target ([`Rebuilt16`](PoseFormat::Rebuilt16)).
     pub rounds_sums: bool,
     /// Low bits that rounding drops from the product of integer weight and integer delta, or from their sum. Dense
-    /// formats: for the target with the finest step; see [`term`](Self::term).
-    pub(crate) dropped: [u32; POSE_FLOATS],
+    /// formats: for the target with the finest step; see [`term`](Self::term). By triple.
+    pub(crate) dropped: [u32; TRIPLES],
 }
 
 /// A target's contribution to a fixed-point pose, for integer deltas d: q(new) − q(old), where q(w) = (w · d + half) >>
@@ -48,8 +48,8 @@ pub(crate) struct Term {
     pub new: i32,
     /// The applied weight.
     pub old: i32,
-    /// By component; at most 31.
-    pub dropped: [u32; POSE_FLOATS],
+    /// By triple; at most 31.
+    pub dropped: [u32; TRIPLES],
 }
 
 /// What the poses of neighbouring vertices reach, by component.
@@ -121,11 +121,6 @@ impl PoseGrid {
         (weight * (1u32 << self.weight_bits) as f32).round() as i32
     }
 
-    /// The largest unit of a position, in input units.
-    pub fn position_unit(&self) -> f32 {
-        self.units[..TRIPLE].iter().copied().fold(0.0, f32::max)
-    }
-
     /// Bound on the position error of a vertex that `targets` targets move, from rounding each of their terms and the
     /// base pose by half a unit, or their sum. In input units.
     pub fn position_error(&self, targets: usize) -> f32 {
@@ -134,7 +129,7 @@ impl PoseGrid {
 
     /// The same bound for its normal before normalisation, as the length of the difference.
     pub fn normal_error(&self, targets: usize) -> f32 {
-        self.rounding(TRIPLE, targets)
+        self.rounding(1, targets)
     }
 
     /// The base pose of a group's first `vertices` vertices in integers, [`POSE_FLOATS`] per vertex of `base`; 0 for the
@@ -142,7 +137,7 @@ impl PoseGrid {
     pub(crate) fn integers(&self, base: &[f32], vertices: usize) -> Vec<i32> {
         let integer = |(i, number): (usize, &f32)| {
             let c = i % POSE_FLOATS;
-            let finer = if self.rounds_sums { f64::from(self.dropped[c]).exp2() } else { 1.0 };
+            let finer = if self.rounds_sums { f64::from(self.dropped[c / TRIPLE]).exp2() } else { 1.0 };
             let exact = (f64::from(*number) - f64::from(self.offsets[c])) / f64::from(self.units[c]) * finer;
             if i < vertices * POSE_FLOATS { exact.round() as i32 } else { 0 }
         };
@@ -152,20 +147,19 @@ impl PoseGrid {
     /// The term of a target with 16-bit deltas in these `steps`, from applied weight `held` to `weight`.
     pub(crate) fn term(&self, held: f32, weight: f32, steps: [f32; TRIPLES]) -> Term {
         let [old, new] = [held, weight].map(|weight| self.steps(weight));
-        let dropped = std::array::from_fn(|c| {
-            let product = f64::from(steps[c / TRIPLE]) * f64::from(self.weight_step());
+        let dropped = [0, 1].map(|triple| {
+            let product = f64::from(steps[triple]) * f64::from(self.weight_step());
             // The quotient of powers of two is exact. A step coarser than the unit belongs to a target that does not
             // move the triple. From 31 bits on, no product reaches half a unit: both terms are -1.
-            (f64::from(self.units[c]) / product).log2().clamp(0.0, 31.0) as u32
+            (f64::from(self.units[triple * TRIPLE]) / product).log2().clamp(0.0, 31.0) as u32
         });
         Term { new, old, dropped }
     }
 
-    /// How far rounding the components from `first` on moves a vertex.
-    fn rounding(&self, first: usize, targets: usize) -> f32 {
-        let components = first..first + TRIPLE;
-        let half = self.units[components.clone()].iter().map(|unit| f64::from(*unit).powi(2)).sum::<f64>().sqrt() / 2.0;
-        let rounds_products = !self.rounds_sums && self.dropped[components].iter().any(|dropped| *dropped > 0);
+    /// How far rounding the components of a triple moves a vertex.
+    fn rounding(&self, triple: usize, targets: usize) -> f32 {
+        let half = f64::from(self.units[triple * TRIPLE]) * 0.75f64.sqrt();
+        let rounds_products = !self.rounds_sums && self.dropped[triple] > 0;
         // The base pose, or the sum.
         let roundings = if rounds_products { targets + 1 } else { 1 };
         // Rounded up.
@@ -241,9 +235,9 @@ impl Sums {
             units: [0.0; POSE_FLOATS],
             offsets: [0.0; POSE_FLOATS],
             rounds_sums,
-            dropped: [0; POSE_FLOATS],
+            dropped: [0; TRIPLES],
         };
-        (0..POSE_FLOATS).try_for_each(|c| self.place(c, pose, &mut grid))?;
+        (0..TRIPLES).try_for_each(|triple| self.place(triple, pose, &mut grid))?;
         Ok(grid)
     }
 
@@ -272,13 +266,18 @@ impl Sums {
         WEIGHT_BITS.rev().find(fits).ok_or_else(|| self.overflow(weight_max, base, most))
     }
 
-    /// Finds the finest unit in which a pose holds what component `c` reaches.
-    fn place(&self, c: usize, pose: PoseFormat, grid: &mut PoseGrid) -> Result<()> {
+    /// Finds the offsets of a triple, and the finest unit in which a pose holds what its components reach.
+    fn place(&self, triple: usize, pose: PoseFormat, grid: &mut PoseGrid) -> Result<()> {
         let bits = pose.row().bits;
-        let product = f64::from(self.steps[c / TRIPLE]) * f64::from(grid.weight_step());
-        let [low, high] = self.bounds(c, weight_steps(grid.weight_max, grid.weight_bits) * product);
-        let offset = ((low + high) / 2.0) as f32;
-        let half = (high - f64::from(offset)).max(f64::from(offset) - low);
+        let product = f64::from(self.steps[triple]) * f64::from(grid.weight_step());
+        let components = triple * TRIPLE..(triple + 1) * TRIPLE;
+        let mut half = 0.0f64;
+        for c in components.clone() {
+            let [low, high] = self.bounds(c, weight_steps(grid.weight_max, grid.weight_bits) * product);
+            let offset = ((low + high) / 2.0) as f32;
+            half = half.max(high - f64::from(offset)).max(f64::from(offset) - low);
+            grid.offsets[c] = offset;
+        }
         // The base pose, and each target that moves a component, may round it by half a unit. A unit is at least as
         // coarse as a product.
         let roundings = if grid.rounds_sums { 1 } else { self.targets + 1 };
@@ -286,7 +285,7 @@ impl Sums {
         let unit = |dropped: u32| product * f64::from(dropped).exp2();
         let fits = |dropped: &u32| half / unit(*dropped) + roundings as f64 / 2.0 <= most;
         let (least, all) = match self.coarsest {
-            Some(coarsest) => (coarsest[c / TRIPLE], u8::MAX.into()),
+            Some(coarsest) => (coarsest[triple], u8::MAX.into()),
             None => (0, if grid.rounds_sums { DROPPED_OF_SUM } else { DROPPED_OF_PRODUCT }),
         };
         let rounds = bits < i32::BITS || self.coarsest.is_some();
@@ -295,25 +294,24 @@ impl Sums {
             let text = format!("{} poses of a mesh of which {} targets move a vertex", pose.name(), self.targets);
             return refuse(text, "use float32 poses");
         };
-        (grid.dropped[c], grid.units[c], grid.offsets[c]) = (dropped, unit(dropped) as f32, offset);
+        grid.dropped[triple] = dropped;
+        grid.units[components].fill(unit(dropped) as f32);
         Ok(())
     }
 
-    /// What component `c` reaches, in input units, where weights times the step are up to `weight`. The components of a
-    /// direction reach the same, to both sides of 0.
+    /// What component `c` reaches, in input units, where weights times the step are up to `weight`; of directions to
+    /// both sides of 0.
     fn bounds(&self, c: usize, weight: f64) -> [f64; 2] {
-        let direction = self.directions.iter().find(|direction| direction.contains(&c)).cloned();
-        let alike = direction.clone().unwrap_or(c..c + 1);
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-        for (reached, c) in self.reached.iter().flat_map(|reached| alike.clone().map(move |c| (reached, c))) {
+        for reached in &self.reached {
             let moved = weight * reached.sums[c];
             low = low.min(f64::from(reached.low[c]) - moved);
             high = high.max(f64::from(reached.high[c]) + moved);
         }
-        match direction {
+        match self.directions.iter().any(|direction| direction.contains(&c)) {
             _ if low > high => [0.0; 2],
-            Some(_) => [-high.max(-low), high.max(-low)],
-            None => [low, high],
+            true => [-high.max(-low), high.max(-low)],
+            false => [low, high],
         }
     }
 

@@ -132,8 +132,10 @@ fn dense_sums_fit_the_integers_of_a_pose() {
             packed.for_each_delta(t, |vertex, delta| {
                 for (c, sum) in sums[vertex].iter_mut().enumerate() {
                     let integer = (delta[c].abs() / f64::from(target.steps()[c / 3])) as i32;
-                    let term = |weight: i32| weight.checked_mul(integer)?.checked_add((1u32 << dropped[c] >> 1) as i32);
-                    let [new, old] = [new, old].map(|weight| term(weight).unwrap() >> dropped[c]);
+                    let term = |weight: i32| {
+                        weight.checked_mul(integer)?.checked_add((1u32 << dropped[c / TRIPLE] >> 1) as i32)
+                    };
+                    let [new, old] = [new, old].map(|weight| term(weight).unwrap() >> dropped[c / TRIPLE]);
                     // The definition, in float64.
                     let unit = f64::from(grid.units[c]);
                     let exact = f64::from(grid.weight_max) * delta[c].abs() / unit;
@@ -196,7 +198,8 @@ fn narrow_poses_have_room_for_what_rounding_adds() {
                 // A mesh with short deltas has more room.
                 assert!(!is_taken || grid.is_ok(), "{targets} targets, {largest} steps: {grid:?}");
                 let Ok(grid) = grid else { continue };
-                for ((largest, base), dropped) in all.into_iter().zip(base).zip(grid.dropped) {
+                let dropped = |c: usize| grid.dropped[c / TRIPLE];
+                for ((largest, base), dropped) in all.into_iter().zip(base).zip((0..POSE_FLOATS).map(dropped)) {
                     let base = f64::from(base * 1024.0) * f64::from(1u32 << grid.weight_bits);
                     let product =
                         largest * f64::from(1u32 << grid.weight_bits) + if grid.rounds_sums { base } else { 0.0 };

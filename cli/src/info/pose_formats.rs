@@ -104,8 +104,8 @@ pub fn pose_costs(packed: &Arc<PackedMesh>, source: Option<&MorphMesh>) -> Vec<P
         let grid = grid.map(|grid| Grid {
             weight_bits: grid.weight_bits,
             weight_max: grid.weight_max,
-            position_unit: grid.position_unit(),
-            position_unit_rel: relative(grid.position_unit()),
+            position_unit: grid.units[0],
+            position_unit_rel: relative(grid.units[0]),
             normal_unit: grid.units[3],
             targets_most,
             rounding_error: grid.position_error(targets_most),

@@ -96,7 +96,7 @@ fn the_largest_sums_fit_the_integers_of_a_pose_and_half_of_them_would_not_be_nee
                     packed.for_each_delta(target, |v, delta| {
                         for c in (0..POSE_FLOATS).filter(|_| v == vertex) {
                             let product = steps * delta[c].abs() / f64::from(index.steps()[c / 3]);
-                            let unit = f64::from(1u32 << grid.dropped[c]);
+                            let unit = f64::from(1u32 << grid.dropped[c / TRIPLE]);
                             sums[c] += if grid.rounds_sums { product } else { (product / unit + 0.5).floor() };
                             assert!(product <= f64::from(i32::MAX) - 65536.0);
                         }
@@ -104,7 +104,7 @@ fn the_largest_sums_fit_the_integers_of_a_pose_and_half_of_them_would_not_be_nee
                 }
                 for (c, sum) in sums.iter_mut().enumerate().filter(|_| grid.rounds_sums) {
                     assert!(*sum <= f64::from(i32::MAX) - 65536.0);
-                    *sum = (*sum / f64::from(1u32 << grid.dropped[c]) + 0.5).floor();
+                    *sum = (*sum / f64::from(1u32 << grid.dropped[c / TRIPLE]) + 0.5).floor();
                 }
                 (0..POSE_FLOATS).for_each(|c| largest[c] = largest[c].max(sums[c]));
             }

@@ -5,6 +5,7 @@ pub(crate) mod sums;
 use super::grid::PoseGrid;
 use super::{BASE_STRIDE, DeltaFormat, POSE_FLOATS};
 use crate::abi::formats::{POSE_FORMATS, PoseRow, pose_formats};
+use crate::asset::streams::TRIPLE;
 use bytemuck::{Pod, Zeroable};
 use sums::{Sum, without};
 
@@ -169,7 +170,7 @@ impl PoseFormat {
         with_pose!(self, P => {
             let numbers: &mut [<P as PoseStorage>::Number] = bytemuck::cast_slice_mut(&mut words);
             for (i, (number, integer)) in numbers.iter_mut().zip(grid.integers(base, vertices)).enumerate() {
-                let dropped = if grid.rounds_sums { grid.dropped[i % POSE_FLOATS] } else { 0 };
+                let dropped = if grid.rounds_sums { grid.dropped[i % POSE_FLOATS / TRIPLE] } else { 0 };
                 *number = P::plus_integer(Zeroable::zeroed(), without(integer, dropped));
             }
         });
@@ -180,6 +181,7 @@ impl PoseFormat {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::asset::streams::TRIPLES;
     use crate::pack::VERTEX_PADDING;
 
     #[test]
@@ -200,10 +202,10 @@ mod tests {
         let grid = |dropped| PoseGrid {
             weight_bits: 8,
             weight_max: 1.0,
-            units: [0.5, 0.25, 0.5, 0.125, 0.125, 0.125],
+            units: [0.5, 0.5, 0.5, 0.125, 0.125, 0.125],
             offsets: [10.0, -1.0, 2.0, 0.0, 0.0, 0.0],
             rounds_sums: dropped > 0,
-            dropped: [dropped; POSE_FLOATS],
+            dropped: [dropped; TRIPLES],
         };
         let exact = grid(0);
         let decoded: Vec<f32> = (0..12).map(|i| exact.offsets[i % 6] + (i as f32 - 6.0) * exact.units[i % 6]).collect();

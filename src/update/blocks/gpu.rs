@@ -10,7 +10,6 @@ use crate::gpu::descriptors::{BufferRange, Sets};
 use crate::gpu::memory::Buffer;
 use crate::gpu::mesh::{base_offset, deltas_bytes};
 use crate::gpu::pipelines::{Objects, PipelineKey, Pipelines, Workgroups};
-use crate::pack::POSE_FLOATS;
 use crate::pack::vertex::PlaceConstants;
 use crate::update::technique::{Context, Poses};
 use ash::vk::{self, BufferUsageFlags};
@@ -154,7 +153,7 @@ impl GroupBlocks {
                 (BufferRange::new(buffer.raw, 0, bytes as u64), 0)
             }
         };
-        let dropped = poses.grid.map_or([0; POSE_FLOATS], |grid| grid.dropped);
+        let dropped = poses.grid.map(|grid| grid.dropped).unwrap_or_default();
         let push = BlocksPush {
             first_item: 0,
             deltas_at: index.deltas_at as u32,

@@ -5,7 +5,7 @@
 use super::technique::{ChunkSets, DensePass, Passes};
 use crate::abi::modules::{DENSE, DENSE_LIST};
 use crate::abi::numbers::WORKGROUP;
-use crate::abi::push::{DenseListEntry, DenseListPush, DensePush, dropped_word};
+use crate::abi::push::{DenseListEntry, DenseListPush, DensePush};
 use crate::error::Result;
 use crate::gpu::descriptors::BufferRange;
 use crate::gpu::memory::{Buffer, Ring};
@@ -168,10 +168,10 @@ fn listed(c: &Coefficient, target: &PackedTarget) -> DenseListEntry {
 
 /// List entry for fixed-point poses.
 fn rounded(c: &Coefficient, target: &PackedTarget, grid: PoseGrid) -> DenseListEntry {
-    let Term { new, old, dropped } = grid.term(c.held, c.held + c.value, target.steps());
+    let Term { new, old, dropped: [dropped, normal] } = grid.term(c.held, c.held + c.value, target.steps());
     let coefficient = new as u32;
     let normal_coefficient = old as u32;
-    DenseListEntry { target: c.target, coefficient, normal_coefficient, dropped: dropped_word(dropped) }
+    DenseListEntry { target: c.target, coefficient, normal_coefficient, dropped: dropped | normal << 8 }
 }
 
 /// Coefficients and targets in the layout of `dense.comp`.
