@@ -208,6 +208,10 @@ impl Table {
     }
 }
 
+/// What to do where a module is missing.
+const REMEDY: &str = "restore the folder spirv/, compile it anew with `UPDATE_SPIRV=1 cargo test --test project spirv`, \
+                      or build with the feature 'compile-shaders'";
+
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
     println!("cargo::rerun-if-changed=glsl");
@@ -238,9 +242,7 @@ fn main() {
                     bytes
                 };
                 #[cfg(not(feature = "compile-shaders"))]
-                let bytes = fs::read(spirv.join(&file)).unwrap_or_else(|e| {
-                    panic!("spirv/{file}: {e}; restore the folder spirv/, or build with the feature 'compile-shaders'")
-                });
+                let bytes = fs::read(spirv.join(&file)).unwrap_or_else(|e| panic!("spirv/{file}: {e}; {REMEDY}"));
                 fs::write(out.join(&file), &bytes).expect("OUT_DIR can be written");
                 let begin = embedded_modules.len();
                 embedded_modules.extend(embedded(&bytes));
@@ -266,9 +268,7 @@ fn main() {
 
     if cfg!(not(feature = "compile-shaders")) {
         let path = spirv.join("manifest.txt");
-        let checked_in = fs::read_to_string(&path).unwrap_or_else(|e| {
-            panic!("{}: {e}; restore the folder spirv/, or build with the feature 'compile-shaders'", path.display())
-        });
+        let checked_in = fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}; {REMEDY}", path.display()));
         if manifest.lines().any(|line| !checked_in.lines().any(|l| l == line)) {
             println!(
                 "cargo::warning=glsl/ differs from what spirv/ was compiled from: the modules of spirv/ are linked. \

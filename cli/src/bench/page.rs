@@ -60,7 +60,8 @@ pub fn page(report: &Report) -> String {
         body += &format!("<h2>Not run</h2><ul>{skipped}</ul>");
     }
     body += &format!(
-        "<h2>Measure it again</h2><pre><code>{}</code></pre><p>All numbers: <a href=\"report.json\">report.json</a>, \
+        "<h2>Measure it again</h2><pre><code>{}</code></pre><p>In a clone, ./with-vulkan cargo run --release -- stands for \
+         deltamorph. All numbers: <a href=\"report.json\">report.json</a>, \
          <a href=\"runs.csv\">runs.csv</a>. deltamorph {}, {}.</p>",
         escaped(&report.command),
         report.version,
