@@ -9,10 +9,14 @@ use std::collections::BTreeSet;
 /// Part of a polygon's area that a triangle of its fan may be turned over by: rounding of corners on one line.
 const ROUNDING: f64 = 1e-6;
 
+/// Most corners of a polygon that is cut in its plane. The time grows with their square where they repeat or cross: a
+/// file of 100 kB could take minutes.
+pub(crate) const CUT_MOST: usize = 512;
+
 impl Faces {
     /// Returns the position indices of the faces, cut into triangles: a polygon of n corners is n − 2 of them. It is a
-    /// fan from its first corner where that covers it, as it does any convex polygon; otherwise it is cut in its own
-    /// plane, as it stands in the base pose `positions`.
+    /// fan from its first corner where that covers it, as it does any convex polygon, and where it has more than 512
+    /// corners; otherwise it is cut in its own plane, as it stands in the base pose `positions`.
     ///
     /// # Panics
     /// A face of four corners or more names a position that there is not.
@@ -20,7 +24,7 @@ impl Faces {
         let mut earcut = Earcut::new();
         let mut triangles = Vec::with_capacity(self.corners.len());
         for face in self.iter() {
-            let cut = if face.len() > 3 { cut(face, positions, &mut earcut) } else { None };
+            let cut = if (4..=CUT_MOST).contains(&face.len()) { cut(face, positions, &mut earcut) } else { None };
             let cut = cut.unwrap_or_else(|| (2..face.len() as u32).map(|i| [0, i - 1, i]).collect());
             triangles.extend(cut.into_iter().map(|triangle| triangle.map(|i| face[i as usize].position)));
         }
@@ -107,6 +111,11 @@ mod tests {
         triangles.iter_mut().for_each(|triangle| triangle.sort_unstable());
         triangles.sort_unstable();
         assert_eq!(triangles, [[0, 1, 3], [1, 2, 3]]);
+        // Too large to be cut: corners may repeat.
+        let many = CUT_MOST + 1;
+        let corners: Vec<Vec3> = (0..many).map(|i| Vec3::new((i * 7 % 5) as f32, (i * 3 % 4) as f32, 0.0)).collect();
+        let fan = polygon(many).triangles(&corners);
+        assert!(fan.len() == many - 2 && fan.iter().all(|triangle| triangle[0] == 0));
         // Nothing to go by: no area, or no plane.
         assert_eq!(polygon(5).triangles(&[Vec3::ONE; 5]), [[0, 1, 2], [0, 2, 3], [0, 3, 4]]);
     }

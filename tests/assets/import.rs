@@ -197,6 +197,15 @@ fn a_polygon_of_many_corners_takes_no_longer_than_many_polygons() {
     assert!(mesh.targets[0].vertices.len() == corners && mesh.targets[0].normals[7].x < -0.5);
     // About 0.1 s; recomputing the polygon at each of its corners takes most of a minute.
     assert!(seconds < 2.0, "{seconds} s");
+
+    // Corners that repeat and cross: to cut that in its plane takes many minutes.
+    let mut wild = "v 0 0 0\nv 1 0 0\nv 3 3 0\nv 0 1 0\nv 3 1 0\nf".to_owned();
+    (0..corners).for_each(|i| wild += &format!(" {}", 1 + i * i % 5));
+    let source = import(&wild, &[]);
+    says(&source.notes.join("\n"), &["faces of more than 512 corners, cut as fans from the first one: 1"]);
+    let start = std::time::Instant::now();
+    assert_eq!(source.faces.triangles(&source.positions).len(), corners - 2);
+    assert!(start.elapsed().as_secs_f64() < 2.0, "{:?}", start.elapsed());
 }
 
 #[test]

@@ -4,7 +4,7 @@
 //! a missing one, and repeats texture coordinates where a corner has none. Where it refuses numbers, or vertices are
 //! not finite, the lines are checked one by one.
 
-use crate::asset::{Corner, Faces};
+use crate::asset::{CUT_MOST, Corner, Faces};
 use crate::error::{Error, Result, ensure};
 use crate::import::shortened;
 use crate::io::{TEXT_MAX, read_bounded};
@@ -272,6 +272,10 @@ impl Scan<'_> {
         let mut notes = vec![];
         if thin > 0 {
             notes.push(format!("faces of fewer than three corners, left out: {thin}"));
+        }
+        let large = faces.sizes.iter().filter(|size| **size as usize > CUT_MOST).count();
+        if large > 0 {
+            notes.push(format!("faces of more than {CUT_MOST} corners, cut as fans from the first one: {large}"));
         }
         if lost > 0 {
             let what = "texture coordinates or normals of corners that are not there, or are no numbers, left out";
