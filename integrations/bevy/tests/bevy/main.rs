@@ -4,6 +4,7 @@ mod gltf;
 #[path = "../../../wgpu/tests/wgpu/layers.rs"]
 mod layers;
 mod probe;
+#[allow(dead_code, reason = "the example measures, and uses more of it")]
 #[path = "../../examples/heads/scene.rs"]
 mod scene;
 
