@@ -2,7 +2,7 @@
 
 use super::group::{by_family, gain, hardest, partition};
 use super::plot::{bars, escaped, lines};
-use super::record::{Report, RunRecord, SuiteRecord, draws_words, fastest, heads_words};
+use super::record::{Report, RunRecord, SuiteRecord, UNEVEN, draws_words, fastest, heads_words};
 use super::sentences::{of_suite, sentences, title};
 use super::tables;
 use crate::table::{Table, count, percent, thousands};
@@ -26,10 +26,9 @@ th, td { padding: 3px 8px; text-align: right; white-space: nowrap; border-bottom
 .note { padding: 8px 12px; }
 ";
 
-const COLUMNS: &str = "Times are medians. Rounds: how many times as long a slow round took as a fast one; uneven above \
-                       1.5. Of floor: the time of copying the fewest bytes that have to move, over the median; data in a \
-                       cache can beat it. ±: the standard error of the mean. Bars in plots: the fastest round to the \
-                       slowest.";
+/// What columns and bars mean, besides times and rounds.
+const COLUMNS: &str = "Of floor: the time of copying the fewest bytes that have to move, over the median; data in a cache \
+                       can beat it. ±: the standard error of the mean. Bars in plots: the fastest round to the slowest.";
 
 pub fn page(report: &Report) -> String {
     let name = escaped(&report.input.name);
@@ -52,7 +51,11 @@ pub fn page(report: &Report) -> String {
     let runs: Vec<&RunRecord> = report.runs.iter().collect();
     let same = tables::of_all(&report.runs).unwrap_or_default();
     let all = table(&tables::runs(&report.runs, false), &runs);
-    body += &format!("<h2>All configurations</h2><p>{} {COLUMNS}</p>{all}", escaped(&same));
+    body += &format!(
+        "<h2>All configurations</h2><p>{} Times are medians. Rounds: how many times as long a slow round took as a fast \
+         one; uneven above {UNEVEN}. {COLUMNS}</p>{all}",
+        escaped(&same)
+    );
     let skipped =
         report.skipped.iter().map(|s| format!("<li><b>{}</b>: {}</li>", escaped(&s.what), escaped(&s.reason)));
     let skipped: String = skipped.collect();

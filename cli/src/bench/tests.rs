@@ -32,6 +32,12 @@ fn wrong_runs_fail_the_command() {
     assert!(verdict(&report).is_err_and(|e| e.to_string().starts_with("no configuration could run; feedback")));
 }
 
+/// In half the time on the device.
+fn halved(run: RunRecord) -> RunRecord {
+    let gpu_ms = run.gpu_ms.map(|time| Stats { median: time.median / 2.0, ..time });
+    RunRecord { gpu_ms, ..run }
+}
+
 #[test]
 fn sentences_have_numbers_from_the_runs() {
     let mut report = synthetic::report();
@@ -45,24 +51,15 @@ fn sentences_have_numbers_from_the_runs() {
         assert!(all[sentence].starts_with(words), "{all:?}");
     }
     // Fixed-point poses, which take half the time, are named.
-    let half = |run: RunRecord| {
-        let gpu_ms = run.gpu_ms.map(|time| Stats { median: time.median / 2.0, ..time });
-        RunRecord { gpu_ms, pose: "fixed32".into(), ..run }
-    };
+    let half = |run| RunRecord { pose: "fixed32".into(), ..halved(run) };
     let fixed = sentences(&self::report(|run| run.path == "compute" && run.format == "snorm16", half));
     assert!(fixed[1].contains(" the fastest is compute snorm16 fixed32, one pass: "), "{fixed:?}");
-    let blocks = |run: RunRecord| {
-        let gpu_ms = run.gpu_ms.map(|time| Stats { median: time.median / 2.0, ..time });
-        RunRecord { gpu_ms, path: "blocks".into(), ..run }
-    };
+    let blocks = |run| RunRecord { path: "blocks".into(), ..halved(run) };
     let blocks = sentences(&self::report(|run| run.path == "compute" && run.format == "snorm16", blocks));
     let said = "On the device blocks snorm16 is 2.0× as fast as the best of the other paths, compute snorm16.";
     assert_eq!(blocks[2], said, "{blocks:?}");
     // Frames with more draws are another work.
-    let drawn = |run: RunRecord| {
-        let gpu_ms = run.gpu_ms.map(|time| Stats { median: time.median / 2.0, ..time });
-        RunRecord { gpu_ms, draws: 3, ..run }
-    };
+    let drawn = |run| RunRecord { draws: 3, ..halved(run) };
     assert_eq!(sentences(&self::report(|_| true, drawn))[..3], all[..3]);
     let suite = sentences(&synthetic::suite());
     assert!(suite[0].contains("fastest GPU path in 1 of 1 cells"), "{suite:?}");
