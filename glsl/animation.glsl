@@ -18,8 +18,11 @@ layout(set = 0, binding = 0, std430) readonly buffer Tables { uint tables[]; };
 layout(set = 0, binding = 1, std430) buffer State { uint state[]; };
 
 // items    [width][item] TILE_WORDS words;   rows [tile][entry, and one for each block]     (tiles.glsl)
-// Each set of instances and run of blocks has its own.
-layout(set = 0, binding = 2, std430) buffer Work { uint work[]; };
+// Each set of instances and run of blocks has its own. A kernel may define the element: a word, or four.
+#ifndef WORK_ELEMENT
+#define WORK_ELEMENT uint
+#endif
+layout(set = 0, binding = 2, std430) buffer Work { WORK_ELEMENT work[]; };
 
 // counters [set][run][width], then arguments [set][run][width][chunk] x y z of a dispatch
 layout(set = 0, binding = 3, std430) buffer Control { uint control[]; };

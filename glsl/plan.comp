@@ -4,6 +4,17 @@
 #extension GL_GOOGLE_include_directive : require
 #include "plan.glsl"
 
+void write_row(uint row, Tile tile, uint entry, uint target, uint needed) {
+    work[row] = entry;
+    for (uint place = 0u; place < tile.width; ++place) {
+        work[row + 1u + place] = coefficient_at(tile, place, target, needed);
+    }
+}
+
+void write_four(uint at, uvec4 words) {
+    for (uint i = 0u; i < 4u; ++i) work[at + i] = words[i];
+}
+
 void main() {
     uint run_block = gl_GlobalInvocationID.x;
     if (run_block >= run_blocks) return;

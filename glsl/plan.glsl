@@ -1,5 +1,6 @@
 // What both planners decide: what an update does to a block of an instance, which instances share a tile, and what its
-// rows say. They differ in which invocation does it. CPU twin: update::blocks::BlockState, with fixed-point poses.
+// rows say. They differ in which invocation does it, and in how they write. CPU twin: update::blocks::BlockState, with
+// fixed-point poses.
 
 #include "animation.glsl"
 #include "tiles.glsl"
@@ -135,14 +136,16 @@ uint coefficient(uint at, bool from_base) {
     return pairs == 0u ? change : bitfieldInsert(weight, weight - change, 16, 16);
 }
 
-void write_row(uint row, Tile tile, uint entry, uint target, uint needed) {
-    work[row] = entry;
-    for (uint place = 0u; place < tile.width; ++place) {
-        uint at = (first_of_tile() + instance_at(tile, place)) * targets + target;
-        bool needs = (needed >> place & 1u) != 0u;
-        work[row + 1u + place] = needs ? coefficient(at, is_rebuilt(tile, place)) : 0u;
-    }
+// The coefficient of a place in a row: 0 if it does not need the entry.
+uint coefficient_at(Tile tile, uint place, uint target, uint needed) {
+    if ((needed >> place & 1u) == 0u) return 0u;
+    uint at = (first_of_tile() + instance_at(tile, place)) * targets + target;
+    return coefficient(at, is_rebuilt(tile, place));
 }
+
+// A planner defines how it writes a row from word `row` on, and four words of an item.
+void write_row(uint row, Tile tile, uint entry, uint target, uint needed);
+void write_four(uint at, uvec4 words);
 
 uint item_capacity() {
     return ITEM_CAPACITY(gl_NumWorkGroups.y * run_blocks);
@@ -155,24 +158,26 @@ uint rows_of(uint block) {
     return WIDTHS * TILE_WORDS * item_capacity() + place * ROW_WORDS(TILE);
 }
 
+// The poses that a place reads and writes.
+uint slots_at(Tile tile, uint place) {
+    uint first = (gl_GlobalInvocationID.y * WIDEST + instance_at(tile, place)) * slots;
+    return (first + source) | (first + destination) << 16;
+}
+
 // Appends a tile with `listed` rows to the list of its width.
 void append(Tile tile, uint block, uint rows, uint listed) {
     // There is at least one row: of any entry, without coefficients.
     if (listed == 0u) {
         listed = 1u;
         uint from = first_entry(block);
-        work[rows] = from < first_entry(block + 1u) ? from : 0u;
-        for (uint place = 0u; place < TILE; ++place) work[rows + 1u + place] = 0u;
+        write_row(rows, tile, from < first_entry(block + 1u) ? from : 0u, 0u, 0u);
     }
     uint size = size_of(tile.width);
     uint index = atomicAdd(control[first_counter + size], 1u);
     uint item = (size * item_capacity() + index) * TILE_WORDS;
-    work[item] = block;
-    work[item + 1u] = rows;
-    work[item + 2u] = listed;
-    work[item + 3u] = tile.rebuilt;
-    for (uint place = 0u; place < TILE; ++place) {
-        uint pose = (gl_GlobalInvocationID.y * WIDEST + instance_at(tile, place)) * slots;
-        work[item + 4u + place] = (pose + source) | (pose + destination) << 16;
+    write_four(item, uvec4(block, rows, listed, tile.rebuilt));
+    for (uint place = 0u; place < TILE; place += 4u) {
+        uvec2 two = uvec2(slots_at(tile, place), slots_at(tile, place + 1u));
+        write_four(item + 4u + place, uvec4(two, slots_at(tile, place + 2u), slots_at(tile, place + 3u)));
     }
 }

@@ -238,7 +238,12 @@ after_steps!(kernels {
         // 32 targets; the widest tile.
         KernelRow { name: "animate", constants: 1, ..ANIMATION },
         KernelRow { name: "plan", constants: 1, ..ANIMATION },
-        KernelRow { name: "plan_together", constants: 1, ..ANIMATION },
+        KernelRow {
+            name: "plan_together",
+            bindings: &[(0, WORDS), (1, WORDS), (2, Buffer::Storage(16)), (3, WORDS)],
+            constants: 1,
+            ..ANIMATION
+        },
         KernelRow { name: "arguments", constants: 1, ..ANIMATION },
         // Passes over dense deltas.
         DENSE,
