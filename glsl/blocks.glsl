@@ -37,15 +37,16 @@ layout(push_constant) uniform Push {
     uint pose_floats;   // numbers from pose to pose
     float position_unit; // of an integer delta, for float32 sums
     float normal_unit;
-    uint dropped[2];    // lowest bits that rounding drops (ROUNDED_PRODUCTS), of positions and of normals
-    uint halves[2];     // half of the lowest bit that is left: compilers would keep what is computed here in registers
+    uvec2 raised;       // ROUNDED_PRODUCTS: left shift of products to 2^-16 of units, of positions and of normals
 };
 
 #ifdef TEXELS
 // Read once: software drivers load push constants lane by lane, in a loop again and again.
 uint deltas_once = deltas_at;
 vec2 units_once = vec2(position_unit, normal_unit);
+uvec2 raised_once = raised;
 #define deltas_at deltas_once
+#define raised raised_once
 #define position_unit units_once.x
 #define normal_unit units_once.y
 #endif
@@ -63,14 +64,7 @@ vec2 units_once = vec2(position_unit, normal_unit);
 // The factors of an entry, from the coefficient in the work list, and their product with a delta.
 #ifdef ROUNDED_PRODUCTS
 #include "rounded.glsl"
-#define ROUNDING_OF(triple) uvec2(dropped[triple], halves[triple])
-#ifdef TEXELS
-uvec2 position_rounding = ROUNDING_OF(0);
-uvec2 normal_rounding = ROUNDING_OF(1);
-#else
-#define position_rounding ROUNDING_OF(0)
-#define normal_rounding ROUNDING_OF(1)
-#endif
+#define RAISE(shifts) shifts += raised;
 #define FACTOR ivec2
 #define FACTOR_OF(bits, unit, shift) ((ROUNDED_SUMS ? ivec2(bits) : two_weights(bits)) << (shift))
 // Sums that start from the base pose replace no weight: one product is enough. crowd.comp subtracts the other one
@@ -80,10 +74,11 @@ uvec2 normal_rounding = ROUNDING_OF(1);
 #else
 #define ONE_PRODUCT true
 #endif
-#define TIMES(factor, delta, rounding) \
+#define TIMES(factor, delta) \
     (ROUNDED_SUMS ? (factor).x * (delta) \
-        : ONE_PRODUCT ? rounded_term((factor).x, delta, rounding) : rounded_product(factor, delta, rounding))
+        : ROUNDED((factor).x * (delta)) - (ONE_PRODUCT ? ivec3(0) : ROUNDED((factor).y * (delta))))
 #else
+#define RAISE(shifts)
 #define FACTOR ADDEND
 #ifdef INTEGER_POSES
 #define FACTOR_OF(bits, unit, shift) ADDEND(int(bits) << (shift))
@@ -93,5 +88,5 @@ uvec2 normal_rounding = ROUNDING_OF(1);
 #else
 #define FACTOR_OF(bits, unit, shift) ADDEND(uintBitsToFloat(bits))
 #endif
-#define TIMES(factor, delta, rounding) ((factor) * ADDEND(delta))
+#define TIMES(factor, delta) ((factor) * ADDEND(delta))
 #endif

@@ -31,8 +31,8 @@ struct Head {
     if (HEADS == TILE) { [[unroll]] for (uint h = 4u; h < TILE; ++h) { DO(h) } }
 
 Head plus_entry(Head head, uint coefficient, DELTA position, DELTA normal, uvec2 shifts) {
-    head.position += TIMES(FACTOR_OF(coefficient, position_unit, shifts.x), position, position_rounding);
-    head.normal += TIMES(FACTOR_OF(coefficient, normal_unit, shifts.y), normal, normal_rounding);
+    head.position += TIMES(FACTOR_OF(coefficient, position_unit, shifts.x), position);
+    head.normal += TIMES(FACTOR_OF(coefficient, normal_unit, shifts.y), normal);
     return head;
 }
 
@@ -40,14 +40,14 @@ Head plus_entry(Head head, uint coefficient, DELTA position, DELTA normal, uvec2
 // Subtracts what the pose holds of an entry.
 Head minus_entry(Head head, uint coefficient, ivec3 position, ivec3 normal, uvec2 shifts) {
     int weight = two_weights(coefficient).y;
-    head.position -= rounded_term(weight << shifts.x, position, position_rounding);
-    head.normal -= rounded_term(weight << shifts.y, normal, normal_rounding);
+    head.position -= ROUNDED((weight << shifts.x) * position);
+    head.normal -= ROUNDED((weight << shifts.y) * normal);
     return head;
 }
 
 // The sum of an instance that starts from the base pose; that of a copy is 0, and stays 0.
 Head rounded_sum(Head head) {
-    return Head(ROUNDED(head.position, position_rounding), ROUNDED(head.normal, normal_rounding));
+    return Head(ROUNDED(head.position), ROUNDED(head.normal));
 }
 #endif
 
@@ -114,6 +114,16 @@ void main() {
 #ifdef ROUNDED_PRODUCTS
     bool replaces = !(ROUNDED_SUMS || all_from_base(item));
 #endif
+    // Deltas are shifted where that is less work than to shift all coefficients.
+#ifdef INTEGER_POSES
+#define SHIFT_ONCE if (HEADS / 4u != 0u) { \
+            position[0] <<= shifts.x; \
+            normal[0] <<= shifts.y; \
+            shifts = uvec2(0u); \
+        }
+#else
+#define SHIFT_ONCE
+#endif
     // There is at least one row: a loop that tests first would run its body once more on software drivers, for no lane.
 #define ADD(h) heads[h] = plus_entry(heads[h], work[next + 1u + h], position[0], normal[0], shifts);
 #define SUBTRACT(h) heads[h] = minus_entry(heads[h], work[next + 1u + h], position[0], normal[0], shifts);
@@ -121,6 +131,8 @@ void main() {
         DELTA position[1], normal[1]; \
         uvec2 shifts; \
         load_entry(work[next], lane, position, normal, shifts); \
+        RAISE(shifts) \
+        SHIFT_ONCE \
         DO_ENTRY \
         next += ROW_WORDS(HEADS); \
     } while (next < end);

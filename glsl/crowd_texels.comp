@@ -81,6 +81,7 @@ void main() {
             }
             uint later = part;
             load_part(row[r][0], lane, later, dp[r], dn[r], shifts[r]);
+            RAISE(shifts[r])
             part = again ? 0u : later;
             next += again || part != 0u ? 0u : ROW_WORDS(HEADS);
         }
@@ -91,11 +92,11 @@ void main() {
                 n[r] = FACTOR_OF(row[r][1u + h], normal_unit, shifts[r].y);
             }
             [[unroll]] for (uint v = 0u; v < VERTICES; ++v) {
-                ADDEND position = TIMES(p[0], dp[0][v], position_rounding);
-                ADDEND normal = TIMES(n[0], dn[0][v], normal_rounding);
+                ADDEND position = TIMES(p[0], dp[0][v]);
+                ADDEND normal = TIMES(n[0], dn[0][v]);
                 [[unroll]] for (uint r = 1u; r < AT_ONCE; ++r) {
-                    position += TIMES(p[r], dp[r][v], position_rounding);
-                    normal += TIMES(n[r], dn[r][v], normal_rounding);
+                    position += TIMES(p[r], dp[r][v]);
+                    normal += TIMES(n[r], dn[r][v]);
                 }
                 [[unroll]] for (uint c = 0u; c < 3u; ++c) {
                     added[h][6u * v + c] += position[c];
@@ -124,7 +125,7 @@ void main() {
             [[unroll]] for (uint i = 0u; i < NUMBERS; i += 3u) {
                 ivec3 sum = ivec3(added[h][i], added[h][i + 1u], added[h][i + 2u]);
                 sum += STARTS_FROM_BASE(h) ? ivec3(numbers[i], numbers[i + 1u], numbers[i + 2u]) : ivec3(0);
-                sum = ROUNDED(sum, i % 6u < 3u ? position_rounding : normal_rounding);
+                sum = ROUNDED(sum);
                 [[unroll]] for (uint c = 0u; c < 3u; ++c) added[h][i + c] = sum[c];
             }
         }

@@ -6,19 +6,11 @@ ivec2 two_weights(uint bits) {
     return ivec2(bitfieldExtract(int(bits), 0, 16), int(bits) >> 16);
 }
 
-// The low bits to drop, at most 31, and half of what the lowest bit that is left stands for. No value with a half exceeds
-// 32 bits.
-#define ROUNDED(value, rounding) ((value) + int((rounding).y) >> (rounding).x)
+// Rounds what is in 2^-16 of units: GPUs read half of a register, or shift and add at once. The half does not overflow.
+#define ROUNDED(value) ((value) + 0x8000 >> 16)
 
-uvec2 rounding_of(uint dropped) {
-    return uvec2(dropped, 1u << dropped >> 1);
-}
-
-ivec3 rounded_term(int weight, ivec3 delta, uvec2 rounding) {
-    return ROUNDED(weight * delta, rounding);
-}
-
-// The difference of the two amounts.
-ivec3 rounded_product(ivec2 weights, ivec3 delta, uvec2 rounding) {
-    return rounded_term(weights.x, delta, rounding) - rounded_term(weights.y, delta, rounding);
+// Rounds products of which the `dropped` lowest bits, at most 31, are less than a unit: the difference of two.
+ivec3 rounded_change(ivec2 weights, ivec3 delta, uint dropped) {
+    int half_unit = int(1u << dropped >> 1);
+    return (weights.x * delta + half_unit >> dropped) - (weights.y * delta + half_unit >> dropped);
 }

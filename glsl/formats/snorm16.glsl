@@ -28,8 +28,8 @@ void add_delta(uint row, float coefficient, float normal_coefficient, inout vec3
 void add_rounded(uint row, ivec2 weights, uint dropped, inout ivec3 position, inout ivec3 normal) {
     ivec3 p, n;
     load_delta(row, p, n);
-    position += rounded_product(weights, p, rounding_of(dropped & 0xffu));
-    normal += rounded_product(weights, n, rounding_of(dropped >> 8));
+    position += rounded_change(weights, p, dropped & 0xffu);
+    normal += rounded_change(weights, n, dropped >> 8);
 }
 #endif
 #elif BATCH > 0

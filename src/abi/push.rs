@@ -101,10 +101,8 @@ after_steps!(structures {
         position_unit: f32,
         /// Float32 sums: input units per integer of a normal delta.
         normal_unit: f32,
-        /// Rounded sums: low bits dropped from products, by triple.
-        dropped: [u32; TRIPLES],
-        /// Half of the lowest bit that is left.
-        halves: [u32; TRIPLES],
+        /// Poses of 16 bits: left shift of products to 2^-16 of units, by triple.
+        raised: [u32; TRIPLES],
     }
 
     /// Push constants of `read.comp`.

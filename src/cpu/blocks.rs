@@ -9,7 +9,7 @@ use super::simd::widest;
 use super::sums::{self, Added, BATCH, Planes};
 use super::workers::Workers;
 use crate::abi::worklist::{ELEMENT_BYTES, Element};
-use crate::asset::streams::{TRIPLE, TRIPLES};
+use crate::asset::streams::TRIPLES;
 use crate::pack::formats::small::Records;
 use crate::pack::formats::{BlockFormat, with_format};
 use crate::pack::poses::sums::Sum;
@@ -173,13 +173,12 @@ fn add_alone<T: RowSum, const S: usize>(
 ) -> bool {
     let index = &*plan.index;
     let words = packed.deltas();
-    let dropped = dropped(plan);
     let mut in_rows = false;
     with_format!(index.parts.format, dense _f => {}, blocks format => widest!(simd => {
         let entries = elements.iter().map(|element| {
             let (header, deltas) = index.locate(format, words, element.entry as usize);
             meter(4 * (header.len() + deltas.len()));
-            let factors = factors::<T>(element, index.steps(), format.shifts(header));
+            let factors = factors::<T>(plan, element, format.shifts(header));
             (header, &words[deltas.start..], factors, T::is_new(&factors), element)
         });
         in_rows = format.has_records();
@@ -188,8 +187,8 @@ fn add_alone<T: RowSum, const S: usize>(
             for (header, deltas, factors, new, _) in entries {
                 let records = Records::new(S, header, deltas);
                 match new {
-                    true => records::add::<_, T, true>(simd, &records, factors, dropped, rows),
-                    false => records::add::<_, T, false>(simd, &records, factors, dropped, rows),
+                    true => records::add::<_, T, true>(simd, &records, factors, rows),
+                    false => records::add::<_, T, false>(simd, &records, factors, rows),
                 }
             }
         } else {
@@ -198,8 +197,8 @@ fn add_alone<T: RowSum, const S: usize>(
                 let lanes = index.costs[element.entry as usize].lanes.map(usize::from);
                 let entry = (header, deltas, lanes[0]..lanes[1]);
                 match new {
-                    true => sums::add_decoded::<T, _, S, true>(format, entry, factors, dropped, sums),
-                    false => sums::add_decoded::<T, _, S, false>(format, entry, factors, dropped, sums),
+                    true => sums::add_decoded::<T, _, S, true>(format, entry, factors, sums),
+                    false => sums::add_decoded::<T, _, S, false>(format, entry, factors, sums),
                 }
             }
         }
@@ -207,13 +206,10 @@ fn add_alone<T: RowSum, const S: usize>(
     in_rows
 }
 
-/// Low bits dropped from products, by triple.
-fn dropped(plan: &GroupPlan) -> [u32; TRIPLES] {
-    plan.grid().map_or([0; TRIPLES], |grid| grid.dropped)
-}
-
-fn factors<T: Sum>(element: &Element, steps: [f32; TRIPLES], shifts: [u32; TRIPLES]) -> [T::Factor; TRIPLES] {
-    [0, 1].map(|triple| T::factor(element.coefficient, steps[triple], shifts[triple]))
+/// The factors of an entry whose deltas are to be shifted by `shifts`.
+fn factors<T: Sum>(plan: &GroupPlan, element: &Element, shifts: [u32; TRIPLES]) -> [T::Factor; TRIPLES] {
+    let (steps, raised) = (plan.index.steps(), plan.grid().map_or([0; TRIPLES], |grid| grid.raised));
+    [0, 1].map(|triple| T::factor(element.coefficient, steps[triple], shifts[triple] + raised[triple]))
 }
 
 /// Decodes the next entries once each, and adds them to the instances that need them. Returns whether any remain.
@@ -227,7 +223,6 @@ fn add_batch<T: Sum, const S: usize>(
 ) -> bool {
     let index = &*plan.index;
     let words = packed.deltas();
-    let dropped = dropped(plan);
     for (place, decoded) in decoded.iter_mut().enumerate() {
         let next = tile.iter().filter_map(|instance| Some(instance.elements.first()?.entry)).min();
         let Some(entry) = next else { break };
@@ -241,13 +236,13 @@ fn add_batch<T: Sum, const S: usize>(
                 continue;
             };
             instance.elements = rest;
-            instance.batch[instance.count] = (place, factors::<T>(element, index.steps(), shifts));
+            instance.batch[instance.count] = (place, factors::<T>(plan, element, shifts));
             instance.count += 1;
             meter(bytes);
         }
     }
     for (instance, sums) in tile.iter_mut().zip(sums) {
-        sums::add(sums, &instance.batch[..std::mem::take(&mut instance.count)], decoded, dropped);
+        sums::add(sums, &instance.batch[..std::mem::take(&mut instance.count)], decoded);
     }
     tile.iter().any(|instance| !instance.elements.is_empty())
 }
@@ -285,17 +280,12 @@ impl<const S: usize> Turned<S> {
 /// Stores a block: `destination = source + sums`.
 fn write<P: PoseStorage, const S: usize>(turned: &mut Turned<S>, block: &Block<'_>, destination: &mut [u32]) {
     let is_rebuilt = block.item.source.is_none();
-    let dropped = dropped(block.plan);
     widest!(_simd => {
         let sums: &mut [P::Sum] = cast_slice_mut(turned.vertices.as_flattened_mut());
         if is_rebuilt && P::ROUNDS_SUMS {
             sums.iter_mut().zip(block.base).for_each(|(sum, base)| *sum = P::plus_base(*sum, *base));
         }
-        for vertex in sums.as_chunks_mut::<POSE_FLOATS>().0 {
-            for (c, sum) in vertex.iter_mut().enumerate() {
-                *sum = P::rounded(*sum, dropped[c / TRIPLE]);
-            }
-        }
+        sums.iter_mut().for_each(|sum| *sum = P::rounded(*sum));
         let out = cast_slice_mut::<u32, P::Number>(destination).iter_mut().zip(&*sums);
         match block.source {
             _ if is_rebuilt && P::ROUNDS_SUMS => out.for_each(|(out, sum)| *out = P::plus(P::Number::zeroed(), *sum)),

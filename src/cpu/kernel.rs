@@ -10,7 +10,6 @@ use crate::pack::blocks::PoseGrid;
 use crate::pack::formats::{DenseFormat, with_format};
 use crate::pack::grid::Term;
 use crate::pack::poses::PoseStorage;
-use crate::pack::poses::sums::half;
 use crate::pack::{POSE_FLOATS, PackedGroup};
 use crate::weights::delta::Coefficient;
 use fearless_simd::prelude::*;
@@ -126,7 +125,7 @@ impl<V: Simd> Lanes<V> {
             new: old == 0,
             old: i32x8::splat(simd, old),
             change: i32x8::splat(simd, new - old),
-            half: lanes(half),
+            half: lanes(|dropped| (1u32 << dropped >> 1) as i32),
             low: lanes(|dropped| ((1u32 << dropped) - 1) as i32),
             dropped: lanes(|dropped| dropped as i32),
         }

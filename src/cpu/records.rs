@@ -3,7 +3,8 @@
 
 use crate::asset::streams::{TRIPLE, TRIPLES};
 use crate::pack::formats::small::{BYTES, LANES, Records};
-use crate::pack::poses::sums::{Rounded, Sum, half};
+use crate::pack::grid::{DROPPED, HALF};
+use crate::pack::poses::sums::{Rounded, Sum};
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x8, i32x8, u8x16, u8x32, u32x8, u64x4};
 
@@ -27,7 +28,7 @@ pub(super) struct Row<T>(pub [T; ROW]);
 pub(super) trait RowSum: Sum {
     type Factors<V: Simd>: Copy;
 
-    fn factors<V: Simd>(simd: V, factors: [Self::Factor; TRIPLES], dropped: [u32; TRIPLES]) -> Self::Factors<V>;
+    fn factors<V: Simd>(simd: V, factors: [Self::Factor; TRIPLES]) -> Self::Factors<V>;
 
     fn add_row<V: Simd, const NEW: bool>(row: &mut Row<Self>, factors: Self::Factors<V>, delta: i32x8<V>);
 }
@@ -43,7 +44,7 @@ macro_rules! row_sums {
             type Factors<V: Simd> = $vector<V>;
 
             #[inline(always)]
-            fn factors<V: Simd>(simd: V, factors: [Self; TRIPLES], _: [u32; TRIPLES]) -> $vector<V> {
+            fn factors<V: Simd>(simd: V, factors: [Self; TRIPLES]) -> $vector<V> {
                 by_lane(factors).simd_into(simd)
             }
 
@@ -61,22 +62,20 @@ row_sums! {
 }
 
 impl RowSum for Rounded {
-    /// New and applied weight, half a unit, and low bits dropped.
-    type Factors<V: Simd> = [i32x8<V>; 4];
+    /// New and applied weight.
+    type Factors<V: Simd> = [i32x8<V>; 2];
 
     #[inline(always)]
-    fn factors<V: Simd>(simd: V, factors: [[i32; 2]; TRIPLES], dropped: [u32; TRIPLES]) -> Self::Factors<V> {
-        let [new, old] = [0, 1].map(|weight| factors.map(|of| of[weight]));
-        let half = dropped.map(half);
-        [new, old, half, dropped.map(|dropped| dropped as i32)].map(|triples| by_lane(triples).simd_into(simd))
+    fn factors<V: Simd>(simd: V, factors: [[i32; 2]; TRIPLES]) -> Self::Factors<V> {
+        [0, 1].map(|weight| by_lane(factors.map(|of| of[weight])).simd_into(simd))
     }
 
     #[inline(always)]
     fn add_row<V: Simd, const NEW: bool>(row: &mut Row<Self>, factors: Self::Factors<V>, delta: i32x8<V>) {
-        let [new, old, half, dropped] = factors;
+        let [new, old] = factors;
         let row = bytemuck::cast_mut::<_, [i32; ROW]>(&mut row.0);
-        let sum = i32x8::load_array(new.token(), *row) + ((new * delta + half) >> dropped);
-        let sum = if NEW { sum } else { sum - ((old * delta + half) >> dropped) };
+        let sum = i32x8::load_array(new.token(), *row) + ((new * delta + HALF) >> DROPPED);
+        let sum = if NEW { sum } else { sum - ((old * delta + HALF) >> DROPPED) };
         sum.store_array(row);
     }
 }
@@ -87,10 +86,9 @@ pub(super) fn add<V: Simd, T: RowSum, const NEW: bool>(
     simd: V,
     records: &Records<'_>,
     factors: [T::Factor; TRIPLES],
-    dropped: [u32; TRIPLES],
     rows: &mut [Row<T>],
 ) {
-    let factors = T::factors(simd, factors, dropped);
+    let factors = T::factors(simd, factors);
     let bits = (records.begins >> 56) as u32;
     // Of each component the four bytes from its first one on: at most 7 bits before it, 7 before the record, 18 of it.
     let each: u8x32<V> = (u32x8::simd_from(simd, NUMBERS) * 0x0101_0101).bitcast();

@@ -42,7 +42,6 @@ pub(super) fn add_decoded<T: Sum, F: BlockFormat<Component: Number>, const S: us
     format: &F,
     (header, deltas, lanes): (&[u32], &[u32], Range<usize>),
     factors: [T::Factor; TRIPLES],
-    dropped: [u32; TRIPLES],
     sums: &mut Planes<T, S>,
 ) {
     format.decode(
@@ -54,7 +53,7 @@ pub(super) fn add_decoded<T: Sum, F: BlockFormat<Component: Number>, const S: us
         #[inline(always)]
         |lane, c, number| {
             let triple = c / TRIPLE;
-            sums[c][lane] = sums[c][lane].add::<NEW>(factors[triple], T::Delta::of(number), dropped[triple]);
+            sums[c][lane] = sums[c][lane].add::<NEW>(factors[triple], T::Delta::of(number));
         },
     );
 }
@@ -63,11 +62,10 @@ pub(super) fn add<T: Sum, const S: usize>(
     sums: &mut Planes<T, S>,
     entries: &[Added<T>],
     decoded: &[Planes<T::Delta, S>; BATCH],
-    dropped: [u32; TRIPLES],
 ) {
     match entries.iter().all(|(_, factors)| T::is_new(factors)) {
-        true => widest!(_simd => add_planes::<T, S, true>(sums, entries, decoded, dropped)),
-        false => widest!(_simd => add_planes::<T, S, false>(sums, entries, decoded, dropped)),
+        true => widest!(_simd => add_planes::<T, S, true>(sums, entries, decoded)),
+        false => widest!(_simd => add_planes::<T, S, false>(sums, entries, decoded)),
     }
 }
 
@@ -76,17 +74,15 @@ fn add_planes<T: Sum, const S: usize, const NEW: bool>(
     sums: &mut Planes<T, S>,
     entries: &[Added<T>],
     decoded: &[Planes<T::Delta, S>; BATCH],
-    dropped: [u32; TRIPLES],
 ) {
     for (c, plane) in sums.iter_mut().enumerate() {
         let triple = c / TRIPLE;
-        let dropped = dropped[triple];
         for (at, lanes) in plane.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
             let mut sums = *lanes;
             for (place, factors) in entries {
                 let deltas = &decoded[*place][c].as_chunks::<LANES>().0[at];
                 for (sum, delta) in sums.iter_mut().zip(deltas) {
-                    *sum = sum.add::<NEW>(factors[triple], *delta, dropped);
+                    *sum = sum.add::<NEW>(factors[triple], *delta);
                 }
             }
             *lanes = sums;

@@ -9,9 +9,10 @@ use std::ops::{Range, RangeInclusive};
 /// Fewer bits are too coarse to animate; steps finer than 2^-16 make no visible difference.
 const WEIGHT_BITS: RangeInclusive<u32> = 7..=16;
 
-/// Most low bits that rounding drops, and room in 32 bits for the half unit that it adds: of a product, of a sum.
-const DROPPED_OF_PRODUCT: u32 = 26;
-const DROPPED_OF_SUM: u32 = 17;
+/// Low bits that rounding drops in blocks. Their number is the same for all meshes: kernels round with constants.
+pub(crate) const DROPPED: u32 = 16;
+/// Half of the lowest bit that is left.
+pub(crate) const HALF: i32 = 1 << (DROPPED - 1);
 
 /// The grid of weights and fixed-point poses. No sum overflows for weights up to `weight_max`.
 ///
@@ -35,9 +36,11 @@ pub struct PoseGrid {
     pub offsets: [f32; POSE_FLOATS],
     /// Sums are rounded to units, and not the term of each target ([`Rebuilt16`](PoseFormat::Rebuilt16)).
     pub rounds_sums: bool,
-    /// Low bits that rounding drops from the product of integer weight and integer delta, or from their sum. Dense
-    /// formats: for the target with the finest step; see [`term`](Self::term). By triple.
-    pub(crate) dropped: [u32; TRIPLES],
+    /// Terms are rounded to units.
+    pub(crate) rounds_terms: bool,
+    /// Blocks whose products or sums are rounded: left shift of the product of integer weight and integer delta to
+    /// 2^-[`DROPPED`] of the unit. By triple; 0 if nothing is rounded.
+    pub(crate) raised: [u32; TRIPLES],
 }
 
 /// A target's contribution to a fixed-point pose, for integer deltas d: q(new) − q(old), where q(w) = (w · d + half) >>
@@ -137,7 +140,7 @@ impl PoseGrid {
     pub(crate) fn integers(&self, base: &[f32], vertices: usize) -> Vec<i32> {
         let integer = |(i, number): (usize, &f32)| {
             let c = i % POSE_FLOATS;
-            let finer = if self.rounds_sums { f64::from(self.dropped[c / TRIPLE]).exp2() } else { 1.0 };
+            let finer = if self.rounds_sums { f64::from(1u32 << DROPPED) } else { 1.0 };
             let exact = (f64::from(*number) - f64::from(self.offsets[c])) / f64::from(self.units[c]) * finer;
             if i < vertices * POSE_FLOATS { exact.round() as i32 } else { 0 }
         };
@@ -159,9 +162,8 @@ impl PoseGrid {
     /// How far rounding the components of a triple moves a vertex.
     fn rounding(&self, triple: usize, targets: usize) -> f32 {
         let half = f64::from(self.units[triple * TRIPLE]) * 0.75f64.sqrt();
-        let rounds_products = !self.rounds_sums && self.dropped[triple] > 0;
         // The base pose, or the sum.
-        let roundings = if rounds_products { targets + 1 } else { 1 };
+        let roundings = if self.rounds_terms { targets + 1 } else { 1 };
         // Rounded up.
         ((half * roundings as f64) as f32).next_up()
     }
@@ -229,29 +231,36 @@ impl Sums {
         let PoseRow { bits, rounds_sums, .. } = *pose.row();
         ensure!(bits > 0 && pose.takes(self.format), refused(self.format, pose));
         let weight_max = weight_max.unwrap_or(if bits < i32::BITS { 1.0 } else { self.weight_max });
-        let mut grid = PoseGrid {
-            weight_bits: self.weight_bits(pose, weight_max)?,
-            weight_max,
-            units: [0.0; POSE_FLOATS],
-            offsets: [0.0; POSE_FLOATS],
-            rounds_sums,
-            dropped: [0; TRIPLES],
+        let rounds = bits < i32::BITS || self.coarsest.is_some();
+        let place = |weight_bits| {
+            let mut grid = PoseGrid {
+                weight_bits,
+                weight_max,
+                units: [0.0; POSE_FLOATS],
+                offsets: [0.0; POSE_FLOATS],
+                rounds_sums,
+                rounds_terms: rounds && !rounds_sums,
+                raised: [0; TRIPLES],
+            };
+            (0..TRIPLES).try_for_each(|triple| self.place(triple, pose, &mut grid))?;
+            Ok(grid)
         };
-        (0..TRIPLES).try_for_each(|triple| self.place(triple, pose, &mut grid))?;
-        Ok(grid)
+        let most = self.weight_bits(pose, weight_max)?;
+        // Weights are coarser where rounding would have to drop more bits of finer ones.
+        (0..=most).rev().map(place).find(Result::is_ok).unwrap_or_else(|| place(most))
     }
 
     /// The most bits of weights up to `weight_max` with which no product or sum overflows before rounding.
     fn weight_bits(&self, pose: PoseFormat, weight_max: f32) -> Result<u32> {
         let dense = self.coarsest.is_some();
-        let dropped = if pose.row().rounds_sums { DROPPED_OF_SUM } else { 0 };
         // With rounding, the limits leave room for the half unit: dense deltas have 16 bits, so a product with 2^15 has
         // one spare bit.
-        let most = |dropped: u32| f64::from(i32::MAX) - f64::from(1u32 << dropped >> 1);
+        let half = if pose.row().bits < i32::BITS { HALF } else { 0 };
+        let most = f64::from(i32::MAX - half);
         let (most_steps, most, base) = match (dense, pose.rounds_products()) {
             (true, _) => (32768.0, f64::INFINITY, 0.0),
-            (false, true) => (f64::from(i16::MAX), most(DROPPED_OF_PRODUCT), 0.0),
-            (false, false) => (f64::INFINITY, most(dropped) - 1.0, self.largest.base),
+            (false, true) => (f64::from(i16::MAX), most, 0.0),
+            (false, false) => (f64::INFINITY, most - 1.0, self.largest.base),
         };
         let steps = |bits: u32| weight_steps(weight_max, bits);
         let fits = weight_max > 0.0 && steps(*WEIGHT_BITS.start()) <= most_steps;
@@ -286,15 +295,17 @@ impl Sums {
         let fits = |dropped: &u32| half / unit(*dropped) + roundings as f64 / 2.0 <= most;
         let (least, all) = match self.coarsest {
             Some(coarsest) => (coarsest[triple], u8::MAX.into()),
-            None => (0, if grid.rounds_sums { DROPPED_OF_SUM } else { DROPPED_OF_PRODUCT }),
+            None => (0, DROPPED),
         };
-        let rounds = bits < i32::BITS || self.coarsest.is_some();
+        let rounds = grid.rounds_sums || grid.rounds_terms;
         let dropped = if rounds { (least..=least + all).find(fits) } else { Some(0) };
         let Some(dropped) = dropped else {
             let text = format!("{} poses of a mesh of which {} targets move a vertex", pose.name(), self.targets);
             return refuse(text, "use float32 poses");
         };
-        grid.dropped[triple] = dropped;
+        if rounds && self.coarsest.is_none() {
+            grid.raised[triple] = DROPPED - dropped;
+        }
         grid.units[components].fill(unit(dropped) as f32);
         Ok(())
     }

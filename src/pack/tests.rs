@@ -1,4 +1,4 @@
-use super::grid::{Largest, Reached, Sums};
+use super::grid::{DROPPED, HALF, Largest, Reached, Sums};
 use super::source::largest;
 use super::*;
 use crate::asset::streams::{Semantic, TRIPLE};
@@ -180,33 +180,33 @@ fn narrow_poses_have_room_for_what_rounding_adds() {
     for (targets, is_taken) in [(1, true), (32_767, true), (32_768, false), (33_000, false), (65_536, false)] {
         for largest in [0.0, 3.0, 5000.0, 65_535.0, 131_067.0, 16_000_000.0] {
             let (steps, all) = ([1.0 / 1024.0; 2], [largest, largest / 3.0, 0.0, largest, 1.0, 2.0]);
-            let base = [9.0, 0.0, 300.0, 1.0, 1.0, 1.0];
+            // Far from the origin, products are so much finer than a unit that weights are made coarser.
+            let far = if largest == 3.0 { 1024.0 } else { 1.0 };
+            let base = [9.0, 0.0, 300.0 * far, 1.0, 1.0, 1.0];
             let sums = Sums {
                 format: DeltaFormat::Small,
                 steps,
                 coarsest: None,
                 directions: std::iter::once(3..6).collect(),
                 reached: vec![Reached { low: base.map(|most| -most), high: base, sums: all }],
-                largest: Largest { sum: largest, base: 300.0 * 1024.0 },
+                largest: Largest { sum: largest, base: 300.0 * 1024.0 * f64::from(far) },
                 targets,
                 weight_max: 8.0,
             };
             for (pose, is_taken, roundings) in
-                [(PoseFormat::Fixed16, is_taken, targets + 1), (PoseFormat::Rebuilt16, true, 1)]
+                [(PoseFormat::Fixed16, is_taken, targets + 1), (PoseFormat::Rebuilt16, far == 1.0, 1)]
             {
                 let grid = sums.grid(pose, None);
                 // A mesh with short deltas has more room.
                 assert!(!is_taken || grid.is_ok(), "{targets} targets, {largest} steps: {grid:?}");
                 let Ok(grid) = grid else { continue };
-                let dropped = |c: usize| grid.dropped[c / TRIPLE];
-                for ((largest, base), dropped) in all.into_iter().zip(base).zip((0..POSE_FLOATS).map(dropped)) {
-                    let base = f64::from(base * 1024.0) * f64::from(1u32 << grid.weight_bits);
-                    let product =
-                        largest * f64::from(1u32 << grid.weight_bits) + if grid.rounds_sums { base } else { 0.0 };
-                    let fits = product + f64::from(1u32 << dropped >> 1) <= f64::from(i32::MAX);
-                    assert!(fits, "{targets} targets, {largest} steps: {grid:?}");
-                    let base = if grid.rounds_sums { 0.0 } else { base };
-                    let sum = (product + base) / f64::from(1u32 << dropped) + roundings as f64 / 2.0;
+                assert!(far == 1.0 || grid.weight_bits < 7, "{targets} targets, {largest} steps: {grid:?}");
+                for (c, (largest, base)) in all.into_iter().zip(base).enumerate() {
+                    let scale = f64::from(1u32 << grid.weight_bits) * f64::from(1u32 << grid.raised[c / TRIPLE]);
+                    let (product, base) = (largest * scale, f64::from(base * 1024.0) * scale);
+                    let fine = product + if grid.rounds_sums { base } else { 0.0 };
+                    assert!(fine <= f64::from(i32::MAX - HALF), "{targets} targets, {largest} steps: {grid:?}");
+                    let sum = (product + base) / f64::from(1u32 << DROPPED) + roundings as f64 / 2.0;
                     assert!(sum <= f64::from(i16::MAX), "{targets} targets, {largest} steps: {grid:?}");
                 }
             }

@@ -206,13 +206,12 @@ pub fn fixed() -> [UpdateDesc; 3] {
 /// Returns the integers that poses on `grid` hold for `weights`, in the user's vertex order: the base pose and exact
 /// products in float64, each rounded to the unit, or their sum.
 pub fn integers(group: &PackedGroup, grid: &PoseGrid, weights: &[f32]) -> Vec<f64> {
-    let steps = group.layout().blocks.as_ref().map_or([1.0; 2], |index| index.steps());
     let mut sums: Vec<f64> = group.layout().to_user_order(group.base()).into_iter().map(f64::from).collect();
     for (i, sum) in sums.iter_mut().enumerate() {
         let c = i % POSE_FLOATS;
         let unit = f64::from(grid.units[c]);
-        // Where sums are rounded, the base pose is in products of the steps of weights and deltas.
-        let own = if grid.rounds_sums { f64::from(steps[c / 3]) * f64::from(grid.weight_step()) } else { unit };
+        // Where sums are rounded, the base pose is in 2^-16 of units.
+        let own = if grid.rounds_sums { unit / 65536.0 } else { unit };
         *sum = ((*sum - f64::from(grid.offsets[c])) / own).round() * own / unit;
     }
     for (target, &weight) in weights.iter().enumerate().filter(|(_, w)| **w != 0.0) {

@@ -5,9 +5,8 @@ pub(crate) mod sums;
 use super::grid::PoseGrid;
 use super::{BASE_STRIDE, DeltaFormat, POSE_FLOATS};
 use crate::abi::formats::{POSE_FORMATS, PoseRow, pose_formats};
-use crate::asset::streams::TRIPLE;
 use bytemuck::{Pod, Zeroable};
-use sums::{Sum, without};
+use sums::{Sum, rounded};
 
 macro_rules! declared {
     (() $($(#[$meta:meta])* $name:ident $file:ident $row:tt)*) => {
@@ -62,9 +61,9 @@ pub(crate) trait PoseStorage {
         sum
     }
 
-    /// A block format's sum to add: without its `dropped` lowest bits, if sums are rounded.
+    /// A block format's sum to add: rounded, if sums are.
     #[inline(always)]
-    fn rounded(sum: Self::Sum, _dropped: u32) -> Self::Sum {
+    fn rounded(sum: Self::Sum) -> Self::Sum {
         sum
     }
 
@@ -169,9 +168,9 @@ impl PoseFormat {
         let mut words = vec![0; base.len() * self.number_bytes() / size_of::<u32>()];
         with_pose!(self, P => {
             let numbers: &mut [<P as PoseStorage>::Number] = bytemuck::cast_slice_mut(&mut words);
-            for (i, (number, integer)) in numbers.iter_mut().zip(grid.integers(base, vertices)).enumerate() {
-                let dropped = if grid.rounds_sums { grid.dropped[i % POSE_FLOATS / TRIPLE] } else { 0 };
-                *number = P::plus_integer(Zeroable::zeroed(), without(integer, dropped));
+            for (number, integer) in numbers.iter_mut().zip(grid.integers(base, vertices)) {
+                let integer = if grid.rounds_sums { rounded(integer) } else { integer };
+                *number = P::plus_integer(Zeroable::zeroed(), integer);
             }
         });
         words
@@ -199,15 +198,16 @@ mod tests {
     fn numbers_are_floats_or_multiples_of_units_from_offsets() {
         let pose: Vec<f32> = (0..12).map(|i| i as f32 - 0.5).collect();
         assert_eq!(PoseFormat::Float32.decode(bytemuck::cast_slice(&pose), None), pose);
-        let grid = |dropped| PoseGrid {
+        let grid = |rounds_sums| PoseGrid {
             weight_bits: 8,
             weight_max: 1.0,
             units: [0.5, 0.5, 0.5, 0.125, 0.125, 0.125],
             offsets: [10.0, -1.0, 2.0, 0.0, 0.0, 0.0],
-            rounds_sums: dropped > 0,
-            dropped: [dropped; TRIPLES],
+            rounds_sums,
+            rounds_terms: false,
+            raised: [0; TRIPLES],
         };
-        let exact = grid(0);
+        let exact = grid(false);
         let decoded: Vec<f32> = (0..12).map(|i| exact.offsets[i % 6] + (i as f32 - 6.0) * exact.units[i % 6]).collect();
         let integers: Vec<i32> = (-6..6).collect();
         let halves: Vec<i16> = (-6..6).collect();
@@ -217,7 +217,7 @@ mod tests {
         assert_eq!(PoseFormat::Rebuilt16.decode(bytemuck::cast_slice(&halves), Some(&exact)), decoded);
         assert_eq!(PoseFormat::ALL.map(|format| format.offset(3)), [12, 12, 6, 6]);
         for (format, grid) in
-            [(PoseFormat::Fixed32, exact), (PoseFormat::Fixed16, exact), (PoseFormat::Rebuilt16, grid(3))]
+            [(PoseFormat::Fixed32, exact), (PoseFormat::Fixed16, exact), (PoseFormat::Rebuilt16, grid(true))]
         {
             let words = format.base_pose(&grid, &decoded, 1);
             let whole = [-6, -5, -4, -3, -2, -1, 0, 0, 0, 0, 0, 0];

@@ -1,7 +1,7 @@
 //! Rebuilt16: fixed16's numbers, as sums that are rounded once. GLSL: `glsl/poses/fixed16.glsl`.
 
 use super::PoseStorage;
-use super::sums::without;
+use super::sums::rounded;
 
 pub(crate) struct Rebuilt16;
 
@@ -27,7 +27,7 @@ impl PoseStorage for Rebuilt16 {
     }
 
     #[inline(always)]
-    fn rounded(sum: i32, dropped: u32) -> i32 {
-        without(sum, dropped)
+    fn rounded(sum: i32) -> i32 {
+        rounded(sum)
     }
 }

@@ -1,6 +1,7 @@
 //! The CPU's sums for poses: float32, or wrapping integers.
 
 use crate::asset::streams::TRIPLES;
+use crate::pack::grid::{DROPPED, HALF};
 use bytemuck::{Pod, Zeroable};
 
 /// A component of a delta.
@@ -41,7 +42,7 @@ pub(crate) trait Sum: Pod + Default + Send {
     /// The coefficient operand.
     type Factor: Copy + Default;
 
-    /// Decodes a coefficient of the work list (`bits`), for a triple with this `step`; `shift` applies to the deltas.
+    /// Decodes a coefficient of the work list (`bits`), for a triple with this `step`; `shift` applies to products.
     fn factor(bits: u32, step: f32, shift: u32) -> Self::Factor;
 
     /// Whether the pose holds none of the entry, if that saves work.
@@ -50,8 +51,8 @@ pub(crate) trait Sum: Pod + Default + Send {
         false
     }
 
-    /// Adds a product; if products are rounded, `dropped` low bits are. `NEW`: no weight is applied.
-    fn add<const NEW: bool>(self, factor: Self::Factor, delta: Self::Delta, dropped: u32) -> Self;
+    /// Adds a product. `NEW`: no weight is applied.
+    fn add<const NEW: bool>(self, factor: Self::Factor, delta: Self::Delta) -> Self;
 }
 
 impl Sum for f32 {
@@ -65,7 +66,7 @@ impl Sum for f32 {
     }
 
     #[inline(always)]
-    fn add<const NEW: bool>(self, factor: f32, delta: f32, _: u32) -> Self {
+    fn add<const NEW: bool>(self, factor: f32, delta: f32) -> Self {
         self + factor * delta
     }
 }
@@ -80,7 +81,7 @@ impl Sum for i32 {
     }
 
     #[inline(always)]
-    fn add<const NEW: bool>(self, factor: i32, delta: i32, _: u32) -> Self {
+    fn add<const NEW: bool>(self, factor: i32, delta: i32) -> Self {
         self.wrapping_add(factor.wrapping_mul(delta))
     }
 }
@@ -97,7 +98,7 @@ impl Sum for Rounded {
 
     #[inline(always)]
     fn factor(bits: u32, _: f32, shift: u32) -> Self::Factor {
-        [i32::from(bits as i16) << shift, (bits as i32 >> 16) << shift]
+        [i32::from(bits as i16), bits as i32 >> 16].map(|weight| weight.wrapping_shl(shift))
     }
 
     #[inline(always)]
@@ -106,26 +107,14 @@ impl Sum for Rounded {
     }
 
     #[inline(always)]
-    fn add<const NEW: bool>(self, [new, old]: Self::Factor, delta: i32, dropped: u32) -> Self {
-        let sum = self.0.wrapping_add(rounded(new, delta, dropped));
-        Self(if NEW { sum } else { sum.wrapping_sub(rounded(old, delta, dropped)) })
+    fn add<const NEW: bool>(self, [new, old]: Self::Factor, delta: i32) -> Self {
+        let sum = self.0.wrapping_add(rounded(new.wrapping_mul(delta)));
+        Self(if NEW { sum } else { sum.wrapping_sub(rounded(old.wrapping_mul(delta))) })
     }
 }
 
-/// A target's rounded contribution at this weight.
+/// Rounds to units what is in 2^-[`DROPPED`] of them.
 #[inline(always)]
-fn rounded(weight: i32, delta: i32, dropped: u32) -> i32 {
-    without(weight.wrapping_mul(delta), dropped)
-}
-
-/// `sum` without its `dropped` lowest bits, rounded.
-#[inline(always)]
-pub(super) fn without(sum: i32, dropped: u32) -> i32 {
-    sum.wrapping_add(half(dropped)) >> dropped
-}
-
-/// Half of the unit that rounding leaves when it drops `dropped` low bits; 0 if it drops none.
-#[inline(always)]
-pub(crate) const fn half(dropped: u32) -> i32 {
-    (1u32 << dropped >> 1) as i32
+pub(super) fn rounded(fine: i32) -> i32 {
+    fine.wrapping_add(HALF) >> DROPPED
 }

@@ -153,7 +153,6 @@ impl GroupBlocks {
                 (BufferRange::new(buffer.raw, 0, bytes as u64), 0)
             }
         };
-        let dropped = poses.grid.map(|grid| grid.dropped).unwrap_or_default();
         let push = BlocksPush {
             first_item: 0,
             deltas_at: index.deltas_at as u32,
@@ -161,8 +160,7 @@ impl GroupBlocks {
             pose_floats: poses.numbers(),
             position_unit,
             normal_unit,
-            dropped,
-            halves: dropped.map(|dropped| 1 << dropped >> 1),
+            raised: poses.grid.map(|grid| grid.raised).unwrap_or_default(),
         };
         let ranges = |&Bound { list, instances: (first, count) }: &Bound| {
             // With texels, poses are bound twice, for stores and loads.
