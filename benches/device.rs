@@ -184,12 +184,12 @@ fn main() {
         }
     }
 
-    for slots in [1, 2] {
-        title(&format!("Scale: fast, fixed16, {slots} slots; weights from the host, and planned on the GPU"));
+    for (pose, slots) in [(PoseFormat::Fixed16, 1), (PoseFormat::Rebuilt16, 1), (PoseFormat::Fixed16, 2)] {
+        title(&format!("Scale: fast, {}, {slots} slots; weights from the host, and planned on the GPU", pose.name()));
         for changed in [0, 8, targets] {
             let mut bytes_each = 0.0;
             for &heads in &heads {
-                let case = Case { update: fixed16.update.slots(slots), heads, changed, ..fixed16 };
+                let case = Case { update: blocks(pose).slots(slots), heads, changed, ..fixed16 };
                 let what = format!("{heads} heads, {changed} change");
                 if changed > 0 && heads <= PLANNED {
                     match bench.time(&headless, &fast, case) {
