@@ -300,8 +300,9 @@ impl Sums {
         let rounds = grid.rounds_sums || grid.rounds_terms;
         let dropped = if rounds { (least..=least + all).find(fits) } else { Some(0) };
         let Some(dropped) = dropped else {
-            let text = format!("{} poses of a mesh of which {} targets move a vertex", pose.name(), self.targets);
-            return refuse(text, "use float32 poses");
+            let (targets, reach) = (self.targets, half / f64::from(self.steps[triple]));
+            let what = format!("of which {targets} targets move a vertex, {reach:.0} steps from the middle at most");
+            return refuse(format!("{} poses of a mesh {what}", pose.name()), "use float32 poses");
         };
         if rounds && self.coarsest.is_none() {
             grid.raised[triple] = DROPPED - dropped;
