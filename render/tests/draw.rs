@@ -79,6 +79,12 @@ fn difference(a: &Picture, b: &Picture) -> (f64, usize) {
     (off().map(f64::from).sum::<f64>() / a.rgba.len() as f64, off().filter(|off| *off > 8).count())
 }
 
+/// How many times as much as lavapipe's a driver's pictures may differ: SwiftShader's differ more where edges move by the
+/// unit of a 16-bit pose.
+fn leeway(headless: &Headless) -> usize {
+    if headless.caps().name.contains("SwiftShader") { 2 } else { 1 }
+}
+
 #[test]
 fn every_format_of_poses_draws_the_same_pictures() {
     let mesh = mesh(&source());
@@ -103,8 +109,12 @@ fn every_format_of_poses_draws_the_same_pictures() {
                 for (i, (drawn, expected)) in drawn.iter().zip(expected.iter().chain(&wire)).enumerate() {
                     let (mean, far) = difference(drawn, expected);
                     // Rounding decides single comparisons at shadow edges, and where lines end.
-                    let (least, most) = if i < frames.len() { (0.02, 16) } else { (0.08, 250) };
-                    assert!(mean < least && far <= most, "{pose:?} {path:?}, frame {i}: {mean} {far}");
+                    let (least, most) = if i < frames.len() { (0.02, 12) } else { (0.04, 120) };
+                    let times = leeway(headless);
+                    assert!(
+                        mean < least * times as f64 && far <= most * times,
+                        "{pose:?} {path:?}, frame {i}: {mean} {far}"
+                    );
                 }
             }
         }
@@ -351,7 +361,7 @@ fn what_steps_write_is_drawn_as_their_references_say() {
                     for (frame, (found, expected)) in found.iter().zip(&expected).enumerate() {
                         let what = format!("{step:.20?} {update:?}, {show:?}, frame {frame}");
                         let (mean, far) = difference(found, expected);
-                        assert!(mean < 0.05 && far <= 32, "{what}: {mean} {far}");
+                        assert!(mean < 0.05 && far <= 20 * leeway(headless), "{what}: {mean} {far}");
                     }
                     assert!(difference(&found[0], &found[1]).1 > 100, "frames differ");
                 }

@@ -143,7 +143,8 @@ fn faces_of_four_rigs_are_one_scene() {
     let folder = tempfile::tempdir().unwrap();
     let sizes =
         "--device llvmpipe --vertices 800 --targets 20 --frames 3 --time-limit 0.01 --heads 5 --draws 1,3 --quiet";
-    let out = suite("faces", &sizes.split(' ').collect::<Vec<_>>(), folder.path());
+    let report = || suite("faces", &sizes.split(' ').collect::<Vec<_>>(), folder.path());
+    let out = report();
     let cells = out["suites"][0]["cells"].as_array().unwrap();
     let named: Vec<_> =
         cells.iter().map(|cell| cell["name"].as_str().unwrap().rsplit_once("8 heads").unwrap().1).collect();
@@ -160,12 +161,15 @@ fn faces_of_four_rigs_are_one_scene() {
     // All run the same frames, and every rebuild reads what is active of each face.
     let runs = out["runs"].as_array().unwrap();
     assert!(runs.iter().all(|run| run["active"] == runs[0]["active"] && run["targets"] == 68), "{out}");
-    // Times are not compared: other tests run beside this one.
-    for draws in [1, 3] {
-        let run = runs.iter().find(|run| run["technique"] == "direct" && run["draws"] == draws).unwrap();
+    // Each draw of this path evaluates. Other tests run beside this one: one of three reports has to show it.
+    let draw_ms = |out: &Value, draws: u64| {
+        let mut runs = out["runs"].as_array().unwrap().iter();
+        let run = runs.find(|run| run["technique"] == "direct" && run["draws"] == draws).unwrap();
         assert!(run["update_and_draw_ms"]["median"].as_f64() > run["draw_ms"].as_f64(), "{run}");
-        assert!(run["draw_ms"].as_f64() > Some(0.0), "{run}");
-    }
+        run["draw_ms"].as_f64()
+    };
+    let three_take_longer = |out: &Value| draw_ms(out, 3) > draw_ms(out, 1);
+    assert!(three_take_longer(&out) || (0..2).any(|_| three_take_longer(&report())));
 }
 
 #[test]
