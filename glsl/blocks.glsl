@@ -66,17 +66,19 @@ uvec2 raised_once = raised;
 #include "rounded.glsl"
 #define RAISE(shifts) shifts += raised;
 #define FACTOR ivec2
-#define FACTOR_OF(bits, unit, shift) ((ROUNDED_SUMS ? ivec2(bits) : two_weights(bits)) << (shift))
-// Sums that start from the base pose replace no weight: one product is enough. crowd.comp subtracts the other one
-// itself.
+// The weight that the pose will hold, of 16 bits, or of 32 where sums are rounded; and the one that it holds.
+#define FACTOR_OF(bits, unit, shift) \
+    (ivec2(bitfieldExtract(int(bits), 0, 32 - int(PRODUCT_BITS)), int(bits) >> 16) << (shift))
+// Sums that start from the base pose, and those that are rounded, replace no weight: one product is enough. crowd.comp
+// subtracts the other one itself.
 #ifdef TEXELS
-#define ONE_PRODUCT ALL_REBUILT
+#define ONE_PRODUCT (REBUILT_ITEMS != 0u)
 #else
 #define ONE_PRODUCT true
 #endif
+#define PRODUCT(factor, delta) ((factor) * (delta) + PRODUCT_HALF >> PRODUCT_BITS)
 #define TIMES(factor, delta) \
-    (ROUNDED_SUMS ? (factor).x * (delta) \
-        : ROUNDED((factor).x * (delta)) - (ONE_PRODUCT ? ivec3(0) : ROUNDED((factor).y * (delta))))
+    (PRODUCT((factor).x, delta) - (ONE_PRODUCT ? ivec3(0) : PRODUCT((factor).y, delta)))
 #else
 #define RAISE(shifts)
 #define FACTOR ADDEND
