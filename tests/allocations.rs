@@ -1,5 +1,6 @@
 //! Planning a frame allocates nothing, since engines do it in their frame loop.
 
+use crate::gpu;
 use crate::testing;
 use deltamorph::internals::plan::instances::{InstanceState, Instances};
 use deltamorph::internals::plan::schedule::Schedule;
@@ -51,9 +52,7 @@ fn planning_in_blocks_allocates_nothing_after_the_first_frames() {
 #[test]
 fn an_update_that_the_gpu_plans_allocates_nothing_after_the_first() {
     let packed = PackedMesh::pack(&testing::mesh(500, 4), &PackDesc::new(DeltaFormat::Small)).unwrap();
-    let names: Vec<String> = (0..4).map(|t| format!("target_{t}")).collect();
-    let clip = WeightClip { name: "clip".into(), names, fps: 30.0, values: vec![0.5; 40] };
-    let clips = [clip];
+    let clips = [gpu::clip(&packed, 30.0, vec![0.5; 40])];
     let grid = packed.layout().blocks.as_ref().unwrap().grid(PoseFormat::Fixed16, None).unwrap();
     let clips = Clips::new(&AnimationDesc::new(&clips), packed.layout(), grid).unwrap();
     let mut heads = Playbacks::new(100);

@@ -9,7 +9,7 @@ use deltamorph::ash::vk;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
     AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, Error, ErrorKind,
-    GpuMesh, MorphEngine, PackedMesh, Playback, PoseFormat, ReadPose, Result, UpdateDesc, UpdatePath, WeightClip,
+    GpuMesh, MorphEngine, PackedMesh, Playback, PoseFormat, ReadPose, Result, UpdateDesc, UpdatePath,
 };
 use deltamorph_failing::{Control, NAME, calls::ERRORS, enable};
 use deltamorph_headless::{Headless, HeadlessCrowd};
@@ -344,9 +344,7 @@ fn animated_crowds_are_made_or_not() {
 
 fn animated(lab: &Lab<'_>) {
     let mesh = &packed(&lab.engine(), DeltaFormat::Fast);
-    let names = mesh.layout().targets.iter().map(|target| target.name.clone()).collect();
-    let clip = WeightClip { names, fps: 1.0, values: (0..4).flat_map(weights).collect(), ..WeightClip::default() };
-    let clips = [clip];
+    let clips = [gpu::clip(mesh, 1.0, (0..4).flat_map(weights).collect())];
     let animation = AnimationDesc::new(&clips);
     let desc = CrowdDesc::new(UpdateDesc::blocks().pose(PoseFormat::Fixed16)).instances(2);
     lab.each(

@@ -5,7 +5,6 @@ use crate::scene::{FIXED, Scene, blocks, clips, crowd, fixed, packed, packed_str
 use crate::testing;
 use deltamorph::{
     AnimationDesc, CrowdDesc, DeltaFormat, KeyFormat, PackDesc, PackedMesh, Playback, PoseFormat, Repeat, UpdateMode,
-    WeightClip,
 };
 use deltamorph_headless::{Headless, HeadlessCrowd};
 use std::sync::Arc;
@@ -179,9 +178,8 @@ fn thousands_of_heads_start_at_once() {
 fn one_block_and_no_head_that_is_shown() {
     let mesh = PackedMesh::pack(&testing::mesh(7, 4), &PackDesc::new(DeltaFormat::Fast)).expect("a mesh");
     assert_eq!(blocks(&mesh), 1);
-    let (mesh, names) = (Arc::new(mesh), (0..4).map(|t| format!("target_{t}")).collect());
-    let values = (0..12).map(|i| i as f32 / 12.0).collect();
-    let clips = [WeightClip { name: "clip".into(), names, fps: 10.0, values }];
+    let mesh = Arc::new(mesh);
+    let clips = [gpu::clip(&mesh, 10.0, (0..12).map(|i| i as f32 / 12.0).collect())];
     gpu::on_every_device(|headless, _| {
         for instances in [1, 3] {
             let desc = crowd(instances, fixed(PoseFormat::Fixed16, 2));

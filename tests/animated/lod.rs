@@ -50,8 +50,7 @@ fn one_number_of_pixels_steers_the_error_budget_too() {
         for (update, refused) in [(budget, 1), (UpdateDesc::new(UpdatePath::Compute, BatchSize::All), 2)] {
             let format = if refused == 1 { DeltaFormat::Small } else { DeltaFormat::Float32 };
             let packed = gpu::packed(engine, &mesh, format);
-            // SAFETY: `run` hands out a recording buffer of the engine's device, and waits for it.
-            let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &packed) }).expect("an upload");
+            let uploaded = gpu::upload(headless, engine, &packed);
             let mut crowd = engine.create_crowd(&uploaded, &CrowdDesc::new(update)).expect("a crowd");
             let results = [crowd.set_error_budget(0, 1.0), crowd.set_error_budget(0, -1.0)];
             assert_eq!(results.iter().filter(|result| result.is_err()).count(), refused);

@@ -5,8 +5,8 @@ use deltamorph::internals::plan::schedule::{Barrier, Entry, asset_uploaded};
 use deltamorph::packed::{PackedGroup, PoseGrid};
 use deltamorph::reference::{compare, evaluate_group};
 use deltamorph::{
-    AnyCrowd, BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, MorphEngine, MorphMesh, POSE_FLOATS, PackDesc, PackedMesh,
-    PoseError, PoseFormat, UpdateDesc, UpdatePath,
+    AnyCrowd, BatchSize, CrowdDesc, DeltaFormat, DeviceCaps, GpuMesh, MorphEngine, MorphMesh, POSE_FLOATS, PackDesc,
+    PackedMesh, PoseError, PoseFormat, UpdateDesc, UpdatePath, WeightClip,
 };
 use deltamorph_headless::{DeviceChoice, Headless, HeadlessCrowd, HeadlessDesc, Step};
 use std::slice::from_mut;
@@ -19,6 +19,18 @@ pub const NORMAL: f64 = 0.01;
 /// Packs `mesh` for the device.
 pub fn packed(engine: &MorphEngine, mesh: &MorphMesh, format: DeltaFormat) -> PackedMesh {
     PackedMesh::pack(mesh, &engine.pack_desc(format)).expect("a mesh that fits")
+}
+
+/// Uploads `mesh`, waits, and releases its staging memory.
+pub fn upload(headless: &Headless, engine: &MorphEngine, mesh: &PackedMesh) -> GpuMesh {
+    // SAFETY: `upload` hands out a recording buffer of the engine's device, and waits.
+    headless.upload(|cmd| unsafe { engine.upload(cmd, mesh) }).expect("an upload")
+}
+
+/// Returns a clip that animates all targets of `mesh`.
+pub fn clip(mesh: &PackedMesh, fps: f32, values: Vec<f32>) -> WeightClip {
+    let names = mesh.layout().targets.iter().map(|target| target.name.clone()).collect();
+    WeightClip { name: "clip".into(), names, fps, values }
 }
 
 /// Returns whether `error` is within the project's limits, for a mesh of `diagonal`.
@@ -63,7 +75,7 @@ pub fn on_every_device(test: impl Fn(&Headless, &MorphEngine)) {
     on(&drivers(), test);
 }
 
-/// The same on SwiftShader, too, which takes minutes to compile pipelines: for the few tests that together run each
+/// The same on SwiftShader, too, which takes a second to compile a pipeline: for the few tests that together run each
 /// kernel of poses once.
 pub fn on_every_driver(test: impl Fn(&Headless, &MorphEngine)) {
     on(&drivers_or("llvmpipe,SwiftShader"), test);

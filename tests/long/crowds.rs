@@ -55,15 +55,6 @@ fn packed(format: DeltaFormat) -> Arc<PackedMesh> {
     Arc::new(mesh.expect("a mesh that packs"))
 }
 
-fn upload(headless: &Headless, mesh: &PackedMesh) -> GpuMesh {
-    // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
-    let uploaded = headless.run(|cmd| unsafe { headless.engine().upload(cmd, mesh) });
-    let mut uploaded = uploaded.expect("an upload");
-    // SAFETY: the upload has run.
-    unsafe { uploaded.release_staging() };
-    uploaded
-}
-
 /// Makes a crowd for full evaluations on the CPU, one at a time.
 fn evaluations(mesh: &Arc<PackedMesh>, update: UpdateDesc) -> CpuCrowd {
     let update = update.path(UpdatePath::Cpu).mode(UpdateMode::Rebuild).slots(1);
@@ -98,7 +89,7 @@ pub struct Weighted<'a> {
 impl<'a> Weighted<'a> {
     pub fn new(headless: &'a Headless, format: DeltaFormat, update: UpdateDesc, begin: u64) -> Self {
         let source = packed(format);
-        let mesh = upload(headless, &source);
+        let mesh = gpu::upload(headless, headless.engine(), &source);
         let crowd = Self::crowd(headless, &mesh, update, PLACES[0], begin);
         let (posed, fresh) = (vec![vec![]; PLACES[1] as usize], evaluations(&source, update));
         let importance = Importance::of_packed(&source, &[]).expect("an order");
@@ -215,11 +206,10 @@ const CLIPS: usize = 3;
 impl<'a> Animated<'a> {
     pub fn new(headless: &'a Headless, update: UpdateDesc, begin: u64) -> Self {
         let source = packed(DeltaFormat::Fast);
-        let mesh = upload(headless, &source);
-        let names: Vec<String> = source.layout().targets.iter().map(|target| target.name.clone()).collect();
+        let mesh = gpu::upload(headless, headless.engine(), &source);
         let clips: [_; CLIPS] = std::array::from_fn(|clip| {
             let values = (0..8).flat_map(|frame| gpu::weights(&source, frame, clip as u32)).collect();
-            WeightClip { name: "clip".into(), names: names.clone(), fps: 10.0 + clip as f32, values }
+            gpu::clip(&source, 10.0 + clip as f32, values)
         });
         let importance = Importance::of_packed(&source, &[]).expect("an order");
         let animation = AnimationDesc::new(&clips).importance(Some(&importance));

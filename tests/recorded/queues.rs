@@ -12,7 +12,7 @@ use deltamorph::internals::plan::steps::Stage;
 use deltamorph::reference::compare;
 use deltamorph::{
     AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, GpuMesh, MorphEngine,
-    PackedMesh, Playback, PoseFormat, PoseView, UpdateDesc, UpdatePath, WeightClip,
+    PackedMesh, Playback, PoseFormat, PoseView, UpdateDesc, UpdatePath,
 };
 use deltamorph_headless::Headless;
 
@@ -168,8 +168,7 @@ fn frames(
 
 fn uploaded(headless: &Headless, engine: &MorphEngine, format: DeltaFormat) -> (PackedMesh, GpuMesh) {
     let mesh = gpu::packed(engine, &testing::mesh(300, 11), format);
-    // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
-    let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+    let uploaded = gpu::upload(headless, engine, &mesh);
     (mesh, uploaded)
 }
 
@@ -265,9 +264,7 @@ fn what_follows_and_what_is_animated_names_no_graphics() {
         let host = Offscreen::new(headless, 1, vk::Format::R8G8B8A8_UNORM).expect("buffers");
         let (mesh, uploaded) = uploaded(headless, engine, DeltaFormat::Fast);
         let desc = CrowdDesc::new(gpu::fixed()[1]).queue_family(Some(0));
-        let names = mesh.layout().targets.iter().map(|target| target.name.clone()).collect();
-        let values = (0..44).map(|i| (i % 5) as f32 / 8.0).collect();
-        let clips = [WeightClip { name: "clip".into(), names, fps: 30.0, values }];
+        let clips = [gpu::clip(&mesh, 30.0, (0..44).map(|i| (i % 5) as f32 / 8.0).collect())];
         let animation = AnimationDesc::new(&clips);
         // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
         let made = headless.run(|cmd| unsafe { engine.create_animated_crowd(cmd, &uploaded, &desc, &animation) });

@@ -6,7 +6,7 @@ use crate::offscreen::Offscreen;
 use crate::testing;
 use deltamorph::after::{GpuSkin, SkinDesc, SkinTarget};
 use deltamorph::ash::vk;
-use deltamorph::{AnimatedCrowd, AnimationDesc, CrowdDesc, DeltaFormat, PackedMesh, Playback, WeightClip};
+use deltamorph::{AnimatedCrowd, AnimationDesc, CrowdDesc, DeltaFormat, PackedMesh, Playback};
 use deltamorph_head::Rng;
 use deltamorph_headless::{Headless, HeadlessCrowd};
 
@@ -118,9 +118,7 @@ fn discarded_updates_give_their_slots_back() {
         let target = SkinTarget::new(place(), joints, 48).second(Some((place(), 0)));
         let mesh = gpu::packed(engine, &source, DeltaFormat::Fast);
         let skin = skin(headless, &mesh);
-        let names = mesh.layout().targets.iter().map(|target| target.name.clone()).collect();
-        let values = (0..10 * TARGETS).map(|i| (i % 7) as f32 / 8.0).collect();
-        let clips = [WeightClip { name: "clip".into(), names, fps: 30.0, values }];
+        let clips = [gpu::clip(&mesh, 30.0, (0..10 * TARGETS).map(|i| (i % 7) as f32 / 8.0).collect())];
         for slots in 1..4 {
             let desc = CrowdDesc::new(gpu::fixed()[0].slots(slots)).instances(INSTANCES).frames_in_flight(3);
             let mut crowd =

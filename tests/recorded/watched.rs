@@ -7,7 +7,7 @@ use crate::testing;
 use deltamorph::ash::{self, vk};
 use deltamorph::{
     AnimationDesc, AnyCrowd, BatchSize, CrowdDesc, DecodeTarget, DeltaFormat, DeviceCrowd, DeviceDesc, MorphEngine,
-    Playback, UpdateDesc, UpdatePath, WeightClip,
+    Playback, UpdateDesc, UpdatePath,
 };
 use deltamorph_headless::Headless;
 use std::cell::{Cell, RefCell};
@@ -131,19 +131,17 @@ fn frames(
     let decoded = host.shared(300 * 12, vk::BufferUsageFlags::STORAGE_BUFFER).expect("a buffer").buffer;
     let [mesh, dense] =
         [DeltaFormat::Fast, DeltaFormat::Snorm16].map(|format| gpu::packed(engine, &testing::mesh(300, 7), format));
-    // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
-    let upload = |mesh| headless.run(|cmd| unsafe { engine.upload(cmd, mesh) }).expect("an upload");
-    let (uploaded, passes) = (upload(&mesh), UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(3)));
+    let uploaded = gpu::upload(headless, engine, &mesh);
+    let passes = UpdateDesc::new(UpdatePath::Compute, BatchSize::Targets(3));
     let desc = CrowdDesc::new(gpu::fixed()[1]);
     let mut blocks = engine.create_crowd(&uploaded, &desc).expect("a crowd");
-    let mut dense = engine.create_crowd(&upload(&dense), &CrowdDesc::new(passes)).expect("a crowd");
+    let dense = gpu::upload(headless, engine, &dense);
+    let mut dense = engine.create_crowd(&dense, &CrowdDesc::new(passes)).expect("a crowd");
     // SAFETY: the buffer is large enough, and outlives the crowd; nothing is running.
     unsafe { engine.set_decode_target(&mut blocks, 0, Some(&DecodeTarget::new(decoded))) }.expect("a target");
-    let names = mesh.layout().targets.iter().map(|target| target.name.clone()).collect();
-    let clips =
-        [WeightClip { name: "clip".into(), names, fps: 30.0, values: (0..70).map(|i| i as f32 / 80.0).collect() }];
+    let clips = [gpu::clip(&mesh, 30.0, (0..70).map(|i| i as f32 / 80.0).collect())];
     let animation = AnimationDesc::new(&clips);
-    // SAFETY: as above.
+    // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
     let made = headless.run(|cmd| unsafe { engine.create_animated_crowd(cmd, &uploaded, &desc, &animation) });
     let mut animated = made.expect("a crowd");
     animated.play(0, &Playback::new(0)).expect("a clip");
@@ -272,14 +270,13 @@ fn too_few_queries_are_refused_before_anything_is_recorded() {
     on_device(&drivers()[0], false, |headless, _| {
         let engine = watched(headless, true, NONE);
         let mesh = gpu::packed(&engine, &testing::mesh(300, 7), DeltaFormat::Fast);
-        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
-        let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+        let uploaded = gpu::upload(headless, &engine, &mesh);
         let mut crowd = engine.create_crowd(&uploaded, &CrowdDesc::new(UpdateDesc::blocks())).expect("a crowd");
         crowd.set_weights(0, &[0.5; 7]).expect("weights");
         LOG.take();
         // SAFETY: nothing is written to the pool, which is null.
         unsafe { crowd.set_queries(vk::QueryPool::null(), 0, 1) };
-        // SAFETY: as above.
+        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
         let refused = headless.run(|cmd| unsafe { engine.record_update(cmd, &mut crowd) });
         testing::says(refused, &["1 queries for the 2 timestamps"]);
         assert_eq!(LOG.take(), [""; 0]);
@@ -302,8 +299,7 @@ fn every_pipeline_is_made_with_the_cache_of_the_host() {
         LOG.take();
         for format in [DeltaFormat::Snorm16, DeltaFormat::Fast] {
             let mesh = gpu::packed(&engine, &testing::mesh(300, 23), format);
-            // SAFETY: `run` hands out a recording buffer of the engine's device, and waits.
-            let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+            let uploaded = gpu::upload(headless, &engine, &mesh);
             for update in update_descs(&engine, format) {
                 engine.create_crowd(&uploaded, &single(update)).expect("a crowd");
             }

@@ -271,8 +271,7 @@ fn every_call_keeps_to_the_limits_and_poses_are_right() {
             }
             if clamp == "allocations of 64 MiB" {
                 let packed = gpu::packed(&engine, &mesh, DeltaFormat::Fast);
-                // SAFETY: the buffer is recording, runs once, and is waited for.
-                let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &packed) }).expect("a mesh");
+                let uploaded = gpu::upload(&headless, &engine, &packed);
                 let desc = CrowdDesc::new(UpdateDesc::blocks()).instances(4000);
                 crate::testing::says(engine.create_crowd(&uploaded, &desc), &["67108864"]);
             }

@@ -12,8 +12,7 @@ fn poses_are_read_back_between_updates_in_one_submission() {
     on_every_device(|headless, engine| {
         for format in [DeltaFormat::Float32, DeltaFormat::Snorm16, DeltaFormat::Small] {
             let mesh = gpu::packed(engine, &testing::mesh(300, 11), format);
-            // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
-            let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+            let uploaded = gpu::upload(headless, engine, &mesh);
             for update in update_descs(engine, format) {
                 let desc = CrowdDesc::new(update).instances(3).frames_in_flight(4);
                 let mut crowd = engine.create_crowd(&uploaded, &desc).expect("a crowd");
@@ -23,7 +22,7 @@ fn poses_are_read_back_between_updates_in_one_submission() {
                     .run(|cmd| {
                         for (frame, readback) in readbacks.iter_mut().enumerate() {
                             (0..3).try_for_each(|i| crowd.set_weights(i, &asked(frame, i)))?;
-                            // SAFETY: as above.
+                            // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
                             unsafe {
                                 engine.record_update(cmd, &mut crowd)?;
                                 readback.record(cmd, &crowd, &[2, 0])?;
@@ -55,12 +54,11 @@ fn streams_come_with_the_pose_and_memory_is_used_again() {
         let format = DeltaFormat::Fast;
         let mesh = PackedMesh::pack(&testing::with_streams(testing::mesh(300, 11)), &engine.pack_desc(format));
         let mesh = mesh.expect("a mesh that fits");
-        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
-        let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+        let uploaded = gpu::upload(headless, engine, &mesh);
         for update in update_descs(engine, format) {
             let mut crowd = engine.create_crowd(&uploaded, &CrowdDesc::new(update).instances(4)).expect("a crowd");
             let mut readback = engine.readback();
-            // SAFETY: as above.
+            // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
             assert!(unsafe { readback.poses() }.expect("nothing yet").is_empty());
             for (frame, instances) in [(0, &[1][..]), (1, &[0, 3, 2]), (2, &[3])] {
                 let asked = |i: u32| weights(&mesh, frame, i);
@@ -111,13 +109,12 @@ fn what_was_read_back_stays_where_there_is_no_memory_for_more() {
     let limits = gpu::baseline(|caps| caps.max_allocation = 1 << 20);
     gpu::on_device_within(&gpu::one(), Some(limits), |headless, engine| {
         let mesh = gpu::packed(engine, &testing::mesh(300, 11), DeltaFormat::Fast);
-        // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
-        let uploaded = headless.run(|cmd| unsafe { engine.upload(cmd, &mesh) }).expect("an upload");
+        let uploaded = gpu::upload(headless, engine, &mesh);
         let mut crowd = engine.create_crowd(&uploaded, &CrowdDesc::new(UpdateDesc::blocks())).expect("a crowd");
         crowd.set_weights(0, &weights(&mesh, 1, 0)).expect("weights");
         let mut readback = engine.readback();
         let recorded = headless.run(|cmd| {
-            // SAFETY: as above.
+            // SAFETY: `run` hands out a recording buffer of the engine's device, and waits; so below.
             unsafe {
                 engine.record_update(cmd, &mut crowd)?;
                 readback.record(cmd, &crowd, &[0])
