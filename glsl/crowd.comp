@@ -39,7 +39,7 @@ Head plus_entry(Head head, uint coefficient, DELTA position, DELTA normal, uvec2
 #ifdef ROUNDED_PRODUCTS
 // Subtracts what the pose holds of an entry.
 Head minus_entry(Head head, uint coefficient, ivec3 position, ivec3 normal, uvec2 shifts) {
-    int weight = two_weights(coefficient).y;
+    int weight = int(coefficient) >> 16; // the one that it holds, as in FACTOR_OF
     head.position -= ROUNDED((weight << shifts.x) * position);
     head.normal -= ROUNDED((weight << shifts.y) * normal);
     return head;

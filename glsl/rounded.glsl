@@ -1,11 +1,6 @@
 // Rounding to the unit of a fixed-point pose: of the amount that a target adds, as a function of the target's weight
 // alone, so that sums do not depend on the history; or once, of the sum over all targets.
 
-// The weight that the pose will hold, and the one that it holds, 16 bits each.
-ivec2 two_weights(uint bits) {
-    return ivec2(bitfieldExtract(int(bits), 0, 16), int(bits) >> 16);
-}
-
 // Rounds what is in 2^-16 of units: GPUs read half of a register, or shift and add at once. The half does not overflow.
 #define ROUNDED(value) ((value) + 0x8000 >> 16)
 

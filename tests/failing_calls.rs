@@ -9,7 +9,7 @@ use deltamorph::ash::vk;
 use deltamorph::reference::{compare, evaluate};
 use deltamorph::{
     AnimationDesc, AnyCrowd, BatchSize, Crowd, CrowdDesc, DecodeTarget, DeltaFormat, DeviceDesc, Error, ErrorKind,
-    GpuMesh, MorphEngine, PackedMesh, Playback, PoseFormat, ReadPose, Result, UpdateDesc, UpdatePath,
+    MorphEngine, PackedMesh, Playback, PoseFormat, ReadPose, Result, UpdateDesc, UpdatePath,
 };
 use deltamorph_failing::{Control, NAME, calls::ERRORS, enable};
 use deltamorph_headless::{Headless, HeadlessCrowd};
@@ -124,14 +124,6 @@ impl Lab<'_> {
         engine(self.headless).expect("an engine")
     }
 
-    fn upload(&self, engine: &MorphEngine, mesh: &PackedMesh) -> GpuMesh {
-        // SAFETY: the buffer is recording, runs once, and is waited for.
-        let mut gpu = self.headless.run(|cmd| unsafe { engine.upload(cmd, mesh) }).expect("an upload");
-        // SAFETY: the upload has run.
-        unsafe { gpu.release_staging() };
-        gpu
-    }
-
     /// Updates a crowd, and compares its poses with the reference.
     fn verify(&self, engine: &MorphEngine, crowd: &mut impl AnyCrowd, mesh: &PackedMesh, asked: &[Vec<f32>]) {
         let mut readback = engine.readback();
@@ -240,12 +232,12 @@ fn crowds(lab: &Lab<'_>, kind: &str, format: DeltaFormat, update: UpdateDesc) {
         || {
             // A new engine, which has no kernels yet.
             let engine = lab.engine();
-            (lab.upload(&engine, mesh), engine)
+            (gpu::upload(lab.headless, &engine, mesh), engine)
         },
         |(gpu, engine), _| engine.create_crowd(gpu, &desc),
         |(_, engine), mut crowd| lab.pose(&engine, &mut crowd, mesh, 2),
     );
-    let gpu = lab.upload(engine, mesh);
+    let gpu = gpu::upload(lab.headless, engine, mesh);
     let crowd = || {
         let mut crowd = engine.create_crowd(&gpu, &desc).expect("a crowd");
         lab.pose(engine, &mut crowd, mesh, 3);
@@ -313,7 +305,7 @@ fn steps(lab: &Lab<'_>, kind: &str, format: DeltaFormat, update: UpdateDesc) {
                 // A new engine, without kernels, for the step that needs no objects of another engine.
                 let own = (name == "set_decode_target").then(|| lab.engine());
                 let engine = own.as_ref().unwrap_or(engine);
-                let gpu = lab.upload(engine, mesh);
+                let gpu = gpu::upload(lab.headless, engine, mesh);
                 let mut crowd = engine.create_crowd(&gpu, &CrowdDesc::new(update)).expect("a crowd");
                 lab.pose(engine, &mut crowd, mesh, 1);
                 (crowd, own)
@@ -351,7 +343,7 @@ fn animated(lab: &Lab<'_>) {
         "create_animated_crowd",
         || {
             let engine = lab.engine();
-            (lab.upload(&engine, mesh), engine)
+            (gpu::upload(lab.headless, &engine, mesh), engine)
         },
         // SAFETY: the buffer is recording, runs once, and is waited for.
         |(gpu, engine), cmd| unsafe { engine.create_animated_crowd(cmd, gpu, &desc, &animation) },
