@@ -6,12 +6,14 @@ use crate::output::{Failure, Output, With, check_ending};
 use crate::runner::Stage;
 use crate::verify::{Errors, Found, Promise, REMEDY};
 use deltamorph::import::is_gltf;
-use deltamorph::import::obj::{ObjMesh, write_obj};
+use deltamorph::import::obj::{ObjMesh, write_obj_to};
+use deltamorph::internals::write_replacing;
 use deltamorph::reference::{SHORTEST_NORMAL, evaluate};
 use deltamorph::{MorphMesh, POSE_FLOATS};
 use deltamorph_headless::{DeviceChoice, Draws};
 use glam::{Vec2, Vec3};
 use serde_json::json;
+use std::io::Write;
 use std::path::Path;
 
 pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Result<(), Failure> {
@@ -89,10 +91,8 @@ fn frames(args: &ApplyArgs, input: &Input) -> Result<Vec<Vec<f32>>, Failure> {
 /// up; `down`: those of the mesh go down, and are flipped.
 fn write(path: &Path, mesh: &MorphMesh, down: bool, pose: &[f32]) -> Result<(), Failure> {
     let vertices = pose.chunks_exact(POSE_FLOATS).take(mesh.vertex_count());
-    // In double precision: numbers are rounded once, when written.
-    let absolute = |v: &[f32]| (Vec3::from_slice(&v[..3]).as_dvec3() + mesh.origin.as_dvec3()).as_vec3();
-    let positions: Vec<Vec3> = vertices.clone().map(absolute).collect();
     let normals: Vec<Vec3> = vertices
+        .clone()
         .zip(&mesh.normals)
         .map(|(v, base)| {
             let normal = Vec3::from_slice(&v[3..]);
@@ -101,6 +101,15 @@ fn write(path: &Path, mesh: &MorphMesh, down: bool, pose: &[f32]) -> Result<(), 
         .collect();
     let up = |t: &Vec2| if down { Vec2::new(t.x, 1.0 - t.y) } else { *t };
     let texcoords: Vec<Vec2> = mesh.texcoords.iter().map(up).collect();
-    let shape = ObjMesh { positions: &positions, normals: &normals, texcoords: &texcoords, faces: &mesh.faces };
-    Ok(write_obj(path, shape)?)
+    let rest = ObjMesh { positions: &[], normals: &normals, texcoords: &texcoords, faces: &mesh.faces };
+    // In single precision, unless that would lose the shape of a mesh far off.
+    let lost = |x: f64| (x - f64::from(x as f32)).abs() > 1e-6 * f64::from(mesh.diagonal);
+    let number = |x: f64| if lost(x) { x.to_string() } else { (x as f32).to_string() };
+    Ok(write_replacing(path, |out| {
+        for v in vertices {
+            let absolute = Vec3::from_slice(&v[..3]).as_dvec3() + mesh.origin.as_dvec3();
+            writeln!(out, "v {}", absolute.to_array().map(number).join(" "))?;
+        }
+        write_obj_to(out, rest)
+    })?)
 }

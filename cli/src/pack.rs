@@ -8,6 +8,7 @@ use crate::output::{Failure, Output, check_ending};
 use crate::table::{bytes, sig3, thousands};
 use deltamorph::import::{self, packed};
 use deltamorph::{Asset, DeltaFormat, PackDesc, WeightClip};
+use glam::Vec3;
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -42,7 +43,13 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
         Failure::Usage(format!("--format: packed files hold blocks; name one of {names}"))
     })?;
     out.check(&input::files_of(&args.input, &[]), &[&args.output], None)?;
-    let input = input::load(&args.input, true, out)?;
+    let mut input = input::load(&args.input, true, out)?;
+    // Files hold positions relative to 0.
+    let origin = input.kept.origin;
+    if input.kept.positions.iter().any(|position| *position + origin - origin != *position) {
+        out.note(format_args!("positions of the file are relative to {origin}: it cannot hold them so far from 0"));
+        Arc::make_mut(&mut input.kept).origin = Vec3::ZERO;
+    }
     if let Some(mesh) = &input.packed {
         let lost = sig3(mesh.layout().blocks.as_ref().map_or(0.0, |b| b.error().position));
         let origin = &input.origin;

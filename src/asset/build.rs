@@ -80,7 +80,7 @@ impl MorphSource {
         Ok(MorphMesh {
             name: self.name.clone(),
             positions: self.positions.clone(),
-            origin: Vec3::ZERO,
+            origin: self.origin,
             normals,
             texcoords: self.texcoords.clone(),
             faces: self.faces.clone(),

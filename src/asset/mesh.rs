@@ -72,6 +72,8 @@ pub struct MorphSource {
     pub name: String,
     /// Base positions, in the user's vertex order.
     pub positions: Vec<Vec3>,
+    /// The offset that was subtracted from positions, in input units: 0 unless single precision cannot hold them.
+    pub origin: Vec3,
     /// Base normals per position, unit length. `None` if the input has none: [`to_mesh`](Self::to_mesh) computes them.
     pub normals: Option<Vec<Vec3>>,
     /// Texture coordinates, indexed by [`Corner::texcoord`](super::Corner::texcoord).
@@ -159,8 +161,8 @@ pub struct MorphMesh {
     pub name: String,
     /// Base positions, in the user's vertex order, relative to `origin`.
     pub positions: Vec<Vec3>,
-    /// The offset that was subtracted from positions, in input units: 0 unless the mesh was
-    /// [recentred](Self::recentre).
+    /// The offset that was subtracted from positions, in input units: [`MorphSource::origin`], and what
+    /// [`recentre`](Self::recentre) adds.
     pub origin: Vec3,
     /// Base normals, unit length.
     pub normals: Vec<Vec3>,

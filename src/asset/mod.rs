@@ -14,4 +14,4 @@ pub use mesh::{Corner, Faces, MorphMesh, MorphSource, MorphTarget, SourceTarget,
 pub use render::RenderVertices;
 pub(crate) use render::check_welds;
 pub use streams::{Measure, Semantic, StreamData, StreamDeltas, StreamPlace};
-pub(crate) use triangles::CUT_MOST;
+pub(crate) use triangles::{CUT_ALL, CUT_MOST};

@@ -13,18 +13,24 @@ const ROUNDING: f64 = 1e-6;
 /// file of 100 kB could take minutes.
 pub(crate) const CUT_MOST: usize = 512;
 
+/// Cubes of corners of the polygons that are cut in a mesh altogether: four that take long.
+pub(crate) const CUT_ALL: usize = 1 << 29;
+
 impl Faces {
     /// Returns the position indices of the faces, cut into triangles: a polygon of n corners is n − 2 of them. It is a
     /// fan from its first corner where that covers it, as it does any convex polygon, and where it has more than 512
-    /// corners; otherwise it is cut in its own plane, as it stands in the base pose `positions`.
+    /// corners, or follows many large ones; otherwise it is cut in its own plane, as it stands in the base pose
+    /// `positions`.
     ///
     /// # Panics
     /// A face of four corners or more names a position that there is not.
     pub fn triangles(&self, positions: &[Vec3]) -> Vec<[u32; 3]> {
         let mut earcut = Earcut::new();
+        let mut left = CUT_ALL;
         let mut triangles = Vec::with_capacity(self.corners.len());
         for face in self.iter() {
-            let cut = if (4..=CUT_MOST).contains(&face.len()) { cut(face, positions, &mut earcut) } else { None };
+            let is_cut = (4..=CUT_MOST).contains(&face.len());
+            let cut = if is_cut { cut(face, positions, &mut earcut, &mut left) } else { None };
             let cut = cut.unwrap_or_else(|| (2..face.len() as u32).map(|i| [0, i - 1, i]).collect());
             triangles.extend(cut.into_iter().map(|triangle| triangle.map(|i| face[i as usize].position)));
         }
@@ -33,7 +39,7 @@ impl Faces {
 }
 
 /// Cuts a polygon whose fan does not cover it; returns indices of corners.
-fn cut(face: &[Corner], positions: &[Vec3], earcut: &mut Earcut<f64>) -> Option<Vec<[u32; 3]>> {
+fn cut(face: &[Corner], positions: &[Vec3], earcut: &mut Earcut<f64>, left: &mut usize) -> Option<Vec<[u32; 3]>> {
     let place = |corner: &Corner| positions[corner.position as usize].as_dvec3();
     let (x, y) = area_vector(face, positions).try_normalize()?.any_orthonormal_pair();
     let flat = face.iter().map(|corner| place(corner) - place(&face[0]));
@@ -47,6 +53,7 @@ fn cut(face: &[Corner], positions: &[Vec3], earcut: &mut Earcut<f64>) -> Option<
     if fan.iter().all(|area| *area >= least) {
         return None;
     }
+    *left = left.checked_sub(face.len().pow(3))?;
     let mut indices = vec![];
     earcut.earcut_slice(&flat, &[], &mut indices);
     let mut triangles = indices.as_chunks::<3>().0.to_vec();

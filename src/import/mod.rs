@@ -195,9 +195,10 @@ fn quoted<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     names.into_iter().map(|name| format!("'{name}'")).collect::<Vec<_>>().join(", ")
 }
 
-/// The name of a file without its extension.
+/// The name of a file without its extension. Bytes of a name that is not UTF-8 are written as `\x82`.
 fn stem(path: &Path) -> String {
-    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+    let stem = path.file_stem().unwrap_or_default();
+    stem.to_str().map_or_else(|| stem.as_encoded_bytes().escape_ascii().to_string(), str::to_owned)
 }
 
 /// A word or name of a file, cut to a length that fits a message.

@@ -1,12 +1,12 @@
-//! Import of a folder: `neutral.obj` and `targets/*.obj`.
+//! Import of a folder of OBJ files: a neutral mesh, and one file per target.
 
 use super::ObjFile;
 use crate::asset::normals::{area_vector, unit_normals};
 use crate::asset::{Corner, Faces, MorphSource, SourceTarget};
-use crate::error::{Error, Result, ensure};
+use crate::error::{Error, ErrorKind, Result, ensure};
 use crate::import::stem;
 use crate::io::{has_extension, list};
-use crate::math::{diagonal, map_all};
+use crate::math::{diagonal, far_middle, map_all};
 use glam::{DVec3, Vec3};
 use std::path::{Path, PathBuf};
 use unicode_normalization::UnicodeNormalization;
@@ -18,14 +18,24 @@ const FAR_FROM: f64 = 0.1;
 /// say that the order is the same. In a random order they are tens of times as long on a real mesh.
 const STRETCH: f64 = 2.0;
 
+/// Coordinates, as a part of the diagonal, from which on single precision would lose 1e-5 of it.
+const FAR_OFF: f32 = 128.0;
+
 /// Imports a folder: `neutral.obj`, and one file per target in `targets/*.obj`, in the order of their names.
+///
+/// Without a folder `targets`, the other files beside the neutral mesh are the targets. Its name may be `neutral` in any
+/// case, or be the only one with that word in it, as `_neutral.obj` or `generic_neutral_mesh.obj`; a note says which it is.
 ///
 /// File names ending in `.obj` in any case count; hidden files (a leading dot), folders and other files are ignored.
 /// Names are in Unicode's composed form (NFC). Every target has the vertices of `neutral.obj` in the same order. Its
 /// faces may come in another order, cut in another way, or not at all, which is a note; its texture coordinates are
 /// ignored. Targets that move the whole mesh far are a note, too: of another unit or axis, or in another place. Deltas
 /// are kept as the files state them; [`to_mesh`](MorphSource::to_mesh) drops
-/// noise. A `targets` folder without OBJ files gives a source without targets, with a note.
+/// noise. A folder without targets gives a source without targets, with a note. A target that cannot be read
+/// or does not fit is left out, with a note.
+///
+/// Where coordinates are more than 128 times the diagonal, as on maps, positions are relative to the middle
+/// ([`MorphSource::origin`]), before they are rounded to single precision.
 ///
 /// Normals are per position. If the corners of a position state several (a hard edge), they are averaged by face area.
 /// Base normals are brought to unit length, and normal deltas scaled with them. If the neutral has no normals, or has
@@ -33,39 +43,53 @@ const STRETCH: f64 = 2.0;
 /// by [`to_mesh`](MorphSource::to_mesh).
 ///
 /// # Errors
-/// [`Error::Io`] for a file or folder that cannot be read; [`Error::Input`] for one that is missing or not OBJ (a pipe
-/// or device is not opened at all), or a target that does not fit `neutral.obj`. With several bad targets, the first by
-/// name is reported.
+/// [`Error::Io`] for a neutral mesh or folder that cannot be read; [`Error::Input`] for one that is missing or not OBJ
+/// (a pipe or device is not opened at all), for two targets of one name, and for several files that may be the neutral
+/// mesh. If no target can be used, the first by name is reported.
 pub fn import_folder(folder: &Path) -> Result<MorphSource> {
     let name = folder.file_name().map_or_else(|| folder.display().to_string(), |n| n.to_string_lossy().into_owned());
-    let neutral_path = neutral_path(folder)?;
-    let paths = target_paths(folder)?;
-    let neutral = ObjFile::read(&neutral_path)?;
-    let mut notes: Vec<String> = neutral.notes.iter().map(|note| format!("neutral.obj: {note}")).collect();
+    let (neutral_path, paths) = files(folder)?;
+    let mut neutral = ObjFile::read(&neutral_path)?;
+    let file = neutral_path.file_name().unwrap_or_default().display();
+    let mut notes = vec![];
+    if !neutral_path.ends_with("neutral.obj") {
+        notes.push(format!("the neutral mesh is {file}"));
+    }
+    let mut origin = Vec3::ZERO;
+    let middle = far_middle(neutral.positions.iter().copied());
+    if middle.abs().max_element() > FAR_OFF * diagonal(&neutral.positions) {
+        origin = middle;
+        neutral = ObjFile::read_from(&neutral_path, origin)?;
+    }
+    notes.extend(neutral.notes.iter().map(|note| format!("{file}: {note}")));
     if paths.is_empty() {
-        notes.push("the folder 'targets' has no .obj file: a base pose without targets".to_owned());
+        notes.push(
+            "no .obj file in a folder 'targets' or beside the neutral mesh: a base pose without targets".to_owned(),
+        );
     }
 
     let base = base_normals(&neutral, &mut notes);
-    let neutral = Neutral { path: neutral_path, file: neutral, base };
-    // All results first, so that the bad target reported is the first by name, whichever thread is faster.
+    let neutral = Neutral { path: neutral_path, file: neutral, base, origin };
     let results = map_all(&paths, (), |(), (name, path)| neutral.target(name, path));
-    let targets: Vec<(SourceTarget, Vec<&str>)> = results.into_iter().collect::<Result<_>>()?;
+    let (targets, failed): (Vec<_>, Vec<_>) = results.into_iter().partition(Result::is_ok);
+    for error in failed.into_iter().filter_map(Result::err) {
+        ensure!(!targets.is_empty() && error.kind() != ErrorKind::OutOfMemory, error);
+        notes.push(format!("{error}; left out"));
+    }
+    let targets: Vec<(SourceTarget, Vec<&str>)> = targets.into_iter().flatten().collect();
     for remark in [OTHER_FACES, FAR, COMPUTED, AVERAGED, IGNORED] {
         let remarked = targets.iter().filter(|(_, remarks)| remarks.contains(&remark));
         let named: Vec<&str> = remarked.map(|(target, _)| target.name.as_str()).collect();
-        let names = match &named[..] {
-            [] => continue,
-            [a, b, c, _, ..] => format!("{a}, {b}, {c}, … ({} in all)", named.len()),
-            few => few.join(", "),
-        };
-        notes.push(format!("targets {remark}: {names}"));
+        if !named.is_empty() {
+            notes.push(format!("targets {remark}: {}", few(&named)));
+        }
     }
 
     let Neutral { file, base, .. } = neutral;
     Ok(MorphSource {
         name,
         positions: file.positions,
+        origin,
         normals: base.map(|b| b.units),
         texcoords: file.texcoords,
         faces: file.faces,
@@ -82,34 +106,44 @@ const COMPUTED: &str = "without normals at all corners, which are computed";
 const AVERAGED: &str = "with hard edges where neutral.obj has none, averaged by area";
 const IGNORED: &str = "with normals where neutral.obj has none, which are computed for all";
 
-/// Returns the path of `neutral.obj`, or of the same name in another case.
-fn neutral_path(folder: &Path) -> Result<PathBuf> {
-    let exact = folder.join("neutral.obj");
-    let is_neutral = |p: &PathBuf| p.file_name().is_some_and(|n| n.eq_ignore_ascii_case("neutral.obj"));
-    // A folder or pipe of that name is refused by the read.
-    list(folder)?.into_iter().filter(is_neutral).min_by_key(|p| (!p.is_file(), *p != exact)).ok_or_else(|| {
-        let remedy = "give a folder with neutral.obj and one file per target in targets/";
-        Error::input(folder, "", "no file neutral.obj in this folder", remedy)
-    })
+/// The first names of a list.
+fn few(names: &[&str]) -> String {
+    match names {
+        [] => "none".to_owned(),
+        [a, b, c, _, ..] => format!("{a}, {b}, {c}, … ({} in all)", names.len()),
+        few => few.join(", "),
+    }
 }
 
-/// Returns the names and paths of the targets, in target order.
-fn target_paths(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
+/// The path of the neutral mesh, and names and paths of the targets in target order.
+fn files(folder: &Path) -> Result<(PathBuf, Vec<(String, PathBuf)>)> {
     let targets = folder.join("targets");
-    let remedy = "put one .obj file per target into it (or none, for a base pose without targets)";
-    ensure!(targets.is_dir(), Error::input(folder, "", "no folder 'targets' in this folder", remedy));
-    let mut paths: Vec<(String, PathBuf)> = list(&targets)?
-        .into_iter()
-        .filter(|p| has_extension(p, "obj") && !p.is_dir())
-        .map(|p| (stem(&p).nfc().collect::<String>(), p))
-        .filter(|(name, _)| !name.starts_with('.'))
-        .collect();
-    paths.sort();
-    for two in paths.windows(2) {
+    let apart = targets.is_dir().then(|| list(&targets)).transpose()?.map(meshes);
+    let mut beside = meshes(list(folder)?);
+    let says = |name: &str| name.to_lowercase().contains("neutral");
+    let is_it = |name: &str| name.eq_ignore_ascii_case("neutral");
+    beside.sort_by_key(|(name, _)| (name != "neutral", !is_it(name), !says(name)));
+    let names: Vec<&str> = beside.iter().map(|(name, _)| name.as_str()).collect();
+    // Names that say more, such as neutral_smile, may be those of targets.
+    let is_clear = names.first().is_some_and(|name| is_it(name)) || names.iter().filter(|name| says(name)).count() == 1;
+    let what = || format!("no file neutral.obj in this folder; its .obj files: {}", few(&names));
+    let remedy = "name the neutral mesh neutral.obj, and put one file per target into targets/ or beside it";
+    ensure!(is_clear, Error::input(folder, "", what(), remedy));
+    let neutral = beside.remove(0).1;
+    let mut targets = apart.unwrap_or(beside);
+    targets.sort();
+    for two in targets.windows(2) {
         let what = || format!("a second file of the target '{}', beside {}", two[0].0, two[0].1.display());
         ensure!(two[0].0 != two[1].0, Error::input(&two[1].1, "", what(), "remove or rename one of them"));
     }
-    Ok(paths)
+    Ok((neutral, targets))
+}
+
+/// The OBJ files among `paths`, with their names.
+fn meshes(paths: Vec<PathBuf>) -> Vec<(String, PathBuf)> {
+    let files = paths.into_iter().filter(|path| has_extension(path, "obj") && !path.is_dir());
+    let named = files.map(|path| (stem(&path).nfc().collect::<String>(), path));
+    named.filter(|(name, _)| !name.starts_with('.')).collect()
 }
 
 /// Returns the normals per position that `file` states, and the number of positions at hard edges; `None` if its faces
@@ -188,12 +222,13 @@ struct Neutral {
     path: PathBuf,
     file: ObjFile,
     base: Option<Base>,
+    origin: Vec3,
 }
 
 impl Neutral {
     /// Reads a target. Returns it, and the remarks on it.
     fn target(&self, name: &str, path: &Path) -> Result<(SourceTarget, Vec<&'static str>)> {
-        let file = ObjFile::read(path)?;
+        let file = ObjFile::read_from(path, self.origin)?;
         let base = &self.file.positions;
         const REMEDY: &str = "export every target from the neutral mesh, with the same vertices in the same order";
         let refuse = |what: String| Error::input(path, "", what, REMEDY);

@@ -1,15 +1,14 @@
 //! Reads OBJ text into arrays, in the file's order.
 //!
 //! tobj reads the numbers of `v`, `vt` and `vn`, faces are read here: tobj has no line numbers, takes an index of 0 for
-//! a missing one, and repeats texture coordinates where a corner has none. Where it refuses numbers, or vertices are
-//! not finite, the lines are checked one by one.
+//! a missing one, and repeats texture coordinates where a corner has none. Numbers are checked before it gets them.
 
-use crate::asset::{CUT_MOST, Corner, Faces};
+use crate::asset::{CUT_ALL, CUT_MOST, Corner, Faces};
 use crate::error::{Error, Result, ensure};
 use crate::import::shortened;
 use crate::io::{TEXT_MAX, read_bounded};
 use bytemuck::cast_slice;
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use std::io::Write;
 use std::path::Path;
 
@@ -58,7 +57,12 @@ impl ObjFile {
     /// [`Error::Io`] if the file cannot be read; [`Error::Input`] with the line if its text cannot be used, or if it is
     /// larger than 1 GiB; [`Error::OutOfMemory`].
     pub fn read(path: &Path) -> Result<Self> {
-        Self::from_bytes(path, read_bounded(path, TEXT_MAX, "split the mesh")?)
+        Self::read_from(path, Vec3::ZERO)
+    }
+
+    /// Reads one OBJ file, with `origin` subtracted from positions before they are rounded to single precision.
+    pub(super) fn read_from(path: &Path, origin: Vec3) -> Result<Self> {
+        Self::scan(path, read_bounded(path, TEXT_MAX, "split the mesh")?, origin)
     }
 
     /// Reads one OBJ file from text in memory, like [`read`](Self::read); `path` is only for messages.
@@ -66,7 +70,11 @@ impl ObjFile {
     /// # Errors
     /// [`Error::Input`] with the line if the text cannot be used; [`Error::OutOfMemory`].
     pub fn from_bytes(path: &Path, bytes: Vec<u8>) -> Result<Self> {
-        let bytes = prepared(path, bytes)?;
+        Self::scan(path, bytes, Vec3::ZERO)
+    }
+
+    fn scan(path: &Path, bytes: Vec<u8>, origin: Vec3) -> Result<Self> {
+        let bytes = prepared(bytes);
         // Counted in advance: a face may name a vertex that is listed after it.
         let mut counts = [0; 4];
         statements(&bytes).for_each(|(_, kind, _)| counts[kind] += 1);
@@ -74,6 +82,7 @@ impl ObjFile {
         ensure!(counts[0] > 0, Error::input(path, "", what, EXPORT_OBJ));
         let mut scan = Scan {
             path,
+            origin: origin.as_dvec3(),
             line: 0,
             text: ordering_face(counts),
             counts,
@@ -92,10 +101,10 @@ impl ObjFile {
                 scan.values(kind, rest)?;
             }
         }
-        match values(&scan.text, counts) {
-            Some(mesh) => Ok(scan.finish(&mesh)),
-            None => Err(scan.refused_number(&bytes)),
-        }
+        let remedy = "export the file again, with one statement on a line";
+        let lost = || Error::input(path, "", "the parser lost numbers", remedy);
+        let mesh = values(&scan.text, counts).ok_or_else(lost)?;
+        Ok(scan.finish(&mesh))
     }
 }
 
@@ -111,11 +120,9 @@ fn values(text: &[u8], [v, vt, vn, _]: [usize; 4]) -> Option<tobj::Mesh> {
 }
 
 /// The text in lines that end in LF, each with a whole statement.
-fn prepared(path: &Path, mut bytes: Vec<u8>) -> Result<Vec<u8>> {
-    if let Some(at) = bytes.iter().position(|&b| b == 0) {
-        let what = format!("binary data (a zero byte at offset {at}), OBJ text expected");
-        return Err(Error::input(path, "", what, EXPORT_OBJ));
-    }
+fn prepared(mut bytes: Vec<u8>) -> Vec<u8> {
+    // What was preallocated, and not written.
+    while bytes.pop_if(|byte| *byte == 0).is_some() {}
     if bytes.starts_with(b"\xef\xbb\xbf") {
         bytes[..3].fill(b' ');
     }
@@ -123,12 +130,14 @@ fn prepared(path: &Path, mut bytes: Vec<u8>) -> Result<Vec<u8>> {
     if !bytes.contains(&b'\n') {
         bytes.iter_mut().filter(|b| **b == b'\r').for_each(|b| *b = b'\n');
     }
-    Ok(if bytes.contains(&b'\\') { join_lines(&bytes) } else { bytes })
+    if bytes.contains(&b'\\') { join_lines(&bytes) } else { bytes }
 }
 
 /// Reads faces, and copies the other statements for tobj.
 struct Scan<'a> {
     path: &'a Path,
+    /// Subtracted from positions.
+    origin: DVec3,
     /// The line that the statement begins on.
     line: usize,
     /// The statements for tobj.
@@ -155,15 +164,40 @@ impl Scan<'_> {
         std::str::from_utf8(rest).map_err(|_| self.error("bytes that are not UTF-8 text", EXPORT_AGAIN))
     }
 
+    fn number(&self, word: &str) -> Result<f64> {
+        let number = if is_nan(word) { Ok(f64::NAN) } else { word.parse() };
+        let remedy =
+            if word.contains(',') { "write numbers with a point, and spaces between them" } else { EXPORT_AGAIN };
+        number.map_err(|_| self.error(format!("'{}' is not a number", shortened(word)), remedy))
+    }
+
     /// Copies the numbers that are used of a statement.
     fn values(&mut self, kind: usize, rest: &[u8]) -> Result<()> {
         let text = self.text(rest)?;
+        let given = text.split_whitespace().count();
+        let what = || format!("a {} with {given} of {} numbers", NAMES[kind], LEAST[kind]);
+        ensure!(given >= LEAST[kind], self.error(what(), EXPORT_AGAIN));
         // One number more than three is a weight, several are a colour.
-        let used = if kind == 0 && text.split_whitespace().count() == 4 { 4 } else { 3 };
+        let weight = text.split_whitespace().nth(3).filter(|_| kind == 0 && given == 4);
+        let (used, divided) = if weight.is_some() { (4, ", divided by the fourth, its weight") } else { (3, "") };
+        let weight = weight.map_or(Ok(1.0), |word| self.number(word))?;
+        let origin = if kind == 0 { self.origin * weight } else { DVec3::ZERO };
         self.text.extend_from_slice(KEYWORDS[kind]);
-        for word in text.split_whitespace().take(used) {
+        for (word, offset) in text.split_whitespace().take(used).zip(origin.extend(0.0).to_array()) {
+            let number = self.number(word)? - offset;
+            let is_finite = kind > 0 || ((number / weight) as f32).is_finite();
+            let what = || {
+                let vertex = shortened(text.trim());
+                format!("the vertex '{vertex}' is not one of finite numbers of single precision{divided}")
+            };
+            ensure!(is_finite, self.error(what(), "repair the mesh and export it again"));
             self.text.push(b' ');
-            self.text.extend_from_slice(if is_nan(word) { b"nan" } else { word.as_bytes() });
+            match word {
+                _ if number.is_nan() => self.text.extend_from_slice(b"nan"),
+                // Writing to memory cannot fail.
+                _ if offset != 0.0 => drop(write!(self.text, "{number}")),
+                word => self.text.extend_from_slice(word.as_bytes()),
+            }
         }
         // The second texture coordinate where there is one alone; tobj ignores what follows two.
         if kind == 1 {
@@ -171,36 +205,6 @@ impl Scan<'_> {
         }
         self.text.push(b'\n');
         self.seen[kind] += 1;
-        Ok(())
-    }
-
-    /// The error for the first line with numbers that cannot be used.
-    fn refused_number(&mut self, bytes: &[u8]) -> Error {
-        for (line, kind, rest) in statements(bytes).filter(|(_, kind, _)| *kind != FACE) {
-            self.line = line;
-            if let Err(error) = self.check_numbers(kind, rest) {
-                return error;
-            }
-        }
-        Error::input(self.path, "", "the parser lost numbers", "export the file again, with one statement on a line")
-    }
-
-    fn check_numbers(&self, kind: usize, rest: &[u8]) -> Result<()> {
-        let text = self.text(rest)?;
-        let mut numbers = vec![];
-        for word in text.split_whitespace().take(4) {
-            let remedy =
-                if word.contains(',') { "write numbers with a point, and spaces between them" } else { EXPORT_AGAIN };
-            let number = if is_nan(word) { Ok(f32::NAN) } else { word.parse::<f32>() };
-            numbers.push(number.map_err(|_| self.error(format!("'{}' is not a number", shortened(word)), remedy))?);
-        }
-        let what = || format!("a {} with {} of {} numbers", NAMES[kind], numbers.len(), LEAST[kind]);
-        ensure!(numbers.len() >= LEAST[kind], self.error(what(), EXPORT_AGAIN));
-        let weight = if text.split_whitespace().count() == 4 { numbers[3] } else { 1.0 };
-        let is_finite = kind != 0 || numbers[..3].iter().all(|x| (x / weight).is_finite());
-        let what =
-            || format!("the vertex '{}' is not one of finite numbers of single precision", shortened(text.trim()));
-        ensure!(is_finite, self.error(what(), "repair the mesh and export it again"));
         Ok(())
     }
 
@@ -273,7 +277,11 @@ impl Scan<'_> {
         if thin > 0 {
             notes.push(format!("faces of fewer than three corners, left out: {thin}"));
         }
-        let large = faces.sizes.iter().filter(|size| **size as usize > CUT_MOST).count();
+        let sizes = || faces.sizes.iter().map(|size| *size as usize);
+        if sizes().filter(|size| *size <= CUT_MOST).map(|size| size.pow(3)).sum::<usize>() > CUT_ALL {
+            notes.push("many large faces: the last concave ones may be cut as fans from the first corner".to_owned());
+        }
+        let large = sizes().filter(|size| *size > CUT_MOST).count();
         if large > 0 {
             notes.push(format!("faces of more than {CUT_MOST} corners, cut as fans from the first one: {large}"));
         }
