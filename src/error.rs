@@ -139,7 +139,7 @@ impl ErrorKind {
 
 /// Text that may repeat a file's name or content. Control characters are escaped, so that no file can control the
 /// terminal that shows the message.
-struct Printable<T>(T);
+pub struct Printable<T>(pub T);
 
 impl<T: Display> Display for Printable<T> {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {

@@ -1,20 +1,23 @@
 //! Access to files: bounded reads, atomic replacement, folder listings.
 
 use crate::error::{Error, Result};
+use std::collections::BTreeSet;
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Read};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// The largest text file that is read: it is held in memory, and the arrays made from it take a few times its size.
 pub const TEXT_MAX: u64 = 1 << 30;
 
-/// Reads a regular file of at most `limit` bytes; `remedy` is the advice for a larger one.
+/// Reads a regular file, or a pipe that is open already (`<(...)` of a shell), of at most `limit` bytes; `remedy` is the advice for a larger one.
 pub fn read_bounded(path: &Path, limit: u64, remedy: &str) -> Result<Vec<u8>> {
     let io = Error::io(path, "read");
     // Checked before the file is opened: opening a pipe without a writer blocks for ever.
     let kind = std::fs::metadata(path).map_err(&io)?;
-    if !kind.is_file() {
+    let is_open = ["/dev/stdin", "/dev/fd"].iter().any(|open| path.starts_with(open));
+    if !kind.is_file() && (kind.is_dir() || !is_open) {
         let kind = if kind.is_dir() { "a folder" } else { "a pipe, socket or device" };
         let what = format!("{kind}, where a regular file is expected");
         return Err(Error::input(path, "", what, "give the path of a regular file"));
@@ -71,10 +74,16 @@ pub fn write_replacing(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> 
     if path.metadata().is_ok_and(|m| !m.is_file()) {
         return File::create(path).and_then(flushed).map(drop).map_err(io);
     }
-    // A symbolic link stays one.
-    let path = &path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
+    // A symbolic link stays one: what it names is written, whether it is there or not.
+    let mut place = path.to_path_buf();
+    for _ in 0..40 {
+        let Ok(to) = place.read_link() else { break };
+        place.set_file_name(to);
+    }
+    let path = &place;
     let part = part_of(path);
     let write = || {
+        unfinished().insert(part.clone());
         let file = File::create_new(&part)?;
         if let Ok(old) = path.metadata() {
             // Without permission to write the old file, it must not be replaced either.
@@ -84,12 +93,21 @@ pub fn write_replacing(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> 
         flushed(file)?.sync_all()?;
         std::fs::rename(&part, path)
     };
-    write().map_err(|source| {
+    let written = write();
+    unfinished().remove(&part);
+    written.map_err(|source| {
         if source.kind() != io::ErrorKind::AlreadyExists {
             let _ = std::fs::remove_file(&part);
         }
         io(source)
     })
+}
+
+/// Temporary files and folders that are being written. A program that is interrupted removes them, and keeps the lock
+/// until it ends, so that no further one is begun.
+pub fn unfinished() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    static PATHS: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+    PATHS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// A temporary path beside `path` that is unique to this process and call.

@@ -147,7 +147,8 @@ pub mod memory {
 #[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod internals {
-    pub use crate::io::{TEXT_MAX, read_bounded, write_replacing};
+    pub use crate::error::Printable;
+    pub use crate::io::{TEXT_MAX, read_bounded, unfinished, write_replacing};
     pub use crate::math::{angle_degrees, diagonal};
 
     /// Whatever is public in these rooms.

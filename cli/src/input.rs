@@ -126,6 +126,10 @@ fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Re
     let spinner = out.spinner(format!("reading {origin}"));
     let (mesh, clips) = match &args.input {
         None => (ImportedMesh::Source(head::head(&args.head.desc(args.seed))), vec![]),
+        Some(path) if path == Path::new("-") => {
+            let text = "-: a mesh is not read from standard input, only a clip (--weights -); name a folder or file";
+            return Err(Failure::Usage(text.into()));
+        }
         Some(path) => {
             let Imported { mesh, clips, .. } = import::open(path, desc)?;
             (mesh, clips)
@@ -182,6 +186,9 @@ pub type Settings = [(String, f32)];
 /// The clip that `path` names, as FILE#NAME if it is an animation of a glTF file, or in a packed file: the only one of
 /// such a file, or one of INPUT by its name.
 pub fn named(path: &Path, args: &InputArgs) -> Result<PathBuf, Failure> {
+    if path == Path::new("-") {
+        return Ok("/dev/stdin".into());
+    }
     if import::animation_of(path).is_some() {
         return Ok(path.to_path_buf());
     }

@@ -23,20 +23,40 @@ mod view;
 
 use args::{Cli, Command};
 use clap::Parser;
+use deltamorph::internals::unfinished;
 use output::{Failure, Output};
+use signal_hook::consts::TERM_SIGNALS;
+use signal_hook::iterator::Signals;
+use signal_hook::low_level::emulate_default_handler;
+use std::fs::{remove_dir_all, remove_file};
+use std::io::Write;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
     table::fit_terminal();
+    clean_up_if_interrupted();
     let out = Output::new(cli.global.quiet, cli.global.json.clone());
     match run(&cli, &out).and_then(|()| out.finish()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("error: {failure}");
+            let _ = writeln!(std::io::stderr(), "error: {failure}");
             ExitCode::from(if matches!(failure, Failure::Usage(_)) { 2 } else { 1 })
         }
     }
+}
+
+/// Has an interrupted run remove what it has written of files that are not complete.
+fn clean_up_if_interrupted() {
+    let Ok(mut signals) = Signals::new(TERM_SIGNALS) else { return };
+    std::thread::spawn(move || {
+        for signal in &mut signals {
+            // Held to the end: nothing more is begun.
+            let paths = unfinished();
+            paths.iter().for_each(|path| drop(remove_file(path).or_else(|_| remove_dir_all(path))));
+            let _ = emulate_default_handler(signal);
+        }
+    });
 }
 
 fn run(cli: &Cli, out: &Output) -> Result<(), Failure> {

@@ -2,7 +2,7 @@
 
 use crate::progress::Progress;
 use crate::table::fitted;
-use deltamorph::internals::write_replacing;
+use deltamorph::internals::{Printable, unfinished, write_replacing};
 use serde::Serialize;
 use std::collections::HashSet;
 use std::fmt;
@@ -35,7 +35,7 @@ impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (Self::Usage(text) | Self::Failed(text)) = self;
         // One line, even if a file name or a driver message has several.
-        f.write_str(&text.lines().map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" "))
+        write!(f, "{}", Printable(text))
     }
 }
 
@@ -52,11 +52,13 @@ pub struct Output {
     json: Option<PathBuf>,
     /// The error of writing to stdout.
     lost: OnceLock<io::ErrorKind>,
+    /// Set where a file is written to stdout.
+    taken: OnceLock<()>,
 }
 
 impl Output {
     pub fn new(quiet: bool, json: Option<PathBuf>) -> Self {
-        Self { quiet, json, lost: OnceLock::new() }
+        Self { quiet, json, lost: OnceLock::new(), taken: OnceLock::new() }
     }
 
     /// Whether stdout is reserved for JSON.
@@ -64,10 +66,17 @@ impl Output {
         self.json.as_deref() == Some(Path::new("-"))
     }
 
-    /// Prints the result in words; with `--json -`, nothing, since stdout is reserved for JSON.
+    /// Prints the result in words, on stderr where stdout is an output; with `--json -`, nothing, since stdout is
+    /// reserved for JSON.
     pub fn say(&self, text: impl fmt::Display) {
-        if !self.quiet && !self.json_to_stdout() {
-            self.print(&(fitted(&text.to_string()) + "\n"));
+        if self.quiet || self.json_to_stdout() {
+            return;
+        }
+        let text = fitted(&text.to_string()) + "\n";
+        if self.taken.get().is_some() {
+            let _ = io::stderr().write_all(text.as_bytes());
+        } else {
+            self.print(&text);
         }
     }
 
@@ -87,7 +96,7 @@ impl Output {
 
     pub fn note(&self, text: impl fmt::Display) {
         if !self.quiet {
-            let _ = writeln!(std::io::stderr().lock(), "{}", fitted(&format!("note: {text}")));
+            let _ = writeln!(std::io::stderr().lock(), "{}", fitted(&format!("note: {}", Printable(text))));
         }
     }
 
@@ -101,8 +110,8 @@ impl Output {
         Ok(())
     }
 
-    /// Checks, before work begins, that the JSON file of `--json` can be written, and that no output (the JSON,
-    /// `files`, or the contents of `folder`) overwrites a file that is `read` or another output.
+    /// Checks, before work begins, that every output (the JSON, `files`, and the contents of `folder`) can be written,
+    /// and that none overwrites a file that is `read` or another output. Creates `folder`.
     pub fn check(&self, read: &[PathBuf], files: &[&Path], folder: Option<&Path>) -> Result<(), Failure> {
         let json = self.json.as_deref().filter(|_| !self.json_to_stdout());
         let outputs: Vec<(&Path, PathBuf)> = json.iter().chain(files).map(|path| (*path, place_of(path))).collect();
@@ -110,6 +119,9 @@ impl Output {
         for (i, (path, place)) in outputs.iter().enumerate() {
             if *path == Path::new("-") {
                 return Err(Failure::Usage("-: only --json goes to stdout; name a file".into()));
+            }
+            if [Path::new("/dev/stdout"), Path::new("/dev/fd/1")].contains(path) {
+                let _ = self.taken.set(());
             }
             // Devices and pipes hold nothing that could be lost.
             if path.metadata().is_ok_and(|m| !m.is_file() && !m.is_dir()) {
@@ -122,12 +134,13 @@ impl Output {
             } else if let Some(folder) = folder.filter(|folder| place.starts_with(place_of(folder))) {
                 format!("lies in {}, which is written too", folder.display())
             } else {
+                can_write(path)?;
                 continue;
             };
             let text = format!("{}: {why}, and would be written over; name another file", path.display());
             return Err(Failure::Usage(text));
         }
-        json.map_or(Ok(()), can_write)
+        folder.map_or(Ok(()), create_folder)
     }
 
     /// Shows that work of unknown length is being done.
@@ -206,6 +219,7 @@ pub fn publish(
     create_folder(folder)?;
     let failed = |e| Failure::io(folder, "write", e);
     let prepared = tempfile::Builder::new().prefix(PREPARED).tempdir_in(folder).map_err(failed)?;
+    unfinished().insert(prepared.path().to_path_buf());
     write(prepared.path())?;
     let new = names_in(prepared.path())?;
     for name in &new {
@@ -249,6 +263,6 @@ mod tests {
     fn errors_are_one_line_with_their_cause() {
         let missing = Failure::io(Path::new("a/b.csv"), "read", std::io::ErrorKind::NotFound.into());
         assert_eq!(missing.to_string(), "a/b.csv: cannot read: entity not found; check the path");
-        assert_eq!(Failure::Failed("first\n  second\n".into()).to_string(), "first second");
+        assert_eq!(Failure::Failed("first\n\x1b[2Jsecond".into()).to_string(), "first\\n\\u{1b}[2Jsecond");
     }
 }

@@ -1,6 +1,6 @@
 //! Progress of long work: a line on stderr, where that is a terminal.
 
-use std::io::{IsTerminal, stderr};
+use std::io::{IsTerminal, Write, stderr};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -61,7 +61,7 @@ impl Progress {
         };
         let columns = terminal_size::terminal_size_of(stderr()).map_or(80, |(columns, _)| usize::from(columns.0));
         let text: String = text.chars().take(columns.saturating_sub(1)).collect();
-        eprint!("\r\x1b[2K{text}");
+        let _ = write!(stderr(), "\r\x1b[2K{text}");
     }
 
     /// Removes the line.
@@ -71,7 +71,7 @@ impl Progress {
 impl Drop for Progress {
     fn drop(&mut self) {
         if self.shown {
-            eprint!("\r\x1b[2K");
+            let _ = write!(stderr(), "\r\x1b[2K");
         }
     }
 }

@@ -1,7 +1,7 @@
 //! `sample`: writes the built-in head as a folder that any morph-target tool can read.
 
 use crate::args::SampleArgs;
-use crate::output::{Failure, Output, claim, create_folder};
+use crate::output::{Failure, Output, claim, create_folder, publish};
 use crate::table::thousands;
 use deltamorph::MorphSource;
 use deltamorph::import::csv;
@@ -23,12 +23,18 @@ pub fn run(args: &SampleArgs, out: &Output) -> Result<(), Failure> {
     let bar = out.bar(source.targets.len() as u64 + 1);
     // Readers take the rate from the name, since the file has no place for it.
     clip.name = format!("{}_{}fps", if clip.name.is_empty() { "clip" } else { &clip.name }, args.fps);
-    // Without targets there is no column, and so no clip.
-    if !source.targets.is_empty() {
-        create_folder(&args.dir.join("weights"))?;
-        csv::write(&args.dir.join("weights").join(format!("{}.csv", clip.name)), &clip)?;
-    }
-    write_folder(&source, &args.dir, || bar.inc(1))?;
+    publish(
+        &args.dir,
+        |_| false,
+        |dir| {
+            // Without targets there is no column, and so no clip.
+            if !source.targets.is_empty() {
+                create_folder(&dir.join("weights"))?;
+                csv::write(&dir.join("weights").join(format!("{}.csv", clip.name)), &clip)?;
+            }
+            write_folder(&source, dir, || bar.inc(1))
+        },
+    )?;
 
     let SampleArgs { dir, fps, seed, .. } = args;
     let (vertices, targets, frames) = (source.positions.len(), source.targets.len(), clip.frame_count());
@@ -39,8 +45,7 @@ pub fn run(args: &SampleArgs, out: &Output) -> Result<(), Failure> {
     }))
 }
 
-/// Writes `targets/*.obj` and then `neutral.obj`, so that an incomplete folder is recognisable, calling `step` after
-/// each file. Every position and normal is read back exactly.
+/// Writes `targets/*.obj` and `neutral.obj`, calling `step` after each file. Every position and normal is read back exactly.
 fn write_folder(source: &MorphSource, dir: &Path, mut step: impl FnMut()) -> Result<(), Failure> {
     let targets = dir.join("targets");
     create_folder(&targets)?;

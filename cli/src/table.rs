@@ -1,14 +1,16 @@
 //! Text tables, and number formatting.
 
+use deltamorph::internals::Printable;
 use std::sync::OnceLock;
 
 /// Columns of the terminal; unset where there is none.
 static COLUMNS: OnceLock<usize> = OnceLock::new();
 
-/// Breaks lines that are wider than the terminal between words; what follows is indented as the line is.
+/// Breaks lines that are wider than the terminal between words; what follows is indented as the line is. Control
+/// characters, which names in files may have, are spelled out.
 pub fn fitted(text: &str) -> String {
-    let Some(&columns) = COLUMNS.get() else { return text.to_owned() };
-    text.split('\n').map(|line| wrapped(line, columns)).collect::<Vec<_>>().join("\n")
+    let columns = COLUMNS.get().copied().unwrap_or(usize::MAX);
+    text.split('\n').map(|line| wrapped(&Printable(line).to_string(), columns)).collect::<Vec<_>>().join("\n")
 }
 
 fn wrapped(line: &str, columns: usize) -> String {
@@ -32,7 +34,8 @@ fn wrapped(line: &str, columns: usize) -> String {
 pub fn fit_terminal() {
     let terminal = terminal_size::terminal_size_of(std::io::stdout()).map(|(columns, _)| columns.0.into());
     let stated = || std::env::var("COLUMNS").ok()?.parse().ok();
-    if let Some(columns) = terminal.or_else(stated) {
+    // What states fewer does not know.
+    if let Some(columns) = terminal.or_else(stated).filter(|columns| *columns >= 20) {
         let _ = COLUMNS.set(columns);
     }
 }
@@ -63,7 +66,7 @@ impl Table {
     }
 
     pub fn row(&mut self, cells: impl IntoIterator<Item = String>) {
-        self.rows.push(cells.into_iter().collect());
+        self.rows.push(cells.into_iter().map(|cell| Printable(cell).to_string()).collect());
     }
 }
 

@@ -126,6 +126,72 @@ fn what_fails_leaves_files_as_they_were() {
 }
 
 #[test]
+fn a_place_for_results_is_looked_for_before_the_work() {
+    let home = Home::new();
+    let (dir, at) = (home.dir.clone(), |name: &str| home.at(name));
+    std::fs::write(at("file"), "mine").unwrap();
+    // The input is not there either: what is said is known before it is read.
+    let gone = at("gone");
+    for args in [
+        &["apply", &gone, "--set", "a=1", "-o", &at("no/x.obj")][..],
+        &["pack", &gone, "-o", &at("no/x.dmorph")],
+        &["textures", &gone, "-o", &at("no/x.ktx2")],
+        &["render", &gone, "--set", "a=1", "-o", &at("no/x.png")],
+        &["render", &gone, "--weights", "a.csv", "--clip", &at("no/x.png")],
+        &["render", &gone, "--weights", "a.csv", "--clip", &at("file/frames")],
+        &["sample", &at("file/head")],
+        &["play", &gone, "--json", &at("no/x.json")],
+    ] {
+        refused(args, 1, ": cannot ");
+        assert!(fails(args).1.contains(if args.contains(&at("file/head").as_str()) {
+            "file"
+        } else {
+            args[args.len() - 1]
+        }));
+    }
+    assert_eq!(contents(home.folder.path()).len(), contents(Path::new(&dir)).len() + 1);
+}
+
+/// Links, pipes, stdout and stdin where the program writes and reads.
+#[cfg(unix)]
+#[test]
+fn links_pipes_and_streams_are_what_they_are_elsewhere() {
+    let home = Home::new();
+    let script = format!(
+        "cd {}; exec 2>&1; D={}; apply() {{ $D apply head --path cpu \"$@\"; }}
+        ln -s there/x.obj link.obj; ln -s link.obj chain.obj; mkdir there; apply --set eyeBlinkLeft=1 -o chain.obj --quiet
+        [ -L link.obj ] && [ -L chain.obj ] && [ -s there/x.obj ] && echo linked
+        apply --set eyeBlinkLeft=1 -o /dev/stdout 2>said | grep -v '^\\(v\\|vt\\|vn\\|f\\) '; grep -c 'active of' said
+        printf 'eyeBlinkLeft\\n0\\n1\\n' | apply --weights - --frame 1 -o piped.obj --quiet; cmp piped.obj there/x.obj && echo same
+        apply --weights <(printf 'eyeBlinkLeft\\n1\\n') --frame 0 -o piped.obj --quiet; cmp piped.obj there/x.obj && echo same
+        $D info - <head/neutral.obj; $D info gone 2>/dev/full; echo $?; COLUMNS=0 $D info head | head -1
+        $D sample s --vertices 400000 & sleep 0.7; kill -TERM $!; wait $!; echo $?; find s -mindepth 1; $D sample s --vertices 60",
+        home.folder.path().display(),
+        env!("CARGO_BIN_EXE_deltamorph"),
+    );
+    let said = Command::new("bash").args(["-c", &script]).output().unwrap();
+    let said = String::from_utf8(said.stdout).unwrap();
+    let expected = "linked\n1\nsame\nsame\nerror: -: a mesh is not read from standard input, only a clip (--weights -); \
+                    name a folder or file\n1\nhead (head)\n143\ns: 60 vertices";
+    assert!(said.starts_with(expected), "{said}");
+}
+
+/// Names in files of strangers do nothing to a terminal.
+#[test]
+fn control_characters_are_spelled_out() {
+    let home = Home::new();
+    let weights = home.at("head/weights/clip.csv");
+    std::fs::write(&weights, "eyeBlinkLeft,\u{1b}[2J\u{9b}31m\n1,0\n").unwrap();
+    std::fs::rename(home.at("head/targets/eyeSquintLeft.obj"), home.at("head/targets/jaw\nOpen\u{1b}[2J.obj")).unwrap();
+    for args in [&["info", &home.dir][..], &["play", &home.dir, "--path", "cpu", "--weights", &weights]] {
+        let run = crate::cli::deltamorph(args);
+        let said = String::from_utf8([run.stdout, run.stderr].concat()).unwrap();
+        assert!(said.chars().all(|c| c == '\n' || !c.is_control()) && said.contains("\\u{1b}[2J"), "{said}");
+        assert!(args[0] == "play" || said.contains("\njaw\\nOpen\\u{1b}[2J "), "{said}");
+    }
+}
+
+#[test]
 fn a_report_is_replaced_when_the_new_one_is_complete() {
     let folder = tempfile::tempdir().unwrap();
     let (report, out) = (folder.path().join("report"), folder.path().join("out.json"));
