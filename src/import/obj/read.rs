@@ -278,7 +278,8 @@ impl Scan<'_> {
             notes.push(format!("faces of fewer than three corners, left out: {thin}"));
         }
         let sizes = || faces.sizes.iter().map(|size| *size as usize);
-        if sizes().filter(|size| *size <= CUT_MOST).map(|size| size.pow(3)).sum::<usize>() > CUT_ALL {
+        let many = sizes().filter(|size| (33..=CUT_MOST).contains(size));
+        if many.map(|size| size.pow(3) as f64).sum::<f64>() > CUT_ALL as f64 {
             notes.push("many large faces: the last concave ones may be cut as fans from the first corner".to_owned());
         }
         let large = sizes().filter(|size| *size > CUT_MOST).count();
