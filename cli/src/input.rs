@@ -2,7 +2,10 @@
 
 use crate::args::InputArgs;
 use crate::output::{Failure, Output};
-use deltamorph::import::{ImportDesc, Imported, ImportedMesh, csv, gltf};
+use deltamorph::import::{
+    ImportDesc, Imported, ImportedMesh, csv,
+    gltf::{self, Animation},
+};
 use deltamorph::internals::weights::names::closest;
 use deltamorph::{
     BlockDesc, BoundClip, MorphMesh, PackDesc, PackedMesh, Semantic, Tolerance, WeightClip, import, normalise_weights,
@@ -34,6 +37,8 @@ pub struct Input {
     pub packed: Option<Arc<PackedMesh>>,
     /// The weight clips in INPUT/weights, by name; of a glTF file its animations of weights, as FILE#NAME.
     pub clips: Vec<PathBuf>,
+    /// Yaw of a camera that looks at the face, in degrees.
+    pub front: f32,
     /// Whether weights of clips and settings belong to absolute poses.
     pub normalise: bool,
     /// The folder, or "built-in head": for reports.
@@ -124,15 +129,15 @@ pub fn load_unposed(args: &InputArgs, unposed: bool, out: &Output) -> Result<Inp
 fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Result<Input, Failure> {
     let origin = args.input.as_ref().map_or("built-in head".into(), |path| path.display().to_string());
     let spinner = out.spinner(format!("reading {origin}"));
-    let (mesh, clips) = match &args.input {
-        None => (ImportedMesh::Source(head::head(&args.head.desc(args.seed))), vec![]),
+    let (mesh, clips, looks_back) = match &args.input {
+        None => (ImportedMesh::Source(head::head(&args.head.desc(args.seed))), vec![], false),
         Some(path) if path == Path::new("-") => {
             let text = "-: a mesh is not read from standard input, only a clip (--weights -); name a folder or file";
             return Err(Failure::Usage(text.into()));
         }
         Some(path) => {
-            let Imported { mesh, clips, .. } = import::open(path, desc)?;
-            (mesh, clips)
+            let Imported { mesh, clips, looks_back, .. } = import::open(path, desc)?;
+            (mesh, clips, looks_back)
         }
     };
     let (raw, kept, packed) = match mesh {
@@ -173,6 +178,7 @@ fn read(args: &InputArgs, with_raw: bool, desc: &ImportDesc, out: &Output) -> Re
         kept,
         packed,
         clips,
+        front: if looks_back { 180.0 } else { 0.0 },
         normalise: args.normalise,
         origin,
         out: Some(out.clone()),
@@ -207,19 +213,19 @@ pub fn named(path: &Path, args: &InputArgs) -> Result<PathBuf, Failure> {
     Ok(of_input.filter(|clip| import::animation_of(clip).is_some()).unwrap_or_else(|| path.to_path_buf()))
 }
 
-/// The clip of an animation that moves joints alone, while all weights are 0.
+/// The clip of an animation that moves joints alone, while weights stay at rest.
 fn of_joints_alone(path: &Path, args: &InputArgs, input: &Input) -> Result<Option<WeightClip>, Failure> {
     let Some((file, name)) = import::animation_of(path).filter(|(file, _)| import::is_gltf(file)) else {
         return Ok(None);
     };
-    let all = gltf::read(&file)?.animations;
-    let animation = all.iter().find(|animation| animation.name == name && animation.moves_joints_alone());
-    let (Some(animation), Some(first)) = (animation, input.targets().first().copied()) else { return Ok(None) };
-    let fps = args.fps.unwrap_or_else(|| animation.frame_rate());
-    let times = animation.frame_times(args.fps).map_err(|e| Failure::Failed(format!("{}: {e}", file.display())))?;
-    let values = vec![0.0; times.len()];
-    input.out.iter().for_each(|out| out.note(format_args!("clip '{name}' moves joints alone: all weights are 0")));
-    Ok(Some(WeightClip { name, names: vec![first.to_owned()], fps, values }))
+    let gltf = gltf::read(&file)?;
+    let is_it = |animation: &&Animation| animation.name == name && animation.moves_joints_alone();
+    let Some(animation) = gltf.animations.iter().find(is_it).filter(|_| !input.kept.targets.is_empty()) else {
+        return Ok(None);
+    };
+    let clip = gltf.clip(animation, args.fps)?;
+    input.out.iter().for_each(|out| out.note(format_args!("clip '{name}' moves joints alone: weights stay at rest")));
+    Ok(Some(clip))
 }
 
 /// Reads the weight clip at `path`, at least one frame, for the targets of `input`, with `settings` applied. If INPUT

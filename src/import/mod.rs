@@ -44,6 +44,8 @@ pub struct Imported {
     /// animation of weights, in the order of the file; for a packed file, `FILE#NAME` for each clip, if the library
     /// reads clips of any kind (feature `csv` or `gltf`); for a folder, files sorted by name.
     pub clips: Vec<PathBuf>,
+    /// Whether it is an avatar of VRM 0, which looks along −z: pictures of its face are taken from behind.
+    pub looks_back: bool,
 }
 
 /// A mesh to pack, or one that is packed already: [`open`] shows how to handle both.
@@ -84,7 +86,7 @@ pub fn open(path: &Path, desc: &ImportDesc) -> Result<Imported> {
         let bytes = file::bytes(path)?;
         let mesh = ImportedMesh::Packed(Asset::from_bytes(path, &bytes)?);
         let clips = if HAS_CLIPS { packed::clips_from_bytes(path, &bytes)? } else { vec![] };
-        Imported { mesh, clips: clips.iter().map(|clip| named(path, &clip.name)).collect() }
+        Imported { mesh, clips: clips.iter().map(|clip| named(path, &clip.name)).collect(), looks_back: false }
     } else if is_gltf(path) {
         open_gltf(path, desc)?
     } else {
@@ -153,8 +155,9 @@ pub fn animation_of(path: &Path) -> Option<(PathBuf, String)> {
 fn open_gltf(path: &Path, desc: &ImportDesc) -> Result<Imported> {
     let gltf = gltf::read(path)?;
     let clips = gltf.weight_animations().map(|animation| named(path, &animation.name)).collect();
+    let looks_back = gltf.looks_back;
     let source = gltf.into_mesh(desc.unposed)?.source;
-    Ok(Imported { mesh: ImportedMesh::Source(source), clips })
+    Ok(Imported { mesh: ImportedMesh::Source(source), clips, looks_back })
 }
 
 #[cfg(feature = "gltf")]
@@ -242,7 +245,7 @@ fn open_folder(path: &Path) -> Result<Imported> {
     let weights = path.join("weights");
     let mut clips = if weights.is_dir() { list(&weights)? } else { vec![] };
     clips.retain(|path| has_extension(path, "csv") && path.is_file());
-    Ok(Imported { mesh, clips })
+    Ok(Imported { mesh, clips, looks_back: false })
 }
 
 #[cfg(test)]
@@ -257,7 +260,7 @@ mod tests {
         std::fs::create_dir(dir.path().join("targets")).unwrap();
         std::fs::write(dir.path().join("neutral.obj"), triangle).unwrap();
         let found = |desc: ImportDesc| match open(dir.path(), &desc).unwrap() {
-            Imported { mesh: ImportedMesh::Source(source), clips } => (source.positions.len(), clips),
+            Imported { mesh: ImportedMesh::Source(source), clips, .. } => (source.positions.len(), clips),
             Imported { mesh: ImportedMesh::Packed(_), .. } => panic!("nothing is packed"),
         };
         assert_eq!(found(ImportDesc::default()), (3, vec![]));

@@ -265,11 +265,8 @@ impl File {
         self.played(playing, node, "weights", rest)
     }
 
-    /// Returns the matrix of each node, from its own space to the scene's. An avatar of VRM 0 is turned to look along z.
+    /// Returns the matrix of each node, from its own space to the scene's.
     pub fn worlds(&self, playing: Playing) -> Vec<Matrix> {
-        let looks_back = !self.json["extensions"]["VRM"].is_null();
-        let root =
-            matrix_of(&[0.0; 3], if looks_back { &[0.0, 1.0, 0.0, 0.0] } else { &[0.0, 0.0, 0.0, 1.0] }, &[1.0; 3]);
         let local = |node: usize| -> Matrix {
             let stated = self.node(node);
             if let Some(m) = floats(&stated["matrix"]) {
@@ -282,7 +279,7 @@ impl File {
         };
         let world = |node: usize| {
             let line = std::iter::successors(Some(node), |node| self.parents[*node]);
-            product(&root, &line.map(local).reduce(|below, above| product(&above, &below)).unwrap())
+            line.map(local).reduce(|below, above| product(&above, &below)).unwrap()
         };
         (0..self.parents.len()).map(world).collect()
     }

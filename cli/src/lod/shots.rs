@@ -37,7 +37,7 @@ impl<'a> Shots<'a> {
         let packed = Arc::new(PackedMesh::pack(mesh, &gpu.engine().pack_desc(DeltaFormat::BlockFloat32))?);
         let update = UpdateDesc::new(UpdatePath::Blocks, BatchSize::All).mode(UpdateMode::Rebuild);
         let desc = HeadsDesc { frames: 3, ..HeadsDesc::new(update) };
-        let camera = Camera { yaw: 0.0, pitch: 0.0, ..Camera::default() };
+        let camera = Camera { yaw: input.front, pitch: 0.0, ..Camera::default() };
         // Both halves of the face are lit alike.
         let light = Light { yaw: 0.0, ..Light::default() };
         let view = camera.fit(subject.focus.iter().copied(), 1.0, 0.04);

@@ -55,7 +55,7 @@ impl<'a> Easel<'a> {
         if let Some(still) = &subject.still {
             studio.set_still(&still.mesh, &still.parts)?;
         }
-        let camera = Camera { yaw: args.camera[0], pitch: args.camera[1], ..Camera::default() };
+        let camera = Camera { yaw: subject.front + args.camera[0], pitch: args.camera[1], ..Camera::default() };
         let all = places.iter().flat_map(|place| subject.focus.iter().map(|p| place.transform_point3(*p)));
         let mut view = camera.fit(all, size[0] as f32 / size[1] as f32, MARGIN);
         view.reach(places.iter().flat_map(|place| subject.whole.iter().map(|p| place.transform_point3(*p))));

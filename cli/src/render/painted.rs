@@ -24,12 +24,12 @@ pub struct Still {
 
 /// The parts of `mesh`, which was read from the glTF file at `path`, and those beside it; `unposed`: joints move them.
 pub fn of_file(path: &Path, mesh: &MorphMesh, unposed: bool) -> Result<Painted, Failure> {
-    let read = gltf::read(path)?;
+    let mut read = gltf::read(path)?;
     let mut channels = read.animations.iter().flat_map(|animation| &animation.channels);
     let has_joints = read.nodes.iter().any(|node| node.skin.is_some())
         || channels.any(|channel| channel.property != Property::Weights);
+    let materials = std::mem::take(&mut read.materials);
     let gltf::Scene { mesh: drawn, still, .. } = read.into_scene(unposed)?;
-    let materials = gltf::read_materials(path)?;
     // The name of a single part says what the whole is.
     let is_named = drawn.parts.len() + still.as_ref().map_or(0, |still| still.parts.len()) > 1;
     let of = |drawn: &Drawn, mesh: &MorphMesh| {

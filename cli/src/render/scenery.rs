@@ -45,6 +45,8 @@ pub struct Subject {
     pub focus: Vec<Vec3>,
     pub whole: Vec<Vec3>,
     pub still: Option<Still>,
+    /// Yaw of a camera that looks at the face, in degrees.
+    pub front: f32,
     /// Whether its file has joints, or nodes that move.
     pub has_joints: bool,
 }
@@ -58,7 +60,7 @@ impl Subject {
         };
         let Painted { parts, has_joints, still } = painted::of_file(path, mesh, unposed)?;
         let (focus, whole) = views(mesh, &parts, still.as_ref());
-        Ok(Self { parts, focus, whole, still, has_joints })
+        Ok(Self { parts, focus, whole, still, front: input.front, has_joints })
     }
 
     /// The subject of a mesh with the same faces as the one at `path`, by itself.
@@ -67,7 +69,7 @@ impl Subject {
         let said: Vec<Face<'_>> = names.iter().map(|name| Face::Named(name)).collect();
         let parts = parts(mesh, &said);
         let (focus, whole) = views(mesh, &parts, None);
-        Self { parts, focus, whole, still: None, has_joints: false }
+        Self { parts, focus, whole, still: None, front: 0.0, has_joints: false }
     }
 
     /// Takes what joints move in this frame, or in all, in place of what is there without them.

@@ -264,7 +264,7 @@ impl Stage {
         let [left, top, width, height] = self.free;
         let zoom = state.zoom;
         let aspect = extent.width as f32 * width / (extent.height as f32 * height).max(1.0);
-        let camera = Camera { yaw: state.camera[0], pitch: state.camera[1], ..Camera::default() };
+        let camera = Camera { yaw: self.subject.front + state.camera[0], pitch: state.camera[1], ..Camera::default() };
         let mut view = camera.fit(self.subject.focus.iter().copied(), aspect.max(0.05), MARGIN);
         view.reach(self.subject.whole.iter().copied());
         // Into the part of the window that the panel leaves free.

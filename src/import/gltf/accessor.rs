@@ -20,6 +20,8 @@ pub struct Accessor<'a> {
     sparse: (Vec<u32>, &'a [u8], usize),
     /// The number in place of those of an element that is not finite; `None`: such an element is an error.
     missing: Option<f32>,
+    /// Elements may have fewer numbers than are read; the others are 0.
+    is_padded: bool,
 }
 
 /// A component type: its bytes, and what they are.
@@ -52,10 +54,21 @@ impl Kind {
         if self.is_unsigned { word } else { word << bits >> bits }
     }
 
+    fn is_float(self) -> bool {
+        // There are no signed integers of four bytes.
+        self.size == 4 && !self.is_unsigned
+    }
+
+    /// Reads an index, of whatever type it is; `None` if it is no whole number, 0 or more.
+    fn index(self, b: &[u8]) -> Option<u32> {
+        let number = if self.is_float() { f64::from(self.number(b, false)) } else { self.whole(b) as f64 };
+        let is_index = number.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&number);
+        is_index.then_some(number as u32)
+    }
+
     /// Reads the number at the start of `b`. Normalised integers are fractions of the largest one, at least -1.
     fn number(self, b: &[u8], normalised: bool) -> f32 {
-        // There are no signed integers of four bytes.
-        if self.size == 4 && !self.is_unsigned {
+        if self.is_float() {
             return f32::from_le_bytes([b[0], b[1], b[2], b[3]]);
         }
         let bits = 8 * self.size - usize::from(!self.is_unsigned);
@@ -95,6 +108,7 @@ impl Container {
             dense,
             sparse: sparse.transpose()?.unwrap_or_default(),
             missing: None,
+            is_padded: false,
             file: self,
             at,
         })
@@ -154,6 +168,11 @@ impl<'a> Accessor<'a> {
         Self { missing: Some(number), ..self }
     }
 
+    /// Elements may have fewer numbers than are read; the others are 0.
+    pub fn padded(self) -> Self {
+        Self { is_padded: true, ..self }
+    }
+
     /// Iterates over the elements that have bytes, ascending; the others are zeros.
     fn stored(&self) -> impl Iterator<Item = (usize, &'a [u8])> {
         let (which, values, stride) = &self.sparse;
@@ -167,23 +186,30 @@ impl<'a> Accessor<'a> {
 
     fn check_components(&self, components: usize) -> Result<()> {
         let what = || format!("elements of {} numbers, {components} expected", self.components);
-        ensure!(self.components == components, self.at.refuse(what(), UNFIT));
+        let fits = self.components == components || self.is_padded && self.components < components;
+        ensure!(fits, self.at.refuse(what(), UNFIT));
         Ok(())
     }
 
     /// Room for all elements.
     fn zeros<T: Copy, const N: usize>(&self, zero: T) -> Result<Vec<[T; N]>> {
         self.check_components(N)?;
-        self.file.charge(&self.at, self.count, 4 * N)?;
-        Ok(vec![[zero; N]; self.count])
+        let mut all = self.file.room(&self.at, self.count)?;
+        all.resize(self.count, [zero; N]);
+        Ok(all)
+    }
+
+    /// Makes the numbers of an element: the first ones by `number`, from the bytes at which they begin.
+    fn element<T: Copy, const N: usize>(&self, bytes: &[u8], zero: T, number: impl Fn(&[u8]) -> T) -> [T; N] {
+        let size = self.kind.size;
+        std::array::from_fn(|c| if c < self.components { number(&bytes[c * size..]) } else { zero })
     }
 
     /// Passes on each element that has bytes.
     fn each<const N: usize>(&self, mut take: impl FnMut(usize, [f32; N])) -> Result<()> {
-        let size = self.kind.size;
         let mut lost = 0;
         for (i, bytes) in self.stored() {
-            let mut numbers: [f32; N] = std::array::from_fn(|c| self.kind.number(&bytes[c * size..], self.normalised));
+            let mut numbers: [f32; N] = self.element(bytes, 0.0, |bytes| self.kind.number(bytes, self.normalised));
             if !numbers.iter().all(|x| x.is_finite()) {
                 let Some(missing) = self.missing else {
                     let remedy = "replace values that are not a number or infinite";
@@ -216,8 +242,7 @@ impl<'a> Accessor<'a> {
         self.file.charge(&self.at, self.dense.map_or(self.sparse.0.len(), |_| self.count), 1)?;
         let size = self.kind.size * N;
         let moved = self.stored().filter(|(_, bytes)| bytes[..size].iter().any(|byte| *byte != 0)).count();
-        self.file.charge(&self.at, moved, 4 * N + 4)?;
-        let mut found = Vec::with_capacity(moved);
+        let mut found = self.file.room(&self.at, moved)?;
         self.each(|i, numbers| {
             if numbers != [0.0; N] {
                 found.push((i as u32, numbers));
@@ -226,13 +251,16 @@ impl<'a> Accessor<'a> {
         Ok(found)
     }
 
-    /// Returns all elements of `N` unsigned integers as they are stored: indices and joints.
-    pub fn integers<const N: usize>(&self) -> Result<Vec<[u32; N]>> {
+    /// Returns all elements of `N` indices: of vertices or joints. glTF has them as unsigned integers; whole numbers of
+    /// other types say the same.
+    pub fn indices<const N: usize>(&self) -> Result<Vec<[u32; N]>> {
         let mut all = self.zeros(0)?;
-        ensure!(self.kind.is_unsigned, self.at.refuse("numbers that are not unsigned integers", UNFIT));
-        let size = self.kind.size;
         for (i, bytes) in self.stored() {
-            all[i] = std::array::from_fn(|c| self.kind.whole(&bytes[c * size..]) as u32);
+            let numbers: [Option<u32>; N] = self.element(bytes, Some(0), |bytes| self.kind.index(bytes));
+            for (index, number) in all[i].iter_mut().zip(numbers) {
+                let refuse = || self.at.refuse(format!("element {i} is no whole number, 0 or more"), UNFIT);
+                *index = number.ok_or_else(refuse)?;
+            }
         }
         Ok(all)
     }

@@ -12,8 +12,8 @@ use glam::DQuat;
 pub struct Animation {
     /// Its name, unique in the file: an animation without a name gets a number, and a repeated name is followed by one.
     pub name: String,
-    /// Its channels. Channels without a node or keys, or of a property other than the four of glTF 2.0, are left out;
-    /// all are, with a note that says why, if one cannot be read. One that KHR_animation_pointer lets drive the weights
+    /// Its channels. Channels without a node or keys, of a property other than the four of glTF 2.0, or that cannot be
+    /// read, are left out. One that KHR_animation_pointer lets drive the weights
     /// of a mesh is there for each node that draws the mesh and states no weights of its own.
     pub channels: Vec<Channel>,
 }
@@ -126,14 +126,6 @@ impl Channel {
             + length * (t3 - 2.0 * t2 + t) * out
             + (3.0 * t2 - 2.0 * t3) * p1
             + length * (t3 - t2) * into
-    }
-
-    /// Whether number `i` plays as number `j` of another channel.
-    pub(super) fn is_as(&self, i: usize, other: &Self, j: usize) -> bool {
-        let n = self.width();
-        let m = other.width();
-        (self.interpolation, &self.times) == (other.interpolation, &other.times)
-            && (0..self.values.len() / n).all(|key| self.values[key * n + i] == other.values[key * m + j])
     }
 
     /// Returns number `i` of a key's value: its only one (0); for splines the tangent in (0), the value (1) or the
@@ -284,7 +276,8 @@ pub fn channels(file: &Container, at: &At<'_>, targets: &[usize], taking: &[Vec<
                 };
                 if width > 0 {
                     drives = true;
-                    found.extend(channel(file, at, &stated, (node, property, target), width)?);
+                    let read = channel(file, at, &stated, (node, property, target), width);
+                    found.extend(file.leave_out(read, "channel")?.flatten());
                 }
             }
         }

@@ -41,14 +41,23 @@ const NOT_LOOKED_AT: [&str; 8] = [
     "KHR_animation_pointer",
 ];
 
+/// The length of a buffer, and the memory with its bytes. `None`: a buffer without bytes, which only compressed views
+/// may name.
+type Buffer = Option<(usize, Rc<Vec<u8>>)>;
+
 /// A file: its JSON, and the bytes of its buffers.
 #[derive(Debug)]
 pub struct Container {
     pub path: PathBuf,
     json: Value,
-    /// The length of each buffer, and the memory with its bytes. `None`: a buffer without bytes, which only compressed
-    /// views may name.
-    buffers: Vec<Option<(usize, Rc<Vec<u8>>)>>,
+    /// The binary chunk of a GLB file.
+    chunk: Option<Rc<Vec<u8>>>,
+    /// Buffers, read when a view that is used names them.
+    buffers: Vec<OnceCell<Buffer>>,
+    /// Files with buffers, by their real paths.
+    beside: RefCell<HashMap<PathBuf, Rc<Vec<u8>>>>,
+    /// Extensions that the file requires and that are not read. What uses one is left out.
+    unread: Vec<String>,
     /// Decompressed buffer views.
     unpacked: Vec<OnceCell<Vec<u8>>>,
     /// Bytes of values that may still be read.
@@ -71,33 +80,42 @@ impl Container {
         let end = bytes[json.clone()].iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
         let text = &bytes[json][..end];
         let json = parse(path, text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text))?;
-        let mut chunk = chunk.map(|chunk| {
+        let chunk = chunk.map(|chunk| {
             bytes.truncate(chunk.end);
             bytes.drain(..chunk.start);
-            bytes
+            Rc::new(bytes)
         });
         let root = At { path, value: &json, place: String::new() };
         check_version(&root)?;
-        let mut buffers = vec![];
-        let mut beside = HashMap::new();
-        for (i, buffer) in root.items("buffers")?.iter().enumerate() {
-            let length = buffer.need("byteLength")?.whole()?;
-            let found = match buffer.get("uri") {
-                Some(uri) => Some(uri_bytes(path, &uri, &mut beside)?),
-                None if i == 0 => chunk.take().map(Rc::new),
-                None => None,
-            };
-            // The last three may be padding that is not there.
-            if let Some(bytes) = found.as_ref().filter(|bytes| bytes.len() + 3 < length) {
-                let what = format!("{length} bytes, but there are {}", bytes.len());
-                return Err(buffer.refuse(what, "export the file again: it is cut off"));
-            }
-            buffers.push(found.map(|bytes| (length.min(bytes.len()), bytes)));
+        let required: Vec<&str> = root.items("extensionsRequired")?.iter().map(At::text).collect::<Result<_>>()?;
+        let is_read = |name: &&str| UNDERSTOOD.contains(name) || NOT_LOOKED_AT.iter().any(|of| name.starts_with(of));
+        let unread = required.into_iter().filter(|name| !is_read(name)).map(str::to_owned).collect();
+        let file = Self {
+            path: path.to_path_buf(),
+            chunk,
+            buffers: root.items("buffers")?.iter().map(|_| OnceCell::new()).collect(),
+            beside: RefCell::default(),
+            unread,
+            unpacked: root.items("bufferViews")?.iter().map(|_| OnceCell::new()).collect(),
+            budget: Cell::new(own_size.saturating_mul(VALUES_PER_BYTE).saturating_add(VALUES_MIN)),
+            notes: RefCell::default(),
+            json,
+        };
+        file.check_extensions(&file.root())?;
+        for name in &file.unread {
+            file.notes.borrow_mut().push(format!("{}; what uses it is left out", not_read(name)));
         }
-        let total = beside.values().fold(own_size, |total, bytes| total.saturating_add(bytes.len() as u64));
-        let unpacked = root.items("bufferViews")?.iter().map(|_| OnceCell::new()).collect();
-        let budget = Cell::new(total.saturating_mul(VALUES_PER_BYTE).saturating_add(VALUES_MIN));
-        Ok(Self { path: path.to_path_buf(), json, buffers, unpacked, budget, notes: RefCell::default() })
+        Ok(file)
+    }
+
+    /// Checks that `at` uses no extension that the file requires and that is not read.
+    pub fn check_extensions(&self, at: &At<'_>) -> Result<()> {
+        let Some(name) = self.unread.iter().find(|name| at.extension(name).is_some()) else { return Ok(()) };
+        let remedy = match name.as_str() {
+            "KHR_draco_mesh_compression" => "decompress the file: `gltf-transform copy IN.glb OUT.glb` does",
+            _ => "export the file without it (gltfpack and gltf-transform can take such extensions out)",
+        };
+        Err(at.refuse(not_read(name), remedy))
     }
 
     /// Returns the root of the JSON.
@@ -117,6 +135,16 @@ impl Container {
         Ok(())
     }
 
+    /// Charges the budget for `count` values of `at`, and reserves memory for them.
+    pub fn room<T>(&self, at: &At<'_>, count: usize) -> Result<Vec<T>> {
+        self.charge(at, count, size_of::<T>())?;
+        let mut values = vec![];
+        let refuse =
+            |_| Error::out_of_memory(format!("{}: {count} values", at.place), "free memory, or split the file");
+        values.try_reserve_exact(count).map_err(refuse)?;
+        Ok(values)
+    }
+
     /// Tells the user something about `at`.
     pub fn note(&self, at: &At<'_>, what: impl Display) {
         self.notes.borrow_mut().push(format!("{}: {what}", at.place));
@@ -128,9 +156,17 @@ impl Container {
 
     /// Leaves out a part of the file that cannot be used and need not be there, with a note.
     pub fn leave_out<T>(&self, result: Result<T>, part: &str) -> Result<Option<T>> {
-        let Err(Error::Input { place, what, .. }) = result else { return result.map(Some) };
+        self.leave_out_or_keep(result, part, &mut None)
+    }
+
+    /// Leaves out a part of the file that cannot be used, with a note. If it is the first one, `why` gets the error, for
+    /// the case that nothing is left.
+    pub fn leave_out_or_keep<T>(&self, result: Result<T>, part: &str, why: &mut Option<Error>) -> Result<Option<T>> {
+        let Err(error) = result else { return result.map(Some) };
+        let Error::Input { place, what, .. } = &error else { return Err(error) };
         let place = place.trim_start_matches(": ");
         self.notes.borrow_mut().push(format!("{place}: {what}; the {part} is left out"));
+        why.get_or_insert(error);
         Ok(None)
     }
 
@@ -138,6 +174,7 @@ impl Container {
     /// them.
     pub fn view(&self, index: &At<'_>) -> Result<(&[u8], Option<usize>)> {
         let view = self.root().item("bufferViews", index)?;
+        self.check_extensions(&view)?;
         // Some exporters write 0 for elements that are tightly packed.
         let stride = view.index("byteStride")?.filter(|stride| *stride > 0);
         let Some(packed) = COMPRESSED.iter().find_map(|name| view.extension(name)) else {
@@ -162,7 +199,15 @@ impl Container {
     /// Returns the byteLength bytes from byteOffset on of the buffer that `at` names.
     fn bytes(&self, at: &At<'_>) -> Result<&[u8]> {
         let index = at.need("buffer")?;
-        let Some((length, bytes)) = &self.buffers[self.root().index_of("buffers", &index)?] else {
+        let number = self.root().index_of("buffers", &index)?;
+        let buffer = match self.buffers[number].get() {
+            Some(buffer) => buffer,
+            None => {
+                let buffer = self.buffer(number, &self.root().item("buffers", &index)?)?;
+                self.buffers[number].get_or_init(|| buffer)
+            }
+        };
+        let Some((length, bytes)) = buffer else {
             return Err(index.refuse("a buffer without bytes", "export the file again, with its buffers"));
         };
         let bytes = &bytes[..*length];
@@ -175,6 +220,70 @@ impl Container {
         })?;
         Ok(&bytes[offset..end])
     }
+
+    fn buffer(&self, number: usize, at: &At<'_>) -> Result<Buffer> {
+        let length = at.need("byteLength")?.whole()?;
+        let found = match at.get("uri") {
+            Some(uri) => Some(self.uri_bytes(&uri)?),
+            None => self.chunk.clone().filter(|_| number == 0),
+        };
+        // The last three may be padding that is not there.
+        if let Some(bytes) = found.as_ref().filter(|bytes| bytes.len() + 3 < length) {
+            let what = format!("{length} bytes, but there are {}", bytes.len());
+            return Err(at.refuse(what, "export the file again: it is cut off"));
+        }
+        Ok(found.map(|bytes| (length.min(bytes.len()), bytes)))
+    }
+
+    /// Returns the bytes of a URI: a data URI, or a file beside or below this one.
+    fn uri_bytes(&self, uri: &At<'_>) -> Result<Rc<Vec<u8>>> {
+        let path = &self.path;
+        let text = uri.text()?;
+        if let Some(data) = text.strip_prefix("data:") {
+            let encoded = data.split_once(";base64,").map(|(_, encoded)| encoded);
+            let bytes = encoded.and_then(base64).map(Rc::new);
+            return bytes
+                .ok_or_else(|| uri.refuse("a data URI that is not base64", "export the file again, or as .glb"));
+        }
+        let is_below = |name: &String| {
+            let mut parts = Path::new(name).components();
+            let is_plain = !name.is_empty() && !name.contains([':', '\\', '\0']);
+            is_plain && parts.all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
+        };
+        // Some exporters do not escape a name that has a percent sign in it.
+        let decoded = percent_decode_str(text).decode_utf8().ok().map(Cow::into_owned);
+        let names = decoded.into_iter().chain([text.to_owned()]).filter(is_below);
+        let files: Vec<PathBuf> = names.map(|name| path.with_file_name(name)).collect();
+        let Some(file) = files.iter().find(|file| file.is_file()).or(files.first()) else {
+            let what = format!("'{}' names no file beside this one", shortened(text));
+            let remedy = "put the buffer beside the file and name it without a path, or export as .glb";
+            return Err(uri.refuse(what, remedy));
+        };
+        let real = file.canonicalize().unwrap_or_else(|_| file.clone());
+        let is_other = path.canonicalize().map_or(true, |own| own != real);
+        ensure!(
+            is_other,
+            uri.refuse("the glTF file itself, not a buffer", "name the file that has the buffer's bytes")
+        );
+        if let Some(bytes) = self.beside.borrow().get(&real) {
+            return Ok(bytes.clone());
+        }
+        let bytes = read_bounded(file, FILE_MAX, "split the file").map_err(|error| match error {
+            Error::Io { source, .. } => {
+                uri.refuse(format!("{}: cannot read: {source}", file.display()), "put the buffer beside the file")
+            }
+            other => other,
+        })?;
+        let more = (bytes.len() as u64).saturating_mul(VALUES_PER_BYTE);
+        self.budget.set(self.budget.get().saturating_add(more));
+        let bytes = Rc::new(bytes);
+        self.beside.borrow_mut().insert(real, bytes.clone());
+        Ok(bytes)
+    }
+}
+
+fn not_read(extension: &str) -> String {
+    format!("the extension {extension} is required, and not read")
 }
 
 /// Returns the ranges of the JSON and of the binary chunk of a GLB file. Chunks are padded to four bytes, but some
@@ -204,50 +313,7 @@ fn check_version(root: &At<'_>) -> Result<()> {
     let version = root.need("asset")?.need("version")?;
     let what = || format!("version {}, only 2 is read", version.value);
     ensure!(version.text()?.starts_with("2."), version.refuse(what(), "export it as glTF 2.0"));
-    for name in root.items("extensionsRequired")? {
-        let required = name.text()?;
-        if !UNDERSTOOD.contains(&required) && !NOT_LOOKED_AT.iter().any(|prefix| required.starts_with(prefix)) {
-            let remedy = match required {
-                "KHR_draco_mesh_compression" => "decompress the file: `gltf-transform copy IN.glb OUT.glb` does",
-                _ => "export the file without it (gltfpack and gltf-transform can take such extensions out)",
-            };
-            return Err(name.refuse(format!("the extension {required} is required, and not read"), remedy));
-        }
-    }
     Ok(())
-}
-
-/// Returns the bytes of a URI: a data URI, or a file beside or below this one. `beside` caches files by their real
-/// paths.
-fn uri_bytes(path: &Path, uri: &At<'_>, beside: &mut HashMap<PathBuf, Rc<Vec<u8>>>) -> Result<Rc<Vec<u8>>> {
-    let text = uri.text()?;
-    if let Some(data) = text.strip_prefix("data:") {
-        let encoded = data.split_once(";base64,").map(|(_, encoded)| encoded);
-        let bytes = encoded.and_then(base64).map(Rc::new);
-        return bytes.ok_or_else(|| uri.refuse("a data URI that is not base64", "export the file again, or as .glb"));
-    }
-    let is_below = |name: &String| {
-        let mut parts = Path::new(name).components();
-        let is_plain = !name.is_empty() && !name.contains([':', '\\', '\0']);
-        is_plain && parts.all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
-    };
-    // Some exporters do not escape a name that has a percent sign in it.
-    let decoded = percent_decode_str(text).decode_utf8().ok().map(Cow::into_owned);
-    let names = decoded.into_iter().chain([text.to_owned()]).filter(is_below);
-    let files: Vec<PathBuf> = names.map(|name| path.with_file_name(name)).collect();
-    let Some(file) = files.iter().find(|file| file.is_file()).or(files.first()) else {
-        let what = format!("'{}' names no file beside this one", shortened(text));
-        return Err(uri.refuse(what, "put the buffer beside the file and name it without a path, or export as .glb"));
-    };
-    let real = file.canonicalize().unwrap_or_else(|_| file.clone());
-    let is_other = path.canonicalize().map_or(true, |own| own != real);
-    ensure!(is_other, uri.refuse("the glTF file itself, not a buffer", "name the file that has the buffer's bytes"));
-    if let Some(bytes) = beside.get(&real) {
-        return Ok(bytes.clone());
-    }
-    let bytes = Rc::new(read_bounded(file, FILE_MAX, "split the file")?);
-    beside.insert(real, bytes.clone());
-    Ok(bytes)
 }
 
 /// Decodes base64 with or without padding (RFC 4648) and with line breaks anywhere; `None` if `text` is something else.

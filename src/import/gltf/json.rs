@@ -39,11 +39,11 @@ impl<'a> At<'a> {
         Error::input(self.path, place, what.to_string(), remedy)
     }
 
-    /// The property `key`, if there is one.
+    /// The property `key`, if there is one. One that is null has no value: serialisers write it for what is absent.
     pub fn get(&self, key: &str) -> Option<Self> {
         let dot = if self.place.is_empty() { "" } else { "." };
         let place = |value| At { path: self.path, value, place: format!("{}{dot}{key}", self.place) };
-        self.value.get(key).map(place)
+        self.value.get(key).filter(|value| !value.is_null()).map(place)
     }
 
     /// The extension `name`, if it is there.
@@ -126,6 +126,11 @@ impl<'a> At<'a> {
     /// An array of finite numbers.
     pub fn floats(&self) -> Result<Vec<f32>> {
         self.elements()?.iter().map(At::float).collect()
+    }
+
+    /// The finite numbers of the array `key`; none if there is no such property.
+    pub fn floats_or_none(&self, key: &str) -> Result<Vec<f32>> {
+        self.get(key).map_or(Ok(vec![]), |list| list.floats())
     }
 
     /// Text.

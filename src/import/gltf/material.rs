@@ -1,8 +1,9 @@
 //! Base colours: what of materials is read.
 
 use super::container::Container;
+use super::json::At;
 use crate::error::Result;
-use std::path::Path;
+use crate::import::shortened;
 
 /// The base colour of a surface, and how it is drawn.
 #[derive(Clone, Debug)]
@@ -20,27 +21,19 @@ pub struct Material {
     pub double_sided: bool,
 }
 
-/// Reads the materials of a file, in their order.
-///
-/// # Errors
-/// Those of [`read`](super::read) that concern the file as a whole, or its materials.
-pub fn read_materials(path: &Path) -> Result<Vec<Material>> {
-    let file = Container::read(path)?;
-    let mut found = vec![];
-    for at in file.root().items("materials")? {
-        let is_opaque = match at.text_or_empty("alphaMode") {
-            "" | "OPAQUE" => true,
-            "MASK" | "BLEND" => false,
-            other => return Err(at.refuse(format!("alphaMode '{other}'"), "use OPAQUE, MASK or BLEND")),
-        };
-        let metallic = at.get("pbrMetallicRoughness");
-        found.push(Material {
-            name: at.text_or_empty("name").to_owned(),
-            base_color: metallic.as_ref().map_or(Ok([1.0; 4]), |at| at.numbers("baseColorFactor", [1.0; 4]))?,
-            is_textured: metallic.is_some_and(|metallic| metallic.get("baseColorTexture").is_some()),
-            is_opaque,
-            double_sided: at.flag("doubleSided"),
-        });
+/// Reads a material. A value that cannot be used is taken for the default.
+pub(super) fn material(file: &Container, at: &At<'_>) -> Result<Material> {
+    let mode = at.text_or_empty("alphaMode");
+    if !["", "OPAQUE", "MASK", "BLEND"].contains(&mode) {
+        file.note(at, format!("alphaMode '{}', taken for OPAQUE", shortened(mode)));
     }
-    Ok(found)
+    let metallic = at.get("pbrMetallicRoughness");
+    let base_color = metallic.as_ref().map_or(Ok([1.0; 4]), |at| at.numbers("baseColorFactor", [1.0; 4]));
+    Ok(Material {
+        name: at.text_or_empty("name").to_owned(),
+        base_color: file.leave_out(base_color, "colour")?.unwrap_or([1.0; 4]),
+        is_textured: metallic.is_some_and(|metallic| metallic.get("baseColorTexture").is_some()),
+        is_opaque: !["MASK", "BLEND"].contains(&mode),
+        double_sided: at.flag("doubleSided"),
+    })
 }

@@ -6,10 +6,11 @@ use super::container::Container;
 use super::json::At;
 use crate::asset::normals::unit_normals;
 use crate::asset::{Corner, Faces, MorphSource, Semantic, SourceTarget, StreamData, StreamDeltas};
-use crate::error::{Result, ensure};
+use crate::error::{Error, Result, ensure};
+use crate::import::shortened;
 use glam::{DMat4, Vec2, Vec3};
 use serde_json::Value;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::ops::Range;
 
 /// A mesh of the file, in its own space; nodes place it.
@@ -59,33 +60,44 @@ pub struct Influences {
 
 const AGAIN: &str = "export the file again";
 
-/// Reads a mesh; `name` is for reports. Names of targets that have none begin with `prefix`.
-pub fn mesh(file: &Container, at: &At<'_>, name: String, prefix: &str) -> Result<Mesh> {
+/// Reads a mesh; `name` is for reports. Names of targets that have none begin with `prefix`; those that are made here
+/// are none of `stated`. Primitives that cannot be used are left out; `why` gets the first error.
+pub fn mesh(
+    file: &Container,
+    at: &At<'_>,
+    (name, prefix): (String, &str),
+    stated: &HashSet<&str>,
+    why: &mut Option<Error>,
+) -> Result<Mesh> {
     let primitives = at.items("primitives")?;
-    let targets = primitives.iter().map(|at| at.items("targets").map(|list| list.len())).collect::<Result<Vec<_>>>()?;
-    let names = target_names(file, at, targets.into_iter().max().unwrap_or(0), prefix)?;
+    let names = target_names(file, at, prefix, stated)?;
     let per_vertex = primitives.iter().map(|at| 4 * sets_of_joints(at)).max().unwrap_or(0);
     let mut influences = Influences { per_vertex, ..Influences::default() };
     let mut mesh = Mesh::default();
     let mut parts = vec![];
     for (index, primitive) in primitives.iter().enumerate() {
-        let Some(source) = part(file, primitive, &names)? else { continue };
-        add_influences(file, primitive, source.positions.len(), &mut influences)?;
+        let read = file.leave_out_or_keep(part(file, primitive, &names), "primitive", why)?;
+        let Some(source) = read.flatten() else { continue };
+        let first = influences.weights.len();
+        let joints = add_influences(file, primitive, source.positions.len(), &mut influences);
+        if file.leave_out(joints, "skin of this primitive")?.is_none() {
+            influences.weights[first..].fill(0.0);
+        }
         let [v, t] = mesh.primitives.last().map_or([0, 0], |last| [last.vertices.end, last.triangles.end]);
         mesh.primitives.push(Primitive {
             index,
             vertices: v..v + source.positions.len(),
             triangles: t..t + source.faces.sizes.len(),
-            material: primitive.index("material")?,
+            material: file.leave_out(primitive.index("material"), "material")?.flatten(),
         });
         parts.push(source);
     }
     let all = semantics(parts.iter());
     file.charge(at, parts.iter().map(|part| size_in(part, &all)).sum(), 1)?;
-    mesh.influences = (per_vertex > 0).then_some(influences);
+    mesh.influences = influences.weights.iter().any(|weight| *weight > 0.0).then_some(influences);
     mesh.source = merge(name, parts);
     mesh.source.notes.splice(0..0, file.take_notes());
-    let stated = at.get("weights").map_or(Ok(vec![]), |weights| weights.floats())?;
+    let stated = file.leave_out(at.floats_or_none("weights"), "list")?.unwrap_or_default();
     mesh.weights = fitted(file, at, stated, mesh.source.targets.len())?;
     for i in (0..mesh.source.streams.len()).rev() {
         if mesh.source.targets.iter().all(|target| target.streams[i].vertices.is_empty()) {
@@ -107,34 +119,55 @@ pub fn fitted(file: &Container, at: &At<'_>, mut weights: Vec<f32>, targets: usi
     Ok(weights)
 }
 
-/// The name that a mesh states for its target `i`: in its own extras.targetNames, or those of its first primitive
-/// (UniVRM).
-fn target_name<'a>(at: &At<'a>, i: usize) -> Option<&'a str> {
-    let listed = |value: &'a Value| value["extras"]["targetNames"].as_array();
-    let names = listed(at.value).or_else(|| listed(&at.value["primitives"][0]))?;
-    names.get(i)?.as_str().filter(|name| !name.is_empty())
+fn list<'a>(value: &'a Value, key: &str) -> &'a [Value] {
+    value[key].as_array().map_or(&[], Vec::as_slice)
 }
 
-/// Whether a mesh has targets without names.
-pub fn has_unnamed(at: &At<'_>) -> bool {
-    let targets = at.value["primitives"][0]["targets"].as_array();
-    (0..targets.map_or(0, Vec::len)).any(|i| target_name(at, i).is_none())
+/// The names that a mesh states for its targets: in its own extras.targetNames, or those of its first primitive that has
+/// them (UniVRM).
+pub fn stated_names<'a>(at: &At<'a>) -> Vec<Option<&'a str>> {
+    let primitives = list(at.value, "primitives");
+    let count = primitives.iter().map(|primitive| list(primitive, "targets").len()).max().unwrap_or(0);
+    let mut lists = std::iter::once(at.value).chain(primitives).map(|value| list(&value["extras"], "targetNames"));
+    let names = lists.find(|names| !names.is_empty()).unwrap_or_default();
+    (0..count).map(|i| names.get(i)?.as_str().filter(|name| !name.is_empty())).collect()
 }
 
-/// The names of `count` targets, numbers for those without. A repeated name gets a number.
-fn target_names(file: &Container, at: &At<'_>, count: usize, prefix: &str) -> Result<Vec<String>> {
-    file.charge(at, count, prefix.len())?;
+/// The names of the accessors with the positions of `count` targets (FBX2glTF), if no two are alike.
+fn names_of_accessors<'a>(file: &'a Container, at: &At<'a>, count: usize) -> Option<Vec<&'a str>> {
+    let accessors = list(file.root().value, "accessors");
+    let name = |i: usize| {
+        let mut targets = list(at.value, "primitives").iter().map(|primitive| &primitive["targets"][i]["POSITION"]);
+        let index = usize::try_from(targets.find_map(Value::as_u64)?).ok()?;
+        accessors.get(index)?["name"].as_str().filter(|name| !name.is_empty())
+    };
+    let names: Vec<&str> = (0..count).map(name).collect::<Option<_>>()?;
+    (names.iter().collect::<HashSet<_>>().len() == count).then_some(names)
+}
+
+/// The names of all targets: those that are not stated get those of accessors or numbers, behind `prefix`. A repeated
+/// name gets a number.
+fn target_names(file: &Container, at: &At<'_>, prefix: &str, stated: &HashSet<&str>) -> Result<Vec<String>> {
+    let names = stated_names(at);
+    file.charge(at, names.len(), prefix.len())?;
+    let of_accessors = names_of_accessors(file, at, names.len()).filter(|_| names.iter().all(Option::is_none));
     let mut taken = HashMap::new();
-    let name = |i| unique(target_name(at, i).map_or_else(|| format!("{prefix}target {i}"), str::to_owned), &mut taken);
-    Ok((0..count).map(name).collect())
+    let named = |(i, name): (usize, Option<&str>)| match (name, &of_accessors) {
+        (Some(name), _) => name.to_owned(),
+        (None, Some(names)) => format!("{prefix}{}", names[i]),
+        (None, None) => format!("{prefix}target {i}"),
+    };
+    let all = names.into_iter().enumerate().map(named);
+    Ok(all.map(|name| unique(name, &mut taken, stated)).collect())
 }
 
-/// Makes `name` unique among `taken`, by appending the first free number from 2 on if necessary. `taken` maps each name
-/// to the last number that was tried for it, so that many repetitions of a name need no search from the start.
-pub fn unique(name: String, taken: &mut HashMap<String, usize>) -> String {
+/// Makes `name` unique among `taken`, by appending the first number from 2 on that makes it none of `taken` and of
+/// `stated`, if necessary. `taken` maps each name to the last number that was tried for it, so that many repetitions of a
+/// name need no search from the start.
+pub fn unique(name: String, taken: &mut HashMap<String, usize>, stated: &HashSet<&str>) -> String {
     let mut number = taken.get(&name).copied().unwrap_or(1);
     let mut found = name.clone();
-    while taken.contains_key(&found) {
+    while taken.contains_key(&found) || number > 1 && stated.contains(found.as_str()) {
         number += 1;
         found = format!("{name} {number}");
     }
@@ -171,6 +204,7 @@ fn part(file: &Container, at: &At<'_>, names: &[String]) -> Result<Option<MorphS
         file.note(at, format!("{what}, left out"));
         Ok(None)
     };
+    file.check_extensions(at)?;
     let mode = at.whole_or("mode", 4)?;
     if !(4..=6).contains(&mode) {
         return nothing("points or lines");
@@ -209,8 +243,9 @@ fn part(file: &Container, at: &At<'_>, names: &[String]) -> Result<Option<MorphS
     file.charge(at, targets.len(), size_of::<SourceTarget>() + streams * size_of::<StreamDeltas>())?;
     file.charge(at, names.iter().map(String::len).sum(), 1)?;
     for (target, name) in targets.iter().zip(names) {
-        let target = part.target(target, name)?;
-        part.source.targets.push(target);
+        let read = part.target(target, name);
+        let target = file.leave_out(read, &format!("target '{}'", shortened(name)))?;
+        part.source.targets.push(target.unwrap_or_else(|| part.still_target(name)));
     }
     let source = part.source;
     let without = source.targets.iter().filter(|target| source.normals.is_some() && target.normals.is_none()).count();
@@ -279,9 +314,15 @@ impl<'a> Part<'a> {
         Ok(())
     }
 
+    /// A target that moves nothing.
+    fn still_target(&self, name: &str) -> SourceTarget {
+        let normals = self.source.normals.as_ref().map(|_| vec![]);
+        let streams = vec![StreamDeltas::default(); self.source.streams.len()];
+        SourceTarget { name: name.to_owned(), positions: vec![], normals, streams }
+    }
+
     fn target(&self, target: &At<'_>, name: &str) -> Result<SourceTarget> {
-        let mut made = SourceTarget { name: name.to_owned(), ..SourceTarget::default() };
-        made.streams = vec![StreamDeltas::default(); self.source.streams.len()];
+        let mut made = SourceTarget { normals: None, ..self.still_target(name) };
         for (semantic, index) in streams(target) {
             if semantic == Semantic::Position {
                 let accessor = self.file.accessor(&index)?;
@@ -343,12 +384,13 @@ fn stream<const N: usize>(deltas: impl IntoIterator<Item = (u32, [f32; N])>) -> 
 fn faces(file: &Container, at: &At<'_>, mode: usize, count: usize) -> Result<Faces> {
     let indices: Vec<u32> = match at.get("indices") {
         None => {
-            file.charge(at, count, size_of::<u32>())?;
-            (0..count as u32).collect()
+            let mut indices = file.room(at, count)?;
+            indices.extend(0..count as u32);
+            indices
         }
         Some(index) => {
             let accessor = file.accessor(&index)?;
-            let indices = accessor.integers::<1>()?.into_flattened();
+            let indices = accessor.indices::<1>()?.into_flattened();
             for (i, v) in indices.iter().enumerate() {
                 let what = || format!("index {i} names vertex {v}, but there are {count}");
                 ensure!((*v as usize) < count, accessor.at.refuse(what(), AGAIN));
@@ -367,8 +409,8 @@ fn faces(file: &Container, at: &At<'_>, mode: usize, count: usize) -> Result<Fac
     };
     // Strips turn back with triangles that have no area.
     let is_part = |[a, b, c]: &[u32; 3]| mode == 4 || a != b && b != c && c != a;
-    file.charge(at, triangles, 3 * size_of::<Corner>() + size_of::<u32>())?;
-    let mut corners = Vec::with_capacity(3 * triangles);
+    file.charge(at, triangles, size_of::<u32>())?;
+    let mut corners = file.room(at, 3 * triangles)?;
     let vertices = (0..triangles).map(of).filter(is_part).flatten();
     corners.extend(vertices.map(|position| Corner { position, texcoord: None }));
     Ok(Faces { sizes: vec![3; corners.len() / 3], corners })
@@ -376,8 +418,9 @@ fn faces(file: &Container, at: &At<'_>, mode: usize, count: usize) -> Result<Fac
 
 /// The number of sets of joints of a primitive.
 fn sets_of_joints(primitive: &At<'_>) -> usize {
-    let attributes = &primitive.value["attributes"];
-    (0..).take_while(|set| attributes.get(format!("JOINTS_{set}")).is_some()).count()
+    let attributes = primitive.get("attributes");
+    let is_there = |set: &i32| attributes.as_ref().is_some_and(|at| at.get(&format!("JOINTS_{set}")).is_some());
+    (0..).take_while(is_there).count()
 }
 
 /// Reads all sets of joints and weights of a primitive; without any, weights are 0.
@@ -392,8 +435,8 @@ fn add_influences(file: &Container, primitive: &At<'_>, count: usize, all: &mut 
     let sets = sets_of_joints(primitive);
     let mut below = 0;
     for set in 0..sets {
-        let joints = of(format!("JOINTS_{set}"))?.integers::<4>()?;
-        let weights = of(format!("WEIGHTS_{set}"))?.floats::<4>()?;
+        let joints = of(format!("JOINTS_{set}"))?.padded().indices::<4>()?;
+        let weights = of(format!("WEIGHTS_{set}"))?.padded().floats::<4>()?;
         for (v, (joints, weights)) in joints.into_iter().zip(weights).enumerate() {
             let at = first + each * v + 4 * set;
             // Joints are at most 16-bit numbers, as in glTF's types for them.

@@ -15,7 +15,9 @@
 //!   target whose [`normals`](crate::mesh::SourceTarget::normals) are `Some(vec![])`.
 //! - Tangents are those of the file; none are computed.
 //! - Draco, points and lines, and cameras are not read. What is there uncompressed beside Draco is. Of materials, base
-//!   colours are, by [`read_materials`], for hosts that draw; textures are not.
+//!   colours are, for hosts that draw; textures are not.
+//! - A part that cannot be used costs no more than itself: a target, a primitive, a mesh, a skin or a node is left out,
+//!   with a note that names it.
 //!
 //! Files may be hostile: nothing outside their folder is read. Reading a file and making one mesh of it takes at most
 //! 960 bytes of memory per byte of the file and of the files that it names, plus 3 MiB. Time is bounded in the same
@@ -33,22 +35,20 @@ mod scene;
 mod skeleton;
 #[cfg(test)]
 mod tests;
+mod weights;
 
 pub use animation::{Animation, Channel, Interpolation, Property};
-pub use material::{Material, read_materials};
+pub use material::Material;
 pub use mesh::{Influences, Mesh, Primitive};
-use scene::Hierarchy;
 pub use scene::{Node, Skin, Transform};
 pub use skeleton::Skeleton;
 
 use super::{quoted, shortened, stem};
 use crate::asset::MorphSource;
 use crate::error::{Error, Result, ensure};
-use crate::weights::WeightClip;
-use animation::NEAR;
 use container::Container;
 use glam::DMat4;
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -66,10 +66,17 @@ pub struct Gltf {
     pub skins: Vec<Skin>,
     /// The animations.
     pub animations: Vec<Animation>,
+    /// The materials.
+    pub materials: Vec<Material>,
+    /// Whether it is an avatar of VRM 0, which looks along −z, where glTF looks along +z. Nothing is turned: pictures of
+    /// its face are taken from behind.
+    pub looks_back: bool,
     /// Remarks for the user; those on a mesh are in its source.
     pub notes: Vec<String>,
     path: PathBuf,
-    hierarchy: Hierarchy,
+    /// Numbers of the nodes, parents before their children.
+    order: Vec<usize>,
+    own: weights::OwnNames,
     /// Bytes that may still be allocated for the file.
     budget: u64,
 }
@@ -105,7 +112,7 @@ pub struct DrawnPart {
     pub name: String,
     /// Their range in the mesh's faces, all of them triangles.
     pub faces: Range<usize>,
-    /// Index of the material ([`read_materials`]).
+    /// Index of the material ([`Gltf::materials`]).
     pub material: Option<usize>,
 }
 
@@ -126,28 +133,47 @@ fn from_bytes(path: &Path, bytes: Vec<u8>) -> Result<Gltf> {
 
 fn gltf(file: &Container) -> Result<Gltf> {
     let root = file.root();
-    let (nodes, hierarchy) = scene::nodes(file)?;
-    let skins = root.items("skins")?.iter().map(|at| scene::skin(file, at)).collect::<Result<Vec<Skin>>>()?;
-    let notes = file.take_notes();
+    let (nodes, order) = scene::nodes(file)?;
+    let mut skins = vec![];
+    for at in root.items("skins")? {
+        skins.push(file.leave_out(scene::skin(file, &at), "skin")?.unwrap_or_default());
+    }
+    let materials = root.items("materials")?.iter().map(|at| material::material(file, at)).collect::<Result<_>>()?;
     let path = file.path.clone();
-    let mut gltf = Gltf { name: stem(&path), nodes, hierarchy, skins, notes, path, ..Gltf::default() };
+    let looks_back = root.extension("VRM").is_some();
+    let mut gltf = Gltf { name: stem(&path), nodes, order, skins, materials, looks_back, path, ..Gltf::default() };
     let listed = root.items("meshes")?;
-    let namesakes = namesakes(&gltf.nodes, &gltf.hierarchy.order, listed.len());
+    let namesakes = namesakes(&gltf.nodes, &gltf.order, listed.len());
+    let names: Vec<_> = listed.iter().map(mesh::stated_names).collect();
     // Targets without names are those of one mesh alone.
-    let is_prefixed = listed.iter().filter(|at| mesh::has_unnamed(at)).count() > 1;
+    let is_prefixed = names.iter().filter(|names| names.contains(&None)).count() > 1;
+    let stated: HashSet<&str> = names.iter().flatten().copied().flatten().collect();
     let mut prefixes = HashMap::new();
+    // Why meshes cannot be used: those with targets, and others.
+    let [mut why, mut why_others] = [None, None];
     // For each mesh, the largest joint that one of its vertices follows.
     let mut largest = vec![];
     for (i, at) in listed.iter().enumerate() {
-        let stated = at.text_or_empty("name");
-        let found = namesakes[i].filter(|_| stated.is_empty()).map_or(stated, |node| gltf.nodes[node].name.as_str());
+        let name = at.text_or_empty("name");
+        let found = namesakes[i].filter(|_| name.is_empty()).map_or(name, |node| gltf.nodes[node].name.as_str());
         file.charge(at, found.len(), 1)?;
         let name = if found.is_empty() { format!("mesh {i}") } else { found.to_owned() };
-        let prefix = if is_prefixed { mesh::unique(name.clone(), &mut prefixes) + " " } else { String::new() };
-        let mesh = mesh::mesh(file, at, name, &prefix)?;
+        let prefix = match is_prefixed {
+            true => mesh::unique(name.clone(), &mut prefixes, &HashSet::new()) + ".",
+            false => String::new(),
+        };
+        let why = if names[i].is_empty() { &mut why_others } else { &mut why };
+        let read = mesh::mesh(file, at, (name, &prefix), &stated, why);
+        let mesh = file.leave_out_or_keep(read, "mesh", why)?.unwrap_or_default();
         largest.push(mesh.influences.iter().flat_map(Influences::followed).map(|(joint, _)| joint).max());
         gltf.meshes.push(mesh);
     }
+    // Nothing else can stand for the only mesh with targets, or the only one at all.
+    let has_targets = |mesh: &Mesh| !mesh.source.targets.is_empty();
+    let is_left = |mesh: &Mesh| !mesh.source.positions.is_empty();
+    let why = why.filter(|_| !gltf.meshes.iter().any(has_targets));
+    let why = why.or(why_others.filter(|_| !gltf.meshes.iter().any(is_left)));
+    why.map_or(Ok(()), Err)?;
     for (i, node) in gltf.nodes.iter_mut().enumerate() {
         let Some(mesh) = node.mesh else { continue };
         if !node.weights.is_empty() {
@@ -156,16 +182,16 @@ fn gltf(file: &Container) -> Result<Gltf> {
         }
         let Some(skin) = node.skin else { continue };
         let joints = gltf.skins[skin].joints.len();
-        if gltf.meshes[mesh].influences.is_none() {
-            let name = shortened(&node.name);
-            gltf.notes
-                .push(format!("node {i} '{name}' has a skin, but its mesh no joints: it stands as the node does"));
-            node.skin = None;
-        } else if let Some(joint) = largest[mesh].filter(|joint| *joint >= joints) {
-            let what = format!("a vertex names joint {joint}, but the skin of node {i} has {joints}");
-            return Err(listed[mesh].refuse(what, "export the file again"));
-        }
+        let what = match largest[mesh] {
+            None => "its mesh no joints".to_owned(),
+            Some(joint) if joint >= joints => format!("a vertex names joint {joint} of {joints}"),
+            Some(_) => continue,
+        };
+        let name = shortened(&node.name);
+        gltf.notes.push(format!("node {i} '{name}' has a skin, but {what}: it stands as the node does"));
+        node.skin = None;
     }
+    gltf.notes.splice(0..0, file.take_notes());
     let targets = |node: &Node| node.mesh.map_or(0, |mesh| gltf.meshes[mesh].source.targets.len());
     let targets: Vec<_> = gltf.nodes.iter().map(targets).collect();
     let mut taking = vec![vec![]; gltf.meshes.len()];
@@ -176,14 +202,15 @@ fn gltf(file: &Container) -> Result<Gltf> {
     for (i, at) in root.items("animations")?.iter().enumerate() {
         let stated = at.text_or_empty("name");
         let name = if stated.is_empty() { format!("animation {i}") } else { stated.to_owned() };
-        let name = mesh::unique(name, &mut taken);
+        let name = mesh::unique(name, &mut taken, &HashSet::new());
         let mut animation = Animation { name, channels: vec![] };
         let channels = animation::channels(file, at, &targets, &taking);
         animation.channels = file.leave_out(channels, "animation")?.unwrap_or_default();
         gltf.notes.extend(file.take_notes());
-        gltf.notes.extend(gltf.overruled(&animation));
         gltf.animations.push(animation);
     }
+    gltf.own = gltf.own_names(file)?;
+    gltf.notes.extend(file.take_notes());
     gltf.budget = file.budget.get();
     Ok(gltf)
 }
@@ -208,10 +235,10 @@ fn namesakes(nodes: &[Node], order: &[usize], meshes: usize) -> Vec<Option<usize
 
 impl Gltf {
     /// Returns the matrix of each node, from its own space to the scene's: at rest, or at a time of an animation, in
-    /// seconds. An avatar of VRM 0, which looks along −z, is turned by 180° about y, so that it looks along +z.
+    /// seconds.
     #[must_use]
     pub fn world_matrices(&self, playing: Option<(&Animation, f64)>) -> Vec<DMat4> {
-        scene::world_matrices(&self.nodes, &self.hierarchy, playing)
+        scene::world_matrices(&self.nodes, &self.order, playing)
     }
 
     /// Returns the skinning matrices, one for each joint of `skin`: from the bind space of the mesh to the space of the
@@ -240,75 +267,11 @@ impl Gltf {
         skin.joints.iter().zip(&skin.inverse_bind).map(|(&joint, bind)| worlds[joint] * bind.as_dmat4()).collect()
     }
 
-    /// Iterates over the targets that a channel of weights animates: their places in its values, and their names.
-    fn targets_of(&self, channel: &Channel) -> impl Iterator<Item = (usize, &str)> {
-        let targets = self.nodes[channel.node].mesh.map_or(&[][..], |mesh| &self.meshes[mesh].source.targets);
-        let targets = channel.target.map_or(targets, |target| targets.get(target..=target).unwrap_or_default());
-        targets.iter().map(|target| target.name.as_str()).enumerate()
-    }
-
-    /// Names the first of the weights that [`clip`](Self::clip) leaves out, since an earlier channel has others for a
-    /// target of that name.
-    fn overruled(&self, animation: &Animation) -> Option<String> {
-        let mut first: HashMap<&str, (&Channel, usize)> = HashMap::new();
-        let own = |channel| self.targets_of(channel).map(move |(i, name)| (channel, i, name));
-        let mut others = animation.weight_channels().flat_map(own).filter(|(channel, i, name)| {
-            let (other, j) = *first.entry(name).or_insert((channel, *i));
-            !channel.is_as(*i, other, j)
-        });
-        let (channel, _, target) = others.next()?;
-        let count = 1 + others.count();
-        let node = channel.node;
-        let [animation, name, target] = [&animation.name, &self.nodes[node].name, target].map(shortened);
-        let what = format!("first of node {node} '{name}', '{target}', which another node animates, too");
-        Some(format!("animation '{animation}': weights left out: {count}, {what}"))
-    }
-
-    /// Iterates over the animations that have weights, for [`clip`](Self::clip).
-    pub(super) fn weight_animations(&self) -> impl Iterator<Item = &Animation> {
-        self.animations.iter().filter(|animation| animation.weight_channels().next().is_some())
-    }
-
-    /// Samples the weights of an animation from its first to its last key. The clip has a column for each target that
-    /// the animation moves; if several meshes have targets of one name, the first animated one counts. `fps` is the
-    /// frame rate. `None`: evenly spaced keys, 20 a second or more, become the frames, at their own rate; otherwise 30.
-    ///
-    /// # Errors
-    /// [`Error::Input`] if the animation has no weights, or is too long ([`Animation::frame_times`]);
-    /// [`Error::Invalid`] if `fps` is not a positive number.
-    pub fn clip(&self, animation: &Animation, fps: Option<f32>) -> Result<WeightClip> {
-        let channels: Vec<&Channel> = animation.weight_channels().collect();
-        let place = format!(": animation '{}'", animation.name);
-        let what = "no weights of morph targets";
-        ensure!(!channels.is_empty(), Error::input(&self.path, place, what, "name another animation"));
-        let fps = super::frame_rate(fps.unwrap_or_else(|| animation.frame_rate()))?;
-        let mut names = vec![];
-        let mut columns = vec![];
-        let mut seen = HashSet::new();
-        for channel in &channels {
-            let new = self.targets_of(channel).filter(|(_, name)| seen.insert(*name));
-            let (own, called): (Vec<usize>, Vec<&str>) = new.unzip();
-            names.extend(called.into_iter().map(str::to_owned));
-            columns.push((*channel, own));
-        }
-        // Columns whose channels are all covered by earlier ones.
-        columns.retain(|(_, own)| !own.is_empty());
-        let times = animation.frames(fps, names.len()).map_err(assemble::in_file(&self.path, ""))?;
-        let mut values = Vec::with_capacity(times.len() * names.len());
-        for time in times {
-            for (channel, own) in &columns {
-                let between = channel.between(channel.near_key(time, NEAR / f64::from(fps)));
-                values.extend(own.iter().map(|i| channel.number(*i, between) as f32));
-            }
-        }
-        Ok(WeightClip { name: animation.name.clone(), names, fps, values })
-    }
-
     /// Makes one mesh of the file. It takes all meshes that have targets and are in the default scene, at rest, at the
     /// transform of each node that draws them. If the file has no targets, it takes all meshes in the scene; if none is
-    /// in the scene, all of the file. Targets of one name move together. The notes state what was left out or merged,
-    /// and the weights at rest, which a mesh cannot hold. A node that a scale of 0 flattens is taken for not in the
-    /// scene.
+    /// in the scene, all of the file. Targets of one name move together, if all nodes that draw them have the same
+    /// weights ([`target_names`](Self::target_names)). The notes state what was left out or merged, and the weights at
+    /// rest, which a mesh cannot hold. A node that a scale of 0 flattens is taken for not in the scene.
     ///
     /// A mesh with a skin is posed by its joints at rest: base and targets by the blend of matrices that each vertex
     /// follows. Not so if `unposed`: it stands whole then, where the joint is that most of its weight follows, and the
@@ -368,8 +331,22 @@ impl Gltf {
                 still.extend(others.into_iter().filter(|mesh| with_still && is_drawn(mesh)));
             }
         }
-        if taken.len() > 1 {
-            self.notes.push(format!("merged, targets of one name moved together: {}", named(&taken)));
+        let mut meshes_of: BTreeMap<&str, BTreeSet<usize>> = BTreeMap::new();
+        for &mesh in &taken {
+            let node = drawn[mesh].first().copied();
+            let names = (0..self.meshes[mesh].source.targets.len()).map(|target| self.target_name(mesh, node, target));
+            names.for_each(|name| _ = meshes_of.entry(name).or_default().insert(mesh));
+        }
+        let shared = meshes_of.into_values().filter(|meshes| meshes.len() > 1);
+        let shared: Vec<usize> = shared.flatten().collect::<BTreeSet<_>>().into_iter().collect();
+        if !shared.is_empty() {
+            self.notes.push(format!("merged, targets of one name moved together: {}", named(&shared)));
+        }
+        let at_rest =
+            self.drawing().flat_map(|(node, mesh)| self.moved_at_rest(node, mesh)).collect::<BTreeMap<_, _>>();
+        let at_rest: Vec<String> = at_rest.into_iter().map(|(name, weight)| format!("{name} {weight}")).collect();
+        if !at_rest.is_empty() {
+            self.notes.push(format!("weights at rest, which only clips of the file have: {}", at_rest.join(", ")));
         }
         let remedy = "give a file with a mesh of triangles";
         ensure!(!taken.is_empty(), Error::input(&self.path, "", "no mesh has triangles", remedy));
@@ -391,7 +368,7 @@ impl Gltf {
     ) -> Result<Drawn> {
         let joints: Vec<_> = self.skins.iter().map(|skin| self.joint_matrices(skin, worlds)).collect();
         let copies = self.copies(&taken, drawn, if with_joints { Skeleton::VERTEX_BYTES } else { 0 })?;
-        let skeleton = || Skeleton::new(self.nodes.clone(), self.hierarchy.clone(), self.animations.clone());
+        let skeleton = || Skeleton::new(self.nodes.clone(), self.order.clone(), self.animations.clone());
         let mut skeleton = with_joints.then(skeleton);
         let mut parts = vec![];
         let mut drawn_parts = vec![];
@@ -404,19 +381,17 @@ impl Gltf {
                 let why = "since the file is small, copies are fewer";
                 left.notes.push(format!("{name} is drawn by {} nodes; {why}: {copies}", nodes.len()));
             }
-            let stated = nodes.first().map(|number| &self.nodes[*number].weights).filter(|weights| !weights.is_empty());
-            let weights = stated.unwrap_or(&self.meshes[mesh].weights);
-            let at_rest = weights.iter().zip(&left.targets).filter(|(weight, _)| **weight != 0.0);
-            let at_rest: Vec<String> = at_rest.map(|(weight, target)| format!("{} {weight}", target.name)).collect();
-            if !at_rest.is_empty() {
-                left.notes.push(format!("{name} has weights at rest, which are left out: {}", at_rest.join(", ")));
-            }
+            let names: Vec<_> = left.targets.iter_mut().map(|target| std::mem::take(&mut target.name)).collect();
             for copy in 0..copies {
                 let mut source = match copy + 1 == copies {
                     true => std::mem::take(&mut left),
                     false => MorphSource { notes: vec![], ..left.clone() },
                 };
                 let node = nodes.get(copy).copied();
+                for (i, target) in source.targets.iter_mut().enumerate() {
+                    let own = node.and_then(|node| self.own.get(node, i));
+                    target.name = own.unwrap_or(&names[i]).to_owned();
+                }
                 let skin = node.and_then(|number| self.nodes[number].skin);
                 let influences = self.meshes[mesh].influences.as_ref().zip(skin.map(|skin| &joints[skin][..]));
                 let place = match (node, influences) {
@@ -465,8 +440,9 @@ impl Gltf {
         let all = assemble::semantics(taken.iter().map(|mesh| &self.meshes[*mesh].source));
         let size = |mesh: &usize| {
             let Mesh { source, primitives, .. } = &self.meshes[*mesh];
-            // The mesh and each of its parts have its name.
+            // The mesh and each of its parts have its name; targets may be called after nodes.
             let names = (primitives.len() + 1) * (size_of::<MorphSource>() + source.name.len());
+            let names = names + 2 * self.own.longest * source.targets.len();
             (assemble::size_in(source, &all) + more * source.positions.len() + names) as u64
         };
         let total = taken.iter().map(size).sum::<u64>();

@@ -3,8 +3,8 @@
 use super::animation::{Animation, Property};
 use super::container::Container;
 use super::json::At;
-use crate::error::{Result, ensure};
-use glam::{DMat4, DQuat, DVec3, DVec4, Mat4, Quat, Vec3};
+use crate::error::Result;
+use glam::{DMat4, DQuat, DVec3, Mat4, Quat, Vec3};
 
 /// A node: its transform relative to its parent, and the mesh that it draws.
 #[derive(Clone, Debug)]
@@ -56,77 +56,80 @@ pub struct Skin {
     pub inverse_bind: Vec<Mat4>,
 }
 
-/// How transforms of nodes add up.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Hierarchy {
-    /// Nodes, parents before their children.
-    pub order: Vec<usize>,
-    /// What roots stand in.
-    space: DMat4,
-}
-
-/// Reads all nodes, in the order of the file, and their hierarchy.
-pub fn nodes(file: &Container) -> Result<(Vec<Node>, Hierarchy)> {
+/// Reads all nodes, in the order of the file; and their numbers, parents before their children.
+pub fn nodes(file: &Container) -> Result<(Vec<Node>, Vec<usize>)> {
     let root = file.root();
     let list = root.items("nodes")?;
-    let mut nodes = list.iter().map(|at| node(&root, at)).collect::<Result<Vec<Node>>>()?;
+    let mut nodes = list.iter().map(|at| node(file, at)).collect::<Result<Vec<Node>>>()?;
     let mut children = vec![vec![]; nodes.len()];
     for (parent, at) in list.iter().enumerate() {
-        for child in at.items("children")? {
-            let index = root.index_of("nodes", &child)?;
-            if let Some(other) = nodes[index].parent.replace(parent) {
-                let what = format!("node {index} is a child of node {other}, too");
-                return Err(child.refuse(what, "give each node one parent"));
-            }
+        for child in file.leave_out(at.items("children"), "list")?.unwrap_or_default() {
+            let found = root.index_of("nodes", &child).and_then(|index| match nodes[index].parent {
+                Some(other) => Err(child.refuse(format!("node {index} is a child of node {other}, too"), "")),
+                None => Ok(index),
+            });
+            let Some(index) = file.leave_out(found, "child")? else { continue };
+            nodes[index].parent = Some(parent);
             children[parent].push(index);
         }
     }
     let mut order: Vec<usize> = (0..nodes.len()).filter(|i| nodes[*i].parent.is_none()).collect();
+    let mut reached = vec![false; nodes.len()];
     let mut done = 0;
-    while let Some(&node) = order.get(done) {
-        order.extend(&children[node]);
-        done += 1;
+    for next in 0..=nodes.len() {
+        while let Some(&node) = order.get(done) {
+            reached[node] = true;
+            order.extend(children[node].iter().filter(|child| !reached[**child]));
+            done += 1;
+        }
+        // Every node has at most one parent, so one that no root reaches is in a cycle, or below one.
+        if next < nodes.len() && !reached[next] {
+            file.note(&list[next], "a node below itself; its parent is left out");
+            nodes[next].parent = None;
+            order.push(next);
+        }
     }
-    if order.len() < nodes.len() {
-        // Every node has at most one parent, so a node that no root reaches is in a cycle.
-        order.sort_unstable();
-        let first = (0..).zip(&order).take_while(|(i, node)| i == *node).count();
-        return Err(list[first].refuse("a node below itself", "remove the cycle among the children"));
-    }
-    let scene = match root.get("scene") {
-        Some(index) => Some(root.item("scenes", &index)?),
-        None => root.items("scenes")?.into_iter().next(),
-    };
-    if let Some(scene) = scene {
+    let stated = root.get("scene").map(|index| root.item("scenes", &index)).transpose();
+    let scene = file.leave_out(stated, "choice")?.flatten();
+    if let Some(scene) = scene.or(root.items("scenes")?.into_iter().next()) {
         nodes.iter_mut().for_each(|node| node.is_shown = false);
         for index in scene.items("nodes")? {
-            nodes[root.index_of("nodes", &index)?].is_shown = true;
+            if let Some(index) = file.leave_out(root.index_of("nodes", &index), "node")? {
+                nodes[index].is_shown = true;
+            }
         }
         for &node in &order {
             nodes[node].is_shown |= nodes[node].parent.is_some_and(|parent| nodes[parent].is_shown);
         }
     }
-    // Avatars of VRM 0 look along -z, those of VRM 1 along +z, as glTF has it.
-    let diagonal = if root.extension("VRM").is_some() { DVec4::new(-1.0, 1.0, -1.0, 1.0) } else { DVec4::ONE };
-    Ok((nodes, Hierarchy { order, space: DMat4::from_diagonal(diagonal) }))
+    Ok((nodes, order))
 }
 
-fn node(root: &At<'_>, at: &At<'_>) -> Result<Node> {
-    let existing = |key, list| at.get(key).map(|index| root.index_of(list, &index)).transpose();
-    let local = if at.get("matrix").is_some() {
-        Transform::Matrix(Mat4::from_cols_array(&at.numbers("matrix", [0.0; 16])?))
-    } else {
-        Transform::Parts {
-            translation: at.numbers("translation", [0.0; 3])?.into(),
-            rotation: Quat::from_array(at.numbers("rotation", [0.0, 0.0, 0.0, 1.0])?),
-            scale: at.numbers("scale", [1.0; 3])?.into(),
-        }
+fn node(file: &Container, at: &At<'_>) -> Result<Node> {
+    let root = file.root();
+    let existing = |key, list| {
+        let stated = at.get(key).map(|index| root.index_of(list, &index)).transpose();
+        file.leave_out(stated, key).map(Option::flatten)
     };
-    let weights = at.get("weights").map_or(Ok(vec![]), |weights| weights.floats())?;
+    // A node that cannot be placed vanishes with what is below it, as one of scale 0 does.
+    let local = file.check_extensions(at).and_then(|()| transform(at));
+    let local = file.leave_out(local, "node")?.unwrap_or(Transform::Matrix(Mat4::ZERO));
+    let weights = file.leave_out(at.floats_or_none("weights"), "list")?.unwrap_or_default();
     let mesh = existing("mesh", "meshes")?;
     let skin = existing("skin", "skins")?;
     let name = at.text_or_empty("name").to_owned();
     Ok(Node { name, parent: None, local, is_shown: true, mesh, skin, weights })
+}
+
+fn transform(at: &At<'_>) -> Result<Transform> {
+    if at.get("matrix").is_some() {
+        return Ok(Transform::Matrix(Mat4::from_cols_array(&at.numbers("matrix", [0.0; 16])?)));
+    }
+    Ok(Transform::Parts {
+        translation: at.numbers("translation", [0.0; 3])?.into(),
+        rotation: Quat::from_array(at.numbers("rotation", [0.0, 0.0, 0.0, 1.0])?),
+        scale: at.numbers("scale", [1.0; 3])?.into(),
+    })
 }
 
 /// Reads a skin.
@@ -137,13 +140,11 @@ pub fn skin(file: &Container, at: &At<'_>) -> Result<Skin> {
     if let Some(index) = at.get("inverseBindMatrices") {
         let accessor = file.accessor(&index)?;
         let count = accessor.count;
-        let what = || format!("{count} matrices for {} joints", joints.len());
-        let remedy = "export the file again: a skin has a matrix for each joint";
-        ensure!(count == 0 || count >= joints.len(), accessor.at.refuse(what(), remedy));
-        if count == 0 {
-            file.note(&accessor.at, "no matrices, left out");
-        } else {
-            inverse_bind = accessor.floats()?.iter().take(joints.len()).map(Mat4::from_cols_array).collect();
+        if count < joints.len() {
+            file.note(&accessor.at, format!("{count} matrices for {} joints; the others have none", joints.len()));
+        }
+        for (bind, stated) in inverse_bind.iter_mut().zip(accessor.floats()?) {
+            *bind = Mat4::from_cols_array(&stated);
         }
     }
     Ok(Skin { name: at.text_or_empty("name").to_owned(), joints, inverse_bind })
@@ -172,8 +173,8 @@ impl Transform {
     }
 }
 
-/// Returns the matrix of each node, from its own space to the scene's.
-pub fn world_matrices(nodes: &[Node], hierarchy: &Hierarchy, playing: Option<(&Animation, f64)>) -> Vec<DMat4> {
+/// Returns the matrix of each node, from its own space to the scene's. `order` has parents before their children.
+pub fn world_matrices(nodes: &[Node], order: &[usize], playing: Option<(&Animation, f64)>) -> Vec<DMat4> {
     let mut parts: Vec<Vec<(Property, Vec<f64>)>> = vec![vec![]; nodes.len()];
     if let Some((animation, time)) = playing {
         for channel in &animation.channels {
@@ -181,8 +182,8 @@ pub fn world_matrices(nodes: &[Node], hierarchy: &Hierarchy, playing: Option<(&A
         }
     }
     let mut worlds = vec![DMat4::IDENTITY; nodes.len()];
-    for &node in &hierarchy.order {
-        let parent = nodes[node].parent.map_or(hierarchy.space, |parent| worlds[parent]);
+    for &node in order {
+        let parent = nodes[node].parent.map_or(DMat4::IDENTITY, |parent| worlds[parent]);
         worlds[node] = parent * nodes[node].local.matrix(&parts[node]);
     }
     worlds

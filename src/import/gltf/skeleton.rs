@@ -2,7 +2,7 @@
 
 use super::animation::Animation;
 use super::mesh::{Influences, Mesh};
-use super::scene::{Hierarchy, Node, Skin, world_matrices};
+use super::scene::{Node, Skin, world_matrices};
 use glam::DMat4;
 use std::collections::BTreeMap;
 
@@ -17,7 +17,8 @@ pub struct Skeleton {
     pub animations: Vec<Animation>,
     joints: Vec<Joint>,
     nodes: Vec<Node>,
-    hierarchy: Hierarchy,
+    /// Numbers of the nodes, parents before their children.
+    order: Vec<usize>,
 }
 
 /// A node, and the matrix from the space of the mesh to its own.
@@ -28,9 +29,9 @@ impl Skeleton {
     pub(super) const VERTEX_BYTES: usize = 48;
 
     /// A skeleton without vertices.
-    pub(super) fn new(nodes: Vec<Node>, hierarchy: Hierarchy, animations: Vec<Animation>) -> Self {
+    pub(super) fn new(nodes: Vec<Node>, order: Vec<usize>, animations: Vec<Animation>) -> Self {
         let influences = Influences { per_vertex: 8, ..Influences::default() };
-        Self { influences, animations, joints: vec![], nodes, hierarchy }
+        Self { influences, animations, joints: vec![], nodes, order }
     }
 
     /// Adds the vertices of a mesh that `node` draws and `place` has put there. Returns how many of them follow more than
@@ -92,7 +93,7 @@ impl Skeleton {
     /// an animation, in seconds ([`Animation::frame_times`]).
     #[must_use]
     pub fn joint_matrices(&self, playing: Option<(&Animation, f64)>) -> Vec<DMat4> {
-        let worlds = world_matrices(&self.nodes, &self.hierarchy, playing);
+        let worlds = world_matrices(&self.nodes, &self.order, playing);
         self.joints.iter().map(|(node, bind)| node.map_or(*bind, |node| worlds[node] * *bind)).collect()
     }
 }

@@ -4,6 +4,7 @@ mod alike;
 mod bounded;
 mod hostile;
 mod meshopt;
+mod partial;
 mod scene;
 mod several;
 mod written;

@@ -222,15 +222,18 @@ fn pointers_to_weights_are_channels() {
         (driven, clip, gltf.notes.len())
     };
     let all = |node| (node, Property::Weights, None, 2);
-    let clip = |names: &str, values: [f32; 4]| Some((names.to_owned(), values.to_vec()));
+    let clip = |names: &str, values: &[f32]| Some((names.to_owned(), values.to_vec()));
     let turn = (1, Property::Rotation, None, 4);
-    let weights = clip("a b", [0.0, 1.0, 1.0, 0.0]);
     let found = driven(&[(0, "/nodes/0/weights"), (1, "/nodes/1/rotation")]);
-    assert_eq!(found, (vec![all(0), turn], weights.clone(), 0));
-    assert_eq!(driven(&[(0, "/meshes/0/weights")]), (vec![all(3), all(4)], weights, 0));
+    assert_eq!(found, (vec![all(0), turn], clip("mesh.a mesh.b", &[0.0, 1.0, 1.0, 0.0]), 0));
+    let found = driven(&[(0, "/meshes/0/weights")]);
+    // What stays at rest on another node is constant.
+    let values = [0.0, 1.0, 0.25, 0.5, 1.0, 0.0, 0.25, 0.5];
+    assert_eq!(found, (vec![all(3), all(4)], clip("mesh 2.a mesh 2.b mesh.a mesh.b", &values), 0));
     let one = |node, target| (node, Property::Weights, Some(target), 1);
     let found = driven(&[(2, "/nodes/0/weights/1"), (2, "/meshes/0/weights/0")]);
-    assert_eq!(found, (vec![one(0, 1), one(3, 0), one(4, 0)], clip("b a", [0.25, 0.25, 0.75, 0.75]), 0));
+    let values = [0.25, 0.25, 0.25, 0.75, 0.75, 0.25];
+    assert_eq!(found, (vec![one(0, 1), one(3, 0), one(4, 0)], clip("mesh.b mesh 2.a mesh.a", &values), 0));
     let others =
         "nodes/0/weights/2 nodes/9/weights meshes/7/weights nodes/0/rotation/1 materials/0/weights nodes/x/weights";
     for other in others.split(' ') {
@@ -239,19 +242,15 @@ fn pointers_to_weights_are_channels() {
 }
 
 #[test]
-fn avatars_of_vrm_0_are_turned_to_look_forwards() {
+fn avatars_of_vrm_0_look_back_and_stand_as_the_file_has_them() {
     let mut file = arm();
     let mut read = |extension: &str| {
         file.json["extensions"] = json!({extension: {}});
         file.read().unwrap()
     };
-    let (as_is, turned) = (read("VRMC_vrm"), read("VRM"));
-    let back = DMat4::from_rotation_y(std::f64::consts::PI);
-    for playing in [None, Some((&as_is.animations[0], 1.2))] {
-        for (a, b) in as_is.world_matrices(playing).into_iter().zip(turned.world_matrices(playing)) {
-            assert!((back * a).abs_diff_eq(b, 1e-12), "{a} {b}");
-        }
-    }
+    let [new, old] = ["VRMC_vrm", "VRM"].map(&mut read);
+    assert_eq!([new.looks_back, old.looks_back], [false, true]);
+    assert_eq!(new.world_matrices(None), old.world_matrices(None));
 }
 
 /// Nodes that draw a mesh each have a copy, as long as the file is large enough for all of them.
@@ -355,14 +354,8 @@ fn base_colours_are_read() {
         {"alphaMode": "MASK", "doubleSided": true},
         {"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.25]}},
     ]);
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.glb");
-    let read = |file: &Written| {
-        std::fs::write(&path, file.glb()).unwrap();
-        read_materials(&path)
-    };
-    let said = |m: Material| (m.name, m.base_color, [m.is_textured, m.is_opaque, m.double_sided]);
-    let found: Vec<_> = read(&file).unwrap().into_iter().map(said).collect();
+    let said = |m: &Material| (m.name.clone(), m.base_color, [m.is_textured, m.is_opaque, m.double_sided]);
+    let found: Vec<_> = file.read().unwrap().materials.iter().map(said).collect();
     let expected = [
         ("", [1.0; 4], [false, true, false]),
         ("skin", [1.0, 0.5, 0.0, 1.0], [true, true, false]),
@@ -370,6 +363,16 @@ fn base_colours_are_read() {
         ("", [1.0, 1.0, 1.0, 0.25], [false, false, false]),
     ];
     assert_eq!(found, expected.map(|(name, color, flags)| (name.to_owned(), color, flags)));
+    // A value that cannot be used costs itself.
     file.json["materials"][0]["alphaMode"] = json!("GLASS");
-    crate::testing::says(read(&file), &["materials[0]: alphaMode 'GLASS'; use OPAQUE, MASK or BLEND"]);
+    file.json["materials"][1]["pbrMetallicRoughness"]["baseColorFactor"] = json!([1, null, 0, 1]);
+    let read = file.read().unwrap();
+    let found: Vec<_> = read.materials.iter().map(said).collect();
+    assert_eq!(
+        found[..2],
+        [(String::new(), [1.0; 4], [false, true, false]), ("skin".to_owned(), [1.0; 4], [true, true, false])]
+    );
+    let colour = "materials[1] 'skin'.pbrMetallicRoughness.baseColorFactor[1]: null is no number that single precision \
+                  holds; the colour is left out";
+    assert_eq!(read.notes, ["materials[0]: alphaMode 'GLASS', taken for OPAQUE", colour]);
 }

@@ -67,35 +67,110 @@ fn each_clip_is_found_by_its_name() {
     crate::testing::says(crate::import::open_clip(&path, None), &["it has none: give a CSV file"]);
 }
 
+/// Each node has weights of its own: targets of one name are one as long as all nodes that draw them agree.
 #[test]
-fn targets_without_names_belong_to_one_mesh_and_what_a_clip_leaves_out_is_said() {
+fn targets_move_together_where_nodes_have_the_same_weights() {
     let mut file = Written::default();
-    let mut meshes = ["head", "eye", "eye"].map(|name| triangle(&mut file, name, &[("jaw", 1.0), ("blink", 2.0)]));
-    file.json["nodes"] = json!([{"mesh": 0, "name": "A"}, {"mesh": 1, "name": "B"}]);
-    file.json["meshes"] = json!(meshes);
-    let mut animation = clip(&mut file, "walk", 0, &[0.0, 0.5], &[1.0, 0.5]);
-    let other = clip(&mut file, "", 1, &[0.0, 0.5], &[1.0, 0.75]);
-    animation["samplers"].as_array_mut().unwrap().push(other["samplers"][0].clone());
-    animation["channels"].as_array_mut().unwrap().push(json!({"sampler": 1, "target": {"node": 1, "path": "weights"}}));
-    file.json["animations"] = json!([animation]);
-    // Of one name, with other weights of the second target alone.
-    let said = "animation 'walk': weights left out: 1, first of node 1 'B', 'blink', which another node animates, too";
-    assert_eq!(file.read().unwrap().notes, [said]);
-    let named = meshes[1].clone();
-    meshes.iter_mut().for_each(|mesh| mesh["extras"] = json!({}));
-    meshes[1]["extras"] = json!({"targetNames": ["jaw"]});
-    file.json["meshes"] = json!(meshes);
-    let read = file.read().unwrap();
-    assert!(read.notes.is_empty(), "{:?}", read.notes);
-    let clip = read.clip(&read.animations[0], Some(1.0)).unwrap();
-    assert_eq!(clip.names.join(", "), "head target 0, head target 1, jaw, eye target 1");
-    assert_eq!(clip.values[4..], [1.0, 0.5, 1.0, 0.75]);
-    assert_eq!(names(&read.meshes[2].source), ["eye 2 target 0", "eye 2 target 1"]);
-    let all = read.into_mesh(false).unwrap().source;
-    assert_eq!(names(&all), ["head target 0", "head target 1", "jaw", "eye target 1"]);
-    // Those of a single mesh have no need of its name.
-    file.json["meshes"] = json!([meshes[0], named]);
-    assert_eq!(names(&file.read().unwrap().meshes[0].source), ["target 0", "target 1"]);
+    let two: &[(&str, f32)] = &[("jaw", 1.0), ("blink", 2.0)];
+    let [head, eye] = ["head", "eye"].map(|name| triangle(&mut file, name, two));
+    let unnamed = |mesh: &Value| {
+        let mut mesh = mesh.clone();
+        mesh["extras"] = json!({});
+        // The first primitive has no targets.
+        let still = json!({"attributes": mesh["primitives"][0]["attributes"]});
+        mesh["primitives"].as_array_mut().unwrap().insert(0, still);
+        mesh
+    };
+    let with = |mesh: &Value, key: &str, value: Value| {
+        let mut mesh = mesh.clone();
+        mesh[key] = value;
+        mesh
+    };
+    let doubled = triangle(&mut file, "head", &[("jaw", 1.0), ("jaw", 2.0)]);
+    let second = triangle(&mut file, "eye", &[("jaw 2", 1.0)]);
+    let nodes = |second: Value| json!([{"mesh": 0, "name": "A"}, second]);
+    let [one, other] = [json!({"mesh": 0, "name": "B"}), json!({"mesh": 1, "name": "B"})];
+    let moving: &[f32] = &[0.0, 0.25];
+    let drive = |file: &mut Written, node: usize, to: &[f32]| clip(file, "act", node, moving, to);
+    for (meshes, second, to, expected) in [
+        // One mesh, drawn twice: alike, one at rest, one with weights of its own.
+        (json!([head]), one.clone(), [Some([1.0, 0.5]), Some([1.0, 0.5])], "jaw 1, blink 0.5"),
+        (json!([head]), one.clone(), [Some([1.0, 0.5]), None], "A.jaw 1, A.blink 0.5"),
+        (json!([head]), with(&one, "name", json!("")), [Some([1.0, 0.5]), None], "A.jaw 1, A.blink 0.5"),
+        (
+            json!([head]),
+            with(&one, "weights", json!([0, 1])),
+            [Some([1.0, 0.5]), None],
+            "A.jaw 1, A.blink 0.5, B.blink 1",
+        ),
+        (json!([head]), with(&one, "weights", json!([0, 1])), [None, Some([0.0, 0.5])], "jaw 0, B.blink 0.5"),
+        // Two meshes with targets of the same names.
+        (json!([head, eye]), other.clone(), [Some([1.0, 0.5]), Some([1.0, 0.5])], "jaw 1, blink 0.5"),
+        (json!([head, eye]), other.clone(), [Some([1.0, 0.5]), Some([1.0, 0.75])], "jaw 1, A.blink 0.5, B.blink 0.75"),
+        (json!([head, eye]), other.clone(), [None, Some([0.0, 0.25])], "jaw 0, B.blink 0.25"),
+        (
+            json!([head, with(&eye, "weights", json!([0.5, 0]))]),
+            other.clone(),
+            [Some([1.0, 0.25]), None],
+            "A.jaw 1, A.blink 0.25, B.jaw 0.5",
+        ),
+        // Without names, or with such as are made.
+        (
+            json!([unnamed(&head), unnamed(&eye)]),
+            other.clone(),
+            [Some([1.0, 0.5]), None],
+            "head.target 0 1, head.target 1 0.5",
+        ),
+        (json!([doubled, second]), other, [Some([1.0, 0.5]), None], "jaw 1, jaw 3 0.5"),
+    ] {
+        file.json["meshes"] = meshes;
+        file.json["nodes"] = nodes(second);
+        let mut animation = json!({"name": "act", "channels": [], "samplers": []});
+        for (node, to) in to.iter().enumerate().filter_map(|(node, to)| Some((node, to.as_ref()?))) {
+            let mut own = drive(&mut file, node, to);
+            let count = animation["samplers"].as_array().unwrap().len();
+            own["channels"][0]["sampler"] = json!(count);
+            animation["samplers"].as_array_mut().unwrap().push(own["samplers"][0].clone());
+            animation["channels"].as_array_mut().unwrap().push(own["channels"][0].clone());
+        }
+        file.json["animations"] = json!([animation]);
+        let read = file.read().unwrap();
+        let clip = read.clip(&read.animations[0], Some(1.0)).unwrap();
+        let last = clip.names.iter().zip(&clip.values[clip.names.len()..]);
+        let last: Vec<String> = last.map(|(name, weight)| format!("{name} {weight}")).collect();
+        assert_eq!(last.join(", "), expected);
+        let of_nodes: Vec<String> = (0..2).flat_map(|node| read.target_names(node)).map(str::to_owned).collect();
+        let source = read.into_mesh(false).unwrap().source;
+        let names = names(&source);
+        assert!(clip.names.iter().all(|name| names.contains(&name.as_str())), "{names:?} {clip:?}");
+        assert!(of_nodes.iter().all(|name| names.contains(&name.as_str())), "{names:?} {of_nodes:?}");
+        let merged = source.notes.iter().any(|note| note.starts_with("merged, targets of one name"));
+        let is_shared = names.len() < of_nodes.len() && file.json["meshes"].as_array().unwrap().len() == 2;
+        assert_eq!(merged, is_shared, "{names:?}");
+    }
+}
+
+#[test]
+fn names_are_found_wherever_exporters_put_them() {
+    let mut file = Written::default();
+    let mesh = triangle(&mut file, "head", &[("", 1.0), ("", 2.0)]);
+    file.json["nodes"] = json!([{"mesh": 0}]);
+    let targets: Vec<u64> = (0..2).map(|i| mesh["primitives"][0]["targets"][i]["POSITION"].as_u64().unwrap()).collect();
+    for (extras, of_primitive, accessors, expected) in [
+        (json!(["a", "b"]), json!(["c", "d"]), ["e", "f"], ["a", "b"]),
+        (json!([]), json!(["c", ""]), ["e", "f"], ["c", "target 1"]),
+        (json!(null), json!(null), ["e", "f"], ["e", "f"]),
+        (json!(null), json!(null), ["e", "e"], ["target 0", "target 1"]),
+    ] {
+        let mut mesh = mesh.clone();
+        mesh["extras"]["targetNames"] = extras;
+        mesh["primitives"][0]["extras"] = json!({"targetNames": of_primitive});
+        let still = json!({"attributes": mesh["primitives"][0]["attributes"]});
+        mesh["primitives"].as_array_mut().unwrap().insert(0, still);
+        file.json["meshes"] = json!([mesh]);
+        targets.iter().zip(accessors).for_each(|(i, name)| file.json["accessors"][*i as usize]["name"] = json!(name));
+        assert_eq!(names(&file.read().unwrap().meshes[0].source), expected);
+    }
 }
 
 #[test]
@@ -104,16 +179,22 @@ fn weights_of_a_node_come_before_those_of_its_mesh() {
     let mut mesh = triangle(&mut file, "head", &[("jaw", 1.0), ("blink", 2.0)]);
     mesh["weights"] = json!([0.5, 0.25]);
     file.json["meshes"] = json!([mesh]);
-    for (stated, weights, note) in [
-        (json!([0.0, 0.75]), &[0.0, 0.75][..], "blink 0.75"),
-        (json!([1.0]), &[1.0, 0.0], "jaw 1"),
-        (json!([]), &[], "jaw 0.5, blink 0.25"),
-        (json!([0, 0]), &[0.0, 0.0], ""),
+    let turns = file.floats(&[[0.0, 0.0, 0.0, 1.0]; 2]);
+    file.json["animations"] = json!([clip(&mut file, "turn", 0, &[], &[])]);
+    file.json["animations"][0]["samplers"][0]["output"] = json!(turns);
+    file.json["animations"][0]["channels"][0]["target"]["path"] = json!("rotation");
+    for (stated, weights, note, columns) in [
+        (json!([0.0, 0.75]), &[0.0, 0.75][..], "blink 0.75", &[0.75][..]),
+        (json!([1.0]), &[1.0, 0.0], "jaw 1", &[1.0]),
+        (json!([]), &[], "blink 0.25, jaw 0.5", &[0.5, 0.25]),
+        (json!([0, 0]), &[0.0, 0.0], "", &[0.0]),
     ] {
         file.json["nodes"] = json!([{"mesh": 0, "weights": stated}]);
         let read = file.read().unwrap();
         assert_eq!((&read.meshes[0].weights[..], &read.nodes[0].weights[..]), (&[0.5, 0.25][..], weights));
-        let said = format!("mesh 'head' has weights at rest, which are left out: {note}");
+        // Clips have them, those of joints alone, too.
+        assert_eq!(read.clip(&read.animations[0], Some(1.0)).unwrap().values, columns.repeat(2));
+        let said = format!("weights at rest, which only clips of the file have: {note}");
         let expected = if note.is_empty() { vec![] } else { vec![said] };
         assert_eq!(read.into_mesh(false).unwrap().source.notes, expected);
     }
@@ -134,8 +215,9 @@ fn the_scene_that_is_shown_says_which_meshes_are_taken() {
         (json!({}), json!([]), Ok(("head spare teeth", 12, ""))),
         (json!({"scene": 0}), json!([{}]), Ok(("head spare teeth", 9, ""))),
         (json!({}), json!({}), Err("a.glb: scenes: no array; ")),
-        (json!({"scene": 2}), both, Err("a.glb: scene: 2, but there are 2 scenes, ")),
-        (json!({"scene": 0}), json!([{"nodes": [9]}]), Err("scenes[0].nodes[0]: 9, but there are 4 nodes")),
+        // What there is not is left out.
+        (json!({"scene": 2}), both, Ok(("head teeth", 6, "'spare'"))),
+        (json!({"scene": 0}), json!([{"nodes": [9, 1]}]), Ok(("spare", 3, "'head', 'teeth'"))),
     ] {
         file.json.as_object_mut().unwrap().remove("scene");
         file.json.as_object_mut().unwrap().extend(scene.as_object().unwrap().clone());
