@@ -100,7 +100,7 @@ fn a_character_is_drawn_as_its_joints_stand() {
     assert!(drawn(&["--set", "up=0.25"]).0 == first);
     assert!(drawn(&["--set", "up=0.25", "--weights", &arm, "--frame", "1"]).0 == second);
     let nod = ["0", "1"].map(|frame| drawn(&["--weights", "nod", "--frame", frame]));
-    assert!(nod[0].0 != nod[1].0 && nod[0].1.contains("clip 'nod' moves joints alone: all weights are 0"));
+    assert!(nod[0].0 != nod[1].0 && nod[0].1.contains("clip 'nod' moves joints alone: weights stay at rest"));
     assert!(at("1", &["--pose", "fixed16", "--path", "compute", "--format", "snorm16"]).0 != first);
     // The path `cpu` reports that it ignores joints.
     let [(on_cpu, said), (second_on_cpu, _)] = ["0", "1"].map(|frame| at(frame, &["--path", "cpu"]));
@@ -154,4 +154,24 @@ fn still_parts_are_drawn_in_their_colours() {
     let (posed, moved) = (drawn(&["--path", "cpu"]), drawn(&[]));
     let off = [0, 1].map(|axis| posed.1[axis].abs_diff(moved.1[axis]));
     assert!(posed.0.abs_diff(moved.0) < 20 && off.iter().all(|off| *off <= 1), "{posed:?} {moved:?}");
+}
+
+/// An avatar of VRM 0 looks along -z: poses have its coordinates, and pictures are taken from where it looks.
+#[test]
+fn avatars_of_vrm_0_stay_as_they_are_and_are_seen_from_the_front() {
+    let dir = tempfile::tempdir().unwrap();
+    let arm = gltf_arm(dir.path());
+    let [obj, png] = ["out.obj", "out.png"].map(|name| dir.path().join(name));
+    let mut made = |camera: &str| {
+        let pose = ["--set", "up=0.5", "--path", "cpu", "-o"];
+        ok(&[&["apply", &arm], &pose[..], &[obj.to_str().unwrap()]].concat());
+        let look = ["--size", "128x96", "--camera", camera];
+        ok(&[&["render", &arm], &pose[..], &[png.to_str().unwrap()], &look].concat());
+        [&obj, &png].map(|file| std::fs::read(file).unwrap())
+    };
+    let [pose, from_behind] = made("180,0");
+    let mut file: Value = serde_json::from_slice(&std::fs::read(&arm).unwrap()).unwrap();
+    file["extensions"] = json!({"VRM": {}});
+    std::fs::write(&arm, file.to_string()).unwrap();
+    assert!(made("0,0") == [pose, from_behind]);
 }
