@@ -6,6 +6,7 @@ use deltamorph::import::{
     ImportDesc, Imported, ImportedMesh, csv,
     gltf::{self, Animation},
 };
+use deltamorph::internals::diagonal;
 use deltamorph::internals::weights::names::closest;
 use deltamorph::{
     BlockDesc, BoundClip, MorphMesh, PackDesc, PackedMesh, Semantic, Tolerance, WeightClip, import, normalise_weights,
@@ -59,8 +60,11 @@ pub struct MeshInfo {
     pub targets: usize,
     /// A polygon of n corners counts as n − 2.
     pub triangles: usize,
-    /// Length of the bounding-box diagonal, in input units.
+    /// The length that errors and tolerances are fractions of, in input units: the diagonal of the box around the
+    /// smallest group of connected parts that targets move.
     pub diagonal: f32,
+    /// The diagonal of the box around all vertices of the base pose, in input units.
+    pub bounding_box: f32,
     /// Position deltas up to this fraction of the diagonal were dropped.
     pub tolerance: f32,
     /// Normal deltas up to this length were dropped.
@@ -107,6 +111,7 @@ impl Input {
             targets: mesh.targets.len(),
             triangles: mesh.faces.sizes.iter().map(|&n| (n as usize).saturating_sub(2)).sum(),
             diagonal: mesh.diagonal,
+            bounding_box: diagonal(&mesh.positions),
             tolerance: mesh.tolerance.position,
             tolerance_normal: mesh.tolerance.normal,
             moved_mean: moved as f64 / (mesh.vertex_count() * mesh.targets.len()).max(1) as f64,
@@ -415,6 +420,17 @@ impl Input {
         let names = clip.names.iter().cloned().chain(added.iter().map(|(name, _)| name.clone())).collect();
         Ok(WeightClip { names, values, ..clip })
     }
+}
+
+/// Frames of clips that stand for all of them.
+const FRAMES: usize = 8;
+
+/// Up to [`FRAMES`] frames in which targets move, spread evenly over `clips`.
+pub fn spread(clips: &[BoundClip]) -> Vec<Vec<f32>> {
+    let all: Vec<Vec<f32>> =
+        clips.iter().flat_map(BoundClip::frames).filter(|frame| frame.iter().any(|weight| *weight != 0.0)).collect();
+    let count = FRAMES.min(all.len());
+    (0..count).map(|i| all[(2 * i + 1) * all.len() / (2 * count)].clone()).collect()
 }
 
 /// The files that `args` and `others` may have read, which must not be overwritten.

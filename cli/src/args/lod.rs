@@ -19,7 +19,7 @@ pub struct LodArgs {
     /// name [default: all in INPUT/weights or INPUT]
     #[arg(long, value_name = "CSV")]
     pub weights: Option<PathBuf>,
-    /// Random orders that the order is compared with
+    /// Random orders that the order is compared with; in pictures, 32 at most
     #[arg(long, value_name = "N", default_value_t = 50, value_parser = values::whole(1usize, 10_000))]
     pub random: usize,
 }

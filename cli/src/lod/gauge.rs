@@ -12,6 +12,9 @@ use deltamorph::lod::{is_pinned, mean_square};
 use deltamorph_head::Rng;
 use rayon::prelude::*;
 
+/// Random orders that are drawn, each in one frame: a software driver takes a tenth of a second for a picture.
+const DRAWN: usize = 32;
+
 /// Measures on a mesh and its clips.
 pub struct Gauge<'a> {
     input: &'a Input,
@@ -74,9 +77,10 @@ impl<'a> Gauge<'a> {
                 random.iter().map(|keeps| self.vertices.of(keeps)).sum::<f64>() * scale / random.len() as f64;
             let mut drawn_random = vec![0.0; of_pictures.len()];
             if let Some(shots) = &mut self.shots {
-                for keeps in random.iter().filter(|keeps| keeps.contains(&false)) {
-                    let losses = shots.loss(&of_pictures, keeps)?;
-                    drawn_random.iter_mut().zip(losses).for_each(|(sum, loss)| *sum += loss / random.len() as f64);
+                let count = random.len().min(DRAWN);
+                for (number, keeps) in random.iter().take(count).enumerate() {
+                    let losses = shots.loss(&of_pictures, keeps, Some(number))?;
+                    drawn_random.iter_mut().zip(losses).for_each(|(sum, loss)| *sum += loss / count as f64);
                 }
             }
             for ((metric, order), curve) in metrics.iter().zip(orders).zip(&mut curves) {
@@ -84,7 +88,7 @@ impl<'a> Gauge<'a> {
                 let vertex_rel = self.vertices.of(&keeps) * scale;
                 let (error_rel, error_random_rel) =
                     match (&mut self.shots, of_pictures.iter().position(|m| m == metric)) {
-                        (Some(shots), Some(i)) => (shots.loss(&[*metric], &keeps)?[0], drawn_random[i]),
+                        (Some(shots), Some(i)) => (shots.loss(&[*metric], &keeps, None)?[0], drawn_random[i]),
                         _ => (vertex_rel, vertex_random),
                     };
                 curve.push(Point { kept, error_rel, error_random_rel, vertex_rel });

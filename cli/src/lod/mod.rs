@@ -49,7 +49,8 @@ struct Point {
     /// For metrics of vertices, the root mean square error over vertices and frames, as a fraction of the diagonal; for
     /// metrics of pictures, their mean difference.
     error_rel: f64,
-    /// Mean of `error_rel` over random orders, with the pins first.
+    /// Mean of `error_rel` over random orders, with the pins first; for metrics of pictures, over the first 32, each in
+    /// one frame.
     error_random_rel: f64,
     /// The error of vertices, for any metric.
     vertex_rel: f64,

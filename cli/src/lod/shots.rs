@@ -3,7 +3,7 @@
 use super::picture::{Pixels, mean_square, ssim};
 use super::yee::yee;
 use crate::args::lod::Metric;
-use crate::input::Input;
+use crate::input::{self, Input};
 use crate::output::Failure;
 use crate::render::scenery::Subject;
 use crate::runner::Gpu;
@@ -18,8 +18,6 @@ use std::sync::Arc;
 const SIZE: [u32; 2] = [256; 2];
 /// Linear grey.
 const BACKGROUND: [f32; 4] = [0.02, 0.02, 0.02, 1.0];
-/// Frames of clips that are drawn.
-const FRAMES: usize = 8;
 
 /// The studio, and the pictures of complete frames to compare with.
 pub struct Shots<'a> {
@@ -46,10 +44,7 @@ impl<'a> Shots<'a> {
             scene: Scene { view, light, show: Show::Shaded },
             frames: vec![],
         };
-        let all: Vec<Vec<f32>> =
-            clips.iter().flat_map(BoundClip::frames).filter(|f| f.iter().any(|w| *w != 0.0)).collect();
-        let count = FRAMES.min(all.len());
-        let weights: Vec<Vec<f32>> = (0..count).map(|i| all[(2 * i + 1) * all.len() / (2 * count)].clone()).collect();
+        let weights = input::spread(clips);
         let pictures = shots.take(&weights)?;
         shots.frames = weights.into_iter().zip(pictures).collect();
         Ok(shots)
@@ -79,15 +74,22 @@ impl<'a> Shots<'a> {
     }
 
     /// Mean difference between frames with only the `kept` targets and complete ones, by each of `metrics`, all of them
-    /// metrics of pictures.
-    pub fn loss(&mut self, metrics: &[Metric], kept: &[bool]) -> Result<Vec<f64>, Failure> {
+    /// metrics of pictures. With `only`, of the frame of this number, counted on from the first one.
+    pub fn loss(&mut self, metrics: &[Metric], kept: &[bool], only: Option<usize>) -> Result<Vec<f64>, Failure> {
+        let all = self.frames.len();
+        let frames = only.filter(|_| all > 0).map_or(0..all, |frame| frame % all..frame % all + 1);
+        let count = frames.len().max(1) as f64;
+        // Pictures of frames in which no other target is active are equal.
+        let lacks = |frame: &usize| self.frames[*frame].0.iter().zip(kept).any(|(w, kept)| *w != 0.0 && !kept);
+        let frames: Vec<usize> = frames.filter(lacks).collect();
         let without = |w: &Vec<f32>| w.iter().zip(kept).map(|(w, kept)| if *kept { *w } else { 0.0 }).collect();
-        let poses: Vec<Vec<f32>> = self.frames.iter().map(|(weights, _)| without(weights)).collect();
+        let poses: Vec<Vec<f32>> = frames.iter().map(|frame| without(&self.frames[*frame].0)).collect();
         let pictures = self.take(&poses)?;
-        let pairs: Vec<(&Pixels, &Pixels)> = pictures.iter().zip(self.frames.iter().map(|(_, whole)| whole)).collect();
+        let wholes = frames.iter().map(|frame| &self.frames[*frame].1);
+        let pairs: Vec<(&Pixels, &Pixels)> = pictures.iter().zip(wholes).collect();
         let of_pair = |(a, b): &(&Pixels, &Pixels)| metrics.iter().map(|m| difference(*m, a, b)).collect();
         let differences: Vec<Vec<f64>> = pairs.par_iter().map(of_pair).collect();
-        let mean = |m: usize| differences.iter().map(|d| d[m]).sum::<f64>() / differences.len().max(1) as f64;
+        let mean = |m: usize| differences.iter().fold(0.0, |sum, d| sum + d[m]) / count;
         Ok((0..metrics.len()).map(mean).collect())
     }
 }
