@@ -239,7 +239,7 @@ typedef struct DmMeshDesc {
     uint32_t flags;
     /// The engine for whose limits dense formats are split; zero: the limits of any phone.
     struct DmEngine engine;
-    /// Shorter position deltas are dropped, as a fraction of the bounding-box diagonal; 0: 1e-6.
+    /// Shorter position deltas are dropped, as a fraction of the diagonal (`DmMeshInfo`); 0: 1e-6.
     float position_tolerance;
     /// Shorter normal deltas are dropped; 0: 1e-3, about 0.06 degrees.
     float normal_tolerance;
@@ -247,7 +247,7 @@ typedef struct DmMeshDesc {
     uint32_t delta_format;
     /// Vertices of a block: 32, 64 or 128; 0: the format's default (block formats).
     uint32_t block_size;
-    /// Largest error of a position delta, as a fraction of the bounding-box diagonal; 0: 1e-5 (block formats).
+    /// Largest error of a position delta, as a fraction of the diagonal (`DmMeshInfo`); 0: 1e-5 (block formats).
     float position_error;
     /// Largest error of a normal or tangent at weight 1, in degrees; 0: 0.5 (block formats).
     float normal_error_degrees;

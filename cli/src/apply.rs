@@ -4,13 +4,13 @@ use crate::args::ApplyArgs;
 use crate::input::{self, Input};
 use crate::output::{Failure, Output, With, check_ending};
 use crate::runner::Stage;
-use crate::verify::{Errors, Found, Promise, REMEDY};
+use crate::verify::Checks;
 use deltamorph::import::is_gltf;
 use deltamorph::import::obj::{ObjMesh, write_obj_to};
 use deltamorph::internals::write_replacing;
-use deltamorph::reference::{SHORTEST_NORMAL, evaluate};
+use deltamorph::reference::SHORTEST_NORMAL;
 use deltamorph::{MorphMesh, POSE_FLOATS};
-use deltamorph_headless::{DeviceChoice, Draws};
+use deltamorph_headless::DeviceChoice;
 use glam::{Vec2, Vec3};
 use serde_json::json;
 use std::io::Write;
@@ -31,41 +31,27 @@ pub fn run(args: &ApplyArgs, device: Option<&DeviceChoice>, out: &Output) -> Res
     let frames = frames(args, &input)?;
 
     let stage = Stage::new(run, &input, device, out)?;
-    let path = stage.desc.path.name();
     let mut runner = stage.runner(stage.desc)?;
+    let mut checks = Checks::new(&stage, Some(input.raw.clone()));
     let mut passes = 0;
-    for weights in &frames {
-        passes += runner.step(&[weights], Draws::default())?.stats.passes;
+    for (number, weights) in frames.iter().enumerate() {
+        let (step, _) = checks.step(number, &mut runner, weights, number + 1 == frames.len())?;
+        passes += step.stats.passes;
     }
+    checks.verdict(out)?;
     let pose = runner.pose(0)?;
     // `frames` ensures at least one frame.
     let weights = frames.last().map_or(&[][..], Vec::as_slice);
-    let promise = Promise::new(&stage.desc, stage.mesh.layout());
-    let applied = promise.applied(weights);
-    let reference = evaluate(&stage.mesh, &applied);
-    let Found { error, turned, .. } = promise.find(&pose, &reference, &applied);
-    let diagonal = f64::from(input.kept.diagonal);
-    // Rounding grows with the weights of all steps, including the last.
-    let reach = |weights: &Vec<f32>| weights.iter().map(|w| f64::from(w.abs())).sum::<f64>();
-    let added = frames.iter().map(reach).fold(1.0, f64::max);
-    let right = error.position <= 1e-5 * diagonal * added + promise.rounding(&applied)[0] && turned <= 0.1 * added;
-    if !right && error.position > f64::from(f32::MIN_POSITIVE) {
-        return Err(Failure::Failed(format!(
-            "the pose through '{path}' is off by {:.3e} of the diagonal; nothing was written; {REMEDY}",
-            error.position / promise.scale
-        )));
-    }
     write(output, &input.kept, run.input.input.as_deref().is_some_and(is_gltf), &pose)?;
     let active = weights.iter().filter(|w| **w != 0.0).count();
     let (file, targets, setup) = (output.display(), weights.len(), stage.describe());
-    let errors = Errors::of(&pose, &reference, &stage.mesh, &input.raw, weights);
-    let off = errors.text();
+    let off = checks.errors.text(stage.source);
     out.say(format_args!("{file}: {active} active of {targets} targets, {passes} passes through {setup}\n{off}"));
     let more = json!({
         "schema": 1, "device": stage.device(), "batch_size": stage.desc.batch.to_string(), "frames": frames.len(),
         "passes": passes, "active": active, "output": output.display().to_string(),
     });
-    out.json(&With { fields: With { fields: stage.setup(), more }, more: json!(errors) })
+    out.json(&With { fields: With { fields: stage.setup(), more }, more: json!(checks.errors) })
 }
 
 /// The weights of one or more frames to step through, with `--set` on top of each.

@@ -228,7 +228,8 @@ pub struct InputArgs {
     pub input: Option<PathBuf>,
     #[command(flatten)]
     pub head: HeadArgs,
-    /// Drop position deltas that are not longer than this fraction of the bounding-box diagonal
+    /// Drop position deltas that are not longer than this fraction of the diagonal: that of the box around the smallest
+    /// group of parts that targets move, which `info` prints. The diagonal is the same in all options and results
     #[arg(help_heading = READ, long, value_name = "FRACTION", default_value_t = 1e-6)]
     #[arg(value_parser = values::number("a fraction of the diagonal, 0 or more (0 keeps every delta)", |v| v >= 0.0))]
     pub tolerance: f32,

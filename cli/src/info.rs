@@ -11,7 +11,7 @@ use deltamorph::mesh::MorphTarget;
 use deltamorph::{BoundClip, DeltaFormat, MorphMesh};
 use glam::Vec3;
 use measure::{Blocks, Measured};
-use pose_formats::{PoseCost, pose_table};
+use pose_formats::{PoseCost, Sample, pose_table};
 use serde::Serialize;
 
 /// The JSON of `info`. Fields may be added, never renamed.
@@ -24,10 +24,11 @@ struct Info {
     /// Vertex streams besides position and normal.
     streams: Vec<String>,
     overlap: Overlap,
-    /// Block statistics of the format `small`.
+    /// Block statistics of the format `small`, or of the first one measured.
     blocks: Blocks,
     formats: Vec<Measured>,
-    /// Costs and errors of each pose format, with the deltas of the packed file, or else of the format `small`.
+    /// Costs and errors of each pose format, with the deltas of the packed file, of the format `small`, or of the first
+    /// one measured.
     pose_formats: Vec<PoseCost>,
     /// The format of these deltas.
     pose_deltas: &'static str,
@@ -79,14 +80,26 @@ struct ClipRow {
 pub fn run(args: &InfoArgs, out: &Output) -> Result<(), Failure> {
     out.check(&input::files_of(&args.input, &[]), &[], None)?;
     let input = input::load(&args.input, true, out)?;
-    let spinner = out.spinner("packing");
-    let formats = measure::measure_all(&input.kept, &input.raw, input.packed.as_ref())?;
-    let clips: Vec<BoundClip> =
-        input.clips.iter().filter_map(|path| input.unless_bad(input::clip(path, &args.input, &input, &[]))).collect();
-    let info = describe(&input, formats, &clips);
-    spinner.finish_and_clear();
-    out.say(text(&info));
+    let sample = Sample::new(&input, &args.input, None);
+    let formats = measure::measure_all(&formats(&input, out), &input, &sample, out)?;
+    let info = describe(&input, formats, &sample.clips);
+    out.say(text(&info, &sample));
     out.json(&info)
+}
+
+/// More deltas than these take seconds to pack in each format.
+const MANY: usize = 1_000_000;
+
+/// All formats, or one if that takes long.
+fn formats(input: &Input, out: &Output) -> Vec<DeltaFormat> {
+    let deltas: usize = input.kept.targets.iter().map(|target| target.vertices.len()).sum();
+    if deltas <= MANY {
+        return DeltaFormat::ALL.to_vec();
+    }
+    let one = input.packed.as_ref().map_or(DeltaFormat::Fast, |packed| packed.layout().format);
+    let (deltas, name) = (thousands(deltas), one.name());
+    out.note(format_args!("{deltas} deltas: measured in the format {name} alone; `pack --format` measures others"));
+    vec![one]
 }
 
 fn describe(input: &Input, formats: Vec<Measured>, clips: &[BoundClip]) -> Info {
@@ -95,9 +108,9 @@ fn describe(input: &Input, formats: Vec<Measured>, clips: &[BoundClip]) -> Info 
     let share = |n: usize| n as f64 / vertices.max(1) as f64;
     let length = |deltas: &[Vec3]| deltas.iter().map(|d| d.length()).fold(0.0, f32::max);
     let differs = |target: &MorphTarget| target.positions.iter().filter(|d| **d != Vec3::ZERO).count();
-    let of = |format: DeltaFormat| formats.iter().map(|m| &m.packed).find(move |p| p.layout().format == format);
     let held = input.packed.as_ref().map_or(DeltaFormat::Small, |packed| packed.layout().format);
-    let held_formats = formats.iter().find(|m| m.name == held.name()).map(|m| m.pose_formats.clone());
+    let of = |format: DeltaFormat| formats.iter().find(|m| m.name == format.name()).unwrap_or(&formats[0]);
+    let (blocks, held) = (of(DeltaFormat::Small).blocks, of(held));
     Info {
         schema: 1,
         input: input.info(),
@@ -113,9 +126,9 @@ fn describe(input: &Input, formats: Vec<Measured>, clips: &[BoundClip]) -> Info 
             .collect(),
         streams: kept.streams.iter().map(|stream| stream.semantic.to_string()).collect(),
         overlap: overlap(kept),
-        blocks: of(DeltaFormat::Small).map(|small| measure::blocks(small)).unwrap_or_default(),
-        pose_deltas: held.name(),
-        pose_formats: held_formats.unwrap_or_default(),
+        blocks,
+        pose_deltas: held.name,
+        pose_formats: held.pose_formats.clone(),
         formats,
         clips: clips.iter().map(clip_row).collect(),
     }
@@ -155,13 +168,16 @@ fn clip_row(clip: &BoundClip) -> ClipRow {
 }
 
 /// The result in words.
-fn text(info: &Info) -> String {
+fn text(info: &Info, sample: &Sample<'_>) -> String {
     let i = &info.input;
     let MeshInfo { name, origin, targets, .. } = i;
     let [vertices, triangles] = [i.vertices, i.triangles].map(thousands);
-    let [diagonal, position, normal] = [i.diagonal, i.tolerance, i.tolerance_normal].map(|v| sig3(v.into()));
+    let [diagonal, all, position, normal] =
+        [i.diagonal, i.bounding_box, i.tolerance, i.tolerance_normal].map(|v| sig3(v.into()));
     let mut parts = vec![format!(
-        "{name} ({origin})\n{vertices} vertices, {triangles} triangles, {targets} targets, diagonal {diagonal}\n\
+        "{name} ({origin})\n{vertices} vertices, {triangles} triangles, {targets} targets\n\
+         diagonal {diagonal}: that of the box around the smallest group of parts that targets move, which lengths are \
+         fractions of; of the whole bounding box: {all}\n\
          deltas kept: longer than {position} of the diagonal (normals: {normal})"
     )];
     if i.pose_origin != [0.0; 3] {
@@ -181,12 +197,12 @@ fn text(info: &Info) -> String {
         ("of diagonal", &|t| of_diagonal(t.max_delta)),
     ];
     parts.push(Table::of(&info.targets, targets).to_string());
-    let (Overlap { union, mean, max }, Blocks { size, count, incidence, fill }) = (&info.overlap, &info.blocks);
+    let (Overlap { union, mean, max }, Blocks { format, size, count, incidence, fill }) = (&info.overlap, &info.blocks);
     let ([union, fill], mean) = ([union, fill].map(|share| percent(*share)), sig3(*mean));
     let [count, pairs] = [count, incidence].map(|n| thousands(*n));
     parts.push(format!(
         "{union} of the vertices are moved by some target; each of these by {mean} targets on average, {max} at most\n\
-         {count} blocks of {size} vertices in the format small: {pairs} block-target pairs, {fill} full"
+         {count} blocks of {size} vertices in the format {format}: {pairs} block-target pairs, {fill} full"
     ));
     let formats: &[Column<'_, Measured>] = &[
         ("format", &|f| f.name.into()),
@@ -199,8 +215,9 @@ fn text(info: &Info) -> String {
     parts.push(Table::of(&info.formats, formats).to_string());
     let held = info.formats.iter().find(|f| f.name == info.pose_deltas);
     // For `blocks`, and for `compute`.
-    for f in held.into_iter().chain(info.formats.iter().find(|f| f.name == DeltaFormat::Snorm16.name())) {
-        parts.push(format!("deltas in {}:\n{}", f.name, pose_table(&f.pose_formats)));
+    let dense = info.formats.iter().find(|f| f.name == DeltaFormat::Snorm16.name() && f.name != info.pose_deltas);
+    for f in held.into_iter().chain(dense) {
+        parts.push(format!("deltas in {}:\n{}", f.name, pose_table(&f.pose_formats, sample)));
     }
     let clips: &[Column<'_, ClipRow>] = &[
         ("clip", &|c| c.name.clone()),

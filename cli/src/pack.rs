@@ -2,7 +2,7 @@
 
 use crate::args::PackFileArgs;
 use crate::info::measure::Cost;
-use crate::info::pose_formats::{PoseCost, pose_costs, pose_table};
+use crate::info::pose_formats::{PoseCost, Sample, pose_costs, pose_table};
 use crate::input;
 use crate::output::{Failure, Output, check_ending};
 use crate::table::{bytes, sig3, thousands};
@@ -65,13 +65,14 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
     let clips: Vec<WeightClip> =
         kept.filter_map(|clip| input.unless_bad(import::open_clip(clip, args.input.fps))).collect();
     packed::write(&args.output, &asset, &clips)?;
+    let sample = Sample::new(&input, &args.input, args.pack.weight_max);
     let file_bytes = args.output.metadata().map_err(|e| Failure::io(&args.output, "read", e))?.len();
     let mesh = Arc::new(asset.mesh);
     let layout = mesh.layout();
     let Some(index) = &layout.blocks else { return Ok(()) }; // `Asset::pack` takes no other format
     let facts = Packed {
         schema: 1,
-        origin: input.origin,
+        origin: input.origin.clone(),
         output: args.output.display().to_string(),
         format: layout.format.name(),
         vertices: layout.vertex_count,
@@ -83,14 +84,14 @@ pub fn run(args: &PackFileArgs, out: &Output) -> Result<(), Failure> {
         file_bytes,
         clips: clips.len(),
         cost: Cost::of(layout, index.error()),
-        pose_formats: pose_costs(&mesh, Some(&input.raw)),
+        pose_formats: pose_costs(&mesh, false, &sample),
     };
-    out.say(text(&facts));
+    out.say(text(&facts, &sample));
     out.json(&facts)
 }
 
 /// The result in words.
-fn text(p: &Packed) -> String {
+fn text(p: &Packed, sample: &Sample<'_>) -> String {
     let Packed { output, targets, format, block_size, cost, .. } = p;
     let deltas = cost.delta_bytes + cost.index_bytes;
     let times = match deltas {
@@ -105,7 +106,7 @@ fn text(p: &Packed) -> String {
         1 => "; a weight clip".to_owned(),
         n => format!("; {n} weight clips"),
     };
-    let poses = pose_table(&p.pose_formats);
+    let poses = pose_table(&p.pose_formats, sample);
     format!(
         "{output}: {vertices} vertices, {targets} targets as {format}, {file}{clips}\n\
          deltas: {deltas} in {entries} entries, {moved} of {blocks} blocks of {block_size} vertices; \

@@ -102,7 +102,7 @@ pub fn run(args: &PlayArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
     out.say(text(&clip.name, &frames, &summary, &checks));
     out.json(&Played { schema: 1, device: stage.device(), input: origin, clip: clip.name, frames, summary })?;
     // After all output is written.
-    checks.verdict()
+    checks.verdict(out)
 }
 
 /// The frames of a clip, with noise added to every weight if requested.

@@ -302,6 +302,8 @@ pub fn fnv(numbers: &[i32]) -> u64 {
 pub struct Stage {
     gpu: Option<Rc<Gpu>>,
     threads: usize,
+    /// What errors are against, in words.
+    pub source: &'static str,
     pub mesh: Arc<PackedMesh>,
     pub desc: UpdateDesc,
 }
@@ -330,7 +332,9 @@ impl Stage {
     pub fn on(gpu: Option<Rc<Gpu>>, args: &RunArgs, input: &Input, out: &Output) -> Result<Self, Failure> {
         let gpu = gpu.filter(|gpu| updates(gpu, args));
         let (mesh, desc) = prepare(args, input, gpu.as_deref().map(Gpu::engine), out)?;
-        Ok(Self { gpu, threads: args.update.threads.unwrap_or(0), mesh, desc })
+        let threads = args.update.threads.unwrap_or(0);
+        let source = if input.packed.is_some() { "what the packed file holds" } else { "the source" };
+        Ok(Self { gpu, threads, source, mesh, desc })
     }
 
     pub fn runner(&self, desc: UpdateDesc) -> deltamorph::Result<Runner<'_>> {

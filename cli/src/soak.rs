@@ -46,7 +46,7 @@ pub fn run(args: &SoakArgs, device: Option<&DeviceChoice>, out: &Output) -> Resu
         "max_error": error, "max_error_rel": error / checks.promise.scale,
     });
     out.json(&With { fields: checks.record(), more })?;
-    verdict(&checks, bit_exact)
+    verdict(&checks, bit_exact, out)
 }
 
 /// Integer sums, if there are any: of fixed-point poses, or of `scatter`.
@@ -98,14 +98,14 @@ impl Sums {
     }
 }
 
-fn verdict(checks: &Checks<'_>, bit_exact: Option<bool>) -> Result<(), Failure> {
+fn verdict(checks: &Checks<'_>, bit_exact: Option<bool>, out: &Output) -> Result<(), Failure> {
     if bit_exact == Some(false) {
         let path = checks.stage.desc.path.name();
         return Err(Failure::Failed(format!(
             "the integer sums or poses through '{path}' are not those of a full evaluation; {REMEDY}"
         )));
     }
-    checks.verdict()
+    checks.verdict(out)
 }
 
 /// Fewest and most frames of a stretch.

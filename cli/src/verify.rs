@@ -1,11 +1,13 @@
-//! Bounds on errors of an update path, and checks of poses against them: common to `bench`, `play` and `soak`.
+//! Bounds on errors of an update path, and checks of poses against them: common to `apply`, `bench`, `play` and `soak`.
 
-use crate::output::Failure;
+use crate::output::{Failure, Output};
 use crate::runner::{Frame, Runner, Setup, Stage};
 use crate::table::{sig3, thousands};
 use deltamorph::packed::PoseGrid;
 use deltamorph::reference::{SHORTEST_NORMAL, angle_degrees, compare, evaluate, evaluate_unpacked};
-use deltamorph::{CpuCrowd, MorphMesh, POSE_FLOATS, PackedLayout, PackedMesh, PoseError, UpdateDesc, UpdateStats};
+use deltamorph::{
+    CpuCrowd, MorphMesh, POSE_FLOATS, PackedLayout, PackedMesh, PoseError, PoseFormat, UpdateDesc, UpdateStats,
+};
 use deltamorph_headless::Draws;
 use glam::DVec3;
 use serde::Serialize;
@@ -20,6 +22,12 @@ const POSITION_BOUND: f64 = 3e-6;
 /// Largest angle between its normals and the float64 reference on the kept deltas, in degrees.
 const NORMAL_BOUND_DEGREES: f64 = 0.01;
 
+/// Five standard deviations of what adding a term rounds, in units of ε times the number: [`Promise::beyond`].
+const ROUNDED_TERMS: f64 = 2.5;
+/// Errors of fixed-point poses, as a fraction of the diagonal, from which on another pose format is advised: 2 mm on a
+/// body of 2 m.
+pub const FAR_OFF: f64 = 1e-3;
+
 /// Results of a verification.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Found {
@@ -31,7 +39,7 @@ pub struct Found {
     pub turned: f64,
     /// The path's stated bound on position errors, in input units: from drift, or from rounding to the unit of poses.
     pub bound: f64,
-    /// The largest absolute coordinate of the reference.
+    /// The largest absolute coordinate of the reference, and what weights above 1 may add on the way to it.
     pub reach: f64,
     /// Counted by [`Promise::additions`].
     pub additions: usize,
@@ -102,13 +110,14 @@ impl Errors {
         }
     }
 
-    /// In words, after what is off.
-    pub fn text(&self) -> String {
+    /// In words, after what is off; `source`: what it is compared with.
+    pub fn text(&self, source: &str) -> String {
         let parts = [self.max_error_rel, self.packing_error_rel, self.weights_error_rel, self.rounding_error_rel];
         let [whole, packing, weights, rounding] = parts.map(sig3);
+        let length = sig3(self.max_error);
         format!(
-            "{whole} of the diagonal off the source at the weights asked for: packing {packing}, rounded weights \
-             {weights}, rounding {rounding}"
+            "{whole} of the diagonal ({length} in the units of the file) off {source} at the weights asked for: \
+             packing {packing}, rounded weights {weights}, rounding {rounding}"
         )
     }
 }
@@ -179,12 +188,14 @@ impl Promise {
     /// Errors of `pose` against `reference`, the pose of `weights` on the packed deltas.
     pub fn find(&self, pose: &[f32], reference: &[f64], weights: &[f32]) -> Found {
         let error = compare(pose, reference);
-        let turned = match self.rounding(weights)[1] {
-            0.0 => error.normal_degrees,
-            length => turned(pose, reference, length),
-        };
+        let sizes = || weights.iter().map(|weight| f64::from(weight.abs()));
+        // Deltas of normals are about as long as normals, and may cancel out.
+        let length = self.rounding(weights)[1] + ROUNDED_TERMS * f64::from(f32::EPSILON) * sizes().sum::<f64>();
+        let turned = turned(pose, reference, length);
+        // So may positions, of weights that exaggerate.
+        let above: f64 = sizes().map(|size| (size - 1.0).max(0.0)).sum();
         let positions = reference.as_chunks::<POSE_FLOATS>().0.iter().flat_map(|vertex| &vertex[..3]);
-        let reach = positions.fold(0.0, |most: f64, coordinate| most.max(coordinate.abs()));
+        let reach = positions.fold(0.0, |most: f64, coordinate| most.max(coordinate.abs())) + above * self.scale;
         Found { error, turned, reach, ..Found::default() }
     }
 
@@ -206,7 +217,7 @@ impl Promise {
     /// largest error of one addition, √3 · ε/2 · |x|. [`POSITION_BOUND`] covers coordinates up to the diagonal.
     fn beyond(&self, found: &Found) -> f64 {
         let larger = (found.reach - self.scale).max(0.0);
-        2.5 * (found.additions as f64).sqrt() * f64::from(f32::EPSILON) * larger
+        ROUNDED_TERMS * (found.additions as f64).sqrt() * f64::from(f32::EPSILON) * larger
     }
 
     /// The position error allowed. A tracked bound is subtracted from the budget before changes are deferred; otherwise
@@ -351,7 +362,9 @@ impl<'a> Checks<'a> {
         };
         let count = thousands(self.count);
         match &self.source {
-            Some(_) => format!("largest errors in {count} frames: {}{bound}", self.errors.text()),
+            Some(_) => {
+                format!("largest errors in {count} frames: {}{bound}", self.errors.text(self.stage.source))
+            }
             None => {
                 let error = relative(self.found.error.position);
                 format!(
@@ -361,8 +374,16 @@ impl<'a> Checks<'a> {
         }
     }
 
-    /// A failure if any frame was out of bounds.
-    pub fn verdict(&self) -> Result<(), Failure> {
+    /// A failure if any frame was out of bounds; a note if the pose format made errors that another one does not.
+    pub fn verdict(&self, out: &Output) -> Result<(), Failure> {
+        let UpdateDesc { pose, error_budget, .. } = self.stage.desc;
+        let off = self.errors.weights_error_rel.max(self.found.error.position / self.promise.scale);
+        // Changes that wait are counted, too.
+        if pose.has_integers() && error_budget == 0.0 && off > FAR_OFF {
+            let (name, off) = (pose.name(), sig3(off));
+            let finer = if pose == PoseFormat::Fixed16 { "rebuilt16, in as many bytes, or fixed32" } else { "float32" };
+            out.note(format_args!("{name} poses are off by {off} of the diagonal, which is far: try --pose {finer}"));
+        }
         let path = self.stage.desc.path.name();
         self.wrong.as_ref().map_or(Ok(()), |(frame, complaint)| {
             Err(Failure::Failed(format!("frame {frame} is wrong through '{path}': {complaint}; {REMEDY}")))

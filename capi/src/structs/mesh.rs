@@ -13,7 +13,7 @@ pub struct DmMeshDesc {
     pub flags: u32,
     /// The engine for whose limits dense formats are split; zero: the limits of any phone.
     pub engine: DmEngine,
-    /// Shorter position deltas are dropped, as a fraction of the bounding-box diagonal; 0: 1e-6.
+    /// Shorter position deltas are dropped, as a fraction of the diagonal (`DmMeshInfo`); 0: 1e-6.
     pub position_tolerance: f32,
     /// Shorter normal deltas are dropped; 0: 1e-3, about 0.06 degrees.
     pub normal_tolerance: f32,
@@ -21,7 +21,7 @@ pub struct DmMeshDesc {
     pub delta_format: u32,
     /// Vertices of a block: 32, 64 or 128; 0: the format's default (block formats).
     pub block_size: u32,
-    /// Largest error of a position delta, as a fraction of the bounding-box diagonal; 0: 1e-5 (block formats).
+    /// Largest error of a position delta, as a fraction of the diagonal (`DmMeshInfo`); 0: 1e-5 (block formats).
     pub position_error: f32,
     /// Largest error of a normal or tangent at weight 1, in degrees; 0: 0.5 (block formats).
     pub normal_error_degrees: f32,

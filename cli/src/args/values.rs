@@ -50,7 +50,7 @@ pub fn format_on(path: UpdatePath, format: DeltaFormat) -> Option<DeltaFormat> {
 pub enum BudgetSpec {
     /// A length in input units.
     Length(f32),
-    /// A fraction of the bounding-box diagonal.
+    /// A fraction of the diagonal.
     Diagonal(f32),
 }
 

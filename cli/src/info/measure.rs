@@ -1,15 +1,17 @@
 //! Costs of delta formats: bytes, and errors of deltas.
 
-use super::pose_formats::{PoseCost, pose_costs};
-use crate::output::Failure;
+use super::pose_formats::{PoseCost, Sample, pose_costs};
+use crate::input::Input;
+use crate::output::{Failure, Output};
 use crate::verify::scale;
 use deltamorph::{DeltaFormat, MorphMesh, PackDesc, PackedLayout, PackedMesh, PoseError};
 use serde::Serialize;
 use std::sync::Arc;
 
-/// The blocks of the format `small`, with vertices in packed order.
-#[derive(Debug, Default, PartialEq, Serialize)]
+/// The blocks of a format, with vertices in packed order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Blocks {
+    pub format: &'static str,
     pub size: usize,
     pub count: usize,
     /// Pairs of a block and a target that moves some of its vertices.
@@ -54,45 +56,46 @@ pub struct Measured {
     pub cost: Cost,
     /// Costs and errors of each pose format with these deltas.
     pub pose_formats: Vec<PoseCost>,
+    /// Zeros for a dense format.
     #[serde(skip)]
-    pub packed: Arc<PackedMesh>,
+    pub blocks: Blocks,
 }
 
-impl Measured {
-    /// `source`: the mesh that was packed, with all of its deltas, if it is known.
-    fn new(packed: Arc<PackedMesh>, error: PoseError, source: Option<&MorphMesh>) -> Self {
-        let layout = packed.layout();
-        let name = layout.format.name();
-        Self { name, cost: Cost::of(layout, error), pose_formats: pose_costs(&packed, source), packed }
-    }
-}
-
-/// Packs `mesh`, kept of `source`, in every format. `held`: the mesh of a packed file, used as it is for its own format, with the error
-/// measured when it was packed. The other formats pack the deltas of the file, and their errors are relative to those.
+/// Packs the mesh of `input` in each of `formats`, one after the other. The mesh of a packed file is used as it is for
+/// its own format, with the error measured when it was packed. The other formats pack the deltas of the file, and their
+/// errors are relative to those.
 pub fn measure_all(
-    mesh: &MorphMesh,
-    source: &MorphMesh,
-    held: Option<&Arc<PackedMesh>>,
+    formats: &[DeltaFormat],
+    input: &Input,
+    sample: &Sample<'_>,
+    out: &Output,
 ) -> Result<Vec<Measured>, Failure> {
-    let one = |format| match held.map(|held| (held, &held.layout().blocks)) {
-        Some((held, Some(blocks))) if held.layout().format == format => {
-            Ok(Measured::new(held.clone(), blocks.error(), None))
-        }
-        _ => measure(mesh, source, format),
+    let bar = out.bar(2 * formats.len() as u64);
+    let one = |format: &DeltaFormat| {
+        let name = format.name();
+        bar.set_message(format!("packing as {name}"));
+        let held = input.packed.as_ref().filter(|held| held.layout().format == *format);
+        let packed = held.map_or_else(|| pack(&input.kept, *format), |held| Ok(held.clone()))?;
+        bar.inc(1);
+        bar.set_message(format!("measuring {name}"));
+        let layout = packed.layout();
+        // Blocks know their error.
+        let error = layout.blocks.as_ref().map_or_else(|| packed.measure_error(&input.kept), |blocks| blocks.error());
+        let pose_formats = pose_costs(&packed, held.is_some(), sample);
+        bar.inc(1);
+        Ok(Measured { name, cost: Cost::of(layout, error), pose_formats, blocks: blocks(&packed) })
     };
-    DeltaFormat::ALL.into_iter().map(one).collect()
+    formats.iter().map(one).collect()
 }
 
-fn measure(mesh: &MorphMesh, source: &MorphMesh, format: DeltaFormat) -> Result<Measured, Failure> {
+fn pack(mesh: &MorphMesh, format: DeltaFormat) -> deltamorph::Result<Arc<PackedMesh>> {
     // One chunk, regardless of devices: chunks change neither bytes nor values.
     let desc = PackDesc::new(format).max_chunk_bytes(u64::MAX).max_chunk_vertices(u64::MAX);
-    let packed = Arc::new(PackedMesh::pack(mesh, &desc)?);
-    let error = packed.measure_error(mesh);
-    Ok(Measured::new(packed, error, Some(source)))
+    Ok(Arc::new(PackedMesh::pack(mesh, &desc)?))
 }
 
 /// Block statistics of `packed`; zeros for a dense format.
-pub fn blocks(packed: &PackedMesh) -> Blocks {
+fn blocks(packed: &PackedMesh) -> Blocks {
     let Some(index) = &packed.layout().blocks else { return Blocks::default() };
     let mut deltas = 0usize;
     for target in 0..packed.layout().targets.len() {
@@ -100,6 +103,7 @@ pub fn blocks(packed: &PackedMesh) -> Blocks {
     }
     let incidence = index.entry_count();
     Blocks {
+        format: packed.layout().format.name(),
         size: index.size(),
         count: index.count(),
         incidence,
@@ -115,14 +119,17 @@ mod tests {
     #[test]
     fn blocks_count_what_is_touched() {
         let mut mesh = mesh();
-        let found = |mesh: &MorphMesh, format| blocks(&measure(mesh, mesh, format).expect("packed").packed);
+        let found = |mesh: &MorphMesh, format| blocks(&pack(mesh, format).expect("packed"));
         let small = found(&mesh, DeltaFormat::Small);
         // Vertices that move together are adjacent: 64 of one target take two blocks, three of another at most three.
         assert_eq!((small.size, small.count), (32, 6));
         assert!((3..=5).contains(&small.incidence), "{small:?}");
         assert_eq!(small.fill, 67.0 / (small.incidence * 32) as f64);
         mesh.targets.clear();
-        assert_eq!(found(&mesh, DeltaFormat::Small), Blocks { size: 32, count: 6, incidence: 0, fill: 0.0 });
+        assert_eq!(
+            found(&mesh, DeltaFormat::Small),
+            Blocks { format: "small", size: 32, count: 6, incidence: 0, fill: 0.0 }
+        );
         assert_eq!(found(&mesh, DeltaFormat::Float32), Blocks::default());
     }
 }

@@ -1,8 +1,14 @@
 //! Costs and errors of pose formats on a packed mesh, in `info` and `pack`.
 
+use crate::args::InputArgs;
+use crate::input::{self, Input};
+use crate::runner::reaching;
 use crate::table::{Column, Table, sig3};
-use crate::verify::{Errors, float_rounding, scale};
-use deltamorph::{BatchSize, MorphMesh, PackedMesh, PoseFormat, UpdateDesc, UpdatePath};
+use crate::verify::{Errors, FAR_OFF, float_rounding, scale};
+use deltamorph::{
+    BatchSize, BoundClip, CpuCrowd, MorphMesh, POSE_FLOATS, PackedMesh, PoseFormat, UpdateDesc, UpdatePath,
+};
+use deltamorph_head::Rng;
 use glam::DVec3;
 use serde::Serialize;
 use std::sync::Arc;
@@ -18,11 +24,13 @@ pub struct PoseCost {
     /// Bounds on errors, whatever weights from 0 to 1 are asked for; `None` if it is refused.
     #[serde(flatten)]
     pub most: Option<Errors>,
+    /// The largest error of the poses of a [`Sample`], as a fraction of the diagonal; `None` if it is refused.
+    pub measured_error_rel: Option<f64>,
     /// The reason if the mesh cannot be updated in it; else `None`.
     pub refused: Option<String>,
 }
 
-/// The grid of weights and poses, at the default largest weight.
+/// The grid of weights and poses, at the largest weight that `apply` and `play` take by default.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Grid {
     /// Weights are whole multiples of 2^-bits.
@@ -42,6 +50,63 @@ pub struct Grid {
     pub rounding_error_rel: f64,
 }
 
+/// Poses that are measured.
+pub struct Sample<'a> {
+    /// The clips of the input.
+    pub clips: Vec<BoundClip>,
+    /// Weights, and the positions of the source at them.
+    poses: Vec<(Vec<f32>, Vec<DVec3>)>,
+    /// What they are, in words.
+    what: String,
+    input: &'a Input,
+    /// The largest weight that poses are to hold, if it is stated.
+    weight_max: Option<f32>,
+}
+
+impl<'a> Sample<'a> {
+    /// Frames of the clips of `input`, or a pose of random weights from 0 to 1.
+    pub fn new(input: &'a Input, args: &InputArgs, weight_max: Option<f32>) -> Self {
+        let clips = input.clips.iter().filter_map(|path| input.unless_bad(input::clip(path, args, input, &[])));
+        let clips: Vec<BoundClip> = clips.collect();
+        let mut weights = input::spread(&clips);
+        let what = match weights.len() {
+            0 => "at random weights from 0 to 1".to_owned(),
+            count => format!("in {count} frames of the clips"),
+        };
+        if weights.is_empty() {
+            let mut rng = Rng::new(args.seed, 0);
+            weights.push(input.raw.targets.iter().map(|_| rng.range(0.0, 1.0)).collect());
+        }
+        let pose = |weights: Vec<f32>| {
+            let mut positions: Vec<DVec3> = input.raw.positions.iter().map(|position| position.as_dvec3()).collect();
+            for (target, weight) in input.raw.targets.iter().zip(&weights).filter(|(_, weight)| **weight != 0.0) {
+                for (vertex, delta) in target.vertices.iter().zip(&target.positions) {
+                    positions[*vertex as usize] += f64::from(*weight) * delta.as_dvec3();
+                }
+            }
+            (weights, positions)
+        };
+        let poses = weights.into_iter().map(pose).collect();
+        Self { clips, poses, what, input, weight_max }
+    }
+
+    /// The largest distance of a vertex from where the source has it.
+    fn farthest(&self, packed: &Arc<PackedMesh>, desc: UpdateDesc) -> deltamorph::Result<f64> {
+        let mut crowd = CpuCrowd::new(packed.clone(), desc, 1, 1)?;
+        let mut farthest = 0.0f64;
+        for (weights, positions) in &self.poses {
+            crowd.set_weights(0, weights)?;
+            crowd.update();
+            let pose = packed.layout().to_user_order(&crowd.pose(0)?);
+            let found =
+                pose.as_chunks::<POSE_FLOATS>().0.iter().map(|vertex| DVec3::from_slice(&vertex.map(f64::from)));
+            let distances = found.zip(positions).map(|(found, position)| found.distance(*position));
+            farthest = distances.fold(farthest, f64::max);
+        }
+        Ok(farthest)
+    }
+}
+
 /// What targets do to a vertex, each at weight 1.
 #[derive(Clone, Copy, Default)]
 struct Moved {
@@ -57,12 +122,13 @@ fn moved(packed: &PackedMesh, source: Option<&MorphMesh>) -> Vec<Moved> {
     let layout = packed.layout();
     let stated = layout.blocks.as_ref().map_or(0.0, |blocks| blocks.error().position);
     let mut all = vec![Moved::default(); layout.vertex_count];
+    let [mut deltas, mut errors] = [const { vec![] }; 2];
     for target in 0..layout.targets.len() {
-        let mut deltas = vec![DVec3::ZERO; layout.vertex_count];
+        deltas.clear();
+        deltas.resize(layout.vertex_count, DVec3::ZERO);
         packed.for_each_delta(target, |vertex, delta| deltas[vertex] = DVec3::from_slice(&delta));
-        let mut errors = vec![DVec3::ZERO; layout.vertex_count];
+        errors.clone_from(&deltas);
         if let Some(source) = source {
-            errors.clone_from(&deltas);
             let of_source = &source.targets[target];
             let places = of_source.vertices.iter().zip(&of_source.positions);
             places.for_each(|(&vertex, delta)| errors[vertex as usize] -= delta.as_dvec3());
@@ -77,15 +143,16 @@ fn moved(packed: &PackedMesh, source: Option<&MorphMesh>) -> Vec<Moved> {
     all
 }
 
-/// A row for each pose format; `source`: the mesh that was packed, with all of its deltas.
-pub fn pose_costs(packed: &Arc<PackedMesh>, source: Option<&MorphMesh>) -> Vec<PoseCost> {
+/// A row for each pose format. `held`: a packed file's own mesh, whose errors are those that it states.
+pub fn pose_costs(packed: &Arc<PackedMesh>, held: bool, sample: &Sample<'_>) -> Vec<PoseCost> {
     let layout = packed.layout();
-    let vertices = moved(packed, source);
+    let vertices = moved(packed, (!held).then_some(&*sample.input.raw));
     let targets_most = vertices.iter().map(|moved| moved.targets).max().unwrap_or(0);
     let scale = scale(layout.diagonal);
     let relative = |length: f32| f64::from(length) / scale;
     let cost = |format: PoseFormat| {
-        let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).pose(format);
+        let desc = UpdateDesc::new(UpdatePath::Cpu, BatchSize::All).pose(format).weight_max(sample.weight_max);
+        let desc = reaching(desc, sample.input.largest.get(), layout);
         let bounds = || -> deltamorph::Result<_> {
             desc.check_for(layout)?;
             let grid = desc.grid(layout)?;
@@ -112,38 +179,33 @@ pub fn pose_costs(packed: &Arc<PackedMesh>, source: Option<&MorphMesh>) -> Vec<P
             rounding_error_rel: relative(grid.position_error(targets_most)),
         });
         let most = refused.is_none().then_some(errors);
-        PoseCost { name: format.name(), vertex_bytes: format.stride(), grid, most, refused }
+        let measured_error_rel = sample.farthest(packed, desc).ok().map(|length| length / scale);
+        PoseCost { name: format.name(), vertex_bytes: format.stride(), grid, most, measured_error_rel, refused }
     };
     PoseFormat::ALL.into_iter().map(cost).collect()
 }
 
-/// Rounding with all targets active, as a fraction of the diagonal, above which `rebuilt16` is advised. Clips of four
-/// rigs reached 5 to 17% of it.
-const ROUNDED_TOO_FAR: f64 = 2e-3;
-
 /// The format of 12 bytes that suits the mesh, with the reason.
 fn advice(costs: &[PoseCost]) -> Option<String> {
-    let most = |format: PoseFormat| costs.iter().find(|cost| cost.name == format.name())?.most;
-    let once = sig3(most(PoseFormat::Rebuilt16)?.max_error_rel);
-    Some(match most(PoseFormat::Fixed16) {
-        Some(each) => {
-            let off = sig3(each.max_error_rel);
-            match each.rounding_error_rel <= ROUNDED_TOO_FAR {
-                true => format!("fixed16, which adds only what changes, and is off by {off} at most"),
-                false => format!("rebuilt16, which is off by {once} at most, while fixed16 may be off by {off}"),
-            }
+    let measured = |format: PoseFormat| costs.iter().find(|cost| cost.name == format.name())?.measured_error_rel;
+    let once = measured(PoseFormat::Rebuilt16)?;
+    Some(match measured(PoseFormat::Fixed16) {
+        Some(each) if each <= FAR_OFF.max(once) => {
+            format!("fixed16, which adds only what changes, and is off by {}", sig3(each))
         }
-        None => format!("rebuilt16, which is off by {once} at most; fixed16 is refused"),
+        Some(each) => format!("rebuilt16, which is off by {}, while fixed16 is off by {}", sig3(once), sig3(each)),
+        None => format!("rebuilt16, which is off by {}; fixed16 is refused", sig3(once)),
     })
 }
 
 /// The same as a table.
-pub fn pose_table(costs: &[PoseCost]) -> String {
+pub fn pose_table(costs: &[PoseCost], sample: &Sample<'_>) -> String {
     let of_grid = |cost: &PoseCost, show: &dyn Fn(&Grid) -> String| cost.grid.as_ref().map_or("–".into(), show);
     let off = |cost: &PoseCost, part: fn(&Errors) -> f64| cost.most.map_or("–".into(), |most| sig3(part(&most)));
     let columns: &[Column<'_, PoseCost>] = &[
         ("poses", &|cost| cost.name.into()),
         ("bytes/vertex", &|cost| cost.vertex_bytes.to_string()),
+        ("measured", &|cost| cost.measured_error_rel.map_or("–".into(), sig3)),
         ("off at most", &|cost| off(cost, |most| most.max_error_rel)),
         ("by packing", &|cost| off(cost, |most| most.packing_error_rel)),
         ("by weights", &|cost| off(cost, |most| most.weights_error_rel)),
@@ -162,8 +224,9 @@ pub fn pose_table(costs: &[PoseCost]) -> String {
         format!(", {most} targets at once, as many as move any vertex")
     });
     let advice = advice(costs).map_or(String::new(), |format| format!("\nin 12 bytes a vertex: {format}"));
+    let what = &sample.what;
     format!(
-        "{table}\nunit and distances from the source as fractions of the diagonal, at weights from 0 to 1{most}\
-         {advice}{refused}"
+        "{table}\nunit and distances from the source as fractions of the diagonal: measured {what}; at most at weights \
+         from 0 to 1{most}{advice}{refused}"
     )
 }

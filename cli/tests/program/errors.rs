@@ -100,6 +100,9 @@ fn errors_are_those_of_the_files_and_the_weights_asked_for() {
             let packing = number(&applied, "packing_error_rel");
             let parts = packing + number(&applied, "weights_error_rel") + number(&applied, "rounding_error_rel");
             assert!(whole <= parts + FLOAT && whole <= number(stated, "max_error_rel") + FLOAT, "{applied} {stated}");
+            // All frames of the clip are measured, if there are few.
+            let measured = number(stated, "measured_error_rel");
+            assert!(frame > 0 && pose == "float32" || whole <= measured + FLOAT, "{applied} {stated}");
             // Weights that are rounded, with the deltas of the files in place of the packed ones.
             let rounded = |w: &f64| if step > 0.0 { (w / step).round() * step - w } else { 0.0 };
             let lost: Vec<f64> = weights.iter().map(rounded).collect();
@@ -120,8 +123,70 @@ fn errors_are_those_of_the_files_and_the_weights_asked_for() {
         assert!((of_weights - bound).abs() <= 1e-3 * bound, "{bound} {stated}");
         assert!(grid.is_null() || grid["targets_most"] == 16, "targets of a vertex, not of a block: {grid}");
     }
-    let said = ok(&["apply", &dir, "--path", "cpu", "--set", "t00=0.5", "-o", &obj]);
-    assert!(said.contains("off the source at the weights asked for: packing "), "{said}");
+    for (of, source) in [(&dir, "the source"), (&packed, "what the packed file holds")] {
+        let said = ok(&["apply", of, "--path", "cpu", "--set", "t00=0.5", "-o", &obj]);
+        assert!(said.contains(&format!(") off {source} at the weights asked for: packing ")), "{said}");
+    }
+}
+
+/// Writes a folder of a neutral mesh and targets, of these vertices.
+fn folder_of(dir: &Path, base: &[[f64; 3]], targets: &[Vec<[f64; 3]>]) -> String {
+    let write = |path: &Path, vertices: &[[f64; 3]]| {
+        let lines = vertices.iter().map(|[x, y, z]| format!("v {x:.9} {y:.9} {z:.9}\n"));
+        std::fs::write(path, lines.collect::<String>() + "f 1 2 3 4\n").unwrap();
+    };
+    std::fs::create_dir_all(dir.join("targets")).unwrap();
+    write(&dir.join("neutral.obj"), base);
+    targets.iter().enumerate().for_each(|(t, target)| write(&dir.join(format!("targets/t{t}.obj")), target));
+    dir.to_str().unwrap().to_owned()
+}
+
+#[test]
+fn a_base_much_smaller_than_its_targets_is_posed() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out.obj");
+    let open = vec![[0.0, 0.0, 0.7], [1.0, 0.2, 0.0], [1.0, 1.0, 0.1], [0.3, 1.0, 0.0]];
+    let bend: Vec<[f64; 3]> = open.iter().map(|[x, y, z]| [-x * 0.9, y + 0.3 * z, z - x]).collect();
+    for size in [1e-2, 1e-4, 1e-6, 0.0] {
+        let base = [[0.0; 3], [size, 0.0, 0.0], [size, size, 0.0], [0.0, size, 0.0]];
+        let dir = folder_of(&folder.path().join(size.to_string()), &base, &[open.clone(), bend.clone()]);
+        for format in ["float32", "snorm16", "block-float32", "fast", "small"] {
+            for set in ["t0=1", "t0=0.3,t1=0.7", "t0=1000,t1=-1000"] {
+                let how = ["--path", "cpu", "--format", format, "--set", set, "-o", out.to_str().unwrap()];
+                ok(&[&["apply", &dir], &how[..]].concat());
+            }
+        }
+    }
+}
+
+#[test]
+fn what_a_pose_format_loses_is_told_by_info_and_by_those_that_take_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out.obj");
+    let base = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+    let place = |t: usize, v: usize, c: usize| base[v][c] + 0.9 * ((7 * t + 3 * v + c) as f64).sin().abs();
+    let target = |t| (0..4).map(|v| std::array::from_fn(|c| place(t, v, c))).collect();
+    let targets: Vec<Vec<[f64; 3]>> = (0..400).map(target).collect();
+    let dir = folder_of(&folder.path().join("rig"), &base, &targets);
+    let sets: Vec<String> = (0..400).map(|t| format!("t{t}=0.{}", 1 + t % 9)).collect();
+    for stated in json(&["info", &dir, "--json", "-"])["pose_formats"].as_array().unwrap() {
+        let pose = stated["name"].as_str().unwrap();
+        let how = ["--path", "cpu", "--format", "small", "--pose", pose, "--set", &sets.join(",")];
+        let args = [&["apply", &dir], &how[..], &["-o", out.to_str().unwrap(), "--json", "-"]].concat();
+        let run = crate::cli::deltamorph(&args);
+        let (said, told) = (String::from_utf8(run.stderr).unwrap(), serde_json::from_slice::<Value>(&run.stdout));
+        // What `apply` takes, `info` describes, at the largest weight that both take by default.
+        let told = told.unwrap();
+        let number = |field: &str| told[field].as_f64().unwrap();
+        let off = number("max_error_rel");
+        assert!(off <= stated["max_error_rel"].as_f64().unwrap(), "{pose}: {off}, {stated}");
+        assert!(stated["grid"].is_null() || stated["grid"]["weight_max"] == 1.0, "{stated}");
+        let measured = stated["measured_error_rel"].as_f64().unwrap();
+        assert!(measured > 0.2 * off && measured < 5.0 * off, "{pose}: {off}, {stated}");
+        let far = pose != "float32" && number("weights_error_rel").max(number("rounding_error_rel")) > 1e-3;
+        assert_eq!(said.contains("which is far: try --pose"), far, "{pose}: {said}");
+        assert!(far || pose != "fixed16");
+    }
 }
 
 #[test]

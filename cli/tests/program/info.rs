@@ -7,13 +7,17 @@ fn its_json_keeps_its_contract() {
     let plain = json(&[&["info", "--json", "-"], &HEAD[..]].concat());
     assert_eq!((&plain["schema"], &plain["blocks"]["size"]), (&1.into(), &32.into()));
     for (part, fields) in [
-        ("/input", "name origin vertices targets triangles diagonal tolerance tolerance_normal moved_mean"),
+        (
+            "/input",
+            "name origin vertices targets triangles diagonal bounding_box tolerance tolerance_normal moved_mean",
+        ),
         ("/targets/0", "name moved moved_raw moved_raw_positions max_delta max_normal_delta"),
         ("/overlap", "union mean max"),
-        ("/blocks", "size count incidence fill"),
+        ("/blocks", "format size count incidence fill"),
         (
             "/pose_formats/0",
-            "name vertex_bytes grid refused max_error_rel packing_error_rel weights_error_rel rounding_error_rel",
+            "name vertex_bytes grid refused max_error_rel packing_error_rel weights_error_rel rounding_error_rel \
+             measured_error_rel",
         ),
         (
             "/pose_formats/2/grid",
